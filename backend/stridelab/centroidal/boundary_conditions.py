@@ -1,8 +1,8 @@
-"""How a motion begins and ends (4.20d), (4.20e), and the bounds on the way that are ours.
+"""Boundary conditions (4.20d), (4.20e) and additional path bounds.
 
-Rest at the end may be too much to ask of a horizon that ends in the middle of a walk. Viability (4.9f) then asks that
-the robot *could* still stop: ``capturable`` lets the CoM end anywhere with any horizontal velocity for which the
-capture point of the linear inverted pendulum,
+Rest at the end is too strict for a horizon that ends in the middle of a walk. Viability (4.9f) only requires that the
+robot *could* still stop: ``capturable`` lets the CoM end anywhere with any horizontal velocity for which the capture
+point of the linear inverted pendulum,
 
     xi = c + c' / omega,    omega^2 = g / (height of the goal above the soles),
 
@@ -29,7 +29,7 @@ def _still() -> Vector3:
 
 @dataclass(frozen=True, eq=False)
 class Start:
-    """Velocity of the CoM and angular momentum about it at the start: rest, unless a motion goes on.
+    """Velocity of the CoM and angular momentum about it at the start; zero (rest) by default.
 
     Raises ``InvalidInput`` (``start-not-finite``).
     """
@@ -47,10 +47,10 @@ AT_REST: Final = Start()
 
 @dataclass(frozen=True)
 class PathBounds:
-    """Bounds on the way. ``com_height_m``: of the CoM above the mean of the soles, each where it is or was last.
+    """Path bounds. ``com_height_m``: CoM height above the mean of the current or latest sole positions.
 
-    ``normal_force_max_n``: for effectors by name, the largest normal force on each of their points, of an arm that can
-    carry so much and no more. Raises ``InvalidInput`` (``bounds-out-of-range``) naming what is empty or not positive.
+    ``normal_force_max_n``: by effector name, the largest normal force on each of its points. Raises ``InvalidInput``
+    (``bounds-out-of-range``), naming the bounds that are empty or not positive.
     """
 
     com_height_m: tuple[float, float] | None = None
@@ -63,10 +63,10 @@ class PathBounds:
             if not value > 0.0
         ]
         if self.com_height_m is not None and not 0.0 < self.com_height_m[0] < self.com_height_m[1]:
-            faults.append(Fault("com_height_m", f"no height lies between {self.com_height_m}"))
+            faults.append(Fault("com_height_m", f"must be a range of positive heights, not {self.com_height_m}"))
         if faults:
             named = ", ".join(fault.where for fault in faults)
-            raise InvalidInput("bounds-out-of-range", f"These bounds leave nothing: {named}.", faults)
+            raise InvalidInput("bounds-out-of-range", f"These bounds cannot be met: {named}.", faults)
 
 
 UNBOUNDED: Final = PathBounds()
@@ -74,20 +74,20 @@ UNBOUNDED: Final = PathBounds()
 
 @dataclass(frozen=True, eq=False)
 class Capture:
-    """``normals xi <= offsets`` with ``xi = c + c' / omega``, seen from above."""
+    """Admissible capture points in the horizontal plane: ``normals xi <= offsets`` with ``xi = c + c' / omega``."""
 
     normals: Float[np.ndarray, "h 2"]
     offsets: Float[np.ndarray, "h"]
     omega_1_s: float
 
     def excess_m(self, com_m: Vector3, com_v_m_s: Vector3) -> float:
-        """How far the capture point is outside; 0 inside."""
+        """Distance (m) of the capture point outside the region; 0 inside."""
         xi = com_m[:2] + com_v_m_s[:2] / self.omega_1_s
         return float(max(0.0, (self.normals @ xi - self.offsets).max()))
 
 
 def capture(touching: Sequence[Points], goal_m: Vector3) -> Capture:
-    """For the points of all contacts of the last phase and a goal of the CoM, in the same frame.
+    """Capture region from the points of all contacts of the last phase and a CoM goal, in the same frame.
 
     Raises ``InvalidInput`` (``no-support-to-capture``) where the points have no area below the goal.
     """

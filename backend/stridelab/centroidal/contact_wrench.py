@@ -3,12 +3,12 @@
     (F, T) = M^-1 (tau, eta),   |tau| <= eta
 
 with M of a ``LorentzCone``: the largest one inside the pyramids, or the thesis' cone shrunk by alpha, which may leave
-them (docs/theory/wrench-cones.md). Point forces follow afterwards: of all that give the wrench, those with the least
+them (docs/theory/wrench-cones.md). Point forces are distributed afterwards: those that give the wrench and minimise
 
-    sum over points of weight |f|^2,     f in pyramids with the edges of the linear cone's and more,
+    sum over points of weight |f|^2,     f in pyramids whose edges include those of the linear cone,
 
-the cost that u_f has, so that hands are spared as there. Where the Lorentz cone is inside the pyramids there are such
-forces; where it is not and there are none, those of least cost without cones stand, and verification says what lacks.
+which is the cost of u_f, so that hands carry as little as there. If the Lorentz cone lies inside the pyramids, such
+forces exist; otherwise the minimum without cones is returned where none do, and verification reports the violation.
 """
 
 from collections.abc import Mapping
@@ -27,16 +27,16 @@ from stridelab.contacts.wrench_cones.wrench_cone import N_RAYS, LinearCone, Lore
 from stridelab.errors import InvalidInput
 
 WRENCH: Final = "wrench"
-"""Name of the one group."""
+"""Name of the only group."""
 THESIS_RAYS: Final = 4
-"""Per point, of the thesis' cone."""
+"""Rays per point of the thesis' cone."""
 N_FACES: Final = 3 * N_RAYS
-"""Of the pyramids for point forces: an odd multiple, so that they hold those of the linear cone."""
+"""Faces of the pyramids for point forces: an odd multiple, so that they contain those of the linear cone."""
 ROUNDED: Final = 12
-"""Digits of contacts that are the same but for rounding."""
+"""Decimals to which contacts are rounded for the cache of cones."""
 PRIMAL_TOLERANCE: Final = 1e-10
 WEIGHT_MIN: Final = 1e-6
-"""Forces that cost nothing are shared as if they cost this."""
+"""Lower bound of the force weights when a wrench is distributed."""
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class ContactWrench(Control):
     """The wrench as control, in the largest ``inscribed`` cone or in the ``thesis``' cone shrunk by ``alpha``.
 
     The cone is that of the ``soles``, which is inside that of ``all`` contacts: the largest cone of a foot and a hand
-    has its axis between them, where the hand would have to carry what no arm carries. Without a sole it is that of all.
+    has its axis between them and would load the hand beyond what an arm carries. Without a sole, all contacts are used.
     Raises ``InvalidInput`` (``alpha-out-of-range``) unless ``0 < alpha <= 1``.
     """
 
@@ -59,7 +59,7 @@ class ContactWrench(Control):
             raise InvalidInput("alpha-out-of-range", f"The shrink factor must be in (0, 1], not {self.alpha}.")
 
     def generators(self, touches: tuple[Touch, ...]) -> Mapping[str, Generators]:
-        """One group, none in flight. Raises ``NotEstimable`` where the contacts have no such cone."""
+        """One group; empty in flight. Raises ``NotEstimable`` where the contacts have no such cone."""
         if not touches:
             return {}
         cone = self._lorentz(touches)
@@ -70,8 +70,8 @@ class ContactWrench(Control):
         return {WRENCH: Generators(onto, k, np.zeros((k + 1, k + 1)), upright, None)}
 
     def _lorentz(self, touches: tuple[Touch, ...]) -> LorentzCone:
-        """The cone about the origin from the one about the contacts' mean, which stairs repeat from step to step."""
-        soles = tuple(touch for touch in touches if touch.kind == "surface")
+        """The cone about the origin, from the cached one about the mean of the contacts, which repeats on stairs."""
+        soles = tuple(patch for patch in touches if patch.kind == "surface")
         contacts = point_contacts(soles if soles and self.contacts == "soles" else touches)
         middle = contacts.position_m.mean(axis=0)
         own = contacts.moved(-middle)
@@ -84,18 +84,18 @@ class ContactWrench(Control):
         return self._lorentz(touches).gauge(wrenches) if touches else np.zeros(len(wrenches))
 
     def forces(self, touches: tuple[Touch, ...], values: Values) -> Forces:
-        """Forces of least cost for each wrench."""
+        """Minimum-cost point forces for each wrench."""
         if not touches:
             return {}
         sharing, onto = Sharing(touches), self.generators(touches)[WRENCH].wrench
         f = np.array([sharing.forces(onto @ u) for u in values[WRENCH]])
-        parts = np.split(f, np.cumsum([len(touch.points_m) for touch in touches])[:-1], axis=1)
-        return {touch.effector: part for touch, part in zip(touches, parts, strict=True)}
+        parts = np.split(f, np.cumsum([len(patch.points_m) for patch in touches])[:-1], axis=1)
+        return {patch.effector: part for patch, part in zip(touches, parts, strict=True)}
 
 
 @dataclass(frozen=True, eq=False)
 class Sharing:
-    """Which forces of the points of ``touches`` give a wrench: ``f = W^-1/2 (f0 + N z)``, z free."""
+    """Distribution of a wrench over contact points: all solutions are ``f = W^-1/2 (f0 + N z)``, z free."""
 
     touches: tuple[Touch, ...]
 
@@ -118,13 +118,13 @@ class Sharing:
 
     @cached_property
     def _faces(self) -> Float[np.ndarray, "faces forces"]:
-        """Rows that are not positive in the pyramids, of ``W^1/2 f``."""
+        """Face normals of the pyramids in ``W^1/2 f``; the products are non-positive inside."""
         angle = 2.0 * np.pi * np.arange(N_FACES) / N_FACES
         blocks = []
-        for touch in self.touches:
-            height = np.full(N_FACES, -touch.friction * np.cos(np.pi / N_FACES))
-            own = np.stack([np.cos(angle), np.sin(angle), height], axis=1) @ touch.rotation.T
-            blocks += [own] * len(touch.points_m)
+        for patch in self.touches:
+            height = np.full(N_FACES, -patch.friction * np.cos(np.pi / N_FACES))
+            own = np.stack([np.cos(angle), np.sin(angle), height], axis=1) @ patch.rotation.T
+            blocks += [own] * len(patch.points_m)
         rows = np.zeros((N_FACES * len(blocks), 3 * len(blocks)))
         for i, own in enumerate(blocks):
             rows[N_FACES * i : N_FACES * (i + 1), 3 * i : 3 * i + 3] = own
@@ -135,7 +135,7 @@ class Sharing:
         return np.ascontiguousarray(self._faces @ self._null)
 
     def forces(self, wrench: Float[np.ndarray, "6"]) -> Float[np.ndarray, "points 3"]:
-        """Of least cost in the pyramids, or without them where there are none."""
+        """Minimum-cost forces in the pyramids, or without cones where the pyramids admit none."""
         eased = self._from_wrench @ wrench
         limits, d = -self._faces @ eased, self._null.shape[1]
         if d and limits.min() < 0.0:
@@ -165,7 +165,7 @@ def _cone(
 
 
 def point_contacts(touches: tuple[Touch, ...]) -> PointContacts:
-    """The points of all contacts as the wrench cones want them."""
+    """The points of all contacts in the form used by the wrench cones."""
     return PointContacts(
         np.vstack([t.points_m for t in touches]),
         np.array([t.rotation for t in touches for _ in t.points_m]),

@@ -1,6 +1,6 @@
-"""The control u of (4.8) as data: what acts on the body in a phase, and the cone in which it must stay.
+"""The control u of (4.8) as data: what acts on the body in a phase, and the cone that constrains it.
 
-Every choice of u is a linear image of variables in standard cones, phase by phase and group by group,
+The contact wrench is a linear image of variables in standard cones, phase by phase and group by group,
 
     (F, T) = sum over groups of G u,      u >= 0            rays of pyramids             (``lorentz`` = 0)
                                       or  u = (tau, eta) one after the other, |tau| <= eta,  tau of ``lorentz`` entries
@@ -21,9 +21,9 @@ from stridelab.conventions import Points, Rotation
 
 @dataclass(frozen=True, eq=False)
 class Touch:
-    """An effector's contact in a phase: its points ``(k, 3)`` and frame in the world, relative to some origin.
+    """An effector's contact in a phase: its points ``(k, 3)`` and frame in world axes, relative to a given origin.
 
-    ``kind`` tells soles (``surface``) from hands (``point``); ``force_weight`` weighs ``|f / (m g)|^2`` of its points
+    ``kind`` is ``surface`` for soles and ``point`` for hands; ``force_weight`` weighs ``|f / (m g)|^2`` of its points
     per second.
     """
 
@@ -40,8 +40,8 @@ class Generators:
     """A group of ``m`` variables u: ``wrench`` is G, in units of m |g| and m |g| times a metre about the origin.
 
     ``lorentz``: 0, or the entries of tau in each block ``(tau, eta)``. ``regulariser`` Q puts ``v^T Q v / 2`` per
-    second into the cost for each block v of as many variables, one after the other; zeros: none. ``rest`` is the u of a
-    share of the weight carried without effort, from which the solver starts; ``normal`` v is a point's normal force.
+    second into the cost for each consecutive block v of ``len(Q)`` variables; zeros: none. ``rest`` is the u that
+    carries a share of the weight, used as the solver's initial guess; ``normal @ v`` is a point's normal force.
     """
 
     wrench: Float[np.ndarray, "6 m"]
@@ -58,10 +58,10 @@ Forces = Mapping[str, Float[np.ndarray, "n points 3"]]
 
 
 class Control(ABC):
-    """A choice of u; equal and hashable by its settings.
+    """A parametrisation of u; equal and hashable by its settings.
 
     ``shifts_with_its_contacts``: whether a contact that moves without turning keeps its cones and its forces;
-    ``has_point_forces``: whether they can be bounded.
+    ``has_point_forces``: whether u contains point forces, which can then be bounded.
     """
 
     shifts_with_its_contacts: ClassVar[bool]
@@ -72,12 +72,12 @@ class Control(ABC):
         """The groups of a phase by name."""
 
     def gauge(self, touches: tuple[Touch, ...], wrenches: Float[np.ndarray, "n 6"]) -> Float[np.ndarray, "n"]:
-        """How far out in u's own cone wrenches ``(F, T)`` are that the contacts can give: up to 1 they are inside.
+        """Gauge of wrenches ``(F, T)`` in the cone of the control: up to 1 they are inside.
 
-        Zero where u can be whatever the contacts give.
+        Zero where the control can express every wrench of the contacts.
         """
         return np.zeros(len(wrenches))
 
     @abstractmethod
     def forces(self, touches: tuple[Touch, ...], values: Values) -> Forces:
-        """The forces of the points that the groups of a phase stand for."""
+        """World-frame point forces from the variables of the groups of a phase."""

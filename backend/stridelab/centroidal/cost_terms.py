@@ -1,4 +1,4 @@
-"""The terms of (4.20a), and of our regularisers, for a motion: plain arithmetic on what the solver returned."""
+"""The terms of (4.20a) and of the regularisers, recomputed in NumPy from the solution."""
 
 from collections.abc import Mapping
 
@@ -15,8 +15,8 @@ REGULARISERS = ("surface_force", "point_force", "duration")
 def cost_terms(problem: CentroidalProblem, motion: Motion) -> Mapping[str, float]:
     """Every term by its name; log-densities per effector by the trapezoidal rule over each interval.
 
-    The effort of splines is that of their inner control points, which is never less than that of the curves between
-    nodes evenly spaced.
+    The effort of splines is that of their inner control points, which for evenly spaced nodes is an upper bound of the
+    effort of the curves.
     """
     h = np.diff(motion.time_s)
     weights = problem.weights
@@ -41,8 +41,8 @@ def cost_terms(problem: CentroidalProblem, motion: Motion) -> Mapping[str, float
 def _squares(problem: CentroidalProblem, motion: Motion) -> tuple[Series, Series]:
     """``|c''|^2`` and ``|L_c'|^2`` per interval.
 
-    Constant forces: of the mean rate of L_c. Splines: both by the rule of Gauss that the programme uses. What the limbs
-    take is taken off.
+    Constant forces: from the mean rate of L_c. Splines: by the Gauss rule of the nonlinear program. The momentum rate
+    of the limbs is subtracted.
     """
     n = len(motion.phase)
     limbs_nm = np.zeros((n, N_GAUSS, 3)) if problem.limbs_nm is None else problem.limbs_nm.reshape(n, -1, 3)
@@ -60,7 +60,7 @@ def _squares(problem: CentroidalProblem, motion: Motion) -> tuple[Series, Series
 
 
 def objective(terms: Mapping[str, float]) -> float:
-    """(4.20a): the sum of all terms but our regularisers."""
+    """(4.20a): the sum of all terms except the regularisers."""
     return float(sum(value for name, value in terms.items() if name not in REGULARISERS))
 
 

@@ -1,7 +1,7 @@
 """Centroidal dynamics as a linear system, by the momentum about a fixed point instead of about the CoM.
 
-With ``K = L_c + m c x c'`` (momentum about a point o that does not move; all positions are relative to o) the bilinear
-(4.2b) becomes linear, and so the whole of (4.2), with point forces (4.4) as with their wrench (4.5):
+With ``K = L_c + m c x c'`` (momentum about a fixed point o; all positions are relative to o) the bilinear (4.2b), and
+with it all of (4.2), becomes linear, for point forces (4.4) as well as for their wrench (4.5):
 
     c'' = F + g,     K' = T + c x g,     F = sum f / m,   T = sum p x f / m
 
@@ -11,11 +11,11 @@ in units of mass. Forces constant over an interval h integrate in closed form, e
     c'+ = c' + h (F + g)
     K+ = K + h T + (h c + h^2/2 c' + h^3/6 F) x g                               (g x g = 0)
 
-The bilinear term survives only in the mean rate of L_c over the interval, which the cost wants:
+The bilinear term remains only in the mean rate of L_c over the interval, which enters the cost:
 
     (L_c+ - L_c) / h = T - (c + h/2 c' + h^2/6 g) x F                           (F x F = 0)
 
-Here everything is divided by |g|: F = 1 upwards stands still.
+All forces are divided by |g|: F = (0, 0, 1) balances gravity.
 """
 
 from dataclasses import dataclass

@@ -1,16 +1,16 @@
-"""Forces that are cubic splines instead of constants: Bernstein's form, its integrals, and what joins two intervals.
+"""Forces as cubic splines instead of constants: Bernstein form, its integrals, and continuity between intervals.
 
 In an interval of length h, with s = t / h,
 
     f(t) = sum_i B_i(s) f_i,      B_i(s) = C(3, i) s^i (1 - s)^(3 - i)
 
 f(t) is a convex combination of its control points f_0 .. f_3 for every s in [0, 1], so that a friction cone, being
-convex, that holds the four holds the whole curve. The inner two are free. Where two intervals meet,
+convex, that contains the four contains the whole curve. The inner two are free. At a node between two intervals,
 
     f_3 of the one = f_0 of the next = (h+ f_2 + h f_1+) / (h + h+)
 
-makes force *and* rate continuous, and is itself a convex combination. At both ends of the motion the rate is zero. A
-contact that comes or goes has no f_1, or no f_2, beside that node: its force begins and ends with zero and zero rate.
+makes force *and* rate continuous, and is itself a convex combination. At both ends of the motion the rate is zero. At
+touch-down and lift-off the missing f_2 or f_1 counts as zero: force and rate begin and end at zero.
 """
 
 from collections.abc import Mapping
@@ -31,27 +31,27 @@ DEGREE: Final = 3
 INNER: Final[Mapping[Shape, int]] = {"constant": 1, "cubic": 2}
 """Free control points per interval."""
 N_GAUSS: Final = 4
-"""Instants per interval at which the squares of splines are taken."""
+"""Gauss points per interval for the integrals of squared splines."""
 
 
 @cache
 def _monomials(degree: int) -> Float[np.ndarray, "4 d n"]:
-    """``B_0 .. B_degree`` in powers of s, as they are and integrated one to three times from 0."""
+    """Coefficients of ``B_0 .. B_degree`` in powers of s, and of their first three integrals from 0."""
     s = Polynomial([0.0, 1.0])
-    found = np.zeros((4, degree + 1, degree + 4))
+    rows = np.zeros((4, degree + 1, degree + 4))
     for i in range(degree + 1):
         basis = comb(degree, i) * s**i * (1.0 - s) ** (degree - i)
         for integrals in range(4):
             coefficients = (basis.integ(integrals) if integrals else basis).coef
-            found[integrals, i, : len(coefficients)] = coefficients
-    found.flags.writeable = False
-    return found
+            rows[integrals, i, : len(coefficients)] = coefficients
+    rows.flags.writeable = False
+    return rows
 
 
 def weights(s: float, degree: int = DEGREE) -> Float[np.ndarray, "4 d"]:
-    """What the control points weigh at ``s`` in [0, 1]: in the curve, and in its one to three integrals by s from 0.
+    """Weights of the control points at ``s`` in [0, 1]: in the curve, and in its first three integrals from 0.
 
-    Of degree 0 there is one control point: a constant.
+    Degree 0 has one control point: a constant.
     """
     rows = _monomials(degree)
     return np.asarray(rows @ s ** np.arange(rows.shape[2]))
@@ -59,15 +59,15 @@ def weights(s: float, degree: int = DEGREE) -> Float[np.ndarray, "4 d"]:
 
 @cache
 def gauss(n: int) -> tuple[tuple[float, float], ...]:
-    """Points and weights in [0, 1] of the rule that is exact to degree 2 n - 1."""
+    """Points and weights in [0, 1] of the Gauss rule with ``n`` points, exact to degree 2 n - 1."""
     x, w = legendre.leggauss(n)
     return tuple(zip((0.5 * (x + 1.0)).tolist(), (0.5 * w).tolist(), strict=True))
 
 
 def limb_times_s(time_s: Series, shape: Shape) -> Float[np.ndarray, "times"]:
-    """Times between which the rates that limbs take are means.
+    """Times that bound the spans over which the momentum rates of the limbs are averaged.
 
-    Of constants the nodes, of splines as much around every point of Gauss as it weighs: the means add up to the whole.
+    The nodes for constant forces; for splines one span per Gauss point, as long as its weight.
     """
     if shape == "constant":
         return time_s
@@ -77,9 +77,9 @@ def limb_times_s(time_s: Series, shape: Shape) -> Float[np.ndarray, "times"]:
 
 
 def joints(step_s: Series) -> Float[np.ndarray, "m 2"]:
-    """Per interval the weights of its own inner points in its two ends: ``f_0 = (1 - a) f_2- + a f_1``, ``f_3`` too.
+    """Weights, per interval, of its own inner points in its end points: ``f_0 = (1 - a) f_2- + a f_1``, same for f_3.
 
-    At the ends of the motion they are 1.
+    They are 1 at the ends of the motion.
     """
     h = np.asarray(step_s)
     own = np.ones((len(h), 2))
@@ -99,10 +99,10 @@ def control_points(inner: Float[np.ndarray, "m 2 *rest"], step_s: Series) -> Flo
 
 
 def comes_and_goes(sequence: ContactSequence) -> tuple[set[tuple[int, str]], set[tuple[int, str]]]:
-    """Phases and effectors that begin to touch at the start of that phase, and that cease at its end, under way."""
+    """Touch-downs at the start and lift-offs at the end of phases, as ``(phase, effector)``, within the motion."""
     last = len(sequence.phases) - 1
-    found = [(stay.contact.effector, stay.first, stay.last) for stay in stays(sequence)]
+    spans = [(span.contact.effector, span.first, span.last) for span in stays(sequence)]
     return (
-        {(first, name) for name, first, _ in found if first > 0},
-        {(end, name) for name, _, end in found if end < last},
+        {(first, name) for name, first, _ in spans if first > 0},
+        {(end, name) for name, _, end in spans if end < last},
     )

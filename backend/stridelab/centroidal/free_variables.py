@@ -1,4 +1,4 @@
-"""What the solver may choose beyond the motion: the durations of phases, the places of contacts on their surfaces."""
+"""Free variables besides the motion: durations of phases and placements of contacts on their surfaces."""
 
 from dataclasses import dataclass
 
@@ -8,9 +8,9 @@ from stridelab.errors import InvalidInput
 
 @dataclass(frozen=True)
 class FreeDurations:
-    """Every phase lasts between ``shortest`` and ``longest`` times what the sequence says.
+    """Every phase lasts between ``shortest`` and ``longest`` times its duration in the sequence.
 
-    The whole motion keeps its length, or, with ``fixed_total`` False, each second costs ``price_per_s``. Raises
+    The total duration is fixed, or, with ``fixed_total`` False, each second costs ``price_per_s``. Raises
     ``InvalidInput`` (``durations-out-of-range``) unless ``0 < shortest <= 1 <= longest`` and the price is not negative.
     """
 
@@ -33,8 +33,8 @@ class FreeDurations:
 class FreePlacements:
     """Every contact that begins and ends within the motion may move by ``reach_m`` along x and y of its own frame.
 
-    Those of the first and of the last phase stay: there the motion begins and ends. Raises ``InvalidInput``
-    (``placements-out-of-range``) for a reach that is negative or not finite.
+    Contacts of the first and of the last phase are fixed. Raises ``InvalidInput`` (``placements-out-of-range``) for a
+    reach that is negative or not finite.
     """
 
     reach_m: tuple[float, float] = (0.03, 0.02)
@@ -46,7 +46,7 @@ class FreePlacements:
 
 @dataclass(frozen=True, eq=False)
 class Stay:
-    """One contact for as long as it lasts: phases ``first`` to ``last``."""
+    """One contact from touch-down to lift-off: phases ``first`` to ``last``, both included."""
 
     contact: Contact
     first: int
@@ -55,7 +55,7 @@ class Stay:
 
 def stays(sequence: ContactSequence) -> list[Stay]:
     """All contacts of a sequence, each from its touch-down to its lift-off."""
-    found: list[Stay] = []
+    spans: list[Stay] = []
     for name in sequence.effectors:
         first = None
         for i, phase in enumerate(sequence.phases):
@@ -64,11 +64,11 @@ def stays(sequence: ContactSequence) -> list[Stay]:
                 first = i
             ends = i + 1 == len(sequence.phases) or name not in sequence.phases[i + 1].contacts
             if touches and ends and first is not None:
-                found.append(Stay(phase.contacts[name], first, i))
+                spans.append(Stay(phase.contacts[name], first, i))
                 first = None
-    return found
+    return spans
 
 
 def movable(sequence: ContactSequence) -> list[Stay]:
-    """The stays that begin after the first phase and end before the last."""
-    return [stay for stay in stays(sequence) if stay.first > 0 and stay.last < len(sequence.phases) - 1]
+    """The contacts that begin after the first phase and end before the last."""
+    return [span for span in stays(sequence) if span.first > 0 and span.last < len(sequence.phases) - 1]

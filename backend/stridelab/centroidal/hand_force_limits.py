@@ -1,13 +1,13 @@
-"""What an arm can carry: the bound on a hand's normal force, from the limits of its torques.
+"""Hand force limits: the bound on a hand's normal force from the torque limits of the arm.
 
-With the arm at rest in a posture q that touches (J the Jacobian of the contact point, g(q) the torques that hold the
-arm against gravity, both for the joints between trunk and hand), a force f on the hand takes
+With the arm at rest in a posture q in contact (J the Jacobian of the contact point, g(q) the gravity torques, both for
+the joints between trunk and hand), a force f on the hand needs the torques
 
     tau = g(q) - J^T f,        |tau_i| <= s tau_max,i
 
-with s < 1, the rest being for motion. The largest lambda for which this holds along every ray of the friction cone with
-normal component lambda bounds the normal force, whatever tangential force friction allows with it. The postures are
-those of the robot standing over its soles in every phase that the hand begins or ends to touch in; the least counts.
+with s < 1, which reserves torque for motion. The largest lambda for which this holds along every ray of the friction
+cone with normal component lambda bounds the normal force, for any tangential force within friction. The postures are
+those of the robot standing over its soles in the first and the last phase of each hand contact; the minimum is used.
 """
 
 from collections.abc import Iterator
@@ -27,16 +27,16 @@ from stridelab.robots.inverse_kinematics import stand
 from stridelab.robots.robot import Robot
 
 TORQUE_SHARE: Final = 0.9
-"""Of a joint's torque that a force at rest may take."""
+"""Share of a joint's torque limit that is available to a static force."""
 N_RAYS: Final = 8
 LEAST_N: Final = 1.0
-"""An arm that bears less is given this."""
+"""Lower bound of the computed limits."""
 NEAR_M: Final = 0.01
-"""An arm that stays so far away from its contact is taken to touch all the same."""
+"""Distance from the contact up to which a posture counts as touching it."""
 
 
 def carried_n(robot: Robot, q: Float[np.ndarray, "nq"], contact: Contact) -> float:
-    """The largest normal force that the arm at rest in ``q`` carries at ``contact``, 0 where it cannot hold itself."""
+    """Largest normal force that the arm at rest in ``q`` carries at ``contact``; 0 where it cannot hold its weight."""
     model, frames = with_contact_frames(robot)
     data = model.createData()
     pin.computeJointJacobians(model, data, q)
@@ -46,17 +46,17 @@ def carried_n(robot: Robot, q: Float[np.ndarray, "nq"], contact: Contact) -> flo
     arm = [i for i in _above(model, frame) if robot.group[model.names[i]] == "arm"]
     columns = [model.joints[i].idx_v for i in arm]
     gravity = pin.computeGeneralizedGravity(model, data, q)[columns]
-    most = TORQUE_SHARE * model.effortLimit[columns]
-    around = rays(contact.friction / np.cos(np.pi / N_RAYS), N_RAYS)  # a pyramid that holds the cone
-    pull = -J[:, columns].T @ contact.placement.rotation @ around
-    room = most[:, None] - np.sign(pull) * gravity[:, None]
+    torque_limit = TORQUE_SHARE * model.effortLimit[columns]
+    friction_rays = rays(contact.friction / np.cos(np.pi / N_RAYS), N_RAYS)  # a pyramid that contains the cone
+    torque_per_n = -J[:, columns].T @ contact.placement.rotation @ friction_rays
+    remaining_torque = torque_limit[:, None] - np.sign(torque_per_n) * gravity[:, None]
     with np.errstate(divide="ignore"):
-        bears = np.where(np.abs(pull) > 0.0, room / np.abs(pull), np.inf)
-    return float(max(0.0, bears.min()))
+        max_forces_n = np.where(np.abs(torque_per_n) > 0.0, remaining_torque / np.abs(torque_per_n), np.inf)
+    return float(max(0.0, max_forces_n.min()))
 
 
 def hand_bounds_n(robot: Robot, sequence: ContactSequence) -> dict[str, float]:
-    """Bounds for ``PathBounds.normal_force_max_n``; of a hand that no posture brings to its contact there is none."""
+    """Bounds for ``PathBounds.normal_force_max_n``; hands whose contacts no posture reaches have none."""
     bounds: dict[str, float] = {}
     for phase, name in _touches(robot, sequence):
         placements = {
@@ -71,32 +71,32 @@ def hand_bounds_n(robot: Robot, sequence: ContactSequence) -> dict[str, float]:
         }
         if not soles:
             continue
-        found = stand(robot, placements, standing_com_m(soles, standing_height_m(robot), robot.effectors))
-        if found.error_m < NEAR_M:
-            bears = max(LEAST_N, carried_n(robot, found.q, sequence.phases[phase].contacts[name]))
-            bounds[name] = min(bears, bounds.get(name, np.inf))
+        posture = stand(robot, placements, standing_com_m(soles, standing_height_m(robot), robot.effectors))
+        if posture.error_m < NEAR_M:
+            max_force_n = max(LEAST_N, carried_n(robot, posture.q, sequence.phases[phase].contacts[name]))
+            bounds[name] = min(max_force_n, bounds.get(name, np.inf))
     return bounds
 
 
 def _touches(robot: Robot, sequence: ContactSequence) -> Iterator[tuple[int, str]]:
-    """First and last phases of every contact of a point effector."""
-    for stay in stays(sequence):
-        if robot.effectors[stay.contact.effector].kind == "point":
-            for phase in sorted({stay.first, stay.last}):
-                yield phase, stay.contact.effector
+    """First and last phase of every contact of a point effector."""
+    for span in stays(sequence):
+        if robot.effectors[span.contact.effector].kind == "point":
+            for phase in sorted({span.first, span.last}):
+                yield phase, span.contact.effector
 
 
 def _there(robot: Robot, sequence: ContactSequence, phase: int, effector: str) -> Contact | None:
-    """Hands where they touch; feet where they are or were last, which is where a leg in swing begins."""
+    """A hand's contact in the phase, if any; a foot's current or latest one, where its swing begins."""
     if robot.effectors[effector].kind == "surface":
         return sequence.last_contact(effector, phase)
     return sequence.phases[phase].contacts.get(effector)
 
 
 def _above(model: pin.Model, frame: int) -> list[int]:
-    """Joints from the trunk to a frame."""
-    found, joint = [], model.frames[frame].parentJoint
+    """Joints on the chain from a frame up to the trunk."""
+    joints, joint = [], model.frames[frame].parentJoint
     while joint > 1:
-        found.append(joint)
+        joints.append(joint)
         joint = model.parents[joint]
-    return found
+    return joints

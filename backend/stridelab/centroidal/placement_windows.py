@@ -1,8 +1,8 @@
-"""How far a contact may move on its surface: a window along x and y of its own frame.
+"""Placement windows: how far a contact may move on its surface along x and y of its own frame.
 
-The window asked for, cut back until the contact stays on the face (or the rail's line) that it is on, and clear of
-every box that rises beside it. With d the displacement each of these is a half-plane ``n d <= b`` that holds at d = 0;
-the sides of the window that reach beyond one shrink in proportion, which is exact where the axes are parallel.
+The requested window is reduced until the contact stays on its face (or the rail's line) and clear of every box that
+rises beside it. With d the displacement each of these is a half-plane ``n d <= b`` that holds at d = 0; the sides of
+the window that violate it shrink proportionally, which is exact for parallel axes.
 """
 
 from typing import Final
@@ -16,17 +16,17 @@ from stridelab.contacts.terrain_geometry import Touchable, face_towards, touchab
 from stridelab.conventions import Points
 
 RISES_M: Final = 0.01
-"""What is lower than this above the contact is stepped over; what is higher keeps it off."""
+"""Boxes that rise more than this above the contact are obstacles; lower ones are ignored."""
 PARALLEL: Final = 1e-9
-"""Cosines below this are rounding."""
+"""Cosines up to this count as zero."""
 
 Window = Float[np.ndarray, "2"]
 
 
 def room_m(contact: Contact, points_m: Points, terrain: Terrain, reach_m: tuple[float, float]) -> tuple[Window, Window]:
-    """Least and greatest displacement; both 0 where the terrain does not have the surface.
+    """Lower and upper displacement bounds; both 0 if the contact's surface is not in the terrain.
 
-    ``points_m`` ``(k, 3)`` are the corners of what touches, in the contact frame.
+    ``points_m`` ``(k, 3)`` are the corners of the contact in its frame.
     """
     own = next((surface for surface in terrain.surfaces if surface.name == contact.surface), None)
     if own is None:
@@ -52,22 +52,22 @@ HalfPlane = tuple[Float[np.ndarray, "2"], float]
 
 
 def _edges(face: Touchable, axes: Float[np.ndarray, "3 2"], corners_m: Points) -> list[HalfPlane]:
-    """The four edges of the face."""
-    local, moves = (corners_m - face.center_m) @ face.frame[:, :2], face.frame[:, :2].T @ axes
-    found = []
+    """Half-planes of the four edges of the face."""
+    local, directions = (corners_m - face.center_m) @ face.frame[:, :2], face.frame[:, :2].T @ axes
+    half_planes = []
     for i in range(2):
-        found.append((moves[i], float(face.half_m[i] - local[:, i].max())))
-        found.append((-moves[i], float(face.half_m[i] + local[:, i].min())))
-    return found
+        half_planes.append((directions[i], float(face.half_m[i] - local[:, i].max())))
+        half_planes.append((-directions[i], float(face.half_m[i] + local[:, i].min())))
+    return half_planes
 
 
 def _beside(box: Box, face: Touchable, axes: Float[np.ndarray, "3 2"], corners_m: Points) -> list[HalfPlane]:
-    """The side of a box that the contact is farthest from, if the box rises above the contact at all."""
+    """Half-plane of the box side farthest from the contact; empty if the box does not rise above the contact."""
     R, half = box.placement.rotation, box.size_m / 2
     top = (box.placement.position_m - corners_m.mean(axis=0)) @ face.normal + np.abs(face.normal @ R) @ half
     if top <= RISES_M:
         return []
-    local, moves = (corners_m - box.placement.position_m) @ R, R.T @ axes
-    sides = [(-moves[i], float(local[:, i].min() - half[i])) for i in range(3)]
-    sides += [(moves[i], float(-half[i] - local[:, i].max())) for i in range(3)]
+    local, directions = (corners_m - box.placement.position_m) @ R, R.T @ axes
+    sides = [(-directions[i], float(local[:, i].min() - half[i])) for i in range(3)]
+    sides += [(directions[i], float(-half[i] - local[:, i].max())) for i in range(3)]
     return [max(sides, key=lambda side: side[1])]

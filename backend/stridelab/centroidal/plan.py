@@ -1,6 +1,6 @@
-"""What the centroidal stage hands on: trajectories at the nodes, forces between them, and how they were found.
+"""The centroidal plan: trajectories at the nodes, forces between them, and solver statistics.
 
-``CentroidalPlan.at`` and ``forces_at`` are the seam: whoever asks for an instant need not know what shape forces have.
+``CentroidalPlan.reference_at`` and ``forces_at`` evaluate it at any time, for constant and spline forces alike.
 """
 
 from collections.abc import Mapping
@@ -31,7 +31,7 @@ class Reference:
 
 @dataclass(frozen=True, eq=False)
 class Verification:
-    """The solution checked by plain arithmetic, apart from the solver.
+    """Check of the solution, recomputed independently of the solver.
 
     ``dynamics_gap``: largest gap between a node and the exact integral of the forces over the interval before it
     (m, m/s and N m s, divided by 1 m, 1 m/s, 1 N m s); ``terminal_gap`` likewise at the end against rest at the goal;
@@ -48,12 +48,12 @@ class Verification:
 class CentroidalPlan:
     """Solution of (4.20) on ``n`` nodes, ``m = n - 1`` intervals with forces that are constant or cubic.
 
-    ``forces_n`` gives, per effector, the world-frame force on every contact point ``(m, k, 3)``, its mean over the
-    interval, zero where it does not touch; ``curves_n`` their control points ``(m, 4, k, 3)`` where they are splines,
-    empty where they are constant (``forces_at`` knows). ``points_m`` are the points ``(k, 3)`` in the contact frame at
-    which they act, ``phase`` the contact phase of each interval, ``com_a_m_s2`` the mean acceleration. ``objective`` is
-    (4.20a) without regularisers, all terms are in ``cost_terms``. Where durations or contacts were free, ``sequence``
-    is what was chosen. ``solution`` tells how it was found.
+    ``forces_n`` gives, per effector, the world-frame force on every contact point ``(m, k, 3)``, averaged over the
+    interval, zero without contact; ``curves_n`` their control points ``(m, 4, k, 3)`` for splines, empty for constant
+    forces. ``points_m`` are the contact points ``(k, 3)`` in the contact frame, ``phase`` the contact phase of each
+    interval, ``com_a_m_s2`` the mean acceleration. ``objective`` is (4.20a) without regularisers; all terms are in
+    ``cost_terms``. ``sequence`` contains solved durations and placements where they are free. ``solution`` holds the
+    solver attempts.
     """
 
     sequence: ContactSequence
@@ -79,7 +79,7 @@ class CentroidalPlan:
     curves_n: Mapping[str, Float[np.ndarray, "m 4 k 3"]] = field(default_factory=dict)
 
     def forces_at(self, time_s: float) -> Mapping[str, Float[np.ndarray, "k 3"]]:
-        """World-frame forces on the points of every effector; at a node those of the interval that begins there."""
+        """World-frame forces on the points of every effector; at a node those of the following interval."""
         k, e, h = self._place(time_s)
         if not self.curves_n:
             return {name: f[k] for name, f in self.forces_n.items()}
@@ -87,10 +87,10 @@ class CentroidalPlan:
         return {name: flat[columns].reshape(-1, 3) for name, columns in self._columns.items()}
 
     def at(self, time_s: float) -> Reference:
-        """Reference at ``time_s``, integrated exactly from the node before.
+        """Reference at ``time_s``, integrated exactly from the preceding node.
 
-        Constant forces give a constant acceleration; the angular momentum is then taken as linear between nodes, its
-        mean rate being what the cost knows.
+        Constant forces give a constant acceleration; the angular momentum is then interpolated linearly between nodes,
+        consistent with its mean rate in the cost.
         """
         k, e, h = self._place(time_s)
         if self.curves_n:
@@ -107,14 +107,14 @@ class CentroidalPlan:
         )
 
     def _place(self, time_s: float) -> tuple[int, float, float]:
-        """The interval, the time since it began, and its length."""
+        """Interval, time (s) since its start, and its length (s)."""
         k = min(max(int(self.time_s.searchsorted(time_s, side="right")) - 1, 0), len(self.time_s) - 2)
         h = float(self.time_s[k + 1] - self.time_s[k])
         return k, min(max(time_s - float(self.time_s[k]), 0.0), h), h
 
     @cached_property
     def _columns(self) -> Mapping[str, slice]:
-        """Where the forces of each effector are in ``_controls``."""
+        """Columns of each effector in ``_control_points``."""
         ends = np.cumsum([3 * curve.shape[2] for curve in self.curves_n.values()]).tolist()
         return dict(zip(self.curves_n, map(slice, [0, *ends], ends), strict=False))
 
@@ -126,27 +126,27 @@ class CentroidalPlan:
     @cached_property
     def _wrenches(self) -> Float[np.ndarray, "m 4 6"]:
         """Control points of ``(sum f, sum p x f)`` about the world origin."""
-        found = np.zeros((len(self.phase), 4, 6))
+        wrenches = np.zeros((len(self.phase), 4, 6))
         for k, phase in enumerate(self.phase):
             for name, contact in self.sequence.phases[phase].contacts.items():
                 f = self.curves_n[name][k]
-                found[k, :, :3] += f.sum(axis=1)
-                found[k, :, 3:] += np.cross(contact.placement.act(self.points_m[name]), f).sum(axis=1)
-        return found
+                wrenches[k, :, :3] += f.sum(axis=1)
+                wrenches[k, :, 3:] += np.cross(contact.placement.act(self.points_m[name]), f).sum(axis=1)
+        return wrenches
 
     def _on_spline(self, k: int, s: float, h: float) -> Reference:
-        """``dynamics`` with Bernstein's polynomials: the momentum K about the origin, then that about the CoM."""
+        """Integrate ``dynamics`` with Bernstein polynomials: the momentum K about the origin, then about the CoM."""
         m, c, v = self.mass_kg, self.com_m[k], self.com_v_m_s[k]
-        f, once, twice, thrice = weights(s) @ self._wrenches[k]
-        there = c + h * s * v + h**2 * (twice[:3] / m + s**2 / 2 * g)
-        speed = v + h * (once[:3] / m + s * g)
-        swept = h * s * c + h**2 * s**2 / 2 * v + h**3 * (thrice[:3] / m + s**3 / 6 * g)
-        K = self.l_nms[k] + m * cross(c, v) + h * once[3:] + m * cross(swept, g)
+        f, first_integral, second_integral, third_integral = weights(s) @ self._wrenches[k]
+        com = c + h * s * v + h**2 * (second_integral[:3] / m + s**2 / 2 * g)
+        velocity = v + h * (first_integral[:3] / m + s * g)
+        com_integral = h * s * c + h**2 * s**2 / 2 * v + h**3 * (third_integral[:3] / m + s**3 / 6 * g)
+        K = self.l_nms[k] + m * cross(c, v) + h * first_integral[3:] + m * cross(com_integral, g)
         return Reference(
-            com_m=there,
-            com_v_m_s=speed,
+            com_m=com,
+            com_v_m_s=velocity,
             com_a_m_s2=f[:3] / m + g,
-            l_nms=K - m * cross(there, speed),
-            l_rate_nm=f[3:] - cross(there, f[:3]),
+            l_nms=K - m * cross(com, velocity),
+            l_rate_nm=f[3:] - cross(com, f[:3]),
             interval=k,
         )

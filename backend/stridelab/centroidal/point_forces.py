@@ -7,13 +7,13 @@ With f = S u at every point p of a contact, R its axes,
 
 and the wrench of the contact is the sum of (S u, p x S u).
 
-The friction cone ``mu f_z >= |f_xy|`` from inside: forces as sums of rays that lie on it.
+The pyramids approximate the friction cone ``mu f_z >= |f_xy|`` from inside by rays on its surface:
 
     f = V lambda,   lambda >= 0,   V = [ mu cos a_j, mu sin a_j, 1 ],   a_j = 2 pi (j + 1/2) / n
 
 spans the largest n-sided pyramid in the cone, for even n with faces along the contact's axes. Every such force
-satisfies the exact cone; in the solver the cone becomes a set of bounds, without a single inequality row. The pyramid
-holds the share (n / 2 pi) sin(2 pi / n) of the circle: 0.64 for four rays, 0.90 for eight, 0.95 for twelve.
+satisfies the exact cone; in the solver the cone becomes a set of bounds, without any inequality row. The pyramid
+covers the share (n / 2 pi) sin(2 pi / n) of the circle: 0.64 for four rays, 0.90 for eight, 0.95 for twelve.
 """
 
 from abc import abstractmethod
@@ -32,7 +32,7 @@ N_RAYS_MIN: Final = 8
 
 
 class _PointForces(Control):
-    """What pyramids and cones have in common: ``S`` decides."""
+    """Point forces ``f = S u``; subclasses define ``S`` and its cone."""
 
     shifts_with_its_contacts: ClassVar[bool] = True
     has_point_forces: ClassVar[bool] = True
@@ -47,34 +47,34 @@ class _PointForces(Control):
         """Variables of a unit force along the normal."""
 
     def generators(self, touches: tuple[Touch, ...]) -> Mapping[str, Generators]:
-        """One group per effector that touches, its points one after the other."""
-        n_points = sum(len(touch.points_m) for touch in touches)
-        found: dict[str, Generators] = {}
-        for touch in touches:
-            S, k = self.S(touch), len(touch.points_m)
-            found[touch.effector] = Generators(
-                wrench=np.hstack([np.vstack([S, skew(p) @ S]) for p in touch.points_m]),
+        """One group per effector in contact, with the variables of its points concatenated."""
+        n_points = sum(len(patch.points_m) for patch in touches)
+        groups: dict[str, Generators] = {}
+        for patch in touches:
+            S, k = self.S(patch), len(patch.points_m)
+            groups[patch.effector] = Generators(
+                wrench=np.hstack([np.vstack([S, skew(p) @ S]) for p in patch.points_m]),
                 lorentz=self.lorentz,
-                regulariser=2.0 * touch.force_weight * S.T @ S,
+                regulariser=2.0 * patch.force_weight * S.T @ S,
                 rest=np.tile(self.upright(), k) / n_points,
-                normal=touch.rotation[:, 2] @ S,
+                normal=patch.rotation[:, 2] @ S,
             )
-        return found
+        return groups
 
     def forces(self, touches: tuple[Touch, ...], values: Values) -> Forces:
         """``f = S u``."""
-        found: dict[str, Float[np.ndarray, "n points 3"]] = {}
-        for touch in touches:
-            u = values[touch.effector]
-            found[touch.effector] = u.reshape(len(u), len(touch.points_m), -1) @ self.S(touch).T
-        return found
+        forces: dict[str, Float[np.ndarray, "n points 3"]] = {}
+        for patch in touches:
+            u = values[patch.effector]
+            forces[patch.effector] = u.reshape(len(u), len(patch.points_m), -1) @ self.S(patch).T
+        return forces
 
 
 @dataclass(frozen=True)
 class Pyramids(_PointForces):
     """Forces in pyramids of ``n_rays`` inscribed rays, bounds only.
 
-    Raises ``InvalidInput`` (``rays-too-few``) below eight, which hold 0.90 of the circle.
+    Raises ``InvalidInput`` (``rays-too-few``) below eight, which cover 0.90 of the circle.
     """
 
     n_rays: int = N_RAYS_MIN
@@ -89,27 +89,27 @@ class Pyramids(_PointForces):
         return np.asarray(touch.rotation @ rays(touch.friction, self.n_rays))
 
     def upright(self) -> Float[np.ndarray, "j"]:
-        """The same of every ray."""
+        """Equal share of every ray."""
         return np.full(self.n_rays, 1.0 / self.n_rays)
 
 
 @dataclass(frozen=True)
 class CircularCones(_PointForces):
-    """Forces in the circular cones themselves: three variables per point, and one row each."""
+    """Forces in the exact circular cones: three variables and one row per point."""
 
     lorentz: ClassVar[int] = 2
 
     def S(self, touch: Touch) -> Float[np.ndarray, "3 j"]:
-        """The contact's axes in the world, the tangential ones times the friction: the cone is then |u_xy| <= u_z."""
+        """Contact axes in the world, tangential ones scaled by friction, so that the cone is |u_xy| <= u_z."""
         return np.asarray(touch.rotation * np.array([touch.friction, touch.friction, 1.0]))
 
     def upright(self) -> Float[np.ndarray, "j"]:
-        """The normal alone."""
+        """The normal component only."""
         return np.array([0.0, 0.0, 1.0])
 
 
 PYRAMIDS: Final = Pyramids()
-"""The control unless another is chosen."""
+"""The default control."""
 
 
 def rays(friction: float, n: int) -> Float[np.ndarray, "3 n"]:

@@ -5,9 +5,9 @@
           f in the friction cone of its contact                                  (4.20c)
           c, c', L_c given at both ends, c' = L_c = c'' = 0 at the last          (4.20d), (4.20e)
 
-The condition on the last acceleration is ours: rest that stays rest. So is the weight on the forces: a small one on
-all makes them unique, a larger one on points keeps a hand from carrying what its arm cannot
-(docs/theory/centroidal-problem.md).
+Two additions to the thesis: zero acceleration at the end, so that the rest is an equilibrium, and weights on the
+forces. A small weight on all forces makes them unique, a larger one on point effectors keeps hands within what their
+arms can carry (docs/theory/centroidal-problem.md).
 """
 
 from collections.abc import Mapping
@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
-from stridelab.centroidal.boundary_conditions import AT_REST, UNBOUNDED, PathBounds, Start, Terminal
+from stridelab.centroidal.boundary_conditions import AT_REST, UNBOUNDED, Capture, PathBounds, Start, Terminal, capture
 from stridelab.centroidal.control import Control, Touch
 from stridelab.centroidal.force_splines import Shape, limb_times_s
 from stridelab.centroidal.free_variables import FreeDurations, FreePlacements
@@ -67,22 +67,22 @@ class Grid:
 
 @dataclass(frozen=True, eq=False)
 class CentroidalProblem:
-    """One motion to plan, from ``com_start_m`` to ``com_end_m``, from rest to rest unless said otherwise.
+    """One motion to plan, from ``com_start_m`` to ``com_end_m``, by default from rest to rest.
 
-    ``effectors`` and ``proxies`` are looked up by the names that the sequence uses; without any proxies there is no
-    likelihood term, and with some every effector that touches needs one. Surfaces are shrunk by ``contact_margin_m``
-    (x, y) on every side. ``control`` is u: forces (``Pyramids``, ``CircularCones``) or the wrench (``ContactWrench``).
-    Its forces are ``constant`` between nodes, or with ``shape`` "cubic" one spline each (``spline``). ``durations`` and
-    ``placements`` are given, unless the solver may choose them. ``limbs_nm`` is the rate of the angular momentum about
-    the CoM that the limbs' motion takes between ``limb_times_s``, N m: the cost then weighs what differs from it.
-    The motion begins as ``start`` says and ends at rest or ``capturable``, within ``bounds``.
+    ``effectors`` and ``proxies`` are keyed by the effector names of the sequence; without any proxies there is no
+    likelihood term, otherwise every effector in contact needs one. Surfaces are shrunk by ``contact_margin_m`` (x, y)
+    on every side. ``control`` is u: forces (``Pyramids``, ``CircularCones``) or the wrench (``ContactWrench``), constant
+    between nodes, or for ``shape`` "cubic" splines (``force_splines``). ``durations`` and ``placements`` are fixed
+    unless given as free variables. ``limbs_nm`` (N m) is the momentum rate of the limbs about the CoM, averaged between
+    ``limb_times_s``; the cost then weighs the difference from it. The motion begins at ``start`` and ends at rest or
+    ``capturable``, within ``bounds``.
 
-    Raises ``InvalidInput`` for what cannot be a problem at all: ``effector-unknown``, ``proxy-missing``,
-    ``phase-without-duration``, ``mass-out-of-range``, ``node-rate-out-of-range``, ``com-not-finite``, and
-    ``placements-need-forces`` where contacts are to move and the control's cones would have to follow,
-    ``bounds-need-forces`` where forces are bounded and the control has none, ``shape-needs-forces`` and
-    ``shape-needs-durations`` for splines of a wrench, whose cones differ from phase to phase, or of free durations, and
-    ``limbs-need-grid`` where the limbs' rates do not fit the grid, which free durations have not.
+    Raises ``InvalidInput`` for inconsistent problems: ``effector-unknown``, ``proxy-missing``,
+    ``phase-without-duration``, ``mass-out-of-range``, ``node-rate-out-of-range``, ``com-not-finite``,
+    ``placements-need-forces`` for free placements with a control whose cones depend on them, ``bounds-need-forces`` for
+    force bounds with a control without forces, ``shape-needs-forces`` and ``shape-needs-durations`` for splines of a
+    wrench, whose cones differ from phase to phase, or with free durations, and ``limbs-need-grid`` if the limbs' rates
+    do not match the grid or durations are free.
     """
 
     sequence: ContactSequence
@@ -107,7 +107,7 @@ class CentroidalProblem:
         unknown = [name for name in self.sequence.effectors if name not in self.effectors]
         if unknown:
             faults = [Fault(name, f"the robot has no effector {name!r}") for name in unknown]
-            raise InvalidInput("effector-unknown", f"The contact sequence uses {', '.join(unknown)}.", faults)
+            raise InvalidInput("effector-unknown", f"The contact sequence uses unknown effectors: {', '.join(unknown)}.", faults)
         missing = [name for name in self.sequence.effectors if self.proxies and name not in self.proxies]
         if missing:
             faults = [Fault(name, f"there is no reachability density of {name!r}") for name in missing]
@@ -119,42 +119,42 @@ class CentroidalProblem:
         ]
         if faults:
             named = ", ".join(fault.where for fault in faults)
-            raise InvalidInput("phase-without-duration", f"Every phase must take some time: {named}.", faults)
+            raise InvalidInput("phase-without-duration", f"Every phase needs a positive duration: {named}.", faults)
         if not 0.0 < self.mass_kg < np.inf:
             raise InvalidInput("mass-out-of-range", f"The robot's mass must be positive, not {self.mass_kg} kg.")
         if not np.isfinite([self.com_start_m, self.com_end_m]).all():
-            raise InvalidInput("com-not-finite", "The centre of mass at the start and at the end must be numbers.")
+            raise InvalidInput("com-not-finite", "The centre of mass at the start and at the end must be finite.")
         if not 0.0 < self.node_rate_hz < np.inf:
-            raise InvalidInput("node-rate-out-of-range", f"There cannot be {self.node_rate_hz} nodes per second.")
+            raise InvalidInput("node-rate-out-of-range", f"The node rate must be positive, not {self.node_rate_hz} Hz.")
         if self.bounds.normal_force_max_n and not self.control.has_point_forces:
             raise InvalidInput(
-                "bounds-need-forces", "Normal forces can be bounded with forces as control only, not with the wrench."
+                "bounds-need-forces", "Normal forces can only be bounded with forces as control, not with the wrench."
             )
         if self.shape == "cubic" and not self.control.has_point_forces:
             raise InvalidInput(
                 "shape-needs-forces",
-                "Continuous controls are forces: where phases meet, a wrench would have to be in the cones of both.",
+                "Continuous controls need forces: between two phases a wrench would have to be in the cones of both.",
                 [Fault("shape", "cubic needs forces as control")],
             )
         if self.shape == "cubic" and self.durations is not None:
             raise InvalidInput(
                 "shape-needs-durations",
-                "With continuous controls the durations of the phases must be given: they decide how the splines join.",
-                [Fault("shape", "cubic needs given durations")],
+                "Continuous controls need fixed phase durations, which determine how the splines join.",
+                [Fault("shape", "cubic needs fixed durations")],
             )
         if self.limbs_nm is not None and (
             self.durations is not None or self.limbs_nm.shape != (len(self.limb_times_s()) - 1, 3)
         ):
             raise InvalidInput(
                 "limbs-need-grid",
-                "The limbs' angular momentum is given per interval: it needs given durations, and one rate for every "
-                "interval, with continuous forces four.",
-                [Fault("limbs_nm", "must have one row for every interval of the grid, of splines four")],
+                "The limbs' momentum rate needs fixed durations and one row per interval, or four with continuous "
+                "forces.",
+                [Fault("limbs_nm", "must have one row per interval of the grid, or four for splines")],
             )
         if self.placements is not None and not self.control.shifts_with_its_contacts:
             raise InvalidInput(
                 "placements-need-forces",
-                "Contacts can be moved with forces as control only: the cone of the wrench is that of given contacts.",
+                "Contacts can only be moved with forces as control: the cone of the wrench is fixed to its contacts.",
             )
 
     @property
@@ -163,7 +163,7 @@ class CentroidalProblem:
         return self.mass_kg * GRAVITY_M_S2
 
     def contact(self, effector: str, phase: int) -> Contact:
-        """The contact of an effector in a phase in which it touches."""
+        """The contact of an effector in a phase."""
         return self.sequence.phases[phase].contacts[effector]
 
     def points_m(self, effector: str) -> Points:
@@ -180,13 +180,20 @@ class CentroidalProblem:
         return self.weights.point_force if self.effectors[effector].kind == "point" else self.weights.surface_force
 
     def touches(self, phase: int, origin_m: Vector3) -> tuple[Touch, ...]:
-        """What touches in a phase, seen from ``origin_m``."""
-        found = []
+        """Contacts of a phase, relative to ``origin_m``."""
+        patches = []
         for name, contact in self.sequence.phases[phase].contacts.items():
-            at, kind = contact.placement, self.effectors[name].kind
-            points_m = at.act(self.points_m(name)) - origin_m
-            found.append(Touch(name, kind, points_m, at.rotation, contact.friction, self.force_weight(name)))
-        return tuple(found)
+            placement, kind = contact.placement, self.effectors[name].kind
+            points_m = placement.act(self.points_m(name)) - origin_m
+            patches.append(Touch(name, kind, points_m, placement.rotation, contact.friction, self.force_weight(name)))
+        return tuple(patches)
+
+    def capture_region(self) -> Capture | None:
+        """Capture region of a capturable end relative to the CoM at the start; None for an end at rest."""
+        if self.terminal == "rest":
+            return None
+        last = self.touches(len(self.sequence.phases) - 1, self.com_start_m)
+        return capture([patch.points_m for patch in last], self.com_end_m - self.com_start_m)
 
     def grid(self) -> Grid:
         """``node_rate_hz`` nodes per second of every phase, at least two intervals each, evenly spaced within."""
@@ -196,16 +203,16 @@ class CentroidalProblem:
         return Grid(time_s=np.concatenate([[0.0], np.cumsum(step)]), phase=phase, step_s=step)
 
     def limb_times_s(self) -> Float[np.ndarray, "times"]:
-        """Times between which ``limbs_nm`` are means: the nodes, of splines so much around every instant of Gauss."""
+        """Times that bound the averages ``limbs_nm``: the nodes, for splines with one span per Gauss point."""
         return limb_times_s(self.grid().time_s, self.shape)
 
 
 def standing_com_m(
     phase_contacts: Mapping[str, Contact], height_m: float, effectors: Mapping[str, Effector]
 ) -> Vector3:
-    """Where the CoM stands over a phase: ``height_m`` above the mean of its surface contacts.
+    """CoM at rest in a phase: ``height_m`` above the mean of its surface contacts.
 
-    Raises ``InvalidInput`` (``no-surface-contact``) where nothing but points touches.
+    Raises ``InvalidInput`` (``no-surface-contact``) for a phase without surface contacts.
     """
     soles = [c.placement.position_m for name, c in phase_contacts.items() if effectors[name].kind == "surface"]
     if not soles:

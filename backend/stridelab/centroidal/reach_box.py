@@ -1,11 +1,11 @@
-"""Where an effector lets the CoM be, from its learned density: as a box for linear programmes, as a share to report.
+"""CoM reach of an effector from its learned density: a box for linear programs and a share for reports.
 
-The box holds, along each axis of the density's frame, all but the rarest of its mass,
+The box contains, along each axis of the density's frame, all but the tails of its mass,
 
     P(y_a < low_a) = P(y_a > high_a) = (1 - share) / 2,      P(y_a < x) = sum_j w_j Phi((x - mu_ja) / S_jaa^(1/2))
 
-The share of a point c says how unusual it is among the postures that were learned: ``P(p(Y) <= p(c))`` for Y of the
-density itself, 1 at its mode and 0 far out. It needs no unit, and two effectors can be compared by it.
+The share of a point c measures how unusual it is among the learned postures: ``P(p(Y) <= p(c))`` for Y distributed by
+the density, 1 at its mode and 0 far out. It is dimensionless and comparable between effectors.
 """
 
 from dataclasses import dataclass
@@ -19,9 +19,9 @@ from stridelab.conventions import Points, Series, Vector3
 from stridelab.reachability.gaussian_mixture import Mixture
 
 SHARE = 0.999
-"""Of the mass along each axis that lies in the box."""
+"""Share of the mass along each axis inside the box."""
 SAMPLES = 4000
-"""The share of a point is a multiple of one over this many."""
+"""Samples for the share of a point, which is a multiple of 1 / ``SAMPLES``."""
 FAR_SD = 12.0
 
 
@@ -35,16 +35,16 @@ class Box:
 
 @lru_cache(maxsize=32)
 def reach_box(mixture: Mixture, share: float = SHARE) -> Box:
-    """The box of a density."""
-    rare = (1.0 - share) / 2.0
-    ends = np.array([[_quantile(mixture, axis, q) for axis in range(3)] for q in (rare, 1.0 - rare)])
+    """Compute the reach box of a density."""
+    tail = (1.0 - share) / 2.0
+    ends = np.array([[_quantile(mixture, axis, q) for axis in range(3)] for q in (tail, 1.0 - tail)])
     return Box(ends[0], ends[1])
 
 
 def usual_share(mixture: Mixture, points_m: Points) -> Series:
-    """The share of every point ``(n, 3)`` given in the density's frame."""
-    known = _sorted_densities(mixture)
-    return np.searchsorted(known, mixture.log_density(points_m), side="right") / len(known)
+    """Share of every point ``(n, 3)`` in the density's frame."""
+    densities = _sorted_densities(mixture)
+    return np.searchsorted(densities, mixture.log_density(points_m), side="right") / len(densities)
 
 
 @lru_cache(maxsize=32)

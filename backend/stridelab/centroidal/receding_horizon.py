@@ -1,11 +1,11 @@
-"""(4.20) on a horizon that recedes: model-predictive control of the CoM over a contact sequence.
+"""(4.20) on a receding horizon: model-predictive control of the CoM over a contact sequence.
 
-Every period the problem is solved anew from where the CoM is, over the next ``horizon_s`` of the sequence, and the
-first period of its solution is carried out. A horizon that ends before the sequence asks for viability (4.9f) in place
-of rest: a CoM whose capture point lies in the last contacts (``conditions``). Each solution, moved along, starts
-the next.
+Every period the problem is solved from the current state over the next ``horizon_s`` of the sequence, and the first
+period of the solution is executed. A horizon that ends before the sequence requires viability (4.9f) instead of rest:
+a capture point inside the last contacts (``boundary_conditions``). Each solution, shifted in time, warm-starts the
+next.
 
-Where a problem has no solution the last plan that had one goes on: it leads to a state that can be stopped.
+If a problem has no solution, the last converged plan continues: it ends in a capturable state.
 """
 
 import time
@@ -29,16 +29,16 @@ from stridelab.errors import Fault, InvalidInput, NotEstimable
 SHORT = Limits(iterations=100, cpu_s=10.0)
 """Limits of one solve."""
 SLIVER_S = 1e-6
-"""Rests of phases that are shorter are none."""
+"""Remaining phase durations up to this threshold are dropped."""
 LAST_S = 1.0
-"""So long before the end the last plan is carried out as it is: what little is left cannot undo a disturbance."""
+"""Replanning stops this long before the end; the remaining time is too short to correct a disturbance."""
 LANDING_S = 0.2
-"""A horizon that would end in the air, or on hands, ends so long after the next sole has touched."""
+"""A horizon that would end without a sole in contact is extended to this time after the next touch-down."""
 
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """Where the CoM is, how fast, and the angular momentum about it."""
+    """CoM position and velocity, and angular momentum about the CoM."""
 
     com_m: Vector3
     com_v_m_s: Vector3
@@ -47,10 +47,10 @@ class State:
 
 @dataclass(frozen=True, eq=False)
 class Replan:
-    """One solution: when, of which problem, the state it began with; ``carried_on`` where it failed.
+    """One solve of the horizon problem at ``time_s`` from ``state``.
 
-    ``plan`` is then the last one that had a solution, ``since_s`` older than this moment, else zero. ``took_s`` is the
-    processor time of all of it: cutting, moving along, building, solving, checking.
+    If it failed, ``carried_on`` is True, ``plan`` is the last converged one and ``since_s`` its age (0 otherwise).
+    ``took_s`` is the total processor time: cutting the sequence, warm start, building, solving, checking.
     """
 
     time_s: float
@@ -66,7 +66,7 @@ class Replan:
 
 @dataclass(frozen=True, eq=False)
 class Receding:
-    """What was carried out, at the end of every period, and how it was found."""
+    """The executed states at the end of every period, and the replans."""
 
     time_s: Series
     com_m: Points
@@ -76,15 +76,15 @@ class Receding:
 
 
 Disturb = Callable[[float, State], State]
-"""The state that is found where a plan meant to be, at a time."""
+"""Maps a time and the planned state to the actual (disturbed) state."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RecedingHorizon:
-    """``problem`` from its start to its end in periods.
+    """Receding-horizon control of ``problem`` from its start to its end.
 
     Raises ``InvalidInput``: ``horizon-invalid`` unless ``0 < period_s < horizon_s``, ``horizon-needs-constants`` for
-    splines, which would jump at every replan.
+    splines, which would be discontinuous at every replan.
     """
 
     problem: CentroidalProblem
@@ -95,24 +95,24 @@ class RecedingHorizon:
 
     def __post_init__(self) -> None:
         if not 0.0 < self.period_s < self.horizon_s < np.inf:
-            message = f"A horizon of {self.horizon_s:g} s cannot be solved anew every {self.period_s:g} s."
+            message = f"A horizon of {self.horizon_s:g} s cannot be replanned every {self.period_s:g} s."
             raise InvalidInput("horizon-invalid", message, [Fault("horizon_s", message)])
         if self.problem.shape == "cubic":
-            message = "A horizon that recedes begins anew with every plan: its forces are constant between nodes."
+            message = "A receding horizon needs forces that are constant between nodes: splines would jump at every replan."
             raise InvalidInput("horizon-needs-constants", message, [Fault("shape", message)])
 
     def run(self, disturb: Disturb | None = None) -> Receding:
-        """Carry the problem out; ``disturb`` may move the state after every period.
+        """Execute the problem; ``disturb`` may change the state after every period.
 
-        Raises ``NotEstimable`` (``horizon-lost``) where no solution was ever found, or the last has come to its end.
+        Raises ``NotEstimable`` (``horizon-lost``) if no solve converged, or if the last converged plan has ended.
         """
         replans = tuple(self.replans(disturb))
         total_s, last = self.problem.sequence.duration_s, replans[-1]
-        at = [*(r.time_s for r in replans), total_s]
+        times_s = [*(r.time_s for r in replans), total_s]
         end = last.plan.at(last.since_s + total_s - last.time_s)
         states = [*(r.state for r in replans), State(end.com_m, end.com_v_m_s, end.l_nms)]
         return Receding(
-            np.array(at),
+            np.array(times_s),
             np.array([s.com_m for s in states]),
             np.array([s.com_v_m_s for s in states]),
             np.array([s.l_nms for s in states]),
@@ -120,7 +120,7 @@ class RecedingHorizon:
         )
 
     def replans(self, disturb: Disturb | None = None) -> Iterator[Replan]:
-        """One after the other, as they come; the last one is carried out to the end. Raises as ``run``."""
+        """Yield the replans as they are computed; the last one is executed to the end. Raises as ``run``."""
         problem = self.problem
         state = State(problem.com_start_m, problem.start.com_v_m_s, problem.start.l_nms)
         last: Replan | None = None
@@ -129,42 +129,42 @@ class RecedingHorizon:
             time_s = k * self.period_s
             last = self.step(time_s, state, last)
             yield last
-            there = last.plan.at(last.since_s + self.period_s)
-            state = State(there.com_m, there.com_v_m_s, there.l_nms)
+            reference = last.plan.at(last.since_s + self.period_s)
+            state = State(reference.com_m, reference.com_v_m_s, reference.l_nms)
             if disturb is not None:
                 state = disturb(time_s + self.period_s, state)
 
     def step(self, time_s: float, state: State, last: Replan | None = None) -> Replan:
-        """Solve from ``state`` at ``time_s`` on; ``last`` is the replan before, a start, and what goes on otherwise.
+        """Solve from ``state`` at ``time_s``; ``last``, the previous replan, is the warm start and the fallback.
 
-        Raises ``NotEstimable`` (``horizon-lost``) where no solution is found and none goes on.
+        Raises ``NotEstimable`` (``horizon-lost``) if the solve fails and no earlier plan continues.
         """
         started = time.process_time()
-        asked = self.horizon(time_s, state)
+        problem = self.horizon(time_s, state)
         start = None
         if self.warm and last is not None and not last.carried_on:
-            start = carried(last.plan, asked, time_s - last.time_s)
-        solver: Final[Asked] = "native" if serves(asked) else "ipopt"
-        plan = solve(asked, solver, self.limits, start)
+            start = carried(last.plan, problem, time_s - last.time_s)
+        solver: Final[Asked] = "native" if serves(problem) else "ipopt"
+        plan = solve(problem, solver, self.limits, start)
         iterations, warm = plan.iterations, start is not None
         if not plan.converged and warm:
-            plan, warm = solve(asked, solver, self.limits), False
+            plan, warm = solve(problem, solver, self.limits), False
             iterations += plan.iterations
         took_s = time.process_time() - started
         if plan.converged:
-            return Replan(time_s, asked, state, plan, 0.0, False, warm, iterations, took_s)
+            return Replan(time_s, problem, state, plan, 0.0, False, warm, iterations, took_s)
         since_s = np.inf if last is None else last.since_s + time_s - last.time_s
         if last is None or since_s + self.period_s > last.plan.time_s[-1]:
             raise NotEstimable(
                 "horizon-lost",
-                f"No motion was found from where the centre of mass was at {time_s:.1f} s, and no plan goes on: "
+                f"No motion exists from the state at {time_s:.1f} s, and no earlier plan continues: "
                 f"{plan.status}",
                 [Fault(f"phases[{self.problem.sequence.phase_at(time_s)}]", plan.status)],
             )
         return Replan(time_s, last.problem, state, last.plan, since_s, True, warm, iterations, took_s)
 
     def horizon(self, time_s: float, state: State) -> CentroidalProblem:
-        """The problem of the next ``horizon_s`` from a state."""
+        """The problem over the next ``horizon_s`` from a state."""
         problem, sequence = self.problem, self.problem.sequence
         end_s = self._end_s(time_s + self.horizon_s)
         ends = end_s > sequence.duration_s - SLIVER_S
@@ -178,7 +178,7 @@ class RecedingHorizon:
         )
 
     def _end_s(self, wanted_s: float) -> float:
-        """The first moment from ``wanted_s`` on when a sole has been touching for a while; the end if there is none."""
+        """The first time from ``wanted_s`` on with a sole in contact (plus ``LANDING_S``), or the end of the sequence."""
         sequence = self.problem.sequence
         end_s = min(wanted_s, sequence.duration_s)
         while not self._soles(sequence.phase_at(end_s - SLIVER_S)):
@@ -192,7 +192,7 @@ class RecedingHorizon:
         return {name: c for name, c in contacts.items() if self.problem.effectors[name].kind == "surface"}
 
     def _goal_m(self, phase: int) -> Vector3:
-        """Over all soles, each where it is or was last, as high as the whole motion ends above its own."""
+        """CoM goal above the current or latest soles, at the height of the whole motion's end above its soles."""
         sequence, effectors = self.problem.sequence, self.problem.effectors
         final = standing_com_m(sequence.phases[-1].contacts, 0.0, effectors)
         height_m = float(self.problem.com_end_m[2] - final[2])
@@ -205,7 +205,7 @@ class RecedingHorizon:
 
 
 def window(sequence: ContactSequence, start_s: float, end_s: float) -> ContactSequence:
-    """The part of a sequence between two times, its first and last phases cut."""
+    """The part of a sequence between two times, with its first and last phases shortened."""
     phases = []
     for begin, end, phase in zip(sequence.starts_s, sequence.ends_s, sequence.phases, strict=True):
         length_s = float(min(end, end_s) - max(begin, start_s))

@@ -1,4 +1,4 @@
-"""The problem that the planner poses: from standing still on the first contacts to standing still on the last."""
+"""The planner's problem: from standing at rest on the first contacts to standing at rest on the last."""
 
 from collections.abc import Mapping
 from typing import Final
@@ -11,11 +11,13 @@ from stridelab.reachability.proxy.effector_proxy import Proxy
 from stridelab.robots.robot import Robot
 
 BEND_M: Final = 0.017
-"""The CoM stands this much below that of the reference posture, where the knees leave more room upwards."""
+"""Lowering of the CoM below the reference posture, so that the knees can still extend."""
 
 
 def from_rest_to_rest(robot: Robot, sequence: ContactSequence, proxies: Mapping[str, Proxy]) -> CentroidalProblem:
-    """``sequence`` with the CoM over the soles' mean at both ends; how high it starts, the scenario may say.
+    """Problem of ``sequence`` with the CoM above the mean of the soles at both ends.
+
+    The start height is that of the scenario, if given.
 
     Raises ``InvalidInput`` as ``CentroidalProblem`` and ``standing_com_m`` do.
     """

@@ -1,7 +1,4 @@
-"""What the solver chose where it was free to: the contact sequence with its durations and placements.
-
-From a problem to a plan: transcribe, solve, read the solution, check it.
-"""
+"""From a problem to a plan: transcribe, solve, convert the solution, verify it."""
 
 import time
 from collections.abc import Iterator
@@ -29,7 +26,7 @@ from stridelab.errors import Fault, InvalidInput
 
 
 def chosen(programme: Transcription, w: Series) -> ContactSequence:
-    """The sequence of the problem, or with what ``w`` says of durations and contacts."""
+    """The problem's sequence with the solved durations and placements in ``w``, if they are free."""
     problem, layout = programme.problem, programme.layout
     sequence = problem.sequence
     if not (problem.durations or problem.placements):
@@ -39,22 +36,22 @@ def chosen(programme: Transcription, w: Series) -> ContactSequence:
         for i, phase in enumerate(sequence.phases)
     ]
     contacts: list[dict[str, Contact]] = [dict(phase.contacts) for phase in sequence.phases]
-    for stay, at in zip(programme.movable, layout.shifts, strict=True):
-        place = stay.contact.placement
-        moved = replace(place, position_m=place.position_m + place.rotation[:, :2] @ w[at : at + 2])
-        for i in range(stay.first, stay.last + 1):
-            contacts[i][stay.contact.effector] = replace(stay.contact, placement=moved)
+    for span, at in zip(programme.movable, layout.shifts, strict=True):
+        old = span.contact.placement
+        placement = replace(old, position_m=old.position_m + old.rotation[:, :2] @ w[at : at + 2])
+        for i in range(span.first, span.last + 1):
+            contacts[i][span.contact.effector] = replace(span.contact, placement=placement)
     phases = [
-        replace(phase, duration_s=duration_s, contacts=touching)
-        for phase, duration_s, touching in zip(sequence.phases, durations_s, contacts, strict=True)
+        replace(phase, duration_s=duration_s, contacts=phase_contacts)
+        for phase, duration_s, phase_contacts in zip(sequence.phases, durations_s, contacts, strict=True)
     ]
     return replace(sequence, phases=tuple(phases))
 
 
 AUTO: tuple[SolverName, ...] = ("ipopt", "fatrop")
-"""Solvers of CasADi in the order in which they are tried: ipopt was faster and surer in every measurement."""
+"""CasADi solvers in the order in which they are tried: ipopt was faster and more reliable in all measurements."""
 KKT_ERROR_MAX: Final = 2e-5
-"""A point is a solution where its solver says so, or where no first-order condition lacks more than this."""
+"""Largest KKT residual of a point that counts as a solution without the solver's success."""
 Asked = Literal["auto", "native", "casadi", "ipopt", "fatrop"]
 
 
@@ -74,40 +71,41 @@ def solve(
     start: Point | NativePoint | None = None,
     tell: Tell | None = None,
 ) -> CentroidalPlan:
-    """Solve (4.20), cold, or from ``start``: a plan's ``solution.point``, or what ``carried`` makes of another plan.
+    """Solve (4.20), from the initial guess or a warm start: a plan's ``solution.point`` or a ``warm_start_point``.
 
-    "auto" asks the C++ solver where it is built and does all that the problem wants, then those of CasADi, as "casadi"
-    does; "native" asks it alone. A start counts for the solvers that know its kind. The plan of a failed solve says so:
-    ``converged`` False and why in ``status``. The next solver is tried where one does not converge, unless that proved
-    that there is no solution at all or the time is up. Free durations begin where the given ones lead, if they lead
-    anywhere. Times and iterations are sums over all attempts. A plan is converged only if the solver, or our look at
-    its first-order conditions, says so *and* ``verify`` agrees. Raises ``NotEstimable`` where the contacts have no cone
-    for the problem's control (u_c only), as ``require_native`` does where "native" is asked for,
-    and ``InvalidInput`` (``shape-needs-ipopt``) where fatrop is asked for splines.
+    "auto" tries the C++ solver if it is available and supports the problem, then the CasADi solvers, as "casadi" does;
+    "native" uses the C++ solver only. A start is used by the solvers of its kind. If a solver does not converge the
+    next one is tried, unless infeasibility is proved or the time is up; a failed plan has ``converged`` False and the
+    reason in ``status``. Free durations start from the solution with fixed ones, if it converges. Times and iterations
+    are sums over all attempts. A plan is converged only if the solver reports success or the KKT residuals are small,
+    *and* ``verify`` confirms it.
+
+    Raises ``NotEstimable`` if the contacts have no cone for the control (u_c only), ``InvalidInput``
+    (``shape-needs-ipopt``) for fatrop with splines, and for "native" as ``require_native`` does.
     """
     started = time.process_time()
     attempts: list[Attempt] = []
     verification = None
-    for found in _attempts(problem, solver, limits, start, tell, attempts):
-        attempts.append(found.attempt)
+    for result in _attempts(problem, solver, limits, start, tell, attempts):
+        attempts.append(result.attempt)
         verification = verify(
-            found.sequence,
+            result.sequence,
             problem.mass_kg,
-            found.motion,
+            result.motion,
             problem.com_start_m,
             problem.com_end_m,
             problem.start,
             problem.terminal,
         )
-        converged = _solved(found.attempt) and holds(verification)
-        proved = found.infeasible and not (problem.durations or problem.placements)
+        converged = _solved(result.attempt) and holds(verification)
+        proved = result.infeasible and not (problem.durations or problem.placements)
         if converged or proved or time.process_time() - started > limits.cpu_s:
             break
     assert verification is not None
-    motion = found.motion
-    terms = cost_terms(replace(problem, sequence=found.sequence), motion)
+    motion = result.motion
+    terms = cost_terms(replace(problem, sequence=result.sequence), motion)
     return CentroidalPlan(
-        sequence=found.sequence,
+        sequence=result.sequence,
         mass_kg=problem.mass_kg,
         time_s=motion.time_s,
         phase=motion.phase,
@@ -119,14 +117,14 @@ def solve(
         points_m=motion.points_m,
         solver=attempts[-1].solver,
         converged=converged,
-        status=_sentence(attempts, found.infeasible, converged, verification, problem.terminal),
+        status=_sentence(attempts, result.infeasible, converged, verification, problem.terminal),
         iterations=sum(a.iterations for a in attempts),
         objective=objective(terms),
         cost_terms=terms,
         solve_time_s=sum(a.solve_s for a in attempts),
         build_time_s=sum(a.build_s for a in attempts),
         verification=verification,
-        solution=Solution(tuple(attempts), found.point),
+        solution=Solution(tuple(attempts), result.point),
         curves_n=motion.curves_n,
     )
 
@@ -139,38 +137,38 @@ def _attempts(
     tell: Tell | None,
     attempts: list[Attempt],
 ) -> Iterator[_Found]:
-    """One solver after the other; ``attempts`` gets what is solved on the way to a start."""
-    theirs = start if isinstance(start, NativePoint) else None
+    """Run one solver after the other; solves for a start are appended to ``attempts``."""
+    native_start = start if isinstance(start, NativePoint) else None
     if asked == "native" or (asked == "auto" and serves(problem)):
-        run_ = solve_native(problem, limits, theirs, tell)
-        yield _Found(run_.attempt, run_.sequence, run_.motion, run_.point, run_.infeasible)
+        native = solve_native(problem, limits, native_start, tell)
+        yield _Found(native.attempt, native.sequence, native.motion, native.point, native.infeasible)
     if asked == "native":
         return
     started = time.process_time()
     programme = transcribe(problem)
     transcribe_s = time.process_time() - started
-    ours = start if isinstance(start, Point) else None
+    casadi_start = start if isinstance(start, Point) else None
     if problem.durations and start is None:
-        given = solve(replace(problem, durations=None), "ipopt", limits)
-        transcribe_s += given.build_time_s
-        if given.solution is not None:
-            attempts += [replace(attempt, build_s=0.0) for attempt in given.solution.attempts]
-        found = carried(given, problem) if given.converged else None
-        ours = found if isinstance(found, Point) else None
+        fixed_durations = solve(replace(problem, durations=None), "ipopt", limits)
+        transcribe_s += fixed_durations.build_time_s
+        if fixed_durations.solution is not None:
+            attempts += [replace(attempt, build_s=0.0) for attempt in fixed_durations.solution.attempts]
+        warm = carried(fixed_durations, problem) if fixed_durations.converged else None
+        casadi_start = warm if isinstance(warm, Point) else None
     for name in _solvers(problem, asked):
-        ran = run(name, programme, limits, ours, tell)
-        attempt = _attempt(name, programme, ran)
-        sequence = chosen(programme, ran.point.w)
-        motion = read(programme, sequence, ran.point.w)
+        solver_run = run(name, programme, limits, casadi_start, tell)
+        attempt = _attempt(name, programme, solver_run)
+        sequence = chosen(programme, solver_run.point.w)
+        motion = read(programme, sequence, solver_run.point.w)
         attempt = replace(attempt, build_s=attempt.build_s + transcribe_s)
         transcribe_s = 0.0
-        yield _Found(attempt, sequence, motion, ran.point, ran.infeasible)
+        yield _Found(attempt, sequence, motion, solver_run.point, solver_run.infeasible)
 
 
 def _solvers(problem: CentroidalProblem, asked: Asked) -> tuple[SolverName, ...]:
-    """What is free, and a spline, belongs to many stages: fatrop, which goes from one to the next, is not asked."""
+    """Solvers to try; fatrop, which is stage-wise, cannot handle free variables and splines that span stages."""
     if asked == "fatrop" and problem.shape == "cubic":
-        message = "fatrop goes from stage to stage, and continuous controls belong to several: ask for ipopt."
+        message = "fatrop solves stage by stage, and continuous controls span several stages: choose ipopt."
         raise InvalidInput("shape-needs-ipopt", message, [Fault("solver", message)])
     if asked == "ipopt" or asked == "fatrop":
         return (asked,)
@@ -178,11 +176,11 @@ def _solvers(problem: CentroidalProblem, asked: Asked) -> tuple[SolverName, ...]
 
 
 def _attempt(name: SolverName, programme: Transcription, found: Run) -> Attempt:
-    checked = None
+    kkt = None
     if found.iterations:
-        checked = residuals(programme.compiled.programme, programme.p, programme.box, found.point)
+        kkt = residuals(programme.compiled.programme, programme.p, programme.box, found.point)
     return Attempt(
-        name, found.status, found.success, found.iterations, found.build_s, found.solve_s, checked, found.log
+        name, found.status, found.success, found.iterations, found.build_s, found.solve_s, kkt, found.log
     )
 
 
@@ -191,7 +189,7 @@ def _solved(attempt: Attempt) -> bool:
 
 
 def read(programme: Transcription, sequence: ContactSequence, w: Series) -> Motion:
-    """States in SI units about the CoM and world-frame forces from the variables, for the chosen ``sequence``."""
+    """Convert variables to states in SI units (momentum about the CoM) and world-frame forces, for ``sequence``."""
     problem, layout = replace(programme.problem, sequence=sequence), programme.layout
     phase = programme.grid.phase
     lengths_s = np.array([p.duration_s for p in sequence.phases]) / np.bincount(phase)
@@ -207,8 +205,8 @@ def read(programme: Transcription, sequence: ContactSequence, w: Series) -> Moti
             name: np.array([w[use.start : use.start + use.group.size] for use in uses])
             for name, uses in layout.uses_of(i).items()
         }
-        found = problem.control.forces(problem.touches(i, programme.origin_m), values)
-        for name, f in found.items():
+        point_forces = problem.control.forces(problem.touches(i, programme.origin_m), values)
+        for name, f in point_forces.items():
             forces[name][phase == i] = problem.weight_n * f.reshape(-1, inner, *f.shape[1:])
     if inner == 1:
         return Motion(time_s, phase, c, v, L, {name: f[:, 0] for name, f in forces.items()}, points)
@@ -219,17 +217,17 @@ def read(programme: Transcription, sequence: ContactSequence, w: Series) -> Moti
 def _sentence(
     attempts: list[Attempt], infeasible: bool, converged: bool, verification: Verification, terminal: Terminal
 ) -> str:
-    """What happened, in words."""
-    said = "; ".join(f"{a.solver}: {a.status} after {a.iterations} iterations" for a in attempts)
+    """Status message for the plan."""
+    summary = "; ".join(f"{a.solver}: {a.status} after {a.iterations} iterations" for a in attempts)
     if converged:
-        return f"Converged ({said})."
+        return f"Converged ({summary})."
     if _solved(attempts[-1]):
         return (
-            f"The solver reports a solution ({said}) that does not verify: dynamics gap "
+            f"The solver reports a solution ({summary}) that does not verify: dynamics gap "
             f"{verification.dynamics_gap:.1e}, terminal gap {verification.terminal_gap:.1e}, "
             f"cone margin {verification.cone_margin_n:.1e} N."
         )
     if infeasible:
-        ends = "at rest at the goal" if terminal == "rest" else "where it could be stopped"
-        return f"No motion over these contacts ends {ends} ({said})."
-    return f"No motion was found over these contacts, nor a proof that there is none ({said})."
+        ends = "at rest at the goal" if terminal == "rest" else "in a capturable state"
+        return f"No motion over these contacts ends {ends} ({summary})."
+    return f"The solvers did not find a motion over these contacts and did not prove infeasibility ({summary})."

@@ -1,12 +1,12 @@
-"""A plan checked by plain arithmetic: no CasADi, no momentum about a fixed point, no rays.
+"""Verification of a plan, independent of the solver: no CasADi, no momentum about a fixed point, no rays.
 
-Forces that are constant or cubic over an interval give a polynomial motion; with c(t) at hand, (4.2b) is a polynomial
-too, of degree 8 at most, and integrated exactly by Gauss' rule of five points t_i with weights w_i:
+Forces that are constant or cubic over an interval give a polynomial motion; with c(t), (4.2b) is a polynomial too, of
+degree 8 at most, and integrated exactly by the Gauss rule with five points t_i and weights w_i:
 
     c(t) = c + t c' + int (t - s) a ds,   c'(t) = c' + int a ds,   a = sum f / m + g
     L_c+ = L_c + h sum_i w_i (sum p x f(t_i) - c(t_i) x sum f(t_i))
 
-A curve of forces is in its cone where its control points are (``spline``).
+A force spline is in its cone if its control points are (``force_splines``).
 """
 
 from collections.abc import Mapping
@@ -23,16 +23,16 @@ from stridelab.conventions import Points, Vector3, g
 
 N_GAUSS = 5
 DYNAMICS_GAP_MAX = 1e-8
-"""Largest gap (m, m/s, Nms) between intervals of a plan that may call itself converged."""
+"""Largest gap (m, m/s, Nms) between intervals of a converged plan."""
 TERMINAL_GAP_MAX = 1e-6
-"""The same at the end."""
+"""Largest gap (m, m/s, Nms) at the end of a converged plan."""
 CONE_SLACK_N = 3e-4
-"""How far outside a friction cone a force may lie: a millionth of the weight of the lightest robot."""
+"""Tolerance of the friction cones: a millionth of the weight of the lightest robot."""
 
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """What there is to verify: states at ``n`` nodes, world-frame forces of every contact point between them.
+    """The motion to verify: states at ``n`` nodes, world-frame forces of every contact point between them.
 
     ``forces_n`` and ``curves_n`` as in ``CentroidalPlan``.
     """
@@ -48,12 +48,12 @@ class Motion:
 
     @property
     def controls_n(self) -> Mapping[str, Float[np.ndarray, "m d k 3"]]:
-        """Control points of the forces: four, or one where they are constant."""
+        """Control points of the forces: four for splines, one for constant forces."""
         return self.curves_n or {name: f[:, None] for name, f in self.forces_n.items()}
 
     @property
     def degree(self) -> int:
-        """Of the forces between nodes."""
+        """Polynomial degree of the forces between nodes."""
         return DEGREE if self.curves_n else 0
 
 
@@ -67,7 +67,7 @@ def total_force_n(motion: Motion) -> Points:
 
 @dataclass(frozen=True, eq=False)
 class Instants:
-    """All intervals ``m`` at the same share of their length: CoM, its acceleration, and the rate of L_c."""
+    """States of all ``m`` intervals at the same share of their length: CoM, velocity, acceleration, rate of L_c."""
 
     com_m: Points
     com_v_m_s: Points
@@ -80,19 +80,19 @@ Wrenches = tuple[Float[np.ndarray, "m d 3"], Float[np.ndarray, "m d 3"]]
 
 
 def instants(mass_kg: float, motion: Motion, wrenches: Wrenches, share: float) -> Instants:
-    """By (4.2), from the node before every interval."""
+    """Integrate (4.2) from the node before every interval up to ``share`` of its length."""
     h = np.diff(motion.time_s)[:, None]
     c, v = motion.com_m[:-1], motion.com_v_m_s[:-1]
     F, M = wrenches
-    now, once, twice, _ = weights(share, motion.degree)
-    f = np.tensordot(now, F, (0, 1))
-    there = c + h * share * v + h**2 * (np.tensordot(twice, F, (0, 1)) / mass_kg + share**2 / 2 * g)
-    speed = v + h * (np.tensordot(once, F, (0, 1)) / mass_kg + share * g)
-    return Instants(there, speed, f / mass_kg + g, np.tensordot(now, M, (0, 1)) - np.cross(there, f))
+    value_weights, first_integral, second_integral, _ = weights(share, motion.degree)
+    f = np.tensordot(value_weights, F, (0, 1))
+    com = c + h * share * v + h**2 * (np.tensordot(second_integral, F, (0, 1)) / mass_kg + share**2 / 2 * g)
+    velocity = v + h * (np.tensordot(first_integral, F, (0, 1)) / mass_kg + share * g)
+    return Instants(com, velocity, f / mass_kg + g, np.tensordot(value_weights, M, (0, 1)) - np.cross(com, f))
 
 
 def wrenches_of(sequence: ContactSequence, motion: Motion) -> Wrenches:
-    """What the forces of a motion amount to."""
+    """Total contact wrench of a motion."""
     controls = motion.controls_n
     F = np.zeros((len(motion.phase), motion.degree + 1, 3))
     M = F.copy()
@@ -115,19 +115,19 @@ def verify(
     start: Start = AT_REST,
     terminal: Terminal = "rest",
 ) -> Verification:
-    """Integrate the forces and look at every cone; forces of effectors that do not touch count as outside.
+    """Integrate the forces and check every cone; forces of effectors without contact count as violations.
 
-    A capturable end may miss the goal's place, but neither its height nor the hull of the last contact points.
+    A capturable end must meet the goal's height and the hull of the last contact points, not the goal's position.
     """
     h = np.diff(motion.time_s)[:, None]
     c, v, L = motion.com_m, motion.com_v_m_s, motion.l_nms
     wrenches = wrenches_of(sequence, motion)
-    after = instants(mass_kg, motion, wrenches, 1.0)
-    turned = sum(w * instants(mass_kg, motion, wrenches, s).l_rate_nm for s, w in gauss(N_GAUSS))
+    end_states = instants(mass_kg, motion, wrenches, 1.0)
+    momentum_rate = sum(w * instants(mass_kg, motion, wrenches, s).l_rate_nm for s, w in gauss(N_GAUSS))
     gaps = [
-        c[1:] - after.com_m,
-        v[1:] - after.com_v_m_s,
-        L[1:] - L[:-1] - h * turned,
+        c[1:] - end_states.com_m,
+        v[1:] - end_states.com_v_m_s,
+        L[1:] - L[:-1] - h * momentum_rate,
         c[0] - com_start_m,
         v[0] - start.com_v_m_s,
         L[0] - start.l_nms,
@@ -136,8 +136,8 @@ def verify(
     if terminal == "capturable":
         last = sequence.phases[-1].contacts
         support = capture([at.placement.act(motion.points_m[name]) for name, at in last.items()], com_end_m)
-        outside = support.excess_m(c[-1], v[-1])
-        ends = [np.array([c[-1, 2] - com_end_m[2], v[-1, 2], outside]), L[-1]]
+        excess_m = support.excess_m(c[-1], v[-1])
+        ends = [np.array([c[-1, 2] - com_end_m[2], v[-1, 2], excess_m]), L[-1]]
     cone_margin_n, normal_force_min_n = _cones(sequence, motion)
     return Verification(
         dynamics_gap=float(max(np.abs(gap).max() for gap in gaps)),
@@ -148,7 +148,7 @@ def verify(
 
 
 def motion_of(plan: CentroidalPlan) -> Motion:
-    """What a plan says that happens, without how it was found: ``verify`` it, however old it is."""
+    """The motion of a plan, without solver data, as input of ``verify``."""
     return Motion(
         plan.time_s,
         plan.phase,
@@ -162,7 +162,7 @@ def motion_of(plan: CentroidalPlan) -> Motion:
 
 
 def holds(verification: Verification) -> bool:
-    """Whether a plan with these figures is a solution; NaN is not."""
+    """Whether a plan with these values is a solution; NaN is not."""
     return (
         verification.dynamics_gap <= DYNAMICS_GAP_MAX
         and verification.terminal_gap <= TERMINAL_GAP_MAX
@@ -172,7 +172,7 @@ def holds(verification: Verification) -> bool:
 
 
 def _cones(sequence: ContactSequence, motion: Motion) -> tuple[float, float]:
-    """Smallest ``mu f_n - |f_t|`` and smallest ``f_n`` of all points that touch; a force where nothing does is -|f|."""
+    """Smallest ``mu f_n - |f_t|`` and smallest ``f_n`` of all contact points; a force without contact counts -|f|."""
     margins, normals = [np.inf], [np.inf]
     for name, controls in motion.controls_n.items():
         for i, phase in enumerate(sequence.phases):

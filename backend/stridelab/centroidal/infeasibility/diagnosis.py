@@ -1,18 +1,18 @@
-"""Why a motion could not be planned, in the terms of whoever asked for it: phases, effectors, newtons, metres, seconds.
+"""Diagnosis of a failed plan in terms of the scenario: phases, effectors, newtons, metres, seconds.
 
-Three questions, each decided by linear programmes (``relaxed``), the first that is answered no names the trouble:
+Three tests by linear programs (``elastic_lp``); the first that fails gives the verdict:
 
-    held        is there any motion at all, somersaults included?      cones that lack newtons, the end that is missed
-    bearable    one within reach, that hardly spins and does not jump? cones, metres out of reach, angular momentum
-    usual       does the plan keep the CoM where postures have it?     the share of postures that are as unusual
+    feasible    does any motion exist, somersaults included?             cone violations (N), end miss
+    bearable    one within reach, with little spin and without jumping?  cones, metres out of reach, angular momentum
+    usual       is the CoM where the robot's postures have it?           the share of postures that are as unusual
 
-If all are answered yes, the solver has missed a motion that exists: it is stuck. Unless the control is the wrench,
-whose own cone is narrower than that of the contacts: then (4.20) is solved with forces, and phases are named whose
-wrenches that cone does not hold.
+If all pass, a motion exists that the solver did not find: it is stuck. If the control is the wrench, whose own cone is
+narrower than that of the contacts, (4.20) is solved with point forces, and the phases whose wrenches lie outside that
+cone are reported.
 
-What would help is sought in the durations of the phases, then in the places of the contacts, then in their friction,
-each changed as little as possible; only what a relaxed programme confirms is proposed. The search ends when its
-processor time is up, with what was found until then.
+A remedy is searched in the durations of the phases, then in the placements of the contacts, then in their friction,
+each with the smallest change; only what an elastic program confirms is proposed. The search ends with its processor
+time and returns the best result so far.
 """
 
 import time
@@ -37,25 +37,24 @@ Kind = Literal["cone", "reach", "load", "momentum", "end", "unusual", "wrench"]
 UNUSUAL = 0.001
 """Share of an effector's postures below which a CoM is called unusual."""
 SAID = 3
-"""Findings that the sentence names, the worst of each kind first."""
+"""Number of findings in the message, the worst of each kind first."""
 FRICTIONS = 12
-"""Halvings of the interval in which the least friction is sought."""
+"""Bisection steps of the search for the least friction."""
 FRICTION_MOST = 1.2
 SEARCH_S = 30.0
-"""Processor time for the search of what would help, not counting the programme that is under way when it is up."""
+"""Processor time for the search of a remedy; a program that is running at the limit is completed."""
 REST_M = 0.005
-"""A motion that ends nearer to the goal than this fails to come to rest there."""
+"""End position errors below this are reported as a motion that does not come to rest."""
 CHANGE_S = 0.005
-"""Changes of a phase that are shorter are not worth a word."""
+"""Smallest change of a phase's duration that the message names."""
 
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing that is wrong.
+    """One violated limit.
 
-    ``value`` by its kind: a cone margin (N, negative), metres out of reach, the load of a hand (N), an angular momentum
-    (Nms), metres from the goal, the share of postures that are as unusual, how many times as far out a wrench lies as
-    the control's own cone reaches.
+    ``value`` by ``kind``: a cone margin (N, negative), metres out of reach, the load of a hand (N), an angular momentum
+    (Nms), metres from the goal, the share of postures that are as unusual, the gauge of a wrench in the control's cone.
     """
 
     kind: Kind
@@ -65,7 +64,7 @@ class Finding:
 
     @property
     def says(self) -> str:
-        """A sentence without its place."""
+        """Description of the violation, without its location."""
         x = abs(self.value)
         far = f"the motion ends {x:.2f} m from the goal" if x > REST_M else "the motion does not come to rest"
         rare = f"only {100.0 * x:.2f} % of its postures are" if x else "none of its postures is"
@@ -81,16 +80,16 @@ class Finding:
 
     @property
     def where(self) -> str:
-        """The place in the scenario."""
+        """Location in the scenario."""
         phase = "goal" if self.phase is None else f"phases[{self.phase}]"
         return phase if self.effector is None else f"{phase}.{self.effector}"
 
 
 @dataclass(frozen=True, eq=False)
 class Diagnosis:
-    """``verdict`` and what it rests on; of the proposals at most one is there.
+    """``verdict``, the findings behind it, and at most one remedy: durations, placements or friction.
 
-    ``cut_short``: the search for one came to the end of its time.
+    ``cut_short``: the search for a remedy ran out of time.
     """
 
     verdict: Verdict
@@ -102,40 +101,40 @@ class Diagnosis:
 
     @property
     def sentence(self) -> str:
-        """For a message: what is wrong, and what would help."""
-        begin = {
+        """Message: the violated limits and the remedy."""
+        summary = {
             "impossible": "No motion over these contacts exists",
             "unbearable": "No motion over these contacts is one that a body can follow",
-            "unusual": "The plan asks for what the robot's postures hardly allow",
+            "unusual": "The plan needs positions that the robot's postures hardly allow",
             "narrow": "There is a motion over these contacts by forces, but the cone of the control is narrower",
             "stuck": "There are motions over these contacts, but the solver found none",
-            "found": "The plan keeps to all limits",
+            "found": "The plan respects all limits",
         }[self.verdict]
-        told = "; ".join(f"{f.where}: {f.says}" for f in self.findings[:SAID])
-        return f"{begin}{': ' + told if told else ''}.{self._help}"
+        details = "; ".join(f"{f.where}: {f.says}" for f in self.findings[:SAID])
+        return f"{summary}{': ' + details if details else ''}.{self._help}"
 
     @property
     def _help(self) -> str:
         if self.durations is not None:
             longer = [(i, s) for i, s in enumerate(self.durations.longer_s.tolist()) if abs(s) > CHANGE_S]
             changes = ", ".join(f"phase {i} {abs(s):.2f} s {'longer' if s > 0 else 'shorter'}" for i, s in longer)
-            return f" It would do to make {changes}."
+            return f" A possible remedy: make {changes}."
         if self.placements is not None:
             moves = ", ".join(
                 f"{name} from phase {i} by ({x:.3f}, {y:.3f}, {z:.3f}) m"
                 for (i, name), (x, y, z) in self.placements.shifts_m.items()
             )
-            return f" It would do to move {moves}."
+            return f" A possible remedy: move {moves}."
         if self.friction is not None:
-            return f" It would do to have a friction of {self.friction:.2f} everywhere."
-        return " The search for what would help was ended before it found anything." if self.cut_short else ""
+            return f" A possible remedy: a friction of {self.friction:.2f} everywhere."
+        return " The search for a remedy reached its time limit without a result." if self.cut_short else ""
 
 
 def diagnose(problem: CentroidalProblem, plan: CentroidalPlan | None = None, search_s: float = SEARCH_S) -> Diagnosis:
-    """What stands in the way of ``problem``; with its plan, whose failure is to be explained or whose CoM to be judged.
+    """Explain why ``problem`` has no plan, or check the CoM of the given plan.
 
-    Takes up to some tens of solutions of linear programmes, of which those that seek help stop after ``search_s``
-    seconds of processor time: about 50 s were seen for half a minute of motion.
+    Solves up to some tens of linear programs; the search for a remedy stops after ``search_s`` seconds of processor
+    time. About 50 s in total were measured for half a minute of motion.
     """
     solved = plan is not None and plan.converged
     if not solved and not held(problem):
@@ -152,23 +151,23 @@ def diagnose(problem: CentroidalProblem, plan: CentroidalPlan | None = None, sea
 
 
 def _narrow(problem: CentroidalProblem) -> tuple[Finding, ...]:
-    """Phases in which a motion by forces leaves the cone of the control, the farthest out first."""
+    """Phases in which a motion by point forces leaves the cone of the control, largest gauge first."""
     if problem.control.has_point_forces:
         return ()
     by_forces = solve(replace(problem, control=PYRAMIDS), "ipopt")
     if not by_forces.converged:
         return ()
-    found = []
+    findings = []
     for i in range(len(problem.sequence.phases)):
-        touches = problem.touches(i, problem.com_start_m)
+        patches = problem.touches(i, problem.com_start_m)
         wrenches = np.zeros((int((by_forces.phase == i).sum()), 6))
-        for touch in touches:
-            f = by_forces.forces_n[touch.effector][by_forces.phase == i] / problem.weight_n
-            wrenches += np.hstack([f.sum(axis=1), np.cross(touch.points_m, f).sum(axis=1)])
-        out = float(problem.control.gauge(touches, wrenches).max())
-        if out > 1.0:
-            found.append(Finding("wrench", out, i))
-    return tuple(sorted(found, key=lambda f: -f.value))
+        for patch in patches:
+            f = by_forces.forces_n[patch.effector][by_forces.phase == i] / problem.weight_n
+            wrenches += np.hstack([f.sum(axis=1), np.cross(patch.points_m, f).sum(axis=1)])
+        gauge = float(problem.control.gauge(patches, wrenches).max())
+        if gauge > 1.0:
+            findings.append(Finding("wrench", gauge, i))
+    return tuple(sorted(findings, key=lambda f: -f.value))
 
 
 def _impossible(problem: CentroidalProblem) -> Iterable[Finding]:
@@ -184,7 +183,7 @@ def _missed(miss: EndMiss) -> list[Finding]:
 
 
 def _gave_way(found: Relaxed) -> list[Finding]:
-    """Every kind's worst first."""
+    """Findings of an elastic solution; the worst of each kind comes first."""
     cones = [Finding("cone", margin, *at) for at, margin in found.margins_n.items() if margin]
     reach = [Finding("reach", metres, *at) for at, metres in found.beyond_m.items() if metres]
     loads = [Finding("load", newtons, *at) for at, newtons in found.loads_n.items() if newtons]
@@ -195,7 +194,7 @@ def _gave_way(found: Relaxed) -> list[Finding]:
 
 
 def _unusual(problem: CentroidalProblem, plan: CentroidalPlan) -> list[Finding]:
-    found = []
+    findings = []
     for i, phase in enumerate(problem.sequence.phases):
         intervals = np.flatnonzero(plan.phase == i)
         com_m = plan.com_m[intervals[0] : intervals[-1] + 2]
@@ -205,8 +204,8 @@ def _unusual(problem: CentroidalProblem, plan: CentroidalPlan) -> list[Finding]:
                 frame = proxy.placement(contact.placement, float(problem.sequence.headings_rad[i]))
                 share = float(usual_share(proxy.mixture, frame.inverse().act(com_m)).min())
                 if share < UNUSUAL:
-                    found.append(Finding("unusual", share, i, name))
-    return sorted(found, key=lambda f: f.value)
+                    findings.append(Finding("unusual", share, i, name))
+    return sorted(findings, key=lambda f: f.value)
 
 
 def _spins(problem: CentroidalProblem, plan: CentroidalPlan) -> list[Finding]:
@@ -230,9 +229,9 @@ def _with_help(problem: CentroidalProblem, diagnosis: Diagnosis, search_s: float
 
 
 def _least_friction(problem: CentroidalProblem, until_s: float) -> float | None:
-    """The least friction, the same on every surface that has less, with which there is a bearable motion.
+    """The least friction, applied to every surface that has less, for which a bearable motion exists.
 
-    A greater one, for which that is confirmed as well, where time is up before.
+    Returns the smallest confirmed value so far when time runs out.
     """
     if time.process_time() > until_s or not _bearable(problem, FRICTION_MOST):
         return None
@@ -254,5 +253,5 @@ def _bearable(problem: CentroidalProblem, friction: float) -> bool:
         for phase in problem.sequence.phases
     )
     rough = replace(problem, sequence=replace(problem.sequence, phases=phases))
-    found = relax(rough, PENALTY, PENALTY, PENALTY, coarse_grid(rough))
-    return found is not None and found.held
+    solution = relax(rough, PENALTY, PENALTY, PENALTY, coarse_grid(rough))
+    return solution is not None and solution.held

@@ -1,26 +1,24 @@
-"""The constraints of (4.20) alone, relaxed until they have a solution: linear programmes.
+"""Elastic relaxation of the constraints of (4.20) as a linear program.
 
-In the variables of ``dynamics`` the constraints of u_f are linear, so that what a solver failed at can be decided. They
-allow motions that no body follows, somersaults of many metres among them: what cost and densities keep from happening
-in (4.20) enters as a box about every contact (``reach_box``) and as bounds that ``bodily`` explains. All can give way,
-each at its price:
+In the variables of ``dynamics`` the constraints of u_f are linear, so that feasibility can be decided. They admit
+motions that no body follows, such as somersaults of many metres; what cost and densities prevent in (4.20) enters as
+a box about every contact (``reach_box``) and as the bounds of ``body_limits``. Each constraint has a slack at a price:
 
     min   p_s sum T s  +  p_b sum T (r + q + l)  +  p_e |e|_1
     s.t.  A w = b,  + e in the rows of the end
-          lambda >= -s                             a contact sticks to its surface, alike throughout a phase
-          low - r <= R^T (c - p) <= high + r       the CoM is out of an effector's reach, likewise
-          |L_c| / m <= SPIN + l                    the body spins, likewise
-          |F_z - 1| <= PUSH                        nobody jumps while a sole touches,
-          f_n <= GRIP + q at points                and nobody vaults on a hand
+          lambda >= -s                             adhesion of a contact, constant over a phase
+          low - r <= R^T (c - p) <= high + r       distance of the CoM out of an effector's reach, likewise
+          |L_c| / m <= SPIN + l                    excess of angular momentum, likewise
+          |F_z - 1| <= PUSH                        no jumping while a sole is in contact
+          f_n <= GRIP + q at points                excess load of a hand
           s, r, q, l >= 0
 
-An infinite price makes a constraint hard; what asks of the body at no price is left out. A sum of absolute values is
-met with few of them, so that the answer names few phases. With n rays per point, ``lambda >= -s`` moves the point's
-pyramid down by ``n s``: its margin, as ``contacts.wrench_cones.wrench_feasibility`` has it, is ``-mu cos(pi / n) n s``.
+An infinite price makes a constraint hard; body limits at price zero are left out. The L1 penalty gives sparse slacks,
+so that few phases are reported. With n rays per point, ``lambda >= -s`` moves the point's pyramid down by ``n s``: its
+margin, as defined in ``contacts.wrench_cones.wrench_feasibility``, is ``-mu cos(pi / n) n s``.
 
-``L_c = K - m c x c'`` is not linear; it is taken at the last of a few solutions, ``c x c'`` by its tangent. Of all
-cheapest motions the one with the least ``int |F - (0, 0, 1)|_1`` is sought, by a price too small to matter, so that
-solutions and tangents settle.
+``L_c = K - m c x c'`` is not linear; ``c x c'`` is linearised at the previous of a few solutions. A negligible price
+selects, among all cheapest motions, the one with the least ``int |F - (0, 0, 1)|_1``, so that the iteration converges.
 """
 
 from collections.abc import Mapping
@@ -38,25 +36,25 @@ from stridelab.centroidal.problem import CentroidalProblem, Grid
 from stridelab.conventions import Vector3
 
 HARD = float("inf")
-"""Price of what must hold."""
+"""Price of a hard constraint."""
 ENOUGH = 1e-6
-"""Share of the weight, and metres, below which nothing was given way."""
+"""Slacks up to this (share of the weight, metres) count as zero."""
 MET = 1e-5
-"""The largest miss (m, m/s, m/s^2, Nms) of an end that is met."""
+"""Largest end error (m, m/s, m/s^2, Nms) that counts as zero."""
 EFFORT = 1e-2
-"""Price of push, per weight and second, of which the other prices should be many times as large."""
+"""Price of force variation, per weight and second; the other prices should be many times larger."""
 TANGENTS = 3
-"""Solutions after which the tangent of ``c x c'`` is taken for good."""
+"""Maximum number of linearisations of ``c x c'``."""
 
 SETTLED = 1e-2
-"""A tangent that moved less than this (m, m/s) is the last."""
+"""Change of the states (m, m/s) below which the linearisation has converged."""
 
 
 @dataclass(frozen=True, eq=False)
 class EndMiss:
-    """By how much a motion misses the end: CoM, its velocity and acceleration, angular momentum about it.
+    """End error of a motion: CoM, its velocity and acceleration, angular momentum about it.
 
-    Of a capturable end ``com_m`` holds how far the capture point is out of its hull, and the height.
+    For a capturable end ``com_m`` holds the distance of the capture point outside its hull, and the height error.
     """
 
     com_m: Vector3
@@ -73,11 +71,11 @@ class EndMiss:
 
 @dataclass(frozen=True, eq=False)
 class Relaxed:
-    """What gave way: ``margins_n`` of cones (negative), ``beyond_m`` of reach; else zero.
+    """Solution of the elastic program; violations are zero where a limit holds.
 
-    ``loads_n`` are what hands carry that should not carry so much, ``spins_nms`` the momenta of phases that spin.
-
-    ``w`` are the variables of ``rows``, ``sticks`` the ray lengths s, ``price`` the value of the programme.
+    ``margins_n`` of cones (negative), ``beyond_m`` out of reach, ``loads_n`` of overloaded hands, ``spins_nms`` of
+    phases with excessive angular momentum. ``w`` are the variables of ``LinearConstraints``, ``sticks`` the slacks s,
+    ``price`` the optimal value.
     """
 
     w: Vector
@@ -91,7 +89,7 @@ class Relaxed:
 
     @property
     def held(self) -> bool:
-        """Whether nothing had to give way."""
+        """Whether all slacks are zero and the end is met."""
         gave = (*self.margins_n.values(), *self.beyond_m.values(), *self.loads_n.values(), *self.spins_nms.values())
         return not any(gave) and self.miss.met
 
@@ -99,69 +97,73 @@ class Relaxed:
 def relax(
     problem: CentroidalProblem, cones: float = HARD, body: float = 0.0, end: float = HARD, grid: Grid | None = None
 ) -> Relaxed | None:
-    """The cheapest way to a solution at these prices; None where what is hard has none.
+    """Cheapest elastic solution at these prices; None if the hard constraints are infeasible.
 
-    Prices are per weight and second, per metre (m^2/s) and second, and per metre (metre per second, ...) of the end.
+    Prices are per weight and second (``cones``), per metre (m^2/s) and second (``body``), and per metre (m/s, ...) of
+    the end error (``end``).
     """
     programme = rows(problem, problem.grid() if grid is None else grid)
     m, n = programme.A.shape
-    where, sticks, seconds = sticking(programme, problem)
-    lasts = np.array([phase.duration_s for phase in problem.sequence.phases])
+    contacts, sticks, seconds = sticking(programme, problem)
+    durations_s = np.array([phase.duration_s for phase in problem.sequence.phases])
     n_end = programme.n_end
-    sizes = (len(where), len(where), len(where), len(lasts), 2 * n_end)
-    cut = np.cumsum(sizes)[:-1]
+    sizes = (len(contacts), len(contacts), len(contacts), len(durations_s), 2 * n_end)
+    splits = np.cumsum(sizes)[:-1]
     miss = missing(programme)
     prices = (cones, body, body, body, end)
     cost = np.concatenate(
-        [_priced(p) * T for p, T in zip(prices, (seconds, seconds, seconds, lasts, np.ones(2 * n_end)), strict=True)]
+        [
+            _priced(p) * T
+            for p, T in zip(prices, (seconds, seconds, seconds, durations_s, np.ones(2 * n_end)), strict=True)
+        ]
     )
-    most = np.concatenate([np.full(size, _most(p)) for p, size in zip(prices, sizes, strict=True)])
-    unasked = sp.csc_matrix((m, 2 * len(where) + len(lasts)))
-    effort, aims = pushes(programme, problem) if body else (sp.csc_matrix((0, n + sizes[0])), np.zeros(0))
+    slack_bounds = np.concatenate([np.full(size, _most(p)) for p, size in zip(prices, sizes, strict=True)])
+    no_columns = sp.csc_matrix((m, 2 * len(contacts) + len(durations_s)))
+    effort, references = pushes(programme, problem) if body else (sp.csc_matrix((0, n + sizes[0])), np.zeros(0))
     columns = sp.bmat(
         [
-            [sp.hstack([programme.A, sticks, unasked, miss, -miss]), None],
+            [sp.hstack([programme.A, sticks, no_columns, miss, -miss]), None],
             [
-                sp.hstack([effort, sp.csc_matrix((len(aims), sum(sizes[1:])))]),
-                sp.hstack([-sp.identity(len(aims)), sp.identity(len(aims))]),
+                sp.hstack([effort, sp.csc_matrix((len(references), sum(sizes[1:])))]),
+                sp.hstack([-sp.identity(len(references)), sp.identity(len(references))]),
             ],
         ],
         format="csc",
     )
     bounds = np.column_stack(
         [
-            np.concatenate([programme.lower, np.zeros(len(most) + 2 * len(aims))]),
-            np.concatenate([np.full(n, np.inf), most, np.full(2 * len(aims), np.inf)]),
+            np.concatenate([programme.lower, np.zeros(len(slack_bounds) + 2 * len(references))]),
+            np.concatenate([np.full(n, np.inf), slack_bounds, np.full(2 * len(references), np.inf)]),
         ]
     )
-    efforts = EFFORT * np.repeat(programme.grid.step_s, 3)[: len(aims)]
+    efforts = EFFORT * np.repeat(programme.grid.step_s, 3)[: len(references)]
     x, about = None, straight(programme, problem)
     for _ in range(TANGENTS if body else 1):
-        G, room = bodily(programme, problem, about) if body else (sp.csc_matrix((0, n + int(cut[-1]))), np.zeros(0))
-        unbounded = sp.csc_matrix((len(room), 2 * n_end + 2 * len(aims)))
-        found = least(
+        G, room = bodily(programme, problem, about) if body else (sp.csc_matrix((0, n + int(splits[-1]))), np.zeros(0))
+        unbounded = sp.csc_matrix((len(room), 2 * n_end + 2 * len(references)))
+        solution = least(
             np.concatenate([np.zeros(n), cost, efforts, efforts]),
-            (columns, np.append(programme.b, aims)),
+            (columns, np.append(programme.b, references)),
             (sp.hstack([G, unbounded], format="csc"), room),
             bounds,
         )
-        if found is None:
+        if solution is None:
             return None
-        x, before = found[: n + len(cost)], about
+        x, previous = solution[: n + len(cost)], about
         about = x[: N_STATE * (len(programme.grid.step_s) + 1)].reshape(-1, N_STATE)
-        if np.abs(about[:, :6] - before[:, :6]).max() < SETTLED:
+        if np.abs(about[:, :6] - previous[:, :6]).max() < SETTLED:
             break
     assert x is not None
-    s, r, q, l, e = np.split(x[n:], cut)
+    s, r, q, l, e = np.split(x[n:], splits)
     face = N_RAYS * np.cos(np.pi / N_RAYS) * problem.weight_n
     return Relaxed(
         x[:n],
-        dict(zip(where, s.tolist(), strict=True)),
-        {at: -face * problem.contact(at[1], at[0]).friction * y for at, y in zip(where, _given(s), strict=True)},
-        dict(zip(where, _given(r), strict=True)),
+        dict(zip(contacts, s.tolist(), strict=True)),
+        {at: -face * problem.contact(at[1], at[0]).friction * y for at, y in zip(contacts, _given(s), strict=True)},
+        dict(zip(contacts, _given(r), strict=True)),
         {
             at: problem.weight_n * (carries(problem, at[1]) + y) if y else 0.0
-            for at, y in zip(where, _given(q), strict=True)
+            for at, y in zip(contacts, _given(q), strict=True)
         },
         {i: problem.mass_kg * (SPIN_M2_S + y) if y else 0.0 for i, y in enumerate(_given(l))},
         _missed(problem, e[n_end:] - e[:n_end]),
@@ -170,12 +172,12 @@ def relax(
 
 
 def held(problem: CentroidalProblem) -> bool:
-    """Whether the constraints have a solution at all, wherever it takes the CoM.
+    """Whether the constraints have a solution, wherever it takes the CoM.
 
-    Told by what must give way for one rather than by the words of a solver, which are a matter of tolerances.
+    Decided by the slacks of the elastic program instead of a solver's status, which depends on tolerances.
     """
-    found = relax(problem, cones=1.0)
-    return found is not None and found.held
+    solution = relax(problem, cones=1.0)
+    return solution is not None and solution.held
 
 
 def least(
@@ -184,15 +186,15 @@ def least(
     below: tuple[sp.csc_matrix, Vector],
     bounds: Float[np.ndarray, "_ 2"],
 ) -> Vector | None:
-    """``min cost x`` with rows that equal and rows that stay below; None where there is no solution.
+    """Minimise ``cost x`` under equality and upper-bound rows; None if infeasible or unbounded.
 
-    The simplex method of HiGHS gives up on a few of these programmes; its interior points then answer.
+    Falls back to the interior-point method where the simplex method of HiGHS fails numerically.
     """
     for method in ("highs-ds", "highs-ipm"):
-        found = linprog(cost, A_eq=equal[0], b_eq=equal[1], A_ub=below[0], b_ub=below[1], bounds=bounds, method=method)
-        if found.x is not None:
-            return np.asarray(found.x)
-        if found.status in (2, 3):
+        result = linprog(cost, A_eq=equal[0], b_eq=equal[1], A_ub=below[0], b_ub=below[1], bounds=bounds, method=method)
+        if result.x is not None:
+            return np.asarray(result.x)
+        if result.status in (2, 3):
             return None
     return None
 

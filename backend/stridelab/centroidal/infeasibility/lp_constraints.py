@@ -1,6 +1,4 @@
-"""A sparse matrix of numbers, put together block by block.
-
-The constraints of (4.20) as rows ``A w = b``, ``w >= lower``, for linear programmes.
+"""The constraints of (4.20) as rows ``A w = b``, ``w >= lower``, for linear programs.
 
 ``w`` holds the states of ``dynamics`` at all nodes, then the lengths of the rays of every interval and contact:
 
@@ -17,7 +15,6 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Float, Int
 
-from stridelab.centroidal.boundary_conditions import Capture, capture
 from stridelab.centroidal.dynamics import DOWN, N_STATE, step
 from stridelab.centroidal.problem import CentroidalProblem, Grid
 from stridelab.contacts.wrench_cones.contact_points import PointContacts
@@ -35,8 +32,8 @@ Where = tuple[int, str]
 class Rows:
     """``A w = b``, ``w >= lower``: states ``(n + 1, 9)`` first, then the ray lengths of every interval and contact.
 
-    ``first[k, effector]`` is where those of interval ``k`` begin; positions are relative to the CoM at the start. The
-    last ``n_end`` rows are the end, the ``N_STATE`` before them the start.
+    ``first[k, effector]`` is the index of the first ray length of interval ``k``; positions are relative to the CoM at
+    the start. The last ``n_end`` rows are the end conditions, the ``N_STATE`` before them the start.
     """
 
     grid: Grid
@@ -49,7 +46,7 @@ class Rows:
 
 
 def rows(problem: CentroidalProblem, grid: Grid) -> Rows:
-    """The constraints on a grid."""
+    """The constraints of a problem on a grid."""
     phases, last = problem.sequence.phases, len(grid.step_s) - 1
     wrenches = {(i, name): ray_wrenches(problem, i, name) for i, phase in enumerate(phases) for name in phase.contacts}
     n, first = N_STATE * (last + 2), dict[Where, int]()
@@ -69,14 +66,14 @@ def rows(problem: CentroidalProblem, grid: Grid) -> Rows:
     A.add(start, 0, np.eye(N_STATE))
     b.append(np.concatenate([np.zeros(3), problem.start.com_v_m_s, problem.start.l_nms / problem.weight_n]))
     end, at_end, goal = start + N_STATE, N_STATE * (last + 1), problem.com_end_m - problem.com_start_m
-    if problem.terminal == "capturable":  # its momentum is left to the bound on spins
-        stop = captured(problem)
+    stop = problem.capture_region()
+    if stop is not None:  # its momentum is limited by the body limits only
         A.add(end, at_end, np.eye(N_STATE)[[2, 5]])
         planes = len(stop.offsets)
         over = np.zeros((planes, N_STATE))
         over[:, 0:2], over[:, 3:5] = stop.normals, stop.normals / stop.omega_1_s
         A.add(end + 2, at_end, over)
-        A.add(end + 2, n, np.eye(planes))  # what is left to the planes is not negative
+        A.add(end + 2, n, np.eye(planes))  # slack to the planes, non-negative
         b.append(np.concatenate([goal[2:], [0.0], stop.offsets]))
         n, n_end = n + planes, 2 + planes
     else:
@@ -90,11 +87,6 @@ def rows(problem: CentroidalProblem, grid: Grid) -> Rows:
     return Rows(grid, wrenches, first, n_end, A.matrix(end + n_end, n), np.concatenate(b), lower)
 
 
-def captured(problem: CentroidalProblem) -> Capture:
-    """Where a capturable end must have its capture point, relative to the CoM at the start."""
-    last = problem.touches(len(problem.sequence.phases) - 1, problem.com_start_m)
-    return capture([touch.points_m for touch in last], problem.com_end_m - problem.com_start_m)
-
 
 def ray_wrenches(problem: CentroidalProblem, phase: int, effector: str) -> Float[np.ndarray, "6 m"]:
     """``(F, T)`` about the CoM at the start per unit length of every ray of a contact, point by point."""
@@ -106,10 +98,10 @@ def ray_wrenches(problem: CentroidalProblem, phase: int, effector: str) -> Float
 
 
 def sticking(programme: Rows, problem: CentroidalProblem) -> tuple[list[Where], sp.csc_matrix, Vector]:
-    """All contacts, the columns of their ``s`` in ``A``, and the seconds for which each may stick."""
-    where = [(i, name) for i, phase in enumerate(problem.sequence.phases) for name in phase.contacts]
-    columns, seconds, last = Blocks(), np.zeros(len(where)), len(programme.grid.step_s) - 1
-    for j, (i, name) in enumerate(where):
+    """All contacts, the columns of their slacks ``s`` in ``A``, and the duration (s) of each."""
+    contacts = [(i, name) for i, phase in enumerate(problem.sequence.phases) for name in phase.contacts]
+    columns, seconds, last = Blocks(), np.zeros(len(contacts)), len(programme.grid.step_s) - 1
+    for j, (i, name) in enumerate(contacts):
         pull = programme.wrenches[i, name].sum(axis=1)[:, None]
         for k in np.flatnonzero(programme.grid.phase == i):
             h = float(programme.grid.step_s[k])
@@ -117,25 +109,25 @@ def sticking(programme: Rows, problem: CentroidalProblem) -> tuple[list[Where], 
             columns.add(N_STATE * int(k), j, step(h).B @ pull)
             if k == last and problem.terminal == "rest":
                 columns.add(N_STATE * (last + 2), j, -pull[:3])
-    return where, columns.matrix(len(programme.b), len(where)), seconds
+    return contacts, columns.matrix(len(programme.b), len(contacts)), seconds
 
 
 def missing(programme: Rows) -> sp.csc_matrix:
-    """Columns of ``e`` in ``A``."""
+    """Columns of the end slacks ``e`` in ``A``."""
     n_end = programme.n_end
     return sp.vstack([sp.csc_matrix((len(programme.b) - n_end, n_end)), sp.identity(n_end)], format="csc")
 
 
 @dataclass(frozen=True)
 class Blocks:
-    """The matrix under construction; entries that meet are added."""
+    """A sparse matrix under construction, block by block; overlapping entries are added."""
 
     rows: list[Int[np.ndarray, "_"]] = field(default_factory=list)
     columns: list[Int[np.ndarray, "_"]] = field(default_factory=list)
     values: list[Float[np.ndarray, "_"]] = field(default_factory=list)
 
     def add(self, row: int, column: int, M: Float[np.ndarray, "rows columns"]) -> None:
-        """Put ``M`` with its upper left corner at ``(row, column)``."""
+        """Add ``M`` with its upper left corner at ``(row, column)``."""
         i, j = np.nonzero(M)
         self.rows.append(row + i)
         self.columns.append(column + j)

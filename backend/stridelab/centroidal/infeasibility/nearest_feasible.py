@@ -1,13 +1,13 @@
-"""The nearest problem whose constraints have a solution: durations or placements changed as little as possible.
+"""Nearest feasible problem: durations or placements with the smallest change for which the constraints are feasible.
 
-    min  sum |theta_i|  +  P (sum T s + ... of ``relaxed``)      over theta and the variables of ``relaxed``
+    min  sum |theta_i|  +  P (sum T s + ... of ``elastic_lp``)      over theta and the variables of ``elastic_lp``
 
 theta are seconds added to the phases, or shifts (in decimetres) of contacts along x and y of their own frames. The rows
-are not linear in theta: an interval's state at its end changes with the length h as A'(h) x + B'(h) (F, T) + b'(h), its
-moment with a contact's place as dp x f. So linear programmes of the rows at the last solution, in a region that shrinks
-where they promise too much, each step judged by the exact relaxed programme (sequential linear programming). P is so
-large that nothing gives way at the end if nothing has to. What comes out is the border of the possible; it is proposed
-with a share of ``SPARES`` more of every change.
+are not linear in theta: an interval's end state changes with its length h as A'(h) x + B'(h) (F, T) + b'(h), its moment
+with a contact's position as dp x f. The method is sequential linear programming: each linear program is built at the
+last solution within a trust region, and each step is accepted or rejected by the exact elastic program. P is large
+enough that slacks vanish at the solution if they can. The solution lies on the boundary of the feasible set; every
+change is therefore enlarged by one of the ``RESERVES``.
 """
 
 import time
@@ -31,17 +31,17 @@ from stridelab.conventions import GRAVITY_M_S2, Vector3
 What = Literal["durations", "placements"]
 Counts = Int[np.ndarray, "phases"]
 PENALTY = 100.0
-"""Price of what gives way, per weight and second and per metre and second."""
+"""Price of slacks, per weight and second and per metre and second."""
 SPARES = (0.1, 0.25, 0.5, 1.0)
-"""Shares by which a change that only just suffices is exceeded."""
+"""Shares by which the smallest sufficient change is enlarged, tried in this order."""
 RATE_HZ = 3.0
-"""Nodes per second, fewer than a plan has: a motion in fewer steps is a motion in more."""
+"""Nodes per second, fewer than in a plan: feasibility on a coarse grid implies it on a finer one."""
 COARSE, FINE = 3, 5
-"""Least number of intervals of a phase in the search, and where its answer is confirmed, twice as many per second."""
+"""Minimum intervals per phase in the search, and on the confirmation grid with twice as many nodes per second."""
 SHORTEST_S = 0.05
 DECIMETRE_M = 0.1
 FARTHEST_M = 2.0
-"""Farther no contact is moved."""
+"""Maximum distance by which a contact may be moved."""
 ROUNDS = 25
 FIRST_REGION = 0.4
 LAST_REGION = 1e-3
@@ -49,10 +49,10 @@ LAST_REGION = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class Nearest:
-    """A sequence near the one that was asked for.
+    """A contact sequence near the given one.
 
-    ``held``: its constraints have a solution within reach. ``longer_s`` by how much each phase lasts longer;
-    ``shifts_m`` where contacts move to in the world, by the phase in which they begin.
+    ``held``: whether its constraints and body limits are feasible. ``longer_s``: change of each phase's duration;
+    ``shifts_m``: world-frame shifts of the contacts, by their first phase and effector.
     """
 
     sequence: ContactSequence
@@ -62,61 +62,66 @@ class Nearest:
 
 
 def nearest(problem: CentroidalProblem, what: What, until_s: float = np.inf) -> Nearest | None:
-    """Change the durations, or the places of the contacts that begin and end within; None where neither is there.
+    """Change the durations, or the placements of the contacts that begin and end within the motion.
 
-    The search ends when the processor's clock shows ``until_s``; where that is past already there is none either.
+    Returns None if there is nothing to change, or if the process time has already passed ``until_s``, at which the
+    search ends.
     """
     counts = _counts(problem, RATE_HZ, COARSE)
-    stays = movable(problem.sequence) if what == "placements" else []
-    size = len(problem.sequence.phases) if what == "durations" else 2 * len(stays)
-    limits = _limits(problem, what, stays)
+    spans = movable(problem.sequence) if what == "placements" else []
+    size = len(problem.sequence.phases) if what == "durations" else 2 * len(spans)
+    limits = _limits(problem, what, spans)
     if time.process_time() > until_s:
         return None
     theta, region = np.zeros(size), FIRST_REGION
-    now = _judged(problem, what, stays, theta, counts)
-    if not size or now is None:
+    current = _judged(problem, what, spans, theta, counts)
+    if not size or current is None:
         return None
     for _ in range(ROUNDS):
-        settled = now.price < LAST_REGION and region < FIRST_REGION and np.abs(theta).sum() < LAST_REGION
-        if settled or time.process_time() > until_s:
+        converged = current.price < LAST_REGION and region < FIRST_REGION and np.abs(theta).sum() < LAST_REGION
+        if converged or time.process_time() > until_s:
             break
-        found = _linear(problem, what, stays, theta, now, _Region(theta, region, limits), counts)
-        after = None if found is None else _judged(problem, what, stays, found, counts)
-        if found is None or after is None or _merit(found, after) > _merit(theta, now) - LAST_REGION / 10.0:
+        candidate = _linear(problem, what, spans, theta, current, _Region(theta, region, limits), counts)
+        candidate_solution = None if candidate is None else _judged(problem, what, spans, candidate, counts)
+        if (
+            candidate is None
+            or candidate_solution is None
+            or _merit(candidate, candidate_solution) > _merit(theta, current) - LAST_REGION / 10.0
+        ):
             region /= 3.0
             if region < LAST_REGION:
                 break
             continue
-        theta, now, region = found, after, min(FIRST_REGION, 1.5 * region)
-    return _spared(problem, what, stays, theta, until_s)
+        theta, current, region = candidate, candidate_solution, min(FIRST_REGION, 1.5 * region)
+    return _spared(problem, what, spans, theta, until_s)
 
 
 def _spared(problem: CentroidalProblem, what: What, stays: list[Stay], theta: Vector, until_s: float) -> Nearest:
-    """With the least of ``SPARES`` that holds on a grid twice as fine; the last one tried where none does."""
-    before = np.array([phase.duration_s for phase in problem.sequence.phases])
-    for spare in SPARES if what == "durations" else SPARES[:1]:
-        more = (1.0 + spare) * np.where(np.abs(theta) > LAST_REGION, theta, 0.0)
-        spared = _changed(problem, what, stays, more)
-        fine = grid_of(spared, _counts(spared, 2.0 * RATE_HZ, FINE))
-        final = relax(spared, cones=PENALTY, body=PENALTY, end=PENALTY, grid=fine)
-        holds = final is not None and final.held
-        if holds or time.process_time() > until_s:
+    """Enlarge the change by the smallest of ``RESERVES`` that is feasible on a grid twice as fine, or the last tried."""
+    durations_s = np.array([phase.duration_s for phase in problem.sequence.phases])
+    for reserve in SPARES if what == "durations" else SPARES[:1]:
+        enlarged = (1.0 + reserve) * np.where(np.abs(theta) > LAST_REGION, theta, 0.0)
+        changed = _changed(problem, what, stays, enlarged)
+        fine = grid_of(changed, _counts(changed, 2.0 * RATE_HZ, FINE))
+        final = relax(changed, cones=PENALTY, body=PENALTY, end=PENALTY, grid=fine)
+        feasible = final is not None and final.held
+        if feasible or time.process_time() > until_s:
             break
     return Nearest(
-        spared.sequence,
-        holds,
-        np.array([phase.duration_s for phase in spared.sequence.phases]) - before,
+        changed.sequence,
+        feasible,
+        np.array([phase.duration_s for phase in changed.sequence.phases]) - durations_s,
         {
-            (stay.first, stay.contact.effector): _shift(stay, more[2 * j : 2 * j + 2])
+            (stay.first, stay.contact.effector): _shift(stay, enlarged[2 * j : 2 * j + 2])
             for j, stay in enumerate(stays)
-            if more[2 * j : 2 * j + 2].any()
+            if enlarged[2 * j : 2 * j + 2].any()
         },
     )
 
 
 @dataclass(frozen=True, eq=False)
 class _Region:
-    """Where theta may go in one step: so far about where it is, within its limits."""
+    """Trust region of theta: a box of ``radius`` around ``at``, intersected with ``limits``."""
 
     at: Vector
     radius: float
@@ -132,17 +137,17 @@ class _Region:
 
 
 def _limits(problem: CentroidalProblem, what: What, stays: list[Stay]) -> tuple[Vector, Vector]:
-    """Phases keep ``SHORTEST_S``; contacts stay on their surfaces, clear of what rises beside, with their spare."""
+    """Bounds of theta: phases last ``MIN_PHASE_S``; contacts stay within their windows, including the reserve."""
     if what == "durations":
-        lasts = np.array([phase.duration_s for phase in problem.sequence.phases])
-        return np.minimum(0.0, SHORTEST_S - lasts), np.full(len(lasts), np.inf)
-    rooms = []
+        durations_s = np.array([phase.duration_s for phase in problem.sequence.phases])
+        return np.minimum(0.0, SHORTEST_S - durations_s), np.full(len(durations_s), np.inf)
+    windows = []
     for stay in stays:
         points_m = problem.points_m(stay.contact.effector)
-        rooms.append(room_m(stay.contact, points_m, problem.sequence.terrain, (FARTHEST_M, FARTHEST_M)))
-    low, high = (np.concatenate([np.zeros(0), *(room[side] for room in rooms)]) for side in (0, 1))
-    spared = (1.0 + SPARES[0]) * DECIMETRE_M
-    return low / spared, high / spared
+        windows.append(room_m(stay.contact, points_m, problem.sequence.terrain, (FARTHEST_M, FARTHEST_M)))
+    low, high = (np.concatenate([np.zeros(0), *(room[side] for room in windows)]) for side in (0, 1))
+    scale = (1.0 + SPARES[0]) * DECIMETRE_M
+    return low / scale, high / scale
 
 
 def _merit(theta: Vector, relaxed: Relaxed) -> float:
@@ -150,12 +155,12 @@ def _merit(theta: Vector, relaxed: Relaxed) -> float:
 
 
 def coarse_grid(problem: CentroidalProblem) -> Grid:
-    """The grid of the search, for questions about the problem as it is."""
+    """The grid of the search for the unchanged problem."""
     return grid_of(problem, _counts(problem, RATE_HZ, COARSE))
 
 
 def grid_of(problem: CentroidalProblem, counts: Counts) -> Grid:
-    """So many intervals per phase."""
+    """Grid with ``counts`` intervals per phase."""
     phase = np.repeat(np.arange(len(counts)), counts)
     h = np.array([p.duration_s for p in problem.sequence.phases]) / counts
     return Grid(np.concatenate([[0.0], np.cumsum(h[phase])]), phase, h[phase])
@@ -178,11 +183,11 @@ def _changed(problem: CentroidalProblem, what: What, stays: list[Stay], theta: V
             for phase, dt in zip(phases, theta, strict=True)
         ]
     for j, stay in enumerate(stays):
-        place, name = stay.contact.placement, stay.contact.effector
-        there = replace(place, position_m=place.position_m + _shift(stay, theta[2 * j : 2 * j + 2]))
+        old_placement, name = stay.contact.placement, stay.contact.effector
+        placement = replace(old_placement, position_m=old_placement.position_m + _shift(stay, theta[2 * j : 2 * j + 2]))
         for i in range(stay.first, stay.last + 1):
-            moved = replace(stay.contact, placement=there)
-            phases[i] = ContactPhase(phases[i].duration_s, {**phases[i].contacts, name: moved})
+            contact = replace(stay.contact, placement=placement)
+            phases[i] = ContactPhase(phases[i].duration_s, {**phases[i].contacts, name: contact})
     return replace(problem, sequence=replace(problem.sequence, phases=tuple(phases)))
 
 
@@ -199,27 +204,27 @@ def _linear(
     region: "_Region",
     counts: Counts,
 ) -> Vector | None:
-    """The theta of the linear programme at the solution ``now``."""
+    """Theta of the linear program linearised at the solution ``now``."""
     changed = _changed(problem, what, stays, theta)
     programme = rows(changed, grid_of(changed, counts))
     m, n = programme.A.shape
     _, sticks, seconds = sticking(programme, changed)
-    G, room = bodily(programme, changed, now.w[: N_STATE * (len(programme.grid.step_s) + 1)].reshape(-1, N_STATE))
+    G, limits = bodily(programme, changed, now.w[: N_STATE * (len(programme.grid.step_s) + 1)].reshape(-1, N_STATE))
     J, H = (
         (_by_durations(programme, changed, now), sp.csc_matrix((G.shape[0], len(theta))))
         if what == "durations"
         else _by_places(programme, changed, now, stays, G.shape[0])
     )
-    lasts = np.array([phase.duration_s for phase in changed.sequence.phases])
-    slacks = PENALTY * np.concatenate([seconds, seconds, seconds, lasts, np.ones(2 * programme.n_end)])
+    durations_s = np.array([phase.duration_s for phase in changed.sequence.phases])
+    slacks = PENALTY * np.concatenate([seconds, seconds, seconds, durations_s, np.ones(2 * programme.n_end)])
     size, count = len(theta), len(slacks)
     E, zero = sp.identity(size), sp.csc_matrix((size, n + count))
-    unasked = sp.csc_matrix((m, 2 * len(seconds) + len(lasts)))
+    no_columns = sp.csc_matrix((m, 2 * len(seconds) + len(durations_s)))
     miss, n_end = missing(programme), programme.n_end
-    found = least(
+    solution = least(
         np.concatenate([np.zeros(n), slacks, np.zeros(size), np.ones(size)]),
         (
-            sp.hstack([programme.A, sticks, unasked, miss, -miss, J, sp.csc_matrix((m, size))], format="csc"),
+            sp.hstack([programme.A, sticks, no_columns, miss, -miss, J, sp.csc_matrix((m, size))], format="csc"),
             programme.b + J @ theta,
         ),
         (
@@ -231,7 +236,7 @@ def _linear(
                 ],
                 format="csc",
             ),
-            np.concatenate([room + H @ theta, np.zeros(2 * size)]),
+            np.concatenate([limits + H @ theta, np.zeros(2 * size)]),
         ),
         np.column_stack(
             [
@@ -240,18 +245,18 @@ def _linear(
             ]
         ),
     )
-    return None if found is None else found[-2 * size : -size]
+    return None if solution is None else solution[-2 * size : -size]
 
 
 def _forces(programme: Rows, now: Relaxed, k: int, effector: str) -> Vector:
-    """``(F, T)`` of a contact in interval ``k``, what sticks included."""
+    """``(F, T)`` of a contact in interval ``k``, adhesion included."""
     i = int(programme.grid.phase[k])
     W, start = programme.wrenches[i, effector], programme.first[k, effector]
     return np.asarray(W @ (now.w[start : start + W.shape[1]] - now.sticks[i, effector]))
 
 
 def _by_durations(programme: Rows, problem: CentroidalProblem, now: Relaxed) -> sp.csc_matrix:
-    """Derivative of the rows by the seconds added to the phases; the body's limits do not know of time."""
+    """Derivative of the rows by the phase durations; the body limits do not depend on them."""
     J, phases = Blocks(), problem.sequence.phases
     counts = np.bincount(programme.grid.phase)
     for k, h in enumerate(programme.grid.step_s):
@@ -265,17 +270,19 @@ def _by_durations(programme: Rows, problem: CentroidalProblem, now: Relaxed) -> 
 def _by_places(
     programme: Rows, problem: CentroidalProblem, now: Relaxed, stays: list[Stay], n_limits: int
 ) -> tuple[sp.csc_matrix, sp.csc_matrix]:
-    """Derivatives of the rows and of the body's limits, boxes first, by the shifts of the contacts."""
+    """Derivatives of the rows and of the body limits, boxes first, by the shifts of the contacts."""
     J, H, row = Blocks(), Blocks(), 0
-    of = {(i, stay.contact.effector): j for j, stay in enumerate(stays) for i in range(stay.first, stay.last + 1)}
-    along = [DECIMETRE_M * stay.contact.placement.rotation[:, :2] for stay in stays]
+    movable_index = {
+        (i, stay.contact.effector): j for j, stay in enumerate(stays) for i in range(stay.first, stay.last + 1)
+    }
+    axes = [DECIMETRE_M * stay.contact.placement.rotation[:, :2] for stay in stays]
     for k, h in enumerate(programme.grid.step_s):
         i, B = int(programme.grid.phase[k]), step(float(h)).B
         for name in problem.sequence.phases[i].contacts:
-            if (i, name) in of:
-                j = of[i, name]
+            if (i, name) in movable_index:
+                j = movable_index[i, name]
                 F = _forces(programme, now, k, name)[:3]
-                J.add(N_STATE * k, 2 * j, B[:, 3:] @ skew(F) @ along[j])
+                J.add(N_STATE * k, 2 * j, B[:, 3:] @ skew(F) @ axes[j])
     for i, phase in enumerate(problem.sequence.phases):
         for name, contact in phase.contacts.items():
             if name not in problem.proxies:
@@ -283,15 +290,15 @@ def _by_places(
             heading_rad = float(problem.sequence.headings_rad[i])
             R = problem.proxies[name].placement(contact.placement, heading_rad).rotation
             for _ in range(int((programme.grid.phase == i).sum()) + 1):
-                if (i, name) in of:
-                    j = of[i, name]
-                    H.add(row, 2 * j, -np.vstack([R.T, -R.T]) @ along[j])
+                if (i, name) in movable_index:
+                    j = movable_index[i, name]
+                    H.add(row, 2 * j, -np.vstack([R.T, -R.T]) @ axes[j])
                 row += 6
     return J.matrix(len(programme.b), 2 * len(stays)), H.matrix(n_limits, 2 * len(stays))
 
 
 def _step_rate(h: float) -> Step:
-    """Derivative of ``dynamics.step`` by the length of the interval."""
+    """Derivative of ``dynamics.discrete_step`` by the length of the interval."""
     G, E, cross_g = GRAVITY_M_S2, np.eye(3), -skew(DOWN)
     A, B, b = np.zeros((N_STATE, N_STATE)), np.zeros((N_STATE, 6)), np.zeros(N_STATE)
     A[0:3, 3:6] = E

@@ -1,7 +1,7 @@
-"""The fast solver in C++ (``backend/native``), where it is built: exact cones, cold in milliseconds.
+"""Availability of the C++ solver (``backend/native``): exact cones, milliseconds without a warm start.
 
-It is no dependency: nothing is lost without it but time. ``stridelab_native`` is looked for among the installed
-packages, then in the folder that ``STRIDELAB_NATIVE_PATH`` names, which the scripts set that build it.
+The solver is optional; without it CasADi solves the same problems more slowly. ``stridelab_native`` is imported from
+the installed packages or from the folder in ``STRIDELAB_NATIVE_PATH``, which the build scripts set.
 """
 
 import os
@@ -19,31 +19,31 @@ from stridelab.centroidal.problem import CentroidalProblem
 
 MODULE: Final = "stridelab_native"
 FOLDER: Final = "STRIDELAB_NATIVE_PATH"
-"""Environment variable that names the folder in which the package lies."""
+"""Environment variable with the folder that contains the package."""
 INTERFACE: Final = 4
-"""What the module must say of itself; another number is another build's."""
+"""Required interface number of the module; a different number belongs to an incompatible build."""
 
 MOVED_AT_ONCE: Final = 4
-"""Contacts that may be moved in one phase."""
+"""Maximum number of movable contacts in one phase."""
 
 
 @dataclass(frozen=True, eq=False)
 class Native:
-    """The module."""
+    """The imported module."""
 
     module: ModuleType
 
 
 @dataclass(frozen=True)
 class Missing:
-    """Why it is not there, as a sentence."""
+    """The solver is not available; ``reason`` is a sentence."""
 
     reason: str
 
 
 @cache
 def availability() -> Native | Missing:
-    """The solver, or why there is none; looked for once."""
+    """The solver, or why it is not available; imported once per process."""
     folder = os.environ.get(FOLDER)
     if folder and Path(folder).is_dir() and folder not in sys.path:
         sys.path.append(folder)
@@ -52,33 +52,33 @@ def availability() -> Native | Missing:
     except ModuleNotFoundError:
         return Missing("the C++ solver has not been built here.")
     except ImportError as failure:
-        return Missing(f"the C++ solver that was found does not load: {str(failure).splitlines()[0]}.")
+        return Missing(f"the installed C++ solver does not load: {str(failure).splitlines()[0]}.")
     if getattr(module, "INTERFACE", None) != INTERFACE:
-        return Missing("the C++ solver that was found belongs to another version; it must be built anew.")
+        return Missing("the installed C++ solver belongs to another version; build it again.")
     return Native(module)
 
 
 def lacks(problem: CentroidalProblem) -> str | None:
-    """What of a problem the C++ solver does not do, as a phrase; None where it does all of it."""
+    """Features of a problem that the C++ solver does not support, as a phrase; None if it supports all."""
     moved = problem.placements is not None
-    wants = [
+    features = [
         ("pyramids in place of friction cones", isinstance(problem.control, Pyramids)),
         ("free placements and continuous forces at once", moved and problem.shape == "cubic"),
         ("free placements and durations at once", moved and problem.durations is not None),
         ("free placements of more than four contacts at once", moved and crowded(problem)),
         ("free placements and the limbs' momentum at once", moved and problem.limbs_nm is not None),
     ]
-    missing = [words for words, wanted in wants if wanted]
-    return ", ".join(missing) or None
+    unsupported = [name for name, used in features if used]
+    return ", ".join(unsupported) or None
 
 
 def crowded(problem: CentroidalProblem) -> bool:
-    """Whether more contacts may be moved in one phase than the solver has room for."""
-    stays = movable(problem.sequence)
+    """Whether more contacts may be moved in one phase than the solver supports."""
+    spans = movable(problem.sequence)
     phases = range(len(problem.sequence.phases))
-    return any(sum(stay.first <= i <= stay.last for stay in stays) > MOVED_AT_ONCE for i in phases)
+    return any(sum(span.first <= i <= span.last for span in spans) > MOVED_AT_ONCE for i in phases)
 
 
 def serves(problem: CentroidalProblem) -> bool:
-    """Whether it is there and does all that the problem wants."""
+    """Whether the solver is available and supports the problem."""
     return lacks(problem) is None and isinstance(availability(), Native)

@@ -1,4 +1,4 @@
-"""A problem as the flat arrays that the C++ solver takes, relative to the CoM at the start, forces in m |g|."""
+"""Conversion of a problem to the flat arrays of the C++ solver, relative to the CoM at the start, forces in m |g|."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -9,23 +9,23 @@ from jaxtyping import Bool, Float, Int
 from stridelab.centroidal.control import Touch
 from stridelab.centroidal.force_splines import INNER, comes_and_goes
 from stridelab.centroidal.free_variables import Stay, movable
-from stridelab.centroidal.nlp.transcription import capture_of, ground_m
+from stridelab.centroidal.nlp.transcription import ground_m
 from stridelab.centroidal.placement_windows import room_m
 from stridelab.centroidal.problem import CentroidalProblem
 from stridelab.dynamics.spatial import Placement
 from stridelab.reachability.gaussian_mixture import Mixture
 
 POINTS: Final = 4
-"""Of a contact that share a block; more points take more blocks."""
+"""Contact points per block; a contact with more points takes several blocks."""
 ROOM_M: Final = 1e-6
-"""Windows below this are none."""
+"""Placement windows up to this size count as empty."""
 MixtureArrays = tuple[Float[np.ndarray, "_"], Float[np.ndarray, "_ 3"], Float[np.ndarray, "_ 3 3"]]
 """Constants, means and whitenings: ``log w_j N(y; mu_j, S_j) = constant_j - |W_j (y - mu_j)|^2 / 2``."""
 
 
 @dataclass(frozen=True)
 class Slot:
-    """A block of points in an interval: ``points`` of ``effector`` from its ``first`` one on."""
+    """A block of points in an interval: ``points`` points of ``effector``, starting at index ``first``."""
 
     effector: str
     first: int
@@ -68,21 +68,21 @@ class NativeInput:
     moved: tuple[Stay, ...]
 
     def arguments(self) -> list[object]:
-        """As the module takes them."""
+        """Positional arguments of ``stridelab_native.Problem``."""
         return [value for name, value in vars(self).items() if name not in ("slots", "moved")]
 
     def present(self, phase: int) -> Bool[np.ndarray, "controls blocks"]:
-        """Which blocks of a phase have forces, one control point after the other: one per interval, two of splines."""
+        """Which blocks of a phase have forces, per control point: one per interval, two for splines."""
         controls, first, blocks = self.phase_layout[phase, :3].tolist()
-        there = np.ones((controls, blocks), dtype=bool)
+        active = np.ones((controls, blocks), dtype=bool)
         edges = self.block_edges[first : first + blocks].astype(bool)
-        there[0, edges[:, 0]] = False
-        there[-1, edges[:, 1]] = False
-        return there
+        active[0, edges[:, 0]] = False
+        active[-1, edges[:, 1]] = False
+        return active
 
 
 def native_input(problem: CentroidalProblem) -> NativeInput:
-    """The arrays of a problem."""
+    """Convert a problem to the arrays of the C++ solver."""
     grid, origin, sequence, weights = problem.grid(), problem.com_start_m, problem.sequence, problem.weights
     names = [name for name in sequence.effectors if name in problem.proxies]
     controls = (INNER[problem.shape] * np.bincount(grid.phase)).tolist()
@@ -90,22 +90,22 @@ def native_input(problem: CentroidalProblem) -> NativeInput:
     slots: list[tuple[Slot, ...]] = []
     places: list[tuple[int, Placement]] = []
     layout = []
-    moved, place_axes, place_windows = _places(problem)
-    of_block, of_visit = [], []
+    movable_spans, place_axes, place_windows = _places(problem)
+    block_place, visit_place = [], []
     forces = problem.control.has_point_forces
     for i, phase in enumerate(sequence.phases):
         first_block, first_visit = len(blocks), len(places)
-        touches = problem.touches(i, origin)
-        of = [(t, k) for t in touches for k in range(0, len(t.points_m), POINTS)] if forces else []
-        blocks += of
-        of_block += [_place_of(moved, t.effector, i) for t, _ in of]
-        slots.append(tuple(Slot(t.effector, k, len(t.points_m[k : k + POINTS])) for t, k in of))
+        patches = problem.touches(i, origin)
+        phase_blocks = [(t, k) for t in patches for k in range(0, len(t.points_m), POINTS)] if forces else []
+        blocks += phase_blocks
+        block_place += [_place_of(movable_spans, t.effector, i) for t, _ in phase_blocks]
+        slots.append(tuple(Slot(t.effector, k, len(t.points_m[k : k + POINTS])) for t, k in phase_blocks))
         for name in names:
             if name in phase.contacts:
                 at, heading_rad = phase.contacts[name].placement, float(sequence.headings_rad[i])
                 places.append((names.index(name), problem.proxies[name].placement(at, heading_rad)))
-                of_visit.append(_place_of(moved, name, i))
-        layout.append([controls[i], first_block, len(of), first_visit, len(places) - first_visit])
+                visit_place.append(_place_of(movable_spans, name, i))
+        layout.append([controls[i], first_block, len(phase_blocks), first_visit, len(places) - first_visit])
     points = np.zeros((len(blocks), POINTS, 3))
     for b, (t, k) in enumerate(blocks):
         points[b, : len(t.points_m[k : k + POINTS])] = t.points_m[k : k + POINTS]
@@ -143,47 +143,47 @@ def native_input(problem: CentroidalProblem) -> NativeInput:
         freedom=_freedom(problem),
         block_edges=_edges(problem, slots),
         cubic=problem.shape == "cubic",
-        place_phases=np.array([[stay.first, stay.last] for stay in moved], dtype=np.int32).reshape(-1, 2),
+        place_phases=np.array([[span.first, span.last] for span in movable_spans], dtype=np.int32).reshape(-1, 2),
         place_axes=place_axes,
         place_windows=place_windows,
-        block_place=np.array(of_block, dtype=np.int32),
-        visit_place_of=np.array(of_visit, dtype=np.int32),
+        block_place=np.array(block_place, dtype=np.int32),
+        visit_place_of=np.array(visit_place, dtype=np.int32),
         limbs=np.zeros((0, 3)) if problem.limbs_nm is None else problem.limbs_nm / problem.weight_n,
         slots=tuple(slots),
-        moved=moved,
+        moved=movable_spans,
     )
 
 
 def _places(
     problem: CentroidalProblem,
 ) -> tuple[tuple[Stay, ...], Float[np.ndarray, "places 2 3"], Float[np.ndarray, "places 4"]]:
-    """Contacts that may be moved, in the order of their ends, with axes and windows (low, high, low, high).
+    """Movable contacts ordered by their last phase, with axes and windows (low, high, low, high).
 
-    Along an axis without room nothing moves: it is zero, in a window that does not matter.
+    An axis with an empty window is zero; its window is then a placeholder.
     """
     moved, axes, windows = [], [], []
     if problem.placements is not None:
-        for stay in sorted(movable(problem.sequence), key=lambda stay: stay.last):
-            corners_m = problem.effectors[stay.contact.effector].points_m()
-            low, high = room_m(stay.contact, corners_m, problem.sequence.terrain, problem.placements.reach_m)
-            room = high - low > ROOM_M
-            if room.any():
-                moved.append(stay)
-                axes.append(np.where(room, stay.contact.placement.rotation[:, :2], 0.0).T)
-                windows.append(np.where(room, [low, high], [[-1.0], [1.0]]).T.ravel())
+        for span in sorted(movable(problem.sequence), key=lambda span: span.last):
+            corners_m = problem.effectors[span.contact.effector].points_m()
+            low, high = room_m(span.contact, corners_m, problem.sequence.terrain, problem.placements.reach_m)
+            free = high - low > ROOM_M
+            if free.any():
+                moved.append(span)
+                axes.append(np.where(free, span.contact.placement.rotation[:, :2], 0.0).T)
+                windows.append(np.where(free, [low, high], [[-1.0], [1.0]]).T.ravel())
     return tuple(moved), np.array(axes).reshape(-1, 2, 3), np.array(windows).reshape(-1, 4)
 
 
 def _place_of(moved: tuple[Stay, ...], effector: str, phase: int) -> int:
-    """Which of the moved contacts an effector has in a phase; -1 for none."""
+    """Index of the movable contact of an effector in a phase; -1 if it has none."""
     of = (i for i, s in enumerate(moved) if s.contact.effector == effector and s.first <= phase <= s.last)
     return next(of, -1)
 
 
 def wrench_cone(problem: CentroidalProblem, phase: int) -> Float[np.ndarray, "6 6"] | None:
-    """G of the wrench (tau, eta) as control, zero columns where the contacts have fewer dimensions; eta in weights.
+    """G of the wrench control (tau, eta), padded with zero columns to six dimensions; eta in body weights.
 
-    None in flight, and with forces as control.
+    None in flight and for point forces as control.
     """
     if problem.control.has_point_forces:
         return None
@@ -199,16 +199,16 @@ def wrench_cone(problem: CentroidalProblem, phase: int) -> Float[np.ndarray, "6 
 
 def _wrench_cones(problem: CentroidalProblem) -> tuple[Float[np.ndarray, "cones 6 6"], Int[np.ndarray, "phases"]]:
     cones: list[Float[np.ndarray, "6 6"]] = []
-    which = []
+    phase_cone = []
     for i in range(len(problem.sequence.phases)):
-        found = wrench_cone(problem, i)
-        which.append(-1 if found is None else len(cones))
-        cones += [] if found is None else [found]
-    return np.array(cones).reshape(-1, 6, 6), np.array(which, dtype=np.int32)
+        cone = wrench_cone(problem, i)
+        phase_cone.append(-1 if cone is None else len(cones))
+        cones += [] if cone is None else [cone]
+    return np.array(cones).reshape(-1, 6, 6), np.array(phase_cone, dtype=np.int32)
 
 
 def _freedom(problem: CentroidalProblem) -> Float[np.ndarray, "_"]:
-    """Shortest and longest durations as shares of the given ones, the total (s), the price of a second; or nothing."""
+    """Shortest and longest durations as shares of the given ones, total (s), price per second; empty if fixed."""
     free = problem.durations
     if free is None or free.shortest == free.longest:
         return np.zeros(0)
@@ -217,15 +217,15 @@ def _freedom(problem: CentroidalProblem) -> Float[np.ndarray, "_"]:
 
 
 def _edges(problem: CentroidalProblem, slots: list[tuple[Slot, ...]]) -> Int[np.ndarray, "blocks 2"]:
-    """Whether the contact of a block comes with its phase, and goes with it: splines begin and end without force."""
-    none: set[tuple[int, str]] = set()
-    comes, goes = comes_and_goes(problem.sequence) if problem.shape == "cubic" else (none, none)
-    found = [((i, slot.effector) in comes, (i, slot.effector) in goes) for i, of in enumerate(slots) for slot in of]
-    return np.array(found, dtype=np.int32).reshape(-1, 2)
+    """Whether the contact of a block touches down and lifts off with its phase: its splines start or end at zero."""
+    empty: set[tuple[int, str]] = set()
+    comes, goes = comes_and_goes(problem.sequence) if problem.shape == "cubic" else (empty, empty)
+    edges = [((i, slot.effector) in comes, (i, slot.effector) in goes) for i, of in enumerate(slots) for slot in of]
+    return np.array(edges, dtype=np.int32).reshape(-1, 2)
 
 
 def _heights(problem: CentroidalProblem) -> Float[np.ndarray, "phases 2"]:
-    """Bounds on the height of the CoM, phase by phase."""
+    """CoM height bounds per phase, relative to the start."""
     phases = len(problem.sequence.phases)
     if problem.bounds.com_height_m is None:
         return np.tile(np.array([-np.inf, np.inf]), (phases, 1))
@@ -234,8 +234,8 @@ def _heights(problem: CentroidalProblem) -> Float[np.ndarray, "phases 2"]:
 
 
 def _planes(problem: CentroidalProblem) -> Float[np.ndarray, "planes 5"]:
-    """Where the capture point of a capturable end must be; none at rest."""
-    end = capture_of(problem)
+    """Half-planes of the capture region of a capturable end; empty for rest."""
+    end = problem.capture_region()
     if end is None:
         return np.zeros((0, 5))
     return np.column_stack([end.normals, end.normals / end.omega_1_s, end.offsets])

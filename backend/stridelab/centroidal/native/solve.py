@@ -1,4 +1,4 @@
-"""A problem solved by the C++ solver: from flat arrays to a motion with what its solver says of it."""
+"""Solving with the C++ solver: from flat arrays to a motion and the solver's report."""
 
 import time
 from dataclasses import dataclass, replace
@@ -20,11 +20,11 @@ from stridelab.contacts.sequence import ContactSequence
 from stridelab.errors import Fault, InvalidInput, NotEstimable
 
 TOLERANCE: Final = 1e-6
-"""Of the first-order conditions in the units of the CasADi programme."""
+"""Tolerance of the first-order conditions in the units of the CasADi nonlinear program."""
 GAP: Final = 1e-6
-"""How far the objective may be from its optimum, as a share of it."""
+"""Relative optimality gap of the objective."""
 OBJECTIVE_SCALE: Final = 1e-2
-"""As ``programme.SCALE``, which is not imported: CasADi is not needed here."""
+"""Equal to ``nlp.nlp.SCALE``, which is not imported because it needs CasADi."""
 SOLVED: Final = 0
 WORDS: Final = (
     "solved",
@@ -34,12 +34,12 @@ WORDS: Final = (
     "no step leads on",
     "infeasible",
 )
-"""Of the verdicts, in their order."""
+"""Status texts, indexed by the solver's verdict."""
 
 
 @dataclass(frozen=True, eq=False)
 class NativeRun:
-    """What the C++ solver found."""
+    """Result of the C++ solver."""
 
     attempt: Attempt
     sequence: ContactSequence
@@ -51,58 +51,58 @@ class NativeRun:
 def require_native(problem: CentroidalProblem) -> None:
     """Raise ``NotEstimable`` (``solver-unavailable``) without the solver, or ``InvalidInput`` (``solver-lacks``).
 
-    The latter names what of the problem the solver lacks.
+    The latter names the features of the problem that the solver does not support.
     """
-    found = availability()
-    if isinstance(found, Missing):
-        sentence = f"The native solver cannot serve: {found.reason}"
-        raise NotEstimable("solver-unavailable", sentence, [Fault("solver", found.reason)])
-    missing = lacks(problem)
-    if missing is not None:
-        sentence = f"The native solver does not plan with {missing}."
-        raise InvalidInput("solver-lacks", sentence, [Fault("solver", missing)])
+    solver = availability()
+    if isinstance(solver, Missing):
+        message = f"The native solver is not available: {solver.reason}"
+        raise NotEstimable("solver-unavailable", message, [Fault("solver", solver.reason)])
+    unsupported = lacks(problem)
+    if unsupported is not None:
+        message = f"The native solver does not support {unsupported}."
+        raise InvalidInput("solver-lacks", message, [Fault("solver", unsupported)])
 
 
 def solve_native(
     problem: CentroidalProblem, limits: Limits, start: NativePoint | None = None, tell: Tell | None = None
 ) -> NativeRun:
-    """Solve; iterations are told when it is over, which is milliseconds later.
+    """Solve a problem; ``tell`` receives all iterations after the solve, which takes milliseconds.
 
     Raises as ``require_native`` does.
     """
     require_native(problem)
-    found = availability()
-    assert not isinstance(found, Missing)
-    began = time.process_time()
+    solver = availability()
+    assert not isinstance(solver, Missing)
+    start_cpu_s = time.process_time()
     flat = native_input(problem)
-    posed = found.module.problem(*flat.arguments())
-    warm = start is not None and posed.begin(*vars(start).values())
-    build_s = time.process_time() - began
-    said = posed.solve(limits.iterations, limits.cpu_s, TOLERANCE, GAP, warm)
-    log = said["log"]
+    native_problem = solver.module.problem(*flat.arguments())
+    warm = start is not None and native_problem.begin(*vars(start).values())
+    build_s = time.process_time() - start_cpu_s
+    report = native_problem.solve(limits.iterations, limits.cpu_s, TOLERANCE, GAP, warm)
+    log = report["log"]
     if tell is not None:
         for i, (cost, infeasibility) in enumerate(log[:, :2].tolist()):
             tell(Iterate(i, cost, infeasibility))
-    infeasible = WORDS[said["verdict"]] == "infeasible"
-    words = WORDS[said["verdict"]]
+    infeasible = WORDS[report["verdict"]] == "infeasible"
+    status = WORDS[report["verdict"]]
     if infeasible:
-        words += f": no forces of phase {_phase(flat, said['stage']) + 1} allow what follows"
+        status += f": no forces of phase {_phase(flat, report['stage']) + 1} allow the rest of the motion"
     attempt = Attempt(
         solver="native",
-        status=words,
-        success=said["verdict"] == SOLVED,
-        iterations=said["iterations"],
+        status=status,
+        success=report["verdict"] == SOLVED,
+        iterations=report["iterations"],
         build_s=build_s,
-        solve_s=said["cpu_s"],
+        solve_s=report["cpu_s"],
         residuals=Residuals(
-            stationarity=OBJECTIVE_SCALE * said["stationarity"],
-            feasibility=said["feasibility"],
-            complementarity=OBJECTIVE_SCALE * said["complementarity"],
+            stationarity=OBJECTIVE_SCALE * report["stationarity"],
+            feasibility=report["feasibility"],
+            complementarity=OBJECTIVE_SCALE * report["complementarity"],
         ),
         log=IterationLog(log[:, 0], log[:, 1], log[:, 2], log[:, 3]),
     )
-    point = NativePoint(*(said[name] for name in ("x", "u", "z", "wrench_u", "wrench_z", "phase_h")))
-    sequence = _placed(_chosen(problem.sequence, flat, point), flat, said["shift"])
+    point = NativePoint(*(report[name] for name in ("x", "u", "z", "wrench_u", "wrench_z", "phase_h")))
+    sequence = _placed(_chosen(problem.sequence, flat, point), flat, report["shift"])
     return NativeRun(attempt, sequence, _motion(problem, flat, point), point, infeasible)
 
 
@@ -111,7 +111,7 @@ def _phase(flat: NativeInput, stage: int) -> int:
 
 
 def _chosen(sequence: ContactSequence, flat: NativeInput, point: NativePoint) -> ContactSequence:
-    """With the durations that were found; the same where they are given."""
+    """The sequence with the solved durations; unchanged if they are fixed."""
     if not len(flat.freedom):
         return sequence
     durations_s = (flat.phase_layout[:, 0] * point.step_s).tolist()
@@ -120,21 +120,23 @@ def _chosen(sequence: ContactSequence, flat: NativeInput, point: NativePoint) ->
 
 
 def _placed(sequence: ContactSequence, flat: NativeInput, shift: Float[np.ndarray, "places 2"]) -> ContactSequence:
-    """With the contacts where they were put."""
-    touching = [dict(phase.contacts) for phase in sequence.phases]
-    for stay, axes, d in zip(flat.moved, flat.place_axes, shift, strict=True):
-        place = stay.contact.placement
-        there = replace(stay.contact, placement=replace(place, position_m=place.position_m + d @ axes))
-        for i in range(stay.first, stay.last + 1):
-            touching[i][stay.contact.effector] = there
+    """The sequence with the solved placements of contacts."""
+    contacts_by_phase = [dict(phase.contacts) for phase in sequence.phases]
+    for span, axes, d in zip(flat.moved, flat.place_axes, shift, strict=True):
+        placement = span.contact.placement
+        contact = replace(span.contact, placement=replace(placement, position_m=placement.position_m + d @ axes))
+        for i in range(span.first, span.last + 1):
+            contacts_by_phase[i][span.contact.effector] = contact
     if not flat.moved:
         return sequence
-    phases = [replace(p, contacts=contacts) for p, contacts in zip(sequence.phases, touching, strict=True)]
+    phases = [
+        replace(p, contacts=new_contacts) for p, new_contacts in zip(sequence.phases, contacts_by_phase, strict=True)
+    ]
     return replace(sequence, phases=tuple(phases))
 
 
 def _motion(problem: CentroidalProblem, flat: NativeInput, point: NativePoint) -> Motion:
-    """States in SI units about the CoM, world-frame forces."""
+    """Convert a solver point to states in SI units (momentum about the CoM) and world-frame forces."""
     phases, inner = problem.grid().phase, INNER[problem.shape]
     time_s = np.concatenate([[0.0], np.cumsum(inner * point.step_s[phases])])
     x = point.x[::inner]
@@ -144,18 +146,18 @@ def _motion(problem: CentroidalProblem, flat: NativeInput, point: NativePoint) -
     forces = {name: np.zeros((inner * len(phases), len(of), 3)) for name, of in points.items()}
     slot = hold = k = 0
     for i, (intervals, first, blocks, _, _) in enumerate(flat.phase_layout.tolist()):
-        there = flat.present(i)
+        active = flat.present(i)
         u = np.zeros((intervals, blocks, POINTS, 3))
-        u[there] = point.u[slot : slot + there.sum()]
+        u[active] = point.u[slot : slot + active.sum()]
         for b, of in enumerate(flat.slots[i]):
             f = problem.weight_n * u[:, b, : of.points] @ flat.block_axes[first + b].T
             forces[of.effector][k : k + intervals, of.first : of.first + of.points] = f
         if flat.phase_cone[i] >= 0:
             w = point.wrench_u[hold : hold + intervals] @ flat.wrench_cones[flat.phase_cone[i]].T
-            for name, of_name in _shared(problem, i, w).items():
-                forces[name][k : k + intervals] = problem.weight_n * of_name
+            for name, name_forces in _shared(problem, i, w).items():
+                forces[name][k : k + intervals] = problem.weight_n * name_forces
             hold += intervals
-        slot, k = slot + int(there.sum()), k + intervals
+        slot, k = slot + int(active.sum()), k + intervals
     if inner == 1:
         return Motion(time_s, phases, c, v, L, forces, points)
     step_s = np.diff(time_s)
@@ -164,8 +166,8 @@ def _motion(problem: CentroidalProblem, flat: NativeInput, point: NativePoint) -
 
 
 def _shared(problem: CentroidalProblem, phase: int, wrenches: Float[np.ndarray, "n 6"]) -> Forces:
-    """Point forces of wrenches, in units of m |g|."""
-    touches = problem.touches(phase, problem.com_start_m)
-    ((name, group),) = problem.control.generators(touches).items()
+    """Distribute wrenches over the contact points, in units of m |g|."""
+    patches = problem.touches(phase, problem.com_start_m)
+    ((name, group),) = problem.control.generators(patches).items()
     u = np.linalg.lstsq(group.wrench, wrenches.T, rcond=None)[0].T
-    return problem.control.forces(touches, {name: u})
+    return problem.control.forces(patches, {name: u})

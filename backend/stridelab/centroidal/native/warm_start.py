@@ -1,11 +1,11 @@
-"""A start of the C++ solver for one problem from the plan of another, as ``carried`` makes it for CasADi's.
+"""Warm start of the C++ solver for one problem from the plan of another, as ``centroidal.warm_start`` for CasADi.
 
-Intervals take forces and multipliers of the plan's interval at the same time, effector by effector where the same ones
-touch; what has no counterpart keeps an equal share of the weight. With momenta about the CoM at the start, which moves
-by D:  K' = L_c / (m g) + c' x v / g.
+Intervals take the forces of the plan's interval at the same time, for the effectors that are in contact in both;
+other effectors get an equal share of the weight. Momenta are about the CoM at the start, which is shifted between the
+problems:  K' = L_c / (m g) + c' x v / g.
 
-The iterate is brought to one barrier: forces are drawn a little towards their shares, so that they leave the edges of
-their cones, and multipliers are those of the barrier there, ``z = mu u^-1``.
+The iterate is moved to the central path: forces are blended with equal shares of the weight, so that they lie inside
+their cones, and multipliers are those of the barrier, ``z = mu u^-1``.
 """
 
 from typing import Final
@@ -22,60 +22,62 @@ from stridelab.centroidal.verification import motion_of, wrenches_of
 from stridelab.conventions import GRAVITY_M_S2
 
 KEPT: Final = 0.95
-"""Share of the plan's forces; the rest is the equal share."""
+"""Weight of the plan's forces in the blend with equal shares."""
 BARRIER: Final = 3e-3
-"""mu of a warm start."""
+"""Barrier parameter mu of a warm start."""
 
 
 def native_start(plan: CentroidalPlan, onto: CentroidalProblem, after_s: float = 0.0) -> NativePoint:
-    """The start of ``onto``, whose time 0 is ``after_s`` of the plan."""
+    """Warm start of ``onto``, whose time 0 is ``after_s`` of the plan."""
     grid, inner = onto.grid(), INNER[onto.shape]
-    there_s = np.interp(np.arange(inner * len(grid.phase) + 1) / inner, np.arange(len(grid.time_s)), grid.time_s)
-    x = np.empty((len(there_s), 9))
-    for k, at_s in enumerate((there_s + after_s).tolist()):
-        there = plan.at(at_s)
-        c = there.com_m - onto.com_start_m
-        v = there.com_v_m_s if at_s <= plan.time_s[-1] else np.zeros(3)
-        x[k] = np.concatenate([c, v, there.l_nms / onto.weight_n + np.cross(c, v) / GRAVITY_M_S2])
+    control_times_s = np.interp(
+        np.arange(inner * len(grid.phase) + 1) / inner, np.arange(len(grid.time_s)), grid.time_s
+    )
+    x = np.empty((len(control_times_s), 9))
+    for k, at_s in enumerate((control_times_s + after_s).tolist()):
+        state = plan.at(at_s)
+        c = state.com_m - onto.com_start_m
+        v = state.com_v_m_s if at_s <= plan.time_s[-1] else np.zeros(3)
+        x[k] = np.concatenate([c, v, state.l_nms / onto.weight_n + np.cross(c, v) / GRAVITY_M_S2])
     middle_s = 0.5 * (grid.time_s[:-1] + grid.time_s[1:]) + after_s
-    at = np.clip(np.searchsorted(plan.time_s, middle_s, side="right") - 1, 0, len(plan.phase) - 1)
-    flat = native_input(onto) if inner > 1 else None  # of splines some control points have no forces
+    plan_interval = np.clip(np.searchsorted(plan.time_s, middle_s, side="right") - 1, 0, len(plan.phase) - 1)
+    flat = native_input(onto) if inner > 1 else None  # splines have control points without forces
     u, wrenches = [], []
     for i in range(len(onto.sequence.phases)):
-        of = at[grid.phase == i]
-        touches = onto.touches(i, onto.com_start_m)
+        intervals = plan_interval[grid.phase == i]
+        patches = onto.touches(i, onto.com_start_m)
         G = wrench_cone(onto, i)
         if G is not None:
-            wrenches.append(_inside(G, _wrenches(plan, of, onto)))
+            wrenches.append(_inside(G, _wrenches(plan, intervals, onto)))
         if not onto.control.has_point_forces:
             continue
-        share = 1.0 / sum(len(t.points_m) for t in touches)
+        share = 1.0 / sum(len(t.points_m) for t in patches)
         blocks = []
-        for t in touches:
+        for t in patches:
             planned = (
-                _controls(plan, t.effector, of, inner) / onto.weight_n @ t.rotation
+                _controls(plan, t.effector, intervals, inner) / onto.weight_n @ t.rotation
                 if t.effector in plan.forces_n
                 else None
             )
             for first in range(0, len(t.points_m), POINTS):
                 n = len(t.points_m[first : first + POINTS])
-                block = np.tile(np.array([0.0, 0.0, share]), (inner * len(of), POINTS, 1))
+                block = np.tile(np.array([0.0, 0.0, share]), (inner * len(intervals), POINTS, 1))
                 if planned is not None:
                     local = planned[:, first : first + n] / np.array([t.friction, t.friction, 1.0])
                     block[:, :n] = KEPT * local + (1.0 - KEPT) * block[:, :n]
                 blocks.append(block)
-        found = np.stack(blocks, axis=1) if blocks else np.zeros((0, 0, POINTS, 3))
-        u.append(found.reshape(-1, POINTS, 3) if flat is None else found[flat.present(i)])
+        phase_forces = np.stack(blocks, axis=1) if blocks else np.zeros((0, 0, POINTS, 3))
+        u.append(phase_forces.reshape(-1, POINTS, 3) if flat is None else phase_forces[flat.present(i)])
     forces = np.ascontiguousarray(np.concatenate(u)) if u else np.zeros((0, POINTS, 3))
-    held = np.concatenate(wrenches) if wrenches else np.zeros((0, 6))
+    wrench_controls = np.concatenate(wrenches) if wrenches else np.zeros((0, 6))
     step_s = grid.step_s[np.searchsorted(grid.phase, np.arange(len(onto.sequence.phases)))]
-    return NativePoint(x, forces, _central(forces), held, _central(held), step_s / inner)
+    return NativePoint(x, forces, _central(forces), wrench_controls, _central(wrench_controls), step_s / inner)
 
 
 def _controls(
     plan: CentroidalPlan, effector: str, of: Int[np.ndarray, "n"], inner: int
 ) -> Float[np.ndarray, "controls k 3"]:
-    """Forces (N) of an effector in a plan's intervals, at the free control points of splines where there are two."""
+    """Forces (N) of an effector in a plan's intervals; for splines at their two free control points."""
     if inner > 1 and plan.curves_n:
         curves = plan.curves_n[effector][of, 1:-1]
         return np.asarray(curves.reshape(-1, *curves.shape[2:]))
@@ -89,11 +91,11 @@ def _wrenches(plan: CentroidalPlan, of: Int[np.ndarray, "n"], onto: CentroidalPr
 
 
 def _inside(G: Float[np.ndarray, "6 6"], wrenches: Float[np.ndarray, "n 6"]) -> Float[np.ndarray, "n 6"]:
-    """The u of wrenches drawn towards the weight, which takes the place of those that the contacts cannot give."""
+    """Controls u of wrenches blended with the weight; the weight alone where the blend is outside the cone."""
     upright = np.eye(6)[-1]
     u = KEPT * np.linalg.lstsq(G, wrenches.T, rcond=None)[0].T + (1.0 - KEPT) * upright
-    lies = np.linalg.norm(u[:, :-1], axis=1) < u[:, -1]
-    return np.asarray(np.where(lies[:, None], u, upright))
+    inside = np.linalg.norm(u[:, :-1], axis=1) < u[:, -1]
+    return np.asarray(np.where(inside[:, None], u, upright))
 
 
 def _central(u: Float[np.ndarray, "*any"]) -> Float[np.ndarray, "*any"]:

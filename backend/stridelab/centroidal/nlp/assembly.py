@@ -1,11 +1,9 @@
-"""A programme put together from small functions: each is written once, mapped over its uses and scattered into place.
+"""Assembly of a nonlinear program from small functions: each is mapped over its uses and scattered into place.
 
     f(w) = sum over parts, sum over uses i of  phi(w[I_i], q_i)
     g(w) = sum over parts, of  psi(w[I_i], q_i)  into the rows J_i
 
-so that building takes milliseconds per second of motion where differentiating one large expression takes seconds.
-
-Sparse matrices put together from many small ones, for CasADi.
+so that building takes milliseconds per second of motion; differentiating one large expression takes seconds.
 """
 
 from collections.abc import Sequence
@@ -21,9 +19,9 @@ Indices = Int[np.ndarray, "uses _"]
 
 @dataclass(frozen=True, eq=False)
 class Cost:
-    """``phi(y, q)`` with its gradient and ``curvature(y, q, theta)``, the upper triangle being read.
+    """``phi(y, q)`` with its gradient and ``curvature(y, q, theta)``, of which the upper triangle is used.
 
-    theta is that of ``likelihood``; ``n_q`` is the size of q.
+    theta is that of ``density_term``; ``n_q`` is the size of q.
     """
 
     name: str
@@ -71,7 +69,7 @@ class Programme:
 
 
 def assemble(n: int, n_rows: int, costs: list[Cost], rows: list[Rows], scale: float) -> Programme:
-    """Put the parts together; ``scale`` multiplies the objective."""
+    """Assemble the nonlinear program; ``scale`` multiplies the objective."""
     parameters = _shapes([*costs, *rows])
     w, theta, s = ca.MX.sym("w", n), ca.MX.sym("theta"), ca.MX.sym("s")
     p = ca.MX.sym("p", sum(n_q * uses for _, (n_q, uses) in parameters))
@@ -119,27 +117,27 @@ def _blocks(p: ca.MX, shapes: list[tuple[int, int]]) -> list[ca.MX]:
 
 
 def _triangle(function: ca.Function) -> ca.Function:
-    """The upper triangle of a function's matrix."""
+    """Function that returns the upper triangle of the matrix of ``function``."""
     inputs = [ca.SX.sym(f"i{i}", function.sparsity_in(i)) for i in range(function.n_in())]
     return ca.Function("upper", inputs, [ca.triu(function(*inputs))])
 
 
 def constant(M: sp.csc_matrix) -> ca.DM:
-    """The same matrix as CasADi's."""
+    """Convert a SciPy sparse matrix to CasADi."""
     M.sort_indices()
     rows, columns = int(M.shape[0]), int(M.shape[1])
     return ca.DM(ca.Sparsity(rows, columns, M.indptr.tolist(), M.indices.tolist()), M.data)
 
 
 def scatter(indices: Int[np.ndarray, "..."], n: int) -> ca.DM:
-    """Matrix that adds the numbers of a vector to the places ``indices`` of a vector of size ``n``."""
+    """Matrix that adds the entries of a vector to the entries ``indices`` of a vector of size ``n``."""
     flat = indices.ravel()
     return constant(sp.csc_matrix((np.ones(len(flat)), (flat, np.arange(len(flat)))), shape=(n, len(flat))))
 
 
 @dataclass(frozen=True)
 class Pattern:
-    """A sparse matrix under construction, its values expressions; entries that meet are added."""
+    """A sparse matrix of expressions under construction; overlapping entries are added."""
 
     rows: list[Int[np.ndarray, "_"]] = field(default_factory=list)
     columns: list[Int[np.ndarray, "_"]] = field(default_factory=list)
@@ -154,7 +152,7 @@ class Pattern:
     ) -> None:
         """Add the nonzeros of ``function``'s matrix, use after use.
 
-        An upper triangle stays one where the indices of every use ascend.
+        An upper triangle is preserved if the indices of every use ascend.
         """
         i, j = (np.array(x, dtype=int) for x in function.sparsity_out(0).get_triplet())
         self.rows.append(of_row[:, i].ravel())

@@ -1,4 +1,4 @@
-"""What a solver tells while it runs: where it is at every iteration, through CasADi's callbacks."""
+"""Progress reports of the solvers at every iteration, through CasADi's callbacks."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -12,10 +12,7 @@ from stridelab.centroidal.nlp.nlp import SCALE
 
 @dataclass(frozen=True)
 class Iterate:
-    """Iterations so far, and at this one the objective with its regularisers and the worst violation of a constraint.
-
-    The violation is in the programme's units: body weights and metres.
-    """
+    """Iteration number, objective with regularisers and largest constraint violation (body weights and metres)."""
 
     number: int
     objective: float
@@ -27,23 +24,23 @@ Tell = Callable[[Iterate], None]
 
 
 class Listener:
-    """Tells of iterates for as long as somebody listens."""
+    """Forwards iterates to the callback of the current run, if it has one."""
 
     def __init__(self, programme: Programme) -> None:
         self.programme = programme
         self.listen(None, None)
 
     def listen(self, tell: Tell | None, box: Box | None) -> None:
-        """Another run begins, within ``box``."""
+        """Begin a run with the bounds ``box``; resets the iteration count."""
         self._tell, self._box, self._count = tell, box, 0
 
     @property
     def listening(self) -> bool:
-        """Whether what is heard goes anywhere."""
+        """Whether the current run has a callback."""
         return self._tell is not None
 
     def hear(self, x: ca.DM, f: ca.DM, g: ca.DM) -> None:
-        """The next iterate, with its objective and rows."""
+        """Report the next iterate with its objective and constraint rows."""
         if self._tell is not None and self._box is not None:
             self._tell(Iterate(self._count, float(f) / SCALE, _violation(self._box, x, g)))
         self._count += 1
@@ -51,21 +48,21 @@ class Listener:
 
 def _violation(box: Box, x: ca.DM, g: ca.DM) -> float:
     w, rows = x.full().ravel(), g.full().ravel()
-    lacks = (box.lower - w, w - box.upper, box.row_lower - rows, rows - box.row_upper)
-    return max(0.0, *(float(lack.max(initial=0.0)) for lack in lacks))
+    excess = (box.lower - w, w - box.upper, box.row_lower - rows, rows - box.row_upper)
+    return max(0.0, *(float(part.max(initial=0.0)) for part in excess))
 
 
 class AtIterations(ca.Callback):
-    """What ipopt calls after every iteration; it goes on for ever."""
+    """Iteration callback of ipopt; never interrupts the solve."""
 
     def __init__(self, listener: Listener) -> None:
         ca.Callback.__init__(self)
-        self._listener, of = listener, listener.programme
-        self._sizes = {"x": of.n, "lam_x": of.n, "g": of.n_rows, "lam_g": of.n_rows, "f": 1, "lam_p": of.n_p}
+        self._listener, nlp = listener, listener.programme
+        self._sizes = {"x": nlp.n, "lam_x": nlp.n, "g": nlp.n_rows, "lam_g": nlp.n_rows, "f": 1, "lam_p": nlp.n_p}
         self.construct("at_iterations", {})
 
     def get_n_in(self) -> int:
-        """As many as a solver has results."""
+        """Number of results of a solver."""
         return int(ca.nlpsol_n_out())
 
     def get_n_out(self) -> int:
@@ -77,14 +74,14 @@ class AtIterations(ca.Callback):
         return ca.Sparsity.dense(self._sizes[ca.nlpsol_out(i)])
 
     def eval(self, arg: Sequence[ca.DM]) -> list[float]:
-        """Hand the iterate on; 0 tells ipopt to go on."""
-        of = dict(zip(map(ca.nlpsol_out, range(len(arg))), arg, strict=True))
-        self._listener.hear(of["x"], of["f"], of["g"])
+        """Report the iterate; the return value 0 lets ipopt continue."""
+        results = dict(zip(map(ca.nlpsol_out, range(len(arg))), arg, strict=True))
+        self._listener.hear(results["x"], results["f"], results["g"])
         return [0.0]
 
 
 class AtCurvatures(ca.Callback):
-    """Nought, as a function of (x, p), for a Hessian to add: fatrop has no callback and asks for one per iteration."""
+    """Zero function of (x, p), added to the Hessian: fatrop has no callback but evaluates one Hessian per iteration."""
 
     def __init__(self, listener: Listener) -> None:
         ca.Callback.__init__(self)
@@ -105,8 +102,8 @@ class AtCurvatures(ca.Callback):
         return ca.Sparsity.dense(self._sizes[i])
 
     def eval(self, arg: Sequence[ca.DM]) -> list[float]:
-        """Nought; where somebody listens, the iterate is evaluated and handed on."""
+        """Return zero; evaluates and reports the iterate if the run has a callback."""
         if self._listener.listening:
-            of = self._listener.programme
-            self._listener.hear(arg[0], of.value(*arg), of.rows(*arg))
+            nlp = self._listener.programme
+            self._listener.hear(arg[0], nlp.value(*arg), nlp.rows(*arg))
         return [0.0]

@@ -1,15 +1,15 @@
-"""The small functions of an interval whose wrench is a cubic spline: dynamics and squares, in CasADi.
+"""CasADi functions of one interval whose wrench is a cubic spline: dynamics and squared rates.
 
-With F and T in Bernstein's form (``spline``), B'_i, B''_i, B'''_i its integrals from 0 to 1,
+With F and T in Bernstein form (``force_splines``), B'_i, B''_i, B'''_i its integrals from 0 to 1,
 
     c'+ = c' + h sum B'_i F_i + h g,      c+ = c + h c' + h^2 sum B''_i F_i + h^2/2 g
     K+ = K + h sum B'_i T_i + (h c + h^2/2 c' + h^3 sum B'''_i F_i) x g                      (4.8), exact
-    squares    h sum over Gauss' points of  w (w_c |c''|^2 + w_L |T - c x F - r|^2)          (4.20a)
+    squares    h sum over Gauss points of  w (w_c |c''|^2 + w_L |T - c x F - r|^2)           (4.20a)
 
-r is the rate of momentum that the limbs take around each of the points.
-The rule of four points is exact for the first square (degree 6) and not for the second (degree 16 in t), whose
-integrand is all but zero. The outer control points are those of ``spline.joints``: y holds the inner point before the
-interval, (x, F_1, T_1, F_2, T_2), x+, and the inner point after it.
+r is the momentum rate of the limbs around each of the points.
+The four-point rule is exact for the first square (degree 6) and not for the second (degree 16 in t), whose integrand
+is almost zero. The outer control points follow from ``junction_weights``: y holds the inner point before the interval,
+(x, F_1, T_1, F_2, T_2), x+, and the inner point after it.
 """
 
 from functools import cache
@@ -36,26 +36,29 @@ def _sum(at: float, integrals: int, points: list[ca.SX]) -> ca.SX:
 
 @cache
 def gap(first: bool, last: bool) -> RowFunctions:
-    """``q = (h, own weights in both ends)``."""
+    """Dynamics residual of an interval; ``q = (h, own weights in both ends)``."""
     before, after = (0 if first else N_WRENCH), (0 if last else N_WRENCH)
     y, q = ca.SX.sym("y", before + 2 * N_STATE + 2 * N_WRENCH + after), ca.SX.sym("q", 3)
     h, G, down = q[0], GRAVITY_M_S2, ca.DM(DOWN)
     c, v, K = (y[before + 3 * i : before + 3 * i + 3] for i in range(3))
     f = _controls(y, before + N_STATE, last, first, q[1:])
     at = before + N_STATE + 2 * N_WRENCH
-    once, twice, thrice = (_sum(1.0, n, f) for n in (1, 2, 3))
-    swept = h * c + h**2 / 2 * v + h**3 * G * thrice[:3]
-    ahead = ca.vertcat(
-        c + h * v + h**2 * G * (twice[:3] + down / 2),
-        v + h * G * (once[:3] + down),
-        K + h * once[3:] + ca.cross(swept, down),
+    first_integral, second_integral, third_integral = (_sum(1.0, n, f) for n in (1, 2, 3))
+    com_integral = h * c + h**2 / 2 * v + h**3 * G * third_integral[:3]
+    next_state = ca.vertcat(
+        c + h * v + h**2 * G * (second_integral[:3] + down / 2),
+        v + h * G * (first_integral[:3] + down),
+        K + h * first_integral[3:] + ca.cross(com_integral, down),
     )
-    return row_functions(y[at : at + N_STATE] - ahead, y, q)
+    return row_functions(y[at : at + N_STATE] - next_state, y, q)
 
 
 @cache
 def squares(first: bool, last: bool) -> CostFunctions:
-    """Without K and x+ in y; ``q = (h, own weights in both ends, w_c, w_L (m |g|)^2, r / (m |g|))``; Gauss-Newton."""
+    """Squared rates with Gauss-Newton Hessian; y has no K and x+.
+
+    ``q = (h, own weights in both ends, w_c, w_L (m |g|)^2, r / (m |g|))``.
+    """
     before, after = (0 if first else N_WRENCH), (0 if last else N_WRENCH)
     y, q = ca.SX.sym("y", before + 6 + 2 * N_WRENCH + after), ca.SX.sym("q", 5 + 3 * N_GAUSS)
     h, G, down = q[0], GRAVITY_M_S2, ca.DM(DOWN)
@@ -64,8 +67,8 @@ def squares(first: bool, last: bool) -> CostFunctions:
     parts = []
     for k, (s, w) in enumerate(gauss(N_GAUSS)):
         F, T = ca.vertsplit(_sum(s, 0, f), 3)
-        there = c + h * s * v + h**2 * G * (_sum(s, 2, f)[:3] + s**2 / 2 * down)
-        l_rate = T - ca.cross(there, F) - q[5 + 3 * k : 8 + 3 * k]
+        com = c + h * s * v + h**2 * G * (_sum(s, 2, f)[:3] + s**2 / 2 * down)
+        l_rate = T - ca.cross(com, F) - q[5 + 3 * k : 8 + 3 * k]
         parts += [ca.sqrt(2 * h * w * q[3]) * G * (F + down), ca.sqrt(2 * h * w * q[4]) * l_rate]
     r = ca.vertcat(*parts)
     J = ca.jacobian(r, y)

@@ -1,10 +1,10 @@
-"""How a solution was found, and how good it is by the first-order conditions, computed apart from the solver.
+"""Solver attempts and the residuals of the first-order (KKT) conditions, computed independently of the solver.
 
     grad f + J^T lambda_g + lambda_x = 0                          stationarity
     bounds on w and g                                             feasibility
-    lambda (distance to the bound that it pushes at) = 0          complementarity
+    lambda (distance to its bound) = 0                            complementarity
 
-in the units of the programme: forces in body weights, metres, the objective times ``programme.SCALE``.
+in the units of the nonlinear program: forces in body weights, metres, the objective times its scale in ``nlp``.
 """
 
 from dataclasses import dataclass
@@ -43,7 +43,7 @@ class Box:
 
 @dataclass(frozen=True, eq=False)
 class Point:
-    """Variables and multipliers (positive where they push down from an upper bound) of a programme of ``structure``."""
+    """Variables and multipliers (positive at upper bounds) of a nonlinear program of ``structure``."""
 
     structure: Structure
     w: Series
@@ -55,8 +55,8 @@ class Point:
 class NativePoint:
     """Variables of the C++ solver: states ``x``, and u with its multipliers z of every block of points, in order.
 
-    Of the wrench as control: that of every interval with contacts. ``step_s``: lengths of the intervals of every phase.
-    Of splines an interval is one of the two free control points of an interval between nodes, and half as long.
+    ``wrench_u`` and ``wrench_z`` are those of the wrench control, for every interval with contacts. ``step_s``: interval
+    length of every phase. For splines, each of the two free control points counts as an interval of half the length.
     """
 
     x: Float[np.ndarray, "nodes 9"]
@@ -69,9 +69,9 @@ class NativePoint:
 
 @dataclass(frozen=True, eq=False)
 class IterationLog:
-    """Iteration by iteration, the start first: (4.20a) with regularisers, infeasibilities, barrier parameter.
+    """Per iteration, starting with the initial guess: (4.20a) with regularisers, infeasibilities, barrier parameter.
 
-    ``primal`` and ``dual`` are the solver's own measures. All empty for a solver that tells nothing.
+    ``primal`` and ``dual`` are the solver's own measures. All are empty for a solver without a log.
     """
 
     objective: Float[np.ndarray, "n"]
@@ -82,7 +82,7 @@ class IterationLog:
 
 @dataclass(frozen=True, eq=False)
 class Attempt:
-    """One solver's run: ``success`` is its own verdict, ``residuals`` ours; None where it returned nothing finite."""
+    """One solver run: ``success`` as reported by the solver; ``residuals`` recomputed, None if not finite."""
 
     solver: str
     status: str
@@ -96,29 +96,29 @@ class Attempt:
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """All attempts, and the point where the last one stopped: the start of another solve (``solve(start=...)``)."""
+    """All attempts and the final point of the last one, usable as a warm start (``solve(start=...)``)."""
 
     attempts: tuple[Attempt, ...]
     point: Point | NativePoint
 
 
 def residuals(programme: Programme, p: Float[np.ndarray, "parameters"], box: Box, at: Point) -> Residuals:
-    """The first-order conditions at a point."""
+    """Residuals of the first-order conditions at a point."""
     g = programme.rows(at.w, p).full().ravel()
-    slope = programme.gradient(at.w, p).full().ravel()
+    gradient = programme.gradient(at.w, p).full().ravel()
     J = programme.jacobian(at.w, p).sparse()
-    stationarity = np.abs(slope + J.T @ at.lambda_g + at.lambda_w).max()
-    outside, slack = [], []
+    stationarity = np.abs(gradient + J.T @ at.lambda_g + at.lambda_w).max()
+    violations, slack = [], []
     for x, lower, upper, multiplier in (
         (at.w, box.lower, box.upper, at.lambda_w),
         (g, box.row_lower, box.row_upper, at.lambda_g),
     ):
-        outside += [lower - x, x - upper]
-        room = np.where(multiplier > 0.0, upper - x, x - lower)
-        pushes = np.abs(multiplier) * np.where(np.isfinite(room), np.abs(room), 0.0)
-        slack.append(np.where(lower == upper, 0.0, pushes).max(initial=0.0))
+        violations += [lower - x, x - upper]
+        distance = np.where(multiplier > 0.0, upper - x, x - lower)
+        products = np.abs(multiplier) * np.where(np.isfinite(distance), np.abs(distance), 0.0)
+        slack.append(np.where(lower == upper, 0.0, products).max(initial=0.0))
     return Residuals(
         stationarity=float(stationarity),
-        feasibility=float(max(0.0, *(x.max(initial=0.0) for x in outside))),
+        feasibility=float(max(0.0, *(x.max(initial=0.0) for x in violations))),
         complementarity=float(max(slack)),
     )

@@ -1,6 +1,6 @@
-"""The nonlinear programme of a structure, written once: which small function goes where.
+"""The nonlinear program of a problem structure: which stage function applies to which variables and rows.
 
-Problems alike in structure differ in the parameters of the same compiled programme, which is therefore kept.
+Problems of the same structure differ only in the parameters of the compiled program, which is therefore cached.
 """
 
 from collections.abc import Hashable, Mapping
@@ -19,11 +19,11 @@ from stridelab.centroidal.nlp.variable_layout import N_CAPTURABLE, Layout, Struc
 from stridelab.reachability.gaussian_mixture import Mixture
 
 SCALE: Final = 1e-2
-"""Brings the objective's gradient near that of the constraints."""
+"""Objective scale; brings its gradient to the order of the constraints' gradients."""
 CAPTURE: Final = "capture"
 """Name of the rows of the capture point."""
 KEPT: Final = 8
-"""Compiled programmes that stay in memory."""
+"""Number of compiled programs in the cache."""
 
 
 @dataclass(frozen=True)
@@ -37,10 +37,10 @@ class Visit:
 
 @dataclass(frozen=True, eq=False)
 class Compiled:
-    """A structure's programme with what its numbers must be filled into.
+    """The compiled program of a structure, with the layout of its variables and parameters.
 
     ``ties``, ``efforts`` and ``limits`` are uses of groups by the name of their part, ``visits`` those of a density;
-    ``solvers`` keeps what was set up for it.
+    ``solvers`` caches its solver instances.
     """
 
     structure: Structure
@@ -57,7 +57,7 @@ _kept: dict[Structure, Compiled] = {}
 
 
 def compiled(structure: Structure, mixtures: Mapping[str, Mixture]) -> Compiled:
-    """The programme of ``structure``, compiled at its first use, for one thread; the last ``KEPT`` stay."""
+    """The program of ``structure``, compiled at first use and cached (least recently used); not thread-safe."""
     if structure in _kept:
         _kept[structure] = _kept.pop(structure)
     else:
@@ -74,7 +74,7 @@ def _compile(structure: Structure, mixtures: Mapping[str, Mixture]) -> Compiled:
     rows: list[Rows] = []
 
     def timed(of_y: Int[np.ndarray, "uses y"], phases: Int[np.ndarray, "uses"]) -> Int[np.ndarray, "uses z"]:
-        """With the duration of its phase as the last entry of each y, where that is a variable."""
+        """Append the duration of its phase to each y, if durations are free."""
         return np.column_stack([of_y, layout.durations[phases]]) if free else of_y
 
     def cost(name: str, of_y: Int[np.ndarray, "uses y"], of: CostFunctions) -> None:
@@ -162,17 +162,17 @@ def _compile(structure: Structure, mixtures: Mapping[str, Mixture]) -> Compiled:
     for effector, _ in structure.densities:
         functions = likelihood(mixtures[effector])
         for moving in (False, True):
-            found, shifts = _visits(structure, effector, moving)
-            if not found:
+            nodes, shifts = _visits(structure, effector, moving)
+            if not nodes:
                 continue
             name = f"density {effector}{' moving' if moving else ''}"
-            visits[name] = (effector, found)
-            of_y = _run(x[[visit.node for visit in found]], 3)
+            visits[name] = (effector, nodes)
+            of_y = _run(x[[visit.node for visit in nodes]], 3)
             if moving:
                 of_y = np.hstack([of_y, _run(layout.shifts[shifts], 2)])
             cost(
                 name,
-                timed(of_y, np.array([visit.phase for visit in found])),
+                timed(of_y, np.array([visit.phase for visit in nodes])),
                 stage_functions.density(functions, free, moving),
             )
     if free:
@@ -185,7 +185,7 @@ def _compile(structure: Structure, mixtures: Mapping[str, Mixture]) -> Compiled:
 
 
 def splines(n: int) -> list[tuple[str, Int[np.ndarray, "uses"], tuple[bool, bool]]]:
-    """Parts of ``n`` spline intervals by their name: those under way, the first, the last."""
+    """Parts of ``n`` spline intervals: name suffix, intervals, (is first, is last)."""
     parts = [
         ("", np.arange(1, n - 1), (False, False)),
         (" first", np.array([0]), (True, False)),
@@ -206,7 +206,7 @@ Uses = dict[str, list[Use]]
 
 
 def _grouped(uses: tuple[Use, ...]) -> tuple[Uses, Uses, Uses]:
-    """Uses that share a function, for the wrench, for the regulariser and for bounds on normal forces."""
+    """Group uses that share a function: for the wrench, the regulariser and the bounds on normal forces."""
     ties: dict[str, list[Use]] = {}
     efforts: dict[str, list[Use]] = {}
     limits: dict[str, list[Use]] = {}
@@ -221,11 +221,11 @@ def _grouped(uses: tuple[Use, ...]) -> tuple[Uses, Uses, Uses]:
 
 
 def _visits(structure: Structure, effector: str, moving: bool) -> tuple[list[Visit], list[int]]:
-    """Trapezoidal rule over every interval of the phases in which it touches, those whose contact moves or stays.
+    """Nodes of the trapezoidal rule over the phases in which an effector is in contact, and their shifts.
 
-    A node between two phases counts half for the contacts of each.
+    ``moving`` selects movable or fixed contacts. A node between two phases counts half for the contacts of each.
     """
-    found: list[Visit] = []
+    nodes: list[Visit] = []
     shifts: list[int] = []
     first = 0
     for i, phase in enumerate(structure.phases):
@@ -233,7 +233,7 @@ def _visits(structure: Structure, effector: str, moving: bool) -> tuple[list[Vis
             if visited.effector != effector or (visited.shift is not None) != moving:
                 continue
             for k in range(phase.intervals + 1):
-                found.append(Visit(first + k, i, 0.5 if k in (0, phase.intervals) else 1.0))
+                nodes.append(Visit(first + k, i, 0.5 if k in (0, phase.intervals) else 1.0))
                 shifts.append(-1 if visited.shift is None else visited.shift)
         first += phase.intervals
-    return found, shifts
+    return nodes, shifts

@@ -1,10 +1,10 @@
-"""The programme handed to ipopt or fatrop through CasADi, quietly and within limits; nothing here raises.
+"""Solving the nonlinear program with ipopt or fatrop through CasADi, without output and within limits; never raises.
 
-Both get the same functions, so that CasADi differentiates nothing, and both are kept with the compiled programme: the
-next problem of the same structure brings its parameters only. ipopt (adaptive barrier, MUMPS) corrects an indefinite
-curvature itself and gets the true one of the log-densities: about 20 iterations on stairs. fatrop, which goes through
-the stages, gets the majoriser; with u_f it needs three to ten times as many iterations, and its set-up grows faster
-than the number of stages (figures in docs/theory/centroidal-problem.md).
+Both solvers get the same functions, so that CasADi differentiates nothing, and both are cached with the compiled
+program: the next problem of the same structure only changes its parameters. ipopt (adaptive barrier, MUMPS) corrects
+an indefinite Hessian itself and gets the exact one of the log-densities: about 20 iterations on stairs. fatrop, which
+exploits the stages, gets the majoriser; with u_f it needs three to ten times as many iterations, and its set-up time
+grows faster than the number of stages (measurements in docs/theory/centroidal-problem.md).
 """
 
 import time
@@ -27,25 +27,23 @@ from stridelab.centroidal.nlp.variable_layout import N_CAPTURABLE, n_cones, n_li
 SolverName = Literal["ipopt", "fatrop"]
 TOLERANCE = 1e-6
 FATROP_TOLERANCE = 1e-8
-"""At 1e-6 the barrier is still felt: the objective of u_f is 3e-4 from that of ipopt."""
+"""At 1e-6 the barrier term is still significant: the objective of u_f differs by 3e-4 from that of ipopt."""
 FATROP_ACCEPTABLE = 1e-5
-"""Of several iterations in a row: with u_f its dual infeasibility creeps from there on."""
+"""Acceptable level over several iterations: with u_f the dual infeasibility decreases slowly below it."""
 WARM_BARRIER = 1e-5
-"""Barrier parameter of a warm start: that of a solution, loosened."""
-
-
+"""Barrier parameter of a warm start: slightly larger than that of a solution."""
 EVALUATIONS = 1.5
-"""An iteration of fatrop takes 0.6 to 1.4 times as long as all its functions called once from here."""
+"""Upper estimate of an iteration of fatrop, per call of all its functions (0.6 to 1.4 were measured)."""
 TIME_IS_UP = "maximum cputime exceeded"
-"""The status, in the words of ipopt, of a solver that came to the end of its time."""
+"""Status of a solver that reached its time limit, in ipopt's wording."""
 
 
 @dataclass(frozen=True)
 class Limits:
-    """When to give up: iterations, and seconds of processor time, so that a process that is paused loses none.
+    """Solver limits: iterations and processor time (s), which does not advance while the process is paused.
 
-    ipopt looks at the clock in every iteration. fatrop cannot be interrupted (docs/theory/centroidal-problem.md): it is
-    given as many iterations as are taken to fit, by the time that one evaluation of its functions takes.
+    ipopt checks the time in every iteration. fatrop cannot be interrupted (docs/theory/centroidal-problem.md): its
+    iterations are limited by an estimate from the time of one evaluation of its functions.
     """
 
     iterations: int = 300
@@ -57,9 +55,9 @@ DEFAULT_LIMITS = Limits()
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """Where a solver stopped, whether it calls that a solution, its own words, its effort in CPU seconds.
+    """Result of a solver: final point, ``success`` and ``status`` as reported by it, CPU seconds, log.
 
-    ``infeasible``: it says that the constraints have no solution, which it can prove where all of them are linear.
+    ``infeasible``: the solver reports infeasible constraints, which is a proof if all constraints are linear.
     """
 
     point: Point
@@ -79,47 +77,47 @@ def run(
     start: Point | None = None,
     tell: Tell | None = None,
 ) -> Run:
-    """Solve from the programme's guess, or from ``start``; a failure of any kind is a ``Run`` without success.
+    """Solve from the initial guess or from ``start``; any failure gives a ``SolverRun`` without success.
 
-    A start of another structure counts for nothing. Its multipliers count for ipopt only.
+    A start of another structure is ignored. Multipliers of the start are used by ipopt only.
     """
-    of = programme.compiled
-    warm = start if start is not None and start.structure == of.structure else None
-    first = warm or Point(of.structure, programme.guess, np.zeros(of.layout.n), np.zeros(of.layout.n_rows))
+    compiled = programme.compiled
+    warm = start if start is not None and start.structure == compiled.structure else None
+    initial = warm or Point(compiled.structure, programme.guess, np.zeros(compiled.layout.n), np.zeros(compiled.layout.n_rows))
     started = time.process_time()
     built = started
-    if not np.isfinite(float(of.programme.value(first.w, programme.p))):  # fatrop would search its line for ever
-        return Run(first, False, False, "the cost is not a number at the start", 0, 0.0, 0.0, _log({}))
+    if not np.isfinite(float(compiled.programme.value(initial.w, programme.p))):  # fatrop's line search would not end
+        return Run(initial, False, False, "the cost is not a number at the start", 0, 0.0, 0.0, _log({}))
     try:
-        solver = _solver(name, of, limits, warm is not None)
+        solver = _solver(name, compiled, limits, warm is not None)
         built = time.process_time()
         solver.listener.listen(tell, programme.box)
-        found = solver.function(
-            x0=first.w,
-            lam_x0=first.lambda_w,
-            lam_g0=first.lambda_g,
+        result = solver.function(
+            x0=initial.w,
+            lam_x0=initial.lambda_w,
+            lam_g0=initial.lambda_g,
             p=programme.p,
             lbx=programme.box.lower,
             ubx=programme.box.upper,
             lbg=programme.box.row_lower,
             ubg=programme.box.row_upper,
         )
-    except RuntimeError as failure:  # all that CasADi raises
-        words = str(failure).strip().splitlines()[-1]
-        return Run(first, False, False, words, 0, built - started, time.process_time() - built, _log({}))
+    except RuntimeError as failure:  # the only exception of CasADi
+        message = str(failure).strip().splitlines()[-1]
+        return Run(initial, False, False, message, 0, built - started, time.process_time() - built, _log({}))
     solve_s = time.process_time() - built
     stats = solver.function.stats()
     iterations = int(stats["iter_count"])
-    reached = [found[key].full().ravel() for key in ("x", "lam_x", "lam_g")]
-    finite = all(np.isfinite(x).all() for x in reached)
-    said = str(stats["return_status"] if name == "ipopt" else stats["unified_return_status"])
+    final = [result[key].full().ravel() for key in ("x", "lam_x", "lam_g")]
+    finite = all(np.isfinite(x).all() for x in final)
+    status = str(stats["return_status"] if name == "ipopt" else stats["unified_return_status"])
     if name == "fatrop" and not stats["success"] and solver.fitting <= iterations < limits.iterations:
-        said = TIME_IS_UP
+        status = TIME_IS_UP
     return Run(
-        point=Point(of.structure, *reached) if finite else first,
+        point=Point(compiled.structure, *final) if finite else initial,
         success=bool(stats["success"]) and finite,
-        infeasible=said == "Infeasible_Problem_Detected",
-        status=said.replace("_", " ").lower(),
+        infeasible=status == "Infeasible_Problem_Detected",
+        status=status.replace("_", " ").lower(),
         iterations=iterations,
         build_s=built - started,
         solve_s=solve_s,
@@ -138,7 +136,7 @@ def _log(iterations: Mapping[str, list[float]]) -> IterationLog:
 class _Solver:
     function: ca.Function
     listener: Listener
-    ear: ca.Callback  # CasADi calls it and does not keep it
+    ear: ca.Callback  # CasADi holds no reference to it
     fitting: int
 
 
@@ -146,17 +144,17 @@ def _solver(name: SolverName, of: Compiled, limits: Limits, warm: bool) -> _Solv
     key = (name, limits, warm)
     if key not in of.solvers:
         listener = Listener(of.programme)
-        ear = _EARS[name](listener)
+        callback = _EARS[name](listener)
         fitting = limits if name == "ipopt" else replace(limits, iterations=_fitting(of.programme, limits))
-        of.solvers[key] = _Solver(_SETUP[name](of, fitting, warm, ear), listener, ear, fitting.iterations)
-    found = of.solvers[key]
-    assert isinstance(found, _Solver)
-    return found
+        of.solvers[key] = _Solver(_SETUP[name](of, fitting, warm, callback), listener, callback, fitting.iterations)
+    solver = of.solvers[key]
+    assert isinstance(solver, _Solver)
+    return solver
 
 
 @dataclass(frozen=True, eq=False)
 class _Expressions:
-    """A compiled programme under the names that CasADi looks for."""
+    """Expressions of a nonlinear program under the names that CasADi expects."""
 
     programme: Programme
     x: ca.MX
@@ -190,7 +188,7 @@ class _Expressions:
         return self.programme.jacobian(self.x, self.p)
 
     def function(self, name: str, outputs: Mapping[str, ca.MX | ca.DM], multipliers: bool = False) -> ca.Function:
-        """A derivative by the names that CasADi looks for."""
+        """CasADi function with the input and output names that its solvers expect."""
         inputs = {"x": self.x, "p": self.p} | ({"lam_f": self.lam_f, "lam_g": self.lam_g} if multipliers else {})
         return ca.Function(name, [*inputs.values()], [*outputs.values()], [*inputs], [*outputs])
 
@@ -210,7 +208,7 @@ def _ipopt(of: Compiled, limits: Limits, warm: bool, ear: ca.Callback) -> ca.Fun
         "ipopt.tol": TOLERANCE,
         "ipopt.constr_viol_tol": 1e-11,  # in body weights and metres: the dynamics hold to 1e-8 N m s
         "ipopt.mu_strategy": "adaptive",
-        "ipopt.mu_min": 1e-9,  # costs 0.003 of the objective and saves the last creep along the cones
+        "ipopt.mu_min": 1e-9,  # costs 0.003 of the objective and saves the last slow iterations along the cones
         "ipopt.nlp_scaling_method": "none",
         "ipopt.bound_relax_factor": 0.0,  # the cones hold exactly
         "ipopt.max_iter": limits.iterations,
@@ -229,21 +227,21 @@ def _ipopt(of: Compiled, limits: Limits, warm: bool, ear: ca.Callback) -> ca.Fun
 
 
 def _fatrop(of: Compiled, limits: Limits, warm: bool, ear: ca.Callback) -> ca.Function:
-    """The stages are named, and the functions handed over as CasADi's cache: its fatrop has no options for them."""
+    """Create fatrop with explicit stages; derivatives are passed as CasADi's cache, as fatrop has no options for them."""
     e, layout = _Expressions.of(of.programme), of.layout
-    slope = e.lam_f * e.gradient + e.jacobian.T @ e.lam_g
+    lagrangian_gradient = e.lam_f * e.gradient + e.jacobian.T @ e.lam_g
     curvature = of.programme.hessian(e.x, e.p, e.lam_f + ear(e.x, e.p), e.lam_g, 0.0)
-    known = [
+    functions = [
         e.function("nlp_grad_f", {"grad_f_x": e.gradient}),
         e.function("nlp_jac_g", {"g": e.g, "jac_g_x": e.jacobian}),
         e.function(
             "nlp_grad",
-            {"f": e.f, "g": e.g, "grad_gamma_x": slope, "grad_gamma_p": ca.MX(of.programme.n_p, 1)},
+            {"f": e.f, "g": e.g, "grad_gamma_x": lagrangian_gradient, "grad_gamma_p": ca.MX(of.programme.n_p, 1)},
             multipliers=True,
         ),
         e.function(
             "nlp_hess_l",
-            {"grad_gamma_x": slope, "hess_gamma_x_x": ca.triu2symm(curvature)},
+            {"grad_gamma_x": lagrangian_gradient, "hess_gamma_x_x": ca.triu2symm(curvature)},
             multipliers=True,
         ),
     ]
@@ -254,7 +252,7 @@ def _fatrop(of: Compiled, limits: Limits, warm: bool, ear: ca.Callback) -> ca.Fu
     if of.structure.capture_planes:
         equality[layout.end + N_CAPTURABLE : layout.end + N_CAPTURABLE + of.structure.capture_planes] = False
     options: dict[str, Any] = {
-        "cache": {function.name(): function for function in known},
+        "cache": {function.name(): function for function in functions},
         "structure_detection": "manual",
         "N": n_intervals,
         "nx": [N_STATE] * (n_intervals + 1),
@@ -267,7 +265,7 @@ def _fatrop(of: Compiled, limits: Limits, warm: bool, ear: ca.Callback) -> ca.Fu
         "fatrop.tol": FATROP_TOLERANCE,
         "fatrop.tol_acceptable": FATROP_ACCEPTABLE,
         "fatrop.mu_init": 1e-2,
-        "fatrop.barrier_tol_factor": 1e3,  # the next barrier parameter before the dual infeasibility creeps
+        "fatrop.barrier_tol_factor": 1e3,  # reduce the barrier parameter before the dual infeasibility stagnates
         "fatrop.mu_superlinear_decrease_power": 1.2,
         "fatrop.max_iter": limits.iterations,
     }
@@ -275,14 +273,14 @@ def _fatrop(of: Compiled, limits: Limits, warm: bool, ear: ca.Callback) -> ca.Fu
 
 
 def _fitting(of: Programme, limits: Limits) -> int:
-    """Iterations of fatrop that fit into the processor time."""
+    """Estimated number of fatrop iterations within the processor time limit."""
     w, p, multipliers = np.zeros(of.n), np.ones(of.n_p), np.zeros(of.n_rows)
-    began = time.process_time()
+    start_s = time.process_time()
     of.hessian(w, p, 1.0, multipliers, 0.0)
     for function in (of.jacobian, of.gradient, of.rows, of.value):
         function(w, p)
-    one_s = EVALUATIONS * (time.process_time() - began)
-    return int(max(1, min(limits.iterations, limits.cpu_s / max(one_s, 1e-9))))
+    iteration_s = EVALUATIONS * (time.process_time() - start_s)
+    return int(max(1, min(limits.iterations, limits.cpu_s / max(iteration_s, 1e-9))))
 
 
 _EARS: dict[SolverName, Callable[[Listener], ca.Callback]] = {"ipopt": AtIterations, "fatrop": AtCurvatures}

@@ -1,4 +1,4 @@
-"""The small functions of which the programme consists, in CasADi: one interval, one group or one node each.
+"""CasADi functions that make up the nonlinear program, each for one interval, one group or one node.
 
     gap       x+ - A(h) x - B(h) (F, T) - b(h)                                       (4.8), exact (``dynamics``)
     tie       (F, T) - sum of G u,     with a contact moved by d:  T - d x (forces)  (4.2)
@@ -7,7 +7,7 @@
     effort    h u^T Q u / 2
 
 The length of an interval is ``h = q_0``, or ``h = q_0 T_s`` where the duration of its phase is a variable, the last
-entry of y. Squares then have their true second derivatives, otherwise those of Gauss and Newton.
+entry of y. Squares then have exact second derivatives, otherwise the Gauss-Newton approximation.
 """
 
 from dataclasses import dataclass
@@ -41,16 +41,16 @@ class RowFunctions:
 def row_functions(psi: ca.SX, y: ca.SX, q: ca.SX) -> RowFunctions:
     """``psi(y, q)`` with its derivatives."""
     lam = ca.SX.sym("lambda", psi.numel())
-    bend = ca.hessian(ca.dot(lam, psi), y)[0]
+    curvature = ca.hessian(ca.dot(lam, psi), y)[0]
     return RowFunctions(
         ca.Function("rows", [y, q], [ca.densify(psi)]),
         ca.Function("rows_jacobian", [y, q], [ca.jacobian(psi, y)]),
-        ca.Function("rows_curvature", [y, q, lam], [bend]) if bend.nnz() else None,
+        ca.Function("rows_curvature", [y, q, lam], [curvature]) if curvature.nnz() else None,
     )
 
 
 def cost_functions(phi: ca.SX, y: ca.SX, q: ca.SX, curvature: ca.SX) -> CostFunctions:
-    """``phi(y, q)`` with its gradient and what is taken for its curvature."""
+    """``phi(y, q)`` with its gradient and the given Hessian (approximation)."""
     return CostFunctions(
         ca.Function("cost", [y, q], [phi]),
         ca.Function("cost_gradient", [y, q], [ca.densify(ca.gradient(phi, y))]),
@@ -69,19 +69,19 @@ def _down_cross(a: ca.SX) -> ca.SX:
 
 @cache
 def gap(free: bool) -> RowFunctions:
-    """``y = (x, F, T, x+ [, T_s])``, ``q = (h)``."""
+    """Dynamics residual of an interval: ``y = (x, F, T, x+ [, T_s])``, ``q = (h)``."""
     y, q = ca.SX.sym("y", 2 * N_STATE + N_WRENCH + free), ca.SX.sym("q")
     h, G, down = _length(y, q, free), GRAVITY_M_S2, ca.DM(DOWN)
     c, v, K, F, T = (y[3 * i : 3 * i + 3] for i in range(5))
     a = G * (F + down)
-    swept = h * c + h**2 / 2 * v + h**3 / 6 * G * F
-    ahead = ca.vertcat(c + h * v + h**2 / 2 * a, v + h * a, K + h * T + _down_cross(swept))
-    return row_functions(y[15:24] - ahead, y, q)
+    com_integral = h * c + h**2 / 2 * v + h**3 / 6 * G * F
+    next_state = ca.vertcat(c + h * v + h**2 / 2 * a, v + h * a, K + h * T + _down_cross(com_integral))
+    return row_functions(y[15:24] - next_state, y, q)
 
 
 @cache
 def tie(size: int, moving: bool) -> RowFunctions:
-    """``y = (u [, d])``, ``q = G`` column by column, and for a displacement d the axes x and y of the contact."""
+    """``-G u``: ``y = (u [, d])``, ``q = G`` by columns, and for a displacement d the axes x and y of the contact."""
     y, q = ca.SX.sym("y", size + 2 * moving), ca.SX.sym("q", 6 * size + 6 * moving)
     wrench = ca.reshape(q[: 6 * size], 6, size) @ y[:size]
     if moving:
@@ -92,7 +92,7 @@ def tie(size: int, moving: bool) -> RowFunctions:
 
 @cache
 def same(size: int) -> RowFunctions:
-    """``y``, as it is."""
+    """``y`` itself."""
     y = ca.SX.sym("y", size)
     return row_functions(y, y, ca.SX.sym("q", 0))
 
@@ -138,7 +138,7 @@ def squares(free: bool) -> CostFunctions:
 
 @cache
 def effort(size: int, free: bool) -> CostFunctions:
-    """``y = (u [, T_s])``, ``q = (h, Q)`` with Q column by column."""
+    """``h u^T Q u / 2``: ``y = (u [, T_s])``, ``q = (h, Q)`` with Q by columns."""
     y, q = ca.SX.sym("y", size + free), ca.SX.sym("q", 1 + size**2)
     Q = ca.reshape(q[1:], size, size)
     phi = 0.5 * _length(y, q, free) * ca.bilin(Q, y[:size], y[:size])
@@ -146,26 +146,26 @@ def effort(size: int, free: bool) -> CostFunctions:
 
 
 def density(mixture: Likelihood, free: bool, moving: bool) -> CostFunctions:
-    """``-h log p``: ``y = (c [, d] [, T_s])``, ``q = (h, p, R, axes of d)``; R and axes column by column."""
+    """``-h log p``: ``y = (c [, d] [, T_s])``, ``q = (h, p, R, axes of d)``; R and axes by columns."""
     y, q = ca.SX.sym("y", 3 + 2 * moving + free), ca.SX.sym("q", 13 + 6 * moving)
     theta = ca.SX.sym("theta")
-    place, R = q[1:4], q[4:13]
-    onto = ca.SX.eye(3)
+    position, R = q[1:4], q[4:13]
+    d_com = ca.SX.eye(3)
     if moving:
         axes = ca.reshape(q[13:], 3, 2)
-        place = place + axes @ y[3:5]
-        onto = ca.horzcat(onto, -axes)
-    h, at = _length(y, q, free), (y[:3], place, R)
-    slope, bend = mixture.gradient(*at), h * onto.T @ mixture.curvature(*at, theta) @ onto
-    gradient = h * onto.T @ slope
+        position = position + axes @ y[3:5]
+        d_com = ca.horzcat(d_com, -axes)
+    h, arguments = _length(y, q, free), (y[:3], position, R)
+    com_gradient, curvature = mixture.gradient(*arguments), h * d_com.T @ mixture.curvature(*arguments, theta) @ d_com
+    gradient = h * d_com.T @ com_gradient
     if free:
-        across = q[0] * onto.T @ slope
-        gradient = ca.vertcat(gradient, q[0] * mixture.value(*at))
-        bend = ca.blockcat([[bend, across], [across.T, ca.SX(1, 1)]])
+        mixed = q[0] * d_com.T @ com_gradient
+        gradient = ca.vertcat(gradient, q[0] * mixture.value(*arguments))
+        curvature = ca.blockcat([[curvature, mixed], [mixed.T, ca.SX(1, 1)]])
     return CostFunctions(
-        ca.Function("cost", [y, q], [h * mixture.value(*at)]),
+        ca.Function("cost", [y, q], [h * mixture.value(*arguments)]),
         ca.Function("cost_gradient", [y, q], [ca.densify(gradient)]),
-        ca.Function("cost_curvature", [y, q, theta], [bend]),
+        ca.Function("cost_curvature", [y, q, theta], [curvature]),
     )
 
 

@@ -1,13 +1,13 @@
-"""The numbers that a problem puts into the programme of its structure: parameters, bounds and the first guess.
+"""Transcription of a problem: parameters, bounds and initial guess for the compiled program of its structure.
 
 Rows are equalities, interval by interval
 
     x_{k+1} - A x_k - B (F, T)_k = b                 (4.8) by the exact step of ``dynamics``
     (F, T)_k - sum of G u = 0                        (4.2), u_f or u_c
 
-and the boundary values; the cones are bounds on u, and where they are Lorentz cones one inequality each. All but
-those are linear unless durations or contacts are free. The wrench as a variable of its own keeps the curvature of the
-objective to 12 x 12 per interval whatever the number of points.
+and the boundary values; the cones are bounds on u, and Lorentz cones one inequality each. All but those are linear
+unless durations or contacts are free. The wrench as a separate variable limits the Hessian of the objective to 12 x 12
+per interval, independent of the number of points.
 """
 
 from collections.abc import Mapping
@@ -17,7 +17,7 @@ from hashlib import blake2b
 import numpy as np
 from jaxtyping import Float
 
-from stridelab.centroidal.boundary_conditions import Capture, capture
+from stridelab.centroidal.boundary_conditions import Capture
 from stridelab.centroidal.control import Generators
 from stridelab.centroidal.dynamics import DOWN, N_STATE, N_WRENCH
 from stridelab.centroidal.force_splines import INNER, N_GAUSS, comes_and_goes, joints
@@ -48,8 +48,8 @@ PhaseGenerators = Mapping[str, Generators]
 class Transcription:
     """``min f(w, p)  s.t.  row_lower <= g(w, p) <= row_upper,  lower <= w <= upper``.
 
-    Positions inside are relative to ``origin_m``, the CoM at the start; forces are in units of m |g|. ``guess`` is the
-    thesis' own start: a straight CoM path, at rest everywhere, the weight shared equally by the points.
+    Positions are relative to ``origin_m``, the CoM at the start; forces are in units of m |g|. ``guess`` is the initial
+    guess of the thesis: a straight CoM path, zero velocity everywhere, the weight shared equally by the points.
     """
 
     problem: CentroidalProblem
@@ -63,7 +63,7 @@ class Transcription:
 
     @property
     def layout(self) -> Layout:
-        """Where things stand."""
+        """Indices of variables and rows."""
         return self.compiled.layout
 
     def states(self, w: Series) -> Float[np.ndarray, "nodes 9"]:
@@ -72,24 +72,24 @@ class Transcription:
 
 
 def transcribe(problem: CentroidalProblem) -> Transcription:
-    """Fill in the programme of the problem's structure, which is compiled where it is new."""
+    """Transcribe a problem; the program of its structure is compiled if it is not cached."""
     grid, origin = problem.grid(), problem.com_start_m
-    stays = tuple(movable(problem.sequence)) if problem.placements else ()
+    spans = tuple(movable(problem.sequence)) if problem.placements else ()
     generators = [problem.control.generators(problem.touches(i, origin)) for i in range(len(problem.sequence.phases))]
     mixtures = {name: problem.proxies[name].mixture for name in problem.sequence.effectors if name in problem.proxies}
-    end = capture_of(problem)
-    found = compiled(_structure(problem, grid, generators, stays, mixtures, end), mixtures)
-    numbers = _numbers(problem, grid, generators, found, end)
-    blocks = [numbers[name].ravel() for name, _ in found.programme.parameters]
+    end = problem.capture_region()
+    program = compiled(_structure(problem, grid, generators, spans, mixtures, end), mixtures)
+    parameters = _numbers(problem, grid, generators, program, end)
+    blocks = [parameters[name].ravel() for name, _ in program.programme.parameters]
     return Transcription(
         problem=problem,
         grid=grid,
-        compiled=found,
+        compiled=program,
         origin_m=origin,
-        movable=stays,
+        movable=spans,
         p=np.concatenate(blocks),
-        box=Box(*_bounds(problem, grid, found.layout, stays), *_row_bounds(problem, grid, found.layout, end)),
-        guess=_guess(problem, grid, generators, found.layout),
+        box=Box(*_bounds(problem, grid, program.layout, spans), *_row_bounds(problem, grid, program.layout, end)),
+        guess=_guess(problem, grid, generators, program.layout),
     )
 
 
@@ -104,8 +104,8 @@ def _structure(
     counts = np.bincount(grid.phase, minlength=len(generators))
     phases = []
     for i, groups in enumerate(generators):
-        shift = {stay.contact.effector: s for s, stay in enumerate(stays) if stay.first <= i <= stay.last}
-        touching = problem.sequence.phases[i].contacts
+        shift = {span.contact.effector: s for s, span in enumerate(stays) if span.first <= i <= span.last}
+        contacts = problem.sequence.phases[i].contacts
         phases.append(
             PhaseStructure(
                 int(counts[i]),
@@ -121,7 +121,7 @@ def _structure(
                     )
                     for name, g in groups.items()
                 ),
-                tuple(Visited(name, shift.get(name)) for name in touching if name in mixtures),
+                tuple(Visited(name, shift.get(name)) for name in contacts if name in mixtures),
             )
         )
     return Structure(
@@ -147,22 +147,21 @@ def _numbers(
     found: Compiled,
     end: Capture | None,
 ) -> dict[str, Float[np.ndarray, "uses q"]]:
-    """The parameters of every part, one row per use."""
+    """Parameters of every part, one row per use."""
     weights, sequence = problem.weights, problem.sequence
     counts, inner = np.bincount(grid.phase), INNER[problem.shape]
     lengths = 1.0 / counts if problem.durations else np.array([p.duration_s for p in sequence.phases]) / counts
     h = lengths[grid.phase]
-    nothing = np.zeros((0, 0))
-    priced = np.tile([weights.com_acceleration, weights.momentum_rate * problem.weight_n**2], (len(h), 1))
+    weight_rows = np.tile([weights.com_acceleration, weights.momentum_rate * problem.weight_n**2], (len(h), 1))
     n_rates = {"constant": 1, "cubic": N_GAUSS}[problem.shape]
     limbs = np.zeros((len(h), 3 * n_rates))
     if problem.limbs_nm is not None:
         limbs = problem.limbs_nm.reshape(len(h), -1) / problem.weight_n
-    numbers = {"squares": np.column_stack([h, priced, limbs]), "gap": h[:, None]}
+    numbers = {"squares": np.column_stack([h, weight_rows, limbs]), "gap": h[:, None]}
     if problem.shape == "cubic":
-        joined = np.column_stack([h, joints(h)])
+        junctions = np.column_stack([h, joints(h)])
         for part, k, _ in splines(len(h)):
-            numbers |= {f"gap{part}": joined[k], f"squares{part}": np.hstack([joined, priced, limbs])[k]}
+            numbers |= {f"gap{part}": junctions[k], f"squares{part}": np.hstack([junctions, weight_rows, limbs])[k]}
     for name, uses in found.ties.items():
         rows = []
         for use in uses:
@@ -195,17 +194,17 @@ def _numbers(
     if problem.durations:
         numbers["price"] = np.full((len(sequence.phases), 1), problem.durations.price_per_s)
     for name, _ in found.programme.parameters:
-        numbers.setdefault(name, nothing)
+        numbers.setdefault(name, np.zeros((0, 0)))
     return numbers
 
 
 def _axes(problem: CentroidalProblem, effector: str, phase: int) -> Float[np.ndarray, "6"]:
-    """The directions in which a contact may move, one after the other."""
+    """Displacement axes x and y of a contact, concatenated."""
     return problem.contact(effector, phase).placement.rotation[:, :2].ravel(order="F")
 
 
 def _frame(problem: CentroidalProblem, effector: str, phase: int) -> Float[np.ndarray, "12"]:
-    """Place and axes of an effector's density."""
+    """Position and axes (by columns) of an effector's density."""
     contact, heading_rad = problem.contact(effector, phase), float(problem.sequence.headings_rad[phase])
     frame = problem.proxies[effector].placement(contact.placement, heading_rad)
     return np.append(frame.position_m - problem.com_start_m, frame.rotation.ravel(order="F"))
@@ -225,20 +224,20 @@ def _bounds(problem: CentroidalProblem, grid: Grid, layout: Layout, stays: tuple
         lower[layout.durations] = problem.durations.shortest * T
         upper[layout.durations] = problem.durations.longest * T
     if problem.bounds.com_height_m is not None:
-        least, most = problem.bounds.com_height_m
+        lowest, highest = problem.bounds.com_height_m
         for k, phase in list(enumerate(grid.phase))[1:]:
             soles_m = ground_m(problem, int(phase)) - problem.com_start_m[2]
-            lower[layout.state[k] + 2], upper[layout.state[k] + 2] = soles_m + least, soles_m + most
+            lower[layout.state[k] + 2], upper[layout.state[k] + 2] = soles_m + lowest, soles_m + highest
     if problem.placements:
-        for stay, at in zip(stays, layout.shifts, strict=True):
-            corners_m = problem.effectors[stay.contact.effector].points_m()
-            room = room_m(stay.contact, corners_m, problem.sequence.terrain, problem.placements.reach_m)
-            lower[at : at + 2], upper[at : at + 2] = room
+        for span, at in zip(stays, layout.shifts, strict=True):
+            corners_m = problem.effectors[span.contact.effector].points_m()
+            window = room_m(span.contact, corners_m, problem.sequence.terrain, problem.placements.reach_m)
+            lower[at : at + 2], upper[at : at + 2] = window
     return lower, upper
 
 
 def _at_rest(problem: CentroidalProblem, grid: Grid, layout: Layout) -> list[Use]:
-    """Control points beside the instants at which their contact comes or goes."""
+    """Control points adjacent to the touch-down or lift-off of their contact, whose force is zero."""
     comes, goes = comes_and_goes(problem.sequence)
     begins, ends = np.searchsorted(grid.phase, grid.phase, "left"), np.searchsorted(grid.phase, grid.phase, "right") - 1
     return [
@@ -250,14 +249,14 @@ def _at_rest(problem: CentroidalProblem, grid: Grid, layout: Layout) -> list[Use
 
 
 def ground_m(problem: CentroidalProblem, phase: int) -> float:
-    """Mean height of the soles, each where it is in a phase or was last.
+    """Mean height of the soles at their current or latest contacts.
 
-    Raises ``InvalidInput`` (``no-surface-contact``) where none has touched so far.
+    Raises ``InvalidInput`` (``no-surface-contact``) if no sole has been in contact so far.
     """
     contacts = [problem.sequence.last_contact(name, phase) for name in problem.sequence.effectors]
     soles = [c for c in contacts if c is not None and problem.effectors[c.effector].kind == "surface"]
     if not soles:
-        raise InvalidInput("no-surface-contact", "The height of the CoM is bounded above soles, and none has touched.")
+        raise InvalidInput("no-surface-contact", "CoM height bounds are relative to the soles, but none is in contact yet.")
     return float(np.mean([c.placement.position_m[2] for c in soles]))
 
 
@@ -290,19 +289,12 @@ def _row_bounds(
                 problem.bounds.normal_force_max_n[use.group.name] / problem.weight_n
             )
     if problem.shape == "cubic":
-        # Forces that are zero lie on the tip of their cone, where its row has no slope: a multiplier would grow and
-        # loosen all that ipopt measures by the size of multipliers.
+        # Zero forces lie at the apex of their cone, where its row has zero gradient: its multiplier would grow, and
+        # ipopt scales its termination criteria by the size of multipliers.
         for use in _at_rest(problem, grid, layout):
             lower[use.row : use.row + n_cones(use.group)] = -np.inf
     return lower, upper
 
-
-def capture_of(problem: CentroidalProblem) -> Capture | None:
-    """Relative to the origin; None where the motion ends at rest."""
-    if problem.terminal == "rest":
-        return None
-    last = problem.touches(len(problem.sequence.phases) - 1, problem.com_start_m)
-    return capture([touch.points_m for touch in last], problem.com_end_m - problem.com_start_m)
 
 
 def _guess(problem: CentroidalProblem, grid: Grid, generators: list[PhaseGenerators], layout: Layout) -> Series:

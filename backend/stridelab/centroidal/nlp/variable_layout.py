@@ -1,15 +1,13 @@
-"""Where things stand in the vectors of variables and of rows.
+"""Layout of the vectors of variables and of rows.
 
     w = x_0, u_0, (F, T)_0,  x_1, u_1, (F, T)_1,  ...  x_N,  then displacements of contacts and durations of phases
     g = gap_0, x_0 = .., wrench_0, cones_0,  gap_1, wrench_1, cones_1,  ..  at rest_N-1,  x_N = ..,  total duration
 
-which is the order that solvers want who go from stage to stage.
+which is the order required by stage-wise solvers.
 
-What of a problem decides the shape of its programme, and nothing else: two problems alike in it share a solver.
-
-Contacts, durations, weights, friction and mass are numbers that a compiled programme takes as parameters. The pattern
-of phases, how many intervals each has, the sizes and cones of the groups of u, the mixtures and what is left free
-are its structure.
+``Structure`` holds what determines the shape of the nonlinear program; problems of the same structure share a solver.
+It consists of the pattern of phases, their numbers of intervals, the sizes and cones of the groups of u, the mixtures
+and the free variables. Contacts, durations, weights, friction and mass are parameters of the compiled program.
 """
 
 from collections.abc import Mapping
@@ -26,10 +24,10 @@ from stridelab.centroidal.force_splines import INNER, Shape
 
 @dataclass(frozen=True)
 class Group:
-    """``size`` variables of u in blocks of ``block``, one for each point; ``lorentz`` as in ``Generators``.
+    """``size`` variables of u in blocks of ``block``, one per point; ``lorentz`` as in ``Generators``.
 
-    ``weighed``: whether effort costs; ``limited``: whether normal forces are bounded; ``shift``: which contact
-    displacement moves its points, None where they stay.
+    ``weighed``: whether effort has a cost; ``limited``: whether normal forces are bounded; ``shift``: index of the
+    contact displacement that moves its points, None for fixed ones.
     """
 
     name: str
@@ -43,7 +41,7 @@ class Group:
 
 @dataclass(frozen=True)
 class Visited:
-    """An effector whose log-density counts in a phase, and the displacement of its contact."""
+    """An effector whose log-density is in the cost of a phase, and the displacement of its contact."""
 
     effector: str
     shift: int | None
@@ -51,7 +49,7 @@ class Visited:
 
 @dataclass(frozen=True)
 class PhaseStructure:
-    """``intervals`` of a phase, the groups of u in it and the log-densities."""
+    """Number of ``intervals`` of a phase, its groups of u and its log-densities."""
 
     intervals: int
     groups: tuple[Group, ...]
@@ -76,7 +74,7 @@ class Structure:
 
     @property
     def n_intervals(self) -> int:
-        """Of the whole motion."""
+        """Number of intervals of the whole motion."""
         return sum(phase.intervals for phase in self.phases)
 
     @property
@@ -91,7 +89,7 @@ N_CAPTURABLE: Final = 5
 
 @dataclass(frozen=True)
 class Use:
-    """A group of u in an interval ``k`` of ``phase``, at its control point ``inner`` (0, or 0 and 1 of a spline).
+    """A group of u in interval ``k`` of ``phase``, at control point ``inner`` (0, or 0 and 1 for a spline).
 
     ``start`` is its first variable, ``row`` the row of its first cone.
     """
@@ -108,8 +106,8 @@ class Use:
 class Layout:
     """First indices: ``state`` per node, ``gap`` per interval, ``wrench`` and ``tie`` (its rows) per control point.
 
-    ``durations`` per phase and ``shifts`` per displacement (none where they are not free); ``start``, ``rest``, ``end``
-    and ``total`` are single rows' firsts. ``stage_rows`` counts per node the rows that do not lead to the next.
+    ``durations`` per phase and ``shifts`` per displacement (empty if not free); ``start``, ``rest``, ``end`` and
+    ``total`` are the first rows of single conditions. ``stage_rows`` counts per node the rows other than dynamics.
     """
 
     n: int
@@ -130,32 +128,32 @@ class Layout:
     @cached_property
     def uses_in(self) -> list[list[Use]]:
         """The groups of every interval."""
-        found: list[list[Use]] = [[] for _ in self.wrench]
+        groups: list[list[Use]] = [[] for _ in self.wrench]
         for use in self.uses:
-            found[use.k].append(use)
-        return found
+            groups[use.k].append(use)
+        return groups
 
     def uses_of(self, phase: int) -> Mapping[str, list[Use]]:
         """The groups of a phase, interval by interval and control point by control point."""
-        found: dict[str, list[Use]] = {}
+        groups: dict[str, list[Use]] = {}
         for use in self.uses:
             if use.phase == phase:
-                found.setdefault(use.group.name, []).append(use)
-        return found
+                groups.setdefault(use.group.name, []).append(use)
+        return groups
 
 
 def n_cones(group: Group) -> int:
-    """Rows that the cones of a group take."""
+    """Number of cone rows of a group."""
     return group.size // (group.lorentz + 1) if group.lorentz else 0
 
 
 def n_limits(group: Group) -> int:
-    """Rows that bound the normal forces of a group, after its cones."""
+    """Number of normal-force rows of a group; they follow its cones."""
     return group.size // group.block if group.limited else 0
 
 
 def lay_out(structure: Structure) -> Layout:
-    """The layout of a structure."""
+    """Compute the layout of a structure."""
     n = row = 0
     state, wrench, gap, tie, stage_rows = [], [], [], [], []
     uses: list[Use] = []

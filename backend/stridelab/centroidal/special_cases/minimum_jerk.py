@@ -1,13 +1,13 @@
-"""The minimum-jerk CoM: (4.20) with ``|c'''|^2`` for its cost, no angular momentum, and cones taken on trust.
+"""The minimum-jerk CoM: (4.20) with the cost ``|c'''|^2``, without angular momentum and without cone constraints.
 
-After Perrin et al. (2015), as section 4.7 tells it: L_c is null by construction, (4.9c) is supposed to hold and not
-checked, and the end is viable because the jerk is small. Of all motions that pass through given places at given times,
+After Perrin et al. (2015), as described in section 4.7: L_c is zero by construction, (4.9c) is assumed but not
+checked, and the end is viable because the jerk is small. Of all motions through given points at given times,
 
-    min int |c'''|^2 dt      =>      c^(6) = 0 between the places, c to c'''' continuous at them
+    min int |c'''|^2 dt      =>      c^(6) = 0 between the points, c to c'''' continuous at them
 
-a quintic spline. Between two nodes it is the quintic of Hermite with their positions, velocities and accelerations;
-its cost is quadratic in these, so that the free ones solve one linear system. ``margins_n`` then looks at what was
-taken on trust: the margin of the contacts for the wrench that the motion needs.
+a quintic spline. Between two nodes it is the quintic Hermite polynomial of their positions, velocities and
+accelerations; its cost is quadratic in these, so that the free ones solve one linear system. ``margins_n`` checks the
+assumption afterwards: it returns the margin of the contacts for the wrench of the motion.
 """
 
 from dataclasses import dataclass
@@ -33,27 +33,27 @@ class MinimumJerk:
 
     @staticmethod
     def through(time_s: Series, com_m: Points) -> "MinimumJerk":
-        """From rest over the first place to rest over the last.
+        """Spline through the points ``com_m``, from rest at the first to rest at the last.
 
-        Raises ``InvalidInput`` (``minimum-jerk-invalid``) unless there are two places or more and times ascend.
+        Raises ``InvalidInput`` (``minimum-jerk-invalid``) unless there are at least two points and times ascend.
         """
         if len(time_s) < 2 or not (np.diff(time_s) > 0.0).all():
-            raise InvalidInput("minimum-jerk-invalid", "A motion needs two places or more, at ascending times.")
+            raise InvalidInput("minimum-jerk-invalid", "A motion needs at least two points at ascending times.")
         n = len(time_s)
         H = np.zeros((3 * n, 3 * n))
         for k, h in enumerate(np.diff(time_s)):
             scale = np.tile([1.0, h, h * h], 2)
             H[3 * k : 3 * k + 6, 3 * k : 3 * k + 6] += _JERK_COST * np.outer(scale, scale) / h**5
-        known = np.array([*(3 * np.arange(n)), 1, 2, 3 * n - 2, 3 * n - 1])
-        free = np.setdiff1d(np.arange(3 * n), known)
+        fixed = np.array([*(3 * np.arange(n)), 1, 2, 3 * n - 2, 3 * n - 1])
+        free = np.setdiff1d(np.arange(3 * n), fixed)
         w = np.zeros((3 * n, 3))
         w[0::3] = com_m
         if len(free):
-            w[free] = np.linalg.solve(H[np.ix_(free, free)], -H[free][:, known] @ w[known])
+            w[free] = np.linalg.solve(H[np.ix_(free, free)], -H[free][:, fixed] @ w[fixed])
         return MinimumJerk(time_s, w[0::3], w[1::3], w[2::3])
 
     def at(self, time_s: Series, derivative: int = 0) -> Points:
-        """The motion (m) or its ``derivative`` up to the fifth, ``(m, 3)``; before and after it rests."""
+        """Position (m) or its ``derivative`` up to the fifth, ``(m, 3)``; constant before and after the motion."""
         k = np.clip(np.searchsorted(self.time_s, time_s, side="right") - 1, 0, len(self.time_s) - 2)
         h = np.diff(self.time_s)[k]
         tau = np.clip((time_s - self.time_s[k]) / h, 0.0, 1.0)
@@ -79,34 +79,34 @@ class MinimumJerk:
 
 
 def through_supports(problem: CentroidalProblem, height_m: float) -> MinimumJerk:
-    """Over the middle of the points that touch, ``height_m`` above them, in the middle of every phase but the ends.
+    """Spline through points ``height_m`` above the mean contact point, at mid-time of every phase but first and last.
 
-    The first and the last place are those of the problem. Raises ``InvalidInput`` (``minimum-jerk-invalid``) for a
-    phase in which nothing touches.
+    The first and the last point are those of the problem. Raises ``InvalidInput`` (``minimum-jerk-invalid``) for a
+    phase without contacts.
     """
     phases, starts = problem.sequence.phases, problem.sequence.starts_s
     if not all(phase.contacts for phase in phases):
-        raise InvalidInput("minimum-jerk-invalid", "Over a phase without contact there is no middle to pass.")
+        raise InvalidInput("minimum-jerk-invalid", "Every phase needs a contact to pass over.")
     times = [0.0, *(starts[i] + phases[i].duration_s / 2.0 for i in range(1, len(phases) - 1)), starts[-1]]
     times[-1] = problem.sequence.duration_s
-    places = [problem.com_start_m, *(_middle_m(problem, i, height_m) for i in range(1, len(phases) - 1))]
-    return MinimumJerk.through(np.array(times), np.array([*places, problem.com_end_m]))
+    points_m = [problem.com_start_m, *(_middle_m(problem, i, height_m) for i in range(1, len(phases) - 1))]
+    return MinimumJerk.through(np.array(times), np.array([*points_m, problem.com_end_m]))
 
 
 def margins_n(problem: CentroidalProblem, motion: MinimumJerk, time_s: Series) -> Series:
-    """The margin (N) of the contacts for the wrench of the motion at every instant; negative where trust fails."""
+    """Margin (N) of the contacts for the wrench of the motion at every time; negative where it is infeasible."""
     com, acceleration = motion.at(time_s), motion.at(time_s, 2)
-    found = np.empty(len(time_s))
+    margins = np.empty(len(time_s))
     for k, t in enumerate(time_s):
         force = problem.mass_kg * (acceleration[k] - g)
         wrench = np.concatenate([force, np.cross(com[k], force)])
-        touches = problem.touches(problem.sequence.phase_at(float(t)), np.zeros(3))
-        found[k] = conic_margin(point_contacts(touches), wrench).margin_n
-    return found
+        patches = problem.touches(problem.sequence.phase_at(float(t)), np.zeros(3))
+        margins[k] = conic_margin(point_contacts(patches), wrench).margin_n
+    return margins
 
 
 def _middle_m(problem: CentroidalProblem, phase: int, height_m: float) -> Vector3:
-    points = np.vstack([touch.points_m for touch in problem.touches(phase, np.zeros(3))])
+    points = np.vstack([patch.points_m for patch in problem.touches(phase, np.zeros(3))])
     return np.asarray(points.mean(axis=0) + np.array([0.0, 0.0, height_m]))
 
 
@@ -119,8 +119,8 @@ def _power(tau: Series, p: int, derivative: int) -> Series:
 def _hermite() -> Float[np.ndarray, "6 6"]:
     """Coefficients (powers by ends) of the quintic with given (c, h c', h^2 c'') at both ends."""
     ends = np.array([0.0, 1.0])
-    at = np.array([[_power(ends, p, derivative) for p in range(6)] for derivative in range(3)])
-    return np.linalg.inv(np.concatenate([at[..., 0], at[..., 1]]))
+    rows = np.array([[_power(ends, p, derivative) for p in range(6)] for derivative in range(3)])
+    return np.linalg.inv(np.concatenate([rows[..., 0], rows[..., 1]]))
 
 
 def _jerk_cost() -> Float[np.ndarray, "6 6"]:

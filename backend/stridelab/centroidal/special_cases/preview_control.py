@@ -11,14 +11,14 @@ Kajita et al. (2003) follow a planned ``p_ref`` by minimising over all u, with e
     sum_k  Q_e e_k^2 + R (d u_k)^2                                              (their eq. 19, Q_x = 0)
 
 With ``z = (e, d x)`` this is the linear-quadratic problem ``z+ = F z + G du - E dp_ref`` (F = [1 CA; 0 A],
-G = (CB, B), E = (1, 0, 0, 0)), whose optimum sees the coming reference (Katayama et al. 1985). K solves the discrete
+G = (CB, B), E = (1, 0, 0, 0)), whose optimum uses the future reference (Katayama et al. 1985). K solves the discrete
 Riccati equation ``K = F'K F - F'K G (R + G'K G)^-1 G'K F + Q``; with ``F_c = F - G (R + G'K G)^-1 G'K F``
 
     u_k = - G_I sum_{i<=k} e_i - G_x x_k - sum_{j=1..N} G_d(j) p_ref(k+j)
     (G_I, G_x) = (R + G'K G)^-1 G'K F,   G_d(j) = -(R + G'K G)^-1 G' (F_c')^(j-1) K E
 
-What (4.20) has and this lacks: friction, height, angular momentum, contacts that are not coplanar. ``G_d`` dies out
-like ``exp(-sqrt(g/h) t)``: beyond two seconds the future does not matter.
+Unlike (4.20), the model has no friction, height, angular momentum or non-coplanar contacts. ``G_d`` decays like
+``exp(-sqrt(g/h) t)``: references beyond two seconds have no effect.
 """
 
 from dataclasses import dataclass
@@ -37,7 +37,7 @@ Plane = Float[np.ndarray, "n 2"]
 
 @dataclass(frozen=True, eq=False)
 class CartTable:
-    """Motion of the CoM over the ground and the zero-moment point that it has in the cart-table model (2.9)."""
+    """Horizontal motion of the CoM and its zero-moment point in the cart-table model (2.9)."""
 
     com_m: Plane
     velocity_m_s: Plane
@@ -60,7 +60,7 @@ class PreviewControl:
     """Preview controller for a CoM ``height_m`` above the ground, sampled every ``dt_s``.
 
     ``tracking_weight`` is Q_e and ``effort_weight`` R (Kajita's 1 and 1e-6). Raises ``InvalidInput``
-    (``preview-invalid``) where a number is not positive or the horizon is shorter than a sample.
+    (``preview-invalid``) if a parameter is not positive or the horizon is shorter than a sample.
     """
 
     height_m: float
@@ -76,12 +76,12 @@ class PreviewControl:
                 message = f"{name} must be positive, not {value:g}."
                 raise InvalidInput("preview-invalid", message, [Fault(name, message)])
         if self.horizon_s < self.dt_s:
-            message = "The preview horizon must hold at least one sample."
+            message = "The preview horizon must contain at least one sample."
             raise InvalidInput("preview-invalid", message, [Fault("horizon_s", message)])
 
     @property
     def model(self) -> tuple[Float[np.ndarray, "3 3"], Float[np.ndarray, "3"], Float[np.ndarray, "3"]]:
-        """``A``, ``B`` and ``C`` of the cart on the table."""
+        """``A``, ``B`` and ``C`` of the cart-table model."""
         dt = self.dt_s
         A = np.array([[1.0, dt, dt * dt / 2.0], [0.0, 1.0, dt], [0.0, 0.0, 1.0]])
         B = np.array([dt**3 / 6.0, dt * dt / 2.0, dt])
@@ -89,7 +89,7 @@ class PreviewControl:
 
     @cached_property
     def gains(self) -> Gains:
-        """Gains of the law above."""
+        """Gains of the control law in the module docstring."""
         A, B, C = self.model
         F = np.block([[np.ones((1, 1)), (C @ A)[None]], [np.zeros((3, 1)), A]])
         G = np.concatenate([[C @ B], B])[:, None]
@@ -108,19 +108,19 @@ class PreviewControl:
     def follow(self, zmp_m: Plane) -> CartTable:
         """Motion whose zero-moment point follows ``zmp_m``, one point per ``dt_s``; starts at rest over the first.
 
-        The last point is thought to last for ever.
+        The reference is extended by its last point.
         """
         A, B, C = self.model
         gains, n = self.gains, len(zmp_m)
-        ahead = zmp_m - zmp_m[0]
-        padded = np.vstack([ahead, np.repeat(ahead[-1:], len(gains.preview), axis=0)])
-        coming = np.column_stack([np.convolve(track, gains.preview[::-1], "valid")[1:] for track in padded.T])
+        reference = zmp_m - zmp_m[0]
+        padded = np.vstack([reference, np.repeat(reference[-1:], len(gains.preview), axis=0)])
+        preview = np.column_stack([np.convolve(track, gains.preview[::-1], "valid")[1:] for track in padded.T])
         states, zmp = np.empty((n, 3, 2)), np.empty((n, 2))
         x, total_error = np.zeros((3, 2)), np.zeros(2)
         for k in range(n):
             p = C @ x
-            total_error += p - ahead[k]
+            total_error += p - reference[k]
             states[k], zmp[k] = x, p
-            u = -gains.integral * total_error - gains.state @ x - coming[k]
+            u = -gains.integral * total_error - gains.state @ x - preview[k]
             x = A @ x + B[:, None] * u
         return CartTable(states[:, 0] + zmp_m[0], states[:, 1], states[:, 2], zmp + zmp_m[0])

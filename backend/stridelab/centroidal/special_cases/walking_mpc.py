@@ -1,20 +1,20 @@
-"""The quadratic programme of the zero-moment point with footstep choice: (4.20) on level ground, after Herdt et al.
+"""Walking MPC: a quadratic program of the zero-moment point with free footsteps, (4.20) on level ground (Herdt et al.).
 
 With the CoM at a constant height h above level contacts and no angular momentum, (4.2) leaves a triple integrator per
 horizontal axis, the jerk u constant over every sample,
 
     c_k = S_c x_0 + U_c u,   likewise c'_k, c''_k,      z_k = c_k - h / g c''_k                            (2.9)
 
-and the cone (4.20c) says that z lies in the polygon of the contacts. Steps p_j yet to come move theirs along, so that
-the places of the feet are variables beside the jerks (Herdt et al. 2010):
+and the cone (4.20c) requires z to lie in the polygon of the contacts. The polygons of future steps move with their
+positions p_j, which are variables beside the jerks (Herdt et al. 2010):
 
     min   sum dt ( w_u |u|^2 + w_a |c''|^2 + w_v |c' - v_ref|^2 + w_z |z - middle|^2 )
     s.t.  n_i (z_k - p_j(k)) <= b_i                 every edge of the polygon of sample k
-          low <= p_j - p_{j-1} <= high              what legs allow
+          low <= p_j - p_{j-1} <= high              step length limits
           the end: free; at rest over a goal; or capturable, c + c' / w in the last polygon     (Sherikov et al. 2014)
 
-A strictly convex programme, solved by daqp. What (4.20) has and this lacks: height, friction, angular momentum,
-contacts that are not coplanar, densities.
+The program is strictly convex and solved by daqp. Unlike (4.20), it has no height, friction, angular momentum,
+non-coplanar contacts or densities.
 """
 
 from collections.abc import Sequence
@@ -32,20 +32,20 @@ from stridelab.conventions import GRAVITY_M_S2
 from stridelab.errors import Fault, InvalidInput, NotEstimable
 
 LEVEL_M = 1e-6
-"""Differences of height that still count as level."""
+"""Height differences up to this count as level."""
 BALANCED = 1e-12
-"""Weight on the places of steps relative to each other, which makes them unique."""
+"""Regularisation of the step positions, which makes them unique."""
 _EQUALITY = 5
-"""What daqp calls it."""
+"""Constraint type of an equality in daqp."""
 
 Chosen = Float[np.ndarray, "n m"]
-"""1 where the support of a sample is about a step."""
+"""Selection matrix: 1 where the support of a sample is relative to a step."""
 Vector2 = Float[np.ndarray, "2"]
 
 
 @dataclass(frozen=True, eq=False)
 class Support:
-    """Where the zero-moment point may be in a sample: a convex polygon, in the world or about the place of a step."""
+    """Convex polygon of the zero-moment point in a sample, in the world or relative to the position of a step."""
 
     corners_m: Float[np.ndarray, "_ 2"]
     step: int | None = None
@@ -58,7 +58,7 @@ class Support:
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """A step to come: how far from the one before it may be set down."""
+    """A future step: bounds of its position relative to the previous one."""
 
     low_m: Vector2
     high_m: Vector2
@@ -66,7 +66,7 @@ class Step:
 
 @dataclass(frozen=True)
 class ZmpWeights:
-    """Of the cost above; the one on the jerk must be positive."""
+    """Weights of the cost; the jerk weight must be positive."""
 
     jerk: float = 1e-6
     acceleration: float = 0.0
@@ -76,9 +76,9 @@ class ZmpWeights:
 
 @dataclass(frozen=True, eq=False)
 class Walk:
-    """What is asked for: a support per sample, steps to come, the place of the foot before them, the end.
+    """The walk to plan: a support per sample, future steps, the position of the foot before them, the end.
 
-    ``end`` "rest" asks for ``goal_m``, "capturable" for a CoM that can be stopped over the last support.
+    ``end`` "rest" requires ``goal_m``, "capturable" a capture point inside the last support.
     """
 
     supports: Sequence[Support]
@@ -91,7 +91,7 @@ class Walk:
 
 @dataclass(frozen=True, eq=False)
 class ZmpPlan:
-    """``cart`` has one row per sample and one for the start; ``steps_m`` are the places of the steps."""
+    """``cart`` has one row per sample and one for the start; ``steps_m`` are the step positions."""
 
     cart: CartTable
     steps_m: Float[np.ndarray, "_ 2"]
@@ -100,9 +100,9 @@ class ZmpPlan:
 
 @dataclass(frozen=True, kw_only=True)
 class ZmpProgramme:
-    """A CoM ``height_m`` above the ground, sampled every ``dt_s``.
+    """Quadratic program for a CoM ``height_m`` above the ground, sampled every ``dt_s``.
 
-    Raises ``InvalidInput`` (``zmp-programme-invalid``) for numbers that must be positive and are not.
+    Raises ``InvalidInput`` (``zmp-programme-invalid``) for parameters that are not positive.
     """
 
     height_m: float
@@ -121,22 +121,22 @@ class ZmpProgramme:
                 raise InvalidInput("zmp-programme-invalid", message, [Fault(f"weights.{name}", message)])
 
     def solve(self, state: Float[np.ndarray, "3 2"], walk: Walk) -> ZmpPlan:
-        """From ``state`` (CoM, velocity, acceleration; x and y).
+        """Plan ``walk`` from ``state`` (CoM, velocity, acceleration; x and y).
 
-        Raises ``InvalidInput`` (``zmp-programme-invalid``) for a walk without what its end or its steps need, and
-        ``NotEstimable`` (``zmp-programme-infeasible``) where no motion keeps the zero-moment point in its polygons.
+        Raises ``InvalidInput`` (``zmp-programme-invalid``) for an incomplete walk, and ``NotEstimable``
+        (``zmp-programme-infeasible``) if no motion keeps the zero-moment point in its polygons.
         """
         self._require(walk)
         n, m = len(walk.supports), len(walk.steps)
         maps = _Maps(self, n)
         free = [maps.of(self._rows[quantity], state) for quantity in ("com", "velocity", "acceleration", "zmp")]
         (c0, Uc), (v0, Uv), (a0, Ua), (z0, Uz) = free
-        chosen = np.zeros((n, m))
-        middles = np.zeros((n, 2))
+        step_selection = np.zeros((n, m))
+        centres = np.zeros((n, 2))
         for k, support in enumerate(walk.supports):
-            middles[k] = support.corners_m.mean(axis=0)
+            centres[k] = support.corners_m.mean(axis=0)
             if support.step is not None:
-                chosen[k, support.step] = 1.0
+                step_selection[k, support.step] = 1.0
         w, H, f, constant = self.weights, [], [], 0.0
         for axis in range(2):
             J = np.vstack(
@@ -144,7 +144,7 @@ class ZmpProgramme:
                     np.hstack([np.sqrt(w.jerk) * np.eye(n), np.zeros((n, m))]),
                     np.hstack([np.sqrt(w.acceleration) * Ua, np.zeros((n, m))]),
                     np.hstack([np.sqrt(w.velocity) * Uv, np.zeros((n, m))]),
-                    np.hstack([np.sqrt(w.zmp) * Uz, -np.sqrt(w.zmp) * chosen]),
+                    np.hstack([np.sqrt(w.zmp) * Uz, -np.sqrt(w.zmp) * step_selection]),
                 ]
             )
             r = np.concatenate(
@@ -152,13 +152,13 @@ class ZmpProgramme:
                     np.zeros(n),
                     np.sqrt(w.acceleration) * a0[:, axis],
                     np.sqrt(w.velocity) * (v0[:, axis] - walk.velocity_m_s[axis]),
-                    np.sqrt(w.zmp) * (z0[:, axis] - middles[:, axis]),
+                    np.sqrt(w.zmp) * (z0[:, axis] - centres[:, axis]),
                 ]
             )
             H.append(2.0 * self.dt_s * (J.T @ J + BALANCED * np.diag([0.0] * n + [1.0] * m)))
             f.append(2.0 * self.dt_s * J.T @ r)
             constant += self.dt_s * float(r @ r)
-        A, upper, lower, sense = self._limits(walk, (c0, Uc), (v0, Uv), (a0, Ua), (z0, Uz), chosen)
+        A, upper, lower, sense = self._limits(walk, (c0, Uc), (v0, Uv), (a0, Ua), (z0, Uz), step_selection)
         size = n + m
         P = np.zeros((2 * size, 2 * size))
         P[:size, :size], P[size:, size:] = H
@@ -191,20 +191,20 @@ class ZmpProgramme:
     def _require(self, walk: Walk) -> None:
         missing = []
         if not walk.supports:
-            missing.append(Fault("supports", "there is no sample"))
+            missing.append(Fault("supports", "must have at least one sample"))
         if walk.steps and walk.previous_m is None:
-            missing.append(Fault("previous_m", "steps need the place of the foot before them"))
+            missing.append(Fault("previous_m", "steps need the position of the previous foot"))
         if walk.end == "rest" and walk.goal_m is None:
             missing.append(Fault("goal_m", "rest at the end needs a goal"))
         if any(s.step is not None and not 0 <= s.step < len(walk.steps) for s in walk.supports):
-            missing.append(Fault("supports", "a support is about a step that is not there"))
+            missing.append(Fault("supports", "a support refers to a step that does not exist"))
         if missing:
-            raise InvalidInput("zmp-programme-invalid", f"This is no walk: {missing[0].message}.", missing)
+            raise InvalidInput("zmp-programme-invalid", f"The walk is incomplete: {missing[0].message}.", missing)
 
     def _limits(
         self, walk: Walk, com: "_Affine", velocity: "_Affine", acceleration: "_Affine", zmp: "_Affine", chosen: Chosen
     ) -> tuple[Float[np.ndarray, "rows _"], Float[np.ndarray, "rows"], Float[np.ndarray, "rows"], np.ndarray]:
-        """Rows on ``(u_x, p_x, u_y, p_y)``."""
+        """Constraint rows on ``(u_x, p_x, u_y, p_y)``."""
         n, m = chosen.shape
         rows, upper, lower, sense = [], [], [], []
 
@@ -214,18 +214,18 @@ class ZmpProgramme:
             lower.append(least)
             sense.append(kind)
 
-        nothing = (np.zeros(n), np.zeros(m))
-        captured = None
+        zero_part = (np.zeros(n), np.zeros(m))
+        capture_point = None
         if walk.end == "capturable":
-            after_s = np.sqrt(self._lever)
-            captured = (com[0] + after_s * velocity[0], com[1] + after_s * velocity[1])
-        inside = [(k, support, zmp, k) for k, support in enumerate(walk.supports)]
-        if captured is not None:
-            inside.append((n - 1, walk.supports[-1], captured, n - 1))
-        for k, support, (x0, U), of in inside:
+            time_constant_s = np.sqrt(self._lever)
+            capture_point = (com[0] + time_constant_s * velocity[0], com[1] + time_constant_s * velocity[1])
+        constraints = [(k, support, zmp, k) for k, support in enumerate(walk.supports)]
+        if capture_point is not None:
+            constraints.append((n - 1, walk.supports[-1], capture_point, n - 1))
+        for k, support, (x0, U), sample in constraints:
             for normal, offset in zip(*support.edges(), strict=True):
                 put(
-                    [(normal[axis] * U[k], -normal[axis] * chosen[of]) for axis in range(2)],
+                    [(normal[axis] * U[k], -normal[axis] * chosen[sample]) for axis in range(2)],
                     offset - float(normal @ x0[k]),
                     -1e30,
                 )
@@ -233,13 +233,13 @@ class ZmpProgramme:
             last = np.zeros(2) if j or walk.previous_m is None else walk.previous_m
             for axis in range(2):
                 e = np.eye(m)[j] - (np.eye(m)[j - 1] if j else 0.0)
-                parts = [nothing, nothing]
+                parts = [zero_part, zero_part]
                 parts[axis] = (np.zeros(n), e)
                 put(parts, float(step.high_m[axis] + last[axis]), float(step.low_m[axis] + last[axis]))
         if walk.end == "rest" and walk.goal_m is not None:
             for (x0, U), target in ((com, walk.goal_m), (velocity, np.zeros(2)), (acceleration, np.zeros(2))):
                 for axis in range(2):
-                    parts = [nothing, nothing]
+                    parts = [zero_part, zero_part]
                     parts[axis] = (U[-1], np.zeros(m))
                     value = float(target[axis] - x0[-1, axis])
                     put(parts, value, value, _EQUALITY)
@@ -247,7 +247,7 @@ class ZmpProgramme:
 
 
 _Affine = tuple[Float[np.ndarray, "n 2"], Float[np.ndarray, "n n"]]
-"""What a quantity is without jerks, per axis, and its dependence on them."""
+"""A quantity without jerks, per axis, and its dependence on the jerks."""
 
 
 class _Maps:
@@ -263,7 +263,7 @@ class _Maps:
         self.responses = np.array([P @ B for P in self.powers[:-1]])
 
     def of(self, row: Float[np.ndarray, "3"], state: Float[np.ndarray, "3 2"]) -> _Affine:
-        """A quantity ``row x`` at the samples 1 to n."""
+        """The quantity ``row @ x`` at the samples 1 to n as an affine function of the jerks."""
         n = len(self.responses)
         free = np.array([row @ P @ state for P in self.powers[1:]])
         responses = self.responses @ row
@@ -272,9 +272,9 @@ class _Maps:
 
 
 def level_supports(problem: CentroidalProblem, dt_s: float) -> list[Support]:
-    """The polygons of a problem whose contacts are level and at one height, sample after sample.
+    """Support polygons per sample of a problem whose contacts are level and at one height.
 
-    Raises ``InvalidInput`` (``contacts-not-level``) for others, and where nothing touches.
+    Raises ``InvalidInput`` (``contacts-not-level``) for other contacts and for phases without contacts.
     """
     polygons = []
     heights = [c.placement.position_m[2] for p in problem.sequence.phases for c in p.contacts.values()]

@@ -1,7 +1,4 @@
-"""The certificate: every property that a motion must have to be worth trying, measured and compared with its limit.
-
-The worst value of a quantity over a motion, with where and when it was met.
-"""
+"""The certificate: all required properties of a motion, measured and compared with their limits."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,8 +13,8 @@ from stridelab.conventions import Series
 class Check:
     """One measured property.
 
-    ``value`` is the worst over the motion, met in ``phase`` by ``effector`` where that says anything; it passes at or
-    below ``limit``, or at or above it where ``at_least``.
+    ``value`` is the worst over the motion, at ``time_s`` in ``phase`` and of ``effector`` where applicable; the check
+    passes at or below ``limit``, with ``at_least`` at or above it.
     """
 
     name: str
@@ -31,7 +28,7 @@ class Check:
 
     @property
     def passed(self) -> bool:
-        """Whether the value keeps its limit; NaN does not."""
+        """Whether the value is within its limit; NaN is not."""
         return self.value >= self.limit if self.at_least else self.value <= self.limit
 
 
@@ -49,19 +46,19 @@ class Certificate:
 
 @dataclass(frozen=True, eq=False)
 class Worst:
-    """Turns series over the samples at ``time_s``, each in its ``phase``, into checks."""
+    """Converts series over the samples at ``time_s``, each in its ``phase``, into checks of their worst values."""
 
     time_s: Series
     phase: Int[np.ndarray, "n"]
 
     def at_most(self, name: str, values: Float[np.ndarray, "n m"], unit: str, limit: float, of: Sequence[str]) -> Check:
-        """The largest of ``values``, one column per name in ``of``; -inf where a quantity does not exist."""
+        """Check of the largest of ``values``, one column per name in ``of``; -inf where a quantity does not exist."""
         return self._check(name, values, unit, limit, of, at_least=False)
 
     def at_least(
         self, name: str, values: Float[np.ndarray, "n m"], unit: str, limit: float, of: Sequence[str]
     ) -> Check:
-        """The smallest of ``values``; +inf where a quantity does not exist."""
+        """Check of the smallest of ``values``; +inf where a quantity does not exist."""
         return self._check(name, values, unit, limit, of, at_least=True)
 
     def _check(
@@ -75,7 +72,7 @@ class Worst:
     ) -> Check:
         if values.size == 0 or not np.any(np.isfinite(values) | np.isnan(values)):
             return Check(name, limit, unit, limit, at_least)
-        # argmin and argmax find a NaN before any number, and a NaN passes no limit
+        # argmin and argmax return a NaN before any number, and a NaN fails every limit
         i, j = divmod(int(np.argmin(values) if at_least else np.argmax(values)), values.shape[1])
         return Check(
             name=name,

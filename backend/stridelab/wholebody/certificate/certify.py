@@ -1,12 +1,12 @@
-"""The certificate of a motion: every property measured anew from ``q, v, a, tau`` and the forces.
+"""Certification of a motion: every property is recomputed from ``q, v, a, tau`` and the forces.
 
-Two limits are ours and only inform of how far the stages agree:
+Two limits measure the agreement between the planning stages:
 
-* ``angular_momentum_mismatch_max``: the plan does not know the limbs, whose angular momentum the soles have to take up.
-  The limit is 5 % of ``m h sqrt(g h)``, h the CoM's height when the robot stands: 11.6 N m s for TALOS, which strides
-  of 0.9 m take to 6.7 and stairs to 3.
-* ``reachability_log_density_min``: below the 0.1 percentile of an effector's own density the CoM is where next to no
-  sampled posture had it.
+* ``angular_momentum_mismatch_max``: the plan does not model the limbs, whose angular momentum the soles must absorb.
+  The limit is 5 % of ``m h sqrt(g h)``, h the standing CoM height: 11.6 N m s for TALOS, of which strides of 0.9 m use
+  6.7 and stairs 3.
+* ``reachability_log_density_min``: below the 0.1 percentile of an effector's own density almost no sampled posture had
+  the CoM there.
 """
 
 from collections.abc import Mapping
@@ -35,9 +35,9 @@ INTEGRATION_GAP = 1e-6
 COLLISION_STEP_S = 0.04
 MOMENTUM_SHARE = 0.05
 RANGE_SHARE = 0.02
-"""Of a joint's range that is kept from either end."""
+"""Required distance from either end of a joint's range, as a share of it."""
 LIMIT_SHARE = 0.95
-"""Of speeds and torques that may be used: what is left is for a robot that is not quite as described."""
+"""Usable share of speed and torque limits; the rest is a reserve for model errors."""
 RARE = 1e-3
 """Share of an effector's density that counts as out of reach."""
 _DRAWS = 8192
@@ -50,27 +50,27 @@ def certify(
     proxies: Mapping[str, Proxy],
     motion: WholeBodyMotion,
 ) -> Certificate:
-    """Check ``motion`` of ``robot`` over ``sequence`` against ``plan``; collisions are looked for every 40 ms."""
-    found = recompute(robot, sequence, motion)
-    worst = Worst(motion.time_s, found.phase)
-    chosen, at_times = thinned(motion.time_s, found.phase, max(1, round(COLLISION_STEP_S * motion.rate_hz)))
+    """Check ``motion`` of ``robot`` over ``sequence`` against ``plan``; collisions are checked every 40 ms."""
+    recomputed = recompute(robot, sequence, motion)
+    worst = Worst(motion.time_s, recomputed.phase)
+    samples, at_times = thinned(motion.time_s, recomputed.phase, max(1, round(COLLISION_STEP_S * motion.rate_hz)))
     return Certificate(
         (
             _failures(motion),
-            _com_error(plan, motion, found, worst),
-            *touch_downs(robot, sequence, motion, found, worst),
+            _com_error(plan, motion, recomputed, worst),
+            *touch_downs(robot, sequence, motion, recomputed, worst),
             *_limits(robot, motion, worst),
-            *hand_loads(robot, sequence, motion, chosen, at_times),
-            _friction(sequence, motion, found, worst),
-            worst.at_most("dynamics_residual", found.newton_euler[:, None], "N", DYNAMICS_RESIDUAL_N, [""]),
+            *hand_loads(robot, sequence, motion, samples, at_times),
+            _friction(sequence, motion, recomputed, worst),
+            worst.at_most("dynamics_residual", recomputed.newton_euler[:, None], "N", DYNAMICS_RESIDUAL_N, [""]),
             worst.at_most(
-                "torque_residual", np.abs(found.torque_gap_nm), "N m", DYNAMICS_RESIDUAL_N, robot.joint_names
+                "torque_residual", np.abs(recomputed.torque_gap_nm), "N m", DYNAMICS_RESIDUAL_N, robot.joint_names
             ),
-            worst.at_most("integration_gap", found.integration_gap[:, None], "m", INTEGRATION_GAP, [""]),
-            self_collision(robot, motion.q[chosen], at_times),
-            *terrain_distances(robot, sequence, motion.q[chosen], at_times),
-            *_reachability(sequence, proxies, found, worst),
-            _momentum(robot, plan, motion, found, worst),
+            worst.at_most("integration_gap", recomputed.integration_gap[:, None], "m", INTEGRATION_GAP, [""]),
+            self_collision(robot, motion.q[samples], at_times),
+            *terrain_distances(robot, sequence, motion.q[samples], at_times),
+            *_reachability(sequence, proxies, recomputed, worst),
+            _momentum(robot, plan, motion, recomputed, worst),
         )
     )
 
@@ -84,16 +84,16 @@ def _failures(motion: WholeBodyMotion) -> Check:
 
 
 def _com_error(plan: CentroidalPlan, motion: WholeBodyMotion, found: Recomputed, worst: Worst) -> Check:
-    """CoM against the plan."""
+    """CoM error against the plan."""
     planned = np.array([plan.at(float(t)).com_m for t in motion.time_s])
     com_error = np.linalg.norm(found.com_m - planned, axis=1)
     return worst.at_most("com_error_max", com_error[:, None], "m", COM_ERROR_M, [""])
 
 
 def _limits(robot: Robot, motion: WholeBodyMotion, worst: Worst) -> tuple[Check, ...]:
-    """Joint ranges, speeds, and torques of the joints that carry the body and of the arms.
+    """Joint ranges, speeds, and torques of legs and torso and of the arms.
 
-    The margin of the range is that of the joint that keeps the smallest share of its range.
+    The range margin is that of the joint with the smallest share of its range left.
     """
     limits, joints = JointLimits.of(robot.model), robot.joint_names
     angles, range_rad = motion.q[:, 7:], limits.upper_rad - limits.lower_rad
@@ -117,56 +117,53 @@ def _limits(robot: Robot, motion: WholeBodyMotion, worst: Worst) -> tuple[Check,
 
 
 def _friction(sequence: ContactSequence, motion: WholeBodyMotion, found: Recomputed, worst: Worst) -> Check:
-    """Exact cones at all points, ``mu f_n - |f_t|``; a force on an effector in the air is outside by all of it.
-
-    The normal is that of the surface, not of the sole.
-    """
+    """Margin of the exact cones, ``mu f_n - |f_t|``, with the surface's normal; a force without contact counts -|f|."""
     names = sequence.effectors
     margin = np.full((len(motion.time_s), len(names)), np.inf)
     for column, name in enumerate(names):
-        for phase, of_phase in enumerate(sequence.phases):
-            chosen = found.phase == phase
-            f = motion.forces_n[name][chosen]
-            contact = of_phase.contacts.get(name)
+        for phase, contact_phase in enumerate(sequence.phases):
+            samples = found.phase == phase
+            f = motion.forces_n[name][samples]
+            contact = contact_phase.contacts.get(name)
             if contact is None:
-                size = np.linalg.norm(f, axis=2).max(axis=1, initial=0.0)
-                margin[chosen, column] = np.where(size > 0.0, -size, np.inf)
+                force = np.linalg.norm(f, axis=2).max(axis=1, initial=0.0)
+                margin[samples, column] = np.where(force > 0.0, -force, np.inf)
                 continue
             n = contact.placement.rotation[:, 2]
             f_n = (f * n).sum(axis=2)
             f_t = np.linalg.norm(f - f_n[..., None] * n, axis=2)
-            margin[chosen, column] = (contact.friction * f_n - f_t).min(axis=1)
+            margin[samples, column] = (contact.friction * f_n - f_t).min(axis=1)
     return worst.at_least("friction_cone_margin", margin, "N", 0.0, names)
 
 
 def _reachability(
     sequence: ContactSequence, proxies: Mapping[str, Proxy], found: Recomputed, worst: Worst
 ) -> tuple[Check, ...]:
-    """Log-density of the CoM in every contact's proxy, the one that is least above its effector's 0.1 percentile."""
+    """Log-density of the CoM, for the effector with the smallest margin above its 0.1 percentile."""
     names = [name for name in sequence.effectors if name in proxies]
     if not names:
         return ()
     log_p = np.full((len(found.phase), len(names)), np.inf)
     rare = np.array([_percentile(proxies[name].mixture) for name in names])
     for column, name in enumerate(names):
-        for phase, of_phase in enumerate(sequence.phases):
-            contact, chosen = of_phase.contacts.get(name), found.phase == phase
-            if contact is not None and chosen.any():
+        for phase, contact_phase in enumerate(sequence.phases):
+            contact, samples = contact_phase.contacts.get(name), found.phase == phase
+            if contact is not None and samples.any():
                 heading_rad = float(sequence.headings_rad[phase])
-                log_p[chosen, column] = proxies[name].log_density(found.com_m[chosen], contact.placement, heading_rad)
+                log_p[samples, column] = proxies[name].log_density(found.com_m[samples], contact.placement, heading_rad)
     column = int(np.argmin((log_p - rare).min(axis=0)))
-    of = names[column : column + 1]
-    return (worst.at_least("reachability_log_density_min", log_p[:, [column]], "nats", float(rare[column]), of),)
+    names_of_worst = names[column : column + 1]
+    return (worst.at_least("reachability_log_density_min", log_p[:, [column]], "nats", float(rare[column]), names_of_worst),)
 
 
 def _percentile(mixture: Mixture) -> float:
-    """Log-density below which only the share ``RARE`` of the mixture lies, from a fixed draw."""
+    """``RARE`` quantile of the mixture's log-density, estimated from samples with a fixed seed."""
     draws = mixture.sample(_DRAWS, np.random.default_rng(0))
     return float(np.quantile(mixture.log_density(draws), RARE))
 
 
 def _momentum(robot: Robot, plan: CentroidalPlan, motion: WholeBodyMotion, found: Recomputed, worst: Worst) -> Check:
-    """Angular momentum about the CoM against the plan's."""
+    """Angular momentum about the CoM compared with the plan."""
     planned = np.array([plan.at(float(t)).l_nms for t in motion.time_s])
     mismatch = np.linalg.norm(found.l_nms - planned, axis=1)
     data = robot.model.createData()

@@ -1,9 +1,9 @@
 """Distances of the body from itself and from the terrain, on convex hulls.
 
-A sole that stands on a box, or is about to, is not measured against that box (``touching``). Every other pair of a
-link and a surface is, at all times, but for the hand's links against a rail that it holds, nears or leaves. What a hand
-touches with, a ball, is measured as well, but not against the surface that it touches, nears or leaves: against that
-one its contact point is while it nears or leaves it, which may be inside by the landing error.
+All pairs of links and surfaces are measured at all times, with two exceptions: a sole against the box on which it
+stands, lands or lifts off (``effector_contact``), and the links of a hand against a rail that it grasps, approaches or
+leaves. The contact sphere of a hand is also measured, except against its own surface; against that one the contact
+point is measured while approaching or leaving, with the landing error as tolerance.
 """
 
 from dataclasses import dataclass
@@ -24,36 +24,36 @@ from stridelab.wholebody.certificate.landing import LANDING_ERROR_M
 from stridelab.wholebody.effector_contact import HAND_RADIUS_M, OwnSurfaces, terrain_shape
 
 LEG_CLEARANCE_M = 0.010
-"""Of shanks and swinging soles from what they do not stand on: the replay errs by as much."""
+"""Minimum distance of shanks and swinging soles from other surfaces: the tracking error of the replay."""
 ARM_CLEARANCE_M = 0.005
-"""Of arms and hands from what they do not touch."""
+"""Minimum distance of arms and hands from surfaces that they are not in contact with."""
 _POINT_M = 1e-6
 Role = Literal["link", "palm", "point"]
 
 
 def self_collision(robot: Robot, q: Configurations, worst: Worst) -> Check:
-    """Number of different pairs of links that touch in any of the configurations; the first is named."""
+    """Number of distinct link pairs that collide in any of the configurations; names the first."""
     data, geometry = robot.model.createData(), robot.collision
     results = geometry.createData()
     pairs = geometry.collisionPairs
-    found: dict[int, int] = {}
+    first_sample: dict[int, int] = {}
     for i, configuration in enumerate(q):
         if pin.computeCollisions(robot.model, data, geometry, results, configuration, False):
             for k in range(len(pairs)):
                 if results.collisionResults[k].isCollision():
-                    found.setdefault(k, i)
+                    first_sample.setdefault(k, i)
     name, unit = "self_collision_pairs", "pairs"
-    if not found:
+    if not first_sample:
         return Check(name, 0.0, unit, 0.0)
-    k, i = min(found.items(), key=lambda pair: pair[1])
-    touching = " and ".join(_link(robot.model, geometry.geometryObjects[o]) for o in (pairs[k].first, pairs[k].second))
-    return Check(name, float(len(found)), unit, 0.0, False, int(worst.phase[i]), touching, float(worst.time_s[i]))
+    k, i = min(first_sample.items(), key=lambda pair: pair[1])
+    link_names = " and ".join(_link(robot.model, geometry.geometryObjects[o]) for o in (pairs[k].first, pairs[k].second))
+    return Check(name, float(len(first_sample)), unit, 0.0, False, int(worst.phase[i]), link_names, float(worst.time_s[i]))
 
 
 def terrain_distances(robot: Robot, sequence: ContactSequence, q: Configurations, worst: Worst) -> tuple[Check, ...]:
-    """Smallest distance (m) from a box or a rail: of anything, of legs, of arms with what hands touch with.
+    """Smallest distances (m) from boxes and rails: of all links, of legs, of arms including the hands' spheres.
 
-    A penetration is negative. Where hands touch, the largest depth of a contact point inside its own surface follows.
+    Penetration is negative. With hands, the largest depth of a contact point inside its own surface follows.
     """
     scene = _Scene.of(robot, sequence)
     model, data, results = robot.model, robot.model.createData(), scene.geometry.createData()
@@ -91,10 +91,10 @@ def terrain_distances(robot: Robot, sequence: ContactSequence, q: Configurations
 
 
 class _Pair(NamedTuple):
-    """A shape and a surface: the column of the shape's link, the effector that it is part of, and what it is there.
+    """A shape and a surface: the column of the shape's link, its effector, and its role.
 
-    ``palm``: a hand's link and a box, which it must not enter even while it touches it. ``point``: the contact point of
-    a hand, which is measured only against the surface that it nears or leaves.
+    ``palm``: a hand's link and a box, which it must not penetrate even in contact. ``point``: the contact point of a
+    hand, which is measured only against the surface that it approaches or leaves.
     """
 
     column: int
@@ -105,7 +105,7 @@ class _Pair(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class _Scene:
-    """Hulls, the hands' balls and terrain in one geometry; ``groups`` say where in the body each of ``parts`` lies."""
+    """Hulls, hand spheres and terrain in one geometry; ``groups`` assigns each of ``parts`` to a body group."""
 
     geometry: pin.GeometryModel
     parts: tuple[str, ...]
@@ -120,7 +120,7 @@ class _Scene:
         model = robot.model
         geometry = pin.GeometryModel(robot.collision)
         geometry.removeAllCollisionPairs()
-        hulls = list(robot.collision.geometryObjects)  # those of the copy move when it grows
+        hulls = list(robot.collision.geometryObjects)  # references into the copy are invalidated when it grows
         joint_of = {name: model.frames[model.getFrameId(e.frame)].parentJoint for name, e in robot.effectors.items()}
         at_joint = {joint: name for name, joint in joint_of.items()}
         links = dict.fromkeys(_link(model, hull) for hull in hulls)
@@ -142,7 +142,7 @@ class _Scene:
                 pin.GeometryObject(f"terrain {surface.name}", 0, 0, *terrain_shape(surface))
             )
             for k, (column, effector, role) in enumerate(shapes):
-                closes = role == "palm" and isinstance(surface, Rail)  # a hand closes around what it holds
+                closes = role == "palm" and isinstance(surface, Rail)  # a hand closes around a rail
                 geometry.addCollisionPair(pin.CollisionPair(k, number))
                 pairs.append(_Pair(column, effector, surface.name, "link" if closes else role))
         return _Scene(
@@ -157,7 +157,7 @@ class _Scene:
 
 
 def _ball(robot: Robot, name: str, radius_m: float) -> pin.GeometryObject:
-    """A ball behind the contact point of a hand, which lies on its surface."""
+    """Sphere behind the contact point of a hand, which lies on its surface."""
     effector = robot.effectors[name]
     frame = robot.model.frames[robot.model.getFrameId(effector.frame)]
     centre = pin.SE3(np.eye(3), np.array([0.0, 0.0, radius_m]))
@@ -171,6 +171,6 @@ def _link(model: pin.Model, hull: pin.GeometryObject) -> str:
 
 
 def thinned(time_s: Series, phase: Int[np.ndarray, "n"], every: int) -> tuple[slice, Worst]:
-    """Every so many samples, and the checks over them."""
+    """Slice of every ``every``-th sample, and the checks over them."""
     chosen = slice(None, None, every)
     return chosen, Worst(time_s[chosen], phase[chosen])

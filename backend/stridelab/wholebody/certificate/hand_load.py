@@ -1,11 +1,11 @@
-"""How much of what its arm could bear a hand bears.
+"""Hand load: the force on a hand as a share of what its arm can carry.
 
 With the torques ``tau_0 = tau + J' f`` that the arm would need without the force ``f`` on its hand, in the same posture
-and motion, the force could be ``lambda f`` until the first joint of the arm comes to its limit,
+and motion, the force can grow to ``lambda f`` until the first joint of the arm reaches its limit,
 
     |tau_0 - lambda J' f| <= tau_max ,
 
-and the share is ``1 / lambda``: 1 where a joint is at its limit, whatever the force.
+and the share is ``1 / lambda``: 1 if a joint is at its limit.
 """
 
 import numpy as np
@@ -17,13 +17,13 @@ from stridelab.wholebody.limb_kinematics import Posed
 from stridelab.wholebody.motion import WholeBodyMotion
 
 _LIGHT_N = 1.0
-"""A hand that bears less is not asked."""
+"""Hands with smaller forces are ignored."""
 
 
 def hand_loads(
     robot: Robot, sequence: ContactSequence, motion: WholeBodyMotion, chosen: slice, worst: Worst
 ) -> tuple[Check, ...]:
-    """The largest share over the ``chosen`` samples, which are those of ``worst``; no check without hands."""
+    """Largest share over the ``chosen`` samples, which are those of ``worst``; empty without hands."""
     hands = tuple(name for name in sequence.effectors if robot.effectors[name].kind == "point")
     if not hands:
         return ()
@@ -38,7 +38,7 @@ def hand_loads(
         for column, name in enumerate(hands):
             if np.linalg.norm(forces[name]) >= _LIGHT_N:
                 limb = posed.limb[name]
-                borne = posed.torques_nm(name, forces[name])
-                spare = limits[limb] + np.sign(borne) * (motion.tau_nm[i, limb] + borne)
-                shares[row, column] = np.max(np.abs(borne) / np.maximum(spare, 1e-9))
+                load_nm = posed.torques_nm(name, forces[name])
+                reserve_nm = limits[limb] + np.sign(load_nm) * (motion.tau_nm[i, limb] + load_nm)
+                shares[row, column] = np.max(np.abs(load_nm) / np.maximum(reserve_nm, 1e-9))
     return (worst.at_most("hand_load_share_max", shares, "1", 1.0, hands),)

@@ -1,7 +1,7 @@
-"""What a motion amounts to, computed anew from ``q, v, a, tau`` and the contact forces alone.
+"""Inverse dynamics of a motion from ``q, v, a, tau`` and the contact forces, independent of the controller.
 
-Nothing of the controller enters. The external forces go to the recursive Newton-Euler algorithm link by link, without
-contact Jacobians; the centroidal side is the time derivative of the body's momentum,
+The external forces enter the recursive Newton-Euler algorithm per link, without contact Jacobians; the centroidal
+side is the time derivative of the body's momentum,
 
     m (c'' - g) = sum f ,      L_c' = sum (p - c) x f .                        (4.2a), (4.2b)
 """
@@ -24,10 +24,10 @@ from stridelab.wholebody.motion import WholeBodyMotion
 class Recomputed:
     """Per sample: CoM (m), its velocity, angular momentum, contact points, residuals of the dynamics.
 
-    ``contact_points_m`` and ``contact_forces_n`` are per effector ``(n, k, 3)`` in the world; ``newton_euler`` ``(n,)``
-    the larger norm of the gaps in force (N) and moment (N m); ``torque_gap_nm`` ``(n, na)`` what inverse dynamics says
-    more than ``tau``; ``integration_gap`` ``(n,)`` how far ``(q, v)`` is from where the sample before leads (m, rad and
-    their rates).
+    ``contact_points_m`` are per effector ``(n, k, 3)`` in the world; ``newton_euler`` ``(n,)`` is the larger norm of the
+    gaps in force (N) and moment (N m); ``torque_gap_nm`` ``(n, na)`` the inverse dynamics minus ``tau``;
+    ``integration_gap`` ``(n,)`` the gap between ``(q, v)`` and the integral from the previous sample (m, rad and their
+    rates).
     """
 
     phase: Int[np.ndarray, "n"]
@@ -41,12 +41,12 @@ class Recomputed:
 
 
 def phases(sequence: ContactSequence, time_s: Series) -> Int[np.ndarray, "n"]:
-    """Contact phase of every sample; a boundary belongs to the phase that begins there."""
+    """Contact phase of every sample; a boundary belongs to the following phase."""
     return np.array([sequence.phase_at(float(t) + 1e-9) for t in time_s])
 
 
 def recompute(robot: Robot, sequence: ContactSequence, motion: WholeBodyMotion) -> Recomputed:
-    """One pass over all samples."""
+    """Recompute all quantities in one pass over the samples."""
     model, frames = with_contact_frames(robot)
     data = model.createData()
     mass = float(pin.computeTotalMass(model))
@@ -54,7 +54,7 @@ def recompute(robot: Robot, sequence: ContactSequence, motion: WholeBodyMotion) 
     com, com_v, l = np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3))
     points = {name: np.empty((n, *p.shape)) for name, p in motion.points_m.items()}
     newton_euler, torque_gap, integration_gap = np.empty(n), np.empty((n, na)), np.zeros(n)
-    still = [pin.Force.Zero() for _ in range(model.njoints)]
+    no_forces = [pin.Force.Zero() for _ in range(model.njoints)]
     dt = 1.0 / motion.rate_hz
     for i in range(n):
         q, v, a = motion.q[i], motion.v[i], motion.a[i]
@@ -62,10 +62,10 @@ def recompute(robot: Robot, sequence: ContactSequence, motion: WholeBodyMotion) 
         com[i], l[i] = data.com[0], data.hg.angular
         com_v[i] = data.hg.linear / mass
         force_gap, moment_gap = data.dhg.linear - mass * g, data.dhg.angular.copy()
-        external = list(still)
+        external = list(no_forces)
         for name, in_contact_frame in motion.points_m.items():
-            here = pin.updateFramePlacement(model, data, frames[name])
-            p = in_contact_frame @ here.rotation.T + here.translation
+            placement = pin.updateFramePlacement(model, data, frames[name])
+            p = in_contact_frame @ placement.rotation.T + placement.translation
             points[name][i] = p
             f = motion.forces_n[name][i]
             total = f.sum(axis=0)
@@ -93,6 +93,6 @@ def recompute(robot: Robot, sequence: ContactSequence, motion: WholeBodyMotion) 
 
 
 def _moment(p_m: Points, f_n: Points) -> Vector3:
-    """``sum p x f``, the antisymmetric part of ``sum p f'``: a product in place of many small ones."""
+    """``sum p x f``, computed as the antisymmetric part of ``sum p f'``, which is faster than many cross products."""
     S = p_m.T @ f_n
     return np.array([S[1, 2] - S[2, 1], S[2, 0] - S[0, 2], S[0, 1] - S[1, 0]])

@@ -1,6 +1,6 @@
-"""Touch-downs: where, how level and how fast an effector meets its surface, and whether it then stays.
+"""Touch-downs: position, angle and speed with which an effector meets its surface, and its drift afterwards.
 
-``speed`` is that of the contact points at the last sample in the air, the largest of them.
+``speed`` is the largest speed of the contact points at the last sample in the air.
 """
 
 import numpy as np
@@ -20,28 +20,28 @@ CONTACT_DRIFT_M = 5e-4
 def touch_downs(
     robot: Robot, sequence: ContactSequence, motion: WholeBodyMotion, found: Recomputed, worst: Worst
 ) -> tuple[Check, Check, Check, Check]:
-    """Contact points against their places at touch-down, angle and speed there, and drift ever after."""
+    """Position error, angle and speed at touch-down, and drift of the contact points afterwards."""
     names = sequence.effectors
     shape = (len(motion.time_s), len(names))
     landing, angle, speed, drift = (np.full(shape, -np.inf) for _ in range(4))
     for column, name in enumerate(names):
-        points, surface = found.contact_points_m[name], robot.effectors[name].kind == "surface"
-        touched = None
+        points, is_surface = found.contact_points_m[name], robot.effectors[name].kind == "surface"
+        touch_down_m = None
         for i in range(shape[0]):
             contact = sequence.phases[found.phase[i]].contacts.get(name)
             if contact is None:
-                touched = None
-            elif touched is None:
-                touched = points[i]
-                place = contact.placement.act(motion.points_m[name])
-                landing[i, column] = np.linalg.norm(points[i] - place, axis=1).max()
-                if surface:
-                    angle[i, column] = _angle(points[i], place)
+                touch_down_m = None
+            elif touch_down_m is None:
+                touch_down_m = points[i]
+                planned_m = contact.placement.act(motion.points_m[name])
+                landing[i, column] = np.linalg.norm(points[i] - planned_m, axis=1).max()
+                if is_surface:
+                    angle[i, column] = _angle(points[i], planned_m)
                 if i:
                     travelled_m = np.linalg.norm(points[i] - points[i - 1], axis=1).max()
                     speed[i, column] = travelled_m * motion.rate_hz
             else:
-                drift[i, column] = np.linalg.norm(points[i] - touched, axis=1).max()
+                drift[i, column] = np.linalg.norm(points[i] - touch_down_m, axis=1).max()
     return (
         worst.at_most("landing_error_max", landing, "m", LANDING_ERROR_M, names),
         worst.at_most("landing_angle_max", angle, "rad", LANDING_ANGLE_RAD, names),
@@ -51,9 +51,9 @@ def touch_downs(
 
 
 def _angle(points_m: np.ndarray, place_m: np.ndarray) -> float:
-    """Angle (rad) by which a rectangle of points is turned against another of the same size."""
+    """Rotation angle (rad) between two rectangles of points of the same size."""
     a, b = ((p - p.mean(axis=0)) for p in (points_m, place_m))
     U, _, Vt = np.linalg.svd(a.T @ b)
     R = (U * [1.0, 1.0, np.linalg.det(U @ Vt)]) @ Vt
-    turned = np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
-    return float(np.arcsin(min(1.0, float(np.linalg.norm(turned)) / 2.0)))
+    axis = np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
+    return float(np.arcsin(min(1.0, float(np.linalg.norm(axis)) / 2.0)))
