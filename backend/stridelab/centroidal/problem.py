@@ -107,7 +107,9 @@ class CentroidalProblem:
         unknown = [name for name in self.sequence.effectors if name not in self.effectors]
         if unknown:
             faults = [Fault(name, f"the robot has no effector {name!r}") for name in unknown]
-            raise InvalidInput("effector-unknown", f"The contact sequence uses unknown effectors: {', '.join(unknown)}.", faults)
+            raise InvalidInput(
+                "effector-unknown", f"The contact sequence uses unknown effectors: {', '.join(unknown)}.", faults
+            )
         missing = [name for name in self.sequence.effectors if self.proxies and name not in self.proxies]
         if missing:
             faults = [Fault(name, f"there is no reachability density of {name!r}") for name in missing]

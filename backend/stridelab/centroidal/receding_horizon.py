@@ -98,7 +98,9 @@ class RecedingHorizon:
             message = f"A horizon of {self.horizon_s:g} s cannot be replanned every {self.period_s:g} s."
             raise InvalidInput("horizon-invalid", message, [Fault("horizon_s", message)])
         if self.problem.shape == "cubic":
-            message = "A receding horizon needs forces that are constant between nodes: splines would jump at every replan."
+            message = (
+                "A receding horizon needs forces that are constant between nodes: splines would jump at every replan."
+            )
             raise InvalidInput("horizon-needs-constants", message, [Fault("shape", message)])
 
     def run(self, disturb: Disturb | None = None) -> Receding:
@@ -157,8 +159,7 @@ class RecedingHorizon:
         if last is None or since_s + self.period_s > last.plan.time_s[-1]:
             raise NotEstimable(
                 "horizon-lost",
-                f"No motion exists from the state at {time_s:.1f} s, and no earlier plan continues: "
-                f"{plan.status}",
+                f"No motion exists from the state at {time_s:.1f} s, and no earlier plan continues: {plan.status}",
                 [Fault(f"phases[{self.problem.sequence.phase_at(time_s)}]", plan.status)],
             )
         return Replan(time_s, last.problem, state, last.plan, since_s, True, warm, iterations, took_s)

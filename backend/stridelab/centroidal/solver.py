@@ -179,9 +179,7 @@ def _attempt(name: SolverName, programme: Transcription, found: Run) -> Attempt:
     kkt = None
     if found.iterations:
         kkt = residuals(programme.compiled.programme, programme.p, programme.box, found.point)
-    return Attempt(
-        name, found.status, found.success, found.iterations, found.build_s, found.solve_s, kkt, found.log
-    )
+    return Attempt(name, found.status, found.success, found.iterations, found.build_s, found.solve_s, kkt, found.log)
 
 
 def _solved(attempt: Attempt) -> bool:

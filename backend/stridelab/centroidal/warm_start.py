@@ -45,7 +45,10 @@ def carried(plan: CentroidalPlan, onto: CentroidalProblem, after_s: float = 0.0)
     w[new.state[:, None] + np.arange(N_STATE)] = _states(plan, programme, after_s)
     for k, i in _counterparts(plan, programme, old, after_s):
         for to, from_ in zip(new.uses_in[k], old.uses_in[i], strict=True):
-            new_columns, old_columns = slice(to.start, to.start + to.group.size), slice(from_.start, from_.start + from_.group.size)
+            new_columns, old_columns = (
+                slice(to.start, to.start + to.group.size),
+                slice(from_.start, from_.start + from_.group.size),
+            )
             w[new_columns], lambda_w[new_columns] = point.w[old_columns], point.lambda_w[old_columns]
             lambda_g[_rows(to)] = point.lambda_g[_rows(from_)]
         for to, from_ in zip(new.wrench[k], old.wrench[i], strict=True):

@@ -1,8 +1,8 @@
-"""What an effector touches with, and which surfaces it may touch at what time.
+"""Contact geometry of effectors, and the surfaces that an effector may touch at a given time.
 
-A sole touches with its contact rectangle, a hand with a ball behind its contact point. An effector in contact stands on
-the surface of its contact, and on boxes that are level with it. A sole or a hand that swings is close to the surface
-that it leaves in the first eighth of the swing, and to the one that it nears in the last eighth.
+The contact geometry is a rectangle for a sole and a sphere behind the contact point for a hand. An effector in contact
+may touch the surface of its contact and boxes level with it. A swinging effector is near the surface that it leaves
+during the first eighth of the swing, and near the one that it approaches during the last eighth.
 """
 
 from collections.abc import Mapping
@@ -18,16 +18,16 @@ from stridelab.robots.contact_frames import se3
 from stridelab.robots.robot import Effector
 
 HAND_RADIUS_M: Final = 0.02
-"""Of the ball that stands for what a hand touches with; its surface passes through the contact point."""
+"""Radius of a hand's contact sphere, whose surface passes through the contact point."""
 SWING_SHARE: Final = 0.125
-"""Share of a swing after lift-off and before touch-down in which an effector is close to its own surface."""
+"""Share of a swing after lift-off and before touch-down in which an effector is near its own surface."""
 _LEVEL_M: Final = 5e-3
-"""A box nearer than this to a contact's rectangle carries it, or lies level with the box that does."""
+"""Boxes within this distance of a contact's rectangle count as its surfaces."""
 NOTHING: Final[frozenset[str]] = frozenset()
 
 
 class OwnSurfaces:
-    """The surfaces that the effectors of a sequence stand on or hold, leave or near."""
+    """The surfaces that the effectors of a sequence are in contact with, leave or approach."""
 
     def __init__(self, sequence: ContactSequence, effectors: Mapping[str, Effector]) -> None:
         self._sequence = sequence
@@ -35,18 +35,18 @@ class OwnSurfaces:
         self._carriers = {id(c): _carriers(sequence, c, effectors[c.effector]) for c in contacts}
 
     def touched(self, effector: str, phase: int) -> frozenset[str]:
-        """Those that carry the effector's contact of ``phase``; none while it is in the air."""
-        here = self._sequence.phases[phase].contacts.get(effector)
-        return NOTHING if here is None else self._carriers[id(here)]
+        """Surfaces of the effector's contact in ``phase``; empty in the air."""
+        contact = self._sequence.phases[phase].contacts.get(effector)
+        return NOTHING if contact is None else self._carriers[id(contact)]
 
     def near(self, effector: str, phase: int, time_s: float) -> frozenset[str]:
-        """Those that it leaves or nears at ``time_s``; none while it touches."""
+        """Surfaces that the effector leaves or approaches at ``time_s``; empty in contact."""
         sequence = self._sequence
         if effector in sequence.phases[phase].contacts:
             return NOTHING
         before, after = sequence.last_contact(effector, phase), sequence.next_contact(effector, phase)
         first, last = phase, phase
-        # without a contact before or after it the effector swings in the phase next to the other one only
+        # without a previous or next contact the effector swings only in the phase adjacent to the other one
         while before is not None and effector not in sequence.phases[first - 1].contacts:
             first -= 1
         while after is not None and effector not in sequence.phases[last + 1].contacts:
@@ -65,7 +65,7 @@ class OwnSurfaces:
         return near
 
     def at(self, effector: str, phase: int, time_s: float) -> frozenset[str]:
-        """All of them."""
+        """All surfaces that the effector is in contact with, leaves or approaches at ``time_s``."""
         return self.touched(effector, phase) | self.near(effector, phase, time_s)
 
 
@@ -80,7 +80,7 @@ def terrain_shape(surface: Box | Rail) -> tuple[pin.SE3, coal.CollisionGeometry]
 
 
 def _carriers(sequence: ContactSequence, contact: Contact, effector: Effector) -> frozenset[str]:
-    """The surface of a contact and the boxes level with it, under the rectangle of a sole or the point of a hand."""
+    """The surface of a contact and the boxes level with it below the rectangle of a sole or the point of a hand."""
     x, y = effector.contact_half_size_m or (0.0, 0.0)
     rectangle, place = coal.Box(2.0 * x, 2.0 * y, 1e-4), _transform(se3(contact.placement))
     request, result = coal.DistanceRequest(), coal.DistanceResult()

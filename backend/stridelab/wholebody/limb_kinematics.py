@@ -1,4 +1,4 @@
-"""The body as planned at one sample, as far as the control of a replay needs it: limbs, places and Jacobians."""
+"""Kinematics of the planned body at one sample for the replay controllers: limbs, contact placements, Jacobians."""
 
 from collections.abc import Mapping
 
@@ -14,7 +14,7 @@ from stridelab.wholebody.replay.sensors import Seen
 
 
 class Posed:
-    """Kinematics at the configuration of the last ``at``. A limb are the joints of leg or arm that move an effector."""
+    """Kinematics at the last ``set_configuration``. A limb consists of the leg or arm joints that move an effector."""
 
     def __init__(self, robot: Robot, effectors: tuple[str, ...]) -> None:
         self._model, self._frames = with_contact_frames(robot)
@@ -25,21 +25,21 @@ class Posed:
         """Per effector the indices of its limb among the actuated joints."""
 
     def at(self, q: Float[np.ndarray, "nq"]) -> None:
-        """Pose the body."""
+        """Compute the kinematics at ``q``."""
         pin.computeJointJacobians(self._model, self._data, q)
         pin.updateFramePlacements(self._model, self._data)
         self.base = Placement(q[:3], self._data.oMi[1].rotation.copy())
 
     def contact(self, effector: str) -> Placement:
-        """Where an effector's contact frame is."""
-        here = self._data.oMf[self._frames[effector]]
-        return Placement(here.translation.copy(), here.rotation.copy())
+        """Placement of an effector's contact frame."""
+        placement = self._data.oMf[self._frames[effector]]
+        return Placement(placement.translation.copy(), placement.rotation.copy())
 
     def to_the_world(self, place_m: Vector3, seen: Seen) -> Vector3:
-        """Where an effector has to be, seen from the planned base, to be at a place whatever the base is off."""
-        seen_R = np.asarray(pin.Quaternion(seen.q[3:7]).toRotationMatrix())
-        in_seen_base = seen_R.T @ (place_m - seen.q[:3])
-        return np.asarray(self.base.rotation @ in_seen_base + self.base.position_m)
+        """Position relative to the planned base that puts an effector at ``place_m`` despite the error of the base."""
+        measured_R = np.asarray(pin.Quaternion(seen.q[3:7]).toRotationMatrix())
+        in_measured_base = measured_R.T @ (place_m - seen.q[:3])
+        return np.asarray(self.base.rotation @ in_measured_base + self.base.position_m)
 
     def moved_by_limb(self, effector: str) -> Float[np.ndarray, "6 k"]:
         """Jacobian of the contact frame (linear over angular, world axes) with respect to the joints of its limb."""
@@ -47,7 +47,7 @@ class Posed:
         return np.asarray(J[:, 6 + self.limb[effector]])
 
     def torques_nm(self, effector: str, force_n: Vector3) -> Float[np.ndarray, "k"]:
-        """Torques of the limb that press with ``force_n`` on what the effector touches, which answers with minus it."""
+        """Torques of the limb that exert ``force_n`` on the contact surface of an effector."""
         return np.asarray(self.moved_by_limb(effector)[:3].T @ force_n)
 
     def _limb(self, robot: Robot, effector: str) -> Int[np.ndarray, "k"]:

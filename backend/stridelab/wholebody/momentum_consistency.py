@@ -1,13 +1,12 @@
-"""Plan and body until they agree on the angular momentum: what the limbs take is planned for, and planned again.
+"""Momentum consistency: replans with the angular momentum of the limbs until plan and body agree.
 
-The plan knows a point mass and asks for ``L_c = 0``; swinging legs have an ``L_c`` of their own, for which the soles'
-forces have to move. With the body's momentum ``L`` at the times t_k of ``limb_times_s`` its mean rates
+The plan models a point mass and aims for ``L_c = 0``; swinging legs have angular momentum, which the forces on the
+soles must provide. With the body's momentum ``L`` at the times t_k of ``limb_times_s`` its mean rates
 
     r_k = (L(t_k+1) - L(t_k)) / (t_k+1 - t_k)
 
-go back into (4.20), whose cost then weighs ``|L_c' - r|^2`` in place of ``|L_c'|^2``: forces and CoM make room for the
-limbs. The body follows the new plan, and so on until its momentum and the plan's are as near as wanted, or come no
-nearer.
+enter (4.20), whose cost then weighs ``|L_c' - r|^2`` instead of ``|L_c'|^2``: forces and CoM account for the limbs. The
+body follows the new plan, and the iteration repeats until both momenta agree within a tolerance or stop converging.
 """
 
 from collections.abc import Callable
@@ -28,15 +27,16 @@ from stridelab.robots.robot import Robot
 from stridelab.wholebody.motion import WholeBodyMotion, WholeBodyStopped
 
 STRIDE_M: Final = 0.9
-"""Swings that go farther matter."""
+"""Longer swings need replanning."""
 SINGLE_SUPPORT_S: Final = 0.8
-"""So do swings that last less."""
+"""Shorter swings need replanning."""
 AGREED_NMS: Final = 1.0
+"""Largest mismatch of the angular momenta that counts as agreement."""
 NEARER: Final = 0.9
-"""A pass that leaves more than this share of the mismatch before it is the last one."""
+"""The iteration stops if a pass leaves more than this share of the previous mismatch."""
 PASSES: Final = 4
 SMOOTHED_S: Final = 0.2
-"""Strides of 1.0 m agree to 0.8 Nms with this, to 3.1 with half of it, and never without."""
+"""Length of the smoothing window: strides of 1.0 m agree to 0.8 Nms with it, to 3.1 with half of it, never without."""
 _ROUNDING: Final = 1e-6
 
 Solve = Callable[[CentroidalProblem], CentroidalPlan]
@@ -45,7 +45,7 @@ Follow = Callable[[Robot, ContactSequence, CentroidalPlan, Progress | None], Who
 
 @dataclass(frozen=True)
 class Pass:
-    """One pass: the largest and the mean (RMS) difference of the angular momenta, N m s; process time of its plan."""
+    """One pass: largest and RMS difference of the angular momenta (N m s), process time of its plan (s)."""
 
     mismatch_max_nms: float
     mismatch_rms_nms: float
@@ -54,7 +54,7 @@ class Pass:
 
 @dataclass(frozen=True, eq=False)
 class Agreement:
-    """The best plan and the motion that follows it, and what came of every pass, the first without the limbs."""
+    """The best plan, the motion that follows it, and the results of all passes; the first is without the limbs."""
 
     plan: CentroidalPlan
     motion: WholeBodyMotion
@@ -68,9 +68,9 @@ def matters(sequence: ContactSequence) -> bool:
             before, after = sequence.last_contact(name, k), sequence.next_contact(name, k)
             if name in phase.contacts or before is None or after is None or before.kind != "surface":
                 continue
-            far_m = np.linalg.norm(after.placement.position_m - before.placement.position_m)
-            brief = swing_of(sequence, name, k).duration_s < SINGLE_SUPPORT_S - _ROUNDING
-            if far_m > STRIDE_M + _ROUNDING or brief:
+            length_m = np.linalg.norm(after.placement.position_m - before.placement.position_m)
+            is_short = swing_of(sequence, name, k).duration_s < SINGLE_SUPPORT_S - _ROUNDING
+            if length_m > STRIDE_M + _ROUNDING or is_short:
                 return True
     return False
 
@@ -85,37 +85,41 @@ def agree(
     *,
     passes: int | None = None,
 ) -> Agreement:
-    """Follow ``plan`` of ``problem``; where it matters, plan and follow again, at most ``passes`` times in all.
+    """Follow ``plan`` of ``problem``; if necessary, replan and follow again, at most ``passes`` times in total.
 
-    Of the plans that converge and can be followed the one is kept that agrees best. Raises what ``follow``, the
-    controller's ``run``, does with the first.
+    Returns the best agreement among the plans that converge and can be followed. Raises what ``follow``, the
+    controller's ``run``, raises for the first plan.
     """
-    most = passes or (PASSES if matters(plan.sequence) else 1)
-    motion = follow(robot, plan.sequence, plan, _share(progress, 0, most))
+    max_passes = passes or (PASSES if matters(plan.sequence) else 1)
+    motion = follow(robot, plan.sequence, plan, _share(progress, 0, max_passes))
     best = Agreement(plan, motion, (_compared(plan, motion),))
-    while len(best.passes) < most and best.passes[-1].mismatch_max_nms > AGREED_NMS:
-        fixed = replace(problem, sequence=plan.sequence, durations=None, placements=None)
-        again = solve(replace(fixed, limbs_nm=limb_rates_nm(fixed, best.motion)))
-        if not again.converged:
+    while len(best.passes) < max_passes and best.passes[-1].mismatch_max_nms > AGREED_NMS:
+        fixed_problem = replace(problem, sequence=plan.sequence, durations=None, placements=None)
+        new_plan = solve(replace(fixed_problem, limbs_nm=limb_rates_nm(fixed_problem, best.motion)))
+        if not new_plan.converged:
             break
         try:
-            motion = follow(robot, again.sequence, again, _share(progress, len(best.passes), most))
+            motion = follow(robot, new_plan.sequence, new_plan, _share(progress, len(best.passes), max_passes))
         except WholeBodyStopped:  # the plan before could be followed
             break
-        came = _compared(again, motion)
-        better = came.mismatch_max_nms < best.passes[-1].mismatch_max_nms
-        nearer = came.mismatch_max_nms < NEARER * best.passes[-1].mismatch_max_nms
-        best = Agreement(again, motion, (*best.passes, came)) if better else replace(best, passes=(*best.passes, came))
-        if not nearer:
+        result = _compared(new_plan, motion)
+        improved = result.mismatch_max_nms < best.passes[-1].mismatch_max_nms
+        converging = result.mismatch_max_nms < NEARER * best.passes[-1].mismatch_max_nms
+        best = (
+            Agreement(new_plan, motion, (*best.passes, result))
+            if improved
+            else replace(best, passes=(*best.passes, result))
+        )
+        if not converging:
             break
     return best
 
 
 def limb_rates_nm(problem: CentroidalProblem, motion: WholeBodyMotion) -> Float[np.ndarray, "m 3"]:
-    """Mean rates of the body's angular momentum between the times that the plan takes them for.
+    """Mean rates of the body's angular momentum between the problem's ``limb_times_s``.
 
-    Splines, which ask for them every 15 to 35 ms, get them smoothed by Hann's window: a body that is asked to take back
-    every jerk of a landing leg answers with others.
+    For splines, which sample them every 15 to 35 ms, they are smoothed by a Hann window: compensating every jerk of a
+    landing leg would excite others.
     """
     time_s, l_nms = problem.limb_times_s(), motion.l_nms
     if problem.shape == "cubic":
@@ -131,5 +135,5 @@ def _share(progress: Progress | None, done: int, most: int) -> Progress | None:
 
 
 def _compared(plan: CentroidalPlan, motion: WholeBodyMotion) -> Pass:
-    apart = np.linalg.norm(motion.l_nms - motion.l_reference_nms, axis=1)
-    return Pass(float(apart.max()), float(np.sqrt(np.mean(apart**2))), plan.solve_time_s)
+    mismatch = np.linalg.norm(motion.l_nms - motion.l_reference_nms, axis=1)
+    return Pass(float(mismatch.max()), float(np.sqrt(np.mean(mismatch**2))), plan.solve_time_s)

@@ -1,7 +1,4 @@
-"""A whole-body motion: what the hierarchy produced at every sample.
-
-A plan that the body cannot follow to its end: what stopped it, and the motion until then.
-"""
+"""The whole-body motion of the task hierarchy, and the error for a plan that the body cannot follow to its end."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -16,7 +13,7 @@ from stridelab.errors import Fault, NotEstimable
 
 @dataclass(frozen=True)
 class SolverFailure:
-    """A sample at which the hierarchy's quadratic programme had no solution."""
+    """A sample at which a quadratic program of the hierarchy had no solution."""
 
     time_s: float
     phase: int
@@ -29,7 +26,7 @@ class WholeBodyMotion:
     """``n`` samples at ``rate_hz`` in pinocchio's order of coordinates.
 
     ``q`` ``(n, nq)``, ``v`` and ``a`` ``(n, nv)``, ``tau_nm`` ``(n, nv - 6)``; ``forces_n`` per effector the
-    world-frame force on each contact point ``(n, k, 3)``, zero where it does not touch, acting at ``points_m``
+    world-frame force on each contact point ``(n, k, 3)``, zero without contact, acting at ``points_m``
     ``(k, 3)`` of the contact frame. ``com_m`` and ``l_nms`` are those of ``q, v``; the references those of the plan.
     """
 
@@ -53,14 +50,14 @@ class WholeBodyMotion:
 
 
 LEVELS: Final = ("dynamics, contacts and bounds", "centre of mass and moving effectors", "momentum, posture and forces")
-"""Of the hierarchy, by number."""
+"""Descriptions of the hierarchy's levels, by number."""
 
 
 class WholeBodyStopped(NotEstimable):
     """``whole-body-failed``: the hierarchy ended in ``phase``.
 
-    ``level`` of ``LEVELS`` is the first that was violated, ``names`` say which joints or effectors ran out of what, the
-    worst first. ``motion`` ends at ``time_s``, the last sample before that.
+    ``level`` of ``LEVELS`` is the first violated one, ``names`` are the exhausted limits of joints or effectors, the
+    worst first. ``motion`` ends at ``time_s``, the last sample before the failure.
     """
 
     def __init__(
@@ -77,5 +74,5 @@ class WholeBodyStopped(NotEstimable):
 
     @property
     def time_s(self) -> float:
-        """Until when there is a motion."""
+        """Time (s) of the last sample of the motion."""
         return float(self.motion.time_s[-1])

@@ -87,7 +87,6 @@ def rows(problem: CentroidalProblem, grid: Grid) -> Rows:
     return Rows(grid, wrenches, first, n_end, A.matrix(end + n_end, n), np.concatenate(b), lower)
 
 
-
 def ray_wrenches(problem: CentroidalProblem, phase: int, effector: str) -> Float[np.ndarray, "6 m"]:
     """``(F, T)`` about the CoM at the start per unit length of every ray of a contact, point by point."""
     contact = problem.contact(effector, phase)

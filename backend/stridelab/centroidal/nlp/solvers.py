@@ -83,7 +83,9 @@ def run(
     """
     compiled = programme.compiled
     warm = start if start is not None and start.structure == compiled.structure else None
-    initial = warm or Point(compiled.structure, programme.guess, np.zeros(compiled.layout.n), np.zeros(compiled.layout.n_rows))
+    initial = warm or Point(
+        compiled.structure, programme.guess, np.zeros(compiled.layout.n), np.zeros(compiled.layout.n_rows)
+    )
     started = time.process_time()
     built = started
     if not np.isfinite(float(compiled.programme.value(initial.w, programme.p))):  # fatrop's line search would not end

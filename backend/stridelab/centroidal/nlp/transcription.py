@@ -256,7 +256,9 @@ def ground_m(problem: CentroidalProblem, phase: int) -> float:
     contacts = [problem.sequence.last_contact(name, phase) for name in problem.sequence.effectors]
     soles = [c for c in contacts if c is not None and problem.effectors[c.effector].kind == "surface"]
     if not soles:
-        raise InvalidInput("no-surface-contact", "CoM height bounds are relative to the soles, but none is in contact yet.")
+        raise InvalidInput(
+            "no-surface-contact", "CoM height bounds are relative to the soles, but none is in contact yet."
+        )
     return float(np.mean([c.placement.position_m[2] for c in soles]))
 
 
@@ -294,7 +296,6 @@ def _row_bounds(
         for use in _at_rest(problem, grid, layout):
             lower[use.row : use.row + n_cones(use.group)] = -np.inf
     return lower, upper
-
 
 
 def _guess(problem: CentroidalProblem, grid: Grid, generators: list[PhaseGenerators], layout: Layout) -> Series:

@@ -99,7 +99,7 @@ def _limits(robot: Robot, motion: WholeBodyMotion, worst: Worst) -> tuple[Check,
     angles, range_rad = motion.q[:, 7:], limits.upper_rad - limits.lower_rad
     share = np.minimum(angles - limits.lower_rad, limits.upper_rad - angles) / range_rad
     nearest = worst.at_least("joint_limit_margin", share, "rad", RANGE_SHARE, joints)
-    of = range_rad[joints.index(nearest.effector)] if nearest.effector else 1.0
+    scale = range_rad[joints.index(nearest.effector)] if nearest.effector else 1.0
     speed = np.abs(motion.v[:, 6:]) / limits.velocity_rad_s
     torque = np.abs(motion.tau_nm) / limits.torque_nm
     arm = np.array([robot.group[joint] == "arm" for joint in joints])
@@ -109,7 +109,7 @@ def _limits(robot: Robot, motion: WholeBodyMotion, worst: Worst) -> tuple[Check,
         return worst.at_most(name, torque[:, of], "1", LIMIT_SHARE, chosen)
 
     return (
-        replace(nearest, value=float(nearest.value * of), limit=float(RANGE_SHARE * of)),
+        replace(nearest, value=float(nearest.value * scale), limit=float(RANGE_SHARE * scale)),
         worst.at_most("velocity_ratio_max", speed, "1", LIMIT_SHARE, joints),
         ratio("torque_ratio_max_legs_torso", ~arm),
         ratio("torque_ratio_max_arms", arm),
@@ -153,7 +153,9 @@ def _reachability(
                 log_p[samples, column] = proxies[name].log_density(found.com_m[samples], contact.placement, heading_rad)
     column = int(np.argmin((log_p - rare).min(axis=0)))
     names_of_worst = names[column : column + 1]
-    return (worst.at_least("reachability_log_density_min", log_p[:, [column]], "nats", float(rare[column]), names_of_worst),)
+    return (
+        worst.at_least("reachability_log_density_min", log_p[:, [column]], "nats", float(rare[column]), names_of_worst),
+    )
 
 
 def _percentile(mixture: Mixture) -> float:

@@ -46,8 +46,12 @@ def self_collision(robot: Robot, q: Configurations, worst: Worst) -> Check:
     if not first_sample:
         return Check(name, 0.0, unit, 0.0)
     k, i = min(first_sample.items(), key=lambda pair: pair[1])
-    link_names = " and ".join(_link(robot.model, geometry.geometryObjects[o]) for o in (pairs[k].first, pairs[k].second))
-    return Check(name, float(len(first_sample)), unit, 0.0, False, int(worst.phase[i]), link_names, float(worst.time_s[i]))
+    link_names = " and ".join(
+        _link(robot.model, geometry.geometryObjects[o]) for o in (pairs[k].first, pairs[k].second)
+    )
+    return Check(
+        name, float(len(first_sample)), unit, 0.0, False, int(worst.phase[i]), link_names, float(worst.time_s[i])
+    )
 
 
 def terrain_distances(robot: Robot, sequence: ContactSequence, q: Configurations, worst: Worst) -> tuple[Check, ...]:

@@ -1,7 +1,7 @@
-"""Reference of the base's orientation: upright, turned with the feet.
+"""Reference orientation of the base: upright, with the heading of the feet.
 
-At the start of every phase the heading is that of its soles (``ContactSequence.headings_rad``); it goes to that of the
-next phase by the quintic with rest at both ends,
+At the start of every phase the heading is that of its soles (``ContactSequence.headings_rad``); it is interpolated to
+that of the next phase by the quintic with zero rates at both ends,
 ``s(x) = x^3 (10 - 15 x + 6 x^2)``.
 """
 
@@ -23,7 +23,7 @@ class Heading:
 
     @staticmethod
     def of(sequence: ContactSequence) -> "Heading":
-        """From the headings of the phases; the last one is kept to the end."""
+        """Headings of the phases; the last one holds until the end."""
         return Heading(sequence, np.append(sequence.headings_rad, sequence.headings_rad[-1]))
 
     def at(self, phase: int, time_s: float) -> tuple[Rotation, Vector3, Vector3]:

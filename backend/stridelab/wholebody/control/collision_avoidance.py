@@ -1,19 +1,19 @@
-"""A body that keeps off itself and off the steps: a task for every pair of shapes that come close.
+"""Avoidance of self-collisions and of collisions with steps: one task per pair of shapes that are close.
 
-With the distance d of a pair, its nearest points ``p_1, p_2`` and ``n = (p_1 - p_2) / d``,
+With the distance d of a pair, its nearest points ``p_1, p_2`` and ``n = (p_1 - p_2) / d``, the task
 
     n' (J_1 - J_2) a = k_p max(0, d_s - d) + k_d max(0, -d') ,      d' = n' (J_1 - J_2) v
 
-brakes what approaches and parts what is nearer than ``d_s``. The weight rises from 0 at ``d_a`` to its full value at
-``d_s``, so that nothing jumps. The drift ``n' (dJ_1 - dJ_2) v`` is left out, which the spring makes up for. Three kinds
-of pairs are watched (``near_pairs``); they differ in who gives way:
+brakes approaching pairs and separates pairs nearer than ``d_s``. The weight rises from 0 at ``d_a`` to its full value
+at ``d_s``, so that accelerations are continuous. The drift ``n' (dJ_1 - dJ_2) v`` is neglected and compensated by the
+spring. Three kinds of pairs are monitored (``collision_pairs``); they differ in the joints that the task moves:
 
-    arm      an arm and anything else       the arm alone, or the task would bend the trunk instead
-    body     legs, pelvis and torso         all joints: what soles and CoM leave free, above all the base's turn
+    arm      an arm and anything else       the arm only; otherwise the task would bend the trunk
+    body     legs, pelvis and torso         all joints, within the freedom left by soles and CoM, mainly the base's yaw
     terrain  thighs and shanks, and boxes   all joints
 
-A pair that is near in the reference posture already, an upper arm and the chest, has both distances shrunk: ``d_a`` to
-half of what it has there, ``d_s`` in proportion.
+For a pair that is near in the reference posture, such as upper arm and chest, both distances are reduced: ``d_a`` to
+half of its distance there, ``d_s`` in proportion.
 """
 
 from dataclasses import dataclass
@@ -34,10 +34,10 @@ _TINY_M = 1e-9
 
 @dataclass(frozen=True)
 class Avoid:
-    """``apart_m`` is d_s, ``acts_m`` d_a; a pair is watched from ``near_m`` on, the ``most`` nearest of each kind.
+    """Parameters: ``apart_m`` is d_s, ``acts_m`` d_a; pairs within ``near_m`` are monitored, ``most`` per kind act.
 
-    ``shrunk`` is the share of its distance in the reference posture within which a near pair acts. All pairs are looked
-    at every ``every`` samples, those that were near then at every one.
+    ``shrunk`` limits d_a to this share of a pair's distance in the reference posture. All pairs are searched every
+    ``every`` samples; the monitored ones are evaluated at every sample.
     """
 
     apart_m: float = 0.03
@@ -52,7 +52,7 @@ class Avoid:
 
 
 class Avoidance:
-    """The pairs of one robot on one terrain, over one run."""
+    """Avoidance tasks of one robot on one terrain, during one run."""
 
     def __init__(self, robot: Robot, terrain: Terrain, avoid: Avoid) -> None:
         self._avoid, self._calls = avoid, 0
@@ -61,28 +61,28 @@ class Avoidance:
         self._yields = np.where((self._pairs.kind == "arm")[:, None], arms, 1.0)
 
     def rows(self, body: RigidBody) -> tuple[Rows, Angles]:
-        """One row per pair that acts, and their weights."""
-        by, pairs = self._avoid, self._pairs
+        """Task rows of the active pairs, and their weights."""
+        settings, pairs = self._avoid, self._pairs
         pairs.place(body)
-        if self._calls % by.every == 0:
-            pairs.search(by.near_m)
+        if self._calls % settings.every == 0:
+            pairs.search(settings.near_m)
         self._calls += 1
-        near = pairs.near(by.acts_m, by.most)
+        near = pairs.near(settings.acts_m, settings.most)
         d, scale = near.distance_m, pairs.scale[near.pair]
         n = _directions(near)
-        # n' J_p of a point that moves with the joints: n at p as a wrench, on the columns that carry p
+        # n' J_p of a point p: the wrench of n at p times the columns of the joints that move p
         (x, y, z), (n_x, n_y, n_z) = near.p_1_m.T, n.T
         wrench = np.column_stack([n, y * n_z - z * n_y, z * n_x - x * n_z, x * n_y - y * n_x])
         J = wrench @ body.J * pairs.sign[near.pair]
-        apart_m, acts_m = scale * by.apart_m, scale * by.acts_m
+        apart_m, acts_m = scale * settings.apart_m, scale * settings.acts_m
         nearness = np.minimum(1.0, (acts_m - d) / (acts_m - apart_m))
-        b = by.kp * np.maximum(0.0, apart_m - d) + by.kd * np.maximum(0.0, -(J @ body.v))
-        return Rows(J * self._yields[near.pair], b), by.weight * nearness**2
+        b = settings.kp * np.maximum(0.0, apart_m - d) + settings.kd * np.maximum(0.0, -(J @ body.v))
+        return Rows(J * self._yields[near.pair], b), settings.weight * nearness**2
 
 
 def _directions(near: Near) -> Points:
-    """From the second shape to the first, also where they penetrate."""
-    apart = near.p_1_m - near.p_2_m
-    length = np.sqrt((apart * apart).sum(axis=1, keepdims=True))
-    signed = np.sign(near.distance_m)[:, None] * apart / np.maximum(length, _TINY_M)
+    """Unit vectors from the second shape to the first, also for penetrating shapes."""
+    difference = near.p_1_m - near.p_2_m
+    length = np.sqrt((difference * difference).sum(axis=1, keepdims=True))
+    signed = np.sign(near.distance_m)[:, None] * difference / np.maximum(length, _TINY_M)
     return np.asarray(np.where(length > _TINY_M, signed, np.array([0.0, 0.0, 1.0])))

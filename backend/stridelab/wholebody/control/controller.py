@@ -1,13 +1,14 @@
-"""From the centroidal plan to joint motion and torques: the hierarchy, sample after sample (section 4.6).
+"""From the centroidal plan to joint motion and torques by a task hierarchy at every sample (section 4.6).
 
-The body starts at rest on the contacts of the first phase, with its CoM where the plan begins. At every sample the
-hierarchy gives accelerations and forces, which are held until the next one:
+The body starts at rest on the contacts of the first phase, with its CoM at the start of the plan. At every sample the
+hierarchy gives accelerations and forces, which are constant until the next one:
 
     q <- q (+) (v dt + a dt^2 / 2) ,     v <- v + a dt .
 
-A sample whose programme has no solution keeps the acceleration and forces of the sample before and is counted in
-``failures`` (the certificate allows none); what it does to the dynamics shows in the certificate's residual. After
-``failures_in_a_row`` or ``failures_in_all`` of them, or when the body leaves the plan, the run ends with an error.
+A sample without a solution reuses the acceleration and forces of the previous sample and is counted in ``failures``
+(the certificate allows none); its effect on the dynamics shows in the certificate's residual. After
+``failures_in_a_row`` or ``failures_in_all`` of them, or when the body diverges from the plan, the run ends with an
+error.
 """
 
 import math
@@ -41,7 +42,7 @@ _LOST_M = 0.3
 
 @dataclass(frozen=True)
 class WholeBodyController:
-    """Settings of a run; ``run`` may be called any number of times."""
+    """Whole-body controller: settings; ``run`` may be called repeatedly."""
 
     rate_hz: float = 250.0
     settings: Settings = field(default_factory=Settings)
@@ -53,9 +54,9 @@ class WholeBodyController:
     ) -> WholeBodyMotion:
         """Follow ``plan`` over ``sequence``; deterministic.
 
-        Raises ``InvalidInput`` (``sample-time``) where the rate gives no whole number of samples, ``NotEstimable``
-        (``stance-unreachable``) where no posture stands on the first contacts, and ``WholeBodyStopped`` with time,
-        phase, the violated level, the limits that ran out and the motion until then.
+        Raises ``InvalidInput`` (``sample-time``) if the sequence is shorter than a sample, ``NotEstimable``
+        (``stance-unreachable``) if no posture stands on the first contacts, and ``WholeBodyStopped`` with time, phase,
+        the violated level, the exhausted limits and the motion until then.
         """
         started = time.process_time()
         run = _Run(self, robot, sequence, plan)
@@ -81,7 +82,9 @@ class _Run:
         self._controller, self._robot, self._sequence, self._plan = controller, robot, sequence, plan
         n = round(sequence.duration_s * controller.rate_hz) + 1
         if n < 2:
-            raise InvalidInput("sample-time", f"{sequence.duration_s} s hold no sample at {controller.rate_hz} Hz")
+            raise InvalidInput(
+                "sample-time", f"{sequence.duration_s} s are shorter than one sample at {controller.rate_hz} Hz"
+            )
         self.times = np.arange(n) / controller.rate_hz
         self._body = RigidBody(robot)
         self._heading = Heading.of(sequence)
@@ -120,7 +123,7 @@ class _Run:
             self._in_a_row += 1
             if self._in_a_row == 1:
                 self._short = self._missed(rows[0], rows[2])
-                # the bounds are the same on all levels: what fails on the first asks for more than level 0 allows
+                # the bounds are the same on all levels: a failure on level 1 means that level 0 violates them
                 self._level = result.failure.level if result.failure.level > 1 else 0
             self._failures.append(SolverFailure(t, phase, result.failure.level, result.failure.reason))
             if self._in_a_row > self._controller.failures_in_a_row:
@@ -135,7 +138,7 @@ class _Run:
         self._v = self._v + dt * a
 
     def motion(self, solve_time_s: float, n: int | None = None) -> WholeBodyMotion:
-        """All that was stored, or only the first ``n`` samples."""
+        """The recorded motion, or its first ``n`` samples."""
         return WholeBodyMotion(
             sequence=self._sequence,
             rate_hz=self._controller.rate_hz,
@@ -148,7 +151,7 @@ class _Run:
         )
 
     def _enter(self, phase: int, t: float) -> None:
-        """Set up the programme of the phase that begins."""
+        """Set up the hierarchy of the phase that begins."""
         contacts = self._sequence.phases[phase].contacts
         swings = {
             name: curve
@@ -160,10 +163,10 @@ class _Run:
         self._phase = phase
 
     def _curve(self, name: str, phase: int, t: float) -> SwingCurve | None:
-        """The swing of an effector in the air; None where its posture is all that it has to keep.
+        """Swing curve of an effector in the air; None if only its posture is controlled.
 
-        An effector that has not touched anything yet starts for its first contact in the phase before it, from where
-        it happens to be.
+        An effector without a previous contact moves to its first contact during the phase before it, from its current
+        placement.
         """
         landing = self._sequence.next_contact(name, phase)
         if landing is None:
@@ -172,10 +175,10 @@ class _Run:
             return swing_of(self._sequence, name, phase)
         if name not in self._sequence.phases[phase + 1].contacts:
             return None
-        here = self._body.frame(name)
+        frame = self._body.frame(name)
         duration_s = float(self._sequence.ends_s[phase]) - t
         kind = self._robot.effectors[name].kind
-        return SwingCurve(Placement(here.position_m, here.rotation), landing.placement, duration_s, kind, t)
+        return SwingCurve(Placement(frame.position_m, frame.rotation), landing.placement, duration_s, kind, t)
 
     def _store(self, i: int, reference: Reference, z: np.ndarray) -> None:
         body, record = self._body, self._record
@@ -188,7 +191,7 @@ class _Run:
             self._forces[name][i] = forces_n
 
     def _watch(self, i: int, com_reference_m: Vector3) -> None:
-        """End the run when the state has left the plan for good."""
+        """Stop the run if the state has diverged from the plan."""
         speed = np.abs(self._v[6:])
         if not np.all(np.isfinite(self._v)) or speed.max() > _SPEED_RAD_S:
             joint = self._robot.joint_names[int(np.argmax(np.nan_to_num(speed, nan=np.inf)))]
@@ -198,14 +201,14 @@ class _Run:
             raise self._stopped(i, f"the centre of mass is {away_m:.2f} m away from the plan", 1, ["centre of mass"])
 
     def _missed(self, equality: Rows, bounds: Inequalities) -> list[str]:
-        """Which limits ran out: the kind that alone would have to give way, and where by most; else all kinds."""
+        """Names of the exhausted limits: of one kind, if relaxing it is sufficient, otherwise of all kinds."""
         names = np.array(self._programme.row_names)
         kinds = np.array([name.partition(" of ")[0] for name in names])
         choices = [kinds == kind for kind in ("torque", "friction", "range or speed")]
         for soft in (*choices, np.ones(len(names), dtype=bool)):
-            missed = violations(equality, bounds, soft)
-            if missed is not None and missed.max() > 0.0:
-                order = [k for k in np.argsort(-missed) if missed[k] > 0.1 * missed.max()]
+            violation = violations(equality, bounds, soft)
+            if violation is not None and violation.max() > 0.0:
+                order = [k for k in np.argsort(-violation) if violation[k] > 0.1 * violation.max()]
                 return list(dict.fromkeys(str(names[k]) for k in order))[:4]
         return ["no single limit"]
 
@@ -214,22 +217,20 @@ class _Run:
         phase = self._sequence.phase_at(t + 1e-9)
         message = (
             f"The whole body cannot follow the plan beyond {t:.2f} s (phase {phase}): {what}; the first level that is "
-            f"violated is {level} ({LEVELS[level]}), short of: {', '.join(short)}."
+            f"violated is {level} ({LEVELS[level]}); exhausted limits: {', '.join(short)}."
         )
         faults = [Fault(f"phases[{phase}]", f"at {t:.2f} s: {name}") for name in short]
         if i == 0:
-            self._record["q"][0] = self._q  # where it stands is all that there is to show
+            self._record["q"][0] = self._q  # the start posture is the only sample of the motion
         return WholeBodyStopped(message, faults, self.motion(0.0, max(i, 1)), phase, level, short)
 
 
 def _start(robot: Robot, sequence: ContactSequence, plan: CentroidalPlan, settings: Settings) -> np.ndarray:
-    """Posture at rest on the contacts of the first phase, the CoM where the plan begins."""
+    """Posture at rest on the contacts of the first phase, with the CoM at the start of the plan."""
     placements = {name: contact.placement for name, contact in sequence.phases[0].contacts.items()}
     margins_rad = JointLimits.of(robot.model).margins_rad(settings.range_share, settings.joint_margin_rad)
-    found = stand(robot, placements, plan.com_m[0], margins_rad=margins_rad)
-    if not found.converged:
-        message = (
-            f"No posture of {robot.title} stands on the first contacts: {found.worst} stays {found.error_m:.3f} m off."
-        )
-        raise NotEstimable("stance-unreachable", message, [Fault(f"phases[0].contacts[{found.worst}]", message)])
-    return found.q
+    posture = stand(robot, placements, plan.com_m[0], margins_rad=margins_rad)
+    if not posture.converged:
+        message = f"No posture of {robot.title} stands on the first contacts: {posture.worst} misses by {posture.error_m:.3f} m."
+        raise NotEstimable("stance-unreachable", message, [Fault(f"phases[0].contacts[{posture.worst}]", message)])
+    return posture.q

@@ -1,15 +1,15 @@
 """Strict hierarchy of least-squares levels under equalities and inequalities (section 4.6; Escande 2014, Saab 2013).
 
     level 0    A_0 z = b_0
-    level k    min |A_k z - b_k|^2   over what is left optimal by the levels above      all under  l <= G z <= u
+    level k    min |A_k z - b_k|^2   over the optima of the levels above                all under  l <= G z <= u
 
 Each level moves only in the null space of those above, ``z = z_k + Z_k w`` with ``A_i Z_k = 0`` for i < k, so a lower
 level cannot disturb a higher one. The inequalities are the same on every level.
 
-Shortcut, exact: one first takes for granted that the residuals of the upper levels can be made zero, together with the
-equalities in a single factorisation, and asks only the last level's programme. If that has a solution, zero was the
-best the upper levels could reach, and the answer is that of the whole cascade; if it has none, the cascade is run level
-by level. On a motion without saturation this leaves one quadratic programme per sample.
+An exact shortcut first assumes that the residuals of the upper levels can be zero: they are factorised together with
+the equalities, and only the last level's quadratic program is solved. If it has a solution, zero is optimal for the
+upper levels, and the result is that of the whole cascade; otherwise the cascade is solved level by level. On a motion
+without saturation this takes one quadratic program per sample.
 """
 
 from collections.abc import Sequence
@@ -27,11 +27,11 @@ Basis = Float[np.ndarray, "n k"]
 _RANK = 1e-9
 """Pivots below this share of the largest one count as zero."""
 _CONSISTENT = 1e-7
-"""Largest residual, relative to the right-hand side, of equalities that can hold together."""
+"""Largest residual, relative to the right-hand side, of consistent equalities."""
 _DAMPING = 1e-9
-"""Weight of |w|^2 on a level that does not determine it."""
+"""Weight of |w|^2 on a level that does not determine w uniquely."""
 _PROXIMAL = -1e-5
-"""Weight of the proximal steps for a level that does not determine ``w``; negative: only where they are needed."""
+"""Weight of the proximal steps for a level that does not determine ``w``; negative: only if necessary."""
 _BINDING = 1e-6
 _NO_BOUND = 1e30
 
@@ -60,7 +60,7 @@ class HierarchyFailure:
 
 
 class HierarchyResult(NamedTuple):
-    """``z``, valid where ``failure`` is None; ``programmes`` counts the quadratic programmes that it took."""
+    """``z``, valid if ``failure`` is None; ``programmes`` counts the quadratic programs that were solved."""
 
     z: Unknowns
     failure: HierarchyFailure | None
@@ -68,51 +68,51 @@ class HierarchyResult(NamedTuple):
 
 
 def solve(equality: Rows, levels: Sequence[Rows], bounds: Inequalities) -> HierarchyResult:
-    """Solve the hierarchy; a failure is returned, never raised, with the level it happened on."""
+    """Solve the hierarchy; a failure is returned with its level, never raised."""
     programmes = 0
-    presumed = _presumed(equality, levels[:-1])
-    if presumed is not None:
-        z, Z = presumed
-        found = _programme(z, Z, levels[-1], bounds)
+    shortcut = _presumed(equality, levels[:-1])
+    if shortcut is not None:
+        z, Z = shortcut
+        solution = _programme(z, Z, levels[-1], bounds)
         programmes = 1
-        if found.flag > 0:
-            return HierarchyResult(z + Z @ found.w, None, programmes)
-    z, Z, off = _onto(equality)
-    if not _small(off, equality.b):
-        reason = f"the equalities contradict each other by {np.abs(off).max():.2g}"
+        if solution.flag > 0:
+            return HierarchyResult(z + Z @ solution.w, None, programmes)
+    z, Z, residual = _onto(equality)
+    if not _small(residual, equality.b):
+        reason = f"the equalities contradict each other by {np.abs(residual).max():.2g}"
         return HierarchyResult(z, HierarchyFailure(0, reason), 0)
     for number, level in enumerate(levels, start=1):
-        found = _programme(z, Z, level, bounds)
+        solution = _programme(z, Z, level, bounds)
         programmes += 1
-        if found.flag < 1:
-            reason = _REASONS.get(found.flag, f"solver flag {found.flag}")
+        if solution.flag < 1:
+            reason = _REASONS.get(solution.flag, f"solver flag {solution.flag}")
             return HierarchyResult(z, HierarchyFailure(number, reason), programmes)
-        z = z + Z @ found.w
+        z = z + Z @ solution.w
         if number < len(levels) and Z.shape[1]:
-            held = np.vstack([level.A, bounds.G[_binding(level, z, found.pull)]]) @ Z
-            Z = Z @ _onto(Rows(held, np.zeros(len(held)))).null
+            fixed_rows = np.vstack([level.A, bounds.G[_binding(level, z, solution.pull)]]) @ Z
+            Z = Z @ _onto(Rows(fixed_rows, np.zeros(len(fixed_rows)))).null
             bounds = _containing(z, bounds)
     return HierarchyResult(z, None, programmes)
 
 
 def violations(equality: Rows, bounds: Inequalities, soft: Bool[np.ndarray, "m"]) -> Float[np.ndarray, "m"] | None:
-    """By how much the ``soft`` inequalities are missed where all else holds and the misses are as small as can be.
+    """Smallest violations (least squares) of the ``soft`` inequalities for which all other constraints hold.
 
-    The sum of squares of the misses is minimised. None where there is no solution even so.
+    None if there is no solution even then.
     """
     z, Z, _ = _onto(equality)
     G, off = bounds.G @ Z, bounds.G @ z
-    n, m, of = Z.shape[1], len(off), np.flatnonzero(soft)
-    H = np.diag(np.concatenate([np.full(n, _DAMPING), np.ones(len(of))]))
-    rows = np.hstack([G, np.zeros((m, len(of)))])
-    rows[of, n + np.arange(len(of))] = -1.0
+    n, m, soft_rows = Z.shape[1], len(off), np.flatnonzero(soft)
+    H = np.diag(np.concatenate([np.full(n, _DAMPING), np.ones(len(soft_rows))]))
+    rows = np.hstack([G, np.zeros((m, len(soft_rows)))])
+    rows[soft_rows, n + np.arange(len(soft_rows))] = -1.0
     upper, lower = np.minimum(bounds.upper - off, _NO_BOUND), np.maximum(bounds.lower - off, -_NO_BOUND)
     x, _, flag, _ = daqp.solve(H, np.zeros(len(H)), rows, upper, lower, np.zeros(m, np.int32))
     if flag < 1:
         return None
-    missed = np.zeros(m)
-    missed[of] = np.abs(x[n:])
-    return missed
+    violation = np.zeros(m)
+    violation[soft_rows] = np.abs(x[n:])
+    return violation
 
 
 class _Onto(NamedTuple):
@@ -143,12 +143,12 @@ def _onto(rows: Rows) -> _Onto:
 
 
 def _small(off: Float[np.ndarray, "m"], b: Float[np.ndarray, "m"]) -> bool:
-    """Whether rows are met but for rounding."""
+    """Whether residuals are zero up to rounding."""
     return float(np.abs(off).max(initial=0.0)) <= _CONSISTENT * (1.0 + float(np.abs(b).max(initial=0.0)))
 
 
 def _presumed(equality: Rows, levels: Sequence[Rows]) -> tuple[Unknowns, Basis] | None:
-    """Where the equalities and the upper levels are all met exactly, or None if they cannot be even without bounds."""
+    """Solution set of the equalities and the upper levels together, or None if they are inconsistent."""
     blocks = (equality, *levels)
     z, Z, off = _onto(Rows(np.concatenate([A for A, _ in blocks]), np.concatenate([b for _, b in blocks])))
     row = 0
@@ -166,7 +166,7 @@ class _Found(NamedTuple):
 
 
 def _programme(z: Unknowns, Z: Basis, level: Rows, bounds: Inequalities) -> _Found:
-    """``min_w |A (z + Z w) - b|^2`` under the inequalities; the solver's flag (positive: solved), how rows pull."""
+    """``min_w |A (z + Z w) - b|^2`` under the inequalities; the solver's flag (positive: solved), multipliers."""
     if not Z.shape[1]:
         return _Found(np.zeros(0), 1, np.zeros(len(bounds.upper)))
     B = level.A @ Z
@@ -184,22 +184,22 @@ def _programme(z: Unknowns, Z: Basis, level: Rows, bounds: Inequalities) -> _Fou
 
 
 def _binding(level: Rows, z: Unknowns, pull: Float[np.ndarray, "m"]) -> Bool[np.ndarray, "m"]:
-    """Rows that bind for all optima of this level: those with a multiplier; where the level is met, none does."""
-    met = _small(level.A @ z - level.b, level.b)
-    return pull > (np.inf if met else _BINDING * pull.max(initial=0.0))
+    """Rows that are active in all optima of this level: those with a multiplier; none if the level is met exactly."""
+    is_met = _small(level.A @ z - level.b, level.b)
+    return pull > (np.inf if is_met else _BINDING * pull.max(initial=0.0))
 
 
 def _containing(z: Unknowns, bounds: Inequalities) -> Inequalities:
-    """The bounds with ``z`` inside: a solver meets its active ones only to its tolerance."""
+    """Widen the bounds to contain ``z``: the solver meets active bounds only within its tolerance."""
     reached = bounds.G @ z
     return Inequalities(bounds.G, np.minimum(bounds.lower, reached), np.maximum(bounds.upper, reached))
 
 
 _REASONS = {
-    -1: "the constraints cannot hold together",
+    -1: "the constraints are inconsistent",
     -2: "the solver cycled",
-    -3: "the programme is unbounded",
+    -3: "the quadratic program is unbounded",
     -4: "the solver reached its iteration limit",
-    -5: "the programme is not convex",
+    -5: "the quadratic program is not convex",
     -6: "the initial working set is overdetermined",
 }

@@ -1,13 +1,12 @@
 """Bounds on the joint accelerations that keep positions and velocities inside their limits.
 
-With the distance ``d = q_max - margin - q`` a barrier of second order (Nguyen and Sreenath 2016) asks
+With the distance ``d = q_max - margin - q`` a second-order barrier (Nguyen and Sreenath 2016) requires
 ``d'' + 2 k d' + k^2 d >= 0``, which is
 
     q'' <= k^2 d - 2 k q'.
 
-``d`` then falls no faster than exponentially, and the bound orders braking early, so that a joint which nears its
-limit stops before it; a bound that only watches the next sample would order it too late. Velocities reach their
-limit with the time constant ``1 / k_v``.
+``d`` then decreases at most exponentially, and the bound brakes a joint early enough to stop before its limit; a bound
+for the next sample only would brake too late. Velocities approach their limit with the time constant ``1 / k_v``.
 """
 
 from dataclasses import dataclass
@@ -40,7 +39,7 @@ class JointLimits:
     def shrunk(
         self, range_share: float, margin_rad: float, velocity_share: float, torque_share: float
     ) -> "JointLimits":
-        """Limits to plan with: ``range_share`` of its range and ``margin_rad`` from either end."""
+        """Limits reduced by ``range_share`` of the range and ``margin_rad`` at either end, and by the other shares."""
         margins_rad = self.margins_rad(range_share, margin_rad)
         return JointLimits(
             self.lower_rad + margins_rad,
@@ -50,19 +49,19 @@ class JointLimits:
         )
 
     def margins_rad(self, range_share: float, margin_rad: float) -> Angles:
-        """``range_share`` of every joint's range and ``margin_rad``."""
+        """Margin of every joint: ``range_share`` of its range plus ``margin_rad``."""
         return np.asarray(range_share * (self.upper_rad - self.lower_rad) + margin_rad)
 
     def acceleration_bounds(
         self, q_rad: Angles, v_rad_s: Angles, k_per_s: float, k_v_per_s: float, most_rad_s2: float
     ) -> tuple[Angles, Angles]:
-        """Smallest and largest acceleration ``(na,)``; where they cross, braking for the nearer limit wins."""
+        """Smallest and largest acceleration ``(na,)``; if they cross, the bound of the nearer limit takes precedence."""
         to_upper, to_lower = self.upper_rad - q_rad, q_rad - self.lower_rad
         upper = np.minimum(k_per_s**2 * to_upper - 2.0 * k_per_s * v_rad_s, k_v_per_s * (self.velocity_rad_s - v_rad_s))
         lower = np.maximum(
             -(k_per_s**2) * to_lower - 2.0 * k_per_s * v_rad_s, -k_v_per_s * (self.velocity_rad_s + v_rad_s)
         )
-        # four times as quick as np.clip
+        # four times as fast as np.clip
         upper, lower = (np.minimum(np.maximum(a, -most_rad_s2), most_rad_s2) for a in (upper, lower))
         crossed = lower > upper
         upper_wins = crossed & (to_upper <= to_lower)

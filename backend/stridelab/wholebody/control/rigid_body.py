@@ -1,11 +1,11 @@
-"""Everything the tasks need to know of the body at one state ``(q, v)``, each quantity computed once.
+"""Rigid-body quantities for the tasks at one state ``(q, v)``, each computed once.
 
 M a + h = S' tau + J' f        equations of motion (2.1), (4.1), S' tau = (0, tau)
 A_g a + dA_g v = d(m c', L)/dt      centroidal map (4.3) and its drift
 J a + dJ v = (p'', w')         classical acceleration of a frame, in world axes
 
-``J`` of the whole body holds every joint's own motion about the world's origin, linear over angular: of a point p that
-some of them carry, ``n' p' = (n, p x n)' J v`` over their columns.
+``J`` of the whole body contains every joint's motion about the world origin, linear over angular: for a point p moved
+by some of the joints, ``n' p' = (n, p x n)' J v`` over their columns.
 """
 
 from typing import NamedTuple
@@ -65,10 +65,10 @@ class RigidBody:
         """State of the contact frame of effector ``name``, or of the trunk at the ``base`` frame."""
         if name not in self._seen:
             index, model, data = self._frames[name], self.model, self._data
-            here = pin.updateFramePlacement(model, data, index)
+            placement = pin.updateFramePlacement(model, data, index)
             pin.updateFramePlacement(model, self._drift, index)
             J = pin.getFrameJacobian(model, data, index, pin.LOCAL_WORLD_ALIGNED)
             drift = pin.getFrameClassicalAcceleration(model, self._drift, index, pin.LOCAL_WORLD_ALIGNED).vector
-            R = here.rotation @ self._R_base_trunk if name == "base" else here.rotation.copy()
-            self._seen[name] = FrameState(here.translation.copy(), R, J, J @ self.v, drift)
+            R = placement.rotation @ self._R_base_trunk if name == "base" else placement.rotation.copy()
+            self._seen[name] = FrameState(placement.translation.copy(), R, J, J @ self.v, drift)
         return self._seen[name]

@@ -2,11 +2,11 @@
 
 Unknowns ``z = (a, f)``: joint accelerations ``(nv,)`` and one force per contact point, world axes.
 
-    level 0   base rows of  M a + h = S' tau + J' f ;  contacts keep their place
+    level 0   base rows of  M a + h = S' tau + J' f ;  fixed contacts
     level 1   CoM on the plan ; effectors in the air on their curves
-    level 2   angular momentum, upright base, posture, arms that keep off the body, planned forces,
+    level 2   angular momentum, upright base, posture, collision avoidance, planned forces,
               orientation of hands                                                               (weighted)
-    always    friction pyramids ;  |tau| <= tau_max ;  accelerations that keep joints inside their limits
+    always    friction pyramids ;  |tau| <= tau_max ;  acceleration bounds from the joint limits
 
 The actuated rows of the equations of motion, apart from those of the base (2.2), give the torques,
 ``tau = M_a a + h_a - J_a' f``, without unknowns.
@@ -35,11 +35,11 @@ FIRM, MIDDLE, GENTLE = (Gain.critical(kp) for kp in (400.0, 60.0, 30.0))
 
 @dataclass(frozen=True)
 class Settings:
-    """Gains, weights and margins of the hierarchy (found on TALOS; nothing in them names a robot).
+    """Gains, weights and margins of the hierarchy (tuned on TALOS, but not specific to a robot).
 
-    ``posture_weight`` is per group of joints; an arm whose hand has nothing to do is held ``free_arm`` times as firmly.
+    ``posture_weight`` is per group of joints; arms without contact or swing get ``free_arm`` times the weight.
     ``contact_margin_m`` shrinks the rectangle of a surface, so that the centre of pressure stays inside the real sole.
-    ``range_share``, ``joint_margin_rad``, ``velocity_share`` and ``torque_share`` keep the programme inside the limits
+    ``range_share``, ``joint_margin_rad``, ``velocity_share`` and ``torque_share`` keep the motion inside the limits
     that the certificate checks. ``barrier_per_s`` and ``velocity_rate_per_s`` are the constants of ``joint_limits``.
     """
 
@@ -67,20 +67,20 @@ class Settings:
     avoid: Avoid | None = field(default_factory=Avoid)
 
     def posture_weights(self, robot: Robot, busy: Iterable[str] = ()) -> Angles:
-        """Weight of every actuated joint ``(na,)``; ``busy`` are the effectors that touch or swing."""
-        of = self.posture_weight or {"leg": 0.03, "torso": 0.5, "arm": 0.25, "head": 0.25}
+        """Weight of every actuated joint ``(na,)``; ``busy`` are the effectors in contact or swinging."""
+        weights = self.posture_weight or {"leg": 0.03, "torso": 0.5, "arm": 0.25, "head": 0.25}
         model = robot.model
         ends = [model.frames[model.getFrameId(robot.effectors[name].frame)].parentJoint for name in busy]
         occupied = {str(model.names[joint]) for end in ends for joint in model.supports[end]}
         free = {joint for joint in robot.joint_names if robot.group[joint] == "arm" and joint not in occupied}
         return np.array(
-            [of[robot.group[joint]] * (self.free_arm if joint in free else 1.0) for joint in robot.joint_names]
+            [weights[robot.group[joint]] * (self.free_arm if joint in free else 1.0) for joint in robot.joint_names]
         )
 
 
 @dataclass(frozen=True, eq=False)
 class Instant:
-    """What is asked for at one sample: the plan's reference, the forces planned, the base's orientation."""
+    """Targets of one sample: the plan's reference and the base's orientation with its rates."""
 
     time_s: float
     reference: Reference
@@ -88,9 +88,9 @@ class Instant:
 
 
 class Programme:
-    """Builds the rows of one phase; its arrays are allocated once and filled anew at every sample.
+    """Builds the rows of one phase; arrays are allocated once and refilled at every sample.
 
-    ``row_names`` say of every inequality what it limits, its kind in front of " of ".
+    ``row_names`` describe the limit of every inequality, as "kind of name".
     """
 
     def __init__(
@@ -156,7 +156,7 @@ class Programme:
         return forces
 
     def unknowns(self, a: Float[np.ndarray, "nv"], forces_n: Mapping[str, Points]) -> Float[np.ndarray, "nz"]:
-        """``z`` of an acceleration and of forces; effectors that are not among them bear none."""
+        """``z`` of an acceleration and of forces; missing effectors get zero force."""
         f = [forces_n[name].ravel() if name in forces_n else np.zeros(3 * len(p)) for name, p in self._points.items()]
         return np.concatenate([a, *f])
 
@@ -196,10 +196,10 @@ class Programme:
         if self._avoidance is not None:
             rows, weights = self._avoidance.rows(body)
             weighted.append((weights, rows))
-        still = np.zeros(3)
+        zero = np.zeros(3)
         for name, contact in self._contacts.items():
             if not self._surface[name]:
-                rows = tasks.orientation(body.frame(name), contact.placement.rotation, still, still, s.hand)
+                rows = tasks.orientation(body.frame(name), contact.placement.rotation, zero, zero, s.hand)
                 weighted.append((s.hand_weight, rows))
         for name, curve in self._swings.items():
             if not self._surface[name]:

@@ -1,19 +1,16 @@
 """Tasks of the hierarchy as rows ``A a = b`` on the joint acceleration (section 4.6).
 
-Every motion task asks its error to vanish like a damped spring around the planned acceleration,
+Every motion task drives its error to zero like a damped spring around the planned acceleration,
 
     J a + dJ v = x''_ref + kp (x_ref - x) + kd (x'_ref - x').
 
 Positions, velocities and accelerations are in world axes, rotations as rotation vectors of ``R_ref R'``.
 
-Contact forces of one effector: how they act on the joints and the pyramid that they must stay in.
-
-A surface carries one force per corner of its rectangle, a point carries one. The pyramid
+Contact forces: a surface has one force per corner of its rectangle, a point contact has one. The pyramid
 
     |f_x|, |f_y| <= mu / sqrt(2) f_n ,    f_n >= 0
 
-lies inside the exact cone ``|f_t| <= mu f_n``: its edges touch it. Forces are in world axes, x, y and n those of the
-contact frame.
+is inscribed in the exact cone ``|f_t| <= mu f_n``. Forces are in world axes, x, y and n are axes of the contact frame.
 """
 
 from functools import cache
@@ -42,7 +39,7 @@ class Gain(NamedTuple):
 
     @staticmethod
     def critical(kp: float) -> "Gain":
-        """No overshoot: ``kd = 2 sqrt(kp)``."""
+        """Critical damping: ``kd = 2 sqrt(kp)``."""
         return Gain(kp, 2.0 * float(np.sqrt(kp)))
 
 
@@ -52,7 +49,7 @@ def rotation_error(reference: Rotation, actual: Rotation) -> Vector3:
 
 
 def contact(frame: FrameState, place: Placement, surface: bool, gain: Gain) -> Rows:
-    """A contact stays where it is planned: six rows for a surface, three for a point."""
+    """Contact fixed at its planned placement: six rows for a surface, three for a point."""
     e = place.position_m - frame.position_m
     if surface:
         e = np.concatenate([e, rotation_error(place.rotation, frame.rotation)])
@@ -61,26 +58,26 @@ def contact(frame: FrameState, place: Placement, surface: bool, gain: Gain) -> R
 
 
 def centre_of_mass(body: RigidBody, reference: Reference, gain: Gain) -> Rows:
-    """CoM on the plan, through the linear rows of the centroidal map (4.3): ``A_G a + dA_G v = m c''``."""
+    """CoM tracking by the linear rows of the centroidal map (4.3): ``A_G a + dA_G v = m c''``."""
     e, e_v = reference.com_m - body.com_m, reference.com_v_m_s - body.com_v_m_s
     c_a = reference.com_a_m_s2 + gain.kp * e + gain.kd * e_v
     return Rows(body.A_g[:3] / body.mass_kg, c_a - body.A_g_drift[:3] / body.mass_kg)
 
 
 def angular_momentum(body: RigidBody, reference: Reference, gain_per_s: float) -> Rows:
-    """Angular momentum about the CoM on the plan, first order: ``dL = dL_ref + k (L_ref - L)``."""
+    """Tracking of the angular momentum about the CoM, first order: ``dL = dL_ref + k (L_ref - L)``."""
     l_rate = reference.l_rate_nm + gain_per_s * (reference.l_nms - body.l_nms)
     return Rows(body.A_g[3:], l_rate - body.A_g_drift[3:])
 
 
 def position(frame: FrameState, p_m: Vector3, v_m_s: Vector3, a_m_s2: Vector3, gain: Gain) -> Rows:
-    """A frame's origin on a moving point."""
+    """Position tracking of a frame's origin."""
     e, e_v = p_m - frame.position_m, v_m_s - frame.velocity[:3]
     return Rows(frame.J[:3], a_m_s2 + gain.kp * e + gain.kd * e_v - frame.drift[:3])
 
 
 def orientation(frame: FrameState, R: Rotation, w_rad_s: Vector3, w_rate_rad_s2: Vector3, gain: Gain) -> Rows:
-    """A frame's axes on turning ones, with angular velocity ``w`` and acceleration."""
+    """Orientation tracking of a frame, with angular velocity ``w`` and acceleration."""
     e, e_v = rotation_error(R, frame.rotation), w_rad_s - frame.velocity[3:]
     return Rows(frame.J[3:], w_rate_rad_s2 + gain.kp * e + gain.kd * e_v - frame.drift[3:])
 
@@ -91,21 +88,21 @@ def posture(body: RigidBody, angles_rad: Angles, gain: Gain) -> Rows:
 
 
 def forces(planned_n: Float[np.ndarray, "nf"], nv: int) -> Rows:
-    """The forces, which follow the ``nv`` accelerations among the unknowns, as they are planned."""
+    """Tracking of planned forces, which follow the ``nv`` accelerations among the unknowns."""
     return Rows(_last(len(planned_n), nv), planned_n)
 
 
 @cache
 def _last(n: int, before: int) -> Float[np.ndarray, "n m"]:
-    """Picks the last ``n`` of ``before + n`` unknowns."""
-    found = np.zeros((n, before + n))
-    found[:, before:] = np.eye(n)
-    found.flags.writeable = False
-    return found
+    """Matrix that selects the last ``n`` of ``before + n`` unknowns."""
+    S = np.zeros((n, before + n))
+    S[:, before:] = np.eye(n)
+    S.flags.writeable = False
+    return S
 
 
 def stacked(weighted: list[tuple[Weight, Rows]], nz: int) -> Rows:
-    """Rows one below the other, each multiplied by its weight (one, or one per row), widened by zeros to ``nz``."""
+    """Stack rows multiplied by their weights (one per task or per row), padded with zero columns to ``nz``."""
     m = sum(len(rows.b) for _, rows in weighted)
     A, b = np.zeros((m, nz)), np.empty(m)
     at = 0
@@ -118,7 +115,7 @@ def stacked(weighted: list[tuple[Weight, Rows]], nz: int) -> Rows:
 
 
 _INSIDE_N = 1e-3
-"""Distance from the pyramid's faces, so that the solver's tolerance cannot leave the cone."""
+"""Margin to the pyramid's faces that absorbs the solver's tolerance."""
 
 
 def pyramid(contact: Contact, points: int) -> Inequalities:

@@ -1,6 +1,6 @@
-"""When a replay is completed: the robot does not fall, and what it does is what was planned.
+"""Conditions of a completed replay: the robot does not fall and follows the plan within limits.
 
-Each limit that is missed is named with its number, so that a reader can tell a graze from a wreck.
+Each violated condition is reported with its value, so that its severity is visible.
 """
 
 from collections.abc import Mapping, Sequence
@@ -8,19 +8,19 @@ from dataclasses import dataclass
 from typing import Final
 
 SLIP_M: Final = 0.020
-"""A loaded sole that is displaced by more has not stood."""
+"""Largest displacement of a loaded sole."""
 TORQUE_RATIO: Final = 1.2
-"""Torques asked for may exceed their limits, at which they are cut, by a fifth."""
+"""Largest commanded torque as a multiple of its limit, at which the applied torque is clipped."""
 HAND_SHARE: Final = 0.95
-"""Of its planned contact, in which a hand has to be loaded at its place."""
+"""Share of its planned contact time in which a hand has to be loaded at its planned position."""
 _LISTED: Final = 4
 
 
 @dataclass(frozen=True)
 class Collision:
-    """Two links, or a link or an effector and a surface, that touch without being planned to.
+    """An unplanned contact of two links, or of a link or an effector with a surface.
 
-    ``time_s`` is when they first do, ``force_max_n`` the largest force between them.
+    ``time_s`` is its first occurrence, ``force_max_n`` the largest force.
     """
 
     first: str
@@ -31,7 +31,7 @@ class Collision:
 
 @dataclass(frozen=True)
 class Missed:
-    """One condition that is not met: a stable code and a sentence with the number."""
+    """One violated condition: a stable code and a sentence with the value."""
 
     code: str
     message: str
@@ -45,23 +45,23 @@ def missed(
     torque_ratio_max: float,
     hand_in_place_shares: Mapping[str, float],
 ) -> tuple[Missed, ...]:
-    """The conditions of a completed replay that are not met, a fall first."""
-    found: list[Missed] = []
+    """Violated conditions of a completed replay, a fall first."""
+    violated: list[Missed] = []
     if fall_time_s is not None:
-        found.append(Missed("replay-fell", f"The robot falls after {fall_time_s:.1f} s."))
+        violated.append(Missed("replay-fell", f"The robot falls after {fall_time_s:.1f} s."))
     if collided:
-        found.append(Missed("replay-collided", _collisions(collided)))
+        violated.append(Missed("replay-collided", _collisions(collided)))
     if slip_max_m > SLIP_M:
         message = f"A loaded foot slips by {1e3 * slip_max_m:.0f} mm; at most {1e3 * SLIP_M:.0f} mm are allowed."
-        found.append(Missed("replay-slipped", message))
+        violated.append(Missed("replay-slipped", message))
     if torque_ratio_max > TORQUE_RATIO:
-        message = f"A joint is asked for {torque_ratio_max:.1f} times its torque limit; {TORQUE_RATIO:g} is allowed."
-        found.append(Missed("replay-torque", message))
+        message = f"A joint torque command reaches {torque_ratio_max:.1f} times its limit; {TORQUE_RATIO:g} is allowed."
+        violated.append(Missed("replay-torque", message))
     for hand, share in hand_in_place_shares.items():
         if share < HAND_SHARE:
-            message = f"{hand} is in place for {share:.0%} of its contact; {HAND_SHARE:.0%} is wanted."
-            found.append(Missed("replay-hand-off", message))
-    return tuple(found)
+            message = f"{hand} is in place for {share:.0%} of its contact; {HAND_SHARE:.0%} is required."
+            violated.append(Missed("replay-hand-off", message))
+    return tuple(violated)
 
 
 def _collisions(collided: Sequence[Collision]) -> str:
