@@ -1,15 +1,15 @@
-"""Whether the whole body can take the stance of a contact phase: inverse kinematics where densities only estimate.
+"""Stance check: whether the whole body can reach the contacts of a phase, by inverse kinematics.
 
-A stance is reachable where some posture holds every contact of the phase, with the CoM above the support region and
-within the learned reach of every contact, every joint inside the range that the whole-body stage plans with, and no
-shape of the robot in another one. Feet in the air are held half-way of their swing, or beside the other foot, so that
-the legs do not cross. A posture that touches itself is solved for again, with what touches pushed apart.
+A stance is reachable if a posture exists with every contact of the phase, the CoM above the support region and within
+the learned reach of every contact, every joint inside the range that the whole-body stage uses, and no self-collision.
+Feet in the air are placed at mid-swing, or beside the other foot, so that the legs do not cross. For a posture with
+self-collisions the search is repeated with tasks that separate the colliding shapes.
 
-The search is local. It starts at the reference posture over the contacts and then at a fixed list of others, so the
-verdict is a function of the stance alone: it depends neither on what was asked before nor on a neighbouring phase, and
-a stance is computed once. "Unreachable" means that none of the starts led to a posture, which is no proof.
+The search is local. It starts at the reference posture over the contacts and then at a fixed list of others, so that
+the result depends on the stance only, not on earlier calls or neighbouring phases, and can be cached. "Unreachable"
+means that no start led to a posture, which is not a proof.
 
-A stance says nothing about the motion between two stances: speeds, torques and swings are judged by the plan alone.
+The check does not cover the motion between stances: the plan verifies speeds, torques and swings.
 """
 
 from collections import OrderedDict
@@ -31,33 +31,33 @@ from stridelab.wholebody.control.joint_limits import JointLimits
 from stridelab.wholebody.control.task_stack import Settings
 
 STARTS: Final = 4
-"""Postures besides the reference posture from which a stance is searched for."""
+"""Number of random start postures besides the reference posture."""
 PUSHES: Final = 3
-"""How often a posture that touches itself is solved for again, with what touches pushed apart."""
+"""Maximum number of repeated searches that separate colliding shapes."""
 SOLVES: Final = 12
-"""Searches after which no other start is tried."""
+"""Number of solves after which no further start is tried."""
 LOWER_M: Final = (0.08, 0.16)
-"""By how much lower the CoM is wanted in further searches."""
+"""Lowering of the CoM target in further searches."""
 FAR_M: Final = 0.05
-"""A stance that the first searches miss by more is given up."""
+"""Error of the first searches beyond which no further start is tried."""
 SPREAD_RAD: Final = 0.25
 LIFT_M: Final = 0.06
-"""Height of a swinging foot over the higher of its two places."""
+"""Height of a swinging foot above the higher of its two contacts."""
 REMEMBERED: Final = 4096
 BLAME: Final = 0.3
-"""A contact that is off by less than this share of the worst error is not at fault."""
+"""Contacts with less than this share of the largest error are not reported as the cause."""
 LEAST_SAID_M: Final = 5e-4
-"""A contact that misses its place by less misses its direction."""
+"""Position errors below this are reported as orientation errors."""
 CANNOT: Final = "the body cannot take this stance"
 CENTRE_OF_MASS: Final = "centre of mass"
 
 
 @dataclass(frozen=True, eq=False)
 class Stance:
-    """The contacts of one phase by effector (``T_world_contact``), and where feet in the air are.
+    """The contacts of one phase by effector (``T_world_contact``), and the placements of feet in the air.
 
-    ``region_m`` ``(k, 2)`` is the support region, counter-clockwise, without rows where the CoM may be anywhere;
-    ``com_m`` is where the CoM is wanted within it.
+    ``region_m`` ``(k, 2)`` is the support region, counter-clockwise, empty if the CoM is not restricted; ``com_m`` is
+    the preferred CoM within it.
     """
 
     contacts: Mapping[str, Placement]
@@ -66,7 +66,7 @@ class Stance:
     air: Mapping[str, Placement] = field(default_factory=dict)
 
     def key(self) -> tuple[object, ...]:
-        """Equal for stances that are equal to a tenth of a millimetre."""
+        """Cache key: equal for stances that agree to a tenth of a millimetre."""
         return (
             *((name, _digits(p)) for name, p in sorted(self.contacts.items())),
             "air",
@@ -78,12 +78,12 @@ class Stance:
 
 @dataclass(frozen=True, eq=False)
 class StanceVerdict:
-    """Whether the body can take a stance; ``q`` ``(nq,)`` is the posture, or the one that misses it least.
+    """Whether the body can reach a stance; ``q`` ``(nq,)`` is the posture, or the one with the smallest error.
 
-    ``reason`` says in a sentence what ran out, ``limits`` names it: effectors, joints or links. Both are empty where
-    the stance is reachable. It is ``strained`` where limbs had to be pushed apart or the search had to start elsewhere:
-    the whole-body stage, which does neither, seldom gets through such a stance. ``contact`` is the contact that is
-    missed by most, None where that is not the cause.
+    ``reason`` describes the cause in a sentence, ``limits`` lists the effectors, joints or links involved; both are
+    empty for a reachable stance. ``strained`` stances needed separated limbs or another start: the whole-body stage,
+    which does neither, rarely passes them. ``contact`` is the contact with the largest error, None if contacts are not
+    the cause.
     """
 
     reachable: bool
@@ -95,9 +95,9 @@ class StanceVerdict:
 
 
 class _Attempt(NamedTuple):
-    """One search: what is placed, where the CoM is wanted, the start (None is the reference posture).
+    """One search: placements, CoM target, start (None is the reference posture).
 
-    ``second`` is one that is left out after a far miss.
+    Attempts with ``second`` are skipped if the first ones miss by far.
     """
 
     placements: Mapping[str, Placement]
@@ -107,7 +107,7 @@ class _Attempt(NamedTuple):
 
 
 class StanceCheck:
-    """The check of one robot, which remembers its verdicts. One per thread: the collision check has buffers."""
+    """Stance check of one robot with a cache of results. Not thread-safe: the collision check has buffers."""
 
     def __init__(self, robot: Robot) -> None:
         settings = Settings()
@@ -122,59 +122,61 @@ class StanceCheck:
         self._apart = _beside(robot, self._soles)
 
     def usual_com_m(self, contacts: Mapping[str, Placement]) -> Vector3:
-        """Over the middle of the soles, as high as in the reference posture."""
+        """CoM above the mean of the soles, at the height of the reference posture."""
         soles = [place.position_m for name, place in contacts.items() if name in self._soles]
         x, y, z = np.mean(soles, axis=0)
         return np.array([x, y, z + self._height_m])
 
     def verdict(self, stance: Stance) -> StanceVerdict:
-        """The verdict on ``stance``. Raises ``InvalidInput`` (``effector-unknown``)."""
+        """Check ``stance``. Raises ``InvalidInput`` (``effector-unknown``)."""
         key = stance.key()
-        found = self._known.get(key)
-        if found is None:
-            found = self._known[key] = self._searched(stance)
+        result = self._known.get(key)
+        if result is None:
+            result = self._known[key] = self._searched(stance)
             if len(self._known) > REMEMBERED:
                 self._known.popitem(last=False)
         self._known.move_to_end(key)
-        return found
+        return result
 
     def _searched(self, stance: Stance) -> StanceVerdict:
         room = self._room(stance)
-        missed: IkResult | None = None
-        touching: tuple[IkResult, tuple[int, ...]] | None = None
+        best_miss: IkResult | None = None
+        best_collision: tuple[IkResult, tuple[int, ...]] | None = None
         solves = 0
         for attempt in self._attempts(stance):
-            far = touching is None and missed is not None and _off(missed) > FAR_M
+            far = best_collision is None and best_miss is not None and _off(best_miss) > FAR_M
             if attempt.second and (far or solves >= SOLVES):
                 break
             placements, q_start = attempt.placements, attempt.q_start
-            watched: tuple[int, ...] = ()
+            separated: tuple[int, ...] = ()
             for _ in range(1 + PUSHES):
-                apart = Apart(self.robot, self._collision.hulls, watched) if watched else None
-                found = stand_in_room(self.robot, placements, room, attempt.com_m, q_start, self._margins_rad, apart)
+                separation = Apart(self.robot, self._collision.hulls, separated) if separated else None
+                posture = stand_in_room(
+                    self.robot, placements, room, attempt.com_m, q_start, self._margins_rad, separation
+                )
                 solves += 1
-                if not found.converged:
+                if not posture.converged:
                     break
-                pairs = self._collision.colliding(found.q)
+                pairs = self._collision.colliding(posture.q)
                 if not pairs:
-                    return StanceVerdict(True, found.q, attempt.second or bool(watched))
-                if touching is None or len(pairs) < len(touching[1]):
-                    touching = (found, pairs)
-                q_start, watched = found.q, tuple(sorted({*watched, *pairs}))
+                    return StanceVerdict(True, posture.q, attempt.second or bool(separated))
+                if best_collision is None or len(pairs) < len(best_collision[1]):
+                    best_collision = (posture, pairs)
+                q_start, separated = posture.q, tuple(sorted({*separated, *pairs}))
             if (
-                not watched
+                not separated
                 and len(placements) == len(stance.contacts)
-                and (missed is None or _off(found) < _off(missed))
+                and (best_miss is None or _off(posture) < _off(best_miss))
             ):
-                missed = found
-        if touching is not None:
-            return self._collides(*touching)
-        if missed is None:
-            raise RuntimeError("the search never placed the contacts alone")
-        return self._missed(stance, missed)
+                best_miss = posture
+        if best_collision is not None:
+            return self._collides(*best_collision)
+        if best_miss is None:
+            raise RuntimeError("no search used the contacts alone")
+        return self._missed(stance, best_miss)
 
     def _room(self, stance: Stance) -> ComRoom:
-        """Above the support region, and within the learned reach of every contact, as the judge has it."""
+        """CoM region: above the support region and within the learned reach of every contact."""
         room = ComRoom.above(stance.region_m)
         A, b = [room.A], [room.b]
         for name, place in stance.contacts.items():
@@ -193,16 +195,16 @@ class StanceCheck:
             if free:
                 yield _Attempt({**contacts, **free}, com_m)
         yield _Attempt(contacts, com_m)
-        held = {**contacts, **beside}
+        placements = {**contacts, **beside}
         for lower_m in LOWER_M:
-            yield _Attempt(held, com_m - [0.0, 0.0, lower_m], second=True)
+            yield _Attempt(placements, com_m - [0.0, 0.0, lower_m], second=True)
         rng = np.random.default_rng(0)
         reference = reference_at(self.robot, contacts, com_m)
         for _ in range(STARTS):
-            yield _Attempt(held, com_m, self._shaken(reference, rng), second=True)
+            yield _Attempt(placements, com_m, self._shaken(reference, rng), second=True)
 
     def _shaken(self, q: Float[np.ndarray, "nq"], rng: np.random.Generator) -> Float[np.ndarray, "nq"]:
-        """With normal noise on all angles, within their ranges."""
+        """Add normal noise to all angles and clip them to their ranges."""
         model = self.robot.model
         noise = SPREAD_RAD * rng.standard_normal(model.nv)
         noise[:3] = 0.0
@@ -211,7 +213,7 @@ class StanceCheck:
         return np.asarray(shaken)
 
     def _next_to(self, name: str, contacts: Mapping[str, Placement]) -> Placement | None:
-        """A place for a sole in the air as far from the other one as in the reference posture, and above it."""
+        """Placement of a sole in the air beside the other one, as in the reference posture, raised by ``LIFT_M``."""
         other = next((one for one in self._soles if one in contacts), None)
         if other is None or (other, name) not in self._apart:
             return None
@@ -230,8 +232,8 @@ class StanceCheck:
             reason = f"{CANNOT}: the centre of mass stays {away}, the {far.replace('_', ' ')} farthest from it"
             return StanceVerdict(False, found.q, False, reason, (far, CENTRE_OF_MASS), far)
         away_m = found.away_m[contact]
-        missed = f"{100.0 * away_m:.1f} cm from" if away_m >= LEAST_SAID_M else "turned from"
-        reason = f"{CANNOT}: the {contact.replace('_', ' ')} stays {missed} its place{ends}"
+        miss = f"{100.0 * away_m:.1f} cm from" if away_m >= LEAST_SAID_M else "turned from"
+        reason = f"{CANNOT}: the {contact.replace('_', ' ')} stays {miss} its place{ends}"
         return StanceVerdict(False, found.q, False, reason, (contact, *joints), contact)
 
     def _farthest(self, stance: Stance, found: IkResult) -> str:
@@ -252,7 +254,7 @@ class StanceCheck:
 
 
 def swung(before: Placement | None, after: Placement | None) -> Placement | None:
-    """Half-way of a swing between two places; over the only one where the other is missing."""
+    """Placement at mid-swing between two contacts, or above the only one given."""
     places = [place for place in (before, after) if place is not None]
     if not places:
         return None
@@ -266,16 +268,16 @@ def _off(found: IkResult) -> float:
 
 
 def _beside(robot: Robot, soles: tuple[str, ...]) -> Mapping[tuple[str, str], Vector3]:
-    """Where each sole is in the frame of each other one, in the reference posture."""
+    """Position of each sole in the frame of each other one, in the reference posture."""
     model = robot.model
     data = model.createData()
     pin.framesForwardKinematics(model, data, robot.q_reference)
-    at = {}
+    placements = {}
     for name in soles:
         effector = robot.effectors[name]
-        here = data.oMf[model.getFrameId(effector.frame)]
-        at[name] = Placement(here.translation, here.rotation) @ effector.T_frame_contact
-    return {(a, b): (at[a].inverse() @ at[b]).position_m for a in soles for b in soles if a != b}
+        placement = data.oMf[model.getFrameId(effector.frame)]
+        placements[name] = Placement(placement.translation, placement.rotation) @ effector.T_frame_contact
+    return {(a, b): (placements[a].inverse() @ placements[b]).position_m for a in soles for b in soles if a != b}
 
 
 def _digits(place: Placement) -> bytes:

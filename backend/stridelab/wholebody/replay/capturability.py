@@ -1,13 +1,13 @@
-"""From where a motion can still be caught: the capture point's error that its soles can undo, in four directions.
+"""Capturability of a motion: the capture point error that its soles can correct, in four directions.
 
-The error e of the capture point runs away from the shift d of the centre of pressure, ``e' = w (e - d)``, and d ends
-where the soles end. What can be undone from time t on is therefore
+The error e of the capture point diverges from the shift d of the centre of pressure, ``e' = w (e - d)``, and d is
+limited by the soles. The largest error that can be corrected from time t on is therefore
 
     C(t) = w int_t^inf exp(-w (s - t)) d_max(s) ds ,
 
 ``d_max(s)`` being the distance from the planned centre of pressure to the edge of the support in that direction, the
-convex hull of the soles (Koolen 2012). A sole that lands o beside its place carries its share of the weight there, and
-moves the reference by ``W(t) o``, where
+convex hull of the soles (Koolen 2012). A sole that lands with offset o from its planned position carries its share of
+the weight there and shifts the reference by ``W(t) o``, where
 
     W(t) = w int exp(-w (s - t)) share(s) ds    over the sole's contact, the present one or the next.
 """
@@ -30,12 +30,13 @@ Sizes = Mapping[str, tuple[float, float]]
 
 @dataclass(frozen=True, eq=False)
 class Capturable:
-    """Of every sample of a motion; directions in the order forwards, to the left, backwards, to the right.
+    """Capturability per sample of a motion, in the directions forwards, left, backwards, right.
 
-    ``towards`` are their unit vectors. Along them and from the origin of the world, the support reaches to ``edge_m``
-    from the planned centre of pressure on, and to ``stand_m`` from the planned capture point on. ``reach_m`` is C,
-    ``weight`` W of every sole, ``capture_m`` the planned capture point, ``moving_m`` its distance from the CoM,
-    ``pressure_m`` the planned centre of pressure, ``rate_per_s`` w. ``touches`` says when a sole stands.
+    ``towards`` are their unit vectors. ``edge_m`` and ``stand_m`` are the coordinates along them, from the world
+    origin, of the support's edge as seen from the planned centre of pressure and from the planned capture point.
+    ``reach_m`` is C, ``weight`` W of every sole, ``capture_m`` the planned capture point, ``moving_m`` its distance
+    from the CoM, ``pressure_m`` the planned centre of pressure, ``rate_per_s`` w. ``touches`` is 1 while a sole is in
+    contact.
     """
 
     towards: Float[np.ndarray, "n 4 2"]
@@ -51,9 +52,9 @@ class Capturable:
 
     @staticmethod
     def of(motion: WholeBodyMotion, half_size_m: Sizes, inside_m: float) -> "Capturable":
-        """``half_size_m`` of all soles; the centre of pressure stays ``inside_m`` within."""
+        """From ``half_size_m`` of all soles; the centre of pressure keeps ``inside_m`` from their edges."""
         n, sequence, heading = len(motion.time_s), motion.sequence, Heading.of(motion.sequence)
-        towards, room, stand = np.zeros((n, 4, 2)), np.zeros((n, 4)), np.zeros((n, 4))
+        towards, pressure_margin, stand = np.zeros((n, 4, 2)), np.zeros((n, 4)), np.zeros((n, 4))
         c, v = motion.com_reference_m, motion.com_v_reference_m_s
         pressure, capture, w = c[:, :2].copy(), c[:, :2].copy(), np.ones(n)
         share = {name: np.zeros(n) for name in half_size_m}
@@ -76,39 +77,44 @@ class Capturable:
             capture[inside] += v[inside, :2] / w[inside, None]
             corners = np.concatenate([_corners(c, half_size_m[name], inside_m) for name, c in soles.items()])
             hull = ConvexHull(corners).equations
-            room[inside], stand[inside] = (_room(hull, at[inside], towards[inside][0]) for at in (pressure, capture))
-        margin = np.maximum(room, 0.0)
-        kept = np.exp(-w / motion.rate_hz)
-        reach = _ahead(margin, kept, np.zeros(n, dtype=bool))
+            pressure_margin[inside], stand[inside] = (
+                _room(hull, at[inside], towards[inside][0]) for at in (pressure, capture)
+            )
+        pressure_reach = np.maximum(pressure_margin, 0.0)
+        decay = np.exp(-w / motion.rate_hz)
+        reach = _ahead(pressure_reach, decay, np.zeros(n, dtype=bool))
         weight = {}
-        for name, its in share.items():
+        for name, load_share in share.items():
             lifts = np.append((touches[name][:-1] == 1) & (touches[name][1:] == 0), False)
-            weight[name] = _ahead(its, kept, lifts)
-        edge, stand = (far + np.einsum("nij,nj->ni", towards, at) for far, at in ((room, pressure), (stand, capture)))
+            weight[name] = _ahead(load_share, decay, lifts)
+        edge, stand = (
+            distance + np.einsum("nij,nj->ni", towards, at)
+            for distance, at in ((pressure_margin, pressure), (stand, capture))
+        )
         moving = np.linalg.norm(capture - c[:, :2], axis=1)
         return Capturable(towards, edge, stand, reach, weight, capture, moving, pressure, w, touches)
 
     def touch_down(self, sole: str, i: int) -> int:
-        """The sample from which a sole that swings at ``i`` stands again."""
+        """First sample in contact of a sole that swings at ``i``."""
         return i + int(np.argmax(self.touches[sole][i:]))
 
     def lift_off(self, sole: str, i: int) -> int:
-        """The last sample at which a sole that swings at ``i`` stood."""
+        """Last sample in contact before the swing of a sole at ``i``."""
         return i - int(np.argmax(self.touches[sole][i::-1]))
 
 
-def _ahead(values: np.ndarray, kept: Series, ends: np.ndarray) -> np.ndarray:
-    """``w int exp(-w (s - t)) values(s) ds`` from every sample on; after a sample where it ``ends`` nothing counts."""
-    found = values.copy()
+def _ahead(values: np.ndarray, decay: Series, ends: np.ndarray) -> np.ndarray:
+    """``w int exp(-w (s - t)) values(s) ds`` from every sample on; the integral stops after samples with ``ends``."""
+    integral = values.copy()
     for i in range(len(values) - 2, -1, -1):
-        found[i] = kept[i] * found[i + 1] * (not ends[i]) + (1.0 - kept[i]) * values[i]
-    return found
+        integral[i] = decay[i] * integral[i + 1] * (not ends[i]) + (1.0 - decay[i]) * values[i]
+    return integral
 
 
 def _loads(
     motion: WholeBodyMotion, name: str, contact: Contact, inside: np.ndarray
 ) -> tuple[Float[np.ndarray, "m k"], Float[np.ndarray, "k 2"]]:
-    """Normal forces and where they act; a sole of which no force is known is pressed in its middle."""
+    """Normal forces and their positions; a unit force at the centre for a sole without forces in the motion."""
     forces = motion.forces_n.get(name)
     if forces is None:
         return np.ones((int(inside.sum()), 1)), contact.placement.position_m[None, :2]
@@ -117,7 +123,7 @@ def _loads(
 
 
 def _corners(contact: Contact, half_size_m: tuple[float, float], inside_m: float) -> Float[np.ndarray, "4 2"]:
-    """Of the rectangle in which the centre of pressure may be."""
+    """Corners of the rectangle that the centre of pressure may use."""
     x, y = (half - inside_m for half in half_size_m)
     return contact.placement.act(np.array([[x, y, 0.0], [x, -y, 0.0], [-x, y, 0.0], [-x, -y, 0.0]]))[:, :2]
 
@@ -125,10 +131,10 @@ def _corners(contact: Contact, half_size_m: tuple[float, float], inside_m: float
 def _room(
     hull: Float[np.ndarray, "h 3"], points_m: Float[np.ndarray, "m 2"], towards: Float[np.ndarray, "4 2"]
 ) -> Float[np.ndarray, "m 4"]:
-    """How far it is from points to the edge of a convex polygon; negative beyond it. ``hull`` is ``n' p + b <= 0``."""
-    left = -(points_m @ hull[:, :2].T + hull[:, 2])
+    """Distance from points to the edge of a convex polygon, negative outside; ``hull`` is ``n' p + b <= 0``."""
+    slack = -(points_m @ hull[:, :2].T + hull[:, 2])
     along = towards @ hull[:, :2].T
     with np.errstate(divide="ignore"):
-        far = np.where(along > 1e-9, 1.0 / along, np.inf)
-    room = left[:, None, :] * far
-    return np.asarray(np.where(np.isnan(room), np.inf, np.where(along > 1e-9, room, np.inf)).min(axis=2))
+        per_slack = np.where(along > 1e-9, 1.0 / along, np.inf)
+    distance = slack[:, None, :] * per_slack
+    return np.asarray(np.where(np.isnan(distance), np.inf, np.where(along > 1e-9, distance, np.inf)).min(axis=2))

@@ -1,11 +1,11 @@
-"""What of a robot can touch in the simulation: its collision shapes, in the pairs that the certificate checks.
+"""Collision shapes of a robot in the simulation, for the pairs that the certificate checks.
 
-A shape meets another one where the robot's card and its SRDF do not exclude the pair, and every surface of the terrain,
-but for the links of the hands, which do not meet rails: these they hold. A mesh is its convex hull.
+Two shapes can collide unless the robot's card or its SRDF excludes the pair. Every shape can collide with the terrain,
+except the links of the hands with rails, which they grasp. Meshes are replaced by their convex hulls.
 
-The sole itself is a box on the contact rectangle (``simulation_model``), so that the hull of a foot meets the terrain
-only where it is more than ``SOLE_GUARD_M`` above the plane of the sole: toe and heel against a riser, not the ground
-under the foot.
+The sole itself is a box on the contact rectangle (``mujoco_model``), so that the hull of a foot collides with the
+terrain only more than ``SOLE_GUARD_M`` above the plane of the sole: toe and heel against a riser, not the ground under
+the foot.
 """
 
 from collections.abc import Iterator, Mapping
@@ -22,8 +22,8 @@ from stridelab.conventions import Points
 from stridelab.robots.robot import Effector, Robot
 
 SOLE_GUARD_M: Final = 0.003
-"""A sole sinks into its surface by less, and lands less tilted."""
-# which geometries meet: a bit of one's type must be in the other's affinity
+"""Larger than the penetration and tilt of a landing sole."""
+# collision bits of MuJoCo: two geometries collide if a bit of one's type is in the other's affinity
 GROUND, BODY, RAIL, HAND = 1, 2, 4, 8
 
 
@@ -72,12 +72,12 @@ def parent_joint(robot: Robot, effector: Effector) -> str:
 
 
 def _add(body: mujoco.MjsBody, name: str, shape: Mapping[str, Any], meets: int) -> None:
-    """A shape without mass; its friction against a surface is the larger of both, which is the surface's."""
+    """Add a massless shape with zero friction: MuJoCo uses the larger of both, which is that of the surface."""
     body.add_geom(name=name, mass=0.0, friction=[0.0, 0.0, 0.0], contype=0, conaffinity=meets, **shape)
 
 
 def _above(robot: Robot, sole: Effector, part: pin.GeometryObject) -> Points:
-    """Points of a foot's shape in the frame of its joint, those below the guard of the sole raised to it."""
+    """Points of a foot's shape in the frame of its joint, raised to at least ``SOLE_GUARD_M`` above the sole."""
     frame: pin.SE3 = robot.model.frames[robot.model.getFrameId(sole.frame)].placement
     T = pin.SE3(sole.T_frame_contact.rotation, sole.T_frame_contact.position_m)
     T_joint_contact = frame * T
@@ -88,7 +88,7 @@ def _above(robot: Robot, sole: Effector, part: pin.GeometryObject) -> Points:
 
 
 def _corners(part: pin.GeometryObject) -> Points:
-    """Points whose convex hull is the shape, or holds it: of a round one those of the box around it."""
+    """Points whose convex hull contains the shape: its vertices, or the corners of its bounding box."""
     geometry = part.geometry
     if isinstance(geometry, coal.BVHModelBase):
         return np.asarray(geometry.vertices(), dtype=float)

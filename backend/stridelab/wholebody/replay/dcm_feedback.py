@@ -1,14 +1,14 @@
-"""Capture-point feedback: where the centre of pressure has to be, and what ankles and legs do for it.
+"""Capture-point feedback: the required centre of pressure, and the ankle torques and leg forces that produce it.
 
-The divergent component of motion ``xi = c + c' / w`` with ``w = sqrt(g / h)`` runs away from the centre of pressure z,
+The divergent component of motion ``xi = c + c' / w`` with ``w = sqrt(g / h)`` diverges from the centre of pressure z,
 
     xi' = w (xi - z) ,
 
-so that with ``e = xi - xi_ref`` the pressure is moved ahead of it, by ``d = k e + k_i w int e dt`` (Englsberger 2015,
-Morisawa 2012); the integral finds what is constantly wrong: a load, a slope, a CoM that is not where it is thought.
-What of ``d`` the soles can do within their rectangles becomes ankle torques: a force ``f_z`` shifted by ``d`` turns the
-foot with ``d x f``, which the joint with axis ``a`` has to oppose by ``-a (d x f)``. On two soles load is shifted from
-one to the other as well: of a row of shares the one with which pressure and soles together come closest to d.
+so that with ``e = xi - xi_ref`` the centre of pressure is shifted by ``d = k e + k_i w int e dt`` (Englsberger 2015,
+Morisawa 2012); the integral compensates constant errors: a load, a slope, an offset of the CoM. The part of ``d`` that
+the soles can realise within their rectangles becomes ankle torques: a force ``f_z`` shifted by ``d`` turns the foot
+with ``d x f``, which the joint with axis ``a`` opposes by ``-a (d x f)``. On two soles load is also transferred from
+one to the other: of a grid of load shares, the one is used whose total shift is closest to d.
 """
 
 from collections.abc import Mapping
@@ -22,12 +22,12 @@ from stridelab.conventions import GRAVITY_M_S2, Rotation, Vector3
 from stridelab.robots.robot import Robot
 
 _LEAST_SHARE = 0.05
-"""Of the weight, that each of two soles keeps."""
+"""Minimum share of the load on each of two soles."""
 _TRIED = 41
 _UNPLANNED_M = 0.01
-"""What a shift of all the load counts beside a centre of pressure that is missed."""
+"""Cost of transferring all the load, in units of the error of the centre of pressure."""
 LOWEST_COM_M = 0.3
-"""Below this the pendulum is no model of the robot any more."""
+"""Lower bound of the CoM height in the pendulum model."""
 Shift = Float[np.ndarray, "2"]
 
 
@@ -42,7 +42,7 @@ class Ankle:
 
 @dataclass(frozen=True, eq=False)
 class Sole:
-    """A sole stood on: where it is, the planned normal force on it and its centre in the contact frame (x, y)."""
+    """A sole in contact: its placement, planned normal force, and centre of pressure in the contact frame (x, y)."""
 
     position_m: Vector3
     rotation: Rotation
@@ -52,10 +52,10 @@ class Sole:
 
 @dataclass(frozen=True)
 class CapturePoint:
-    """``gain`` of the capture point's error and ``integral_gain`` of its integral, held within ``integral_m``.
+    """Feedback with ``gain`` of the capture point error and ``integral_gain`` of its integral, limited to ``integral_m``.
 
-    The centre of pressure stays ``edge_m`` inside the soles; no more than ``transfer`` of the weight is shifted between
-    two of them.
+    The centre of pressure keeps ``edge_m`` from the edges of the soles; at most the share ``transfer`` of the weight is
+    transferred between two of them.
     """
 
     gain: float = 3.0
@@ -65,60 +65,62 @@ class CapturePoint:
     transfer: float = 1.0
 
     def shift_m(self, error_m: Shift, integral_m: Shift) -> Shift:
-        """Of the centre of pressure, for an error of the capture point and its integral times w."""
+        """Shift of the centre of pressure for an error of the capture point and its integral times w."""
         return self.gain * error_m + self.integral_gain * integral_m
 
     def spread(
         self, shift_m: Shift, soles: Mapping[str, Sole], half_size_m: Mapping[str, tuple[float, float]]
     ) -> tuple[dict[str, Shift], dict[str, float]]:
-        """Per sole the shift of its own centre of pressure (contact frame) and the load that it gains (N)."""
-        own = {name: self._within(shift_m, sole, half_size_m[name]) for name, sole in soles.items()}
+        """Per sole the shift of its centre of pressure (contact frame) and the load transferred to it (N)."""
+        own_shifts = {name: self._within(shift_m, sole, half_size_m[name]) for name, sole in soles.items()}
         gained = dict.fromkeys(soles, 0.0)
         if len(soles) == 2:
             a, b = soles.values()
             total_n = a.load_n + b.load_n
-            # shares of the first sole, the planned one first; each with what the soles themselves would have to do
+            # load shares of the first sole, the planned one first; ``rest`` is left to the soles themselves
             planned = a.load_n / total_n
-            most = np.clip([planned - self.transfer, planned + self.transfer], _LEAST_SHARE, 1.0 - _LEAST_SHARE)
-            shares = np.append(planned, np.linspace(min(most[0], planned), max(most[1], planned), _TRIED))
-            apart = (_pressure_m(a) - _pressure_m(b))[:2]
-            rest = shift_m - (shares - planned)[:, None] * apart
+            share_limits = np.clip([planned - self.transfer, planned + self.transfer], _LEAST_SHARE, 1.0 - _LEAST_SHARE)
+            shares = np.append(
+                planned, np.linspace(min(share_limits[0], planned), max(share_limits[1], planned), _TRIED)
+            )
+            sole_offset = (_pressure_m(a) - _pressure_m(b))[:2]
+            rest = shift_m - (shares - planned)[:, None] * sole_offset
             shifts = [self._within(rest, sole, half_size_m[name]) for name, sole in soles.items()]
-            done = [shift @ sole.rotation[:2, :2].T for shift, sole in zip(shifts, soles.values(), strict=True)]
-            missed = rest - shares[:, None] * done[0] - (1.0 - shares)[:, None] * done[1]
-            best = int(np.argmin((missed**2).sum(axis=1) + _UNPLANNED_M**2 * (shares - planned) ** 2))
-            own = {name: shift[best] for name, shift in zip(soles, shifts, strict=True)}
+            realised = [shift @ sole.rotation[:2, :2].T for shift, sole in zip(shifts, soles.values(), strict=True)]
+            error = rest - shares[:, None] * realised[0] - (1.0 - shares)[:, None] * realised[1]
+            best = int(np.argmin((error**2).sum(axis=1) + _UNPLANNED_M**2 * (shares - planned) ** 2))
+            own_shifts = {name: shift[best] for name, shift in zip(soles, shifts, strict=True)}
             moved_n = float(shares[best] - planned) * total_n
             gained = dict(zip(soles, (moved_n, -moved_n), strict=True))
-        return own, gained
+        return own_shifts, gained
 
     def _within(self, shift_m: np.ndarray, sole: Sole, half_size_m: tuple[float, float]) -> np.ndarray:
-        """Shifts ``(..., 2)`` in world axes as far as the sole allows, in its contact frame."""
+        """Clip shifts ``(..., 2)`` in world axes to the sole; the result is in its contact frame."""
         half = np.array(half_size_m) - self.edge_m
         low, high = np.minimum(-half - sole.pressure_m, 0.0), np.maximum(half - sole.pressure_m, 0.0)
         return np.asarray(np.clip(shift_m @ sole.rotation[:2, :2], low, high))
 
 
 def _pressure_m(sole: Sole) -> Vector3:
-    """Where a sole is planned to be pressed."""
+    """Planned centre of pressure of a sole in the world."""
     return np.asarray(sole.position_m + sole.rotation[:, :2] @ sole.pressure_m)
 
 
 def pendulum_rate(com_height_m: float) -> float:
-    """``w`` (1/s)."""
+    """Rate ``w`` (1/s) of the linear inverted pendulum."""
     return float(np.sqrt(GRAVITY_M_S2 / max(com_height_m, LOWEST_COM_M)))
 
 
 def ankle_torques_nm(ankle: Ankle, shift_m: Shift, load_n: float) -> Float[np.ndarray, "2"]:
-    """Of the two joints, for a centre of pressure that moves by ``shift_m`` in the contact frame."""
+    """Torques of the two joints that shift the centre of pressure by ``shift_m`` in the contact frame."""
     dx, dy = shift_m
     return np.asarray(ankle.axes @ np.array([-dy * load_n, dx * load_n, 0.0]))
 
 
 def ankles_of(robot: Robot) -> dict[str, Ankle]:
-    """The ankles of all soles that have two joints; axes as they stand in the reference posture."""
+    """The two-joint ankles of all soles; joint axes in the reference posture."""
     data = robot.model.createData()
-    found = {}
+    ankles = {}
     for name, effector in robot.effectors.items():
         if effector.ankle is None or effector.contact_half_size_m is None:
             continue
@@ -127,5 +129,5 @@ def ankles_of(robot: Robot) -> dict[str, Ankle]:
         columns = [robot.model.joints[robot.model.getJointId(joint)].idx_v for joint in effector.ankle]
         axes = (effector.T_frame_contact.rotation.T @ J[3:, columns]).T
         first, second = (column - 6 for column in columns)
-        found[name] = Ankle((first, second), np.ascontiguousarray(axes), effector.contact_half_size_m)
-    return found
+        ankles[name] = Ankle((first, second), np.ascontiguousarray(axes), effector.contact_half_size_m)
+    return ankles

@@ -1,6 +1,6 @@
-"""What a replay may be made to suffer: the world and the robot are not quite as planned.
+"""Disturbances of a replay: deviations of world and robot from the plan.
 
-Everything here is unknown to the plan, to the feed-forward torques and to the stabiliser.
+They are unknown to the plan, to the feed-forward torques and to the stabiliser.
 """
 
 from dataclasses import dataclass, replace
@@ -17,21 +17,21 @@ from stridelab.errors import Fault, InvalidInput
 
 @dataclass(frozen=True)
 class Push:
-    """A constant force on the trunk, ``impulse_ns`` (world axes) given off in ``duration_s`` from ``time_s`` on."""
+    """A constant force on the trunk: ``impulse_ns`` (world axes) over ``duration_s``, starting at ``time_s``."""
 
     time_s: float
     impulse_ns: tuple[float, float, float]
     duration_s: float = 0.1
 
     def force_n(self, time_s: float) -> Vector3:
-        """At one instant."""
+        """Force (N, world axes) at one time."""
         acts = self.time_s <= time_s < self.time_s + self.duration_s
         return np.array(self.impulse_ns) / self.duration_s * float(acts)
 
 
 @dataclass(frozen=True)
 class SensorNoise:
-    """Standard deviations of white noise on what the stabiliser is told: places, velocity of the CoM, forces."""
+    """Standard deviations of white noise on the stabiliser's inputs: positions, CoM velocity, forces."""
 
     position_m: float = 0.001
     velocity_m_s: float = 0.01
@@ -40,12 +40,12 @@ class SensorNoise:
 
 @dataclass(frozen=True)
 class Disturbances:
-    """All of them; the defaults disturb nothing.
+    """All disturbances of one replay; the defaults disturb nothing.
 
     ``friction`` replaces that of all boxes. ``sole_half_size_m`` are the half edges of the simulated soles.
-    ``torque_noise`` is the standard deviation of a factor about one, drawn anew for every joint and step.
-    ``terrain_up_m`` raises every box on which the robot does not stand at first, ``rail_shift_m`` moves the rails.
-    ``delay_s`` is the age of what the stabiliser sees, to the nearest step of the simulator. ``trunk_mass_kg`` is added
+    ``torque_noise`` is the standard deviation of a factor about one, drawn independently for every joint and step.
+    ``terrain_up_m`` raises every box except those under the first contacts, ``rail_shift_m`` moves the rails.
+    ``delay_s`` delays the stabiliser's inputs, rounded to the nearest step of the simulator. ``trunk_mass_kg`` is added
     to the trunk, at its centre of mass.
 
     Raises ``InvalidInput`` (``disturbance-out-of-range``).
@@ -68,23 +68,23 @@ class Disturbances:
         counted = {"torque_noise": self.torque_noise, "delay_s": self.delay_s}
         faults += [Fault(name, f"must not be negative, is {v}") for name, v in counted.items() if not v >= 0.0]
         if faults:
-            raise InvalidInput("disturbance-out-of-range", "The replay cannot be disturbed like that.", faults)
+            raise InvalidInput("disturbance-out-of-range", "Some disturbances are out of range.", faults)
 
     def terrain(self, sequence: ContactSequence) -> Terrain:
-        """The terrain that the robot meets instead of the one that was planned for."""
-        stood_on = {contact.surface for contact in sequence.phases[0].contacts.values()}
-        found: list[Box | Rail] = []
+        """The disturbed terrain of a sequence."""
+        start_surfaces = {contact.surface for contact in sequence.phases[0].contacts.values()}
+        surfaces: list[Box | Rail] = []
         for surface in sequence.terrain.surfaces:
             if isinstance(surface, Rail):
                 shift = np.array(self.rail_shift_m)
-                found.append(replace(surface, from_m=surface.from_m + shift, to_m=surface.to_m + shift))
+                surfaces.append(replace(surface, from_m=surface.from_m + shift, to_m=surface.to_m + shift))
                 continue
-            up_m = 0.0 if surface.name in stood_on else self.terrain_up_m
-            at = surface.placement
-            placement = Placement(at.position_m + np.array([0.0, 0.0, up_m]), at.rotation)
+            up_m = 0.0 if surface.name in start_surfaces else self.terrain_up_m
+            planned = surface.placement
+            placement = Placement(planned.position_m + np.array([0.0, 0.0, up_m]), planned.rotation)
             friction = surface.friction if self.friction is None else self.friction
-            found.append(replace(surface, placement=placement, friction=friction))
-        return Terrain.of(found)
+            surfaces.append(replace(surface, placement=placement, friction=friction))
+        return Terrain.of(surfaces)
 
 
 NONE: Final = Disturbances()

@@ -1,14 +1,14 @@
-"""Legs that stand where the feet are, not where they should be.
+"""Foot adaptation: adapts the legs to the actual landing positions of the feet.
 
-A foot lands some millimetres off its place, and on a stair that is higher or lower than planned also too early or too
-late. A leg held at its planned angles would then push the base off its way. Instead the leg is asked for the pose of
-the foot as it really is, seen from the base as it should be:
+A foot lands some millimetres off its planned position, and on a stair of a different height also too early or too
+late. A leg at its planned angles would then displace the base. Instead, the leg tracks the actual position of the foot
+relative to the planned base:
 
-    stance   p = T_base_planned^-1 (p_foot where it landed)
-    swing    p = T_base_seen^-1 (p_foot planned)              so that the foot lands in its place in the world
+    stance   p = T_base_planned^-1 (p_foot at landing)
+    swing    p = T_base_measured^-1 (p_foot planned)          so that the foot lands at its planned world position
 
-and what p differs from the plan goes into the joints of the leg by its Jacobian. A sole that is loaded before its time
-stays where it is; one that is not when its time has come goes down in search of the ground.
+and the difference of p from the plan is mapped to the joints of the leg by its Jacobian. A sole that is loaded early
+stays at its position; one that is not loaded in time moves down to search for the ground.
 """
 
 from collections.abc import Mapping
@@ -23,16 +23,16 @@ from stridelab.wholebody.replay.dcm_feedback import Shift
 from stridelab.wholebody.replay.sensors import Seen
 
 _DAMPING = 1e-4
-"""Of the leg's Jacobian, (m)^2: what a straight knee cannot do is not asked of it."""
+"""Damping (m^2) of the leg's Jacobian inverse, for straight knees."""
 
 
 @dataclass(frozen=True)
 class Footing:
-    """``loaded_n`` is the force from which a sole counts as landed, ``settling_s`` how long its place is still watched.
+    """``loaded_n``: force above which a sole has landed; its position is updated for ``settling_s`` after that.
 
-    ``rate_m_s`` limits how fast a leg gives way, ``aside_m_s`` how fast one steps aside; a sole that
-    finds no ground goes down by ``search_m_s`` as far as ``search_m``. No correction is larger than ``most_m``. A swing
-    may end early from its share ``may_land`` on.
+    ``rate_m_s`` limits the rate of corrections, ``aside_m_s`` that of side steps; a sole without ground contact moves
+    down at ``search_m_s`` by up to ``search_m``. Corrections are limited to ``most_m``. A swing may end early after its
+    share ``may_land``.
     """
 
     loaded_n: float = 60.0
@@ -46,7 +46,7 @@ class Footing:
 
 
 class Feet:
-    """The corrections of all soles of one replay."""
+    """Corrections of all soles during one replay."""
 
     def __init__(self, footing: Footing, posed: Posed, soles: tuple[str, ...], dt_s: float) -> None:
         self._footing, self._posed, self._dt_s = footing, posed, dt_s
@@ -58,12 +58,11 @@ class Feet:
     def angles_rad(
         self, seen: Seen, share: Mapping[str, float], beside: Mapping[str, Shift], body_m: Shift, n_joints: int
     ) -> Float[np.ndarray, "na"]:
-        """What to add to the planned angles; ``share`` is how far each sole's swing has come, 1 where it stands.
+        """Corrections (rad) of the planned angles; ``share`` is the swing progress of each sole, 1 in contact.
 
-        ``beside`` is by how much a sole shall land beside its place, ``body_m`` by how much the body shall be beside
-        its own.
+        ``beside`` are the desired offsets of the soles from their planned positions, ``body_m`` that of the body.
         """
-        found, f = np.zeros(n_joints), self._footing
+        angles, f = np.zeros(n_joints), self._footing
         self._beside, self._body_m = beside, np.array([*body_m, 0.0])
         for name, swung in share.items():
             step = self._wanted(name, swung, seen) - self._off[name]
@@ -73,13 +72,13 @@ class Feet:
             self._off[name] = self._off[name] + step * min(1.0, most_m / max(length, 1e-12))
             J = self._posed.moved_by_limb(name)
             e = np.concatenate([self._off[name], np.zeros(3)])
-            found[self._posed.limb[name]] += J.T @ np.linalg.solve(J @ J.T + _DAMPING * np.eye(6), e)
-        return found
+            angles[self._posed.limb[name]] += J.T @ np.linalg.solve(J @ J.T + _DAMPING * np.eye(6), e)
+        return angles
 
     def _wanted(self, name: str, swung: float, seen: Seen) -> Vector3:
-        """By how much the foot's place, seen from the planned base, shall differ from the plan (world axes)."""
+        """Desired offset of the foot from the plan, relative to the planned base (world axes)."""
         f, planned_m = self._footing, self._posed.contact(name).position_m
-        aim_m = planned_m + np.array([*self._beside[name], 0.0])
+        target_m = planned_m + np.array([*self._beside[name], 0.0])
         loaded = float(np.linalg.norm(seen.forces_n[name])) > f.loaded_n
         if swung < f.may_land:
             self._landed.pop(name, None)
@@ -90,10 +89,10 @@ class Feet:
         if name in self._landed:
             return self._cut(self._landed[name] - planned_m - self._body_m)
         if swung < 1.0:
-            return self._cut(self._posed.to_the_world(aim_m, seen) - planned_m)
+            return self._cut(self._posed.to_the_world(target_m, seen) - planned_m)
         self._sought_m[name] = min(f.search_m, self._sought_m[name] + f.search_m_s * self._dt_s)
         down_m = np.array([0.0, 0.0, self._sought_m[name]])
-        return np.asarray(self._cut(self._posed.to_the_world(aim_m, seen) - planned_m) - down_m)
+        return np.asarray(self._cut(self._posed.to_the_world(target_m, seen) - planned_m) - down_m)
 
     def _cut(self, off_m: Vector3) -> Vector3:
         length = float(np.linalg.norm(off_m))

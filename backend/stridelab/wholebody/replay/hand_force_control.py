@@ -1,25 +1,25 @@
-"""Hand force control: a hand presses on its rail as planned, stays where it landed, and comes back when it lost it.
+"""Hand force control: a hand exerts its planned force, stays at its landing position and recovers lost contact.
 
-The normal force asked for is the planned one, at least
+The normal force reference is the planned force, but at least
 
     f_least = min(least_n, d m g / |((p - s) x n)_xy|) ,
 
-which moves the centre of pressure by d at most, for the plan knows nothing of it: s is the middle of the soles. On a
-wall, 0.85 m above them, that is much less than on a rail beside the hip. A hand that touches is given what this is more
-than planned through the torques of the arm, ``J' f``. What is missing even so moves the hand's place, as the joints are
-told it, into the surface or out of it,
+which shifts the centre of pressure by at most d, as the plan does not model it; s is the mean position of the soles.
+On a wall, 0.85 m above them, that is much less than on a rail beside the hip. In contact the difference to the planned
+force is added by the torques of the arm, ``J' f``. The remaining force error moves the commanded position of the hand
+into the surface or out of it,
 
-    delta' = k (f_wanted - f) ,     |delta| <= delta_max ,      dq = J^+ (o - delta n) .
+    delta' = k (f_reference - f) ,     |delta| <= delta_max ,      dq = J^+ (o - delta n) .
 
-A rail that is not where it should be is found like that, straight along the normal, and where there is none the search
-ends at ``delta_max`` without any force on the body. Along the surface, o keeps a hand that touches where it landed, and
-brings one that does not to its place in the world, whatever the base is off, as swinging feet are brought to theirs.
-Told to be where it has slid, a hand would slide on: a light one creeps up its wall, letting go and touching by turns.
-So where it landed is where it first touched, until it has been off its surface for longer than it takes to come back.
+This locates a displaced rail along the normal; without a surface the search ends at ``delta_max`` without a force on
+the body. Along the surface, o keeps a hand in contact at its landing position, and moves one without contact to its
+planned world position despite errors of the base, as for swinging feet. The landing position is that of the first
+contact until contact is lost for longer than ``lost_s``: tracking the current position instead would let the hand slide
+on, and a lightly loaded one creeps up its wall by repeatedly losing and regaining contact.
 
-A hand that has lost its rail must not hook itself under it. The force that the arm was planned to press with is taken
-off it at once, or it would be pressed down beside the rail; and if it stays off, it is lifted while it is beside its
-place, to come down anew.
+A hand that has lost its rail must not hook under it. The planned force is removed immediately, as it would press the
+hand down beside the rail; if contact is not regained, the hand is lifted while it is beside its position, and then
+lowered again.
 """
 
 from collections.abc import Mapping
@@ -34,16 +34,16 @@ from stridelab.wholebody.limb_kinematics import Posed
 from stridelab.wholebody.replay.sensors import Seen
 
 _DAMPING = 1e-3
-"""Of the arm's Jacobian, m^2: a straight elbow stays straight."""
+"""Damping (m^2) of the arm's Jacobian inverse, for straight elbows."""
 
 
 @dataclass(frozen=True)
 class Grip:
-    """``pressure_m`` is d, ``gain_m_per_ns`` k, ``most_m`` delta_max; a free hand forgets delta within ``let_go_s``.
+    """``pressure_m`` is d, ``gain_m_per_ns`` k, ``most_m`` delta_max; without contact delta decays within ``let_go_s``.
 
-    From ``touching_n`` on a hand counts as touching; the torques follow by ``rate_n_s`` at most. Along the surface it
-    follows by ``aside_m_s`` and up to ``most_aside_m``. One that has not touched for ``lost_s`` is lost; farther than
-    ``beside_m`` beside its place it is lifted by ``lift_m``, with ``lift_m_s``.
+    ``touching_n``: force above which a hand is in contact; ``rate_n_s`` limits the rate of the added force. Along the
+    surface, corrections are limited to ``aside_m_s`` and ``most_aside_m``. Contact is lost after ``lost_s`` without
+    force; a hand farther than ``beside_m`` from its position is then lifted by up to ``lift_m`` at ``lift_m_s``.
     """
 
     least_n: float = 25.0
@@ -61,14 +61,14 @@ class Grip:
     lift_m_s: float = 0.2
 
     def pressed_n(self, planned_n: float, hand: Contact, soles_m: Vector3, weight_n: float) -> float:
-        """The normal force asked of a hand of a robot on soles around ``soles_m``."""
+        """Normal force reference (N) of a hand of a robot with soles around ``soles_m``."""
         arm_m = np.cross(hand.placement.position_m - soles_m, hand.placement.rotation[:, 2])[:2]
         most_n = self.pressure_m * weight_n / max(float(np.linalg.norm(arm_m)), 1e-9)
         return max(planned_n, min(self.least_n, most_n))
 
 
 class Hands:
-    """The corrections of all hands of one replay."""
+    """Corrections of all hands during one replay."""
 
     def __init__(self, grip: Grip, posed: Posed, hands: tuple[str, ...], dt_s: float) -> None:
         self._posed = posed
@@ -82,7 +82,7 @@ class Hands:
         wanted_n: Mapping[str, float],
         n_joints: int,
     ) -> tuple[Float[np.ndarray, "na"], Float[np.ndarray, "na"]]:
-        """Angles (rad) and torques (N m) to add; planned forces and normal forces asked for are of hands that touch."""
+        """Angles (rad) and torques (N m) to add; planned forces and force references are of hands in contact."""
         angles, tau = np.zeros(n_joints), np.zeros(n_joints)
         for name, hand in self._hands.items():
             planned_m = self._posed.contact(name).position_m
@@ -99,7 +99,7 @@ class Hands:
 
 
 class _Hand:
-    """One hand: o, delta, and the force that it presses with beside the plan's."""
+    """State of one hand: o, delta, and the force added to the plan's."""
 
     def __init__(self, grip: Grip, dt_s: float) -> None:
         self._grip, self._dt_s = grip, dt_s
@@ -116,7 +116,7 @@ class _Hand:
     def hold(
         self, contact: Contact, here_m: Vector3, home_m: Vector3, force_n: Vector3, planned_n: Vector3, wanted_n: float
     ) -> None:
-        """A sample in contact, by the plan; ``home_m`` brings the hand to its place whatever the base is off."""
+        """Sample of a planned contact; ``home_m`` moves the hand to its planned world position."""
         g, n = self._grip, contact.placement.rotation[:, 2]
         self._normal = n
         pressed_n = float(force_n @ n)
@@ -141,7 +141,7 @@ class _Hand:
         self._delta_m = float(np.clip(self._delta_m + self._dt_s * rate_m_s, -g.lift_m, g.most_m))
 
     def swing(self, home_m: Vector3) -> None:
-        """A sample in the air, by the plan."""
+        """Sample of a planned swing."""
         self._landed_m, self._without_s = None, np.inf
         self._follow(home_m, np.zeros(3))
         self._delta_m *= 1.0 - min(1.0, self._dt_s / self._grip.let_go_s)
@@ -155,11 +155,11 @@ class _Hand:
 
 
 def _along(v: Vector3, n: Vector3) -> Vector3:
-    """What of v lies in the surface with normal n."""
+    """Component of v tangential to the surface with normal n."""
     return np.asarray(v - n * float(n @ v))
 
 
 def _towards(here: Vector3, there: Vector3, most: float) -> Vector3:
-    """A step from here to there, no longer than ``most``."""
+    """Step from ``here`` towards ``there``, at most ``most`` long."""
     step = there - here
     return np.asarray(here + step * min(1.0, most / max(float(np.linalg.norm(step)), 1e-12)))

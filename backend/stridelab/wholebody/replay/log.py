@@ -1,4 +1,4 @@
-"""What is measured while a motion is replayed."""
+"""Measurements during the replay of a motion."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -21,14 +21,14 @@ TOUCHING_N: Final = 5.0
 
 @dataclass(frozen=True, eq=False)
 class Replay:
-    """What happened. ``q``, ``v`` are in the order of the motion; ``forces_n`` the world-frame force per effector.
+    """Result of a replay. ``q``, ``v`` are in the order of the motion; ``forces_n`` the world-frame force per effector.
 
     Errors are those of the simulated CoM against the plan's. ``foot_slip_max_m`` is the largest displacement of a
-    loaded sole since its touch-down, ``landing_error_max_m`` the largest distance from the planned place there.
-    ``hand_contact_share`` is the part of the planned hand contacts in which the hand is loaded;
-    ``hand_in_place_shares`` are, per hand, the part in which it is loaded by the planned surface and no farther from
-    its place than a hand that lets go retreats. ``collided`` are the contacts that the plan does not contain, in the
-    order of time. ``fall_time_s`` is None where the robot stays on its feet.
+    loaded sole since its touch-down, ``landing_error_max_m`` the largest distance from the planned position there.
+    ``hand_contact_share`` is the share of the planned hand contacts in which the hand is loaded;
+    ``hand_in_place_shares`` is, per hand, the share in which it is loaded by the planned surface within the retreat
+    distance of a releasing hand from its planned position. ``collided`` are the unplanned contacts in the order of
+    time. ``fall_time_s`` is None if the robot does not fall.
     """
 
     time_s: Float[np.ndarray, "n"]
@@ -60,12 +60,12 @@ class Replay:
 
     @property
     def collisions(self) -> int:
-        """How many different pairs touched that the plan does not bring together."""
+        """Number of distinct pairs with unplanned contact."""
         return len(self.collided)
 
     @property
     def remarks(self) -> tuple[Missed, ...]:
-        """What is missing to a completed replay."""
+        """Violated conditions of a completed replay."""
         return missed(
             fall_time_s=self.fall_time_s,
             collided=self.collided,
@@ -76,12 +76,12 @@ class Replay:
 
     @property
     def completed(self) -> bool:
-        """Whether the robot does not fall and nothing else is missing."""
+        """Whether all conditions are met."""
         return not self.remarks
 
 
 class ReplayLog:
-    """Collects samples; a touch-down is the first loaded sample of a planned contact."""
+    """Records samples; a touch-down is the first loaded sample of a planned contact."""
 
     def __init__(self, robot: Robot, sequence: ContactSequence) -> None:
         self._robot, self._sequence = robot, sequence
@@ -99,14 +99,14 @@ class ReplayLog:
         self._collided: dict[tuple[str, str], Collision] = {}
 
     def step(self, simulation: Simulation, time_s: float) -> None:
-        """Take the contacts of the body in the step that ends at ``time_s``."""
+        """Record the contacts of the body in the step that ends at ``time_s``."""
         built = simulation.built
         for touch in simulation.body_touches:
             first, second = (built.link.get(geom) or built.surface.get(geom, "") for geom in touch[:2])
             self._collide(first, second, time_s, touch.force_n)
 
     def sample(self, simulation: Simulation, time_s: float, plan_time_s: float, com_m: Vector3, error_m: float) -> None:
-        """Take the state after the step that ends at ``time_s``, when the plan has come to ``plan_time_s``."""
+        """Record the state after the step that ends at ``time_s``, at ``plan_time_s`` of the plan."""
         q, v = simulation.coordinates()
         self._time_s.append(time_s)
         self._q.append(q)
@@ -116,7 +116,7 @@ class ReplayLog:
         forces = simulation.forces_n()
         phase = self._sequence.phase_at(plan_time_s)
         planned = self._sequence.phases[phase].contacts
-        touched = self._touched(simulation, phase, time_s, plan_time_s)
+        in_contact = self._touched(simulation, phase, time_s, plan_time_s)
         for name, force in forces.items():
             self._forces_n[name].append(force)
             if self._robot.effectors[name].kind == "surface":
@@ -125,22 +125,24 @@ class ReplayLog:
                 force_n = float(np.linalg.norm(force))
                 self._hand_n.append(force_n)
                 away_m = simulation.contact(name).position_m - planned[name].placement.position_m
-                there = name in touched and force_n > TOUCHING_N and float(np.linalg.norm(away_m)) < HAND_RETREAT_M
-                self._in_place.setdefault(name, []).append(there)
+                in_place = (
+                    name in in_contact and force_n > TOUCHING_N and float(np.linalg.norm(away_m)) < HAND_RETREAT_M
+                )
+                self._in_place.setdefault(name, []).append(in_place)
 
     def _touched(self, simulation: Simulation, phase: int, time_s: float, plan_time_s: float) -> set[str]:
-        """The effectors on surfaces of their planned contacts; contacts that are not planned are noted."""
-        found: set[str] = set()
+        """Effectors on surfaces of their planned contacts; records unplanned contacts as collisions."""
+        in_contact: set[str] = set()
         built = simulation.built
         for touch in simulation.effector_touches():
             name, surface = built.effector[touch.first], built.surface.get(touch.second)
             if surface is None:
                 continue  # a sole against another link: the link's shape is in ``body_touches``
             if surface in self._own.touched(name, phase):
-                found.add(name)
+                in_contact.add(name)
             elif surface not in self._own.near(name, phase, plan_time_s):
                 self._collide(name, surface, time_s, touch.force_n)
-        return found
+        return in_contact
 
     def _collide(self, first: str, second: str, time_s: float, force_n: float) -> None:
         pair = (first, second)
@@ -154,14 +156,14 @@ class ReplayLog:
         if planned is None:
             self._landed.pop(name, None)
         elif force_n > TOUCHING_N:
-            here = simulation.contact(name).position_m
+            position_m = simulation.contact(name).position_m
             if name not in self._landed:
-                self._landed[name] = here
-                self._landings_m.append(float(np.linalg.norm(here - planned.placement.position_m)))
-            self._slips_m.append(float(np.linalg.norm(here - self._landed[name])))
+                self._landed[name] = position_m
+                self._landings_m.append(float(np.linalg.norm(position_m - planned.placement.position_m)))
+            self._slips_m.append(float(np.linalg.norm(position_m - self._landed[name])))
 
     def replay(self, fell: bool, torque_ratio_max: float, took_s: float) -> Replay:
-        """All of it."""
+        """The result of the recorded samples."""
         errors = np.array(self._errors_m)
         hand = np.array(self._hand_n)
         return Replay(
@@ -179,6 +181,6 @@ class ReplayLog:
             hand_contact_share=float(np.mean(hand > TOUCHING_N)) if len(hand) else None,
             torque_ratio_max=torque_ratio_max,
             real_time_factor=self._time_s[-1] / took_s,
-            hand_in_place_shares={name: float(np.mean(there)) for name, there in self._in_place.items()},
+            hand_in_place_shares={name: float(np.mean(in_place)) for name, in_place in self._in_place.items()},
             collided=tuple(self._collided.values()),
         )

@@ -1,9 +1,9 @@
 """A robot on a terrain as a MuJoCo model.
 
-Joints and inertias come from the robot's own description, read without any of its shapes. What can touch is added
-here: a box under every sole, a ball at every hand, the collision shapes of the whole body (``simulated_shapes``), and
-the terrain. Contacts are unilateral with friction only; nothing is glued or grasped. The friction of a contact is that
-of the surface.
+Joints and inertias come from the robot's URDF, loaded without shapes. Contact geometry is added here: a box under
+every sole, a sphere at every hand, the collision shapes of the whole body (``collision_shapes``), and the terrain.
+Contacts are unilateral with friction only; nothing is attached or grasped. The friction of a contact is that of the
+surface.
 """
 
 import xml.etree.ElementTree as ET
@@ -26,7 +26,7 @@ from stridelab.wholebody.replay.disturbances import NONE, Disturbances
 
 TIMESTEP_S: Final = 0.001
 HELD_ARMATURE_KG_M2: Final = 0.1
-"""Rotor inertia of the joints that the reduced model leaves out; without one, light links are unstable."""
+"""Rotor inertia of the joints that the reduced model omits; without it, light links are unstable."""
 SOLE_THICKNESS_M: Final = 0.02
 TORSION_M, ROLLING_M = 0.01, 0.001
 """MuJoCo's torsional and rolling friction, in metres."""
@@ -34,13 +34,13 @@ TORSION_M, ROLLING_M = 0.01, 0.001
 
 @dataclass(frozen=True, eq=False)
 class SimulationModel:
-    """The compiled model and where the robot's coordinates are found in it.
+    """The compiled model with the indices of the robot's coordinates.
 
     ``moving`` are the actuated joints of the robot's reduced model in its own order, ``locked`` the others;
     ``*_qpos``, ``*_dof`` and ``*_actuator`` index MuJoCo's positions, velocities and controls. ``geom`` and ``body``
-    name per effector what touches, ``T_body_contact`` places its contact frame in that body. ``trunk`` is the heaviest
-    body above the legs. By the number of a geometry ``link`` names the link of a collision shape, ``surface`` a surface
-    of the terrain, ``effector`` what a sole's box or a hand's ball belongs to.
+    are the contact geometry and body per effector, ``T_body_contact`` is the contact frame in that body. ``trunk`` is
+    the heaviest body above the legs. By geometry index, ``link`` is the link of a collision shape, ``surface`` the
+    surface of a terrain geometry, ``effector`` the effector of a sole's box or a hand's sphere.
     """
 
     model: mujoco.MjModel
@@ -64,9 +64,9 @@ class SimulationModel:
 def build_simulation(
     robot: Robot, terrain: Terrain, friction: float, effectors: tuple[str, ...], disturbed: Disturbances = NONE
 ) -> SimulationModel:
-    """``robot`` on ``terrain``, touching with ``effectors``; ``friction`` where a surface states none.
+    """Model of ``robot`` on ``terrain``, with contacts at ``effectors``; ``friction`` for surfaces without their own.
 
-    Of ``disturbed`` the soles' size and the trunk's mass count here.
+    Of ``disturbed`` only the soles' size and the trunk's mass apply here.
     """
     spec = mujoco.MjSpec.from_string(_without_shapes(robot))
     spec.option.timestep = TIMESTEP_S
@@ -83,10 +83,10 @@ def build_simulation(
     limits = dict(zip(robot.joint_names, low_high.tolist(), strict=True))
     for joint in spec.joints:
         if joint.type == mujoco.mjtJoint.mjJNT_HINGE:
-            # the same as in the whole-body problem, or its torques would not fit
+            # the same inertia as in the whole-body problem, so that its torques are consistent
             joint.armature = inertia.get(joint.name, HELD_ARMATURE_KG_M2)
             joint.range = limits.get(joint.name, joint.range)
-            joint.actfrclimited = mujoco.mjtLimited.mjLIMITED_FALSE  # the card may say otherwise; torques are clipped
+            joint.actfrclimited = mujoco.mjtLimited.mjLIMITED_FALSE  # the model may set it; torques are clipped instead
             spec.add_actuator(name=joint.name, target=joint.name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
     _add_terrain(spec, terrain, friction)
     parts = add_shapes(spec, robot, body_of, friction)
@@ -120,21 +120,21 @@ def build_simulation(
 
 
 def _trunk(robot: Robot, model: mujoco.MjModel, body_of: Mapping[str, str]) -> int:
-    """The heaviest of the bodies that the joints of the torso move; without such joints the base."""
+    """The heaviest of the bodies moved by the joints of the torso; without such joints the base."""
     torso = [joint for joint in robot.joint_names if robot.group[joint] == "torso"]
     bodies = [int(model.body(body_of[joint]).id) for joint in torso] or [1]
     return max(bodies, key=lambda body: float(model.body_mass[body]))
 
 
 def _load(model: mujoco.MjModel, body: int, mass_kg: float) -> None:
-    """A point mass at a body's centre of mass."""
+    """Add a point mass at a body's centre of mass."""
     if mass_kg:
         model.body_mass[body] += mass_kg
         mujoco.mj_setConst(model, mujoco.MjData(model))
 
 
 def _without_shapes(robot: Robot) -> str:
-    """The robot's URDF with links, inertias and joints only, so that no mesh file is asked for."""
+    """The robot's URDF with links, inertias and joints only, so that no mesh files are loaded."""
     root = ET.parse(robot.urdf).getroot()  # noqa: S314 (an installed data file, not a user's)
     for link in root.findall("link"):
         for tag in ("visual", "collision"):
@@ -149,7 +149,7 @@ def _without_shapes(robot: Robot) -> str:
 
 
 def _torque_limits(robot: Robot, actuators: list[str]) -> Float[np.ndarray, "nu"]:
-    """Limits of the robot's model; of the joints that it leaves out those of the URDF, infinite where it has none."""
+    """Limits of the robot's model; for the joints that it omits those of the URDF, infinite without a limit."""
     stated = dict.fromkeys(actuators, np.inf)
     for joint in ET.parse(robot.urdf).getroot().findall("joint"):  # noqa: S314
         limit = joint.find("limit")
@@ -188,7 +188,7 @@ def _add_terrain(spec: mujoco.MjSpec, terrain: Terrain, friction: float) -> None
 def _add_effector(
     body: mujoco.MjsBody, effector: Effector, T_body_contact: Placement, sole_half_size_m: tuple[float, float] | None
 ) -> None:
-    """What touches lies behind the contact frame's origin: a box on the sole's rectangle, a ball for a hand."""
+    """Add the contact geometry behind the contact frame's origin: a box for a sole, a sphere for a hand."""
     if effector.contact_half_size_m is not None:
         half = [*(sole_half_size_m or effector.contact_half_size_m), SOLE_THICKNESS_M / 2]
         kind, meets = mujoco.mjtGeom.mjGEOM_BOX, (BODY, GROUND)

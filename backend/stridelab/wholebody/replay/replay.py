@@ -1,7 +1,7 @@
-"""The motion replayed in physics: joint position control, feed-forward torques and the ankle stabiliser.
+"""Physics replay of a motion: joint position control, feed-forward torques and the stabiliser.
 
-The simulator knows nothing of the plan but what the joints are told. Torques are cut at the robot's limits. The state
-that the stabiliser sees comes from ``observe``: the true one unless a caller puts an estimator there.
+The simulation receives the plan only through the joint commands. Torques are clipped at the robot's limits. The
+stabiliser's input comes from ``observe``, by default the sensed state; a caller may pass a state estimator.
 """
 
 import time
@@ -28,22 +28,22 @@ from stridelab.wholebody.replay.step_adjustment import Steady
 __all__ = ["PhysicsReplay", "Replay", "replay"]
 
 FALLEN_M: Final = 0.25
-"""A CoM that is farther off its reference than this does not come back."""
+"""CoM error beyond which the robot counts as fallen."""
 AFTERWARDS_S: Final = 1.0
-"""How long the last posture is held: a robot that falls right after the end has not arrived."""
+"""Duration of the last posture, to detect falls right after the end of the motion."""
 SAY_EVERY: Final = 100
 FULL_SIZE_NM: Final = 776.0
-"""Weight times CoM height of a robot that gets the whole stiffness: TALOS'."""
+"""Weight times CoM height of TALOS, from which a robot gets the full stiffness."""
 
 
 @dataclass(frozen=True)
 class PhysicsReplay:
     """Joint control of stiffness (N m/rad) and damping (N m s/rad) in legs and torso, ``arm_share`` of it in the arms.
 
-    A rotor inertia of 0.1 kg m^2 and 3000 N m/rad make 28 Hz, well above the motion and well below the 1 kHz steps. A
-    robot that topples with less than ``FULL_SIZE_NM`` (``m g h``) is held less stiffly in proportion. No joint is
-    damped by more than what stops it within one step, ``I / dt`` with the inertia ``I`` that the joint moves against
-    when all others are free: beyond twice that the control itself would shake it.
+    A rotor inertia of 0.1 kg m^2 and 3000 N m/rad give 28 Hz, well above the motion and well below the 1 kHz steps. For
+    robots with ``m g h`` below ``FULL_SIZE_NM`` the stiffness is reduced proportionally. The damping of a joint is
+    limited to ``I / dt``, which stops it within one step; ``I`` is its inertia with all other joints free. Beyond twice
+    that value the control is unstable.
     """
 
     stiffness: float = 3000.0
@@ -60,7 +60,7 @@ class PhysicsReplay:
         observe: Observe = as_sensed,
         disturbed: Disturbances = NONE,
     ) -> Replay:
-        """Replay ``motion`` and hold its last posture, in a world and with a body that are ``disturbed``.
+        """Replay ``motion`` with the given disturbances and hold its last posture.
 
         Raises ``InvalidInput`` (``replay-rate``) for a rate that the simulator's time step does not divide.
         """
@@ -73,44 +73,48 @@ class PhysicsReplay:
         stabilising = None if self.stabiliser is None else Stabilising(self.stabiliser, robot, motion)
         sensors = Sensors(simulation, disturbed, substeps)
         rng = np.random.default_rng(disturbed.seed)
-        last, dt_s, k, rested = len(motion.time_s) - 1, 1.0 / motion.rate_hz, 0, 0
-        pace = Steady(last) if stabilising is None else stabilising.pace
-        started, stands = time.perf_counter(), True
-        while stands and rested < round(AFTERWARDS_S * motion.rate_hz):
-            i, rate = pace.nearest, pace.rate * float(pace.nearest < last)
+        last_sample, dt_s, k, hold_samples = len(motion.time_s) - 1, 1.0 / motion.rate_hz, 0, 0
+        pace = Steady(last_sample) if stabilising is None else stabilising.pace
+        started, standing = time.perf_counter(), True
+        while standing and hold_samples < round(AFTERWARDS_S * motion.rate_hz):
+            i, rate = pace.nearest, pace.rate * float(pace.nearest < last_sample)
             forward, v_target = motion.tau_nm[i], rate * motion.v[i][6:]
             q_target = motion.q[i][7:] + (pace.sample - i) * dt_s * motion.v[i][6:]
             if stabilising is not None:
                 angles, added = stabilising.at(observe(sensors.read(k / motion.rate_hz)))
                 q_target, forward = q_target + angles, forward + added
             for j in range(substeps):
-                ahead = q_target + j * simulation.timestep_s * v_target
-                tau = kp * (ahead - simulation.joints_rad) + kd * (v_target - simulation.joint_rates_rad_s) + forward
+                q_command = q_target + j * simulation.timestep_s * v_target
+                tau = (
+                    kp * (q_command - simulation.joints_rad) + kd * (v_target - simulation.joint_rates_rad_s) + forward
+                )
                 if disturbed.torque_noise:
                     tau = tau * (1.0 + disturbed.torque_noise * rng.normal(size=len(tau)))
                 if disturbed.push is not None:
                     simulation.push(disturbed.push.force_n(k / motion.rate_hz + j * simulation.timestep_s))
-                held = simulation.locked_torques_nm(self.arm_share * self.stiffness, self.arm_share * self.damping)
-                torque_ratio = max(torque_ratio, simulation.step(tau, held))
+                locked_tau = simulation.locked_torques_nm(
+                    self.arm_share * self.stiffness, self.arm_share * self.damping
+                )
+                torque_ratio = max(torque_ratio, simulation.step(tau, locked_tau))
                 log.step(simulation, k / motion.rate_hz + (j + 1) * simulation.timestep_s)
                 sensors.step(j + 1, k / motion.rate_hz + (j + 1) * simulation.timestep_s)
             simulation.refresh()
             pace.tick()
-            k, rested = k + 1, rested + int(i == last)
+            k, hold_samples = k + 1, hold_samples + int(i == last_sample)
             com_m, _ = simulation.com()
             error_m = float(np.linalg.norm(com_m - motion.com_reference_m[pace.nearest]))
             log.sample(simulation, k / motion.rate_hz, float(motion.time_s[pace.nearest]), com_m, error_m)
-            stands = error_m < FALLEN_M
+            standing = error_m < FALLEN_M
             if i % SAY_EVERY == 0:
-                progress(i / (last + 1), f"replay: {motion.time_s[i]:.1f} of {motion.time_s[-1]:.1f} s")
-        return log.replay(not stands, torque_ratio, time.perf_counter() - started)
+                progress(i / (last_sample + 1), f"replay: {motion.time_s[i]:.1f} of {motion.time_s[-1]:.1f} s")
+        return log.replay(not standing, torque_ratio, time.perf_counter() - started)
 
     def _gains(self, robot: Robot, timestep_s: float) -> tuple[Float[np.ndarray, "na"], Float[np.ndarray, "na"]]:
         joints, data = robot.joint_names, robot.model.createData()
         share = np.array([self.arm_share if robot.group[joint] in ("arm", "head") else 1.0 for joint in joints])
         ankles = {joint for effector in robot.effectors.values() for joint in effector.ankle or ()}
-        soft = self.stabiliser.ankle_stiffness if self.stabiliser is not None else 1.0
-        ankle = np.array([soft if joint in ankles else 1.0 for joint in joints])
+        ankle_share = self.stabiliser.ankle_stiffness if self.stabiliser is not None else 1.0
+        ankle = np.array([ankle_share if joint in ankles else 1.0 for joint in joints])
         height_m = pin.centerOfMass(robot.model, data, robot.q_reference)[2]  # the soles are on z = 0
         size = min(1.0, robot.mass_kg * GRAVITY_M_S2 * height_m / FULL_SIZE_NM)
         pin.crba(robot.model, data, robot.q_reference)

@@ -1,7 +1,7 @@
-"""What the control of a replay is told of the robot: sensors with noise, some milliseconds late.
+"""Simulated sensors of the replay control, with noise and delay.
 
-``Observe`` is where a state estimator goes in: it gets what was sensed and answers with what the stabiliser shall take
-for the state. The default takes the simulator's word for it.
+``Observe`` is the interface of a state estimator: it maps the sensed state to the state that the stabiliser uses. The
+default is the identity.
 """
 
 from collections import deque
@@ -19,9 +19,9 @@ from stridelab.wholebody.replay.simulation import Simulation
 
 @dataclass(frozen=True, eq=False)
 class Seen:
-    """One instant: coordinates in pinocchio's order, CoM and its velocity, per effector its place, force and moment.
+    """Sensed state: coordinates in pinocchio's order, CoM and its velocity, per effector placement, force and moment.
 
-    ``moments_nm`` are those of the surroundings about the effector's place, as a sensor there feels them.
+    ``moments_nm`` are those of the environment about the effector's position, as measured by a sensor there.
     """
 
     time_s: float
@@ -38,16 +38,15 @@ Observe = Callable[[Seen], Seen]
 
 
 def as_sensed(seen: Seen) -> Seen:
-    """No estimator."""
+    """Identity observer: no estimator."""
     return seen
 
 
 class Sensors:
-    """Reads a simulation, adds noise and hands on what is ``delay_s`` old.
+    """Simulated sensors: adds noise to the simulator's state and returns it after the delay ``delay_s``.
 
-    Readings are taken at the simulator's own steps, of which there are ``substeps`` from one call of ``read`` to the
-    next: a delay is exact to half a step of the simulator, and exactly the age of a reading where it is a whole number
-    of steps. Until the first reading is that old, the first one is handed on.
+    Readings are taken at steps of the simulator, of which there are ``substeps`` between two calls of ``read_state``:
+    the delay is rounded to whole steps. Until a reading is old enough, the first one is returned.
     """
 
     def __init__(self, simulation: Simulation, disturbed: Disturbances, substeps: int) -> None:
@@ -55,18 +54,18 @@ class Sensors:
         self._rng = np.random.default_rng([disturbed.seed, 1])
         late_steps = round(disturbed.delay_s / simulation.timestep_s)
         self._taken_after = -late_steps % substeps
-        """Steps after a call of ``read`` at which a reading for a later call is taken; 0: at the call itself."""
-        kept = -(-late_steps // substeps) + int(self._taken_after == 0)
-        self._late: deque[Seen] = deque(maxlen=kept)
+        """Steps after a call of ``read_state`` at which the reading for a later call is taken; 0: at the call itself."""
+        size = -(-late_steps // substeps) + int(self._taken_after == 0)
+        self._late: deque[Seen] = deque(maxlen=size)
 
     def step(self, done: int, time_s: float) -> None:
-        """To be called after every step, ``done`` of them since the last call of ``read``."""
+        """Call after every step; ``done`` is the number of steps since the last call of ``read_state``."""
         if self._taken_after and done == self._taken_after:
             self._simulation.refresh()
             self._late.append(self._noisy(self._now(time_s)))
 
     def read(self, time_s: float) -> Seen:
-        """What is known at ``time_s``."""
+        """The delayed reading available at ``time_s``."""
         if self._taken_after == 0 or not self._late:
             self._late.append(self._noisy(self._now(time_s)))
         return self._late[0]

@@ -14,7 +14,7 @@ from stridelab.wholebody.replay.mujoco_model import SimulationModel
 
 
 class Touch(NamedTuple):
-    """Two geometries in contact, by number, and the size of the force between them (N)."""
+    """Two geometries in contact, by index, and the norm of the force between them (N)."""
 
     first: int
     second: int
@@ -24,7 +24,7 @@ class Touch(NamedTuple):
 class Simulation:
     """State of one simulated robot; coordinates in pinocchio's order (base velocity in the base frame).
 
-    ``body_touches`` are the contacts of the collision shapes in the last step, which no plan contains.
+    ``body_touches`` are the contacts of the collision shapes in the last step, which are never planned.
     """
 
     def __init__(self, built: SimulationModel, q: Float[np.ndarray, "nq"]) -> None:
@@ -64,36 +64,36 @@ class Simulation:
         return np.array(self._data.qvel[self.built.moving_dof])
 
     def locked_torques_nm(self, stiffness: float, damping: float) -> Float[np.ndarray, "nl"]:
-        """What holds the locked joints at their angles."""
+        """Torques that hold the locked joints at their angles."""
         built, data = self.built, self._data
         off = built.locked_rad - data.qpos[built.locked_qpos]
         return np.asarray(stiffness * off - damping * data.qvel[built.locked_dof])
 
     def step(self, moving_nm: Float[np.ndarray, "na"], locked_nm: Float[np.ndarray, "nl"]) -> float:
-        """One step under torques cut at the limits; returns the largest share of a limit that was asked for."""
+        """One step under torques clipped at the limits; returns the largest commanded torque as a share of its limit."""
         u = np.zeros(self._model.nu)
         u[self.built.moving_actuator] = moving_nm
         u[self.built.locked_actuator] = locked_nm
         limit = self.built.torque_limit_nm
         self._data.ctrl[:] = np.clip(u, -limit, limit)
-        if self._refreshed:  # what follows from the coordinates is there already, contacts included
+        if self._refreshed:  # derived quantities and contacts are already up to date
             mujoco.mj_step2(self._model, self._data)
         else:
             mujoco.mj_step(self._model, self._data)
         self._measured, self._refreshed = None, False
         geoms = self._data.contact.geom[: self._data.ncon]
-        bodily = self._is_body[geoms].any(axis=1)
-        self.body_touches = tuple(map(self._touch, np.flatnonzero(bodily).tolist())) if bodily.any() else ()
+        is_body = self._is_body[geoms].any(axis=1)
+        self.body_touches = tuple(map(self._touch, np.flatnonzero(is_body).tolist())) if is_body.any() else ()
         return float(np.max(np.abs(moving_nm) / limit[self.built.moving_actuator]))
 
     def push(self, force_n: Vector3) -> None:
-        """A force (world axes) at the trunk's centre of mass, from now on."""
+        """Set the force (world axes) at the trunk's centre of mass for the following steps."""
         self._data.xfrc_applied[self.built.trunk, :3] = force_n
 
     def refresh(self) -> None:
-        """Bring everything that follows from the coordinates up to the instant after the last step.
+        """Update all derived quantities to the coordinates after the last step.
 
-        A step ends with the integration; what is derived from positions and velocities is still that before it.
+        A step ends with the integration; without a refresh, derived quantities are those before it.
         """
         mujoco.mj_forward(self._model, self._data)
         self._measured, self._refreshed = None, True
@@ -112,40 +112,40 @@ class Simulation:
         return q, np.concatenate([R.T @ d.qvel[:3], d.qvel[3:6], self.joint_rates_rad_s])
 
     def contact(self, effector: str) -> Placement:
-        """Where an effector's contact frame is."""
+        """Placement of an effector's contact frame."""
         body = self.built.body[effector]
         T_world_body = Placement(np.array(self._data.xpos[body]), self._data.xmat[body].reshape(3, 3).copy())
         return T_world_body @ self.built.T_body_contact[effector]
 
     def forces_n(self) -> dict[str, Vector3]:
-        """World-frame force of the surroundings on every effector."""
+        """World-frame force of the environment on every effector."""
         return {name: wrench[:3] for name, wrench in self.wrenches().items()}
 
     def wrenches(self) -> Mapping[str, Float[np.ndarray, "6"]]:
-        """Force and moment about the world's origin of the surroundings on every effector, in world axes."""
+        """Force and moment about the world origin of the environment on every effector, in world axes."""
         return self._effectors()[0]
 
     def effector_touches(self) -> tuple[Touch, ...]:
-        """What the soles' boxes and the hands' balls touch, each first of its pair."""
+        """Contacts of the soles' boxes and the hands' spheres, which are first in each pair."""
         return self._effectors()[1]
 
     def _effectors(self) -> tuple[dict[str, Float[np.ndarray, "6"]], tuple[Touch, ...]]:
-        """Both, once per state."""
+        """Wrenches and contacts of the effectors, computed once per state."""
         if self._measured is None:
-            found = {name: np.zeros(6) for name in self.built.geom}
-            local, touches = np.zeros(6), []
-            touching = self._data.contact
-            for k, pair in enumerate(touching.geom[: self._data.ncon].tolist()):
+            wrenches = {name: np.zeros(6) for name in self.built.geom}
+            local, contacts = np.zeros(6), []
+            data_contacts = self._data.contact
+            for k, pair in enumerate(data_contacts.geom[: self._data.ncon].tolist()):
                 for geom, other, sign in ((pair[1], pair[0], 1.0), (pair[0], pair[1], -1.0)):
                     if geom in self.built.effector:
-                        # given in the contact's frame, whose rows are its axes, and acting on its second geometry
+                        # the force is in the contact frame, whose rows are its axes, and acts on the second geometry
                         mujoco.mj_contactForce(self._model, self._data, k, local)
-                        axes = sign * touching.frame[k].reshape(3, 3).T
+                        axes = sign * data_contacts.frame[k].reshape(3, 3).T
                         force = axes @ local[:3]
-                        found[self.built.effector[geom]][:3] += force
-                        found[self.built.effector[geom]][3:] += axes @ local[3:] + cross(touching.pos[k], force)
-                        touches.append(Touch(geom, other, math.sqrt(float(force @ force))))
-            self._measured = found, tuple(touches)
+                        wrenches[self.built.effector[geom]][:3] += force
+                        wrenches[self.built.effector[geom]][3:] += axes @ local[3:] + cross(data_contacts.pos[k], force)
+                        contacts.append(Touch(geom, other, math.sqrt(float(force @ force))))
+            self._measured = wrenches, tuple(contacts)
         return self._measured
 
     def _touch(self, k: int) -> Touch:

@@ -1,10 +1,9 @@
-"""The stabiliser of the replay: it sees the robot a sample at a time and corrects what the joints are told.
+"""The stabiliser of the replay: corrects the joint commands at every sample from the measured state.
 
-Capture-point feedback through ankles and legs (``ankles``), legs that adapt to where the feet landed (``footing``),
-force control of the hands (``grip``), and a plan that waits, hurries or steps aside when that is not enough
-(``stepping``). The centre of pressure that the whole-body motion planned is where the feedback starts from.
-
-When soles swing, by the plan.
+It consists of capture-point feedback through ankles and legs (``capture``), adaptation of the legs to the landing
+positions of the feet (``footing``), force control of the hands (``grip``), and adaptation of the plan's timing and
+steps when these are not sufficient (``stepping``). The feedback is relative to the centre of pressure of the
+whole-body motion.
 """
 
 from collections.abc import Mapping
@@ -25,12 +24,12 @@ from stridelab.wholebody.replay.sensors import Seen
 from stridelab.wholebody.replay.step_adjustment import Pace, Stepping
 
 _LIGHT_N = 30.0
-"""A sole that is planned to bear less than this gets at least so much of the feedback."""
+"""Lower bound of a sole's load in the ankle feedback."""
 
 
 @dataclass(frozen=True)
 class Stabiliser:
-    """Its parts; ``ankle_stiffness`` scales the position control of the ankles, which would fight the first."""
+    """Settings; ``ankle_stiffness`` scales the position control of the ankles, which counteracts ``capture``."""
 
     capture: CapturePoint = field(default_factory=CapturePoint)
     footing: Footing | None = field(default_factory=Footing)
@@ -40,7 +39,7 @@ class Stabiliser:
 
 
 class Stabilising:
-    """One run over one motion."""
+    """State of the stabiliser during one replay."""
 
     def __init__(self, stabiliser: Stabiliser, robot: Robot, motion: WholeBodyMotion) -> None:
         self._by, self._robot, self._motion = stabiliser, robot, motion
@@ -61,26 +60,26 @@ class Stabilising:
         self.pace = Pace(stabiliser.stepping, self._capturable, motion.rate_hz)
 
     def at(self, seen: Seen) -> tuple[Angles, Angles]:
-        """Angles (rad) and torques (N m) to add where ``pace`` is; after the last sample the motion stands still."""
+        """Angles (rad) and torques (N m) to add at the sample of ``pace``; the last sample is a standing posture."""
         motion, i = self._motion, self.pace.nearest
         n = motion.tau_nm.shape[1]
         contacts = motion.sequence.phases[motion.sequence.phase_at(float(motion.time_s[i]) + 1e-9)].contacts
         self._posed.at(motion.q[i])
-        swung = {name: float(self._share[name][i]) for name in self._soles}
-        tau = self._balance(i, contacts, swung, seen)
+        progress = {name: float(self._share[name][i]) for name in self._soles}
+        tau = self._balance(i, contacts, progress, seen)
         angles = np.zeros(n)
         if self._feet is not None:
-            angles = self._feet.angles_rad(seen, swung, self.pace.off_m, self._body_off_m, n)
+            angles = self._feet.angles_rad(seen, progress, self.pace.off_m, self._body_off_m, n)
         if self._grips is not None:
-            touching = {name: contacts[name] for name in self._hands if name in contacts}
-            planned_n = {name: motion.forces_n[name][i].sum(axis=0) for name in touching}
-            wanted_n = self._wanted_n(contacts, planned_n)
-            pressed, pressing = self._grips.at(seen, touching, planned_n, wanted_n, n)
-            angles, tau = angles + pressed, tau + pressing
+            hand_contacts = {name: contacts[name] for name in self._hands if name in contacts}
+            planned_n = {name: motion.forces_n[name][i].sum(axis=0) for name in hand_contacts}
+            reference_n = self._wanted_n(contacts, planned_n)
+            hand_angles, hand_tau = self._grips.at(seen, hand_contacts, planned_n, reference_n, n)
+            angles, tau = angles + hand_angles, tau + hand_tau
         return angles, tau
 
     def _wanted_n(self, contacts: Mapping[str, Contact], planned_n: Mapping[str, Vector3]) -> dict[str, float]:
-        """The normal force asked of every hand that touches; without a sole there is no pressure to move."""
+        """Normal force reference of every hand in contact; the planned one if no sole is in contact."""
         grip = self._by.grip
         soles_m = [contacts[name].placement.position_m for name in self._soles if name in contacts]
         normal_n = {name: float(f @ contacts[name].placement.rotation[:, 2]) for name, f in planned_n.items()}
@@ -97,34 +96,34 @@ class Stabilising:
             return tau
         ground_m = float(np.mean([sole.position_m[2] for sole in soles.values()]))
         w = pendulum_rate(float(seen.com_m[2]) - ground_m)
-        can, ended = self._capturable, i == len(motion.time_s) - 1
-        seen_m = seen.com_m[:2] + seen.com_v_m_s[:2] / w
-        places_m = {name: self._posed.contact(name).position_m for name in swung}
+        margins, ended = self._capturable, i == len(motion.time_s) - 1
+        capture_m = seen.com_m[:2] + seen.com_v_m_s[:2] / w
+        soles_m = {name: self._posed.contact(name).position_m for name in swung}
         grip = self._by.grip
-        leans_m = 0.0 if grip is None or not any(name in contacts for name in self._hands) else grip.pressure_m
-        pace.decide(seen_m, places_m, swung, leans_m)
-        # a clock that stands still asks the robot to rest on the capture point, from where the plan can go on
-        still = 0.0 if ended else 1.0 - float(np.clip(pace.rate, 0.0, 1.0))
-        reference_m = motion.com_reference_m[i, :2] if ended else can.capture_m[i]
+        hand_shift_m = 0.0 if grip is None or not any(name in contacts for name in self._hands) else grip.pressure_m
+        pace.decide(capture_m, soles_m, swung, hand_shift_m)
+        # while the clock pauses, the reference is rest at the capture point, from which the plan can continue
+        pause_share = 0.0 if ended else 1.0 - float(np.clip(pace.rate, 0.0, 1.0))
+        reference_m = motion.com_reference_m[i, :2] if ended else margins.capture_m[i]
         off_m = pace.reference_off_m
-        body_m = off_m + still * (reference_m - motion.com_reference_m[i, :2])
+        body_m = off_m + pause_share * (reference_m - motion.com_reference_m[i, :2])
         self._body_off_m += w * self._dt_s * (body_m - self._body_off_m)
-        xi_m = seen_m - reference_m - off_m
-        slower_m = still * (can.capture_m[i] - can.pressure_m[i])
+        xi_m = capture_m - reference_m - off_m
+        pause_shift_m = pause_share * (margins.capture_m[i] - margins.pressure_m[i])
         limit = capture.integral_m / max(capture.integral_gain, 1e-9)
         self._integral_m = np.clip(self._integral_m + w * self._dt_s * xi_m, -limit, limit)
         half = {name: self._ankles[name].half_size_m for name in soles}
-        shifts, gained = capture.spread(capture.shift_m(xi_m, self._integral_m) + slower_m, soles, half)
+        shifts, transferred = capture.spread(capture.shift_m(xi_m, self._integral_m) + pause_shift_m, soles, half)
         for name, sole in soles.items():
             ankle = self._ankles[name]
-            load_n = max(sole.load_n + gained[name], _LIGHT_N)
+            load_n = max(sole.load_n + transferred[name], _LIGHT_N)
             tau[list(ankle.joints)] += ankle_torques_nm(ankle, shifts[name], load_n)
-            if gained[name]:
-                tau[self._posed.limb[name]] += self._posed.torques_nm(name, np.array([0.0, 0.0, -gained[name]]))
+            if transferred[name]:
+                tau[self._posed.limb[name]] += self._posed.torques_nm(name, np.array([0.0, 0.0, -transferred[name]]))
         return tau
 
     def _sole(self, name: str, contact: Contact, i: int) -> Sole:
-        """From the forces of the whole-body motion; a sole that has none is pressed in its middle."""
+        """Sole state from the forces of the motion; without forces, half the weight at the centre."""
         R = contact.placement.rotation
         weight_n = self._robot.mass_kg * GRAVITY_M_S2
         forces = self._motion.forces_n.get(name)
@@ -137,9 +136,9 @@ class Stabilising:
 
 
 def swung_shares(sequence: ContactSequence, time_s: Series) -> dict[str, Series]:
-    """Per effector and sample how far its swing has come, from 0 at its lift-off; 1 where it touches."""
-    found = {name: np.ones(len(time_s)) for name in sequence.effectors}
-    for name, share in found.items():
+    """Swing progress per effector and sample, from 0 at lift-off; 1 in contact."""
+    shares = {name: np.ones(len(time_s)) for name in sequence.effectors}
+    for name, share in shares.items():
         first: int | None = None
         for k, phase in enumerate(sequence.phases):
             if name in phase.contacts:
@@ -153,4 +152,4 @@ def swung_shares(sequence: ContactSequence, time_s: Series) -> dict[str, Series]
                 start, end = float(sequence.starts_s[first]), float(sequence.ends_s[last])
                 inside = (time_s + 1e-9 >= start) & (time_s + 1e-9 < end)
                 share[inside] = (time_s[inside] - start) / (end - start)
-    return found
+    return shares
