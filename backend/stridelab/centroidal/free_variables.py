@@ -59,11 +59,11 @@ def stays(sequence: ContactSequence) -> list[Stay]:
     for name in sequence.effectors:
         first = None
         for i, phase in enumerate(sequence.phases):
-            touches = name in phase.contacts
-            if touches and first is None:
+            in_contact = name in phase.contacts
+            if in_contact and first is None:
                 first = i
             ends = i + 1 == len(sequence.phases) or name not in sequence.phases[i + 1].contacts
-            if touches and ends and first is not None:
+            if in_contact and ends and first is not None:
                 spans.append(Stay(phase.contacts[name], first, i))
                 first = None
     return spans

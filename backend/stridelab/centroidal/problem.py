@@ -71,11 +71,11 @@ class CentroidalProblem:
 
     ``effectors`` and ``proxies`` are keyed by the effector names of the sequence; without any proxies there is no
     likelihood term, otherwise every effector in contact needs one. Surfaces are shrunk by ``contact_margin_m`` (x, y)
-    on every side. ``control`` is u: forces (``Pyramids``, ``CircularCones``) or the wrench (``ContactWrench``), constant
-    between nodes, or for ``shape`` "cubic" splines (``force_splines``). ``durations`` and ``placements`` are fixed
-    unless given as free variables. ``limbs_nm`` (N m) is the momentum rate of the limbs about the CoM, averaged between
-    ``limb_times_s``; the cost then weighs the difference from it. The motion begins at ``start`` and ends at rest or
-    ``capturable``, within ``bounds``.
+    on every side. ``control`` is u: forces (``Pyramids``, ``CircularCones``) or the wrench (``ContactWrench``),
+    constant between nodes, or for ``shape`` "cubic" splines (``force_splines``). ``durations`` and ``placements`` are
+    fixed unless given as free variables. ``limbs_nm`` (N m) is the momentum rate of the limbs about the CoM, averaged
+    between ``limb_times_s``; the cost then weighs the difference from it. The motion begins at ``start`` and ends at
+    rest or ``capturable``, within ``bounds``.
 
     Raises ``InvalidInput`` for inconsistent problems: ``effector-unknown``, ``proxy-missing``,
     ``phase-without-duration``, ``mass-out-of-range``, ``node-rate-out-of-range``, ``com-not-finite``,

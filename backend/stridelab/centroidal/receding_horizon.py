@@ -179,7 +179,7 @@ class RecedingHorizon:
         )
 
     def _end_s(self, wanted_s: float) -> float:
-        """The first time from ``wanted_s`` on with a sole in contact (plus ``LANDING_S``), or the end of the sequence."""
+        """First time from ``wanted_s`` on with a sole in contact (plus ``LANDING_S``), or the end of the sequence."""
         sequence = self.problem.sequence
         end_s = min(wanted_s, sequence.duration_s)
         while not self._soles(sequence.phase_at(end_s - SLIVER_S)):

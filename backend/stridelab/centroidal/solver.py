@@ -145,7 +145,7 @@ def _attempts(
     if asked == "native":
         return
     started = time.process_time()
-    programme = transcribe(problem)
+    transcription = transcribe(problem)
     transcribe_s = time.process_time() - started
     casadi_start = start if isinstance(start, Point) else None
     if problem.durations and start is None:
@@ -156,10 +156,10 @@ def _attempts(
         warm = carried(fixed_durations, problem) if fixed_durations.converged else None
         casadi_start = warm if isinstance(warm, Point) else None
     for name in _solvers(problem, asked):
-        solver_run = run(name, programme, limits, casadi_start, tell)
-        attempt = _attempt(name, programme, solver_run)
-        sequence = chosen(programme, solver_run.point.w)
-        motion = read(programme, sequence, solver_run.point.w)
+        solver_run = run(name, transcription, limits, casadi_start, tell)
+        attempt = _attempt(name, transcription, solver_run)
+        sequence = chosen(transcription, solver_run.point.w)
+        motion = read(transcription, sequence, solver_run.point.w)
         attempt = replace(attempt, build_s=attempt.build_s + transcribe_s)
         transcribe_s = 0.0
         yield _Found(attempt, sequence, motion, solver_run.point, solver_run.infeasible)

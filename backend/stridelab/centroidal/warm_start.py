@@ -38,12 +38,12 @@ def carried(plan: CentroidalPlan, onto: CentroidalProblem, after_s: float = 0.0)
     point = plan.solution.point
     if isinstance(point, NativePoint):
         return native_start(plan, onto, after_s)
-    programme = transcribe(onto)
-    old, new = lay_out(point.structure), programme.layout
+    transcription = transcribe(onto)
+    old, new = lay_out(point.structure), transcription.layout
     D = onto.com_start_m - plan.com_m[0]
-    w, lambda_w, lambda_g = programme.guess.copy(), np.zeros(new.n), np.zeros(new.n_rows)
-    w[new.state[:, None] + np.arange(N_STATE)] = _states(plan, programme, after_s)
-    for k, i in _counterparts(plan, programme, old, after_s):
+    w, lambda_w, lambda_g = transcription.guess.copy(), np.zeros(new.n), np.zeros(new.n_rows)
+    w[new.state[:, None] + np.arange(N_STATE)] = _states(plan, transcription, after_s)
+    for k, i in _counterparts(plan, transcription, old, after_s):
         for to, from_ in zip(new.uses_in[k], old.uses_in[i], strict=True):
             new_columns, old_columns = (
                 slice(to.start, to.start + to.group.size),
@@ -60,10 +60,10 @@ def carried(plan: CentroidalPlan, onto: CentroidalProblem, after_s: float = 0.0)
         for to, from_ in zip(new.tie[k], old.tie[i], strict=True):
             lambda_F, lambda_T = point.lambda_g[from_ + np.arange(N_WRENCH)].reshape(2, 3)
             lambda_g[to + np.arange(N_WRENCH)] = np.append(lambda_F + np.cross(lambda_T, D), lambda_T)
-    if point.structure.n_shifts == programme.compiled.structure.n_shifts:
+    if point.structure.n_shifts == transcription.compiled.structure.n_shifts:
         old_shifts, new_shifts = (layout.shifts[:, None] + np.arange(2) for layout in (old, new))
         w[new_shifts], lambda_w[new_shifts] = point.w[old_shifts], point.lambda_w[old_shifts]
-    return Point(programme.compiled.structure, w, lambda_w, lambda_g)
+    return Point(transcription.compiled.structure, w, lambda_w, lambda_g)
 
 
 def _states(plan: CentroidalPlan, programme: Transcription, after_s: float) -> Float[np.ndarray, "nodes 9"]:

@@ -183,9 +183,9 @@ class StanceCheck:
             shape = self._shapes.get(name)
             if shape is None or shape.reach is None:
                 continue
-            axes, here = place.rotation.T, place.rotation.T @ place.position_m
+            axes, origin = place.rotation.T, place.rotation.T @ place.position_m
             A += [axes, -axes]
-            b += [np.array(shape.reach.com_high_m) + here, -np.array(shape.reach.com_low_m) - here]
+            b += [np.array(shape.reach.com_high_m) + origin, -np.array(shape.reach.com_low_m) - origin]
         return ComRoom(np.vstack(A), np.concatenate(b))
 
     def _attempts(self, stance: Stance) -> Iterator[_Attempt]:

@@ -97,7 +97,7 @@ def window_m(problem: CentroidalProblem, phase: int) -> tuple[float, float]:
     """Lowest and highest CoM height above the start by the problem's bounds."""
     if problem.bounds.com_height_m is None:
         return -np.inf, np.inf
-    least, most = problem.bounds.com_height_m
+    lowest_m, highest_m = problem.bounds.com_height_m
     soles = [
         contact.placement.position_m[2]
         for name in problem.sequence.effectors
@@ -105,7 +105,7 @@ def window_m(problem: CentroidalProblem, phase: int) -> tuple[float, float]:
         and (contact := problem.sequence.last_contact(name, phase)) is not None
     ]
     ground = float(np.mean(soles)) - problem.com_start_m[2] if soles else np.nan
-    return (ground + least, ground + most) if soles else (-np.inf, np.inf)
+    return (ground + lowest_m, ground + highest_m) if soles else (-np.inf, np.inf)
 
 
 def pushes(programme: Rows, problem: CentroidalProblem) -> tuple[sp.csc_matrix, Vector]:

@@ -107,7 +107,7 @@ class Diagnosis:
             "unbearable": "No motion over these contacts is one that a body can follow",
             "unusual": "The plan needs positions that the robot's postures hardly allow",
             "narrow": "There is a motion over these contacts by forces, but the cone of the control is narrower",
-            "stuck": "There are motions over these contacts, but the solver found none",
+            "stuck": "There are motions over these contacts, but the solver did not find one",
             "found": "The plan respects all limits",
         }[self.verdict]
         details = "; ".join(f"{f.where}: {f.says}" for f in self.findings[:SAID])
@@ -209,10 +209,10 @@ def _unusual(problem: CentroidalProblem, plan: CentroidalPlan) -> list[Finding]:
 
 
 def _spins(problem: CentroidalProblem, plan: CentroidalPlan) -> list[Finding]:
-    most = [float(np.abs(plan.l_nms[:-1][plan.phase == i]).max()) for i in range(len(problem.sequence.phases))]
+    peaks_nms = [float(np.abs(plan.l_nms[:-1][plan.phase == i]).max()) for i in range(len(problem.sequence.phases))]
     limit_nms = SPIN_M2_S * problem.mass_kg
     return sorted(
-        (Finding("momentum", nms, i) for i, nms in enumerate(most) if nms > limit_nms), key=lambda f: -f.value
+        (Finding("momentum", nms, i) for i, nms in enumerate(peaks_nms) if nms > limit_nms), key=lambda f: -f.value
     )
 
 

@@ -102,14 +102,14 @@ def relax(
     Prices are per weight and second (``cones``), per metre (m^2/s) and second (``body``), and per metre (m/s, ...) of
     the end error (``end``).
     """
-    programme = rows(problem, problem.grid() if grid is None else grid)
-    m, n = programme.A.shape
-    contacts, sticks, seconds = sticking(programme, problem)
+    lp = rows(problem, problem.grid() if grid is None else grid)
+    m, n = lp.A.shape
+    contacts, sticks, seconds = sticking(lp, problem)
     durations_s = np.array([phase.duration_s for phase in problem.sequence.phases])
-    n_end = programme.n_end
+    n_end = lp.n_end
     sizes = (len(contacts), len(contacts), len(contacts), len(durations_s), 2 * n_end)
     splits = np.cumsum(sizes)[:-1]
-    miss = missing(programme)
+    miss = missing(lp)
     prices = (cones, body, body, body, end)
     cost = np.concatenate(
         [
@@ -119,10 +119,10 @@ def relax(
     )
     slack_bounds = np.concatenate([np.full(size, _most(p)) for p, size in zip(prices, sizes, strict=True)])
     no_columns = sp.csc_matrix((m, 2 * len(contacts) + len(durations_s)))
-    effort, references = pushes(programme, problem) if body else (sp.csc_matrix((0, n + sizes[0])), np.zeros(0))
+    effort, references = pushes(lp, problem) if body else (sp.csc_matrix((0, n + sizes[0])), np.zeros(0))
     columns = sp.bmat(
         [
-            [sp.hstack([programme.A, sticks, no_columns, miss, -miss]), None],
+            [sp.hstack([lp.A, sticks, no_columns, miss, -miss]), None],
             [
                 sp.hstack([effort, sp.csc_matrix((len(references), sum(sizes[1:])))]),
                 sp.hstack([-sp.identity(len(references)), sp.identity(len(references))]),
@@ -132,25 +132,25 @@ def relax(
     )
     bounds = np.column_stack(
         [
-            np.concatenate([programme.lower, np.zeros(len(slack_bounds) + 2 * len(references))]),
+            np.concatenate([lp.lower, np.zeros(len(slack_bounds) + 2 * len(references))]),
             np.concatenate([np.full(n, np.inf), slack_bounds, np.full(2 * len(references), np.inf)]),
         ]
     )
-    efforts = EFFORT * np.repeat(programme.grid.step_s, 3)[: len(references)]
-    x, about = None, straight(programme, problem)
+    efforts = EFFORT * np.repeat(lp.grid.step_s, 3)[: len(references)]
+    x, about = None, straight(lp, problem)
     for _ in range(TANGENTS if body else 1):
-        G, room = bodily(programme, problem, about) if body else (sp.csc_matrix((0, n + int(splits[-1]))), np.zeros(0))
+        G, room = bodily(lp, problem, about) if body else (sp.csc_matrix((0, n + int(splits[-1]))), np.zeros(0))
         unbounded = sp.csc_matrix((len(room), 2 * n_end + 2 * len(references)))
         solution = least(
             np.concatenate([np.zeros(n), cost, efforts, efforts]),
-            (columns, np.append(programme.b, references)),
+            (columns, np.append(lp.b, references)),
             (sp.hstack([G, unbounded], format="csc"), room),
             bounds,
         )
         if solution is None:
             return None
         x, previous = solution[: n + len(cost)], about
-        about = x[: N_STATE * (len(programme.grid.step_s) + 1)].reshape(-1, N_STATE)
+        about = x[: N_STATE * (len(lp.grid.step_s) + 1)].reshape(-1, N_STATE)
         if np.abs(about[:, :6] - previous[:, :6]).max() < SETTLED:
             break
     assert x is not None

@@ -97,7 +97,7 @@ def nearest(problem: CentroidalProblem, what: What, until_s: float = np.inf) -> 
 
 
 def _spared(problem: CentroidalProblem, what: What, stays: list[Stay], theta: Vector, until_s: float) -> Nearest:
-    """Enlarge the change by the smallest of ``RESERVES`` that is feasible on a grid twice as fine, or the last tried."""
+    """Enlarge the change by the smallest of ``RESERVES`` that is feasible on a finer grid, or the last one tried."""
     durations_s = np.array([phase.duration_s for phase in problem.sequence.phases])
     for reserve in SPARES if what == "durations" else SPARES[:1]:
         enlarged = (1.0 + reserve) * np.where(np.abs(theta) > LAST_REGION, theta, 0.0)
@@ -112,8 +112,8 @@ def _spared(problem: CentroidalProblem, what: What, stays: list[Stay], theta: Ve
         feasible,
         np.array([phase.duration_s for phase in changed.sequence.phases]) - durations_s,
         {
-            (stay.first, stay.contact.effector): _shift(stay, enlarged[2 * j : 2 * j + 2])
-            for j, stay in enumerate(stays)
+            (span.first, span.contact.effector): _shift(span, enlarged[2 * j : 2 * j + 2])
+            for j, span in enumerate(stays)
             if enlarged[2 * j : 2 * j + 2].any()
         },
     )
@@ -142,9 +142,9 @@ def _limits(problem: CentroidalProblem, what: What, stays: list[Stay]) -> tuple[
         durations_s = np.array([phase.duration_s for phase in problem.sequence.phases])
         return np.minimum(0.0, SHORTEST_S - durations_s), np.full(len(durations_s), np.inf)
     windows = []
-    for stay in stays:
-        points_m = problem.points_m(stay.contact.effector)
-        windows.append(room_m(stay.contact, points_m, problem.sequence.terrain, (FARTHEST_M, FARTHEST_M)))
+    for span in stays:
+        points_m = problem.points_m(span.contact.effector)
+        windows.append(room_m(span.contact, points_m, problem.sequence.terrain, (FARTHEST_M, FARTHEST_M)))
     low, high = (np.concatenate([np.zeros(0), *(room[side] for room in windows)]) for side in (0, 1))
     scale = (1.0 + SPARES[0]) * DECIMETRE_M
     return low / scale, high / scale
@@ -182,11 +182,11 @@ def _changed(problem: CentroidalProblem, what: What, stays: list[Stay], theta: V
             ContactPhase(max(SHORTEST_S, phase.duration_s + float(dt)), phase.contacts)
             for phase, dt in zip(phases, theta, strict=True)
         ]
-    for j, stay in enumerate(stays):
-        old_placement, name = stay.contact.placement, stay.contact.effector
-        placement = replace(old_placement, position_m=old_placement.position_m + _shift(stay, theta[2 * j : 2 * j + 2]))
-        for i in range(stay.first, stay.last + 1):
-            contact = replace(stay.contact, placement=placement)
+    for j, span in enumerate(stays):
+        old_placement, name = span.contact.placement, span.contact.effector
+        placement = replace(old_placement, position_m=old_placement.position_m + _shift(span, theta[2 * j : 2 * j + 2]))
+        for i in range(span.first, span.last + 1):
+            contact = replace(span.contact, placement=placement)
             phases[i] = ContactPhase(phases[i].duration_s, {**phases[i].contacts, name: contact})
     return replace(problem, sequence=replace(problem.sequence, phases=tuple(phases)))
 
@@ -206,26 +206,26 @@ def _linear(
 ) -> Vector | None:
     """Theta of the linear program linearised at the solution ``now``."""
     changed = _changed(problem, what, stays, theta)
-    programme = rows(changed, grid_of(changed, counts))
-    m, n = programme.A.shape
-    _, sticks, seconds = sticking(programme, changed)
-    G, limits = bodily(programme, changed, now.w[: N_STATE * (len(programme.grid.step_s) + 1)].reshape(-1, N_STATE))
+    lp = rows(changed, grid_of(changed, counts))
+    m, n = lp.A.shape
+    _, sticks, seconds = sticking(lp, changed)
+    G, limits = bodily(lp, changed, now.w[: N_STATE * (len(lp.grid.step_s) + 1)].reshape(-1, N_STATE))
     J, H = (
-        (_by_durations(programme, changed, now), sp.csc_matrix((G.shape[0], len(theta))))
+        (_by_durations(lp, changed, now), sp.csc_matrix((G.shape[0], len(theta))))
         if what == "durations"
-        else _by_places(programme, changed, now, stays, G.shape[0])
+        else _by_places(lp, changed, now, stays, G.shape[0])
     )
     durations_s = np.array([phase.duration_s for phase in changed.sequence.phases])
-    slacks = PENALTY * np.concatenate([seconds, seconds, seconds, durations_s, np.ones(2 * programme.n_end)])
+    slacks = PENALTY * np.concatenate([seconds, seconds, seconds, durations_s, np.ones(2 * lp.n_end)])
     size, count = len(theta), len(slacks)
     E, zero = sp.identity(size), sp.csc_matrix((size, n + count))
     no_columns = sp.csc_matrix((m, 2 * len(seconds) + len(durations_s)))
-    miss, n_end = missing(programme), programme.n_end
+    miss, n_end = missing(lp), lp.n_end
     solution = least(
         np.concatenate([np.zeros(n), slacks, np.zeros(size), np.ones(size)]),
         (
-            sp.hstack([programme.A, sticks, no_columns, miss, -miss, J, sp.csc_matrix((m, size))], format="csc"),
-            programme.b + J @ theta,
+            sp.hstack([lp.A, sticks, no_columns, miss, -miss, J, sp.csc_matrix((m, size))], format="csc"),
+            lp.b + J @ theta,
         ),
         (
             sp.vstack(
@@ -240,7 +240,7 @@ def _linear(
         ),
         np.column_stack(
             [
-                np.concatenate([programme.lower, np.zeros(count), region.low, np.zeros(size)]),
+                np.concatenate([lp.lower, np.zeros(count), region.low, np.zeros(size)]),
                 np.concatenate([np.full(n + count, np.inf), region.high, np.full(size, np.inf)]),
             ]
         ),
@@ -273,9 +273,9 @@ def _by_places(
     """Derivatives of the rows and of the body limits, boxes first, by the shifts of the contacts."""
     J, H, row = Blocks(), Blocks(), 0
     movable_index = {
-        (i, stay.contact.effector): j for j, stay in enumerate(stays) for i in range(stay.first, stay.last + 1)
+        (i, span.contact.effector): j for j, span in enumerate(stays) for i in range(span.first, span.last + 1)
     }
-    axes = [DECIMETRE_M * stay.contact.placement.rotation[:, :2] for stay in stays]
+    axes = [DECIMETRE_M * span.contact.placement.rotation[:, :2] for span in stays]
     for k, h in enumerate(programme.grid.step_s):
         i, B = int(programme.grid.phase[k]), step(float(h)).B
         for name in problem.sequence.phases[i].contacts:

@@ -55,8 +55,8 @@ class Point:
 class NativePoint:
     """Variables of the C++ solver: states ``x``, and u with its multipliers z of every block of points, in order.
 
-    ``wrench_u`` and ``wrench_z`` are those of the wrench control, for every interval with contacts. ``step_s``: interval
-    length of every phase. For splines, each of the two free control points counts as an interval of half the length.
+    ``wrench_u`` and ``wrench_z`` are those of the wrench control, for every interval with contacts; ``step_s`` are the
+    interval lengths per phase. For splines, each of the two free control points counts as an interval of half length.
     """
 
     x: Float[np.ndarray, "nodes 9"]

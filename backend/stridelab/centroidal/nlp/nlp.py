@@ -180,8 +180,8 @@ def _compile(structure: Structure, mixtures: Mapping[str, Mixture]) -> Compiled:
         cost("price", of_y, stage_functions.price())
         if structure.fixed_total:
             row("total", of_y, np.full_like(of_y, layout.total), stage_functions.same(1))
-    programme = assemble(layout.n, layout.n_rows, costs, rows, SCALE)
-    return Compiled(structure, layout, programme, ties, efforts, limits, visits)
+    nlp = assemble(layout.n, layout.n_rows, costs, rows, SCALE)
+    return Compiled(structure, layout, nlp, ties, efforts, limits, visits)
 
 
 def splines(n: int) -> list[tuple[str, Int[np.ndarray, "uses"], tuple[bool, bool]]]:

@@ -88,7 +88,7 @@ def run(
     )
     started = time.process_time()
     built = started
-    if not np.isfinite(float(compiled.programme.value(initial.w, programme.p))):  # fatrop's line search would not end
+    if not np.isfinite(float(compiled.programme.value(initial.w, program.p))):  # fatrop's line search would not end
         return Run(initial, False, False, "the cost is not a number at the start", 0, 0.0, 0.0, _log({}))
     try:
         solver = _solver(name, compiled, limits, warm is not None)
@@ -229,7 +229,7 @@ def _ipopt(of: Compiled, limits: Limits, warm: bool, ear: ca.Callback) -> ca.Fun
 
 
 def _fatrop(of: Compiled, limits: Limits, warm: bool, ear: ca.Callback) -> ca.Function:
-    """Create fatrop with explicit stages; derivatives are passed as CasADi's cache, as fatrop has no options for them."""
+    """Create fatrop with explicit stages; derivatives are passed as CasADi's cache, as it has no options for them."""
     e, layout = _Expressions.of(of.programme), of.layout
     lagrangian_gradient = e.lam_f * e.gradient + e.jacobian.T @ e.lam_g
     curvature = of.programme.hessian(e.x, e.p, e.lam_f + ear(e.x, e.p), e.lam_g, 0.0)

@@ -62,7 +62,7 @@ def terrain_distances(robot: Robot, sequence: ContactSequence, q: Configurations
     scene = _Scene.of(robot, sequence)
     model, data, results = robot.model, robot.model.createData(), scene.geometry.createData()
     values = np.full((len(q), len(scene.parts)), np.inf)
-    apart, depth = values.copy(), np.full(values.shape, -np.inf)
+    distances, depth = values.copy(), np.full(values.shape, -np.inf)
     for i, configuration in enumerate(q):
         pin.computeDistances(model, data, scene.geometry, results, configuration)
         phase, time_s = int(worst.phase[i]), float(worst.time_s[i])
@@ -77,7 +77,7 @@ def terrain_distances(robot: Robot, sequence: ContactSequence, q: Configurations
                     depth[i, column] = max(depth[i, column], -distance_m)
             elif not is_own:
                 values[i, column] = min(values[i, column], distance_m)
-                apart[i, column] = min(apart[i, column], distance_m)
+                distances[i, column] = min(distances[i, column], distance_m)
             elif pair.role == "palm":
                 values[i, column] = min(values[i, column], distance_m)
     legs, arms = (np.array([group == of for group in scene.groups], dtype=bool) for of in ("leg", "arm"))
@@ -88,8 +88,8 @@ def terrain_distances(robot: Robot, sequence: ContactSequence, q: Configurations
 
     return (
         smallest("terrain_distance_min", values, np.ones(len(scene.parts), dtype=bool), 0.0),
-        smallest("leg_terrain_distance_min", apart, legs, LEG_CLEARANCE_M),
-        smallest("arm_terrain_distance_min", apart, arms, ARM_CLEARANCE_M),
+        smallest("leg_terrain_distance_min", distances, legs, LEG_CLEARANCE_M),
+        smallest("arm_terrain_distance_min", distances, arms, ARM_CLEARANCE_M),
         *([worst.at_most("hand_depth_max", depth, "m", LANDING_ERROR_M, scene.parts)] if scene.hands else []),
     )
 

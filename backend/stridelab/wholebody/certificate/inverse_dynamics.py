@@ -24,8 +24,8 @@ from stridelab.wholebody.motion import WholeBodyMotion
 class Recomputed:
     """Per sample: CoM (m), its velocity, angular momentum, contact points, residuals of the dynamics.
 
-    ``contact_points_m`` are per effector ``(n, k, 3)`` in the world; ``newton_euler`` ``(n,)`` is the larger norm of the
-    gaps in force (N) and moment (N m); ``torque_gap_nm`` ``(n, na)`` the inverse dynamics minus ``tau``;
+    ``contact_points_m`` are per effector ``(n, k, 3)`` in the world; ``newton_euler`` ``(n,)`` is the larger norm of
+    the gaps in force (N) and moment (N m); ``torque_gap_nm`` ``(n, na)`` the inverse dynamics minus ``tau``;
     ``integration_gap`` ``(n,)`` the gap between ``(q, v)`` and the integral from the previous sample (m, rad and their
     rates).
     """

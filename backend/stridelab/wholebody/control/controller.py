@@ -231,6 +231,7 @@ def _start(robot: Robot, sequence: ContactSequence, plan: CentroidalPlan, settin
     margins_rad = JointLimits.of(robot.model).margins_rad(settings.range_share, settings.joint_margin_rad)
     posture = stand(robot, placements, plan.com_m[0], margins_rad=margins_rad)
     if not posture.converged:
-        message = f"No posture of {robot.title} stands on the first contacts: {posture.worst} misses by {posture.error_m:.3f} m."
+        miss = f"{posture.worst} misses by {posture.error_m:.3f} m"
+        message = f"No posture of {robot.title} stands on the first contacts: {miss}."
         raise NotEstimable("stance-unreachable", message, [Fault(f"phases[0].contacts[{posture.worst}]", message)])
     return posture.q

@@ -69,30 +69,30 @@ class HierarchyResult(NamedTuple):
 
 def solve(equality: Rows, levels: Sequence[Rows], bounds: Inequalities) -> HierarchyResult:
     """Solve the hierarchy; a failure is returned with its level, never raised."""
-    programmes = 0
+    n_solved = 0
     shortcut = _presumed(equality, levels[:-1])
     if shortcut is not None:
         z, Z = shortcut
         solution = _programme(z, Z, levels[-1], bounds)
-        programmes = 1
+        n_solved = 1
         if solution.flag > 0:
-            return HierarchyResult(z + Z @ solution.w, None, programmes)
+            return HierarchyResult(z + Z @ solution.w, None, n_solved)
     z, Z, residual = _onto(equality)
     if not _small(residual, equality.b):
         reason = f"the equalities contradict each other by {np.abs(residual).max():.2g}"
         return HierarchyResult(z, HierarchyFailure(0, reason), 0)
     for number, level in enumerate(levels, start=1):
         solution = _programme(z, Z, level, bounds)
-        programmes += 1
+        n_solved += 1
         if solution.flag < 1:
             reason = _REASONS.get(solution.flag, f"solver flag {solution.flag}")
-            return HierarchyResult(z, HierarchyFailure(number, reason), programmes)
+            return HierarchyResult(z, HierarchyFailure(number, reason), n_solved)
         z = z + Z @ solution.w
         if number < len(levels) and Z.shape[1]:
             fixed_rows = np.vstack([level.A, bounds.G[_binding(level, z, solution.pull)]]) @ Z
             Z = Z @ _onto(Rows(fixed_rows, np.zeros(len(fixed_rows)))).null
             bounds = _containing(z, bounds)
-    return HierarchyResult(z, None, programmes)
+    return HierarchyResult(z, None, n_solved)
 
 
 def violations(equality: Rows, bounds: Inequalities, soft: Bool[np.ndarray, "m"]) -> Float[np.ndarray, "m"] | None:

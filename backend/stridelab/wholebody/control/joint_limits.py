@@ -55,7 +55,7 @@ class JointLimits:
     def acceleration_bounds(
         self, q_rad: Angles, v_rad_s: Angles, k_per_s: float, k_v_per_s: float, most_rad_s2: float
     ) -> tuple[Angles, Angles]:
-        """Smallest and largest acceleration ``(na,)``; if they cross, the bound of the nearer limit takes precedence."""
+        """Smallest and largest acceleration ``(na,)``; if they cross, the bound of the nearer limit applies."""
         to_upper, to_lower = self.upper_rad - q_rad, q_rad - self.lower_rad
         upper = np.minimum(k_per_s**2 * to_upper - 2.0 * k_per_s * v_rad_s, k_v_per_s * (self.velocity_rad_s - v_rad_s))
         lower = np.maximum(

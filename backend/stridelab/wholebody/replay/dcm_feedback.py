@@ -52,7 +52,7 @@ class Sole:
 
 @dataclass(frozen=True)
 class CapturePoint:
-    """Feedback with ``gain`` of the capture point error and ``integral_gain`` of its integral, limited to ``integral_m``.
+    """Feedback with ``gain`` of the capture point error and ``integral_gain`` of its integral, up to ``integral_m``.
 
     The centre of pressure keeps ``edge_m`` from the edges of the soles; at most the share ``transfer`` of the weight is
     transferred between two of them.

@@ -121,8 +121,8 @@ class _Hand:
         self._normal = n
         pressed_n = float(force_n @ n)
         beside_m = _along(here_m - contact.placement.position_m, n)
-        touches = pressed_n > g.touching_n
-        self._without_s = 0.0 if touches else self._without_s + self._dt_s
+        in_contact = pressed_n > g.touching_n
+        self._without_s = 0.0 if in_contact else self._without_s + self._dt_s
         lost = self._without_s > g.lost_s
         if lost:
             self._landed_m = None
@@ -130,7 +130,7 @@ class _Hand:
             self._landed_m = beside_m
         self._follow(
             _along(home_m, n) if self._landed_m is None else self._landed_m,
-            -(wanted_n - float(planned_n @ n)) * n if touches else planned_n,
+            -(wanted_n - float(planned_n @ n)) * n if in_contact else planned_n,
         )
         if lost and float(np.linalg.norm(beside_m)) > g.beside_m:
             rate_m_s = -g.lift_m_s

@@ -101,9 +101,9 @@ class ReplayLog:
     def step(self, simulation: Simulation, time_s: float) -> None:
         """Record the contacts of the body in the step that ends at ``time_s``."""
         built = simulation.built
-        for touch in simulation.body_touches:
-            first, second = (built.link.get(geom) or built.surface.get(geom, "") for geom in touch[:2])
-            self._collide(first, second, time_s, touch.force_n)
+        for contact in simulation.body_touches:
+            first, second = (built.link.get(geom) or built.surface.get(geom, "") for geom in contact[:2])
+            self._collide(first, second, time_s, contact.force_n)
 
     def sample(self, simulation: Simulation, time_s: float, plan_time_s: float, com_m: Vector3, error_m: float) -> None:
         """Record the state after the step that ends at ``time_s``, at ``plan_time_s`` of the plan."""
@@ -134,14 +134,14 @@ class ReplayLog:
         """Effectors on surfaces of their planned contacts; records unplanned contacts as collisions."""
         in_contact: set[str] = set()
         built = simulation.built
-        for touch in simulation.effector_touches():
-            name, surface = built.effector[touch.first], built.surface.get(touch.second)
+        for contact in simulation.effector_touches():
+            name, surface = built.effector[contact.first], built.surface.get(contact.second)
             if surface is None:
                 continue  # a sole against another link: the link's shape is in ``body_touches``
             if surface in self._own.touched(name, phase):
                 in_contact.add(name)
             elif surface not in self._own.near(name, phase, plan_time_s):
-                self._collide(name, surface, time_s, touch.force_n)
+                self._collide(name, surface, time_s, contact.force_n)
         return in_contact
 
     def _collide(self, first: str, second: str, time_s: float, force_n: float) -> None:

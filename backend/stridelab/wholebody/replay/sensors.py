@@ -54,7 +54,7 @@ class Sensors:
         self._rng = np.random.default_rng([disturbed.seed, 1])
         late_steps = round(disturbed.delay_s / simulation.timestep_s)
         self._taken_after = -late_steps % substeps
-        """Steps after a call of ``read_state`` at which the reading for a later call is taken; 0: at the call itself."""
+        """Steps after a call of ``read_state`` at which the reading for a later call is taken; 0: at the call."""
         size = -(-late_steps // substeps) + int(self._taken_after == 0)
         self._late: deque[Seen] = deque(maxlen=size)
 

@@ -70,7 +70,7 @@ class Simulation:
         return np.asarray(stiffness * off - damping * data.qvel[built.locked_dof])
 
     def step(self, moving_nm: Float[np.ndarray, "na"], locked_nm: Float[np.ndarray, "nl"]) -> float:
-        """One step under torques clipped at the limits; returns the largest commanded torque as a share of its limit."""
+        """One step under torques clipped at the limits; returns the largest ratio of commanded torque and limit."""
         u = np.zeros(self._model.nu)
         u[self.built.moving_actuator] = moving_nm
         u[self.built.locked_actuator] = locked_nm
