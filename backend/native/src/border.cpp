@@ -5,7 +5,7 @@
 namespace stridelab {
 namespace {
 
-constexpr std::size_t width = 4;  // columns come in groups of so many
+constexpr std::size_t width = 4;  // columns are padded to groups of this size
 
 std::size_t first_of(const Stage& s) { return s.columns - s.columns % width; }
 
@@ -38,7 +38,7 @@ void approach(Iterate& it, const Stage& s, const double P[nx][nx]) {
     for (std::size_t j = first; j < row; ++j) to.by_gap[j] += E[static_cast<std::size_t>(i) * row + j] * s.gap[i];
   }
   const Share* shares = shares_of(it, s);
-  for (std::size_t a = 0; a < 2 * s.meetings; ++a) {
+  for (std::size_t a = 0; a < 2 * s.shift_uses; ++a) {
     const Share& of = shares[a];
     const std::size_t own = of.column;
     double Pf[nx];
@@ -89,7 +89,7 @@ void pass(Iterate& it, std::size_t k, const double curve[shares_max][shares_max]
       e[4][j] -= half * e[6][j];
     }
     double T[nw][width] = {};
-    for (std::size_t a = 0; a < 2 * s.meetings; ++a) {
+    for (std::size_t a = 0; a < 2 * s.shift_uses; ++a) {
       const Share& of = shares[a];
       if (of.column < at || of.column >= at + width) continue;
       const std::size_t j = of.column - at;
@@ -125,8 +125,8 @@ void pass(Iterate& it, std::size_t k, const double curve[shares_max][shares_max]
       for (std::size_t j = a - a % width; j < row; ++j) C[a * row + j] -= ya * y[j];
     }
   }
-  for (std::size_t a = 0; a < 2 * s.meetings; ++a) {
-    for (std::size_t b = a; b < 2 * s.meetings; ++b) {
+  for (std::size_t a = 0; a < 2 * s.shift_uses; ++a) {
+    for (std::size_t b = a; b < 2 * s.shift_uses; ++b) {
       double more = curve[a][b];
       for (int i = 0; i < nw; ++i) more += shares[a].tau[i] * shares[b].tau[i];
       const std::size_t low = std::min(shares[a].column, shares[b].column);
@@ -140,7 +140,7 @@ void begin_slopes(Border& border) { border.c = border.by_gap; }
 
 void approach(Iterate& it, const Stage& s, const double p[nx]) {
   const Share* shares = shares_of(it, s);
-  for (std::size_t a = 0; a < 2 * s.meetings; ++a) {
+  for (std::size_t a = 0; a < 2 * s.shift_uses; ++a) {
     double t = 0.0;
     for (int i = 0; i < nx; ++i) t += shares[a].f[i] * p[i];
     it.border.c[shares[a].column] += t;
@@ -152,7 +152,7 @@ void pass(Iterate& it, std::size_t k, const double drag[shares_max]) {
   Border& to = it.border;
   const double* Y = to.Y.data() + k * nw * to.row;
   const Share* shares = shares_of(it, s);
-  for (std::size_t a = 0; a < 2 * s.meetings; ++a) {
+  for (std::size_t a = 0; a < 2 * s.shift_uses; ++a) {
     double t = shares[a].slope - drag[a];
     for (int i = 0; i < nw; ++i) t += shares[a].tau[i] * s.tau[i];
     to.c[shares[a].column] += t;

@@ -62,7 +62,7 @@ void follow_costates(const Problem& problem, Iterate& it, const Ending& end, con
     for (int i = 0; i < 3; ++i) {
       for (int j = 0; j < 3; ++j) {
         const int e = symmetric[i][j];
-        costate[i] += (s.bend.majoriser[e] - it.theta * s.bend.covariance[e]) * s.dx[j];
+        costate[i] += (s.log_density.majoriser[e] - it.theta * s.log_density.covariance[e]) * s.dx[j];
       }
     }
     if (s.bounded) costate[2] += s.high.zeta + s.high.dzeta - s.low.zeta - s.low.dzeta;

@@ -57,15 +57,15 @@ Ending ending(const Problem& problem, const Iterate& it) {
   return e;
 }
 
-void end_hessian(const Problem& problem, const Iterate& it, const Ending& end, const Penalty& penalty, bool bends,
-                 double P[nx][nx]) {
+void end_hessian(const Problem& problem, const Iterate& it, const Ending& end, const Penalty& penalty,
+                 bool exact_curvature, double P[nx][nx]) {
   for (int i = 0; i < nx; ++i) {
     for (int j = 0; j < nx; ++j) {
       P[i][j] = 0.0;
       for (int r = 0; r < end.rows; ++r) P[i][j] += penalty.end * end.J[r][i] * end.J[r][j];
     }
   }
-  for (int i = 0; bends && problem.end == End::capturable && i < 3; ++i) {  // -nu . (c x c') / g
+  for (int i = 0; exact_curvature && problem.end == End::capturable && i < 3; ++i) {  // -nu . (c x c') / g
     const int j = (i + 1) % 3;
     const int k = (i + 2) % 3;
     const double curve = it.nu[2 + i] / gravity;
@@ -116,9 +116,9 @@ void move_multipliers(const Problem& problem, Iterate& it, const Penalty& penalt
     for (int i = 0; i < nx; ++i) miss += end.J[r][i] * it.stages[n].dx[i];
     it.nu[r] += share * penalty.end * miss;
   }
-  double total = total_missed(problem, it);
+  double total = total_length_error(problem, it);
   for (const Length& l : it.lengths) total += static_cast<double>(l.intervals) * l.dh;
-  if (std::isfinite(problem.freedom.total)) it.nu_total += share * penalty.end * total;
+  if (std::isfinite(problem.length_limits.total)) it.nu_total += share * penalty.end * total;
   if (!end.rests) return;
   for (int i = 0; i < 3; ++i) it.nu_rest[i] += share * penalty.rest * (end.rest[i] + it.stages[n - 1].dw[i]);
 }

@@ -16,22 +16,23 @@ namespace {
 double densities(const Problem& problem, const Phase& phase, double share, double h, Stage& s, double per_h[4],
                  Iterate& it, const Stage& of, bool ends) {
   double cost = 0.0;
-  for (int i = 0; i < 3; ++i) per_h[1 + i] = -s.bend.gradient[i];
+  for (int i = 0; i < 3; ++i) per_h[1 + i] = -s.log_density.gradient[i];
   for (int i = 0; i < phase.visits; ++i) {
     const Visit& at = problem.visits[static_cast<std::size_t>(phase.first_visit + i)];
     const Density& density = problem.densities[static_cast<std::size_t>(at.density)];
-    Bend* bend = at.moved < 0 ? nullptr : bend_of(it, of, at.moved, ends);
-    if (bend != nullptr) *bend = Bend{};
-    cost += visit(at, density, s.x, problem.w_likelihood * share * h, bend == nullptr ? s.bend : *bend);
-    if (bend == nullptr) continue;
-    for (int j = 0; j < 3; ++j) s.bend.gradient[j] += bend->gradient[j];
+    DensityDerivatives* log_density = at.moved < 0 ? nullptr : density_derivatives_of(it, of, at.moved, ends);
+    if (log_density != nullptr) *log_density = DensityDerivatives{};
+    cost += visit(at, density, s.x, problem.w_likelihood * share * h,
+                  log_density == nullptr ? s.log_density : *log_density);
+    if (log_density == nullptr) continue;
+    for (int j = 0; j < 3; ++j) s.log_density.gradient[j] += log_density->gradient[j];
     for (int j = 0; j < 6; ++j) {
-      s.bend.majoriser[j] += bend->majoriser[j];
-      s.bend.covariance[j] += bend->covariance[j];
+      s.log_density.majoriser[j] += log_density->majoriser[j];
+      s.log_density.covariance[j] += log_density->covariance[j];
     }
   }
   per_h[0] = cost / h;
-  for (int i = 0; i < 3; ++i) per_h[1 + i] = (per_h[1 + i] + s.bend.gradient[i]) / h;
+  for (int i = 0; i < 3; ++i) per_h[1 + i] = (per_h[1 + i] + s.log_density.gradient[i]) / h;
   return cost;
 }
 
@@ -39,8 +40,8 @@ double densities(const Problem& problem, const Phase& phase, double share, doubl
 double wrench(const Iterate& it, Stage& s) {
   v4 sums[nw] = {};
   double effort = 0.0;
-  for (int b = 0; b < s.touches; ++b) {
-    const Touch& t = it.touches[static_cast<std::size_t>(s.first_touch + b)];
+  for (int b = 0; b < s.contact_blocks; ++b) {
+    const ContactBlock& t = it.contact_blocks[static_cast<std::size_t>(s.first_contact_block + b)];
     const Block& block = *t.block;
     const v4* u = t.at.u;
     v4 f[3];
@@ -55,7 +56,7 @@ double wrench(const Iterate& it, Stage& s) {
   }
   for (int i = 0; i < nw; ++i) s.w[i] = sum(sums[i]);
   if (s.hold >= 0) {
-    const Hold& hold = it.holds[static_cast<std::size_t>(s.hold)];
+    const WrenchControl& hold = it.wrench_controls[static_cast<std::size_t>(s.hold)];
     effort += hold.cone->effort * product(hold.at.u, hold.at.u);
     add_wrench(hold, hold.at.u, s.w);
   }
@@ -91,9 +92,9 @@ double squares(const Problem& problem, Stage& s) {
   return 0.5 * (wc * (a[0] * a[0] + a[1] * a[1] + a[2] * a[2]) + wl * (l[0] * l[0] + l[1] * l[1] + l[2] * l[2]));
 }
 
-// What the bounds miss by.
+// Residuals of the bounds.
 void bounds(const Problem& problem, Iterate& it) {
-  for (Touch& t : it.touches) {
+  for (ContactBlock& t : it.contact_blocks) {
     if (t.load < 0) continue;
     Slack<v4>& load = it.loads[static_cast<std::size_t>(t.load)];
     load.r = t.at.u[2] + load.s - t.block->normal_max;
@@ -107,8 +108,8 @@ void bounds(const Problem& problem, Iterate& it) {
     it.planes[a].r = capture(problem.planes[a], it.stages.back().x) + it.planes[a].s - problem.planes[a].offset;
   }
   for (Length& l : it.lengths) {
-    l.low.r = problem.freedom.shortest - l.h / l.given + l.low.s;
-    l.high.r = l.h / l.given + l.high.s - problem.freedom.longest;
+    l.low.r = problem.length_limits.shortest - l.h / l.given + l.low.s;
+    l.high.r = l.h / l.given + l.high.s - problem.length_limits.longest;
   }
 }
 
@@ -135,7 +136,7 @@ double evaluate(const Problem& problem, Iterate& it) {
   const double nodes = curved ? 2.0 : 1.0;  // stages per node
   for (std::size_t k = 0; k <= n; ++k) {
     Stage& s = it.stages[k];
-    s.bend = Bend{};
+    s.log_density = DensityDerivatives{};
     if (curved) {
       if (k < n) cost += wrench(it, s);
       std::fill(s.q, s.q + nx, 0.0);
@@ -157,18 +158,18 @@ double evaluate(const Problem& problem, Iterate& it) {
     if (s.phase != nullptr) {
       cost += densities(problem, *s.phase, (first ? 0.5 : 1.0) * nodes, s.h, s, s.own, it, s, false);
     }
-    for (int i = 0; i < 3; ++i) s.q[i] += s.bend.gradient[i];
+    for (int i = 0; i < 3; ++i) s.q[i] += s.log_density.gradient[i];
   }
   if (curved) cost += curved_squares(problem, it);
   for (Length& l : it.lengths) {
     const double* per_h = it.stages[l.first + l.intervals].before;
     const auto all = static_cast<double>(l.intervals);
-    l.slope = per_h[0] + problem.freedom.price * all;
-    std::copy(per_h + 1, per_h + 4, l.bend);
-    cost += problem.freedom.price * all * l.h;
+    l.slope = per_h[0] + problem.length_limits.price * all;
+    std::copy(per_h + 1, per_h + 4, l.mixed);
+    cost += problem.length_limits.price * all * l.h;
   }
   bounds(problem, it);
-  miss_windows(it);
+  window_residuals(it);
   return cost;
 }
 
@@ -203,8 +204,8 @@ Conditions conditions(const Problem& problem, Iterate& it) {
     Stage& s = it.stages[k];
     const double* y = s.y;
     for (double missed : s.gap) c.feasibility = std::max(c.feasibility, std::fabs(missed));
-    for (int b = 0; b < s.touches; ++b) {
-      const Touch& t = it.touches[static_cast<std::size_t>(s.first_touch + b)];
+    for (int b = 0; b < s.contact_blocks; ++b) {
+      const ContactBlock& t = it.contact_blocks[static_cast<std::size_t>(s.first_contact_block + b)];
       const Block& block = *t.block;
       const v4 e[3] = {y[0] + y[4] * block.p[2] - y[5] * block.p[1], y[1] + y[5] * block.p[0] - y[3] * block.p[2],
                        y[2] + y[3] * block.p[1] - y[4] * block.p[0]};
@@ -219,7 +220,7 @@ Conditions conditions(const Problem& problem, Iterate& it) {
       total += uz;
     }
     if (s.hold >= 0) {
-      const Hold& hold = it.holds[static_cast<std::size_t>(s.hold)];
+      const WrenchControl& hold = it.wrench_controls[static_cast<std::size_t>(s.hold)];
       double slope[nw];
       pull_wrench(hold, y, slope);
       for (int i = 0; i < nw; ++i) {
@@ -231,15 +232,15 @@ Conditions conditions(const Problem& problem, Iterate& it) {
       c.gap += uz;
     }
   }
-  c.feasibility = std::max(c.feasibility, std::fabs(total_missed(problem, it)));
+  c.feasibility = std::max(c.feasibility, std::fabs(total_length_error(problem, it)));
   for (const Length& l : it.lengths) {
     double slope = l.slope + (l.high.zeta - l.low.zeta) / l.given + it.nu_total * static_cast<double>(l.intervals);
     for (std::size_t k = l.first; k < l.first + l.intervals; ++k) {
-      slope += stretch(problem, it.stages[k], it.stretches[k]);
+      slope += differentiate_length(problem, it.stages[k], it.free_intervals[k]);
     }
     c.stationarity = std::max(c.stationarity, l.given * std::fabs(slope));
   }
-  c.stationarity = std::max(c.stationarity, meet(problem, it));
+  c.stationarity = std::max(c.stationarity, differentiate_shifts(problem, it));
   for (int i = 0; i < 4; ++i) {
     c.stationarity = std::max(c.stationarity, worst[i]);
     c.complementarity = std::max(c.complementarity, most[i]);

@@ -12,10 +12,10 @@ namespace {
 
 constexpr int iterations_max = 80;
 constexpr Penalty elastic{1e6, 1e4};
-constexpr double force_most = 10.0;  // the proof holds for forces up to so many body weights on every point
+constexpr double force_most = 10.0;  // the proof is valid for forces up to this many body weights on every point
 
 struct Proof {
-  bool holds;
+  bool wrench_controls;
   std::size_t stage;
 };
 
@@ -51,7 +51,7 @@ Proof proof(const Problem& problem, const Iterate& it) {
   for (std::size_t a = 0; a < it.planes.size(); ++a) {
     value += it.planes[a].zeta / size * (capture(problem.planes[a], x) - problem.planes[a].offset);
   }
-  // What forces could do about it.
+  // With forces.
   double lost = 0.0;
   double hardest = 1e-6;
   std::size_t where = n - 1;
@@ -60,13 +60,13 @@ Proof proof(const Problem& problem, const Iterate& it) {
     double y[nw];
     for (int i = 0; i < nw; ++i) y[i] = s.y[i] / size;
     double pull = 0.0;
-    for (int b = 0; b < s.touches; ++b) {
-      const Block& block = *it.touches[static_cast<std::size_t>(s.first_touch + b)].block;
+    for (int b = 0; b < s.contact_blocks; ++b) {
+      const Block& block = *it.contact_blocks[static_cast<std::size_t>(s.first_contact_block + b)].block;
       const v4 e[3] = {y[0] + y[4] * block.p[2] - y[5] * block.p[1], y[1] + y[5] * block.p[0] - y[3] * block.p[2],
                        y[2] + y[3] * block.p[1] - y[4] * block.p[0]};
       v4 g[3];
       for (int i = 0; i < 3; ++i) g[i] = block.S[i] * e[0] + block.S[3 + i] * e[1] + block.S[6 + i] * e[2];
-      const int load = it.touches[static_cast<std::size_t>(s.first_touch + b)].load;
+      const int load = it.contact_blocks[static_cast<std::size_t>(s.first_contact_block + b)].load;
       if (load >= 0) {
         const v4 zeta = it.loads[static_cast<std::size_t>(load)].zeta / size;
         g[2] += zeta;
@@ -78,7 +78,7 @@ Proof proof(const Problem& problem, const Iterate& it) {
     }
     if (s.hold >= 0) {
       double g[nw];
-      pull_wrench(it.holds[static_cast<std::size_t>(s.hold)], y, g);
+      pull_wrench(it.wrench_controls[static_cast<std::size_t>(s.hold)], y, g);
       lost += force_most * std::max(0.0, std::sqrt(across(g, g)) - g[nw - 1]);
       pull += std::max(0.0, g[nw - 1]);
     }
@@ -101,7 +101,7 @@ Report feasibility(const Problem& problem, Iterate& it, const Settings& settings
   cold_start(least, it, 1.0);
   Report report;
   evaluate(least, it);
-  loosen(it, 1.0);
+  initialise_slacks(it, 1.0);
   for (int i = 0;; ++i) {
     const double cost = evaluate(least, it);
     int cones = 0;
@@ -121,7 +121,7 @@ Report feasibility(const Problem& problem, Iterate& it, const Settings& settings
     }
     if (i > 3 && c.feasibility > 0.1 * settings.tolerance) {
       const Proof found = proof(least, it);
-      if (found.holds) {
+      if (found.wrench_controls) {
         report.verdict = Verdict::infeasible;
         report.stage = found.stage;
         break;
@@ -134,30 +134,31 @@ Report feasibility(const Problem& problem, Iterate& it, const Settings& settings
       report.verdict = Verdict::stalled;
       break;
     }
-    aim(it, 0.0, false);
+    set_targets(it, 0.0, false);
     direction(least, it, elastic);
     Steps by = longest_steps(it);
     by = {std::min(1.0, by.primal), std::min(1.0, by.dual)};
     const double ratio = gap > 0.0 ? complementarity_after(it, by) / gap : 0.0;
-    // The barrier stays while the end is missed, or the cones would close around a point that leads nowhere.
+    // The barrier is kept until the end is met; otherwise the iterates would converge to an infeasible point.
     const double least_mu = std::min(0.1, c.feasibility);
-    aim(it, std::max(least_mu, std::clamp(ratio * ratio * ratio, 1e-2, 1.0) * mu), std::min(by.primal, by.dual) > 0.1);
+    set_targets(it, std::max(least_mu, std::clamp(ratio * ratio * ratio, 1e-2, 1.0) * mu),
+                std::min(by.primal, by.dual) > 0.1);
     direction(least, it, elastic);
     by = longest_steps(it);
     by = {std::min(1.0, 0.99 * by.primal), std::min(1.0, 0.99 * by.dual)};
     move_multipliers(least, it, elastic, by.dual);
     move(it, by);
   }
-  // The start of the whole problem: its own blocks, multipliers of a barrier of one.
+  // Start of the whole problem: its own blocks, multipliers of barrier parameter one.
   for (std::size_t k = 0; k + 1 < it.stages.size(); ++k) {
     Stage& s = it.stages[k];
     s.phase = &problem.phases[static_cast<std::size_t>(s.phase - least.phases.data())];
-    for (int b = 0; b < s.touches; ++b) {
-      Touch& t = it.touches[static_cast<std::size_t>(s.first_touch + b)];
+    for (int b = 0; b < s.contact_blocks; ++b) {
+      ContactBlock& t = it.contact_blocks[static_cast<std::size_t>(s.first_contact_block + b)];
       t.block = &problem.blocks[static_cast<std::size_t>(t.block - least.blocks.data())];
     }
     if (s.hold < 0) continue;
-    Hold& hold = it.holds[static_cast<std::size_t>(s.hold)];
+    WrenchControl& hold = it.wrench_controls[static_cast<std::size_t>(s.hold)];
     hold.cone = &problem.cones[static_cast<std::size_t>(hold.cone - least.cones.data())];
   }
   std::fill(it.nu, it.nu + nx, 0.0);

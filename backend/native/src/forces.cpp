@@ -8,8 +8,8 @@ namespace {
 // S = sum G D^-1 G^T over the points of an interval, moments about m; lower triangle.
 void condense(const Iterate& it, const Stage& s, double S[nw][8]) {
   v4 sums[21] = {};
-  for (int b = 0; b < s.touches; ++b) {
-    const Touch& t = it.touches[static_cast<std::size_t>(s.first_touch + b)];
+  for (int b = 0; b < s.contact_blocks; ++b) {
+    const ContactBlock& t = it.contact_blocks[static_cast<std::size_t>(s.first_contact_block + b)];
     const Block& block = *t.block;
     const double* R = block.S;
     const v4* I = t.D_inverse;
@@ -54,8 +54,8 @@ void condense(const Iterate& it, const Stage& s, double S[nw][8]) {
   }
 }
 
-// g of a block, all but dh Q u.
-void slope_of(const Iterate& it, const Stage& s, const Touch& t, v4 g[3]) {
+// g of a block, without dh Q u.
+void slope_of(const Iterate& it, const Stage& s, const ContactBlock& t, v4 g[3]) {
   for (int i = 0; i < 3; ++i) g[i] = s.h * t.effort(i) * t.at.u[i] - t.target[i];
   if (t.load >= 0) g[2] += it.loads[static_cast<std::size_t>(t.load)].pull();
 }
@@ -64,8 +64,8 @@ template <typename Slope>
 double pulled_by(const Iterate& it, const Stage& s, Slope slope, double tau[nw]) {
   v4 sums[nw] = {};
   v4 drag = {};
-  for (int b = 0; b < s.touches; ++b) {
-    const Touch& t = it.touches[static_cast<std::size_t>(s.first_touch + b)];
+  for (int b = 0; b < s.contact_blocks; ++b) {
+    const ContactBlock& t = it.contact_blocks[static_cast<std::size_t>(s.first_contact_block + b)];
     const Block& block = *t.block;
     v4 g[3];
     v4 d[3];
@@ -86,7 +86,7 @@ double pulled_by(const Iterate& it, const Stage& s, Slope slope, double tau[nw])
   return sum(drag);
 }
 
-// S^T of what pulls at the forces of a block.
+// S^T of the mixed derivative with the forces of a block.
 void pull_of(const Block& block, double share, const double pull[3], v4 g[3]) {
   for (int i = 0; i < 3; ++i) {
     g[i] = (block.S[i] * pull[0] + block.S[3 + i] * pull[1] + block.S[6 + i] * pull[2]) * share * block.real;
@@ -95,8 +95,8 @@ void pull_of(const Block& block, double share, const double pull[3], v4 g[3]) {
 
 template <typename F>
 void each_moved(const Iterate& it, const Stage& s, int place, F f) {
-  for (int b = 0; b < s.touches; ++b) {
-    const Touch& t = it.touches[static_cast<std::size_t>(s.first_touch + b)];
+  for (int b = 0; b < s.contact_blocks; ++b) {
+    const ContactBlock& t = it.contact_blocks[static_cast<std::size_t>(s.first_contact_block + b)];
     if (t.block->moved == place) f(t);
   }
 }
@@ -105,7 +105,7 @@ void each_moved(const Iterate& it, const Stage& s, int place, F f) {
 
 void force_of(const Iterate& it, const Stage& s, int place, double F[3]) {
   F[0] = F[1] = F[2] = 0.0;
-  each_moved(it, s, place, [&](const Touch& t) {
+  each_moved(it, s, place, [&](const ContactBlock& t) {
     const double* S = t.block->S;
     const v4* u = t.at.u;
     for (int i = 0; i < 3; ++i) {
@@ -114,21 +114,21 @@ void force_of(const Iterate& it, const Stage& s, int place, double F[3]) {
   });
 }
 
-void pulled_by_shift(const Iterate& it, const Stage& s, const Meeting& meeting, Share* shares,
-                     double curve[shares_max][shares_max], std::size_t at) {
-  const int place = static_cast<int>(meeting.shift);
+void condensed_shift_gradient(const Iterate& it, const Stage& s, const ShiftUse& use, Share* shares,
+                              double curve[shares_max][shares_max], std::size_t at) {
+  const int place = static_cast<int>(use.shift);
   for (std::size_t a = 0; a < 2; ++a) {
-    const auto slope = [&](const Touch& t, v4 g[3]) {
+    const auto slope = [&](const ContactBlock& t, v4 g[3]) {
       g[0] = g[1] = g[2] = v4{};
-      if (t.block->moved == place) pull_of(*t.block, it.pull_share, meeting.pull[a], g);
+      if (t.block->moved == place) pull_of(*t.block, it.pull_share, use.pull[a], g);
     };
     pulled_by(it, s, slope, shares[a].tau);
   }
-  each_moved(it, s, place, [&](const Touch& t) {
+  each_moved(it, s, place, [&](const ContactBlock& t) {
     v4 g[2][3];
     v4 d[2][3];
     for (std::size_t a = 0; a < 2; ++a) {
-      pull_of(*t.block, it.pull_share, meeting.pull[a], g[a]);
+      pull_of(*t.block, it.pull_share, use.pull[a], g[a]);
       times(t.D_inverse, g[a], d[a]);
     }
     for (std::size_t a = 0; a < 2; ++a) {
@@ -137,24 +137,24 @@ void pulled_by_shift(const Iterate& it, const Stage& s, const Meeting& meeting, 
   });
 }
 
-void drag_of_shift(const Iterate& it, const Stage& s, const Meeting& meeting, double drag[2]) {
+void drag_of_shift(const Iterate& it, const Stage& s, const ShiftUse& use, double drag[2]) {
   drag[0] = drag[1] = 0.0;
-  each_moved(it, s, static_cast<int>(meeting.shift), [&](const Touch& t) {
+  each_moved(it, s, static_cast<int>(use.shift), [&](const ContactBlock& t) {
     v4 g[3];
     v4 d[3];
     slope_of(it, s, t, g);
     times(t.D_inverse, g, d);
     for (std::size_t a = 0; a < 2; ++a) {
-      v4 pulled[3];
-      pull_of(*t.block, it.pull_share, meeting.pull[a], pulled);
-      drag[a] += sum(product(pulled, d));
+      v4 condensed_gradient[3];
+      pull_of(*t.block, it.pull_share, use.pull[a], condensed_gradient);
+      drag[a] += sum(product(condensed_gradient, d));
     }
   });
 }
 
 void scale_forces(Iterate& it, const Stage& s) {
-  for (int b = 0; b < s.touches; ++b) {
-    Touch& t = it.touches[static_cast<std::size_t>(s.first_touch + b)];
+  for (int b = 0; b < s.contact_blocks; ++b) {
+    ContactBlock& t = it.contact_blocks[static_cast<std::size_t>(s.first_contact_block + b)];
     t.scaling = scaling(t.at);
     const v4 along = splat4(s.h * t.block->effort[0]);
     v4 normal = splat4(s.h * t.block->effort[1]);
@@ -167,7 +167,7 @@ void root_of_forces(const Iterate& it, Stage& s) {
   double S[nw][8];
   condense(it, s, S);
   semidefinite_root(S, s.L, s.L_inverse);
-  // Moments about the origin again: T + m x F. About a point far away, small pivots would be lost among large ones.
+  // Moments about the origin: T + m x F. The factorisation is about m, as a distant point would hide small pivots.
   for (int j = 0; j < 3; ++j) {
     s.L[3][j] += s.m[1] * s.L[2][j] - s.m[2] * s.L[1][j];
     s.L[4][j] += s.m[2] * s.L[0][j] - s.m[0] * s.L[2][j];
@@ -175,12 +175,12 @@ void root_of_forces(const Iterate& it, Stage& s) {
   }
 }
 
-double pulled(const Iterate& it, const Stage& s, double tau[nw]) {
-  return pulled_by(it, s, [&](const Touch& t, v4 g[3]) { slope_of(it, s, t, g); }, tau);
+double condensed_gradient(const Iterate& it, const Stage& s, double tau[nw]) {
+  return pulled_by(it, s, [&](const ContactBlock& t, v4 g[3]) { slope_of(it, s, t, g); }, tau);
 }
 
-double pulled_by_effort(const Iterate& it, const Stage& s, double tau[nw]) {
-  const auto slope = [](const Touch& t, v4 g[3]) {
+double condensed_effort_gradient(const Iterate& it, const Stage& s, double tau[nw]) {
+  const auto slope = [](const ContactBlock& t, v4 g[3]) {
     for (int i = 0; i < 3; ++i) g[i] = t.effort(i) * t.at.u[i];
   };
   return pulled_by(it, s, slope, tau);
@@ -189,8 +189,8 @@ double pulled_by_effort(const Iterate& it, const Stage& s, double tau[nw]) {
 void follow(Iterate& it, const Stage& s, double omega[nw], double dh) {
   double* y = omega;
   solve_upper(s.L, s.L_inverse, y);
-  for (int b = 0; b < s.touches; ++b) {
-    Touch& t = it.touches[static_cast<std::size_t>(s.first_touch + b)];
+  for (int b = 0; b < s.contact_blocks; ++b) {
+    ContactBlock& t = it.contact_blocks[static_cast<std::size_t>(s.first_contact_block + b)];
     const Block& block = *t.block;
     const v4 e[3] = {y[0] + y[4] * block.p[2] - y[5] * block.p[1], y[1] + y[5] * block.p[0] - y[3] * block.p[2],
                      y[2] + y[3] * block.p[1] - y[4] * block.p[0]};
@@ -200,13 +200,13 @@ void follow(Iterate& it, const Stage& s, double omega[nw], double dh) {
       g[i] = block.S[i] * e[0] + block.S[3 + i] * e[1] + block.S[6 + i] * e[2] - g[i];
       g[i] -= dh * t.effort(i) * t.at.u[i];
     }
-    for (std::size_t m = 0; block.moved >= 0 && m < s.meetings; ++m) {
-      const Meeting& meeting = it.meetings[s.first_meeting + m];
-      if (meeting.shift != static_cast<std::size_t>(block.moved)) continue;
+    for (std::size_t m = 0; block.moved >= 0 && m < s.shift_uses; ++m) {
+      const ShiftUse& use = it.shift_uses[s.first_shift_use + m];
+      if (use.shift != static_cast<std::size_t>(block.moved)) continue;
       for (std::size_t a = 0; a < 2; ++a) {
-        v4 pulled[3];
-        pull_of(block, it.pull_share, meeting.pull[a], pulled);
-        for (int i = 0; i < 3; ++i) g[i] -= it.shifts[meeting.shift].step[a] * pulled[i];
+        v4 condensed_gradient[3];
+        pull_of(block, it.pull_share, use.pull[a], condensed_gradient);
+        for (int i = 0; i < 3; ++i) g[i] -= it.shifts[use.shift].step[a] * condensed_gradient[i];
       }
     }
     times(t.D_inverse, g, t.du);
@@ -219,8 +219,8 @@ void follow(Iterate& it, const Stage& s, double omega[nw], double dh) {
 }
 
 void follow_slope(Iterate& it, const Stage& s, const double y[nw]) {
-  for (int b = 0; b < s.touches; ++b) {
-    Touch& t = it.touches[static_cast<std::size_t>(s.first_touch + b)];
+  for (int b = 0; b < s.contact_blocks; ++b) {
+    ContactBlock& t = it.contact_blocks[static_cast<std::size_t>(s.first_contact_block + b)];
     const Block& block = *t.block;
     const v4 e[3] = {y[0] + y[4] * block.p[2] - y[5] * block.p[1], y[1] + y[5] * block.p[0] - y[3] * block.p[2],
                      y[2] + y[3] * block.p[1] - y[4] * block.p[0]};

@@ -19,20 +19,20 @@ void times(const Spectrum& of, const double (&g)[nw], double (&out)[nw]) {
 
 }  // namespace
 
-void add_wrench(const Hold& hold, const double (&u)[nw], double* w) {
+void add_wrench(const WrenchControl& hold, const double (&u)[nw], double* w) {
   for (int i = 0; i < nw; ++i) {
     for (int j = 0; j < nw; ++j) w[i] += hold.cone->G[i][j] * u[j];
   }
 }
 
-void pull_wrench(const Hold& hold, const double* y, double (&out)[nw]) {
+void pull_wrench(const WrenchControl& hold, const double* y, double (&out)[nw]) {
   for (int j = 0; j < nw; ++j) {
     out[j] = 0.0;
     for (int i = 0; i < nw; ++i) out[j] += hold.cone->G[i][j] * y[i];
   }
 }
 
-void scale(Hold& hold, double h) {
+void scale(WrenchControl& hold, double h) {
   hold.scaling = scaling(hold.at);
   const auto& w = hold.scaling.w;
   const double e = h * hold.cone->effort;
@@ -46,7 +46,7 @@ void scale(Hold& hold, double h) {
   D.rest = 1.0 / std::sqrt(e + f);
 }
 
-void root_of(const Hold& hold, double L[nw][8]) {
+void root_of(const WrenchControl& hold, double L[nw][8]) {
   for (int i = 0; i < nw; ++i) {
     double row[nw];
     times(hold.D_root, hold.cone->G[i], row);
@@ -54,7 +54,7 @@ void root_of(const Hold& hold, double L[nw][8]) {
   }
 }
 
-void pulled(const Hold& hold, double h, double tau[nw]) {
+void condensed_gradient(const WrenchControl& hold, double h, double tau[nw]) {
   double g[nw];
   double d[nw];
   for (int i = 0; i < nw; ++i) g[i] = h * hold.cone->effort * hold.at.u[i] - hold.target[i];
@@ -62,7 +62,7 @@ void pulled(const Hold& hold, double h, double tau[nw]) {
   for (int i = 0; i < nw; ++i) tau[i] = d[i];
 }
 
-void follow(Hold& hold, const double (&omega)[nw]) {
+void follow(WrenchControl& hold, const double (&omega)[nw]) {
   times(hold.D_root, omega, hold.du);
   double once[nw];
   double twice[nw];

@@ -22,7 +22,7 @@ constexpr double least_curve = 1e-2;  // in units of cost for a length that doub
 
 void free_lengths(const Problem& problem, Iterate& it) {
   it.lengths.clear();
-  it.stretches.assign(it.stages.size() - 1, Stretch{});
+  it.free_intervals.assign(it.stages.size() - 1, FreeInterval{});
   std::size_t first = 0;
   for (const Phase& phase : problem.phases) {
     Length length{};
@@ -36,7 +36,7 @@ void free_lengths(const Problem& problem, Iterate& it) {
   it.nu_total = 0.0;
 }
 
-double stretch(const Problem& problem, const Stage& s, Stretch& of) {
+double differentiate_length(const Problem& problem, const Stage& s, FreeInterval& of) {
   const double h = s.h;
   const double* v = s.x + 3;
   const double* F = s.w;
@@ -56,7 +56,7 @@ double stretch(const Problem& problem, const Stage& s, Stretch& of) {
   const double* to_v = s.costate + 3;
   const double* to_K = s.costate + 6;
   const double turned[3] = {to_K[1], -to_K[0], 0.0};
-  Bent& more = of.more;
+  SecondDerivatives& more = of.more;
   more.curve = dot(to_c, a);
   for (int i = 0; i < 3; ++i) {
     more.curve += turned[i] * (v[i] + h * gravity * F[i]);
@@ -93,8 +93,8 @@ double stretch(const Problem& problem, const Stage& s, Stretch& of) {
   cross(m, l_h, ml_h);
   cross(m_h, l, m_hl);
   of.slope = wc * dot(a, a) + 0.5 * wl * dot(l, l) + h * wl * dot(l, l_h) + s.effort + s.own[0];
-  // Gauss and Newton's part, of the squares of sqrt(h) a, sqrt(h) l and sqrt(h) u; what is missing of the whole.
-  Bent& squared = of.squared;
+  // Gauss-Newton part of the squares of sqrt(h) a, sqrt(h) l and sqrt(h) u; `more` is the rest of the Hessian.
+  SecondDerivatives& squared = of.squared;
   double l_s[3];
   double l_sF[3];
   double ml_s[3];
@@ -119,25 +119,25 @@ double stretch(const Problem& problem, const Stage& s, Stretch& of) {
   return slope;
 }
 
-double total_missed(const Problem& problem, const Iterate& it) {
-  if (it.lengths.empty() || !std::isfinite(problem.freedom.total)) return 0.0;
-  double all = -problem.freedom.total;
+double total_length_error(const Problem& problem, const Iterate& it) {
+  if (it.lengths.empty() || !std::isfinite(problem.length_limits.total)) return 0.0;
+  double all = -problem.length_limits.total;
   for (const Length& l : it.lengths) all += static_cast<double>(l.intervals) * l.h;
   return all;
 }
 
 Columns columns(const Problem& problem, const Penalty& penalty) {
   Columns to{};
-  if (std::isfinite(problem.freedom.total)) to.C[1][1] = penalty.end;
+  if (std::isfinite(problem.length_limits.total)) to.C[1][1] = penalty.end;
   return to;
 }
 
 void enter(const Length& length, Columns& to) {
-  for (int i = 0; i < nx; ++i) to.E[i][0] = i < 3 ? length.bend[i] : 0.0;
+  for (int i = 0; i < nx; ++i) to.E[i][0] = i < 3 ? length.mixed[i] : 0.0;
   to.C[0][0] = to.C[0][1] = 0.0;
 }
 
-void approach(const Stage& s, Stretch& of, const double P[nx][nx], Columns& to) {
+void approach(const Stage& s, FreeInterval& of, const double P[nx][nx], Columns& to) {
   of.pulled_by_gap[0] = of.pulled_by_gap[1] = 0.0;
   for (int i = 0; i < nx; ++i) {
     for (int j = 0; j < 2; ++j) of.pulled_by_gap[j] += to.E[i][j] * s.gap[i];
@@ -151,7 +151,7 @@ void approach(const Stage& s, Stretch& of, const double P[nx][nx], Columns& to) 
   }
 }
 
-void pass(const Stage& s, Stretch& of, double theta, double drag, Columns& to) {
+void pass(const Stage& s, FreeInterval& of, double theta, double drag, Columns& to) {
   for (int j = 0; j < 2; ++j) {
     double l[nx];
     double to_x[nx];
@@ -196,12 +196,12 @@ bool leave(Length& length, Columns& to, double P[nx][nx]) {
   return true;
 }
 
-void approach(const Stretch& of, const double p[nx], double c[2]) {
+void approach(const FreeInterval& of, const double p[nx], double c[2]) {
   for (int i = 0; i < nx; ++i) c[0] += of.f[i] * p[i];
   for (int j = 0; j < 2; ++j) c[j] += of.pulled_by_gap[j];
 }
 
-void pass(const Stage& s, const Stretch& of, double drag, double c[2]) {
+void pass(const Stage& s, const FreeInterval& of, double drag, double c[2]) {
   c[0] += of.slope - drag;
   for (int i = 0; i < nw; ++i) {
     c[0] += of.tau[i] * s.tau[i] - of.Y[i][0] * s.kappa[i];

@@ -1,4 +1,4 @@
-// The binding: Python sees flat arrays go in and come out; the solver knows nothing of Python.
+// Python binding: flat arrays in and out; the solver itself is independent of Python.
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
 #include <nanobind/stl/string.h>
@@ -25,8 +25,8 @@ using Reals3 = Array<double, 3>;
 using Ints1 = Array<std::int32_t, 1>;
 using Ints2 = Array<std::int32_t, 2>;
 
-void require(bool holds, const char* what) {
-  if (!holds) throw nb::value_error(what);
+void require(bool wrench_controls, const char* what) {
+  if (!wrench_controls) throw nb::value_error(what);
 }
 
 template <typename A>
@@ -79,22 +79,23 @@ Density density(const Reals1& constants, const Reals2& means, const Reals3& whit
   return d;
 }
 
-// A problem with its iterate: what is solved once begins where it stands when it is solved again.
-struct Held {
+// A problem with its iterate; a further solve starts from the last iterate.
+struct ProblemState {
   Problem problem;
   Iterate iterate;
 };
 
-std::unique_ptr<Held> build(const Reals1& weights, const Reals1& start, const Reals1& goal, const nb::list& densities,
-                            const Ints1& visit_density, const Reals2& visit_place, const Reals3& visit_axes,
-                            const Reals3& block_S, const Reals3& block_points, const Ints1& block_count,
-                            const Reals2& block_effort, const Reals1& block_most, const Ints2& phase_layout,
-                            const Reals1& phase_h, const Reals2& phase_height, bool capturable, const Reals2& planes,
-                            const Reals3& wrench_cones, const Ints1& phase_cone, const Reals1& freedom,
-                            const Ints2& block_edges, bool cubic, const Ints2& places, const Reals3& place_axes,
-                            const Reals2& place_windows, const Ints1& block_place, const Ints1& visit_place_of,
-                            const Reals2& limbs) {
-  auto held = std::make_unique<Held>();
+std::unique_ptr<ProblemState> build(const Reals1& weights, const Reals1& start, const Reals1& goal,
+                                    const nb::list& densities, const Ints1& visit_density, const Reals2& visit_place,
+                                    const Reals3& visit_axes, const Reals3& block_S, const Reals3& block_points,
+                                    const Ints1& block_count, const Reals2& block_effort, const Reals1& block_most,
+                                    const Ints2& phase_layout, const Reals1& phase_h, const Reals2& phase_height,
+                                    bool capturable, const Reals2& planes, const Reals3& wrench_cones,
+                                    const Ints1& phase_cone, const Reals1& length_limits, const Ints2& block_edges,
+                                    bool cubic, const Ints2& places, const Reals3& place_axes,
+                                    const Reals2& place_windows, const Ints1& block_place, const Ints1& visit_place_of,
+                                    const Reals2& limbs) {
+  auto held = std::make_unique<ProblemState>();
   Problem& p = held->problem;
   require(weights.size() == 3, "weights are those of acceleration, momentum rate and likelihood");
   require(start.size() == nx && goal.size() == nx, "start and goal have nine entries");
@@ -135,7 +136,7 @@ std::unique_ptr<Held> build(const Reals1& weights, const Reals1& start, const Re
             "places are in the order of their last phases");
     p.places.push_back(at);
   }
-  require(p.places.empty() || freedom.size() == 0, "lengths and places are not free at once");
+  require(p.places.empty() || length_limits.size() == 0, "lengths and places are not free at once");
   for (int f = 0; f < static_cast<int>(phase_h.size()); ++f) {
     int at_once = 0;
     for (const Place& at : p.places) at_once += at.first_phase <= f && f <= at.last_phase;
@@ -191,15 +192,16 @@ std::unique_ptr<Held> build(const Reals1& weights, const Reals1& start, const Re
     require(b.moved >= -1 && b.moved < n_places, "places of blocks exist");
     p.blocks.push_back(b);
   }
-  require(freedom.size() == 0 || freedom.size() == 4, "freedom is shortest, longest, total and price");
-  if (freedom.size() == 4) {
-    p.freedom = {true, freedom(0), freedom(1), freedom(2), freedom(3)};
-    require(freedom(0) > 0.0 && freedom(0) <= 1.0 && freedom(1) >= 1.0 && freedom(0) < freedom(1) &&
-                std::isfinite(freedom(1) + freedom(3)) && freedom(2) > 0.0 && freedom(3) >= 0.0,
+  require(length_limits.size() == 0 || length_limits.size() == 4, "freedom is shortest, longest, total and price");
+  if (length_limits.size() == 4) {
+    p.length_limits = {true, length_limits(0), length_limits(1), length_limits(2), length_limits(3)};
+    require(length_limits(0) > 0.0 && length_limits(0) <= 1.0 && length_limits(1) >= 1.0 &&
+                length_limits(0) < length_limits(1) && std::isfinite(length_limits(1) + length_limits(3)) &&
+                length_limits(2) > 0.0 && length_limits(3) >= 0.0,
             "free lengths lie around those given");
   }
   p.shape = cubic ? Shape::cubic : Shape::constant;
-  require(!cubic || freedom.size() == 0, "of splines the lengths are given");
+  require(!cubic || length_limits.size() == 0, "of splines the lengths are given");
   require(phase_layout.shape(0) == phase_h.size() && phase_layout.shape(1) == 5 && phase_h.size() > 0,
           "phases have (intervals, first block, blocks, first visit, visits) and a length of interval");
   finite(phase_h, "lengths of intervals");
@@ -246,7 +248,7 @@ std::unique_ptr<Held> build(const Reals1& weights, const Reals1& start, const Re
   }
   const std::size_t rates = cubic ? intervals / 2 * n_gauss : intervals;
   require(limbs.shape(1) == 3 && (limbs.shape(0) == 0 || limbs.shape(0) == rates), "limbs have a rate per interval");
-  require(limbs.shape(0) == 0 || (freedom.size() == 0 && n_places == 0), "limbs move on a given grid");
+  require(limbs.shape(0) == 0 || (length_limits.size() == 0 && n_places == 0), "limbs move on a given grid");
   finite(limbs, "rates of the limbs");
   p.limbs.assign(limbs.data(), limbs.data() + limbs.size());
   return held;
@@ -265,15 +267,15 @@ void require_inside(double u_across, double u_head, double z_across, double z_he
   require(u_across < u_head && z_across < z_head, "forces and multipliers of a start lie inside their cones");
 }
 
-// A start: states, forces and multipliers in the order of the blocks, wrenches in that of the intervals; false, and
-// nothing taken, unless they fit.
-bool begin(Held& held, const Reals2& x, const Reals3& u, const Reals3& z, const Reals2& wrench_u,
+// Set a start: states, forces and multipliers in the order of the blocks, wrenches in that of the intervals. Returns
+// false and changes nothing if the sizes do not match.
+bool begin(ProblemState& held, const Reals2& x, const Reals3& u, const Reals3& z, const Reals2& wrench_u,
            const Reals2& wrench_z, const Reals1& phase_h) {
   Iterate& it = held.iterate;
   cold_start(held.problem, it, 1.0);
-  if (!shaped(x, {it.stages.size(), nx}) || !shaped(u, {it.touches.size(), 4, 3}) ||
-      !shaped(z, {it.touches.size(), 4, 3}) || !shaped(wrench_u, {it.holds.size(), nw}) ||
-      !shaped(wrench_z, {it.holds.size(), nw}) || phase_h.size() != held.problem.phases.size()) {
+  if (!shaped(x, {it.stages.size(), nx}) || !shaped(u, {it.contact_blocks.size(), 4, 3}) ||
+      !shaped(z, {it.contact_blocks.size(), 4, 3}) || !shaped(wrench_u, {it.wrench_controls.size(), nw}) ||
+      !shaped(wrench_z, {it.wrench_controls.size(), nw}) || phase_h.size() != held.problem.phases.size()) {
     return false;
   }
   finite(x, "states of a start");
@@ -283,15 +285,15 @@ bool begin(Held& held, const Reals2& x, const Reals3& u, const Reals3& z, const 
   finite(wrench_z, "multipliers of wrenches of a start");
   finite(phase_h, "lengths of a start");
   for (Stage& s : it.stages) {
-    if (s.phase == nullptr || !held.problem.freedom.lengths) continue;
+    if (s.phase == nullptr || !held.problem.length_limits.lengths) continue;
     s.h = phase_h(static_cast<std::size_t>(s.phase - held.problem.phases.data()));
     require(s.h > 0.0, "lengths of a start are positive");
   }
   for (std::size_t k = 1; k < it.stages.size(); ++k) {
     for (std::size_t i = 0; i < nx; ++i) it.stages[k].x[i] = x(k, i);
   }
-  for (std::size_t s = 0; s < it.touches.size(); ++s) {
-    Touch& t = it.touches[s];
+  for (std::size_t s = 0; s < it.contact_blocks.size(); ++s) {
+    ContactBlock& t = it.contact_blocks[s];
     for (std::size_t j = 0; j < static_cast<std::size_t>(t.block->points); ++j) {
       for (std::size_t i = 0; i < 3; ++i) {
         t.at.u[i][j] = u(s, j, i);
@@ -300,8 +302,8 @@ bool begin(Held& held, const Reals2& x, const Reals3& u, const Reals3& z, const 
       require_inside(std::hypot(u(s, j, 0), u(s, j, 1)), u(s, j, 2), std::hypot(z(s, j, 0), z(s, j, 1)), z(s, j, 2));
     }
   }
-  for (std::size_t s = 0; s < it.holds.size(); ++s) {
-    auto& at = it.holds[s].at;
+  for (std::size_t s = 0; s < it.wrench_controls.size(); ++s) {
+    auto& at = it.wrench_controls[s].at;
     for (std::size_t i = 0; i < nw; ++i) {
       at.u[i] = wrench_u(s, i);
       at.z[i] = wrench_z(s, i);
@@ -311,7 +313,7 @@ bool begin(Held& held, const Reals2& x, const Reals3& u, const Reals3& z, const 
   return true;
 }
 
-nb::dict run(Held& held, int iterations, double seconds, double tolerance, double gap, bool warm) {
+nb::dict run(ProblemState& held, int iterations, double seconds, double tolerance, double gap, bool warm) {
   Settings settings;
   settings.iterations = iterations;
   settings.seconds = seconds;
@@ -331,7 +333,7 @@ nb::dict run(Held& held, int iterations, double seconds, double tolerance, doubl
   const Iterate& it = held.iterate;
   std::vector<double> x, u, z, wrench_u, wrench_z, phase_h, log;
   for (const Stage& s : it.stages) x.insert(x.end(), s.x, s.x + nx);
-  for (const auto& t : it.touches) {
+  for (const auto& t : it.contact_blocks) {
     for (int j = 0; j < 4; ++j) {
       for (int i = 0; i < 3; ++i) {
         u.push_back(t.at.u[i][j]);
@@ -341,7 +343,7 @@ nb::dict run(Held& held, int iterations, double seconds, double tolerance, doubl
   }
   for (const Phase& f : held.problem.phases) phase_h.push_back(f.h);
   for (std::size_t i = 0; i < it.lengths.size(); ++i) phase_h[i] = it.lengths[i].h;
-  for (const Hold& hold : it.holds) {
+  for (const WrenchControl& hold : it.wrench_controls) {
     wrench_u.insert(wrench_u.end(), hold.at.u, hold.at.u + nw);
     wrench_z.insert(wrench_z.end(), hold.at.z, hold.at.z + nw);
   }
@@ -359,12 +361,12 @@ nb::dict run(Held& held, int iterations, double seconds, double tolerance, doubl
   d["gap"] = report.conditions.gap;
   d["stage"] = report.stage;
   d["cpu_s"] = cpu;
-  const std::size_t n = it.stages.size(), m = it.touches.size(), l = report.log.size();
+  const std::size_t n = it.stages.size(), m = it.contact_blocks.size(), l = report.log.size();
   d["x"] = array(std::move(x), {n, static_cast<std::size_t>(nx)});
   d["u"] = array(std::move(u), {m, 4, 3});
   d["z"] = array(std::move(z), {m, 4, 3});
-  d["wrench_u"] = array(std::move(wrench_u), {it.holds.size(), static_cast<std::size_t>(nw)});
-  d["wrench_z"] = array(std::move(wrench_z), {it.holds.size(), static_cast<std::size_t>(nw)});
+  d["wrench_u"] = array(std::move(wrench_u), {it.wrench_controls.size(), static_cast<std::size_t>(nw)});
+  d["wrench_z"] = array(std::move(wrench_z), {it.wrench_controls.size(), static_cast<std::size_t>(nw)});
   std::vector<double> shift(2 * held.problem.places.size(), 0.0);
   for (std::size_t i = 0; i < it.shifts.size(); ++i) std::copy(it.shifts[i].d, it.shifts[i].d + 2, &shift[2 * i]);
   d["shift"] = array(std::move(shift), {held.problem.places.size(), 2});
@@ -378,7 +380,7 @@ nb::dict run(Held& held, int iterations, double seconds, double tolerance, doubl
 NB_MODULE(_native, module) {
   module.attr("__version__") = "0.1.0";
   module.attr("INTERFACE") = 4;
-  nb::class_<Held>(module, "Problem")
+  nb::class_<ProblemState>(module, "Problem")
       .def("begin", &begin, "x"_a, "u"_a, "z"_a, "wrench_u"_a, "wrench_z"_a, "phase_h"_a)
       .def("solve", &run, "iterations"_a, "seconds"_a, "tolerance"_a, "gap"_a, "warm"_a);
   module.def("problem", &build);

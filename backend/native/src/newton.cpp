@@ -16,7 +16,7 @@
 namespace stridelab {
 namespace {
 
-// Gauss and Newton's H of h w_c |c''|^2 + h w_L |l|^2 in (c, w), l = T - m x F; v follows c with h/2.
+// Gauss-Newton H of h w_c |c''|^2 + h w_L |l|^2 in (c, w), l = T - m x F; v follows c with h/2.
 void curvature(const Problem& problem, const Stage& s, double twist, double cc[3][3], double cw[3][8],
                double ww[nw][8]) {
   const double wl = 2.0 * s.h * problem.w_momentum;
@@ -147,7 +147,7 @@ bool eliminate(const Problem& problem, Stage& s, double theta, double twist, dou
   for (int i = 0; i < 3; ++i) {
     for (int j = 0; j < 3; ++j) {
       const int e = symmetric[i][j];
-      P[i][j] += cc[i][j] + s.bend.majoriser[e] - theta * s.bend.covariance[e];
+      P[i][j] += cc[i][j] + s.log_density.majoriser[e] - theta * s.log_density.covariance[e];
       P[i][3 + j] += 0.5 * h * cc[i][j];
       P[3 + i][j] += 0.5 * h * cc[i][j];
       P[3 + i][3 + j] += 0.25 * h * h * cc[i][j];
@@ -170,7 +170,7 @@ bool eliminate(const Problem& problem, Stage& s, double theta, double twist, dou
 void scale_cones(Iterate& it) {
   for (Stage& s : it.stages) {
     scale_forces(it, s);
-    if (s.hold >= 0) scale(it.holds[static_cast<std::size_t>(s.hold)], s.h);
+    if (s.hold >= 0) scale(it.wrench_controls[static_cast<std::size_t>(s.hold)], s.h);
   }
 }
 
@@ -190,28 +190,28 @@ bool factor(const Problem& problem, Iterate& it, const Penalty& penalty, Theta t
     Stage& s = it.stages[k];
     for (int i = 0; i < nw; ++i) s.L[i][6] = s.L[i][7] = 0.0;
     if (s.hold >= 0) {
-      root_of(it.holds[static_cast<std::size_t>(s.hold)], s.L);
+      root_of(it.wrench_controls[static_cast<std::size_t>(s.hold)], s.L);
     } else {
       root_of_forces(it, s);
     }
     Length* length = length_of(problem, it, s);
-    Stretch* stretched = length == nullptr ? nullptr : &it.stretches[k];
+    FreeInterval* stretched = length == nullptr ? nullptr : &it.free_intervals[k];
     if (stretched != nullptr) {
       if (k + 1 == length->first + length->intervals) enter(*length, to);
       approach(s, *stretched, P, to);
     }
-    if (s.meetings > 0 && it.stages[k + 1].phase != s.phase) leave_phase(it, s, theta.densities);
+    if (s.shift_uses > 0 && it.stages[k + 1].phase != s.phase) leave_phase(it, s, theta.densities);
     if (!it.shifts.empty()) approach(it, s, P);
     const double rest = k + 1 == n && end.rests ? penalty.rest : 0.0;
     if (!eliminate(problem, s, theta.densities, theta.twist, rest, P)) return false;
     if (stretched != nullptr) {
-      double drag = pulled_by_effort(it, s, stretched->tau);
+      double drag = condensed_effort_gradient(it, s, stretched->tau);
       for (double& t : stretched->tau) t *= it.effort_share;
       drag *= it.effort_share * it.effort_share;
       pass(s, *stretched, theta.lengths, drag, to);
       if (k == length->first && !leave(*length, to, P)) return false;
     }
-    if (!it.shifts.empty()) pass_meetings(problem, it, k, theta.densities);
+    if (!it.shifts.empty()) pass_shift_uses(problem, it, k, theta.densities);
   }
   return it.shifts.empty() || factor_shifts(it);
 }
@@ -222,14 +222,14 @@ void direction(const Problem& problem, Iterate& it, const Penalty& penalty) {
   const Ending end = ending(problem, it);
   double p[nx];
   end_gradient(problem, it, end, penalty, p);
-  double c[2] = {0.0, it.nu_total + penalty.end * total_missed(problem, it)};
+  double c[2] = {0.0, it.nu_total + penalty.end * total_length_error(problem, it)};
   if (!it.shifts.empty()) begin_slopes(it.border);
   for (std::size_t k = n; k-- > 0;) {
     Stage& s = it.stages[k];
     for (int i = 0; i < nx; ++i) p[i] += s.P_gap[i];
     if (!it.shifts.empty()) approach(it, s, p);
     Length* length = length_of(problem, it, s);
-    const Stretch* stretched = length == nullptr ? nullptr : &it.stretches[k];
+    const FreeInterval* stretched = length == nullptr ? nullptr : &it.free_intervals[k];
     if (stretched != nullptr) {
       if (k + 1 == length->first + length->intervals) c[0] = length->slope;
       approach(*stretched, p, c);
@@ -243,9 +243,9 @@ void direction(const Problem& problem, Iterate& it, const Penalty& penalty) {
     }
     double drag = 0.0;
     if (s.hold >= 0) {
-      pulled(it.holds[static_cast<std::size_t>(s.hold)], s.h, s.tau);
+      condensed_gradient(it.wrench_controls[static_cast<std::size_t>(s.hold)], s.h, s.tau);
     } else {
-      drag = pulled(it, s, s.tau);
+      drag = condensed_gradient(it, s, s.tau);
     }
     for (int i = 0; i < nw; ++i) {
       s.kappa[i] = s.tau[i];
@@ -270,7 +270,7 @@ void direction(const Problem& problem, Iterate& it, const Penalty& penalty) {
   for (std::size_t k = 0; k < n; ++k) {
     Stage& s = it.stages[k];
     Length* length = length_of(problem, it, s);
-    const Stretch* stretched = length == nullptr ? nullptr : &it.stretches[k];
+    const FreeInterval* stretched = length == nullptr ? nullptr : &it.free_intervals[k];
     if (stretched != nullptr && k == length->first) dt += step_of(*length, s.dx, dt);
     double omega[nw];
     for (int i = 0; i < nw; ++i) {
@@ -291,7 +291,7 @@ void direction(const Problem& problem, Iterate& it, const Penalty& penalty) {
     for (int i = 0; i < nx; ++i) next[i] += s.gap[i];
     for (int i = 0; stretched != nullptr && i < nx; ++i) next[i] += stretched->f[i] * length->dh;
     const Share* shares = shares_of(it, s);
-    for (std::size_t a = 0; a < 2 * s.meetings; ++a) {
+    for (std::size_t a = 0; a < 2 * s.shift_uses; ++a) {
       for (int i = 6; i < nx; ++i) next[i] += shares[a].f[i] * it.border.step[shares[a].column];
     }
     if (s.bounded) {
@@ -299,13 +299,14 @@ void direction(const Problem& problem, Iterate& it, const Penalty& penalty) {
       s.high.follow(s.dx[2]);
     }
     if (s.hold >= 0) {
-      follow(it.holds[static_cast<std::size_t>(s.hold)], omega);
+      follow(it.wrench_controls[static_cast<std::size_t>(s.hold)], omega);
       continue;
     }
     for (int i = 0; i < nw; ++i) {
       omega[i] += s.tau[i];
       if (stretched != nullptr) omega[i] += stretched->tau[i] * length->dh;
-      for (std::size_t a = 0; a < 2 * s.meetings; ++a) omega[i] += shares[a].tau[i] * it.border.step[shares[a].column];
+      for (std::size_t a = 0; a < 2 * s.shift_uses; ++a)
+        omega[i] += shares[a].tau[i] * it.border.step[shares[a].column];
     }
     follow(it, s, omega, stretched == nullptr ? 0.0 : it.effort_share * length->dh);
   }

@@ -20,12 +20,12 @@ void cross(const double* a, const double* b, double* out) {
 }
 
 // The curvature of -log p along an axis.
-void along(const Bend& bend, double theta, const double* axis, double* out) {
+void along(const DensityDerivatives& log_density, double theta, const double* axis, double* out) {
   for (int i = 0; i < 3; ++i) {
     out[i] = 0.0;
     for (int j = 0; j < 3; ++j) {
       const int e = symmetric[i][j];
-      out[i] += (bend.majoriser[e] - theta * bend.covariance[e]) * axis[j];
+      out[i] += (log_density.majoriser[e] - theta * log_density.covariance[e]) * axis[j];
     }
   }
 }
@@ -40,7 +40,7 @@ void rebind(const Problem& to, Iterate& it) {
     for (int i = 0; i < phase.intervals; ++i, ++k) {
       it.stages[k].phase = &phase;
       for (int b = 0; b < phase.blocks; ++b) {
-        it.touches[slot++].block = &to.blocks[static_cast<std::size_t>(phase.first_block + b)];
+        it.contact_blocks[slot++].block = &to.blocks[static_cast<std::size_t>(phase.first_block + b)];
       }
     }
   }
@@ -53,15 +53,15 @@ void free_shifts(const Problem& given, Problem& moved, Iterate& it) {
   it.moved = &moved;
   rebind(moved, it);
   it.shifts.clear();
-  it.meetings.clear();
+  it.shift_uses.clear();
   for (const Place& place : moved.places) {
     Shift shift{};
     shift.place = &place;
     it.shifts.push_back(shift);
   }
   for (Stage& s : it.stages) {
-    s.first_meeting = it.meetings.size();
-    s.meetings = 0;
+    s.first_shift_use = it.shift_uses.size();
+    s.shift_uses = 0;
     s.columns = 2 * it.shifts.size();
     if (s.phase == nullptr) continue;
     const int phase = static_cast<int>(s.phase - moved.phases.data());
@@ -71,19 +71,19 @@ void free_shifts(const Problem& given, Problem& moved, Iterate& it) {
     for (std::size_t i = 0; i < it.shifts.size(); ++i) {
       const Place& place = moved.places[i];
       if (place.first_phase > phase || place.last_phase < phase) continue;
-      it.meetings.push_back(Meeting{});
-      it.meetings.back().shift = i;
-      ++s.meetings;
+      it.shift_uses.push_back(ShiftUse{});
+      it.shift_uses.back().shift = i;
+      ++s.shift_uses;
     }
   }
-  it.shares.assign(2 * it.meetings.size(), Share{});
-  for (std::size_t m = 0; m < it.meetings.size(); ++m) {
-    for (std::size_t i = 0; i < 2; ++i) it.shares[2 * m + i].column = 2 * it.meetings[m].shift + i;
+  it.shares.assign(2 * it.shift_uses.size(), Share{});
+  for (std::size_t m = 0; m < it.shift_uses.size(); ++m) {
+    for (std::size_t i = 0; i < 2; ++i) it.shares[2 * m + i].column = 2 * it.shift_uses[m].shift + i;
   }
   make_border(it, 2 * it.shifts.size());
 }
 
-void let_go(const Problem& given, Iterate& it) {
+void release_shifts(const Problem& given, Iterate& it) {
   rebind(given, it);
   for (std::size_t i = 0; i < it.shifts.size(); ++i) it.shifts[i].place = &given.places[i];
   it.given = nullptr;
@@ -106,15 +106,15 @@ void place_contacts(Iterate& it) {
   }
 }
 
-Bend* bend_of(Iterate& it, const Stage& s, int place, bool ends) {
-  for (std::size_t m = 0; m < s.meetings; ++m) {
-    Meeting& of = it.meetings[s.first_meeting + m];
+DensityDerivatives* density_derivatives_of(Iterate& it, const Stage& s, int place, bool ends) {
+  for (std::size_t m = 0; m < s.shift_uses; ++m) {
+    ShiftUse& of = it.shift_uses[s.first_shift_use + m];
     if (of.shift == static_cast<std::size_t>(place)) return ends ? &of.before : &of.own;
   }
   return nullptr;
 }
 
-void miss_windows(Iterate& it) {
+void window_residuals(Iterate& it) {
   for (Shift& s : it.shifts) {
     for (int i = 0; i < 2; ++i) {
       s.low[i].r = (s.place->low[i] - s.d[i]) / width(s, i) + s.low[i].s;
@@ -123,7 +123,7 @@ void miss_windows(Iterate& it) {
   }
 }
 
-double meet(const Problem& problem, Iterate& it) {
+double differentiate_shifts(const Problem& problem, Iterate& it) {
   if (it.shifts.empty()) return 0.0;
   std::vector<double>& slopes = it.border.c;
   std::fill(slopes.begin(), slopes.end(), 0.0);
@@ -133,21 +133,21 @@ double meet(const Problem& problem, Iterate& it) {
     const double wl = 2.0 * s.h * problem.w_momentum;
     double worth[3];
     for (int i = 0; i < 3; ++i) worth[i] = s.r[3 + i] + s.h * s.costate[6 + i];
-    for (std::size_t m = 0; m < s.meetings; ++m) {
-      Meeting& meeting = it.meetings[s.first_meeting + m];
-      const Shift& shift = it.shifts[meeting.shift];
+    for (std::size_t m = 0; m < s.shift_uses; ++m) {
+      ShiftUse& use = it.shift_uses[s.first_shift_use + m];
+      const Shift& shift = it.shifts[use.shift];
       double F[3];
-      force_of(it, s, static_cast<int>(meeting.shift), F);
+      force_of(it, s, static_cast<int>(use.shift), F);
       for (std::size_t a = 0; a < 2; ++a) {
         const double* axis = shift.place->axes[a];
         Share& of = shares_of(it, s)[2 * m + a];
         double t[3];
         cross(axis, F, t);
-        cross(worth, axis, meeting.pull[a]);
+        cross(worth, axis, use.pull[a]);
         double across[3];
         cross(s.m, t, across);
-        of.slope = dot(s.r + 3, t) - dot(meeting.own.gradient, axis);
-        if (ends) of.slope -= dot(meeting.before.gradient, axis);
+        of.slope = dot(s.r + 3, t) - dot(use.own.gradient, axis);
+        if (ends) of.slope -= dot(use.before.gradient, axis);
         double slope = of.slope;
         for (int i = 0; i < 3; ++i) {
           of.f[6 + i] = s.h * t[i];
@@ -176,43 +176,43 @@ double slope_of_shifts(const Iterate& it) {
 
 void leave_phase(Iterate& it, const Stage& s, double theta) {
   Border& to = it.border;
-  for (std::size_t m = 0; m < s.meetings; ++m) {
-    const Meeting& meeting = it.meetings[s.first_meeting + m];
-    const auto& axes = it.shifts[meeting.shift].place->axes;
+  for (std::size_t m = 0; m < s.shift_uses; ++m) {
+    const ShiftUse& use = it.shift_uses[s.first_shift_use + m];
+    const auto& axes = it.shifts[use.shift].place->axes;
     for (std::size_t a = 0; a < 2; ++a) {
       double curve[3];
-      along(meeting.before, theta, axes[a], curve);
-      const std::size_t column = 2 * meeting.shift + a;
+      along(use.before, theta, axes[a], curve);
+      const std::size_t column = 2 * use.shift + a;
       for (std::size_t i = 0; i < 3; ++i) to.E[i * to.row + column] -= curve[i];
       for (std::size_t b = a; b < 2; ++b) to.C[column * to.row + column - a + b] += dot(curve, axes[b]);
     }
   }
 }
 
-void pass_meetings(const Problem& problem, Iterate& it, std::size_t k, double theta) {
+void pass_shift_uses(const Problem& problem, Iterate& it, std::size_t k, double theta) {
   const Stage& s = it.stages[k];
   const double wl = 2.0 * s.h * problem.w_momentum;
   double curve[shares_max][shares_max] = {};
   Share* shares = shares_of(it, s);
-  for (std::size_t m = 0; m < s.meetings; ++m) {
-    const Meeting& meeting = it.meetings[s.first_meeting + m];
-    const auto& axes = it.shifts[meeting.shift].place->axes;
+  for (std::size_t m = 0; m < s.shift_uses; ++m) {
+    const ShiftUse& use = it.shift_uses[s.first_shift_use + m];
+    const auto& axes = it.shifts[use.shift].place->axes;
     for (std::size_t a = 0; a < 2; ++a) {
       Share& of = shares[2 * m + a];
-      double bent[3];
+      double curvature_along[3];
       double in_m[3];
-      along(meeting.own, theta, axes[a], bent);
+      along(use.own, theta, axes[a], curvature_along);
       cross(of.f + 6, s.w, in_m);
       for (int i = 0; i < 3; ++i) {
-        of.q[i] = wl / s.h * in_m[i] - bent[i];
+        of.q[i] = wl / s.h * in_m[i] - curvature_along[i];
         of.q[3 + i] = 0.5 * wl * in_m[i];
       }
-      for (std::size_t b = a; b < 2; ++b) curve[2 * m + a][2 * m + b] = dot(bent, axes[b]);
-      for (std::size_t b = 2 * m + a; b < 2 * s.meetings; ++b) {
+      for (std::size_t b = a; b < 2; ++b) curve[2 * m + a][2 * m + b] = dot(curvature_along, axes[b]);
+      for (std::size_t b = 2 * m + a; b < 2 * s.shift_uses; ++b) {
         curve[2 * m + a][b] += wl / (s.h * s.h) * dot(of.f + 6, shares[b].f + 6);
       }
     }
-    pulled_by_shift(it, s, meeting, shares + 2 * m, curve, 2 * m);
+    condensed_shift_gradient(it, s, use, shares + 2 * m, curve, 2 * m);
   }
   pass(it, k, curve);
 }
@@ -220,7 +220,8 @@ void pass_meetings(const Problem& problem, Iterate& it, std::size_t k, double th
 void pass_slopes(Iterate& it, std::size_t k) {
   const Stage& s = it.stages[k];
   double drag[shares_max] = {};
-  for (std::size_t m = 0; m < s.meetings; ++m) drag_of_shift(it, s, it.meetings[s.first_meeting + m], drag + 2 * m);
+  for (std::size_t m = 0; m < s.shift_uses; ++m)
+    drag_of_shift(it, s, it.shift_uses[s.first_shift_use + m], drag + 2 * m);
   pass(it, k, drag);
 }
 

@@ -13,18 +13,20 @@ namespace stridelab {
 namespace {
 
 constexpr double to_the_boundary = 0.99;
-constexpr double short_step = 0.05;  // below it a corrected step was worth nothing
-constexpr int late = 15;             // iterations after which momenta bend with all their second derivatives
-constexpr int doubtful = 60;         // iterations after which it is asked whether there is a solution at all
-constexpr double reached = 1e-6;     // feasibility at which there is no doubt
-constexpr int memory = 5;            // iterations over which the conditions must make progress
+constexpr double short_step = 0.05;          // below it a corrected step counts as failed
+constexpr int exact_momentum_after = 15;     // iterations after which momenta have exact second derivatives
+constexpr int feasibility_check_after = 60;  // iterations after which feasibility is checked
+constexpr double feasible_below = 1e-6;      // residual below which the problem is feasible
+constexpr int progress_window = 5;           // iterations over which the conditions must make progress
 constexpr double progress = 0.999;
 constexpr double armijo = 1e-4;
-constexpr double met = 5e-4;  // of the tolerance: equations are linear and cost nothing; momenta are in units of m |g|
-constexpr double closed = 1e-11;     // gaps above it are moved to the end, by states that the forces lead to
-constexpr double acceptable = 20.0;  // times the tolerance, after `memory` iterations in which all else holds
+constexpr double end_tolerance =
+    5e-4;  // of the tolerance: equations are linear and cost nothing; momenta are in units of m |g|
+constexpr double gap_tolerance = 1e-11;  // larger gaps are moved to the end, by integrating the states
+constexpr double acceptable =
+    20.0;  // times the tolerance, after `progress_window` iterations in which all other conditions hold
 constexpr int halvings_max = 30;
-// Tolerance, and gap as a share of the objective, at which lengths and contacts are freed.
+// Tolerance, and gap as a share of the objective, at which lengths and contacts become variables.
 constexpr double roughly = 1.0;
 constexpr double freed_barrier = 0.3;
 constexpr Penalty stiff{1e8, 1e6};
@@ -50,7 +52,7 @@ public:
     const double began = seconds_now();
     if (bounded()) {
       evaluate(problem_, it_);
-      loosen(it_, settings_.barrier);
+      initialise_slacks(it_, settings_.barrier);
     }
     cost_ = evaluate(problem_, it_);
     for (int i = 0;; ++i) {
@@ -62,7 +64,7 @@ public:
       report_.iterations = i;
       if (!std::isfinite(cost_ + c.stationarity + c.gap)) return ended(Verdict::not_finite);
       entry_ = Entry{cost_, c.feasibility, c.stationarity * objective_scale, mu_, 0.0, 0.0, 1.0, guarded_ ? 1.0 : 0.0};
-      if (solved(c) && (led(c) || settled_ > memory)) return ended(Verdict::solved);
+      if (solved(c) && (led(c) || settled_ > progress_window)) return ended(Verdict::solved);
       if (i >= settings_.iterations) return ended(Verdict::out_of_iterations);
       if (seconds_now() - began > settings_.seconds) return ended(Verdict::out_of_time);
       watch(c);
@@ -81,25 +83,25 @@ private:
   }
 
   bool solved(const Conditions& c) {
-    if (c.feasibility > met * settings_.tolerance || c.complementarity * objective_scale > settings_.tolerance ||
-        c.gap > gap_asked()) {
+    if (c.feasibility > end_tolerance * settings_.tolerance ||
+        c.complementarity * objective_scale > settings_.tolerance || c.gap > gap_asked()) {
       return false;
     }
-    // Where multipliers are large and cones almost closed, rounding is what remains of the stationarity.
-    const double asked = ++settled_ > memory ? acceptable : 1.0;
+    // With large multipliers and almost active cones, stationarity is limited by rounding.
+    const double asked = ++settled_ > progress_window ? acceptable : 1.0;
     return c.stationarity * objective_scale <= asked * settings_.tolerance;
   }
 
-  // Whether the states that the forces lead to, which have no gaps, meet the end and all else; taken if they do.
+  // Whether the integrated states, which have no gaps, meet the end and all other conditions; they are used if so.
   bool led(Conditions& c) {
-    if (problem_.shape == Shape::cubic || largest_gap(it_) <= closed) return true;
+    if (problem_.shape == Shape::cubic || largest_gap(it_) <= gap_tolerance) return true;
     const std::vector<Stage> before = it_.stages;
-    lead_states(it_);
+    roll_out_states(it_);
     cost_ = evaluate(problem_, it_);
     c = conditions(problem_, it_);
-    const double least = settled_ > memory ? acceptable * settings_.tolerance : settings_.tolerance;
+    const double least = settled_ > progress_window ? acceptable * settings_.tolerance : settings_.tolerance;
     const double asked = std::max(least / objective_scale, report_.conditions.stationarity);
-    const bool meets = c.feasibility <= met * settings_.tolerance && c.stationarity <= asked;
+    const bool meets = c.feasibility <= end_tolerance * settings_.tolerance && c.stationarity <= asked;
     if (!meets) {
       it_.stages = before;
       c = conditions(problem_, it_);
@@ -125,32 +127,33 @@ private:
     if (guarded_) {
       const double held = objective_scale * held_mu_;
       const bool centred = c.feasibility <= 10.0 * held && c.stationarity * objective_scale <= 10.0 * held;
-      if (centred || now < progress * *std::min_element(past_, past_ + memory)) {
+      if (centred || now < progress * *std::min_element(past_, past_ + progress_window)) {
         guarded_ = false;
-        std::fill(past_, past_ + memory, now);
+        std::fill(past_, past_ + progress_window, now);
       }
       return;
     }
-    const double worst = *std::max_element(past_, past_ + memory);
+    const double worst = *std::max_element(past_, past_ + progress_window);
     if (now > progress * worst) {
       guarded_ = true;
       held_mu_ = std::max(mu_, mu_least());
-      tame(it_, held_mu_);
+      reset_multipliers(it_, held_mu_);
       return;
     }
     past_[at_] = now;
-    at_ = (at_ + 1) % memory;
+    at_ = (at_ + 1) % progress_window;
   }
 
-  // The true curvature where the reduced Hessian is positive definite with it, less of it otherwise; that of lengths
-  // and of displacements with forces goes first, and that of momenta, which far from a solution leads astray.
+  // The exact Hessian if the reduced Hessian is positive definite, otherwise reduced shares of it: first those of
+  // lengths and of displacements with forces, then that of momenta, which is misleading far from a solution.
   bool factored() {
     for (const Penalty& penalty : {stiff, soft}) {
       penalty_ = penalty;
       entry_.theta = 1.0;
       const bool given = it_.lengths.empty() && it_.shifts.empty();
       if (!given && factor(problem_, it_, penalty_, Theta{1.0, 1.0})) return true;
-      if (given && report_.iterations >= late && factor(problem_, it_, penalty_, Theta{1.0, 0.0, 1.0})) return true;
+      if (given && report_.iterations >= exact_momentum_after && factor(problem_, it_, penalty_, Theta{1.0, 0.0, 1.0}))
+        return true;
       for (double share : {1.0, 0.75, 0.5, 0.25, 0.0}) {
         entry_.theta = share;
         if (factor(problem_, it_, penalty_, Theta{share, 0.0})) return true;
@@ -160,16 +163,16 @@ private:
   }
 
   bool free_step() {
-    aim(it_, 0.0, false);
+    set_targets(it_, 0.0, false);
     direction(problem_, it_, penalty_);
     Steps by = capped(longest_steps(it_), 1.0);
     const double ratio = gap_ > 0.0 ? complementarity_after(it_, by) / gap_ : 0.0;
     const double sigma = std::clamp(ratio * ratio * ratio, 1e-3, 1.0);
-    aim(it_, std::max(sigma * mu_, mu_least()), true);
+    set_targets(it_, std::max(sigma * mu_, mu_least()), true);
     direction(problem_, it_, penalty_);
     by = capped(longest_steps(it_), to_the_boundary);
     if (std::min(by.primal, by.dual) < short_step) {
-      aim(it_, std::max(0.5 * mu_, mu_least()), false);
+      set_targets(it_, std::max(0.5 * mu_, mu_least()), false);
       direction(problem_, it_, penalty_);
       by = capped(longest_steps(it_), to_the_boundary);
     }
@@ -178,9 +181,9 @@ private:
     return true;
   }
 
-  // Newton's step for a barrier that is held, as long as the merit function descends enough.
+  // Newton step for a fixed barrier parameter, with sufficient decrease of the merit function.
   bool guarded_step() {
-    aim(it_, held_mu_, false);
+    set_targets(it_, held_mu_, false);
     direction(problem_, it_, penalty_);
     Steps by = capped(longest_steps(it_), to_the_boundary);
     const Merit at = merit(problem_, it_, cost_, held_mu_);
@@ -199,13 +202,13 @@ private:
       move(it_, {-0.5 * step, 0.0});
       step *= 0.5;
     }
-    tame(it_, held_mu_);
+    reset_multipliers(it_, held_mu_);
     entry_.primal_step = step;
     entry_.dual_step = by.dual;
     return true;
   }
 
-  // Nothing to gain at this barrier: a smaller one, as long as there is one.
+  // No progress at this barrier parameter: reduce it, if possible.
   bool settle() {
     if (held_mu_ <= mu_least()) return false;
     held_mu_ = std::max(0.1 * held_mu_, mu_least());
@@ -231,7 +234,7 @@ private:
   Entry entry_{};
   Penalty penalty_ = stiff;
   double cost_ = 0.0, gap_ = 0.0, mu_ = 0.0, held_mu_ = 0.0, weight_ = 0.0;
-  double past_[memory] = {1e300, 1e300, 1e300, 1e300, 1e300};
+  double past_[progress_window] = {1e300, 1e300, 1e300, 1e300, 1e300};
   int at_ = 0, cones_ = 0, settled_ = 0;
   bool guarded_ = false;
 };
@@ -246,15 +249,15 @@ Report joined(const Report& first, Report then) {
   return then;
 }
 
-// With lengths as they are.
+// Solve with fixed lengths.
 Report solve_given(const Problem& problem, Iterate& it, const Settings& settings) {
   if (!settings.warm) cold_start(problem, it, settings.barrier);
   Settings at_first = settings;
-  at_first.iterations = std::min(settings.iterations, doubtful);
+  at_first.iterations = std::min(settings.iterations, feasibility_check_after);
   Report first = Run(problem, it, at_first).run();
   if (first.verdict == Verdict::solved || first.verdict == Verdict::out_of_time) return first;
-  if (first.verdict == Verdict::out_of_iterations && first.conditions.feasibility < reached) {
-    // It has a motion already, and all it needs is time.
+  if (first.verdict == Verdict::out_of_iterations && first.conditions.feasibility < feasible_below) {
+    // A feasible motion exists; only iterations are missing.
     Settings rest = settings;
     rest.iterations = settings.iterations - first.iterations;
     rest.warm = true;
@@ -275,13 +278,14 @@ Report solve_given(const Problem& problem, Iterate& it, const Settings& settings
 
 Report solve(const Problem& problem, Iterate& it, const Settings& settings) {
   const bool moves = !problem.places.empty();
-  if (!problem.freedom.lengths && !moves) return solve_given(problem, it, settings);
+  if (!problem.length_limits.lengths && !moves) return solve_given(problem, it, settings);
   const double began = seconds_now();
   Settings rough = settings;
   rough.tolerance = std::max(roughly, settings.tolerance);
   rough.gap = std::max(roughly, settings.gap);
   const Report given = solve_given(problem, it, rough);
-  if (given.verdict != Verdict::solved) cold_start(problem, it, settings.barrier);  // others may do
+  if (given.verdict != Verdict::solved)
+    cold_start(problem, it, settings.barrier);  // other lengths or placements may be feasible
   Problem moved = problem;
   if (moves) {
     free_shifts(problem, moved, it);
@@ -294,7 +298,7 @@ Report solve(const Problem& problem, Iterate& it, const Settings& settings) {
   freed.barrier = std::max(freed_barrier, cones > 0 ? gap / cones : 0.0);
   freed.seconds = settings.seconds - (seconds_now() - began);
   const Report report = Run(moves ? moved : problem, it, freed).run();
-  if (moves) let_go(problem, it);
+  if (moves) release_shifts(problem, it);
   return joined(given, report);
 }
 

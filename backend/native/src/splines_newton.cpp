@@ -9,7 +9,7 @@
 namespace stridelab {
 namespace {
 
-// Columns of an interval: omega of w_2 and w_1+, which are eliminated, then x, omega of w_2- and of w_1, which stay.
+// Columns of an interval: omega of w_2 and w_1+, which are eliminated, then x, omega of w_2- and of w_1, which remain.
 constexpr int chosen = 2 * nw;
 constexpr int kept = nx + 2 * nw;
 constexpr int width = chosen + kept;
@@ -93,7 +93,7 @@ void momentum(const Problem& problem, const Stage& s, const double* const (&v)[4
   }
 }
 
-// Curvature of the squares of c'', which forces alone make.
+// Hessian of the squares of c'', which depend on forces only.
 void acceleration(const Problem& problem, double h, const Basis& of, const double* const (&L)[4],
                   double (&H)[padded][padded]) {
   for (int j = 0; j < 4; ++j) {
@@ -140,7 +140,7 @@ void product(const double (&G)[rows_of_all][padded], const double (&B)[rows_of_a
   }
 }
 
-// The chosen columns leave: R and Y to the spline, and what stays of H.
+// Eliminate the given columns: stores R and Y in the spline and updates H.
 bool eliminate(Spline& spline, double (&H)[padded][padded]) {
   for (int p = 0; p < chosen; ++p) {
     for (int q = 0; q < p; ++q) add(H[p], -H[q][p], H[q], p);
@@ -155,7 +155,7 @@ bool eliminate(Spline& spline, double (&H)[padded][padded]) {
   return true;
 }
 
-// The first w_1 of all, which is nobody's w_1+: R of stage 0.
+// The first w_1, which is not the w_1+ of any interval: R of stage 0.
 bool begin(Stage& s, const double (&P)[kept][kept]) {
   for (int i = 0; i < nw; ++i) {
     for (int j = 0; j < nw; ++j) s.R[i][j] = P[nx + nw + i][nx + nw + j];
@@ -221,7 +221,7 @@ bool factor_splines(const Problem& problem, Iterate& it, const Penalty& penalty,
     for (int i = 0; i < 3; ++i) {
       for (int j = i; j < 3; ++j) {
         const int e = symmetric[i][j];
-        H[at_x + i][at_x + j] += s.bend.majoriser[e] - theta * s.bend.covariance[e];
+        H[at_x + i][at_x + j] += s.log_density.majoriser[e] - theta * s.log_density.covariance[e];
       }
     }
     if (s.bounded) H[at_x + 2][at_x + 2] += s.low.weight() + s.high.weight();
@@ -263,7 +263,7 @@ void direct_splines(const Problem& problem, Iterate& it, const Penalty& penalty)
   double end_p[nx];
   end_gradient(problem, it, end, penalty, end_p);
   std::copy(end_p, end_p + nx, p);
-  for (std::size_t k = 0; k < 2 * n; ++k) pulled(it, it.stages[k], it.stages[k].tau);
+  for (std::size_t k = 0; k < 2 * n; ++k) condensed_gradient(it, it.stages[k], it.stages[k].tau);
   for (std::size_t k = n; k-- > 0;) {
     Spline& spline = it.splines[k];
     const Basis of = basis(spline);

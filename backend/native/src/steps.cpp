@@ -11,7 +11,7 @@
 
 namespace stridelab {
 
-void aim(Iterate& it, double mu, bool corrected) {
+void set_targets(Iterate& it, double mu, bool corrected) {
   each_cone(it, [&](auto& t) {
     constexpr int n = std::extent_v<decltype(t.du)>;
     using T = std::remove_extent_t<decltype(t.du)>;
@@ -121,8 +121,9 @@ Merit merit(const Problem& problem, const Iterate& it, double cost, double mu) {
       m.slope += sum(slope * t.real());
       for (double d : parts(t.real() > 0.0 ? det : 1.0 + 0.0 * det)) m.barrier -= 0.5 * mu * std::log(d);
     };
-    for (int b = 0; b < s.touches; ++b) barrier(it.touches[static_cast<std::size_t>(s.first_touch + b)]);
-    if (s.hold >= 0) barrier(it.holds[static_cast<std::size_t>(s.hold)]);
+    for (int b = 0; b < s.contact_blocks; ++b)
+      barrier(it.contact_blocks[static_cast<std::size_t>(s.first_contact_block + b)]);
+    if (s.hold >= 0) barrier(it.wrench_controls[static_cast<std::size_t>(s.hold)]);
   }
   each_slack(it, [&](const auto& slack, auto real) {
     m.slope -= sum(mu / slack.s * slack.ds * real);
@@ -131,10 +132,10 @@ Merit merit(const Problem& problem, const Iterate& it, double cost, double mu) {
   });
   for (const Length& l : it.lengths) {
     m.slope += l.slope * l.dh;
-    for (std::size_t k = l.first; k < l.first + l.intervals; ++k) m.slope += it.stretches[k].slope * l.dh;
+    for (std::size_t k = l.first; k < l.first + l.intervals; ++k) m.slope += it.free_intervals[k].slope * l.dh;
   }
   m.slope += slope_of_shifts(it);
-  m.violation += std::fabs(total_missed(problem, it));
+  m.violation += std::fabs(total_length_error(problem, it));
   const Ending end = ending(problem, it);
   for (double e : end.miss) m.violation += std::fabs(e);
   for (double e : end.rest) m.violation += std::fabs(e);
@@ -149,14 +150,14 @@ double largest_gap(const Iterate& it) {
   return most;
 }
 
-void lead_states(Iterate& it) {
+void roll_out_states(Iterate& it) {
   for (std::size_t k = 0; k + 1 < it.stages.size(); ++k) {
     const Stage& s = it.stages[k];
     advance(s.h, s.x, s.w, it.stages[k + 1].x);
   }
 }
 
-void tame(Iterate& it, double mu) {
+void reset_multipliers(Iterate& it, double mu) {
   constexpr double far = 1e6;
   each_cone(it, [&](auto& t) {
     constexpr int n = std::extent_v<decltype(t.du)>;

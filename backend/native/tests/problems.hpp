@@ -9,8 +9,8 @@
 
 namespace stridelab {
 
-inline void expect(bool holds, const char* what) {
-  if (holds) return;
+inline void expect(bool wrench_controls, const char* what) {
+  if (wrench_controls) return;
   std::fprintf(stderr, "does not hold: %s\n", what);
   std::exit(1);
 }

@@ -14,7 +14,7 @@ void of_six(std::mt19937& random) {
     for (int j = 0; j < nw; ++j) cone.G[i][j] = any(random);
   }
   cone.effort = 0.3;
-  Hold hold{};
+  WrenchControl hold{};
   hold.cone = &cone;
   double a[nw];
   for (auto* of : {&hold.at.u, &hold.at.z}) {
@@ -64,11 +64,11 @@ void almost_closed() {
   invert(s, splat4(e), splat4(e), I);
   const double f = s.inverse_beta[0] * s.inverse_beta[0];
   const double size = std::hypot(s.w[0][0], s.w[1][0]);
-  const double stretch = (s.w[2][0] + size) * (s.w[2][0] + size);
-  const double along = 0.5 / (e + f / stretch);
-  const double against = 0.5 / (e + f * stretch);
+  const double differentiate_length = (s.w[2][0] + size) * (s.w[2][0] + size);
+  const double along = 0.5 / (e + f / differentiate_length);
+  const double against = 0.5 / (e + f * differentiate_length);
   const double d[2] = {s.w[0][0] / size, s.w[1][0] / size};
-  expect(stretch > 1e9, "a cone that is almost closed");
+  expect(differentiate_length > 1e9, "a cone that is almost closed");
   expect_near(I[5][0], along + against, 1e-6, "eta, eta");
   expect_near(I[2][0], (along - against) * d[0], 1e-6, "tau, eta");
   expect_near(I[4][0], (along - against) * d[1], 1e-6, "tau, eta");

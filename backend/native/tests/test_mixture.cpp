@@ -14,22 +14,22 @@ int main() {
   const Density d = density();
   const Visit at{0, {0.05, -0.02, 0.01}, {0.8, -0.6, 0.0, 0.6, 0.8, 0.0, 0.0, 0.0, 1.0}};
   const double c[3] = {0.03, 0.04, -0.05};
-  Bend bend{};
-  visit(at, d, c, 0.7, bend);
+  DensityDerivatives log_density{};
+  visit(at, d, c, 0.7, log_density);
   constexpr int entry[3][3] = {{0, 1, 2}, {1, 3, 4}, {2, 4, 5}};
   constexpr double by = 1e-5;
   for (int i = 0; i < 3; ++i) {
-    Bend ahead{};
-    Bend behind{};
+    DensityDerivatives ahead{};
+    DensityDerivatives behind{};
     double there[3] = {c[0], c[1], c[2]};
     there[i] += by;
     const double up = visit(at, d, there, 0.7, ahead);
     there[i] -= 2.0 * by;
     const double down = visit(at, d, there, 0.7, behind);
-    expect_near(bend.gradient[i], (up - down) / (2.0 * by), 1e-6, "gradient");
+    expect_near(log_density.gradient[i], (up - down) / (2.0 * by), 1e-6, "gradient");
     for (int j = 0; j < 3; ++j) {
       const double slope = (ahead.gradient[j] - behind.gradient[j]) / (2.0 * by);
-      expect_near(bend.majoriser[entry[i][j]] - bend.covariance[entry[i][j]], slope, 1e-5, "curvature");
+      expect_near(log_density.majoriser[entry[i][j]] - log_density.covariance[entry[i][j]], slope, 1e-5, "curvature");
     }
   }
   return 0;

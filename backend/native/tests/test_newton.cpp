@@ -19,14 +19,14 @@ void stir(Iterate& it) {
   for (std::size_t k = 1; k < it.stages.size(); ++k) {
     for (double& x : it.stages[k].x) x += 0.02 * any(random);
   }
-  for (Touch& t : it.touches) {
+  for (ContactBlock& t : it.contact_blocks) {
     for (int j = 0; j < 4; ++j) {
       t.at.u[0][j] += 0.05 * any(random);
       t.at.u[1][j] += 0.05 * any(random);
       t.at.z[0][j] += 0.1 * any(random);
     }
   }
-  for (Hold& h : it.holds) {
+  for (WrenchControl& h : it.wrench_controls) {
     for (int i = 0; i < nw; ++i) h.at.u[i] += 0.05 * any(random);
     for (int i = 0; i < nw; ++i) h.at.z[i] += 0.1 * any(random);
   }
@@ -48,7 +48,7 @@ void derivatives(const Problem& p) {
       it.stages[k].x[i] += by;
       expect_near(at[k].q[i], (up - down) / (2.0 * by), 1e-6 * std::fabs(at[k].q[i]) + 2e-2, "dcost / dx");
     }
-    Touch& t = it.touches[static_cast<std::size_t>(it.stages[k].first_touch)];
+    ContactBlock& t = it.contact_blocks[static_cast<std::size_t>(it.stages[k].first_contact_block)];
     const Block& b = *t.block;
     for (int i = 0; i < 3; ++i) {
       const double f[3] = {b.S[i], b.S[3 + i], b.S[6 + i]};
@@ -72,12 +72,12 @@ void step_closes_the_gaps(const Problem& p) {
   cold_start(p, it, 1.0);
   stir(it);
   evaluate(p, it);
-  loosen(it, 1.0);
+  initialise_slacks(it, 1.0);
   evaluate(p, it);
   const Penalty penalty{1e8, 1e6};
   scale_cones(it);
   expect(factor(p, it, penalty, Theta{0.0, 0.0}), "the majoriser is convex");
-  aim(it, 0.5, false);
+  set_targets(it, 0.5, false);
   direction(p, it, penalty);
   const std::vector<double> wrenches = wrenches_ahead(it);
   move(it, {1.0, 1.0});
@@ -87,10 +87,10 @@ void step_closes_the_gaps(const Problem& p) {
   for (double e : end.miss) expect_near(e, 0.0, 1e-3, "the end after a full step");
 }
 
-// What a length does: slope and second derivatives of cost + costate^T x+ against differences.
+// Derivatives in a length: slope and second derivatives of cost + costate^T x+ against differences.
 void lengths() {
   Problem p = step();
-  p.freedom = {true, 0.6, 1.6, 2.5, 0.0};
+  p.length_limits = {true, 0.6, 1.6, 2.5, 0.0};
   Iterate it;
   cold_start(p, it, 1.0);
   free_lengths(p, it);
@@ -105,8 +105,8 @@ void lengths() {
     for (int i = 0; i < nx; ++i) all += s.costate[i] * s.gap[i];
     return all;
   };
-  Stretch at{};
-  const double slope = stretch(p, s, at);
+  FreeInterval at{};
+  const double slope = differentiate_length(p, s, at);
   const auto difference = [&](double& of, auto value) {
     const double was = of;
     of = was + by;
@@ -122,13 +122,13 @@ void lengths() {
   };
   const auto sloped = [&] {
     evaluate(p, it);
-    Stretch of{};
-    return stretch(p, s, of);
+    FreeInterval of{};
+    return differentiate_length(p, s, of);
   };
   close(slope, difference(s.h, whole), "d / dh");
   close(at.squared.curve + at.more.curve, difference(s.h, sloped), "d2 / dh2");
   for (int i = 0; i < 6; ++i) close(at.squared.q[i] + at.more.q[i], difference(s.x[i], sloped), "d2 / dh dx");
-  Touch& t = it.touches[static_cast<std::size_t>(s.first_touch)];
+  ContactBlock& t = it.contact_blocks[static_cast<std::size_t>(s.first_contact_block)];
   const Block& b = *t.block;
   double r[nw];
   for (int i = 0; i < nw; ++i) r[i] = at.squared.r[i] + at.more.r[i];
@@ -150,18 +150,18 @@ void lengths() {
 // A full step meets the total and, to second order in the step, the dynamics of the new lengths.
 void lengths_step(const Problem& given) {
   Problem p = given;
-  p.freedom = {true, 0.6, 1.6, 2.6, 0.0};
+  p.length_limits = {true, 0.6, 1.6, 2.6, 0.0};
   Iterate it;
   cold_start(p, it, 1.0);
   free_lengths(p, it);
   evaluate(p, it);
-  loosen(it, 1.0);
+  initialise_slacks(it, 1.0);
   evaluate(p, it);
   conditions(p, it);
   const Penalty penalty{1e8, 1e6};
   scale_cones(it);
   expect(factor(p, it, penalty, Theta{0.0, 0.0}), "Gauss and Newton's part is convex");
-  aim(it, 0.5, false);
+  set_targets(it, 0.5, false);
   direction(p, it, penalty);
   std::vector<Stage> at = it.stages;
   constexpr double small = 1e-4;
@@ -173,7 +173,7 @@ void lengths_step(const Problem& given) {
     }
     for (int i = 0; i < nw; ++i) expect_near(it.stages[k].w[i], at[k].w[i] + small * at[k].dw[i], 1e-9, "wrench");
   }
-  double total = total_missed(p, it);
+  double total = total_length_error(p, it);
   for (const Length& l : it.lengths) total += (1.0 - small) * static_cast<double>(l.intervals) * l.dh;
   expect_near(total, 0.0, 1e-3, "the total after a full step");
 }

@@ -1,4 +1,4 @@
-// Contacts that may be moved: Newton's step is Newton's, the windows hold.
+// Movable contacts: the step solves Newton's equations, the windows hold.
 #include <algorithm>
 
 #include "problems.hpp"
@@ -26,7 +26,7 @@ Problem moving() {
   return p;
 }
 
-// What is left of the conditions after a step of Newton's, as a share of what was there.
+// Residual of the conditions after a Newton step, as a share of that before.
 double left_after(double share) {
   const Problem given = moving();
   Iterate it;
@@ -36,16 +36,17 @@ double left_after(double share) {
   fixed.places.clear();
   solve(fixed, it, rough);
   Problem moved = given;
-  for (Touch& t : it.touches) t.block = &given.blocks[static_cast<std::size_t>(t.block - fixed.blocks.data())];
+  for (ContactBlock& t : it.contact_blocks)
+    t.block = &given.blocks[static_cast<std::size_t>(t.block - fixed.blocks.data())];
   free_shifts(given, moved, it);
   evaluate(moved, it);
-  loosen(it, 1e-2);
+  initialise_slacks(it, 1e-2);
   evaluate(moved, it);
   const Conditions before = conditions(moved, it);
   scale_cones(it);
   const Penalty stiff{1e8, 1e6};
   expect(factor(moved, it, stiff, Theta{1.0, 1.0}), "the recursion is convex");
-  aim(it, 1e-9, false);
+  set_targets(it, 1e-9, false);
   direction(moved, it, stiff);
   move_multipliers(moved, it, stiff, share);
   move(it, {share, share});
@@ -54,7 +55,7 @@ double left_after(double share) {
   return after.stationarity / before.stationarity;
 }
 
-// In the end no other place within the windows costs less.
+// At the solution no other placement within the windows costs less.
 void places_are_the_best() {
   const Problem p = moving();
   Iterate it;

@@ -1,5 +1,5 @@
-// Whole solves: they converge, twice the same, within their bounds; what cannot be is told apart from what was not
-// found.
+// Whole solves: they converge, deterministically and within bounds; infeasible problems are distinguished from failed
+// solves.
 #include <cstring>
 
 #include "problems.hpp"
@@ -30,7 +30,7 @@ void bounds_hold() {
   const double cost = solved(p, it, "a bounded step").cost;
   expect(cost >= free_cost - 1e-6, "bounds cost something");
   for (std::size_t k = 1; k + 1 < it.stages.size(); ++k) expect(std::fabs(it.stages[k].x[2]) <= 0.004 + 1e-8, "height");
-  for (const Touch& t : it.touches) {
+  for (const ContactBlock& t : it.contact_blocks) {
     for (int j = 0; j < 4; ++j) expect(t.at.u[2][j] <= t.block->normal_max + 1e-8, "normal force");
   }
 }
@@ -63,7 +63,7 @@ void free_lengths_cost_less() {
   Problem p = step();
   Iterate it;
   const double given = solve(p, it, Settings{}).cost;
-  p.freedom = {true, 0.6, 1.6, 2.5, 0.0};
+  p.length_limits = {true, 0.6, 1.6, 2.5, 0.0};
   const Report r = solve(p, it, Settings{});
   expect(r.verdict == Verdict::solved, "free lengths");
   expect(r.cost < given - 0.1, "free lengths cost less");
@@ -75,10 +75,10 @@ void free_lengths_cost_less() {
     p.phases[i].h = l.h;
   }
   expect_near(total, 2.5, 1e-9, "the same time altogether");
-  p.freedom.lengths = false;
+  p.length_limits.lengths = false;
   expect_near(solved(p, it, "the same lengths, given").cost, r.cost, 1e-5, "cost of the same lengths, given");
   p = step();
-  p.freedom = {true, 0.6, 1.6, unbounded, 2.0};
+  p.length_limits = {true, 0.6, 1.6, unbounded, 2.0};
   expect(solve(p, it, Settings{}).verdict == Verdict::solved, "free lengths at a price");
   p.goal[0] = 30.0;
   expect(solve(p, it, Settings{}).verdict != Verdict::solved, "30 m in 4 s");
@@ -105,7 +105,8 @@ int main() {
   Iterate it;
   solved(step(0.1), it, "a hop");
   solved(wrench_step(), it, "a step by wrenches");
-  for (const Hold& h : it.holds) expect(root(across(h.at.u, h.at.u)) < h.at.u[nw - 1], "wrenches in their cones");
+  for (const WrenchControl& h : it.wrench_controls)
+    expect(root(across(h.at.u, h.at.u)) < h.at.u[nw - 1], "wrenches in their cones");
   Problem far_away = wrench_step();
   far_away.goal[0] = 30.0;
   expect(solve(far_away, it, Settings{}).verdict == Verdict::infeasible,

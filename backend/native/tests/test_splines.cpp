@@ -37,7 +37,7 @@ void stir(Iterate& it) {
   for (std::size_t k = 2; k < it.stages.size(); k += 2) {
     for (double& x : it.stages[k].x) x += 0.02 * any(random);
   }
-  for (Touch& t : it.touches) {
+  for (ContactBlock& t : it.contact_blocks) {
     for (int j = 0; j < 4; ++j) {
       for (int i = 0; i < 2; ++i) t.at.u[i][j] += 0.04 * any(random);
       t.at.z[0][j] += 0.1 * any(random);
@@ -49,9 +49,9 @@ void no_forces_beside_what_comes_and_goes() {
   const Problem p = splines();
   Iterate it;
   cold_start(p, it, 1.0);
-  expect(it.stages[12].touches == 2 && it.stages[13].touches == 1, "the right foot goes");
-  expect(it.stages[30].touches == 1 && it.stages[31].touches == 2, "and comes");
-  expect(it.touches.size() == 13 * 2 + 1 + 16 + 1 + 19 * 2, "and nothing is left over");
+  expect(it.stages[12].contact_blocks == 2 && it.stages[13].contact_blocks == 1, "the right foot goes");
+  expect(it.stages[30].contact_blocks == 1 && it.stages[31].contact_blocks == 2, "and comes");
+  expect(it.contact_blocks.size() == 13 * 2 + 1 + 16 + 1 + 19 * 2, "and nothing is left over");
 }
 
 void derivatives() {
@@ -77,7 +77,7 @@ void derivatives() {
     }
   }
   for (std::size_t k : {std::size_t{0}, std::size_t{13}, std::size_t{14}, std::size_t{25}, std::size_t{49}}) {
-    Touch& t = it.touches[static_cast<std::size_t>(it.stages[k].first_touch)];
+    ContactBlock& t = it.contact_blocks[static_cast<std::size_t>(it.stages[k].first_contact_block)];
     const Block& b = *t.block;
     for (int i = 0; i < 3; ++i) {
       const double f[3] = {b.S[i], b.S[3 + i], b.S[6 + i]};
@@ -105,12 +105,12 @@ void step_solves(Problem p) {
   cold_start(p, it, 1.0);
   stir(it);
   evaluate(p, it);
-  loosen(it, 1.0);
+  initialise_slacks(it, 1.0);
   evaluate(p, it);
   const Penalty penalty{1e8, 1e6};
   scale_cones(it);
   expect(factor(p, it, penalty, Theta{1.0, 0.0}), "squares are convex");
-  aim(it, 0.5, false);
+  set_targets(it, 0.5, false);
   direction(p, it, penalty);
   const std::vector<double> wrenches = wrenches_ahead(it);
   move_multipliers(p, it, penalty, 1.0);

@@ -39,7 +39,7 @@ def on_slope(side: str, angle_rad: float, friction: float) -> Contact:
 def test_a_good_plan_has_no_findings(problem: CentroidalProblem, plan: CentroidalPlan) -> None:
     diagnosis = diagnose(problem, plan)
     assert (diagnosis.verdict, diagnosis.findings) == ("found", ())
-    assert diagnosis.sentence == "The plan keeps to all limits."
+    assert diagnosis.sentence == "The plan respects all limits."
 
 
 def test_a_phase_of_a_twentieth_of_a_second_is_told_how_much_too_short_it_is() -> None:
@@ -170,4 +170,4 @@ def test_a_search_without_time_says_so() -> None:
     assert diagnosis.findings
     assert diagnosis.durations is diagnosis.placements is diagnosis.friction is None
     assert diagnosis.cut_short
-    assert diagnosis.sentence.endswith("The search for what would help was ended before it found anything.")
+    assert diagnosis.sentence.endswith("The search for a remedy reached its time limit without a result.")

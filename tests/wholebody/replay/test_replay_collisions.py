@@ -141,12 +141,12 @@ GOOD = {
         (
             "torque_ratio_max",
             1.31,
-            Missed("replay-torque", "A joint is asked for 1.3 times its torque limit; 1.2 is allowed."),
+            Missed("replay-torque", "A joint torque command reaches 1.3 times its limit; 1.2 is allowed."),
         ),
         (
             "hand_in_place_shares",
             {"left_hand": 0.94, "right_hand": 1.0},
-            Missed("replay-hand-off", "left_hand is in place for 94% of its contact; 95% is wanted."),
+            Missed("replay-hand-off", "left_hand is in place for 94% of its contact; 95% is required."),
         ),
     ],
 )

@@ -29,7 +29,7 @@ T product(const T (&a)[n], const T (&b)[n]) {
   return all;
 }
 
-// Of the entries of tau alone.
+// Inner product of the tau parts.
 template <typename T, int n>
 T across(const T (&a)[n], const T (&b)[n]) {
   T all = a[0] * b[0];
@@ -133,16 +133,16 @@ inline void inverse_square(const Scaling<v4, 3>& s, v4* E) {
 //   (e + f) (e_n + f) + 2 f |w_1|^2 (e + e_n)
 inline void invert(const Scaling<v4, 3>& s, v4 e, v4 e_n, v4* I) {
   const v4 f = s.inverse_beta * s.inverse_beta;
-  const v4 bent = 2.0 * f * across(s.w, s.w);
+  const v4 along = 2.0 * f * across(s.w, s.w);
   const v4 across_it = 1.0 / (e + f);
-  const v4 g = 2.0 * f / ((e + f) * (e_n + f) + bent * (e + e_n));
+  const v4 g = 2.0 * f / ((e + f) * (e_n + f) + along * (e + e_n));
   const v4 k = g * (f - e_n) * across_it;
   I[0] = across_it + k * s.w[0] * s.w[0];
   I[1] = k * s.w[0] * s.w[1];
   I[2] = g * s.w[2] * s.w[0];
   I[3] = across_it + k * s.w[1] * s.w[1];
   I[4] = g * s.w[2] * s.w[1];
-  I[5] = g * (e + f + bent) / (2.0 * f);
+  I[5] = g * (e + f + along) / (2.0 * f);
 }
 
 inline void times(const v4* A, const v4* x, v4* y) {

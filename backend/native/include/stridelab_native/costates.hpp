@@ -1,8 +1,8 @@
-// The new multipliers of the cones, by the costates that a step leads to: their stationarity then holds to rounding.
+// New multipliers of the cones from the costates after a step: their stationarity then holds up to rounding.
 //
-// The factor L of the compliance S gives the same slopes in the wrench, but for directions in which no cone yields any
-// more: where a sole stands on one edge, S has no pivot left for what turns it about this edge, and the forces on the
-// other edge, which are zero, have multipliers all the same.
+// The factor L of the compliance S gives the same slopes in the wrench, except in directions without compliance: for a
+// sole on one edge, S is singular for rotations about this edge, but the zero forces on the other edge still have
+// multipliers.
 #pragma once
 #include "stridelab_native/ending.hpp"
 #include "stridelab_native/iterate.hpp"

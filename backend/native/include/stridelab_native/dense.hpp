@@ -1,4 +1,4 @@
-// Small dense algebra of a stage: six forces by columns of a row of eight.
+// Small dense linear algebra of a stage: six columns, rows padded to eight.
 #pragma once
 #include <cmath>
 
@@ -6,7 +6,7 @@
 
 namespace stridelab {
 
-// L L^T = S for a positive semidefinite S (lower triangle read); a pivot that is rounding leaves its column zero.
+// L L^T = S for a positive semidefinite S (lower triangle read); pivots at rounding level give zero columns.
 inline void semidefinite_root(const double S[nw][8], double L[nw][8], double inverse[nw]) {
   for (int j = 0; j < nw; ++j) {
     double d = S[j][j];

@@ -1,4 +1,4 @@
-// How a motion ends: equations with multipliers nu and a proximal weight, and the planes of the capture point.
+// End conditions: equations with multipliers nu and a proximal weight, and the half-planes of the capture point.
 #pragma once
 #include "stridelab_native/iterate.hpp"
 
@@ -9,20 +9,20 @@ struct Penalty {
   double rest;
 };
 
-// Equations at the end: what they miss by and their Jacobian in x_N.
+// Equations at the end: residuals and their Jacobian in x_N.
 struct Ending {
   int rows;
   double miss[nx];
   double J[nx][nx];
-  double rest[3];  // F - (0, 0, 1) in the last interval; zero where it is not asked
+  double rest[3];  // F - (0, 0, 1) in the last interval; zero if not required
   bool rests;
 };
 
 Ending ending(const Problem& problem, const Iterate& it);
 
-// P_N, with the true curvature of c x c' where `bends`, and p_N for the present targets.
-void end_hessian(const Problem& problem, const Iterate& it, const Ending& end, const Penalty& penalty, bool bends,
-                 double P[nx][nx]);
+// P_N, with `exact_curvature` of c x c', and p_N for the current targets.
+void end_hessian(const Problem& problem, const Iterate& it, const Ending& end, const Penalty& penalty,
+                 bool exact_curvature, double P[nx][nx]);
 void end_gradient(const Problem& problem, const Iterate& it, const Ending& end, const Penalty& penalty, double p[nx]);
 
 // J^T nu + planes^T zeta: the costate of the end.
@@ -31,7 +31,7 @@ void end_costate(const Problem& problem, const Iterate& it, const Ending& end, d
 // Steps of the planes' slacks.
 void end_steps(const Problem& problem, Iterate& it);
 
-// nu += share * penalty * (what the end will miss by).
+// nu += share * penalty * (residuals of the end after the step).
 void move_multipliers(const Problem& problem, Iterate& it, const Penalty& penalty, double share);
 
 // a of a plane at x.

@@ -1,24 +1,24 @@
-// The cost of (4.20a) with our regularisers at a point, its derivatives and the gaps of the dynamics.
+// The cost of (4.20a) with regularisers, its derivatives and the gaps of the dynamics.
 #pragma once
 #include "stridelab_native/iterate.hpp"
 
 namespace stridelab {
 
-// Fills w, m, gap, q, r and bend of every stage; returns the cost.
+// Computes w, m, gap, q, r and log_density of every stage; returns the cost.
 double evaluate(const Problem& problem, Iterate& it);
 
 struct Conditions {
   double stationarity;     // of the Lagrangian, in the units of the objective
   double feasibility;      // gaps and the end
   double complementarity;  // the largest u^T z
-  double gap;              // sum of all u^T z: how far the objective may be from its optimum
+  double gap;              // sum of all u^T z: bound of the objective's distance from its optimum
 };
 
-// First-order conditions, and what lengths do, with the costates of the adjoint recursion, so that all that is missing
-// is in the forces.
+// First-order conditions, including lengths, with the costates of the adjoint recursion, so that only the forces have
+// dual residuals.
 Conditions conditions(const Problem& problem, Iterate& it);
 
-// Sum of u^T z, and how many cones there are.
+// Sum of u^T z; sets the number of cones.
 double complementarity(const Iterate& it, int& cones);
 
 }  // namespace stridelab

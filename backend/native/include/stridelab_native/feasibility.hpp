@@ -1,18 +1,17 @@
-// Whether there are forces at all that lead to the end: the constraints are linear and conic, so that it can be
-// decided.
+// Feasibility: whether forces exist that reach the end. The constraints are linear and conic, so it can be decided.
 #pragma once
 #include "stridelab_native/solver.hpp"
 
 namespace stridelab {
 
-// The least effort that reaches the end. `solved`: `it` stands there, a start for the whole problem. `infeasible`: the
-// multipliers l of the end prove that none does,
+// Minimise the effort that reaches the end. `solved`: `it` is a start for the whole problem. `infeasible`: the
+// multipliers l of the end are a certificate,
 //
-//   M^T l in K* at every point,   l^T (what the end misses by without forces) > 0,
+//   M^T l in K* at every point,   l^T (residual of the end without forces) > 0,
 //
-// with M what the forces do to the end, so that l^T (miss) > 0 whatever the forces; `stage` is where l pulls hardest.
-// Bounds and the planes of a capturable end take part with their own multipliers, its momentum about the vertical does
-// not: that is bilinear, and left out, so that what has no solution without it has none.
+// with M the effect of the forces on the end, so that l^T (residual) > 0 for all forces; `stage` is where l is most
+// violated. Bounds and the planes of a capturable end take part with their own multipliers. The end's momentum about
+// the vertical is bilinear and omitted; a problem that is infeasible without it is infeasible.
 Report feasibility(const Problem& problem, Iterate& it, const Settings& settings);
 
 }  // namespace stridelab

@@ -1,4 +1,4 @@
-// Where an iteration stands: variables, derivatives and factors, stage by stage.
+// State of the iteration: variables, derivatives and factors per stage.
 #pragma once
 #include <vector>
 
@@ -14,14 +14,14 @@ struct Slack {
   T s, zeta, r, target, ds, dzeta;
 
   T weight() const { return zeta / s; }
-  T pull() const { return (target + zeta * r) / s; }  // the new zeta for a that stays
+  T pull() const { return (target + zeta * r) / s; }  // the new zeta for constant a
   void follow(T da) {
     ds = -r - da;
     dzeta = (target - zeta * ds) / s - zeta;
   }
 };
 
-// What lies in cones in one interval, with its step.
+// Conic variables of one interval, with their step.
 template <typename T, int n>
 struct Inside {
   Cone<T, n> at;
@@ -31,14 +31,14 @@ struct Inside {
   T dz[n];
 };
 
-// D^-1/2 with D = W^-2 + e, whose eigenvectors are those of W: (d, 1) and (d, -1) over root two, and all across them.
+// D^-1/2 with D = W^-2 + e, whose eigenvectors are those of W: (d, 1) and (d, -1) over root two, and all orthogonal.
 struct Spectrum {
   double d[nw - 1];
   double along, against, rest;
 };
 
-// A block of points.
-struct Touch : Inside<v4, 3> {
+// A block of contact points.
+struct ContactBlock : Inside<v4, 3> {
   v4 D_inverse[6];
   const Block* block;
   int load;  // of it.loads; -1: none
@@ -48,7 +48,7 @@ struct Touch : Inside<v4, 3> {
 };
 
 // A wrench in its own cone.
-struct Hold : Inside<double, nw> {
+struct WrenchControl : Inside<double, nw> {
   Spectrum D_root;
   const WrenchCone* cone;
 
@@ -56,18 +56,18 @@ struct Hold : Inside<double, nw> {
   double effort(int) const { return cone->effort; }
 };
 
-// Second derivatives in the length h of an interval: with (c, c'), with w, and of h alone.
-struct Bent {
+// Second derivatives in one variable, such as the length h of an interval: with (c, c'), with w, and with itself.
+struct SecondDerivatives {
   double q[6], r[nw], curve;
 };
 
 // An interval whose length h is a variable.
-struct Stretch {
-  double f[nx];        // dx+ / dh
-  double slope;        // of the cost
-  Bent squared, more;  // of the Lagrangian: Gauss and Newton's part of the squares, and the rest
-  double tau[nw];      // of e Q u
-  double Y[nw][2];     // of h and of the time until the end of the phase
+struct FreeInterval {
+  double f[nx];                     // dx+ / dh
+  double slope;                     // of the cost
+  SecondDerivatives squared, more;  // of the Lagrangian: Gauss-Newton part of the squares, and the rest
+  double tau[nw];                   // of e Q u
+  double Y[nw][2];                  // of h and of the time until the end of the phase
   double pulled_by_gap[2];
 };
 
@@ -76,42 +76,42 @@ struct Length {
   std::size_t first, intervals;
   double given;
   double h, dh;
-  double slope;    // of the cost, all but the intervals' own
-  double bend[3];  // and with c at the node that ends the phase
+  double slope;     // of the cost, without the intervals' own
+  double mixed[3];  // and with c at the node that ends the phase
   double E[nx], cross, pivot, pull;
   Slack<double> low, high;  // of h / given
 };
 
 inline constexpr int shares_max = 8;
 
-// What an interval has to do with one of the variables that many intervals share.
+// Derivatives of an interval with respect to one of the shared variables.
 struct Share {
   std::size_t column;
   double f[nx];        // dx+ / dtheta
   double slope;        // of the cost
   double q[6], r[nw];  // second derivatives of the Lagrangian: with (c, c') and with w
-  double tau[nw];      // L^-1 sum G D^-1 g, g that with the forces
+  double tau[nw];      // L^-1 sum G D^-1 g, with g the mixed derivative with the forces
 };
 
-// Variables that many intervals share: columns of the factor.
+// Variables shared by many intervals: columns of the factor.
 struct Border {
   std::size_t size = 0, row = 0;  // row: size, padded
   std::vector<double> E, C, Y;    // (nx, row); (row, row), upper triangle; (intervals, nw, row)
   std::vector<double> by_gap, c, step, root;
 };
 
-// A contact that may be moved, by d along its axes within its window.
+// A movable contact, displaced by d along its axes within its window.
 struct Shift {
   const Place* place;
   double d[2], step[2];
   Slack<double> low[2], high[2];  // in units of the window
 };
 
-// A moved contact in an interval; its densities at the node that begins it, and at the one that ends its phase.
-struct Meeting {
+// A movable contact in an interval; its densities at the first node of the interval and at the last node of its phase.
+struct ShiftUse {
   std::size_t shift;
-  Bend own, before;
-  double pull[2][3];  // of its forces in world axes: the second derivative with each displacement
+  DensityDerivatives own, before;
+  double pull[2][3];  // mixed derivative of its forces (world axes) with each displacement
 };
 
 // Interval k, and the node that begins it.
@@ -119,24 +119,24 @@ struct Stage {
   // Given.
   const Phase* phase;
   double h;
-  int first_touch, touches;
+  int first_contact_block, contact_blocks;
   int hold;  // of it.holds; -1: none
-  std::size_t first_meeting, meetings;
-  std::size_t columns;  // the first of the border that it or a later one has a share in
+  std::size_t first_shift_use, shift_uses;
+  std::size_t columns;  // first column of the border that it or a later stage depends on
   double limbs[3];
-  // Variables and what follows from them.
+  // Variables and derived quantities.
   double x[nx];
   double w[nw];
   double m[3];  // c + h/2 c' + h^2/6 g
-  double l[3];  // T - m x F, the rate of the momentum about the CoM, less the limbs'
+  double l[3];  // T - m x F, the rate of the momentum about the CoM, minus the limbs' rate
   double gap[nx];
   double y[nw];              // slope of the Lagrangian in w
-  double costate[nx];        // of the node that ends it
+  double costate[nx];        // of its last node
   double effort;             // per unit of h
   double own[4], before[4];  // the log-densities of the phase and of the one before: cost and slope in c per unit of h
   double q[nx];              // gradient of the cost
   double r[nw];
-  Bend bend;
+  DensityDerivatives log_density;
   // Factors.
   double L[nw][8], L_inverse[nw];
   double R[nw][8], R_inverse[nw];
@@ -151,7 +151,7 @@ struct Stage {
   bool bounded;
 };
 
-// An interval between two nodes whose forces are splines, of two stages: what `splines` keeps of it.
+// A spline interval between two nodes, which has two stages: data of `splines`.
 struct Spline {
   double own[2];        // weights of its own control points in its two ends
   double rows[12][40];  // R and Y
@@ -162,39 +162,39 @@ struct Spline {
 
 struct Iterate {
   std::vector<Stage> stages;  // one more than intervals: the last is the end node
-  std::vector<Touch> touches;
-  std::vector<Hold> holds;
+  std::vector<ContactBlock> contact_blocks;
+  std::vector<WrenchControl> wrench_controls;
   std::vector<Slack<v4>> loads;  // of u_n below its bound
   std::vector<Slack<double>> planes;
-  std::vector<Length> lengths;     // empty: all as given
-  std::vector<Stretch> stretches;  // as many as intervals where lengths are free
-  std::vector<Spline> splines;     // empty where forces are constant
-  std::vector<Shift> shifts;       // empty: all as given
-  std::vector<Meeting> meetings;
-  std::vector<Share> shares;  // two of every meeting
+  std::vector<Length> lengths;               // empty: all as given
+  std::vector<FreeInterval> free_intervals;  // as many as intervals where lengths are free
+  std::vector<Spline> splines;               // empty where forces are constant
+  std::vector<Shift> shifts;                 // empty: all as given
+  std::vector<ShiftUse> shift_uses;
+  std::vector<Share> shares;  // two per shift use
   Border border;
-  double pull_share = 1.0;         // of the second derivatives between displacements and forces
-  const Problem* given = nullptr;  // while contacts move: the problem, and that with them where they are
+  double pull_share = 1.0;         // share of the second derivatives between displacements and forces
+  const Problem* given = nullptr;  // with movable contacts: the given problem, and its copy with the current placements
   Problem* moved = nullptr;
-  double theta = 1.0;         // shares that the factor has: of the covariances,
+  double theta = 1.0;         // shares in the factor: of the covariances,
   double twist = 0.0;         // of the momentum's second derivative
-  double effort_share = 1.0;  // e: the effort of forces bends as if e Q u were its slope in h
+  double effort_share = 1.0;  // e: the effort's mixed derivative with h is taken as e Q u
   double nu_total = 0.0;
   double nu[nx] = {};      // multipliers of the end
   double nu_rest[3] = {};  // of F = (0, 0, 1) in the last interval
 };
 
-// f of all that lies in cones.
+// Apply f to all conic variables.
 template <typename It, typename F>
 void each_cone(It& it, F f) {
-  for (auto& t : it.touches) f(t);
-  for (auto& h : it.holds) f(h);
+  for (auto& t : it.contact_blocks) f(t);
+  for (auto& h : it.wrench_controls) f(h);
 }
 
-// f(slack, mask) for all slacks there are.
+// Apply f(slack, mask) to all slacks.
 template <typename It, typename F>
 void each_slack(It& it, F f) {
-  for (auto& t : it.touches) {
+  for (auto& t : it.contact_blocks) {
     if (t.load >= 0) f(it.loads[static_cast<std::size_t>(t.load)], t.block->real);
   }
   for (auto& s : it.stages) {

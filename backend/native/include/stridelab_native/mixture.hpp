@@ -12,7 +12,7 @@
 namespace stridelab {
 
 // Sums over the visits of a node, world axes; symmetric matrices as 00, 01, 02, 11, 12, 22.
-struct Bend {
+struct DensityDerivatives {
   double gradient[3];
   double majoriser[6];
   double covariance[6];
@@ -37,8 +37,9 @@ inline void add_turned(const double* R, const double* B, double weight, double* 
   }
 }
 
-// weight * -log p at c; adds the derivatives to `bend`.
-inline double visit(const Visit& at, const Density& density, const double* c, double weight, Bend& bend) {
+// weight * -log p at c; adds the derivatives to `log_density`.
+inline double visit(const Visit& at, const Density& density, const double* c, double weight,
+                    DensityDerivatives& log_density) {
   const double d[3] = {c[0] - at.place[0], c[1] - at.place[1], c[2] - at.place[2]};
   const double* R = at.R;
   v8 y[3];
@@ -101,10 +102,10 @@ inline double visit(const Visit& at, const Density& density, const double* c, do
     }
   }
   for (int i = 0; i < 3; ++i) {
-    bend.gradient[i] += weight * (R[3 * i] * mean[0] + R[3 * i + 1] * mean[1] + R[3 * i + 2] * mean[2]);
+    log_density.gradient[i] += weight * (R[3 * i] * mean[0] + R[3 * i + 1] * mean[1] + R[3 * i + 2] * mean[2]);
   }
-  add_turned(R, majoriser, weight, bend.majoriser);
-  add_turned(R, covariance, weight, bend.covariance);
+  add_turned(R, majoriser, weight, log_density.majoriser);
+  add_turned(R, covariance, weight, log_density.covariance);
   return -weight * (highest + std::log(p));
 }
 

@@ -5,7 +5,7 @@
 //
 //   I + L^T (H_ww + B^T P B) L  >= I
 //
-// of six entries whatever the number of points; where nothing touches L is zero, and so on.
+// of six entries for any number of points; without contacts L is zero, without a special case.
 #pragma once
 #include "stridelab_native/ending.hpp"
 
@@ -14,18 +14,18 @@ namespace stridelab {
 // Scaling of all cones, and D^-1.
 void scale_cones(Iterate& it);
 
-// Shares of the true curvature that may be negative: of the densities' covariances and what else is not squared, of
-// that with free lengths, and of the momentum's second derivative between c and F.
+// Shares of the indefinite parts of the exact Hessian: of the densities' covariances and other terms that are not
+// squares, of those with free lengths, and of the momentum's second derivative between c and F.
 struct Theta {
   double densities = 0.0;
   double lengths = 0.0;
   double twist = 0.0;
 };
 
-// Backward recursion; false where it is not convex.
+// Backward recursion; false if the reduced Hessian is not positive definite.
 bool factor(const Problem& problem, Iterate& it, const Penalty& penalty, Theta theta);
 
-// tau, kappa and the step for the present targets.
+// tau, kappa and the step for the current targets.
 void direction(const Problem& problem, Iterate& it, const Penalty& penalty);
 
 }  // namespace stridelab

@@ -24,7 +24,7 @@ struct Density {
   std::vector<Eight> eights;
 };
 
-// A density that counts in a phase: y = R^T (c - place), R by rows.
+// A density in the cost of a phase: y = R^T (c - place), R by rows.
 struct Visit {
   int density = 0;
   double place[3] = {};
@@ -41,7 +41,7 @@ struct Block {
   double S[9];
   int points;
   int moved;         // of the places; -1: none
-  bool comes, goes;  // of splines: without force at the first, at the last control point of the phase
+  bool comes, goes;  // splines only: zero force at the first, at the last control point of the phase
 };
 
 // The wrench as control, u_c: (F, T) = G u, u = (tau, eta) with eta = 1 for the weight; absent entries have zero
@@ -51,19 +51,20 @@ struct WrenchCone {
   double effort;  // h/2 effort |u|^2 is its cost
 };
 
-// Of splines an interval here is one of the two free control points of an interval between nodes, and h half of it.
+// For splines, an interval here is one of the two free control points of an interval between nodes, and h is half of
+// it.
 struct Phase {
   int intervals;
   double h;
   int first_block, blocks;
   int first_visit, visits;
-  double height[2];  // bounds on c_z at the nodes that begin its intervals, but the first of all; infinite: none
+  double height[2];  // bounds on c_z at the first nodes of its intervals, except the start; infinite: none
   int cone;          // of the wrench cones; -1: none
 };
 
 // At rest: x_N = goal and F = (0, 0, 1) in the last interval. Capturable: height and vertical velocity of the goal, no
-// angular momentum, and the capture point on the near side of every plane. Upright: the same without what is not
-// linear, the momentum about the vertical.
+// angular momentum, and the capture point inside every half-plane. Upright: the same without the momentum about the
+// vertical, which is not linear.
 enum class End { rest, capturable, upright };
 
 // normal (c_x, c_y, c'_x, c'_y) <= offset.
@@ -72,9 +73,9 @@ struct Plane {
   double offset;
 };
 
-// Free lengths of intervals: all of a phase share one, between `shortest` and `longest` times that of the phase. Of all
-// together they are `total`, or cost `price` per second where that is infinite.
-struct Freedom {
+// Limits of free interval lengths: each phase has one length, between `shortest` and `longest` times the given one. The
+// total duration is `total`, or costs `price` per second if `total` is infinite.
+struct LengthLimits {
   bool lengths = false;
   double shortest = 1.0, longest = 1.0;
   double total = unbounded;
@@ -83,7 +84,7 @@ struct Freedom {
 
 // Forces between nodes: constant, or cubic splines.
 enum class Shape { constant, cubic };
-// A contact that may be moved from its first phase to its last one: displacements d along two axes, low <= d <= high.
+// A movable contact, from its first to its last phase: displacements d along two axes, low <= d <= high.
 struct Place {
   int first_phase, last_phase;
   double axes[2][3];
@@ -103,8 +104,8 @@ struct Problem {
   std::vector<Phase> phases;
   std::vector<Plane> planes;
   std::vector<Place> places;  // in the order of their last phases
-  std::vector<double> limbs;  // rate of the limbs' momentum, three per interval, for splines per point of Gauss
-  Freedom freedom;
+  std::vector<double> limbs;  // rate of the limbs' momentum, three per interval, for splines per Gauss point
+  LengthLimits length_limits;
   Shape shape = Shape::constant;
 };
 

@@ -1,8 +1,8 @@
-// min (4.20a) over motions on given contacts: primal-dual interior points on the exact cones.
+// min (4.20a) over motions on given contacts: primal-dual interior-point method on the exact cones.
 //
-// Steps are Mehrotra's (an affine step, then a centred and corrected one) as long as the first-order conditions make
-// progress over a few iterations. Where they do not, the barrier parameter is held and plain Newton steps must decrease
-// the merit function, which descends along them because the curvature is positive definite, until they do again.
+// Mehrotra steps (an affine step, then a centred and corrected one) are used while the first-order conditions make
+// progress over a few iterations. Otherwise the barrier parameter is fixed and plain Newton steps must decrease the
+// merit function, for which they are descent directions because the Hessian is positive definite.
 #pragma once
 #include <vector>
 
@@ -11,15 +11,15 @@
 
 namespace stridelab {
 
-inline constexpr double objective_scale = 1e-2;  // that of the CasADi programme: the same tolerance means the same
+inline constexpr double objective_scale = 1e-2;  // that of the CasADi nonlinear program, so that tolerances agree
 
 struct Settings {
   int iterations = 100;
-  double seconds = 10.0;    // of the process, looked at after every iteration
+  double seconds = 10.0;    // processor time, checked after every iteration
   double tolerance = 1e-6;  // of the conditions, dual ones times `objective_scale`
   double gap = 1e-6;        // of the objective, as a share of it
   double barrier = 1.0;     // mu at a cold start
-  bool warm = false;        // begin where the iterate stands
+  bool warm = false;        // start from the current iterate
 };
 
 struct Entry {
@@ -33,18 +33,19 @@ struct Report {
   int iterations = 0;
   double cost = 0.0;
   Conditions conditions{};
-  std::size_t stage = 0;  // where an infeasible problem asks too much
+  std::size_t stage = 0;  // of the largest violation of an infeasible problem
   std::vector<Entry> log;
 };
 
-// The thesis' own start: a straight CoM, at rest, the weight shared by the points.
+// Initial guess of the thesis: a straight CoM path, zero velocity, the weight shared by the points.
 void cold_start(const Problem& problem, Iterate& it, double barrier);
 
-// Slacks of all bounds as they are, or a little of it, with multipliers of a barrier; after `evaluate`.
-void loosen(Iterate& it, double barrier);
+// Initialise the slacks of all bounds to their values, at least a small positive one, with barrier multipliers; call
+// after `evaluate`.
+void initialise_slacks(Iterate& it, double barrier);
 
-// Lengths and contacts are freed near the solution for those given. Where that fails: forces that reach the end at all
-// are sought, without the cost, and the solve begins anew from them.
+// Lengths and contacts become variables near the solution with fixed ones. If that solve fails, forces that reach the
+// end are computed without the cost, and the solve restarts from them.
 Report solve(const Problem& problem, Iterate& it, const Settings& settings);
 
 }  // namespace stridelab

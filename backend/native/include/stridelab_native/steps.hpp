@@ -1,4 +1,4 @@
-// Along a direction: how far the cones allow, what is left of u^T z, whether the merit function descends.
+// Line search quantities: longest steps in the cones, u^T z after a step, merit function.
 #pragma once
 #include "stridelab_native/newton.hpp"
 
@@ -8,8 +8,8 @@ struct Steps {
   double primal, dual;
 };
 
-// Targets of the next direction: u o z = mu e, with the second-order term of the last direction where `corrected`.
-void aim(Iterate& it, double mu, bool corrected);
+// Set the targets of the next direction: u o z = mu e, with the last direction's second-order term if `corrected`.
+void set_targets(Iterate& it, double mu, bool corrected);
 
 Steps longest_steps(const Iterate& it);
 
@@ -19,7 +19,7 @@ double complementarity_after(const Iterate& it, Steps by);
 // x, u by the primal step, z by the dual one.
 void move(Iterate& it, Steps by);
 
-// M = cost - mu / 2 sum log det u + weight |c|_1 with c the gaps and the misses of the end.
+// M = cost - mu / 2 sum log det u + weight |c|_1 with c the gaps and the residuals of the end.
 struct Merit {
   double barrier;    // cost - mu / 2 sum log det u
   double violation;  // |c|_1
@@ -28,13 +28,13 @@ struct Merit {
 
 Merit merit(const Problem& problem, const Iterate& it, double cost, double mu);
 
-// Of the dynamics, between intervals.
+// Largest dynamics gap between intervals.
 double largest_gap(const Iterate& it);
 
-// States that the forces lead to from the first one: no gaps are left but at the end.
-void lead_states(Iterate& it);
+// Integrate the states from the first one under the current forces: gaps remain at the end only.
+void roll_out_states(Iterate& it);
 
-// z back to mu u^-1 where it has lost all relation to it.
-void tame(Iterate& it, double mu);
+// Reset z to mu u^-1 where it deviates from it by orders of magnitude.
+void reset_multipliers(Iterate& it, double mu);
 
 }  // namespace stridelab

@@ -88,7 +88,7 @@ def run(
     )
     started = time.process_time()
     built = started
-    if not np.isfinite(float(compiled.programme.value(initial.w, program.p))):  # fatrop's line search would not end
+    if not np.isfinite(float(compiled.programme.value(initial.w, programme.p))):  # fatrop's line search would not end
         return Run(initial, False, False, "the cost is not a number at the start", 0, 0.0, 0.0, _log({}))
     try:
         solver = _solver(name, compiled, limits, warm is not None)
