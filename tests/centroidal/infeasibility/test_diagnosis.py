@@ -126,7 +126,7 @@ def test_a_solver_that_stopped_early_is_stuck(problem: CentroidalProblem) -> Non
     assert not plan.converged
     diagnosis = diagnose(problem, plan)
     assert diagnosis.verdict == "stuck"
-    assert "the solver found none" in diagnosis.sentence
+    assert "the solver did not find one" in diagnosis.sentence
     assert diagnose(problem).verdict == "stuck", "without a plan too"
 
 
