@@ -1,4 +1,4 @@
-"""Which body mass is used: the stated one, unless mechanics contradicts it."""
+"""Selection of the body mass: the stated mass, unless the measured force contradicts it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,18 +15,18 @@ from stridelab.schemas.sessions import SessionValues
 
 STATED_SD_KG: Final = 0.3
 STATED_SHARE: Final = 0.01
-"""Standard deviation of a stated mass, as a share of it: clothes, the day, rounding."""
+"""Relative standard deviation of a stated mass: clothing, day-to-day variation, rounding."""
 UNSEEN_SHARE: Final = 0.03
-"""Force that may be missing in a movement without being noticed: it only ever makes the measured mass too small."""
+"""Relative force that may go unmeasured in a movement without notice; it biases the measured mass downwards only."""
 SIGNIFICANT: Final = 3.0
-"""Difference in standard deviations from which on the plates are believed rather than the statement."""
+"""Difference in standard deviations above which the measured mass replaces the stated one."""
 MASS_NOTED: Final = 0.05
-"""Relative difference between the stated mass and the plates from which on it is noted."""
+"""Relative difference between stated and measured mass above which a remark is added."""
 MASS_REFUSED: Final = 1.5
-"""Ratio between the two from which on the stated mass cannot be true."""
+"""Ratio of stated to measured mass (or its inverse) from which the stated mass is rejected."""
 
 NOMINAL_KG: Final = 70.0
-"""Stands in for an unknown mass where only the geometry is asked for; it enters no number of a result."""
+"""Placeholder for an unknown mass when only the geometry is used; it does not affect any reported number."""
 
 MassSource = Literal["stated", "file", "force"]
 _HOW: Final = {
@@ -42,7 +42,7 @@ _HOW: Final = {
 
 @dataclass(frozen=True)
 class KnownMass:
-    """One of the masses that were compared; ``source`` is a key of ``stated``, ``file``, ``static`` or a MassKind."""
+    """One of the compared masses; ``source`` is ``stated``, ``file``, ``static`` or a MassKind."""
 
     source: str
     mass_kg: float
@@ -54,11 +54,11 @@ class KnownMass:
 
 @dataclass(frozen=True)
 class BodyMass:
-    """The mass that is used, where it comes from, and what should be known about it.
+    """The selected mass, its source and the remarks on it.
 
-    ``sd_kg`` is its standard deviation, for a measured mass with that of the plates' calibration. ``compared`` are all
-    masses that were known, the used one among them unless it is a mean. ``source`` is None where no mass is known;
-    ``mass_kg`` is nominal then, and ``known_kg`` None.
+    ``sd_kg`` is its standard deviation; for a measured mass it includes the calibration error of the plates.
+    ``compared`` lists all available masses, including the selected one unless that is a mean. Without any mass,
+    ``source`` and ``known_kg`` are None and ``mass_kg`` is ``NOMINAL_KG``.
     """
 
     mass_kg: float
@@ -69,18 +69,18 @@ class BodyMass:
 
     @property
     def stated_kg(self) -> float | None:
-        """The user's mass, else the file's, whether it is used or not."""
+        """The user's mass, else the file's, whether or not it is selected."""
         stated = {known.source: known.mass_kg for known in self.compared}
         return stated.get("stated", stated.get("file"))
 
     @property
     def known_kg(self) -> float | None:
-        """The mass in kilograms, None where none is known."""
+        """The mass in kilograms; None if no mass is available."""
         return None if self.source is None else self.mass_kg
 
     @property
     def known_sd_kg(self) -> float | None:
-        """Its standard deviation in kilograms, None where no mass is known."""
+        """Standard deviation in kilograms; None if no mass is available."""
         return None if self.source is None else self.sd_kg
 
 
@@ -92,65 +92,67 @@ def body_mass(
     *,
     required: bool = True,
 ) -> BodyMass:
-    """The user's mass, else the file's, else the plates'; the plates' also where they contradict the former.
+    """Select the user's mass, else the file's, else the force plates'; the plates also win where they contradict it.
 
-    ``measured`` are the estimates of this trial, ``static`` those of its static trial. The two masses contradict each
-    other when they differ by more than three standard deviations. Raises ``InvalidInput`` (``mass-contradicts-force``)
-    when the user's value is 1.5 times too large or too small, and ``NotEstimable`` (``mass-unknown``) when there is no
-    value at all and one is ``required``; otherwise the mass is then nominal, with ``source`` None.
+    ``measured`` are the estimates from this trial, ``static`` those from its static trial. Two masses contradict each
+    other if they differ by more than ``SIGNIFICANT`` standard deviations. Raises ``InvalidInput``
+    (``mass-contradicts-force``) if the user's value is too large or too small by a factor of ``MASS_REFUSED``, and
+    ``NotEstimable`` (``mass-unknown``) if no mass is available and one is ``required``. Without a mass that is not
+    required, the result is ``NOMINAL_KG`` with ``source`` None.
     """
     force = combined_mass([estimate for estimate in (best_mass(measured), best_mass(static)) if estimate is not None])
     weighed = (
         *(KnownMass(estimate.kind, estimate.mass_kg, estimate.total_sd_kg) for estimate in measured),
         *(KnownMass("static", estimate.mass_kg, estimate.total_sd_kg) for estimate in static),
     )
-    said: KnownMass | None = None
+    stated: KnownMass | None = None
     source: MassSource = "force"
     for value_kg, origin in ((stated_kg, "stated"), (file_kg, "file")):
-        if value_kg is not None and said is None:
+        if value_kg is not None and stated is None:
             source = "stated" if origin == "stated" else "file"
-            said = KnownMass(source, value_kg, float(np.hypot(STATED_SD_KG, STATED_SHARE * value_kg)))
-    if said is None:
+            stated = KnownMass(source, value_kg, float(np.hypot(STATED_SD_KG, STATED_SHARE * value_kg)))
+    if stated is None:
         if force is None and not required:
             return BodyMass(NOMINAL_KG, None, 0.0)
         if force is None:
             raise NotEstimable(
                 "mass-unknown",
                 "The body mass is neither stated nor in the file, and no force is measured for long enough to weigh "
-                "the person. The method geometry needs no mass.",
+                "the subject. The method geometry needs no mass.",
                 [Fault("mass_kg", "missing")],
             )
         message = f"No mass is stated; {_used(force)} follow from the plates: {_listed(weighed)}."
         remark = Remark("mass-from-force", message)
         return BodyMass(force.mass_kg, "force", force.total_sd_kg, weighed, (remark,))
-    compared = (said, *weighed)
+    compared = (stated, *weighed)
     if force is None:
-        return BodyMass(said.mass_kg, source, said.sd_kg, compared)
-    absurd = not 1.0 / MASS_REFUSED < said.mass_kg / force.mass_kg < MASS_REFUSED
+        return BodyMass(stated.mass_kg, source, stated.sd_kg, compared)
+    absurd = not 1.0 / MASS_REFUSED < stated.mass_kg / force.mass_kg < MASS_REFUSED
     if absurd and source == "stated":
         raise InvalidInput(
             "mass-contradicts-force",
-            f"The stated mass of {said.mass_kg:g} kg contradicts the plates: {_listed(weighed)}.",
-            [Fault("mass_kg", f"{said.mass_kg:g} kg stated, {force.mass_kg:.1f} kg measured")],
+            f"The stated mass of {stated.mass_kg:g} kg contradicts the plates: {_listed(weighed)}.",
+            [Fault("mass_kg", f"{stated.mass_kg:g} kg stated, {force.mass_kg:.1f} kg measured")],
         )
-    if absurd or abs(said.mass_kg - force.mass_kg) > SIGNIFICANT * _sd_of_difference_kg(said, force):
+    if absurd or abs(stated.mass_kg - force.mass_kg) > SIGNIFICANT * _sd_of_difference_kg(stated, force):
         code = "mass-contradicts-force" if absurd else "mass-disagrees-with-force"
-        remark = Remark(code, _contradiction(said, force, weighed))
+        remark = Remark(code, _contradiction(stated, force, weighed))
         return BodyMass(force.mass_kg, "force", force.total_sd_kg, compared, (remark,))
     remarks: tuple[Remark, ...] = ()
-    if abs(force.mass_kg / said.mass_kg - 1.0) > MASS_NOTED:
+    if abs(force.mass_kg / stated.mass_kg - 1.0) > MASS_NOTED:
         message = (
-            f"The mass of {said.mass_kg:g} kg ({_HOW[source]}) is used. It differs from what the plates carried, but "
+            f"The mass of {stated.mass_kg:g} kg ({_HOW[source]}) is used. It differs from what the plates carried, but "
             f"not by more than the errors explain: {_listed(weighed)}."
         )
         remarks = (Remark("mass-differs-from-force", message),)
-    return BodyMass(said.mass_kg, source, said.sd_kg, compared, remarks)
+    return BodyMass(stated.mass_kg, source, stated.sd_kg, compared, remarks)
 
 
 def session_masses(session: SessionValues | None) -> tuple[MassEstimate, ...]:
-    """The mass that the plates show over all trials of a session; empty where the session has none.
+    """The mass pooled over all trials of a session; empty if the session has none.
 
-    Its standard deviation is stated with that of the plates' calibration, which ``MassEstimate`` adds by itself.
+    The session's standard deviation includes the plates' calibration error; it is removed here because
+    ``MassEstimate`` adds it again.
     """
     if session is None or session.mass_kg is None:
         return ()
@@ -160,26 +162,26 @@ def session_masses(session: SessionValues | None) -> tuple[MassEstimate, ...]:
 
 
 def standing_masses(static: Trial | None) -> tuple[MassEstimate, ...]:
-    """What the plates weighed while the person stood still in a static trial."""
+    """Masses measured by the plates while the subject stands still in a static trial."""
     return () if static is None else tuple(estimate for estimate in static.masses if estimate.kind == "standing")
 
 
 def _sd_of_difference_kg(said: KnownMass, force: MassEstimate) -> float:
-    """Of the stated minus the measured mass; a movement may hide missing force where it measures too little."""
+    """Standard deviation of stated minus measured mass; includes unmeasured force where the measured mass is lower."""
     hides = force.kind != "standing" and force.mass_kg < said.mass_kg
     unseen_kg = UNSEEN_SHARE * force.mass_kg if hides else 0.0
     return float(np.sqrt(said.sd_kg**2 + force.total_sd_kg**2 + unseen_kg**2))
 
 
 def _contradiction(said: KnownMass, force: MassEstimate, weighed: Sequence[KnownMass]) -> str:
-    off = force.mass_kg / said.mass_kg - 1.0
-    why = "either this mass or the plates' calibration is wrong"
-    if off < 0.0:
-        why += ", or something beside the plates carries a part of the weight"
+    relative_error = force.mass_kg / said.mass_kg - 1.0
+    cause = "either this mass or the plates' calibration is wrong"
+    if relative_error < 0.0:
+        cause += ", or something beside the plates carries a part of the weight"
     return (
-        f"The plates contradict the mass of {said.mass_kg:g} kg ({_HOW[said.source]}) by {off:+.0%}: "
-        f"{_listed(weighed)}; {why}. {_used(force)} are used, which explain the motion; with {said.mass_kg:g} kg the "
-        f"vertical acceleration from the force would be wrong by {abs(off) * GRAVITY_M_S2:.1f} m/s²."
+        f"The plates contradict the mass of {said.mass_kg:g} kg ({_HOW[said.source]}) by {relative_error:+.0%}: "
+        f"{_listed(weighed)}; {cause}. {_used(force)} are used, which explain the motion; with {said.mass_kg:g} kg the "
+        f"vertical acceleration from the force would be wrong by {abs(relative_error) * GRAVITY_M_S2:.1f} m/s²."
     )
 
 

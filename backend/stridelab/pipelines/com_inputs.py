@@ -1,13 +1,11 @@
-"""What every job on a recording does first: from the task's files to the inputs that the estimators share.
+"""Common first stage of all jobs on a recording: computes the estimators' inputs from the files of a task.
 
     file -> Recording -> landmarks -> GeometricCom -> WrenchTrack -> latency
 
-``estimate-com`` and ``compare-estimators`` start from the same numbers because they start here.
+``estimate-com`` and ``compare-estimators`` share this stage and therefore use identical inputs.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -23,7 +21,7 @@ from stridelab.pipelines.requirements import require_marker_set, require_windows
 from stridelab.pipelines.static_trial import named_static, read_static
 from stridelab.pipelines.trial import Trial, examine
 from stridelab.recordings.gap_filling import MAX_GAP_S, runs
-from stridelab.recordings.recording import Recording, Remark, Subject, Window, WrenchTrack
+from stridelab.recordings.recording import Remark, Subject, Window, WrenchTrack
 from stridelab.recordings.total_wrench import wrench_track
 from stridelab.schemas.recordings import SubjectFields
 from stridelab.schemas.sessions import SessionValues
@@ -32,12 +30,12 @@ from stridelab.schemas.tasks import EstimateComTask
 
 @dataclass(frozen=True)
 class Prepared:
-    """Inputs of the estimators: geometry, wrench with the latency that is applied, mass.
+    """Inputs of the estimators: geometric CoM, latency-corrected wrench, mass.
 
-    ``windows`` is empty where the geometry is to be given without any force: no plates, no mass, or no window of
-    ``SHORTEST_WINDOW_S`` in which all of it is measured; ``remarks`` are those of all steps so far.
-    ``standing_mass_kg`` is what the plates weigh in the static trial, None unless somebody stands still on them there.
-    ``session`` holds the values of the session that were used.
+    ``windows`` is empty if the force is not used: no plates, no mass, or no window of at least ``SHORTEST_WINDOW_S``
+    in which all contact force is measured. ``remarks`` collects the remarks of all steps so far. ``standing_mass_kg``
+    is the mass measured in the static trial, None unless the subject stands still on the plates there. ``session``
+    holds the session values that were used.
     """
 
     trial: Trial
@@ -57,9 +55,9 @@ class Prepared:
 
 
 def prepare(task: EstimateComTask, folder: Path, progress: ProgressCallback, *, needs_force: bool) -> Prepared:
-    """Read the recording of ``task`` in ``folder`` and place the body's segments; takes 0.02 to 0.7 of the progress.
+    """Read the recording of ``task`` in ``folder`` and place the body segments; covers 0.02 to 0.7 of the progress.
 
-    Raises ``UnreadableFile``, ``InvalidInput`` or ``NotEstimable`` for a file, a value or data that do not do.
+    Raises ``UnreadableFile``, ``InvalidInput`` or ``NotEstimable`` for an unusable file, value or recording.
     """
     request = task.input
     progress(0.02, "reading the recording")
@@ -69,22 +67,22 @@ def prepare(task: EstimateComTask, folder: Path, progress: ProgressCallback, *, 
     recording = trial.recording
     require_marker_set(trial.match, tuple(recording.markers_m))
     windows = require_windows(trial, request.window_s, needs_force=needs_force)
-    asked = Window(*request.window_s) if request.window_s is not None else None
-    stated = task.recording.subject
+    requested = Window(*request.window_s) if request.window_s is not None else None
+    stated_subject = task.recording.subject
     standing = standing_masses(static_file.trial)
     standing_kg = standing[0].mass_kg if standing else None
     session = task.session
-    pooled = session_masses(session)
+    session_mass = session_masses(session)
     mass = body_mass(
-        stated.mass_kg,
+        stated_subject.mass_kg,
         recording.subject.mass_kg,
-        pooled or trial.masses,
-        () if pooled else standing,
+        session_mass or trial.masses,
+        () if session_mass else standing,
         required=needs_force,
     )
-    if session is not None and pooled and mass.source == "force" and mass.stated_kg is None:
+    if session is not None and session_mass and mass.source == "force" and mass.stated_kg is None:
         message = (
-            f"No mass is stated; the plates show {mass.mass_kg:.1f} ± {mass.sd_kg:.1f} kg over "
+            f"No mass is stated; the plates measure {mass.mass_kg:.1f} ± {mass.sd_kg:.1f} kg over "
             f"{session.mass_n_trials} trials of the session."
         )
         mass = replace(mass, remarks=(Remark("mass-from-session", message),))
@@ -97,7 +95,7 @@ def prepare(task: EstimateComTask, folder: Path, progress: ProgressCallback, *, 
         static, static_remarks = named_static(task, static_file.recording, recording, trial.match.landmarks)
     if session is not None and static is None:
         session = session.model_copy(update={"static_recording_id": None})
-    subject = merged_subject(stated, recording.subject, mass.known_kg)
+    subject = merged_subject(stated_subject, recording.subject, mass.known_kg)
     geometric = SegmentModel(table=request.segment_table).com(
         recording,
         trial.match.landmarks,
@@ -108,18 +106,21 @@ def prepare(task: EstimateComTask, folder: Path, progress: ProgressCallback, *, 
 
     progress(0.6, "comparing the clocks of force and markers")
     if not windows:
-        wrench, latency = without_force(geometric, asked), LatencyChoice(None, 0.0)
+        wrench, latency = without_force(geometric, requested), LatencyChoice(None, 0.0)
         return Prepared(trial, windows, geometric, wrench, mass, latency, standing_kg, session, static_remarks)
     windows, cut = without_missing_ends(windows, geometric)
     geometric = replace(geometric, remarks=(*geometric.remarks, *cut))
-    wrench_at: Callable[[float], WrenchTrack] = partial(_wrench_at, recording, windows)
+
+    def wrench_at(latency_s: float) -> WrenchTrack:
+        return wrench_track(recording, windows, latency_s=latency_s)
+
     latency = choose_latency(request.latency, geometric, wrench_at, mass.mass_kg, session)
     wrench = wrench_at(latency.applied_s)
     return Prepared(trial, windows, geometric, wrench, mass, latency, standing_kg, session, static_remarks)
 
 
 def merged_subject(stated: SubjectFields, in_file: Subject, mass_kg: float | None) -> Subject:
-    """What is known of the person: the user's values win over the file's."""
+    """Data on the subject; the user's values take precedence over the file's."""
     return Subject(
         height_m=stated.height_m or in_file.height_m,
         mass_kg=mass_kg,
@@ -129,11 +130,11 @@ def merged_subject(stated: SubjectFields, in_file: Subject, mass_kg: float | Non
 
 
 def without_force(geometric: GeometricCom, asked: Window | None = None) -> WrenchTrack:
-    """Stand-in for the missing wrench, so that the geometry can be given for its own longest run of frames.
+    """Zero wrench over the longest gap-free run of the geometric CoM.
 
-    The run lies within the interval ``asked`` for, if any. Only the contract that all estimators share needs the
-    stand-in: its zeros enter no number of a result. Raises ``NotEstimable`` (``window-too-short``) where the markers
-    give no run of ``SHORTEST_WINDOW_S``.
+    The run lies within the interval ``asked``, if given. The zeros only satisfy the estimators' interface and do not
+    affect any reported number. Raises ``NotEstimable`` (``window-too-short``) if the longest run is shorter than
+    ``SHORTEST_WINDOW_S``.
     """
     time_s = geometric.time_s
     seen = np.isfinite(geometric.com_m).all(axis=1)
@@ -142,7 +143,7 @@ def without_force(geometric: GeometricCom, asked: Window | None = None) -> Wrenc
     start, stop = max(runs(seen), key=lambda run: run[1] - run[0], default=(0, 0))
     lasts_s = (stop - start) * (float(np.median(np.diff(time_s))) if len(time_s) > 1 else 0.0)
     if lasts_s < SHORTEST_WINDOW_S:
-        where = "" if asked is None else " in the interval asked for"
+        where = "" if asked is None else " in the requested interval"
         message = f"The markers give a centre of mass for {lasts_s:.2f} s at a time{where}"
         raise NotEstimable("window-too-short", f"{message}; at least {SHORTEST_WINDOW_S} s are needed.")
     complete = np.zeros(len(time_s), dtype=bool)
@@ -155,41 +156,37 @@ def without_force(geometric: GeometricCom, asked: Window | None = None) -> Wrenc
 def without_missing_ends(
     windows: tuple[Window, ...], geometric: GeometricCom
 ) -> tuple[tuple[Window, ...], tuple[Remark, ...]]:
-    """The windows without frames at their ends that show no centre of mass, and a remark on each that is cut.
+    """Trim frames without a geometric CoM from the ends of the windows; adds a remark for each trimmed window.
 
-    At most ``MAX_GAP_S`` are left out at either end: gaps of that length are interpolated inside a recording, and at
-    its ends cannot be. A longer gap stays in the window, for the estimators to refuse.
+    At most ``MAX_GAP_S`` is trimmed at each end: gaps up to that length are interpolated inside a recording but cannot
+    be at its ends. A longer gap stays in the window and is rejected by the estimators.
     """
     time_s = geometric.time_s
     seen = np.isfinite(geometric.com_m).all(axis=1)
-    cut, remarks = [], []
+    trimmed, remarks = [], []
     for window in windows:
         inside = np.flatnonzero((time_s >= window.start_s - 1e-9) & (time_s <= window.end_s + 1e-9))
-        shown = inside[seen[inside]]
+        visible = inside[seen[inside]]
         start_s, end_s = window.start_s, window.end_s
-        if len(shown) and shown[0] > inside[0] and time_s[shown[0]] - time_s[inside[0]] <= MAX_GAP_S:
-            start_s = float(time_s[shown[0]])
-        if len(shown) and shown[-1] < inside[-1] and time_s[inside[-1]] - time_s[shown[-1]] <= MAX_GAP_S:
-            end_s = float(time_s[shown[-1]])
-        cut.append(Window(start_s, end_s))
-        if cut[-1] != window:
+        if len(visible) and visible[0] > inside[0] and time_s[visible[0]] - time_s[inside[0]] <= MAX_GAP_S:
+            start_s = float(time_s[visible[0]])
+        if len(visible) and visible[-1] < inside[-1] and time_s[inside[-1]] - time_s[visible[-1]] <= MAX_GAP_S:
+            end_s = float(time_s[visible[-1]])
+        trimmed.append(Window(start_s, end_s))
+        if trimmed[-1] != window:
             message = (
                 f"Of the interval from {window.start_s:.2f} to {window.end_s:.2f} s, {start_s:.2f} to {end_s:.2f} s"
             )
             message += " are used: needed markers are missing at its ends."
             remarks.append(Remark("window-cut-to-markers", message))
-    return tuple(cut), tuple(remarks)
+    return tuple(trimmed), tuple(remarks)
 
 
 def _long_enough(windows: tuple[Window, ...], trial: Trial) -> bool:
-    """Whether one of the windows lies within a measured one and lasts long enough for an estimate."""
+    """Whether any window lies within a measured window and is long enough for an estimate."""
     frame_s = 1.0 / trial.recording.marker_rate_hz
     return any(
         w.duration_s >= SHORTEST_WINDOW_S
         and any(m.start_s - frame_s <= w.start_s and w.end_s <= m.end_s + frame_s for m in trial.windows)
         for w in windows
     )
-
-
-def _wrench_at(recording: Recording, windows: tuple[Window, ...], latency_s: float) -> WrenchTrack:
-    return wrench_track(recording, windows, latency_s=latency_s)

@@ -1,4 +1,4 @@
-"""The summary of ``fit-cycloid``: the fits in the words of the contract."""
+"""Summary of ``fit-cycloid``: converts the fits to the response schema."""
 
 from collections.abc import Sequence
 
@@ -33,7 +33,7 @@ def summary_of(
     *,
     rivals: bool,
 ) -> contract.FitCycloidSummary:
-    """All of it; steps are in order of time. Without ``rivals`` nobody asks how simpler curves would do."""
+    """Build the summary, with steps in chronological order; ``rivals`` adds the fits of the simpler models."""
     recording, latency = prepared.trial.recording, prepared.latency
     remarks = (*quality.remarks, *prepared.remarks, *estimate.remarks, *_of_scatter(fits, between))
     return contract.FitCycloidSummary(
@@ -69,8 +69,8 @@ def summary_of(
 def _of_scatter(fits: Sequence[StepFit], between: Scatter | None) -> tuple[Remark, ...]:
     if len(fits) > 1:
         return ()
-    tells = "nothing tells how much it scatters" if between is None else "its scatter is that of overlapping intervals"
-    return (Remark("one-step", f"One step only could be fitted, so that {tells}."),)
+    scatter = "its scatter is unknown" if between is None else "the scatter is that of overlapping intervals"
+    return (Remark("one-step", f"Only one step could be fitted: {scatter}."),)
 
 
 def _step(fit: StepFit, *, rivals: bool) -> contract.FittedStep:
@@ -121,7 +121,7 @@ def _step(fit: StepFit, *, rivals: bool) -> contract.FittedStep:
 
 
 def mean_speed_m_s(fit: StepFit) -> float:
-    """Of the centre of mass over the step, ahead."""
+    """Mean forward speed of the CoM over the step, in m/s."""
     return float((fit.path_m[-1, 0] - fit.path_m[0, 0]) / (fit.time_s[-1] - fit.time_s[0]))
 
 

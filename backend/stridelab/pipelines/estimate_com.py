@@ -1,4 +1,4 @@
-"""From a recording to the trajectory of the centre of mass (chapter 2).
+"""Estimation of the centre-of-mass trajectory from a recording (chapter 2).
 
 file -> Recording -> landmarks -> GeometricCom -> WrenchTrack -> latency -> ComEstimate -> quality
 """
@@ -26,14 +26,14 @@ from stridelab.schemas.jobs import ComparedMass, EstimateComInput, EstimateComSu
 from stridelab.schemas.tasks import EstimateComTask
 
 BEST_METHOD: Final = Smoother.name
-"""What ``method: null`` takes: the best estimator of this version."""
+"""Method used for ``method: null``: the most accurate estimator of this version."""
 STAND_IN: Final = ComplementaryFilter.name
-"""What ``method: null`` takes where the best one refuses the recording."""
+"""Fallback for ``method: null`` if the best estimator rejects the recording."""
 
 
 @dataclass(frozen=True)
 class ComResult:
-    """The centre of mass of a recording: the inputs of the estimator, its estimate, and the summary of both."""
+    """CoM estimate of a recording: inputs of the estimator, estimate and summary."""
 
     prepared: Prepared
     estimate: ComEstimate
@@ -48,10 +48,10 @@ class ComResult:
 
 
 def estimate_com(task: EstimateComTask, folder: Path, progress: ProgressCallback) -> ComResult:
-    """Estimate the centre of mass of ``task.recording`` in ``folder``; takes 0.02 to 0.85 of the progress.
+    """Estimate the centre of mass of ``task.recording`` in ``folder``; covers 0.02 to 0.85 of the progress.
 
-    Raises ``UnreadableFile`` or ``InvalidInput`` for a file or value that makes no sense, ``NotEstimable`` where the
-    data do not allow an estimate; code and faults say what is missing.
+    Raises ``UnreadableFile`` or ``InvalidInput`` for an unusable file or value, ``NotEstimable`` if the data do not
+    allow an estimate; code and faults name what is missing.
     """
     request = task.input
     method = method_asked(request)
@@ -96,7 +96,7 @@ def estimate_com(task: EstimateComTask, folder: Path, progress: ProgressCallback
 
 
 def method_asked(request: EstimateComInput) -> str | None:
-    """The method that is named, or that alone has the stated cut-offs or options; None where the best is asked for.
+    """The requested method, or the only method with the given cut-offs or options; None requests the best method.
 
     Raises ``InvalidInput`` (``cutoffs-not-used``) for cut-offs that would have no effect.
     """
@@ -113,27 +113,27 @@ def method_asked(request: EstimateComInput) -> str | None:
 def fused(
     method: str | None, request: EstimateComInput, prepared: Prepared, *, beyond_window: bool = False
 ) -> ComEstimate:
-    """The estimate by ``method``; without one by the best, or with a remark by its stand-in where the best refuses.
+    """Estimate by ``method``; None uses ``BEST_METHOD`` and, if that rejects the recording, ``STAND_IN`` with a remark.
 
-    ``beyond_window`` lets the smoother answer for all of the gap-free geometry around the window.
-    Raises ``NotEstimable`` where nothing can do it.
+    ``beyond_window`` extends the smoother's estimate over the gap-free geometry around the window. Raises
+    ``NotEstimable`` if no applicable method accepts the recording.
     """
     inputs = prepared.geometric, prepared.wrench, prepared.mass.mass_kg
     try:
-        chosen = estimator(method or BEST_METHOD, request)
-        if beyond_window and isinstance(chosen, Smoother):
-            chosen = replace(chosen, beyond_window=True)
-        return chosen.estimate(*inputs)
+        com_estimator = estimator(method or BEST_METHOD, request)
+        if beyond_window and isinstance(com_estimator, Smoother):
+            com_estimator = replace(com_estimator, beyond_window=True)
+        return com_estimator.estimate(*inputs)
     except NotEstimable as refusal:
         if method is not None:
             raise
         estimate = estimator(STAND_IN, request).estimate(*inputs)
-        message = f"The {BEST_METHOD} refuses this recording and the {STAND_IN} filter stands in: {refusal.message}"
+        message = f"The {BEST_METHOD} rejects this recording; the {STAND_IN} filter is used instead: {refusal.message}"
         return replace(estimate, remarks=(Remark("best-method-refused", message), *estimate.remarks))
 
 
 def estimator(method: str, request: EstimateComInput) -> ComEstimator:
-    """The estimator with the parameters asked for.
+    """The estimator with the requested parameters.
 
     Raises ``InvalidInput`` (``cutoffs-not-used``) for cut-offs of a method that has none.
     """
@@ -159,7 +159,7 @@ def estimator(method: str, request: EstimateComInput) -> ComEstimator:
 
 
 def smoother(options: SmootherOptions) -> Smoother:
-    """The smoother that is told what was stated; the rest takes its usual size."""
+    """The smoother with the given priors; the others take their defaults."""
     priors = SmootherPriors(**options.priors.model_dump(exclude_none=True))
     return Smoother(priors=priors, learn=options.learn, segment_momentum=options.segment_momentum)
 

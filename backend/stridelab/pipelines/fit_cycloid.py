@@ -1,4 +1,4 @@
-"""From one recording to the wheel of each of its steps; ``fit-cycloid`` and ``study-population`` share this.
+"""Cycloid fit of every step of one recording; shared by ``fit-cycloid`` and ``study-population``.
 
 file -> Prepared -> ComEstimate -> steps -> StepFits -> summary
 """
@@ -35,10 +35,10 @@ REFERENCES: Final = ("carpentier2017thesis",)
 
 @dataclass(frozen=True)
 class CycloidResult:
-    """The wheels of a recording and what they follow from.
+    """Cycloid fits of a recording with the CoM estimate and steps they are computed from.
 
-    ``estimate`` is over the floor: on a treadmill the belt's motion is taken out. ``seen`` are all whole steps
-    and ``fits`` those that were fitted, in order of time.
+    ``estimate`` is relative to the walking surface: on a treadmill the belt motion is removed. ``seen`` are all
+    complete steps and ``fits`` the fitted ones, in chronological order.
     """
 
     prepared: Prepared
@@ -57,12 +57,12 @@ class CycloidResult:
 
 
 def cycloid_of(task: FitCycloidTask, folder: Path, progress: ProgressCallback, *, rivals: bool = True) -> CycloidResult:
-    """The wheel of every step of ``task.recording`` in ``folder``; takes 0.02 to 0.95 of the progress.
+    """Fit a cycloid to every step of ``task.recording`` in ``folder``; covers 0.02 to 0.95 of the progress.
 
-    Without ``rivals`` no simpler curves are fitted beside it, which halves the time.
+    Without ``rivals`` the simpler curves are not fitted, which halves the time.
 
-    Raises as ``estimate-com`` does, and ``NotEstimable`` where the model does not apply (``require_walk``) or no step
-    is measured (``require_steps``).
+    Raises the errors of ``estimate-com``, and ``NotEstimable`` if the model does not apply (``require_walk``) or no
+    step is measured (``require_steps``).
     """
     request = task.input
     method = method_asked(request)
@@ -99,7 +99,7 @@ def cycloid_of(task: FitCycloidTask, folder: Path, progress: ProgressCallback, *
 
 
 def _require_walk_in(task: FitCycloidTask, folder: Path) -> None:
-    """Where there is nothing to estimate from, say first whether this is a walk at all."""
+    """Raise the error of ``require_walk`` if the recording is not a walk, before reporting missing inputs."""
     trial = examine(task.recording, folder)
     if trial.match.name is not None:
         landmarks = trial.match.landmarks
@@ -113,10 +113,10 @@ def _floor_velocity_m_s(prepared: Prepared) -> Vector3:
 
 
 def _over_floor(estimate: ComEstimate, floor_m_s: Vector3) -> ComEstimate:
-    """Position and velocity against what the feet stand on."""
+    """Position and velocity relative to the walking surface."""
     if not floor_m_s.any():
         return estimate
-    message = f"A treadmill: its belt's {np.linalg.norm(floor_m_s):.2f} m/s are added to the motion."
+    message = f"Treadmill: the belt speed of {np.linalg.norm(floor_m_s):.2f} m/s is added to the motion."
     return replace(
         estimate,
         com_m=estimate.com_m - floor_m_s * estimate.time_s[:, None],

@@ -1,8 +1,8 @@
-"""Which latency of the force is reported, and which is taken out: never silently.
+"""Latency of the force relative to the markers: which value is reported and which is corrected.
 
-``apply`` (the default) takes out what was found where that is significant; ``report`` takes out nothing; a number is
-taken out as it is. Whatever was done is a remark with the finding beside it. Where other trials of the recording's
-session say something about the clocks, the latency is that of the session, whatever this trial says alone.
+``apply`` (the default) corrects the estimated latency if it is significant; ``report`` corrects nothing; a number is
+corrected as given. A remark records the correction together with the estimate. If other trials of the session have an
+estimate, the latency is the session's pooled value.
 """
 
 import math
@@ -17,15 +17,15 @@ from stridelab.recordings.recording import Remark, WrenchTrack
 from stridelab.schemas.sessions import SessionValues
 
 APART: Final = 3.0
-"""Standard deviations between a trial and its session from which on it is noted."""
+"""Difference between a trial and its session, in standard deviations, above which a remark is added."""
 
 
 @dataclass(frozen=True)
 class LatencyChoice:
-    """``applied_s`` is what the estimator gets; ``latency_s`` and ``sd_s`` are None where nothing is known.
+    """``applied_s`` is corrected before estimation; ``latency_s`` and ``sd_s`` are None without an estimate.
 
-    ``found`` is what the trial says alone, None where its clocks could not be compared; ``session`` is given where the
-    latency is the session's.
+    ``found`` is the estimate of this trial alone, None if it has no estimate; ``session`` is set if the latency is the
+    session's.
     """
 
     found: Latency | None
@@ -49,17 +49,17 @@ class LatencyChoice:
 
     @property
     def source(self) -> Literal["session", "trial"]:
-        """Whose latency it is."""
+        """Whether the latency is the session's or the trial's."""
         return "trial" if self.session is None else "session"
 
     @property
     def references(self) -> tuple[str, ...]:
-        """Citation keys of the pooling, where it was used."""
+        """Citation keys of the pooling method, empty for a trial's own latency."""
         return () if self.session is None else ("huber1964", "paule1982")
 
     @property
     def n_trials(self) -> int:
-        """How many trials the latency is from."""
+        """Number of trials from which the latency is estimated."""
         return int(self.found is not None) if self.session is None else self.session.latency_n_trials
 
 
@@ -70,53 +70,53 @@ def choose_latency(
     mass_kg: float,
     session: SessionValues | None = None,
 ) -> LatencyChoice:
-    """Estimate the latency, and decide what is applied.
+    """Estimate the latency and decide which value is applied.
 
     Raises ``InvalidInput`` (``latency-out-of-range`` for a number beyond ``LARGEST_S``, ``mass-out-of-range``,
-    ``clock-mismatch``); where the clocks cannot be compared, that is a remark, and what the session says or a stated
-    number is applied.
+    ``clock-mismatch``). If the trial allows no estimate, a remark says so and the session's or the given value is
+    applied.
     """
     stated_s = None if isinstance(wanted, str) else _possible(float(wanted))
     remarks: tuple[Remark, ...] = ()
-    found = None
+    of_trial = None
     try:
-        found = estimate_latency(geometric, wrench_at, mass_kg)
+        of_trial = estimate_latency(geometric, wrench_at, mass_kg)
     except NotEstimable as error:
         remarks = (Remark(error.code, error.message),)
     of_session = session if session is not None and session.latency_s is not None else None
-    known = LatencyChoice(found, 0.0, remarks, of_session)
-    if of_session is not None and found is not None:
-        remarks = (*remarks, *_difference(found, of_session))
-    latency_s, sd_s, said = known.latency_s, known.sd_s, _said(known)
+    estimated = LatencyChoice(of_trial, 0.0, remarks, of_session)
+    if of_session is not None and of_trial is not None:
+        remarks = (*remarks, *_difference(of_trial, of_session))
+    latency_s, sd_s, description = estimated.latency_s, estimated.sd_s, _said(estimated)
     if stated_s is not None:
-        why = "as asked." if latency_s is None else f"as asked; found were {said}."
-        return LatencyChoice(found, stated_s, (*remarks, _applied(stated_s, why)), of_session)
+        why = "as requested." if latency_s is None else f"as requested; the estimate is {description}."
+        return LatencyChoice(of_trial, stated_s, (*remarks, _applied(stated_s, why)), of_session)
     if latency_s is None or sd_s is None:
-        return LatencyChoice(found, 0.0, remarks, of_session)
+        return LatencyChoice(of_trial, 0.0, remarks, of_session)
     significant = is_significant(latency_s, sd_s)
     if wanted == "apply" and significant:
         where = "in this recording" if of_session is None else "in its session"
-        remark = _applied(latency_s, f"as found {where}: {said}.")
-        return LatencyChoice(found, latency_s, (*remarks, remark), of_session)
+        remark = _applied(latency_s, f"as estimated {where}: {description}.")
+        return LatencyChoice(of_trial, latency_s, (*remarks, remark), of_session)
     if wanted == "apply":
-        message = f"The latency of the force, {said}, cannot be told from zero: the clocks are taken as recorded."
-        return LatencyChoice(found, 0.0, (*remarks, Remark("latency-not-significant", message)), of_session)
+        message = f"The latency of the force, {description}, is not significant: the clocks are taken as recorded."
+        return LatencyChoice(of_trial, 0.0, (*remarks, Remark("latency-not-significant", message)), of_session)
     if significant:
         message = (
             f"The force seems to be {1e3 * abs(latency_s):.0f} ms {_sense(latency_s)} against the markers "
-            f"({said}); this is not corrected unless the latency is applied."
+            f"({description}); this is not corrected unless the latency is applied."
         )
         remarks = (*remarks, Remark("latency-not-applied", message))
-    return LatencyChoice(found, 0.0, remarks, of_session)
+    return LatencyChoice(of_trial, 0.0, remarks, of_session)
 
 
 def _difference(found: Latency, session: SessionValues) -> tuple[Remark, ...]:
-    """What to say where a trial and its session contradict each other."""
+    """A remark if the latencies of the trial and of its session differ significantly."""
     mean_s, sd_s, excess_s = session.latency_s or 0.0, session.latency_sd_s or 0.0, session.latency_excess_s or 0.0
     if abs(found.latency_s - mean_s) <= APART * math.hypot(found.sd_s, sd_s, excess_s):
         return ()
     message = (
-        f"This trial alone says {_found(found)}, its session {1e3 * mean_s:.1f} ± {1e3 * sd_s:.1f} ms: more than "
+        f"This trial alone gives {_found(found)}, its session {1e3 * mean_s:.1f} ± {1e3 * sd_s:.1f} ms: more than "
         f"{APART:g} standard deviations apart."
     )
     return (Remark("latency-differs-from-session", message),)
@@ -126,8 +126,8 @@ def _possible(stated_s: float) -> float:
     if not abs(stated_s) <= LARGEST_S:
         raise InvalidInput(
             "latency-out-of-range",
-            f"A latency of {stated_s:g} s makes no sense: the clocks of force and markers differ by {LARGEST_S:g} s at "
-            "most.",
+            f"A latency of {stated_s:g} s is out of range: the clocks of force and markers may differ by at most "
+            f"{LARGEST_S:g} s.",
             [Fault("latency", f"{stated_s:g} s")],
         )
     return stated_s
@@ -141,7 +141,7 @@ def _applied(latency_s: float, why: str) -> Remark:
 
 
 def _said(known: LatencyChoice) -> str:
-    """What was found, with its standard deviation and what it is from."""
+    """The latency as text, with its standard deviation and source."""
     alone = "" if known.found is None else _found(known.found)
     if known.session is None or known.latency_s is None or known.sd_s is None:
         return alone

@@ -1,4 +1,4 @@
-"""The centroidal stage of ``plan-motion``: constant forces first, then splines that a body can follow."""
+"""Centroidal stage of ``plan-motion``: solves with piecewise constant forces first, then with force splines."""
 
 from dataclasses import replace
 from typing import Final
@@ -15,11 +15,11 @@ from stridelab.schemas.base import Remark
 from stridelab.schemas.plans import PlanMotionInput
 
 FIRST: Final = 0.3
-"""Share of the first of two solves."""
+"""Share of the progress taken by the first of two solves."""
 
 
 def shape_of(request: PlanMotionInput) -> Shape:
-    """The forces between nodes: as asked, else splines wherever a body is to follow forces, for none follows jumps."""
+    """Force interpolation between nodes: as requested, else cubic if the whole body has to track the forces."""
     if request.shape is not None:
         return request.shape
     splines = request.whole_body and request.formulation != "wrench" and request.solver != "fatrop"
@@ -29,27 +29,27 @@ def shape_of(request: PlanMotionInput) -> Shape:
 def planned(
     problem: CentroidalProblem, request: PlanMotionInput, tell: ProgressCallback
 ) -> tuple[CentroidalProblem, CentroidalPlan]:
-    """The plan, and the problem that it solves.
+    """Solve the centroidal problem; returns the solved problem and its plan.
 
-    Splines are solved for after constants, whose durations they keep where the solver chose them. Where there are none
-    and nobody asked for them, the constants stay. Raises ``NotEstimable`` (``plan-time-limit``,
-    ``plan-not-converged``).
+    Splines are solved after constant forces and use the durations of that solution. If the spline problem does not
+    converge and splines were not requested, the constant forces are returned. Raises ``NotEstimable``
+    (``plan-time-limit``, ``plan-not-converged``).
     """
     if shape_of(request) == "constant":
         return problem, _converged(problem, request, _solved(problem, request, tell))
     plan = _converged(problem, request, _solved(problem, request, _part(tell, 0.0, FIRST)))
     smooth = replace(problem, sequence=plan.sequence, durations=None, shape="cubic")
-    found = _solved(smooth, request, _part(tell, FIRST, 1.0))
-    if found.converged or request.shape is not None:
-        return smooth, _converged(smooth, request, found)
+    spline_plan = _solved(smooth, request, _part(tell, FIRST, 1.0))
+    if spline_plan.converged or request.shape is not None:
+        return smooth, _converged(smooth, request, spline_plan)
     return problem, plan
 
 
 def jumps(problem: CentroidalProblem, request: PlanMotionInput) -> tuple[Remark, ...]:
-    """A remark where splines were looked for and constants are what there is."""
+    """A remark if force splines were attempted and the plan has piecewise constant forces."""
     if shape_of(request) == problem.shape:
         return ()
-    message = "With continuous forces no motion was found: the planned forces jump from node to node."
+    message = "The problem with continuous forces did not converge: the planned forces jump from node to node."
     return (Remark(code="forces-jump", message=message),)
 
 

@@ -1,8 +1,7 @@
-"""Durations that ``plan-motion`` leaves to the solver: within what bounds, and the scenario as it was then planned.
+"""Translation of a ``plan-motion`` request to the planner's terms.
 
-Options of ``plan-motion`` in the planner's own terms: the control, the solver and its limits.
-
-From a scenario of the contract to the problem of a robot: the judge, the robot, its densities.
+Covers the bounds of free phase durations, control parametrisation, solver and its limits, validation of the scenario
+and the reachability densities of the robot.
 """
 
 from collections.abc import Collection, Mapping, Sequence
@@ -33,7 +32,7 @@ from stridelab.schemas.sweeps import SweepInput
 
 
 def freedom(request: PlanMotionInput, sequence: ContactSequence) -> FreeDurations | None:
-    """The bounds that were asked for, tightened so that the outcome is a lawful scenario; None for given durations."""
+    """The requested bounds, tightened so that the planned scenario remains valid; None for fixed durations."""
     if not request.free_durations:
         return None
     least, most = request.duration_range
@@ -45,7 +44,7 @@ def freedom(request: PlanMotionInput, sequence: ContactSequence) -> FreeDuration
 
 
 def as_planned(scenario: Scenario, sequence: ContactSequence) -> Scenario:
-    """The scenario with the durations of the sequence that was planned."""
+    """The scenario with the durations of the planned sequence."""
     phases = [
         phase.model_copy(update={"duration_s": planned.duration_s})
         for phase, planned in zip(scenario.phases, sequence.phases, strict=True)
@@ -54,10 +53,10 @@ def as_planned(scenario: Scenario, sequence: ContactSequence) -> Scenario:
 
 
 def phase_durations(given: ContactSequence, planned: ContactSequence) -> list[PhaseDuration]:
-    """Every phase's duration as the scenario gives it, and as it was chosen."""
+    """Duration of every phase as given by the scenario and as planned."""
     return [
-        PhaseDuration(given_s=asked.duration_s, chosen_s=found.duration_s)
-        for asked, found in zip(given.phases, planned.phases, strict=True)
+        PhaseDuration(given_s=given_phase.duration_s, chosen_s=planned_phase.duration_s)
+        for given_phase, planned_phase in zip(given.phases, planned.phases, strict=True)
     ]
 
 
@@ -66,36 +65,36 @@ CONTROLS: Final[Mapping[str, Control]] = {
     "circular-cones": CircularCones(),
     "wrench": ContactWrench(),
 }
-"""By the names of ``formulation``."""
+"""Control parametrisations by the names of ``formulation``."""
 USUAL_ITERATIONS: Final = 20.0
-"""Half of the bar, which never comes to its end before the solver does."""
+"""Iterations at half progress; the progress approaches 1 asymptotically."""
 
 
 def native_missing() -> str | None:
-    """Why the C++ solver is not there, as a sentence; None where it is."""
-    found = availability()
-    return found.reason[:1].upper() + found.reason[1:] if isinstance(found, Missing) else None
+    """The reason why the C++ solver is unavailable, as a sentence; None if it is available."""
+    state = availability()
+    return state.reason[:1].upper() + state.reason[1:] if isinstance(state, Missing) else None
 
 
 def taken(formulation: Formulation) -> Formulation:
-    """Where the C++ solver is there, which has the cones as they are, ``forces`` do without CasADi's pyramids."""
+    """Replace ``forces`` (linearised pyramids) by circular cones if the C++ solver, which supports them, is present."""
     return "circular-cones" if formulation == "forces" and native_missing() is None else formulation
 
 
 def formulation_of(request: PlanMotionInput | SweepInput) -> Formulation:
-    """The control that is taken, pyramids wherever one of CasADi's solvers is to serve."""
+    """The formulation to use; the requested one (pyramids for ``forces``) if a CasADi solver is requested."""
     return taken(request.formulation) if request.solver in ("auto", "native") else request.formulation
 
 
 def control_of(request: PlanMotionInput | SweepInput) -> Control:
-    """``formulation_of`` in the planner's own terms."""
+    """Control parametrisation of ``formulation_of``."""
     return CONTROLS[formulation_of(request)]
 
 
 def solver_of(request: PlanMotionInput | SweepInput) -> Literal["auto", "native", "casadi", "ipopt", "fatrop"]:
-    """The solver to ask: "auto" the C++ one first where it is there, "casadi" never.
+    """The solver to use: "auto" tries the C++ solver first if available; "casadi" never uses it.
 
-    Under a time limit, at which fatrop only guesses, CasADi's is ipopt alone.
+    With a time limit only ipopt is used among CasADi's solvers, because fatrop does not enforce one exactly.
     """
     if request.solver in ("native", "ipopt", "fatrop"):
         return request.solver
@@ -106,58 +105,59 @@ def solver_of(request: PlanMotionInput | SweepInput) -> Literal["auto", "native"
 
 
 def limits_of(request: PlanMotionInput | SweepInput) -> Limits:
-    """When the solver gives up."""
+    """Iteration and time limits of the solver."""
     cpu_s = request.time_limit_s if isinstance(request, PlanMotionInput) else None
     return DEFAULT_LIMITS if cpu_s is None else Limits(DEFAULT_LIMITS.iterations, cpu_s)
 
 
 def because(asked: str, served: Collection[str], lacked: str | None) -> str | None:
-    """Why the C++ solver did not serve, as a sentence; None where it did. ``lacked``: what it does not do of it."""
+    """Reason why the C++ solver was not used, as a sentence; None if it was. ``lacked``: the unsupported feature."""
     if set(served) == {"native"}:
         return None
     if asked not in ("auto", "native"):
-        return f"{asked} was asked for."
+        return f"{asked} was requested."
     missing = native_missing()
     if missing is not None:
         return missing
     if lacked is not None:
-        return f"The C++ solver does not do {lacked}."
-    return "The C++ solver did not find every motion; CasADi was asked then."
+        return f"The C++ solver does not support {lacked}."
+    return "The C++ solver did not solve every problem; CasADi was used for the others."
 
 
 def require_solver(name: str) -> None:
-    """Raise ``NotEstimable`` (``solver-unavailable``) where the C++ solver is asked for and is not there."""
+    """Raise ``NotEstimable`` (``solver-unavailable``) if the C++ solver is requested and unavailable."""
     missing = native_missing() if name == "native" else None
     if missing is not None:
         raise NotEstimable("solver-unavailable", missing, [Fault("solver", "native is not available")])
 
 
 def require_durations(request: PlanMotionInput) -> None:
-    """Raise ``NotEstimable`` (``solver-unavailable``) for durations that only the missing C++ solver could choose."""
+    """Raise ``NotEstimable`` (``solver-unavailable``) for free durations that need the unavailable C++ solver."""
     missing = native_missing() if request.free_durations and request.formulation == "circular-cones" else None
     if missing is not None:
         raise NotEstimable(
             "solver-unavailable",
-            f"Durations are chosen in circular cones by the C++ solver alone. {missing} Ask for forces or wrench.",
+            "Only the C++ solver optimises phase durations with circular cones. "
+            f"{missing} Use the formulation forces or wrench.",
             [Fault("free_durations", "not with circular-cones without the C++ solver")],
         )
 
 
 def require_time(request: PlanMotionInput, plan: CentroidalPlan) -> None:
-    """Raise ``NotEstimable`` (``plan-time-limit``) where a time that was asked for ended the solver."""
+    """Raise ``NotEstimable`` (``plan-time-limit``) if the requested time limit stopped the solver."""
     last = plan.solution.attempts[-1] if plan.solution is not None else None
     if request.time_limit_s is None or last is None or TIME_IS_UP not in last.status:
         return
     raise NotEstimable(
         "plan-time-limit",
-        f"{last.solver} had no motion after the {request.time_limit_s:g} s that it was given ({last.iterations} "
-        "iterations). Give it more time, or fewer nodes per second.",
+        f"{last.solver} did not converge within the time limit of {request.time_limit_s:g} s ({last.iterations} "
+        "iterations). Increase the limit, or use fewer nodes per second.",
         [Fault("time_limit_s", f"{request.time_limit_s:g} s were not enough")],
     )
 
 
 def iterations_to(tell: ProgressCallback) -> Tell:
-    """What a solver calls after each iteration; nobody knows how many there will be."""
+    """Iteration callback of a solver that reports to ``tell``; the number of iterations is not known in advance."""
 
     def on(at: Iterate) -> None:
         tell(
@@ -169,7 +169,7 @@ def iterations_to(tell: ProgressCallback) -> Tell:
 
 
 def checked(scenario: Scenario) -> tuple[ContactSequence, tuple[Remark, ...]]:
-    """The contact sequence, and what is worth knowing of it.
+    """Validate a scenario; returns its contact sequence and the remarks of the validation.
 
     Raises ``InvalidInput`` (``scenario-invalid``), naming phase and effector, and ``NotFound`` (``robot-not-found``).
     """
@@ -180,7 +180,7 @@ def checked(scenario: Scenario) -> tuple[ContactSequence, tuple[Remark, ...]]:
 
 
 def outlined(scenario: Scenario) -> ContactSequence:
-    """``checked`` without the remarks, and without asking where the CoM can rest, for whoever waits."""
+    """Faster variant of ``checked`` without remarks and without the static equilibrium of each phase."""
     faults, sequence = outline(scenario.model_dump(mode="json"), effector_shapes(scenario.robot))
     if sequence is None:
         raise _invalid(faults)
@@ -189,12 +189,12 @@ def outlined(scenario: Scenario) -> ContactSequence:
 
 def _invalid(faults: Sequence[Fault]) -> InvalidInput:
     more = f" and {len(faults) - 1} more" if len(faults) > 1 else ""
-    message = f"The robot cannot do this: {faults[0].where}: {faults[0].message}{more}."
+    message = f"The scenario is invalid: {faults[0].where}: {faults[0].message}{more}."
     return InvalidInput("scenario-invalid", message, faults)
 
 
 def densities(robot: Robot, measure: Measure) -> Mapping[str, Proxy]:
-    """The learned densities, which must be those of this very robot.
+    """The learned reachability densities of this robot.
 
     Raises ``Unavailable`` (``reachability-of-another-robot``).
     """

@@ -1,4 +1,4 @@
-"""Stages of a long run: each has its share of the progress bar, its time, and its name on whatever goes wrong in it."""
+"""Stages of a long run, each with a share of the progress, a wall-clock time and a label on its errors."""
 
 import time
 from collections.abc import Callable, Iterator, Mapping
@@ -11,10 +11,10 @@ ProgressCallback = Callable[[float, str], None]
 
 
 class Stages:
-    """Tells ``progress`` of one run, stage by stage; messages read ``"<stage>: <what it does>"``.
+    """Reports the progress of a run stage by stage; messages have the form ``"<stage>: <activity>"``.
 
-    ``shares`` gives, in their order, the stages that this run has with the part of the bar that each is worth, in any
-    unit. ``times_s`` are the wall-clock seconds of the stages that are done.
+    ``shares`` maps the stages of the run, in order, to their share of the progress in any unit. ``times_s`` holds the
+    wall-clock seconds of the completed stages.
     """
 
     def __init__(self, progress: ProgressCallback, shares: Mapping[str, float]) -> None:
@@ -28,9 +28,9 @@ class Stages:
 
     @contextmanager
     def at(self, name: str, doing: str) -> Iterator[ProgressCallback]:
-        """Do one stage; it is given a callback for its own fraction from 0 to 1.
+        """Context of one stage; yields a callback for the fraction of the stage from 0 to 1.
 
-        An error of this project leaves it with ``stage: <name>`` behind its own faults.
+        A ``StridelabError`` raised inside gets the additional fault ``stage: <name>``.
         """
         first, share = self._parts[name]
 

@@ -1,4 +1,4 @@
-"""The quality of a result: the checks of ``estimation.quality`` in the words of the contract."""
+"""Quality of a result: converts the checks of ``estimation.quality`` to the response schema."""
 
 import math
 from collections.abc import Sequence
@@ -11,11 +11,11 @@ from stridelab.pipelines.com_inputs import Prepared
 from stridelab.schemas import quality as contract
 
 LARGEST = 1e12
-"""A value beyond it is shown as this: what is infinite is no number of the contract."""
+"""Replaces infinite values, which JSON cannot represent."""
 
 
 def quality_of(prepared: Prepared, estimate: ComEstimate) -> Assessed:
-    """The checks of one estimate from what it was made of."""
+    """Check one estimate against its inputs."""
     recorded = Recorded(
         recording=prepared.trial.recording,
         landmarks=prepared.trial.match.landmarks,
@@ -30,7 +30,7 @@ def quality_of(prepared: Prepared, estimate: ComEstimate) -> Assessed:
 
 
 def as_contract(quality: Assessed) -> contract.Quality:
-    """The same for the summary of a result."""
+    """Convert a quality assessment to the response schema."""
     return contract.Quality(
         verdict=quality.verdict,
         checks=[_check(check) for check in quality.checks],
@@ -39,17 +39,17 @@ def as_contract(quality: Assessed) -> contract.Quality:
 
 
 def of_all(qualities: Sequence[contract.Quality]) -> contract.Quality:
-    """The worst value of every check; what is checked nowhere has the reason of the first."""
+    """The worst value of every check; a check made in no result has the reason given by the first."""
     checks: dict[str, contract.QualityCheck] = {}
-    for check in (check for one in qualities for check in one.checks):
-        known = checks.get(check.name)
-        if known is None or check.value > known.value:
+    for check in (check for quality in qualities for check in quality.checks):
+        previous = checks.get(check.name)
+        if previous is None or check.value > previous.value:
             checks[check.name] = check
     missing: dict[str, str] = {}
-    for one in qualities:
-        missing |= {name: why for name, why in one.not_checked.items() if name not in checks and name not in missing}
+    for quality in qualities:
+        missing = {name: why for name, why in quality.not_checked.items() if name not in checks} | missing
     return contract.Quality(
-        verdict=worst(one.verdict for one in qualities), checks=list(checks.values()), not_checked=missing
+        verdict=worst(quality.verdict for quality in qualities), checks=list(checks.values()), not_checked=missing
     )
 
 

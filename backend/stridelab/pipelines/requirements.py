@@ -1,4 +1,4 @@
-"""What ``estimate-com`` needs before it can start, and the sentence for whoever did not bring it."""
+"""Requirements of ``estimate-com`` on the request and the recording, with their error messages."""
 
 from collections.abc import Sequence
 
@@ -11,7 +11,7 @@ from stridelab.schemas.methods import METHODS
 
 
 def require_method(method: str) -> str:
-    """The method, if this version has it. Raises ``NotEstimable`` (``method-unavailable``) naming what exists."""
+    """Return ``method``. Raises ``NotEstimable`` (``method-unavailable``) if this version does not have it."""
     if method not in METHODS:
         raise NotEstimable(
             "method-unavailable",
@@ -22,7 +22,7 @@ def require_method(method: str) -> str:
 
 
 def require_marker_set(match: MarkerSetMatch, labels: Sequence[str]) -> None:
-    """Raise ``NotEstimable`` (``unknown-marker-set``) that lists the labels found and what the nearest set lacks."""
+    """Raise ``NotEstimable`` (``unknown-marker-set``) with the labels and the missing markers of the closest set."""
     if match.name is not None:
         return
     nearest = ", ".join(f"{name} ({share:.0%} of what it requires)" for name, share in match.nearest)
@@ -40,11 +40,11 @@ def require_marker_set(match: MarkerSetMatch, labels: Sequence[str]) -> None:
 
 
 def require_windows(trial: Trial, window_s: tuple[float, float] | None, *, needs_force: bool) -> tuple[Window, ...]:
-    """The windows to work on: the measured ones, or the part of one that was asked for.
+    """The windows to use: the measured ones, or the requested interval.
 
     Raises ``NotEstimable`` (``single-frame``, ``no-plates``, ``plates-switched-off``, ``plates-unloaded``,
     ``forces-and-markers-apart``, ``no-measured-window``) where no force can be used, ``InvalidInput``
-    (``window-outside-recording``, ``window-not-measured``) where the interval asked for is not inside the recording or
+    (``window-outside-recording``, ``window-not-measured``) where the requested interval is not inside the recording or
     a measured window.
     """
     if needs_force and not trial.windows:

@@ -1,7 +1,7 @@
-"""The values of a session from what its trials say: pooled latency, pooled mass, and the trial that stands still.
+"""Values of a session computed from its trials: pooled latency, pooled mass and the static trial.
 
-Works on the facts of the recordings alone and needs no numeric package, so that the worker and the command line can
-both do it. The order of the trials does not matter; two recordings of the same bytes count once.
+Uses only the stored facts of the recordings and no numerical package, so that both the worker and the command line can
+run it. The order of the trials does not matter; identical files count once.
 """
 
 import math
@@ -14,16 +14,16 @@ from stridelab.schemas.recordings import RecordingFacts
 from stridelab.schemas.sessions import SessionTrial, SessionValues
 
 CORNER_M: Final = 0.001
-"""Corners of a plate that agree within this are the same plate's."""
+"""Resolution at which plate corners are compared."""
 PLATES_SHARE: Final = 0.011
-"""Relative error of a weight that all trials of a session share: plates against scales, 6 adults (12 more: 1.15 %)."""
+"""Relative weight error common to all trials of a session: plates against scales, 6 adults (12 more: 1.15 %)."""
 CONTACT_TYPE: Final = 0
-"""Type of the contacts of a MOT file, whose corners only bound the centre of pressure of that trial."""
+"""Plate type of contacts read from a MOT file; their corners only bound the centre of pressure of that trial."""
 
 
 @dataclass(frozen=True)
 class TrialFacts:
-    """A recording of a session: its id, name and hash, and what its file says."""
+    """A recording of a session: id, file name, hash and the facts read from its file."""
 
     recording_id: str
     filename: str
@@ -32,14 +32,14 @@ class TrialFacts:
 
 
 def session_values(session_id: str, own: TrialFacts, others: Sequence[TrialFacts]) -> SessionValues | None:
-    """What the session says about ``own``; None where no other trial says anything.
+    """Session values for the trial ``own``; None if no other trial has a latency or a mass.
 
-    Latency and mass are pooled over the trials that were measured by the same plates at the same rates.
+    Latency and mass are pooled over the trials measured with the same plates at the same rates.
     """
-    alike = [one for one in _distinct(own, others) if setup_of(one.facts) == setup_of(own.facts)]
-    alike.sort(key=lambda one: one.recording_id)
-    clocks = {one.recording_id: one.facts.clock for one in alike if one.facts.clock is not None}
-    weighed = {one.recording_id: (one.facts.mass_from_force_kg, one.facts.mass_from_force_sd_kg) for one in alike}
+    same_setup = [one for one in _distinct(own, others) if setup_of(one.facts) == setup_of(own.facts)]
+    same_setup.sort(key=lambda one: one.recording_id)
+    clocks = {one.recording_id: one.facts.clock for one in same_setup if one.facts.clock is not None}
+    weighed = {one.recording_id: (one.facts.mass_from_force_kg, one.facts.mass_from_force_sd_kg) for one in same_setup}
     masses = {name: (kg, sd) for name, (kg, sd) in weighed.items() if kg is not None and sd is not None}
     if not (clocks.keys() | masses.keys()) - {own.recording_id}:
         return None
@@ -48,7 +48,7 @@ def session_values(session_id: str, own: TrialFacts, others: Sequence[TrialFacts
     latency_weights = {} if latency is None else dict(zip(clocks, latency.weights, strict=True))
     mass_weights = {} if mass is None else dict(zip(masses, mass.weights, strict=True))
     trials = []
-    for one in alike:
+    for one in same_setup:
         clock, (mass_kg, mass_sd_kg) = clocks.get(one.recording_id), masses.get(one.recording_id, (None, None))
         if clock is not None or mass_kg is not None:
             trials.append(
@@ -77,9 +77,9 @@ def session_values(session_id: str, own: TrialFacts, others: Sequence[TrialFacts
 
 
 def static_of(own: TrialFacts, others: Sequence[TrialFacts]) -> TrialFacts | None:
-    """The static trial of a session: of those that stand still, the one with most landmarks, then most shared labels.
+    """The static trial of a session: of its motionless trials the one with most landmarks, then most shared labels.
 
-    It is returned whether its marker set is known or not: who uses it says what came of it.
+    The caller has to handle an unknown marker set.
     """
     labels = {label.lower() for label in own.facts.labels}
 
@@ -92,7 +92,7 @@ def static_of(own: TrialFacts, others: Sequence[TrialFacts]) -> TrialFacts | Non
 
 
 def setup_of(facts: RecordingFacts) -> tuple[object, ...]:
-    """What trials with one clock share: rates and plates; of the contacts of a MOT file only their number."""
+    """Key equal for trials with the same equipment: rates and plates; only the number of contacts of MOT files."""
     plates = []
     for plate in facts.plates:
         corners = [round(x / CORNER_M) for corner in plate.corners_m for x in corner]
@@ -101,13 +101,13 @@ def setup_of(facts: RecordingFacts) -> tuple[object, ...]:
 
 
 def _distinct(own: TrialFacts, others: Sequence[TrialFacts]) -> list[TrialFacts]:
-    """``own`` and the others, of equal files the one with the smallest id."""
+    """``own`` and the others; of identical files only the one with the smallest id."""
     by_hash = {one.sha256: one for one in sorted(others, key=lambda one: one.recording_id, reverse=True)}
     return list({**by_hash, own.sha256: own}.values())
 
 
 def _pooled(measured: dict[str, tuple[float, float]], own: str) -> Pooled | None:
-    """None unless another trial than ``own`` says something."""
+    """Pool the (value, sd) pairs by trial id; None unless a trial other than ``own`` has a value."""
     if not measured.keys() - {own}:
         return None
     return pool([value for value, _ in measured.values()], [sd for _, sd in measured.values()])

@@ -1,6 +1,6 @@
-"""The static trial of a recording: stated, or found in its session; read, and its labels named as landmarks.
+"""Static trial of a recording, given by the user or selected from the session: reading and landmark assignment.
 
-What cannot be used is never left out silently: a stated trial is refused, one that was found is a remark.
+An unusable static trial raises an error if the user gave it, and adds a remark if it was selected from the session.
 """
 
 from collections.abc import Mapping
@@ -17,14 +17,14 @@ from stridelab.recordings.standing import stands_still
 from stridelab.schemas.tasks import EstimateComTask, RecordingSource
 
 LABELS_SHARED: Final = 0.5
-"""Share of the recording's labels below which the static trial is said to have others."""
+"""Minimum share of the recording's landmark labels in the static trial; below it a remark is added."""
 LEAST_LANDMARKS: Final = 4
-"""A cluster has four markers: three that are seen, and the one that they rebuild."""
+"""Size of a marker cluster: three visible markers and the one reconstructed from them."""
 
 
 @dataclass(frozen=True)
 class StaticTrial:
-    """A static trial with its landmarks (landmark to label), and what should be known about it."""
+    """A static trial with its landmarks (landmark to label) and remarks."""
 
     recording: Recording
     landmarks: Mapping[str, str]
@@ -33,21 +33,21 @@ class StaticTrial:
 
 @dataclass(frozen=True)
 class StaticFile:
-    """A static trial that was read, before its labels are named; ``unusable`` says why it cannot be used."""
+    """A static trial as read, before landmarks are assigned; ``unusable`` explains why it cannot be used."""
 
     trial: Trial | None
     unusable: tuple[Remark, ...] = ()
 
     @property
     def recording(self) -> Recording | None:
-        """Its recording."""
+        """The recording of the trial; None without one."""
         return None if self.trial is None else self.trial.recording
 
 
 def read_static(task: EstimateComTask, folder: Path) -> StaticFile:
-    """Read the static trial of ``task``, if it has one.
+    """Read the static trial of ``task``, if any.
 
-    Raises what reading raises for one that was stated; of the session's own choice that is a remark.
+    Errors of reading propagate if the user gave the trial; for a trial selected from the session they become a remark.
     """
     if task.static is None:
         return StaticFile(None)
@@ -62,13 +62,12 @@ def read_static(task: EstimateComTask, folder: Path) -> StaticFile:
 def named_static(
     task: EstimateComTask, static: Recording, recording: Recording, landmarks: Mapping[str, str]
 ) -> tuple[StaticTrial | None, tuple[Remark, ...]]:
-    """``static`` with its landmarks, or the remark why it is not used; ``landmarks`` are those of ``recording``.
+    """Assign landmarks to ``static``, or explain in a remark why it is not used.
 
-    A static trial in which nobody stands still, of another body or of other labels is used with a remark.
-
-    A label means what it means in the trial, else what the marker maps say, else what the static trial's own marker
-    set says. Raises ``InvalidInput`` (``static-unusable``) where fewer than ``LEAST_LANDMARKS`` of a stated static
-    trial are known.
+    ``landmarks`` are those of ``recording``. A static trial with movement, of a different body or with different labels
+    is used with a remark. A label denotes the landmark that it has in the recording, else in the marker maps, else in
+    the marker set of the static trial. Raises ``InvalidInput`` (``static-unusable``) if a static trial given by the
+    user has fewer than ``LEAST_LANDMARKS`` landmarks.
     """
     source = task.static
     if source is None:
@@ -89,7 +88,7 @@ def named_static(
         )
     remarks: tuple[Remark, ...] = ()
     if _chosen(task):
-        message = f"{source.filename} stands still and is of the same session: it is used as the static trial."
+        message = f"{source.filename} is motionless and of the same session: it is used as the static trial."
         remarks = (Remark("static-from-session", message),)
     if match.name is None:
         message = (
@@ -104,7 +103,7 @@ def named_static(
         )
         remarks = (*remarks, Remark("static-labels-differ", message))
     if not stands_still(static):
-        message = f"Nobody stands still in the static trial {source.filename}: the shape of the body is less certain."
+        message = f"The subject moves in the static trial {source.filename}: the body dimensions are less certain."
         remarks = (*remarks, Remark("static-not-still", message))
     remarks = (*remarks, *_of_another_body(source, static, named, recording, landmarks))
     return StaticTrial(static, named, remarks), remarks
@@ -117,23 +116,23 @@ def _of_another_body(
     recording: Recording,
     landmarks: Mapping[str, str],
 ) -> tuple[Remark, ...]:
-    """A remark where markers of one segment are not as far apart as in the recording."""
-    found = body_difference(static, named, recording, landmarks)
-    if found is None or found.difference_m <= SAME_BODY_M:
+    """A remark if distances between markers of one segment differ from those in the recording."""
+    difference = body_difference(static, named, recording, landmarks)
+    if difference is None or difference.difference_m <= SAME_BODY_M:
         return ()
-    first, second = found.landmarks
+    first, second = difference.landmarks
     message = (
-        f"The static trial {source.filename} shows another body than this recording: {first} and {second} are "
-        f"{1000.0 * found.one_m:.0f} mm apart there and {1000.0 * found.other_m:.0f} mm here. It is of another person, "
-        "or markers were moved."
+        f"The static trial {source.filename} shows a different body from this recording: {first} and {second} are "
+        f"{1000.0 * difference.one_m:.0f} mm apart there and {1000.0 * difference.other_m:.0f} mm here. It is of "
+        "another subject, or markers were moved."
     )
     return (Remark("static-other-body", message),)
 
 
 def _chosen(task: EstimateComTask) -> bool:
-    """Whether the static trial was found in the session, not stated."""
+    """Whether the static trial was selected from the session rather than given by the user."""
     return task.session is not None and task.session.static_recording_id is not None
 
 
 def _not_used(source: RecordingSource, why: str) -> Remark:
-    return Remark("static-not-used", f"{source.filename} of the same session stands still, but is not used: {why}.")
+    return Remark("static-not-used", f"{source.filename} of the same session is motionless, but is not used: {why}.")

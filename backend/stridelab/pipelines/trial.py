@@ -1,6 +1,6 @@
-"""From a stored file to a trial that can be worked on: read, marker set, windows, weight.
+"""Reading of a stored file: recording, marker set, measured windows and body mass.
 
-Shared by the parsing of uploads and by the estimation, so that both see the same facts.
+Shared by the parsing of uploads and the estimation, so that both use the same facts.
 """
 
 from collections.abc import Mapping
@@ -22,10 +22,10 @@ from stridelab.schemas.tasks import RecordingSource
 
 @dataclass(frozen=True)
 class Trial:
-    """A recording with everything that follows from the file and its switches alone; ``remarks`` are all of it.
+    """A recording with all facts that follow from the file and its plate switches.
 
-    ``masses`` are the masses that the force shows, at most one of each kind. ``motion`` and ``stated_kg`` (the user's
-    mass, else the file's) are what the windows were found with.
+    ``masses`` are the masses estimated from the force, at most one of each kind. ``motion`` and ``stated_kg`` (the
+    user's mass, else the file's) are the inputs of the window search.
     """
 
     recording: Recording
@@ -38,12 +38,12 @@ class Trial:
 
     @property
     def force_mass(self) -> MassEstimate | None:
-        """The mass that the force shows best."""
+        """The most accurate mass estimate from the force."""
         return best_mass(self.masses)
 
     @property
     def force_mass_kg(self) -> float | None:
-        """Its value in kilograms."""
+        """Value of ``force_mass`` in kilograms."""
         return None if self.force_mass is None else self.force_mass.mass_kg
 
 
@@ -51,10 +51,10 @@ def read(source: RecordingSource, folder: Path) -> Recording:
     """Read the file of a source with the user's marker map and plate switches.
 
     Raises ``UnreadableFile`` or ``InvalidInput``; messages name the uploaded file, not its copy in ``folder``. The map
-    may name labels of the static trial (``source.static_labels``), too.
+    may also contain labels of the static trial (``source.static_labels``).
     """
-    elsewhere = frozenset(source.static_labels)
-    own = {landmark: label for landmark, label in source.marker_map.items() if label not in elsewhere}
+    static_labels = frozenset(source.static_labels)
+    own = {landmark: label for landmark, label in source.marker_map.items() if label not in static_labels}
     try:
         path, plates = folder / source.file, switches(source.plates)
         return read_recording(path, name=source.filename, marker_map=own, plate_switches=plates)
@@ -63,19 +63,19 @@ def read(source: RecordingSource, folder: Path) -> Recording:
 
 
 def examine(source: RecordingSource, folder: Path) -> Trial:
-    """Read a source and find its marker set, its measured windows and the masses that the force shows."""
+    """Read a source; identify its marker set, measured windows and the masses estimated from the force."""
     recording = read(source, folder)
     match = identify(tuple(recording.markers_m), map_within(source.marker_map, recording))
     motion = vertical_motion(recording, match.landmarks, _markers_com_m(recording, match))
     stated_kg = source.subject.mass_kg or recording.subject.mass_kg
-    found = find_windows(recording, match.landmarks, motion, stated_kg=stated_kg)
-    remarks = (*recording.remarks, *match.degraded, *found.remarks)
-    masses = weigh(recording, found.windows, motion)
-    return Trial(recording, match, found.windows, masses, remarks, motion, stated_kg)
+    search = find_windows(recording, match.landmarks, motion, stated_kg=stated_kg)
+    remarks = (*recording.remarks, *match.degraded, *search.remarks)
+    masses = weigh(recording, search.windows, motion)
+    return Trial(recording, match, search.windows, masses, remarks, motion, stated_kg)
 
 
 def _markers_com_m(recording: Recording, match: MarkerSetMatch) -> Points | None:
-    """The markers' centre of mass for the sake of its velocity, None where the segments cannot be placed."""
+    """Geometric CoM, shape (n, 3), used for its velocity; None if the segments cannot be placed."""
     if match.name is None or not recording.plates or recording.n_frames < 2:
         return None
     try:
@@ -85,17 +85,17 @@ def _markers_com_m(recording: Recording, match: MarkerSetMatch) -> Points | None
 
 
 def map_within(marker_map: Mapping[str, str], recording: Recording) -> dict[str, str]:
-    """The entries of a map (landmark to label) whose label the recording has."""
+    """The entries of a map (landmark to label) whose label is in the recording."""
     return {landmark: label for landmark, label in marker_map.items() if label in recording.markers_m}
 
 
 def switches(plates: Mapping[int, PlateSwitch]) -> dict[int, PlateSwitches]:
-    """Plate switches of the contract as those of the reader."""
+    """Convert plate switches from the request schema to those of the reader."""
     return {index: PlateSwitches(**switch.model_dump(exclude_none=True)) for index, switch in plates.items()}
 
 
 def subject_fields(subject: Subject) -> SubjectFields:
-    """What a file says of the person, as in the contract; the reader has dropped what cannot be true."""
+    """Convert the subject of a file to the response schema; implausible values were removed by the reader."""
     return SubjectFields(
         height_m=subject.height_m, mass_kg=subject.mass_kg, sex=subject.sex, age_years=subject.age_years
     )

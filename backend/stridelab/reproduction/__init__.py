@@ -1,1 +1,1 @@
-"""Figures of the thesis, computed anew: one module per figure, its numbers beside ours."""
+"""Reproduction of the figures and tables of the thesis: one module per figure or table."""

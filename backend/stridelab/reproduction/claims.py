@@ -1,4 +1,4 @@
-"""What reproducing one figure or table yields: claims with both numbers and a verdict, tables, a drawing."""
+"""Result of reproducing one figure or table: claims with the thesis' and our numbers, verdicts, tables, a drawing."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -11,18 +11,18 @@ from stridelab.conventions import Progress
 
 Verdict = Literal["met", "beaten", "not_met", "thesis_in_error"]
 VERDICTS: Final[tuple[Verdict, ...]] = ("not_met", "thesis_in_error", "met", "beaten")
-"""From what weighs most to what weighs least, when a figure makes several claims."""
+"""Verdicts in order of decreasing importance; the first one present is the verdict of an item."""
 
 Column = np.ndarray
-"""One column of a table: numbers or words, one per row."""
+"""One column of a table: numbers or strings, one per row."""
 
 
 @dataclass(frozen=True)
 class Claim:
-    """One statement that a figure makes, in one number.
+    """One statement of a figure, expressed by one number.
 
-    ``thesis`` is the printed number, or words where it prints none. ``verdict``: "met" within the claim, "beaten"
-    better than claimed, "not_met" where our computation falls short of it, "thesis_in_error" where it cannot hold.
+    ``thesis`` is the printed number, or words if there is none. ``verdict``: "met" if the claim is confirmed, "beaten"
+    if our result is better than claimed, "not_met" if our result is worse, "thesis_in_error" if the claim is wrong.
     """
 
     key: str
@@ -36,7 +36,7 @@ class Claim:
 
 @dataclass(frozen=True)
 class Reproduction:
-    """The result of one item; ``tables`` maps a name to columns with units in their names, ``drawing`` is an SVG."""
+    """Result of one item; ``tables`` maps names to columns with units in their names, ``drawing`` is an SVG."""
 
     claims: tuple[Claim, ...]
     note: str
@@ -46,15 +46,15 @@ class Reproduction:
 
     @property
     def verdict(self) -> Verdict:
-        """The verdict of the claim that weighs most."""
+        """Most important verdict of all claims, in the order of ``VERDICTS``."""
         return min((claim.verdict for claim in self.claims), key=VERDICTS.index)
 
 
 @dataclass(frozen=True)
 class Item:
-    """A figure or a table that can be reproduced. ``run(seeds, tell)`` repeats it on that many simulated walks.
+    """A figure or table that can be reproduced; ``run(seeds, tell)`` computes it with ``seeds`` random draws.
 
-    ``printed`` names those of its tables that are short enough for a page.
+    ``printed`` names the tables that are short enough for a page.
     """
 
     name: str
@@ -65,7 +65,7 @@ class Item:
 
 
 def judged(ours: float, *, at_most: float | None = None, at_least: float | None = None) -> Verdict:
-    """Verdict of a number with a bound on one side: "met" or "not_met"."""
+    """Verdict of a number with a one-sided bound: "met" or "not_met"."""
     if at_most is not None:
         return "met" if ours <= at_most else "not_met"
     return "met" if at_least is not None and ours >= at_least else "not_met"
@@ -81,9 +81,9 @@ def aimed(
     at_least: float | None = None,
     note: str = "",
 ) -> Claim:
-    """An aim of our own, where the thesis has no number: "beaten" inside the bounds (both included), else "not_met".
+    """Claim of a target of this project, without a number in the thesis: "beaten" inside the closed bounds.
 
-    A number that is not finite lies inside no bounds.
+    Outside the bounds, or if the number is not finite, the verdict is "not_met".
     """
     inside = (at_most is None or ours <= at_most) and (at_least is None or ours >= at_least)
     word, scale = (f"m{unit}", 1e3) if unit in ("m", "s") else (unit, 1.0)
@@ -97,5 +97,5 @@ def aimed(
 
 
 def three_digits(value: float) -> str:
-    """A number to three digits, all before the point where there are more (up to a million)."""
+    """Format a number with three significant digits; integers without exponent up to a million."""
     return f"{value:.0f}" if 1e3 <= abs(value) < 1e6 else f"{value:.3g}"

@@ -1,4 +1,4 @@
-"""What can be reproduced, by name."""
+"""Registry of the items that can be reproduced, by name."""
 
 from collections.abc import Mapping
 from types import MappingProxyType
@@ -68,15 +68,15 @@ MOST_SEEDS: Final = 200
 
 
 def item_of(name: str) -> Item:
-    """The item of a name. Raises ``NotFound`` (``item-not-found``)."""
+    """The item with this name. Raises ``NotFound`` (``item-not-found``)."""
     item = ITEMS.get(name)
     if item is None:
-        raise NotFound("item-not-found", f"There is no item {name!r}; there are {', '.join(ITEMS)}.")
+        raise NotFound("item-not-found", f"There is no item {name!r}; available items: {', '.join(ITEMS)}.")
     return item
 
 
 def reproduce(name: str, seeds: int | None, tell: Progress) -> Reproduction:
-    """Compute one item; ``seeds`` None takes what answers within a minute.
+    """Compute one item; ``seeds`` None uses the default number of draws, which takes less than a minute.
 
     Raises ``NotFound`` (``item-not-found``) and ``InvalidInput`` (``seeds-out-of-range``).
     """

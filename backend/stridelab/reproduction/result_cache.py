@@ -1,8 +1,7 @@
-"""What a result was computed by: a digest of a module, of all that it imports from here, and of the data they read.
+"""Cache of reproduction results on disk: one JSON file per item, number of draws and digest of the code.
 
-A number that is kept under it stays as long as nothing that it depends on has changed, and no longer.
-
-Results on disk, so that a long run goes on where it stopped: a JSON file per item, draws and digest of the code.
+The digest covers the module of an item, all modules of this package that it imports, and the data files. A cached
+result is valid as long as none of these change.
 """
 
 import ast
@@ -21,12 +20,12 @@ from stridelab.resources import models_dir
 
 PACKAGE: Final = Path(__file__).parents[1]
 DATA: Final = ("anthropometry.toml", "feasibility", "marker_sets", "reachability", "robots", "segment_tables")
-"""What numbers are computed from, in ``models/``."""
+"""Entries of ``models/`` that results depend on."""
 DIGITS: Final = 16
 
 
 def digest_of(module: str) -> str:
-    """Of the source of ``module`` (dotted, of this package), of every module that it leads to, and of the data."""
+    """Digest of the source of ``module`` (dotted name), of its transitive imports in this package, and of the data."""
     sources = hashlib.sha256(_of_data().encode())
     for name in sorted(led_to(module)):
         sources.update(name.encode() + b"\0" + _source(name))
@@ -34,20 +33,20 @@ def digest_of(module: str) -> str:
 
 
 def led_to(module: str) -> frozenset[str]:
-    """``module`` and all modules of this package that its imports lead to, wherever in a file they stand."""
-    found: set[str] = set()
-    ahead = [module]
-    while ahead:
-        name = ahead.pop()
-        if name not in found:
-            found.add(name)
-            ahead += _imports(name)
-    return frozenset(found)
+    """``module`` and its transitive imports in this package, including imports inside functions."""
+    visited: set[str] = set()
+    pending = [module]
+    while pending:
+        name = pending.pop()
+        if name not in visited:
+            visited.add(name)
+            pending += _imports(name)
+    return frozenset(visited)
 
 
 @cache
 def _imports(module: str) -> tuple[str, ...]:
-    """Modules of this package that one imports by name, or takes a name from."""
+    """Modules of this package that ``module`` imports directly."""
     names = []
     for node in ast.walk(ast.parse(_source(module))):
         if isinstance(node, ast.Import):
@@ -61,7 +60,7 @@ def _imports(module: str) -> tuple[str, ...]:
 def _source(module: str) -> bytes:
     path = _path(module)
     if path is None:
-        raise ModuleNotFoundError(f"{module} is no module of {PACKAGE.name}")
+        raise ModuleNotFoundError(f"{module} is not a module of {PACKAGE.name}")
     return path.read_bytes()
 
 
@@ -76,34 +75,34 @@ def _path(module: str) -> Path | None:
 
 @cache
 def _of_data() -> str:
-    read = hashlib.sha256()
+    digest = hashlib.sha256()
     for name in DATA:
         place = models_dir() / name
         for path in [place] if place.is_file() else sorted(p for p in place.rglob("*") if p.is_file()):
-            read.update(path.relative_to(models_dir()).as_posix().encode() + b"\0" + path.read_bytes())
-    return read.hexdigest()
+            digest.update(path.relative_to(models_dir()).as_posix().encode() + b"\0" + path.read_bytes())
+    return digest.hexdigest()
 
 
 @dataclass(frozen=True)
 class Kept:
-    """A folder of results; ``digest`` is ``code_digest.digest_of`` the module that computes them."""
+    """Folder of cached results; ``digest`` is ``digest_of`` the module that computes them."""
 
     folder: Path
 
     def load(self, name: str, seeds: int, digest: str) -> Reproduction | None:
-        """What was kept, with the tables that were; None where there is nothing of this code and so many draws."""
+        """The cached result with its saved tables; None if there is none for this number of draws and digest."""
         path = self._path(name, seeds, digest)
         if not path.is_file():
             return None
         return _read(json.loads(path.read_text(encoding="utf-8")))
 
-    def save(self, name: str, seeds: int, digest: str, found: Reproduction, printed: tuple[str, ...]) -> None:
-        """Keep a result with its ``printed`` tables, in the place of what other code found; whole or not at all."""
+    def save(self, name: str, seeds: int, digest: str, result: Reproduction, printed: tuple[str, ...]) -> None:
+        """Save a result with its ``printed`` tables atomically, and delete results with other digests."""
         path = self._path(name, seeds, digest)
         self.folder.mkdir(parents=True, exist_ok=True)
         part = path.with_name(f".part-{os.getpid()}-{path.name}")
         try:
-            part.write_text(json.dumps(_written(found, printed)), encoding="utf-8")
+            part.write_text(json.dumps(_written(result, printed)), encoding="utf-8")
             part.replace(path)
         finally:
             part.unlink(missing_ok=True)
@@ -115,26 +114,26 @@ class Kept:
         return self.folder / f"{name}-{seeds}-{digest}.json"
 
 
-def _written(found: Reproduction, printed: tuple[str, ...]) -> dict[str, Any]:
+def _written(result: Reproduction, printed: tuple[str, ...]) -> dict[str, Any]:
     return {
-        "claims": [asdict(claim) for claim in found.claims],
-        "note": found.note,
+        "claims": [asdict(claim) for claim in result.claims],
+        "note": result.note,
         "tables": {
-            name: {column: values.tolist() for column, values in found.tables[name].items()} for name in printed
+            name: {column: values.tolist() for column, values in result.tables[name].items()} for name in printed
         },
-        "drawing": found.drawing,
-        "references": list(found.references),
+        "drawing": result.drawing,
+        "references": list(result.references),
     }
 
 
-def _read(told: dict[str, Any]) -> Reproduction:
+def _read(document: dict[str, Any]) -> Reproduction:
     return Reproduction(
-        claims=tuple(Claim(**claim) for claim in told["claims"]),
-        note=told["note"],
+        claims=tuple(Claim(**claim) for claim in document["claims"]),
+        note=document["note"],
         tables={
             name: {column: np.array(values) for column, values in columns.items()}
-            for name, columns in told["tables"].items()
+            for name, columns in document["tables"].items()
         },
-        drawing=told["drawing"],
-        references=tuple(told["references"]),
+        drawing=document["drawing"],
+        references=tuple(document["references"]),
     )

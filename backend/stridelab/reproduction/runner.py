@@ -1,4 +1,4 @@
-"""All items one after another, each computed unless it is kept, and the one that fails told instead of the result."""
+"""Sequential computation of items with a result cache; a failed item is reported and does not stop the others."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -14,14 +14,14 @@ from stridelab.reproduction.registry import item_of, reproduce
 from stridelab.reproduction.result_cache import Kept, digest_of
 
 PEOPLE: Final = (fig_2_8_people.NAME, table_real_walks.NAME)
-"""Items on recordings, which are computed where these are."""
+"""Items on real recordings, computed only if the recordings are available."""
 FEW_SEEDS: Final = 3
-"""Draws for a first look."""
+"""Number of draws for a quick run."""
 
 
 @dataclass(frozen=True)
 class Section:
-    """One item: what was found, or the sentence that says why nothing was."""
+    """Result of one item, or the error message if it failed."""
 
     name: str
     title: str
@@ -33,7 +33,7 @@ class Section:
 
 @dataclass(frozen=True)
 class Recipe:
-    """How one item is computed: the module that does it, and the call."""
+    """Instructions to compute one item: its module and the function to call."""
 
     name: str
     title: str
@@ -44,21 +44,22 @@ class Recipe:
 
 
 def recipes(names: Iterable[str], seeds: int | None, recordings: Path | None) -> list[Recipe]:
-    """Of items by name; ``seeds`` None is each item's own number, ``recordings`` adds people, who are in its gait/.
+    """Recipes of items by name; ``seeds`` None uses the default of each item.
 
-    Raises ``NotFound`` (``item-not-found``) for a name that is none.
+    ``recordings`` is a folder with real recordings in ``gait/`` and adds the items on them. Raises ``NotFound``
+    (``item-not-found``) for an unknown name.
     """
-    found = [recipe(name, seeds) for name in names]
+    selected = [recipe(name, seeds) for name in names]
     if recordings is not None:
-        found += [
+        selected += [
             Recipe(each.NAME, each.TITLE, 1, each.PRINTED, each.__name__, partial(each.run, recordings / "gait"))
             for each in (fig_2_8_people, table_real_walks)
         ]
-    return found
+    return selected
 
 
 def recipe(name: str, seeds: int | None) -> Recipe:
-    """Of one item. Raises ``NotFound`` (``item-not-found``)."""
+    """Recipe of one item. Raises ``NotFound`` (``item-not-found``)."""
     item = item_of(name)
     repeats = item.default_seeds if seeds is None else seeds
     return Recipe(
@@ -67,26 +68,26 @@ def recipe(name: str, seeds: int | None) -> Recipe:
 
 
 def collect(wanted: Sequence[Recipe], kept: Kept, tell: Progress, *, anew: bool = False) -> Iterator[Section]:
-    """Section by section; ``anew`` computes what is kept, too. Nothing is kept of an item that fails."""
+    """Compute the items and yield their sections; ``anew`` ignores cached results. Failures are not cached."""
     for number, each in enumerate(wanted):
 
-        def told(fraction: float, message: str, number: int = number, name: str = each.name) -> None:
+        def tell_item(fraction: float, message: str, number: int = number, name: str = each.name) -> None:
             tell((number + fraction) / len(wanted), f"{name}: {message}")
 
-        yield _section(each, kept, told, anew=anew)
+        yield _section(each, kept, tell_item, anew=anew)
 
 
-def _section(each: Recipe, kept: Kept, tell: Progress, *, anew: bool) -> Section:
+def _section(each: Recipe, cache: Kept, tell: Progress, *, anew: bool) -> Section:
     digest = digest_of(each.module)
-    found = None if anew else kept.load(each.name, each.seeds, digest)
+    result = None if anew else cache.load(each.name, each.seeds, digest)
     failure = ""
-    if found is None:
+    if result is None:
         tell(0.0, "starting")
         try:
-            found = each.run(tell)
-            kept.save(each.name, each.seeds, digest, found, each.printed)
+            result = each.run(tell)
+            cache.save(each.name, each.seeds, digest, result, each.printed)
         except StridelabError as error:
             failure = error.message
-        except Exception as error:  # noqa: BLE001 (whatever an item does, the others are still computed)
+        except Exception as error:  # noqa: BLE001 (a failed item does not stop the others)
             failure = f"{type(error).__name__}: {error}"
-    return Section(each.name, each.title, each.seeds, each.printed, found, failure)
+    return Section(each.name, each.title, each.seeds, each.printed, result, failure)

@@ -1,15 +1,15 @@
-"""The centroidal problem on random variations of the thesis' three experiments (4.6.2 to 4.6.4), cold.
+"""Cold-started centroidal problems on random variations of the thesis' three experiments (4.6.2 to 4.6.4).
 
-What a solver is worth shows where nobody chose the numbers: stride, pace, height, friction and the place
-of every contact are drawn at random, for TALOS and HRP-2 in turn. Every variation ends in one of four ways:
+Stride, pace, height, friction and contact positions are drawn at random, for TALOS and HRP-2 alternately. Every
+variation has one of four outcomes:
 
-    converged    the solver says so and ``verify`` agrees
-    infeasible   a linear programme of the constraints alone has no solution either: there is no such motion
-    stuck        the programme has a solution, and the solver did not find a motion
-    broken       an error of ours
+    converged    the solver reports convergence and ``verify`` confirms it
+    infeasible   a linear program of the constraints has no solution: the motion does not exist
+    stuck        the linear program has a solution, but the solver did not converge
+    broken       an error of this package
 
-The first two are right answers. The contacts go to the solver whether or not the judge of scenarios would let them
-pass, so that treads narrower than a sole are tried too; how many would pass is part of the result.
+The first two count as correct. Contacts are passed to the solver even if scenario validation rejects them, so that
+treads narrower than a sole are included; the number of valid scenarios is part of the summary.
 """
 
 import re
@@ -58,9 +58,9 @@ NUMBER: Final = re.compile(r"-?\d+(\.\d+)?")
 
 @dataclass(frozen=True)
 class Variation:
-    """One draw: ``stride`` and ``pace`` are factors on the experiment's own lengths and durations.
+    """One random variation; ``stride`` and ``pace`` scale the lengths and durations of the experiment.
 
-    ``height_m`` is that of a stair (unused on level ground), ``seed`` draws the places of the contacts.
+    ``height_m`` is the stair height (unused on level ground), ``seed`` determines the contact positions.
     """
 
     experiment: Experiment
@@ -74,9 +74,9 @@ class Variation:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of a variation; ``reason`` says how where it did not converge, times are CPU times.
+    """Outcome of a variation; ``reason`` is the status or error if it did not converge, times are CPU times.
 
-    ``refusals`` are the judge's reasons, each once and without its numbers; none where he lets it pass.
+    ``refusals`` are the distinct faults of scenario validation without their numbers; empty for a valid scenario.
     """
 
     variation: Variation
@@ -92,7 +92,7 @@ class Outcome:
 
 
 def variations(number: int, seed: int = 0) -> tuple[Variation, ...]:
-    """The first ``number`` of a stream that depends on ``seed`` only; experiments and robots take turns."""
+    """The first ``number`` variations of a random stream given by ``seed``; experiments and robots alternate."""
     drawn = []
     for k, child in enumerate(np.random.SeedSequence(seed).spawn(number)):
         rng = np.random.default_rng(child)
@@ -103,27 +103,27 @@ def variations(number: int, seed: int = 0) -> tuple[Variation, ...]:
 
 
 def scenario_of(variation: Variation) -> Scenario:
-    """Its scenario, every contact moved by up to ``JITTER_M`` within its surface, friction the same on all."""
-    built = _built(variation)
-    built["friction"] = variation.friction
-    for surface in built["terrain"]:
+    """Scenario of a variation: contacts moved by up to ``JITTER_M`` within their surface, uniform friction."""
+    scenario = _built(variation)
+    scenario["friction"] = variation.friction
+    for surface in scenario["terrain"]:
         surface.pop("friction", None)
     rng = np.random.default_rng(variation.seed)
-    moved: dict[tuple[Any, ...], list[float]] = {}
-    for phase in built["phases"]:
+    moved_positions: dict[tuple[Any, ...], list[float]] = {}
+    for phase in scenario["phases"]:
         for contact in phase["contacts"]:
-            place = (contact["effector"], *contact["position_m"])
-            if place not in moved:  # the same contact in the next phase stays where it is
+            key = (contact["effector"], *contact["position_m"])
+            if key not in moved_positions:  # the same contact in the next phase stays where it is
                 axes = Placement.of(contact["position_m"], contact["orientation_wxyz"]).rotation
                 x, y = rng.uniform(-JITTER_M, JITTER_M, 2)
                 shift = axes[:, 0] * x + (0.0 if contact["effector"].endswith("hand") else axes[:, 1] * y)
-                moved[place] = (np.array(contact["position_m"]) + shift).tolist()
-            contact["position_m"] = moved[place]
-    return built
+                moved_positions[key] = (np.array(contact["position_m"]) + shift).tolist()
+            contact["position_m"] = moved_positions[key]
+    return scenario
 
 
 def sequence_of(scenario: Mapping[str, Any], shapes: Mapping[str, EffectorShape]) -> ContactSequence:
-    """The contacts of a scenario as they stand, without a judge and without a terrain."""
+    """Contact sequence of a scenario without validation and without terrain."""
 
     def contact(c: Mapping[str, Any]) -> Contact:
         shape, friction = shapes[c["effector"]], float(scenario["friction"])
@@ -138,60 +138,60 @@ def sequence_of(scenario: Mapping[str, Any], shapes: Mapping[str, EffectorShape]
 
 
 def problem_of(variation: Variation) -> CentroidalProblem:
-    """From rest to rest over the variation's contacts, with the bundled densities."""
+    """Rest-to-rest centroidal problem of a variation with the bundled reachability densities."""
     robot = load_robot(variation.walker.robot)
     sequence = sequence_of(scenario_of(variation), effector_shapes(robot.name))
     return from_rest_to_rest(robot, sequence, load_proxies(robot.name))
 
 
 def attempt(variation: Variation) -> Outcome:
-    """Solve one variation; never raises for what the project can go wrong with."""
-    refused: tuple[str, ...] = ()
+    """Solve one variation; a ``StridelabError`` gives the outcome ``broken``."""
+    validation_faults: tuple[str, ...] = ()
     try:
-        refused = refusals_of(variation)
+        validation_faults = refusals_of(variation)
         problem = problem_of(variation)
         plan = solve(problem)
         ending: Ending = "converged" if plan.converged else "stuck" if held(problem) else "infeasible"
     except StridelabError as error:
-        return Outcome(variation, "broken", refused, error.message)
-    found = plan.verification
+        return Outcome(variation, "broken", validation_faults, error.message)
+    verification = plan.verification
     return Outcome(
         variation,
         ending,
-        refused,
+        validation_faults,
         "" if plan.converged else plan.status,
         plan.iterations,
-        found.dynamics_gap,
-        found.terminal_gap,
-        found.cone_margin_n,
+        verification.dynamics_gap,
+        verification.terminal_gap,
+        verification.cone_margin_n,
         plan.solve_time_s,
         plan.build_time_s,
     )
 
 
 def refusals_of(variation: Variation) -> tuple[str, ...]:
-    """Why the judge of scenarios would not let it pass."""
+    """Distinct faults of scenario validation, with numbers replaced by ``#``."""
     report = check(scenario_of(variation), effector_shapes(variation.walker.robot))
     return tuple(dict.fromkeys(NUMBER.sub("#", fault.message) for fault in report.faults))
 
 
 def refusals(outcomes: Sequence[Outcome]) -> Mapping[str, int]:
-    """How many variations the judge refuses for a reason, by the reason; some for several."""
+    """Number of rejected variations by fault; a variation may have several faults."""
     return dict(Counter(reason for outcome in outcomes for reason in outcome.refusals).most_common())
 
 
 def attempts(drawn: Sequence[Variation], tell: Callable[[Outcome], None] | None = None) -> tuple[Outcome, ...]:
-    """One after the other."""
-    found = []
+    """Solve variations sequentially; ``tell`` is called with every outcome."""
+    outcomes = []
     for variation in drawn:
-        found.append(attempt(variation))
+        outcomes.append(attempt(variation))
         if tell is not None:
-            tell(found[-1])
-    return tuple(found)
+            tell(outcomes[-1])
+    return tuple(outcomes)
 
 
 def summary(outcomes: Sequence[Outcome]) -> Mapping[str, float | int]:
-    """The numbers that the aims are about; ``right`` is the share of right answers."""
+    """Summary statistics; ``right`` is the share of converged and infeasible variations."""
     by = {ending: sum(o.ending == ending for o in outcomes) for ending in get_args(Ending)}
     done = [o for o in outcomes if o.ending == "converged"]
     return {

@@ -1,15 +1,14 @@
-"""What densities of the CoM are for: how many rails and stairs a robot climbs with them, body and all.
+"""Comparison of CoM reachability densities by the number of stair and rail scenarios that a robot completes.
 
     Case -> contact sequence -> centroidal plan -> whole-body motion -> certificate (-> replay in physics)
 
-A case succeeds if the scenario is valid, the plan converges, the whole body follows it and every check of the
-certificate passes. The replay is made of every motion that there is, and is reported beside. Whatever goes wrong is
-part of the result, with the stage at which it did: a grid always comes to its end.
+A case succeeds if the scenario is valid, the plan converges, the whole body tracks it and every check of the
+certificate passes. Every whole-body motion is also replayed in simulation; the replay is reported separately. Errors
+are part of the result, together with the stage at which they occur, so that a grid always completes.
 
-The rails and stairs on which densities of the CoM are compared: fixed before any density was tried on them.
-
-All are variations of experiments 2 and 3 of the thesis (4.6.3, 4.6.4) for TALOS. The rails are those of a prototype on
-which uniform densities succeeded, the highest of them barely; the stairs vary height, depth, timing and footing.
+The cases are variations of experiments 2 and 3 of the thesis (4.6.3, 4.6.4) for TALOS and were fixed before any density
+was evaluated on them. The rails are those of a prototype on which uniform densities succeeded, the highest of them
+barely; the stairs vary height, depth, timing and footing.
 """
 
 import multiprocessing
@@ -35,6 +34,7 @@ from stridelab.errors import StridelabError
 from stridelab.parallel import end_with_parent
 from stridelab.reachability.proxy.effector_proxy import Proxy
 from stridelab.robots.robot import Robot
+from stridelab.studies.execution import describe_check, ignore_progress
 from stridelab.wholebody.certificate.certificate import Check
 from stridelab.wholebody.certificate.certify import certify
 from stridelab.wholebody.control.controller import WholeBodyController
@@ -45,7 +45,7 @@ Kind = Literal["rail", "stairs"]
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """One scenario (``schemas.scenarios.Scenario`` as a mapping) of the grid, under a name that says what it varies."""
+    """One scenario of the grid (``schemas.scenarios.Scenario`` as a mapping), named after its parameters."""
 
     name: str
     kind: Kind
@@ -54,7 +54,7 @@ class Case:
 
 @dataclass(frozen=True)
 class Flight:
-    """What varies from stairs to stairs."""
+    """Parameters of a flight of stairs."""
 
     height_m: float
     depth_m: float
@@ -80,7 +80,7 @@ RAILS: Final = (
     HandRail(0.22, 1.00, -0.55),
     HandRail(0.22, 1.10, -0.55),
 )
-"""Beside four stairs 15 cm high, after a level step."""
+"""Rails beside four stairs of 15 cm, after a level step."""
 
 FLIGHTS: Final = (
     Flight(0.05, 0.28, SLOW),
@@ -100,25 +100,25 @@ FLIGHTS: Final = (
     Flight(0.10, 0.30, SLOW, "alternate"),
     Flight(0.20, 0.30, SLOW),
 )
-"""Of four stairs each, without a rail."""
+"""Flights of four stairs without a rail."""
 _NUMBER: Final = 4
 TOE_GAP_M: Final = 0.04
-"""Narrower than that of the bundled scenarios: shins come close to the next stair."""
+"""Smaller than in the bundled scenarios: the shins come close to the next stair."""
 
 
 def climbing_cases() -> tuple[Case, ...]:
-    """All rails, then all stairs."""
+    """All cases: rails, then stairs."""
     return (*(beside(rail) for rail in RAILS), *(up(flight) for flight in FLIGHTS))
 
 
 def beside(rail: HandRail) -> Case:
-    """Experiment 3 with another rail."""
+    """Experiment 3 with the given rail."""
     name = f"rail {rail.ahead_m:.2f} {rail.height_m:.2f} {rail.y_m:.2f}"
     return Case(name, "rail", stairs_with_rail(Stairs(_NUMBER, 0.15, toe_gap_m=TOE_GAP_M), rail))
 
 
 def up(flight: Flight, number: int = _NUMBER) -> Case:
-    """Experiment 2 with other stairs."""
+    """Experiment 2 with the given stairs."""
     name = f"stairs {flight.height_m:.2f} {flight.depth_m:.2f} {PACES[flight.timing]} {flight.footing}"
     stairs = Stairs(number, flight.height_m, flight.depth_m, toe_gap_m=TOE_GAP_M)
     return Case(name, "stairs", climb(stairs, flight.timing, flight.footing))
@@ -126,19 +126,19 @@ def up(flight: Flight, number: int = _NUMBER) -> Case:
 
 Stage = Literal["scenario", "plan", "whole body", "certificate", "crash"]
 STAGES: Final[tuple[Stage, ...]] = ("scenario", "plan", "whole body", "certificate", "crash")
-"""Where a case can fail; ``crash`` is a process that ended without an answer."""
+"""Stages at which a case can fail; ``crash`` is a process that ended without a result."""
 
 Proxies = Mapping[str, Proxy]
 
 
 @dataclass(frozen=True)
 class CaseResult:
-    """What became of one case.
+    """Result of one case.
 
-    ``stage`` is where it failed and ``reason`` how, ``None`` and empty for a success. ``com_height_m`` is the least
-    and the greatest height of the planned CoM above the mean of the soles that touch. ``checks`` are those of the
-    certificate; there are none without a motion, and then ``replayed`` and ``replay_error_m`` (the largest error of
-    the CoM in the replay) are ``None``. ``cpu_s`` includes the replay.
+    ``stage`` and ``reason`` describe a failure; they are ``None`` and empty for a success. ``com_height_m`` is the
+    minimum and maximum height of the planned CoM above the mean of the soles in contact. ``checks`` are those of the
+    certificate, empty without a motion; ``replayed`` and ``replay_error_m`` (the largest CoM error of the replay) are
+    then ``None``. ``cpu_s`` includes the replay.
     """
 
     case: str
@@ -154,38 +154,38 @@ class CaseResult:
 
     @property
     def success(self) -> bool:
-        """Whether the whole body does it, every check passed."""
+        """Whether the whole-body motion exists and passes every check."""
         return self.stage is None
 
     def check(self, name: str) -> Check | None:
-        """The check of this name, where there is a motion."""
+        """The check with this name; None without a motion."""
         return next((check for check in self.checks if check.name == name), None)
 
 
 @dataclass(frozen=True)
 class GridReport:
-    """The results of one choice of densities."""
+    """Results of all cases for one choice of densities."""
 
     label: str
     results: tuple[CaseResult, ...]
 
     def of(self, kind: Kind) -> "GridReport":
-        """The part on rails, or on stairs."""
+        """The results of one kind of case."""
         return GridReport(self.label, tuple(result for result in self.results if result.kind == kind))
 
     @property
     def successes(self) -> int:
-        """Number of cases that succeed."""
+        """Number of successful cases."""
         return sum(result.success for result in self.results)
 
     @property
     def replayed(self) -> int:
-        """Number of cases whose replay came to its end, whatever the certificate says."""
+        """Number of cases with a completed replay, whether or not the certificate passes."""
         return sum(result.replayed is True for result in self.results)
 
     @property
     def failures(self) -> Mapping[Stage, int]:
-        """Number of cases that failed, by stage."""
+        """Number of failed cases by stage."""
         return {stage: n for stage in STAGES if (n := sum(result.stage == stage for result in self.results))}
 
 
@@ -196,36 +196,36 @@ def run_grid(
     processes: int = 2,
     tell: Callable[[CaseResult], None] | None = None,
 ) -> tuple[CaseResult, ...]:
-    """Try every case with ``proxies``, so many at a time; the results in the order of ``cases``.
+    """Run every case with ``proxies`` in parallel processes; returns the results in the order of ``cases``.
 
-    ``tell`` hears of every result as soon as it is there. Names of cases must differ. A case does not depend on the
-    others: each has a process of its own, one that dies takes only its own case along, and all end with this one.
+    ``tell`` is called with every result as soon as it is available. Case names must be unique. Each case runs in its
+    own process: a crash affects only that case, and all processes end with the parent.
     """
-    found: dict[str, CaseResult] = {}
+    by_name: dict[str, CaseResult] = {}
     with ThreadPoolExecutor(processes) as pool:  # each thread waits for one process
         for done in as_completed([pool.submit(_apart, robot, proxies, case) for case in cases]):
             result = done.result()
-            found[result.case] = result
+            by_name[result.case] = result
             if tell is not None:
                 tell(result)
-    return tuple(found[case.name] for case in cases)
+    return tuple(by_name[case.name] for case in cases)
 
 
 def _apart(robot: Robot, proxies: Proxies, case: Case) -> CaseResult:
-    """``attempt`` in a process of its own, which may die of it."""
+    """Run ``attempt`` in a separate process; a crash gives a result with the stage ``crash``."""
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload([__name__])
-    ours, theirs = context.Pipe(duplex=False)
-    process = context.Process(target=_answer, args=(theirs, robot, dict(proxies), case), daemon=True)
+    receiver, sender = context.Pipe(duplex=False)
+    process = context.Process(target=_answer, args=(sender, robot, dict(proxies), case), daemon=True)
     process.start()
-    theirs.close()  # so that the end of the process is the end of the pipe
+    sender.close()  # the pipe closes when the process ends
     try:
-        result: CaseResult = ours.recv()
+        result: CaseResult = receiver.recv()
     except EOFError:
         process.join()
         return CaseResult(case.name, case.kind, "crash", f"its process ended with exit code {process.exitcode}")
     finally:
-        ours.close()
+        receiver.close()
         process.join()
     return result
 
@@ -238,7 +238,7 @@ def _answer(pipe: Connection, robot: Robot, proxies: Proxies, case: Case) -> Non
 
 
 def attempt(robot: Robot, proxies: Proxies, case: Case) -> CaseResult:
-    """Try one case in this process."""
+    """Run one case in this process."""
     started = time.process_time()
     course = _Course()
     try:
@@ -261,7 +261,7 @@ def attempt(robot: Robot, proxies: Proxies, case: Case) -> CaseResult:
 
 @dataclass
 class _Course:
-    """How far a case has come."""
+    """State of a running case."""
 
     stage: Stage = "scenario"
     plan: CentroidalPlan | None = None
@@ -270,7 +270,7 @@ class _Course:
     replay_error_m: float | None = None
 
     def run(self, robot: Robot, proxies: Proxies, case: Case) -> tuple[Stage | None, str]:
-        """Go through the stages; the one that failed, and how."""
+        """Run the stages; returns the failed stage, None for a success, and the reason."""
         sequence = sequence_of(case.scenario, effector_shapes(robot.name))
         self.stage = "plan"
         plan = self.plan = solve(from_rest_to_rest(robot, sequence, proxies))
@@ -280,14 +280,14 @@ class _Course:
         motion = WholeBodyController().run(robot, sequence, plan)
         self.stage = "certificate"
         self.checks = certify(robot, sequence, plan, proxies, motion).checks
-        replay_found = replay(robot, sequence, motion, _silent)
-        self.replayed, self.replay_error_m = replay_found.completed, replay_found.com_error_max_m
+        result = replay(robot, sequence, motion, ignore_progress)
+        self.replayed, self.replay_error_m = result.completed, result.com_error_max_m
         failed = [check for check in self.checks if not check.passed]
-        return (self.stage, "; ".join(_said(check) for check in failed)) if failed else (None, "")
+        return (self.stage, "; ".join(describe_check(check) for check in failed)) if failed else (None, "")
 
 
 def com_height_m(robot: Robot, plan: CentroidalPlan) -> tuple[float, float]:
-    """Least and greatest height of the planned CoM above the mean of the soles that touch."""
+    """Minimum and maximum height of the planned CoM above the mean of the soles in contact."""
     phases = plan.sequence.phases
     soles_m = [
         np.mean([c.placement.position_m[2] for e, c in p.contacts.items() if robot.effectors[e].kind == "surface"])
@@ -295,13 +295,3 @@ def com_height_m(robot: Robot, plan: CentroidalPlan) -> tuple[float, float]:
     ]
     height_m = plan.com_m[:-1, 2] - np.array(soles_m)[plan.phase]
     return float(height_m.min()), float(height_m.max())
-
-
-def _said(check: Check) -> str:
-    sign = "<" if check.at_least else ">"
-    where = f" ({check.effector}, {check.time_s:.1f} s)" if check.effector and check.time_s is not None else ""
-    return f"{check.name} {check.value:.3g} {sign} {check.limit:.3g} {check.unit}{where}"
-
-
-def _silent(_fraction: float, _message: str) -> None:
-    """Nobody watches the replay."""

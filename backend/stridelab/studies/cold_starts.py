@@ -1,10 +1,10 @@
-"""Whether the C++ solver finds a motion wherever there is one, from the thesis' own start.
+"""Reliability of the C++ solver from a cold start, compared with the feasibility of the problems.
 
-Whether there is one, another has to say: ``Oracle`` is a conic solver that knows the constraints alone. Problems are
+Feasibility is decided by an ``Oracle``, a conic solver of the constraints alone. The kinds of problems are
 
-    drawn      the random variations of the thesis' experiments (``centroidal_variations``), friction cones exact
-    hasty      variations whose durations are divided by ``HASTE``: of some there is no motion
-    moved      every bundled scenario, mirrored or not, turned about the vertical, and up to 100 m away
+    drawn      random variations of the thesis' experiments (``centroidal_variations``) with exact friction cones
+    hasty      variations with durations divided by a factor in ``HASTE``; some are infeasible
+    moved      every bundled scenario, mirrored or not, turned about the vertical and translated by ``AWAY_M``
 """
 
 from collections import Counter
@@ -39,7 +39,7 @@ MIRROR: Final = np.diag([1.0, -1.0, 1.0])
 
 @dataclass(frozen=True)
 class ColdStart:
-    """One problem: what the oracle says of it and what the solver; ``cpu_s`` is the solver's processor time."""
+    """Results of the oracle and of the solver on one problem; ``cpu_s`` is the solver's processor time."""
 
     kind: Kind
     name: str
@@ -52,28 +52,28 @@ class ColdStart:
 
     @property
     def agrees(self) -> bool:
-        """A motion where there is one, a proof where there is none."""
+        """Whether the solver converged on a feasible problem or proved an infeasible one infeasible."""
         return self.converged if self.exists == "feasible" else self.proved and self.exists == "infeasible"
 
 
 def mirrored(sequence: ContactSequence) -> ContactSequence:
-    """Left for right, about the plane y = 0."""
+    """Mirror the sequence at the plane y = 0."""
     return _changed(sequence, lambda T: Placement(MIRROR @ T.position_m, MIRROR @ T.rotation @ MIRROR), _other)
 
 
 def carried(sequence: ContactSequence, place: Placement) -> ContactSequence:
-    """As seen from a frame in which the world's stands at ``place``."""
+    """Transform the sequence to a frame in which the world frame has the pose ``place``."""
     return _changed(sequence, lambda T: place @ T, lambda name: name)
 
 
 def drawn(number: int, seed: int = 0) -> Iterator[tuple[str, CentroidalProblem]]:
-    """The first ``number`` variations of a stream."""
+    """Names and problems of the first ``number`` random variations."""
     for variation in variations(number, seed):
         yield str(variation), replace(problem_of(variation), control=CircularCones())
 
 
 def hasty(number: int, seed: int = 1) -> Iterator[tuple[str, CentroidalProblem]]:
-    """The same of another stream, in less time; factors log-uniform in ``HASTE``."""
+    """Names and problems of variations with shortened durations; factors are log-uniform in ``HASTE``."""
     rng = np.random.default_rng(seed)
     for variation in variations(number, seed):
         by = float(np.exp(rng.uniform(*np.log(HASTE))))
@@ -81,49 +81,49 @@ def hasty(number: int, seed: int = 1) -> Iterator[tuple[str, CentroidalProblem]]
 
 
 def hastened(problem: CentroidalProblem, by: float) -> CentroidalProblem:
-    """The same contacts in less time."""
+    """Divide all phase durations by ``by``; uses circular friction cones."""
     phases = tuple(replace(p, duration_s=p.duration_s / by) for p in problem.sequence.phases)
     return replace(problem, sequence=replace(problem.sequence, phases=phases), control=CircularCones())
 
 
 def moved(number: int, seed: int = 2) -> Iterator[tuple[str, CentroidalProblem]]:
-    """Every bundled scenario in ``number`` places, each as it is and mirrored in turns."""
+    """Names and problems of every bundled scenario at ``number`` random poses, every other one mirrored."""
     rng = np.random.default_rng(seed)
     for name, build in BUNDLED.items():
         scenario = build()
         robot = load_robot(scenario["robot"])
-        as_it_is = sequence_of(scenario, effector_shapes(robot.name))
+        original = sequence_of(scenario, effector_shapes(robot.name))
         for k in range(number):
-            sides = mirrored(as_it_is) if k % 2 else as_it_is
-            yaw_rad, way = rng.uniform(-np.pi, np.pi), rng.normal(size=3)
-            away_m = (AWAY_M * way / np.linalg.norm(way)).tolist()
+            placed = mirrored(original) if k % 2 else original
+            yaw_rad, direction = rng.uniform(-np.pi, np.pi), rng.normal(size=3)
+            away_m = (AWAY_M * direction / np.linalg.norm(direction)).tolist()
             place = Placement.of(away_m, (np.cos(yaw_rad / 2), 0.0, 0.0, np.sin(yaw_rad / 2)))
-            problem = from_rest_to_rest(robot, carried(sides, place), load_proxies(robot.name))
+            problem = from_rest_to_rest(robot, carried(placed, place), load_proxies(robot.name))
             yield f"{name}, place {k}", replace(problem, control=CircularCones())
 
 
 def attempt(kind: Kind, name: str, problem: CentroidalProblem, oracle: Oracle) -> ColdStart:
-    """Ask both."""
+    """Run the oracle and the C++ solver on one problem."""
     exists = oracle(problem)
     plan = solve(problem, "native")
     proved = "infeasible" in plan.status
     return ColdStart(kind, name, exists, plan.converged, proved, plan.status, plan.iterations, plan.solve_time_s)
 
 
-def summary(found: Sequence[ColdStart]) -> Mapping[str, Mapping[str, object]]:
-    """By kind: how many there are, how they end, and how long that takes."""
-    return {kind: _summary([c for c in found if c.kind == kind]) for kind in dict.fromkeys(c.kind for c in found)}
+def summary(results: Sequence[ColdStart]) -> Mapping[str, Mapping[str, object]]:
+    """Summary by kind: number of problems, outcomes, iterations and processor times."""
+    return {kind: _summary([c for c in results if c.kind == kind]) for kind in dict.fromkeys(c.kind for c in results)}
 
 
-def _summary(found: Sequence[ColdStart]) -> Mapping[str, object]:
-    done = [c for c in found if c.converged] or list(found)
-    ms = 1e3 * np.array([c.cpu_s for c in found])
-    wrong = [c for c in found if (c.converged and c.exists == "infeasible") or (c.proved and c.exists == "feasible")]
+def _summary(results: Sequence[ColdStart]) -> Mapping[str, object]:
+    done = [c for c in results if c.converged] or list(results)
+    ms = 1e3 * np.array([c.cpu_s for c in results])
+    wrong = [c for c in results if (c.converged and c.exists == "infeasible") or (c.proved and c.exists == "feasible")]
     return {
-        "problems": len(found),
-        "by_the_oracle": dict(Counter(c.exists for c in found)),
-        "converged_of_feasible": sum(c.converged for c in found if c.exists == "feasible"),
-        "proved_of_infeasible": sum(c.proved for c in found if c.exists == "infeasible"),
+        "problems": len(results),
+        "by_the_oracle": dict(Counter(c.exists for c in results)),
+        "converged_of_feasible": sum(c.converged for c in results if c.exists == "feasible"),
+        "proved_of_infeasible": sum(c.proved for c in results if c.exists == "infeasible"),
         "wrong": len(wrong),
         "iterations_median": float(np.median([c.iterations for c in done])),
         "iterations_most": max(c.iterations for c in done),

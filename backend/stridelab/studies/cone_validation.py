@@ -1,4 +1,4 @@
-"""What the cones of section 4.4 are worth on random contact sets, every promise measured."""
+"""Numerical validation of the wrench cones of section 4.4 on random contact sets."""
 
 import time
 from collections.abc import Callable, Mapping
@@ -26,12 +26,13 @@ class Timed:
 
 @dataclass(frozen=True)
 class ConeCheck:
-    """One contact set.
+    """Measurements on one contact set.
 
-    ``violation`` is the largest of a facet in closed form, ``least_margin`` the least of the boundary points by LP as
-    a share of the wrench, ``change`` of the gauge by another point and unit of length. ``kept`` and ``kept_thesis``
-    are volumes of sections of the largest cone and of the thesis' with alpha = 0.3, over that of the pyramids with
-    four rays; ``alpha_max`` how far the thesis' cone stays in these (NaN where it is not defined).
+    ``violation`` is the largest facet violation in closed form, ``least_margin`` the smallest LP margin of the boundary
+    points relative to the wrench norm, ``change`` the change of the gauge under another reference point and unit of
+    length. ``kept`` and ``kept_thesis`` are section volumes of the largest cone and of the thesis' cone with alpha =
+    0.3, relative to the pyramids with four rays; ``alpha_max`` is the largest alpha for which the thesis' cone stays
+    inside these (NaN if undefined).
     """
 
     bodies: int
@@ -47,9 +48,9 @@ class ConeCheck:
 
 
 def check_cone(contacts: PointContacts, bodies: int, points: int, rng: np.random.Generator) -> ConeCheck:
-    """The largest cone of one set, with ``points`` boundary points by linear programmes.
+    """Check the largest cone of one contact set at ``points`` boundary points by linear programs.
 
-    Half of them are those nearest to a facet, the others random.
+    Half of the points are those closest to a facet, the others random.
     """
     linear = LinearCone.of(contacts)
     cone, took = timed(lambda: LinearCone.of(contacts).largest_lorentz())
@@ -78,26 +79,26 @@ def check_cone(contacts: PointContacts, bodies: int, points: int, rng: np.random
 
 
 def timed(compute: Callable[[], LorentzCone]) -> tuple[LorentzCone, Timed]:
-    """A cone and the processor time that it took."""
+    """Compute a cone and its processor time."""
     start = time.process_time()
     cone = compute()
     return cone, Timed(time.process_time() - start)
 
 
 def thesis_cone(contacts: PointContacts) -> LorentzCone:
-    """The thesis' outer cone, computed about the CoM in newtons and newton metres; wrenches about the origin."""
+    """The thesis' outer cone, computed about the CoM in N and N m, for wrenches about the origin."""
     there = change_of_frame(-com_m(contacts))
     return outer_cone(contacts.rays(4) @ there.T).in_frame(there)
 
 
 def check_cones(sets: int, points: int, seed: int = 0) -> list[ConeCheck]:
-    """Two, three and four bodies in turn."""
+    """Check ``sets`` random contact sets with two, three and four bodies alternately."""
     rng = np.random.default_rng(seed)
     return [check_cone(random_contacts(rng, 2 + k % 3), 2 + k % 3, points, rng) for k in range(sets)]
 
 
 def summary(checks: list[ConeCheck]) -> Mapping[str, int | float]:
-    """The numbers that the aims are about."""
+    """Summary statistics of the checks."""
     ratios = np.array([check.kept / check.kept_thesis for check in checks if np.isfinite(check.alpha_max)])
     alphas = np.array([check.alpha_max for check in checks if np.isfinite(check.alpha_max)])
     return {

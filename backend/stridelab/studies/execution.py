@@ -1,6 +1,6 @@
-"""Every bundled scenario carried out: planned, followed by the whole body, certified, replayed in physics.
+"""Execution of the bundled scenarios: centroidal plan, whole-body motion, certificate and replay in simulation.
 
-What depends on the robot (its feet, where its hand reaches a rail or a wall) is here; the rest is that of the builders.
+Robot-specific parameters of the scenarios (feet, hand positions on rails and walls) are defined here.
 """
 
 import time
@@ -40,7 +40,7 @@ Scenario = dict[str, Any]
 Builder = Callable[[], Scenario]
 T = TypeVar("T")
 G1: Final = Walker("g1", 0.1185, 0.107, 0.101)
-"""Half the distance of the soles in the reference posture; toe and heel of the shoe."""
+"""Half the distance between the soles in the reference posture; toe and heel lengths of the shoe."""
 
 
 def _of_hrp2() -> dict[str, Builder]:
@@ -64,15 +64,15 @@ CASES: Final[Mapping[str, Mapping[str, Builder]]] = {
         "flat-walk": lambda: flat_walk(step_m=0.15, walker=G1),
     },
 }
-"""Builders by robot and name, the thesis' three experiments first."""
+"""Scenario builders by robot and name; the thesis' three experiments come first."""
 
 
 @dataclass(frozen=True)
 class Execution:
-    """What became of one scenario; ``failed`` says at which error it ended, empty where it came to its end.
+    """Result of one scenario; ``failed`` is the error that stopped it, empty if all stages ran.
 
-    ``cpu_s`` are process seconds by stage, ``replay`` the numbers of the replay, ``missed`` what one that is not
-    ``completed`` lacks.
+    ``cpu_s`` are process seconds by stage, ``replay`` the figures of the replay, ``missed`` the reasons why a replay is
+    not ``completed``.
     """
 
     robot: str
@@ -87,17 +87,17 @@ class Execution:
     missed: tuple[str, ...] = ()
 
     def value(self, check: str) -> float:
-        """The value of a check; NaN where there is none."""
+        """The value of a check; NaN if missing."""
         return next((c.value for c in self.checks if c.name == check), float("nan"))
 
     @property
     def certified(self) -> bool:
-        """Whether there is a motion that passes every check."""
+        """Whether the motion exists and passes every check."""
         return bool(self.checks) and all(check.passed for check in self.checks)
 
 
 def posed(robot: Robot, sequence: ContactSequence, proxies: Mapping[str, Proxy]) -> CentroidalProblem:
-    """As ``plan-motion`` poses it for a body: forces that do not jump, hands that bear what their arms can."""
+    """Centroidal problem as posed by ``plan-motion`` for a whole body: continuous forces and hand force limits."""
     return replace(
         from_rest_to_rest(robot, sequence, proxies),
         control=CircularCones() if isinstance(availability(), Native) else PYRAMIDS,
@@ -107,7 +107,7 @@ def posed(robot: Robot, sequence: ContactSequence, proxies: Mapping[str, Proxy])
 
 
 def followed(robot_name: str, name: str) -> WholeBodyMotion:
-    """The whole body's motion alone. Raises ``NotEstimable`` where the body cannot follow."""
+    """Whole-body motion of one scenario. Raises ``NotEstimable`` if the body cannot track the plan."""
     robot = load_robot(robot_name)
     sequence = sequence_of(CASES[robot_name][name](), effector_shapes(robot_name))
     plan = solve(posed(robot, sequence, load_proxies(robot_name)))
@@ -115,7 +115,7 @@ def followed(robot_name: str, name: str) -> WholeBodyMotion:
 
 
 def execute(robot_name: str, name: str) -> Execution:
-    """Carry out one scenario."""
+    """Plan, track, certify and replay one scenario."""
     robot = load_robot(robot_name)
     cpu_s: dict[str, float] = {}
     duration_s, checks = 0.0, tuple[Check, ...]()
@@ -128,25 +128,25 @@ def execute(robot_name: str, name: str) -> Execution:
             return Execution(robot_name, name, duration_s, plan.status, cpu_s=cpu_s)
         motion = _timed(cpu_s, "whole body", lambda: WholeBodyController().run(robot, sequence, plan))
         checks = _timed(cpu_s, "certificate", lambda: certify(robot, sequence, plan, proxies, motion)).checks
-        played = _timed(cpu_s, "replay", lambda: replayed(robot_name, motion))
+        replay = _timed(cpu_s, "replay", lambda: replayed(robot_name, motion))
     except StridelabError as error:
         return Execution(robot_name, name, duration_s, error.message, checks, cpu_s)
-    missed = tuple(one.message for one in played.remarks)
+    reasons = tuple(one.message for one in replay.remarks)
     return Execution(
-        robot_name, name, duration_s, "", checks, cpu_s, numbers(played), played.completed, played.fell, missed
+        robot_name, name, duration_s, "", checks, cpu_s, numbers(replay), replay.completed, replay.fell, reasons
     )
 
 
 def replayed(
     robot_name: str, motion: WholeBodyMotion, disturbed: Disturbances = NONE, observe: Observe = as_sensed
 ) -> Replay:
-    """The replay of a motion in a world that may be disturbed, seen through an estimator."""
-    return PhysicsReplay().run(load_robot(robot_name), motion.sequence, motion, _silent, observe, disturbed)
+    """Replay a motion with optional disturbances; ``observe`` is the state estimator."""
+    return PhysicsReplay().run(load_robot(robot_name), motion.sequence, motion, ignore_progress, observe, disturbed)
 
 
 def numbers(replay: Replay) -> dict[str, float]:
-    """The figures of a replay that are asked about."""
-    found = {
+    """Reported figures of a replay."""
+    figures = {
         "com_error_max_m": replay.com_error_max_m,
         "com_error_rms_m": replay.com_error_rms_m,
         "foot_slip_max_m": replay.foot_slip_max_m,
@@ -154,16 +154,23 @@ def numbers(replay: Replay) -> dict[str, float]:
         "torque_ratio_max": replay.torque_ratio_max,
     }
     if replay.hand_force_mean_n is not None and replay.hand_contact_share is not None:
-        found |= {"hand_force_mean_n": replay.hand_force_mean_n, "hand_contact_share": replay.hand_contact_share}
-    return found
+        figures |= {"hand_force_mean_n": replay.hand_force_mean_n, "hand_contact_share": replay.hand_contact_share}
+    return figures
 
 
 def _timed(cpu_s: dict[str, float], stage: str, work: Callable[[], T]) -> T:
     started = time.process_time()
-    found = work()
+    result = work()
     cpu_s[stage] = time.process_time() - started
-    return found
+    return result
 
 
-def _silent(_fraction: float, _message: str) -> None:
-    """Nobody watches."""
+def describe_check(check: Check) -> str:
+    """A failed check as text: name, value, limit, unit, effector and time."""
+    sign = "<" if check.at_least else ">"
+    where = f" ({check.effector}, {check.time_s:.1f} s)" if check.effector and check.time_s is not None else ""
+    return f"{check.name} {check.value:.3g} {sign} {check.limit:.3g} {check.unit}{where}"
+
+
+def ignore_progress(_fraction: float, _message: str) -> None:
+    """Progress callback that does nothing."""

@@ -1,8 +1,8 @@
-"""The proxy of a contact set beside the truth on the same contacts: figure 4.5 as numbers.
+"""Accuracy of the reachability proxy of a contact set compared with ground truth: figure 4.5 as numbers.
 
-The truth is the kernel density of the CoM over postures drawn by inverse kinematics (``StanceTruth``, range ``ANY``),
-in kernels of ``BANDWIDTH_M``; thresholds of its sets come from draws that the kernels have not seen. Compared are the
-smallest sets that hold a mass, of the truth and of the product.
+The ground truth is the kernel density of the CoM over postures sampled by inverse kinematics (``StanceTruth``, range
+``ANY``) with bandwidth ``BANDWIDTH_M``; thresholds of its level sets come from held-out samples. The comparison uses
+the smallest sets of a given probability mass, of the ground truth and of the product of densities.
 """
 
 from collections.abc import Mapping, Sequence
@@ -21,16 +21,16 @@ from stridelab.reachability.proxy.effector_proxy import Proxy
 MASSES: Final = (0.5, 0.8, 0.95)
 BANDWIDTH_M: Final = 0.04
 DRAWS: Final = 1500
-"""Postures for the kernels, and as many for the thresholds."""
+"""Number of postures for the kernels, and the same number for the thresholds."""
 PROBES: Final = 300
-"""Places in the product's set that are searched for postures."""
+"""Number of CoM positions in the product's set for which a posture is searched."""
 ROUNDS: Final = 10
 PRODUCT_DRAWS: Final = 20_000
 
 
 @dataclass(frozen=True, eq=False)
 class Truth:
-    """The kernels, and draws they have not seen with their log-densities (nats, per m^3)."""
+    """Kernel density and held-out samples with their log-densities (nats, per m^3)."""
 
     kernels: KernelDensity
     unseen_m: Points
@@ -38,13 +38,13 @@ class Truth:
 
     @staticmethod
     def of(truth: StanceTruth, contacts: Mapping[str, Placement], draws: int = DRAWS, seed: int = 0) -> "Truth":
-        """From ``2 draws`` postures. Raises ``NotEstimable`` (``contacts-out-of-reach``)."""
+        """Estimate from ``2 draws`` postures. Raises ``NotEstimable`` (``contacts-out-of-reach``)."""
         com_m = truth.sample(contacts, 2 * draws, seed)
         kernels = KernelDensity(com_m[:draws], BANDWIDTH_M)
         return Truth(kernels, com_m[draws:], kernels.log_density(com_m[draws:]))
 
     def volume_m3(self, mass: float, seed: int = 0) -> float:
-        """Volume of the smallest set that holds ``mass`` of the kernel density."""
+        """Volume of the smallest set with the probability ``mass`` under the kernel density."""
         draws = self.kernels.sample(4 * len(self.log_p), np.random.default_rng(seed))
         log_p = self.kernels.log_density(draws)
         return float(np.exp(-log_p[log_p >= np.quantile(log_p, 1.0 - mass)]).sum() / len(log_p))
@@ -52,12 +52,12 @@ class Truth:
 
 @dataclass(frozen=True)
 class Comparison:
-    """One contact set and one choice of densities.
+    """Comparison for one contact set and one choice of densities.
 
-    Volumes (m^3) are those of sets that hold ``MASSES``. ``mass_inside`` is how much of the product lies in the set
-    that holds 95 % of the truth, ``truth_inside`` how much of the truth in that of the product. ``false_feasible`` is
-    the share of the volume of the product's set where no posture was found. ``density_at_mode`` is the truth's density
-    at the product's mode over its largest one.
+    Volumes (m^3) are those of the smallest sets with the probabilities ``MASSES``. ``mass_inside`` is the share of the
+    product inside the 95 % set of the truth, ``truth_inside`` the share of the truth inside the 95 % set of the
+    product. ``false_feasible`` is the share of the volume of the product's set without a posture. ``density_at_mode``
+    is the truth's density at the product's mode relative to its maximum.
     """
 
     contacts: str
@@ -79,13 +79,13 @@ def compare(
     densities: Mapping[str, Mapping[str, Proxy]],
     probes: int = PROBES,
 ) -> list[Comparison]:
-    """The product of every choice of ``densities`` for one contact set against its ``truth``."""
+    """Compare the product of every choice of ``densities`` for one contact set with its ``truth``."""
     contacts = Contacts.of(search.robot, [placements])
     heading_rad = float(contacts.heading_rad[0])
     volumes = tuple(truth.volume_m3(mass) for mass in MASSES)
     edge = float(np.quantile(truth.log_p, 1.0 - MASSES[-1]))
     top = max(float(truth.log_p.max()), float(truth.kernels.log_density(truth.kernels.centres_m).max()))
-    found = []
+    comparisons = []
     for label, proxies in densities.items():
         rng = np.random.default_rng(0)
         product = ContactSet.of(proxies, placements, heading_rad)
@@ -93,7 +93,7 @@ def compare(
         log_q = product.log_density(draws)
         threshold = float(np.quantile(log_q, 1.0 - MASSES[-1]))
         mode = product.mode_m()
-        found.append(
+        comparisons.append(
             Comparison(
                 name,
                 label,
@@ -106,18 +106,18 @@ def compare(
                 float(np.exp(truth.kernels.log_density(mode[None])[0] - top)),
             )
         )
-    return found
+    return comparisons
 
 
 def _false_feasible(
     search: StanceTruth, contacts: Contacts, draws: Points, log_q: Series, threshold: float, probes: int
 ) -> float:
-    """Share of a set's volume where no posture is found: draws of the set, weighted to be uniform in it."""
+    """Share of a set's volume without a posture, from samples of the set weighted to be uniform in it."""
     inside = log_q >= threshold
     weights = np.exp(threshold - log_q[inside])
-    chosen = np.random.default_rng(1).choice(np.flatnonzero(inside), probes, p=weights / weights.sum())
-    many = contacts.taken(np.zeros(probes, dtype=int))
-    feasible, _ = search.feasible(many, draws[chosen], ROUNDS, seed=2)
+    probe_indices = np.random.default_rng(1).choice(np.flatnonzero(inside), probes, p=weights / weights.sum())
+    repeated = contacts.taken(np.zeros(probes, dtype=int))
+    feasible, _ = search.feasible(repeated, draws[probe_indices], ROUNDS, seed=2)
     return float(1.0 - feasible.mean())
 
 
@@ -127,7 +127,7 @@ def _triple(point: Vector3) -> tuple[float, float, float]:
 
 
 def stair_contacts(robot_name: str) -> dict[str, dict[str, Placement]]:
-    """Two, three and four contacts on a stair of 0.30 m by 0.15 m with rails at both sides, as in figure 4.5."""
+    """Two, three and four contacts on a stair of 0.30 m by 0.15 m with rails on both sides, as in figure 4.5."""
     aside, hand = {"talos": (0.09, (0.37, 0.50, 0.95)), "hrp2": (0.105, (0.30, 0.45, 0.75))}[robot_name]
     x, y, z = hand
     two = {"left_foot": Placement.of((0.0, aside, 0.0)), "right_foot": Placement.of((0.30, -aside, 0.15))}
@@ -136,7 +136,7 @@ def stair_contacts(robot_name: str) -> dict[str, dict[str, Placement]]:
 
 
 def four_stances(robot_name: str) -> dict[str, dict[str, Placement]]:
-    """Two soles: side by side, on stairs of 10 and 15 cm, and half a stride apart."""
+    """Stances of two soles: side by side, on stairs of 10 and 15 cm, and half a stride apart."""
     aside = {"talos": 0.09, "hrp2": 0.105}[robot_name]
     ahead: Sequence[tuple[str, float, float]] = (
         ("flat", 0.0, 0.0),

@@ -1,8 +1,8 @@
-"""Does the proxy of section 4.3 tell feasible from not? Areas under the ROC curve on random pairs (contacts, CoM).
+"""Areas under the ROC curve of the reachability proxy of section 4.3 on random (contacts, CoM) pairs.
 
-A score ranks the pairs. The area is the chance that a feasible pair is ranked above one that is not (Mann and Whitney
-1947); its standard error comes from drawing the contact sets anew, since pairs over the same contacts are not
-independent. The baseline is what peers ship: one box per effector, a place scored by how deep it lies in all of them.
+A score ranks the pairs. The area is the probability that a feasible pair ranks above an infeasible one (Mann and
+Whitney 1947); its standard error is a bootstrap over contact sets, since pairs of the same contacts are not
+independent. The baseline uses one box per effector and scores a CoM position by its depth inside all of them.
 """
 
 from collections.abc import Mapping
@@ -34,7 +34,7 @@ class Area:
 
 
 def areas(robot_name: str, pairs: Pairs, corrected: Mapping[str, Proxy]) -> list[Area]:
-    """Of the product of densities for both measures, of the corrected one, and of boxes for both."""
+    """Areas of the product of densities for both measures, of the corrected product, and of boxes for both measures."""
     measures: tuple[Measure, ...] = ("uniform", "conditioned")
     scores = {
         f"product, {measure}": log_density(load_proxies(robot_name, measure), pairs.contacts, pairs.com_m)
@@ -46,41 +46,43 @@ def areas(robot_name: str, pairs: Pairs, corrected: Mapping[str, Proxy]) -> list
 
 
 def area(positive: Mask, score: Series) -> float:
-    """The area under the ROC curve; ties count half."""
+    """Area under the ROC curve; ties count half."""
     n = int(positive.sum())
     m = len(positive) - n
     return float((rankdata(score)[positive].sum() - n * (n + 1) / 2) / (n * m))
 
 
 def area_sd(pairs: Pairs, score: Series, seed: int = 0) -> float:
-    """Standard error of the area by drawing the contact sets anew, with replacement."""
+    """Standard error of the area, by bootstrap over the contact sets."""
     rng = np.random.default_rng(seed)
     members = [np.flatnonzero(pairs.stance == stance) for stance in np.unique(pairs.stance)]
-    found = []
+    resampled = []
     for _ in range(RESAMPLES):
-        of = np.concatenate([members[k] for k in rng.integers(len(members), size=len(members))])
-        found.append(area(pairs.feasible[of], score[of]))
-    return float(np.std(found, ddof=1))
+        rows = np.concatenate([members[k] for k in rng.integers(len(members), size=len(members))])
+        resampled.append(area(pairs.feasible[rows], score[rows]))
+    return float(np.std(resampled, ddof=1))
 
 
 def depth(card: ReachabilityCard, pairs: Pairs) -> Series:
-    """Distance (m) inside the intersection of the effectors' boxes, negative outside, to the nearest face."""
-    found = np.full(len(pairs.com_m), np.inf)
+    """Signed distance (m) to the closest face of the intersection of the effectors' boxes, positive inside."""
+    depth_m = np.full(len(pairs.com_m), np.inf)
     for name in pairs.contacts.targets:
         effector = card.effectors[name]
         x = seen_from(effector.frame, pairs.contacts, name, pairs.com_m)
         low, high = (np.array(end) for end in (effector.reach.com_low_m, effector.reach.com_high_m))
-        found = np.minimum(found, np.minimum(x - low, high - x).min(axis=1))
-    return found
+        depth_m = np.minimum(depth_m, np.minimum(x - low, high - x).min(axis=1))
+    return depth_m
 
 
 def features(pairs: Pairs) -> Float[np.ndarray, "n f"]:
-    """The CoM and the contacts seen from the middle of the soles along their heading, and the soles' turn.
+    """CoM and contacts relative to the midpoint of the soles in their heading frame, and the angle between the soles.
 
-    What a logistic regression takes, the other correction that was tried.
+    Input of a logistic regression, an alternative correction.
     """
-    back = about(2, pairs.contacts.heading_rad).swapaxes(1, 2)
+    to_heading = about(2, pairs.contacts.heading_rad).swapaxes(1, 2)
     middle = pairs.contacts.middle_m
-    seen = [pairs.com_m - middle]
-    seen += [p - middle for name, (p, _) in pairs.contacts.targets.items() if name != "left_foot"]
-    return np.hstack([(back @ one[..., None])[..., 0] for one in seen] + [2 * pairs.contacts.heading_rad[:, None]])
+    relative_m = [pairs.com_m - middle]
+    relative_m += [p - middle for name, (p, _) in pairs.contacts.targets.items() if name != "left_foot"]
+    return np.hstack(
+        [(to_heading @ one[..., None])[..., 0] for one in relative_m] + [2 * pairs.contacts.heading_rad[:, None]]
+    )

@@ -18,7 +18,7 @@ FRICTION: Final = 0.5
 
 
 def random_contacts(rng: np.random.Generator, bodies: int) -> PointContacts:
-    """Spread over 3 m; seven bodies of ten are soles; both tilts up to 20 degrees, friction 0.3 to 0.9."""
+    """Random contacts within 3 m; 70 % are soles; tilts up to 20 degrees, friction 0.3 to 0.9."""
     rows = []
     for _ in range(bodies):
         tilt = ScipyRotation.from_rotvec(np.append(rng.uniform(-TILT_RAD, TILT_RAD, 2), 0.0))
@@ -29,19 +29,19 @@ def random_contacts(rng: np.random.Generator, bodies: int) -> PointContacts:
 
 
 def com_m(contacts: PointContacts) -> Vector3:
-    """A place for the CoM: 0.8 m above the middle of the contacts."""
+    """CoM position 0.8 m above the mean of the contacts."""
     return np.asarray(contacts.position_m.mean(axis=0) + np.array([0.0, 0.0, 0.8]))
 
 
 def random_wrench(rng: np.random.Generator, contacts: PointContacts) -> Float[np.ndarray, "6"]:
-    """About what a robot of 90 kg asks for, about the world origin."""
+    """Random wrench about the world origin, of the magnitude required by a robot of 90 kg."""
     force = np.array([0.0, 0.0, 900.0]) + rng.normal(0.0, 200.0, 3)
     at = com_m(contacts) + rng.normal(0.0, 0.3, 3)
     return np.concatenate([force, np.cross(at, force) + rng.normal(0.0, 20.0, 3)])
 
 
 def stair_sets(robot_name: str) -> dict[str, PointContacts]:
-    """The stances of figure 4.5 on two, three and four contacts, with friction ``FRICTION``."""
+    """Contact sets of figure 4.5 with two, three and four contacts and friction ``FRICTION``."""
     shapes = effector_shapes(robot_name)
     return {
         name: PointContacts.of((at, shapes[effector].half_size_m, FRICTION) for effector, at in placements.items())

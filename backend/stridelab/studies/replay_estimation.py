@@ -1,8 +1,8 @@
-"""The CoM estimator of chapter 2 as the eyes of the replay's stabiliser.
+"""CoM estimators of chapter 2 as state estimators of the replay's stabiliser.
 
-What a robot has is kinematics and force sensors: the CoM that its own model sees in the joint angles, with white noise,
-and the wrench of the surroundings. The online complementary filter (2.24)-(2.27) makes position and velocity of them.
-Its geometry knows nothing of a load on the trunk; the central axis of the contact wrench does.
+The robot measures its kinematics, which give the CoM of its model with white noise, and the contact wrenches. The
+online complementary filter (2.24)-(2.27) estimates CoM position and velocity from both. The kinematic CoM does not
+include a load on the trunk; the central axis of the contact wrench does.
 """
 
 from collections.abc import Mapping
@@ -19,7 +19,7 @@ from stridelab.wholebody.replay.disturbances import Disturbances, SensorNoise
 from stridelab.wholebody.replay.sensors import Observe, Seen, as_sensed
 
 LOW_HZ: Final = 0.2
-"""Above it the geometry is believed rather than the axis, which angular momentum moves."""
+"""Above this frequency the filter uses the geometry instead of the axis, which angular momentum displaces."""
 HIGH_HZ: Final = 4.0
 TABLE_SD_M: Final = (0.01, 0.01, 0.01)
 GOOD, POOR = SensorNoise(0.001, 0.01), SensorNoise(0.005, 0.05)
@@ -29,11 +29,11 @@ CONDITIONS: Final[Mapping[str, Disturbances]] = {
     "5 kg heavier as well": Disturbances(sensor_noise=GOOD, delay_s=0.005, trunk_mass_kg=5.0),
     "noise of 5 mm, 0.05 m/s": Disturbances(sensor_noise=POOR),
 }
-"""Under which estimators are compared."""
+"""Conditions under which the estimators are compared."""
 
 
 def estimators(robot: Robot, noise: SensorNoise) -> Mapping[str, Observe]:
-    """What may stand in front of the stabiliser, each new, for one replay."""
+    """New instances of the estimators for one replay."""
     return {
         "the simulator's CoM with noise": as_sensed,
         "kinematics alone": Kinematic(robot, noise.position_m, noise.velocity_m_s),
@@ -42,14 +42,14 @@ def estimators(robot: Robot, noise: SensorNoise) -> Mapping[str, Observe]:
 
 
 class Kinematic:
-    """The CoM of the robot's own model, with white noise, and its velocity by the same model: no force sensor."""
+    """CoM position and velocity of the robot's model with white noise; uses no force sensor."""
 
     def __init__(self, robot: Robot, position_sd_m: float, velocity_sd_m_s: float, seed: int = 0) -> None:
         self._model, self._data = robot.model, robot.model.createData()
         self._sd, self._rng = (position_sd_m, velocity_sd_m_s), np.random.default_rng([seed, 2])
 
     def __call__(self, seen: Seen) -> Seen:
-        """What is sensed, with this CoM in place of the simulator's."""
+        """The sensed state with the kinematic CoM instead of the simulator's."""
         pin.centerOfMass(self._model, self._data, seen.q, seen.v)
         noise = self._rng.normal(size=(2, 3))
         com_m, com_v = self._data.com[0] + self._sd[0] * noise[0], self._data.vcom[0] + self._sd[1] * noise[1]
@@ -57,7 +57,7 @@ class Kinematic:
 
 
 class Filtered:
-    """The same position and the force sensors through the filter; the kinematic velocity is not used."""
+    """Complementary filter of the kinematic CoM position and the force sensors; ignores the kinematic velocity."""
 
     def __init__(self, robot: Robot, position_sd_m: float, seed: int = 0) -> None:
         self._kinematic = Kinematic(robot, position_sd_m, 0.0, seed)
@@ -72,7 +72,7 @@ class Filtered:
         self._before: Seen | None = None
 
     def __call__(self, seen: Seen) -> Seen:
-        """What is sensed, with the filter's CoM in place of the simulator's; late sensors repeat the first instant."""
+        """The sensed state with the filter's CoM; a repeated time, due to sensor delay, returns the previous result."""
         if self._before is not None and seen.time_s <= self._before.time_s:
             return self._before
         seen = self._kinematic(seen)
@@ -81,6 +81,6 @@ class Filtered:
             [m + np.cross(seen.contacts[name].position_m, seen.forces_n[name]) for name, m in seen.moments_nm.items()],
             axis=0,
         )
-        found = self._filter.step(seen.time_s, seen.com_m, force, moment)
-        self._before = replace(seen, com_m=found.com_m, com_v_m_s=found.velocity_m_s)
+        estimate = self._filter.step(seen.time_s, seen.com_m, force, moment)
+        self._before = replace(seen, com_m=estimate.com_m, com_v_m_s=estimate.velocity_m_s)
         return self._before

@@ -1,4 +1,4 @@
-"""How much a replay of experiments 1 to 3 bears: a list of disturbances, and by bisection where it ends."""
+"""Robustness of the replays of experiments 1 to 3: fixed disturbances, and largest disturbances by bisection."""
 
 from collections.abc import Callable, Mapping
 from typing import Final
@@ -7,16 +7,16 @@ from stridelab.wholebody.replay.disturbances import Disturbances, Push, SensorNo
 
 EXPERIMENTS: Final = ("long-stride", "six-stairs", "stairs-with-rail")
 OFF_M: Final = 0.015
-"""By how much stairs and rail are elsewhere than planned."""
+"""Displacement of stairs and rail from their planned position."""
 BISECTIONS: Final = 4
 PUSH_NS: Final = 20.0
 N_INSTANTS: Final = 12
-"""At how many instants of the motion a push is tried: one that is survived on two soles need not be on one."""
+"""Number of instants of the motion at which a push is applied; single support is less robust than double support."""
 SIDES: Final[Mapping[str, float]] = {"left": 1.0, "right": -1.0}
 
 
 def disturbances(duration_s: float) -> Mapping[str, Disturbances]:
-    """What every experiment has to bear; the push comes in the middle of the motion."""
+    """Fixed disturbances for every experiment; pushes are applied in the middle of the motion."""
     return {
         "friction 0.3": Disturbances(friction=0.3),
         "sole 0.18 x 0.10 m": Disturbances(sole_half_size_m=(0.09, 0.05)),
@@ -32,17 +32,17 @@ def disturbances(duration_s: float) -> Mapping[str, Disturbances]:
 
 
 def pushed(time_s: float, impulse_ns: float) -> Disturbances:
-    """Pushed to the left, or to the right where the impulse is negative."""
+    """Push to the left; a negative impulse pushes to the right."""
     return Disturbances(push=Push(time_s, (0.0, impulse_ns, 0.0)))
 
 
 def instants(duration_s: float) -> tuple[float, ...]:
-    """Times of pushes, even over the motion, none at its very ends."""
+    """Times of pushes, uniformly distributed over the motion without its ends."""
     return tuple(duration_s * (k + 0.5) / N_INSTANTS for k in range(N_INSTANTS))
 
 
 def growing(duration_s: float) -> Mapping[str, tuple[float, Callable[[float], Disturbances]]]:
-    """Disturbances by size, each with a size that is too much."""
+    """Disturbances as functions of their size, each with a size at which the replay fails."""
 
     def push(y: float) -> Callable[[float], Disturbances]:
         return lambda ns: pushed(duration_s / 2.0, y * ns)
@@ -66,19 +66,19 @@ def growing(duration_s: float) -> Mapping[str, tuple[float, Callable[[float], Di
 
 
 def applies(experiment: str, what: str) -> bool:
-    """There is a rail beside the stairs of experiment 3 only, and no stair in experiment 1."""
+    """Whether a disturbance applies: only experiment 3 has a rail, and experiment 1 has no stairs."""
     return not (what.startswith("rail") and "rail" not in experiment) and not (
         what.startswith("stairs") and "stairs" not in experiment
     )
 
 
 def boundary(survives: Callable[[float], bool], too_much: float) -> float:
-    """The largest size that is survived, by bisection between 0 and ``too_much``; right if survival is monotone."""
-    borne, fatal = 0.0, too_much
+    """The largest size that the replay survives, by bisection in [0, ``too_much``]; assumes monotone survival."""
+    low, high = 0.0, too_much
     for _ in range(BISECTIONS):
-        middle = 0.5 * (borne + fatal)
+        middle = 0.5 * (low + high)
         if survives(middle):
-            borne = middle
+            low = middle
         else:
-            fatal = middle
-    return borne
+            high = middle
+    return low

@@ -1,10 +1,10 @@
-"""Stairs as they come: random heights, depths, paces and rails, each planned, followed, certified and replayed.
+"""Random stairs with varying heights, depths, paces and rails, each planned, tracked, certified and replayed.
 
     height 5 to 15 cm, depth 30 to 36 cm, toe gap 50 to 60 mm, all durations times 0.8 to 1.2, and beside every other
-    flight a rail within the box of places that ``RAIL_M`` says
+    flight a rail within the box ``RAIL_M``
 
-What is refused is tried again at other paces and places (``others``): the stairs stay, the feet and the hand go
-elsewhere on them. A refusal is confirmed where none of these is carried out either.
+A rejected variation is retried at other paces and contact positions (``others``) on the same stairs. A rejection is
+confirmed if none of these succeeds.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -23,7 +23,7 @@ from stridelab.errors import StridelabError
 from stridelab.reachability.proxy.effector_proxy import Proxy
 from stridelab.reachability.store import load_proxies
 from stridelab.robots.loader import load_robot
-from stridelab.studies.execution import posed, replayed
+from stridelab.studies.execution import describe_check, posed, replayed
 from stridelab.wholebody.certificate.certificate import Check
 from stridelab.wholebody.certificate.certify import certify
 from stridelab.wholebody.control.controller import WholeBodyController
@@ -33,23 +33,23 @@ DEPTH_M: Final = (0.30, 0.36)
 TOE_GAP_M: Final = (0.05, 0.06)
 PACE: Final = (0.8, 1.2)
 RAIL_M: Final = ((0.10, 0.35), (0.70, 1.00), (-0.58, -0.42))
-"""The hand before the feet, above the line through the footholds, and to the left: where a prototype used rails."""
+"""Ranges of the rail: ahead of the feet, above the line through the footholds, to the left; from a prototype."""
 NUMBER: Final = 60
 STAIRS: Final = 3
-"""Of every flight."""
+"""Number of stairs in every flight."""
 PACES: Final = (1.0, 1.2, 1.4, 0.8)
 SHIFTS_M: Final = (0.012, -0.012)
-"""Of the soles along the treads, towards the edge (positive) or the riser."""
+"""Displacements of the soles along the treads, towards the edge (positive) or the riser."""
 HALF_WIDTHS_M: Final = (0.10, 0.08)
 REACHES_M: Final = (-0.08, 0.08)
-"""Of the hand along its rail."""
+"""Displacements of the hand along its rail."""
 
 
 @dataclass(frozen=True)
 class Variation:
-    """Stairs, a pace (a factor on all durations) and, where there is one, a rail.
+    """Stairs, a pace (a factor on all durations) and an optional rail.
 
-    ``shift_m`` and ``half_width_m`` are where the soles are put on the treads, ``reach_m`` where the hand on the rail.
+    ``shift_m`` and ``half_width_m`` place the soles on the treads, ``reach_m`` the hand on the rail.
     """
 
     height_m: float
@@ -75,10 +75,10 @@ class Variation:
 
 @dataclass(frozen=True)
 class Attempt:
-    """What became of one variation.
+    """Result of one variation.
 
-    ``stage`` is where it was refused, None where it was carried out, ``reason`` how. ``com_error_m`` is the largest
-    error of the CoM in the replay.
+    ``stage`` and ``reason`` describe a failure; ``stage`` is None for a success. ``com_error_m`` is the largest CoM
+    error of the replay.
     """
 
     stage: str | None
@@ -89,13 +89,13 @@ class Attempt:
 
     @property
     def fell(self) -> bool:
-        """Whether every check passes and the replay does not come to its end."""
+        """Whether every check passes but the replay does not complete."""
         return self.replayed is False and bool(self.checks) and all(check.passed for check in self.checks)
 
 
 @dataclass(frozen=True)
 class Found:
-    """One variation as it was drawn, and for a refusal what the search made of it."""
+    """Result of one random variation and, after a failure, of the search for alternatives."""
 
     index: int
     attempt: Attempt
@@ -104,24 +104,24 @@ class Found:
 
     @property
     def confirmed(self) -> bool:
-        """Whether it was refused and nothing else on these stairs was carried out."""
+        """Whether the variation and all its alternatives on the same stairs fail."""
         return self.attempt.stage is not None and self.tried > 0 and self.instead is None
 
 
 def drawn(number: int = NUMBER, seed: int = 0) -> tuple[Variation, ...]:
-    """So many random variations, without and with a rail in turn."""
+    """``number`` random variations, alternately without and with a rail."""
     rng = np.random.default_rng(seed)
-    found: list[Variation] = []
+    variations: list[Variation] = []
     for k in range(number):
         height_m, depth_m, gap_m, pace = (float(rng.uniform(*box)) for box in (HEIGHT_M, DEPTH_M, TOE_GAP_M, PACE))
         place = [round(float(rng.uniform(*box)), 3) for box in RAIL_M]
         rail = HandRail(*place) if k % 2 else None
-        found.append(Variation(round(height_m, 3), round(depth_m, 3), round(gap_m, 4), round(pace, 2), rail))
-    return tuple(found)
+        variations.append(Variation(round(height_m, 3), round(depth_m, 3), round(gap_m, 4), round(pace, 2), rail))
+    return tuple(variations)
 
 
 def others(variation: Variation) -> Iterator[Variation]:
-    """The same stairs and rail at other paces, the soles and the hand elsewhere: one change of place at a time."""
+    """Alternatives on the same stairs and rail: other paces, and one change of the sole or hand position at a time."""
     places = [variation]
     places += [replace(variation, shift_m=shift_m) for shift_m in SHIFTS_M]
     places += [replace(variation, half_width_m=half_m) for half_m in HALF_WIDTHS_M]
@@ -133,7 +133,7 @@ def others(variation: Variation) -> Iterator[Variation]:
 
 
 def attempt(variation: Variation) -> Attempt:
-    """Plan it as the service does, follow, certify, replay; every error of this project is part of the answer."""
+    """Plan, track, certify and replay a variation as the service does; errors become part of the result."""
     stage, checks = "scenario", tuple[Check, ...]()
     try:
         robot = load_robot(TALOS.robot)
@@ -147,22 +147,22 @@ def attempt(variation: Variation) -> Attempt:
         motion = WholeBodyController().run(robot, sequence, plan)
         stage = "certificate"
         checks = certify(robot, sequence, plan, proxies, motion).checks
-        failed = "; ".join(_said(check) for check in checks if not check.passed)
+        failed = "; ".join(describe_check(check) for check in checks if not check.passed)
         replay = replayed(TALOS.robot, motion)
     except StridelabError as error:
         return Attempt(stage, error.message, checks)
     if failed:
         return Attempt(stage, failed, checks, replay.completed, replay.com_error_max_m)
     if not replay.completed:
-        said = " ".join(one.message for one in replay.remarks)
-        return Attempt("replay", said, checks, False, replay.com_error_max_m)
+        reason = " ".join(remark.message for remark in replay.remarks)
+        return Attempt("replay", reason, checks, False, replay.com_error_max_m)
     return Attempt(None, "", checks, True, replay.com_error_max_m)
 
 
 def search(
     index: int, variation: Variation, refused: Attempt, trying: Callable[[Variation], Attempt] = attempt
 ) -> Found:
-    """Try ``others`` until one is carried out."""
+    """Try the alternatives ``others`` until one succeeds."""
     tried = 0
     for tried, other in enumerate(others(variation), start=1):
         if trying(other).stage is None:
@@ -172,9 +172,3 @@ def search(
 
 def _at(timing: Timing, pace: float) -> Timing:
     return Timing(*(round(seconds * pace, 3) for seconds in (timing.ends_s, timing.move_s, timing.rest_s)))
-
-
-def _said(check: Check) -> str:
-    sign = "<" if check.at_least else ">"
-    where = f" ({check.effector}, {check.time_s:.1f} s)" if check.effector and check.time_s is not None else ""
-    return f"{check.name} {check.value:.3g} {sign} {check.limit:.3g} {check.unit}{where}"

@@ -17,11 +17,11 @@ Experiment = Literal[1, 2, 3]
 EXPERIMENTS: Final[tuple[Experiment, ...]] = (1, 2, 3)
 WALKERS: Final[Mapping[str, Walker]] = {"hrp2": HRP2, "talos": TALOS}
 RAILS: Final = {"talos": HandRail(), "hrp2": HandRail(ahead_m=0.22, height_m=0.60, y_m=-0.45)}
-"""Within reach of either arm."""
+"""Rails within reach of the arms."""
 
 
 def scenario(experiment: Experiment, robot: str) -> dict[str, Any]:
-    """Long strides, six stairs of 10 cm, or four of 15 cm beside a rail."""
+    """Scenario of an experiment: long strides, six stairs of 10 cm, or four of 15 cm beside a rail."""
     walker = WALKERS[robot]
     if experiment == 1:
         return long_stride(walker=walker)
@@ -31,6 +31,6 @@ def scenario(experiment: Experiment, robot: str) -> dict[str, Any]:
 
 
 def problem(experiment: Experiment, robot: str, measure: Measure = DEFAULT_MEASURE) -> CentroidalProblem:
-    """From rest to rest, with the bundled densities of a measure."""
+    """Rest-to-rest centroidal problem of an experiment with the bundled densities of a measure."""
     sequence = sequence_of(scenario(experiment, robot), effector_shapes(robot))
     return from_rest_to_rest(load_robot(robot), sequence, load_proxies(robot, measure))

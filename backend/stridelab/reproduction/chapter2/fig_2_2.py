@@ -1,4 +1,4 @@
-"""Figure 2.2: zero-moment point against central axis, on a walk whose wrench is known exactly."""
+"""Figure 2.2: zero-moment point and central axis on a simulated walk with exact wrench."""
 
 from typing import Final
 
@@ -18,7 +18,7 @@ ORIGIN: Final = np.zeros(3)
 
 
 def run(seeds: int, tell: Progress) -> Reproduction:
-    """One walk without noise; ``seeds`` changes nothing, because nothing is drawn."""
+    """One walk without noise; the result is deterministic and ignores ``seeds``."""
     tell(0.1, "simulating a walk")
     truth = simulate("robot", "none", 0).truth
     wrench = Wrench(truth.force_n, truth.moment_nm)
@@ -28,15 +28,15 @@ def run(seeds: int, tell: Progress) -> Reproduction:
     cart = zmp_linearised(c, truth.acceleration_m_s2)
     axis = central_axis(wrench)
     n = axis.direction
-    # Point of the axis on the floor, and the same for the axis through the ZMP, which is vertical.
+    # Intersection of the axis with the floor.
     foot = axis.point_m - (axis.point_m[:, 2] / n[:, 2])[:, None] * n
 
     exact = np.abs(zmp_of_motion(c, truth.acceleration_m_s2, truth.momentum_rate_nm, truth.mass_kg) - z[:, :2]).max()
     printed = _printed_2_8(truth)
-    cart_off = np.linalg.norm(cart - z[:, :2], axis=1)
+    cart_distance = np.linalg.norm(cart - z[:, :2], axis=1)
     to_cart = c - np.column_stack([cart, np.zeros(len(c))])
     cart_force = np.column_stack([truth.acceleration_m_s2[:, :2], np.full(len(c), GRAVITY_M_S2)])
-    gap_error = float(np.abs(np.linalg.norm((foot - z)[:, :2], axis=1) - _predicted_gap(wrench, z)).max())
+    distance_error = float(np.abs(np.linalg.norm((foot - z)[:, :2], axis=1) - _predicted_gap(wrench, z)).max())
     claims = (
         Claim(
             "zmp_2_8_corrected_m",
@@ -54,7 +54,7 @@ def run(seeds: int, tell: Progress) -> Reproduction:
             _rms(printed - z[:, :2]),
             "m",
             "met" if _rms(printed - z[:, :2]) <= 1e-6 else "thesis_in_error",
-            "Its second row has L' about z in the place of L' about x (docs/theory/misprints.md).",
+            "Its second row contains L' about z instead of L' about x (docs/theory/misprints.md).",
         ),
         Claim(
             "cart_line_angle_rad",
@@ -63,7 +63,7 @@ def run(seeds: int, tell: Progress) -> Reproduction:
             float(_angle(to_cart, cart_force).max()),
             "rad",
             judged(float(_angle(to_cart, cart_force).max()), at_most=1e-6),
-            f"For the force of the cart-table itself. The force of the walk leaves this line by up to "
+            f"For the force of the cart-table model. The force of the walk deviates from this line by up to "
             f"{np.degrees(_angle(to_cart, f).max()):.2f} degrees, because the height is not constant.",
         ),
         Claim(
@@ -76,22 +76,22 @@ def run(seeds: int, tell: Progress) -> Reproduction:
         ),
         Claim(
             "least_moment_ratio",
-            "the central axis is the line of least moment norm",
+            "the central axis is the line of minimum moment norm",
             1.0,
             _least_moment_ratio(wrench, axis.point_m),
             "1",
             judged(_least_moment_ratio(wrench, axis.point_m), at_least=1.0 - 1e-9),
-            "Smallest moment found 1 cm away from the axis in any direction, over that on the axis.",
+            "Smallest moment norm at 1 cm from the axis, over eight directions, relative to that on the axis.",
         ),
         Claim(
             "theorem_1_m",
-            "theorem 1: the two axes meet the floor in one point only without free moment or tilt",
+            "theorem 1: the two axes intersect the floor in the same point only without free moment or tilt",
             0.0,
-            gap_error,
+            distance_error,
             "m",
-            judged(gap_error, at_most=1e-6),
-            f"Largest deviation of the gap from |(tau n) x f| / f^2 of the free moment tau at the ZMP, carried down to "
-            f"the floor; the gap itself is {1e3 * _rms((foot - z)[:, :2]):.2f} mm RMS on this walk.",
+            judged(distance_error, at_most=1e-6),
+            f"Largest deviation of the distance from |(tau n) x f| / f^2 of the free moment tau at the ZMP, projected "
+            f"to the floor; the distance is {1e3 * _rms((foot - z)[:, :2]):.2f} mm RMS on this walk.",
         ),
     )
     tell(1.0, "done")
@@ -103,9 +103,10 @@ def run(seeds: int, tell: Progress) -> Reproduction:
     }
     return Reproduction(
         claims=claims,
-        note="TALOS walks without sensors in between. The cart-table misses the ZMP by "
-        f"{1e3 * _rms(cart - z[:, :2]):.1f} mm RMS (at most {1e3 * cart_off.max():.0f} mm): L' and the height that "
-        f"changes. The central axis passes the CoM at {1e3 * _rms(axis.project(c) - c):.1f} mm RMS, which is L' alone.",
+        note="Simulated walk of TALOS without sensor noise. The cart-table model deviates from the ZMP by "
+        f"{1e3 * _rms(cart - z[:, :2]):.1f} mm RMS (at most {1e3 * cart_distance.max():.0f} mm) because of L' and the "
+        f"varying height. The distance of the CoM from the central axis is {1e3 * _rms(axis.project(c) - c):.1f} mm "
+        "RMS, which is due to L' alone.",
         tables={"points": columns},
         drawing=svg(_panels(t, c, z, cart, foot, n)),
         references=("carpentier2017thesis", "stasse2017talos"),
@@ -113,7 +114,7 @@ def run(seeds: int, tell: Progress) -> Reproduction:
 
 
 def _printed_2_8(truth: TrueMotion) -> np.ndarray:
-    """(2.8) as the thesis prints it: L' about y and about z, both added."""
+    """(2.8) as printed in the thesis, with L' about y and z, both added."""
     c, a, rate = truth.com_m, truth.acceleration_m_s2, truth.momentum_rate_nm
     lift = (a[:, 2] + GRAVITY_M_S2)[:, None]
     turn = np.column_stack([-rate[:, 1], rate[:, 2]])
@@ -121,7 +122,7 @@ def _printed_2_8(truth: TrueMotion) -> np.ndarray:
 
 
 def _predicted_gap(wrench: Wrench, z: Points) -> Series:
-    """Distance on the floor between the ZMP and the axis: the axis passes the ZMP at ``f x (tau n) / f^2``."""
+    """Distance on the floor between ZMP and axis; the offset of the axis from the ZMP is ``f x (tau n) / f^2``."""
     f = wrench.force_n
     at_zmp = transport(wrench, z)
     offset = np.cross(f, at_zmp.moment_nm) / (f * f).sum(axis=1, keepdims=True)
@@ -130,7 +131,7 @@ def _predicted_gap(wrench: Wrench, z: Points) -> Series:
 
 
 def _least_moment_ratio(wrench: Wrench, point_m: Points) -> float:
-    """Moment norm beside the axis over that on it, smallest over all samples and eight directions."""
+    """Moment norm 1 cm from the axis relative to that on it; minimum over all samples and eight directions."""
     on_axis = np.linalg.norm(transport(wrench, point_m).moment_nm, axis=1)
     beside = []
     for turn in np.linspace(0.0, 2.0 * np.pi, 8, endpoint=False):

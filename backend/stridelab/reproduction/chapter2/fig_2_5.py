@@ -20,12 +20,12 @@ RATE_HZ: Final = 1000.0
 FREQUENCY_HZ: Final = np.geomspace(0.01, 100.0, 1000)
 HALF_DB: Final = 20.0 * float(np.log10(0.5))
 RIPPLE_DB: Final = 3.0
-"""What passes a band is usually called so."""
+"""Usual definition of a pass band: gain within 3 dB of one."""
 _NAMES: Final = ("H1", "s² H2", "H3")
 
 
 def run(seeds: int, tell: Progress) -> Reproduction:
-    """No walk is needed: the filters are formulas. ``seeds`` changes nothing."""
+    """Frequency responses in closed form; ``seeds`` is ignored."""
     tell(0.1, "computing the responses")
     thesis = bode(complementary_filters(THESIS_LOW_HZ, THESIS_HIGH_HZ, RATE_HZ), FREQUENCY_HZ)
     ours = bode(complementary_filters(AUTO_LOW_HZ, AUTO_HIGH_HZ, RATE_HZ), FREQUENCY_HZ)
@@ -54,8 +54,8 @@ def run(seeds: int, tell: Progress) -> Reproduction:
             peak,
             "1",
             "met" if abs(20.0 * np.log10(peak)) <= RIPPLE_DB else "thesis_in_error",
-            f"It amplifies by {peak:.3f} in the middle of its band, and has first-order skirts: at 10 Hz "
-            f"{ten_hz:.2f} of the marker noise passes. This is the high-frequency noise that 2.5.4 sees.",
+            f"Its peak gain is {peak:.3f} and its roll-off is of first order: at 10 Hz a share of "
+            f"{ten_hz:.2f} of the marker noise passes. This explains the high-frequency noise observed in 2.5.4.",
         ),
         Claim(
             "gain_at_f2_db",
@@ -64,15 +64,16 @@ def run(seeds: int, tell: Progress) -> Reproduction:
             at_f2,
             "dB",
             "met" if abs(at_f2 - HALF_DB) < 0.05 else "not_met",
-            "Two equal poles: half the amplitude (-6 dB) at the named frequency; -3 dB lies lower.",
+            "Two equal poles: half the amplitude (-6 dB) at the named frequency; the -3 dB frequency is lower.",
         ),
         Claim("gain_at_f1_db", "f1 is the cut-off of s² H2", "cut-off", at_f1, "dB", half, "-6 dB, as above."),
     )
     tell(1.0, "done")
     return Reproduction(
         claims=claims,
-        note="The curves are those of the figure. H1 is called a band-pass; it is one with a peak above 1 and slow "
-        "skirts. Our cut-offs (0.2 and 1 Hz) are in the table and dashed in the drawing.",
+        note="The curves agree with the figure. H1 is described as a band-pass; its peak gain exceeds 1 and its "
+        "roll-off is slow. The default cut-offs of stridelab (0.2 and 1 Hz) are in the table and dashed in the "
+        "drawing.",
         tables={"bode": _columns("thesis", thesis) | _columns("auto", ours)},
         drawing=svg(_panels(thesis, ours)),
         references=("carpentier2017thesis", "carpentier2016spectral"),

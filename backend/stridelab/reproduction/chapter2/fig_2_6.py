@@ -1,4 +1,4 @@
-"""Figure 2.6: spectra of the errors of the three inputs, from which the cut-offs are chosen (2.5.2)."""
+"""Figure 2.6: error spectra of the three inputs, on which the choice of the cut-offs is based (2.5.2)."""
 
 from typing import Final
 
@@ -16,15 +16,15 @@ from stridelab.studies.estimator_study import simulate
 
 LOW_HZ, HIGH_HZ, TOP_HZ = 0.4, 4.0, 90.0
 SEGMENT_S: Final = 8.0
-"""Nearly the whole walk: a constant error leaks one line far only, 0.125 Hz."""
+"""Nearly the whole walk, so that a constant error leaks into one spectral line (0.125 Hz) only."""
 INPUTS: Final = ("geometry", "force", "axis")
 _UNITS: Final = {"geometry": "m", "force": "m_s2", "axis": "m"}
 Bands = Float[np.ndarray, "3 3"]
-"""RMS in the low, middle and high band (rows) per axis (columns)."""
+"""RMS error in the low, middle and high band (rows) per axis (columns)."""
 
 
 def run(seeds: int, tell: Progress) -> Reproduction:
-    """Mean power over ``seeds`` draws of the thesis' noise on its walk; and the axis without any noise."""
+    """Mean power spectra over ``seeds`` draws of the thesis' noise, and the spectrum of the axis without noise."""
     noisy = [_spectra("thesis", seed, tell, seed / (seeds + 1)) for seed in range(seeds)]
     mean = {name: _mean([one[name] for one in noisy]) for name in INPUTS}
     clean = _spectra("none", 0, tell, seeds / (seeds + 1))["axis"]
@@ -33,19 +33,19 @@ def run(seeds: int, tell: Progress) -> Reproduction:
     low, mid, high = np.hypot(g[:, 0], g[:, 1]).tolist()
     middle = mid / min(low, high)
     force_high = float((a[2] ** 2 / (a**2).sum(axis=0)).min())
-    # Along the walk L' about the lateral axis displaces the axis: the part that no sensor noise makes.
+    # L' about the lateral axis displaces the central axis along the walk, independently of sensor noise.
     no_noise = float(_bands(clean)[1, 0] / p[1, 0])
     crossing = min(crossing_hz(mean["axis"], mean["geometry"], axis) for axis in (0, 1))
     vertical = float(np.abs(p[0, 2] / g[0, 2] - 1.0))
     claims = (
         Claim(
             "geometry_middle_over_ends",
-            "geometry errs at low and high frequencies, and is very clean between (horizontally)",
+            "the geometry has errors at low and high frequencies, and is very clean between (horizontally)",
             "very clean",
             middle,
             "1",
             judged(middle, at_most=0.5),
-            "Horizontal RMS between 0.4 and 4 Hz over the smaller of those below and above.",
+            "Horizontal RMS error between 0.4 and 4 Hz over the smaller of those below 0.4 Hz and above 4 Hz.",
         ),
         Claim(
             "force_power_above_4_hz",
@@ -63,7 +63,7 @@ def run(seeds: int, tell: Progress) -> Reproduction:
             no_noise,
             "1",
             judged(no_noise, at_least=0.7),
-            "Its RMS between 0.4 and 4 Hz along the walk with perfect sensors and model, over that with the noise.",
+            "Its RMS error between 0.4 and 4 Hz along the walk with perfect sensors and model, over that with noise.",
         ),
         Claim(
             "axis_worse_from_hz",
@@ -72,23 +72,24 @@ def run(seeds: int, tell: Progress) -> Reproduction:
             crossing,
             "Hz",
             "met" if 0.2 <= crossing <= 1.2 else "not_met",
-            "Lowest frequency at which the axis errs more than the geometry horizontally; lines 0.125 Hz apart.",
+            "Lowest frequency at which the horizontal error of the axis exceeds that of the geometry; the spectral "
+            "lines are 0.125 Hz apart.",
         ),
         Claim(
             "axis_height_over_geometry",
-            "no input reaches the altitude with precision (2.3)",
+            "no input gives a precise height (2.3)",
             "unlikely",
             vertical,
             "1",
             judged(vertical, at_most=0.05),
-            "Vertically the axis is the geometry once more, projected along the force: below 0.4 Hz its error is the "
-            "geometry's to this relative difference. It must not be counted twice.",
+            "Vertically the axis only repeats the geometry, projected along the force: below 0.4 Hz its error equals "
+            "the geometry's up to this relative difference. It is no independent measurement.",
         ),
     )
     tell(1.0, "done")
     return Reproduction(
         claims=claims,
-        note=f"Walk at a robot's cadence, noise of 2.5.1, {seeds} draws. The picture of figure 2.3 holds horizontally.",
+        note=f"Walk at the robot's cadence, noise of 2.5.1, {seeds} draws. Figure 2.3 is confirmed horizontally.",
         tables={"spectra": _columns(mean, clean), "bands": _band_columns(bands)},
         drawing=svg(_panels(mean)),
         references=("carpentier2017thesis", "carpentier2016spectral", "stasse2017talos"),

@@ -1,7 +1,7 @@
 """Figure 2.8: walking on force plates.
 
-The recordings of the thesis are not public. A simulated person takes the place of the man on the walkway, with the
-noise of markers and plates and a segment table that is wrong, so that what the thesis presumes can be checked.
+The recordings of the thesis are not public. A simulated subject with marker and plate noise and an inaccurate segment
+table replaces them, so that the assumptions of the thesis can be verified against ground truth.
 """
 
 from dataclasses import dataclass
@@ -28,14 +28,14 @@ from stridelab.simulation.human_recording import record
 from stridelab.simulation.noise import MeasurementNoise
 
 LATE_S: Final = 0.018
-"""What the recordings of a gait laboratory show (docs/theory/complementary-filter.md)."""
+"""Typical latency of recordings of a gait laboratory (docs/theory/complementary-filter.md)."""
 SPEED_M_S: Final = 1.2
 Offsets = Float[np.ndarray, "draws 3"]
 
 
 @dataclass(frozen=True)
 class _Trial:
-    """One recording read back: geometry, the late force, and the truth at the marker instants."""
+    """One simulated recording: geometric CoM, delayed force, and ground truth at the marker times."""
 
     geometric: GeometricCom
     recording: Recording
@@ -50,12 +50,12 @@ class _Trial:
         return ComplementaryFilter.thesis().estimate(self.geometric, self.wrench(read_later_s), self.mass_kg)
 
     def offset_m(self, read_later_s: float) -> Float[np.ndarray, "3"]:
-        """Fused minus geometry, mean over the window."""
+        """Mean of fused minus geometric CoM over the window."""
         estimate = self.fused(read_later_s)
         return np.asarray((estimate.com_m - self._inside(self.geometric.com_m, estimate)).mean(axis=0))
 
     def bias_m(self) -> Float[np.ndarray, "3"]:
-        """Geometry minus truth, mean over the window."""
+        """Mean of geometric minus true CoM over the window."""
         error = self.geometric.com_m - self.truth_m
         return np.asarray(self._inside(error, self.fused(LATE_S)).mean(axis=0))
 
@@ -65,26 +65,26 @@ class _Trial:
 
 
 def run(seeds: int, tell: Progress) -> Reproduction:
-    """One walk on a walkway of plates, ``seeds`` draws of noise and table; the force is 18 ms late."""
-    tell(0.02, "a person walks")
+    """One walk over force plates, ``seeds`` draws of noise and segment table; the force is delayed by 18 ms."""
+    tell(0.02, "simulating a walk")
     aligned: list[Points] = []
     late: list[Points] = []
     corrected: list[Points] = []
     biases: list[Points] = []
-    found_s: list[float] = []
+    latencies_s: list[float] = []
     for seed in range(seeds):
         tell(0.3 + 0.7 * seed / seeds, f"draw {seed + 1} of {seeds}")
         trial = _trial(seed)
         latency = estimate_latency(trial.geometric, trial.wrench, trial.mass_kg)
-        found_s.append(latency.latency_s)
-        for kept, read_later_s in ((aligned, LATE_S), (late, 0.0), (corrected, latency.latency_s)):
-            kept.append(trial.offset_m(read_later_s))
+        latencies_s.append(latency.latency_s)
+        for offsets, read_later_s in ((aligned, LATE_S), (late, 0.0), (corrected, latency.latency_s)):
+            offsets.append(trial.offset_m(read_later_s))
         biases.append(trial.bias_m())
-    a, wrong, repaired, b = (np.array(rows) for rows in (aligned, late, corrected, biases))
-    shift = float((wrong - a)[:, 0].mean())
-    left, left_late = _left(a, b), _left(wrong, b)
-    missed_s = float(np.abs(np.array(found_s) - LATE_S).max())
-    shift_left = float(np.abs((repaired - a)[:, 0].mean()))
+    a, delayed, compensated, b = (np.array(rows) for rows in (aligned, late, corrected, biases))
+    shift = float((delayed - a)[:, 0].mean())
+    left, left_late = _left(a, b), _left(delayed, b)
+    latency_error_s = float(np.abs(np.array(latencies_s) - LATE_S).max())
+    shift_left = float(np.abs((compensated - a)[:, 0].mean()))
     claims = (
         Claim(
             "horizontal_over_vertical",
@@ -97,42 +97,43 @@ def run(seeds: int, tell: Progress) -> Reproduction:
         ),
         Claim(
             "bias_left",
-            "the difference could be a correction of the table's bias",
+            "the difference could be a correction of the segment table's bias",
             "could be",
             left,
             "1",
             judged(left, at_most=0.5),
-            "Horizontal bias left after fusion, over the geometry's, with clocks that agree.",
+            "Horizontal bias after fusion over the geometry's, with synchronous clocks.",
         ),
         Claim(
             "bias_left_late",
-            "the same, although nothing is said of the clocks of force and markers",
+            "the same without synchronising the clocks of force and markers",
             "could be",
             left_late,
             "1",
             "met" if left_late < left + 0.1 else "thesis_in_error",
-            f"With the force {1e3 * LATE_S:.0f} ms late, as in real recordings, the offset moves by "
+            f"With the force {1e3 * LATE_S:.0f} ms late, as in real recordings, the offset changes by "
             f"{1e3 * shift:+.1f} mm along the walk; speed times delay is {1e3 * SPEED_M_S * LATE_S:.1f} mm.",
         ),
-        aimed("latency_error_s", "the delay is found to 2 ms (largest error)", missed_s, "s", at_most=0.002),
+        aimed("latency_error_s", "the delay is estimated to 2 ms (largest error)", latency_error_s, "s", at_most=0.002),
         aimed(
             "shift_left_m",
-            "with the delay corrected, the offset is that of clocks that agree",
+            "with the delay corrected, the offset equals that with synchronous clocks",
             shift_left,
             "m",
             at_most=0.0025,
         ),
     )
     tell(1.0, "done")
-    columns = {"draw": np.arange(seeds), "latency_s": np.array(found_s)} | {
+    columns = {"draw": np.arange(seeds), "latency_s": np.array(latencies_s)} | {
         f"{name}_{axis}_m": rows[:, k]
-        for name, rows in (("bias", b), ("offset", a), ("offset_late", wrong), ("offset_corrected", repaired))
+        for name, rows in (("bias", b), ("offset", a), ("offset_late", delayed), ("offset_corrected", compensated))
         for k, axis in enumerate("xyz")
     }
     return Reproduction(
         claims=claims,
-        note="Simulated, because the recordings of the thesis are not public. What the thesis' filter adds to the "
-        "geometry is a correction of the table only where both clocks agree; a delay of two frames is larger.",
+        note="Simulated, because the recordings of the thesis are not public. The difference between the thesis' "
+        "filter and the geometry is a correction of the segment table only if the clocks are synchronous; the effect "
+        "of a delay of two frames is larger.",
         tables={"offsets": columns},
         drawing=svg(_drawn(_trial(0))),
         references=("carpentier2017thesis", "carpentier2016spectral", "dumas2007"),
@@ -167,7 +168,7 @@ def _drawn(trial: _Trial) -> list[Panel]:
 
 
 def panels(geometric: GeometricCom, fused: ComEstimate, wrench: WrenchTrack) -> list[Panel]:
-    """Both panels of the figure: the CoM fused and from the geometry, and one second of the force."""
+    """Both panels of the figure: fused and geometric CoM, and one second of the force."""
     t, g = geometric.time_s, geometric.com_m
     path = [
         Curve(at, (track - g[0])[:, k], f"{axis}, {name}", k, name == "geometry")

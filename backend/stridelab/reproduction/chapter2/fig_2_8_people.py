@@ -1,7 +1,7 @@
-"""Figure 2.8 on real recordings: what the thesis' filter adds to the geometry of people who walk over force plates.
+"""Figure 2.8 on real recordings: difference between the thesis' filter and the geometry for walks over force plates.
 
-Adults at a comfortable (C4) and a fast speed (C5), Schreiber and Moissenet 2019. Nobody knows their true CoM. But an
-error of the segment table is the same at both speeds, and a force that is late moves the estimate by speed times delay.
+Adults at a comfortable (C4) and a fast speed (C5), Schreiber and Moissenet 2019. The true CoM is unknown, but an error
+of the segment table is the same at both speeds, and a delayed force displaces the estimate by speed times delay.
 """
 
 from collections.abc import Sequence
@@ -25,19 +25,19 @@ from stridelab.reproduction.report.svg_plots import Bars, svg
 NAME: Final = "fig-2.8-people"
 TITLE: Final = "Walking on force plates, real recordings"
 PRINTED: Final[tuple[str, ...]] = ()
-"""Nothing of single people."""
+"""No tables: their rows would be individual subjects."""
 COMFORTABLE, FAST = (f"rehazenter-adult-walking/*/*_{speed}_*.c3d" for speed in ("C4", "C5"))
 THESIS_HEIGHT_M: Final = 1.80
 WALK, SIDE, UP = range(3)
 SAME_M: Final = 0.0025
-"""A change of the offset with the speed that could be chance."""
+"""Change of the offset with the speed below which it is attributed to chance."""
 
 
 @dataclass(frozen=True, eq=False)
 class Fused:
-    """One walk by the thesis' filter with the clocks as they are, and its offsets: as they are, and corrected.
+    """Estimate of one walk by the thesis' filter without latency correction, and offsets without and with correction.
 
-    Offsets are fused minus geometry, mean over the window, along the walk, to its left and up.
+    Offsets are the mean of fused minus geometric CoM over the window: along the walk, to the left and up.
     """
 
     walk: RecordedWalk
@@ -49,21 +49,21 @@ class Fused:
 
 
 def run(gait: Path, tell: Progress) -> Reproduction:
-    """All adults below the folder ``gait``. Raises ``NotFound`` (``recordings-missing``) where there are none."""
-    found: dict[str, list[Fused]] = {}
+    """All adults below the folder ``gait``. Raises ``NotFound`` (``recordings-missing``) if there are none."""
+    walks: dict[str, list[Fused]] = {}
     for k, pattern in enumerate((COMFORTABLE, FAST)):
         tell(k / 2, "comfortable" if pattern == COMFORTABLE else "fast")
-        found[pattern] = [fused(RecordedWalk.of(path)) for path in recordings_in(gait, pattern)]
-    slow, fast = ({one.walk.person: one for one in found[pattern]} for pattern in (COMFORTABLE, FAST))
+        walks[pattern] = [fused(RecordedWalk.of(path)) for path in recordings_in(gait, pattern)]
+    slow, fast = ({one.walk.person: one for one in walks[pattern]} for pattern in (COMFORTABLE, FAST))
     pairs = [(slow[person], fast[person]) for person in sorted(slow.keys() & fast.keys())]
     shown = min(slow.values(), key=lambda one: abs((one.walk.recording.subject.height_m or 0.0) - THESIS_HEIGHT_M))
     tell(1.0, "done")
     return Reproduction(
         claims=_claims(list(slow.values()), pairs),
         note=f"{len(slow)} adults at a comfortable and {len(fast)} at a fast speed, the thesis' filter, segment table "
-        "of Dumas. The clocks of force and markers are taken as they are, for the thesis says nothing of them, and "
-        "then with the latency that was found taken out. The drawing is the person whose height is closest to that of "
-        "the thesis' subject.",
+        "of Dumas. The latency of the force is first left uncorrected, since the thesis does not mention it, and then "
+        "corrected by its estimate. The drawing shows the subject whose height is closest to that of the thesis' "
+        "subject.",
         tables={"walks": as_columns([_row(pace, one) for pace, of in (("comfortable", slow), ("fast", fast))
                                      for one in of.values()])},
         drawing=svg(
@@ -72,7 +72,7 @@ def run(gait: Path, tell: Progress) -> Reproduction:
                 Bars("Offset along the walk, mean", "mm",
                      [(f"{pace}, {clocks}", 1e3 * float(np.mean([getattr(one, name)[WALK] for one in of.values()])))
                       for pace, of in (("comfortable", slow), ("fast", fast))
-                      for clocks, name in (("as it is", "offset_m"), ("corrected", "corrected_m"))]),
+                      for clocks, name in (("uncorrected", "offset_m"), ("corrected", "corrected_m"))]),
             ]
         ),
         references=("carpentier2017thesis", "carpentier2016spectral", "dumas2007"),
@@ -80,12 +80,12 @@ def run(gait: Path, tell: Progress) -> Reproduction:
 
 
 def fused(walk: RecordedWalk) -> Fused:
-    """The thesis' filter on one walk, with and without the latency."""
+    """Apply the thesis' filter to one walk, without and with latency correction."""
     latency = estimate_latency(walk.geometric, walk.wrench, walk.mass_kg)
     latency_s = latency.latency_s if latency.significant else 0.0
-    as_it_is, corrected = (_estimate(walk, read_later_s) for read_later_s in (0.0, latency_s))
-    speed = float(np.linalg.norm(np.mean(as_it_is.velocity_m_s, axis=0)[:UP]))
-    return Fused(walk, as_it_is, speed, latency_s, _offset_m(walk, as_it_is), _offset_m(walk, corrected))
+    uncorrected, corrected = (_estimate(walk, read_later_s) for read_later_s in (0.0, latency_s))
+    speed = float(np.linalg.norm(np.mean(uncorrected.velocity_m_s, axis=0)[:UP]))
+    return Fused(walk, uncorrected, speed, latency_s, _offset_m(walk, uncorrected), _offset_m(walk, corrected))
 
 
 def _estimate(walk: RecordedWalk, read_later_s: float) -> ComEstimate:
@@ -128,7 +128,7 @@ def _claims(slow: Sequence[Fused], pairs: Sequence[tuple[Fused, Fused]]) -> tupl
         ),
         Claim(
             "change_with_speed_m",
-            "the difference could be a correction of the table's bias: it would be the same at every speed",
+            "the difference could be a correction of the table's bias, which is independent of the speed",
             0.0,
             change,
             "m",
@@ -139,11 +139,11 @@ def _claims(slow: Sequence[Fused], pairs: Sequence[tuple[Fused, Fused]]) -> tupl
         ),
         Claim(
             "change_corrected_over_raw",
-            "the same with the latency taken out, over that without",
+            "the same with the latency corrected, over that without correction",
             "aim < 1",
             left / change,
             "1",
             "beaten" if left < change else "not_met",
-            f"{1e3 * corrected.mean():+.1f} mm are left, standard deviation {1e3 * corrected.std():.1f} mm.",
+            f"{1e3 * corrected.mean():+.1f} mm remain, standard deviation {1e3 * corrected.std():.1f} mm.",
         ),
     )

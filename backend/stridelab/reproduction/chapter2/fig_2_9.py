@@ -1,4 +1,4 @@
-"""Figure 2.9: running, with flight. A robot runs in the place of the man on the treadmill, so the truth is known."""
+"""Figure 2.9: running, with flight phases; a simulated robot replaces the subject and provides the true CoM."""
 
 from dataclasses import replace
 from typing import Final
@@ -29,25 +29,25 @@ from stridelab.studies.estimator_study import StudyTrial, simulate
 NOISE: Final = "marker-like"
 SETTLED_S: Final = 1.5
 OFFSET_M: Final = 0.03
-"""A table's bias of the thesis' size: a few centimetres."""
+"""Bias of the segment table, of the size reported in the thesis: a few centimetres."""
 
 
 def run(seeds: int, tell: Progress) -> Reproduction:
-    """The run of the study with the noise of markers and plates, ``seeds`` draws; the bias on a run without noise."""
-    chosen = (GEOMETRY, THESIS)
-    errors: dict[str, list[tuple[float, float]]] = {name: [] for name in chosen}
+    """Running with marker and plate noise, ``seeds`` draws; the bias on a run without noise."""
+    compared = (GEOMETRY, THESIS)
+    errors: dict[str, list[tuple[float, float]]] = {name: [] for name in compared}
     for seed in range(seeds):
         tell(0.9 * seed / seeds, f"draw {seed + 1} of {seeds}")
         trial = simulate("running", NOISE, seed)
-        for name in chosen:
+        for name in compared:
             estimate = estimators(trial)[name].estimate(trial.geometric, trial.wrench, trial.mass_kg)
             error = truth_error(estimate, trial.truth.time_s, trial.truth.com_m)
             errors[name].append((error.horizontal_m, error.vertical_m))
-    tell(0.9, "letting the filter converge")
+    tell(0.9, "computing the settling time")
     settle_s, curve = _settling()
-    left, left_told, left_height, aloft = _left_of_a_bias()
-    horizontal = {name: rms([h for h, _ in found]) for name, found in errors.items()}
-    vertical = {name: rms([v for _, v in found]) for name, found in errors.items()}
+    left, left_true_flight, left_height, flight_share = _left_of_a_bias()
+    horizontal = {name: rms([h for h, _ in values]) for name, values in errors.items()}
+    vertical = {name: rms([v for _, v in values]) for name, values in errors.items()}
     claims = (
         Claim(
             "bias_left",
@@ -56,30 +56,31 @@ def run(seeds: int, tell: Progress) -> Reproduction:
             left,
             "1",
             judged(left, at_most=0.5),
-            f"Share that is left of {1e3 * OFFSET_M:.0f} mm on a run without noise: the share of time in flight.",
+            f"Remaining share of {1e3 * OFFSET_M:.0f} mm on a run without noise: the share of time in flight.",
         ),
         aimed(
             "bias_left_told",
-            "with the CoM known in flight, nothing is left of it",
-            left_told,
+            "with the true CoM in flight, no bias remains",
+            left_true_flight,
             "1",
             at_most=0.02,
-            note="So the axis takes out a bias wherever there is an axis.",
+            note="The axis therefore removes the bias wherever it is defined.",
         ),
         Claim(
             "harm_of_the_rule",
             f"taking c_p = c below {AXIS_THRESHOLD_N:.0f} N does not jeopardize the method",
             0.0,
-            left - left_told,
+            left - left_true_flight,
             "1",
-            "met" if left - left_told <= 0.02 else "thesis_in_error",
-            "Share of the table's bias that the rule lets through. Below 0.4 Hz the axis is averaged over many steps, "
-            f"and in flight the geometry stands in with its bias: {aloft:.3f} of the time is flight.",
+            "met" if left - left_true_flight <= 0.02 else "thesis_in_error",
+            "Share of the table's bias that remains because of the rule. Below 0.4 Hz the axis is averaged over many "
+            "steps, and in flight it is replaced by the biased geometry: the flight phases take a share of "
+            f"{flight_share:.3f} of the time.",
         ),
         aimed(
             "bias_left_predicted",
-            "the share that is left is the share of time in flight (difference)",
-            abs(left - aloft),
+            "the remaining share equals the share of time in flight (difference)",
+            abs(left - flight_share),
             "1",
             at_most=0.03,
         ),
@@ -90,7 +91,7 @@ def run(seeds: int, tell: Progress) -> Reproduction:
             left_height,
             "1",
             "met" if left_height <= 0.5 else "thesis_in_error",
-            "In the mean the force is vertical, and along it nothing is observable (2.3.1).",
+            "The mean force is vertical, and the position along the force is not observable (2.3.1).",
         ),
         Claim(
             "settling_s",
@@ -99,11 +100,11 @@ def run(seeds: int, tell: Progress) -> Reproduction:
             settle_s,
             "s",
             "met" if abs(settle_s - 1.5) <= 0.1 else "not_met",
-            "Time in which a forward pass from rest takes up 90 % of a constant bias: 3.9 tau_2.",
+            "Time after which a forward pass from rest has corrected 90 % of a constant bias: 3.9 tau_2.",
         ),
         aimed(
             "error_over_geometry",
-            "horizontal RMS error over the geometry's, with the noise of markers and plates",
+            "horizontal RMS error over the geometry's, with marker and plate noise",
             horizontal[THESIS] / horizontal[GEOMETRY],
             "1",
             at_most=0.8,
@@ -113,15 +114,15 @@ def run(seeds: int, tell: Progress) -> Reproduction:
     fused = estimators(trial)[THESIS].estimate(trial.geometric, trial.wrench, trial.mass_kg)
     tell(1.0, "done")
     table = {
-        "estimator": np.array(chosen),
-        "horizontal_m": np.array([horizontal[name] for name in chosen]),
-        "vertical_m": np.array([vertical[name] for name in chosen]),
+        "estimator": np.array(compared),
+        "horizontal_m": np.array([horizontal[name] for name in compared]),
+        "vertical_m": np.array([vertical[name] for name in compared]),
     }
     return Reproduction(
         claims=claims,
-        note="TALOS runs at about 1 m/s, not a man at 4.4 m/s; its flights last 0.11 s. At 4.4 m/s a force that is "
-        "10 ms late is an offset of 44 mm along the run: as large as what the thesis takes for a bias of the table. "
-        "All estimators in flight are the item flight.",
+        note="TALOS runs at about 1 m/s instead of a man at 4.4 m/s; its flight phases last 0.11 s. At 4.4 m/s a force "
+        "delayed by 10 ms gives an offset of 44 mm along the run, as large as the offset that the thesis attributes to "
+        "a bias of the segment table. The item flight compares all estimators in flight.",
         tables={"errors": table, "settling": {"time_s": np.arange(len(curve)) / RATE_HZ, "offset_m": curve}},
         drawing=svg(_panels(trial, fused, curve)),
         references=("carpentier2017thesis", "carpentier2016spectral", "stasse2017talos"),
@@ -129,10 +130,10 @@ def run(seeds: int, tell: Progress) -> Reproduction:
 
 
 def _left_of_a_bias() -> tuple[float, float, float, float]:
-    """Shares of a constant bias of the geometry that the fused CoM keeps, in the middle of a run without noise.
+    """Remaining shares of a constant bias of the geometry in the fused CoM, in the middle of a run without noise.
 
-    Horizontally (the worse axis) with the rule of 2.6.2 and with the true CoM in its place, then vertically with the
-    rule; and the share of time in flight.
+    Returns the horizontal share (worse axis) with the rule of 2.6.2, the same with the true CoM in flight, the vertical
+    share with the rule, and the share of time in flight.
     """
     trial = simulate("running", "none", 0)
     wrench = Wrench(trial.wrench.force_n, trial.wrench.moment_nm)
@@ -140,24 +141,26 @@ def _left_of_a_bias() -> tuple[float, float, float, float]:
     aloft = np.linalg.norm(wrench.force_n, axis=1) <= AXIS_THRESHOLD_N
     middle = slice(round(SETTLED_S * RATE_HZ), -round(SETTLED_S * RATE_HZ))
 
-    def left(shift: Vector3, *, told: bool) -> Vector3:
-        moved: list[Points] = []
+    def left(shift: Vector3, *, true_flight: bool) -> Vector3:
+        fused: list[Points] = []
         for geometry in (trial.truth.com_m, trial.truth.com_m + shift):
             inputs = filter_inputs(geometry, wrench, trial.mass_kg)
-            if told:
+            if true_flight:
                 p = np.where(aloft[:, None], trial.truth.com_m, inputs.axis_point_m)
                 inputs = replace(inputs, axis_point_m=p)
-            moved.append(forward_backward(filters, inputs))
-        return np.asarray((moved[1] - moved[0])[middle].mean(axis=0) / OFFSET_M)
+            fused.append(forward_backward(filters, inputs))
+        return np.asarray((fused[1] - fused[0])[middle].mean(axis=0) / OFFSET_M)
 
     along, lateral, up = np.eye(3)
-    horizontal = [max(left(OFFSET_M * u, told=told) @ u for u in (along, lateral)) for told in (False, True)]
-    height = left(OFFSET_M * up, told=False)[2]
+    horizontal = [
+        max(left(OFFSET_M * u, true_flight=true_flight) @ u for u in (along, lateral)) for true_flight in (False, True)
+    ]
+    height = left(OFFSET_M * up, true_flight=False)[2]
     return float(horizontal[0]), float(horizontal[1]), float(height), float(aloft[middle].mean())
 
 
 def _settling() -> tuple[float, Series]:
-    """Offset of a forward pass over an exact run whose geometry is wrong by a constant, the axis filter at rest."""
+    """Settling time and offset of a forward pass from rest on an exact run with constant geometry bias."""
     trial = simulate("running", "none", 0)
     shift = np.array([OFFSET_M, 0.0, 0.0])
     biased: Points = trial.geometric.com_m + shift

@@ -1,7 +1,7 @@
-"""Numbers that chapter 2 states in its text: ranks, how far the axis is off, what perfect inputs and both passes give.
+"""Numbers in the text of chapter 2: ranks, offset of the central axis, perfect inputs, forward and backward passes.
 
-What its figures show is in their own items: the filters in 2.5, spectra in 2.6, errors in 2.7, bias and delay in 2.8
-and 2.9, the Kalman filter's delay in the item lag.
+The figures have their own items: filters in 2.5, spectra in 2.6, errors in 2.7, bias and delay in 2.8 and 2.9, the
+Kalman filter's delay in the item lag.
 """
 
 from dataclasses import replace
@@ -29,34 +29,34 @@ from stridelab.simulation.robot.walker import RATE_HZ
 from stridelab.studies.estimator_study import StudyTrial, simulate
 
 TOLERANCE: Final = 1e-9
-"""Of a rank, in the units of the matrices (position in units of g times one second squared)."""
+"""Tolerance of a rank, in the units of the matrices (position in units of g times one second squared)."""
 SEVERAL_M: Final = 0.02
-"""What "several centimetres" are at least."""
+"""Minimum that counts as "several centimetres"."""
 SEGMENT_S: Final = 8.0
 EVERY: Final = 10
-"""Ranks are looked at in every tenth sample."""
+"""Sampling interval of the rank computation."""
 
 
 def run(seeds: int, tell: Progress) -> Reproduction:
-    """One walk per gait without noise; ``seeds`` draws of the thesis' noise for what is about noise."""
+    """One walk per gait without noise, and ``seeds`` draws with the thesis' noise."""
     clean = {gait: simulate(gait, "none", 0) for gait in GAITS}
     tell(0.2, "ranks")
     claims = list(_ranks(clean["robot"]))
-    off = {gait: _off_the_axis(trial) for gait, trial in clean.items()}
+    offset = {gait: _off_the_axis(trial) for gait, trial in clean.items()}
     for gait in GAITS:
         tell(0.4, f"{gait} gait")
-        claims += _axis(gait, clean[gait], off[gait])
+        claims += _axis(gait, clean[gait], offset[gait])
         noisy = [simulate(gait, "thesis", seed) for seed in range(seeds)]
         claims += _noise(gait, clean[gait], noisy)
     tell(1.0, "done")
     time_s = {gait: trial.truth.time_s for gait, trial in clean.items()}
     return Reproduction(
         claims=tuple(claims),
-        note=f"TALOS walks at its own and at a person's cadence; {seeds} draws of the noise of 2.5.1 where there is "
-        "any. Ranks along the walk without noise; the centre of mass is moved to the middle of the laboratory, which "
-        "changes no rank.",
+        note=f"TALOS walks at its own and at a human cadence; {seeds} draws of the noise of 2.5.1 where noise is used. "
+        "Ranks are computed along the walk without noise; the centre of mass is shifted to the origin, which does not "
+        "change the rank.",
         tables={
-            f"axis_{gait}": {"time_s": time_s[gait]} | {f"off_{a}_m": off[gait][:, k] for k, a in enumerate("xyz")}
+            f"axis_{gait}": {"time_s": time_s[gait]} | {f"off_{a}_m": offset[gait][:, k] for k, a in enumerate("xyz")}
             for gait in GAITS
         },
         drawing=svg(
@@ -64,12 +64,12 @@ def run(seeds: int, tell: Progress) -> Reproduction:
                 *(
                     Panel(
                         f"Central axis minus centre of mass, {gait} gait", "time (s)", "distance (mm)",
-                        [Curve(time_s[gait], 1e3 * off[gait][:, k], a, k) for k, a in enumerate("xyz")],
+                        [Curve(time_s[gait], 1e3 * offset[gait][:, k], a, k) for k, a in enumerate("xyz")],
                     )
                     for gait in GAITS
                 ),
                 Bars("Largest distance of the centre of mass from the axis", "mm",
-                     [(gait, 1e3 * float(np.linalg.norm(off[gait], axis=1).max())) for gait in GAITS]),
+                     [(gait, 1e3 * float(np.linalg.norm(offset[gait], axis=1).max())) for gait in GAITS]),
             ]
         ),
         references=("carpentier2017thesis", "carpentier2016spectral", "stasse2017talos"),
@@ -77,7 +77,7 @@ def run(seeds: int, tell: Progress) -> Reproduction:
 
 
 def _ranks(trial: StudyTrial) -> tuple[Claim, ...]:
-    """(2.19) and (2.23) at every tenth sample, and (2.19) in free fall."""
+    """Ranks of (2.19) and (2.23) at every tenth sample, and of (2.19) in free fall."""
     truth = trial.truth
     at = slice(None, None, EVERY)
     c, v, a = truth.com_m - truth.com_m.mean(axis=0), truth.velocity_m_s, truth.acceleration_m_s2
@@ -87,40 +87,40 @@ def _ranks(trial: StudyTrial) -> tuple[Claim, ...]:
     )
     falling = int(np.linalg.matrix_rank(force_matrix(c[0], v[0], np.asarray(g)), tol=TOLERANCE))
     return (
-        _rank("rank_force", f"(2.19): force and moment show 7 of {STATES} states", 7, rank),
-        _rank("rank_both", f"(2.23): with the geometry, 11 of {STATES_WITH_BIAS}", 11, both),
+        _rank("rank_force", f"(2.19): 7 of {STATES} states are observable from force and moment", 7, rank),
+        _rank("rank_both", f"(2.23): with the geometry, 11 of {STATES_WITH_BIAS} states are observable", 11, both),
         _rank("rank_falling", "in free fall only the acceleration is observable", 3, np.array([falling])),
     )
 
 
-def _rank(key: str, says: str, thesis: int, found: np.ndarray) -> Claim:
-    worst = int(found[np.argmax(np.abs(found - thesis))])
+def _rank(key: str, says: str, thesis: int, ranks: np.ndarray) -> Claim:
+    worst = int(ranks[np.argmax(np.abs(ranks - thesis))])
     return Claim(key, says, float(thesis), float(worst), "1", "met" if worst == thesis else "thesis_in_error",
-                 f"The same in all {len(found)} states." if len(found) > 1 and np.ptp(found) == 0 else "")  # fmt: skip
+                 f"The same in all {len(ranks)} states." if len(ranks) > 1 and np.ptp(ranks) == 0 else "")  # fmt: skip
 
 
 def _off_the_axis(trial: StudyTrial) -> Points:
-    """c_p - c of (2.12) with perfect sensors and a perfect model: what L' alone does."""
+    """c_p - c of (2.12) with perfect sensors and a perfect model, i.e. due to L' alone; shape (n, 3)."""
     axis = central_axis(Wrench(trial.wrench.force_n, trial.wrench.moment_nm))
     return np.asarray(axis.project(trial.truth.com_m) - trial.truth.com_m)
 
 
 def _axis(gait: str, trial: StudyTrial, off_m: Points) -> tuple[Claim, ...]:
-    """2.3.3: how far L' carries the axis off the CoM, and how much of L' is below the gait's own frequency."""
+    """2.3.3: distance of the axis from the CoM due to L', and share of L' below the stride frequency."""
     largest = float(np.linalg.norm(off_m, axis=1).max())
     stride_hz = 0.5 / trial.step_time_s
     spectrum = error_spectrum(trial.truth.momentum_rate_nm, RATE_HZ, SEGMENT_S)
-    slow, all_of_it = (spectrum.band_rms(0.0, top) for top in (stride_hz - spectrum.resolution_hz, RATE_HZ / 2))
-    share = float((slow**2).sum() / (all_of_it**2).sum())
+    low_power, total_power = (spectrum.band_rms(0.0, top) for top in (stride_hz - spectrum.resolution_hz, RATE_HZ / 2))
+    share = float((low_power**2).sum() / (total_power**2).sum())
     return (
         Claim(
             f"{gait}_off_axis_m",
-            f"{gait} gait: gesticulation carries the CoM off the central axis by up to several centimetres (2.3.3)",
+            f"{gait} gait: gesticulation separates CoM and central axis by up to several centimetres (2.3.3)",
             "several cm",
             largest,
             "m",
             judged(largest, at_least=SEVERAL_M),
-            "Largest of the walk, without noise and with a right model. It grows with the square of the cadence.",
+            "Largest distance of the walk, without noise and model error. It grows with the square of the cadence.",
         ),
         Claim(
             f"{gait}_slow_gesticulation",
@@ -129,15 +129,15 @@ def _axis(gait: str, trial: StudyTrial, off_m: Points) -> tuple[Claim, ...]:
             share,
             "1",
             judged(share, at_most=0.01),
-            f"Share of the power of L' below {stride_hz:.2f} Hz. The mean of the axis lies "
-            f"{1e3 * float(np.linalg.norm(off_m.mean(axis=0))):.1f} mm off the CoM all the same, because the force "
-            "swings with L'.",
+            f"Share of the power of L' below {stride_hz:.2f} Hz. The mean offset of the axis from the CoM is "
+            f"nevertheless {1e3 * float(np.linalg.norm(off_m.mean(axis=0))):.1f} mm, because force and L' are "
+            "correlated.",
         ),
     )
 
 
 def _noise(gait: str, clean: StudyTrial, noisy: list[StudyTrial]) -> tuple[Claim, ...]:
-    """2.4: perfect inputs come out as they went in; 2.5.1: the mass; 2.5.3: the jerk; 2.6.3: both passes."""
+    """2.4: perfect inputs; 2.5.1: mass; 2.5.3: jerk; 2.6.3: forward and backward pass."""
     truth = clean.truth
     through_com = replace(clean.wrench, moment_nm=np.cross(truth.com_m, clean.wrench.force_n))
     fused = ComplementaryFilter.thesis().estimate(clean.geometric, through_com, clean.mass_kg)
@@ -156,7 +156,7 @@ def _noise(gait: str, clean: StudyTrial, noisy: list[StudyTrial]) -> tuple[Claim
             perfect,
             "m",
             judged(perfect, at_most=1e-5),
-            "Largest error of all samples and axes, with an axis through the CoM.",
+            "Largest error over all samples and coordinates, with the central axis through the CoM.",
         ),
         Claim(
             f"{gait}_mass",
@@ -169,13 +169,13 @@ def _noise(gait: str, clean: StudyTrial, noisy: list[StudyTrial]) -> tuple[Claim
         ),
         Claim(
             f"{gait}_jerk",
-            f"{gait} gait: a jerk of 1 m/s³ lets the Kalman filter trust the measurements (2.5.3)",
+            f"{gait} gait: with a jerk of 1 m/s³ the Kalman filter trusts the measurements (2.5.3)",
             sigma,
             jerk_rms,
             "m/s³",
             "met" if jerk_rms <= 2.0 * sigma else "thesis_in_error",
-            "RMS of the jerk along the axis that has most: a filter that expects so little of it believes its "
-            "prediction and comes late (item lag).",
+            "RMS of the jerk along the axis with the largest jerk: a filter that expects less jerk trusts its "
+            "prediction and is delayed (item lag).",
         ),
         Claim(
             f"{gait}_both_passes",
@@ -190,14 +190,14 @@ def _noise(gait: str, clean: StudyTrial, noisy: list[StudyTrial]) -> tuple[Claim
 
 
 def _passes_m(trial: StudyTrial) -> tuple[float, float]:
-    """Horizontal RMS error of the thesis' filter, and of its forward pass alone."""
+    """Horizontal RMS errors of the thesis' filter and of its forward pass alone."""
     thesis = ComplementaryFilter.thesis()
     fused = thesis.estimate(trial.geometric, trial.wrench, trial.mass_kg)
     signals = thesis.signals(trial.geometric, trial.wrench, trial.mass_kg)
-    there = forward(signals.filters, signals.inputs, initial_state(signals.filters, signals.inputs))
+    forward_pass = forward(signals.filters, signals.inputs, initial_state(signals.filters, signals.inputs))
     both, one = (
         float(np.sqrt(np.mean(((track - trial.truth.com_m)[:, :2] ** 2).sum(axis=1))))
-        for track in (fused.com_m, there[signals.stretch.within])
+        for track in (fused.com_m, forward_pass[signals.stretch.within])
     )
     return both, one
 

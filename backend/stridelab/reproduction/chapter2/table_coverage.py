@@ -1,6 +1,6 @@
-"""What the smoother's 95 % band is worth in seven scenarios, and whether an undeclared bias of a plate is noticed.
+"""Coverage of the smoother's 95 % band in seven scenarios, and detection of an undeclared plate bias.
 
-Every scenario declares what is in it, except the two of the plate's bias at the end.
+The priors of the smoother match the simulated noise of every scenario, except for the undeclared plate bias.
 """
 
 from collections.abc import Callable, Sequence
@@ -36,7 +36,7 @@ Errors = Callable[[GaitName, int], TruthError]
 
 @dataclass(frozen=True)
 class Scenario:
-    """``errors`` computes the smoother's error on one draw; what is not ``judged`` shows a cause."""
+    """``errors`` computes the smoother's error on one draw; only ``judged`` scenarios have claims."""
 
     name: str
     says: str
@@ -76,7 +76,7 @@ SCENARIOS: Final = (
     Scenario("plate-bias", "a declared bias of the plates, 5 N and 3 Nm", _declared),
     Scenario("mask", "force in one second of two", _masked),
     Scenario("first-order", "the thesis' noise, high-passed once instead of twice", _once_high_passed, judged=False),
-    Scenario("rigid-table", "a table that is taken to be wrong by a constant", _rigid_table, judged=False),
+    Scenario("rigid-table", "a table error assumed to be constant", _rigid_table, judged=False),
 )
 
 
@@ -97,13 +97,14 @@ def run(seeds: int, tell: Progress) -> Reproduction:
     tell(1.0, "done")
     return Reproduction(
         claims=tuple(claims),
-        note=f"{seeds} draws each; the share of samples inside the stated band, which says 0.95. sd over RMSE is how "
-        "wide the band is for the error that there was: an error of the table is one draw per trial, so with few draws "
-        "a share of 1.00 next to a ratio below 2 is no contradiction. The height's band is the table's prior. Under "
-        "the thesis' noise, all of it above 5 Hz, the band is that of the table's error that changes with the posture "
-        f"({1e3 * DEFAULT.table_varying_m:g} mm by default), of which no recording tells the size: the row rigid-table "
-        "shows what is covered without it. The model's noise is high-passed once, the thesis' twice, so that it "
-        "expects more of it at the frequencies of walking: the row first-order has noise of the model's kind.",
+        note=f"{seeds} draws each; share of samples inside the 95 % band. sd over RMSE is the width of the band "
+        "relative to the actual error: the table error is drawn once per trial, so with few draws a share of 1.00 is "
+        "consistent with a ratio below 2. The band of the height is the prior of the segment table. With the thesis' "
+        "noise, which lies above 5 Hz, the band is dominated by the posture-dependent table error "
+        f"({1e3 * DEFAULT.table_varying_m:g} mm by default), whose size cannot be estimated from a recording: the row "
+        "rigid-table shows the coverage without it. The noise of the smoother's model is high-passed once, that of the "
+        "thesis twice, so that the model expects more noise at walking frequencies: the row first-order has noise as "
+        "in the model.",
         tables={"coverage": as_columns(rows)},
         drawing=svg(
             [
@@ -125,7 +126,7 @@ def run(seeds: int, tell: Progress) -> Reproduction:
 
 
 def _summary(errors: Sequence[TruthError]) -> dict[str, float]:
-    """Means over the draws; the ratio is that of the RMS sd to the RMS error."""
+    """Means over the draws; the ratio is RMS standard deviation over RMS error."""
     coverage = np.mean([e.coverage for e in errors], axis=0)
     rmse, sd = (np.sqrt(np.mean(np.square([getattr(e, n) for e in errors]), axis=0)) for n in ("rms_m", "sd_m"))
     row: dict[str, float] = {}
@@ -152,25 +153,25 @@ def _covered(gait: str, scenario: Scenario, row: dict[str, object]) -> list[Clai
 
 
 def _flags(gait: GaitName, seeds: int) -> list[Claim]:
-    """Share of the draws in which a bias of exactly 5 N, and no bias, is called one."""
+    """Share of draws in which a plate bias is reported: with a bias of 5 N, and without bias."""
     flagged = float(np.mean([_flagged(off_by(simulate(gait, THESIS_NOISE, s), _direction(s))) for s in range(seeds)]))
-    silent = float(np.mean([_flagged(simulate(gait, THESIS_NOISE, s)) for s in range(seeds)]))
+    false_alarms = float(np.mean([_flagged(simulate(gait, THESIS_NOISE, s)) for s in range(seeds)]))
     return [
         aimed(
             f"{gait}_flagged",
-            f"{gait} gait: share of draws in which an undeclared bias of {BIAS_N:g} N is noticed",
+            f"{gait} gait: share of draws in which an undeclared bias of {BIAS_N:g} N is detected",
             flagged,
             "1",
             at_least=0.95,
-            note=f"Horizontal, in a direction drawn at random, at the plate; {DEFAULT.plate_force_n:g} N are declared.",
+            note=f"Horizontal, in a random direction, at the plate; the prior is {DEFAULT.plate_force_n:g} N.",
         ),
-        aimed(f"{gait}_false_alarms", f"{gait} gait: and none where there is none", silent, "1", at_most=0.05),
+        aimed(f"{gait}_false_alarms", f"{gait} gait: false alarms without bias", false_alarms, "1", at_most=0.05),
     ]
 
 
 def _flagged(trial: StudyTrial) -> bool:
-    silent = replace(told(trial), plate_force_n=DEFAULT.plate_force_n, plate_moment_nm=DEFAULT.plate_moment_nm)
-    return FLAG in [remark.code for remark in _estimate(trial, silent).remarks]
+    undeclared = replace(told(trial), plate_force_n=DEFAULT.plate_force_n, plate_moment_nm=DEFAULT.plate_moment_nm)
+    return FLAG in [remark.code for remark in _estimate(trial, undeclared).remarks]
 
 
 def _direction(seed: int) -> Vector3:
@@ -179,7 +180,7 @@ def _direction(seed: int) -> Vector3:
 
 
 def off_by(trial: StudyTrial, direction: Vector3) -> StudyTrial:
-    """The trial with a force of 5 N too much, acting at the centre of pressure, where the plate is."""
+    """The trial with an additional force of ``BIAS_N`` at the centre of pressure."""
     truth, up = trial.truth, np.array([0.0, 0.0, 1.0])
     plate = zmp(Wrench(truth.force_n, truth.moment_nm), np.zeros(3), up)
     extra = BIAS_N * direction + np.zeros_like(plate)
@@ -196,4 +197,4 @@ def _error(trial: StudyTrial, priors: SmootherPriors | None = None) -> TruthErro
     return truth_error(_estimate(trial, priors or told(trial)), trial.truth.time_s, trial.truth.com_m)
 
 
-ITEM: Final = Item("coverage", "What the smoother's band is worth", run, default_seeds=1, printed=("coverage",))
+ITEM: Final = Item("coverage", "Coverage of the smoother's band", run, default_seeds=1, printed=("coverage",))

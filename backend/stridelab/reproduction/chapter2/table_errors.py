@@ -1,4 +1,4 @@
-"""RMS errors of all estimators per axis, and our aims as ratios of horizontal errors: what figure 2.7 shows one of."""
+"""RMS errors of all estimators per axis, and targets as ratios of horizontal errors; extends figure 2.7."""
 
 from collections.abc import Sequence
 from typing import Final
@@ -15,29 +15,28 @@ _SHOWN: Final = ("gait", "noise", "estimator", "rms_x_m", "rms_y_m", "rms_z_m", 
 
 def run(seeds: int, tell: Progress) -> Reproduction:
     """Both gaits, the thesis' noise and white noise, ``seeds`` draws of each."""
-    found = draws(GAITS, NOISES, seeds, lambda fraction, message: tell(0.98 * fraction, message))
-    everything = table(found)
+    all_draws = draws(GAITS, NOISES, seeds, lambda fraction, message: tell(0.98 * fraction, message))
     tell(1.0, "done")
     return Reproduction(
-        claims=tuple(claim for gait in GAITS for claim in _claims(gait, [d for d in found if d.gait == gait])),
+        claims=tuple(claim for gait in GAITS for claim in _claims(gait, [d for d in all_draws if d.gait == gait])),
         note=f"{seeds} draws per gait and noise; RMS along the walk (x), lateral (y) and vertical (z). The Kalman "
-        "filter and the smoother are told how large the noise is, and nobody the error of the body model. The height "
-        "is nobody's to find: z is the geometry's, less its noise. Part of the filter's lead over the Kalman filter is "
-        "that it looks both ways in time.",
-        tables={"errors": chosen(everything, _SHOWN, lambda _: True)},
-        drawing=svg([_bars(gait, noise, found) for noise in NOISES for gait in GAITS]),
+        "filter and the smoother are given the size of the noise; no estimator is given the error of the body model. "
+        "The height is not observable: z is the geometry's with less noise. Part of the advantage of the thesis' "
+        "filter over the Kalman filter comes from forward and backward filtering.",
+        tables={"errors": chosen(table(all_draws), _SHOWN, lambda _: True)},
+        drawing=svg([_bars(gait, noise, all_draws) for noise in NOISES for gait in GAITS]),
         references=("carpentier2017thesis", "carpentier2016spectral", "stasse2017talos"),
     )
 
 
-def _claims(gait: str, found: Sequence[Draw]) -> list[Claim]:
-    under = {noise: [d for d in found if d.noise == noise] for noise in NOISES}
+def _claims(gait: str, draws_of_gait: Sequence[Draw]) -> list[Claim]:
+    by_noise = {noise: [d for d in draws_of_gait if d.noise == noise] for noise in NOISES}
 
     def ratio(key: str, says: str, at_most: float, noise: str, one: str, other: str, note: str = "") -> Claim:
-        ours = horizontal_ratio(under[noise], one, other)
+        ours = horizontal_ratio(by_noise[noise], one, other)
         return aimed(f"{gait}_{key}", f"{gait} gait, {noise} noise: {says}", ours, "1", at_most=at_most, note=note)
 
-    bias = {name: rms([float(d.errors[name].mean_m[2]) for d in found]) for name in NAMES}
+    bias = {name: rms([float(d.errors[name].mean_m[2]) for d in draws_of_gait]) for name in NAMES}
     height = min(bias.values()) / bias[GEOMETRY]
     return [
         ratio("smoother_over_filter", "the smoother over the thesis' filter", 0.15, "thesis", SMOOTHER, THESIS),
@@ -50,24 +49,24 @@ def _claims(gait: str, found: Sequence[Draw]) -> list[Claim]:
             "thesis",
             THESIS,
             KALMAN,
-            f"RTS on the Kalman filter's model, with a jerk that walking has: "
-            f"{horizontal_ratio(under['thesis'], RTS, KALMAN):.2f}; it looks both ways, too.",
+            f"RTS smoother with the Kalman filter's model and a realistic jerk: "
+            f"{horizontal_ratio(by_noise['thesis'], RTS, KALMAN):.2f}; it also filters in both directions.",
         ),
-        ratio("auto_over_thesis", "our cut-offs over the thesis' (1.5 times better)", 1 / 1.5, "thesis", AUTO, THESIS),
+        ratio("auto_over_thesis", "default over thesis' cut-offs (1.5 times better)", 1 / 1.5, "thesis", AUTO, THESIS),
         Claim(
             f"{gait}_best_height",
-            f"{gait} gait: nobody finds the height (smallest constant error of z over the geometry's)",
+            f"{gait} gait: the height is not observable (smallest constant error of z over the geometry's)",
             "unlikely",
             height,
             "1",
             "met" if height >= 0.8 else "not_met",
-            "What an estimator gains in z is the noise of the configuration, not the bias of the table.",
+            "Estimators reduce the configuration noise in z, but not the bias of the segment table.",
         ),
     ]
 
 
-def _bars(gait: str, noise: str, found: Sequence[Draw]) -> Bars:
-    group = [d for d in found if (d.gait, d.noise) == (gait, noise)]
+def _bars(gait: str, noise: str, all_draws: Sequence[Draw]) -> Bars:
+    group = [d for d in all_draws if (d.gait, d.noise) == (gait, noise)]
     return Bars(
         f"Horizontal RMS error, {gait} gait, {noise} noise",
         "mm",

@@ -1,4 +1,4 @@
-"""Running: in flight nothing but gravity acts, so the vertical acceleration of every estimate is held against g."""
+"""Running: vertical acceleration of every estimate in flight phases compared with g, since only gravity acts."""
 
 from typing import Final
 
@@ -19,9 +19,9 @@ LARGEST_SHARE: Final = 0.02
 
 
 def run(seeds: int, tell: Progress) -> Reproduction:
-    """The run of the study with the noise of markers and plates and with the thesis' noise, ``seeds`` draws of each.
+    """Running with marker and plate noise and with the thesis' noise, ``seeds`` draws of each.
 
-    Raises ``NotEstimable`` (``no-flight``) where a flight is too short to be judged.
+    Raises ``NotEstimable`` (``no-flight``) if the flight phases are too short.
     """
     rows: list[dict[str, object]] = []
     for k, noise in enumerate(NOISES):
@@ -34,7 +34,7 @@ def run(seeds: int, tell: Progress) -> Reproduction:
                 estimate = estimator.estimate(trial.geometric, trial.wrench, trial.mass_kg)
                 aloft = flight(estimate, trial.wrench)
                 if aloft is None:
-                    raise NotEstimable("no-flight", "The run has no flight long enough to see a curvature in.")
+                    raise NotEstimable("no-flight", "The run has no flight phase long enough to estimate a curvature.")
                 error = truth_error(estimate, trial.truth.time_s, trial.truth.com_m)
                 shares[name].append((aloft.vertical_share, aloft.horizontal_m_s2))
                 errors[name].append((error.horizontal_m, error.vertical_m))
@@ -53,13 +53,14 @@ def run(seeds: int, tell: Progress) -> Reproduction:
     tell(1.0, "done")
     return Reproduction(
         claims=tuple(claim for row in rows if row["estimator"] == SMOOTHER for claim in _claims(row)),
-        note=f"{seeds} draws each of a run at about 1 m/s with flights of 0.11 s; vertical acceleration over g, minus "
-        "one, from the parabola through the heights of a flight. The best published figures are 1.1 to 3.1 %.",
+        note=f"{seeds} draws each of a run at about 1 m/s with flight phases of 0.11 s; vertical acceleration over g, "
+        "minus one, from a parabola fitted to the heights of a flight phase. The best published values are 1.1 to "
+        "3.1 %.",
         tables={"flight": as_columns(rows)},
         drawing=svg(
             [
                 Bars(
-                    f"Vertical acceleration in flight off g (RMS), {noise} noise",
+                    f"Relative error of the vertical acceleration in flight (RMS), {noise} noise",
                     "%",
                     [
                         (str(row["estimator"]), 100.0 * float(str(row["vertical_share"])))
@@ -79,7 +80,7 @@ def _claims(row: dict[str, object]) -> list[Claim]:
     return [
         aimed(
             f"{row['noise']}_smoother",
-            f"{row['noise']} noise: in flight the smoother falls with g (RMS over the draws)",
+            f"{row['noise']} noise: vertical acceleration of the smoother in flight equals g (RMS over the draws)",
             share,
             "1",
             at_most=LARGEST_SHARE,

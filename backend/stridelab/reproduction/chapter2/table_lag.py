@@ -1,4 +1,4 @@
-"""How late each estimator is, and the two causes of the Kalman filter's delay, found by taking one away at a time."""
+"""Lag of every estimator, and the two causes of the Kalman filter's lag, isolated by removing one at a time."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -19,28 +19,28 @@ from stridelab.simulation.robot.gait_plan import GaitName
 from stridelab.studies.estimator_study import StudyTrial, simulate
 
 LATERAL: Final = 1
-"""The axis that shows it: walking sways sideways for as long as it lasts, and along the walk it mostly goes on."""
+"""The lateral axis shows the lag best: the lateral motion is periodic, the forward motion mostly uniform."""
 SLOW, QUICK = KalmanFilter(), KalmanFilter(sigma_jerk_m_s3=TUNED_SIGMA_JERK_M_S3)
 
 
 def run(seeds: int, tell: Progress) -> Reproduction:
-    """The thesis' noise on both gaits, ``seeds`` draws; the causes on one walk of each without noise."""
-    found = draws(GAITS, ("thesis",), seeds, lambda fraction, message: tell(0.9 * fraction, message))
-    tell(0.9, "taking the causes away")
+    """Both gaits with the thesis' noise, ``seeds`` draws; the causes on one walk of each without noise."""
+    all_draws = draws(GAITS, ("thesis",), seeds, lambda fraction, message: tell(0.9 * fraction, message))
+    tell(0.9, "isolating the causes")
     causes = {gait: _causes(gait) for gait in GAITS}
     cases = [{"gait": g, "case": case, "lag_y_s": lag} for g in GAITS for case, lag in causes[g].items()]
     rows = [
-        {"gait": gait, "estimator": name, **per_axis("lag_{}_s", _lag(found, gait, name))}
+        {"gait": gait, "estimator": name, **per_axis("lag_{}_s", _lag(all_draws, gait, name))}
         for gait in GAITS
         for name in NAMES
     ]
     tell(1.0, "done")
     return Reproduction(
-        claims=tuple(claim for gait in GAITS for claim in _claims(gait, found, causes[gait])),
-        note="Median over the draws of the shift that brings an estimate closest to the truth, a line set aside; below "
-        "zero is early. Whatever swings with the step looks like a shift: a table that is wrong with the posture, or "
-        "L' in the axis. The Kalman filter's own delay has two causes, both its tuning: a jerk of 1 m/s³ where walking "
-        "has 4 to 24, and an axis that is displaced by L' but believed like white noise.",
+        claims=tuple(claim for gait in GAITS for claim in _claims(gait, all_draws, causes[gait])),
+        note="Median over the draws of the time shift that minimises the error of the detrended estimate; negative is "
+        "early. Any error periodic with the step appears as a shift: a posture-dependent table error, or L' in the "
+        "axis. The Kalman filter's own lag has two causes, both in its tuning: a jerk of 1 m/s³ where walking has 4 to "
+        "24, and an axis that is displaced by L' but modelled with white noise.",
         tables={
             "lags": as_columns(rows),
             "causes": as_columns(cases),
@@ -50,7 +50,7 @@ def run(seeds: int, tell: Progress) -> Reproduction:
                 Bars(
                     f"Lateral lag, {gait} gait, thesis noise",
                     "ms",
-                    [(name, 1e3 * float(_lag(found, gait, name)[LATERAL])) for name in NAMES],
+                    [(name, 1e3 * float(_lag(all_draws, gait, name)[LATERAL])) for name in NAMES],
                 )
                 for gait in GAITS
             ]
@@ -59,23 +59,35 @@ def run(seeds: int, tell: Progress) -> Reproduction:
     )
 
 
-def _claims(gait: GaitName, found: Sequence[Draw], causes: Mapping[str, float]) -> list[Claim]:
+def _claims(gait: GaitName, all_draws: Sequence[Draw], causes: Mapping[str, float]) -> list[Claim]:
     def worst_s(name: str) -> float:
-        return float(np.abs(_lag(found, gait, name)[:2]).max())
+        return float(np.abs(_lag(all_draws, gait, name)[:2]).max())
 
     def own(estimator: ComEstimator) -> str:
         lag_s = _lags_s(estimator, simulate(gait, "none", 0))[:2]
-        return f"Without noise and with a right table {' and '.join(f'{1e3 * lag:.1f}' for lag in lag_s)} ms (x, y)."
+        return f"Without noise and table error {' and '.join(f'{1e3 * lag:.1f}' for lag in lag_s)} ms (x, y)."
 
-    late = float(_lag(found, gait, KALMAN)[LATERAL])
-    unexplained = abs(causes["both taken away"])
+    late = float(_lag(all_draws, gait, KALMAN)[LATERAL])
+    unexplained = abs(causes["both removed"])
     thesis, ours = own(ComplementaryFilter.thesis()), own(ComplementaryFilter())
     return [
         aimed(f"{gait}_smoother_s", f"{gait} gait: the smoother has no lag", worst_s(SMOOTHER), "s", at_most=0.001),
         aimed(
-            f"{gait}_filter_s", f"{gait} gait: nor the thesis' filter", worst_s(THESIS), "s", at_most=0.004, note=thesis
+            f"{gait}_filter_s",
+            f"{gait} gait: the thesis' filter has no lag",
+            worst_s(THESIS),
+            "s",
+            at_most=0.004,
+            note=thesis,
         ),
-        aimed(f"{gait}_auto_s", f"{gait} gait: nor it with our cut-offs", worst_s(AUTO), "s", at_most=0.004, note=ours),
+        aimed(
+            f"{gait}_auto_s",
+            f"{gait} gait: the filter with the default cut-offs has no lag",
+            worst_s(AUTO),
+            "s",
+            at_most=0.004,
+            note=ours,
+        ),
         Claim(
             f"{gait}_kalman_s",
             f"{gait} gait: the thesis' Kalman filter is late (lateral)",
@@ -83,11 +95,11 @@ def _claims(gait: GaitName, found: Sequence[Draw], causes: Mapping[str, float]) 
             late,
             "s",
             "thesis_in_error" if late > 0.01 else "met",
-            "It is taken for what a Kalman filter can do; it is its tuning.",
+            "The thesis attributes the lag to the Kalman filter as such; its cause is the tuning.",
         ),
         aimed(
             f"{gait}_kalman_unexplained_s",
-            f"{gait} gait: with both causes taken away, nothing is left of it",
+            f"{gait} gait: with both causes removed, no lag remains",
             unexplained,
             "s",
             at_most=0.001,
@@ -96,19 +108,19 @@ def _claims(gait: GaitName, found: Sequence[Draw], causes: Mapping[str, float]) 
     ]
 
 
-def _lag(found: Sequence[Draw], gait: str, name: str) -> np.ndarray:
-    return np.asarray(np.median([d.errors[name].lag_s for d in found if d.gait == gait], axis=0))
+def _lag(all_draws: Sequence[Draw], gait: str, name: str) -> np.ndarray:
+    return np.asarray(np.median([d.errors[name].lag_s for d in all_draws if d.gait == gait], axis=0))
 
 
 def _causes(gait: GaitName) -> dict[str, float]:
-    """Lateral lag without noise: as it is, with an axis through the CoM, with a quick jerk, with both."""
+    """Lateral lag without noise: thesis' tuning, axis through the CoM, realistic jerk, and both changes."""
     clean = simulate(gait, "none", 0)
     ideal = replace(clean, wrench=replace(clean.wrench, moment_nm=np.cross(clean.truth.com_m, clean.wrench.force_n)))
     cases: dict[str, tuple[ComEstimator, StudyTrial]] = {
         "as in the thesis": (SLOW, clean),
         "axis through the CoM": (SLOW, ideal),
         f"jerk of {TUNED_SIGMA_JERK_M_S3:g} m/s³": (QUICK, clean),
-        "both taken away": (QUICK, ideal),
+        "both removed": (QUICK, ideal),
     }
     return {case: float(_lags_s(estimator, trial)[LATERAL]) for case, (estimator, trial) in cases.items()}
 

@@ -1,4 +1,4 @@
-"""Two seconds of walking of which the middle one is on plates: how much of the error one second of force takes away."""
+"""Two seconds of walking with force in the middle second: reduction of the error by one second of force."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -32,9 +32,9 @@ Distances = Float[np.ndarray, "_"]
 
 @dataclass(frozen=True)
 class Part:
-    """Horizontal distances from the truth and RMS per axis, in the second with force; ``around`` outside of it.
+    """Horizontal distances from the truth and RMS per axis in the second with force; ``around_m`` outside of it.
 
-    ``whole`` is the error over all that the estimator answers for.
+    ``whole`` is the error over the whole estimate.
     """
 
     with_force_m: Distances
@@ -45,21 +45,21 @@ class Part:
 
 @lru_cache(maxsize=1000)
 def masked(gait: GaitName, noise: str, seed: int) -> tuple[StudyTrial, int]:
-    """Two seconds out of the steps of a walk, begun at an instant that the seed draws, and how many were refused.
+    """Two seconds of a walk with a random start, and the number of rejected starts.
 
-    The second of force must hold a full single support, so an instant that the smoother refuses is drawn again.
-    Raises ``NotEstimable`` (``no-single-support``) where it refuses one after the other.
+    The second with force must contain a complete single support; a start that the smoother rejects is drawn again.
+    Raises ``NotEstimable`` (``no-single-support``) after ``MOST_ATTEMPTS`` rejections.
     """
     for attempt in range(MOST_ATTEMPTS):
         trial = _excerpt(gait, noise, seed, attempt, FORCE_S)
         if _refusal(trial) is None:
             return trial, attempt
-    raise NotEstimable("no-single-support", f"{MOST_ATTEMPTS} seconds of walking hold no full single support.")
+    raise NotEstimable("no-single-support", f"None of {MOST_ATTEMPTS} excerpts contains a complete single support.")
 
 
 @lru_cache(maxsize=2000)
 def part(gait: GaitName, noise: str, seed: int, name: str) -> Part:
-    """One estimator on one draw."""
+    """Errors of one estimator on one draw."""
     trial, _ = masked(gait, noise, seed)
     estimate = estimators(trial, beyond_window=True)[name].estimate(trial.geometric, trial.wrench, trial.mass_kg)
     error = error_m(estimate, trial.truth.time_s, trial.truth.com_m)
@@ -77,7 +77,7 @@ def _excerpt(gait: GaitName, noise: str, seed: int, attempt: int, force_s: tuple
 
 
 def _refusal(trial: StudyTrial) -> str | None:
-    """Code with which the smoother refuses the trial, if it does."""
+    """Error code with which the smoother rejects the trial, or None."""
     try:
         Smoother(priors=told(trial), learn=False).estimate(trial.geometric, trial.wrench, trial.mass_kg)
     except NotEstimable as error:
@@ -86,26 +86,26 @@ def _refusal(trial: StudyTrial) -> str | None:
 
 
 def run(seeds: int, tell: Progress) -> Reproduction:
-    """Both gaits, noise of markers and plates and the thesis' noise, ``seeds`` draws of each."""
+    """Both gaits with marker and plate noise and with the thesis' noise, ``seeds`` draws of each."""
     rows: list[dict[str, object]] = []
     claims: list[Claim] = []
     for k, (gait, noise) in enumerate((g, n) for g in GAITS for n in NOISES):
         tell(k / 4, f"{gait} gait, {noise} noise")
-        found = {name: [part(gait, noise, seed, name) for seed in range(seeds)] for name in NAMES}
-        rows += [{"gait": gait, "noise": noise, "estimator": name, **_summary(found[name])} for name in NAMES]
+        parts = {name: [part(gait, noise, seed, name) for seed in range(seeds)] for name in NAMES}
+        rows += [{"gait": gait, "noise": noise, "estimator": name, **_summary(parts[name])} for name in NAMES]
         if noise == JUDGED:
-            claims += _claims(gait, found[SMOOTHER])
-    tell(0.95, "asking for too little")
+            claims += _claims(gait, parts[SMOOTHER])
+    tell(0.95, "testing short windows")
     claims += [_refused(gait, seeds) for gait in GAITS]
-    again = {gait: sum(masked(gait, JUDGED, seed)[1] for seed in range(seeds)) for gait in GAITS}
-    drawn_again = " and ".join(f"{n} of {n + seeds} ({gait} gait)" for gait, n in again.items())
+    rejections = {gait: sum(masked(gait, JUDGED, seed)[1] for seed in range(seeds)) for gait in GAITS}
+    rejected = " and ".join(f"{n} of {n + seeds} ({gait} gait)" for gait, n in rejections.items())
     tell(1.0, "done")
     return Reproduction(
         claims=tuple(claims),
-        note=f"{seeds} draws each. Errors over the second with force, the norm of both horizontal axes; where an "
-        "estimator answers outside of it, the half seconds before and after are in the last column. Nobody is told the "
-        "angular momentum. A second without a full single support is refused (no-single-support) and drawn again: "
-        f"{drawn_again}.",
+        note=f"{seeds} draws each. Errors over the second with force, norm of both horizontal axes; for estimators "
+        "that extend beyond it, the last column contains the half seconds before and after. No estimator is given "
+        "the angular momentum. A second without a complete single support is rejected (no-single-support) and "
+        f"drawn again: {rejected}.",
         tables={"errors": as_columns(rows)},
         drawing=svg(
             [
@@ -141,20 +141,22 @@ def _summary(parts: Sequence[Part]) -> dict[str, float]:
 
 
 def _claims(gait: GaitName, parts: Sequence[Part]) -> list[Claim]:
-    found = _summary(parts)
+    summary = _summary(parts)
     return [
         aimed(
             f"{gait}_horizontal_m",
             f"{gait} gait: the smoother's horizontal error (RMS) with a second of force",
-            found["horizontal_m"],
+            summary["horizontal_m"],
             "m",
             at_most=LARGEST_M[gait],
         ),
-        aimed(f"{gait}_95_m", f"{gait} gait: its 95th percentile", found["horizontal_95_m"], "m", at_most=LARGEST_95_M),
+        aimed(
+            f"{gait}_95_m", f"{gait} gait: its 95th percentile", summary["horizontal_95_m"], "m", at_most=LARGEST_95_M
+        ),
         aimed(
             f"{gait}_around_m",
-            f"{gait} gait: its horizontal error (RMS) in the half seconds around",
-            found["around_m"],
+            f"{gait} gait: its horizontal error (RMS) in the half seconds before and after",
+            summary["around_m"],
             "m",
             at_most=0.005,
         ),
@@ -162,11 +164,11 @@ def _claims(gait: GaitName, parts: Sequence[Part]) -> list[Claim]:
 
 
 def _refused(gait: GaitName, seeds: int) -> Claim:
-    """Share of the windows of 0.35 s that are refused by name."""
+    """Share of windows of ``TOO_SHORT_S`` that are rejected with ``window-too-short``."""
     force_s = (0.8, 0.8 + TOO_SHORT_S)
     refusals = [_refusal(_excerpt(gait, JUDGED, seed, 0, force_s)) for seed in range(seeds)]
     share = refusals.count("window-too-short") / seeds
-    return aimed(f"{gait}_refused", f"{gait} gait: {TOO_SHORT_S} s of force are refused", share, "1", at_least=1.0)
+    return aimed(f"{gait}_refused", f"{gait} gait: {TOO_SHORT_S} s of force are rejected", share, "1", at_least=1.0)
 
 
 ITEM: Final = Item("partial-force", "One second of force in two", run, default_seeds=4, printed=("errors",))

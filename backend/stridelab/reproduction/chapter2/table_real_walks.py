@@ -1,8 +1,8 @@
-"""The estimators on people: agreement with physics on recorded walks, where nobody knows the truth.
+"""Estimators on recorded walks: consistency with physics, since the true CoM is unknown.
 
-Adults walk twice, at a comfortable (C4) and a fast speed (C5), over two plates (Schreiber and Moissenet 2019); children
-and adolescents walk, and stand still on a plate, which is the truth about their segment table: the mean centre of
-pressure lies below the CoM. In none of the recordings does anybody leave the ground.
+Adults walk at a comfortable (C4) and a fast speed (C5) over two plates (Schreiber and Moissenet 2019). Children and
+adolescents walk and stand still on a plate, which gives the error of their segment table: the mean centre of pressure
+lies below the CoM. No recording contains flight phases.
 """
 
 from collections.abc import Mapping, Sequence
@@ -55,15 +55,16 @@ LATENCY_S: Final = {
     "adults, fast": (0.014, 0.022),
     "children": (0.008, 0.014),
 }
-"""Medians that other signs say: the growth of the offset with speed, the likelihood of the smoother, correlations."""
+"""Ranges of the median latency from independent evidence: growth of the offset with speed, likelihood of the smoother,
+correlations."""
 LARGEST_RESIDUAL, LEAST_CORRELATION, LARGEST_MISS_M, LARGEST_CHANGE_M = 0.01, 0.93, 0.006, 0.0025
 
 
 @dataclass(frozen=True)
 class Walked:
-    """One recording: all that can be said of each estimator, and the latency that was taken out.
+    """One recording: assessment of every estimator, and the corrected latency.
 
-    ``constant_share`` is the mean of the smoother's force residual over body weight, along the axes of the world.
+    ``constant_share`` is the mean of the smoother's force residual over body weight, in world axes.
     """
 
     person: str
@@ -74,7 +75,7 @@ class Walked:
 
 
 def run(gait: Path, tell: Progress) -> Reproduction:
-    """All walks below the folder ``gait``. Raises ``NotFound`` (``recordings-missing``) where there are none."""
+    """All walks below the folder ``gait``. Raises ``NotFound`` (``recordings-missing``) if there are none."""
     walks: dict[str, list[Walked]] = {}
     for k, (group, pattern) in enumerate(GROUPS.items()):
         tell(k / (len(GROUPS) + 1), group)
@@ -82,10 +83,15 @@ def run(gait: Path, tell: Progress) -> Reproduction:
     tell(len(GROUPS) / (len(GROUPS) + 1), "standing")
     truth = {w.person: _table_error_m(gait / "biomechzoo-sample-study" / w.person) for w in walks["children"]}
     rows = [
-        {"walks": group, "estimator": name, "n": len(found), **_agreement([(w, w.assessments[name]) for w in found])}
-        for group, found in walks.items()
+        {
+            "walks": group,
+            "estimator": name,
+            "n": len(of_group),
+            **_agreement([(w, w.assessments[name]) for w in of_group]),
+        }
+        for group, of_group in walks.items()
         for name in ESTIMATORS
-        if all(name in w.assessments for w in found)
+        if all(name in w.assessments for w in of_group)
     ]
     still = [_still_m(gait / "biomechzoo-sample-study" / w.person) for w in walks["children"]]
     standing = [
@@ -98,14 +104,14 @@ def run(gait: Path, tell: Progress) -> Reproduction:
     tell(1.0, "done")
     return Reproduction(
         claims=tuple(_claims(walks, rows, standing)),
-        note="Priors as they are by default; the latency found in each recording is taken out. Per axis: along the "
-        "walk (x), lateral (y), vertical (z); means over the recordings. Residual: RMS of m (c'' - g) - f below 8 Hz "
-        "over body weight. Held back: the same at samples whose force the estimator did not have; the complementary "
-        "filter has the geometry's acceleration in their place. r: implied against segment L' about the lateral axis. "
-        "The plates disagree with the stated mass of some children, by up to 9 %, which is their vertical residual. "
-        "Standing: the table's bias as it is found while walking, held against the same person's when standing (miss), "
-        "and the distance of the standing person's own CoM from the mean centre of pressure (still). "
-        "Nobody leaves the ground in these recordings: flight is in the item flight.",
+        note="Default priors; the latency estimated in each recording is corrected. Per axis: along the walk (x), "
+        "lateral (y), vertical (z); means over the recordings. Residual: RMS of m (c'' - g) - f below 8 Hz over body "
+        "weight. Held back: the same at samples whose force was withheld from the estimator; the complementary filter "
+        "uses the geometry's acceleration there. r: correlation of implied and segment L' about the lateral axis. "
+        "The plates contradict the stated mass of some children by up to 9 %, which explains their vertical residual. "
+        "Standing: difference between the table's bias estimated while walking and that of the same subject standing "
+        "(miss), and distance of the standing subject's CoM from the mean centre of pressure (still). "
+        "These recordings contain no flight phases; they are in the item flight.",
         tables={"agreement": as_columns(rows), "standing": as_columns(standing)},
         drawing=svg(
             [
@@ -129,14 +135,14 @@ def _walked(walk: RecordedWalk) -> Walked:
     latency = estimate_latency(walk.geometric, walk.wrench, walk.mass_kg)
     applied_s = latency.latency_s if latency.significant else 0.0
     wrench = walk.wrench(applied_s)
-    found = compare(ESTIMATORS, Data(walk.geometric, wrench, walk.mass_kg)).assessments
-    residual = force_residual_track_n(found[SMOOTHER].estimate, wrench, walk.mass_kg)
+    assessments = compare(ESTIMATORS, Data(walk.geometric, wrench, walk.mass_kg)).assessments
+    residual = force_residual_track_n(assessments[SMOOTHER].estimate, wrench, walk.mass_kg)
     constant = np.nanmean(residual, axis=0) / (walk.mass_kg * GRAVITY_M_S2)
-    return Walked(walk.person, found, walk.mass_kg, applied_s, np.asarray(constant))
+    return Walked(walk.person, assessments, walk.mass_kg, applied_s, np.asarray(constant))
 
 
 def _table_error_m(folder: Path) -> Vector3:
-    """Geometry minus mean centre of pressure of a person who stands on plates: ahead and to the left."""
+    """Geometric CoM minus mean centre of pressure of a subject standing on plates: forward and to the left."""
     (path,) = folder.glob(STATICS[1])
     recording = read_recording(path)
     marked = identify(list(recording.markers_m)).landmarks
@@ -150,22 +156,22 @@ def _table_error_m(folder: Path) -> Vector3:
 
 
 def _still_m(folder: Path) -> dict[str, float]:
-    """Horizontal distance between the CoM of a person who stands and the mean centre of pressure, per estimator."""
+    """Horizontal distance between CoM and mean centre of pressure of a standing subject, per estimator."""
     (path,) = folder.glob(STATICS[1])
     still = RecordedWalk.of(path)
     floor_m = float(np.mean([plate.corners_m[:, 2].mean() for plate in still.recording.plates if plate.use]))
-    found = compare(ESTIMATORS, Data(still.geometric, still.wrench(0.0), still.mass_kg, floor_height_m=floor_m))
-    return {name: a.standing.horizontal_m for name, a in found.assessments.items() if a.standing is not None}
+    comparison = compare(ESTIMATORS, Data(still.geometric, still.wrench(0.0), still.mass_kg, floor_height_m=floor_m))
+    return {name: a.standing.horizontal_m for name, a in comparison.assessments.items() if a.standing is not None}
 
 
-def _agreement(found: Sequence[tuple[Walked, Assessment]]) -> dict[str, float]:
+def _agreement(assessed: Sequence[tuple[Walked, Assessment]]) -> dict[str, float]:
     """Means over the walks of one estimator."""
-    share = np.mean([a.residual_n / (w.mass_kg * GRAVITY_M_S2) for w, a in found], axis=0)
-    held = [a.held_back_n / (w.mass_kg * GRAVITY_M_S2) for w, a in found if a.held_back_n is not None]
+    share = np.mean([a.residual_n / (w.mass_kg * GRAVITY_M_S2) for w, a in assessed], axis=0)
+    held = [a.held_back_n / (w.mass_kg * GRAVITY_M_S2) for w, a in assessed if a.held_back_n is not None]
     x, y, z = share.tolist()
     held_x, held_y, held_z = np.mean(held, axis=0).tolist() if held else [float("nan")] * 3
-    r = float(np.mean([a.momentum.correlation[SIDE] for _, a in found if a.momentum is not None]))
-    offset = np.mean([a.offset_m for _, a in found], axis=0)
+    r = float(np.mean([a.momentum.correlation[SIDE] for _, a in assessed if a.momentum is not None]))
+    offset = np.mean([a.offset_m for _, a in assessed], axis=0)
     return {
         "residual_x": x,
         "residual_y": y,
@@ -180,14 +186,14 @@ def _agreement(found: Sequence[tuple[Walked, Assessment]]) -> dict[str, float]:
 
 
 def _standing(name: str, walks: Sequence[Walked], truth: Mapping[str, Vector3]) -> dict[str, object]:
-    """The table's error as it is found while walking against the same person's when standing."""
-    found = [w for w in walks if name in w.assessments]
-    miss = np.array([-w.assessments[name].offset_m - truth[w.person] for w in found])
-    sd = np.array([_sd_in_walk_m(w.assessments[name].estimate) for w in found])
+    """Difference between the table error estimated while walking and that of the same subject standing."""
+    assessed = [w for w in walks if name in w.assessments]
+    miss = np.array([-w.assessments[name].offset_m - truth[w.person] for w in assessed])
+    sd = np.array([_sd_in_walk_m(w.assessments[name].estimate) for w in assessed])
     x, y, _ = np.sqrt(np.mean(miss**2, axis=0)).tolist()
     return {
         "estimator": name,
-        "n": len(found),
+        "n": len(assessed),
         "miss_x_m": x,
         "miss_y_m": y,
         "mean_miss_x_m": float(miss[:, WALK].mean()),
@@ -197,7 +203,7 @@ def _standing(name: str, walks: Sequence[Walked], truth: Mapping[str, Vector3]) 
 
 
 def _sd_in_walk_m(estimate: ComEstimate) -> Vector3:
-    """The mean band along the walk, to the left and up: it is stated along the axes of the laboratory."""
+    """Mean standard deviation transformed from laboratory axes to: along the walk, to the left and up."""
     variance = np.mean(estimate.sd_m**2, axis=0)
     return np.asarray(np.sqrt(walk_frame(estimate.velocity_m_s) ** 2 @ variance))
 
@@ -218,14 +224,14 @@ def _claims(
                 float(str(row[f"residual_{axis}"])),
                 "1",
                 at_most=LARGEST_RESIDUAL,
-                note=f"Constant part {constant[UP]:.4f}: the plates against the stated mass." if axis == "z" else "",
+                note=f"Constant part {constant[UP]:.4f}: plates against stated mass." if axis == "z" else "",
             )
             for axis in "xyz"
         ]
         claims += [
             aimed(
                 f"{group} momentum",
-                f"{group}: implied against segment L' about the lateral axis, correlation",
+                f"{group}: correlation of implied and segment L' about the lateral axis",
                 float(str(row["r"])),
                 "1",
                 at_least=LEAST_CORRELATION,
@@ -236,11 +242,11 @@ def _claims(
         claims.append(
             aimed(
                 f"standing_{axis}",
-                f"the table's bias found while walking against the same person's standing, {words} (RMS)",
+                f"the table's bias estimated while walking minus the same subject's standing, {words} (RMS)",
                 float(str(still[f"miss_{axis}_m"])),
                 "m",
                 at_most=LARGEST_MISS_M,
-                note=f"{still['n']} persons, table of Dumas.",
+                note=f"{still['n']} subjects, table of Dumas.",
             )
         )
     slow, fast = ({w.person: w for w in walks[group]} for group in ("adults, comfortable", "adults, fast"))
@@ -259,11 +265,11 @@ def _claims(
                 abs(mean),
                 "m",
                 at_most=LARGEST_CHANGE_M,
-                note=f"{1e3 * mean:+.1f} mm in {len(change)} persons, standard deviation {1e3 * sd:.1f} mm. "
-                "A force that is late by 18 ms would move it by speed times delay.",
+                note=f"{1e3 * mean:+.1f} mm in {len(change)} subjects, standard deviation {1e3 * sd:.1f} mm. "
+                "A force delayed by 18 ms would change it by speed times delay.",
             )
         )
-    late = {group: float(np.median([w.latency_s for w in found])) for group, found in walks.items()}
+    late = {group: float(np.median([w.latency_s for w in of_group])) for group, of_group in walks.items()}
     for group, (low, high) in LATENCY_S.items():
         claims.append(
             aimed(

@@ -1,4 +1,4 @@
-"""Figure 3.10: where the wheel says that double support begins and ends."""
+"""Figure 3.10: start and end of double support predicted by the cycloid model."""
 
 from typing import Final
 
@@ -13,12 +13,12 @@ from stridelab.walking.path_fit import fit_path
 from stridelab.walking.step_fit import StepFit
 
 FEW_S: Final = 0.01
-"""What "only few milliseconds" may mean at most."""
+"""Maximum that counts as "only few milliseconds"."""
 
 
 def run(seeds: int, tell: Progress) -> Reproduction:
-    """One walk; ``seeds`` changes nothing."""
-    tell(0.05, "a person walks")
+    """One simulated walk; ``seeds`` is ignored."""
+    tell(0.05, "simulating a walk")
     steps = simulated_steps()
     tell(0.9, "fitting")
     whole = np.array([_off_s(steps, fit) for fit in steps.fits[:-1]])
@@ -29,13 +29,13 @@ def run(seeds: int, tell: Progress) -> Reproduction:
     claims = (
         _few(
             "start_s",
-            "the model has the beginning of double support within few milliseconds",
+            "the model predicts the start of double support to a few milliseconds",
             start,
-            "Predicted minus planned; both crossings of the hub's height are sought over single, double and single "
-            "support, for within the step itself the second one is reached in "
-            f"{inside} of {len(steps.fits)} steps.",
+            "Predicted minus planned; both crossings of the hub's height are searched over single, double and single "
+            f"support, because the step itself contains the second crossing in only {inside} of {len(steps.fits)} "
+            "steps.",
         ),
-        _few("end_s", "and its end", end, "Predicted minus planned."),
+        _few("end_s", "the model predicts its end to a few milliseconds", end, "Predicted minus planned."),
         Claim(
             "enclosed_over_double_support",
             "the crossings enclose the double support",
@@ -43,8 +43,8 @@ def run(seeds: int, tell: Progress) -> Reproduction:
             enclosed,
             "1",
             "met" if abs(enclosed - 1.0) < 0.1 else "thesis_in_error",
-            "Time between the crossings over the double support. An even wheel is below its hub for half of every "
-            "step, and double support is a fifth of it.",
+            "Time between the crossings over the duration of double support. With uniform rotation the point is below "
+            "the hub for half of every step, but double support is only a fifth of it.",
         ),
     )
     tell(1.0, "done")
@@ -67,10 +67,10 @@ def _few(key: str, says: str, off_s: float, note: str) -> Claim:
 
 
 def _off_s(steps: SimulatedSteps, fit: StepFit) -> tuple[float, float]:
-    """Both errors of the rule, NaN where a crossing is not reached even with the single support after the step."""
-    seen, step = steps.after(fit), fit.step
-    t = steps.recorded.truth.time_s[seen]
-    wheel = fit_path(t, steps.path_m[seen], step.period_s)
+    """Errors of both predictions; NaN if there is no crossing even including the single support after the step."""
+    samples, step = steps.after(fit), fit.step
+    t = steps.recorded.truth.time_s[samples]
+    wheel = fit_path(t, steps.path_m[samples], step.period_s)
     start, end = double_support_of_wheel(wheel, t, near_s=(step.strike_s + step.next_lift_off_s) / 2)
     return (
         float("nan") if start is None else start - step.strike_s,
@@ -80,9 +80,9 @@ def _off_s(steps: SimulatedSteps, fit: StepFit) -> tuple[float, float]:
 
 def _panels(steps: SimulatedSteps, whole: np.ndarray) -> list[Panel | Bars]:
     fit = steps.fits[0]
-    seen = steps.after(fit)
-    t, z = steps.recorded.truth.time_s[seen], steps.path_m[seen, 1]
-    hub = fit_path(t, steps.path_m[seen], fit.step.period_s).wheel.z0_m
+    samples = steps.after(fit)
+    t, z = steps.recorded.truth.time_s[samples], steps.path_m[samples, 1]
+    hub = fit_path(t, steps.path_m[samples], fit.step.period_s).wheel.z0_m
     instants = [
         Curve(np.array([at, at]), np.array([z.min(), z.max()]), name, 2, dashed=True)
         for at, name in zip(fit.step.double_support_s, ("double support", "ends"), strict=True)

@@ -1,4 +1,4 @@
-"""Figure 3.3: the three types of cycloid, and the path of the centre of mass beside the curtate one (3.2.5)."""
+"""Figure 3.3: the three types of cycloid, and the path of the centre of mass with its curtate cycloid (3.2.5)."""
 
 from typing import Final
 
@@ -16,17 +16,18 @@ TYPES: Final = {"normal": 1.0, "curtate": 0.3, "prolate": 1.5}
 """r over R of the three panels."""
 THETA_RAD: Final = np.linspace(0.0, 2.0 * FullTurn, 721)
 SIMILAR: Final = 0.1
-"""A distance that is small beside the height that the path rises and falls."""
+"""Maximum mean distance relative to the vertical excursion that counts as "very similar"."""
 
 
 def run(seeds: int, tell: Progress) -> Reproduction:
-    """Formulas, and the steps of one simulated walk; ``seeds`` changes nothing."""
-    tell(0.05, "a person walks")
+    """Closed-form cycloids and the steps of one simulated walk; ``seeds`` is ignored."""
+    tell(0.05, "simulating a walk")
     fits = simulated_steps().fits
     tell(0.9, "comparing shapes")
     wheels = {name: _wheel(share) for name, share in TYPES.items()}
     paths = {name: wheel.position_m(THETA_RAD) for name, wheel in wheels.items()}
-    found = Reproduction(
+    tell(1.0, "done")
+    return Reproduction(
         claims=(*_types(wheels), *_shape(fits)),
         note=NOTE,
         tables={
@@ -35,12 +36,10 @@ def run(seeds: int, tell: Progress) -> Reproduction:
         },
         drawing=svg(_panels(paths, fits[0])),
     )
-    tell(1.0, "done")
-    return found
 
 
 def convex_share(wheel: Wheel) -> float:
-    """Share of its length on which (3.1), (3.2) is convex: where cos theta > r / R, between its two bends."""
+    """Share of the length on which (3.1), (3.2) is convex: cos theta > r / R, between the inflection points."""
     bend = float(np.arccos(wheel.r_m / wheel.R_m))
     start, end = wheel.position_m(np.array([-bend, bend]))[:, 0]
     return float((end - start) / (FullTurn * wheel.R_m))
@@ -51,7 +50,7 @@ def _wheel(share: float) -> Wheel:
 
 
 def _types(wheels: dict[str, Wheel]) -> tuple[Claim, ...]:
-    """How fast the point goes ahead where it is slowest, over the speed of the hub: what tells the types apart."""
+    """Minimum forward speed of the point over the speed of the hub, which distinguishes the types."""
     least = {name: float((wheel.tangent_m(THETA_RAD)[:, 0] / wheel.R_m).min()) for name, wheel in wheels.items()}
     expected = {"normal": "stops", "curtate": "never stops", "prolate": "turns back"}
     holds = {
@@ -62,7 +61,7 @@ def _types(wheels: dict[str, Wheel]) -> tuple[Claim, ...]:
     return tuple(
         Claim(
             f"{name}_least_speed",
-            f"{name} cycloid, r = {TYPES[name]:g} R: its least speed ahead over that of the hub",
+            f"{name} cycloid, r = {TYPES[name]:g} R: minimum forward speed over that of the hub",
             expected[name],
             value,
             "1",
@@ -73,7 +72,7 @@ def _types(wheels: dict[str, Wheel]) -> tuple[Claim, ...]:
 
 
 def _shape(fits: tuple[StepFit, ...]) -> tuple[Claim, ...]:
-    """What the last panel and 3.2.5 say of the path of the CoM."""
+    """Claims of the last panel and of 3.2.5 on the path of the CoM."""
     similar = float(np.mean([f.path.distance_m.mean() / np.ptp(f.path_m[:, 1]) for f in fits]))
     inside = max(f.path.wheel.r_m / f.path.wheel.R_m for f in fits)
     convex = float(np.mean([convex_share(f.path.wheel) for f in fits]))
@@ -85,8 +84,8 @@ def _shape(fits: tuple[StepFit, ...]) -> tuple[Claim, ...]:
             similar,
             "1",
             judged(similar, at_most=SIMILAR),
-            f"Mean distance over the height that the path rises and falls, {len(fits)} steps, angles free. A sinusoid "
-            "with as many parameters is closer (figure 3.5).",
+            f"Mean distance over the vertical excursion of the path, {len(fits)} steps, free angles. A sinusoid "
+            "with the same number of parameters is closer (figure 3.5).",
         ),
         Claim(
             "r_over_R",
@@ -95,7 +94,7 @@ def _shape(fits: tuple[StepFit, ...]) -> tuple[Claim, ...]:
             inside,
             "1",
             judged(inside, at_most=1.0),
-            "The largest of the steps.",
+            "Largest ratio of all steps.",
         ),
         Claim(
             "convex_share",
@@ -104,8 +103,8 @@ def _shape(fits: tuple[StepFit, ...]) -> tuple[Claim, ...]:
             convex,
             "1",
             "met" if convex > 0.5 else "thesis_in_error",
-            "Share of the length. (3.1) is convex where cos theta > r / R, less than half of it for every wheel with r "
-            "above 0; the wheel of the other sign has the rest (docs/theory/misprints.md).",
+            "Share of the length. (3.1) is convex where cos theta > r / R, which is less than half of the length for "
+            "r > 0; the cycloid with the opposite sign has the complement (docs/theory/misprints.md).",
         ),
     )
 

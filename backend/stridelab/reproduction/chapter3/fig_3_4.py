@@ -1,4 +1,4 @@
-"""Figure 3.4: phases of the gait from the plates, and how the height of the CoM varies from step to step."""
+"""Figure 3.4: gait phases from the force plates, and variation of the CoM height between steps."""
 
 from typing import Final
 
@@ -19,8 +19,8 @@ PRESSING_N: Final = 20.0
 
 
 def run(seeds: int, tell: Progress) -> Reproduction:
-    """One walk; ``seeds`` changes nothing."""
-    tell(0.05, "a person walks")
+    """One simulated walk; ``seeds`` is ignored."""
+    tell(0.05, "simulating a walk")
     steps = simulated_steps()
     errors_s = _errors_s(steps)
     heights = np.array([_height_m(fit) for fit in steps.fits])
@@ -32,40 +32,43 @@ def run(seeds: int, tell: Progress) -> Reproduction:
             float(np.abs(errors_s).max()),
             "s",
             at_most=LARGEST_S,
-            note=f"{errors_s.size} instants of {len(errors_s)} steps, from the recording with its noise, against the "
-            f"exact instant at which the foot presses with {PRESSING_N:.0f} N.",
+            note=f"{errors_s.size} events of {len(errors_s)} steps, from the recording with noise, compared with the "
+            f"exact time at which the foot force crosses {PRESSING_N:.0f} N.",
         ),
     )
     tell(1.0, "done")
     return Reproduction(
         claims=claims,
-        note=f"{NOTE} How much steps vary is the simulation's own choice: panel (b) is drawn, and nothing claimed.",
+        note=f"{NOTE} The variation between steps is a parameter of the simulation: panel (b) is drawn without claims.",
         tables={"height": {"percent_of_step": PERCENT, "mean_z_m": heights.mean(axis=0), "sd_z_m": sd}},
         drawing=svg(_panels(steps, heights)),
     )
 
 
 def _height_m(fit: StepFit) -> Series:
-    """Height about its mean at every percent of the step."""
+    """Height minus its mean at every percent of the step."""
     share = 100 * (fit.time_s - fit.time_s[0]) / np.ptp(fit.time_s)
     return np.asarray(np.interp(PERCENT, share, fit.path_m[:, 1] - fit.path_m[:, 1].mean()))
 
 
 def _errors_s(steps: SimulatedSteps) -> np.ndarray:
-    """Lift-off, strike, next lift-off of every step of the recording, minus the nearest exact instant of 20 N."""
+    """Errors of lift-off, strike and next lift-off of every step, relative to the closest exact event; (n, 3)."""
     recording = steps.recorded.recording
     landmarks = identify(tuple(recording.markers_m)).landmarks
-    found = find_steps(recording, landmarks, measured_windows(recording, landmarks))
+    steps_of_recording = find_steps(recording, landmarks, measured_windows(recording, landmarks))
     t = steps.walk.truth.time_s
     loaded = [foot.force_n[:, 2] > PRESSING_N for foot in steps.walk.feet.values()]
     strikes = np.concatenate([t[1:][on[1:] & ~on[:-1]] for on in loaded])
-    lifts = np.concatenate([t[1:][on[:-1] & ~on[1:]] for on in loaded])
+    lift_offs = np.concatenate([t[1:][on[:-1] & ~on[1:]] for on in loaded])
 
     def off(instant_s: float, exact_s: Series) -> float:
         return float(instant_s - exact_s[np.argmin(np.abs(exact_s - instant_s))])
 
     return np.array(
-        [[off(s.lift_off_s, lifts), off(s.strike_s, strikes), off(s.next_lift_off_s, lifts)] for s in found]
+        [
+            [off(s.lift_off_s, lift_offs), off(s.strike_s, strikes), off(s.next_lift_off_s, lift_offs)]
+            for s in steps_of_recording
+        ]
     )
 
 

@@ -1,4 +1,4 @@
-"""Figure 3.5: the centre of mass of one step, the curtate cycloid through it, and what is left over."""
+"""Figure 3.5: centre of mass of one step, fitted curtate cycloid and residual."""
 
 from typing import Final
 
@@ -15,8 +15,8 @@ MEAN_M: Final = 0.0035
 
 
 def run(seeds: int, tell: Progress) -> Reproduction:
-    """One walk; ``seeds`` changes nothing."""
-    tell(0.05, "a person walks")
+    """One simulated walk; ``seeds`` is ignored."""
+    tell(0.05, "simulating a walk")
     fits = simulated_steps().fits
     tell(0.9, "fitting")
     worst = max(float(f.path.distance_m.max()) for f in fits)
@@ -44,7 +44,7 @@ def run(seeds: int, tell: Progress) -> Reproduction:
             worst,
             "m",
             judged(worst, at_most=PRINTED_M),
-            "Largest of all samples of all steps; it lies where double support ends.",
+            "Largest error over all samples of all steps; it occurs at the end of double support.",
         ),
         Claim("up_over_ahead", "it is mainly vertical", "mainly", up / ahead, "1", judged(up / ahead, at_least=1.0)),
         Claim(
@@ -54,10 +54,10 @@ def run(seeds: int, tell: Progress) -> Reproduction:
             clock,
             "m",
             "met" if clock <= MEAN_M else "thesis_in_error",
-            "Mean distance at the same instants, with an even clock; the wheel of the other sign has "
+            "Mean distance at the same times, with uniform rotation; the cycloid with the opposite sign has "
             f"{1e3 * other:.1f} mm. "
-            f"At the lowest point the wheel is {rolled:.2f} m/s slower than its mean, and the walker {excess:.2f} m/s "
-            "faster.",
+            f"At the lowest point the cycloid is {rolled:.2f} m/s slower than its mean speed, and the walker "
+            f"{excess:.2f} m/s faster.",
         ),
         Claim(
             "over_sinusoid",
@@ -66,7 +66,7 @@ def run(seeds: int, tell: Progress) -> Reproduction:
             rivals["wheel"].rms_m / rivals["sinusoid"].rms_m,
             "1",
             "met" if rivals["wheel"].rms_m <= 0.1 * rivals["sinusoid"].rms_m else "thesis_in_error",
-            "RMS error of the height over that of a sinusoid with as many parameters; "
+            "RMS error of the height over that of a sinusoid with the same number of parameters; "
             f"two harmonics have {1e3 * rivals['two-harmonics'].rms_m:.2f} mm.",
         ),
     )

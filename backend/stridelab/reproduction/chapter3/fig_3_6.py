@@ -1,4 +1,4 @@
-"""Figure 3.6: distance between path and wheel, person by person."""
+"""Figure 3.6: distance between path and cycloid for every subject."""
 
 from typing import Final
 
@@ -14,17 +14,16 @@ SD_MM: Final = 1.5
 
 
 def run(seeds: int, tell: Progress) -> Reproduction:
-    """As many people as ``seeds`` says, six at least."""
-    found = simulated_people(seeds, tell)
-    subjects = found.population.subjects
+    """``seeds`` simulated subjects, at least ``LEAST_PEOPLE``."""
+    subjects = simulated_people(seeds, tell).population.subjects
     means = np.array([s.mean["error_mean_mm"] for s in subjects])
     sds = np.array([s.mean["error_sd_mm"] for s in subjects])
     claims = (
         Claim("error_mean_mm", "the mean distance of all subjects remains below 3.5 mm", MEAN_MM, float(means.max()),
-              "mm", judged(float(means.max()), at_most=MEAN_MM), "The largest mean of a person."),
+              "mm", judged(float(means.max()), at_most=MEAN_MM), "The largest mean of a subject."),
         Claim("error_sd_mm", "with a maximal standard deviation of 1.5 mm", SD_MM, float(sds.max()), "mm",
               judged(float(sds.max()), at_most=SD_MM),
-              "The largest deviation of a person. The text has 1 mm, the caption 1.5 mm."),
+              "The largest standard deviation of a subject. The text has 1 mm, the caption 1.5 mm."),
     )  # fmt: skip
     tell(1.0, "done")
     person = np.arange(1.0, len(means) + 1)

@@ -1,4 +1,4 @@
-"""Figure 3.7: R and r against the height."""
+"""Figure 3.7: R and r versus body height."""
 
 from typing import Final
 
@@ -16,18 +16,18 @@ from stridelab.reproduction.report.svg_plots import Panel, svg
 
 
 def run(seeds: int, tell: Progress) -> Reproduction:
-    """As many people as ``seeds`` says, six at least."""
-    found = simulated_people(seeds, tell)
-    claims = (height_claim(found, "R_m", "R", 0.67), height_claim(found, "r_m", "r", 0.61))
+    """``seeds`` simulated subjects, at least ``LEAST_PEOPLE``."""
+    people = simulated_people(seeds, tell)
+    claims = (height_claim(people, "R_m", "R", 0.67), height_claim(people, "r_m", "r", 0.61))
     tell(1.0, "done")
     return Reproduction(
         claims=claims,
         note=NOTE,
-        tables={"people": table_of(found)},
+        tables={"people": table_of(people)},
         drawing=svg(
             [
-                Panel("Radius of the wheel", "height (m)", "R (mm)", marks(found, "R_m", 1e3, 0, "R")),
-                Panel("Distance of the point", "height (m)", "r (mm)", marks(found, "r_m", 1e3, 1, "r")),
+                Panel("Radius of the wheel", "height (m)", "R (mm)", marks(people, "R_m", 1e3, 0, "R")),
+                Panel("Distance of the point", "height (m)", "r (mm)", marks(people, "r_m", 1e3, 1, "r")),
             ]
         ),
     )

@@ -1,4 +1,4 @@
-"""Figure 3.8: z0 against the height."""
+"""Figure 3.8: z0 versus body height."""
 
 from typing import Final
 
@@ -16,15 +16,15 @@ from stridelab.reproduction.report.svg_plots import Panel, svg
 
 
 def run(seeds: int, tell: Progress) -> Reproduction:
-    """As many people as ``seeds`` says, six at least."""
-    found = simulated_people(seeds, tell)
-    claims = (height_claim(found, "z0_m", "z0", 0.87),)
+    """``seeds`` simulated subjects, at least ``LEAST_PEOPLE``."""
+    people = simulated_people(seeds, tell)
+    claims = (height_claim(people, "z0_m", "z0", 0.87),)
     tell(1.0, "done")
     return Reproduction(
         claims=claims,
         note=NOTE,
-        tables={"people": table_of(found)},
-        drawing=svg([Panel("Height of the hub", "height (m)", "z0 (m)", [*marks(found, "z0_m", 1.0, 0, "z0")])]),
+        tables={"people": table_of(people)},
+        drawing=svg([Panel("Height of the hub", "height (m)", "z0 (m)", [*marks(people, "z0_m", 1.0, 0, "z0")])]),
     )
 
 

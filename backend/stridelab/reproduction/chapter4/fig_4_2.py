@@ -1,4 +1,4 @@
-"""Figure 4.2: density of the CoM over the right foot of HRP-2, kernels above, mixtures of 5, 7 and 13 below."""
+"""Figure 4.2: density of the CoM over the right foot of HRP-2: kernels, and mixtures of 5, 7 and 13 components."""
 
 from typing import Final
 
@@ -10,7 +10,7 @@ SIZES: Final = (5, 7, 13)
 
 
 def run(seeds: int, tell: Progress) -> Reproduction:
-    """From the bundled samples; ``seeds`` changes nothing."""
+    """Computed from the bundled samples; ``seeds`` is ignored."""
     return reproduced("hrp2", "HRP-2", SIZES, 7, "7 components are enough for a foot", tell)
 
 

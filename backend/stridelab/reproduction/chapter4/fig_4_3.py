@@ -1,4 +1,4 @@
-"""Figure 4.3: KL divergence of the mixture from the kernel density over its size, for the four effectors."""
+"""Figure 4.3: KL divergence of the mixture from the kernel density versus its size, for the four effectors."""
 
 from typing import Final
 
@@ -15,14 +15,14 @@ ROBOTS: Final = {"hrp2": "HRP-2", "talos": "TALOS"}
 LAST: Final = 20
 NOTE: Final = (
     "The curves are those of the bundled cards (20 000 samples, Scott's bandwidth, 10 000 draws for all sizes), which "
-    "learn-reachability computes anew. Ours is the smallest size whose divergence exceeds the least of 1 to 20 by no "
-    "more than the standard error of that difference. The thesis searches by dichotomy, which the small rises and "
-    "falls of a measured curve would mislead."
+    "learn-reachability recomputes. Our size is the smallest one whose divergence exceeds the minimum over 1 to 20 by "
+    "at most the standard error of that difference. The thesis uses a dichotomic search, which the fluctuations of a "
+    "sampled curve would mislead."
 )
 
 
 def run(seeds: int, tell: Progress) -> Reproduction:
-    """From the bundled cards; ``seeds`` changes nothing."""
+    """Computed from the bundled cards; ``seeds`` is ignored."""
     tell(0.1, "reading the cards")
     cards = {robot: load_card(robot, "uniform").effectors for robot in ROBOTS}
     effectors = [(robot, name, card) for robot in ROBOTS for name, card in cards[robot].items()]
@@ -59,7 +59,7 @@ def run(seeds: int, tell: Progress) -> Reproduction:
 
 
 def _claims(robot: str, name: str, card: EffectorCard) -> list[Claim]:
-    """That the divergence stagnates at the size of the thesis, and that it rises beyond for the hands of HRP-2."""
+    """Claims that the divergence stagnates at the thesis' size and rises beyond it for the hands of HRP-2."""
     least, size = _least(card), card.thesis_components
     excess = _at(card, size) - least.kl_nats
     who = f"{ROBOTS[robot]}, {name.replace('_', ' ')}"
@@ -71,8 +71,8 @@ def _claims(robot: str, name: str, card: EffectorCard) -> list[Claim]:
             excess,
             "nats",
             "met" if excess <= ENOUGH_SD * least.kl_sd_nats else "not_met",
-            f"KL above the least, which {least.components} have; one standard error of the estimate is "
-            f"{least.kl_sd_nats:.4f} nats. Ours: {card.components}.",
+            f"KL above the minimum, which is at {least.components} components; the standard error of the estimate is "
+            f"{least.kl_sd_nats:.4f} nats. Our size: {card.components}.",
         )
     ]
     if robot == "hrp2" and name.endswith("hand"):

@@ -1,4 +1,4 @@
-"""Figure 4.4: density of the CoM over the right foot of TALOS, kernels above, mixtures of 4 and 7 below."""
+"""Figure 4.4: density of the CoM over the right foot of TALOS: kernels, and mixtures of 4 and 7 components."""
 
 from typing import Final
 
@@ -10,8 +10,8 @@ SIZES: Final = (4, 7)
 
 
 def run(seeds: int, tell: Progress) -> Reproduction:
-    """From the bundled samples; ``seeds`` changes nothing."""
-    return reproduced("talos", "TALOS", SIZES, 4, "4 components are enough for TALOS, as the figure has it", tell)
+    """Computed from the bundled samples; ``seeds`` is ignored."""
+    return reproduced("talos", "TALOS", SIZES, 4, "4 components are enough for TALOS (figure)", tell)
 
 
 ITEM: Final = Item("fig-4.4", "Where the CoM of TALOS is over its right foot", run, printed=("level_sets",))

@@ -1,7 +1,7 @@
-"""Figure 4.5: the CoM on two, three and four contacts, the truth by inverse kinematics against the product (4.12).
+"""Figure 4.5: CoM on two, three and four contacts: ground truth by inverse kinematics and product of densities (4.12).
 
-One block of maps per number of contacts: the truth in kernels, below it the product of the uniform densities and that
-of the conditioned ones. Solid lines hold 95 % of the projected truth, dashed ones of the product.
+One block of maps per number of contacts: kernel density of the ground truth, product of the uniform densities, product
+of the conditioned densities. Solid lines enclose 95 % of the projected ground truth, dashed lines 95 % of the product.
 """
 
 import re
@@ -27,12 +27,12 @@ ROBOT: Final = "hrp2"
 DRAWS: Final = 400
 PROBES: Final = 60
 COINCIDES: Final = 0.5
-"""A place is in the highest region if the truth is at least so dense there, relative to its maximum."""
+"""Minimum density of the ground truth, relative to its maximum, in the region of highest probability."""
 _SIZE: Final = re.compile(r'viewBox="0 0 \d+ (\d+)"')
 
 
 def run(seeds: int, tell: Progress) -> Reproduction:
-    """With one draw of postures, whatever ``seeds``."""
+    """One random sample of postures; ``seeds`` is ignored."""
     search = StanceTruth(load_robot(ROBOT), ANY)
     densities = {"uniform": load_proxies(ROBOT, "uniform"), "conditioned": load_proxies(ROBOT, "conditioned")}
     rows: list[Comparison] = []
@@ -46,9 +46,9 @@ def run(seeds: int, tell: Progress) -> Reproduction:
     tell(1.0, "done")
     return Reproduction(
         claims=claims(rows),
-        note=f"HRP-2 on a stair of 0.30 m by 0.15 m, then with one hand and with both on rails; {DRAWS} postures of "
-        "the truth for its kernels (0.04 m), as many for its thresholds; base and free joints uniform, limbs by "
-        "inverse kinematics.",
+        note=f"HRP-2 on a stair of 0.30 m by 0.15 m, then with one hand and with both hands on rails; {DRAWS} postures "
+        "of the ground truth for its kernels (0.04 m) and the same number for its thresholds; base and free joints "
+        "uniform, limbs by inverse kinematics.",
         tables={"sets": table(rows)},
         drawing=stacked(blocks),
         references=("carpentier2017thesis", "carpentier2018multicontact"),
@@ -56,7 +56,7 @@ def run(seeds: int, tell: Progress) -> Reproduction:
 
 
 def claims(rows: list[Comparison]) -> tuple[Claim, ...]:
-    """What section 4.3.3.2 says of the figure."""
+    """Claims of section 4.3.3.2 on the figure."""
     uniform, conditioned = ([row for row in rows if row.densities == name] for name in ("uniform", "conditioned"))
     truths, products = (
         np.array([getattr(row, f"{kind}_volumes_m3")[-1] for row in uniform]) for kind in ("truth", "product")
@@ -68,12 +68,12 @@ def claims(rows: list[Comparison]) -> tuple[Claim, ...]:
     return (
         Claim(
             "volume_per_contact",
-            "the volume decreases with the number of contacts, both of the truth and of the product",
+            "the volumes of the truth and of the product decrease with the number of contacts",
             "< 1",
             shrinks,
             "1",
             "met" if shrinks < 1.0 else "thesis_in_error",
-            "Largest ratio of the volumes that hold 95 %, of one contact more over one less; uniform densities.",
+            "Largest ratio of the 95 % volumes of successive numbers of contacts; uniform densities.",
         ),
         Claim(
             "volume_over_truth",
@@ -82,7 +82,7 @@ def claims(rows: list[Comparison]) -> tuple[Claim, ...]:
             covers,
             "1",
             "met" if covers > 1.0 else "thesis_in_error",
-            "Least ratio of the volumes that hold 95 %, product of uniform densities over truth.",
+            "Smallest ratio of the 95 % volumes, product of uniform densities over truth.",
         ),
         Claim(
             "density_at_mode",
@@ -91,8 +91,8 @@ def claims(rows: list[Comparison]) -> tuple[Claim, ...]:
             at_mode,
             "1",
             "met" if at_mode >= COINCIDES else "thesis_in_error",
-            "Density of the truth at the mode of the product of uniform densities, over its maximum; the least of all "
-            f"sets. Of the product's mass {mass:.2f} at least lies in the set that holds 95 % of the truth.",
+            "Density of the truth at the mode of the product of uniform densities, over its maximum; minimum over all "
+            f"sets. At least {mass:.2f} of the product's mass is inside the 95 % set of the truth.",
         ),
         aimed(
             "density_at_mode_conditioned",
@@ -103,7 +103,7 @@ def claims(rows: list[Comparison]) -> tuple[Claim, ...]:
         ),
         aimed(
             "mass_inside_conditioned",
-            "conditioned densities: mass of the product in the set that holds 95 % of the truth",
+            "conditioned densities: mass of the product inside the 95 % set of the truth",
             ours,
             "1",
             at_least=0.9,
@@ -144,8 +144,8 @@ def _maps(
 
 
 def stacked(blocks: list[str]) -> str:
-    """SVG documents of one width below each other as one."""
-    heights = [int(found[1]) for block in blocks if (found := _SIZE.search(block))]
+    """Stack SVG documents of the same width vertically."""
+    heights = [int(match[1]) for block in blocks if (match := _SIZE.search(block))]
     size = f'width="{WIDTH}" height="{sum(heights)}"'
     parts = [f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {sum(heights)}" {size} role="img">']
     for number, block in enumerate(blocks):

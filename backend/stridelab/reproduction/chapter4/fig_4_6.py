@@ -1,4 +1,4 @@
-"""Figure 4.6: a Lorentz cone around the rays, shrunk by alpha into them, its promises, and the largest one inside."""
+"""Figure 4.6: outer Lorentz cone shrunk by alpha, its stated properties, and the largest inner Lorentz cone."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -18,12 +18,12 @@ ROBOT: Final = "hrp2"
 SETS: Final = 60
 POINTS: Final = 6
 CIRCLE: Final = 32
-"""Rays per point that stand for the circular cone."""
+"""Rays per contact point that approximate the circular cone."""
 
 
 @dataclass(frozen=True)
 class Row:
-    """One contact set; volumes kept are over that of the pyramids with four rays."""
+    """Results on one contact set; ``kept_*`` are volumes relative to that of the pyramids with four rays."""
 
     contacts: str
     alpha_max: float
@@ -38,7 +38,7 @@ class Row:
 
 
 def run(seeds: int, tell: Progress) -> Reproduction:
-    """With one draw of contact sets, whatever ``seeds``."""
+    """One random sample of contact sets; ``seeds`` is ignored."""
     rows = []
     for name, contacts in stair_sets(ROBOT).items():
         tell(0.1, name)
@@ -48,8 +48,8 @@ def run(seeds: int, tell: Progress) -> Reproduction:
     tell(1.0, "done")
     return Reproduction(
         claims=claims(rows, random),
-        note=f"The stances of figure 4.5 (HRP-2, friction 0.5), the thesis' cone about a CoM 0.8 m above the middle "
-        f"of the contacts, in newtons and newton metres; {SETS} random sets of 2 to 4 bodies, tilted, spread over 3 m.",
+        note=f"The stances of figure 4.5 (HRP-2, friction 0.5), the thesis' cone about a CoM 0.8 m above the mean of "
+        f"the contacts, in N and N m; {SETS} random sets of 2 to 4 tilted bodies within 3 m.",
         tables={"sets": table(rows)},
         drawing=svg(
             [
@@ -66,7 +66,7 @@ def run(seeds: int, tell: Progress) -> Reproduction:
 
 
 def measured(name: str, contacts: PointContacts) -> Row:
-    """The thesis' cone and ours on one set."""
+    """Compare the thesis' cone and the largest inner cone on one contact set."""
     pyramids = LinearCone.of(contacts, 4)
     thesis, thesis_time = timed(lambda: thesis_cone(contacts))
     ours, our_time = timed(lambda: LinearCone.of(contacts).largest_lorentz())
@@ -87,7 +87,7 @@ def measured(name: str, contacts: PointContacts) -> Row:
 
 
 def claims(rows: list[Row], random: Mapping[str, int | float]) -> tuple[Claim, ...]:
-    """What section 4.4 says of its cones."""
+    """Claims of section 4.4 on the cones."""
     excess = max(row.excess_of_true for row in rows)
     fifth, third = random["share_where_0.2_leaves"], random["share_where_0.3_leaves"]
     on_stairs = min(row.alpha_max for row in rows)
@@ -99,8 +99,8 @@ def claims(rows: list[Row], random: Mapping[str, int | float]) -> tuple[Claim, .
             excess,
             "1",
             "met" if excess <= 0.0 else "thesis_in_error",
-            "Largest gauge of a ray of the circular cones, less 1: the four rays per contact that it was built around "
-            "are all inside, what bulges between them is not.",
+            "Largest gauge of a ray of the circular cones, minus 1: the four rays per contact from which it is built "
+            "are inside, the circular cones between them are not.",
         ),
         Claim(
             "alpha_fifth",
@@ -109,9 +109,9 @@ def claims(rows: list[Row], random: Mapping[str, int | float]) -> tuple[Claim, .
             fifth,
             "1",
             "met" if fifth == 0.0 else "thesis_in_error",
-            f"Share of random sets where it leaves; alpha up to {random['least_alpha_max']:.3f} (least) "
-            f"and {random['median_alpha_max']:.3f} (median) is inside. John's theorem is about the ellipsoid of step "
-            "(ii), and step (iv) holds the centre.",
+            f"Share of random sets where it is not inside; the largest alpha inside is {random['least_alpha_max']:.3f} "
+            f"(minimum) and {random['median_alpha_max']:.3f} (median). John's theorem applies to the ellipsoid of step "
+            "(ii), whereas step (iv) fixes the centre.",
         ),
         Claim(
             "alpha_third_stairs",
@@ -120,7 +120,7 @@ def claims(rows: list[Row], random: Mapping[str, int | float]) -> tuple[Claim, .
             on_stairs,
             "1",
             "met" if on_stairs >= 0.3 else "not_met",
-            "Least alpha_max of the three sets, which are not those of the thesis to the millimetre.",
+            "Smallest alpha_max of the three sets, which are only approximately those of the thesis.",
         ),
         Claim(
             "alpha_third",
@@ -129,13 +129,13 @@ def claims(rows: list[Row], random: Mapping[str, int | float]) -> tuple[Claim, .
             third,
             "1",
             "met" if third == 0.0 else "not_met",
-            "Share of random sets where the cone of alpha = 0.3 leaves the pyramids.",
+            "Share of random sets where the cone with alpha = 0.3 is not inside the pyramids.",
         ),
-        aimed("violations", "the largest cone inside: facets and boundary points violated",
+        aimed("violations", "largest inner cone: violated facets and boundary points",
               float(random["facets_violated"] + random["points_outside"]), "1", at_most=0.0),
-        aimed("kept", "its volume over that of alpha = 0.3, median of random sets",
+        aimed("kept", "its volume over that with alpha = 0.3, median of random sets",
               random["median_kept_over_thesis"], "1", at_least=2.5),
-        aimed("change", "its change with another point and unit of length", random["largest_change"], "1",
+        aimed("change", "its change with the reference point and unit of length", random["largest_change"], "1",
               at_most=1e-6),
     )  # fmt: skip
 

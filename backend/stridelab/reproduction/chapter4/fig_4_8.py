@@ -1,8 +1,8 @@
-"""Figure 4.8: the same walk planned with the forces (u_f) and with the wrench (u_c) as control, and why they differ.
+"""Figure 4.8: the same walk planned with forces (u_f) and with the wrench (u_c) as control.
 
-Experiment 1 with HRP-2. "In theory, the optimum of both problems should be the same": it would be if the cone of u_c
-were that of the contacts. Cones inside it restrict the problem and cost what they take away; the thesis' cone is swept
-from alpha = 0.2 to 1, where it holds nearly all wrenches and its optimum is no longer one that forces can follow.
+Experiment 1 with HRP-2. "In theory, the optimum of both problems should be the same": this requires that the cone of
+u_c equals that of the contacts. An inner cone restricts the problem and increases the cost; the thesis' cone is varied
+from alpha = 0.2 to 1, where it contains nearly all wrenches and its optimum is not feasible for contact forces.
 """
 
 from collections.abc import Mapping
@@ -26,14 +26,14 @@ ROBOT: Final = "hrp2"
 EXPERIMENT: Final[Experiment] = 1
 ALPHAS: Final = (0.2, 0.3, 0.45, 0.6, 0.8, 1.0)
 SAME: Final = 0.01
-"""Share by which objectives of the same optimum may differ."""
+"""Relative tolerance for equal objectives."""
 NOISE_NMS: Final = 0.05
-"""An angular momentum below this is none: the weight of the robot, shifted by a tenth of a millimetre for a second."""
+"""Angular momentum below which it counts as noise: the robot's weight displaced by 0.1 mm for one second."""
 
 
 @dataclass(frozen=True)
 class Row:
-    """One plan beside that of u_f."""
+    """One plan compared with that of u_f."""
 
     robot: str
     experiment: int
@@ -45,7 +45,7 @@ class Row:
 
 
 def run(seeds: int, tell: Progress) -> Reproduction:
-    """Deterministic, whatever ``seeds``."""
+    """Deterministic; ``seeds`` is ignored."""
     rows: list[Row] = []
     both: tuple[CentroidalPlan, CentroidalPlan] | None = None
     jobs = [(robot, experiment) for robot in WALKERS for experiment in EXPERIMENTS]
@@ -71,9 +71,9 @@ def run(seeds: int, tell: Progress) -> Reproduction:
     tell(1.0, "done")
     return Reproduction(
         claims=claims(rows, sweep, both, circular),
-        note="Experiment 1 of HRP-2 (strides of 0.9 m in 8 s) unless said otherwise: conditioned densities, forces "
-        "constant over tenths of a second, (4.20a) without regularisers. u_f in pyramids of eight rays, u_c in the "
-        "largest Lorentz cone inside the wrench cone of the soles, both cold from the thesis' own start.",
+        note="Experiment 1 of HRP-2 (strides of 0.9 m in 8 s) unless stated otherwise: conditioned densities, forces "
+        "constant over 0.1 s, (4.20a) without regularisation. u_f in pyramids of eight rays, u_c in the largest "
+        "Lorentz cone inside the wrench cone of the soles, both cold-started from the thesis' initial guess.",
         tables={"controls": table(rows), "alpha": table(sweep), "trajectories": trajectories(both)},
         drawing=svg(
             [
@@ -87,17 +87,17 @@ def run(seeds: int, tell: Progress) -> Reproduction:
 
 
 def controls() -> Mapping[str, Control]:
-    """Both, by the thesis' names."""
+    """Both control parametrisations by the thesis' names."""
     return {"u_f": problem(EXPERIMENT, ROBOT).control, "u_c": ContactWrench()}
 
 
 def planned(robot: str, experiment: Experiment, control: Control) -> CentroidalPlan:
-    """One plan, cold."""
+    """One cold-started plan."""
     return solve(replace(problem(experiment, robot), control=control))
 
 
 def row(robot: str, experiment: int, name: str, plan: CentroidalPlan, of_forces: CentroidalPlan) -> Row:
-    """A plan beside that of u_f."""
+    """Compare a plan with that of u_f."""
     distance_m = float(np.linalg.norm(plan.com_m - of_forces.com_m, axis=1).max())
     margin_n = plan.verification.cone_margin_n
     return Row(robot, experiment, name, plan.objective, plan.iterations, margin_n, distance_m)
@@ -106,7 +106,7 @@ def row(robot: str, experiment: int, name: str, plan: CentroidalPlan, of_forces:
 def claims(
     rows: list[Row], sweep: list[Row], both: tuple[CentroidalPlan, CentroidalPlan], circular: CentroidalPlan
 ) -> tuple[Claim, ...]:
-    """What 4.6.2 says of both controls."""
+    """Claims of 4.6.2 on both controls."""
     forces, wrench = both
     pairs = list(zip(rows[::2], rows[1::2], strict=True))
     differences = [c.objective - f.objective for f, c in pairs]
@@ -123,29 +123,29 @@ def claims(
             max(shares),
             "1",
             "met" if max(shares) <= SAME else "thesis_in_error",
-            f"Largest excess of u_c's objective over u_f's, as a share, of three experiments and two robots (least "
-            f"{min(shares):.2f}). A cone inside that of the contacts restricts the problem: the optimum of u_c is that "
-            "of its cone. Only with the contacts' own cone would both be the same.",
+            f"Largest relative excess of u_c's objective over u_f's, for three experiments and two robots (smallest "
+            f"{min(shares):.2f}). The inner cone of u_c restricts the problem; the optima would be the same only with "
+            "the exact cone of the contacts.",
         ),
-        aimed("restriction", "u_c in a cone inside is never better than u_f: least excess of its objective",
+        aimed("restriction", "u_c in an inner cone is never better than u_f: smallest excess of its objective",
               min(differences), "1", at_least=0.0),
-        aimed("alpha_falls", "the larger alpha, the lower the optimum: least fall from one to the next",
+        aimed("alpha_falls", "the larger alpha, the lower the optimum: smallest decrease between successive values",
               min(falling), "1", at_least=0.0,
               note=f"From {sweep[0].objective:.0f} ({sweep[0].control}) to {sweep[-1].objective:.1f} (alpha 1), where "
-              f"forces lack {-sweep[-1].cone_margin_n:.0f} N of their cones; u_f, {forces.objective:.1f}, is between."),
-        aimed("u_f_between", "u_f's optimum lies between those of the cones inside and around",
+              f"forces leave their cones by {-sweep[-1].cone_margin_n:.0f} N; u_f: {forces.objective:.1f}."),
+        aimed("u_f_between", "u_f's optimum lies between those of the inner and outer cones",
               min(wrench.objective - forces.objective, forces.objective - sweep[-1].objective), "1", at_least=0.0),
-        aimed("pyramids", "the price of eight rays in place of circular cones in u_f's objective",
+        aimed("pyramids", "increase of u_f's objective by pyramids of eight rays instead of circular cones",
               forces.objective - circular.objective, "1", at_most=0.5),
         Claim("shape", "the CoM trajectories have similar shape", "similar", distance_m, "m",
               "met" if distance_m < 0.05 else "not_met", "Largest distance of the CoM at the same time."),
         Claim("smoother", "the motion-based problem leads to marginally smoother trajectories", "< 1",
               rough[1] / rough[0], "1", "met" if rough[1] < rough[0] else "not_met",
-              "Mean squared change of the acceleration from one tenth of a second to the next, u_c over u_f."),
+              "Mean squared change of the acceleration between intervals of 0.1 s, u_c over u_f."),
         Claim("noise", "the angular momentum oscillates with u_f, mostly numerical noise", "noise", momenta[0], "Nms",
               "met" if momenta[0] < NOISE_NMS else "not_met",
-              f"Largest angular momentum with u_f; with u_c {momenta[1]:.2g} Nms. Exact integration leaves no noise to "
-              "oscillate."),
+              f"Largest angular momentum with u_f; with u_c {momenta[1]:.2g} Nms. Exact integration causes no "
+              "numerical noise."),
     )  # fmt: skip
 
 
@@ -161,7 +161,7 @@ def table(rows: list[Row]) -> Mapping[str, Column]:
 
 
 def trajectories(both: tuple[CentroidalPlan, CentroidalPlan]) -> Mapping[str, Column]:
-    """CoM, velocity and angular momentum of both at the nodes."""
+    """CoM, velocity and angular momentum of both plans at the nodes."""
     columns: dict[str, Column] = {"time_s": both[0].time_s}
     for name, plan in zip(("forces", "wrench"), both, strict=True):
         for what, values, unit in (
@@ -174,20 +174,20 @@ def trajectories(both: tuple[CentroidalPlan, CentroidalPlan]) -> Mapping[str, Co
 
 
 def panels(both: tuple[CentroidalPlan, CentroidalPlan]) -> list[Panel]:
-    """Position about a steady walk, velocity, angular momentum; u_f full, u_c dashed."""
+    """Position relative to uniform motion, velocity and angular momentum; u_f solid, u_c dashed."""
 
     def panel(title: str, label: str, values: tuple[Points, Points]) -> Panel:
         curves = [
-            Curve(both[0].time_s, found[:, k], f"{axis}, {name}", k, dashed=name == "u_c")
+            Curve(both[0].time_s, track[:, k], f"{axis}, {name}", k, dashed=name == "u_c")
             for k, axis in enumerate("xyz")
-            for name, found in zip(("u_f", "u_c"), values, strict=True)
+            for name, track in zip(("u_f", "u_c"), values, strict=True)
         ]
         return Panel(title, "time (s)", label, curves)
 
-    steady = both[0].com_m[0] + np.outer(both[0].time_s / both[0].time_s[-1], both[0].com_m[-1] - both[0].com_m[0])
+    uniform = both[0].com_m[0] + np.outer(both[0].time_s / both[0].time_s[-1], both[0].com_m[-1] - both[0].com_m[0])
     return [
-        panel("CoM less a steady walk", "c (m)", (both[0].com_m - steady, both[1].com_m - steady)),
-        panel("its velocity", "c' (m/s)", (both[0].com_v_m_s, both[1].com_v_m_s)),
+        panel("CoM minus uniform motion", "c (m)", (both[0].com_m - uniform, both[1].com_m - uniform)),
+        panel("CoM velocity", "c' (m/s)", (both[0].com_v_m_s, both[1].com_v_m_s)),
         panel("angular momentum", "L (Nms)", (both[0].l_nms, both[1].l_nms)),
     ]
 

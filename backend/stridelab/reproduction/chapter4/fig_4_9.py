@@ -1,7 +1,7 @@
-"""Figure 4.9: the CoM seen from the right foot, with and without the log-densities in the cost.
+"""Figure 4.9: the CoM in the frame of the right foot, with and without the log-densities in the cost.
 
-Experiment 2 with HRP-2. While the right foot touches, the CoM is drawn in its frame over the density there, and how
-usual it is for the foot is measured by the share of the density's own mass that is as unusual
+Experiment 2 with HRP-2. While the right foot is in contact, the CoM is drawn in its frame over the reachability
+density. Its likelihood is measured by the share of the density's mass with lower or equal density
 (``reach_box.usual_share``).
 """
 
@@ -37,7 +37,7 @@ GRID: Final = 81
 
 @dataclass(frozen=True, eq=False)
 class Path:
-    """The CoM in the foot's frame while it touches, NaN between two contacts, and how usual each place is."""
+    """CoM in the foot's frame while in contact (NaN otherwise), and its likelihood at each node."""
 
     measure: Measure
     case: str
@@ -48,12 +48,12 @@ class Path:
 
     @property
     def touching(self) -> Mask:
-        """Rows that are no gaps."""
+        """Nodes with the foot in contact."""
         return np.asarray(np.isfinite(self.com_m[:, 0]))
 
 
 def run(seeds: int, tell: Progress) -> Reproduction:
-    """Deterministic, whatever ``seeds``."""
+    """Deterministic; ``seeds`` is ignored."""
     paths: list[Path] = []
     for number, (measure, case) in enumerate((m, c) for m in MEASURES for c in CASES):
         tell(number / 4.0, f"{measure} densities, {case} the log-density")
@@ -62,9 +62,9 @@ def run(seeds: int, tell: Progress) -> Reproduction:
     mixtures = {measure: load_proxies(ROBOT, measure)[FOOT].mixture for measure in MEASURES}
     return Reproduction(
         claims=claims(paths),
-        note="Experiment 2 of HRP-2 (six stairs of 10 cm in 24 s), the CoM in the frame of the right foot while it "
-        "touches. Densities learned uniformly, as in the thesis, and conditioned on standing. The plan without differs "
-        "by the weight of its log-densities alone, which is zero.",
+        note="Experiment 2 of HRP-2 (six stairs of 10 cm in 24 s), the CoM in the frame of the right foot while in "
+        "contact. Densities of uniform postures, as in the thesis, and conditioned on standing. The plan without the "
+        "log-densities differs only in their weight, which is zero.",
         tables={"shares": table(paths), "paths": columns(paths)},
         drawing=svg(
             [panel(mixtures[m], [p for p in paths if p.measure == m], m, view) for m in MEASURES for view in VIEWS]
@@ -73,35 +73,37 @@ def run(seeds: int, tell: Progress) -> Reproduction:
 
 
 def path(measure: Measure, case: str) -> Path:
-    """One plan, seen from the foot."""
-    asked = problem(2, ROBOT, measure)
+    """Path of one plan in the frame of the foot."""
+    stairs = problem(2, ROBOT, measure)
     if case == "without":
-        asked = replace(asked, weights=replace(asked.weights, likelihood=0.0))
-    return seen(solve(asked), asked.proxies[FOOT].mixture, measure, case)
+        stairs = replace(stairs, weights=replace(stairs.weights, likelihood=0.0))
+    return seen(solve(stairs), stairs.proxies[FOOT].mixture, measure, case)
 
 
 def seen(plan: CentroidalPlan, mixture: Mixture, measure: Measure, case: str) -> Path:
-    """The CoM of a plan in the frame of the foot's contact of each interval, at the interval's start."""
+    """CoM of a plan at the start of every interval in the frame of the foot's contact."""
     time_s, com_m = plan.time_s[:-1], np.full((len(plan.phase), 3), np.nan)
     for k, i in enumerate(plan.phase):
         contact = plan.sequence.phases[i].contacts.get(FOOT)
         if contact is not None:
             com_m[k] = contact.placement.inverse().act(plan.com_m[k : k + 1])[0]
-    there = np.isfinite(com_m[:, 0])
+    in_contact = np.isfinite(com_m[:, 0])
     share, log_density = np.full(len(com_m), np.nan), np.full(len(com_m), np.nan)
-    share[there] = usual_share(mixture, com_m[there])
-    log_density[there] = mixture.log_density(com_m[there])
+    share[in_contact] = usual_share(mixture, com_m[in_contact])
+    log_density[in_contact] = mixture.log_density(com_m[in_contact])
     return Path(measure, case, time_s, com_m, share, log_density)
 
 
 def claims(paths: list[Path]) -> tuple[Claim, ...]:
-    """What 4.6.3 says of the figure, for the thesis' densities and for ours."""
-    found: list[Claim] = []
+    """Claims of 4.6.3 on the figure, for uniform and conditioned densities."""
+    made: list[Claim] = []
     for measure in MEASURES:
-        with_it, without = (next(p for p in paths if (p.measure, p.case) == (measure, case)) for case in CASES)
-        gain = float(np.nanmean(with_it.log_density) - np.nanmean(without.log_density))
-        rare = [float((p.share[p.touching] < RARE).mean()) for p in (with_it, without)]
-        found += [
+        with_density, without_density = (
+            next(p for p in paths if (p.measure, p.case) == (measure, case)) for case in CASES
+        )
+        gain = float(np.nanmean(with_density.log_density) - np.nanmean(without_density.log_density))
+        outside_share = [float((p.share[p.touching] < RARE).mean()) for p in (with_density, without_density)]
+        made += [
             Claim(
                 f"nearer_{measure}",
                 f"the CoM stays in the most feasible region, closer to the maxima ({measure} densities)",
@@ -109,26 +111,26 @@ def claims(paths: list[Path]) -> tuple[Claim, ...]:
                 gain,
                 "1",
                 "met" if gain > 0.0 else "not_met",
-                "Gain in the mean log-density of the right foot, in nats.",
+                "Increase of the mean log-density of the right foot, in nats.",
             ),
             Claim(
                 f"infeasible_{measure}",
                 f"without the log-density, the CoM tends to be infeasible ({measure} densities)",
                 "infeasible",
-                rare[1],
+                outside_share[1],
                 "1",
-                "met" if rare[1] > max(0.5, rare[0]) else "not_met",
-                f"Share of the time outside the smallest set that holds {MASS:.0%} of the foot's density; with it "
-                f"{rare[0]:.2f}.",
+                "met" if outside_share[1] > max(0.5, outside_share[0]) else "not_met",
+                f"Share of the time outside the smallest set with {MASS:.0%} of the foot's density; with the "
+                f"log-density {outside_share[0]:.2f}.",
             ),
         ]
     conditioned = next(p for p in paths if (p.measure, p.case) == ("conditioned", "with"))
     least = float(conditioned.share[conditioned.touching].min())
-    found.append(
-        aimed("usual", "with conditioned densities, the least usual CoM of the plan: share as unusual", least, "1",
+    made.append(
+        aimed("usual", "with conditioned densities, least likely CoM of the plan: mass with lower density", least, "1",
               at_least=0.01)
     )  # fmt: skip
-    return tuple(found)
+    return tuple(made)
 
 
 def table(paths: list[Path]) -> Mapping[str, Column]:
@@ -145,19 +147,19 @@ def table(paths: list[Path]) -> Mapping[str, Column]:
 
 
 def columns(paths: list[Path]) -> Mapping[str, Column]:
-    """All paths at their nodes, gaps included."""
-    found: dict[str, Column] = {"time_s": paths[0].time_s}
+    """All paths at their nodes, including nodes without contact."""
+    by_name: dict[str, Column] = {"time_s": paths[0].time_s}
     for p in paths:
-        found |= {f"{p.measure}_{p.case}_{axis}_m": p.com_m[:, k] for k, axis in enumerate("xyz")}
-    return found
+        by_name |= {f"{p.measure}_{p.case}_{axis}_m": p.com_m[:, k] for k, axis in enumerate("xyz")}
+    return by_name
 
 
 VIEWS: Final = ((0, 1), (0, 2))
-"""Axes of the foot's frame: from above, from the side."""
+"""Axes of the foot's frame: top view, side view."""
 
 
 def panel(mixture: Mixture, paths: list[Path], measure: str, view: tuple[int, int]) -> Panel:
-    """Both paths over the level sets of the projected density, which hold half, 80 and 95 % of it."""
+    """Both paths over the level sets of the projected density with the masses ``LEVELS``."""
     flat = projected(mixture, view)
     x, y, density = on_grid(flat, np.vstack([p.com_m[p.touching] for p in paths])[:, list(view)])
     falling = np.sort(density.ravel())[::-1]
@@ -184,13 +186,13 @@ Flat = tuple[Float[np.ndarray, "k"], Float[np.ndarray, "k 2"], Float[np.ndarray,
 
 
 def projected(mixture: Mixture, view: tuple[int, int]) -> Flat:
-    """The marginal density of two coordinates."""
+    """Marginal density of two coordinates."""
     axes = np.array(view)
     return mixture.weights, mixture.means_m[:, axes], mixture.covariances_m2[:, axes[:, None], axes]
 
 
 def on_grid(flat: Flat, seen_m: Float[np.ndarray, "_ 2"]) -> tuple[Series, Series, Float[np.ndarray, "h w"]]:
-    """Axes and values on a grid that holds the density and what is drawn over it."""
+    """Axes and values of the density on a grid that covers the density and the paths."""
     weights, means, covariances = flat
     sd = np.sqrt(np.einsum("kii->ki", covariances))
     low = np.minimum((means - 3 * sd).min(axis=0), seen_m.min(axis=0) - MARGIN_M)
@@ -199,8 +201,8 @@ def on_grid(flat: Flat, seen_m: Float[np.ndarray, "_ 2"]) -> tuple[Series, Serie
     points = np.stack(np.meshgrid(x, y), axis=-1)
     density = np.zeros((GRID, GRID))
     for w, mu, S in zip(weights, means, covariances, strict=True):
-        away = points - mu
-        squares = np.einsum("hwa,ab,hwb->hw", away, np.linalg.inv(S), away)
+        difference = points - mu
+        squares = np.einsum("hwa,ab,hwb->hw", difference, np.linalg.inv(S), difference)
         density += w * np.exp(-0.5 * squares) / np.sqrt(np.linalg.det(S))
     return x, y, density
 

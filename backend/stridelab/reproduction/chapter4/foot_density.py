@@ -1,7 +1,7 @@
-"""What figures 4.2 and 4.4 share: the density of the CoM over a right foot, and mixtures of several sizes.
+"""Common part of figures 4.2 and 4.4: density of the CoM over the right foot, and mixtures of several sizes.
 
-Maps and level sets come from the bundled samples of the robot (5000 of its 20 000, the first ones), with Scott's
-bandwidth for them; EM sees four fifths of those. The divergences are those of the bundled card, from all samples.
+Maps and level sets are computed from the first 5000 of the 20 000 bundled samples of the robot with Scott's bandwidth;
+EM uses four fifths of them. The divergences are those of the bundled card, from all samples.
 """
 
 from collections.abc import Mapping, Sequence
@@ -24,9 +24,9 @@ from stridelab.reproduction.report.svg_density_maps import Row, convexity, svg_m
 EFFECTOR: Final = "right_foot"
 MASSES: Final = (0.5, 0.8, 0.95)
 CONVEX: Final = 0.9
-"""An area that fills less of its convex hull than this is plainly not convex; a disc of cells fills 0.97."""
+"""Share of the convex hull below which an area counts as not convex; a disc of cells has 0.97."""
 ENOUGH_SD: Final = 2.0
-"""A size is enough whose divergence is above the least one by no more than so many standard errors of the estimate."""
+"""Maximum excess of the divergence over its minimum, in standard errors, for a sufficient number of components."""
 DRAWS: Final = 10_000
 REFERENCES: Final = (
     "carpentier2017thesis",
@@ -40,7 +40,7 @@ REFERENCES: Final = (
 
 @dataclass(frozen=True, eq=False)
 class FootDensity:
-    """Kernels and mixtures by size, fitted to ``seen``; ``held_out`` are the samples that EM did not see."""
+    """Kernel density and mixtures by number of components; ``held_out`` are samples not used by EM."""
 
     card: EffectorCard
     kernels: KernelDensity
@@ -49,7 +49,7 @@ class FootDensity:
 
 
 def foot_density(robot: str, sizes: Sequence[int]) -> FootDensity:
-    """That of the uniform measure, as in the thesis."""
+    """Kernel density and mixtures for the uniform measure, as in the thesis."""
     com_m = load_cloud(robot, "uniform")[EFFECTOR]
     n = len(com_m) - len(com_m) // HELD_OUT
     mixtures = {k: expectation_maximisation(com_m[:n], k, seed=0)[0] for k in sizes}
@@ -58,39 +58,39 @@ def foot_density(robot: str, sizes: Sequence[int]) -> FootDensity:
 
 
 def reproduced(robot: str, title: str, sizes: Sequence[int], size: int, says: str, tell: Progress) -> Reproduction:
-    """The figure for one robot; ``says`` is what the thesis says of the ``size`` among ``sizes``."""
+    """Reproduce the figure for one robot; ``says`` is the thesis' claim on ``size``, one of ``sizes``."""
     tell(0.1, f"fitting {title}")
-    found = foot_density(robot, sizes)
-    grid = grid_around(found.kernels)
-    x, y, z = (project_kernels(found.kernels, grid, along) for along in range(3))
+    density = foot_density(robot, sizes)
+    grid = grid_around(density.kernels)
+    x, y, z = (project_kernels(density.kernels, grid, along) for along in range(3))
     rows = [Row("kernels", (x, y, z))]
-    for k, mixture in found.mixtures.items():
+    for k, mixture in density.mixtures.items():
         px, py, pz = (project_mixture(mixture, grid, along) for along in range(3))
         rows.append(Row(f"{k} components", (px, py, pz)))
     tell(0.6, "comparing level sets")
-    sets = level_set_table(found)
-    claims = _claims(found, size, convexity(y, 0.5), sets, says)
+    sets = level_set_table(density)
+    claims = _claims(density, size, convexity(y, 0.5), sets, says)
     tell(1.0, "done")
     return Reproduction(
         claims=claims,
         note=f"{title}, right foot, postures uniform in the joints. Maps and level sets: 5000 bundled samples with "
-        f"Scott's bandwidth {found.kernels.bandwidth_m:.3f} m; divergences: all 20 000 samples and "
-        f"{found.card.bandwidth_m:.3f} m, from the bundled card. The thesis does not say its bandwidth.",
-        tables={"level_sets": sets, "divergence": _divergence(found, sizes)},
+        f"Scott's bandwidth {density.kernels.bandwidth_m:.3f} m; divergences: all 20 000 samples and "
+        f"{density.card.bandwidth_m:.3f} m, from the bundled card. The thesis does not state its bandwidth.",
+        tables={"level_sets": sets, "divergence": _divergence(density, sizes)},
         drawing=svg_maps(rows, grid),
         references=REFERENCES,
     )
 
 
-def level_set_table(found: FootDensity) -> dict[str, Float[np.ndarray, "_"]]:
-    """Sets that hold a mass of a mixture, against the same of the kernels, and against samples EM did not see."""
+def level_set_table(density: FootDensity) -> dict[str, Float[np.ndarray, "_"]]:
+    """Level sets of the mixtures compared with those of the kernel density and with held-out samples."""
     rng = np.random.default_rng(0)
-    x = found.kernels.sample(DRAWS, rng)
-    log_p = found.kernels.log_density(x)
+    x = density.kernels.sample(DRAWS, rng)
+    log_p = density.kernels.log_density(x)
     rows = []
-    for k, mixture in found.mixtures.items():
+    for k, mixture in density.mixtures.items():
         own = mixture.log_density(mixture.sample(DRAWS, rng))
-        log_q, unseen = mixture.log_density(x), mixture.log_density(found.held_out)
+        log_q, unseen = mixture.log_density(x), mixture.log_density(density.held_out)
         for mass in MASSES:
             p, q = np.quantile(log_p, 1.0 - mass), np.quantile(own, 1.0 - mass)
             volumes = [np.exp(-values[values >= t]).sum() / DRAWS for values, t in ((log_p, p), (own, q))]
@@ -99,8 +99,8 @@ def level_set_table(found: FootDensity) -> dict[str, Float[np.ndarray, "_"]]:
     return {name: np.array(column, dtype=float) for name, column in zip(names, zip(*rows, strict=True), strict=True)}
 
 
-def _divergence(found: FootDensity, sizes: Sequence[int]) -> dict[str, Float[np.ndarray, "_"]]:
-    trials = [trial for trial in found.card.sizes if trial.components in {*sizes, found.card.components}]
+def _divergence(density: FootDensity, sizes: Sequence[int]) -> dict[str, Float[np.ndarray, "_"]]:
+    trials = [trial for trial in density.card.sizes if trial.components in {*sizes, density.card.components}]
     return {
         name: np.array([getattr(trial, name) for trial in trials], dtype=float)
         for name in ("components", "kl_nats", "kl_sd_nats", "excess_sd_nats", "held_out_log_likelihood")
@@ -108,13 +108,13 @@ def _divergence(found: FootDensity, sizes: Sequence[int]) -> dict[str, Float[np.
 
 
 def _claims(
-    found: FootDensity,
+    density: FootDensity,
     k: int,
     filled: float,
     sets: Mapping[str, Float[np.ndarray, "_"]],
     says: str,
 ) -> tuple[Claim, ...]:
-    card = found.card
+    card = density.card
     kl = {trial.components: trial for trial in card.sizes}
     least = min(card.sizes, key=lambda trial: trial.kl_nats)
     excess = kl[k].kl_nats - least.kl_nats
@@ -122,18 +122,17 @@ def _claims(
     unseen, inside, volume = (
         float(sets[name][at][0]) for name in ("unseen_samples_inside", "kernel_mass_inside", "volume_over_kernels")
     )
-    peak = float(
-        np.exp(found.mixtures[k].log_density(found.held_out).max() - found.kernels.log_density(found.held_out).max())
-    )
+    held_out = density.held_out
+    peak = float(np.exp(density.mixtures[k].log_density(held_out).max() - density.kernels.log_density(held_out).max()))
     return (
         Claim(
             "sagittal_area_over_hull",
-            "the density is not convex: a banana in the x-z plane",
+            "the density is not convex: banana-shaped in the x-z plane",
             "not convex",
             filled,
             "1",
             "met" if filled < CONVEX else "thesis_in_error",
-            "Area that holds half of the projected mass, over its convex hull.",
+            "Area with half of the projected mass over the area of its convex hull.",
         ),
         Claim(
             "one_normal_over_best",
@@ -142,7 +141,7 @@ def _claims(
             kl[1].kl_nats / least.kl_nats,
             "1",
             "met" if kl[1].kl_nats > 2.0 * least.kl_nats else "thesis_in_error",
-            f"KL of one component over the least of 1 to 20, which {least.components} have.",
+            f"KL of one component over the minimum of 1 to 20 components, which is at {least.components}.",
         ),
         Claim(
             "excess_nats",
@@ -151,8 +150,8 @@ def _claims(
             excess,
             "nats",
             "met" if excess <= ENOUGH_SD * least.kl_sd_nats else "not_met",
-            f"KL of {k} components above the least; the standard error of the estimate is {least.kl_sd_nats:.4f}, that "
-            f"of the difference {kl[k].excess_sd_nats:.4f}. By the rule of the card {card.components} are chosen.",
+            f"KL of {k} components above the minimum; the standard error of the estimate is {least.kl_sd_nats:.4f}, "
+            f"that of the difference {kl[k].excess_sd_nats:.4f}. The card uses {card.components} components.",
         ),
         Claim(
             "peak_over_kernels",
@@ -161,8 +160,8 @@ def _claims(
             peak,
             "1",
             "met" if abs(peak - 1.0) > 0.05 else "thesis_in_error",
-            f"Highest density at unseen samples with {k} components, over the kernels' own: the kernels flatten what "
-            "is narrower than they are.",
+            f"Highest density at held-out samples with {k} components over that of the kernels, which flatten features "
+            "narrower than their bandwidth.",
         ),
         Claim(
             "unseen_samples_inside",
@@ -171,17 +170,16 @@ def _claims(
             unseen,
             "1",
             "met" if unseen >= MASSES[-1] else "not_met",
-            f"Share of {len(found.held_out)} samples that EM did not see inside the set that holds 95 % of the mixture "
-            f"with {k} components.",
+            f"Share of {len(held_out)} held-out samples inside the 95 % set of the mixture with {k} components.",
         ),
         Claim(
             "kernel_mass_inside",
-            "and with respect to the level sets of the kernel density",
+            "the mixture is conservative with respect to the level sets of the kernel density",
             "≥ 0.95",
             inside,
             "1",
             "met" if inside >= MASSES[-1] else "not_met",
             f"Mass of the kernel density inside the same set, whose volume is {volume:.2f} of the kernels' own set: "
-            "the kernels spread the samples by their width, and EM does not see the kernels.",
+            "the kernels widen the distribution of the samples, to which EM is fitted directly.",
         ),
     )

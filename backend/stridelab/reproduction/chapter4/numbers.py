@@ -1,6 +1,6 @@
-"""Numbers that chapter 4 states in its text: robots, densities, cones and their factors, durations, times of solvers.
+"""Numbers in the text of chapter 4: robots, densities, cones and their factors, durations, solver times.
 
-What its figures and its table show is in their own items.
+The figures and the table have their own items.
 """
 
 import time
@@ -32,7 +32,7 @@ from stridelab.studies.random_contact_sets import random_contacts, stair_sets
 from stridelab.studies.thesis_experiments import Experiment, problem
 
 DIMENSION: Final = 5
-"""Of the section of a wrench cone."""
+"""Dimension of the section of a wrench cone."""
 CLOUDS: Final = 10
 POINTS: Final = 20
 SETS: Final = 20
@@ -47,21 +47,21 @@ RATE_HZ: Final = 20.0
 MOTIONS_S: Final[dict[Experiment, float]] = {1: 8.0, 2: 24.0, 3: 36.0}
 PER_SECOND_MS: Final = (7.0, 15.0)
 ROUNDED: Final = 0.02
-"""By so much a printed duration may differ from the sum of its phases."""
+"""Relative tolerance of a printed duration against the sum of its phases."""
 AROUND: Final = 0.1
-"""What "around" allows."""
+"""Relative tolerance for "around"."""
 
 
 @dataclass(frozen=True)
 class Facets:
-    """Median number of facets over random contact sets, and the largest share of a ray by which one leaves them."""
+    """Median number of facets over random contact sets, and largest relative violation of a facet by a ray."""
 
     median: float
     leaves: float
 
 
 def run(seeds: int, tell: Progress) -> Reproduction:
-    """Deterministic but for the times; ``seeds`` changes nothing."""
+    """Deterministic except for the times; ``seeds`` is ignored."""
     tell(0.05, "robots")
     claims = list(_robots())
     tell(0.3, "cones")
@@ -75,28 +75,28 @@ def run(seeds: int, tell: Progress) -> Reproduction:
     tell(1.0, "done")
     return Reproduction(
         claims=tuple(claims),
-        note="Processor time of one thread of this machine where a time is claimed. Facets are those of pyramids of "
-        "four rays per contact point, every facet once.",
+        note="Times are processor times of one thread of this machine. Facets are those of pyramids with four rays per "
+        "contact point, without duplicates.",
         tables={
             "facets": {
                 "bodies": np.array(list(facets)),
-                "median_facets": np.array([found.median for found in facets.values()]),
-                "largest_violation": np.array([found.leaves for found in facets.values()]),
+                "median_facets": np.array([counts.median for counts in facets.values()]),
+                "largest_violation": np.array([counts.leaves for counts in facets.values()]),
             },
             "alpha": {"clouds": np.array(list(least)), "least_alpha": np.array(list(least.values()))},
         },
         drawing=svg(
             [
                 Bars("Facets of the cone of wrenches, median of random sets", "1",
-                     [(f"{bodies} contacts", found.median) for bodies, found in facets.items()]),
-                Bars("Least alpha inside", "1", list(least.items())),
+                     [(f"{bodies} contacts", counts.median) for bodies, counts in facets.items()]),
+                Bars("Smallest alpha inside", "1", list(least.items())),
             ]
         ),
     )  # fmt: skip
 
 
 def height_m(robot_name: str) -> float:
-    """From sole to crown with all joints at zero, which is upright with straight legs."""
+    """Height of the robot from its meshes with all joints at zero, i.e. upright with straight legs."""
     robot = load_robot(robot_name)
     data = robot.model.createData()
     pin.forwardKinematics(robot.model, data, pin.neutral(robot.model))
@@ -109,16 +109,16 @@ def height_m(robot_name: str) -> float:
 
 
 def facets_of(bodies: int) -> Facets:
-    """Of ``SETS`` random sets of so many contacts."""
+    """Facets of ``SETS`` random contact sets with ``bodies`` contacts."""
     rng = np.random.default_rng(bodies)
     cones = [LinearCone.of(random_contacts(rng, bodies), 4) for _ in range(SETS)]
     return Facets(float(np.median([len(cone.normals) for cone in cones])), max(_leaves(cone) for cone in cones))
 
 
 def least_alpha(*, symmetric: bool) -> float:
-    """How far the smallest ellipsoid around points may be shrunk to lie in their hull: the least of random clouds.
+    """Smallest factor, over random point clouds, by which their enclosing ellipsoid shrinks to lie in their hull.
 
-    The last cloud is the one for which the theorem is sharp: a simplex, or a cross.
+    The last cloud is the one for which John's theorem is sharp: a simplex or a cross-polytope.
     """
     rng = np.random.default_rng(0)
     corners = np.eye(DIMENSION)
@@ -141,15 +141,16 @@ def _leaves(cone: LinearCone) -> float:
 
 
 def _robots() -> tuple[Claim, ...]:
-    """4.6.2 and 4.6.4 on the robots' sizes."""
+    """Claims of 4.6.2 and 4.6.4 on the sizes of the robots."""
     printed = (("hrp2", "HRP-2", 1.6, None), ("talos", "TALOS", 1.78, 100.0))
-    found = [_around(f"{name}_height_m", f"{title} is {height:g} m high", height, height_m(name), "m",
-                     "With the joints at zero.") for name, title, height, _ in printed]  # fmt: skip
+    claims = [_around(f"{name}_height_m", f"{title} is {height:g} m high", height, height_m(name), "m",
+                      "With the joints at zero.") for name, title, height, _ in printed]  # fmt: skip
     for name, title, _, mass in printed:
         if mass is not None:
             says = f"{title} weighs around {mass:g} kg"
-            found.append(_around(f"{name}_mass_kg", says, mass, load_robot(name).mass_kg, "kg", "By its description."))
-    return tuple(found)
+            mass_kg = load_robot(name).mass_kg
+            claims.append(_around(f"{name}_mass_kg", says, mass, mass_kg, "kg", "According to its description."))
+    return tuple(claims)
 
 
 def _around(key: str, says: str, thesis: float, ours: float, unit: str, note: str) -> Claim:
@@ -157,11 +158,11 @@ def _around(key: str, says: str, thesis: float, ours: float, unit: str, note: st
 
 
 def _facets(facets: dict[int, Facets]) -> tuple[Claim, ...]:
-    """4.4.1 on the double description."""
+    """Claims of 4.4.1 on the double description."""
     stairs = [(name, len(LinearCone.of(contacts, 4).normals)) for name, contacts in _stairs()]
     on_stairs = "Figure 4.5's stances: " + ", ".join(f"{n} with {name}" for name, n in stairs) + "."
     two, three = (facets[bodies].median for bodies in (2, 3))
-    worst = max(found.leaves for found in facets.values())
+    worst = max(counts.leaves for counts in facets.values())
     return (
         Claim("facets_2", "about 50 inequalities with 2 contacts", FACETS[2][0], two, "1",
               "met" if 0.5 <= two / FACETS[2][0] <= 2.0 else "not_met", f"Median of {SETS} random sets. {on_stairs}"),
@@ -169,8 +170,8 @@ def _facets(facets: dict[int, Facets]) -> tuple[Claim, ...]:
               judged(three, at_least=FACETS[3][0]), f"Median of {SETS} random sets."),
         Claim("facets_unstable", "the double description is numerically unstable for 3 contacts and more", "unstable",
               worst, "1", "beaten" if worst <= 1e-6 else "met",
-              "Largest share of a ray by which it leaves a facet: as the hull of a whitened section (qhull) the "
-              "description is exact to rounding."),
+              "Largest relative violation of a facet by a ray: computed as the hull of a whitened section (qhull), the "
+              "description is exact up to rounding."),
     )  # fmt: skip
 
 
@@ -179,20 +180,20 @@ def _stairs() -> Sequence[tuple[str, PointContacts]]:
 
 
 def _john(least: dict[str, float]) -> tuple[Claim, ...]:
-    """4.4.3: how far the smallest ellipsoid around has to be shrunk."""
+    """Claims of 4.4.3 on the shrinking factor of the smallest enclosing ellipsoid."""
     fifth, root = 1.0 / DIMENSION, 1.0 / np.sqrt(DIMENSION)
-    said = f"Least of {CLOUDS} clouds of {POINTS} points and of {{}}, which has no more. For the ellipsoid of step "
-    said += "(ii); that of step (iv) has another centre (figure 4.6)."
+    note = f"Minimum over {CLOUDS} clouds of {POINTS} points and {{}}, for which the bound is sharp. For the ellipsoid "
+    note += "of step (ii); that of step (iv) has another centre (figure 4.6)."
     return (
         Claim("john", "an ellipsoid divided by 5 is inside the hull", fifth, least["general"], "1",
-              judged(least["general"], at_least=fifth - 1e-6), said.format("the simplex")),
-        Claim("john_symmetric", "a symmetric one reduced by √5 is", root, least["symmetric"], "1",
-              judged(least["symmetric"], at_least=root - 1e-6), said.format("the cross")),
+              judged(least["general"], at_least=fifth - 1e-6), note.format("the simplex")),
+        Claim("john_symmetric", "a symmetric ellipsoid divided by √5 is inside the hull", root, least["symmetric"], "1",
+              judged(least["symmetric"], at_least=root - 1e-6), note.format("the cross-polytope")),
     )  # fmt: skip
 
 
 def _kernels() -> Claim:
-    """4.3.2.2: what a kernel costs."""
+    """Claim of 4.3.2.2 on the evaluation time of a kernel."""
     cloud = load_cloud("hrp2", "uniform")["right_foot"]
     kernels = KernelDensity.scott(cloud)
     times = []
@@ -203,23 +204,23 @@ def _kernels() -> Claim:
     each_ns = 1e9 * min(times) / (PLACES * len(cloud))
     return Claim("kernel_ns", "a kernel of the density takes around 10 ns", KERNEL_NS, each_ns, "ns",
                  "beaten" if each_ns < 0.5 * KERNEL_NS else judged(each_ns, at_most=2.0 * KERNEL_NS),
-                 f"Distance and exponential, {len(cloud)} kernels at {PLACES} places; least of {REPEATS}.")  # fmt: skip
+                 f"Distance and exponential, {len(cloud)} kernels at {PLACES} points; least of {REPEATS}.")  # fmt: skip
 
 
 def _durations() -> tuple[Claim, ...]:
-    """Table 4.1 against the phases of 4.6.3 and 4.6.4."""
-    found = []
+    """Durations of table 4.1 compared with the phases of 4.6.3 and 4.6.4."""
+    claims = []
     for experiment, printed_s in MOTIONS_S.items():
         ours_s = problem(experiment, "hrp2").sequence.duration_s
-        found.append(
+        claims.append(
             Claim(f"motion_{experiment}_s", f"experiment {experiment} lasts {printed_s:g} s", printed_s, ours_s, "s",
                   judged(abs(ours_s / printed_s - 1.0), at_most=ROUNDED), "Sum of the phases.")
         )  # fmt: skip
-    return tuple(found)
+    return tuple(claims)
 
 
 def _solves() -> tuple[Claim, ...]:
-    """4.6.1 and 4.8 on times."""
+    """Claims of 4.6.1 and 4.8 on solver times."""
     own_ms = max(1e3 * c.time_s / c.iterations / c.duration_s for c in COLUMNS if np.isfinite(c.time_s))
     walk = problem(1, "hrp2")
     replans = list(islice(RecedingHorizon(problem=walk, horizon_s=HORIZON_S).replans(None), REPLANS))
@@ -227,18 +228,18 @@ def _solves() -> tuple[Claim, ...]:
     whole_ms = 1e3 * float(np.median([replan.took_s for replan in replans]))
     stairs = problem(2, "hrp2")
     wrench, forces = (
-        min(plan.solve_time_s / plan.iterations / plan.time_s[-1] for plan in [solve(asked) for _ in range(REPEATS)])
-        for asked in (replace(stairs, control=ContactWrench()), stairs)
+        min(plan.solve_time_s / plan.iterations / plan.time_s[-1] for plan in [solve(case) for _ in range(REPEATS)])
+        for case in (replace(stairs, control=ContactWrench()), stairs)
     )
     return (
-        Claim("per_second_s", "one iteration for one second of motion takes 7 to 15 ms, by table 4.1 itself",
+        Claim("per_second_s", "one iteration for one second of motion takes 7 to 15 ms, according to table 4.1",
               PER_SECOND_MS[1] / 1e3, own_ms / 1e3, "s",
               "met" if own_ms <= 1.05 * PER_SECOND_MS[1] else "thesis_in_error",
-              "Largest of the table's own columns: that of experiment 3. Ours is in the item table-4.1."),
+              "Largest value of the table's columns: that of experiment 3. Ours is in the item table-4.1."),
         Claim("horizon_hz", "with a horizon of 2 to 3 s the solver makes one iteration at 20 Hz", RATE_HZ, rate_hz,
               "Hz", "beaten" if rate_hz > 1.5 * RATE_HZ else judged(rate_hz, at_least=RATE_HZ),
-              f"Experiment 1 with u_f over {HORIZON_S:g} s, the programme's building included; median of {REPLANS} "
-              f"replans, each of which is solved to the end in {whole_ms:.0f} ms."),
+              f"Experiment 1 with u_f over {HORIZON_S:g} s, including the construction of the nonlinear program; "
+              f"median of {REPLANS} replans, each solved to convergence in {whole_ms:.0f} ms."),
         Claim("wrench_25_s", "u_c: near 0.2 s for 25 s of motion (4.8)", 0.2, 25.0 * wrench, "s",
               "beaten" if 25.0 * wrench < 0.2 else "not_met", "One iteration of experiment 2, for 25 s."),
         Claim("forces_17_s", "u_f: near 0.4 s for 17 s of motion (4.8)", 0.4, 17.0 * forces, "s",

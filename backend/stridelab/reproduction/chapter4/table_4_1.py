@@ -1,7 +1,8 @@
-"""Table 4.1: how long the optimal control problem takes, the thesis' column beside ours.
+"""Table 4.1: solution times of the optimal control problem, the thesis' and ours.
 
-All from the thesis' own cold start; processor time of one thread, solver with its function evaluations. Building the
-programme is needed once per structure (number of phases, nodes and contacts) and stands in a column of its own.
+All problems start cold from the thesis' initial guess; times are processor times of one thread including function
+evaluations. The nonlinear program is built once per structure (number of phases, nodes and contacts), which has its own
+column.
 """
 
 from collections.abc import Mapping
@@ -22,12 +23,12 @@ from stridelab.studies.thesis_experiments import Experiment, problem
 ControlName = Literal["u_c", "u_f"]
 REPEATS: Final = 3
 AIMS: Final[Mapping[Experiment, float]] = {1: 0.5, 2: 1.5, 3: 4.0}
-"""Seconds for u_f, by experiment."""
+"""Target times in seconds for u_f, by experiment."""
 
 
 @dataclass(frozen=True)
 class Printed:
-    """One column of the thesis' table; NaN where it prints none."""
+    """One column of the thesis' table; NaN for values that are not printed."""
 
     robot: str
     experiment: Experiment
@@ -51,12 +52,12 @@ COLUMNS: Final = (
     Printed("talos", 3, "u_c"),
     Printed("talos", 3, "u_f"),
 )
-"""Those of the thesis, and what it leaves out."""
+"""Columns of the thesis' table, and the combinations that it omits."""
 
 
 @dataclass(frozen=True, eq=False)
 class Timed:
-    """A column with our plan, the least time of some repeats, and what building took the first time."""
+    """A column with our plan, the minimum solver time over some repeats, and the time of building the program."""
 
     printed: Printed
     plan: CentroidalPlan
@@ -65,37 +66,38 @@ class Timed:
 
 
 def run(seeds: int, tell: Progress) -> Reproduction:
-    """The least of ``REPEATS`` times, whatever ``seeds``."""
-    found = []
+    """Minimum of ``REPEATS`` times; ``seeds`` is ignored."""
+    times = []
     with threadpool_limits(1):
         for number, column in enumerate(COLUMNS):
             tell(number / len(COLUMNS), f"{column.robot}, experiment {column.experiment}, {column.control}")
-            found.append(timed(column))
+            times.append(timed(column))
     tell(1.0, "done")
     return Reproduction(
-        claims=claims(found),
-        note="Processor seconds of one thread of this machine, beside the thesis' on an i7 at 2.2 GHz with MUSCOD-II; "
-        "ours is the least of three. Forces constant over tenths of a second; u_f in pyramids of eight rays, u_c in "
-        "the largest Lorentz cone inside the soles' wrench cone. The table's last two rows, the shares of the QP and "
-        "of the sensitivities, have no counterpart: an interior point method has no QP, its derivatives are formulas.",
-        tables={"times": table(found)},
-        drawing=svg([Bars("time of the solver", "ms", [(name(t.printed), 1e3 * t.time_s) for t in found])]),
+        claims=claims(times),
+        note="Processor time of one thread of this machine, compared with the thesis' on an i7 at 2.2 GHz with "
+        "MUSCOD-II; ours is the minimum of three. Forces constant over 0.1 s; u_f in pyramids of eight rays, u_c in "
+        "the largest Lorentz cone inside the soles' wrench cone. The last two rows of the table, the shares of the QP "
+        "and of the sensitivities, have no counterpart: an interior point method has no QP subproblem and uses "
+        "analytical derivatives.",
+        tables={"times": table(times)},
+        drawing=svg([Bars("time of the solver", "ms", [(name(t.printed), 1e3 * t.time_s) for t in times])]),
     )
 
 
 def timed(column: Printed) -> Timed:
-    """Plan it a few times."""
-    asked = problem(column.experiment, column.robot)
+    """Solve the problem of a column ``REPEATS`` times."""
+    of_column = problem(column.experiment, column.robot)
     if column.control == "u_c":
-        asked = replace(asked, control=ContactWrench())
-    plans = [solve(asked) for _ in range(REPEATS)]
+        of_column = replace(of_column, control=ContactWrench())
+    plans = [solve(of_column) for _ in range(REPEATS)]
     return Timed(column, plans[-1], min(plan.solve_time_s for plan in plans), max(plan.build_time_s for plan in plans))
 
 
-def claims(found: list[Timed]) -> tuple[Claim, ...]:
-    """The thesis' times, then our aims."""
+def claims(times: list[Timed]) -> tuple[Claim, ...]:
+    """Claims on the thesis' times, then our targets."""
     made: list[Claim] = []
-    for t in found:
+    for t in times:
         column = t.printed
         if np.isfinite(column.time_s):
             key = f"time_{column.experiment}_{column.control}"
@@ -103,20 +105,20 @@ def claims(found: list[Timed]) -> tuple[Claim, ...]:
             verdict = "beaten" if t.time_s < column.time_s else judged(t.time_s, at_most=column.time_s)
             made.append(Claim(key, says, column.time_s, t.time_s, "s", verdict))
             made += _iterations(t)
-    gains = [t.printed.time_s / t.time_s for t in found if np.isfinite(t.printed.time_s) and t.printed.control == "u_c"]
-    of = {(t.printed.robot, t.printed.experiment, t.printed.control): t for t in found}
+    gains = [t.printed.time_s / t.time_s for t in times if np.isfinite(t.printed.time_s) and t.printed.control == "u_c"]
+    of = {(t.printed.robot, t.printed.experiment, t.printed.control): t for t in times}
     slower = [of[r, e, "u_f"].time_s / of[r, e, "u_c"].time_s for r, e, c in of if c == "u_c"]
-    per_second = [1e3 * t.time_s / t.plan.iterations / t.plan.time_s[-1] for t in found]
-    most = max(t.plan.verification.dynamics_gap for t in found)
+    per_second = [1e3 * t.time_s / t.plan.iterations / t.plan.time_s[-1] for t in times]
+    most = max(t.plan.verification.dynamics_gap for t in times)
     return (
         *made,
-        Claim("u_c_faster", "for any investigated scenario the wrench is largely faster than the forces", "> 1",
-              min(slower), "1", "met" if min(slower) > 1.0 else "not_met", "Least ratio of the times, u_f over u_c."),
+        Claim("u_c_faster", "for any investigated scenario the wrench is much faster than the forces", "> 1",
+              min(slower), "1", "met" if min(slower) > 1.0 else "not_met", "Smallest time ratio, u_f over u_c."),
         Claim("per_second", "one iteration for one second of motion takes 7 to 15 ms", 7e-3, max(per_second) / 1e3, "s",
-              "beaten" if max(per_second) < 7.0 else "not_met", "Largest of all columns."),
-        aimed("converged", "plans that converge", float(sum(t.plan.converged for t in found)), "1",
-              at_least=float(len(found))),
-        aimed("u_c_gain", "u_c: the thesis' time over ours, least of three experiments", min(gains), "1",
+              "beaten" if max(per_second) < 7.0 else "not_met", "Largest value of all columns."),
+        aimed("converged", "number of converged plans", float(sum(t.plan.converged for t in times)), "1",
+              at_least=float(len(times))),
+        aimed("u_c_gain", "u_c: the thesis' time over ours, minimum of three experiments", min(gains), "1",
               at_least=10.0),
         *(
             aimed(f"u_f_{experiment}", f"u_f, experiment {experiment}: time of the solver, the slower robot",
@@ -128,7 +130,7 @@ def claims(found: list[Timed]) -> tuple[Claim, ...]:
 
 
 def _iterations(t: Timed) -> tuple[Claim, Claim]:
-    """How many there are, and how long one takes."""
+    """Claims on the number of iterations and on the time per iteration."""
     column, n = t.printed, t.plan.iterations
     of = f"experiment {column.experiment} with {column.control}"
     key, each_s, printed_s = f"{column.experiment}_{column.control}", t.time_s / n, column.time_s / column.iterations
@@ -141,25 +143,25 @@ def _iterations(t: Timed) -> tuple[Claim, Claim]:
 
 
 def name(column: Printed) -> str:
-    """For bars and rows."""
+    """Label of a column in the drawing and the table."""
     return f"{column.robot} {column.experiment}, {column.control}"
 
 
-def table(found: list[Timed]) -> Mapping[str, Column]:
+def table(times: list[Timed]) -> Mapping[str, Column]:
     """One row per column of the thesis' table."""
     return {
-        "plan": np.array([name(t.printed) for t in found]),
-        "thesis_motion_seconds": np.array([t.printed.duration_s for t in found]),
-        "motion_seconds": np.array([t.plan.time_s[-1] for t in found]),
-        "thesis_seconds": np.array([t.printed.time_s for t in found]),
-        "seconds": np.array([t.time_s for t in found]),
-        "build_seconds": np.array([t.build_s for t in found]),
-        "thesis_iterations": np.array([t.printed.iterations for t in found]),
-        "iterations": np.array([t.plan.iterations for t in found]),
-        "ms_per_iteration": np.array([1e3 * t.time_s / t.plan.iterations for t in found]),
-        "objective": np.array([t.plan.objective for t in found]),
-        "cone_margin_n": np.array([t.plan.verification.cone_margin_n for t in found]),
+        "plan": np.array([name(t.printed) for t in times]),
+        "thesis_motion_seconds": np.array([t.printed.duration_s for t in times]),
+        "motion_seconds": np.array([t.plan.time_s[-1] for t in times]),
+        "thesis_seconds": np.array([t.printed.time_s for t in times]),
+        "seconds": np.array([t.time_s for t in times]),
+        "build_seconds": np.array([t.build_s for t in times]),
+        "thesis_iterations": np.array([t.printed.iterations for t in times]),
+        "iterations": np.array([t.plan.iterations for t in times]),
+        "ms_per_iteration": np.array([1e3 * t.time_s / t.plan.iterations for t in times]),
+        "objective": np.array([t.plan.objective for t in times]),
+        "cone_margin_n": np.array([t.plan.verification.cone_margin_n for t in times]),
     }
 
 
-ITEM: Final = Item("table-4.1", "How long the optimal control problem takes", run, printed=("times",))
+ITEM: Final = Item("table-4.1", "Solution times of the optimal control problem", run, printed=("times",))

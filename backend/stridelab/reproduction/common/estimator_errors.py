@@ -1,7 +1,6 @@
-"""Errors of all estimators on simulated walks: the draws that several items share, and their means.
+"""Errors of all estimators on simulated walks, shared by several items, and their means.
 
-A draw costs about a second, most of it the smoother, so draws are kept in the process: the items that look at the same
-trials compute them once.
+A draw takes about a second, most of it in the smoother; draws are cached in the process and shared between items.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -26,9 +25,9 @@ NOISY_HZ: Final = 5.0
 
 @dataclass(frozen=True)
 class Draw:
-    """Errors of every estimator on one trial; ``noisy_m`` is the horizontal RMS of the error above 5 Hz.
+    """Errors of every estimator on one trial; ``noisy_m`` is the horizontal RMS error above 5 Hz.
 
-    ``closer`` is the share of samples at which the thesis' filter is horizontally no further from the truth than the
+    ``closer`` is the share of samples at which the horizontal error of the thesis' filter does not exceed that of the
     thesis' Kalman filter.
     """
 
@@ -41,7 +40,7 @@ class Draw:
 
 @lru_cache(maxsize=1000)
 def draw(gait: GaitName, noise: str, seed: int) -> Draw:
-    """All estimators on one trial."""
+    """Errors of all estimators on one trial."""
     trial = simulate(gait, noise, seed)
     errors, noisy, distance = {}, {}, {}
     for name, estimator in estimators(trial).items():
@@ -55,7 +54,7 @@ def draw(gait: GaitName, noise: str, seed: int) -> Draw:
 
 
 def draws(gaits: Sequence[GaitName], noises: Sequence[str], seeds: int, tell: Progress) -> list[Draw]:
-    """Every gait under every noise, ``seeds`` times."""
+    """``seeds`` draws of every combination of gait and noise."""
     wanted = [(gait, noise, seed) for gait in gaits for noise in noises for seed in range(seeds)]
     done = []
     for k, (gait, noise, seed) in enumerate(wanted):
@@ -64,9 +63,9 @@ def draws(gaits: Sequence[GaitName], noises: Sequence[str], seeds: int, tell: Pr
     return done
 
 
-def horizontal_ratio(found: Sequence[Draw], one: str, other: str) -> float:
+def horizontal_ratio(draws: Sequence[Draw], one: str, other: str) -> float:
     """Horizontal RMS error of one estimator over that of another, both over all draws."""
-    return rms([d.errors[one].horizontal_m for d in found]) / rms([d.errors[other].horizontal_m for d in found])
+    return rms([d.errors[one].horizontal_m for d in draws]) / rms([d.errors[other].horizontal_m for d in draws])
 
 
 def rms(values: Sequence[float]) -> float:
@@ -74,11 +73,11 @@ def rms(values: Sequence[float]) -> float:
     return float(np.sqrt(np.mean(np.square(values))))
 
 
-def table(found: Sequence[Draw]) -> dict[str, Column]:
+def table(draws: Sequence[Draw]) -> dict[str, Column]:
     """One row per gait, noise and estimator: RMS over the draws, mean coverage and median lag."""
     rows: list[dict[str, object]] = []
-    for gait, noise in dict.fromkeys((d.gait, d.noise) for d in found):
-        group = [d for d in found if (d.gait, d.noise) == (gait, noise)]
+    for gait, noise in dict.fromkeys((d.gait, d.noise) for d in draws):
+        group = [d for d in draws if (d.gait, d.noise) == (gait, noise)]
         for name in NAMES:
             errors = [d.errors[name] for d in group]
             row: dict[str, object] = {"gait": gait, "noise": noise, "estimator": name, "draws": len(group)}
@@ -93,16 +92,16 @@ def table(found: Sequence[Draw]) -> dict[str, Column]:
 
 
 def chosen(columns: Mapping[str, Column], keys: Sequence[str], keep: Callable[[int], bool]) -> dict[str, Column]:
-    """Some columns of a table, and the rows for whose number ``keep`` is True."""
+    """Columns ``keys`` of a table, restricted to the rows for whose index ``keep`` is True."""
     rows = [k for k in range(len(next(iter(columns.values())))) if keep(k)]
     return {key: columns[key][rows] for key in keys}
 
 
 def as_columns(rows: Sequence[Mapping[str, object]]) -> dict[str, Column]:
-    """Rows with the same keys as columns."""
+    """Convert rows with the same keys to columns."""
     return {key: np.array([row[key] for row in rows]) for key in rows[0]}
 
 
 def per_axis(pattern: str, values: PerAxis) -> dict[str, object]:
-    """``{"rms_x_m": ..}`` from three numbers."""
+    """Dictionary such as ``{"rms_x_m": ...}`` from the values of three axes."""
     return {pattern.format(axis): float(value) for axis, value in zip("xyz", values, strict=True)}

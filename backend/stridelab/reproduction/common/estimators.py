@@ -1,7 +1,7 @@
-"""The estimators that are held against each other in the simulation study, told the noise that was added.
+"""Estimators compared in the simulation study, with priors that match the simulated noise.
 
-The thesis' Kalman filter is told the true noise (2.5.3), so the smoother is told it as well. Nobody is told the error
-of the body model that was drawn, only its size, and nothing about the angular momentum.
+The thesis' Kalman filter uses the true noise covariance (2.5.3), hence the smoother does too. All estimators are given
+the size of the body model error but not its value, and no information on the angular momentum.
 """
 
 from collections.abc import Mapping
@@ -26,14 +26,14 @@ TUNED: Final = "kalman"
 RTS: Final = "rts"
 SMOOTHER: Final = "smoother"
 NAMES: Final = (GEOMETRY, THESIS, AUTO, KALMAN, TUNED, RTS, SMOOTHER)
-"""As in ``compare-estimators``: ``-thesis`` is with the settings of the thesis, without it with ours. ``kalman`` and
-``rts`` expect a jerk of the size that walking has, and here they are told the noise, too."""
+"""Names as in ``compare-estimators``; ``-thesis`` uses the settings of the thesis, the others those of stridelab.
+``kalman`` and ``rts`` use a jerk that is realistic for walking and, here, the true noise."""
 _PLATE_HEIGHT_M: Final = 0.83
-"""Height of the CoM over the plates: the lever with which noise of the force reaches the axis."""
+"""Height of the CoM above the plates: lever arm of the force noise in the position of the axis."""
 
 
 def estimators(trial: StudyTrial, *, beyond_window: bool = False) -> Mapping[str, ComEstimator]:
-    """All estimators for one trial, by name; ``beyond_window`` lets the smoother answer outside the force, too."""
+    """All estimators for one trial by name; ``beyond_window`` extends the smoother beyond the force window."""
     noise = told_inputs(trial)
     tuned = KalmanFilter(sigma_jerk_m_s3=TUNED_SIGMA_JERK_M_S3, noise=noise)
     return {
@@ -48,9 +48,9 @@ def estimators(trial: StudyTrial, *, beyond_window: bool = False) -> Mapping[str
 
 
 def told(trial: StudyTrial) -> SmootherPriors:
-    """Priors with the sizes of the simulated noise.
+    """Smoother priors with the sizes of the simulated noise.
 
-    Raises ``InvalidInput`` (``prior-out-of-range``) for a trial without noise, of which no size can be stated.
+    Raises ``InvalidInput`` (``prior-out-of-range``) for a trial without noise.
     """
     noise = trial.noise
     return SmootherPriors(
@@ -66,7 +66,7 @@ def told(trial: StudyTrial) -> SmootherPriors:
 
 
 def told_inputs(trial: StudyTrial) -> InputNoise:
-    """R of the Kalman filter: the simulated noise as it arrives at the three inputs."""
+    """Measurement noise of the Kalman filter: the simulated noise propagated to the three inputs."""
     x, y, z = trial.noise_sd_m
     force = trial.noise.force_n
     axis = float(np.hypot(trial.noise.moment_nm, _PLATE_HEIGHT_M * force) / (trial.mass_kg * GRAVITY_M_S2))

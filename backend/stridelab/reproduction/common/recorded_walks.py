@@ -1,4 +1,4 @@
-"""A recording of a walk as the items on people read it: geometry of the segment table, force on plates, body mass."""
+"""Recorded walks for the items on real recordings: geometric CoM, plate forces, body mass."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,7 +18,7 @@ STATICS: Final = ("*_ST.c3d", "Static*.c3d")
 
 @dataclass(frozen=True, eq=False)
 class RecordedWalk:
-    """One recording of a person, who is named as the folder; ``windows`` are when all contact is on plates."""
+    """One recording of a subject named after its folder; in ``windows`` all contact is on plates."""
 
     person: str
     recording: Recording
@@ -28,24 +28,24 @@ class RecordedWalk:
 
     @staticmethod
     def of(path: Path) -> "RecordedWalk":
-        """With the joint centres of the standing person in the same folder.
+        """Read a recording, with joint centres from the static trial in the same folder.
 
-        Raises ``NotFound`` (``recordings-missing``) where the body mass is not stated, and what the readers raise.
+        Raises ``NotFound`` (``recordings-missing``) if the body mass is missing, and the errors of the readers.
         """
         recording = read_recording(path)
         mass_kg = recording.subject.mass_kg
         if mass_kg is None:
-            raise NotFound("recordings-missing", f"{path.name} does not say how heavy the person is.")
+            raise NotFound("recordings-missing", f"{path.name} does not contain the body mass of the subject.")
         windows = measured_windows(recording, identify(list(recording.markers_m)).landmarks)
         return RecordedWalk(path.parent.name, recording, mass_kg, geometry_of(recording, path.parent), windows)
 
     def wrench(self, latency_s: float) -> WrenchTrack:
-        """Total contact wrench, read ``latency_s`` later than it is stamped."""
+        """Total contact wrench, corrected for the latency: read ``latency_s`` later than its time stamp."""
         return wrench_track(self.recording, self.windows, latency_s=latency_s)
 
 
 def recordings_in(gait: Path, pattern: str) -> list[Path]:
-    """Raises ``NotFound`` (``recordings-missing``) where there is none."""
+    """Sorted recordings that match ``pattern``. Raises ``NotFound`` (``recordings-missing``) if there are none."""
     paths = sorted(gait.glob(pattern))
     if not paths:
         raise NotFound("recordings-missing", f"There is no recording {pattern} in the folder {gait.name}.")
@@ -53,7 +53,7 @@ def recordings_in(gait: Path, pattern: str) -> list[Path]:
 
 
 def geometry_of(recording: Recording, folder: Path) -> GeometricCom:
-    """The CoM from markers and segment table, with the standing person of the folder where there is one."""
+    """Geometric CoM from markers and segment table; uses the static trial of the folder if there is one."""
     landmarks = identify(list(recording.markers_m)).landmarks
     statics = sorted(path for pattern in STATICS for path in folder.glob(pattern))
     static = read_recording(statics[0]) if statics else None

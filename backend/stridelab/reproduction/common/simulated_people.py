@@ -1,7 +1,7 @@
-"""Many simulated people of different heights: what the figures of a population are repeated on.
+"""Simulated subjects of different heights, used by the figures on a population.
 
-Who walks at which speed is drawn without a look at the height, so that what goes along with height here does so because
-bodies are similar in shape, and not because tall people were told to walk differently.
+Speeds are drawn independently of the height, so that correlations with the height result from geometric similarity of
+the bodies and not from prescribed gait differences.
 """
 
 from collections.abc import Callable
@@ -23,21 +23,21 @@ from stridelab.walking.population.population import PARAMETERS, Pair, Person, Po
 from stridelab.walking.step_fit import StepFit, fit_step
 
 HEIGHT_M: Final[dict[Sex, tuple[float, float]]] = {"male": (1.74, 0.04), "female": (1.71, 0.04)}
-"""Mean and standard deviation of the thesis' subjects (3.2.1); every fourth of them was a woman."""
+"""Mean and standard deviation of the thesis' subjects (3.2.1), a quarter of whom were women."""
 SPEED_M_S: Final = (1.25, 0.12)
 LEAST_PEOPLE: Final = 6
 THESIS_PEOPLE: Final = 16
 DURATION_S: Final = 3.0
 NOTE: Final = (
-    "Simulated people with exact centre of mass, as tall as the subjects of the thesis, at speeds that were drawn "
-    "without a look at their height. Upwards a simulated centre of mass is a cosine per step by construction: these "
-    "correlations are those of the walker's rules, not of people, who are in docs/theory/population.md."
+    "Simulated subjects with exact centre of mass, with the heights of the thesis' subjects, at speeds drawn "
+    "independently of the height. The simulated vertical motion is a cosine per step by construction: these "
+    "correlations are properties of the simulation; measured subjects are in docs/theory/population.md."
 )
 
 
 @dataclass(frozen=True)
 class SimulatedPeople:
-    """The studied population, and every fit of every person."""
+    """The analysed population, and all step fits by subject."""
 
     population: Population
     fits: dict[str, tuple[StepFit, ...]]
@@ -59,27 +59,27 @@ def _people(n: int) -> SimulatedPeople:
 
 
 def simulated_people(seeds: int, tell: Callable[[float, str], None]) -> SimulatedPeople:
-    """As many people as ``seeds`` says, six at least: fewer have no correlation worth the name."""
+    """Simulate ``seeds`` subjects, at least ``LEAST_PEOPLE``: fewer do not give a meaningful correlation."""
     n = max(seeds, LEAST_PEOPLE)
-    tell(0.05, f"{n} people walk")
-    found = _people(n)
-    tell(0.9, "studying them")
-    return found
+    tell(0.05, f"simulating {n} subjects")
+    people = _people(n)
+    tell(0.9, "analysing the population")
+    return people
 
 
-def against_height(found: SimulatedPeople, parameter: str) -> Pair:
-    """The correlation of a parameter with the height."""
-    pairs = found.population.pairs
+def against_height(people: SimulatedPeople, parameter: str) -> Pair:
+    """Correlation of a parameter with the height."""
+    pairs = people.population.pairs
     return next(pair for pair in pairs if (pair.parameter, pair.against) == (parameter, "height_m"))
 
 
-def height_claim(found: SimulatedPeople, parameter: str, letter: str, thesis: float) -> Claim:
-    """The thesis' coefficient with the height: met where it lies in our 95 % interval, beaten where it is below."""
-    pair = against_height(found, parameter).pearson
+def height_claim(people: SimulatedPeople, parameter: str, letter: str, thesis: float) -> Claim:
+    """Claim on the correlation with the height: met if the thesis' value lies in our 95 % interval, beaten if below."""
+    pair = against_height(people, parameter).pearson
     low, high = pair.ci95 or (-1.0, 1.0)
     return Claim(
         f"{parameter.removesuffix('_m')}_height_r",
-        f"{letter} goes with the height of the subjects",
+        f"{letter} is correlated with the height of the subjects",
         thesis,
         pair.r,
         "1",
@@ -88,23 +88,23 @@ def height_claim(found: SimulatedPeople, parameter: str, letter: str, thesis: fl
     )
 
 
-def table_of(found: SimulatedPeople) -> dict[str, Series]:
-    """A row per person: height, speed, and mean and deviation of every parameter."""
-    subjects = found.population.subjects
+def table_of(people: SimulatedPeople) -> dict[str, Series]:
+    """One row per subject: height, speed, mean and standard deviation of every parameter."""
+    subjects = people.population.subjects
     columns = {name: np.array([s.value(name) for s in subjects]) for name in ("height_m", "speed_m_s", *PARAMETERS)}
     return columns | {f"sd_{name}": np.array([s.sd[name] for s in subjects]) for name in PARAMETERS}
 
 
-def marks(found: SimulatedPeople, parameter: str, scale: float, colour: int = 0, letter: str = "") -> list[Curve]:
-    """A mark with its deviation for every person, and the straight line through them."""
-    heights = np.array([s.value("height_m") for s in found.population.subjects])
-    means = scale * np.array([s.mean[parameter] for s in found.population.subjects])
-    sds = scale * np.nan_to_num([s.sd[parameter] for s in found.population.subjects])
+def marks(people: SimulatedPeople, parameter: str, scale: float, colour: int = 0, letter: str = "") -> list[Curve]:
+    """Error bars of a parameter for every subject, and the regression line."""
+    heights = np.array([s.value("height_m") for s in people.population.subjects])
+    means = scale * np.array([s.mean[parameter] for s in people.population.subjects])
+    sds = scale * np.nan_to_num([s.sd[parameter] for s in people.population.subjects])
     gap = np.full_like(heights, np.nan)
     bars = Curve(
         np.column_stack([heights, heights, gap]).ravel(),
         np.column_stack([means - sds - 1e-6, means + sds + 1e-6, gap]).ravel(),
-        f"{letter} of each person, mean ± deviation",
+        f"{letter} of each subject, mean ± sd",
         colour,
     )
     ends = np.array([heights.min(), heights.max()])

@@ -1,7 +1,7 @@
-"""The steps of one simulated person, with exact CoM and exact timing: what the figures of chapter 3 are repeated on.
+"""Steps of one simulated subject with exact CoM and timing, used by the figures of chapter 3.
 
-Nobody told this person of wheels. Ahead, the CoM is a pendulum that keeps its zero-moment point on the feet; upwards it
-is a cosine per step by construction. What the wheel does on this walk it does without any law of human walking.
+The simulation does not use the cycloid model: the horizontal CoM motion is a linear inverted pendulum with its
+zero-moment point on the feet, the vertical motion a cosine per step by construction.
 """
 
 from dataclasses import dataclass
@@ -20,15 +20,15 @@ from stridelab.walking.steps import GaitStep
 
 SPEED_M_S: Final = 1.2
 NOTE: Final = (
-    "Simulated, because the recordings of the thesis are not public, with exact centre of mass and timing. Nobody told "
-    "this person of wheels: ahead a pendulum on its feet, upwards a cosine per step by construction. People are in "
-    "docs/theory/rolling-wheel.md."
+    "Simulated, because the recordings of the thesis are not public, with exact centre of mass and timing. The "
+    "simulation does not use the cycloid model: forward motion of an inverted pendulum, vertical motion a cosine per "
+    "step. Measured subjects are in docs/theory/rolling-wheel.md."
 )
 
 
 @dataclass(frozen=True)
 class SimulatedSteps:
-    """The walk, its recording with the noise of markers and plates, and every whole step with its fits."""
+    """The walk, its recording with marker and plate noise, and the fits of all complete steps."""
 
     walk: Walk
     recorded: SimulatedRecording
@@ -36,7 +36,7 @@ class SimulatedSteps:
     path_m: Plane
 
     def after(self, fit: StepFit) -> slice:
-        """Samples of the step and of the single support that follows."""
+        """Samples of the step and of the following single support."""
         k = next(i for i, other in enumerate(self.fits) if other is fit)
         strike_s = self.fits[k + 1].step.strike_s
         t = self.recorded.truth.time_s
@@ -45,7 +45,7 @@ class SimulatedSteps:
 
 @lru_cache(maxsize=1)
 def simulated_steps() -> SimulatedSteps:
-    """Five seconds of a man of 1.80 m."""
+    """Simulate and fit a walk of 5 s of a subject of 1.80 m."""
     walk = HumanWalker(height_m=1.80, mass_kg=64.0, sex="male", speed_m_s=SPEED_M_S, duration_s=5.0, seed=1).walk()
     recorded = record(walk, MeasurementNoise(force_n=5.0, moment_nm=3.0, marker_m=0.001), 0, lab="walkway")
     t, path = recorded.truth.time_s, np.asarray(recorded.truth.com_m[:, [0, 2]])
@@ -57,16 +57,16 @@ def simulated_steps() -> SimulatedSteps:
 
 
 def true_steps(walk: Walk) -> tuple[GaitStep, ...]:
-    """Steps as planned: from lift-off to the next lift-off, with the strike between and the one before."""
-    known = events(walk.plan)
-    strikes = [event.time_s for event in known if event.kind == "foot_strike"]
-    found = []
-    for lift, other in pairwise([event for event in known if event.kind == "foot_off"]):
+    """Planned steps, from lift-off to the next lift-off; the period is the time between strikes."""
+    planned = events(walk.plan)
+    strikes = [event.time_s for event in planned if event.kind == "foot_strike"]
+    steps = []
+    for lift, other in pairwise([event for event in planned if event.kind == "foot_off"]):
         before = [s for s in strikes if s < lift.time_s]
         between = [s for s in strikes if lift.time_s < s < other.time_s]
         if before and len(between) == 1 and lift.side is not None:
             period_s = between[0] - before[-1]
-            found.append(
+            steps.append(
                 GaitStep(
                     side=lift.side,
                     lift_off_s=lift.time_s,
@@ -79,4 +79,4 @@ def true_steps(walk: Walk) -> tuple[GaitStep, ...]:
                     source="plates",
                 )
             )
-    return tuple(found)
+    return tuple(steps)

@@ -1,4 +1,4 @@
-"""Numbers, verdicts and columns of a reproduction as a page or a terminal shows them."""
+"""Formatting of numbers, verdicts and columns of a reproduction for pages and terminals."""
 
 from collections.abc import Iterable, Mapping
 from typing import Final
@@ -8,30 +8,30 @@ import numpy as np
 from stridelab.reproduction.claims import VERDICTS, Claim, Column, Verdict, three_digits
 
 UNITS: Final = {"m_s2": ("m/s²", 1.0), "m_s": ("m/s", 1.0), "m": ("mm", 1e3), "s": ("ms", 1e3), "n": ("N", 1.0)}
-"""What the end of a column's name says about its numbers, and how they are printed; the longest first."""
+"""Printed unit and scale by the unit suffix of a column name; longer suffixes come first."""
 
 
 def measured(value: float, unit: str) -> str:
-    """To three digits; metres and seconds below a tenth in thousandths, a ratio as a bare number."""
+    """Format with three digits; metres and seconds below 0.1 in thousandths, a ratio without unit."""
     if unit in ("m", "s") and 0 < abs(value) < 0.1:
         value, unit = 1000 * value, f"m{unit}"
     return three_digits(value) if unit == "1" else f"{three_digits(value)} {unit}"
 
 
 def numbers(claim: Claim) -> tuple[str, str]:
-    """The thesis' number, or its words, and ours."""
+    """The thesis' number (or words) and ours, as text."""
     thesis = claim.thesis if isinstance(claim.thesis, str) else measured(claim.thesis, claim.unit)
     return thesis, measured(claim.ours, claim.unit)
 
 
 def counted(claims: Iterable[Claim]) -> dict[Verdict, int]:
-    """How many claims have each verdict, the one that weighs most first."""
+    """Number of claims by verdict, in the order of ``VERDICTS``."""
     given = [claim.verdict for claim in claims]
     return {verdict: given.count(verdict) for verdict in VERDICTS}
 
 
 def cells(columns: Mapping[str, Column]) -> tuple[list[str], list[tuple[str, ...]]]:
-    """Headings and rows of a table; the unit of a column's name moves into its heading."""
+    """Headings and rows of a table; the unit suffix of a column name moves into its heading."""
     heads, values = zip(*(_column(name, column) for name, column in columns.items()), strict=True)
     return list(heads), list(zip(*values, strict=True))
 

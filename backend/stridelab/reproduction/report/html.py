@@ -1,4 +1,4 @@
-"""Items as one HTML file that needs no other: verdicts on top, then claims, tables and drawings item by item."""
+"""Self-contained HTML report: summary of the verdicts, then claims, tables and drawing of every item."""
 
 from collections.abc import Mapping, Sequence
 from html import escape
@@ -29,14 +29,14 @@ svg { max-width: 100%; height: auto; }
 
 
 def report(sections: Sequence[Section], made: str) -> str:
-    """The whole file; ``made`` says by what it was made."""
-    said = "Every claim has the thesis' number, or an aim of our own where it has none, ours, and a computed verdict."
+    """Render the report; ``made`` is a sentence on how it was generated."""
+    intro = "Every claim has the thesis' number, or an aim of our own where it has none, ours, and a computed verdict."
     parts = [
         "<!doctype html>",
         '<html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width">',
         f"<title>Reproduction of the thesis</title><style>{STYLE}</style></head><body>",
         "<h1>Reproduction of the thesis</h1>",
-        f"<p>{escape(made)} {said}</p>",
+        f"<p>{escape(made)} {intro}</p>",
         _summary(sections),
         *(_section(section) for section in sections),
         "</body></html>",
@@ -45,16 +45,16 @@ def report(sections: Sequence[Section], made: str) -> str:
 
 
 def _summary(sections: Sequence[Section]) -> str:
-    """How many claims have each verdict, altogether and by item."""
-    found = [section.found for section in sections if section.found is not None]
-    total = counted(claim for one in found for claim in one.claims)
-    said = ", ".join(f'<b class="{v}">{total[v]}</b> {WORDS[v]}' for v in reversed(VERDICTS))
+    """Number of claims by verdict, in total and by item."""
+    results = [section.found for section in sections if section.found is not None]
+    total = counted(claim for result in results for claim in result.claims)
+    counts = ", ".join(f'<b class="{v}">{total[v]}</b> {WORDS[v]}' for v in reversed(VERDICTS))
     failed = [section for section in sections if section.found is None]
     missing = f' <b class="failed">{len(failed)} item{"s"[: len(failed) > 1]} failed.</b>' if failed else ""
     heads = "".join(f'<th class="n" scope="col">{WORDS[v].partition(",")[0]}</th>' for v in reversed(VERDICTS))
     rows = "".join(_summary_row(section) for section in sections)
     return (
-        f"<p data-counts>{sum(total.values())} claims of {len(sections)} items: {said}.{missing}</p>"
+        f"<p data-counts>{sum(total.values())} claims of {len(sections)} items: {counts}.{missing}</p>"
         f'<div class="scroll"><table><thead><tr><th scope="col">Item</th>{heads}</tr></thead>'
         f"<tbody>{rows}</tbody></table></div>"
     )
@@ -77,11 +77,11 @@ def _section(section: Section) -> str:
     return f"{head}{_body(section.found)}{tables}{_drawing(section)}</section>"
 
 
-def _body(found: Reproduction) -> str:
-    rows = "".join(_claim(claim) for claim in found.claims)
+def _body(result: Reproduction) -> str:
+    rows = "".join(_claim(claim) for claim in result.claims)
     heads = '<th scope="col">Claim</th><th class="n" scope="col">Thesis, or our aim</th><th class="n" scope="col">Here'
     return (
-        f'<p>{escape(found.note)}</p><div class="scroll"><table><thead><tr>{heads}</th><th scope="col">Verdict</th>'
+        f'<p>{escape(result.note)}</p><div class="scroll"><table><thead><tr>{heads}</th><th scope="col">Verdict</th>'
         f"</tr></thead><tbody>{rows}</tbody></table></div>"
     )
 
@@ -96,7 +96,7 @@ def _claim(claim: Claim) -> str:
 
 
 def _word(claim: Claim) -> str:
-    """What was reached, or beaten, is known of a single claim."""
+    """Text of the verdict; "beaten" distinguishes targets of this project from numbers of the thesis."""
     if claim.verdict != "beaten":
         return WORDS[claim.verdict]
     return "aim reached" if str(claim.thesis).startswith("aim") else "better"
@@ -110,6 +110,6 @@ def _table(columns: Mapping[str, Column]) -> str:
 
 
 def _drawing(section: Section) -> str:
-    """The SVG as it is: it carries neither scripts nor styles (``drawing``)."""
+    """Embed the SVG unchanged; it contains neither scripts nor styles."""
     assert section.found is not None
     return f'<figure aria-label="{escape(section.title)}, drawn from these numbers">{section.found.drawing}</figure>'

@@ -1,4 +1,4 @@
-"""Items as a page of the book: claims with their remarks, short tables, no drawings."""
+"""Markdown page of the items: claims with their remarks and short tables, without drawings."""
 
 from collections.abc import Mapping, Sequence
 from typing import Final
@@ -11,21 +11,21 @@ WORDS: Final = {"met": "met", "beaten": "met", "not_met": "**not met**", "thesis
 
 
 def page(head: str, sections: Sequence[Section]) -> str:
-    """The whole page below a ``head`` in Markdown."""
+    """Render the page below a ``head`` in Markdown."""
     return "\n".join([head, *(section_text(section) for section in sections)])
 
 
 def section_text(section: Section) -> str:
-    """Heading, note, claims with their remarks, tables; of an item that failed, why."""
+    """Heading, note, claims with their remarks and tables; the error message for a failed item."""
     lines = [f"## {section.name}: {section.title}", ""]
     if section.found is None:
         return "\n".join([*lines, f"**Not computed**: {section.failure}"]) + "\n"
-    found = section.found
-    lines += [found.note, "", "| claim | thesis | ours | |", "| --- | --- | --- | --- |"]
-    lines += [_row(claim) for claim in found.claims]
-    lines += ["", *(f"- {claim.says}: {claim.note}" for claim in found.claims if claim.note)]
+    result = section.found
+    lines += [result.note, "", "| claim | thesis | ours | |", "| --- | --- | --- | --- |"]
+    lines += [_row(claim) for claim in result.claims]
+    lines += ["", *(f"- {claim.says}: {claim.note}" for claim in result.claims if claim.note)]
     for key in section.printed:
-        lines += ["", *_table(found.tables[key])]
+        lines += ["", *_table(result.tables[key])]
     return "\n".join(lines) + "\n"
 
 

@@ -1,8 +1,7 @@
-"""Maps of projected densities as SVG, as figures 4.2 and 4.4 show them: one row per density, one column per axis.
+"""Maps of projected densities as SVG, as in figures 4.2 and 4.4: one row per density, one column per axis.
 
-The colours of a column are those of its first map, in which the darkest stands for the maximum. The line around the
-smallest area that holds 95 % of the first row is drawn in all rows, and each row's own line dashed: where the second
-lies outside the first, a mixture reaches farther than what it approximates.
+The colour scale of a column is that of its first map; the darkest colour is its maximum. Solid lines in all rows
+enclose the smallest area with 95 % of the first row, dashed lines that of the row itself.
 """
 
 from collections.abc import Sequence
@@ -19,7 +18,7 @@ from stridelab.reachability.proxy.projections import ACROSS, Grid, Map
 from stridelab.reproduction.report.svg_plots import PALETTE
 
 BANDS: Final = ("#eff3ff", "#d6e4f5", "#bdd7e7", "#94c4df", "#6baed6", "#4a97c9", "#2e7ebc", "#1764ab", "#084a91")
-"""One hue that darkens: it reads in grey too."""
+"""Sequential colours of one hue, readable in greyscale."""
 MASS: Final = 0.95
 WIDTH: Final = 720
 _LABEL, _GAP, _TOP, _BOTTOM = 116.0, 34.0, 20.0, 34.0
@@ -27,7 +26,7 @@ _FONT: Final = 'font-family="sans-serif" font-size="11" fill="#222222"'
 
 
 AnyMap = Float[np.ndarray, "_ _"]
-"""A map among others of other sizes."""
+"""A map of any size."""
 
 
 @dataclass(frozen=True)
@@ -39,13 +38,13 @@ class Row:
 
 
 def threshold(density: Map, mass: float = MASS) -> float:
-    """The level above which a map on a grid of equal cells holds ``mass`` of what it holds in all."""
+    """Level above which a map on a uniform grid contains the share ``mass`` of its total."""
     falling = np.sort(density.ravel())[::-1]
     return float(falling[np.searchsorted(np.cumsum(falling), mass * falling.sum())])
 
 
 def svg_maps(rows: Sequence[Row], grid: Grid) -> str:
-    """The maps as one SVG document; axes in metres, the same scale for all."""
+    """Render the maps as one SVG document with axes in metres and a common scale."""
     extents = [[grid.axis_m(axis)[-1] - grid.low_m[axis] for axis in across] for across in ACROSS]
     pixels = (WIDTH - _LABEL - 3 * _GAP) / sum(width for width, _ in extents)  # per metre
     tall = max(height for _, height in extents) * pixels + _TOP + _BOTTOM
@@ -72,7 +71,7 @@ def svg_maps(rows: Sequence[Row], grid: Grid) -> str:
 
 
 def _bands(density: Map, top: float, step: float) -> list[str]:
-    """Runs of cells of one band, one path per band; rows go upwards."""
+    """Filled cells, one path per colour band; rows go upwards."""
     band = np.minimum(len(BANDS) * density / top, len(BANDS) - 1).astype(int)
     paths: list[list[str]] = [[] for _ in BANDS]
     for j, line in enumerate(band):
@@ -87,15 +86,17 @@ def _bands(density: Map, top: float, step: float) -> list[str]:
 
 def _lines(density: Map, step: float, colour: int, *, dashed: bool) -> list[str]:
     dash = ' stroke-dasharray="4 2"' if dashed else ""
-    found = []
+    polylines = []
     for line in find_contours(density, threshold(density)):  # type: ignore[no-untyped-call]
         points = " ".join(f"{j * step:.1f},{-i * step:.1f}" for i, j in line)
-        found.append(f'<polyline points="{points}" fill="none" stroke="{PALETTE[colour]}" stroke-width="1.1"{dash}/>')
-    return found
+        polylines.append(
+            f'<polyline points="{points}" fill="none" stroke="{PALETTE[colour]}" stroke-width="1.1"{dash}/>'
+        )
+    return polylines
 
 
 def _axes(along: int, grid: Grid, width: float, height: float) -> list[str]:
-    """A frame, a tick every half metre, and the names of the axes."""
+    """Frame, ticks every 0.5 m, and axis labels."""
     right, up = ACROSS[along]
     parts = [
         f'<path d="M0 0h{width:.1f}v{-height:.1f}h{-width:.1f}z" fill="none" stroke="#555555" stroke-width="0.7"/>'
@@ -113,7 +114,7 @@ def _axes(along: int, grid: Grid, width: float, height: float) -> list[str]:
 
 
 def convexity(density: Map, mass: float) -> float:
-    """Cells that hold ``mass`` over those of their convex hull: 1 for a convex area, up to the corners of cells."""
+    """Area of the set with ``mass`` over that of its convex hull; 1 for a convex set, up to discretisation."""
     inside: Float[np.ndarray, "up right"] = (density >= threshold(density, mass)).astype(float)
     hull = convex_hull_image(inside > 0.5, offset_coordinates=False)  # type: ignore[no-untyped-call]
     return float(inside.sum() / hull.sum())

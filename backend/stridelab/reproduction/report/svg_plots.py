@@ -1,7 +1,7 @@
-"""Curves and bars as SVG: panels with axes, a legend, linear or logarithmic scales; no program and no network needed.
+"""Line plots and bar charts as SVG: panels with axes, legends, linear or logarithmic scales.
 
-The palette is that of Okabe and Ito, which all common kinds of colour blindness can tell apart. Colours and sizes are
-presentation attributes: the file carries neither scripts nor styles.
+The palette of Okabe and Ito is safe for common forms of colour blindness. Colours and sizes are presentation
+attributes: the file contains neither scripts nor styles.
 """
 
 import math
@@ -26,7 +26,7 @@ Values = Float[np.ndarray, "_"]
 
 @dataclass(frozen=True)
 class Curve:
-    """One line; a value that is not finite interrupts it. ``colour`` counts in ``PALETTE``."""
+    """One curve, interrupted at non-finite values; ``colour`` is an index into ``PALETTE``."""
 
     x: Values
     y: Values
@@ -37,7 +37,7 @@ class Curve:
 
 @dataclass(frozen=True)
 class Panel:
-    """One pair of axes. On a logarithmic axis, values of zero or less are not drawn."""
+    """One pair of axes with curves; a logarithmic axis omits values that are not positive."""
 
     title: str
     x_label: str
@@ -49,7 +49,7 @@ class Panel:
 
 @dataclass(frozen=True)
 class Bars:
-    """Numbers side by side, each with its name; a number that is not finite is written, not drawn."""
+    """Horizontal bar chart; a non-finite value is labelled but has no bar."""
 
     title: str
     unit: str
@@ -57,7 +57,7 @@ class Bars:
 
 
 def svg(panels: Sequence[Panel | Bars]) -> str:
-    """The panels below each other as one SVG document."""
+    """Render the panels below each other as one SVG document."""
     size = f'width="{WIDTH}" height="{HEIGHT * len(panels)}"'
     parts = [
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {HEIGHT * len(panels)}" {size} role="img">',
@@ -72,7 +72,7 @@ def svg(panels: Sequence[Panel | Bars]) -> str:
 
 @dataclass(frozen=True)
 class _Scale:
-    """From data to pixels along one axis."""
+    """Mapping from data to pixels along one axis."""
 
     low: float
     high: float
@@ -154,18 +154,18 @@ def _bars(bars: Bars) -> list[str]:
 
 
 def _scale(values: Sequence[Values], log: bool, start: float, end: float, *, margin: float) -> _Scale:
-    seen = np.concatenate([v[np.isfinite(v) & ((v > 0.0) | (not log))] for v in values])
-    if len(seen) == 0:
-        seen = np.array([1.0])
-    low, high = float(seen.min()), float(seen.max())
+    finite = np.concatenate([v[np.isfinite(v) & ((v > 0.0) | (not log))] for v in values])
+    if len(finite) == 0:
+        finite = np.array([1.0])
+    low, high = float(finite.min()), float(finite.max())
     if log:
         return _Scale(low, high if high > low else 10.0 * low, start, end, log)
-    room = margin * (high - low) or (0.0 if high > low else max(abs(high), 1.0) / 2)
-    return _Scale(low - room, high + room, start, end, log)
+    padding = margin * (high - low) or (0.0 if high > low else max(abs(high), 1.0) / 2)
+    return _Scale(low - padding, high + padding, start, end, log)
 
 
 def _runs(curve: Curve, x: _Scale, y: _Scale) -> list[str]:
-    """Pieces of the line between gaps, thinned to what a screen can show."""
+    """Segments of the curve between gaps, thinned to ``_MOST_POINTS`` points."""
     every = max(1, len(curve.x) // _MOST_POINTS)
     runs: list[list[str]] = [[]]
     for a, b in zip(curve.x[::every].tolist(), curve.y[::every].tolist(), strict=True):
