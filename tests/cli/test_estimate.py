@@ -131,5 +131,5 @@ def test_a_static_trial_that_is_none_is_said(tmp_path: Path, capsys: pytest.Capt
     write_c3d(tmp_path / "other.c3d", taller)
     run(Delivery(tmp_path / "out"), method="geometry", preparation=Preparation(static=tmp_path / "other.c3d"))
     shown = " ".join(capsys.readouterr().out.split())
-    assert "Nobody stands still in the static trial other.c3d" in shown
-    assert "The static trial other.c3d shows another body than this recording" in shown
+    assert "The subject moves in the static trial other.c3d" in shown
+    assert "The static trial other.c3d shows a different body from this recording" in shown

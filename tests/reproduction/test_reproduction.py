@@ -112,7 +112,7 @@ def test_the_lag_of_the_kalman_filter_is_explained(found: Mapping[str, Reproduct
         assert whole > 0.02
         assert 0 < lag_s[gait, "axis through the CoM"] < whole
         assert 0 < lag_s[gait, "jerk of 20 m/s³"] < whole
-        assert abs(lag_s[gait, "both taken away"]) < 0.001
+        assert abs(lag_s[gait, "both removed"]) < 0.001
         assert abs(ours(found, "lag", f"{gait}_smoother_s").ours) < 0.001
 
 

@@ -118,7 +118,7 @@ def body_mass(
             raise NotEstimable(
                 "mass-unknown",
                 "The body mass is neither stated nor in the file, and no force is measured for long enough to weigh "
-                "the subject. The method geometry needs no mass.",
+                "the person. The method geometry needs no mass.",
                 [Fault("mass_kg", "missing")],
             )
         message = f"No mass is stated; {_used(force)} follow from the plates: {_listed(weighed)}."

@@ -189,7 +189,7 @@ def outlined(scenario: Scenario) -> ContactSequence:
 
 def _invalid(faults: Sequence[Fault]) -> InvalidInput:
     more = f" and {len(faults) - 1} more" if len(faults) > 1 else ""
-    message = f"The scenario is invalid: {faults[0].where}: {faults[0].message}{more}."
+    message = f"The robot cannot do this: {faults[0].where}: {faults[0].message}{more}."
     return InvalidInput("scenario-invalid", message, faults)
 
 

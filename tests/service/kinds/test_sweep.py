@@ -47,7 +47,7 @@ def test_strides_by_friction(tmp_path: Path) -> None:
     assert np.isfinite(table["objective"].to_numpy()).tolist() == [False, True, False, False]
     assert table["why"].to_pylist()[-1].startswith("The robot cannot do this")
     assert (summary.points, summary.feasible, summary.refused, summary.infeasible, summary.failed) == (4, 1, 2, 1, 0)
-    assert (summary.solvers, summary.solver_because) == ({"ipopt": 2}, "ipopt was asked for.")
+    assert (summary.solvers, summary.solver_because) == ({"ipopt": 2}, "ipopt was requested.")
     assert [axis.field for axis in summary.axes] == ["stride", "friction"]
     assert summary.axes[0].present == present(short_walk().model_dump(mode="json"), "stride")
 
