@@ -63,7 +63,7 @@ def test_a_number_is_taken_out_as_it_is_with_the_finding_beside_it() -> None:
     choice = chosen(0.005, 0.018)
     assert choice.applied_s == 0.005
     assert codes(choice) == ["latency-applied"]
-    assert "5.0 ms later, as asked; found were 1" in choice.remarks[0].message
+    assert "5.0 ms later, as requested; the estimate is 1" in choice.remarks[0].message
 
 
 @pytest.mark.parametrize(("wanted", "applied_s"), [("apply", 0.0), ("report", 0.0), (0.007, 0.007)])
