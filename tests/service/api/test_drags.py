@@ -94,7 +94,7 @@ def test_an_owners_drag_is_stored_in_the_owners_name(lab: Lab, owner: dict[str, 
 
 @pytest.mark.parametrize(
     ("scope", "reason"),
-    [("read", "needs a token of scope 'submit'; yours has 'read'"), ("submit", "belongs to somebody else")],
+    [("read", "needs a token of scope 'submit'; yours has 'read'"), ("submit", "belongs to another user")],
 )
 def test_others_drags_change_nothing_and_say_why(lab: Lab, owner: dict[str, Any], scope: str, reason: str) -> None:
     theirs = stored_by(lab, owner["secret"])

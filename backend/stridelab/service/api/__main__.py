@@ -24,26 +24,29 @@ GRACE_S = 2
 
 
 class Server(uvicorn.Server):
-    """Tells the application at once when it is to stop; otherwise its open streams would hold it up."""
+    """A uvicorn server that sets ``Parts.closing`` on a stop signal, so that open streams end without delay."""
 
     def __init__(self, app: FastAPI, config: uvicorn.Config) -> None:
         super().__init__(config)
         self._app = app
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
-        """Called in the event loop, before anything is opened."""
+        """Start the heartbeat, then the server; called in the event loop."""
         self._beating = asyncio.create_task(heartbeat.beat())
         await super().startup(sockets)
 
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:
-        """Called for SIGINT and SIGTERM."""
+        """Handle SIGINT and SIGTERM."""
         super().handle_exit(sig, frame)
         if isinstance(parts := getattr(self._app.state, "parts", None), Parts):
             parts.closing.set()
 
 
 def server(settings: Settings) -> uvicorn.Server:
-    """The server, not yet running. Raises ``InvalidInput`` (``token-needed``) for an open address without a token."""
+    """Build the server without running it.
+
+    Raises ``InvalidInput`` (``token-needed``) for an address other than loopback without a token.
+    """
     if not settings.is_loopback and settings.token is None:
         raise InvalidInput(
             "token-needed",
@@ -68,7 +71,7 @@ def server(settings: Settings) -> uvicorn.Server:
 
 
 def main() -> None:
-    """Serve until told to stop."""
+    """Serve until SIGINT or SIGTERM."""
     settings = load_settings()
     configure_logging(settings.log_level)
     try:

@@ -1,4 +1,4 @@
-"""The web application: its layers, its calls, and what it opens when it starts."""
+"""The web application: middleware, routes, and the resources that are opened at start-up."""
 
 import asyncio
 import time
@@ -48,17 +48,17 @@ from stridelab.service.storage.database import database_url, make_engine
 
 FRONT: Final = "stridelab.service.web_mount"
 PARSERS: Final = 2
-"""Single uploads that are parsed at the same time; others wait their turn."""
+"""Maximum number of single uploads that are parsed at the same time; further ones wait."""
 BATCHES: Final = 2
-"""Bulk uploads that are parsed at the same time, beside the single ones: each may take minutes."""
+"""Maximum number of bulk uploads that are parsed at the same time, separate from single uploads: each takes minutes."""
 JUDGES: Final = 2
-"""Scenarios that are checked at the same time."""
+"""Maximum number of scenarios that are validated at the same time."""
 
 
 def create_app(settings: Settings, *, with_sample: bool = False) -> FastAPI:
-    """The application; nothing is opened before it starts, so that its description costs nothing.
+    """Create the application. Resources are opened at start-up only, so generating the OpenAPI document is cheap.
 
-    ``with_sample`` brings the bundled recording and scenarios into the database at start, as every real service does.
+    ``with_sample`` writes the bundled recording and scenarios to the database at start-up, as in production.
     """
 
     @asynccontextmanager
@@ -68,7 +68,7 @@ def create_app(settings: Settings, *, with_sample: bool = False) -> FastAPI:
             if with_sample:
                 await recording.seed(parts.engine, parts.blobs)
                 await bundled_scenarios.seed(parts.engine)
-            # in children, at low priority: the service answers meanwhile, and whoever looks first finds the files
+            # runs in low-priority child processes while the service already answers requests
             async with _beside(_warmed(parts, with_sample)):
                 yield
 
@@ -77,10 +77,10 @@ def create_app(settings: Settings, *, with_sample: bool = False) -> FastAPI:
         version=__version__,
         lifespan=lifespan,
         openapi_url="/api/v1/openapi.json",
-        docs_url=None,  # FastAPI's pages load their scripts from elsewhere
+        docs_url=None,  # FastAPI's pages load their scripts from a CDN
         redoc_url=None,
         redirect_slashes=False,
-        # its own spans would tell addresses of clients and what was typed; the edge makes ours
+        # FastAPI's spans contain client addresses and full URLs; the `Edge` middleware creates the spans instead
         telemetry={"tracing": False, "metrics": False, "logs": False, "auto_configure": False},
     )
     token = settings.token
@@ -89,7 +89,7 @@ def create_app(settings: Settings, *, with_sample: bool = False) -> FastAPI:
     problems.install(app)
     openapi.install(app)
     api = APIRouter(prefix="/api/v1")
-    # routes are tried one after another, and jobs are what is asked for most
+    # routes are matched in this order, and job requests are the most frequent
     for part in (jobs, health, recordings, subjects, robots, scenarios, plans, stream, access):
         api.include_router(part.router)
     api.include_router(access.anybody)
@@ -105,13 +105,13 @@ def create_app(settings: Settings, *, with_sample: bool = False) -> FastAPI:
 
 async def _warmed(parts: Parts, with_sample: bool) -> None:
     if with_sample:
-        # the robots of the samples first
+        # robots of the bundled scenarios come first
         await parts.robots.warm(dict.fromkeys((*bundled_scenarios.robots(), *robot_names())))
 
 
 @asynccontextmanager
 async def _beside(work: Coroutine[Any, Any, None]) -> AsyncIterator[None]:
-    """``work`` goes on while the context lasts, no longer."""
+    """Run ``work`` in the background for the lifetime of the context, then cancel it."""
     task = asyncio.create_task(work)
     try:
         yield
@@ -122,16 +122,17 @@ async def _beside(work: Coroutine[Any, Any, None]) -> AsyncIterator[None]:
 
 
 def _mount_pages(app: FastAPI, settings: Settings) -> None:
-    """Put the web pages on the same port, where they are installed."""
+    """Mount the web pages on the same port if they are installed."""
     if find_spec(FRONT) is not None:
         import_module(FRONT).mount(app, settings)
 
 
 @asynccontextmanager
 async def open_parts(settings: Settings) -> AsyncIterator[Parts]:
-    """Everything that the endpoints work with, open as long as the context lasts.
+    """Open the resources that the endpoints share, for the lifetime of the context.
 
-    Raises ``Unavailable`` (``database-not-configured``) without a database address, and as ``confinement.begin`` does.
+    Raises ``Unavailable`` (``database-not-configured``) without a database address, and the errors of
+    ``confinement.begin``.
     """
     url = database_url(settings)
     if url is None:
@@ -176,15 +177,15 @@ async def open_parts(settings: Settings) -> AsyncIterator[Parts]:
 
 
 def _shelf(settings: Settings, blobs: BlobStore, spool: Path) -> RobotShelf:
-    """The robots, with a pool of their own, which holds no memory once all is prepared."""
+    """Create the robot cache with a separate process pool, which is closed once all robots are prepared."""
     return RobotShelf(IsolatedPool(DRAWING, settings.job_niceness), blobs, spool, settings.job_memory_mb)
 
 
 @asynccontextmanager
 async def _spool(settings: Settings) -> AsyncIterator[Path]:
-    """A folder of this process's own for uploads on their way in; what killed processes left there is removed.
+    """Create a private folder for incoming uploads and remove the folders that killed processes left behind.
 
-    Children that read uploads can reach it. Raises as ``confinement.begin`` does.
+    Child processes that parse uploads can access it. Raises the errors of ``confinement.begin``.
     """
     root = settings.data_folder / "spool"
     with WorkFolder(root) as own:

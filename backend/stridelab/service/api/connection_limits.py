@@ -1,11 +1,11 @@
-"""Limits of connections and of the time that a client may take, which uvicorn has no options for.
+"""Limits on connections and on slow clients, for which uvicorn has no options.
 
-A client must send the head of a request, and go on sending its body, within time limits. The number of open
-connections is limited in all and per address. At a limit a newcomer takes the place of a connection that keeps the
-service waiting: it is the answered requests that count, so no number of half-sent ones keeps anybody out.
+A client must send the head and the body of a request within time limits. The number of open connections is limited in
+total and per address. At a limit, a new connection replaces one whose client keeps the service waiting, so that
+incomplete requests (Slowloris) cannot exhaust the connections.
 
-Times are counted in ticks of the event loop's timer. Where the loop was held up, the bytes of a client that was in time
-are read before the next tick.
+Times are counted in ticks of an event loop timer. If the loop was blocked, data that arrived in time is read before the
+next tick.
 """
 
 import asyncio
@@ -25,16 +25,16 @@ from stridelab.service.settings import Settings
 
 TICK_S: Final = 1.0
 WRITE_S: Final = 60.0
-"""A client that takes nothing of its answer for so long is gone."""
+"""Time after which a client that reads nothing of its response is disconnected."""
 LEAST_BYTES_HZ: Final = 250.0
-"""A body that comes more slowly than this, on average, is not waited for."""
+"""Minimum average rate at which a body must arrive, in bytes per second."""
 RESERVED_FILES: Final = 200
-"""Files that the service needs itself: the database, children, what is read and written."""
+"""File descriptors reserved for the database, child processes, and files."""
 BACKLOG: Final = 128
-"""Connections that the event loop accepts at once."""
+"""Number of connections that the event loop accepts per iteration."""
 ROUNDS_TO_CLOSE: Final = 3
-"""How often the event loop accepts before it closes the first connection that a newcomer has pushed out: one round
-makes the transport, the next tells the protocol, which closes another, and the third closes that one's file."""
+"""Iterations of the event loop until a replaced connection is closed: one creates the new transport, the next calls its
+protocol, which aborts the replaced connection, and the third closes the file descriptor of that one."""
 _TELL_S: Final = 60.0
 
 State = Literal["idle", "head", "body", "answer"]
@@ -43,7 +43,7 @@ log = structlog.get_logger(__name__)
 
 @dataclass
 class Doors:
-    """The connections of one server. ``is_proxy`` tells which addresses stand for many clients."""
+    """Open connections of one server and their limits; ``is_proxy`` tells which addresses are reverse proxies."""
 
     connections: int
     per_address: int
@@ -58,7 +58,7 @@ class Doors:
 
     @staticmethod
     def of(settings: Settings, open_files: int, trusted: str | list[str] | None) -> "Doors":
-        """The limits of ``settings``, as far as ``open_files`` allow; proxies are those whose headers are trusted."""
+        """Take the limits from ``settings``, reduced to what ``open_files`` permits; ``trusted`` are the proxies."""
         proxies = _TrustedHosts(trusted or "127.0.0.1")
         room = max(open_files - RESERVED_FILES - ROUNDS_TO_CLOSE * BACKLOG, 1)
         return Doors(
@@ -70,7 +70,7 @@ class Doors:
         )
 
     def enter(self, newcomer: "GuardedProtocol") -> None:
-        """A connection has been accepted."""
+        """Register a new connection; at a limit, close a waiting connection or refuse the new one."""
         self._open[newcomer] = None
         self._by_address[newcomer.address] += 1
         if self._timer is None:
@@ -88,7 +88,7 @@ class Doors:
                 self.leave(loser)
 
     def leave(self, connection: "GuardedProtocol") -> None:
-        """A connection has ended."""
+        """Remove a closed connection."""
         if connection in self._open:
             del self._open[connection]
             self._by_address[connection.address] -= 1
@@ -96,7 +96,7 @@ class Doors:
                 del self._by_address[connection.address]
 
     def _waited_for(self, newcomer: "GuardedProtocol", address: str | None) -> "Iterator[GuardedProtocol]":
-        """Connections whose clients keep the service waiting: the oldest without a request first."""
+        """Connections that may be replaced: idle ones, oldest first, then slow bodies, then unread responses."""
 
         def others() -> "Iterator[GuardedProtocol]":
             return (one for one in self._open if one is not newcomer and address in (None, one.address))
@@ -120,9 +120,11 @@ class Doors:
         state = connection.count_tick()
         waited_s = connection.ticks * TICK_S
         if state == "head" and waited_s > self.head_s:
-            connection.refuse(408, "request-timeout", f"The head of the request did not come within {self.head_s:g} s.")
+            connection.refuse(
+                408, "request-timeout", f"The head of the request did not arrive within {self.head_s:g} s."
+            )
         elif state == "body" and (waited_s > self.body_s or connection.is_dripping(self.body_s)):
-            connection.refuse(408, "request-timeout", "The body of the request came too slowly.")
+            connection.refuse(408, "request-timeout", "The body of the request arrived too slowly.")
         elif state == "answer" and waited_s > WRITE_S:
             connection.transport.abort()
         else:
@@ -131,7 +133,7 @@ class Doors:
 
 
 class GuardedProtocol(H11Protocol):
-    """uvicorn's HTTP/1.1 with the limits of ``doors``, which a subclass for each server sets (``guarded``)."""
+    """uvicorn's HTTP/1.1 protocol with the limits ``doors``, which ``guarded`` sets in a subclass per server."""
 
     doors: Doors
 
@@ -139,7 +141,7 @@ class GuardedProtocol(H11Protocol):
         super().__init__(*args, **options)
         self.address = ""
         self.ticks = 0
-        """Since when the client has kept the service waiting."""
+        """Number of ticks for which the service has been waiting for the client."""
         self._state: State = "head"
         self._has_sent = False
         self._body_bytes = 0
@@ -167,14 +169,14 @@ class GuardedProtocol(H11Protocol):
         super().data_received(data)
 
     def handle_websocket_upgrade(self, event: h11.Request) -> None:
-        """Called for a whole request; from here on the websocket's protocol has the connection."""
+        """Hand the connection over to the websocket protocol, to which these limits do not apply."""
         self.doors.leave(self)
         super().handle_websocket_upgrade(event)
 
     @property
     def state(self) -> State:
-        """What the connection waits for."""
-        if self.flow.write_paused:  # also of an answer that uvicorn has handed over whole
+        """State of the connection, by what it waits for."""
+        if self.flow.write_paused:  # also if uvicorn has already written the complete response
             return "answer"
         if self.conn.their_state is h11.IDLE:
             return "head" if self.timeout_keep_alive_task is None else "idle"
@@ -182,11 +184,11 @@ class GuardedProtocol(H11Protocol):
 
     @property
     def is_slow(self) -> bool:
-        """Whether nothing, or nearly nothing, has come of a body."""
+        """Whether the body has stalled or has just begun."""
         return self.ticks > 0 or self._body_bytes < LEAST_BYTES_HZ
 
     def count_tick(self) -> State:
-        """Count the time for which the client keeps the service waiting, and tell for what."""
+        """Count the time for which the service waits for the client; return the state of the connection."""
         state = self.state
         if state != self._state:
             self.ticks = self._body_ticks = self._body_bytes = 0
@@ -200,12 +202,12 @@ class GuardedProtocol(H11Protocol):
         return state
 
     def is_dripping(self, grace_s: float) -> bool:
-        """Whether a body comes, but more slowly than anybody's line."""
+        """Whether the body arrives at less than ``LEAST_BYTES_HZ`` on average, after ``grace_s``."""
         passed_s = self._body_ticks * TICK_S
         return passed_s > grace_s and self._body_bytes < LEAST_BYTES_HZ * passed_s
 
     def refuse(self, status: int, code: str, detail: str) -> None:
-        """Close the connection; a client that has begun a request and has no answer yet is told why."""
+        """Close the connection, after an error response if a request has begun and has no response yet."""
         may_answer = self.conn.our_state in (h11.IDLE, h11.SEND_RESPONSE)
         if self.cycle is not None and self.state != "head":
             may_answer = may_answer and not self.cycle.response_started
@@ -221,5 +223,5 @@ class GuardedProtocol(H11Protocol):
 
 
 def guarded(doors: Doors) -> type[GuardedProtocol]:
-    """The protocol of a server with these limits."""
+    """Create the protocol class of a server with these limits."""
     return type("GuardedProtocolOfServer", (GuardedProtocol,), {"doors": doors})

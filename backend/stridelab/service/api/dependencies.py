@@ -1,7 +1,4 @@
-"""The caller of a request, as the gate has found it.
-
-What the endpoints work with: one set of parts per application, made when it starts and closed when it ends.
-"""
+"""FastAPI dependencies: the authenticated caller of a request, and the resources that the endpoints share."""
 
 import asyncio
 import re
@@ -27,17 +24,17 @@ from stridelab.service.settings import Settings
 from stridelab.service.storage.blobs import BlobStore
 
 KEY: Final = "stridelab.caller"
-"""Where in a request's scope the gate puts the caller."""
+"""Key of the caller in the ASGI scope; set by the authentication middleware."""
 
 
 async def caller_of(connection: HTTPConnection) -> Caller:
-    """Who calls; calls that did not pass the gate come from the pages.
+    """Caller of the request; ``STRANGER`` for internal requests of the web pages, which skip authentication.
 
-    A coroutine, since FastAPI calls any other dependency in a thread.
+    A coroutine, because FastAPI runs other dependencies in a thread.
     """
     caller = connection.scope.get(KEY, STRANGER)
     if not isinstance(caller, Caller):
-        raise TypeError("the gate has put something else than a caller into the request")
+        raise TypeError("the ASGI scope holds something other than a Caller")
     return caller
 
 
@@ -49,7 +46,7 @@ _ID: Final = re.compile(r"[A-Za-z0-9_-]{1,64}")
 
 @dataclass(frozen=True)
 class Parts:
-    """Database, files, the board that says when a job changes, and the limits."""
+    """Resources of one application, opened at start-up: database, file store, notifications, processes, limits."""
 
     settings: Settings
     engine: AsyncEngine
@@ -68,11 +65,11 @@ class Parts:
     streams: StreamPlaces
     started_at_s: float
     closing: asyncio.Event
-    """Set when the server has been told to stop."""
+    """Set when the server begins to shut down."""
 
 
 def parts_of(connection: HTTPConnection) -> Parts:
-    """The parts of the application that was called."""
+    """Resources of the application that handles ``connection``."""
     parts = connection.app.state.parts
     if not isinstance(parts, Parts):
         raise TypeError("the application was called before it started")
@@ -80,19 +77,19 @@ def parts_of(connection: HTTPConnection) -> Parts:
 
 
 async def _parts(connection: HTTPConnection) -> Parts:
-    return parts_of(connection)  # a dependency that is no coroutine would be called in a thread
+    return parts_of(connection)  # FastAPI would run a plain function in a thread
 
 
 AppParts = Annotated[Parts, Depends(_parts)]
 
 
 def known_form(identifier: str, what: str) -> str:
-    """``identifier`` if it can be the id of a ``what``. Raises ``NotFound`` (``<what>-not-found``)."""
+    """Return ``identifier`` if it is well-formed. Raises ``NotFound`` (``<what>-not-found``) otherwise."""
     if not _ID.fullmatch(identifier):
         raise not_found(what)
     return identifier
 
 
 def not_found(what: str) -> NotFound:
-    """The error for an unknown ``what`` (recording, subject, job)."""
+    """Error for an unknown ``what`` (recording, subject, job)."""
     return NotFound(f"{what}-not-found", f"There is no {what} with this id; it may have been deleted.")

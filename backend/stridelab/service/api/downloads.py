@@ -1,4 +1,4 @@
-"""Files on their way out: streamed, with a name that is safe in a header."""
+"""Downloads: streams stored files with a file name that is safe in a header."""
 
 from collections.abc import Mapping
 from typing import Final
@@ -14,7 +14,7 @@ OCTETS: Final = "application/octet-stream"
 
 
 def content_disposition(filename: str) -> str:
-    """An attachment of that name (RFC 6266): plain ASCII for old programs, UTF-8 for all others."""
+    """``Content-Disposition`` of an attachment (RFC 6266), with the name in ASCII and in UTF-8."""
     plain = "".join(c if c.isascii() and c.isprintable() and c not in '"\\%' else "_" for c in filename)
     return f"attachment; filename=\"{plain}\"; filename*=UTF-8''{quote(filename, safe='')}"
 
@@ -22,7 +22,7 @@ def content_disposition(filename: str) -> str:
 async def send_blob(
     parts: Parts, key: str, filename: str, media_type: str, more_headers: Mapping[str, str] | None = None
 ) -> StreamingResponse:
-    """The stored file ``key``. Raises ``NotFound`` (``file-gone``) before anything is sent."""
+    """Stream the stored file ``key``. Raises ``NotFound`` (``file-gone``) before anything is sent."""
     info = await parts.blobs.info(key)
     if info is None:
         raise NotFound("file-gone", "The stored file is gone.")

@@ -15,7 +15,7 @@ router = APIRouter(tags=["service"])
 
 @router.get("/health", summary="Health")
 async def health(parts: AppParts) -> Health:
-    """Whether the service and its database answer. Needs no login."""
+    """Report whether the service and its database respond. Requires no login."""
     async with parts.engine.connect() as connection:
         await connection.execute(text("SELECT 1 FROM job LIMIT 1"))
     uptime_s = round(time.monotonic() - parts.started_at_s, 1)

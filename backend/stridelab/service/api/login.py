@@ -1,4 +1,4 @@
-"""``POST /login`` and ``POST /logout``: a browser swaps the token for a cookie that its scripts cannot read."""
+"""``POST /login`` and ``POST /logout``: exchange a token for an HttpOnly cookie, and delete that cookie."""
 
 import time
 from typing import Any, Final
@@ -33,7 +33,7 @@ _FORM: Final[Any] = {
         },
     }
 }
-_AWAY: Final[dict[int | str, dict[str, Any]]] = {303: {"description": "To the page that was asked for, or back."}}
+_AWAY: Final[dict[int | str, dict[str, Any]]] = {303: {"description": "Redirect to the requested page, or back."}}
 
 
 @router.post(
@@ -45,13 +45,13 @@ _AWAY: Final[dict[int | str, dict[str, Any]]] = {303: {"description": "To the pa
     response_class=Response,
 )
 async def login(parts: AppParts, request: Request) -> Response:
-    """Swap a token for a cookie (HttpOnly, SameSite=strict); then go to `next`. For browsers."""
+    """Exchange a token for a cookie (HttpOnly, SameSite=strict) and redirect to `next`. For browsers."""
     if request.headers.get("content-type", "").partition(";")[0].strip().lower() != "application/x-www-form-urlencoded":
-        raise InvalidInput("unsupported-media-type", "This address reads a form; scripts use the token directly.")
+        raise InvalidInput("unsupported-media-type", "This address accepts forms only; scripts send the token itself.")
     raw = await read_limited(request, FORM_LIMIT_BYTES)
     try:
         form = parse_qs(raw.decode(), max_num_fields=FIELDS_AT_MOST)
-    except ValueError as error:  # not UTF-8, or more fields
+    except ValueError as error:  # not UTF-8, or too many fields
         raise InvalidInput("malformed-request", "The body is not the form of the login page.") from error
     target = local_target(form.get("next", ["/"])[0])
     keys: Keys | None = request.app.state.keys
@@ -79,7 +79,7 @@ async def login(parts: AppParts, request: Request) -> Response:
 
 @router.post("/logout", status_code=303, summary="Log out", responses=_AWAY, response_class=Response)
 async def logout() -> Response:
-    """Forget the cookie of this browser."""
+    """Delete the session cookie of this browser."""
     answer = RedirectResponse("/login", status_code=303)
     answer.delete_cookie(COOKIE, path="/", httponly=True, samesite="strict")
     return answer

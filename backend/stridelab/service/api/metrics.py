@@ -1,8 +1,7 @@
-"""``GET /metrics``: Prometheus text, read from the database when it is asked for.
+"""``GET /metrics``: Prometheus metrics, computed from the database on each request.
 
-What ``/metrics`` tells, read from the tables at one moment, so that any API process tells the same.
-
-Everything counts what the tables hold: where retention removes old jobs, numbers fall.
+All values are read from the tables, so every API process reports the same ones. They count existing rows: numbers fall
+when retention removes old jobs.
 """
 
 from collections.abc import Iterable, Iterator
@@ -24,13 +23,13 @@ from stridelab.service.jobs.queue import LANES
 from stridelab.service.storage.tables import job, recording
 
 BUCKETS_S: Final = (0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 60.0, 120.0, 300.0, 600.0)
-"""Upper limits of the histograms' buckets, in seconds."""
+"""Upper bounds of the histogram buckets, in seconds."""
 DEATHS: Final = {
     "computation-crashed": "crash",
     "computation-out-of-memory": "memory",
     "computation-timed-out": "timeout",
 }
-"""Error codes of jobs whose child process did not end by itself, and what they count as."""
+"""Error codes of jobs whose child process was killed or crashed, mapped to the reason in the metrics."""
 
 _DEPTH = text("SELECT queue_name, count(*) FROM procrastinate_jobs WHERE status = 'todo' GROUP BY queue_name")
 _WORKERS = text(
@@ -41,7 +40,7 @@ _WORKERS = text(
 
 @dataclass(frozen=True)
 class Histogram:
-    """Durations in seconds: how many in each of ``BUCKETS_S`` and above, and their sum."""
+    """Durations in seconds: the count per bucket of ``BUCKETS_S`` and above the last one, and their sum."""
 
     labels: tuple[str, ...]
     counts: tuple[int, ...]
@@ -50,7 +49,7 @@ class Histogram:
 
 @dataclass(frozen=True)
 class Counts:
-    """What the database says at one moment."""
+    """Values of all metrics at one moment."""
 
     jobs: tuple[tuple[str, str, int], ...]
     took: tuple[Histogram, ...]
@@ -67,12 +66,12 @@ class Counts:
 
 
 async def count(connection: AsyncConnection, stall_s: float) -> Counts:
-    """Read the counts; a worker that has been silent for ``stall_s`` counts as silent."""
+    """Read the counts; a worker without a heartbeat for ``stall_s`` counts as silent."""
     by_state = select(job.c.kind, job.c.state, func.count()).group_by(job.c.kind, job.c.state)
     code = job.c.error["code"].astext
     failed = select(job.c.kind, code, func.count()).where(job.c.error.is_not(None)).group_by(job.c.kind, code)
     oldest = select(func.extract("epoch", func.now() - func.min(job.c.created_at))).where(job.c.state == "queued")
-    # one start that went well is no loss, and neither is one that was handed back in good order
+    # a completed start is not lost, and neither is one that the worker returned to the queue
     started = job.c.attempt - job.c.returned - case((job.c.state == "queued", 0), else_=1)
     lost = select(func.coalesce(func.sum(func.greatest(started, 0)), 0))
     stored = (await connection.execute(select(func.count(), func.sum(recording.c.bytes)))).one()
@@ -99,22 +98,22 @@ async def count(connection: AsyncConnection, stall_s: float) -> Counts:
 async def _histograms(
     connection: AsyncConnection, interval: ColumnElement[Any], labels: tuple[ColumnElement[str], ...]
 ) -> tuple[Histogram, ...]:
-    """Intervals of jobs that have ended, by ``labels``."""
+    """Histograms of ``interval`` over finished jobs, grouped by ``labels``."""
     seconds = func.extract("epoch", interval).cast(Float)
     limits = literal(list(BUCKETS_S), ARRAY(Float))
-    # width_bucket counts a limit into the bucket above it, Prometheus below it: no clock is that exact
+    # width_bucket assigns a bound to the bucket above it, Prometheus to the one below; clocks are not that exact
     bucket = func.width_bucket(seconds, limits).cast(BigInteger)
-    wanted = (
+    per_bucket = (
         select(*labels, bucket, func.count(), func.sum(seconds))
         .where(job.c.state.in_(FINAL_STATES), job.c.started_at.is_not(None), job.c.finished_at.is_not(None))
         .group_by(*labels, bucket)
     )
-    found: dict[tuple[str, ...], tuple[list[int], list[float]]] = {}
-    for *named, place, number, total_s in (await connection.execute(wanted)).all():
-        counts, sums = found.setdefault(tuple(map(str, named)), ([0] * (len(BUCKETS_S) + 1), []))
-        counts[int(place)] += int(number)
+    groups: dict[tuple[str, ...], tuple[list[int], list[float]]] = {}
+    for *values, index, number, total_s in (await connection.execute(per_bucket)).all():
+        counts, sums = groups.setdefault(tuple(map(str, values)), ([0] * (len(BUCKETS_S) + 1), []))
+        counts[int(index)] += int(number)
         sums.append(float(total_s))
-    return tuple(Histogram(named, tuple(counts), sum(sums)) for named, (counts, sums) in sorted(found.items()))
+    return tuple(Histogram(values, tuple(counts), sum(sums)) for values, (counts, sums) in sorted(groups.items()))
 
 
 router = APIRouter(tags=["service"])
@@ -127,14 +126,14 @@ _LIMITS: Final = (*map(str, BUCKETS_S), "+Inf")
 
 @router.get("/metrics", summary="Metrics", responses=_PLAIN, response_class=Response)
 async def metrics(parts: AppParts) -> Response:
-    """Jobs, queue, durations, children that died, workers and what is stored, for Prometheus."""
+    """Jobs, queue, durations, crashed child processes, workers and storage, for Prometheus."""
     async with parts.engine.connect() as connection:
         counts = await count(connection, parts.settings.stall_s)
     return Response(exposition(counts), media_type=CONTENT_TYPE_PLAIN_0_0_4)
 
 
 def exposition(counts: Counts) -> bytes:
-    """``counts`` in Prometheus' text format."""
+    """Format ``counts`` as Prometheus text."""
     registry = CollectorRegistry()
     registry.register(_Told(counts))
     return generate_latest(registry)
@@ -156,11 +155,14 @@ class _Told(Collector):
         )
         died = [(kind, DEATHS[code], number) for kind, code, number in counts.failures if code in DEATHS]
         yield _labelled(
-            "stridelab_child_crashes", "Children that crashed, or were killed at a limit", ["kind", "reason"], died
+            "stridelab_child_crashes",
+            "Child processes that crashed, or were killed at a limit",
+            ["kind", "reason"],
+            died,
         )
-        yield _labelled("stridelab_queue_depth", "Waiting deliveries by lane", ["lane"], counts.depth.items())
+        yield _labelled("stridelab_queue_depth", "Queued deliveries by lane", ["lane"], counts.depth.items())
         workers = (("alive", counts.workers_alive), ("silent", counts.workers_silent))
-        yield _labelled("stridelab_workers", "Known workers, by whether they are heard of", ["state"], workers)
+        yield _labelled("stridelab_workers", "Registered workers, by whether they send heartbeats", ["state"], workers)
         yield from self._plain()
 
     def _plain(self) -> Iterable[Any]:

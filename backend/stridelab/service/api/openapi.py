@@ -1,4 +1,4 @@
-"""The description of the API. Failures are written into it here, the same way for every call."""
+"""The OpenAPI document, with the responses for failures added uniformly to every operation."""
 
 from collections.abc import Mapping
 from typing import Any, Final
@@ -10,34 +10,34 @@ from stridelab.schemas.base import Problem
 from stridelab.service.api.problems import MEDIA_TYPE
 
 DESCRIPTION: Final = """\
-Gait recordings in, the centre of mass out.
+Estimates the centre of mass from gait recordings and plans multi-contact motions of humanoid robots.
 
-Every failure is `application/problem+json` with a stable `code`, a sentence and, where it applies, the places in the
-input that caused it. Lists are pages: pass `next` as `cursor` until it is null. Long work is a job: the answer to the
-submission is 202 with a `Location`; wait there with `?wait=60`, or follow `/events`.
+Every failure is `application/problem+json` with a stable `code`, a sentence and, if applicable, the fields of the
+input that caused it. Lists are paginated: pass `next` as `cursor` until it is null. Long computations are jobs: the
+response to the submission is 202 with a `Location`; poll it with `?wait=60`, or follow its `/events`.
 """
 
 _COMMON: Final[Mapping[str, str]] = {
-    "401": "The API token is missing or wrong (`login-needed`).",
-    "403": "A foreign host name or page (`foreign-host`, `foreign-origin`), a token of a lower scope "
-    "(`scope-missing`), or a thing of somebody else (`not-owner`).",
-    "429": "Too many requests (`too-many-requests`); `Retry-After` says when to come back.",
+    "401": "The API token is missing or invalid (`login-needed`).",
+    "403": "The host name or origin is not allowed (`foreign-host`, `foreign-origin`), the scope of the token is too "
+    "low (`scope-missing`), or the resource belongs to another user (`not-owner`).",
+    "429": "Too many requests (`too-many-requests`); `Retry-After` gives the time to wait.",
     "503": "The database or the file store does not answer.",
 }
 _WITH_BODY: Final[Mapping[str, str]] = {
-    "400": "The body is not JSON (`not-json`) or could not be read (`malformed-request`).",
-    "413": "The body is over the limit (`body-too-large`).",
-    "415": "The content type is not what this address reads (`unsupported-media-type`).",
+    "400": "The body is not JSON (`not-json`) or is malformed (`malformed-request`).",
+    "413": "The body exceeds the size limit (`body-too-large`).",
+    "415": "The content type is not supported (`unsupported-media-type`).",
 }
 
 
 def failures(**by_status: str) -> dict[int | str, dict[str, Any]]:
-    """``responses`` of an endpoint: ``failures(s404="No such job.")``."""
+    """Build the ``responses`` argument of an endpoint: ``failures(s404="No such job.")``."""
     return {int(status.removeprefix("s")): {"description": text} for status, text in by_status.items()}
 
 
 def install(app: FastAPI) -> None:
-    """Let ``app.openapi()`` return the description with its failures."""
+    """Replace ``app.openapi`` by a function that adds the responses for failures."""
 
     def describe() -> dict[str, Any]:
         if app.openapi_schema is None:
@@ -46,7 +46,7 @@ def install(app: FastAPI) -> None:
             app.openapi_schema = schema
         return app.openapi_schema
 
-    app.openapi = describe  # type: ignore[method-assign]  # the way FastAPI documents
+    app.openapi = describe  # type: ignore[method-assign]  # as documented by FastAPI
 
 
 def _describe_failures(schema: dict[str, Any]) -> None:

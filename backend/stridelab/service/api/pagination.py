@@ -1,4 +1,4 @@
-"""Lists, newest first, in pages. A cursor names the last row of a page, so rows that come or go move nothing."""
+"""Cursor pagination, newest first. A cursor names the last row of a page, so that insertions do not shift pages."""
 
 from collections.abc import Mapping, Sequence
 from typing import Annotated, Any
@@ -8,12 +8,12 @@ from sqlalchemy import ColumnElement, Select, Table, tuple_
 
 from stridelab.service.cursors import decode_cursor, encode_cursor
 
-Limit = Annotated[int, Query(ge=1, le=200, description="most items on a page", examples=[20])]
-Cursor = Annotated[str | None, Query(max_length=200, description="`next` of the page before")]
+Limit = Annotated[int, Query(ge=1, le=200, description="maximum number of items per page", examples=[20])]
+Cursor = Annotated[str | None, Query(max_length=200, description="`next` of the previous page")]
 
 
 def newest_first(query: Select[Any], table: Table, limit: int, cursor: str | None) -> Select[Any]:
-    """``query`` for one page and one row more, which says whether a further page exists."""
+    """Restrict ``query`` to one page and one more row, which shows whether a further page exists."""
     if cursor is not None:
         created_at, row_id = decode_cursor(cursor)
         before: ColumnElement[bool] = tuple_(table.c.created_at, table.c.id) < tuple_(created_at, row_id)
@@ -22,7 +22,7 @@ def newest_first(query: Select[Any], table: Table, limit: int, cursor: str | Non
 
 
 def cut(rows: Sequence[Mapping[str, Any]], limit: int) -> tuple[list[dict[str, Any]], str | None]:
-    """The rows of one page of a ``newest_first`` query, and the cursor of the next page where there is one."""
+    """Split the rows of a ``newest_first`` query into one page and the cursor of the next page (None at the end)."""
     shown = [dict(row) for row in rows[:limit]]
     more = len(rows) > limit
     return shown, encode_cursor(shown[-1]["created_at"], shown[-1]["id"]) if more else None

@@ -1,7 +1,6 @@
-"""Every failure as ``application/problem+json`` (RFC 9457): the class of an error decides the status.
+"""Failures as ``application/problem+json`` (RFC 9457); the class of an error determines the HTTP status.
 
-``install`` registers the handlers; what they do not reach (an unexpected exception, a refusal at the gate) uses
-``answer`` directly.
+``install`` registers the exception handlers. Middleware, which they do not cover, calls ``answer`` directly.
 """
 
 import http
@@ -36,7 +35,7 @@ log = structlog.get_logger(__name__)
 MEDIA_TYPE: Final = "application/problem+json"
 
 SHOWN_FAULTS: Final = 50
-"""A request that is wrong everywhere is told so by its first faults."""
+"""Maximum number of faults listed in one problem."""
 _SHOWN_CHARACTERS: Final = 300
 _SHOWN_NAME: Final = 60
 
@@ -53,7 +52,7 @@ STATUS: Final[Mapping[type[StridelabError], int]] = {
     StorageFull: 507,
     Unavailable: 503,
 }
-"""Status of each class; a subclass takes that of its nearest listed ancestor."""
+"""HTTP status of each error class; a subclass has the status of its nearest listed ancestor."""
 
 _STATUS_OF_CODE: Final[Mapping[str, int]] = {
     "unsupported-media-type": 415,
@@ -61,14 +60,14 @@ _STATUS_OF_CODE: Final[Mapping[str, int]] = {
     "malformed-request": 400,
     "scenario-changed": 412,
 }
-"""Refusals of a request's form or condition, which HTTP gives statuses of their own."""
+"""Codes whose HTTP status differs from that of their error class."""
 
 _PLAIN: Final[Mapping[int, tuple[str, str]]] = {
     400: ("malformed-request", "The request could not be read."),
-    404: ("unknown-path", "There is nothing at this address."),
-    405: ("method-not-allowed", "This address does not know that method."),
+    404: ("unknown-path", "There is no resource at this address."),
+    405: ("method-not-allowed", "This address does not support that method."),
     413: ("body-too-large", "The body of the request is larger than this address accepts."),
-    415: ("unsupported-media-type", "The content type of the request is not one that this address reads."),
+    415: ("unsupported-media-type", "This address does not accept the content type of the request."),
 }
 
 
@@ -80,13 +79,13 @@ def status_of(error: StridelabError) -> int:
 
 
 def problem_of(error: StridelabError) -> Problem:
-    """The problem that tells a client of ``error``."""
+    """Convert ``error`` to a problem."""
     faults = [FaultItem(where=fault.where, message=fault.message) for fault in error.faults]
     return problem(status_of(error), error.code, error.message, faults)
 
 
 def problem(status: int, code: str, detail: str, errors: list[FaultItem] | None = None) -> Problem:
-    """A problem with the title of its status and the id of the request that is being answered."""
+    """Create a problem with the title of its status and the id of the current request."""
     return Problem(
         title=http.HTTPStatus(status).phrase,
         status=status,
@@ -98,13 +97,13 @@ def problem(status: int, code: str, detail: str, errors: list[FaultItem] | None 
 
 
 def answer(body: Problem, headers: Mapping[str, str] | None = None) -> Response:
-    """The response that carries ``body``."""
+    """HTTP response with the problem ``body``."""
     text = body.model_dump_json(exclude_none=True)
     return Response(text, status_code=body.status, media_type=MEDIA_TYPE, headers=dict(headers or {}))
 
 
 def answer_error(error: StridelabError) -> Response:
-    """The response that tells a client of ``error``, with the headers that its status asks for."""
+    """HTTP response for ``error``, with the headers that its status requires."""
     headers: dict[str, str] = {}
     if isinstance(error, Busy):
         headers["Retry-After"] = str(max(1, round(error.retry_after_s)))
@@ -114,14 +113,14 @@ def answer_error(error: StridelabError) -> Response:
 
 
 def faults_of(errors: list[Any], document: Any = None) -> list[FaultItem]:
-    """Pydantic's first errors as places and sentences; of the refused values only an effector's name is echoed."""
+    """Convert the first ``SHOWN_FAULTS`` Pydantic errors; of rejected values, only effector names are repeated."""
     faults = []
     for item in errors[:SHOWN_FAULTS]:
         path = list(item["loc"])
         if len(path) > 1 and path[0] in ("body", "query", "path", "header", "cookie"):
             path = path[1:]
         message = str(item["msg"])
-        if item["type"] == "value_error":  # from a validator of ours
+        if item["type"] == "value_error":  # raised by a validator of a model
             message = message.removeprefix("Value error, ")
             field, colon, rest = message.partition(": ")
             if path in ([], ["body"]) and colon and field.isidentifier():
@@ -131,7 +130,7 @@ def faults_of(errors: list[Any], document: Any = None) -> list[FaultItem]:
 
 
 def fault_at(path: Sequence[str | int], message: str, document: Any) -> FaultItem:
-    """A fault of a document's field; where that belongs to a contact, the message begins with the effector's name."""
+    """Fault at the field ``path`` of ``document``; for a field of a contact the message starts with its effector."""
     effector, value = "", document
     for part in path:
         try:
@@ -148,7 +147,7 @@ def _short(text: str) -> str:
 
 
 def install(app: FastAPI) -> None:
-    """Answer every exception of the application as a problem."""
+    """Register handlers that answer the application's exceptions with problems."""
 
     async def on_error(_: Request, error: Exception) -> Response:
         if not isinstance(error, StridelabError):
@@ -173,7 +172,7 @@ def install(app: FastAPI) -> None:
 
     async def on_database(_: Request, error: Exception) -> Response:
         if isinstance(error, DataError):
-            return answer_error(InvalidInput("invalid-value", "The request holds a value that cannot be stored."))
+            return answer_error(InvalidInput("invalid-value", "The request contains a value that cannot be stored."))
         if isinstance(error, OperationalError | InterfaceError):
             log.error("database unreachable", error=type(error).__name__)
             return answer_error(Unavailable("database-unreachable", "The database does not answer. Try again shortly."))
@@ -186,7 +185,7 @@ def install(app: FastAPI) -> None:
 
 
 def _methods_of(app: FastAPI, path: str) -> list[str]:
-    """Methods that the description lists for ``path``; the router knows only those of the first route that fits."""
+    """Methods of ``path`` in the OpenAPI document; the router returns only those of the first matching route."""
     described = app.openapi()["paths"]
     fitting = [path] if path in described else [template for template in described if _fits(template, path)]
     return sorted({method.upper() for template in fitting for method in described[template]})

@@ -1,4 +1,4 @@
-"""What one user may store."""
+"""Storage quota per user."""
 
 from sqlalchemy import BigInteger, cast, func, select
 
@@ -8,9 +8,9 @@ from stridelab.service.storage.tables import job, recording
 
 
 async def refuse_full(parts: Parts, owner: str | None, more_bytes: int = 0) -> None:
-    """Raise ``TooLarge`` (``storage-limit``) where uploads and results of ``owner`` would leave no room.
+    """Raise ``TooLarge`` (``storage-limit``) if uploads and results of ``owner`` and ``more_bytes`` reach the limit.
 
-    Two requests at the same time may both find the last room; the third does not.
+    The check takes no lock, so two simultaneous requests may both pass and exceed the limit slightly.
     """
     limit_mb = parts.settings.user_storage_mb
     if owner is None or limit_mb == 0:

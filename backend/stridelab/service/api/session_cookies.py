@@ -1,7 +1,7 @@
-"""The token of the settings, and the cookies that browsers get for any token.
+"""Session cookies for browsers, signed with keys that are derived from the admin token of the settings.
 
-A cookie is the id of a token and a date, signed with a key that is derived from the token of the settings: any number
-of API processes accept it, and nothing is stored. It is good as long as both tokens are.
+A cookie contains the id of a token and an expiry time. It is not stored, so every API process can verify it. It is
+valid as long as both its token and the token of the settings are.
 """
 
 import hashlib
@@ -14,12 +14,12 @@ from stridelab.service.auth.callers import ADMIN
 COOKIE: Final = "stridelab_session"
 SESSION_S: Final = 12 * 3600
 SCENARIO_KEY: Final = "scenario-key."
-"""Begins a key for one scenario, so that the gate can tell it from a token."""
+"""Prefix of a scenario key, which distinguishes it from a token."""
 
 
 @dataclass(frozen=True)
 class Keys:
-    """What is kept of the token of the settings: a hash to compare with, and keys that sign."""
+    """Values derived from the token of the settings: a hash for comparison, and two signing keys."""
 
     token_hash: bytes
     cookie_key: bytes
@@ -27,41 +27,42 @@ class Keys:
 
     @staticmethod
     def of(token: str) -> "Keys":
-        """The keys of ``token``."""
+        """Derive the keys from ``token``."""
         raw = token.encode("utf-8", "surrogateescape")
         return Keys(*(hashlib.sha256(purpose + raw).digest() for purpose in (b"token:", b"cookie:", b"scenario:")))
 
     def accepts_token(self, token: str) -> bool:
-        """Whether ``token`` is the one of the settings, in a time that does not depend on it."""
+        """Whether ``token`` is the one of the settings; compares in constant time."""
         return hmac.compare_digest(Keys.of(token).token_hash, self.token_hash)
 
     def cookie(self, now_s: float, token_id: str = ADMIN) -> str:
-        """A cookie for the holder of a token, good for ``SESSION_S`` from ``now_s`` on."""
-        said = f"{token_id}.{int(now_s) + SESSION_S}"
-        return f"{said}.{_sign(self.cookie_key, said)}"
+        """Create a cookie for the token ``token_id``, valid for ``SESSION_S`` from ``now_s``."""
+        payload = f"{token_id}.{int(now_s) + SESSION_S}"
+        return f"{payload}.{_sign(self.cookie_key, payload)}"
 
     def token_of(self, cookie: str, now_s: float) -> str | None:
-        """Id of the token for which ``cookie`` was made; None if it has expired or is not ours."""
-        said, _, signature = cookie.rpartition(".")
-        if not hmac.compare_digest(_sign(self.cookie_key, said).encode(), signature.encode("utf-8", "surrogateescape")):
+        """Id of the token of ``cookie``; None if the cookie has expired or its signature is invalid."""
+        payload, _, signature = cookie.rpartition(".")
+        expected = _sign(self.cookie_key, payload)
+        if not hmac.compare_digest(expected.encode(), signature.encode("utf-8", "surrogateescape")):
             return None
-        token_id, _, expires_s = said.partition(".")
+        token_id, _, expires_s = payload.partition(".")
         return token_id if int(expires_s) > now_s else None
 
     def scenario_key(self, now_s: float, token_id: str, scenario_id: str) -> str:
-        """A key with which the holder of a token may replace one scenario, and do nothing else, for ``SESSION_S``."""
-        said = f"{token_id}.{int(now_s) + SESSION_S}.{scenario_id}"
-        return f"{SCENARIO_KEY}{said}.{_sign(self.scenario_signing_key, said)}"
+        """Create a key that permits replacing one scenario, and nothing else, for ``SESSION_S``."""
+        payload = f"{token_id}.{int(now_s) + SESSION_S}.{scenario_id}"
+        return f"{SCENARIO_KEY}{payload}.{_sign(self.scenario_signing_key, payload)}"
 
     def token_of_scenario_key(self, key: str, now_s: float, scenario_id: str) -> str | None:
-        """Id of the token for which ``key`` was made; None if it has expired, is forged, or names another scenario."""
-        said, _, signature = key.removeprefix(SCENARIO_KEY).rpartition(".")
-        expected = _sign(self.scenario_signing_key, said)
+        """Id of the token of ``key``; None if the key has expired, is forged, or is for another scenario."""
+        payload, _, signature = key.removeprefix(SCENARIO_KEY).rpartition(".")
+        expected = _sign(self.scenario_signing_key, payload)
         if not hmac.compare_digest(expected.encode(), signature.encode("utf-8", "surrogateescape")):
             return None
-        token_id, expires_s, named_id = said.split(".", 2)
+        token_id, expires_s, named_id = payload.split(".", 2)
         return token_id if int(expires_s) > now_s and named_id == scenario_id else None
 
 
-def _sign(key: bytes, said: str) -> str:
-    return hmac.new(key, said.encode("utf-8", "surrogateescape"), hashlib.sha256).hexdigest()
+def _sign(key: bytes, payload: str) -> str:
+    return hmac.new(key, payload.encode("utf-8", "surrogateescape"), hashlib.sha256).hexdigest()

@@ -1,4 +1,4 @@
-"""Answers that last (event streams, long-polls) end when the server is told to stop, instead of holding it up."""
+"""Ends long-running responses (event streams, long polls) when the server shuts down."""
 
 import asyncio
 from collections.abc import AsyncIterator, Awaitable
@@ -8,7 +8,7 @@ T = TypeVar("T")
 
 
 async def unless(closing: asyncio.Event, work: Awaitable[T]) -> T | None:
-    """What ``work`` gives, or None where ``closing`` is set first; ``work`` is then cancelled."""
+    """Await ``work`` and return its result; if ``closing`` is set first, cancel it and return None."""
     doing, stopping = asyncio.ensure_future(work), asyncio.ensure_future(closing.wait())
     try:
         await asyncio.wait({doing, stopping}, return_when=asyncio.FIRST_COMPLETED)
@@ -20,7 +20,7 @@ async def unless(closing: asyncio.Event, work: Awaitable[T]) -> T | None:
 
 
 async def until(closing: asyncio.Event, source: AsyncIterator[T]) -> AsyncIterator[T]:
-    """The items of ``source`` until it ends or ``closing`` is set."""
+    """Yield the items of ``source`` until it ends or ``closing`` is set."""
     while True:
         try:
             item = await unless(closing, anext(source))

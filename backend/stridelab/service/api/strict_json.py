@@ -1,6 +1,6 @@
-"""What this service takes for JSON: ``application/json``, UTF-8, RFC 8259, no NUL and no half characters.
+"""Strict JSON bodies: ``application/json``, UTF-8, RFC 8259, without NUL characters or lone surrogates.
 
-Python's own reader also takes NaN and Infinity, and strings that no database column can hold.
+Python's parser also accepts NaN and Infinity, and strings that PostgreSQL cannot store.
 """
 
 import json
@@ -18,11 +18,11 @@ from stridelab.errors import Fault, InvalidInput, TooLarge
 from stridelab.service.api.problems import fault_at
 
 JSON_LIMIT_BYTES: Final = 1_000_000
-"""Largest JSON body."""
+"""Maximum size of a JSON body."""
 
 
 class StrictRoute(APIRoute):
-    """A route whose JSON body, if it takes one, is read and checked strictly before anything else looks at it."""
+    """A route whose JSON body, if it has one, is parsed and validated strictly before FastAPI reads it."""
 
     def get_route_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:
         handler = super().get_route_handler()
@@ -37,13 +37,13 @@ class StrictRoute(APIRoute):
             if media_type != "application/json":
                 raise InvalidInput(
                     "unsupported-media-type",
-                    "This address reads application/json only; say so in the Content-Type header.",
+                    "This address accepts application/json only; set the Content-Type header.",
                     [Fault("Content-Type", media_type[:60] or "missing")],
                 )
             strict.raw = await read_limited(request, JSON_LIMIT_BYTES)
             strict.document = parse_json(strict.raw)
             try:
-                # A number in quotes is no number, and true is not 1.
+                # strict: a quoted number is not a number, and true is not 1
                 model.validate_json(strict.raw, strict=True)
             except ValidationError as error:
                 refused = error.errors(include_url=False, include_input=False)
@@ -58,16 +58,16 @@ class _StrictRequest(Request):
     document: Any = None
 
     async def body(self) -> bytes:
-        """The bytes that were read within the limit."""
+        """The body, which ``read_limited`` has already read."""
         return self.raw
 
     async def json(self) -> Any:
-        """The document that ``parse_json`` has already read."""
+        """The document, which ``parse_json`` has already parsed."""
         return self.document
 
 
 async def read_limited(request: Request, limit_bytes: int) -> bytes:
-    """The body of ``request``. Raises ``TooLarge`` (``body-too-large``) as soon as it is known to exceed the limit."""
+    """Read the body of ``request``. Raises ``TooLarge`` (``body-too-large``) as soon as it exceeds the limit."""
     parts, size = [], 0
     announced = request.headers.get("content-length", "")
     if not (announced.isdecimal() and int(announced) > limit_bytes):
@@ -78,11 +78,11 @@ async def read_limited(request: Request, limit_bytes: int) -> bytes:
             parts.append(chunk)
         else:
             return b"".join(parts)
-    raise TooLarge("body-too-large", f"The body is larger than the {limit_bytes} bytes that this address reads.")
+    raise TooLarge("body-too-large", f"The body is larger than {limit_bytes} bytes, the limit of this address.")
 
 
 def parse_json(raw: bytes) -> Any:
-    """The JSON document in ``raw``. Raises ``InvalidInput`` (``not-json``, ``invalid-text``)."""
+    """Parse the JSON document ``raw``. Raises ``InvalidInput`` (``not-json``, ``invalid-text``)."""
     constants: list[_Constant] = []
 
     def constant(name: str) -> _Constant:
@@ -100,9 +100,7 @@ def parse_json(raw: bytes) -> Any:
             [Fault(f"line {error.lineno}, column {error.colno}", error.msg)],
         ) from error
     except RecursionError as error:
-        raise InvalidInput(
-            "not-json", "The body is not JSON that this service reads: it is nested too deep."
-        ) from error
+        raise InvalidInput("not-json", "The body cannot be parsed as JSON: it is nested too deeply.") from error
     except ValueError as error:
         raise InvalidInput("not-json", "The body is not JSON: a number in it has too many digits.") from error
     if constants:
@@ -113,7 +111,7 @@ def parse_json(raw: bytes) -> Any:
 
 @dataclass(frozen=True)
 class _Constant:
-    """What Python's reader takes for a number and JSON does not: NaN, Infinity."""
+    """NaN or Infinity, which Python's parser accepts as a number although JSON does not."""
 
     name: str
 
@@ -126,7 +124,7 @@ def _refuse_constant(first: _Constant, document: Any) -> NoReturn:
 
 
 def _path_of(wanted: _Constant, document: Any) -> list[str | int]:
-    """Where ``wanted`` is in the document, without recursion; empty where a later key took its place."""
+    """Path of ``wanted`` in the document, without recursion; empty if a duplicate key has replaced it."""
     path: list[str | int] = []
     pending = [_items(document)]
     while pending:
@@ -151,7 +149,7 @@ def _items(value: Any) -> Iterator[tuple[str | int, Any]]:
 
 
 def storable(text: str) -> bool:
-    """Whether a database column can hold ``text``: no NUL, no half of a surrogate pair."""
+    """Whether PostgreSQL can store ``text``: it contains no NUL and no lone surrogate."""
     return "\x00" not in text and not any("\ud800" <= character <= "\udfff" for character in text)
 
 
@@ -165,4 +163,4 @@ def _refuse_unstorable(document: Any) -> None:
         elif isinstance(value, list):
             pending.extend(value)
         elif isinstance(value, str) and not storable(value):
-            raise InvalidInput("invalid-text", "The body holds text with a NUL or half of a character in it.")
+            raise InvalidInput("invalid-text", "The body contains text with a NUL character or a lone surrogate.")

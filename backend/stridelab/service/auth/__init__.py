@@ -1,1 +1,1 @@
-"""Who may do what: tokens, their scopes, and the audit log."""
+"""Authorisation: tokens, their scopes, and the audit log."""

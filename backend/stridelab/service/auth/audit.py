@@ -1,6 +1,6 @@
-"""Who did what: a line in the log, and a row in a table that cannot be changed, only removed when its time is over.
+"""Audit log: a log line and a row of an append-only table per action; old rows are removed by retention.
 
-The log has the id of the caller's token, the table also its name. Nothing here holds a secret.
+The log contains the id of the caller's token, the table its name. Neither contains secrets.
 """
 
 import uuid
@@ -27,24 +27,24 @@ Action = Literal[
     "scenario-replaced",
 ]
 CONSOLE: Final = Caller("console", "admin", "console")
-"""Whoever types commands where the database can be reached."""
+"""Caller of commands that access the database directly."""
 _log = structlog.get_logger(__name__)
 
 
 async def note(connection: AsyncConnection, caller: Caller, action: Action, what: str | None = None) -> None:
-    """Write that ``caller`` did ``action`` to ``what`` (an id or a code), in the transaction in which it is done."""
+    """Record that ``caller`` did ``action`` on ``what`` (an id or a code), in the transaction of the action."""
     tell(caller, action, what)
     await write(connection, caller, action, what)
 
 
 async def write(connection: AsyncConnection, caller: Caller, action: Action, what: str | None) -> None:
-    """Only the row in the table."""
+    """Write the row of the table only."""
     row = {"id": uuid.uuid4().hex, "action": action, "caller": caller.name, "what": what}
     await connection.execute(insert(audit).values(row))
 
 
 def tell(caller: Caller, action: Action, what: str | None) -> None:
-    """Only the line in the log."""
+    """Write the log line only."""
     _log.info("audit", action=action, caller=caller.token_id, what=what)
 
 

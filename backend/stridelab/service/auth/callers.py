@@ -1,4 +1,4 @@
-"""Who speaks, and what a request needs."""
+"""Callers, their scopes, and the scope that a request requires."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -7,9 +7,9 @@ from stridelab.errors import Forbidden
 from stridelab.schemas.access import TokenScope
 
 SCOPES: Final[tuple[TokenScope, ...]] = ("read", "submit", "admin")
-"""Each allows what stands before it, too."""
+"""In ascending order: each scope includes those before it."""
 ADMIN: Final = "admin"
-"""Name and id of the token that the settings hold."""
+"""Name and id of the token in the settings."""
 _SAFE_METHODS: Final = frozenset({"GET", "HEAD", "OPTIONS"})
 _API: Final = "/api/v1/"
 _ADMIN_ONLY: Final = ("tokens", "audit")
@@ -17,7 +17,7 @@ _ADMIN_ONLY: Final = ("tokens", "audit")
 
 @dataclass(frozen=True)
 class Caller:
-    """Who a request comes from; ``name`` is None where nobody logs in, ``token_id`` is what logs may hold."""
+    """Sender of a request; ``name`` is None on a service without login, ``token_id`` is written to logs."""
 
     name: str | None
     scope: TokenScope
@@ -29,13 +29,13 @@ class Caller:
 
 
 ANYBODY: Final = Caller(None, "admin")
-"""Whoever calls a service without a token: only this machine reaches it."""
+"""Any caller of a service without a token, which only this machine can reach."""
 STRANGER: Final = Caller(None, "read")
-"""Somebody unknown: before a login; and the pages, which read for whoever has passed the gate."""
+"""Unauthenticated caller: a request before login, or an internal request of the web pages, which only read."""
 
 
 def needed_scope(kind: str, method: str, path: str) -> TokenScope:
-    """What a request (``kind`` http or websocket) needs: looking, working, or managing tokens."""
+    """Scope that a request (``kind`` is http or websocket) requires."""
     if not path.startswith(_API):
         return "read"
     if path.removeprefix(_API).partition("/")[0] in _ADMIN_ONLY:
@@ -44,12 +44,12 @@ def needed_scope(kind: str, method: str, path: str) -> TokenScope:
 
 
 def require(caller: Caller, scope: TokenScope) -> None:
-    """Raise ``Forbidden`` (``scope-missing``) where ``caller`` may not do what ``scope`` stands for."""
+    """Raise ``Forbidden`` (``scope-missing``) unless the caller's scope includes ``scope``."""
     if not caller.may(scope):
         raise Forbidden("scope-missing", f"This needs a token of scope '{scope}'; yours has '{caller.scope}'.")
 
 
 def require_owner(caller: Caller, owner: str | None, what: str) -> None:
-    """Raise ``Forbidden`` (``not-owner``) unless a thing is the caller's, nobody's, or the caller an admin."""
+    """Raise ``Forbidden`` (``not-owner``) if a ``what`` has another owner and the caller is not an admin."""
     if owner is not None and owner != caller.name and not caller.may("admin"):
-        raise Forbidden("not-owner", f"This {what} belongs to somebody else; its owner or an admin may do that.")
+        raise Forbidden("not-owner", f"This {what} belongs to another user; only its owner or an admin may do that.")

@@ -1,4 +1,4 @@
-"""The tokens as an API process knows them: read again after ``STALE_S``; by then a revocation acts everywhere."""
+"""Cache of the token table in an API process, reloaded after ``STALE_S``: the delay of a revocation."""
 
 import asyncio
 import time
@@ -15,7 +15,7 @@ STALE_S: Final = 2.0
 
 
 class TokenBook:
-    """Finds the caller to a token. Where the database does not answer, no token of the table is good."""
+    """Looks up the caller of a token. If the database does not answer, no token of the table is valid."""
 
     def __init__(self, engine: AsyncEngine, clock: Callable[[], float] = time.monotonic) -> None:
         self._engine, self._clock = engine, clock
@@ -25,18 +25,18 @@ class TokenBook:
         self._read_at_s = float("-inf")
 
     async def of_secret(self, secret: str) -> Caller | None:
-        """Whose token ``secret`` is; None where it is none, or no longer."""
+        """Caller of the token ``secret``; None if it is unknown, revoked or expired."""
         await self._read()
-        # looked up by its hash: how long that takes tells nothing of the secret
+        # looked up by its hash, so the time of the lookup reveals nothing about the secret
         return _caller(self._by_hash.get(tokens.hash_of(secret)))
 
     async def of_id(self, token_id: str) -> Caller | None:
-        """Whose token has this id; None where none has, or no longer."""
+        """Caller of the token with this id; None if it is unknown, revoked or expired."""
         await self._read()
         return _caller(self._by_id.get(token_id))
 
     def forget(self) -> None:
-        """Read the table again with the next question."""
+        """Reload the table at the next lookup."""
         self._read_at_s = float("-inf")
 
     async def _read(self) -> None:

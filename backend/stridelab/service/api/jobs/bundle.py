@@ -1,4 +1,4 @@
-"""``bundle.zip``: everything about a finished job in one archive, packed while it is sent."""
+"""``bundle.zip``: input, result and files of a finished job in one archive, streamed while it is written."""
 
 import io
 import json
@@ -21,10 +21,10 @@ _FLUSH_BYTES: Final = 256 * 1024
 
 
 async def stream(parts: Parts, record: JobRecord, result: JobResult) -> StreamingResponse:
-    """The archive of a succeeded job.
+    """Stream the archive of a succeeded job.
 
-    It holds ``input.json``, ``result.json``, ``versions.json``, ``references.bib``, ``artifacts/...`` and, where it
-    still exists, the recording that the job worked on as ``input/...``.
+    It contains ``input.json``, ``result.json``, ``versions.json``, ``references.bib``, ``artifacts/...`` and, if it
+    still exists, the input recording as ``input/...``.
     """
     texts = {
         "input.json": _json(result.input),
@@ -35,10 +35,10 @@ async def stream(parts: Parts, record: JobRecord, result: JobResult) -> Streamin
     blobs = {f"artifacts/{artifact.name}": f"{record.blob_prefix}/{artifact.name}" for artifact in result.artifacts}
     if record.recording_id is not None:
         async with parts.engine.connect() as connection:
-            found = await connection.execute(
+            rows = await connection.execute(
                 select(recording.c.filename, recording.c.blob_key).where(recording.c.id == record.recording_id)
             )
-            blobs |= {f"input/{row.filename}": row.blob_key for row in found}
+            blobs |= {f"input/{row.filename}": row.blob_key for row in rows}
     headers = {"Content-Disposition": content_disposition(f"{record.kind}-{record.id[:8]}.zip")}
     return StreamingResponse(
         _pack(parts, texts, blobs, record.finished_at or record.created_at),
@@ -56,7 +56,7 @@ async def _pack(
 ) -> AsyncIterator[bytes]:
     moment = written_at.timetuple()[:6]
     outbox = _Outbox()
-    # Artifacts are compressed already (Parquet) or small; storing keeps the API's processor free.
+    # Artifacts are already compressed (Parquet) or small, so the archive stores them uncompressed to save CPU time.
     with zipfile.ZipFile(outbox, "w", zipfile.ZIP_STORED) as archive:
         for name, text in texts.items():
             archive.writestr(zipfile.ZipInfo(name, moment), text)
@@ -70,7 +70,7 @@ async def _pack(
 
 
 class _Outbox(io.RawIOBase):
-    """A file that cannot be rewound and gives away what was written to it."""
+    """A non-seekable write buffer whose content is taken out piece by piece."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -87,6 +87,6 @@ class _Outbox(io.RawIOBase):
         return len(piece)
 
     def take(self) -> bytes:
-        """What was written since the last call."""
+        """Return and clear the bytes written since the last call."""
         taken, self._pieces, self.waiting_bytes = b"".join(self._pieces), [], 0
         return taken

@@ -1,4 +1,4 @@
-"""Finished jobs deleted with their files, and the studies that hold what is known of a person."""
+"""Deletion of finished jobs with their files, and of the studies that contain data of a subject."""
 
 from collections.abc import Sequence
 from typing import Final
@@ -17,20 +17,20 @@ from stridelab.service.storage.file_removal import may_remove
 from stridelab.service.storage.tables import job, recording
 
 KEPT_IN: Final = "Stridelab-Kept-In"
-"""Header of the answer to a deletion: ids of the jobs whose inputs and results still hold what was deleted."""
+"""Response header of a deletion: ids of the jobs whose inputs and results still contain the deleted data."""
 
 
 async def delete_finished(parts: Parts, job_id: str, caller: Caller) -> None:
     """Delete a finished job with its result and files.
 
     Raises ``NotFound`` (``job-not-found``), ``Forbidden`` (``not-owner``), ``Conflict``: ``bundled-read-only`` for a
-    result that comes with the program, ``job-not-finished``, ``job-holds-truth`` where a recording needs it.
+    result that is part of the program, ``job-not-finished``, ``job-holds-truth`` if a recording refers to it.
     """
     if job_id in SHIPPED_JOBS:
         raise Conflict("bundled-read-only", "This result comes with the program and cannot be deleted.")
     async with parts.engine.begin() as connection:
-        found = await connection.execute(select(job.c.state, job.c.owner).where(job.c.id == job_id).with_for_update())
-        row = found.one_or_none()
+        query = select(job.c.state, job.c.owner).where(job.c.id == job_id).with_for_update()
+        row = (await connection.execute(query)).one_or_none()
         if row is None:
             raise NotFound("job-not-found", f"There is no job {job_id}; it may have been deleted already.")
         require_owner(caller, row.owner, "job")
@@ -46,24 +46,24 @@ async def delete_finished(parts: Parts, job_id: str, caller: Caller) -> None:
         await connection.execute(delete(job).where(job.c.id == job_id))
         await audit.note(connection, caller, "job-deleted", job_id)
     async with parts.engine.begin() as connection:
-        if await may_remove(connection):  # else the janitor removes them
+        if await may_remove(connection):  # otherwise the janitor removes them later
             await parts.blobs.delete_prefix(f"results/{job_id}")
 
 
 async def remove_own_files(parts: Parts, record: JobRecord) -> None:
-    """Remove what was stored for a job alone that was cancelled before it ran; a worker does so after any other end."""
+    """Remove the stored input files of a job that was cancelled before it ran; otherwise the worker removes them."""
     kind = KINDS.get(record.kind)
     if record.state != "cancelled" or kind is None or kind.own_files is None:
         return
     async with parts.engine.begin() as connection:
-        if await may_remove(connection):  # else the janitor removes them
+        if await may_remove(connection):  # otherwise the janitor removes them later
             await parts.blobs.delete_prefix(kind.own_files(record.input))
 
 
 async def studies_of(parts: Parts, recording_ids: Sequence[str]) -> list[str]:
-    """Jobs on many recordings, among them one of ``recording_ids``: their inputs and results name the people.
+    """Ids of the jobs on several recordings that include one of ``recording_ids``.
 
-    A bulk upload that was read by a job is one of them.
+    Their inputs and results contain data of the subjects. Jobs that read bulk uploads are included.
     """
     if not recording_ids:
         return []
@@ -74,13 +74,13 @@ async def studies_of(parts: Parts, recording_ids: Sequence[str]) -> list[str]:
 
 
 async def delete_studies(parts: Parts, job_ids: Sequence[str], caller: Caller) -> list[str]:
-    """Delete those of the jobs that have finished and are the caller's to delete; returns the others."""
-    kept = []
+    """Delete the jobs that have finished and that the caller may delete; return the ids of the others."""
+    remaining = []
     for job_id in job_ids:
         try:
             await delete_finished(parts, job_id, caller)
         except NotFound:
             continue
         except (Conflict, Forbidden):
-            kept.append(job_id)
-    return kept
+            remaining.append(job_id)
+    return remaining

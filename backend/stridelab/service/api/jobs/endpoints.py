@@ -1,4 +1,4 @@
-"""Jobs: submitted, waited for, followed, cancelled, deleted; and what came out of them."""
+"""Endpoints of jobs: list, wait, follow, cancel, delete, and download of results."""
 
 from typing import Annotated, Any, Final
 
@@ -35,7 +35,7 @@ _NO_RESULT: Final = failures(
 _BINARY: Final = {"type": "string", "format": "binary"}
 _STREAM: Final[dict[int | str, dict[str, Any]]] = {
     200: {
-        "description": "Events `progress` and `state`; `id` is the number to resume from, `data` a JobEvent.",
+        "description": "Events `progress` and `state`; `id` is the event number to resume from, `data` is a JobEvent.",
         "content": {"text/event-stream": {"schema": {"type": "string"}}},
     }
 }
@@ -51,8 +51,8 @@ async def list_jobs(
     recording_id: Text = None,
     scenario_id: Text = None,
 ) -> Page[Job]:
-    """Jobs, newest first, optionally of one state, kind, recording or scenario."""
-    found = await parts.store.list_jobs(
+    """List jobs, newest first, optionally of one state, kind, recording or scenario."""
+    page = await parts.store.list_jobs(
         limit=limit,
         cursor=cursor or None,
         state=state,
@@ -60,12 +60,12 @@ async def list_jobs(
         recording_id=recording_id or None,
         scenario_id=scenario_id or None,
     )
-    return Page[Job](items=[job_of(record) for record in found.items], next=found.next)
+    return Page[Job](items=[job_of(record) for record in page.items], next=page.next)
 
 
 @router.get("/{job_id}", summary="One job", responses=_UNKNOWN)
 async def get_job(parts: AppParts, job_id: str, wait: Wait = 0.0) -> Job:
-    """State and progress of a job. With `wait`, the answer comes when the job has finished, or after that time."""
+    """State and progress of a job. With `wait`, responds when the job has finished, or after that time."""
     record = await _known(parts, job_id)
     if wait > 0 and not record.is_final:
         record = await unless(parts.closing, parts.board.wait(parts.store, job_id, wait)) or record
@@ -77,7 +77,7 @@ async def get_job(parts: AppParts, job_id: str, wait: Wait = 0.0) -> Job:
     summary="Cancel or delete a job",
     responses={
         **_UNKNOWN,
-        **failures(s409="A result of the program (`bundled-read-only`), or a recording needs it (`job-holds-truth`)."),
+        **failures(s409="A bundled result (`bundled-read-only`), or a recording refers to it (`job-holds-truth`)."),
     },
 )
 async def cancel_job(
@@ -86,10 +86,10 @@ async def cancel_job(
     job_id: str,
     cancel_only: Annotated[bool, Query(description="leave a finished job as it is")] = False,
 ) -> Job:
-    """Cancel a job of one's own, or delete it where it has finished; the answer is the job as it was last.
+    """Cancel one's own job, or delete it if it has finished; returns the last state of the job.
 
     A queued job is cancelled at once, a running one within half a second. A finished one is deleted with its result
-    and files, unless `cancel_only` is said.
+    and files, unless `cancel_only` is set.
     """
     record = await _known(parts, job_id)
     require_owner(caller, record.owner, "job")
@@ -117,7 +117,7 @@ async def job_events(
         str | None, Header(alias="Last-Event-ID", max_length=20, description="number of the last event seen")
     ] = None,
 ) -> StreamingResponse:
-    """Server-sent events from the first one, or from after `Last-Event-ID`, until the job has finished."""
+    """Server-sent events, from the first one or from the one after `Last-Event-ID`, until the job has finished."""
     await _known(parts, job_id)
     return events.stream(parts, job_id, events.resume_from(last_event_id))
 
@@ -140,7 +140,7 @@ async def get_result(parts: AppParts, job_id: str) -> JobResult:
     response_class=StreamingResponse,
 )
 async def get_artifact(parts: AppParts, job_id: str, name: str) -> StreamingResponse:
-    """One file of a succeeded job, by the name in its result."""
+    """Download one file of a succeeded job, by its name in the result."""
     record = await _known(parts, job_id)
     result = await parts.store.result(job_id)
     for artifact in result.artifacts:
@@ -163,7 +163,7 @@ async def get_artifact(parts: AppParts, job_id: str, name: str) -> StreamingResp
     response_class=StreamingResponse,
 )
 async def get_bundle(parts: AppParts, job_id: str) -> StreamingResponse:
-    """Input, result, versions, references.bib and all files of a succeeded job in one archive, with the recording."""
+    """Archive with input, result, versions, references.bib and all files of a succeeded job, and the recording."""
     return await bundle.stream(parts, await _known(parts, job_id), await parts.store.result(job_id))
 
 

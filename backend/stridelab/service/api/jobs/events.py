@@ -1,4 +1,4 @@
-"""Following a job by server-sent events that can be resumed."""
+"""Resumable server-sent events of a job."""
 
 from collections.abc import AsyncIterator
 from typing import Final
@@ -19,20 +19,23 @@ _LARGEST: Final = 2**63 - 1
 
 
 def resume_from(last_event_id: str | None) -> int:
-    """The number after which a stream begins. Raises ``InvalidInput`` (``invalid-event-id``)."""
+    """Event number after which a stream starts; 0 without ``last_event_id``.
+
+    Raises ``InvalidInput`` (``invalid-event-id``).
+    """
     if not last_event_id:
         return 0
     if not (last_event_id.isascii() and last_event_id.isdecimal() and int(last_event_id) <= _LARGEST):
         raise InvalidInput(
             "invalid-event-id",
-            "Last-Event-ID is the number of an event of this job.",
-            [Fault("Last-Event-ID", "not a number of ours")],
+            "Last-Event-ID must be the number of an event of this job.",
+            [Fault("Last-Event-ID", "not an event number")],
         )
     return int(last_event_id)
 
 
 def stream(parts: Parts, job_id: str, after: int) -> StreamingResponse:
-    """The job's events above number ``after`` until it has finished."""
+    """Stream the job's events with numbers above ``after`` until it has finished."""
     headers = {"Cache-Control": "no-cache, no-transform", "X-Accel-Buffering": "no"}
     return StreamingResponse(_lines(parts, job_id, after), media_type="text/event-stream", headers=headers)
 
@@ -52,7 +55,8 @@ async def _lines(parts: Parts, job_id: str, after: int) -> AsyncIterator[str]:
         if record.is_final and state not in FINAL_STATES:
             yield _event(_last_word(record, after), changed=True)
     except (StridelabError, DBAPIError) as error:
-        # Deleted, or the database is restarting. The answer has begun, so it ends; who resumes is told the reason.
+        # The job was deleted or the database is restarting. The response has started, so it can only end here; a
+        # client that resumes receives the error.
         log.warning("event stream ended early", error=type(error).__name__)
 
 
@@ -62,7 +66,7 @@ def _event(event: JobEvent, *, changed: bool) -> str:
 
 
 def _last_word(record: JobRecord, seq: int) -> JobEvent:
-    """The final state of a job whose events have been seen, or cleared away, already."""
+    """Final event of a finished job whose stored events do not contain its final state any more."""
     return JobEvent(
         seq=seq,
         at=record.finished_at or record.created_at,

@@ -1,4 +1,4 @@
-"""Jobs of the store as the contract shows them."""
+"""Converts job records of the store to the ``Job`` schema."""
 
 from collections.abc import Mapping
 from typing import Final
@@ -17,7 +17,7 @@ _ENDED: Final[Mapping[JobState, tuple[int, str]]] = {
 
 
 def job_of(record: JobRecord) -> Job:
-    """The job of a record."""
+    """Convert a record to a ``Job``."""
     return Job(
         id=record.id,
         kind=record.kind,
@@ -40,7 +40,7 @@ def job_of(record: JobRecord) -> Job:
 
 
 def _verdict_of(record: JobRecord) -> JobVerdict | None:
-    """A job that failed has no verdict, whatever it kept: its state and its error say enough."""
+    """Verdict on the result; None for a job that did not succeed, even if it has a partial result."""
     if record.state != "succeeded" or record.result is None:
         return None
     return verdict_of(record.result.get("summary") or {})

@@ -1,6 +1,6 @@
-"""What a job's input must hold before the job is accepted, beyond its schema; and what the job will work on.
+"""``POST /jobs/{kind}``: one operation per job kind, each with its own schema and examples.
 
-``POST /jobs/{kind}``: one call per kind, so that each has its own schema and examples.
+Inputs are validated beyond their schema before a job is accepted.
 """
 
 import inspect
@@ -35,19 +35,18 @@ from stridelab.service.samples.scenarios import EXAMPLE_ID
 
 @dataclass(frozen=True)
 class Subject:
-    """The stored things that a job works on; whether they exist is found out when the job is stored."""
+    """Ids of the stored objects that a job works on; the job store checks whether they exist."""
 
     recording_id: str | None = None
     scenario_id: str | None = None
 
 
 async def admit(parts: Parts, request: Contract) -> Subject:
-    """What ``request`` refers to.
+    """Validate ``request`` and return the objects that it refers to.
 
-    Raises ``NotFound`` (``recording-not-found``, ``scenario-not-found``) for what cannot be an id, and
-    ``InvalidInput``: ``scenario-invalid`` for a scenario that the robot cannot do, ``stance-invalid`` for a start or a
-    goal where it cannot stand, ``invalid-request`` for a robot or an effector that there is not, ``recording-twice`` in
-    a population.
+    Raises ``NotFound`` (``recording-not-found``, ``scenario-not-found``) for a malformed id, and ``InvalidInput``:
+    ``scenario-invalid`` for a scenario that the robot cannot perform, ``stance-invalid`` for a start or goal where it
+    cannot stand, ``invalid-request`` for an unknown robot or effector, ``recording-twice`` in a population.
     """
     if isinstance(request, PlanMotionInput | PlanRecedingInput | SweepInput) and request.scenario is not None:
         await refuse_invalid(request.scenario, parts.judges, parts.robots)
@@ -77,7 +76,7 @@ def _effectors(robot: str) -> Mapping[str, EffectorCard]:
 
 
 def _refuse_invalid_ends(request: PlanContactsInput) -> None:
-    # Imported with the first question, as in scenarios.judging: the service starts without numpy.
+    # imported on first use, as in scenarios.validation: the service starts without numpy
     from stridelab.contacts.effector_geometry import effector_shapes
     from stridelab.contacts.planner.start_goal import task_ends
 
@@ -92,7 +91,9 @@ def _refuse_unknown_effectors(request: LearnReachabilityInput) -> None:
         raise InvalidInput("invalid-request", sentence, [Fault(f"effectors.{index}", "unknown") for index in unknown])
 
 
-Priority = Annotated[int, Query(ge=-100, le=100, description="of the jobs of one owner, higher runs earlier")]
+Priority = Annotated[
+    int, Query(ge=-100, le=100, description="among the jobs of one owner, a higher priority runs earlier")
+]
 Key = Annotated[
     str | None,
     Header(
@@ -111,7 +112,7 @@ _EXAMPLES: Final[dict[str, Any]] = {
             "value": {"recording_id": SAMPLE_ID},
         },
         "smoother": {
-            "summary": "Smoother for plates that may be off by 5 N, with the momentum of the body segments",
+            "summary": "Smoother for plates with a force error of 5 N, with the momentum of the body segments",
             "value": {
                 "recording_id": SAMPLE_ID,
                 "method": "smoother",
@@ -119,7 +120,7 @@ _EXAMPLES: Final[dict[str, Any]] = {
             },
         },
         "filter": {
-            "summary": "Complementary filter with own cut-offs, latency applied",
+            "summary": "Complementary filter with custom cut-off frequencies, latency compensated",
             "value": {
                 "recording_id": SAMPLE_ID,
                 "method": "complementary",
@@ -131,14 +132,14 @@ _EXAMPLES: Final[dict[str, Any]] = {
     },
     "compare-estimators": {
         "default": {
-            "summary": "All estimators, on a recording whose truth is known",
+            "summary": "All estimators, on a recording with known ground truth",
             "value": {"recording_id": SAMPLE_ID, "latency": "apply"},
         },
     },
     "fit-cycloid": {
-        "default": {"summary": "The wheel of every measured step", "value": {"recording_id": SAMPLE_ID}},
+        "default": {"summary": "Rolling wheel of every measured step", "value": {"recording_id": SAMPLE_ID}},
         "all": {
-            "summary": "Also steps beside the plates, from the markers",
+            "summary": "Also steps off the plates, from the markers",
             "value": {"recording_id": SAMPLE_ID, "steps": "all"},
         },
     },
@@ -148,10 +149,10 @@ _EXAMPLES: Final[dict[str, Any]] = {
             "summary": "A heavier, slower walker, noisy plates",
             "value": {"speed_m_s": 0.8, "mass_kg": 82.0, "noise": {"force_n": 8.0, "marker_m": 0.002}, "seed": 7},
         },
-        "talos": {"summary": "The humanoid TALOS, at its own speed", "value": {"robot": "talos", "seed": 1}},
+        "talos": {"summary": "The humanoid TALOS, at its default speed", "value": {"robot": "talos", "seed": 1}},
     },
     "study-population": {
-        "one": {"summary": "One recording: means, and a remark", "value": {"recording_ids": [SAMPLE_ID]}},
+        "one": {"summary": "One recording: means, and a warning", "value": {"recording_ids": [SAMPLE_ID]}},
         "table": {
             "summary": "With a subject table",
             "value": {
@@ -162,14 +163,14 @@ _EXAMPLES: Final[dict[str, Any]] = {
     },
     "plan-contacts": {
         "walk": {
-            "summary": "Half a metre ahead on a flat floor",
+            "summary": "Half a metre forward on a flat floor",
             "value": {"robot": "talos", "terrain": ONE_STEP["terrain"], "start": STANDING, "goal": STANDING_AHEAD},
         },
     },
     "plan-motion": {
         "stored": {"summary": "Walk through a stored scenario", "value": {"scenario_id": EXAMPLE_ID}},
         "own": {
-            "summary": "A scenario of one's own, its centroidal motion only",
+            "summary": "A scenario in the request, centroidal motion only",
             "value": {"scenario": ONE_STEP, "whole_body": False},
         },
     },
@@ -181,20 +182,20 @@ _EXAMPLES: Final[dict[str, Any]] = {
     },
     "sweep": {
         "strides": {
-            "summary": "The longest stride that can be planned, by friction",
+            "summary": "Feasible stride length as a function of friction",
             "value": {"scenario_id": EXAMPLE_ID, "vary": {"stride": [0.3, 0.9, 4], "friction": [0.2, 0.6, 3]}},
         },
     },
     "reproduce": {
-        "bode": {"summary": "The gains of the three filters", "value": {"item": "fig-2.5"}},
+        "bode": {"summary": "Gains of the three filters", "value": {"item": "fig-2.5"}},
         "comparison": {
-            "summary": "Complementary filter against Kalman filter, on ten draws of the noise",
+            "summary": "Complementary filter against Kalman filter, with ten noise realisations",
             "value": {"item": "fig-2.7", "seeds": 10},
         },
     },
     "learn-reachability": {
         "feet": {
-            "summary": "The feet, from few samples",
+            "summary": "Both feet, from few samples",
             "value": {"robot": "talos", "effectors": ["left_foot", "right_foot"], "samples": 2000, "seed": 1},
         },
     },
@@ -202,14 +203,14 @@ _EXAMPLES: Final[dict[str, Any]] = {
 
 
 def add_kinds(router: APIRouter) -> None:
-    """Give ``router`` a call for every registered kind, and an answer for all other names."""
+    """Add a route for every registered kind to ``router``, and one that rejects all other names."""
     offered = [kind for kind in KINDS.values() if kind.offered]
     for kind in offered:
         _add_kind(router, kind)
 
     async def unknown_kind(kind: str) -> NoReturn:
-        known = ", ".join(each.name for each in offered)
-        raise NotFound("unknown-job-kind", f"There is no job kind of that name; there are {known}.")
+        names = ", ".join(each.name for each in offered)
+        raise NotFound("unknown-job-kind", f"There is no job kind of that name; there are {names}.")
 
     router.add_api_route("/{kind}", unknown_kind, methods=["POST"], include_in_schema=False, response_model=None)
 
@@ -246,13 +247,13 @@ def _add_kind(router: APIRouter, kind: JobKind) -> None:
         response_model=Job,
         operation_id=f"submit_{kind.name.replace('-', '_')}",
         summary=f"Submit {kind.name}",
-        description=f"{inspect.cleandoc(kind.summary_model.__doc__ or '')} The job runs in a worker; the answer says "
-        "where to wait for it (`Location`).",
+        description=f"{inspect.cleandoc(kind.summary_model.__doc__ or '')} The job runs in a worker; the header "
+        "`Location` of the response is its address.",
         responses=failures(
             s404="The input names an unknown recording or scenario (`recording-not-found`, `scenario-not-found`).",
-            s409="The idempotency key came with another body before (`idempotency-key-reused`).",
-            s413="Your uploads and results are over your limit (`storage-limit`).",
-            s429="Too many jobs are waiting (`queue-full`), or of yours (`user-queue-full`); `Retry-After` says when "
-            "to come back.",
+            s409="The idempotency key was used with another body before (`idempotency-key-reused`).",
+            s413="Your uploads and results exceed your storage limit (`storage-limit`).",
+            s429="Too many jobs are queued (`queue-full`), or too many of yours (`user-queue-full`); `Retry-After` "
+            "gives the time to wait.",
         ),
     )

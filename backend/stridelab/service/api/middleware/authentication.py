@@ -1,9 +1,9 @@
-"""Who may call: the host and origin of a request, then its token or cookie, how often it comes, and its scope.
+"""Authentication middleware: checks host, origin, token or cookie, request rate and scope, in this order.
 
-Without a token (loopback only) everybody on this machine may call, so a page from elsewhere must not be able to speak
-for them: the Host header must name this machine (DNS rebinding) and a foreign Origin is refused (cross-site requests,
-cross-site websockets). With a token in the settings, a request carries that one, or one of the table, as
-``Authorization: Bearer``, or the cookie that a browser got for it at ``POST /login``.
+Without a token (loopback only) every user of this machine may call, so pages of other sites must be kept from sending
+requests in their name: the Host header must name this machine (DNS rebinding) and a foreign Origin is refused
+(cross-site requests and websockets). With a token in the settings, a request carries that token, or one of the token
+table, as ``Authorization: Bearer``, or a cookie from ``POST /login``.
 """
 
 import time
@@ -30,12 +30,12 @@ from stridelab.service.settings import LOOPBACK, Settings
 
 _LOGIN: Final = "/login"
 OPEN_PATHS: Final = frozenset({_LOGIN, "/api/v1/health"})
-"""Answered without a login; so is everything below ``OPEN_FOLDER``."""
+"""Paths that require no login, in addition to those below ``OPEN_FOLDER``."""
 OPEN_FOLDER: Final = "/static/"
 
 log = structlog.get_logger(__name__)
 _NOTED_HZ: Final = 1.0
-"""Refusals per second that are written into the audit table; all others are only in the log."""
+"""Maximum rate of refusals written to the audit table; further ones are only logged."""
 _ADMIN: Final = Caller(ADMIN, "admin", ADMIN)
 _INSIDE: Final = "stridelab.inside"
 _SCENARIOS: Final = "/api/v1/scenarios/"
@@ -43,7 +43,7 @@ _DEFAULT_PORT: Final = {"http": ":80", "https": ":443", "ws": ":80", "wss": ":44
 
 
 class Gate:
-    """ASGI middleware that lets a request or websocket pass, or answers in its place."""
+    """ASGI middleware that authenticates a request or websocket, or refuses it."""
 
     def __init__(self, app: ASGIApp, settings: Settings, keys: Keys | None, clock: Callable[[], float] = time.time):
         self.app = app
@@ -52,8 +52,8 @@ class Gate:
         self._rates = Rates(settings.rate_limit_hz)
         self._noted = Rates(_NOTED_HZ)
         extra = {name.strip().lower() for name in settings.allowed_hosts.split(",") if name.strip()}
-        # Behind a token a rebound name gains nothing: it has neither the token nor the cookie, which belongs to our
-        # own name. So hosts are free there, unless a list was given.
+        # With a token, DNS rebinding gains nothing: the page of the rebound name has neither the token nor the cookie,
+        # which belongs to the real host name. Any host is then accepted, unless the settings list the allowed ones.
         self._hosts = frozenset({*LOOPBACK, settings.host.lower(), *extra}) if extra or keys is None else None
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
@@ -76,7 +76,7 @@ class Gate:
             else:
                 await self._refuse(connection, refusal)(scope, receive, send)
             return
-        scope[KEY] = caller  # in place, for the edge reads from the same scope which route was matched
+        scope[KEY] = caller  # in place: the `Edge` middleware reads the matched route from this dict
         await self.app(scope, receive, send)
 
     def _check_host(self, headers: Headers) -> None:
@@ -93,12 +93,15 @@ class Gate:
         if foreign or (origin is None and headers.get("sec-fetch-site") == "cross-site" and not _navigates(headers)):
             raise Forbidden(
                 "foreign-origin",
-                "The request comes from a page of another site, which may not speak for you.",
+                "The request comes from a page of another site; cross-site requests are not allowed.",
                 [Fault("Origin", "not this service")],
             )
 
     async def _identify(self, connection: HTTPConnection) -> Caller:
-        """Who calls. Raises ``Unauthenticated`` (``login-needed``), ``Busy`` (``too-many-requests``)."""
+        """Authenticate the caller and count the request against its rate limit.
+
+        Raises ``Unauthenticated`` (``login-needed``), ``Busy`` (``too-many-requests``).
+        """
         if self._keys is None:
             return ANYBODY
         path = connection.scope["path"]
@@ -113,7 +116,7 @@ class Gate:
             return STRANGER
         raise Unauthenticated(
             "login-needed",
-            "This service needs its API token: send it as 'Authorization: Bearer ...', or log in at /login.",
+            "This service requires an API token: send it as 'Authorization: Bearer ...', or log in at /login.",
         )
 
     async def _known(self, connection: HTTPConnection, keys: Keys) -> Caller | None:
@@ -132,7 +135,7 @@ class Gate:
             raise Unavailable("database-unreachable", "The database does not answer. Try again shortly.") from error
 
     async def _note(self, connection: HTTPConnection, caller: Caller, refusal: StridelabError) -> None:
-        """Write down that somebody was refused; not every time, for that would be a way to fill the disk."""
+        """Log a refusal, and write it to the audit table at a limited rate, so that refusals cannot fill the disk."""
         if isinstance(refusal, Unavailable) or connection.scope["type"] != "http":
             return
         audit.tell(caller, "refused", refusal.code)
@@ -141,7 +144,7 @@ class Gate:
             async with parts_of(connection).engine.begin() as database:
                 await audit.write(database, caller, "refused", refusal.code)
         except Busy:
-            return  # the log has it
+            return  # logged only
         except DBAPIError:
             log.warning("refusal not in the audit table: the database does not answer")
 
@@ -154,12 +157,12 @@ class Gate:
 
 
 async def holder(secret: str, keys: Keys, book: TokenBook) -> Caller | None:
-    """Who holds the token ``secret``: the admin of the settings, somebody of the table, or nobody."""
+    """Holder of the token ``secret``: the admin of the settings, the caller of the token table, or None."""
     return _ADMIN if keys.accepts_token(secret) else await book.of_secret(secret)
 
 
 def _replaced_scenario(scope: Scope) -> str:
-    """Id of the scenario that a request replaces; empty for any other request."""
+    """Id of the scenario that a ``PUT`` request replaces; empty for other requests."""
     path = str(scope["path"])
     replaces = scope.get("method") == "PUT" and path.startswith(_SCENARIOS)
     return path.removeprefix(_SCENARIOS) if replaces else ""
@@ -170,7 +173,10 @@ def _is_open(path: str) -> bool:
 
 
 def inside(app: ASGIApp) -> ASGIApp:
-    """``app`` for callers in this very process (the pages): past the gate, which no header can do."""
+    """Wrap ``app`` for requests from within this process (the web pages), which skip authentication.
+
+    The mark is set in the ASGI scope, which a client cannot do with a header.
+    """
 
     async def call(scope: Scope, receive: Receive, send: Send) -> None:
         await app({**scope, _INSIDE: True}, receive, send)
@@ -184,7 +190,7 @@ def _relative(scope: Scope) -> str:
 
 
 def local_target(target: str) -> str:
-    """``target`` if it is an address of this service, else its front page: a login must not lead elsewhere."""
+    """Return ``target`` if it is a path of this service, else ``/``: a login must not redirect to other sites."""
     try:
         parts = urlsplit(target)
     except ValueError:  # as for "//["
@@ -196,7 +202,7 @@ def local_target(target: str) -> str:
 
 
 def _navigates(headers: Headers) -> bool:
-    """Whether somebody follows a link to us: allowed from anywhere, as it only shows a page to its own user."""
+    """Whether the request is a top-level navigation: allowed from any site, because only the user sees the page."""
     return headers.get("sec-fetch-mode") == "navigate" and headers.get("sec-fetch-dest") == "document"
 
 
@@ -218,5 +224,5 @@ def _place(origin: str) -> str:
 
 
 def _bare(place: str, scheme: str) -> str:
-    """Host and port in lower case, without the scheme's own port."""
+    """Host and port in lower case, without the default port of the scheme."""
     return place.lower().removesuffix(_DEFAULT_PORT.get(scheme, ""))

@@ -1,7 +1,7 @@
-"""A refusal that comes before the end of an upload must still be heard.
+"""Lingering close: delivers a refusal that is sent before the request body has arrived completely.
 
-A server that closes while bytes are on their way makes the connection be reset, and the client never reads why. So
-after a refusal the rest of the body is taken and thrown away for a few seconds; then the connection is closed.
+If a server closes the connection while the client still sends, the connection is reset and the client cannot read the
+response. Therefore the rest of the body is read and discarded for a few seconds before the connection is closed.
 """
 
 import asyncio
@@ -15,7 +15,7 @@ PATIENCE_S: Final = 5.0
 
 
 class Linger:
-    """ASGI middleware that listens on while a refused client is still talking."""
+    """ASGI middleware that drains the request body after a refusal, for at most ``patience_s``."""
 
     def __init__(self, app: ASGIApp, patience_s: float = PATIENCE_S) -> None:
         self.app = app
@@ -25,7 +25,7 @@ class Linger:
         if scope["type"] != "http":
             await self.app(scope, receive, send)
             return
-        # Asking for the body would tell a client that waits for "100 Continue" to send it.
+        # reading the body would make a client that waits for "100 Continue" send it
         heard_all = "expect" in Headers(scope=scope)
         is_refusal = False
 

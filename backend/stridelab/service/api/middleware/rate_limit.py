@@ -1,4 +1,4 @@
-"""How often somebody may ask: token buckets in the memory of one API process."""
+"""Rate limit: token buckets in the memory of one API process."""
 
 import time
 from collections import OrderedDict
@@ -8,21 +8,21 @@ from typing import Final
 from stridelab.errors import Busy
 
 BURST_S: Final = 10.0
-"""A bucket that has rested holds the requests of this many seconds."""
+"""Capacity of a bucket, as the number of seconds in which it is filled."""
 STRANGERS: Final = 0.1
-"""Share of the rate that those have, by address, who show no valid token."""
+"""Fraction of the rate for clients without a valid token, per address."""
 _MOST_BUCKETS: Final = 10_000
 
 
 class Rates:
-    """Buckets by name, each filled with ``rate_hz`` requests per second; 0 limits nothing."""
+    """Token buckets by name, each refilled with ``rate_hz`` requests per second; 0 disables the limit."""
 
     def __init__(self, rate_hz: float, clock: Callable[[], float] = time.monotonic) -> None:
         self._rate_hz, self._clock = rate_hz, clock
         self._buckets: OrderedDict[str, tuple[float, float]] = OrderedDict()
 
     def take(self, name: str, share: float = 1.0) -> None:
-        """Count a request of ``name``. Raises ``Busy`` (``too-many-requests``) where its bucket is empty."""
+        """Count a request of ``name``. Raises ``Busy`` (``too-many-requests``) if its bucket is empty."""
         rate_hz = self._rate_hz * share
         if rate_hz == 0:
             return
@@ -33,7 +33,7 @@ class Rates:
         allowed = left >= 1.0
         self._buckets[name] = (left - 1.0 if allowed else left, now_s)
         if len(self._buckets) > _MOST_BUCKETS:
-            self._buckets.popitem(last=False)  # the one that has rested longest is the fullest
+            self._buckets.popitem(last=False)  # the least recently used bucket is the fullest
         if not allowed:
             raise Busy(
                 "too-many-requests",

@@ -1,4 +1,4 @@
-"""The outermost layer: request ids, one log line per request, security headers, and no exception without an answer."""
+"""Outermost middleware: request ids, one log line and span per request, security headers, unexpected exceptions."""
 
 import time
 import uuid
@@ -21,10 +21,10 @@ CONTENT_POLICY: Final = (
     "default-src 'self'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; connect-src 'self'; "
     "object-src 'none'; base-uri 'none'; form-action 'self'; frame-ancestors 'self'"
 )
-"""Everything from this service, nothing inline; the page of the 3D scene brings a policy of its own."""
+"""Allows resources of this service only, nothing inline; the page of the 3D scene sets its own policy."""
 
 CLIENT_GONE: Final = 499
-"""In the log: the client ended, or the server closed, the connection before the request was whole."""
+"""Logged status if the connection was closed before the request was complete."""
 HEADERS: Final = {
     "X-Content-Type-Options": "nosniff",
     "X-Frame-Options": "SAMEORIGIN",
@@ -37,7 +37,7 @@ HEADERS: Final = {
 
 
 class Edge:
-    """ASGI middleware around everything else; streams pass through it unbuffered."""
+    """ASGI middleware around the whole application; streaming responses are not buffered."""
 
     def __init__(self, app: ASGIApp) -> None:
         self.app = app
@@ -74,11 +74,11 @@ class Edge:
         except Exception:
             log.exception("request failed", method=scope["method"], route=_route_of(scope))
             if status:
-                raise  # the answer has begun: all that is left is to break the connection
-            sorry = problems.problem(
+                raise  # the response has started, so the connection can only be aborted
+            failure = problems.problem(
                 500, "internal-error", "Something went wrong inside the service; its log has the details."
             )
-            await problems.answer(sorry)(scope, receive, send_with_headers)
+            await problems.answer(failure)(scope, receive, send_with_headers)
         finally:
             route = _route_of(scope)
             span.update_name(f"{scope['method']} {route}")
@@ -104,6 +104,6 @@ def _add_headers(message: Message, request_id: str) -> None:
 
 
 def _route_of(scope: Scope) -> str:
-    """The template of the matched route; what a visitor typed is never logged."""
+    """Path template of the matched route; the requested path itself is never logged."""
     path = getattr(scope.get("route"), "path", None)
     return str(path) if path is not None else "unmatched"

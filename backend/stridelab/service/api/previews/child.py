@@ -1,8 +1,8 @@
-"""The process that answers directly: ``python -m stridelab.service.api.previews.child PARENT MEMORY_MB``.
+"""Resident process for plan previews: ``python -m stridelab.service.api.previews.child PARENT MEMORY_MB``.
 
-It reads one question per line of its standard input and answers each with one line on its standard output: a number and
-a value, or a problem. It ends with its parent, can write no file (``sandbox``), and ends when it has not been asked for
-``IDLE_S``.
+It reads one JSON request per line from standard input and writes one JSON response per line to standard output: a
+number, and a value or a problem. It ends with its parent or after ``IDLE_S`` without a request, and cannot write files
+(``sandbox``).
 """
 
 import faulthandler
@@ -24,13 +24,13 @@ IDLE_S: Final = 600
 
 
 def main(parent_pid: int, memory_mb: int) -> None:
-    """Answer until there is nothing more to answer."""
+    """Answer requests until the input ends."""
     die_with_parent(parent_pid)
     forbid_core_files()
     wire = os.fdopen(os.dup(1), "w", encoding="utf-8")
-    os.dup2(2, 1)  # what libraries print belongs into the log, not between the answers
+    os.dup2(2, 1)  # library output goes to the log, not between the responses
     faulthandler.enable()
-    from stridelab.service.api.previews import preview  # before the limit: it counts from what the libraries take
+    from stridelab.service.api.previews import preview  # imported before the limit, which counts from the current use
 
     limit_memory(memory_mb)
     confine(STRICT, None)
@@ -40,7 +40,7 @@ def main(parent_pid: int, memory_mb: int) -> None:
 
 
 def converse(source: IO[str], wire: IO[str], answer: Callable[[Json], Json]) -> None:
-    """Answer the lines of ``source`` on ``wire``; silence ends the process."""
+    """Answer the lines of ``source`` on ``wire``; SIGALRM ends the process after ``IDLE_S`` without a line."""
     signal.signal(signal.SIGALRM, signal.SIG_DFL)
     while True:
         signal.alarm(IDLE_S)
@@ -49,13 +49,13 @@ def converse(source: IO[str], wire: IO[str], answer: Callable[[Json], Json]) -> 
         if not line:
             return
         question: Json = json.loads(line)
-        said = {"number": question.pop("number"), **told(question, answer)}
-        wire.write(json.dumps(said, allow_nan=False) + "\n")
+        response = {"number": question.pop("number"), **told(question, answer)}
+        wire.write(json.dumps(response, allow_nan=False) + "\n")
         wire.flush()
 
 
 def told(question: Json, answer: Callable[[Json], Json]) -> Json:
-    """The answer's value, or the problem in its place."""
+    """Call ``answer`` and return its value, or the problem if it fails."""
     try:
         return {"value": answer(question)}
     except StridelabError as error:
@@ -64,7 +64,7 @@ def told(question: Json, answer: Callable[[Json], Json]) -> Json:
             "problem": {"code": error.code, "detail": error.message, "errors": faults},
             "raised": type(error).__name__,
         }
-    except Exception as error:  # noqa: BLE001 (whatever goes wrong here, the other end hears of it)
+    except Exception as error:  # noqa: BLE001 (every error is reported to the parent)
         traceback.print_exc()
         detail = f"The planner stopped with an unexpected error ({type(error).__name__})."
         return {"problem": {"code": "preview-failed", "detail": detail, "errors": []}, "raised": None}

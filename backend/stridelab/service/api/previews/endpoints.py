@@ -1,4 +1,4 @@
-"""What is planned while somebody waits: the solvers that there are, and the motion of a scenario as it is now."""
+"""Interactive planning: the available solvers, and a preview of the motion of a scenario."""
 
 from typing import Annotated, Any, Final
 
@@ -24,7 +24,7 @@ _BODIES: Final[Any] = {
 
 @router.get("/solvers", summary="Solvers of the centroidal problem")
 async def solvers(parts: AppParts) -> Solvers:
-    """Which solvers there are on this machine, and why one is not."""
+    """List the solvers, and for an unavailable one the reason."""
     return Solvers.model_validate(await parts.resident.ask({"ask": "solvers"}))
 
 
@@ -33,26 +33,26 @@ async def solvers(parts: AppParts) -> Solvers:
     summary="Plan at once",
     responses=failures(
         s404="No scenario with this id (`scenario-not-found`).",
-        s422="It is no scenario (`invalid-request`), the C++ solver is not on this machine (`solver-unavailable`), or "
-        "the push comes after the end (`push-too-late`).",
-        s429="Too many wait (`preview-busy`); `Retry-After` says when to come back.",
-        s503="The planner failed and was started anew (`preview-failed`, `preview-stuck`).",
+        s422="The scenario is malformed (`invalid-request`), the C++ solver is not available (`solver-unavailable`), "
+        "or the push is after the end of the motion (`push-too-late`).",
+        s429="Too many requests are waiting (`preview-busy`); `Retry-After` gives the time to wait.",
+        s503="The planner failed and was restarted (`preview-failed`, `preview-stuck`).",
     ),
 )
 async def preview(parts: AppParts, body: Annotated[PlanPreviewInput, Body(openapi_examples=_BODIES)]) -> PlanPreview:
-    """The centroidal motion of a scenario, in milliseconds by the C++ solver; nothing is stored.
+    """Compute the centroidal motion of a scenario with the C++ solver, within milliseconds. Nothing is stored.
 
-    The control are the contact forces in their exact cones. With a push, the motion is planned anew from the state that
-    it leaves. What the robot cannot do is
-    answered with `errors`, a motion that was not found with `converged` false and why.
+    The controls are the contact forces within their exact friction cones. With a push, the motion is replanned from
+    the state after the push. A scenario that the robot cannot perform is answered with `errors`; if the solver does
+    not converge, `converged` is false and `status` gives the reason.
     """
     scenario = body.scenario
     if scenario is None:
         async with parts.engine.connect() as connection:
             stored = scenario_of(await scenario_row(connection, str(body.scenario_id)))
-        known = type(stored).model_fields.keys() - {"id", "created_at", "updated_at", "bundled", "owner"}
-        wanted = stored.model_dump(mode="json", include=set(known))
+        names = type(stored).model_fields.keys() - {"id", "created_at", "updated_at", "bundled", "owner"}
+        document = stored.model_dump(mode="json", include=set(names))
     else:
-        wanted = scenario.model_dump(mode="json")
-    question = {**body.model_dump(mode="json", exclude={"scenario_id", "scenario"}), "scenario": wanted}
+        document = scenario.model_dump(mode="json")
+    question = {**body.model_dump(mode="json", exclude={"scenario_id", "scenario"}), "scenario": document}
     return PlanPreview.model_validate(await parts.resident.ask({"ask": "preview", "input": question}))

@@ -1,4 +1,4 @@
-"""The answers of the resident planner: the solvers, and a motion with its push (in the child only: it computes)."""
+"""Requests to the resident planner: solvers, previews and stance checks. Imported in the child process only."""
 
 import math
 import time
@@ -29,14 +29,14 @@ from stridelab.service.api.previews import stances
 Json = dict[str, Any]
 
 LIMITS: Final = Limits(iterations=100, cpu_s=2.0)
-"""Whoever drags would rather hear that nothing was found."""
+"""Solver limits for interactive use: a quick failure is better than a late solution."""
 SHOWN_FAULTS: Final = 50
 LEAST_S: Final = 0.2
-"""A push that ends less than this before the end of the motion leaves nothing to plan."""
+"""Minimum time between the end of a push and the end of the motion."""
 
 
 def answer(question: Json) -> Json:
-    """``{"ask": "solvers"}``, ``{"ask": "preview", "input": PlanPreviewInput}`` or a question of ``stances``."""
+    """Answer ``{"ask": "solvers"}``, ``{"ask": "preview", "input": PlanPreviewInput}`` or a request of ``stances``."""
     if question["ask"] == "solvers":
         return solvers().model_dump(mode="json")
     if question["ask"] == "stances":
@@ -45,22 +45,22 @@ def answer(question: Json) -> Json:
 
 
 def solvers() -> Solvers:
-    """All of them; CasADi's are always there."""
+    """List all solvers; those of CasADi are always available."""
     missing = native_missing()
-    known = [SolverFacts(name="native", available=missing is None, missing=missing)]
-    known += [SolverFacts(name=name, available=True) for name in ("ipopt", "fatrop")]
-    return Solvers(auto="native" if missing is None else "ipopt", solvers=known)
+    facts = [SolverFacts(name="native", available=missing is None, missing=missing)]
+    facts += [SolverFacts(name=name, available=True) for name in ("ipopt", "fatrop")]
+    return Solvers(auto="native" if missing is None else "ipopt", solvers=facts)
 
 
 def preview(request: PlanPreviewInput) -> PlanPreview:
-    """The motion of a scenario, and the one after the push.
+    """Compute the motion of a scenario, and the replanned motion after the push.
 
-    Raises ``NotEstimable`` (``solver-unavailable``), ``InvalidInput`` (``push-too-late``) and what ``load_robot`` and
-    ``densities`` raise.
+    Raises ``NotEstimable`` (``solver-unavailable``), ``InvalidInput`` (``push-too-late``) and the errors of
+    ``load_robot`` and ``densities``.
     """
     missing = native_missing()
     if missing is not None:
-        sentence = f"{missing} Only it plans while you wait; a job plans without it."
+        sentence = f"{missing} Previews need it; a job (plan-motion) works without it."
         raise NotEstimable("solver-unavailable", sentence)
     if request.scenario is None:
         raise ValueError("the endpoint sends the scenario itself")
@@ -88,26 +88,29 @@ def preview(request: PlanPreviewInput) -> PlanPreview:
 
 
 def recover(problem: CentroidalProblem, plan: CentroidalPlan, push: PreviewPush) -> PreviewMotion:
-    """The motion from the end of ``push`` to the end of the sequence, to rest."""
+    """Plan the motion from the end of ``push`` to rest at the end of the sequence."""
     state, ends_s = pushed(plan, push)
     horizon = RecedingHorizon(problem=problem, horizon_s=max(problem.sequence.duration_s, 1.0), limits=LIMITS)
     return _motion(solve(horizon.horizon(ends_s, state), "native", LIMITS), ends_s)
 
 
 def pushed(plan: CentroidalPlan, push: PreviewPush) -> tuple[State, float]:
-    """The state that a push leaves, and when: m (c'' - c''_planned) = f at the CoM, which turns nothing."""
+    """State after a push, and its time in seconds.
+
+    The force acts at the CoM, so the angular momentum is unchanged: m (c'' - c''_planned) = f.
+    """
     if push.velocity_m_s is not None:
-        there = plan.at(push.time_s)
-        return State(there.com_m, there.com_v_m_s + np.array(push.velocity_m_s), there.l_nms), push.time_s
+        planned = plan.at(push.time_s)
+        return State(planned.com_m, planned.com_v_m_s + np.array(push.velocity_m_s), planned.l_nms), push.time_s
     ends_s = push.time_s + push.duration_s
-    there = plan.at(ends_s)
+    planned = plan.at(ends_s)
     a = np.array(push.force_n) / plan.mass_kg
-    state = State(there.com_m + a * push.duration_s**2 / 2, there.com_v_m_s + a * push.duration_s, there.l_nms)
+    state = State(planned.com_m + a * push.duration_s**2 / 2, planned.com_v_m_s + a * push.duration_s, planned.l_nms)
     return state, ends_s
 
 
 def _refused(scenario: Scenario, refusal: InvalidInput, took_s: float) -> PlanPreview:
-    """Whether the robot can do it is a good question while somebody drags, and this an answer."""
+    """Response to an invalid scenario: its faults, and an empty motion."""
     nothing = PreviewMotion(
         converged=False,
         status=refusal.message,
@@ -139,13 +142,13 @@ def _densities(robot: str) -> Mapping[str, Proxy]:
 
 
 def _motion(plan: CentroidalPlan, starts_s: float) -> PreviewMotion:
-    found = bool(np.isfinite(plan.com_m).all()) and plan.converged
+    is_solved = bool(np.isfinite(plan.com_m).all()) and plan.converged
     return PreviewMotion(
         converged=plan.converged,
         status=plan.status,
-        objective=plan.objective if found else None,
+        objective=plan.objective if is_solved else None,
         iterations=plan.iterations,
         solve_time_s=plan.solve_time_s,
-        time_s=(plan.time_s + starts_s).tolist() if found else [],
-        com_m=[(float(x), float(y), float(z)) for x, y, z in plan.com_m] if found else [],
+        time_s=(plan.time_s + starts_s).tolist() if is_solved else [],
+        com_m=[(float(x), float(y), float(z)) for x, y, z in plan.com_m] if is_solved else [],
     )

@@ -1,6 +1,6 @@
-"""Whether the whole body can take the stances of a scenario (in the resident child only: it computes).
+"""Checks whether the whole body can reach the stances of a scenario. Imported in the resident child process only.
 
-The question holds what the judge found, so that nothing is judged twice:
+The request contains the support regions of the scenario validation, so that they are not computed twice:
 
     {"ask": "stances", "robot": name, "posture_of": phase | null,
      "phases": [{"contacts": [...], "region_m": [[x, y], ...], "com_m": [x, y, z] | null}, ...]}
@@ -21,50 +21,50 @@ from stridelab.wholebody.stance_check import Stance, StanceCheck, StanceVerdict,
 Json = dict[str, Any]
 
 BUDGET_S: Final = 4.0
-"""Phases that are not known after this time are left for the next question."""
+"""Time limit of one request; the phases that remain after it have no answer."""
 DIGITS: Final = 5
 
 
 def answer(question: Json) -> Json:
-    """``{"phases": [...]}``: the fields of ``PhaseBody`` but its number, null where there is nothing to ask.
+    """Return ``{"phases": [...]}``: the fields of ``PhaseBody`` without its number; null for a phase not checked.
 
-    The phase of ``posture_of`` comes first and always has an answer. Raises as ``load_robot``.
+    The phase ``posture_of`` is checked first and always has an answer. Raises the errors of ``load_robot``.
     """
     check = _check_of(question["robot"])
     stances = stances_of(check, question["phases"])
     shown: int | None = question["posture_of"]
     order = sorted((k for k, stance in enumerate(stances) if stance is not None), key=lambda k: k != shown)
-    found: list[Json | None] = [None] * len(stances)
+    answers: list[Json | None] = [None] * len(stances)
     until_s = time.monotonic() + BUDGET_S
     for k in order:
         stance = stances[k]
         if stance is None or (k != shown and time.monotonic() > until_s):
             continue
-        found[k] = _said(check, check.verdict(stance), shown=k == shown)
-    return {"phases": found}
+        answers[k] = _said(check, check.verdict(stance), shown=k == shown)
+    return {"phases": answers}
 
 
 def stances_of(check: StanceCheck, phases: Sequence[Json]) -> list[Stance | None]:
-    """The stance of every phase; None where its contacts make no sense."""
+    """The stance of each phase; None if its contacts are invalid or contain no sole."""
     placed = [_placed(check, phase["contacts"]) for phase in phases]
     soles = [name for name, one in check.robot.effectors.items() if one.kind == "surface"]
-    found: list[Stance | None] = []
+    stances: list[Stance | None] = []
     for k, contacts in enumerate(placed):
         if contacts is None or not any(name in contacts for name in soles):
-            found.append(None)
+            stances.append(None)
             continue
-        air = {}
+        swing_poses = {}
         for name in soles:
             before = next((p[name] for p in reversed(placed[:k]) if p is not None and name in p), None)
             after = next((p[name] for p in placed[k + 1 :] if p is not None and name in p), None)
             place = None if name in contacts else swung(before, after)
             if place is not None:
-                air[name] = place
+                swing_poses[name] = place
         com_m = phases[k]["com_m"]
         region_m = np.array(phases[k]["region_m"], dtype=float).reshape(-1, 2)
-        wanted = check.usual_com_m(contacts) if com_m is None else np.array(com_m, dtype=float)
-        found.append(Stance(contacts, wanted, region_m, air))
-    return found
+        target_m = check.usual_com_m(contacts) if com_m is None else np.array(com_m, dtype=float)
+        stances.append(Stance(contacts, target_m, region_m, swing_poses))
+    return stances
 
 
 @cache
@@ -73,13 +73,13 @@ def _check_of(robot: str) -> StanceCheck:
 
 
 def _placed(check: StanceCheck, contacts: Sequence[Json]) -> Mapping[str, Placement] | None:
-    found: dict[str, Placement] = {}
+    placements: dict[str, Placement] = {}
     for contact in contacts:
         name = contact["effector"]
-        if name not in check.robot.effectors or name in found or not any(contact["orientation_wxyz"]):
+        if name not in check.robot.effectors or name in placements or not any(contact["orientation_wxyz"]):
             return None
-        found[name] = Placement.of(contact["position_m"], contact["orientation_wxyz"])
-    return found
+        placements[name] = Placement.of(contact["position_m"], contact["orientation_wxyz"])
+    return placements
 
 
 def _said(check: StanceCheck, verdict: StanceVerdict, *, shown: bool) -> Json:

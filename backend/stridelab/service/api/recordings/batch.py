@@ -1,7 +1,7 @@
-"""``POST /recordings/batch``: many files, or zips of them, with one subject table.
+"""``POST /recordings/batch``: upload of many files, or zips of them, with one subject table.
 
-A proxy gives up on an answer that takes minutes. So a small upload is read before it is answered, for at most
-``batch_answer_s``; one that is larger, or takes longer, is stored as it came and read by the job ``read-batch``.
+Reverse proxies abort requests that take minutes. Therefore only a small upload is parsed within the request, for at
+most ``batch_answer_s``; a larger or slower one is stored unparsed and read by the job ``read-batch``.
 """
 
 import asyncio
@@ -36,17 +36,17 @@ log = structlog.get_logger(__name__)
 TABLE_FIELD, TABLE_FILE, TABLE_BYTES = "subjects", "subjects.csv", 1_000_000
 DIRECT_BYTES: Final = 20_000_000
 DIRECT_FILES: Final = 20
-"""Up to so many bytes in so many files, an upload is tried to be read before it is answered."""
+"""Maximum size and number of files of an upload that is parsed within the request."""
 JOB_PATIENCE: Final = 6.0
-"""A job yields the processor to others: it may take so many times as long for a file."""
+"""Factor on the time limit per file in a job, which runs at low priority."""
 
 
 async def receive_batch(parts: Parts, request: Request, folder: Path, caller: Caller) -> RecordingBatch | JobRecord:
-    """Read the form of ``request`` into ``folder``, store what can be read, and say what cannot; or submit a job.
+    """Receive the form into ``folder``, then store the readable files and list the others, or submit a job.
 
-    Raises as ``receive_forms`` does, ``UnreadableFile`` (``zip-...``; ``nothing-readable`` where no file is a
+    Raises the errors of ``receive_forms``, ``UnreadableFile`` (``zip-...``; ``nothing-readable`` if no file is a
     recording), ``InvalidInput`` (``subject-table-invalid``, ``subject-table-twice``, ``too-many-files``,
-    ``invalid-request``), ``TooLarge`` (``storage-limit``), ``Busy`` (``queue-full``). Nothing is kept then.
+    ``invalid-request``), ``TooLarge`` (``storage-limit``), ``Busy`` (``queue-full``). Nothing is stored then.
     """
     settings = parts.settings
     total_bytes = settings.max_batch_mb * 1_000_000
@@ -88,7 +88,7 @@ def _task(parts: Parts, forms: ReceivedForms, folder: Path) -> ParseBatchTask:
 
 
 async def _read_at_once(parts: Parts, task: ParseBatchTask, folder: Path) -> dict[str, Any] | None:
-    """What ``parse_batch`` answers, or None where that takes longer than ``batch_answer_s``."""
+    """Run ``parse_batch`` and return its result; None if it takes longer than ``batch_answer_s``."""
     within_s = parts.settings.batch_answer_s
     if within_s <= 0:
         return None
@@ -109,7 +109,7 @@ async def _read_at_once(parts: Parts, task: ParseBatchTask, folder: Path) -> dic
     if outcome.state == "timeout":
         return None
     if outcome.state != "ok":
-        message = "Reading the files took more memory than this service allows; send fewer at a time."
+        message = "Reading the files took more memory than this service allows; send fewer files per upload."
         raise UnreadableFile("batch-not-read", message, [Fault("file", outcome.state)])
     broken = [one["name"] for one in outcome.value["files"] if one.get("problem", {}).get("code") == "parser-crashed"]
     if broken:
@@ -118,7 +118,7 @@ async def _read_at_once(parts: Parts, task: ParseBatchTask, folder: Path) -> dic
 
 
 async def _store_all(parts: Parts, upload: ReadUpload, folder: Path, caller: Caller) -> RecordingBatch:
-    """Store what was read and link static trials; what was stored goes again where something fails."""
+    """Store the parsed recordings and link static trials; delete the stored ones again if something fails."""
     ids: dict[int, str] = {}
     try:
         for one in upload.files:
@@ -134,8 +134,10 @@ async def _store_all(parts: Parts, upload: ReadUpload, folder: Path, caller: Cal
         for recording_id in ids.values():
             await delete_recording(parts, recording_id, caller)
         raise
-    told = upload.summary(ids)
-    return RecordingBatch(recordings=stored, studied=told.studied, subjects=told.subjects, refused=told.refused)
+    summary = upload.summary(ids)
+    return RecordingBatch(
+        recordings=stored, studied=summary.studied, subjects=summary.subjects, refused=summary.refused
+    )
 
 
 async def _submit(parts: Parts, task: ParseBatchTask, folder: Path, caller: Caller) -> JobRecord:
@@ -143,18 +145,18 @@ async def _submit(parts: Parts, task: ParseBatchTask, folder: Path, caller: Call
     patient = task.model_copy(update={"timeout_s": JOB_PATIENCE * task.timeout_s})
     (folder / batch_staging.TASK).write_text(patient.model_dump_json(), encoding="utf-8")
     names = [batch_staging.TASK, *(one.file for one in task.files), *([task.table] if task.table else [])]
-    asked = {"batch_id": uuid.uuid4().hex, "files": names}
-    prefix = batch_staging.own_files(asked)
+    request = {"batch_id": uuid.uuid4().hex, "files": names}
+    prefix = batch_staging.own_files(request)
     try:
         for name in names:
             await parts.blobs.put_file(f"{prefix}/{name}", folder / name)
-        submitted = await parts.store.submit(batch_staging.KIND, asked, owner=caller.name)
-    except StridelabError:  # a definite no; whatever else leaves files leaves them to the janitor
+        submitted = await parts.store.submit(batch_staging.KIND, request, owner=caller.name)
+    except StridelabError:  # the job is certainly not stored; after other errors the janitor removes the files
         await parts.blobs.delete_prefix(prefix)
         raise
     return await parts.store.get(submitted.job_id)
 
 
 def _received(path: Path, filename: str) -> ReceivedForm:
-    """A file as if it had come alone. Its hash, by which equal files are recognised, is not taken from the child."""
+    """One file as the form of a single upload. The hash is computed here, because the child is not trusted."""
     return ReceivedForm(path, filename, path.stat().st_size, file_sha256(path), fields={})

@@ -1,4 +1,4 @@
-"""Recordings: uploaded, looked at, corrected, downloaded, deleted."""
+"""Endpoints of recordings: upload, list, read, change, download, delete."""
 
 import shutil
 from typing import Annotated, Any, Final
@@ -26,21 +26,23 @@ from stridelab.service.api.strict_json import StrictRoute
 from stridelab.service.storage.tables import recording
 
 REUSED: Final = "Stridelab-Reused"
-"""Header of an answer to an upload of which nothing was stored, because the bytes were there."""
+"""Response header of an upload that was not stored because a recording of the same bytes exists."""
 Reuse = Annotated[
     bool,
     Query(
-        description="answer with the newest recording that you made of the same bytes, where there is one, as it is: "
-        "nothing is stored, and the other fields of the form are not used"
+        description="if you have uploaded the same bytes before, return the newest of these recordings unchanged: "
+        "nothing is stored, and the other fields of the form are ignored"
     ),
 ]
-WithStudies = Annotated[bool, Query(description="also delete finished studies of one's own that hold the person")]
+WithStudies = Annotated[
+    bool, Query(description="also delete one's own finished studies that contain data of the subject")
+]
 
 router = APIRouter(prefix="/recordings", tags=["recordings"], route_class=StrictRoute)
 
 
 def _form(fields: dict[str, Any]) -> dict[str, Any]:
-    """How the interface describes a multipart form of ``fields``, of which ``file`` must be there."""
+    """OpenAPI request body of a multipart form with ``fields``, of which ``file`` is required."""
     schema = {"type": "object", "required": ["file"], "additionalProperties": False, "properties": fields}
     return {"requestBody": {"required": True, "content": {"multipart/form-data": {"schema": schema}}}}
 
@@ -61,7 +63,7 @@ _FORM: Final = _form(
             "type": "string",
             "maxLength": 64,
             "pattern": "^[A-Za-z0-9._-]*$",
-            "description": "trials of one person and one day; found by itself where it is left out",
+            "description": "trials of one person on one day; by default determined by the service",
         },
     }
 )
@@ -70,7 +72,7 @@ _BATCH: Final = _form(
         "file": {
             "type": "array",
             "items": {"type": "string", "format": "binary"},
-            "description": "recordings as `POST /recordings` takes them, and .zip files of recordings",
+            "description": "recordings as for `POST /recordings`, and .zip files of recordings",
         },
         "subjects": {
             "type": "string",
@@ -79,16 +81,20 @@ _BATCH: Final = _form(
     }
 )
 _CHANGES: Final[Any] = {
-    "subject": {"summary": "State height and sex", "value": {"subject": {"height_m": 1.71, "sex": "female"}}},
+    "subject": {"summary": "Set height and sex", "value": {"subject": {"height_m": 1.71, "sex": "female"}}},
     "plate": {
-        "summary": "Leave the second plate out, raise the threshold of the first",
+        "summary": "Exclude the second plate, raise the threshold of the first",
         "value": {"plates": {"2": {"use": False}, "1": {"threshold_n": 30.0}}},
     },
-    "reset": {"summary": "Undo all switches", "value": {"plates": None, "marker_map": None}},
+    "reset": {"summary": "Reset all switches", "value": {"plates": None, "marker_map": None}},
 }
-InSession = Annotated[str | None, Query(max_length=64, pattern=r"^[A-Za-z0-9._-]*$", description="one session alone")]
-OfSubject = Annotated[str | None, Query(max_length=64, pattern=r"^[A-Za-z0-9_-]*$", description="one subject alone")]
-Linked = Annotated[bool | None, Query(description="true: those that are linked to a subject; false: the others")]
+InSession = Annotated[
+    str | None, Query(max_length=64, pattern=r"^[A-Za-z0-9._-]*$", description="only recordings of this session")
+]
+OfSubject = Annotated[
+    str | None, Query(max_length=64, pattern=r"^[A-Za-z0-9_-]*$", description="only recordings of this subject")
+]
+Linked = Annotated[bool | None, Query(description="true: only recordings linked to a subject; false: only the others")]
 _UNKNOWN: Final = failures(s404="No recording with this id (`recording-not-found`).")
 _FILE: Final[dict[int | str, dict[str, Any]]] = {
     200: {"description": "The file.", "content": {OCTETS: {"schema": {"type": "string", "format": "binary"}}}}
@@ -104,7 +110,7 @@ _TABLE: Final[dict[int | str, dict[str, Any]]] = {
     summary="Upload a recording",
     openapi_extra=_FORM,
     responses=failures(
-        s413="The file is over the limit (`upload-too-large`), or over yours (`storage-limit`).",
+        s413="The file exceeds the size limit (`upload-too-large`) or your storage limit (`storage-limit`).",
         s422="The file cannot be read (for example `unreadable-file`, `empty-file`), or a field is not valid.",
         s507="No disk space is left (`disk-full`).",
     ),
@@ -114,22 +120,21 @@ async def upload_recording(
 ) -> Recording:
     """Upload a `.c3d` or `.trc` file, or a `.zip` of `.trc` and `.mot`/`.sto`, as the form field `file`.
 
-    A `.trc` alone holds markers and no forces: of the methods of `estimate-com`, `geometry` takes it.
+    A `.trc` alone contains markers but no forces: of the methods of `estimate-com`, only `geometry` accepts it.
 
-    The file is read before the answer: 201 means that it is stored and understood, and what is in it. A file that
-    cannot be read is refused with the reason, and nothing of it is kept. The same bytes sent again are another
-    recording, unless `reuse` asks for the one that is there, which is then the answer with the header
-    `Stridelab-Reused`.
+    The file is parsed before the response: 201 means that it was parsed and stored. An unreadable file is refused with
+    the reason and not stored. Uploading the same bytes again creates another recording, unless `reuse` is set: then
+    the existing recording is returned, with the header `Stridelab-Reused`.
     """
     limits = Limits(parts.settings.max_upload_mb * 1_000_000, parts.settings.min_free_disk_mb * 1_000_000)
     folder = service.spool_folder(parts)
     try:
         form = await receive_form(request, folder / "trial", limits)
         subject, session_id = subject_of_form(form.fields), session_of_form(form.fields)
-        known = await service.uploaded_before(parts, form, caller.name) if reuse else None
-        if known is not None:
-            response.headers.update({"Location": f"/api/v1/recordings/{known.id}", REUSED: "true"})
-            return known
+        existing = await service.uploaded_before(parts, form, caller.name) if reuse else None
+        if existing is not None:
+            response.headers.update({"Location": f"/api/v1/recordings/{existing.id}", REUSED: "true"})
+            return existing
         parsed = await parse(parts, folder, form.path.name, form.filename, NO_SWITCHES)
         stored = await service.store_upload(parts, form, parsed, subject, caller.name, session_id)
     finally:
@@ -145,11 +150,11 @@ async def upload_recording(
     openapi_extra=_BATCH,
     response_model=RecordingBatch,
     responses={
-        202: {"model": Job, "description": "The files are read by a job, whose summary is a ReadBatchSummary."},
+        202: {"model": Job, "description": "A job reads the files; the summary of its result is a ReadBatchSummary."},
         **failures(
-            s413="The files are over the limit (`upload-too-large`), or over yours (`storage-limit`).",
-            s422="No file can be read (`nothing-readable`), or a zip or the table cannot be used.",
-            s429="Too many jobs are waiting (`queue-full`), or of yours (`user-queue-full`).",
+            s413="The files exceed the size limit (`upload-too-large`) or your storage limit (`storage-limit`).",
+            s422="No file can be read (`nothing-readable`), or a zip or the table is invalid.",
+            s429="Too many jobs are queued (`queue-full`), or too many of yours (`user-queue-full`).",
             s507="No disk space is left (`disk-full`).",
         ),
     },
@@ -157,9 +162,9 @@ async def upload_recording(
 async def upload_recordings(parts: AppParts, caller: CallerOf, request: Request) -> RecordingBatch | Response:
     """Upload many recordings, or zips of them, with one subject table.
 
-    What can be read is stored, what cannot be is listed in `refused`; a zip or a table that cannot be used refuses all.
-    An upload of more than 20 files or 20 MB, and one that is not read within `STRIDELAB_BATCH_ANSWER_S`, is answered
-    202 with the job that reads it (`Location`).
+    Readable files are stored, the others are listed in `refused`; an invalid zip or table refuses the whole upload.
+    An upload of more than 20 files or 20 MB, or one that takes longer than `STRIDELAB_BATCH_ANSWER_S` to read, is
+    answered with 202 and the job that reads it (`Location`).
     """
     folder = service.spool_folder(parts)
     try:
@@ -181,7 +186,7 @@ async def list_recordings(
     limit: Limit = 50,
     cursor: Cursor = None,
 ) -> Page[Recording]:
-    """Recordings, newest first; with `session_id` or `subject_id` those of one session or subject."""
+    """List recordings, newest first, optionally of one session or subject."""
     query = recordings_with_subjects()
     if subject_id is not None:
         query = query.where(recording.c.subject_id == subject_id)
@@ -198,7 +203,7 @@ async def list_recordings(
 
 @router.get("/{recording_id}", summary="One recording", responses=_UNKNOWN)
 async def get_recording(parts: AppParts, recording_id: str) -> Recording:
-    """What is known of a recording: rates, marker set, plates, windows, subject, and what to be careful about."""
+    """One recording: sampling rates, marker set, force plates, windows of complete force, subject, and warnings."""
     async with parts.engine.connect() as connection:
         return recording_of(await recording_row(connection, recording_id))
 
@@ -208,15 +213,15 @@ async def get_recording(parts: AppParts, recording_id: str) -> Recording:
     summary="Change a recording",
     responses={
         **_UNKNOWN,
-        **failures(s409="A sample of the program (`bundled-read-only`), or changed by another (`changed-meanwhile`)."),
+        **failures(s409="A bundled sample (`bundled-read-only`), or changed concurrently (`changed-meanwhile`)."),
     },
 )
 async def change_recording(
     parts: AppParts, recording_id: str, body: Annotated[RecordingPatch, Body(openapi_examples=_CHANGES)]
 ) -> Recording:
-    """Change what the user states: subject, static trial, session, marker map, plate switches.
+    """Change the fields stated by the user: subject, static trial, session, marker map, plate switches.
 
-    Only the given fields change. A changed marker map or plate switch makes the file be read again.
+    Only the given fields change. A change of the marker map or of a plate switch parses the file again.
     """
     return await service.change_recording(parts, recording_id, body)
 
@@ -225,15 +230,15 @@ async def change_recording(
     "/{recording_id}",
     status_code=204,
     summary="Delete a recording",
-    responses={**_UNKNOWN, **failures(s409="A sample that comes with the program (`bundled-read-only`).")},
+    responses={**_UNKNOWN, **failures(s409="A bundled sample (`bundled-read-only`).")},
 )
 async def delete_recording(
     parts: AppParts, caller: CallerOf, recording_id: str, response: Response, with_studies: WithStudies = False
 ) -> None:
-    """Delete a recording of one's own with its jobs, their results and all files. Running jobs are cancelled.
+    """Delete one's own recording with its jobs, their results and all files. Running jobs are cancelled.
 
-    Studies of several recordings hold the person's name, height, mass, age and the file's name. `with_studies`
-    deletes them as well; those that stay are named by the header `Stridelab-Kept-In`.
+    Studies of several recordings contain the subject's name, height, mass and age, and the file's name. `with_studies`
+    deletes them as well; the header `Stridelab-Kept-In` lists those that remain.
     """
     studies = await delete.studies_of(parts, [recording_id])
     await service.delete_recording(parts, recording_id, caller)
@@ -250,7 +255,7 @@ async def delete_recording(
     response_class=StreamingResponse,
 )
 async def get_file(parts: AppParts, recording_id: str) -> StreamingResponse:
-    """The file as it was uploaded, byte for byte."""
+    """Download the uploaded file, byte for byte."""
     async with parts.engine.connect() as connection:
         row = await recording_row(connection, recording_id)
     return await send_blob(parts, row["blob_key"], row["filename"], OCTETS)
@@ -263,7 +268,7 @@ async def get_file(parts: AppParts, recording_id: str) -> StreamingResponse:
     response_class=StreamingResponse,
 )
 async def get_tracks(parts: AppParts, recording_id: str) -> StreamingResponse:
-    """Markers and plate wrenches over time as Parquet: world frame, SI units, unit suffixes in the column names."""
+    """Download markers and plate wrenches as Parquet: world frame, SI units, unit suffixes in the column names."""
     async with parts.engine.connect() as connection:
         row = await recording_row(connection, recording_id)
     return await send_blob(parts, row["tracks_key"], "tracks.parquet", PARQUET)

@@ -1,4 +1,4 @@
-"""The text fields of an upload's form: what the user states about the person, and the session."""
+"""Text fields of the upload form: the subject and the session, as stated by the user."""
 
 from collections.abc import Mapping
 from typing import Final
@@ -19,7 +19,7 @@ SESSION: Final = "session_id"
 _HINTS: Final[Mapping[str, str]] = {
     "height_m": "stature in metres, from 0.4 to 2.6 (171 cm is 1.71)",
     "mass_kg": "body mass in kilograms, from 2 to 400",
-    "sex": "'female' or 'male', or left empty",
+    "sex": "'female', 'male' or empty",
     "age_years": "age in years, from 0 to 120",
     "subject_name": "a pseudonym of at most 80 characters",
 }
@@ -28,10 +28,10 @@ _HINTS: Final[Mapping[str, str]] = {
 def subject_of_form(fields: Mapping[str, str]) -> SubjectFields:
     """The stated subject; an empty field counts as not given.
 
-    Raises ``InvalidInput`` (``invalid-request``) naming every field that is unknown or absurd.
+    Raises ``InvalidInput`` (``invalid-request``) naming every unknown or invalid field.
     """
-    known = {*FORM_TO_FIELD, SESSION}
-    faults = [Fault(name[:60], "unknown field") for name in fields if name not in known]
+    allowed = {*FORM_TO_FIELD, SESSION}
+    faults = [Fault(name[:60], "unknown field") for name in fields if name not in allowed]
     stated = {
         FORM_TO_FIELD[name]: text.strip() for name, text in fields.items() if name in FORM_TO_FIELD and text.strip()
     }

@@ -1,4 +1,4 @@
-"""A multipart form, read as it arrives: its files go to disk with a running hash, never into memory."""
+"""Streaming parser of multipart forms: files are hashed and written to disk while they arrive."""
 
 import errno
 import hashlib
@@ -17,17 +17,17 @@ from stridelab.errors import Fault, InvalidInput, StorageFull, TooLarge
 from stridelab.service.filenames import safe_filename
 
 FORM_OVERHEAD_BYTES: Final = 64_000
-"""Room for boundaries and text fields beside the file."""
+"""Allowance for boundaries and text fields, in addition to the file."""
 FILE_OVERHEAD_BYTES: Final = 1_000
-"""Room for the headers of each file beyond the first."""
+"""Allowance for the headers of each file after the first."""
 FIELD_LIMIT_BYTES: Final = 4_000
 PART_LIMIT: Final = 20
-"""Parts beside the files."""
+"""Maximum number of parts, in addition to the files."""
 
 
 @dataclass(frozen=True)
 class Limits:
-    """Bounds of an upload, in bytes; ``long_fields`` are text fields that may have as many bytes as it says."""
+    """Size limits of an upload, in bytes; ``long_fields`` maps text fields to larger limits of their own."""
 
     file_bytes: int
     free_disk_bytes: int
@@ -37,14 +37,14 @@ class Limits:
 
     @property
     def body_bytes(self) -> int:
-        """Largest body."""
-        room = FORM_OVERHEAD_BYTES + sum(self.long_fields.values()) + FILE_OVERHEAD_BYTES * (self.files - 1)
-        return (self.total_bytes or self.file_bytes * self.files) + room
+        """Maximum size of the body."""
+        overhead = FORM_OVERHEAD_BYTES + sum(self.long_fields.values()) + FILE_OVERHEAD_BYTES * (self.files - 1)
+        return (self.total_bytes or self.file_bytes * self.files) + overhead
 
 
 @dataclass(frozen=True)
 class ReceivedFile:
-    """A file that lies at ``path``; ``filename`` is safe to show and to offer for download."""
+    """A received file, stored at ``path``; ``filename`` is sanitised for display and download."""
 
     path: Path
     filename: str
@@ -54,25 +54,25 @@ class ReceivedFile:
 
 @dataclass(frozen=True)
 class ReceivedForm(ReceivedFile):
-    """The only file of a form, with the text fields."""
+    """A form with a single file: the file, and the text fields."""
 
     fields: dict[str, str]
 
 
 @dataclass(frozen=True)
 class ReceivedForms:
-    """All files of a form, with the text fields."""
+    """A form with several files: the files, and the text fields."""
 
     files: tuple[ReceivedFile, ...]
     fields: dict[str, str]
 
 
 async def receive_form(request: Request, path: Path, limits: Limits) -> ReceivedForm:
-    """Read the form of ``request``; its part ``file`` is written to ``path``.
+    """Read the form of ``request`` and write its part ``file`` to ``path``.
 
-    Raises ``TooLarge`` (``upload-too-large``) from the announced length alone where that is over the limit, else at
-    the byte that exceeds it; ``StorageFull`` (``disk-full``); ``InvalidInput`` (``unsupported-media-type``,
-    ``malformed-request``, ``file-missing``, ``empty-file``, ``invalid-request``).
+    Raises ``TooLarge`` (``upload-too-large``), before reading if ``Content-Length`` exceeds the limit;
+    ``StorageFull`` (``disk-full``); ``InvalidInput`` (``unsupported-media-type``, ``malformed-request``,
+    ``file-missing``, ``empty-file``, ``invalid-request``).
     """
     form = await _receive(request, lambda _: path, path.parent, limits)
     (one,) = form.files
@@ -80,7 +80,7 @@ async def receive_form(request: Request, path: Path, limits: Limits) -> Received
 
 
 async def receive_forms(request: Request, folder: Path, limits: Limits) -> ReceivedForms:
-    """Read a form with several parts ``file``, which are written into ``folder``; raises as ``receive_form`` does."""
+    """Read a form with several parts ``file`` into ``folder``. Raises the errors of ``receive_form``."""
     return await _receive(request, lambda index: folder / f"upload-{index:04d}", folder, limits)
 
 
@@ -102,7 +102,7 @@ async def _receive(request: Request, path_of: Callable[[int], Path], folder: Pat
     try:
         parser = form.parser(options[b"boundary"])
         async for chunk in request.stream():
-            # Writing and hashing block; other requests go on meanwhile.
+            # writing and hashing block, so they run in a thread
             await anyio.to_thread.run_sync(parser.write, chunk)
         parser.finalize()
     except FormParserError as error:
@@ -117,11 +117,11 @@ async def _receive(request: Request, path_of: Callable[[int], Path], folder: Pat
 
 
 def _too_large(limits: Limits) -> TooLarge:
-    most = f"{limits.file_bytes / 1e6:g} MB"
+    limit = f"{limits.file_bytes / 1e6:g} MB"
     if limits.total_bytes is not None:
-        most += f" a file and {limits.total_bytes / 1e6:g} MB in all"
+        limit += f" per file and {limits.total_bytes / 1e6:g} MB in total"
     return TooLarge(
-        "upload-too-large", f"The file is larger than {most}, the most that this service takes.",
+        "upload-too-large", f"The file is larger than {limit}, the limit of this service.",
         [Fault("file", "too large")],
     )  # fmt: skip
 
@@ -131,7 +131,7 @@ def _disk_full() -> StorageFull:
 
 
 class _Arriving:
-    """A file while its bytes arrive."""
+    """A file that is being received."""
 
     def __init__(self, path: Path, filename: str) -> None:
         self.path, self.filename, self.size = path, filename, 0
@@ -150,7 +150,7 @@ class _Arriving:
 
 
 class _Form:
-    """State of one form while its bytes arrive."""
+    """State of a form that is being received."""
 
     def __init__(self, path_of: Callable[[int], Path], limits: Limits) -> None:
         self._path_of, self._limits = path_of, limits
@@ -163,7 +163,7 @@ class _Form:
         self._fields: dict[str, str] = {}
 
     def parser(self, boundary: bytes) -> MultipartParser:
-        """A parser that fills this form."""
+        """Create a parser whose callbacks fill this form."""
         return MultipartParser(
             boundary,
             {
@@ -180,12 +180,15 @@ class _Form:
         )
 
     def close(self) -> None:
-        """Close the files; what was received of them stays."""
+        """Close the files; their partial content remains on disk."""
         for one in self._files:
             one.close()
 
     def received(self) -> ReceivedForms:
-        """The whole form; raises ``InvalidInput`` where it is cut off or has no file."""
+        """Return the complete form.
+
+        Raises ``InvalidInput`` (``malformed-request``, ``file-missing``, ``empty-file``).
+        """
         if not self._complete:
             raise InvalidInput("malformed-request", "The multipart form is damaged or cut off.")
         if not self._files:
@@ -218,9 +221,9 @@ class _Form:
             return
         if len(self._files) == self._limits.files:
             if self._limits.files == 1:
-                raise InvalidInput("invalid-request", "One file at a time, please.", [Fault("file", "given twice")])
+                raise InvalidInput("invalid-request", "Send one file per request.", [Fault("file", "given twice")])
             raise InvalidInput(
-                "invalid-request", f"At most {self._limits.files} files at a time.", [Fault("file", "too many")]
+                "invalid-request", f"Send at most {self._limits.files} files per request.", [Fault("file", "too many")]
             )
         filename = safe_filename(options.get(b"filename", b"").decode("utf-8", "replace"))
         self._files.append(_Arriving(self._path_of(len(self._files)), filename))
@@ -236,8 +239,8 @@ class _Form:
             return
         one = self._files[-1]
         one.size += len(piece)
-        whole = sum(each.size for each in self._files)
-        if one.size > self._limits.file_bytes or whole > (self._limits.total_bytes or whole):
+        total = sum(each.size for each in self._files)
+        if one.size > self._limits.file_bytes or total > (self._limits.total_bytes or total):
             raise _too_large(self._limits)
         one.write(piece)
 

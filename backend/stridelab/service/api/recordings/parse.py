@@ -1,4 +1,4 @@
-"""Reading a recording's file, in a child process that may crash, hang or hog without harm to anybody else."""
+"""Parses a recording's file in a child process with limits on time and memory."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -22,17 +22,20 @@ _BROKEN: Final[Mapping[str, tuple[str, str]]] = {
     "crashed": PARSER_CRASHED,
     "killed": (
         "parser-killed",
-        "Reading the file was stopped from outside, perhaps for want of memory.",
+        "The process that read the file was killed, possibly for lack of memory.",
     ),
     "timeout": ("parser-timed-out", "Reading the file took longer than this service allows."),
     "memory": ("parser-out-of-memory", "Reading the file needed more memory than this service allows."),
-    "error": ("unreadable-file", "The file could not be read; it is damaged, or not what it claims to be."),
+    "error": (
+        "unreadable-file",
+        "The file could not be read; it is damaged, or its content does not match its format.",
+    ),
 }
 
 
 @dataclass(frozen=True)
 class Switches:
-    """What a user set for a recording, and what its facts therefore depend on."""
+    """User settings of a recording that affect parsing: marker map and plate switches."""
 
     marker_map: Mapping[str, str]
     plates: Mapping[int, PlateSwitch]
@@ -44,7 +47,7 @@ class Switches:
         return Switches(dict(row["marker_map"]), plates)
 
     def to_columns(self) -> dict[str, Any]:
-        """Values of the row's columns."""
+        """Values of the columns of the recording's row."""
         plates = {str(index): switch.model_dump(exclude_none=True) for index, switch in self.plates.items()}
         return {"marker_map": dict(self.marker_map), "plate_switches": plates}
 
@@ -54,7 +57,7 @@ NO_SWITCHES: Final = Switches({}, {})
 
 @dataclass(frozen=True)
 class Parsed:
-    """Facts of a file, and the table of its tracks."""
+    """Result of parsing a file: its facts, and the path of the table of tracks."""
 
     facts: RecordingFacts
     tracks: Path
@@ -63,12 +66,10 @@ class Parsed:
 async def parse(
     parts: Parts, folder: Path, file: str, filename: str, switches: Switches, static_labels: Sequence[str] = ()
 ) -> Parsed:
-    """Read ``folder / file``, called ``filename`` by its user, with ``switches``; the tracks are left in ``folder``.
+    """Parse ``folder / file`` with ``switches`` and write the tracks to ``folder``.
 
-    The marker map may name ``static_labels``, too.
-
-    Raises ``UnreadableFile`` or ``InvalidInput`` with the reader's code, and ``UnreadableFile`` where the reader
-    crashed or exceeded its limits of time and memory.
+    ``filename`` is the uploaded name; the marker map may also refer to ``static_labels``. Raises ``UnreadableFile`` or
+    ``InvalidInput`` with the reader's code, and ``UnreadableFile`` if the reader crashes or exceeds its limits.
     """
     source = RecordingSource(
         file=file,

@@ -1,4 +1,4 @@
-"""Rows of recordings as the contract shows them."""
+"""Queries of recordings, and conversion of their rows to the ``Recording`` schema."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -15,7 +15,7 @@ Row = Mapping[str, Any]
 
 
 def recordings_with_subjects() -> Select[Any]:
-    """Every recording with the fields of the subject that it is linked to."""
+    """Select every recording with the fields of its linked subject."""
     linked = recording.outerjoin(subject, recording.c.subject_id == subject.c.id)
     return select(recording, subject.c.fields.label("linked_fields")).select_from(linked)
 
@@ -35,18 +35,18 @@ async def recording_row(connection: AsyncConnection, recording_id: str, *, lock:
 
 
 def merged_subject(facts: RecordingFacts, linked: Mapping[str, Any] | None, stated: Mapping[str, Any]) -> SubjectFields:
-    """What is known about the person: stated for this recording, else of the linked subject, else in the file.
+    """Merge the subject fields: those stated for this recording, else of the linked subject, else in the file.
 
-    A name inside a file is never shown.
+    The name in the file is never used.
     """
-    known = facts.subject.model_dump(exclude={"name"}, exclude_none=True)
+    merged = facts.subject.model_dump(exclude={"name"}, exclude_none=True)
     for fields in (linked or {}, stated):
-        known.update({name: value for name, value in fields.items() if value is not None})
-    return SubjectFields.model_validate(known)
+        merged.update({name: value for name, value in fields.items() if value is not None})
+    return SubjectFields.model_validate(merged)
 
 
 def recording_of(row: Row) -> Recording:
-    """The recording of a row of ``recordings_with_subjects``."""
+    """Convert a row of ``recordings_with_subjects`` to a ``Recording``."""
     facts = RecordingFacts.model_validate(row["facts"])
     own = facts.model_dump(exclude={"subject"})
     subject = merged_subject(facts, row["linked_fields"], row["subject_fields"])

@@ -1,7 +1,4 @@
-"""``PATCH /recordings/{id}``: which columns change, and whether the file must be read again.
-
-A recording's row and its files belong together: no row without files, no files that nobody needs.
-"""
+"""Stores, changes and deletes recordings; keeps the rows of the database and the files of the store consistent."""
 
 import asyncio
 import tempfile
@@ -35,22 +32,22 @@ from stridelab.service.uploaded_row import new_tracks_key, own_prefix, uploaded_
 
 
 async def change_recording(parts: Parts, recording_id: str, patch: RecordingPatch) -> Recording:
-    """Change the fields that were given in ``patch``; changed switches make the file be read again.
+    """Change the fields set in ``patch``; a change of switches parses the file again.
 
     Raises ``NotFound`` (``recording-not-found``), ``Conflict`` (``bundled-read-only``, ``changed-meanwhile``),
-    ``InvalidInput`` (``invalid-request``) naming a field that cannot hold, and what reading the file may raise.
+    ``InvalidInput`` (``invalid-request``) naming an invalid field, and the errors of ``parse``.
     """
     async with parts.engine.connect() as connection:
         row = await recording_row(connection, recording_id)
     refuse_bundled(row)
     links = await _links(parts, row, patch)
-    elsewhere = await _static_labels(parts, {**row, **links})
-    switches = _switches(row, patch, elsewhere)
-    unread = "session_id" in patch.model_fields_set and "clock" not in row["facts"]
-    if switches != Switches.of_row(row) or unread:
+    static_labels = await _static_labels(parts, {**row, **links})
+    switches = _switches(row, patch, static_labels)
+    lacks_clock = "session_id" in patch.model_fields_set and "clock" not in row["facts"]
+    if switches != Switches.of_row(row) or lacks_clock:
         with tempfile.TemporaryDirectory(dir=parts.spool) as name:
             await parts.blobs.get_file(row["blob_key"], Path(name) / "trial", row["sha256"])
-            parsed = await parse(parts, Path(name), "trial", row["filename"], switches, elsewhere)
+            parsed = await parse(parts, Path(name), "trial", row["filename"], switches, static_labels)
             await replace_facts(parts, row, switches, parsed, lambda locked: _changes(locked, patch, links))
     elif patch.model_fields_set:
         async with parts.engine.begin() as connection:
@@ -63,7 +60,7 @@ async def change_recording(parts: Parts, recording_id: str, patch: RecordingPatc
 
 
 def _subject_fields(row: Mapping[str, Any], patch: RecordingPatch) -> dict[str, Any]:
-    """The column of stated subject fields, if it changes: given fields are set, null clears one, or all."""
+    """Changed column of stated subject fields: given fields are set, null clears one field or all."""
     if "subject" not in patch.model_fields_set:
         return {}
     if patch.subject is None:
@@ -73,7 +70,7 @@ def _subject_fields(row: Mapping[str, Any], patch: RecordingPatch) -> dict[str, 
 
 
 async def _links(parts: Parts, row: Mapping[str, Any], patch: RecordingPatch) -> dict[str, Any]:
-    """Changed links to a subject and to a static trial, which must exist."""
+    """Changed columns for the links to a subject and to a static trial, which must exist."""
     changes: dict[str, Any] = {}
     async with parts.engine.connect() as connection:
         try:
@@ -94,7 +91,7 @@ async def _links(parts: Parts, row: Mapping[str, Any], patch: RecordingPatch) ->
 
 
 def _changes(row: Mapping[str, Any], patch: RecordingPatch, links: Mapping[str, Any]) -> dict[str, Any]:
-    """The columns that change: a session that is not stated follows the person."""
+    """Changed columns; a session that is not stated is determined again from the subject."""
     changes = {**links, **_subject_fields(row, patch)}
     if "session_id" in patch.model_fields_set and patch.session_id is not None:
         return {**changes, "session_id": patch.session_id, "session_stated": True}
@@ -104,14 +101,14 @@ def _changes(row: Mapping[str, Any], patch: RecordingPatch, links: Mapping[str, 
 
 
 async def _static_labels(parts: Parts, row: Mapping[str, Any]) -> tuple[str, ...]:
-    """Labels of the recording's static trial, which its marker map may name, too."""
+    """Labels of the recording's static trial, to which its marker map may also refer."""
     async with parts.engine.connect() as connection:
         static = (await session_of(connection, row)).static
     return () if static is None else tuple(RecordingFacts.model_validate(static["facts"]).labels)
 
 
 def _switches(row: Mapping[str, Any], patch: RecordingPatch, elsewhere: Collection[str]) -> Switches:
-    """The switches after ``patch``: the marker map is replaced, plates are changed one by one; null resets all.
+    """Switches after ``patch``: the marker map is replaced, plates are changed individually; null resets.
 
     ``elsewhere`` are the labels of the static trial.
     """
@@ -143,7 +140,7 @@ def _invalid(where: str, message: str) -> InvalidInput:
 
 
 _LOOK_AGAIN_S: Final = 10.0
-"""How long an upload waits for a database that went away while it committed."""
+"""Maximum time to wait for the database if its connection is lost during a commit."""
 log = structlog.get_logger(__name__)
 
 
@@ -155,11 +152,11 @@ async def store_upload(
     owner: str | None,
     session_id: str | None = None,
 ) -> Recording:
-    """Store a parsed upload: both files, then the row, or nothing; without a stated ``session_id`` it is found.
+    """Store a parsed upload atomically: both files, then the row. ``session_id`` None determines the session.
 
-    The file of an earlier upload of the same bytes is used, after its content has been checked; a damaged one is
-    replaced. Raises ``TooLarge`` (``storage-limit``) where ``owner`` has no room left for it, ``Unavailable``
-    (``outcome-unknown``) where the database went away while it committed and has not come back.
+    The stored file of an earlier upload of the same bytes is reused after a check of its content; a damaged one is
+    replaced. Raises ``TooLarge`` (``storage-limit``) if the quota of ``owner`` is exhausted, ``Unavailable``
+    (``outcome-unknown``) if the connection is lost during the commit and the database does not come back.
     """
     await refuse_full(parts, owner, form.size_bytes)
     recording_id = uuid.uuid4().hex
@@ -197,9 +194,9 @@ async def store_upload(
 
 
 async def uploaded_before(parts: Parts, form: ReceivedForm, owner: str | None) -> Recording | None:
-    """The newest recording that ``owner`` made of the same bytes, or None; samples of the program do not count.
+    """The newest recording of ``owner`` with the same bytes, except bundled samples; None if there is none.
 
-    Its stored file is checked, and replaced by the one of ``form`` where it is damaged.
+    Its stored file is checked, and replaced by the one of ``form`` if it is damaged.
     """
     key = upload_key(form.sha256)
     same = recordings_with_subjects().where(
@@ -219,10 +216,10 @@ async def uploaded_before(parts: Parts, form: ReceivedForm, owner: str | None) -
 
 
 async def _look_again(parts: Parts, recording_id: str, tracks_key: str) -> Recording | None:
-    """A recording whose COMMIT nobody answered, or None where it was rolled back.
+    """Read a recording whose COMMIT was not acknowledged; None if the transaction was rolled back.
 
-    The lock on ``tracks_key`` is held by the transaction in question until it has ended, on whichever side of a
-    broken connection. Raises ``Unavailable`` (``outcome-unknown``) where that takes longer than ``_LOOK_AGAIN_S``.
+    The transaction in question holds the lock on ``tracks_key`` until the database has ended it, even if the
+    connection is lost. Raises ``Unavailable`` (``outcome-unknown``) if that takes longer than ``_LOOK_AGAIN_S``.
     """
     deadline = time.monotonic() + _LOOK_AGAIN_S
     while True:
@@ -237,7 +234,7 @@ async def _look_again(parts: Parts, recording_id: str, tracks_key: str) -> Recor
         if time.monotonic() > deadline:
             raise Unavailable(
                 "outcome-unknown",
-                "The database did not say whether the recording was stored. Look into the list of recordings "
+                "The database did not confirm whether the recording was stored. Check the list of recordings "
                 "before you send it again.",
             )
         await asyncio.sleep(0.2)
@@ -250,9 +247,9 @@ async def replace_facts(
     parsed: Parsed,
     changes: Callable[[Mapping[str, Any]], Mapping[str, Any]],
 ) -> None:
-    """Put facts and tracks parsed with new switches in place of the old ones, with ``changes`` of the locked row.
+    """Replace facts and tracks by those parsed with new switches; ``changes`` gives further columns for the row.
 
-    Raises ``Conflict`` (``changed-meanwhile``) where somebody else changed the switches since ``before`` was read.
+    Raises ``Conflict`` (``changed-meanwhile``) if the switches were changed since ``before`` was read.
     """
     tracks_key = await new_tracks_key(before["id"], parsed.tracks)
     async with publishing(lambda: _discard_tracks(parts, tracks_key)) as publication:
@@ -261,7 +258,9 @@ async def replace_facts(
             await parts.blobs.put_file(tracks_key, parsed.tracks)
             row = await recording_row(connection, before["id"], lock=True)
             if row["tracks_key"] != before["tracks_key"]:
-                raise Conflict("changed-meanwhile", "The recording was changed by somebody else meanwhile; try again.")
+                raise Conflict(
+                    "changed-meanwhile", "The recording was changed by another request in the meantime; try again."
+                )
             values = {
                 **changes(row),
                 **switches.to_columns(),
@@ -294,13 +293,13 @@ async def delete_recording(parts: Parts, recording_id: str, caller: Caller) -> N
 
 
 def refuse_bundled(row: Mapping[str, Any]) -> None:
-    """Raise ``Conflict`` (``bundled-read-only``) for a sample that comes with the program."""
+    """Raise ``Conflict`` (``bundled-read-only``) for a bundled sample."""
     if row["bundled"]:
-        raise Conflict("bundled-read-only", "This sample comes with the program and cannot be changed or deleted.")
+        raise Conflict("bundled-read-only", "This sample is part of the program and cannot be changed or deleted.")
 
 
 async def _discard(parts: Parts, recording_id: str, blob_key: str, jobs: Sequence[str] = ()) -> None:
-    """Remove the files of a recording and of jobs that have no row, and its blob unless another recording uses it."""
+    """Remove the files of a deleted recording and its jobs, and its blob unless another recording uses it."""
     async with parts.engine.begin() as connection:
         if not await may_remove(connection):
             return
@@ -310,14 +309,14 @@ async def _discard(parts: Parts, recording_id: str, blob_key: str, jobs: Sequenc
 
 
 async def _discard_tracks(parts: Parts, tracks_key: str) -> None:
-    """Remove tracks that no row names, unless a backup is made; the janitor removes them then."""
+    """Remove tracks without a row; while a backup runs, this is left to the janitor."""
     async with parts.engine.begin() as connection:
         if await may_remove(connection):
             await parts.blobs.delete(tracks_key)
 
 
 def spool_folder(parts: Parts) -> Path:
-    """A new private folder for one upload; its maker removes it."""
+    """Create a private folder for one upload; the caller removes it."""
     folder = parts.spool / uuid.uuid4().hex
     folder.mkdir(mode=0o700)
     return folder

@@ -1,10 +1,8 @@
-"""Work that several ask for at the same time, and that is done once.
+"""Cache of robot facts, display meshes and reachability documents, computed in child processes.
 
-What is known of each robot: made in killable children, stored under a hash of what it is made from.
-
-Facts, display meshes and what can be drawn of densities are files of the store, below ``robots/<name>/<hash>``. Each is
-published as a whole when it is complete. They are made at the first start of a service (``warm``), or for whoever asks
-before; every later start finds them. The service itself never imports a rigid-body library.
+The results are files of the store below ``robots/<name>/<hash>``, where the hash covers everything they are computed
+from. Each file is published atomically. They are computed at the first start of a service (``warm``), or earlier on
+request, and reused after every later start. The service itself never imports a rigid-body library.
 """
 
 import asyncio
@@ -32,9 +30,10 @@ T = TypeVar("T")
 
 
 class Once(Generic[T]):
-    """One running piece of work per key, shared by all who wait for it; nobody who leaves takes it from the others.
+    """Single-flight cache: concurrent callers with the same key share one computation.
 
-    What has failed is tried again by the next who asks. With ``keep``, what has succeeded is never done again.
+    Cancelling one caller does not cancel the computation for the others. A failed computation is repeated at the next
+    call. With ``keep``, successful results are cached; otherwise they are shared among concurrent callers only.
     """
 
     def __init__(self, *, keep: bool) -> None:
@@ -42,7 +41,7 @@ class Once(Generic[T]):
         self._tasks: dict[str, asyncio.Task[T]] = {}
 
     async def get(self, key: str, work: Callable[[], Awaitable[T]]) -> T:
-        """The result of ``work()``, of this call or of the one that is under way for ``key``."""
+        """Result of ``work()``, or of the computation that is already running or cached for ``key``."""
         task = self._tasks.get(key)
         if task is None:
             task = asyncio.ensure_future(_started(work))
@@ -51,11 +50,11 @@ class Once(Generic[T]):
         return await asyncio.shield(task)
 
     async def aclose(self) -> None:
-        """Cancel what is still under way."""
-        waiting = list(self._tasks.values())
-        for task in waiting:
+        """Cancel the running computations."""
+        tasks = list(self._tasks.values())
+        for task in tasks:
             task.cancel()
-        await asyncio.gather(*waiting, return_exceptions=True)
+        await asyncio.gather(*tasks, return_exceptions=True)
 
     def _ended(self, key: str, task: "asyncio.Task[T]") -> None:
         failed = task.cancelled() or task.exception() is not None
@@ -76,16 +75,16 @@ DESCRIBE_TIMEOUT_S: Final = 60.0
 LINKS_TIMEOUT_S: Final = 180.0
 REACH_TIMEOUT_S: Final = 120.0
 RETRY_S: Final = 60.0
-"""For so long a robot that could not be loaded is said to be unavailable without another attempt."""
+"""Time for which a failure is reported again without another attempt."""
 SHORTLY_S: Final = 0.5
-"""How long a question about the preparation waits for one that only has to find the files."""
+"""Time for which a status request waits for a preparation, which is short if all files exist."""
 DESCRIBED, DRAWN = 0.3, 0.6
-"""Shares of the preparation that are over when a robot is described, and when it is drawn."""
+"""Progress of the preparation after the facts, and after the meshes, as fractions."""
 
 
 @dataclass(eq=False)
 class RobotShelf:
-    """What is known of the robots, for one application; ``describe``, ``draw`` and ``enclose`` are run by children."""
+    """Robot cache of one application; ``describe``, ``draw`` and ``enclose`` are the targets of the child processes."""
 
     pool: IsolatedPool
     blobs: BlobStore
@@ -109,95 +108,94 @@ class RobotShelf:
         self._children = RobotChildren(self.pool, self.spool, self.memory_mb, self.sandbox)
 
     async def facts(self, name: str) -> RobotFacts:
-        """Facts of a known robot.
+        """Facts of the robot ``name``.
 
-        Raises ``Unavailable`` (``robot-data-missing``, or ``robot-not-loaded`` where the child crashed or took too
-        long).
+        Raises ``Unavailable`` (``robot-data-missing``; ``robot-not-loaded`` if the child crashed or timed out).
         """
 
         async def load() -> RobotFacts:
             key = f"{await self._place(name)}/{FACTS_FILE}"
-            with suppress(ValidationError):  # nothing is stored, or it is damaged
+            with suppress(ValidationError):  # not stored yet, or damaged
                 return RobotFacts.model_validate_json(await self._stored(key) or b"")
-            told = self._telling(name, 0.0, DESCRIBED)
-            async with self._child(self.describe, {"robot": name}, DESCRIBE_TIMEOUT_S, told) as (value, folder):
-                found = RobotFacts.model_validate(value["summary"])
-                await self._store(key, folder / FACTS_FILE, found.model_dump_json().encode())
-                return found
+            progress = self._telling(name, 0.0, DESCRIBED)
+            async with self._child(self.describe, {"robot": name}, DESCRIBE_TIMEOUT_S, progress) as (value, folder):
+                facts = RobotFacts.model_validate(value["summary"])
+                await self._store(key, folder / FACTS_FILE, facts.model_dump_json().encode())
+                return facts
 
         return await self._facts.get(name, load)
 
     async def problem(self, name: str) -> str | None:
-        """Why a known robot cannot be loaded here, ``None`` for one that can; the first question loads it.
+        """Load the robot ``name`` if necessary; return the reason if that fails, else None.
 
-        A failure is remembered for ``RETRY_S``.
+        A failure is cached for ``RETRY_S``.
         """
         return await self._attempt(name, lambda: self.facts(name))
 
     async def links(self, name: str) -> BlobInfo:
-        """The file with one named mesh per link (GLB), made where it is not there yet; raises as ``facts``."""
+        """File with one named mesh per link (GLB), created if it does not exist. Raises the errors of ``facts``."""
         await self.facts(name)
         key = f"{await self._place(name)}/{LINKS_FILE}"
 
         async def make() -> BlobInfo:
-            found = await self.blobs.info(key)
-            if found is None:
-                told = self._telling(name, DESCRIBED, DRAWN)
-                async with self._child(self.draw, {"robot": name}, LINKS_TIMEOUT_S, told) as (_, folder):
+            info = await self.blobs.info(key)
+            if info is None:
+                progress = self._telling(name, DESCRIBED, DRAWN)
+                async with self._child(self.draw, {"robot": name}, LINKS_TIMEOUT_S, progress) as (_, folder):
                     await self.blobs.put_file(key, folder / LINKS_FILE)
-                found = await self.blobs.info(key)
-            if found is None:
-                raise Unavailable("storage-unavailable", "The file storage has lost what it was just given.")
-            return found
+                info = await self.blobs.info(key)
+            if info is None:
+                raise Unavailable("storage-unavailable", "The file store has lost a file that was just stored.")
+            return info
 
         return await self._links.get(key, make)
 
     async def reach(self, name: str, measure: Measure | None) -> bytes:
-        """A ``RobotReachability`` as compressed JSON, under the measure that plans use where none is asked for.
+        """``RobotReachability`` as gzipped JSON; ``measure`` None takes the default measure of plans.
 
-        Raises as ``facts``, ``NotFound`` (``reachability-not-learned``) and ``Unavailable``
+        Raises the errors of ``facts``, ``NotFound`` (``reachability-not-learned``) and ``Unavailable``
         (``reachability-of-another-robot``).
         """
-        known = await self.facts(name)
-        wanted = measure or known.default_measure
-        if wanted in known.stale_measures:
+        facts = await self.facts(name)
+        used = measure or facts.default_measure
+        if used in facts.stale_measures:
             raise Unavailable(
                 "reachability-of-another-robot",
-                f"The {wanted} densities of {known.title} were learned on another description of the robot than the "
-                "installed one; learn them anew (learn-reachability).",
+                f"The {used} densities of {facts.title} were learned on another description of the robot than the "
+                "installed one; learn them again (learn-reachability).",
             )
-        if wanted not in known.measures:
-            there = ", ".join(known.measures) or "none"
+        if used not in facts.measures:
+            available = ", ".join(facts.measures) or "none"
             raise NotFound(
                 "reachability-not-learned",
-                f"No densities of {known.title} were learned under the measure {wanted}; there is {there}.",
+                f"No densities of {facts.title} were learned under the measure {used}; available: {available}.",
             )
 
         async def enclose() -> bytes:
-            key = f"{await self._place(name)}/{wanted}-{REACH_FILE}"
+            key = f"{await self._place(name)}/{used}-{REACH_FILE}"
             stored = await self._stored(key)
             if stored is not None and await asyncio.to_thread(_is_whole, stored):
                 return stored
-            k, step = known.measures.index(wanted), (1.0 - DRAWN) / len(known.measures)
-            told = self._telling(name, DRAWN + k * step, DRAWN + (k + 1) * step)
-            task = {"robot": name, "measure": wanted}
-            async with self._child(self.enclose, task, REACH_TIMEOUT_S, told) as (_, folder):
-                made = (folder / REACH_FILE).read_bytes()
-                await self._store(key, folder / REACH_FILE, made)
-                return made
+            k, step = facts.measures.index(used), (1.0 - DRAWN) / len(facts.measures)
+            progress = self._telling(name, DRAWN + k * step, DRAWN + (k + 1) * step)
+            task = {"robot": name, "measure": used}
+            async with self._child(self.enclose, task, REACH_TIMEOUT_S, progress) as (_, folder):
+                compressed = (folder / REACH_FILE).read_bytes()
+                await self._store(key, folder / REACH_FILE, compressed)
+                return compressed
 
-        return await self._reach.get(f"{name}/{wanted}", enclose)
+        return await self._reach.get(f"{name}/{used}", enclose)
 
     async def prepare(self, name: str) -> str | None:
-        """Make whatever of a known robot's files is not stored yet; why that fails, or None where it does not.
+        """Create the files of the robot ``name`` that do not exist; return the reason if that fails, else None.
 
-        A failure is remembered for ``RETRY_S``.
+        A failure is cached for ``RETRY_S``.
         """
 
         async def make() -> None:
-            known = await self.facts(name)
+            facts = await self.facts(name)
             await self.links(name)
-            for measure in known.measures:
+            for measure in facts.measures:
                 await self.reach(name, measure)
             self._ready.add(name)
 
@@ -206,7 +204,7 @@ class RobotShelf:
         return await self._prepared.get(name, lambda: self._attempt(f"{name}/files", make))
 
     async def preparation(self, name: str) -> RobotPreparation:
-        """How far the files of a known robot are; the first question begins to make what is missing."""
+        """State of the preparation of the robot ``name``, which is started if it is not running."""
         self._unasked.discard(name)
         waiting = asyncio.ensure_future(self.prepare(name))
         done, _ = await asyncio.wait({waiting}, timeout=SHORTLY_S)
@@ -220,9 +218,9 @@ class RobotShelf:
         return RobotPreparation(state="failed", fraction=0.0, message=reason)
 
     async def warm(self, names: Iterable[str]) -> None:
-        """Prepare robots one after the other; what fails is told to whoever asks for it.
+        """Prepare robots one after the other; a failure is reported when the robot is requested.
 
-        The children of a robot have low priority until somebody asks for its preparation.
+        The child processes of a robot have low priority until its preparation is requested.
         """
         for name in names:
             self._unasked.add(name)
@@ -232,13 +230,13 @@ class RobotShelf:
                 self._unasked.discard(name)
 
     async def aclose(self) -> None:
-        """End the children that are still at work."""
+        """Cancel the running computations and end their child processes."""
         for running in (self._prepared, self._facts, self._links, self._reach, self._places):
             await running.aclose()
         await self._children.aclose()
 
     async def _attempt(self, what: str, load: Callable[[], Awaitable[object]]) -> str | None:
-        """Why ``load`` fails, or failed within the last ``RETRY_S`` for the same ``what``; None where it does not."""
+        """Call ``load``, unless it failed within the last ``RETRY_S`` for ``what``; return the reason of a failure."""
         failed_s, reason = self._failed.get(what, (-RETRY_S, ""))
         if time.monotonic() - failed_s < RETRY_S:
             return reason
@@ -250,7 +248,7 @@ class RobotShelf:
         return None
 
     async def _place(self, name: str) -> str:
-        """The prefix below which the files of a robot are stored."""
+        """Key prefix of the files of a robot."""
 
         async def read() -> str:
             return f"robots/{name}/{await asyncio.to_thread(source_sha256, name)}"
@@ -258,7 +256,7 @@ class RobotShelf:
         return await self._places.get(name, read)
 
     async def _stored(self, key: str) -> bytes | None:
-        """A stored file, or None; a store that does not answer is as good as empty, for what can be made anew."""
+        """Content of a stored file; None if it does not exist or the store does not answer."""
         try:
             return b"".join([chunk async for chunk in self.blobs.stream(key)])
         except NotFound:
@@ -268,7 +266,7 @@ class RobotShelf:
             return None
 
     async def _store(self, key: str, path: Path, content: bytes) -> None:
-        """Publish ``content``, written to ``path`` first; without the store, only this process has it."""
+        """Write ``content`` to ``path`` and publish it as ``key``; a store that does not answer is only logged."""
         path.write_bytes(content)
         try:
             await self.blobs.put_file(key, path)
@@ -281,7 +279,7 @@ class RobotShelf:
         return self._children.run(target, task, timeout_s, progress, yields=task["robot"] in self._unasked)
 
     def _telling(self, name: str, start: float, end: float) -> Progress:
-        """Takes the progress of one step, which is the share from ``start`` to ``end`` of the preparation."""
+        """Progress callback of a step that covers the fraction from ``start`` to ``end`` of the preparation."""
 
         def tell(fraction: float, message: str) -> None:
             self._progress[name] = (start + (end - start) * min(max(fraction, 0.0), 1.0), message)

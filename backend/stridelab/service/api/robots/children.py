@@ -1,7 +1,7 @@
-"""Child processes that load, draw and enclose robots, forked from one that has imported the libraries for them.
+"""Child processes that compute robot files, forked from a server process that has imported the libraries.
 
-That one process starts with the first child and ends ``REST_S`` after the last, so that a service whose robots are
-prepared holds no rigid-body library in memory.
+The fork server starts with the first child and ends ``REST_S`` after the last, so that a service whose robots are
+prepared has no rigid-body library in memory.
 """
 
 import asyncio
@@ -23,14 +23,14 @@ DESCRIBE: Final = "stridelab.service.kinds.robots.description:run_in_child"
 LINKS: Final = "stridelab.service.kinds.robots.links:run_in_child"
 REACH: Final = "stridelab.service.kinds.robots.reachability:run_in_child"
 DRAWING: Final = tuple(target.partition(":")[0] for target in (DESCRIBE, LINKS, REACH))
-"""What is imported ahead for these children: each would import it anew, for seconds."""
+"""Modules that the fork server imports in advance; importing them in each child would take seconds."""
 REST_S: Final = 20.0
 
 Progress = Callable[[float, str], None]
 
 
 class RobotChildren:
-    """Runs one child per task in ``pool``, and closes the pool when there has been no child for ``rest_s``."""
+    """Runs one child process per task in ``pool``, and closes the pool after ``rest_s`` without a child."""
 
     def __init__(
         self,
@@ -50,16 +50,15 @@ class RobotChildren:
     async def run(
         self, target: str, task: dict[str, str], timeout_s: float, progress: Progress, *, yields: bool = False
     ) -> AsyncIterator[tuple[dict[str, Any], Path]]:
-        """What ``target`` returned for ``task``, and the folder with the files that it left, for a moment.
+        """Run ``target`` on ``task``; yields its return value and the folder with its files, removed on exit.
 
-        The child has low priority where it ``yields``: nobody waits for it.
-
-        Raises what the child raised, or ``Unavailable`` (``robot-not-loaded``) where it ended otherwise.
+        With ``yields``, the child has low priority, because no client waits for it. Raises the error of the child, or
+        ``Unavailable`` (``robot-not-loaded``) if it crashed or exceeded a limit.
         """
         with tempfile.TemporaryDirectory(dir=self._spool) as folder:
             self._begin()
             try:
-                async with self._closing:  # whoever closes the pool is done with it
+                async with self._closing:  # wait while the pool is being closed
                     pass
                 outcome = await self._pool.run(
                     target,
@@ -79,12 +78,12 @@ class RobotChildren:
                 log.error("robot not loaded", **task, state=outcome.state, log_tail=outcome.log_tail[-2000:])
                 raise Unavailable(
                     "robot-not-loaded",
-                    f"The model of {task['robot']} could not be loaded; the service's log says more.",
+                    f"The model of {task['robot']} could not be loaded; the service's log has the details.",
                 )
             yield outcome.value, Path(folder)
 
     async def aclose(self) -> None:
-        """End the pool."""
+        """Close the pool."""
         if self._resting is not None:
             self._resting.cancel()
             with suppress(asyncio.CancelledError):
@@ -100,7 +99,7 @@ class RobotChildren:
             self._resting = asyncio.get_running_loop().create_task(self._rest())
 
     async def _rest(self) -> None:
-        """Close the pool once nothing has run for a while."""
+        """Close the pool after ``rest_s`` without a running child."""
         quiet_s, step_s = 0.0, self._rest_s / 4
         while quiet_s < self._rest_s:
             await asyncio.sleep(step_s)

@@ -1,7 +1,4 @@
-"""Robots: which there are, what is known of them, what they look like, and where their centre of mass can be.
-
-The robots that have a card: what small files say of them, and whether they can be loaded.
-"""
+"""Endpoints of robots: list, facts, preparation, display meshes, and reachability of the centre of mass."""
 
 import gzip
 import hashlib
@@ -39,38 +36,37 @@ _MESHES: Final[dict[int | str, dict[str, Any]]] = {
 
 
 _REACH_FAILURES: Final = failures(
-    s404="No robot of this name (`robot-not-found`), or nothing was learned under the measure "
-    "(`reachability-not-learned`).",
+    s404="No robot of this name (`robot-not-found`), or no densities for the measure (`reachability-not-learned`).",
     s503="The robot's description is not installed (`robot-data-missing`) or cannot be loaded (`robot-not-loaded`), "
-    "or the densities are those of another robot (`reachability-of-another-robot`).",
+    "or the densities were learned on another description of the robot (`reachability-of-another-robot`).",
 )
 
 
 @router.get("", summary="List robots")
 async def list_robots(parts: AppParts) -> Page[RobotSummary]:
-    """All robots by name, with their effectors; one that cannot be loaded here says why in `reason`.
+    """List all robots by name, with their effectors; for one that cannot be loaded, `reason` gives the cause.
 
-    Each robot is loaded once to find out, which takes a few seconds unless somebody has asked before.
+    Each robot is loaded once for this, which takes a few seconds at the first request.
     """
-    known = await anyio.to_thread.run_sync(summaries)
-    return Page[RobotSummary](items=[await loaded(summary, parts.robots) for summary in known])
+    robots = await anyio.to_thread.run_sync(summaries)
+    return Page[RobotSummary](items=[await loaded(summary, parts.robots) for summary in robots])
 
 
 @router.get("/{name}", summary="One robot", responses=_FAILURES)
 async def get_robot(parts: AppParts, name: str) -> RobotFacts:
-    """Mass, effectors, reference posture, limits, and how well the reach of each effector is known.
+    """Mass, effectors, reference posture, limits, and the quality of the reachability density of each effector.
 
-    Of a robot that is not prepared yet the answer waits until the robot is loaded, a few seconds.
+    If the robot is not prepared yet, the response waits a few seconds until it is loaded.
     """
     return await parts.robots.facts(known_name(name))
 
 
 @router.get("/{name}/preparation", summary="How far the files of a robot are", responses=_UNKNOWN)
 async def get_preparation(parts: AppParts, name: str) -> RobotPreparation:
-    """Whether facts, display meshes and densities are ready, and else how far they are, from 0 to 1.
+    """State of the facts, display meshes and densities of a robot: ready, or the progress from 0 to 1.
 
-    A service prepares its robots when it starts for the first time; the first question about one that is not ready
-    begins with it. The answer comes within a second.
+    A service prepares its robots at its first start; this request starts the preparation of a robot that is not ready.
+    It responds within a second.
     """
     return await parts.robots.preparation(known_name(name))
 
@@ -82,11 +78,10 @@ async def get_preparation(parts: AppParts, name: str) -> RobotPreparation:
     response_class=StreamingResponse,
 )
 async def get_links(parts: AppParts, name: str, request: Request) -> Response:
-    """The robot's visual meshes as binary glTF, one named node per moving link, each in its link's frame.
+    """Visual meshes of the robot as binary glTF, with one named node per moving link, in the frame of the link.
 
-    A service makes them when it starts for the first time, or when they are first asked for, and stores them
-    (`GET /robots/{name}/preparation` tells how far they are). `ETag` and `If-None-Match` spare sending them
-    again.
+    A service creates them at its first start or at the first request, and stores them;
+    `GET /robots/{name}/preparation` returns the progress. `ETag` and `If-None-Match` avoid repeated downloads.
     """
     robot = known_name(name)
     info = await parts.robots.links(robot)
@@ -103,10 +98,10 @@ async def get_links(parts: AppParts, name: str, request: Request) -> Response:
     response_model=RobotReachability,
 )
 async def get_reachability(parts: AppParts, name: str, request: Request, measure: Measure | None = None) -> Response:
-    """Per effector: sampled positions of the CoM, the level sets of its density as triangles, and its projections.
+    """Per effector: sampled positions of the CoM, level sets of their density as triangle meshes, and projections.
 
-    Without `measure`, of the densities that plans use. Computed with the display meshes, and stored; sent compressed to
-    whoever takes gzip.
+    Without `measure`, the densities that plans use. Computed together with the display meshes, and stored; sent
+    compressed if the client accepts gzip.
     """
     compressed = await parts.robots.reach(known_name(name), measure)
     headers = {
@@ -122,33 +117,33 @@ async def get_reachability(parts: AppParts, name: str, request: Request, measure
 
 
 def _etag(info: BlobInfo) -> str:
-    """Changes whenever the file is written anew."""
+    """ETag of a stored file: hash of its sources, size, and time of modification."""
     return f'"{info.key.split("/")[-2][:16]}-{info.bytes:x}-{round(info.modified_at.timestamp() * 1e3):x}"'
 
 
 def _already_there(request: Request, etag: str) -> bool:
-    asked = request.headers.get("if-none-match", "")
-    return etag in {tag.strip().removeprefix("W/") for tag in asked.split(",")} or asked.strip() == "*"
+    tags = request.headers.get("if-none-match", "")
+    return etag in {tag.strip().removeprefix("W/") for tag in tags.split(",")} or tags.strip() == "*"
 
 
 def known_name(name: str) -> str:
-    """``name`` if there is such a robot; what a user typed goes no further otherwise.
+    """Return ``name`` if a robot of this name exists; raises ``NotFound`` (``robot-not-found``) otherwise.
 
-    Raises ``NotFound`` (``robot-not-found``).
+    The returned string is the registered one, so that user input is never used as a path.
     """
     names = robot_names()
     if name not in names:
-        raise NotFound("robot-not-found", f"There is no robot of this name; there is {', '.join(names) or 'none'}.")
+        raise NotFound("robot-not-found", f"There is no robot of this name; available: {', '.join(names) or 'none'}.")
     return names[names.index(name)]
 
 
 def summaries() -> list[RobotSummary]:
-    """One line per robot, by name; one whose card cannot be read, or whose files are missing, says why."""
+    """Summaries of all robots, by name; with the reason for an invalid card or missing files."""
     return [_summary(name) for name in robot_names()]
 
 
 async def loaded(summary: RobotSummary, robots: RobotShelf) -> RobotSummary:
-    """``summary`` of a robot that can be loaded, or with the reason why it cannot."""
+    """Load the robot of ``summary``; return the summary with the result in ``available`` and ``reason``."""
     reason = await robots.problem(summary.name) if summary.available else summary.reason
     return summary.model_copy(update={"available": reason is None, "reason": reason})
 

@@ -1,4 +1,4 @@
-"""What the files of a robot are made from, as one hash: the folder in which they are cached is named after it."""
+"""Hash over everything that the cached files of a robot are computed from; it names their folder."""
 
 import hashlib
 import xml.etree.ElementTree as ET
@@ -13,15 +13,15 @@ from stridelab.robots.card import card_bytes, robot_card
 from stridelab.robots.data_files import DataFiles, data_files
 
 EDITION: Final = 3
-"""Grows whenever facts, meshes or densities are made in another way within one version of this program."""
+"""Incremented when the computation of facts, meshes or densities changes within one version of this program."""
 LIBRARIES: Final = ("pin", "fast-simplification", "scikit-image", "trimesh")
-"""Distributions whose results are in the files."""
+"""Distributions whose versions affect the files."""
 
 
 def source_sha256(name: str) -> str:
-    """SHA-256 over the card, the description, all its meshes, what was learned of the reach, and the versions.
+    """SHA-256 over the card, the description, all its meshes, the learned densities, and the versions.
 
-    Reads files only; no library that computes is imported. A mesh that is missing counts as missing.
+    Only reads files, without importing numeric libraries. A missing file is hashed as a placeholder.
 
     Raises ``NotFound`` (``robot-not-found``), ``InvalidInput`` (``robot-card-invalid``), ``Unavailable``
     (``robot-data-missing``).
@@ -39,7 +39,7 @@ def source_sha256(name: str) -> str:
 
 
 def _meshes(files: DataFiles) -> Iterator[Path]:
-    """The files that the URDF names, each once, in the order of their names; none of a URDF that cannot be read."""
+    """Mesh files of the URDF, without duplicates, sorted by name; empty if the URDF cannot be parsed."""
     try:
         root = ET.parse(files.urdf).getroot()  # noqa: S314 (a file of the installation, not a user's)
     except ET.ParseError:

@@ -1,4 +1,4 @@
-"""The judge's answer with that of the whole body: asked of a resident child, one stance per phase."""
+"""Adds the whole-body check of each stance, which runs in a resident child process, to a scenario validation."""
 
 from typing import Any, Final
 
@@ -16,18 +16,18 @@ STRAINED: Final = "body-strained"
 async def with_bodies(
     scenario: Scenario, found: ScenarioCheck, bodies: Resident, posture_of: int | None
 ) -> ScenarioCheck:
-    """``found`` with the body's answer in ``phases``; what it cannot do is among the errors.
+    """Add the whole-body answers to ``found.phases``, and unreachable stances to its errors.
 
-    A robot that is not known is not asked. Raises as ``Resident.ask``.
+    The check is skipped for an unknown robot. Raises the errors of ``Resident.ask``.
     """
     if any(fault.where == "robot" for fault in found.errors):
         return found
     answer = await bodies.ask(_question(scenario, found, posture_of))
-    phases = [_phase(k, said) for k, said in enumerate(answer["phases"])]
+    phases = [_phase(k, result) for k, result in enumerate(answer["phases"])]
     faults = [
-        FaultItem(where=_where(k, said["contact"]), message=said["reason"])
-        for k, said in enumerate(answer["phases"])
-        if said is not None and said["body"] == "unreachable"
+        FaultItem(where=_where(k, result["contact"]), message=result["reason"])
+        for k, result in enumerate(answer["phases"])
+        if result is not None and result["body"] == "unreachable"
     ]
     return found.model_copy(
         update={
@@ -40,7 +40,7 @@ async def with_bodies(
 
 
 def _question(scenario: Scenario, found: ScenarioCheck, posture_of: int | None) -> Json:
-    """The CoM is held above the support region only where the judge says that it can rest there."""
+    """Request for the stance check; a phase has a support region only if the CoM can be at rest above it."""
     phases = []
     for phase, region_m, rest in zip(scenario.phases, found.support_region_m, found.support, strict=True):
         rests = rest.margin_m is not None and rest.margin_m >= 0.0
@@ -51,22 +51,22 @@ def _question(scenario: Scenario, found: ScenarioCheck, posture_of: int | None) 
 
 def _remarks(scenario: Scenario, answers: list[Json | None]) -> list[Remark]:
     remarks = []
-    strained = [k for k, said in enumerate(answers) if said is not None and said["strained"]]
+    strained = [k for k, result in enumerate(answers) if result is not None and result["strained"]]
     if strained:
         named = f"phase {strained[0]}" if len(strained) == 1 else f"phases {', '.join(map(str, strained))}"
-        message = f"the body takes the stance of {named} only with its limbs pushed apart; the plan may fail there"
+        message = f"the body reaches the stance of {named} only with stretched limbs; the plan may fail there"
         remarks.append(Remark(code=STRAINED, message=message))
-    left = sum(said is None and bool(phase.contacts) for phase, said in zip(scenario.phases, answers, strict=True))
+    left = sum(result is None and bool(phase.contacts) for phase, result in zip(scenario.phases, answers, strict=True))
     if left:
-        message = f"the body was not asked in {left} of {len(answers)} phases; ask again for more of them"
+        message = f"the body was not checked in {left} of {len(answers)} phases; repeat the check for more of them"
         remarks.append(Remark(code=UNFINISHED, message=message))
     return remarks
 
 
-def _phase(k: int, said: Json | None) -> PhaseBody:
-    if said is None:
+def _phase(k: int, result: Json | None) -> PhaseBody:
+    if result is None:
         return PhaseBody(phase=k, body="not-asked")
-    return PhaseBody(phase=k, **{name: said[name] for name in ("body", "reason", "limits", "link_poses")})
+    return PhaseBody(phase=k, **{name: result[name] for name in ("body", "reason", "limits", "link_poses")})
 
 
 def _where(k: int, contact: str | None) -> str:

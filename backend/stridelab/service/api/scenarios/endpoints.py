@@ -1,4 +1,4 @@
-"""Scenarios: checked, stored, listed, replaced, deleted."""
+"""Endpoints of scenarios: check, store, list, read, replace, delete."""
 
 from typing import Annotated, Any, Final
 
@@ -30,21 +30,21 @@ from stridelab.service.storage.tables import scenario
 router = APIRouter(prefix="/scenarios", tags=["scenarios"], route_class=StrictRoute)
 
 _STEP: Final[Any] = {"step": {"summary": "One step on a flat floor", "value": ONE_STEP}}
-_CHECKED: Final[Any] = {**_STEP, "air": {"summary": "A foot that touches nothing", "value": IN_THE_AIR}}
+_CHECKED: Final[Any] = {**_STEP, "air": {"summary": "A foot without a surface under it", "value": IN_THE_AIR}}
 _UNKNOWN: Final = failures(s404="No scenario with this id (`scenario-not-found`).")
-_READ_ONLY: Final = failures(s409="It comes with the program (`scenario-read-only`).")
-_CHANGED: Final = failures(s412="It is no longer what `If-Match` names (`scenario-changed`).")
+_READ_ONLY: Final = failures(s409="The scenario is bundled and read-only (`scenario-read-only`).")
+_CHANGED: Final = failures(s412="The `ETag` of the scenario differs from `If-Match` (`scenario-changed`).")
 _INVALID: Final = failures(
-    s422="It is no scenario (`invalid-request`), or one that the robot cannot do (`scenario-invalid`); `errors` names "
-    "phase, effector and field."
+    s422="The scenario is malformed (`invalid-request`), or the robot cannot perform it (`scenario-invalid`); `errors` "
+    "names phase, effector and field."
 )
 
 
 @router.get("", summary="List scenarios")
 async def list_scenarios(parts: AppParts, limit: Limit = 50, cursor: Cursor = None) -> Page[StoredScenario]:
-    """Scenarios, newest first, those that come with the program among them.
+    """List scenarios, newest first, including bundled ones.
 
-    A page of very long scenarios may hold fewer than `limit`; `next` tells whether more follow.
+    A page of very long scenarios may contain fewer than `limit`; `next` is null on the last page.
     """
     async with parts.engine.connect() as connection:
         return await scenarios_page(connection, limit, cursor)
@@ -54,7 +54,7 @@ async def list_scenarios(parts: AppParts, limit: Limit = 50, cursor: Cursor = No
 async def add_scenario(
     parts: AppParts, caller: CallerOf, body: Annotated[Scenario, Body(openapi_examples=_STEP)], response: Response
 ) -> StoredScenario:
-    """Store a scenario. It is checked first: one that the robot cannot do is refused, naming phase and effector."""
+    """Validate and store a scenario. One that the robot cannot perform is refused, naming phase and effector."""
     await refuse_invalid(body, parts.judges, parts.robots)
     async with parts.engine.begin() as connection:
         scenario_id = new_id()
@@ -69,30 +69,30 @@ async def add_scenario(
     "/check",
     summary="Check a scenario",
     responses=failures(
-        s429="Too many wait for the body (`preview-busy`); `Retry-After` says when to come back.",
-        s503="The check of the body failed and was started anew (`preview-failed`, `preview-stuck`).",
+        s429="Too many whole-body checks are waiting (`preview-busy`); `Retry-After` gives the time to wait.",
+        s503="The whole-body check failed and was restarted (`preview-failed`, `preview-stuck`).",
     ),
 )
 async def check_scenario(
     parts: AppParts,
     body: Annotated[Scenario, Body(openapi_examples=_CHECKED)],
-    body_checked: Annotated[bool, Query(description="also ask whether the whole body can take each stance")] = False,
+    body_checked: Annotated[bool, Query(description="also check whether the whole body can reach each stance")] = False,
     posture_of: Annotated[
-        int | None, Query(ge=0, le=1000, description="the phase whose posture is wanted, with `body_checked`")
+        int | None, Query(ge=0, le=1000, description="phase whose posture is returned, with `body_checked`")
     ] = None,
 ) -> ScenarioCheck:
-    """Tell, without storing anything, whether the robot can do a scenario.
+    """Check, without storing anything, whether the robot can perform a scenario.
 
-    `errors` names what is wrong where, `margins` how far every contact is from being refused, and `support_region_m`
-    where, seen from above, the centre of mass may rest in each phase: limits that were learned for each contact.
+    `errors` lists the faults by place, `margins` the distance of each contact to its limits, and `support_region_m` the
+    horizontal region in which the centre of mass can be at rest in each phase. The limits are learned per contact.
 
-    With `body_checked`, the inverse kinematics of the whole body looks for a posture in each phase: `phases[].body` is
+    With `body_checked`, the inverse kinematics of the whole body computes a posture for each phase: `phases[].body` is
     `reachable` or `unreachable` (with a `reason`, and `limits` that name the joint or the contact), and `valid` is
-    false where there is none. Without it, `phases[].body` is `not-asked`. A stance that can be taken is not yet a
-    motion: that is the plan's to say.
+    false if a phase is unreachable. Otherwise `phases[].body` is `not-asked`. Reachable stances do not imply a feasible
+    motion, which only a plan shows.
     """
-    found = await judge(body, parts.judges, parts.robots)
-    return await with_bodies(body, found, parts.bodies, posture_of) if body_checked else found
+    validation = await judge(body, parts.judges, parts.robots)
+    return await with_bodies(body, validation, parts.bodies, posture_of) if body_checked else validation
 
 
 @router.get("/{scenario_id}", summary="One scenario", responses=_UNKNOWN)
@@ -113,13 +113,13 @@ async def put_scenario(
     scenario_id: str,
     body: Annotated[Scenario, Body(openapi_examples=_STEP)],
     response: Response,
-    if_match: Annotated[str | None, Header(description="replace it only while this is its `ETag`")] = None,
+    if_match: Annotated[
+        str | None, Header(description="replace the scenario only if this is its current `ETag`")
+    ] = None,
 ) -> StoredScenario:
-    """Replace a scenario of one's own as a whole, checked like a new one.
+    """Replace one's own scenario completely; it is validated like a new one.
 
-    Jobs that run already keep what they began with.
-
-    With `If-Match`, nothing that somebody else has stored since is overwritten.
+    Running jobs continue with the previous version. With `If-Match`, concurrent changes are not overwritten.
     """
     async with parts.engine.connect() as connection:
         await _replaceable(connection, caller, scenario_id, if_match)
@@ -135,7 +135,7 @@ async def put_scenario(
 
 
 async def _replaceable(connection: AsyncConnection, caller: Caller, scenario_id: str, if_match: str | None) -> None:
-    """Lock a scenario; raise unless ``caller`` may replace it and it is what ``if_match`` names."""
+    """Lock a scenario; raise unless ``caller`` may replace it and ``if_match`` contains its current ETag."""
     row = await own_row(connection, scenario_id)
     require_owner(caller, row["owner"], "scenario")
     refuse_changed(row, if_match)
@@ -143,7 +143,7 @@ async def _replaceable(connection: AsyncConnection, caller: Caller, scenario_id:
 
 @router.delete("/{scenario_id}", status_code=204, summary="Delete a scenario", responses={**_UNKNOWN, **_READ_ONLY})
 async def delete_scenario(parts: AppParts, caller: CallerOf, scenario_id: str) -> None:
-    """Delete a scenario of one's own. Its jobs and their results stay, without the link."""
+    """Delete one's own scenario. Its jobs and their results remain, without the link."""
     async with parts.engine.begin() as connection:
         row = await own_row(connection, scenario_id)
         require_owner(caller, row["owner"], "scenario")

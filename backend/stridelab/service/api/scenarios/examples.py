@@ -1,4 +1,4 @@
-"""Scenarios that show in the description of the interface what a body looks like; the tests send them."""
+"""Example scenarios of the OpenAPI document; the tests send them as well."""
 
 from typing import Any, Final
 
@@ -17,17 +17,17 @@ ONE_STEP: Final[dict[str, Any]] = {
         {"duration_s": 1.0, "contacts": [_AHEAD, _RIGHT]},
     ],
 }
-"""A left step of 20 cm on a flat floor, from rest to rest."""
+"""A step of 20 cm with the left foot on a flat floor, from rest to rest."""
 
 STANDING: Final[Any] = {"contacts": [_LEFT, _RIGHT]}
 STANDING_AHEAD: Final[Any] = {
     "contacts": [{**foot, "position_m": [0.5, foot["position_m"][1], 0.0]} for foot in (_LEFT, _RIGHT)]
 }
-"""Both feet beside each other, half a metre apart from ``STANDING``."""
+"""Both feet side by side, half a metre ahead of ``STANDING``."""
 
 IN_THE_AIR: Final[dict[str, Any]] = {
     **ONE_STEP,
     "name": "A foot in the air",
     "phases": [{"duration_s": 1.0, "contacts": [_LEFT, {**_RIGHT, "position_m": [0.0, -0.09, 0.3]}]}],
 }
-"""A foot that touches nothing; the check names it."""
+"""An invalid scenario: the right foot is 0.3 m above the floor."""

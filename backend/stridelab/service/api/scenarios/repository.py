@@ -1,4 +1,4 @@
-"""Rows of scenarios as the contract shows them."""
+"""Queries of scenarios, and conversion of their rows to the ``StoredScenario`` schema."""
 
 from collections.abc import Mapping
 from typing import Any, Final
@@ -16,7 +16,7 @@ from stridelab.service.storage.tables import scenario
 Row = Mapping[str, Any]
 
 PAGE_PARTS: Final = 20_000
-"""Surfaces, phases and contacts on one page of the list; a page of very long scenarios ends early."""
+"""Maximum number of surfaces, phases and contacts per page; a page of very long scenarios has fewer items."""
 _BATCH: Final = 10
 
 
@@ -35,7 +35,7 @@ async def scenario_row(connection: AsyncConnection, scenario_id: str, *, lock: b
 
 
 async def own_row(connection: AsyncConnection, scenario_id: str) -> Row:
-    """The locked row of a scenario that may be changed.
+    """Lock and return the row of a scenario that is not bundled.
 
     Raises ``NotFound`` (``scenario-not-found``), ``Conflict`` (``scenario-read-only``) for a bundled one.
     """
@@ -43,23 +43,23 @@ async def own_row(connection: AsyncConnection, scenario_id: str) -> Row:
     if row["bundled"]:
         raise Conflict(
             "scenario-read-only",
-            "This scenario comes with the program and cannot be changed or deleted; store a copy of it instead.",
+            "This scenario is part of the program and cannot be changed or deleted; store a copy of it instead.",
         )
     return row
 
 
 def refuse_changed(row: Row, if_match: str | None) -> None:
-    """Keep what somebody else has stored.
+    """Check the precondition of an ``If-Match`` header.
 
-    Raises ``Conflict`` (``scenario-changed``) where ``if_match``, an If-Match header, names another state of the row.
+    Raises ``Conflict`` (``scenario-changed``) if ``if_match`` does not contain the ETag of the row.
     """
-    asked = {tag.strip() for tag in (if_match or "*").split(",")}
-    if not asked & {"*", scenario_of(row).etag}:
+    tags = {tag.strip() for tag in (if_match or "*").split(",")}
+    if not tags & {"*", scenario_of(row).etag}:
         raise Conflict("scenario-changed", "This scenario has been changed elsewhere since it was read.")
 
 
 async def scenarios_page(connection: AsyncConnection, limit: int, cursor: str | None) -> Page[StoredScenario]:
-    """One page, newest first; no more rows are fetched than it can hold."""
+    """Read one page, newest first; rows are streamed, so that no more are fetched than the page contains."""
     query: Select[Any] = newest_first(select(scenario), scenario, limit, cursor)
     rows: list[Row] = []
     parts = 0
@@ -76,7 +76,7 @@ async def scenarios_page(connection: AsyncConnection, limit: int, cursor: str | 
 
 
 def scenario_of(row: Row) -> StoredScenario:
-    """The scenario of a row."""
+    """Convert a row to a ``StoredScenario``."""
     about = {name: row[name] for name in ("id", "created_at", "updated_at", "bundled", "owner")}
     return StoredScenario.model_validate({**row["body"], **about})
 

@@ -1,7 +1,7 @@
-"""Whether a robot can do what a scenario asks: the same judge as in the command line and in the job.
+"""Scenario validation: checks whether a robot can perform a scenario, as in the command line and in jobs.
 
-It is a few milliseconds of numpy in a thread. What it imports is imported with the first question, so that the
-service starts without it; pinocchio and CasADi are never imported here.
+It takes a few milliseconds of numpy in a thread. Numeric modules are imported on first use, so that the service starts
+without them; pinocchio and CasADi are never imported here.
 """
 
 import math
@@ -21,9 +21,9 @@ if TYPE_CHECKING:
 
 
 async def judge(scenario: Scenario, limiter: anyio.CapacityLimiter, robots: RobotShelf) -> ScenarioCheck:
-    """What is wrong with ``scenario``, how far each contact is from being refused, and where it can stand.
+    """Validate ``scenario``: faults, margins of the contacts, and support regions.
 
-    A robot that cannot be loaded can do nothing.
+    For a robot that cannot be loaded, the only fault is the reason.
     """
     reason = await robots.problem(scenario.robot) if scenario.robot in robot_names() else None
     if reason is not None:
@@ -32,10 +32,10 @@ async def judge(scenario: Scenario, limiter: anyio.CapacityLimiter, robots: Robo
 
 
 async def refuse_invalid(scenario: Scenario, limiter: anyio.CapacityLimiter, robots: RobotShelf) -> None:
-    """Raise ``InvalidInput`` (``scenario-invalid``), naming phase and effector, where a robot cannot do it."""
-    found = await judge(scenario, limiter, robots)
-    if not found.valid:
-        faults = [Fault(fault.where, fault.message) for fault in found.errors]
+    """Raise ``InvalidInput`` (``scenario-invalid``), naming phase and effector, if the robot cannot perform it."""
+    validation = await judge(scenario, limiter, robots)
+    if not validation.valid:
+        faults = [Fault(fault.where, fault.message) for fault in validation.errors]
         first = faults[0]
         more = f" and {len(faults) - 1} more" if len(faults) > 1 else ""
         raise InvalidInput(
@@ -44,13 +44,13 @@ async def refuse_invalid(scenario: Scenario, limiter: anyio.CapacityLimiter, rob
 
 
 def check(scenario: Scenario) -> ScenarioCheck:
-    """``judge`` without the thread."""
+    """Validate ``scenario`` in the calling thread, without loading the robot."""
     from stridelab.contacts.effector_geometry import effector_shapes
     from stridelab.contacts.validation.validate import check as examine
 
     try:
         effectors = effector_shapes(scenario.robot)
-    except StridelabError as error:  # no such robot, or a card that makes no sense
+    except StridelabError as error:  # unknown robot or invalid card
         return _refused(scenario, FaultItem(where="robot", message=error.message))
     report = examine(scenario.model_dump(mode="json"), effectors)
     faults = [FaultItem(where=fault.where, message=fault.message) for fault in report.faults[:SHOWN_FAULTS]]

@@ -1,7 +1,8 @@
-"""The process of one stream: ``python -m stridelab.service.api.stream.child PARENT MEMORY_MB``.
+"""Process of one stream: ``python -m stridelab.service.api.stream.child PARENT MEMORY_MB``.
 
-It reads parcels (``wire``) from its standard input, the configuration first, and answers each with one on its standard
-output, until the input ends or something is wrong. It ends with its parent and can write no file (``sandbox``).
+It reads messages (``messages.Parcel``) from standard input, the configuration first, and answers each with one message
+on standard output, until the input ends or an error occurs. It ends with its parent and cannot write files
+(``sandbox``).
 """
 
 import faulthandler
@@ -20,18 +21,18 @@ from stridelab.service.processes.sandbox import STRICT, confine
 
 
 def main(parent_pid: int, memory_mb: int) -> None:
-    """Answer until there is nothing more to answer."""
+    """Answer messages until the input ends."""
     die_with_parent(parent_pid)
     forbid_core_files()
     wire = os.fdopen(os.dup(1), "wb", buffering=0)
-    os.dup2(2, 1)  # what libraries print belongs into the log, not between the answers
+    os.dup2(2, 1)  # library output goes to the log, not between the answers
     faulthandler.enable()
     try:
         converse(sys.stdin.buffer, wire, memory_mb)
     except StridelabError as error:
         faults = [{"where": fault.where, "message": fault.message} for fault in error.faults]
         _tell(wire, type(error).__name__, {"code": error.code, "detail": error.message, "errors": faults})
-    except BaseException as error:  # noqa: BLE001 (whatever goes wrong here, the other end hears of it)
+    except BaseException as error:  # noqa: BLE001 (every error is reported to the parent)
         traceback.print_exc()
         detail = f"The estimator stopped with an unexpected error ({type(error).__name__})."
         _tell(wire, None, {"code": "stream-failed", "detail": detail, "errors": []})
@@ -40,7 +41,7 @@ def main(parent_pid: int, memory_mb: int) -> None:
 
 
 def converse(source: BinaryIO, wire: BinaryIO, memory_mb: int) -> None:
-    """Answer the parcels of ``source`` on ``wire``."""
+    """Answer the messages of ``source`` on ``wire``."""
     from stridelab.service.api.stream.session import Session
 
     confine(STRICT, None)
@@ -48,7 +49,7 @@ def converse(source: BinaryIO, wire: BinaryIO, memory_mb: int) -> None:
     if first is None:
         return
     session = Session(StreamConfiguration.model_validate_json(first.content))
-    limit_memory(memory_mb)  # beyond the libraries, which the method decides
+    limit_memory(memory_mb)  # after the imports, which depend on the method
     ready = StreamAnswer(ready=session.ready).model_dump_json(exclude_none=True)
     wire.write(Parcel(TEXT, ready.encode()).to_bytes())
     while (parcel := _read(source)) is not None:

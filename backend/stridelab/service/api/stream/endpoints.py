@@ -1,8 +1,8 @@
-"""``WS /stream/com``: the centre of mass while it moves.
+"""``WS /stream/com``: online estimation of the centre of mass.
 
-The numbers come from a process of the stream's own (``process``); here messages are passed on and limits kept. What is
-wrong is told in a last text message ``{"problem": ...}``; the close code is then 4000 plus the status of that problem,
-and the reason is its code.
+A separate process per stream computes the estimates; this module forwards messages and enforces limits. An error is
+reported in a final text message ``{"problem": ...}``; the close code is then 4000 plus the HTTP status of the problem,
+and the close reason is its code.
 """
 
 import asyncio
@@ -31,7 +31,7 @@ log = structlog.get_logger(__name__)
 
 CONFIGURATION_BYTES: Final = 10_000
 STATUS_BASE: Final = 4000
-"""Close code of a problem without its status."""
+"""Offset of the close code: 4000 plus the HTTP status of the problem."""
 GOING_AWAY: Final = 1001
 _FAREWELL_S: Final = 2.0
 
@@ -46,7 +46,7 @@ async def stream_com(socket: WebSocket, parts: AppParts) -> None:
 
 
 async def _serve(socket: WebSocket, parts: Parts) -> bool:
-    """All of a stream; True when it is over."""
+    """Run a stream to its end and report errors to the client; returns True."""
     idle_s = parts.settings.stream_idle_s
     try:
         with parts.streams.one():
@@ -54,7 +54,7 @@ async def _serve(socket: WebSocket, parts: Parts) -> bool:
     except StridelabError as refusal:
         await _refuse(socket, problem_of(refusal))
     except TimeoutError:
-        await _refuse(socket, problem(408, "stream-idle", f"Nothing was heard or taken for {idle_s:g} s."))
+        await _refuse(socket, problem(408, "stream-idle", f"The client sent or read nothing for {idle_s:g} s."))
     except WebSocketDisconnect:
         raise
     except Exception:
@@ -82,7 +82,7 @@ async def _converse(socket: WebSocket, limits: Settings) -> None:
 
 
 async def _next(socket: WebSocket, limit_bytes: int, idle_s: float) -> Parcel:
-    """The next message. Raises ``TimeoutError`` where none comes, ``TooLarge`` (``message-too-large``)."""
+    """Receive the next message. Raises ``TimeoutError`` after ``idle_s``, ``TooLarge`` (``message-too-large``)."""
     async with asyncio.timeout(idle_s):
         message = await socket.receive()
     if message["type"] == "websocket.disconnect":
@@ -92,18 +92,18 @@ async def _next(socket: WebSocket, limit_bytes: int, idle_s: float) -> Parcel:
     if len(parcel.content) > limit_bytes:
         raise TooLarge(
             "message-too-large",
-            f"A message of {len(parcel.content)} bytes is over the limit of {limit_bytes}; send fewer samples at once.",
+            f"A message of {len(parcel.content)} bytes exceeds the limit of {limit_bytes}; send fewer samples at once.",
         )
     return parcel
 
 
 def configured(first: Parcel, most_hz: float) -> StreamConfiguration:
-    """The configuration in the first message of a stream.
+    """Parse the configuration in the first message of a stream.
 
     Raises ``InvalidInput`` (``not-json``, ``invalid-request``, ``configuration-first``, ``rate-too-high``).
     """
     if first.kind != TEXT:
-        raise InvalidInput("configuration-first", "The first message of a stream is its configuration, as text.")
+        raise InvalidInput("configuration-first", "The first message of a stream must be its configuration, as text.")
     parse_json(first.content)
     try:
         configuration = StreamConfiguration.model_validate_json(first.content, strict=True)
@@ -118,14 +118,14 @@ def configured(first: Parcel, most_hz: float) -> StreamConfiguration:
     if configuration.rate_hz > most_hz:
         raise InvalidInput(
             "rate-too-high",
-            f"This service takes at most {most_hz:g} samples per second from a stream.",
+            f"This service accepts at most {most_hz:g} samples per second per stream.",
             [Fault("rate_hz", f"{configuration.rate_hz:g} is over {most_hz:g}")],
         )
     return configuration
 
 
 async def _refuse(socket: WebSocket, why: Problem) -> None:
-    """Say what is wrong, and close; somebody who does not listen is not waited for."""
+    """Send the problem and close the socket; give up after ``_FAREWELL_S`` if the client does not read."""
     with contextlib.suppress(TimeoutError):
         async with asyncio.timeout(_FAREWELL_S):
             await socket.send_text(StreamAnswer(problem=why).model_dump_json(exclude_none=True))

@@ -1,6 +1,6 @@
-"""Which online estimator a configuration asks for.
+"""Creates the online estimator of a stream configuration.
 
-A stream opens in the time that its imports take: the filter needs no scipy; the smoother is imported when asked for.
+The smoother is imported only when used, because imports dominate the time to open a stream.
 """
 
 import math
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 
 def begin(configuration: StreamConfiguration) -> tuple[OnlineEstimator, StreamReady]:
-    """The estimator, and what a client is told of it.
+    """Create the estimator, and the ``ready`` message that describes it.
 
     Raises ``InvalidInput`` (``cutoffs-out-of-range``, ``cutoffs-not-used``, ``ahead-not-used``, ``mass-out-of-range``).
     """
@@ -39,7 +39,7 @@ def _complementary(asked: StreamConfiguration) -> tuple[OnlineEstimator, StreamR
     if asked.ahead is not None:
         raise InvalidInput(
             "ahead-not-used",
-            "The complementary filter has no use for the direction of the walk.",
+            "The complementary filter does not use the walking direction.",
             [Fault("ahead", "not used by this method")],
         )
     if asked.cutoffs == "auto":
@@ -90,11 +90,11 @@ def _smoother(asked: StreamConfiguration) -> tuple[OnlineEstimator, StreamReady]
 
 
 def smoother_priors(stated: StreamPriors, mass_kg: float) -> "SmootherPriors":
-    """The smoother's own words for what a stream states of its errors.
+    """Convert the priors of a stream to those of the smoother.
 
-    A constant error of force / mass is the plates' horizontally and the mass' vertically. The momentum swings at half
-    the step frequency about the walking axis and at the step frequency about the lateral one, so that its RMS is that
-    of its rate over 2 pi f; the smoother divides it by the weight.
+    A constant error of force / mass is attributed to the plates horizontally and to the mass vertically. The angular
+    momentum oscillates at half the step frequency about the walking axis and at the step frequency about the lateral
+    one, so its RMS is that of its rate over 2 pi f; the smoother normalises it by the weight.
     """
     from stridelab.estimation.smoother import SmootherPriors
 

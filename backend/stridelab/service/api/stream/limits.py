@@ -1,4 +1,4 @@
-"""How many streams there may be, and how fast one may be."""
+"""Limits on the number of streams and on the sample rate of each."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -8,12 +8,12 @@ from typing import Final
 from stridelab.errors import Busy
 
 BURST_S: Final = 2.0
-"""So much more than its share may come at once: a client that had to wait catches up."""
+"""Burst size in seconds of samples, with which a delayed client can catch up."""
 RETRY_S: Final = 10.0
 
 
 class StreamPlaces:
-    """The streams of this process, at most ``limit`` at a time."""
+    """Counts the open streams of this process, at most ``limit``."""
 
     def __init__(self, limit: int) -> None:
         self._limit = limit
@@ -21,11 +21,11 @@ class StreamPlaces:
 
     @contextmanager
     def one(self) -> Iterator[None]:
-        """A place, given back at the end. Raises ``Busy`` (``too-many-streams``)."""
+        """Reserve a place for the duration of the context. Raises ``Busy`` (``too-many-streams``)."""
         if self.taken >= self._limit:
             raise Busy(
                 "too-many-streams",
-                f"{self._limit} streams are open already, which is the limit of this service; try again later.",
+                f"{self._limit} streams are already open, the limit of this service; try again later.",
                 RETRY_S,
             )
         self.taken += 1
@@ -36,20 +36,20 @@ class StreamPlaces:
 
 
 class SampleRate:
-    """What a stream may send: ``rate_hz`` samples per second, and ``BURST_S`` of them ahead."""
+    """Token bucket of one stream: ``rate_hz`` samples per second, with a burst of ``BURST_S``."""
 
     def __init__(self, rate_hz: float, clock: Callable[[], float] = monotonic) -> None:
         self._rate_hz, self._clock = rate_hz, clock
         self._left, self._at_s = BURST_S * rate_hz, clock()
 
     def take(self, samples: int) -> None:
-        """Count ``samples``. Raises ``Busy`` (``stream-too-fast``) where they are more than may have come."""
+        """Count ``samples``. Raises ``Busy`` (``stream-too-fast``) if they exceed the rate."""
         now_s = self._clock()
         self._left = min(BURST_S * self._rate_hz, self._left + (now_s - self._at_s) * self._rate_hz) - samples
         self._at_s = now_s
         if self._left < 0:
             raise Busy(
                 "stream-too-fast",
-                f"Samples come faster than the {self._rate_hz:g} per second that this service takes from a stream.",
+                f"Samples arrive faster than {self._rate_hz:g} per second, the limit of this service per stream.",
                 RETRY_S,
             )

@@ -1,6 +1,6 @@
-"""Messages between the web server and the process of a stream: a kind, how many samples, and the bytes of a message.
+"""Messages between the web server and the process of a stream: a kind, a number of samples, and the content.
 
-Standard library only: both ends import it.
+Uses the standard library only, because both ends import it.
 """
 
 import struct
@@ -17,12 +17,12 @@ HEADER: Final = struct.Struct("<cII")
 
 @dataclass(frozen=True)
 class Parcel:
-    """One message; ``samples`` is how many of them an answer is about."""
+    """One message; ``samples`` is the number of samples that an answer covers."""
 
     kind: Literal[b"t", b"b", b"p"]
     content: bytes
     samples: int = 0
 
     def to_bytes(self) -> bytes:
-        """As it travels."""
+        """Serialise the message."""
         return HEADER.pack(self.kind, self.samples, len(self.content)) + self.content

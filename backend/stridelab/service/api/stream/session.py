@@ -1,4 +1,4 @@
-"""The numbers behind a stream: an online estimator, fed with messages. Runs in the stream's own process."""
+"""Session of a stream: feeds messages to an online estimator. Runs in the process of the stream."""
 
 import json
 import struct
@@ -31,20 +31,20 @@ Estimates = Float64[np.ndarray, "n 9"]
 
 
 class Session:
-    """One stream. Raises ``InvalidInput`` for a configuration that makes no sense."""
+    """Estimator of one stream. Raises ``InvalidInput`` for an inconsistent configuration."""
 
     def __init__(self, configuration: StreamConfiguration) -> None:
         self._format = configuration.format
         self._estimator, self.ready = begin(configuration)
 
     def answer(self, parcel: Parcel) -> Parcel:
-        """The estimates at the samples of a message.
+        """Compute the estimates for the samples of a message.
 
-        Raises ``InvalidInput`` or ``NotEstimable``, with the sample in question named by its place in the message.
+        Raises ``InvalidInput`` or ``NotEstimable``, naming the sample by its index in the message.
         """
         if (parcel.kind == PACKED) != (self._format == "float32"):
-            came = "packed" if parcel.kind == PACKED else "text"
-            raise InvalidInput("wrong-format", f"A {came} message came into a stream whose format is {self._format}.")
+            kind = "packed" if parcel.kind == PACKED else "text"
+            raise InvalidInput("wrong-format", f"Received a {kind} message on a stream of format {self._format}.")
         if self._format == "json":
             samples = parse_text(parcel.content)
             estimates = [
@@ -61,9 +61,12 @@ class Session:
         return Parcel(PACKED, struct.pack(PACKED_TIME, start_s) + answers.tobytes(), len(rows))
 
     def _estimates(self, samples: list[Given], largest: float = np.inf) -> Estimates:
-        """CoM, velocity and band, one row per sample. Raises ``not-finite`` as well where numbers overflow."""
+        """CoM, velocity and standard deviation, one row per sample.
+
+        Raises ``InvalidInput`` (``not-finite``) if numbers overflow.
+        """
         rows = np.empty((len(samples), 9))
-        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # what comes of it is looked at below
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # the result is checked below
             for index, sample in enumerate(samples):
                 rows[index] = self._estimate(index, sample)
         if not (np.abs(rows) < largest).all():
@@ -86,7 +89,7 @@ def _too_large() -> InvalidInput:
 
 
 def parse_text(content: bytes) -> list[Given]:
-    """Samples of a JSON message. Raises ``InvalidInput`` (``invalid-samples``) naming what is wrong where."""
+    """Parse the samples of a JSON message. Raises ``InvalidInput`` (``invalid-samples``) with the faulty fields."""
     try:
         message = StreamSamples.model_validate_json(content, strict=True)
     except ValidationError as error:
@@ -95,7 +98,7 @@ def parse_text(content: bytes) -> list[Given]:
             for item in error.errors(include_url=False, include_input=False, include_context=False)[:_SHOWN_FAULTS]
         ]
         raise InvalidInput(
-            "invalid-samples", 'A text message is {"samples": [{"time_s": ...}, ...]}; this one is not.', faults
+            "invalid-samples", 'A text message must have the form {"samples": [{"time_s": ...}, ...]}.', faults
         ) from error
     return [
         (sample.time_s, _vector(sample.geometry_m), _vector(sample.force_n), _vector(sample.moment_nm))
@@ -104,7 +107,7 @@ def parse_text(content: bytes) -> list[Given]:
 
 
 def parse_packed(content: bytes) -> tuple[float, Rows]:
-    """Time and rows of a packed message. Raises ``InvalidInput`` (``wrong-packing``) for one of another length."""
+    """Parse time and rows of a packed message. Raises ``InvalidInput`` (``wrong-packing``) for an invalid length."""
     if len(content) < _TIME_BYTES or (len(content) - _TIME_BYTES) % _ROW_BYTES:
         raise InvalidInput(
             "wrong-packing",

@@ -1,7 +1,4 @@
-"""Subjects: pseudonymous persons that several recordings may share.
-
-Rows of subjects as the contract shows them.
-"""
+"""Endpoints and queries of subjects: pseudonymous persons, to whom several recordings may be linked."""
 
 import uuid
 from collections.abc import Mapping
@@ -36,7 +33,7 @@ _UNKNOWN: Final = failures(s404="No subject with this id (`subject-not-found`)."
 
 @router.get("", summary="List subjects")
 async def list_subjects(parts: AppParts, limit: Limit = 50, cursor: Cursor = None) -> Page[Subject]:
-    """Subjects, newest first, each with the number of its recordings."""
+    """List subjects, newest first, each with the number of its recordings."""
     query = newest_first(subjects_with_counts(), subject, limit, cursor)
     async with parts.engine.connect() as connection:
         rows = (await connection.execute(query)).mappings().all()
@@ -51,7 +48,7 @@ async def add_subject(
     body: Annotated[SubjectInput, Body(openapi_examples=_EXAMPLE)],
     response: Response,
 ) -> Subject:
-    """Add a person. `name` is a pseudonym of your own choice; names inside uploaded files are never shown."""
+    """Add a subject. `name` is a pseudonym of your choice; names inside uploaded files are never used."""
     subject_id = f"s{uuid.uuid4().hex[:12]}"
     async with parts.engine.begin() as connection:
         values = {"id": subject_id, "owner": caller.name, "fields": body.model_dump(mode="json")}
@@ -72,7 +69,7 @@ async def get_subject(parts: AppParts, subject_id: str) -> Subject:
 async def change_subject(
     parts: AppParts, subject_id: str, body: Annotated[SubjectInput, Body(openapi_examples=_TALLER)]
 ) -> Subject:
-    """Change the given fields; a field given as null is cleared. Recordings linked to the subject follow."""
+    """Change the given fields; null clears a field. The change applies to all recordings linked to the subject."""
     async with parts.engine.begin() as connection:
         row = await subject_row(connection, subject_id, lock=True)
         fields = {**row["fields"], **body.model_dump(mode="json", exclude_unset=True)}
@@ -87,13 +84,13 @@ async def delete_subject(
     subject_id: str,
     response: Response,
     with_studies: Annotated[
-        bool, Query(description="also delete finished studies of one's own that hold the person")
+        bool, Query(description="also delete one's own finished studies that contain data of the subject")
     ] = False,
 ) -> None:
-    """Delete a subject of one's own. Recordings linked to it stay, without the link, and so do their own results.
+    """Delete one's own subject. Its recordings and their results remain, without the link.
 
-    Studies of several recordings hold the person's name, height, mass and age. `with_studies` deletes them as well;
-    those that stay are named by the header `Stridelab-Kept-In`.
+    Studies of several recordings contain the subject's name, height, mass and age. `with_studies` deletes them as well;
+    the header `Stridelab-Kept-In` lists those that remain.
     """
     async with parts.engine.begin() as connection:
         row = await subject_row(connection, subject_id, lock=True)
@@ -110,7 +107,7 @@ async def delete_subject(
 
 
 def subjects_with_counts() -> Select[Any]:
-    """Every subject with the number of recordings that are linked to it."""
+    """Select every subject with the number of recordings linked to it."""
     linked = select(func.count()).where(recording.c.subject_id == subject.c.id).scalar_subquery()
     return select(subject, linked.label("n_recordings"))
 
@@ -127,7 +124,7 @@ async def subject_row(connection: AsyncConnection, subject_id: str, *, lock: boo
 
 
 def subject_of(row: Mapping[str, Any]) -> Subject:
-    """The subject of a row."""
+    """Convert a row to a ``Subject``."""
     return Subject(
         subject_id=row["id"], created_at=row["created_at"], n_recordings=row["n_recordings"], **row["fields"]
     )

@@ -1,1 +1,1 @@
-"""Tokens and the audit log over HTTP, for admins."""
+"""Endpoints for tokens and the audit log."""

@@ -1,4 +1,4 @@
-"""``/caller`` for everybody; ``/tokens`` and ``/audit``: the gate lets only admins through, and so does each call."""
+"""Endpoints ``/caller`` (all callers), ``/tokens`` and ``/audit`` (admins; checked here and in the middleware)."""
 
 from typing import Annotated, Any, Final
 
@@ -24,19 +24,19 @@ anybody = APIRouter(tags=["access"], route_class=StrictRoute)
 router = APIRouter(tags=["access"], route_class=StrictRoute, dependencies=[Depends(_admin)])
 
 _EXAMPLE: Final[Any] = {
-    "person": {"summary": "Somebody who works here", "value": {"name": "p07", "scope": "submit", "days": 365}},
+    "person": {"summary": "A member of the group", "value": {"name": "p07", "scope": "submit", "days": 365}},
 }
 
 
 @anybody.get("/caller", summary="Who calls")
 async def read_caller(caller: CallerOf) -> CallerFacts:
-    """Who you are here and what you may do; without a login nobody has a name, and may do everything."""
+    """Name and scope of the caller. On a service without login, the name is null and the scope `admin`."""
     return CallerFacts(name=caller.name, scope=caller.scope)
 
 
 @router.get("/tokens", summary="List tokens")
 async def list_tokens(parts: AppParts, limit: Limit = 50, cursor: Cursor = None) -> Page[TokenFacts]:
-    """Tokens, newest first, those that were revoked or have expired among them. No secret is known any more."""
+    """List tokens, newest first, including revoked and expired ones. Secrets are not stored."""
     query = newest_first(select(tables.token), tables.token, limit, cursor)
     async with parts.engine.connect() as connection:
         rows = (await connection.execute(query)).mappings().all()
@@ -53,12 +53,12 @@ async def list_tokens(parts: AppParts, limit: Limit = 50, cursor: Cursor = None)
 async def create_token(
     parts: AppParts, caller: CallerOf, body: Annotated[TokenInput, Body(openapi_examples=_EXAMPLE)]
 ) -> NewToken:
-    """Make a token. `secret` is the token itself: this answer is the only place that ever shows it."""
+    """Create a token. `secret` is the token itself; only this response contains it."""
     async with parts.engine.begin() as connection:
-        made = await tokens.create(connection, body)
-        await audit.note(connection, caller, "token-created", made.id)
+        created = await tokens.create(connection, body)
+        await audit.note(connection, caller, "token-created", created.id)
     parts.tokens.forget()
-    return made
+    return created
 
 
 @router.delete(
@@ -67,7 +67,7 @@ async def create_token(
     responses=failures(s404="No token with this id, or it has been revoked already (`token-not-found`)."),
 )
 async def revoke_token(parts: AppParts, caller: CallerOf, token_id: str) -> TokenFacts:
-    """Revoke a token: this process refuses it at once, others within two seconds. What it owns stays."""
+    """Revoke a token. This process refuses it at once, others within two seconds. The objects it owns remain."""
     async with parts.engine.begin() as connection:
         revoked = await tokens.revoke(connection, known_form(token_id, "token"))
         await audit.note(connection, caller, "token-revoked", revoked.id)
@@ -77,7 +77,7 @@ async def revoke_token(parts: AppParts, caller: CallerOf, token_id: str) -> Toke
 
 @router.get("/audit", summary="Audit log")
 async def list_audit(parts: AppParts, limit: Limit = 50, cursor: Cursor = None) -> Page[AuditEntry]:
-    """Who did what, newest first: tokens, logins, deletions, cancellations, and requests that were refused."""
+    """List audit entries, newest first: tokens, logins, deletions, cancellations and refused requests."""
     query = newest_first(select(tables.audit), tables.audit, limit, cursor)
     async with parts.engine.connect() as connection:
         rows = (await connection.execute(query)).mappings().all()
