@@ -1,4 +1,4 @@
-"""The asynchronous client, for pages and other services; the same calls as the synchronous one."""
+"""The asynchronous client, for web pages and other services; it has the same methods as the synchronous one."""
 
 import asyncio
 import time
@@ -40,7 +40,7 @@ T = TypeVar("T")
 
 
 class AsyncClient:
-    """One service. Methods raise ``ProblemError`` for a refusal and ``Unreachable`` where nobody answers."""
+    """Client of one service. Methods raise ``ProblemError`` for an error response, ``Unreachable`` if there is none."""
 
     def __init__(
         self,
@@ -66,7 +66,7 @@ class AsyncClient:
         await self._http.aclose()
 
     async def health(self) -> Health:
-        """Whether the service and its database answer, and its version."""
+        """Health and version of the service."""
         return await self._send(endpoints.health())
 
     async def upload(
@@ -78,7 +78,7 @@ class AsyncClient:
         session_id: str | None = None,
         progress: uploads.ProgressCallback | None = None,
     ) -> Recording:
-        """Upload a recording; ``progress(sent_bytes, total_bytes)`` is called as it goes. Parsed when it returns."""
+        """Upload a recording, which is parsed on return; ``progress(sent_bytes, total_bytes)`` is called meanwhile."""
         upload = uploads.Upload(path, subject or SubjectFields(), filename, session_id)
         with self._reached():
             response = await self._http.post(
@@ -94,9 +94,9 @@ class AsyncClient:
         *,
         progress: uploads.ProgressCallback | None = None,
     ) -> RecordingBatch:
-        """Upload many files (name, path), or zips of them, with the CSV of the subjects; parsed when it returns.
+        """Upload many files (name, path), or zips of them, with the subject table (CSV); parsed on return.
 
-        Where the service reads them in a job, that is waited for; its failure is a ``ProblemError``.
+        If the service reads them in a job, waits for it; a failed job raises ``ProblemError``.
         """
         upload = uploads.BatchUpload(files, table)
         with self._reached():
@@ -124,7 +124,7 @@ class AsyncClient:
         subject_id: str | None = None,
         linked: bool | None = None,
     ) -> Page[Recording]:
-        """One page of recordings, newest first; of one session or subject, or only those with or without a subject."""
+        """One page of recordings, newest first; optionally of one session or subject, or with or without a subject."""
         return await self._send(endpoints.recordings(limit, cursor, session_id, subject_id, linked))
 
     async def recording(self, recording_id: str) -> Recording:
@@ -132,7 +132,7 @@ class AsyncClient:
         return await self._send(endpoints.recording(recording_id))
 
     async def patch_recording(self, recording_id: str, patch: RecordingPatch) -> Recording:
-        """Change the fields that were set in ``patch``."""
+        """Change the fields that are set in ``patch``."""
         return await self._send(endpoints.patch_recording(recording_id, patch))
 
     async def delete_recording(self, recording_id: str) -> None:
@@ -160,11 +160,11 @@ class AsyncClient:
         return await self._send(endpoints.add_subject(fields))
 
     async def patch_subject(self, subject_id: str, fields: SubjectInput) -> Subject:
-        """Change the fields that were set in ``fields``."""
+        """Change the fields that are set in ``fields``."""
         return await self._send(endpoints.patch_subject(subject_id, fields))
 
     async def delete_subject(self, subject_id: str) -> None:
-        """Delete a subject; its recordings stay."""
+        """Delete a subject; its recordings remain."""
         await self._send(endpoints.delete_subject(subject_id))
 
     async def scenarios(self, limit: int = 50, cursor: str | None = None) -> Page[StoredScenario]:
@@ -176,29 +176,29 @@ class AsyncClient:
         return await self._send(endpoints.scenario(scenario_id))
 
     async def add_scenario(self, body: Scenario | Mapping[str, Any]) -> StoredScenario:
-        """Store a scenario; one that its robot cannot do is refused (``scenario-invalid``)."""
+        """Store a scenario; one that the robot cannot perform is refused (``scenario-invalid``)."""
         return await self._send(endpoints.add_scenario(body))
 
     async def put_scenario(
         self, scenario_id: str, body: Scenario | Mapping[str, Any], unless_changed: StoredScenario | None = None
     ) -> StoredScenario:
-        """Replace a scenario as a whole; one that is no longer ``unless_changed`` is kept (``scenario-changed``)."""
+        """Replace a scenario; refused (``scenario-changed``) if it differs from ``unless_changed`` in the meantime."""
         return await self._send(endpoints.put_scenario(scenario_id, body, unless_changed))
 
     async def delete_scenario(self, scenario_id: str) -> None:
-        """Delete a scenario; its jobs stay."""
+        """Delete a scenario; its jobs remain."""
         await self._send(endpoints.delete_scenario(scenario_id))
 
     async def check_scenario(self, body: Scenario | Mapping[str, Any]) -> ScenarioCheck:
-        """Whether its robot can do a scenario, and how far each contact is from being refused."""
+        """Validate a scenario: faults, and the margin of each contact."""
         return await self._send(endpoints.check_scenario(body))
 
     async def solvers(self) -> Solvers:
-        """Which solvers of the centroidal problem there are, and what is missing."""
+        """Solvers of the centroidal problem, and the reason for unavailable ones."""
         return await self._send(endpoints.solvers())
 
     async def preview_plan(self, body: PlanPreviewInput | Mapping[str, Any]) -> PlanPreview:
-        """The centroidal motion of a scenario, and after a push, at once; the C++ solver must be there."""
+        """Compute the centroidal motion of a scenario, optionally with a push; requires the C++ solver."""
         return await self._send(endpoints.preview_plan(body))
 
     async def robots(self) -> Page[RobotSummary]:
@@ -206,19 +206,19 @@ class AsyncClient:
         return await self._send(endpoints.robots())
 
     async def robot(self, name: str) -> RobotFacts:
-        """Facts of one robot; those of one that is not prepared yet take a few seconds."""
+        """Facts of one robot; takes a few seconds if it is not prepared yet."""
         return await self._send(endpoints.robot(name))
 
     async def robot_preparation(self, name: str) -> RobotPreparation:
-        """How far the files that show a robot are; the first question begins to make what is missing."""
+        """State of the preparation of a robot's display files; starts the preparation if necessary."""
         return await self._send(endpoints.robot_preparation(name))
 
     async def robot_reachability(self, name: str, measure: Measure | None = None) -> RobotReachability:
-        """Where the centre of mass of a robot can be, as samples, surfaces and maps; by default as plans see it."""
+        """Reachability of the centre of mass: samples, surfaces and maps; by default with the measure of plans."""
         return await self._send(endpoints.robot_reachability(name, measure))
 
     async def robot_links(self, name: str, target: Path) -> Path:
-        """Save the display meshes of a robot as ``target`` (binary glTF); they take a while to make at first."""
+        """Save the display meshes of a robot as ``target`` (binary glTF); slow if they do not exist yet."""
         return await self._download(endpoints.links_path(name), target, wait_s=endpoints.LOADING_S)
 
     async def submit(
@@ -229,7 +229,7 @@ class AsyncClient:
         priority: int = 0,
         idempotency_key: str | None = None,
     ) -> Job:
-        """Submit a job; the same ``idempotency_key`` again returns the same job."""
+        """Submit a job; repeating the request with the same ``idempotency_key`` returns the same job."""
         return await self._send(endpoints.submit(kind, request, priority, idempotency_key))
 
     async def jobs(
@@ -251,7 +251,7 @@ class AsyncClient:
         return await self._send(endpoints.job(job_id, wait_s))
 
     async def wait(self, job_id: str, timeout_s: float | None = None) -> Job:
-        """The job once it has finished. Raises ``TimeoutError`` after ``timeout_s``; None waits for ever."""
+        """Wait until a job has finished. Raises ``TimeoutError`` after ``timeout_s``; None waits indefinitely."""
         deadline = None if timeout_s is None else time.monotonic() + timeout_s
         failures = 0
         while True:
@@ -271,7 +271,7 @@ class AsyncClient:
                 raise TimeoutError(f"job {job_id} is still {job.state} after {timeout_s} s")
 
     async def events(self, job_id: str, last_event_id: int | None = None) -> AsyncIterator[JobEvent]:
-        """Events of a job until it has finished; an interrupted stream is taken up where it broke off."""
+        """Yield the events of a job until it has finished; an interrupted stream is resumed."""
         reader = EventReader()
         reader.last_id = None if last_event_id is None else str(last_event_id)
         failures = 0
@@ -305,7 +305,7 @@ class AsyncClient:
         return await self._send(endpoints.cancel(job_id))
 
     async def delete_job(self, job_id: str) -> Job:
-        """Delete a finished job with its result and files (one that has not finished is cancelled)."""
+        """Delete a finished job with its result and files; an unfinished one is cancelled instead."""
         return await self._send(endpoints.delete_job(job_id))
 
     async def result(self, job_id: str) -> JobResult:
@@ -317,17 +317,17 @@ class AsyncClient:
         return await self._download(endpoints.artifact_path(job_id, name), target)
 
     async def download_bundle(self, job_id: str, target: Path) -> Path:
-        """Save input, result, versions, references and all files of a job as one zip file ``target``."""
+        """Save input, result, versions, references and all files of a job as a zip file ``target``."""
         return await self._download(endpoints.bundle_path(job_id), target)
 
     async def read_artifact(self, job_id: str, name: str) -> bytes:
-        """The bytes of one file of a result."""
+        """Content of one file of a result."""
         return await self._send(
             endpoints.Call("GET", endpoints.artifact_path(job_id, name), lambda response: response.content)
         )
 
     def stream_com(self, configuration: StreamConfiguration) -> AbstractAsyncContextManager[AsyncComStream]:
-        """Estimate online: ``async with lab.stream_com(...) as stream`` opens it, ``stream.send`` estimates."""
+        """Online estimation: ``async with lab.stream_com(...) as stream``, then ``await stream.send(samples)``."""
         return open_async(str(self._http.base_url), self._headers, configuration, self._timeout_s)
 
     async def _send(self, call: endpoints.Call[T]) -> T:

@@ -1,4 +1,4 @@
-"""What both clients set up alike: address, token, timeouts, patience."""
+"""Connection settings shared by both clients: address, token, timeouts, retries."""
 
 from typing import Any
 
@@ -10,7 +10,7 @@ from stridelab.client.errors import ProblemError, Unreachable
 
 DEFAULT_URL = "http://127.0.0.1:8000"
 RETRY_S = (0.2, 0.5, 1.0, 2.0, 4.0, 8.0)
-"""Pauses between attempts to take up an interrupted stream or long-poll; then the client gives up."""
+"""Delays in seconds between attempts to resume an interrupted stream or long poll; then the client gives up."""
 
 
 def connection_headers(token: str | None) -> dict[str, str]:
@@ -22,7 +22,7 @@ def connection_headers(token: str | None) -> dict[str, str]:
 
 
 def request_arguments(call: Call[Any], timeout_s: float) -> dict[str, Any]:
-    """How ``call`` is passed to httpx; a long-poll may take its waiting time longer."""
+    """Arguments of httpx for ``call``; the timeout of a long poll includes its waiting time."""
     arguments: dict[str, Any] = {
         "params": dict(call.params),
         "headers": dict(call.headers),
@@ -34,17 +34,17 @@ def request_arguments(call: Call[Any], timeout_s: float) -> dict[str, Any]:
 
 
 def passes(error: Exception) -> bool:
-    """Whether a failure may be over in a moment: the service, its database or a proxy is being restarted."""
+    """Whether a failure may be temporary: the service, its database or a proxy is restarting."""
     return isinstance(error, Unreachable | httpx.TransportError) or (
         isinstance(error, ProblemError) and error.status in (502, 503, 504)
     )
 
 
 def poll_s(left_s: float | None) -> float:
-    """How long the next long-poll waits when ``left_s`` is left (None: for ever)."""
+    """Waiting time of the next long poll, given the remaining time ``left_s`` (None: unlimited)."""
     return MAX_WAIT_S / 2 if left_s is None else max(0.0, min(MAX_WAIT_S / 2, left_s))
 
 
 def unreachable(base_url: str, error: Exception) -> Unreachable:
-    """The error for a service that does not answer."""
+    """Error for a service that does not answer."""
     return Unreachable(f"the service at {base_url} does not answer ({type(error).__name__})")

@@ -1,4 +1,4 @@
-"""Every call of the contract as data: what to send, and how to read the answer. Both clients send the same calls."""
+"""HTTP calls of the service as data: the request, and the parser of its response. Both clients use these."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -22,12 +22,12 @@ T = TypeVar("T")
 API = "/api/v1"
 MAX_WAIT_S = 60.0
 LOADING_S = 180.0
-"""How much longer than usual a robot may take that is loaded, or drawn, for the first time."""
+"""Additional timeout for requests that may load a robot or create its meshes for the first time."""
 
 
 @dataclass(frozen=True)
 class Call(Generic[T]):
-    """One request and the reading of its answer."""
+    """One HTTP request and the parser of its response."""
 
     method: str
     path: str
@@ -39,24 +39,24 @@ class Call(Generic[T]):
 
 
 def model(kind: type[T]) -> Callable[[httpx.Response], T]:
-    """A reader of ``kind``; fields that a newer service adds are ignored."""
+    """Create a parser of responses of type ``kind``; fields added by newer services are ignored."""
     adapter = TypeAdapter(kind)
 
     def read(response: httpx.Response) -> T:
         try:
             return adapter.validate_json(response.content, extra="ignore")
         except ValidationError as error:
-            raise ClientError(f"{response.url} answered something that this client does not understand") from error
+            raise ClientError(f"{response.url} sent a response that this client cannot parse") from error
 
     return read
 
 
 def nothing(_: httpx.Response) -> None:
-    """Reader of an empty answer."""
+    """Parser of an empty response."""
 
 
 def raise_for_problem(response: httpx.Response) -> None:
-    """Raise ``ProblemError`` for any status from 400 on; the response has been read."""
+    """Raise ``ProblemError`` if the status is 400 or above; the content must have been read."""
     if response.status_code < 400:
         return
     try:
@@ -66,7 +66,7 @@ def raise_for_problem(response: httpx.Response) -> None:
             title=response.reason_phrase or "error",
             status=response.status_code,
             code="http-error",
-            detail=f"{response.url} answered {response.status_code} without saying why.",
+            detail=f"{response.url} answered {response.status_code} without a problem description.",
         )
     after = response.headers.get("retry-after", "")
     raise ProblemError(problem, float(after) if after.isdecimal() else None)
@@ -89,7 +89,7 @@ def recordings(
     subject_id: str | None = None,
     linked: bool | None = None,
 ) -> Call[Page[Recording]]:
-    """A page of recordings, of one session or subject where one is named, or only those with or without a subject."""
+    """A page of recordings, optionally of one session or subject, or only those with or without a subject."""
     filters = {"session_id": session_id, "subject_id": subject_id}
     filters["linked"] = None if linked is None else str(linked).lower()
     return _page(f"{API}/recordings", Page[Recording], limit, cursor, **filters)
@@ -153,7 +153,7 @@ def add_scenario(body: Scenario | Mapping[str, Any]) -> Call[StoredScenario]:
 def put_scenario(
     scenario_id: str, body: Scenario | Mapping[str, Any], unless_changed: StoredScenario | None
 ) -> Call[StoredScenario]:
-    """Replace a scenario; with ``unless_changed`` only where it is still that one."""
+    """Replace a scenario; with ``unless_changed``, only if its ETag is unchanged."""
     headers = {} if unless_changed is None else {"If-Match": unless_changed.etag}
     return Call("PUT", _at("scenarios", scenario_id), model(StoredScenario), headers=headers, json=_scenario(body))
 
@@ -174,9 +174,9 @@ def solvers() -> Call[Solvers]:
 
 
 def preview_plan(body: PlanPreviewInput | Mapping[str, Any]) -> Call[PlanPreview]:
-    """Plan a scenario at once."""
-    asked = _set_fields(body) if isinstance(body, BaseModel) else dict(body)
-    return Call("POST", f"{API}/plans/preview", model(PlanPreview), json=asked, wait_s=LOADING_S)
+    """Preview the plan of a scenario."""
+    content = _set_fields(body) if isinstance(body, BaseModel) else dict(body)
+    return Call("POST", f"{API}/plans/preview", model(PlanPreview), json=content, wait_s=LOADING_S)
 
 
 def robots() -> Call[Page[RobotSummary]]:
@@ -190,12 +190,12 @@ def robot(name: str) -> Call[RobotFacts]:
 
 
 def robot_preparation(name: str) -> Call[RobotPreparation]:
-    """How far the files of one robot are."""
+    """State of the preparation of one robot."""
     return Call("GET", _at("robots", name, "preparation"), model(RobotPreparation))
 
 
 def robot_reachability(name: str, measure: Measure | None) -> Call[RobotReachability]:
-    """What can be drawn of the densities of one robot."""
+    """Reachability densities of one robot, for display."""
     params = {} if measure is None else {"measure": measure}
     return Call("GET", _at("robots", name, "reachability"), model(RobotReachability), params, wait_s=LOADING_S)
 
@@ -213,13 +213,13 @@ def jobs(limit: int, cursor: str | None, **filters: str | None) -> Call[Page[Job
 
 
 def job(job_id: str, wait_s: float) -> Call[Job]:
-    """One job, waited for."""
+    """One job; the service waits up to ``wait_s`` for it to finish."""
     params = {"wait": f"{wait_s:g}"} if wait_s > 0 else {}
     return Call("GET", _at("jobs", job_id), model(Job), params, wait_s=wait_s)
 
 
 def cancel(job_id: str) -> Call[Job]:
-    """Cancel a job that has not finished; one that has is left as it is."""
+    """Cancel a job; a finished one is not changed."""
     return Call("DELETE", _at("jobs", job_id), model(Job), {"cancel_only": "true"})
 
 
@@ -234,32 +234,32 @@ def result(job_id: str) -> Call[JobResult]:
 
 
 def events_path(job_id: str) -> str:
-    """Where the events of a job are streamed."""
+    """Path of the event stream of a job."""
     return _at("jobs", job_id, "events")
 
 
 def artifact_path(job_id: str, name: str) -> str:
-    """Where an artifact lies."""
+    """Path of an artifact."""
     return _at("jobs", job_id, "artifacts", name)
 
 
 def bundle_path(job_id: str) -> str:
-    """Where everything about a finished job is packed."""
+    """Path of the archive of a job."""
     return _at("jobs", job_id, "bundle.zip")
 
 
 def file_path(recording_id: str) -> str:
-    """Where the uploaded file lies."""
+    """Path of the uploaded file of a recording."""
     return _at("recordings", recording_id, "file")
 
 
 def tracks_path(recording_id: str) -> str:
-    """Where markers and wrenches of a recording lie."""
+    """Path of the markers and wrenches of a recording."""
     return _at("recordings", recording_id, "tracks.parquet")
 
 
 def links_path(name: str) -> str:
-    """Where the display meshes of a robot lie."""
+    """Path of the display meshes of a robot."""
     return _at("robots", name, "links")
 
 
@@ -268,7 +268,7 @@ def _at(*parts: str) -> str:
 
 
 def _scenario(body: Scenario | Mapping[str, Any]) -> Any:
-    """The fields of ``Scenario`` alone: a stored scenario may be sent back as it came."""
+    """The fields of ``Scenario`` only, so that a ``StoredScenario`` can be sent as well."""
     if not isinstance(body, Scenario):
         return dict(body)
     return body.model_dump(mode="json", include=set(Scenario.model_fields), exclude_unset=True)

@@ -1,4 +1,4 @@
-"""What can go wrong between a client and the service."""
+"""Errors of the clients."""
 
 from stridelab.schemas.base import FaultItem, Problem
 
@@ -31,10 +31,10 @@ class ProblemError(ClientError):
 
     @property
     def detail(self) -> str:
-        """The sentence that explains it."""
+        """Explanation of the failure."""
         return self.problem.detail
 
     @property
     def errors(self) -> list[FaultItem]:
-        """The places in the input that caused it."""
+        """Places in the input that caused the failure."""
         return self.problem.errors

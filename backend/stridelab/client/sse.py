@@ -1,4 +1,4 @@
-"""Server-sent events of a job: lines in, events out."""
+"""Parser of the server-sent events of a job."""
 
 from pydantic import ValidationError
 
@@ -7,7 +7,7 @@ from stridelab.schemas.jobs import JobEvent
 
 
 class EventReader:
-    """Puts the lines of a stream together to events; ``last_id`` is where to resume."""
+    """Assembles events from the lines of a stream; ``last_id`` is the event id to resume from."""
 
     def __init__(self) -> None:
         self.last_id: str | None = None
@@ -15,11 +15,11 @@ class EventReader:
         self._data: list[str] = []
 
     def reset(self) -> None:
-        """Forget half an event: the stream was cut off."""
+        """Discard an incomplete event, after the stream was interrupted."""
         self._id, self._data = None, []
 
     def feed(self, line: str) -> JobEvent | None:
-        """The event that ``line`` completes, or None. Raises ``ClientError`` for one that cannot be read."""
+        """Process a line; return the event that it completes, or None. Raises ``ClientError`` for an invalid event."""
         if line == "":
             data, self._data = "\n".join(self._data), []
             if not data:
@@ -27,7 +27,7 @@ class EventReader:
             try:
                 event = JobEvent.model_validate_json(data, extra="ignore")
             except ValidationError as error:
-                raise ClientError("the service sent an event that this client does not understand") from error
+                raise ClientError("the service sent an event that this client cannot parse") from error
             self.last_id = self._id or self.last_id
             return event
         name, _, value = line.partition(":")

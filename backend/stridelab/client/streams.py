@@ -1,4 +1,4 @@
-"""Online estimation: a websocket on which samples go out and estimates come back."""
+"""Online estimation: sends samples over a websocket and receives estimates."""
 
 import contextlib
 import math
@@ -30,7 +30,7 @@ from stridelab.schemas.streams import (
 
 STREAM_PATH: Final = f"{API}/stream/com"
 ANSWER_BYTES: Final = 16_000_000
-"""Largest answer that is taken."""
+"""Maximum size of a received message."""
 
 _TIME: Final = struct.Struct(PACKED_TIME)
 _ROW: Final = struct.Struct(PACKED_ROW)
@@ -38,7 +38,7 @@ _NOTHING: Final = (math.nan, math.nan, math.nan)
 
 
 class AsyncComStream:
-    """An open stream; ``ready`` says what the service does with it."""
+    """An open stream; ``ready`` describes the estimator that the service uses."""
 
     def __init__(self, connection: ClientConnection, ready: StreamReady) -> None:
         self._connection, self.ready = connection, ready
@@ -52,7 +52,7 @@ class AsyncComStream:
 
 
 class ComStream:
-    """An open stream; ``ready`` says what the service does with it."""
+    """An open stream; ``ready`` describes the estimator that the service uses."""
 
     def __init__(self, connection: SyncConnection, ready: StreamReady) -> None:
         self._connection, self.ready = connection, ready
@@ -69,7 +69,7 @@ class ComStream:
 async def open_async(
     base_url: str, headers: dict[str, str], configuration: StreamConfiguration, timeout_s: float
 ) -> AsyncIterator[AsyncComStream]:
-    """A stream as long as the context lasts."""
+    """Open a stream for the duration of the context."""
     with _reached(base_url):
         connection = await connect_async(
             _address(base_url),
@@ -88,7 +88,7 @@ async def open_async(
 def open_sync(
     base_url: str, headers: dict[str, str], configuration: StreamConfiguration, timeout_s: float
 ) -> Iterator[ComStream]:
-    """A stream as long as the context lasts."""
+    """Open a stream for the duration of the context."""
     with _reached(base_url):
         connection = connect_sync(
             _address(base_url),
@@ -104,8 +104,8 @@ def open_sync(
 
 
 async def exchange(connection: ClientConnection, sent: str | bytes) -> str | bytes:
-    """Send one message and wait for the next that comes."""
-    with contextlib.suppress(ConnectionClosed):  # why it was closed waits to be read
+    """Send one message and receive the next one."""
+    with contextlib.suppress(ConnectionClosed):  # the reason of the close may still be in the receive buffer
         await connection.send(sent)
     try:
         return await connection.recv()
@@ -114,7 +114,7 @@ async def exchange(connection: ClientConnection, sent: str | bytes) -> str | byt
 
 
 def exchange_sync(connection: SyncConnection, sent: str | bytes) -> str | bytes:
-    """Send one message and wait for the next that comes."""
+    """Send one message and receive the next one."""
     with contextlib.suppress(ConnectionClosed):
         connection.send(sent)
     try:
@@ -124,7 +124,7 @@ def exchange_sync(connection: SyncConnection, sent: str | bytes) -> str | bytes:
 
 
 def message(samples: Sequence[StreamSample], form: str) -> str | bytes:
-    """Samples as JSON, or packed."""
+    """Encode samples as JSON, or packed."""
     if form == "json":
         return StreamSamples(samples=list(samples)).model_dump_json()
     start_s = samples[0].time_s if samples else 0.0
@@ -141,7 +141,7 @@ def message(samples: Sequence[StreamSample], form: str) -> str | bytes:
 
 
 def estimates(raw: str | bytes) -> list[StreamEstimate]:
-    """Estimates from JSON or packed. Raises ``ProblemError`` where it is a problem instead."""
+    """Decode estimates from JSON or packed. Raises ``ProblemError`` if the message is a problem."""
     if isinstance(raw, str):
         return _answer(raw).samples or []
     if len(raw) < _TIME.size or (len(raw) - _TIME.size) % _ROW.size:
@@ -170,7 +170,7 @@ def _ready(answer: StreamAnswer) -> StreamReady:
 
 
 def _not_understood() -> ClientError:
-    return ClientError("the service answered something on the stream that this client does not understand")
+    return ClientError("the service sent a message on the stream that this client cannot parse")
 
 
 def _closed(error: ConnectionClosed) -> ClientError:
@@ -180,7 +180,7 @@ def _closed(error: ConnectionClosed) -> ClientError:
 
 @contextmanager
 def _reached(base_url: str) -> Iterator[None]:
-    """Failures of opening as those of the other calls."""
+    """Convert errors of opening a websocket to the errors of the other calls."""
     try:
         yield
     except InvalidStatus as error:
@@ -190,7 +190,7 @@ def _reached(base_url: str) -> Iterator[None]:
                 title=error.response.reason_phrase or "refused",
                 status=status,
                 code="stream-refused",
-                detail="The service does not open a stream for this client: is the API token right, and the address?",
+                detail="The service refused to open a stream: check the API token and the address.",
             )
         ) from error
     except (OSError, TimeoutError, InvalidHandshake) as error:

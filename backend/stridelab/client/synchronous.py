@@ -39,7 +39,7 @@ T = TypeVar("T")
 
 
 class Client:
-    """One service. Methods raise ``ProblemError`` for a refusal and ``Unreachable`` where nobody answers."""
+    """Client of one service. Methods raise ``ProblemError`` for an error response, ``Unreachable`` if there is none."""
 
     def __init__(
         self,
@@ -65,7 +65,7 @@ class Client:
         self._http.close()
 
     def health(self) -> Health:
-        """Whether the service and its database answer, and its version."""
+        """Health and version of the service."""
         return self._send(endpoints.health())
 
     def upload(
@@ -77,7 +77,7 @@ class Client:
         session_id: str | None = None,
         progress: uploads.ProgressCallback | None = None,
     ) -> Recording:
-        """Upload a recording; ``progress(sent_bytes, total_bytes)`` is called as it goes. Parsed when it returns."""
+        """Upload a recording, which is parsed on return; ``progress(sent_bytes, total_bytes)`` is called meanwhile."""
         upload = uploads.Upload(path, subject or SubjectFields(), filename, session_id)
         with self._reached():
             response = self._http.post(uploads.PATH, content=upload.pieces(progress), headers=upload.headers())
@@ -91,9 +91,9 @@ class Client:
         *,
         progress: uploads.ProgressCallback | None = None,
     ) -> RecordingBatch:
-        """Upload many files (name, path), or zips of them, with the CSV of the subjects; parsed when it returns.
+        """Upload many files (name, path), or zips of them, with the subject table (CSV); parsed on return.
 
-        Where the service reads them in a job, that is waited for; its failure is a ``ProblemError``.
+        If the service reads them in a job, waits for it; a failed job raises ``ProblemError``.
         """
         upload = uploads.BatchUpload(files, table)
         with self._reached():
@@ -109,7 +109,7 @@ class Client:
         job = self.wait(endpoints.model(Job)(response).id)
         if job.state != "succeeded":
             raise uploads.refusal_of(job)
-        summary = (self.result(job.id)).summary
+        summary = self.result(job.id).summary
         return uploads.batch_of(summary, [self.recording(one) for one in summary["recording_ids"]])
 
     def recordings(
@@ -121,7 +121,7 @@ class Client:
         subject_id: str | None = None,
         linked: bool | None = None,
     ) -> Page[Recording]:
-        """One page of recordings, newest first; of one session or subject, or only those with or without a subject."""
+        """One page of recordings, newest first; optionally of one session or subject, or with or without a subject."""
         return self._send(endpoints.recordings(limit, cursor, session_id, subject_id, linked))
 
     def recording(self, recording_id: str) -> Recording:
@@ -129,7 +129,7 @@ class Client:
         return self._send(endpoints.recording(recording_id))
 
     def patch_recording(self, recording_id: str, patch: RecordingPatch) -> Recording:
-        """Change the fields that were set in ``patch``."""
+        """Change the fields that are set in ``patch``."""
         return self._send(endpoints.patch_recording(recording_id, patch))
 
     def delete_recording(self, recording_id: str) -> None:
@@ -157,11 +157,11 @@ class Client:
         return self._send(endpoints.add_subject(fields))
 
     def patch_subject(self, subject_id: str, fields: SubjectInput) -> Subject:
-        """Change the fields that were set in ``fields``."""
+        """Change the fields that are set in ``fields``."""
         return self._send(endpoints.patch_subject(subject_id, fields))
 
     def delete_subject(self, subject_id: str) -> None:
-        """Delete a subject; its recordings stay."""
+        """Delete a subject; its recordings remain."""
         self._send(endpoints.delete_subject(subject_id))
 
     def scenarios(self, limit: int = 50, cursor: str | None = None) -> Page[StoredScenario]:
@@ -173,29 +173,29 @@ class Client:
         return self._send(endpoints.scenario(scenario_id))
 
     def add_scenario(self, body: Scenario | Mapping[str, Any]) -> StoredScenario:
-        """Store a scenario; one that its robot cannot do is refused (``scenario-invalid``)."""
+        """Store a scenario; one that the robot cannot perform is refused (``scenario-invalid``)."""
         return self._send(endpoints.add_scenario(body))
 
     def put_scenario(
         self, scenario_id: str, body: Scenario | Mapping[str, Any], unless_changed: StoredScenario | None = None
     ) -> StoredScenario:
-        """Replace a scenario as a whole; one that is no longer ``unless_changed`` is kept (``scenario-changed``)."""
+        """Replace a scenario; refused (``scenario-changed``) if it differs from ``unless_changed`` in the meantime."""
         return self._send(endpoints.put_scenario(scenario_id, body, unless_changed))
 
     def delete_scenario(self, scenario_id: str) -> None:
-        """Delete a scenario; its jobs stay."""
+        """Delete a scenario; its jobs remain."""
         self._send(endpoints.delete_scenario(scenario_id))
 
     def check_scenario(self, body: Scenario | Mapping[str, Any]) -> ScenarioCheck:
-        """Whether its robot can do a scenario, and how far each contact is from being refused."""
+        """Validate a scenario: faults, and the margin of each contact."""
         return self._send(endpoints.check_scenario(body))
 
     def solvers(self) -> Solvers:
-        """Which solvers of the centroidal problem there are, and what is missing."""
+        """Solvers of the centroidal problem, and the reason for unavailable ones."""
         return self._send(endpoints.solvers())
 
     def preview_plan(self, body: PlanPreviewInput | Mapping[str, Any]) -> PlanPreview:
-        """The centroidal motion of a scenario, and after a push, at once; the C++ solver must be there."""
+        """Compute the centroidal motion of a scenario, optionally with a push; requires the C++ solver."""
         return self._send(endpoints.preview_plan(body))
 
     def robots(self) -> Page[RobotSummary]:
@@ -203,19 +203,19 @@ class Client:
         return self._send(endpoints.robots())
 
     def robot(self, name: str) -> RobotFacts:
-        """Facts of one robot; those of one that is not prepared yet take a few seconds."""
+        """Facts of one robot; takes a few seconds if it is not prepared yet."""
         return self._send(endpoints.robot(name))
 
     def robot_preparation(self, name: str) -> RobotPreparation:
-        """How far the files that show a robot are; the first question begins to make what is missing."""
+        """State of the preparation of a robot's display files; starts the preparation if necessary."""
         return self._send(endpoints.robot_preparation(name))
 
     def robot_reachability(self, name: str, measure: Measure | None = None) -> RobotReachability:
-        """Where the centre of mass of a robot can be, as samples, surfaces and maps; by default as plans see it."""
+        """Reachability of the centre of mass: samples, surfaces and maps; by default with the measure of plans."""
         return self._send(endpoints.robot_reachability(name, measure))
 
     def robot_links(self, name: str, target: Path) -> Path:
-        """Save the display meshes of a robot as ``target`` (binary glTF); they take a while to make at first."""
+        """Save the display meshes of a robot as ``target`` (binary glTF); slow if they do not exist yet."""
         return self._download(endpoints.links_path(name), target, wait_s=endpoints.LOADING_S)
 
     def submit(
@@ -226,7 +226,7 @@ class Client:
         priority: int = 0,
         idempotency_key: str | None = None,
     ) -> Job:
-        """Submit a job; the same ``idempotency_key`` again returns the same job."""
+        """Submit a job; repeating the request with the same ``idempotency_key`` returns the same job."""
         return self._send(endpoints.submit(kind, request, priority, idempotency_key))
 
     def jobs(
@@ -248,7 +248,7 @@ class Client:
         return self._send(endpoints.job(job_id, wait_s))
 
     def wait(self, job_id: str, timeout_s: float | None = None) -> Job:
-        """The job once it has finished. Raises ``TimeoutError`` after ``timeout_s``; None waits for ever."""
+        """Wait until a job has finished. Raises ``TimeoutError`` after ``timeout_s``; None waits indefinitely."""
         deadline = None if timeout_s is None else time.monotonic() + timeout_s
         failures = 0
         while True:
@@ -268,7 +268,7 @@ class Client:
                 raise TimeoutError(f"job {job_id} is still {job.state} after {timeout_s} s")
 
     def events(self, job_id: str, last_event_id: int | None = None) -> Iterator[JobEvent]:
-        """Events of a job until it has finished; an interrupted stream is taken up where it broke off."""
+        """Yield the events of a job until it has finished; an interrupted stream is resumed."""
         reader = EventReader()
         reader.last_id = None if last_event_id is None else str(last_event_id)
         failures = 0
@@ -302,7 +302,7 @@ class Client:
         return self._send(endpoints.cancel(job_id))
 
     def delete_job(self, job_id: str) -> Job:
-        """Delete a finished job with its result and files (one that has not finished is cancelled)."""
+        """Delete a finished job with its result and files; an unfinished one is cancelled instead."""
         return self._send(endpoints.delete_job(job_id))
 
     def result(self, job_id: str) -> JobResult:
@@ -314,17 +314,17 @@ class Client:
         return self._download(endpoints.artifact_path(job_id, name), target)
 
     def download_bundle(self, job_id: str, target: Path) -> Path:
-        """Save input, result, versions, references and all files of a job as one zip file ``target``."""
+        """Save input, result, versions, references and all files of a job as a zip file ``target``."""
         return self._download(endpoints.bundle_path(job_id), target)
 
     def read_artifact(self, job_id: str, name: str) -> bytes:
-        """The bytes of one file of a result."""
+        """Content of one file of a result."""
         return self._send(
             endpoints.Call("GET", endpoints.artifact_path(job_id, name), lambda response: response.content)
         )
 
     def stream_com(self, configuration: StreamConfiguration) -> AbstractContextManager[ComStream]:
-        """Estimate online: ``with lab.stream_com(...) as stream`` opens it, ``stream.send`` estimates."""
+        """Online estimation: ``with lab.stream_com(...) as stream``, then ``stream.send(samples)``."""
         return open_sync(str(self._http.base_url), self._headers, configuration, self._timeout_s)
 
     def _send(self, call: endpoints.Call[T]) -> T:

@@ -1,4 +1,4 @@
-"""Bodies of uploads: multipart forms whose length is known and whose files are read piece by piece."""
+"""Request bodies of uploads: multipart forms of known length, whose files are read in pieces."""
 
 import secrets
 from collections.abc import AsyncIterator, Callable, Iterator, Mapping, Sequence
@@ -16,15 +16,15 @@ from stridelab.schemas.recordings import Recording, SubjectFields
 PATH = f"{API}/recordings"
 BATCH_PATH = f"{PATH}/batch"
 READING_S = 900.0
-"""How long a service may read a bulk upload before it answers; later versions answer sooner, with a job."""
+"""Timeout of a bulk upload: older services read all files before they answer, newer ones answer with a job."""
 PIECE_BYTES = 256 * 1024
 ProgressCallback = Callable[[int, int], None]
-"""Called with the bytes sent so far and the bytes to send."""
+"""Called with the number of bytes sent so far and in total."""
 
 
 @dataclass(frozen=True)
 class Upload:
-    """One file with the text fields beside it."""
+    """Form of a single upload: one file and the text fields."""
 
     path: Path
     subject: SubjectFields = field(default_factory=SubjectFields)
@@ -56,7 +56,7 @@ class Upload:
 
 @dataclass(frozen=True)
 class BatchUpload:
-    """Many files in one form; ``names`` are told to the service, ``table`` is the CSV of the subjects."""
+    """Form of a bulk upload: ``files`` are pairs of name and path, ``table`` is the subject table (CSV)."""
 
     files: Sequence[tuple[str, Path]]
     table: str | None = None
@@ -78,32 +78,32 @@ class BatchUpload:
         return f"{head}\r\n\r\n{self.table}".encode()
 
     def _head(self, name: str) -> bytes:
-        # what stands before the first boundary is no part, so every file may begin with an end of line
+        # text before the first boundary is ignored, so every part may begin with a line break
         return f"\r\n--{self.boundary}\r\n{_file_part(name)}".encode("utf-8", "replace")
 
 
 def batch_of(summary: Mapping[str, Any], recordings: Sequence[Recording]) -> RecordingBatch:
-    """The answer to a bulk upload that was read by a job with this summary; ``recordings`` are those it names."""
-    told = ReadBatchSummary.model_validate(summary, extra="ignore")
+    """Result of a bulk upload that was read by a job with ``summary``, which refers to ``recordings``."""
+    batch = ReadBatchSummary.model_validate(summary, extra="ignore")
     return RecordingBatch(
-        recordings=list(recordings), studied=told.studied, subjects=told.subjects, refused=told.refused
+        recordings=list(recordings), studied=batch.studied, subjects=batch.subjects, refused=batch.refused
     )
 
 
 def refusal_of(job: Job) -> ProblemError:
-    """Why a job that was to read a bulk upload did not succeed."""
-    said = f"The job {job.id} that reads the files ended as {job.state.replace('_', ' ')}."
-    return ProblemError(job.error or Problem(title="Conflict", status=409, code="job-without-result", detail=said))
+    """Error of a job that failed to read a bulk upload."""
+    detail = f"The job {job.id} that reads the files ended as {job.state.replace('_', ' ')}."
+    return ProblemError(job.error or Problem(title="Conflict", status=409, code="job-without-result", detail=detail))
 
 
 async def from_a_loop(pieces: Iterator[bytes]) -> AsyncIterator[bytes]:
-    """The same pieces for a client that does not wait."""
+    """Convert an iterator to an asynchronous one."""
     for piece in pieces:
         yield piece
 
 
 def _headers(boundary: str, length: int) -> dict[str, str]:
-    """Of a form whose parts take ``length`` bytes."""
+    """Headers of a form whose parts have ``length`` bytes."""
     return {
         "Content-Type": f"multipart/form-data; boundary={boundary}",
         "Content-Length": str(length + len(_end(boundary))),
@@ -113,7 +113,7 @@ def _headers(boundary: str, length: int) -> dict[str, str]:
 def _pieces(
     first: bytes, files: Sequence[tuple[bytes, Path]], boundary: str, progress: ProgressCallback | None
 ) -> Iterator[bytes]:
-    """``first``, then every file behind its head, then the end; ``progress`` hears of the files alone."""
+    """Yield ``first``, each file after its part header, and the end; ``progress`` counts the files only."""
     if first:
         yield first
     total, sent = sum(path.stat().st_size for _, path in files), 0
@@ -133,7 +133,7 @@ def _end(boundary: str) -> bytes:
 
 
 def _file_part(claimed: str) -> str:
-    """Headers of a part with a file."""
+    """Header of a part with a file."""
     name = claimed.replace("\\", "").replace('"', "%22")
     name = "".join(character for character in name if character.isprintable())
     disposition = f'Content-Disposition: form-data; name="file"; filename="{name}"'

@@ -1,4 +1,4 @@
-"""Tokens and the audit log, as in the HTTP contract."""
+"""Schemas of tokens and the audit log."""
 
 from datetime import datetime
 from typing import Annotated, Literal
@@ -8,31 +8,31 @@ from pydantic import Field
 from stridelab.schemas.base import Contract
 
 TokenScope = Literal["read", "submit", "admin"]
-"""What a token allows, each with what stands before it: look, work, manage tokens."""
+"""Permissions of a token, each including the previous ones: read, write and submit jobs, manage tokens."""
 
 TokenName = Annotated[
     str,
-    Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,39}$", description="who uses the token; jobs and uploads are theirs"),
+    Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,39}$", description="user of the token, who owns its jobs and uploads"),
 ]
 
 
 class CallerFacts(Contract):
-    """Who calls: the name of the token, if there are names, and what it allows."""
+    """Caller of a request: the name of its token (null without login) and its scope."""
 
     name: str | None = None
     scope: TokenScope
 
 
 class TokenInput(Contract):
-    """A token to make; without ``days`` it is good until it is revoked."""
+    """Body of ``POST /tokens``; without ``days``, the token is valid until it is revoked."""
 
     name: TokenName
     scope: TokenScope = "submit"
-    days: Annotated[float | None, Field(gt=0, le=3650, description="how long it is good")] = None
+    days: Annotated[float | None, Field(gt=0, le=3650, description="validity in days")] = None
 
 
 class TokenFacts(Contract):
-    """A token without its secret, which is nowhere."""
+    """A token without its secret, which is not stored."""
 
     id: str
     name: str
@@ -43,13 +43,13 @@ class TokenFacts(Contract):
 
 
 class NewToken(TokenFacts):
-    """The answer to whoever made a token: the only time that ``secret`` is shown."""
+    """Response to the creation of a token, the only one that contains ``secret``."""
 
     secret: str
 
 
 class AuditEntry(Contract):
-    """Somebody did something; ``caller`` is the name of a token, or null where nobody logs in."""
+    """One action in the audit log; ``caller`` is the name of a token, or null without login."""
 
     id: str
     created_at: datetime

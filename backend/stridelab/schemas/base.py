@@ -1,4 +1,4 @@
-"""What all models of the HTTP contract share."""
+"""Base classes shared by all schemas of the HTTP interface."""
 
 from typing import Annotated, Generic, TypeVar
 
@@ -8,7 +8,7 @@ T = TypeVar("T")
 
 
 class Contract(BaseModel):
-    """Base of every request and answer: unknown fields are refused in requests, numbers are finite."""
+    """Base of every request and response: unknown fields are rejected, numbers are finite."""
 
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False, frozen=True)
 
@@ -17,21 +17,21 @@ Interval = Annotated[tuple[float, float], Field(description="start and end in se
 
 
 class Page(Contract, Generic[T]):
-    """One page of a list; ``next`` is the cursor of the following page, or null."""
+    """One page of a list; ``next`` is the cursor of the next page, or null on the last one."""
 
     items: list[T]
     next: str | None = None
 
 
 class Remark(Contract):
-    """A warning: a stable code and a sentence."""
+    """A warning: a stable code and an explanation."""
 
     code: str
     message: str
 
 
 class FaultItem(Contract):
-    """One place in the input and what is wrong there."""
+    """A fault in the input: its place and an explanation."""
 
     where: str
     message: str

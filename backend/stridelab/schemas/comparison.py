@@ -1,4 +1,4 @@
-"""Input and result of ``compare-estimators``. Figures are per axis or horizontal and vertical, never 3D."""
+"""Input and result of ``compare-estimators``. Errors are given per axis or horizontal and vertical, never in 3D."""
 
 from typing import Literal
 
@@ -11,15 +11,15 @@ from stridelab.schemas.sessions import LatencySource, SessionValues
 
 
 class CompareEstimatorsInput(EstimateComInput):
-    """Input of ``compare-estimators``: that of ``estimate-com``.
+    """Input of ``compare-estimators``: the fields of ``estimate-com``.
 
-    ``method`` null compares all estimators that this version has, the complementary filter also with the thesis'
-    cut-offs; a name compares that one with the geometry.
+    ``method`` null compares all estimators of this version, and the complementary filter also with the cut-off
+    frequencies of the thesis; a name compares this estimator with the geometry.
     """
 
 
 class Axes(Contract):
-    """One figure per axis: along the walk, to its left, up. Null where it cannot be told."""
+    """One value per axis: along the walk, to its left, up; null if it cannot be computed."""
 
     along: float | None
     lateral: float | None
@@ -27,7 +27,7 @@ class Axes(Contract):
 
 
 class ErrorAgainstTruth(Contract):
-    """Error where the truth is known; ``lag_s`` > 0 means that the estimate is late."""
+    """Error with respect to the ground truth; ``lag_s`` > 0 means that the estimate is late."""
 
     horizontal_m: float = Field(description="RMS of the horizontal distance from the true centre of mass")
     horizontal_95_m: float = Field(description="95th percentile of that distance")
@@ -40,7 +40,7 @@ class ErrorAgainstTruth(Contract):
 
 
 class FlightAgreement(Contract):
-    """Free fall: ``vertical_share`` is the vertical acceleration over g, minus one."""
+    """Agreement with free fall during flight; ``vertical_share`` is the vertical acceleration over g, minus one."""
 
     flights: int
     vertical_share: float
@@ -48,19 +48,19 @@ class FlightAgreement(Contract):
 
 
 class MomentumRateAgreement(Contract):
-    """Rate of the angular momentum, as the plates imply it with this estimate, against that of the segments."""
+    """Rate of angular momentum from the plates and this estimate, compared with that of the body segments."""
 
     correlation: Axes
     rms_nm: Axes
 
 
 class MethodAssessment(Contract):
-    """All that can be said of one estimator on this recording; null where a check does not apply."""
+    """Assessment of one estimator on a recording; null for checks that do not apply."""
 
     method: str
     offset_m: Axes = Field(description="estimate minus geometry, mean over the window")
     force_residual_n: Axes = Field(description="RMS of m (c'' - g) - f in an 8 Hz band")
-    held_back_n: Axes | None = Field(description="the same at force samples that the estimator did not see")
+    held_back_n: Axes | None = Field(description="the same at force samples withheld from the estimator")
     momentum_rate: MomentumRateAgreement | None
     flight: FlightAgreement | None
     standing_m: float | None = Field(
@@ -71,7 +71,7 @@ class MethodAssessment(Contract):
 
 
 class CompareEstimatorsSummary(Contract):
-    """All estimators on one recording: errors where the truth is known, agreement with physics, and spectra."""
+    """All estimators on one recording: errors against the ground truth, agreement with physics, and spectra."""
 
     window_s: Interval
     rate_hz: float
@@ -83,8 +83,8 @@ class CompareEstimatorsSummary(Contract):
     latency_source: LatencySource = "trial"
     latency_n_trials: int = 1
     session: SessionValues | None = None
-    reference: Literal["truth", "geometry"] = Field(description="what the spectra of the estimators are held against")
+    reference: Literal["truth", "geometry"] = Field(description="reference for the spectra of the estimators")
     methods: dict[str, MethodAssessment]
-    refused: dict[str, Remark] = Field(description="estimators that cannot work on this recording, and why")
-    quality: Quality | None = Field(default=None, description="null in results of versions that did not check")
+    refused: dict[str, Remark] = Field(description="estimators that reject this recording, and the reason")
+    quality: Quality | None = Field(default=None, description="null in results of versions without this check")
     warnings: list[Remark]

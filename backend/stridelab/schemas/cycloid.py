@@ -1,4 +1,4 @@
-"""Input and result of ``fit-cycloid``: the rolling wheel of every step (chapter 3)."""
+"""Input and result of ``fit-cycloid``: the curtate cycloid of each step, drawn by a rolling wheel (chapter 3)."""
 
 from typing import Literal
 
@@ -13,14 +13,13 @@ FootSide = Literal["left", "right"]
 
 
 class FitCycloidInput(EstimateComInput):
-    """Input of ``fit-cycloid``: that of ``estimate-com``, and which steps count."""
+    """Input of ``fit-cycloid``: the fields of ``estimate-com``, and the selection of steps."""
 
     steps: Literal["measured", "all"] = Field(
         default="measured",
         description=(
-            "measured: steps during which all contact force is on plates (8 % at either end may be missing); all: "
-            "also those for which the centre of mass follows from the markers alone, as far as the estimate reaches: "
-            "only the smoother answers outside the window"
+            "measured: steps with all contact force on plates (8 % at either end may be missing); all: also steps in "
+            "which the centre of mass is estimated from the markers alone (outside the window only by the smoother)"
         ),
     )
 
@@ -34,20 +33,20 @@ class WheelSd(Contract):
 
 
 class Wheel(Contract):
-    """A wheel and how far the measured path is from its curve; ``converged`` false means: do not use it."""
+    """A rolling wheel and the distance of the measured path to its curve; unusable if ``converged`` is false."""
 
     R_m: float
     r_m: float
     z0_m: float
     omega_rad_s: float = Field(description="slope of the line through theta_k")
-    theta0_rad: float = Field(description="that line at the first sample of the step")
+    theta0_rad: float = Field(description="value of this line at the first sample of the step")
     error_mean_mm: float
     error_max_mm: float
     converged: bool
 
 
 class TimedWheel(Contract):
-    """The wheel as a clock, theta = theta0 + omega t (3.4); ``bounds`` names the limits that the fit ran into."""
+    """Wheel with constant angular velocity, theta = theta0 + omega t (3.4); ``bounds`` lists the active limits."""
 
     R_m: float
     r_m: float
@@ -60,52 +59,54 @@ class TimedWheel(Contract):
 
 
 class Rival(Contract):
-    """One curve beside the others on the same data; AIC counts 12 independent samples per second."""
+    """An alternative curve fitted to the same data; the AIC assumes 12 independent samples per second."""
 
     model: str
     space: Literal["path", "time"]
     parameters: int
     rms_mm: float
-    held_out_mm: float = Field(description="RMS at stretches of the step that the fit did not see")
+    held_out_mm: float = Field(description="RMS on parts of the step that are withheld from the fit")
     aic: float
 
 
 class FittedStep(Contract):
-    """One step, from lift-off to the other foot's lift-off, and its wheel as a path (the thesis' branch, s = +1)."""
+    """One step, from lift-off to lift-off of the other foot, and its wheel fitted to the path (branch s = +1)."""
 
     t0_s: float
     t1_s: float
-    fitted_s: Interval = Field(description="samples that were used: of a measured step those with all force measured")
-    side: FootSide = Field(description="the foot that swings")
-    source: Literal["plates", "markers", "mixed"] = Field(description="where the timing comes from")
+    fitted_s: Interval = Field(
+        description="interval used by the fit: of a measured step, samples with all force measured"
+    )
+    side: FootSide = Field(description="swing foot")
+    source: Literal["plates", "markers", "mixed"] = Field(description="source of the timing")
     measured: bool = Field(description="whether all contact force was on plates")
     R_m: float
     r_m: float
     z0_m: float
     omega_rad_s: float
     theta0_rad: float
-    sd: WheelSd = Field(description="formal; the residuals are systematic, so the scatter between steps says more")
+    sd: WheelSd = Field(description="formal; the residuals are systematic, so prefer the scatter between steps")
     error_mean_mm: float
     error_sd_mm: float
     error_max_mm: float
     theta_off_line_rad: float = Field(description="RMS distance of theta_k from a line in time")
-    double_support_s: Interval = Field(description="as plates and markers time it: the answer")
+    double_support_s: Interval = Field(description="measured by plates and markers")
     double_support_model_s: tuple[float | None, float | None] = Field(
-        description="crossings of z0 (section 3.3.3), the thesis' rule; null where one is outside the step"
+        description="from the crossings of z0 (section 3.3.3); null if a crossing is outside the step"
     )
     period_s: float
-    step_length_m: float | None = Field(description="heel to heel along the walk")
+    step_length_m: float | None = Field(description="heel to heel, along the walking direction")
     speed_m_s: float
-    circumference_share: float | None = Field(description="2 pi R over the step length")
-    reversed: Wheel = Field(description="the other branch, s = -1: fastest at the lowest point, as people are")
+    circumference_share: float | None = Field(description="2 pi R divided by the step length")
+    reversed: Wheel = Field(description="branch s = -1: fastest at the lowest point, as in human walking")
     timed: TimedWheel
     reversed_timed: TimedWheel
     rivals: list[Rival]
-    flags: list[str] = Field(description="what must be known before a number of this step is used")
+    flags: list[str] = Field(description="reservations about the values of this step")
 
 
 class OverlappingFit(Contract):
-    """The wheel of an interval that overlaps with the steps: strike to strike, double and then single support."""
+    """Wheel of an interval from heel strike to heel strike (double, then single support), overlapping the steps."""
 
     t0_s: float
     t1_s: float
@@ -117,7 +118,7 @@ class OverlappingFit(Contract):
 
 
 class StepScatter(Contract):
-    """How much the wheel differs between the steps of this recording: what one recording's numbers are worth."""
+    """Standard deviation of the wheel between the steps of this recording."""
 
     R_m: float
     r_m: float
@@ -125,27 +126,27 @@ class StepScatter(Contract):
     omega_rad_s: float
     n: int
     between: Literal["steps", "overlapping-steps"] = Field(
-        description="overlapping-steps: one whole step only, so its overlap with strike-to-strike intervals is used"
+        description="overlapping-steps: there is one step only, so strike-to-strike intervals are used as well"
     )
 
 
 class FitCycloidSummary(Contract):
-    """The rolling wheel of every step of a recording, how well it fits, and simpler curves beside it."""
+    """Rolling wheel of each step of a recording, its goodness of fit, and alternative curves."""
 
     window_s: Interval
     rate_hz: float
     method: str
     segment_table: str
-    mass_kg: float | None = Field(description="null where none is known, which only the method geometry allows")
+    mass_kg: float | None = Field(description="null if unknown, which only the method geometry allows")
     latency_s: float | None
     latency_applied_s: float
     latency_source: LatencySource = "trial"
     latency_n_trials: int = 1
     session: SessionValues | None = None
-    ahead: tuple[float, float] = Field(description="horizontal unit vector of the walk")
+    ahead: tuple[float, float] = Field(description="horizontal unit vector of the walking direction")
     steps: list[FittedStep]
     overlapping: list[OverlappingFit]
-    step_to_step_sd: StepScatter | None = Field(description="null where there is nothing to compare")
-    steps_left_out: int = Field(description="whole steps that were seen but not fitted: force or markers are missing")
-    quality: Quality | None = Field(default=None, description="null in results of versions that did not check")
+    step_to_step_sd: StepScatter | None = Field(description="null if there are too few steps")
+    steps_left_out: int = Field(description="complete steps that were not fitted because force or markers are missing")
+    quality: Quality | None = Field(default=None, description="null in results of versions without this check")
     warnings: list[Remark]

@@ -1,4 +1,4 @@
-"""Jobs, their inputs and their results, as in the HTTP contract."""
+"""Schemas of jobs, and inputs and results of the jobs on recordings."""
 
 from datetime import datetime
 from typing import Annotated, Any, Literal
@@ -16,14 +16,14 @@ FINAL_STATES: frozenset[JobState] = frozenset({"succeeded", "failed", "cancelled
 
 
 class Progress(Contract):
-    """How far a job is; ``fraction`` from 0 to 1."""
+    """Progress of a job; ``fraction`` is from 0 to 1."""
 
     fraction: float = 0.0
     message: str = ""
 
 
 class Job(Contract):
-    """A job of any kind; one that failed ``has_result`` where it kept what there was until then."""
+    """A job of any kind; a failed job with partial results has ``has_result`` true."""
 
     id: str
     kind: str
@@ -43,7 +43,7 @@ class Job(Contract):
     has_result: bool = False
     verdict: JobVerdict | None = Field(
         default=None,
-        description="whether the result can be used; null until the job has succeeded, and where nothing was checked",
+        description="validity of the result; null until the job has succeeded, and for results without checks",
     )
 
 
@@ -63,7 +63,7 @@ class Artifact(Contract):
     name: str
     media_type: str
     bytes: int
-    sha256: str | None = Field(default=None, description="of the content; null for results of earlier versions")
+    sha256: str | None = Field(default=None, description="SHA-256 of the content; null for results of earlier versions")
 
 
 class JobResult(Contract):
@@ -82,7 +82,7 @@ Sd = Annotated[float, Field(ge=1e-9, le=1000.0)]
 
 
 class StatedErrors(Contract):
-    """How large the errors of a recording's inputs are, as standard deviations; null takes the usual size."""
+    """Standard deviations of the errors of a recording's inputs; null takes the usual value."""
 
     plate_force_n: Declared | None = Field(default=None, description="constant error of the total force; usual: 1 N")
     plate_moment_nm: Declared | None = Field(default=None, description="constant error of the moments; usual: 1 N m")
@@ -90,7 +90,7 @@ class StatedErrors(Contract):
         default=None, description="relative error of the body mass; usual: 0.01"
     )
     clock_s: Annotated[float, Field(ge=0.0, le=0.1)] | None = Field(
-        default=None, description="what is left of the latency between force and markers; usual: 0.005 s"
+        default=None, description="residual latency between force and markers; usual: 0.005 s"
     )
     marker_m: Sd | None = Field(default=None, description="noise of the geometric centre of mass")
     force_n: Sd | None = Field(default=None, description="noise of the force, per axis")
@@ -102,17 +102,17 @@ class StatedErrors(Contract):
         default=None, description="angular momentum over weight, RMS, about the walking and the lateral axis"
     )
     step_hz: Annotated[float, Field(ge=0.1, le=10.0)] | None = Field(
-        default=None, description="steps per second; null finds it in the vertical motion"
+        default=None, description="steps per second; null estimates it from the vertical motion"
     )
 
 
 class SmootherOptions(Contract):
-    """What the smoother may be told; leave it out and it goes by usual sizes and the recording itself."""
+    """Options of the smoother; by default, it uses usual error sizes and estimates them from the recording."""
 
     priors: StatedErrors = Field(default_factory=StatedErrors)
-    learn: bool = Field(default=True, description="let the recording correct the sizes that it shows")
+    learn: bool = Field(default=True, description="estimate the observable error sizes from the recording")
     segment_momentum: bool = Field(
-        default=False, description="take the segments' angular momentum as known instead of guessing all of it"
+        default=False, description="use the angular momentum of the body segments instead of a purely stochastic model"
     )
 
 
@@ -123,23 +123,24 @@ class EstimateComInput(Contract):
     method: Method | None = Field(
         default=None,
         description=(
-            "null: the smoother, or the complementary filter where the smoother refuses the recording; what was taken "
-            "is in the result. Stated cut-offs ask for the filter, and stated smoother options for the smoother"
+            "null: the smoother, or the complementary filter if the smoother rejects the recording; the result names "
+            "the method. Explicit cut-offs select the filter, explicit smoother options the smoother"
         ),
     )
     latency: Literal["report", "apply"] | Annotated[float, Field(ge=-0.1, le=0.1)] = Field(
         default="apply",
         description=(
-            "apply: take out the force's latency against the markers where it is significant; report: estimate it "
-            "only; a number: seconds to take out (> 0: the force is late). What was done is a warning of the result"
+            "apply: compensate the latency of the force with respect to the markers if it is significant; report: only "
+            "estimate it; a number: latency in seconds to compensate (> 0: the force is late). A warning of the result "
+            "reports what was done"
         ),
     )
     segment_table: Literal["auto", "dumas2007", "deleva1996", "carried"] = "auto"
     cutoffs: Literal["auto", "thesis", "spectra"] | tuple[float, float] = Field(
         default="auto",
         description=(
-            "low and high cut-off of the complementary filter in Hz (2.24-2.27); auto: 0.2 and 1; thesis: 0.4 and 4; "
-            "spectra: those that the window's own spectra choose"
+            "low and high cut-off frequency of the complementary filter in Hz (2.24-2.27); auto: 0.2 and 1; thesis: "
+            "0.4 and 4; spectra: chosen from the spectra of the window"
         ),
     )
     smoother: SmootherOptions | None = Field(default=None, description="only for the smoother")
@@ -150,16 +151,16 @@ class EstimateComInput(Contract):
     def _whose_options(cls, options: SmootherOptions | None, info: Any) -> SmootherOptions | None:
         method = info.data.get("method")
         if options is not None and method not in (None, "smoother"):
-            raise ValueError(f"the {method} estimator has no use for them, only the smoother has")
+            raise ValueError(f"the {method} estimator does not use them, only the smoother does")
         return options
 
 
 class ComparedMass(Contract):
-    """A body mass that was compared with the others, and its standard deviation."""
+    """A body mass from one source, with its standard deviation."""
 
     source: Literal["stated", "file", "standing", "impulse", "whole_steps", "static", "session"] = Field(
-        description="stated by the user; in the file; from the plates while standing, by the impulse of the vertical "
-        "force, or over whole steps; from the plates while standing in the static trial; over all trials of the session"
+        description="stated by the user; in the file; from the plates: while standing, from the impulse of the "
+        "vertical force, or over whole steps; while standing in the static trial; pooled over the session"
     )
     mass_kg: float
     sd_kg: float
@@ -172,34 +173,42 @@ class EstimateComSummary(Contract):
     rate_hz: float
     method: str
     segment_table: str
-    mass_kg: float | None = Field(description="null where none is known, which only the method geometry allows")
+    mass_kg: float | None = Field(description="null if unknown, which only the method geometry allows")
     mass_source: Literal["stated", "file", "force"] | None = Field(default="stated", description="null without a mass")
     mass_sd_kg: float | None = Field(default=None, description="standard deviation of the mass that is used")
     mass_from_force_kg: float | None = None
-    masses: list[ComparedMass] = Field(default_factory=list, description="all masses that were known and compared")
+    masses: list[ComparedMass] = Field(
+        default_factory=list, description="body masses from all sources, which are compared"
+    )
     latency_s: float | None
     latency_sd_s: float | None
     latency_applied_s: float
     latency_source: LatencySource = "trial"
-    latency_n_trials: int = Field(default=1, description="trials behind the latency")
-    latency_trial_s: float | None = Field(default=None, description="what this trial says alone")
+    latency_n_trials: int = Field(default=1, description="number of trials that the latency is estimated from")
+    latency_trial_s: float | None = Field(default=None, description="latency estimated from this trial alone")
     latency_trial_sd_s: float | None = None
-    session: SessionValues | None = Field(default=None, description="values of the session that were used")
-    latency_along_s: float | None = Field(default=None, description="what the accelerations along the walk say alone")
-    latency_lateral_s: float | None = Field(default=None, description="across the walk; reported, not used")
-    latency_vertical_s: float | None = Field(default=None, description="what the vertical accelerations say alone")
+    session: SessionValues | None = Field(
+        default=None, description="values of the session that were used in the computation"
+    )
+    latency_along_s: float | None = Field(
+        default=None, description="latency from the accelerations along the walk alone"
+    )
+    latency_lateral_s: float | None = Field(
+        default=None, description="latency from lateral accelerations; reported only"
+    )
+    latency_vertical_s: float | None = Field(default=None, description="latency from the vertical accelerations alone")
     rms_force_residual_n: list[float]
     bias_m: list[float]
     observability: dict[str, Any]
     diagnostics: dict[str, float] = Field(
-        default_factory=dict, description="numbers of the estimator, with their units"
+        default_factory=dict, description="diagnostic values of the estimator; names end in the unit"
     )
-    quality: Quality | None = Field(default=None, description="null in results of versions that did not check")
+    quality: Quality | None = Field(default=None, description="null in results of versions without this check")
     warnings: list[Remark]
 
 
 class SimulationNoise(Contract):
-    """Noise of a simulated recording; None or 0 switches a part off."""
+    """Noise of a simulated recording; 0 disables a component."""
 
     force_n: Annotated[float, Field(ge=0, le=200)] = 2.0
     moment_nm: Annotated[float, Field(ge=0, le=100)] = 1.0
@@ -210,20 +219,22 @@ class SimulationNoise(Contract):
 
 
 class SimulateRecordingInput(Contract):
-    """Input of ``simulate-recording``. Height, mass and sex are a person's and null for TALOS, which has its own."""
+    """Input of ``simulate-recording``. Height, mass and sex describe the person and are null for TALOS."""
 
-    robot: Literal["human", "talos"] = Field(default="human", description="who walks: a person, or the humanoid TALOS")
-    gait: Literal["walking", "running"] = Field(default="walking", description="only TALOS runs, with flight phases")
+    robot: Literal["human", "talos"] = Field(default="human", description="walker: a person, or the humanoid TALOS")
+    gait: Literal["walking", "running"] = Field(
+        default="walking", description="running, with flight phases, is available for TALOS only"
+    )
     duration_s: Annotated[float, Field(ge=2.0, le=60.0)] = 6.0
     speed_m_s: Annotated[float, Field(ge=0.0, le=2.0)] = Field(
-        default=1.2, description="unless stated, TALOS walks at 0.4 m/s and runs at 1 m/s"
+        default=1.2, description="default for TALOS: 0.4 m/s walking, 1 m/s running"
     )
     height_m: Annotated[float, Field(ge=1.2, le=2.2)] | None = 1.71
     mass_kg: Annotated[float, Field(ge=25, le=200)] | None = 60.0
     sex: Literal["female", "male"] | None = "female"
     lab: Literal["walkway", "two_plates"] = Field(
         default="walkway",
-        description="walkway: every footprint has a plate of its own; two_plates: two plates in a row, as in most labs",
+        description="walkway: one plate per footprint; two_plates: two plates in a row, as in most laboratories",
     )
     noise: SimulationNoise = Field(default_factory=SimulationNoise)
     seed: Annotated[int, Field(ge=0, le=2**31 - 1)] = 0
@@ -231,7 +242,7 @@ class SimulateRecordingInput(Contract):
     @model_validator(mode="before")
     @classmethod
     def _as_talos(cls, data: Any) -> Any:
-        """What TALOS is unless stated: no person, and slower."""
+        """Set the defaults for TALOS: lower speed, and no height, mass and sex."""
         if not isinstance(data, dict) or data.get("robot") != "talos":
             return data
         speed_m_s = 1.0 if data.get("gait") == "running" else 0.4

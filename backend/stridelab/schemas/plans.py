@@ -1,4 +1,4 @@
-"""Inputs and summaries of the robot wing's jobs."""
+"""Inputs and summaries of the robot jobs: motion planning, contact planning, reachability learning."""
 
 from typing import Annotated, Final, Literal
 
@@ -8,39 +8,39 @@ from stridelab.schemas.base import Contract, Remark
 from stridelab.schemas.scenarios import Friction, OneLine, Scenario, ScenarioContact, TerrainSurface
 
 PLAN_STAGES: Final = ("check", "reachability", "centroidal", "whole body", "certificate", "export", "replay")
-"""Stages of ``plan-motion`` in their order: keys of ``stage_times_s``, first words of its progress messages."""
+"""Stages of ``plan-motion`` in order: keys of ``stage_times_s``, and prefixes of its progress messages."""
 
 Formulation = Literal["forces", "circular-cones", "wrench"]
 Shape = Literal["constant", "cubic"]
 Film = Literal["gif", "mp4"]
 NODE_RATE_HZ: Final = (2.0, 50.0)
-"""Fewest and most nodes per second that can be asked for."""
+"""Minimum and maximum number of nodes per second."""
 TIME_LIMIT_S: Final = 300.0
-"""Longest time that a solver can be given; the job itself ends after ten minutes."""
+"""Maximum of the solver's time limit; the job itself ends after ten minutes."""
 
 DURATION_RANGE: Final = (0.7, 1.4)
-"""Between how many times its own length a phase may last where durations are free.
+"""Default range of free phase durations, as multiples of the given duration.
 
-At 0.6 to 1.6 the body that follows on the long strides swings its legs too fast for the angular momentum of the plan.
+With 0.6 to 1.6, the legs would swing too fast on long strides for the angular momentum of the plan.
 """
 LEAST_SHARE, MOST_SHARE = 0.1, 10.0
-"""The widest range that can be asked for."""
+"""Bounds of ``duration_range``."""
 
 
 class PlanMotionInput(Contract):
-    """Input of ``plan-motion``: a stored scenario or a whole one, never both.
+    """Input of ``plan-motion``: either the id of a stored scenario or a complete scenario.
 
-    ``formulation`` is the control: ``forces`` of the contact points, the same in ``circular-cones`` with every solver,
-    or the ``wrench`` of all contacts in one cone. ``solver``: ``auto`` asks ``native``, the C++ solver, where it is
-    there and can do what is asked, else ``casadi``: ipopt, and fatrop where that fails. ``native`` takes the cones of
-    ``forces`` as they are, CasADi's solvers pyramids within them; the summary says which. ``node_rate_hz`` are the
-    nodes per second of every phase; forces between them are ``constant``, or with ``shape`` ``cubic`` one spline each,
-    without a jump. Null takes splines where a body is to follow forces and there are any, else constants.
-    ``time_limit_s`` (processor time) ends a solver in place of a minute; fatrop, which cannot be interrupted, gets as
-    many iterations as are taken to fit, and is then not asked by ``auto``. With ``free_durations`` the solver chooses
-    how long each phase lasts, between the two multiples of ``duration_range`` of what the scenario says; the whole
-    motion keeps its length. In ``circular-cones`` only ``native`` can. ``measure`` chooses among the bundled
-    reachability densities; null takes the default one. A ``film`` of the motion needs ffmpeg where the job runs.
+    ``formulation`` is the control: ``forces`` at the contact points, ``circular-cones`` (the same forces, in exact
+    cones with every solver), or the ``wrench`` of all contacts in one cone. ``solver`` ``auto`` takes ``native``, the
+    C++ solver, if it is available and supports the options, else ``casadi``: ipopt, then fatrop if ipopt fails. With
+    ``forces``, ``native`` uses the exact cones and CasADi's solvers inscribed pyramids; the summary names the solver.
+    ``node_rate_hz`` is the number of nodes per second in every phase; between nodes, forces are ``constant``, or with
+    ``shape`` ``cubic`` one continuous spline each. Null takes splines for forces that a whole body is to follow, if
+    they apply, else constants. ``time_limit_s`` (processor time) replaces the default of one minute; fatrop cannot be
+    interrupted, so its iterations are limited instead, and ``auto`` does not use it then. With ``free_durations``, the
+    solver optimises the phase durations between the two multiples in ``duration_range``, at constant total duration;
+    with ``circular-cones``, only ``native`` can do so. ``measure`` selects the bundled reachability densities; null
+    takes the default. A ``film`` of the motion requires ffmpeg in the worker.
     """
 
     scenario_id: str | None = None
@@ -66,18 +66,20 @@ class PlanMotionInput(Contract):
         if self.replay and not self.whole_body:
             raise ValueError("a replay needs whole_body")
         if self.film is not None and not self.whole_body:
-            raise ValueError("film: it needs whole_body")
+            raise ValueError("film: requires whole_body")
         if self.free_durations and self.solver == "fatrop":
-            raise ValueError("free_durations: they belong to many stages, and fatrop solves one by one; ask ipopt")
+            raise ValueError("free_durations: fatrop solves stage by stage and cannot couple stages; use ipopt")
         if self.shape == "cubic" and (self.formulation == "wrench" or self.solver == "fatrop"):
-            raise ValueError("shape: cubic is for forces, and not for fatrop, which solves interval by interval")
+            raise ValueError(
+                "shape: cubic requires forces, and is not supported by fatrop, which solves stage by stage"
+            )
         if self.free_durations and self.formulation == "circular-cones" and self.solver not in ("auto", "native"):
-            raise ValueError("free_durations: CasADi does not converge with circular-cones; ask for forces or wrench")
+            raise ValueError("free_durations: CasADi does not converge with circular-cones; use forces or wrench")
         return self
 
 
 class CertificateCheck(Contract):
-    """One property of the motion: ``value`` against ``limit``, at most or at least."""
+    """One check of the motion: ``limit`` is a lower bound of ``value`` if ``at_least``, else an upper bound."""
 
     name: str
     value: float
@@ -91,16 +93,16 @@ class CertificateCheck(Contract):
 
 
 class CertificateSummary(Contract):
-    """All checks of a motion."""
+    """Certificate of a motion: all checks, and whether all passed."""
 
     passed: bool
     checks: list[CertificateCheck]
 
 
 class ReplayCollision(Contract):
-    """Two links, or a link or an effector and a surface, that touch without being planned to.
+    """An unplanned contact between two links, or between a link or effector and a surface.
 
-    ``time_s`` is when they first do, ``force_max_n`` the largest force between them.
+    ``time_s`` is the time of the first contact, ``force_max_n`` the largest force between the two.
     """
 
     first: str
@@ -110,13 +112,13 @@ class ReplayCollision(Contract):
 
 
 class ReplaySummary(Contract):
-    """What happened when the motion was replayed in physics.
+    """Result of the replay of the motion in a physics simulation.
 
-    ``completed``: the robot does not fall, nothing touches that is not planned to, no loaded sole slips by more than
-    20 mm, no torque asked for exceeds 1.2 of its limit, and every planned hand is loaded in its place for 95 % of its
-    contact. ``remarks`` say what is missing. Only a robot that falls has a ``fall_time_s``. ``slip_max_m`` is
-    ``foot_slip_max_m``; ``collisions`` counts the pairs of ``collided``. Plans of earlier versions lack the last five
-    fields, and their ``completed`` says only that the robot did not fall.
+    ``completed``: the robot does not fall, there are no unplanned contacts, no loaded sole slips by more than 20 mm, no
+    commanded torque exceeds 1.2 times its limit, and every planned hand contact is loaded in place for 95 % of its
+    duration. ``remarks`` lists the conditions that are not met. ``fall_time_s`` is null if the robot does not fall.
+    ``slip_max_m`` equals ``foot_slip_max_m``; ``collisions`` is the number of pairs in ``collided``. Plans of earlier
+    versions lack the last five fields, and their ``completed`` only means that the robot did not fall.
     """
 
     completed: bool
@@ -137,10 +139,10 @@ class ReplaySummary(Contract):
 
 
 class StoppedMotion(Contract):
-    """Where the whole body could not follow the plan any more.
+    """The point at which the whole body cannot follow the plan any longer.
 
-    ``level`` is the first level of the hierarchy that was violated, counted from 0; ``names`` say what ran out, of
-    which joints or effectors, the worst first. There is a motion until ``time_s``.
+    ``level`` is the first violated level of the task hierarchy, counted from 0; ``names`` lists the violated
+    constraints with their joints or effectors, the worst first. The motion ends at ``time_s``.
     """
 
     time_s: float
@@ -151,11 +153,11 @@ class StoppedMotion(Contract):
 
 
 class CostWeights(Contract):
-    """Weights of the terms of the cost, each of which then counts seconds.
+    """Weights of the cost terms; each weighted term is in seconds.
 
-    ``com_acceleration`` is in s⁴/m² and ``momentum_rate`` in 1/(N m)²; ``likelihood`` weighs minus the natural
-    logarithm of densities in 1/m³. ``surface_force`` and ``point_force`` weigh the squares of the forces of soles and
-    of hands, in body weights: they are no part of the objective.
+    ``com_acceleration`` is in s⁴/m² and ``momentum_rate`` in 1/(N m)²; ``likelihood`` weights the negative natural
+    logarithm of densities in 1/m³. ``surface_force`` and ``point_force`` weight the squared forces of soles and hands,
+    in body weights; they are not part of ``objective``.
     """
 
     com_acceleration: float
@@ -166,7 +168,7 @@ class CostWeights(Contract):
 
 
 class PlanVerification(Contract):
-    """The centroidal solution checked by plain arithmetic."""
+    """Independent verification of the centroidal solution, without the solver."""
 
     dynamics_gap: float
     terminal_gap: float
@@ -175,14 +177,14 @@ class PlanVerification(Contract):
 
 
 class PhaseDuration(Contract):
-    """How long a phase lasts: as the scenario says, and as the solver chose."""
+    """Duration of a phase: given by the scenario, and chosen by the solver."""
 
     given_s: float
     chosen_s: float
 
 
 class AgreementPass(Contract):
-    """How far plan and body were apart in angular momentum, the largest and the RMS, and what that plan took (CPU)."""
+    """Difference in angular momentum between plan and whole body (maximum and RMS), and CPU time of the plan."""
 
     mismatch_max_nms: float
     mismatch_rms_nms: float
@@ -192,15 +194,15 @@ class AgreementPass(Contract):
 class PlanMotionSummary(Contract):
     """Summary of ``plan-motion``.
 
-    ``objective`` is the sum of ``cost_terms`` without ``surface_force`` and ``point_force``. These two are part of what
-    the solver minimises with the contact forces as control; with the wrench they say what the forces cost that were
-    found for it afterwards. ``formulation``, ``shape``, ``measure``, ``node_rate_hz``, ``weights`` and
-    ``kkt_error`` (the largest violation of the first-order conditions, in units of the solver) are null where the
-    version of the result did not tell them. ``phase_durations`` is null where the scenario's durations were kept.
-    ``normal_force_max_n`` bounds the hands by what their arms can carry; empty with the wrench as control.
-    ``solver_because`` is why the C++ solver did not serve, null where it did. ``stopped`` is there only in a job that
-    failed because the body cannot follow the plan. ``agreement`` has one entry per pass of plan and whole body, more
-    than one where strides are longer than 0.9 m or swings shorter than 0.8 s.
+    ``objective`` is the sum of ``cost_terms`` without ``surface_force`` and ``point_force``. The solver minimises these
+    two as well if the contact forces are the control; with the wrench, they are the cost of the forces that are
+    computed from it afterwards. ``formulation``, ``shape``, ``measure``, ``node_rate_hz``, ``weights`` and
+    ``kkt_error`` (largest violation of the first-order conditions, in units of the solver) are null in results of
+    versions without them. ``phase_durations`` is null if the durations are those of the scenario.
+    ``normal_force_max_n`` limits the hands to the load capacity of the arms; it is empty with the wrench as control.
+    ``solver_because`` is the reason why the C++ solver was not used, else null. ``stopped`` is set only in a failed job
+    whose body cannot follow the plan. ``agreement`` has one entry per iteration of plan and whole body; there are
+    several if a stride is longer than 0.9 m or a swing shorter than 0.8 s.
     """
 
     scenario_name: str
@@ -233,15 +235,15 @@ class PlanMotionSummary(Contract):
 
 
 class StanceInput(Contract):
-    """Contacts of all effectors that touch, as in a phase."""
+    """Contacts of all effectors in contact, as in a phase."""
 
     contacts: Annotated[list[ScenarioContact], Field(min_length=1, max_length=16)]
 
 
 class PlanContactsInput(Contract):
-    """Input of ``plan-contacts``: from ``start`` to ``goal``, each with both feet.
+    """Input of ``plan-contacts``: stances ``start`` and ``goal``, each with both feet.
 
-    A hand that either of them names may use the rails.
+    A hand with a contact in either of them may use the rails.
     """
 
     robot: Annotated[str, Field(min_length=1, max_length=60)]
@@ -255,8 +257,8 @@ class PlanContactsInput(Contract):
 class PlanContactsSummary(Contract):
     """Summary of ``plan-contacts``: a scenario that passes ``POST /scenarios/check``.
 
-    ``objective_m`` is how far, in all, the placements are from even steps; ``programs`` how many mixed-integer
-    programs were solved, one per number of steps and leading foot.
+    ``objective_m`` is the total deviation of the placements from even steps; ``programs`` is the number of
+    mixed-integer programs solved, one per number of steps and leading foot.
     """
 
     scenario: Scenario
@@ -269,7 +271,7 @@ class PlanContactsSummary(Contract):
 
 
 class LearnReachabilityInput(Contract):
-    """Input of ``learn-reachability``; ``effectors`` null learns all of the robot's."""
+    """Input of ``learn-reachability``; ``effectors`` null learns all effectors of the robot."""
 
     robot: str
     effectors: Annotated[list[str], Field(min_length=1, max_length=16)] | None = None
@@ -279,7 +281,7 @@ class LearnReachabilityInput(Contract):
 
 
 class LearnedEffector(Contract):
-    """What was learned for one effector; ``thesis_components`` is the size that the thesis takes for its kind."""
+    """Learned density of one effector; ``thesis_components`` is the number of components used in the thesis."""
 
     frame: Literal["contact", "heading"]
     components: int

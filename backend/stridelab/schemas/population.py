@@ -1,4 +1,4 @@
-"""Input and result of ``study-population``, and the table that says who is who."""
+"""Input and result of ``study-population``, bulk uploads, and the subject table."""
 
 from typing import Annotated, Literal
 
@@ -16,9 +16,9 @@ GroupSource = Literal["stated", "age", "height", "unknown"]
 
 
 class PersonFields(Contract):
-    """What a subject table says of the person on a recording; ``group`` overrules what age and height would say."""
+    """Fields of the subject table for one recording; ``group`` takes precedence over age and height."""
 
-    subject: Name | None = Field(default=None, description="a pseudonym; the same one on several recordings pools them")
+    subject: Name | None = Field(default=None, description="a pseudonym; recordings with the same pseudonym are pooled")
     group: Name | None = None
     height_m: HeightM | None = None
     mass_kg: MassKg | None = None
@@ -33,7 +33,7 @@ class SubjectOfRecording(PersonFields):
 
 
 class RefusedFile(Contract):
-    """A file of a bulk upload of which nothing is kept, and why."""
+    """A rejected file of a bulk upload, with the reason."""
 
     filename: str
     code: str
@@ -41,9 +41,9 @@ class RefusedFile(Contract):
 
 
 class RecordingBatch(Contract):
-    """Answer of ``POST /recordings/batch``; ``subjects`` is what ``study-population`` takes under that name.
+    """Response of ``POST /recordings/batch``; ``subjects`` has the form of ``subjects`` in ``study-population``.
 
-    ``studied`` are the ids of all but the static trials that the table names.
+    ``studied`` are the ids of all recordings except the static trials of the table.
     """
 
     recordings: list[Recording]
@@ -53,14 +53,14 @@ class RecordingBatch(Contract):
 
 
 class ReadBatchInput(Contract):
-    """Input of ``read-batch``, a job that only ``POST /recordings/batch`` submits: where the received files lie."""
+    """Input of ``read-batch``, a job that only ``POST /recordings/batch`` submits: the stored upload."""
 
     batch_id: Annotated[str, Field(pattern=r"^[0-9a-f]{32}$")]
-    files: list[str] = Field(description="names of the stored files, which are ours and not the user's")
+    files: list[str] = Field(description="names of the stored files, assigned by the service")
 
 
 class ReadBatchSummary(Contract):
-    """The recordings of a bulk upload by their ids; the other fields are those of the direct answer."""
+    """Ids of the recordings of a bulk upload; the other fields are those of ``RecordingBatch``."""
 
     recording_ids: list[str]
     studied: list[str]
@@ -69,16 +69,18 @@ class ReadBatchSummary(Contract):
 
 
 class StudyPopulationInput(Contract):
-    """Input of ``study-population``; what ``subjects`` does not say is taken from the recordings."""
+    """Input of ``study-population``; fields missing in ``subjects`` are taken from the recordings."""
 
     recording_ids: list[str] = Field(min_length=1, max_length=MAX_RECORDINGS)
     subjects: list[SubjectOfRecording] = Field(default_factory=list, max_length=MAX_RECORDINGS)
     method: Method | None = Field(
-        default=None, description="estimator of the centre of mass; null takes the best, as in `estimate-com`"
+        default=None, description="estimator of the centre of mass; null selects it as in `estimate-com`"
     )
-    steps: Literal["measured", "all"] = Field(default="measured", description="which steps count, as in `fit-cycloid`")
-    pooled: bool = Field(default=False, description="also look at everybody together, beside the groups apart")
-    seed: Annotated[int, Field(ge=0, le=2**31 - 1)] = Field(default=0, description="of the bootstrap intervals")
+    steps: Literal["measured", "all"] = Field(default="measured", description="selection of steps, as in `fit-cycloid`")
+    pooled: bool = Field(default=False, description="analyse all subjects together, in addition to each group")
+    seed: Annotated[int, Field(ge=0, le=2**31 - 1)] = Field(
+        default=0, description="random seed of the bootstrap intervals"
+    )
 
     @model_validator(mode="after")
     def _each_once(self) -> "StudyPopulationInput":
@@ -96,7 +98,7 @@ class StudyPopulationInput(Contract):
 
 
 class SubjectResult(Contract):
-    """Means and standard deviations (over steps) of one person; an sd of one step is null."""
+    """Means and standard deviations over the steps of one subject; with a single step, the latter are null."""
 
     subject: str
     group: str
@@ -118,18 +120,22 @@ class SubjectResult(Contract):
     z0_sd_m: float | None
     omega_rad_s: float
     omega_sd_rad_s: float | None
-    error_mean_mm: float = Field(description="distance between wheel and path: mean over the steps of their means")
-    error_sd_mm: float | None = Field(description="mean over the steps of the standard deviation within a step")
+    error_mean_mm: float = Field(
+        description="distance between wheel and path: mean over the steps of the mean per step"
+    )
+    error_sd_mm: float | None = Field(description="mean over the steps of the standard deviation within each step")
     error_max_mm: float
     circumference_share: float | None = Field(description="2 pi R over the step length")
-    double_support_start_error_s: float | None = Field(description="the thesis' rule (3.3.3) minus the measured start")
+    double_support_start_error_s: float | None = Field(
+        description="start by the rule of the thesis (3.3.3) minus the measured start"
+    )
     double_support_start_error_sd_s: float | None
     double_support_end_error_s: float | None
     double_support_end_error_sd_s: float | None
 
 
 class PartialCorrelation(Contract):
-    """The correlation with another number held fixed; the variance of atanh(r) is 1 / (n - 4)."""
+    """Partial correlation, controlling for the variable ``on``; the variance of atanh(r) is 1 / (n - 4)."""
 
     on: str
     n: int
@@ -139,10 +145,11 @@ class PartialCorrelation(Contract):
 
 
 class CorrelationResult(Contract):
-    """One parameter of the wheel against one other number, over the people of one group.
+    """Correlation between a parameter of the wheel and another variable, over the subjects of one group.
 
-    ``p`` is for this pair alone, ``p_holm`` for having looked at all pairs of the group. ``ci95`` is Fisher's,
-    ``bootstrap_ci95`` the bias-corrected and accelerated one over people. ``thesis`` is the thesis' coefficient.
+    ``p`` is for this pair alone, ``p_holm`` is corrected for all pairs of the group (Holm). ``ci95`` is Fisher's
+    interval, ``bootstrap_ci95`` the bias-corrected and accelerated bootstrap over subjects. ``thesis`` is the
+    coefficient in the thesis.
     """
 
     group: str
@@ -159,13 +166,13 @@ class CorrelationResult(Contract):
     spearman_ci95: Bounds | None
     spearman_bootstrap_ci95: Bounds | None
     partial: list[PartialCorrelation]
-    partial_on_speed: float | None = Field(description="the coefficient of `partial` with the speed held fixed")
-    left_out: list[str] = Field(description="people of whom one of the two is not known")
+    partial_on_speed: float | None = Field(description="coefficient of `partial` that controls for the speed")
+    left_out: list[str] = Field(description="subjects for which one of the two variables is unknown")
     thesis: float | None = None
 
 
 class EffectResult(Contract):
-    """A coefficient of a mixed model, in the parameter's unit per unit of the variable."""
+    """A fixed effect of a mixed model, in the unit of the parameter per unit of the variable."""
 
     name: str
     value: float
@@ -176,10 +183,10 @@ class EffectResult(Contract):
 
 
 class MixedModelResult(Contract):
-    """A parameter over all steps with a random level per person (restricted likelihood).
+    """Mixed model of a parameter over all steps, with a random intercept per subject (restricted likelihood).
 
-    ``icc`` is the share of the variance that lies between people; of the model without variables (``formula`` "1") it
-    tells how well one step represents its person.
+    ``icc`` is the fraction of the variance between subjects (intraclass correlation); for the model without variables
+    (``formula`` "1"), it measures how well one step represents its subject.
     """
 
     group: str
@@ -196,7 +203,7 @@ class MixedModelResult(Contract):
 
 
 class LeftOut(Contract):
-    """A recording in which nothing could be fitted, and why."""
+    """A recording without any fitted step, with the reason."""
 
     recording_id: str
     filename: str
@@ -205,7 +212,7 @@ class LeftOut(Contract):
 
 
 class StudyPopulationSummary(Contract):
-    """The wheels of many people: means per person, correlations per group with intervals, and mixed models."""
+    """Rolling wheels of several subjects: means per subject, correlations per group, and mixed models."""
 
     subjects: list[SubjectResult]
     correlations: list[CorrelationResult]
@@ -217,10 +224,10 @@ class StudyPopulationSummary(Contract):
     pooled: bool
     quality: Quality | None = Field(
         default=None,
-        description="the worst value of every check over the recordings that were used; null in results of versions "
-        "that did not check",
+        description="worst value of each check over the recordings used; null in results of versions without this "
+        "check",
     )
     trials: list[TrialQuality] = Field(
-        default_factory=list, description="every recording's own quality; a contradicted one is in `left_out`"
+        default_factory=list, description="quality of each recording; contradicted ones are in `left_out`"
     )
     warnings: list[Remark]

@@ -1,4 +1,4 @@
-"""What is answered directly: which solvers there are, and the centroidal motion of a scenario that is being changed."""
+"""Schemas of interactive planning: the available solvers, and the preview of a centroidal motion."""
 
 from typing import Annotated
 
@@ -13,7 +13,7 @@ PushForce = Annotated[float, Field(ge=-2000.0, le=2000.0)]
 
 
 class PreviewPush(Contract):
-    """A push at ``time_s``: a change of the CoM's velocity, or a force on the CoM for ``duration_s``, never both."""
+    """A push at ``time_s``: either a change of the CoM velocity, or a force on the CoM for ``duration_s``."""
 
     time_s: Annotated[float, Field(ge=0.0, le=600.0)]
     velocity_m_s: tuple[PushSpeed, PushSpeed, PushSpeed] | None = None
@@ -28,7 +28,7 @@ class PreviewPush(Contract):
 
 
 class PlanPreviewInput(Contract):
-    """Body of ``POST /plans/preview``: a stored scenario or a whole one, never both; a push, or none."""
+    """Body of ``POST /plans/preview``: either a stored scenario or a complete one, and an optional push."""
 
     scenario_id: str | None = None
     scenario: Scenario | None = None
@@ -43,9 +43,9 @@ class PlanPreviewInput(Contract):
 
 
 class PreviewMotion(Contract):
-    """A centroidal motion: where the CoM is at ``time_s`` of the scenario, or why there is none (``status``).
+    """A centroidal motion: CoM positions at the times ``time_s`` of the scenario; ``status`` explains a failure.
 
-    ``objective`` is that of ``plan-motion``; ``solve_time_s`` processor time of the solver.
+    ``objective`` is that of ``plan-motion``; ``solve_time_s`` is the processor time of the solver.
     """
 
     converged: bool
@@ -58,10 +58,10 @@ class PreviewMotion(Contract):
 
 
 class PlanPreview(Contract):
-    """Answer of ``POST /plans/preview``; ``took_s`` is all of the processor time, the judge's included.
+    """Response of ``POST /plans/preview``; ``took_s`` is the total processor time, including validation.
 
-    ``errors`` is what the judge refuses, as in ``POST /scenarios/check``; there is no motion then. With a push,
-    ``recovered`` is the motion from its end on; null where the motion itself has not been found.
+    ``errors`` are those of ``POST /scenarios/check``; with errors, the motion is empty. With a push, ``recovered`` is
+    the motion after its end; null if the motion itself has no solution.
     """
 
     solver: str
@@ -73,7 +73,7 @@ class PlanPreview(Contract):
 
 
 class SolverFacts(Contract):
-    """A solver of the centroidal problem; ``missing`` is why it is not there, null where it is."""
+    """A solver of the centroidal problem; ``missing`` is the reason if it is not available, else null."""
 
     name: str
     available: bool
@@ -81,7 +81,7 @@ class SolverFacts(Contract):
 
 
 class Solvers(Contract):
-    """Answer of ``GET /solvers``; ``auto`` names the one that is asked first where it can do what is asked."""
+    """Response of ``GET /solvers``; ``auto`` is the solver that is preferred if it supports the options."""
 
     auto: str
     solvers: list[SolverFacts]

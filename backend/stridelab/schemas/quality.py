@@ -1,4 +1,4 @@
-"""Whether the sensors of a recording agree: part of every result of a recording."""
+"""Consistency of the sensors of a recording; part of every result of a recording."""
 
 from typing import Literal
 
@@ -10,27 +10,27 @@ Verdict = Literal["good", "doubtful", "contradicted"]
 
 
 class QualityCheck(Contract):
-    """One number against its limit, and the sentence that names the sensors it holds together."""
+    """One consistency check: a value, its limit, and a message that names the sensors compared."""
 
     name: str
     value: float
     unit: str = Field(description='"m", or "1" for a ratio')
-    limit: float = Field(description="the largest value that passes")
-    contradicted_above: float = Field(description="above this the sensors cannot both be right")
+    limit: float = Field(description="maximum value that passes")
+    contradicted_above: float = Field(description="above this value, the sensors contradict each other")
     passed: bool
     message: str
 
 
 class Quality(Contract):
-    """The verdict: `good` where every check passes, `contradicted` where one of them cannot be."""
+    """Verdict: `good` if every check passes, `contradicted` if the sensors contradict each other in one of them."""
 
     verdict: Verdict
     checks: list[QualityCheck]
-    not_checked: dict[str, str] = Field(description="checks that were not possible, and why")
+    not_checked: dict[str, str] = Field(description="checks that were not possible, with the reason")
 
 
 class TrialQuality(Contract):
-    """The quality of one recording among several."""
+    """Quality of one of several recordings."""
 
     recording_id: str
     filename: str

@@ -1,4 +1,4 @@
-"""Reachability densities of the HTTP contract, as what can be drawn: samples, level sets and projections."""
+"""Schemas of reachability densities for display: samples, level sets and projections."""
 
 from typing import Literal
 
@@ -9,9 +9,9 @@ Axis = Literal["x", "y", "z"]
 
 
 class LevelSurface(Contract):
-    """The smallest volume that holds the share ``mass`` of a mixture, and its surface as triangles.
+    """Smallest volume that contains the fraction ``mass`` of a mixture, and its surface as a triangle mesh.
 
-    It may have several pieces; triangles are counterclockwise seen from outside.
+    It may consist of several parts; triangles are counterclockwise seen from outside.
     """
 
     mass: float
@@ -22,9 +22,9 @@ class LevelSurface(Contract):
 
 
 class Projection(Contract):
-    """The density projected along one axis (figures 4.2 and 4.4): of the kernels, and of the mixture, per m^2.
+    """Density projected along one axis, in 1/m^2 (figures 4.2 and 4.4): kernel density estimate, and mixture.
 
-    Rows of the maps go along ``up_m``, columns along ``right_m``.
+    Rows of the maps correspond to ``up_m``, columns to ``right_m``.
     """
 
     along: Axis
@@ -37,9 +37,9 @@ class Projection(Contract):
 
 
 class EffectorReach(Contract):
-    """Where the CoM can be relative to one effector, in the frame that its card names.
+    """Reachable CoM positions relative to one effector, in the frame of its card.
 
-    ``reference_pose`` says where this frame is in the reference posture. ``com_m`` are the first sampled positions.
+    ``reference_pose`` is the pose of this frame in the reference posture. ``com_m`` are the first sampled positions.
     """
 
     card: ProxyCard
@@ -50,7 +50,7 @@ class EffectorReach(Contract):
 
 
 class RobotReachability(Contract):
-    """``GET /robots/{name}/reachability``, and ``reachability.json`` of the job that learned densities anew."""
+    """``GET /robots/{name}/reachability``, and ``reachability.json`` of ``learn-reachability``."""
 
     robot: str
     robot_sha256: str

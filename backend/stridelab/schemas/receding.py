@@ -1,4 +1,4 @@
-"""Input and summary of ``plan-receding``: the centroidal problem solved anew while the motion goes on."""
+"""Input and summary of ``plan-receding``: receding-horizon control of the centroidal motion."""
 
 from typing import Annotated, Literal
 
@@ -12,18 +12,18 @@ PushSpeed = Annotated[float, Field(ge=-2.0, le=2.0)]
 
 
 class Push(Contract):
-    """What changes the velocity of the CoM by ``velocity_m_s`` at the end of the period that ``time_s`` is in."""
+    """A push: changes the CoM velocity by ``velocity_m_s`` at the end of the period that contains ``time_s``."""
 
     time_s: Annotated[float, Field(ge=0.0, le=600.0)]
     velocity_m_s: tuple[PushSpeed, PushSpeed, PushSpeed]
 
 
 class PlanRecedingInput(Contract):
-    """Input of ``plan-receding``: a stored scenario or a whole one, never both.
+    """Input of ``plan-receding``: either a stored scenario or a complete one.
 
-    Every ``period_s`` the motion of the next ``horizon_s`` is planned anew from where the CoM is, and carried out for a
-    period. ``formulation``, ``node_rate_hz`` and ``measure`` are those of ``plan-motion``; ``warm`` starts each
-    solution from the one before.
+    Every ``period_s``, the motion over the next ``horizon_s`` is replanned from the current state and executed for one
+    period. ``formulation``, ``node_rate_hz`` and ``measure`` are those of ``plan-motion``; ``warm`` enables a warm
+    start from the previous solution.
     """
 
     scenario_id: str | None = None
@@ -48,8 +48,8 @@ class PlanRecedingInput(Contract):
 class PlanRecedingSummary(Contract):
     """Summary of ``plan-receding``; times are processor times of one replan: building, solving and checking.
 
-    ``carried_on`` counts periods in which no solution was found and the last plan went on; ``goal_gap_m`` is how far
-    from its place of rest the CoM ends. ``solver`` is null where the version of the result did not tell it.
+    ``carried_on`` is the number of periods without a solution, in which the previous plan continued; ``goal_gap_m`` is
+    the distance of the final CoM to its rest position. ``solver`` is null in results of versions without this field.
     """
 
     scenario_name: str

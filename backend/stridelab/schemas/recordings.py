@@ -1,4 +1,4 @@
-"""Recordings and subjects of the HTTP contract."""
+"""Schemas of recordings and subjects."""
 
 from datetime import date, datetime
 from typing import Annotated, Literal
@@ -16,7 +16,7 @@ Sex = Literal["female", "male"]
 
 
 class SubjectFields(Contract):
-    """What a user may state about a person; ``name`` is a pseudonym of the user's own choice."""
+    """Fields of a subject that a user may state; ``name`` is a pseudonym chosen by the user."""
 
     name: Annotated[str, Field(max_length=80)] | None = None
     height_m: HeightM | None = None
@@ -30,11 +30,11 @@ class SubjectInput(SubjectFields):
 
 
 class Subject(SubjectFields):
-    """A pseudonymous person."""
+    """A pseudonymous subject."""
 
     subject_id: str
     created_at: datetime
-    n_recordings: int = Field(default=0, description="how many recordings are linked to the subject")
+    n_recordings: int = Field(default=0, description="number of recordings linked to the subject")
 
 
 class PlateInfo(Contract):
@@ -49,7 +49,7 @@ class PlateInfo(Contract):
 
 
 class PlateSwitch(Contract):
-    """What a user may set per plate."""
+    """User settings of one force plate."""
 
     use: bool | None = None
     threshold_n: Annotated[float, Field(ge=1.0, le=500.0)] | None = None
@@ -59,7 +59,7 @@ class RecordingPatch(Contract):
     """Body of ``PATCH /recordings/{id}``; only the given fields change.
 
     ``marker_map`` maps the service's landmark names to labels of the file, or of its static trial; ``plates`` maps a
-    plate index to switches. ``session_id`` states the session; null lets the service find it by itself.
+    plate index to switches. ``session_id`` states the session; null lets the service determine it.
     """
 
     subject_id: str | None = None
@@ -71,14 +71,14 @@ class RecordingPatch(Contract):
 
 
 class TrialClock(Contract):
-    """How late the force is against the markers, from this file and its switches alone; > 0: the force is late."""
+    """Latency of the force with respect to the markers, estimated from this file alone; > 0: the force is late."""
 
     latency_s: float
     sd_s: float
 
 
 class RecordingFacts(Contract):
-    """What parsing a file yields; the answer of the parsing child, stored with the row."""
+    """Result of parsing a file, stored with the row of the recording."""
 
     duration_s: float
     n_frames: int
@@ -89,8 +89,8 @@ class RecordingFacts(Contract):
     subject: SubjectFields
     mass_from_force_kg: float | None = None
     mass_from_force_sd_kg: float | None = None
-    clock: TrialClock | None = Field(default=None, description="null where force and markers cannot be compared")
-    recorded_on: date | None = Field(default=None, description="day of the recording, where the file states it")
+    clock: TrialClock | None = Field(default=None, description="null if force and markers cannot be compared")
+    recorded_on: date | None = Field(default=None, description="day of the recording, if the file states it")
     still: bool = Field(default=False, description="the person stands still: a static trial")
     simulated: bool = Field(default=False, description="the file carries the segment table of a simulated body")
     plates: list[PlateInfo]
@@ -104,16 +104,16 @@ class RecordingFacts(Contract):
 
 
 class EstimateOffer(Contract):
-    """Whether a method of ``estimate-com`` can be tried on a recording."""
+    """Whether a method of ``estimate-com`` is applicable to a recording."""
 
     method: Method
-    possible: bool = Field(description="false: what is stored of the recording says that the method refuses it")
-    code: str | None = Field(default=None, description="code of the refusal; null where the method can be tried")
-    reason: str | None = Field(default=None, description="the refusal in a sentence")
+    possible: bool = Field(description="false: the method would reject the recording, according to the stored facts")
+    code: str | None = Field(default=None, description="error code; null if the method is applicable")
+    reason: str | None = Field(default=None, description="explanation of the error")
 
 
 class Recording(RecordingFacts):
-    """A stored recording: what parsing its file yielded, and what the service and its users know of it."""
+    """A stored recording: the result of parsing its file, and the fields added by the service and its users."""
 
     id: str
     sha256: str
@@ -124,8 +124,12 @@ class Recording(RecordingFacts):
     marker_map: dict[str, str]
     static_recording_id: str | None = None
     session_id: str | None = Field(default=None, description="session of trials with one clock and one body mass")
-    session_stated: bool = Field(default=False, description="stated by the user, not found by the service")
-    estimates: list[EstimateOffer] = Field(default_factory=list, description="every method of `estimate-com`")
+    session_stated: bool = Field(
+        default=False, description="true: stated by the user; false: determined by the service"
+    )
+    estimates: list[EstimateOffer] = Field(
+        default_factory=list, description="applicability of every method of `estimate-com`"
+    )
     bundled: bool = False
     truth_job_id: str | None = None
     owner: str | None = None

@@ -41,7 +41,7 @@ ReproductionItem = Literal[
 ]
 """A figure of the thesis, the numbers in the text of a chapter, or a table on the simulated walks."""
 Verdict = Literal["met", "beaten", "not_met", "thesis_in_error"]
-"""``met`` as the thesis says, ``beaten`` an aim of our own that is reached, ``not_met`` either not reached."""
+"""``met``: agrees with the thesis; ``beaten``: reaches an aim beyond the thesis; ``not_met``: neither."""
 
 
 class ReproduceInput(Contract):
@@ -49,12 +49,12 @@ class ReproduceInput(Contract):
 
     item: ReproductionItem
     seeds: Annotated[int, Field(ge=1, le=200)] | None = Field(
-        default=None, description="simulated walks to repeat it on; null takes what answers within a minute, 50 is good"
+        default=None, description="number of simulated walks; null takes as many as fit into a minute, 50 is accurate"
     )
 
 
 class ClaimResult(Contract):
-    """One statement of the thesis: what it says, its number (or words), ours, and the verdict."""
+    """One claim of the thesis: the statement, its value in the thesis and here, and the verdict."""
 
     key: str
     says: str
@@ -66,11 +66,11 @@ class ClaimResult(Contract):
 
 
 class ReproduceSummary(Contract):
-    """A figure of the thesis computed anew: the numbers of the thesis, ours, and what that says."""
+    """A reproduced figure or table of the thesis: values of the thesis and here, with a verdict per claim."""
 
     item: str
     title: str
-    verdict: Verdict = Field(description="that of the claim that weighs most")
+    verdict: Verdict = Field(description="verdict of the most important claim")
     thesis: dict[str, float | str]
     ours: dict[str, float]
     claims: list[ClaimResult]

@@ -1,4 +1,4 @@
-"""Robots of the HTTP contract."""
+"""Schemas of robots."""
 
 from typing import Literal
 
@@ -6,15 +6,15 @@ from stridelab.schemas.base import Contract
 
 Triple = tuple[float, float, float]
 Measure = Literal["uniform", "conditioned"]
-"""How postures are drawn: uniform within the joint limits, or so given that the robot stands."""
+"""Distribution of sampled postures: uniform within the joint limits, or conditioned on the robot standing."""
 Frame = Literal["contact", "heading"]
-"""Where a density lives: the effector's contact frame, or at its contact point along the heading of the trunk, z up."""
+"""Frame of a density: the effector's contact frame, or its contact point with the heading of the trunk, z up."""
 LinkPose = tuple[float, float, float, float, float, float, float]
-"""Where a link is: px, py, pz in m, qw, qx, qy, qz."""
+"""Pose of a link: position px, py, pz in m, and quaternion qw, qx, qy, qz."""
 
 
 class RobotEffector(Contract):
-    """A part of the robot that may touch the world; the pose is that of its contact frame in the link ``frame``."""
+    """A part of the robot that may be in contact; the pose is that of its contact frame in the link ``frame``."""
 
     name: str
     frame: str
@@ -36,7 +36,7 @@ class JointLimits(Contract):
 
 
 class ProxySize(Contract):
-    """A mixture of another size, fitted to the same samples: a point of the curve of figure 4.3."""
+    """A mixture with another number of components, fitted to the same samples: one point of figure 4.3."""
 
     components: int
     kl_nats: float
@@ -45,10 +45,10 @@ class ProxySize(Contract):
 
 
 class ProxyCard(Contract):
-    """How the reachability density of one effector was learned under one measure, and how good it is.
+    """Learned reachability density of one effector under one measure: provenance and quality.
 
-    ``rejected_share`` of the postures that were drawn were not kept. ``sizes`` is the curve over the number of
-    components; ``thesis_components`` is the size that the thesis chose for such an effector.
+    ``rejected_share`` is the fraction of sampled postures that were rejected. ``sizes`` is the quality over the number
+    of components; ``thesis_components`` is the number used in the thesis for this kind of effector.
     """
 
     effector: str
@@ -73,10 +73,10 @@ class ProxyCard(Contract):
 class RobotFacts(Contract):
     """One robot: ``GET /robots/{name}``. ``q_reference``: position, quaternion xyzw, joints, as in pinocchio.
 
-    In the reference posture the robot faces x and stands on z = 0, with x = y = 0 midway between its soles;
-    ``link_poses`` says where each of ``links`` is then. ``measures`` are those under which densities were learned,
-    ``default_measure`` is the one that plans use. Densities that were learned on another description of the robot
-    cannot be used: their measures are ``stale_measures``.
+    In the reference posture, the robot faces x and stands on z = 0, with x = y = 0 midway between its soles;
+    ``link_poses`` are the poses of ``links`` in this posture. ``measures`` are those with learned densities,
+    ``default_measure`` is the one that plans use. ``stale_measures`` have densities that were learned on another
+    description of the robot and cannot be used.
     """
 
     name: str
@@ -108,10 +108,10 @@ class RobotSummary(Contract):
 
 
 class RobotPreparation(Contract):
-    """How far the files are that show a robot: its facts, its display meshes, and its densities.
+    """Progress of the display files of a robot: facts, display meshes, and densities.
 
-    ``message`` says what is being done, or, where the state is ``failed``, why the robot cannot be shown. ``failed`` is
-    tried again after a minute.
+    ``message`` is the current step or, in the state ``failed``, the reason. A failed preparation is repeated after a
+    minute.
     """
 
     state: Literal["preparing", "ready", "failed"]

@@ -1,4 +1,4 @@
-"""The service about itself."""
+"""Schemas of the health and the settings of the service."""
 
 from typing import Literal
 
@@ -8,7 +8,7 @@ from stridelab.schemas.base import Contract
 
 
 class Health(Contract):
-    """``GET /health``; anything but a reachable database is answered 503 with a problem."""
+    """Response of ``GET /health``; without a reachable database, the response is a problem with status 503."""
 
     status: Literal["ok"] = "ok"
     version: str
@@ -16,12 +16,12 @@ class Health(Contract):
     uptime_s: float
     sandbox: list[str] = Field(
         default_factory=list,
-        description="what the kernel takes from processes that read files: files, tcp-ports, system-calls",
+        description="kernel restrictions of processes that parse files: files, tcp-ports, system-calls",
     )
 
 
 class ShownSetting(Contract):
-    """A setting of the service as people may see it: ``value`` is in words, and never a secret."""
+    """A setting of the service for display: ``value`` is readable text, and never a secret."""
 
     name: str
     value: str

@@ -1,4 +1,4 @@
-"""What a session of trials says together: one clock, one body mass, and the static trial."""
+"""Values shared by the trials of a session: latency, body mass, and the static trial."""
 
 from typing import Annotated, Literal
 
@@ -16,7 +16,7 @@ LatencySource = Annotated[
 
 
 class SessionTrial(Contract):
-    """What one trial of a session says; null where it says nothing."""
+    """Estimates from one trial of a session; null if not available."""
 
     recording_id: str
     filename: str
@@ -29,17 +29,17 @@ class SessionTrial(Contract):
 
 
 class SessionValues(Contract):
-    """The values of a session that a result was computed with; with them the result can be computed again."""
+    """Values of a session that were used for a result, sufficient to reproduce it."""
 
     session_id: str
     latency_s: float | None = Field(default=None, description="latency of the force, pooled over the trials")
     latency_sd_s: float | None = None
     latency_excess_s: float | None = Field(
-        default=None, description="standard deviation between the trials beyond their own"
+        default=None, description="standard deviation between trials in excess of their own"
     )
     latency_n_trials: int = 0
     mass_kg: float | None = Field(default=None, description="body mass from the plates, pooled over the trials")
     mass_sd_kg: float | None = None
     mass_n_trials: int = 0
-    static_recording_id: str | None = Field(default=None, description="the session's static trial, where it was used")
+    static_recording_id: str | None = Field(default=None, description="static trial of the session, if it was used")
     trials: list[SessionTrial] = Field(default_factory=list)

@@ -1,4 +1,4 @@
-"""Messages of ``/stream/com``: the configuration, samples in, estimates out."""
+"""Messages of ``/stream/com``: configuration, samples, and estimates."""
 
 from typing import Annotated, Final, Literal
 
@@ -10,22 +10,22 @@ Triple = tuple[float, float, float]
 Sd = Annotated[float, Field(ge=1e-9, le=1000.0)]
 Component = Annotated[float, Field(ge=-1e6, le=1e6)]
 SHORTEST: Final = 1e-6
-"""Largest component of a direction, at least."""
+"""Minimum of the largest component of a direction."""
 
 PACKED_TIME: Final = "<d"
-"""A packed message begins with a time in seconds, little-endian float64, which the times in its rows count from."""
+"""Header of a packed message: time in seconds, little-endian float64, to which the times in its rows are relative."""
 PACKED_ROW: Final = "<10f"
-"""A row is ten little-endian float32: the time since the message's own, then three numbers each.
+"""Row of a packed message, ten little-endian float32: the time relative to the header, then three vectors.
 
-They are ``geometry_m, force_n, moment_nm`` of a sample, ``com_m, velocity_m_s, sd_m`` of an estimate; three NaN stand
-for what is missing.
+They are ``geometry_m, force_n, moment_nm`` of a sample, or ``com_m, velocity_m_s, sd_m`` of an estimate; a missing
+vector is three NaN.
 """
 
 
 class StreamPriors(Contract):
-    """Standard deviations of what can be wrong with the inputs.
+    """Standard deviations of the errors of the inputs.
 
-    They decide the width of the band, and with the smoother also how much each input is believed.
+    They determine the standard deviation of the estimate, and in the smoother also the weight of each input.
     """
 
     geometry_m: tuple[Sd, Sd, Sd] = Field(
@@ -44,33 +44,33 @@ class StreamPriors(Contract):
 
 
 class StreamConfiguration(Contract):
-    """The first message of a stream, as text."""
+    """Configuration of a stream: its first message, as text."""
 
     mass_kg: Annotated[float, Field(gt=1.0, lt=1000.0)]
-    rate_hz: Annotated[float, Field(gt=0.0)] = Field(description="samples per second that will come")
+    rate_hz: Annotated[float, Field(gt=0.0)] = Field(description="number of samples per second")
     method: Literal["complementary", "smoother"] = "complementary"
     cutoffs: Literal["auto", "thesis"] | tuple[float, float] = Field(
-        default="auto", description="low and high cut-off in Hz (2.24-2.27); of the complementary filter only"
+        default="auto", description="low and high cut-off in Hz (2.24-2.27); for the complementary filter only"
     )
     ahead: tuple[Component, Component] | None = Field(
-        default=None, description="direction of the walk along x and y, where it is known; for the smoother only"
+        default=None, description="walking direction along x and y, if known; for the smoother only"
     )
     priors: StreamPriors = Field(default_factory=StreamPriors)
     velocity_m_s: tuple[Component, Component, Component] | None = Field(
-        default=None, description="at the first sample, where it is known"
+        default=None, description="CoM velocity at the first sample, if known"
     )
-    format: Literal["json", "float32"] = Field(default="json", description="of all messages that follow")
+    format: Literal["json", "float32"] = Field(default="json", description="format of all following messages")
 
     @field_validator("ahead")
     @classmethod
     def _is_a_direction(cls, ahead: tuple[float, float] | None) -> tuple[float, float] | None:
         if ahead is not None and max(map(abs, ahead)) < SHORTEST:
-            raise ValueError("a direction has a length")
+            raise ValueError("a direction must not be zero")
         return ahead
 
 
 class StreamSample(Contract):
-    """One instant. Null: no geometry (markers hidden), or not all contact force measured; flight is a force of zero."""
+    """One sample. Null: hidden markers (geometry) or contact force not fully measured; in flight, the force is zero."""
 
     time_s: float
     geometry_m: Triple | None = None
@@ -80,12 +80,12 @@ class StreamSample(Contract):
     @model_validator(mode="after")
     def _wrench_is_whole(self) -> "StreamSample":
         if (self.force_n is None) != (self.moment_nm is None):
-            raise ValueError("force_n and moment_nm come together")
+            raise ValueError("force_n and moment_nm must be given together")
         return self
 
 
 class StreamEstimate(Contract):
-    """The estimate at one instant; ``sd_m`` is the standard deviation of the position per axis."""
+    """Estimate for one sample; ``sd_m`` is the standard deviation of the position per axis."""
 
     time_s: float
     com_m: Triple
@@ -94,7 +94,7 @@ class StreamEstimate(Contract):
 
 
 class StreamReady(Contract):
-    """What will be done: the answer to the configuration."""
+    """Response to the configuration: the estimator and its parameters."""
 
     method: str
     rate_hz: float
@@ -111,7 +111,7 @@ class StreamSamples(Contract):
 
 
 class StreamAnswer(Contract):
-    """A message of the service as text: exactly one of these."""
+    """A text message of the service; exactly one field is set."""
 
     ready: StreamReady | None = None
     samples: list[StreamEstimate] | None = None

@@ -1,4 +1,4 @@
-"""Input and summary of ``sweep``: one scenario at many values of a few numbers, each planned or refused."""
+"""Input and summary of ``sweep``: plans a scenario for a grid of parameter values."""
 
 from typing import Annotated, Final, Literal
 
@@ -11,22 +11,22 @@ from stridelab.schemas.scenarios import Scenario
 SweepField = Literal["stride", "height", "timing", "friction"]
 SweepOutcome = Literal["feasible", "refused", "infeasible", "failed"]
 POINTS_AT_MOST: Final = 10_000
-"""Scenarios of one sweep."""
+"""Maximum number of scenarios in one sweep."""
 BODIES_AT_MOST: Final = 500
-"""Scenarios of one sweep of the whole body, which takes some seconds for each."""
+"""Maximum number of scenarios in one sweep of the whole body, which takes some seconds for each."""
 SweepScope = Literal["centre of mass", "whole body"]
-"""What was planned: the centroidal motion alone, or also the body that follows it."""
+"""Extent of the plans: the centroidal motion only, or also the whole body that follows it."""
 SweepValue = Annotated[float, Field(gt=0.0, le=100.0)]
 
 
 class SweepInput(Contract):
-    """Input of ``sweep``: a stored scenario or a whole one, never both, and one to three fields to vary.
+    """Input of ``sweep``: either a stored scenario or a complete one, and one to three fields to vary.
 
     ``vary`` maps a field to ``[from, to, number]``; every combination of the values is planned. ``stride`` and
-    ``height`` are the longest way and the greatest rise of a foot between two of its places, in metres; ``timing`` is a
-    factor on all durations, ``friction`` the coefficient of all surfaces. With ``whole_body``, the body follows every
-    plan that is found, and its certificate decides; without it, the answer is about the centre of mass alone. The
-    other fields are those of ``plan-motion``.
+    ``height`` are the maximum stride length and the maximum rise of a foot, in metres; ``timing`` is a factor on all
+    durations, ``friction`` the coefficient of all surfaces. With ``whole_body``, the whole body follows each plan, and
+    the certificate decides on feasibility; otherwise, the result concerns the centre of mass only. The other fields
+    are those of ``plan-motion``.
     """
 
     scenario_id: str | None = None
@@ -53,7 +53,7 @@ class SweepInput(Contract):
 
     @property
     def points(self) -> int:
-        """How many scenarios it comes to."""
+        """Number of scenarios."""
         n = 1
         for _, _, number in self.vary.values():
             n *= number
@@ -61,7 +61,7 @@ class SweepInput(Contract):
 
 
 class SweepAxis(Contract):
-    """A field that was varied; ``present`` is what the scenario itself has."""
+    """A varied field; ``present`` is its value in the original scenario."""
 
     field: SweepField
     unit: str
@@ -70,11 +70,11 @@ class SweepAxis(Contract):
 
 
 class SweepSummary(Contract):
-    """Summary of ``sweep``: how many scenarios have a motion of what ``scope`` names.
+    """Summary of ``sweep``: number of scenarios per outcome, for the extent ``scope``.
 
-    ``refused`` by the judge, before any solver; ``infeasible``: the solver found no motion, or, with the whole body,
-    the body cannot follow it or its certificate fails; ``failed``: an error, or a process that died. ``solvers`` counts
-    the solver that served; ``solve_time_s`` is processor time of all solvers.
+    ``refused``: rejected by the validation, without a call of the solver; ``infeasible``: the solver has no solution,
+    or the whole body cannot follow it, or the certificate fails; ``failed``: an error, or a crashed process.
+    ``solvers`` counts the scenarios per solver; ``solve_time_s`` is the processor time of all solvers.
     """
 
     scenario_name: str

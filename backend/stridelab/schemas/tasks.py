@@ -1,4 +1,4 @@
-"""What the worker hands to the child: JSON-able, with every file already in the task's folder."""
+"""Tasks that a worker passes to a child process: JSON, with all files in the folder of the task."""
 
 from pydantic import Field
 
@@ -17,7 +17,7 @@ from stridelab.schemas.sweeps import SweepInput
 
 
 class RecordingSource(Contract):
-    """A recording's file and what its user stated; ``filename`` is the uploaded name, for messages only."""
+    """File of a recording and its user settings; ``filename`` is the uploaded name, used in messages only."""
 
     file: str = Field(description="file name inside the task's folder")
     filename: str
@@ -25,7 +25,7 @@ class RecordingSource(Contract):
     marker_map: dict[str, str] = Field(default_factory=dict)
     plates: dict[int, PlateSwitch] = Field(default_factory=dict)
     static_labels: list[str] = Field(
-        default_factory=list, description="labels of its static trial, which the marker map may name, too"
+        default_factory=list, description="labels of its static trial, to which the marker map may refer"
     )
 
 
@@ -45,7 +45,7 @@ class EstimateComTask(Contract):
 
 
 class CompareEstimatorsTask(EstimateComTask):
-    """Task of ``compare-estimators``; ``truth`` is the file of the recording's true motion, where it is known."""
+    """Task of ``compare-estimators``; ``truth`` is the file with the true motion, if it is known."""
 
     input: CompareEstimatorsInput
     truth: str | None = Field(default=None, description="file name inside the task's folder")
@@ -58,7 +58,7 @@ class FitCycloidTask(EstimateComTask):
 
 
 class PopulationMember(Contract):
-    """One recording of a population: how to fit it, and what the subject table says of the person."""
+    """One recording of a population: its task, and the fields of the subject table."""
 
     recording_id: str
     folder: str = Field(description="folder inside the task's folder that holds its files")
@@ -81,21 +81,21 @@ class SimulateRecordingTask(Contract):
 
 
 class PlanMotionTask(Contract):
-    """Task of ``plan-motion``: the scenario itself, wherever it came from."""
+    """Task of ``plan-motion``, with the resolved scenario."""
 
     scenario: Scenario
     input: PlanMotionInput
 
 
 class PlanRecedingTask(Contract):
-    """Task of ``plan-receding``: the scenario itself, wherever it came from."""
+    """Task of ``plan-receding``, with the resolved scenario."""
 
     scenario: Scenario
     input: PlanRecedingInput
 
 
 class SweepTask(Contract):
-    """Task of ``sweep``: the scenario itself, wherever it came from."""
+    """Task of ``sweep``, with the resolved scenario."""
 
     scenario: Scenario
     input: SweepInput
@@ -120,14 +120,14 @@ class ReproduceTask(Contract):
 
 
 class BatchFile(Contract):
-    """One file that came with the form."""
+    """One uploaded file of a form."""
 
     file: str = Field(description="file name inside the task's folder")
     filename: str
 
 
 class ParseBatchTask(Contract):
-    """Task of ``parse_batch``; ``table`` is the file of the subject table that came with the form."""
+    """Task of ``parse_batch``; ``table`` is the file of the uploaded subject table."""
 
     files: list[BatchFile]
     table: str | None = None

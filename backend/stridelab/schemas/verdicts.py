@@ -1,4 +1,4 @@
-"""Whether the result of a job that succeeded can be used: part of every job, so that lists show it too."""
+"""Verdict on the result of a succeeded job; part of every job, so that lists can show it."""
 
 from typing import Literal
 
@@ -20,11 +20,11 @@ VerdictCode = Literal[
 
 
 class JobVerdict(Contract):
-    """The verdict on a result; its `outcome` is that of the worst check."""
+    """Verdict on a result; `outcome` is that of the worst check."""
 
     outcome: Literal["passed", "doubtful", "failed"]
-    code: VerdictCode = Field(description="the worst that was found")
-    message: str = Field(description="the verdict in words, without a full stop")
+    code: VerdictCode = Field(description="code of the worst outcome")
+    message: str = Field(description="explanation of the verdict, without a full stop")
     failed_checks: list[str] = Field(
-        default_factory=list, description="names of the checks of the certificate, or of the quality, that did not pass"
+        default_factory=list, description="names of the failed checks of the certificate or of the quality"
     )

@@ -280,7 +280,7 @@ def test_an_error_that_no_input_can_have_is_refused_naming_it(priors: dict[str, 
 
 @pytest.mark.parametrize("method", ["complementary", "kalman", "rts", "geometry"])
 def test_options_of_the_smoother_are_no_other_methods(method: str) -> None:
-    with pytest.raises(ValidationError, match=f"the {method} estimator has no use for them") as refused:
+    with pytest.raises(ValidationError, match=f"the {method} estimator does not use them") as refused:
         EstimateComInput.model_validate({"recording_id": "r", "method": method, "smoother": {}})
     assert [error["loc"] for error in refused.value.errors()] == [("smoother",)]
 
