@@ -14,6 +14,7 @@ from websockets.exceptions import ConnectionClosed, InvalidHandshake, InvalidSta
 from websockets.sync.client import ClientConnection as SyncConnection
 from websockets.sync.client import connect as connect_sync
 
+from stridelab.client.connection import unreachable
 from stridelab.client.endpoints import API
 from stridelab.client.errors import ClientError, ProblemError, Unreachable
 from stridelab.schemas.base import Problem
@@ -194,7 +195,7 @@ def _reached(base_url: str) -> Iterator[None]:
             )
         ) from error
     except (OSError, TimeoutError, InvalidHandshake) as error:
-        raise Unreachable(f"the service at {base_url} does not answer ({type(error).__name__})") from error
+        raise unreachable(base_url, error) from error
 
 
 def _address(base_url: str) -> str:

@@ -5,7 +5,7 @@ from typing import Annotated, Final, Literal
 from pydantic import Field, model_validator
 
 from stridelab.schemas.base import Contract, Remark
-from stridelab.schemas.scenarios import Friction, OneLine, Scenario, ScenarioContact, TerrainSurface
+from stridelab.schemas.scenarios import Friction, OneLine, Scenario, ScenarioContact, ScenarioSource, TerrainSurface
 
 PLAN_STAGES: Final = ("check", "reachability", "centroidal", "whole body", "certificate", "export", "replay")
 """Stages of ``plan-motion`` in order: keys of ``stage_times_s``, and prefixes of its progress messages."""
@@ -27,7 +27,7 @@ LEAST_SHARE, MOST_SHARE = 0.1, 10.0
 """Bounds of ``duration_range``."""
 
 
-class PlanMotionInput(Contract):
+class PlanMotionInput(ScenarioSource):
     """Input of ``plan-motion``: either the id of a stored scenario or a complete scenario.
 
     ``formulation`` is the control: ``forces`` at the contact points, ``circular-cones`` (the same forces, in exact
@@ -43,8 +43,6 @@ class PlanMotionInput(Contract):
     takes the default. A ``film`` of the motion requires ffmpeg in the worker.
     """
 
-    scenario_id: str | None = None
-    scenario: Scenario | None = None
     formulation: Formulation = "forces"
     solver: Literal["auto", "native", "casadi", "ipopt", "fatrop"] = "auto"
     node_rate_hz: Annotated[float, Field(ge=NODE_RATE_HZ[0], le=NODE_RATE_HZ[1])] = 10.0
@@ -60,9 +58,7 @@ class PlanMotionInput(Contract):
     film: Film | None = None
 
     @model_validator(mode="after")
-    def _one_scenario(self) -> "PlanMotionInput":
-        if (self.scenario_id is None) == (self.scenario is None):
-            raise ValueError("give either scenario_id or scenario")
+    def _check_options(self) -> "PlanMotionInput":
         if self.replay and not self.whole_body:
             raise ValueError("a replay needs whole_body")
         if self.film is not None and not self.whole_body:

@@ -7,7 +7,7 @@ from pydantic import Field, model_validator
 from stridelab.schemas.base import Contract, FaultItem
 from stridelab.schemas.plans import NODE_RATE_HZ
 from stridelab.schemas.receding import PushSpeed
-from stridelab.schemas.scenarios import Position, Scenario
+from stridelab.schemas.scenarios import Position, ScenarioSource
 
 PushForce = Annotated[float, Field(ge=-2000.0, le=2000.0)]
 
@@ -27,19 +27,11 @@ class PreviewPush(Contract):
         return self
 
 
-class PlanPreviewInput(Contract):
+class PlanPreviewInput(ScenarioSource):
     """Body of ``POST /plans/preview``: either a stored scenario or a complete one, and an optional push."""
 
-    scenario_id: str | None = None
-    scenario: Scenario | None = None
     push: PreviewPush | None = None
     node_rate_hz: Annotated[float, Field(ge=NODE_RATE_HZ[0], le=NODE_RATE_HZ[1])] = 10.0
-
-    @model_validator(mode="after")
-    def _one_scenario(self) -> "PlanPreviewInput":
-        if (self.scenario_id is None) == (self.scenario is None):
-            raise ValueError("give either scenario_id or scenario")
-        return self
 
 
 class PreviewMotion(Contract):

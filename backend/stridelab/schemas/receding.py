@@ -6,7 +6,7 @@ from pydantic import Field, model_validator
 
 from stridelab.schemas.base import Contract, Remark
 from stridelab.schemas.plans import NODE_RATE_HZ, Formulation
-from stridelab.schemas.scenarios import Scenario
+from stridelab.schemas.scenarios import ScenarioSource
 
 PushSpeed = Annotated[float, Field(ge=-2.0, le=2.0)]
 
@@ -18,7 +18,7 @@ class Push(Contract):
     velocity_m_s: tuple[PushSpeed, PushSpeed, PushSpeed]
 
 
-class PlanRecedingInput(Contract):
+class PlanRecedingInput(ScenarioSource):
     """Input of ``plan-receding``: either a stored scenario or a complete one.
 
     Every ``period_s``, the motion over the next ``horizon_s`` is replanned from the current state and executed for one
@@ -26,8 +26,6 @@ class PlanRecedingInput(Contract):
     start from the previous solution.
     """
 
-    scenario_id: str | None = None
-    scenario: Scenario | None = None
     horizon_s: Annotated[float, Field(ge=0.5, le=10.0)] = 2.5
     period_s: Annotated[float, Field(ge=0.02, le=1.0)] = 0.1
     pushes: list[Push] = Field(default_factory=list, max_length=50)
@@ -37,9 +35,7 @@ class PlanRecedingInput(Contract):
     measure: Literal["uniform", "conditioned"] | None = None
 
     @model_validator(mode="after")
-    def _one_scenario(self) -> "PlanRecedingInput":
-        if (self.scenario_id is None) == (self.scenario is None):
-            raise ValueError("give either scenario_id or scenario")
+    def _check_period(self) -> "PlanRecedingInput":
         if self.period_s >= self.horizon_s:
             raise ValueError("period_s must be shorter than horizon_s")
         return self

@@ -3,7 +3,7 @@
 from datetime import datetime
 from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from stridelab.schemas.base import Contract, FaultItem, Remark
 from stridelab.schemas.robots import LinkPose
@@ -79,6 +79,19 @@ class Scenario(Contract):
     )
     terrain: Annotated[list[TerrainSurface], Field(max_length=200)]
     phases: Annotated[list[ScenarioPhase], Field(max_length=400)]
+
+
+class ScenarioSource(Contract):
+    """Base of inputs that refer to a stored scenario or contain a complete one."""
+
+    scenario_id: str | None = None
+    scenario: Scenario | None = None
+
+    @model_validator(mode="after")
+    def _check_source(self) -> "ScenarioSource":
+        if (self.scenario_id is None) == (self.scenario is None):
+            raise ValueError("give either scenario_id or scenario")
+        return self
 
 
 class StoredScenario(Scenario):

@@ -6,7 +6,7 @@ from pydantic import Field, model_validator
 
 from stridelab.schemas.base import Contract, Remark
 from stridelab.schemas.plans import NODE_RATE_HZ, Formulation
-from stridelab.schemas.scenarios import Scenario
+from stridelab.schemas.scenarios import ScenarioSource
 
 SweepField = Literal["stride", "height", "timing", "friction"]
 SweepOutcome = Literal["feasible", "refused", "infeasible", "failed"]
@@ -19,7 +19,7 @@ SweepScope = Literal["centre of mass", "whole body"]
 SweepValue = Annotated[float, Field(gt=0.0, le=100.0)]
 
 
-class SweepInput(Contract):
+class SweepInput(ScenarioSource):
     """Input of ``sweep``: either a stored scenario or a complete one, and one to three fields to vary.
 
     ``vary`` maps a field to ``[from, to, number]``; every combination of the values is planned. ``stride`` and
@@ -29,8 +29,6 @@ class SweepInput(Contract):
     are those of ``plan-motion``.
     """
 
-    scenario_id: str | None = None
-    scenario: Scenario | None = None
     vary: Annotated[
         dict[SweepField, tuple[SweepValue, SweepValue, Annotated[int, Field(ge=1, le=POINTS_AT_MOST)]]],
         Field(min_length=1, max_length=3),
@@ -42,9 +40,7 @@ class SweepInput(Contract):
     whole_body: bool = False
 
     @model_validator(mode="after")
-    def _whole(self) -> "SweepInput":
-        if (self.scenario_id is None) == (self.scenario is None):
-            raise ValueError("give either scenario_id or scenario")
+    def _check_points(self) -> "SweepInput":
         if self.points > POINTS_AT_MOST:
             raise ValueError(f"vary: {self.points} scenarios are more than {POINTS_AT_MOST}")
         if self.whole_body and self.points > BODIES_AT_MOST:

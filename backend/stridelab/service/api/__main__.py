@@ -53,12 +53,12 @@ def server(settings: Settings) -> uvicorn.Server:
             f"{settings.host} can be reached by others: set STRIDELAB_API_TOKEN or STRIDELAB_API_TOKEN_FILE first.",
         )
     app = create_app(settings, with_sample=True)
-    doors = Doors.of(settings, open_files.raise_limit(), os.environ.get("FORWARDED_ALLOW_IPS"))
+    limiter = Doors.of(settings, open_files.raise_limit(), os.environ.get("FORWARDED_ALLOW_IPS"))
     config = uvicorn.Config(
         app,
         host=settings.host,
         port=settings.port,
-        http=guarded(doors),
+        http=guarded(limiter),
         backlog=BACKLOG,
         timeout_keep_alive=settings.keep_alive_s,
         ws_max_size=WS_MAX_BYTES,

@@ -80,7 +80,7 @@ def create_app(settings: Settings, *, with_sample: bool = False) -> FastAPI:
         docs_url=None,  # FastAPI's pages load their scripts from a CDN
         redoc_url=None,
         redirect_slashes=False,
-        # FastAPI's spans contain client addresses and full URLs; the `Edge` middleware creates the spans instead
+        # FastAPI's spans contain client addresses and full URLs; the request context middleware creates its own
         telemetry={"tracing": False, "metrics": False, "logs": False, "auto_configure": False},
     )
     token = settings.token
@@ -96,7 +96,8 @@ def create_app(settings: Settings, *, with_sample: bool = False) -> FastAPI:
     app.include_router(api)
     app.include_router(metrics.router)
     app.include_router(login.router)
-    _mount_pages(app, settings)
+    if find_spec(FRONT) is not None:  # the web pages are installed; they are served on the same port
+        import_module(FRONT).mount(app, settings)
     app.add_middleware(Gate, settings=settings, keys=keys)
     app.add_middleware(Linger)
     app.add_middleware(Edge)
@@ -121,12 +122,6 @@ async def _beside(work: Coroutine[Any, Any, None]) -> AsyncIterator[None]:
             await task
 
 
-def _mount_pages(app: FastAPI, settings: Settings) -> None:
-    """Mount the web pages on the same port if they are installed."""
-    if find_spec(FRONT) is not None:
-        import_module(FRONT).mount(app, settings)
-
-
 @asynccontextmanager
 async def open_parts(settings: Settings) -> AsyncIterator[Parts]:
     """Open the resources that the endpoints share, for the lifetime of the context.
@@ -149,7 +144,10 @@ async def open_parts(settings: Settings) -> AsyncIterator[Parts]:
             IsolatedPool(READING, settings.job_niceness) as pool,
             Resident() as resident,
             Resident() as bodies,
-            aclosing(_shelf(settings, blobs, spool)) as shelf,
+            # a separate pool, which is closed once all robots are prepared
+            aclosing(
+                RobotShelf(IsolatedPool(DRAWING, settings.job_niceness), blobs, spool, settings.job_memory_mb)
+            ) as robot_cache,
         ):
             yield Parts(
                 settings=settings,
@@ -165,7 +163,7 @@ async def open_parts(settings: Settings) -> AsyncIterator[Parts]:
                 batches=anyio.CapacityLimiter(BATCHES),
                 judges=anyio.CapacityLimiter(JUDGES),
                 tokens=TokenBook(engine),
-                robots=shelf,
+                robots=robot_cache,
                 resident=resident,
                 bodies=bodies,
                 streams=StreamPlaces(settings.stream_limit),
@@ -174,11 +172,6 @@ async def open_parts(settings: Settings) -> AsyncIterator[Parts]:
             )
     finally:
         await engine.dispose()
-
-
-def _shelf(settings: Settings, blobs: BlobStore, spool: Path) -> RobotShelf:
-    """Create the robot cache with a separate process pool, which is closed once all robots are prepared."""
-    return RobotShelf(IsolatedPool(DRAWING, settings.job_niceness), blobs, spool, settings.job_memory_mb)
 
 
 @asynccontextmanager

@@ -5,6 +5,7 @@ from typing import Annotated, Any
 
 from fastapi import Query
 from sqlalchemy import ColumnElement, Select, Table, tuple_
+from sqlalchemy.ext.asyncio import AsyncEngine
 
 from stridelab.service.cursors import decode_cursor, encode_cursor
 
@@ -19,6 +20,15 @@ def newest_first(query: Select[Any], table: Table, limit: int, cursor: str | Non
         before: ColumnElement[bool] = tuple_(table.c.created_at, table.c.id) < tuple_(created_at, row_id)
         query = query.where(before)
     return query.order_by(table.c.created_at.desc(), table.c.id.desc()).limit(limit + 1)
+
+
+async def read_page(
+    engine: AsyncEngine, query: Select[Any], table: Table, limit: int, cursor: str | None
+) -> tuple[list[dict[str, Any]], str | None]:
+    """Read the rows of one page of ``query``, newest first, and the cursor of the next page (None at the end)."""
+    async with engine.connect() as connection:
+        rows = (await connection.execute(newest_first(query, table, limit, cursor))).mappings().all()
+    return cut(rows, limit)
 
 
 def cut(rows: Sequence[Mapping[str, Any]], limit: int) -> tuple[list[dict[str, Any]], str | None]:

@@ -1,6 +1,6 @@
 """Authentication middleware: checks host, origin, token or cookie, request rate and scope, in this order.
 
-Without a token (loopback only) every user of this machine may call, so pages of other sites must be kept from sending
+Without a token (loopback only) every user of this machine may call, so pages of other sites must not be able to send
 requests in their name: the Host header must name this machine (DNS rebinding) and a foreign Origin is refused
 (cross-site requests and websockets). With a token in the settings, a request carries that token, or one of the token
 table, as ``Authorization: Bearer``, or a cookie from ``POST /login``.
@@ -76,7 +76,7 @@ class Gate:
             else:
                 await self._refuse(connection, refusal)(scope, receive, send)
             return
-        scope[KEY] = caller  # in place: the `Edge` middleware reads the matched route from this dict
+        scope[KEY] = caller  # in place: the request context middleware reads it from the same dict
         await self.app(scope, receive, send)
 
     def _check_host(self, headers: Headers) -> None:

@@ -15,7 +15,7 @@ from stridelab.service.api.downloads import OCTETS, PARQUET, send_blob
 from stridelab.service.api.jobs import delete
 from stridelab.service.api.jobs.presentation import job_of
 from stridelab.service.api.openapi import failures
-from stridelab.service.api.pagination import Cursor, Limit, cut, newest_first
+from stridelab.service.api.pagination import Cursor, Limit, read_page
 from stridelab.service.api.recordings import service
 from stridelab.service.api.recordings.batch import receive_batch
 from stridelab.service.api.recordings.form_fields import session_of_form, subject_of_form
@@ -194,11 +194,8 @@ async def list_recordings(
         query = query.where(recording.c.subject_id.is_not(None) if linked else recording.c.subject_id.is_(None))
     if session_id is not None:
         query = query.where(recording.c.session_id == session_id)
-    query = newest_first(query, recording, limit, cursor)
-    async with parts.engine.connect() as connection:
-        rows = (await connection.execute(query)).mappings().all()
-    shown, following = cut(rows, limit)
-    return Page[Recording](items=[recording_of(row) for row in shown], next=following)
+    rows, following = await read_page(parts.engine, query, recording, limit, cursor)
+    return Page[Recording](items=[recording_of(row) for row in rows], next=following)
 
 
 @router.get("/{recording_id}", summary="One recording", responses=_UNKNOWN)

@@ -13,7 +13,7 @@ from stridelab.schemas.recordings import Subject, SubjectInput
 from stridelab.service.api.dependencies import AppParts, CallerOf, known_form, not_found
 from stridelab.service.api.jobs import delete as deleting
 from stridelab.service.api.openapi import failures
-from stridelab.service.api.pagination import Cursor, Limit, cut, newest_first
+from stridelab.service.api.pagination import Cursor, Limit, read_page
 from stridelab.service.api.strict_json import StrictRoute
 from stridelab.service.auth import audit
 from stridelab.service.auth.callers import require_owner
@@ -34,11 +34,8 @@ _UNKNOWN: Final = failures(s404="No subject with this id (`subject-not-found`)."
 @router.get("", summary="List subjects")
 async def list_subjects(parts: AppParts, limit: Limit = 50, cursor: Cursor = None) -> Page[Subject]:
     """List subjects, newest first, each with the number of its recordings."""
-    query = newest_first(subjects_with_counts(), subject, limit, cursor)
-    async with parts.engine.connect() as connection:
-        rows = (await connection.execute(query)).mappings().all()
-    shown, following = cut(rows, limit)
-    return Page[Subject](items=[subject_of(row) for row in shown], next=following)
+    rows, following = await read_page(parts.engine, subjects_with_counts(), subject, limit, cursor)
+    return Page[Subject](items=[subject_of(row) for row in rows], next=following)
 
 
 @router.post("", status_code=201, summary="Add a subject")
