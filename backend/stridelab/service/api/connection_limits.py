@@ -58,7 +58,7 @@ class Doors:
 
     @staticmethod
     def of(settings: Settings, open_files: int, trusted: str | list[str] | None) -> "Doors":
-        """Take the limits from ``settings``, reduced to what ``open_files`` permits; ``trusted`` are the proxies."""
+        """Take the limits from ``settings``, reduced to what ``open_files`` permits; trusted addresses are proxies."""
         proxies = _TrustedHosts(trusted or "127.0.0.1")
         room = max(open_files - RESERVED_FILES - ROUNDS_TO_CLOSE * BACKLOG, 1)
         return Doors(
@@ -133,7 +133,7 @@ class Doors:
 
 
 class GuardedProtocol(H11Protocol):
-    """uvicorn's HTTP/1.1 protocol with the limits ``doors``, which ``guarded`` sets in a subclass per server."""
+    """uvicorn's HTTP/1.1 protocol with connection limits, which a subclass per server holds."""
 
     doors: Doors
 
@@ -202,7 +202,7 @@ class GuardedProtocol(H11Protocol):
         return state
 
     def is_dripping(self, grace_s: float) -> bool:
-        """Whether the body arrives at less than ``LEAST_BYTES_HZ`` on average, after ``grace_s``."""
+        """Whether the body arrives below the minimum average rate, after ``grace_s``."""
         passed_s = self._body_ticks * TICK_S
         return passed_s > grace_s and self._body_bytes < LEAST_BYTES_HZ * passed_s
 

@@ -28,7 +28,7 @@ KEY: Final = "stridelab.caller"
 
 
 async def caller_of(connection: HTTPConnection) -> Caller:
-    """Caller of the request; ``STRANGER`` for internal requests of the web pages, which skip authentication.
+    """Caller of the request; unauthenticated for internal requests of the web pages, which skip the middleware.
 
     A coroutine, because FastAPI runs other dependencies in a thread.
     """

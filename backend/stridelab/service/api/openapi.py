@@ -32,7 +32,7 @@ _WITH_BODY: Final[Mapping[str, str]] = {
 
 
 def failures(**by_status: str) -> dict[int | str, dict[str, Any]]:
-    """Build the ``responses`` argument of an endpoint: ``failures(s404="No such job.")``."""
+    """Build the ``responses`` argument of an endpoint from texts by status, as in ``s404="No such job."``."""
     return {int(status.removeprefix("s")): {"description": text} for status, text in by_status.items()}
 
 

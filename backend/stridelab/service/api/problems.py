@@ -1,6 +1,6 @@
 """Failures as ``application/problem+json`` (RFC 9457); the class of an error determines the HTTP status.
 
-``install`` registers the exception handlers. Middleware, which they do not cover, calls ``answer`` directly.
+Exceptions of endpoints are converted by handlers of the application; middleware creates its responses directly.
 """
 
 import http
@@ -113,7 +113,7 @@ def answer_error(error: StridelabError) -> Response:
 
 
 def faults_of(errors: list[Any], document: Any = None) -> list[FaultItem]:
-    """Convert the first ``SHOWN_FAULTS`` Pydantic errors; of rejected values, only effector names are repeated."""
+    """Convert the first Pydantic errors to faults; of rejected values, only effector names are repeated."""
     faults = []
     for item in errors[:SHOWN_FAULTS]:
         path = list(item["loc"])

@@ -15,7 +15,7 @@ PATIENCE_S: Final = 5.0
 
 
 class Linger:
-    """ASGI middleware that drains the request body after a refusal, for at most ``patience_s``."""
+    """ASGI middleware that drains the request body after a refusal, for a limited time."""
 
     def __init__(self, app: ASGIApp, patience_s: float = PATIENCE_S) -> None:
         self.app = app

@@ -111,7 +111,7 @@ def pushed(plan: CentroidalPlan, push: PreviewPush) -> tuple[State, float]:
 
 def _refused(scenario: Scenario, refusal: InvalidInput, took_s: float) -> PlanPreview:
     """Response to an invalid scenario: its faults, and an empty motion."""
-    nothing = PreviewMotion(
+    empty = PreviewMotion(
         converged=False,
         status=refusal.message,
         objective=None,
@@ -125,7 +125,7 @@ def _refused(scenario: Scenario, refusal: InvalidInput, took_s: float) -> PlanPr
         duration_s=math.fsum(phase.duration_s for phase in scenario.phases),
         took_s=took_s,
         errors=[FaultItem(where=fault.where, message=fault.message) for fault in refusal.faults[:SHOWN_FAULTS]],
-        motion=nothing,
+        motion=empty,
     )
 
 

@@ -35,7 +35,7 @@ async def change_recording(parts: Parts, recording_id: str, patch: RecordingPatc
     """Change the fields set in ``patch``; a change of switches parses the file again.
 
     Raises ``NotFound`` (``recording-not-found``), ``Conflict`` (``bundled-read-only``, ``changed-meanwhile``),
-    ``InvalidInput`` (``invalid-request``) naming an invalid field, and the errors of ``parse``.
+    ``InvalidInput`` (``invalid-request``) naming an invalid field, and the errors of parsing.
     """
     async with parts.engine.connect() as connection:
         row = await recording_row(connection, recording_id)
@@ -110,7 +110,7 @@ async def _static_labels(parts: Parts, row: Mapping[str, Any]) -> tuple[str, ...
 def _switches(row: Mapping[str, Any], patch: RecordingPatch, elsewhere: Collection[str]) -> Switches:
     """Switches after ``patch``: the marker map is replaced, plates are changed individually; null resets.
 
-    ``elsewhere`` are the labels of the static trial.
+    The marker map may also refer to labels of the static trial.
     """
     present = Switches.of_row(row)
     facts = RecordingFacts.model_validate(row["facts"])
@@ -219,7 +219,7 @@ async def _look_again(parts: Parts, recording_id: str, tracks_key: str) -> Recor
     """Read a recording whose COMMIT was not acknowledged; None if the transaction was rolled back.
 
     The transaction in question holds the lock on ``tracks_key`` until the database has ended it, even if the
-    connection is lost. Raises ``Unavailable`` (``outcome-unknown``) if that takes longer than ``_LOOK_AGAIN_S``.
+    connection is lost. Raises ``Unavailable`` (``outcome-unknown``) if that takes too long.
     """
     deadline = time.monotonic() + _LOOK_AGAIN_S
     while True:

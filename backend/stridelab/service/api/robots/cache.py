@@ -1,7 +1,7 @@
 """Cache of robot facts, display meshes and reachability documents, computed in child processes.
 
 The results are files of the store below ``robots/<name>/<hash>``, where the hash covers everything they are computed
-from. Each file is published atomically. They are computed at the first start of a service (``warm``), or earlier on
+from. Each file is published atomically. They are computed at the first start of a service, or earlier on
 request, and reused after every later start. The service itself never imports a rigid-body library.
 """
 

@@ -1,6 +1,6 @@
 """Child processes that compute robot files, forked from a server process that has imported the libraries.
 
-The fork server starts with the first child and ends ``REST_S`` after the last, so that a service whose robots are
+The fork server starts with the first child and ends some seconds after the last, so that a service whose robots are
 prepared has no rigid-body library in memory.
 """
 
@@ -30,7 +30,7 @@ Progress = Callable[[float, str], None]
 
 
 class RobotChildren:
-    """Runs one child process per task in ``pool``, and closes the pool after ``rest_s`` without a child."""
+    """Runs one child process per task in ``pool``, and closes the pool when it has been idle for some seconds."""
 
     def __init__(
         self,
@@ -99,7 +99,7 @@ class RobotChildren:
             self._resting = asyncio.get_running_loop().create_task(self._rest())
 
     async def _rest(self) -> None:
-        """Close the pool after ``rest_s`` without a running child."""
+        """Close the pool when no child has run for the idle time."""
         quiet_s, step_s = 0.0, self._rest_s / 4
         while quiet_s < self._rest_s:
             await asyncio.sleep(step_s)
