@@ -1,4 +1,4 @@
-"""The cursor of every list: the creation time and the id of the last row of a page, as opaque text."""
+"""Pagination cursors of all lists: creation time and id of the last row of a page, encoded as opaque text."""
 
 import base64
 import binascii
@@ -27,5 +27,5 @@ def decode_cursor(cursor: str) -> tuple[datetime, str]:
 
 def _invalid() -> InvalidInput:
     return InvalidInput(
-        "invalid-cursor", "The cursor is none of ours; take it from `next` of a page.", [Fault("cursor", "invalid")]
+        "invalid-cursor", "Invalid cursor: use the `next` value of a previous page.", [Fault("cursor", "invalid")]
     )

@@ -1,4 +1,4 @@
-"""The data folder: made where it is missing, and refused in one sentence where it cannot be used."""
+"""Creates the data folder where it is missing and checks that it can be used."""
 
 import errno
 import shutil
@@ -17,10 +17,10 @@ _NO_ROOM: Final = frozenset({errno.ENOSPC, errno.EDQUOT})
 
 
 def open_data_folder(folder: Path, free_bytes: int = LATER_START_BYTES) -> None:
-    """Make ``folder`` and write into it.
+    """Create ``folder`` and check that it is writable.
 
-    Raises ``Unavailable``: ``data-folder-unusable`` (no folder, read-only, not permitted), ``disk-full`` where it has
-    less than ``free_bytes`` left.
+    Raises ``Unavailable``: ``data-folder-unusable`` (not a folder, read-only, not permitted), ``disk-full`` if less
+    than ``free_bytes`` are free.
     """
     with explained(folder):
         folder.mkdir(parents=True, exist_ok=True)
@@ -33,17 +33,17 @@ def open_data_folder(folder: Path, free_bytes: int = LATER_START_BYTES) -> None:
 
 @contextmanager
 def explained(folder: Path) -> Iterator[None]:
-    """What the operating system refuses inside the block becomes ``Unavailable``, as ``open_data_folder`` has it."""
+    """Convert an ``OSError`` inside the block to ``Unavailable``, with the codes of ``open_data_folder``."""
     try:
         yield
     except OSError as error:
         if error.errno in _NO_ROOM:
             raise _full(folder, LATER_START_BYTES) from error
         where = f" ({error.filename})" if error.filename and str(error.filename) != str(folder) else ""
-        said = error.strerror or str(error)
+        reason = error.strerror or str(error)
         raise Unavailable(
             "data-folder-unusable",
-            f"The data folder {folder} cannot be used: {said}{where}. Make it a folder that this account may write "
+            f"The data folder {folder} cannot be used: {reason}{where}. Make it a folder that this account may write "
             "to, or set STRIDELAB_DATA_DIR to another one.",
         ) from error
 

@@ -1,8 +1,7 @@
-"""Which methods can estimate the centre of mass of a recording, as far as its stored facts say.
+"""Predicts from the stored facts of a recording which methods can estimate its centre of mass.
 
-The facts are those of reading the file, so a method that is refused here is refused by ``estimate-com`` with the same
-code. The reverse does not hold: gaps of markers, or a static trial, show only when the body is placed. Works on the
-facts alone and needs no numeric package.
+A method that is refused here is refused by ``estimate-com`` with the same code. The reverse does not hold: gaps of
+markers, or a static trial, are detected only when the body model is fitted. Needs no numeric package.
 """
 
 from typing import Final
@@ -11,20 +10,20 @@ from stridelab.schemas.methods import METHODS
 from stridelab.schemas.recordings import EstimateOffer, RecordingFacts, SubjectFields
 
 SHORTEST_WINDOW_S: Final = 0.4
-"""That of ``stridelab.estimation.time_span``, which needs a numeric package."""
+"""Same value as in ``stridelab.estimation.time_span``, which needs a numeric package."""
 MIN_WINDOW_S: Final = 0.25
-"""That of ``stridelab.recordings.force_windows``."""
+"""Same value as in ``stridelab.recordings.force_windows``."""
 _BY_GEOMETRY: Final = "The method geometry gives the centre of mass from the markers alone."
 
 Refusal = tuple[str, str]
-"""Code and sentence."""
+"""Error code and message."""
 
 
 def estimates_of(facts: RecordingFacts, subject: SubjectFields, *, alone: bool) -> list[EstimateOffer]:
-    """Every method, with the reason where it is known that it refuses the recording.
+    """Every method, with code and reason where it refuses the recording.
 
-    ``subject`` is what is known of the person, stated or in the file. ``alone`` says that no session and no static
-    trial can add a body mass.
+    ``subject`` holds the subject's fields as stated or read from the file. ``alone``: no other recording of the
+    session and no static trial can supply the body mass.
     """
     labels = _labels(facts)
     geometry = labels or _geometry(facts)
@@ -52,7 +51,7 @@ def _geometry(facts: RecordingFacts) -> Refusal | None:
 
 
 def _force(facts: RecordingFacts, subject: SubjectFields) -> Refusal | None:
-    """What the methods need that fuse force with the markers, in the order in which the job asks for it."""
+    """Check the requirements of the methods that fuse force with markers, in the same order as the job."""
     if facts.n_frames < 2:
         return "single-frame", "The recording has one frame only: it can serve as a static trial."
     if not facts.plates:
@@ -71,9 +70,9 @@ def _force(facts: RecordingFacts, subject: SubjectFields) -> Refusal | None:
     if not used:
         return "plates-switched-off", "All force plates of this recording are switched off."
     if not any(plate.loaded_s for plate in used):
-        return "plates-unloaded", "Nobody stands on the force plates in this recording."
+        return "plates-unloaded", "No force plate carries a load in this recording."
     if "force-missing" in remarks and subject.mass_kg != facts.subject.mass_kg:
-        return None  # where force is missing depends on the mass, which was another one when the file was read
+        return None  # the intervals of missing force depend on the mass, which has changed since the file was read
     if not facts.windows_s:
         message = f"At no time is all contact force measured. {remarks.get('force-missing', '')}".strip()
         return "no-measured-window", f"{message} {_BY_GEOMETRY}"

@@ -1,4 +1,4 @@
-"""Names of files as users or children gave them, made safe to show, to offer for download and to open."""
+"""Sanitises file names from users and child processes before they are shown, offered for download or opened."""
 
 import re
 import unicodedata
@@ -13,13 +13,13 @@ log = structlog.get_logger(__name__)
 
 NAME_LIMIT: Final = 120
 PARSER_CRASHED: Final = ("parser-crashed", "The file broke its reader; it is damaged, or not what it claims to be.")
-"""Code and message of an upload that ended its reader."""
+"""Code and message of an upload whose parser process crashed."""
 
 
 def safe_filename(claimed: str) -> str:
     """The last part of a claimed file name without control, direction or path characters, at most 120 long.
 
-    It is shown and offered for download, and never used as a path of ours.
+    The result is shown and offered for download; it is never used as a server path.
     """
     plain = unicodedata.normalize("NFC", re.split(r"[/\\]", claimed)[-1])
     plain = "".join(character for character in plain if character.isprintable() and character not in '"<>:|?*')
@@ -31,14 +31,14 @@ def safe_filename(claimed: str) -> str:
 
 
 def left_file(folder: Path, name: str) -> Path:
-    """The plain file ``name`` that a child left in ``folder``; no link, and nothing elsewhere.
+    """Path of the regular file ``name`` that a child process wrote to ``folder``.
 
-    A child that was taken over by its input may answer anything, and this process may open what the child may not.
-    Raises ``UnreadableFile`` (``parser-crashed``).
+    Rejects links and paths outside the folder: a child that was compromised by its input may return any name, and this
+    process has more rights than the child. Raises ``UnreadableFile`` (``parser-crashed``).
     """
     home = folder.resolve()
     path = (home / name).resolve()
     if path != home / name or not path.is_relative_to(home) or not path.is_file():
         log.warning("upload not read", state="left no such file")
-        raise UnreadableFile(*PARSER_CRASHED, [Fault(name, "is no file of the reader's folder")])
+        raise UnreadableFile(*PARSER_CRASHED, [Fault(name, "is not a file in the reader's folder")])
     return path

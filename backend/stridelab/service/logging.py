@@ -1,7 +1,7 @@
-"""Logging: one line per event, JSON unless a person looks at a terminal.
+"""Logging: one line per event, as JSON unless the output is a terminal.
 
-Lines carry the ids that are bound while they are written (``request_id``, ``job_id``, ``attempt``), never file names,
-names of people or addresses of clients.
+Lines carry the bound context ids (``request_id``, ``job_id``, ``attempt``), never file names, names of subjects or
+addresses of clients.
 """
 
 import logging
@@ -14,35 +14,35 @@ from typing import Any, Final, Protocol, runtime_checkable
 import structlog
 
 CHATTY = ("uvicorn.access", "procrastinate", "httpx", "httpcore", "alembic", "websockets")
-"""Third-party loggers that are heard from warnings upward only; requests are logged by our own edge."""
+"""Third-party loggers limited to warnings and errors; requests are logged by the service's own middleware."""
 
 
 @runtime_checkable
 class Sink(Protocol):
-    """Where lines go: a text file, or something like it."""
+    """Text stream that log lines are written to."""
 
     def write(self, text: str, /) -> Any:
-        """Take some text."""
+        """Write ``text``."""
 
     def flush(self) -> Any:
-        """Pass on what was taken."""
+        """Flush buffered text."""
 
     def isatty(self) -> bool:
-        """Whether a person looks on."""
+        """Whether the stream is a terminal."""
 
 
 BURST: Final = 50
-"""So many lines of one kind are written at once, ..."""
+"""Capacity of the token bucket of one kind of line."""
 RATE_HZ: Final = 0.1
-"""... and so many per second from then on."""
+"""Refill rate of the bucket: lines of one kind per second after a burst."""
 _KINDS_AT_MOST: Final = 1000
 
 
 class Flood(logging.Filter):
-    """Leaves out repeated lines that anybody can cause, so that nobody can push all others out of a log file.
+    """Token-bucket rate limit per kind of line, so that clients cannot flood a log file.
 
-    These are warnings, errors, refusals, and requests of strangers. The next line of the same kind that is written says
-    in ``left_out`` how many were not.
+    Applies to warnings, errors, refusals and unauthenticated requests. The next written line of the same kind carries
+    the number of suppressed lines in ``left_out``.
     """
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
@@ -72,7 +72,7 @@ class Flood(logging.Filter):
 
 
 def _kind_of(record: logging.LogRecord) -> object:
-    """What a line repeats; None for a line that is always written."""
+    """Key under which repeated lines are counted; None for a line that is always written."""
     event = record.msg if isinstance(record.msg, dict) else {}
     is_foreign = event.get("stranger") or event.get("action") == "refused"
     if record.levelno < logging.WARNING and not is_foreign:

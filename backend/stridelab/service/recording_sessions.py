@@ -1,10 +1,10 @@
-"""Which session a recording belongs to: one person, one day.
+"""Assigns a recording to a session: the recordings of one subject on one day.
 
-The id of a session follows from what is known of the recording alone, so that neither the order of the uploads nor
-other recordings matter. Who the person is, in this order: the subject that the recording is linked to; the pseudonym
-that was stated; height and mass (with sex and age) where both are known. The day is that of the recording where the
-file states it, else that of the upload (UTC). A recording of which neither is known, and a simulated one of nobody in
-particular, is in no session. Sessions of different owners are different.
+The session id depends on the recording's own data alone, neither on the order of the uploads nor on other recordings.
+The subject is identified, in this order, by the linked subject, by the stated pseudonym, or by height and mass (with
+sex and age) where both are given. The day is the recording date in the file, else the upload date (UTC). A recording
+whose subject cannot be identified, and a simulated one without a named subject, has no session. Sessions of different
+owners are different.
 """
 
 import uuid
@@ -15,11 +15,11 @@ from typing import Any, Final
 from stridelab.schemas.recordings import RecordingFacts
 
 NAMESPACE: Final = uuid.UUID("5e55105e-0000-5000-8000-57a1de1ab000")
-"""Of the ids of sessions that the service finds."""
+"""UUID namespace of the session ids that the service derives."""
 
 
 def session_id_of(row: Mapping[str, Any], created_at: datetime) -> str | None:
-    """The session of a recording's row that was uploaded at ``created_at``; None where the person is not known.
+    """Session id of a recording's row that was uploaded at ``created_at``; None where the subject is not identified.
 
     ``row`` has ``owner``, ``facts``, ``subject_id`` and ``subject_fields``.
     """
@@ -38,8 +38,8 @@ def _person(facts: RecordingFacts, subject_id: str | None, stated: Mapping[str, 
         return ("name", name)
     if facts.simulated:
         return None
-    known = facts.subject.model_dump(exclude={"name"}, exclude_none=True)
-    known.update({name: value for name, value in stated.items() if value is not None and name != "name"})
-    if "height_m" not in known or "mass_kg" not in known:
+    fields = facts.subject.model_dump(exclude={"name"}, exclude_none=True)
+    fields.update({name: value for name, value in stated.items() if value is not None and name != "name"})
+    if "height_m" not in fields or "mass_kg" not in fields:
         return None
-    return ("body", *(f"{name}={known[name]}" for name in sorted(known)))
+    return ("body", *(f"{name}={fields[name]}" for name in sorted(fields)))

@@ -1,6 +1,7 @@
 """Settings: environment variables ``STRIDELAB_*``, all with defaults; secrets may come from a file.
 
-The settings in force, as people may see them: a secret, and what may hold one, is only said to be set.
+``shown`` lists the effective settings for display; of secrets, and of settings that may contain one, it shows only
+whether they are set.
 """
 
 from functools import cache
@@ -18,7 +19,7 @@ LOOPBACK = frozenset({"127.0.0.1", "::1", "localhost"})
 
 
 class Settings(BaseSettings):
-    """Every limit of the service is here; docs/settings.md lists them all (a test compares)."""
+    """All settings and limits of the service; docs/settings.md lists them (checked by a test)."""
 
     model_config = SettingsConfigDict(env_prefix="STRIDELAB_", extra="ignore", frozen=True)
 
@@ -76,7 +77,7 @@ class Settings(BaseSettings):
     body_timeout_s: float = Field(
         default=20.0, gt=0, description="silence in the body of a request before it is closed"
     )
-    keep_alive_s: int = Field(default=5, ge=1, description="idle time after which a kept connection is closed")
+    keep_alive_s: int = Field(default=5, ge=1, description="idle time after which a keep-alive connection is closed")
     heartbeat_s: float = Field(default=5.0, gt=0, description="how often a worker says that it lives")
     stall_s: float = Field(default=20.0, gt=0, description="silence after which a worker counts as dead")
     event_retention_days: float = Field(default=7.0, gt=0, description="how long progress events are kept")
@@ -133,7 +134,7 @@ class Settings(BaseSettings):
 
     @property
     def database_dsn(self) -> str | None:
-        """The database address with the password of the secret file put in, or None for the embedded one."""
+        """Database URL including the password from the secret file; None for the embedded database."""
         if self.database_url is None or self.database_password_file is None:
             return self.database_url
         from sqlalchemy.engine import make_url  # slow to import, and a start with the embedded database has no need
@@ -183,7 +184,7 @@ SECRET: Final = frozenset(
 
 
 def shown(settings: Settings) -> tuple[ShownSetting, ...]:
-    """Every setting with its value in words."""
+    """Every setting with its value as text."""
     return tuple(
         ShownSetting(
             name=f"STRIDELAB_{name.upper()}",

@@ -1,4 +1,4 @@
-"""The subject table of a bulk upload or a folder: a CSV that says, file by file, who walked.
+"""The subject table of a bulk upload or a folder: a CSV that assigns a subject to every file.
 
     file,subject,group,height_m,mass_kg,sex,age,static
     P01_walk_1.c3d,P01,adults,1.71,60.2,female,31,P01_static.c3d
@@ -42,7 +42,7 @@ _HINTS: Final[Mapping[str, str]] = {
 
 @dataclass(frozen=True)
 class TableRow:
-    """One line: the file it speaks of, the person, and the file of the static trial of the same person."""
+    """One line: the recording file, the subject, and the file of the subject's static trial."""
 
     line: int
     file: str
@@ -52,7 +52,7 @@ class TableRow:
 
 @dataclass(frozen=True)
 class Matched:
-    """A file by its place among those that were given, with its row and the place of its static trial."""
+    """A recording file: its index in the given names, its table row and the index of its static trial."""
 
     place: int
     row: TableRow | None
@@ -62,7 +62,7 @@ class Matched:
 def read_subject_table(content: bytes) -> tuple[TableRow, ...]:
     """The rows of a table.
 
-    Raises ``InvalidInput`` (``subject-table-invalid``) naming every line and column that makes no sense.
+    Raises ``InvalidInput`` (``subject-table-invalid``) naming every invalid line and column.
     """
     if len(content) > MAX_BYTES:
         raise _invalid("The subject table is larger than 1 MB.", [Fault("subjects", "too large")])
@@ -71,13 +71,13 @@ def read_subject_table(content: bytes) -> tuple[TableRow, ...]:
     except UnicodeDecodeError as error:
         raise _invalid("The subject table is not UTF-8 text.", [Fault("subjects", "not UTF-8")]) from error
     if "\0" in text:
-        raise _invalid("The subject table is no text.", [Fault("subjects", "holds zero bytes")])
+        raise _invalid("The subject table is not text.", [Fault("subjects", "contains NUL bytes")])
     head = text.partition("\n")[0]
     delimiter = max(",;\t", key=head.count)
     try:
         lines = list(csv.reader(io.StringIO(text), delimiter=delimiter, strict=True))
     except csv.Error as error:
-        raise _invalid("The subject table is no valid CSV.", [Fault("subjects", str(error)[:200])]) from error
+        raise _invalid("The subject table is not valid CSV.", [Fault("subjects", str(error)[:200])]) from error
     columns = _columns(lines[0] if lines else [])
     rows: list[TableRow] = []
     faults: list[Fault] = []
@@ -90,7 +90,7 @@ def read_subject_table(content: bytes) -> tuple[TableRow, ...]:
     seen: dict[str, int] = {}
     for row in rows:
         if row.file in seen:
-            faults.append(Fault(f"line {row.line}, column file", f"{row.file} has line {seen[row.file]} already"))
+            faults.append(Fault(f"line {row.line}, column file", f"{row.file} is already in line {seen[row.file]}"))
         seen.setdefault(row.file, row.line)
     if len(rows) > MAX_RECORDINGS:
         faults.append(Fault("subjects", f"{len(rows)} lines; at most {MAX_RECORDINGS}"))
@@ -100,36 +100,36 @@ def read_subject_table(content: bytes) -> tuple[TableRow, ...]:
 
 
 def match(names: Sequence[str], rows: Sequence[TableRow]) -> tuple[Matched, ...]:
-    """The recordings among the files called ``names`` (paths with /), with what the table says of each.
+    """Match the rows of a subject table to files ``names`` (paths with /); returns the recordings among the files.
 
-    A row names a file by its path or by its last part. Static trials named by a row are no recordings of their own.
-    Raises ``InvalidInput`` (``subject-table-invalid``) for rows of files that are not there or that several files fit.
+    A row names a file by its path or by its last part. Static trials named by a row are not recordings of their own.
+    Raises ``InvalidInput`` (``subject-table-invalid``) for rows that match no file or several.
     """
     faults: list[Fault] = []
 
     def place_of(file: str, line: int, column: str) -> int | None:
         plain = file.replace("\\", "/").removeprefix("./")
         whole = [i for i, name in enumerate(names) if name == plain]
-        found = whole or [i for i, name in enumerate(names) if name.rpartition("/")[2] == plain]
-        if len(found) == 1:
-            return found[0]
-        message = f"no file {file[:80]} was given" if not found else f"{len(found)} files are called {file[:80]}"
+        matches = whole or [i for i, name in enumerate(names) if name.rpartition("/")[2] == plain]
+        if len(matches) == 1:
+            return matches[0]
+        message = f"no file {file[:80]} was given" if not matches else f"{len(matches)} files are called {file[:80]}"
         faults.append(Fault(f"line {line}, column {column}", message))
         return None
 
-    of: dict[int, TableRow] = {}
+    row_of: dict[int, TableRow] = {}
     statics: dict[int, int | None] = {}
     for row in rows:
         place = place_of(row.file, row.line, "file")
         static = None if row.static is None else place_of(row.static, row.line, "static")
         if place is not None:
-            if place in of:
-                faults.append(Fault(f"line {row.line}, column file", f"the same file as line {of[place].line}"))
-            of[place], statics[place] = row, static
+            if place in row_of:
+                faults.append(Fault(f"line {row.line}, column file", f"the same file as line {row_of[place].line}"))
+            row_of[place], statics[place] = row, static
     if faults:
         raise _invalid(f"The subject table does not fit the files: see {faults[0].where}.", faults[:50])
-    standing = set(statics.values()) - set(of)
-    return tuple(Matched(i, of.get(i), statics.get(i)) for i in range(len(names)) if i not in standing)
+    static_only = set(statics.values()) - set(row_of)
+    return tuple(Matched(i, row_of.get(i), statics.get(i)) for i in range(len(names)) if i not in static_only)
 
 
 def _columns(head: Sequence[str]) -> list[str]:

@@ -1,9 +1,9 @@
 """``stridelab serve``: starts the database, the web server, a worker and the viewer, and keeps them running.
 
-Everything it starts ends with it, also when it is killed with ``kill -9`` (``tether``). What dies is started again,
-later and later if it keeps dying. What lives and does not answer (``heartbeat``, ``watchdog``) is killed first. The
-supervisor owns the embedded database's folder, so at start every worker that the database remembers is dead, and its
-jobs are taken up at once.
+All programs end with the supervisor, also when it is killed with ``kill -9`` (``parent_death``). A program that exits
+is restarted with increasing delay; one that runs and does not respond (``heartbeat``, ``watchdog``) is killed and
+restarted. The supervisor owns the embedded database's folder, so every worker registered in the database at start is
+dead, and its jobs are requeued at once.
 """
 
 import contextlib
@@ -42,7 +42,7 @@ _TICK_S: Final = 0.2
 _DATABASE_CHECK_S: Final = 0.5
 _DATABASE_ASK_S: Final = 1.0
 _DATABASE_HUNG_S: Final = 30.0
-"""Longer than for a program: its answer needs a process of its own, which a busy machine starts late."""
+"""Longer than for a program: every probe starts a new server process, which is slow on a busy machine."""
 _STOP_S: Final = 3.0
 _HEALTHY_S: Final = 60.0
 _BACKOFF_S: Final = (0.2, 0.5, 1.0, 2.0, 5.0, 10.0)
@@ -50,8 +50,8 @@ _PROVEN_S: Final = 30.0
 _HOPELESS: Final = 5
 _MAX_LOG_BYTES: Final = 5_000_000
 _OLDER: Final = (2, 3, 4, 5)
-"""Numbers of the old logs that are kept beside the newest old one."""
-_EVERYWHERE: Final = {"0.0.0.0": "127.0.0.1", "::": "::1", "": "127.0.0.1"}  # noqa: S104 (to be told from loopback)
+"""Suffix numbers of the rotated logs after the newest one."""
+_EVERYWHERE: Final = {"0.0.0.0": "127.0.0.1", "::": "::1", "": "127.0.0.1"}  # noqa: S104 (lookup keys, nothing binds to them)
 
 
 class _StopAsked(BaseException):
@@ -60,9 +60,9 @@ class _StopAsked(BaseException):
 
 @dataclass
 class _Program:
-    """One program that is kept running; ``failures`` in a row decide how long it is left alone.
+    """A supervised program; the restart delay grows with the consecutive ``failures``.
 
-    Without ``log`` it writes where the supervisor does.
+    Without ``log`` it shares the supervisor's output.
     """
 
     module: str
@@ -77,7 +77,7 @@ class _Program:
     silence: Silence | None = None
 
     def keep_running(self, say: Callable[[str], None] = lambda _: None) -> None:
-        """Start it where it does not run and its pause is over; kill it where it does not answer, and ``say`` so."""
+        """Restart it after its delay if it has exited; kill it, and ``say`` so, if it does not respond."""
         now = time.monotonic()
         self._trim_log()
         if self.process is not None:
@@ -95,7 +95,7 @@ class _Program:
     def _start(self, now: float) -> None:
         self.heartbeats, theirs = os.pipe()
         os.set_blocking(self.heartbeats, False)
-        # appending, so that the file may be emptied under the program's hands
+        # append mode, so that the file may be truncated while the program writes
         with os.fdopen(theirs, "wb"), self.log.open("ab") if self.log else contextlib.nullcontext() as log:
             self.process = subprocess.Popen(
                 tethered([sys.executable, "-m", self.module]),
@@ -118,7 +118,7 @@ class _Program:
                 return
         verdict = self.silence.verdict()
         if verdict is not None:
-            say(f"{self.module} {'is stopped' if verdict == 'stopped' else 'does not answer'}: it is started again.")
+            say(f"{self.module} {'is stopped' if verdict == 'stopped' else 'does not respond'}: restarting it.")
             process.kill()
 
     def _forget_heartbeats(self) -> None:
@@ -127,7 +127,7 @@ class _Program:
         self.heartbeats = self.silence = None
 
     def _trim_log(self) -> None:
-        """Move what was written aside when it is much; a line that arrives meanwhile may be lost."""
+        """Rotate the log when it exceeds its size limit; a line written during the rotation may be lost."""
         if self.log and self.log.exists() and self.log.stat().st_size > _MAX_LOG_BYTES:
             older = [self.log.with_suffix(".log.old"), *(self.log.with_suffix(f".log.old.{k}") for k in _OLDER)]
             for newer, older_one in zip(older[-2::-1], older[:0:-1], strict=True):
@@ -137,16 +137,16 @@ class _Program:
             os.truncate(self.log, 0)
 
     def send(self, signum: int) -> None:
-        """Send a signal, if it runs."""
+        """Send a signal if the program runs."""
         if self.process is not None and self.process.poll() is None:
             self.process.send_signal(signum)
 
     def last_words(self) -> str:
         """The last line of its log."""
         if self.log is None:
-            return "its last words are above"
-        said = self.log.read_text(encoding="utf-8", errors="replace").strip() if self.log.exists() else ""
-        return f"{said.splitlines()[-1][-300:] if said else 'it said nothing'} (more in {self.log})"
+            return "see its output above"
+        text = self.log.read_text(encoding="utf-8", errors="replace").strip() if self.log.exists() else ""
+        return f"{text.splitlines()[-1][-300:] if text else 'its log is empty'} (more in {self.log})"
 
 
 def serve(settings: Settings, *, with_worker: bool = True, say: Callable[[str], None] | None = None) -> None:
@@ -199,11 +199,11 @@ def _configured_database(settings: Settings) -> str | None:
 
 
 def _forgetting_workers(url: str) -> Callable[[], None]:
-    """Declares every worker dead, which whoever owns the database knows when its only worker has ended."""
+    """A function that unregisters all workers; valid because the supervisor's worker is the only one and has ended."""
 
     def forget() -> None:
         with (
-            contextlib.suppress(psycopg.OperationalError),  # restarting: the worker's silence will tell
+            contextlib.suppress(psycopg.OperationalError),  # restarting: the missing heartbeat will unregister it
             psycopg.connect(plain(url), autocommit=True, connect_timeout=5) as connection,
         ):
             connection.execute("DELETE FROM procrastinate_workers")
@@ -244,7 +244,7 @@ def _programs(
 
 
 def _until_healthy(settings: Settings, api: _Program) -> None:
-    """Start the web server alone first: it answers sooner when nothing else competes for the processors."""
+    """Start the web server alone first: it responds sooner when nothing else competes for the processors."""
     deadline = time.monotonic() + _HEALTHY_S
     while True:
         api.keep_running()
@@ -262,13 +262,13 @@ def _keep(programs: list[_Program], database: EmbeddedPostgres | None, say: Call
         now = time.monotonic()
         if database is not None and now >= next_check:
             if probe is not None and (verdict := probe.verdict()) is not None:
-                say(f"The database {'is stopped' if verdict == 'stopped' else 'does not answer'}: it is started again.")
+                say(f"The database {'is stopped' if verdict == 'stopped' else 'does not respond'}: restarting it.")
                 database.kill()
             if database.postmaster_pid is None:
                 try:
                     database.start(timeout_s=10.0)
                     complained = False
-                except Unavailable as error:  # tried again until it comes up
+                except Unavailable as error:  # retried until it starts
                     if not complained:
                         say(f"The database stopped and does not start again: {error.message}")
                     complained = True
@@ -279,7 +279,7 @@ def _keep(programs: list[_Program], database: EmbeddedPostgres | None, say: Call
 
 
 class _DatabaseProbe:
-    """Asks the database in a thread of its own, since a hung one would hold up whoever asks."""
+    """Polls the database in a separate thread, since a hung database blocks the calling thread."""
 
     def __init__(self, database: EmbeddedPostgres) -> None:
         self._database = database
@@ -290,7 +290,7 @@ class _DatabaseProbe:
         threading.Thread(target=self._ask, daemon=True).start()
 
     def verdict(self) -> Verdict | None:
-        """What is wrong with the postmaster; None where nothing is, or where there is none."""
+        """``stopped`` or ``hung``; None if the postmaster responds or does not run."""
         pid = self._database.postmaster_pid
         if pid is None:
             self._pid = self._silence = None
@@ -305,13 +305,13 @@ class _DatabaseProbe:
 
     def _ask(self) -> None:
         while True:
-            with contextlib.suppress(Unavailable):  # it has not been started, or is stopped for good
+            with contextlib.suppress(Unavailable):  # not started yet, or stopped for good
                 self._answers += self._database.answers()
             time.sleep(_DATABASE_ASK_S)
 
 
 def _stop(programs: list[_Program]) -> None:
-    """Ask all at once, then insist."""
+    """Send SIGTERM to all programs, then SIGKILL after a grace period."""
     for program in programs:
         program.send(signal.SIGTERM)
     deadline = time.monotonic() + _STOP_S
@@ -324,7 +324,7 @@ def _stop(programs: list[_Program]) -> None:
 
 
 def _refuse_unusable_secrets(settings: Settings) -> None:
-    """Raise ``InvalidInput`` (``secret-unreadable``) here, where somebody reads it, and not in every program's log."""
+    """Raise ``InvalidInput`` (``secret-unreadable``) on the console instead of in every program's log."""
     _ = settings.token, settings.blob_options, settings.database_dsn
 
 
@@ -364,7 +364,7 @@ def _address(settings: Settings) -> str:
 
 
 def _program() -> str:
-    """How a user calls this installation's command line from here."""
+    """Command that runs this installation's command line from the current folder."""
     script = Path(sys.executable).with_name("stridelab")
     return os.path.relpath(script) if script.exists() else "stridelab"
 
@@ -380,7 +380,7 @@ def _answers(settings: Settings) -> bool:
 
 @contextlib.contextmanager
 def _signals(handler: "Callable[[int, FrameType | None], None] | signal.Handlers") -> Iterator[None]:
-    """Meet SIGINT and SIGTERM with ``handler`` for a while."""
+    """Handle SIGINT and SIGTERM with ``handler`` inside the block."""
     before = {signum: signal.signal(signum, handler) for signum in (signal.SIGINT, signal.SIGTERM)}
     try:
         yield

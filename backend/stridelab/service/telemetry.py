@@ -1,7 +1,7 @@
-"""Traces (OpenTelemetry): a request, the job that it submits and each attempt at it are one trace.
+"""OpenTelemetry traces: a request, the job that it submits and each attempt of the job form one trace.
 
-Off unless ``STRIDELAB_OTLP_URL`` names a collector; spans then cost microseconds and go nowhere. They carry routes,
-kinds, ids and states, never names of files or people, nor addresses of clients.
+Export is off unless ``STRIDELAB_OTLP_URL`` names a collector; unexported spans cost microseconds. Spans carry routes,
+kinds, ids and states, never names of files or subjects, nor addresses of clients.
 """
 
 from collections.abc import Iterator, Mapping
@@ -18,13 +18,13 @@ from stridelab.errors import InvalidInput
 
 _HEADER: Final = "traceparent"
 _TIMEOUT_S: Final = 5.0
-"""A collector that is away must not hold up a program that ends."""
+"""Export timeout, so that an unreachable collector does not delay the exit of a program."""
 _propagator: Final = TraceContextTextMapPropagator()
 
 
 @contextmanager
 def exported(collector_url: str | None, program: str) -> Iterator[None]:
-    """Send the spans of this process to a collector as ``stridelab-<program>`` while the context lasts.
+    """Send the spans of this process to a collector as ``stridelab-<program>`` inside the block.
 
     Raises ``InvalidInput`` (``otlp-url-invalid``).
     """
@@ -58,20 +58,20 @@ def span(
     parent: str | None = None,
     kind: SpanKind = SpanKind.INTERNAL,
 ) -> Iterator[Span]:
-    """A span around what happens in the context: below ``parent`` (a ``traceparent``), else below the present one."""
-    above = _propagator.extract({_HEADER: parent}) if parent else None
+    """Start a span for the block, as child of ``parent`` (a ``traceparent``), else of the current span."""
+    parent_context = _propagator.extract({_HEADER: parent}) if parent else None
     tracer = trace.get_tracer("stridelab", __version__)
-    with tracer.start_as_current_span(name, context=above, kind=kind, attributes=attributes) as made:
-        yield made
+    with tracer.start_as_current_span(name, context=parent_context, kind=kind, attributes=attributes) as current:
+        yield current
 
 
 def failed(of: Span) -> None:
-    """Mark a span as that of something that went wrong."""
+    """Set the status of a span to error."""
     of.set_status(StatusCode.ERROR)
 
 
 def traceparent() -> str | None:
-    """The present span, as it is passed on; None outside of all traces."""
+    """``traceparent`` header of the current span; None outside a trace."""
     carrier: dict[str, str] = {}
     _propagator.inject(carrier)
     return carrier.get(_HEADER)

@@ -1,4 +1,4 @@
-"""The row of a recording that was uploaded, and the key of its tracks."""
+"""Database row of an uploaded recording, and the storage key of its tracks."""
 
 import asyncio
 import hashlib
@@ -13,7 +13,7 @@ from stridelab.service.storage.content_addressed import upload_key
 
 
 def own_prefix(recording_id: str) -> str:
-    """Below this lie the files that only this recording has."""
+    """Key prefix of the files that belong to this recording alone."""
     return f"recordings/{recording_id}"
 
 
@@ -24,7 +24,7 @@ def file_sha256(path: Path) -> str:
 
 
 async def new_tracks_key(recording_id: str, tracks: Path) -> str:
-    """A key of their own for these tracks, which ends in their SHA-256 (``named_hash``)."""
+    """A unique key for these tracks that ends in their SHA-256 (``named_hash``)."""
     digest = await asyncio.to_thread(file_sha256, tracks)
     return f"{own_prefix(recording_id)}/tracks-{uuid.uuid4().hex[:8]}-{digest}.parquet"
 
@@ -41,7 +41,7 @@ def uploaded_row(
     subject: SubjectFields,
     session_id: str | None = None,
 ) -> dict[str, Any]:
-    """Values of the row of a new recording, without switches; where no ``session_id`` is stated, it is found."""
+    """Column values of a new recording; without ``session_id``, the session is derived (``session_id_of``)."""
     values: dict[str, Any] = {
         "id": recording_id,
         "owner": owner,

@@ -1,4 +1,4 @@
-"""Puts the web pages on the port of the HTTP interface. The only place in the backend that knows the web app."""
+"""Mounts the web app beside the HTTP API. The only module of the backend that imports the web app."""
 
 import time
 
@@ -21,7 +21,7 @@ INTERFACE = "/api/"
 
 
 class _Pages(Mount):
-    """Everything that is not the interface's: what is wrong below ``/api/`` is answered there, as a problem."""
+    """Matches all paths outside ``/api/``; errors below ``/api/`` stay JSON problems of the API."""
 
     def matches(self, scope: Scope) -> tuple[Match, Scope]:
         if str(scope.get("path", "")).startswith(INTERFACE):
@@ -30,9 +30,9 @@ class _Pages(Mount):
 
 
 def mount(app: FastAPI, settings: Settings) -> None:
-    """Serve the pages beside the interface of ``app``.
+    """Serve the web pages beside the API of ``app``.
 
-    The pages call the interface in this very process, past the gate: who sees a page has passed it already.
+    The pages call the API inside this process and skip authentication: their own request has already passed it.
     """
     config = WebConfig(
         base_url=f"http://127.0.0.1:{settings.port}",
@@ -48,13 +48,13 @@ def mount(app: FastAPI, settings: Settings) -> None:
 
 
 def _user_of(scope: Scope) -> str:
-    """The name of whoever calls; empty where nobody logs in."""
+    """Name of the caller; empty where the service runs without logins."""
     caller: Caller = scope.get(KEY, STRANGER)
     return caller.name or ""
 
 
 def _scenario_right(app: FastAPI) -> ScenarioRights:
-    """What the caller of a request may do with a scenario."""
+    """A function that decides whether the caller of a request may change a scenario."""
 
     def right(scope: Scope, scenario_id: str, owner: str | None) -> ScenarioRight:
         keys: Keys | None = app.state.keys

@@ -1,13 +1,12 @@
-"""The queue's port: procrastinate carries job ids to workers, and nothing else.
+"""Job queue: procrastinate delivers job ids to workers.
 
-Used of it: its tables and functions (admission in the caller's transaction, workers with heartbeats, NOTIFY on
-insert). Not used: its fetching, which knows priorities but no owners, its worker loop, which stops fetching and
-beating when the database restarts, and its retry strategies, which end an aborted job as a failed one. Every
-delivery is a row of its own; a job that must be delivered again gets a new row, so that whoever still holds an old
-one can do no harm with it.
+Used of procrastinate: its tables and functions (enqueueing in the caller's transaction, workers with heartbeats, NOTIFY
+on insert). Not used: its fetching, which has priorities but no owners; its worker loop, which stops fetching and
+sending heartbeats when the database restarts; its retry strategies, which end an aborted job as failed. Every delivery
+is a separate row; a job that is delivered again gets a new row, so that a stale worker with an old row has no effect.
 
-Here is what happens inside somebody's transaction, by the versioned functions of the queue's schema; the library
-itself is needed by workers only (``consumer``).
+This module contains the operations inside the caller's transaction, which call the versioned functions of the queue's
+schema; only workers need the library itself (``queue_consumer``).
 """
 
 import json
@@ -19,7 +18,7 @@ from sqlalchemy.ext.asyncio import AsyncConnection
 
 Lane = Literal["short", "long"]
 LANES: Final[tuple[Lane, ...]] = ("short", "long")
-"""``short`` has a reserved slot in every worker, so that a long job on every other slot cannot block a click."""
+"""``short`` has a reserved slot in every worker, so that long jobs cannot block interactive ones."""
 
 _DEFER = text(
     """
@@ -39,7 +38,7 @@ _RETIRE = text(
 
 @dataclass(frozen=True)
 class Delivery:
-    """One row of the queue in the hands of a worker."""
+    """A row of the queue that a worker holds."""
 
     id: int
     job_id: str
@@ -47,10 +46,10 @@ class Delivery:
 
 async def enqueue(connection: AsyncConnection, job_id: str, lane: Lane, priority: int) -> int:
     """Add a delivery of ``job_id`` inside the caller's transaction; returns its id."""
-    asked = {"lane": lane, "priority": priority, "arguments": json.dumps({"job_id": job_id})}
-    return int((await connection.execute(_DEFER, asked)).scalar_one())
+    parameters = {"lane": lane, "priority": priority, "arguments": json.dumps({"job_id": job_id})}
+    return int((await connection.execute(_DEFER, parameters)).scalar_one())
 
 
 async def retire(connection: AsyncConnection, delivery_id: int | None) -> None:
-    """Take a delivery out of the queue, or void it where a worker holds it, inside the caller's transaction."""
+    """Remove a delivery from the queue, or invalidate it if a worker holds it, inside the caller's transaction."""
     await connection.execute(_RETIRE, {"id": delivery_id})

@@ -1,10 +1,10 @@
-"""A worker's side of the queue: whose turn it is, heartbeats, and who holds what.
+"""A worker's side of the queue: fair scheduling, heartbeats and held deliveries.
 
-A free slot goes to the owner with the fewest jobs in workers' hands, among several to the one whose last job was
-started longest ago. So whoever has one job waiting and none in hand waits for at most one job of every other owner,
-however many these have waiting. Priority, then the time of submission, order the jobs of one owner, so that a job
-taken from a dead worker keeps its place; all jobs without an owner have the same one. Workers that fetch at the same
-moment know nothing of each other's choice: each may be ahead by one job.
+A free slot goes to the owner with the fewest running jobs, ties to the owner whose last job started longest ago. An
+owner with one waiting and no running job therefore waits for at most one job of every other owner, however many these
+have queued. Jobs of one owner are ordered by priority, then by submission time, so that a job reclaimed from a dead
+worker keeps its place; jobs without owner share one queue. Workers that fetch at the same time do not see each other's
+choice: an owner may be ahead by one job per worker.
 """
 
 import asyncio
@@ -21,7 +21,7 @@ from stridelab.service.jobs.queue import LANES, Delivery, Lane
 from stridelab.service.storage.database import PATIENCE, conninfo
 
 DATABASE_IS_AWAY: Final = (OperationalError, InterfaceError, DriverError, ConnectorException, TimeoutError)
-"""What a database that does not answer looks like, by whichever way it was asked."""
+"""Exceptions raised while the database is unavailable, for every driver in use."""
 _FETCH = """
     WITH held AS (
         SELECT q.id, q.status, coalesce(j.owner, '') AS owner, j.created_at
@@ -71,51 +71,51 @@ class Consumer:
 
     @staticmethod
     def channels(lanes: Sequence[Lane] = LANES) -> tuple[str, ...]:
-        """Channels on which new deliveries are announced."""
+        """NOTIFY channels of new deliveries."""
         return tuple(get_channel_for_queues(lanes))
 
     async def beat(self) -> None:
-        """Say that this worker lives, registering it first where it is unknown (or was given up as dead)."""
+        """Send this worker's heartbeat; register it first if it is not registered (any more)."""
         async with self._registering:
             if self._worker is not None and await self._connector.execute_query_all_async(_BEAT, worker=self._worker):
                 return
             self._worker = await self._manager.register_worker()
 
     async def fetch(self, lanes: Sequence[Lane]) -> Delivery | None:
-        """The waiting delivery of ``lanes`` whose turn it is, or None; it is this worker's from now on."""
+        """Claim the next waiting delivery of ``lanes`` for this worker; None if none waits."""
         async with self._fetching:
             if self._worker is None:
                 await self.beat()
             if self._in_doubt:
-                # a connection broke while fetching: what was marked as ours without our hearing of it goes back
+                # a connection broke while fetching: release deliveries claimed without the answer having arrived
                 await self._connector.execute_query_async(_RECLAIM, worker=self._worker, known=list(self._held))
                 self._in_doubt = False
             try:
-                found = await self._connector.execute_query_all_async(
+                rows = await self._connector.execute_query_all_async(
                     _FETCH, lanes=list(lanes), worker=self._known_worker()
                 )
             except BaseException:
                 self._in_doubt = True
                 raise
-            if not found:
+            if not rows:
                 return None
-            made = Delivery(int(found[0]["id"]), str(found[0]["job_id"]))
-            self._held.add(made.id)
-        return made
+            delivery = Delivery(int(rows[0]["id"]), str(rows[0]["job_id"]))
+            self._held.add(delivery.id)
+        return delivery
 
     async def finish(self, delivery: Delivery) -> None:
-        """Sign off a delivery; does nothing where it is no longer this worker's."""
+        """Mark a delivery as finished; no effect if this worker does not hold it any more."""
         await self._connector.execute_query_async(_FINISH, id=delivery.id, worker=self._known_worker())
         self._held.discard(delivery.id)
 
     async def sign_off(self) -> None:
-        """Leave: what this worker still holds has no owner from now on."""
+        """Unregister this worker; deliveries that it still holds become orphans."""
         if self._worker is not None:
             await self._manager.unregister_worker(self._worker)
             self._worker = None
 
     async def remove_old(self, hours: int) -> None:
-        """Delete deliveries that ended more than ``hours`` ago, and workers that have been silent for as long."""
+        """Delete deliveries that ended, and workers whose last heartbeat came, more than ``hours`` ago."""
         await self._connector.execute_query_async(_FORGET, hours=hours)
         await self._manager.delete_old_jobs(
             nb_hours=hours, include_failed=True, include_cancelled=True, include_aborted=True

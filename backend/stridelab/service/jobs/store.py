@@ -1,8 +1,8 @@
-"""The jobs as clients see them: submit, look, cancel. The ``job`` row is the truth, the queue's row only delivery.
+"""The client's view of jobs: submit, query, cancel. The ``job`` row holds the state; the queue's row is delivery only.
 
 States: ``queued -> running -> succeeded | failed | cancelled | timed_out``, ``queued -> cancelled``, and
-``running -> queued`` where a worker was lost. Every change writes the row, an event and a NOTIFY in one transaction;
-what workers do to a job is in ``attempts``.
+``running -> queued`` after the loss of a worker. Every change writes the row, an event and a NOTIFY in one transaction;
+``attempts`` contains the state changes made by workers.
 """
 
 import hashlib
@@ -31,14 +31,14 @@ from stridelab.service.storage.tables import job, job_event
 CHANNEL: Final = "stridelab_job"
 """NOTIFY channel; the payload is the id of the job that changed."""
 CANCEL_CHANNEL: Final = "stridelab_cancel"
-"""NOTIFY channel for workers; the payload is the id of a running job that shall stop."""
+"""NOTIFY channel for workers; the payload is the id of a running job to be cancelled."""
 _MAX_PRIORITY: Final = 100
 _RETRY_AFTER_S: Final = 5.0
 
 
 @dataclass(frozen=True)
 class JobRecord:
-    """A job as it stands; ``error`` is ``{"code", "detail", "errors": [{"where", "message"}]}``."""
+    """Current state of a job; ``error`` is ``{"code", "detail", "errors": [{"where", "message"}]}``."""
 
     id: str
     kind: str
@@ -63,13 +63,13 @@ class JobRecord:
 
     @property
     def is_final(self) -> bool:
-        """Whether nothing will change any more."""
+        """Whether the state is final."""
         return self.state in FINAL_STATES
 
 
 @dataclass(frozen=True)
 class Submitted:
-    """What became of a submission; ``created`` is False where an idempotency key found an earlier job."""
+    """Result of a submission; ``created`` is False if the idempotency key matches an earlier job."""
 
     job_id: str
     created: bool
@@ -77,15 +77,15 @@ class Submitted:
 
 @dataclass(frozen=True)
 class JobPage:
-    """Some jobs, newest first, and the cursor of the rest."""
+    """A page of jobs, newest first, and the cursor of the next page."""
 
     items: tuple[JobRecord, ...]
     next: str | None
 
 
 async def emit(connection: AsyncConnection, job_id: str) -> None:
-    """Write the job's present state as an event and announce it, inside the caller's transaction."""
-    # the job's row is locked by whoever changed it, so events of one job get their numbers in order of commit
+    """Write the job's current state as an event and notify listeners, inside the caller's transaction."""
+    # the caller holds a lock on the job's row, so events of one job are numbered in commit order
     now = select(job.c.id, job.c.state, job.c.attempt, job.c.fraction, job.c.message).where(job.c.id == job_id)
     event = insert(job_event).from_select(["job_id", "state", "attempt", "fraction", "message"], now)
     written = event.returning(job_event.c.job_id).cte()
@@ -93,7 +93,7 @@ async def emit(connection: AsyncConnection, job_id: str) -> None:
 
 
 class JobStore:
-    """All that the web layer does with jobs. Raises only errors of this project for what users do wrong."""
+    """Job operations of the web layer. Invalid requests raise ``StridelabError`` only."""
 
     def __init__(
         self, engine: AsyncEngine, kinds: Mapping[str, JobKind], *, queue_limit: int = 200, user_queue_limit: int = 0
@@ -112,11 +112,11 @@ class JobStore:
         recording_id: str | None = None,
         scenario_id: str | None = None,
     ) -> Submitted:
-        """Accept a job whose ``input`` has been validated: row, event and delivery in one transaction.
+        """Submit a job with validated ``input``: row, event and delivery in one transaction.
 
         Raises ``NotFound`` (``unknown-job-kind``, ``recording-not-found``, ``scenario-not-found``), ``InvalidInput``
         (``priority-out-of-range``, ``idempotency-key-invalid``), ``Conflict`` (``idempotency-key-reused``) where the
-        key came with another input before, ``Busy`` (``queue-full``, ``user-queue-full``).
+        key was used with another input, ``Busy`` (``queue-full``, ``user-queue-full``).
         """
         if kind not in self._kinds:
             raise NotFound("unknown-job-kind", f"There is no job kind {kind!r}; there are {', '.join(self._kinds)}.")
@@ -161,10 +161,10 @@ class JobStore:
     async def get(self, job_id: str) -> JobRecord:
         """One job; raises ``NotFound`` (``job-not-found``)."""
         async with self._reading.connect() as connection:
-            found = (await connection.execute(_ONE, {"job_id": job_id})).mappings().one_or_none()
-        if found is None:
-            raise NotFound("job-not-found", f"There is no job {job_id}; it may have been removed after its time.")
-        return _record(found)
+            row = (await connection.execute(_ONE, {"job_id": job_id})).mappings().one_or_none()
+        if row is None:
+            raise NotFound("job-not-found", f"There is no job {job_id}; its retention time may have expired.")
+        return _record(row)
 
     async def list_jobs(
         self,
@@ -178,8 +178,8 @@ class JobStore:
     ) -> JobPage:
         """Jobs, newest first; raises ``InvalidInput`` (``invalid-cursor``)."""
         wanted = _SHOWN.order_by(job.c.created_at.desc(), job.c.id.desc()).limit(limit + 1)
-        asked = {"state": state, "kind": kind, "recording_id": recording_id, "scenario_id": scenario_id}
-        for column, value in asked.items():
+        filters = {"state": state, "kind": kind, "recording_id": recording_id, "scenario_id": scenario_id}
+        for column, value in filters.items():
             if value is not None:
                 wanted = wanted.where(job.c[column] == value)
         if cursor is not None:
@@ -192,7 +192,7 @@ class JobStore:
         return JobPage(items, encode_cursor(items[-1].created_at, items[-1].id) if more else None)
 
     async def request_cancel(self, job_id: str) -> JobRecord:
-        """Cancel a queued job at once, ask the worker of a running one to; a finished one stays as it is.
+        """Cancel a queued job at once, or request the worker of a running one to stop; no effect on a finished job.
 
         Raises ``NotFound`` (``job-not-found``).
         """
@@ -242,7 +242,7 @@ class JobStore:
         """
         record = await self.get(job_id)
         if not record.is_final:
-            raise Conflict("job-not-finished", f"Job {job_id} is still {record.state}; its result is not there yet.")
+            raise Conflict("job-not-finished", f"Job {job_id} is still {record.state}; it has no result yet.")
         if record.result is None:
             raise Conflict("job-without-result", f"Job {job_id} ended as {record.state} and has no result.")
         return JobResult(
@@ -266,7 +266,7 @@ class JobStore:
         if row["input_hash"] != body_hash:
             raise Conflict(
                 "idempotency-key-reused",
-                f"This Idempotency-Key came with another request before (job {row['id']}); use a new key.",
+                f"This Idempotency-Key was used for another request (job {row['id']}); use a new key.",
                 [Fault("Idempotency-Key", "already used for another request")],
             )
         return str(row["id"])
@@ -292,7 +292,7 @@ class JobStore:
 
 
 def input_hash(kind: str, input: Mapping[str, Any]) -> str:  # noqa: A002 (the contract's word)
-    """SHA-256 of what was asked for, independent of the order of keys."""
+    """SHA-256 of a job's kind and input, independent of the order of keys."""
     canonical = json.dumps([kind, input], sort_keys=True, separators=(",", ":"))
     return hashlib.sha256(canonical.encode()).hexdigest()
 
@@ -304,20 +304,20 @@ def _unknown_reference(error: IntegrityError, recording_id: str | None, scenario
 
 
 def _shown() -> Select[Any]:
-    """A job with its place in the queue, as if every owner with waiting jobs were served in turn (``consumer``)."""
+    """Select jobs with their queue position, assuming round-robin over owners with waiting jobs (``queue_consumer``)."""
     order = (job.c.priority.desc(), job.c.created_at, job.c.queue_id)
     turn = func.row_number().over(partition_by=job.c.owner, order_by=order).label("turn")
     columns = (job.c.id, job.c.priority, job.c.created_at, job.c.queue_id)
     waiting = select(*columns, turn).where(job.c.state == "queued").subquery()
     order_by = (waiting.c.turn, waiting.c.priority.desc(), waiting.c.created_at, waiting.c.queue_id)
     place = func.row_number().over(order_by=order_by)
-    # found out once for all rows, and not at all where none of them is waiting
+    # computed once for all rows, and not at all if none of them is waiting
     placed = select(waiting.c.id, place.label("place")).cte("placed").prefix_with("MATERIALIZED")
     position = select(placed.c.place).where(placed.c.id == job.c.id).scalar_subquery()
     return select(job, case((job.c.state == "queued", position)).label("queue_position"))
 
 
-# built once: building costs more than asking
+# built once: building the statement costs more than executing it
 _SHOWN: Final = _shown()
 _ONE: Final = _SHOWN.where(job.c.id == bindparam("job_id"))
 

@@ -1,8 +1,8 @@
-"""The verdict on a result, derived from its summary.
+"""Derives the verdict on a job's result from its summary.
 
-It goes by what the summary holds (a certificate, a replay, a quality, replans), not by the kind of the job: a new
-kind whose summary has one of these needs nothing here. Results of every version are in the table of jobs, so a
-summary that lacks a field has no verdict, and is no error.
+The verdict depends on the parts of the summary (certificate, replay, quality, replans), not on the kind of the job, so
+new kinds with one of these parts are covered. The table of jobs holds results of all versions, so a summary that lacks
+a field has no verdict and is not an error.
 """
 
 from collections.abc import Mapping, Sequence
@@ -11,43 +11,43 @@ from typing import Any, Final
 from stridelab.schemas.verdicts import JobVerdict
 
 LISTED: Final = 3
-"""Checks that a message names before it counts the rest."""
+"""Maximum number of checks that a message names; the rest is counted."""
 
 
 def verdict_of(summary: Mapping[str, Any]) -> JobVerdict | None:
-    """The verdict on the result with this ``summary``; None where nothing in it was checked."""
-    for found in (_of_motion, _of_quality, _of_replans):
-        verdict = found(summary)
+    """Verdict on the result with this ``summary``; None if the summary contains no checks."""
+    for derive in (_of_motion, _of_quality, _of_replans):
+        verdict = derive(summary)
         if verdict is not None:
             return verdict
     return None
 
 
 def _of_motion(summary: Mapping[str, Any]) -> JobVerdict | None:
-    """A fall in the replay outweighs a failed check, and a failed check a replay that is not completed."""
+    """Precedence: a fall in the replay, then a failed check, then an incomplete replay."""
     certificate, replay = _part(summary, "certificate"), _part(summary, "replay")
     if not isinstance(certificate.get("passed"), bool):
         return None
     certified = certificate["passed"]
     failed = _failed(certificate)
-    said = "Certified" if certified else f"Not certified{_listed(failed)}"
+    message = "Certified" if certified else f"Not certified{_listed(failed)}"
     completed = replay.get("completed")
     fall_time_s = replay.get("fall_time_s")
-    # earlier versions gave no reasons: not completed meant that the robot fell
+    # earlier versions stored no reasons: not completed meant that the robot fell
     if isinstance(fall_time_s, int | float) or (completed is False and replay.get("remarks") is None):
         when = f" at {fall_time_s:.1f} s" if isinstance(fall_time_s, int | float) else ""
-        said = f"{said}{', but' if certified else ';'} the robot falls{when} in the replay"
-        return JobVerdict(outcome="failed", code="replay-fell", message=said, failed_checks=failed)
+        message = f"{message}{', but' if certified else ';'} the robot falls{when} in the replay"
+        return JobVerdict(outcome="failed", code="replay-fell", message=message, failed_checks=failed)
     if completed is False:
         codes = [str(remark["code"]).removeprefix("replay-") for remark in _rows(replay, "remarks") if "code" in remark]
-        said = f"{said}; replay not completed{_listed(codes)}"
+        message = f"{message}; replay not completed{_listed(codes)}"
     elif completed:
-        said = f"{said}; replay completed"
+        message = f"{message}; replay completed"
     if not certified:
-        return JobVerdict(outcome="failed", code="not-certified", message=said, failed_checks=failed)
+        return JobVerdict(outcome="failed", code="not-certified", message=message, failed_checks=failed)
     if completed is False:
-        return JobVerdict(outcome="failed", code="replay-not-completed", message=said)
-    return JobVerdict(outcome="passed", code="certified", message=said)
+        return JobVerdict(outcome="failed", code="replay-not-completed", message=message)
+    return JobVerdict(outcome="passed", code="certified", message=message)
 
 
 def _of_quality(summary: Mapping[str, Any]) -> JobVerdict | None:
@@ -67,7 +67,7 @@ def _of_quality(summary: Mapping[str, Any]) -> JobVerdict | None:
 
 
 def _of_replans(summary: Mapping[str, Any]) -> JobVerdict | None:
-    """A walk with a receding horizon: a period without a solution is carried on with the plan before."""
+    """Receding-horizon walk: a period without a solution continues with the previous plan."""
     replans, unsolved = summary.get("replans"), summary.get("carried_on")
     if not isinstance(replans, int) or not isinstance(unsolved, int):
         return None
@@ -92,25 +92,25 @@ def _failed(part: Mapping[str, Any]) -> list[str]:
 
 
 def _contradicted(quality: Mapping[str, Any]) -> list[str]:
-    """The checks whose two sensors cannot both be right, the reason of the verdict."""
-    found: list[str] = []
+    """Names of the checks whose two sensors contradict each other."""
+    names: list[str] = []
     for row in _rows(quality, "checks"):
         value, limit = row.get("value"), row.get("contradicted_above")
         if isinstance(value, int | float) and isinstance(limit, int | float) and value > limit and "name" in row:
-            found.append(str(row["name"]))
-    return found
+            names.append(str(row["name"]))
+    return names
 
 
 def _in_words(name: str) -> str:
-    """``com_error_max`` as ``CoM error``: which extreme of it was checked is in the certificate."""
-    said = name.removesuffix("_max").removesuffix("_min").replace("_", " ").replace("-", " ")
-    return f"CoM {said.removeprefix('com ')}" if said.startswith("com ") else said
+    """Readable name of a check: ``com_error_max`` becomes ``CoM error``."""
+    label = name.removesuffix("_max").removesuffix("_min").replace("_", " ").replace("-", " ")
+    return f"CoM {label.removeprefix('com ')}" if label.startswith("com ") else label
 
 
 def _listed(names: Sequence[str]) -> str:
-    """``: a, b, c and 2 more``, in words; empty where there is no name."""
+    """``: a, b, c and 2 more`` with readable names; empty without names."""
     if not names:
         return ""
-    said = ", ".join(_in_words(name) for name in names[:LISTED])
+    text = ", ".join(_in_words(name) for name in names[:LISTED])
     more = f" and {len(names) - LISTED} more" if len(names) > LISTED else ""
-    return f": {said}{more}"
+    return f": {text}{more}"
