@@ -29,17 +29,17 @@ from stridelab.service.storage.publication import Publication, publishing
 PROGRESS_S: Final = 0.2
 """Progress is written to the database at most this often."""
 Patiently = Callable[[Callable[[], Awaitable[Any]]], Awaitable[Any]]
-"""Repeats a database operation for as long as the database is away."""
+"""Repeats a database operation while the database is unavailable."""
 _NO_ROOM: Final = frozenset({errno.ENOSPC, errno.EDQUOT})
 _PASSES: Final = frozenset({"storage-unavailable", "storage-full", "scratch-full"})
-"""Codes of what is not the job's fault and may be over in a while."""
+"""Codes of transient errors that the job did not cause."""
 _LONGEST_PAUSE_S: Final = 5.0
 _log = structlog.get_logger(__name__)
 T = TypeVar("T")
 
 
 class Errand:
-    """Runs one attempt. ``interrupt`` because the worker stops, ``look_again`` when it may have been cancelled."""
+    """Runs one attempt of a job in a child process."""
 
     def __init__(self, attempt: Attempt, kind: JobKind, attempts: Attempts, blobs: BlobStore, limits: Settings) -> None:
         self._attempt, self._kind, self._attempts, self._blobs = attempt, kind, attempts, blobs
@@ -58,16 +58,16 @@ class Errand:
         return self._attempt.job_id
 
     def interrupt(self) -> None:
-        """Kill the child and hand the job back."""
+        """Kill the child and hand the job back, because the worker stops."""
         self._interrupted = True
         self._kill.set()
 
     def look_again(self) -> None:
-        """Find out whether this attempt should go on."""
+        """Check whether the job was cancelled or given to another worker."""
         self._look.set()
 
     async def run(self, engine: AsyncEngine, pool: IsolatedPool, root: Path, patiently: Patiently) -> str:
-        """Do all of it, in a folder of its own below ``root``; returns how it ended."""
+        """Stage, compute and publish in a new folder below ``root``; returns the final state of the attempt."""
         helpers = [asyncio.create_task(helper()) for helper in (self._report, self._watch)]
         try:
             state = await self._run(engine, pool, root, patiently)
@@ -80,7 +80,7 @@ class Errand:
             await asyncio.gather(*helpers, return_exceptions=True)
 
     async def _remove_own_files(self, engine: AsyncEngine) -> None:
-        """Remove what was stored for this job alone; what stays is removed by the janitor."""
+        """Remove the files stored for this job alone; the janitor removes what remains."""
         if self._kind.own_files is None:
             return
         with contextlib.suppress(StridelabError, *DATABASE_IS_AWAY):
@@ -118,8 +118,8 @@ class Errand:
                 return await self._stop(log_tail, patiently)
             return await self._end("failed", problem_of(error), log_tail, patiently)
         except DATABASE_IS_AWAY:
-            raise  # the worker stops while the database is away: another one will take the job up
-        except Exception as error:  # noqa: BLE001 (what staging and publishing were not made for fails this job only)
+            raise  # the worker stops while the database is unavailable: another worker takes the job over
+        except Exception as error:  # noqa: BLE001 (an unexpected error in staging or publishing fails this job only)
             _log.exception("job-broke")
             problem = {
                 "code": "internal-error",
@@ -132,9 +132,9 @@ class Errand:
                 await asyncio.to_thread(shutil.rmtree, folder, ignore_errors=True)
 
     async def _outlast(self, act: Callable[[], Awaitable[T]]) -> T:
-        """Do something with files, though their storage is away or the disk full for a while.
+        """Repeat a file operation while the storage is unavailable or the disk is full.
 
-        Gives up, with the error of the last try, after ``storage_patience_s`` or when the attempt shall stop.
+        Raises the last error after ``storage_patience_s`` or when the attempt is stopped.
         """
         since, pause_s = time.monotonic(), 0.1
         while True:
@@ -169,7 +169,7 @@ class Errand:
         return "succeeded" if published else await self._end("cancelled", None, outcome.log_tail, patiently)
 
     async def _keep(self, outcome: IsolatedOutcome, folder: Path, patiently: Patiently) -> str:
-        """Fail, with what the computation left all the same."""
+        """Fail with the partial result of the computation."""
         value = outcome.value
 
         async def fail(artifacts: list[Json], publication: Publication) -> bool:
@@ -186,7 +186,7 @@ class Errand:
         patiently: Patiently,
         write: Callable[[list[Json], Publication], Awaitable[bool]],
     ) -> bool:
-        """Store the files and ``write`` the row that names them; where that is certainly not done, no file stays."""
+        """Store the artifacts and ``write`` the row that refers to them; a failed publication removes the files."""
         artifacts = await asyncio.to_thread(lambda: [artifact_file(folder, i) for i in outcome.value["artifacts"]])
         prefix = self._attempt.blob_prefix
 
@@ -213,7 +213,7 @@ class Errand:
         return await self._end(state, problem, outcome.log_tail, patiently)
 
     async def _stop(self, log_tail: str, patiently: Patiently) -> str:
-        """End an attempt that was told to stop: by whoever cancelled it, or by a worker that leaves."""
+        """End a stopped attempt: as cancelled, or by handing the job back if the worker stops."""
         if not self._interrupted:
             return await self._end("cancelled", None, log_tail, patiently)
         handed_back = await patiently(lambda: self._attempts.hand_back(self._attempt))
@@ -233,7 +233,7 @@ class Errand:
             await self._progress.wait()
             self._progress.clear()
             if self._latest is not None:
-                with contextlib.suppress(*DATABASE_IS_AWAY):  # progress is a courtesy: the next one will do
+                with contextlib.suppress(*DATABASE_IS_AWAY):  # a lost progress report is replaced by the next one
                     if not await self._attempts.report(self._attempt, *self._latest):
                         self._kill.set()
             await asyncio.sleep(PROGRESS_S)
@@ -258,30 +258,30 @@ async def _folder_below(root: Path) -> Path:
 
 @contextlib.contextmanager
 def no_room_named() -> Iterator[None]:
-    """Raise ``StorageFull`` (``scratch-full``) where the worker's own disk has no room."""
+    """Convert the ``OSError`` of a full disk of the worker to ``StorageFull`` (``scratch-full``)."""
     try:
         yield
     except OSError as error:
         if error.errno not in _NO_ROOM:
             raise
-        raise StorageFull("scratch-full", "The disk on which the worker works is full.") from error
+        raise StorageFull("scratch-full", "The worker's scratch disk is full.") from error
 
 
 def located(problem: Json, message: str) -> Json:
-    """The problem of a computation that could not say itself where it was, with what it had last told.
+    """Add the last progress message to the problem of a computation that was killed or crashed.
 
-    Messages read ``"<stage>: <what it does>"``, or name only the stage.
+    Messages have the form ``"<stage>: <activity>"`` or name only the stage.
     """
-    fault = {"where": f"stage: {message.partition(':')[0]}", "message": f"last heard: {message}"}
-    detail = f"{problem['detail']} The last that it told: {message}."
+    fault = {"where": f"stage: {message.partition(':')[0]}", "message": f"last progress message: {message}"}
+    detail = f"{problem['detail']} Last progress message: {message}."
     return {**problem, "detail": detail, "errors": [*problem["errors"], fault]}
 
 
 def artifact_file(folder: Path, item: Json) -> Json:
-    """The artifact with size and SHA-256; raises ``ValueError`` for anything but a plain file right in ``folder``."""
+    """The artifact with size and SHA-256; raises ``ValueError`` unless it is a regular file directly in ``folder``."""
     path = folder / str(item["name"])
     if path.parent != folder or path.is_symlink() or not path.is_file():
-        raise ValueError(f"the computation left no file {item['name']!r}")
+        raise ValueError(f"the computation wrote no file {item['name']!r}")
     with path.open("rb") as file:
         sha256 = hashlib.file_digest(file, "sha256").hexdigest()
     described = {"name": path.name, "media_type": str(item["media_type"])}

@@ -1,7 +1,7 @@
-"""What workers do to a job. The attempt's number is the fencing token.
+"""State changes that workers make to a job. The attempt's number is the fencing token.
 
-Starting adds one to ``attempt``; whatever is written later carries ``attempt = mine AND state = 'running'``. A worker
-that was given up as dead and wakes again matches nothing: it may have computed twice, but it publishes nothing.
+Starting a job increments ``attempt``; every later write has the condition ``attempt = mine AND state = 'running'``. The
+writes of a worker that was declared dead and resumes match no row: it may repeat a computation, but publishes nothing.
 """
 
 from collections.abc import Mapping
@@ -44,7 +44,7 @@ _LEFT = text(
                         WHERE w.id = q.worker_id AND w.last_heartbeat >= now() - make_interval(secs => :silent_s))
     """
 )
-"""Deliveries whose worker died between the end of the job and signing off: nobody else would."""
+"""Ends deliveries whose worker died after the end of the job and before it marked the delivery as finished."""
 
 
 @dataclass(frozen=True)
@@ -58,45 +58,45 @@ class Attempt:
 
     @property
     def starts(self) -> int:
-        """How often the job was started, this one included, but for starts that were handed back in good order."""
+        """Number of starts of the job including this one, without those that were handed back by a stopping worker."""
         return int(self.number - self.row["returned"])
 
     @property
     def blob_prefix(self) -> str:
-        """Where this attempt, and no other, puts its files."""
+        """Key prefix of the files of this attempt."""
         return f"results/{self.job_id}/{self.number}"
 
 
 class Attempts:
-    """The fenced changes, on one database."""
+    """Fenced state changes of jobs in one database."""
 
     def __init__(self, engine: AsyncEngine, kinds: Mapping[str, JobKind], *, max_attempts: int = 3) -> None:
         self._engine, self._kinds, self._max_attempts = engine, kinds, max_attempts
 
     async def start(self, delivery: queue.Delivery) -> Attempt | None:
-        """Take the job up; None where it is not waiting for this delivery (any more).
+        """Start the job; None if it does not wait for this delivery (any more).
 
-        May be called again where a broken connection left open whether it was committed: a delivery is held by one
-        slot of one worker, so a job that runs by this delivery was started by the earlier call.
+        Safe to repeat after a connection broke during the commit: a delivery is held by one slot of one worker, so a
+        job that runs with this delivery was started by the earlier call.
         """
         async with self._engine.begin() as connection:
-            this = (job.c.id == delivery.job_id, job.c.queue_id == delivery.id)
-            taken = (
+            match_delivery = (job.c.id == delivery.job_id, job.c.queue_id == delivery.id)
+            start_statement = (
                 update(job)
-                .where(*this, job.c.state == "queued")
+                .where(*match_delivery, job.c.state == "queued")
                 .values(state="running", attempt=job.c.attempt + 1, started_at=func.now(), fraction=0.0, message="")
                 .returning(job)
             )
-            row = (await connection.execute(taken)).mappings().one_or_none()
+            row = (await connection.execute(start_statement)).mappings().one_or_none()
             if row is None:
-                started = select(job).where(*this, job.c.state == "running")
+                started = select(job).where(*match_delivery, job.c.state == "running")
                 row = (await connection.execute(started)).mappings().one_or_none()
                 return None if row is None else Attempt(row["id"], row["attempt"], row["kind"], dict(row))
             await emit(connection, delivery.job_id)
         return Attempt(row["id"], row["attempt"], row["kind"], dict(row))
 
     async def report(self, attempt: Attempt, fraction: float, message: str) -> bool:
-        """Write progress; False where the attempt should stop (cancelled, or no longer the present one)."""
+        """Write progress; False if the attempt should stop (cancelled, or superseded by another attempt)."""
         async with self._engine.begin() as connection:
             change = (
                 _fenced(attempt).where(~job.c.cancel_requested).values(fraction=fraction, message=storable(message))
@@ -104,7 +104,7 @@ class Attempts:
             return await _apply(connection, attempt, change)
 
     async def should_stop(self, attempt: Attempt) -> bool:
-        """Whether the attempt is cancelled or no longer the present one."""
+        """Whether the attempt is cancelled or superseded by another attempt."""
         ours = select(job.c.id).where(*_still_mine(attempt), ~job.c.cancel_requested)
         async with self._engine.connect() as connection:
             return (await connection.execute(ours)).one_or_none() is None
@@ -119,10 +119,10 @@ class Attempts:
         log_tail: str,
         publication: Publication | None = None,
     ) -> bool:
-        """Publish: the kind's own rows and the result in one transaction; False where the attempt has no say.
+        """Publish the kind's own rows and the result in one transaction; False if the attempt is superseded.
 
-        May be called again where a broken connection left open whether it was committed. ``publication`` is told
-        whether the outcome of the COMMIT is known.
+        Safe to repeat after a connection broke during the commit. ``publication`` records whether the outcome of the
+        COMMIT is known.
         """
         async with (publication or Publication()).transaction(self._engine) as connection:
             row = await _locked(connection, attempt.job_id)
@@ -155,32 +155,32 @@ class Attempts:
         kept: tuple[Json, list[Json]] | None = None,
         publication: Publication | None = None,
     ) -> bool:
-        """End without success; False where the attempt has no say.
+        """End without success; False if the attempt is superseded.
 
-        ``kept`` is what it leaves all the same: the computation's outcome, and the artifacts that are stored. May be
-        called again where a broken connection left open whether it was committed, of which ``publication`` is told.
+        ``kept`` is a partial result to store: the computation's outcome and its stored artifacts. Safe to repeat after
+        a connection broke during the commit; ``publication`` records whether the outcome of the COMMIT is known.
         """
-        left: dict[str, Any] = {"state": state, "error": storable(problem), "blob_prefix": None}
+        values: dict[str, Any] = {"state": state, "error": storable(problem), "blob_prefix": None}
         if kept is not None:
             outcome, artifacts = kept
-            left["result"] = storable(_result(outcome["summary"], outcome, artifacts))
-            left["blob_prefix"] = attempt.blob_prefix
+            values["result"] = storable(_result(outcome["summary"], outcome, artifacts))
+            values["blob_prefix"] = attempt.blob_prefix
         async with (publication or Publication()).transaction(self._engine) as connection:
             row = await _locked(connection, attempt.job_id)
             if row is None or row["attempt"] != attempt.number:
                 return False
             if row["state"] != "running":
-                # what an earlier call of this attempt has committed, or somebody else's end of it
-                return all(row[name] == left[name] for name in ("state", "error", "blob_prefix"))
+                # True if an earlier call of this attempt has committed the same end
+                return all(row[name] == values[name] for name in ("state", "error", "blob_prefix"))
             change = _fenced(attempt).values(
-                **left, message=state.replace("_", " "), finished_at=func.now(), log_tail=storable(log_tail)
+                **values, message=state.replace("_", " "), finished_at=func.now(), log_tail=storable(log_tail)
             )
             return await _apply(connection, attempt, change)
 
     async def hand_back(self, attempt: Attempt, *, counts: bool = False) -> bool:
-        """Queue the job again because its worker leaves in good order; this start does not count.
+        """Queue the job again because its worker stops; this start does not count towards the maximum.
 
-        Where its process was killed from outside, ``counts`` is True: what is killed every time fails in the end.
+        ``counts`` is True if its process was killed from outside, so that a job that is killed every time fails.
         """
         async with self._engine.begin() as connection:
             mine = select(job.c.id).where(*_still_mine(attempt)).with_for_update()
@@ -198,10 +198,10 @@ class Attempts:
             return await _apply(connection, attempt, change)
 
     async def reap(self, silent_s: float | None) -> list[str]:
-        """Queue again what no living worker carries; returns the ids of these jobs.
+        """Queue lost jobs again; returns their ids.
 
-        Lost is an open job whose delivery is gone, ended, or held by a worker that is unknown or, where
-        ``silent_s`` is given, has been silent for that long. A job that was started too often fails instead.
+        A queued or running job is lost if its delivery is missing, ended, or held by a worker that is not registered
+        or, with ``silent_s``, has sent no heartbeat for that long. A job that was started too often fails instead.
         """
         async with self._engine.begin() as connection:
             if not (await connection.execute(select(func.pg_try_advisory_xact_lock(locks.REAPER)))).scalar_one():
@@ -209,8 +209,8 @@ class Attempts:
             never = 10.0 * 365 * 86400
             silent = {"silent_s": never if silent_s is None else silent_s}
             await connection.execute(_LEFT, silent)
-            found = await connection.execute(_LOST, silent)
-            lost = list(found.scalars())
+            result = await connection.execute(_LOST, silent)
+            lost = list(result.scalars())
             for job_id in lost:
                 row = (await connection.execute(select(job).where(job.c.id == job_id))).mappings().one()
                 fate = await self._fate(connection, dict(row))
@@ -219,7 +219,7 @@ class Attempts:
         return lost
 
     async def _fate(self, connection: AsyncConnection, row: Mapping[str, Any]) -> dict[str, Any]:
-        """What becomes of a lost job."""
+        """New column values of a lost job: cancelled, failed or queued again."""
         if row["cancel_requested"]:
             await queue.retire(connection, row["queue_id"])
             return {"state": "cancelled", "finished_at": func.now(), "message": "cancelled"}
@@ -233,7 +233,7 @@ class Attempts:
             }
             return {"state": "failed", "finished_at": func.now(), "message": "failed", "error": problem}
         again = await self._deliver_again(connection, row)
-        # a lost start does not count as the owner's turn (``consumer``)
+        # a lost start does not count as the owner's turn (``queue_consumer``)
         waiting = {"state": "queued", "queue_id": again, "started_at": None, "fraction": 0.0}
         return {**waiting, "message": "its worker was lost; waiting again"}
 
@@ -244,15 +244,15 @@ class Attempts:
 
 
 def _result(summary: Json, outcome: Json, artifacts: list[Json]) -> Json:
-    """What the row of a job keeps of its outcome."""
+    """The result that is stored in the row of a job."""
     references = list(outcome["references"])
     return {"summary": summary, "references": references, "versions": versions(), "artifacts": artifacts}
 
 
 async def _locked(connection: AsyncConnection, job_id: str) -> Mapping[str, Any] | None:
-    """The job's row, held until the transaction ends; waits for a transaction that has changed it."""
-    found = await connection.execute(select(job).where(job.c.id == job_id).with_for_update())
-    row = found.mappings().one_or_none()
+    """The job's row, locked until the end of the transaction."""
+    result = await connection.execute(select(job).where(job.c.id == job_id).with_for_update())
+    row = result.mappings().one_or_none()
     return None if row is None else dict(row)
 
 
@@ -272,7 +272,7 @@ async def _apply(connection: AsyncConnection, attempt: Attempt, change: Update) 
 
 
 def storable(value: Any) -> Any:
-    """The value without NUL characters, which PostgreSQL's text and JSON cannot hold."""
+    """Remove NUL characters, which PostgreSQL's text and JSON types do not accept, from a JSON value."""
     if isinstance(value, str):
         return value.replace("\0", "")
     if isinstance(value, Mapping):

@@ -1,7 +1,7 @@
-"""Who waits for which job: one LISTEN connection wakes event streams, long polls and workers.
+"""Notifications of job changes: one LISTEN connection wakes event streams, long polls and workers.
 
-A notification says only that something changed; what, is read from the tables. So a lost one costs time, never
-truth: after every reconnection, and every ``FALLBACK_S`` anyway, everybody looks again.
+A notification only announces a change; the state is read from the tables. A lost notification therefore causes a delay
+and no wrong state: all watchers read again after every reconnection and at least every ``FALLBACK_S``.
 """
 
 import asyncio
@@ -18,16 +18,16 @@ from stridelab.service.jobs.store import CHANNEL, JobRecord, JobStore
 from stridelab.service.storage.database import PATIENCE, conninfo
 
 FALLBACK_S: Final = 15.0
-"""How often everybody looks without having been told to."""
+"""Polling interval without notifications."""
 _RECONNECT_S: Final = (0.1, 0.2, 0.5, 1.0, 2.0)
 _log = structlog.get_logger(__name__)
 
 
 class Listener:
-    """One connection that listens on ``channels`` and comes back when the database does.
+    """Asynchronous context manager: a connection that listens on ``channels`` and reconnects after failures.
 
     ``on_notify(channel, payload)`` is called in the event loop; ``on_gap()`` whenever notifications may have been
-    missed. An asynchronous context manager.
+    missed.
     """
 
     def __init__(
@@ -41,7 +41,7 @@ class Listener:
         self._on_notify, self._on_gap = on_notify, on_gap
         self._task: asyncio.Task[None] | None = None
         self.listening = asyncio.Event()
-        """Set while the connection stands."""
+        """Set while the connection is open."""
 
     async def __aenter__(self) -> Self:
         self._task = asyncio.get_running_loop().create_task(self._run())
@@ -76,11 +76,11 @@ class Listener:
             self._on_gap()
             async for notification in connection.notifies(timeout=FALLBACK_S):
                 self._on_notify(notification.channel, notification.payload)
-            await connection.execute("SELECT 1")  # a connection that died silently is found out here
+            await connection.execute("SELECT 1")  # detects a connection that died silently
 
 
 class JobBoard:
-    """Wakes whoever watches a job. One per process; an asynchronous context manager."""
+    """Asynchronous context manager that wakes the watchers of a job; one per process."""
 
     def __init__(self, url: str) -> None:
         self._watchers: dict[str, set[asyncio.Event]] = {}
@@ -95,7 +95,7 @@ class JobBoard:
 
     @contextlib.contextmanager
     def watch(self, job_id: str) -> Iterator[asyncio.Event]:
-        """An event that is set whenever the job may have changed; clear it *before* looking at the tables."""
+        """An event that is set whenever the job may have changed; clear it *before* reading the tables."""
         event = asyncio.Event()
         self._watchers.setdefault(job_id, set()).add(event)
         try:
@@ -106,9 +106,9 @@ class JobBoard:
                 del self._watchers[job_id]
 
     async def follow(self, store: JobStore, job_id: str, after: int = 0) -> AsyncIterator[tuple[JobEvent, ...]]:
-        """The job's events after number ``after``, as they come, until the job has ended.
+        """The job's events after number ``after``, as they are written, until the job has ended.
 
-        An empty tuple comes where nothing happened for ``FALLBACK_S`` (for a sign of life). Raises ``NotFound``.
+        Yields an empty tuple after ``FALLBACK_S`` without events (as a keep-alive). Raises ``NotFound``.
         """
         with self.watch(job_id) as change:
             while True:
@@ -121,12 +121,12 @@ class JobBoard:
                     return
                 yield events
                 if record.is_final:
-                    continue  # until all is told
+                    continue  # until all events are sent
                 with contextlib.suppress(asyncio.TimeoutError):
                     await asyncio.wait_for(change.wait(), FALLBACK_S)
 
     async def wait(self, store: JobStore, job_id: str, timeout_s: float) -> JobRecord:
-        """The job as soon as it has ended, or as it stands after ``timeout_s``. Raises ``NotFound``."""
+        """Wait until the job has ended or ``timeout_s`` has passed; returns its state then. Raises ``NotFound``."""
         deadline = asyncio.get_running_loop().time() + timeout_s
         with self.watch(job_id) as change:
             while True:

@@ -1,4 +1,4 @@
-"""What is removed, and when: old events, old results, and files that no row refers to."""
+"""Removes old events, old results, and files that no row refers to."""
 
 from datetime import UTC, datetime, timedelta
 from typing import Final
@@ -18,13 +18,13 @@ from stridelab.service.storage.blobs import BlobStore
 from stridelab.service.storage.tables import job, job_event, recording
 
 ORPHAN_AGE: Final = timedelta(hours=1)
-"""Files younger than this may belong to a row that is about to be written."""
+"""Minimum age of an orphan: younger files may belong to a row that is about to be written."""
 _QUEUE_HOURS: Final = 24
 _log = structlog.get_logger(__name__)
 
 
 async def sweep(engine: AsyncEngine, blobs: BlobStore, consumer: Consumer, limits: Settings) -> None:
-    """Remove all that has had its time; does nothing while another worker does the same, or a backup is made."""
+    """Remove all data past its retention time; no effect while another worker does so, or during a backup."""
     async with engine.connect() as connection:
         try:
             for lock in (func.pg_try_advisory_lock(locks.JANITOR), func.pg_try_advisory_lock_shared(locks.REMOVAL)):
@@ -43,16 +43,16 @@ async def sweep(engine: AsyncEngine, blobs: BlobStore, consumer: Consumer, limit
 
 
 async def remove_old_events(connection: AsyncConnection, age: timedelta) -> None:
-    """Delete the events of jobs that ended that long ago; the job itself still tells how."""
+    """Delete the events of jobs that ended more than ``age`` ago; the job's final state remains."""
     ended = select(job.c.id).where(job.c.state.in_(FINAL_STATES), job.c.finished_at < func.now() - age)
     await connection.execute(delete(job_event).where(job_event.c.job_id.in_(ended)))
     await connection.commit()
 
 
 async def remove_old_jobs(connection: AsyncConnection, blobs: BlobStore, age: timedelta) -> list[str]:
-    """Delete jobs that ended that long ago, and then their files; returns their ids.
+    """Delete jobs that ended more than ``age`` ago, and then their files; returns their ids.
 
-    The sample's results stay, and a job that holds the ground truth of a recording stays as long as the recording.
+    Jobs of the bundled sample are never deleted; a job with the ground truth of a recording stays with the recording.
     """
     over = (job.c.state.in_(FINAL_STATES), job.c.finished_at < func.now() - age, job.c.id.not_in(SHIPPED_JOBS))
     is_truth = exists().where(recording.c.truth_job_id == job.c.id)
@@ -67,18 +67,18 @@ async def remove_old_jobs(connection: AsyncConnection, blobs: BlobStore, age: ti
 async def remove_orphans(connection: AsyncConnection, blobs: BlobStore, age: timedelta = ORPHAN_AGE) -> list[str]:
     """Delete files older than ``age`` that no job and no recording refers to; returns the prefixes and the keys.
 
-    A transaction that has yet to commit may name such a file, however long ago that was stored. A job's row is then
-    still ``running`` in the attempt that the prefix names; the key of a recording's file is locked (``lock_blob``).
+    An uncommitted transaction may refer to such a file. The job's row is then still ``running`` in the attempt of the
+    prefix; the key of a recording's file is locked (``lock_blob``).
     """
     results = await _old_prefixes(blobs, "results", 3, age)
     batches = await _old_prefixes(blobs, batch_staging.FOLDER, 2, age)
-    recordings = await _old_prefixes(blobs, "recordings", 3, age)  # keys: a recording may have got other tracks
-    # the rows are read after the files: a row written meanwhile is seen
+    recordings = await _old_prefixes(blobs, "recordings", 3, age)  # full keys: tracks of a recording may be replaced
+    # rows are read after the files, so that rows written in between are included
     rows = (await connection.execute(select(job.c.id, job.c.attempt, job.c.state, job.c.blob_prefix))).all()
     referred = {row.blob_prefix for row in rows}
     referred |= {f"results/{row.id}/{row.attempt}" for row in rows if row.state == "running"}
     unread = select(job.c.input).where(job.c.kind == batch_staging.KIND, job.c.state.not_in(FINAL_STATES))
-    referred |= {batch_staging.own_files(asked) for asked in (await connection.execute(unread)).scalars()}
+    referred |= {batch_staging.own_files(job_input) for job_input in (await connection.execute(unread)).scalars()}
     files = (await connection.execute(select(recording.c.blob_key, recording.c.tracks_key))).all()
     await connection.rollback()
     prefixes, keys = sorted((results | batches) - referred), sorted(recordings - {key for row in files for key in row})
@@ -91,7 +91,7 @@ async def remove_orphans(connection: AsyncConnection, blobs: BlobStore, age: tim
 
 
 async def _remove_unnamed(connection: AsyncConnection, blobs: BlobStore, key: str) -> bool:
-    """Delete a recording's file unless a row names it, or one is just being written; returns whether it was."""
+    """Delete a recording's file unless a row refers to it or its key is locked; returns whether it was deleted."""
     named = exists().where(or_(recording.c.blob_key == key, recording.c.tracks_key == key))
     try:
         if (

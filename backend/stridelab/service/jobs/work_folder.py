@@ -1,4 +1,4 @@
-"""Folders in which jobs and uploads work on files; what a killed process left behind is removed by the next one."""
+"""Temporary folders of jobs and uploads; folders left by a killed process are removed by the next one."""
 
 import fcntl
 import os
@@ -11,16 +11,16 @@ from types import TracebackType
 from stridelab.service.data_folder import explained
 
 BEAT_FILE = "worker.beat"
-"""Touched in the data folder whenever the worker has told the database that it lives; health checks look at its age."""
+"""File in the data folder that is touched after every heartbeat of the worker; health checks read its age."""
 _LOCK = ".lock"
 _UNLOCKED_S = 3600.0
-"""A folder without a lock that is older than this was not locked in time, or is of a version that had no locks."""
+"""Age after which a folder without a lock file counts as abandoned."""
 
 
 class WorkFolder:
-    """A folder of this process's own below ``root``, held by a lock and removed at the end. A context manager.
+    """Context manager: a locked folder of this process below ``root``, removed at exit.
 
-    Raises ``Unavailable`` (``data-folder-unusable``, ``disk-full``) where it cannot be made.
+    Raises ``Unavailable`` (``data-folder-unusable``, ``disk-full``) if it cannot be created.
     """
 
     def __init__(self, root: Path) -> None:
@@ -42,7 +42,7 @@ class WorkFolder:
             fcntl.flock(self._lock, fcntl.LOCK_EX)
             if (self._folder / _LOCK).exists():
                 return self._folder
-            os.close(self._lock)  # another process that starts has removed it between the two calls
+            os.close(self._lock)  # another starting process removed the folder between the two calls
 
     def __exit__(
         self, _kind: type[BaseException] | None, _error: BaseException | None, _trace: TracebackType | None
@@ -55,13 +55,13 @@ def _remove_if_abandoned(folder: Path) -> None:
     try:
         lock = os.open(folder / _LOCK, os.O_RDWR | os.O_CLOEXEC)
     except OSError:
-        _remove_if_old(folder)  # else it is just being made
+        _remove_if_old(folder)  # a recent one is just being created
         return
     try:
         fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         shutil.rmtree(folder, ignore_errors=True)
     except OSError:
-        return  # somebody works there
+        return  # in use
     finally:
         os.close(lock)
 
@@ -71,4 +71,4 @@ def _remove_if_old(folder: Path) -> None:
         if time.time() - folder.stat().st_mtime > _UNLOCKED_S:
             shutil.rmtree(folder, ignore_errors=True)
     except OSError:
-        return  # gone meanwhile
+        return  # already removed

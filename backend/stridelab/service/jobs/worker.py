@@ -1,7 +1,7 @@
-"""``python -m stridelab.service.jobs.worker``: takes jobs from the queue and runs each in a child of its own.
+"""``python -m stridelab.service.jobs.worker``: takes jobs from the queue and runs each in a child process.
 
-The event loop only waits and writes rows; numbers are crunched in children. A worker that loses the database keeps
-its children computing and publishes when the database is back; one that is told to stop hands its jobs back.
+The event loop only waits and writes rows; computations run in the children. If the database becomes unavailable, the
+children keep computing and the worker publishes later; a worker that is stopped hands its jobs back to the queue.
 """
 
 import asyncio
@@ -67,7 +67,7 @@ class Worker:
         self._answering_since: float | None = None
 
     def stop(self) -> None:
-        """Fetch nothing more, kill the children, hand the jobs back."""
+        """Stop fetching, kill the children and hand the jobs back."""
         self._stopping.set()
         for event in self._news:
             event.set()
@@ -75,38 +75,38 @@ class Worker:
             errand.interrupt()
 
     async def run(self) -> None:
-        """Work until ``stop``. Raises as ``confinement.begin`` does."""
+        """Fetch and run jobs until ``stop``. Raises as ``confinement.begin`` does."""
         with WorkFolder(self._limits.data_folder / "work") as folder:
             confinement.begin(self._limits, self._limits.data_folder, folder.parent, folder)
             listener = Listener(self._url, [*Consumer.channels(), CANCEL_CHANNEL], self._heard, self._look_again)
             async with self._consumer, self._pool, listener:
                 slots = [asyncio.create_task(self._slot(lanes, folder)) for lanes in self._slots]
                 _log.info("worker-started", slots=[list(lanes) for lanes in self._slots])
-                keepers = [asyncio.create_task(keep()) for keep in (self._beat, self._reap, self._retain)]
+                background = [asyncio.create_task(keep()) for keep in (self._beat, self._reap, self._retain)]
                 try:
-                    await self._until_stopped([*slots, *keepers])
+                    await self._until_stopped([*slots, *background])
                     await asyncio.wait(slots, timeout=_HAND_BACK_S)
                 finally:
-                    for task in (*slots, *keepers):
+                    for task in (*slots, *background):
                         task.cancel()
-                    await asyncio.gather(*slots, *keepers, return_exceptions=True)
+                    await asyncio.gather(*slots, *background, return_exceptions=True)
                 with contextlib.suppress(*DATABASE_IS_AWAY):
                     await self._consumer.sign_off()
         await self._engine.dispose()
 
     async def _until_stopped(self, tasks: list[asyncio.Task[None]]) -> None:
-        stopped = asyncio.create_task(self._stopping.wait())
-        await asyncio.wait([stopped, *tasks], return_when=asyncio.FIRST_COMPLETED)
+        stop_task = asyncio.create_task(self._stopping.wait())
+        await asyncio.wait([stop_task, *tasks], return_when=asyncio.FIRST_COMPLETED)
         for task in tasks:
             if task.done() and not self._stopping.is_set():
-                task.result()  # a loop that ended by itself is a bug: let the process end and be started again
-        stopped.cancel()
+                task.result()  # a loop that ends by itself is a bug: the process exits and is restarted
+        stop_task.cancel()
 
     async def _slot(self, lanes: tuple[Lane, ...], folder: Path) -> None:
-        news = asyncio.Event()
-        self._news.append(news)
+        wake_up = asyncio.Event()
+        self._news.append(wake_up)
         while not self._stopping.is_set():
-            news.clear()
+            wake_up.clear()
             try:
                 delivery = await self._consumer.fetch(lanes)
             except DATABASE_IS_AWAY:
@@ -115,19 +115,19 @@ class Worker:
                 continue
             if delivery is None:
                 with contextlib.suppress(asyncio.TimeoutError):
-                    await asyncio.wait_for(news.wait(), _POLL_S)
+                    await asyncio.wait_for(wake_up.wait(), _POLL_S)
             else:
                 await self._deliver(delivery, folder)
 
     async def _deliver(self, delivery: Delivery, folder: Path) -> None:
         attempt = await self._patiently(lambda: self._attempts.start(delivery))
         if attempt is not None:
-            named: dict[str, str | int] = {"job_id": attempt.job_id, "kind": attempt.kind, "attempt": attempt.number}
-            # every line and every span from here on says whose it is
+            ids: dict[str, str | int] = {"job_id": attempt.job_id, "kind": attempt.kind, "attempt": attempt.number}
+            # log lines and spans from here on carry the job's ids
             parent = attempt.row["traceparent"]
             with (
-                structlog.contextvars.bound_contextvars(**named),
-                telemetry.span(f"job {attempt.kind}", named, parent=parent, kind=SpanKind.CONSUMER) as span,
+                structlog.contextvars.bound_contextvars(**ids),
+                telemetry.span(f"job {attempt.kind}", ids, parent=parent, kind=SpanKind.CONSUMER) as span,
             ):
                 state = await self._carry_out(attempt, folder)
                 span.set_attribute("state", state)
@@ -151,7 +151,7 @@ class Worker:
             self._errands.remove(errand)
 
     async def _patiently(self, act: Callable[[], Awaitable[T]]) -> T:
-        """Do something with the database, however long that is away; a worker that stops gives up sooner."""
+        """Repeat a database operation until the database is available; a stopping worker gives up after a second."""
         pause_s = 0.1
         while True:
             try:
@@ -174,7 +174,7 @@ class Worker:
         while True:
             try:
                 await self._consumer.beat()
-                with contextlib.suppress(OSError):  # a full disk makes only the health check fail
+                with contextlib.suppress(OSError):  # a full disk affects only the health check
                     (self._limits.data_folder / BEAT_FILE).touch()
                 if self._answering_since is None:
                     self._answering_since = time.monotonic()
@@ -189,7 +189,7 @@ class Worker:
             since = self._answering_since
             if since is None:
                 continue
-            # after an outage every worker looks silent; they all had time to speak up by now
+            # after an outage of the database all heartbeats are old: wait until every worker had time to send one
             heard_all = time.monotonic() - since > 2 * self._limits.heartbeat_s
             try:
                 lost = await self._attempts.reap(self._limits.stall_s if heard_all else None)
@@ -223,7 +223,7 @@ class Worker:
 
 
 async def work(limits: Settings, kinds: Mapping[str, JobKind], preload: Sequence[str] = ()) -> None:
-    """Run one worker, whose children have imported ``preload``, on the configured database until SIGTERM or SIGINT.
+    """Run one worker on the configured database until SIGTERM or SIGINT; its children have imported ``preload``.
 
     Raises ``Unavailable`` (``database-url-missing``, ``database-not-migrated``), ``InvalidInput``
     (``otlp-url-invalid``).
@@ -236,7 +236,7 @@ async def work(limits: Settings, kinds: Mapping[str, JobKind], preload: Sequence
     while not await asyncio.to_thread(is_migrated, url):
         if time.monotonic() > deadline:
             raise Unavailable(
-                "database-not-migrated", "The database does not answer, or `stridelab migrate` has not been run on it."
+                "database-not-migrated", "The database does not respond, or `stridelab migrate` has not been run on it."
             )
         await asyncio.sleep(0.5)
     blobs = BlobStore.from_url(limits.blob_address, limits.blob_options)

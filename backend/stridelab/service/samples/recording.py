@@ -1,7 +1,7 @@
-"""The sample that every service shows: a simulated recording whose truth and estimate ship as files.
+"""The bundled sample: a simulated recording whose ground truth and estimate are shipped as files.
 
-No job is run for it. ``seed`` stores the files of ``models/recordings/sample-walk`` and writes the rows as two
-succeeded jobs would have left them, so that pages, downloads and bundles need to know nothing about samples.
+No job is run for it. ``seed`` stores the files of ``models/recordings/sample-walk`` and writes the rows of two
+succeeded jobs, so that pages, downloads and bundles need no special case for samples.
 """
 
 import json
@@ -28,12 +28,12 @@ INDEX_FILE: Final = "sample.json"
 
 
 def sample_folder() -> Path:
-    """Where the sample's files lie."""
+    """Folder of the sample's files."""
     return models_dir() / "recordings" / SAMPLE_ID
 
 
 async def seed(engine: AsyncEngine, blobs: Blobs, folder: Path | None = None) -> bool:
-    """Bring the sample of this version into the database and the store; True where anything had to be written.
+    """Write the sample of this version to the database and the store; True if anything had to be written.
 
     May be called by any number of processes at once and at every start. A sample of an older version is replaced.
     """
@@ -88,9 +88,9 @@ async def _is_there(connection: AsyncConnection, blobs: Blobs, index: Json) -> b
     row = (await connection.execute(select(recording).where(recording.c.id == SAMPLE_ID))).mappings().one_or_none()
     if row is None or any(row[name] != value for name, value in _recording_row(index).items()):
         return False
-    found = await connection.execute(select(job.c.id, job.c.result).where(job.c.id.in_(list(index["jobs"]))))
+    job_rows = await connection.execute(select(job.c.id, job.c.result).where(job.c.id.in_(list(index["jobs"]))))
     shipped = {job_id: done["result"] for job_id, done in index["jobs"].items()}
-    return {row.id: row.result for row in found} == shipped and await blobs.exists(row["blob_key"])
+    return {row.id: row.result for row in job_rows} == shipped and await blobs.exists(row["blob_key"])
 
 
 async def _store_files(blobs: Blobs, folder: Path, index: Json) -> None:

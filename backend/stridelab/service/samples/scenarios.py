@@ -1,7 +1,7 @@
-"""The scenarios that come with the program: files of ``models/scenarios``, kept as read-only rows.
+"""The bundled scenarios: files of ``models/scenarios``, stored as read-only rows.
 
-The id of a bundled scenario is its file's stem. A user's scenario gets 32 random hexadecimal digits (``new_id``), a
-form that no bundled one may have, so that neither can take the other's place.
+The id of a bundled scenario is its file's stem. The id of a user's scenario is 32 random hexadecimal digits
+(``new_id``), a form that bundled ones must not have, so that ids never clash.
 """
 
 import json
@@ -21,7 +21,7 @@ from stridelab.service.storage import locks
 from stridelab.service.storage.tables import scenario
 
 EXAMPLE_ID: Final = "flat-walk"
-"""The simplest of them."""
+"""The simplest bundled scenario."""
 
 _STEM: Final = re.compile(r"[a-z0-9]+(-[a-z0-9]+)*")
 _USERS_FORM: Final = re.compile(r"[0-9a-f]{32}")
@@ -33,12 +33,12 @@ def new_id() -> str:
 
 
 def scenarios_folder() -> Path:
-    """Where the files lie."""
+    """Folder of the scenario files."""
     return models_dir() / "scenarios"
 
 
 def shipped(folder: Path | None = None) -> dict[str, dict[str, Any]]:
-    """The bodies of all bundled scenarios by id; raises ``ValueError`` for a file that is none."""
+    """Bodies of all bundled scenarios by id; raises ``ValueError`` for an invalid file."""
     bodies = {}
     for file in sorted((folder or scenarios_folder()).glob("*.json")):
         if not _STEM.fullmatch(file.stem) or _USERS_FORM.fullmatch(file.stem) or len(file.stem) > 64:
@@ -49,16 +49,16 @@ def shipped(folder: Path | None = None) -> dict[str, dict[str, Any]]:
 
 
 def robots() -> list[str]:
-    """The robots of the bundled scenarios, that of most of them first."""
+    """Robots of the bundled scenarios, the most frequent first."""
     counts = Counter(body["robot"] for body in shipped().values())
     return [name for name, _ in counts.most_common()]
 
 
 async def seed(engine: AsyncEngine, folder: Path | None = None) -> bool:
-    """Make the bundled rows those of this version's files; True where anything had to be written.
+    """Synchronise the bundled rows with this version's files; True if anything had to be written.
 
-    May be called by any number of processes at once and at every start. A row whose file has gone is removed, one
-    whose file has changed is replaced; users' scenarios are never touched.
+    May be called by any number of processes at once and at every start. Rows without a file are removed, rows whose
+    file has changed are replaced; users' scenarios are never touched.
     """
     bodies = shipped(folder)
     async with engine.begin() as connection:

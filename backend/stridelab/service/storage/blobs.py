@@ -1,8 +1,7 @@
-"""Files by key: a folder, or S3, chosen by URL (obstore).
+"""Blob storage in a folder or in S3, selected by URL (obstore).
 
-Keys are made of ids and names that the code chooses, never of what a user typed; anything else is refused, so that
-no key can point outside the store. A key may end in the SHA-256 of its content (``named_hash``); what is read under
-such a key is checked against it.
+Keys consist of ids and fixed names, never of user input; invalid keys are rejected, so that no key can point outside
+the store. A key may end in the SHA-256 of its content (``named_hash``), which is then verified when the blob is read.
 """
 
 import asyncio
@@ -32,8 +31,8 @@ _MAX_KEY: Final = 400
 _HASH_IN_KEY: Final = re.compile(r"[/-]([0-9a-f]{64})(?:\.[a-z0-9]+)?$")
 _NO_ROOM: Final = frozenset({errno.ENOSPC, errno.EDQUOT})
 _RETRY: "Final[RetryConfig]" = {"max_retries": 4, "retry_timeout": timedelta(seconds=10)}
-"""A store that is away is told within seconds (by default it is minutes): people wait for some answers, and jobs
-have a patience of their own that can be cancelled."""
+"""Fail within seconds if the store is unavailable (the default is minutes): clients may be waiting, and jobs have their
+own retries, which can be cancelled."""
 
 
 @dataclass(frozen=True)
@@ -47,10 +46,10 @@ class BlobInfo:
 
 @dataclass(frozen=True)
 class BlobStore:
-    """One store; ``from_url`` makes it.
+    """Blob store, created by ``from_url``.
 
-    A store that fails raises ``Unavailable`` (``storage-unavailable``), one without room ``StorageFull``
-    (``storage-full``). ``folder`` is where files lie that this program writes itself; None for an object store.
+    Operations raise ``Unavailable`` (``storage-unavailable``) if the store fails and ``StorageFull`` (``storage-full``)
+    if it is full. ``folder`` is the root of a local store; None for an object store.
     """
 
     backend: ObjectStore
@@ -59,10 +58,10 @@ class BlobStore:
 
     @staticmethod
     def from_url(url: str, options: Mapping[str, str] | None = None) -> "BlobStore":
-        """``file:///folder`` (made where missing) or ``s3://bucket/prefix``.
+        """Store at ``file:///folder`` (created if missing) or ``s3://bucket/prefix``.
 
-        ``options`` are obstore's for S3 (``endpoint``, ``access_key_id``, ``secret_access_key``, ...); what is not
-        among them comes from the environment (``AWS_ENDPOINT``, ...). Raises ``InvalidInput`` (``blob-url-invalid``,
+        ``options`` are obstore's S3 options (``endpoint``, ``access_key_id``, ``secret_access_key``, ...); missing ones
+        come from the environment (``AWS_ENDPOINT``, ...). Raises ``InvalidInput`` (``blob-url-invalid``,
         ``blob-credentials-invalid``).
         """
         parts = urlsplit(url)
@@ -75,9 +74,9 @@ class BlobStore:
         raise InvalidInput("blob-url-invalid", "STRIDELAB_BLOB_URL must be file:///folder or s3://bucket/prefix.")
 
     async def put_file(self, key: str, path: Path) -> int:
-        """Store a file under ``key``, replaced as a whole and durable at return; returns its size in bytes.
+        """Store a file under ``key``, atomically and durably; returns its size in bytes.
 
-        In a folder it is then on the disk (``local_files``); an object store has confirmed that it keeps it.
+        In a folder the file is then synchronised to disk (``local_files``); an object store has confirmed the upload.
         """
         _check(key)
         try:
@@ -90,13 +89,10 @@ class BlobStore:
         return path.stat().st_size
 
     async def keep_or_replace(self, key: str, path: Path, sha256: str) -> bool:
-        """Have a file with this content under ``key``: one that is there and undamaged stays, else ``path`` is stored.
-
-        Returns whether it was stored.
-        """
+        """Store ``path`` under ``key`` unless an undamaged file with this content is there; returns whether it did."""
         try:
             if await self.sha256(key) == sha256:
-                if self.folder is not None:  # whoever wrote it may have been killed before it was on the disk
+                if self.folder is not None:  # its writer may have been killed before it was synchronised to disk
                     await asyncio.to_thread(sync_durably, self.folder, key, self.system)
                 return False
         except NotFound:
@@ -109,8 +105,8 @@ class BlobStore:
     async def get_file(self, key: str, path: Path, sha256: str | None = None) -> int:
         """Write the blob into ``path``; returns its size in bytes.
 
-        Raises ``NotFound`` (``blob-not-found``), ``UnreadableFile`` (``stored-file-damaged``) where ``sha256``, or else
-        the key, says what the content's SHA-256 is and it is another one.
+        Raises ``NotFound`` (``blob-not-found``), ``UnreadableFile`` (``stored-file-damaged``) if the content's SHA-256
+        differs from ``sha256``, or else from the hash in the key.
         """
         written, digest = 0, hashlib.sha256()
         with path.open("wb") as file:
@@ -133,8 +129,8 @@ class BlobStore:
         """The blob in pieces. Raises ``NotFound`` (``blob-not-found``)."""
         _check(key)
         try:
-            found = await obstore.get_async(self.backend, key)
-            async for chunk in found.stream(min_chunk_size=CHUNK_BYTES):
+            response = await obstore.get_async(self.backend, key)
+            async for chunk in response.stream(min_chunk_size=CHUNK_BYTES):
                 yield bytes(chunk)
         except FileNotFoundError as error:
             raise _missing(key) from error
@@ -142,15 +138,15 @@ class BlobStore:
             raise _unavailable(error) from error
 
     async def info(self, key: str) -> BlobInfo | None:
-        """Size and age of a blob, or None where there is none."""
+        """Size and modification time of a blob; None if there is none."""
         _check(key)
         try:
-            found = await obstore.head_async(self.backend, key)
+            meta = await obstore.head_async(self.backend, key)
         except FileNotFoundError:
             return None
         except (BaseError, OSError) as error:
             raise _unavailable(error) from error
-        return BlobInfo(found["path"], found["size"], found["last_modified"])
+        return BlobInfo(meta["path"], meta["size"], meta["last_modified"])
 
     async def exists(self, key: str) -> bool:
         """Whether there is a blob with this key."""
@@ -161,13 +157,13 @@ class BlobStore:
         _check(prefix)
         try:
             async for batch in obstore.list(self.backend, prefix=f"{prefix}/"):
-                for found in batch:
-                    yield BlobInfo(found["path"], found["size"], found["last_modified"])
+                for meta in batch:
+                    yield BlobInfo(meta["path"], meta["size"], meta["last_modified"])
         except (BaseError, OSError) as error:
             raise _unavailable(error) from error
 
     async def delete(self, key: str) -> None:
-        """Delete one blob; one that is not there is fine."""
+        """Delete one blob; no effect if it is missing."""
         _check(key)
         await self._delete([key])
 
@@ -182,46 +178,47 @@ class BlobStore:
             try:
                 await obstore.delete_async(self.backend, keys[start : start + 500])
             except FileNotFoundError:
-                continue  # another janitor was first
+                continue  # already deleted by another process
             except (BaseError, OSError) as error:
                 raise _unavailable(error) from error
 
 
 def _object_store(url: str, options: dict[str, str]) -> ObjectStore:
-    # an address that is given as http:// is meant so: a store inside one's own network
+    # an explicit http:// endpoint is allowed: a store inside the operator's network
     client: ClientConfig = {"allow_http": True} if options.get("endpoint", "").startswith("http://") else {}
     try:
         return from_url(url, config=cast("S3Config", options), client_options=client, retry_config=_RETRY)
     except BaseError as error:
         raise InvalidInput(
             "blob-credentials-invalid",
-            f"STRIDELAB_BLOB_CREDENTIALS_FILE with {', '.join(sorted(options)) or 'nothing'} in it addresses no store.",
+            "Cannot connect to the object store with the options in STRIDELAB_BLOB_CREDENTIALS_FILE: "
+            f"{', '.join(sorted(options)) or 'none'}.",
         ) from error
 
 
 def is_key(key: str) -> bool:
-    """Whether a blob may have this key."""
+    """Whether ``key`` is a valid blob key."""
     return len(key) <= _MAX_KEY and _KEY.fullmatch(key) is not None
 
 
 def named_hash(key: str) -> str | None:
-    """The SHA-256 that a key ends in, as that of an upload; None where it names none."""
-    found = _HASH_IN_KEY.search(key)
-    return found[1] if found else None
+    """SHA-256 at the end of a key, such as that of an upload; None if the key has none."""
+    match = _HASH_IN_KEY.search(key)
+    return match[1] if match else None
 
 
 def damaged(key: str) -> UnreadableFile:
-    """The error of a stored file whose bytes are not those that were stored."""
+    """Error of a stored file whose content has changed."""
     return UnreadableFile(
         "stored-file-damaged",
-        f"The stored file {key.rsplit('/', 1)[-1]} is damaged: its bytes are not those that were stored. "
-        "An upload is repaired by uploading the same file again.",
+        f"The stored file {key.rsplit('/', 1)[-1]} is damaged: its content differs from what was stored. "
+        "Upload the same file again to repair it.",
     )
 
 
 def _check(key: str) -> None:
     if not is_key(key):
-        raise InvalidInput("blob-key-invalid", "This cannot be the name of a stored file.")
+        raise InvalidInput("blob-key-invalid", "Invalid name of a stored file.")
 
 
 def _missing(key: str) -> NotFound:
@@ -231,4 +228,4 @@ def _missing(key: str) -> NotFound:
 def _unavailable(error: Exception) -> Unavailable:
     if isinstance(error, OSError) and error.errno in _NO_ROOM:
         return StorageFull("storage-full", "The file storage is full; nothing was stored. Free some space.")
-    return Unavailable("storage-unavailable", f"The file storage does not answer ({type(error).__name__}).")
+    return Unavailable("storage-unavailable", f"The file storage does not respond ({type(error).__name__}).")

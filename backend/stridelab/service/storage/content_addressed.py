@@ -1,6 +1,6 @@
-"""Uploaded files are kept by content: a file that comes twice is stored once, and goes with its last recording.
+"""Content-addressed storage of uploads: identical files are stored once and deleted with their last recording.
 
-A lock on the key keeps a deletion from taking away what an upload of the same bytes is just about to use.
+A lock on the key prevents the deletion of a file that a concurrent upload of the same bytes is about to use.
 """
 
 from datetime import UTC, datetime, timedelta
@@ -16,19 +16,19 @@ FOLDER: Final = "uploads"
 
 
 def upload_key(sha256: str) -> str:
-    """Where the uploaded file with this hash lies."""
+    """Blob key of the uploaded file with this hash."""
     return f"{FOLDER}/{sha256}"
 
 
 async def lock_blob(connection: AsyncConnection, blob_key: str) -> None:
-    """Keep others from storing or removing the same file until the connection's transaction ends."""
+    """Lock a blob against concurrent storing and removing until the connection's transaction ends."""
     await connection.execute(select(func.pg_advisory_xact_lock(func.hashtextextended(blob_key, 0))))
 
 
 async def try_lock_blob(connection: AsyncConnection, blob_key: str) -> bool:
-    """``lock_blob``, or False at once where somebody else holds the lock."""
-    asked = select(func.pg_try_advisory_xact_lock(func.hashtextextended(blob_key, 0)))
-    return bool((await connection.execute(asked)).scalar_one())
+    """``lock_blob`` without waiting; False if another transaction holds the lock."""
+    try_lock = select(func.pg_try_advisory_xact_lock(func.hashtextextended(blob_key, 0)))
+    return bool((await connection.execute(try_lock)).scalar_one())
 
 
 async def delete_if_unused(connection: AsyncConnection, blobs: BlobStore, blob_key: str) -> bool:
@@ -42,7 +42,7 @@ async def delete_if_unused(connection: AsyncConnection, blobs: BlobStore, blob_k
 
 
 async def remove_unused(connection: AsyncConnection, blobs: BlobStore, age: timedelta) -> list[str]:
-    """Delete uploads older than ``age`` that no recording uses (their process died on the way); returns their keys."""
+    """Delete uploads older than ``age`` that no recording uses (of processes that died); returns their keys."""
     now = datetime.now(UTC)
     old = [info.key async for info in blobs.list_prefix(FOLDER) if now - info.modified_at > age]
     used = set((await connection.execute(select(recording.c.blob_key).where(recording.c.blob_key.in_(old)))).scalars())

@@ -1,4 +1,4 @@
-"""How the database is reached. PostgreSQL only, by psycopg."""
+"""Database connections: PostgreSQL through psycopg."""
 
 import select
 from typing import Any, Final
@@ -21,13 +21,13 @@ PATIENCE: Final[dict[str, Any]] = {
     "keepalives_count": 3,
     "tcp_user_timeout": 20_000,
 }
-"""Connection parameters that notice a server which vanished from the network within half a minute."""
+"""Connection parameters that detect an unreachable server within half a minute."""
 IDLE_MS: Final = 120_000
-"""After this the server ends who does nothing within a transaction: a frozen worker would keep its job locked."""
+"""Idle-in-transaction timeout of the server, so that a frozen worker does not hold the lock on its job."""
 
 
 def database_url(settings: Settings) -> str | None:
-    """The configured database, checked, with its password filled in from the file; None for the embedded one."""
+    """Validated URL of the configured database including the password; None for the embedded database."""
     if settings.database_url is None:
         return None
     parse_url(settings.database_url)
@@ -46,12 +46,12 @@ def parse_url(url: str) -> URL:
 
 
 def conninfo(url: str) -> str:
-    """The URL as libpq takes it."""
+    """Connection URL for libpq."""
     return parse_url(url).render_as_string(hide_password=False)
 
 
 def make_engine(url: str, *, pool_size: int = 8) -> AsyncEngine:
-    """Asynchronous engine; connections are looked at before use, so that a restarted database goes unnoticed."""
+    """Asynchronous engine that replaces connections which the server has closed, for example by a restart."""
     address = parse_url(url).set(drivername="postgresql+psycopg")
     options = f"{address.query.get('options', '')} -c idle_in_transaction_session_timeout={IDLE_MS}".strip()
     engine = create_async_engine(
@@ -65,14 +65,14 @@ def make_engine(url: str, *, pool_size: int = 8) -> AsyncEngine:
 
 
 def reading(engine: AsyncEngine) -> AsyncEngine:
-    """The same connections for single questions: each is its own transaction, asked in one round trip."""
+    """The engine in autocommit mode: every statement is a transaction of its own and takes one round trip."""
     return engine.execution_options(isolation_level="AUTOCOMMIT")
 
 
 def _refuse_ended(connection: Any, _record: object, _proxy: object) -> None:
-    """Have the pool connect anew where the server has ended a resting connection, which makes its socket readable.
+    """Make the pool reconnect if the server has closed an idle connection, which makes its socket readable.
 
-    Asking the server whether it is there would cost every question another round trip.
+    Unlike a ping, this costs no round trip per checkout.
     """
     socket = select.poll()
     socket.register(connection.driver_connection, select.POLLIN)

@@ -1,7 +1,7 @@
-"""Files go only while nobody copies all of them: a backup needs every file that its rows name.
+"""Prevents the removal of files during a backup, which needs every file that its rows refer to.
 
-Whoever removes files asks first and holds the right until the end of a transaction; many may at once. A backup takes
-it from all. What could not be removed then has no row any more, and is left to the janitor.
+Processes that remove files hold a shared lock until the end of their transaction; a backup holds it exclusively. Files
+that could not be removed have no row any more and are removed later by the janitor.
 """
 
 from sqlalchemy import func, select
@@ -11,6 +11,6 @@ from stridelab.service.storage import locks
 
 
 async def may_remove(connection: AsyncConnection) -> bool:
-    """Whether files may be removed; if so, until the transaction of ``connection`` ends."""
-    asked = await connection.execute(select(func.pg_try_advisory_xact_lock_shared(locks.REMOVAL)))
-    return bool(asked.scalar_one())
+    """Acquire the shared removal lock until the transaction of ``connection`` ends; False during a backup."""
+    result = await connection.execute(select(func.pg_try_advisory_xact_lock_shared(locks.REMOVAL)))
+    return bool(result.scalar_one())

@@ -1,8 +1,8 @@
-"""Files in a folder that survive a power cut: they are on the disk, under their name, before anybody names them.
+"""Durable writes to a folder: a file and its name are on the disk before a row refers to it.
 
-A file that was written, or renamed, is at first only in the memory of the operating system. ``fsync`` of the file
-puts its bytes on the disk, ``fsync`` of its folder the entry that holds its name (POSIX; T. S. Pillai et al., "All file
-systems are not created equal", OSDI 2014). PostgreSQL does the same for its rows, so files come first.
+A written or renamed file is at first only in the page cache. ``fsync`` of the file writes its content to the disk,
+``fsync`` of its folder the directory entry (POSIX; T. S. Pillai et al., "All file systems are not created equal", OSDI
+2014). PostgreSQL does the same for its rows, so files are written first.
 """
 
 import os
@@ -12,28 +12,28 @@ from pathlib import Path
 from typing import Final, Protocol, runtime_checkable
 
 _TRIES: Final = 5
-"""A deletion may remove a folder that has just become empty, while a file is about to be put there."""
+"""Maximum attempts of a write: a concurrent deletion may remove the target folder when it becomes empty."""
 
 
 @runtime_checkable
 class FileSystem(Protocol):
-    """What a durable write asks of the operating system. Tests have one that loses what was not synchronised."""
+    """File operations of a durable write. Tests replace it by one that loses unsynchronised data."""
 
     def make_folder(self, folder: Path) -> None:
-        """Make one folder; one that exists is fine."""
+        """Create one folder unless it exists."""
 
     def copy(self, source: Path, target: Path) -> None:
         """Write the bytes of ``source`` into a new file ``target``."""
 
     def sync(self, path: Path) -> None:
-        """Put the content of a file, or the entries of a folder, on the disk."""
+        """Synchronise the content of a file, or the entries of a folder, to the disk."""
 
     def rename(self, draft: Path, target: Path) -> None:
-        """Give ``draft`` the name ``target``, in place of a file that has it."""
+        """Rename ``draft`` to ``target``, replacing an existing file."""
 
 
 class DiskFileSystem:
-    """The operating system's."""
+    """File operations of the operating system."""
 
     def make_folder(self, folder: Path) -> None:
         """``mkdir``."""
@@ -60,12 +60,12 @@ DISK: Final = DiskFileSystem()
 
 
 def write_durably(root: Path, key: str, source: Path, system: FileSystem = DISK) -> None:
-    """Store a copy of ``source`` as ``root/key``, replaced as a whole and on the disk when this returns.
+    """Store a copy of ``source`` as ``root/key``, atomically and synchronised to the disk.
 
-    Raises ``OSError``; no half-written file has the name ``key`` then.
+    Raises ``OSError``, in which case no partial file has the name ``key``.
     """
     target = root / key
-    # the name of a draft ends as those of the object store's own drafts do, which its listings leave out
+    # drafts are named like those of obstore's LocalStore, which omits them from listings
     draft = target.with_name(f"{target.name}#{secrets.randbelow(10**12)}")
     for attempt in range(_TRIES):
         try:
@@ -86,7 +86,7 @@ def write_durably(root: Path, key: str, source: Path, system: FileSystem = DISK)
 
 
 def sync_durably(root: Path, key: str, system: FileSystem = DISK) -> None:
-    """Put a file that is there already on the disk, and all folders on the way to it. Raises ``OSError``."""
+    """Synchronise an existing file and all its parent folders up to ``root`` to the disk. Raises ``OSError``."""
     target = root / key
     system.sync(target)
     for folder in target.parents:
@@ -96,11 +96,11 @@ def sync_durably(root: Path, key: str, system: FileSystem = DISK) -> None:
 
 
 def _make_folders(root: Path, folder: Path, system: FileSystem) -> None:
-    """Make what is missing between ``root`` and ``folder``, with the entry of each on the disk.
+    """Create missing folders between ``root`` and ``folder`` and synchronise the entry of each to the disk.
 
-    A folder that is there may have been made a moment ago by somebody else, who has not synchronised it yet.
+    Existing folders are synchronised too: another process may have created one without having synchronised it yet.
     """
-    on_the_way = [root, *(root / part for part in reversed(folder.relative_to(root).parents) if str(part) != ".")]
-    for parent, made in zip(on_the_way, [*on_the_way[1:], folder], strict=True):
-        system.make_folder(made)
+    parents = [root, *(root / part for part in reversed(folder.relative_to(root).parents) if str(part) != ".")]
+    for parent, child in zip(parents, [*parents[1:], folder], strict=True):
+        system.make_folder(child)
         system.sync(parent)

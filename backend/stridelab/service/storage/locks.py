@@ -1,7 +1,7 @@
-"""Keys of the PostgreSQL advisory locks of this program, all in one place because they share one key space.
+"""Keys of the PostgreSQL advisory locks of this program, collected here because they share one key space.
 
-Every process of one database must use the same keys, whatever its version: change none, add new ones.
-``uploads.lock_blob`` takes further keys from a 64-bit hash of a file's place.
+All processes of a database must use the same keys, whatever their version: never change a key, only add new ones.
+``content_addressed.lock_blob`` derives further keys from a 64-bit hash of the blob key.
 """
 
 from typing import Final
@@ -15,8 +15,8 @@ REAPER: Final = 0x5712DE1AD
 JANITOR: Final = 0x5712DE1AE
 """One worker removes what is past its retention."""
 REMOVAL: Final = 0x5712DE1AF
-"""Shared by whoever removes files, exclusive for a backup."""
+"""Shared by processes that remove files, exclusive for a backup."""
 SCENARIO_SEEDING: Final = 0x5712DE1B0
-"""One process brings the bundled scenarios into the database."""
+"""One process writes the bundled scenarios to the database."""
 SAMPLE_SEEDING: Final = 0x5712DE1B1
-"""One process brings the sample recording into the database."""
+"""One process writes the sample recording to the database."""

@@ -1,8 +1,7 @@
-"""How the database gets its tables.
+"""Creates and upgrades the database tables.
 
-``migrate`` is safe to call from any number of processes at once: an advisory lock lets one work and the others wait.
-Whether there is anything to do is found out without SQLAlchemy and Alembic, which are slow to import: every start of
-the service asks.
+``migrate`` may be called by any number of processes at once: an advisory lock lets one work and the others wait. The
+check whether an upgrade is needed runs at every start and avoids SQLAlchemy and Alembic, which are slow to import.
 """
 
 import time
@@ -22,24 +21,24 @@ MIGRATIONS = Path(__file__).with_name("migrations")
 
 
 def migrate(url: str, *, wait_s: float = 30.0) -> None:
-    """Bring the database to the newest revision, waiting up to ``wait_s`` for it to answer.
+    """Upgrade the database to the newest revision, waiting up to ``wait_s`` for it to respond.
 
-    Raises ``Unavailable`` (``database-unreachable``), or ``Unavailable`` (``database-newer``) where the tables were
-    made by a newer version of this program.
+    Raises ``Unavailable`` (``database-unreachable``), or ``Unavailable`` (``database-newer``) if the tables were
+    created by a newer version of this program.
     """
     _wait_until_reachable(url, wait_s)
     present = present_revision(url)
     if present is not None and present not in revisions():
         raise Unavailable(
             "database-newer",
-            f"The database has revision {present}, which this version does not know; a newer one made it.",
+            f"The database has revision {present}, which was created by a newer version of stridelab.",
         )
     if present != revisions()[-1]:
         _upgrade(url)
 
 
 def is_migrated(url: str) -> bool:
-    """Whether the database answers and has the newest tables."""
+    """Whether the database responds and has the newest revision."""
     try:
         return present_revision(url) == revisions()[-1]
     except psycopg.OperationalError:
@@ -61,12 +60,12 @@ def present_revision(url: str) -> str | None:
 
 
 def plain(url: str) -> str:
-    """The URL as libpq takes it, without SQLAlchemy's name of the driver."""
+    """The URL in the form of libpq, without SQLAlchemy's driver name."""
     return url.replace("postgresql+psycopg:", "postgresql:", 1)
 
 
 def engine_of(url: str) -> "sqlalchemy.Engine":
-    """A synchronous engine without a pool, for work that is done once."""
+    """A synchronous engine without a connection pool, for one-off work."""
     import sqlalchemy
 
     address = plain(url).replace("postgresql:", "postgresql+psycopg:", 1)
@@ -105,7 +104,7 @@ def _wait_until_reachable(url: str, wait_s: float) -> None:
             if time.monotonic() > deadline:
                 parts = urlsplit(url)
                 where = f"{parts.hostname or 'on its socket'}{parts.path}"
-                raise Unavailable("database-unreachable", f"The database {where} does not answer.") from error
+                raise Unavailable("database-unreachable", f"The database {where} does not respond.") from error
             time.sleep(0.5)
         else:
             return

@@ -1,9 +1,9 @@
-"""Files that a transaction publishes: removed again only where that transaction certainly did not commit.
+"""Publishes files with a transaction; removes them again only if the transaction certainly did not commit.
 
-Files are stored before the rows that name them are committed. When the connection breaks, the process is told to stop
-or the server goes down while COMMIT is under way, the client does not know whether the rows are there. Files are
-then kept: if the rows were committed they are needed, and if not, the janitor (``jobs.retention``) removes them.
-Every place that stores files ahead of rows goes through ``publishing``, so that the rule is written once.
+Files are stored before the rows that refer to them are committed. If the connection breaks, the process is stopped or
+the server goes down during COMMIT, the client does not know whether the rows exist. The files then stay: if the rows
+were committed the files are needed; otherwise the janitor (``jobs.retention``) removes them. All code that stores files
+before rows uses ``publishing``.
 """
 
 from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
@@ -21,15 +21,15 @@ from stridelab.errors import StridelabError
 _UNKNOWN_COMPLETION: Final = "40003"
 """SQLSTATE statement_completion_unknown."""
 NO_ANSWER: Final = (OperationalError, InterfaceError, psycopg.OperationalError, TimeoutError)
-"""What a database that does not answer raises."""
+"""Exceptions raised while the database does not respond."""
 _log = structlog.get_logger(__name__)
 
 
 class Publication:
-    """What is known about the transactions that were to publish some files.
+    """Commit state of the transactions that publish some files.
 
     ``in_doubt`` is True from the moment a COMMIT is sent until the server has answered it. ``published`` is set by
-    ``settle`` once the caller knows whether the rows are there.
+    ``settle`` once the caller knows whether the rows exist.
     """
 
     def __init__(self) -> None:
@@ -38,7 +38,7 @@ class Publication:
 
     @asynccontextmanager
     async def transaction(self, engine: AsyncEngine) -> AsyncIterator[AsyncConnection]:
-        """``engine.begin()``, noting whether the outcome of its COMMIT is known."""
+        """``engine.begin()`` that records whether the outcome of its COMMIT is known."""
         async with engine.connect() as connection, connection.begin() as transaction:
             yield connection
             with self._committing():
@@ -53,7 +53,7 @@ class Publication:
                 transaction.commit()
 
     def settle(self, *, published: bool) -> None:
-        """Say what a later look at the rows has shown; it ends all doubt."""
+        """Record whether the rows exist, as read after the transaction."""
         self.published, self.in_doubt = published, False
 
     @contextmanager
@@ -81,9 +81,9 @@ def proves_rollback(error: BaseException | None) -> bool:
 
 @asynccontextmanager
 async def publishing(remove: Callable[[], Awaitable[object]]) -> AsyncIterator[Publication]:
-    """Files are stored and published inside the block; ``remove`` takes them away where they certainly are not.
+    """Store and publish files inside the block; calls ``remove`` if they were certainly not published.
 
-    Files that stay because the outcome is unknown, or because ``remove`` fails, are left to the janitor.
+    Files that stay because the outcome is unknown, or because ``remove`` fails, are removed by the janitor.
     """
     publication = Publication()
     try:
@@ -92,6 +92,6 @@ async def publishing(remove: Callable[[], Awaitable[object]]) -> AsyncIterator[P
         if publication.in_doubt and not publication.published:
             _log.warning("files-kept", reason="the outcome of a commit is unknown")
         elif not publication.published:
-            # storage or database that is away: whatever stays is removed by the janitor
+            # if storage or database are unavailable, the janitor removes the files later
             with suppress(StridelabError, *NO_ANSWER):
                 await remove()

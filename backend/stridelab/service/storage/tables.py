@@ -1,4 +1,4 @@
-"""The tables. The ``job`` row is the truth; the queue's own row is only delivery."""
+"""Database tables. The ``job`` row holds the state of a job; the queue's own row only delivers it."""
 
 from sqlalchemy import (
     BigInteger,
