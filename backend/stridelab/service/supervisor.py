@@ -51,7 +51,7 @@ _HOPELESS: Final = 5
 _MAX_LOG_BYTES: Final = 5_000_000
 _OLDER: Final = (2, 3, 4, 5)
 """Suffix numbers of the rotated logs after the newest one."""
-_EVERYWHERE: Final = {"0.0.0.0": "127.0.0.1", "::": "::1", "": "127.0.0.1"}  # noqa: S104 (lookup keys, nothing binds to them)
+_EVERYWHERE: Final = {"0.0.0.0": "127.0.0.1", "::": "::1", "": "127.0.0.1"}  # noqa: S104 (keys of a look-up)
 
 
 class _StopAsked(BaseException):
@@ -290,7 +290,7 @@ class _DatabaseProbe:
         threading.Thread(target=self._ask, daemon=True).start()
 
     def verdict(self) -> Verdict | None:
-        """``stopped`` or ``hung``; None if the postmaster responds or does not run."""
+        """``stopped`` or ``hangs``; None if the postmaster responds or does not run."""
         pid = self._database.postmaster_pid
         if pid is None:
             self._pid = self._silence = None

@@ -304,7 +304,7 @@ def _unknown_reference(error: IntegrityError, recording_id: str | None, scenario
 
 
 def _shown() -> Select[Any]:
-    """Select jobs with their queue position, assuming round-robin over owners with waiting jobs (``queue_consumer``)."""
+    """Select jobs with their queue position, assuming round-robin over owners (``queue_consumer``)."""
     order = (job.c.priority.desc(), job.c.created_at, job.c.queue_id)
     turn = func.row_number().over(partition_by=job.c.owner, order_by=order).label("turn")
     columns = (job.c.id, job.c.priority, job.c.created_at, job.c.queue_id)

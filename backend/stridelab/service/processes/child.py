@@ -1,10 +1,9 @@
-"""The process in which one computation runs, forked from one that has imported what it needs (``forking``).
+"""The child process of one computation, forked from a server that has imported its libraries (``fork_server``).
 
-It waits for one task on its wire, answers on it, and ends. JSON lines only, both ways; files lie in the task's folder.
-It ends with its parent, has a session of its own (so that what it starts can be killed with it), little priority
-unless it reads what somebody has just sent, one thread per library, and no secrets in its environment. Before it looks
-at a file it gives up everything else that it could reach (``sandbox``). This module imports no library but the standard
-one.
+It receives one task on its socket, answers on it, and ends. Messages are JSON lines; files lie in the task's folder.
+The child ends with its parent, leads a session (so that its own children can be killed with it), has low priority
+unless a client waits for it, one thread per library, and no secrets in its environment. Before it opens a file it
+enters its sandbox (``sandbox``). This module imports the standard library only.
 """
 
 import contextlib
@@ -27,32 +26,32 @@ from stridelab.service.processes.priority import yield_processor
 from stridelab.service.processes.sandbox import Sandbox, confine
 
 NAME: Final = "stridelab-job"
-"""What the system calls a child that computes, to tell it from the process that it was forked from."""
+"""Process name of a child, to distinguish it from the fork server."""
 _MIN_PROGRESS_S = 0.02
 _own_pages = -1
-"""A descriptor of /proc/self/statm, for forks of this process that may no longer open theirs."""
+"""A descriptor of /proc/self/statm, for forks of a confined process, which may not open their own."""
 
 
 def live(wire: int, niceness: int) -> NoReturn:
-    """Wait for one task on the socket ``wire``, do it, answer."""
+    """Receive one task on the socket ``wire``, run it and send the answer."""
     if niceness > 0:
         yield_processor(niceness)
     _be_known()
     if isinstance(sys.stdout, io.TextIOWrapper):
-        sys.stdout.reconfigure(line_buffering=True)  # line by line, so that a killed child's last words are kept
+        sys.stdout.reconfigure(line_buffering=True)  # so that the output of a killed child is not lost
     faulthandler.enable()
-    heard, told = os.fdopen(wire, encoding="utf-8"), os.fdopen(os.dup(wire), "w", encoding="utf-8")
-    _send(told, {"ready": os.getpid(), "held_bytes": _pages(1)})
-    line = heard.readline()
+    reader, writer = os.fdopen(wire, encoding="utf-8"), os.fdopen(os.dup(wire), "w", encoding="utf-8")
+    _send(writer, {"ready": os.getpid(), "held_bytes": _pages(1)})
+    line = reader.readline()
     if line:
-        _send(told, answer(json.loads(line), told))
+        _send(writer, answer(json.loads(line), writer))
     sys.stdout.flush()
     sys.stderr.flush()
-    os._exit(0)  # no finalisers of native libraries: the answer is out
+    os._exit(0)  # the answer is sent: skip finalisers of native libraries
 
 
 def answer(task: dict[str, Any], wire: IO[str]) -> dict[str, Any]:
-    """What the computation returned, or what went wrong in it."""
+    """Run the task; returns a message with its value or its problem."""
     from stridelab.errors import StridelabError
 
     folder = Path(task["folder"])
@@ -75,11 +74,11 @@ def answer(task: dict[str, Any], wire: IO[str]) -> dict[str, Any]:
         faults = [{"where": fault.where, "message": fault.message} for fault in error.faults]
         problem = {"code": error.code, "detail": error.message, "errors": faults}
         return {"problem": problem, "raised": type(error).__name__}
-    except BaseException as error:  # noqa: BLE001 (whatever a computation does, its parent hears of it)
+    except BaseException as error:  # noqa: BLE001 (any error of the computation is reported to the parent)
         _without_limit()
         traceback.print_exc()
-        said = str(error).splitlines()[0][:300] if str(error) else "no message"
-        detail = f"The computation stopped with an unexpected error ({type(error).__name__}: {said})."
+        summary = str(error).splitlines()[0][:300] if str(error) else "no message"
+        detail = f"The computation stopped with an unexpected error ({type(error).__name__}: {summary})."
         full = isinstance(error, OSError) and error.errno == errno.ENOSPC
         code = "scratch-full" if full else "computation-failed"
         return {"problem": {"code": code, "detail": detail, "errors": []}, "raised": None}
@@ -91,7 +90,7 @@ def _reporter(wire: IO[str]) -> Callable[[float, str], None]:
     def report(fraction: float, message: str = "") -> None:
         nonlocal last, stage
         now = time.monotonic()
-        # The first word from a new stage ("whole body: ...") is never dropped: it may be the last that is heard.
+        # The first message of a new stage ("whole body: ...") is never dropped: it may be the last one.
         new_stage, colon, _ = str(message).partition(":")
         if now - last >= _MIN_PROGRESS_S or fraction >= 1.0 or (colon and new_stage != stage):
             last, stage = now, new_stage
@@ -106,28 +105,28 @@ def _send(wire: IO[str], message: dict[str, Any]) -> None:
 
 
 def forbid_core_files() -> None:
-    """A crash leaves no memory image of somebody's data on the disk."""
+    """Disable core dumps, which would write user data to the disk."""
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
 
 
 def _be_known() -> None:
-    """Have a name, and be the first to go where memory is short."""
+    """Set the process name, and make this process the first victim of the out-of-memory killer."""
     for file, text in (("oom_score_adj", "1000"), ("comm", NAME)):
         with contextlib.suppress(OSError):  # not Linux, or not allowed: the memory limit still holds
             Path("/proc/self", file).write_text(text, encoding="ascii")
 
 
 def limit_memory(memory_mb: int) -> None:
-    """Let ``memory_mb`` be reserved beyond what the imported libraries have reserved already."""
+    """Limit the address space to ``memory_mb`` beyond the present size, which includes the imported libraries."""
     limit = _pages(0) + (memory_mb << 20)
     with contextlib.suppress(ValueError, OSError):  # a lower hard limit is set already
         resource.setrlimit(resource.RLIMIT_AS, (limit, resource.getrlimit(resource.RLIMIT_AS)[1]))
 
 
 def _pages(column: int) -> int:
-    """Bytes that this process has reserved (column 0) or holds (1); 0 where the system does not tell.
+    """Virtual (column 0) or resident (1) memory of this process in bytes; 0 where the system does not provide it.
 
-    A fork of a confined child has to take what that has: it began with the same.
+    A fork of a confined child uses the values of that child, from which it started.
     """
     with contextlib.suppress(OSError):
         return int(Path("/proc/self/statm").read_text(encoding="ascii").split()[column]) * resource.getpagesize()

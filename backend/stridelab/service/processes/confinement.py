@@ -1,4 +1,4 @@
-"""The sandbox of children (``jobs.sandbox``) as a service sees it at its start: which layers there are, and whose."""
+"""Checks at the start of a service which layers of the children's sandbox (``sandbox``) are available."""
 
 import os
 import pwd
@@ -16,14 +16,14 @@ _log = structlog.get_logger(__name__)
 
 
 def layers(settings: Settings) -> tuple[str, ...]:
-    """Layers of the sandbox in force: of ``LAYERS`` those that the kernel has."""
+    """Active layers of the sandbox: those of ``LAYERS`` that the kernel supports."""
     return () if settings.sandbox == "off" else Kernel.present().layers
 
 
 def check(settings: Settings) -> None:
-    """Raise what makes a start useless.
+    """Check the sandbox settings.
 
-    ``Unavailable`` (``sandbox-missing``) where a layer is not there and all are required, ``InvalidInput``
+    Raises ``Unavailable`` (``sandbox-missing``) if a layer is missing and all are required, ``InvalidInput``
     (``child-user-unknown``).
     """
     if settings.sandbox == "required" and (missing := _missing(settings)):
@@ -33,7 +33,7 @@ def check(settings: Settings) -> None:
 
 
 def begin(settings: Settings, *folders: Path) -> None:
-    """Write one line to the log where the sandbox lacks a layer, and let the children's account reach ``folders``.
+    """Log a warning if the sandbox lacks a layer, and give the children's account access to ``folders``.
 
     Raises as ``check`` does, and ``InvalidInput`` (``child-user-cannot-reach``).
     """
@@ -52,7 +52,7 @@ def begin(settings: Settings, *folders: Path) -> None:
 
 
 def let_in(user: str, *folders: Path) -> None:
-    """Let the group of ``user`` pass through ``folders`` without seeing what they hold.
+    """Give the group of ``user`` search permission on ``folders`` without permission to list them.
 
     Raises ``InvalidInput`` (``child-user-unknown``).
     """

@@ -1,17 +1,17 @@
-"""The process that has imported what computations need and forks a child for each of them.
+"""Fork server: imports the libraries of computations once and forks a child for each of them.
 
-``python -m stridelab.service.processes.fork_server PARENT MODULES``; ``nursery`` is its parent's end. Its standard
-input is a socket on which it is asked, and answers, in records:
+``python -m stridelab.service.processes.fork_server PARENT MODULES``; ``fork_server_client`` is the parent's end. The
+standard input is a socket for requests and answers, in records:
 
     FORK, serial, niceness, and two files
-                                   fork a child that converses on the one and prints into the other
+                                   fork a child that communicates on the first file and prints into the second
     PING, 0                        answer 0, 0
-    LET_GO, serial                 the child's process number may become somebody else's
-    serial, code  (answer)         the child has ended; until it is let go it stays a zombie and can be signalled safely
+    LET_GO, serial                 the child may be reaped, after which its process id may be reused
+    serial, code  (answer)         the child has ended; until it is reaped it stays a zombie and can be signalled safely
 
-It has one thread, so that no fork copies a lock that somebody holds, imports only the standard library by itself, and
-ends with its parent, as its children end with it. It forks nothing before it has imported everything: the time that a
-child may take counts from its birth.
+The server has one thread, so that no fork copies a held lock, imports only the standard library by itself, and ends
+with its parent, as its children end with it. It forks no child before all imports are done, because the time limit of a
+child starts when it is forked.
 """
 
 import gc
@@ -29,7 +29,7 @@ from stridelab.service.processes import child
 from stridelab.service.processes.parent_death import die_with_parent
 
 REQUEST: Final = struct.Struct("<cqB")
-"""What is asked (``FORK`` or ``LET_GO``), the serial number that the asker gave to the child, how nice it is."""
+"""Request (``FORK``, ``LET_GO`` or ``PING``), the child's serial number assigned by the client, its niceness."""
 ANSWER: Final = struct.Struct("<qi")
 """Serial number and exit code, negative for a signal."""
 FORK: Final = b"F"
@@ -38,7 +38,7 @@ PING: Final = b"P"
 
 
 class Forking:
-    """The children of this process: forked, watched, let go."""
+    """Forks, monitors and reaps the children of this process."""
 
     def __init__(self, control: socket.socket) -> None:
         self._control, self._asked = control, control.fileno()
@@ -46,14 +46,14 @@ class Forking:
         os.set_blocking(self._woken, False)
         os.set_blocking(wake, False)
         self._wake = wake
-        signal.signal(signal.SIGCHLD, lambda *_: None)  # the byte in the pipe is what counts
+        signal.signal(signal.SIGCHLD, lambda *_: None)  # the signal only writes a byte to the wake-up pipe
         signal.set_wakeup_fd(wake, warn_on_full_buffer=False)
         self._pids: dict[int, int] = {}
         self._ended: set[int] = set()
         self._let_go: set[int] = set()
 
     def attend(self) -> NoReturn:
-        """Do what is asked, and tell of the dead, for as long as somebody is there to ask."""
+        """Serve requests and report ended children until the client closes the socket."""
         while True:
             ready, _, _ = select.select([self._asked, self._woken], [], [])
             if self._woken in ready:
@@ -63,10 +63,10 @@ class Forking:
             self._look_after()
 
     def _take(self) -> None:
-        asked, files, _, _ = socket.recv_fds(self._control, REQUEST.size, 2, socket.MSG_WAITALL)
-        if len(asked) < REQUEST.size:
-            os._exit(0)  # nobody is left to ask
-        what, serial, niceness = REQUEST.unpack(asked)
+        request, files, _, _ = socket.recv_fds(self._control, REQUEST.size, 2, socket.MSG_WAITALL)
+        if len(request) < REQUEST.size:
+            os._exit(0)  # the client has closed the socket
+        what, serial, niceness = REQUEST.unpack(request)
         if what == FORK:
             self._fork(serial, niceness, *files)
         elif what == PING:
@@ -75,14 +75,14 @@ class Forking:
             self._let_go.add(serial)
 
     def _fork(self, serial: int, niceness: int, wire: int, log: int) -> None:
-        nursery = os.getpid()
+        server_pid = os.getpid()
         try:
             pid = os.fork()
         except OSError as error:  # no process or no memory left
             os.write(log, f"No child could be forked: {error}.\n".encode())
             pid = None
         if pid == 0:
-            self._live(nursery, niceness, wire, log)
+            self._live(server_pid, niceness, wire, log)
         os.close(wire)
         os.close(log)
         if pid is None:
@@ -91,21 +91,21 @@ class Forking:
             self._pids[serial] = pid
 
     def _live(self, nursery: int, niceness: int, wire: int, log: int) -> NoReturn:
-        """In the child: leave everything of the nursery behind but what it has imported."""
+        """In the child: drop the server's state except for the imported modules, and run the task."""
         try:
             signal.set_wakeup_fd(-1)
             signal.signal(signal.SIGCHLD, signal.SIG_DFL)
             self._control.close()
             for inherited in (self._woken, self._wake):
                 os.close(inherited)
-            os.setsid()  # what it starts can be killed with it
+            os.setsid()  # its own children can be killed with it
             os.dup2(log, 1)
             os.dup2(log, 2)
             os.close(log)
             os.set_inheritable(wire, False)
             die_with_parent(nursery)
             child.live(wire, niceness)
-        except BaseException:  # noqa: BLE001 (it must not return into the nursery's loop)
+        except BaseException:  # noqa: BLE001 (the child must not return into the server's loop)
             traceback.print_exc()
         finally:
             os._exit(1)
@@ -113,10 +113,10 @@ class Forking:
     def _look_after(self) -> None:
         for serial, pid in list(self._pids.items()):
             if serial not in self._ended:
-                found = os.waitid(os.P_PID, pid, os.WEXITED | os.WNOWAIT | os.WNOHANG)
-                if found is None:
+                status = os.waitid(os.P_PID, pid, os.WEXITED | os.WNOWAIT | os.WNOHANG)
+                if status is None:
                     continue
-                code = found.si_status if found.si_code == os.CLD_EXITED else -found.si_status
+                code = status.si_status if status.si_code == os.CLD_EXITED else -status.si_status
                 self._ended.add(serial)
                 self._control.sendall(ANSWER.pack(serial, code))
             if serial in self._let_go:
@@ -127,7 +127,7 @@ class Forking:
 
 
 def main(parent_pid: int, modules: list[str]) -> None:
-    """Import ``modules``, and fork when asked, for as long as the parent is there."""
+    """Import ``modules`` and serve fork requests until the parent ends."""
     die_with_parent(parent_pid)
     child.forbid_core_files()
     control = socket.socket(fileno=os.dup(0))
@@ -137,9 +137,9 @@ def main(parent_pid: int, modules: list[str]) -> None:
         try:
             importlib.import_module(module)
         except ImportError:
-            traceback.print_exc()  # a task that needs it will say so
+            traceback.print_exc()  # a task that needs the module reports the error
     gc.collect()
-    gc.freeze()  # a collection in a child would touch, and so copy, every page
+    gc.freeze()  # a collection in a child would write to, and so copy, every page
     forking.attend()
 
 

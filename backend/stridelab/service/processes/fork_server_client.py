@@ -1,8 +1,8 @@
-"""The parent's end of the process from which children are forked (``forking``).
+"""Client of the fork server (``fork_server``).
 
-Forking one that has imported everything takes milliseconds, where a new interpreter would import for seconds; and what
-was imported is in memory once, however many children there are. The nursery is spawned from the event loop's thread,
-which must live as long as it does: the kernel kills it, and its children, when that thread ends.
+Forking a process that has imported all libraries takes milliseconds instead of the seconds of a new interpreter, and
+all children share the memory of these libraries. The fork server is spawned from the event loop's thread, which must
+live as long as the server does: the kernel kills the server and its children when that thread ends.
 """
 
 import asyncio
@@ -27,14 +27,14 @@ _log = structlog.get_logger(__name__)
 _THREADS: Final = ("OMP", "OPENBLAS", "MKL", "NUMEXPR", "VECLIB", "BLIS")
 _SECRETS: Final = ("STRIDELAB_", "AWS_", "PG", "AZURE_", "GOOGLE_")
 _NEEDED: Final = frozenset({"STRIDELAB_NATIVE_PATH", MODE, USER})
-"""The folder of the C++ solver, in which computations look for it, and what a child gives up: no secrets."""
+"""Non-secret variables that children need: the folder of the C++ solver and the sandbox settings."""
 _SINGLE_THREADED: Final = {"JE_ARROW_MALLOC_CONF": "background_thread:false"}
 """Arrow's allocator would start a thread at import, and a process with threads is not safely forked."""
 
 
 @dataclass
 class Forked:
-    """A child as it was forked: the wire to converse on, what it prints, and the code with which it ended."""
+    """A forked child: its communication streams, its output, and its exit code once it has ended."""
 
     serial: int
     heard: asyncio.StreamReader
@@ -45,7 +45,7 @@ class Forked:
 
 
 class Nursery:
-    """One such process. Made by ``start``; ``close`` kills it and all that it forked."""
+    """A fork server process. Created by ``start``; ``close`` kills it and all its children."""
 
     def __init__(self, process: asyncio.subprocess.Process, control: socket.socket) -> None:
         self._process, self._control = process, control
@@ -61,7 +61,7 @@ class Nursery:
 
     @staticmethod
     async def start(preload: Sequence[str]) -> "Nursery":
-        """Start the process, which imports ``preload`` first."""
+        """Start a fork server that imports the modules ``preload``."""
         ours, theirs = socket.socketpair()
         with theirs:
             process = await asyncio.create_subprocess_exec(
@@ -80,19 +80,16 @@ class Nursery:
 
     @property
     def pid(self) -> int:
-        """Process number."""
+        """Process id of the fork server."""
         return self._process.pid
 
     @property
     def is_gone(self) -> bool:
-        """Whether it has ended, so that another one is wanted."""
+        """Whether the fork server has ended and must be replaced."""
         return self._is_gone
 
     async def fork(self, niceness: int) -> Forked:
-        """A new child, which yields the processor to everybody else by ``niceness`` (0 to 19).
-
-        Raises ``OSError`` where the nursery has just ended.
-        """
+        """Fork a child with ``niceness`` (0 to 19). Raises ``OSError`` if the fork server has just ended."""
         self._serial += 1
         serial = self._serial
         wire, theirs = socket.socketpair()
@@ -108,23 +105,23 @@ class Nursery:
                 self._end()
                 raise
         ended = self._children[serial] = self._loop.create_future()
-        kept = asyncio.StreamReader()
-        heard, told = await asyncio.open_connection(sock=wire, limit=_LINE_BYTES)
+        log_reader = asyncio.StreamReader()
+        reader, writer = await asyncio.open_connection(sock=wire, limit=_LINE_BYTES)
         transport, _ = await self._loop.connect_read_pipe(
-            lambda: asyncio.StreamReaderProtocol(kept), os.fdopen(log, "rb", buffering=0)
+            lambda: asyncio.StreamReaderProtocol(log_reader), os.fdopen(log, "rb", buffering=0)
         )
-        return Forked(serial, heard, told, kept, transport, ended)
+        return Forked(serial, reader, writer, log_reader, transport, ended)
 
     def let_go(self, child: Forked) -> None:
-        """Be done with a child: from when it has ended its process number may become somebody else's."""
+        """Release a child: once it has ended, it is reaped and its process id may be reused."""
         child.told.close()
         child.log_transport.close()
         self._children.pop(child.serial, None)
-        with contextlib.suppress(OSError):  # the nursery has ended, and its children with it
+        with contextlib.suppress(OSError):  # the fork server has ended, and its children with it
             self._control.send(REQUEST.pack(LET_GO, child.serial, 0))
 
     async def close(self) -> None:
-        """Kill it, and wait until it has ended."""
+        """Kill the fork server and wait until it has ended."""
         with contextlib.suppress(ProcessLookupError):
             self._process.kill()
         await self._process.wait()
@@ -132,25 +129,25 @@ class Nursery:
 
     def _hear(self) -> None:
         try:
-            said = self._control.recv(1 << 16)
+            received = self._control.recv(1 << 16)
         except BlockingIOError:
             return
         except OSError:
-            said = b""
-        if not said:
+            received = b""
+        if not received:
             self._end()
             return
-        self._heard += said
+        self._heard += received
         whole = len(self._heard) // ANSWER.size * ANSWER.size
         for serial, code in ANSWER.iter_unpack(self._heard[:whole]):
-            if serial == 0:  # children are counted from 1
+            if serial == 0:  # answer to a ping; serial numbers of children start at 1
                 self._is_asked = False
                 self._silence.heard()
             self._settle(self._children.get(serial), code)
         self._heard = self._heard[whole:]
 
     async def _watch(self) -> None:
-        """Kill the process where it does not answer; who needs a child then finds another one."""
+        """Ping the fork server and kill it if it does not respond; the next fork starts a new one."""
         while True:
             if not self._is_asked:
                 with contextlib.suppress(OSError):  # its buffer is full, or it has just ended
@@ -170,7 +167,7 @@ class Nursery:
             self._loop.remove_reader(self._control)
             self._control.close()
             for ended in self._children.values():
-                self._settle(ended, -signal.SIGKILL)  # by the kernel, with the nursery
+                self._settle(ended, -signal.SIGKILL)  # the kernel kills them with the fork server
 
     @staticmethod
     def _settle(ended: "asyncio.Future[int] | None", code: int) -> None:
@@ -179,9 +176,9 @@ class Nursery:
 
 
 def child_environment() -> dict[str, str]:
-    """The environment of a process that computes: no secrets, one thread per library."""
+    """Environment of a child process: no secrets, one thread per library."""
     environment = {key: value for key, value in os.environ.items() if key in _NEEDED or not key.startswith(_SECRETS)}
-    # Arrow's own allocator reserves 1 GiB of addresses at once: all that a child that reads an upload may have.
+    # Arrow's default allocator reserves 1 GiB of address space at once, the entire limit of a child that parses uploads.
     return (
         environment | {f"{library}_NUM_THREADS": "1" for library in _THREADS} | {"ARROW_DEFAULT_MEMORY_POOL": "system"}
     )

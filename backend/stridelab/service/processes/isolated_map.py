@@ -1,8 +1,7 @@
-"""One process per item, a few at a time: an item that crashes or hangs its process costs itself and nothing else.
+"""Parallel map with one process per item: a crash or hang of one item does not affect the others.
 
-The processes are forked, from the caller where that is safe and else from a server process that has imported what they
-need, so that each starts in milliseconds. They belong to the caller's session, so that whoever kills that session
-kills them. Answers are JSON.
+The processes are forked from the caller if that is safe, and otherwise from a server process with preloaded modules, so
+that each starts in milliseconds. They belong to the caller's session and are killed with it. Answers are JSON.
 """
 
 import json
@@ -24,7 +23,7 @@ from stridelab.service.kinds.base import Json
 PROCESSES: Final = 2
 _NEVER_S: Final = 3600.0
 _START_S: Final = 60.0
-"""For the server process to import what is preloaded; the time of an item counts from when its own process works."""
+"""Time for the server process to import the preloaded modules; the limit of an item starts with its own process."""
 _STARTED: Final = b"started"
 
 
@@ -43,10 +42,11 @@ def each_apart(
     timeout_s: float = _NEVER_S,
     processes: int = PROCESSES,
 ) -> Iterator[tuple[int, "Json | StridelabError"]]:
-    """``work`` of every item, as it gets done: its index with the answer, or the error of this project that it raised.
+    """Yield the index and the result of ``work(item)``, or the ``StridelabError`` that it raised, as items finish.
 
-    ``work`` is a function of a module; ``preload`` are modules that it needs. A process that ends without an answer is
-    the error ``computation-crashed``, one that takes too long ``computation-timed-out``. Closing the iterator ends all.
+    ``work`` is a module-level function; ``preload`` are the modules that it needs. A process that ends without an
+    answer yields the error ``computation-crashed``, one that exceeds ``timeout_s`` ``computation-timed-out``. Closing
+    the iterator kills all processes.
     """
     at_once = min(processes, usable_cores())
     forks_itself = _has_one_thread()
@@ -76,7 +76,7 @@ def each_apart(
             for pipe in late:
                 one = running.pop(pipe)
                 _end(pipe, one.process)
-                sentence = "Its computation took too long and was ended."
+                sentence = "The computation exceeded its time limit and was stopped."
                 yield one.index, StridelabError("computation-timed-out", sentence)
     finally:
         for pipe, one in running.items():
@@ -84,7 +84,7 @@ def each_apart(
 
 
 def _has_one_thread() -> bool:
-    """Whether a fork of this process copies no lock that another thread holds: so in the child of a job."""
+    """Whether this process can fork safely: with one thread, no fork copies a held lock."""
     tasks = Path("/proc/self/task")
     return tasks.exists() and len(list(tasks.iterdir())) == 1
 
@@ -113,7 +113,7 @@ def _finished(pipe: Connection, process: BaseProcess, content: bytes | None) -> 
     exit_code = process.exitcode
     _end(pipe, process)
     if content is None:
-        how = f"Its computation ended with exit code {exit_code} and no answer."
+        how = f"The computation ended with exit code {exit_code} and no answer."
         return StridelabError("computation-crashed", how)
     message: dict[str, Any] = json.loads(content)
     if "value" in message:

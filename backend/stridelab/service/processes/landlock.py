@@ -1,9 +1,8 @@
-"""Landlock: a thread gives up all files and TCP ports but those that it names, for itself and whatever it starts.
+"""Landlock: restricts a thread and its children to a given set of files and TCP ports.
 
-Three system calls, which the C library does not wrap; see landlock(7) and Documentation/userspace-api/landlock.rst of
-the kernel, from which the numbers below are taken (include/uapi/linux/landlock.h). The kernel tells which version of
-the interface it has (its ABI), and knows no access right that came later: those are left out here. Only the standard
-library is imported.
+Uses three system calls that the C library does not wrap; see landlock(7) and Documentation/userspace-api/landlock.rst
+of the kernel; the numbers below are from include/uapi/linux/landlock.h. The kernel reports its version of the interface
+(ABI); access rights of later versions are left out. Imports the standard library only.
 """
 
 import ctypes
@@ -24,20 +23,21 @@ REFER, TRUNCATE, _IOCTL_DEV = (1 << bit for bit in range(13, 16))
 _BIND_TCP, _CONNECT_TCP = 1, 2
 _ABSTRACT_SOCKETS, _SIGNALS = 1, 2
 _LAST_BIT_OF_ABI: Final = (12, 13, 14, 14, 15)
-"""The last access right to files that ABI 1, 2, ... knows; later ones know no other that is handled here."""
+"""Last file access right of ABI 1, 2, ...; later ABIs add none that is handled here."""
 NETWORK_ABI: Final = 4
 _SCOPE_ABI: Final = 6
 
 READ: Final = READ_FILE | READ_DIR
 RUN: Final = READ | EXECUTE
 USE: Final = READ_FILE | WRITE_FILE
-"""Of a device such as /dev/null."""
+"""Rights for a device such as /dev/null."""
 FILL: Final = READ | WRITE_FILE | REMOVE_DIR | REMOVE_FILE | MAKE_DIR | MAKE_REG | REFER | TRUNCATE
-"""Everything in a folder but programs, devices, sockets and symbolic links: whoever reads the folder follows links."""
+"""Rights for a writable folder: everything except executing programs and creating devices, sockets or symbolic links,
+which a later reader of the folder would follow."""
 _OF_A_FILE: Final = EXECUTE | WRITE_FILE | READ_FILE | TRUNCATE | _IOCTL_DEV
 
 Rule = tuple[Path, int]
-"""A file, or a folder with all that is below it, and the access rights that remain."""
+"""A file or folder (with everything below it) and its remaining access rights."""
 
 
 class _Ruleset(ctypes.Structure):
@@ -54,8 +54,8 @@ class _NetPort(ctypes.Structure):
 
 
 def abi() -> int:
-    """Version of the kernel's Landlock; 0 where there is none, or where something forbids to use it."""
-    if sys.platform != "linux":  # where the numbers mean other calls
+    """ABI version of the kernel's Landlock; 0 if it is missing or blocked."""
+    if sys.platform != "linux":  # elsewhere the numbers belong to other calls
         return 0
     try:
         return _call(_CREATE_RULESET, None, 0, _ASK_VERSION)
@@ -64,20 +64,20 @@ def abi() -> int:
 
 
 def restrict(rules: Iterable[Rule], *, may_listen: bool, version: int) -> None:
-    """Leave the calling thread with ``rules`` only; it must have set ``no_new_privs``.
+    """Restrict the calling thread to ``rules``; it must have set ``no_new_privs``.
 
-    A path that is not there, or cannot be reached, is left out. From ABI 4 on no TCP port can be connected to, and none
-    bound, but for one that the kernel chooses if it ``may_listen``; from ABI 6 on no process outside can be signalled,
-    and no abstract socket of one be reached. Raises ``OSError``.
+    Missing or unreachable paths are skipped. From ABI 4 on, the thread cannot connect to TCP ports, and can bind only a
+    port chosen by the kernel, if ``may_listen``; from ABI 6 on, it cannot signal processes outside or use their
+    abstract sockets. Raises ``OSError``.
     """
     handled = (2 << _LAST_BIT_OF_ABI[min(version, len(_LAST_BIT_OF_ABI)) - 1]) - 1
-    asked = _Ruleset(handled)
+    ruleset_attr = _Ruleset(handled)
     size = 8
     if version >= NETWORK_ABI:
-        asked.network, size = _BIND_TCP | _CONNECT_TCP, 16
+        ruleset_attr.network, size = _BIND_TCP | _CONNECT_TCP, 16
     if version >= _SCOPE_ABI:
-        asked.scoped, size = _ABSTRACT_SOCKETS | _SIGNALS, 24
-    ruleset = _call(_CREATE_RULESET, ctypes.byref(asked), size, 0)
+        ruleset_attr.scoped, size = _ABSTRACT_SOCKETS | _SIGNALS, 24
+    ruleset = _call(_CREATE_RULESET, ctypes.byref(ruleset_attr), size, 0)
     try:
         for path, rights in rules:
             _allow(ruleset, path, rights & handled)
@@ -90,10 +90,10 @@ def restrict(rules: Iterable[Rule], *, may_listen: bool, version: int) -> None:
 
 
 def pin(paths: Sequence[Path]) -> None:
-    """Keep a handle to each path for as long as the process lives.
+    """Keep an open handle to each path for the lifetime of the process.
 
-    A rule is about the file that the kernel has in memory. Those of /proc are forgotten, and made anew without the
-    rule, unless somebody holds them.
+    A rule belongs to the kernel's inode in memory. Inodes of /proc are evicted and recreated without the rule unless a
+    handle holds them.
     """
     for path in paths:
         try:

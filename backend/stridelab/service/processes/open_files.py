@@ -1,4 +1,4 @@
-"""How many files and connections this process may have open at a time."""
+"""Limit of open files and connections of this process."""
 
 import resource
 from typing import Final

@@ -1,11 +1,11 @@
-"""Start a program that ends with its parent.
+"""Starts a program that ends with its parent (parent death signal).
 
 ``python -m stridelab.service.processes.parent_death PID SIGNAL [--user NAME] -- ARGV``
 
-A service that is killed with ``kill -9`` cannot tell its children to stop; the kernel does (``PR_SET_PDEATHSIG``,
-prctl(2)). The setting survives ``execve`` but not a change of user, so it is made here, after that change and right
-before the program starts. It fires when the *thread* that spawned the child ends: spawn from threads that live long.
-Where the kernel has no such call (macOS), the program starts untethered.
+A service that is killed with ``kill -9`` cannot stop its children; the kernel does (``PR_SET_PDEATHSIG``, prctl(2)).
+The setting survives ``execve`` but not a change of user, so it is made after that change and right before the program
+starts. The signal is sent when the *thread* that spawned the child ends: spawn from long-lived threads. Where the
+kernel has no such call (macOS), the program starts without a parent death signal.
 """
 
 import ctypes
@@ -19,7 +19,7 @@ _PR_SET_PDEATHSIG = 1
 
 
 def die_with_parent(parent_pid: int, signum: int = signal.SIGKILL) -> None:
-    """Have the kernel send ``signum`` to this process when its parent ends; exit at once where it already has."""
+    """Make the kernel send ``signum`` to this process when its parent ends; exit at once if it already has."""
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, int(signum))
     if os.getppid() != parent_pid:
@@ -27,7 +27,7 @@ def die_with_parent(parent_pid: int, signum: int = signal.SIGKILL) -> None:
 
 
 def tethered(argv: Sequence[str], *, signum: int = signal.SIGKILL, user: str | None = None) -> list[str]:
-    """Command line that runs ``argv`` tethered to the calling process, as ``user`` where one is given."""
+    """Command line that runs ``argv`` so that it ends with the calling process; as ``user`` if given."""
     switch = [] if user is None else ["--user", user]
     return [
         sys.executable,
@@ -42,7 +42,7 @@ def tethered(argv: Sequence[str], *, signum: int = signal.SIGKILL, user: str | N
 
 
 def become(user: str) -> None:
-    """Give up root for ``user``, for good."""
+    """Change irrevocably from root to ``user``."""
     account = pwd.getpwnam(user)
     os.setgroups([])
     os.setgid(account.pw_gid)
@@ -50,7 +50,7 @@ def become(user: str) -> None:
 
 
 def main(arguments: Sequence[str]) -> None:
-    """Tie this process to its parent and become the program."""
+    """Set the parent death signal and execute the program."""
     separator = arguments.index("--")
     options, argv = arguments[:separator], list(arguments[separator + 1 :])
     if options[2:]:

@@ -1,7 +1,7 @@
-"""Computations in killable single-use processes: a crash, a hang or a memory hog costs only its own task.
+"""Runs computations in killable single-use processes: a crash, hang or memory excess affects only its own task.
 
-Children are forked from a process that has imported what they need (``nursery``), so that handing over a task takes
-milliseconds. A child does one task and ends, so nothing leaks from one to the next.
+Children are forked from a fork server with preloaded libraries (``fork_server_client``), so that starting a task takes
+milliseconds. A child runs one task and ends, so no state leaks from one task to the next.
 """
 
 import asyncio
@@ -24,25 +24,25 @@ from stridelab.service.processes.priority import NICENESS
 from stridelab.service.processes.sandbox import STRICT, Sandbox
 
 LOG_BYTES: Final = 64 * 1024
-"""How much of the end of a child's log is kept."""
+"""Size of the stored end of a child's log."""
 _MEMORY_WATCH_S: Final = 0.1
 _TICKS_PER_FAMILY: Final = 10
 _START_S: Final = 600.0
-"""How long a child may wait for the nursery's imports, seconds of processor on a machine that may be very busy."""
+"""Time limit for the fork server's imports, which take seconds of processor time on a possibly busy machine."""
 _PATIENCE_S: Final = 1.0
 _AFTER_DEATH_S: Final = 0.5
 
 State = Literal["ok", "error", "crashed", "killed", "timeout", "cancelled", "memory"]
-"""``killed`` is a SIGKILL that did not come from here: the kernel's for want of memory, or somebody's."""
+"""``killed`` is a SIGKILL from outside, such as that of the out-of-memory killer."""
 OnProgress = Callable[[float, str], None]
 
 
 @dataclass(frozen=True)
 class IsolatedOutcome:
-    """How a task ended.
+    """Outcome of a task.
 
-    ``value`` is what it returned (state ``ok``); otherwise ``problem`` is ``{"code", "detail", "errors"}`` and
-    ``raised`` names the class where it was an error of this project. ``log_tail`` is the end of what was printed.
+    ``value`` is its return value (state ``ok``); otherwise ``problem`` is ``{"code", "detail", "errors"}`` and
+    ``raised`` is the class name of a ``StridelabError``. ``log_tail`` is the end of the printed output.
     """
 
     state: State
@@ -52,7 +52,7 @@ class IsolatedOutcome:
     log_tail: str
 
     def as_error(self) -> StridelabError:
-        """The error that the task raised, or one that says how it ended."""
+        """The error that the task raised, or one that describes how it ended."""
         problem = self.problem or _problem("computation-failed", "The computation did not succeed.")
         faults = [Fault(item["where"], item["message"]) for item in problem["errors"]]
         kind = getattr(errors, self.raised or "StridelabError", StridelabError)
@@ -61,10 +61,9 @@ class IsolatedOutcome:
 
 
 class IsolatedPool:
-    """Children for one event loop that have imported ``preload``. An asynchronous context manager.
+    """Asynchronous context manager: runs tasks in children that have imported ``preload``, for one event loop.
 
-    They yield the processor by ``niceness`` (0 to 19), but those that are short and that somebody waits for.
-    Each uses at most ``cores``; by default as many as there are.
+    Children have ``niceness`` (0 to 19) unless a client waits for them, and use at most ``cores`` (default: all).
     """
 
     def __init__(self, preload: Sequence[str] = (), niceness: int = NICENESS, cores: int | None = None) -> None:
@@ -80,7 +79,7 @@ class IsolatedPool:
         await self.close()
 
     async def close(self) -> None:
-        """Kill the children; one that is asked for later would find everything started anew."""
+        """Kill the fork server and all children; a later ``run`` starts a new one."""
         if self._nursery is not None:
             await self._nursery.close()
             self._nursery = None
@@ -98,13 +97,13 @@ class IsolatedPool:
         yields: bool = True,
         sandbox: Sandbox | None = STRICT,
     ) -> IsolatedOutcome:
-        """Run ``target`` (``"module:function"``) as ``f(task, folder, progress)`` in a child of its own.
+        """Run ``target`` (``"module:function"``) as ``f(task, folder, progress)`` in a new child.
 
-        ``timeout_s`` counts from the moment at which the child is ready. Setting ``cancel``, or cancelling the
-        calling task, kills the child and all that it started. Where it ``yields``, it
-        does so by the niceness of the pool. A task whose child was killed before it came up is given to another one.
+        ``timeout_s`` starts when the child is ready. Setting ``cancel``, or cancelling the calling task, kills the
+        child and all its processes. With ``yields`` the child has the niceness of the pool. A task whose child was
+        killed before it was ready is repeated once.
 
-        The child can do only what ``sandbox`` allows; None is for a task without any input that a stranger chose.
+        ``sandbox`` restricts the child; None is for tasks without untrusted input.
         """
         for is_last in (False, True):
             child = await self._born(self._niceness if yields else 0)
@@ -133,7 +132,7 @@ class IsolatedPool:
         try:
             nursery = await self._living()
             return _Child(nursery, await nursery.fork(niceness))
-        except OSError:  # it ended between the two
+        except OSError:  # the fork server ended between the two calls
             nursery = await self._living()
             return _Child(nursery, await nursery.fork(niceness))
 
@@ -147,7 +146,7 @@ class IsolatedPool:
 
 
 class _Child:
-    """One child process and the two streams that come from it."""
+    """One child process with its communication stream and its log."""
 
     def __init__(self, nursery: Nursery, forked: Forked) -> None:
         self._nursery, self._forked = nursery, forked
@@ -175,13 +174,13 @@ class _Child:
                 on_progress(0.0, "start: waiting for the libraries")
                 await asyncio.wait({ready, stop}, timeout=_START_S, return_when=asyncio.FIRST_COMPLETED)
             if not ready.done() and not stop.done():
-                await self._nursery.close()  # it hangs: its children count as killed, and the next one finds another
+                await self._nursery.close()  # it hangs: its children count as killed, the next fork starts a new server
                 return await self._crashed()
             if ready.done() and not stop.done():
                 ended = self._forked.ended
                 any_of: set[asyncio.Future[Any]] = {reading, stop, watching, ended}
                 await asyncio.wait(any_of, timeout=timeout_s, return_when=asyncio.FIRST_COMPLETED)
-                if ended.done():  # what it said last may still be on its way; what it started may hold the wire open
+                if ended.done():  # its last message may still be in transit; a grandchild may hold the socket open
                     await asyncio.wait({reading}, timeout=_AFTER_DEATH_S)
                     if not reading.done():
                         return await self._crashed()
@@ -202,11 +201,11 @@ class _Child:
 
     @property
     def has_begun(self) -> bool:
-        """Whether it came up, so that it may have begun its task before it ended."""
+        """Whether the child was ready, so that it may have started its task before it ended."""
         return self._pid is not None
 
     async def end(self) -> None:
-        """Kill the child and everything in its session, and collect what is left of it."""
+        """Kill the child and everything in its session, and release it."""
         await self._dead()
         await self._log()
         self._logging.cancel()
@@ -214,7 +213,7 @@ class _Child:
 
     async def _dead(self) -> None:
         self._kill()
-        if self._pid is not None:  # one that was never ready is not waited for: it ends when its wire is cut
+        if self._pid is not None:  # a child that was never ready ends when its socket is closed
             await asyncio.wait([self._forked.ended])
 
     def _kill(self) -> None:
@@ -223,7 +222,7 @@ class _Child:
                 os.killpg(self._pid, signal.SIGKILL)
 
     async def _ready(self) -> bool:
-        """Whether the child has come up; its process number is known from then on."""
+        """Wait until the child is ready and store its process id; False if it ended before."""
         message = await self._next_message()
         if message is None:
             return False
@@ -233,7 +232,7 @@ class _Child:
     async def _converse(
         self, ready: "asyncio.Task[bool]", task: Mapping[str, Any], on_progress: OnProgress
     ) -> dict[str, Any] | None:
-        """Hand over the task and listen until the answer; None where the child ended without one."""
+        """Send the task and read messages until the answer; None if the child ended without one."""
         if not await asyncio.shield(ready):
             return None
         try:
@@ -251,7 +250,7 @@ class _Child:
         try:
             line = await self._forked.heard.readline()
             message = json.loads(line) if line else None
-        except (ValueError, ConnectionResetError):  # longer than the limit, not ours, or cut
+        except (ValueError, ConnectionResetError):  # too long, not JSON, or truncated
             return None
         return message if isinstance(message, dict) else None
 
@@ -281,7 +280,7 @@ class _Child:
         )
 
     def _kill_unless_ended(self) -> bool:
-        """Stop a child whose answer could not be read (True); one that has just ended keeps its exit code."""
+        """Kill a child whose answer could not be read (True); one that has just ended keeps its exit code."""
         if self._forked.ended.done() or self._forked.heard.at_eof():
             return False
         self._kill()
@@ -296,7 +295,7 @@ class _Child:
         return IsolatedOutcome("memory", None, _memory_problem(memory_mb), None, await self._log())
 
     async def _watch_memory(self, ready: "asyncio.Task[bool]", limit_bytes: int) -> None:
-        """Return when the child and its own children hold more than the limit beyond what was imported for it."""
+        """Return when the child and its own children use more memory than the limit plus the preloaded libraries."""
         await asyncio.shield(ready)
         for tick in itertools.count():
             await asyncio.sleep(_MEMORY_WATCH_S)
@@ -304,9 +303,9 @@ class _Child:
                 process = psutil.Process(self._pid)
                 held = [process]
                 if tick % _TICKS_PER_FAMILY == 0:
-                    held += process.children(recursive=True)  # looks at every process of the machine
+                    held += process.children(recursive=True)  # expensive: scans all processes of the machine
                 allowed_bytes = limit_bytes + self._held_bytes
-                # resident pages count once per process and cost nothing to read: where they fit, all fits
+                # the sum of resident sizes is cheap and an upper bound, as shared pages count once per process
                 if sum(each.memory_info().rss for each in held) <= allowed_bytes:
                     continue
                 if len(held) == 1 or await asyncio.to_thread(_held_together, held) > allowed_bytes:
@@ -325,16 +324,16 @@ class _Child:
 
 
 def _held_together(processes: Sequence[psutil.Process]) -> int:
-    """Bytes that the processes hold, a page that several of them share counted once."""
+    """Memory of the processes in bytes; shared pages count once."""
     return sum(_proportional_bytes(process) for process in processes)
 
 
 def _proportional_bytes(process: psutil.Process) -> int:
-    """What a process holds (its proportional set size): a page that n share counts 1/n; else what is resident."""
+    """Proportional set size of a process in bytes (a page shared by n counts 1/n), else its resident size."""
     try:
         rollup = Path(f"/proc/{process.pid}/smaps_rollup").read_text(encoding="ascii")
         return next(int(line.split()[1]) for line in rollup.splitlines() if line.startswith("Pss:")) * 1024
-    except (OSError, StopIteration):  # an older kernel, another system, or not ours to read
+    except (OSError, StopIteration):  # an older kernel, another system, or no permission
         return int(process.memory_info().rss)
 
 

@@ -1,9 +1,8 @@
-"""One child that stays, for answers that are wanted at once: started by the first question, replaced when it fails.
+"""Long-lived child processes that answer requests one at a time.
 
-It answers one question at a time, in JSON lines with numbers, so that an answer nobody waits for any more is not taken
-for another one's. It ends by itself when it has not been asked for a while.
-
-The parent's end of a stream's process: one question, one answer, and an end that leaves nothing behind.
+``Resident`` serves previews: its child is started by the first request, replaced when it fails, and ends by itself
+after an idle time. Requests are numbered JSON lines, so that the answer to a cancelled request is not taken for that of
+the next one. ``StreamProcess`` serves one online stream.
 """
 
 import asyncio
@@ -25,16 +24,16 @@ Json = dict[str, Any]
 
 CHILD: Final = "stridelab.service.api.previews.child"
 MEMORY_MB: Final = 1024
-"""What it may take beyond its libraries."""
+"""Memory limit of the preview child beyond its libraries."""
 START_S: Final = 60.0
 ANSWER_S: Final = 10.0
 WAITING: Final = 16
-"""Questions that may wait for their turn; the next one is told to come back."""
+"""Maximum number of waiting requests; further ones raise ``Busy``."""
 _LINE_BYTES: Final = 16 * 1024 * 1024
 
 
 class Resident:
-    """The planner that answers directly. An asynchronous context manager: the child is killed at the end."""
+    """Asynchronous context manager: the preview planner in a child process, which is killed at exit."""
 
     def __init__(self, *, answer_s: float = ANSWER_S, module: str = CHILD) -> None:
         self._answer_s, self._module = answer_s, module
@@ -54,15 +53,14 @@ class Resident:
 
     @property
     def pid(self) -> int | None:
-        """Of the child, while there is one."""
+        """Process id of the child; None while there is none."""
         return None if self._process is None or self._process.returncode is not None else self._process.pid
 
     async def ask(self, question: Json) -> Json:
-        """The answer to ``question``.
+        """The child's answer to ``question``.
 
-        Raises what the child raised; ``Busy`` (``preview-busy``) where too many wait; ``Unavailable``
-        (``preview-failed``, ``preview-stuck``) where it died, or was ended because it gave no answer in time: the next
-        question finds a new one.
+        Raises the child's error; ``Busy`` (``preview-busy``) if too many requests wait; ``Unavailable`` if the child
+        died (``preview-failed``) or did not answer in time (``preview-stuck``). The next request starts a new child.
         """
         if self._waiting >= WAITING:
             raise Busy("preview-busy", "Too many plans are being previewed at this moment.", 1.0)
@@ -85,12 +83,12 @@ class Resident:
                 answer = await self._exchange(process, question)
         except TimeoutError as error:
             await self._end()
-            sentence = f"The planner gave no answer within {limit_s:g} s and was started anew."
+            sentence = f"The planner did not respond within {limit_s:g} s and was restarted."
             raise Unavailable("preview-stuck", sentence) from error
         except (asyncio.IncompleteReadError, BrokenPipeError, ConnectionResetError, ValueError) as error:
             await self._end()
-            raise Unavailable("preview-failed", "The planner has ended unexpectedly and was started anew.") from error
-        self._fresh = False  # the first answer waits for the libraries
+            raise Unavailable("preview-failed", "The planner ended unexpectedly and was restarted.") from error
+        self._fresh = False  # the first answer includes the import of the libraries
         return answer
 
     async def _exchange(self, process: asyncio.subprocess.Process, question: Json) -> Json:
@@ -138,11 +136,11 @@ class Resident:
 
 
 PROCESS_MEMORY_MB: Final = 256
-"""What a stream may take beyond its libraries."""
+"""Memory limit of a stream's child beyond its libraries."""
 
 
 class StreamProcess:
-    """A child of its own for one stream. An asynchronous context manager: the child is killed at the end."""
+    """Asynchronous context manager: the child process of one stream, which is killed at exit."""
 
     def __init__(self, process: asyncio.subprocess.Process) -> None:
         self._process = process
@@ -150,7 +148,7 @@ class StreamProcess:
 
     @staticmethod
     async def spawn() -> "StreamProcess":
-        """Start it; it says nothing before it is asked."""
+        """Start the child; it only answers requests."""
         process = await asyncio.create_subprocess_exec(
             sys.executable,
             "-m",
@@ -177,22 +175,22 @@ class StreamProcess:
             self._process.stdin.close()
 
     async def ask(self, parcel: Parcel) -> Parcel:
-        """The answer to ``parcel``.
+        """The child's answer to ``parcel``.
 
-        Raises what the child raised, or ``StridelabError`` with code ``stream-failed`` (it died) or
+        Raises the child's error, or ``StridelabError`` with code ``stream-failed`` (the child died) or
         ``stream-stuck`` (no answer in time).
         """
         try:
             async with asyncio.timeout(self._limit_s):
                 answer = await self._exchange(parcel)
         except TimeoutError as error:
-            raise StridelabError("stream-stuck", "The estimator of this stream does not answer.") from error
+            raise StridelabError("stream-stuck", "The estimator of this stream does not respond.") from error
         except (asyncio.IncompleteReadError, BrokenPipeError, ConnectionResetError) as error:
-            raise StridelabError("stream-failed", "The estimator of this stream has ended unexpectedly.") from error
-        self._limit_s = ANSWER_S  # the first answer waits for the libraries
+            raise StridelabError("stream-failed", "The estimator of this stream ended unexpectedly.") from error
+        self._limit_s = ANSWER_S  # the first answer includes the import of the libraries
         if answer.kind == PROBLEM:
-            said = json.loads(answer.content)
-            raise IsolatedOutcome("error", None, said["problem"], said["raised"], "").as_error()
+            failure = json.loads(answer.content)
+            raise IsolatedOutcome("error", None, failure["problem"], failure["raised"], "").as_error()
         return answer
 
     async def _exchange(self, parcel: Parcel) -> Parcel:

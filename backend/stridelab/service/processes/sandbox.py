@@ -1,15 +1,15 @@
-"""What a child process gives up for good before it reads the first byte that a stranger chose.
+"""Sandbox of a child process, entered before the child reads untrusted input.
 
-It keeps its folder, the files that Python and its libraries are made of (read only), what it holds open (the wire to
-its parent and its log), and its limits of time and memory. It gives up all other files, the network, other programs
-and other processes, in layers that the kernel has or has not:
+The child keeps access to its folder, to the files of Python and its libraries (read only), and to its open files (the
+socket to its parent and its log). It loses access to all other files, the network, other programs and other processes,
+in layers that depend on the kernel:
 
-    privileges     no_new_privs; as root also the capabilities, and the account where another one is set
+    privileges     no_new_privs; as root also the capabilities, and the account if another one is set
     files          Landlock (``landlock``): files, from ABI 4 on TCP ports, from ABI 6 on signals to others
-    system calls   seccomp (``system_calls``): sockets, programs, other processes, rarely used parts of the kernel
+    system calls   seccomp (``seccomp``): sockets, programs, other processes, rarely used parts of the kernel
 
-A layer that the kernel has must hold: where it cannot be set up, the child reads nothing. Only the standard library is
-imported by this module, which the process that forks the children imports, too.
+If a layer that the kernel supports cannot be set up, the child reads nothing. Imports the standard library and small
+modules of this package only, because the fork server imports it, too.
 """
 
 import ctypes
@@ -51,7 +51,7 @@ _PROC: Final = tuple(
         *(f"self/{name}" for name in ("statm", "stat", "status", "task", "maps", "auxv", "cgroup", "mountinfo")),
     )
 )
-"""What libraries look at to choose their number of threads and blocks of memory; nothing about other processes."""
+"""Files that libraries read to choose thread counts and memory block sizes; none about other processes."""
 
 
 def _here() -> Path | None:
@@ -62,12 +62,12 @@ def _here() -> Path | None:
 
 
 _STARTED_IN: Final = _here()
-"""``python -m`` puts this folder on the path of modules, though it may be somebody's home."""
+"""Working folder at the start, which ``python -m`` adds to the module path although it may be a home folder."""
 
 
 @dataclass(frozen=True)
 class Sandbox:
-    """What a child may still do: start ``programs`` (under the same limits), or be a ``server`` on a TCP port."""
+    """Exceptions for a child: it may start ``programs`` (under the same limits), or be a ``server`` on a TCP port."""
 
     programs: bool = False
     server: bool = False
@@ -78,45 +78,45 @@ STRICT: Final = Sandbox()
 
 @dataclass(frozen=True)
 class Kernel:
-    """What the kernel offers to this process: the ABI of its Landlock (0: none), and filters of system calls."""
+    """Sandbox features of the kernel: the ABI of Landlock (0: none), and system call filters."""
 
     landlock_abi: int
     filters: bool
 
     @staticmethod
     def present() -> "Kernel":
-        """Ask it."""
+        """Features of the running kernel."""
         return Kernel(landlock.abi(), seccomp.is_available())
 
     @property
     def layers(self) -> tuple[str, ...]:
-        """Those of ``LAYERS`` that a child has here."""
+        """Supported layers of ``LAYERS``."""
         has = (self.landlock_abi > 0, self.landlock_abi >= landlock.NETWORK_ABI, self.filters)
         return tuple(name for name, there in zip(LAYERS, has, strict=True) if there)
 
     @property
     def missing(self) -> tuple[str, ...]:
-        """Those of ``LAYERS`` that it has not."""
+        """Unsupported layers of ``LAYERS``."""
         return tuple(name for name in LAYERS if name not in self.layers)
 
 
 def required_layers_missing(missing: tuple[str, ...]) -> Unavailable:
-    """The error of a service that shall not read files without its sandbox."""
+    """Error of a service whose settings require layers that are missing."""
     return Unavailable(
         "sandbox-missing",
         f"{MODE}=required, and the kernel offers no {', no '.join(missing)} here: use Linux 6.7 or newer with Landlock "
-        "and seccomp, and a container runtime that lets their system calls through.",
+        "and seccomp, and a container runtime that permits their system calls.",
     )
 
 
 def confine(sandbox: Sandbox, folder: Path | None, kernel: Kernel | None = None) -> None:
-    """Give up everything that ``sandbox`` does not name; files can be written in ``folder`` only.
+    """Confine this process to ``sandbox``; files can then be written in ``folder`` only.
 
-    Call it in a process of one thread that has imported what it needs, and inherits neither secrets nor open files. It
-    follows the environment: ``STRIDELAB_SANDBOX`` (``auto``, ``required``, ``off``), ``STRIDELAB_CHILD_USER``.
+    To be called in a single-threaded process that has imported its libraries and inherits neither secrets nor open
+    files. Environment: ``STRIDELAB_SANDBOX`` (``auto``, ``required``, ``off``), ``STRIDELAB_CHILD_USER``.
 
-    Raises ``Unavailable`` (``sandbox-missing``) where all layers are required and one is not there, ``OSError`` or
-    ``RuntimeError`` where a layer cannot be set up; the process must then end.
+    Raises ``Unavailable`` (``sandbox-missing``) if all layers are required and one is missing, ``OSError`` or
+    ``RuntimeError`` if a layer cannot be set up; the process must then end.
     """
     mode = os.environ.get(MODE, "auto")
     if mode == "off":
@@ -142,7 +142,7 @@ def _rules(sandbox: Sandbox, folder: Path | None) -> list[Rule]:
     rules: list[Rule] = [(Path("/dev/null"), USE)]
     rules += [(path, READ) for path in (*map(Path, _MACHINE), *_PROC)]
     rules += [(path, RUN if sandbox.programs else READ) for path in _code(sandbox, folder)]
-    if sandbox.programs:  # each looks at its own memory below /proc; into that of others Landlock lets it not look
+    if sandbox.programs:  # programs read their own memory below /proc; Landlock denies access to that of others
         rules.append((Path("/proc"), READ_FILE))
     if folder is not None:
         rules.append((folder, FILL))
@@ -150,7 +150,7 @@ def _rules(sandbox: Sandbox, folder: Path | None) -> list[Rule]:
 
 
 def _code(sandbox: Sandbox, folder: Path | None) -> list[Path]:
-    """Where Python, the libraries, this project and its data lie, without anything around them."""
+    """Folders and files of Python, the libraries, this project and its data."""
     package = Path(__file__).resolve().parents[2]
     prefixes = {Path(prefix) for prefix in (sys.prefix, sys.exec_prefix, sys.base_prefix, sys.base_exec_prefix)}
     parts = ("lib", "lib64", "share", "pyvenv.cfg", *(("bin",) if sandbox.programs else ()))
@@ -167,12 +167,12 @@ def _code(sandbox: Sandbox, folder: Path | None) -> list[Path]:
 
 
 def _is_around(entry: Path, folder: Path | None) -> bool:
-    """Whether a folder of modules is one that holds much else: where the program was started, or others' files."""
+    """Whether a folder of the module path contains other files: the start folder, or a parent of ``folder``."""
     return entry == _STARTED_IN or (folder is not None and folder.is_relative_to(entry))
 
 
 def _become(user: str, folder: Path | None) -> None:
-    """Give up root for ``user``, who shall own ``folder``; a file with other names elsewhere stays as it is."""
+    """Change from root to ``user``, who becomes the owner of ``folder``; hard links to files elsewhere are skipped."""
     account = pwd.getpwnam(user)
     if folder is not None:
         for path in (folder, *folder.rglob("*")):
@@ -180,23 +180,23 @@ def _become(user: str, folder: Path | None) -> None:
                 os.chown(path, account.pw_uid, account.pw_gid, follow_symlinks=False)
     parent = os.getppid()
     become(user)
-    die_with_parent(parent)  # the kernel forgets it when the account changes
+    die_with_parent(parent)  # the setting is lost when the account changes
 
 
 def _give_up_privileges() -> None:
-    """No program started from here on has more rights than this process, and root keeps one capability of 41.
+    """Set ``no_new_privs`` and drop all capabilities of root except ``CAP_DAC_OVERRIDE``.
 
-    It reads and writes files whatever their mode: which files, Landlock says.
+    That capability permits access to files whatever their mode; Landlock restricts it to the files of the rules.
     """
     if sys.platform != "linux":
         return
     library = ctypes.CDLL(None, use_errno=True)
     _checked(library.prctl(_PR_SET_NO_NEW_PRIVS, *(ctypes.c_ulong(value) for value in (1, 0, 0, 0))))
     header = (ctypes.c_uint32 * 2)(_CAPABILITIES_V3, 0)
-    held = (ctypes.c_uint32 * 6)()  # effective, permitted, inheritable; and again for the upper 32
-    _checked(library.capget(header, held))
-    kept = held[1] & _CAP_DAC_OVERRIDE
-    _checked(library.capset(header, (ctypes.c_uint32 * 6)(kept, kept, 0, 0, 0, 0)))
+    capabilities = (ctypes.c_uint32 * 6)()  # effective, permitted, inheritable; and again for the upper 32
+    _checked(library.capget(header, capabilities))
+    retained = capabilities[1] & _CAP_DAC_OVERRIDE
+    _checked(library.capset(header, (ctypes.c_uint32 * 6)(retained, retained, 0, 0, 0, 0)))
 
 
 def _checked(result: Any) -> None:

@@ -1,12 +1,11 @@
-"""seccomp: a process gives up system calls for good. The kernel runs the filter below before each one.
+"""seccomp: system call filter of a process. The kernel runs the filter before each system call.
 
-The filter is a program of the classic Berkeley packet filter over ``struct seccomp_data``; see seccomp(2) and
-Documentation/userspace-api/seccomp_filter.rst of the kernel. A refused call fails with EPERM, as if the process were
-not allowed to, so that a library which can do without goes on. Only the standard library is imported.
+The filter is a classic Berkeley packet filter over ``struct seccomp_data``; see seccomp(2) and
+Documentation/userspace-api/seccomp_filter.rst of the kernel. A refused call fails with EPERM, so that a library which
+can work without it continues. Imports the standard library only.
 
-It is a list of what is refused. A list of what is allowed would be tighter, and would break with every new version of
-the C library; what the list is for (no network, no program, no other process, no part of the kernel that is often
-found broken) changes rarely.
+The filter is a deny list. An allow list would be tighter, but would break with new versions of the C library; the
+purpose of the deny list (no network, programs, other processes, or error-prone parts of the kernel) changes rarely.
 """
 
 import ctypes
@@ -23,17 +22,17 @@ _ALLOW, _REFUSE = 0x7FFF0000, 0x00050000
 _LOAD, _EQUAL, _AT_LEAST, _ANY_BIT, _RETURN = 0x20, 0x15, 0x35, 0x45, 0x06
 _NUMBER_AT, _ARCHITECTURE_AT, _ARGUMENTS_AT = 0, 4, 16
 _SECOND_TABLE: Final = 0x40000000
-"""Numbers from here on are those of the x32 interface of x86_64, a second door to the same calls."""
+"""First number of the x32 interface of x86_64, a second table of the same calls."""
 _NAMESPACES: Final = 0x7E020000
-"""CLONE_NEWNS, CLONE_NEWUSER and their like: a user namespace gives its first process all capabilities inside."""
+"""CLONE_NEWNS, CLONE_NEWUSER etc.: a user namespace gives its first process all capabilities inside."""
 _FAST_OPEN: Final = 0x20000000
-"""MSG_FASTOPEN: sending connects."""
+"""MSG_FASTOPEN: sending opens a connection."""
 _AF_INET, _SOCK_STREAM = 2, 1
 
 
 @dataclass(frozen=True)
 class _Machine:
-    """How an architecture calls itself (AUDIT_ARCH of linux/audit.h), and which column of numbers is its own."""
+    """AUDIT_ARCH value of an architecture (linux/audit.h), and its column in ``_CALLS``."""
 
     audit: int
     column: int
@@ -94,8 +93,8 @@ _CALLS: Final[Mapping[str, tuple[int, int]]] = {
 }
 """Numbers on x86_64 and aarch64 (asm/unistd_64.h, asm-generic/unistd.h).
 
-io_uring opens files and sockets past this filter. What has a session or group of its own would outlive its child, which
-is killed as a group. clone and clone3 are needed for threads and forks.
+io_uring opens files and sockets past this filter. A process with its own session or group would outlive the child,
+which is killed as a group. clone and clone3 are needed for threads and forks.
 """
 _CONDITIONAL: Final = frozenset({"clone", "clone3", "prlimit64", "seccomp", "sendto", "sendmsg", "sendmmsg"})
 _PROGRAMS: Final = frozenset({"execve", "execveat"})
@@ -107,7 +106,7 @@ class _Program(ctypes.Structure):
 
 
 def is_available() -> bool:
-    """Whether the kernel takes filters from this process, and this architecture has a table here."""
+    """Whether the kernel accepts filters from this process and the architecture is supported."""
     machine = _machine()
     if machine is None:
         return False
@@ -119,9 +118,10 @@ def is_available() -> bool:
 
 
 def restrict(*, programs: bool, server: bool) -> None:
-    """Refuse the calls of the table to all threads of this process; it must have set ``no_new_privs``.
+    """Install the filter in all threads of this process, which must have set ``no_new_privs``.
 
-    With ``programs`` it may still start some, with ``server`` listen on TCP, but not connect. Raises ``OSError``.
+    With ``programs`` the process may still start programs, with ``server`` listen on TCP, but not connect. Raises
+    ``OSError``.
     """
     machine = _machine()
     if machine is None:
@@ -133,11 +133,11 @@ def restrict(*, programs: bool, server: bool) -> None:
 
 
 def instructions(audit: int, column: int, *, programs: bool, server: bool) -> bytes:
-    """The filter for the architecture ``audit`` whose numbers stand in ``column``."""
+    """Filter program for the architecture ``audit`` with the call numbers of ``column``."""
     number = {name: numbers[column] for name, numbers in _CALLS.items()}
     free = _CONDITIONAL | (_PROGRAMS if programs else frozenset()) | (_LISTENING if server else frozenset())
     code = [
-        # Numbers mean other calls on another architecture, which an instruction may switch to: look at it first.
+        # Check the architecture first: an instruction may switch to another one with other call numbers.
         _instruction(_LOAD, _ARCHITECTURE_AT),
         _instruction(_EQUAL, audit, skip_if=1),
         _return(_REFUSE | errno.EPERM),
@@ -148,7 +148,7 @@ def instructions(audit: int, column: int, *, programs: bool, server: bool) -> by
     for name in _CALLS:
         if name not in free:
             code += [_instruction(_EQUAL, number[name], skip_unless=1), _return(_REFUSE | errno.EPERM)]
-    # The flags of clone3 lie in memory, where a filter cannot look: told that there is none, the C library uses clone.
+    # A filter cannot read the flags of clone3, which are in memory: on ENOSYS the C library falls back to clone.
     code += [_instruction(_EQUAL, number["clone3"], skip_unless=1), _return(_REFUSE | errno.ENOSYS)]
     code += _refused_where(number["clone"], 0, [_instruction(_ANY_BIT, _NAMESPACES, skip_unless=1)])
     # Limits of this process (0) only, not of others that the same user runs.
@@ -163,9 +163,9 @@ def instructions(audit: int, column: int, *, programs: bool, server: bool) -> by
 
 
 def _refused_where(number: int, argument: int, skipping: list[bytes]) -> list[bytes]:
-    """Refuse the call ``number`` unless ``skipping`` skips one instruction, looking at the lower half of an argument.
+    """Refuse the call ``number`` unless ``skipping``, applied to the lower 32 bits of an argument, skips one instruction.
 
-    The kernel takes these arguments as 32 bits, or all their bits that count are there.
+    The kernel uses only the lower 32 bits of these arguments, or all relevant bits are there.
     """
     then = [
         _instruction(_LOAD, _ARGUMENTS_AT + 8 * argument),  # both architectures are little endian
@@ -185,7 +185,7 @@ def _return(action: int) -> bytes:
 
 
 def _machine() -> _Machine | None:
-    """The architecture of this process, where it is known here."""
+    """Architecture of this process; None if it is not supported."""
     is_known = sys.platform == "linux" and struct.calcsize("P") == 8
     return _MACHINES.get(platform.machine()) if is_known else None
 

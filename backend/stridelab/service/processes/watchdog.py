@@ -1,9 +1,9 @@
-"""Tells a process that hangs from one that only does not get the processor.
+"""Distinguishes a hanging process from one that is waiting for the processor.
 
-Silence counts while a process could have answered. It does not count while its threads wait on a run queue (second
-field of ``/proc/<pid>/task/<tid>/schedstat``, in ns: Linux Documentation/scheduler/sched-stats), while it waits for a
-disk, and while the watching process is itself held up. A process that somebody has stopped (SIGSTOP) cannot answer for
-any of these reasons, so it is known sooner. One under a debugger is left alone.
+Silence counts only while the process could have answered: not while its threads wait on a run queue (second field of
+``/proc/<pid>/task/<tid>/schedstat``, in ns: Linux Documentation/scheduler/sched-stats), while it waits for a disk, or
+while the watching process is itself delayed. A process stopped by a signal (SIGSTOP) is detected sooner. A process
+under a debugger is ignored.
 """
 
 import time
@@ -16,18 +16,18 @@ import psutil
 STOPPED_S: Final = 3.0
 HUNG_S: Final = 8.0
 STARTING_S: Final = 120.0
-"""Before its first answer a process imports its libraries, for seconds of processor time."""
+"""Limit before the first answer, which includes the import of libraries."""
 BEYOND_DOUBT: Final = 8.0
-"""So many times the limit, a process hangs whatever it waits for."""
+"""Multiple of the limit after which a process counts as hanging whatever it waits for."""
 _QUIET_S: Final = 1.0
 _LOOK_S: Final = 1.0
-"""A gap between two looks counts as no more than this."""
+"""Maximum time that is counted between two checks."""
 
 Verdict = Literal["stopped", "hangs"]
 
 
 class Silence:
-    """How long one process has not answered. ``heard`` is to be called for each answer, ``verdict`` regularly."""
+    """Measures how long a process has not answered. Call ``heard`` for each answer and ``verdict`` regularly."""
 
     def __init__(self, pid: int, *, hung_s: float = HUNG_S, clock: Callable[[], float] = time.monotonic) -> None:
         self._pid, self._hung_s, self._clock = pid, hung_s, clock
@@ -37,13 +37,13 @@ class Silence:
         self._queued_s: float | None = None
 
     def heard(self) -> None:
-        """It has answered."""
+        """Record an answer."""
         self._has_answered = True
         self._looked_at_s = self._clock()
         self._reset()
 
     def verdict(self) -> Verdict | None:
-        """What is wrong with the process; None while nothing is known to be."""
+        """State of the process; None while it counts as responsive."""
         now_s = self._clock()
         passed_s = min(now_s - self._looked_at_s, _LOOK_S)
         self._looked_at_s = now_s
@@ -53,7 +53,7 @@ class Silence:
         try:
             status = psutil.Process(self._pid).status()
         except psutil.Error:
-            return None  # it has ended, which its parent learns otherwise
+            return None  # it has ended, which its parent detects itself
         if status == psutil.STATUS_TRACING_STOP:
             self._reset()
             return None
@@ -74,7 +74,7 @@ class Silence:
 
 
 def _queued_s(pid: int) -> float:
-    """Time that all threads of a process have waited for a processor; 0 where the kernel does not count it."""
+    """Total time in seconds that all threads of a process have waited for a processor; 0 if not available."""
     total_ns = 0
     try:
         threads = list(Path(f"/proc/{pid}/task").iterdir())
@@ -84,5 +84,5 @@ def _queued_s(pid: int) -> float:
         try:
             total_ns += int((thread / "schedstat").read_bytes().split()[1])
         except (OSError, ValueError, IndexError):
-            continue  # the thread has ended, or there is no such file here
+            continue  # the thread has ended, or the kernel has no such file
     return 1e-9 * total_ns
