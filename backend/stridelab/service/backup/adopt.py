@@ -1,4 +1,4 @@
-"""``stridelab adopt``: what an embedded service holds moves into the configured database and store."""
+"""``stridelab adopt``: copies the data of an embedded service into the configured database and store."""
 
 import tempfile
 from pathlib import Path
@@ -14,12 +14,12 @@ from stridelab.service.settings import Settings
 def adopt(folder: Path, settings: Settings, *, replace: bool = False, on_progress: Progress = silent) -> Taken:
     """Copy the data folder of an embedded service, which must not run, into the database of ``settings``.
 
-    Files are copied where ``settings`` has another store for them. The folder stays as it is. It is a backup and a
-    restore in one, and raises what they raise.
+    Files are copied if ``settings`` has another store. The folder is not changed. Equivalent to a backup and a restore;
+    raises their errors.
     """
     if settings.database_url is None:
         raise InvalidInput(
-            "database-url-missing", "stridelab adopt needs STRIDELAB_DATABASE_URL: the server that takes the data over."
+            "database-url-missing", "stridelab adopt needs STRIDELAB_DATABASE_URL: the server to copy the data to."
         )
     embedded = settings.model_copy(
         update={"data_dir": folder, "database_url": None, "blob_url": _own_store(folder, settings)}
@@ -28,16 +28,16 @@ def adopt(folder: Path, settings: Settings, *, replace: bool = False, on_progres
         tempfile.TemporaryDirectory(prefix=".stridelab-adopt-", dir=folder if folder.is_dir() else None) as scratch,
         place(embedded, alone=True) as source,
     ):
-        kept = source.blob_url == settings.blob_address
+        same_store = source.blob_url == settings.blob_address
         archive = Path(scratch) / "all"
-        take(source.database_url, None if kept else source.store(), archive, on_progress=on_progress)
+        take(source.database_url, None if same_store else source.store(), archive, on_progress=on_progress)
         with open_archive(archive, on_progress) as opened:
             target = Place(str(settings.database_dsn), settings.blob_address, settings.blob_options)
             return restore(
-                opened, target, with_files=not kept, with_tokens=True, replace=replace, on_progress=on_progress
+                opened, target, with_files=not same_store, with_tokens=True, replace=replace, on_progress=on_progress
             )
 
 
 def _own_store(folder: Path, settings: Settings) -> str | None:
-    """The folder's own files, or the configured store where it has none of its own (it used that one already)."""
+    """None for the folder's own store; the configured store if the folder has none and therefore used that one."""
     return None if (folder.expanduser() / "blobs").is_dir() else settings.blob_url

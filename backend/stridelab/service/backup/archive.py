@@ -1,7 +1,7 @@
-"""The file that a backup is: a zip of the tables' rows, the stored files and a manifest with the hash of each.
+"""Backup archive: a zip of the tables' rows, the stored files and a manifest with the hash of each member.
 
-Nothing in it is ever executed: rows travel as data (PostgreSQL's COPY text), never as SQL. A reader believes nothing:
-names, sizes and hashes of all members are checked before the first of them is used.
+Nothing in it is executed: rows are stored as data (PostgreSQL's COPY text), never as SQL. Archives are not trusted:
+names, sizes and hashes of all members are verified before the first of them is used.
 """
 
 import hashlib
@@ -22,35 +22,35 @@ from stridelab.schemas.base import Contract
 from stridelab.service.storage.blobs import CHUNK_BYTES, is_key
 
 FORMAT: Final = 1
-"""Raised when a program that knows only earlier ones could not read the file."""
+"""Format version; incremented by changes that make an archive unreadable for earlier versions of the program."""
 MANIFEST: Final = "manifest.json"
 MAX_MANIFEST_BYTES: Final = 256 << 20
-"""A list of contents that is longer is neither written nor read."""
+"""Maximum size of the manifest, for writing and reading."""
 _TABLE: Final = re.compile(r"tables/[a-z][a-z_]{0,60}\.copy")
 _HASH: Final = r"^[0-9a-f]{64}$"
 Progress = Callable[[float, str], None]
 
 
 def silent(_fraction: float, _message: str) -> None:
-    """Nobody watches."""
+    """Ignore the progress."""
 
 
 class Member(Contract):
-    """What a member of the archive must hold."""
+    """Size and SHA-256 of a member of the archive."""
 
     bytes: int = Field(ge=0)
     sha256: str = Field(pattern=_HASH)
 
 
 class Table(Contract):
-    """One table's rows: the columns in their order in the COPY text, and how many rows."""
+    """Columns of a table in the order of the COPY text, and its number of rows."""
 
     columns: list[str] = Field(min_length=1, max_length=200)
     rows: int = Field(ge=0)
 
 
 class Manifest(Contract):
-    """What the archive holds; ``missing`` are stored files that rows name and that were gone already."""
+    """Contents of the archive; ``missing`` are stored files that rows refer to and that did not exist."""
 
     format: int = Field(ge=1)
     kind: Literal["stridelab-backup"]
@@ -69,22 +69,22 @@ class Manifest(Contract):
 
     @property
     def file_bytes(self) -> int:
-        """Size of the stored files together."""
+        """Total size of the stored files."""
         return sum(member.bytes for name, member in self.members.items() if name.startswith("files/"))
 
 
 def table_member(table: str) -> str:
-    """The member that holds the rows of ``table``."""
+    """Name of the member with the rows of ``table``."""
     return f"tables/{table}.copy"
 
 
 def file_member(key: str) -> str:
-    """The member that holds the stored file ``key``."""
+    """Name of the member with the stored file ``key``."""
     return f"files/{key}"
 
 
 class Packer:
-    """Writes an archive beside ``target`` and puts it there whole, or not at all. A context manager.
+    """Context manager that writes an archive atomically to ``target``.
 
     Raises ``Conflict`` (``backup-exists``) unless ``force``, ``InvalidInput`` (``backup-folder-missing``),
     ``StorageFull`` (``no-room``).
@@ -101,14 +101,14 @@ class Packer:
 
     def __enter__(self) -> "Packer":  # noqa: PYI034 (the tests' type checks know no Self here)
         with _room():
-            # the people in it are nobody else's business
+            # mode 0600: the archive contains personal data
             self._file = os.fdopen(os.open(self._draft, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb")
             self._zip = zipfile.ZipFile(self._file, "w")
         return self
 
     @contextmanager
     def member(self, name: str, *, compress: bool = False) -> Iterator[Callable[[bytes], None]]:
-        """A function that appends to a new member ``name``."""
+        """Add a member ``name``; yields a function that appends to it."""
         info = zipfile.ZipInfo(name)
         info.compress_type = zipfile.ZIP_DEFLATED if compress else zipfile.ZIP_STORED
         digest, size = hashlib.sha256(), 0
@@ -124,15 +124,15 @@ class Packer:
         self.members[name] = Member(bytes=size, sha256=digest.hexdigest())
 
     def finish(self, manifest: Manifest) -> None:
-        """Write the manifest, make sure that all is on the disk, and move the archive to its place.
+        """Write the manifest, synchronise the archive to the disk and rename it to ``target``.
 
-        Raises ``TooLarge`` (``backup-too-large``) for some two million files.
+        Raises ``TooLarge`` (``backup-too-large``) for more than about two million files.
         """
         listed = manifest.model_dump_json().encode()
         if len(listed) > MAX_MANIFEST_BYTES:
             raise TooLarge(
                 "backup-too-large",
-                f"{len(manifest.files)} files are too many for one backup; let the object store copy them itself.",
+                f"{len(manifest.files)} files are too many for one backup; copy them with the tools of the object store.",
             )
         with _room():
             with self._zip.open(MANIFEST, "w") as entry:
@@ -149,7 +149,7 @@ class Packer:
     def __exit__(
         self, _kind: type[BaseException] | None, _error: BaseException | None, _trace: TracebackType | None
     ) -> None:
-        self._zip.fp = None  # an archive that was given up gets no directory
+        self._zip.fp = None  # no central directory for an aborted archive
         self._file.close()
         self._draft.unlink(missing_ok=True)
 
@@ -163,13 +163,13 @@ def _room() -> Iterator[None]:
 
 
 class Archive:
-    """A backup that is read; opened by ``open_archive``, which has checked it."""
+    """A backup for reading, opened and verified by ``open_archive``."""
 
     def __init__(self, archive: zipfile.ZipFile, manifest: Manifest) -> None:
         self._zip, self.manifest = archive, manifest
 
     def pieces(self, name: str) -> Iterator[bytes]:
-        """The member in pieces; raises ``UnreadableFile`` (``backup-damaged``) where it is not what was promised."""
+        """The member in pieces; raises ``UnreadableFile`` (``backup-damaged``) if it differs from the manifest."""
         promised, digest, size = self.manifest.members[name], hashlib.sha256(), 0
         try:
             with self._zip.open(name) as entry:
@@ -182,23 +182,23 @@ class Archive:
         except (zipfile.BadZipFile, OSError, EOFError, ValueError, NotImplementedError, zlib.error) as error:
             raise _damaged(f"{name} cannot be read ({type(error).__name__})") from error
         if size != promised.bytes or digest.hexdigest() != promised.sha256:
-            raise _damaged(f"{name} is not what its hash says")
+            raise _damaged(f"{name} does not match its hash")
 
 
 @contextmanager
 def open_archive(path: Path, on_progress: Progress = silent) -> Iterator[Archive]:
-    """Check the whole archive, then hand it over.
+    """Open an archive after verifying all of it.
 
     Raises ``UnreadableFile``: ``backup-unreadable`` (no such archive), ``backup-damaged`` (truncated, changed,
-    something in it that does not belong there), ``backup-newer`` (made by a program of a later format).
+    unexpected members), ``backup-newer`` (made by a program of a later format).
     """
-    if not path.is_file():  # a pipe would be waited for
-        raise UnreadableFile("backup-unreadable", f"{path} cannot be read: it is no file.")
+    if not path.is_file():  # reading a pipe would block
+        raise UnreadableFile("backup-unreadable", f"{path} cannot be read: it is not a file.")
     try:
         archive = zipfile.ZipFile(path)
     except (OSError, zipfile.BadZipFile, ValueError, NotImplementedError) as error:
-        said = getattr(error, "strerror", None) or "it is no backup, or its end is missing"
-        raise UnreadableFile("backup-unreadable", f"{path} cannot be read: {said}.") from error
+        reason = getattr(error, "strerror", None) or "it is not a backup, or it is truncated"
+        raise UnreadableFile("backup-unreadable", f"{path} cannot be read: {reason}.") from error
     with archive:
         opened = Archive(archive, _checked_manifest(archive))
         sizes = opened.manifest.members
@@ -215,25 +215,25 @@ def open_archive(path: Path, on_progress: Progress = silent) -> Iterator[Archive
 def _checked_manifest(archive: zipfile.ZipFile) -> Manifest:
     infos = {info.filename: info for info in archive.infolist()}
     if MANIFEST not in infos or len(infos) != len(archive.infolist()):
-        raise _damaged("it has no list of contents, or one name twice")
+        raise _damaged("it has no manifest, or duplicate names")
     if infos[MANIFEST].file_size > MAX_MANIFEST_BYTES:
-        raise _damaged("its list of contents is too long to be one")
+        raise _damaged("its manifest is too large")
     try:
         raw = archive.read(MANIFEST)
     except (zipfile.BadZipFile, OSError, RuntimeError, NotImplementedError, zlib.error) as error:
-        raise _damaged("its list of contents cannot be read") from error
+        raise _damaged("its manifest cannot be read") from error
     manifest = _parsed(raw)
     if set(manifest.members) | {MANIFEST} != set(infos):
-        raise _damaged("what is in it is not what it lists")
+        raise _damaged("its contents differ from its manifest")
     if {table_member(table) for table in manifest.tables} != {n for n in manifest.members if n.startswith("tables/")}:
-        raise _damaged("its tables are not those that it lists")
+        raise _damaged("its tables differ from its manifest")
     for name, member in manifest.members.items():
         info = infos[name]
-        stored = info.compress_type in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED) and not info.flag_bits & 1
+        is_plain = info.compress_type in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED) and not info.flag_bits & 1
         if not (_TABLE.fullmatch(name) or (name.startswith("files/") and is_key(name.removeprefix("files/")))):
-            raise _damaged(f"{name[:80]!r} does not belong into a backup")
-        if not stored or info.file_size != member.bytes:
-            raise _damaged(f"{name} is not what it lists")
+            raise _damaged(f"{name[:80]!r} is not a valid member of a backup")
+        if not is_plain or info.file_size != member.bytes:
+            raise _damaged(f"{name} differs from its manifest")
     return manifest
 
 
@@ -244,19 +244,21 @@ def _parsed(raw: bytes) -> Manifest:
         newer = _format_of(raw)
         if newer is not None and newer > FORMAT:
             raise _newer() from error
-        raise _damaged("its list of contents makes no sense") from error
+        raise _damaged("its manifest is invalid") from error
     if manifest.format > FORMAT:
         raise _newer()
     return manifest
 
 
 def _format_of(raw: bytes) -> int | None:
-    found = re.search(rb'"format"\s*:\s*(\d{1,6})', raw[:2000])
-    return int(found[1]) if found else None
+    match = re.search(rb'"format"\s*:\s*(\d{1,6})', raw[:2000])
+    return int(match[1]) if match else None
 
 
 def _newer() -> UnreadableFile:
-    return UnreadableFile("backup-newer", "A newer version of stridelab made this backup; restore it with that one.")
+    return UnreadableFile(
+        "backup-newer", "This backup was made by a newer version of stridelab; restore it with that version."
+    )
 
 
 def _damaged(how: str) -> UnreadableFile:

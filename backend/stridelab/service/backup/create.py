@@ -1,7 +1,7 @@
-"""``stridelab backup``: the rows of one moment and every file that they name, while the service goes on.
+"""``stridelab backup``: a snapshot of the rows and all files that they refer to, while the service runs.
 
-Stored files are never changed, only added and removed, and none is removed while a backup is made: every file that the
-rows of that moment name can be copied at any time after it. What was lost before is reported, not hidden.
+Stored files are never changed, only added and removed, and none is removed during a backup: every file that the rows of
+the snapshot refer to can be copied at any time after it. Files that were missing before are reported.
 """
 
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ from stridelab.service.storage.migrate import present_revision
 
 @dataclass(frozen=True)
 class Taken:
-    """What a backup holds, and which named files were not there to be copied."""
+    """Contents of a backup, and the files that rows refer to but that were missing."""
 
     rows: dict[str, int]
     files: int
@@ -43,9 +43,9 @@ def take(
     force: bool = False,
     on_progress: Progress = silent,
 ) -> Taken:
-    """Write the backup ``target``; without ``store`` the rows alone.
+    """Write the backup ``target``; without ``store`` the rows only.
 
-    Raises as ``Packer`` does, ``Conflict`` (``nothing-to-back-up``) where the database has no tables, ``Unavailable``
+    Raises as ``Packer`` does, ``Conflict`` (``nothing-to-back-up``) if the database has no tables, ``Unavailable``
     (``database-unreachable``, ``storage-unavailable``).
     """
     try:
@@ -57,12 +57,12 @@ def take(
             manifest = _pack_rows(packer, rows, revision, missing)
             packer.finish(manifest)
     except psycopg.OperationalError as error:
-        raise Unavailable("database-unreachable", "The database does not answer.") from error
+        raise Unavailable("database-unreachable", "The database does not respond.") from error
     return Taken.of(manifest)
 
 
 def _pack_files(packer: Packer, rows: Rows, store: BlobStore, on_progress: Progress) -> list[str]:
-    """Copy the files that rows name; returns those that are not there."""
+    """Copy the files that rows refer to; returns the keys of missing ones."""
     named = sorted(rows.named_files())
     missing = []
     with Files(store) as files:

@@ -1,4 +1,4 @@
-"""Which database and which store a backup is made of: those that are configured, or the embedded ones of a folder."""
+"""Database and store of a backup: the configured ones, or the embedded ones of a data folder."""
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -13,23 +13,23 @@ from stridelab.service.storage.database import database_url
 
 @dataclass(frozen=True)
 class Place:
-    """A database and a store of files, the latter with the options that reach it."""
+    """A database and a file store with its connection options."""
 
     database_url: str
     blob_url: str
     blob_options: Mapping[str, str]
 
     def store(self) -> BlobStore:
-        """The store, opened."""
+        """Open the file store."""
         return BlobStore.from_url(self.blob_url, self.blob_options)
 
 
 @contextmanager
 def place(settings: Settings, *, alone: bool, create: bool = False) -> Iterator[Place]:
-    """The service's database, started for the occasion where it is an embedded one that does not run.
+    """The service's database and store; starts an embedded database that does not run for the block.
 
-    ``alone`` refuses while the service runs (``data-folder-in-use``), ``create`` makes a cluster where there is none;
-    otherwise raises ``NotFound`` (``no-data``). Raises ``Unavailable`` as ``EmbeddedPostgres.start`` does.
+    ``alone`` requires that the service does not run (``data-folder-in-use``); ``create`` creates a missing cluster
+    instead of raising ``NotFound`` (``no-data``). Raises ``Unavailable`` as ``EmbeddedPostgres.start`` does.
     """
     url = database_url(settings)
     if url is not None:
@@ -37,7 +37,7 @@ def place(settings: Settings, *, alone: bool, create: bool = False) -> Iterator[
         return
     folder = settings.data_folder
     if not (folder / "postgres.json").exists() and not create:
-        raise NotFound("no-data", f"There is no database in {folder}; STRIDELAB_DATA_DIR names the folder.")
+        raise NotFound("no-data", f"There is no database in {folder}; set STRIDELAB_DATA_DIR to the data folder.")
     database = EmbeddedPostgres(folder, settings.pg_bin)
     try:
         try:

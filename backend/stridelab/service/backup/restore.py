@@ -1,8 +1,8 @@
-"""``stridelab restore``: a whole backup, or nothing of it.
+"""``stridelab restore``: restores a backup completely or not at all.
 
-The archive is checked to its last byte first. Its rows then go into a schema of their own, made by the migrations of
-the revision that the backup has, and are brought up to date there like a database of that age; only then do they
-take the place of what there was. All that is one transaction: whatever fails, nothing has happened.
+The whole archive is verified first. Its rows are then loaded into a staging schema, created by the migrations up to the
+backup's revision, and upgraded there to the newest revision; then they replace the rows of the database. All of this is
+one transaction, which is rolled back on any failure.
 """
 
 import shutil
@@ -33,14 +33,14 @@ _STARTED_AGAIN: Final = """
     UPDATE job SET state = 'queued', returned = returned + 1, fraction = 0, message = 'restored; waiting again'
      WHERE state = 'running'
 """
-"""Their workers are not in the backup; the start that was interrupted does not count."""
+"""Queues running jobs again, as their workers are not in the backup; the interrupted start does not count."""
 _UNDELIVERED: Final = """
     UPDATE job SET queue_id = queued.place - 1000000000
       FROM (SELECT id, row_number() OVER (ORDER BY queue_id NULLS LAST, created_at) AS place
               FROM job WHERE state = 'queued') AS queued
      WHERE queued.id = job.id
 """
-"""No delivery has a negative number: workers see that these are lost and deliver them again, in their old order."""
+"""Assigns negative queue ids, which no delivery has: workers treat these jobs as lost and queue them in their order."""
 
 
 def restore(
@@ -52,23 +52,23 @@ def restore(
     replace: bool = False,
     on_progress: Progress = silent,
 ) -> Taken:
-    """Put a backup, checked by ``open_archive``, in the place of what ``target`` holds; returns what it held.
+    """Replace the data of ``target`` by a backup opened with ``open_archive``; returns the contents of the backup.
 
-    Without ``with_files``, the files stay where they are. Without ``with_tokens``, API tokens stay those of
-    ``target``: a backup from elsewhere would bring tokens that its author knows.
+    Without ``with_files``, no files are restored. Without ``with_tokens``, the API tokens of ``target`` stay: the
+    author of a foreign backup may know the tokens in it.
 
-    Raises ``Conflict``: ``service-running`` while anything else uses the database, ``restore-over-data`` where it
-    holds more than the samples and ``replace`` was not said; ``UnreadableFile`` (``backup-damaged``,
+    Raises ``Conflict``: ``service-running`` while another process uses the database, ``restore-over-data`` if the
+    database contains more than the samples and ``replace`` is False; ``UnreadableFile`` (``backup-damaged``,
     ``backup-newer``), ``StorageFull`` (``no-room``), ``Unavailable``.
     """
     manifest = archive.manifest
     if manifest.revision not in revisions():
         raise UnreadableFile(
-            "backup-newer", f"The backup has revision {manifest.revision}, which this version does not know."
+            "backup-newer", f"The backup has revision {manifest.revision}, which is unknown to this version."
         )
     if with_files:
         if not manifest.with_files:
-            raise UnreadableFile("backup-damaged", "This backup has no files in it.")
+            raise UnreadableFile("backup-damaged", "This backup contains no files.")
         _refuse_small_disk(target.blob_url, manifest.file_bytes)
     migrate(target.database_url)
     engine = engine_of(target.database_url)
@@ -78,9 +78,9 @@ def restore(
         try:
             with publication.synchronous_transaction(engine) as transaction:
                 driver: Connection = transaction.connection.driver_connection  # type: ignore[assignment]
-                named = _rows_in_place(transaction, driver, archive, with_tokens=with_tokens, replace=replace)
+                file_keys = _rows_in_place(transaction, driver, archive, with_tokens=with_tokens, replace=replace)
                 if files is not None:
-                    _put_files(files, named, archive, new, on_progress)
+                    _put_files(files, file_keys, archive, new, on_progress)
         except BaseException as error:
             if publication.in_doubt:
                 raise _in_doubt() from error
@@ -95,30 +95,30 @@ def restore(
 def _rows_in_place(
     transaction: sqlalchemy.Connection, driver: Connection, archive: Archive, *, with_tokens: bool, replace: bool
 ) -> set[str]:
-    """The rows, not yet committed; returns the keys of the files that they name."""
+    """Replace the rows without committing; returns the keys of the files that they refer to."""
     driver.execute(sql.SQL("SET LOCAL lock_timeout = {}").format(sql.Literal(_WAIT_FOR_LOCKS)))
     refuse_company(driver)
     if not replace:
         _refuse_data(driver)
     _stage(transaction, driver, archive)
     _exchange(driver, with_tokens=with_tokens)
-    named = Rows(driver).named_files()
+    file_keys = Rows(driver).named_files()
     manifest = archive.manifest
-    lacking = named - set(manifest.files) - set(manifest.missing) if manifest.with_files else set()
-    if lacking:
-        raise UnreadableFile("backup-damaged", f"{len(lacking)} files that its rows name are not in the backup.")
-    return named
+    missing = file_keys - set(manifest.files) - set(manifest.missing) if manifest.with_files else set()
+    if missing:
+        raise UnreadableFile("backup-damaged", f"{len(missing)} files that its rows refer to are not in the backup.")
+    return file_keys
 
 
 def _told(error: BaseException) -> BaseException:
-    """What a failure means to whoever restores."""
+    """Convert an exception of the restore to an error of this project."""
     cause = getattr(error, "orig", error)
     if isinstance(cause, psycopg.errors.LockNotAvailable):
-        return Conflict("service-running", "Something else uses the tables. Stop the web servers and workers first.")
+        return Conflict("service-running", "Another process uses the tables. Stop the web servers and workers first.")
     if isinstance(cause, psycopg.DataError | psycopg.IntegrityError):
-        return UnreadableFile("backup-damaged", _words("its rows do not fit together", cause))
+        return UnreadableFile("backup-damaged", _words("its rows are inconsistent", cause))
     if isinstance(cause, psycopg.OperationalError):
-        return Unavailable("database-unreachable", _words("the database gave up", cause))
+        return Unavailable("database-unreachable", _words("the database failed", cause))
     if isinstance(cause, OSError):
         return StorageFull("no-room", f"The files cannot be written: {cause.strerror or cause}. Nothing was restored.")
     return error
@@ -127,13 +127,13 @@ def _told(error: BaseException) -> BaseException:
 def _in_doubt() -> Unavailable:
     return Unavailable(
         "outcome-unknown",
-        "The database did not say whether the restore was committed. The files stay; look with: stridelab doctor "
-        "--files, and restore again if the recordings are not there.",
+        "The database did not confirm whether the restore was committed. The files stay; check with `stridelab doctor "
+        "--files`, and restore again if the recordings are missing.",
     )
 
 
 def _stage(transaction: sqlalchemy.Connection, driver: Connection, archive: Archive) -> None:
-    """The rows, up to date, in a schema of their own."""
+    """Load the rows into the staging schema and upgrade them to the newest revision."""
     manifest = archive.manifest
     driver.execute(sql.SQL("DROP SCHEMA IF EXISTS {0} CASCADE").format(sql.Identifier(_STAGE)))
     driver.execute(sql.SQL("CREATE SCHEMA {0}").format(sql.Identifier(_STAGE)))
@@ -144,11 +144,11 @@ def _stage(transaction: sqlalchemy.Connection, driver: Connection, archive: Arch
     there = rows.tables()
     promised = {name: table.columns for name, table in manifest.tables.items()}
     if {name: sorted(columns) for name, columns in there.items()} != {n: sorted(c) for n, c in promised.items()}:
-        raise UnreadableFile("backup-damaged", "The backup's tables are not those of its revision.")
+        raise UnreadableFile("backup-damaged", "The backup's tables do not match its revision.")
     with rows.without_references(list(there)):
         for name, table in manifest.tables.items():
             if rows.write(name, table.columns, archive.pieces(table_member(name))) != table.rows:
-                raise UnreadableFile("backup-damaged", f"The table {name} has not the rows that the backup lists.")
+                raise UnreadableFile("backup-damaged", f"The number of rows of {name} differs from the manifest.")
     upgrade_on(transaction, "head")
     driver.execute(_STARTED_AGAIN)
     driver.execute("UPDATE job SET queue_id = NULL WHERE state <> 'queued'")
@@ -157,7 +157,7 @@ def _stage(transaction: sqlalchemy.Connection, driver: Connection, archive: Arch
 
 
 def _exchange(driver: Connection, *, with_tokens: bool) -> None:
-    """The staged rows take the place of those in the tables."""
+    """Replace the rows of the tables by the staged ones."""
     rows = Rows(driver)
     tables = rows.tables()
     if not with_tokens:
@@ -180,11 +180,11 @@ def _exchange(driver: Connection, *, with_tokens: bool) -> None:
 
 
 def _put_files(files: Files, named: set[str], archive: Archive, new: list[str], on_progress: Progress) -> None:
-    """Store what the rows name; ``new`` tells which keys were not there before."""
+    """Store the files that rows refer to; appends the keys that did not exist before to ``new``."""
     for place, key in enumerate(sorted(named)):
         member = archive.manifest.members.get(file_member(key))
         if member is None:
-            continue  # gone already when the backup was made
+            continue  # already missing when the backup was made
         on_progress(place / len(named), "storing files")
         is_new = not files.has(key)
         if is_new:
@@ -201,8 +201,8 @@ def _refuse_data(driver: Connection) -> None:
     if held and held[0]:
         raise Conflict(
             "restore-over-data",
-            "The database holds recordings, subjects, scenarios or jobs already. Make a backup of it, then say "
-            "--replace to put the other one in its place.",
+            "The database already contains recordings, subjects, scenarios or jobs. Make a backup of it, then use "
+            "--replace to replace its data.",
         )
 
 
@@ -220,5 +220,5 @@ def _refuse_small_disk(blob_url: str, wanted_bytes: int) -> None:
 
 
 def _words(what: str, error: BaseException) -> str:
-    said = str(error).strip().splitlines()
-    return f"Nothing was restored: {what} ({said[0][:200] if said else type(error).__name__})."
+    lines = str(error).strip().splitlines()
+    return f"Nothing was restored: {what} ({lines[0][:200] if lines else type(error).__name__})."

@@ -1,4 +1,4 @@
-"""Stored files in and out of an archive, for programs without an event loop."""
+"""Copies stored files to and from an archive, for programs without an event loop."""
 
 import asyncio
 import tempfile
@@ -15,7 +15,7 @@ T = TypeVar("T")
 
 
 class Files:
-    """One store. A context manager."""
+    """Context manager: synchronous access to a blob store."""
 
     def __init__(self, store: BlobStore) -> None:
         self._store = store
@@ -30,7 +30,7 @@ class Files:
         self._runner.close()
 
     def pack(self, key: str, packer: Packer) -> bool:
-        """Copy a file into the archive; False where there is none."""
+        """Copy a file into the archive; False if it is missing."""
         return self._do(self._pack(key, packer))
 
     async def _pack(self, key: str, packer: Packer) -> bool:
@@ -46,11 +46,11 @@ class Files:
         return True
 
     def has(self, key: str) -> bool:
-        """Whether there is such a file."""
+        """Whether the file exists."""
         return self._do(self._store.exists(key))
 
     def put(self, key: str, pieces: Iterator[bytes], size: int) -> None:
-        """Store a file, unless one of that key and size is there: keys are never used for something else."""
+        """Store a file unless one with this key and size exists: keys are never reused for other content."""
         known = self._do(self._store.info(key))
         if known is not None and known.bytes == size:
             return
@@ -61,7 +61,7 @@ class Files:
             self._do(self._store.put_file(key, Path(draft.name)))
 
     def remove(self, keys: list[str]) -> None:
-        """Delete files; those that are not there are fine."""
+        """Delete files; missing ones are ignored."""
         for key in keys:
             self._do(self._store.delete(key))
 

@@ -1,4 +1,4 @@
-"""Rows of the tables as data: read in one snapshot, and the files that they name."""
+"""Reads and writes the rows of the tables as data, and lists the files that they refer to."""
 
 import time
 from collections.abc import Callable, Iterator
@@ -29,35 +29,35 @@ _NAMED_FILES: Final = """
            WHERE kind = 'read-batch' AND state IN ('queued', 'running')
 """
 _FAREWELL_S: Final = 3.0
-"""A connection that was closed a moment ago is still listed."""
+"""Waiting time, because a recently closed connection is still listed."""
 
 
 @dataclass(frozen=True)
 class Rows:
-    """The tables of one schema, over one connection; the queue's own are left out, for ``job`` is the truth."""
+    """The tables of one schema, over one connection; without the queue's tables, which follow from ``job``."""
 
     connection: Connection
 
     def tables(self) -> dict[str, list[str]]:
-        """Columns of every table, in their order."""
-        found = self.connection.execute(
+        """Columns of every table, in ordinal order."""
+        result = self.connection.execute(
             "SELECT c.table_name, c.column_name FROM information_schema.columns c"
             " JOIN information_schema.tables t USING (table_schema, table_name)"
             " WHERE table_schema = current_schema() AND t.table_type = 'BASE TABLE'"
             " ORDER BY c.table_name, c.ordinal_position"
         )
         columns: dict[str, list[str]] = {}
-        for table, column in found:
+        for table, column in result:
             if not table.startswith(_QUEUE) and table != _REVISIONS:
                 columns.setdefault(table, []).append(column)
         return columns
 
     def named_files(self) -> set[str]:
-        """Keys of all stored files that rows name."""
+        """Keys of all stored files that rows refer to."""
         return {str(key) for (key,) in self.connection.execute(_NAMED_FILES)}
 
     def read(self, table: str, columns: list[str], append: Callable[[bytes], None]) -> Table:
-        """Pass the rows on as COPY text."""
+        """Pass the rows to ``append`` as COPY text; returns columns and number of rows."""
         rows = 0
         query = sql.SQL("COPY {} ({}) TO STDOUT").format(sql.Identifier(table), _columns(columns))
         with self.connection.cursor().copy(query) as copy:
@@ -67,7 +67,7 @@ class Rows:
         return Table(columns=columns, rows=rows)
 
     def write(self, table: str, columns: list[str], pieces: Iterator[bytes]) -> int:
-        """Take rows in; returns how many."""
+        """Insert rows from COPY text; returns their number."""
         query = sql.SQL("COPY {} ({}) FROM STDIN").format(sql.Identifier(table), _columns(columns))
         cursor = self.connection.cursor()
         with cursor.copy(query) as copy:
@@ -77,7 +77,7 @@ class Rows:
 
     @contextmanager
     def without_references(self, tables: list[str]) -> Iterator[None]:
-        """Foreign keys among ``tables`` are lifted for a while, and checked for all rows when they come back."""
+        """Drop the foreign keys among ``tables`` for the block; adding them again checks all rows."""
         references = self.connection.execute(
             "SELECT conrelid::regclass::text, conname, pg_get_constraintdef(oid) FROM pg_constraint"
             " WHERE contype = 'f' AND conrelid = ANY(%s::regclass[])",
@@ -87,7 +87,7 @@ class Rows:
             self._alter(table, sql.SQL("DROP CONSTRAINT {}").format(sql.Identifier(name)))
         yield
         for table, name, definition in references:
-            # the catalogue's own words about a constraint that this program's migrations made
+            # the definition comes from the catalogue and belongs to a constraint of this program's migrations
             self._alter(table, sql.SQL("ADD CONSTRAINT {} {}").format(sql.Identifier(name), sql.SQL(definition)))
 
     def _alter(self, table: str, change: sql.Composed) -> None:
@@ -96,18 +96,18 @@ class Rows:
 
 @contextmanager
 def snapshot(url: str) -> Iterator[Rows]:
-    """The rows as they are at one moment; what is written meanwhile is not seen, and no file is removed."""
+    """The rows in a read-only snapshot; no stored file is removed during the block."""
     with psycopg.connect(plain(url), autocommit=True, application_name="stridelab-backup", **PATIENCE) as connection:
         connection.isolation_level = psycopg.IsolationLevel.REPEATABLE_READ
         connection.read_only = True
-        # before the snapshot is taken, so that it does not show what somebody is just removing
+        # before the snapshot, so that it contains no rows whose files are just being removed
         connection.execute("SELECT pg_advisory_lock(%s)", (locks.REMOVAL,))
         with connection.transaction():
             yield Rows(connection)
 
 
 def refuse_company(connection: Connection) -> None:
-    """Raises ``Conflict`` (``service-running``) while a web server or a worker uses the database."""
+    """Raise ``Conflict`` (``service-running``) while a web server or a worker uses the database."""
     deadline = time.monotonic() + _FAREWELL_S
     while others := _others(connection):
         if time.monotonic() > deadline:
@@ -120,11 +120,11 @@ def refuse_company(connection: Connection) -> None:
 
 def _others(connection: Connection) -> int:
     connection.execute("SELECT pg_stat_clear_snapshot()")
-    found = connection.execute(
+    row = connection.execute(
         "SELECT count(*) FROM pg_stat_activity WHERE datname = current_database()"
         " AND pid <> pg_backend_pid() AND backend_type = 'client backend'"
     ).fetchone()
-    return int(found[0]) if found else 0
+    return int(row[0]) if row else 0
 
 
 def _columns(names: list[str]) -> sql.Composed:

@@ -1,4 +1,4 @@
-"""``stridelab doctor --files``: every stored file that a row names is read, and its content compared with its hash."""
+"""``stridelab doctor --files``: reads every stored file that a row refers to and verifies its hash."""
 
 import asyncio
 from collections.abc import Iterator
@@ -24,7 +24,7 @@ _FILES: Final = """
 
 @dataclass(frozen=True)
 class NamedFile:
-    """A stored file that a row names: of what it is, its key, and what the row says of its content."""
+    """A stored file that a row refers to: its description, its key, and its hash and size according to the row."""
 
     of: str
     key: str
@@ -34,7 +34,7 @@ class NamedFile:
 
 @dataclass(frozen=True)
 class Verified:
-    """How many files were read, how many of them by size alone (they have no stored hash), and what is wrong."""
+    """Result of a verification; ``without_hash`` counts files verified by size only, as they have no stored hash."""
 
     files: int
     bytes: int
@@ -44,12 +44,12 @@ class Verified:
 
     @property
     def ok(self) -> bool:
-        """Whether every file is there and undamaged."""
+        """Whether no file is missing or damaged."""
         return not self.missing and not self.damaged
 
 
 def verify(database_url: str, store: BlobStore, on_progress: Progress = silent) -> Verified:
-    """Read all stored files, which are not removed meanwhile; the service may run.
+    """Read and verify all stored files while none can be removed; the service may run.
 
     Raises ``Unavailable`` (``database-unreachable``, ``storage-unavailable``).
     """
@@ -57,7 +57,7 @@ def verify(database_url: str, store: BlobStore, on_progress: Progress = silent) 
         with snapshot(database_url) as rows:
             return asyncio.run(_verify(list(_named(rows)), store, on_progress))
     except psycopg.OperationalError as error:
-        raise Unavailable("database-unreachable", "The database does not answer.") from error
+        raise Unavailable("database-unreachable", "The database does not respond.") from error
 
 
 def _named(rows: Rows) -> Iterator[NamedFile]:
@@ -71,13 +71,13 @@ async def _verify(named: list[NamedFile], store: BlobStore, on_progress: Progres
         on_progress(place / len(named), f"reading {one.of}")
         try:
             info = await store.info(one.key)
-            found = await store.sha256(one.key)
+            sha256 = await store.sha256(one.key)
         except NotFound:
             missing.append(one)
             continue
         size = 0 if info is None else info.bytes
         read_bytes += size
-        if one.sha256 not in (None, found) or one.bytes not in (None, size):
+        if one.sha256 not in (None, sha256) or one.bytes not in (None, size):
             damaged.append(one)
     without = sum(one.sha256 is None for one in named)
     return Verified(len(named), read_bytes, without, tuple(missing), tuple(damaged))

