@@ -50,7 +50,7 @@ def test_without_log_files_it_writes_where_the_supervisor_does(
     program.keep_running()
     until_ended(program)
     assert capfd.readouterr().out == "a word\n"
-    assert program.last_words() == "its last words are above"
+    assert program.last_words() == "see its output above"
     assert not file.exists()
 
 

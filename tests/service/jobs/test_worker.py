@@ -166,8 +166,10 @@ def test_a_computation_that_cannot_say_where_it_was_is_located(in_shop: Open, ki
         assert record.state == state
         assert record.error is not None
         assert record.error["code"] == code
-        assert record.error["errors"] == [{"where": "stage: centroidal", "message": "last heard: centroidal: solving"}]
-        assert record.error["detail"].endswith("The last that it told: centroidal: solving.")
+        assert record.error["errors"] == [
+            {"where": "stage: centroidal", "message": "last progress message: centroidal: solving"}
+        ]
+        assert record.error["detail"].endswith("Last progress message: centroidal: solving.")
 
     in_shop(act)
 

@@ -80,7 +80,7 @@ def test_a_damaged_pointer_to_the_database_is_named_with_the_remedy(data: Path, 
 
 def test_a_pointer_to_a_cluster_elsewhere_is_not_to_be_removed(tmp_path: Path) -> None:
     (tmp_path / "postgres.json").write_bytes(b"")
-    with pytest.raises(Unavailable, match=r"Write it again as.*PG_VERSION"):
+    with pytest.raises(Unavailable, match=r"Replace it by.*PG_VERSION"):
         EmbeddedPostgres(tmp_path).start()
 
 

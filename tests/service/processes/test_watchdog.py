@@ -168,7 +168,7 @@ def test_a_program_without_heartbeats_is_started_again(
         while (program.process is None or program.process.pid == first) and time.monotonic() < deadline:
             program.keep_running(said.append)
             time.sleep(0.1)
-        assert said == [f"beating {'is stopped' if how == 'stopped' else 'does not answer'}: it is started again."]
+        assert said == [f"beating {'is stopped' if how == 'stopped' else 'does not respond'}: restarting it."]
         assert program.process is not None
         assert program.process.pid != first
     finally:

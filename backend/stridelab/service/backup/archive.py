@@ -132,7 +132,7 @@ class Packer:
         if len(listed) > MAX_MANIFEST_BYTES:
             raise TooLarge(
                 "backup-too-large",
-                f"{len(manifest.files)} files are too many for one backup; copy them with the tools of the object store.",
+                f"{len(manifest.files)} files are too many for one backup; copy them with tools of the object store.",
             )
         with _room():
             with self._zip.open(MANIFEST, "w") as entry:

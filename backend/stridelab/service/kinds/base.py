@@ -1,7 +1,7 @@
-"""What a job kind is: data and three functions, one of them run in a killable child.
+"""Definition of a job kind: metadata and three functions, one of them run in a killable child process.
 
-``stage`` (worker, light) -> ``run`` (child, heavy, knows neither database nor storage) -> ``publish`` (worker, inside
-the fenced transaction that makes the result visible). The same ``run`` serves the command line.
+``stage`` (worker, light) -> ``run`` (child, heavy, without database and storage) -> ``publish`` (worker, inside the
+fenced transaction that makes the result visible). The command line uses the same ``run``.
 """
 
 from collections.abc import Awaitable, Callable, Mapping
@@ -24,22 +24,22 @@ class Blobs(Protocol):
     """The part of the blob store that job kinds need."""
 
     async def get_file(self, key: str, path: Path, sha256: str | None = None) -> Any:
-        """Write the blob ``key`` into the file ``path``; raises where its content has another hash than ``sha256``."""
+        """Write the blob ``key`` into the file ``path``; raises if its hash differs from ``sha256``."""
 
     async def put_file(self, key: str, path: Path) -> Any:
         """Store the file ``path`` as blob ``key``."""
 
     async def keep_or_replace(self, key: str, path: Path, sha256: str) -> Any:
-        """Store the file ``path`` as blob ``key`` unless that is there with this content."""
+        """Store the file ``path`` as blob ``key`` unless the blob exists with this content."""
 
     async def exists(self, key: str) -> bool:
-        """Whether there is a blob ``key``."""
+        """Whether the blob ``key`` exists."""
         ...
 
 
 @dataclass(frozen=True)
 class ArtifactFile:
-    """A file that a run left in its folder."""
+    """A result file that a run has written to its folder."""
 
     name: str
     media_type: str
@@ -47,9 +47,9 @@ class ArtifactFile:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a run returns: the summary of the contract, citation keys, and the names of the files it left.
+    """Return value of a run: the summary of the contract, citation keys, and the result files.
 
-    With ``failure`` the job fails of it, and keeps what else there is: how far it came.
+    With ``failure`` the job fails with this error and the rest is stored as a partial result.
     """
 
     summary: Json
@@ -58,7 +58,7 @@ class Outcome:
     failure: StridelabError | None = None
 
     def to_json(self) -> Json:
-        """Form in which an outcome leaves the child process; a failure is its ``problem``."""
+        """JSON form for the transfer from the child process; a failure becomes ``problem``."""
         value: Json = {
             "summary": self.summary,
             "references": list(self.references),
@@ -68,7 +68,7 @@ class Outcome:
 
     @staticmethod
     def from_json(value: Mapping[str, Any]) -> "Outcome":
-        """Inverse of ``to_json``, but for the failure."""
+        """Inverse of ``to_json``, without the failure."""
         return Outcome(
             summary=dict(value["summary"]),
             references=tuple(value["references"]),
@@ -77,7 +77,7 @@ class Outcome:
 
 
 def problem_of(error: StridelabError) -> Json:
-    """An error as the row of a job keeps it: ``{"code", "detail", "errors": [{"where", "message"}]}``."""
+    """An error in the form of a job's row: ``{"code", "detail", "errors": [{"where", "message"}]}``."""
     faults = [{"where": fault.where, "message": fault.message} for fault in error.faults]
     return {"code": error.code, "detail": error.message, "errors": faults}
 
@@ -86,7 +86,7 @@ Stage = Callable[[AsyncConnection, Blobs, Contract, Path], Awaitable[Json]]
 """``stage(connection, blobs, input, folder) -> task``: fetch rows and blob files into ``folder``."""
 Publish = Callable[[AsyncConnection, Blobs, Mapping[str, Any], Json, Path], Awaitable[Json | None]]
 """``publish(connection, blobs, job_row, outcome, folder) -> summary``: called inside the fenced transaction, before
-the job row is set to succeeded; ``folder`` still holds the artifacts; a returned summary replaces the outcome's."""
+the job row is set to succeeded; ``folder`` still contains the artifacts; a returned summary replaces the outcome's."""
 
 
 @dataclass(frozen=True)
@@ -94,10 +94,10 @@ class JobKind:
     """One kind of job.
 
     ``run`` is an import path ``"module:function"``, called in a child process as ``f(task, folder, progress)``; it
-    returns ``Outcome.to_json()``, with the files lying in ``folder``. ``None`` limits mean those of the settings.
-    A kind that is not ``offered`` has no call of its own; another call submits it. ``own_files`` tells from a job's
-    input below which key files lie that only this job needs: they are removed when it has ended.
-    ``sandbox`` says what the child may do beside that; None, for a kind that reads nobody's files, means anything.
+    returns ``Outcome.to_json()`` and writes its files to ``folder``. Limits of ``None`` are those of the settings.
+    A kind that is not ``offered`` has no API call of its own; another call submits it. ``own_files`` maps a job's input
+    to the key prefix of files that only this job needs: they are removed when it has ended. ``sandbox`` restricts the
+    child; None, for a kind that reads no uploaded files, is unrestricted.
     """
 
     name: str

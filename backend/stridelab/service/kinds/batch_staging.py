@@ -1,7 +1,7 @@
-"""Between the tables and the job ``read-batch``: the received files in, rows of recordings out.
+"""Stages and publishes the job ``read-batch``: fetches the uploaded files and inserts the rows of recordings.
 
-The files of a bulk upload lie below ``batches/<batch_id>`` until its job has ended: ``TASK``, which is a
-``ParseBatchTask``, and the files that it names. Names that users gave are in there and not in the job's row.
+The files of a bulk upload are stored below ``batches/<batch_id>`` until its job has ended: ``TASK``, which is a
+``ParseBatchTask``, and the files listed in it. File names of users are stored there and not in the job's row.
 """
 
 import asyncio
@@ -36,13 +36,13 @@ TASK: Final = "task.json"
 
 
 def own_files(job_input: Mapping[str, Any]) -> str:
-    """Where the files of a job with this input lie."""
+    """Key prefix of the files of a job with this input."""
     return f"{FOLDER}/{job_input['batch_id']}"
 
 
 @dataclass(frozen=True)
 class ReadFile:
-    """A file that is a recording: its place among the files of the upload, what was read, and whose it is."""
+    """A readable recording of the upload: its index among the files, its facts, and its subject."""
 
     place: int
     file: str
@@ -53,13 +53,13 @@ class ReadFile:
 
     @property
     def stated(self) -> SubjectFields:
-        """What the subject table states of the person."""
+        """The subject's fields in the subject table."""
         return SubjectFields(name=self.person.subject, **self.person.model_dump(exclude={"subject", "group"}))
 
 
 @dataclass(frozen=True)
 class ReadUpload:
-    """A bulk upload after reading; ``statics`` is the place of the static trial per place of a line of the table."""
+    """A parsed bulk upload; ``people`` and ``statics`` map a file's index to its subject and static trial's index."""
 
     files: tuple[ReadFile, ...]
     refused: tuple[RefusedFile, ...]
@@ -68,7 +68,7 @@ class ReadUpload:
 
     @staticmethod
     def of(read: Mapping[str, Any]) -> "ReadUpload":
-        """What ``parse_batch`` answered. Raises ``UnreadableFile`` (``nothing-readable``) where nothing is readable."""
+        """From the result of ``parse_batch``. Raises ``UnreadableFile`` (``nothing-readable``) without readable file."""
         people = {row["place"]: PersonFields.model_validate(row["person"]) for row in read["rows"]}
         files, refused = [], []
         for place, one in enumerate(read["files"]):
@@ -81,11 +81,11 @@ class ReadUpload:
             files.append(ReadFile(place, one["file"], name, one["tracks"], facts, person))
         if not files:
             faults = [Fault(one.filename, f"{one.message} ({one.code})") for one in refused]
-            raise UnreadableFile("nothing-readable", "None of the files is a recording that can be read.", faults)
+            raise UnreadableFile("nothing-readable", "None of the files is a readable recording.", faults)
         return ReadUpload(tuple(files), tuple(refused), people, {row["place"]: row["static"] for row in read["rows"]})
 
     def links(self, ids: Mapping[int, str]) -> dict[str, str]:
-        """Recording to static trial, by id, of those that have one among ``ids`` (by place)."""
+        """Ids of static trials by recording id, for those among ``ids`` (by index)."""
         return {
             ids[place]: ids[static]
             for place, static in self.statics.items()
@@ -93,7 +93,7 @@ class ReadUpload:
         }
 
     def summary(self, ids: Mapping[int, str]) -> ReadBatchSummary:
-        """What the user is told of the recordings ``ids`` (by place)."""
+        """Summary of the upload for the user, with recording ``ids`` (by index)."""
         standing = set(self.statics.values()) - set(self.statics)
         subjects = [
             SubjectOfRecording(recording_id=ids[place], **person.model_dump())
@@ -107,7 +107,7 @@ class ReadUpload:
 
 
 async def stage_read_batch(connection: AsyncConnection, blobs: Blobs, input: Contract, folder: Path) -> Json:  # noqa: A002
-    """Fetch the files of the upload; the task is the one that they were stored with."""
+    """Fetch the files of the upload; the task is stored with them."""
     request = ReadBatchInput.model_validate(input.model_dump())
     for name in request.files:
         await blobs.get_file(f"{own_files(request.model_dump())}/{name}", folder / name)
@@ -117,9 +117,9 @@ async def stage_read_batch(connection: AsyncConnection, blobs: Blobs, input: Con
 async def publish_read_batch(
     connection: AsyncConnection, blobs: Blobs, job_row: Mapping[str, Any], outcome: Json, folder: Path
 ) -> Json:
-    """Insert the recordings of a bulk upload that has been read; returns the summary with their ids.
+    """Insert the recordings of a parsed bulk upload; returns the summary with their ids.
 
-    Ids follow from the job's id, as in ``publish_simulated_recording``.
+    Ids are derived from the job's id, as in ``publish_simulated_recording``.
     """
     upload = ReadUpload.of(outcome["read"])
     ids = {
@@ -139,7 +139,7 @@ async def publish_read_batch(
             facts=one.facts,
             subject=one.stated,
         )
-    # in one order in all transactions, so that two uploads of the same files do not wait for each other
+    # the same order in all transactions, so that two uploads of the same files do not deadlock
     for key in sorted({key for row in rows.values() for key in (row["blob_key"], row["tracks_key"])}):
         await lock_blob(connection, key)
     for one in upload.files:

@@ -1,7 +1,7 @@
-"""``compare-estimators``: every estimator on one recording, against the truth where it is known, else against physics.
+"""``compare-estimators``: compares all estimators on one recording with the ground truth, or else with physical laws.
 
 Tables: ``comparison`` (the estimates over the window), ``spectra`` (amplitude densities of the errors of inputs and
-estimators), ``contributions`` (what each input gives to the complementary filter, figure 2.7), ``bode`` (figure 2.5).
+estimators), ``contributions`` (of each input to the complementary filter, figure 2.7), ``bode`` (figure 2.5).
 """
 
 import math
@@ -41,7 +41,7 @@ from stridelab.service.kinds.result_tables import write_table
 from stridelab.service.kinds.simulate_recording.truth_table import known_motion
 
 AS_IN_THE_THESIS: Final = ("complementary", "kalman")
-"""Estimators that the thesis has with settings of its own: compared with those, too, as ``<name>-thesis``."""
+"""Estimators that are also compared with the settings of the thesis, as ``<name>-thesis``."""
 _BODE_HZ: Final = (0.01, 400)
 _WORLD: Final = "xyz"
 
@@ -54,7 +54,7 @@ def run_in_child(task: Json, folder: Path, progress: ProgressCallback) -> Json:
 def run(task: CompareEstimatorsTask, folder: Path, progress: ProgressCallback) -> Outcome:
     """Compare on ``task.recording``; the summary is a ``CompareEstimatorsSummary``. Raises as ``estimate-com`` does.
 
-    An estimator that alone cannot do it is listed in ``refused``.
+    Single estimators that fail are listed in ``refused``.
     """
     request = task.input
     estimators = estimators_of(request)
@@ -68,20 +68,20 @@ def run(task: CompareEstimatorsTask, folder: Path, progress: ProgressCallback) -
         floor_height_m=_floor_height_m(prepared.trial.recording),
     )
     progress(0.7, f"running {len(estimators)} estimators")
-    found = compare(estimators, data)
+    comparison = compare(estimators, data)
     progress(0.9, "writing the result")
-    summary = _summary(prepared, found, with_truth=truth is not None)
+    summary = _summary(prepared, comparison, with_truth=truth is not None)
     provenance = {"file": task.recording.filename, "frame": "world, z up", "summary": summary.model_dump(mode="json")}
-    artifacts = _tables(folder, request, data, found, provenance)
+    artifacts = _tables(folder, request, data, comparison, provenance)
     progress(1.0, "done")
-    references = [key for a in found.assessments.values() for key in a.estimate.references]
+    references = [key for a in comparison.assessments.values() for key in a.estimate.references]
     return Outcome(
         summary.model_dump(mode="json"), tuple(dict.fromkeys((*prepared.geometric.references, *references))), artifacts
     )
 
 
 def estimators_of(request: CompareEstimatorsInput) -> dict[str, ComEstimator]:
-    """The estimators to compare, by their names in the result; own cut-offs are for the filter that has any."""
+    """The estimators to compare, by their names in the result; custom cut-offs apply to the complementary filter."""
     names = METHODS if request.method is None else (GeometryOnly.name, require_method(request.method))
     own = isinstance(request.cutoffs, tuple) or request.cutoffs == "spectra"
     plain = request.model_copy(update={"cutoffs": "auto"}) if own else request
@@ -120,7 +120,7 @@ def _summary(prepared: Prepared, found: Comparison, *, with_truth: bool) -> Comp
 
 
 def _judged(found: Comparison) -> ComEstimate:
-    """The estimate whose quality stands for the recording's: that of the best method that worked."""
+    """The estimate whose quality represents the recording: that of the best method that succeeded."""
     fused = [name for name in (*METHODS, *found.assessments) if name in found.assessments and name != GeometryOnly.name]
     return found.assessments[next(iter(fused), GeometryOnly.name)].estimate
 
@@ -180,7 +180,7 @@ def _tables(
 
 
 def _filter_tables(request: CompareEstimatorsInput, data: Data) -> dict[str, dict[str, Series]]:
-    """Figures 2.7 and 2.5 for the complementary filter that was asked for."""
+    """Figures 2.7 and 2.5 for the requested complementary filter."""
     chosen = estimator(ComplementaryFilter.name, request)
     if not isinstance(chosen, ComplementaryFilter):
         raise TypeError("the estimator of that name is the complementary filter")

@@ -1,8 +1,8 @@
-"""``learn-reachability``: where the CoM of a robot can be, seen from its effectors (section 4.3).
+"""``learn-reachability``: learns the distribution of a robot's CoM relative to its effectors (section 4.3).
 
-Leaves ``mixtures.json`` and ``cloud.npz`` (the files of models/reachability), ``card.json`` (the card without the
-mixtures' numbers), ``reachability.json`` (what can be drawn: ``robot_reachability``) and the table ``samples`` of the
-CoM positions, one row per posture. Its own processes end with it.
+Writes ``mixtures.json`` and ``cloud.npz`` (the files of models/reachability), ``card.json`` (the card without the
+mixtures' numbers), ``reachability.json`` (data for plots: ``robots.reachability``) and the table ``samples`` of the CoM
+positions, one row per posture. Its child processes end with it.
 """
 
 import json
@@ -28,7 +28,7 @@ MIXTURES_FILE, CARD_FILE, JSON = "mixtures.json", "card.json", "application/json
 CLOUD_FILE, NPZ = "cloud.npz", "application/x-npz"
 SHAPES_FILE: Final = "reachability.json"
 FEW_SAMPLES: Final = 5000
-"""Below this the densities of two seeds visibly differ."""
+"""Number of samples below which the densities of two seeds differ visibly."""
 LEARNING_SHARE: Final = 0.95
 REFERENCES: Final = (
     "carpentier2017thesis",
@@ -104,7 +104,7 @@ def _written(robot: Robot, learned: Learned, folder: Path, provenance: Json) -> 
 
 
 def without_mixtures(card: ReachabilityCard) -> Json:
-    """How the densities were learned and how good they are."""
+    """Settings and quality of the learned densities: the card without the mixtures' parameters."""
     facts: Json = json.loads(text(card))
     for effector in facts["effectors"].values():
         for numbers in ("weights", "means", "covariances"):

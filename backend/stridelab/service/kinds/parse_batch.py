@@ -1,6 +1,6 @@
-"""A bulk upload: archives unpacked, the subject table matched to the files, and every file read in its own process.
+"""Parses a bulk upload: unpacks archives, matches the subject table to the files, reads each file in its own process.
 
-Runs in a killable child of ``POST /recordings/batch``, or in that of a job.
+Runs in a killable child of ``POST /recordings/batch`` or of a job.
 """
 
 import hashlib
@@ -23,7 +23,7 @@ from stridelab.service.subject_table import match, read_subject_table
 
 PRELOAD: Final = ("stridelab.service.kinds.parse_batch",)
 ARENA_MB: Final = 1536
-"""Address space that the library of the tables reserves at its first use, and hardly uses."""
+"""Address space that pyarrow reserves at its first use, mostly without using it."""
 BROKEN: Final = {
     "computation-crashed": ("parser-crashed", "The file broke its reader; it is damaged, or not what it claims to be."),
     "computation-timed-out": ("parser-timed-out", "Reading the file took longer than this service allows."),
@@ -31,26 +31,27 @@ BROKEN: Final = {
 
 
 def run_in_child(task: Json, folder: Path, progress: ProgressCallback) -> Json:
-    """``files`` in their order: name, place in ``folder``, hash, size, and either ``facts`` or a ``problem``.
+    """Parse a bulk upload; returns ``files`` and ``rows``.
 
-    ``rows`` are the lines of the table with the places of their file and of its static trial. Raises
-    ``UnreadableFile`` for an archive, ``InvalidInput`` for a table that cannot be used.
+    ``files`` have, in order, name, path in ``folder``, hash, size, and either ``facts`` or a ``problem``. ``rows`` are
+    the lines of the table with the indices of their file and its static trial. Raises ``UnreadableFile`` for an invalid
+    archive, ``InvalidInput`` for an invalid table.
     """
-    asked = ParseBatchTask.model_validate(task)
+    request = ParseBatchTask.model_validate(task)
     progress(0.0, "unpacking")
-    files, table = _unpacked(asked, folder)
+    files, table = _unpacked(request, folder)
     rows = [] if table is None else read_subject_table(table)
     matched = match([name for name, _ in files], rows)
-    found = [_described(name, path, folder) for name, path in files]
-    _refuse_twins(found)
+    results = [_described(name, path, folder) for name, path in files]
+    _refuse_twins(results)
     items = [
         {"file": one["file"], "filename": one["name"], "bytes": one["bytes"], "folder": str(folder), "place": place,
-         "limit_bytes": asked.file_bytes, "memory_mb": asked.memory_mb}
-        for place, one in enumerate(found) if "problem" not in one
+         "limit_bytes": request.file_bytes, "memory_mb": request.memory_mb}
+        for place, one in enumerate(results) if "problem" not in one
     ]  # fmt: skip
-    done = each_apart(read_one, items, preload=PRELOAD, timeout_s=asked.timeout_s)
+    done = each_apart(read_one, items, preload=PRELOAD, timeout_s=request.timeout_s)
     for count, (index, answer) in enumerate(done, start=1):
-        one = found[items[index]["place"]]
+        one = results[items[index]["place"]]
         if isinstance(answer, StridelabError):
             code, sentence = BROKEN.get(answer.code, (answer.code, answer.message))
             one["problem"] = {"code": code, "message": sentence}
@@ -62,13 +63,13 @@ def run_in_child(task: Json, folder: Path, progress: ProgressCallback) -> Json:
         for m in matched
         if m.row is not None
     ]
-    return {"files": found, "rows": lines}
+    return {"files": results, "rows": lines}
 
 
 def run_as_job(task: Json, folder: Path, progress: ProgressCallback) -> Json:
-    """``run_in_child`` for the job ``read-batch``; what was read stands beside the outcome, as ``read``.
+    """``run_in_child`` for the job ``read-batch``; its result is added to the outcome as ``read``.
 
-    Raises ``UnreadableFile`` (``nothing-readable``), and what ``run_in_child`` raises.
+    Raises ``UnreadableFile`` (``nothing-readable``), and the errors of ``run_in_child``.
     """
     read = run_in_child(json.loads(task["task"]), folder, progress)
     ReadUpload.of(read)
@@ -76,17 +77,17 @@ def run_as_job(task: Json, folder: Path, progress: ProgressCallback) -> Json:
 
 
 def read_one(item: Json) -> Json:
-    """Read one file in a process of its own; its tracks are left in a folder of its own."""
+    """Read one file; runs in a separate process and writes the tracks to a separate folder."""
     if item["bytes"] > item["limit_bytes"]:
-        most = f"{item['limit_bytes'] / 1e6:g} MB"
-        raise TooLarge("upload-too-large", f"The file is larger than {most}, the most that this service takes.")
+        limit = f"{item['limit_bytes'] / 1e6:g} MB"
+        raise TooLarge("upload-too-large", f"The file is larger than {limit}, the limit of this service.")
     limit_memory(item["memory_mb"] + ARENA_MB)
     folder = Path(item["folder"])
     own = folder / f"parsed-{item['place']:04d}"
     own.mkdir()
     try:
         (own / "trial").hardlink_to(folder / item["file"])
-    except OSError:  # the first version of Landlock forbids it
+    except OSError:  # Landlock ABI 1 forbids hard links between folders
         shutil.copyfile(folder / item["file"], own / "trial")
     source = RecordingSource(file="trial", filename=item["filename"])
     outcome = parse_upload.run(ParseUploadTask(recording=source), own, lambda _fraction, _message: None)
@@ -109,11 +110,11 @@ def _unpacked(asked: ParseBatchTask, folder: Path) -> tuple[list[tuple[str, Path
         files += held.files
         if held.table is not None:
             if table is not None:
-                fault = Fault(one.filename, "holds a .csv, and there is another table")
-                raise InvalidInput("subject-table-twice", "There are two subject tables; one is read.", [fault])
+                fault = Fault(one.filename, "contains a .csv, and there is another table")
+                raise InvalidInput("subject-table-twice", "There are two subject tables; only one is allowed.", [fault])
             table = held.table
     if len(files) > MAX_RECORDINGS:
-        message = f"These are {len(files)} recordings; at most {MAX_RECORDINGS} are taken at a time."
+        message = f"These are {len(files)} recordings; at most {MAX_RECORDINGS} are allowed at a time."
         raise InvalidInput("too-many-files", message, [Fault("file", "too many")])
     return files, table
 

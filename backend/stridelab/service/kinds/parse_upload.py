@@ -1,6 +1,6 @@
-"""What an upload holds: the facts of the contract, and every track in the world frame (SI) for plots and the viewer.
+"""Parses an upload: the facts of the contract, and all tracks in the world frame (SI) for plots and the viewer.
 
-Runs in a killable child of ``POST /recordings``. Names of persons are never read, so they cannot leave this process.
+Runs in a killable child of ``POST /recordings``. Names of subjects are never read, so they cannot leave this process.
 """
 
 from dataclasses import replace
@@ -42,7 +42,7 @@ def run(task: ParseUploadTask, folder: Path, progress: ProgressCallback) -> Outc
 
 
 def facts(trial: Trial) -> RecordingFacts:
-    """The facts of the contract; a window of the list is an interval in which all contact force is measured."""
+    """The facts of the contract; ``windows_s`` are the intervals in which all contact force is measured."""
     recording, match = trial.recording, trial.match
     direction = recording.walking_direction
     weight = weight_of(trial)
@@ -72,7 +72,7 @@ def facts(trial: Trial) -> RecordingFacts:
 
 
 def plate_info(plate: Plate, force_rate_hz: float) -> PlateInfo:
-    """A plate of the contract, with the intervals in which it carries more than its threshold."""
+    """A plate of the contract, with the intervals in which its load exceeds its threshold."""
     return PlateInfo(
         index=plate.index,
         type=plate.type,
@@ -93,8 +93,8 @@ def write_tracks(
 def track_columns(recording: Recording, windows: tuple[Window, ...]) -> dict[str, Series | Mask]:
     """``time_s``, ``complete``, ``<label>_x_m..``, and per plate ``plate<i>_fx_n.. _mx_nm.. _copx_m..``.
 
-    Moments are at the world origin. ``complete`` marks the frames in which the sum over the plates in use is the whole
-    contact wrench. The centre of pressure is NaN while the plate carries less than its threshold.
+    Moments are about the world origin. ``complete`` marks the frames in which the sum over the plates in use is the
+    whole contact wrench. The centre of pressure is NaN while the load of the plate is below its threshold.
     """
     columns: dict[str, Series | Mask] = {"time_s": recording.time_s}
     columns["complete"] = wrench_track(recording, windows).complete

@@ -1,6 +1,6 @@
-"""``plan-contacts``: from a stance to a goal stance over a terrain, as a scenario (section 4.2).
+"""``plan-contacts``: plans contacts from a stance to a goal stance over a terrain, as a scenario (section 4.2).
 
-Leaves ``scenario.json``, the body of ``POST /scenarios``.
+Writes ``scenario.json``, the body of ``POST /scenarios``.
 """
 
 from pathlib import Path

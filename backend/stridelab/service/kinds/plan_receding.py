@@ -1,9 +1,7 @@
-"""``plan-receding``: a scenario carried out by plans of a receding horizon, pushed on the way if asked.
+"""``plan-receding``: executes a scenario with receding-horizon replanning, optionally with pushes.
 
-Leaves ``receding`` (Parquet and CSV), one row per period: where the CoM was, and what its replan took; and the motion
-as a plan has it, ``centroidal`` with ``scenario.json``, for whoever shows plans.
-
-Tables of ``plan-receding``: a row per period, and the motion that was carried out in the columns of a plan.
+Writes ``receding`` (Parquet and CSV), one row per period: the CoM and the cost of the replan; and the executed motion
+in the columns of a plan, ``centroidal`` with ``scenario.json``, for viewers of plans.
 """
 
 import math
@@ -45,7 +43,7 @@ def run_in_child(task: Json, folder: Path, progress: ProgressCallback) -> Json:
 
 
 def run(task: PlanRecedingTask, folder: Path, progress: ProgressCallback) -> Outcome:
-    """Carry the scenario out into ``folder``; the summary is a ``PlanRecedingSummary``.
+    """Execute the scenario and write the result to ``folder``; the summary is a ``PlanRecedingSummary``.
 
     Raises ``InvalidInput`` (``scenario-invalid``, ``horizon-invalid``), ``NotFound`` (``robot-not-found``),
     ``Unavailable`` (``reachability-of-another-robot``) and ``NotEstimable`` (``horizon-lost``).
@@ -71,7 +69,7 @@ def run(task: PlanRecedingTask, folder: Path, progress: ProgressCallback) -> Out
     (solver,) = {replan.plan.solver for replan in done.replans}
     carried_on = sum(replan.carried_on for replan in done.replans)
     if carried_on:
-        message = f"in {carried_on} of {len(took_ms)} periods no solution was found, and the plan before went on"
+        message = f"in {carried_on} of {len(took_ms)} periods the replan had no solution; the previous plan was used"
         noted = (*noted, Remark(code=FELL_BEHIND, message=message))
     summary = PlanRecedingSummary(
         scenario_name=sequence.name,
@@ -100,7 +98,7 @@ def run(task: PlanRecedingTask, folder: Path, progress: ProgressCallback) -> Out
 
 
 def pushed(pushes: list[Push], period_s: float) -> Disturb:
-    """The state after the pushes of the period that ends at a time; a period begins with its first moment."""
+    """Disturbance that adds the pushes of the period that ends at a time; a period includes its first instant."""
 
     def disturb(time_s: float, state: State) -> State:
         period = round(time_s / period_s)
@@ -111,52 +109,52 @@ def pushed(pushes: list[Push], period_s: float) -> Disturb:
 
 
 AFTER_S = 1e-9
-"""What holds from a node on is read so much after it."""
+"""Offset after a node at which the values of the following interval are read."""
 
 
 def period_columns(done: Receding) -> Columns:
-    """One row per moment; the last one is the end, to which no replan belongs (NaN)."""
+    """One row per period and one for the end, which has no replan (NaN)."""
     replans = done.replans
-    found: Columns = {"time_s": done.time_s}
-    found |= track_columns("com_{}_m", done.com_m)
-    found |= track_columns("com_v{}_m_s", done.com_v_m_s)
-    found |= track_columns("l_{}_nms", done.l_nms)
-    found["replan_ms"] = np.array([*(1e3 * replan.took_s for replan in replans), np.nan])
-    found["iterations"] = np.array([*(float(replan.iterations) for replan in replans), np.nan])
-    found["carried_on"] = np.array([*(float(replan.carried_on) for replan in replans), np.nan])
-    return found
+    columns: Columns = {"time_s": done.time_s}
+    columns |= track_columns("com_{}_m", done.com_m)
+    columns |= track_columns("com_v{}_m_s", done.com_v_m_s)
+    columns |= track_columns("l_{}_nms", done.l_nms)
+    columns["replan_ms"] = np.array([*(1e3 * replan.took_s for replan in replans), np.nan])
+    columns["iterations"] = np.array([*(float(replan.iterations) for replan in replans), np.nan])
+    columns["carried_on"] = np.array([*(float(replan.carried_on) for replan in replans), np.nan])
+    return columns
 
 
 def carried_out_columns(sequence: ContactSequence, done: Receding) -> Columns:
-    """Columns of ``centroidal``: of every period what its plan had for it, at the nodes of that plan.
+    """Columns of ``centroidal``: for every period the values of its plan at the nodes of that plan.
 
-    A row holds until the next one, as in ``plan-motion``; where a period begins with a push, so does its first row.
+    A row is valid until the next one, as in ``plan-motion``; the first row of a period includes its push.
     """
     moments = list(_moments(done))
     read = [(at_s + AFTER_S, replan.plan) for at_s, _, replan in moments]
     times_s = np.array([time_s for _, time_s, _ in moments])
     states = [plan.at(at_s) for at_s, plan in read]
-    held = [plan.forces_at(at_s) for at_s, plan in read]
+    forces_at_rows = [plan.forces_at(at_s) for at_s, plan in read]
     phases = [sequence.phase_at(time_s + AFTER_S) for time_s in times_s]
-    found: Columns = {"time_s": times_s, "phase": np.array(phases)}
-    found |= track_columns("com_{}_m", np.array([state.com_m for state in states]))
-    found |= track_columns("com_v{}_m_s", np.array([state.com_v_m_s for state in states]))
-    found |= track_columns("com_a{}_m_s2", np.array([state.com_a_m_s2 for state in states]))
-    found |= track_columns("l_{}_nms", np.array([state.l_nms for state in states]))
+    columns: Columns = {"time_s": times_s, "phase": np.array(phases)}
+    columns |= track_columns("com_{}_m", np.array([state.com_m for state in states]))
+    columns |= track_columns("com_v{}_m_s", np.array([state.com_v_m_s for state in states]))
+    columns |= track_columns("com_a{}_m_s2", np.array([state.com_a_m_s2 for state in states]))
+    columns |= track_columns("l_{}_nms", np.array([state.l_nms for state in states]))
     points = {name: len(points_m) for _, plan in read for name, points_m in plan.points_m.items()}
     for effector in sequence.effectors:
         for k in range(points.get(effector, 0)):
             none = np.zeros((points[effector], 3))
-            forces = np.array([forces.get(effector, none)[k] for forces in held])
-            found |= track_columns(f"f_{effector}_{k}_{{}}_n", forces)
+            forces = np.array([forces.get(effector, none)[k] for forces in forces_at_rows])
+            columns |= track_columns(f"f_{effector}_{k}_{{}}_n", forces)
     for effector in sequence.effectors:
         contacts = [sequence.phases[phase].contacts.get(effector) for phase in phases]
-        found[f"friction_{effector}"] = np.array([contact.friction if contact else 0.0 for contact in contacts])
-    return found
+        columns[f"friction_{effector}"] = np.array([contact.friction if contact else 0.0 for contact in contacts])
+    return columns
 
 
 def _moments(done: Receding) -> Iterator[tuple[float, float, Replan]]:
-    """When a row begins: in the time of the plan that holds from there, in that of the motion, and whose plan it is."""
+    """Start of every row: its time in the plan, its time in the motion, and the replan that it belongs to."""
     for replan, end_s in zip(done.replans, [*done.time_s[1:]], strict=True):
         shift_s = replan.time_s - replan.since_s
         nodes_s = replan.plan.time_s + shift_s

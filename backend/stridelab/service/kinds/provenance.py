@@ -1,4 +1,4 @@
-"""Where a number comes from: versions of what computed it, and the literature of the methods used."""
+"""Provenance of results: versions of the software that computed them, and the literature of the used methods."""
 
 import platform
 import re
@@ -21,7 +21,7 @@ PACKAGES = (
     "scikit-learn",
     "example-robot-data",
 )
-"""Packages that numbers depend on."""
+"""Packages that affect numerical results."""
 
 _ENTRY = re.compile(r"^@\w+\{([^,\s]+),.*?^\}", re.MULTILINE | re.DOTALL)
 
@@ -29,13 +29,13 @@ _ENTRY = re.compile(r"^@\w+\{([^,\s]+),.*?^\}", re.MULTILINE | re.DOTALL)
 @cache
 def versions() -> dict[str, str]:
     """Version of Python and of every installed package of ``PACKAGES``."""
-    found = {"python": platform.python_version()}
+    package_versions = {"python": platform.python_version()}
     for package in PACKAGES:
         try:
-            found[package] = version(package)
+            package_versions[package] = version(package)
         except PackageNotFoundError:
-            found[package] = "not installed"
-    return found
+            package_versions[package] = "not installed"
+    return package_versions
 
 
 @cache
@@ -50,5 +50,5 @@ def known_references() -> frozenset[str]:
 
 
 def bibliography(keys: Iterable[str]) -> str:
-    """BibTeX of the given keys, in their order. Raises ``KeyError`` for a key that models/references.bib lacks."""
+    """BibTeX entries of ``keys``, in their order. Raises ``KeyError`` for a key missing in models/references.bib."""
     return "\n\n".join(_entries()[key] for key in dict.fromkeys(keys)) + "\n"

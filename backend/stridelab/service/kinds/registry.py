@@ -1,4 +1,4 @@
-"""All job kinds, by name. Importing this imports no numeric package; the runs are import paths."""
+"""All job kinds, by name. Importing this module imports no numeric package; runs are referenced by import path."""
 
 from collections.abc import Mapping
 from types import MappingProxyType
@@ -36,7 +36,7 @@ from stridelab.service.kinds.study_population import staging
 from stridelab.service.processes.sandbox import Sandbox
 
 FILMING: Final = Sandbox(programs=True, server=True)
-"""What a plan needs beside its files: ffmpeg, and the server to which viser's recorder listens."""
+"""Sandbox of plans, which use ffmpeg and the local server of viser's recorder."""
 
 ESTIMATE_COM = JobKind(
     name="estimate-com",
@@ -131,7 +131,7 @@ LEARN_REACHABILITY = JobKind(
     timeout_s=900.0,
     memory_mb=2048,
     lane="long",
-    sandbox=Sandbox(programs=True),  # interpreters of its own
+    sandbox=Sandbox(programs=True),  # starts interpreters
 )
 
 REPRODUCE = JobKind(
@@ -143,7 +143,7 @@ REPRODUCE = JobKind(
     timeout_s=3600.0,
     memory_mb=4096,
     lane="long",
-    sandbox=None,  # it is told names of experiments only, and forks servers that fork
+    sandbox=None,  # its input is a name of an experiment; starts fork servers
 )
 
 READ_BATCH = JobKind(
@@ -159,7 +159,7 @@ READ_BATCH = JobKind(
     offered=False,
     own_files=batch_staging.own_files,
 )
-"""A bulk upload that is too large to be read before it is answered."""
+"""Parses a bulk upload that takes too long for a synchronous response."""
 
 KINDS: Mapping[str, JobKind] = MappingProxyType(
     {
@@ -182,18 +182,18 @@ KINDS: Mapping[str, JobKind] = MappingProxyType(
 )
 
 PARSE_UPLOAD = "stridelab.service.kinds.parse_upload:run_in_child"
-"""Import path of the parser of uploads; it is run by ``POST /recordings``, not by the queue."""
+"""Import path of the parser of uploads, which is run by ``POST /recordings``, not by the queue."""
 
 PARSE_BATCH = "stridelab.service.kinds.parse_batch:run_in_child"
-"""Import path of the reader of bulk uploads; it is run by ``POST /recordings/batch``, and by the job ``read-batch``."""
+"""Import path of the parser of bulk uploads, run by ``POST /recordings/batch`` and by the job ``read-batch``."""
 
 _LIBRARIES: Final = ("numpy", "scipy.optimize", "scipy.spatial", "scipy.stats", "scipy.signal")
 READING: Final = (*_LIBRARIES, "ezc3d", "pyarrow.parquet", PARSE_UPLOAD.partition(":")[0])
-"""What is imported ahead for the children that parse uploads, dear libraries by themselves (``forking``)."""
+"""Modules preloaded by the fork server for children that parse uploads."""
 COMPUTING: Final = (
     *_LIBRARIES,
     *("ezc3d", "pyarrow.parquet", "pinocchio", "casadi", "sqlalchemy.ext.asyncio", "trimesh", "sklearn.mixture"),
     *(kind.run.partition(":")[0] for kind in KINDS.values()),
     *("mujoco", "viser", "stridelab.wholebody.replay.replay"),
 )
-"""What is imported ahead for the children that run jobs; the last three are imported by runs that need them."""
+"""Modules preloaded by the fork server for children that run jobs; runs import the last three lazily."""

@@ -1,4 +1,4 @@
-"""``reproduce``: a figure of the thesis computed anew, with its tables and the drawing as SVG."""
+"""``reproduce``: recomputes a figure of the thesis, with its tables and the drawing as SVG."""
 
 from dataclasses import asdict
 from pathlib import Path
@@ -22,26 +22,28 @@ def run_in_child(task: Json, folder: Path, progress: ProgressCallback) -> Json:
 def run(task: ReproduceTask, folder: Path, progress: ProgressCallback) -> Outcome:
     """Reproduce into ``folder``; the summary is a ``ReproduceSummary``.
 
-    Raises ``Unavailable`` (``robot-data-missing``) where the robot that walks is not installed.
+    Raises ``Unavailable`` (``robot-data-missing``) if the robot is not installed.
     """
     request = task.input
     item = ITEMS[request.item]
     seeds = request.seeds or item.default_seeds
-    found = reproduce(request.item, seeds, lambda fraction, message: progress(0.95 * fraction, message))
+    reproduction = reproduce(request.item, seeds, lambda fraction, message: progress(0.95 * fraction, message))
     progress(0.95, "writing the result")
     summary = ReproduceSummary(
         item=item.name,
         title=item.title,
-        verdict=found.verdict,
-        thesis={claim.key: claim.thesis for claim in found.claims},
-        ours={claim.key: claim.ours for claim in found.claims},
-        claims=[ClaimResult(**asdict(claim)) for claim in found.claims],
+        verdict=reproduction.verdict,
+        thesis={claim.key: claim.thesis for claim in reproduction.claims},
+        ours={claim.key: claim.ours for claim in reproduction.claims},
+        claims=[ClaimResult(**asdict(claim)) for claim in reproduction.claims],
         seeds=seeds,
-        note=found.note,
+        note=reproduction.note,
     )
     drawing = f"{item.name}.svg"
-    atomically(folder / drawing, lambda path: path.write_text(found.drawing, encoding="utf-8"))
+    atomically(folder / drawing, lambda path: path.write_text(reproduction.drawing, encoding="utf-8"))
     provenance = {"item": item.name, "seeds": seeds}
-    tables = [file for name, columns in found.tables.items() for file in write_table(folder, name, columns, provenance)]
+    tables = [
+        file for name, columns in reproduction.tables.items() for file in write_table(folder, name, columns, provenance)
+    ]
     progress(1.0, "done")
-    return Outcome(summary.model_dump(mode="json"), found.references, (ArtifactFile(drawing, SVG), *tables))
+    return Outcome(summary.model_dump(mode="json"), reproduction.references, (ArtifactFile(drawing, SVG), *tables))

@@ -1,8 +1,8 @@
 """Result tables: one Parquet file (zstd) and its CSV twin of the same stem, units in the column names.
 
-The Parquet file's metadata carry the key ``stridelab``: JSON with the units per column, the versions that computed the
-numbers and whatever provenance the caller adds. NaN stays NaN in Parquet and is an empty cell in CSV. Parquet holds
-text as it was given; in CSV a text that a spreadsheet would run as a formula has an apostrophe in front.
+The Parquet file's metadata contain the key ``stridelab``: JSON with the units per column, the software versions and the
+caller's provenance. NaN stays NaN in Parquet and is an empty cell in CSV. Parquet contains text unchanged; in CSV, text
+that a spreadsheet would evaluate as a formula is prefixed with an apostrophe.
 """
 
 import json
@@ -26,7 +26,7 @@ C3D = "application/octet-stream"
 
 METADATA_KEY = b"stridelab"
 _FORMULA = frozenset("=+-@\t\r\n\uff1d\uff0b\uff0d\uff20")
-"""What a formula begins with, full-width forms among it."""
+"""First characters of formulas, including full-width forms."""
 
 # Longest suffix first: "vx_m_s" is a velocity, not a length followed by seconds.
 UNITS = (
@@ -43,14 +43,14 @@ UNITS = (
 
 
 def unit_of(column: str) -> str:
-    """Unit that a column's name states; "1" for a name without a unit suffix."""
+    """Unit of a column according to its suffix; "1" for a name without a unit suffix."""
     return next((unit for suffix, unit in UNITS.items() if column.endswith(suffix)), "1")
 
 
 def write_table(
     folder: Path, stem: str, columns: Mapping[str, np.ndarray], provenance: Mapping[str, Any]
 ) -> tuple[ArtifactFile, ArtifactFile]:
-    """Write ``<stem>.parquet`` and ``<stem>.csv`` into ``folder``; each appears whole or not at all.
+    """Write ``<stem>.parquet`` and ``<stem>.csv`` atomically into ``folder``.
 
     ``columns`` maps names (with unit suffix) to arrays of one common length. Raises ``ValueError`` when lengths differ.
     """
@@ -75,9 +75,9 @@ def read_about(parquet: Path) -> dict[str, Any]:
 
 
 def atomically(path: Path, write: Callable[[Path], object]) -> None:
-    """Let ``write`` fill a temporary file beside ``path``, then rename it; nothing remains when it fails.
+    """Call ``write`` with a temporary file beside ``path``, then rename it; a failure leaves no file.
 
-    The temporary name keeps the suffix, which some writers look at.
+    The temporary name has the same suffix, on which some writers depend.
     """
     part = path.with_name(f".part-{os.getpid()}-{path.name}")
     try:
@@ -88,10 +88,10 @@ def atomically(path: Path, write: Callable[[Path], object]) -> None:
 
 
 def spreadsheet_text(text: str) -> str:
-    """``text`` with an apostrophe in front where a spreadsheet would take it for a formula; numbers stay as they are.
+    """Prefix ``text`` with an apostrophe if a spreadsheet would evaluate it as a formula; numbers are unchanged.
 
-    Such a text begins with ``=``, ``+``, ``-``, ``@``, a tab or a line break (OWASP, CSV injection), or with spaces
-    before one of them.
+    Such a text begins, after optional spaces, with ``=``, ``+``, ``-``, ``@``, a tab or a line break (OWASP, CSV
+    injection).
     """
     begin = text.lstrip(" ")[:1]
     if not begin or begin not in _FORMULA:

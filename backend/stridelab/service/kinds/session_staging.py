@@ -1,4 +1,4 @@
-"""From the rows of a session to the values that a job uses."""
+"""Computes the session values of a job from the rows of the session's recordings."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ Row = Mapping[str, Any]
 
 @dataclass(frozen=True)
 class SessionOfRow:
-    """``values`` of the session, None where the recording is alone; ``static`` is the row of its static trial."""
+    """``values`` of the session, None if it has one recording only; ``static`` is the row of its static trial."""
 
     values: SessionValues | None = None
     static: Row | None = None
@@ -26,19 +26,19 @@ class SessionOfRow:
 async def session_of(connection: AsyncConnection, row: Row) -> SessionOfRow:
     """The session of a recording's row: the other recordings of its owner with the same ``session_id``.
 
-    The static trial is the stated one, which then is no value of the session, else the session's own.
+    The static trial is the stated one, which is then not part of the session values, else that of the session.
     """
     stated = await _row(connection, row["static_recording_id"])
     others = await _others(connection, row)
-    found = session_values(row["session_id"], _facts(row), [_facts(one) for one in others]) if others else None
+    shared_values = session_values(row["session_id"], _facts(row), [_facts(one) for one in others]) if others else None
     if stated is not None:
-        return SessionOfRow(found, stated)
-    chosen = static_of(_facts(row), [_facts(one) for one in others])
-    if chosen is None:
-        return SessionOfRow(found)
-    values = found or SessionValues(session_id=row["session_id"])
-    static = next(one for one in others if one["id"] == chosen.recording_id)
-    return SessionOfRow(values.model_copy(update={"static_recording_id": chosen.recording_id}), static)
+        return SessionOfRow(shared_values, stated)
+    static_facts = static_of(_facts(row), [_facts(one) for one in others])
+    if static_facts is None:
+        return SessionOfRow(shared_values)
+    values = shared_values or SessionValues(session_id=row["session_id"])
+    static = next(one for one in others if one["id"] == static_facts.recording_id)
+    return SessionOfRow(values.model_copy(update={"static_recording_id": static_facts.recording_id}), static)
 
 
 async def _others(connection: AsyncConnection, row: Row) -> list[Row]:
@@ -55,8 +55,8 @@ async def _others(connection: AsyncConnection, row: Row) -> list[Row]:
 async def _row(connection: AsyncConnection, recording_id: str | None) -> Row | None:
     if recording_id is None:
         return None
-    found = await connection.execute(select(recording).where(recording.c.id == recording_id))
-    row = found.mappings().one_or_none()
+    result = await connection.execute(select(recording).where(recording.c.id == recording_id))
+    row = result.mappings().one_or_none()
     return None if row is None else dict(row)
 
 

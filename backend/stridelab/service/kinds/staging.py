@@ -1,6 +1,6 @@
-"""Between the tables and the tasks: rows and blobs in, a task out; a simulated recording in, a row out.
+"""Stages jobs (from rows and blobs to a task) and publishes simulated recordings (from files to a row).
 
-Runs in the worker, so nothing here imports a numeric package.
+Runs in the worker, so this module imports no numeric package.
 """
 
 import hashlib
@@ -37,22 +37,22 @@ from stridelab.service.storage.content_addressed import lock_blob
 from stridelab.service.storage.tables import job, recording, scenario, subject
 
 RECORDING_FILE, TRACKS_FILE, FACTS_FILE = "recording.c3d", "tracks.parquet", "facts.json"
-"""Where ``simulate-recording`` leaves its recording, with tracks and facts for the recording's row."""
+"""Files of ``simulate-recording``: its recording, and the tracks and facts for the recording's row."""
 TRUTH_FILE = "truth.parquet"
-"""The true motion of a simulated recording, an artifact of the job that made it."""
+"""The true motion of a simulated recording, an artifact of the simulation job."""
 
 
 def stated_subject(recording_fields: Mapping[str, Any], subject_fields: Mapping[str, Any] | None) -> SubjectFields:
-    """What users stated: the recording's own fields win over those of the linked subject."""
+    """Fields stated by users: those of the recording take precedence over those of the linked subject."""
     merged = {key: value for key, value in (subject_fields or {}).items() if value is not None}
     merged.update({key: value for key, value in recording_fields.items() if value is not None})
     return SubjectFields.model_validate(merged)
 
 
 async def stage_estimate_com(connection: AsyncConnection, blobs: Blobs, input: Contract, folder: Path) -> Json:  # noqa: A002
-    """Fetch the recording, the values of its session, and its static trial: the one stated, else the session's.
+    """Fetch the recording, the values of its session, and its static trial: the stated one, else the session's.
 
-    Raises ``NotFound`` (``recording-not-found``) where the recording has been deleted since the job was accepted.
+    Raises ``NotFound`` (``recording-not-found``) if the recording has been deleted since the job was accepted.
     """
     request = EstimateComInput.model_validate(input.model_dump())
     row = await _recording_row(connection, request.recording_id)
@@ -66,7 +66,7 @@ async def stage_estimate_com(connection: AsyncConnection, blobs: Blobs, input: C
 
 
 async def stage_compare_estimators(connection: AsyncConnection, blobs: Blobs, input: Contract, folder: Path) -> Json:  # noqa: A002
-    """What ``estimate-com`` needs, and the truth of a recording that has one."""
+    """Fetch the files of ``estimate-com``, and the ground truth of a simulated recording."""
     request = CompareEstimatorsInput.model_validate(input.model_dump())
     staged = await stage_estimate_com(connection, blobs, request, folder)
     prefix = await connection.execute(
@@ -75,15 +75,15 @@ async def stage_compare_estimators(connection: AsyncConnection, blobs: Blobs, in
         .where(recording.c.id == request.recording_id)
     )
     truth = None
-    if (kept_under := prefix.scalar_one_or_none()) is not None:
+    if (blob_prefix := prefix.scalar_one_or_none()) is not None:
         truth = TRUTH_FILE
-        await blobs.get_file(f"{kept_under}/{TRUTH_FILE}", folder / truth)
+        await blobs.get_file(f"{blob_prefix}/{TRUTH_FILE}", folder / truth)
     task = CompareEstimatorsTask(**(staged | {"input": request, "truth": truth}))
     return task.model_dump(mode="json")
 
 
 async def stage_fit_cycloid(connection: AsyncConnection, blobs: Blobs, input: Contract, folder: Path) -> Json:  # noqa: A002
-    """What ``estimate-com`` needs."""
+    """Fetch the files of ``estimate-com``."""
     request = FitCycloidInput.model_validate(input.model_dump())
     staged = await stage_estimate_com(connection, blobs, EstimateComInput(**_shared(request)), folder)
     return FitCycloidTask(**(staged | {"input": request})).model_dump(mode="json")
@@ -95,9 +95,9 @@ async def stage_input(connection: AsyncConnection, blobs: Blobs, input: Contract
 
 
 async def stage_plan_motion(connection: AsyncConnection, blobs: Blobs, input: Contract, folder: Path) -> Json:  # noqa: A002
-    """The task holds the scenario's body as it is now: what becomes of the row while the job runs does not matter.
+    """Copy the scenario's present body into the task, so that later changes of the row have no effect.
 
-    Raises ``NotFound`` (``scenario-not-found``) where the scenario has been deleted since the job was accepted.
+    Raises ``NotFound`` (``scenario-not-found``) if the scenario has been deleted since the job was accepted.
     """
     request = PlanMotionInput.model_validate(input.model_dump())
     body = request.scenario or await _scenario_body(connection, str(request.scenario_id))
@@ -123,8 +123,8 @@ async def publish_simulated_recording(
 ) -> Json:
     """Insert the recording of a finished simulation; returns the summary with its ``recording_id``.
 
-    The id follows from the job's id, so that an attempt that died between storing the files and committing the row
-    is overwritten by the next one and leaves no orphan.
+    The id is derived from the job's id, so that the files of an attempt that died before committing the row are
+    overwritten by the next attempt and leave no orphans.
     """
     recording_id = uuid.uuid5(uuid.NAMESPACE_URL, f"stridelab:job:{job_row['id']}").hex
     trial, tracks = folder / RECORDING_FILE, folder / TRACKS_FILE
@@ -152,7 +152,7 @@ async def publish_simulated_recording(
 
 
 def _shared(request: EstimateComInput) -> dict[str, Any]:
-    """The fields of a kind's input that are those of ``estimate-com``."""
+    """The fields of a kind's input that belong to ``estimate-com``."""
     return {name: value for name, value in request.model_dump().items() if name in EstimateComInput.model_fields}
 
 
@@ -197,4 +197,5 @@ async def _source(
             plates=row["plate_switches"],
         )
     except ValueError as error:
-        raise InvalidInput("stored-switches-invalid", f"What was set for {row['filename']} cannot be used.") from error
+        message = f"The settings stored for {row['filename']} are invalid."
+        raise InvalidInput("stored-switches-invalid", message) from error

@@ -1,10 +1,10 @@
-"""``sweep``: a scenario at every combination of a few numbers, in parallel over the cores.
+"""``sweep``: plans a scenario for every combination of parameter values, in parallel over the cores.
 
-    scenario x values -> varied -> judge -> (4.20) -> feasible | refused | infeasible | failed
+    scenario x values -> variation -> validation -> (4.20) -> feasible | refused | infeasible | failed
 
-With ``whole_body`` only what the body follows as in ``plan-motion``, with a certificate that passes, is feasible.
+With ``whole_body``, a scenario is feasible only if the whole-body motion of ``plan-motion`` passes its certificate.
 
-Leaves ``sweep`` (Parquet and CSV), one row per scenario in the order of the values, the last field fastest.
+Writes ``sweep`` (Parquet and CSV), one row per scenario in the order of the values, the last field fastest.
 """
 
 import itertools
@@ -56,16 +56,16 @@ from stridelab.wholebody.momentum_consistency import agree
 REFERENCES: Final = ("carpentier2017thesis", "andersson2019casadi")
 HEAVY: Final = "stridelab.service.kinds.sweep"
 CHUNK: Final = 40
-"""Scenarios that one process plans: what CasADi compiles for the first serves the others."""
+"""Maximum number of scenarios per process, which share the expressions compiled by CasADi."""
 CHUNK_S: Final = 1800.0
 BODIES: Final = 4
-"""The same with the whole body: a scenario takes seconds."""
+"""Maximum number of scenarios per process with the whole body, where a scenario takes seconds."""
 SAID: Final = 200
 
 
 @dataclass(frozen=True)
 class Row:
-    """What became of one scenario."""
+    """Result of one scenario."""
 
     outcome: SweepOutcome
     why: str
@@ -84,8 +84,8 @@ def run(task: SweepTask, folder: Path, progress: ProgressCallback, processes: in
     """Plan every scenario of the sweep into ``folder``; the summary is a ``SweepSummary``.
 
     Raises ``NotFound`` (``robot-not-found``), ``Unavailable`` (``reachability-of-another-robot``), ``NotEstimable``
-    (``solver-unavailable``) and ``InvalidInput`` (``sweep-field-impossible``); what is wrong with single scenarios is
-    in the table.
+    (``solver-unavailable``) and ``InvalidInput`` (``sweep-field-impossible``); errors of single scenarios are in the
+    table.
     """
     request, began = task.input, time.monotonic()
     progress(0.0, "looking at the scenario")
@@ -125,7 +125,7 @@ def run(task: SweepTask, folder: Path, progress: ProgressCallback, processes: in
 
 
 def axes_of(body: Json, request: SweepInput) -> list[SweepAxis]:
-    """The values of every field, and what the scenario has now."""
+    """The values of every field, and the scenario's present value."""
     return [
         SweepAxis(field=field, unit=UNITS[field], values=np.linspace(a, b, n).tolist(), present=present(body, field))
         for field, (a, b, n) in request.vary.items()
@@ -135,8 +135,8 @@ def axes_of(body: Json, request: SweepInput) -> list[SweepAxis]:
 def _planned(
     task: SweepTask, grid: list[dict[SweepField, float]], at_once: int, progress: ProgressCallback
 ) -> list[Row]:
-    most = BODIES if task.input.whole_body else CHUNK
-    size = max(1, min(most, math.ceil(len(grid) / (4 * at_once))))
+    max_size = BODIES if task.input.whole_body else CHUNK
+    size = max(1, min(max_size, math.ceil(len(grid) / (4 * at_once))))
     starts = range(0, len(grid), size)
     about = task.model_dump(mode="json")
     items: list[Json] = [{"task": about, "points": grid[k : k + size]} for k in starts]
@@ -147,24 +147,24 @@ def _planned(
         first = starts[index]
         points = grid[first : first + size]
         if isinstance(answer, StridelabError):
-            found = [Row("failed", f"{answer.code}: {answer.message}", "", math.nan, 0, 0.0) for _ in points]
+            chunk_rows = [Row("failed", f"{answer.code}: {answer.message}", "", math.nan, 0, 0.0) for _ in points]
         else:
-            found = [Row(**{**row, "objective": _number(row["objective"])}) for row in answer["rows"]]
-        rows[first : first + size] = found
+            chunk_rows = [Row(**{**row, "objective": _number(row["objective"])}) for row in answer["rows"]]
+        rows[first : first + size] = chunk_rows
         done += len(points)
         progress(0.99 * done / len(grid), f"{done} of {len(grid)} scenarios")
     return [row for row in rows if row is not None]
 
 
 def plan_chunk(item: Json) -> Json:
-    """The rows of a few scenarios, in a process of its own."""
+    """Plan a few scenarios; returns their rows. Runs in a separate process."""
     task = SweepTask.model_validate(item["task"])
     robot = load_robot(task.scenario.robot)
     proxies = densities(robot, task.input.measure or DEFAULT_MEASURE)
     body = task.scenario.model_dump(mode="json")
-    asked = solver_of(task.input)
-    # What the C++ solver finds no motion for is not asked again: a map is of one solver.
-    solver = "native" if asked == "auto" and task.input.formulation != "wrench" else asked
+    requested = solver_of(task.input)
+    # no fallback from the C++ solver to another one: all points of a map use one solver
+    solver = "native" if requested == "auto" and task.input.formulation != "wrench" else requested
     rows = []
     for values in item["points"]:
         try:
@@ -198,7 +198,7 @@ def plan_chunk(item: Json) -> Json:
 
 
 def _body_stopped(robot: Robot, proxies: Mapping[str, Proxy], sequence: ContactSequence, asked: PlanMotionInput) -> str:
-    """Why the body does not follow as in ``plan-motion``, empty where it does and the certificate passes."""
+    """Reason why the whole-body motion of ``plan-motion`` fails; empty if its certificate passes."""
     control = control_of(asked)
     bounds = PathBounds(None, hand_bounds_n(robot, sequence) if control.has_point_forces else {})
     posed = from_rest_to_rest(robot, sequence, proxies)
@@ -214,8 +214,8 @@ def _body_stopped(robot: Robot, proxies: Mapping[str, Proxy], sequence: ContactS
 
 
 def _short(error: Exception) -> str:
-    said = error.message if isinstance(error, StridelabError) else str(error).splitlines()[0]
-    return said[:SAID]
+    text = error.message if isinstance(error, StridelabError) else str(error).splitlines()[0]
+    return text[:SAID]
 
 
 def _number(value: float | None) -> float:
@@ -224,15 +224,15 @@ def _number(value: float | None) -> float:
 
 def _columns(grid: list[dict[SweepField, float]], rows: list[Row]) -> dict[str, np.ndarray]:
     names = {field: f"{field}_{UNITS[field]}" if UNITS[field] else field for field in grid[0]}
-    found = {name: np.array([point[field] for point in grid]) for field, name in names.items()}
-    found["feasible"] = np.array([row.outcome == "feasible" for row in rows])
-    found["outcome"] = np.array([row.outcome for row in rows])
-    found["objective"] = np.array([row.objective for row in rows])
-    found["iterations"] = np.array([row.iterations for row in rows])
-    found["solve_time_s"] = np.array([row.solve_time_s for row in rows])
-    found["solver"] = np.array([row.solver for row in rows])
-    found["why"] = np.array([row.why for row in rows])
-    return found
+    columns = {name: np.array([point[field] for point in grid]) for field, name in names.items()}
+    columns["feasible"] = np.array([row.outcome == "feasible" for row in rows])
+    columns["outcome"] = np.array([row.outcome for row in rows])
+    columns["objective"] = np.array([row.objective for row in rows])
+    columns["iterations"] = np.array([row.iterations for row in rows])
+    columns["solve_time_s"] = np.array([row.solve_time_s for row in rows])
+    columns["solver"] = np.array([row.solver for row in rows])
+    columns["why"] = np.array([row.why for row in rows])
+    return columns
 
 
 def _remarks(rows: list[Row]) -> list[Remark]:

@@ -177,7 +177,7 @@ class EmbeddedPostgres:
             raise Unavailable(
                 "cluster-version",
                 f"The database in {home.cluster} was created by PostgreSQL {made_by}, the installed version is "
-                f"{present}. Set STRIDELAB_PG_BIN to version {made_by}, or migrate the data with pg_dump and pg_restore.",
+                f"{present}. Set STRIDELAB_PG_BIN to version {made_by}, or use pg_dump and pg_restore.",
             )
 
     def _until_alive(self, timeout_s: float) -> str:

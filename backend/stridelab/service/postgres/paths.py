@@ -29,9 +29,7 @@ SHELTERS = (Path("/var/lib/stridelab"), Path("/var/tmp/stridelab"))  # noqa: S10
 """Folders for root's clusters if the data folder is private; the first that can be created is used."""
 ACCOUNTS = ("postgres", "nobody", "daemon")
 """Accounts under which root runs PostgreSQL; the first that exists is used."""
-ESCAPE = (
-    "Set STRIDELAB_PG_BIN to a folder with initdb and postgres, or STRIDELAB_DATABASE_URL to a running PostgreSQL."
-)
+ESCAPE = "Set STRIDELAB_PG_BIN to a folder with initdb and postgres, or STRIDELAB_DATABASE_URL to a running PostgreSQL."
 _SOCKET_NAME = ".s.PGSQL.5432"
 _MAX_SOCKET_BYTES = 99
 

@@ -163,7 +163,7 @@ def instructions(audit: int, column: int, *, programs: bool, server: bool) -> by
 
 
 def _refused_where(number: int, argument: int, skipping: list[bytes]) -> list[bytes]:
-    """Refuse the call ``number`` unless ``skipping``, applied to the lower 32 bits of an argument, skips an instruction.
+    """Refuse the call ``number`` unless ``skipping``, applied to 32 bits of an argument, skips an instruction.
 
     The kernel uses only the lower 32 bits of these arguments, or all relevant bits are there.
     """

@@ -322,7 +322,7 @@ def test_a_solver_that_hangs_is_ended_and_its_stage_is_known(tmp_path: Path, mon
     outcome = asyncio.run(act())
     assert outcome.state == "timeout"
     problem = located(outcome.problem, heard[-1])
-    assert problem["errors"] == [{"where": "stage: centroidal", "message": f"last heard: {heard[-1]}"}]
+    assert problem["errors"] == [{"where": "stage: centroidal", "message": f"last progress message: {heard[-1]}"}]
     assert list(tmp_path.iterdir()) == []
 
 

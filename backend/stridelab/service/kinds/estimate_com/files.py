@@ -28,9 +28,9 @@ COM_POINT, GEOMETRY_POINT = "COM", "COM_GEOMETRY"
 
 
 def write_com_result(folder: Path, source: RecordingSource, result: ComResult) -> tuple[ArtifactFile, ...]:
-    """Write all files of ``result`` into ``folder``, which holds the recording's own file."""
+    """Write all files of ``result`` into ``folder``, which contains the recording's own file."""
     prepared, wrench = result.prepared, result.prepared.wrench
-    if not prepared.windows:  # the stand-in for a missing wrench is no measurement
+    if not prepared.windows:  # the placeholder of a missing wrench is not a measurement
         wrench = replace(wrench, complete=np.zeros_like(wrench.complete))
     return write_com(folder, source, prepared.trial, prepared.geometric, wrench, result.estimate, result.summary)
 
@@ -54,14 +54,13 @@ def write_com(
 
 
 def com_columns(geometric: GeometricCom, wrench: WrenchTrack, estimate: ComEstimate) -> dict[str, Series | Mask]:
-    """Columns of ``com`` at the instants of ``geometric``; what holds in the window only is NaN outside it.
+    """Columns of ``com`` at the instants of ``geometric``; columns of the window are NaN outside it.
 
-    The three inputs of section 2.4.1 are among them: (i) ``geometry_x_m`` .., (ii) ``force_x_n`` .., and (iii)
-    ``axis_x_m`` .., the projection (2.12) of (i) onto the central axis, which runs through it along the force; NaN
-    where the force is too small for an axis. ``unobservable_x`` .. is the unit vector along which the force says
-    nothing of the position (NaN in flight, where it says nothing at all), ``rank_force`` of 9 and
-    ``rank_with_geometry`` of 12 the ranks of (2.19) and (2.23). ``complete`` marks the frames at which the whole force
-    is measured.
+    They contain the three inputs of section 2.4.1: (i) ``geometry_x_m`` .., (ii) ``force_x_n`` .., and (iii)
+    ``axis_x_m`` .., the projection (2.12) of (i) onto the central axis, a line along the force; NaN where the force is
+    too small to define the axis. ``unobservable_x`` .. is the unit vector along which the position is not observable
+    from the force (NaN in flight, where no direction is observable), ``rank_force`` of 9 and ``rank_with_geometry`` of
+    12 are the ranks of (2.19) and (2.23). ``complete`` marks the frames at which the whole force is measured.
     """
     n = len(geometric.time_s)
     first = int(np.argmin(np.abs(geometric.time_s - estimate.time_s[0])))
@@ -89,10 +88,10 @@ def com_columns(geometric: GeometricCom, wrench: WrenchTrack, estimate: ComEstim
 
 
 def write_com_c3d(target: Path, upload: Path, trial: Trial, points: dict[str, Points]) -> None:
-    """The upload with the CoM added as points.
+    """Write the upload with the CoM added as points.
 
-    An upload that is no C3D file (TRC, or a zip of TRC and MOT) is written as a new one: its markers in millimetres
-    and world axes, and its contacts as plates where it has any.
+    An upload in another format than C3D (TRC, or a zip of TRC and MOT) is written as a new C3D file: its markers in
+    millimetres and world axes, and its contacts, if any, as plates.
     """
     if is_c3d(upload):
         atomically(target, lambda path: add_points_to_c3d(upload, path, points))

@@ -1,7 +1,7 @@
-"""``estimate-com``: the job kind that writes the centre of mass of a recording into files (chapter 2).
+"""``estimate-com``: estimates the centre of mass of a recording and writes it to files (chapter 2).
 
-``com.parquet`` / ``com.csv`` cover the whole recording at the marker instants. The geometry is given wherever the
-markers allow it; the fused position, velocity, acceleration, standard deviation and the force are NaN outside the
+``com.parquet`` / ``com.csv`` cover the whole recording at the marker instants. The geometric CoM is available wherever
+the markers suffice; the fused position, velocity, acceleration, standard deviation and the force are NaN outside the
 window in which all contact force is measured.
 """
 

@@ -32,7 +32,7 @@ def write_cycloid(folder: Path, source: RecordingSource, result: CycloidResult) 
 
 
 def step_columns(summary: FitCycloidSummary) -> dict[str, np.ndarray]:
-    """One row per step, as in the summary; what is unknown is NaN."""
+    """One row per step, as in the summary; missing values are NaN."""
     steps = summary.steps
     columns: dict[str, np.ndarray] = {
         "step": np.arange(len(steps)),
@@ -56,7 +56,7 @@ def _flags(step: FittedStep) -> list[str]:
 
 
 def wheel_columns(result: CycloidResult) -> dict[str, np.ndarray]:
-    """Measured and modelled path of every step, ahead and up, and where it is in the laboratory."""
+    """Measured and modelled path of every step in the plane of progression, and its position in the laboratory."""
     parts = [_samples(result, k, fit) for k, fit in enumerate(result.fits)]
     return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
@@ -87,7 +87,7 @@ def _samples(result: CycloidResult, k: int, fit: StepFit) -> dict[str, np.ndarra
 
 
 def in_laboratory_m(estimate: ComEstimate, floor_m_s: Vector3, time_s: np.ndarray) -> Points:
-    """The estimate at its samples ``time_s``, with the belt's motion put back."""
+    """The estimate at its samples ``time_s`` in laboratory coordinates: the motion of the belt is added."""
     first = int(np.argmin(np.abs(estimate.time_s - time_s[0])))
     return np.asarray(estimate.com_m[first : first + len(time_s)] + floor_m_s * time_s[:, None])
 

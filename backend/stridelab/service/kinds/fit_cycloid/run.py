@@ -1,4 +1,4 @@
-"""``fit-cycloid``: from a recording to the rolling wheel of every step (chapter 3)."""
+"""``fit-cycloid``: fits the rolling wheel of every step of a recording (chapter 3)."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""What a viewer moves: poses of the links and forces of the effectors, at display rate, as raw numbers."""
+"""Tracks for viewers: poses of the links and forces of the effectors at display rate, as raw binary arrays."""
 
 import json
 from functools import partial
@@ -32,14 +32,14 @@ _NOTHING_N = 1e-9
 
 
 class Shown(NamedTuple):
-    """What moves, per frame: poses ``(f, links, 7)`` and forces ``(f, effectors, 6)``."""
+    """Tracks per display frame: poses ``(f, links, 7)`` and forces ``(f, effectors, 6)``."""
 
     poses: Float[np.ndarray, "f links 7"]
     forces: Float[np.ndarray, "f effectors 6"]
 
 
 def display_frames(n_samples: int, rate_hz: float) -> Int[np.ndarray, "f"]:
-    """Indices of the samples that are shown: whole steps nearest to 50 per second, and the last one."""
+    """Indices of the displayed samples: at a constant stride closest to 50 per second, and the last sample."""
     step = max(1, round(rate_hz / DISPLAY_HZ))
     return np.unique(np.append(np.arange(0, n_samples, step), n_samples - 1))
 
@@ -50,10 +50,10 @@ def display_poses(robot: Robot, q: Float[np.ndarray, "f nq"]) -> Float[np.ndarra
 
 
 def display_forces(motion: WholeBodyMotion, frames: Int[np.ndarray, "f"]) -> Float[np.ndarray, "f effectors 6"]:
-    """Point of application and total force of every effector of ``motion.forces_n``, NaN where it does not touch.
+    """Point of application and total force of every effector of ``motion.forces_n``, NaN where it has no contact.
 
     The point of application is the centre of pressure, the mean of the contact points weighted with their normal
-    forces; an effector that touches without load has it in the middle.
+    forces; for a contact without load it is the mean of the points.
     """
     sequence = motion.sequence
     phase = phases(sequence, motion.time_s[frames])
@@ -68,7 +68,7 @@ def display_forces(motion: WholeBodyMotion, frames: Int[np.ndarray, "f"]) -> Flo
 
 
 def centre_of_pressure_m(placement: Placement, points_m: Points, forces_n: Points) -> Float[np.ndarray, "3"]:
-    """Where the force on the points ``(k, 3)`` of a contact frame acts, in the world; ``forces_n`` are world-frame."""
+    """Centre of pressure in the world of ``forces_n`` (world frame) on the points ``(k, 3)`` of a contact frame."""
     normal_n = forces_n @ placement.rotation[:, 2]
     total_n = normal_n.sum()
     weights = normal_n / total_n if total_n > _NOTHING_N else np.full(len(points_m), 1.0 / len(points_m))
@@ -78,7 +78,7 @@ def centre_of_pressure_m(placement: Placement, points_m: Points, forces_n: Point
 def replayed_display(robot: Robot, replay: "Replay", time_s: Series, effectors: tuple[str, ...]) -> Shown:
     """The replay at the instants ``time_s`` of the motion, NaN before its first sample and after a fall.
 
-    A force acts at the middle of the effector's contact frame, wherever that is, and is NaN where nothing touches.
+    Forces act at the origin of the effector's contact frame and are NaN without contact.
     """
     model, frame_of = with_contact_frames(robot)
     data = model.createData()
@@ -120,7 +120,7 @@ def write_display(
 
 
 def add_replayed(folder: Path, replayed: Shown) -> tuple[ArtifactFile, ...]:
-    """Write ``replay_poses.f32`` and ``replay_forces.f32``, of the same shape, and have ``poses.json`` name them."""
+    """Write ``replay_poses.f32`` and ``replay_forces.f32``, of the same shape, and add them to ``poses.json``."""
     written = _write_shown(folder, replayed, "replay_")
     about = json.loads((folder / DESCRIPTION_FILE).read_text(encoding="utf-8"))
     poses, forces = (file.name for file in written)

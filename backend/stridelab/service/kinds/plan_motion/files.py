@@ -1,4 +1,4 @@
-"""The files of ``plan-motion``: tables for people, arrays for programs, and what a viewer shows."""
+"""Writes the files of ``plan-motion``: tables, arrays, and tracks for viewers."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -64,7 +64,7 @@ def write_motion(
     film: Film | None,
     tell: ProgressCallback,
 ) -> tuple[ArtifactFile, ...]:
-    """What a viewer needs first; then the motion for programs and for people, the player and the film."""
+    """Write the tracks for viewers, the motion as tables and arrays, the trajectory, the player and the video."""
     sequence = motion.sequence
     tell(0.1, "placing the links")
     frames = display_frames(len(motion.time_s), motion.rate_hz)
@@ -96,8 +96,8 @@ def write_motion(
 def write_replay(folder: Path, robot: Robot, motion: WholeBodyMotion, replay: "Replay") -> tuple[ArtifactFile, ...]:
     """``replay.npz``: ``time_s``, ``q``, ``v`` in pinocchio's order and the total contact force per effector.
 
-    ``replay.parquet`` with its CSV twin: the CoM and the forces as columns. What a viewer shows of it joins what
-    ``write_motion`` has left of ``motion``.
+    ``replay.parquet`` with its CSV twin: the CoM and the forces as columns. The tracks for viewers are added to those
+    that ``write_motion`` has written for ``motion``.
     """
     frames = display_frames(len(motion.time_s), motion.rate_hz)
     replayed = replayed_display(robot, replay, motion.time_s[frames], tuple(motion.forces_n))
@@ -108,7 +108,7 @@ def write_replay(folder: Path, robot: Robot, motion: WholeBodyMotion, replay: "R
 
 
 def write_json(folder: Path, name: str, value: BaseModel) -> ArtifactFile:
-    """A model of the contract as a file; what is null is left out."""
+    """Write a model of the contract as JSON without null values."""
     text = value.model_dump_json(indent=2, exclude_none=True) + "\n"
     atomically(folder / name, lambda path: path.write_text(text, encoding="utf-8"))
     return ArtifactFile(name, JSON)
@@ -118,8 +118,8 @@ def motion_arrays(robot: Robot, motion: WholeBodyMotion) -> dict[str, np.ndarray
     """Arrays of ``motion.npz``: ``time_s (n)``, ``q (n, nq)``, ``v``, ``a (n, nv)``, ``tau (n, nv - 6)``.
 
     ``joint_names`` name the columns of ``tau``; ``forces (n, e, 3)`` is the total force of each of the ``effectors``,
-    ``forces_<effector> (n, k, 3)`` that on each of its points, which lie at ``points_<effector> (k, 3)`` in its
-    contact frame. Forces are in the world frame and zero where nothing touches.
+    ``forces_<effector> (n, k, 3)`` the force at each of its points, which lie at ``points_<effector> (k, 3)`` in its
+    contact frame. Forces are in the world frame and zero without contact.
     """
     effectors = tuple(motion.forces_n)
     arrays = {
@@ -138,10 +138,10 @@ def motion_arrays(robot: Robot, motion: WholeBodyMotion) -> dict[str, np.ndarray
 
 
 def write_arrays(path: Path, arrays: Mapping[str, np.ndarray]) -> ArtifactFile:
-    """A compressed ``.npz`` file; nothing in it needs pickle. Raises ``ValueError`` for an array that would."""
+    """Write a compressed ``.npz`` file without pickled objects. Raises ``ValueError`` for an array of objects."""
     for name, array in arrays.items():
         if array.dtype.hasobject:
-            raise ValueError(f"{name} holds objects")
+            raise ValueError(f"{name} contains objects")
 
     atomically(path, lambda part: np.savez_compressed(part, allow_pickle=False, **arrays))
     return ArtifactFile(path.name, NPZ)

@@ -1,7 +1,7 @@
-"""The joints' motion as ROS 2 takes it: one ``trajectory_msgs/JointTrajectory``, as JSON and as YAML.
+"""The joints' motion as a ROS 2 message ``trajectory_msgs/JointTrajectory``, in JSON and YAML.
 
-A controller that is given positions, velocities and accelerations joins the points by quintics. The floating base is no
-joint and is in ``joints.csv``, with every sample.
+With positions, velocities and accelerations, controllers interpolate between the points by quintics. The floating base
+is not a joint; its pose is in ``joints.csv``, with all samples.
 """
 
 import json
@@ -23,7 +23,7 @@ _BASE: Final = ("base_x_m", "base_y_m", "base_z_m", "base_qx", "base_qy", "base_
 
 
 def joint_trajectory(robot: Robot, motion: WholeBodyMotion) -> dict[str, Any]:
-    """The message as plain values, at display rate; efforts are the torques of the motion."""
+    """The message as a dict, at display rate; efforts are the torques of the motion."""
     points = [
         {
             "positions": _rounded(motion.q[i, 7:]),
@@ -39,7 +39,7 @@ def joint_trajectory(robot: Robot, motion: WholeBodyMotion) -> dict[str, Any]:
 
 
 def write_trajectory(folder: Path, robot: Robot, motion: WholeBodyMotion) -> tuple[ArtifactFile, ArtifactFile]:
-    """``joint_trajectory.json`` and ``joint_trajectory.yaml``, the same message."""
+    """Write the message as ``joint_trajectory.json`` and ``joint_trajectory.yaml``."""
     message = joint_trajectory(robot, motion)
     text, block = json.dumps(message, allow_nan=False) + "\n", as_yaml(message)
     atomically(folder / f"{STEM}.json", lambda path: path.write_text(text, encoding="utf-8"))
@@ -48,7 +48,7 @@ def write_trajectory(folder: Path, robot: Robot, motion: WholeBodyMotion) -> tup
 
 
 def as_yaml(message: dict[str, Any]) -> str:
-    """The message in block style, rows of numbers in flow style, without exponents, which YAML 1.1 takes for text."""
+    """The message in YAML block style, rows of numbers in flow style without exponents (text in YAML 1.1)."""
     head = message["header"]
     lines = ["header:", f"  stamp: {json.dumps(head['stamp'])}", f"  frame_id: {json.dumps(head['frame_id'])}"]
     lines += ["joint_names:", *(f"- {name}" for name in message["joint_names"]), "points:"]
@@ -59,7 +59,7 @@ def as_yaml(message: dict[str, Any]) -> str:
 
 
 def joint_columns(robot: Robot, motion: WholeBodyMotion) -> Columns:
-    """Columns of ``joints``, one row per sample: the base's pose in the world, then the joints one after the other."""
+    """Columns of ``joints``, one row per sample: the base's pose in the world, then all joints in order."""
     columns: Columns = {"time_s": motion.time_s}
     columns |= {name: motion.q[:, i] for i, name in enumerate(_BASE)}
     for i, joint in enumerate(robot.joint_names):

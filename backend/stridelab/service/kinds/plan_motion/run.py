@@ -1,8 +1,8 @@
-"""``plan-motion``: from a scenario to a motion of the whole robot, checked and replayed (chapter 4).
+"""``plan-motion``: plans, certifies and replays a whole-body motion for a scenario (chapter 4).
 
     Scenario -> ContactSequence -> CentroidalPlan -> WholeBodyMotion -> Certificate -> artifacts -> Replay
 
-The replay takes longest and comes last, so that what is asked for most is there first. Every stage has its share of
+The replay takes longest and comes last, so that the other results are available before it. Every stage has its share of
 the progress bar and its time in the summary, and every failure names its stage.
 """
 
@@ -59,11 +59,11 @@ def run_in_child(task: Json, folder: Path, progress: ProgressCallback) -> Json:
 def run(task: PlanMotionTask, folder: Path, progress: ProgressCallback) -> Outcome:
     """Plan the motion of ``task.scenario`` into ``folder``; the summary is a ``PlanMotionSummary``.
 
-    Raises ``NotEstimable`` for what this version has not (``...-unavailable``), before any work. After that every
-    error names its stage in its last fault: ``InvalidInput`` (``scenario-invalid``), ``NotFound``
-    (``robot-not-found``), ``Unavailable`` (``reachability-of-another-robot``), ``NotEstimable``
-    (``plan-time-limit``, ``plan-not-converged``) and what else the stages raise. A body that cannot follow the plan is
-    no error here but the outcome's ``failure`` (``whole-body-failed``), beside the plan and the motion until then.
+    Raises ``NotEstimable`` for unavailable features (``...-unavailable``) before any computation. Later errors name
+    their stage in the last fault: ``InvalidInput`` (``scenario-invalid``), ``NotFound`` (``robot-not-found``),
+    ``Unavailable`` (``reachability-of-another-robot``), ``NotEstimable`` (``plan-time-limit``, ``plan-not-converged``)
+    and other errors of the stages. A whole-body controller that cannot follow the plan is not raised but is the
+    outcome's ``failure`` (``whole-body-failed``), with the plan and the motion until then.
     """
     request = task.input
     require_solver(request.solver)
@@ -115,16 +115,16 @@ def run(task: PlanMotionTask, folder: Path, progress: ProgressCallback) -> Outco
             artifacts += write_replay(folder, robot, motion, replay)
 
     warnings = (*noted, *jumps(problem, request), *remarks(plan, motion, certificate, replayed))
-    found = summary(plan, given, problem, request, certificate, replayed, stages.times_s, warnings)
-    found = found.model_copy(update={"agreement": [AgreementPass(**asdict(one)) for one in passes]})
+    result = summary(plan, given, problem, request, certificate, replayed, stages.times_s, warnings)
+    result = result.model_copy(update={"agreement": [AgreementPass(**asdict(one)) for one in passes]})
     if stopped is not None:
-        found = found.model_copy(update={"stopped": stopped_of(stopped)})
+        result = result.model_copy(update={"stopped": stopped_of(stopped)})
     progress(1.0, "done" if stopped is None else f"stopped at {stopped.time_s:.2f} s")
-    return Outcome(found.model_dump(mode="json"), _references(plan, request), tuple(artifacts), stopped)
+    return Outcome(result.model_dump(mode="json"), _references(plan, request), tuple(artifacts), stopped)
 
 
 def _shares(request: PlanMotionInput) -> dict[str, float]:
-    """Stages of this request, with their shares of the bar: about their seconds for half a minute of motion."""
+    """Stages of this request and their shares of the progress bar: about their seconds for 30 s of motion."""
     shares = {CHECK: 0.3, REACHABILITY: 0.1, CENTROIDAL: 2.0}
     if request.whole_body:
         shares |= {WHOLE_BODY: 4.0, CERTIFICATE: 2.0}
@@ -133,7 +133,7 @@ def _shares(request: PlanMotionInput) -> dict[str, float]:
 
 
 def _clock(tell: ProgressCallback, duration_s: float) -> ProgressCallback:
-    """Progress of a stage that goes through the motion: its percentage, and the motion's own seconds."""
+    """Progress callback of a stage over the motion: reports the percentage and the time of the motion."""
 
     def on(fraction: float, _message: str) -> None:
         tell(fraction, f"{100 * fraction:.0f} %, {fraction * duration_s:.1f} of {duration_s:.1f} s")
@@ -142,14 +142,14 @@ def _clock(tell: ProgressCallback, duration_s: float) -> ProgressCallback:
 
 
 def _replayed(robot: Robot, sequence: ContactSequence, motion: WholeBodyMotion, clock: ProgressCallback) -> "Replay":
-    # The simulator is imported where it is asked for.
+    # imported lazily: the simulator is needed for a replay only
     from stridelab.wholebody.replay.replay import replay
 
     return replay(robot, sequence, motion, clock)
 
 
 def _references(plan: CentroidalPlan, request: PlanMotionInput) -> tuple[str, ...]:
-    """Citation keys of the methods that were used."""
+    """Citation keys of the used methods."""
     robot, solver = robot_card(plan.sequence.robot).references, SOLVER_REFERENCES.get(plan.solver)
     keys = [*REFERENCES, *robot, "andersson2019casadi", *([solver] if solver else [])]
     if request.whole_body:

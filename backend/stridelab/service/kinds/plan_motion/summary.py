@@ -1,4 +1,4 @@
-"""The summary of ``plan-motion``: what the stages found, as numbers and as remarks for whoever reads them."""
+"""The summary of ``plan-motion``: results of all stages as numbers, and remarks."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, fields
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from stridelab.wholebody.replay.replay import Replay
 
 MANY_ITERATIONS: Final = 50
-"""More than this has meant an ill-posed scenario or proxy wherever it was seen."""
+"""More iterations indicate an ill-posed scenario or proxy."""
 
 
 def summary(
@@ -42,9 +42,9 @@ def summary(
     stage_times_s: Mapping[str, float],
     warnings: Sequence[Remark],
 ) -> PlanMotionSummary:
-    """All of it in the form of the contract; ``given`` is the sequence of the scenario, ``problem`` what was solved."""
-    sequence, found = plan.sequence, plan.verification
-    chosen = phase_durations(given, sequence) if request.free_durations else None
+    """The ``PlanMotionSummary``; ``given`` is the sequence of the scenario, ``problem`` the solved problem."""
+    sequence, verification = plan.sequence, plan.verification
+    durations = phase_durations(given, sequence) if request.free_durations else None
     return PlanMotionSummary(
         scenario_name=sequence.name,
         robot=sequence.robot,
@@ -61,12 +61,12 @@ def summary(
         measure=request.measure or DEFAULT_MEASURE,
         node_rate_hz=problem.node_rate_hz,
         kkt_error=_kkt_error(plan),
-        phase_durations=chosen,
+        phase_durations=durations,
         normal_force_max_n=dict(problem.bounds.normal_force_max_n),
         iterations=plan.iterations,
         solve_time_s=plan.solve_time_s,
         build_time_s=plan.build_time_s,
-        verification=PlanVerification(**{f.name: float(getattr(found, f.name)) for f in fields(found)}),
+        verification=PlanVerification(**{f.name: float(getattr(verification, f.name)) for f in fields(verification)}),
         stage_times_s=dict(stage_times_s),
         certificate=certificate,
         replay=replay,
@@ -75,13 +75,13 @@ def summary(
 
 
 def _kkt_error(plan: CentroidalPlan) -> float | None:
-    """Of the attempt that was taken, where it came far enough to be looked at."""
+    """KKT error of the last attempt; None if it has no residuals."""
     last = plan.solution.attempts[-1] if plan.solution is not None else None
     return last.residuals.kkt_error if last is not None and last.residuals is not None else None
 
 
 def certificate_of(certificate: Certificate) -> CertificateSummary:
-    """The certificate in the form of the contract."""
+    """The certificate as a ``CertificateSummary``."""
     names = [f.name for f in fields(Check)]
     checks = [
         CertificateCheck(**{name: getattr(check, name) for name in names}, passed=check.passed)
@@ -91,7 +91,7 @@ def certificate_of(certificate: Certificate) -> CertificateSummary:
 
 
 def replay_of(replay: "Replay") -> ReplaySummary:
-    """What happened in the replay in the form of the contract."""
+    """The result of the replay as a ``ReplaySummary``."""
     made = {"hand_in_place_shares", "collided", "remarks"}
     return ReplaySummary(
         **{name: getattr(replay, name) for name in ReplaySummary.model_fields if name not in made},
@@ -102,7 +102,7 @@ def replay_of(replay: "Replay") -> ReplaySummary:
 
 
 def stopped_of(stop: WholeBodyStopped) -> StoppedMotion:
-    """Where the body could not go on in the form of the contract."""
+    """Time, phase and priority level at which the whole-body controller stopped, as a ``StoppedMotion``."""
     level = LEVELS[stop.level]
     return StoppedMotion(time_s=stop.time_s, phase=stop.phase, level=stop.level, level_name=level, names=[*stop.names])
 
@@ -113,33 +113,36 @@ def remarks(
     certificate: CertificateSummary | None,
     replay: ReplaySummary | None,
 ) -> tuple[Remark, ...]:
-    """What a reader should know before trusting the motion."""
-    found: list[Remark] = []
+    """Warnings about the plan, the motion, its certificate and its replay."""
+    warnings: list[Remark] = []
     if plan.iterations > MANY_ITERATIONS:
-        message = f"The centroidal plan took {plan.iterations} iterations; more than {MANY_ITERATIONS} is a bad sign."
-        found.append(Remark(code="plan-slow-to-converge", message=message))
+        message = (
+            f"The centroidal plan took {plan.iterations} iterations; more than {MANY_ITERATIONS} indicate an "
+            "ill-posed scenario."
+        )
+        warnings.append(Remark(code="plan-slow-to-converge", message=message))
     if motion is not None and motion.failures and certificate is not None:
         first = motion.failures[0]
         message = (
             f"At {len(motion.failures)} of {len(motion.time_s)} samples the whole-body problem had no solution, "
             f"first at {first.time_s:.2f} s in phase {first.phase} ({first.reason})."
         )
-        found.append(Remark(code="whole-body-gaps", message=message))
+        warnings.append(Remark(code="whole-body-gaps", message=message))
     if certificate is not None and not certificate.passed:
         listed = "; ".join(_failed(check) for check in certificate.checks if not check.passed)
-        found.append(Remark(code="certificate-not-passed", message=f"The motion fails its certificate: {listed}."))
+        warnings.append(Remark(code="certificate-not-passed", message=f"The motion fails its certificate: {listed}."))
     if replay is not None and replay.fall_time_s is not None:
         message = f"Replayed in physics, the robot falls after {replay.fall_time_s:.1f} s."
-        found.append(Remark(code="replay-fell", message=message))
+        warnings.append(Remark(code="replay-fell", message=message))
     elif replay is not None and not replay.completed:
-        message = "Replayed in physics, the motion is not completed; the remarks of the replay say what is missing."
-        found.append(Remark(code="replay-not-completed", message=message))
-    return tuple(found)
+        message = "Replayed in physics, the motion is not completed; see the remarks of the replay."
+        warnings.append(Remark(code="replay-not-completed", message=message))
+    return tuple(warnings)
 
 
 def _failed(check: CertificateCheck) -> str:
     wanted = "at least" if check.at_least else "at most"
     places = [f"phase {check.phase}" if check.phase is not None else "", check.effector or ""]
     where = ", ".join(place for place in places if place)
-    value = f"{check.name} is {check.value:.4g} {check.unit}, {wanted} {check.limit:.4g} wanted"
+    value = f"{check.name} is {check.value:.4g} {check.unit}, {wanted} {check.limit:.4g} is required"
     return f"{value} ({where})" if where else value

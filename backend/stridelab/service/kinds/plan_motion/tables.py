@@ -1,4 +1,4 @@
-"""Tables of ``plan-motion``: the centroidal plan, how its solver came to it, and how the whole body follows it."""
+"""Tables of ``plan-motion``: the centroidal plan, its solver iterations, and the whole-body motion."""
 
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
@@ -23,9 +23,9 @@ _SAME_INSTANT_S = 1e-9
 def centroidal_columns(plan: CentroidalPlan) -> Columns:
     """Columns of ``centroidal``, one row per node.
 
-    What is constant over an interval (phase; acceleration and forces, unless they are splines) stands in the row of the
-    node at which the interval begins; the last node repeats the last interval. Forces, and ``friction_<effector>``, the
-    coefficient of the surface, are zero where an effector does not touch.
+    Values that are constant over an interval (phase; acceleration and forces, unless they are splines) are in the row
+    of the node at which the interval begins; the last node repeats the last interval. Forces, and
+    ``friction_<effector>``, the coefficient of the surface, are zero where an effector has no contact.
     """
     columns: Columns = {"time_s": plan.time_s, "phase": _at_nodes(plan.phase)}
     columns |= track_columns("com_{}_m", plan.com_m)
@@ -42,7 +42,7 @@ def centroidal_columns(plan: CentroidalPlan) -> Columns:
 
 
 def iteration_columns(attempts: Iterable[Attempt]) -> Columns:
-    """Columns of ``iterations``, one row per iteration, the start first; none of an attempt whose solver told none.
+    """Columns of ``iterations``, one row per iteration, the start first; no rows for an attempt without a log.
 
     ``cost_s`` is (4.20a) with regularisers; infeasibilities and barrier parameter are the solver's own measures.
     """
@@ -59,10 +59,10 @@ def iteration_columns(attempts: Iterable[Attempt]) -> Columns:
 
 
 def motion_columns(motion: WholeBodyMotion, torque_limits_nm: Float[np.ndarray, "na"]) -> Columns:
-    """Columns of ``motion``, one row per sample: the CoM and the angular momentum beside those of the plan.
+    """Columns of ``motion``, one row per sample: CoM and angular momentum of the motion and of the plan.
 
-    ``com_error_m`` is the distance between the two, ``f_<effector>_x_n`` the effector's total force, ``torque_ratio``
-    the largest ``|tau| / limit`` of all joints.
+    ``com_error_m`` is the distance between the two CoM, ``f_<effector>_x_n`` the effector's total force,
+    ``torque_ratio`` the largest ``|tau| / limit`` of all joints.
     """
     columns: Columns = {"time_s": motion.time_s, "phase": phases(motion.sequence, motion.time_s)}
     columns |= track_columns("com_{}_m", motion.com_m)
@@ -88,12 +88,12 @@ def replay_columns(replay: "Replay") -> Columns:
 
 def phases(sequence: ContactSequence, time_s: Series) -> Int[np.ndarray, "n"]:
     """Contact phase at every instant; a boundary belongs to the phase that begins there."""
-    found = np.searchsorted(sequence.ends_s, time_s + _SAME_INSTANT_S, side="right")
-    return np.minimum(found, len(sequence.phases) - 1)
+    index = np.searchsorted(sequence.ends_s, time_s + _SAME_INSTANT_S, side="right")
+    return np.minimum(index, len(sequence.phases) - 1)
 
 
 def _friction(plan: CentroidalPlan, effector: str) -> Series:
-    """Coefficient per interval."""
+    """Friction coefficient of an effector's contact per interval; 0 without contact."""
     of_phase = [
         phase.contacts[effector].friction if effector in phase.contacts else 0.0 for phase in plan.sequence.phases
     ]
@@ -105,5 +105,5 @@ def _at_nodes(per_interval: np.ndarray) -> np.ndarray:
 
 
 def track_columns(name: str, track: Float[np.ndarray, "n 3"]) -> Columns:
-    """A track along x, y and z; ``name`` has a place for the axis."""
+    """Columns x, y and z of a track; ``name`` has a placeholder for the axis."""
     return {name.format(axis): track[:, i] for i, axis in enumerate(AXES)}

@@ -1,7 +1,7 @@
-"""The motion as a film: its links drawn flat from the farthest face to the nearest, and handed to ffmpeg.
+"""Renders the motion as a video: faces are drawn with flat shading from far to near (painter's algorithm), by ffmpeg.
 
-Nothing here needs a graphics card. Terrain is drawn first, low boxes before high ones, which is right for a camera that
-looks down on the way from its side.
+No graphics card is needed. Terrain is drawn first, low boxes before high ones, which is correct for a camera that looks
+down from the side.
 """
 
 import shutil
@@ -28,7 +28,7 @@ MEDIA: Final = {"gif": "image/gif", "mp4": "video/mp4"}
 SIZE: Final = (640, 480)
 PAPER, BOX, RAIL = (255, 255, 255), (206, 212, 218), (120, 130, 140)
 FROM: Final = np.array([0.3, -1.2, 0.45])
-"""Where the camera is, seen from what it looks at: the right side of a robot that walks along x."""
+"""Direction from the scene to the camera: the right side of a robot that walks along x."""
 LIGHT: Final = np.array([0.35, -0.6, 0.72])
 _FOCAL: Final = 1.6
 _MARGIN: Final = 1.1
@@ -41,10 +41,10 @@ _QUADS: Final = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 
 
 
 def require_film(film: Film | None) -> None:
-    """Raise ``NotEstimable`` (``film-unavailable``) where a film is asked for and ffmpeg is not there."""
+    """Raise ``NotEstimable`` (``film-unavailable``) if a film is requested and ffmpeg is not installed."""
     if film is not None and shutil.which("ffmpeg") is None:
         sentence = (
-            "A film needs the program ffmpeg, which was not found on this machine (Debian, Ubuntu: apt-get install "
+            "A film needs the program ffmpeg, which is not installed on this machine (Debian, Ubuntu: apt-get install "
             "ffmpeg). Without it, motion.html shows the motion in a browser."
         )
         raise NotEstimable("film-unavailable", sentence, [Fault("film", "ffmpeg is not installed")])
@@ -59,31 +59,31 @@ def write_film(
     rate_hz: float,
     tell: ProgressCallback,
 ) -> ArtifactFile:
-    """``motion.gif`` or ``motion.mp4``. Raises ``NotEstimable`` (``film-failed``) with ffmpeg's last words."""
+    """Write ``motion.gif`` or ``motion.mp4``. Raises ``NotEstimable`` (``film-failed``) with ffmpeg's last message."""
     path = folder / f"motion.{film}"
     source = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", "{}x{}".format(*SIZE), "-r", f"{rate_hz:g}", "-i", "-"]
     command = ["ffmpeg", "-loglevel", "error", "-y", *source, *_CODING[film], str(path)]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE) as process:
-        pipe, said = process.stdin, process.stderr
-        if pipe is None or said is None:
-            raise NotEstimable("film-failed", "ffmpeg cannot be spoken to.")
+        pipe, errors = process.stdin, process.stderr
+        if pipe is None or errors is None:
+            raise NotEstimable("film-failed", "ffmpeg did not start; install it or choose another format.")
         try:
             for k, image in enumerate(frames(terrain, links, poses)):
                 tell(0.8 + 0.2 * k / len(poses), f"drawing frame {k + 1} of {len(poses)}")
                 pipe.write(image.tobytes())
             pipe.close()
         except BrokenPipeError:
-            pass  # ffmpeg has said why
-        words = said.read().decode(errors="replace").strip()
+            pass  # ffmpeg reports the reason on its error output
+        error_text = errors.read().decode(errors="replace").strip()
     if process.returncode != 0 or not path.is_file():
-        why = words.splitlines()[-1][:300] if words else f"exit code {process.returncode}"
+        why = error_text.splitlines()[-1][:300] if error_text else f"exit code {process.returncode}"
         path.unlink(missing_ok=True)
         raise NotEstimable("film-failed", f"ffmpeg could not write the film: {why}.", [Fault("film", why)])
     return ArtifactFile(path.name, MEDIA[film])
 
 
 def frames(terrain: Terrain, links: Sequence[LinkMesh], poses: Float[np.ndarray, "f links 7"]) -> Iterator[Image.Image]:
-    """One picture per frame of poses ``px py pz qw qx qy qz``."""
+    """Render one image per frame of poses ``px py pz qw qx qy qz``."""
     camera = Camera.on(poses[:, :, :3].reshape(-1, 3))
     ground = Image.new("RGB", SIZE, PAPER)
     _draw_terrain(ImageDraw.Draw(ground), terrain, camera)
@@ -102,7 +102,7 @@ class Camera:
 
     @staticmethod
     def on(points_m: Points) -> "Camera":
-        """With all of ``points_m`` and the bodies around them in sight."""
+        """Camera that has all of ``points_m``, with a margin for the links around them, in view."""
         low, high = points_m.min(axis=0) - 0.35, points_m.max(axis=0) + 0.35
         back = FROM / np.linalg.norm(FROM)
         right = np.cross([0.0, 0.0, 1.0], back)
@@ -116,7 +116,7 @@ class Camera:
         return Camera(middle + away_m * back, R)
 
     def seen(self, points_m: Points) -> tuple[Float[np.ndarray, "n 2"], Float[np.ndarray, "n"]]:
-        """Pixels, and the distance in front of the camera."""
+        """Project points: pixels ``(n, 2)``, and depths in front of the camera in metres."""
         at = (points_m - self.place_m) @ self.R.T
         depth = np.maximum(-at[:, 2], 1e-3)
         scale = _FOCAL * SIZE[1] / 2.0 / depth

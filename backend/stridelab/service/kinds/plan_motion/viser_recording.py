@@ -1,6 +1,6 @@
-"""``motion.viser``: the motion as a recording that viser's own player shows; ``motion.html``: that player with it.
+"""``motion.viser``: the motion as a recording for viser's player; ``motion.html``: the player with the recording.
 
-A server that nobody connects to takes the scene; what it would have told a page is recorded.
+The scene is built on a viser server without clients, whose messages are recorded.
 """
 
 import base64
@@ -28,8 +28,8 @@ BOX_COLOUR, RAIL_COLOUR = (206, 212, 218), (120, 130, 140)
 def record(
     terrain: Terrain, links: tuple[LinkMesh, ...], poses: Float[np.ndarray, "f links 7"], rate_hz: float
 ) -> bytes:
-    """The bytes of a ``.viser`` file that shows frames ``poses`` (``px py pz qw qx qy qz`` per link) at ``rate_hz``."""
-    with contextlib.redirect_stdout(io.StringIO()):  # viser announces itself whatever it is told
+    """Content of a ``.viser`` file that shows frames ``poses`` (``px py pz qw qx qy qz`` per link) at ``rate_hz``."""
+    with contextlib.redirect_stdout(io.StringIO()):  # viser prints a banner even with verbose=False
         server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
     try:
         _add_surroundings(server, terrain)
@@ -47,7 +47,7 @@ def record(
 
 
 def player_page(recording: bytes) -> str:
-    """A page that a browser opens from the disk; what viser's ``StateSerializer.as_html`` makes, of a finished file."""
+    """A page that a browser can open from the disk; like viser's ``StateSerializer.as_html``, from a finished file."""
     client = (Path(viser.__file__).parent / "client" / "build" / "index.html").read_text(encoding="utf-8")
     data = base64.b64encode(recording).decode("ascii")
     script = f'<script>window.__VISER_EMBED_DATA__="{data}";window.__VISER_EMBED_CONFIG__={{darkMode:false}};</script>'
@@ -56,7 +56,7 @@ def player_page(recording: bytes) -> str:
 
 
 def _look(server: viser.ViserServer, places_m: Points) -> None:
-    """Show all places that the robot comes to, from its right side when it walks along x."""
+    """Set the camera so that the whole path is visible, from the right side of a robot that walks along x."""
     low, high = places_m.min(axis=0), places_m.max(axis=0)
     centre, extent_m = (low + high) / 2.0, float(np.linalg.norm(high - low))
     server.initial_camera.look_at = tuple(centre)
@@ -66,7 +66,7 @@ def _look(server: viser.ViserServer, places_m: Points) -> None:
 def _add_surroundings(server: viser.ViserServer, terrain: Terrain) -> None:
     scene = server.scene
     scene.set_up_direction("+z")
-    # An environment map or shadows make a machine without graphics card show one frame per second.
+    # with an environment map or shadows, a machine without graphics card shows one frame per second
     scene.configure_environment_map(hdri=None)
     scene.configure_default_lights(enabled=True, cast_shadow=False)
     scene.add_light_ambient("/light", intensity=2.0)

@@ -1,4 +1,4 @@
-"""What is known of a robot: the facts of the contract, read from its model and its reachability card.
+"""Describes a robot: the facts of the contract, from its model and its reachability cards.
 
 Runs in a killable child of ``GET /robots/{name}``: the service itself never imports a rigid-body library.
 """
@@ -21,7 +21,7 @@ from stridelab.service.kinds.base import Json, Outcome
 
 
 class RobotTask(Contract):
-    """Task of ``robot_description`` and ``robot_links``."""
+    """Task of ``robots.description`` and ``robots.links``."""
 
     robot: str
 
@@ -32,7 +32,7 @@ def run_in_child(task: Json, folder: Path, progress: ProgressCallback) -> Json:
 
 
 def run(task: RobotTask, _folder: Path, progress: ProgressCallback) -> Outcome:
-    """The summary is a ``RobotFacts``.
+    """Describe the robot; the summary is a ``RobotFacts``.
 
     Raises ``NotFound`` (``robot-not-found``) or ``Unavailable`` (``robot-data-missing``, ``robot-data-unreadable``),
     ``UnreadableFile`` (``reachability-damaged``).
@@ -44,9 +44,9 @@ def run(task: RobotTask, _folder: Path, progress: ProgressCallback) -> Outcome:
 
 
 def facts(robot: Robot) -> RobotFacts:
-    """The facts of the contract; ``proxies`` is empty for a robot whose reach has not been learned."""
-    model, found = robot.model, learned_cards(robot.name)
-    cards = [card for card in found if card.robot_sha256 == robot.sha256]
+    """The facts of the contract; ``proxies`` is empty for a robot without learned reachability."""
+    model, all_cards = robot.model, learned_cards(robot.name)
+    cards = [card for card in all_cards if card.robot_sha256 == robot.sha256]
     com_m = pin.centerOfMass(model, model.createData(), robot.q_reference)
     return RobotFacts(
         name=robot.name,
@@ -62,7 +62,7 @@ def facts(robot: Robot) -> RobotFacts:
         link_poses=link_poses(robot, robot.q_reference).tolist(),
         proxies=[proxy_card(card, effector) for card in cards for effector in card.effectors],
         measures=[card.measure for card in cards],
-        stale_measures=[card.measure for card in found if card not in cards],
+        stale_measures=[card.measure for card in all_cards if card not in cards],
         default_measure=DEFAULT_MEASURE,
     )
 
@@ -82,7 +82,7 @@ def effector_facts(effector: Effector) -> RobotEffector:
 
 
 def joint_limits(robot: Robot, index: int) -> JointLimits:
-    """Limits of the actuated joint ``index``, counted as in ``Robot.joint_names``."""
+    """Limits of the actuated joint ``index`` of ``Robot.joint_names``."""
     model, joint = robot.model, robot.joint_names[index]
     return JointLimits(
         joint=joint,
@@ -95,21 +95,21 @@ def joint_limits(robot: Robot, index: int) -> JointLimits:
 
 
 def learned_cards(robot_name: str) -> list[ReachabilityCard]:
-    """What was learned of a robot, by measure; none where nothing has been learned yet.
+    """Reachability cards of a robot, by measure; empty without learned reachability.
 
     Raises ``UnreadableFile`` (``reachability-damaged``).
     """
-    found = []
+    cards = []
     for measure in get_args(Measure):
         try:
-            found.append(load_card(robot_name, measure))
+            cards.append(load_card(robot_name, measure))
         except NotFound:
             continue
-    return found
+    return cards
 
 
 def proxy_card(card: ReachabilityCard, effector: str) -> ProxyCard:
-    """How the density of one effector was learned."""
+    """Settings and quality of the learned density of one effector."""
     learned = card.effectors[effector]
     return ProxyCard(
         effector=effector,

@@ -1,6 +1,6 @@
-"""What a robot looks like, for the viewer: one named mesh per moving link, as binary glTF.
+"""Meshes of a robot for the viewer: one named mesh per moving link, as binary glTF.
 
-Runs in a killable child of the web server: at the first start of a service, or when the meshes are asked for before.
+Runs in a killable child of the web server, at the first start of a service or at the first request of the meshes.
 """
 
 from pathlib import Path
@@ -29,7 +29,7 @@ def run(task: RobotTask, folder: Path, progress: ProgressCallback) -> Outcome:
     """
     progress(0.05, "loading the robot")
     robot = load_robot(task.robot)
-    progress(0.4, "thinning out its meshes")
+    progress(0.4, "simplifying its meshes")
     meshes = link_meshes(robot)
     progress(0.9, "writing them")
     data = glb(meshes)

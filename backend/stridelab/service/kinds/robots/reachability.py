@@ -1,6 +1,6 @@
-"""Reachability densities as what can be drawn: for the robot page, for the viewer, and beside what a job learned.
+"""Reachability densities as plottable surfaces and projections, for the robot page, the viewer and learning jobs.
 
-Runs in a killable child of ``GET /robots/{name}/reachability``: the service itself computes nothing.
+Runs in a killable child of ``GET /robots/{name}/reachability``, so that the service imports no numeric package.
 """
 
 import gzip
@@ -32,14 +32,14 @@ from stridelab.service.kinds.robots.description import proxy_card
 REACHABILITY_FILE: Final = "reachability.json.gz"
 GZIP: Final = "application/gzip"
 CLOUD: Final = 2000
-"""Samples that are drawn."""
+"""Number of samples for plots."""
 SAMPLE_DIGITS, SURFACE_DIGITS, DENSITY_DIGITS = 3, 4, 4
-"""Millimetres and tenths of them; significant digits of a density."""
+"""Decimals of samples and surfaces in metres; significant digits of a density."""
 AXES: Final[tuple[Axis, Axis, Axis]] = ("x", "y", "z")
 
 
 class ReachabilityTask(Contract):
-    """Task of ``robot_reachability``."""
+    """Task of ``robots.reachability``."""
 
     robot: str
     measure: Measure
@@ -61,15 +61,15 @@ def run(task: ReachabilityTask, folder: Path, progress: ProgressCallback) -> Out
     robot = load_robot(task.robot)
     require_same_robot(card, robot)
     progress(0.5, "enclosing level sets")
-    found = reachability(robot, card, load_cloud(task.robot, task.measure))
-    content = gzip.compress(found.model_dump_json().encode(), mtime=0)
+    shapes = reachability(robot, card, load_cloud(task.robot, task.measure))
+    content = gzip.compress(shapes.model_dump_json().encode(), mtime=0)
     atomically(folder / REACHABILITY_FILE, lambda path: path.write_bytes(content))
     progress(1.0, "done")
     return Outcome({"robot": robot.name, "measure": card.measure}, (), (ArtifactFile(REACHABILITY_FILE, GZIP),))
 
 
 def reachability(robot: Robot, card: ReachabilityCard, com_m: Mapping[str, Points]) -> RobotReachability:
-    """What can be drawn of ``card``, with the sampled CoM positions of each of its effectors."""
+    """Plottable data of ``card`` and of the sampled CoM positions ``com_m`` of each of its effectors."""
     return RobotReachability(
         robot=robot.name,
         robot_sha256=robot.sha256,
@@ -79,7 +79,7 @@ def reachability(robot: Robot, card: ReachabilityCard, com_m: Mapping[str, Point
                 card=proxy_card(card, name),
                 reference_pose=reference_pose(robot, name, learned),
                 com_m=[_triple(point, SAMPLE_DIGITS) for point in com_m[name][:CLOUD]],
-                level_sets=[_surface(found) for found in level_sets(learned.mixture())],
+                level_sets=[_surface(level_set) for level_set in level_sets(learned.mixture())],
                 projections=_projections(learned, com_m[name]),
             )
             for name, learned in card.effectors.items()
@@ -88,7 +88,7 @@ def reachability(robot: Robot, card: ReachabilityCard, com_m: Mapping[str, Point
 
 
 def reference_pose(robot: Robot, effector: str, learned: EffectorCard) -> LinkPose:
-    """Where the frame of a density is in the reference posture, in which the robot faces x."""
+    """Pose of the density's frame in the reference posture, in which the robot faces x."""
     model, index = with_contact_frames(robot)
     data = model.createData()
     pin.framesForwardKinematics(model, data, robot.q_reference)
@@ -107,7 +107,7 @@ def _surface(found: LevelSet) -> LevelSurface:
 
 
 def _projections(learned: EffectorCard, com_m: Points) -> list[Projection]:
-    """Along x, y and z; the kernels are those of the samples that are there, with the bandwidth of all."""
+    """Projections along x, y and z; kernels of the given samples, with the bandwidth of all samples."""
     kernels, mixture = KernelDensity(com_m, learned.bandwidth_m), learned.mixture()
     grid = grid_around(kernels)
     return [
@@ -125,7 +125,7 @@ def _projections(learned: EffectorCard, com_m: Points) -> list[Projection]:
 
 
 def _rounded(values: Float[np.ndarray, "up right"]) -> list[list[float]]:
-    """To a ten-thousandth of the highest."""
+    """Round to ``DENSITY_DIGITS`` significant digits of the maximum."""
     top = float(values.max())
     digits = max(0, DENSITY_DIGITS - int(np.floor(np.log10(top))) - 1) if top > 0.0 else 0
     return [[float(v) for v in row] for row in np.round(values, digits)]

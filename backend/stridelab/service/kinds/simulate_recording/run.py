@@ -1,7 +1,7 @@
-"""``simulate-recording``: a person, or TALOS, who never walked, as a laboratory would record it, with the truth beside.
+"""``simulate-recording``: simulates a laboratory recording of a walking human or TALOS, with its ground truth.
 
-The recording is a C3D like any upload, and its facts are those that reading this C3D gives; the segment table of the
-simulated body travels in it (table "carried" of ``estimate-com``). ``truth`` holds the exact motion.
+The recording is a C3D file like an upload, and its facts are read from this file; it contains the segment table of the
+simulated body (table "carried" of ``estimate-com``). ``truth`` is the exact motion.
 """
 
 from pathlib import Path
@@ -30,7 +30,7 @@ from stridelab.simulation.robot_recording import record_robot
 Keys = tuple[str, ...]
 """Citation keys."""
 PRIVATE_FILES: Final = (FACTS_FILE, TRACKS_FILE, "tracks.csv")
-"""Files for the recording's row, which are no artifacts of the job."""
+"""Files for the recording's row, which are not artifacts of the job."""
 
 
 def run_in_child(task: Json, folder: Path, progress: ProgressCallback) -> Json:
@@ -41,7 +41,7 @@ def run_in_child(task: Json, folder: Path, progress: ProgressCallback) -> Json:
 def run(task: SimulateRecordingTask, folder: Path, progress: ProgressCallback) -> Outcome:
     """Simulate into ``folder``; the summary is a ``SimulateRecordingSummary`` without ``recording_id``.
 
-    Raises ``InvalidInput`` where body or walk lie outside what can be simulated.
+    Raises ``InvalidInput`` if body or walk are outside the range of the simulation.
     """
     request = task.input
     progress(0.02, request.gait)
@@ -65,7 +65,7 @@ def run(task: SimulateRecordingTask, folder: Path, progress: ProgressCallback) -
 
 
 def _of_person(request: SimulateRecordingInput, progress: ProgressCallback) -> tuple[SimulatedRecording, Keys]:
-    """A person walks; with the literature of the body."""
+    """Simulate a walking human; returns the recording and the citation keys of the body model."""
     person = request.model_dump(include={"height_m", "mass_kg", "sex", "speed_m_s", "duration_s", "seed"})
     walk = HumanWalker(**person).walk()
     progress(0.6, "recording markers and plates")
@@ -73,7 +73,7 @@ def _of_person(request: SimulateRecordingInput, progress: ProgressCallback) -> t
 
 
 def _of_talos(request: SimulateRecordingInput, progress: ProgressCallback) -> tuple[SimulatedRecording, Keys]:
-    """TALOS walks or runs; with the literature of the preview control."""
+    """Simulate TALOS walking or running; returns the recording and the citation keys of preview control."""
     if request.gait == "running":
         walk = run_talos(running_at(request.speed_m_s, request.duration_s), request.seed)
     else:
@@ -93,6 +93,6 @@ def mean_speed_m_s(simulated: SimulatedRecording) -> float:
 
 
 def remove_private_files(folder: Path) -> None:
-    """Leave only the artifacts, where no recording row is made."""
+    """Remove the files of the recording's row, for callers that insert no row."""
     for name in PRIVATE_FILES:
         (folder / name).unlink(missing_ok=True)

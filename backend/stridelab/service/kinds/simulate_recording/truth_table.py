@@ -1,4 +1,4 @@
-"""The exact motion of a simulated recording as a table, and an estimate compared with it."""
+"""The exact motion of a simulated recording as a table, and errors of an estimate with respect to it."""
 
 from pathlib import Path
 
@@ -30,14 +30,14 @@ def truth_columns(truth: Truth) -> dict[str, Series | Mask]:
 def known_motion(truth: Path, time_s: Series) -> KnownMotion:
     """The true CoM and force of a ``truth.parquet`` at the instants ``time_s``.
 
-    Raises ``UnreadableFile`` (``truth-unreadable``) for what is no such table and ``InvalidInput`` (``truth-mismatch``)
-    where it does not cover the instants, so cannot belong to the recording.
+    Raises ``UnreadableFile`` (``truth-unreadable``) for another file and ``InvalidInput`` (``truth-mismatch``) if the
+    table does not cover the instants, so that it cannot belong to the recording.
     """
     try:
         at_s = pq.read_table(truth, columns=["time_s"])["time_s"].to_numpy()
         com_m, force_n = _points(truth, "com_{}_m"), _points(truth, "f{}_n")
     except (OSError, ValueError, KeyError) as error:
-        message = f"{truth.name} is no table of a true motion: it needs time_s, com_x_m.. and fx_n.."
+        message = f"{truth.name} is not a table of a true motion: it needs time_s, com_x_m.. and fx_n.."
         raise UnreadableFile("truth-unreadable", message) from error
     frame_s = time_s[1] - time_s[0]
     if len(at_s) < 2 or at_s[0] > time_s[0] + frame_s or at_s[-1] < time_s[-1] - frame_s:
@@ -51,7 +51,7 @@ def known_motion(truth: Path, time_s: Series) -> KnownMotion:
 
 
 def com_errors_mm(com: Path, truth: Path) -> dict[str, tuple[float, float, float]]:
-    """RMS error per axis in millimetres of the fused CoM and of the geometry, over the frames that both give."""
+    """RMS error per axis in millimetres of the fused and the geometric CoM, over the frames in which both exist."""
     true_m = _points(truth, "com_{}_m")
     tracks = {"fused": _points(com, "{}_m"), "markers only": _points(com, "geometry_{}_m")}
     common = np.logical_and.reduce([np.isfinite(track).all(axis=1) for track in tracks.values()])

@@ -24,7 +24,7 @@ Row = dict[str, Any]
 def write_population(
     folder: Path, summary: StudyPopulationSummary, steps: Sequence[tuple[StepRow, FittedStep, str, bool]]
 ) -> tuple[ArtifactFile, ...]:
-    """Write all tables into ``folder``; ``steps`` are with the group of their person and whether they were used."""
+    """Write all tables into ``folder``; ``steps`` include the subject's group and whether the step was used."""
     about = {"summary": summary.model_dump(mode="json", include={"n_recordings", "n_steps", "method", "pooled"})}
     tables = {
         "subjects": [_joined(one.model_dump(mode="json")) for one in summary.subjects],
@@ -71,7 +71,7 @@ def _joined(row: Row) -> Row:
 
 
 def _column(values: list[Any]) -> np.ndarray:
-    """Numbers with NaN for what is not known, truth values, or text with nothing for what is not known."""
+    """Column of numbers (missing: NaN), of booleans, or of text (missing: empty)."""
     known = [value for value in values if value is not None]
     if known and all(isinstance(value, bool) for value in known):
         return np.array(values, dtype=bool)
@@ -84,4 +84,4 @@ _EXAMPLE: Final = CorrelationResult(
     group="", parameter="", against="", n=4, r=0.0, p=1.0, p_holm=1.0, ci95=None, bootstrap_ci95=None, spearman=None,
     spearman_p=None, spearman_ci95=None, spearman_bootstrap_ci95=None, partial=[], partial_on_speed=None, left_out=[],
 )  # fmt: skip
-"""Names the columns of a table without rows."""
+"""Defines the columns of a table without rows."""

@@ -1,9 +1,9 @@
-"""``study-population``: the wheels of many people (section 3.3.2).
+"""``study-population``: the wheel parameters of many subjects (section 3.3.2).
 
-    recordings -> wheel of every step, a process per recording -> people -> means, correlations, mixed models
+    recordings -> wheel of every step, a process per recording -> subjects -> means, correlations, mixed models
 
-What cannot be fitted is named and left out. Tables: ``subjects`` (a row per person), ``steps`` (a row per step),
-``correlations`` (a row per pair).
+Recordings that cannot be fitted are listed and left out. Tables: ``subjects`` (a row per subject), ``steps`` (a row per
+step), ``correlations`` (a row per pair).
 """
 
 import math
@@ -34,7 +34,7 @@ from stridelab.service.processes.isolated_map import each_apart
 from stridelab.walking.population.population import StepRow, study
 
 UNUSABLE: Final = frozenset({"path-not-converged", "not-curtate", "r-too-large"})
-"""Flags of steps whose wheel is none: they are in the table and in no mean."""
+"""Flags of steps without a valid wheel: they are in the table and in no mean."""
 PRELOAD: Final = ("stridelab.pipelines.fit_cycloid",)
 REFERENCES: Final = (
     "carpentier2017thesis",
@@ -51,7 +51,7 @@ RECORDING_TIMEOUT_S: Final = 120.0
 
 @dataclass(frozen=True)
 class Fitted:
-    """What one recording gave."""
+    """Result of the fit of one recording."""
 
     recording_id: str
     sheet: Sheet
@@ -67,24 +67,24 @@ def run_in_child(task: Json, folder: Path, progress: ProgressCallback) -> Json:
 
 
 def run(task: StudyPopulationTask, folder: Path, progress: ProgressCallback) -> Outcome:
-    """Fit every recording of ``task`` in ``folder`` and study the people; the summary is a ``StudyPopulationSummary``.
+    """Fit every recording of ``task`` and study the subjects; the summary is a ``StudyPopulationSummary``.
 
-    Raises ``NotEstimable`` (``nothing-fitted``) where no recording gives a single step, ``InvalidInput``
+    Raises ``NotEstimable`` (``nothing-fitted``) if no step of any recording can be fitted, ``InvalidInput``
     (``subject-in-two-groups``).
     """
     progress(0.0, f"fitting {len(task.members)} recordings")
     fitted, left_out, trials = _fit_all(task, folder, progress)
-    progress(0.9, "studying the people")
-    someone, remarks = people_of([one.sheet for one in fitted])
+    progress(0.9, "studying the subjects")
+    subjects, remarks = people_of([one.sheet for one in fitted])
     rows = [row for one in fitted for row in _rows(one)]
     usable = [row for row in rows if row.used]
-    found = study([s.person for s in someone], [row.step for row in usable], pooled=task.pooled, seed=task.seed)
+    population = study([s.person for s in subjects], [row.step for row in usable], pooled=task.pooled, seed=task.seed)
     quality = of_all([one.quality for one in fitted])
-    warnings = [*_about_quality(fitted), *remarks, *found.remarks]
+    warnings = [*_about_quality(fitted), *remarks, *population.remarks]
     summary = StudyPopulationSummary(
-        subjects=subject_results(found.subjects, {s.person.name: s for s in someone}),
-        correlations=correlation_results(found),
-        mixed_models=mixed_results(found),
+        subjects=subject_results(population.subjects, {s.person.name: s for s in subjects}),
+        correlations=correlation_results(population),
+        mixed_models=mixed_results(population),
         left_out=left_out,
         n_recordings=len(fitted),
         n_steps=len(usable),
@@ -95,7 +95,7 @@ def run(task: StudyPopulationTask, folder: Path, progress: ProgressCallback) -> 
         warnings=[base.Remark(code=r.code, message=r.message) for r in warnings] + _about_steps(rows, left_out),
     )
     progress(0.97, "writing the tables")
-    groups = {s.person.name: s.person.group for s in someone}
+    groups = {s.person.name: s.person.group for s in subjects}
     artifacts = write_population(
         folder, summary, [(row.step, row.fitted, groups[row.step.person], row.used) for row in rows]
     )
@@ -105,7 +105,7 @@ def run(task: StudyPopulationTask, folder: Path, progress: ProgressCallback) -> 
 
 
 def fit_one(item: Json) -> Json:
-    """The wheels of one recording, as JSON on both sides; runs in a process of its own."""
+    """Fit the wheels of one recording, with JSON on both sides; runs in a separate process."""
     from stridelab.pipelines.fit_cycloid import cycloid_of
 
     task, folder = FitCycloidTask.model_validate(item["task"]), Path(item["folder"])
@@ -121,7 +121,7 @@ def fit_one(item: Json) -> Json:
 
 
 def leg_m(geometric: GeometricCom) -> float | None:
-    """Hip to knee to ankle, mean of the legs that are seen, median over the frames."""
+    """Leg length from hip over knee to ankle: median over the frames, mean over the visible legs."""
     joints = geometric.joint_centres_m
     legs = []
     for side in "lr":
@@ -141,9 +141,9 @@ def _median_m(one: Points, other: Points) -> float:
 def _fit_all(
     task: StudyPopulationTask, folder: Path, progress: ProgressCallback
 ) -> tuple[list[Fitted], list[LeftOut], list[TrialQuality]]:
-    """What each recording gave, those left out and why, and the quality of each that was fitted.
+    """Fitted recordings, recordings left out with the reason, and the quality of each fitted recording.
 
-    A recording whose sensors contradict each other is left out: a mean must not contain it.
+    A recording whose sensors contradict each other is left out, so that it is in no mean.
     """
     items = [{"task": one.task.model_dump(mode="json"), "folder": str(folder / one.folder)} for one in task.members]
     fitted: dict[int, Fitted] = {}
@@ -190,7 +190,7 @@ def _contradicted(one: TrialQuality) -> LeftOut:
 
 
 def _person(table: PersonFields, stated: Any, in_file: Mapping[str, Any]) -> PersonFields:
-    """Field by field: the subject table, else what was stated of the recording, else the file."""
+    """Fields of a subject, each from the subject table, else as stated for the recording, else from the file."""
 
     def first(field: str) -> Any:
         sources = (getattr(table, field), getattr(stated, field), in_file.get(field))
@@ -256,7 +256,7 @@ def _about_steps(rows: Sequence[_Row], left_out: Sequence[LeftOut]) -> list[base
         message = f"{unused} of {len(rows)} steps have no usable wheel; they are in the table and in no mean."
         remarks.append(base.Remark(code="steps-not-used", message=message))
     if left_out:
-        who = ", ".join(one.filename for one in left_out)
-        message = f"Nothing could be fitted in {len(left_out)} recordings, which are left out: {who}."
+        filenames = ", ".join(one.filename for one in left_out)
+        message = f"{len(left_out)} recordings could not be fitted and are left out: {filenames}."
         remarks.append(base.Remark(code="recordings-left-out", message=message))
     return remarks

@@ -1,4 +1,4 @@
-"""Between the tables and a population's task: all recordings with their files, and no recording twice."""
+"""Stages ``study-population``: fetches the files of all recordings and refuses duplicates."""
 
 from pathlib import Path
 from typing import Final
@@ -21,14 +21,14 @@ STATED: Final = ("height_m", "mass_kg", "sex", "age_years")
 async def require_recordings(connection: AsyncConnection, request: StudyPopulationInput) -> None:
     """Raise ``NotFound`` (``recording-not-found``) naming unknown ids, ``InvalidInput`` (``recording-twice``).
 
-    Two recordings of the same bytes are one recording, whatever their ids.
+    Two recordings with identical files count as one recording.
     """
     query = select(recording.c.id, recording.c.sha256, recording.c.filename).where(
         recording.c.id.in_(request.recording_ids)
     )
-    known = {row.id: row for row in (await connection.execute(query)).all()}
+    rows = {row.id: row for row in (await connection.execute(query)).all()}
     places = {recording_id: f"recording_ids.{i}" for i, recording_id in enumerate(request.recording_ids)}
-    missing = [recording_id for recording_id in request.recording_ids if recording_id not in known]
+    missing = [recording_id for recording_id in request.recording_ids if recording_id not in rows]
     if missing:
         raise NotFound(
             "recording-not-found",
@@ -38,18 +38,18 @@ async def require_recordings(connection: AsyncConnection, request: StudyPopulati
         )
     first: dict[str, str] = {}
     for recording_id in request.recording_ids:
-        row = known[recording_id]
+        row = rows[recording_id]
         before = first.setdefault(row.sha256, recording_id)
         if before != recording_id:
             raise InvalidInput(
                 "recording-twice",
-                f"{row.filename} is the same file as {known[before].filename}: a recording counts once.",
+                f"{row.filename} is the same file as {rows[before].filename}: a recording counts once.",
                 [Fault(places[recording_id], f"the same file as {before}")],
             )
 
 
 async def stage_study_population(connection: AsyncConnection, blobs: Blobs, input: Contract, folder: Path) -> Json:  # noqa: A002
-    """Fetch every recording into a folder of its own. Raises as ``require_recordings`` does."""
+    """Fetch every recording into a separate folder. Raises as ``require_recordings`` does."""
     request = StudyPopulationInput.model_validate(input.model_dump())
     await require_recordings(connection, request)
     table = {row.recording_id: row for row in request.subjects}
@@ -65,7 +65,7 @@ async def stage_study_population(connection: AsyncConnection, blobs: Blobs, inpu
 
 
 def member(folder: str, task: FitCycloidTask, row: SubjectOfRecording | None) -> PopulationMember:
-    """A recording in the sub-``folder``, fitted with what the subject table says of the person."""
+    """Member of the study: the recording in the sub-``folder`` with the subject's fields of the subject table."""
     person = PersonFields() if row is None else PersonFields(**row.model_dump(exclude={"recording_id"}))
     stated = {name: value for name in STATED if (value := getattr(person, name)) is not None}
     subject = task.recording.subject.model_copy(update=stated)

@@ -1,4 +1,4 @@
-"""A studied population as the contract shows it."""
+"""Converts the results of a population study to the models of the contract."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -21,11 +21,11 @@ THESIS: Final[Mapping[tuple[str, str], float]] = {
     ("r_m", "height_m"): 0.61,
     ("z0_m", "height_m"): 0.87,
 }
-"""Figures 3.7 and 3.8; of omega (fig. 3.9) the thesis prints p >= 0.83 and no coefficient."""
+"""Coefficients of figures 3.7 and 3.8; for omega (fig. 3.9) the thesis gives p >= 0.83 and no coefficient."""
 
 
 def subject_results(subjects: Sequence[SubjectMean], known: Mapping[str, Someone]) -> list[SubjectResult]:
-    """One row per person with steps."""
+    """One row per subject with steps."""
     return [_subject(one, known[one.person.name]) for one in subjects]
 
 
@@ -69,7 +69,7 @@ def _subject(one: SubjectMean, known: Someone) -> SubjectResult:
 
 
 def correlation_results(found: Population) -> list[CorrelationResult]:
-    """One row per pair, with the thesis' coefficient beside it where it has one."""
+    """One row per pair, with the coefficient of the thesis where there is one."""
     return [_pair(one) for one in found.pairs]
 
 
@@ -101,7 +101,7 @@ def _partial(held: str, one: Correlation) -> PartialCorrelation:
 
 
 def mixed_results(found: Population) -> list[MixedModelResult]:
-    """The models of the spread between people and steps, then those with height and speed."""
+    """Mixed models of the variance between subjects and steps, then those with height and speed."""
     return [_model(*key, one) for models in (found.spreads, found.models) for key, one in models.items()]
 
 
