@@ -80,7 +80,7 @@ def test_all_faults_are_named_at_once() -> None:
         (b"file,shoe\na.c3d,42\n", "line 1, column 2", "'shoe'"),
         (b"file,age,age_years\na.c3d,1,1\n", "line 1", "age_years twice"),
         ("file,subject\na.c3d,Zo\u00eb\n".encode("latin-1"), "subjects", "not UTF-8"),
-        (b"file\na\0b\n", "subjects", "zero bytes"),
+        (b"file\na\0b\n", "subjects", "NUL bytes"),
         (b'file\n"a.c3d\n', "subjects", "unexpected end"),
         (b"file\n" + b"a" * MAX_BYTES, "subjects", "too large"),
     ],

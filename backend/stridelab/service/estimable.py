@@ -53,7 +53,7 @@ def _geometry(facts: RecordingFacts) -> Refusal | None:
 def _force(facts: RecordingFacts, subject: SubjectFields) -> Refusal | None:
     """Check the requirements of the methods that fuse force with markers, in the same order as the job."""
     if facts.n_frames < 2:
-        return "single-frame", "The recording has one frame only: it can serve as a static trial."
+        return "single-frame", "The recording has only one frame: it can serve as a static trial."
     if not facts.plates:
         message = "The recording has no force plate, so no force can be fused with the markers."
         return "no-plates", f"{message} {_BY_GEOMETRY}"
@@ -70,7 +70,7 @@ def _force(facts: RecordingFacts, subject: SubjectFields) -> Refusal | None:
     if not used:
         return "plates-switched-off", "All force plates of this recording are switched off."
     if not any(plate.loaded_s for plate in used):
-        return "plates-unloaded", "No force plate carries a load in this recording."
+        return "plates-unloaded", "The force plates of this recording are never loaded."
     if "force-missing" in remarks and subject.mass_kg != facts.subject.mass_kg:
         return None  # the intervals of missing force depend on the mass, which has changed since the file was read
     if not facts.windows_s:

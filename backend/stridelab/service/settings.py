@@ -1,6 +1,6 @@
 """Settings: environment variables ``STRIDELAB_*``, all with defaults; secrets may come from a file.
 
-``shown`` lists the effective settings for display; of secrets, and of settings that may contain one, it shows only
+``shown_settings`` lists the effective settings for display; of secrets, and of settings that may contain one, it shows only
 whether they are set.
 """
 

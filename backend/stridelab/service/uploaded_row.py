@@ -24,7 +24,7 @@ def file_sha256(path: Path) -> str:
 
 
 async def new_tracks_key(recording_id: str, tracks: Path) -> str:
-    """A unique key for these tracks that ends in their SHA-256 (``named_hash``)."""
+    """A unique key for these tracks that ends in their SHA-256 (``hash_in_key``)."""
     digest = await asyncio.to_thread(file_sha256, tracks)
     return f"{own_prefix(recording_id)}/tracks-{uuid.uuid4().hex[:8]}-{digest}.parquet"
 

@@ -45,7 +45,7 @@ def take(
 ) -> Taken:
     """Write the backup ``target``; without ``store`` the rows only.
 
-    Raises as ``Packer`` does, ``Conflict`` (``nothing-to-back-up``) if the database has no tables, ``Unavailable``
+    Raises as ``ArchiveWriter`` does, ``Conflict`` (``nothing-to-back-up``) if the database has no tables, ``Unavailable``
     (``database-unreachable``, ``storage-unavailable``).
     """
     try:

@@ -75,7 +75,7 @@ class Worker:
             errand.interrupt()
 
     async def run(self) -> None:
-        """Fetch and run jobs until ``stop``. Raises as ``confinement.begin`` does."""
+        """Fetch and run jobs until ``stop``. Raises as ``prepare_confinement`` does."""
         with WorkFolder(self._limits.data_folder / "work") as folder:
             confinement.begin(self._limits, self._limits.data_folder, folder.parent, folder)
             listener = Listener(self._url, [*Consumer.channels(), CANCEL_CHANNEL], self._heard, self._look_again)

@@ -1,6 +1,6 @@
 """Stages and publishes the job ``read-batch``: fetches the uploaded files and inserts the rows of recordings.
 
-The files of a bulk upload are stored below ``batches/<batch_id>`` until its job has ended: ``TASK``, which is a
+The files of a bulk upload are stored below ``batches/<batch_id>`` until its job has ended: ``TASK_FILE``, which is a
 ``ParseBatchTask``, and the files listed in it. File names of users are stored there and not in the job's row.
 """
 
@@ -68,7 +68,7 @@ class ReadUpload:
 
     @staticmethod
     def of(read: Mapping[str, Any]) -> "ReadUpload":
-        """From the result of ``parse_batch``. Raises ``UnreadableFile`` (``nothing-readable``) without readable file."""
+        """From the result of ``parse_batch``. Raises ``UnreadableFile`` (``nothing-readable``)."""
         people = {row["place"]: PersonFields.model_validate(row["person"]) for row in read["rows"]}
         files, refused = [], []
         for place, one in enumerate(read["files"]):

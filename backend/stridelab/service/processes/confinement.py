@@ -35,7 +35,7 @@ def check(settings: Settings) -> None:
 def begin(settings: Settings, *folders: Path) -> None:
     """Log a warning if the sandbox lacks a layer, and give the children's account access to ``folders``.
 
-    Raises as ``check`` does, and ``InvalidInput`` (``child-user-cannot-reach``).
+    Raises as ``check_sandbox_settings`` does, and ``InvalidInput`` (``child-user-cannot-reach``).
     """
     check(settings)
     there, missing = layers(settings), _missing(settings)

@@ -6,7 +6,7 @@ standard input is a socket for requests and answers, in records:
     FORK, serial, niceness, and two files
                                    fork a child that communicates on the first file and prints into the second
     PING, 0                        answer 0, 0
-    LET_GO, serial                 the child may be reaped, after which its process id may be reused
+    RELEASE, serial                the child may be reaped, after which its process id may be reused
     serial, code  (answer)         the child has ended; until it is reaped it stays a zombie and can be signalled safely
 
 The server has one thread, so that no fork copies a held lock, imports only the standard library by itself, and ends
@@ -29,7 +29,7 @@ from stridelab.service.processes import child
 from stridelab.service.processes.parent_death import die_with_parent
 
 REQUEST: Final = struct.Struct("<cqB")
-"""Request (``FORK``, ``LET_GO`` or ``PING``), the child's serial number assigned by the client, its niceness."""
+"""Request (``FORK``, ``RELEASE`` or ``PING``), the child's serial number assigned by the client, its niceness."""
 ANSWER: Final = struct.Struct("<qi")
 """Serial number and exit code, negative for a signal."""
 FORK: Final = b"F"

@@ -45,7 +45,7 @@ class Forked:
 
 
 class Nursery:
-    """A fork server process. Created by ``start``; ``close`` kills it and all its children."""
+    """A fork server process. Created by ``start_server``; ``close`` kills it and all its children."""
 
     def __init__(self, process: asyncio.subprocess.Process, control: socket.socket) -> None:
         self._process, self._control = process, control

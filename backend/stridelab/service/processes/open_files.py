@@ -7,7 +7,7 @@ WANTED: Final = 65_536
 
 
 def raise_limit() -> int:
-    """Raise the soft limit of open files as far as the system allows, at most to ``WANTED``; returns it."""
+    """Raise the soft limit of open files as far as the system allows, at most to ``MAX_OPEN_FILES``; returns it."""
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     wanted = WANTED if hard == resource.RLIM_INFINITY else min(hard, WANTED)
     if soft == resource.RLIM_INFINITY or soft >= wanted:

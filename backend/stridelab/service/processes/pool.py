@@ -42,7 +42,7 @@ class IsolatedOutcome:
     """Outcome of a task.
 
     ``value`` is its return value (state ``ok``); otherwise ``problem`` is ``{"code", "detail", "errors"}`` and
-    ``raised`` is the class name of a ``StridelabError``. ``log_tail`` is the end of the printed output.
+    ``error_class`` is the class name of a ``StridelabError``. ``log_tail`` is the end of the printed output.
     """
 
     state: State

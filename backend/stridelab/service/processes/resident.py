@@ -1,6 +1,6 @@
 """Long-lived child processes that answer requests one at a time.
 
-``Resident`` serves previews: its child is started by the first request, replaced when it fails, and ends by itself
+``PreviewProcess`` serves previews: its child is started by the first request, replaced when it fails, and ends by itself
 after an idle time. Requests are numbered JSON lines, so that the answer to a cancelled request is not taken for that of
 the next one. ``StreamProcess`` serves one online stream.
 """

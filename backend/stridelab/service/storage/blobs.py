@@ -1,7 +1,7 @@
 """Blob storage in a folder or in S3, selected by URL (obstore).
 
 Keys consist of ids and fixed names, never of user input; invalid keys are rejected, so that no key can point outside
-the store. A key may end in the SHA-256 of its content (``named_hash``), which is then verified when the blob is read.
+the store. A key may end in the SHA-256 of its content (``hash_in_key``), which is then verified when the blob is read.
 """
 
 import asyncio

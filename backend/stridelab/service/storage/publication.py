@@ -3,7 +3,7 @@
 Files are stored before the rows that refer to them are committed. If the connection breaks, the process is stopped or
 the server goes down during COMMIT, the client does not know whether the rows exist. The files then stay: if the rows
 were committed the files are needed; otherwise the janitor (``jobs.retention``) removes them. All code that stores files
-before rows uses ``publishing``.
+before rows uses ``publish_files``.
 """
 
 from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
@@ -29,7 +29,7 @@ class Publication:
     """Commit state of the transactions that publish some files.
 
     ``in_doubt`` is True from the moment a COMMIT is sent until the server has answered it. ``published`` is set by
-    ``settle`` once the caller knows whether the rows exist.
+    ``record_outcome`` once the caller knows whether the rows exist.
     """
 
     def __init__(self) -> None:

@@ -95,7 +95,7 @@ def frames(terrain: Terrain, links: Sequence[LinkMesh], poses: Float[np.ndarray,
 
 @dataclass(frozen=True, eq=False)
 class Camera:
-    """A camera at ``place_m``; the rows of ``R`` are right, up and towards the camera."""
+    """A camera at ``position_m``; the rows of ``R`` are right, up and towards the camera."""
 
     place_m: Vector3
     R: Float[np.ndarray, "3 3"]
