@@ -1,7 +1,7 @@
 """Settings: environment variables ``STRIDELAB_*``, all with defaults; secrets may come from a file.
 
-``shown_settings`` lists the effective settings for display; of secrets, and of settings that may contain one, it shows only
-whether they are set.
+``shown_settings`` lists the effective settings for display; of settings that may contain a secret, it shows only whether
+they are set.
 """
 
 from functools import cache
@@ -26,43 +26,43 @@ class Settings(BaseSettings):
     host: str = Field(default="127.0.0.1", description="address the web server binds to")
     port: int = Field(default=8000, ge=1, le=65535, description="the one public port")
     data_dir: Path | None = Field(default=None, description="data folder; .data/<port> in the checkout by default")
-    database_url: str | None = Field(default=None, description="a PostgreSQL to use instead of the embedded one")
+    database_url: str | None = Field(default=None, description="PostgreSQL to use instead of the embedded one")
     database_password_file: Path | None = Field(default=None, description="file with the password of that PostgreSQL")
     blob_url: str | None = Field(
-        default=None, description="where files go: a folder (file:///...) or s3://bucket/prefix"
+        default=None, description="storage of files: a folder (file:///...) or s3://bucket/prefix"
     )
     blob_credentials_file: Path | None = Field(
         default=None, description="file with address and keys of the object store, one name=value per line"
     )
     pg_bin: Path | None = Field(default=None, description="folder with initdb and pg_ctl to use instead of the wheel's")
     api_token: SecretStr | None = Field(default=None, description="token for every request; required beyond loopback")
-    api_token_file: Path | None = Field(default=None, description="file that holds the API token")
+    api_token_file: Path | None = Field(default=None, description="file with the API token")
     allowed_hosts: str = Field(default="", description="comma-separated host names accepted beside the bound address")
     max_upload_mb: int = Field(default=128, ge=1, description="largest upload in MB (10^6 bytes)")
     max_batch_mb: int = Field(default=1024, ge=1, description="largest bulk upload in MB, sent and unpacked")
     batch_answer_s: float = Field(
-        default=60.0, ge=0, description="how long a bulk upload is read before it goes on as a job; 0: always a job"
+        default=60.0, ge=0, description="time after which a bulk upload continues as a job; 0: always a job"
     )
     min_free_disk_mb: int = Field(default=500, ge=0, description="uploads are refused when less disk is free")
     parse_timeout_s: float = Field(default=10.0, gt=0, description="wall-clock limit for parsing an upload")
     parse_memory_mb: int = Field(default=1024, ge=128, description="memory limit for parsing an upload")
     sandbox: Literal["auto", "required", "off"] = Field(
         default="auto",
-        description="what children that read files give up: what the kernel can, all or no start, or nothing",
+        description="sandbox of processes that read files: supported layers, all layers or no start, or none",
     )
-    child_user: str | None = Field(default=None, description="account of children that read files, where root runs")
+    child_user: str | None = Field(default=None, description="account of processes that read files, if started by root")
     worker_slots: int | None = Field(default=None, ge=1, description="jobs at a time per worker; cores - 1 by default")
     job_timeout_s: float = Field(default=600.0, gt=0, description="wall-clock limit of a job, unless its kind sets one")
     job_memory_mb: int = Field(default=3072, ge=128, description="memory limit of a job's process")
-    job_niceness: int = Field(default=NICENESS, ge=0, le=19, description="how far jobs yield the processor to others")
+    job_niceness: int = Field(default=NICENESS, ge=0, le=19, description="niceness of the processes of jobs")
     job_max_attempts: int = Field(
-        default=3, ge=1, description="starts of a job before a dying worker counts as failure"
+        default=3, ge=1, description="starts of a job after which the death of its worker fails it"
     )
     storage_patience_s: float = Field(
-        default=300.0, ge=0, description="how long a job waits for file storage that does not answer, or a full disk"
+        default=300.0, ge=0, description="how long a job waits for unavailable file storage or a full disk"
     )
-    queue_limit: int = Field(default=200, ge=1, description="queued jobs before a new one is answered 429")
-    user_queue_limit: int = Field(default=0, ge=0, description="queued jobs of one user before a 429; 0 for no limit")
+    queue_limit: int = Field(default=200, ge=1, description="queued jobs above which a new one gets a 429")
+    user_queue_limit: int = Field(default=0, ge=0, description="queued jobs of one user; 0 for no limit")
     user_storage_mb: int = Field(default=0, ge=0, description="MB of uploads and results of one user; 0 for no limit")
     rate_limit_hz: float = Field(
         default=300.0, ge=0, description="requests per second of one token, a tenth without a token; 0 for no limit"
@@ -78,13 +78,13 @@ class Settings(BaseSettings):
         default=20.0, gt=0, description="silence in the body of a request before it is closed"
     )
     keep_alive_s: int = Field(default=5, ge=1, description="idle time after which a keep-alive connection is closed")
-    heartbeat_s: float = Field(default=5.0, gt=0, description="how often a worker says that it lives")
+    heartbeat_s: float = Field(default=5.0, gt=0, description="interval of a worker's heartbeats")
     stall_s: float = Field(default=20.0, gt=0, description="silence after which a worker counts as dead")
-    event_retention_days: float = Field(default=7.0, gt=0, description="how long progress events are kept")
-    result_retention_days: float = Field(default=90.0, gt=0, description="how long finished jobs and results are kept")
-    audit_retention_days: float = Field(default=365.0, gt=0, description="how long the audit log is kept")
+    event_retention_days: float = Field(default=7.0, gt=0, description="retention time of progress events")
+    result_retention_days: float = Field(default=90.0, gt=0, description="retention time of finished jobs and results")
+    audit_retention_days: float = Field(default=365.0, gt=0, description="retention time of the audit log")
     stream_limit: int = Field(default=8, ge=0, description="online streams at a time per web server process")
-    stream_rate_hz: float = Field(default=2000.0, gt=0, description="samples per second taken from one stream")
+    stream_rate_hz: float = Field(default=2000.0, gt=0, description="maximum samples per second of one stream")
     stream_message_kb: int = Field(default=256, ge=1, description="largest message of a stream in kB (10^3 bytes)")
     stream_idle_s: float = Field(default=60.0, gt=0, description="silence after which a stream is closed")
     viewer_url: str | None = Field(default=None, description="loopback control address of the viewer process")

@@ -45,8 +45,8 @@ def take(
 ) -> Taken:
     """Write the backup ``target``; without ``store`` the rows only.
 
-    Raises as ``ArchiveWriter`` does, ``Conflict`` (``nothing-to-back-up``) if the database has no tables, ``Unavailable``
-    (``database-unreachable``, ``storage-unavailable``).
+    Raises as ``ArchiveWriter`` does, ``Conflict`` (``nothing-to-back-up``) if the database has no tables,
+    ``Unavailable`` (``database-unreachable``, ``storage-unavailable``).
     """
     try:
         revision = present_revision(database_url)

@@ -157,8 +157,8 @@ class Attempts:
     ) -> bool:
         """End without success; False if the attempt is superseded.
 
-        ``kept`` is a partial result to store: the computation's outcome and its stored artifacts. Safe to repeat after
-        a connection broke during the commit; ``publication`` records whether the outcome of the COMMIT is known.
+        ``partial_result`` is the computation's outcome and its stored artifacts. Safe to repeat after a connection
+        broke during the commit; ``publication`` records whether the outcome of the COMMIT is known.
         """
         values: dict[str, Any] = {"state": state, "error": storable(problem), "blob_prefix": None}
         if kept is not None:

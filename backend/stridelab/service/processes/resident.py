@@ -1,8 +1,8 @@
 """Long-lived child processes that answer requests one at a time.
 
-``PreviewProcess`` serves previews: its child is started by the first request, replaced when it fails, and ends by itself
-after an idle time. Requests are numbered JSON lines, so that the answer to a cancelled request is not taken for that of
-the next one. ``StreamProcess`` serves one online stream.
+``PreviewProcess`` serves previews: its child is started by the first request, replaced when it fails, and ends after an
+idle time. Requests are numbered JSON lines, so that the answer to a cancelled request is not taken for that of the next
+one. ``StreamProcess`` serves one online stream.
 """
 
 import asyncio

@@ -27,7 +27,10 @@ Verdict = Literal["stopped", "hangs"]
 
 
 class Silence:
-    """Measures how long a process has not answered. Call ``record_answer`` for each answer and ``failure_state`` regularly."""
+    """Measures how long a process has not answered.
+
+    Call ``record_answer`` for each answer and ``failure_state`` regularly.
+    """
 
     def __init__(self, pid: int, *, hung_s: float = HUNG_S, clock: Callable[[], float] = time.monotonic) -> None:
         self._pid, self._hung_s, self._clock = pid, hung_s, clock
