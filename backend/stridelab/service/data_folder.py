@@ -13,7 +13,7 @@ from stridelab.errors import StridelabError, Unavailable
 FIRST_START_BYTES: Final = 100_000_000
 """A new database takes about 70 MB with its log."""
 LATER_START_BYTES: Final = 2_000_000
-_NO_ROOM: Final = frozenset({errno.ENOSPC, errno.EDQUOT})
+DISK_FULL_ERRNOS: Final = frozenset({errno.ENOSPC, errno.EDQUOT})
 
 
 def open_data_folder(folder: Path, free_bytes: int = LATER_START_BYTES) -> None:
@@ -37,7 +37,7 @@ def explained(folder: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        if error.errno in _NO_ROOM:
+        if error.errno in DISK_FULL_ERRNOS:
             raise _full(folder, LATER_START_BYTES) from error
         where = f" ({error.filename})" if error.filename and str(error.filename) != str(folder) else ""
         reason = error.strerror or str(error)

@@ -1,7 +1,7 @@
 """Settings: environment variables ``STRIDELAB_*``, all with defaults; secrets may come from a file.
 
-``shown_settings`` lists the effective settings for display; of settings that may contain a secret, it shows only whether
-they are set.
+``shown_settings`` lists the effective settings for display; of settings that may contain a secret, only whether they
+are set.
 """
 
 from functools import cache
@@ -106,7 +106,7 @@ class Settings(BaseSettings):
 
     @property
     def blob_address(self) -> str:
-        """Where files go, as a URL."""
+        """URL of the file storage."""
         return self.blob_url or (self.data_folder / "blobs").as_uri()
 
     @property
@@ -128,7 +128,7 @@ class Settings(BaseSettings):
             variable = "STRIDELAB_API_TOKEN_FILE"
             token = _read_secret(self.api_token_file, variable).strip()
             if not token or not token.isprintable():
-                raise _unreadable(self.api_token_file, variable, "it holds no token")
+                raise _unreadable(self.api_token_file, variable, "it contains no token")
             return token
         return self.api_token.get_secret_value() or None if self.api_token else None
 
@@ -155,7 +155,7 @@ def _read_secret(path: Path, variable: str) -> str:
     except OSError as error:
         raise _unreadable(path, variable, error.strerror or str(error)) from error
     except UnicodeDecodeError as error:
-        raise _unreadable(path, variable, "it is no UTF-8 text") from error
+        raise _unreadable(path, variable, "it is not UTF-8 text") from error
 
 
 def _unreadable(path: Path, variable: str, why: str) -> InvalidInput:

@@ -171,7 +171,7 @@ def serve(settings: Settings, *, with_worker: bool = True, say: Callable[[str], 
                     speak(f"First start: preparing the database in {folder}")
                 url = database.start()
             migrate(str(url))
-            forget = _forgetting_workers(str(url)) if database is not None else _nothing
+            forget = _forgetting_workers(str(url)) if database is not None else lambda: None
             forget()
             with explained(folder):
                 programs += _programs(settings, str(url), forget, with_worker=with_worker)
@@ -209,10 +209,6 @@ def _forgetting_workers(url: str) -> Callable[[], None]:
             connection.execute("DELETE FROM procrastinate_workers")
 
     return forget
-
-
-def _nothing() -> None:
-    return None
 
 
 def _programs(

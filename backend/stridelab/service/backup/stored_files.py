@@ -2,16 +2,13 @@
 
 import asyncio
 import tempfile
-from collections.abc import Coroutine, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from types import TracebackType
-from typing import Any, TypeVar
 
 from stridelab.errors import NotFound
 from stridelab.service.backup.archive import Packer, file_member
 from stridelab.service.storage.blobs import BlobStore
-
-T = TypeVar("T")
 
 
 class Files:
@@ -31,7 +28,7 @@ class Files:
 
     def pack(self, key: str, packer: Packer) -> bool:
         """Copy a file into the archive; False if it is missing."""
-        return self._do(self._pack(key, packer))
+        return self._runner.run(self._pack(key, packer))
 
     async def _pack(self, key: str, packer: Packer) -> bool:
         pieces = self._store.stream(key)
@@ -47,23 +44,20 @@ class Files:
 
     def has(self, key: str) -> bool:
         """Whether the file exists."""
-        return self._do(self._store.exists(key))
+        return self._runner.run(self._store.exists(key))
 
     def put(self, key: str, pieces: Iterator[bytes], size: int) -> None:
         """Store a file unless one with this key and size exists: keys are never reused for other content."""
-        known = self._do(self._store.info(key))
-        if known is not None and known.bytes == size:
+        stored = self._runner.run(self._store.info(key))
+        if stored is not None and stored.bytes == size:
             return
         with tempfile.NamedTemporaryFile(prefix="stridelab-restore-") as draft:
             for piece in pieces:
                 draft.write(piece)
             draft.flush()
-            self._do(self._store.put_file(key, Path(draft.name)))
+            self._runner.run(self._store.put_file(key, Path(draft.name)))
 
     def remove(self, keys: list[str]) -> None:
         """Delete files; missing ones are ignored."""
         for key in keys:
-            self._do(self._store.delete(key))
-
-    def _do(self, work: Coroutine[Any, Any, T]) -> T:
-        return self._runner.run(work)
+            self._runner.run(self._store.delete(key))

@@ -2,7 +2,6 @@
 
 import asyncio
 import contextlib
-import errno
 import hashlib
 import shutil
 import tempfile
@@ -17,6 +16,7 @@ from sqlalchemy.ext.asyncio import AsyncEngine
 from stridelab.errors import StorageFull, StridelabError, Unavailable
 from stridelab.schemas.jobs import FINAL_STATES
 from stridelab.service import telemetry
+from stridelab.service.data_folder import DISK_FULL_ERRNOS
 from stridelab.service.jobs.attempts import Attempt, Attempts, FinalState
 from stridelab.service.jobs.queue_consumer import DATABASE_IS_AWAY
 from stridelab.service.kinds.base import JobKind, Json, problem_of
@@ -30,7 +30,7 @@ PROGRESS_S: Final = 0.2
 """Progress is written to the database at most this often."""
 Patiently = Callable[[Callable[[], Awaitable[Any]]], Awaitable[Any]]
 """Repeats a database operation while the database is unavailable."""
-_NO_ROOM: Final = frozenset({errno.ENOSPC, errno.EDQUOT})
+
 _PASSES: Final = frozenset({"storage-unavailable", "storage-full", "scratch-full"})
 """Codes of transient errors that the job did not cause."""
 _LONGEST_PAUSE_S: Final = 5.0
@@ -262,7 +262,7 @@ def no_room_named() -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        if error.errno not in _NO_ROOM:
+        if error.errno not in DISK_FULL_ERRNOS:
             raise
         raise StorageFull("scratch-full", "The worker's scratch disk is full.") from error
 

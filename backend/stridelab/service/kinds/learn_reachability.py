@@ -21,7 +21,7 @@ from stridelab.schemas.base import Remark
 from stridelab.schemas.plans import LearnedEffector, LearnReachabilitySummary
 from stridelab.schemas.tasks import LearnReachabilityTask
 from stridelab.service.kinds.base import ArtifactFile, Json, Outcome
-from stridelab.service.kinds.result_tables import atomically, write_table
+from stridelab.service.kinds.result_tables import atomically, write_table, write_text_atomically
 from stridelab.service.kinds.robots.reachability import reachability
 
 MIXTURES_FILE, CARD_FILE, JSON = "mixtures.json", "card.json", "application/json"
@@ -85,9 +85,9 @@ def _written(robot: Robot, learned: Learned, folder: Path, provenance: Json) -> 
     atomically(folder / MIXTURES_FILE, lambda path: save(path, learned.card))
     atomically(folder / CLOUD_FILE, lambda path: save_cloud(path, learned.cloud.com_m))
     facts = json.dumps(without_mixtures(learned.card), indent=1)
-    atomically(folder / CARD_FILE, lambda path: path.write_text(facts + "\n", encoding="utf-8"))
+    write_text_atomically(folder / CARD_FILE, facts + "\n")
     shapes = reachability(robot, learned.card, learned.cloud.com_m)
-    atomically(folder / SHAPES_FILE, lambda path: path.write_text(shapes.model_dump_json(), encoding="utf-8"))
+    write_text_atomically(folder / SHAPES_FILE, shapes.model_dump_json())
     columns = {
         f"{name}_com_{axis}_m": com_m[:, i]
         for name, com_m in learned.cloud.com_m.items()

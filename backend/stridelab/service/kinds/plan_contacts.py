@@ -16,7 +16,7 @@ from stridelab.schemas.plans import PlanContactsSummary
 from stridelab.schemas.scenarios import Scenario
 from stridelab.schemas.tasks import PlanContactsTask
 from stridelab.service.kinds.base import ArtifactFile, Json, Outcome
-from stridelab.service.kinds.result_tables import atomically
+from stridelab.service.kinds.result_tables import write_text_atomically
 
 SCENARIO_FILE: Final = "scenario.json"
 REFERENCES: Final = ("carpentier2017thesis", "deits2014footstep", "huangfu2018highs")
@@ -51,6 +51,6 @@ def run(task: PlanContactsTask, folder: Path, progress: ProgressCallback) -> Out
         warnings=[Remark(code=remark.code, message=remark.message) for remark in report.remarks],
     )
     text = scenario.model_dump_json(indent=2, exclude_none=True) + "\n"
-    atomically(folder / SCENARIO_FILE, lambda path: path.write_text(text, encoding="utf-8"))
+    write_text_atomically(folder / SCENARIO_FILE, text)
     progress(1.0, "done")
     return Outcome(summary.model_dump(mode="json"), REFERENCES, (ArtifactFile(SCENARIO_FILE, "application/json"),))

@@ -9,7 +9,7 @@ from stridelab.reproduction.registry import ITEMS, reproduce
 from stridelab.schemas.reproduction import ClaimResult, ReproduceSummary
 from stridelab.schemas.tasks import ReproduceTask
 from stridelab.service.kinds.base import ArtifactFile, Json, Outcome
-from stridelab.service.kinds.result_tables import atomically, write_table
+from stridelab.service.kinds.result_tables import write_table, write_text_atomically
 
 SVG: Final = "image/svg+xml"
 
@@ -40,7 +40,7 @@ def run(task: ReproduceTask, folder: Path, progress: ProgressCallback) -> Outcom
         note=reproduction.note,
     )
     drawing = f"{item.name}.svg"
-    atomically(folder / drawing, lambda path: path.write_text(reproduction.drawing, encoding="utf-8"))
+    write_text_atomically(folder / drawing, reproduction.drawing)
     provenance = {"item": item.name, "seeds": seeds}
     tables = [
         file for name, columns in reproduction.tables.items() for file in write_table(folder, name, columns, provenance)

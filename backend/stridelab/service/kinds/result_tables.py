@@ -87,6 +87,11 @@ def atomically(path: Path, write: Callable[[Path], object]) -> None:
         part.unlink(missing_ok=True)
 
 
+def write_text_atomically(path: Path, text: str) -> None:
+    """Write ``text`` in UTF-8 with ``write_atomically``."""
+    atomically(path, lambda part: part.write_text(text, encoding="utf-8"))
+
+
 def spreadsheet_text(text: str) -> str:
     """Prefix ``text`` with an apostrophe if a spreadsheet would evaluate it as a formula; numbers are unchanged.
 

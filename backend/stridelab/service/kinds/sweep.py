@@ -149,7 +149,9 @@ def _planned(
         if isinstance(answer, StridelabError):
             chunk_rows = [Row("failed", f"{answer.code}: {answer.message}", "", math.nan, 0, 0.0) for _ in points]
         else:
-            chunk_rows = [Row(**{**row, "objective": _number(row["objective"])}) for row in answer["rows"]]
+            chunk_rows = [
+                Row(**row | ({"objective": math.nan} if row["objective"] is None else {})) for row in answer["rows"]
+            ]
         rows[first : first + size] = chunk_rows
         done += len(points)
         progress(0.99 * done / len(grid), f"{done} of {len(grid)} scenarios")
@@ -216,10 +218,6 @@ def _body_stopped(robot: Robot, proxies: Mapping[str, Proxy], sequence: ContactS
 def _short(error: Exception) -> str:
     text = error.message if isinstance(error, StridelabError) else str(error).splitlines()[0]
     return text[:SAID]
-
-
-def _number(value: float | None) -> float:
-    return math.nan if value is None else value
 
 
 def _columns(grid: list[dict[SweepField, float]], rows: list[Row]) -> dict[str, np.ndarray]:

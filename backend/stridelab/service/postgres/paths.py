@@ -71,7 +71,7 @@ def prepare_home(data: Path, pg_bin: Path | None = None, shelter: Path | None = 
         cluster = _new_cluster(data, account, shelter)
     source = pg_bin or _wheel_binaries()
     binaries = _reachable_binaries(source, account, shelter)
-    _check_version(binaries, account)
+    run([binaries / "postgres", "--version"], account, 20.0)  # raises if the binaries do not run here
     _own_folder(cluster.parent, account)
     home = PostgresHome(binaries, cluster, _socket_folder(pointer_data.get("socket"), account), account)
     remember(data, home, initialised=bool(pointer_data.get("initialised")))
@@ -234,10 +234,6 @@ def run(argv: list[str | Path], account: str | None, timeout_s: float = 120.0) -
         tail = " ".join(result.stdout.split()[-60:])
         raise Unavailable("postgres-cannot-run", f"{argv[0]} does not run here: {tail} {ESCAPE}")
     return str(result.stdout)
-
-
-def _check_version(binaries: Path, account: str | None) -> None:
-    run([binaries / "postgres", "--version"], account, 20.0)
 
 
 def _socket_folder(known: str | None, account: str | None) -> Path:

@@ -100,8 +100,8 @@ class IsolatedPool:
         """Run ``target`` (``"module:function"``) as ``f(task, folder, progress)`` in a new child.
 
         ``timeout_s`` starts when the child is ready. Setting ``cancel``, or cancelling the calling task, kills the
-        child and all its processes. With ``yields`` the child has the niceness of the pool. A task whose child was
-        killed before it was ready is repeated once.
+        child and all its processes. With ``low_priority`` the child has the niceness of the pool. A task whose child
+        was killed before it was ready is repeated once.
 
         ``sandbox`` restricts the child; None is for tasks without untrusted input.
         """

@@ -5,7 +5,6 @@ the store. A key may end in the SHA-256 of its content (``hash_in_key``), which 
 """
 
 import asyncio
-import errno
 import hashlib
 import re
 from collections.abc import AsyncIterator, Mapping
@@ -20,6 +19,7 @@ from obstore.exceptions import BaseError
 from obstore.store import LocalStore, ObjectStore, from_url
 
 from stridelab.errors import InvalidInput, NotFound, StorageFull, Unavailable, UnreadableFile
+from stridelab.service.data_folder import DISK_FULL_ERRNOS
 from stridelab.service.storage.local_files import DISK, FileSystem, sync_durably, write_durably
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ CHUNK_BYTES: Final = 1 << 20
 _KEY: Final = re.compile(r"[A-Za-z0-9_-][A-Za-z0-9._-]*(/[A-Za-z0-9_-][A-Za-z0-9._-]*)*")
 _MAX_KEY: Final = 400
 _HASH_IN_KEY: Final = re.compile(r"[/-]([0-9a-f]{64})(?:\.[a-z0-9]+)?$")
-_NO_ROOM: Final = frozenset({errno.ENOSPC, errno.EDQUOT})
+
 _RETRY: "Final[RetryConfig]" = {"max_retries": 4, "retry_timeout": timedelta(seconds=10)}
 """Fail within seconds if the store is unavailable (the default is minutes): clients may be waiting, and jobs have their
 own retries, which can be cancelled."""
@@ -226,6 +226,6 @@ def _missing(key: str) -> NotFound:
 
 
 def _unavailable(error: Exception) -> Unavailable:
-    if isinstance(error, OSError) and error.errno in _NO_ROOM:
+    if isinstance(error, OSError) and error.errno in DISK_FULL_ERRNOS:
         return StorageFull("storage-full", "The file storage is full; nothing was stored. Free some space.")
     return Unavailable("storage-unavailable", f"The file storage does not respond ({type(error).__name__}).")

@@ -7,7 +7,7 @@ import numpy as np
 from stridelab.conventions import Points, Vector3
 from stridelab.estimation.estimator import ComEstimate
 from stridelab.pipelines.fit_cycloid import CycloidResult
-from stridelab.schemas.cycloid import FitCycloidSummary, FittedStep
+from stridelab.schemas.cycloid import FitCycloidSummary
 from stridelab.schemas.tasks import RecordingSource
 from stridelab.service.kinds.base import ArtifactFile
 from stridelab.service.kinds.result_tables import write_table
@@ -47,12 +47,8 @@ def step_columns(summary: FitCycloidSummary) -> dict[str, np.ndarray]:
     for name in ("double_support", "double_support_model"):
         for end, edge in enumerate(("start", "end")):
             columns[f"{name}_{edge}_s"] = _numbers([getattr(step, f"{name}_s")[end] for step in steps])
-    columns["flags"] = np.array([" ".join(_flags(step)) for step in steps])
+    columns["flags"] = np.array([" ".join(sorted(step.flags)) for step in steps])
     return columns
-
-
-def _flags(step: FittedStep) -> list[str]:
-    return sorted(step.flags)
 
 
 def wheel_columns(result: CycloidResult) -> dict[str, np.ndarray]:

@@ -16,7 +16,7 @@ from stridelab.robots.robot import Robot
 from stridelab.robots.visuals import link_poses
 from stridelab.service.kinds.base import ArtifactFile
 from stridelab.service.kinds.plan_motion.tables import phases
-from stridelab.service.kinds.result_tables import atomically
+from stridelab.service.kinds.result_tables import atomically, write_text_atomically
 from stridelab.wholebody.motion import WholeBodyMotion
 
 if TYPE_CHECKING:
@@ -137,7 +137,7 @@ def _write_shown(folder: Path, shown: Shown, prefix: str) -> tuple[ArtifactFile,
 
 def _describe(folder: Path, about: dict[str, Any]) -> None:
     text = json.dumps(about, allow_nan=False)
-    atomically(folder / DESCRIPTION_FILE, lambda path: path.write_text(text, encoding="utf-8"))
+    write_text_atomically(folder / DESCRIPTION_FILE, text)
 
 
 def _write_floats(path: Path, values: np.ndarray) -> None:

@@ -40,7 +40,7 @@ from stridelab.service.kinds.plan_motion.viser_recording import (
     player_page,
     record,
 )
-from stridelab.service.kinds.result_tables import atomically, write_table
+from stridelab.service.kinds.result_tables import atomically, write_table, write_text_atomically
 from stridelab.wholebody.motion import WholeBodyMotion
 
 if TYPE_CHECKING:
@@ -86,7 +86,7 @@ def write_motion(
     every = max(1, round((len(frames) - 1) / lasts_s / RECORDING_HZ)) if lasts_s > 0.0 else 1
     recording = record(sequence.terrain, links, shown.poses[::every], RECORDING_HZ)
     atomically(folder / RECORDING_FILE, lambda path: path.write_bytes(recording))
-    atomically(folder / PAGE_FILE, lambda path: path.write_text(player_page(recording), encoding="utf-8"))
+    write_text_atomically(folder / PAGE_FILE, player_page(recording))
     player = [ArtifactFile(RECORDING_FILE, RAW), ArtifactFile(PAGE_FILE, HTML)]
     if film is not None:
         player.append(write_film(folder, film, sequence.terrain, links, shown.poses[::every], RECORDING_HZ, tell))
@@ -110,7 +110,7 @@ def write_replay(folder: Path, robot: Robot, motion: WholeBodyMotion, replay: "R
 def write_json(folder: Path, name: str, value: BaseModel) -> ArtifactFile:
     """Write a model of the contract as JSON without null values."""
     text = value.model_dump_json(indent=2, exclude_none=True) + "\n"
-    atomically(folder / name, lambda path: path.write_text(text, encoding="utf-8"))
+    write_text_atomically(folder / name, text)
     return ArtifactFile(name, JSON)
 
 

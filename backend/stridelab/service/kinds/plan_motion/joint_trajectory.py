@@ -12,7 +12,7 @@ from stridelab.robots.robot import Robot
 from stridelab.service.kinds.base import ArtifactFile
 from stridelab.service.kinds.plan_motion.display_tracks import JSON, display_frames
 from stridelab.service.kinds.plan_motion.tables import Columns
-from stridelab.service.kinds.result_tables import atomically
+from stridelab.service.kinds.result_tables import write_text_atomically
 from stridelab.wholebody.motion import WholeBodyMotion
 
 STEM: Final = "joint_trajectory"
@@ -42,8 +42,8 @@ def write_trajectory(folder: Path, robot: Robot, motion: WholeBodyMotion) -> tup
     """Write the message as ``joint_trajectory.json`` and ``joint_trajectory.yaml``."""
     message = joint_trajectory(robot, motion)
     text, block = json.dumps(message, allow_nan=False) + "\n", as_yaml(message)
-    atomically(folder / f"{STEM}.json", lambda path: path.write_text(text, encoding="utf-8"))
-    atomically(folder / f"{STEM}.yaml", lambda path: path.write_text(block, encoding="utf-8"))
+    write_text_atomically(folder / f"{STEM}.json", text)
+    write_text_atomically(folder / f"{STEM}.yaml", block)
     return ArtifactFile(f"{STEM}.json", JSON), ArtifactFile(f"{STEM}.yaml", YAML)
 
 

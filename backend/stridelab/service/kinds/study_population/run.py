@@ -79,7 +79,7 @@ def run(task: StudyPopulationTask, folder: Path, progress: ProgressCallback) -> 
     rows = [row for one in fitted for row in _rows(one)]
     usable = [row for row in rows if row.used]
     population = study([s.person for s in subjects], [row.step for row in usable], pooled=task.pooled, seed=task.seed)
-    quality = of_all([one.quality for one in fitted])
+    methods, quality = {one.method for one in fitted}, of_all([one.quality for one in fitted])
     warnings = [*_about_quality(fitted), *remarks, *population.remarks]
     summary = StudyPopulationSummary(
         subjects=subject_results(population.subjects, {s.person.name: s for s in subjects}),
@@ -88,7 +88,7 @@ def run(task: StudyPopulationTask, folder: Path, progress: ProgressCallback) -> 
         left_out=left_out,
         n_recordings=len(fitted),
         n_steps=len(usable),
-        method=_common({one.method for one in fitted}),
+        method=methods.pop() if len(methods) == 1 else None,
         pooled=task.pooled,
         quality=quality,
         trials=trials,
@@ -235,10 +235,6 @@ def _values(step: FittedStep) -> dict[str, float]:
         "double_support_end_error_s": rule[1],
     }
     return {name: math.nan if value is None else value for name, value in known.items()}
-
-
-def _common(methods: set[str]) -> str | None:
-    return next(iter(methods)) if len(methods) == 1 else None
 
 
 def _about_quality(fitted: Sequence[Fitted]) -> list[Remark]:
