@@ -150,7 +150,8 @@ def _planned(
             chunk_rows = [Row("failed", f"{answer.code}: {answer.message}", "", math.nan, 0, 0.0) for _ in points]
         else:
             chunk_rows = [
-                Row(**row | ({"objective": math.nan} if row["objective"] is None else {})) for row in answer["rows"]
+                Row(**{**row, "objective": math.nan if row["objective"] is None else row["objective"]})
+                for row in answer["rows"]
             ]
         rows[first : first + size] = chunk_rows
         done += len(points)
