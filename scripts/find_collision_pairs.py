@@ -26,7 +26,7 @@ from typing import Final
 
 import numpy as np
 
-from stridelab.robots.assembly import assemble
+from stridelab.robots.assembly import assemble_robot
 from stridelab.robots.card import robot_card, robot_names
 from stridelab.robots.data_files import data_files
 from stridelab.robots.robot import Robot
@@ -45,7 +45,7 @@ def main() -> None:
     parser.add_argument("robot", choices=robot_names())
     name = parser.parse_args().robot
     hulls = without_table(name, {}, robot_card(name).collision.meshes)
-    touching, at_rest = shares(hulls), set(SelfCollision.of(hulls).pairs(hulls.q_reference))
+    touching, at_rest = shares(hulls), set(SelfCollision.for_robot(hulls).colliding_links(hulls.q_reference))
     found = {
         "are joined by one joint": list(joined(hulls, list(touching))),
         "touch at rest": sorted(at_rest),
@@ -72,21 +72,21 @@ def main() -> None:
 def without_table(name: str, never: dict[str, tuple[str, ...]], meshes: tuple[str, ...]) -> Robot:
     """The robot with another table, and with the ``meshes`` as they are."""
     card = robot_card(name)
-    return assemble(
+    return assemble_robot(
         "tried", replace(card, collision=replace(card.collision, never=never, meshes=meshes)), data_files(card)
     )
 
 
 def shares(robot: Robot) -> dict[Pair, float]:
     """Share of the configurations in which two links touch, whichever of their shapes."""
-    rng, check = np.random.default_rng(SEED), SelfCollision.of(robot)
+    rng, check = np.random.default_rng(SEED), SelfCollision.for_robot(robot)
     low, high = robot.model.lowerPositionLimit[7:], robot.model.upperPositionLimit[7:]
     names = [str(robot.model.frames[part.parentFrame].name) for part in robot.collision.geometryObjects]
     count = dict.fromkeys(((names[pair.first], names[pair.second]) for pair in robot.collision.collisionPairs), 0)
     q = robot.q_reference.copy()
     for _ in range(CONFIGURATIONS):
         q[7:] = rng.uniform(low, high)
-        for links in set(check.pairs(q)):
+        for links in set(check.colliding_links(q)):
             count[links] += 1
     return {links: times / CONFIGURATIONS for links, times in count.items()}
 

@@ -7,7 +7,13 @@ Every variation that did not converge is named with its reason as it comes.
 import json
 import sys
 
-from stridelab.studies.centroidal_variations import Outcome, attempts, refusals, summary, variations
+from stridelab.studies.centroidal_variations import (
+    Outcome,
+    count_faults,
+    outcome_summary,
+    random_variations,
+    solve_variations,
+)
 
 
 def tell(outcome: Outcome) -> None:
@@ -17,5 +23,5 @@ def tell(outcome: Outcome) -> None:
 
 
 number = int(sys.argv[1]) if len(sys.argv) > 1 else 300
-found = attempts(variations(number), tell)
-sys.stdout.write(json.dumps({**summary(found), "refusals": dict(refusals(found))}, indent=1) + "\n")
+found = solve_variations(random_variations(number), tell)
+sys.stdout.write(json.dumps({**outcome_summary(found), "refusals": dict(count_faults(found))}, indent=1) + "\n")

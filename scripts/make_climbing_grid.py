@@ -17,7 +17,7 @@ from pydantic import TypeAdapter
 
 from stridelab.reachability.card import Measure
 from stridelab.reachability.proxy.effector_proxy import Proxy
-from stridelab.reachability.store import load_proxies, read
+from stridelab.reachability.store import load_proxies, read_card
 from stridelab.robots.loader import load_robot
 from stridelab.studies.climbing_grid import CaseResult, GridReport, climbing_cases, run_grid
 
@@ -64,7 +64,7 @@ def proxies(densities: str) -> Mapping[str, Proxy]:
     for measure in get_args(Measure):
         if measure == densities:
             return load_proxies(ROBOT, measure)
-    return {name: effector.proxy() for name, effector in read(Path(densities)).effectors.items()}
+    return {name: effector.to_proxy() for name, effector in read_card(Path(densities)).effectors.items()}
 
 
 def table(reports: list[GridReport]) -> str:
@@ -86,16 +86,16 @@ def table(reports: list[GridReport]) -> str:
 
 
 def _counts(report: GridReport) -> str:
-    rails, stairs = report.of("rail"), report.of("stairs")
-    failed = ", ".join(f"{stage} {n}" for stage, n in report.failures.items()) or "-"
-    shares = " | ".join(f"{part.successes} of {len(part.results)}" for part in (rails, stairs))
-    return f"| {report.label} | {shares} | {report.replayed} of {len(report.results)} | {failed} |"
+    rails, stairs = report.of_kind("rail"), report.of_kind("stairs")
+    failed = ", ".join(f"{stage} {n}" for stage, n in report.failures_by_stage.items()) or "-"
+    shares = " | ".join(f"{part.n_successes} of {len(part.results)}" for part in (rails, stairs))
+    return f"| {report.label} | {shares} | {report.n_replayed} of {len(report.results)} | {failed} |"
 
 
 def _cell(result: CaseResult | None) -> str:
     if result is None:
         return ""
-    return "yes" if result.success else f"{result.stage}: {result.reason}".replace("|", "/")
+    return "yes" if result.succeeded else f"{result.stage}: {result.reason}".replace("|", "/")
 
 
 if __name__ == "__main__":

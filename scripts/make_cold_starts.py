@@ -8,16 +8,26 @@ import json
 import sys
 from pathlib import Path
 
-from stridelab.studies.cold_starts import attempt, drawn, hasty, moved, summary
+from stridelab.studies.cold_starts import (
+    compare_with_oracle,
+    moved_problems,
+    random_problems,
+    shortened_problems,
+    summary_by_kind,
+)
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from support.oracles.conic_feasibility import exists
 
 numbers = [int(a) for a in sys.argv[1:4]] or [1000, 300, 12]
 found = []
-for kind, problems in (("drawn", drawn(numbers[0])), ("hasty", hasty(numbers[1])), ("moved", moved(numbers[2]))):
+for kind, problems in (
+    ("drawn", random_problems(numbers[0])),
+    ("hasty", shortened_problems(numbers[1])),
+    ("moved", moved_problems(numbers[2])),
+):
     for name, problem in problems:
-        found.append(attempt(kind, name, problem, exists))
-        if not found[-1].agrees:
+        found.append(compare_with_oracle(kind, name, problem, exists))
+        if not found[-1].agrees_with_oracle:
             sys.stderr.write(f"{found[-1]}\n")
-sys.stdout.write(json.dumps(summary(found), indent=1) + "\n")
+sys.stdout.write(json.dumps(summary_by_kind(found), indent=1) + "\n")

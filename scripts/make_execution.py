@@ -15,19 +15,19 @@ from pathlib import Path
 from pydantic import TypeAdapter
 
 from stridelab.robots.loader import load_robot
-from stridelab.studies.execution import CASES, Execution, execute, followed, replayed
-from stridelab.studies.replay_estimation import CONDITIONS, GOOD, estimators
+from stridelab.studies.execution import CASES, Execution, execute_scenario, replay_motion, whole_body_motion
+from stridelab.studies.replay_estimation import CONDITIONS, LOW_NOISE, replay_estimators
 from stridelab.studies.robustness import (
     EXPERIMENTS,
     N_INSTANTS,
     PUSH_NS,
     SIDES,
-    applies,
-    boundary,
-    disturbances,
-    growing,
-    instants,
-    pushed,
+    applies_to,
+    fixed_disturbances,
+    lateral_push,
+    push_times_s,
+    scalable_disturbances,
+    survival_boundary,
 )
 from stridelab.wholebody.motion import WholeBodyMotion
 from stridelab.wholebody.replay.disturbances import Disturbances
@@ -85,8 +85,8 @@ def carried_out(robot: str, folder: Path, *, anew: bool = False) -> list[Executi
     known = {} if anew or not path.is_file() else {e.name: e for e in KEPT.validate_json(path.read_bytes())}
     for name in CASES[robot]:
         if name not in known:
-            known[name] = execute(robot, name)
-            sys.stderr.write(f"{robot} {name}: {known[name].failed or known[name].certified}\n")
+            known[name] = execute_scenario(robot, name)
+            sys.stderr.write(f"{robot} {name}: {known[name].failed or known[name].is_certified}\n")
             path.write_bytes(KEPT.dump_json(list(known.values()), indent=1))
     return list(known.values())
 
@@ -96,22 +96,22 @@ def borne(robot: str, experiments: list[str], folder: Path, *, boundaries: bool,
     for name in experiments:
         path = folder / f"{robot}-{name}-borne.json"
         known = {} if anew or not path.is_file() else BORNE.validate_json(path.read_bytes())
-        motion = followed(robot, name)
-        for what, disturbed in disturbances(float(motion.time_s[-1])).items():
-            if what not in known and applies(name, what):
-                replay = replayed(robot, motion, disturbed)
+        motion = whole_body_motion(robot, name)
+        for what, disturbed in fixed_disturbances(float(motion.time_s[-1])).items():
+            if what not in known and applies_to(name, what):
+                replay = replay_motion(robot, motion, disturbed)
                 known[what] = 1e3 * replay.com_error_max_m if not replay.fell else -1.0
                 path.write_bytes(BORNE.dump_json(known, indent=1))
-        for what, (too_much, of_size) in growing(float(motion.time_s[-1])).items() if boundaries else ():
+        for what, (too_much, of_size) in scalable_disturbances(float(motion.time_s[-1])).items() if boundaries else ():
             row = f"most: {what}"
-            if row not in known and applies(name, what):
-                known[row] = boundary(partial(survives, robot, motion, of_size), too_much)
+            if row not in known and applies_to(name, what):
+                known[row] = survival_boundary(partial(survives, robot, motion, of_size), too_much)
                 path.write_bytes(BORNE.dump_json(known, indent=1))
         for side, y in SIDES.items() if boundaries else ():
             row = f"survived, of {N_INSTANTS} pushes of {PUSH_NS:g} Ns to the {side}"
             if row not in known:
-                tried = (pushed(at_s, y * PUSH_NS) for at_s in instants(float(motion.time_s[-1])))
-                known[row] = float(sum(not replayed(robot, motion, disturbed).fell for disturbed in tried))
+                tried = (lateral_push(at_s, y * PUSH_NS) for at_s in push_times_s(float(motion.time_s[-1])))
+                known[row] = float(sum(not replay_motion(robot, motion, disturbed).fell for disturbed in tried))
                 path.write_bytes(BORNE.dump_json(known, indent=1))
 
 
@@ -120,19 +120,19 @@ def estimated(robot: str, experiments: list[str], folder: Path, *, anew: bool = 
     for name in experiments:
         path = folder / f"{robot}-{name}-estimated.json"
         known = {} if anew or not path.is_file() else BORNE.validate_json(path.read_bytes())
-        motion = followed(robot, name)
+        motion = whole_body_motion(robot, name)
         for condition, disturbed in CONDITIONS.items():
-            for who, observe in estimators(load_robot(robot), disturbed.sensor_noise or GOOD).items():
+            for who, observe in replay_estimators(load_robot(robot), disturbed.sensor_noise or LOW_NOISE).items():
                 row = f"{condition}: {who}"
                 if row not in known:
-                    replay = replayed(robot, motion, disturbed, observe)
+                    replay = replay_motion(robot, motion, disturbed, observe)
                     known[row] = 1e3 * replay.com_error_max_m if not replay.fell else -1.0
                     path.write_bytes(BORNE.dump_json(known, indent=1))
 
 
 def survives(robot: str, motion: WholeBodyMotion, of_size: Callable[[float], Disturbances], size: float) -> bool:
     """Whether the robot does not fall under a disturbance of this size."""
-    return not replayed(robot, motion, of_size(size)).fell
+    return not replay_motion(robot, motion, of_size(size)).fell
 
 
 def page(folder: Path) -> Iterable[str]:
@@ -170,11 +170,11 @@ def _verdict(e: Execution) -> str:
 def _figures(e: Execution) -> str:
     if not e.checks or e.cpu_s is None:
         return " | ".join([""] * 10)
-    torque = f"{e.value('torque_ratio_max_legs_torso'):.2f}, {e.value('torque_ratio_max_arms'):.2f}"
+    torque = f"{e.check_value('torque_ratio_max_legs_torso'):.2f}, {e.check_value('torque_ratio_max_arms'):.2f}"
     body = [
-        f"{1e3 * e.value('com_error_max'):.2f}",
-        f"{1e3 * e.value('landing_error_max'):.2f}",
-        f"{1e3 * e.value('leg_terrain_distance_min'):.1f}",
+        f"{1e3 * e.check_value('com_error_max'):.2f}",
+        f"{1e3 * e.check_value('landing_error_max'):.2f}",
+        f"{1e3 * e.check_value('leg_terrain_distance_min'):.1f}",
         torque,
         f"{e.duration_s / e.cpu_s['whole body']:.1f}",
     ]

@@ -21,16 +21,16 @@ from sklearn.linear_model import LogisticRegression
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import PolynomialFeatures, StandardScaler
 
-from stridelab.reachability.kinematics.ik_ground_truth import ANY, STANDING, Contacts, StanceTruth
+from stridelab.reachability.kinematics.ik_ground_truth import ANY_POSTURE, STANDING_POSTURE, ContactBatch, StanceTruth
 from stridelab.reachability.kinematics.whole_body_ik import Target
 from stridelab.reachability.proxy.effector_proxy import Proxy
 from stridelab.reachability.proxy.feasibility_correction import (
     FeasibilityCard,
-    learned,
+    learn_feasibility,
     read_feasibility,
     save_feasibility,
 )
-from stridelab.reachability.random_contacts import Pairs, balanced, random_pairs
+from stridelab.reachability.random_contacts import LabelledPairs, balance_labels, random_pairs
 from stridelab.reachability.store import load_proxies
 from stridelab.robots.loader import load_robot
 from stridelab.studies import proxy_accuracy, proxy_roc
@@ -38,7 +38,7 @@ from stridelab.studies import proxy_accuracy, proxy_roc
 ROOT = Path(__file__).parents[1]
 KEPT, MODELS = ROOT / ".data" / "proxy-validation", ROOT / "models" / "feasibility"
 PARTS = ("pairs", "learn", "areas", "stances")
-RANGES = {"standing": STANDING, "any": ANY}
+RANGES = {"standing": STANDING_POSTURE, "any": ANY_POSTURE}
 CONTACTS = {"two feet": False, "two feet and a hand": True}
 TESTED = {"stances": 100, "per_stance": 34, "walkers": 8, "rounds": 20}
 TAUGHT = {"stances": 250, "per_stance": 16, "walkers": 2, "rounds": 10}
@@ -89,7 +89,7 @@ def learn(name: str, *, anew: bool, only: str) -> None:
     if path.is_file() and not anew:
         return
     taught = [load(pairs_path(name, contacts, "standing", "teach")) for contacts in CONTACTS]
-    effectors = learned(taught[0], taught[1], TEACH_SEED)
+    effectors = learn_feasibility(taught[0], taught[1], TEACH_SEED)
     card = FeasibilityCard(
         robot=name,
         robot_sha256=load_robot(name).sha256,
@@ -110,8 +110,8 @@ def areas(name: str, *, anew: bool, only: str) -> None:
             if not path.is_file():
                 continue
             drawn = load(path)
-            pairs = balanced(drawn, PAIRS, LEAST, np.random.default_rng(0))
-            rows = [asdict(row) for row in proxy_roc.areas(name, pairs, corrected(name))]
+            pairs = balance_labels(drawn, PAIRS, LEAST, np.random.default_rng(0))
+            rows = [asdict(row) for row in proxy_roc.roc_areas(name, pairs, corrected(name))]
             rows += [polynomial(name, contacts, pairs, degree) for degree in DEGREES]
             outside = ((drawn.com_m < drawn.low_m) | (drawn.com_m > drawn.high_m)).any(axis=1)
             head = {
@@ -128,21 +128,21 @@ def areas(name: str, *, anew: bool, only: str) -> None:
     write(f"areas-{name}", found)
 
 
-def polynomial(name: str, contacts: str, pairs: Pairs, degree: int) -> dict[str, object]:
+def polynomial(name: str, contacts: str, pairs: LabelledPairs, degree: int) -> dict[str, object]:
     """The other correction that was tried: logistic regression on a polynomial, taught on other contact sets."""
     taught = load(pairs_path(name, contacts, "standing", "teach"))
     model = make_pipeline(StandardScaler(), PolynomialFeatures(degree), LogisticRegression(C=0.1, max_iter=1000))
-    model.fit(proxy_roc.features(taught), taught.feasible)
-    score = model.decision_function(proxy_roc.features(pairs))
+    model.fit(proxy_roc.regression_features(taught), taught.feasible)
+    score = model.decision_function(proxy_roc.regression_features(pairs))
     row = proxy_roc.Area(
-        f"logistic, degree {degree}", proxy_roc.area(pairs.feasible, score), proxy_roc.area_sd(pairs, score)
+        f"logistic, degree {degree}", proxy_roc.roc_area(pairs.feasible, score), proxy_roc.roc_area_sd(pairs, score)
     )
     return asdict(row)
 
 
 def stances(name: str, *, anew: bool, only: str) -> None:
     """Sets of the product against those of the truth."""
-    search = StanceTruth(load_robot(name), ANY)
+    search = StanceTruth(load_robot(name), ANY_POSTURE)
     densities = {
         "uniform": load_proxies(name, "uniform"),
         "conditioned": load_proxies(name, "conditioned"),
@@ -151,14 +151,14 @@ def stances(name: str, *, anew: bool, only: str) -> None:
     found = []
     for label, placements in (proxy_accuracy.four_stances(name) | proxy_accuracy.stair_contacts(name)).items():
         truth = proxy_accuracy.Truth.of(search, placements)
-        found += [asdict(row) for row in proxy_accuracy.compare(search, label, placements, truth, densities)]
+        found += [asdict(row) for row in proxy_accuracy.compare_densities(search, label, placements, truth, densities)]
     write(f"stances-{name}", found)
 
 
 def corrected(name: str) -> Mapping[str, Proxy]:
     """The correction as it lies in models/."""
     effectors = read_feasibility(MODELS / f"{name}.json").effectors
-    return {effector: flat.proxy() for effector, flat in effectors.items()}
+    return {effector: flat.to_proxy() for effector, flat in effectors.items()}
 
 
 def pairs_path(name: str, contacts: str, within: str, purpose: str) -> Path:
@@ -166,7 +166,7 @@ def pairs_path(name: str, contacts: str, within: str, purpose: str) -> Path:
     return KEPT / f"pairs-{name}-{contacts.replace(' ', '-')}-{within}-{purpose}.npz"
 
 
-def save(path: Path, pairs: Pairs) -> None:
+def save(path: Path, pairs: LabelledPairs) -> None:
     """Plain arrays."""
     places = {f"p_{name}": p for name, (p, _) in pairs.contacts.targets.items()}
     turns = {f"R_{name}": R for name, (_, R) in pairs.contacts.targets.items() if R is not None}
@@ -185,13 +185,13 @@ def save(path: Path, pairs: Pairs) -> None:
     )
 
 
-def load(path: Path) -> Pairs:
+def load(path: Path) -> LabelledPairs:
     """What ``save`` wrote."""
     with np.load(path, allow_pickle=False) as kept:
         names = [key[2:] for key in kept.files if key.startswith("p_")]
         targets = {n: Target(kept[f"p_{n}"], kept[f"R_{n}"] if f"R_{n}" in kept.files else None) for n in names}
         parts = [kept[key] for key in ("com_m", "feasible", "stance", "low_m", "high_m", "shares")]
-        return Pairs(Contacts(targets, kept["heading_rad"]), *parts)
+        return LabelledPairs(ContactBatch(targets, kept["heading_rad"]), *parts)
 
 
 def write(stem: str, found: object) -> None:

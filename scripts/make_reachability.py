@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import get_args
 
 from stridelab.reachability.card import Measure
-from stridelab.reachability.learning.fit import learn
-from stridelab.reachability.store import save, save_cloud
+from stridelab.reachability.learning.fit import learn_densities
+from stridelab.reachability.store import save_card, save_cloud
 from stridelab.resources import models_dir
 from stridelab.robots.card import robot_names
 from stridelab.robots.loader import load_robot
@@ -29,7 +29,7 @@ def main() -> None:
     asked.add_argument("--processes", type=int, default=None)
     asked.add_argument("--folder", type=Path, default=models_dir() / "reachability")
     given = asked.parse_args()
-    learned = learn(
+    learned = learn_densities(
         load_robot(given.robot),
         given.date,
         samples=given.samples,
@@ -39,7 +39,7 @@ def main() -> None:
     )
     folder = given.folder / given.robot
     folder.mkdir(parents=True, exist_ok=True)
-    save(folder / f"{given.measure}.json", learned.card)
+    save_card(folder / f"{given.measure}.json", learned.card)
     save_cloud(folder / f"{given.measure}.npz", learned.cloud.com_m)
 
 

@@ -16,9 +16,9 @@ import time
 from pathlib import Path
 
 from stridelab.reproduction.registry import ITEMS
-from stridelab.reproduction.report.markdown import page
-from stridelab.reproduction.result_cache import Kept
-from stridelab.reproduction.runner import FEW_SEEDS, PEOPLE, Section, collect, recipes
+from stridelab.reproduction.report.markdown import render_markdown
+from stridelab.reproduction.result_cache import ResultCache
+from stridelab.reproduction.runner import PEOPLE, QUICK_SEEDS, Section, collect_sections, recipes_of
 
 ROOT = Path(__file__).parents[1]
 PAGE, KEPT = ROOT / "docs" / "reproduction.md", ROOT / ".data" / "reproduction"
@@ -29,22 +29,22 @@ def main() -> None:
     """Read the command line, compute, write."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seeds", type=int, default=SEEDS)
-    parser.add_argument("--quick", action="store_const", const=FEW_SEEDS, dest="seeds", help=f"{FEW_SEEDS} draws")
+    parser.add_argument("--quick", action="store_const", const=QUICK_SEEDS, dest="seeds", help=f"{QUICK_SEEDS} draws")
     parser.add_argument("--only", nargs="+", choices=[*ITEMS, *PEOPLE], help="compute these, write no page")
     parser.add_argument("--real", type=Path, default=os.environ.get("STRIDELAB_TEST_DATA"), metavar="FOLDER")
     asked = parser.parse_args()
     folder = None if asked.real is None else Path(asked.real)
-    wanted = [r for r in recipes(ITEMS, asked.seeds, folder) if not asked.only or r.name in asked.only]
+    wanted = [r for r in recipes_of(ITEMS, asked.seeds, folder) if not asked.only or r.name in asked.only]
     sections = []
     start = time.monotonic()
-    for section in collect(wanted, Kept(KEPT), lambda _fraction, _message: None):
+    for section in collect_sections(wanted, ResultCache(KEPT), lambda _fraction, _message: None):
         sections.append(section)
         sys.stderr.write(f"{section.name}: {section.failure or f'{time.monotonic() - start:.0f} s'}\n")
         start = time.monotonic()
-    if any(section.found is None for section in sections):
+    if any(section.result is None for section in sections):
         sys.exit("An item failed; the page stays as it was.")
     if not asked.only:
-        PAGE.write_text(page(head(sections, asked.seeds), sections), encoding="utf-8")
+        PAGE.write_text(render_markdown(head(sections, asked.seeds), sections), encoding="utf-8")
 
 
 def head(sections: list[Section], seeds: int) -> str:

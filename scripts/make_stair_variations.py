@@ -13,7 +13,15 @@ from pathlib import Path
 
 from pydantic import TypeAdapter
 
-from stridelab.studies.stair_variations import NUMBER, STAIRS, Found, Variation, attempt, drawn, search
+from stridelab.studies.stair_variations import (
+    NUMBER,
+    STAIRS,
+    SearchResult,
+    Variation,
+    random_variations,
+    run_variation,
+    search_alternatives,
+)
 
 PAGE = Path(__file__).resolve().parent.parent / "docs" / "theory" / "stair-variations.md"
 INTRO = """# Random stairs
@@ -24,7 +32,7 @@ durations 0.8 to 1.2 times those of experiments 2 and 3 of the thesis. Beside ev
 to 1.00 m above the footholds, 0.42 to 0.58 m to the right, the hand 0.10 to 0.35 m ahead. Each is planned as the
 service does, followed by the whole body, certified and replayed in physics.
 """
-KEPT: TypeAdapter[list[Found]] = TypeAdapter(list[Found])
+KEPT: TypeAdapter[list[SearchResult]] = TypeAdapter(list[SearchResult])
 
 
 def main() -> None:
@@ -35,8 +43,8 @@ def main() -> None:
     parser.add_argument("--anew", action="store_true", help="compute again what is kept")
     parser.add_argument("--page", action="store_true", help="only write the page")
     asked = parser.parse_args()
-    variations = drawn()
-    known: dict[int, Found] = {}
+    variations = random_variations()
+    known: dict[int, SearchResult] = {}
     if asked.out.is_file() and not asked.anew:
         known = {found.index: found for found in KEPT.validate_json(asked.out.read_bytes())}
     if not asked.page:
@@ -45,17 +53,17 @@ def main() -> None:
     PAGE.write_text("\n".join(page(variations, known)) + "\n", encoding="utf-8")
 
 
-def run(variations: tuple[Variation, ...], known: dict[int, Found], out: Path) -> None:
+def run(variations: tuple[Variation, ...], known: dict[int, SearchResult], out: Path) -> None:
     """All as they were drawn, then the search for those that were refused; kept after each."""
     for index, variation in enumerate(variations):
         if index not in known:
-            keep(Found(index, attempt(variation)), known, out)
+            keep(SearchResult(index, run_variation(variation)), known, out)
     for index, variation in enumerate(variations):
         if known[index].attempt.stage is not None and known[index].tried == 0:
-            keep(search(index, variation, known[index].attempt), known, out)
+            keep(search_alternatives(index, variation, known[index].attempt), known, out)
 
 
-def keep(found: Found, known: dict[int, Found], out: Path) -> None:
+def keep(found: SearchResult, known: dict[int, SearchResult], out: Path) -> None:
     """Into the file, and a line on stderr."""
     known[found.index] = found
     what = found.attempt
@@ -64,7 +72,7 @@ def keep(found: Found, known: dict[int, Found], out: Path) -> None:
     out.write_bytes(KEPT.dump_json([known[index] for index in sorted(known)], indent=1))
 
 
-def page(variations: tuple[Variation, ...], known: dict[int, Found]) -> Iterable[str]:
+def page(variations: tuple[Variation, ...], known: dict[int, SearchResult]) -> Iterable[str]:
     """The page from what is kept."""
     all_found = [known[index] for index in sorted(known)]
     done = [found for found in all_found if found.attempt.stage is None]
@@ -78,7 +86,7 @@ def page(variations: tuple[Variation, ...], known: dict[int, Found]) -> Iterable
     if errors_mm:
         middle_mm = errors_mm[len(errors_mm) // 2]
         yield f"- CoM error of their replays: {middle_mm:.1f} mm in the median, {errors_mm[-1]:.1f} mm at most."
-    yield f"- **Passed every check and fell:** {sum(found.attempt.fell for found in all_found)}."
+    yield f"- **Passed every check and fell:** {sum(found.attempt.fell_despite_certificate for found in all_found)}."
     stages = Counter(found.attempt.stage for found in refused)
     yield f"- Refused: {len(refused)}" + (
         f" ({', '.join(f'{s}: {n}' for s, n in stages.items())})." if refused else "."
@@ -87,7 +95,8 @@ def page(variations: tuple[Variation, ...], known: dict[int, Found]) -> Iterable
     if searched:
         yield (
             "- Searched at other paces, with soles and hand elsewhere on the same stairs and rail: "
-            f"{len(searched)}, of which **{sum(found.confirmed for found in searched)} are confirmed** (no other one "
+            f"{len(searched)}, of which **{sum(found.failure_confirmed for found in searched)} are confirmed** "
+            "(no other one "
             "is carried out either)."
         )
     yield ""
@@ -106,12 +115,12 @@ def page(variations: tuple[Variation, ...], known: dict[int, Found]) -> Iterable
         yield f"| {found.index} | {_stairs(v)} | {v.pace:.2f} | {_rail(v)} | {what.stage or 'carried out'} | {com} |"
 
 
-def _refused(v: Variation, found: Found) -> str:
+def _refused(v: Variation, found: SearchResult) -> str:
     reason = f"{found.attempt.stage}: {found.attempt.reason}".replace("|", "/")
     return f"| {found.index} | {_stairs(v)} | {v.pace:.2f} | {_rail(v)} | {reason} | {_search(found)} |"
 
 
-def _search(found: Found) -> str:
+def _search(found: SearchResult) -> str:
     if not found.tried:
         return "not made"
     if found.instead is None:

@@ -14,7 +14,7 @@ import pytest
 
 from stridelab.cores import usable_cores
 from stridelab.errors import NotEstimable
-from stridelab.parallel import PROCESSES_MAX, in_order, worthwhile
+from stridelab.parallel import PROCESSES_MAX, map_in_order, worthwhile_processes
 from support.robots import pieces
 
 WAIT_S = 30.0
@@ -33,7 +33,7 @@ def until(true: Callable[[], bool]) -> bool:
 
 @pytest.mark.parametrize("processes", [1, 2, 3])
 def test_answers_come_in_order_whoever_computes_them(processes: int) -> None:
-    answers = list(in_order(pieces.square, 5, processes))
+    answers = list(map_in_order(pieces.square, 5, processes))
     assert [square for square, _ in answers] == [0, 1, 4, 9, 16]
     by = {pid for _, pid in answers}
     assert by == {os.getpid()} if processes == 1 else len(by) == processes and os.getpid() not in by
@@ -41,21 +41,21 @@ def test_answers_come_in_order_whoever_computes_them(processes: int) -> None:
 
 
 def test_no_more_processes_than_pieces_and_none_for_nothing() -> None:
-    ((_, pid),) = in_order(pieces.square, 1, 4)
+    ((_, pid),) = map_in_order(pieces.square, 1, 4)
     assert pid == os.getpid()
-    assert list(in_order(pieces.square, 0, 4)) == []
+    assert list(map_in_order(pieces.square, 0, 4)) == []
 
 
 @pytest.mark.parametrize("processes", [1, 2])
 def test_libraries_keep_to_one_thread(processes: int) -> None:
     """With more, sums may depend on how many there are."""
-    for found in in_order(pieces.threads, 2, processes):
+    for found in map_in_order(pieces.threads, 2, processes):
         assert found
         assert set(found) == {1}
 
 
 def test_an_error_comes_over_as_it_is() -> None:
-    answers = in_order(pieces.refuse, 4, 2)
+    answers = map_in_order(pieces.refuse, 4, 2)
     assert [next(answers), next(answers)] == [0, 1]
     with pytest.raises(NotEstimable) as refusal:
         next(answers)
@@ -66,17 +66,17 @@ def test_an_error_comes_over_as_it_is() -> None:
 def test_a_process_without_memory_is_told_as_such() -> None:
     """So that a job says that it needed more memory than its limit."""
     with pytest.raises(MemoryError):
-        list(in_order(pieces.hog, 2, 2))
+        list(map_in_order(pieces.hog, 2, 2))
 
 
 def test_a_process_that_vanishes_is_noticed() -> None:
     with pytest.raises(NotEstimable) as refusal:
-        list(in_order(pieces.vanish, 2, 2))
+        list(map_in_order(pieces.vanish, 2, 2))
     assert refusal.value.code == "process-ended"
 
 
 def test_who_stops_listening_leaves_no_process() -> None:
-    with closing(in_order(pieces.hang, 4, 2)) as answers:
+    with closing(map_in_order(pieces.hang, 4, 2)) as answers:
         assert len({next(answers), next(answers)}) == 2
         assert len(workers()) == 2
     assert workers() == []
@@ -96,5 +96,5 @@ def test_they_end_with_a_parent_that_is_killed(tmp_path: Path) -> None:
 
 
 def test_as_many_as_pay_and_as_there_is_room_for() -> None:
-    assert worthwhile(0) == worthwhile(1) == 1
-    assert worthwhile(1000) == min(usable_cores(), PROCESSES_MAX)
+    assert worthwhile_processes(0) == worthwhile_processes(1) == 1
+    assert worthwhile_processes(1000) == min(usable_cores(), PROCESSES_MAX)

@@ -25,7 +25,7 @@ def usable_cores(groups: Path = _GROUPS, own: Path = _OWN) -> int:
     """
     available = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     limit = math.inf if _limit is None else _limit
-    return max(1, math.floor(min(available, _quota(groups, own), limit)))
+    return max(1, math.floor(min(available, _cgroup_quota_cores(groups, own), limit)))
 
 
 def default_slots() -> int:
@@ -44,17 +44,19 @@ def limit_cores(cores: int | None) -> None:
     _limit = cores
 
 
-def _quota(groups: Path, own: Path) -> float:
+def _cgroup_quota_cores(groups: Path, own: Path) -> float:
     """Cores (with a fraction) that the strictest of the process's control groups allows; infinite without a quota."""
     quotas = [math.inf]
-    for line in _lines(own):
+    for line in _file_lines(own):
         _, _, rest = line.partition(":")
         controllers, _, name = rest.partition(":")
         if not controllers:
-            quotas += [_ratio(*_words(folder / "cpu.max")) for folder in _with_parents(groups, name)]
+            quotas += [_quota_over_period(*_file_words(folder / "cpu.max")) for folder in _with_parents(groups, name)]
         elif "cpu" in controllers.split(","):
             quotas += [
-                _ratio(*_words(folder / "cpu.cfs_quota_us"), *_words(folder / "cpu.cfs_period_us"))
+                _quota_over_period(
+                    *_file_words(folder / "cpu.cfs_quota_us"), *_file_words(folder / "cpu.cfs_period_us")
+                )
                 for hierarchy in _V1_FOLDERS
                 for folder in _with_parents(groups / hierarchy, name)
             ]
@@ -67,7 +69,7 @@ def _with_parents(hierarchy: Path, name: str) -> list[Path]:
     return [hierarchy.joinpath(*parts[:depth]) for depth in range(len(parts) + 1)]
 
 
-def _ratio(*words: str) -> float:
+def _quota_over_period(*words: str) -> float:
     """``quota / period``; infinite without a quota (``max``, -1, or no file)."""
     try:
         quota, period = (int(word) for word in words)
@@ -76,11 +78,11 @@ def _ratio(*words: str) -> float:
     return quota / period if quota > 0 and period > 0 else math.inf
 
 
-def _words(file: Path) -> list[str]:
-    return [word for line in _lines(file) for word in line.split()]
+def _file_words(file: Path) -> list[str]:
+    return [word for line in _file_lines(file) for word in line.split()]
 
 
-def _lines(file: Path) -> list[str]:
+def _file_lines(file: Path) -> list[str]:
     try:
         return file.read_text(encoding="ascii").splitlines()
     except (OSError, UnicodeDecodeError):

@@ -9,7 +9,7 @@ VARIABLE: Final = "STRIDELAB_HEARTBEAT_FD"
 PERIOD_S: Final = 0.5
 
 
-async def beat() -> None:
+async def write_heartbeats() -> None:
     """Write heartbeats until the task is cancelled; return at once if ``VARIABLE`` is not set."""
     number = os.environ.pop(VARIABLE, "")
     if not number.isdecimal():

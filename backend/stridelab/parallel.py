@@ -22,15 +22,15 @@ from stridelab.errors import NotEstimable, StridelabError
 PROCESSES_MAX: Final = 6
 """Each process uses about 220 MB with a robot and scikit-learn; this number stays below 2 GB with the parent."""
 
-Answer = TypeVar("Answer")
+Result = TypeVar("Result")
 
 
-def worthwhile(seconds: int) -> int:
+def worthwhile_processes(seconds: int) -> int:
     """Number of processes to start for ``seconds`` of work: starting one takes about a second."""
     return max(1, min(usable_cores(), PROCESSES_MAX, seconds))
 
 
-def in_order(work: Callable[[int], Answer], pieces: int, processes: int) -> Generator[Answer, None, None]:
+def map_in_order(work: Callable[[int], Result], pieces: int, processes: int) -> Generator[Result, None, None]:
     """Yield ``work(0)`` to ``work(pieces - 1)`` in this order, computed by ``processes`` processes (1: in this one).
 
     ``work`` must be picklable. Close the generator unless it is exhausted. Raises the project's errors that ``work``
@@ -48,13 +48,15 @@ def in_order(work: Callable[[int], Answer], pieces: int, processes: int) -> Gene
     try:
         for first in range(processes):
             mine, theirs = context.Pipe(duplex=False)
-            process = context.Process(target=_serve, args=(theirs, work, range(first, pieces, processes)), daemon=True)
+            process = context.Process(
+                target=_serve_pieces, args=(theirs, work, range(first, pieces, processes)), daemon=True
+            )
             pipes.append(mine)
             process.start()
             started.append(process)
             theirs.close()  # so that the pipe ends when the process ends
         for piece in range(pieces):
-            yield _received(pipes[piece % processes])
+            yield _receive_result(pipes[piece % processes])
     finally:
         for process in started:
             process.kill()
@@ -65,7 +67,7 @@ def in_order(work: Callable[[int], Answer], pieces: int, processes: int) -> Gene
             pipe.close()
 
 
-def _received(pipe: Any) -> Any:
+def _receive_result(pipe: Any) -> Any:
     try:
         answer, failure = pipe.recv()
     except EOFError as error:
@@ -77,10 +79,10 @@ def _received(pipe: Any) -> Any:
     raise kind(*arguments)
 
 
-def _serve(pipe: Any, work: Callable[[int], Any], pieces: Iterable[int]) -> None:
+def _serve_pieces(pipe: Any, work: Callable[[int], Any], pieces: Iterable[int]) -> None:
     """Entry point of a worker process: compute ``pieces`` and send each result or the first error."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the whole group; the parent decides
-    threading.Thread(target=end_with_parent, daemon=True).start()
+    threading.Thread(target=exit_with_parent, daemon=True).start()
     try:
         with threadpool_limits(1):
             for piece in pieces:
@@ -93,7 +95,7 @@ def _serve(pipe: Any, work: Callable[[int], Any], pieces: Iterable[int]) -> None
         return  # the parent has closed the pipe
 
 
-def end_with_parent() -> None:
+def exit_with_parent() -> None:
     """Wait until the parent process ends, for whatever reason, and exit."""
     parent = multiprocessing.parent_process()
     if parent is not None:

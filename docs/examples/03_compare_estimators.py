@@ -11,7 +11,7 @@ import numpy as np
 
 from stridelab.body.segment_model import SegmentModel
 from stridelab.estimation.complementary.filter import ComplementaryFilter
-from stridelab.estimation.evaluation.comparison import Data, KnownMotion, compare
+from stridelab.estimation.evaluation.comparison import ComparisonData, KnownMotion, compare
 from stridelab.estimation.kalman.filter import KalmanFilter, RtsSmoother
 from stridelab.estimation.latency import estimate_latency
 from stridelab.estimation.markers_only import GeometryOnly
@@ -43,7 +43,7 @@ late_s = estimate_latency(geometry, lambda lag_s: wrench_at(latency_s=lag_s), MA
 print(f"the force is late by {1e3 * late_s:.1f} ms")
 for applied_s in (0.0, late_s):
     print(f"\nRMS error with {1e3 * applied_s:.1f} ms taken out, mm   ahead  lateral  vertical")
-    found = compare(ESTIMATORS, Data(geometry, wrench_at(latency_s=applied_s), MASS_KG, truth))
+    found = compare(ESTIMATORS, ComparisonData(geometry, wrench_at(latency_s=applied_s), MASS_KG, truth))
     for name, assessment in found.assessments.items():
         assert assessment.truth is not None
         ahead, lateral, vertical = 1e3 * assessment.truth.rms_m

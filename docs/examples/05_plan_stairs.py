@@ -14,7 +14,7 @@ from stridelab.centroidal.solver import solve
 from stridelab.contacts.effector_geometry import effector_shapes
 from stridelab.contacts.planner.planner import ContactPlanner
 from stridelab.contacts.scenario_io import sequence_of
-from stridelab.contacts.scenarios.parts import TALOS, feet, ground
+from stridelab.contacts.scenarios.parts import TALOS, both_feet, ground
 from stridelab.contacts.scenarios.stairs import Stairs
 from stridelab.reachability.planner_limits import planner_limits
 from stridelab.reachability.store import load_proxies
@@ -24,9 +24,9 @@ stairs = Stairs(number=2, height_m=0.10, depth_m=0.30)
 task = {
     "robot": "talos",
     "name": "Two stairs",
-    "terrain": [ground(), *stairs.up(TALOS)],
-    "start": {"contacts": list(feet(TALOS, 0.0, 0.0).values())},
-    "goal": {"contacts": list(feet(TALOS, *stairs.foothold(2)).values())},
+    "terrain": [ground(), *stairs.ascending_boxes(TALOS)],
+    "start": {"contacts": list(both_feet(TALOS, 0.0, 0.0).values())},
+    "goal": {"contacts": list(both_feet(TALOS, *stairs.foothold(2)).values())},
 }
 
 shapes = effector_shapes("talos")

@@ -96,11 +96,11 @@ def test_receding_replan(benchmark, scenario, start):
     """One replan in the middle of a motion, a push of 5 cm/s to the side after the one before."""
     horizon = RecedingHorizon(problem=bundled(scenario), period_s=PERIOD_S, warm=start == "warm")
     plan = solve(horizon.problem, "ipopt")
-    there = plan.at(AT_S)
-    before = horizon.step(AT_S, State(there.com_m, there.com_v_m_s, there.l_nms))
-    then = before.plan.at(PERIOD_S)
+    there = plan.reference_at(AT_S)
+    before = horizon.solve_from(AT_S, State(there.com_m, there.com_v_m_s, there.l_nms))
+    then = before.plan.reference_at(PERIOD_S)
     pushed = State(then.com_m, then.com_v_m_s + np.array([0.0, 0.05, 0.0]), then.l_nms)
-    found = benchmark.pedantic(lambda: horizon.step(AT_S + PERIOD_S, pushed, before), rounds=10, warmup_rounds=1)
+    found = benchmark.pedantic(lambda: horizon.solve_from(AT_S + PERIOD_S, pushed, before), rounds=10, warmup_rounds=1)
     benchmark.extra_info["iterations"] = found.iterations
     benchmark.extra_info["found"] = not found.carried_on
 

@@ -25,7 +25,7 @@ def test_largest_cone(benchmark, bodies):
     """Facets and the largest Lorentz cone inside, another contact set in every round."""
     rng = np.random.default_rng(bodies)
     benchmark.pedantic(
-        lambda contacts: LinearCone.of(contacts).largest_lorentz(),
+        lambda contacts: LinearCone.from_contacts(contacts).largest_lorentz(),
         setup=lambda: ((random_contacts(rng, bodies),), {}),
         rounds=40,
     )

@@ -18,7 +18,7 @@ MOTION = walk()
 def jerk_record(samples: int) -> JerkRecord:
     t = np.arange(samples) / RATE_HZ
     wrench = MOTION.wrench_track(t, Window(0.0, samples / RATE_HZ))
-    return KalmanFilter().record(MOTION.geometric(t), wrench, MOTION.mass_kg)
+    return KalmanFilter().prepare_record(MOTION.geometric(t), wrench, MOTION.mass_kg)
 
 
 def three_axes(record: JerkRecord, passed: Callable[..., object]) -> None:
@@ -31,14 +31,14 @@ def three_axes(record: JerkRecord, passed: Callable[..., object]) -> None:
 @pytest.mark.parametrize("samples", [1800, 200_000])
 def test_kalman_filter(benchmark, note_rate, samples):
     record = jerk_record(samples)
-    benchmark(lambda: three_axes(record, Axis.filtered))
+    benchmark(lambda: three_axes(record, Axis.filter_states))
     note_rate(samples)
 
 
 @pytest.mark.parametrize("samples", [1800, 200_000])
 def test_rts_smoother(benchmark, note_rate, samples):
     record = jerk_record(samples)
-    benchmark(lambda: three_axes(record, Axis.smoothed))
+    benchmark(lambda: three_axes(record, Axis.smooth_states))
     note_rate(samples)
 
 

@@ -6,7 +6,7 @@ from typing import Any
 import httpx
 import pytest
 
-from stridelab.service.storage.migrate import plain
+from stridelab.service.storage.migrate import libpq_address
 from support.service.database import TestDatabases
 from support.service.many_recordings import N_RECORDINGS, store_many_recordings
 from support.service.web_server import served
@@ -15,7 +15,7 @@ from support.service.web_server import served
 @pytest.fixture(scope="module")
 def http(postgres: TestDatabases, tmp_path_factory: pytest.TempPathFactory) -> Iterator[httpx.Client]:
     with postgres.fresh() as url:
-        store_many_recordings(plain(url))
+        store_many_recordings(libpq_address(url))
         with served(url, tmp_path_factory.mktemp("data")) as running, running.http() as client:
             yield client
 

@@ -10,17 +10,17 @@ import pytest
 
 from stridelab.centroidal.contact_wrench import ContactWrench
 from stridelab.centroidal.free_variables import FreeDurations, FreePlacements
-from stridelab.centroidal.native.availability import Missing, availability
+from stridelab.centroidal.native.availability import NativeUnavailable, native_availability
 from stridelab.centroidal.native.problem_arrays import native_input
-from stridelab.centroidal.native.solve import GAP, TOLERANCE
+from stridelab.centroidal.native.solve import OPTIMALITY_GAP, TOLERANCE
 from stridelab.centroidal.point_forces import CircularCones
 from stridelab.centroidal.receding_horizon import RecedingHorizon
 from stridelab.centroidal.solver import solve
 from support.robots.centroidal_problems import bundled
 
 EXPERIMENTS = ("long-stride", "six-stairs", "stairs-with-rail")
-found = availability()
-if isinstance(found, Missing):
+found = native_availability()
+if isinstance(found, NativeUnavailable):
     pytest.skip(f"no native solver: {found.reason}", allow_module_level=True)
 
 
@@ -36,8 +36,8 @@ KINDS = {
 @pytest.mark.parametrize("scenario", EXPERIMENTS)
 def test_native_solver_cold(benchmark, scenario, kind):
     """The solver alone."""
-    problem = found.module.problem(*native_input(bundled(scenario, **KINDS[kind])).arguments())
-    said = benchmark(lambda: problem.solve(300, 10.0, TOLERANCE, GAP, False))
+    problem = found.module.problem(*native_input(bundled(scenario, **KINDS[kind])).module_arguments())
+    said = benchmark(lambda: problem.solve(300, 10.0, TOLERANCE, OPTIMALITY_GAP, False))
     benchmark.extra_info["iterations"] = said["iterations"]
     benchmark.extra_info["solve_cpu_ms"] = round(1e3 * said["cpu_s"], 2)
 
@@ -58,7 +58,7 @@ def test_native_receding_horizon(benchmark, scenario):
     def all_of_it():
         rng = np.random.default_rng(0)
         shove = lambda t, s: replace(s, com_v_m_s=s.com_v_m_s + np.append(rng.uniform(-0.01, 0.01, 2), 0.0))  # noqa: E731
-        return list(horizon.replans(shove))
+        return list(horizon.iterate_replans(shove))
 
     replans = benchmark.pedantic(all_of_it, rounds=1)
     ms = [1e3 * r.plan.solve_time_s for r in replans[1:]]

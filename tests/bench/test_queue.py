@@ -17,7 +17,7 @@ import pytest
 
 from stridelab.client import Client
 from stridelab.schemas.jobs import JobEvent
-from stridelab.service.jobs.notifications import JobBoard
+from stridelab.service.jobs.notifications import JobNotifications
 from stridelab.service.jobs.store import JobRecord, JobStore
 from stridelab.service.storage.database import make_engine
 from support.service.database import TestDatabases
@@ -36,7 +36,7 @@ class Desk:
         self.url = url
         self.runner, self.stack = asyncio.Runner(), AsyncExitStack()
         self.engine = make_engine(url)
-        self.store, self.board = JobStore(self.engine, KINDS), JobBoard(url)
+        self.store, self.board = JobStore(self.engine, KINDS), JobNotifications(url)
         self.do(self.stack.enter_async_context(self.board))
 
     def do(self, act: Any) -> Any:
@@ -59,7 +59,7 @@ class Desk:
 
     def end(self, job_id: str) -> None:
         self.do(self.store.request_cancel(job_id))
-        self.do(self.board.wait(self.store, job_id, 20.0))
+        self.do(self.board.wait_for_end(self.store, job_id, 20.0))
 
 
 @pytest.fixture(scope="module")
@@ -68,7 +68,7 @@ def desk(postgres: TestDatabases, tmp_path_factory: pytest.TempPathFactory) -> I
     with postgres.fresh() as url, worker(url, folder, STRIDELAB_WORKER_SLOTS="1"):
         opened = Desk(url)
         warm = opened.submit("work")
-        opened.do(opened.board.wait(opened.store, warm, 60.0))
+        opened.do(opened.board.wait_for_end(opened.store, warm, 60.0))
         yield opened
         opened.close()
 
@@ -102,7 +102,7 @@ def test_progress_to_listener(benchmark: Any, desk: Desk, tmp_path: Path) -> Non
     job_id = desk.submit("echo", mark=str(mark))
     mark.touch()
     desk.until_running(job_id)
-    stream = desk.board.follow(desk.store, job_id)
+    stream = desk.board.follow_events(desk.store, job_id)
     assert isinstance(stream, AsyncGenerator)
 
     async def next_event(events: AsyncIterator[tuple[JobEvent, ...]], message: str) -> None:
@@ -165,6 +165,6 @@ def test_cancel_to_free_processor(benchmark: Any, desk: Desk) -> None:
             time.sleep(0.001)
 
     benchmark.pedantic(until_free, setup=start, rounds=20)
-    desk.do(desk.board.wait(desk.store, spinning[-1][0], 20.0))
+    desk.do(desk.board.wait_for_end(desk.store, spinning[-1][0], 20.0))
     percentiles(benchmark, "cancel to free processor")
     assert max(benchmark.stats.stats.data) < 0.3

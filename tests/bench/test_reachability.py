@@ -9,12 +9,12 @@ from sklearn.mixture import GaussianMixture
 from sklearn.neighbors import KernelDensity as TreeDensity
 from threadpoolctl import threadpool_limits
 
-from stridelab.centroidal.nlp.density_term import likelihood
+from stridelab.centroidal.nlp.density_term import likelihood_functions
 from stridelab.reachability.gaussian_mixture import Mixture
 from stridelab.reachability.learning.com_sampling import BLOCK, sample_com
 from stridelab.reachability.learning.fit import KL_DRAWS, SIZES, expectation_maximisation
 from stridelab.reachability.learning.kde import KernelDensity
-from stridelab.reachability.learning.kl_divergence import divergences
+from stridelab.reachability.learning.kl_divergence import kl_divergences
 from stridelab.reachability.store import load_card, load_cloud
 from stridelab.robots.loader import load_robot
 
@@ -56,16 +56,19 @@ def test_fits_of_all_sizes(benchmark, effector):
 @pytest.mark.parametrize("effector", EFFECTORS)
 def test_divergence_of_all_sizes(benchmark, effector):
     """10 000 draws from 20 000 kernels, against 20 mixtures."""
-    kernels, card = KernelDensity.scott(cloud_m(effector)), load_card("talos", "uniform").effectors[effector]
-    mixtures = [card.mixture()] * len(SIZES)
-    benchmark.pedantic(lambda: divergences(kernels, mixtures, KL_DRAWS, np.random.default_rng(0)), rounds=3)
+    kernels, card = (
+        KernelDensity.with_scott_bandwidth(cloud_m(effector)),
+        load_card("talos", "uniform").effectors[effector],
+    )
+    mixtures = [card.to_mixture()] * len(SIZES)
+    benchmark.pedantic(lambda: kl_divergences(kernels, mixtures, KL_DRAWS, np.random.default_rng(0)), rounds=3)
 
 
 @pytest.mark.parametrize("by", ["ours", "scikit-learn"])
 def test_kernel_density(benchmark, by):
     """20 000 kernels at 1000 points."""
     x = cloud_m("left_foot")
-    kernels, points = KernelDensity.scott(x), x[:1000] + 0.05
+    kernels, points = KernelDensity.with_scott_bandwidth(x), x[:1000] + 0.05
     tree = TreeDensity(bandwidth=kernels.bandwidth_m).fit(x)
     evaluate = kernels.log_density if by == "ours" else tree.score_samples
     benchmark.pedantic(lambda: evaluate(points), rounds=3)
@@ -74,7 +77,7 @@ def test_kernel_density(benchmark, by):
 @pytest.mark.parametrize("by", ["ours", "scikit-learn"])
 def test_mixture_density(benchmark, by):
     """The bundled mixture of a foot at 10 000 points."""
-    mixture = load_card("talos", "uniform").effectors["left_foot"].mixture()
+    mixture = load_card("talos", "uniform").effectors["left_foot"].to_mixture()
     points = cloud_m("left_foot")[:10_000]
     evaluate = mixture.log_density if by == "ours" else of_scikit_learn(mixture).score_samples
     benchmark(lambda: evaluate(points))
@@ -85,8 +88,8 @@ def test_mixture_density(benchmark, by):
 @pytest.mark.parametrize("by", ["numpy", "casadi"])
 def test_one_point(benchmark, by, what):
     """What a solver asks for at one node; CasADi's functions as they are called from Python."""
-    mixture = load_card("talos", "uniform").effectors["left_foot"].mixture()
-    c, functions = np.array([[0.0, -0.1, 0.8]]), likelihood(mixture)
+    mixture = load_card("talos", "uniform").effectors["left_foot"].to_mixture()
+    c, functions = np.array([[0.0, -0.1, 0.8]]), likelihood_functions(mixture)
     if by == "numpy":
         evaluate = {"value": mixture.log_density, "gradient": mixture.gradient, "hessian": mixture.hessian}[what]
         benchmark(lambda: evaluate(c))
@@ -101,5 +104,5 @@ def of_scikit_learn(mixture: Mixture) -> GaussianMixture:
     """The same mixture as scikit-learn keeps it."""
     oracle = GaussianMixture(len(mixture.weights))
     oracle.weights_, oracle.means_, oracle.covariances_ = mixture.weights, mixture.means_m, mixture.covariances_m2
-    oracle.precisions_cholesky_ = mixture.whitenings.swapaxes(1, 2)
+    oracle.precisions_cholesky_ = mixture.inverse_cholesky.swapaxes(1, 2)
     return oracle

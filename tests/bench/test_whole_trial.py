@@ -10,7 +10,7 @@ from stridelab.estimation.estimator import ComEstimator
 from stridelab.estimation.evaluation.physics_residuals import bias_m, force_residual_n
 from stridelab.estimation.kalman.filter import RtsSmoother
 from stridelab.estimation.latency import estimate_latency
-from stridelab.estimation.observability import observability
+from stridelab.estimation.observability import summarise_observability
 from stridelab.estimation.smoother import Smoother
 from stridelab.recordings.files.c3d_writer import write_c3d
 from stridelab.recordings.force_windows import measured_windows
@@ -55,7 +55,7 @@ def test_read_geometry_fusion_report_numbers_of_2_s(benchmark, trial: Path, esti
         return (
             force_residual_n(estimate, wrench, mass_kg),
             bias_m(estimate, geometric),
-            observability(estimate),
+            summarise_observability(estimate),
             estimate,
         )
 

@@ -16,7 +16,7 @@ from stridelab.contacts.effector_geometry import effector_shapes
 from stridelab.contacts.scenario_io import sequence_of
 from stridelab.reachability.store import load_proxies
 from stridelab.robots.loader import load_robot
-from stridelab.studies.execution import CASES, replayed
+from stridelab.studies.execution import CASES, replay_motion
 from stridelab.wholebody.certificate.certify import certify
 from stridelab.wholebody.control.controller import WholeBodyController
 from stridelab.wholebody.motion import WholeBodyMotion
@@ -66,7 +66,7 @@ def test_replay(benchmark: BenchmarkFixture, robot_name: str, name: str) -> None
 
     def once() -> None:
         started = time.process_time()
-        played_s.append(float(replayed(robot_name, motion).time_s[-1]))
+        played_s.append(float(replay_motion(robot_name, motion).time_s[-1]))
         took_s.append(time.process_time() - started)
 
     benchmark.pedantic(once, rounds=3)

@@ -51,7 +51,7 @@ def test_a_substituted_trunk_turns_with_the_body_about_the_vertical(yaw, shift):
 
 
 def _without_midline_offsets(name):
-    table = segment_tables.load(name, "male")
+    table = segment_tables.load_table(name, "male")
     rows = {
         segment: row if segment[1] == "_" else replace(row, com=(row.com[0], row.com[1], 0.0))
         for segment, row in table.segments.items()
@@ -90,15 +90,15 @@ def test_a_plain_standing_body_has_its_com_where_people_have_it(table):
     assert abs(x) < 0.06
     assert abs(y) < 0.002  # the published tables have millimetres of sideways asymmetry in the midline
     assert found.remarks == ()
-    assert found.sd_m == segment_tables.load(table, "male").sd_m
+    assert found.sd_m == segment_tables.load_table(table, "male").sd_m
     assert found.table == table
 
 
 def test_frames_are_right_handed_and_face_the_way_they_say():
-    from stridelab.body.anthropometry import anthropometry
+    from stridelab.body.anthropometry import load_anthropometry
     from stridelab.body.joint_centres import joint_centres
 
-    p, body = landmarks(3), anthropometry("female")
+    p, body = landmarks(3), load_anthropometry("female")
     for name, frame in segment_frames(p, joint_centres(p, body, {}), body).items():
         axes = np.stack([frame.X, frame.Y, frame.Z], axis=2)
         np.testing.assert_allclose(axes.transpose(0, 2, 1) @ axes, np.broadcast_to(np.eye(3), axes.shape), atol=1e-9)

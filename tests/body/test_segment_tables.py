@@ -12,28 +12,28 @@ TABLES = ("dumas2007", "deleva1996")
 @pytest.mark.parametrize("sex", SEXES)
 @pytest.mark.parametrize("name", TABLES)
 def test_mass_fractions_sum_to_one(name, sex):
-    table = segment_tables.load(name, sex)
+    table = segment_tables.load_table(name, sex)
     assert sum(row.mass_fraction for row in table.segments.values()) == pytest.approx(1.0, abs=1e-12)
     assert all(0 < row.mass_fraction < 0.5 for row in table.segments.values())
 
 
 @pytest.mark.parametrize("name", TABLES)
 def test_left_is_the_mirror_image_of_right(name):
-    table = segment_tables.load(name, "male")
+    table = segment_tables.load_table(name, "male")
     for segment, row in table.segments.items():
         if segment.startswith("l_"):
-            assert table.segments["r" + segment[1:]] == row.mirrored()
+            assert table.segments["r" + segment[1:]] == row.mirror_image()
 
 
 @pytest.mark.parametrize("sex", SEXES)
 @pytest.mark.parametrize("name", TABLES)
 def test_json_round_trip_changes_nothing(name, sex):
-    table = segment_tables.load(name, sex)
+    table = segment_tables.load_table(name, sex)
     assert segment_tables.from_json(segment_tables.to_json(table)) == table
 
 
 def test_without_a_sex_the_mean_of_both_bodies():
-    female, male, mean = (segment_tables.load("deleva1996", sex) for sex in SEXES)
+    female, male, mean = (segment_tables.load_table("deleva1996", sex) for sex in SEXES)
     for segment, row in mean.segments.items():
         both = female.segments[segment], male.segments[segment]
         assert row.com == pytest.approx([(a + b) / 2 for a, b in zip(both[0].com, both[1].com, strict=True)])
@@ -57,15 +57,15 @@ def test_de_leva_rows_agree_with_their_alternatives(sex, shipped_mm, from_other_
 
 
 def test_de_leva_trunk_is_the_sum_of_its_three_parts():
-    male = segment_tables.load("deleva1996", "male").segments["trunk"].mass_fraction
-    female = segment_tables.load("deleva1996", "female").segments["trunk"].mass_fraction
+    male = segment_tables.load_table("deleva1996", "male").segments["trunk"].mass_fraction
+    female = segment_tables.load_table("deleva1996", "female").segments["trunk"].mass_fraction
     assert male == pytest.approx(0.1596 + 0.1633 + 0.1117, abs=2e-4)
     assert female == pytest.approx(0.1545 + 0.1465 + 0.1247, abs=2e-4)
 
 
 def test_the_shipped_rows_are_the_rows_checked_above():
     trunk, shank, head = (
-        segment_tables.load("deleva1996", "male").segments[s] for s in ("trunk", "r_shank", "head_neck")
+        segment_tables.load_table("deleva1996", "male").segments[s] for s in ("trunk", "r_shank", "head_neck")
     )
     assert (trunk.com[1], shank.com[1], head.com[1]) == (-0.4310, -0.4395, 0.4998)
 
@@ -95,5 +95,5 @@ def test_a_table_that_makes_no_sense_is_refused(text):
 
 def test_unknown_table_names_the_known_ones():
     with pytest.raises(InvalidInput, match="dumas2007") as refusal:
-        segment_tables.load("../segment_tables/dumas2007", "male")
+        segment_tables.load_table("../segment_tables/dumas2007", "male")
     assert refusal.value.code == "segment-table-unknown"

@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from stridelab.body.missing_markers import rebuild, rigid_motion
+from stridelab.body.missing_markers import rebuild_markers, rigid_motion
 
 SHAPE = np.array([[0.0, 0.0, 0.0], [0.3, 0.02, 0.0], [0.1, 0.08, 0.05], [0.2, -0.05, 0.03]])
 finite = st.floats(-3, 3)
@@ -56,7 +56,7 @@ def shank(n=4):
 def test_a_marker_of_the_static_trial_alone_is_rebuilt_exactly():
     static, walk = shank()
     truth = walk.pop("l_ankle_medial")
-    complete, changed = rebuild(walk, static)
+    complete, changed = rebuild_markers(walk, static)
     assert changed == {"l_ankle_medial"}
     np.testing.assert_allclose(complete["l_ankle_medial"], truth, atol=1e-9)
 
@@ -66,7 +66,7 @@ def test_a_gap_is_filled_and_what_was_seen_stays():
     truth = walk["l_ankle_lateral"].copy()
     walk["l_ankle_lateral"] = truth.copy()
     walk["l_ankle_lateral"][1:3] = np.nan
-    complete, changed = rebuild(walk, walk)
+    complete, changed = rebuild_markers(walk, walk)
     assert changed == {"l_ankle_lateral"}
     np.testing.assert_allclose(complete["l_ankle_lateral"], truth, atol=1e-9)
     np.testing.assert_array_equal(complete["l_ankle_lateral"][[0, 3]], truth[[0, 3]])
@@ -77,6 +77,6 @@ def test_nothing_is_invented_where_the_neighbours_are_hidden_too():
     walk["l_ankle_lateral"] = np.full_like(walk["l_ankle_lateral"], np.nan)
     walk["l_fibula_head"] = walk["l_ankle_lateral"].copy()
     walk["l_tibial_tuberosity"] = walk["l_ankle_lateral"].copy()
-    complete, changed = rebuild(walk, static)
+    complete, changed = rebuild_markers(walk, static)
     assert changed == frozenset()
     assert np.isnan(complete["l_ankle_lateral"]).all()

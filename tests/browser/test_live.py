@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from playwright.sync_api import Page, expect
 
-from stridelab.centroidal.native.availability import Missing, availability
+from stridelab.centroidal.native.availability import NativeUnavailable, native_availability
 from stridelab.schemas.previews import PlanPreviewInput, PreviewPush
 from stridelab.schemas.scenarios import Scenario
 from stridelab_web.scene.contacts import touches
@@ -15,7 +15,7 @@ from stridelab_web.viewer.overlays import RINGS, SIDES
 from support.browser.page import Service, Tab
 from support.browser.scene import hold, opened, until
 
-if isinstance(availability(), Missing):
+if isinstance(native_availability(), NativeUnavailable):
     pytest.skip(f"live plans need the C++ solver ({os.environ.get('STRIDELAB_NATIVE_PATH') or 'not built'})",
                 allow_module_level=True)  # fmt: skip
 

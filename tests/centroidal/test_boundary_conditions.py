@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from stridelab.centroidal.boundary_conditions import PathBounds, Start, capture
+from stridelab.centroidal.boundary_conditions import PathBounds, Start, capture_region
 from stridelab.centroidal.contact_wrench import ContactWrench
 from stridelab.centroidal.nlp.transcription import transcribe
 from stridelab.centroidal.plan import CentroidalPlan
@@ -78,7 +78,7 @@ def test_derivatives_of_a_capturable_end_against_finite_differences(walk: Centro
     of = transcribe(replace(walk, terminal="capturable", bounds=PathBounds(normal_force_max_n={"left_foot": 500.0})))
     rng, e = np.random.default_rng(2), 1e-5
     w, lam = of.guess + 0.1 * rng.standard_normal(of.layout.n), rng.standard_normal(of.layout.n_rows)
-    programme = of.compiled.programme
+    programme = of.compiled.nlp
     upper = programme.hessian(w, of.p, 0.0, lam, 1.0).full()
     H = upper + np.triu(upper, 1).T
     for d in rng.standard_normal((4, of.layout.n)):
@@ -90,7 +90,7 @@ def test_derivatives_of_a_capturable_end_against_finite_differences(walk: Centro
 
 def test_the_capture_point_of_a_square() -> None:
     square = np.array([[x, y, 0.0] for x in (-0.1, 0.1) for y in (-0.1, 0.1)])
-    found = capture([square], np.array([0.0, 0.0, 0.981]))
+    found = capture_region([square], np.array([0.0, 0.0, 0.981]))
     assert found.omega_1_s == pytest.approx(np.sqrt(10.0))
     assert found.excess_m(np.zeros(3), np.array([0.3, 0.0, 0.0])) == 0.0
     assert found.excess_m(np.zeros(3), np.array([0.4, 0.0, 0.0])) == pytest.approx(0.4 / np.sqrt(10.0) - 0.1)

@@ -6,7 +6,7 @@ from typing import Literal
 import numpy as np
 import pytest
 
-from stridelab.centroidal.contact_wrench import ContactWrench, Sharing, point_contacts
+from stridelab.centroidal.contact_wrench import ContactWrench, ForceDistribution, point_contacts
 from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.centroidal.point_forces import CircularCones, Pyramids
 from stridelab.centroidal.problem import CentroidalProblem
@@ -69,12 +69,12 @@ def test_in_flight_the_wrench_is_zero() -> None:
 
 def test_sharing_gives_the_wrench_within_the_cones_wherever_there_are_forces(problem: CentroidalProblem) -> None:
     """(4.5) back to (4.4)."""
-    touches = problem.touches(3, problem.com_start_m)
-    contacts, sharing, rng = point_contacts(touches), Sharing(touches), np.random.default_rng(4)
+    touches = problem.contact_patches(3, problem.com_start_m)
+    contacts, sharing, rng = point_contacts(touches), ForceDistribution(touches), np.random.default_rng(4)
     held = 0
     for wrench in rng.normal([0.0, 0.0, 1.0, 0.0, 0.0, 0.0], [0.1, 0.1, 0.1, 0.05, 0.05, 0.05], (100, 6)):
-        f = sharing.forces(wrench)
-        assert contacts.grasp() @ f.ravel() == pytest.approx(wrench, abs=1e-12)
+        f = sharing.minimum_cost_forces(wrench)
+        assert contacts.grasp_matrix() @ f.ravel() == pytest.approx(wrench, abs=1e-12)
         local = np.einsum("nk,nkj->nj", f, contacts.rotation)
         least = (contacts.friction * local[:, 2] - np.hypot(local[:, 0], local[:, 1])).min()
         if conic_margin(contacts, wrench).margin_n > 0.01:  # more than what the pyramids lack
@@ -85,12 +85,12 @@ def test_sharing_gives_the_wrench_within_the_cones_wherever_there_are_forces(pro
 
 def test_sharing_spares_the_hand(problem: CentroidalProblem, by_wrench: CentroidalPlan) -> None:
     """Against any other forces that give the same wrench and lie in the cones: those of the largest margin."""
-    touches = problem.touches(3, problem.com_start_m)
+    touches = problem.contact_patches(3, problem.com_start_m)
     weights = np.concatenate([np.full(len(t.points_m), t.force_weight) for t in touches])
     k = int(np.flatnonzero(by_wrench.phase == 3)[0])
     forces = np.vstack([by_wrench.forces_n[t.effector][k] for t in touches])
     contacts = point_contacts(touches)
-    other = conic_margin(contacts, contacts.grasp() @ forces.ravel()).forces_n
+    other = conic_margin(contacts, contacts.grasp_matrix() @ forces.ravel()).forces_n
     assert weights @ (forces**2).sum(axis=1) < weights @ (other**2).sum(axis=1)
 
 
@@ -117,7 +117,7 @@ def test_the_cone_of_the_wrench_is_inside_that_of_the_contacts_wherever_they_are
     """(4.6)."""
     rng = np.random.default_rng(6)
     for origin_m in (problem.com_start_m, np.array([40.0, -7.0, 3.0])):
-        touches = problem.touches(3, origin_m)
+        touches = problem.contact_patches(3, origin_m)
         group = ContactWrench(contacts=contacts).generators(touches)["wrench"]
         tau = rng.normal(size=(20, group.lorentz))
         tau /= np.linalg.norm(tau, axis=1, keepdims=True)
@@ -142,14 +142,16 @@ def test_a_phase_on_one_hand_has_a_cone_of_three_dimensions() -> None:
     left, right, rail = foot("left", 0.0), foot("right", 0.0), hand(0.0, 0.9, friction=0.6)
     swing = sequence(phase(0.6, left, right, rail), phase(0.1, rail), phase(0.6, left, right, rail))
     problem = rest_to_rest(swing, control=ContactWrench())
-    assert problem.control.generators(problem.touches(1, problem.com_start_m))["wrench"].lorentz == 2
+    assert problem.control.generators(problem.contact_patches(1, problem.com_start_m))["wrench"].lorentz == 2
     plan = solve(problem)
     assert plan.converged, plan.status
     assert plan.forces_n["right_hand"][plan.phase == 1].any()
 
 
 def test_hands_that_can_squeeze_each_other_have_no_cone() -> None:
-    sides = [Placement.of((0.0, y, 1.0), (np.cos(a), np.sin(a), 0.0, 0.0)) for y, a in ((-0.5, -0.785), (0.5, 0.785))]
+    sides = [
+        Placement.from_wxyz((0.0, y, 1.0), (np.cos(a), np.sin(a), 0.0, 0.0)) for y, a in ((-0.5, -0.785), (0.5, 0.785))
+    ]
     gripping = sequence(
         phase(1.0, foot("left", 0.0), foot("right", 0.0)),
         phase(

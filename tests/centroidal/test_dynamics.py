@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from stridelab.centroidal.dynamics import skew, step
+from stridelab.centroidal.dynamics import discrete_step, skew
 from stridelab.conventions import g
 
 M_G = 9.81
@@ -25,7 +25,7 @@ def test_a_step_is_the_exact_integral_of_newton_and_euler(seed: int, h: float) -
     c, v, L = rng.normal(size=(3, 3))
     F, T = rng.normal(size=(2, 3))
     K = (L + np.cross(c, v)) / M_G
-    s = step(h)
+    s = discrete_step(h)
     x = s.A @ np.concatenate([c, v, K]) + s.B @ np.concatenate([F, T]) + s.b
     truth = solve_ivp(
         newton_euler, (0.0, h), np.concatenate([c, v, L]), args=(M_G * F, M_G * T), rtol=1e-12, atol=1e-12
@@ -35,7 +35,7 @@ def test_a_step_is_the_exact_integral_of_newton_and_euler(seed: int, h: float) -
 
 
 def test_two_half_steps_are_one_step() -> None:
-    half, whole = step(0.05), step(0.1)
+    half, whole = discrete_step(0.05), discrete_step(0.1)
     twice_A, twice_B, twice_b = half.A @ half.A, half.A @ half.B + half.B, half.A @ half.b + half.b
     assert twice_A == pytest.approx(whole.A, abs=1e-14)
     assert twice_B == pytest.approx(whole.B, abs=1e-14)

@@ -11,16 +11,16 @@ from scipy.interpolate import BPoly
 
 from stridelab.centroidal.contact_wrench import ContactWrench
 from stridelab.centroidal.cost_terms import cost_terms
-from stridelab.centroidal.force_splines import control_points, gauss, weights
+from stridelab.centroidal.force_splines import bernstein_weights, control_points, gauss_rule
 from stridelab.centroidal.free_variables import FreeDurations, FreePlacements
-from stridelab.centroidal.nlp.nlp import SCALE
+from stridelab.centroidal.nlp.nlp import OBJECTIVE_SCALE
 from stridelab.centroidal.nlp.transcription import transcribe
 from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.centroidal.point_forces import CircularCones
 from stridelab.centroidal.problem import CentroidalProblem
-from stridelab.centroidal.solver import read, solve
-from stridelab.centroidal.verification import holds, motion_of, verify
-from stridelab.centroidal.warm_start import carried
+from stridelab.centroidal.solver import motion_from_variables, solve
+from stridelab.centroidal.verification import is_verified, motion_of, verify
+from stridelab.centroidal.warm_start import warm_start_point
 from stridelab.conventions import g
 from stridelab.errors import InvalidInput
 
@@ -42,15 +42,17 @@ def spline(smooth: CentroidalProblem) -> CentroidalPlan:
 def test_weights_are_those_of_scipy_and_their_integrals() -> None:
     basis = [BPoly(np.eye(4)[:, i : i + 1], [0.0, 1.0]) for i in range(4)]
     for s in (0.0, 0.3, 1.0):
-        assert_allclose(weights(s)[0], [float(b(s)) for b in basis], atol=1e-15)
-        assert_allclose(weights(s)[1], [quad(b, 0.0, s)[0] for b in basis], atol=1e-12)
-        assert_allclose(weights(s)[2], [quad(lambda t, b=b, s=s: (s - t) * b(t), 0.0, s)[0] for b in basis], atol=1e-12)
-        assert weights(s, degree=0)[2] == pytest.approx([s**2 / 2])
+        assert_allclose(bernstein_weights(s)[0], [float(b(s)) for b in basis], atol=1e-15)
+        assert_allclose(bernstein_weights(s)[1], [quad(b, 0.0, s)[0] for b in basis], atol=1e-12)
+        assert_allclose(
+            bernstein_weights(s)[2], [quad(lambda t, b=b, s=s: (s - t) * b(t), 0.0, s)[0] for b in basis], atol=1e-12
+        )
+        assert bernstein_weights(s, degree=0)[2] == pytest.approx([s**2 / 2])
 
 
 def test_gauss_is_exact_to_its_degree_and_no_further() -> None:
     for degree, close in ((7, True), (8, False)):
-        found = sum(w * s**degree for s, w in gauss(4))
+        found = sum(w * s**degree for s, w in gauss_rule(4))
         assert (abs(found - 1.0 / (degree + 1)) < 1e-14) == close
 
 
@@ -86,7 +88,7 @@ def test_a_foot_is_loaded_from_zero_and_unloaded_to_zero(spline: CentroidalPlan)
 
 def test_every_force_of_a_curve_is_in_its_cone(spline: CentroidalPlan) -> None:
     for t in np.linspace(0.0, float(spline.time_s[-1]), 500):
-        phase = spline.sequence.phases[spline.phase[spline.at(float(t)).interval]]
+        phase = spline.sequence.phases[spline.phase[spline.reference_at(float(t)).interval]]
         for name, f in spline.forces_at(float(t)).items():
             if name in phase.contacts:
                 local = f @ phase.contacts[name].placement.rotation
@@ -100,7 +102,7 @@ def test_scipy_integrates_the_curves_to_the_planned_states(spline: CentroidalPla
     def rate(t: float, x: np.ndarray) -> np.ndarray:
         c, v = x[0:3], x[3:6]
         f, moment = np.zeros(3), np.zeros(3)
-        contacts = spline.sequence.phases[spline.phase[spline.at(t).interval]].contacts
+        contacts = spline.sequence.phases[spline.phase[spline.reference_at(t).interval]].contacts
         for name, forces in spline.forces_at(t).items():
             if name in contacts:
                 for p, force in zip(contacts[name].placement.act(spline.points_m[name]), forces, strict=True):
@@ -118,12 +120,12 @@ def test_scipy_integrates_the_curves_to_the_planned_states(spline: CentroidalPla
 
 def test_the_reference_is_its_own_derivative_and_runs_through_the_nodes(spline: CentroidalPlan) -> None:
     for k, t in enumerate(spline.time_s[:-1]):
-        assert_allclose(spline.at(float(t)).l_nms, spline.l_nms[k], atol=1e-9)
-        before = spline.at(float(spline.time_s[k + 1]) - 1e-12)
+        assert_allclose(spline.reference_at(float(t)).l_nms, spline.l_nms[k], atol=1e-9)
+        before = spline.reference_at(float(spline.time_s[k + 1]) - 1e-12)
         assert_allclose(before.com_m, spline.com_m[k + 1], atol=1e-9)
         assert_allclose(before.l_nms, spline.l_nms[k + 1], atol=1e-8)
     for t in np.random.default_rng(0).uniform(0.01, spline.time_s[-1] - 0.01, size=50):
-        low, middle, high = (spline.at(float(t) + d) for d in (-E, 0.0, E))
+        low, middle, high = (spline.reference_at(float(t) + d) for d in (-E, 0.0, E))
         assert_allclose((high.com_m - low.com_m) / (2 * E), middle.com_v_m_s, atol=1e-6)
         assert_allclose((high.com_v_m_s - low.com_v_m_s) / (2 * E), middle.com_a_m_s2, atol=1e-6)
         assert_allclose((high.l_nms - low.l_nms) / (2 * E), middle.l_rate_nm, atol=1e-4)
@@ -133,13 +135,13 @@ def test_the_objective_is_the_sum_of_the_cost_terms(smooth: CentroidalProblem, s
     assert spline.solution is not None
     of = transcribe(replace(smooth, weights=replace(smooth.weights, surface_force=3.0)))
     w = spline.solution.point.w
-    terms = cost_terms(of.problem, read(of, of.problem.sequence, w))
-    assert float(of.compiled.programme.value(w, of.p)) == pytest.approx(SCALE * sum(terms.values()), rel=1e-9)
+    terms = cost_terms(of.problem, motion_from_variables(of, of.problem.sequence, w))
+    assert float(of.compiled.nlp.value(w, of.p)) == pytest.approx(OBJECTIVE_SCALE * sum(terms.values()), rel=1e-9)
 
 
 def test_gradient_and_rows_against_finite_differences(smooth: CentroidalProblem) -> None:
     of, rng = transcribe(replace(smooth, placements=FreePlacements(), node_rate_hz=5.0)), np.random.default_rng(1)
-    f, w = of.compiled.programme, of.guess + 0.01 * rng.standard_normal(of.layout.n)
+    f, w = of.compiled.nlp, of.guess + 0.01 * rng.standard_normal(of.layout.n)
     for d in rng.standard_normal((4, of.layout.n)):
         slope = (float(f.value(w + E * d, of.p)) - float(f.value(w - E * d, of.p))) / (2 * E)
         assert f.gradient(w, of.p).full().ravel() @ d == pytest.approx(slope, rel=1e-5)
@@ -154,7 +156,7 @@ def test_verification_sees_a_control_point_outside_its_cone(smooth: CentroidalPr
     curve[3, 1, 0, 0] += 300.0
     bad = replace(motion_of(spline), curves_n={**spline.curves_n, "left_foot": curve})
     found = verify(spline.sequence, spline.mass_kg, bad, smooth.com_start_m, smooth.com_end_m)
-    assert not holds(found)
+    assert not is_verified(found)
     assert found.cone_margin_n < 0.0
     assert found.dynamics_gap > 1e-3
 
@@ -164,10 +166,10 @@ def test_placements_and_circular_cones_and_warm_starts_go_along(
 ) -> None:
     assert solve(replace(smooth, placements=FreePlacements())).converged
     assert solve(replace(smooth, control=CircularCones()), "ipopt").converged
-    warm = solve(smooth, start=carried(spline, smooth))
+    warm = solve(smooth, start=warm_start_point(spline, smooth))
     assert warm.converged
     assert warm.iterations <= spline.iterations // 2
-    assert solve(smooth, start=carried(solve(replace(smooth, shape="constant")), smooth)).converged
+    assert solve(smooth, start=warm_start_point(solve(replace(smooth, shape="constant")), smooth)).converged
 
 
 def test_the_motion_is_nearly_that_of_constants(spline: CentroidalPlan, plan: CentroidalPlan) -> None:

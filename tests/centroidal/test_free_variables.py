@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from stridelab.centroidal.contact_wrench import ContactWrench
-from stridelab.centroidal.free_variables import FreeDurations, FreePlacements, movable
-from stridelab.centroidal.placement_windows import room_m
+from stridelab.centroidal.free_variables import FreeDurations, FreePlacements, movable_spans
+from stridelab.centroidal.placement_windows import placement_window_m
 from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.centroidal.problem import CentroidalProblem
 from stridelab.centroidal.solver import solve
@@ -121,7 +121,9 @@ def test_contacts_move_where_they_may_and_the_plan_verifies_there() -> None:
 
 
 def test_what_begins_or_ends_the_motion_stays() -> None:
-    found = [(stay.contact.effector, stay.first, stay.last) for stay in movable(with_a_contact_between().sequence)]
+    found = [
+        (stay.contact.effector, stay.first, stay.last) for stay in movable_spans(with_a_contact_between().sequence)
+    ]
     assert found == [("right_foot", 2, 4)]
 
 
@@ -130,29 +132,29 @@ SOLE = np.array([[x, y, 0.0] for x in (-0.1, 0.1) for y in (-0.06, 0.06)])
 
 def on(surface: str, at: tuple[float, float, float], yaw_rad: float = 0.0) -> Contact:
     half = yaw_rad / 2
-    return Contact("right_foot", Placement.of(at, (np.cos(half), 0.0, 0.0, np.sin(half))), surface, 0.5)
+    return Contact("right_foot", Placement.from_wxyz(at, (np.cos(half), 0.0, 0.0, np.sin(half))), surface, 0.5)
 
 
 def test_a_window_ends_at_the_edge_of_its_face() -> None:
-    stair = Box("stair", Placement.of((0.0, 0.0, 0.0)), np.array([0.3, 1.0, 0.2]))
-    lower, upper = room_m(on("stair", (0.03, 0.0, 0.1)), SOLE, Terrain((stair,)), (0.05, 0.03))
+    stair = Box("stair", Placement.from_wxyz((0.0, 0.0, 0.0)), np.array([0.3, 1.0, 0.2]))
+    lower, upper = placement_window_m(on("stair", (0.03, 0.0, 0.1)), SOLE, Terrain((stair,)), (0.05, 0.03))
     assert lower == pytest.approx([-0.05, -0.03])
     assert upper == pytest.approx([0.02, 0.03])
 
 
 def test_a_window_ends_at_the_next_riser() -> None:
-    low = Box("low", Placement.of((0.0, 0.0, 0.0)), np.array([2.0, 1.0, 0.2]))
-    high = Box("high", Placement.of((0.63, 0.0, 0.1)), np.array([1.0, 1.0, 0.4]))
-    lower, upper = room_m(on("low", (0.0, 0.0, 0.1)), SOLE, Terrain((low, high)), (0.05, 0.03))
+    low = Box("low", Placement.from_wxyz((0.0, 0.0, 0.0)), np.array([2.0, 1.0, 0.2]))
+    high = Box("high", Placement.from_wxyz((0.63, 0.0, 0.1)), np.array([1.0, 1.0, 0.4]))
+    lower, upper = placement_window_m(on("low", (0.0, 0.0, 0.1)), SOLE, Terrain((low, high)), (0.05, 0.03))
     assert lower == pytest.approx([-0.05, -0.03])
     assert upper == pytest.approx([0.03, 0.03])
 
 
 def test_a_turned_window_stays_on_the_face_whatever_corner_it_takes() -> None:
-    stair, rng = Box("stair", Placement.of((0.0, 0.0, 0.0)), np.array([0.4, 0.4, 0.2])), np.random.default_rng(3)
+    stair, rng = Box("stair", Placement.from_wxyz((0.0, 0.0, 0.0)), np.array([0.4, 0.4, 0.2])), np.random.default_rng(3)
     for yaw in rng.uniform(-3.0, 3.0, 30):
         contact = on("stair", (0.04, -0.03, 0.1), float(yaw))
-        lower, upper = room_m(contact, SOLE, Terrain((stair,)), (0.2, 0.2))
+        lower, upper = placement_window_m(contact, SOLE, Terrain((stair,)), (0.2, 0.2))
         for d in [(x, y) for x in (lower[0], upper[0]) for y in (lower[1], upper[1])]:
             corners = contact.placement.act(SOLE) + contact.placement.rotation[:, :2] @ d
             assert np.abs(corners[:, :2]).max() <= 0.2 + 1e-12
@@ -161,13 +163,13 @@ def test_a_turned_window_stays_on_the_face_whatever_corner_it_takes() -> None:
 
 def test_a_hand_moves_along_its_rail_only() -> None:
     rail = Rail("rail", np.array([0.0, -0.5, 0.8]), np.array([1.0, -0.5, 0.8]), 0.02)
-    lower, upper = room_m(on("rail", (0.97, -0.5, 0.82)), np.zeros((1, 3)), Terrain((rail,)), (0.05, 0.05))
+    lower, upper = placement_window_m(on("rail", (0.97, -0.5, 0.82)), np.zeros((1, 3)), Terrain((rail,)), (0.05, 0.05))
     assert lower == pytest.approx([-0.05, 0.0])
     assert upper == pytest.approx([0.03, 0.0])
 
 
 def test_on_a_surface_that_the_terrain_lacks_nothing_moves() -> None:
-    lower, upper = room_m(on("nowhere", (0.0, 0.0, 0.0)), SOLE, Terrain(()), (0.05, 0.05))
+    lower, upper = placement_window_m(on("nowhere", (0.0, 0.0, 0.0)), SOLE, Terrain(()), (0.05, 0.05))
     assert not lower.any()
     assert not upper.any()
 

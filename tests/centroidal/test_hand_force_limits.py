@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 
 from stridelab.centroidal.boundary_conditions import PathBounds
-from stridelab.centroidal.hand_force_limits import LEAST_N, TORQUE_SHARE, carried_n, hand_bounds_n
+from stridelab.centroidal.hand_force_limits import MIN_BOUND_N, TORQUE_SHARE, hand_bounds_n, max_normal_force_n
 from stridelab.centroidal.solver import solve
 from stridelab.contacts.effector_geometry import effector_shapes
 from stridelab.contacts.scenario_io import sequence_of
@@ -28,7 +28,7 @@ def held_out(robot: Robot, friction: float) -> Contact:
     model, frames = with_contact_frames(robot)
     data = model.createData()
     pin.framesForwardKinematics(model, data, robot.q_reference)
-    there = Placement.of(data.oMf[frames["right_hand"]].translation.tolist())
+    there = Placement.from_wxyz(data.oMf[frames["right_hand"]].translation.tolist())
     return Contact("right_hand", there, "rail", friction, "point")
 
 
@@ -54,7 +54,7 @@ def ratios(robot: Robot, contact: Contact, force_n: np.ndarray) -> np.ndarray:
 def test_what_it_says_can_be_carried_can_and_hardly_more(name: str, friction: float) -> None:
     robot = load_robot(name)
     contact = held_out(robot, friction)
-    most_n = carried_n(robot, robot.q_reference, contact)
+    most_n = max_normal_force_n(robot, robot.q_reference, contact)
     around = np.linspace(0.0, 2.0 * np.pi, 48, endpoint=False)
     cone = [np.array([friction * np.cos(a), friction * np.sin(a), 1.0]) for a in around]
     worst = max(ratios(robot, contact, most_n * ray).max() for ray in cone)
@@ -67,13 +67,13 @@ def test_an_arm_without_strength_carries_nothing() -> None:
     robot = load_robot("hrp2")
     weak = pin.Model(robot.model)
     weak.effortLimit = 1e-3 * robot.model.effortLimit
-    assert carried_n(replace(robot, model=weak), robot.q_reference, held_out(robot, 0.3)) == 0.0
-    assert LEAST_N > 0.0
+    assert max_normal_force_n(replace(robot, model=weak), robot.q_reference, held_out(robot, 0.3)) == 0.0
+    assert MIN_BOUND_N > 0.0
 
 
 def test_more_friction_is_more_to_bear() -> None:
     robot = load_robot("hrp2")
-    bears = [carried_n(robot, robot.q_reference, held_out(robot, friction)) for friction in (0.1, 0.3, 0.6)]
+    bears = [max_normal_force_n(robot, robot.q_reference, held_out(robot, friction)) for friction in (0.1, 0.3, 0.6)]
     assert bears == sorted(bears, reverse=True)
 
 

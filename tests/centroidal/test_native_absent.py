@@ -16,9 +16,9 @@ from support.robots.sequences import two_steps
 
 @pytest.fixture(autouse=True)
 def looked_for_anew() -> Iterator[None]:
-    availability.availability.cache_clear()
+    availability.native_availability.cache_clear()
     yield
-    availability.availability.cache_clear()
+    availability.native_availability.cache_clear()
 
 
 def absent(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -43,10 +43,10 @@ def test_native_is_refused_with_the_reason(monkeypatch: pytest.MonkeyPatch) -> N
 def test_another_build_is_not_taken(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     (tmp_path / "stridelab_native_of_old.py").write_text("INTERFACE = 0\n")
     monkeypatch.setattr(availability, "MODULE", "stridelab_native_of_old")
-    monkeypatch.setenv(availability.FOLDER, str(tmp_path))
+    monkeypatch.setenv(availability.PATH_VARIABLE, str(tmp_path))
     monkeypatch.syspath_prepend(str(tmp_path))
-    missing = availability.availability()
-    assert isinstance(missing, availability.Missing)
+    missing = availability.native_availability()
+    assert isinstance(missing, availability.NativeUnavailable)
     assert "another version" in missing.reason
 
 
@@ -54,6 +54,6 @@ def test_one_that_does_not_load_says_why(monkeypatch: pytest.MonkeyPatch, tmp_pa
     (tmp_path / "stridelab_native_broken.py").write_text("raise ImportError('wrong processor')\n")
     monkeypatch.setattr(availability, "MODULE", "stridelab_native_broken")
     monkeypatch.syspath_prepend(str(tmp_path))
-    missing = availability.availability()
-    assert isinstance(missing, availability.Missing)
+    missing = availability.native_availability()
+    assert isinstance(missing, availability.NativeUnavailable)
     assert "wrong processor" in missing.reason

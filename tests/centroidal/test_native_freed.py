@@ -10,15 +10,15 @@ from stridelab.centroidal.boundary_conditions import PathBounds
 from stridelab.centroidal.contact_wrench import ContactWrench
 from stridelab.centroidal.control import Control
 from stridelab.centroidal.free_variables import FreeDurations, FreePlacements
-from stridelab.centroidal.native.availability import Missing, availability
+from stridelab.centroidal.native.availability import NativeUnavailable, native_availability
 from stridelab.centroidal.point_forces import CircularCones
 from stridelab.centroidal.solver import solve
 from support.robots.centroidal_problems import bundled, rest_to_rest, with_a_contact_between
 from support.robots.native_agreement import assert_same, total
 from support.robots.sequences import foot, phase, sequence, two_steps
 
-found = availability()
-if isinstance(found, Missing):
+found = native_availability()
+if isinstance(found, NativeUnavailable):
     pytest.skip(f"no native solver: {found.reason}", allow_module_level=True)
 
 CONES = CircularCones()

@@ -7,14 +7,14 @@ import pytest
 
 from stridelab.centroidal.force_splines import Shape
 from stridelab.centroidal.free_variables import FreePlacements
-from stridelab.centroidal.native.availability import Missing, availability, lacks
+from stridelab.centroidal.native.availability import NativeUnavailable, native_availability, unsupported_features
 from stridelab.centroidal.point_forces import CircularCones
 from stridelab.centroidal.receding_horizon import RecedingHorizon, State
 from stridelab.centroidal.solver import solve
 from support.robots.centroidal_problems import bundled
 
-found = availability()
-if isinstance(found, Missing):
+found = native_availability()
+if isinstance(found, NativeUnavailable):
     pytest.skip(f"no native solver: {found.reason}", allow_module_level=True)
 
 
@@ -22,10 +22,10 @@ if isinstance(found, Missing):
 def test_recovers_on_the_edge_of_a_sole(at_s: float, push_m_s: float) -> None:
     """Pushed away from the foot it has just begun to stand on, the body stands on its edge: no other point yields."""
     problem = bundled("flat-walk", control=CircularCones())
-    there = solve(problem, "native").at(at_s)
+    there = solve(problem, "native").reference_at(at_s)
     horizon = RecedingHorizon(problem=problem, horizon_s=problem.sequence.duration_s)
     pushed = there.com_v_m_s + np.array([0.0, push_m_s, 0.0])
-    rest = horizon.horizon(at_s, State(there.com_m, pushed, there.l_nms))
+    rest = horizon.horizon_problem(at_s, State(there.com_m, pushed, there.l_nms))
     found, reference = solve(rest, "native"), solve(rest, "ipopt")
     assert found.converged
     assert found.iterations < 40
@@ -52,5 +52,5 @@ def test_plans_for_what_the_limbs_take(scenario: str, shape: Shape) -> None:
 def test_limbs_and_contacts_that_move_are_too_much_at_once() -> None:
     walk = bundled("flat-walk", control=CircularCones(), placements=FreePlacements())
     both = replace(walk, limbs_nm=np.zeros((len(walk.grid().phase), 3)))
-    assert lacks(both) == "free placements and the limbs' momentum at once"
-    assert lacks(walk) is None
+    assert unsupported_features(both) == "free placements and the limbs' momentum at once"
+    assert unsupported_features(walk) is None

@@ -68,13 +68,13 @@ def test_force_and_acceleration_agree(plan: CentroidalPlan) -> None:
 def test_between_the_nodes_the_reference_is_smooth_and_its_own_derivative(plan: CentroidalPlan) -> None:
     e = 1e-7
     for k, t in enumerate(plan.time_s[1:-1], start=1):
-        before, after = plan.at(float(t) - e), plan.at(float(t) + e)
+        before, after = plan.reference_at(float(t) - e), plan.reference_at(float(t) + e)
         assert before.com_m == pytest.approx(after.com_m, abs=1e-6)
         assert before.com_v_m_s == pytest.approx(after.com_v_m_s, abs=1e-5)
-        assert plan.at(float(t)).com_m == pytest.approx(plan.com_m[k], abs=1e-12)
-        assert plan.at(float(t)).l_nms == pytest.approx(plan.l_nms[k], abs=1e-9)
+        assert plan.reference_at(float(t)).com_m == pytest.approx(plan.com_m[k], abs=1e-12)
+        assert plan.reference_at(float(t)).l_nms == pytest.approx(plan.l_nms[k], abs=1e-9)
     for t in np.random.default_rng(0).uniform(0.01, plan.time_s[-1] - 0.01, size=50):
-        low, middle, high = (plan.at(float(t) + d) for d in (-e, 0.0, e))
+        low, middle, high = (plan.reference_at(float(t) + d) for d in (-e, 0.0, e))
         if low.interval != high.interval:
             continue
         assert (high.com_m - low.com_m) / (2 * e) == pytest.approx(middle.com_v_m_s, abs=1e-6)
@@ -83,8 +83,8 @@ def test_between_the_nodes_the_reference_is_smooth_and_its_own_derivative(plan: 
 
 
 def test_outside_its_time_the_reference_rests(plan: CentroidalPlan) -> None:
-    assert plan.at(-1.0).com_m == pytest.approx(plan.com_m[0])
-    assert plan.at(plan.time_s[-1] + 1.0).com_m == pytest.approx(plan.com_m[-1], abs=1e-9)
+    assert plan.reference_at(-1.0).com_m == pytest.approx(plan.com_m[0])
+    assert plan.reference_at(plan.time_s[-1] + 1.0).com_m == pytest.approx(plan.com_m[-1], abs=1e-9)
 
 
 def test_the_hand_helps_but_carries_little(plan: CentroidalPlan) -> None:

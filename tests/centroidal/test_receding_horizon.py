@@ -11,9 +11,9 @@ from stridelab.centroidal import receding_horizon as module
 from stridelab.centroidal.boundary_conditions import Start
 from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.centroidal.problem import CentroidalProblem
-from stridelab.centroidal.receding_horizon import RecedingHorizon, State, window
+from stridelab.centroidal.receding_horizon import RecedingHorizon, State, cut_sequence
 from stridelab.centroidal.solver import solve
-from stridelab.centroidal.warm_start import carried
+from stridelab.centroidal.warm_start import warm_start_point
 from stridelab.errors import InvalidInput, NotEstimable
 from support.robots.centroidal_problems import rest_to_rest
 from support.robots.sequences import foot, phase, sequence, two_steps
@@ -32,10 +32,10 @@ def whole(walk: CentroidalProblem) -> CentroidalPlan:
 
 
 def rest_of(walk: CentroidalProblem, plan: CentroidalPlan, time_s: float) -> CentroidalProblem:
-    there = plan.at(time_s)
+    there = plan.reference_at(time_s)
     return replace(
         walk,
-        sequence=window(walk.sequence, time_s, walk.sequence.duration_s),
+        sequence=cut_sequence(walk.sequence, time_s, walk.sequence.duration_s),
         com_start_m=there.com_m,
         start=Start(there.com_v_m_s, there.l_nms),
     )
@@ -46,18 +46,18 @@ def test_the_rest_of_an_optimal_motion_is_optimal_and_found_at_once_from_it(
 ) -> None:
     for time_s in (0.3, 1.0, 1.5):
         problem = rest_of(walk, whole, time_s)
-        start = carried(whole, problem, time_s)
+        start = warm_start_point(whole, problem, time_s)
         warm, cold = solve(problem, start=start), solve(problem)
         assert warm.converged
         assert warm.objective == pytest.approx(cold.objective, abs=1e-3 * abs(cold.objective))
         assert warm.iterations < cold.iterations / 1.5
-        tail = np.array([whole.at(time_s + t).com_m for t in warm.time_s])
+        tail = np.array([whole.reference_at(time_s + t).com_m for t in warm.time_s])
         assert warm.com_m == pytest.approx(tail, abs=2e-4)
 
 
 def test_a_solution_moved_by_nothing_is_itself(walk: CentroidalProblem, whole: CentroidalPlan) -> None:
     assert whole.solution is not None
-    same = carried(whole, walk)
+    same = warm_start_point(whole, walk)
     assert same.w == pytest.approx(whole.solution.point.w, abs=1e-9)
     layout_free = np.flatnonzero(same.lambda_w)
     assert same.lambda_w[layout_free] == pytest.approx(whole.solution.point.lambda_w[layout_free])
@@ -65,7 +65,7 @@ def test_a_solution_moved_by_nothing_is_itself(walk: CentroidalProblem, whole: C
 
 def test_with_the_whole_motion_in_sight_the_plan_is_carried_out(walk: CentroidalProblem, whole: CentroidalPlan) -> None:
     done = RecedingHorizon(problem=walk, horizon_s=10.0, period_s=0.1).run()
-    planned = np.array([whole.at(t).com_m for t in done.time_s])
+    planned = np.array([whole.reference_at(t).com_m for t in done.time_s])
     assert done.com_m == pytest.approx(planned, abs=5e-4)
     assert not any(r.carried_on for r in done.replans)
     assert all(r.problem.terminal == "rest" for r in done.replans)
@@ -97,7 +97,7 @@ def failing(now: Callable[[], bool]) -> Callable[..., CentroidalPlan]:
 
 def test_where_a_solve_fails_the_last_plan_goes_on(walk: CentroidalProblem, monkeypatch: pytest.MonkeyPatch) -> None:
     asked_s = [0.0]
-    genuine = RecedingHorizon.horizon
+    genuine = RecedingHorizon.horizon_problem
 
     def watched(self: RecedingHorizon, time_s: float, state: State) -> CentroidalProblem:
         asked_s[0] = time_s
@@ -123,18 +123,18 @@ def test_without_any_plan_the_horizon_is_lost(walk: CentroidalProblem, monkeypat
 
 
 def test_windows_keep_contacts_and_times() -> None:
-    cut = window(WALK, 0.5, 2.0)
+    cut = cut_sequence(WALK, 0.5, 2.0)
     assert [p.duration_s for p in cut.phases] == pytest.approx([0.1, 0.8, 0.3, 0.3])
     assert [set(p.contacts) for p in cut.phases] == [set(p.contacts) for p in WALK.phases[:4]]
-    assert [p.duration_s for p in window(WALK, 0.6, 1.4).phases] == pytest.approx([0.8])
-    assert window(WALK, 0.0, 99.0).duration_s == pytest.approx(WALK.duration_s)
+    assert [p.duration_s for p in cut_sequence(WALK, 0.6, 1.4).phases] == pytest.approx([0.8])
+    assert cut_sequence(WALK, 0.0, 99.0).duration_s == pytest.approx(WALK.duration_s)
 
 
 def test_a_horizon_does_not_end_in_the_air() -> None:
     left, right = foot("left", 0.0), foot("right", 0.0)
     hop = rest_to_rest(sequence(phase(0.6, left, right), phase(0.1), phase(1.6, left, right)))
     state = State(hop.com_start_m, np.zeros(3), np.zeros(3))
-    asked = RecedingHorizon(problem=hop, horizon_s=0.65).horizon(0.0, state)
+    asked = RecedingHorizon(problem=hop, horizon_s=0.65).horizon_problem(0.0, state)
     assert [p.duration_s for p in asked.sequence.phases] == pytest.approx([0.6, 0.1, 0.2])
     assert asked.terminal == "capturable"
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from stridelab.centroidal.nlp.solvers import Limits, SolverName, run
+from stridelab.centroidal.nlp.solvers import Limits, SolverName, run_solver
 from stridelab.centroidal.nlp.transcription import transcribe
 from stridelab.centroidal.problem import CentroidalProblem
 from stridelab.centroidal.solver import solve
@@ -126,7 +126,7 @@ def test_a_solver_out_of_iterations_is_followed_by_the_other_and_neither_raises(
 @pytest.mark.parametrize("name", ["ipopt", "fatrop"])
 def test_a_cost_that_is_not_a_number_never_reaches_a_solver(name: SolverName) -> None:
     programme = transcribe(rest_to_rest(sequence(phase(0.4, foot("left", 0.0), foot("right", 0.0)))))
-    found = run(name, replace(programme, p=np.full_like(programme.p, np.nan)))
+    found = run_solver(name, replace(programme, p=np.full_like(programme.p, np.nan)))
     assert not found.success
     assert found.status == "the cost is not a number at the start"
     assert np.isfinite(found.point.w).all()

@@ -7,7 +7,7 @@ import pytest
 
 from stridelab.centroidal.plan import CentroidalPlan, Verification
 from stridelab.centroidal.problem import CentroidalProblem
-from stridelab.centroidal.verification import Motion, holds, verify
+from stridelab.centroidal.verification import Motion, is_verified, verify
 
 
 @pytest.fixture
@@ -23,7 +23,7 @@ def check(problem: CentroidalProblem, motion: Motion) -> Verification:
 
 
 def test_a_good_plan_holds(problem: CentroidalProblem, motion: Motion) -> None:
-    assert holds(check(problem, motion))
+    assert is_verified(check(problem, motion))
 
 
 @pytest.mark.parametrize("field", ["com_m", "com_v_m_s", "l_nms"])
@@ -31,14 +31,14 @@ def test_a_shifted_node_is_a_gap(problem: CentroidalProblem, motion: Motion, fie
     getattr(motion, field)[20, 1] += 1e-3
     found = check(problem, motion)
     assert found.dynamics_gap > 0.9e-3
-    assert not holds(found)
+    assert not is_verified(found)
 
 
 def test_a_force_pulled_out_of_its_cone_shows(problem: CentroidalProblem, motion: Motion) -> None:
     motion.forces_n["left_foot"][5, 0] = [30.0, 0.0, 10.0]
     found = check(problem, motion)
     assert found.cone_margin_n == pytest.approx(0.3 * 10.0 - 30.0)
-    assert not holds(found)
+    assert not is_verified(found)
 
 
 def test_a_pulling_force_shows(problem: CentroidalProblem, motion: Motion) -> None:
@@ -54,9 +54,9 @@ def test_a_force_from_nowhere_shows(problem: CentroidalProblem, motion: Motion) 
 def test_another_goal_is_a_terminal_gap(problem: CentroidalProblem, motion: Motion) -> None:
     found = check(replace(problem, com_end_m=problem.com_end_m + np.array([0.0, 0.02, 0.0])), motion)
     assert found.terminal_gap == pytest.approx(0.02, abs=1e-6)
-    assert not holds(found)
+    assert not is_verified(found)
 
 
 def test_what_is_not_a_number_does_not_hold(problem: CentroidalProblem, motion: Motion) -> None:
     motion.com_m[3] = np.nan
-    assert not holds(check(problem, motion))
+    assert not is_verified(check(problem, motion))

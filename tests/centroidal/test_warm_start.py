@@ -8,13 +8,13 @@ import pytest
 from stridelab.centroidal.boundary_conditions import Start
 from stridelab.centroidal.contact_wrench import ContactWrench
 from stridelab.centroidal.control import Control
-from stridelab.centroidal.nlp.kkt import residuals
+from stridelab.centroidal.nlp.kkt import kkt_residuals
 from stridelab.centroidal.nlp.transcription import transcribe
 from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.centroidal.point_forces import CircularCones, Pyramids
 from stridelab.centroidal.problem import CentroidalProblem
 from stridelab.centroidal.solver import solve
-from stridelab.centroidal.warm_start import carried
+from stridelab.centroidal.warm_start import warm_start_point
 from stridelab.errors import InvalidInput
 from support.robots.centroidal_problems import rest_to_rest
 from support.robots.sequences import two_steps
@@ -29,7 +29,7 @@ def slower(problem: CentroidalProblem, factor: float) -> CentroidalProblem:
 
 
 def shorter(problem: CentroidalProblem, new: CentroidalProblem, plan: CentroidalPlan, after_s: float = 0.0) -> None:
-    cold, warm = solve(new, "ipopt"), solve(new, "ipopt", start=carried(plan, new, after_s))
+    cold, warm = solve(new, "ipopt"), solve(new, "ipopt", start=warm_start_point(plan, new, after_s))
     assert warm.converged, warm.status
     assert warm.iterations < cold.iterations
     assert sum(warm.cost_terms.values()) == pytest.approx(sum(cold.cost_terms.values()), abs=2e-3)
@@ -41,9 +41,9 @@ def test_to_itself_a_plan_is_its_own_solution(problem: CentroidalProblem, contro
     posed = replace(problem, control=control)
     plan, of = solve(posed, "ipopt"), transcribe(posed)
     assert plan.solution is not None
-    point = carried(plan, posed)
+    point = warm_start_point(plan, posed)
     assert point.w == pytest.approx(plan.solution.point.w, abs=1e-12)
-    found = residuals(of.compiled.programme, of.p, of.box, point)
+    found = kkt_residuals(of.compiled.nlp, of.p, of.box, point)
     assert found.feasibility < 1e-9
     assert found.complementarity < 1e-7
 
@@ -59,11 +59,11 @@ def test_seen_from_another_origin_it_still_solves_the_equations_and_its_first_or
         com_start_m=plan.com_m[k],
         start=Start(plan.com_v_m_s[k], plan.l_nms[k]),
     )
-    of, point = transcribe(rest), carried(plan, rest, float(plan.time_s[k]))
-    found = residuals(of.compiled.programme, of.p, of.box, point)
+    of, point = transcribe(rest), warm_start_point(plan, rest, float(plan.time_s[k]))
+    found = kkt_residuals(of.compiled.nlp, of.p, of.box, point)
     assert found.feasibility < 1e-9
-    slope = of.compiled.programme.gradient(point.w, of.p).full().ravel()
-    J = of.compiled.programme.jacobian(point.w, of.p).sparse()
+    slope = of.compiled.nlp.gradient(point.w, of.p).full().ravel()
+    J = of.compiled.nlp.jacobian(point.w, of.p).sparse()
     lack = slope + J.T @ point.lambda_g + point.lambda_w
     between = lack[of.layout.state[1] : of.layout.wrench[-1, 0]]
     assert np.abs(between).max() < 1e-5
@@ -101,14 +101,16 @@ def test_what_is_left_of_a_motion_that_was_pushed(control: Control) -> None:
 def test_what_lies_beyond_the_plan_begins_cold() -> None:
     walk = rest_to_rest(two_steps())
     plan = solve(walk)
-    later = carried(plan, walk, after_s=100.0)
+    later = warm_start_point(plan, walk, after_s=100.0)
     of = transcribe(walk)
     assert later.w[of.layout.wrench[0]] == of.guess[of.layout.wrench[0]]
     assert not later.lambda_g.any()
-    assert of.states(later.w)[:, :3] == pytest.approx(np.tile(plan.com_m[-1] - walk.com_start_m, (len(plan.time_s), 1)))
+    assert of.node_states(later.w)[:, :3] == pytest.approx(
+        np.tile(plan.com_m[-1] - walk.com_start_m, (len(plan.time_s), 1))
+    )
 
 
 def test_a_plan_from_a_file_is_no_start(problem: CentroidalProblem, plan: CentroidalPlan) -> None:
     with pytest.raises(InvalidInput) as caught:
-        carried(replace(plan, solution=None), problem)
+        warm_start_point(replace(plan, solution=None), problem)
     assert caught.value.code == "plan-without-solution"

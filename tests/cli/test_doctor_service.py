@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 from stridelab.cli.app import app
 from stridelab.cli.doctor import service as parts
-from stridelab.service.jobs.work_folder import BEAT_FILE
+from stridelab.service.jobs.work_folder import HEARTBEAT_FILE
 from stridelab.service.postgres.embedded import EmbeddedPostgres
 from stridelab.service.settings import Settings
 from stridelab.service.storage.migrate import migrate
@@ -124,7 +124,7 @@ def test_a_worker_is_known_by_its_beat(database_url: str, tmp_path: Path, monkey
     with worker(database_url, tmp_path):
         wait_until(lambda: asked() == 0, 30, "a beat")
     old = time.time() - 21.0
-    os.utime(tmp_path / BEAT_FILE, (old, old))
+    os.utime(tmp_path / HEARTBEAT_FILE, (old, old))
     assert asked() == 1
 
 

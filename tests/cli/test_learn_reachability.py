@@ -41,7 +41,7 @@ def test_the_files_are_those_of_the_job_and_the_same_again(tmp_path: Path) -> No
     code, printed = typed("talos", *options, "--out", str(tmp_path / "two"), "--json")
     result = JobResult.model_validate(json.loads(printed[printed.index("{") :]))
     assert result.summary["effectors"].keys() == {"left_foot", "right_hand"}
-    one, two = (store.read(tmp_path / name / "mixtures.json") for name in ("one", "two"))
+    one, two = (store.read_card(tmp_path / name / "mixtures.json") for name in ("one", "two"))
     assert replace(two, learned_on=one.learned_on) == one
     assert (tmp_path / "one" / "cloud.npz").read_bytes() == (tmp_path / "two" / "cloud.npz").read_bytes()
 

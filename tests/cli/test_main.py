@@ -91,10 +91,10 @@ def test_a_bad_file_is_one_clear_line_and_leaves_nothing(run: Run, tmp_path: Pat
 def test_what_makes_no_sense_is_refused_naming_it(
     run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arguments: tuple[str, ...], code: int, told: str
 ) -> None:
-    from stridelab.service.settings import settings
+    from stridelab.service.settings import current_settings
 
     monkeypatch.delenv("STRIDELAB_DATABASE_URL", raising=False)
-    settings.cache_clear()
+    current_settings.cache_clear()
     (tmp_path / "x.c3d").write_bytes(b"\x02\x50")
     ran = run(*arguments)
     assert ran.code == code
@@ -104,12 +104,12 @@ def test_what_makes_no_sense_is_refused_naming_it(
 
 
 def test_settings_that_make_no_sense_are_named(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    from stridelab.service.settings import settings
+    from stridelab.service.settings import current_settings
 
     monkeypatch.setenv("STRIDELAB_PORT", "eighty")
-    settings.cache_clear()
+    current_settings.cache_clear()
     ran = run("migrate")
-    settings.cache_clear()
+    current_settings.cache_clear()
     assert ran.code == 2
     assert "STRIDELAB_PORT" in ran.err
 

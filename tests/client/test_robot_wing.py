@@ -9,10 +9,10 @@ import httpx
 import pytest
 
 from stridelab.client import AsyncClient, Client, ProblemError
-from stridelab.client.endpoints import LOADING_S
+from stridelab.client.endpoints import LOADING_TIMEOUT_S
 from stridelab.schemas.plans import PlanMotionInput
 from stridelab.schemas.scenarios import Scenario
-from stridelab.service.api.robots.cache import RobotShelf
+from stridelab.service.api.robots.cache import RobotCache
 from stridelab.service.processes.pool import IsolatedPool
 from stridelab.service.samples import scenarios
 from support.robots.scenario_bodies import one_step, with_contact
@@ -28,7 +28,7 @@ def drawn(service: Served, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> I
     before = service.parts
     stubs = {name: f"support.service.robot_children:{name}" for name in ("describe", "draw", "enclose")}
     service.run(before.blobs.delete_prefix("robots"))  # made from the real robots
-    shelf = RobotShelf(IsolatedPool(), before.blobs, before.spool, 500, sandbox=None, **stubs)
+    shelf = RobotCache(IsolatedPool(), before.blobs, before.spool, 500, sandbox=None, **stubs)
     service.app.state.parts = replace(before, robots=shelf)
     yield service
     service.run(shelf.aclose())
@@ -37,7 +37,7 @@ def drawn(service: Served, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> I
 
 
 def test_a_scenario_from_storing_to_deletion(lab: Client, service: Served) -> None:
-    service.run(scenarios.seed(service.parts.engine))
+    service.run(scenarios.seed_scenarios(service.parts.engine))
     body = Scenario.model_validate(one_step())
     made = lab.add_scenario(body)
     assert (made.name, made.bundled) == ("One step", False)
@@ -139,4 +139,4 @@ def test_a_robot_may_take_longer_than_other_calls() -> None:
 
     with Client("http://lab", timeout_s=5.0, transport=httpx.MockTransport(handler)) as lab:
         lab.robot("talos")
-    assert asked[0]["read"] == 5.0 + LOADING_S
+    assert asked[0]["read"] == 5.0 + LOADING_TIMEOUT_S

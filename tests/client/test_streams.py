@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from stridelab.client import AsyncClient, Client, ClientError, ProblemError, Unreachable
-from stridelab.client.streams import estimates, message
+from stridelab.client.streams import decode_estimates, encode_samples
 from stridelab.schemas.streams import StreamConfiguration, StreamSample
 from support.service.streams import CONFIGURATION, MOTION, RATE_HZ, packed, walk_samples
 from support.service.web_server import Served
@@ -61,13 +61,13 @@ def test_packing_is_the_documented_layout() -> None:
     ]
     nan = float("nan")
     rows = ((0.0, *range(1, 10)), (0.5, 1, 2, 3, nan, nan, nan, nan, nan, nan))
-    assert message(some, "float32") == packed(7.0, *rows)
-    assert message([], "float32") == packed(0.0)
-    (back,) = estimates(packed(7.0, (0.5, *range(1, 10))))
+    assert encode_samples(some, "float32") == packed(7.0, *rows)
+    assert encode_samples([], "float32") == packed(0.0)
+    (back,) = decode_estimates(packed(7.0, (0.5, *range(1, 10))))
     assert (back.time_s, back.com_m, back.velocity_m_s, back.sd_m) == (7.5, (1, 2, 3), (4, 5, 6), (7, 8, 9))
 
 
 @pytest.mark.parametrize("raw", [b"", b"123", "hello", "[]", '{"samples": [{}]}'])
 def test_an_answer_that_is_none_is_an_error_of_the_client(raw: str | bytes) -> None:
     with pytest.raises(ClientError, match="cannot parse"):
-        estimates(raw)
+        decode_estimates(raw)

@@ -6,10 +6,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation as ScipyRotation
 
-from stridelab.contacts.effector_geometry import patch_m
+from stridelab.contacts.effector_geometry import sole_points_m
 from stridelab.contacts.scenario_io import sequence_of
 from stridelab.contacts.scenarios.stairs import flat_walk, six_stairs, stairs_with_rail
-from stridelab.contacts.swing import FOOT_CLEARANCE_M, HAND_RETREAT_M, MARGIN_M, SwingCurve, rise_m, swing_of
+from stridelab.contacts.swing import FOOT_CLEARANCE_M, HAND_RETREAT_M, MARGIN_M, SwingCurve, required_rise_m, swing_of
 from stridelab.contacts.terrain import Box, Terrain
 from stridelab.contacts.terrain_geometry import depth_in_box_m, vertical_span_m
 from stridelab.dynamics.spatial import Placement
@@ -38,7 +38,7 @@ def rotation_between(a: Placement, b: Placement) -> np.ndarray:
 @given(curves)
 def test_begins_and_ends_at_rest_at_its_contacts(curve: SwingCurve) -> None:
     for t, goal in ((0.0, curve.start), (curve.duration_s, curve.end)):
-        point = curve.at(t)
+        point = curve.state_at(t)
         np.testing.assert_allclose(point.placement.position_m, goal.position_m, atol=1e-12)
         np.testing.assert_allclose(point.placement.rotation, goal.rotation, atol=1e-12)
         for derivative in (
@@ -54,7 +54,7 @@ def test_begins_and_ends_at_rest_at_its_contacts(curve: SwingCurve) -> None:
 @given(curves, st.floats(0.01, 0.99))
 def test_derivatives_are_those_of_the_placement(curve: SwingCurve, share: float) -> None:
     t, h = share * curve.duration_s, 1e-5 * curve.duration_s
-    before, here, after = curve.at(t - h), curve.at(t), curve.at(t + h)
+    before, here, after = curve.state_at(t - h), curve.state_at(t), curve.state_at(t + h)
     scale = 1.0 / curve.duration_s
     velocity = (after.placement.position_m - before.placement.position_m) / (2 * h)
     acceleration = (after.velocity_m_s - before.velocity_m_s) / (2 * h)
@@ -70,7 +70,7 @@ def test_derivatives_are_those_of_the_placement(curve: SwingCurve, share: float)
 @given(curves, st.floats(0.0, 1.0))
 def test_moves_without_jumps(curve: SwingCurve, share: float) -> None:
     t, h = share * curve.duration_s, 1e-7 * curve.duration_s
-    here, next_ = curve.at(t), curve.at(t + h)
+    here, next_ = curve.state_at(t), curve.state_at(t + h)
     np.testing.assert_allclose(next_.placement.position_m, here.placement.position_m, atol=1e-5)
     np.testing.assert_allclose(next_.velocity_m_s, here.velocity_m_s, atol=1e-4 / curve.duration_s)
     np.testing.assert_allclose(next_.acceleration_m_s2, here.acceleration_m_s2, atol=1e-2 / curve.duration_s**2)
@@ -82,10 +82,10 @@ def test_a_sole_rises_to_its_clearance_above_the_higher_place(
     start: Placement, end: Placement, duration: float
 ) -> None:
     curve = SwingCurve(start, end, duration, "surface")
-    z = np.array([curve.at(t).placement.position_m[2] for t in np.linspace(0.0, duration, 41)])
+    z = np.array([curve.state_at(t).placement.position_m[2] for t in np.linspace(0.0, duration, 41)])
     higher = max(start.position_m[2], end.position_m[2])
     assert z.max() - higher == pytest.approx(FOOT_CLEARANCE_M, abs=2e-3)
-    assert curve.at(duration / 2).placement.position_m[2] - higher == pytest.approx(FOOT_CLEARANCE_M, abs=2e-3)
+    assert curve.state_at(duration / 2).placement.position_m[2] - higher == pytest.approx(FOOT_CLEARANCE_M, abs=2e-3)
 
 
 @settings(max_examples=50, deadline=None)
@@ -96,7 +96,9 @@ def test_a_hand_on_one_rail_retreats_along_its_normal(
     n = start.rotation[:, 2]
     travel = np.array(along) - n * (n @ np.array(along))
     curve = SwingCurve(start, Placement(start.position_m + travel, start.rotation), duration, "point")
-    off = np.array([(curve.at(t).placement.position_m - start.position_m) @ n for t in np.linspace(0, duration, 41)])
+    off = np.array(
+        [(curve.state_at(t).placement.position_m - start.position_m) @ n for t in np.linspace(0, duration, 41)]
+    )
     assert off.max() == pytest.approx(HAND_RETREAT_M, abs=1e-9)
     assert off.min() >= -1e-12
 
@@ -105,22 +107,22 @@ def test_a_hand_on_one_rail_retreats_along_its_normal(
 @given(curves)
 def test_the_path_is_that_of_the_curve(curve: SwingCurve) -> None:
     shares = np.linspace(0.0, 1.0, 7)
-    positions, rotations = curve.path(shares)
+    positions, rotations = curve.poses_at(shares)
     for share, p, R in zip(shares, positions, rotations, strict=True):
-        at = curve.at(float(share) * curve.duration_s).placement
+        at = curve.state_at(float(share) * curve.duration_s).placement
         np.testing.assert_allclose(p, at.position_m, atol=1e-12)
         np.testing.assert_allclose(R, at.rotation, atol=1e-12)
 
 
 def test_on_stairs_the_foot_moves_forwards_between_18_and_80_per_cent() -> None:
     curve = SwingCurve(placed((0.0, 0.0, 0.0)), placed((0.3, 0.0, 0.1)), 1.0, "surface")
-    x = [curve.at(t).placement.position_m[0] for t in (0.18, 0.49, 0.80)]
+    x = [curve.state_at(t).placement.position_m[0] for t in (0.18, 0.49, 0.80)]
     np.testing.assert_allclose(x, [0.0, 0.15, 0.3], atol=1e-12)
 
 
 def test_a_level_step_moves_forwards_between_4_and_96_per_cent() -> None:
     curve = SwingCurve(placed((0.0, 0.0, 0.0)), placed((0.9, 0.0, 0.0)), 1.0, "surface")
-    x = [curve.at(t).placement.position_m[0] for t in (0.04, 0.5, 0.96)]
+    x = [curve.state_at(t).placement.position_m[0] for t in (0.04, 0.5, 0.96)]
     np.testing.assert_allclose(x, [0.0, 0.45, 0.9], atol=1e-12)
 
 
@@ -155,7 +157,7 @@ def test_refuses_what_does_not_swing(effector: str, phase: int) -> None:
 heights = st.floats(0.0, 0.2)
 leans = st.floats(-0.3, 0.3)
 Lean = tuple[float, float]
-SOLE = patch_m((0.10, 0.06))
+SOLE = sole_points_m((0.10, 0.06))
 
 
 def stone(name: str, x: float, height: float, lean: tuple[float, float]) -> Box:
@@ -174,28 +176,31 @@ def test_a_sole_passes_over_what_lies_between_its_places(
     first, last = (
         Placement(b.placement.act(np.array([[0.0, 0.0, 0.05]]))[0], b.placement.rotation) for b in (start, end)
     )
-    between = Box("between", Placement.of([0.4, 0.0, z_between / 2]), np.array([width, 0.4, z_between + 1e-3]))
-    terrain = Terrain.of([start, between, end])
-    rises = rise_m(first, last, SOLE, terrain)
+    between = Box("between", Placement.from_wxyz([0.4, 0.0, z_between / 2]), np.array([width, 0.4, z_between + 1e-3]))
+    terrain = Terrain.from_surfaces([start, between, end])
+    rises = required_rise_m(first, last, SOLE, terrain)
     assert rises >= FOOT_CLEARANCE_M
     curve = SwingCurve(first, last, 1.0, "surface", rise_m=rises)
-    apex = curve.at(0.5).placement.act(SOLE)
+    apex = curve.state_at(0.5).placement.act(SOLE)
     tops = [float(np.nanmax(vertical_span_m(box, apex)[1], initial=-np.inf)) for box in terrain.boxes]
     assert apex[:, 2].min() >= max(tops) + MARGIN_M - 1e-9
     for t in np.linspace(0.0, 1.0, 60):
-        assert depth_in_box_m(between, curve.at(float(t)).placement.act(SOLE)).max() < 0.0
+        assert depth_in_box_m(between, curve.state_at(float(t)).placement.act(SOLE)).max() < 0.0
 
 
 def test_on_level_ground_a_sole_rises_as_ever() -> None:
-    floor = Box("floor", Placement.of([0.0, 0.0, -0.1]), np.array([4.0, 4.0, 0.2]))
-    assert rise_m(placed((0.0, 0.0, 0.0)), placed((0.5, 0.0, 0.0)), SOLE, Terrain.of([floor])) == FOOT_CLEARANCE_M
+    floor = Box("floor", Placement.from_wxyz([0.0, 0.0, -0.1]), np.array([4.0, 4.0, 0.2]))
+    assert (
+        required_rise_m(placed((0.0, 0.0, 0.0)), placed((0.5, 0.0, 0.0)), SOLE, Terrain.from_surfaces([floor]))
+        == FOOT_CLEARANCE_M
+    )
 
 
 def test_neither_a_wall_nor_a_roof_is_stepped_over() -> None:
-    wall = Box("wall", Placement.of([0.25, 0.0, 0.5]), np.array([0.05, 1.0, 1.0]))
-    roof = Box("roof", Placement.of([0.25, 0.0, 2.0]), np.array([4.0, 4.0, 0.2]))
+    wall = Box("wall", Placement.from_wxyz([0.25, 0.0, 0.5]), np.array([0.05, 1.0, 1.0]))
+    roof = Box("roof", Placement.from_wxyz([0.25, 0.0, 2.0]), np.array([4.0, 4.0, 0.2]))
     level = placed((0.0, 0.0, 0.0)), placed((0.5, 0.0, 0.0))
-    assert rise_m(*level, SOLE, Terrain.of([wall, roof])) == FOOT_CLEARANCE_M
+    assert required_rise_m(*level, SOLE, Terrain.from_surfaces([wall, roof])) == FOOT_CLEARANCE_M
 
 
 def test_a_swing_of_a_sequence_knows_what_is_in_its_way() -> None:

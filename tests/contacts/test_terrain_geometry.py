@@ -8,7 +8,7 @@ from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation as ScipyRotation
 
 from stridelab.contacts.terrain import Box, Rail, Terrain
-from stridelab.contacts.terrain_geometry import depth_in_box_m, face_towards, is_vertical, touchable, vertical_span_m
+from stridelab.contacts.terrain_geometry import contact_area, depth_in_box_m, face_towards, is_vertical, vertical_span_m
 from stridelab.dynamics.spatial import Placement
 
 coordinate = st.floats(-1.0, 1.0)
@@ -23,7 +23,7 @@ def test_the_upper_face_looks_up_and_lies_on_the_box(
     center: np.ndarray, rotation: np.ndarray, size: np.ndarray
 ) -> None:
     box = Box("box", Placement(center, rotation), size)
-    face = touchable(box)
+    face = contact_area(box)
     assert face.normal[2] >= np.abs(rotation[2]).max() - 1e-12
     np.testing.assert_allclose(face.frame.T @ face.frame, np.eye(3), atol=1e-12)
     assert np.linalg.det(face.frame) == pytest.approx(1.0)
@@ -38,18 +38,18 @@ def test_distance_to_a_face_is_that_to_its_nearest_point(
     center: np.ndarray, turn: np.ndarray, point: np.ndarray
 ) -> None:
     box = Box("box", Placement(center, ScipyRotation.from_rotvec(turn).as_matrix()), np.array([0.6, 0.4, 0.2]))
-    face = touchable(box)
+    face = contact_area(box)
     bounds = [(-half, half) for half in face.half_m]
     truth = minimize(
         lambda xy: np.sum((face.center_m + face.frame[:, :2] @ xy - point) ** 2), np.zeros(2), bounds=bounds
     )
-    found = face.place(point[np.newaxis]).distance_m[0]
+    found = face.locate(point[np.newaxis]).distance_m[0]
     assert found == pytest.approx(np.sqrt(truth.fun), abs=1e-5)
 
 
 def test_heights_and_edges_on_a_face() -> None:
-    face = touchable(Box("tread", Placement.of([1.0, 0.0, 0.05]), np.array([0.3, 1.2, 0.1])))
-    place = face.place(np.array([[1.0, 0.0, 0.1], [1.1, 0.0, 0.12], [0.8, 0.0, 0.0]]))
+    face = contact_area(Box("tread", Placement.from_wxyz([1.0, 0.0, 0.05]), np.array([0.3, 1.2, 0.1])))
+    place = face.locate(np.array([[1.0, 0.0, 0.1], [1.1, 0.0, 0.12], [0.8, 0.0, 0.0]]))
     np.testing.assert_allclose(place.height_m, [0.0, 0.02, -0.1], atol=1e-12)
     np.testing.assert_allclose(place.edge_m, [0.15, 0.05, -0.05], atol=1e-12)
     np.testing.assert_allclose(place.aside_m, [0.0, 0.0, 0.05], atol=1e-12)
@@ -57,11 +57,11 @@ def test_heights_and_edges_on_a_face() -> None:
 
 def test_the_normal_of_a_rail_lies_in_its_vertical_plane() -> None:
     rail = Rail("rail", np.array([0.0, 1.0, 0.0]), np.array([2.0, 1.0, 1.0]), 0.02)
-    top = touchable(rail)
+    top = contact_area(rail)
     a = np.arctan(0.5)
     np.testing.assert_allclose(top.normal, [-np.sin(a), 0.0, np.cos(a)], atol=1e-12)
     np.testing.assert_allclose(top.frame[:, 0], [np.cos(a), 0.0, np.sin(a)], atol=1e-12)
-    place = top.place(np.array([[1.0, 1.0, 0.5] + 0.02 * top.normal, rail.to_m + 0.05 * top.frame[:, 0]]))
+    place = top.locate(np.array([[1.0, 1.0, 0.5] + 0.02 * top.normal, rail.to_m + 0.05 * top.frame[:, 0]]))
     np.testing.assert_allclose(place.distance_m[0], 0.0, atol=1e-12)
     np.testing.assert_allclose(place.edge_m, [np.hypot(2, 1) / 2, -0.05], atol=1e-12)
 
@@ -69,21 +69,21 @@ def test_the_normal_of_a_rail_lies_in_its_vertical_plane() -> None:
 def test_a_vertical_rail_is_known() -> None:
     post = Rail("post", np.zeros(3), np.array([0.0, 0.0, 1.0]), 0.02)
     assert is_vertical(post)
-    np.testing.assert_allclose(touchable(post).normal, [1.0, 0.0, 0.0])
+    np.testing.assert_allclose(contact_area(post).normal, [1.0, 0.0, 0.0])
     assert not is_vertical(Rail("rail", np.zeros(3), np.array([0.1, 0.0, 1.0]), 0.02))
 
 
 def test_a_terrain_knows_its_boxes_and_rails() -> None:
     box = Box("box", Placement.identity(), np.ones(3))
     rail = Rail("rail", np.zeros(3), np.ones(3), 0.02)
-    terrain = Terrain.of([rail, box])
+    terrain = Terrain.from_surfaces([rail, box])
     assert (terrain.boxes, terrain.rails) == ((box,), (rail,))
 
 
 @pytest.mark.parametrize("axis", range(3))
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_every_face_of_a_box_looks_outwards(axis: int, sign: float) -> None:
-    box = Box("crate", Placement.of([1.0, 2.0, 3.0], [0.9, 0.1, -0.3, 0.2]), np.array([0.4, 0.6, 0.8]))
+    box = Box("crate", Placement.from_wxyz([1.0, 2.0, 3.0], [0.9, 0.1, -0.3, 0.2]), np.array([0.4, 0.6, 0.8]))
     normal = sign * box.placement.rotation[:, axis]
     face = face_towards(box, normal + 0.2 * box.placement.rotation[:, axis - 1])
     np.testing.assert_allclose(face.normal, normal, atol=1e-12)
@@ -101,7 +101,7 @@ def test_every_face_of_a_box_looks_outwards(axis: int, sign: float) -> None:
 )
 def test_vertical_lines_enter_and_leave_a_box_on_its_faces(q: tuple[float, ...], x: float, y: float) -> None:
     """Just inside the span points are inside, just outside they are not; where there is none, no height is inside."""
-    box = Box("crate", Placement.of([0.0, 0.0, 0.0], list(q)), np.array([0.4, 0.6, 0.8]))
+    box = Box("crate", Placement.from_wxyz([0.0, 0.0, 0.0], list(q)), np.array([0.4, 0.6, 0.8]))
     low, top = (float(ends[0]) for ends in vertical_span_m(box, np.array([[x, y, 5.0]])))
     heights = np.linspace(-1.0, 1.0, 41) if np.isnan(low) else np.array([low, top, (low + top) / 2])
     depth = depth_in_box_m(box, np.column_stack([np.full_like(heights, x), np.full_like(heights, y), heights]))

@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 from stridelab.dynamics.central_axis import central_axis
 from stridelab.dynamics.newton_euler import contact_wrench
 from stridelab.dynamics.wrench import Wrench, transport
-from stridelab.dynamics.zmp import zmp
+from stridelab.dynamics.zmp import zmp_of_wrench
 
 WEIGHT = np.array([0.0, 0.0, 700.0])
 metres = st.floats(-5, 5)
@@ -85,7 +85,7 @@ def test_theorem_1_the_zmp_axis_is_the_central_axis_only_if_force_is_vertical_or
 
     def gap(force, moment):
         w = Wrench(force, moment)
-        return distance_between_parallel_lines(zmp(w, np.zeros(3), n), central_axis(w).point_m, force)
+        return distance_between_parallel_lines(zmp_of_wrench(w, np.zeros(3), n), central_axis(w).point_m, force)
 
     vertical = f * [0.0, 0.0, 1.0]
     assert_allclose(gap(vertical, nu), 0.0, atol=1e-9)  # (ii-a)

@@ -15,7 +15,7 @@ def random_placement(seed: int) -> tuple[Placement, pin.SE3]:
     rng = np.random.default_rng(seed)
     wxyz, position = rng.normal(size=4), rng.uniform(-3, 3, size=3)
     w, x, y, z = wxyz / np.linalg.norm(wxyz)
-    return Placement.of(position.tolist(), wxyz.tolist()), pin.SE3(pin.Quaternion(w, x, y, z).matrix(), position)
+    return Placement.from_wxyz(position.tolist(), wxyz.tolist()), pin.SE3(pin.Quaternion(w, x, y, z).matrix(), position)
 
 
 def same(ours: Placement, theirs: pin.SE3) -> bool:
@@ -38,7 +38,7 @@ def test_composition_inverse_and_action_equal_pinocchios(first: int, second: int
 @given(seeds)
 def test_a_placement_survives_its_quaternion(seed: int) -> None:
     a, _ = random_placement(seed)
-    again = Placement.of(a.position_m.tolist(), a.wxyz.tolist())
+    again = Placement.from_wxyz(a.position_m.tolist(), a.wxyz.tolist())
     assert np.allclose(again.rotation, a.rotation, atol=1e-12)
     assert a.wxyz[0] >= 0
     assert np.linalg.norm(a.wxyz) == pytest.approx(1.0, abs=1e-12)
@@ -54,7 +54,9 @@ def test_a_placement_and_its_inverse_cancel(seed: int) -> None:
 
 def test_the_length_of_a_quaternion_does_not_matter_and_zero_is_refused() -> None:
     assert np.allclose(
-        Placement.of([0.0, 0.0, 0.0], [2.0, 0.0, 0.0, 2.0]).rotation, [[0, -1, 0], [1, 0, 0], [0, 0, 1]], atol=1e-12
+        Placement.from_wxyz([0.0, 0.0, 0.0], [2.0, 0.0, 0.0, 2.0]).rotation,
+        [[0, -1, 0], [1, 0, 0], [0, 0, 1]],
+        atol=1e-12,
     )
     with pytest.raises(ValueError, match="zero norm"):
-        Placement.of([0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 0.0])
+        Placement.from_wxyz([0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 0.0])

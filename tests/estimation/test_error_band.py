@@ -7,7 +7,7 @@ import pytest
 
 from stridelab.dynamics.wrench import Wrench
 from stridelab.estimation.complementary.filter import ComplementaryFilter
-from stridelab.estimation.error_band import FusedStretch, _errors
+from stridelab.estimation.error_band import FusedStretch, _error_signals
 from stridelab.estimation.error_priors import ErrorPriors
 from stridelab.estimation.kalman.filter import KalmanFilter, RtsSmoother
 from stridelab.estimation.markers_only import GeometryOnly
@@ -90,7 +90,9 @@ def test_angular_momentum_is_stated_about_the_walk_with_the_strides_and_about_it
     t, ahead = np.arange(200) / 100.0, np.array([0.6, 0.8, 0.0])
     force = np.tile([0.0, 0.0, 686.7], (200, 1))
     stretch = FusedStretch(Wrench(force, 0 * force), np.tile(1.2 * ahead, (200, 1)), slice(0, 200), 100.0, 70.0)
-    errors = list(_errors(stretch, (0.01, 0.01, 0.02), ErrorPriors(momentum_rate_nm_kg=(0.12, 0.33), step_hz=1.8)))
+    errors = list(
+        _error_signals(stretch, (0.01, 0.01, 0.02), ErrorPriors(momentum_rate_nm_kg=(0.12, 0.33), step_hz=1.8))
+    )
     assert len(errors) == 13
     for first, hz, rate, moved in ((8, 0.9, 0.12, [-0.8, 0.6, 0.0]), (10, 1.8, 0.33, [-0.6, -0.8, 0.0])):
         for k, wave in enumerate((np.cos, np.sin)):

@@ -9,9 +9,9 @@ from stridelab.body.geometric_com import GeometricCom, SegmentTrack
 from stridelab.estimation.latency_likelihood import (
     ClockLikelihood,
     PathNoise,
-    _complement,
-    _slow,
-    _spectrum,
+    _cosine_spectrum,
+    _orthogonal_complement,
+    _slow_columns,
     _table_errors,
     clock_likelihood,
 )
@@ -107,11 +107,11 @@ def test_errors_of_the_table_are_a_mass_and_both_parts_of_its_lever() -> None:
 @pytest.mark.parametrize(("n", "lines"), [(100, 1), (200, 2), (300, 4)])
 def test_slow_is_a_parabola_and_what_has_less_than_0_7_hertz(n: int, lines: int) -> None:
     """Half-periods of the window: 0.5, 0.25 and 1/6 Hz apart at 100 Hz."""
-    columns = _slow(n, 100.0)
+    columns = _slow_columns(n, 100.0)
     assert columns.shape == (n, 3 + lines)
     t = (np.arange(n) + 0.5) / n
     for wave, inside in ((np.cos(np.pi * lines * t), True), (np.cos(np.pi * (lines + 1) * t), False)):
-        left = _complement(columns).T @ _spectrum(wave)
+        left = _orthogonal_complement(columns).T @ _cosine_spectrum(wave)
         assert (np.linalg.norm(left) < 1e-9 * np.linalg.norm(wave)) == inside
 
 

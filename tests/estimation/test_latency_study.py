@@ -11,7 +11,7 @@ from stridelab.errors import NotEstimable
 from stridelab.estimation.latency import Latency, estimate_latency
 from stridelab.recordings.recording import WrenchTrack
 from stridelab.simulation.noise import PRESETS
-from stridelab.studies.estimator_study import StudyTrial, simulate
+from stridelab.studies.estimator_study import StudyTrial, simulate_trial
 
 LATE_S = (-0.010, 0.0, 0.018, 0.030)
 
@@ -42,7 +42,7 @@ def found(trial: StudyTrial) -> Latency:
 
 def trial(gait: str, noise: str, seed: int) -> StudyTrial:
     late = replace(PRESETS[noise], latency_s=LATE_S[seed % len(LATE_S)])
-    return simulate(gait, late, seed).excerpt(2.0, 6.0)  # type: ignore[arg-type]
+    return simulate_trial(gait, late, seed).excerpt_between(2.0, 6.0)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("gait", ["robot", "human"])
@@ -54,7 +54,7 @@ def test_a_latency_put_in_is_found_to_two_milliseconds_in_four_seconds(gait: str
 
 
 def test_a_second_of_force_is_enough_at_a_human_cadence() -> None:
-    trials = [trial("human", "marker-like", seed).excerpt(0.5, 2.5, force_s=(0.5, 1.5)) for seed in range(8)]
+    trials = [trial("human", "marker-like", seed).excerpt_between(0.5, 2.5, force_s=(0.5, 1.5)) for seed in range(8)]
     errors = np.array([found(one).latency_s - one.noise.latency_s for one in trials])
     assert np.abs(errors).max() < 0.002
 
@@ -69,7 +69,7 @@ def test_the_noise_of_the_thesis_blurs_it_and_the_deviation_says_so() -> None:
 
 
 def test_a_second_of_nine_degrees_of_white_noise_tells_nothing_and_mostly_says_so() -> None:
-    trials = [trial("robot", "white", seed).excerpt(0.5, 2.5, force_s=(0.5, 1.5)) for seed in range(8)]
+    trials = [trial("robot", "white", seed).excerpt_between(0.5, 2.5, force_s=(0.5, 1.5)) for seed in range(8)]
     told = [one for one in map(found_or_none, trials) if one is not None and one.sd_s < 0.003]
     assert len(told) <= 1
 

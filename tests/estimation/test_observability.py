@@ -11,9 +11,9 @@ from stridelab.estimation.observability import (
     constant_jerk_matrix,
     force_and_geometry_matrix,
     force_matrix,
-    observability,
     observability_track,
     skew,
+    summarise_observability,
 )
 from stridelab.recordings.recording import Window
 
@@ -42,13 +42,13 @@ def test_ranks_are_7_and_11_on_random_states() -> None:
 
 
 def test_free_fall_leaves_only_the_acceleration() -> None:
-    found = observability(estimate(np.tile(g, (100, 1))))
+    found = summarise_observability(estimate(np.tile(g, (100, 1))))
     assert found.rank_force == 3
 
 
 def test_geometry_restores_all_but_the_bias_in_free_fall() -> None:
     """(c, b) only as their sum, c' and c'': 9 of 12."""
-    assert observability(estimate(np.tile(g, (100, 1)))).rank_with_geometry == 9
+    assert summarise_observability(estimate(np.tile(g, (100, 1)))).rank_with_geometry == 9
 
 
 def test_a_constant_jerk_makes_8_of_9_states_observable_and_which_one_stays_hidden() -> None:
@@ -101,12 +101,12 @@ def test_a_shift_along_the_force_is_in_the_null_space() -> None:
 
 
 def test_standing_hides_the_height_and_leaning_forces_tilt_the_hidden_direction() -> None:
-    still = observability(estimate(np.zeros((100, 3))))
+    still = summarise_observability(estimate(np.zeros((100, 3))))
     assert still.unobservable == pytest.approx((0, 0, 1))
     assert still.tilt_rad == pytest.approx(0, abs=1e-7)
     a = np.zeros((100, 3))
     a[:50, 0], a[50:, 0] = GRAVITY_M_S2, -GRAVITY_M_S2
-    swaying = observability(estimate(a))
+    swaying = summarise_observability(estimate(a))
     assert swaying.tilt_rad == pytest.approx(np.pi / 4)
     assert swaying.turn_rad == pytest.approx(np.pi / 4)
 
@@ -127,7 +127,7 @@ def test_flight_inside_a_recording_is_seen_sample_by_sample() -> None:
     assert np.unique(track.rank_with_geometry[~track.flight]).tolist() == [11]
     assert np.isnan(track.direction[track.flight]).all()
     assert track.direction[~track.flight] == pytest.approx(np.tile([0.0, 0.0, 1.0], (70, 1)))
-    found = observability(estimate(a))
+    found = summarise_observability(estimate(a))
     assert (found.rank_force, found.flight_s) == (3, pytest.approx(0.30))
     assert "0.30 s there is no ground contact" in found.sentence
     assert "7 of 9" in found.sentence
@@ -163,6 +163,6 @@ def test_the_ranks_do_not_depend_on_where_the_laboratory_has_its_origin() -> Non
     ],
 )
 def test_the_sentence_says_what_cannot_be_known(acceleration: np.ndarray, words: tuple[str, ...]) -> None:
-    said = observability(estimate(acceleration)).sentence
+    said = summarise_observability(estimate(acceleration)).sentence
     for word in words:
         assert word in said

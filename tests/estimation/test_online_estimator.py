@@ -10,7 +10,7 @@ from scipy import signal, stats
 from stridelab.dynamics.wrench import Wrench
 from stridelab.errors import InvalidInput, NotEstimable
 from stridelab.estimation.complementary.filter import ComplementaryFilter
-from stridelab.estimation.complementary.forward_backward import FilterState, filter_inputs, forward
+from stridelab.estimation.complementary.forward_backward import FilterState, filter_inputs, forward_pass
 from stridelab.estimation.complementary.transfer_functions import complementary_filters
 from stridelab.estimation.error_priors import ErrorPriors
 from stridelab.estimation.online_estimator import OnlineEstimator
@@ -55,7 +55,7 @@ def test_the_online_step_equals_the_batch_forward_pass(rate_hz):
     resting = signal.lfilter_zi(filters.s2_h2.b, filters.s2_h2.a)[:, None] * g[0]
     nothing = np.zeros((2, 3))
     inputs = filter_inputs(g, Wrench(f, nu), motion.mass_kg)
-    batch = forward(filters, inputs, FilterState(h2=nothing, s2_h2=resting, h3=nothing))
+    batch = forward_pass(filters, inputs, FilterState(h2=nothing, s2_h2=resting, h3=nothing))
     online = THESIS.causal(motion.mass_kg, TABLE_SD_M, velocity_m_s=np.zeros(3))
     assert_allclose(stepped(online, t, g, f, nu)[0], batch, atol=1e-12, rtol=0)
 

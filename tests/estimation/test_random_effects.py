@@ -9,7 +9,7 @@ from scipy.optimize import brentq
 from scipy.stats import norm
 
 from stridelab.errors import InvalidInput
-from stridelab.estimation.random_effects import C, pool
+from stridelab.estimation.random_effects import C, pool_measurements
 
 E_PSI2 = float(norm.expect(lambda z: min(z**2, C**2)))
 
@@ -17,7 +17,7 @@ E_PSI2 = float(norm.expect(lambda z: min(z**2, C**2)))
 def test_measurements_that_agree_have_the_inverse_variance_mean() -> None:
     x, sd = [10.1, 9.9, 10.0], [0.5, 1.0, 2.0]
     w = [1 / s**2 for s in sd]
-    found = pool(x, sd)
+    found = pool_measurements(x, sd)
     assert found.mean == pytest.approx(np.average(x, weights=w), abs=1e-12)
     assert found.sd == pytest.approx(1 / math.sqrt(sum(w)), rel=1e-12)
     assert found.excess_sd == 0.0
@@ -26,13 +26,13 @@ def test_measurements_that_agree_have_the_inverse_variance_mean() -> None:
 
 
 def test_one_measurement_is_itself() -> None:
-    found = pool([3.0], [0.2])
+    found = pool_measurements([3.0], [0.2])
     assert (found.mean, found.sd, found.excess_sd, found.weights) == (3.0, pytest.approx(0.2), 0.0, (1.0,))
 
 
 def test_two_measurements_that_contradict_each_other_have_the_excess_of_the_estimating_equation() -> None:
     """For z = +-d / (2 sqrt(v + tau^2)) < C the equation is d^2 / (2 (v + tau^2)) = E psi^2."""
-    found = pool([0.0, 4.0], [1.0, 1.0])
+    found = pool_measurements([0.0, 4.0], [1.0, 1.0])
     assert found.mean == pytest.approx(2.0, abs=1e-9)
     assert found.excess_sd**2 == pytest.approx(4.0**2 / (2 * E_PSI2) - 1.0, rel=1e-9)
     assert found.sd == pytest.approx(math.sqrt((1.0 + found.excess_sd**2) / 2), rel=1e-9)
@@ -50,7 +50,7 @@ def test_the_result_solves_both_equations() -> None:
         return float(np.sum(np.clip(z, -C, C) ** 2) - (len(x) - 1) * E_PSI2)
 
     tau2 = brentq(residuals, 0.0, 1e3, xtol=1e-13)
-    found = pool(x.tolist(), np.sqrt(v).tolist())
+    found = pool_measurements(x.tolist(), np.sqrt(v).tolist())
     assert found.excess_sd == pytest.approx(math.sqrt(tau2), rel=1e-6)
     assert found.mean == pytest.approx(mean(tau2), abs=1e-8)
 
@@ -59,15 +59,15 @@ def test_the_order_does_not_matter_to_the_last_bit() -> None:
     pairs = [(17.31, 1.35), (17.52, 0.93), (38.61, 7.74), (30.56, 4.82), (13.16, 1.92)]
     found = set()
     for order in itertools.permutations(pairs):
-        pooled = pool([x for x, _ in order], [sd for _, sd in order])
+        pooled = pool_measurements([x for x, _ in order], [sd for _, sd in order])
         found.add((pooled.mean, pooled.sd, pooled.excess_sd))
     assert len(found) == 1
 
 
 def test_an_outlier_moves_the_mean_no_further_however_far_it_lies() -> None:
     rest, sd = [17.0, 17.5, 18.0, 17.2, 17.8, 18.3, 16.9], [1.0] * 8
-    clean = pool(rest, sd[:-1])
-    near, far = (pool([*rest, outlier], sd) for outlier in (60.0, 6000.0))
+    clean = pool_measurements(rest, sd[:-1])
+    near, far = (pool_measurements([*rest, outlier], sd) for outlier in (60.0, 6000.0))
     assert far.mean == pytest.approx(near.mean, abs=0.05)
     assert abs(far.mean - clean.mean) < clean.sd * 1.5
     assert abs(np.mean([*rest, 60.0]) - clean.mean) > 10 * clean.sd, "where the plain mean goes"
@@ -82,7 +82,7 @@ def test_the_stated_deviation_holds_over_simulated_sessions(excess: float, low: 
     for _ in range(400):
         sd = rng.uniform(0.7, 2.5, 8)
         x = 17.5 + rng.normal(0, np.hypot(sd, excess))
-        found = pool(x.tolist(), sd.tolist())
+        found = pool_measurements(x.tolist(), sd.tolist())
         z.append((found.mean - 17.5) / found.sd)
     assert low < np.mean(np.square(z)) < high
 
@@ -90,5 +90,5 @@ def test_the_stated_deviation_holds_over_simulated_sessions(excess: float, low: 
 @pytest.mark.parametrize(("values", "sds"), [([], []), ([1.0], []), ([1.0], [0.0]), ([1.0, 2.0], [1.0, -1.0])])
 def test_what_cannot_be_pooled_is_refused(values: list[float], sds: list[float]) -> None:
     with pytest.raises(InvalidInput) as refusal:
-        pool(values, sds)
+        pool_measurements(values, sds)
     assert refusal.value.code == "nothing-to-pool"

@@ -60,7 +60,7 @@ def load(path: Path) -> Trial:
     windows = measured_windows(recording, identify(list(recording.markers_m)).landmarks)
     wrench_at = partial(turned, recording, windows, heading(ahead))
     com = geometry(recording, path.parent)
-    com = com.turned(heading(ahead))
+    com = com.rotated_to(heading(ahead))
     latency = estimate_latency(com, wrench_at, mass_kg)
     return Trial(mass_kg, com, wrench_at(0.0), wrench_at(latency.latency_s), latency)
 

@@ -15,7 +15,7 @@ from stridelab.estimation.estimator import ComEstimate
 from stridelab.estimation.online_estimator import OnlineEstimator
 from stridelab.estimation.smoother import Smoother, SmootherPriors
 from stridelab.simulation.noise import PRESETS
-from stridelab.studies.estimator_study import StudyTrial, simulate
+from stridelab.studies.estimator_study import StudyTrial, simulate_trial
 
 GAITS = ("robot", "human")
 
@@ -50,7 +50,7 @@ def horizontal(errors: list[np.ndarray]) -> float:
 def test_horizontally_it_is_far_closer_than_the_filter_and_its_band_is_honest(gait: str, noise: str, share: float):
     ours, theirs, inside, lags_s = [], [], [], []
     for seed in range(2):
-        trial = simulate(gait, noise, seed)
+        trial = simulate_trial(gait, noise, seed)
         estimate = Smoother(priors=told(trial)).estimate(trial.geometric, trial.wrench, trial.mass_kg)
         filtered = ComplementaryFilter.thesis().estimate(trial.geometric, trial.wrench, trial.mass_kg)
         error = error_m(trial, estimate)
@@ -72,7 +72,7 @@ def test_horizontally_it_is_far_closer_than_the_filter_and_its_band_is_honest(ga
 def test_one_second_of_force_in_two():
     errors, bands = [], []
     for seed, start_s in enumerate((2.2, 3.4, 4.1)):
-        trial = simulate("human", "marker-like", seed).excerpt(start_s, start_s + 2.0, force_s=(0.5, 1.5))
+        trial = simulate_trial("human", "marker-like", seed).excerpt_between(start_s, start_s + 2.0, force_s=(0.5, 1.5))
         smoother = Smoother(priors=told(trial), beyond_window=True)
         estimate = smoother.estimate(trial.geometric, trial.wrench, trial.mass_kg)
         assert len(estimate.time_s) == 400
@@ -87,10 +87,10 @@ def test_one_second_of_force_in_two():
 
 def test_a_declared_bias_of_the_plates_is_in_the_band_and_an_undeclared_one_raises_a_flag():
     noise = replace(PRESETS["thesis"], plate_bias_n=5.0, plate_bias_nm=3.0)
-    seeds = [s for s in range(6) if biases_n(simulate("robot", noise, s)) > 5.0][:2]
+    seeds = [s for s in range(6) if biases_n(simulate_trial("robot", noise, s)) > 5.0][:2]
     assert len(seeds) == 2
     for seed in seeds:
-        trial = simulate("robot", noise, seed)
+        trial = simulate_trial("robot", noise, seed)
         declared = Smoother(priors=told(trial)).estimate(trial.geometric, trial.wrench, trial.mass_kg)
         assert (np.abs(error_m(trial, declared))[:, :2] < 1.96 * declared.sd_m[:, :2]).mean() > 0.9
         assert not declared.remarks
@@ -107,11 +107,11 @@ def biases_n(trial: StudyTrial) -> float:
 
 def test_a_window_in_which_no_foot_stands_alone_for_long_is_refused():
     """Half a second at a robot's cadence, around a double support."""
-    trial = simulate("robot", "marker-like", 0)
+    trial = simulate_trial("robot", "marker-like", 0)
     side = np.sign(trial.truth.moment_nm[:, 0] / trial.truth.force_n[:, 2] - trial.truth.com_m[:, 1])
     changes = np.flatnonzero(np.diff(side)) / 200
     at = float(changes[(changes > 3.0)][0])
-    trial = trial.excerpt(at - 1.0, at + 1.0, force_s=(0.75, 1.25))
+    trial = trial.excerpt_between(at - 1.0, at + 1.0, force_s=(0.75, 1.25))
     with pytest.raises(NotEstimable) as refused:
         Smoother().estimate(trial.geometric, trial.wrench, trial.mass_kg)
     assert refused.value.code == "no-single-support"
@@ -122,7 +122,7 @@ def test_a_window_in_which_no_foot_stands_alone_for_long_is_refused():
 
 
 def test_the_angular_momentum_of_the_segments_is_used_on_demand_and_missing_segments_are_said():
-    trial = simulate("human", "marker-like", 1).excerpt(3.0, 5.0, force_s=(0.5, 1.5))
+    trial = simulate_trial("human", "marker-like", 1).excerpt_between(3.0, 5.0, force_s=(0.5, 1.5))
     smoother = Smoother(priors=told(trial), segment_momentum=True)
     estimate = smoother.estimate(trial.geometric, trial.wrench, trial.mass_kg)
     plain = Smoother(priors=told(trial)).estimate(trial.geometric, trial.wrench, trial.mass_kg)
@@ -134,7 +134,7 @@ def test_the_angular_momentum_of_the_segments_is_used_on_demand_and_missing_segm
 
 
 def test_online_it_knows_only_the_past_and_is_still_closer_than_the_geometry():
-    trial = simulate("human", "thesis", 0)
+    trial = simulate_trial("human", "thesis", 0)
     priors = told(trial, step_hz=1 / trial.step_time_s)
     online = Smoother(priors=priors).causal(mass_kg=trial.mass_kg, table_sd_m=trial.geometric.sd_m)
     assert isinstance(online, OnlineEstimator)
@@ -152,7 +152,7 @@ def test_online_it_knows_only_the_past_and_is_still_closer_than_the_geometry():
 
 
 def test_running_is_followed_through_flight():
-    trial = simulate("running", "marker-like", 0)
+    trial = simulate_trial("running", "marker-like", 0)
     estimate = Smoother(priors=told(trial)).estimate(trial.geometric, trial.wrench, trial.mass_kg)
     error = error_m(trial, estimate)
     of_geometry = trial.geometric.com_m[: len(error)] - trial.truth.com_m[: len(error)]

@@ -87,7 +87,7 @@ def test_the_axes_of_the_laboratory_do_not_matter(walks: list[Walk]) -> None:
         track = wrench_at(latency_s)
         return replace(track, force_n=track.force_n @ R.T, moment_nm=track.moment_nm @ R.T)
 
-    here, there = (estimate_latency(g, w, 60.0) for g, w in ((geometric, wrench_at), (geometric.turned(R), turned)))
+    here, there = (estimate_latency(g, w, 60.0) for g, w in ((geometric, wrench_at), (geometric.rotated_to(R), turned)))
     assert there.latency_s == pytest.approx(here.latency_s, abs=1e-6)
     assert there.along.lag_s == pytest.approx(here.along.lag_s, abs=1e-6)
 
@@ -158,7 +158,7 @@ def load(path: Path) -> Trial:
     statics = sorted(path.parent.glob("*_ST.c3d"))
     static = read_recording(statics[0]) if statics else None
     geometric = SegmentModel().com(recording, landmarks, subject=recording.subject, static=static)
-    geometric = geometric.turned(R)
+    geometric = geometric.rotated_to(R)
     read = wrench_reader(recording, landmarks)
 
     def turned(latency_s: float) -> WrenchTrack:

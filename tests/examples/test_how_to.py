@@ -14,7 +14,7 @@ import pytest
 
 from stridelab.contacts.effector_geometry import effector_shapes
 from stridelab.contacts.scenarios import bundled, stairs
-from stridelab.contacts.validation.validate import check
+from stridelab.contacts.validation.validate import validate_scenario
 from stridelab.estimation.estimator import ComEstimator
 from stridelab.recordings import marker_sets
 from stridelab.recordings.recording import Window
@@ -36,7 +36,7 @@ def blocks(page: str) -> list[str]:
 
 def test_the_marker_set_is_read_and_recognised(monkeypatch: pytest.MonkeyPatch) -> None:
     (block,) = blocks("add-a-marker-set.md")
-    known = marker_sets.parse(tomllib.loads(block))
+    known = marker_sets.parse_marker_set(tomllib.loads(block))
     shipped = dict(marker_sets.marker_sets())
     assert known.name not in shipped
     monkeypatch.setattr(marker_sets, "marker_sets", lambda: shipped | {known.name: known})
@@ -50,7 +50,7 @@ def test_the_scenario_passes_the_judge() -> None:
     exec(builder, names)
     ((stem, build),) = eval(f"{{{line}}}", names).items()
     assert stem not in bundled.BUNDLED
-    report = check(build(), effector_shapes("talos"))
+    report = validate_scenario(build(), effector_shapes("talos"))
     assert report.faults == ()
     assert report.duration_s > 10.0
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from stridelab.robots.card import parse
+from stridelab.robots.card import parse_card
 from support.docs import http_contract
 from support.docs.book import PAGES, Block, blocks, commands, inline_code
 from support.docs.commands import check_command, check_synopsis, resolved
@@ -39,7 +39,7 @@ def check_toml(block: Block) -> list[str]:
     """A card of a robot is one that the loader reads."""
     table = tomllib.loads(block.text)
     if "effectors" in table:
-        parse("example", block.text.encode())
+        parse_card("example", block.text.encode())
     return []
 
 

@@ -8,7 +8,7 @@ import pytest
 import yaml
 
 from stridelab.service.api.app import create_app
-from stridelab.service.postgres.paths import MAJOR
+from stridelab.service.postgres.paths import MAJOR_VERSION
 from stridelab.service.settings import Settings
 from support.docs.compose import LAB, OBSERVED, OURS, ROOT, compose, megabytes
 
@@ -145,7 +145,7 @@ def test_the_proxy_lets_the_largest_upload_through_and_leaves_event_streams_alon
 
 
 def test_the_database_is_of_the_version_that_the_embedded_one_has() -> None:
-    assert ALL["services"]["postgres"]["image"] == f"postgres:{MAJOR}"
+    assert ALL["services"]["postgres"]["image"] == f"postgres:{MAJOR_VERSION}"
 
 
 def test_images_copy_what_there_is_and_end_without_root() -> None:

@@ -7,7 +7,7 @@ import yaml
 from prometheus_client.parser import text_string_to_metric_families
 
 from stridelab.service.api.app import create_app
-from stridelab.service.api.metrics import DEATHS, Counts, Histogram, exposition
+from stridelab.service.api.metrics import CRASH_REASONS, Counts, Histogram, prometheus_text
 from stridelab.service.settings import Settings
 from support.docs.compose import LAB, OBSERVED, ROOT, compose
 
@@ -19,8 +19,8 @@ DASHBOARD = json.loads((DEPLOY / "grafana" / "stridelab.json").read_text(encodin
 ONE = Histogram(("estimate-com", "succeeded"), (1,) * 11, 1.0)
 SOME = Counts(
     jobs=(("estimate-com", "running", 1),),
-    took=(ONE,),
-    waited=(Histogram(("estimate-com",), (1,) * 11, 1.0),),
+    durations=(ONE,),
+    waiting_times=(Histogram(("estimate-com",), (1,) * 11, 1.0),),
     failures=(("estimate-com", "computation-crashed", 1),),
     lost_starts=0,
     depth={"short": 0, "long": 0},
@@ -31,7 +31,9 @@ SOME = Counts(
     upload_bytes=1.0,
     database_bytes=1.0,
 )
-SAMPLES = [sample for family in text_string_to_metric_families(exposition(SOME).decode()) for sample in family.samples]
+SAMPLES = [
+    sample for family in text_string_to_metric_families(prometheus_text(SOME).decode()) for sample in family.samples
+]
 LABELS = {name: {label for s in SAMPLES if s.name == name for label in s.labels} for name in {s.name for s in SAMPLES}}
 STATES = {"queued", "running", "succeeded", "failed", "cancelled", "timed_out", "alive", "silent"}
 
@@ -49,7 +51,7 @@ def test_every_metric_and_label_that_is_asked_for_is_told() -> None:
             assert name in LABELS, f"{name} is told by nobody"
             for label, value in re.findall(r'([a-z_]+)\s*=~?\s*"([^"]*)"', selection):
                 assert label in LABELS[name], f"{name} has no label {label}"
-                assert value in STATES | set(DEATHS.values()), f"{label}={value}"
+                assert value in STATES | set(CRASH_REASONS.values()), f"{label}={value}"
         for grouped in re.findall(r"by \(([^)]*)\)", query):
             names = re.findall(r"\bstridelab_[a-z_]+", query)
             assert {label.strip() for label in grouped.split(",")} <= LABELS[names[0]], query
@@ -60,7 +62,7 @@ def test_every_metric_and_label_that_is_asked_for_is_told() -> None:
 
 def test_every_metric_is_explained() -> None:
     page = (ROOT / "docs" / "operations.md").read_text(encoding="utf-8")
-    families = {family.name for family in text_string_to_metric_families(exposition(SOME).decode())}
+    families = {family.name for family in text_string_to_metric_families(prometheus_text(SOME).decode())}
     listed = page.split("## What to watch")[1].split("Worth an alert")[0]
     assert families == set(re.findall(r"`(stridelab_[a-z_]+)`", listed))
 

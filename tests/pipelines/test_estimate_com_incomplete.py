@@ -52,7 +52,7 @@ def test_geometry_alone_needs_no_mass_and_invents_none(tmp_path: Path) -> None:
 
 def test_geometry_alone_needs_no_measured_window(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Of a window too short for the fused estimates it says nothing, and gives the whole recording."""
-    examined = com_inputs.examine
+    examined = com_inputs.examine_trial
 
     def brief(source: RecordingSource, folder: Path) -> Trial:
         return replace(examined(source, folder), windows=(Window(1.0, 1.2),))

@@ -34,9 +34,9 @@ def codes(choice: LatencyChoice) -> list[str]:
 @pytest.mark.parametrize("late_s", [0.018, -0.012])
 def test_a_significant_latency_is_taken_out_and_said(late_s: float) -> None:
     choice = chosen("apply", late_s)
-    assert choice.found is not None
-    assert choice.found.significant
-    assert choice.applied_s == choice.found.latency_s == pytest.approx(late_s, abs=0.002)
+    assert choice.trial_estimate is not None
+    assert choice.trial_estimate.significant
+    assert choice.applied_s == choice.trial_estimate.latency_s == pytest.approx(late_s, abs=0.002)
     (remark,) = choice.remarks
     assert remark.code == "latency-applied"
     assert ("later" if late_s > 0 else "earlier") in remark.message
@@ -47,7 +47,7 @@ def test_a_significant_latency_is_taken_out_and_said(late_s: float) -> None:
 @pytest.mark.parametrize("late_s", [0.0, 0.0015])
 def test_what_cannot_be_told_from_zero_is_left_alone_and_said(late_s: float) -> None:
     choice = chosen("apply", late_s)
-    assert choice.found is not None
+    assert choice.trial_estimate is not None
     assert choice.applied_s == 0.0
     assert codes(choice) == ["latency-not-significant"]
 
@@ -77,7 +77,7 @@ def test_clocks_that_cannot_be_compared_are_a_remark_never_a_refusal(wanted: str
         return replace(track, force_n=track.force_n + noise)
 
     choice = choose_latency(wanted, geometric, wrench_at, motion.mass_kg)  # type: ignore[arg-type]
-    assert choice.found is None
+    assert choice.trial_estimate is None
     assert choice.applied_s == applied_s
     assert codes(choice)[0] == "latency-unclear"
     assert ("latency-applied" in codes(choice)) == (applied_s != 0.0)

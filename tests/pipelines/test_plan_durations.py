@@ -8,13 +8,13 @@ import pyarrow.parquet as pq
 import pytest
 from pydantic import ValidationError
 
-from stridelab.centroidal.native.availability import Missing, availability
+from stridelab.centroidal.native.availability import NativeUnavailable, native_availability
 from stridelab.contacts.effector_geometry import effector_shapes
 from stridelab.contacts.scenario_io import sequence_of
-from stridelab.contacts.validation.validate import judge
+from stridelab.contacts.validation.validate import validate_and_build
 from stridelab.errors import NotEstimable
 from stridelab.pipelines import plan_problem
-from stridelab.pipelines.plan_problem import freedom
+from stridelab.pipelines.plan_problem import free_durations
 from stridelab.schemas.plans import PlanMotionSummary
 from stridelab.schemas.scenarios import Scenario
 from stridelab.service.kinds.plan_motion import run as plan_motion
@@ -53,7 +53,7 @@ def test_the_body_follows_the_chosen_durations_and_the_scenario_kept_is_lawful(t
     assert summary.replay is not None
     assert summary.replay.completed
     assert kept.model_copy(update={"phases": []}) == short_walk().model_copy(update={"phases": []})
-    report, _ = judge(kept.model_dump(mode="json"), effector_shapes(kept.robot))
+    report, _ = validate_and_build(kept.model_dump(mode="json"), effector_shapes(kept.robot))
     assert not report.faults
     ends_s = np.cumsum([phase.duration_s for phase in kept.phases])
     for table in ("centroidal", "motion"):
@@ -69,11 +69,11 @@ def test_the_body_follows_the_chosen_durations_and_the_scenario_kept_is_lawful(t
 def test_no_phase_becomes_shorter_than_a_scenario_may_have_it() -> None:
     hasty = changed(short_walk(), lambda body: body["phases"][2].__setitem__("duration_s", 0.06))
     sequence = sequence_of(hasty.model_dump(mode="json"), effector_shapes("talos"))
-    free = freedom(plan_task(hasty, free_durations=True).input, sequence)
+    free = free_durations(plan_task(hasty, free_durations=True).input, sequence)
     assert free is not None
     assert free.shortest == pytest.approx(0.05 / 0.06)
     assert free.longest == 1.4
-    assert freedom(plan_task(hasty).input, sequence) is None
+    assert free_durations(plan_task(hasty).input, sequence) is None
 
 
 @pytest.mark.parametrize(
@@ -101,7 +101,7 @@ def test_circular_cones_want_the_native_solver(tmp_path: Path, monkeypatch: pyte
     assert refused.value.faults[0].where == "free_durations"
 
 
-@pytest.mark.skipif(isinstance(availability(), Missing), reason="no native solver")
+@pytest.mark.skipif(isinstance(native_availability(), NativeUnavailable), reason="no native solver")
 def test_the_native_solver_chooses_them_in_circular_cones(tmp_path: Path) -> None:
     asked = plan_task(short_walk(), whole_body=False, free_durations=True, formulation="circular-cones")
     summary = PlanMotionSummary.model_validate(plan_motion.run(asked, tmp_path, quiet).summary)

@@ -10,7 +10,7 @@ from pydantic import ValidationError
 
 from stridelab.centroidal.contact_wrench import ContactWrench
 from stridelab.centroidal.control import Control
-from stridelab.centroidal.nlp.callbacks import Iterate, Tell
+from stridelab.centroidal.nlp.callbacks import Iterate, IterationCallback
 from stridelab.centroidal.nlp.solvers import DEFAULT_LIMITS, Limits
 from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.centroidal.point_forces import PYRAMIDS, CircularCones
@@ -65,7 +65,7 @@ def test_options_reach_the_solver(
     monkeypatch.setattr(plan_problem, "native_missing", lambda: missing)
     seen: list[Any] = []
 
-    def stopped(problem: CentroidalProblem, name: str, limits: Limits, *, tell: Tell) -> CentroidalPlan:
+    def stopped(problem: CentroidalProblem, name: str, limits: Limits, *, tell: IterationCallback) -> CentroidalPlan:
         seen.extend((problem.control, problem.node_rate_hz, name, limits.cpu_s))
         tell(Iterate(3, -1.25, 0.0021))
         raise NotEstimable("stopped", "far enough")
@@ -83,7 +83,7 @@ def test_hands_are_bounded_by_their_arms_unless_the_wrench_is_the_control(
 ) -> None:
     bounds: list[Any] = []
 
-    def stopped(problem: CentroidalProblem, *_: Any, tell: Tell) -> CentroidalPlan:
+    def stopped(problem: CentroidalProblem, *_: Any, tell: IterationCallback) -> CentroidalPlan:
         bounds.append(problem.bounds.normal_force_max_n)
         raise NotEstimable("stopped", "far enough")
 
@@ -128,7 +128,7 @@ def test_every_control_plans(tmp_path: Path, asked: dict[str, Any]) -> None:
     ],
 )
 def test_bodies_follow_splines_unless_something_else_is_asked_for(asked: dict[str, Any], shape: str) -> None:
-    assert plan_centroidal.shape_of(plan_task(**asked).input) == shape
+    assert plan_centroidal.force_shape(plan_task(**asked).input) == shape
 
 
 @pytest.mark.parametrize("asked", [None, "cubic"])

@@ -10,9 +10,9 @@ from support.command_line import Told
 def test_every_stage_has_its_share_and_its_name() -> None:
     told = Told()
     stages = Stages(told, {"check": 1.0, "whole body": 3.0})
-    with stages.at("check", "looking"):
+    with stages.run_stage("check", "looking"):
         pass
-    with stages.at("whole body", "0.0 of 24.0 s") as tell:
+    with stages.run_stage("whole body", "0.0 of 24.0 s") as tell:
         tell(0.5, "12.0 of 24.0 s")
         tell(1.0, "24.0 of 24.0 s")
     assert told.fractions == pytest.approx([0.0, 0.25, 0.625, 1.0])
@@ -24,16 +24,16 @@ def test_every_stage_has_its_share_and_its_name() -> None:
 def test_a_stage_that_overshoots_stays_in_its_part() -> None:
     told = Told()
     stages = Stages(told, {"a": 1.0, "b": 1.0})
-    with stages.at("a", "one") as tell:
+    with stages.run_stage("a", "one") as tell:
         tell(7.0, "too far")
-    with stages.at("b", "two"):
+    with stages.run_stage("b", "two"):
         pass
     assert told.fractions == pytest.approx([0.0, 0.5, 0.5])
 
 
 def test_an_error_keeps_its_class_and_code_and_names_the_stage() -> None:
     stages = Stages(Told(), {"centroidal": 1.0})
-    with pytest.raises(NotEstimable) as failure, stages.at("centroidal", "solving"):
+    with pytest.raises(NotEstimable) as failure, stages.run_stage("centroidal", "solving"):
         raise NotEstimable("plan-not-converged", "It did not converge.", [Fault("solver", "ipopt")])
     error = failure.value
     assert type(error) is NotEstimable
@@ -44,7 +44,7 @@ def test_an_error_keeps_its_class_and_code_and_names_the_stage() -> None:
 
 def test_a_subclass_is_kept_and_what_is_not_ours_goes_through() -> None:
     stages = Stages(Told(), {"check": 1.0})
-    with pytest.raises(InvalidInput), stages.at("check", "looking"):
+    with pytest.raises(InvalidInput), stages.run_stage("check", "looking"):
         raise InvalidInput("scenario-invalid", "No.")
-    with pytest.raises(ZeroDivisionError), stages.at("check", "looking"):
+    with pytest.raises(ZeroDivisionError), stages.run_stage("check", "looking"):
         raise ZeroDivisionError

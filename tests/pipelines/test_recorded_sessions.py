@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stridelab.estimation.random_effects import pool
-from stridelab.pipelines.session_values import TrialFacts, session_values, static_of
-from stridelab.pipelines.trial import examine
+from stridelab.estimation.random_effects import pool_measurements
+from stridelab.pipelines.session_values import TrialFacts, select_static_trial, session_values
+from stridelab.pipelines.trial import examine_trial
 from stridelab.recordings.marker_sets import identify
 from stridelab.recordings.reader import read_recording
 from stridelab.recordings.same_body import SAME_BODY_M, body_difference
@@ -20,7 +20,7 @@ from stridelab.schemas.recordings import RecordingFacts
 from stridelab.schemas.sessions import SessionValues
 from stridelab.schemas.tasks import EstimateComTask, RecordingSource
 from stridelab.service.kinds.estimate_com import run as estimate_com
-from stridelab.service.kinds.parse_upload import facts
+from stridelab.service.kinds.parse_upload import recording_facts
 from support.command_line import quiet
 
 CALIBRATED = ("2014001", "2014019", "2014025", "2014030", "2014050", "2015035")
@@ -33,7 +33,7 @@ Session = dict[str, RecordingFacts]
 def read(folder: Path) -> Session:
     found = {}
     for path in sorted(folder.glob("*.c3d")):
-        found[path.name] = facts(examine(RecordingSource(file=path.name, filename=path.name), folder))
+        found[path.name] = recording_facts(examine_trial(RecordingSource(file=path.name, filename=path.name), folder))
     return found
 
 
@@ -91,7 +91,7 @@ def test_the_slow_walks_take_the_clock_of_their_session(adults) -> None:  # type
     with_two = [*(one.clock for one in session.values() if one.clock is not None)]
     x = [*(one.latency_s for one in with_two), 0.0386, 0.0306]
     sd = [*(one.sd_s for one in with_two), 1.4 * 0.0055, 1.4 * 0.0034]
-    assert pool(x, sd).mean == pytest.approx(0.0177, abs=0.0012), "two slow walks do not move it"
+    assert pool_measurements(x, sd).mean == pytest.approx(0.0177, abs=0.0012), "two slow walks do not move it"
 
 
 def test_a_session_has_one_mass_from_which_no_trial_is_far(adults, children) -> None:  # type: ignore[no-untyped-def]
@@ -124,7 +124,7 @@ def test_every_walk_finds_its_static_trial(adults, children) -> None:  # type: i
         still = [name for name, found in session.items() if found.still]
         for name, found in session.items():
             if not found.still:
-                chosen = static_of(*members(session, name))
+                chosen = select_static_trial(*members(session, name))
                 assert chosen is not None
                 assert [chosen.recording_id] == still
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from stridelab.errors import InvalidInput, NotEstimable
-from stridelab.pipelines.estimate_com import estimator
+from stridelab.pipelines.estimate_com import build_estimator
 from stridelab.pipelines.requirements import require_marker_set, require_method, require_windows
 from stridelab.pipelines.trial import Trial
 from stridelab.recordings.marker_sets import identify
@@ -40,7 +40,7 @@ def trial(*plates: Plate, windows: tuple[Window, ...] = (), n_frames: int = 100)
 @pytest.mark.parametrize("method", METHODS)
 def test_every_method_of_the_contract_is_an_estimator_of_that_name(method: Method) -> None:
     assert require_method(method) == method
-    assert estimator(method, EstimateComInput(recording_id="any", method=method)).name == method
+    assert build_estimator(method, EstimateComInput(recording_id="any", method=method)).name == method
 
 
 def test_a_method_that_is_not_there_names_what_is() -> None:
@@ -108,11 +108,11 @@ def test_an_interval_that_the_recording_does_not_have_is_refused_with_its_length
 
 def test_errors_name_the_uploaded_file_not_its_copy(tmp_path: Path) -> None:
     from stridelab.errors import UnreadableFile
-    from stridelab.pipelines.trial import read
+    from stridelab.pipelines.trial import read_source
     from stridelab.schemas.tasks import RecordingSource
 
     (tmp_path / "trial").write_bytes(b"")
     with pytest.raises(UnreadableFile) as refusal:
-        read(RecordingSource(file="trial", filename="walk 03.c3d"), tmp_path)
+        read_source(RecordingSource(file="trial", filename="walk 03.c3d"), tmp_path)
     assert refusal.value.code == "empty-file"
     assert refusal.value.faults[0].where == "walk 03.c3d"

@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
-from stridelab.estimation.random_effects import pool
-from stridelab.pipelines.session_values import PLATES_SHARE, TrialFacts, session_values, static_of
+from stridelab.estimation.random_effects import pool_measurements
+from stridelab.pipelines.session_values import PLATE_WEIGHT_SD_SHARE, TrialFacts, select_static_trial, session_values
 from stridelab.schemas.recordings import TrialClock
 from support.service.stored_rows import CORNERS_M, facts
 
@@ -22,13 +22,13 @@ def test_latency_and_mass_are_pooled_over_all_trials_of_the_session() -> None:
     own, others = trial("a", 38.6, 7.7), [trial("b", 17.3, 1.3), trial("c", 17.5, 0.9, mass_from_force_kg=61.0)]
     found = session_values("s", own, others)
     assert found is not None
-    expected = pool([0.0386, 0.0173, 0.0175], [0.0077, 0.0013, 0.0009])
+    expected = pool_measurements([0.0386, 0.0173, 0.0175], [0.0077, 0.0013, 0.0009])
     assert found.latency_s == pytest.approx(expected.mean, rel=1e-12)
     assert found.latency_sd_s == pytest.approx(expected.sd, rel=1e-12)
     assert found.latency_n_trials == found.mass_n_trials == 3
-    weighed = pool([60.0, 60.0, 61.0], [0.6] * 3)
+    weighed = pool_measurements([60.0, 60.0, 61.0], [0.6] * 3)
     assert found.mass_kg == pytest.approx(weighed.mean)
-    assert found.mass_sd_kg == pytest.approx(math.hypot(weighed.sd, PLATES_SHARE * weighed.mean))
+    assert found.mass_sd_kg == pytest.approx(math.hypot(weighed.sd, PLATE_WEIGHT_SD_SHARE * weighed.mean))
     assert [one.recording_id for one in found.trials] == ["a", "b", "c"]
     assert sum(one.latency_weight or 0.0 for one in found.trials) == pytest.approx(1.0)
     assert found.trials[0].latency_weight == pytest.approx(expected.weights[0])
@@ -88,6 +88,6 @@ def test_the_static_trial_is_the_one_that_marks_most() -> None:
     many = trial("b", still=True, landmarks={"l_asis": "LASI", "r_asis": "RASI", "l_knee_medial": "LKNM"})
     walk = trial("c", landmarks=dict.fromkeys(("l_asis", "r_asis", "c7", "sacrum"), "X"))
     own = trial("d")
-    assert all(static_of(own, order) == many for order in permutations([few, many, walk]))
-    assert static_of(own, [walk]) is None
-    assert static_of(many, [trial("e", still=True, sha256="b")]) is None, "not itself"
+    assert all(select_static_trial(own, order) == many for order in permutations([few, many, walk]))
+    assert select_static_trial(own, [walk]) is None
+    assert select_static_trial(many, [trial("e", still=True, sha256="b")]) is None, "not itself"

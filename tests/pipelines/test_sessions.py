@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from stridelab.errors import InvalidInput
-from stridelab.pipelines.session_values import TrialFacts, session_values, static_of
-from stridelab.pipelines.trial import examine
+from stridelab.pipelines.session_values import TrialFacts, select_static_trial, session_values
+from stridelab.pipelines.trial import examine_trial
 from stridelab.recordings.files.c3d_writer import write_c3d
 from stridelab.recordings.marker_sets import identify
 from stridelab.recordings.recording import Recording, Subject
@@ -19,7 +19,7 @@ from stridelab.schemas.recordings import RecordingFacts
 from stridelab.schemas.sessions import SessionValues
 from stridelab.schemas.tasks import EstimateComTask, RecordingSource
 from stridelab.service.kinds.estimate_com import run as estimate_com
-from stridelab.service.kinds.parse_upload import facts
+from stridelab.service.kinds.parse_upload import recording_facts
 from stridelab.simulation.human.walker import HumanWalker
 from stridelab.simulation.human_recording import record
 from stridelab.simulation.noise import MeasurementNoise
@@ -49,7 +49,7 @@ class Made:
 
 def put(folder: Path, name: str, recording: Recording) -> RecordingFacts:
     write_c3d(folder / name, recording)
-    return facts(examine(RecordingSource(file=name, filename=name), folder))
+    return recording_facts(examine_trial(RecordingSource(file=name, filename=name), folder))
 
 
 @pytest.fixture(scope="module")
@@ -317,9 +317,9 @@ def test_a_static_trial_of_other_labels_is_said(whole: Recording, tmp_path: Path
 
 def test_the_session_finds_its_static_trial(session: Made, whole: Recording, tmp_path: Path) -> None:
     own, others = session.trials("walk0.c3d")
-    assert static_of(own, others) is None
+    assert select_static_trial(own, others) is None
     still = put(tmp_path, "static.c3d", standing(whole))
     assert still.still
-    found = static_of(own, [*others, TrialFacts("static.c3d", "static.c3d", "x", still)])
+    found = select_static_trial(own, [*others, TrialFacts("static.c3d", "static.c3d", "x", still)])
     assert found is not None
     assert found.recording_id == "static.c3d"

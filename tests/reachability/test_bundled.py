@@ -7,7 +7,7 @@ from scipy.stats import binom
 from stridelab.reachability.card import ReachabilityCard
 from stridelab.reachability.gaussian_mixture import Mixture
 from stridelab.reachability.learning.com_sampling import BLOCK, ComCloud, frame_of, sample_com
-from stridelab.reachability.learning.kl_divergence import divergences
+from stridelab.reachability.learning.kl_divergence import kl_divergences
 from stridelab.reachability.store import load_card, load_cloud, load_proxies, require_same_robot
 from stridelab.resources import models_dir
 from stridelab.robots.card import robot_names
@@ -80,7 +80,7 @@ def test_the_cloud_is_that_of_the_seed(card: ReachabilityCard, talos: Robot) -> 
 @pytest.mark.parametrize("name", EFFECTORS)
 def test_the_held_out_likelihood_is_that_of_new_postures(card: ReachabilityCard, fresh: ComCloud, name: str) -> None:
     effector = card.effectors[name]
-    log_p = effector.mixture().log_density(fresh.com_m[name])
+    log_p = effector.to_mixture().log_density(fresh.com_m[name])
     error = np.hypot(effector.held_out_log_likelihood_sd, log_p.std() / np.sqrt(len(log_p)))
     assert abs(log_p.mean() - effector.held_out_log_likelihood) < 4 * error
 
@@ -112,7 +112,7 @@ def test_the_share_of_free_postures_is_the_same(card: ReachabilityCard, fresh: C
 @pytest.mark.parametrize("name", EFFECTORS)
 def test_the_modes_are_maxima(card: ReachabilityCard, name: str) -> None:
     effector = card.effectors[name]
-    mixture, mode = effector.mixture(), np.array(effector.mode_m)
+    mixture, mode = effector.to_mixture(), np.array(effector.mode_m)
     assert np.abs(mixture.gradient(mode[None])).max() < 1e-6
     around = mode + 0.02 * np.random.default_rng(0).standard_normal((500, 3))
     assert mixture.log_density(around).max() < effector.mode_log_density
@@ -126,7 +126,7 @@ def test_left_and_right_mirror_each_other(part: str, bound_nats: float) -> None:
     left, right = proxies[f"left_{part}"].mixture, proxies[f"right_{part}"].mixture
     flip = np.diag([1.0, -1.0, 1.0])
     mirrored = Mixture(right.weights, right.means_m @ flip, flip @ right.covariances_m2 @ flip)
-    same, crossed = divergences(left, [mirrored, right], 4000, np.random.default_rng(0))
+    same, crossed = kl_divergences(left, [mirrored, right], 4000, np.random.default_rng(0))
     assert same.kl_nats < bound_nats
     if part == "foot":
         assert crossed.kl_nats > 5 * bound_nats

@@ -59,13 +59,13 @@ CARD = ReachabilityCard(
 @pytest.fixture
 def saved(tmp_path: Path) -> Path:
     path = tmp_path / "talos.json"
-    store.save(path, CARD)
+    store.save_card(path, CARD)
     return path
 
 
 def test_it_is_read_back_to_the_last_bit(saved: Path) -> None:
-    assert store.read(saved) == CARD
-    mixture = store.read(saved).effectors["left_foot"].mixture()
+    assert store.read_card(saved) == CARD
+    mixture = store.read_card(saved).effectors["left_foot"].to_mixture()
     assert (mixture.means_m == np.array(CARD.effectors["left_foot"].means)).all()
 
 
@@ -116,7 +116,7 @@ def test_damage_is_named_by_file_and_place(saved: Path, path: tuple[str | int, .
     _set(*path)(content, value)
     saved.write_text(json.dumps(content), encoding="utf-8")
     with pytest.raises(UnreadableFile) as refusal:
-        store.read(saved)
+        store.read_card(saved)
     assert refusal.value.code == "reachability-damaged"
     assert "talos.json" in refusal.value.message
     assert where in {fault.where for fault in refusal.value.faults}
@@ -127,7 +127,7 @@ def test_an_effector_without_components_is_refused(saved: Path) -> None:
     content["effectors"]["left_foot"] |= {"weights": [], "means": [], "covariances": [], "components": 0}
     saved.write_text(json.dumps(content), encoding="utf-8")
     with pytest.raises(UnreadableFile):
-        store.read(saved)
+        store.read_card(saved)
 
 
 @pytest.mark.parametrize("content", [b"", b"{", b"[]", b"null", b"\x93NUMPY\x01\x00", b"\xff\xfe{}"])
@@ -135,25 +135,25 @@ def test_what_is_no_card_at_all_is_refused(tmp_path: Path, content: bytes) -> No
     path = tmp_path / "broken.json"
     path.write_bytes(content)
     with pytest.raises(UnreadableFile) as refusal:
-        store.read(path)
+        store.read_card(path)
     assert "broken.json" in refusal.value.message
 
 
 def test_a_truncated_file_is_refused(saved: Path) -> None:
     saved.write_bytes(saved.read_bytes()[:-40])
     with pytest.raises(UnreadableFile):
-        store.read(saved)
+        store.read_card(saved)
 
 
 def test_a_file_that_is_not_there_is_refused(tmp_path: Path) -> None:
     with pytest.raises(UnreadableFile) as refusal:
-        store.read(tmp_path / "nothing.json")
+        store.read_card(tmp_path / "nothing.json")
     assert "nothing.json" in refusal.value.message
 
 
 def test_a_measure_that_is_none_is_refused_before_any_file_is_looked_for() -> None:
     with pytest.raises(InvalidInput) as refusal:
-        store._bundled("talos", "../talos/uniform", ".json")
+        store._bundled_path("talos", "../talos/uniform", ".json")
     assert refusal.value.code == "measure-unknown"
     assert "conditioned" in refusal.value.message
 

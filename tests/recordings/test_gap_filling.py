@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from stridelab.recordings.gap_filling import MAX_GAP_S, fill_short_gaps, mark_missing, runs
+from stridelab.recordings.gap_filling import MAX_GAP_S, fill_short_gaps, mark_missing, true_runs
 
 RATE = 100.0
 
@@ -28,8 +28,8 @@ def test_a_zero_in_one_coordinate_is_a_position() -> None:
 
 
 def test_runs_are_begin_and_end_of_what_holds() -> None:
-    assert runs(np.array([True, False, True, True])) == [(0, 1), (2, 4)]
-    assert runs(np.array([False])) == []
+    assert true_runs(np.array([True, False, True, True])) == [(0, 1), (2, 4)]
+    assert true_runs(np.array([False])) == []
 
 
 def test_short_gaps_are_filled_within_a_millimetre_and_reported() -> None:

@@ -2,7 +2,7 @@ import pytest
 
 from stridelab.errors import InvalidInput
 from stridelab.recordings import marker_sets
-from stridelab.recordings.marker_sets import identify, normalised
+from stridelab.recordings.marker_sets import identify, normalised_label
 
 LABELS = {
     "isb": """
@@ -59,7 +59,7 @@ def test_labels_match_whatever_their_dress(dressed):
 def test_the_first_of_two_equal_labels_counts():
     found = identify(["one:L_IAS", *ISB])
     assert found.landmarks["l_asis"] == "one:L_IAS"
-    assert normalised("one:L_IAS") == normalised("l ias")
+    assert normalised_label("one:L_IAS") == normalised_label("l ias")
 
 
 @pytest.mark.parametrize("labels", ["opencap", "opencap video"])
@@ -140,15 +140,15 @@ def test_a_marker_map_that_does_not_fit_names_every_fault():
 
 def test_a_set_file_with_a_landmark_that_does_not_exist_is_refused():
     base = {"name": "own", "title": "own", "required": ["c7"], "unpaired": {"c7": ["C7"]}}
-    assert marker_sets.parse(base).required == ("c7",)
+    assert marker_sets.parse_marker_set(base).required == ("c7",)
     with pytest.raises(InvalidInput, match="tail"):
-        marker_sets.parse(base | {"unpaired": {"c7": ["C7"], "tail": ["T"]}})
+        marker_sets.parse_marker_set(base | {"unpaired": {"c7": ["C7"], "tail": ["T"]}})
     with pytest.raises(InvalidInput, match="sacrum"):
-        marker_sets.parse(base | {"required": ["sacrum"]})
+        marker_sets.parse_marker_set(base | {"required": ["sacrum"]})
 
 
 def test_substitutes_refer_to_each_other_and_to_landmarks():
-    known = marker_sets.substitutes()
+    known = marker_sets.all_substitutes()
     for substitute in known.values():
         assert set(substitute.hidden_by) <= set(known)
         for entry in substitute.landmarks:

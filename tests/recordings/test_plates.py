@@ -208,7 +208,7 @@ def test_tare_ignores_a_light_brush() -> None:
     force[:, 2] = 5.0 + 600.0 * LOADED
     force[100:130, 2] += 30.0
     tare = find_tare(force, np.zeros((N, 3)), force[:, 2], None)
-    assert not tare.refused
+    assert not tare.never_unloaded
     assert tare.force_n[2] == pytest.approx(5.0)
 
 

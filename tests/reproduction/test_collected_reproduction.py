@@ -13,11 +13,11 @@ from stridelab.reproduction import result_cache
 from stridelab.reproduction.chapter2 import fig_2_5
 from stridelab.reproduction.claims import Claim, Reproduction
 from stridelab.reproduction.registry import ITEMS
-from stridelab.reproduction.report.formatting import cells, counted
-from stridelab.reproduction.report.html import report
-from stridelab.reproduction.report.markdown import page
-from stridelab.reproduction.result_cache import Kept
-from stridelab.reproduction.runner import PEOPLE, Recipe, Section, collect, recipes
+from stridelab.reproduction.report.formatting import count_verdicts, table_cells
+from stridelab.reproduction.report.html import render_html
+from stridelab.reproduction.report.markdown import render_markdown
+from stridelab.reproduction.result_cache import ResultCache
+from stridelab.reproduction.runner import PEOPLE, Recipe, Section, collect_sections, recipes_of
 
 BOOK = Path(__file__).parents[2] / "docs" / "reproduction.md"
 FOUND = Reproduction(
@@ -57,12 +57,13 @@ def silent(_fraction: float, _message: str) -> None:
 def test_what_is_kept_is_not_computed_again_and_comes_back_as_it_was(tmp_path: Path) -> None:
     run, told = Counting(), []
     first, again = (
-        list(collect([recipe("x", run)], Kept(tmp_path), lambda f, m: told.append((f, m)))) for _ in range(2)
+        list(collect_sections([recipe("x", run)], ResultCache(tmp_path), lambda f, m: told.append((f, m))))
+        for _ in range(2)
     )
     assert run.calls == 1
     assert told == [(0.0, "x: starting"), (0.5, "x: half")]
-    assert (first[0].found, again[0].failure) == (FOUND, "")
-    back = again[0].found
+    assert (first[0].result, again[0].failure) == (FOUND, "")
+    back = again[0].result
     assert back is not None
     assert (back.claims, back.note, back.drawing, back.references) == (
         FOUND.claims, FOUND.note, FOUND.drawing, FOUND.references,
@@ -71,8 +72,8 @@ def test_what_is_kept_is_not_computed_again_and_comes_back_as_it_was(tmp_path: P
     assert table["who"].tolist() == ["me", "you"]
     np.testing.assert_array_equal(table["error_m"], FOUND.tables["printed"]["error_m"])
     assert list(back.tables) == ["printed"], "only what is printed is kept"
-    list(collect([recipe("x", run, seeds=2)], Kept(tmp_path), silent))
-    list(collect([recipe("x", run)], Kept(tmp_path), silent, anew=True))
+    list(collect_sections([recipe("x", run, seeds=2)], ResultCache(tmp_path), silent))
+    list(collect_sections([recipe("x", run)], ResultCache(tmp_path), silent, recompute=True))
     assert run.calls == 3, "other draws, and what is asked for anew, are computed"
 
 
@@ -82,7 +83,7 @@ def test_other_code_computes_anew_and_replaces_what_the_old_one_found(
     run = Counting()
     for digest in ("one", "two"):
         monkeypatch.setattr("stridelab.reproduction.runner.digest_of", lambda _, digest=digest: digest)
-        list(collect([recipe("x", run)], Kept(tmp_path), silent))
+        list(collect_sections([recipe("x", run)], ResultCache(tmp_path), silent))
     assert run.calls == 2
     assert [path.name for path in tmp_path.iterdir()] == ["x-1-two.json"]
 
@@ -90,12 +91,12 @@ def test_other_code_computes_anew_and_replaces_what_the_old_one_found(
 def test_an_item_that_fails_is_told_and_the_others_go_on(tmp_path: Path) -> None:
     known, unknown, fine = Counting(NotEstimable("code", "No sole is there.")), Counting(KeyError("hips")), Counting()
     wanted = [recipe("known", known), recipe("unknown", unknown), recipe("fine", fine)]
-    sections = list(collect(wanted, Kept(tmp_path), silent))
+    sections = list(collect_sections(wanted, ResultCache(tmp_path), silent))
     assert [section.failure for section in sections] == ["No sole is there.", "KeyError: 'hips'", ""]
-    assert [section.found is None for section in sections] == [True, True, False]
+    assert [section.result is None for section in sections] == [True, True, False]
     assert [path.name[:5] for path in tmp_path.iterdir()] == ["fine-"], "nothing is kept of what failed"
-    again = list(collect(wanted, Kept(tmp_path), silent))
-    assert all(section.found for section in again)
+    again = list(collect_sections(wanted, ResultCache(tmp_path), silent))
+    assert all(section.result for section in again)
     assert (known.calls, unknown.calls, fine.calls) == (2, 2, 1)
 
 
@@ -103,8 +104,8 @@ def test_an_interrupted_run_goes_on_where_it_stopped(tmp_path: Path) -> None:
     done, stopped = Counting(), Counting(KeyboardInterrupt())
     wanted = [recipe("done", done), recipe("stopped", stopped)]
     with pytest.raises(KeyboardInterrupt):
-        list(collect(wanted, Kept(tmp_path), silent))
-    assert all(section.found for section in collect(wanted, Kept(tmp_path), silent))
+        list(collect_sections(wanted, ResultCache(tmp_path), silent))
+    assert all(section.result for section in collect_sections(wanted, ResultCache(tmp_path), silent))
     assert (done.calls, stopped.calls) == (1, 2)
     assert not list(tmp_path.glob(".part-*"))
 
@@ -123,7 +124,7 @@ def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
 
 
 def _forget() -> None:
-    for cached in (result_cache._source, result_cache._imports, result_cache._of_data):
+    for cached in (result_cache._module_source, result_cache._direct_imports, result_cache._data_digest):
         cached.cache_clear()
 
 
@@ -133,7 +134,7 @@ def test_a_digest_follows_the_imports_and_nothing_else(package: Path) -> None:
         return result_cache.digest_of("stridelab.item")
 
     before = now()
-    assert result_cache.led_to("stridelab.item") == {"stridelab.item", "stridelab.wing.helper"}
+    assert result_cache.transitive_imports("stridelab.item") == {"stridelab.item", "stridelab.wing.helper"}
     (package / "apart.py").write_text("x = 2\n")
     assert now() == before
     (package / "wing" / "helper.py").write_text("import numpy\n")
@@ -141,7 +142,7 @@ def test_a_digest_follows_the_imports_and_nothing_else(package: Path) -> None:
 
 
 def test_a_figure_leads_to_the_formulas_behind_it() -> None:
-    led = result_cache.led_to(fig_2_5.__name__)
+    led = result_cache.transitive_imports(fig_2_5.__name__)
     assert "stridelab.estimation.complementary.transfer_functions" in led
     assert not any(name.startswith("stridelab.service") for name in led)
     assert "stridelab.reproduction.registry" not in led, "a new item would make all old ones stale"
@@ -170,7 +171,7 @@ SECTIONS = (
 
 
 def test_the_report_is_one_file_with_every_item_and_its_verdicts() -> None:
-    text = report(SECTIONS, "Computed by hand.")
+    text = render_html(SECTIONS, "Computed by hand.")
     outline = Outline(text)
     assert outline.ids == ["x", "y"]
     assert outline.links == ["#x", "#y"]
@@ -194,7 +195,7 @@ def test_the_report_is_one_file_with_every_item_and_its_verdicts() -> None:
 
 
 def test_the_page_of_the_book_has_the_same_numbers() -> None:
-    text = page("# Head\n", SECTIONS)
+    text = render_markdown("# Head\n", SECTIONS)
     assert text.startswith("# Head\n\n## x: Title of x\n\nWhat it means & more.\n")
     assert "| one <claim> | 0.25 m | 12.5 mm | met |" in text
     assert "| another | about the same | 1500 N | thesis in error |" in text
@@ -205,20 +206,22 @@ def test_the_page_of_the_book_has_the_same_numbers() -> None:
 
 
 def test_verdicts_are_counted_from_what_weighs_most() -> None:
-    assert counted(FOUND.claims) == {"not_met": 0, "thesis_in_error": 1, "met": 1, "beaten": 0}
+    assert count_verdicts(FOUND.claims) == {"not_met": 0, "thesis_in_error": 1, "met": 1, "beaten": 0}
 
 
 def test_the_end_of_a_columns_name_is_its_unit() -> None:
     one = np.array([1.5])
-    heads, rows = cells({"rms_x_m": one, "lag_y_s": one, "speed_m_s": one, "jerk_m_s2": one, "draws": one.astype(int)})
+    heads, rows = table_cells(
+        {"rms_x_m": one, "lag_y_s": one, "speed_m_s": one, "jerk_m_s2": one, "draws": one.astype(int)}
+    )
     assert heads == ["rms x mm", "lag y ms", "speed m/s", "jerk m/s²", "draws"]
     assert rows == [("1500", "1500", "1.5", "1.5", "1")]
 
 
 def test_recordings_of_people_are_an_item_where_they_are(tmp_path: Path) -> None:
-    assert [each.name for each in recipes(ITEMS, None, None)] == list(ITEMS)
-    assert [each.name for each in recipes(["fig-2.5"], 3, tmp_path)] == ["fig-2.5", *PEOPLE]
-    assert recipes(["fig-2.7"], None, None)[0].seeds == ITEMS["fig-2.7"].default_seeds
+    assert [each.name for each in recipes_of(ITEMS, None, None)] == list(ITEMS)
+    assert [each.name for each in recipes_of(["fig-2.5"], 3, tmp_path)] == ["fig-2.5", *PEOPLE]
+    assert recipes_of(["fig-2.7"], None, None)[0].seeds == ITEMS["fig-2.7"].default_seeds
 
 
 def test_the_book_misses_no_item() -> None:

@@ -10,16 +10,16 @@ import pytest
 
 from stridelab.errors import InvalidInput, NotFound
 from stridelab.reproduction import claims as kinds
-from stridelab.reproduction.chapter2.table_coverage import SCENARIOS, off_by
-from stridelab.reproduction.chapter2.table_partial_force import masked
+from stridelab.reproduction.chapter2.table_coverage import SCENARIOS, with_force_bias
+from stridelab.reproduction.chapter2.table_partial_force import excerpt_with_single_support
 from stridelab.reproduction.claims import Claim, Reproduction
 from stridelab.reproduction.common.estimator_errors import GAITS
 from stridelab.reproduction.common.estimators import NAMES
-from stridelab.reproduction.registry import ITEMS, reproduce
-from stridelab.reproduction.report.svg_plots import PALETTE, Bars, Curve, Panel, svg
+from stridelab.reproduction.registry import ITEMS, reproduce_item
+from stridelab.reproduction.report.svg_plots import PALETTE, Bars, Curve, Panel, render_svg
 from stridelab.schemas.reproduction import ReproductionItem
 from stridelab.schemas.reproduction import Verdict as ContractVerdict
-from stridelab.studies.estimator_study import simulate
+from stridelab.studies.estimator_study import simulate_trial
 
 SVG = "{http://www.w3.org/2000/svg}"
 
@@ -28,7 +28,7 @@ class Found(dict[str, Reproduction]):
     """Every item is computed by the first test that asks for it: all of them are minutes of work."""
 
     def __missing__(self, name: str) -> Reproduction:
-        self[name] = reproduce(name, 1, lambda _fraction, _message: None)
+        self[name] = reproduce_item(name, 1, lambda _fraction, _message: None)
         return self[name]
 
 
@@ -131,8 +131,8 @@ def test_an_undeclared_bias_is_noticed_and_none_is_invented(found: Mapping[str, 
 
 def test_a_bias_of_the_force_acts_at_the_plate() -> None:
     """Exactly 5 N, and no moment about the centre of pressure, where the plate is."""
-    trial = simulate("robot", "none", 0)
-    wrong = off_by(trial, np.array([0.6, 0.8, 0.0]))
+    trial = simulate_trial("robot", "none", 0)
+    wrong = with_force_bias(trial, np.array([0.6, 0.8, 0.0]))
     extra_n = wrong.wrench.force_n - trial.wrench.force_n
     extra_nm = wrong.wrench.moment_nm - trial.wrench.moment_nm
     assert np.linalg.norm(extra_n, axis=1) == pytest.approx(np.full(len(extra_n), 5.0))
@@ -152,7 +152,7 @@ def test_one_second_of_force_takes_most_of_the_error_away(found: Mapping[str, Re
 
 
 def test_a_masked_second_holds_a_full_single_support_and_only_it_has_force() -> None:
-    trial, _ = masked("robot", "marker-like", 1)
+    trial, _ = excerpt_with_single_support("robot", "marker-like", 1)
     t, seen = trial.truth.time_s, trial.wrench.complete
     assert t[seen].min() == pytest.approx(0.5)
     assert t[seen].max() == pytest.approx(1.5)
@@ -199,27 +199,27 @@ def test_the_verdict_is_that_of_the_worst_claim() -> None:
     assert verdict("met", "beaten") == "met"
     assert verdict("met", "thesis_in_error") == "thesis_in_error"
     assert verdict("thesis_in_error", "not_met", "beaten") == "not_met"
-    assert kinds.aimed("k", "says", 0.93, "1", at_least=0.92, at_most=0.99).verdict == "beaten"
+    assert kinds.target_claim("k", "says", 0.93, "1", at_least=0.92, at_most=0.99).verdict == "beaten"
     for outside in (0.91, 1.0, float("nan")):
-        assert kinds.aimed("k", "says", outside, "1", at_least=0.92, at_most=0.99).verdict == "not_met"
-    assert kinds.aimed("k", "says", 0.003, "m", at_most=0.004).thesis == "aim ≤ 4 mm"
-    assert kinds.aimed("k", "says", 1.0, "1", at_least=0.95).thesis == "aim ≥ 0.95"
-    assert kinds.aimed("k", "says", 0.95, "1", at_least=0.92, at_most=0.99).thesis == "aim 0.92 to 0.99"
-    assert kinds.judged(1.0, at_most=0.9) == kinds.judged(0.8, at_least=0.9) == "not_met"
+        assert kinds.target_claim("k", "says", outside, "1", at_least=0.92, at_most=0.99).verdict == "not_met"
+    assert kinds.target_claim("k", "says", 0.003, "m", at_most=0.004).thesis == "aim ≤ 4 mm"
+    assert kinds.target_claim("k", "says", 1.0, "1", at_least=0.95).thesis == "aim ≥ 0.95"
+    assert kinds.target_claim("k", "says", 0.95, "1", at_least=0.92, at_most=0.99).thesis == "aim 0.92 to 0.99"
+    assert kinds.bound_verdict(1.0, at_most=0.9) == kinds.bound_verdict(0.8, at_least=0.9) == "not_met"
 
 
 def test_unknown_items_and_numbers_of_seeds_are_refused() -> None:
     with pytest.raises(NotFound):
-        reproduce("fig-9.9", 1, lambda _fraction, _message: None)
+        reproduce_item("fig-9.9", 1, lambda _fraction, _message: None)
     for seeds in (0, 201):
         with pytest.raises(InvalidInput):
-            reproduce("fig-2.5", seeds, lambda _fraction, _message: None)
+            reproduce_item("fig-2.5", seeds, lambda _fraction, _message: None)
 
 
 def test_a_drawing_keeps_to_its_scale_and_its_gaps() -> None:
     x = np.geomspace(0.1, 10.0, 5)
     y = np.array([1.0, 10.0, np.nan, 1000.0, 10000.0])
-    text = svg([Panel("a < b & c", "Hz", "m", [Curve(x, y, "one")], log_x=True, log_y=True)])
+    text = render_svg([Panel("a < b & c", "Hz", "m", [Curve(x, y, "one")], log_x=True, log_y=True)])
     root = ElementTree.fromstring(text)
     runs = [line.get("points") or "" for line in root.findall(f".//{SVG}polyline")]
     assert len(runs) == 2, "a gap interrupts the line"
@@ -232,7 +232,9 @@ def test_a_drawing_keeps_to_its_scale_and_its_gaps() -> None:
 
 
 def test_bars_are_as_long_as_their_numbers() -> None:
-    root = ElementTree.fromstring(svg([Bars("a & b", "mm", [("one", 2.0), ("two", -1.0), ("none", float("nan"))])]))
+    root = ElementTree.fromstring(
+        render_svg([Bars("a & b", "mm", [("one", 2.0), ("two", -1.0), ("none", float("nan"))])])
+    )
     bars = root.findall(f".//{SVG}rect[@fill='{PALETTE[0]}']")
     one, two, none = (float(bar.get("width") or "") for bar in bars)
     assert one == pytest.approx(2.0 * two, abs=0.2)

@@ -5,14 +5,14 @@ import pytest
 
 from stridelab.reproduction.claims import Claim, Reproduction
 from stridelab.reproduction.common.simulated_steps import SPEED_M_S, simulated_steps, true_steps
-from stridelab.reproduction.registry import reproduce
+from stridelab.reproduction.registry import reproduce_item
 
 FIGURES = ("fig-3.4", "fig-3.5", "fig-3.10")
 
 
 @pytest.fixture(scope="module")
 def found() -> dict[str, Reproduction]:
-    return {name: reproduce(name, 1, lambda _fraction, _message: None) for name in FIGURES}
+    return {name: reproduce_item(name, 1, lambda _fraction, _message: None) for name in FIGURES}
 
 
 def claim(result: Reproduction, key: str) -> Claim:

@@ -11,15 +11,15 @@ from stridelab.contacts.terrain import Terrain
 from stridelab.errors import InvalidInput, StridelabError, Unavailable
 from stridelab.robots import data_files as places
 from stridelab.robots import loader
-from stridelab.robots.assembly import assemble
-from stridelab.robots.card import card_bytes, parse
+from stridelab.robots.assembly import assemble_robot
+from stridelab.robots.card import card_bytes, parse_card
 from stridelab.robots.data_files import data_files
 from stridelab.robots.inertias import read_link
 from stridelab.robots.loader import load_robot
 from stridelab.wholebody.replay.mujoco_model import build_simulation
 
 CARD = card_bytes("hrp2").decode()
-FILES = data_files(parse("hrp2", CARD.encode()))
+FILES = data_files(parse_card("hrp2", CARD.encode()))
 URDF = FILES.urdf.read_text(encoding="utf-8")
 URDF_LIMITS = {
     joint.attrib["name"]: {"velocity_rad_s": float(limit["velocity"]), "torque_nm": float(limit["effort"])}
@@ -42,9 +42,9 @@ def shelf(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def refusal(shelf: Path, *, urdf: str = URDF, card: str = CARD) -> StridelabError:
     assert (urdf, card) != (URDF, CARD), "nothing was changed"
     (shelf / "hrp2" / "hrp2.urdf").write_text(urdf)
-    parsed = parse("hrp2", card.encode())
+    parsed = parse_card("hrp2", card.encode())
     with pytest.raises(StridelabError) as caught:
-        assemble("hrp2", parsed, data_files(parsed))
+        assemble_robot("hrp2", parsed, data_files(parsed))
     return caught.value
 
 
@@ -126,8 +126,8 @@ def test_what_no_body_and_no_joint_can_be(shelf: Path, urdf: str, where: str, wh
 def test_point_masses_and_frames_are_links_too(shelf: Path, more: str) -> None:
     """The description of TALOS has both; they hang on a link with an inertia of its own."""
     (shelf / "hrp2" / "hrp2.urdf").write_text(more)
-    card = parse("hrp2", CARD.encode())
-    robot = assemble("hrp2", card, data_files(card))
+    card = parse_card("hrp2", CARD.encode())
+    robot = assemble_robot("hrp2", card, data_files(card))
     build_simulation(robot, Terrain(()), 0.7, tuple(robot.effectors))
 
 
@@ -142,8 +142,8 @@ def test_point_masses_and_frames_are_links_too(shelf: Path, more: str) -> None:
 )
 def test_what_is_just_accepted_is_accepted_by_the_simulator_as_it_stands(shelf: Path, urdf: str) -> None:
     (shelf / "hrp2" / "hrp2.urdf").write_text(urdf)
-    card = parse("hrp2", CARD.encode())
-    robot = assemble("hrp2", card, data_files(card))
+    card = parse_card("hrp2", CARD.encode())
+    robot = assemble_robot("hrp2", card, data_files(card))
     simulated = build_simulation(robot, Terrain(()), 0.7, tuple(robot.effectors)).model
     for element in ET.fromstring(urdf).iter("link"):
         stated = read_link(element)
@@ -155,8 +155,8 @@ def test_what_is_just_accepted_is_accepted_by_the_simulator_as_it_stands(shelf: 
 def test_an_inertia_of_no_body_can_be_accepted_by_name(shelf: Path) -> None:
     flat = in_link("LARM_LINK2", "<inertia .*?>", '<inertia ixx="1e-3" ixy="0" ixz="0" iyy="1e-3" iyz="0" izz="1e-2"/>')
     assert refusal(shelf, urdf=flat).code == "robot-description-invalid"
-    accepting = parse("hrp2", f'accepted_inertias = ["LARM_LINK2"]\n{CARD}'.encode())
-    robot = assemble("hrp2", accepting, data_files(accepting))
+    accepting = parse_card("hrp2", f'accepted_inertias = ["LARM_LINK2"]\n{CARD}'.encode())
+    robot = assemble_robot("hrp2", accepting, data_files(accepting))
     build_simulation(robot, Terrain(()), 0.7, tuple(robot.effectors))
     assert refusal(shelf, card=f'accepted_inertias = ["LARM_LINK9"]\n{CARD}').code == "robot-card-invalid"
 
@@ -169,8 +169,8 @@ def test_limits_of_the_card_replace_those_of_the_description(shelf: Path, table:
     """Lower ones and higher ones, and of the joints that the card names alone."""
     before = load_robot("hrp2")
     text = re.sub(r"\[limits\.torque_nm\]\n(.+\n)+", "", CARD) + f'\n[limits.{table}]\n"[LR]LEG_JOINT3" = {limit}\n'
-    card = parse("hrp2", text.encode())
-    robot = assemble("hrp2", card, data_files(card))
+    card = parse_card("hrp2", text.encode())
+    robot = assemble_robot("hrp2", card, data_files(card))
     for name in robot.joint_names:
         joint = robot.model.joints[robot.model.getJointId(name)].idx_v
         knee = name.endswith("LEG_JOINT3")
@@ -182,8 +182,8 @@ def test_limits_of_the_card_replace_those_of_the_description(shelf: Path, table:
 
 
 def test_ranges_of_the_card_replace_those_of_the_description(shelf: Path) -> None:
-    card = parse("hrp2", (CARD + '\n[limits.position_rad]\n"[LR]LEG_JOINT3" = [0.1, 1.5]\n').encode())
-    robot = assemble("hrp2", card, data_files(card))
+    card = parse_card("hrp2", (CARD + '\n[limits.position_rad]\n"[LR]LEG_JOINT3" = [0.1, 1.5]\n').encode())
+    robot = assemble_robot("hrp2", card, data_files(card))
     for side in "LR":
         joint = robot.model.joints[robot.model.getJointId(f"{side}LEG_JOINT3")].idx_q
         assert (robot.model.lowerPositionLimit[joint], robot.model.upperPositionLimit[joint]) == (0.1, 1.5)
@@ -248,8 +248,8 @@ def test_a_mesh_that_is_there_is_found(shelf: Path) -> None:
     faces = ("1 2 4 3", "5 7 8 6", "1 5 6 2", "3 4 8 7", "1 3 7 5", "2 6 8 4")
     (shelf / "hrp2" / "cube.obj").write_text(corners + "\n" + "\n".join(f"f {face}" for face in faces) + "\n")
     (shelf / "hrp2" / "hrp2.urdf").write_text(cube)
-    card = parse("hrp2", CARD.encode())
-    robot = assemble("hrp2", card, data_files(card))
+    card = parse_card("hrp2", CARD.encode())
+    robot = assemble_robot("hrp2", card, data_files(card))
     assert np.isfinite(robot.q_reference).all()
 
 

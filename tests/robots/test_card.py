@@ -8,8 +8,8 @@ import pytest
 
 from stridelab.errors import InvalidInput, NotFound, Unavailable
 from stridelab.robots import card as cards
-from stridelab.robots.assembly import assemble
-from stridelab.robots.card import DataCard, card_bytes, parse, robot_card, robot_names
+from stridelab.robots.assembly import assemble_robot
+from stridelab.robots.card import DataCard, card_bytes, parse_card, robot_card, robot_names
 from stridelab.robots.data_files import data_files
 from stridelab.robots.loader import load_robot
 
@@ -23,7 +23,7 @@ def edited(old: str, new: str) -> bytes:
 
 def faults(text: bytes) -> list[str]:
     with pytest.raises(InvalidInput) as caught:
-        parse("talos", text)
+        parse_card("talos", text)
     assert caught.value.code == "robot-card-invalid"
     assert all(fault.where in caught.value.message for fault in caught.value.faults)
     return [fault.where for fault in caught.value.faults]
@@ -120,9 +120,9 @@ def test_a_robot_without_feet_is_refused() -> None:
 )
 def test_what_the_description_does_not_know_is_named(old: str, new: str, where: str) -> None:
     text = edited(old, new)
-    card = parse("talos", text)
+    card = parse_card("talos", text)
     with pytest.raises(InvalidInput) as caught:
-        assemble("talos", card, data_files(card))
+        assemble_robot("talos", card, data_files(card))
     assert {fault.where for fault in caught.value.faults} == {where}
 
 

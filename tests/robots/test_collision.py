@@ -26,39 +26,39 @@ def posed(robot: Robot, **angles_rad: float) -> np.ndarray:
 
 
 def test_the_reference_posture_is_free(talos: Robot) -> None:
-    assert not SelfCollision.of(talos).found(talos.q_reference)
-    assert SelfCollision.of(talos).pairs(talos.q_reference) == ()
+    assert not SelfCollision.for_robot(talos).any_collision(talos.q_reference)
+    assert SelfCollision.for_robot(talos).colliding_links(talos.q_reference) == ()
 
 
 def test_crossed_legs_touch(talos: Robot) -> None:
     """Both hips swing the legs inwards by 30 degrees: the shanks cannot both be there."""
     q = posed(talos, leg_left_2_joint=-0.52, leg_right_2_joint=0.52)
-    assert SelfCollision.of(talos).found(q)
-    pairs = {frozenset(pair) for pair in SelfCollision.of(talos).pairs(q)}
+    assert SelfCollision.for_robot(talos).any_collision(q)
+    pairs = {frozenset(pair) for pair in SelfCollision.for_robot(talos).colliding_links(q)}
     assert any(a.startswith("leg_left") and b.startswith("leg_right") for a, b in map(sorted, pairs))
     assert all(not pair & {"arm_left_4_link", "head_2_link"} for pair in pairs)
 
 
 def test_a_forearm_in_the_chest_is_named(talos: Robot) -> None:
     q = posed(talos, arm_left_1_joint=-1.5, arm_left_2_joint=0.0, arm_left_4_joint=-2.3)
-    assert ("torso_2_link", "arm_left_4_link") in SelfCollision.of(talos).pairs(q)
+    assert ("torso_2_link", "arm_left_4_link") in SelfCollision.for_robot(talos).colliding_links(q)
 
 
 def test_where_the_base_is_does_not_matter(talos: Robot) -> None:
     q = posed(talos, leg_left_2_joint=-0.52, leg_right_2_joint=0.52)
     moved = q.copy()
     moved[:7] = [3.0, -2.0, 7.0, *pin.Quaternion(pin.rpy.rpyToMatrix(1.0, 0.5, -2.0)).coeffs()]
-    assert SelfCollision.of(talos).pairs(moved) == SelfCollision.of(talos).pairs(q)
+    assert SelfCollision.for_robot(talos).colliding_links(moved) == SelfCollision.for_robot(talos).colliding_links(q)
 
 
 def test_the_first_hit_and_all_pairs_agree(talos: Robot) -> None:
-    check, rng = SelfCollision.of(talos), np.random.default_rng(5)
+    check, rng = SelfCollision.for_robot(talos), np.random.default_rng(5)
     verdicts = []
     for _ in range(200):
         q = talos.q_reference.copy()
         q[7:] = rng.uniform(talos.model.lowerPositionLimit[7:], talos.model.upperPositionLimit[7:])
-        verdicts.append(check.found(q))
-        assert verdicts[-1] == bool(check.pairs(q))
+        verdicts.append(check.any_collision(q))
+        assert verdicts[-1] == bool(check.colliding_links(q))
     assert 0.5 < np.mean(verdicts) < 0.8, "about two thirds of the uniform configurations collide"
 
 
@@ -71,7 +71,7 @@ def test_hulls_judge_like_the_meshes_of_the_whole_robot(talos: Robot) -> None:
     assert (meshes.ngeoms, len(meshes.collisionPairs)) == (52, 887)
     kept = {part.name for part in talos.collision.geometryObjects}
     names = [part.name for part in meshes.geometryObjects]
-    data, buffers, check = full.createData(), meshes.createData(), SelfCollision.of(talos)
+    data, buffers, check = full.createData(), meshes.createData(), SelfCollision.for_robot(talos)
     where = [full.joints[full.getJointId(joint)].idx_q for joint in talos.joint_names]
     rng, n, left_out, overlooked, false_alarms = np.random.default_rng(11), 600, 0, 0, 0
     for _ in range(n):
@@ -80,7 +80,7 @@ def test_hulls_judge_like_the_meshes_of_the_whole_robot(talos: Robot) -> None:
         q_full = urdf.full_configuration(talos, full)
         q_full[where] = q[7:]
         truth = pin.computeCollisions(full, data, meshes, buffers, q_full, False)
-        found = check.found(q)
+        found = check.any_collision(q)
         false_alarms += found and not truth
         if truth and not found:
             touching = zip(meshes.collisionPairs, buffers.collisionResults, strict=True)

@@ -9,7 +9,7 @@ import pytest
 from scipy.stats import kstest
 
 from stridelab.errors import NotEstimable
-from stridelab.robots.configuration_sampling import PATIENCE, uniform_configurations
+from stridelab.robots.configuration_sampling import MAX_REJECTIONS, uniform_configurations
 from stridelab.robots.loader import load_robot
 from stridelab.robots.robot import Robot
 from stridelab.robots.self_collision import SelfCollision
@@ -41,7 +41,7 @@ def test_the_base_stays_in_the_reference_posture(talos: Robot, drawn: tuple[np.n
 
 
 def test_they_are_free_of_self_collision(talos: Robot, drawn: tuple[np.ndarray, int]) -> None:
-    assert not any(SelfCollision.of(talos).found(q) for q in drawn[0][::10])
+    assert not any(SelfCollision.for_robot(talos).any_collision(q) for q in drawn[0][::10])
 
 
 def test_the_rejected_ones_are_counted(drawn: tuple[np.ndarray, int]) -> None:
@@ -81,4 +81,4 @@ def test_a_robot_that_always_touches_itself_is_given_up(talos: Robot) -> None:
     stream = uniform_configurations(replace(talos, collision=collision), np.random.default_rng(0))
     with pytest.raises(NotEstimable) as caught:
         next(stream)
-    assert (caught.value.code, stream.tried) == ("no-free-configuration", PATIENCE)
+    assert (caught.value.code, stream.tried) == ("no-free-configuration", MAX_REJECTIONS)

@@ -4,7 +4,7 @@ import numpy as np
 import pinocchio as pin
 
 from stridelab.dynamics.spatial import Placement
-from stridelab.robots.contact_frames import se3, with_contact_frames
+from stridelab.robots.contact_frames import to_se3, with_contact_frames
 from stridelab.robots.loader import load_robot
 
 
@@ -29,5 +29,5 @@ def test_every_effector_has_its_contact_frame() -> None:
 
 
 def test_placements_become_pinocchio_s() -> None:
-    place = Placement.of([1.0, 2.0, 3.0], (0.5, 0.5, -0.5, 0.5))
-    assert np.allclose(se3(place).act(np.array([0.1, 0.2, 0.3])), place.act(np.array([[0.1, 0.2, 0.3]]))[0])
+    place = Placement.from_wxyz([1.0, 2.0, 3.0], (0.5, 0.5, -0.5, 0.5))
+    assert np.allclose(to_se3(place).act(np.array([0.1, 0.2, 0.3])), place.act(np.array([[0.1, 0.2, 0.3]]))[0])

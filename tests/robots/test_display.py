@@ -17,14 +17,14 @@ from stridelab.robots.loader import load_robot
 from stridelab.robots.robot import Robot
 from stridelab.robots.visuals import (
     LinkMesh,
-    decimated,
+    decimate,
     glb,
-    linear,
     link_meshes,
     link_names,
     link_poses,
-    merged,
+    merge_meshes,
     mesh_of,
+    srgb_to_linear,
 )
 
 SPACING_M = 0.003
@@ -176,14 +176,14 @@ def test_a_reader_of_glb_finds_the_same_nodes_shapes_and_colours(
         assert found.bounds[0] == pytest.approx(mesh.vertices_m.min(axis=0), abs=1e-6)
         assert found.bounds[1] == pytest.approx(mesh.vertices_m.max(axis=0), abs=1e-6)
         assert (found.faces == mesh.faces).all()
-        assert (found.visual.vertex_attributes["color"] == linear(mesh.colours)).all()
+        assert (found.visual.vertex_attributes["color"] == srgb_to_linear(mesh.colours)).all()
         assert found.visual.material.metallicFactor == 0.0
 
 
 def test_colours_of_a_screen_become_linear_light() -> None:
     """Mid-grey by the standard's table; every tone comes back within 7 of 255; the opacity is no colour."""
     tones = np.arange(256)
-    light = linear(np.repeat(tones[:, None], 4, axis=1).astype(np.uint8))
+    light = srgb_to_linear(np.repeat(tones[:, None], 4, axis=1).astype(np.uint8))
     assert light[[0, 188, 255], 0].tolist() == [0, 128, 255]
     assert (light[:, 3] == tones).all()
     share = light[:, 0] / 255.0
@@ -209,7 +209,7 @@ def test_the_glb_is_well_formed(meshes: tuple[LinkMesh, ...]) -> None:
 
 
 def test_a_link_without_a_shape_is_an_empty_node() -> None:
-    nothing = merged("nothing", [])
+    nothing = merge_meshes("nothing", [])
     something = LinkMesh("thing", np.eye(3), np.array([[0, 1, 2]]), np.full((3, 4), 255, np.uint8))
     data = glb([nothing, something])
     n_json, _ = struct.unpack_from("<I4s", data, 12)
@@ -218,7 +218,7 @@ def test_a_link_without_a_shape_is_an_empty_node() -> None:
 
 def test_merging_moves_the_triangles_along() -> None:
     part = LinkMesh("part", np.eye(3), np.array([[0, 1, 2]]), np.zeros((3, 4), np.uint8))
-    both = merged("both", [part, part])
+    both = merge_meshes("both", [part, part])
     assert both.faces.tolist() == [[0, 1, 2], [3, 4, 5]]
     assert (both.vertices_m == np.tile(np.eye(3), (2, 1))).all()
 
@@ -227,7 +227,7 @@ def test_decimation_flattens_a_plane_and_keeps_its_rim() -> None:
     grid = np.array([[x, y, 0.0] for x in range(11) for y in range(11)]) * 0.01
     quads = [(i * 11 + j, (i + 1) * 11 + j, (i + 1) * 11 + j + 1, i * 11 + j + 1) for i in range(10) for j in range(10)]
     faces = np.array([t for a, b, c, d in quads for t in ((a, b, c), (a, c, d))])
-    vertices, triangles = decimated(grid, faces)
+    vertices, triangles = decimate(grid, faces)
     shown = trimesh.Trimesh(vertices, triangles, process=False)
     assert len(triangles) < len(faces) / 2
     assert shown.area == pytest.approx(0.01, rel=1e-6)

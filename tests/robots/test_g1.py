@@ -7,7 +7,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from stridelab.robots.assembly import assemble
+from stridelab.robots.assembly import assemble_robot
 from stridelab.robots.card import robot_card
 from stridelab.robots.contact_frames import with_contact_frames
 from stridelab.robots.data_files import data_files
@@ -81,19 +81,19 @@ def test_feet_hands_and_pelvis_are_checked_by_their_looks(g1: Robot) -> None:
     """The description gives them no collision shape, or four balls of 5 mm."""
     links = {g1.model.frames[part.parentFrame].name for part in g1.collision.geometryObjects}
     assert {"left_ankle_roll_link", "right_ankle_roll_link", "left_rubber_hand", "right_rubber_hand", "pelvis"} <= links
-    assert not SelfCollision.of(g1).found(g1.q_reference)
+    assert not SelfCollision.for_robot(g1).any_collision(g1.q_reference)
 
 
 def test_hulls_judge_like_the_meshes(g1: Robot) -> None:
     """99.5 % over 1500 configurations."""
     card = robot_card("g1")
-    raw = assemble("g1", replace(card, collision=replace(card.collision, meshes=(".*",))), data_files(card))
+    raw = assemble_robot("g1", replace(card, collision=replace(card.collision, meshes=(".*",))), data_files(card))
     assert raw.sha256 != g1.sha256
-    meshes, hulls, rng = SelfCollision.of(raw), SelfCollision.of(g1), np.random.default_rng(8)
+    meshes, hulls, rng = SelfCollision.for_robot(raw), SelfCollision.for_robot(g1), np.random.default_rng(8)
     q, verdicts = g1.q_reference.copy(), []
     for _ in range(300):
         q[7:] = rng.uniform(g1.model.lowerPositionLimit[7:], g1.model.upperPositionLimit[7:])
-        verdicts.append((meshes.found(q), hulls.found(q)))
+        verdicts.append((meshes.any_collision(q), hulls.any_collision(q)))
     truth, found = np.array(verdicts).T
     assert 0.7 < truth.mean() < 0.85
     assert np.mean(truth & ~found) < 0.005

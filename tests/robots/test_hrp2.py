@@ -88,7 +88,7 @@ def test_it_touches_itself_about_where_its_meshes_do(published: pin.Model, confi
     for a, b in {(links[pair.first], links[pair.second]) for pair in robot.collision.collisionPairs}:
         meshes.addCollisionPair(pin.CollisionPair(part[a], part[b]))
     assert len(meshes.collisionPairs) == 185
-    data, buffers, check = published.createData(), meshes.createData(), SelfCollision.of(robot)
+    data, buffers, check = published.createData(), meshes.createData(), SelfCollision.for_robot(robot)
     moving = [published.joints[published.getJointId(joint)].idx_q for joint in robot.joint_names]
     rest = robot.q_reference
     verdicts = []
@@ -98,9 +98,11 @@ def test_it_touches_itself_about_where_its_meshes_do(published: pin.Model, confi
         for joint, angle_rad in robot.locked.items():
             theirs[published.joints[published.getJointId(joint)].idx_q] = angle_rad
         theirs[moving] = q[moving]
-        verdicts.append((pin.computeCollisions(published, data, meshes, buffers, theirs, True), check.found(ours)))
+        verdicts.append(
+            (pin.computeCollisions(published, data, meshes, buffers, theirs, True), check.any_collision(ours))
+        )
     truth, found = np.array(verdicts).T
     assert 0.55 < truth.mean() < 0.75
     assert np.mean(truth & ~found) < 0.11, "missed"
     assert np.mean(found & ~truth) < 0.07, "false alarms"
-    assert not check.found(rest)
+    assert not check.any_collision(rest)

@@ -10,14 +10,14 @@ from stridelab.robots.inverse_kinematics import IkResult, stand
 from stridelab.robots.loader import load_robot
 from stridelab.robots.robot import Robot
 
-FEET = {"left_foot": Placement.of([0.0, 0.09, 0.0]), "right_foot": Placement.of([0.0, -0.09, 0.0])}
-STAIR = {"left_foot": Placement.of([0.0, 0.09, 0.0]), "right_foot": Placement.of([0.3, -0.09, 0.15])}
+FEET = {"left_foot": Placement.from_wxyz([0.0, 0.09, 0.0]), "right_foot": Placement.from_wxyz([0.0, -0.09, 0.0])}
+STAIR = {"left_foot": Placement.from_wxyz([0.0, 0.09, 0.0]), "right_foot": Placement.from_wxyz([0.3, -0.09, 0.15])}
 TURN = (np.cos(0.6), 0.0, 0.0, np.sin(0.6))
 TURNED = {
-    "left_foot": Placement.of([1.0 - 0.09 * np.sin(1.2), 0.09 * np.cos(1.2), 0.5], TURN),
-    "right_foot": Placement.of([1.0 + 0.09 * np.sin(1.2), -0.09 * np.cos(1.2), 0.5], TURN),
+    "left_foot": Placement.from_wxyz([1.0 - 0.09 * np.sin(1.2), 0.09 * np.cos(1.2), 0.5], TURN),
+    "right_foot": Placement.from_wxyz([1.0 + 0.09 * np.sin(1.2), -0.09 * np.cos(1.2), 0.5], TURN),
 }
-RAIL = {**FEET, "right_hand": Placement.of([0.22, -0.50, 0.80], (np.cos(0.23), 0.0, -np.sin(0.23), 0.0))}
+RAIL = {**FEET, "right_hand": Placement.from_wxyz([0.22, -0.50, 0.80], (np.cos(0.23), 0.0, -np.sin(0.23), 0.0))}
 
 
 @pytest.fixture(scope="module")
@@ -82,7 +82,7 @@ def test_the_posture_stays_where_nothing_asks_otherwise(talos: Robot) -> None:
     ("placements", "com_m", "worst_m"),
     [
         (FEET, [0.0, 0.0, 1.30], 0.1),
-        ({**FEET, "right_hand": Placement.of([1.5, -0.5, 0.8])}, [0.0, 0.0, 0.86], 0.3),
+        ({**FEET, "right_hand": Placement.from_wxyz([1.5, -0.5, 0.8])}, [0.0, 0.0, 0.86], 0.3),
     ],
     ids=["too high", "out of the arm's reach"],
 )

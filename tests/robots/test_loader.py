@@ -10,8 +10,8 @@ import pytest
 
 from stridelab.errors import Unavailable
 from stridelab.robots import urdf
-from stridelab.robots.assembly import fingerprint
-from stridelab.robots.card import card_bytes, parse, robot_card
+from stridelab.robots.assembly import robot_sha256
+from stridelab.robots.card import card_bytes, parse_card, robot_card
 from stridelab.robots.data_files import DataFiles, data_files
 from stridelab.robots.loader import load_robot, robot_names
 from stridelab.robots.robot import Robot
@@ -161,10 +161,12 @@ def test_hulls_contain_their_meshes_and_are_convex(talos: Robot) -> None:
 def test_the_hash_is_that_of_what_matters(talos: Robot) -> None:
     files = data_files(robot_card("talos"))
     text = card_bytes("talos")
-    relaid = parse("talos", b"# a remark\n" + text.replace(b'title = "TALOS"', b'title = "T"').replace(b" = ", b"="))
-    assert fingerprint(relaid, files, talos.collision) == talos.sha256
-    moved = parse("talos", text.replace(b"position_m = [0.0, 0.0, -0.11]", b"position_m = [0.0, 0.0, -0.12]"))
-    assert fingerprint(moved, files, talos.collision) != talos.sha256
+    relaid = parse_card(
+        "talos", b"# a remark\n" + text.replace(b'title = "TALOS"', b'title = "T"').replace(b" = ", b"=")
+    )
+    assert robot_sha256(relaid, files, talos.collision) == talos.sha256
+    moved = parse_card("talos", text.replace(b"position_m = [0.0, 0.0, -0.11]", b"position_m = [0.0, 0.0, -0.12]"))
+    assert robot_sha256(moved, files, talos.collision) != talos.sha256
 
 
 def test_the_hash_covers_every_file(talos: Robot, tmp_path: Path) -> None:
@@ -178,7 +180,7 @@ def test_the_hash_covers_every_file(talos: Robot, tmp_path: Path) -> None:
             (tmp_path / name).write_bytes(path.read_bytes() + more)
         geometry = talos.collision.copy()
         geometry.geometryObjects[0].meshPath = str(tmp_path / "mesh")
-        return fingerprint(card, DataFiles(tmp_path / "urdf", tmp_path / "srdf", tmp_path), geometry)
+        return robot_sha256(card, DataFiles(tmp_path / "urdf", tmp_path / "srdf", tmp_path), geometry)
 
     same = hashed()
     assert len({same, hashed(urdf=b" "), hashed(srdf=b" "), hashed(triangles=b" ")}) == 4

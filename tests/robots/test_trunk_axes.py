@@ -16,16 +16,16 @@ from stridelab.errors import InvalidInput
 from stridelab.reachability.kinematics.ik_ground_truth import StanceTruth
 from stridelab.reachability.kinematics.whole_body_ik import BASE, BodyTree
 from stridelab.reachability.learning.com_sampling import sample_com
-from stridelab.robots.assembly import assemble
-from stridelab.robots.card import card_bytes, parse, robot_card
+from stridelab.robots.assembly import assemble_robot
+from stridelab.robots.card import card_bytes, parse_card, robot_card
 from stridelab.robots.contact_frames import with_contact_frames
 from stridelab.robots.data_files import data_files
 from stridelab.robots.inverse_kinematics import stand
 from stridelab.robots.loader import load_robot, robot_names
 from stridelab.robots.robot import Robot
-from stridelab.robots.trunk_axes import own_axes
+from stridelab.robots.trunk_axes import round_to_axes
 from stridelab.wholebody.control.controller import WholeBodyController
-from stridelab.wholebody.replay.replay import replay
+from stridelab.wholebody.replay.replay import replay_with_defaults
 from support.robots.models import com_height_m, one_normal, turned_hrp2, walk_of
 
 TURNS = {"backwards": (0.0, 0.0, np.pi), "z ahead": (0.0, -np.pi / 2, 0.0), "askew": (0.5, 0.6, 2.1)}
@@ -82,7 +82,7 @@ def test_its_com_is_where_that_of_the_usual_one_is(usual: Robot, turned: Robot, 
 
 def test_inverse_kinematics_finds_the_same_posture(usual: Robot, turned: Robot) -> None:
     placements = contacts(usual, usual.q_reference)
-    placements["right_foot"] = Placement.of([0.2, -0.1, 0.1], [np.cos(0.1), 0.0, 0.0, -np.sin(0.1)])
+    placements["right_foot"] = Placement.from_wxyz([0.2, -0.1, 0.1], [np.cos(0.1), 0.0, 0.0, -np.sin(0.1)])
     del placements["left_hand"]
     com_m = np.array([0.08, 0.0, 0.62])
     there, here = (stand(robot, placements, com_m) for robot in (usual, turned))
@@ -93,23 +93,27 @@ def test_inverse_kinematics_finds_the_same_posture(usual: Robot, turned: Robot) 
 
 
 def test_the_body_tree_has_the_trunk_s_angles(usual: Robot, turned: Robot) -> None:
-    there, here = BodyTree.of(usual), BodyTree.of(turned)
+    there, here = BodyTree.from_robot(usual), BodyTree.from_robot(turned)
     x = np.random.default_rng(0).uniform(-0.5, 0.5, (5, len(there.links)))
-    q = here.q(x)
-    np.testing.assert_allclose(here.x(q), x, atol=1e-9)
-    np.testing.assert_allclose(here.com(here.forward(x))[0], there.com(there.forward(x))[0], atol=1e-9)
+    q = here.to_configurations(x)
+    np.testing.assert_allclose(here.to_coordinates(q), x, atol=1e-9)
+    np.testing.assert_allclose(
+        here.com_and_jacobian(here.forward_kinematics(x))[0],
+        there.com_and_jacobian(there.forward_kinematics(x))[0],
+        atol=1e-9,
+    )
     for k in range(5):
-        placed, at = contacts(turned, q[k]), here.forward(x)
+        placed, at = contacts(turned, q[k]), here.forward_kinematics(x)
         for name, contact in placed.items():
-            p, R = here.place(name, at)
+            p, R = here.contact_frame_pose(name, at)
             np.testing.assert_allclose(p[k], contact.position_m, atol=1e-9)
             np.testing.assert_allclose(R[k], contact.rotation, atol=1e-9)
-    assert np.abs(here.x(turned.q_reference[None])[0, 3:BASE]).max() < 1e-9
+    assert np.abs(here.to_coordinates(turned.q_reference[None])[0, 3:BASE]).max() < 1e-9
 
 
 def test_postures_on_given_contacts_are_the_same(usual: Robot, turned: Robot) -> None:
     feet = {name: place for name, place in contacts(usual, usual.q_reference).items() if name.endswith("foot")}
-    there, here = (StanceTruth(robot).postures(feet, 5, 3) for robot in (usual, turned))
+    there, here = (StanceTruth(robot).sample_postures(feet, 5, 3) for robot in (usual, turned))
     np.testing.assert_allclose(here[:, 7:], there[:, 7:], atol=2e-5)
 
 
@@ -123,7 +127,7 @@ def test_it_walks_as_the_usual_one(usual: Robot, tmp_path: Path) -> None:
     there, here = (WholeBodyController().run(robot, sequence, plan) for robot in (usual, turned))
     np.testing.assert_allclose(here.q[:, 7:], there.q[:, 7:], atol=1e-4)
     np.testing.assert_allclose(here.com_m, there.com_m, atol=1e-5)
-    replayed = replay(turned, sequence, here, lambda *_: None)
+    replayed = replay_with_defaults(turned, sequence, here, lambda *_: None)
     assert replayed.completed
     assert replayed.com_error_max_m < 0.01
 
@@ -131,9 +135,9 @@ def test_it_walks_as_the_usual_one(usual: Robot, tmp_path: Path) -> None:
 def test_a_trunk_that_leans_keeps_its_own_axes() -> None:
     for rpy in ((0.2, 0.1, 0.0), (0.0, 0.3, np.pi - 0.1)):
         nearest = pin.rpy.rpyToMatrix(0.0, 0.0, np.pi * round(rpy[2] / np.pi))
-        np.testing.assert_allclose(own_axes(pin.rpy.rpyToMatrix(*rpy)), nearest, atol=1e-12)
+        np.testing.assert_allclose(round_to_axes(pin.rpy.rpyToMatrix(*rpy)), nearest, atol=1e-12)
     askew = pin.rpy.rpyToMatrix(0.5, 0.6, 2.1)
-    np.testing.assert_array_equal(own_axes(askew), askew)
+    np.testing.assert_array_equal(round_to_axes(askew), askew)
 
 
 def test_soles_that_look_away_from_each_other_are_refused() -> None:
@@ -141,7 +145,7 @@ def test_soles_that_look_away_from_each_other_are_refused() -> None:
     sole = "[effectors.left_foot]\n"
     assert sole in text
     for wxyz, what in (("[0.0, 0.0, 0.0, 1.0]", "x axes"), ("[0.0, 1.0, 0.0, 0.0]", "z axes")):
-        card = parse("hrp2", text.replace(sole, f"{sole}orientation_wxyz = {wxyz}\n").encode())
+        card = parse_card("hrp2", text.replace(sole, f"{sole}orientation_wxyz = {wxyz}\n").encode())
         with pytest.raises(InvalidInput, match=what) as caught:
-            assemble("hrp2", card, data_files(robot_card("hrp2")))
+            assemble_robot("hrp2", card, data_files(robot_card("hrp2")))
         assert [fault.where for fault in caught.value.faults] == ["effectors"]

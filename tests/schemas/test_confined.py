@@ -105,7 +105,7 @@ def test_it_does_its_work_confined(name: str, tmp_path: Path, monkeypatch: pytes
         preload = [module for module in COMPUTING if module == kind.run.partition(":")[0]]
         async with IsolatedPool(preload) as pool:
             limits: dict[str, Any] = {"timeout_s": 300.0, "memory_mb": kind.memory_mb or 3072}
-            return await pool.run(kind.run, task, folder, **limits, yields=False, sandbox=kind.sandbox)
+            return await pool.run(kind.run, task, folder, **limits, low_priority=False, sandbox=kind.sandbox)
 
     outcome = asyncio.run(run())
     assert outcome.state == "ok", (outcome.problem, outcome.log_tail)

@@ -10,7 +10,7 @@ import pytest
 
 from stridelab.errors import StridelabError
 from stridelab.estimation import time_span
-from stridelab.pipelines.trial import examine
+from stridelab.pipelines.trial import examine_trial
 from stridelab.recordings import force_windows
 from stridelab.recordings.files.c3d_writer import write_c3d
 from stridelab.recordings.reader import read_recording
@@ -19,9 +19,9 @@ from stridelab.schemas.methods import METHODS
 from stridelab.schemas.recordings import EstimateOffer, PlateSwitch, RecordingFacts, SubjectFields
 from stridelab.schemas.tasks import RecordingSource
 from stridelab.service import estimable
-from stridelab.service.estimable import estimates_of
+from stridelab.service.estimable import estimate_offers
 from stridelab.service.kinds.estimate_com import run as estimate_com
-from stridelab.service.kinds.parse_upload import facts as facts_of
+from stridelab.service.kinds.parse_upload import recording_facts as facts_of
 from support.command_line import SAMPLE, estimate_task, quiet
 from support.service.stored_rows import facts
 
@@ -31,7 +31,7 @@ NOBODY = SubjectFields()
 def offers(
     known: RecordingFacts, subject: SubjectFields | None = None, *, alone: bool = True
 ) -> dict[str, EstimateOffer]:
-    found = estimates_of(known, known.subject if subject is None else subject, alone=alone)
+    found = estimate_offers(known, known.subject if subject is None else subject, no_other_mass_source=alone)
     assert [offer.method for offer in found] == list(METHODS)
     for offer in found:
         assert offer.possible == (offer.code is None) == (offer.reason is None)
@@ -122,7 +122,7 @@ def test_what_is_said_beforehand_is_what_the_job_says(case: str, tmp_path: Path)
     recording = read_recording(SAMPLE / "recording.c3d")
     write_c3d(tmp_path / "trial.c3d", change(recording))
     switches = {index: PlateSwitch(**switch) for index, switch in plates.items()}
-    known = facts_of(examine(RecordingSource(file="trial.c3d", filename="trial.c3d", plates=switches), tmp_path))
+    known = facts_of(examine_trial(RecordingSource(file="trial.c3d", filename="trial.c3d", plates=switches), tmp_path))
     found = offers(known)
     for method in ("smoother", "complementary", "geometry"):
         folder = tmp_path / method
@@ -148,7 +148,7 @@ def test_the_reason_is_the_sentence_of_the_job(case: str, tmp_path: Path) -> Non
     change, plates = CASES[case]
     write_c3d(tmp_path / "trial.c3d", change(read_recording(SAMPLE / "recording.c3d")))
     switches = {index: PlateSwitch(**switch) for index, switch in plates.items()}
-    known = facts_of(examine(RecordingSource(file="trial.c3d", filename="trial.c3d", plates=switches), tmp_path))
+    known = facts_of(examine_trial(RecordingSource(file="trial.c3d", filename="trial.c3d", plates=switches), tmp_path))
     task = estimate_task(tmp_path / "trial.c3d", tmp_path / "job", method="smoother")
     task = task.model_copy(update={"recording": task.recording.model_copy(update={"plates": switches})})
     with pytest.raises(StridelabError) as refusal:
@@ -190,6 +190,6 @@ def test_nothing_is_refused_of_recordings_that_give_an_estimate(gait: Path, tmp_
     for n, path in enumerate(sorted((gait / "rehazenter-adult-walking").rglob("*_C4_*.c3d"))[:4]):
         folder = tmp_path / str(n)
         task = estimate_task(path, folder, method="complementary")
-        known = facts_of(examine(task.recording, folder))
+        known = facts_of(examine_trial(task.recording, folder))
         estimate_com.run(task, folder, quiet)
         assert codes(known, NOBODY if known.subject.mass_kg is None else None) == (None, None), path.name

@@ -4,11 +4,11 @@ from pathlib import Path
 
 from pydantic import SecretStr
 
-from stridelab.service.settings import Settings, shown
+from stridelab.service.settings import Settings, shown_settings
 
 
 def test_every_setting_is_there_with_its_meaning() -> None:
-    found = {item.name: item for item in shown(Settings(port=8123, parse_timeout_s=12.5))}
+    found = {item.name: item for item in shown_settings(Settings(port=8123, parse_timeout_s=12.5))}
     assert set(found) == {f"STRIDELAB_{name.upper()}" for name in Settings.model_fields}
     assert all(item.meaning for item in found.values())
     assert (found["STRIDELAB_PORT"].value, found["STRIDELAB_PORT"].changed) == ("8123", True)
@@ -25,6 +25,6 @@ def test_no_secret_and_no_place_of_one_is_shown() -> None:
         database_password_file=Path(f"/etc/{secret}"),
         blob_url=f"s3://{secret}@bucket",
     )
-    found = shown(given)
+    found = shown_settings(given)
     assert secret not in repr(found)
     assert sum(item.value == "set, not shown" for item in found) == 5

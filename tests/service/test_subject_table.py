@@ -4,7 +4,7 @@ import pytest
 
 from stridelab.errors import Fault, InvalidInput
 from stridelab.schemas.population import MAX_RECORDINGS, PersonFields
-from stridelab.service.subject_table import MAX_BYTES, TableRow, match, read_subject_table
+from stridelab.service.subject_table import MAX_TABLE_BYTES, TableRow, match_files, read_subject_table
 
 
 def faults(content: bytes) -> tuple[Fault, ...]:
@@ -82,7 +82,7 @@ def test_all_faults_are_named_at_once() -> None:
         ("file,subject\na.c3d,Zo\u00eb\n".encode("latin-1"), "subjects", "not UTF-8"),
         (b"file\na\0b\n", "subjects", "NUL bytes"),
         (b'file\n"a.c3d\n', "subjects", "unexpected end"),
-        (b"file\n" + b"a" * MAX_BYTES, "subjects", "too large"),
+        (b"file\n" + b"a" * MAX_TABLE_BYTES, "subjects", "too large"),
     ],
 )
 def test_what_is_no_table_of_subjects(content: bytes, where: str, says: str) -> None:
@@ -109,8 +109,8 @@ def test_rows_find_their_files_by_path_or_last_part_and_static_trials_are_no_wal
     rows = read_subject_table(
         b"file,subject,static\n.\\day-1\\a.c3d,P01,standing.c3d\nday-2/a.c3d,P01,standing.c3d\nb.c3d,P02,\n"
     )
-    found = match(names, rows)
-    assert [(one.place, one.static) for one in found] == [(0, 3), (1, 3), (2, None), (4, None)]
+    found = match_files(names, rows)
+    assert [(one.index, one.static_index) for one in found] == [(0, 3), (1, 3), (2, None), (4, None)]
     assert [one.row.line if one.row else None for one in found] == [2, 3, 4, None]
 
 
@@ -125,7 +125,7 @@ def test_rows_find_their_files_by_path_or_last_part_and_static_trials_are_no_wal
 )
 def test_rows_that_fit_no_file_or_several(table: bytes, where: str, says: str) -> None:
     with pytest.raises(InvalidInput) as refused:
-        match(["day-1/a.c3d", "day-2/a.c3d", "b.c3d"], read_subject_table(table))
+        match_files(["day-1/a.c3d", "day-2/a.c3d", "b.c3d"], read_subject_table(table))
     assert refused.value.code == "subject-table-invalid"
     (fault,) = refused.value.faults
     assert fault.where == where

@@ -7,22 +7,22 @@ import pytest
 from stridelab.errors import InvalidInput
 from stridelab.service import supervisor
 from stridelab.service.settings import Settings
-from stridelab.service.supervisor import _Program, serve
+from stridelab.service.supervisor import _SupervisedProgram, serve
 
 
 @pytest.fixture
-def program(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> _Program:
+def program(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> _SupervisedProgram:
     """A program that says a word and ends at once."""
     (tmp_path / "short_lived.py").write_text("print('a word')\n", encoding="utf-8")
-    return _Program("short_lived", tmp_path / "x.log", {"PYTHONPATH": ":".join([str(tmp_path), *sys.path])})
+    return _SupervisedProgram("short_lived", tmp_path / "x.log", {"PYTHONPATH": ":".join([str(tmp_path), *sys.path])})
 
 
-def until_ended(program: _Program) -> None:
+def until_ended(program: _SupervisedProgram) -> None:
     assert program.process is not None
     program.process.wait(30)
 
 
-def test_what_keeps_dying_is_started_later_and_later(program: _Program) -> None:
+def test_what_keeps_dying_is_started_later_and_later(program: _SupervisedProgram) -> None:
     calls: list[float] = []
     program.before_restart = lambda: calls.append(time.monotonic())
     pauses = []
@@ -30,40 +30,40 @@ def test_what_keeps_dying_is_started_later_and_later(program: _Program) -> None:
     for _ in range(3):
         until_ended(program)
         program.keep_running()
-        pauses.append(program.next_start - time.monotonic())
+        pauses.append(program.next_start_s - time.monotonic())
         assert program.process is None
-        program.next_start = 0.0
+        program.next_start_s = 0.0
         program.keep_running()
         assert program.process is not None
     until_ended(program)
     assert pauses == sorted(pauses)
     assert pauses[-1] > 2 * pauses[0]
     assert len(calls) == 3
-    assert program.last_words() == f"a word (more in {program.log})"
+    assert program.last_log_line() == f"a word (more in {program.log})"
 
 
 def test_without_log_files_it_writes_where_the_supervisor_does(
-    program: _Program, capfd: pytest.CaptureFixture[str]
+    program: _SupervisedProgram, capfd: pytest.CaptureFixture[str]
 ) -> None:
     assert program.log is not None
     file, program.log = program.log, None
     program.keep_running()
     until_ended(program)
     assert capfd.readouterr().out == "a word\n"
-    assert program.last_words() == "see its output above"
+    assert program.last_log_line() == "see its output above"
     assert not file.exists()
 
 
-def test_program_that_has_proven_itself_is_restarted_at_once(program: _Program) -> None:
+def test_program_that_has_proven_itself_is_restarted_at_once(program: _SupervisedProgram) -> None:
     program.failures = 4
     program.keep_running()
     until_ended(program)
-    program.started_at -= 31.0
+    program.started_at_s -= 31.0
     program.keep_running()
     assert program.failures == 0
 
 
-def test_log_does_not_grow_for_ever(program: _Program, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_log_does_not_grow_for_ever(program: _SupervisedProgram, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(supervisor, "_MAX_LOG_BYTES", 100)
     assert program.log is not None
     program.log.write_bytes(b"x" * 101)

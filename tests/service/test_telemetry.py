@@ -25,26 +25,26 @@ print("done")
 
 
 def test_without_a_collector_there_is_no_trace() -> None:
-    with telemetry.exported(None, "test"), telemetry.span("request") as span:
+    with telemetry.export_spans(None, "test"), telemetry.start_span("request") as span:
         assert not span.is_recording()
-        assert telemetry.traceparent() is None
+        assert telemetry.current_traceparent() is None
 
 
 def test_what_a_client_began_is_passed_on_without_a_collector_too() -> None:
     begun = "00-0af7651916cd43dd8448eb211c80319c-b7ad6b7169203331-01"
-    with telemetry.span("request", parent=begun):
-        assert telemetry.traceparent() == begun
+    with telemetry.start_span("request", parent=begun):
+        assert telemetry.current_traceparent() == begun
 
 
 @pytest.mark.parametrize("odd", ["00-0-0-0", "x", "00-" + "0" * 32 + "-" + "0" * 16 + "-01", "\n"])
 def test_an_odd_parent_is_no_parent(odd: str) -> None:
-    with telemetry.span("request", parent=odd):
-        assert telemetry.traceparent() is None
+    with telemetry.start_span("request", parent=odd):
+        assert telemetry.current_traceparent() is None
 
 
 @pytest.mark.parametrize("url", ["collector:4318", "file:///x", "http://", ""])
 def test_an_address_that_is_none_is_refused(url: str) -> None:
-    with pytest.raises(InvalidInput) as caught, telemetry.exported(url, "test"):
+    with pytest.raises(InvalidInput) as caught, telemetry.export_spans(url, "test"):
         pass
     assert caught.value.code == "otlp-url-invalid"
 

@@ -21,24 +21,24 @@ from stridelab.studies.centroidal_variations import (
     STRIDE,
     Outcome,
     Variation,
-    attempt,
-    attempts,
+    count_faults,
+    distinct_validation_faults,
+    outcome_summary,
     problem_of,
-    refusals,
-    refusals_of,
+    random_variations,
     scenario_of,
-    sequence_of,
-    summary,
-    variations,
+    solve_variation,
+    solve_variations,
+    unvalidated_sequence,
 )
 
 SHORT = Variation("stride", TALOS, 0.7, 1.0, 0.0, 0.5, 3)
 
 
 def test_the_draws_fill_their_ranges_and_depend_on_the_seed_only() -> None:
-    drawn = variations(300)
-    assert variations(7) == drawn[:7]
-    assert variations(7, seed=1) != drawn[:7]
+    drawn = random_variations(300)
+    assert random_variations(7) == drawn[:7]
+    assert random_variations(7, seed=1) != drawn[:7]
     for name, (low, high) in (("stride", STRIDE), ("pace", PACE), ("height_m", HEIGHT_M), ("friction", FRICTION)):
         values = np.array([getattr(v, name) for v in drawn])
         assert values.min() >= low
@@ -49,9 +49,9 @@ def test_the_draws_fill_their_ranges_and_depend_on_the_seed_only() -> None:
             assert sum(v.walker.robot == robot and v.experiment == experiment for v in drawn) == 50
 
 
-@pytest.mark.parametrize("variation", variations(6), ids=lambda v: f"{v.experiment} {v.walker.robot}")
+@pytest.mark.parametrize("variation", random_variations(6), ids=lambda v: f"{v.experiment} {v.walker.robot}")
 def test_contacts_move_within_their_surfaces_and_stay_while_they_touch(variation: Variation) -> None:
-    moved, plain = scenario_of(variation), module._built(variation)
+    moved, plain = scenario_of(variation), module._build_scenario(variation)
     before: dict[str, tuple[list[float], list[float]]] = {}
     for jittered, straight in zip(moved["phases"], plain["phases"], strict=True):
         now = {}
@@ -68,14 +68,14 @@ def test_contacts_move_within_their_surfaces_and_stay_while_they_touch(variation
                 assert place == kept[1]
             now[a["effector"]] = (wanted, place)
         before = now
-    sequence = sequence_of(moved, effector_shapes(variation.walker.robot))
+    sequence = unvalidated_sequence(moved, effector_shapes(variation.walker.robot))
     assert {c.friction for p in sequence.phases for c in p.contacts.values()} == {variation.friction}
 
 
 def test_the_contacts_are_those_that_the_judge_reads() -> None:
     shapes = effector_shapes("talos")
     scenario = long_stride()
-    ours, theirs = sequence_of(scenario, shapes), judged_sequence(scenario, shapes)
+    ours, theirs = unvalidated_sequence(scenario, shapes), judged_sequence(scenario, shapes)
     for mine, read in zip(ours.phases, theirs.phases, strict=True):
         assert mine.duration_s == read.duration_s
         assert set(mine.contacts) == set(read.contacts)
@@ -90,9 +90,9 @@ def test_the_contacts_are_those_that_the_judge_reads() -> None:
 
 def test_variations_converge_and_the_summary_counts_them() -> None:
     heard: list[Outcome] = []
-    found = attempts([SHORT, variations(3)[0]], heard.append)
+    found = solve_variations([SHORT, random_variations(3)[0]], heard.append)
     assert tuple(heard) == found
-    counts = summary(found)
+    counts = outcome_summary(found)
     assert counts["variations"] == counts["converged"] == 2
     assert counts["right"] == 1.0
     assert counts["dynamics_gap_most"] < 1e-8
@@ -107,7 +107,7 @@ def test_what_has_no_solution_is_told_from_what_the_solver_missed(monkeypatch: p
         return replace(problem, com_end_m=problem.com_end_m + np.array([200.0, 0.0, 0.0]))
 
     monkeypatch.setattr(module, "problem_of", far)
-    outcome = attempt(SHORT)
+    outcome = solve_variation(SHORT)
     assert outcome.ending == "infeasible"
     assert outcome.reason
 
@@ -115,14 +115,14 @@ def test_what_has_no_solution_is_told_from_what_the_solver_missed(monkeypatch: p
         raise InvalidInput("wrong", f"no {variation.experiment}")
 
     monkeypatch.setattr(module, "problem_of", refused)
-    assert (attempt(SHORT).ending, attempt(SHORT).reason) == ("broken", "no stride")
+    assert (solve_variation(SHORT).ending, solve_variation(SHORT).reason) == ("broken", "no stride")
 
 
 def test_the_judges_reasons_are_counted_without_their_numbers() -> None:
     short_treads = [Variation("stairs", TALOS, stride, 1.0, 0.1, 0.5, 3) for stride in (0.6, 0.65)]
-    reasons = [refusals_of(variation) for variation in (*short_treads, SHORT)]
+    reasons = [distinct_validation_faults(variation) for variation in (*short_treads, SHORT)]
     assert reasons[0] == reasons[1] != ()
     assert not any(character.isdigit() for character in "".join(reasons[0]))
     assert reasons[2] == ()
     found = [Outcome(variation, "stuck", why) for variation, why in zip((*short_treads, SHORT), reasons, strict=True)]
-    assert refusals(found) == dict.fromkeys(reasons[0], 2)
+    assert count_faults(found) == dict.fromkeys(reasons[0], 2)

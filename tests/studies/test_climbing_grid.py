@@ -15,7 +15,7 @@ import pytest
 
 from stridelab.contacts.effector_geometry import effector_shapes
 from stridelab.contacts.scenarios.stairs import flat_walk
-from stridelab.contacts.validation.validate import check
+from stridelab.contacts.validation.validate import validate_scenario
 from stridelab.reachability.gaussian_mixture import Mixture
 from stridelab.reachability.proxy.effector_proxy import Proxy
 from stridelab.robots.loader import load_robot
@@ -30,15 +30,15 @@ from stridelab.studies.climbing_grid import (
     Flight,
     GridReport,
     Proxies,
-    attempt,
     climbing_cases,
+    run_case,
     run_grid,
-    up,
+    stairs_case,
 )
 from stridelab.wholebody.certificate.certificate import Check
 
 WAIT_S = 60.0
-ONE_STAIR = up(Flight(0.10, 0.30, FAST), number=1)
+ONE_STAIR = stairs_case(Flight(0.10, 0.30, FAST), number=1)
 
 
 class Deadly:
@@ -80,7 +80,7 @@ def test_there_are_enough_rails_and_stairs_and_no_two_are_the_same() -> None:
 
 @pytest.mark.parametrize("case", climbing_cases(), ids=lambda case: case.name)
 def test_every_case_passes_the_judge(case: Case) -> None:
-    report = check(Scenario.model_validate(case.scenario).model_dump(mode="json"), effector_shapes("talos"))
+    report = validate_scenario(Scenario.model_validate(case.scenario).model_dump(mode="json"), effector_shapes("talos"))
     assert report.faults == ()
     assert "swing-obstructed" not in {remark.code for remark in report.remarks}
 
@@ -88,7 +88,7 @@ def test_every_case_passes_the_judge(case: Case) -> None:
 def test_one_stair_is_climbed_in_a_process_of_its_own(talos: Robot) -> None:
     heard: list[CaseResult] = []
     (result,) = run_grid(talos, feet_at(0.8, 0.1), [ONE_STAIR], processes=1, tell=heard.append)
-    assert result.success
+    assert result.succeeded
     assert result.reason == ""
     assert heard == [result]
     assert result.replayed
@@ -96,11 +96,11 @@ def test_one_stair_is_climbed_in_a_process_of_its_own(talos: Robot) -> None:
     assert result.replay_error_m < 0.03
     low_m, high_m = result.com_height_m or (0.0, 0.0)
     assert 0.75 < low_m < high_m < 0.95
-    found = result.check("com_error_max")
+    found = result.check_named("com_error_max")
     assert found is not None
     assert found.passed
     # the processes compute what this one does, to the rounding of two address spaces
-    again = attempt(talos, feet_at(0.8, 0.1), ONE_STAIR)
+    again = run_case(talos, feet_at(0.8, 0.1), ONE_STAIR)
     assert [check.name for check in again.checks] == [check.name for check in result.checks]
     for here, there in zip(again.checks, result.checks, strict=True):
         assert here.value == pytest.approx(there.value, rel=1e-6, abs=1e-9), here.name
@@ -110,7 +110,7 @@ def test_one_stair_is_climbed_in_a_process_of_its_own(talos: Robot) -> None:
 
 
 def test_densities_far_above_the_knees_fail_where_the_body_cannot_follow(talos: Robot) -> None:
-    result = attempt(talos, feet_at(1.05, 0.01), ONE_STAIR)
+    result = run_case(talos, feet_at(1.05, 0.01), ONE_STAIR)
     assert result.stage in {"whole body", "certificate"}
     assert result.reason
     assert result.com_height_m is not None
@@ -120,7 +120,7 @@ def test_densities_far_above_the_knees_fail_where_the_body_cannot_follow(talos: 
 def test_a_scenario_that_the_judge_refuses_fails_as_one(talos: Robot) -> None:
     nowhere = flat_walk(2)
     nowhere["phases"][0]["contacts"][0]["position_m"][2] = 0.5
-    result = attempt(talos, feet_at(0.8, 0.1), Case("in the air", "stairs", nowhere))
+    result = run_case(talos, feet_at(0.8, 0.1), Case("in the air", "stairs", nowhere))
     assert result.stage == "scenario"
     assert "phases[0]" in result.reason
     assert result.checks == ()
@@ -168,9 +168,9 @@ def test_a_report_counts_by_kind_and_stage() -> None:
         CaseResult("e", "stairs", None, replayed=False),
     )
     report = GridReport("some", results)
-    assert (report.successes, report.replayed) == (2, 2)
-    assert (report.of("rail").successes, report.of("stairs").successes) == (1, 1)
-    assert report.of("rail").label == "some"
-    assert report.failures == {"plan": 1, "certificate": 2}
-    assert results[2].check("com_error_max") == check_
-    assert results[2].check("another") is None
+    assert (report.n_successes, report.n_replayed) == (2, 2)
+    assert (report.of_kind("rail").n_successes, report.of_kind("stairs").n_successes) == (1, 1)
+    assert report.of_kind("rail").label == "some"
+    assert report.failures_by_stage == {"plan": 1, "certificate": 2}
+    assert results[2].check_named("com_error_max") == check_
+    assert results[2].check_named("another") is None

@@ -6,15 +6,26 @@ from itertools import islice
 import numpy as np
 import pytest
 
-from stridelab.centroidal.native.availability import Missing, availability
+from stridelab.centroidal.native.availability import NativeUnavailable, native_availability
 from stridelab.centroidal.solver import solve
 from stridelab.contacts.sequence import ContactPhase
 from stridelab.dynamics.spatial import Placement
-from stridelab.studies.cold_starts import attempt, carried, drawn, hastened, hasty, mirrored, moved, summary
+from stridelab.studies.cold_starts import (
+    compare_with_oracle,
+    mirror_sequence,
+    moved_problems,
+    random_problems,
+    shorten_durations,
+    shortened_problems,
+    summary_by_kind,
+    transform_sequence,
+)
 from support.oracles.conic_feasibility import exists
 from support.robots.centroidal_problems import bundled
 
-needs_native = pytest.mark.skipif(isinstance(availability(), Missing), reason=str(availability()))
+needs_native = pytest.mark.skipif(
+    isinstance(native_availability(), NativeUnavailable), reason=str(native_availability())
+)
 
 
 def test_the_oracle_knows_free_fall() -> None:
@@ -31,13 +42,13 @@ def test_the_oracle_knows_free_fall() -> None:
 def test_the_oracle_knows_what_friction_allows() -> None:
     """Cones bound how soon a CoM can be elsewhere."""
     problem = bundled("long-stride")
-    assert exists(hastened(problem, 2.0)) == "feasible"
-    assert exists(hastened(problem, 20.0)) == "infeasible"
+    assert exists(shorten_durations(problem, 2.0)) == "feasible"
+    assert exists(shorten_durations(problem, 20.0)) == "infeasible"
 
 
 def test_twice_mirrored_is_as_before() -> None:
     sequence = bundled("stairs-with-rail").sequence
-    once, twice = mirrored(sequence), mirrored(mirrored(sequence))
+    once, twice = mirror_sequence(sequence), mirror_sequence(mirror_sequence(sequence))
     assert "right_hand" in sequence.effectors
     assert "left_hand" in once.effectors
     for before, after in zip(sequence.phases, twice.phases, strict=True):
@@ -50,28 +61,28 @@ def test_twice_mirrored_is_as_before() -> None:
 
 @needs_native
 def test_cold_starts_end_as_the_oracle_says() -> None:
-    kinds = {"drawn": drawn(6), "hasty": islice(hasty(24), 0, 24, 4), "moved": moved(1)}
-    found = [attempt(kind, name, problem, exists) for kind, of in kinds.items() for name, problem in of]
-    assert [c for c in found if not c.agrees and c.kind != "hasty"] == []
+    kinds = {"drawn": random_problems(6), "hasty": islice(shortened_problems(24), 0, 24, 4), "moved": moved_problems(1)}
+    found = [compare_with_oracle(kind, name, problem, exists) for kind, of in kinds.items() for name, problem in of]
+    assert [c for c in found if not c.agrees_with_oracle and c.kind != "hasty"] == []
     assert [c for c in found if c.exists == "unknown"] == []
-    assert all(of["wrong"] == 0 for of in summary(found).values())
+    assert all(of["wrong"] == 0 for of in summary_by_kind(found).values())
 
 
 @needs_native
 def test_what_is_infeasible_is_proved() -> None:
-    found = attempt("hasty", "20 times as fast", hastened(bundled("long-stride"), 20.0), exists)
+    found = compare_with_oracle("hasty", "20 times as fast", shorten_durations(bundled("long-stride"), 20.0), exists)
     assert (found.exists, found.proved, found.converged) == ("infeasible", True, False)
-    assert found.agrees
+    assert found.agrees_with_oracle
 
 
 @needs_native
 def test_a_motion_does_not_know_where_it_is() -> None:
     """Turned by a right angle and 100 m away the optimum costs the same, to what single contacts' places round to."""
-    problem = hastened(bundled("long-stride"), 1.0)
-    place = Placement.of((60.0, -80.0, 3.0), (np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)))
+    problem = shorten_durations(bundled("long-stride"), 1.0)
+    place = Placement.from_wxyz((60.0, -80.0, 3.0), (np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)))
     there = replace(
         problem,
-        sequence=carried(problem.sequence, place),
+        sequence=transform_sequence(problem.sequence, place),
         com_start_m=place.act(problem.com_start_m[None])[0],
         com_end_m=place.act(problem.com_end_m[None])[0],
     )

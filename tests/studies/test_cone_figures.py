@@ -6,8 +6,8 @@ import pytest
 from stridelab.contacts.wrench_cones.support_region import area_m2
 from stridelab.contacts.wrench_cones.wrench_cone import LinearCone
 from stridelab.reproduction.chapter4 import fig_4_6, fig_4_7
-from stridelab.reproduction.registry import ITEMS, reproduce
-from stridelab.studies.cone_validation import check_cones, summary, thesis_cone
+from stridelab.reproduction.registry import ITEMS, reproduce_item
+from stridelab.studies.cone_validation import check_cones, check_summary, thesis_cone
 from stridelab.studies.random_contact_sets import stair_sets
 
 
@@ -19,7 +19,7 @@ def sets():
 def test_sections_of_smaller_cones_lie_in_those_of_larger_ones(sets) -> None:
     """Smaller alphas lie in larger ones; all of ours in the pyramids; areas are those of the ellipses."""
     for contacts in sets.values():
-        found = fig_4_7.sections(contacts)
+        found = fig_4_7.cone_sections(contacts)
         areas = [area_m2(found[f"alpha {alpha:g}"]) for alpha in (1.0, 0.5, 0.3, 0.2)]
         assert areas == sorted(areas, reverse=True)
         assert area_m2(found["alpha 0.3"]) < area_m2(found["largest"]) < area_m2(found["4 rays"]) * 1.1
@@ -29,12 +29,12 @@ def test_sections_of_smaller_cones_lie_in_those_of_larger_ones(sets) -> None:
 
 def test_a_sole_on_the_floor_accelerates_as_far_as_its_edge(sets) -> None:
     """Two feet far apart below a low CoM are limited by friction: |c''| <= mu g; the section's corners show it."""
-    circular = fig_4_7.sections(sets["2 contacts"])["circular"]
+    circular = fig_4_7.cone_sections(sets["2 contacts"])["circular"]
     assert np.hypot(*circular.T).max() <= 0.5 * 9.81 * 1.01
 
 
 def test_the_table_of_alphas(sets) -> None:
-    rows = [fig_4_6.measured(name, contacts) for name, contacts in sets.items()]
+    rows = [fig_4_6.compare_cones(name, contacts) for name, contacts in sets.items()]
     for row in rows:
         assert 0.2 < row.alpha_max < 0.45
         assert row.kept_02 < row.kept_03 < row.kept_ours < 1.0
@@ -42,19 +42,19 @@ def test_the_table_of_alphas(sets) -> None:
         assert row.excess_of_true > 0.0
         assert 0.0 < row.true_rays_outside < 1.0
         assert row.kept_ours > 2.5 * row.kept_03
-    columns = fig_4_6.table(rows)
+    columns = fig_4_6.cone_table(rows)
     assert list(columns["contacts"]) == ["2 contacts", "3 contacts", "4 contacts"]
 
 
 @pytest.mark.parametrize(("robot", "alphas"), [("hrp2", (0.319, 0.280, 0.296)), ("talos", (0.316, 0.283, 0.278))])
 def test_which_alpha_is_safe_on_the_stair(robot: str, alphas: tuple[float, ...]) -> None:
     """As docs/theory/wrench-cones.md says: a fifth is, 0.3 for two feet only."""
-    found = [LinearCone.of(c, 4).alpha_max(thesis_cone(c)) for c in stair_sets(robot).values()]
+    found = [LinearCone.from_contacts(c, 4).alpha_max(thesis_cone(c)) for c in stair_sets(robot).values()]
     assert found == pytest.approx(list(alphas), abs=0.001)
 
 
 def test_promises_on_random_sets() -> None:
-    found = summary(check_cones(12, 6, seed=1))
+    found = check_summary(check_cones(12, 6, seed=1))
     assert found["sets"] == 12
     assert found["facets_violated"] == found["points_outside"] == 0
     assert found["largest_change"] < 1e-6
@@ -64,7 +64,7 @@ def test_promises_on_random_sets() -> None:
 
 def test_figure_4_7_is_an_item_with_claims_that_are_checked() -> None:
     told: list[float] = []
-    found = reproduce("fig-4.7", 1, lambda fraction, _: told.append(fraction))
+    found = reproduce_item("fig-4.7", 1, lambda fraction, _: told.append(fraction))
     assert told[-1] == 1.0
     verdicts = {claim.key: claim.verdict for claim in found.claims}
     assert verdicts["alpha_03"] == "met"

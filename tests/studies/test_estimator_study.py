@@ -9,16 +9,16 @@ from stridelab.dynamics.central_axis import central_axis
 from stridelab.dynamics.wrench import Wrench
 from stridelab.errors import InvalidInput
 from stridelab.simulation.human.body_proportions import SIDES
-from stridelab.simulation.noise import PRESETS, NoisePreset, coloured
+from stridelab.simulation.noise import PRESETS, NoisePreset, coloured_noise
 from stridelab.simulation.robot.gait_plan import GaitName
 from stridelab.simulation.robot.walker import RATE_HZ, RobotWalk
-from stridelab.studies.estimator_study import StudyTrial, clean_motion, simulate
+from stridelab.studies.estimator_study import StudyTrial, clean_motion, simulate_trial
 
 GAITS: tuple[GaitName, ...] = ("robot", "human", "running")
 
 
 def trials(gait: GaitName, noise: NoisePreset | str, seeds: int) -> list[StudyTrial]:
-    return [simulate(gait, noise, seed) for seed in range(seeds)]
+    return [simulate_trial(gait, noise, seed) for seed in range(seeds)]
 
 
 @pytest.fixture(scope="module")
@@ -28,7 +28,7 @@ def thesis() -> list[StudyTrial]:
 
 @pytest.mark.parametrize("gait", GAITS)
 def test_without_noise_everything_is_true(gait: GaitName) -> None:
-    trial = simulate(gait, "none")
+    trial = simulate_trial(gait, "none")
     t = trial.truth
     np.testing.assert_allclose(trial.geometric.com_m, t.com_m, atol=1e-12)
     np.testing.assert_array_equal(trial.wrench.force_n, t.force_n)
@@ -40,8 +40,8 @@ def test_without_noise_everything_is_true(gait: GaitName) -> None:
 
 def test_durations_are_those_of_the_study() -> None:
     """Section 2.5: 9.2 s at the robot's cadence; rest, walk, rest."""
-    assert len(simulate("robot", "none").truth.time_s) == round(9.2 * RATE_HZ)
-    human = simulate("human", "none")
+    assert len(simulate_trial("robot", "none").truth.time_s) == round(9.2 * RATE_HZ)
+    human = simulate_trial("human", "none")
     assert human.step_time_s == pytest.approx(0.55)
 
 
@@ -72,7 +72,7 @@ def test_the_declared_error_of_the_table_is_the_drawn_one() -> None:
     share = (np.abs(bias) < 1.96 * declared).mean(axis=0)
     assert np.all(share > 0.85)
     assert np.all(np.sqrt(np.mean(bias**2, axis=0)) > 0.3 * declared)
-    twice = simulate("robot", NoisePreset(mass_model=0.4)).geometric.sd_m
+    twice = simulate_trial("robot", NoisePreset(mass_model=0.4)).geometric.sd_m
     np.testing.assert_allclose(twice, 2.0 * declared, rtol=0.25)
 
 
@@ -94,7 +94,7 @@ def test_wrench_noise_has_the_stated_level_at_the_plate(thesis: list[StudyTrial]
     spectrum = np.abs(np.fft.rfft(force[:, 0])) ** 2
     slow = np.fft.rfftfreq(len(force), 1.0 / RATE_HZ) < 2.0
     assert spectrum[slow].sum() < 0.01 * spectrum.sum(), "high frequencies only"
-    white, _ = wrench_errors(simulate("robot", "white"))
+    white, _ = wrench_errors(simulate_trial("robot", "white"))
     spectrum = np.abs(np.fft.rfft(white[:, 0])) ** 2
     assert spectrum[slow].sum() == pytest.approx(slow.mean() * spectrum.sum(), rel=0.5)
 
@@ -111,7 +111,7 @@ def test_plate_bias_is_constant_at_the_plate_and_has_the_stated_size() -> None:
 
 def test_plate_bias_moves_the_axis_by_millimetres_however_far_the_walk_has_come() -> None:
     """Given at the laboratory's origin, the same bias would tear the axis away as the robot walks on."""
-    trial = simulate("human", NoisePreset(plate_bias_n=5.0, plate_bias_nm=3.0), 1)
+    trial = simulate_trial("human", NoisePreset(plate_bias_n=5.0, plate_bias_nm=3.0), 1)
     com = trial.truth.com_m
     measured, exact = (
         central_axis(Wrench(force, moment)).project(com)
@@ -127,9 +127,9 @@ def test_plate_bias_moves_the_axis_by_millimetres_however_far_the_walk_has_come(
 
 
 def test_latency_makes_the_force_late() -> None:
-    late, on_time = (simulate("human", NoisePreset(latency_s=latency)) for latency in (0.02, 0.0))
+    late, on_time = (simulate_trial("human", NoisePreset(latency_s=latency)) for latency in (0.02, 0.0))
     np.testing.assert_allclose(late.wrench.force_n[4:], on_time.wrench.force_n[:-4], atol=1e-6)
-    between = simulate("human", NoisePreset(latency_s=0.018))
+    between = simulate_trial("human", NoisePreset(latency_s=0.018))
     shifted = [
         np.sum((between.wrench.force_n[k : k - 20] - on_time.wrench.force_n[: len(late.truth.time_s) - 20]) ** 2)
         for k in range(10)
@@ -138,20 +138,20 @@ def test_latency_makes_the_force_late() -> None:
 
 
 def test_same_seed_same_trial_and_streams_are_apart(thesis: list[StudyTrial]) -> None:
-    again, other = simulate("robot", "thesis", 0), thesis[1]
+    again, other = simulate_trial("robot", "thesis", 0), thesis[1]
     np.testing.assert_array_equal(again.geometric.com_m, thesis[0].geometric.com_m)
     np.testing.assert_array_equal(again.wrench.moment_nm, thesis[0].wrench.moment_nm)
     assert np.abs(other.wrench.force_n - again.wrench.force_n).max() > 1.0
     assert np.abs(other.geometric.com_m - again.geometric.com_m).max() > 1e-3
     np.testing.assert_array_equal(other.truth.com_m, again.truth.com_m)
-    quiet = simulate("robot", replace(PRESETS["thesis"], configuration_rad=0.0), 0)
+    quiet = simulate_trial("robot", replace(PRESETS["thesis"], configuration_rad=0.0), 0)
     np.testing.assert_array_equal(quiet.wrench.force_n, again.wrench.force_n)
     np.testing.assert_allclose(quiet.bias_m, again.bias_m, atol=1e-12)
 
 
 def test_walk_seed_varies_the_walk(robot_walk: RobotWalk) -> None:
-    other = simulate("robot", "none", walk_seed=1)
-    here = simulate("robot", "none")
+    other = simulate_trial("robot", "none", walk_seed=1)
+    here = simulate_trial("robot", "none")
     assert np.abs(other.truth.force_n - here.truth.force_n).max() > 20.0
     assert np.ptp(other.truth.com_m[:, 0]) == pytest.approx(np.ptp(here.truth.com_m[:, 0]), rel=0.05)
     np.testing.assert_array_equal(here.truth.com_m[0], robot_walk.truth.com_m[int(RATE_HZ)])
@@ -159,7 +159,7 @@ def test_walk_seed_varies_the_walk(robot_walk: RobotWalk) -> None:
 
 def test_an_excerpt_starts_again_at_zero_and_keeps_what_was_measured(thesis: list[StudyTrial]) -> None:
     whole = thesis[0]
-    part = whole.excerpt(3.0, 5.0, force_s=(0.5, 1.5))
+    part = whole.excerpt_between(3.0, 5.0, force_s=(0.5, 1.5))
     kept = slice(600, 1000)
     np.testing.assert_array_equal(part.geometric.com_m, whole.geometric.com_m[kept])
     np.testing.assert_array_equal(part.truth.momentum_nms, whole.truth.momentum_nms[kept])
@@ -175,9 +175,9 @@ def test_an_excerpt_starts_again_at_zero_and_keeps_what_was_measured(thesis: lis
 def test_what_does_not_exist_is_refused(thesis: list[StudyTrial]) -> None:
     refusals = {
         "gait-unknown": lambda: clean_motion("flying"),
-        "noise-unknown": lambda: simulate("robot", "loud"),
+        "noise-unknown": lambda: simulate_trial("robot", "loud"),
         "noise-out-of-range": lambda: NoisePreset(force_n=-1.0),
-        "excerpt-invalid": lambda: thesis[0].excerpt(8.0, 12.0),
+        "excerpt-invalid": lambda: thesis[0].excerpt_between(8.0, 12.0),
     }
     for code, call in refusals.items():
         with pytest.raises(InvalidInput) as refusal:
@@ -188,5 +188,5 @@ def test_what_does_not_exist_is_refused(thesis: list[StudyTrial]) -> None:
 
 @pytest.mark.parametrize("high_pass_hz", [0.0, 5.0])
 def test_noise_has_exactly_the_stated_deviation(high_pass_hz: float) -> None:
-    noise = coloured(np.random.default_rng(0), 1000, 4, 0.3, RATE_HZ, high_pass_hz)
+    noise = coloured_noise(np.random.default_rng(0), 1000, 4, 0.3, RATE_HZ, high_pass_hz)
     np.testing.assert_allclose(noise.std(axis=0), 0.3, rtol=1e-12)

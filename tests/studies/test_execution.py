@@ -8,9 +8,9 @@ from stridelab.contacts.effector_geometry import effector_shapes
 from stridelab.contacts.scenario_io import sequence_of
 from stridelab.contacts.scenarios.bundled import BUNDLED
 from stridelab.studies.execution import CASES, Execution
-from stridelab.studies.robustness import BISECTIONS, boundary, disturbances, growing
+from stridelab.studies.robustness import BISECTIONS, fixed_disturbances, scalable_disturbances, survival_boundary
 from stridelab.wholebody.certificate.certificate import Check
-from stridelab.wholebody.replay.disturbances import NONE
+from stridelab.wholebody.replay.disturbances import UNDISTURBED
 
 
 @pytest.mark.parametrize(("robot", "name"), [(robot, name) for robot, cases in CASES.items() for name in cases])
@@ -25,21 +25,21 @@ def test_talos_does_every_bundled_scenario_of_its_own() -> None:
 
 def test_an_execution_is_certified_by_all_of_its_checks() -> None:
     good, bad = Check("a", 1.0, "m", 2.0), Check("b", 3.0, "m", 2.0)
-    assert Execution("talos", "x", checks=(good,)).certified
-    assert not Execution("talos", "x", checks=(good, bad)).certified
-    assert not Execution("talos", "x").certified
-    assert Execution("talos", "x", checks=(good, bad)).value("b") == 3.0
+    assert Execution("talos", "x", checks=(good,)).is_certified
+    assert not Execution("talos", "x", checks=(good, bad)).is_certified
+    assert not Execution("talos", "x").is_certified
+    assert Execution("talos", "x", checks=(good, bad)).check_value("b") == 3.0
 
 
 def test_the_boundary_is_bisected() -> None:
-    found = boundary(lambda kg: kg < 7.3, 16.0)
+    found = survival_boundary(lambda kg: kg < 7.3, 16.0)
     assert found < 7.3 <= found + 16.0 / 2**BISECTIONS
-    assert boundary(lambda _: False, 16.0) == 0.0
+    assert survival_boundary(lambda _: False, 16.0) == 0.0
 
 
 def test_every_disturbance_disturbs() -> None:
-    listed = disturbances(10.0)
-    assert NONE not in listed.values()
+    listed = fixed_disturbances(10.0)
+    assert UNDISTURBED not in listed.values()
     assert len({replace(d) for d in listed.values()}) == len(listed)
-    for too_much, of_size in growing(10.0).values():
+    for too_much, of_size in scalable_disturbances(10.0).values():
         assert of_size(0.5 * too_much) != of_size(too_much)

@@ -8,23 +8,23 @@ from scipy.stats import mannwhitneyu
 
 from stridelab.dynamics.spatial import Placement
 from stridelab.reachability.gaussian_mixture import Mixture
-from stridelab.reachability.kinematics.ik_ground_truth import ANY, STANDING, Contacts, StanceTruth
+from stridelab.reachability.kinematics.ik_ground_truth import ANY_POSTURE, STANDING_POSTURE, ContactBatch, StanceTruth
 from stridelab.reachability.kinematics.whole_body_ik import Target
 from stridelab.reachability.learning.kde import KernelDensity
 from stridelab.reachability.proxy.effector_proxy import Proxy
 from stridelab.reachability.proxy.feasibility_correction import load_feasibility
-from stridelab.reachability.random_contacts import Pairs, random_pairs
-from stridelab.reachability.standing_conditions import about
+from stridelab.reachability.random_contacts import LabelledPairs, random_pairs
+from stridelab.reachability.standing_conditions import axis_rotations
 from stridelab.reachability.store import load_card, load_proxies
-from stridelab.reproduction.chapter4.fig_4_5 import claims, stacked, table
+from stridelab.reproduction.chapter4.fig_4_5 import comparison_table, figure_claims, stack_svgs
 from stridelab.robots.loader import load_robot
-from stridelab.studies.proxy_accuracy import BANDWIDTH_M, Truth, compare, four_stances, stair_contacts
-from stridelab.studies.proxy_roc import area, area_sd, areas, depth, features
+from stridelab.studies.proxy_accuracy import BANDWIDTH_M, Truth, compare_densities, four_stances, stair_contacts
+from stridelab.studies.proxy_roc import box_depth_m, regression_features, roc_area, roc_area_sd, roc_areas
 
 
 @pytest.fixture(scope="module")
-def pairs() -> Pairs:
-    truth = StanceTruth(load_robot("talos"), STANDING)
+def pairs() -> LabelledPairs:
+    truth = StanceTruth(load_robot("talos"), STANDING_POSTURE)
     return random_pairs(truth, stances=16, per_stance=24, seed=3, hand=False, walkers=2, rounds=6)
 
 
@@ -33,25 +33,25 @@ def test_the_area_is_the_chance_to_rank_a_pair_rightly() -> None:
     positive = rng.random(300) < 0.4
     score = rng.normal(size=300).round(1) + 0.8 * positive
     expected = mannwhitneyu(score[positive], score[~positive]).statistic / (positive.sum() * (~positive).sum())
-    assert area(positive, score) == pytest.approx(expected, abs=1e-12)
-    assert area(positive, positive.astype(float)) == 1.0
-    assert area(positive, np.zeros(300)) == 0.5
+    assert roc_area(positive, score) == pytest.approx(expected, abs=1e-12)
+    assert roc_area(positive, positive.astype(float)) == 1.0
+    assert roc_area(positive, np.zeros(300)) == 0.5
 
 
-def test_the_proxy_separates_feasible_from_infeasible(pairs: Pairs) -> None:
+def test_the_proxy_separates_feasible_from_infeasible(pairs: LabelledPairs) -> None:
     """A small run of the table in the documentation, and no stand-in for it: on so few contact sets an area is known
     to 0.015, and after a short search some of the feasible pairs still pass for infeasible.
     """
-    found = {row.score: row for row in areas("talos", pairs, load_feasibility("talos"))}
+    found = {row.score: row for row in roc_areas("talos", pairs, load_feasibility("talos"))}
     assert found["product, corrected"].area > 0.9
     assert found["product, conditioned"].area > 0.87
     assert found["product, corrected"].area > found["boxes, conditioned"].area
     assert 0.0 < found["product, corrected"].area_sd < 0.03
 
 
-def test_depth_in_a_box(pairs: Pairs) -> None:
+def test_depth_in_a_box(pairs: LabelledPairs) -> None:
     card = load_card("talos", "conditioned")
-    deep = depth(card, pairs)
+    deep = box_depth_m(card, pairs)
     seen = pairs.com_m - pairs.contacts.targets["left_foot"].p_m
     low, high = (
         np.array(end)
@@ -60,15 +60,15 @@ def test_depth_in_a_box(pairs: Pairs) -> None:
     outside = ((seen < low) | (seen > high)).any(axis=1)
     assert (deep[outside] < 0.0).all()
     assert (deep <= np.minimum(seen - low, high - seen).min(axis=1) + 1e-12).all()
-    assert area_sd(pairs, deep) > 0.0
+    assert roc_area_sd(pairs, deep) > 0.0
 
 
-def test_features_do_not_change_where_the_world_is_turned(pairs: Pairs) -> None:
+def test_features_do_not_change_where_the_world_is_turned(pairs: LabelledPairs) -> None:
     turn = np.pi / 3
-    R = about(2, np.full(1, turn))[0]
+    R = axis_rotations(2, np.full(1, turn))[0]
     targets = {n: Target(p @ R.T, None if M is None else R @ M) for n, (p, M) in pairs.contacts.targets.items()}
-    turned = replace(pairs, contacts=Contacts(targets, pairs.contacts.heading_rad + turn), com_m=pairs.com_m @ R.T)
-    seen, again = features(pairs), features(turned)
+    turned = replace(pairs, contacts=ContactBatch(targets, pairs.contacts.heading_rad + turn), com_m=pairs.com_m @ R.T)
+    seen, again = regression_features(pairs), regression_features(turned)
     assert seen.shape == (len(pairs.com_m), 7)
     np.testing.assert_allclose(again[:, :6], seen[:, :6], atol=1e-12)
 
@@ -76,7 +76,7 @@ def test_features_do_not_change_where_the_world_is_turned(pairs: Pairs) -> None:
 def test_a_product_equal_to_its_truth() -> None:
     """Kernels around one point against the same Gaussian: equal sets, the mode at the top, and a shifted one."""
     centre = np.array([0.15, 0.0, 0.80])
-    search = StanceTruth(load_robot("talos"), ANY)
+    search = StanceTruth(load_robot("talos"), ANY_POSTURE)
     kernels = KernelDensity(centre[None], BANDWIDTH_M)
     unseen = kernels.sample(3000, np.random.default_rng(0))
     truth = Truth(kernels, unseen, kernels.log_density(unseen))
@@ -87,7 +87,7 @@ def test_a_product_equal_to_its_truth() -> None:
         spread = 2 * BANDWIDTH_M**2 * np.eye(3)[None]
         return {n: Proxy(Mixture(np.ones(1), (at - p.position_m)[None], spread)) for n, p in stair.items()}
 
-    same, other = compare(
+    same, other = compare_densities(
         search,
         "stair",
         stair,
@@ -106,20 +106,20 @@ def test_a_product_equal_to_its_truth() -> None:
 
 
 def test_conditioned_densities_lie_in_the_truth_where_uniform_ones_do_not() -> None:
-    search = StanceTruth(load_robot("talos"), ANY)
+    search = StanceTruth(load_robot("talos"), ANY_POSTURE)
     densities = {name: load_proxies("talos", name) for name in ("uniform", "conditioned")}
     placements: dict[str, Placement] = four_stances("talos")["flat"]
     truth = Truth.of(search, placements, 400)
-    uniform, conditioned = compare(search, "flat", placements, truth, densities, probes=40)
+    uniform, conditioned = compare_densities(search, "flat", placements, truth, densities, probes=40)
     assert conditioned.mass_inside > 0.9
     assert uniform.mass_inside < 0.6
     assert uniform.density_at_mode < 0.2 < conditioned.density_at_mode
-    found = claims([uniform, uniform, conditioned, conditioned])
+    found = figure_claims([uniform, uniform, conditioned, conditioned])
     assert {claim.key: claim.verdict for claim in found}["density_at_mode"] == "thesis_in_error"
-    assert len(table([uniform, conditioned])["contacts"]) == 2
+    assert len(comparison_table([uniform, conditioned])["contacts"]) == 2
 
 
 def test_blocks_lie_below_each_other() -> None:
     block = '<svg viewBox="0 0 720 100" width="720" height="100"></svg>\n'
-    assert 'viewBox="0 0 720 200"' in stacked([block, block])
-    assert "translate(0 100)" in stacked([block, block])
+    assert 'viewBox="0 0 720 200"' in stack_svgs([block, block])
+    assert "translate(0 100)" in stack_svgs([block, block])

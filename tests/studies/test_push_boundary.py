@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from stridelab.centroidal.native.availability import Missing, availability
+from stridelab.centroidal.native.availability import NativeUnavailable, native_availability
 from stridelab.centroidal.point_forces import CircularCones
 from stridelab.centroidal.receding_horizon import RecedingHorizon, State
 from stridelab.centroidal.solver import solve
@@ -11,8 +11,8 @@ from support.robots.centroidal_problems import rest_to_rest
 from support.robots.push_boundary import push_boundary
 from support.robots.sequences import foot, phase, sequence
 
-found = availability()
-if isinstance(found, Missing):
+found = native_availability()
+if isinstance(found, NativeUnavailable):
     pytest.skip(f"no native solver: {found.reason}", allow_module_level=True)
 
 
@@ -25,12 +25,12 @@ def test_a_shorter_time_to_recover_leaves_less_and_the_mirror_as_much() -> None:
     left, right = (push_boundary(problem, plan, 0.5, np.array([0.0, y, 0.0])) for y in (1.0, -1.0))
     for boundary in (left, right):
         assert 0.6 < boundary.held_m_s < boundary.lost_m_s  # the last ones found are luck: a thousand times the cost
-    there, horizon = plan.at(0.5), RecedingHorizon(problem=problem, horizon_s=2.0)
+    there, horizon = plan.reference_at(0.5), RecedingHorizon(problem=problem, horizon_s=2.0)
     for push_m_s in (0.2, 0.4, 0.6):
         states = [
             State(there.com_m, there.com_v_m_s + np.array([0.0, y, 0.0]), there.l_nms) for y in (push_m_s, -push_m_s)
         ]
-        here, mirrored = (solve(horizon.horizon(0.5, state), "native") for state in states)
+        here, mirrored = (solve(horizon.horizon_problem(0.5, state), "native") for state in states)
         assert here.converged
         assert mirrored.converged
         assert mirrored.objective == pytest.approx(here.objective, rel=1e-5)

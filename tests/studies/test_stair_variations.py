@@ -8,7 +8,15 @@ from stridelab.contacts.effector_geometry import effector_shapes
 from stridelab.contacts.scenario_io import sequence_of
 from stridelab.schemas.scenarios import Scenario
 from stridelab.studies import stair_variations as stairs
-from stridelab.studies.stair_variations import Attempt, Found, Variation, attempt, drawn, others, search
+from stridelab.studies.stair_variations import (
+    Attempt,
+    SearchResult,
+    Variation,
+    alternatives_to,
+    random_variations,
+    run_variation,
+    search_alternatives,
+)
 from stridelab.wholebody.certificate.certificate import Check
 
 REFUSED = Attempt("certificate", "a 3 > 2 m")
@@ -16,9 +24,9 @@ DONE = Attempt(None, "", (Check("a", 1.0, "m", 2.0),), True, 0.003)
 
 
 def test_variations_are_drawn_from_their_boxes_and_the_same_every_time() -> None:
-    found = drawn()
-    assert found == drawn()
-    assert found[:5] == drawn(5)
+    found = random_variations()
+    assert found == random_variations()
+    assert found[:5] == random_variations(5)
     assert len(set(found)) == len(found) == stairs.NUMBER
     for name, (low, high) in {
         "height_m": stairs.HEIGHT_M,
@@ -38,14 +46,14 @@ def test_variations_are_drawn_from_their_boxes_and_the_same_every_time() -> None
 
 @pytest.mark.parametrize("index", range(0, stairs.NUMBER, 7))
 def test_every_variation_is_a_scenario(index: int) -> None:
-    scenario = Scenario.model_validate(drawn()[index].scenario).model_dump(mode="json")
+    scenario = Scenario.model_validate(random_variations()[index].as_scenario).model_dump(mode="json")
     assert sequence_of(scenario, effector_shapes("talos")).robot == "talos"
 
 
 def test_others_keep_the_stairs_and_the_rail_and_change_pace_or_place() -> None:
-    variation = drawn(2)[1]
+    variation = random_variations(2)[1]
     assert variation.rail is not None
-    listed = list(others(variation))
+    listed = list(alternatives_to(variation))
     assert variation not in listed
     assert len(set(listed)) == len(listed) >= 20
     for other in listed:
@@ -53,44 +61,44 @@ def test_others_keep_the_stairs_and_the_rail_and_change_pace_or_place() -> None:
         assert kept == variation
     moved = replace(variation, reach_m=0.08)
     rails = [
-        next(surface for surface in v.scenario["terrain"] if surface["kind"] == "rail") for v in (variation, moved)
+        next(surface for surface in v.as_scenario["terrain"] if surface["kind"] == "rail") for v in (variation, moved)
     ]
     slope = variation.height_m / variation.depth_m
     heights = [rail["from_m"][2] - slope * rail["from_m"][0] for rail in rails]
     assert heights[0] == pytest.approx(heights[1], abs=1e-5), "the hand goes elsewhere on the same rail"
-    assert {other.reach_m for other in others(drawn(1)[0])} == {0.0}
+    assert {other.reach_m for other in alternatives_to(random_variations(1)[0])} == {0.0}
 
 
 def test_a_pace_stretches_all_durations() -> None:
     def durations(pace: float) -> list[float]:
-        scenario = Variation(0.1, 0.3, 0.055, pace).scenario
+        scenario = Variation(0.1, 0.3, 0.055, pace).as_scenario
         return [phase["duration_s"] for phase in scenario["phases"]]
 
     assert durations(0.8) == pytest.approx([0.8 * seconds for seconds in durations(1.0)])
 
 
 def test_the_search_ends_with_the_first_that_is_carried_out() -> None:
-    variation = drawn(1)[0]
-    third = list(others(variation))[2]
-    found = search(0, variation, REFUSED, lambda other: DONE if other == third else REFUSED)
-    assert (found.tried, found.instead, found.confirmed) == (3, third, False)
+    variation = random_variations(1)[0]
+    third = list(alternatives_to(variation))[2]
+    found = search_alternatives(0, variation, REFUSED, lambda other: DONE if other == third else REFUSED)
+    assert (found.tried, found.instead, found.failure_confirmed) == (3, third, False)
 
 
 def test_a_refusal_is_confirmed_by_a_search_that_finds_nothing() -> None:
-    variation = drawn(1)[0]
-    found = search(0, variation, REFUSED, lambda _: REFUSED)
-    assert found.confirmed
-    assert found.tried == len(list(others(variation)))
-    assert not Found(0, REFUSED).confirmed, "nothing was tried"
+    variation = random_variations(1)[0]
+    found = search_alternatives(0, variation, REFUSED, lambda _: REFUSED)
+    assert found.failure_confirmed
+    assert found.tried == len(list(alternatives_to(variation)))
+    assert not SearchResult(0, REFUSED).failure_confirmed, "nothing was tried"
 
 
 def test_only_a_motion_that_passes_its_checks_can_count_as_a_fall() -> None:
     failed = (Check("a", 3.0, "m", 2.0),)
-    assert Attempt("replay", "falls", DONE.checks, replayed=False).fell
-    assert not Attempt("certificate", "", failed, replayed=False).fell
-    assert not Attempt("plan", "").fell
-    assert not DONE.fell
+    assert Attempt("replay", "falls", DONE.checks, replayed=False).fell_despite_certificate
+    assert not Attempt("certificate", "", failed, replayed=False).fell_despite_certificate
+    assert not Attempt("plan", "").fell_despite_certificate
+    assert not DONE.fell_despite_certificate
 
 
 def test_what_no_robot_can_do_is_refused_with_its_stage() -> None:
-    assert attempt(Variation(0.1, 0.2, 0.055, 1.0)).stage == "scenario", "soles longer than the treads"
+    assert run_variation(Variation(0.1, 0.2, 0.055, 1.0)).stage == "scenario", "soles longer than the treads"

@@ -14,7 +14,7 @@ from stridelab.recordings.recording import Window
 from stridelab.simulation.human.walker import HumanWalker
 from stridelab.simulation.human_recording import record
 from stridelab.simulation.noise import MeasurementNoise
-from stridelab.studies.estimator_study import StudyTrial, simulate
+from stridelab.studies.estimator_study import StudyTrial, simulate_trial
 from support.recordings.analytic_motions import walk
 
 WALK = walk()
@@ -23,7 +23,7 @@ SEEDS = 4
 
 @pytest.fixture(scope="module", params=["robot", "human"])
 def trials(request: pytest.FixtureRequest) -> list[StudyTrial]:
-    return [simulate(request.param, "thesis", seed) for seed in range(SEEDS)]
+    return [simulate_trial(request.param, "thesis", seed) for seed in range(SEEDS)]
 
 
 def rms(error: np.ndarray) -> np.ndarray:
@@ -130,7 +130,7 @@ def test_2_3_3_the_same_on_a_simulated_person_and_a_robot_over_whole_strides():
     assert axis == pytest.approx([-0.5, 0.0, 1.5], abs=0.1)
     assert np.abs(weighted).max() < 0.2
 
-    robot = simulate("human", "none", 0)
+    robot = simulate_trial("human", "none", 0)
     t = robot.truth.time_s
     k = (t >= 2.0) & (t < 2.0 + 8 * robot.step_time_s - 1e-9)
     wrench = Wrench(robot.wrench.force_n[k], robot.wrench.moment_nm[k])

@@ -8,8 +8,8 @@ from stridelab.estimation.complementary.filter import ComplementaryFilter
 from stridelab.estimation.complementary.forward_backward import (
     FilterState,
     filter_inputs,
-    forward,
     forward_backward,
+    forward_pass,
     initial_state,
     joined_passes,
 )
@@ -33,8 +33,8 @@ def rms_mm(low_hz: float, high_hz: float, window: Window, draws: int = DRAWS) ->
         whole = ComplementaryFilter(low_hz=low_hz, high_hz=high_hz).estimate(geometric, wrench, motion.mass_kg)
         found = {
             "geometry": inputs.geometry_m,
-            "forward, zero states": forward(filters, inputs, ZERO),
-            "forward, solved": forward(filters, inputs, initial_state(filters, inputs)),
+            "forward, zero states": forward_pass(filters, inputs, ZERO),
+            "forward, solved": forward_pass(filters, inputs, initial_state(filters, inputs)),
             "forward-backward, solved": forward_backward(filters, inputs),
             "forward-backward, 2.6.3": joined_passes(filters, inputs),
             "geometry beyond the window, solved": whole.com_m,

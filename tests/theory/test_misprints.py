@@ -9,7 +9,7 @@ from stridelab.conventions import GRAVITY_M_S2, g
 from stridelab.dynamics.central_axis import central_axis
 from stridelab.dynamics.newton_euler import com_acceleration, contact_force, contact_wrench
 from stridelab.dynamics.wrench import Wrench, total_wrench, transport
-from stridelab.dynamics.zmp import zmp, zmp_of_motion
+from stridelab.dynamics.zmp import zmp_of_motion, zmp_of_wrench
 from stridelab.estimation.kalman.jerk_model import C, JerkModel
 
 UP = np.array([0.0, 0.0, 1.0])
@@ -79,7 +79,7 @@ def test_2_7_needs_the_height_of_the_plate():
     printed = np.array([-wrench.moment_nm[0, 1], wrench.moment_nm[0, 0], 0.0]) / wrench.force_n[0, 2]
     assert_allclose(printed - top[0, 0], [-0.584 * 150 / 700, 0.584 * 40 / 700, -0.584], atol=1e-12)
     assert abs(printed - top[0, 0])[0] > 0.12  # 125 mm along the walk
-    assert_allclose(zmp(wrench, np.array([0.0, 0.0, 0.584]), UP), top[0], atol=1e-12)
+    assert_allclose(zmp_of_wrench(wrench, np.array([0.0, 0.0, 0.584]), UP), top[0], atol=1e-12)
 
 
 def test_2_8_second_row_needs_the_derivative_about_x():

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from stridelab.body.segment_model import SegmentModel
-from stridelab.estimation.differentiation import derivatives, low_pass
+from stridelab.estimation.differentiation import low_pass, smoothed_derivatives
 from stridelab.recordings.force_windows import measured_windows
 from stridelab.recordings.marker_sets import identify
 from stridelab.recordings.reader import read_recording
@@ -57,7 +57,7 @@ def walker(path: Path) -> Walker:
     )
     seen = np.isfinite(com.com_m).all(axis=1)
     c = low_pass(com.com_m[seen], recording.marker_rate_hz)
-    velocity, _ = derivatives(com.com_m[seen], recording.marker_rate_hz)
+    velocity, _ = smoothed_derivatives(com.com_m[seen], recording.marker_rate_hz)
     jerk = jerk_from_force(recording, np.array([ahead, np.cross([0.0, 0.0, 1.0], ahead), [0.0, 0.0, 1.0]]))
     return Walker(com.time_s[seen], c @ ahead, velocity @ ahead, c[:, 2], recording.events, jerk)
 

@@ -7,12 +7,12 @@ from numpy.testing import assert_allclose
 from stridelab.dynamics.central_axis import central_axis
 from stridelab.dynamics.newton_euler import com_acceleration
 from stridelab.dynamics.wrench import Wrench, total_wrench
-from stridelab.dynamics.zmp import zmp
+from stridelab.dynamics.zmp import zmp_of_wrench
 from stridelab.estimation.complementary.forward_backward import (
     FilterState,
     filter_inputs,
-    forward,
     forward_backward,
+    forward_pass,
     initial_state,
 )
 from stridelab.estimation.complementary.transfer_functions import complementary_filters
@@ -50,11 +50,11 @@ def test_zero_states_throw_the_height_away(low_hz: float, high_hz: float, wrong_
     filters = complementary_filters(low_hz, high_hz, 200.0)
     inputs = filter_inputs(still.com.at(t), Wrench(still.force(t), still.moment(t)), still.mass_kg)
     zero = FilterState(*(np.zeros((2, 3)),) * 3)
-    error = forward(filters, inputs, zero)[:, 2] - 0.83
+    error = forward_pass(filters, inputs, zero)[:, 2] - 0.83
     assert np.abs(error).max() > 0.7
     assert t[np.abs(error) > 0.001].max() > wrong_for_s
     assert rms(error) > 0.025  # metres, over all 9.2 s
-    assert_allclose(forward(filters, inputs, initial_state(filters, inputs)), still.com.at(t), atol=1e-9)
+    assert_allclose(forward_pass(filters, inputs, initial_state(filters, inputs)), still.com.at(t), atol=1e-9)
 
 
 def test_the_offset_of_the_axis_must_start_at_its_mean_and_the_edge_is_five_time_constants_long():
@@ -66,9 +66,9 @@ def test_the_offset_of_the_axis_must_start_at_its_mean_and_the_edge_is_five_time
     inputs = filter_inputs(g, Wrench(coasting.force(t), coasting.moment(t)), coasting.mass_kg)
     at_mean = initial_state(filters, inputs)
     at_zero = FilterState(at_mean.h2, at_mean.s2_h2, np.zeros((2, 3)))
-    late = np.abs(forward(filters, inputs, at_zero) - coasting.com.at(t))[:, 1]
+    late = np.abs(forward_pass(filters, inputs, at_zero) - coasting.com.at(t))[:, 1]
     assert late[[100, 200, 400]] == pytest.approx([0.0128, 0.0057, 0.0008], abs=3e-4)  # after 0.5, 1 and 2 s
-    assert_allclose(forward(filters, inputs, at_mean)[:, 1], coasting.com.at(t)[:, 1], atol=1e-9)
+    assert_allclose(forward_pass(filters, inputs, at_mean)[:, 1], coasting.com.at(t)[:, 1], atol=1e-9)
     assert_allclose(forward_backward(filters, inputs)[:, 1], coasting.com.at(t)[:, 1], atol=1e-9)
 
 
@@ -108,7 +108,7 @@ def test_two_feet_on_one_plate_are_one_wrench_with_a_pressure_under_neither():
     feet = np.array([[[0.3, 0.1, 0.0]], [[-0.3, -0.1, 0.0]]])
     force = np.tile([[[0.0, 0.0, 350.0]]], (2, 1, 1))
     plate = total_wrench(feet, force, np.zeros_like(feet))
-    pressure = zmp(plate, np.zeros(3), UP)[0]
+    pressure = zmp_of_wrench(plate, np.zeros(3), UP)[0]
     assert np.linalg.norm(pressure - feet[:, 0], axis=1).min() > 0.3  # no contact is at the centre of pressure
     com = np.array([[0.0, 0.0, 0.9]])
     assert_allclose(central_axis(plate).project(com), com, atol=1e-12)  # the sum is all that (2.5) asks for

@@ -4,7 +4,14 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from stridelab.walking.alternative_models import EFFECTIVE_HZ, NO_ERROR_M2, Contest, Step, path_contest, time_contest
+from stridelab.walking.alternative_models import (
+    EFFECTIVE_HZ,
+    NO_ERROR_M2,
+    ModelScore,
+    StepData,
+    compare_path_models,
+    compare_time_models,
+)
 from stridelab.walking.curtate_cycloid import Wheel
 from support.recordings.wheels import PERIOD_S, walked
 
@@ -14,15 +21,15 @@ SINGLE = T < 0.42
 NOISE = 2e-4 * np.random.default_rng(3).standard_normal((62, 2))
 
 
-def step(ahead_m: np.ndarray, up_m: np.ndarray) -> Step:
-    return Step(T, np.column_stack([ahead_m, up_m]) + NOISE, PERIOD_S, ~SINGLE)
+def step(ahead_m: np.ndarray, up_m: np.ndarray) -> StepData:
+    return StepData(T, np.column_stack([ahead_m, up_m]) + NOISE, PERIOD_S, ~SINGLE)
 
 
-def ranked(contests: tuple[Contest, ...]) -> list[str]:
+def ranked(contests: tuple[ModelScore, ...]) -> list[str]:
     return [c.model for c in sorted(contests, key=lambda c: c.aic)]
 
 
-def rolled(branch) -> Step:
+def rolled(branch) -> StepData:
     path = Wheel(R_m=0.1, r_m=0.03, z0_m=0.9, x0_m=1.0, branch=branch).position_m(-4.0 + W * T)
     return step(path[:, 0], path[:, 1])
 
@@ -40,7 +47,7 @@ def test_in_space_every_curve_wins_on_its_own_data():
         "wheel": rolled(1),
         "wheel-reversed": rolled(-1),
     }
-    assert {name: ranked(path_contest(data))[0] for name, data in won.items()} == {name: name for name in won}
+    assert {name: ranked(compare_path_models(data))[0] for name, data in won.items()} == {name: name for name in won}
 
 
 def test_in_time_every_curve_wins_on_its_own_data():
@@ -52,12 +59,12 @@ def test_in_time_every_curve_wins_on_its_own_data():
         "wheel": rolled(1),
         "wheel-reversed": rolled(-1),
     }
-    assert {name: ranked(time_contest(data))[0] for name, data in won.items()} == {name: name for name in won}
+    assert {name: ranked(compare_time_models(data))[0] for name, data in won.items()} == {name: name for name in won}
 
 
 def test_aic_counts_what_is_independent_and_every_parameter():
     data = rolled(1)
-    contests = {c.model: c for c in path_contest(data)}
+    contests = {c.model: c for c in compare_path_models(data)}
     assert {name: c.parameters for name, c in contests.items()} == {
         "sinusoid": 4,  # mean, two amplitudes, wave number
         "two-harmonics": 6,
@@ -69,13 +76,13 @@ def test_aic_counts_what_is_independent_and_every_parameter():
     for c in contests.values():
         assert c.aic == pytest.approx(data.effective_samples * np.log(c.rms_m**2 + NO_ERROR_M2) + 2 * c.parameters)
     t = np.linspace(0.0, 0.61, 123)
-    twice = Step(t, walked().wheel.position_m(W * t - 4.0), PERIOD_S, t > 0.42)
+    twice = StepData(t, walked().wheel.position_m(W * t - 4.0), PERIOD_S, t > 0.42)
     assert twice.effective_samples == data.effective_samples  # sampling faster is no news
 
 
 def test_three_support_phases_are_three_arcs():
     double = (T < 0.1) | (T > 0.5)
-    contests = {c.model: c for c in path_contest(Step(T, rolled(1).path_m, PERIOD_S, double))}
+    contests = {c.model: c for c in compare_path_models(StepData(T, rolled(1).path_m, PERIOD_S, double))}
     assert contests["pendulum-arcs"].parameters == 9
 
 
@@ -84,7 +91,7 @@ def test_the_held_out_error_is_that_of_samples_which_the_fit_did_not_see():
     data = rolled(1)
     bent = data.path_m.copy()
     bent[30, 1] += 0.02
-    for c in path_contest(Step(T, bent, PERIOD_S, data.double_support)):
+    for c in compare_path_models(StepData(T, bent, PERIOD_S, data.double_support)):
         if c.model.startswith(("wheel", "sinusoid")):
             assert c.rms_m < c.held_out_rms_m
             assert c.held_out_rms_m >= 0.9 * 0.02 / np.sqrt(len(T))
@@ -93,10 +100,10 @@ def test_the_held_out_error_is_that_of_samples_which_the_fit_did_not_see():
 def test_richer_waves_never_fit_worse():
     rng = np.random.default_rng(1)
     smooth = np.cumsum(np.cumsum(rng.standard_normal((62, 2)), axis=0), axis=0) * 1e-5
-    data = Step(T, rolled(-1).path_m + smooth, PERIOD_S, ~SINGLE)
+    data = StepData(T, rolled(-1).path_m + smooth, PERIOD_S, ~SINGLE)
     for contest, few, many in (
-        (path_contest, "sinusoid", "two-harmonics"),
-        (time_contest, "one-harmonic", "two-harmonics"),
+        (compare_path_models, "sinusoid", "two-harmonics"),
+        (compare_time_models, "one-harmonic", "two-harmonics"),
     ):
         rms = {c.model: c.rms_m for c in contest(data)}
         assert rms[many] <= rms[few]
@@ -104,8 +111,8 @@ def test_richer_waves_never_fit_worse():
 
 def test_the_place_in_the_laboratory_and_the_time_of_day_change_nothing():
     data = rolled(1)
-    moved = Step(T + 40.0, data.path_m + np.array([25.0, 0.0]), PERIOD_S, data.double_support)
-    for contest in (path_contest, time_contest):
+    moved = StepData(T + 40.0, data.path_m + np.array([25.0, 0.0]), PERIOD_S, data.double_support)
+    for contest in (compare_path_models, compare_time_models):
         here, there = contest(data), contest(moved)
         assert_allclose([c.rms_m for c in there], [c.rms_m for c in here], rtol=1e-6)
         assert_allclose([c.held_out_rms_m for c in there], [c.held_out_rms_m for c in here], rtol=1e-5)

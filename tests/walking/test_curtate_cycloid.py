@@ -73,7 +73,7 @@ def test_the_convex_part_is_short_on_the_thesis_branch_and_long_on_the_other():
 @pytest.mark.parametrize(("r_m", "inside"), [(0.0, False), (0.03, True), (0.1, False), (0.2, False)])
 def test_curtate_is_what_never_goes_backwards(r_m, inside):
     wheel = Wheel(R_m=0.1, r_m=r_m, z0_m=0.9, x0_m=0.0)
-    assert wheel.curtate is inside
+    assert wheel.is_curtate is inside
     assert (wheel.tangent_m(np.linspace(0.0, 2 * np.pi, 9))[:, 0] > 0).all() == (r_m < 0.1)
 
 

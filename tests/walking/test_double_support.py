@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from numpy.testing import assert_allclose
 
-from stridelab.walking.double_support import double_support_of_wheel, valley
+from stridelab.walking.double_support import crossings_at_lowest, double_support_of_wheel
 from stridelab.walking.path_fit import fit_path
 from stridelab.walking.timed_fit import fit_in_time
 from support.recordings.wheels import PERIOD_S, walked, walks
@@ -42,16 +42,19 @@ def test_whatever_the_double_support_is_the_rule_says_half_a_turn(case):
 
 def test_a_passage_after_the_last_sample_or_before_the_first_is_not_known():
     t = np.linspace(0.0, 0.5, 51)
-    assert valley(t, np.linspace(-5.0, 1.0, 51), 0.5) == (pytest.approx(0.5 * (5 - np.pi / 2) / 6), None)
-    assert valley(t, np.linspace(-1.0, 5.0, 51), 0.0) == (None, pytest.approx(0.5 * (1 + np.pi / 2) / 6))
-    assert valley(t, np.linspace(2.0, 4.0, 51), 0.2) == (None, None)  # from one ridge's flank to the other's
+    assert crossings_at_lowest(t, np.linspace(-5.0, 1.0, 51), 0.5) == (pytest.approx(0.5 * (5 - np.pi / 2) / 6), None)
+    assert crossings_at_lowest(t, np.linspace(-1.0, 5.0, 51), 0.0) == (None, pytest.approx(0.5 * (1 + np.pi / 2) / 6))
+    assert crossings_at_lowest(t, np.linspace(2.0, 4.0, 51), 0.2) == (
+        None,
+        None,
+    )  # from one ridge's flank to the other's
 
 
 def test_of_two_valleys_the_one_that_is_asked_for_is_taken():
     t = np.linspace(0.0, 1.0, 1001)
     theta = np.linspace(-np.pi, 3 * np.pi, 1001)
     for near, expected in ((0.2, (0.125, 0.375)), (0.3, (0.125, 0.375)), (0.7, (0.625, 0.875)), (0.95, (0.625, 0.875))):
-        assert valley(t, theta, near) == pytest.approx(expected)
+        assert crossings_at_lowest(t, theta, near) == pytest.approx(expected)
 
 
 def test_unasked_it_is_the_one_at_the_end_of_the_step():
@@ -68,11 +71,11 @@ def test_unasked_it_is_the_one_at_the_end_of_the_step():
 def test_the_name_of_the_turn_does_not_matter():
     t = np.linspace(0.0, 0.5, 51)
     theta = np.linspace(-4.0, 2.0, 51)
-    assert_allclose(valley(t, theta, 0.4), valley(t, theta - 6 * np.pi, 0.4), atol=1e-12)
+    assert_allclose(crossings_at_lowest(t, theta, 0.4), crossings_at_lowest(t, theta - 6 * np.pi, 0.4), atol=1e-12)
 
 
 def test_a_wheel_that_rolls_back_says_nothing():
     t = np.linspace(0.0, 0.5, 51)
     theta = np.linspace(-4.0, 3.0, 51)
     theta[20] = theta[18]
-    assert valley(t, theta, 0.4) == (None, None)
+    assert crossings_at_lowest(t, theta, 0.4) == (None, None)

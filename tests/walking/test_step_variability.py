@@ -8,7 +8,7 @@ import pytest
 from stridelab.estimation.estimator import ComEstimate
 from stridelab.recordings.recording import Window
 from stridelab.walking.step_fit import StepFit, fit_steps
-from stridelab.walking.step_variability import scatter, strike_to_strike
+from stridelab.walking.step_variability import step_scatter, strike_to_strike
 from stridelab.walking.steps import GaitStep
 from support.recordings.wheels import HUMAN, PERIOD_S
 
@@ -66,7 +66,7 @@ def with_wheel(fit: StepFit, **changed: float) -> StepFit:
 
 def test_scatter_is_the_deviation_between_steps() -> None:
     first, second = fit_steps(estimate(), STEPS, AHEAD)
-    found = scatter([with_wheel(first, R_m=0.09), with_wheel(second, R_m=0.10)], ())
+    found = step_scatter([with_wheel(first, R_m=0.09), with_wheel(second, R_m=0.10)], ())
     assert found is not None
     assert found.R_m == pytest.approx(0.01 / np.sqrt(2))
     assert found.r_m == pytest.approx(0.0, abs=1e-9)
@@ -76,8 +76,8 @@ def test_scatter_is_the_deviation_between_steps() -> None:
 def test_one_step_is_held_against_what_overlaps_with_it() -> None:
     (first,) = fit_steps(estimate(), STEPS[:1], AHEAD)
     overlaps = strike_to_strike(estimate(), STEPS, (WHOLE,), AHEAD)
-    found = scatter([with_wheel(first, R_m=HUMAN.R_m + 0.01)], overlaps)
+    found = step_scatter([with_wheel(first, R_m=HUMAN.R_m + 0.01)], overlaps)
     assert found is not None
     assert found.R_m == pytest.approx(0.01 / np.sqrt(2), rel=1e-4)
     assert found.between == "overlapping-steps"
-    assert scatter([first], ()) is None
+    assert step_scatter([first], ()) is None

@@ -18,7 +18,7 @@ from stridelab.reachability.proxy.effector_proxy import Proxy
 from stridelab.robots.robot import Robot
 from stridelab.wholebody.certificate.certify import certify
 from stridelab.wholebody.control.controller import WholeBodyController
-from stridelab.wholebody.momentum_consistency import AGREED_NMS, agree, limb_rates_nm, matters
+from stridelab.wholebody.momentum_consistency import AGREEMENT_NMS, agree, limb_rates_nm, needs_replanning
 from stridelab.wholebody.motion import WholeBodyMotion
 
 Walked = tuple[ContactSequence, CentroidalPlan, WholeBodyMotion]
@@ -35,7 +35,7 @@ Walked = tuple[ContactSequence, CentroidalPlan, WholeBodyMotion]
     ],
 )
 def test_it_matters_beyond_long_strides_and_slow_swings(scenario: Scenario, expected: bool) -> None:
-    assert matters(sequence_of(scenario, effector_shapes("talos"))) is expected
+    assert needs_replanning(sequence_of(scenario, effector_shapes("talos"))) is expected
 
 
 @pytest.fixture(scope="module")
@@ -85,7 +85,7 @@ def test_quick_steps_agree_with_splines(
     found = agree(talos, smooth, solve(smooth), solve, WholeBodyController().run)
     first, *later = [one.mismatch_max_nms for one in found.passes]
     assert min(later) < 0.3 * first
-    assert min(later) < AGREED_NMS
+    assert min(later) < AGREEMENT_NMS
     assert [c for c in certify(talos, two_steps[0], found.plan, proxies, found.motion).checks if not c.passed] == []
 
 

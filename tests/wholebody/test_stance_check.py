@@ -9,11 +9,11 @@ import pytest
 from stridelab.dynamics.spatial import Placement
 from stridelab.errors import InvalidInput
 from stridelab.robots.contact_frames import with_contact_frames
-from stridelab.robots.inverse_kinematics import ComRoom, stand_in_room
+from stridelab.robots.inverse_kinematics import ComRegion, stand_in_com_region
 from stridelab.robots.loader import load_robot
 from stridelab.robots.robot import Robot
 from stridelab.robots.self_collision import SelfCollision
-from stridelab.wholebody.stance_check import Stance, StanceCheck, StanceVerdict, swung
+from stridelab.wholebody.stance_check import Stance, StanceCheck, StanceResult, mid_swing_placement
 
 APART_M = 0.21
 ROBOTS = ("talos", "hrp2")
@@ -25,14 +25,14 @@ def check(request: pytest.FixtureRequest) -> StanceCheck:
 
 
 def feet(left: tuple[float, float], right: tuple[float, float] = (0.0, -APART_M / 2)) -> dict[str, Placement]:
-    return {"left_foot": Placement.of([*left, 0.0]), "right_foot": Placement.of([*right, 0.0])}
+    return {"left_foot": Placement.from_wxyz([*left, 0.0]), "right_foot": Placement.from_wxyz([*right, 0.0])}
 
 
-def standing(check: StanceCheck, contacts: Mapping[str, Placement]) -> StanceVerdict:
+def standing(check: StanceCheck, contacts: Mapping[str, Placement]) -> StanceResult:
     """With the CoM above the middle of the soles, 10 cm to either side."""
     com_m = check.usual_com_m(contacts)
     square = com_m[:2] + 0.1 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
-    return check.verdict(Stance(contacts, com_m, square))
+    return check.check_stance(Stance(contacts, com_m, square))
 
 
 def held(robot: Robot, q: np.ndarray, contacts: Mapping[str, Placement]) -> float:
@@ -44,14 +44,14 @@ def held(robot: Robot, q: np.ndarray, contacts: Mapping[str, Placement]) -> floa
 
 
 def test_a_usual_stance_is_reachable_and_its_posture_proves_it(check: StanceCheck) -> None:
-    contacts = feet((0.15, APART_M / 2)) | {"right_hand": Placement.of([0.3, -0.4, 0.75])}
+    contacts = feet((0.15, APART_M / 2)) | {"right_hand": Placement.from_wxyz([0.3, -0.4, 0.75])}
     found = standing(check, contacts)
     assert (found.reachable, found.reason, found.limits, found.contact) == (True, "", (), None)
     robot = check.robot
     assert held(robot, found.q, contacts) < 1e-4
     assert np.all(found.q[7:] > robot.model.lowerPositionLimit[7:])
     assert np.all(found.q[7:] < robot.model.upperPositionLimit[7:])
-    assert not SelfCollision.of(robot).found(found.q)
+    assert not SelfCollision.for_robot(robot).any_collision(found.q)
     com_m = pin.centerOfMass(robot.model, robot.model.createData(), found.q)
     assert np.abs(com_m - check.usual_com_m(contacts))[:2].max() < 0.1 + 1e-4
 
@@ -73,7 +73,7 @@ def test_a_foot_a_metre_aside_is_out_of_reach(check: StanceCheck) -> None:
 
 
 def test_a_hand_a_metre_and_a_half_away_is_out_of_reach(check: StanceCheck) -> None:
-    found = standing(check, feet((0.0, APART_M / 2)) | {"right_hand": Placement.of([1.5, -0.3, 1.0])})
+    found = standing(check, feet((0.0, APART_M / 2)) | {"right_hand": Placement.from_wxyz([1.5, -0.3, 1.0])})
     assert not found.reachable
     assert found.contact == "right_hand"
     assert "right hand" in found.reason
@@ -92,25 +92,25 @@ def test_legs_that_cross_at_first_are_pushed_apart() -> None:
     check = StanceCheck(load_robot("talos"))
     contacts = feet((0.25, -APART_M / 2 - 0.05))
     com_m = check.usual_com_m(contacts)
-    plain = stand_in_room(check.robot, contacts, ComRoom.above(np.zeros((0, 2))), com_m)
+    plain = stand_in_com_region(check.robot, contacts, ComRegion.over_polygon(np.zeros((0, 2))), com_m)
     assert plain.converged
-    assert SelfCollision.of(check.robot).found(plain.q)
-    found = check.verdict(Stance(contacts, com_m))
+    assert SelfCollision.for_robot(check.robot).any_collision(plain.q)
+    found = check.check_stance(Stance(contacts, com_m))
     assert (found.reachable, found.strained) == (True, True)
     assert held(check.robot, found.q, contacts) < 1e-4
 
 
 def test_the_com_stays_above_the_region(check: StanceCheck) -> None:
     """On one foot, with the CoM above its sole; above a place half a metre aside there is no posture."""
-    contacts = {"left_foot": Placement.of([0.0, 0.1, 0.0])}
+    contacts = {"left_foot": Placement.from_wxyz([0.0, 0.1, 0.0])}
     sole = np.array([[-0.05, 0.07], [0.05, 0.07], [0.05, 0.13], [-0.05, 0.13]])
     com_m = check.usual_com_m(contacts)
-    found = check.verdict(Stance(contacts, com_m, sole))
+    found = check.check_stance(Stance(contacts, com_m, sole))
     assert found.reachable
     x, y, _ = pin.centerOfMass(check.robot.model, check.robot.model.createData(), found.q)
     assert -0.0501 < x < 0.0501
     assert 0.0699 < y < 0.1301
-    away = check.verdict(Stance(contacts, com_m, sole + np.array([0.0, 0.9])))
+    away = check.check_stance(Stance(contacts, com_m, sole + np.array([0.0, 0.9])))
     assert not away.reachable
 
 
@@ -126,16 +126,16 @@ def test_a_verdict_is_a_function_of_the_stance(check: StanceCheck) -> None:
 
 def test_an_effector_that_is_not_there_is_refused(check: StanceCheck) -> None:
     with pytest.raises(InvalidInput) as refusal:
-        standing(check, feet((0.0, 0.1)) | {"third_hand": Placement.of([0.0, 0.0, 1.0])})
+        standing(check, feet((0.0, 0.1)) | {"third_hand": Placement.from_wxyz([0.0, 0.0, 1.0])})
     assert refusal.value.code == "effector-unknown"
 
 
 def test_a_swing_is_held_half_way_and_lifted() -> None:
-    a, b = Placement.of([0.0, 0.1, 0.0]), Placement.of([0.4, 0.1, 0.15])
-    half = swung(a, b)
+    a, b = Placement.from_wxyz([0.0, 0.1, 0.0]), Placement.from_wxyz([0.4, 0.1, 0.15])
+    half = mid_swing_placement(a, b)
     assert half is not None
     np.testing.assert_allclose(half.position_m, [0.2, 0.1, 0.21])
-    assert swung(None, None) is None
-    only = swung(None, b)
+    assert mid_swing_placement(None, None) is None
+    only = mid_swing_placement(None, b)
     assert only is not None
     np.testing.assert_allclose(only.position_m, [0.4, 0.1, 0.21])

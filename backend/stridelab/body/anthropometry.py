@@ -46,27 +46,27 @@ class Anthropometry:
 
 
 @cache
-def anthropometry(sex: Sex | None) -> Anthropometry:
+def load_anthropometry(sex: Sex | None) -> Anthropometry:
     """Load the regressions for one sex; without a sex, the mean of both."""
-    data = _file()
+    data = _anthropometry_data()
     columns = [data[s] for s in (("female", "male") if sex is None else (sex,))]
 
-    def mean(*path: str) -> Any:
+    def mean_over_sexes(*path: str) -> Any:
         values: list[Any] = list(columns)
         for key in path:
             values = [value[key] for value in values]
         return np.mean(values, axis=0)
 
-    def offset(name: str) -> SagittalOffset:
-        return SagittalOffset(float(mean(name, "angle_deg")), float(mean(name, "scale")))
+    def sagittal_offset(name: str) -> SagittalOffset:
+        return SagittalOffset(float(mean_over_sexes(name, "angle_deg")), float(mean_over_sexes(name, "scale")))
 
     places = {name: np.array(place) for name, place in data["places"].items()}
     return Anthropometry(
-        lumbar=mean("lumbar"),
-        hip=mean("hip"),
-        cervical=offset("cervical"),
-        shoulder=offset("shoulder"),
-        length_m={segment: float(mean("length_m", segment)) for segment in columns[0]["length_m"]},
+        lumbar=mean_over_sexes("lumbar"),
+        hip=mean_over_sexes("hip"),
+        cervical=sagittal_offset("cervical"),
+        shoulder=sagittal_offset("shoulder"),
+        length_m={segment: float(mean_over_sexes("length_m", segment)) for segment in columns[0]["length_m"]},
         proportions=data["proportions"],
         ankle_in_foot=places["ankle_in_foot"],
         shoulder_in_torso=places["shoulder_in_torso"],
@@ -78,5 +78,5 @@ def anthropometry(sex: Sex | None) -> Anthropometry:
 
 
 @cache
-def _file() -> Mapping[str, Any]:
+def _anthropometry_data() -> Mapping[str, Any]:
     return tomllib.loads((models_dir() / "anthropometry.toml").read_text(encoding="utf-8"))

@@ -32,7 +32,7 @@ class GeometricCom:
     remarks: tuple[Remark, ...] = ()
     references: tuple[str, ...] = ()
 
-    def turned(self, R: Rotation) -> "GeometricCom":
+    def rotated_to(self, R: Rotation) -> "GeometricCom":
         """Rotate all positions into the axes given by the rows of ``R``; ``sd_m`` is unchanged."""
         return replace(
             self,

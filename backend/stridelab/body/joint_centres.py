@@ -12,8 +12,8 @@ from math import cos, radians, sin
 import numpy as np
 
 from stridelab.body.anthropometry import Anthropometry, SagittalOffset
-from stridelab.body.joints import SIGN, Joints, Tracks, has, hinge, shank_length_m
-from stridelab.body.vectors import across, distance_m, unit
+from stridelab.body.joints import OUTWARD_SIGN, Joints, Tracks, has_landmarks, hinge_joint, shank_length_m
+from stridelab.body.vectors import median_distance_m, perpendicular_unit, unit
 from stridelab.conventions import Points, Vector3
 from stridelab.errors import Fault, NotEstimable
 
@@ -24,13 +24,13 @@ def joint_centres(p: Tracks, body: Anthropometry, widths_m: Mapping[str, float])
     ``widths_m`` holds measured joint widths (``l_knee``, ...), marker centre to marker centre. A centre given in the
     file (landmark ``l_hip_centre``, ...) is used unchanged. Raises ``NotEstimable`` without pelvis or knees.
     """
-    joints = pelvis(p, body)
+    joints = pelvis_joints(p, body)
     for s in "lr":
-        joints |= leg(p, s, joints, body, widths_m)
-    joints |= trunk(p, joints, body)
+        joints |= leg_joints(p, s, joints, body, widths_m)
+    joints |= trunk_joints(p, joints, body)
     for s in "lr":
-        joints |= arm(p, s, joints, body, widths_m)
-    return joints | head(p, joints, body)
+        joints |= arm_joints(p, s, joints, body, widths_m)
+    return joints | head_joints(p, joints, body)
 
 
 _HIDDEN = "This landmark is not marked, or hardly ever visible."
@@ -39,19 +39,19 @@ _HIDDEN = "This landmark is not marked, or hardly ever visible."
 def pelvis_axes(p: Tracks) -> tuple[Points, Points, Points]:
     """ISB pelvis axes: Z from left to right ASIS, Y normal to the plane of ASIS and PSIS, X forwards (Wu 2002)."""
     mid_asis = (p["l_asis"] + p["r_asis"]) / 2
-    mid_psis = (p["l_psis"] + p["r_psis"]) / 2 if has(p, "l_psis", "r_psis") else p["sacrum"]
+    mid_psis = (p["l_psis"] + p["r_psis"]) / 2 if has_landmarks(p, "l_psis", "r_psis") else p["sacrum"]
     Z = unit(p["r_asis"] - p["l_asis"])
     Y = unit(np.cross(Z, mid_asis - mid_psis))
     return np.cross(Y, Z), Y, Z
 
 
-def pelvis(p: Tracks, body: Anthropometry) -> Joints:
+def pelvis_joints(p: Tracks, body: Anthropometry) -> Joints:
     """Lumbar joint and hips: c = mid-ASIS + w (k_x X + k_y Y + k_z Z), w the distance between the ASIS.
 
     Raises ``NotEstimable`` (``pelvis-markers-missing``) without both ASIS and either both PSIS or a sacrum marker.
     """
     lacking = [name for name in ("l_asis", "r_asis") if name not in p]
-    if not (has(p, "l_psis", "r_psis") or has(p, "sacrum")):
+    if not (has_landmarks(p, "l_psis", "r_psis") or has_landmarks(p, "sacrum")):
         lacking.append("l_psis")
     if lacking:
         raise NotEstimable(
@@ -61,27 +61,27 @@ def pelvis(p: Tracks, body: Anthropometry) -> Joints:
         )
     X, Y, Z = pelvis_axes(p)
     mid_asis = (p["l_asis"] + p["r_asis"]) / 2
-    width = distance_m(p["l_asis"], p["r_asis"])
+    width = median_distance_m(p["l_asis"], p["r_asis"])
 
-    def at(k: Vector3) -> Points:
+    def pelvis_point(k: Vector3) -> Points:
         return np.asarray(mid_asis + width * (k[0] * X + k[1] * Y + k[2] * Z))
 
     centres = {
-        "lumbar": at(body.lumbar),
-        "l_hip": p.get("l_hip_centre", at(body.hip * (1.0, 1.0, -1.0))),
-        "r_hip": p.get("r_hip_centre", at(body.hip)),
+        "lumbar": pelvis_point(body.lumbar),
+        "l_hip": p.get("l_hip_centre", pelvis_point(body.hip * (1.0, 1.0, -1.0))),
+        "r_hip": p.get("r_hip_centre", pelvis_point(body.hip)),
     }
     return Joints(centres, {"pelvis": Z})
 
 
-def leg(p: Tracks, s: str, joints: Joints, body: Anthropometry, widths_m: Mapping[str, float]) -> Joints:
+def leg_joints(p: Tracks, s: str, joints: Joints, body: Anthropometry, widths_m: Mapping[str, float]) -> Joints:
     """Knee, ankle and middle of the forefoot of side ``s``.
 
     Raises ``NotEstimable`` if the knee is not marked (``knee-markers-missing``), or neither the ankle nor heel and
     fifth metatarsal (``ankle-markers-missing``).
     """
     Z = joints.rightward["pelvis"]
-    knee = hinge(p, f"{s}_knee", joints.centres[f"{s}_hip"], Z, body, widths_m)
+    knee = hinge_joint(p, f"{s}_knee", joints.centres[f"{s}_hip"], Z, body, widths_m)
     if knee is None:
         raise NotEstimable(
             "knee-markers-missing",
@@ -89,79 +89,79 @@ def leg(p: Tracks, s: str, joints: Joints, body: Anthropometry, widths_m: Mappin
             [Fault(f"{s}_knee_lateral", _HIDDEN)],
         )
     above = knee.centres[f"{s}_knee"]
-    ankle = hinge(p, f"{s}_ankle", above, Z, body, widths_m) or _ankle_from_foot(p, s, above, Z, body)
+    ankle = hinge_joint(p, f"{s}_ankle", above, Z, body, widths_m) or _ankle_from_foot(p, s, above, Z, body)
     facing = {f"{s}_thigh": knee.rightward[f"{s}_knee"], f"{s}_shank": ankle.rightward[f"{s}_ankle"]}
     centres = {**knee.centres, **ankle.centres}
-    return Joints(centres, facing, knee.substitutes | ankle.substitutes) | _forefoot(p, s)
+    return Joints(centres, facing, knee.substitutes | ankle.substitutes) | _forefoot_joint(p, s)
 
 
 def _ankle_from_foot(p: Tracks, s: str, knee: Points, Z: Points, body: Anthropometry) -> Joints:
     """Ankle in the frame heel -> 5th metatarsal (x), towards the knee (y), inwards; per distance heel to metatarsal."""
-    if not has(p, f"{s}_heel", f"{s}_mt5"):
+    if not has_landmarks(p, f"{s}_heel", f"{s}_mt5"):
         raise NotEstimable(
             "ankle-markers-missing",
             "The ankles are not marked, nor heel and fifth metatarsal from which to place them.",
             [Fault(f"{s}_ankle_lateral", _HIDDEN)],
         )
     heel, mt5 = p[f"{s}_heel"], p[f"{s}_mt5"]
-    forwards, upwards, inwards = body.ankle_in_foot * distance_m(heel, mt5)
+    forwards, upwards, inwards = body.ankle_in_foot * median_distance_m(heel, mt5)
     x = unit(mt5 - heel)
-    y = across(knee - heel, x)
+    y = perpendicular_unit(knee - heel, x)
     rightward = np.cross(x, y)
-    ankle = heel + forwards * x + upwards * y - SIGN[s] * inwards * rightward
+    ankle = heel + forwards * x + upwards * y - OUTWARD_SIGN[s] * inwards * rightward
     return Joints({f"{s}_ankle": ankle}, {f"{s}_ankle": Z}, frozenset({"ankle-missing"}))
 
 
-def _forefoot(p: Tracks, s: str) -> Joints:
+def _forefoot_joint(p: Tracks, s: str) -> Joints:
     """Middle of the metatarsal heads; without it, or without the heel, ``segment_frames`` simplifies the foot."""
     name, incomplete = f"{s}_forefoot", frozenset({"foot-simplified"})
-    if has(p, f"{s}_mt1", f"{s}_mt5"):
+    if has_landmarks(p, f"{s}_mt1", f"{s}_mt5"):
         outwards = p[f"{s}_mt5"] - p[f"{s}_mt1"]
-        middle, facing = (p[f"{s}_mt1"] + p[f"{s}_mt5"]) / 2, {f"{s}_foot": SIGN[s] * outwards}
-        return Joints({name: middle}, facing, frozenset() if has(p, f"{s}_heel") else incomplete)
-    if has(p, f"{s}_mt2"):
-        return Joints({name: p[f"{s}_mt2"]}, {}, frozenset() if has(p, f"{s}_heel") else incomplete)
+        middle, facing = (p[f"{s}_mt1"] + p[f"{s}_mt5"]) / 2, {f"{s}_foot": OUTWARD_SIGN[s] * outwards}
+        return Joints({name: middle}, facing, frozenset() if has_landmarks(p, f"{s}_heel") else incomplete)
+    if has_landmarks(p, f"{s}_mt2"):
+        return Joints({name: p[f"{s}_mt2"]}, {}, frozenset() if has_landmarks(p, f"{s}_heel") else incomplete)
     return Joints({}, {}, incomplete)
 
 
-def trunk(p: Tracks, joints: Joints, body: Anthropometry) -> Joints:
+def trunk_joints(p: Tracks, joints: Joints, body: Anthropometry) -> Joints:
     """Cervical joint and shoulders, by the most accurate of three methods that the landmarks allow."""
     notch = _jugular_notch(p)
-    if notch is not None and has(p, "c7"):
+    if notch is not None and has_landmarks(p, "c7"):
         return _regressed_trunk(p, p["c7"], notch, joints.centres["lumbar"], body)
-    if has(p, "l_acromion", "r_acromion"):
+    if has_landmarks(p, "l_acromion", "r_acromion"):
         return _trunk_from_acromia(p, joints.centres["lumbar"], body)
     return _upright_trunk(p, joints, body)
 
 
-def arm(p: Tracks, s: str, joints: Joints, body: Anthropometry, widths_m: Mapping[str, float]) -> Joints:
+def arm_joints(p: Tracks, s: str, joints: Joints, body: Anthropometry, widths_m: Mapping[str, float]) -> Joints:
     """Elbow, wrist and middle of the metacarpal heads of side ``s``; unmarked arms hang along the trunk."""
     c, Z = joints.centres, joints.rightward["torso"]
     shoulder, down = c[f"{s}_shoulder"], unit(c["lumbar"] - c["cervical"])
     shank = shank_length_m({**p, **_as_landmarks(c)})
-    elbow = hinge(p, f"{s}_elbow", shoulder, Z, body, widths_m)
+    elbow = hinge_joint(p, f"{s}_elbow", shoulder, Z, body, widths_m)
     if elbow is None:
         hanging = shoulder + body.proportions["upper_arm"] * shank * down
         elbow = Joints({f"{s}_elbow": hanging}, {f"{s}_elbow": Z}, frozenset({"arms-missing"}))
     middle = elbow.centres[f"{s}_elbow"]
     upper_arm = Joints(elbow.centres, {f"{s}_upper_arm": elbow.rightward[f"{s}_elbow"]}, elbow.substitutes)
-    wrist = _wrist(p, s)
+    wrist = _wrist_joint(p, s)
     if wrist is None:
         stretched = middle + body.proportions["forearm"] * shank * unit(middle - shoulder)
         code = "arms-missing" if "arms-missing" in elbow.substitutes else "hands-missing"
         wrist = Joints({f"{s}_wrist": stretched}, {}, frozenset({code}))
-    return upper_arm | Joints({}, {f"{s}_forearm": Z}) | wrist | _knuckles(p, s)
+    return upper_arm | Joints({}, {f"{s}_forearm": Z}) | wrist | _knuckles_joint(p, s)
 
 
-def head(p: Tracks, joints: Joints, body: Anthropometry) -> Joints:
+def head_joints(p: Tracks, joints: Joints, body: Anthropometry) -> Joints:
     """Vertex: along the axis from the cervical joint to the middle of the head markers, else along the trunk."""
     c, Z = joints.centres, joints.rightward["torso"]
     cervical = c["cervical"]
-    length = distance_m(cervical, c["lumbar"]) * body.length_m["head"] / body.length_m["torso"]
+    length = median_distance_m(cervical, c["lumbar"]) * body.length_m["head"] / body.length_m["torso"]
     rims = {s: [p[f"{s}_head_{at}"] for at in ("front", "back", "side") if f"{s}_head_{at}" in p] for s in "lr"}
     sides = {s: sum(marked[1:], start=marked[0]) / len(marked) for s, marked in rims.items() if marked}
     facing = sides["r"] - sides["l"] if len(sides) == 2 else Z
-    if has(p, "head_top"):
+    if has_landmarks(p, "head_top"):
         return Joints({"vertex": p["head_top"]}, {"head": facing})
     if len(sides) == 2:
         axis = unit((sides["l"] + sides["r"]) / 2 - cervical)
@@ -171,7 +171,7 @@ def head(p: Tracks, joints: Joints, body: Anthropometry) -> Joints:
 
 
 def _jugular_notch(p: Tracks) -> Points | None:
-    if not has(p, "jugular_notch") and has(p, "l_clavicle", "r_clavicle"):
+    if not has_landmarks(p, "jugular_notch") and has_landmarks(p, "l_clavicle", "r_clavicle"):
         return np.asarray((p["l_clavicle"] + p["r_clavicle"]) / 2)
     return p.get("jugular_notch")
 
@@ -181,14 +181,14 @@ def _regressed_trunk(p: Tracks, c7: Points, notch: Points, lumbar: Points, body:
     x = unit(notch - c7)
     z = unit(np.cross(x, c7 - lumbar))
     y = np.cross(z, x)
-    w = distance_m(c7, notch)
+    w = median_distance_m(c7, notch)
 
-    def offset(k: SagittalOffset) -> Points:
+    def trunk_offset(k: SagittalOffset) -> Points:
         angle = radians(k.angle_deg)
         return w * k.scale * (cos(angle) * x + sin(angle) * y)
 
-    cervical = c7 + offset(body.cervical)
-    shoulders = {s: p[f"{s}_acromion"] + offset(body.shoulder) for s in "lr" if has(p, f"{s}_acromion")}
+    cervical = c7 + trunk_offset(body.cervical)
+    shoulders = {s: p[f"{s}_acromion"] + trunk_offset(body.shoulder) for s in "lr" if has_landmarks(p, f"{s}_acromion")}
     return _with_shoulders(p, cervical, shoulders, lumbar, z, body)
 
 
@@ -196,15 +196,17 @@ def _trunk_from_acromia(p: Tracks, lumbar: Points, body: Anthropometry) -> Joint
     """Trunk by mean proportions: z along the acromia, y up from the lumbar joint, w the distance of the acromia."""
     middle = (p["l_acromion"] + p["r_acromion"]) / 2
     z = unit(p["r_acromion"] - p["l_acromion"])
-    y = across(middle - lumbar, z)
+    y = perpendicular_unit(middle - lumbar, z)
     x = np.cross(y, z)
-    w = distance_m(p["l_acromion"], p["r_acromion"])
+    w = median_distance_m(p["l_acromion"], p["r_acromion"])
 
-    def offset(k: Vector3) -> Points:
+    def trunk_offset(k: Vector3) -> Points:
         return np.asarray(w * (k[0] * x + k[1] * y + k[2] * z))
 
-    cervical = middle + offset(body.cervical_from_acromia)
-    shoulders = {s: p[f"{s}_acromion"] + offset(body.shoulder_from_acromion * (1, 1, SIGN[s])) for s in "lr"}
+    cervical = middle + trunk_offset(body.cervical_from_acromia)
+    shoulders = {
+        s: p[f"{s}_acromion"] + trunk_offset(body.shoulder_from_acromion * (1, 1, OUTWARD_SIGN[s])) for s in "lr"
+    }
     trunk = _with_shoulders(p, cervical, shoulders, lumbar, z, body)
     return trunk | Joints({}, {}, frozenset({"trunk-simplified"}))
 
@@ -214,7 +216,7 @@ def _upright_trunk(p: Tracks, joints: Joints, body: Anthropometry) -> Joints:
     lumbar = joints.centres["lumbar"]
     up = np.broadcast_to(np.array([0.0, 0.0, 1.0]), lumbar.shape)
     cervical = lumbar + _torso_length_m(p, joints, body) * up
-    z = across(joints.rightward["pelvis"], up)
+    z = perpendicular_unit(joints.rightward["pelvis"], up)
     trunk = _with_shoulders(p, cervical, {}, lumbar, z, body)
     return trunk | Joints({}, {}, frozenset({"trunk-missing"}))
 
@@ -230,28 +232,28 @@ def _with_shoulders(
 ) -> Joints:
     """Shoulder centres of the file if given, else ``shoulders``, else the mean position of a shoulder in the trunk."""
     y = unit(cervical - lumbar)
-    x, length = np.cross(y, z), distance_m(cervical, lumbar)
+    x, length = np.cross(y, z), median_distance_m(cervical, lumbar)
     kx, ky, kz = body.shoulder_in_torso * length
     centres = {"cervical": cervical}
     for s in "lr":
-        mean = cervical + kx * x + ky * y + SIGN[s] * kz * z
+        mean = cervical + kx * x + ky * y + OUTWARD_SIGN[s] * kz * z
         centres[f"{s}_shoulder"] = p.get(f"{s}_shoulder_centre", shoulders.get(s, mean))
     return Joints(centres, {"torso": z})
 
 
-def _wrist(p: Tracks, s: str) -> Joints | None:
+def _wrist_joint(p: Tracks, s: str) -> Joints | None:
     radial, ulnar, centre = (p.get(f"{s}_wrist_{kind}") for kind in ("radial", "ulnar", "centre"))
     if radial is not None and ulnar is not None:
         middle = (radial + ulnar) / 2 if centre is None else centre
-        return Joints({f"{s}_wrist": middle}, {f"{s}_forearm": SIGN[s] * (radial - ulnar)})
+        return Joints({f"{s}_wrist": middle}, {f"{s}_forearm": OUTWARD_SIGN[s] * (radial - ulnar)})
     single = next((track for track in (centre, radial, ulnar) if track is not None), None)
     return None if single is None else Joints({f"{s}_wrist": single}, {})
 
 
-def _knuckles(p: Tracks, s: str) -> Joints:
-    if has(p, f"{s}_mc2", f"{s}_mc5"):
+def _knuckles_joint(p: Tracks, s: str) -> Joints:
+    if has_landmarks(p, f"{s}_mc2", f"{s}_mc5"):
         middle = (p[f"{s}_mc2"] + p[f"{s}_mc5"]) / 2
-        return Joints({f"{s}_knuckles": middle}, {f"{s}_hand": SIGN[s] * (p[f"{s}_mc2"] - p[f"{s}_mc5"])})
+        return Joints({f"{s}_knuckles": middle}, {f"{s}_hand": OUTWARD_SIGN[s] * (p[f"{s}_mc2"] - p[f"{s}_mc5"])})
     single = p.get(f"{s}_mc2", p.get(f"{s}_mc5"))
     return Joints({} if single is None else {f"{s}_knuckles": single}, {})
 

@@ -8,13 +8,13 @@ from dataclasses import dataclass
 from typing import Final
 
 from stridelab.body.anthropometry import Anthropometry
-from stridelab.body.vectors import across, distance_m, unit
+from stridelab.body.vectors import median_distance_m, perpendicular_unit, unit
 from stridelab.conventions import Points
 
 Tracks = Mapping[str, Points]
 """Points by name, all of one trial."""
 
-SIGN: Final = {"l": -1.0, "r": 1.0}
+OUTWARD_SIGN: Final = {"l": -1.0, "r": 1.0}
 """Outwards on this side is ``SIGN`` times rightwards."""
 
 
@@ -37,7 +37,7 @@ class Joints:
         )
 
 
-def has(p: Tracks, *names: str) -> bool:
+def has_landmarks(p: Tracks, *names: str) -> bool:
     """Whether all of these landmarks are present."""
     return set(names) <= p.keys()
 
@@ -51,7 +51,7 @@ _SHANKS: Final = (
 """Landmark pairs that measure the shank, with its length per distance (0.874, sd 0.008 in ten adults)."""
 
 
-def hinge(
+def hinge_joint(
     p: Tracks, name: str, proximal: Points, Z: Points, body: Anthropometry, widths_m: Mapping[str, float]
 ) -> Joints | None:
     """Joint ``name`` (``l_knee``, ...), or None if neither its outer landmark nor its centre is marked.
@@ -69,18 +69,20 @@ def hinge(
     outer, inner, centre = (p.get(f"{name}_{kind}") for kind in ("lateral", "medial", "centre"))
     if outer is not None and inner is not None:
         middle = (outer + inner) / 2 if centre is None else centre
-        return Joints({name: middle}, {name: SIGN[s] * (outer - inner)})
+        return Joints({name: middle}, {name: OUTWARD_SIGN[s] * (outer - inner)})
     if centre is not None:
         return Joints({name: centre}, {name: Z})
     if outer is None:
         return None
     half = widths_m.get(name, body.proportions[joint] * shank_length_m(p)) / 2
     u = unit(proximal - outer)
-    i = -SIGN[s] * across(Z, u)
-    sin_a = min(half / distance_m(proximal, outer), 1.0)
+    i = -OUTWARD_SIGN[s] * perpendicular_unit(Z, u)
+    sin_a = min(half / median_distance_m(proximal, outer), 1.0)
     cos_a = (1.0 - sin_a**2) ** 0.5
     inwards = cos_a * i + sin_a * u
-    return Joints({name: outer + half * inwards}, {name: -SIGN[s] * inwards}, frozenset({f"{joint}-medial-missing"}))
+    return Joints(
+        {name: outer + half * inwards}, {name: -OUTWARD_SIGN[s] * inwards}, frozenset({f"{joint}-medial-missing"})
+    )
 
 
 def shank_length_m(p: Tracks) -> float:
@@ -89,7 +91,7 @@ def shank_length_m(p: Tracks) -> float:
     Without ankles, the distance from knee to heel marker is used, which changes little with the ankle's angle.
     """
     for upper, lower, share in _SHANKS:
-        sides = [s for s in "lr" if has(p, f"{s}_{upper}", f"{s}_{lower}")]
+        sides = [s for s in "lr" if has_landmarks(p, f"{s}_{upper}", f"{s}_{lower}")]
         if sides:
-            return share * sum(distance_m(p[f"{s}_{upper}"], p[f"{s}_{lower}"]) for s in sides) / len(sides)
+            return share * sum(median_distance_m(p[f"{s}_{upper}"], p[f"{s}_{lower}"]) for s in sides) / len(sides)
     return float("nan")

@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from stridelab.conventions import Points, Rotations
-from stridelab.recordings.marker_sets import Substitute, substitutes
+from stridelab.recordings.marker_sets import Substitute, all_substitutes
 
 SEX_UNKNOWN: Final = Substitute(
     code="sex-unknown",
@@ -27,14 +27,14 @@ SEX_UNKNOWN: Final = Substitute(
 )
 
 
-def used(codes: Iterable[str]) -> tuple[Substitute, ...]:
+def applied_substitutes(codes: Iterable[str]) -> tuple[Substitute, ...]:
     """The substitutes with these codes; a larger gap replaces the smaller ones in it."""
     codes = frozenset(codes)
-    known = substitutes()
+    known = all_substitutes()
     return tuple(known[code] for code in known if code in codes and not codes & set(known[code].hidden_by))
 
 
-def widened(sd_m: tuple[float, float, float], gaps: Iterable[Substitute]) -> tuple[float, float, float]:
+def widened_sd_m(sd_m: tuple[float, float, float], gaps: Iterable[Substitute]) -> tuple[float, float, float]:
     """Table error and the errors of the substitutes added in quadrature, per world axis."""
     gaps = tuple(gaps)
     horizontal = sum((gap.horizontal_mm / 1e3) ** 2 for gap in gaps)
@@ -68,7 +68,7 @@ Shapes = Mapping[str, Float[np.ndarray, "m 3"]]
 """Landmark tracks of another trial, with its own number of frames."""
 
 
-def rebuild(tracks: Mapping[str, Points], shapes: Shapes) -> tuple[dict[str, Points], frozenset[str]]:
+def rebuild_markers(tracks: Mapping[str, Points], shapes: Shapes) -> tuple[dict[str, Points], frozenset[str]]:
     """Fill the gaps of ``tracks``, and add landmarks that only ``shapes`` has, if their cluster is visible enough.
 
     ``shapes`` is a trial with more visible markers (the static trial, or the trial itself). Returns the tracks and the
@@ -91,7 +91,7 @@ def rebuild(tracks: Mapping[str, Points], shapes: Shapes) -> tuple[dict[str, Poi
             rebuilt = R @ shape[name] + t
             filled[name] = rebuilt if track is None or gaps is None else np.where(gaps[:, None], rebuilt, track)
     changed = {name for name in filled if filled[name] is not tracks.get(name)}
-    return filled, frozenset(name for name in changed if not _same(filled[name], tracks.get(name)))
+    return filled, frozenset(name for name in changed if not _is_same_track(filled[name], tracks.get(name)))
 
 
 def rigid_motion(a: Float[np.ndarray, "k 3"], b: Float[np.ndarray, "n k 3"]) -> tuple[Rotations, Points]:
@@ -124,5 +124,5 @@ def _fullest_frame(shapes: Shapes, cluster: tuple[str, ...]) -> dict[str, Float[
     return {name: shapes[name][frame] for name, visible in zip(names, seen[frame], strict=True) if visible}
 
 
-def _same(track: Points, before: Points | None) -> bool:
+def _is_same_track(track: Points, before: Points | None) -> bool:
     return before is not None and bool(np.array_equal(track, before, equal_nan=True))

@@ -17,8 +17,8 @@ import numpy as np
 
 from stridelab.body.anthropometry import Anthropometry
 from stridelab.body.joint_centres import pelvis_axes
-from stridelab.body.joints import Joints, Tracks, has
-from stridelab.body.vectors import along, distance_m, typical, unit
+from stridelab.body.joints import Joints, Tracks, has_landmarks
+from stridelab.body.vectors import component_along, median_distance_m, median_or_nan, unit
 from stridelab.conventions import Points
 
 
@@ -32,7 +32,7 @@ class Frame:
     Z: Points
     length_m: float
 
-    def at(self, k: tuple[float, float, float]) -> Points:
+    def point_at(self, k: tuple[float, float, float]) -> Points:
         """World position of the point with coordinates ``k`` (forwards, upwards, rightwards) per length."""
         return self.origin_m + self.length_m * (k[0] * self.X + k[1] * self.Y + k[2] * self.Z)
 
@@ -44,61 +44,61 @@ def segment_frames(p: Tracks, joints: Joints, body: Anthropometry) -> dict[str, 
     hips = (c["l_hip"] + c["r_hip"]) / 2
     shoulders = (c["l_shoulder"] + c["r_shoulder"]) / 2
     to_hips = hips - c["lumbar"]
-    sagittal = to_hips - along(to_hips, Z)
+    sagittal = to_hips - component_along(to_hips, Z)
     nape = p.get("c7", c["cervical"])
     frames = {
-        "pelvis": Frame(c["lumbar"], X, Y, Z, typical(np.linalg.norm(sagittal, axis=1))),
-        "torso": limb(c["cervical"], c["lumbar"], z["torso"]),
-        "head": _upward(c["cervical"], c["vertex"], z["head"]),
-        "trunk": limb(shoulders, hips, z["torso"]),
-        "head_neck": _upward(nape, c["vertex"], z["head"]),
+        "pelvis": Frame(c["lumbar"], X, Y, Z, median_or_nan(np.linalg.norm(sagittal, axis=1))),
+        "torso": limb_frame(c["cervical"], c["lumbar"], z["torso"]),
+        "head": _upward_frame(c["cervical"], c["vertex"], z["head"]),
+        "trunk": limb_frame(shoulders, hips, z["torso"]),
+        "head_neck": _upward_frame(nape, c["vertex"], z["head"]),
     }
     for s in "lr":
-        frames[f"{s}_upper_arm"] = limb(c[f"{s}_shoulder"], c[f"{s}_elbow"], z[f"{s}_upper_arm"])
-        frames[f"{s}_forearm"] = limb(c[f"{s}_elbow"], c[f"{s}_wrist"], z[f"{s}_forearm"])
-        frames[f"{s}_hand"] = _hand(s, joints, frames[f"{s}_forearm"], body)
-        frames[f"{s}_thigh"] = limb(c[f"{s}_hip"], c[f"{s}_knee"], z[f"{s}_thigh"])
-        frames[f"{s}_shank"] = limb(c[f"{s}_knee"], c[f"{s}_ankle"], z[f"{s}_shank"])
-        frames[f"{s}_foot"] = foot = _foot(p, s, joints, frames[f"{s}_shank"], body)
-        frames[f"{s}_whole_foot"] = _whole_foot(p, s, foot, frames[f"{s}_shank"], body)
+        frames[f"{s}_upper_arm"] = limb_frame(c[f"{s}_shoulder"], c[f"{s}_elbow"], z[f"{s}_upper_arm"])
+        frames[f"{s}_forearm"] = limb_frame(c[f"{s}_elbow"], c[f"{s}_wrist"], z[f"{s}_forearm"])
+        frames[f"{s}_hand"] = _hand_frame(s, joints, frames[f"{s}_forearm"], body)
+        frames[f"{s}_thigh"] = limb_frame(c[f"{s}_hip"], c[f"{s}_knee"], z[f"{s}_thigh"])
+        frames[f"{s}_shank"] = limb_frame(c[f"{s}_knee"], c[f"{s}_ankle"], z[f"{s}_shank"])
+        frames[f"{s}_foot"] = foot = _foot_frame(p, s, joints, frames[f"{s}_shank"], body)
+        frames[f"{s}_whole_foot"] = _whole_foot_frame(p, s, foot, frames[f"{s}_shank"], body)
     return frames
 
 
-def limb(proximal: Points, distal: Points, rightward: Points) -> Frame:
+def limb_frame(proximal: Points, distal: Points, rightward: Points) -> Frame:
     """Frame at ``proximal`` with Y from ``distal`` to ``proximal``."""
     Y = unit(proximal - distal)
     X = unit(np.cross(Y, rightward))
-    return Frame(proximal, X, Y, np.cross(X, Y), distance_m(proximal, distal))
+    return Frame(proximal, X, Y, np.cross(X, Y), median_distance_m(proximal, distal))
 
 
-def _upward(base: Points, top: Points, rightward: Points) -> Frame:
-    frame = limb(top, base, rightward)
+def _upward_frame(base: Points, top: Points, rightward: Points) -> Frame:
+    frame = limb_frame(top, base, rightward)
     return Frame(base, frame.X, frame.Y, frame.Z, frame.length_m)
 
 
-def _hand(s: str, joints: Joints, forearm: Frame, body: Anthropometry) -> Frame:
+def _hand_frame(s: str, joints: Joints, forearm: Frame, body: Anthropometry) -> Frame:
     """Hand from wrist to knuckles; without knuckles it continues the forearm with a proportional length."""
     c, wrist = joints.centres, joints.centres[f"{s}_wrist"]
-    if has(c, f"{s}_knuckles"):
-        return limb(wrist, c[f"{s}_knuckles"], joints.rightward.get(f"{s}_hand", forearm.Z))
+    if has_landmarks(c, f"{s}_knuckles"):
+        return limb_frame(wrist, c[f"{s}_knuckles"], joints.rightward.get(f"{s}_hand", forearm.Z))
     length = forearm.length_m * body.length_m["hand"] / body.length_m["forearm"]
     return Frame(wrist, forearm.X, forearm.Y, forearm.Z, length)
 
 
-def _foot(p: Tracks, s: str, joints: Joints, shank: Frame, body: Anthropometry) -> Frame:
+def _foot_frame(p: Tracks, s: str, joints: Joints, shank: Frame, body: Anthropometry) -> Frame:
     """Foot with X from heel to forefoot (or toe, or 5th metatarsal); without them it is perpendicular to the shank."""
     c, ankle = joints.centres, joints.centres[f"{s}_ankle"]
     tip = c.get(f"{s}_forefoot", p.get(f"{s}_toe", p.get(f"{s}_mt5")))
     length = shank.length_m * body.length_m["foot"] / body.length_m["shank"]
-    if has(c, f"{s}_forefoot"):
-        length = distance_m(ankle, c[f"{s}_forefoot"])
-    if tip is None or not has(p, f"{s}_heel"):
+    if has_landmarks(c, f"{s}_forefoot"):
+        length = median_distance_m(ankle, c[f"{s}_forefoot"])
+    if tip is None or not has_landmarks(p, f"{s}_heel"):
         return Frame(ankle, shank.X, shank.Y, shank.Z, length)
-    sole = limb(p[f"{s}_heel"], tip, joints.rightward.get(f"{s}_foot", shank.Z))
+    sole = limb_frame(p[f"{s}_heel"], tip, joints.rightward.get(f"{s}_foot", shank.Z))
     return Frame(ankle, -sole.Y, sole.X, sole.Z, length)
 
 
-def _whole_foot(p: Tracks, s: str, foot: Frame, shank: Frame, body: Anthropometry) -> Frame:
+def _whole_foot_frame(p: Tracks, s: str, foot: Frame, shank: Frame, body: Anthropometry) -> Frame:
     """Foot from heel to toe tip; the tip is not marked, so the length is a mean proportion of the shank."""
     length = shank.length_m * body.length_m["whole_foot"] / body.length_m["shank"]
     heel = p.get(f"{s}_heel", foot.origin_m - 0.25 * length * foot.X)

@@ -37,7 +37,7 @@ class SegmentRow:
     mass_fraction: float
     com: tuple[float, float, float]
 
-    def mirrored(self) -> "SegmentRow":
+    def mirror_image(self) -> "SegmentRow":
         """The same segment on the other side of the body."""
         x, y, z = self.com
         return SegmentRow(self.mass_fraction, (x, y, -z))
@@ -53,12 +53,12 @@ class SegmentTable:
     references: tuple[str, ...] = ()
 
 
-def load(name: str, sex: Sex | None) -> SegmentTable:
+def load_table(name: str, sex: Sex | None) -> SegmentTable:
     """Table ``models/segment_tables/<name>.toml`` for one sex; without a sex, the mean of both.
 
     Raises ``InvalidInput`` (``segment-table-unknown``) for a name that is not shipped.
     """
-    data = _file(name)
+    data = _table_data(name)
     sexes: tuple[Sex, ...] = ("female", "male") if sex is None else (sex,)
     segments = {
         segment: {
@@ -67,17 +67,17 @@ def load(name: str, sex: Sex | None) -> SegmentTable:
         }
         for segment, columns in data["segments"].items()
     }
-    return parse({"name": name, "segments": segments, "sd_m": data["sd_m"], "references": data["references"]})
+    return parse_table({"name": name, "segments": segments, "sd_m": data["sd_m"], "references": data["references"]})
 
 
-def parse(data: Mapping[str, Any]) -> SegmentTable:
+def parse_table(data: Mapping[str, Any]) -> SegmentTable:
     """Validate the plain form ``{"name", "segments": {segment: {"mass_fraction", "com"}}, "sd_m"?, "references"?}``.
 
     Raises ``InvalidInput`` (``segment-table-invalid``) naming the segment with invalid numbers.
     """
     try:
-        rows = dict(_rows(data["segments"]))
-        sd = _triple(data.get("sd_m", DEFAULT_SD_M))
+        rows = dict(_parse_rows(data["segments"]))
+        sd = _finite_triple(data.get("sd_m", DEFAULT_SD_M))
         name, references = str(data["name"]), tuple(str(key) for key in data.get("references", ()))
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise InvalidInput("segment-table-invalid", f"The segment table cannot be read: {error}.") from error
@@ -103,7 +103,7 @@ def from_json(text: str) -> SegmentTable:
         raise InvalidInput("segment-table-invalid", "The segment table of the recording is not JSON.") from error
     if not isinstance(data, dict):
         raise InvalidInput("segment-table-invalid", "The segment table of the recording is not a JSON object.")
-    return parse(data)
+    return parse_table(data)
 
 
 def to_json(table: SegmentTable) -> str:
@@ -114,7 +114,7 @@ def to_json(table: SegmentTable) -> str:
 
 
 @cache
-def _file(name: str) -> Mapping[str, Any]:
+def _table_data(name: str) -> Mapping[str, Any]:
     shipped = {path.stem: path for path in (models_dir() / "segment_tables").glob("*.toml")}
     if name not in shipped:
         known = ", ".join(sorted(shipped))
@@ -122,19 +122,19 @@ def _file(name: str) -> Mapping[str, Any]:
     return tomllib.loads(shipped[name].read_text(encoding="utf-8"))
 
 
-def _rows(segments: Mapping[str, Any]) -> Iterator[tuple[str, SegmentRow]]:
+def _parse_rows(segments: Mapping[str, Any]) -> Iterator[tuple[str, SegmentRow]]:
     for name, values in segments.items():
-        row = SegmentRow(float(values["mass_fraction"]), _triple(values["com"]))
+        row = SegmentRow(float(values["mass_fraction"]), _finite_triple(values["com"]))
         if not 0.0 < row.mass_fraction < 1.0:
             raise ValueError(f"segment {name} has mass fraction {row.mass_fraction}")
         if name in PAIRED:
-            yield f"l_{name}", row.mirrored()
+            yield f"l_{name}", row.mirror_image()
             yield f"r_{name}", row
         else:
             yield name, row
 
 
-def _triple(values: Any) -> tuple[float, float, float]:
+def _finite_triple(values: Any) -> tuple[float, float, float]:
     x, y, z = (float(value) for value in values)
     if not all(math.isfinite(value) for value in (x, y, z)):
         raise ValueError(f"{[x, y, z]} is not finite")

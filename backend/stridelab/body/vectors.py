@@ -18,23 +18,23 @@ def dot(a: Points, b: Points) -> Series:
     return np.asarray(np.einsum("ij,ij->i", a, b))
 
 
-def along(v: Points, axis: Points) -> Points:
+def component_along(v: Points, axis: Points) -> Points:
     """Component of ``v`` along the unit vectors ``axis``."""
     return np.asarray(dot(v, axis)[:, None] * axis)
 
 
-def across(v: Points, axis: Points) -> Points:
+def perpendicular_unit(v: Points, axis: Points) -> Points:
     """Unit vectors of the component of ``v`` perpendicular to the unit vectors ``axis``."""
-    return unit(v - along(v, axis))
+    return unit(v - component_along(v, axis))
 
 
-def typical(values: Series) -> float:
+def median_or_nan(values: Series) -> float:
     """Median over the finite values; NaN without any."""
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="All-NaN slice", category=RuntimeWarning)
         return float(np.nanmedian(values)) if len(values) else float("nan")
 
 
-def distance_m(a: Points, b: Points) -> float:
+def median_distance_m(a: Points, b: Points) -> float:
     """Median distance between two tracks in metres, such as the length of a bone."""
-    return typical(np.linalg.norm(a - b, axis=1))
+    return median_or_nan(np.linalg.norm(a - b, axis=1))

@@ -23,7 +23,7 @@ from stridelab.errors import Fault, InvalidInput
 Terminal = Literal["rest", "capturable"]
 
 
-def _still() -> Vector3:
+def _zero_vector() -> Vector3:
     return np.zeros(3)
 
 
@@ -34,8 +34,8 @@ class Start:
     Raises ``InvalidInput`` (``start-not-finite``).
     """
 
-    com_v_m_s: Vector3 = field(default_factory=_still)
-    l_nms: Vector3 = field(default_factory=_still)
+    com_v_m_s: Vector3 = field(default_factory=_zero_vector)
+    l_nms: Vector3 = field(default_factory=_zero_vector)
 
     def __post_init__(self) -> None:
         if not np.isfinite([self.com_v_m_s, self.l_nms]).all():
@@ -73,7 +73,7 @@ UNBOUNDED: Final = PathBounds()
 
 
 @dataclass(frozen=True, eq=False)
-class Capture:
+class CaptureRegion:
     """Admissible capture points in the horizontal plane: ``normals xi <= offsets`` with ``xi = c + c' / omega``."""
 
     normals: Float[np.ndarray, "h 2"]
@@ -86,17 +86,17 @@ class Capture:
         return float(max(0.0, (self.normals @ xi - self.offsets).max()))
 
 
-def capture(touching: Sequence[Points], goal_m: Vector3) -> Capture:
+def capture_region(contact_points_m: Sequence[Points], goal_m: Vector3) -> CaptureRegion:
     """Capture region from the points of all contacts of the last phase and a CoM goal, in the same frame.
 
     Raises ``InvalidInput`` (``no-support-to-capture``) where the points have no area below the goal.
     """
-    points_m = np.vstack([np.zeros((0, 3)), *touching])
+    points_m = np.vstack([np.zeros((0, 3)), *contact_points_m])
     flat = points_m[:, :2] - points_m[:1, :2]
     if len(points_m) < 3 or np.linalg.matrix_rank(flat, tol=1e-6) < 2:
         raise InvalidInput("no-support-to-capture", "The last phase has no support area in which to come to a stop.")
-    height_m = float(goal_m[2] - np.mean([points[:, 2].mean() for points in touching]))
+    height_m = float(goal_m[2] - np.mean([points[:, 2].mean() for points in contact_points_m]))
     if height_m <= 0.0:
         raise InvalidInput("no-support-to-capture", "The goal of the centre of mass is not above the last contacts.")
     equations = np.unique(ConvexHull(points_m[:, :2]).equations.round(9), axis=0)
-    return Capture(equations[:, :2], -equations[:, 2], float(np.sqrt(GRAVITY_M_S2 / height_m)))
+    return CaptureRegion(equations[:, :2], -equations[:, 2], float(np.sqrt(GRAVITY_M_S2 / height_m)))

@@ -20,8 +20,8 @@ import daqp
 import numpy as np
 from jaxtyping import Float
 
-from stridelab.centroidal.control import Control, Forces, Generators, Touch, Values
-from stridelab.contacts.wrench_cones.contact_points import PointContacts, change_of_frame
+from stridelab.centroidal.control import ContactPatch, Control, Forces, Generators, Values
+from stridelab.contacts.wrench_cones.contact_points import PointContacts, wrench_transform
 from stridelab.contacts.wrench_cones.thesis_lorentz_cone import outer_cone
 from stridelab.contacts.wrench_cones.wrench_cone import N_RAYS, LinearCone, LorentzCone
 from stridelab.errors import InvalidInput
@@ -32,7 +32,7 @@ THESIS_RAYS: Final = 4
 """Rays per point of the thesis' cone."""
 N_FACES: Final = 3 * N_RAYS
 """Faces of the pyramids for point forces: an odd multiple, so that they contain those of the linear cone."""
-ROUNDED: Final = 12
+ROUNDING_DECIMALS: Final = 12
 """Decimals to which contacts are rounded for the cache of cones."""
 PRIMAL_TOLERANCE: Final = 1e-10
 WEIGHT_MIN: Final = 1e-6
@@ -58,116 +58,116 @@ class ContactWrench(Control):
         if not 0.0 < self.alpha <= 1.0:
             raise InvalidInput("alpha-out-of-range", f"The shrink factor must be in (0, 1], not {self.alpha}.")
 
-    def generators(self, touches: tuple[Touch, ...]) -> Mapping[str, Generators]:
+    def generators(self, patches: tuple[ContactPatch, ...]) -> Mapping[str, Generators]:
         """One group; empty in flight. Raises ``NotEstimable`` where the contacts have no such cone."""
-        if not touches:
+        if not patches:
             return {}
-        cone = self._lorentz(touches)
+        cone = self._lorentz_cone(patches)
         k = cone.dimension
         onto = np.linalg.inv(cone.to_standard)[:, : k + 1]
         upright = np.zeros(k + 1)
         upright[k] = 1.0 / onto[2, k]
         return {WRENCH: Generators(onto, k, np.zeros((k + 1, k + 1)), upright, None)}
 
-    def _lorentz(self, touches: tuple[Touch, ...]) -> LorentzCone:
+    def _lorentz_cone(self, patches: tuple[ContactPatch, ...]) -> LorentzCone:
         """The cone about the origin, from the cached one about the mean of the contacts, which repeats on stairs."""
-        soles = tuple(patch for patch in touches if patch.kind == "surface")
-        contacts = point_contacts(soles if soles and self.contacts == "soles" else touches)
+        soles = tuple(patch for patch in patches if patch.kind == "surface")
+        contacts = point_contacts(soles if soles and self.contacts == "soles" else patches)
         middle = contacts.position_m.mean(axis=0)
-        own = contacts.moved(-middle)
+        own = contacts.in_frame(-middle)
         parts = (own.position_m, own.rotation, own.friction)
-        key = [np.round(part, ROUNDED).tobytes() for part in parts]
-        return _cone(self.cone, self.alpha, *key).in_frame(change_of_frame(-middle))
+        key = [np.round(part, ROUNDING_DECIMALS).tobytes() for part in parts]
+        return _cached_lorentz_cone(self.cone, self.alpha, *key).in_frame(wrench_transform(-middle))
 
-    def gauge(self, touches: tuple[Touch, ...], wrenches: Float[np.ndarray, "n 6"]) -> Float[np.ndarray, "n"]:
+    def gauge(self, patches: tuple[ContactPatch, ...], wrenches: Float[np.ndarray, "n 6"]) -> Float[np.ndarray, "n"]:
         """``|tau| / eta``; infinite where ``eta`` is not positive."""
-        return self._lorentz(touches).gauge(wrenches) if touches else np.zeros(len(wrenches))
+        return self._lorentz_cone(patches).gauge(wrenches) if patches else np.zeros(len(wrenches))
 
-    def forces(self, touches: tuple[Touch, ...], values: Values) -> Forces:
+    def point_forces(self, patches: tuple[ContactPatch, ...], values: Values) -> Forces:
         """Minimum-cost point forces for each wrench."""
-        if not touches:
+        if not patches:
             return {}
-        sharing, onto = Sharing(touches), self.generators(touches)[WRENCH].wrench
-        f = np.array([sharing.forces(onto @ u) for u in values[WRENCH]])
-        parts = np.split(f, np.cumsum([len(patch.points_m) for patch in touches])[:-1], axis=1)
-        return {patch.effector: part for patch, part in zip(touches, parts, strict=True)}
+        sharing, onto = ForceDistribution(patches), self.generators(patches)[WRENCH].wrench
+        f = np.array([sharing.minimum_cost_forces(onto @ u) for u in values[WRENCH]])
+        parts = np.split(f, np.cumsum([len(patch.points_m) for patch in patches])[:-1], axis=1)
+        return {patch.effector: part for patch, part in zip(patches, parts, strict=True)}
 
 
 @dataclass(frozen=True, eq=False)
-class Sharing:
+class ForceDistribution:
     """Distribution of a wrench over contact points: all solutions are ``f = W^-1/2 (f0 + N z)``, z free."""
 
-    touches: tuple[Touch, ...]
+    patches: tuple[ContactPatch, ...]
 
     @cached_property
-    def _ease(self) -> Float[np.ndarray, "forces"]:
+    def _inverse_sqrt_weights(self) -> Float[np.ndarray, "minimum_cost_forces"]:
         """``W^-1/2``."""
-        weights = [max(t.force_weight, WEIGHT_MIN) for t in self.touches]
-        sizes = [3 * len(t.points_m) for t in self.touches]
+        weights = [max(t.force_weight, WEIGHT_MIN) for t in self.patches]
+        sizes = [3 * len(t.points_m) for t in self.patches]
         return np.repeat(np.array(weights) ** -0.5, sizes)
 
     @cached_property
     def _from_wrench(self) -> Float[np.ndarray, "forces 6"]:
-        return np.linalg.pinv(point_contacts(self.touches).grasp() * self._ease)
+        return np.linalg.pinv(point_contacts(self.patches).grasp_matrix() * self._inverse_sqrt_weights)
 
     @cached_property
-    def _null(self) -> Float[np.ndarray, "forces d"]:
-        G = point_contacts(self.touches).grasp() * self._ease
+    def _null_space(self) -> Float[np.ndarray, "forces d"]:
+        G = point_contacts(self.patches).grasp_matrix() * self._inverse_sqrt_weights
         _, S, Vt = np.linalg.svd(G)
         return np.asarray(Vt[int((1e-9 * S[0] < S).sum()) :].T)
 
     @cached_property
-    def _faces(self) -> Float[np.ndarray, "faces forces"]:
+    def _pyramid_faces(self) -> Float[np.ndarray, "faces forces"]:
         """Face normals of the pyramids in ``W^1/2 f``; the products are non-positive inside."""
         angle = 2.0 * np.pi * np.arange(N_FACES) / N_FACES
         blocks = []
-        for patch in self.touches:
+        for patch in self.patches:
             height = np.full(N_FACES, -patch.friction * np.cos(np.pi / N_FACES))
             own = np.stack([np.cos(angle), np.sin(angle), height], axis=1) @ patch.rotation.T
             blocks += [own] * len(patch.points_m)
         rows = np.zeros((N_FACES * len(blocks), 3 * len(blocks)))
         for i, own in enumerate(blocks):
             rows[N_FACES * i : N_FACES * (i + 1), 3 * i : 3 * i + 3] = own
-        return np.asarray(rows * self._ease)
+        return np.asarray(rows * self._inverse_sqrt_weights)
 
     @cached_property
-    def _reduced(self) -> Float[np.ndarray, "faces d"]:
-        return np.ascontiguousarray(self._faces @ self._null)
+    def _reduced_faces(self) -> Float[np.ndarray, "faces d"]:
+        return np.ascontiguousarray(self._pyramid_faces @ self._null_space)
 
-    def forces(self, wrench: Float[np.ndarray, "6"]) -> Float[np.ndarray, "points 3"]:
+    def minimum_cost_forces(self, wrench: Float[np.ndarray, "6"]) -> Float[np.ndarray, "points 3"]:
         """Minimum-cost forces in the pyramids, or without cones where the pyramids admit none."""
         eased = self._from_wrench @ wrench
-        limits, d = -self._faces @ eased, self._null.shape[1]
+        limits, d = -self._pyramid_faces @ eased, self._null_space.shape[1]
         if d and limits.min() < 0.0:
             z, _, flag, _ = daqp.solve(
                 np.eye(d),
                 np.zeros(d),
-                self._reduced,
+                self._reduced_faces,
                 limits,
                 np.full(len(limits), -1e30),
                 np.zeros(len(limits), np.int32),
                 primal_tol=PRIMAL_TOLERANCE,
             )
             if flag > 0:
-                eased = eased + self._null @ z
-        return np.asarray((self._ease * eased).reshape(-1, 3))
+                eased = eased + self._null_space @ z
+        return np.asarray((self._inverse_sqrt_weights * eased).reshape(-1, 3))
 
 
 @lru_cache(maxsize=256)
-def _cone(
+def _cached_lorentz_cone(
     kind: Literal["inscribed", "thesis"], alpha: float, position_m: bytes, rotation: bytes, friction: bytes
 ) -> LorentzCone:
     points, axes, mu = (np.frombuffer(part) for part in (position_m, rotation, friction))
     contacts = PointContacts(points.reshape(-1, 3), axes.reshape(-1, 3, 3), mu)
     if kind == "inscribed":
-        return LinearCone.of(contacts).largest_lorentz()
-    return outer_cone(contacts.rays(THESIS_RAYS)).shrunk(alpha)
+        return LinearCone.from_contacts(contacts).largest_lorentz()
+    return outer_cone(contacts.wrench_rays(THESIS_RAYS)).shrink(alpha)
 
 
-def point_contacts(touches: tuple[Touch, ...]) -> PointContacts:
+def point_contacts(patches: tuple[ContactPatch, ...]) -> PointContacts:
     """The points of all contacts in the form used by the wrench cones."""
     return PointContacts(
-        np.vstack([t.points_m for t in touches]),
-        np.array([t.rotation for t in touches for _ in t.points_m]),
-        np.array([t.friction for t in touches for _ in t.points_m]),
+        np.vstack([t.points_m for t in patches]),
+        np.array([t.rotation for t in patches for _ in t.points_m]),
+        np.array([t.friction for t in patches for _ in t.points_m]),
     )

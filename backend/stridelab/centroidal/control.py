@@ -20,7 +20,7 @@ from stridelab.conventions import Points, Rotation
 
 
 @dataclass(frozen=True, eq=False)
-class Touch:
+class ContactPatch:
     """An effector's contact in a phase: its points ``(k, 3)`` and frame in world axes, relative to a given origin.
 
     ``kind`` is ``surface`` for soles and ``point`` for hands; ``force_weight`` weighs ``|f / (m g)|^2`` of its points
@@ -68,10 +68,10 @@ class Control(ABC):
     has_point_forces: ClassVar[bool]
 
     @abstractmethod
-    def generators(self, touches: tuple[Touch, ...]) -> Mapping[str, Generators]:
+    def generators(self, patches: tuple[ContactPatch, ...]) -> Mapping[str, Generators]:
         """The groups of a phase by name."""
 
-    def gauge(self, touches: tuple[Touch, ...], wrenches: Float[np.ndarray, "n 6"]) -> Float[np.ndarray, "n"]:
+    def gauge(self, patches: tuple[ContactPatch, ...], wrenches: Float[np.ndarray, "n 6"]) -> Float[np.ndarray, "n"]:
         """Gauge of wrenches ``(F, T)`` in the cone of the control: up to 1 they are inside.
 
         Zero where the control can express every wrench of the contacts.
@@ -79,5 +79,5 @@ class Control(ABC):
         return np.zeros(len(wrenches))
 
     @abstractmethod
-    def forces(self, touches: tuple[Touch, ...], values: Values) -> Forces:
+    def point_forces(self, patches: tuple[ContactPatch, ...], values: Values) -> Forces:
         """World-frame point forces from the variables of the groups of a phase."""

@@ -4,9 +4,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from stridelab.centroidal.force_splines import N_GAUSS, gauss
+from stridelab.centroidal.force_splines import N_GAUSS, gauss_rule
 from stridelab.centroidal.problem import CentroidalProblem
-from stridelab.centroidal.verification import Motion, instants, total_force_n, wrenches_of
+from stridelab.centroidal.verification import Motion, interval_states, total_force_n, wrenches_of
 from stridelab.conventions import Series, g
 
 REGULARISERS = ("surface_force", "point_force", "duration")
@@ -20,11 +20,14 @@ def cost_terms(problem: CentroidalProblem, motion: Motion) -> Mapping[str, float
     """
     h = np.diff(motion.time_s)
     weights = problem.weights
-    a, l_rate = _squares(problem, motion)
+    a, l_rate = _squared_rates(problem, motion)
     terms = {
         "com_acceleration": weights.com_acceleration * float(h @ a),
         "momentum_rate": weights.momentum_rate * float(h @ l_rate),
-        **{f"log_density_{name}": weights.likelihood * value for name, value in _densities(problem, motion).items()},
+        **{
+            f"log_density_{name}": weights.likelihood * value
+            for name, value in _log_density_terms(problem, motion).items()
+        },
         "surface_force": 0.0,
         "point_force": 0.0,
     }
@@ -38,7 +41,7 @@ def cost_terms(problem: CentroidalProblem, motion: Motion) -> Mapping[str, float
     return terms
 
 
-def _squares(problem: CentroidalProblem, motion: Motion) -> tuple[Series, Series]:
+def _squared_rates(problem: CentroidalProblem, motion: Motion) -> tuple[Series, Series]:
     """``|c''|^2`` and ``|L_c'|^2`` per interval.
 
     Constant forces: from the mean rate of L_c. Splines: by the Gauss rule of the nonlinear program. The momentum rate
@@ -52,8 +55,8 @@ def _squares(problem: CentroidalProblem, motion: Motion) -> tuple[Series, Series
         return (a**2).sum(axis=1), (l_rate**2).sum(axis=1)
     a_squared, l_squared = np.zeros(n), np.zeros(n)
     wrenches = wrenches_of(problem.sequence, motion)
-    for k, (s, w) in enumerate(gauss(N_GAUSS)):
-        now = instants(problem.mass_kg, motion, wrenches, s)
+    for k, (s, w) in enumerate(gauss_rule(N_GAUSS)):
+        now = interval_states(problem.mass_kg, motion, wrenches, s)
         a_squared += w * (now.com_a_m_s2**2).sum(axis=1)
         l_squared += w * ((now.l_rate_nm - limbs_nm[:, k]) ** 2).sum(axis=1)
     return a_squared, l_squared
@@ -64,7 +67,7 @@ def objective(terms: Mapping[str, float]) -> float:
     return float(sum(value for name, value in terms.items() if name not in REGULARISERS))
 
 
-def _densities(problem: CentroidalProblem, motion: Motion) -> dict[str, float]:
+def _log_density_terms(problem: CentroidalProblem, motion: Motion) -> dict[str, float]:
     """``-int log p_i(c) dt`` per effector while it touches."""
     sums: dict[str, float] = {}
     h = np.diff(motion.time_s)

@@ -48,7 +48,7 @@ class Step:
     b: Float[np.ndarray, "9"]
 
 
-def step(h: float) -> Step:
+def discrete_step(h: float) -> Step:
     """Exact step over ``h`` seconds with a constant contact wrench."""
     G = GRAVITY_M_S2
     E, cross_g = np.eye(3), -skew(DOWN)  # a x g = -[g]x a

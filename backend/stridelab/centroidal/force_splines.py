@@ -22,7 +22,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy.polynomial import Polynomial, legendre
 
-from stridelab.centroidal.free_variables import stays
+from stridelab.centroidal.free_variables import contact_spans
 from stridelab.contacts.sequence import ContactSequence
 from stridelab.conventions import Series
 
@@ -35,7 +35,7 @@ N_GAUSS: Final = 4
 
 
 @cache
-def _monomials(degree: int) -> Float[np.ndarray, "4 d n"]:
+def _bernstein_coefficients(degree: int) -> Float[np.ndarray, "4 d n"]:
     """Coefficients of ``B_0 .. B_degree`` in powers of s, and of their first three integrals from 0."""
     s = Polynomial([0.0, 1.0])
     rows = np.zeros((4, degree + 1, degree + 4))
@@ -48,17 +48,17 @@ def _monomials(degree: int) -> Float[np.ndarray, "4 d n"]:
     return rows
 
 
-def weights(s: float, degree: int = DEGREE) -> Float[np.ndarray, "4 d"]:
+def bernstein_weights(s: float, degree: int = DEGREE) -> Float[np.ndarray, "4 d"]:
     """Weights of the control points at ``s`` in [0, 1]: in the curve, and in its first three integrals from 0.
 
     Degree 0 has one control point: a constant.
     """
-    rows = _monomials(degree)
+    rows = _bernstein_coefficients(degree)
     return np.asarray(rows @ s ** np.arange(rows.shape[2]))
 
 
 @cache
-def gauss(n: int) -> tuple[tuple[float, float], ...]:
+def gauss_rule(n: int) -> tuple[tuple[float, float], ...]:
     """Points and weights in [0, 1] of the Gauss rule with ``n`` points, exact to degree 2 n - 1."""
     x, w = legendre.leggauss(n)
     return tuple(zip((0.5 * (x + 1.0)).tolist(), (0.5 * w).tolist(), strict=True))
@@ -71,12 +71,12 @@ def limb_times_s(time_s: Series, shape: Shape) -> Float[np.ndarray, "times"]:
     """
     if shape == "constant":
         return time_s
-    ends = np.cumsum([w for _, w in gauss(N_GAUSS)])
+    ends = np.cumsum([w for _, w in gauss_rule(N_GAUSS)])
     inside = time_s[:-1, None] + np.diff(time_s)[:, None] * ends[:-1]
     return np.append(np.column_stack([time_s[:-1], inside]).ravel(), time_s[-1])
 
 
-def joints(step_s: Series) -> Float[np.ndarray, "m 2"]:
+def junction_weights(step_s: Series) -> Float[np.ndarray, "m 2"]:
     """Weights, per interval, of its own inner points in its end points: ``f_0 = (1 - a) f_2- + a f_1``, same for f_3.
 
     They are 1 at the ends of the motion.
@@ -90,7 +90,7 @@ def joints(step_s: Series) -> Float[np.ndarray, "m 2"]:
 
 def control_points(inner: Float[np.ndarray, "m 2 *rest"], step_s: Series) -> Float[np.ndarray, "m 4 *rest"]:
     """All four control points from the inner two of every interval."""
-    own = joints(step_s).reshape(len(inner), 2, *(1 for _ in inner.shape[2:]))
+    own = junction_weights(step_s).reshape(len(inner), 2, *(1 for _ in inner.shape[2:]))
     first = own[:, 0] * inner[:, 0]
     last = own[:, 1] * inner[:, 1]
     first[1:] += (1.0 - own[1:, 0]) * inner[:-1, 1]
@@ -98,10 +98,10 @@ def control_points(inner: Float[np.ndarray, "m 2 *rest"], step_s: Series) -> Flo
     return np.stack([first, inner[:, 0], inner[:, 1], last], axis=1)
 
 
-def comes_and_goes(sequence: ContactSequence) -> tuple[set[tuple[int, str]], set[tuple[int, str]]]:
+def touchdowns_and_liftoffs(sequence: ContactSequence) -> tuple[set[tuple[int, str]], set[tuple[int, str]]]:
     """Touch-downs at the start and lift-offs at the end of phases, as ``(phase, effector)``, within the motion."""
     last = len(sequence.phases) - 1
-    spans = [(span.contact.effector, span.first, span.last) for span in stays(sequence)]
+    spans = [(span.contact.effector, span.first, span.last) for span in contact_spans(sequence)]
     return (
         {(first, name) for name, first, _ in spans if first > 0},
         {(end, name) for name, _, end in spans if end < last},

@@ -45,7 +45,7 @@ class FreePlacements:
 
 
 @dataclass(frozen=True, eq=False)
-class Stay:
+class ContactSpan:
     """One contact from touch-down to lift-off: phases ``first`` to ``last``, both included."""
 
     contact: Contact
@@ -53,9 +53,9 @@ class Stay:
     last: int
 
 
-def stays(sequence: ContactSequence) -> list[Stay]:
+def contact_spans(sequence: ContactSequence) -> list[ContactSpan]:
     """All contacts of a sequence, each from its touch-down to its lift-off."""
-    spans: list[Stay] = []
+    spans: list[ContactSpan] = []
     for name in sequence.effectors:
         first = None
         for i, phase in enumerate(sequence.phases):
@@ -64,11 +64,11 @@ def stays(sequence: ContactSequence) -> list[Stay]:
                 first = i
             ends = i + 1 == len(sequence.phases) or name not in sequence.phases[i + 1].contacts
             if in_contact and ends and first is not None:
-                spans.append(Stay(phase.contacts[name], first, i))
+                spans.append(ContactSpan(phase.contacts[name], first, i))
                 first = None
     return spans
 
 
-def movable(sequence: ContactSequence) -> list[Stay]:
+def movable_spans(sequence: ContactSequence) -> list[ContactSpan]:
     """The contacts that begin after the first phase and end before the last."""
-    return [span for span in stays(sequence) if span.first > 0 and span.last < len(sequence.phases) - 1]
+    return [span for span in contact_spans(sequence) if span.first > 0 and span.last < len(sequence.phases) - 1]

@@ -17,8 +17,8 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float
 
-from stridelab.centroidal.free_variables import stays
-from stridelab.centroidal.point_forces import rays
+from stridelab.centroidal.free_variables import contact_spans
+from stridelab.centroidal.point_forces import pyramid_rays
 from stridelab.centroidal.problem import standing_com_m
 from stridelab.centroidal.rest_to_rest import standing_height_m
 from stridelab.contacts.sequence import Contact, ContactSequence
@@ -29,13 +29,13 @@ from stridelab.robots.robot import Robot
 TORQUE_SHARE: Final = 0.9
 """Share of a joint's torque limit that is available to a static force."""
 N_RAYS: Final = 8
-LEAST_N: Final = 1.0
+MIN_BOUND_N: Final = 1.0
 """Lower bound of the computed limits."""
-NEAR_M: Final = 0.01
+CONTACT_TOLERANCE_M: Final = 0.01
 """Distance from the contact up to which a posture counts as touching it."""
 
 
-def carried_n(robot: Robot, q: Float[np.ndarray, "nq"], contact: Contact) -> float:
+def max_normal_force_n(robot: Robot, q: Float[np.ndarray, "nq"], contact: Contact) -> float:
     """Largest normal force that the arm at rest in ``q`` carries at ``contact``; 0 where it cannot hold its weight."""
     model, frames = with_contact_frames(robot)
     data = model.createData()
@@ -43,11 +43,11 @@ def carried_n(robot: Robot, q: Float[np.ndarray, "nq"], contact: Contact) -> flo
     pin.updateFramePlacements(model, data)
     frame = frames[contact.effector]
     J = pin.getFrameJacobian(model, data, frame, pin.LOCAL_WORLD_ALIGNED)[:3]
-    arm = [i for i in _above(model, frame) if robot.group[model.names[i]] == "arm"]
+    arm = [i for i in _chain_to_trunk(model, frame) if robot.group[model.names[i]] == "arm"]
     columns = [model.joints[i].idx_v for i in arm]
     gravity = pin.computeGeneralizedGravity(model, data, q)[columns]
     torque_limit = TORQUE_SHARE * model.effortLimit[columns]
-    friction_rays = rays(contact.friction / np.cos(np.pi / N_RAYS), N_RAYS)  # a pyramid that contains the cone
+    friction_rays = pyramid_rays(contact.friction / np.cos(np.pi / N_RAYS), N_RAYS)  # a pyramid that contains the cone
     torque_per_n = -J[:, columns].T @ contact.placement.rotation @ friction_rays
     remaining_torque = torque_limit[:, None] - np.sign(torque_per_n) * gravity[:, None]
     with np.errstate(divide="ignore"):
@@ -58,11 +58,11 @@ def carried_n(robot: Robot, q: Float[np.ndarray, "nq"], contact: Contact) -> flo
 def hand_bounds_n(robot: Robot, sequence: ContactSequence) -> dict[str, float]:
     """Bounds for ``PathBounds.normal_force_max_n``; hands whose contacts no posture reaches have none."""
     bounds: dict[str, float] = {}
-    for phase, name in _touches(robot, sequence):
+    for phase, name in _hand_contact_phases(robot, sequence):
         placements = {
             other: contact.placement
             for other in sequence.effectors
-            if (contact := _there(robot, sequence, phase, other)) is not None
+            if (contact := _contact_for_posture(robot, sequence, phase, other)) is not None
         }
         soles = {
             other: contact
@@ -72,28 +72,28 @@ def hand_bounds_n(robot: Robot, sequence: ContactSequence) -> dict[str, float]:
         if not soles:
             continue
         posture = stand(robot, placements, standing_com_m(soles, standing_height_m(robot), robot.effectors))
-        if posture.error_m < NEAR_M:
-            max_force_n = max(LEAST_N, carried_n(robot, posture.q, sequence.phases[phase].contacts[name]))
+        if posture.error_m < CONTACT_TOLERANCE_M:
+            max_force_n = max(MIN_BOUND_N, max_normal_force_n(robot, posture.q, sequence.phases[phase].contacts[name]))
             bounds[name] = min(max_force_n, bounds.get(name, np.inf))
     return bounds
 
 
-def _touches(robot: Robot, sequence: ContactSequence) -> Iterator[tuple[int, str]]:
+def _hand_contact_phases(robot: Robot, sequence: ContactSequence) -> Iterator[tuple[int, str]]:
     """First and last phase of every contact of a point effector."""
-    for span in stays(sequence):
+    for span in contact_spans(sequence):
         if robot.effectors[span.contact.effector].kind == "point":
             for phase in sorted({span.first, span.last}):
                 yield phase, span.contact.effector
 
 
-def _there(robot: Robot, sequence: ContactSequence, phase: int, effector: str) -> Contact | None:
+def _contact_for_posture(robot: Robot, sequence: ContactSequence, phase: int, effector: str) -> Contact | None:
     """A hand's contact in the phase, if any; a foot's current or latest one, where its swing begins."""
     if robot.effectors[effector].kind == "surface":
         return sequence.last_contact(effector, phase)
     return sequence.phases[phase].contacts.get(effector)
 
 
-def _above(model: pin.Model, frame: int) -> list[int]:
+def _chain_to_trunk(model: pin.Model, frame: int) -> list[int]:
     """Joints on the chain from a frame up to the trunk."""
     joints, joint = [], model.frames[frame].parentJoint
     while joint > 1:

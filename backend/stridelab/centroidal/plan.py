@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float, Int
 
-from stridelab.centroidal.force_splines import weights
+from stridelab.centroidal.force_splines import bernstein_weights
 from stridelab.centroidal.nlp.kkt import Solution
 from stridelab.contacts.sequence import ContactSequence
 from stridelab.conventions import Vector3, g
@@ -80,21 +80,21 @@ class CentroidalPlan:
 
     def forces_at(self, time_s: float) -> Mapping[str, Float[np.ndarray, "k 3"]]:
         """World-frame forces on the points of every effector; at a node those of the following interval."""
-        k, e, h = self._place(time_s)
+        k, e, h = self._interval_at(time_s)
         if not self.curves_n:
             return {name: f[k] for name, f in self.forces_n.items()}
-        flat = weights(e / h)[0] @ self._controls[k]
-        return {name: flat[columns].reshape(-1, 3) for name, columns in self._columns.items()}
+        flat = bernstein_weights(e / h)[0] @ self._control_points[k]
+        return {name: flat[columns].reshape(-1, 3) for name, columns in self._force_columns.items()}
 
-    def at(self, time_s: float) -> Reference:
+    def reference_at(self, time_s: float) -> Reference:
         """Reference at ``time_s``, integrated exactly from the preceding node.
 
         Constant forces give a constant acceleration; the angular momentum is then interpolated linearly between nodes,
         consistent with its mean rate in the cost.
         """
-        k, e, h = self._place(time_s)
+        k, e, h = self._interval_at(time_s)
         if self.curves_n:
-            return self._on_spline(k, e / h, h)
+            return self._spline_reference(k, e / h, h)
         a = self.com_a_m_s2[k]
         l_rate = (self.l_nms[k + 1] - self.l_nms[k]) / h
         return Reference(
@@ -106,25 +106,25 @@ class CentroidalPlan:
             interval=k,
         )
 
-    def _place(self, time_s: float) -> tuple[int, float, float]:
+    def _interval_at(self, time_s: float) -> tuple[int, float, float]:
         """Interval, time (s) since its start, and its length (s)."""
         k = min(max(int(self.time_s.searchsorted(time_s, side="right")) - 1, 0), len(self.time_s) - 2)
         h = float(self.time_s[k + 1] - self.time_s[k])
         return k, min(max(time_s - float(self.time_s[k]), 0.0), h), h
 
     @cached_property
-    def _columns(self) -> Mapping[str, slice]:
+    def _force_columns(self) -> Mapping[str, slice]:
         """Columns of each effector in ``_control_points``."""
         ends = np.cumsum([3 * curve.shape[2] for curve in self.curves_n.values()]).tolist()
         return dict(zip(self.curves_n, map(slice, [0, *ends], ends), strict=False))
 
     @cached_property
-    def _controls(self) -> Float[np.ndarray, "m 4 n"]:
+    def _control_points(self) -> Float[np.ndarray, "m 4 n"]:
         """Control points of all forces side by side."""
         return np.concatenate([curve.reshape(*curve.shape[:2], -1) for curve in self.curves_n.values()], axis=2)
 
     @cached_property
-    def _wrenches(self) -> Float[np.ndarray, "m 4 6"]:
+    def _wrench_control_points(self) -> Float[np.ndarray, "m 4 6"]:
         """Control points of ``(sum f, sum p x f)`` about the world origin."""
         wrenches = np.zeros((len(self.phase), 4, 6))
         for k, phase in enumerate(self.phase):
@@ -134,10 +134,10 @@ class CentroidalPlan:
                 wrenches[k, :, 3:] += np.cross(contact.placement.act(self.points_m[name]), f).sum(axis=1)
         return wrenches
 
-    def _on_spline(self, k: int, s: float, h: float) -> Reference:
+    def _spline_reference(self, k: int, s: float, h: float) -> Reference:
         """Integrate ``dynamics`` with Bernstein polynomials: the momentum K about the origin, then about the CoM."""
         m, c, v = self.mass_kg, self.com_m[k], self.com_v_m_s[k]
-        f, first_integral, second_integral, third_integral = weights(s) @ self._wrenches[k]
+        f, first_integral, second_integral, third_integral = bernstein_weights(s) @ self._wrench_control_points[k]
         com = c + h * s * v + h**2 * (second_integral[:3] / m + s**2 / 2 * g)
         velocity = v + h * (first_integral[:3] / m + s * g)
         com_integral = h * s * c + h**2 * s**2 / 2 * v + h**3 * (third_integral[:3] / m + s**3 / 6 * g)

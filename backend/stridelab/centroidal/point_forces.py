@@ -24,7 +24,7 @@ from typing import ClassVar, Final
 import numpy as np
 from jaxtyping import Float
 
-from stridelab.centroidal.control import Control, Forces, Generators, Touch, Values
+from stridelab.centroidal.control import ContactPatch, Control, Forces, Generators, Values
 from stridelab.centroidal.dynamics import skew
 from stridelab.errors import InvalidInput
 
@@ -39,32 +39,32 @@ class _PointForces(Control):
     lorentz: ClassVar[int]
 
     @abstractmethod
-    def S(self, touch: Touch) -> Float[np.ndarray, "3 j"]:
+    def S(self, patch: ContactPatch) -> Float[np.ndarray, "3 j"]:
         """The force of one point per unit of its variables."""
 
     @abstractmethod
-    def upright(self) -> Float[np.ndarray, "j"]:
+    def unit_normal_variables(self) -> Float[np.ndarray, "j"]:
         """Variables of a unit force along the normal."""
 
-    def generators(self, touches: tuple[Touch, ...]) -> Mapping[str, Generators]:
+    def generators(self, patches: tuple[ContactPatch, ...]) -> Mapping[str, Generators]:
         """One group per effector in contact, with the variables of its points concatenated."""
-        n_points = sum(len(patch.points_m) for patch in touches)
+        n_points = sum(len(patch.points_m) for patch in patches)
         groups: dict[str, Generators] = {}
-        for patch in touches:
+        for patch in patches:
             S, k = self.S(patch), len(patch.points_m)
             groups[patch.effector] = Generators(
                 wrench=np.hstack([np.vstack([S, skew(p) @ S]) for p in patch.points_m]),
                 lorentz=self.lorentz,
                 regulariser=2.0 * patch.force_weight * S.T @ S,
-                rest=np.tile(self.upright(), k) / n_points,
+                rest=np.tile(self.unit_normal_variables(), k) / n_points,
                 normal=patch.rotation[:, 2] @ S,
             )
         return groups
 
-    def forces(self, touches: tuple[Touch, ...], values: Values) -> Forces:
+    def point_forces(self, patches: tuple[ContactPatch, ...], values: Values) -> Forces:
         """``f = S u``."""
         forces: dict[str, Float[np.ndarray, "n points 3"]] = {}
-        for patch in touches:
+        for patch in patches:
             u = values[patch.effector]
             forces[patch.effector] = u.reshape(len(u), len(patch.points_m), -1) @ self.S(patch).T
         return forces
@@ -84,11 +84,11 @@ class Pyramids(_PointForces):
         if self.n_rays < N_RAYS_MIN:
             raise InvalidInput("rays-too-few", f"A pyramid needs at least {N_RAYS_MIN} rays, not {self.n_rays}.")
 
-    def S(self, touch: Touch) -> Float[np.ndarray, "3 j"]:
+    def S(self, patch: ContactPatch) -> Float[np.ndarray, "3 j"]:
         """The rays in the world, each with a normal component of 1."""
-        return np.asarray(touch.rotation @ rays(touch.friction, self.n_rays))
+        return np.asarray(patch.rotation @ pyramid_rays(patch.friction, self.n_rays))
 
-    def upright(self) -> Float[np.ndarray, "j"]:
+    def unit_normal_variables(self) -> Float[np.ndarray, "j"]:
         """Equal share of every ray."""
         return np.full(self.n_rays, 1.0 / self.n_rays)
 
@@ -99,11 +99,11 @@ class CircularCones(_PointForces):
 
     lorentz: ClassVar[int] = 2
 
-    def S(self, touch: Touch) -> Float[np.ndarray, "3 j"]:
+    def S(self, patch: ContactPatch) -> Float[np.ndarray, "3 j"]:
         """Contact axes in the world, tangential ones scaled by friction, so that the cone is |u_xy| <= u_z."""
-        return np.asarray(touch.rotation * np.array([touch.friction, touch.friction, 1.0]))
+        return np.asarray(patch.rotation * np.array([patch.friction, patch.friction, 1.0]))
 
-    def upright(self) -> Float[np.ndarray, "j"]:
+    def unit_normal_variables(self) -> Float[np.ndarray, "j"]:
         """The normal component only."""
         return np.array([0.0, 0.0, 1.0])
 
@@ -112,7 +112,7 @@ PYRAMIDS: Final = Pyramids()
 """The default control."""
 
 
-def rays(friction: float, n: int) -> Float[np.ndarray, "3 n"]:
+def pyramid_rays(friction: float, n: int) -> Float[np.ndarray, "3 n"]:
     """``V`` in the contact frame, one ray per column, normal component 1."""
     a = 2.0 * np.pi * (np.arange(n) + 0.5) / n
     return np.stack([friction * np.cos(a), friction * np.sin(a), np.ones(n)])

@@ -16,8 +16,16 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
-from stridelab.centroidal.boundary_conditions import AT_REST, UNBOUNDED, Capture, PathBounds, Start, Terminal, capture
-from stridelab.centroidal.control import Control, Touch
+from stridelab.centroidal.boundary_conditions import (
+    AT_REST,
+    UNBOUNDED,
+    CaptureRegion,
+    PathBounds,
+    Start,
+    Terminal,
+    capture_region,
+)
+from stridelab.centroidal.control import ContactPatch, Control
 from stridelab.centroidal.force_splines import Shape, limb_times_s
 from stridelab.centroidal.free_variables import FreeDurations, FreePlacements
 from stridelab.centroidal.point_forces import PYRAMIDS
@@ -181,21 +189,23 @@ class CentroidalProblem:
         """Weight on ``sum |f / (m g)|^2`` of this effector's points."""
         return self.weights.point_force if self.effectors[effector].kind == "point" else self.weights.surface_force
 
-    def touches(self, phase: int, origin_m: Vector3) -> tuple[Touch, ...]:
+    def contact_patches(self, phase: int, origin_m: Vector3) -> tuple[ContactPatch, ...]:
         """Contacts of a phase, relative to ``origin_m``."""
         patches = []
         for name, contact in self.sequence.phases[phase].contacts.items():
             placement, kind = contact.placement, self.effectors[name].kind
             points_m = placement.act(self.points_m(name)) - origin_m
-            patches.append(Touch(name, kind, points_m, placement.rotation, contact.friction, self.force_weight(name)))
+            patches.append(
+                ContactPatch(name, kind, points_m, placement.rotation, contact.friction, self.force_weight(name))
+            )
         return tuple(patches)
 
-    def capture_region(self) -> Capture | None:
+    def capture_region(self) -> CaptureRegion | None:
         """Capture region of a capturable end relative to the CoM at the start; None for an end at rest."""
         if self.terminal == "rest":
             return None
-        last = self.touches(len(self.sequence.phases) - 1, self.com_start_m)
-        return capture([patch.points_m for patch in last], self.com_end_m - self.com_start_m)
+        last = self.contact_patches(len(self.sequence.phases) - 1, self.com_start_m)
+        return capture_region([patch.points_m for patch in last], self.com_end_m - self.com_start_m)
 
     def grid(self) -> Grid:
         """``node_rate_hz`` nodes per second of every phase, at least two intervals each, evenly spaced within."""

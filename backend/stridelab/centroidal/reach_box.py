@@ -18,7 +18,7 @@ from scipy.special import ndtr
 from stridelab.conventions import Points, Series, Vector3
 from stridelab.reachability.gaussian_mixture import Mixture
 
-SHARE = 0.999
+BOX_MASS_SHARE = 0.999
 """Share of the mass along each axis inside the box."""
 SAMPLES = 4000
 """Samples for the share of a point, which is a multiple of 1 / ``SAMPLES``."""
@@ -34,10 +34,10 @@ class Box:
 
 
 @lru_cache(maxsize=32)
-def reach_box(mixture: Mixture, share: float = SHARE) -> Box:
+def reach_box(mixture: Mixture, share: float = BOX_MASS_SHARE) -> Box:
     """Compute the reach box of a density."""
     tail = (1.0 - share) / 2.0
-    ends = np.array([[_quantile(mixture, axis, q) for axis in range(3)] for q in (tail, 1.0 - tail)])
+    ends = np.array([[_marginal_quantile(mixture, axis, q) for axis in range(3)] for q in (tail, 1.0 - tail)])
     return Box(ends[0], ends[1])
 
 
@@ -53,10 +53,10 @@ def _sorted_densities(mixture: Mixture) -> Series:
     return np.sort(mixture.log_density(samples_m))
 
 
-def _quantile(mixture: Mixture, axis: int, q: float) -> float:
+def _marginal_quantile(mixture: Mixture, axis: int, q: float) -> float:
     mu, sd = mixture.means_m[:, axis], np.sqrt(mixture.covariances_m2[:, axis, axis])
 
-    def missing(x: float) -> float:
+    def cdf_difference(x: float) -> float:
         return float(mixture.weights @ ndtr((x - mu) / sd)) - q
 
-    return float(brentq(missing, float((mu - FAR_SD * sd).min()), float((mu + FAR_SD * sd).max())))
+    return float(brentq(cdf_difference, float((mu - FAR_SD * sd).min()), float((mu + FAR_SD * sd).max())))

@@ -16,21 +16,21 @@ from typing import Final
 import numpy as np
 
 from stridelab.centroidal.boundary_conditions import Start
-from stridelab.centroidal.native.availability import serves
+from stridelab.centroidal.native.availability import native_can_solve
 from stridelab.centroidal.nlp.solvers import Limits
 from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.centroidal.problem import CentroidalProblem, standing_com_m
-from stridelab.centroidal.solver import Asked, solve
-from stridelab.centroidal.warm_start import carried
+from stridelab.centroidal.solver import SolverChoice, solve
+from stridelab.centroidal.warm_start import warm_start_point
 from stridelab.contacts.sequence import Contact, ContactPhase, ContactSequence
 from stridelab.conventions import Points, Series, Vector3
 from stridelab.errors import Fault, InvalidInput, NotEstimable
 
-SHORT = Limits(iterations=100, cpu_s=10.0)
+SOLVE_LIMITS = Limits(iterations=100, cpu_s=10.0)
 """Limits of one solve."""
-SLIVER_S = 1e-6
+MIN_PHASE_S = 1e-6
 """Remaining phase durations up to this threshold are dropped."""
-LAST_S = 1.0
+FINAL_PLAN_S = 1.0
 """Replanning stops this long before the end; the remaining time is too short to correct a disturbance."""
 LANDING_S = 0.2
 """A horizon that would end without a sole in contact is extended to this time after the next touch-down."""
@@ -65,7 +65,7 @@ class Replan:
 
 
 @dataclass(frozen=True, eq=False)
-class Receding:
+class RecedingMotion:
     """The executed states at the end of every period, and the replans."""
 
     time_s: Series
@@ -75,7 +75,7 @@ class Receding:
     replans: tuple[Replan, ...]
 
 
-Disturb = Callable[[float, State], State]
+Disturbance = Callable[[float, State], State]
 """Maps a time and the planned state to the actual (disturbed) state."""
 
 
@@ -90,7 +90,7 @@ class RecedingHorizon:
     problem: CentroidalProblem
     horizon_s: float = 2.5
     period_s: float = 0.1
-    limits: Limits = SHORT
+    limits: Limits = SOLVE_LIMITS
     warm: bool = True
 
     def __post_init__(self) -> None:
@@ -103,17 +103,17 @@ class RecedingHorizon:
             )
             raise InvalidInput("horizon-needs-constants", message, [Fault("shape", message)])
 
-    def run(self, disturb: Disturb | None = None) -> Receding:
+    def run(self, disturb: Disturbance | None = None) -> RecedingMotion:
         """Execute the problem; ``disturb`` may change the state after every period.
 
         Raises ``NotEstimable`` (``horizon-lost``) if no solve converged, or if the last converged plan has ended.
         """
-        replans = tuple(self.replans(disturb))
+        replans = tuple(self.iterate_replans(disturb))
         total_s, last = self.problem.sequence.duration_s, replans[-1]
         times_s = [*(r.time_s for r in replans), total_s]
-        end = last.plan.at(last.since_s + total_s - last.time_s)
+        end = last.plan.reference_at(last.since_s + total_s - last.time_s)
         states = [*(r.state for r in replans), State(end.com_m, end.com_v_m_s, end.l_nms)]
-        return Receding(
+        return RecedingMotion(
             np.array(times_s),
             np.array([s.com_m for s in states]),
             np.array([s.com_v_m_s for s in states]),
@@ -121,32 +121,32 @@ class RecedingHorizon:
             replans,
         )
 
-    def replans(self, disturb: Disturb | None = None) -> Iterator[Replan]:
+    def iterate_replans(self, disturb: Disturbance | None = None) -> Iterator[Replan]:
         """Yield the replans as they are computed; the last one is executed to the end. Raises as ``run``."""
         problem = self.problem
         state = State(problem.com_start_m, problem.start.com_v_m_s, problem.start.l_nms)
         last: Replan | None = None
-        n = max(1, round((problem.sequence.duration_s - LAST_S) / self.period_s) + 1)
+        n = max(1, round((problem.sequence.duration_s - FINAL_PLAN_S) / self.period_s) + 1)
         for k in range(n):
             time_s = k * self.period_s
-            last = self.step(time_s, state, last)
+            last = self.solve_from(time_s, state, last)
             yield last
-            reference = last.plan.at(last.since_s + self.period_s)
+            reference = last.plan.reference_at(last.since_s + self.period_s)
             state = State(reference.com_m, reference.com_v_m_s, reference.l_nms)
             if disturb is not None:
                 state = disturb(time_s + self.period_s, state)
 
-    def step(self, time_s: float, state: State, last: Replan | None = None) -> Replan:
+    def solve_from(self, time_s: float, state: State, last: Replan | None = None) -> Replan:
         """Solve from ``state`` at ``time_s``; ``last``, the previous replan, is the warm start and the fallback.
 
         Raises ``NotEstimable`` (``horizon-lost``) if the solve fails and no earlier plan continues.
         """
         started = time.process_time()
-        problem = self.horizon(time_s, state)
+        problem = self.horizon_problem(time_s, state)
         start = None
         if self.warm and last is not None and not last.carried_on:
-            start = carried(last.plan, problem, time_s - last.time_s)
-        solver: Final[Asked] = "native" if serves(problem) else "ipopt"
+            start = warm_start_point(last.plan, problem, time_s - last.time_s)
+        solver: Final[SolverChoice] = "native" if native_can_solve(problem) else "ipopt"
         plan = solve(problem, solver, self.limits, start)
         iterations, warm = plan.iterations, start is not None
         if not plan.converged and warm:
@@ -164,17 +164,17 @@ class RecedingHorizon:
             )
         return Replan(time_s, last.problem, state, last.plan, since_s, True, warm, iterations, took_s)
 
-    def horizon(self, time_s: float, state: State) -> CentroidalProblem:
+    def horizon_problem(self, time_s: float, state: State) -> CentroidalProblem:
         """The problem over the next ``horizon_s`` from a state."""
         problem, sequence = self.problem, self.problem.sequence
         end_s = self._end_s(time_s + self.horizon_s)
-        ends = end_s > sequence.duration_s - SLIVER_S
+        ends = end_s > sequence.duration_s - MIN_PHASE_S
         return replace(
             problem,
-            sequence=window(sequence, time_s, end_s),
+            sequence=cut_sequence(sequence, time_s, end_s),
             com_start_m=state.com_m,
             start=Start(state.com_v_m_s, state.l_nms),
-            com_end_m=problem.com_end_m if ends else self._goal_m(sequence.phase_at(end_s - SLIVER_S)),
+            com_end_m=problem.com_end_m if ends else self._goal_m(sequence.phase_at(end_s - MIN_PHASE_S)),
             terminal=problem.terminal if ends else "capturable",
         )
 
@@ -182,13 +182,13 @@ class RecedingHorizon:
         """First time from ``wanted_s`` on with a sole in contact (plus ``LANDING_S``), or the end of the sequence."""
         sequence = self.problem.sequence
         end_s = min(wanted_s, sequence.duration_s)
-        while not self._soles(sequence.phase_at(end_s - SLIVER_S)):
-            end_s = min(sequence.duration_s, float(sequence.ends_s[sequence.phase_at(end_s - SLIVER_S)]) + LANDING_S)
+        while not self._sole_contacts(sequence.phase_at(end_s - MIN_PHASE_S)):
+            end_s = min(sequence.duration_s, float(sequence.ends_s[sequence.phase_at(end_s - MIN_PHASE_S)]) + LANDING_S)
             if end_s >= sequence.duration_s:
                 break
         return end_s
 
-    def _soles(self, phase: int) -> dict[str, Contact]:
+    def _sole_contacts(self, phase: int) -> dict[str, Contact]:
         contacts = self.problem.sequence.phases[phase].contacts
         return {name: c for name, c in contacts.items() if self.problem.effectors[name].kind == "surface"}
 
@@ -205,11 +205,11 @@ class RecedingHorizon:
         return standing_com_m(soles, height_m, effectors)
 
 
-def window(sequence: ContactSequence, start_s: float, end_s: float) -> ContactSequence:
+def cut_sequence(sequence: ContactSequence, start_s: float, end_s: float) -> ContactSequence:
     """The part of a sequence between two times, with its first and last phases shortened."""
     phases = []
     for begin, end, phase in zip(sequence.starts_s, sequence.ends_s, sequence.phases, strict=True):
         length_s = float(min(end, end_s) - max(begin, start_s))
-        if length_s > SLIVER_S:
+        if length_s > MIN_PHASE_S:
             phases.append(ContactPhase(length_s, phase.contacts))
     return replace(sequence, phases=tuple(phases), start_com_height_m=None)

@@ -10,7 +10,7 @@ from stridelab.contacts.sequence import ContactSequence
 from stridelab.reachability.proxy.effector_proxy import Proxy
 from stridelab.robots.robot import Robot
 
-BEND_M: Final = 0.017
+COM_LOWERING_M: Final = 0.017
 """Lowering of the CoM below the reference posture, so that the knees can still extend."""
 
 
@@ -30,4 +30,4 @@ def from_rest_to_rest(robot: Robot, sequence: ContactSequence, proxies: Mapping[
 
 def standing_height_m(robot: Robot) -> float:
     """Height of the CoM above the soles of a robot at rest."""
-    return float(pin.centerOfMass(robot.model, robot.model.createData(), robot.q_reference)[2]) - BEND_M
+    return float(pin.centerOfMass(robot.model, robot.model.createData(), robot.q_reference)[2]) - COM_LOWERING_M

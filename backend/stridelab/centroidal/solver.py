@@ -10,24 +10,24 @@ import numpy as np
 from stridelab.centroidal.boundary_conditions import Terminal
 from stridelab.centroidal.cost_terms import cost_terms, objective
 from stridelab.centroidal.force_splines import INNER, control_points
-from stridelab.centroidal.native.availability import serves
+from stridelab.centroidal.native.availability import native_can_solve
 from stridelab.centroidal.native.solve import solve_native
-from stridelab.centroidal.nlp.callbacks import Tell
-from stridelab.centroidal.nlp.kkt import Attempt, NativePoint, Point, Solution, residuals
-from stridelab.centroidal.nlp.solvers import DEFAULT_LIMITS, Limits, Run, SolverName, run
+from stridelab.centroidal.nlp.callbacks import IterationCallback
+from stridelab.centroidal.nlp.kkt import Attempt, NativePoint, Point, Solution, kkt_residuals
+from stridelab.centroidal.nlp.solvers import DEFAULT_LIMITS, Limits, SolverName, SolverRun, run_solver
 from stridelab.centroidal.nlp.transcription import Transcription, transcribe
 from stridelab.centroidal.plan import CentroidalPlan, Verification
 from stridelab.centroidal.problem import CentroidalProblem
-from stridelab.centroidal.verification import Motion, holds, total_force_n, verify
-from stridelab.centroidal.warm_start import carried
+from stridelab.centroidal.verification import Motion, is_verified, total_force_n, verify
+from stridelab.centroidal.warm_start import warm_start_point
 from stridelab.contacts.sequence import Contact, ContactSequence
 from stridelab.conventions import Series, g
 from stridelab.errors import Fault, InvalidInput
 
 
-def chosen(programme: Transcription, w: Series) -> ContactSequence:
+def solved_sequence(transcription: Transcription, w: Series) -> ContactSequence:
     """The problem's sequence with the solved durations and placements in ``w``, if they are free."""
-    problem, layout = programme.problem, programme.layout
+    problem, layout = transcription.problem, transcription.layout
     sequence = problem.sequence
     if not (problem.durations or problem.placements):
         return sequence
@@ -36,7 +36,7 @@ def chosen(programme: Transcription, w: Series) -> ContactSequence:
         for i, phase in enumerate(sequence.phases)
     ]
     contacts: list[dict[str, Contact]] = [dict(phase.contacts) for phase in sequence.phases]
-    for span, at in zip(programme.movable, layout.shifts, strict=True):
+    for span, at in zip(transcription.movable_spans, layout.shifts, strict=True):
         old = span.contact.placement
         placement = replace(old, position_m=old.position_m + old.rotation[:, :2] @ w[at : at + 2])
         for i in range(span.first, span.last + 1):
@@ -52,11 +52,11 @@ AUTO: tuple[SolverName, ...] = ("ipopt", "fatrop")
 """CasADi solvers in the order in which they are tried: ipopt was faster and more reliable in all measurements."""
 KKT_ERROR_MAX: Final = 2e-5
 """Largest KKT residual of a point that counts as a solution without the solver's success."""
-Asked = Literal["auto", "native", "casadi", "ipopt", "fatrop"]
+SolverChoice = Literal["auto", "native", "casadi", "ipopt", "fatrop"]
 
 
 @dataclass(frozen=True, eq=False)
-class _Found:
+class _SolverResult:
     attempt: Attempt
     sequence: ContactSequence
     motion: Motion
@@ -66,10 +66,10 @@ class _Found:
 
 def solve(
     problem: CentroidalProblem,
-    solver: Asked = "auto",
+    solver: SolverChoice = "auto",
     limits: Limits = DEFAULT_LIMITS,
     start: Point | NativePoint | None = None,
-    tell: Tell | None = None,
+    on_iteration: IterationCallback | None = None,
 ) -> CentroidalPlan:
     """Solve (4.20), from the initial guess or a warm start: a plan's ``solution.point`` or a ``warm_start_point``.
 
@@ -86,7 +86,7 @@ def solve(
     started = time.process_time()
     attempts: list[Attempt] = []
     verification = None
-    for result in _attempts(problem, solver, limits, start, tell, attempts):
+    for result in _run_solvers(problem, solver, limits, start, on_iteration, attempts):
         attempts.append(result.attempt)
         verification = verify(
             result.sequence,
@@ -97,7 +97,7 @@ def solve(
             problem.start,
             problem.terminal,
         )
-        converged = _solved(result.attempt) and holds(verification)
+        converged = _is_solved(result.attempt) and is_verified(verification)
         proved = result.infeasible and not (problem.durations or problem.placements)
         if converged or proved or time.process_time() - started > limits.cpu_s:
             break
@@ -117,7 +117,7 @@ def solve(
         points_m=motion.points_m,
         solver=attempts[-1].solver,
         converged=converged,
-        status=_sentence(attempts, result.infeasible, converged, verification, problem.terminal),
+        status=_status_message(attempts, result.infeasible, converged, verification, problem.terminal),
         iterations=sum(a.iterations for a in attempts),
         objective=objective(terms),
         cost_terms=terms,
@@ -129,20 +129,20 @@ def solve(
     )
 
 
-def _attempts(
+def _run_solvers(
     problem: CentroidalProblem,
-    asked: Asked,
+    choice: SolverChoice,
     limits: Limits,
     start: Point | NativePoint | None,
-    tell: Tell | None,
+    on_iteration: IterationCallback | None,
     attempts: list[Attempt],
-) -> Iterator[_Found]:
+) -> Iterator[_SolverResult]:
     """Run one solver after the other; solves for a start are appended to ``attempts``."""
     native_start = start if isinstance(start, NativePoint) else None
-    if asked == "native" or (asked == "auto" and serves(problem)):
-        native = solve_native(problem, limits, native_start, tell)
-        yield _Found(native.attempt, native.sequence, native.motion, native.point, native.infeasible)
-    if asked == "native":
+    if choice == "native" or (choice == "auto" and native_can_solve(problem)):
+        native = solve_native(problem, limits, native_start, on_iteration)
+        yield _SolverResult(native.attempt, native.sequence, native.motion, native.point, native.infeasible)
+    if choice == "native":
         return
     started = time.process_time()
     transcription = transcribe(problem)
@@ -153,47 +153,56 @@ def _attempts(
         transcribe_s += fixed_durations.build_time_s
         if fixed_durations.solution is not None:
             attempts += [replace(attempt, build_s=0.0) for attempt in fixed_durations.solution.attempts]
-        warm = carried(fixed_durations, problem) if fixed_durations.converged else None
+        warm = warm_start_point(fixed_durations, problem) if fixed_durations.converged else None
         casadi_start = warm if isinstance(warm, Point) else None
-    for name in _solvers(problem, asked):
-        solver_run = run(name, transcription, limits, casadi_start, tell)
-        attempt = _attempt(name, transcription, solver_run)
-        sequence = chosen(transcription, solver_run.point.w)
-        motion = read(transcription, sequence, solver_run.point.w)
+    for name in _solver_order(problem, choice):
+        solver_run = run_solver(name, transcription, limits, casadi_start, on_iteration)
+        attempt = _attempt_from_run(name, transcription, solver_run)
+        sequence = solved_sequence(transcription, solver_run.point.w)
+        motion = motion_from_variables(transcription, sequence, solver_run.point.w)
         attempt = replace(attempt, build_s=attempt.build_s + transcribe_s)
         transcribe_s = 0.0
-        yield _Found(attempt, sequence, motion, solver_run.point, solver_run.infeasible)
+        yield _SolverResult(attempt, sequence, motion, solver_run.point, solver_run.infeasible)
 
 
-def _solvers(problem: CentroidalProblem, asked: Asked) -> tuple[SolverName, ...]:
+def _solver_order(problem: CentroidalProblem, choice: SolverChoice) -> tuple[SolverName, ...]:
     """Solvers to try; fatrop, which is stage-wise, cannot handle free variables and splines that span stages."""
-    if asked == "fatrop" and problem.shape == "cubic":
+    if choice == "fatrop" and problem.shape == "cubic":
         message = "fatrop solves stage by stage, and continuous controls span several stages: choose ipopt."
         raise InvalidInput("shape-needs-ipopt", message, [Fault("solver", message)])
-    if asked == "ipopt" or asked == "fatrop":
-        return (asked,)
+    if choice == "ipopt" or choice == "fatrop":
+        return (choice,)
     return AUTO[:1] if problem.durations or problem.placements or problem.shape == "cubic" else AUTO
 
 
-def _attempt(name: SolverName, programme: Transcription, found: Run) -> Attempt:
+def _attempt_from_run(name: SolverName, transcription: Transcription, solver_run: SolverRun) -> Attempt:
     kkt = None
-    if found.iterations:
-        kkt = residuals(programme.compiled.programme, programme.p, programme.box, found.point)
-    return Attempt(name, found.status, found.success, found.iterations, found.build_s, found.solve_s, kkt, found.log)
+    if solver_run.iterations:
+        kkt = kkt_residuals(transcription.compiled.nlp, transcription.p, transcription.box, solver_run.point)
+    return Attempt(
+        name,
+        solver_run.status,
+        solver_run.success,
+        solver_run.iterations,
+        solver_run.build_s,
+        solver_run.solve_s,
+        kkt,
+        solver_run.log,
+    )
 
 
-def _solved(attempt: Attempt) -> bool:
+def _is_solved(attempt: Attempt) -> bool:
     return attempt.success or (attempt.residuals is not None and attempt.residuals.kkt_error <= KKT_ERROR_MAX)
 
 
-def read(programme: Transcription, sequence: ContactSequence, w: Series) -> Motion:
+def motion_from_variables(transcription: Transcription, sequence: ContactSequence, w: Series) -> Motion:
     """Convert variables to states in SI units (momentum about the CoM) and world-frame forces, for ``sequence``."""
-    problem, layout = replace(programme.problem, sequence=sequence), programme.layout
-    phase = programme.grid.phase
+    problem, layout = replace(transcription.problem, sequence=sequence), transcription.layout
+    phase = transcription.grid.phase
     lengths_s = np.array([p.duration_s for p in sequence.phases]) / np.bincount(phase)
     time_s = np.concatenate([[0.0], np.cumsum(lengths_s[phase])])
-    x = programme.states(w)
-    c, v = x[:, 0:3] + programme.origin_m, x[:, 3:6]
+    x = transcription.node_states(w)
+    c, v = x[:, 0:3] + transcription.origin_m, x[:, 3:6]
     L = problem.weight_n * x[:, 6:9] - problem.mass_kg * np.cross(x[:, 0:3], v)
     points = {name: problem.points_m(name) for name in sequence.effectors}
     inner = INNER[problem.shape]
@@ -203,7 +212,7 @@ def read(programme: Transcription, sequence: ContactSequence, w: Series) -> Moti
             name: np.array([w[use.start : use.start + use.group.size] for use in uses])
             for name, uses in layout.uses_of(i).items()
         }
-        point_forces = problem.control.forces(problem.touches(i, programme.origin_m), values)
+        point_forces = problem.control.point_forces(problem.contact_patches(i, transcription.origin_m), values)
         for name, f in point_forces.items():
             forces[name][phase == i] = problem.weight_n * f.reshape(-1, inner, *f.shape[1:])
     if inner == 1:
@@ -212,14 +221,14 @@ def read(programme: Transcription, sequence: ContactSequence, w: Series) -> Moti
     return Motion(time_s, phase, c, v, L, {name: f.mean(axis=1) for name, f in curves.items()}, points, curves)
 
 
-def _sentence(
+def _status_message(
     attempts: list[Attempt], infeasible: bool, converged: bool, verification: Verification, terminal: Terminal
 ) -> str:
     """Status message for the plan."""
     summary = "; ".join(f"{a.solver}: {a.status} after {a.iterations} iterations" for a in attempts)
     if converged:
         return f"Converged ({summary})."
-    if _solved(attempts[-1]):
+    if _is_solved(attempts[-1]):
         return (
             f"The solver reports a solution ({summary}) that does not verify: dynamics gap "
             f"{verification.dynamics_gap:.1e}, terminal gap {verification.terminal_gap:.1e}, "

@@ -15,8 +15,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from jaxtyping import Float, Int
 
-from stridelab.centroidal.boundary_conditions import AT_REST, Start, Terminal, capture
-from stridelab.centroidal.force_splines import DEGREE, gauss, weights
+from stridelab.centroidal.boundary_conditions import AT_REST, Start, Terminal, capture_region
+from stridelab.centroidal.force_splines import DEGREE, bernstein_weights, gauss_rule
 from stridelab.centroidal.plan import CentroidalPlan, Verification
 from stridelab.contacts.sequence import ContactSequence
 from stridelab.conventions import Points, Vector3, g
@@ -66,7 +66,7 @@ def total_force_n(motion: Motion) -> Points:
 
 
 @dataclass(frozen=True, eq=False)
-class Instants:
+class IntervalStates:
     """States of all ``m`` intervals at the same share of their length: CoM, velocity, acceleration, rate of L_c."""
 
     com_m: Points
@@ -79,16 +79,16 @@ Wrenches = tuple[Float[np.ndarray, "m d 3"], Float[np.ndarray, "m d 3"]]
 """Control points of ``sum f`` and of ``sum p x f`` about the world origin, in every interval."""
 
 
-def instants(mass_kg: float, motion: Motion, wrenches: Wrenches, share: float) -> Instants:
+def interval_states(mass_kg: float, motion: Motion, wrenches: Wrenches, share: float) -> IntervalStates:
     """Integrate (4.2) from the node before every interval up to ``share`` of its length."""
     h = np.diff(motion.time_s)[:, None]
     c, v = motion.com_m[:-1], motion.com_v_m_s[:-1]
     F, M = wrenches
-    value_weights, first_integral, second_integral, _ = weights(share, motion.degree)
+    value_weights, first_integral, second_integral, _ = bernstein_weights(share, motion.degree)
     f = np.tensordot(value_weights, F, (0, 1))
     com = c + h * share * v + h**2 * (np.tensordot(second_integral, F, (0, 1)) / mass_kg + share**2 / 2 * g)
     velocity = v + h * (np.tensordot(first_integral, F, (0, 1)) / mass_kg + share * g)
-    return Instants(com, velocity, f / mass_kg + g, np.tensordot(value_weights, M, (0, 1)) - np.cross(com, f))
+    return IntervalStates(com, velocity, f / mass_kg + g, np.tensordot(value_weights, M, (0, 1)) - np.cross(com, f))
 
 
 def wrenches_of(sequence: ContactSequence, motion: Motion) -> Wrenches:
@@ -122,8 +122,8 @@ def verify(
     h = np.diff(motion.time_s)[:, None]
     c, v, L = motion.com_m, motion.com_v_m_s, motion.l_nms
     wrenches = wrenches_of(sequence, motion)
-    end_states = instants(mass_kg, motion, wrenches, 1.0)
-    momentum_rate = sum(w * instants(mass_kg, motion, wrenches, s).l_rate_nm for s, w in gauss(N_GAUSS))
+    end_states = interval_states(mass_kg, motion, wrenches, 1.0)
+    momentum_rate = sum(w * interval_states(mass_kg, motion, wrenches, s).l_rate_nm for s, w in gauss_rule(N_GAUSS))
     gaps = [
         c[1:] - end_states.com_m,
         v[1:] - end_states.com_v_m_s,
@@ -135,10 +135,10 @@ def verify(
     ends = [c[-1] - com_end_m, v[-1], L[-1]]
     if terminal == "capturable":
         last = sequence.phases[-1].contacts
-        support = capture([at.placement.act(motion.points_m[name]) for name, at in last.items()], com_end_m)
+        support = capture_region([at.placement.act(motion.points_m[name]) for name, at in last.items()], com_end_m)
         excess_m = support.excess_m(c[-1], v[-1])
         ends = [np.array([c[-1, 2] - com_end_m[2], v[-1, 2], excess_m]), L[-1]]
-    cone_margin_n, normal_force_min_n = _cones(sequence, motion)
+    cone_margin_n, normal_force_min_n = _cone_margins(sequence, motion)
     return Verification(
         dynamics_gap=float(max(np.abs(gap).max() for gap in gaps)),
         terminal_gap=float(max(np.abs(end).max() for end in ends)),
@@ -161,7 +161,7 @@ def motion_of(plan: CentroidalPlan) -> Motion:
     )
 
 
-def holds(verification: Verification) -> bool:
+def is_verified(verification: Verification) -> bool:
     """Whether a plan with these values is a solution; NaN is not."""
     return (
         verification.dynamics_gap <= DYNAMICS_GAP_MAX
@@ -171,7 +171,7 @@ def holds(verification: Verification) -> bool:
     )
 
 
-def _cones(sequence: ContactSequence, motion: Motion) -> tuple[float, float]:
+def _cone_margins(sequence: ContactSequence, motion: Motion) -> tuple[float, float]:
     """Smallest ``mu f_n - |f_t|`` and smallest ``f_n`` of all contact points; a force without contact counts -|f|."""
     margins, normals = [np.inf], [np.inf]
     for name, controls in motion.controls_n.items():

@@ -16,11 +16,11 @@ def backup(
     force: Annotated[bool, typer.Option("--force", help="Replace an earlier backup of that name.")] = False,
 ) -> None:
     """Write everything the service holds into one file, while it runs or not."""
-    from stridelab.service.backup.create import take
-    from stridelab.service.backup.locations import place
+    from stridelab.service.backup.create import create_backup
+    from stridelab.service.backup.locations import open_location
 
-    with place(read_settings(), alone=False) as source, progress_bar("backup") as bar:
-        taken = take(source.database_url, source.store(), file, force=force, on_progress=bar)
+    with open_location(read_settings(), alone=False) as source, progress_bar("backup") as bar:
+        taken = create_backup(source.database_url, source.open_store(), file, force=force, on_progress=bar)
     out.print(f"{file}: {_told(taken.rows, taken.files, taken.bytes)}")
     _tell_missing(taken.missing)
 
@@ -34,13 +34,13 @@ def restore(
 ) -> None:
     """Put a backup in the place of what the service holds; all of it or nothing. The service must not run."""
     from stridelab.service.backup.archive import open_archive
-    from stridelab.service.backup.locations import place
-    from stridelab.service.backup.restore import restore as run
+    from stridelab.service.backup.locations import open_location
+    from stridelab.service.backup.restore import restore_backup as run
 
     with (
         progress_bar("restore") as bar,
         open_archive(file, bar) as archive,  # before a database is made for it
-        place(read_settings(), alone=True, create=True) as there,
+        open_location(read_settings(), alone=True, create=True) as there,
     ):
         taken = run(archive, there, with_tokens=with_tokens, replace=replace, on_progress=bar)
     out.print(f"restored {_told(taken.rows, taken.files, taken.bytes)}")
@@ -54,7 +54,7 @@ def adopt(
     replace: Replace = False,
 ) -> None:
     """Move an embedded service's data into STRIDELAB_DATABASE_URL and STRIDELAB_BLOB_URL."""
-    from stridelab.service.backup.adopt import adopt as run
+    from stridelab.service.backup.adopt import adopt_data_folder as run
 
     with progress_bar("adopt") as bar:
         taken = run(folder, read_settings(), replace=replace, on_progress=bar)
@@ -65,16 +65,16 @@ def adopt(
 
 def verify_files() -> bool:
     """Read all stored files and print which are missing or damaged; returns whether all are as they were stored."""
-    from stridelab.service.backup.locations import place
-    from stridelab.service.backup.verify import verify
+    from stridelab.service.backup.locations import open_location
+    from stridelab.service.backup.verify import verify_stored_files
 
-    with place(read_settings(), alone=False) as there, progress_bar("files") as bar:
-        found = verify(there.database_url, there.store(), bar)
+    with open_location(read_settings(), alone=False) as there, progress_bar("files") as bar:
+        found = verify_stored_files(there.database_url, there.open_store(), bar)
     hashes = f"; {found.without_hash} of them have no stored hash" if found.without_hash else ""
     out.print(f"{found.files} files ({found.bytes / 1e6:,.1f} MB) read{hashes}")
     for what, files in (("missing", found.missing), ("damaged", found.damaged)):
         for one in files:
-            err.print(f"[red]{what}[/]: {one.of} ({one.key})", soft_wrap=True)
+            err.print(f"[red]{what}[/]: {one.description} ({one.key})", soft_wrap=True)
     if not found.ok:
         err.print("Upload a damaged recording again: the same file repairs it. A result is made again by its job.")
     return found.ok

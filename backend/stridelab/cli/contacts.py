@@ -129,7 +129,7 @@ def import_contacts(file: Path, *, beside: str | None, out_file: Path | None, fo
     from stridelab.contacts.effector_geometry import effector_shapes
     from stridelab.contacts.multicontact_api import from_multicontact
     from stridelab.contacts.scenario_io import sequence_of
-    from stridelab.contacts.validation.validate import check
+    from stridelab.contacts.validation.validate import validate_scenario
 
     known = {} if beside is None else _surroundings(beside)
     document = read_json(file, LARGEST_BYTES)
@@ -143,7 +143,9 @@ def import_contacts(file: Path, *, beside: str | None, out_file: Path | None, fo
     target = out_file or Path(f"{file.name.split('.')[0]}.scenario.json")
     text = scenario.model_dump_json(indent=2, exclude_none=True) + "\n"
     write_file(target, text, force=force, option=OPTION)
-    show_remarks([Remark(code=remark.code, message=remark.message) for remark in check(body, effectors).remarks])
+    show_remarks(
+        [Remark(code=remark.code, message=remark.message) for remark in validate_scenario(body, effectors).remarks]
+    )
     out.print(f"[green]written[/] {escape(str(target))}: {_size(scenario, sequence.duration_s)}")
     out.print(f"To plan the motion: stridelab plan {escape(str(target))}")
 

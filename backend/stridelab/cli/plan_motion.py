@@ -32,8 +32,8 @@ from stridelab.errors import Fault, InvalidInput, NotFound, StridelabError
 from stridelab.schemas.jobs import JobResult
 from stridelab.schemas.plans import (
     DURATION_RANGE,
-    LEAST_SHARE,
-    MOST_SHARE,
+    MAX_DURATION_FACTOR,
+    MIN_DURATION_FACTOR,
     PLAN_STAGES,
     TIME_LIMIT_S,
     CertificateCheck,
@@ -86,8 +86,10 @@ class PlanRequest:
             fault = Fault("--shape", "cubic is for forces, and not for fatrop")
             raise InvalidInput("option-invalid", "Forces cannot be splines here.", [fault])
         least, most = self.duration_range
-        if not (LEAST_SHARE <= least <= 1.0 <= most <= MOST_SHARE):
-            fault = Fault("--duration-range", f"from {LEAST_SHARE:g} to 1, and from 1 to {MOST_SHARE:g}")
+        if not (MIN_DURATION_FACTOR <= least <= 1.0 <= most <= MAX_DURATION_FACTOR):
+            fault = Fault(
+                "--duration-range", f"from {MIN_DURATION_FACTOR:g} to 1, and from 1 to {MAX_DURATION_FACTOR:g}"
+            )
             message = f"Phases cannot last from {least:g} to {most:g} times what the scenario says."
             raise InvalidInput("option-invalid", message, [fault])
 

@@ -25,15 +25,15 @@ from stridelab.cli.results import (
 )
 from stridelab.errors import Fault, InvalidInput
 from stridelab.reproduction.claims import VERDICTS
-from stridelab.reproduction.registry import ITEMS, MOST_SEEDS
-from stridelab.reproduction.report.formatting import counted, measured
-from stridelab.reproduction.report.html import report
-from stridelab.reproduction.result_cache import Kept
-from stridelab.reproduction.runner import FEW_SEEDS, Section, collect, recipes
+from stridelab.reproduction.registry import ITEMS, MAX_SEEDS
+from stridelab.reproduction.report.formatting import count_verdicts, format_quantity
+from stridelab.reproduction.report.html import render_html
+from stridelab.reproduction.result_cache import ResultCache
+from stridelab.reproduction.runner import QUICK_SEEDS, Section, collect_sections, recipes_of
 from stridelab.schemas.jobs import JobResult
 from stridelab.schemas.reproduction import ReproduceInput, ReproduceSummary
 from stridelab.schemas.tasks import ReproduceTask
-from stridelab.service.kinds.provenance import versions
+from stridelab.service.kinds.provenance import software_versions
 
 WORDS = {
     "met": "[green]met[/]",
@@ -101,8 +101,8 @@ def show_reproduction(result: JobResult, target: Path, *, as_json: bool) -> None
     out.print(f"[bold]{escape(summary.item)}[/] {escape(summary.title)}: {WORDS[summary.verdict]}")
     table = Table("", "thesis, or our aim", "ours", "", box=None, pad_edge=False)
     for claim in summary.claims:
-        thesis = claim.thesis if isinstance(claim.thesis, str) else measured(claim.thesis, claim.unit)
-        table.add_row(escape(claim.says), escape(thesis), measured(claim.ours, claim.unit), WORDS[claim.verdict])
+        thesis = claim.thesis if isinstance(claim.thesis, str) else format_quantity(claim.thesis, claim.unit)
+        table.add_row(escape(claim.says), escape(thesis), format_quantity(claim.ours, claim.unit), WORDS[claim.verdict])
     out.print(table)
     out.print(escape(summary.note))
     show_files(result, target)
@@ -136,20 +136,22 @@ def reproduce_all(
         raise cannot_write(target, error) from error
     sections = []
     with progress_bar("reproduction") as bar:
-        for section in collect(recipes(names, draws, recordings), Kept(target / KEPT), bar, anew=anew):
+        for section in collect_sections(
+            recipes_of(names, draws, recordings), ResultCache(target / KEPT), bar, recompute=anew
+        ):
             sections.append(section)
-            if section.found is None:
+            if section.result is None:
                 err.print(f"[bold red]failed[/]: {section.name}: {escape(section.failure)}")
-    write_file(target / REPORT, report(sections, _made(draws)), force=True, option="--out")
+    write_file(target / REPORT, render_html(sections, _made(draws)), force=True, option="--out")
     show_sections(sections, target / REPORT, as_json=as_json)
-    return all(section.found is not None for section in sections)
+    return all(section.result is not None for section in sections)
 
 
 def show_sections(sections: Sequence[Section], target: Path, *, as_json: bool) -> None:
     """Counts of all verdicts and where the report lies, or the same as JSON with one verdict per item."""
-    counts = counted(claim for section in sections if section.found for claim in section.found.claims)
+    counts = count_verdicts(claim for section in sections if section.result for claim in section.result.claims)
     if as_json:
-        items = {section.name: section.found.verdict if section.found else "failed" for section in sections}
+        items = {section.name: section.result.verdict if section.result else "failed" for section in sections}
         out.print_json(json.dumps({"report": str(target), "claims": counts, "items": items}))
         return
     said = ", ".join(f"{counts[verdict]} {WORDS[verdict]}" for verdict in reversed(VERDICTS))
@@ -160,9 +162,9 @@ def show_sections(sections: Sequence[Section], target: Path, *, as_json: bool) -
 def _draws(seeds: int | None, *, quick: bool) -> int | None:
     if quick and seeds is not None:
         raise _invalid("--quick", "it is a number of draws; leave one of --seeds and --quick out")
-    if seeds is not None and not 1 <= seeds <= MOST_SEEDS:
-        raise _invalid("--seeds", f"must lie between 1 and {MOST_SEEDS}, not {seeds}")
-    return FEW_SEEDS if quick else seeds
+    if seeds is not None and not 1 <= seeds <= MAX_SEEDS:
+        raise _invalid("--seeds", f"must lie between 1 and {MAX_SEEDS}, not {seeds}")
+    return QUICK_SEEDS if quick else seeds
 
 
 def _invalid(option: str, message: str) -> InvalidInput:
@@ -170,6 +172,6 @@ def _invalid(option: str, message: str) -> InvalidInput:
 
 
 def _made(draws: int | None) -> str:
-    known = versions()
+    known = software_versions()
     said = "each item's own number of draws" if draws is None else f"{draws} draws of the noise where there is any"
     return f"Computed by stridelab {known['stridelab']} (Python {known['python']}, numpy {known['numpy']}) with {said}."

@@ -22,8 +22,8 @@ from stridelab.schemas.base import Contract, Remark
 from stridelab.schemas.jobs import Artifact, JobResult
 from stridelab.schemas.quality import Quality
 from stridelab.service.jobs.verdict import verdict_of
-from stridelab.service.kinds.provenance import bibliography
-from stridelab.service.kinds.provenance import versions as local_versions
+from stridelab.service.kinds.provenance import bibtex_of
+from stridelab.service.kinds.provenance import software_versions as local_versions
 
 if TYPE_CHECKING:
     from stridelab.service.kinds.base import Outcome
@@ -177,7 +177,7 @@ def write_result(
         ],
     )
     (folder / RESULT_FILE).write_text(result.model_dump_json(indent=2) + "\n", encoding="utf-8")
-    (folder / REFERENCES_FILE).write_text(bibliography(outcome.references), encoding="utf-8")
+    (folder / REFERENCES_FILE).write_text(bibtex_of(outcome.references), encoding="utf-8")
     return result
 
 

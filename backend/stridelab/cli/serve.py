@@ -6,7 +6,7 @@ from pathlib import Path
 from pydantic import ValidationError
 
 from stridelab.errors import Fault, InvalidInput
-from stridelab.service.settings import Settings, settings
+from stridelab.service.settings import Settings, current_settings
 
 
 def serve(*, host: str | None, port: int | None, data_dir: Path | None, without_worker: bool) -> None:
@@ -40,7 +40,7 @@ def migrate() -> None:
 def read_settings() -> Settings:
     """The settings of the environment. Raises ``InvalidInput`` naming the variables that make no sense."""
     try:
-        return settings()
+        return current_settings()
     except ValidationError as error:
         faults = [Fault(f"STRIDELAB_{'_'.join(map(str, e['loc'])).upper()}", e["msg"]) for e in error.errors()]
         raise InvalidInput("settings-invalid", "The settings in the environment make no sense.", faults) from error

@@ -18,7 +18,7 @@ from stridelab.cli.options import Delivery
 from stridelab.cli.recording_request import EstimateRequest
 from stridelab.cli.results import refuse_to_overwrite, result_folder
 from stridelab.errors import Fault, InvalidInput, NotEstimable, StridelabError
-from stridelab.pipelines.session_values import TrialFacts, session_values, static_of
+from stridelab.pipelines.session_values import TrialFacts, select_static_trial, session_values
 from stridelab.recordings.files.recording_files import recordings_in
 from stridelab.schemas.jobs import JobResult
 from stridelab.schemas.recordings import RecordingFacts
@@ -143,8 +143,8 @@ def _names(files: Sequence[Path]) -> dict[Path, str]:
 def _read(
     request_of: Mapping[Path, EstimateRequest], names: Mapping[Path, str], bar: Bar
 ) -> tuple[list[Member], dict[str, StridelabError]]:
-    from stridelab.pipelines.trial import examine
-    from stridelab.service.kinds.parse_upload import facts
+    from stridelab.pipelines.trial import examine_trial
+    from stridelab.service.kinds.parse_upload import recording_facts
 
     members: list[Member] = []
     refused: dict[str, StridelabError] = {}
@@ -159,7 +159,7 @@ def _read(
             static_labels=list(marker_map.values()),
         )
         try:
-            found = facts(examine(source, path.parent))
+            found = recording_facts(examine_trial(source, path.parent))
         except StridelabError as error:
             refused[names[path]] = error
             continue
@@ -175,7 +175,7 @@ def _with_session(
     """The request with the session's static trial where none was stated, and the values of the session."""
     trials = [other.trial for other in others]
     values = session_values(session_id, one.trial, trials)
-    chosen = None if request.static is not None else static_of(one.trial, trials)
+    chosen = None if request.static is not None else select_static_trial(one.trial, trials)
     if chosen is None:
         return request, values
     path = next(other.path for other in others if other.name == chosen.recording_id)

@@ -141,7 +141,7 @@ def prepared(request: EstimateRequest, replay: Replay) -> tuple[StreamConfigurat
 
     Raises what ``estimate-com`` raises for a recording that cannot be used.
     """
-    from stridelab.pipelines.com_inputs import prepare
+    from stridelab.pipelines.com_inputs import prepare_com_inputs
     from stridelab.schemas.tasks import EstimateComTask
 
     input_ = request.input(request.file.name, EstimateComInput)
@@ -151,7 +151,7 @@ def prepared(request: EstimateRequest, replay: Replay) -> tuple[StreamConfigurat
         staged(request, Path(folder)) as (recording, static),
     ):
         task = EstimateComTask(recording=recording, static=static, input=input_)
-        inputs = prepare(task, Path(folder), bar, needs_force=True)
+        inputs = prepare_com_inputs(task, Path(folder), bar, needs_force=True)
     geometric, wrench = inputs.geometric, inputs.wrench
     configuration = validated(
         StreamConfiguration,

@@ -40,7 +40,7 @@ from stridelab.schemas.population import (
 )
 from stridelab.schemas.recordings import RecordingPatch, SubjectFields
 from stridelab.schemas.tasks import FitCycloidTask, RecordingSource, StudyPopulationTask
-from stridelab.service.subject_table import Matched, TableRow, match, read_subject_table
+from stridelab.service.subject_table import MatchedFile, TableRow, match_files, read_subject_table
 
 if TYPE_CHECKING:
     from stridelab.client import Client
@@ -58,9 +58,9 @@ class Given:
     rows: tuple[TableRow, ...]
 
     @property
-    def matched(self) -> tuple[Matched, ...]:
+    def matched(self) -> tuple[MatchedFile, ...]:
         """The recordings with their rows."""
-        return match([name for name, _ in self.files], self.rows)
+        return match_files([name for name, _ in self.files], self.rows)
 
 
 def study(
@@ -144,9 +144,9 @@ def study_here(given: Given, options: Mapping[str, Any], folder: Path) -> JobRes
         from stridelab.service.kinds.study_population import run as study_population
 
         work = Path(name)
-        ids = {one.place: f"recording-{k}" for k, one in enumerate(given.matched)}
+        ids = {one.index: f"recording-{k}" for k, one in enumerate(given.matched)}
         request = request_of(given, ids, options)
-        members = [_member(given, one, ids[one.place], request, work) for one in given.matched]
+        members = [_member(given, one, ids[one.index], request, work) for one in given.matched]
         task = StudyPopulationTask(members=members, pooled=request.pooled, seed=request.seed)
         outcome = study_population.run(task, work, bar)
         for artifact in outcome.artifacts:
@@ -169,8 +169,8 @@ def study_there(given: Given, options: Mapping[str, Any], folder: Path, server: 
         for refused in stored.refused:
             err.print(f"[yellow]refused[/] {escape(refused.filename)}: {escape(refused.message)}")
         for one in given.matched:
-            if one.place in ids and one.static is not None and one.static in ids:
-                client.patch_recording(ids[one.place], RecordingPatch(static_recording_id=ids[one.static]))
+            if one.index in ids and one.static_index is not None and one.static_index in ids:
+                client.patch_recording(ids[one.index], RecordingPatch(static_recording_id=ids[one.static_index]))
         return request_of(given, ids, options)
 
     return run_remotely("study-population", "population", prepare, folder, server, token, unprepared=UnreadableFile)
@@ -178,32 +178,32 @@ def study_there(given: Given, options: Mapping[str, Any], folder: Path, server: 
 
 def request_of(given: Given, ids: Mapping[int, str], options: Mapping[str, Any]) -> StudyPopulationInput:
     """The job's input; ``ids`` are the recordings' ids by their place among the files, of those that there are."""
-    studied = [one for one in given.matched if one.place in ids]
+    studied = [one for one in given.matched if one.index in ids]
     rows = [
-        SubjectOfRecording(recording_id=ids[one.place], **one.row.person.model_dump())
+        SubjectOfRecording(recording_id=ids[one.index], **one.row.person.model_dump())
         for one in studied
         if one.row is not None
     ]
-    fields = {"recording_ids": [ids[one.place] for one in studied], "subjects": rows, **options}
+    fields = {"recording_ids": [ids[one.index] for one in studied], "subjects": rows, **options}
     return validated(StudyPopulationInput, fields)
 
 
-def _member(given: Given, one: Matched, recording_id: str, request: StudyPopulationInput, work: Path) -> Any:
-    from stridelab.service.kinds.study_population.staging import member
+def _member(given: Given, one: MatchedFile, recording_id: str, request: StudyPopulationInput, work: Path) -> Any:
+    from stridelab.service.kinds.study_population.staging import population_member
 
     (work / recording_id).mkdir()
-    filename, path = given.files[one.place]
+    filename, path = given.files[one.index]
     shutil.copyfile(path, work / recording_id / "trial")
     static = None
-    if one.static is not None:
-        static_name, static_path = given.files[one.static]
+    if one.static_index is not None:
+        static_name, static_path = given.files[one.static_index]
         shutil.copyfile(static_path, work / recording_id / "static-trial")
         static = RecordingSource(file="static-trial", filename=static_name)
     source = RecordingSource(file="trial", filename=filename, subject=SubjectFields())
     fit = FitCycloidInput(recording_id=recording_id, method=request.method, steps=request.steps)
     task = FitCycloidTask(recording=source, static=static, input=fit)
     row = next((row for row in request.subjects if row.recording_id == recording_id), None)
-    return member(recording_id, task, row)
+    return population_member(recording_id, task, row)
 
 
 def show_study(result: JobResult, target: Path, *, as_json: bool) -> None:

@@ -36,8 +36,8 @@ def create(
         raise InvalidInput("invalid-token", "A token cannot be made like that.", faults) from error
 
     async def work(connection: Any) -> str:
-        made = await table.create(connection, wanted)
-        await audit.note(connection, audit.CONSOLE, "token-created", made.id)
+        made = await table.create_token(connection, wanted)
+        await audit.record_action(connection, audit.CONSOLE, "token-created", made.id)
         return made.secret
 
     secret = _in_database(work)
@@ -53,7 +53,7 @@ def list_tokens(
     from stridelab.service.auth import tokens as table
 
     async def work(connection: Any) -> list[Any]:
-        return await table.every(connection)
+        return await table.all_tokens(connection)
 
     found = _in_database(work)
     if as_json:
@@ -72,8 +72,8 @@ def revoke(name: Annotated[str, typer.Argument(help="Name or id of the token.")]
     from stridelab.service.auth import tokens as table
 
     async def work(connection: Any) -> None:
-        revoked = await table.revoke(connection, name)
-        await audit.note(connection, audit.CONSOLE, "token-revoked", revoked.id)
+        revoked = await table.revoke_token(connection, name)
+        await audit.record_action(connection, audit.CONSOLE, "token-revoked", revoked.id)
 
     _in_database(work)
     out.print(f"{name} is revoked")
@@ -82,7 +82,7 @@ def revoke(name: Annotated[str, typer.Argument(help="Name or id of the token.")]
 def _in_database(work: Callable[[Any], Awaitable[T]]) -> T:
     """``work`` in one transaction of the service's database, whose tables are brought up to date first."""
     from stridelab.cli.serve import read_settings
-    from stridelab.service.backup.locations import place
+    from stridelab.service.backup.locations import open_location
     from stridelab.service.logging import configure_logging
     from stridelab.service.storage.database import make_engine
     from stridelab.service.storage.migrate import migrate
@@ -96,6 +96,6 @@ def _in_database(work: Callable[[Any], Awaitable[T]]) -> T:
             await engine.dispose()
 
     configure_logging("warning")  # the audit table has what was done; standard output is for the token
-    with place(read_settings(), alone=False, create=True) as there:
+    with open_location(read_settings(), alone=False, create=True) as there:
         migrate(there.database_url)
         return asyncio.run(run(there.database_url))

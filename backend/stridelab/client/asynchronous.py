@@ -17,10 +17,10 @@ from stridelab.client.connection import (
     DEFAULT_URL,
     RETRY_S,
     connection_headers,
-    passes,
+    is_temporary,
     poll_s,
     request_arguments,
-    unreachable,
+    unreachable_error,
 )
 from stridelab.client.errors import ClientError, ProblemError
 from stridelab.client.sse import EventReader
@@ -67,7 +67,7 @@ class AsyncClient:
 
     async def health(self) -> Health:
         """Health and version of the service."""
-        return await self._send(endpoints.health())
+        return await self._send(endpoints.get_health())
 
     async def upload(
         self,
@@ -80,12 +80,12 @@ class AsyncClient:
     ) -> Recording:
         """Upload a recording, which is parsed on return; ``progress(sent_bytes, total_bytes)`` is called meanwhile."""
         upload = uploads.Upload(path, subject or SubjectFields(), filename, session_id)
-        with self._reached():
+        with self._translate_errors():
             response = await self._http.post(
-                uploads.PATH, content=uploads.from_a_loop(upload.pieces(progress)), headers=upload.headers()
+                uploads.PATH, content=uploads.iterate_async(upload.pieces(progress)), headers=upload.headers()
             )
         endpoints.raise_for_problem(response)
-        return endpoints.model(Recording)(response)
+        return endpoints.response_reader(Recording)(response)
 
     async def upload_batch(
         self,
@@ -99,17 +99,17 @@ class AsyncClient:
         If the service reads them in a job, waits for it; a failed job raises ``ProblemError``.
         """
         upload = uploads.BatchUpload(files, table)
-        with self._reached():
+        with self._translate_errors():
             response = await self._http.post(
                 uploads.BATCH_PATH,
-                content=uploads.from_a_loop(upload.pieces(progress)),
+                content=uploads.iterate_async(upload.pieces(progress)),
                 headers=upload.headers(),
-                timeout=uploads.READING_S,
+                timeout=uploads.BATCH_TIMEOUT_S,
             )
         endpoints.raise_for_problem(response)
         if response.status_code != HTTPStatus.ACCEPTED:
-            return endpoints.model(RecordingBatch)(response)
-        job = await self.wait(endpoints.model(Job)(response).id)
+            return endpoints.response_reader(RecordingBatch)(response)
+        job = await self.wait(endpoints.response_reader(Job)(response).id)
         if job.state != "succeeded":
             raise uploads.refusal_of(job)
         summary = (await self.result(job.id)).summary
@@ -125,11 +125,11 @@ class AsyncClient:
         linked: bool | None = None,
     ) -> Page[Recording]:
         """One page of recordings, newest first; optionally of one session or subject, or with or without a subject."""
-        return await self._send(endpoints.recordings(limit, cursor, session_id, subject_id, linked))
+        return await self._send(endpoints.list_recordings(limit, cursor, session_id, subject_id, linked))
 
     async def recording(self, recording_id: str) -> Recording:
         """One recording."""
-        return await self._send(endpoints.recording(recording_id))
+        return await self._send(endpoints.get_recording(recording_id))
 
     async def patch_recording(self, recording_id: str, patch: RecordingPatch) -> Recording:
         """Change the fields that are set in ``patch``."""
@@ -149,11 +149,11 @@ class AsyncClient:
 
     async def subjects(self, limit: int = 50, cursor: str | None = None) -> Page[Subject]:
         """One page of subjects, newest first."""
-        return await self._send(endpoints.subjects(limit, cursor))
+        return await self._send(endpoints.list_subjects(limit, cursor))
 
     async def subject(self, subject_id: str) -> Subject:
         """One subject."""
-        return await self._send(endpoints.subject(subject_id))
+        return await self._send(endpoints.get_subject(subject_id))
 
     async def add_subject(self, fields: SubjectInput) -> Subject:
         """Add a subject."""
@@ -169,11 +169,11 @@ class AsyncClient:
 
     async def scenarios(self, limit: int = 50, cursor: str | None = None) -> Page[StoredScenario]:
         """One page of scenarios, newest first."""
-        return await self._send(endpoints.scenarios(limit, cursor))
+        return await self._send(endpoints.list_scenarios(limit, cursor))
 
     async def scenario(self, scenario_id: str) -> StoredScenario:
         """One scenario."""
-        return await self._send(endpoints.scenario(scenario_id))
+        return await self._send(endpoints.get_scenario(scenario_id))
 
     async def add_scenario(self, body: Scenario | Mapping[str, Any]) -> StoredScenario:
         """Store a scenario; one that the robot cannot perform is refused (``scenario-invalid``)."""
@@ -195,7 +195,7 @@ class AsyncClient:
 
     async def solvers(self) -> Solvers:
         """Solvers of the centroidal problem, and the reason for unavailable ones."""
-        return await self._send(endpoints.solvers())
+        return await self._send(endpoints.list_solvers())
 
     async def preview_plan(self, body: PlanPreviewInput | Mapping[str, Any]) -> PlanPreview:
         """Compute the centroidal motion of a scenario, optionally with a push; requires the C++ solver."""
@@ -203,11 +203,11 @@ class AsyncClient:
 
     async def robots(self) -> Page[RobotSummary]:
         """All robots."""
-        return await self._send(endpoints.robots())
+        return await self._send(endpoints.list_robots())
 
     async def robot(self, name: str) -> RobotFacts:
         """Facts of one robot; takes a few seconds if it is not prepared yet."""
-        return await self._send(endpoints.robot(name))
+        return await self._send(endpoints.get_robot(name))
 
     async def robot_preparation(self, name: str) -> RobotPreparation:
         """State of the preparation of a robot's display files; starts the preparation if necessary."""
@@ -219,7 +219,7 @@ class AsyncClient:
 
     async def robot_links(self, name: str, target: Path) -> Path:
         """Save the display meshes of a robot as ``target`` (binary glTF); slow if they do not exist yet."""
-        return await self._download(endpoints.links_path(name), target, wait_s=endpoints.LOADING_S)
+        return await self._download(endpoints.links_path(name), target, wait_s=endpoints.LOADING_TIMEOUT_S)
 
     async def submit(
         self,
@@ -230,7 +230,7 @@ class AsyncClient:
         idempotency_key: str | None = None,
     ) -> Job:
         """Submit a job; repeating the request with the same ``idempotency_key`` returns the same job."""
-        return await self._send(endpoints.submit(kind, request, priority, idempotency_key))
+        return await self._send(endpoints.submit_job(kind, request, priority, idempotency_key))
 
     async def jobs(
         self,
@@ -244,11 +244,11 @@ class AsyncClient:
     ) -> Page[Job]:
         """One page of jobs, newest first."""
         filters = {"state": state, "kind": kind, "recording_id": recording_id, "scenario_id": scenario_id}
-        return await self._send(endpoints.jobs(limit, cursor, **filters))
+        return await self._send(endpoints.list_jobs(limit, cursor, **filters))
 
     async def job(self, job_id: str, wait_s: float = 0.0) -> Job:
         """One job; waits up to ``wait_s`` (at most 60 s) for it to finish."""
-        return await self._send(endpoints.job(job_id, wait_s))
+        return await self._send(endpoints.get_job(job_id, wait_s))
 
     async def wait(self, job_id: str, timeout_s: float | None = None) -> Job:
         """Wait until a job has finished. Raises ``TimeoutError`` after ``timeout_s``; None waits indefinitely."""
@@ -260,7 +260,7 @@ class AsyncClient:
                 job = await self.job(job_id, wait_s=poll_s(left_s))
                 failures = 0
             except ClientError as error:
-                if failures == len(RETRY_S) or not passes(error):
+                if failures == len(RETRY_S) or not is_temporary(error):
                     raise
                 await asyncio.sleep(RETRY_S[failures])
                 failures += 1
@@ -292,17 +292,17 @@ class AsyncClient:
                             if event.state in FINAL_STATES:
                                 return
             except (ProblemError, httpx.TransportError) as error:
-                if isinstance(error, ProblemError) and (failures == len(RETRY_S) or not passes(error)):
+                if isinstance(error, ProblemError) and (failures == len(RETRY_S) or not is_temporary(error)):
                     raise
                 if failures == len(RETRY_S):
-                    raise unreachable(str(self._http.base_url), error) from error
+                    raise unreachable_error(str(self._http.base_url), error) from error
             reader.reset()
             await asyncio.sleep(RETRY_S[min(failures, len(RETRY_S) - 1)])
             failures += 1
 
     async def cancel(self, job_id: str) -> Job:
         """Cancel a job that has not finished."""
-        return await self._send(endpoints.cancel(job_id))
+        return await self._send(endpoints.cancel_job(job_id))
 
     async def delete_job(self, job_id: str) -> Job:
         """Delete a finished job with its result and files; an unfinished one is cancelled instead."""
@@ -310,7 +310,7 @@ class AsyncClient:
 
     async def result(self, job_id: str) -> JobResult:
         """Summary and list of files of a succeeded job."""
-        return await self._send(endpoints.result(job_id))
+        return await self._send(endpoints.get_result(job_id))
 
     async def download_artifact(self, job_id: str, name: str, target: Path) -> Path:
         """Save one file of a result as ``target``."""
@@ -331,7 +331,7 @@ class AsyncClient:
         return open_async(str(self._http.base_url), self._headers, configuration, self._timeout_s)
 
     async def _send(self, call: endpoints.Call[T]) -> T:
-        with self._reached():
+        with self._translate_errors():
             response = await self._http.request(call.method, call.path, **request_arguments(call, self._timeout_s))
         endpoints.raise_for_problem(response)
         return call.read(response)
@@ -339,7 +339,7 @@ class AsyncClient:
     async def _download(self, path: str, target: Path, wait_s: float = 0.0) -> Path:
         part = target.with_name(f".part-{target.name}")
         try:
-            with self._reached():
+            with self._translate_errors():
                 async with self._http.stream("GET", path, timeout=self._timeout_s + wait_s) as response:
                     if response.status_code >= 400:
                         await response.aread()
@@ -352,8 +352,8 @@ class AsyncClient:
             part.unlink(missing_ok=True)
 
     @contextmanager
-    def _reached(self) -> Iterator[None]:
+    def _translate_errors(self) -> Iterator[None]:
         try:
             yield
         except httpx.TransportError as error:
-            raise unreachable(str(self._http.base_url), error) from error
+            raise unreachable_error(str(self._http.base_url), error) from error

@@ -33,7 +33,7 @@ def request_arguments(call: Call[Any], timeout_s: float) -> dict[str, Any]:
     return arguments
 
 
-def passes(error: Exception) -> bool:
+def is_temporary(error: Exception) -> bool:
     """Whether a failure may be temporary: the service, its database or a proxy is restarting."""
     return isinstance(error, Unreachable | httpx.TransportError) or (
         isinstance(error, ProblemError) and error.status in (502, 503, 504)
@@ -45,6 +45,6 @@ def poll_s(left_s: float | None) -> float:
     return MAX_WAIT_S / 2 if left_s is None else max(0.0, min(MAX_WAIT_S / 2, left_s))
 
 
-def unreachable(base_url: str, error: Exception) -> Unreachable:
+def unreachable_error(base_url: str, error: Exception) -> Unreachable:
     """Error for a service that does not answer."""
     return Unreachable(f"the service at {base_url} does not answer ({type(error).__name__})")

@@ -21,7 +21,7 @@ from stridelab.schemas.service import Health
 T = TypeVar("T")
 API = "/api/v1"
 MAX_WAIT_S = 60.0
-LOADING_S = 180.0
+LOADING_TIMEOUT_S = 180.0
 """Additional timeout for requests that may load a robot or create its meshes for the first time."""
 
 
@@ -38,20 +38,20 @@ class Call(Generic[T]):
     wait_s: float = 0.0
 
 
-def model(kind: type[T]) -> Callable[[httpx.Response], T]:
+def response_reader(kind: type[T]) -> Callable[[httpx.Response], T]:
     """Create a parser of responses of type ``kind``; fields added by newer services are ignored."""
     adapter = TypeAdapter(kind)
 
-    def read(response: httpx.Response) -> T:
+    def parse_response(response: httpx.Response) -> T:
         try:
             return adapter.validate_json(response.content, extra="ignore")
         except ValidationError as error:
             raise ClientError(f"{response.url} sent a response that this client cannot parse") from error
 
-    return read
+    return parse_response
 
 
-def nothing(_: httpx.Response) -> None:
+def read_nothing(_: httpx.Response) -> None:
     """Parser of an empty response."""
 
 
@@ -72,17 +72,19 @@ def raise_for_problem(response: httpx.Response) -> None:
     raise ProblemError(problem, float(after) if after.isdecimal() else None)
 
 
-def health() -> Call[Health]:
+def get_health() -> Call[Health]:
     """Health of the service."""
-    return Call("GET", f"{API}/health", model(Health))
+    return Call("GET", f"{API}/health", response_reader(Health))
 
 
-def _page(path: str, page: type[T], limit: int, cursor: str | None, **filters: str | None) -> Call[T]:
+def _list_page(path: str, page: type[T], limit: int, cursor: str | None, **filters: str | None) -> Call[T]:
     params = {"limit": str(limit), "cursor": cursor, **filters}
-    return Call("GET", path, model(page), {name: value for name, value in params.items() if value is not None})
+    return Call(
+        "GET", path, response_reader(page), {name: value for name, value in params.items() if value is not None}
+    )
 
 
-def recordings(
+def list_recordings(
     limit: int,
     cursor: str | None,
     session_id: str | None = None,
@@ -92,62 +94,62 @@ def recordings(
     """A page of recordings, optionally of one session or subject, or only those with or without a subject."""
     filters = {"session_id": session_id, "subject_id": subject_id}
     filters["linked"] = None if linked is None else str(linked).lower()
-    return _page(f"{API}/recordings", Page[Recording], limit, cursor, **filters)
+    return _list_page(f"{API}/recordings", Page[Recording], limit, cursor, **filters)
 
 
-def recording(recording_id: str) -> Call[Recording]:
+def get_recording(recording_id: str) -> Call[Recording]:
     """One recording."""
-    return Call("GET", _at("recordings", recording_id), model(Recording))
+    return Call("GET", _path_of("recordings", recording_id), response_reader(Recording))
 
 
 def patch_recording(recording_id: str, patch: RecordingPatch) -> Call[Recording]:
     """Change the set fields of a recording."""
-    return Call("PATCH", _at("recordings", recording_id), model(Recording), json=_set_fields(patch))
+    return Call("PATCH", _path_of("recordings", recording_id), response_reader(Recording), json=_set_fields(patch))
 
 
 def delete_recording(recording_id: str) -> Call[None]:
     """Delete a recording."""
-    return Call("DELETE", _at("recordings", recording_id), nothing)
+    return Call("DELETE", _path_of("recordings", recording_id), read_nothing)
 
 
-def subjects(limit: int, cursor: str | None) -> Call[Page[Subject]]:
+def list_subjects(limit: int, cursor: str | None) -> Call[Page[Subject]]:
     """A page of subjects."""
-    return _page(f"{API}/subjects", Page[Subject], limit, cursor)
+    return _list_page(f"{API}/subjects", Page[Subject], limit, cursor)
 
 
-def subject(subject_id: str) -> Call[Subject]:
+def get_subject(subject_id: str) -> Call[Subject]:
     """One subject."""
-    return Call("GET", _at("subjects", subject_id), model(Subject))
+    return Call("GET", _path_of("subjects", subject_id), response_reader(Subject))
 
 
 def add_subject(fields: SubjectInput) -> Call[Subject]:
     """Add a subject."""
-    return Call("POST", f"{API}/subjects", model(Subject), json=_set_fields(fields))
+    return Call("POST", f"{API}/subjects", response_reader(Subject), json=_set_fields(fields))
 
 
 def patch_subject(subject_id: str, fields: SubjectInput) -> Call[Subject]:
     """Change the set fields of a subject."""
-    return Call("PATCH", _at("subjects", subject_id), model(Subject), json=_set_fields(fields))
+    return Call("PATCH", _path_of("subjects", subject_id), response_reader(Subject), json=_set_fields(fields))
 
 
 def delete_subject(subject_id: str) -> Call[None]:
     """Delete a subject."""
-    return Call("DELETE", _at("subjects", subject_id), nothing)
+    return Call("DELETE", _path_of("subjects", subject_id), read_nothing)
 
 
-def scenarios(limit: int, cursor: str | None) -> Call[Page[StoredScenario]]:
+def list_scenarios(limit: int, cursor: str | None) -> Call[Page[StoredScenario]]:
     """A page of scenarios."""
-    return _page(f"{API}/scenarios", Page[StoredScenario], limit, cursor)
+    return _list_page(f"{API}/scenarios", Page[StoredScenario], limit, cursor)
 
 
-def scenario(scenario_id: str) -> Call[StoredScenario]:
+def get_scenario(scenario_id: str) -> Call[StoredScenario]:
     """One scenario."""
-    return Call("GET", _at("scenarios", scenario_id), model(StoredScenario))
+    return Call("GET", _path_of("scenarios", scenario_id), response_reader(StoredScenario))
 
 
 def add_scenario(body: Scenario | Mapping[str, Any]) -> Call[StoredScenario]:
     """Store a scenario."""
-    return Call("POST", f"{API}/scenarios", model(StoredScenario), json=_scenario(body))
+    return Call("POST", f"{API}/scenarios", response_reader(StoredScenario), json=_scenario_fields(body))
 
 
 def put_scenario(
@@ -155,119 +157,133 @@ def put_scenario(
 ) -> Call[StoredScenario]:
     """Replace a scenario; with ``unless_changed``, only if its ETag is unchanged."""
     headers = {} if unless_changed is None else {"If-Match": unless_changed.etag}
-    return Call("PUT", _at("scenarios", scenario_id), model(StoredScenario), headers=headers, json=_scenario(body))
+    return Call(
+        "PUT",
+        _path_of("scenarios", scenario_id),
+        response_reader(StoredScenario),
+        headers=headers,
+        json=_scenario_fields(body),
+    )
 
 
 def delete_scenario(scenario_id: str) -> Call[None]:
     """Delete a scenario."""
-    return Call("DELETE", _at("scenarios", scenario_id), nothing)
+    return Call("DELETE", _path_of("scenarios", scenario_id), read_nothing)
 
 
 def check_scenario(body: Scenario | Mapping[str, Any]) -> Call[ScenarioCheck]:
     """Check a scenario."""
-    return Call("POST", f"{API}/scenarios/check", model(ScenarioCheck), json=_scenario(body))
+    return Call("POST", f"{API}/scenarios/check", response_reader(ScenarioCheck), json=_scenario_fields(body))
 
 
-def solvers() -> Call[Solvers]:
+def list_solvers() -> Call[Solvers]:
     """Solvers of the centroidal problem."""
-    return Call("GET", f"{API}/solvers", model(Solvers), wait_s=LOADING_S)
+    return Call("GET", f"{API}/solvers", response_reader(Solvers), wait_s=LOADING_TIMEOUT_S)
 
 
 def preview_plan(body: PlanPreviewInput | Mapping[str, Any]) -> Call[PlanPreview]:
     """Preview the plan of a scenario."""
     content = _set_fields(body) if isinstance(body, BaseModel) else dict(body)
-    return Call("POST", f"{API}/plans/preview", model(PlanPreview), json=content, wait_s=LOADING_S)
+    return Call("POST", f"{API}/plans/preview", response_reader(PlanPreview), json=content, wait_s=LOADING_TIMEOUT_S)
 
 
-def robots() -> Call[Page[RobotSummary]]:
+def list_robots() -> Call[Page[RobotSummary]]:
     """All robots."""
-    return Call("GET", f"{API}/robots", model(Page[RobotSummary]))
+    return Call("GET", f"{API}/robots", response_reader(Page[RobotSummary]))
 
 
-def robot(name: str) -> Call[RobotFacts]:
+def get_robot(name: str) -> Call[RobotFacts]:
     """Facts of one robot."""
-    return Call("GET", _at("robots", name), model(RobotFacts), wait_s=LOADING_S)
+    return Call("GET", _path_of("robots", name), response_reader(RobotFacts), wait_s=LOADING_TIMEOUT_S)
 
 
 def robot_preparation(name: str) -> Call[RobotPreparation]:
     """State of the preparation of one robot."""
-    return Call("GET", _at("robots", name, "preparation"), model(RobotPreparation))
+    return Call("GET", _path_of("robots", name, "preparation"), response_reader(RobotPreparation))
 
 
 def robot_reachability(name: str, measure: Measure | None) -> Call[RobotReachability]:
     """Reachability densities of one robot, for display."""
     params = {} if measure is None else {"measure": measure}
-    return Call("GET", _at("robots", name, "reachability"), model(RobotReachability), params, wait_s=LOADING_S)
+    return Call(
+        "GET",
+        _path_of("robots", name, "reachability"),
+        response_reader(RobotReachability),
+        params,
+        wait_s=LOADING_TIMEOUT_S,
+    )
 
 
-def submit(kind: str, request: BaseModel | Mapping[str, Any], priority: int, idempotency_key: str | None) -> Call[Job]:
+def submit_job(
+    kind: str, request: BaseModel | Mapping[str, Any], priority: int, idempotency_key: str | None
+) -> Call[Job]:
     """Submit a job."""
     body = _set_fields(request) if isinstance(request, BaseModel) else dict(request)
     headers = {"Idempotency-Key": idempotency_key} if idempotency_key is not None else {}
-    return Call("POST", _at("jobs", kind), model(Job), {"priority": str(priority)}, headers, body)
+    return Call("POST", _path_of("jobs", kind), response_reader(Job), {"priority": str(priority)}, headers, body)
 
 
-def jobs(limit: int, cursor: str | None, **filters: str | None) -> Call[Page[Job]]:
+def list_jobs(limit: int, cursor: str | None, **filters: str | None) -> Call[Page[Job]]:
     """A page of jobs; ``filters`` are ``state``, ``kind``, ``recording_id`` and ``scenario_id``."""
-    return _page(f"{API}/jobs", Page[Job], limit, cursor, **filters)
+    return _list_page(f"{API}/jobs", Page[Job], limit, cursor, **filters)
 
 
-def job(job_id: str, wait_s: float) -> Call[Job]:
+def get_job(job_id: str, wait_s: float) -> Call[Job]:
     """One job; the service waits up to ``wait_s`` for it to finish."""
     params = {"wait": f"{wait_s:g}"} if wait_s > 0 else {}
-    return Call("GET", _at("jobs", job_id), model(Job), params, wait_s=wait_s)
+    return Call("GET", _path_of("jobs", job_id), response_reader(Job), params, wait_s=wait_s)
 
 
-def cancel(job_id: str) -> Call[Job]:
+def cancel_job(job_id: str) -> Call[Job]:
     """Cancel a job; a finished one is not changed."""
-    return Call("DELETE", _at("jobs", job_id), model(Job), {"cancel_only": "true"})
+    return Call("DELETE", _path_of("jobs", job_id), response_reader(Job), {"cancel_only": "true"})
 
 
 def delete_job(job_id: str) -> Call[Job]:
     """Delete a finished job."""
-    return Call("DELETE", _at("jobs", job_id), model(Job))
+    return Call("DELETE", _path_of("jobs", job_id), response_reader(Job))
 
 
-def result(job_id: str) -> Call[JobResult]:
+def get_result(job_id: str) -> Call[JobResult]:
     """Result of a job."""
-    return Call("GET", _at("jobs", job_id, "result"), model(JobResult))
+    return Call("GET", _path_of("jobs", job_id, "result"), response_reader(JobResult))
 
 
 def events_path(job_id: str) -> str:
     """Path of the event stream of a job."""
-    return _at("jobs", job_id, "events")
+    return _path_of("jobs", job_id, "events")
 
 
 def artifact_path(job_id: str, name: str) -> str:
     """Path of an artifact."""
-    return _at("jobs", job_id, "artifacts", name)
+    return _path_of("jobs", job_id, "artifacts", name)
 
 
 def bundle_path(job_id: str) -> str:
     """Path of the archive of a job."""
-    return _at("jobs", job_id, "bundle.zip")
+    return _path_of("jobs", job_id, "bundle.zip")
 
 
 def file_path(recording_id: str) -> str:
     """Path of the uploaded file of a recording."""
-    return _at("recordings", recording_id, "file")
+    return _path_of("recordings", recording_id, "file")
 
 
 def tracks_path(recording_id: str) -> str:
     """Path of the markers and wrenches of a recording."""
-    return _at("recordings", recording_id, "tracks.parquet")
+    return _path_of("recordings", recording_id, "tracks.parquet")
 
 
 def links_path(name: str) -> str:
     """Path of the display meshes of a robot."""
-    return _at("robots", name, "links")
+    return _path_of("robots", name, "links")
 
 
-def _at(*parts: str) -> str:
+def _path_of(*parts: str) -> str:
     return "/".join((API, *(quote(part, safe="") for part in parts)))
 
 
-def _scenario(body: Scenario | Mapping[str, Any]) -> Any:
+def _scenario_fields(body: Scenario | Mapping[str, Any]) -> Any:
     """The fields of ``Scenario`` only, so that a ``StoredScenario`` can be sent as well."""
     if not isinstance(body, Scenario):
         return dict(body)

@@ -14,7 +14,7 @@ from websockets.exceptions import ConnectionClosed, InvalidHandshake, InvalidSta
 from websockets.sync.client import ClientConnection as SyncConnection
 from websockets.sync.client import connect as connect_sync
 
-from stridelab.client.connection import unreachable
+from stridelab.client.connection import unreachable_error
 from stridelab.client.endpoints import API
 from stridelab.client.errors import ClientError, ProblemError, Unreachable
 from stridelab.schemas.base import Problem
@@ -49,7 +49,7 @@ class AsyncComStream:
 
         Raises ``ProblemError`` where the service refuses them; it then closes the stream.
         """
-        return estimates(await exchange(self._connection, message(samples, self.ready.format)))
+        return decode_estimates(await exchange_async(self._connection, encode_samples(samples, self.ready.format)))
 
 
 class ComStream:
@@ -63,7 +63,7 @@ class ComStream:
 
         Raises ``ProblemError`` where the service refuses them; it then closes the stream.
         """
-        return estimates(exchange_sync(self._connection, message(samples, self.ready.format)))
+        return decode_estimates(exchange_sync(self._connection, encode_samples(samples, self.ready.format)))
 
 
 @asynccontextmanager
@@ -71,9 +71,9 @@ async def open_async(
     base_url: str, headers: dict[str, str], configuration: StreamConfiguration, timeout_s: float
 ) -> AsyncIterator[AsyncComStream]:
     """Open a stream for the duration of the context."""
-    with _reached(base_url):
+    with _translate_errors(base_url):
         connection = await connect_async(
-            _address(base_url),
+            _websocket_url(base_url),
             additional_headers=headers,
             user_agent_header=None,
             compression=None,
@@ -81,8 +81,8 @@ async def open_async(
             max_size=ANSWER_BYTES,
         )
     async with connection:
-        answer = _answer(await exchange(connection, configuration.model_dump_json()))
-        yield AsyncComStream(connection, _ready(answer))
+        answer = _parse_answer(await exchange_async(connection, configuration.model_dump_json()))
+        yield AsyncComStream(connection, _require_ready(answer))
 
 
 @contextmanager
@@ -90,9 +90,9 @@ def open_sync(
     base_url: str, headers: dict[str, str], configuration: StreamConfiguration, timeout_s: float
 ) -> Iterator[ComStream]:
     """Open a stream for the duration of the context."""
-    with _reached(base_url):
+    with _translate_errors(base_url):
         connection = connect_sync(
-            _address(base_url),
+            _websocket_url(base_url),
             additional_headers=headers,
             user_agent_header=None,
             compression=None,
@@ -100,18 +100,18 @@ def open_sync(
             max_size=ANSWER_BYTES,
         )
     with connection:
-        answer = _answer(exchange_sync(connection, configuration.model_dump_json()))
-        yield ComStream(connection, _ready(answer))
+        answer = _parse_answer(exchange_sync(connection, configuration.model_dump_json()))
+        yield ComStream(connection, _require_ready(answer))
 
 
-async def exchange(connection: ClientConnection, sent: str | bytes) -> str | bytes:
+async def exchange_async(connection: ClientConnection, sent: str | bytes) -> str | bytes:
     """Send one message and receive the next one."""
     with contextlib.suppress(ConnectionClosed):  # the reason of the close may still be in the receive buffer
         await connection.send(sent)
     try:
         return await connection.recv()
     except ConnectionClosed as error:
-        raise _closed(error) from error
+        raise _closed_error(error) from error
 
 
 def exchange_sync(connection: SyncConnection, sent: str | bytes) -> str | bytes:
@@ -121,12 +121,12 @@ def exchange_sync(connection: SyncConnection, sent: str | bytes) -> str | bytes:
     try:
         return connection.recv()
     except ConnectionClosed as error:
-        raise _closed(error) from error
+        raise _closed_error(error) from error
 
 
-def message(samples: Sequence[StreamSample], form: str) -> str | bytes:
+def encode_samples(samples: Sequence[StreamSample], stream_format: str) -> str | bytes:
     """Encode samples as JSON, or packed."""
-    if form == "json":
+    if stream_format == "json":
         return StreamSamples(samples=list(samples)).model_dump_json()
     start_s = samples[0].time_s if samples else 0.0
     rows = [
@@ -141,12 +141,12 @@ def message(samples: Sequence[StreamSample], form: str) -> str | bytes:
     return _TIME.pack(start_s) + b"".join(rows)
 
 
-def estimates(raw: str | bytes) -> list[StreamEstimate]:
+def decode_estimates(raw: str | bytes) -> list[StreamEstimate]:
     """Decode estimates from JSON or packed. Raises ``ProblemError`` if the message is a problem."""
     if isinstance(raw, str):
-        return _answer(raw).samples or []
+        return _parse_answer(raw).samples or []
     if len(raw) < _TIME.size or (len(raw) - _TIME.size) % _ROW.size:
-        raise _not_understood()
+        raise _unparsable_error()
     (start_s,) = _TIME.unpack_from(raw)
     return [
         StreamEstimate(time_s=start_s + row[0], com_m=row[1:4], velocity_m_s=row[4:7], sd_m=row[7:10])
@@ -154,33 +154,33 @@ def estimates(raw: str | bytes) -> list[StreamEstimate]:
     ]
 
 
-def _answer(raw: str | bytes) -> StreamAnswer:
+def _parse_answer(raw: str | bytes) -> StreamAnswer:
     try:
         answer = StreamAnswer.model_validate_json(raw, extra="ignore")
     except ValidationError as error:
-        raise _not_understood() from error
+        raise _unparsable_error() from error
     if answer.problem is not None:
         raise ProblemError(answer.problem)
     return answer
 
 
-def _ready(answer: StreamAnswer) -> StreamReady:
+def _require_ready(answer: StreamAnswer) -> StreamReady:
     if answer.ready is None:
-        raise _not_understood()
+        raise _unparsable_error()
     return answer.ready
 
 
-def _not_understood() -> ClientError:
+def _unparsable_error() -> ClientError:
     return ClientError("the service sent a message on the stream that this client cannot parse")
 
 
-def _closed(error: ConnectionClosed) -> ClientError:
+def _closed_error(error: ConnectionClosed) -> ClientError:
     why = "" if error.rcvd is None else f" ({error.rcvd.code} {error.rcvd.reason})".replace(" )", ")")
     return Unreachable(f"the service has closed the stream{why}")
 
 
 @contextmanager
-def _reached(base_url: str) -> Iterator[None]:
+def _translate_errors(base_url: str) -> Iterator[None]:
     """Convert errors of opening a websocket to the errors of the other calls."""
     try:
         yield
@@ -195,9 +195,9 @@ def _reached(base_url: str) -> Iterator[None]:
             )
         ) from error
     except (OSError, TimeoutError, InvalidHandshake) as error:
-        raise unreachable(base_url, error) from error
+        raise unreachable_error(base_url, error) from error
 
 
-def _address(base_url: str) -> str:
+def _websocket_url(base_url: str) -> str:
     """``http`` -> ``ws``, ``https`` -> ``wss``."""
     return f"ws{base_url.removeprefix('http').rstrip('/')}{STREAM_PATH}"

@@ -16,10 +16,10 @@ from stridelab.client.connection import (
     DEFAULT_URL,
     RETRY_S,
     connection_headers,
-    passes,
+    is_temporary,
     poll_s,
     request_arguments,
-    unreachable,
+    unreachable_error,
 )
 from stridelab.client.errors import ClientError, ProblemError
 from stridelab.client.sse import EventReader
@@ -66,7 +66,7 @@ class Client:
 
     def health(self) -> Health:
         """Health and version of the service."""
-        return self._send(endpoints.health())
+        return self._send(endpoints.get_health())
 
     def upload(
         self,
@@ -79,10 +79,10 @@ class Client:
     ) -> Recording:
         """Upload a recording, which is parsed on return; ``progress(sent_bytes, total_bytes)`` is called meanwhile."""
         upload = uploads.Upload(path, subject or SubjectFields(), filename, session_id)
-        with self._reached():
+        with self._translate_errors():
             response = self._http.post(uploads.PATH, content=upload.pieces(progress), headers=upload.headers())
         endpoints.raise_for_problem(response)
-        return endpoints.model(Recording)(response)
+        return endpoints.response_reader(Recording)(response)
 
     def upload_batch(
         self,
@@ -96,17 +96,17 @@ class Client:
         If the service reads them in a job, waits for it; a failed job raises ``ProblemError``.
         """
         upload = uploads.BatchUpload(files, table)
-        with self._reached():
+        with self._translate_errors():
             response = self._http.post(
                 uploads.BATCH_PATH,
                 content=upload.pieces(progress),
                 headers=upload.headers(),
-                timeout=uploads.READING_S,
+                timeout=uploads.BATCH_TIMEOUT_S,
             )
         endpoints.raise_for_problem(response)
         if response.status_code != HTTPStatus.ACCEPTED:
-            return endpoints.model(RecordingBatch)(response)
-        job = self.wait(endpoints.model(Job)(response).id)
+            return endpoints.response_reader(RecordingBatch)(response)
+        job = self.wait(endpoints.response_reader(Job)(response).id)
         if job.state != "succeeded":
             raise uploads.refusal_of(job)
         summary = self.result(job.id).summary
@@ -122,11 +122,11 @@ class Client:
         linked: bool | None = None,
     ) -> Page[Recording]:
         """One page of recordings, newest first; optionally of one session or subject, or with or without a subject."""
-        return self._send(endpoints.recordings(limit, cursor, session_id, subject_id, linked))
+        return self._send(endpoints.list_recordings(limit, cursor, session_id, subject_id, linked))
 
     def recording(self, recording_id: str) -> Recording:
         """One recording."""
-        return self._send(endpoints.recording(recording_id))
+        return self._send(endpoints.get_recording(recording_id))
 
     def patch_recording(self, recording_id: str, patch: RecordingPatch) -> Recording:
         """Change the fields that are set in ``patch``."""
@@ -146,11 +146,11 @@ class Client:
 
     def subjects(self, limit: int = 50, cursor: str | None = None) -> Page[Subject]:
         """One page of subjects, newest first."""
-        return self._send(endpoints.subjects(limit, cursor))
+        return self._send(endpoints.list_subjects(limit, cursor))
 
     def subject(self, subject_id: str) -> Subject:
         """One subject."""
-        return self._send(endpoints.subject(subject_id))
+        return self._send(endpoints.get_subject(subject_id))
 
     def add_subject(self, fields: SubjectInput) -> Subject:
         """Add a subject."""
@@ -166,11 +166,11 @@ class Client:
 
     def scenarios(self, limit: int = 50, cursor: str | None = None) -> Page[StoredScenario]:
         """One page of scenarios, newest first."""
-        return self._send(endpoints.scenarios(limit, cursor))
+        return self._send(endpoints.list_scenarios(limit, cursor))
 
     def scenario(self, scenario_id: str) -> StoredScenario:
         """One scenario."""
-        return self._send(endpoints.scenario(scenario_id))
+        return self._send(endpoints.get_scenario(scenario_id))
 
     def add_scenario(self, body: Scenario | Mapping[str, Any]) -> StoredScenario:
         """Store a scenario; one that the robot cannot perform is refused (``scenario-invalid``)."""
@@ -192,7 +192,7 @@ class Client:
 
     def solvers(self) -> Solvers:
         """Solvers of the centroidal problem, and the reason for unavailable ones."""
-        return self._send(endpoints.solvers())
+        return self._send(endpoints.list_solvers())
 
     def preview_plan(self, body: PlanPreviewInput | Mapping[str, Any]) -> PlanPreview:
         """Compute the centroidal motion of a scenario, optionally with a push; requires the C++ solver."""
@@ -200,11 +200,11 @@ class Client:
 
     def robots(self) -> Page[RobotSummary]:
         """All robots."""
-        return self._send(endpoints.robots())
+        return self._send(endpoints.list_robots())
 
     def robot(self, name: str) -> RobotFacts:
         """Facts of one robot; takes a few seconds if it is not prepared yet."""
-        return self._send(endpoints.robot(name))
+        return self._send(endpoints.get_robot(name))
 
     def robot_preparation(self, name: str) -> RobotPreparation:
         """State of the preparation of a robot's display files; starts the preparation if necessary."""
@@ -216,7 +216,7 @@ class Client:
 
     def robot_links(self, name: str, target: Path) -> Path:
         """Save the display meshes of a robot as ``target`` (binary glTF); slow if they do not exist yet."""
-        return self._download(endpoints.links_path(name), target, wait_s=endpoints.LOADING_S)
+        return self._download(endpoints.links_path(name), target, wait_s=endpoints.LOADING_TIMEOUT_S)
 
     def submit(
         self,
@@ -227,7 +227,7 @@ class Client:
         idempotency_key: str | None = None,
     ) -> Job:
         """Submit a job; repeating the request with the same ``idempotency_key`` returns the same job."""
-        return self._send(endpoints.submit(kind, request, priority, idempotency_key))
+        return self._send(endpoints.submit_job(kind, request, priority, idempotency_key))
 
     def jobs(
         self,
@@ -241,11 +241,11 @@ class Client:
     ) -> Page[Job]:
         """One page of jobs, newest first."""
         filters = {"state": state, "kind": kind, "recording_id": recording_id, "scenario_id": scenario_id}
-        return self._send(endpoints.jobs(limit, cursor, **filters))
+        return self._send(endpoints.list_jobs(limit, cursor, **filters))
 
     def job(self, job_id: str, wait_s: float = 0.0) -> Job:
         """One job; waits up to ``wait_s`` (at most 60 s) for it to finish."""
-        return self._send(endpoints.job(job_id, wait_s))
+        return self._send(endpoints.get_job(job_id, wait_s))
 
     def wait(self, job_id: str, timeout_s: float | None = None) -> Job:
         """Wait until a job has finished. Raises ``TimeoutError`` after ``timeout_s``; None waits indefinitely."""
@@ -257,7 +257,7 @@ class Client:
                 job = self.job(job_id, wait_s=poll_s(left_s))
                 failures = 0
             except ClientError as error:
-                if failures == len(RETRY_S) or not passes(error):
+                if failures == len(RETRY_S) or not is_temporary(error):
                     raise
                 time.sleep(RETRY_S[failures])
                 failures += 1
@@ -289,17 +289,17 @@ class Client:
                             if event.state in FINAL_STATES:
                                 return
             except (ProblemError, httpx.TransportError) as error:
-                if isinstance(error, ProblemError) and (failures == len(RETRY_S) or not passes(error)):
+                if isinstance(error, ProblemError) and (failures == len(RETRY_S) or not is_temporary(error)):
                     raise
                 if failures == len(RETRY_S):
-                    raise unreachable(str(self._http.base_url), error) from error
+                    raise unreachable_error(str(self._http.base_url), error) from error
             reader.reset()
             time.sleep(RETRY_S[min(failures, len(RETRY_S) - 1)])
             failures += 1
 
     def cancel(self, job_id: str) -> Job:
         """Cancel a job that has not finished."""
-        return self._send(endpoints.cancel(job_id))
+        return self._send(endpoints.cancel_job(job_id))
 
     def delete_job(self, job_id: str) -> Job:
         """Delete a finished job with its result and files; an unfinished one is cancelled instead."""
@@ -307,7 +307,7 @@ class Client:
 
     def result(self, job_id: str) -> JobResult:
         """Summary and list of files of a succeeded job."""
-        return self._send(endpoints.result(job_id))
+        return self._send(endpoints.get_result(job_id))
 
     def download_artifact(self, job_id: str, name: str, target: Path) -> Path:
         """Save one file of a result as ``target``."""
@@ -328,7 +328,7 @@ class Client:
         return open_sync(str(self._http.base_url), self._headers, configuration, self._timeout_s)
 
     def _send(self, call: endpoints.Call[T]) -> T:
-        with self._reached():
+        with self._translate_errors():
             response = self._http.request(call.method, call.path, **request_arguments(call, self._timeout_s))
         endpoints.raise_for_problem(response)
         return call.read(response)
@@ -336,7 +336,7 @@ class Client:
     def _download(self, path: str, target: Path, wait_s: float = 0.0) -> Path:
         part = target.with_name(f".part-{target.name}")
         try:
-            with self._reached(), self._http.stream("GET", path, timeout=self._timeout_s + wait_s) as response:
+            with self._translate_errors(), self._http.stream("GET", path, timeout=self._timeout_s + wait_s) as response:
                 if response.status_code >= 400:
                     response.read()
                     endpoints.raise_for_problem(response)
@@ -348,8 +348,8 @@ class Client:
             part.unlink(missing_ok=True)
 
     @contextmanager
-    def _reached(self) -> Iterator[None]:
+    def _translate_errors(self) -> Iterator[None]:
         try:
             yield
         except httpx.TransportError as error:
-            raise unreachable(str(self._http.base_url), error) from error
+            raise unreachable_error(str(self._http.base_url), error) from error

@@ -15,7 +15,7 @@ from stridelab.schemas.recordings import Recording, SubjectFields
 
 PATH = f"{API}/recordings"
 BATCH_PATH = f"{PATH}/batch"
-READING_S = 900.0
+BATCH_TIMEOUT_S = 900.0
 """Timeout of a bulk upload: older services read all files before they answer, newer ones answer with a job."""
 PIECE_BYTES = 256 * 1024
 ProgressCallback = Callable[[int, int], None]
@@ -34,21 +34,21 @@ class Upload:
 
     def headers(self) -> dict[str, str]:
         """Headers that describe the body."""
-        return _headers(self.boundary, len(self._head()) + self.path.stat().st_size)
+        return _form_headers(self.boundary, len(self._part_head()) + self.path.stat().st_size)
 
     def pieces(self, progress: ProgressCallback | None = None) -> Iterator[bytes]:
         """The body, in pieces."""
-        return _pieces(b"", [(self._head(), self.path)], self.boundary, progress)
+        return _form_pieces(b"", [(self._part_head(), self.path)], self.boundary, progress)
 
-    def _head(self) -> bytes:
+    def _part_head(self) -> bytes:
         parts = [
             f'--{self.boundary}\r\nContent-Disposition: form-data; name="{name}"\r\n\r\n{value}\r\n'
-            for name, value in self._fields().items()
+            for name, value in self._text_fields().items()
         ]
         parts.append(f"--{self.boundary}\r\n{_file_part(self.filename or self.path.name)}")
         return "".join(parts).encode("utf-8", "replace")
 
-    def _fields(self) -> Mapping[str, str]:
+    def _text_fields(self) -> Mapping[str, str]:
         stated = self.subject.model_dump(exclude_none=True)
         fields = {("subject_name" if name == "name" else name): str(value) for name, value in stated.items()}
         return fields if self.session_id is None else {**fields, "session_id": self.session_id}
@@ -64,20 +64,22 @@ class BatchUpload:
 
     def headers(self) -> dict[str, str]:
         """Headers that describe the body."""
-        parts = sum(len(self._head(name)) + path.stat().st_size for name, path in self.files)
-        return _headers(self.boundary, len(self._table()) + parts)
+        parts = sum(len(self._part_head(name)) + path.stat().st_size for name, path in self.files)
+        return _form_headers(self.boundary, len(self._table_part()) + parts)
 
     def pieces(self, progress: ProgressCallback | None = None) -> Iterator[bytes]:
         """The body, in pieces."""
-        return _pieces(self._table(), [(self._head(name), path) for name, path in self.files], self.boundary, progress)
+        return _form_pieces(
+            self._table_part(), [(self._part_head(name), path) for name, path in self.files], self.boundary, progress
+        )
 
-    def _table(self) -> bytes:
+    def _table_part(self) -> bytes:
         if self.table is None:
             return b""
         head = f'--{self.boundary}\r\nContent-Disposition: form-data; name="subjects"'
         return f"{head}\r\n\r\n{self.table}".encode()
 
-    def _head(self, name: str) -> bytes:
+    def _part_head(self, name: str) -> bytes:
         # text before the first boundary is ignored, so every part may begin with a line break
         return f"\r\n--{self.boundary}\r\n{_file_part(name)}".encode("utf-8", "replace")
 
@@ -96,21 +98,21 @@ def refusal_of(job: Job) -> ProblemError:
     return ProblemError(job.error or Problem(title="Conflict", status=409, code="job-without-result", detail=detail))
 
 
-async def from_a_loop(pieces: Iterator[bytes]) -> AsyncIterator[bytes]:
+async def iterate_async(pieces: Iterator[bytes]) -> AsyncIterator[bytes]:
     """Convert an iterator to an asynchronous one."""
     for piece in pieces:
         yield piece
 
 
-def _headers(boundary: str, length: int) -> dict[str, str]:
+def _form_headers(boundary: str, length: int) -> dict[str, str]:
     """Headers of a form whose parts have ``length`` bytes."""
     return {
         "Content-Type": f"multipart/form-data; boundary={boundary}",
-        "Content-Length": str(length + len(_end(boundary))),
+        "Content-Length": str(length + len(_closing_boundary(boundary))),
     }
 
 
-def _pieces(
+def _form_pieces(
     first: bytes, files: Sequence[tuple[bytes, Path]], boundary: str, progress: ProgressCallback | None
 ) -> Iterator[bytes]:
     """Yield ``first``, each file after its part header, and the end; ``progress`` counts the files only."""
@@ -125,10 +127,10 @@ def _pieces(
                 sent += len(piece)
                 if progress is not None:
                     progress(sent, total)
-    yield _end(boundary)
+    yield _closing_boundary(boundary)
 
 
-def _end(boundary: str) -> bytes:
+def _closing_boundary(boundary: str) -> bytes:
     return f"\r\n--{boundary}--\r\n".encode()
 
 

@@ -20,67 +20,71 @@ Vector = Float[np.ndarray, "_"]
 Matrix = Float[np.ndarray, "_ _"]
 Value = Callable[[Vector, float], float]
 """Weighted objective plus barrier at a point; infinite outside the feasible set."""
-Slopes = Callable[[Vector, float], tuple[Vector, Matrix]]
+Derivatives = Callable[[Vector, float], tuple[Vector, Matrix]]
 """Gradient and Hessian of ``Value``."""
 
-RATIO: Final = 6.0
+WEIGHT_RATIO: Final = 6.0
 """Ratio of successive weights."""
-CENTRED: Final = 1e-2
+CENTRING_DECREMENT: Final = 1e-2
 """Squared Newton decrement that ends centring at intermediate weights."""
-DECREMENT: Final = 2e-9
+FINAL_DECREMENT: Final = 2e-9
 """Squared Newton decrement that ends centring at the last weight."""
-NEAR: Final = 0.1
+FULL_STEP_DECREMENT: Final = 0.1
 """Squared decrement below which Newton's method converges quadratically with full steps."""
 RIDGE: Final = 2e-14
 """Added to the diagonal of the Jacobi-scaled Hessian, so that it stays positive definite at the largest weights."""
-MOST_STEPS: Final = 40
+MAX_NEWTON_STEPS: Final = 40
 """Maximum number of Newton steps per weight."""
-SHORTEST: Final = 1e-8
+MIN_STEP_LENGTH: Final = 1e-8
 """Step length at which backtracking stops."""
 
 
-def follow(x: Vector, value: Value, slopes: Slopes, last_weight: float, first_weight: float = 1.0) -> Vector:
+def follow_central_path(
+    x: Vector, value: Value, derivatives: Derivatives, last_weight: float, first_weight: float = 1.0
+) -> Vector:
     """Return ``x(last_weight)``, starting from a strictly feasible ``x``."""
     weight = first_weight
     while weight < last_weight:
-        x = _centred(x, value, slopes, weight, CENTRED)
-        next_weight = min(RATIO * weight, last_weight)
-        x = _ahead(x, value, slopes, weight, next_weight)
+        x = _centre_iterate(x, value, derivatives, weight, CENTRING_DECREMENT)
+        next_weight = min(WEIGHT_RATIO * weight, last_weight)
+        x = _predictor_step(x, value, derivatives, weight, next_weight)
         weight = next_weight
-    return _centred(x, value, slopes, last_weight, DECREMENT)
+    return _centre_iterate(x, value, derivatives, last_weight, FINAL_DECREMENT)
 
 
-def _centred(x: Vector, value: Value, slopes: Slopes, weight: float, enough: float) -> Vector:
-    for _ in range(MOST_STEPS):
-        gradient, hessian = slopes(x, weight)
-        step = -_solved(hessian, gradient)
+def _centre_iterate(x: Vector, value: Value, derivatives: Derivatives, weight: float, tolerance: float) -> Vector:
+    for _ in range(MAX_NEWTON_STEPS):
+        gradient, hessian = derivatives(x, weight)
+        step = -_solve_scaled(hessian, gradient)
         decrement = -float(gradient @ step)
-        if decrement <= enough:
+        if decrement <= tolerance:
             return x
         # near the centre a full step stays feasible, and rounding of the value would hide its descent
-        here = sys.float_info.max if decrement < NEAR else value(x, weight)
+        here = sys.float_info.max if decrement < FULL_STEP_DECREMENT else value(x, weight)
         length = 1.0
         while value(x + length * step, weight) > here - 0.1 * length * decrement:
             length /= 2.0
-            if length < SHORTEST:
+            if length < MIN_STEP_LENGTH:
                 return x
         x = np.asarray(x + length * step)
     return x
 
 
-def _ahead(x: Vector, value: Value, slopes: Slopes, weight: float, further: float) -> Vector:
+def _predictor_step(x: Vector, value: Value, derivatives: Derivatives, weight: float, next_weight: float) -> Vector:
     """Predictor step along the tangent of the path, shortened to stay strictly feasible."""
-    gradient, hessian = slopes(x, weight)
-    weighted_gradient = slopes(x, 2.0 * weight)[0] - gradient  # w grad f
-    step = -(1.0 - weight / further) * _solved(hessian, weighted_gradient)
+    gradient, hessian = derivatives(x, weight)
+    weighted_gradient = derivatives(x, 2.0 * weight)[0] - gradient  # w grad f
+    step = -(1.0 - weight / next_weight) * _solve_scaled(hessian, weighted_gradient)
     length = 1.0
     while not np.isfinite(value(x + length * step, weight)):
         length *= 0.8
     return np.asarray(x + (length if length == 1.0 else 0.9 * length) * step)
 
 
-def _solved(hessian: Matrix, right: Vector) -> Vector:
+def _solve_scaled(hessian: Matrix, right_hand_side: Vector) -> Vector:
     scale = 1.0 / np.sqrt(np.diag(hessian))
     scaled = hessian * scale * scale[:, np.newaxis]
     scaled[np.diag_indices(len(scale))] += RIDGE
-    return np.asarray(scale * cho_solve(cho_factor(scaled, check_finite=False), scale * right, check_finite=False))
+    return np.asarray(
+        scale * cho_solve(cho_factor(scaled, check_finite=False), scale * right_hand_side, check_finite=False)
+    )

@@ -43,7 +43,7 @@ class EffectorShape:
     com_height_m: float | None = None
 
 
-def patch_m(half_size_m: tuple[float, float] | None) -> Points:
+def sole_points_m(half_size_m: tuple[float, float] | None) -> Points:
     """Corners, edge midpoints and centre of a sole ``(9, 3)`` in its contact frame; the origin if there is no size."""
     if half_size_m is None:
         return np.zeros((1, 3))
@@ -60,31 +60,34 @@ def effector_shapes(robot_name: str) -> Mapping[str, EffectorShape]:
     """
     card = robot_card(robot_name)
     folder = models_dir() / "reachability" / robot_name
-    uniform, conditioned = _learned(folder / "uniform.json"), _learned(folder / "conditioned.json")
+    uniform, conditioned = _learned_effectors(folder / "uniform.json"), _learned_effectors(folder / "conditioned.json")
     return MappingProxyType(
-        {name: _shape(entry, uniform.get(name), conditioned.get(name)) for name, entry in card.effectors.items()}
+        {
+            name: _effector_shape(entry, uniform.get(name), conditioned.get(name))
+            for name, entry in card.effectors.items()
+        }
     )
 
 
-def _learned(path: Path) -> dict[str, Any]:
+def _learned_effectors(path: Path) -> dict[str, Any]:
     if not path.is_file():
         return {}
     effectors: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))["effectors"]
     return effectors
 
 
-def _reach(entry: Mapping[str, Any]) -> EffectorReach:
-    low, high = (_triple(entry[key]) for key in ("com_low_m", "com_high_m"))
+def _parse_reach(entry: Mapping[str, Any]) -> EffectorReach:
+    low, high = (_parse_triple(entry[key]) for key in ("com_low_m", "com_high_m"))
     return EffectorReach(low, high, float(entry["com_distance_max_m"]))
 
 
-def _shape(effector: EffectorCard, wide: Any, standing: Any) -> EffectorShape:
-    reach = _reach(wide["reach"]) if wide and "reach" in wide else None
-    sole = effector.kind == "surface" and standing
-    height = float(np.dot(standing["weights"], np.array(standing["means"])[:, 2])) if sole else None
+def _effector_shape(effector: EffectorCard, uniform: Any, conditioned: Any) -> EffectorShape:
+    reach = _parse_reach(uniform["reach"]) if uniform and "reach" in uniform else None
+    sole = effector.kind == "surface" and conditioned
+    height = float(np.dot(conditioned["weights"], np.array(conditioned["means"])[:, 2])) if sole else None
     return EffectorShape(effector.kind, effector.contact_half_size_m, reach, height)
 
 
-def _triple(values: Any) -> Triple:
+def _parse_triple(values: Any) -> Triple:
     x, y, z = (float(value) for value in values)
     return x, y, z

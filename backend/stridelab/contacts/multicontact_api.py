@@ -12,17 +12,17 @@ from typing import Any, Final
 import numpy as np
 from scipy.spatial.transform import Rotation as ScipyRotation
 
-from stridelab.contacts.effector_geometry import patch_m
+from stridelab.contacts.effector_geometry import sole_points_m
 from stridelab.contacts.scenario_io import scenario_of
 from stridelab.contacts.sequence import Contact, ContactSequence
 from stridelab.contacts.validation.parse import contact_field
 from stridelab.errors import Fault, InvalidInput
 
-GAP_S: Final = 1e-6
+GAP_TOLERANCE_S: Final = 1e-6
 """Gaps and overlaps of consecutive phases below this are ignored."""
 ROTATION_TOLERANCE: Final = 1e-3
 """Largest entry of ``R^T R - 1`` accepted in a rotation."""
-LONGEST_NAME: Final = 60
+MAX_NAME_LENGTH: Final = 60
 """Effector names are truncated to this length; no robot has longer ones."""
 TYPES: Final = {"surface": "CONTACT_PLANAR", "point": "CONTACT_POINT"}
 
@@ -36,7 +36,7 @@ def to_multicontact(sequence: ContactSequence, description: str = "") -> dict[st
                 "t_init": float(start),
                 "t_final": float(end),
                 "effector_in_contact": list(phase.contacts),
-                "contact_patches": {name: _patch(contact) for name, contact in phase.contacts.items()},
+                "contact_patches": {name: _contact_patch(contact) for name, contact in phase.contacts.items()},
             }
             for phase, start, end in zip(sequence.phases, sequence.starts_s, sequence.ends_s, strict=True)
         ],
@@ -44,7 +44,7 @@ def to_multicontact(sequence: ContactSequence, description: str = "") -> dict[st
     }
 
 
-def from_multicontact(document: Mapping[str, Any], beside: Mapping[str, Any] | None = None) -> dict[str, Any]:
+def from_multicontact(document: Mapping[str, Any], fallback: Mapping[str, Any] | None = None) -> dict[str, Any]:
     """Return the scenario (``schemas.scenarios.Scenario`` as a mapping) of a document; it is not validated yet.
 
     ``beside`` supplies fields that the document lacks (``name``, ``robot``, ``terrain``, ``friction``); values under
@@ -57,7 +57,7 @@ def from_multicontact(document: Mapping[str, Any], beside: Mapping[str, Any] | N
     ended_s: float | None = None
     entries = document.get("contact_phases")
     if not isinstance(entries, Sequence) or isinstance(entries, str) or not entries:
-        raise _invalid([Fault("contact_phases", "there are no phases")])
+        raise _sequence_invalid([Fault("contact_phases", "there are no phases")])
     for k, entry in enumerate(entries):
         if not isinstance(entry, Mapping):
             faults.append(Fault(f"phases[{k}]", "it is not a phase"))
@@ -65,18 +65,18 @@ def from_multicontact(document: Mapping[str, Any], beside: Mapping[str, Any] | N
         times = _times_s(k, entry, ended_s, faults)
         ended_s = times[1] if times else None
         phases.append({"duration_s": round(times[1] - times[0], 9) if times else None, "contacts": []})
-        phases[-1]["contacts"] = list(_contacts(k, entry, faults))
+        phases[-1]["contacts"] = list(_read_contacts(k, entry, faults))
     if faults:
-        raise _invalid(faults)
-    defaults = {**(beside or {}), **_mapping(document.get("stridelab"))}
+        raise _sequence_invalid(faults)
+    defaults = {**(fallback or {}), **_as_mapping(document.get("stridelab"))}
     missing = [key for key in ("robot", "terrain") if not defaults.get(key)]
     if missing:
-        raise _invalid([Fault(key, "missing in the document and not given separately") for key in missing])
+        raise _sequence_invalid([Fault(key, "missing in the document and not given separately") for key in missing])
     return {"name": "Imported", "description": "", "friction": 0.3, **defaults, "phases": phases}
 
 
-def _patch(contact: Contact) -> dict[str, Any]:
-    points = patch_m(contact.half_size_m)[:4]
+def _contact_patch(contact: Contact) -> dict[str, Any]:
+    points = sole_points_m(contact.half_size_m)[:4]
     return {
         "placement": {
             "translation": contact.placement.position_m.tolist(),
@@ -106,29 +106,29 @@ def _times_s(
         return None
     if end <= start:
         faults.append(Fault(where, f"it ends at {end:g} s, not after its start at {start:g} s"))
-    if ended_s is not None and start < ended_s - GAP_S:
+    if ended_s is not None and start < ended_s - GAP_TOLERANCE_S:
         faults.append(
             Fault(where, f"overlaps phase {k - 1}: it starts at {start:g} s, before that one ends at {ended_s:g} s")
         )
-    if ended_s is not None and start > ended_s + GAP_S:
+    if ended_s is not None and start > ended_s + GAP_TOLERANCE_S:
         faults.append(Fault(where, f"leaves a gap of {start - ended_s:.4g} s after phase {k - 1}"))
     return start, end
 
 
-def _contacts(k: int, entry: Mapping[str, Any], faults: list[Fault]) -> list[dict[str, Any]]:
-    patches = _mapping(entry.get("contact_patches"))
+def _read_contacts(k: int, entry: Mapping[str, Any], faults: list[Fault]) -> list[dict[str, Any]]:
+    patches = _as_mapping(entry.get("contact_patches"))
     named = entry.get("effector_in_contact", list(patches))
     if not isinstance(named, Sequence) or isinstance(named, str):
         faults.append(Fault(f"phases[{k}].effector_in_contact", "it is not a list of effectors"))
         return []
-    names = [str(name)[:LONGEST_NAME] for name in named]
+    names = [str(name)[:MAX_NAME_LENGTH] for name in named]
     contacts = []
     for i, name in enumerate(names):
         if name in names[:i]:
             faults.append(Fault(contact_field(k, name), "the same effector is named twice"))
             continue
         try:
-            contacts.append(_contact(name, patches[name]["placement"]))
+            contacts.append(_read_contact(name, patches[name]["placement"]))
         except (KeyError, TypeError):
             faults.append(Fault(contact_field(k, name), "it is in contact, but has no patch with a placement"))
         except (ValueError, OverflowError) as error:
@@ -136,7 +136,7 @@ def _contacts(k: int, entry: Mapping[str, Any], faults: list[Fault]) -> list[dic
     return contacts
 
 
-def _contact(name: str, placement: Mapping[str, Any]) -> dict[str, Any]:
+def _read_contact(name: str, placement: Mapping[str, Any]) -> dict[str, Any]:
     position = np.asarray(placement["translation"], dtype=float)
     R = np.asarray(placement["rotation"], dtype=float)
     if position.shape != (3,) or R.shape != (3, 3):
@@ -149,11 +149,11 @@ def _contact(name: str, placement: Mapping[str, Any]) -> dict[str, Any]:
     return {"effector": name, "position_m": position.tolist(), "orientation_wxyz": wxyz.tolist()}
 
 
-def _mapping(value: Any) -> Mapping[str, Any]:
+def _as_mapping(value: Any) -> Mapping[str, Any]:
     return value if isinstance(value, Mapping) else {}
 
 
-def _invalid(faults: Sequence[Fault]) -> InvalidInput:
+def _sequence_invalid(faults: Sequence[Fault]) -> InvalidInput:
     first = faults[0]
     message = f"The contact sequence cannot be read: {first.where}: {first.message}."
     return InvalidInput("contact-sequence-invalid", message, tuple(faults))

@@ -6,7 +6,7 @@ from typing import Any
 from stridelab.contacts.effector_geometry import EffectorShape
 from stridelab.contacts.sequence import ContactSequence
 from stridelab.contacts.terrain import Box, Surface
-from stridelab.contacts.validation.validate import judge
+from stridelab.contacts.validation.validate import validate_and_build
 from stridelab.errors import InvalidInput
 
 
@@ -15,7 +15,7 @@ def sequence_of(scenario: Mapping[str, Any], effectors: Mapping[str, EffectorSha
 
     Raises ``InvalidInput`` (``scenario-invalid``) with all faults.
     """
-    report, sequence = judge(scenario, effectors)
+    report, sequence = validate_and_build(scenario, effectors)
     if sequence is None:
         first, more = report.faults[0], len(report.faults) - 1
         others = f" and {more} more" if more else ""
@@ -33,7 +33,7 @@ def scenario_of(sequence: ContactSequence, description: str = "") -> dict[str, A
         "robot": sequence.robot,
         "friction": sequence.friction,
         **({} if height is None else {"start_com_height_m": height}),
-        "terrain": [_surface(surface) for surface in sequence.terrain.surfaces],
+        "terrain": [_surface_to_dict(surface) for surface in sequence.terrain.surfaces],
         "phases": [
             {
                 "duration_s": phase.duration_s,
@@ -51,7 +51,7 @@ def scenario_of(sequence: ContactSequence, description: str = "") -> dict[str, A
     }
 
 
-def _surface(surface: Surface) -> dict[str, Any]:
+def _surface_to_dict(surface: Surface) -> dict[str, Any]:
     if isinstance(surface, Box):
         return {
             "name": surface.name,

@@ -26,7 +26,7 @@ from typing import Final, Literal, NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation as ScipyRotation
 
-from stridelab.contacts.effector_geometry import patch_m
+from stridelab.contacts.effector_geometry import sole_points_m
 from stridelab.contacts.sequence import ContactSequence
 from stridelab.contacts.terrain import Terrain
 from stridelab.contacts.terrain_geometry import vertical_span_m
@@ -43,7 +43,7 @@ STEP_OVER_M: Final = 0.25
 SHARES: Final = np.linspace(0.0, 1.0, 25)
 
 
-def rise_m(start: Placement, end: Placement, sole_m: Points, terrain: Terrain) -> float:
+def required_rise_m(start: Placement, end: Placement, sole_m: Points, terrain: Terrain) -> float:
     """Rise of the centre of a sole above the higher of its two contacts.
 
     ``sole_m`` ``(n, 3)`` are points of the sole in its contact frame.
@@ -57,12 +57,12 @@ def rise_m(start: Placement, end: Placement, sole_m: Points, terrain: Terrain) -
     low_m, high_m = terrain.box_bounds_m
     below = (low_m[:, :2] <= points[:, :2].max(axis=0)) & (high_m[:, :2] >= points[:, :2].min(axis=0))
     near = np.flatnonzero(below.all(axis=1) & (high_m[:, 2] > high) & (low_m[:, 2] <= high + STEP_OVER_M))
-    top = max([high, *(_top_m(*vertical_span_m(terrain.boxes[i], points), high) for i in near)])
+    top = max([high, *(_highest_top_m(*vertical_span_m(terrain.boxes[i], points), high) for i in near)])
     depth = max(0.0, -float(offsets[..., 2].min()))
     return max(FOOT_CLEARANCE_M, top - high + depth + MARGIN_M)
 
 
-def _top_m(low: np.ndarray, top: np.ndarray, high_m: float) -> float:
+def _highest_top_m(low: np.ndarray, top: np.ndarray, high_m: float) -> float:
     """The highest top of a box up to ``STEP_OVER_M`` above ``high_m``; boxes overhead do not count."""
     below = (top <= high_m + STEP_OVER_M) & (low <= high_m + STEP_OVER_M)
     return float(top[below].max()) if below.any() else -np.inf
@@ -103,7 +103,7 @@ class SwingPoint:
     angular_acceleration_rad_s2: Vector3
 
 
-def quintic(time_s: float, window: Window, duration_s: float) -> tuple[float, float, float]:
+def quintic_scaling(time_s: float, window: Window, duration_s: float) -> tuple[float, float, float]:
     """``s`` and its first two time derivatives; ``s`` is 0 before ``window`` (share of ``duration_s``), 1 after."""
     length_s = (window[1] - window[0]) * duration_s
     u = min(max((time_s / duration_s - window[0]) * duration_s / length_s, 0.0), 1.0)
@@ -135,7 +135,7 @@ class SwingCurve:
         return LEVEL if level and self.rise_m < FOOT_CLEARANCE_M + LEVEL_M else STAIR
 
     @cached_property
-    def _lifts(self) -> tuple[Vector3, Vector3]:
+    def _lift_vectors(self) -> tuple[Vector3, Vector3]:
         """``n_0 h_0`` and ``n_1 h_1``."""
         if self.kind == "point":
             return HAND_RETREAT_M * self.start.rotation[:, 2], HAND_RETREAT_M * self.end.rotation[:, 2]
@@ -146,42 +146,42 @@ class SwingCurve:
     @cached_property
     def _travel(self) -> Vector3:
         """``a_1 - a_0``."""
-        up, down = self._lifts
+        up, down = self._lift_vectors
         return np.asarray(self.end.position_m + down - self.start.position_m - up)
 
     @cached_property
-    def _turn(self) -> Vector3:
+    def _rotation_vector(self) -> Vector3:
         """``log(R_0^T R_1)``."""
         return np.asarray(ScipyRotation.from_matrix(self.start.rotation.T @ self.end.rotation).as_rotvec())
 
-    def at(self, t_s: float) -> SwingPoint:
+    def state_at(self, t_s: float) -> SwingPoint:
         """State ``t_s`` seconds after lift-off; before and after the swing, at rest at its ends."""
-        up, down = self._lifts
-        s_up = quintic(t_s, self.profile.up, self.duration_s)
-        s_move = quintic(t_s, self.profile.move, self.duration_s)
-        s_down = quintic(t_s, self.profile.down, self.duration_s)
+        up, down = self._lift_vectors
+        s_up = quintic_scaling(t_s, self.profile.up, self.duration_s)
+        s_move = quintic_scaling(t_s, self.profile.move, self.duration_s)
+        s_down = quintic_scaling(t_s, self.profile.down, self.duration_s)
         p, v, a = (up * s_up[i] + self._travel * s_move[i] - down * s_down[i] for i in range(3))
-        axis = self.start.rotation @ self._turn
+        axis = self.start.rotation @ self._rotation_vector
         return SwingPoint(
-            placement=Placement(self.start.position_m + p, self._rotation(s_move[0])),
+            placement=Placement(self.start.position_m + p, self._rotation_at(s_move[0])),
             velocity_m_s=v,
             acceleration_m_s2=a,
             angular_velocity_rad_s=axis * s_move[1],
             angular_acceleration_rad_s2=axis * s_move[2],
         )
 
-    def path(self, shares: Series) -> tuple[Points, Rotations]:
+    def poses_at(self, shares: Series) -> tuple[Points, Rotations]:
         """Positions ``(n, 3)`` and rotations ``(n, 3, 3)`` at ``shares`` of the swing, 0 to 1."""
-        scalings = np.array([[quintic(u, window, 1.0)[0] for window in self.profile] for u in shares.tolist()])
-        up, down = self._lifts
+        scalings = np.array([[quintic_scaling(u, window, 1.0)[0] for window in self.profile] for u in shares.tolist()])
+        up, down = self._lift_vectors
         positions = self.start.position_m + scalings @ np.vstack([up, self._travel, -down])
-        turns = ScipyRotation.from_rotvec(np.outer(scalings[:, 1], self._turn)).as_matrix()
+        turns = ScipyRotation.from_rotvec(np.outer(scalings[:, 1], self._rotation_vector)).as_matrix()
         return positions, np.asarray(self.start.rotation @ turns)
 
-    def _rotation(self, share: float) -> Rotation:
-        if not self._turn.any():
+    def _rotation_at(self, share: float) -> Rotation:
+        if not self._rotation_vector.any():
             return self.start.rotation
-        return np.asarray(self.start.rotation @ ScipyRotation.from_rotvec(share * self._turn).as_matrix())
+        return np.asarray(self.start.rotation @ ScipyRotation.from_rotvec(share * self._rotation_vector).as_matrix())
 
 
 def swing_of(sequence: ContactSequence, effector: str, phase: int) -> SwingCurve:
@@ -200,5 +200,5 @@ def swing_of(sequence: ContactSequence, effector: str, phase: int) -> SwingCurve
         last += 1
     starts_s = float(sequence.starts_s[first])
     duration_s = float(sequence.ends_s[last]) - starts_s
-    rises = rise_m(start.placement, end.placement, patch_m(start.half_size_m), sequence.terrain)
+    rises = required_rise_m(start.placement, end.placement, sole_points_m(start.half_size_m), sequence.terrain)
     return SwingCurve(start.placement, end.placement, duration_s, start.kind, starts_s, rises)

@@ -41,7 +41,7 @@ class Terrain:
     surfaces: tuple[Surface, ...]
 
     @staticmethod
-    def of(surfaces: Sequence[Surface]) -> "Terrain":
+    def from_surfaces(surfaces: Sequence[Surface]) -> "Terrain":
         """Create a terrain from any sequence of surfaces."""
         return Terrain(tuple(surfaces))
 

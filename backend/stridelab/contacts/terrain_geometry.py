@@ -16,12 +16,12 @@ from stridelab.conventions import Points, Rotation, Series, Vector3
 
 UP = np.array([0.0, 0.0, 1.0])
 UP.flags.writeable = False
-PARALLEL = 1e-9
+PARALLEL_COSINE = 1e-9
 """Cosine below which a line counts as parallel to a face."""
 
 
 @dataclass(frozen=True, eq=False)
-class Place:
+class SurfacePosition:
     """Position of points ``(n,)`` relative to one surface.
 
     ``height_m`` is the distance along the normal, negative inside. ``edge_m`` is the distance to the edge of the
@@ -39,7 +39,7 @@ class Place:
 
 
 @dataclass(frozen=True, eq=False)
-class Touchable:
+class ContactArea:
     """The contact area of a surface: a rectangle, of zero width for a rail.
 
     ``frame`` holds the directions of its edges and its normal as columns, ``half_m`` half its edges.
@@ -55,15 +55,15 @@ class Touchable:
         """Outward unit normal."""
         return self.frame[:, 2]
 
-    def place(self, points_m: Points) -> Place:
+    def locate(self, points_m: Points) -> SurfacePosition:
         """Position of ``points_m`` ``(n, 3)`` relative to this area."""
         local = (points_m - self.center_m) @ self.frame
         inside = self.half_m - np.abs(local[:, :2])
         edge = inside[:, 0] if isinstance(self.surface, Rail) else inside.min(axis=1)
-        return Place(local[:, 2], edge, np.hypot(*np.maximum(-inside, 0.0).T))
+        return SurfacePosition(local[:, 2], edge, np.hypot(*np.maximum(-inside, 0.0).T))
 
 
-def touchable(surface: Surface) -> Touchable:
+def contact_area(surface: Surface) -> ContactArea:
     """The most upward face of a box, or the top line of a rail.
 
     A vertical rail has no upper side; its normal is taken along x.
@@ -71,7 +71,7 @@ def touchable(surface: Surface) -> Touchable:
     return face_towards(surface, UP) if isinstance(surface, Box) else _top_line(surface)
 
 
-def face_towards(box: Box, direction: Vector3) -> Touchable:
+def face_towards(box: Box, direction: Vector3) -> ContactArea:
     """The face of a box whose outward normal is nearest to ``direction`` (world frame)."""
     R = box.placement.rotation
     along = direction @ R
@@ -80,7 +80,7 @@ def face_towards(box: Box, direction: Vector3) -> Touchable:
     x, y = ((1, 2), (2, 0), (0, 1))[axis]
     frame = np.column_stack([R[:, x], sign * R[:, y], sign * R[:, axis]])
     center = box.placement.position_m + box.size_m[axis] / 2 * frame[:, 2]
-    return Touchable(box, center, frame, box.size_m[[x, y]] / 2)
+    return ContactArea(box, center, frame, box.size_m[[x, y]] / 2)
 
 
 def is_vertical(rail: Rail) -> bool:
@@ -99,7 +99,7 @@ def vertical_span_m(box: Box, points_m: Points) -> tuple[Series, Series]:
     """Heights where the vertical lines through points ``(n, 3)`` enter and leave a box; NaN if they miss it."""
     R, half = box.placement.rotation, box.size_m / 2
     local, d = (points_m - box.placement.position_m) @ R, UP @ R
-    across = np.abs(d) > PARALLEL
+    across = np.abs(d) > PARALLEL_COSINE
     first = (-half[across] * np.sign(d[across]) - local[:, across]) / d[across]
     last = (half[across] * np.sign(d[across]) - local[:, across]) / d[across]
     low, high = first.max(axis=1), last.min(axis=1)
@@ -108,7 +108,7 @@ def vertical_span_m(box: Box, points_m: Points) -> tuple[Series, Series]:
     return np.where(hit, z + low, np.nan), np.where(hit, z + high, np.nan)
 
 
-def _top_line(rail: Rail) -> Touchable:
+def _top_line(rail: Rail) -> ContactArea:
     span = rail.to_m - rail.from_m
     length = float(np.linalg.norm(span))
     d = span / length
@@ -116,4 +116,4 @@ def _top_line(rail: Rail) -> Touchable:
     n = n - (n @ d) * d
     n = n / np.linalg.norm(n)
     center = (rail.from_m + rail.to_m) / 2 + rail.radius_m * n
-    return Touchable(rail, center, np.column_stack([d, np.cross(n, d), n]), np.array([length / 2, 0.0]))
+    return ContactArea(rail, center, np.column_stack([d, np.cross(n, d), n]), np.array([length / 2, 0.0]))

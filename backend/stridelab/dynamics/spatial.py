@@ -32,7 +32,7 @@ class Placement:
         return Placement(np.zeros(3), np.eye(3))
 
     @staticmethod
-    def of(position_m: Sequence[float], wxyz: Sequence[float] = (1.0, 0.0, 0.0, 0.0)) -> "Placement":
+    def from_wxyz(position_m: Sequence[float], wxyz: Sequence[float] = (1.0, 0.0, 0.0, 0.0)) -> "Placement":
         """Placement from a position in metres and a quaternion (w, x, y, z) of any positive norm.
 
         Raises ``ValueError`` for a zero quaternion.

@@ -13,7 +13,7 @@ PlanePoints = Float[np.ndarray, "n 2"]
 """Horizontal coordinates, one row per sample."""
 
 
-def zmp(wrench: Wrench, plane_point_m: Vector3, normal: Vector3, threshold_n: float = 20.0) -> Points:
+def zmp_of_wrench(wrench: Wrench, plane_point_m: Vector3, normal: Vector3, threshold_n: float = 20.0) -> Points:
     """Point z of a contact plane (2.7) about which the moment is along the normal (2.13), in world coordinates.
 
     With q a point of the plane and n its unit normal: ``z = q + n x nu_q / (f . n)``; on the flat floor through the

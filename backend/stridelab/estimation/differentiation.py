@@ -20,16 +20,16 @@ def low_pass(x: Points, rate_hz: float, band_hz: float = BAND_HZ) -> Points:
     if band_hz >= 0.45 * rate_hz:
         return x
     pad = min(len(x) - 1, 5 * int(np.ceil(rate_hz / band_hz)))
-    return np.asarray(signal.sosfiltfilt(_butterworth(rate_hz, band_hz), x, axis=0, padtype="odd", padlen=pad))
+    return np.asarray(signal.sosfiltfilt(_butterworth_sections(rate_hz, band_hz), x, axis=0, padtype="odd", padlen=pad))
 
 
 @lru_cache(maxsize=32)
-def _butterworth(rate_hz: float, band_hz: float) -> Float[np.ndarray, "sections 6"]:
+def _butterworth_sections(rate_hz: float, band_hz: float) -> Float[np.ndarray, "sections 6"]:
     """Second-order sections; designing them costs more than a pass over a step."""
     return np.asarray(signal.butter(2, band_hz, fs=rate_hz, output="sos"))
 
 
-def derivatives(x: Points, rate_hz: float, band_hz: float = BAND_HZ) -> tuple[Points, Points]:
+def smoothed_derivatives(x: Points, rate_hz: float, band_hz: float = BAND_HZ) -> tuple[Points, Points]:
     """Velocity and acceleration of the low-passed trajectory, from a quintic spline through its samples.
 
     Needs at least 6 samples. At 1 Hz the low-pass reduces the amplitude by 2.4e-4.

@@ -28,7 +28,7 @@ from stridelab.dynamics.central_axis import AXIS_THRESHOLD_N
 from stridelab.dynamics.newton_euler import com_acceleration
 from stridelab.dynamics.wrench import Wrench
 from stridelab.estimation.complementary.forward_backward import FilterInputs
-from stridelab.estimation.differentiation import derivatives
+from stridelab.estimation.differentiation import smoothed_derivatives
 from stridelab.estimation.error_priors import ErrorPriors, SdPerAxis
 from stridelab.estimation.walk_frame import walk_frame
 
@@ -54,18 +54,18 @@ class FusedStretch:
     mass_kg: float
 
     @property
-    def silence(self) -> Points:
+    def zero_signal(self) -> Points:
         """Zeros at every sample of the stretch."""
         return np.zeros_like(self.velocity_m_s)
 
-    def inside(self, signal: WindowPoints) -> Points:
+    def padded_signal(self, signal: WindowPoints) -> Points:
         """Extend a signal of the window to the stretch with zeros."""
-        whole = self.silence
+        whole = self.zero_signal
         whole[self.within] = signal
         return whole
 
 
-def stated_sd_m(
+def propagated_sd_m(
     fuse: Callable[[Sequence[FilterInputs]], Sequence[Points]],
     stretch: FusedStretch,
     table_sd_m: SdPerAxis,
@@ -75,8 +75,8 @@ def stated_sd_m(
 
     ``fuse`` takes several error signals at once and returns the effect of each on the fused position.
     """
-    errors = list(_errors(stretch, table_sd_m, priors))
-    *fused, geometry, force = fuse([*errors, *_pulses(stretch)])
+    errors = list(_error_signals(stretch, table_sd_m, priors))
+    *fused, geometry, force = fuse([*errors, *_noise_pulses(stretch)])
     white = priors.marker_m**2 * (geometry**2).sum(axis=0)
     white = white + (priors.force_n / stretch.mass_kg) ** 2 * (force**2).sum(axis=0)
     total = white + np.zeros_like(stretch.wrench.force_n)
@@ -85,9 +85,9 @@ def stated_sd_m(
     return np.asarray(np.sqrt(total))
 
 
-def _errors(stretch: FusedStretch, table_sd_m: SdPerAxis, priors: ErrorPriors) -> Iterator[FilterInputs]:
+def _error_signals(stretch: FusedStretch, table_sd_m: SdPerAxis, priors: ErrorPriors) -> Iterator[FilterInputs]:
     """Yield one error signal of one standard deviation per independent source."""
-    silence, inside = stretch.silence, stretch.inside
+    silence, inside = stretch.zero_signal, stretch.padded_signal
     f = stretch.wrench.force_n
     norm = np.linalg.norm(f, axis=1, keepdims=True)
     defined = norm > AXIS_THRESHOLD_N
@@ -114,16 +114,16 @@ def _errors(stretch: FusedStretch, table_sd_m: SdPerAxis, priors: ErrorPriors) -
     ):
         for wave in (np.cos, np.sin):
             yield of_moment(np.outer(stretch.mass_kg * rate * wave(2 * np.pi * hz * t), axis))
-    jerk = derivatives(com_acceleration(f, stretch.mass_kg), stretch.rate_hz)[0]
+    jerk = smoothed_derivatives(com_acceleration(f, stretch.mass_kg), stretch.rate_hz)[0]
     late = stretch.velocity_m_s[stretch.within] * defined
     yield FilterInputs(silence, inside(priors.clock_s * jerk), inside(priors.clock_s * late))
 
 
-def _pulses(stretch: FusedStretch) -> tuple[FilterInputs, FilterInputs]:
+def _noise_pulses(stretch: FusedStretch) -> tuple[FilterInputs, FilterInputs]:
     """Unit pulses of marker noise (in g, and in p along the force only) and of force noise (in a).
 
     They lie in the middle of the window; the energy of the response is the gain for white noise.
     """
-    silence, pulse = stretch.silence, stretch.silence
+    silence, pulse = stretch.zero_signal, stretch.zero_signal
     pulse[(stretch.within.start + stretch.within.stop) // 2] = 1.0
     return FilterInputs(pulse, silence, pulse * [0.0, 0.0, 1.0]), FilterInputs(silence, pulse, silence)

@@ -26,7 +26,7 @@ from stridelab.body.geometric_com import GeometricCom
 from stridelab.conventions import GRAVITY_M_S2, PerAxis, Points, Rotation, Series
 from stridelab.dynamics.newton_euler import contact_force
 from stridelab.errors import NotEstimable
-from stridelab.estimation.differentiation import BAND_HZ, derivatives, low_pass
+from stridelab.estimation.differentiation import BAND_HZ, low_pass, smoothed_derivatives
 from stridelab.estimation.latency_likelihood import clock_likelihood
 from stridelab.estimation.time_span import Span, require_mass, window_span
 from stridelab.recordings.recording import WrenchTrack
@@ -36,26 +36,26 @@ Lags = Float[np.ndarray, "lags"]
 INDEPENDENT_PER_S: Final = 12.0
 SIGNIFICANT_SD: Final = 1.0
 """Lags beyond this many standard deviations are corrected: from one on, correction leaves the smaller error."""
-REPEATS: Final = 1.4
+REPEATABILITY_FACTOR: Final = 1.4
 """Ratio of the scatter of repeated trials to the width of the likelihood, whose noise is not white.
 
 Calibrated on 6 adults (18 trials) and tested on 12 others: ``docs/theory/sessions.md``.
 """
-LEAST_S: Final = 0.002
+MIN_LAG_S: Final = 0.002
 """Smaller lags are not corrected: 2.4 mm at walking speed, as large as the method's largest error."""
-LARGEST_S: Final = 0.1
+MAX_LAG_S: Final = 0.1
 """Largest plausible lag; larger ones are chance correlations."""
-LEAST_FORCE: Final = 0.01
+MIN_FORCE_VARIATION: Final = 0.01
 """Minimum standard deviation of the force over body weight, ahead and vertically, for estimating a lag.
 
 In real recordings quiet stance has 0.05 to 0.5 %, walks have at least 3 %.
 """
-LEAST_CORRELATION: Final = 0.8
+MIN_CORRELATION: Final = 0.8
 """Minimum correlation of the two paths. Walks have at least 0.93; the force of another walk has less, or a lag at the
 edge of the search range."""
-WORST_SD_S: Final = 0.01
+MAX_SD_S: Final = 0.01
 """Largest standard deviation of a useful estimate: lags lie within 25 ms anyway."""
-_SEARCH_S, _NEAR_S, _STEP_S = 0.05, 0.006, 0.001
+_SEARCH_S, _REFINED_SEARCH_S, _STEP_S = 0.05, 0.006, 0.001
 _ITERATIONS = 8
 _WALKING_M_S = 0.3
 _EDGE = 0.3
@@ -95,7 +95,7 @@ class Latency:
 
 def is_significant(latency_s: float, sd_s: float) -> bool:
     """Whether correcting a lag with this standard deviation reduces the error."""
-    return abs(latency_s) > max(SIGNIFICANT_SD * sd_s, LEAST_S)
+    return abs(latency_s) > max(SIGNIFICANT_SD * sd_s, MIN_LAG_S)
 
 
 def estimate_latency(geometric: GeometricCom, wrench_at: Callable[[float], WrenchTrack], mass_kg: float) -> Latency:
@@ -109,40 +109,40 @@ def estimate_latency(geometric: GeometricCom, wrench_at: Callable[[float], Wrenc
     require_mass(mass_kg)
     latency_s, everywhere = 0.0, True
     for _ in range(_ITERATIONS):
-        lags = _grid(_SEARCH_S if everywhere else _NEAR_S)
+        lags = _lag_grid(_SEARCH_S if everywhere else _REFINED_SEARCH_S)
         wrench = wrench_at(latency_s)
         span = window_span(geometric, wrench)
         _require_motion(wrench, span, mass_kg)
-        R = _walking_axes(*(x[span.within] for x in derivatives(geometric.com_m[span.around], span.rate_hz)))
+        R = _walking_axes(*(x[span.within] for x in smoothed_derivatives(geometric.com_m[span.around], span.rate_hz)))
         likelihood = clock_likelihood(geometric, wrench, span, mass_kg, R, lags)
         if everywhere and np.argmax(likelihood.log_likelihood) in (0, len(lags) - 1):
-            raise _beyond(_SEARCH_S)
-        rest_s, sd_s = _peak(lags, likelihood.log_likelihood)
+            raise _lag_too_large_error(_SEARCH_S)
+        rest_s, sd_s = _parabola_peak(lags, likelihood.log_likelihood)
         latency_s += rest_s
-        if abs(latency_s) > LARGEST_S:
-            raise _beyond(LARGEST_S)
+        if abs(latency_s) > MAX_LAG_S:
+            raise _lag_too_large_error(MAX_LAG_S)
         if not everywhere and abs(rest_s) < _STEP_S / 2:
             break
         everywhere = False
-    if abs(rest_s) > _NEAR_S / 2:
-        raise _beyond(abs(latency_s))
-    if likelihood.correlation < LEAST_CORRELATION:
+    if abs(rest_s) > _REFINED_SEARCH_S / 2:
+        raise _lag_too_large_error(abs(latency_s))
+    if likelihood.correlation < MIN_CORRELATION:
         raise NotEstimable(
             "latency-unclear",
             "The motions measured by the markers and by the plates do not resemble each other "
             f"(correlation {likelihood.correlation:.2f}), so their delay cannot be determined.",
         )
-    if sd_s > WORST_SD_S:
+    if sd_s > MAX_SD_S:
         raise NotEstimable(
             "latency-unclear",
             f"The delay between force and markers is uncertain by {1e3 * sd_s:.0f} ms: there is too little motion.",
         )
     wrench = wrench_at(0.0)
     along, lateral, vertical = _axis_lags(geometric, wrench, window_span(geometric, wrench), mass_kg, R)
-    return Latency(latency_s, REPEATS * sd_s, along, lateral, vertical, likelihood.correlation)
+    return Latency(latency_s, REPEATABILITY_FACTOR * sd_s, along, lateral, vertical, likelihood.correlation)
 
 
-def _beyond(searched_s: float) -> NotEstimable:
+def _lag_too_large_error(searched_s: float) -> NotEstimable:
     return NotEstimable(
         "latency-unclear",
         "The motions measured by the markers and by the plates agree best when one is shifted by "
@@ -150,7 +150,7 @@ def _beyond(searched_s: float) -> NotEstimable:
     )
 
 
-def _grid(reach_s: float) -> Lags:
+def _lag_grid(reach_s: float) -> Lags:
     return np.arange(-reach_s, reach_s + 1e-9, _STEP_S)
 
 
@@ -159,7 +159,7 @@ def _require_motion(wrench: WrenchTrack, span: Span, mass_kg: float) -> None:
     f = low_pass(wrench.force_n[span.inside], span.rate_hz) / (mass_kg * GRAVITY_M_S2)
     ahead = np.linalg.norm(f[:, :2] - f[:, :2].mean(axis=0), 2) / np.sqrt(len(f))
     varies = float(min(ahead, f[:, _VERTICAL].std()))
-    if varies < LEAST_FORCE:
+    if varies < MIN_FORCE_VARIATION:
         raise NotEstimable(
             "latency-unclear",
             f"The force varies by only {varies:.1%} of the body weight, as in quiet stance: the delay between the "
@@ -171,8 +171,8 @@ def _axis_lags(
     geometric: GeometricCom, wrench: WrenchTrack, span: Span, mass_kg: float, R: Rotation
 ) -> tuple[AxisLag, AxisLag, AxisLag]:
     """Lags estimated from the accelerations along, across and upwards, each alone."""
-    rate_hz, lags = span.rate_hz, _grid(_SEARCH_S)
-    acceleration = derivatives(geometric.com_m[span.around], rate_hz)[1]
+    rate_hz, lags = span.rate_hz, _lag_grid(_SEARCH_S)
+    acceleration = smoothed_derivatives(geometric.com_m[span.around], rate_hz)[1]
     F = interpolate.CubicSpline(np.arange(len(acceleration)) / rate_hz, contact_force(acceleration, mass_kg) @ R.T)
     # The acceleration is inaccurate at the ends of the geometry, and no lag may read beyond them.
     spare = int(np.ceil((_SEARCH_S + 2 * _EDGE / BAND_HZ) * rate_hz))
@@ -186,10 +186,14 @@ def _axis_lags(
             "The markers end together with the measured force: too few samples are left to compare their clocks.",
         )
     f = low_pass(wrench.force_n[span.around][first:last] @ R.T, rate_hz)[edge:-edge]
-    rho: PerLag = np.array([_correlation(low_pass(np.asarray(F(t - tau)), rate_hz)[edge:-edge], f) for tau in lags])
+    rho: PerLag = np.array(
+        [_axis_correlation(low_pass(np.asarray(F(t - tau)), rate_hz)[edge:-edge], f) for tau in lags]
+    )
     n = INDEPENDENT_PER_S * len(f) / rate_hz
     likelihood = -n / 2 * np.log(1 - np.minimum(np.maximum(rho, 0.0), 1 - 1e-9) ** 2)
-    along, lateral, vertical = (AxisLag(*_peak(lags, likelihood[:, j]), float(rho[:, j].max())) for j in range(3))
+    along, lateral, vertical = (
+        AxisLag(*_parabola_peak(lags, likelihood[:, j]), float(rho[:, j].max())) for j in range(3)
+    )
     return along, lateral, vertical
 
 
@@ -202,13 +206,13 @@ def _walking_axes(velocity: Points, acceleration: Points) -> Rotation:
     return np.array([along, np.cross(up, along), up])
 
 
-def _correlation(x: Points, y: Points) -> PerAxis:
+def _axis_correlation(x: Points, y: Points) -> PerAxis:
     x, y = x - x.mean(axis=0), y - y.mean(axis=0)
     norm = np.sqrt((x**2).sum(axis=0) * (y**2).sum(axis=0))
     return np.asarray((x * y).sum(axis=0) / np.maximum(norm, 1e-12))
 
 
-def _peak(lags: Lags, likelihood: Series) -> tuple[float, float]:
+def _parabola_peak(lags: Lags, likelihood: Series) -> tuple[float, float]:
     """Position of the maximum and its standard deviation, from the parabola through the three best lags."""
     i = int(np.clip(np.argmax(likelihood), 1, len(likelihood) - 2))
     below, at, above = likelihood[i - 1 : i + 2]

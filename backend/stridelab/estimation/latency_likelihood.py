@@ -39,7 +39,7 @@ _NOISE_HZ = (10.0, 20.0)
 _SIGMAS_M = np.geomspace(3e-4, 3e-2, 30)
 """Candidate standard deviations of the path's noise per sample; markers do not give a CoM better than 0.3 mm."""
 _FLAT_BELOW_HZ = 0.5
-_ENDS: Final[Mapping[str, tuple[str, str]]] = {
+_SEGMENT_JOINTS: Final[Mapping[str, tuple[str, str]]] = {
     "thigh": ("hip", "knee"),
     "shank": ("knee", "ankle"),
     "foot": ("ankle", "forefoot"),
@@ -69,16 +69,16 @@ class PathNoise:
 
     colour: float = 0.0
     lateral: float = 1.0
-    least_m: float = 0.0
-    doubt: float = 0.0
+    min_sd_m: float = 0.0
+    log_penalty: float = 0.0
 
 
 _NOISES: Final = (
     PathNoise(),
-    PathNoise(lateral=2.0, doubt=2.0),
-    PathNoise(lateral=4.0, doubt=2.0),
-    PathNoise(colour=1.0, least_m=2e-3, doubt=6.0),
-    PathNoise(colour=2.0, least_m=2e-3, doubt=6.0),
+    PathNoise(lateral=2.0, log_penalty=2.0),
+    PathNoise(lateral=4.0, log_penalty=2.0),
+    PathNoise(colour=1.0, min_sd_m=2e-3, log_penalty=6.0),
+    PathNoise(colour=2.0, min_sd_m=2e-3, log_penalty=6.0),
 )
 """White; larger across the walk, where real tables and plates have the largest errors; large at high frequencies."""
 
@@ -111,36 +111,36 @@ def clock_likelihood(
     D = CubicSpline(geometric.time_s[span.inside], (f - f.mean(axis=0)) @ R.T / mass_kg).antiderivative(2)
     hz = np.arange(len(at)) * rate_hz / (2 * len(at))
     seen = hz <= BAND_HZ
-    c = _spectrum(geometric.com_m[core] @ R.T)[seen]
-    paths: Spectra = np.stack([_spectrum(np.asarray(D(at + tau)))[seen] for tau in lag_s], axis=-1)
+    c = _cosine_spectrum(geometric.com_m[core] @ R.T)[seen]
+    paths: Spectra = np.stack([_cosine_spectrum(np.asarray(D(at + tau)))[seen] for tau in lag_s], axis=-1)
     wrong = [TABLE_ERROR * _without_noise(x @ R.T, hz, seen) for x in _table_errors(geometric, core)]
     errors = np.stack([*wrong, GAIN_ERROR * paths[..., len(lag_s) // 2]], axis=-1)
-    slow = _slow(len(at), rate_hz)[seen]
+    slow = _slow_columns(len(at), rate_hz)[seen]
 
     best: Lags = np.full(len(lag_s), -np.inf)
     for noise in _NOISES:
         weight = np.maximum(hz[seen], _FLAT_BELOW_HZ) ** -noise.colour
         weight = weight / np.exp(np.log(weight).mean())
         axes = noise.lateral ** (np.array([1.0, -2.0, 1.0]) / 3.0)
-        keep = _complement(weight[:, None] * slow).T * weight
-        y, made = (_left(keep, x, axes) for x in (c[..., None] - paths, errors))
-        best = np.maximum(best, _evidence(y, made, noise.least_m) - noise.doubt)
-    keep = _complement(slow).T
-    return ClockLikelihood(lag_s, best, _likeness(keep @ c, keep @ paths[..., np.argmax(best)]))
+        keep = _orthogonal_complement(weight[:, None] * slow).T * weight
+        y, made = (_project_paths(keep, x, axes) for x in (c[..., None] - paths, errors))
+        best = np.maximum(best, _log_evidence(y, made, noise.min_sd_m) - noise.log_penalty)
+    keep = _orthogonal_complement(slow).T
+    return ClockLikelihood(lag_s, best, _path_correlation(keep @ c, keep @ paths[..., np.argmax(best)]))
 
 
-def _spectrum(x: Float[np.ndarray, "n *axes"]) -> Float[np.ndarray, "n *axes"]:
+def _cosine_spectrum(x: Float[np.ndarray, "n *axes"]) -> Float[np.ndarray, "n *axes"]:
     return np.asarray(dct(x, axis=0, norm="ortho"))
 
 
-def _left(
+def _project_paths(
     keep: Float[np.ndarray, "kept rows"], x: Float[np.ndarray, "rows 3 n"], axes: Weights
 ) -> Float[np.ndarray, "left n"]:
     """Each path without its slow part, in units of the noise."""
     return np.asarray((np.tensordot(keep, x, axes=1) * axes[:, None]).reshape(-1, x.shape[-1]))
 
 
-def _evidence(y: Paths, errors: Columns, least_m: float) -> Lags:
+def _log_evidence(y: Paths, errors: Columns, least_m: float) -> Lags:
     """Log p(y) of each column for ``errors`` with standard normal factors and white noise of the likeliest size."""
     U, s, _ = np.linalg.svd(errors, full_matrices=False)
     inside = (U.T @ y) ** 2
@@ -161,7 +161,7 @@ def _table_errors(geometric: GeometricCom, core: slice) -> list[Points]:
     for name, segment in geometric.segments.items():
         r = segment.com_m[core]
         moved.append(segment.mass_fraction * (r - c))
-        ends = _ends(geometric, name, core)
+        ends = _segment_ends(geometric, name, core)
         if ends is not None:
             proximal, distal = ends
             n = (distal - proximal) / np.linalg.norm(distal - proximal, axis=1, keepdims=True)
@@ -170,15 +170,15 @@ def _table_errors(geometric: GeometricCom, core: slice) -> list[Points]:
     return [np.asarray(x) for x in moved if np.isfinite(x).all()]
 
 
-def _ends(geometric: GeometricCom, name: str, core: slice) -> tuple[Points, Points] | None:
+def _segment_ends(geometric: GeometricCom, name: str, core: slice) -> tuple[Points, Points] | None:
     """Proximal and distal joint of a segment of the human model; None if unknown."""
     joints = geometric.joint_centres_m
     if name == "pelvis" and {"lumbar", "l_hip", "r_hip"} <= set(joints):
         return joints["lumbar"][core], (joints["l_hip"][core] + joints["r_hip"][core]) / 2
     side, part = (name[:2], name[2:]) if name[:2] in ("l_", "r_") else ("", name)
-    if part not in _ENDS:
+    if part not in _SEGMENT_JOINTS:
         return None
-    proximal, distal = (side + end for end in _ENDS[part])
+    proximal, distal = (side + end for end in _SEGMENT_JOINTS[part])
     return (joints[proximal][core], joints[distal][core]) if {proximal, distal} <= set(joints) else None
 
 
@@ -187,27 +187,27 @@ def _without_noise(x: Points, hz: Series, seen: Band) -> Float[np.ndarray, "rows
 
     A noisy regressor would explain the noise that it shares with the CoM, and bias the delay.
     """
-    spectrum = _spectrum(x)
+    spectrum = _cosine_spectrum(x)
     power, beyond = spectrum[seen] ** 2, (hz > _NOISE_HZ[0]) & (hz < _NOISE_HZ[1])
     noise = (spectrum[beyond] ** 2).mean(axis=0) if beyond.any() else np.zeros(3)
     fade = 1.0 / np.sqrt(1.0 + (hz[seen, None] / _TABLE_HZ) ** 8)
     return np.asarray(fade * spectrum[seen] * power / np.maximum(power + noise, 1e-30))
 
 
-def _slow(n: int, rate_hz: float) -> Columns:
+def _slow_columns(n: int, rate_hz: float) -> Columns:
     """Spectra of a parabola and of the cosines below ``SLOW_HZ``."""
     u = np.linspace(-1.0, 1.0, n)
     lines = [j for j in range(1, n) if j * rate_hz / (2 * n) < SLOW_HZ]
     cosines = [np.cos(np.pi * j * (np.arange(n) + 0.5) / n) for j in lines]
-    return _spectrum(np.stack([np.ones(n), u, u**2, *cosines], axis=1))
+    return _cosine_spectrum(np.stack([np.ones(n), u, u**2, *cosines], axis=1))
 
 
-def _complement(columns: Columns) -> Float[np.ndarray, "rows others"]:
+def _orthogonal_complement(columns: Columns) -> Float[np.ndarray, "rows others"]:
     """Orthonormal basis of the orthogonal complement of the columns."""
     U, s, _ = np.linalg.svd(columns, full_matrices=True)
     return np.asarray(U[:, int(np.sum(s > 1e-9 * s[0])) :])
 
 
-def _likeness(x: Points, y: Points) -> float:
+def _path_correlation(x: Points, y: Points) -> float:
     x, y = np.delete(x, _LATERAL, axis=1), np.delete(y, _LATERAL, axis=1)
     return float((x * y).sum() / max(float(np.linalg.norm(x) * np.linalg.norm(y)), 1e-12))

@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 from typing import ClassVar
 
 from stridelab.body.geometric_com import GeometricCom
-from stridelab.estimation.differentiation import BAND_HZ, derivatives
+from stridelab.estimation.differentiation import BAND_HZ, smoothed_derivatives
 from stridelab.estimation.error_band import geometry_sd_m
 from stridelab.estimation.error_priors import ErrorPriors
 from stridelab.estimation.estimator import ComEstimate
@@ -29,7 +29,7 @@ class GeometryOnly:
         require_mass(mass_kg)
         span = window_span(geometric, wrench)
         g = geometric.com_m[span.around]
-        velocity, acceleration = derivatives(g, span.rate_hz, self.band_hz)
+        velocity, acceleration = smoothed_derivatives(g, span.rate_hz, self.band_hz)
         within = span.within
         return ComEstimate(
             method=self.name,

@@ -19,7 +19,7 @@ from jaxtyping import Float, Int
 from stridelab.conventions import GRAVITY_M_S2, Mask, Points, Vector3, g
 from stridelab.estimation.estimator import ComEstimate
 
-FLIGHT: Final = 0.1
+FLIGHT_FORCE_SHARE: Final = 0.1
 """Force over body weight below which the body counts as in flight."""
 STATES: Final = 9
 STATES_WITH_BIAS: Final = 12
@@ -70,7 +70,7 @@ def observability_track(estimate: ComEstimate) -> ObservabilityTrack:
     velocity, acceleration = estimate.velocity_m_s, estimate.acceleration_m_s2.copy()
     f = acceleration - g
     size = np.linalg.norm(f, axis=1)
-    flight = size < FLIGHT * GRAVITY_M_S2
+    flight = size < FLIGHT_FORCE_SHARE * GRAVITY_M_S2
     acceleration[flight] = g
     direction = np.where(flight[:, None], np.nan, f / np.maximum(size, 1e-12)[:, None])
     rank_force, rank_with_geometry = (
@@ -80,7 +80,7 @@ def observability_track(estimate: ComEstimate) -> ObservabilityTrack:
     return ObservabilityTrack(rank_force, rank_with_geometry, direction, flight)
 
 
-def observability(estimate: ComEstimate) -> Observability:
+def summarise_observability(estimate: ComEstimate) -> Observability:
     """Summarise the observability along an estimate."""
     track = observability_track(estimate)
     time_s = estimate.time_s
@@ -102,11 +102,11 @@ def observability(estimate: ComEstimate) -> Observability:
         tilt_rad=tilt_rad,
         turn_rad=turn_rad,
         flight_s=flight_s,
-        sentence=_sentence(track, mean, tilt_rad, flight_s),
+        sentence=_explain_ranks(track, mean, tilt_rad, flight_s),
     )
 
 
-def _sentence(track: ObservabilityTrack, mean: Vector3, tilt_rad: float, flight_s: float) -> str:
+def _explain_ranks(track: ObservabilityTrack, mean: Vector3, tilt_rad: float, flight_s: float) -> str:
     """Explanation of the ranks and of the unobservable direction for users."""
     grounded = ~track.flight
     rank, with_geometry = int(track.rank_force[grounded].min()), int(track.rank_with_geometry[grounded].min())
@@ -130,7 +130,7 @@ def force_matrix(c: Vectors, velocity: Vectors, acceleration: Vectors) -> Float[
     O, E = np.zeros((3, 3)), np.eye(3)
     f = skew(acceleration - g) / GRAVITY_M_S2
     rows = [[O, O, E], [-f, O, skew(c)], [O, O, O], [O, -f, skew(velocity)], [O, O, skew(g)]]
-    return _block(rows)
+    return _block_matrix(rows)
 
 
 def force_and_geometry_matrix(c: Vectors, velocity: Vectors, acceleration: Vectors) -> Float[np.ndarray, "*n 21 12"]:
@@ -146,7 +146,7 @@ def force_and_geometry_matrix(c: Vectors, velocity: Vectors, acceleration: Vecto
         [O, O, skew(g), O],
         [O, O, E, O],
     ]
-    return _block(rows)
+    return _block_matrix(rows)
 
 
 def constant_jerk_matrix(
@@ -161,7 +161,7 @@ def constant_jerk_matrix(
     O, E = np.zeros((3, 3)), np.eye(3)
     f, u = skew(acceleration - g), skew(jerk)
     rows = [[O, O, E], [-f, O, skew(c)], [-u, -f, skew(velocity)], [O, -2 * u, skew(g)], [O, O, -2 * u]]
-    return _block(rows) / GRAVITY_M_S2
+    return _block_matrix(rows) / GRAVITY_M_S2
 
 
 def skew(a: Vectors) -> Skew:
@@ -172,7 +172,7 @@ def skew(a: Vectors) -> Skew:
     return np.stack(rows, axis=-2)
 
 
-def _block(rows: Sequence[Sequence[Block]]) -> Float[np.ndarray, "... rows columns"]:
+def _block_matrix(rows: Sequence[Sequence[Block]]) -> Float[np.ndarray, "... rows columns"]:
     """``np.block`` of 3 x 3 blocks, for one sample or many."""
     samples = np.broadcast_shapes(*(block.shape[:-2] for row in rows for block in row))
     whole = [[np.broadcast_to(block, (*samples, 3, 3)) for block in row] for row in rows]

@@ -55,7 +55,7 @@ class Pooled:
         return len(self.weights)
 
 
-def pool(values: Sequence[float], sds: Sequence[float]) -> Pooled:
+def pool_measurements(values: Sequence[float], sds: Sequence[float]) -> Pooled:
     """Random-effects mean of ``values`` with standard deviations ``sds``, in the unit of both.
 
     Raises ``InvalidInput`` (``nothing-to-pool``) without values, for different lengths, or if a standard deviation is
@@ -65,14 +65,14 @@ def pool(values: Sequence[float], sds: Sequence[float]) -> Pooled:
         raise InvalidInput("nothing-to-pool", "Each of the values to combine needs a positive standard deviation.")
     v = [sd**2 for sd in sds]
     tau2 = 0.0
-    if _residuals(values, v, 0.0) > 0.0:
+    if _residual_excess(values, v, 0.0) > 0.0:
         low, high = 0.0, (max(values) - min(values)) ** 2
         for _ in range(_STEPS):
             middle = 0.5 * (low + high)
-            low, high = (middle, high) if _residuals(values, v, middle) > 0.0 else (low, middle)
+            low, high = (middle, high) if _residual_excess(values, v, middle) > 0.0 else (low, middle)
         tau2 = high
-    mu = _mean(values, v, tau2)
-    weights = _weights(values, v, tau2, mu)
+    mu = _robust_mean(values, v, tau2)
+    weights = _robust_weights(values, v, tau2, mu)
     total = math.fsum(weights)
     return Pooled(
         mean=mu,
@@ -83,21 +83,21 @@ def pool(values: Sequence[float], sds: Sequence[float]) -> Pooled:
     )
 
 
-def _residuals(values: Sequence[float], v: Sequence[float], tau2: float) -> float:
+def _residual_excess(values: Sequence[float], v: Sequence[float], tau2: float) -> float:
     """Sum of psi(z_i)^2 minus its expectation; decreases with ``tau2``."""
-    mu = _mean(values, v, tau2)
-    psi = (_psi((x - mu) / math.sqrt(own + tau2)) for x, own in zip(values, v, strict=True))
+    mu = _robust_mean(values, v, tau2)
+    psi = (_huber_psi((x - mu) / math.sqrt(own + tau2)) for x, own in zip(values, v, strict=True))
     return math.fsum(one**2 for one in psi) - (len(values) - 1) * _EXPECTED
 
 
-def _mean(values: Sequence[float], v: Sequence[float], tau2: float) -> float:
+def _robust_mean(values: Sequence[float], v: Sequence[float], tau2: float) -> float:
     """Root of the estimating equation, which is piecewise linear and decreasing in mu, by bracketed Newton steps."""
     sds = [math.sqrt(own + tau2) for own in v]
     low, high = min(values), max(values)
     mu = math.fsum(x / sd**2 for x, sd in zip(values, sds, strict=True)) / math.fsum(1.0 / sd**2 for sd in sds)
     for _ in range(_STEPS):
         z = [(x - mu) / sd for x, sd in zip(values, sds, strict=True)]
-        score = math.fsum(_psi(one) / sd for one, sd in zip(z, sds, strict=True))
+        score = math.fsum(_huber_psi(one) / sd for one, sd in zip(z, sds, strict=True))
         slope = math.fsum(1.0 / sd**2 for one, sd in zip(z, sds, strict=True) if abs(one) < C)
         low, high = (max(low, mu), high) if score > 0.0 else (low, min(high, mu))
         following = mu + score / slope if slope > 0.0 else math.inf
@@ -109,7 +109,7 @@ def _mean(values: Sequence[float], v: Sequence[float], tau2: float) -> float:
     return mu
 
 
-def _weights(values: Sequence[float], v: Sequence[float], tau2: float, mu: float) -> list[float]:
+def _robust_weights(values: Sequence[float], v: Sequence[float], tau2: float, mu: float) -> list[float]:
     """h_i w_i of each measurement."""
     weights = []
     for x, own in zip(values, v, strict=True):
@@ -118,5 +118,5 @@ def _weights(values: Sequence[float], v: Sequence[float], tau2: float, mu: float
     return weights
 
 
-def _psi(z: float) -> float:
+def _huber_psi(z: float) -> float:
     return max(-C, min(C, z))

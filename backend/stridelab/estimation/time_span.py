@@ -6,7 +6,7 @@ import numpy as np
 
 from stridelab.body.geometric_com import GeometricCom
 from stridelab.errors import Fault, InvalidInput, NotEstimable
-from stridelab.recordings.gap_filling import runs
+from stridelab.recordings.gap_filling import true_runs
 from stridelab.recordings.recording import Window, WrenchTrack
 
 SHORTEST_WINDOW_S = 0.4
@@ -39,7 +39,7 @@ def window_span(geometric: GeometricCom, wrench: WrenchTrack) -> Span:
     t = wrench.time_s
     measured = np.isfinite(wrench.force_n).all(axis=1) & np.isfinite(wrench.moment_nm).all(axis=1) & wrench.complete
     candidates = [
-        run for w in wrench.windows for run in runs(measured & (t >= w.start_s - 1e-9) & (t <= w.end_s + 1e-9))
+        run for w in wrench.windows for run in true_runs(measured & (t >= w.start_s - 1e-9) & (t <= w.end_s + 1e-9))
     ]
     if not candidates:
         raise NotEstimable(
@@ -63,10 +63,10 @@ def window_span(geometric: GeometricCom, wrench: WrenchTrack) -> Span:
             "The segment model has no centre of mass for part of the window: markers are missing there.",
             [
                 Fault("markers", f"missing from {t[inside[a]]:.2f} s to {t[inside[b - 1]]:.2f} s")
-                for a, b in runs(~seen[inside])
+                for a, b in true_runs(~seen[inside])
             ],
         )
-    around = next(slice(a, b) for a, b in runs(seen) if a <= first < b)
+    around = next(slice(a, b) for a, b in true_runs(seen) if a <= first < b)
     return Span(window, slice(first, stop), around, rate_hz)
 
 

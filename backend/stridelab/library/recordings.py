@@ -26,8 +26,8 @@ from stridelab.errors import Fault, InvalidInput, UnreadableFile
 from stridelab.library.options import Progress, checked, data_frame, silent
 from stridelab.pipelines.estimate_com import ComResult
 from stridelab.pipelines.estimate_com import estimate_com as _estimate_com
-from stridelab.pipelines.fit_cycloid import CycloidResult, cycloid_of
-from stridelab.pipelines.trial import read as _read
+from stridelab.pipelines.fit_cycloid import CycloidResult, fit_cycloid_of_recording
+from stridelab.pipelines.trial import read_source as _read
 from stridelab.recordings.recording import Recording
 from stridelab.schemas.cycloid import FitCycloidInput, FitCycloidSummary
 from stridelab.schemas.jobs import EstimateComInput, EstimateComSummary
@@ -176,7 +176,7 @@ class CentreOfMass:
             shutil.copyfile(self.loaded.path, made / copy)
             artifacts = write_com_result(made, source, self.result)
             (made / copy).unlink()
-            outcome = Outcome(self.summary.model_dump(mode="json"), self.result.references, artifacts)
+            outcome = Outcome(self.summary.model_dump(mode="json"), self.result.citation_keys, artifacts)
             write_result(made, "estimate-com", self.request, outcome)
         return Path(folder)
 
@@ -267,7 +267,7 @@ class CycloidFit:
 
         with result_folder(Path(folder), force=replace) as made:
             artifacts = write_cycloid(made, self.loaded.source, self.result)
-            outcome = Outcome(self.summary.model_dump(mode="json"), self.result.references, artifacts)
+            outcome = Outcome(self.summary.model_dump(mode="json"), self.result.citation_keys, artifacts)
             write_result(made, "fit-cycloid", self.request, outcome)
         return Path(folder)
 
@@ -295,7 +295,7 @@ def fit_cycloid(
     request = checked(FitCycloidInput, {"recording_id": loaded.path.name, "steps": steps, "method": method})
     with _staged(loaded) as (folder, recorded, static):
         task = FitCycloidTask(recording=recorded, static=static, input=request)
-        return CycloidFit(loaded, request, cycloid_of(task, folder, progress or silent))
+        return CycloidFit(loaded, request, fit_cycloid_of_recording(task, folder, progress or silent))
 
 
 def _loaded(recording: LoadedRecording | str | Path, stated: dict[str, Any]) -> LoadedRecording:

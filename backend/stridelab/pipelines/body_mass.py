@@ -16,20 +16,20 @@ from stridelab.schemas.sessions import SessionValues
 STATED_SD_KG: Final = 0.3
 STATED_SHARE: Final = 0.01
 """Relative standard deviation of a stated mass: clothing, day-to-day variation, rounding."""
-UNSEEN_SHARE: Final = 0.03
+UNMEASURED_FORCE_SHARE: Final = 0.03
 """Relative force that may go unmeasured in a movement without notice; it biases the measured mass downwards only."""
-SIGNIFICANT: Final = 3.0
+SIGNIFICANT_SD: Final = 3.0
 """Difference in standard deviations above which the measured mass replaces the stated one."""
-MASS_NOTED: Final = 0.05
+MASS_REMARK_SHARE: Final = 0.05
 """Relative difference between stated and measured mass above which a remark is added."""
-MASS_REFUSED: Final = 1.5
+MAX_MASS_RATIO: Final = 1.5
 """Ratio of stated to measured mass (or its inverse) from which the stated mass is rejected."""
 
 NOMINAL_KG: Final = 70.0
 """Placeholder for an unknown mass when only the geometry is used; it does not affect any reported number."""
 
 MassSource = Literal["stated", "file", "force"]
-_HOW: Final = {
+_SOURCE_LABELS: Final = {
     "stated": "stated",
     "file": "in the file",
     "standing": "standing on the plates",
@@ -49,7 +49,7 @@ class KnownMass:
     sd_kg: float
 
     def __str__(self) -> str:
-        return f"{self.mass_kg:.1f} ± {self.sd_kg:.1f} kg ({_HOW[self.source]})"
+        return f"{self.mass_kg:.1f} ± {self.sd_kg:.1f} kg ({_SOURCE_LABELS[self.source]})"
 
 
 @dataclass(frozen=True)
@@ -121,28 +121,29 @@ def body_mass(
                 "the person. The method geometry needs no mass.",
                 [Fault("mass_kg", "missing")],
             )
-        message = f"No mass is stated; {_used(force)} follow from the plates: {_listed(weighed)}."
+        message = f"No mass is stated; {_format_force_mass(force)} follow from the plates: {_join_masses(weighed)}."
         remark = Remark("mass-from-force", message)
         return BodyMass(force.mass_kg, "force", force.total_sd_kg, weighed, (remark,))
     compared = (stated, *weighed)
     if force is None:
         return BodyMass(stated.mass_kg, source, stated.sd_kg, compared)
-    absurd = not 1.0 / MASS_REFUSED < stated.mass_kg / force.mass_kg < MASS_REFUSED
+    absurd = not 1.0 / MAX_MASS_RATIO < stated.mass_kg / force.mass_kg < MAX_MASS_RATIO
     if absurd and source == "stated":
         raise InvalidInput(
             "mass-contradicts-force",
-            f"The stated mass of {stated.mass_kg:g} kg contradicts the plates: {_listed(weighed)}.",
+            f"The stated mass of {stated.mass_kg:g} kg contradicts the plates: {_join_masses(weighed)}.",
             [Fault("mass_kg", f"{stated.mass_kg:g} kg stated, {force.mass_kg:.1f} kg measured")],
         )
-    if absurd or abs(stated.mass_kg - force.mass_kg) > SIGNIFICANT * _sd_of_difference_kg(stated, force):
+    if absurd or abs(stated.mass_kg - force.mass_kg) > SIGNIFICANT_SD * _sd_of_difference_kg(stated, force):
         code = "mass-contradicts-force" if absurd else "mass-disagrees-with-force"
-        remark = Remark(code, _contradiction(stated, force, weighed))
+        remark = Remark(code, _contradiction_message(stated, force, weighed))
         return BodyMass(force.mass_kg, "force", force.total_sd_kg, compared, (remark,))
     remarks: tuple[Remark, ...] = ()
-    if abs(force.mass_kg / stated.mass_kg - 1.0) > MASS_NOTED:
+    if abs(force.mass_kg / stated.mass_kg - 1.0) > MASS_REMARK_SHARE:
         message = (
-            f"The mass of {stated.mass_kg:g} kg ({_HOW[source]}) is used. It differs from what the plates carried, but "
-            f"not by more than the errors explain: {_listed(weighed)}."
+            f"The mass of {stated.mass_kg:g} kg ({_SOURCE_LABELS[source]}) is used. It differs from what the "
+            "plates carried, but "
+            f"not by more than the errors explain: {_join_masses(weighed)}."
         )
         remarks = (Remark("mass-differs-from-force", message),)
     return BodyMass(stated.mass_kg, source, stated.sd_kg, compared, remarks)
@@ -166,28 +167,30 @@ def standing_masses(static: Trial | None) -> tuple[MassEstimate, ...]:
     return () if static is None else tuple(estimate for estimate in static.masses if estimate.kind == "standing")
 
 
-def _sd_of_difference_kg(said: KnownMass, force: MassEstimate) -> float:
+def _sd_of_difference_kg(stated: KnownMass, force: MassEstimate) -> float:
     """Standard deviation of stated minus measured mass; includes unmeasured force where the measured mass is lower."""
-    hides = force.kind != "standing" and force.mass_kg < said.mass_kg
-    unseen_kg = UNSEEN_SHARE * force.mass_kg if hides else 0.0
-    return float(np.sqrt(said.sd_kg**2 + force.total_sd_kg**2 + unseen_kg**2))
+    hides = force.kind != "standing" and force.mass_kg < stated.mass_kg
+    unseen_kg = UNMEASURED_FORCE_SHARE * force.mass_kg if hides else 0.0
+    return float(np.sqrt(stated.sd_kg**2 + force.total_sd_kg**2 + unseen_kg**2))
 
 
-def _contradiction(said: KnownMass, force: MassEstimate, weighed: Sequence[KnownMass]) -> str:
-    relative_error = force.mass_kg / said.mass_kg - 1.0
+def _contradiction_message(stated: KnownMass, force: MassEstimate, weighed: Sequence[KnownMass]) -> str:
+    relative_error = force.mass_kg / stated.mass_kg - 1.0
     cause = "either this mass or the plates' calibration is wrong"
     if relative_error < 0.0:
         cause += ", or something beside the plates carries a part of the weight"
     return (
-        f"The plates contradict the mass of {said.mass_kg:g} kg ({_HOW[said.source]}) by {relative_error:+.0%}: "
-        f"{_listed(weighed)}; {cause}. {_used(force)} are used, which explain the motion; with {said.mass_kg:g} kg the "
+        f"The plates contradict the mass of {stated.mass_kg:g} kg ({_SOURCE_LABELS[stated.source]}) by "
+        f"{relative_error:+.0%}: "
+        f"{_join_masses(weighed)}; {cause}. {_format_force_mass(force)} are used, which explain the motion; "
+        f"with {stated.mass_kg:g} kg the "
         f"vertical acceleration from the force would be wrong by {abs(relative_error) * GRAVITY_M_S2:.1f} m/s²."
     )
 
 
-def _used(force: MassEstimate) -> str:
+def _format_force_mass(force: MassEstimate) -> str:
     return f"{force.mass_kg:.1f} ± {force.total_sd_kg:.1f} kg"
 
 
-def _listed(masses: Sequence[KnownMass]) -> str:
+def _join_masses(masses: Sequence[KnownMass]) -> str:
     return ", ".join(str(mass) for mass in masses)

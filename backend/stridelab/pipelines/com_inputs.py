@@ -18,9 +18,9 @@ from stridelab.pipelines.body_mass import BodyMass, body_mass, session_masses, s
 from stridelab.pipelines.latency_policy import LatencyChoice, choose_latency
 from stridelab.pipelines.progress import ProgressCallback
 from stridelab.pipelines.requirements import require_marker_set, require_windows
-from stridelab.pipelines.static_trial import named_static, read_static
-from stridelab.pipelines.trial import Trial, examine
-from stridelab.recordings.gap_filling import MAX_GAP_S, runs
+from stridelab.pipelines.static_trial import assign_static_landmarks, read_static
+from stridelab.pipelines.trial import Trial, examine_trial
+from stridelab.recordings.gap_filling import MAX_GAP_S, true_runs
 from stridelab.recordings.recording import Remark, Subject, Window, WrenchTrack
 from stridelab.recordings.total_wrench import wrench_track
 from stridelab.schemas.recordings import SubjectFields
@@ -29,7 +29,7 @@ from stridelab.schemas.tasks import EstimateComTask
 
 
 @dataclass(frozen=True)
-class Prepared:
+class ComInputs:
     """Inputs of the estimators: geometric CoM, latency-corrected wrench, mass.
 
     ``windows`` is empty if the force is not used: no plates, no mass, or no window of at least ``SHORTEST_WINDOW_S``
@@ -49,12 +49,14 @@ class Prepared:
     static_remarks: tuple[Remark, ...] = ()
 
     @property
-    def remarks(self) -> tuple[Remark, ...]:
+    def all_remarks(self) -> tuple[Remark, ...]:
         own = (*self.trial.remarks, *self.static_remarks, *self.geometric.remarks)
         return (*own, *self.mass.remarks, *self.latency.remarks)
 
 
-def prepare(task: EstimateComTask, folder: Path, progress: ProgressCallback, *, needs_force: bool) -> Prepared:
+def prepare_com_inputs(
+    task: EstimateComTask, folder: Path, progress: ProgressCallback, *, needs_force: bool
+) -> ComInputs:
     """Read the recording of ``task`` in ``folder`` and place the body segments; covers 0.02 to 0.7 of the progress.
 
     Raises ``UnreadableFile``, ``InvalidInput`` or ``NotEstimable`` for an unusable file, value or recording.
@@ -63,7 +65,7 @@ def prepare(task: EstimateComTask, folder: Path, progress: ProgressCallback, *, 
     progress(0.02, "reading the recording")
     static_file = read_static(task, folder)
     static_labels = [] if static_file.recording is None else list(static_file.recording.markers_m)
-    trial = examine(task.recording.model_copy(update={"static_labels": static_labels}), folder)
+    trial = examine_trial(task.recording.model_copy(update={"static_labels": static_labels}), folder)
     recording = trial.recording
     require_marker_set(trial.match, tuple(recording.markers_m))
     windows = require_windows(trial, request.window_s, needs_force=needs_force)
@@ -86,13 +88,13 @@ def prepare(task: EstimateComTask, folder: Path, progress: ProgressCallback, *, 
             f"{session.mass_n_trials} trials of the session."
         )
         mass = replace(mass, remarks=(Remark("mass-from-session", message),))
-    if not needs_force and not (mass.source and _long_enough(windows, trial)):
+    if not needs_force and not (mass.source and _has_estimable_window(windows, trial)):
         windows = ()
 
     progress(0.3, "placing the body segments")
     static, static_remarks = None, static_file.unusable
     if static_file.recording is not None:
-        static, static_remarks = named_static(task, static_file.recording, recording, trial.match.landmarks)
+        static, static_remarks = assign_static_landmarks(task, static_file.recording, recording, trial.match.landmarks)
     if session is not None and static is None:
         session = session.model_copy(update={"static_recording_id": None})
     subject = merged_subject(stated_subject, recording.subject, mass.known_kg)
@@ -106,9 +108,9 @@ def prepare(task: EstimateComTask, folder: Path, progress: ProgressCallback, *, 
 
     progress(0.6, "comparing the clocks of force and markers")
     if not windows:
-        wrench, latency = without_force(geometric, requested), LatencyChoice(None, 0.0)
-        return Prepared(trial, windows, geometric, wrench, mass, latency, standing_kg, session, static_remarks)
-    windows, cut = without_missing_ends(windows, geometric)
+        wrench, latency = zero_wrench(geometric, requested), LatencyChoice(None, 0.0)
+        return ComInputs(trial, windows, geometric, wrench, mass, latency, standing_kg, session, static_remarks)
+    windows, cut = trim_missing_ends(windows, geometric)
     geometric = replace(geometric, remarks=(*geometric.remarks, *cut))
 
     def wrench_at(latency_s: float) -> WrenchTrack:
@@ -116,7 +118,7 @@ def prepare(task: EstimateComTask, folder: Path, progress: ProgressCallback, *, 
 
     latency = choose_latency(request.latency, geometric, wrench_at, mass.mass_kg, session)
     wrench = wrench_at(latency.applied_s)
-    return Prepared(trial, windows, geometric, wrench, mass, latency, standing_kg, session, static_remarks)
+    return ComInputs(trial, windows, geometric, wrench, mass, latency, standing_kg, session, static_remarks)
 
 
 def merged_subject(stated: SubjectFields, in_file: Subject, mass_kg: float | None) -> Subject:
@@ -129,7 +131,7 @@ def merged_subject(stated: SubjectFields, in_file: Subject, mass_kg: float | Non
     )
 
 
-def without_force(geometric: GeometricCom, asked: Window | None = None) -> WrenchTrack:
+def zero_wrench(geometric: GeometricCom, interval: Window | None = None) -> WrenchTrack:
     """Zero wrench over the longest gap-free run of the geometric CoM.
 
     The run lies within the interval ``asked``, if given. The zeros only satisfy the estimators' interface and do not
@@ -138,12 +140,12 @@ def without_force(geometric: GeometricCom, asked: Window | None = None) -> Wrenc
     """
     time_s = geometric.time_s
     seen = np.isfinite(geometric.com_m).all(axis=1)
-    if asked is not None:
-        seen &= (time_s >= asked.start_s - 1e-9) & (time_s <= asked.end_s + 1e-9)
-    start, stop = max(runs(seen), key=lambda run: run[1] - run[0], default=(0, 0))
+    if interval is not None:
+        seen &= (time_s >= interval.start_s - 1e-9) & (time_s <= interval.end_s + 1e-9)
+    start, stop = max(true_runs(seen), key=lambda run: run[1] - run[0], default=(0, 0))
     lasts_s = (stop - start) * (float(np.median(np.diff(time_s))) if len(time_s) > 1 else 0.0)
     if lasts_s < SHORTEST_WINDOW_S:
-        where = "" if asked is None else " in the requested interval"
+        where = "" if interval is None else " in the requested interval"
         message = f"The markers give a centre of mass for {lasts_s:.2f} s at a time{where}"
         raise NotEstimable("window-too-short", f"{message}; at least {SHORTEST_WINDOW_S} s are needed.")
     complete = np.zeros(len(time_s), dtype=bool)
@@ -153,7 +155,7 @@ def without_force(geometric: GeometricCom, asked: Window | None = None) -> Wrenc
     return WrenchTrack(time_s, nothing, nothing, complete, (window,))
 
 
-def without_missing_ends(
+def trim_missing_ends(
     windows: tuple[Window, ...], geometric: GeometricCom
 ) -> tuple[tuple[Window, ...], tuple[Remark, ...]]:
     """Trim frames without a geometric CoM from the ends of the windows; adds a remark for each trimmed window.
@@ -182,7 +184,7 @@ def without_missing_ends(
     return tuple(trimmed), tuple(remarks)
 
 
-def _long_enough(windows: tuple[Window, ...], trial: Trial) -> bool:
+def _has_estimable_window(windows: tuple[Window, ...], trial: Trial) -> bool:
     """Whether any window lies within a measured window and is long enough for an estimate."""
     frame_s = 1.0 / trial.recording.marker_rate_hz
     return any(

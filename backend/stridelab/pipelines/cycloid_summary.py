@@ -7,8 +7,8 @@ import numpy as np
 from stridelab.conventions import Series, Vector3
 from stridelab.estimation.estimator import ComEstimate
 from stridelab.estimation.quality import Quality
-from stridelab.pipelines.com_inputs import Prepared
-from stridelab.pipelines.quality import as_contract
+from stridelab.pipelines.com_inputs import ComInputs
+from stridelab.pipelines.quality import quality_schema
 from stridelab.recordings.recording import Remark
 from stridelab.schemas import base
 from stridelab.schemas import cycloid as contract
@@ -21,12 +21,12 @@ from stridelab.walking.timed_fit import TimedFit
 MM = 1e3
 
 
-def summary_of(
-    prepared: Prepared,
+def cycloid_summary(
+    prepared: ComInputs,
     estimate: ComEstimate,
     quality: Quality,
-    ahead: Vector3,
-    seen: Sequence[GaitStep],
+    walking_direction: Vector3,
+    all_steps: Sequence[GaitStep],
     fits: Sequence[StepFit],
     overlaps: Sequence[Overlap],
     between: Scatter | None,
@@ -35,7 +35,7 @@ def summary_of(
 ) -> contract.FitCycloidSummary:
     """Build the summary, with steps in chronological order; ``rivals`` adds the fits of the simpler models."""
     recording, latency = prepared.trial.recording, prepared.latency
-    remarks = (*quality.remarks, *prepared.remarks, *estimate.remarks, *_of_scatter(fits, between))
+    remarks = (*quality.remarks, *prepared.all_remarks, *estimate.remarks, *_single_step_remarks(fits, between))
     return contract.FitCycloidSummary(
         window_s=(estimate.window.start_s, estimate.window.end_s),
         rate_hz=recording.marker_rate_hz,
@@ -44,12 +44,12 @@ def summary_of(
         mass_kg=prepared.mass.known_kg,
         latency_s=latency.latency_s,
         latency_applied_s=latency.applied_s,
-        latency_source=latency.source,
+        latency_source=latency.latency_source,
         latency_n_trials=latency.n_trials,
         session=prepared.session,
-        ahead=(float(ahead[0]), float(ahead[1])),
-        steps=[_step(fit, rivals=rivals) for fit in fits],
-        overlapping=[_overlapping(overlap) for overlap in overlaps],
+        ahead=(float(walking_direction[0]), float(walking_direction[1])),
+        steps=[_fitted_step(fit, rivals=rivals) for fit in fits],
+        overlapping=[_overlapping_fit(overlap) for overlap in overlaps],
         step_to_step_sd=None
         if between is None
         else contract.StepScatter(
@@ -60,20 +60,20 @@ def summary_of(
             n=between.n,
             between=between.between,
         ),
-        steps_left_out=len(seen) - len(fits),
-        quality=as_contract(quality),
+        steps_left_out=len(all_steps) - len(fits),
+        quality=quality_schema(quality),
         warnings=[base.Remark(code=r.code, message=r.message) for r in dict.fromkeys(remarks)],
     )
 
 
-def _of_scatter(fits: Sequence[StepFit], between: Scatter | None) -> tuple[Remark, ...]:
+def _single_step_remarks(fits: Sequence[StepFit], between: Scatter | None) -> tuple[Remark, ...]:
     if len(fits) > 1:
         return ()
     scatter = "its scatter is unknown" if between is None else "the scatter is that of overlapping intervals"
     return (Remark("one-step", f"Only one step could be fitted: {scatter}."),)
 
 
-def _step(fit: StepFit, *, rivals: bool) -> contract.FittedStep:
+def _fitted_step(fit: StepFit, *, rivals: bool) -> contract.FittedStep:
     step, wheel, distance = fit.step, fit.path.wheel, MM * fit.path.distance_m
     _, R_sd, r_sd, z0_sd = (float(v) for v in fit.path.sd_m)
     return contract.FittedStep(
@@ -99,9 +99,9 @@ def _step(fit: StepFit, *, rivals: bool) -> contract.FittedStep:
         step_length_m=step.length_m,
         speed_m_s=mean_speed_m_s(fit),
         circumference_share=fit.circumference_share,
-        reversed=_wheel(fit.reversed_path, fit.time_s),
-        timed=_timed(fit.timed),
-        reversed_timed=_timed(fit.reversed_timed),
+        reversed=_wheel_schema(fit.reversed_path, fit.time_s),
+        timed=_timed_wheel(fit.timed),
+        reversed_timed=_timed_wheel(fit.reversed_timed),
         rivals=[
             contract.Rival(
                 model=c.model,
@@ -125,7 +125,7 @@ def mean_speed_m_s(fit: StepFit) -> float:
     return float((fit.path_m[-1, 0] - fit.path_m[0, 0]) / (fit.time_s[-1] - fit.time_s[0]))
 
 
-def _wheel(fit: PathFit, time_s: Series) -> contract.Wheel:
+def _wheel_schema(fit: PathFit, time_s: Series) -> contract.Wheel:
     omega, theta0 = (float(v) for v in np.polyfit(time_s - time_s[0], fit.theta_rad, 1))
     return contract.Wheel(
         R_m=fit.wheel.R_m,
@@ -139,7 +139,7 @@ def _wheel(fit: PathFit, time_s: Series) -> contract.Wheel:
     )
 
 
-def _timed(fit: TimedFit) -> contract.TimedWheel:
+def _timed_wheel(fit: TimedFit) -> contract.TimedWheel:
     return contract.TimedWheel(
         R_m=fit.wheel.R_m,
         r_m=fit.wheel.r_m,
@@ -152,7 +152,7 @@ def _timed(fit: TimedFit) -> contract.TimedWheel:
     )
 
 
-def _overlapping(overlap: Overlap) -> contract.OverlappingFit:
+def _overlapping_fit(overlap: Overlap) -> contract.OverlappingFit:
     return contract.OverlappingFit(
         t0_s=overlap.start_s,
         t1_s=overlap.end_s,

@@ -14,11 +14,11 @@ from stridelab.estimation.estimator import ComEstimate, ComEstimator
 from stridelab.estimation.evaluation.physics_residuals import bias_m, force_residual_n
 from stridelab.estimation.kalman.filter import KalmanFilter, RtsSmoother
 from stridelab.estimation.markers_only import GeometryOnly
-from stridelab.estimation.observability import observability
+from stridelab.estimation.observability import summarise_observability
 from stridelab.estimation.smoother import Smoother, SmootherPriors
-from stridelab.pipelines.com_inputs import Prepared, prepare
+from stridelab.pipelines.com_inputs import ComInputs, prepare_com_inputs
 from stridelab.pipelines.progress import ProgressCallback
-from stridelab.pipelines.quality import as_contract, quality_of
+from stridelab.pipelines.quality import assess_estimate, quality_schema
 from stridelab.pipelines.requirements import require_method
 from stridelab.recordings.recording import Remark
 from stridelab.schemas import base
@@ -27,7 +27,7 @@ from stridelab.schemas.tasks import EstimateComTask
 
 BEST_METHOD: Final = Smoother.name
 """Method used for ``method: null``: the most accurate estimator of this version."""
-STAND_IN: Final = ComplementaryFilter.name
+FALLBACK_METHOD: Final = ComplementaryFilter.name
 """Fallback for ``method: null`` if the best estimator rejects the recording."""
 
 
@@ -35,15 +35,15 @@ STAND_IN: Final = ComplementaryFilter.name
 class ComResult:
     """CoM estimate of a recording: inputs of the estimator, estimate and summary."""
 
-    prepared: Prepared
+    prepared: ComInputs
     estimate: ComEstimate
     summary: EstimateComSummary
 
     @property
-    def references(self) -> tuple[str, ...]:
+    def citation_keys(self) -> tuple[str, ...]:
         """Citation keys of the methods used."""
         prepared = self.prepared
-        used = (*prepared.geometric.references, *self.estimate.references, *prepared.latency.references)
+        used = (*prepared.geometric.references, *self.estimate.references, *prepared.latency.citation_keys)
         return tuple(dict.fromkeys(used))
 
 
@@ -54,16 +54,16 @@ def estimate_com(task: EstimateComTask, folder: Path, progress: ProgressCallback
     allow an estimate; code and faults name what is missing.
     """
     request = task.input
-    method = method_asked(request)
-    prepared = prepare(task, folder, progress, needs_force=method != GeometryOnly.name)
+    method = requested_method(request)
+    prepared = prepare_com_inputs(task, folder, progress, needs_force=method != GeometryOnly.name)
     trial, windows, geometric, wrench = prepared.trial, prepared.windows, prepared.geometric, prepared.wrench
     mass, latency = prepared.mass, prepared.latency
 
     progress(0.7, "fusing markers and force" if method != GeometryOnly.name else "smoothing the geometry")
-    estimate = fused(method, request, prepared)
+    estimate = estimate_with_fallback(method, request, prepared)
 
-    quality = quality_of(prepared, estimate)
-    remarks = (*quality.remarks, *prepared.remarks, *estimate.remarks)
+    quality = assess_estimate(prepared, estimate)
+    remarks = (*quality.remarks, *prepared.all_remarks, *estimate.remarks)
     summary = EstimateComSummary(
         window_s=(estimate.window.start_s, estimate.window.end_s),
         rate_hz=trial.recording.marker_rate_hz,
@@ -77,25 +77,25 @@ def estimate_com(task: EstimateComTask, folder: Path, progress: ProgressCallback
         latency_s=latency.latency_s,
         latency_sd_s=latency.sd_s,
         latency_applied_s=latency.applied_s,
-        latency_source=latency.source,
+        latency_source=latency.latency_source,
         latency_n_trials=latency.n_trials,
-        latency_trial_s=latency.found.latency_s if latency.found else None,
-        latency_trial_sd_s=latency.found.sd_s if latency.found else None,
+        latency_trial_s=latency.trial_estimate.latency_s if latency.trial_estimate else None,
+        latency_trial_sd_s=latency.trial_estimate.sd_s if latency.trial_estimate else None,
         session=prepared.session,
-        latency_along_s=latency.found.along.lag_s if latency.found else None,
-        latency_lateral_s=latency.found.lateral.lag_s if latency.found else None,
-        latency_vertical_s=latency.found.vertical.lag_s if latency.found else None,
+        latency_along_s=latency.trial_estimate.along.lag_s if latency.trial_estimate else None,
+        latency_lateral_s=latency.trial_estimate.lateral.lag_s if latency.trial_estimate else None,
+        latency_vertical_s=latency.trial_estimate.vertical.lag_s if latency.trial_estimate else None,
         rms_force_residual_n=force_residual_n(estimate, wrench, mass.mass_kg).tolist() if windows else [],
         bias_m=bias_m(estimate, geometric).tolist(),
-        observability=asdict(observability(estimate)) if windows else {},
+        observability=asdict(summarise_observability(estimate)) if windows else {},
         diagnostics={name: value for name, value in estimate.diagnostics.items() if math.isfinite(value)},
-        quality=as_contract(quality),
+        quality=quality_schema(quality),
         warnings=[base.Remark(code=r.code, message=r.message) for r in dict.fromkeys(remarks)],
     )
     return ComResult(prepared, estimate, summary)
 
 
-def method_asked(request: EstimateComInput) -> str | None:
+def requested_method(request: EstimateComInput) -> str | None:
     """The requested method, or the only method with the given cut-offs or options; None requests the best method.
 
     Raises ``InvalidInput`` (``cutoffs-not-used``) for cut-offs that would have no effect.
@@ -106,12 +106,12 @@ def method_asked(request: EstimateComInput) -> str | None:
     if request.cutoffs == "auto":
         return named
     if named in (GeometryOnly.name, Smoother.name):
-        raise _no_cutoffs(named)
+        raise _cutoffs_not_used(named)
     return named or ComplementaryFilter.name
 
 
-def fused(
-    method: str | None, request: EstimateComInput, prepared: Prepared, *, beyond_window: bool = False
+def estimate_with_fallback(
+    method: str | None, request: EstimateComInput, prepared: ComInputs, *, beyond_window: bool = False
 ) -> ComEstimate:
     """Estimate by ``method``; None uses ``BEST_METHOD`` and, if that rejects the recording, ``STAND_IN`` with a remark.
 
@@ -120,19 +120,21 @@ def fused(
     """
     inputs = prepared.geometric, prepared.wrench, prepared.mass.mass_kg
     try:
-        com_estimator = estimator(method or BEST_METHOD, request)
+        com_estimator = build_estimator(method or BEST_METHOD, request)
         if beyond_window and isinstance(com_estimator, Smoother):
             com_estimator = replace(com_estimator, beyond_window=True)
         return com_estimator.estimate(*inputs)
     except NotEstimable as refusal:
         if method is not None:
             raise
-        estimate = estimator(STAND_IN, request).estimate(*inputs)
-        message = f"The {BEST_METHOD} rejects this recording; the {STAND_IN} filter is used instead: {refusal.message}"
+        estimate = build_estimator(FALLBACK_METHOD, request).estimate(*inputs)
+        message = (
+            f"The {BEST_METHOD} rejects this recording; the {FALLBACK_METHOD} filter is used instead: {refusal.message}"
+        )
         return replace(estimate, remarks=(Remark("best-method-refused", message), *estimate.remarks))
 
 
-def estimator(method: str, request: EstimateComInput) -> ComEstimator:
+def build_estimator(method: str, request: EstimateComInput) -> ComEstimator:
     """The estimator with the requested parameters.
 
     Raises ``InvalidInput`` (``cutoffs-not-used``) for cut-offs of a method that has none.
@@ -140,31 +142,31 @@ def estimator(method: str, request: EstimateComInput) -> ComEstimator:
     thesis = request.cutoffs == "thesis"
     if isinstance(request.cutoffs, tuple):
         if method != ComplementaryFilter.name:
-            raise _no_cutoffs(method)
+            raise _cutoffs_not_used(method)
         low_hz, high_hz = request.cutoffs
         return ComplementaryFilter(low_hz=low_hz, high_hz=high_hz)
     if method == GeometryOnly.name:
         return GeometryOnly()
     if request.cutoffs == "spectra" and method != ComplementaryFilter.name:
-        raise _no_cutoffs(method)
+        raise _cutoffs_not_used(method)
     if method == KalmanFilter.name:
         return KalmanFilter() if thesis else KalmanFilter.tuned()
     if method == RtsSmoother.name:
         return RtsSmoother() if thesis else RtsSmoother.tuned()
     if method == Smoother.name:
-        return smoother(request.smoother or SmootherOptions())
+        return build_smoother(request.smoother or SmootherOptions())
     if thesis:
         return ComplementaryFilter.thesis()
     return ComplementaryFilter(from_spectra=request.cutoffs == "spectra")
 
 
-def smoother(options: SmootherOptions) -> Smoother:
+def build_smoother(options: SmootherOptions) -> Smoother:
     """The smoother with the given priors; the others take their defaults."""
     priors = SmootherPriors(**options.priors.model_dump(exclude_none=True))
     return Smoother(priors=priors, learn=options.learn, segment_momentum=options.segment_momentum)
 
 
-def _no_cutoffs(method: str) -> InvalidInput:
+def _cutoffs_not_used(method: str) -> InvalidInput:
     return InvalidInput(
         "cutoffs-not-used",
         f"The {method} estimator has no cut-off frequencies; only the complementary filter has.",

@@ -14,12 +14,12 @@ from stridelab.errors import NotEstimable
 from stridelab.estimation.estimator import ComEstimate
 from stridelab.estimation.markers_only import GeometryOnly
 from stridelab.estimation.walk_frame import walk_frame
-from stridelab.pipelines.com_inputs import Prepared, prepare
-from stridelab.pipelines.cycloid_summary import summary_of
-from stridelab.pipelines.estimate_com import fused, method_asked
+from stridelab.pipelines.com_inputs import ComInputs, prepare_com_inputs
+from stridelab.pipelines.cycloid_summary import cycloid_summary
+from stridelab.pipelines.estimate_com import estimate_with_fallback, requested_method
 from stridelab.pipelines.progress import ProgressCallback
-from stridelab.pipelines.quality import quality_of
-from stridelab.pipelines.trial import examine
+from stridelab.pipelines.quality import assess_estimate
+from stridelab.pipelines.trial import examine_trial
 from stridelab.recordings.foot_contact import find_feet, ground_velocity_m_s
 from stridelab.recordings.recording import Remark, Window
 from stridelab.schemas.cycloid import FitCycloidSummary
@@ -27,7 +27,7 @@ from stridelab.schemas.tasks import FitCycloidTask
 from stridelab.walking.gait_events import find_contacts
 from stridelab.walking.preconditions import require_steps, require_walk
 from stridelab.walking.step_fit import StepFit, fit_steps
-from stridelab.walking.step_variability import scatter, strike_to_strike
+from stridelab.walking.step_variability import step_scatter, strike_to_strike
 from stridelab.walking.steps import GaitStep, find_steps
 
 REFERENCES: Final = ("carpentier2017thesis",)
@@ -41,22 +41,24 @@ class CycloidResult:
     complete steps and ``fits`` the fitted ones, in chronological order.
     """
 
-    prepared: Prepared
+    prepared: ComInputs
     estimate: ComEstimate
     floor_m_s: Vector3
     ahead: Vector3
-    seen: tuple[GaitStep, ...]
+    all_steps: tuple[GaitStep, ...]
     fits: tuple[StepFit, ...]
     summary: FitCycloidSummary
 
     @property
-    def references(self) -> tuple[str, ...]:
+    def citation_keys(self) -> tuple[str, ...]:
         """Citation keys of the methods used."""
         used = (*self.prepared.geometric.references, *self.estimate.references, *REFERENCES)
         return tuple(dict.fromkeys(used))
 
 
-def cycloid_of(task: FitCycloidTask, folder: Path, progress: ProgressCallback, *, rivals: bool = True) -> CycloidResult:
+def fit_cycloid_of_recording(
+    task: FitCycloidTask, folder: Path, progress: ProgressCallback, *, rivals: bool = True
+) -> CycloidResult:
     """Fit a cycloid to every step of ``task.recording`` in ``folder``; covers 0.02 to 0.95 of the progress.
 
     Without ``rivals`` the simpler curves are not fitted, which halves the time.
@@ -65,11 +67,11 @@ def cycloid_of(task: FitCycloidTask, folder: Path, progress: ProgressCallback, *
     step is measured (``require_steps``).
     """
     request = task.input
-    method = method_asked(request)
+    method = requested_method(request)
     try:
-        prepared = prepare(task, folder, progress, needs_force=method != GeometryOnly.name)
+        prepared = prepare_com_inputs(task, folder, progress, needs_force=method != GeometryOnly.name)
     except NotEstimable:
-        _require_walk_in(task, folder)
+        _require_walk_recording(task, folder)
         raise
     recording, landmarks = prepared.trial.recording, prepared.trial.match.landmarks
     latency_s = prepared.latency.applied_s
@@ -83,9 +85,9 @@ def cycloid_of(task: FitCycloidTask, folder: Path, progress: ProgressCallback, *
 
     progress(0.7, "estimating the centre of mass")
     floor = _floor_velocity_m_s(prepared)
-    in_place = fused(method, request, prepared, beyond_window=request.window_s is None)
-    quality = quality_of(prepared, in_place)
-    estimate = _over_floor(in_place, floor)
+    in_place = estimate_with_fallback(method, request, prepared, beyond_window=request.window_s is None)
+    quality = assess_estimate(prepared, in_place)
+    estimate = _relative_to_floor(in_place, floor)
 
     progress(0.85, "fitting the wheel of every step")
     ahead = recording.walking_direction
@@ -93,26 +95,26 @@ def cycloid_of(task: FitCycloidTask, folder: Path, progress: ProgressCallback, *
         ahead = walk_frame(estimate.velocity_m_s)[0]
     fits = fit_steps(estimate, wanted, ahead, windows)
     overlaps = strike_to_strike(estimate, seen, windows, ahead)
-    between = scatter(fits, overlaps)
-    summary = summary_of(prepared, estimate, quality, ahead, seen, fits, overlaps, between, rivals=rivals)
+    between = step_scatter(fits, overlaps)
+    summary = cycloid_summary(prepared, estimate, quality, ahead, seen, fits, overlaps, between, rivals=rivals)
     return CycloidResult(prepared, estimate, floor, ahead, seen, fits, summary)
 
 
-def _require_walk_in(task: FitCycloidTask, folder: Path) -> None:
+def _require_walk_recording(task: FitCycloidTask, folder: Path) -> None:
     """Raise the error of ``require_walk`` if the recording is not a walk, before reporting missing inputs."""
-    trial = examine(task.recording, folder)
+    trial = examine_trial(task.recording, folder)
     if trial.match.name is not None:
         landmarks = trial.match.landmarks
         require_walk(trial.recording, landmarks, find_contacts(trial.recording, landmarks))
 
 
-def _floor_velocity_m_s(prepared: Prepared) -> Vector3:
+def _floor_velocity_m_s(prepared: ComInputs) -> Vector3:
     recording = prepared.trial.recording
     feet = find_feet(recording, prepared.trial.match.landmarks)
     return ground_velocity_m_s(recording, [f.markers_m[:, k] for f in feet for k in range(f.markers_m.shape[1])])
 
 
-def _over_floor(estimate: ComEstimate, floor_m_s: Vector3) -> ComEstimate:
+def _relative_to_floor(estimate: ComEstimate, floor_m_s: Vector3) -> ComEstimate:
     """Position and velocity relative to the walking surface."""
     if not floor_m_s.any():
         return estimate

@@ -9,16 +9,16 @@ from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.centroidal.problem import CentroidalProblem
 from stridelab.centroidal.solver import solve
 from stridelab.errors import Fault, NotEstimable
-from stridelab.pipelines.plan_problem import iterations_to, limits_of, require_time, solver_of
+from stridelab.pipelines.plan_problem import iteration_callback, limits_of, require_time, solver_of
 from stridelab.pipelines.progress import ProgressCallback
 from stridelab.schemas.base import Remark
 from stridelab.schemas.plans import PlanMotionInput
 
-FIRST: Final = 0.3
+FIRST_SOLVE_SHARE: Final = 0.3
 """Share of the progress taken by the first of two solves."""
 
 
-def shape_of(request: PlanMotionInput) -> Shape:
+def force_shape(request: PlanMotionInput) -> Shape:
     """Force interpolation between nodes: as requested, else cubic if the whole body has to track the forces."""
     if request.shape is not None:
         return request.shape
@@ -26,7 +26,7 @@ def shape_of(request: PlanMotionInput) -> Shape:
     return "cubic" if splines else "constant"
 
 
-def planned(
+def solve_centroidal(
     problem: CentroidalProblem, request: PlanMotionInput, tell: ProgressCallback
 ) -> tuple[CentroidalProblem, CentroidalPlan]:
     """Solve the centroidal problem; returns the solved problem and its plan.
@@ -35,33 +35,35 @@ def planned(
     converge and splines were not requested, the constant forces are returned. Raises ``NotEstimable``
     (``plan-time-limit``, ``plan-not-converged``).
     """
-    if shape_of(request) == "constant":
-        return problem, _converged(problem, request, _solved(problem, request, tell))
-    plan = _converged(problem, request, _solved(problem, request, _part(tell, 0.0, FIRST)))
+    if force_shape(request) == "constant":
+        return problem, _require_converged(problem, request, _solve_request(problem, request, tell))
+    plan = _require_converged(
+        problem, request, _solve_request(problem, request, _progress_part(tell, 0.0, FIRST_SOLVE_SHARE))
+    )
     smooth = replace(problem, sequence=plan.sequence, durations=None, shape="cubic")
-    spline_plan = _solved(smooth, request, _part(tell, FIRST, 1.0))
+    spline_plan = _solve_request(smooth, request, _progress_part(tell, FIRST_SOLVE_SHARE, 1.0))
     if spline_plan.converged or request.shape is not None:
-        return smooth, _converged(smooth, request, spline_plan)
+        return smooth, _require_converged(smooth, request, spline_plan)
     return problem, plan
 
 
-def jumps(problem: CentroidalProblem, request: PlanMotionInput) -> tuple[Remark, ...]:
+def force_jump_remarks(problem: CentroidalProblem, request: PlanMotionInput) -> tuple[Remark, ...]:
     """A remark if force splines were attempted and the plan has piecewise constant forces."""
-    if shape_of(request) == problem.shape:
+    if force_shape(request) == problem.shape:
         return ()
     message = "The problem with continuous forces did not converge: the planned forces jump from node to node."
     return (Remark(code="forces-jump", message=message),)
 
 
-def _part(tell: ProgressCallback, begin: float, end: float) -> ProgressCallback:
+def _progress_part(tell: ProgressCallback, begin: float, end: float) -> ProgressCallback:
     return lambda fraction, message: tell(begin + (end - begin) * fraction, message)
 
 
-def _solved(problem: CentroidalProblem, request: PlanMotionInput, tell: ProgressCallback) -> CentroidalPlan:
-    return solve(problem, solver_of(request), limits_of(request), tell=iterations_to(tell))
+def _solve_request(problem: CentroidalProblem, request: PlanMotionInput, tell: ProgressCallback) -> CentroidalPlan:
+    return solve(problem, solver_of(request), limits_of(request), on_iteration=iteration_callback(tell))
 
 
-def _converged(problem: CentroidalProblem, request: PlanMotionInput, plan: CentroidalPlan) -> CentroidalPlan:
+def _require_converged(problem: CentroidalProblem, request: PlanMotionInput, plan: CentroidalPlan) -> CentroidalPlan:
     if plan.converged:
         return plan
     require_time(request, plan)
@@ -71,7 +73,7 @@ def _converged(problem: CentroidalProblem, request: PlanMotionInput, plan: Centr
         f"The centroidal plan of {problem.sequence.name!r} did not converge: {plan.status} after {plan.iterations} "
         f"iterations. {diagnosis.sentence}",
         [
-            *(Fault(finding.where, finding.says) for finding in diagnosis.findings),
+            *(Fault(finding.location, finding.description) for finding in diagnosis.findings),
             Fault("solver", f"{plan.solver}: {plan.status}"),
         ],
     )

@@ -10,15 +10,15 @@ from typing import Final, Literal
 from stridelab.centroidal.contact_wrench import ContactWrench
 from stridelab.centroidal.control import Control
 from stridelab.centroidal.free_variables import FreeDurations
-from stridelab.centroidal.native.availability import Missing, availability
-from stridelab.centroidal.nlp.callbacks import Iterate, Tell
-from stridelab.centroidal.nlp.solvers import DEFAULT_LIMITS, TIME_IS_UP, Limits
+from stridelab.centroidal.native.availability import NativeUnavailable, native_availability
+from stridelab.centroidal.nlp.callbacks import Iterate, IterationCallback
+from stridelab.centroidal.nlp.solvers import DEFAULT_LIMITS, TIME_LIMIT_STATUS, Limits
 from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.centroidal.point_forces import PYRAMIDS, CircularCones
 from stridelab.contacts.effector_geometry import effector_shapes
 from stridelab.contacts.sequence import ContactSequence
 from stridelab.contacts.validation.parse import DURATION_S
-from stridelab.contacts.validation.validate import judge, outline
+from stridelab.contacts.validation.validate import validate_and_build, validate_quickly
 from stridelab.errors import Fault, InvalidInput, NotEstimable
 from stridelab.pipelines.progress import ProgressCallback
 from stridelab.reachability.card import Measure
@@ -31,7 +31,7 @@ from stridelab.schemas.scenarios import Scenario
 from stridelab.schemas.sweeps import SweepInput
 
 
-def freedom(request: PlanMotionInput, sequence: ContactSequence) -> FreeDurations | None:
+def free_durations(request: PlanMotionInput, sequence: ContactSequence) -> FreeDurations | None:
     """The requested bounds, tightened so that the planned scenario remains valid; None for fixed durations."""
     if not request.free_durations:
         return None
@@ -43,7 +43,7 @@ def freedom(request: PlanMotionInput, sequence: ContactSequence) -> FreeDuration
     )
 
 
-def as_planned(scenario: Scenario, sequence: ContactSequence) -> Scenario:
+def with_planned_durations(scenario: Scenario, sequence: ContactSequence) -> Scenario:
     """The scenario with the durations of the planned sequence."""
     phases = [
         phase.model_copy(update={"duration_s": planned.duration_s})
@@ -66,24 +66,24 @@ CONTROLS: Final[Mapping[str, Control]] = {
     "wrench": ContactWrench(),
 }
 """Control parametrisations by the names of ``formulation``."""
-USUAL_ITERATIONS: Final = 20.0
+HALF_PROGRESS_ITERATIONS: Final = 20.0
 """Iterations at half progress; the progress approaches 1 asymptotically."""
 
 
-def native_missing() -> str | None:
+def native_unavailable_reason() -> str | None:
     """The reason why the C++ solver is unavailable, as a sentence; None if it is available."""
-    state = availability()
-    return state.reason[:1].upper() + state.reason[1:] if isinstance(state, Missing) else None
+    state = native_availability()
+    return state.reason[:1].upper() + state.reason[1:] if isinstance(state, NativeUnavailable) else None
 
 
-def taken(formulation: Formulation) -> Formulation:
+def resolve_formulation(formulation: Formulation) -> Formulation:
     """Replace ``forces`` (linearised pyramids) by circular cones if the C++ solver, which supports them, is present."""
-    return "circular-cones" if formulation == "forces" and native_missing() is None else formulation
+    return "circular-cones" if formulation == "forces" and native_unavailable_reason() is None else formulation
 
 
 def formulation_of(request: PlanMotionInput | SweepInput) -> Formulation:
     """The formulation to use; the requested one (pyramids for ``forces``) if a CasADi solver is requested."""
-    return taken(request.formulation) if request.solver in ("auto", "native") else request.formulation
+    return resolve_formulation(request.formulation) if request.solver in ("auto", "native") else request.formulation
 
 
 def control_of(request: PlanMotionInput | SweepInput) -> Control:
@@ -99,7 +99,7 @@ def solver_of(request: PlanMotionInput | SweepInput) -> Literal["auto", "native"
     if request.solver in ("native", "ipopt", "fatrop"):
         return request.solver
     limited = isinstance(request, PlanMotionInput) and request.time_limit_s is not None
-    if request.solver == "auto" and native_missing() is None:
+    if request.solver == "auto" and native_unavailable_reason() is None:
         return "auto"
     return "ipopt" if limited else "casadi"
 
@@ -110,30 +110,32 @@ def limits_of(request: PlanMotionInput | SweepInput) -> Limits:
     return DEFAULT_LIMITS if cpu_s is None else Limits(DEFAULT_LIMITS.iterations, cpu_s)
 
 
-def because(asked: str, served: Collection[str], lacked: str | None) -> str | None:
+def native_unused_reason(requested: str, solvers_used: Collection[str], unsupported_feature: str | None) -> str | None:
     """Reason why the C++ solver was not used, as a sentence; None if it was. ``lacked``: the unsupported feature."""
-    if set(served) == {"native"}:
+    if set(solvers_used) == {"native"}:
         return None
-    if asked not in ("auto", "native"):
-        return f"{asked} was requested."
-    missing = native_missing()
+    if requested not in ("auto", "native"):
+        return f"{requested} was requested."
+    missing = native_unavailable_reason()
     if missing is not None:
         return missing
-    if lacked is not None:
-        return f"The C++ solver does not support {lacked}."
+    if unsupported_feature is not None:
+        return f"The C++ solver does not support {unsupported_feature}."
     return "The C++ solver did not solve every problem; CasADi was used for the others."
 
 
 def require_solver(name: str) -> None:
     """Raise ``NotEstimable`` (``solver-unavailable``) if the C++ solver is requested and unavailable."""
-    missing = native_missing() if name == "native" else None
+    missing = native_unavailable_reason() if name == "native" else None
     if missing is not None:
         raise NotEstimable("solver-unavailable", missing, [Fault("solver", "native is not available")])
 
 
 def require_durations(request: PlanMotionInput) -> None:
     """Raise ``NotEstimable`` (``solver-unavailable``) for free durations that need the unavailable C++ solver."""
-    missing = native_missing() if request.free_durations and request.formulation == "circular-cones" else None
+    missing = (
+        native_unavailable_reason() if request.free_durations and request.formulation == "circular-cones" else None
+    )
     if missing is not None:
         raise NotEstimable(
             "solver-unavailable",
@@ -146,7 +148,7 @@ def require_durations(request: PlanMotionInput) -> None:
 def require_time(request: PlanMotionInput, plan: CentroidalPlan) -> None:
     """Raise ``NotEstimable`` (``plan-time-limit``) if the requested time limit stopped the solver."""
     last = plan.solution.attempts[-1] if plan.solution is not None else None
-    if request.time_limit_s is None or last is None or TIME_IS_UP not in last.status:
+    if request.time_limit_s is None or last is None or TIME_LIMIT_STATUS not in last.status:
         return
     raise NotEstimable(
         "plan-time-limit",
@@ -156,44 +158,44 @@ def require_time(request: PlanMotionInput, plan: CentroidalPlan) -> None:
     )
 
 
-def iterations_to(tell: ProgressCallback) -> Tell:
+def iteration_callback(tell: ProgressCallback) -> IterationCallback:
     """Iteration callback of a solver that reports to ``tell``; the number of iterations is not known in advance."""
 
-    def on(at: Iterate) -> None:
+    def report_iteration(iterate: Iterate) -> None:
         tell(
-            at.number / (at.number + USUAL_ITERATIONS),
-            f"iteration {at.number}, cost {at.objective:.4g}, infeasibility {at.infeasibility:.1e}",
+            iterate.number / (iterate.number + HALF_PROGRESS_ITERATIONS),
+            f"iteration {iterate.number}, cost {iterate.objective:.4g}, infeasibility {iterate.infeasibility:.1e}",
         )
 
-    return on
+    return report_iteration
 
 
-def checked(scenario: Scenario) -> tuple[ContactSequence, tuple[Remark, ...]]:
+def validate_scenario(scenario: Scenario) -> tuple[ContactSequence, tuple[Remark, ...]]:
     """Validate a scenario; returns its contact sequence and the remarks of the validation.
 
     Raises ``InvalidInput`` (``scenario-invalid``), naming phase and effector, and ``NotFound`` (``robot-not-found``).
     """
-    report, sequence = judge(scenario.model_dump(mode="json"), effector_shapes(scenario.robot))
+    report, sequence = validate_and_build(scenario.model_dump(mode="json"), effector_shapes(scenario.robot))
     if sequence is None:
-        raise _invalid(report.faults)
+        raise _scenario_invalid(report.faults)
     return sequence, tuple(Remark(code=r.code, message=r.message) for r in report.remarks)
 
 
-def outlined(scenario: Scenario) -> ContactSequence:
+def contact_sequence_of(scenario: Scenario) -> ContactSequence:
     """Faster variant of ``checked`` without remarks and without the static equilibrium of each phase."""
-    faults, sequence = outline(scenario.model_dump(mode="json"), effector_shapes(scenario.robot))
+    faults, sequence = validate_quickly(scenario.model_dump(mode="json"), effector_shapes(scenario.robot))
     if sequence is None:
-        raise _invalid(faults)
+        raise _scenario_invalid(faults)
     return sequence
 
 
-def _invalid(faults: Sequence[Fault]) -> InvalidInput:
+def _scenario_invalid(faults: Sequence[Fault]) -> InvalidInput:
     more = f" and {len(faults) - 1} more" if len(faults) > 1 else ""
     message = f"The robot cannot do this: {faults[0].where}: {faults[0].message}{more}."
     return InvalidInput("scenario-invalid", message, faults)
 
 
-def densities(robot: Robot, measure: Measure) -> Mapping[str, Proxy]:
+def load_densities(robot: Robot, measure: Measure) -> Mapping[str, Proxy]:
     """The learned reachability densities of this robot.
 
     Raises ``Unavailable`` (``reachability-of-another-robot``).

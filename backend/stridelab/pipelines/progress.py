@@ -27,20 +27,20 @@ class Stages:
         self.times_s: dict[str, float] = {}
 
     @contextmanager
-    def at(self, name: str, doing: str) -> Iterator[ProgressCallback]:
+    def run_stage(self, name: str, activity: str) -> Iterator[ProgressCallback]:
         """Context of one stage; yields a callback for the fraction of the stage from 0 to 1.
 
         A ``StridelabError`` raised inside gets the additional fault ``stage: <name>``.
         """
         first, share = self._parts[name]
 
-        def tell(fraction: float, message: str) -> None:
+        def report_progress(fraction: float, message: str) -> None:
             self._progress(first + share * min(max(fraction, 0.0), 1.0), f"{name}: {message}")
 
         started = time.perf_counter()
-        tell(0.0, doing)
+        report_progress(0.0, activity)
         try:
-            yield tell
+            yield report_progress
         except StridelabError as error:
             fault = Fault(f"stage: {name}", f"stopped after {time.perf_counter() - started:.1f} s")
             error.faults = (*error.faults, fault)

@@ -5,16 +5,16 @@ from collections.abc import Sequence
 
 from stridelab.estimation.estimator import ComEstimate
 from stridelab.estimation.markers_only import GeometryOnly
-from stridelab.estimation.quality import Check, Recorded, assess_quality, worst
+from stridelab.estimation.quality import Check, Recorded, assess_quality, worst_verdict
 from stridelab.estimation.quality import Quality as Assessed
-from stridelab.pipelines.com_inputs import Prepared
+from stridelab.pipelines.com_inputs import ComInputs
 from stridelab.schemas import quality as contract
 
-LARGEST = 1e12
+MAX_REPORTED_VALUE = 1e12
 """Replaces infinite values, which JSON cannot represent."""
 
 
-def quality_of(prepared: Prepared, estimate: ComEstimate) -> Assessed:
+def assess_estimate(prepared: ComInputs, estimate: ComEstimate) -> Assessed:
     """Check one estimate against its inputs."""
     recorded = Recorded(
         recording=prepared.trial.recording,
@@ -29,16 +29,16 @@ def quality_of(prepared: Prepared, estimate: ComEstimate) -> Assessed:
     return assess_quality(recorded, estimate)
 
 
-def as_contract(quality: Assessed) -> contract.Quality:
+def quality_schema(quality: Assessed) -> contract.Quality:
     """Convert a quality assessment to the response schema."""
     return contract.Quality(
         verdict=quality.verdict,
-        checks=[_check(check) for check in quality.checks],
+        checks=[_check_schema(check) for check in quality.checks],
         not_checked=dict(quality.not_checked),
     )
 
 
-def of_all(qualities: Sequence[contract.Quality]) -> contract.Quality:
+def worst_quality(qualities: Sequence[contract.Quality]) -> contract.Quality:
     """The worst value of every check; a check made in no result has the reason given by the first."""
     checks: dict[str, contract.QualityCheck] = {}
     for check in (check for quality in qualities for check in quality.checks):
@@ -49,14 +49,16 @@ def of_all(qualities: Sequence[contract.Quality]) -> contract.Quality:
     for quality in qualities:
         missing = {name: why for name, why in quality.not_checked.items() if name not in checks} | missing
     return contract.Quality(
-        verdict=worst(quality.verdict for quality in qualities), checks=list(checks.values()), not_checked=missing
+        verdict=worst_verdict(quality.verdict for quality in qualities),
+        checks=list(checks.values()),
+        not_checked=missing,
     )
 
 
-def _check(check: Check) -> contract.QualityCheck:
+def _check_schema(check: Check) -> contract.QualityCheck:
     return contract.QualityCheck(
         name=check.name,
-        value=check.value if math.isfinite(check.value) else LARGEST,
+        value=check.value if math.isfinite(check.value) else MAX_REPORTED_VALUE,
         unit=check.unit,
         limit=check.limit,
         contradicted_above=check.contradicted_above,

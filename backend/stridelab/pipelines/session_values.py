@@ -9,13 +9,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from stridelab.estimation.random_effects import Pooled, pool
+from stridelab.estimation.random_effects import Pooled, pool_measurements
 from stridelab.schemas.recordings import RecordingFacts
 from stridelab.schemas.sessions import SessionTrial, SessionValues
 
-CORNER_M: Final = 0.001
+CORNER_RESOLUTION_M: Final = 0.001
 """Resolution at which plate corners are compared."""
-PLATES_SHARE: Final = 0.011
+PLATE_WEIGHT_SD_SHARE: Final = 0.011
 """Relative weight error common to all trials of a session: plates against scales, 6 adults (12 more: 1.15 %)."""
 CONTACT_TYPE: Final = 0
 """Plate type of contacts read from a MOT file; their corners only bound the centre of pressure of that trial."""
@@ -36,15 +36,17 @@ def session_values(session_id: str, own: TrialFacts, others: Sequence[TrialFacts
 
     Latency and mass are pooled over the trials measured with the same plates at the same rates.
     """
-    same_setup = [one for one in _distinct(own, others) if setup_of(one.facts) == setup_of(own.facts)]
+    same_setup = [one for one in _distinct_trials(own, others) if equipment_key(one.facts) == equipment_key(own.facts)]
     same_setup.sort(key=lambda one: one.recording_id)
     clocks = {one.recording_id: one.facts.clock for one in same_setup if one.facts.clock is not None}
     weighed = {one.recording_id: (one.facts.mass_from_force_kg, one.facts.mass_from_force_sd_kg) for one in same_setup}
     masses = {name: (kg, sd) for name, (kg, sd) in weighed.items() if kg is not None and sd is not None}
     if not (clocks.keys() | masses.keys()) - {own.recording_id}:
         return None
-    latency = _pooled({name: (clock.latency_s, clock.sd_s) for name, clock in clocks.items()}, own.recording_id)
-    mass = _pooled(masses, own.recording_id)
+    latency = _pool_with_others(
+        {name: (clock.latency_s, clock.sd_s) for name, clock in clocks.items()}, own.recording_id
+    )
+    mass = _pool_with_others(masses, own.recording_id)
     latency_weights = {} if latency is None else dict(zip(clocks, latency.weights, strict=True))
     mass_weights = {} if mass is None else dict(zip(masses, mass.weights, strict=True))
     trials = []
@@ -70,44 +72,44 @@ def session_values(session_id: str, own: TrialFacts, others: Sequence[TrialFacts
         latency_excess_s=None if latency is None else latency.excess_sd,
         latency_n_trials=0 if latency is None else latency.n,
         mass_kg=None if mass is None else mass.mean,
-        mass_sd_kg=None if mass is None else math.hypot(mass.sd, PLATES_SHARE * mass.mean),
+        mass_sd_kg=None if mass is None else math.hypot(mass.sd, PLATE_WEIGHT_SD_SHARE * mass.mean),
         mass_n_trials=0 if mass is None else mass.n,
         trials=trials,
     )
 
 
-def static_of(own: TrialFacts, others: Sequence[TrialFacts]) -> TrialFacts | None:
+def select_static_trial(own: TrialFacts, others: Sequence[TrialFacts]) -> TrialFacts | None:
     """The static trial of a session: of its motionless trials the one with most landmarks, then most shared labels.
 
     The caller has to handle an unknown marker set.
     """
     labels = {label.lower() for label in own.facts.labels}
 
-    def worth(one: TrialFacts) -> tuple[int, int, str]:
+    def selection_key(one: TrialFacts) -> tuple[int, int, str]:
         shared = len(labels & {label.lower() for label in one.facts.labels})
         return len(one.facts.landmarks), shared, one.sha256
 
-    still = [one for one in _distinct(own, others) if one.facts.still and one.sha256 != own.sha256]
-    return max(still, key=worth, default=None)
+    still = [one for one in _distinct_trials(own, others) if one.facts.still and one.sha256 != own.sha256]
+    return max(still, key=selection_key, default=None)
 
 
-def setup_of(facts: RecordingFacts) -> tuple[object, ...]:
+def equipment_key(facts: RecordingFacts) -> tuple[object, ...]:
     """Key equal for trials with the same equipment: rates and plates; only the number of contacts of MOT files."""
     plates = []
     for plate in facts.plates:
-        corners = [round(x / CORNER_M) for corner in plate.corners_m for x in corner]
+        corners = [round(x / CORNER_RESOLUTION_M) for corner in plate.corners_m for x in corner]
         plates.append((plate.type, () if plate.type == CONTACT_TYPE else tuple(corners)))
     return facts.marker_rate_hz, facts.force_rate_hz, tuple(plates)
 
 
-def _distinct(own: TrialFacts, others: Sequence[TrialFacts]) -> list[TrialFacts]:
+def _distinct_trials(own: TrialFacts, others: Sequence[TrialFacts]) -> list[TrialFacts]:
     """``own`` and the others; of identical files only the one with the smallest id."""
     by_hash = {one.sha256: one for one in sorted(others, key=lambda one: one.recording_id, reverse=True)}
     return list({**by_hash, own.sha256: own}.values())
 
 
-def _pooled(measured: dict[str, tuple[float, float]], own: str) -> Pooled | None:
+def _pool_with_others(measured: dict[str, tuple[float, float]], own: str) -> Pooled | None:
     """Pool the (value, sd) pairs by trial id; None unless a trial other than ``own`` has a value."""
     if not measured.keys() - {own}:
         return None
-    return pool([value for value, _ in measured.values()], [sd for _, sd in measured.values()])
+    return pool_measurements([value for value, _ in measured.values()], [sd for _, sd in measured.values()])

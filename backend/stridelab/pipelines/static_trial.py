@@ -9,16 +9,16 @@ from pathlib import Path
 from typing import Final
 
 from stridelab.errors import Fault, InvalidInput, StridelabError
-from stridelab.pipelines.trial import Trial, examine, map_within
+from stridelab.pipelines.trial import Trial, examine_trial, map_of_present_labels
 from stridelab.recordings.marker_sets import identify
 from stridelab.recordings.recording import Recording, Remark
 from stridelab.recordings.same_body import SAME_BODY_M, body_difference
 from stridelab.recordings.standing import stands_still
 from stridelab.schemas.tasks import EstimateComTask, RecordingSource
 
-LABELS_SHARED: Final = 0.5
+MIN_SHARED_LABELS: Final = 0.5
 """Minimum share of the recording's landmark labels in the static trial; below it a remark is added."""
-LEAST_LANDMARKS: Final = 4
+MIN_LANDMARKS: Final = 4
 """Size of a marker cluster: three visible markers and the one reconstructed from them."""
 
 
@@ -52,14 +52,14 @@ def read_static(task: EstimateComTask, folder: Path) -> StaticFile:
     if task.static is None:
         return StaticFile(None)
     try:
-        return StaticFile(examine(task.static, folder))
+        return StaticFile(examine_trial(task.static, folder))
     except StridelabError as error:
-        if not _chosen(task):
+        if not _selected_from_session(task):
             raise
-        return StaticFile(None, (_not_used(task.static, error.message),))
+        return StaticFile(None, (_not_used_remark(task.static, error.message),))
 
 
-def named_static(
+def assign_static_landmarks(
     task: EstimateComTask, static: Recording, recording: Recording, landmarks: Mapping[str, str]
 ) -> tuple[StaticTrial | None, tuple[Remark, ...]]:
     """Assign landmarks to ``static``, or explain in a remark why it is not used.
@@ -72,22 +72,25 @@ def named_static(
     source = task.static
     if source is None:
         return None, ()
-    stated = {**map_within(source.marker_map, static), **map_within(task.recording.marker_map, static)}
+    stated = {
+        **map_of_present_labels(source.marker_map, static),
+        **map_of_present_labels(task.recording.marker_map, static),
+    }
     match = identify(tuple(static.markers_m), stated)
     shared = {name: label for name, label in landmarks.items() if label in static.markers_m}
     named = {**match.landmarks, **stated, **shared}
-    if len(named) < LEAST_LANDMARKS:
+    if len(named) < MIN_LANDMARKS:
         labels = ", ".join(static.markers_m)
         why = f"its {len(static.markers_m)} labels belong to no known marker set and are not those of this recording"
-        if _chosen(task):
-            return None, (_not_used(source, why),)
+        if _selected_from_session(task):
+            return None, (_not_used_remark(source, why),)
         raise InvalidInput(
             "static-unusable",
             f"The static trial {source.filename} cannot be used: {why}. Map its labels to landmarks.",
             [Fault("labels found", labels or "none")],
         )
     remarks: tuple[Remark, ...] = ()
-    if _chosen(task):
+    if _selected_from_session(task):
         message = f"{source.filename} is motionless and of the same session: it is used as the static trial."
         remarks = (Remark("static-from-session", message),)
     if match.name is None:
@@ -96,7 +99,7 @@ def named_static(
             "that it shares with this recording, or that were mapped, are used."
         )
         remarks = (*remarks, Remark("static-set-unknown", message))
-    elif len(shared) < LABELS_SHARED * len(landmarks):
+    elif len(shared) < MIN_SHARED_LABELS * len(landmarks):
         message = (
             f"The static trial {source.filename} has {len(shared)} of the {len(landmarks)} labels that are landmarks "
             f"in this recording; its other landmarks are those of its own marker set, {match.name}."
@@ -105,11 +108,11 @@ def named_static(
     if not stands_still(static):
         message = f"The subject moves in the static trial {source.filename}: the body dimensions are less certain."
         remarks = (*remarks, Remark("static-not-still", message))
-    remarks = (*remarks, *_of_another_body(source, static, named, recording, landmarks))
+    remarks = (*remarks, *_other_body_remarks(source, static, named, recording, landmarks))
     return StaticTrial(static, named, remarks), remarks
 
 
-def _of_another_body(
+def _other_body_remarks(
     source: RecordingSource,
     static: Recording,
     named: Mapping[str, str],
@@ -129,10 +132,10 @@ def _of_another_body(
     return (Remark("static-other-body", message),)
 
 
-def _chosen(task: EstimateComTask) -> bool:
+def _selected_from_session(task: EstimateComTask) -> bool:
     """Whether the static trial was selected from the session rather than given by the user."""
     return task.session is not None and task.session.static_recording_id is not None
 
 
-def _not_used(source: RecordingSource, why: str) -> Remark:
+def _not_used_remark(source: RecordingSource, why: str) -> Remark:
     return Remark("static-not-used", f"{source.filename} of the same session is motionless, but is not used: {why}.")

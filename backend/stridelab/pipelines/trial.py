@@ -47,7 +47,7 @@ class Trial:
         return None if self.force_mass is None else self.force_mass.mass_kg
 
 
-def read(source: RecordingSource, folder: Path) -> Recording:
+def read_source(source: RecordingSource, folder: Path) -> Recording:
     """Read the file of a source with the user's marker map and plate switches.
 
     Raises ``UnreadableFile`` or ``InvalidInput``; messages name the uploaded file, not its copy in ``folder``. The map
@@ -56,16 +56,16 @@ def read(source: RecordingSource, folder: Path) -> Recording:
     static_labels = frozenset(source.static_labels)
     own = {landmark: label for landmark, label in source.marker_map.items() if label not in static_labels}
     try:
-        path, plates = folder / source.file, switches(source.plates)
+        path, plates = folder / source.file, reader_switches(source.plates)
         return read_recording(path, name=source.filename, marker_map=own, plate_switches=plates)
     except StridelabError as error:
-        raise _renamed(error, source.file, source.filename) from error
+        raise _with_uploaded_name(error, source.file, source.filename) from error
 
 
-def examine(source: RecordingSource, folder: Path) -> Trial:
+def examine_trial(source: RecordingSource, folder: Path) -> Trial:
     """Read a source; identify its marker set, measured windows and the masses estimated from the force."""
-    recording = read(source, folder)
-    match = identify(tuple(recording.markers_m), map_within(source.marker_map, recording))
+    recording = read_source(source, folder)
+    match = identify(tuple(recording.markers_m), map_of_present_labels(source.marker_map, recording))
     motion = vertical_motion(recording, match.landmarks, _markers_com_m(recording, match))
     stated_kg = source.subject.mass_kg or recording.subject.mass_kg
     search = find_windows(recording, match.landmarks, motion, stated_kg=stated_kg)
@@ -84,12 +84,12 @@ def _markers_com_m(recording: Recording, match: MarkerSetMatch) -> Points | None
         return None
 
 
-def map_within(marker_map: Mapping[str, str], recording: Recording) -> dict[str, str]:
+def map_of_present_labels(marker_map: Mapping[str, str], recording: Recording) -> dict[str, str]:
     """The entries of a map (landmark to label) whose label is in the recording."""
     return {landmark: label for landmark, label in marker_map.items() if label in recording.markers_m}
 
 
-def switches(plates: Mapping[int, PlateSwitch]) -> dict[int, PlateSwitches]:
+def reader_switches(plates: Mapping[int, PlateSwitch]) -> dict[int, PlateSwitches]:
     """Convert plate switches from the request schema to those of the reader."""
     return {index: PlateSwitches(**switch.model_dump(exclude_none=True)) for index, switch in plates.items()}
 
@@ -101,6 +101,6 @@ def subject_fields(subject: Subject) -> SubjectFields:
     )
 
 
-def _renamed(error: StridelabError, stored: str, uploaded: str) -> StridelabError:
+def _with_uploaded_name(error: StridelabError, stored: str, uploaded: str) -> StridelabError:
     faults = [Fault(uploaded if fault.where == stored else fault.where, fault.message) for fault in error.faults]
     return type(error)(error.code, error.message, faults)

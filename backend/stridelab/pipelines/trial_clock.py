@@ -13,7 +13,7 @@ from stridelab.recordings.total_wrench import wrench_track
 from stridelab.schemas.recordings import TrialClock
 
 
-def weight_of(trial: Trial) -> MassEstimate | None:
+def force_mass_of(trial: Trial) -> MassEstimate | None:
     """Mass estimated from the force of this trial, None if impossible; ``sd_kg`` excludes the plates' calibration."""
     return best_mass(trial.masses)
 

@@ -75,13 +75,13 @@ class EffectorCard:
     reach: Reach
     sizes: tuple[SizeTrial, ...]
 
-    def mixture(self) -> Mixture:
+    def to_mixture(self) -> Mixture:
         """The density. Raises ``InvalidInput`` (``mixture-invalid``) for an invalid card; ``store`` validates cards."""
         return Mixture(np.array(self.weights), np.array(self.means), np.array(self.covariances))
 
-    def proxy(self) -> Proxy:
+    def to_proxy(self) -> Proxy:
         """The density in its frame. Raises as ``mixture``."""
-        return Proxy(self.mixture(), self.frame)
+        return Proxy(self.to_mixture(), self.frame)
 
 
 @dataclass(frozen=True)

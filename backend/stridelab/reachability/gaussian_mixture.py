@@ -31,32 +31,32 @@ class Mixture:
     covariances_m2: Float[np.ndarray, "k 3 3"]
 
     def __post_init__(self) -> None:
-        faults = _faults(self.weights, self.means_m, self.covariances_m2)
+        faults = _mixture_faults(self.weights, self.means_m, self.covariances_m2)
         if faults:
             places = "; ".join(f"{fault.where}: {fault.message}" for fault in faults)
             raise InvalidInput("mixture-invalid", f"Invalid Gaussian mixture: {places}.", faults)
 
     def log_density(self, points_m: Points) -> Series:
         """``log p(c)`` (nats, density per m^3) at ``(n, 3)`` points given in the contact frame."""
-        return np.asarray(logsumexp(self._terms(points_m), axis=1))
+        return np.asarray(logsumexp(self._log_weighted_densities(points_m), axis=1))
 
     def gradient(self, points_m: Points) -> Points:
         """``d log p / dc = sum_j gamma_j d_j`` (nats per m), with the pulls ``d_j = S_j^-1 (mu_j - c)``.
 
         ``gamma_j = w_j N(c; mu_j, S_j) / p(c)`` are the responsibilities.
         """
-        gamma, pulls = self._responsibilities(points_m), self._pulls(points_m)
+        gamma, pulls = self._responsibilities(points_m), self._precision_weighted_offsets(points_m)
         return np.asarray(np.einsum("nj,nja->na", gamma, pulls))
 
     def hessian(self, points_m: Points) -> Float[np.ndarray, "n 3 3"]:
         """``d2 log p / dc2 = Cov_gamma(d) - sum_j gamma_j S_j^-1`` (nats per m^2), symmetric."""
-        gamma, pulls = self._responsibilities(points_m), self._pulls(points_m)
+        gamma, pulls = self._responsibilities(points_m), self._precision_weighted_offsets(points_m)
         about_mean = np.sqrt(gamma)[..., None] * (pulls - np.einsum("nj,nja->na", gamma, pulls)[:, None])
         covariance = np.einsum("nja,njb->nab", about_mean, about_mean)
         return np.asarray(covariance - np.einsum("nj,jab->nab", gamma, self.precisions))
 
     @cached_property
-    def whitenings(self) -> Float[np.ndarray, "k 3 3"]:
+    def inverse_cholesky(self) -> Float[np.ndarray, "k 3 3"]:
         """Lower triangular ``W_j`` with ``S_j^-1 = W_j^T W_j``: the inverse Cholesky factors.
 
         For a narrow covariance they lose half as many digits as its inverse.
@@ -67,7 +67,7 @@ class Mixture:
     @cached_property
     def precisions(self) -> Float[np.ndarray, "k 3 3"]:
         """``S_j^-1``, symmetric to the last bit."""
-        W = self.whitenings
+        W = self.inverse_cholesky
         return np.asarray(np.einsum("jca,jcb->jab", W, W))
 
     def sample(self, n: int, rng: np.random.Generator) -> Points:
@@ -94,26 +94,26 @@ class Mixture:
                 break
         return np.asarray(c[np.argmax(self.log_density(c))])
 
-    def _terms(self, points_m: Points) -> Float[np.ndarray, "n k"]:
+    def _log_weighted_densities(self, points_m: Points) -> Float[np.ndarray, "n k"]:
         """``log w_j N(c; mu_j, S_j) = log w_j + log det W_j - |W_j (c - mu_j)|^2 / 2 - 3/2 log 2 pi``."""
-        W = self.whitenings
+        W = self.inverse_cholesky
         terms = np.empty((len(points_m), len(self.weights)))
         for j, (W_j, mu) in enumerate(zip(W, self.means_m, strict=True)):
             terms[:, j] = -0.5 * (((points_m - mu) @ W_j.T) ** 2).sum(axis=1)
         log_det = np.log(W.diagonal(axis1=1, axis2=2)).sum(axis=1)
         return np.asarray(terms + np.log(self.weights) + log_det - 1.5 * np.log(2 * np.pi))
 
-    def _pulls(self, points_m: Points) -> Float[np.ndarray, "n k 3"]:
-        W = self.whitenings
+    def _precision_weighted_offsets(self, points_m: Points) -> Float[np.ndarray, "n k 3"]:
+        W = self.inverse_cholesky
         whitened = np.einsum("jab,njb->nja", W, self.means_m - points_m[:, None])
         return np.asarray(np.einsum("jba,njb->nja", W, whitened))
 
     def _responsibilities(self, points_m: Points) -> Float[np.ndarray, "n k"]:
-        terms = self._terms(points_m)
+        terms = self._log_weighted_densities(points_m)
         return np.asarray(np.exp(terms - logsumexp(terms, axis=1, keepdims=True)))
 
 
-def _faults(
+def _mixture_faults(
     w: Float[np.ndarray, "k"], mu: Float[np.ndarray, "k 3"], S: Float[np.ndarray, "k 3 3"]
 ) -> tuple[Fault, ...]:
     faults = [

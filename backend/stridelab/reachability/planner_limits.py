@@ -20,7 +20,7 @@ STEP_SHARE: Final = 0.31
 """Step length over h (TALOS: 0.30 m, the depth of its stairs)."""
 RISE_SHARE: Final = 0.19
 """Highest stair over h (TALOS: 0.18 m; its shank hits a stair of 0.20 m, but not one of 0.15 m)."""
-FEET_APART_M: Final = 0.03
+FEET_GAP_M: Final = 0.03
 """Minimum gap between two soles side by side."""
 FEET: Final = ("left_foot", "right_foot")
 
@@ -38,13 +38,13 @@ def planner_limits(robot_name: str) -> RobotLimits:
         if shape.reach is None or name not in card.effectors:
             raise NotFound("reachability-not-learned", f"The reach of {name} of {robot_name} has not been learned.")
         upright = card.effectors[name].reach
-        heading = _within(upright, shape.reach) if shape.kind == "surface" else _plain(upright)
+        heading = _intersect_reach(upright, shape.reach) if shape.kind == "surface" else _to_effector_reach(upright)
         effectors[name] = EffectorLimits(shape.kind, shape.half_size_m or (0.0, 0.0), heading, shape.reach)
     h = max(effectors[name].heading.com_high_m[2] for name in FEET)
     soles = sum(effectors[name].half_size_m[1] for name in FEET)
     defaults = StepDefaults(
-        step_m=STEP_SHARE * h, rise_max_m=RISE_SHARE * h, width_m=soles + 2 * FEET_APART_M,
-        width_min_m=soles + FEET_APART_M,
+        step_m=STEP_SHARE * h, rise_max_m=RISE_SHARE * h, width_m=soles + 2 * FEET_GAP_M,
+        width_min_m=soles + FEET_GAP_M,
     )  # fmt: skip
     return RobotLimits(MappingProxyType(effectors), _feet_distance_m(card), defaults)
 
@@ -53,11 +53,11 @@ def _feet_distance_m(card: ReachabilityCard) -> float:
     return next(pair.distance_max_m for pair in card.pairs if set(pair.effectors) == set(FEET))
 
 
-def _plain(reach: Reach) -> EffectorReach:
+def _to_effector_reach(reach: Reach) -> EffectorReach:
     return EffectorReach(reach.com_low_m, reach.com_high_m, reach.com_distance_max_m)
 
 
-def _within(reach: Reach, widest: EffectorReach) -> EffectorReach:
+def _intersect_reach(reach: Reach, widest: EffectorReach) -> EffectorReach:
     """Intersection of both limits; on level ground the frame of a sole is the heading frame."""
     low, high = np.maximum(reach.com_low_m, widest.com_low_m), np.minimum(reach.com_high_m, widest.com_high_m)
     (x0, y0, z0), (x1, y1, z1) = low.tolist(), high.tolist()

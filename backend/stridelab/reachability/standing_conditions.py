@@ -34,7 +34,7 @@ class Stance:
     step: float = 0.25
     toe_gap: float = 0.055
 
-    def drawn_soles(self, n: int, side: float, rng: np.random.Generator) -> tuple[Points, Float[np.ndarray, "n"]]:
+    def draw_soles(self, n: int, side: float, rng: np.random.Generator) -> tuple[Points, Float[np.ndarray, "n"]]:
         """Draw positions (relative to ``l``) and yaws of the second sole in the frame of the first, not all in ``E``.
 
         ``side`` is +1 if the second sole is on the left.
@@ -43,7 +43,7 @@ class Stance:
         turn = np.radians(self.toes_deg)
         return p * [1.0, side, 1.0], rng.uniform(-turn, turn, n)
 
-    def stepped(self, p: Points, side: float) -> Mask:
+    def within_step(self, p: Points, side: float) -> Mask:
         """Whether a sole at ``p`` (relative to ``l``) in the frame of another one is within a step."""
         least, most = self.aside
         return np.asarray(
@@ -53,18 +53,18 @@ class Stance:
             & (side * p[:, 1] <= most)
         )
 
-    def drawn_bases(self, heading_rad: Float[np.ndarray, "n"], rng: np.random.Generator) -> Rotations:
+    def draw_trunks(self, heading_rad: Float[np.ndarray, "n"], rng: np.random.Generator) -> Rotations:
         """Draw world orientations of the trunk with uniform roll, pitch and yaw, not all upright."""
         most = np.radians(self.upright_deg)
         roll, pitch, yaw = rng.uniform(-most, most, (3, len(heading_rad)))
-        return np.asarray(about(2, heading_rad + yaw) @ about(1, pitch) @ about(0, roll))
+        return np.asarray(axis_rotations(2, heading_rad + yaw) @ axis_rotations(1, pitch) @ axis_rotations(0, roll))
 
-    def upright(self, R_world_trunk: Rotations) -> Mask:
+    def is_upright(self, R_world_trunk: Rotations) -> Mask:
         """Whether the trunk is upright."""
         return np.asarray(R_world_trunk[:, 2, 2] >= np.cos(np.radians(self.upright_deg)))
 
 
-def about(axis: int, angle_rad: Float[np.ndarray, "n"]) -> Rotations:
+def axis_rotations(axis: int, angle_rad: Float[np.ndarray, "n"]) -> Rotations:
     """Rotations about a coordinate axis (0, 1, 2)."""
     R = np.zeros((len(angle_rad), 3, 3))
     i, j = (axis + 1) % 3, (axis + 2) % 3

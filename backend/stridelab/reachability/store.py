@@ -55,7 +55,7 @@ def load_proxies(robot_name: str, measure: Measure = DEFAULT_MEASURE) -> Mapping
     Raises as ``load_card``.
     """
     effectors = load_card(robot_name, measure).effectors
-    return MappingProxyType({name: effector.proxy() for name, effector in effectors.items()})
+    return MappingProxyType({name: effector.to_proxy() for name, effector in effectors.items()})
 
 
 @cache
@@ -65,11 +65,11 @@ def load_card(robot_name: str, measure: Measure = DEFAULT_MEASURE) -> Reachabili
     Raises ``NotFound`` (``robot-not-found``; ``reachability-not-learned`` if there is no file), ``InvalidInput``
     (``measure-unknown``) and ``UnreadableFile`` (``reachability-damaged``).
     """
-    path = _bundled(robot_name, measure, ".json")
-    card = read(path)
+    path = _bundled_path(robot_name, measure, ".json")
+    card = read_card(path)
     for field, expected in (("robot", robot_name), ("measure", measure)):
         if (value := getattr(card, field)) != expected:
-            raise _damaged(path, [Fault(field, f"the file contains {value!r}")])
+            raise _damaged_file(path, [Fault(field, f"the file contains {value!r}")])
     return card
 
 
@@ -78,11 +78,11 @@ def load_cloud(robot_name: str, measure: Measure = DEFAULT_MEASURE) -> Mapping[s
 
     Raises as ``load_card``.
     """
-    path = _bundled(robot_name, measure, ".npz")
+    path = _bundled_path(robot_name, measure, ".npz")
     cloud = read_cloud(path)
     if cloud.keys() != (expected := load_card(robot_name, measure).effectors.keys()):
         message = f"it has samples of {', '.join(sorted(cloud))}, the card of {', '.join(sorted(expected))}"
-        raise _damaged(path, [Fault("effectors", message)])
+        raise _damaged_file(path, [Fault("effectors", message)])
     return cloud
 
 
@@ -97,32 +97,34 @@ def require_same_robot(card: ReachabilityCard, robot: "stridelab.robots.robot.Ro
         )
 
 
-def read(path: Path) -> ReachabilityCard:
+def read_card(path: Path) -> ReachabilityCard:
     """A card from a file. Raises ``UnreadableFile`` (``reachability-damaged``) naming file and invalid fields."""
     try:
         # JSON is strict about types, and still takes a list for a tuple
         card = TypeAdapter(ReachabilityCard).validate_json(path.read_bytes(), strict=True)
     except ValidationError as error:
         faults = [Fault(field_path(item["loc"]), item["msg"]) for item in error.errors()]
-        raise _damaged(path, faults) from error
+        raise _damaged_file(path, faults) from error
     except OSError as error:
-        raise _damaged(path, [Fault("", "it cannot be read")]) from error
-    faults = [fault for name, effector in card.effectors.items() for fault in _faults(f"effectors.{name}", effector)]
+        raise _damaged_file(path, [Fault("", "it cannot be read")]) from error
+    faults = [
+        fault for name, effector in card.effectors.items() for fault in _effector_faults(f"effectors.{name}", effector)
+    ]
     try:
         date.fromisoformat(card.learned_on)
     except ValueError:
         faults.append(Fault("learned_on", f"{card.learned_on!r} is not a date"))
     if faults:
-        raise _damaged(path, faults)
+        raise _damaged_file(path, faults)
     return card
 
 
-def save(path: Path, card: ReachabilityCard) -> None:
+def save_card(path: Path, card: ReachabilityCard) -> None:
     """Write a card; ``read`` restores it bit for bit."""
-    path.write_text(text(card), encoding="utf-8")
+    path.write_text(card_json(card), encoding="utf-8")
 
 
-def text(card: ReachabilityCard) -> str:
+def card_json(card: ReachabilityCard) -> str:
     """The card as JSON, every vector on one line."""
     spread = json.dumps(asdict(card), indent=1, ensure_ascii=False, allow_nan=False)
     return _NUMBERS.sub(lambda match: "[" + re.sub(r"\s+", " ", match[1]) + "]", spread) + "\n"
@@ -135,17 +137,17 @@ def read_cloud(path: Path) -> Mapping[str, Points]:
         with zipfile.ZipFile(path) as packed:
             large = [member.filename for member in packed.infolist() if member.file_size > CLOUD_BYTES_MAX]
             if large:
-                raise _damaged(path, [Fault(name, "it is too large") for name in large])
+                raise _damaged_file(path, [Fault(name, "it is too large") for name in large])
             if (spoilt := packed.testzip()) is not None:
-                raise _damaged(path, [Fault(spoilt, "its checksum is wrong")])
+                raise _damaged_file(path, [Fault(spoilt, "its checksum is wrong")])
         with np.load(path, allow_pickle=False) as arrays:
             for name in arrays.files:
                 values = arrays[name]
                 if values.dtype != np.int16 or values.ndim != 2 or values.shape[1:] != (3,) or not len(values):
-                    raise _damaged(path, [Fault(name, f"it is {values.dtype} of shape {values.shape}")])
+                    raise _damaged_file(path, [Fault(name, f"it is {values.dtype} of shape {values.shape}")])
                 cloud[name] = values * UNIT_M
     except _UNREADABLE as error:
-        raise _damaged(path, [Fault("", "it is not an archive of plain arrays")]) from error
+        raise _damaged_file(path, [Fault("", "it is not an archive of plain arrays")]) from error
     return MappingProxyType(cloud)
 
 
@@ -156,7 +158,7 @@ def save_cloud(path: Path, com_m: Mapping[str, Points]) -> None:
         np.savez_compressed(file, allow_pickle=False, **whole)
 
 
-def _bundled(robot_name: str, measure: str, suffix: str) -> Path:
+def _bundled_path(robot_name: str, measure: str, suffix: str) -> Path:
     """Path of a bundled file; checks the names of robot and measure."""
     if robot_name not in robot_names():
         raise NotFound("robot-not-found", f"There is no robot {robot_name!r}; there is {', '.join(robot_names())}.")
@@ -170,7 +172,7 @@ def _bundled(robot_name: str, measure: str, suffix: str) -> Path:
     return path
 
 
-def _faults(where: str, effector: EffectorCard) -> list[Fault]:
+def _effector_faults(where: str, effector: EffectorCard) -> list[Fault]:
     """Faults that the types do not exclude."""
     k = effector.components
     counts = {name: len(getattr(effector, name)) for name in ("weights", "means", "covariances")}
@@ -184,13 +186,13 @@ def _faults(where: str, effector: EffectorCard) -> list[Fault]:
     if wrong:
         return wrong
     try:
-        effector.mixture()
+        effector.to_mixture()
     except InvalidInput as error:
         return [Fault(f"{where}.{fault.where}", fault.message) for fault in error.faults]
     return []
 
 
-def _damaged(path: Path, faults: list[Fault]) -> UnreadableFile:
+def _damaged_file(path: Path, faults: list[Fault]) -> UnreadableFile:
     places = "; ".join(f"{fault.where}: {fault.message}" if fault.where else fault.message for fault in faults[:3])
     more = f" and {len(faults) - 3} more" if len(faults) > 3 else ""
     return UnreadableFile(

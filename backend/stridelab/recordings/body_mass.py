@@ -23,7 +23,7 @@ import numpy as np
 from scipy.signal.windows import tukey
 
 from stridelab.conventions import GRAVITY_M_S2, Series
-from stridelab.recordings.gap_filling import runs
+from stridelab.recordings.gap_filling import true_runs
 from stridelab.recordings.plate_contacts import vertical_force_n, whole_steps
 from stridelab.recordings.recording import Recording, Window
 from stridelab.recordings.vertical_motion import VerticalMotion
@@ -40,7 +40,7 @@ ZERO_SD_KG = 0.1
 _QUIET_M_S, _QUIET_N, _QUIET_S = 0.03, 0.05, 0.4
 """Quiet stance: limits of the velocity and of the force's deviation from its mean, and the shortest duration."""
 _WHOLE_STEPS_SHARE = 0.03
-_LEAST_S = 0.25
+_MIN_SPAN_S = 0.25
 
 
 @dataclass(frozen=True)
@@ -111,9 +111,9 @@ def _by_impulse(
     """Impulse of all spans over the required impulse per kilogram; sd from velocity errors at both ends."""
     up_n, rate_hz = vertical_force_n(recording), recording.force_rate_hz
     impulse_ns, needed_m_s, duration_s, variance = 0.0, 0.0, 0.0, 0.0
-    for span in _known(recording, spans, motion):
+    for span in _with_known_motion(recording, spans, motion):
         i, j = round(span.start_s * rate_hz), min(round(span.end_s * rate_hz), len(up_n) - 1)
-        if (j - i) / rate_hz < _LEAST_S:
+        if (j - i) / rate_hz < _MIN_SPAN_S:
             continue
         w = np.ones(j - i + 1) if kind == "whole_steps" else tukey(j - i + 1, _TAPERED_SHARE)
         v = _velocity_m_s(recording, np.arange(i, j + 1) / rate_hz, motion)
@@ -133,11 +133,11 @@ def _velocity_m_s(recording: Recording, time_s: Series, motion: VerticalMotion |
     """Upward velocity at the force samples; zero without a motion (quiet stance, or the mean over a whole step)."""
     if motion is None:
         return np.zeros_like(time_s)
-    known = motion.known
+    known = motion.known_frames
     return np.asarray(np.interp(time_s, recording.time_s[known], motion.velocity_m_s[known]))
 
 
-def _known(recording: Recording, spans: Sequence[Window], motion: VerticalMotion | None) -> list[Window]:
+def _with_known_motion(recording: Recording, spans: Sequence[Window], motion: VerticalMotion | None) -> list[Window]:
     """The parts of the spans in which the motion is known."""
     if motion is None:
         return list(spans)
@@ -145,7 +145,7 @@ def _known(recording: Recording, spans: Sequence[Window], motion: VerticalMotion
     parts = []
     for span in spans:
         i, j = round(span.start_s * rate_hz), round(span.end_s * rate_hz) + 1
-        parts += [Window((i + a) / rate_hz, (i + b - 1) / rate_hz) for a, b in runs(motion.known[i:j])]
+        parts += [Window((i + a) / rate_hz, (i + b - 1) / rate_hz) for a, b in true_runs(motion.known_frames[i:j])]
     return parts
 
 
@@ -161,7 +161,7 @@ def _quiet_spans(recording: Recording, window: Window, motion: VerticalMotion | 
     else:
         still = np.abs(np.nan_to_num(motion.velocity_m_s[i:j], nan=np.inf)) < _QUIET_M_S
     quiet = []
-    for a, b in runs(still):
+    for a, b in true_runs(still):
         steady = float(np.std(at_frames[a:b])) < _QUIET_N * float(np.mean(at_frames[a:b]))
         if (b - a - 1) / rate_hz >= _QUIET_S and steady:
             quiet.append(Window((i + a) / rate_hz, (i + b - 1) / rate_hz))

@@ -16,10 +16,10 @@ from stridelab.conventions import Mask, Points, Series
 from stridelab.recordings.orientation import travel_m
 from stridelab.recordings.recording import Recording, Side
 
-LANDING, LIFTING = 0.4, 1.3
+LANDING_SPEED_SHARE, LIFT_OFF_SPEED_SHARE = 0.4, 1.3
 _PEAK_PER_SPEED = 3.5
 """Peak foot speed over walking speed; gives the reference speed when the body stays in place."""
-_LEAST_SPEED_M_S = 0.3
+_MIN_SPEED_M_S = 0.3
 _HALF_SPAN_S = 0.01
 FOOT_LANDMARKS = ("heel", "toe", "mt1", "mt2", "mt5")
 
@@ -56,7 +56,7 @@ def find_feet(recording: Recording, landmarks: Mapping[str, str]) -> tuple[Foot,
     for side, (heel, fore) in tracks.items():
         speeds = np.column_stack([speed_m_s(track, rate_hz, ground) for track in heel + fore])
         contact = contact_states(speeds, reference_m_s)
-        resting = (np.nan_to_num(speeds, nan=np.inf) < LIFTING * reference_m_s) & contact[:, None]
+        resting = (np.nan_to_num(speeds, nan=np.inf) < LIFT_OFF_SPEED_SHARE * reference_m_s) & contact[:, None]
         hidden = np.isnan(speeds)
         unseen = hidden[:, : len(heel)].all(axis=1) | hidden[:, len(heel) :].all(axis=1)
         feet.append(Foot(side, np.stack(heel + fore, axis=1), resting, contact, unseen))
@@ -84,9 +84,9 @@ def _reference_speed(recording: Recording, fastest_m_s: float) -> float:
     cloud = np.stack(list(recording.markers_m.values()), axis=1)
     travel = travel_m(cloud, recording.marker_rate_hz)
     speed = 0.0 if travel is None else float(np.linalg.norm(travel)) / recording.duration_s
-    if speed < _LEAST_SPEED_M_S or is_treadmill(recording):
+    if speed < _MIN_SPEED_M_S or is_treadmill(recording):
         speed = fastest_m_s / _PEAK_PER_SPEED
-    return max(speed, _LEAST_SPEED_M_S)
+    return max(speed, _MIN_SPEED_M_S)
 
 
 def is_treadmill(recording: Recording) -> bool:
@@ -125,9 +125,9 @@ def contact_states(speeds: Float[np.ndarray, "n markers"], reference_m_s: float)
     contact = np.zeros(len(speeds), dtype=bool)
     down = True
     for i, v in enumerate(slowest):
-        if down and v > LIFTING * reference_m_s:
+        if down and v > LIFT_OFF_SPEED_SHARE * reference_m_s:
             down = False
-        elif not down and v < LANDING * reference_m_s:
+        elif not down and v < LANDING_SPEED_SHARE * reference_m_s:
             down = True
         contact[i] = down
     return contact

@@ -8,7 +8,7 @@ from stridelab.recordings.files.raw import CONTACT_TYPE
 from stridelab.recordings.foot_contact import Foot
 from stridelab.recordings.foot_outline import Outline, resting_outline
 from stridelab.recordings.force_plates import plate_axes
-from stridelab.recordings.gap_filling import runs
+from stridelab.recordings.gap_filling import true_runs
 from stridelab.recordings.plate_contacts import loaded_intervals
 from stridelab.recordings.recording import Plate, Recording
 
@@ -37,7 +37,7 @@ def loaded_frames(recording: Recording, plate: Plate) -> Mask:
     return loaded
 
 
-def on_plate(recording: Recording, plate: Plate, foot: Foot) -> Bool[np.ndarray, "n markers"]:
+def markers_on_plate(recording: Recording, plate: Plate, foot: Foot) -> Bool[np.ndarray, "n markers"]:
     """Per frame and marker: whether the marker is above this plate; False for a plate that is never loaded.
 
     A contact without a plate has no surface; the foot must then be at its centre of pressure while it is loaded.
@@ -47,10 +47,10 @@ def on_plate(recording: Recording, plate: Plate, foot: Foot) -> Bool[np.ndarray,
         return np.zeros(foot.markers_m.shape[:2], dtype=bool)
     if plate.type == CONTACT_TYPE:
         return np.repeat(_stands_at_cop(recording, plate, foot)[:, None], foot.markers_m.shape[1], axis=1)
-    return _over(plate, foot, _EDGE_M)
+    return _markers_over(plate, foot, _EDGE_M)
 
 
-def outline_beside(recording: Recording, plates: list[Plate], foot: Foot, outline_m: Outline) -> Mask:
+def outline_off_plates(recording: Recording, plates: list[Plate], foot: Foot, outline_m: Outline) -> Mask:
     """Frames in which a part of the foot that may carry load lies outside all plates that are loaded at some time.
 
     ``outline_m`` is the result of ``foot_outline``. The contacts of a force file have no edges; the mask is then False.
@@ -61,9 +61,9 @@ def outline_beside(recording: Recording, plates: list[Plate], foot: Foot, outlin
     beside = resting_outline(foot) & np.isfinite(outline_m).all(axis=2)
     for plate in plates:
         if loaded_intervals(plate, recording.force_rate_hz):
-            beside &= ~(_inside(plate, outline_m, _OUTLINE_EDGE_M) & _at_height(plate, foot)[:, None])
+            beside &= ~(_inside_edges(plate, outline_m, _OUTLINE_EDGE_M) & _at_height(plate, foot)[:, None])
     lasting: Mask = beside.any(axis=1)
-    for i, j in runs(lasting):
+    for i, j in true_runs(lasting):
         if j - i < _BRIEF_S * recording.marker_rate_hz and i > 0 and j < len(lasting):
             lasting[i:j] = False
     return lasting
@@ -75,27 +75,29 @@ def main_plate(under: Bool[np.ndarray, "plates n markers"], foot: Foot) -> Int[n
     return np.asarray(np.where(count.max(axis=0) > 0, np.argmax(count, axis=0), -1))
 
 
-def held_by_step(plates: list[Plate], foot: Foot) -> Mask:
+def step_overhang_contacts(plates: list[Plate], foot: Foot) -> Mask:
     """Contacts on stairs in which the foot stands on one step, with one end protruding over the edge.
 
     The overhang cannot carry load, so a contact that is on a step in most of its frames counts as on it in all frames.
     """
     held = np.zeros(len(foot.contact), dtype=bool)
     for plate in plates:
-        over, near = _over(plate, foot, _EDGE_M), _over(plate, foot, _OVERHANG_M)
+        over, near = _markers_over(plate, foot, _EDGE_M), _markers_over(plate, foot, _OVERHANG_M)
         standing = np.any(over & foot.resting, axis=1) & np.all(near | ~foot.resting, axis=1)
-        for i, j in runs(foot.contact):
+        for i, j in true_runs(foot.contact):
             if standing[i:j].mean() > 0.5:
                 held[i:j] = True
     return held
 
 
-def _over(plate: Plate, foot: Foot, edge_m: float) -> Bool[np.ndarray, "n markers"]:
+def _markers_over(plate: Plate, foot: Foot, edge_m: float) -> Bool[np.ndarray, "n markers"]:
     """Markers above the plate widened by ``edge_m`` on all sides, in frames in which the sole is at its height."""
-    return np.asarray(_inside(plate, foot.markers_m, edge_m) & _at_height(plate, foot)[:, None])
+    return np.asarray(_inside_edges(plate, foot.markers_m, edge_m) & _at_height(plate, foot)[:, None])
 
 
-def _inside(plate: Plate, points_m: Float[np.ndarray, "n points 3"], edge_m: float) -> Bool[np.ndarray, "n points"]:
+def _inside_edges(
+    plate: Plate, points_m: Float[np.ndarray, "n points 3"], edge_m: float
+) -> Bool[np.ndarray, "n points"]:
     """Points above or below the plate widened by ``edge_m`` on all sides."""
     R: Rotation = plate_axes(plate.corners_m)
     local = (points_m - plate.corners_m.mean(axis=0)) @ R
@@ -123,7 +125,7 @@ def _stands_at_cop(recording: Recording, plate: Plate, foot: Foot) -> Mask:
     time_s = np.arange(len(plate.force_n)) / recording.force_rate_hz
     load_n = np.maximum(np.interp(recording.time_s, time_s, plate.force_n[:, 2]), 0.0)
     stands = np.zeros(len(near), dtype=bool)
-    for i, j in runs(foot.contact & loaded):
+    for i, j in true_runs(foot.contact & loaded):
         total_n = float(load_n[i:j].sum())
         stands[i:j] = total_n > 0.0 and float(load_n[i:j][near[i:j]].sum()) > 0.5 * total_n
     return stands
@@ -132,7 +134,7 @@ def _stands_at_cop(recording: Recording, plate: Plate, foot: Foot) -> Mask:
 def _near_cop(recording: Recording, plate: Plate, foot: Foot) -> Mask:
     """Whether the foot, as the line from its first to the middle of its other markers, is within 15 cm of the COP."""
     cop = _cop_at_frames(recording, plate)
-    heel, fore = foot.markers_m[:, 0, :2], mean_seen(foot.markers_m[:, 1:, :2])
+    heel, fore = foot.markers_m[:, 0, :2], mean_visible(foot.markers_m[:, 1:, :2])
     along = fore - heel
     share = np.clip(((cop - heel) * along).sum(axis=1) / np.maximum((along**2).sum(axis=1), 1e-9), 0.0, 1.2)
     return np.asarray(np.linalg.norm(heel + share[:, None] * along - cop, axis=1) < _COP_REACH_M)
@@ -155,7 +157,7 @@ def _cop_at_frames(recording: Recording, plate: Plate) -> Float[np.ndarray, "n 2
     return np.column_stack([x[nearest], y[nearest]])
 
 
-def mean_seen(points: Float[np.ndarray, "n markers axes"]) -> Float[np.ndarray, "n axes"]:
+def mean_visible(points: Float[np.ndarray, "n markers axes"]) -> Float[np.ndarray, "n axes"]:
     """Mean over the visible markers; NaN where none is visible."""
     seen = ~np.isnan(points)
     count = seen.sum(axis=1)

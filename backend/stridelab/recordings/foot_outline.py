@@ -33,7 +33,9 @@ def foot_outline(recording: Recording, landmarks: Mapping[str, str], foot: Foot)
 
     The points lie at the height of their markers. NaN where a marker they need is missing.
     """
-    marked = {name: _track(recording, landmarks, foot.side[0] + "_" + name) for name in ("mt1", "mt2", "mt5", "toe")}
+    marked = {
+        name: _landmark_track(recording, landmarks, foot.side[0] + "_" + name) for name in ("mt1", "mt2", "mt5", "toe")
+    }
     mt1, mt2, mt5, toe = (marked[name] for name in ("mt1", "mt2", "mt5", "toe"))
     heel = foot.markers_m[:, 0]
     if mt1 is not None and mt5 is not None:
@@ -48,7 +50,7 @@ def foot_outline(recording: Recording, landmarks: Mapping[str, str], foot: Foot)
         ball, share = foot.markers_m[:, 1], _BALL
     distance_m = np.linalg.norm(ball - heel, axis=1)
     typical_m = float(np.nanmedian(distance_m)) if np.isfinite(distance_m).any() else np.nan
-    ahead = 0.0 if _track(recording, landmarks, foot.side[0] + "_heel") is not None else _ANKLE
+    ahead = 0.0 if _landmark_track(recording, landmarks, foot.side[0] + "_heel") is not None else _ANKLE
     length_m = typical_m / (share - ahead)
     if recording.subject.height_m is not None:
         length_m = max(min(length_m, _SHOE * recording.subject.height_m), typical_m / (_TOE - ahead))
@@ -69,6 +71,6 @@ def resting_outline(foot: Foot) -> Bool[np.ndarray, "n 5"]:
     return np.concatenate([heel, heel, fore, fore, fore], axis=1)
 
 
-def _track(recording: Recording, landmarks: Mapping[str, str], name: str) -> Points | None:
+def _landmark_track(recording: Recording, landmarks: Mapping[str, str], name: str) -> Points | None:
     label = landmarks.get(name)
     return None if label is None else recording.markers_m.get(label)

@@ -17,14 +17,14 @@ from scipy.ndimage import uniform_filter1d
 
 from stridelab.conventions import Corners, Mask, Points, Rotation, Series, Vector3
 from stridelab.recordings.files.raw import FilePlate, PlateSignals
-from stridelab.recordings.gap_filling import runs
+from stridelab.recordings.gap_filling import true_runs
 from stridelab.recordings.recording import Remark
 
 CHANNELS = {1: 6, 2: 6, 3: 8, 4: 6}
 """Analog channels per plate type."""
 _LOADED_N = 50.0
 _PULL_N = 100.0
-NEVER_ON_PLATE = 0.01
+MIN_ON_PLATE_SHARE = 0.01
 """A plate is excluded if a smaller share of its loaded centre of pressure lies inside its corners."""
 _MIN_LOADED = 20
 """Minimum number of loaded samples for a meaningful share."""
@@ -132,7 +132,7 @@ def plate_wrench(signals: PlateSignals, up: Vector3) -> tuple[FilePlate, tuple[R
     upward_n: Series = s * (signals.force_n @ (R.T @ up))
     tare = find_tare(signals.force_n, signals.moment_nm, upward_n, signals.zero_samples)
     force_n, moment_nm = signals.force_n - tare.force_n, signals.moment_nm - tare.moment_nm
-    if tare.refused:
+    if tare.never_unloaded:
         remarks.append(
             Remark("tare-refused", f"{where} is never unloaded for long enough, so its zero could not be checked.")
         )
@@ -147,7 +147,7 @@ def plate_wrench(signals: PlateSignals, up: Vector3) -> tuple[FilePlate, tuple[R
             )
         )
     n_loaded = int(np.count_nonzero(np.abs(force_n[:, 2]) > _LOADED_N))
-    usable = not (share < NEVER_ON_PLATE and n_loaded >= _MIN_LOADED)
+    usable = not (share < MIN_ON_PLATE_SHARE and n_loaded >= _MIN_LOADED)
     if not usable:
         message = (
             f"{where} was left out: its loaded centre of pressure lies inside its corners for {share:.0%} of the time, "
@@ -211,7 +211,7 @@ class Tare:
 
     force_n: Vector3
     moment_nm: Vector3
-    refused: bool
+    never_unloaded: bool
 
 
 def find_tare(force_n: Points, moment_nm: Points, upward_n: Series, zero_samples: tuple[int, int] | None) -> Tare:
@@ -221,7 +221,7 @@ def find_tare(force_n: Points, moment_nm: Points, upward_n: Series, zero_samples
     (5th percentile of the smoothed signal); stretches of at least 40 samples within 6 N of it count as unloaded.
     """
     if not upward_n.any():
-        return Tare(np.zeros(3), np.zeros(3), refused=False)
+        return Tare(np.zeros(3), np.zeros(3), never_unloaded=False)
     smooth = uniform_filter1d(upward_n, min(_SMOOTH, len(upward_n)))
     floor_n = float(np.percentile(smooth, 5.0))
     named = _named_unloaded(smooth, floor_n, zero_samples)
@@ -229,14 +229,14 @@ def find_tare(force_n: Points, moment_nm: Points, upward_n: Series, zero_samples
         unloaded = named
     else:
         if not abs(floor_n) <= MAX_TARE_N:
-            return Tare(np.zeros(3), np.zeros(3), refused=True)
+            return Tare(np.zeros(3), np.zeros(3), never_unloaded=True)
         unloaded = np.zeros(len(smooth), dtype=bool)
-        for i, j in runs(np.abs(smooth - floor_n) <= _BAND_N):
+        for i, j in true_runs(np.abs(smooth - floor_n) <= _BAND_N):
             if j - i >= _MIN_STRETCH:
                 unloaded[i:j] = True
     if not unloaded.any():
-        return Tare(np.zeros(3), np.zeros(3), refused=True)
-    return Tare(np.median(force_n[unloaded], axis=0), np.median(moment_nm[unloaded], axis=0), refused=False)
+        return Tare(np.zeros(3), np.zeros(3), never_unloaded=True)
+    return Tare(np.median(force_n[unloaded], axis=0), np.median(moment_nm[unloaded], axis=0), never_unloaded=False)
 
 
 def _named_unloaded(smooth: Series, floor_n: float, zero_samples: tuple[int, int] | None) -> Mask | None:

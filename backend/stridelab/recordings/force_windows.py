@@ -17,11 +17,17 @@ from stridelab.conventions import Mask
 from stridelab.errors import Fault, NotEstimable
 from stridelab.recordings.files.raw import NO_FORCE_FILE
 from stridelab.recordings.foot_contact import Foot, find_feet
-from stridelab.recordings.foot_on_plate import STAIR_M, held_by_step, main_plate, on_plate, outline_beside
+from stridelab.recordings.foot_on_plate import (
+    STAIR_M,
+    main_plate,
+    markers_on_plate,
+    outline_off_plates,
+    step_overhang_contacts,
+)
 from stridelab.recordings.foot_outline import foot_outline
 from stridelab.recordings.force_plates import COP_NEVER_ON_PLATE
-from stridelab.recordings.gap_filling import runs
-from stridelab.recordings.missing_force import force_missing
+from stridelab.recordings.gap_filling import true_runs
+from stridelab.recordings.missing_force import frames_missing_force
 from stridelab.recordings.plate_contacts import loaded_intervals, vertical_force_n, whole_steps
 from stridelab.recordings.recording import Plate, Recording, Remark, Window
 from stridelab.recordings.vertical_motion import VerticalMotion
@@ -68,21 +74,23 @@ def find_windows(
             "The feet are not marked, so it is unknown when one of them stood beside the plates; the measured "
             "interval was estimated from the load on the plates and a symmetric walk.",
         )
-        windows, missing = _explained(recording, _from_load(recording, plates), motion, stated_kg)
+        windows, missing = _remove_missing_force(recording, _windows_from_load(recording, plates), motion, stated_kg)
         return WindowSearch(windows, (remark, *missing))
-    complete, shared = _by_feet(recording, landmarks, plates, feet)
+    complete, shared = _complete_frames(recording, landmarks, plates, feet)
     candidates = tuple(
-        window for window in _as_windows(complete, recording.marker_rate_hz) if _carries(recording, plates, window)
+        window
+        for window in _as_windows(complete, recording.marker_rate_hz)
+        if _is_mostly_loaded(recording, plates, window)
     )
-    windows, missing = _explained(recording, candidates, motion, stated_kg)
-    remarks = (*missing, *_trust(recording, windows))
-    if np.count_nonzero(shared) >= _SHARED_S * recording.marker_rate_hz and _alternates(feet):
+    windows, missing = _remove_missing_force(recording, candidates, motion, stated_kg)
+    remarks = (*missing, *_step_coverage_remarks(recording, windows))
+    if np.count_nonzero(shared) >= _SHARED_S * recording.marker_rate_hz and _both_feet_lift(feet):
         message = "Two feet stand on one plate at a time: the total force is right, the force per foot is not."
         remarks = (*remarks, Remark("two-feet-on-one-plate", message))
     return WindowSearch(windows, remarks)
 
 
-def _by_feet(
+def _complete_frames(
     recording: Recording, landmarks: Mapping[str, str], plates: list[Plate], feet: tuple[Foot, ...]
 ) -> tuple[Mask, Mask]:
     """Masks of the frames without a foot beside the plates, and of the frames with both feet on one plate."""
@@ -91,33 +99,33 @@ def _by_feet(
     complete = np.ones(recording.n_frames, dtype=bool)
     standing: list[Int[np.ndarray, " n"]] = []
     for foot in feet:
-        under = np.stack([on_plate(recording, plate, foot) for plate in plates])
+        under = np.stack([markers_on_plate(recording, plate, foot) for plate in plates])
         somewhere = np.any(under, axis=0)
         beside = np.any(foot.resting & ~somewhere, axis=1)
-        beside |= outline_beside(recording, plates, foot, foot_outline(recording, landmarks, foot))
+        beside |= outline_off_plates(recording, plates, foot, foot_outline(recording, landmarks, foot))
         if stairs:
-            beside &= ~held_by_step(plates, foot)
+            beside &= ~step_overhang_contacts(plates, foot)
         complete &= ~beside & (~foot.unseen | np.any(somewhere, axis=1))
         standing.append(main_plate(under, foot))
     return complete, np.logical_and(standing[0] == standing[1], standing[0] >= 0)
 
 
-def _explained(
+def _remove_missing_force(
     recording: Recording, windows: tuple[Window, ...], motion: VerticalMotion | None, stated_kg: float | None
 ) -> tuple[tuple[Window, ...], tuple[Remark, ...]]:
     """Remove the frames with missing force from the windows; the remark lists their times."""
     if motion is None or not windows:
         return windows, ()
-    missing = force_missing(recording, windows, motion, stated_kg)
+    missing = frames_missing_force(recording, windows, motion, stated_kg)
     if not missing.any():
         return windows, ()
     rate_hz = recording.marker_rate_hz
     measured: list[Window] = []
     for window in windows:
         i, j = round(window.start_s * rate_hz), round(window.end_s * rate_hz) + 1
-        spans = [Window((i + a) / rate_hz, (i + b - 1) / rate_hz) for a, b in runs(~missing[i:j])]
+        spans = [Window((i + a) / rate_hz, (i + b - 1) / rate_hz) for a, b in true_runs(~missing[i:j])]
         measured += [span for span in spans if span.duration_s >= MIN_WINDOW_S]
-    when = ", ".join(f"{i / rate_hz:.2f} to {(j - 1) / rate_hz:.2f} s" for i, j in runs(missing))
+    when = ", ".join(f"{i / rate_hz:.2f} to {(j - 1) / rate_hz:.2f} s" for i, j in true_runs(missing))
     message = (
         f"The plates carry less than the motion of the body needs at {when}: something beside them carries the rest "
         "(a part of a foot, a chair, a rail), or the stated mass is too large. These times are not used."
@@ -125,7 +133,7 @@ def _explained(
     return tuple(measured), (Remark("force-missing", message),)
 
 
-def _trust(recording: Recording, windows: tuple[Window, ...]) -> tuple[Remark, ...]:
+def _step_coverage_remarks(recording: Recording, windows: tuple[Window, ...]) -> tuple[Remark, ...]:
     """Remark if no window of a walk contains a step from strike to strike and one from lift-off to lift-off."""
     if not windows or recording.walking_direction is None:
         return ()
@@ -193,7 +201,7 @@ def _require_overlap(recording: Recording, used: list[Plate]) -> None:
         return
     rate_hz = recording.marker_rate_hz
     loaded = ", ".join(f"{start_s:.2f} to {end_s:.2f} s" for start_s, end_s in contacts)
-    marked = ", ".join(f"{i / rate_hz:.2f} to {(j - 1) / rate_hz:.2f} s" for i, j in runs(seen)) or "never"
+    marked = ", ".join(f"{i / rate_hz:.2f} to {(j - 1) / rate_hz:.2f} s" for i, j in true_runs(seen)) or "never"
     raise NotEstimable(
         "forces-and-markers-apart",
         f"Forces and markers do not overlap: the plates are loaded {loaded}, the markers are seen {marked}.",
@@ -204,26 +212,26 @@ def _require_overlap(recording: Recording, used: list[Plate]) -> None:
 def _as_windows(complete: Mask, rate_hz: float) -> list[Window]:
     """Runs of complete frames of at least ``MIN_WINDOW_S``; gaps of one frame are bridged."""
     bridged = complete.copy()
-    for i, j in runs(~complete):
+    for i, j in true_runs(~complete):
         if j - i == 1 and i > 0 and j < len(complete):
             bridged[i:j] = True
-    windows = [Window(i / rate_hz, (j - 1) / rate_hz) for i, j in runs(bridged)]
+    windows = [Window(i / rate_hz, (j - 1) / rate_hz) for i, j in true_runs(bridged)]
     return [window for window in windows if window.duration_s >= MIN_WINDOW_S]
 
 
-def _carries(recording: Recording, plates: list[Plate], window: Window) -> bool:
+def _is_mostly_loaded(recording: Recording, plates: list[Plate], window: Window) -> bool:
     """Whether the plates are loaded in more than half of the window."""
     total_n = vertical_force_n(recording)
     i, j = int(window.start_s * recording.force_rate_hz), int(window.end_s * recording.force_rate_hz) + 1
     return float(np.mean(total_n[i:j] > 2.0 * plates[0].threshold_n)) > 0.5
 
 
-def _alternates(feet: tuple[Foot, ...]) -> bool:
+def _both_feet_lift(feet: tuple[Foot, ...]) -> bool:
     """Whether each foot lifts off at some time (walking, not standing)."""
     return all(not foot.contact.all() for foot in feet)
 
 
-def _from_load(recording: Recording, plates: list[Plate]) -> tuple[Window, ...]:
+def _windows_from_load(recording: Recording, plates: list[Plate]) -> tuple[Window, ...]:
     """Windows from pairs of overlapping contacts A, B, assuming a symmetric walk.
 
     The double support A-B lasts d = end(A) - start(B). The foot before A lifts off d after A's start, the foot after B

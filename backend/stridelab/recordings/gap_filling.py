@@ -4,7 +4,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from stridelab.conventions import Mask, Points
-from stridelab.recordings.files.raw import LARGEST, Cloud
+from stridelab.recordings.files.raw import LARGEST_PLAUSIBLE, Cloud
 
 MAX_GAP_S = 0.1
 """Longest gap that is interpolated: about 4 cm of a foot's swing, less than a fifth of a step's duration."""
@@ -12,11 +12,11 @@ MAX_GAP_S = 0.1
 
 def mark_missing(points_m: Cloud) -> Cloud:
     """Replace missing samples by NaN: NaN, infinity, magnitudes above ``LARGEST``, and exactly (0, 0, 0)."""
-    missing = ~(np.abs(points_m) <= LARGEST).all(axis=2) | (points_m == 0.0).all(axis=2)
+    missing = ~(np.abs(points_m) <= LARGEST_PLAUSIBLE).all(axis=2) | (points_m == 0.0).all(axis=2)
     return np.where(missing[:, :, None], np.nan, points_m)
 
 
-def runs(mask: Mask) -> list[tuple[int, int]]:
+def true_runs(mask: Mask) -> list[tuple[int, int]]:
     """Half-open index ranges [i, j) in which ``mask`` is true."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], mask.astype(np.int8), [0]])))
     return [(int(i), int(j)) for i, j in zip(edges[::2], edges[1::2], strict=True)]
@@ -31,7 +31,7 @@ def fill_short_gaps(track_m: Points, rate_hz: float, max_gap_s: float = MAX_GAP_
     missing = np.isnan(track_m).any(axis=1)
     filled = np.zeros(len(track_m), dtype=bool)
     limit = int(max_gap_s * rate_hz + 1e-9)
-    for i, j in runs(missing):
+    for i, j in true_runs(missing):
         if i > 0 and j < len(track_m) and j - i <= limit:
             filled[i:j] = True
     if not filled.any():

@@ -111,34 +111,34 @@ def identify(labels: Sequence[str], marker_map: Mapping[str, str] | None = None)
     """
     present: dict[str, str] = {}
     for label in labels:
-        present.setdefault(normalised(label), label)
+        present.setdefault(normalised_label(label), label)
     own = _checked_map(marker_map or {}, labels, present)
-    labelled = {known.name: _matched(known, present) for known in marker_sets().values()}
+    labelled = {known.name: _matching_labels(known, present) for known in marker_sets().values()}
     matched = {name: landmarks | own for name, landmarks in labelled.items()}
     fitting = [
         s
         for s in marker_sets().values()
-        if not _absent(s.required, matched[s.name])
-        and 2 * len(_absent(s.required, labelled[s.name])) <= len(s.required)
+        if not _absent_landmarks(s.required, matched[s.name])
+        and 2 * len(_absent_landmarks(s.required, labelled[s.name])) <= len(s.required)
     ]
     if fitting:
         best = max(fitting, key=lambda s: (len(matched[s.name]), -len(s.labels)))
-        return _match(best.name, matched[best.name])
-    if not _absent(_LOCOMOTION, own):
-        return _match("custom", own)
-    lacking = {s.name: _absent(s.required, matched[s.name]) for s in marker_sets().values()}
+        return _match_result(best.name, matched[best.name])
+    if not _absent_landmarks(_LOCOMOTION, own):
+        return _match_result("custom", own)
+    lacking = {s.name: _absent_landmarks(s.required, matched[s.name]) for s in marker_sets().values()}
     scores = {s.name: 1.0 - len(lacking[s.name]) / len(s.required) for s in marker_sets().values()}
     nearest = sorted(scores, key=lambda name: (scores[name], len(matched[name])), reverse=True)[:3]
     return MarkerSetMatch(
         name=None,
         landmarks=own,
-        missing=_absent(_full_body(), own),
+        missing=_absent_landmarks(_full_body(), own),
         nearest=tuple((name, round(scores[name], 3)) for name in nearest),
         needed={name: lacking[name] for name in nearest},
     )
 
 
-def normalised(label: str) -> str:
+def normalised_label(label: str) -> str:
     """Normal form of a label for comparison: no prefix, no separators, lower case."""
     return re.sub(r"[\s._\-]", "", label.rsplit(":", 1)[-1]).lower()
 
@@ -146,7 +146,7 @@ def normalised(label: str) -> str:
 def substitutes_for(landmarks: Iterable[str]) -> tuple[Substitute, ...]:
     """Substitutes that a recording with only these landmarks needs; a larger gap replaces the smaller ones in it."""
     there = frozenset(landmarks)
-    needed = [s for s in substitutes().values() if _absent(s.landmarks, there)]
+    needed = [s for s in all_substitutes().values() if _absent_landmarks(s.landmarks, there)]
     codes = {s.code for s in needed}
     return tuple(s for s in needed if not codes & set(s.hidden_by))
 
@@ -155,12 +155,16 @@ def substitutes_for(landmarks: Iterable[str]) -> tuple[Substitute, ...]:
 def marker_sets() -> Mapping[str, MarkerSet]:
     """All shipped sets by name."""
     files = sorted((models_dir() / "marker_sets").glob("*.toml"))
-    sets = [parse(tomllib.loads(path.read_text(encoding="utf-8"))) for path in files if path.stem != "substitutes"]
+    sets = [
+        parse_marker_set(tomllib.loads(path.read_text(encoding="utf-8")))
+        for path in files
+        if path.stem != "substitutes"
+    ]
     return {known.name: known for known in sets}
 
 
 @cache
-def substitutes() -> Mapping[str, Substitute]:
+def all_substitutes() -> Mapping[str, Substitute]:
     """All shipped substitutes by code."""
     path = models_dir() / "marker_sets" / "substitutes.toml"
     entries = tomllib.loads(path.read_text(encoding="utf-8"))["substitutes"]
@@ -177,7 +181,7 @@ def substitutes() -> Mapping[str, Substitute]:
     }
 
 
-def parse(data: Mapping[str, Any]) -> MarkerSet:
+def parse_marker_set(data: Mapping[str, Any]) -> MarkerSet:
     """Validate the content of one set file; raises ``InvalidInput`` (``marker-set-invalid``) for an invalid entry."""
     labels: dict[str, tuple[str, ...]] = {}
     for landmark, patterns in {**data.get("unpaired", {}), **data.get("paired", {})}.items():
@@ -186,7 +190,7 @@ def parse(data: Mapping[str, Any]) -> MarkerSet:
             name = f"{side}_{landmark}" if side else landmark
             if name not in LANDMARKS and not _TECHNICAL.fullmatch(name):
                 raise InvalidInput("marker-set-invalid", f"{data['name']}: {name!r} is not a landmark.")
-            labels[name] = tuple(normalised(pattern.replace("{s}", side)) for pattern in patterns)
+            labels[name] = tuple(normalised_label(pattern.replace("{s}", side)) for pattern in patterns)
     required = _both_sides(data["required"])
     unknown = [entry for entry in required if not set(entry.split("|")) <= set(labels)]
     if unknown or not required:
@@ -194,25 +198,25 @@ def parse(data: Mapping[str, Any]) -> MarkerSet:
     return MarkerSet(data["name"], data["title"], labels, required)
 
 
-def _match(name: str, landmarks: Mapping[str, str]) -> MarkerSetMatch:
+def _match_result(name: str, landmarks: Mapping[str, str]) -> MarkerSetMatch:
     remarks = tuple(substitute.remark for substitute in substitutes_for(landmarks))
-    if _absent(KNEES, landmarks):
+    if _absent_landmarks(KNEES, landmarks):
         remarks = (STATIC_TRIAL_NEEDED, *remarks)
-    return MarkerSetMatch(name, landmarks, missing=_absent(_full_body(), landmarks), degraded=remarks)
+    return MarkerSetMatch(name, landmarks, missing=_absent_landmarks(_full_body(), landmarks), degraded=remarks)
 
 
-def _matched(known: MarkerSet, present: Mapping[str, str]) -> dict[str, str]:
+def _matching_labels(known: MarkerSet, present: Mapping[str, str]) -> dict[str, str]:
     hits = ((landmark, next((n for n in names if n in present), None)) for landmark, names in known.labels.items())
     return {landmark: present[name] for landmark, name in hits if name is not None}
 
 
-def _absent(required: Iterable[str], landmarks: Iterable[str]) -> tuple[str, ...]:
+def _absent_landmarks(required: Iterable[str], landmarks: Iterable[str]) -> tuple[str, ...]:
     there = frozenset(landmarks)
     return tuple(entry for entry in required if not there & set(entry.split("|")))
 
 
 def _full_body() -> tuple[str, ...]:
-    return tuple(dict.fromkeys(itertools.chain.from_iterable(s.landmarks for s in substitutes().values())))
+    return tuple(dict.fromkeys(itertools.chain.from_iterable(s.landmarks for s in all_substitutes().values())))
 
 
 def _both_sides(entries: Iterable[str]) -> tuple[str, ...]:
@@ -223,7 +227,7 @@ def _both_sides(entries: Iterable[str]) -> tuple[str, ...]:
 def _checked_map(marker_map: Mapping[str, str], labels: Sequence[str], present: Mapping[str, str]) -> dict[str, str]:
     exact, faults, checked = set(labels), [], {}
     for landmark, label in marker_map.items():
-        actual = label if label in exact else present.get(normalised(label))
+        actual = label if label in exact else present.get(normalised_label(label))
         if landmark not in LANDMARKS and not _TECHNICAL.fullmatch(landmark):
             faults.append(Fault(f"marker_map.{landmark}", f"{landmark!r} is not a landmark this service knows."))
         elif actual is None:

@@ -14,13 +14,13 @@ import numpy as np
 from scipy.ndimage import minimum_filter1d
 
 from stridelab.conventions import GRAVITY_M_S2, Mask, Series
-from stridelab.recordings.gap_filling import runs
+from stridelab.recordings.gap_filling import true_runs
 from stridelab.recordings.plate_contacts import vertical_force_n, whole_steps
 from stridelab.recordings.recording import Recording, Window
 from stridelab.recordings.total_wrench import low_pass
 from stridelab.recordings.vertical_motion import VerticalMotion, low_band
 
-MISSING, MISSING_BY_PELVIS = 0.2, 0.4
+MISSING_SHARE, MISSING_SHARE_BY_PELVIS = 0.2, 0.4
 """Share of body weight above which force is missing. The largest D in windows without a fault is 0.12 (fast walks)."""
 _CLEAR = 0.5
 """An interval of missing force extends until the missing share falls below this fraction of the limit."""
@@ -31,7 +31,7 @@ _LEVEL_PERCENTILE = 75.0
 _LIGHT, _ABSURD, _STEADY = 1.1, 1.5, 0.3
 
 
-def force_missing(
+def frames_missing_force(
     recording: Recording, windows: Sequence[Window], motion: VerticalMotion, stated_kg: float | None
 ) -> Mask:
     """Frames of the candidate ``windows`` in which force is missing; False where the motion is unknown."""
@@ -41,22 +41,22 @@ def force_missing(
     spans = []
     for window in windows:
         i, j = round(window.start_s * rate_hz), round(window.end_s * rate_hz) + 1
-        spans += [(i + a, i + b) for a, b in runs(motion.known[i:j]) if b - a >= 3]
+        spans += [(i + a, i + b) for a, b in true_runs(motion.known_frames[i:j]) if b - a >= 3]
     force_n = {span: low_band(up_n[slice(*span)], rate_hz) for span in spans}
-    mass_kg = _level_kg(recording, windows, force_n, motion, stated_kg)
+    mass_kg = _plate_level_kg(recording, windows, force_n, motion, stated_kg)
     if mass_kg is None:
         return missing
-    limit = MISSING_BY_PELVIS if motion.from_pelvis else MISSING
+    limit = MISSING_SHARE_BY_PELVIS if motion.from_pelvis else MISSING_SHARE
     reach = 2 * max(1, round(_LATENCY_S * rate_hz)) + 1
     for (i, j), carried_n in force_n.items():
         needed = minimum_filter1d(1.0 + motion.acceleration_m_s2[i:j] / GRAVITY_M_S2, reach)
         lacking = needed - carried_n / (mass_kg * GRAVITY_M_S2)
-        for a, b in runs(lacking > _CLEAR * limit):
+        for a, b in true_runs(lacking > _CLEAR * limit):
             missing[i + a : i + b] = bool(lacking[a:b].max() > limit)
     return missing
 
 
-def _level_kg(
+def _plate_level_kg(
     recording: Recording,
     windows: Sequence[Window],
     force_n: dict[tuple[int, int], Series],

@@ -20,9 +20,9 @@ from stridelab.recordings.recording import Remark
 
 AS_STATED, THOUSANDTH, THOUSANDFOLD = 1.0, 1e-3, 1e3
 """Factors on the stated unit: files confuse metres and millimetres."""
-REFUTED: Final = 0.5
+REJECTED_BELOW_SHARE: Final = 0.5
 """Share inside the corners below which the stated unit is rejected, if a smaller unit exceeds it."""
-PROVEN: Final = 0.9
+ACCEPTED_ABOVE_SHARE: Final = 0.9
 """Share inside the corners above which the larger of two possible units is taken."""
 _LOADED_N = 50.0
 _MOVES_M = 0.005
@@ -30,7 +30,7 @@ _MOVES_M = 0.005
 
 
 @dataclass(frozen=True)
-class _Loaded:
+class _TaredPlate:
     """Tared signals of one plate, and how many of its samples are loaded."""
 
     signals: PlateSignals
@@ -38,11 +38,11 @@ class _Loaded:
     moment_nm: Points
     n: int
 
-    def share(self, factor: float, up: Vector3) -> float:
+    def share_inside(self, factor: float, up: Vector3) -> float:
         """Share of the loaded centre of pressure inside the corners with the moments times ``factor``."""
         return repair_origin(self.signals, self.force_n, factor * self.moment_nm, up)[1]
 
-    def moves(self, factor: float) -> bool:
+    def cop_moves(self, factor: float) -> bool:
         """Whether the centre of pressure moves as under a foot."""
         loaded = np.abs(self.force_n[:, 2]) > _LOADED_N
         force_z = self.force_n[loaded, 2]
@@ -62,43 +62,45 @@ def with_true_moment_units(
     remarks = []
     for unit in dict.fromkeys(signals.moment_unit for signals in plates if signals.moment_unit is not None):
         group = [signals for signals in plates if signals.moment_unit == unit]
-        factor, shares = _factor([_loaded(signals, up) for signals in group], up)
+        factor, shares = _unit_factor([_tared_plate(signals, up) for signals in group], up)
         if factor == AS_STATED:
             continue
         for signals in group:
             converted[signals.index] = replace(signals, moment_nm=factor * signals.moment_nm)
-        remarks.append(Remark("moment-unit-corrected", _message(unit, factor, shares)))
+        remarks.append(Remark("moment-unit-corrected", _correction_message(unit, factor, shares)))
     return tuple(converted.values()), tuple(remarks)
 
 
-def _factor(group: Sequence[_Loaded], up: Vector3) -> tuple[float, dict[float, float]]:
+def _unit_factor(group: Sequence[_TaredPlate], up: Vector3) -> tuple[float, dict[float, float]]:
     """Factor on the stated unit, and the share of the loaded centre of pressure on the plates under each factor."""
     loaded = [one for one in group if one.n]
     total = sum(one.n for one in loaded)
     if total == 0:
         return AS_STATED, {}
 
-    def share(factor: float) -> float:
-        return sum(one.n * one.share(factor, up) for one in loaded) / total
+    def pooled_share(factor: float) -> float:
+        return sum(one.n * one.share_inside(factor, up) for one in loaded) / total
 
-    shares = {factor: share(factor) for factor in (AS_STATED, THOUSANDTH, THOUSANDFOLD)}
-    if shares[THOUSANDFOLD] >= PROVEN and any(one.moves(THOUSANDFOLD) for one in loaded):
+    shares = {factor: pooled_share(factor) for factor in (AS_STATED, THOUSANDTH, THOUSANDFOLD)}
+    if shares[THOUSANDFOLD] >= ACCEPTED_ABOVE_SHARE and any(one.cop_moves(THOUSANDFOLD) for one in loaded):
         return THOUSANDFOLD, shares
-    if shares[AS_STATED] < REFUTED <= shares[THOUSANDTH] and any(one.moves(THOUSANDTH) for one in loaded):
+    if shares[AS_STATED] < REJECTED_BELOW_SHARE <= shares[THOUSANDTH] and any(
+        one.cop_moves(THOUSANDTH) for one in loaded
+    ):
         return THOUSANDTH, shares
     return AS_STATED, shares
 
 
-def _loaded(signals: PlateSignals, up: Vector3) -> _Loaded:
+def _tared_plate(signals: PlateSignals, up: Vector3) -> _TaredPlate:
     R = plate_axes(signals.corners_m)
     upward_n = upward_sign(signals, up) * (signals.force_n @ (R.T @ up))
     tare = find_tare(signals.force_n, signals.moment_nm, upward_n, signals.zero_samples)
     force_n = signals.force_n - tare.force_n
     n = int(np.count_nonzero(np.abs(force_n[:, 2]) > _LOADED_N))
-    return _Loaded(signals, force_n, signals.moment_nm - tare.moment_nm, n)
+    return _TaredPlate(signals, force_n, signals.moment_nm - tare.moment_nm, n)
 
 
-def _message(stated: str, factor: float, shares: dict[float, float]) -> str:
+def _correction_message(stated: str, factor: float, shares: dict[float, float]) -> str:
     known = moment_scale(stated, 0.0)
     used = {1.0: "Nm", 1e-3: "N mm"}.get(known * factor, f"{factor:g} times that")
     return (

@@ -60,7 +60,7 @@ def find_up_axis(
         above = centre - np.mean(plate_centres_m, axis=0) if plate_centres_m else np.full(3, np.nan)
         height_m = float(axis_vector(axis) @ above)
         if np.isfinite(height_m) and height_m < -0.2:
-            return _opposite(axis)
+            return _opposite_axis(axis)
         return axis
     if hint is not None:
         return hint
@@ -72,7 +72,7 @@ def find_up_axis(
     return ("+" if centre[i] >= 0.0 else "-") + "xyz"[i]
 
 
-def _opposite(axis: str) -> str:
+def _opposite_axis(axis: str) -> str:
     return ("-" if axis[0] == "+" else "+") + axis[1]
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from stridelab.conventions import Series, Vector3
-from stridelab.recordings.gap_filling import runs
+from stridelab.recordings.gap_filling import true_runs
 from stridelab.recordings.recording import Plate, Recording, Remark, Window
 
 _MIN_CONTACT_S = 0.06
@@ -15,13 +15,13 @@ _MIN_STEP_S = 0.25
 def loaded_intervals(plate: Plate, rate_hz: float) -> list[tuple[float, float]]:
     """Start and end of each contact in seconds; brief dips are bridged, ringing and brief touches are ignored."""
     loaded = plate.loaded
-    for i, j in runs(~loaded):
+    for i, j in true_runs(~loaded):
         if i > 0 and j < len(loaded) and (j - i) < _MERGE_S * rate_hz:
             loaded[i:j] = True
     up_n = plate.force_n[:, 2]
     return [
         (i / rate_hz, (j - 1) / rate_hz)
-        for i, j in runs(loaded)
+        for i, j in true_runs(loaded)
         if (j - i >= _MIN_CONTACT_S * rate_hz or j - i == len(loaded)) and float(up_n[i:j].max()) > _MIN_PEAK_N
     ]
 

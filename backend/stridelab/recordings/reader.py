@@ -86,10 +86,10 @@ def to_world(raw: RawTrial, switches: Mapping[int, PlateSwitches]) -> Recording:
     remarks = list(raw.remarks)
     up = up_axis_of(raw)
     R = orientation.rotation_to_z_up(up)
-    plates, plate_remarks = _plates(raw, orientation.axis_vector(up), R, switches)
+    plates, plate_remarks = _world_plates(raw, orientation.axis_vector(up), R, switches)
     remarks += plate_remarks
     points = raw.points_m @ R.T
-    markers, outputs, filled = _tracks(raw, points)
+    markers, outputs, filled = _split_tracks(raw, points)
     if filled:
         n = sum(int(mask.sum()) for mask in filled.values())
         message = f"Short gaps of {len(filled)} markers were interpolated ({n} samples)."
@@ -133,7 +133,7 @@ def up_axis_of(raw: RawTrial) -> str:
     return orientation.find_up_axis(vertical, centres, raw.points_m, raw.up_hint)
 
 
-def _plates(
+def _world_plates(
     raw: RawTrial, up: Vector3, R: Rotation, switches: Mapping[int, PlateSwitches]
 ) -> tuple[tuple[Plate, ...], list[Remark]]:
     file_plates: list[FilePlate] = list(raw.contacts)
@@ -162,7 +162,7 @@ def _plates(
     return tuple(plates), remarks
 
 
-def _tracks(raw: RawTrial, points: np.ndarray) -> tuple[dict[str, Points], dict[str, Points], dict[str, Mask]]:
+def _split_tracks(raw: RawTrial, points: np.ndarray) -> tuple[dict[str, Points], dict[str, Points], dict[str, Mask]]:
     """Markers, model points and the masks of filled frames, by label; labels that are never visible are omitted."""
     markers: dict[str, Points] = {}
     outputs: dict[str, Points] = {}

@@ -11,11 +11,11 @@ import numpy as np
 
 from stridelab.recordings.recording import Recording
 
-STILL_M: Final = 0.05
+MAX_EXCURSION_M: Final = 0.05
 """Largest excursion of a marker of a standing subject."""
-MARKERS: Final = 0.95
+STILL_MARKER_SHARE: Final = 0.95
 """Share of the markers that must be still: some may be mislabelled temporarily."""
-FRAMES: Final = 0.95
+STILL_FRAME_SHARE: Final = 0.95
 
 
 def stands_still(recording: Recording) -> bool:
@@ -25,5 +25,5 @@ def stands_still(recording: Recording) -> bool:
         seen = track[np.isfinite(track).all(axis=1)]
         if len(seen):
             distance = np.linalg.norm(seen - np.median(seen, axis=0), axis=1)
-            excursions.append(float(np.quantile(distance, FRAMES)))
-    return bool(excursions) and float(np.mean(np.array(excursions) < STILL_M)) >= MARKERS
+            excursions.append(float(np.quantile(distance, STILL_FRAME_SHARE)))
+    return bool(excursions) and float(np.mean(np.array(excursions) < MAX_EXCURSION_M)) >= STILL_MARKER_SHARE

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.signal import butter, sosfiltfilt
 
 from stridelab.conventions import Mask, Points, Series
-from stridelab.recordings.gap_filling import runs
+from stridelab.recordings.gap_filling import true_runs
 from stridelab.recordings.recording import Recording
 
 BAND_HZ = 4.0
@@ -35,7 +35,7 @@ class VerticalMotion:
     from_pelvis: bool = False
 
     @property
-    def known(self) -> Mask:
+    def known_frames(self) -> Mask:
         """Frames whose motion is known."""
         return np.asarray(np.isfinite(self.acceleration_m_s2))
 
@@ -45,12 +45,12 @@ def vertical_motion(
 ) -> VerticalMotion | None:
     """Motion of ``com_m`` (frames x 3, the geometric centre of mass), else of the pelvis; None without either."""
     if com_m is not None:
-        return _differentiated(com_m[:, 2], recording.marker_rate_hz, from_pelvis=False)
+        return _differentiate_height(com_m[:, 2], recording.marker_rate_hz, from_pelvis=False)
     labels = [landmarks[name] for name in PELVIS if landmarks.get(name) in recording.markers_m]
     if not labels:
         return None
     height_m = np.mean([recording.markers_m[label][:, 2] for label in labels], axis=0)
-    return _differentiated(height_m, recording.marker_rate_hz, from_pelvis=True)
+    return _differentiate_height(height_m, recording.marker_rate_hz, from_pelvis=True)
 
 
 def low_band(track: Series, rate_hz: float, band_hz: float = BAND_HZ) -> Series:
@@ -61,10 +61,10 @@ def low_band(track: Series, rate_hz: float, band_hz: float = BAND_HZ) -> Series:
     return np.asarray(sosfiltfilt(butter(2, band_hz, fs=rate_hz, output="sos"), track, padlen=pad))
 
 
-def _differentiated(height_m: Series, rate_hz: float, *, from_pelvis: bool) -> VerticalMotion | None:
+def _differentiate_height(height_m: Series, rate_hz: float, *, from_pelvis: bool) -> VerticalMotion | None:
     velocity = np.full(len(height_m), np.nan)
     acceleration = velocity.copy()
-    for i, j in runs(np.isfinite(height_m)):
+    for i, j in true_runs(np.isfinite(height_m)):
         if j - i >= max(3.0, _MIN_RUN_S * rate_hz):
             velocity[i:j] = np.gradient(low_band(height_m[i:j], rate_hz, VELOCITY_BAND_HZ)) * rate_hz
             slow = low_band(height_m[i:j], rate_hz)

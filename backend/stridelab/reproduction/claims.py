@@ -64,14 +64,14 @@ class Item:
     printed: tuple[str, ...] = ()
 
 
-def judged(ours: float, *, at_most: float | None = None, at_least: float | None = None) -> Verdict:
+def bound_verdict(ours: float, *, at_most: float | None = None, at_least: float | None = None) -> Verdict:
     """Verdict of a number with a one-sided bound: "met" or "not_met"."""
     if at_most is not None:
         return "met" if ours <= at_most else "not_met"
     return "met" if at_least is not None and ours >= at_least else "not_met"
 
 
-def aimed(
+def target_claim(
     key: str,
     says: str,
     ours: float,
@@ -89,13 +89,13 @@ def aimed(
     word, scale = (f"m{unit}", 1e3) if unit in ("m", "s") else (unit, 1.0)
     suffix = "" if unit == "1" else f" {word}"
     if at_least is not None and at_most is not None:
-        aim = f"{three_digits(scale * at_least)} to {three_digits(scale * at_most)}{suffix}"
+        aim = f"{format_three_digits(scale * at_least)} to {format_three_digits(scale * at_most)}{suffix}"
     else:
         bound, sign = (at_most, "≤") if at_most is not None else (at_least, "≥")
-        aim = f"{sign} {three_digits(scale * (bound or 0.0))}{suffix}"
+        aim = f"{sign} {format_three_digits(scale * (bound or 0.0))}{suffix}"
     return Claim(key, says, f"aim {aim}", ours, unit, "beaten" if inside and math.isfinite(ours) else "not_met", note)
 
 
-def three_digits(value: float) -> str:
+def format_three_digits(value: float) -> str:
     """Format a number with three significant digits; integers without exponent up to a million."""
     return f"{value:.0f}" if 1e3 <= abs(value) < 1e6 else f"{value:.3g}"

@@ -64,7 +64,7 @@ _FIGURES: Final = (
 _NUMBERS: Final = (numbers, numbers_3, numbers_4)
 _TABLES: Final = (table_errors, table_lag, table_coverage, table_partial_force, table_flight)
 ITEMS: Final[Mapping[str, Item]] = MappingProxyType({m.ITEM.name: m.ITEM for m in (*_FIGURES, *_NUMBERS, *_TABLES)})
-MOST_SEEDS: Final = 200
+MAX_SEEDS: Final = 200
 
 
 def item_of(name: str) -> Item:
@@ -75,14 +75,14 @@ def item_of(name: str) -> Item:
     return item
 
 
-def reproduce(name: str, seeds: int | None, tell: Progress) -> Reproduction:
+def reproduce_item(name: str, seeds: int | None, tell: Progress) -> Reproduction:
     """Compute one item; ``seeds`` None uses the default number of draws, which takes less than a minute.
 
     Raises ``NotFound`` (``item-not-found``) and ``InvalidInput`` (``seeds-out-of-range``).
     """
     item = item_of(name)
     repeats = item.default_seeds if seeds is None else seeds
-    if not 1 <= repeats <= MOST_SEEDS:
-        message = f"seeds must lie between 1 and {MOST_SEEDS}, not {repeats}."
+    if not 1 <= repeats <= MAX_SEEDS:
+        message = f"seeds must lie between 1 and {MAX_SEEDS}, not {repeats}."
         raise InvalidInput("seeds-out-of-range", message, [Fault("seeds", message)])
     return item.run(repeats, tell)

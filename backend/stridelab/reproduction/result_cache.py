@@ -26,13 +26,13 @@ DIGITS: Final = 16
 
 def digest_of(module: str) -> str:
     """Digest of the source of ``module`` (dotted name), of its transitive imports in this package, and of the data."""
-    sources = hashlib.sha256(_of_data().encode())
-    for name in sorted(led_to(module)):
-        sources.update(name.encode() + b"\0" + _source(name))
+    sources = hashlib.sha256(_data_digest().encode())
+    for name in sorted(transitive_imports(module)):
+        sources.update(name.encode() + b"\0" + _module_source(name))
     return sources.hexdigest()[:DIGITS]
 
 
-def led_to(module: str) -> frozenset[str]:
+def transitive_imports(module: str) -> frozenset[str]:
     """``module`` and its transitive imports in this package, including imports inside functions."""
     visited: set[str] = set()
     pending = [module]
@@ -40,31 +40,31 @@ def led_to(module: str) -> frozenset[str]:
         name = pending.pop()
         if name not in visited:
             visited.add(name)
-            pending += _imports(name)
+            pending += _direct_imports(name)
     return frozenset(visited)
 
 
 @cache
-def _imports(module: str) -> tuple[str, ...]:
+def _direct_imports(module: str) -> tuple[str, ...]:
     """Modules of this package that ``module`` imports directly."""
     names = []
-    for node in ast.walk(ast.parse(_source(module))):
+    for node in ast.walk(ast.parse(_module_source(module))):
         if isinstance(node, ast.Import):
             names += [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom) and node.level == 0 and node.module:
             names += [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
-    return tuple(dict.fromkeys(name for name in names if _path(name) is not None))
+    return tuple(dict.fromkeys(name for name in names if _module_path(name) is not None))
 
 
 @cache
-def _source(module: str) -> bytes:
-    path = _path(module)
+def _module_source(module: str) -> bytes:
+    path = _module_path(module)
     if path is None:
         raise ModuleNotFoundError(f"{module} is not a module of {PACKAGE.name}")
     return path.read_bytes()
 
 
-def _path(module: str) -> Path | None:
+def _module_path(module: str) -> Path | None:
     first, *rest = module.split(".")
     if first != PACKAGE.name:
         return None
@@ -74,7 +74,7 @@ def _path(module: str) -> Path | None:
 
 
 @cache
-def _of_data() -> str:
+def _data_digest() -> str:
     digest = hashlib.sha256()
     for name in DATA:
         place = models_dir() / name
@@ -84,25 +84,25 @@ def _of_data() -> str:
 
 
 @dataclass(frozen=True)
-class Kept:
+class ResultCache:
     """Folder of cached results; ``digest`` is ``digest_of`` the module that computes them."""
 
     folder: Path
 
-    def load(self, name: str, seeds: int, digest: str) -> Reproduction | None:
+    def load_result(self, name: str, seeds: int, digest: str) -> Reproduction | None:
         """The cached result with its saved tables; None if there is none for this number of draws and digest."""
-        path = self._path(name, seeds, digest)
+        path = self._result_path(name, seeds, digest)
         if not path.is_file():
             return None
-        return _read(json.loads(path.read_text(encoding="utf-8")))
+        return _parse_result(json.loads(path.read_text(encoding="utf-8")))
 
-    def save(self, name: str, seeds: int, digest: str, result: Reproduction, printed: tuple[str, ...]) -> None:
+    def save_result(self, name: str, seeds: int, digest: str, result: Reproduction, printed: tuple[str, ...]) -> None:
         """Save a result with its ``printed`` tables atomically, and delete results with other digests."""
-        path = self._path(name, seeds, digest)
+        path = self._result_path(name, seeds, digest)
         self.folder.mkdir(parents=True, exist_ok=True)
         part = path.with_name(f".part-{os.getpid()}-{path.name}")
         try:
-            part.write_text(json.dumps(_written(result, printed)), encoding="utf-8")
+            part.write_text(json.dumps(_result_document(result, printed)), encoding="utf-8")
             part.replace(path)
         finally:
             part.unlink(missing_ok=True)
@@ -110,11 +110,11 @@ class Kept:
             if other != path:
                 other.unlink(missing_ok=True)
 
-    def _path(self, name: str, seeds: int, digest: str) -> Path:
+    def _result_path(self, name: str, seeds: int, digest: str) -> Path:
         return self.folder / f"{name}-{seeds}-{digest}.json"
 
 
-def _written(result: Reproduction, printed: tuple[str, ...]) -> dict[str, Any]:
+def _result_document(result: Reproduction, printed: tuple[str, ...]) -> dict[str, Any]:
     return {
         "claims": [asdict(claim) for claim in result.claims],
         "note": result.note,
@@ -126,7 +126,7 @@ def _written(result: Reproduction, printed: tuple[str, ...]) -> dict[str, Any]:
     }
 
 
-def _read(document: dict[str, Any]) -> Reproduction:
+def _parse_result(document: dict[str, Any]) -> Reproduction:
     return Reproduction(
         claims=tuple(Claim(**claim) for claim in document["claims"]),
         note=document["note"],

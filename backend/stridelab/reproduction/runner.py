@@ -10,12 +10,12 @@ from stridelab.conventions import Progress
 from stridelab.errors import StridelabError
 from stridelab.reproduction.chapter2 import fig_2_8_people, table_real_walks
 from stridelab.reproduction.claims import Reproduction
-from stridelab.reproduction.registry import item_of, reproduce
-from stridelab.reproduction.result_cache import Kept, digest_of
+from stridelab.reproduction.registry import item_of, reproduce_item
+from stridelab.reproduction.result_cache import ResultCache, digest_of
 
 PEOPLE: Final = (fig_2_8_people.NAME, table_real_walks.NAME)
 """Items on real recordings, computed only if the recordings are available."""
-FEW_SEEDS: Final = 3
+QUICK_SEEDS: Final = 3
 """Number of draws for a quick run."""
 
 
@@ -27,7 +27,7 @@ class Section:
     title: str
     seeds: int
     printed: tuple[str, ...]
-    found: Reproduction | None
+    result: Reproduction | None
     failure: str = ""
 
 
@@ -43,13 +43,13 @@ class Recipe:
     run: Callable[[Progress], Reproduction]
 
 
-def recipes(names: Iterable[str], seeds: int | None, recordings: Path | None) -> list[Recipe]:
+def recipes_of(names: Iterable[str], seeds: int | None, recordings: Path | None) -> list[Recipe]:
     """Recipes of items by name; ``seeds`` None uses the default of each item.
 
     ``recordings`` is a folder with real recordings in ``gait/`` and adds the items on them. Raises ``NotFound``
     (``item-not-found``) for an unknown name.
     """
-    selected = [recipe(name, seeds) for name in names]
+    selected = [recipe_of(name, seeds) for name in names]
     if recordings is not None:
         selected += [
             Recipe(each.NAME, each.TITLE, 1, each.PRINTED, each.__name__, partial(each.run, recordings / "gait"))
@@ -58,36 +58,38 @@ def recipes(names: Iterable[str], seeds: int | None, recordings: Path | None) ->
     return selected
 
 
-def recipe(name: str, seeds: int | None) -> Recipe:
+def recipe_of(name: str, seeds: int | None) -> Recipe:
     """Recipe of one item. Raises ``NotFound`` (``item-not-found``)."""
     item = item_of(name)
     repeats = item.default_seeds if seeds is None else seeds
     return Recipe(
-        name, item.title, repeats, item.printed, item.run.__module__, lambda tell: reproduce(name, repeats, tell)
+        name, item.title, repeats, item.printed, item.run.__module__, lambda tell: reproduce_item(name, repeats, tell)
     )
 
 
-def collect(wanted: Sequence[Recipe], kept: Kept, tell: Progress, *, anew: bool = False) -> Iterator[Section]:
+def collect_sections(
+    recipes: Sequence[Recipe], cache: ResultCache, tell: Progress, *, recompute: bool = False
+) -> Iterator[Section]:
     """Compute the items and yield their sections; ``anew`` ignores cached results. Failures are not cached."""
-    for number, each in enumerate(wanted):
+    for number, each in enumerate(recipes):
 
         def tell_item(fraction: float, message: str, number: int = number, name: str = each.name) -> None:
-            tell((number + fraction) / len(wanted), f"{name}: {message}")
+            tell((number + fraction) / len(recipes), f"{name}: {message}")
 
-        yield _section(each, kept, tell_item, anew=anew)
+        yield _compute_section(each, cache, tell_item, recompute=recompute)
 
 
-def _section(each: Recipe, cache: Kept, tell: Progress, *, anew: bool) -> Section:
-    digest = digest_of(each.module)
-    result = None if anew else cache.load(each.name, each.seeds, digest)
+def _compute_section(recipe: Recipe, cache: ResultCache, tell: Progress, *, recompute: bool) -> Section:
+    digest = digest_of(recipe.module)
+    result = None if recompute else cache.load_result(recipe.name, recipe.seeds, digest)
     failure = ""
     if result is None:
         tell(0.0, "starting")
         try:
-            result = each.run(tell)
-            cache.save(each.name, each.seeds, digest, result, each.printed)
+            result = recipe.run(tell)
+            cache.save_result(recipe.name, recipe.seeds, digest, result, recipe.printed)
         except StridelabError as error:
             failure = error.message
         except Exception as error:  # noqa: BLE001 (a failed item does not stop the others)
             failure = f"{type(error).__name__}: {error}"
-    return Section(each.name, each.title, each.seeds, each.printed, result, failure)
+    return Section(recipe.name, recipe.title, recipe.seeds, recipe.printed, result, failure)

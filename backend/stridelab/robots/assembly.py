@@ -21,14 +21,14 @@ from stridelab.robots import card_validation, inertias
 from stridelab.robots.card import EffectorCard, RobotCard
 from stridelab.robots.data_files import DataFiles
 from stridelab.robots.robot import Effector, Robot
-from stridelab.robots.self_collision import collision_model, matches
-from stridelab.robots.trunk_axes import faced, level_axes, own_axes
-from stridelab.robots.urdf import collision_geometry, full_model, read_srdf, some_visuals, tree
+from stridelab.robots.self_collision import collision_model, matches_any
+from stridelab.robots.trunk_axes import align_base, level_axes, round_to_axes
+from stridelab.robots.urdf import collision_geometry, full_model, matching_visuals, parse_xml, read_srdf
 
 V = TypeVar("V")
 
 
-def assemble(name: str, card: RobotCard, files: DataFiles) -> Robot:
+def assemble_robot(name: str, card: RobotCard, files: DataFiles) -> Robot:
     """Build the robot: set limits, lock joints, prune collision pairs, put the reference posture on the ground.
 
     Raises ``InvalidInput``: ``robot-card-invalid`` if the card names something that the description lacks,
@@ -39,33 +39,33 @@ def assemble(name: str, card: RobotCard, files: DataFiles) -> Robot:
     if files.srdf is not None:
         read_srdf(full, files.srdf)
     collision_shapes = collision_geometry(full, files.urdf, (files.package_dir,))
-    visual_shapes = some_visuals(full, files.urdf, (files.package_dir,), card.collision.visual)
+    visual_shapes = matching_visuals(full, files.urdf, (files.package_dir,), card.collision.visual)
     sizes = inertias.sizes_m(full, collision_shapes)
-    if faults := list(inertias.unphysical(tree(files.urdf), sizes, card.accepted_inertias)):
+    if faults := list(inertias.inertia_faults(parse_xml(files.urdf), sizes, card.accepted_inertias)):
         raise invalid_description(name, faults)
-    if faults := list(card_validation.mismatches(card, full, collision_shapes, visual_shapes)):
-        raise cards.invalid(name, faults)
+    if faults := list(card_validation.card_mismatches(card, full, collision_shapes, visual_shapes)):
+        raise cards.invalid_card(name, faults)
     set_limits(full, card)
     checked_shapes = collision_model(full, collision_shapes, visual_shapes, card.collision, files.srdf)
 
     q_full = reference_posture(full, card)
     joints = list(full.names)[2:]
-    locked = [joint for joint in joints if matches(card.locked_joints, joint)]
+    locked = [joint for joint in joints if matches_any(card.locked_joints, joint)]
     model, collision = pin.buildReducedModel(full, checked_shapes, [full.getJointId(joint) for joint in locked], q_full)
     effectors = {key: effector_of(key, effector) for key, effector in card.effectors.items()}
     moving = list(model.names)[2:]
-    q = np.concatenate([q_full[:7], [q_full[_index(full, joint)] for joint in moving]])
-    if faults := list(card_validation.limitless(model)):
+    q = np.concatenate([q_full[:7], [q_full[_configuration_index(full, joint)] for joint in moving]])
+    if faults := list(card_validation.joints_without_limits(model)):
         raise invalid_description(name, faults)
     if faults := [
-        *card_validation.immovable(model, card.base_frame, effectors),
-        *card_validation.out_of_range(model, q),
+        *card_validation.fixed_effectors(model, card.base_frame, effectors),
+        *card_validation.joints_out_of_range(model, q),
     ]:
-        raise cards.invalid(name, faults)
+        raise cards.invalid_card(name, faults)
     try:
-        q = on_the_ground(model, faced(q, level_axes(model, q, effectors)), effectors)
+        q = place_on_ground(model, align_base(q, level_axes(model, q, effectors)), effectors)
     except ValueError as error:
-        raise cards.invalid(name, [Fault("effectors", str(error))]) from error
+        raise cards.invalid_card(name, [Fault("effectors", str(error))]) from error
     R_root_trunk, R_base_trunk = trunk_axes(model, q, card.base_frame)
     return Robot(
         name=name,
@@ -81,8 +81,8 @@ def assemble(name: str, card: RobotCard, files: DataFiles) -> Robot:
         group={joint: next(g for g, p in card.groups.items() if re.fullmatch(p, joint)) for joint in moving},
         urdf=files.urdf,
         package_dirs=(files.package_dir,),
-        locked={joint: float(q_full[_index(full, joint)]) for joint in locked},
-        sha256=fingerprint(card, files, collision),
+        locked={joint: float(q_full[_configuration_index(full, joint)]) for joint in locked},
+        sha256=robot_sha256(card, files, collision),
     )
 
 
@@ -95,15 +95,15 @@ def invalid_description(name: str, faults: list[Fault]) -> InvalidInput:
 def set_limits(model: pin.Model, card: RobotCard) -> None:
     """Replace the limits and the rotor inertias of ``model`` where the card states its own."""
     for joint in list(model.names)[2:]:
-        q, v = _index(model, joint), int(model.joints[model.getJointId(joint)].idx_v)
-        if (position := _stated(card.limits.position_rad, joint)) is not None:
+        q, v = _configuration_index(model, joint), int(model.joints[model.getJointId(joint)].idx_v)
+        if (position := _value_for_joint(card.limits.position_rad, joint)) is not None:
             model.lowerPositionLimit[q], model.upperPositionLimit[q] = position
-        if (velocity := _stated(card.limits.velocity_rad_s, joint)) is not None:
+        if (velocity := _value_for_joint(card.limits.velocity_rad_s, joint)) is not None:
             # pinocchio has a separate lower limit and rejects one above the upper limit
             model.lowerVelocityLimit[v], model.upperVelocityLimit[v] = -velocity, velocity
-        if (torque := _stated(card.limits.torque_nm, joint)) is not None:
+        if (torque := _value_for_joint(card.limits.torque_nm, joint)) is not None:
             model.lowerEffortLimit[v], model.upperEffortLimit[v] = -torque, torque
-        if (armature := _stated(card.rotors.armature_kg_m2, joint)) is not None:
+        if (armature := _value_for_joint(card.rotors.armature_kg_m2, joint)) is not None:
             model.armature[v] = armature
 
 
@@ -112,8 +112,8 @@ def reference_posture(model: pin.Model, card: RobotCard) -> Float[np.ndarray, "n
     posture = card.reference.posture
     q = np.array(pin.neutral(model) if posture is None else model.referenceConfigurations[posture])
     for joint in list(model.names)[2:]:
-        if (angle_rad := _stated(card.reference.joints_rad, joint)) is not None:
-            q[_index(model, joint)] = angle_rad
+        if (angle_rad := _value_for_joint(card.reference.joints_rad, joint)) is not None:
+            q[_configuration_index(model, joint)] = angle_rad
     return q
 
 
@@ -123,7 +123,7 @@ def effector_of(name: str, card: EffectorCard) -> Effector:
         name=name,
         frame=card.frame,
         kind=card.kind,
-        T_frame_contact=Placement.of(card.position_m, card.orientation_wxyz),
+        T_frame_contact=Placement.from_wxyz(card.position_m, card.orientation_wxyz),
         contact_half_size_m=card.contact_half_size_m,
         ankle=card.ankle,
     )
@@ -133,10 +133,10 @@ def trunk_axes(model: pin.Model, q: Float[np.ndarray, "nq"], base_frame: str) ->
     """The world axes at the reference posture ``q``, expressed in the root link and in ``base_frame``."""
     data = model.createData()
     pin.framesForwardKinematics(model, data, q)
-    return own_axes(data.oMi[1].rotation.T), own_axes(data.oMf[model.getFrameId(base_frame)].rotation.T)
+    return round_to_axes(data.oMi[1].rotation.T), round_to_axes(data.oMf[model.getFrameId(base_frame)].rotation.T)
 
 
-def on_the_ground(
+def place_on_ground(
     model: pin.Model, q: Float[np.ndarray, "nq"], effectors: Mapping[str, Effector]
 ) -> Float[np.ndarray, "nq"]:
     """``q`` translated so that the mean of the surface contacts is at the world origin."""
@@ -152,16 +152,16 @@ def on_the_ground(
     return q_moved
 
 
-def _stated(table: Mapping[str, V], joint: str) -> V | None:
+def _value_for_joint(table: Mapping[str, V], joint: str) -> V | None:
     """The value of the first pattern that matches ``joint``, or ``None``."""
     return next((value for pattern, value in table.items() if re.fullmatch(pattern, joint)), None)
 
 
-def _index(model: pin.Model, joint: str) -> int:
+def _configuration_index(model: pin.Model, joint: str) -> int:
     return int(model.joints[model.getJointId(joint)].idx_q)
 
 
-def fingerprint(card: RobotCard, files: DataFiles, collision: pin.GeometryModel) -> str:
+def robot_sha256(card: RobotCard, files: DataFiles, collision: pin.GeometryModel) -> str:
     """SHA-256 of the URDF, the SRDF if there is one, the collision meshes and the card's canonical form.
 
     Comments, layout, title and licence of the card do not count, nor do the paths of the files.
@@ -171,7 +171,7 @@ def fingerprint(card: RobotCard, files: DataFiles, collision: pin.GeometryModel)
     for path in (files.urdf, files.srdf, *meshes):
         content = b"" if path is None else path.read_bytes()
         digest.update(hashlib.sha256(content).digest())
-    digest.update(hashlib.sha256(card.canonical()).digest())
+    digest.update(hashlib.sha256(card.canonical_json()).digest())
     return digest.hexdigest()
 
 

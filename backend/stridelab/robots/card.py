@@ -19,7 +19,7 @@ from pydantic import ConfigDict, TypeAdapter, ValidationError
 from stridelab.errors import Fault, InvalidInput, NotFound
 from stridelab.resources import models_dir
 
-MOST_POSITION_RAD: Final = 4.0 * math.pi
+MAX_POSITION_RAD: Final = 4.0 * math.pi
 """Largest joint angle accepted; larger numbers are usually degrees."""
 _STRICT: Final = ConfigDict(extra="forbid", allow_inf_nan=False)
 
@@ -114,7 +114,7 @@ class RobotCard:
     rotors: RotorsCard = RotorsCard()
     collision: CollisionCard = CollisionCard()
 
-    def canonical(self) -> bytes:
+    def canonical_json(self) -> bytes:
         """The fields that affect the robot as JSON with sorted keys, independent of the layout of the file."""
         data = TypeAdapter(RobotCard).dump_python(
             self, mode="json", exclude={"title", "licence", "references"}, exclude_defaults=True
@@ -133,7 +133,7 @@ def robot_card(name: str) -> RobotCard:
 
     Raises ``NotFound`` (``robot-not-found``) for a name without a card.
     """
-    return parse(name, card_bytes(name))
+    return parse_card(name, card_bytes(name))
 
 
 def card_bytes(name: str) -> bytes:
@@ -143,7 +143,7 @@ def card_bytes(name: str) -> bytes:
     return (models_dir() / "robots" / f"{name}.toml").read_bytes()
 
 
-def parse(name: str, text: bytes) -> RobotCard:
+def parse_card(name: str, text: bytes) -> RobotCard:
     """Validate a card.
 
     Raises ``InvalidInput`` (``robot-card-invalid``) with one fault per invalid field.
@@ -151,26 +151,26 @@ def parse(name: str, text: bytes) -> RobotCard:
     try:
         data = tomllib.loads(text.decode())
     except ValueError as error:  # not UTF-8, or not TOML
-        raise invalid(name, [Fault("", f"it is not TOML: {error}")]) from error
+        raise invalid_card(name, [Fault("", f"it is not TOML: {error}")]) from error
     try:
         # JSON is strict about types, and still takes a list for a tuple
         card = TypeAdapter(RobotCard).validate_json(json.dumps(data, default=str), strict=True)
     except ValidationError as error:
         faults = [Fault(field_path(item["loc"]), item["msg"]) for item in error.errors()]
-        raise invalid(name, faults) from error
-    faults = list(_faults(card))
+        raise invalid_card(name, faults) from error
+    faults = list(_card_faults(card))
     if faults:
-        raise invalid(name, faults)
+        raise invalid_card(name, faults)
     return card
 
 
-def invalid(name: str, faults: list[Fault]) -> InvalidInput:
+def invalid_card(name: str, faults: list[Fault]) -> InvalidInput:
     """The error for a card whose fields are invalid or do not match the robot's description."""
     places = "; ".join(f"{fault.where}: {fault.message}" if fault.where else fault.message for fault in faults)
     return InvalidInput("robot-card-invalid", f"The card of robot {name!r} is invalid. {places}", faults)
 
 
-def _faults(card: RobotCard) -> Iterator[Fault]:
+def _card_faults(card: RobotCard) -> Iterator[Fault]:
     """Faults that the types do not exclude."""
     if card.data.package is not None and not card.data.package.isidentifier():
         yield Fault("data.package", f"{card.data.package!r} is not the name of a package")
@@ -193,7 +193,7 @@ def _faults(card: RobotCard) -> Iterator[Fault]:
             yield Fault(f"{where}.orientation_wxyz", "the quaternion does not have norm 1")
 
 
-def patterns(card: RobotCard) -> Iterator[tuple[str, str, str]]:
+def card_patterns(card: RobotCard) -> Iterator[tuple[str, str, str]]:
     """All patterns of a card: the field, the kind of object named (joint, link, part, visual), the pattern."""
     for group, pattern in card.groups.items():
         yield f"groups.{group}", "joint", pattern
@@ -201,7 +201,7 @@ def patterns(card: RobotCard) -> Iterator[tuple[str, str, str]]:
         yield f"locked_joints[{i}]", "joint", pattern
     for i, pattern in enumerate(card.accepted_inertias):
         yield f"accepted_inertias[{i}]", "link", pattern
-    for where, table in by_joint(card).items():
+    for where, table in tables_by_joint(card).items():
         for pattern in table:
             yield f"{where}.{pattern}", "joint", pattern
     parts = card.collision
@@ -218,7 +218,7 @@ def patterns(card: RobotCard) -> Iterator[tuple[str, str, str]]:
             yield f"collision.never.{link}[{i}]", "link", pattern
 
 
-def by_joint(card: RobotCard) -> dict[str, Mapping[str, Any]]:
+def tables_by_joint(card: RobotCard) -> dict[str, Mapping[str, Any]]:
     """The tables of a card that give values to joints, by field."""
     return {
         "reference.joints_rad": card.reference.joints_rad,
@@ -230,7 +230,7 @@ def by_joint(card: RobotCard) -> dict[str, Mapping[str, Any]]:
 
 
 def _bad_patterns(card: RobotCard) -> Iterator[Fault]:
-    for where, _, pattern in patterns(card):
+    for where, _, pattern in card_patterns(card):
         try:
             re.compile(pattern)
         except re.error as error:
@@ -241,7 +241,7 @@ def _bad_limits(card: RobotCard) -> Iterator[Fault]:
     for pattern, (low, high) in card.limits.position_rad.items():
         if low >= high:
             yield Fault(f"limits.position_rad.{pattern}", f"the lower limit {low} is not below the upper one {high}")
-        elif max(abs(low), abs(high)) > MOST_POSITION_RAD:
+        elif max(abs(low), abs(high)) > MAX_POSITION_RAD:
             yield Fault(
                 f"limits.position_rad.{pattern}",
                 f"{low} to {high} rad exceeds two turns; the unit must be radians, not degrees",

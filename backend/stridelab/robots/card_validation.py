@@ -10,16 +10,16 @@ from jaxtyping import Float
 
 from stridelab.errors import Fault
 from stridelab.resources import models_dir
-from stridelab.robots.card import RobotCard, by_joint, patterns
+from stridelab.robots.card import RobotCard, card_patterns, tables_by_joint
 from stridelab.robots.robot import Effector
-from stridelab.robots.self_collision import matches
+from stridelab.robots.self_collision import matches_any
 
 TOLERANCE_RAD: Final = 1e-9
 """Rounding tolerance by which the reference posture may lie outside the joint limits."""
 _WORDS: Final = {"joint": "joint", "link": "link", "part": "collision geometry", "visual": "visual geometry"}
 
 
-def mismatches(
+def card_mismatches(
     card: RobotCard, model: pin.Model, collision: pin.GeometryModel, visual: pin.GeometryModel
 ) -> Iterator[Fault]:
     """Names in the card that the description lacks, and joints that the card assigns to no group or to several.
@@ -33,7 +33,7 @@ def mismatches(
         "part": [str(part.name) for part in collision.geometryObjects],
         "visual": [str(part.name) for part in visual.geometryObjects],
     }
-    names_by_kind["part"] += [name for name in names_by_kind["visual"] if matches(card.collision.visual, name)]
+    names_by_kind["part"] += [name for name in names_by_kind["visual"] if matches_any(card.collision.visual, name)]
     literature = (models_dir() / "references.bib").read_text(encoding="utf-8")
     for i, key in enumerate(card.references):
         if f"{{{key}," not in literature:
@@ -43,10 +43,10 @@ def mismatches(
     postures = {item.key() for item in model.referenceConfigurations}
     if card.reference.posture is not None and card.reference.posture not in postures:
         yield Fault("reference.posture", f"there is no posture {card.reference.posture!r}")
-    for where, kind, pattern in patterns(card):
+    for where, kind, pattern in card_patterns(card):
         if not where.startswith("groups.") and not any(re.fullmatch(pattern, name) for name in names_by_kind[kind]):
             yield Fault(where, f"no {_WORDS[kind]} matches {pattern!r}")
-    for where, table in by_joint(card).items():
+    for where, table in tables_by_joint(card).items():
         for joint in joints:
             if sum(1 for pattern in table if re.fullmatch(pattern, joint)) > 1:
                 yield Fault(where, f"joint {joint!r} is named by more than one pattern")
@@ -54,10 +54,10 @@ def mismatches(
         if effector.frame not in frames:
             yield Fault(f"effectors.{name}.frame", f"there is no frame {effector.frame!r}")
         for joint in effector.ankle or ():
-            if joint not in joints or matches(card.locked_joints, joint):
+            if joint not in joints or matches_any(card.locked_joints, joint):
                 yield Fault(f"effectors.{name}.ankle", f"there is no moving joint {joint!r}")
     for joint in joints:
-        if matches(card.locked_joints, joint):
+        if matches_any(card.locked_joints, joint):
             continue
         groups = [group for group, pattern in card.groups.items() if re.fullmatch(pattern, joint)]
         if len(groups) != 1:
@@ -66,7 +66,7 @@ def mismatches(
             yield Fault("locked_joints", f"joint {joint!r} has no limits and must be locked")
 
 
-def immovable(model: pin.Model, base_frame: str, effectors: Mapping[str, Effector]) -> Iterator[Fault]:
+def fixed_effectors(model: pin.Model, base_frame: str, effectors: Mapping[str, Effector]) -> Iterator[Fault]:
     """Effectors that no joint of the reduced ``model`` moves relative to the base."""
     base = set(model.supports[model.frames[model.getFrameId(base_frame)].parentJoint])
     for name, effector in effectors.items():
@@ -77,7 +77,7 @@ def immovable(model: pin.Model, base_frame: str, effectors: Mapping[str, Effecto
             )
 
 
-def limitless(model: pin.Model) -> Iterator[Fault]:
+def joints_without_limits(model: pin.Model) -> Iterator[Fault]:
     """Joints of the reduced ``model`` without range, speed or torque."""
     for i, joint in enumerate(list(model.names)[2:]):
         low, high = model.lowerPositionLimit[7 + i], model.upperPositionLimit[7 + i]
@@ -88,7 +88,7 @@ def limitless(model: pin.Model) -> Iterator[Fault]:
                 yield Fault(f"joint {joint}", f"its {what} limit is {value:g}; it must be positive")
 
 
-def out_of_range(model: pin.Model, q: Float[np.ndarray, "nq"]) -> Iterator[Fault]:
+def joints_out_of_range(model: pin.Model, q: Float[np.ndarray, "nq"]) -> Iterator[Fault]:
     """Joints whose angle in the reference posture ``q`` lies outside their range."""
     for i, joint in enumerate(list(model.names)[2:]):
         low, high, angle = model.lowerPositionLimit[7 + i], model.upperPositionLimit[7 + i], q[7 + i]

@@ -10,7 +10,7 @@ from stridelab.errors import NotEstimable
 from stridelab.robots.robot import Robot
 from stridelab.robots.self_collision import SelfCollision
 
-PATIENCE: Final = 10_000
+MAX_REJECTIONS: Final = 10_000
 """Consecutive colliding configurations after which sampling fails."""
 BATCH: Final = 256
 """Configurations drawn at once."""
@@ -25,21 +25,21 @@ class UniformConfigurations(Iterator[Float[np.ndarray, "nq"]]):
     def __init__(self, robot: Robot, rng: np.random.Generator) -> None:
         self.tried = 0
         self._robot = robot
-        self._collision = SelfCollision.of(robot)
+        self._collision = SelfCollision.for_robot(robot)
         # a plain function: a generator method would keep the collision buffers alive
-        self._angles = _drawn(robot.model.lowerPositionLimit[7:], robot.model.upperPositionLimit[7:], rng)
+        self._angles = _draw_angles(robot.model.lowerPositionLimit[7:], robot.model.upperPositionLimit[7:], rng)
 
     def __next__(self) -> Float[np.ndarray, "nq"]:
         """Next collision-free configuration. Raises ``NotEstimable`` (``no-free-configuration``)."""
         q = self._robot.q_reference.copy()
-        for _ in range(PATIENCE):
+        for _ in range(MAX_REJECTIONS):
             q[7:] = next(self._angles)
             self.tried += 1
-            if not self._collision.found(q):
+            if not self._collision.any_collision(q):
                 return q
         raise NotEstimable(
             "no-free-configuration",
-            f"{self._robot.title} collides with itself in {PATIENCE} random configurations in a row.",
+            f"{self._robot.title} collides with itself in {MAX_REJECTIONS} random configurations in a row.",
         )
 
 
@@ -48,7 +48,7 @@ def uniform_configurations(robot: Robot, rng: np.random.Generator) -> UniformCon
     return UniformConfigurations(robot, rng)
 
 
-def _drawn(
+def _draw_angles(
     lower: Float[np.ndarray, "nj"], upper: Float[np.ndarray, "nj"], rng: np.random.Generator
 ) -> Iterator[Float[np.ndarray, "nj"]]:
     """Endless uniform draws of all joint angles within their limits."""

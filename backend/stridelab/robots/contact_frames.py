@@ -8,7 +8,7 @@ from stridelab.dynamics.spatial import Placement
 from stridelab.robots.robot import Robot
 
 
-def se3(placement: Placement) -> pin.SE3:
+def to_se3(placement: Placement) -> pin.SE3:
     """The same placement in pinocchio's type."""
     return pin.SE3(placement.rotation, placement.position_m)
 
@@ -20,7 +20,7 @@ def with_contact_frames(robot: Robot) -> tuple[pin.Model, Mapping[str, int]]:
     for name, effector in robot.effectors.items():
         parent = model.getFrameId(effector.frame)
         link = model.frames[parent]
-        T_joint_contact = link.placement * se3(effector.T_frame_contact)
+        T_joint_contact = link.placement * to_se3(effector.T_frame_contact)
         index[name] = model.addFrame(
             pin.Frame(f"contact of {name}", link.parentJoint, parent, T_joint_contact, pin.OP_FRAME)
         )

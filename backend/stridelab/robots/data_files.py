@@ -37,21 +37,21 @@ def data_files(card: RobotCard) -> DataFiles:
     srdf = None if card.data.srdf is None else folder / card.data.srdf
     for path in (urdf, srdf):
         if path is not None and not path.is_file():
-            raise _missing(card, f"{holder} has no file {path.relative_to(folder)}.")
+            raise _data_missing(card, f"{holder} has no file {path.relative_to(folder)}.")
     return DataFiles(urdf, srdf, package_dir)
 
 
 def _package_robots(card: RobotCard, package: str) -> Path:
     spec = importlib.util.find_spec(package)
     if spec is None or spec.origin is None:
-        raise _missing(card, f"The package {package} is not installed.")
+        raise _data_missing(card, f"The package {package} is not installed.")
     # the package lies in <prefix>/lib/python3.x/site-packages/<package>/__init__.py
     prefixes = Path(spec.origin).resolve().parents
     folder = next((p / ROBOTS_FOLDER for p in prefixes if (p / ROBOTS_FOLDER).is_dir()), None)
     if folder is None:
-        raise _missing(card, f"The package {package} is installed without its data.")
+        raise _data_missing(card, f"The package {package} is installed without its data.")
     return folder
 
 
-def _missing(card: RobotCard, reason: str) -> Unavailable:
+def _data_missing(card: RobotCard, reason: str) -> Unavailable:
     return Unavailable("robot-data-missing", f"The description of {card.title} is missing. {reason}")

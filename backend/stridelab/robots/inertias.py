@@ -22,13 +22,13 @@ from jaxtyping import Float
 
 from stridelab.errors import Fault
 
-LEAST_GYRATION_M: Final = 1e-4
+MIN_GYRATION_M: Final = 1e-4
 """Minimum radius of gyration of a link of unknown size."""
-LEAST_GYRATION_OF_SIZE: Final = 1e-3
+MIN_GYRATION_PER_SIZE: Final = 1e-3
 """Minimum ratio of radius of gyration to size of a link; that of a solid rod 500 times as long as thick."""
-ROUNDING: Final = 1e-6
+MOMENT_TOLERANCE: Final = 1e-6
 """Relative amount by which the largest moment may exceed the sum of the others, as in a simulator."""
-TURNING: Final = ("fixed", "revolute", "continuous")
+ALLOWED_JOINT_TYPES: Final = ("fixed", "revolute", "continuous")
 _MOMENTS: Final = (("ixx", "ixy", "ixz"), ("ixy", "iyy", "iyz"), ("ixz", "iyz", "izz"))
 
 
@@ -52,7 +52,7 @@ def sizes_m(model: pin.Model, collision: pin.GeometryModel) -> dict[str, float]:
     return sizes
 
 
-def unphysical(root: ET.Element, sizes: Mapping[str, float], accepted: Sequence[str]) -> Iterator[Fault]:
+def inertia_faults(root: ET.Element, sizes: Mapping[str, float], accepted: Sequence[str]) -> Iterator[Fault]:
     """Faults of links with impossible inertias, of joints that are not revolute, and of joints that move no inertia.
 
     ``root`` is the URDF, ``sizes`` the sizes of the links (m). In links that match a pattern of ``accepted``, the
@@ -68,10 +68,10 @@ def unphysical(root: ET.Element, sizes: Mapping[str, float], accepted: Sequence[
             faults.append(Fault(f"link {name}", str(error)))
             continue
         tolerant = any(re.fullmatch(pattern, name) for pattern in accepted)
-        faults += [Fault(f"link {name}", message) for message in _faults(link, sizes.get(name, 0.0), tolerant)]
+        faults += [Fault(f"link {name}", message) for message in _link_faults(link, sizes.get(name, 0.0), tolerant)]
     yield from faults
     for joint in root.findall("joint"):
-        if joint.attrib["type"] not in TURNING:
+        if joint.attrib["type"] not in ALLOWED_JOINT_TYPES:
             kind = joint.attrib["type"]
             yield Fault(f"joint {joint.attrib['name']}", f"it is {kind}; joints must turn about one axis, or be fixed")
     if not faults:  # otherwise the same link would be reported twice
@@ -83,12 +83,12 @@ def read_link(element: ET.Element) -> Link:
     inertial = element.find("inertial")
     if inertial is None:
         return Link(element.attrib["name"], 0.0, np.zeros(3))
-    mass_kg = _number(inertial, "mass", "value")
-    I = np.array([[_number(inertial, "inertia", key) for key in row] for row in _MOMENTS])
+    mass_kg = _read_number(inertial, "mass", "value")
+    I = np.array([[_read_number(inertial, "inertia", key) for key in row] for row in _MOMENTS])
     return Link(element.attrib["name"], mass_kg, np.linalg.eigvalsh(I))
 
 
-def _number(inertial: ET.Element, tag: str, key: str) -> float:
+def _read_number(inertial: ET.Element, tag: str, key: str) -> float:
     child = inertial.find(tag)
     text = None if child is None else child.get(key)
     if text is None:
@@ -102,12 +102,12 @@ def _number(inertial: ET.Element, tag: str, key: str) -> float:
     return value
 
 
-def _faults(link: Link, size_m: float, tolerant: bool) -> Iterator[str]:
+def _link_faults(link: Link, size_m: float, accept_large_moment: bool) -> Iterator[str]:
     m, I = link.mass_kg, link.moments_kg_m2
     if m < 0.0:
         yield f"its mass is {m:g} kg; it must not be negative"
     elif I.any():
-        k = max(LEAST_GYRATION_M, LEAST_GYRATION_OF_SIZE * size_m)
+        k = max(MIN_GYRATION_M, MIN_GYRATION_PER_SIZE * size_m)
         if m == 0.0:
             yield "it has an inertia but no mass"
         elif not I[0] >= m * k**2:
@@ -115,7 +115,7 @@ def _faults(link: Link, size_m: float, tolerant: bool) -> Iterator[str]:
                 f"its smallest principal moment of inertia is {I[0]:.3g} kg m2; with a mass of {m:g} kg it must be "
                 f"at least {m * k**2:.3g} kg m2"
             )
-        elif I[2] > (I[0] + I[1]) * (1.0 + ROUNDING) and not tolerant:
+        elif I[2] > (I[0] + I[1]) * (1.0 + MOMENT_TOLERANCE) and not accept_large_moment:
             yield (
                 f"its principal moments of inertia {I[0]:.3g}, {I[1]:.3g} and {I[2]:.3g} kg m2 are not physical: "
                 "the largest exceeds the sum of the others"
@@ -124,12 +124,12 @@ def _faults(link: Link, size_m: float, tolerant: bool) -> Iterator[str]:
 
 def _moved_without_inertia(root: ET.Element, links: Mapping[str, Link]) -> Iterator[Fault]:
     """Faults of the base and of links moved by a joint if no link with an inertia is fixed to them."""
-    joints = {_end(joint, "child"): joint for joint in root.findall("joint")}
+    joints = {_joint_end(joint, "child"): joint for joint in root.findall("joint")}
     carried: dict[str, list[Link]] = {}
     for link in links.values():
         name = link.name
         while name in joints and joints[name].attrib["type"] == "fixed":
-            name = _end(joints[name], "parent")
+            name = _joint_end(joints[name], "parent")
         carried.setdefault(name, []).append(link)
     for name, fixed in carried.items():
         what = f"joint {joints[name].attrib['name']!r} moves" if name in joints else "is the base"
@@ -140,5 +140,5 @@ def _moved_without_inertia(root: ET.Element, links: Mapping[str, Link]) -> Itera
             yield Fault(f"link {name}", f"what {what} has the mass {mass_kg:g} kg, but no inertia")
 
 
-def _end(joint: ET.Element, which: str) -> str:
+def _joint_end(joint: ET.Element, which: str) -> str:
     return next(iter(joint.findall(which))).attrib["link"]

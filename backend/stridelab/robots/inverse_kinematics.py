@@ -28,24 +28,24 @@ from jaxtyping import Float
 from stridelab.conventions import Angles, Vector3
 from stridelab.dynamics.spatial import Placement
 from stridelab.errors import InvalidInput
-from stridelab.robots.contact_frames import se3, with_contact_frames
+from stridelab.robots.contact_frames import to_se3, with_contact_frames
 from stridelab.robots.robot import Robot
-from stridelab.robots.self_collision import Apart
+from stridelab.robots.self_collision import PairSeparation
 
 TOLERANCE: float = 1e-7
 """Largest error (m, rad) of a converged configuration."""
-_MARGIN_RAD = 0.02
-_STEP = 0.2
+_MIN_MARGIN_RAD = 0.02
+_MAX_STEP = 0.2
 _AT_LIMIT_RAD = 1e-3
 _DAMPING = 1e-9
-_UPRIGHT = 4.0
-_GROUP = {"leg": 4.5e-4, "torso": 0.125, "arm": 0.03125, "head": 0.03125}
-_HAND = 0.045
-_COM = 1.0
+_BASE_WEIGHT = 4.0
+_GROUP_WEIGHTS = {"leg": 4.5e-4, "torso": 0.125, "arm": 0.03125, "head": 0.03125}
+_HAND_WEIGHT = 0.045
+_COM_WEIGHT = 1.0
 """``w_c``, the weight of the preferred CoM: below that of the base orientation, above that of any joint."""
 
 
-class _Pace(NamedTuple):
+class _Schedule(NamedTuple):
     """Schedule of the iterations: the posture weight is ``decay**step`` for ``posture_steps`` steps, then 0.
 
     ``lands`` is the error that ends the iterations, ``tolerance`` the one that counts as converged (m, rad).
@@ -54,32 +54,32 @@ class _Pace(NamedTuple):
     decay: float
     posture_steps: int
     steps: int
-    lands: float
+    end_error: float
     tolerance: float
 
 
-_THOROUGH = _Pace(0.85, 100, 150, 1e-10, TOLERANCE)
-_QUICK = _Pace(0.75, 45, 75, 1e-7, 1e-5)
+_THOROUGH = _Schedule(0.85, 100, 150, 1e-10, TOLERANCE)
+_QUICK = _Schedule(0.75, 45, 75, 1e-7, 1e-5)
 
 
 @dataclass(frozen=True, eq=False)
-class ComRoom:
+class ComRegion:
     """Admissible region of the CoM: ``A c <= b`` with unit rows, ``A`` ``(m, 3)`` and ``b`` ``(m,)`` in metres."""
 
     A: Float[np.ndarray, "m 3"]
     b: Float[np.ndarray, "m"]
 
     @staticmethod
-    def above(region_m: Float[np.ndarray, "k 2"]) -> "ComRoom":
+    def over_polygon(region_m: Float[np.ndarray, "k 2"]) -> "ComRegion":
         """The vertical prism over a convex, counter-clockwise polygon; unbounded for fewer than three corners."""
         edge = np.roll(region_m, -1, axis=0) - region_m
         length = np.linalg.norm(edge, axis=1)
         some = length > 0.0
         if len(region_m) < 3 or not some.any():
-            return ComRoom(np.zeros((0, 3)), np.zeros(0))
+            return ComRegion(np.zeros((0, 3)), np.zeros(0))
         normal = np.column_stack([edge[some, 1], -edge[some, 0]]) / length[some, None]
         A = np.column_stack([normal, np.zeros(len(normal))])
-        return ComRoom(A, (normal * region_m[some]).sum(axis=1))
+        return ComRegion(A, (normal * region_m[some]).sum(axis=1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +95,7 @@ class IkResult:
     converged: bool
     error_rad: float
     worst: str
-    away_m: Mapping[str, float]
+    position_errors_m: Mapping[str, float]
     at_limit: tuple[str, ...]
 
 
@@ -117,18 +117,18 @@ def stand(
     if unknown:
         raise InvalidInput("effector-unknown", f"{robot.title} has no effector {', '.join(unknown)}")
     problem = _Problem(robot, placements, com_m, 0.0 if margins_rad is None else margins_rad)
-    posture = reference_at(robot, placements, com_m) if q_start is None else q_start
+    posture = reference_posture_at(robot, placements, com_m) if q_start is None else q_start
     return problem.solve(posture, _THOROUGH)
 
 
-def stand_in_room(
+def stand_in_com_region(
     robot: Robot,
     placements: Mapping[str, Placement],
-    room: ComRoom,
+    com_region: ComRegion,
     com_m: Vector3,
     q_start: Float[np.ndarray, "nq"] | None = None,
     margins_rad: Angles | None = None,
-    apart: Apart | None = None,
+    separation: PairSeparation | None = None,
 ) -> IkResult:
     """``stand`` with the CoM anywhere in ``room``, near ``com_m`` if possible, and half the number of steps.
 
@@ -139,12 +139,12 @@ def stand_in_room(
     unknown = sorted(set(placements) - set(robot.effectors))
     if unknown:
         raise InvalidInput("effector-unknown", f"{robot.title} has no effector {', '.join(unknown)}")
-    problem = _Problem(robot, placements, com_m, 0.0 if margins_rad is None else margins_rad, room, apart)
-    posture = reference_at(robot, placements, com_m) if q_start is None else q_start
+    problem = _Problem(robot, placements, com_m, 0.0 if margins_rad is None else margins_rad, com_region, separation)
+    posture = reference_posture_at(robot, placements, com_m) if q_start is None else q_start
     return problem.solve(posture, _QUICK)
 
 
-def reference_at(robot: Robot, placements: Mapping[str, Placement], com_m: Vector3) -> Float[np.ndarray, "nq"]:
+def reference_posture_at(robot: Robot, placements: Mapping[str, Placement], com_m: Vector3) -> Float[np.ndarray, "nq"]:
     """The reference posture above the CoM, turned to the mean heading of the surface contacts."""
     ahead = [p.rotation[:2, 0] for name, p in placements.items() if robot.effectors[name].kind == "surface"]
     x, y = np.sum(ahead, axis=0) if ahead else (1.0, 0.0)
@@ -166,21 +166,21 @@ class _Problem:
         placements: Mapping[str, Placement],
         com_m: Vector3,
         margins_rad: Angles | float,
-        room: ComRoom | None = None,
-        apart: Apart | None = None,
+        com_region: ComRegion | None = None,
+        separation: PairSeparation | None = None,
     ) -> None:
         self.model, self._frames = with_contact_frames(robot)
         self._data = self.model.createData()
-        self._targets = {name: (se3(p), robot.effectors[name].kind) for name, p in placements.items()}
-        self._com_m, self._room, self._apart, self._joints = com_m, room, apart, robot.joint_names
-        groups = [_GROUP[robot.group[joint]] for joint in robot.joint_names]
-        self._weights = np.array([0.0, 0.0, 0.0, _UPRIGHT, _UPRIGHT, _UPRIGHT, *groups])
+        self._targets = {name: (to_se3(p), robot.effectors[name].kind) for name, p in placements.items()}
+        self._com_m, self._room, self._apart, self._joints = com_m, com_region, separation, robot.joint_names
+        groups = [_GROUP_WEIGHTS[robot.group[joint]] for joint in robot.joint_names]
+        self._weights = np.array([0.0, 0.0, 0.0, _BASE_WEIGHT, _BASE_WEIGHT, _BASE_WEIGHT, *groups])
         middle = 0.5 * (self.model.lowerPositionLimit + self.model.upperPositionLimit)[7:]
-        margins = np.maximum(margins_rad, _MARGIN_RAD)
+        margins = np.maximum(margins_rad, _MIN_MARGIN_RAD)
         self.lower = np.minimum(self.model.lowerPositionLimit[7:] + margins, middle)
         self.upper = np.maximum(self.model.upperPositionLimit[7:] - margins, middle)
 
-    def errors(self, q: Float[np.ndarray, "nq"]) -> tuple[Float[np.ndarray, "m"], Float[np.ndarray, "m nv"]]:
+    def stacked_errors(self, q: Float[np.ndarray, "nq"]) -> tuple[Float[np.ndarray, "m"], Float[np.ndarray, "m nv"]]:
         """Stacked errors, world aligned (linear before angular, the CoM last), and their Jacobian."""
         model, data = self.model, self._data
         pin.computeJointJacobians(model, data, q)
@@ -202,36 +202,38 @@ class _Problem:
         A, b = self._room.A[violated], self._room.b[violated]
         return np.concatenate([*e, b - A @ data.com[0]]), np.vstack([*J, A @ J_com])
 
-    def solve(self, posture: Float[np.ndarray, "nq"], pace: _Pace) -> IkResult:
+    def solve(self, posture: Float[np.ndarray, "nq"], schedule: _Schedule) -> IkResult:
         """Iterate from ``posture``, which is also the target of the posture task."""
         q = posture.copy()
         q[7:] = np.clip(q[7:], self.lower, self.upper)
-        for step in range(pace.steps):
-            softness = pace.decay**step if step < pace.posture_steps else 0.0
-            e, _ = self.errors(q)
-            if softness == 0.0 and np.abs(e).max() < pace.lands:
+        for step in range(schedule.steps):
+            softness = schedule.decay**step if step < schedule.posture_steps else 0.0
+            e, _ = self.stacked_errors(q)
+            if softness == 0.0 and np.abs(e).max() < schedule.end_error:
                 break
-            q = pin.integrate(self.model, q, self.step(q, softness, posture))
-        return self.result(q, pace.tolerance)
+            q = pin.integrate(self.model, q, self.bounded_step(q, softness, posture))
+        return self.result_at(q, schedule.tolerance)
 
-    def step(self, q: Float[np.ndarray, "nq"], softness: float, posture: Float[np.ndarray, "nq"]) -> np.ndarray:
+    def bounded_step(
+        self, q: Float[np.ndarray, "nq"], posture_weight: float, posture: Float[np.ndarray, "nq"]
+    ) -> np.ndarray:
         """The bounded least-squares step ``(nv,)``."""
         nv = self.model.nv
-        e, J = self.errors(q)
-        h, H_hand = self._turned(q)
-        w = softness * self._weights
-        s_h = softness * _HAND
+        e, J = self.stacked_errors(q)
+        h, H_hand = self._point_orientation_errors(q)
+        w = posture_weight * self._weights
+        s_h = posture_weight * _HAND_WEIGHT
         P = J.T @ J + s_h * H_hand.T @ H_hand + np.diag(w + _DAMPING)
         c = -J.T @ e - s_h * H_hand.T @ h - w * pin.difference(self.model, q, posture)
-        if self._apart is not None and softness > 0.0:
-            e_apart, J_apart = self._apart.rows(self.model, self._data)
+        if self._apart is not None and posture_weight > 0.0:
+            e_apart, J_apart = self._apart.task_rows(self.model, self._data)
             P += J_apart.T @ J_apart
             c -= J_apart.T @ e_apart
-        if self._room is not None and softness > 0.0:
-            J_com, s_c = self._data.Jcom, softness * _COM
+        if self._room is not None and posture_weight > 0.0:
+            J_com, s_c = self._data.Jcom, posture_weight * _COM_WEIGHT
             P += s_c * J_com.T @ J_com
             c -= s_c * J_com.T @ (self._com_m - self._data.com[0])
-        upper, lower = np.full(nv, _STEP), np.full(nv, -_STEP)
+        upper, lower = np.full(nv, _MAX_STEP), np.full(nv, -_MAX_STEP)
         upper[6:] = np.minimum(upper[6:], self.upper - q[7:])
         lower[6:] = np.maximum(lower[6:], self.lower - q[7:])
         dq, _, flag, _ = daqp.solve(P, c, np.zeros((0, nv)), upper, lower)
@@ -239,7 +241,9 @@ class _Problem:
             return np.zeros(nv)
         return np.asarray(dq)
 
-    def _turned(self, q: Float[np.ndarray, "nq"]) -> tuple[Float[np.ndarray, "m"], Float[np.ndarray, "m nv"]]:
+    def _point_orientation_errors(
+        self, q: Float[np.ndarray, "nq"]
+    ) -> tuple[Float[np.ndarray, "m"], Float[np.ndarray, "m nv"]]:
         """Orientation errors of the point contacts and their Jacobian; call after ``errors`` at the same ``q``."""
         h: list[np.ndarray] = [np.zeros(0)]
         H: list[np.ndarray] = [np.zeros((0, self.model.nv))]
@@ -251,9 +255,9 @@ class _Problem:
                 H.append(J[3:])
         return np.concatenate(h), np.vstack(H)
 
-    def result(self, q: Float[np.ndarray, "nq"], tolerance: float) -> IkResult:
+    def result_at(self, q: Float[np.ndarray, "nq"], tolerance: float) -> IkResult:
         """The result at ``q`` with the errors of every target."""
-        e, _ = self.errors(q)
+        e, _ = self.stacked_errors(q)
         errors_m: dict[str, float] = {}
         error_rad = 0.0
         row = 0

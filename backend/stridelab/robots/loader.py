@@ -6,7 +6,7 @@ Importing this module is cheap; pinocchio is imported when the first robot is lo
 from functools import cache
 from typing import TYPE_CHECKING
 
-from stridelab.robots.card import card_bytes, parse, robot_names
+from stridelab.robots.card import card_bytes, parse_card, robot_names
 from stridelab.robots.data_files import data_files
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ def load_robot(name: str) -> "stridelab.robots.robot.Robot":
     is absent, ``robot-meshes-missing``, ``robot-data-unreadable`` if it is broken; ``InvalidInput``:
     ``robot-card-invalid``, ``robot-description-invalid``.
     """
-    from stridelab.robots.assembly import assemble
+    from stridelab.robots.assembly import assemble_robot
 
-    card = parse(name, card_bytes(name))
-    return assemble(name, card, data_files(card))
+    card = parse_card(name, card_bytes(name))
+    return assemble_robot(name, card, data_files(card))

@@ -31,31 +31,33 @@ class SelfCollision:
     hulls: pin.GeometryData
 
     @staticmethod
-    def of(robot: Robot) -> "SelfCollision":
+    def for_robot(robot: Robot) -> "SelfCollision":
         """Create a checker for ``robot``."""
         return SelfCollision(robot, robot.model.createData(), robot.collision.createData())
 
-    def found(self, q: Float[np.ndarray, "nq"]) -> bool:
+    def any_collision(self, q: Float[np.ndarray, "nq"]) -> bool:
         """Whether any pair collides; stops at the first."""
         return bool(pin.computeCollisions(self.robot.model, self.data, self.robot.collision, self.hulls, q, True))
 
-    def pairs(self, q: Float[np.ndarray, "nq"]) -> tuple[tuple[str, str], ...]:
+    def colliding_links(self, q: Float[np.ndarray, "nq"]) -> tuple[tuple[str, str], ...]:
         """Link names of all colliding pairs."""
         pin.computeCollisions(self.robot.model, self.data, self.robot.collision, self.hulls, q, False)
         checked = zip(self.robot.collision.collisionPairs, self.hulls.collisionResults, strict=True)
-        return tuple((self._link(p.first), self._link(p.second)) for p, result in checked if result.isCollision())
+        return tuple(
+            (self._link_name(p.first), self._link_name(p.second)) for p, result in checked if result.isCollision()
+        )
 
-    def colliding(self, q: Float[np.ndarray, "nq"]) -> tuple[int, ...]:
+    def colliding_indices(self, q: Float[np.ndarray, "nq"]) -> tuple[int, ...]:
         """Indices of all colliding pairs, in the order of ``pairs``."""
         pin.computeCollisions(self.robot.model, self.data, self.robot.collision, self.hulls, q, False)
         return tuple(k for k, result in enumerate(self.hulls.collisionResults) if result.isCollision())
 
-    def _link(self, part: int) -> str:
+    def _link_name(self, part: int) -> str:
         return str(self.robot.model.frames[self.robot.collision.geometryObjects[part].parentFrame].name)
 
 
 @dataclass(frozen=True, eq=False)
-class Apart:
+class PairSeparation:
     """Task that separates the collision pairs ``numbers`` whose distance is below ``gap_m``.
 
     With the signed distance ``d`` (negative when overlapping), its direction ``n`` from the first shape to the second
@@ -64,15 +66,15 @@ class Apart:
 
     robot: Robot
     hulls: pin.GeometryData
-    numbers: tuple[int, ...]
+    pair_indices: tuple[int, ...]
     gap_m: float = 0.005
 
-    def rows(self, model: pin.Model, data: pin.Data) -> tuple[Float[np.ndarray, "m"], Float[np.ndarray, "m nv"]]:
+    def task_rows(self, model: pin.Model, data: pin.Data) -> tuple[Float[np.ndarray, "m"], Float[np.ndarray, "m nv"]]:
         """Errors ``(m,)`` and their Jacobian ``(m, nv)``; ``data`` must contain the joint Jacobians."""
         geometry = self.robot.collision
         pin.updateGeometryPlacements(model, data, geometry, self.hulls)
         e, J = [], []
-        for number in self.numbers:
+        for number in self.pair_indices:
             pin.computeDistance(geometry, self.hulls, number)
             nearest, pair = self.hulls.distanceResults[number], geometry.collisionPairs[number]
             if nearest.min_distance >= self.gap_m:
@@ -99,23 +101,25 @@ def collision_model(
     """
     checked = pin.GeometryModel()
     for original in collision.geometryObjects:
-        if not matches(card.left_out, original.name):
-            checked.addGeometryObject(original if matches(card.meshes, original.name) else hull(original))
+        if not matches_any(card.left_out, original.name):
+            checked.addGeometryObject(
+                original if matches_any(card.meshes, original.name) else with_convex_hull(original)
+            )
     for original in visual.geometryObjects:
-        if matches(card.visual, original.name):
-            part = original if matches(card.meshes, original.name) else hull(original)
-            checked.addGeometryObject(renamed(part, f"{part.name} (visual)"))
+        if matches_any(card.visual, original.name):
+            part = original if matches_any(card.meshes, original.name) else with_convex_hull(original)
+            checked.addGeometryObject(with_name(part, f"{part.name} (visual)"))
     links = [str(model.frames[part.parentFrame].name) for part in checked.geometryObjects]
     joints = [part.parentJoint for part in checked.geometryObjects]
     for i, k in combinations(range(checked.ngeoms), 2):
-        if joints[i] != joints[k] and not excluded(card.never, links[i], links[k]):
+        if joints[i] != joints[k] and not is_excluded(card.never, links[i], links[k]):
             checked.addCollisionPair(pin.CollisionPair(i, k))
     if srdf is not None:
         pin.removeCollisionPairs(model, checked, str(srdf), False)
     return checked
 
 
-def hull(original: pin.GeometryObject) -> pin.GeometryObject:
+def with_convex_hull(original: pin.GeometryObject) -> pin.GeometryObject:
     """A copy of the part with the convex hull of its mesh; a primitive shape is unchanged."""
     part = original.copy()
     if isinstance(part.geometry, coal.BVHModelBase):
@@ -125,21 +129,22 @@ def hull(original: pin.GeometryObject) -> pin.GeometryObject:
     return part
 
 
-def renamed(original: pin.GeometryObject, name: str) -> pin.GeometryObject:
+def with_name(original: pin.GeometryObject, name: str) -> pin.GeometryObject:
     """A copy of the part with another name: visual and collision shapes of a link often share one."""
     part = original.copy()
     part.name = name
     return part
 
 
-def excluded(never: Mapping[str, tuple[str, ...]], link: str, other: str) -> bool:
+def is_excluded(never: Mapping[str, tuple[str, ...]], link: str, other: str) -> bool:
     """Whether the card excludes the pair of links from the check, in either order."""
     return any(
-        (re.fullmatch(one, link) and matches(others, other)) or (re.fullmatch(one, other) and matches(others, link))
+        (re.fullmatch(one, link) and matches_any(others, other))
+        or (re.fullmatch(one, other) and matches_any(others, link))
         for one, others in never.items()
     )
 
 
-def matches(patterns: tuple[str, ...], name: str) -> bool:
+def matches_any(patterns: tuple[str, ...], name: str) -> bool:
     """Whether one of the patterns matches the whole name."""
     return any(re.fullmatch(pattern, name) for pattern in patterns)

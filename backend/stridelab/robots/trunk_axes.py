@@ -21,9 +21,9 @@ from scipy.spatial.transform import Rotation as ScipyRotation
 from stridelab.conventions import Rotation
 from stridelab.robots.robot import Effector
 
-LEAN_DEG: Final = 20.0
+MAX_LEAN_DEG: Final = 20.0
 """Largest rotation of a link in the reference posture that is rounded to coordinate axes."""
-LEAST_SUM: Final = 0.5
+MIN_MEAN_LENGTH: Final = 0.5
 """Minimum length of the mean normal and of the mean x axis of the soles for a defined direction."""
 _SIGNED: Final = [
     np.array(signs)[:, None] * np.eye(3)[list(order)]
@@ -45,22 +45,22 @@ def level_axes(model: pin.Model, q: Float[np.ndarray, "nq"], effectors: Mapping[
     x, _, z = np.mean(R, axis=0).T
     up = z / max(np.linalg.norm(z), 1e-9)
     forward = x - (up @ x) * up
-    if np.linalg.norm(z) < LEAST_SUM:
+    if np.linalg.norm(z) < MIN_MEAN_LENGTH:
         raise ValueError("the z axes of the soles' contact frames point away from each other in the reference posture")
-    if np.linalg.norm(forward) < LEAST_SUM:
+    if np.linalg.norm(forward) < MIN_MEAN_LENGTH:
         raise ValueError("the x axes of the soles' contact frames point away from each other in the reference posture")
     forward /= np.linalg.norm(forward)
-    return own_axes(np.column_stack([forward, np.cross(up, forward), up]))
+    return round_to_axes(np.column_stack([forward, np.cross(up, forward), up]))
 
 
-def own_axes(R: Rotation) -> Rotation:
+def round_to_axes(R: Rotation) -> Rotation:
     """The nearest rotation that maps coordinate axes to coordinate axes, or ``R`` if none is near."""
     cosines = (np.einsum("kij,ij->k", _AXES, R) - 1.0) / 2.0
     nearest = int(np.argmax(cosines))
-    return np.asarray(_AXES[nearest] if cosines[nearest] >= np.cos(np.radians(LEAN_DEG)) else R)
+    return np.asarray(_AXES[nearest] if cosines[nearest] >= np.cos(np.radians(MAX_LEAN_DEG)) else R)
 
 
-def faced(q: Float[np.ndarray, "nq"], axes: Rotation) -> Float[np.ndarray, "nq"]:
+def align_base(q: Float[np.ndarray, "nq"], axes: Rotation) -> Float[np.ndarray, "nq"]:
     """``q`` with its base rotated so that ``axes`` become the world axes; the base position is unchanged."""
     turned = q.copy()
     if not np.array_equal(axes, np.eye(3)):  # avoid rounding in quaternions that are already right

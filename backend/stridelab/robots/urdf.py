@@ -19,7 +19,7 @@ def full_model(urdf: Path) -> pin.Model:
 
     Raises ``Unavailable`` (``robot-data-unreadable``).
     """
-    return _read(urdf, lambda: pin.buildModelFromUrdf(str(urdf), pin.JointModelFreeFlyer()))
+    return _read_or_raise(urdf, lambda: pin.buildModelFromUrdf(str(urdf), pin.JointModelFreeFlyer()))
 
 
 def read_srdf(model: pin.Model, srdf: Path) -> None:
@@ -28,12 +28,12 @@ def read_srdf(model: pin.Model, srdf: Path) -> None:
     Raises ``Unavailable`` (``robot-data-unreadable``).
     """
 
-    def read() -> None:
-        if tree(srdf).find("rotor_params") is not None:  # not every SRDF has them
+    def load_into_model() -> None:
+        if parse_xml(srdf).find("rotor_params") is not None:  # not every SRDF has them
             pin.loadRotorParameters(model, str(srdf), False)
         pin.loadReferenceConfigurations(model, str(srdf), False)
 
-    _read(srdf, read)
+    _read_or_raise(srdf, load_into_model)
     model.armature = model.rotorInertia * model.rotorGearRatio**2
 
 
@@ -42,7 +42,7 @@ def collision_geometry(model: pin.Model, urdf: Path, package_dirs: Sequence[Path
 
     Raises ``Unavailable`` (``robot-data-unreadable``, ``robot-meshes-missing``).
     """
-    return _geometry(model, urdf, package_dirs, pin.GeometryType.COLLISION)
+    return _read_geometry(model, urdf, package_dirs, pin.GeometryType.COLLISION)
 
 
 def visual_geometry(model: pin.Model, urdf: Path, package_dirs: Sequence[Path]) -> pin.GeometryModel:
@@ -50,10 +50,10 @@ def visual_geometry(model: pin.Model, urdf: Path, package_dirs: Sequence[Path]) 
 
     Raises ``Unavailable`` (``robot-data-unreadable``, ``robot-meshes-missing``).
     """
-    return _geometry(model, urdf, package_dirs, pin.GeometryType.VISUAL)
+    return _read_geometry(model, urdf, package_dirs, pin.GeometryType.VISUAL)
 
 
-def some_visuals(
+def matching_visuals(
     model: pin.Model, urdf: Path, package_dirs: Sequence[Path], patterns: Sequence[str]
 ) -> pin.GeometryModel:
     """The visual geometries of the links with a geometry that matches a pattern; reading all would take seconds.
@@ -63,7 +63,7 @@ def some_visuals(
     Raises ``Unavailable`` (``robot-data-unreadable``, ``robot-meshes-missing``).
     """
     _require_meshes(urdf, package_dirs)
-    root = tree(urdf)
+    root = parse_xml(urdf)
     for link in root.iter("link"):
         shapes = link.findall("visual")
         names = (f"{link.attrib['name']}_{i}" for i in range(len(shapes)))
@@ -72,7 +72,7 @@ def some_visuals(
                 link.remove(shape)
     text, folders = ET.tostring(root, encoding="unicode"), [str(folder) for folder in package_dirs]
     kind = pin.GeometryType.VISUAL
-    return _read(urdf, lambda: pin.buildGeomFromUrdfString(model, text, kind, package_dirs=folders))
+    return _read_or_raise(urdf, lambda: pin.buildGeomFromUrdfString(model, text, kind, package_dirs=folders))
 
 
 def full_configuration(robot: Robot, model: pin.Model) -> Float[np.ndarray, "nq_full"]:
@@ -84,10 +84,12 @@ def full_configuration(robot: Robot, model: pin.Model) -> Float[np.ndarray, "nq_
     return np.asarray(q)
 
 
-def _geometry(model: pin.Model, urdf: Path, package_dirs: Sequence[Path], kind: pin.GeometryType) -> pin.GeometryModel:
+def _read_geometry(
+    model: pin.Model, urdf: Path, package_dirs: Sequence[Path], kind: pin.GeometryType
+) -> pin.GeometryModel:
     _require_meshes(urdf, package_dirs)
     folders = [str(folder) for folder in package_dirs]
-    return _read(urdf, lambda: pin.buildGeomFromUrdf(model, str(urdf), kind, package_dirs=folders))
+    return _read_or_raise(urdf, lambda: pin.buildGeomFromUrdf(model, str(urdf), kind, package_dirs=folders))
 
 
 def _require_meshes(urdf: Path, package_dirs: Sequence[Path]) -> None:
@@ -100,14 +102,14 @@ def _require_meshes(urdf: Path, package_dirs: Sequence[Path]) -> None:
 
 def missing_meshes(urdf: Path, package_dirs: Sequence[Path]) -> Iterator[str]:
     """Meshes of a URDF that do not exist. Only ``package://`` names are supported, relative to ``package_dirs``."""
-    for mesh in tree(urdf).iter("mesh"):
+    for mesh in parse_xml(urdf).iter("mesh"):
         name = mesh.attrib.get("filename", "")
         inside = name.removeprefix("package://")
         if inside == name or not any((folder / inside).is_file() for folder in package_dirs):
             yield name
 
 
-def tree(urdf: Path) -> ET.Element:
+def parse_xml(urdf: Path) -> ET.Element:
     """The URDF's XML. Raises ``Unavailable`` (``robot-data-unreadable``) with the position of the error."""
     try:
         return ET.parse(urdf).getroot()  # noqa: S314 (a file of the installation, not a user's)
@@ -117,8 +119,8 @@ def tree(urdf: Path) -> ET.Element:
         ) from error
 
 
-def _read(path: Path, read: Callable[[], Any]) -> Any:
-    tree(path)
+def _read_or_raise(path: Path, read: Callable[[], Any]) -> Any:
+    parse_xml(path)
     try:
         return read()
     except (ValueError, RuntimeError) as error:  # raised by pinocchio for a broken or a missing file

@@ -41,7 +41,7 @@ class LinkMesh:
     colours: UInt8[np.ndarray, "n 4"]
 
 
-def merged(name: str, meshes: Sequence[LinkMesh]) -> LinkMesh:
+def merge_meshes(name: str, meshes: Sequence[LinkMesh]) -> LinkMesh:
     """Concatenate meshes in the same frame; the result may be empty."""
     starts = np.cumsum([0, *(len(mesh.vertices_m) for mesh in meshes)])[:-1]
     faces = [mesh.faces + start for mesh, start in zip(meshes, starts, strict=True)] if meshes else []
@@ -58,7 +58,7 @@ def mesh_of(shape: pin.GeometryObject) -> LinkMesh:
 
     Raises ``Unavailable`` (``robot-data-unreadable``) for an unsupported kind of shape.
     """
-    vertices, faces = _triangles(shape)
+    vertices, faces = _shape_triangles(shape)
     if np.prod(np.sign(shape.meshScale)) < 0.0:  # a mirrored mesh is inside out
         faces = faces[:, ::-1]
     T_joint_shape = Placement(shape.placement.translation, shape.placement.rotation)
@@ -66,7 +66,7 @@ def mesh_of(shape: pin.GeometryObject) -> LinkMesh:
     return LinkMesh(shape.name, T_joint_shape.act(vertices), faces, np.repeat(colour[None], len(vertices), axis=0))
 
 
-def decimated(vertices_m: Points, faces: Faces) -> tuple[Float[np.ndarray, "n_shown 3"], Int[np.ndarray, "m_shown 3"]]:
+def decimate(vertices_m: Points, faces: Faces) -> tuple[Float[np.ndarray, "n_shown 3"], Int[np.ndarray, "m_shown 3"]]:
     """Simplify a surface by edge collapses of least quadric error.
 
     The borders of open surfaces are preserved: otherwise whole sheets would shrink, by up to 46 mm on TALOS' torso.
@@ -78,12 +78,12 @@ def decimated(vertices_m: Points, faces: Faces) -> tuple[Float[np.ndarray, "n_sh
     return np.asarray(points, dtype=float), np.asarray(corners, dtype=np.int64)
 
 
-def _triangles(shape: pin.GeometryObject) -> tuple[Points, Faces]:
+def _shape_triangles(shape: pin.GeometryObject) -> tuple[Points, Faces]:
     geometry = shape.geometry
     if isinstance(geometry, coal.BVHModelBase):
         corners = (geometry.tri_indices(i) for i in range(geometry.num_tris))
         faces = np.array([(corner[0], corner[1], corner[2]) for corner in corners], dtype=np.int64)
-        return decimated(np.array(geometry.vertices()), faces)
+        return decimate(np.array(geometry.vertices()), faces)
     if isinstance(geometry, coal.Cylinder):
         solid = trimesh.creation.cylinder(geometry.radius, 2.0 * geometry.halfLength)
     elif isinstance(geometry, coal.Box):
@@ -115,7 +115,7 @@ def link_meshes(robot: Robot) -> tuple[LinkMesh, ...]:
     _, visual = pin.buildReducedModel(full, visual, locked_ids, full_configuration(robot, full))
     shapes = [(shape.parentJoint, mesh_of(shape)) for shape in visual.geometryObjects]
     return tuple(
-        merged(name, [mesh for parent, mesh in shapes if parent == joint])
+        merge_meshes(name, [mesh for parent, mesh in shapes if parent == joint])
         for joint, name in enumerate(link_names(robot), start=1)
     )
 
@@ -157,10 +157,10 @@ def glb(meshes: Sequence[LinkMesh]) -> bytes:
         extent = {"min": vertices.min(axis=0).tolist(), "max": vertices.max(axis=0).tolist()}
         colours = {"normalized": True}
         attributes = {
-            "POSITION": buffer.add(vertices, _FLOAT, "VEC3", _VERTICES, extent),
-            "COLOR_0": buffer.add(linear(mesh.colours), _UBYTE, "VEC4", _VERTICES, colours),
+            "POSITION": buffer.add_array(vertices, _FLOAT, "VEC3", _VERTICES, extent),
+            "COLOR_0": buffer.add_array(srgb_to_linear(mesh.colours), _UBYTE, "VEC4", _VERTICES, colours),
         }
-        indices = buffer.add(mesh.faces.astype(np.uint32).ravel(), _UINT, "SCALAR", _INDICES, {})
+        indices = buffer.add_array(mesh.faces.astype(np.uint32).ravel(), _UINT, "SCALAR", _INDICES, {})
         shapes.append(
             {"name": mesh.name, "primitives": [{"attributes": attributes, "indices": indices, "material": 0}]}
         )
@@ -176,11 +176,11 @@ def glb(meshes: Sequence[LinkMesh]) -> bytes:
         "buffers": [{"byteLength": len(buffer.data)}],
     }
     text = json.dumps(document, separators=(",", ":")).encode()
-    chunks = _chunk(b"JSON", text + b" " * (-len(text) % 4)) + _chunk(b"BIN\0", bytes(buffer.data))
+    chunks = _glb_chunk(b"JSON", text + b" " * (-len(text) % 4)) + _glb_chunk(b"BIN\0", bytes(buffer.data))
     return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
 
 
-def linear(colours: UInt8[np.ndarray, "n 4"]) -> UInt8[np.ndarray, "n 4"]:
+def srgb_to_linear(colours: UInt8[np.ndarray, "n 4"]) -> UInt8[np.ndarray, "n 4"]:
     """Convert sRGB to linear colours (IEC 61966-2-1), opacity unchanged; 8 bits lose at most 7 of 255."""
     share = colours[:, :3] / 255.0
     light = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
@@ -195,16 +195,16 @@ class _Buffer:
         self.views: list[dict[str, Any]] = []
         self.accessors: list[dict[str, Any]] = []
 
-    def add(self, array: np.ndarray, component: int, shape: str, target: int, more: dict[str, Any]) -> int:
+    def add_array(self, array: np.ndarray, component: int, shape: str, target: int, extra: dict[str, Any]) -> int:
         """Append an array; return its accessor index."""
         raw = np.ascontiguousarray(array).tobytes()
         view = {"buffer": 0, "byteOffset": len(self.data), "byteLength": len(raw), "target": target}
         accessor = {"bufferView": len(self.views), "componentType": component, "type": shape, "count": len(array)}
         self.views.append(view)
-        self.accessors.append(accessor | more)
+        self.accessors.append(accessor | extra)
         self.data += raw
         return len(self.accessors) - 1
 
 
-def _chunk(kind: bytes, data: bytes) -> bytes:
+def _glb_chunk(kind: bytes, data: bytes) -> bytes:
     return struct.pack("<I4s", len(data), kind) + data

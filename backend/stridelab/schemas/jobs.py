@@ -148,7 +148,7 @@ class EstimateComInput(Contract):
 
     @field_validator("smoother")
     @classmethod
-    def _whose_options(cls, options: SmootherOptions | None, info: Any) -> SmootherOptions | None:
+    def _check_options(cls, options: SmootherOptions | None, info: Any) -> SmootherOptions | None:
         method = info.data.get("method")
         if options is not None and method not in (None, "smoother"):
             raise ValueError(f"the {method} estimator does not use them, only the smoother does")
@@ -241,7 +241,7 @@ class SimulateRecordingInput(Contract):
 
     @model_validator(mode="before")
     @classmethod
-    def _as_talos(cls, data: Any) -> Any:
+    def _set_talos_defaults(cls, data: Any) -> Any:
         """Set the defaults for TALOS: lower speed, and no height, mass and sex."""
         if not isinstance(data, dict) or data.get("robot") != "talos":
             return data
@@ -250,14 +250,14 @@ class SimulateRecordingInput(Contract):
 
     @field_validator("gait")
     @classmethod
-    def _who_runs(cls, gait: str, info: Any) -> str:
+    def _check_gait(cls, gait: str, info: Any) -> str:
         if gait == "running" and info.data.get("robot") == "human":
             raise ValueError("the simulated person walks; only TALOS runs")
         return gait
 
     @field_validator("height_m", "mass_kg", "sex")
     @classmethod
-    def _whose_body(cls, value: float | str | None, info: Any) -> float | str | None:
+    def _check_body(cls, value: float | str | None, info: Any) -> float | str | None:
         robot = info.data.get("robot")
         if robot == "talos" and value is not None:
             raise ValueError("TALOS has its own height and mass; leave this out")

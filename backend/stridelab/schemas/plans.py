@@ -23,7 +23,7 @@ DURATION_RANGE: Final = (0.7, 1.4)
 
 With 0.6 to 1.6, the legs would swing too fast on long strides for the angular momentum of the plan.
 """
-LEAST_SHARE, MOST_SHARE = 0.1, 10.0
+MIN_DURATION_FACTOR, MAX_DURATION_FACTOR = 0.1, 10.0
 """Bounds of ``duration_range``."""
 
 
@@ -50,7 +50,7 @@ class PlanMotionInput(ScenarioSource):
     time_limit_s: Annotated[float, Field(gt=0.0, le=TIME_LIMIT_S)] | None = None
     free_durations: bool = False
     duration_range: tuple[
-        Annotated[float, Field(ge=LEAST_SHARE, le=1.0)], Annotated[float, Field(ge=1.0, le=MOST_SHARE)]
+        Annotated[float, Field(ge=MIN_DURATION_FACTOR, le=1.0)], Annotated[float, Field(ge=1.0, le=MAX_DURATION_FACTOR)]
     ] = DURATION_RANGE
     measure: Literal["uniform", "conditioned"] | None = None
     whole_body: bool = True

@@ -83,7 +83,7 @@ class StudyPopulationInput(Contract):
     )
 
     @model_validator(mode="after")
-    def _each_once(self) -> "StudyPopulationInput":
+    def _check_ids(self) -> "StudyPopulationInput":
         twice = sorted({i for i in self.recording_ids if self.recording_ids.count(i) > 1})
         if twice:
             raise ValueError(f"recording_ids: the same recording twice: {', '.join(twice)[:200]}")

@@ -21,7 +21,7 @@ class PreviewPush(Contract):
     duration_s: Annotated[float, Field(gt=0.0, le=1.0)] = 0.1
 
     @model_validator(mode="after")
-    def _one_cause(self) -> "PreviewPush":
+    def _check_cause(self) -> "PreviewPush":
         if (self.velocity_m_s is None) == (self.force_n is None):
             raise ValueError("give either velocity_m_s or force_n")
         return self

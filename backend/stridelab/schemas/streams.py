@@ -9,7 +9,7 @@ from stridelab.schemas.base import Contract, Problem
 Triple = tuple[float, float, float]
 Sd = Annotated[float, Field(ge=1e-9, le=1000.0)]
 Component = Annotated[float, Field(ge=-1e6, le=1e6)]
-SHORTEST: Final = 1e-6
+MIN_DIRECTION: Final = 1e-6
 """Minimum of the largest component of a direction."""
 
 PACKED_TIME: Final = "<d"
@@ -64,7 +64,7 @@ class StreamConfiguration(Contract):
     @field_validator("ahead")
     @classmethod
     def _is_a_direction(cls, ahead: tuple[float, float] | None) -> tuple[float, float] | None:
-        if ahead is not None and max(map(abs, ahead)) < SHORTEST:
+        if ahead is not None and max(map(abs, ahead)) < MIN_DIRECTION:
             raise ValueError("a direction must not be zero")
         return ahead
 

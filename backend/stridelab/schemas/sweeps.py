@@ -10,9 +10,9 @@ from stridelab.schemas.scenarios import ScenarioSource
 
 SweepField = Literal["stride", "height", "timing", "friction"]
 SweepOutcome = Literal["feasible", "refused", "infeasible", "failed"]
-POINTS_AT_MOST: Final = 10_000
+MAX_POINTS: Final = 10_000
 """Maximum number of scenarios in one sweep."""
-BODIES_AT_MOST: Final = 500
+MAX_BODY_POINTS: Final = 500
 """Maximum number of scenarios in one sweep of the whole body, which takes some seconds for each."""
 SweepScope = Literal["centre of mass", "whole body"]
 """Extent of the plans: the centroidal motion only, or also the whole body that follows it."""
@@ -30,7 +30,7 @@ class SweepInput(ScenarioSource):
     """
 
     vary: Annotated[
-        dict[SweepField, tuple[SweepValue, SweepValue, Annotated[int, Field(ge=1, le=POINTS_AT_MOST)]]],
+        dict[SweepField, tuple[SweepValue, SweepValue, Annotated[int, Field(ge=1, le=MAX_POINTS)]]],
         Field(min_length=1, max_length=3),
     ]
     formulation: Formulation = "forces"
@@ -41,10 +41,10 @@ class SweepInput(ScenarioSource):
 
     @model_validator(mode="after")
     def _check_points(self) -> "SweepInput":
-        if self.points > POINTS_AT_MOST:
-            raise ValueError(f"vary: {self.points} scenarios are more than {POINTS_AT_MOST}")
-        if self.whole_body and self.points > BODIES_AT_MOST:
-            raise ValueError(f"vary: {self.points} scenarios are more than {BODIES_AT_MOST}, the most with whole_body")
+        if self.points > MAX_POINTS:
+            raise ValueError(f"vary: {self.points} scenarios are more than {MAX_POINTS}")
+        if self.whole_body and self.points > MAX_BODY_POINTS:
+            raise ValueError(f"vary: {self.points} scenarios are more than {MAX_BODY_POINTS}, the most with whole_body")
         return self
 
     @property

@@ -19,13 +19,13 @@ def decode_cursor(cursor: str) -> tuple[datetime, str]:
         moment, separator, row_id = text.partition(" ")
         created_at = datetime.fromisoformat(moment)
     except (binascii.Error, ValueError) as error:
-        raise _invalid() from error
+        raise _invalid_cursor() from error
     if not separator or not row_id.isprintable() or created_at.tzinfo is None:
-        raise _invalid()
+        raise _invalid_cursor()
     return created_at, row_id
 
 
-def _invalid() -> InvalidInput:
+def _invalid_cursor() -> InvalidInput:
     return InvalidInput(
         "invalid-cursor", "Invalid cursor: use the `next` value of a previous page.", [Fault("cursor", "invalid")]
     )

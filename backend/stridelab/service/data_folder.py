@@ -22,23 +22,23 @@ def open_data_folder(folder: Path, free_bytes: int = LATER_START_BYTES) -> None:
     Raises ``Unavailable``: ``data-folder-unusable`` (not a folder, read-only, not permitted), ``disk-full`` if less
     than ``free_bytes`` are free.
     """
-    with explained(folder):
+    with explain_os_errors(folder):
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.NamedTemporaryFile(dir=folder, prefix=".probe-") as probe:
             probe.write(b"\0" * 4096)
             probe.flush()
         if shutil.disk_usage(folder).free < free_bytes:
-            raise _full(folder, free_bytes)
+            raise _disk_full_error(folder, free_bytes)
 
 
 @contextmanager
-def explained(folder: Path) -> Iterator[None]:
+def explain_os_errors(folder: Path) -> Iterator[None]:
     """Convert an ``OSError`` inside the block to ``Unavailable``, with the codes of ``open_data_folder``."""
     try:
         yield
     except OSError as error:
         if error.errno in DISK_FULL_ERRNOS:
-            raise _full(folder, LATER_START_BYTES) from error
+            raise _disk_full_error(folder, LATER_START_BYTES) from error
         where = f" ({error.filename})" if error.filename and str(error.filename) != str(folder) else ""
         reason = error.strerror or str(error)
         raise Unavailable(
@@ -48,7 +48,7 @@ def explained(folder: Path) -> Iterator[None]:
         ) from error
 
 
-def _full(folder: Path, free_bytes: int) -> StridelabError:
+def _disk_full_error(folder: Path, free_bytes: int) -> StridelabError:
     return Unavailable(
         "disk-full",
         f"The disk of the data folder {folder} is full: a start needs {free_bytes / 1e6:.0f} MB there. Free some "

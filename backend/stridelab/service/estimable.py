@@ -13,50 +13,56 @@ SHORTEST_WINDOW_S: Final = 0.4
 """Same value as in ``stridelab.estimation.time_span``, which needs a numeric package."""
 MIN_WINDOW_S: Final = 0.25
 """Same value as in ``stridelab.recordings.force_windows``."""
-_BY_GEOMETRY: Final = "The method geometry gives the centre of mass from the markers alone."
+_GEOMETRY_HINT: Final = "The method geometry gives the centre of mass from the markers alone."
 
 Refusal = tuple[str, str]
 """Error code and message."""
 
 
-def estimates_of(facts: RecordingFacts, subject: SubjectFields, *, alone: bool) -> list[EstimateOffer]:
+def estimate_offers(
+    facts: RecordingFacts, subject: SubjectFields, *, no_other_mass_source: bool
+) -> list[EstimateOffer]:
     """Every method, with code and reason where it refuses the recording.
 
     ``subject`` holds the subject's fields as stated or read from the file. ``alone``: no other recording of the
     session and no static trial can supply the body mass.
     """
-    labels = _labels(facts)
-    geometry = labels or _geometry(facts)
-    force = labels or _force(facts, subject) or _mass(facts, subject, alone=alone)
-    return [_offer(method, geometry if method == "geometry" else force) for method in METHODS]
+    labels = _label_refusal(facts)
+    geometry = labels or _geometry_refusal(facts)
+    force = (
+        labels
+        or _force_refusal(facts, subject)
+        or _mass_refusal(facts, subject, no_other_mass_source=no_other_mass_source)
+    )
+    return [_estimate_offer(method, geometry if method == "geometry" else force) for method in METHODS]
 
 
-def _offer(method: str, refusal: Refusal | None) -> EstimateOffer:
+def _estimate_offer(method: str, refusal: Refusal | None) -> EstimateOffer:
     code, reason = refusal or (None, None)
     return EstimateOffer.model_validate({"method": method, "possible": code is None, "code": code, "reason": reason})
 
 
-def _labels(facts: RecordingFacts) -> Refusal | None:
+def _label_refusal(facts: RecordingFacts) -> Refusal | None:
     if facts.marker_set is not None:
         return None
     message = f"The {len(facts.labels)} marker labels belong to no known marker set."
     return "unknown-marker-set", f"{message} Map the labels to landmarks to use this recording."
 
 
-def _geometry(facts: RecordingFacts) -> Refusal | None:
+def _geometry_refusal(facts: RecordingFacts) -> Refusal | None:
     if facts.duration_s < SHORTEST_WINDOW_S:
         message = f"The recording lasts {facts.duration_s:.2f} s; at least {SHORTEST_WINDOW_S} s are needed."
         return "window-too-short", message
     return None
 
 
-def _force(facts: RecordingFacts, subject: SubjectFields) -> Refusal | None:
+def _force_refusal(facts: RecordingFacts, subject: SubjectFields) -> Refusal | None:
     """Check the requirements of the methods that fuse force with markers, in the same order as the job."""
     if facts.n_frames < 2:
         return "single-frame", "The recording has only one frame: it can serve as a static trial."
     if not facts.plates:
         message = "The recording has no force plate, so no force can be fused with the markers."
-        return "no-plates", f"{message} {_BY_GEOMETRY}"
+        return "no-plates", f"{message} {_GEOMETRY_HINT}"
     if facts.duration_s < MIN_WINDOW_S:
         message = f"The recording lasts {1000.0 * facts.duration_s:.0f} ms; at least {MIN_WINDOW_S:g} s are needed."
         return "recording-too-short", message
@@ -66,7 +72,7 @@ def _force(facts: RecordingFacts, subject: SubjectFields) -> Refusal | None:
         message = (
             "No force plate of this recording can be used: under no unit does a centre of pressure lie on its plate."
         )
-        return "cop-off-all-plates", f"{message} {_BY_GEOMETRY}"
+        return "cop-off-all-plates", f"{message} {_GEOMETRY_HINT}"
     if not used:
         return "plates-switched-off", "All force plates of this recording are switched off."
     if not any(plate.loaded_s for plate in used):
@@ -75,18 +81,18 @@ def _force(facts: RecordingFacts, subject: SubjectFields) -> Refusal | None:
         return None  # the intervals of missing force depend on the mass, which has changed since the file was read
     if not facts.windows_s:
         message = f"At no time is all contact force measured. {remarks.get('force-missing', '')}".strip()
-        return "no-measured-window", f"{message} {_BY_GEOMETRY}"
+        return "no-measured-window", f"{message} {_GEOMETRY_HINT}"
     longest_s = max(end_s - start_s for start_s, end_s in facts.windows_s)
     if longest_s + 1.0 / facts.marker_rate_hz < SHORTEST_WINDOW_S:
         message = (
             f"All contact force is measured for {longest_s:.2f} s at a time; at least {SHORTEST_WINDOW_S} s are needed."
         )
-        return "window-too-short", f"{message} {_BY_GEOMETRY}"
+        return "window-too-short", f"{message} {_GEOMETRY_HINT}"
     return None
 
 
-def _mass(facts: RecordingFacts, subject: SubjectFields, *, alone: bool) -> Refusal | None:
-    if subject.mass_kg is not None or facts.mass_from_force_kg is not None or not alone:
+def _mass_refusal(facts: RecordingFacts, subject: SubjectFields, *, no_other_mass_source: bool) -> Refusal | None:
+    if subject.mass_kg is not None or facts.mass_from_force_kg is not None or not no_other_mass_source:
         return None
     message = (
         "The body mass is neither stated nor in the file, and no force is measured for long enough to weigh "

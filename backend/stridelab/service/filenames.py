@@ -30,7 +30,7 @@ def safe_filename(claimed: str) -> str:
     return plain[:NAME_LIMIT] or "recording"
 
 
-def left_file(folder: Path, name: str) -> Path:
+def child_output_file(folder: Path, name: str) -> Path:
     """Path of the regular file ``name`` that a child process wrote to ``folder``.
 
     Rejects links and paths outside the folder: a child that was compromised by its input may return any name, and this

@@ -13,7 +13,7 @@ from typing import Any, Final, Protocol, runtime_checkable
 
 import structlog
 
-CHATTY = ("uvicorn.access", "procrastinate", "httpx", "httpcore", "alembic", "websockets")
+CHATTY_LOGGERS = ("uvicorn.access", "procrastinate", "httpx", "httpcore", "alembic", "websockets")
 """Third-party loggers limited to warnings and errors; requests are logged by the service's own middleware."""
 
 
@@ -35,10 +35,10 @@ BURST: Final = 50
 """Capacity of the token bucket of one kind of line."""
 RATE_HZ: Final = 0.1
 """Refill rate of the bucket: lines of one kind per second after a burst."""
-_KINDS_AT_MOST: Final = 1000
+_MAX_KINDS: Final = 1000
 
 
-class Flood(logging.Filter):
+class RepeatedLineFilter(logging.Filter):
     """Token-bucket rate limit per kind of line, so that clients cannot flood a log file.
 
     Applies to warnings, errors, refusals and unauthenticated requests. The next written line of the same kind carries
@@ -60,7 +60,7 @@ class Flood(logging.Filter):
         left = min(float(BURST), left + RATE_HZ * (now_s - at_s))
         is_written = left >= 1.0
         self._kinds[kind] = (left - 1.0, now_s, 0) if is_written else (left, now_s, left_out + 1)
-        if len(self._kinds) > _KINDS_AT_MOST:
+        if len(self._kinds) > _MAX_KINDS:
             self._kinds.popitem(last=False)
         if is_written and left_out:
             if isinstance(record.msg, dict):
@@ -108,18 +108,18 @@ def configure_logging(level: str = "info", stream: Sink | None = None) -> None:
     handler.setFormatter(
         structlog.stdlib.ProcessorFormatter(
             foreign_pre_chain=shared,
-            processors=[structlog.stdlib.ProcessorFormatter.remove_processors_meta, *_rendering(out)],
+            processors=[structlog.stdlib.ProcessorFormatter.remove_processors_meta, *_final_processors(out)],
         )
     )
-    handler.addFilter(Flood())
+    handler.addFilter(RepeatedLineFilter())
     root = logging.getLogger()
     root.handlers[:] = [handler]
     root.setLevel(number)
-    for name in CHATTY:
+    for name in CHATTY_LOGGERS:
         logging.getLogger(name).setLevel(max(number, logging.WARNING))
 
 
-def _rendering(out: Sink) -> list[structlog.typing.Processor]:
+def _final_processors(out: Sink) -> list[structlog.typing.Processor]:
     if out.isatty():
         # plain: rich traces show local variables, which may be personal
         return [structlog.dev.ConsoleRenderer(exception_formatter=structlog.dev.plain_traceback)]

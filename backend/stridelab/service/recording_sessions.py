@@ -14,7 +14,7 @@ from typing import Any, Final
 
 from stridelab.schemas.recordings import RecordingFacts
 
-NAMESPACE: Final = uuid.UUID("5e55105e-0000-5000-8000-57a1de1ab000")
+SESSION_NAMESPACE: Final = uuid.UUID("5e55105e-0000-5000-8000-57a1de1ab000")
 """UUID namespace of the session ids that the service derives."""
 
 
@@ -24,14 +24,14 @@ def session_id_of(row: Mapping[str, Any], created_at: datetime) -> str | None:
     ``row`` has ``owner``, ``facts``, ``subject_id`` and ``subject_fields``.
     """
     facts = RecordingFacts.model_validate(row["facts"])
-    person = _person(facts, row.get("subject_id"), row["subject_fields"])
+    person = _subject_key(facts, row.get("subject_id"), row["subject_fields"])
     if person is None:
         return None
     day = facts.recorded_on or created_at.astimezone(UTC).date()
-    return uuid.uuid5(NAMESPACE, repr((row.get("owner") or "", person, day.isoformat()))).hex
+    return uuid.uuid5(SESSION_NAMESPACE, repr((row.get("owner") or "", person, day.isoformat()))).hex
 
 
-def _person(facts: RecordingFacts, subject_id: str | None, stated: Mapping[str, Any]) -> tuple[str, ...] | None:
+def _subject_key(facts: RecordingFacts, subject_id: str | None, stated: Mapping[str, Any]) -> tuple[str, ...] | None:
     if subject_id is not None:
         return ("subject", subject_id)
     if name := str(stated.get("name") or "").strip():

@@ -118,7 +118,7 @@ class Settings(BaseSettings):
         lines = _read_secret(self.blob_credentials_file, variable).splitlines()
         pairs = [line.partition("=") for line in lines if line.strip() and not line.lstrip().startswith("#")]
         if not all(name.strip() and separator for name, separator, _ in pairs):
-            raise _unreadable(self.blob_credentials_file, variable, "a line is not of the form name=value")
+            raise _unreadable_secret(self.blob_credentials_file, variable, "a line is not of the form name=value")
         return {name.strip(): value.strip() for name, _, value in pairs}
 
     @property
@@ -128,7 +128,7 @@ class Settings(BaseSettings):
             variable = "STRIDELAB_API_TOKEN_FILE"
             token = _read_secret(self.api_token_file, variable).strip()
             if not token or not token.isprintable():
-                raise _unreadable(self.api_token_file, variable, "it contains no token")
+                raise _unreadable_secret(self.api_token_file, variable, "it contains no token")
             return token
         return self.api_token.get_secret_value() or None if self.api_token else None
 
@@ -153,23 +153,23 @@ def _read_secret(path: Path, variable: str) -> str:
     try:
         return path.read_text(encoding="utf-8")
     except OSError as error:
-        raise _unreadable(path, variable, error.strerror or str(error)) from error
+        raise _unreadable_secret(path, variable, error.strerror or str(error)) from error
     except UnicodeDecodeError as error:
-        raise _unreadable(path, variable, "it is not UTF-8 text") from error
+        raise _unreadable_secret(path, variable, "it is not UTF-8 text") from error
 
 
-def _unreadable(path: Path, variable: str, why: str) -> InvalidInput:
-    message = f"{path}, which {variable} names, cannot be used: {why}."
-    return InvalidInput("secret-unreadable", message, [Fault(variable, why)])
+def _unreadable_secret(path: Path, variable: str, reason: str) -> InvalidInput:
+    message = f"{path}, which {variable} names, cannot be used: {reason}."
+    return InvalidInput("secret-unreadable", message, [Fault(variable, reason)])
 
 
 @cache
-def settings() -> Settings:
+def current_settings() -> Settings:
     """The settings of this process."""
     return Settings()
 
 
-SECRET: Final = frozenset(
+SECRET_SETTINGS: Final = frozenset(
     {
         "api_token",
         "api_token_file",
@@ -183,12 +183,12 @@ SECRET: Final = frozenset(
 """Tokens, passwords, the files that hold them, and addresses that may carry them."""
 
 
-def shown(settings: Settings) -> tuple[ShownSetting, ...]:
+def shown_settings(settings: Settings) -> tuple[ShownSetting, ...]:
     """Every setting with its value as text."""
     return tuple(
         ShownSetting(
             name=f"STRIDELAB_{name.upper()}",
-            value=_words(name, getattr(settings, name)),
+            value=_value_text(name, getattr(settings, name)),
             meaning=field.description or "",
             changed=getattr(settings, name) != field.default,
         )
@@ -196,9 +196,9 @@ def shown(settings: Settings) -> tuple[ShownSetting, ...]:
     )
 
 
-def _words(name: str, value: object) -> str:
+def _value_text(name: str, value: object) -> str:
     if value is None or value == "":
         return "not set"
-    if name in SECRET:
+    if name in SECRET_SETTINGS:
         return "set, not shown"
     return f"{value:g}" if isinstance(value, float) else str(value)

@@ -28,8 +28,8 @@ COLUMNS: Final[Mapping[str, str]] = {
     "age_years": "age_years",
     "static": "static",
 }
-SEXES: Final[Mapping[str, str]] = {"f": "female", "w": "female", "m": "male"}
-MAX_BYTES: Final = 1_000_000
+SEX_ABBREVIATIONS: Final[Mapping[str, str]] = {"f": "female", "w": "female", "m": "male"}
+MAX_TABLE_BYTES: Final = 1_000_000
 _HINTS: Final[Mapping[str, str]] = {
     "height_m": "stature in metres, from 0.4 to 2.6 (171 cm is 1.71)",
     "mass_kg": "body mass in kilograms, from 2 to 400",
@@ -51,12 +51,12 @@ class TableRow:
 
 
 @dataclass(frozen=True)
-class Matched:
+class MatchedFile:
     """A recording file: its index in the given names, its table row and the index of its static trial."""
 
-    place: int
+    index: int
     row: TableRow | None
-    static: int | None
+    static_index: int | None
 
 
 def read_subject_table(content: bytes) -> tuple[TableRow, ...]:
@@ -64,27 +64,27 @@ def read_subject_table(content: bytes) -> tuple[TableRow, ...]:
 
     Raises ``InvalidInput`` (``subject-table-invalid``) naming every invalid line and column.
     """
-    if len(content) > MAX_BYTES:
-        raise _invalid("The subject table is larger than 1 MB.", [Fault("subjects", "too large")])
+    if len(content) > MAX_TABLE_BYTES:
+        raise _invalid_table("The subject table is larger than 1 MB.", [Fault("subjects", "too large")])
     try:
         text = content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        raise _invalid("The subject table is not UTF-8 text.", [Fault("subjects", "not UTF-8")]) from error
+        raise _invalid_table("The subject table is not UTF-8 text.", [Fault("subjects", "not UTF-8")]) from error
     if "\0" in text:
-        raise _invalid("The subject table is not text.", [Fault("subjects", "contains NUL bytes")])
+        raise _invalid_table("The subject table is not text.", [Fault("subjects", "contains NUL bytes")])
     head = text.partition("\n")[0]
     delimiter = max(",;\t", key=head.count)
     try:
         lines = list(csv.reader(io.StringIO(text), delimiter=delimiter, strict=True))
     except csv.Error as error:
-        raise _invalid("The subject table is not valid CSV.", [Fault("subjects", str(error)[:200])]) from error
-    columns = _columns(lines[0] if lines else [])
+        raise _invalid_table("The subject table is not valid CSV.", [Fault("subjects", str(error)[:200])]) from error
+    columns = _parse_header(lines[0] if lines else [])
     rows: list[TableRow] = []
     faults: list[Fault] = []
     for number, cells in enumerate(lines[1:], start=2):
         if not any(cell.strip() for cell in cells):
             continue
-        row = _row(number, columns, cells, faults)
+        row = _parse_row(number, columns, cells, faults)
         if row is not None:
             rows.append(row)
     seen: dict[str, int] = {}
@@ -95,11 +95,11 @@ def read_subject_table(content: bytes) -> tuple[TableRow, ...]:
     if len(rows) > MAX_RECORDINGS:
         faults.append(Fault("subjects", f"{len(rows)} lines; at most {MAX_RECORDINGS}"))
     if faults:
-        raise _invalid(f"The subject table is not valid: see {faults[0].where}.", faults[:50])
+        raise _invalid_table(f"The subject table is not valid: see {faults[0].where}.", faults[:50])
     return tuple(rows)
 
 
-def match(names: Sequence[str], rows: Sequence[TableRow]) -> tuple[Matched, ...]:
+def match_files(names: Sequence[str], rows: Sequence[TableRow]) -> tuple[MatchedFile, ...]:
     """Match the rows of a subject table to files ``names`` (paths with /); returns the recordings among the files.
 
     A row names a file by its path or by its last part. Static trials named by a row are not recordings of their own.
@@ -107,7 +107,7 @@ def match(names: Sequence[str], rows: Sequence[TableRow]) -> tuple[Matched, ...]
     """
     faults: list[Fault] = []
 
-    def place_of(file: str, line: int, column: str) -> int | None:
+    def index_of(file: str, line: int, column: str) -> int | None:
         plain = file.replace("\\", "/").removeprefix("./")
         whole = [i for i, name in enumerate(names) if name == plain]
         matches = whole or [i for i, name in enumerate(names) if name.rpartition("/")[2] == plain]
@@ -120,19 +120,19 @@ def match(names: Sequence[str], rows: Sequence[TableRow]) -> tuple[Matched, ...]
     row_of: dict[int, TableRow] = {}
     statics: dict[int, int | None] = {}
     for row in rows:
-        place = place_of(row.file, row.line, "file")
-        static = None if row.static is None else place_of(row.static, row.line, "static")
+        place = index_of(row.file, row.line, "file")
+        static = None if row.static is None else index_of(row.static, row.line, "static")
         if place is not None:
             if place in row_of:
                 faults.append(Fault(f"line {row.line}, column file", f"the same file as line {row_of[place].line}"))
             row_of[place], statics[place] = row, static
     if faults:
-        raise _invalid(f"The subject table does not fit the files: see {faults[0].where}.", faults[:50])
+        raise _invalid_table(f"The subject table does not fit the files: see {faults[0].where}.", faults[:50])
     static_only = set(statics.values()) - set(row_of)
-    return tuple(Matched(i, row_of.get(i), statics.get(i)) for i in range(len(names)) if i not in static_only)
+    return tuple(MatchedFile(i, row_of.get(i), statics.get(i)) for i in range(len(names)) if i not in static_only)
 
 
-def _columns(head: Sequence[str]) -> list[str]:
+def _parse_header(head: Sequence[str]) -> list[str]:
     names = [cell.strip().lower() for cell in head]
     faults = [
         Fault(f"line 1, column {i}", f"unknown column {name[:40]!r}; there are {', '.join(COLUMNS)}")
@@ -144,11 +144,11 @@ def _columns(head: Sequence[str]) -> list[str]:
     if "file" not in fields:
         faults.append(Fault("line 1", "there is no column file"))
     if faults:
-        raise _invalid("The first line of the subject table must name its columns.", faults)
+        raise _invalid_table("The first line of the subject table must name its columns.", faults)
     return fields
 
 
-def _row(number: int, columns: Sequence[str], cells: Sequence[str], faults: list[Fault]) -> TableRow | None:
+def _parse_row(number: int, columns: Sequence[str], cells: Sequence[str], faults: list[Fault]) -> TableRow | None:
     if len(cells) != len(columns):
         faults.append(Fault(f"line {number}", f"{len(cells)} cells under {len(columns)} columns"))
         return None
@@ -159,7 +159,7 @@ def _row(number: int, columns: Sequence[str], cells: Sequence[str], faults: list
         return None
     sex = stated.get("sex", "").lower()
     if sex:
-        stated["sex"] = SEXES.get(sex, sex)
+        stated["sex"] = SEX_ABBREVIATIONS.get(sex, sex)
     try:
         return TableRow(number, file, PersonFields.model_validate(stated), static)
     except ValidationError as error:
@@ -170,5 +170,5 @@ def _row(number: int, columns: Sequence[str], cells: Sequence[str], faults: list
         return None
 
 
-def _invalid(message: str, faults: Sequence[Fault]) -> InvalidInput:
+def _invalid_table(message: str, faults: Sequence[Fault]) -> InvalidInput:
     return InvalidInput("subject-table-invalid", message, faults)

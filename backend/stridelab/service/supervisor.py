@@ -28,38 +28,38 @@ import psycopg
 
 from stridelab import heartbeat
 from stridelab.errors import Fault, InvalidInput, Unavailable
-from stridelab.service.data_folder import explained, open_data_folder
+from stridelab.service.data_folder import explain_os_errors, open_data_folder
 from stridelab.service.postgres.embedded import EmbeddedPostgres
-from stridelab.service.processes.parent_death import tethered
-from stridelab.service.processes.watchdog import Silence, Verdict
+from stridelab.service.processes.parent_death import command_ending_with_parent
+from stridelab.service.processes.watchdog import FailureState, ResponseWatchdog
 from stridelab.service.settings import Settings
-from stridelab.service.storage.migrate import migrate, plain
+from stridelab.service.storage.migrate import libpq_address, migrate
 
 VIEWER: Final = "stridelab_web.viewer"
 API: Final = "stridelab.service.api"
 WORKER: Final = "stridelab.service.jobs.worker"
-_TICK_S: Final = 0.2
+_POLL_INTERVAL_S: Final = 0.2
 _DATABASE_CHECK_S: Final = 0.5
-_DATABASE_ASK_S: Final = 1.0
+_DATABASE_POLL_S: Final = 1.0
 _DATABASE_HUNG_S: Final = 30.0
 """Longer than for a program: every probe starts a new server process, which is slow on a busy machine."""
-_STOP_S: Final = 3.0
-_HEALTHY_S: Final = 60.0
+_STOP_TIMEOUT_S: Final = 3.0
+_START_TIMEOUT_S: Final = 60.0
 _BACKOFF_S: Final = (0.2, 0.5, 1.0, 2.0, 5.0, 10.0)
-_PROVEN_S: Final = 30.0
-_HOPELESS: Final = 5
+_STABLE_AFTER_S: Final = 30.0
+_MAX_FAILED_STARTS: Final = 5
 _MAX_LOG_BYTES: Final = 5_000_000
-_OLDER: Final = (2, 3, 4, 5)
+_OLD_LOG_NUMBERS: Final = (2, 3, 4, 5)
 """Suffix numbers of the rotated logs after the newest one."""
-_EVERYWHERE: Final = {"0.0.0.0": "127.0.0.1", "::": "::1", "": "127.0.0.1"}  # noqa: S104 (keys of a look-up)
+_LOOPBACK_OF_WILDCARD: Final = {"0.0.0.0": "127.0.0.1", "::": "::1", "": "127.0.0.1"}  # noqa: S104 (keys of a look-up)
 
 
-class _StopAsked(BaseException):
+class _StopRequested(BaseException):
     """SIGINT or SIGTERM arrived."""
 
 
 @dataclass
-class _Program:
+class _SupervisedProgram:
     """A supervised program; the restart delay grows with the consecutive ``failures``.
 
     Without ``log`` it shares the supervisor's output.
@@ -70,35 +70,35 @@ class _Program:
     environment: Mapping[str, str]
     before_restart: Callable[[], None] = lambda: None
     process: subprocess.Popen[bytes] | None = None
-    started_at: float = 0.0
+    started_at_s: float = 0.0
     failures: int = 0
-    next_start: float = field(default=0.0)
+    next_start_s: float = field(default=0.0)
     heartbeats: int | None = None
-    silence: Silence | None = None
+    watchdog: ResponseWatchdog | None = None
 
-    def keep_running(self, say: Callable[[str], None] = lambda _: None) -> None:
+    def keep_running(self, print_line: Callable[[str], None] = lambda _: None) -> None:
         """Restart it after its delay if it has exited; kill it, and ``say`` so, if it does not respond."""
         now = time.monotonic()
         self._trim_log()
         if self.process is not None:
             if self.process.poll() is None:
-                self._replace_silent(self.process, say)
+                self._kill_if_unresponsive(self.process, print_line)
                 return
-            self._forget_heartbeats()
-            self.failures = 0 if now - self.started_at > _PROVEN_S else self.failures + 1
-            self.next_start = now + _BACKOFF_S[min(self.failures, len(_BACKOFF_S) - 1)]
+            self._close_heartbeats()
+            self.failures = 0 if now - self.started_at_s > _STABLE_AFTER_S else self.failures + 1
+            self.next_start_s = now + _BACKOFF_S[min(self.failures, len(_BACKOFF_S) - 1)]
             self.process = None
             self.before_restart()
-        if now >= self.next_start:
-            self._start(now)
+        if now >= self.next_start_s:
+            self._start_process(now)
 
-    def _start(self, now: float) -> None:
+    def _start_process(self, now_s: float) -> None:
         self.heartbeats, theirs = os.pipe()
         os.set_blocking(self.heartbeats, False)
         # append mode, so that the file may be truncated while the program writes
         with os.fdopen(theirs, "wb"), self.log.open("ab") if self.log else contextlib.nullcontext() as log:
             self.process = subprocess.Popen(
-                tethered([sys.executable, "-m", self.module]),
+                command_ending_with_parent([sys.executable, "-m", self.module]),
                 stdin=subprocess.DEVNULL,
                 stdout=log,
                 stderr=log,
@@ -106,42 +106,45 @@ class _Program:
                 pass_fds=[theirs],
                 start_new_session=True,  # the terminal's Ctrl-C is for the supervisor alone
             )
-        self.silence = Silence(self.process.pid)
-        self.started_at = now
+        self.watchdog = ResponseWatchdog(self.process.pid)
+        self.started_at_s = now_s
 
-    def _replace_silent(self, process: "subprocess.Popen[bytes]", say: Callable[[str], None]) -> None:
-        if self.heartbeats is None or self.silence is None:
+    def _kill_if_unresponsive(self, process: "subprocess.Popen[bytes]", print_line: Callable[[str], None]) -> None:
+        if self.heartbeats is None or self.watchdog is None:
             return
         with contextlib.suppress(BlockingIOError):
             if os.read(self.heartbeats, 1 << 16):
-                self.silence.heard()
+                self.watchdog.record_answer()
                 return
-        verdict = self.silence.verdict()
+        verdict = self.watchdog.failure_state()
         if verdict is not None:
-            say(f"{self.module} {'is stopped' if verdict == 'stopped' else 'does not respond'}: restarting it.")
+            print_line(f"{self.module} {'is stopped' if verdict == 'stopped' else 'does not respond'}: restarting it.")
             process.kill()
 
-    def _forget_heartbeats(self) -> None:
+    def _close_heartbeats(self) -> None:
         if self.heartbeats is not None:
             os.close(self.heartbeats)
-        self.heartbeats = self.silence = None
+        self.heartbeats = self.watchdog = None
 
     def _trim_log(self) -> None:
         """Rotate the log when it exceeds its size limit; a line written during the rotation may be lost."""
         if self.log and self.log.exists() and self.log.stat().st_size > _MAX_LOG_BYTES:
-            older = [self.log.with_suffix(".log.old"), *(self.log.with_suffix(f".log.old.{k}") for k in _OLDER)]
+            older = [
+                self.log.with_suffix(".log.old"),
+                *(self.log.with_suffix(f".log.old.{k}") for k in _OLD_LOG_NUMBERS),
+            ]
             for newer, older_one in zip(older[-2::-1], older[:0:-1], strict=True):
                 if newer.exists():
                     newer.replace(older_one)
             shutil.copyfile(self.log, older[0])
             os.truncate(self.log, 0)
 
-    def send(self, signum: int) -> None:
+    def send_signal(self, signum: int) -> None:
         """Send a signal if the program runs."""
         if self.process is not None and self.process.poll() is None:
             self.process.send_signal(signum)
 
-    def last_words(self) -> str:
+    def last_log_line(self) -> str:
         """The last line of its log."""
         if self.log is None:
             return "see its output above"
@@ -149,43 +152,44 @@ class _Program:
         return f"{text.splitlines()[-1][-300:] if text else 'its log is empty'} (more in {self.log})"
 
 
-def serve(settings: Settings, *, with_worker: bool = True, say: Callable[[str], None] | None = None) -> None:
+def serve(settings: Settings, *, with_worker: bool = True, print_line: Callable[[str], None] | None = None) -> None:
     """Run the whole service until SIGINT or SIGTERM.
 
     Raises ``InvalidInput`` (``token-needed``, ``secret-unreadable``), ``Unavailable`` (``port-taken``,
     ``data-folder-unusable``, ``disk-full``, ``service-does-not-start``, and those of ``EmbeddedPostgres.start``).
     """
-    speak = say or _print_line
+    speak = print_line or _print_line
     _refuse_unusable_secrets(settings)
-    _refuse_open_address(settings)
+    _require_token_beyond_loopback(settings)
     _refuse_taken_port(settings)
     folder = settings.data_folder
     open_data_folder(folder)
     url = _configured_database(settings)
     database = EmbeddedPostgres(folder, settings.pg_bin) if url is None else None
-    programs: list[_Program] = []
+    programs: list[_SupervisedProgram] = []
     try:
-        with _signals(_raise_stop):
+        with _handle_signals(_raise_stop):
             if database is not None:
                 if not (folder / "postgres.json").exists():
                     speak(f"First start: preparing the database in {folder}")
                 url = database.start()
             migrate(str(url))
-            forget = _forgetting_workers(str(url)) if database is not None else lambda: None
+            forget = _worker_unregistration(str(url)) if database is not None else lambda: None
             forget()
-            with explained(folder):
-                programs += _programs(settings, str(url), forget, with_worker=with_worker)
-                _until_healthy(settings, programs[0])
-            speak(f"stridelab is running on {_address(settings)}")
+            with explain_os_errors(folder):
+                programs += _create_programs(settings, str(url), forget, with_worker=with_worker)
+                _start_until_healthy(settings, programs[0])
+            speak(f"stridelab is running on {_service_url(settings)}")
             speak(
-                f"Next: open it in a browser, or run `{_program()} demo` in another terminal. Ctrl-C stops everything."
+                f"Next: open it in a browser, or run `{_cli_command()} demo` in another terminal. Ctrl-C stops "
+                "everything."
             )
-            _keep(programs, database, speak)
-    except _StopAsked:
+            _keep_running(programs, database, speak)
+    except _StopRequested:
         return
     finally:
-        with _signals(signal.SIG_IGN):
-            _stop(programs)
+        with _handle_signals(signal.SIG_IGN):
+            _stop_programs(programs)
             if database is not None:
                 database.stop()
 
@@ -198,22 +202,22 @@ def _configured_database(settings: Settings) -> str | None:
     return database_url(settings)
 
 
-def _forgetting_workers(url: str) -> Callable[[], None]:
+def _worker_unregistration(url: str) -> Callable[[], None]:
     """A function that unregisters all workers; valid because the supervisor's worker is the only one and has ended."""
 
-    def forget() -> None:
+    def unregister_workers() -> None:
         with (
             contextlib.suppress(psycopg.OperationalError),  # restarting: the missing heartbeat will unregister it
-            psycopg.connect(plain(url), autocommit=True, connect_timeout=5) as connection,
+            psycopg.connect(libpq_address(url), autocommit=True, connect_timeout=5) as connection,
         ):
             connection.execute("DELETE FROM procrastinate_workers")
 
-    return forget
+    return unregister_workers
 
 
-def _programs(
+def _create_programs(
     settings: Settings, url: str, before_worker_restart: Callable[[], None], *, with_worker: bool
-) -> list[_Program]:
+) -> list[_SupervisedProgram]:
     """The programs to keep running, the web server first."""
     logs, blobs = settings.data_folder / "logs", settings.data_folder / "blobs"
     for private in (logs, blobs):
@@ -228,37 +232,41 @@ def _programs(
         "STRIDELAB_VIEWER_URL": f"http://127.0.0.1:{_free_port()}",
     }
 
-    def log(name: str) -> Path | None:
+    def log_path(name: str) -> Path | None:
         return logs / f"{name}.log" if settings.log_files else None
 
-    programs = [_Program(API, log("api"), environment)]
+    programs = [_SupervisedProgram(API, log_path("api"), environment)]
     if with_worker:
-        programs.append(_Program(WORKER, log("worker"), environment, before_worker_restart))
+        programs.append(_SupervisedProgram(WORKER, log_path("worker"), environment, before_worker_restart))
     if importlib.util.find_spec("stridelab_web") is not None and importlib.util.find_spec(VIEWER) is not None:
-        programs.append(_Program(VIEWER, log("viewer"), environment))
+        programs.append(_SupervisedProgram(VIEWER, log_path("viewer"), environment))
     return programs
 
 
-def _until_healthy(settings: Settings, api: _Program) -> None:
+def _start_until_healthy(settings: Settings, api: _SupervisedProgram) -> None:
     """Start the web server alone first: it responds sooner when nothing else competes for the processors."""
-    deadline = time.monotonic() + _HEALTHY_S
+    deadline = time.monotonic() + _START_TIMEOUT_S
     while True:
         api.keep_running()
-        if _answers(settings):
+        if _is_healthy(settings):
             return
-        if api.failures >= _HOPELESS or time.monotonic() > deadline:
-            raise Unavailable("service-does-not-start", f"The web server does not start: {api.last_words()}")
-        time.sleep(_TICK_S / 2)
+        if api.failures >= _MAX_FAILED_STARTS or time.monotonic() > deadline:
+            raise Unavailable("service-does-not-start", f"The web server does not start: {api.last_log_line()}")
+        time.sleep(_POLL_INTERVAL_S / 2)
 
 
-def _keep(programs: list[_Program], database: EmbeddedPostgres | None, say: Callable[[str], None]) -> NoReturn:
+def _keep_running(
+    programs: list[_SupervisedProgram], database: EmbeddedPostgres | None, print_line: Callable[[str], None]
+) -> NoReturn:
     next_check, complained = 0.0, False
     probe = _DatabaseProbe(database) if database is not None else None
     while True:
         now = time.monotonic()
         if database is not None and now >= next_check:
-            if probe is not None and (verdict := probe.verdict()) is not None:
-                say(f"The database {'is stopped' if verdict == 'stopped' else 'does not respond'}: restarting it.")
+            if probe is not None and (verdict := probe.failure_state()) is not None:
+                print_line(
+                    f"The database {'is stopped' if verdict == 'stopped' else 'does not respond'}: restarting it."
+                )
                 database.kill()
             if database.postmaster_pid is None:
                 try:
@@ -266,12 +274,12 @@ def _keep(programs: list[_Program], database: EmbeddedPostgres | None, say: Call
                     complained = False
                 except Unavailable as error:  # retried until it starts
                     if not complained:
-                        say(f"The database stopped and does not start again: {error.message}")
+                        print_line(f"The database stopped and does not start again: {error.message}")
                     complained = True
             next_check = time.monotonic() + _DATABASE_CHECK_S
         for program in programs:
-            program.keep_running(say)
-        time.sleep(_TICK_S)
+            program.keep_running(print_line)
+        time.sleep(_POLL_INTERVAL_S)
 
 
 class _DatabaseProbe:
@@ -280,42 +288,42 @@ class _DatabaseProbe:
     def __init__(self, database: EmbeddedPostgres) -> None:
         self._database = database
         self._pid: int | None = None
-        self._silence: Silence | None = None
+        self._watchdog: ResponseWatchdog | None = None
         self._answers = 0
-        self._seen = 0
-        threading.Thread(target=self._ask, daemon=True).start()
+        self._counted_answers = 0
+        threading.Thread(target=self._poll_database, daemon=True).start()
 
-    def verdict(self) -> Verdict | None:
+    def failure_state(self) -> FailureState | None:
         """``stopped`` or ``hangs``; None if the postmaster responds or does not run."""
         pid = self._database.postmaster_pid
         if pid is None:
-            self._pid = self._silence = None
+            self._pid = self._watchdog = None
             return None
-        if pid != self._pid or self._silence is None:
-            self._pid, self._silence = pid, Silence(pid, hung_s=_DATABASE_HUNG_S)
-        if self._answers != self._seen:
-            self._seen = self._answers
-            self._silence.heard()
+        if pid != self._pid or self._watchdog is None:
+            self._pid, self._watchdog = pid, ResponseWatchdog(pid, hung_s=_DATABASE_HUNG_S)
+        if self._answers != self._counted_answers:
+            self._counted_answers = self._answers
+            self._watchdog.record_answer()
             return None
-        return self._silence.verdict()
+        return self._watchdog.failure_state()
 
-    def _ask(self) -> None:
+    def _poll_database(self) -> None:
         while True:
             with contextlib.suppress(Unavailable):  # not started yet, or stopped for good
-                self._answers += self._database.answers()
-            time.sleep(_DATABASE_ASK_S)
+                self._answers += self._database.responds_in_time()
+            time.sleep(_DATABASE_POLL_S)
 
 
-def _stop(programs: list[_Program]) -> None:
+def _stop_programs(programs: list[_SupervisedProgram]) -> None:
     """Send SIGTERM to all programs, then SIGKILL after a grace period."""
     for program in programs:
-        program.send(signal.SIGTERM)
-    deadline = time.monotonic() + _STOP_S
+        program.send_signal(signal.SIGTERM)
+    deadline = time.monotonic() + _STOP_TIMEOUT_S
     for program in programs:
         if program.process is not None:
             with contextlib.suppress(subprocess.TimeoutExpired):
                 program.process.wait(max(0.0, deadline - time.monotonic()))
-            program.send(signal.SIGKILL)
+            program.send_signal(signal.SIGKILL)
             program.process.wait()
 
 
@@ -324,7 +332,7 @@ def _refuse_unusable_secrets(settings: Settings) -> None:
     _ = settings.token, settings.blob_options, settings.database_dsn
 
 
-def _refuse_open_address(settings: Settings) -> None:
+def _require_token_beyond_loopback(settings: Settings) -> None:
     if not settings.is_loopback and settings.token is None:
         raise InvalidInput(
             "token-needed",
@@ -354,28 +362,28 @@ def _free_port() -> int:
         return int(probe.getsockname()[1])
 
 
-def _address(settings: Settings) -> str:
-    host = _EVERYWHERE.get(settings.host, settings.host)
+def _service_url(settings: Settings) -> str:
+    host = _LOOPBACK_OF_WILDCARD.get(settings.host, settings.host)
     return f"http://[{host}]:{settings.port}" if ":" in host else f"http://{host}:{settings.port}"
 
 
-def _program() -> str:
+def _cli_command() -> str:
     """Command that runs this installation's command line from the current folder."""
     script = Path(sys.executable).with_name("stridelab")
     return os.path.relpath(script) if script.exists() else "stridelab"
 
 
-def _answers(settings: Settings) -> bool:
+def _is_healthy(settings: Settings) -> bool:
     direct = urllib.request.build_opener(urllib.request.ProxyHandler({}))
     try:
-        with direct.open(f"{_address(settings)}/api/v1/health", timeout=2.0) as answer:
+        with direct.open(f"{_service_url(settings)}/api/v1/health", timeout=2.0) as answer:
             return bool(answer.status == 200)
     except (OSError, urllib.error.URLError):
         return False
 
 
 @contextlib.contextmanager
-def _signals(handler: "Callable[[int, FrameType | None], None] | signal.Handlers") -> Iterator[None]:
+def _handle_signals(handler: "Callable[[int, FrameType | None], None] | signal.Handlers") -> Iterator[None]:
     """Handle SIGINT and SIGTERM with ``handler`` inside the block."""
     before = {signum: signal.signal(signum, handler) for signum in (signal.SIGINT, signal.SIGTERM)}
     try:
@@ -386,7 +394,7 @@ def _signals(handler: "Callable[[int, FrameType | None], None] | signal.Handlers
 
 
 def _raise_stop(_signum: int, _frame: FrameType | None) -> None:
-    raise _StopAsked
+    raise _StopRequested
 
 
 def _print_line(line: str) -> None:

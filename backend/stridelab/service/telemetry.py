@@ -23,7 +23,7 @@ _propagator: Final = TraceContextTextMapPropagator()
 
 
 @contextmanager
-def exported(collector_url: str | None, program: str) -> Iterator[None]:
+def export_spans(collector_url: str | None, program: str) -> Iterator[None]:
     """Send the spans of this process to a collector as ``stridelab-<program>`` inside the block.
 
     Raises ``InvalidInput`` (``otlp-url-invalid``).
@@ -51,7 +51,7 @@ def exported(collector_url: str | None, program: str) -> Iterator[None]:
 
 
 @contextmanager
-def span(
+def start_span(
     name: str,
     attributes: Mapping[str, str | int] | None = None,
     *,
@@ -65,12 +65,12 @@ def span(
         yield current
 
 
-def failed(of: Span) -> None:
+def mark_failed(failed_span: Span) -> None:
     """Set the status of a span to error."""
-    of.set_status(StatusCode.ERROR)
+    failed_span.set_status(StatusCode.ERROR)
 
 
-def traceparent() -> str | None:
+def current_traceparent() -> str | None:
     """``traceparent`` header of the current span; None outside a trace."""
     carrier: dict[str, str] = {}
     _propagator.inject(carrier)

@@ -12,7 +12,7 @@ from stridelab.service.recording_sessions import session_id_of
 from stridelab.service.storage.content_addressed import upload_key
 
 
-def own_prefix(recording_id: str) -> str:
+def recording_prefix(recording_id: str) -> str:
     """Key prefix of the files that belong to this recording alone."""
     return f"recordings/{recording_id}"
 
@@ -26,7 +26,7 @@ def file_sha256(path: Path) -> str:
 async def new_tracks_key(recording_id: str, tracks: Path) -> str:
     """A unique key for these tracks that ends in their SHA-256 (``hash_in_key``)."""
     digest = await asyncio.to_thread(file_sha256, tracks)
-    return f"{own_prefix(recording_id)}/tracks-{uuid.uuid4().hex[:8]}-{digest}.parquet"
+    return f"{recording_prefix(recording_id)}/tracks-{uuid.uuid4().hex[:8]}-{digest}.parquet"
 
 
 def uploaded_row(

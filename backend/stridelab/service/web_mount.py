@@ -9,27 +9,27 @@ from starlette.types import Scope
 
 from stridelab import __version__
 from stridelab.errors import Forbidden
-from stridelab.service.api.dependencies import KEY
-from stridelab.service.api.middleware.authentication import inside
-from stridelab.service.api.session_cookies import Keys
-from stridelab.service.auth.callers import STRANGER, Caller, require, require_owner
-from stridelab.service.settings import Settings, shown
+from stridelab.service.api.dependencies import CALLER_KEY
+from stridelab.service.api.middleware.authentication import as_internal_app
+from stridelab.service.api.session_cookies import SigningKeys
+from stridelab.service.auth.callers import UNAUTHENTICATED, Caller, require_owner, require_scope
+from stridelab.service.settings import Settings, shown_settings
 from stridelab_web.app import create_web
 from stridelab_web.config import NO_KEY_NEEDED, ScenarioRight, ScenarioRights, WebConfig
 
-INTERFACE = "/api/"
+API_PREFIX = "/api/"
 
 
 class _Pages(Mount):
     """Matches all paths outside ``/api/``; errors below ``/api/`` stay JSON problems of the API."""
 
     def matches(self, scope: Scope) -> tuple[Match, Scope]:
-        if str(scope.get("path", "")).startswith(INTERFACE):
+        if str(scope.get("path", "")).startswith(API_PREFIX):
             return Match.NONE, {}
         return super().matches(scope)
 
 
-def mount(app: FastAPI, settings: Settings) -> None:
+def mount_web_app(app: FastAPI, settings: Settings) -> None:
     """Serve the web pages beside the API of ``app``.
 
     The pages call the API inside this process and skip authentication: their own request has already passed it.
@@ -37,10 +37,10 @@ def mount(app: FastAPI, settings: Settings) -> None:
     config = WebConfig(
         base_url=f"http://127.0.0.1:{settings.port}",
         version=__version__,
-        transport=httpx.ASGITransport(app=inside(app)),
+        transport=httpx.ASGITransport(app=as_internal_app(app)),
         token=settings.token,
         viewer_url=settings.viewer_url,
-        settings=shown(settings),
+        settings=shown_settings(settings),
         scenario_right=_scenario_right(app),
         user_of=_user_of,
     )
@@ -49,23 +49,23 @@ def mount(app: FastAPI, settings: Settings) -> None:
 
 def _user_of(scope: Scope) -> str:
     """Name of the caller; empty where the service runs without logins."""
-    caller: Caller = scope.get(KEY, STRANGER)
+    caller: Caller = scope.get(CALLER_KEY, UNAUTHENTICATED)
     return caller.name or ""
 
 
 def _scenario_right(app: FastAPI) -> ScenarioRights:
     """A function that decides whether the caller of a request may change a scenario."""
 
-    def right(scope: Scope, scenario_id: str, owner: str | None) -> ScenarioRight:
-        keys: Keys | None = app.state.keys
-        caller: Caller = scope.get(KEY, STRANGER)
+    def scenario_right_of(scope: Scope, scenario_id: str, owner: str | None) -> ScenarioRight:
+        keys: SigningKeys | None = app.state.keys
+        caller: Caller = scope.get(CALLER_KEY, UNAUTHENTICATED)
         try:
-            require(caller, "submit")
+            require_scope(caller, "submit")
             require_owner(caller, owner, "scenario")
         except Forbidden as refusal:
             return ScenarioRight(None, refusal.message)
         if keys is None or caller.token_id is None:
             return ScenarioRight(NO_KEY_NEEDED)
-        return ScenarioRight(keys.scenario_key(time.time(), caller.token_id, scenario_id))
+        return ScenarioRight(keys.make_scenario_key(time.time(), caller.token_id, scenario_id))
 
-    return right
+    return scenario_right_of

@@ -24,7 +24,7 @@ from stridelab.simulation.human.load_sharing import FootWrench
 LabName = Literal["walkway", "two_plates"]
 
 LANE_WIDTH_M: Final = 0.60
-MOST_PLATES: Final = 24
+MAX_PLATES: Final = 24
 """Maximum number of plates of a walkway; a longer walk is measured in its middle."""
 PATCH_M: Final = 0.02
 """Half length h of the pressure patch."""
@@ -60,9 +60,10 @@ def plate_areas(lab: LabName, plan: GaitPlan) -> tuple[PlateArea, ...]:
     if lab == "two_plates":
         return _two_plates(plan, recorded)
     middle = plan.record_from_s + plan.duration_s / 2
-    recorded = sorted(recorded, key=lambda s: abs(_mid_time_s(s, plan) - middle))[:MOST_PLATES]
+    recorded = sorted(recorded, key=lambda s: abs(_mid_time_s(s, plan) - middle))[:MAX_PLATES]
     lanes = [
-        _lane(sorted(s.x_m for s in recorded if s.side == side), side, plan.sole_middle_m) for side in ("left", "right")
+        _lane_plates(sorted(s.x_m for s in recorded if s.side == side), side, plan.sole_middle_m)
+        for side in ("left", "right")
     ]
     return tuple(sorted((area for lane in lanes for area in lane), key=lambda area: (area.low_m[0], area.low_m[1])))
 
@@ -72,7 +73,7 @@ def plate_wrench(area: PlateArea, feet: Mapping[Side, FootWrench]) -> tuple[Poin
     n = len(next(iter(feet.values())).force_n)
     force, moment = np.zeros((n, 3)), np.zeros((n, 3))
     for foot in feet.values():
-        share, centre_m = _overlap(area, foot.cop_m)
+        share, centre_m = _patch_on_plate(area, foot.cop_m)
         plate_force = share[:, None] * foot.force_n
         force += plate_force
         moment += np.cross(centre_m, plate_force)
@@ -80,7 +81,7 @@ def plate_wrench(area: PlateArea, feet: Mapping[Side, FootWrench]) -> tuple[Poin
     return force, moment
 
 
-def _overlap(area: PlateArea, cop_m: Points) -> tuple[Series, Points]:
+def _patch_on_plate(area: PlateArea, cop_m: Points) -> tuple[Series, Points]:
     """Share of the pressure patch on the plate and the centre of that part."""
     x, y = cop_m[:, 0], cop_m[:, 1]
     start = np.clip(x - PATCH_M, area.low_m[0], area.high_m[0])
@@ -90,7 +91,7 @@ def _overlap(area: PlateArea, cop_m: Points) -> tuple[Series, Points]:
     return share, np.column_stack([(start + end) / 2, y, np.zeros(len(x))])
 
 
-def _lane(x_m: Sequence[float], side: Side, middle_m: float) -> list[PlateArea]:
+def _lane_plates(x_m: Sequence[float], side: Side, middle_m: float) -> list[PlateArea]:
     footprints = sorted(set(x_m))
     if not footprints:
         return []
@@ -100,13 +101,13 @@ def _lane(x_m: Sequence[float], side: Side, middle_m: float) -> list[PlateArea]:
     return [PlateArea((a, y0), (b, y1)) for a, b in pairwise(edges)]
 
 
-def _two_plates(plan: GaitPlan, seen: Sequence[Stance]) -> tuple[PlateArea, ...]:
+def _two_plates(plan: GaitPlan, recorded: Sequence[Stance]) -> tuple[PlateArea, ...]:
     if not plan.walks:
-        return _lane([0.0], "right", plan.sole_middle_m)[0], _lane([0.0], "left", plan.sole_middle_m)[0]
+        return _lane_plates([0.0], "right", plan.sole_middle_m)[0], _lane_plates([0.0], "left", plan.sole_middle_m)[0]
     middle = plan.record_from_s + plan.duration_s / 2
-    k = min(range(len(seen) - 1), key=lambda i: abs(seen[i + 1].strike_s - middle))
+    k = min(range(len(recorded) - 1), key=lambda i: abs(recorded[i + 1].strike_s - middle))
     length, width = min(_SMALL_M[0], 0.95 * plan.step_length_m), _SMALL_M[1]
-    centres = [stance.x_m + plan.sole_middle_m for stance in seen[k : k + 2]]
+    centres = [stance.x_m + plan.sole_middle_m for stance in recorded[k : k + 2]]
     return tuple(PlateArea((c - length / 2, -width / 2), (c + length / 2, width / 2)) for c in centres)
 
 

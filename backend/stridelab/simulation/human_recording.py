@@ -18,7 +18,7 @@ from stridelab.simulation.human.gait_plan import GaitPlan
 from stridelab.simulation.human.load_sharing import FootWrench
 from stridelab.simulation.human.marker_layout import marker_tracks
 from stridelab.simulation.human.walker import Walk
-from stridelab.simulation.noise import MeasurementNoise, coloured, wrong_table
+from stridelab.simulation.noise import MeasurementNoise, coloured_noise, perturb_table
 
 MARKER_RATE_HZ: Final = 100.0
 FORCE_RATE_HZ: Final = 1000.0
@@ -59,15 +59,15 @@ def record(walk: Walk, noise: MeasurementNoise, seed: int, *, lab: LabName = "wa
     truth = true_motion(walk.body, walk.posture, time_s)
     table = walk.body.table
     if noise.mass_model > 0.0:
-        table = wrong_table(table, noise.mass_model, rngs[3])
+        table = perturb_table(table, noise.mass_model, rngs[3])
     p = walk.body.proportions
     recording = Recording(
-        markers_m=_markers(walk, time_s, noise, rngs[0], rngs[1]),
+        markers_m=_noisy_markers(walk, time_s, noise, rngs[0], rngs[1]),
         marker_rate_hz=MARKER_RATE_HZ,
         force_rate_hz=FORCE_RATE_HZ,
         plates=measured_plates(walk.feet, walk.truth.time_s, walk.plan, n, noise, lab, rngs[2]),
         subject=Subject(p.height_m, walk.mass_kg, p.sex),
-        events=events(walk.plan),
+        events=gait_events(walk.plan),
         up_axis="+z",
         walking_direction=np.array([1.0, 0.0, 0.0]) if walk.plan.walks else None,
         carried={"segment_table": segment_tables.to_json(table)},
@@ -75,13 +75,13 @@ def record(walk: Walk, noise: MeasurementNoise, seed: int, *, lab: LabName = "wa
     return SimulatedRecording(recording, Truth(time_s, truth.com_m, truth.momentum_nms, truth.force_n, truth.moment_nm))
 
 
-def _markers(
+def _noisy_markers(
     walk: Walk, time_s: Series, noise: MeasurementNoise, joints: Generator, skin: Generator
 ) -> Mapping[str, Points]:
     q: Configurations = walk.posture(time_s)
     if noise.configuration_rad > 0.0:
         n_joints = q.shape[1] - 6
-        q[:, 6:] += coloured(joints, len(q), n_joints, noise.configuration_rad, MARKER_RATE_HZ)
+        q[:, 6:] += coloured_noise(joints, len(q), n_joints, noise.configuration_rad, MARKER_RATE_HZ)
     tracks = marker_tracks(walk.body, q)
     return {label: track + noise.marker_m * skin.standard_normal(track.shape) for label, track in tracks.items()}
 
@@ -97,35 +97,37 @@ def measured_plates(
 ) -> tuple[Plate, ...]:
     """Plate measurements of ``feet``, given at ``time_s``, which must extend beyond the recording."""
     read_at_s = np.arange(round(n_frames * FORCE_RATE_HZ / MARKER_RATE_HZ)) / FORCE_RATE_HZ - noise.latency_s
-    late = {side: _read(foot, time_s, read_at_s) for side, foot in feet.items()}
+    late = {side: _interpolate_wrench(foot, time_s, read_at_s) for side, foot in feet.items()}
     areas = plate_areas(lab, plan)
-    return tuple(_plate(index, area, late, noise, rng) for index, area in enumerate(areas, start=1))
+    return tuple(_noisy_plate(index, area, late, noise, rng) for index, area in enumerate(areas, start=1))
 
 
-def _plate(
+def _noisy_plate(
     index: int, area: PlateArea, feet: Mapping[Side, FootWrench], noise: MeasurementNoise, rng: Generator
 ) -> Plate:
     force, moment = plate_wrench(area, feet)
     n = len(force)
     if noise.force_n > 0.0:
-        force_noise = coloured(rng, n, 3, noise.force_n, FORCE_RATE_HZ)
+        force_noise = coloured_noise(rng, n, 3, noise.force_n, FORCE_RATE_HZ)
         force, moment = force + force_noise, moment + np.cross(area.middle_m, force_noise)
     if noise.moment_nm > 0.0:
-        moment = moment + coloured(rng, n, 3, noise.moment_nm, FORCE_RATE_HZ)
+        moment = moment + coloured_noise(rng, n, 3, noise.moment_nm, FORCE_RATE_HZ)
     nothing: Vector3 = np.zeros(3)
     return Plate(index, PLATE_TYPE, area.corners_m, force, moment, nothing)
 
 
-def _read(foot: FootWrench, time_s: Series, at_s: ReadSeries) -> FootWrench:
+def _interpolate_wrench(foot: FootWrench, time_s: Series, at_s: ReadSeries) -> FootWrench:
     """Interpolate the wrench (linear between samples of 1 ms; exact without latency)."""
 
-    def read(track: Points) -> ReadPoints:
+    def interpolate_track(track: Points) -> ReadPoints:
         return np.column_stack([np.interp(at_s, time_s, track[:, axis]) for axis in range(3)])
 
-    return FootWrench(read(foot.force_n), read(foot.cop_m), np.interp(at_s, time_s, foot.free_moment_nm))
+    return FootWrench(
+        interpolate_track(foot.force_n), interpolate_track(foot.cop_m), np.interp(at_s, time_s, foot.free_moment_nm)
+    )
 
 
-def events(plan: GaitPlan) -> tuple[Event, ...]:
+def gait_events(plan: GaitPlan) -> tuple[Event, ...]:
     """Foot strikes and toe-offs within the recording."""
     all_events = []
     for stance in plan.stances:

@@ -26,12 +26,12 @@ from jaxtyping import Float
 from numpy.random import Generator
 from scipy.signal import butter, sosfilt
 
-from stridelab.body.segment_tables import SegmentRow, SegmentTable, parse
+from stridelab.body.segment_tables import SegmentRow, SegmentTable, parse_table
 from stridelab.errors import Fault, InvalidInput
 
 HIGH_PASS_HZ: Final = 5.0
 _SETTLING: Final = 400
-_LEAST_FACTOR: Final = 0.05
+_MIN_FACTOR: Final = 0.05
 """Minimum factor on the mass of a segment."""
 
 _LIMITS: Final[Mapping[str, tuple[float, float]]] = {
@@ -75,7 +75,7 @@ THESIS: Final = MeasurementNoise(
 """The noise of section 2.5.1."""
 
 
-def coloured(
+def coloured_noise(
     rng: Generator,
     n: int,
     channels: int,
@@ -92,16 +92,16 @@ def coloured(
     return np.asarray(sigma * noise / noise.std(axis=0, keepdims=True))
 
 
-def wrong_table(table: SegmentTable, error: float, rng: Generator) -> SegmentTable:
+def perturb_table(table: SegmentTable, error: float, rng: Generator) -> SegmentTable:
     """``table`` with relative errors (one sigma ``error``) of masses and centres of mass."""
     rows: dict[str, SegmentRow] = {}
     for name, row in table.segments.items():
-        mass = row.mass_fraction * max(1.0 + error * rng.standard_normal(), _LEAST_FACTOR)
+        mass = row.mass_fraction * max(1.0 + error * rng.standard_normal(), _MIN_FACTOR)
         x, y, z = (float(k * (1.0 + error * rng.standard_normal())) for k in row.com)
         rows[name] = SegmentRow(float(mass), (x, y, z))
     total = sum(row.mass_fraction for row in rows.values())
     segments = {name: {"mass_fraction": row.mass_fraction / total, "com": row.com} for name, row in rows.items()}
-    return parse({"name": table.name, "segments": segments, "sd_m": table.sd_m, "references": table.references})
+    return parse_table({"name": table.name, "segments": segments, "sd_m": table.sd_m, "references": table.references})
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -17,10 +17,10 @@ from stridelab.simulation.human_recording import (
     MARKER_RATE_HZ,
     SimulatedRecording,
     Truth,
-    events,
+    gait_events,
     measured_plates,
 )
-from stridelab.simulation.noise import MeasurementNoise, coloured, wrong_table
+from stridelab.simulation.noise import MeasurementNoise, coloured_noise, perturb_table
 from stridelab.simulation.robot.markers import HEIGHT_M, marker_tracks, segment_table
 from stridelab.simulation.robot.walker import RATE_HZ, RobotWalk
 
@@ -38,23 +38,23 @@ def record_robot(
     frames = slice(first, first + every * n, every)
     table = segment_table(walk.robot, walk.motion.q[first])
     if noise.mass_model > 0.0:
-        table = wrong_table(table, noise.mass_model, rngs[3])
+        table = perturb_table(table, noise.mass_model, rngs[3])
     q = walk.motion.q[frames].copy()
     if noise.configuration_rad > 0.0:
-        q[:, 7:] += coloured(rngs[0], n, q.shape[1] - 7, noise.configuration_rad, MARKER_RATE_HZ)
+        q[:, 7:] += coloured_noise(rngs[0], n, q.shape[1] - 7, noise.configuration_rad, MARKER_RATE_HZ)
     markers = {
         label: track + noise.marker_m * rngs[1].standard_normal(track.shape)
         for label, track in marker_tracks(walk.robot, q).items()
     }
     at_s = np.arange(-_MARGIN_S, n / MARKER_RATE_HZ + _MARGIN_S, 1.0 / FORCE_RATE_HZ)
-    feet = share_wrench(_resampled(walk.truth, at_s), walk.load, walk.motion.time_s)
+    feet = share_wrench(_resample_motion(walk.truth, at_s), walk.load, walk.motion.time_s)
     recording = Recording(
         markers_m=markers,
         marker_rate_hz=MARKER_RATE_HZ,
         force_rate_hz=FORCE_RATE_HZ,
         plates=measured_plates(feet, at_s, walk.plan, n, noise, lab, rngs[2]),
         subject=Subject(HEIGHT_M, walk.robot.mass_kg),
-        events=events(walk.plan),
+        events=gait_events(walk.plan),
         up_axis="+z",
         walking_direction=np.array([1.0, 0.0, 0.0]) if walk.plan.walks else None,
         carried={"segment_table": segment_tables.to_json(table)},
@@ -64,7 +64,7 @@ def record_robot(
     return SimulatedRecording(recording, Truth(time_s, com_m, l_nms, truth.force_n[frames], truth.moment_nm[frames]))
 
 
-def _resampled(truth: TrueMotion, at_s: Series) -> TrueMotion:
+def _resample_motion(truth: TrueMotion, at_s: Series) -> TrueMotion:
     """Resample the motion by cubic splines (the forces of a walk have no content above 50 Hz)."""
     tracks = (
         truth.com_m,

@@ -20,7 +20,7 @@ from typing import Any, Final, Literal, get_args
 
 import numpy as np
 
-from stridelab.centroidal.infeasibility.elastic_lp import held
+from stridelab.centroidal.infeasibility.elastic_lp import is_feasible
 from stridelab.centroidal.problem import CentroidalProblem
 from stridelab.centroidal.rest_to_rest import from_rest_to_rest
 from stridelab.centroidal.solver import solve
@@ -37,7 +37,7 @@ from stridelab.contacts.scenarios.stairs import (
 )
 from stridelab.contacts.sequence import Contact, ContactPhase, ContactSequence
 from stridelab.contacts.terrain import Terrain
-from stridelab.contacts.validation.validate import check
+from stridelab.contacts.validation.validate import validate_scenario
 from stridelab.dynamics.spatial import Placement
 from stridelab.errors import StridelabError
 from stridelab.reachability.store import load_proxies
@@ -91,7 +91,7 @@ class Outcome:
     build_s: float = np.nan
 
 
-def variations(number: int, seed: int = 0) -> tuple[Variation, ...]:
+def random_variations(number: int, seed: int = 0) -> tuple[Variation, ...]:
     """The first ``number`` variations of a random stream given by ``seed``; experiments and robots alternate."""
     drawn = []
     for k, child in enumerate(np.random.SeedSequence(seed).spawn(number)):
@@ -104,7 +104,7 @@ def variations(number: int, seed: int = 0) -> tuple[Variation, ...]:
 
 def scenario_of(variation: Variation) -> Scenario:
     """Scenario of a variation: contacts moved by up to ``JITTER_M`` within their surface, uniform friction."""
-    scenario = _built(variation)
+    scenario = _build_scenario(variation)
     scenario["friction"] = variation.friction
     for surface in scenario["terrain"]:
         surface.pop("friction", None)
@@ -114,7 +114,7 @@ def scenario_of(variation: Variation) -> Scenario:
         for contact in phase["contacts"]:
             key = (contact["effector"], *contact["position_m"])
             if key not in moved_positions:  # the same contact in the next phase stays where it is
-                axes = Placement.of(contact["position_m"], contact["orientation_wxyz"]).rotation
+                axes = Placement.from_wxyz(contact["position_m"], contact["orientation_wxyz"]).rotation
                 x, y = rng.uniform(-JITTER_M, JITTER_M, 2)
                 shift = axes[:, 0] * x + (0.0 if contact["effector"].endswith("hand") else axes[:, 1] * y)
                 moved_positions[key] = (np.array(contact["position_m"]) + shift).tolist()
@@ -122,16 +122,16 @@ def scenario_of(variation: Variation) -> Scenario:
     return scenario
 
 
-def sequence_of(scenario: Mapping[str, Any], shapes: Mapping[str, EffectorShape]) -> ContactSequence:
+def unvalidated_sequence(scenario: Mapping[str, Any], shapes: Mapping[str, EffectorShape]) -> ContactSequence:
     """Contact sequence of a scenario without validation and without terrain."""
 
-    def contact(c: Mapping[str, Any]) -> Contact:
+    def contact_of(c: Mapping[str, Any]) -> Contact:
         shape, friction = shapes[c["effector"]], float(scenario["friction"])
-        place = Placement.of(c["position_m"], c["orientation_wxyz"])
+        place = Placement.from_wxyz(c["position_m"], c["orientation_wxyz"])
         return Contact(c["effector"], place, "unseen", friction, shape.kind, shape.half_size_m)
 
     phases = tuple(
-        ContactPhase(float(p["duration_s"]), {c["effector"]: contact(c) for c in p["contacts"]})
+        ContactPhase(float(p["duration_s"]), {c["effector"]: contact_of(c) for c in p["contacts"]})
         for p in scenario["phases"]
     )
     return ContactSequence(scenario["name"], scenario["robot"], float(scenario["friction"]), Terrain(()), phases)
@@ -140,18 +140,18 @@ def sequence_of(scenario: Mapping[str, Any], shapes: Mapping[str, EffectorShape]
 def problem_of(variation: Variation) -> CentroidalProblem:
     """Rest-to-rest centroidal problem of a variation with the bundled reachability densities."""
     robot = load_robot(variation.walker.robot)
-    sequence = sequence_of(scenario_of(variation), effector_shapes(robot.name))
+    sequence = unvalidated_sequence(scenario_of(variation), effector_shapes(robot.name))
     return from_rest_to_rest(robot, sequence, load_proxies(robot.name))
 
 
-def attempt(variation: Variation) -> Outcome:
+def solve_variation(variation: Variation) -> Outcome:
     """Solve one variation; a ``StridelabError`` gives the outcome ``broken``."""
     validation_faults: tuple[str, ...] = ()
     try:
-        validation_faults = refusals_of(variation)
+        validation_faults = distinct_validation_faults(variation)
         problem = problem_of(variation)
         plan = solve(problem)
-        ending: Ending = "converged" if plan.converged else "stuck" if held(problem) else "infeasible"
+        ending: Ending = "converged" if plan.converged else "stuck" if is_feasible(problem) else "infeasible"
     except StridelabError as error:
         return Outcome(variation, "broken", validation_faults, error.message)
     verification = plan.verification
@@ -169,28 +169,30 @@ def attempt(variation: Variation) -> Outcome:
     )
 
 
-def refusals_of(variation: Variation) -> tuple[str, ...]:
+def distinct_validation_faults(variation: Variation) -> tuple[str, ...]:
     """Distinct faults of scenario validation, with numbers replaced by ``#``."""
-    report = check(scenario_of(variation), effector_shapes(variation.walker.robot))
+    report = validate_scenario(scenario_of(variation), effector_shapes(variation.walker.robot))
     return tuple(dict.fromkeys(NUMBER.sub("#", fault.message) for fault in report.faults))
 
 
-def refusals(outcomes: Sequence[Outcome]) -> Mapping[str, int]:
+def count_faults(outcomes: Sequence[Outcome]) -> Mapping[str, int]:
     """Number of rejected variations by fault; a variation may have several faults."""
     return dict(Counter(reason for outcome in outcomes for reason in outcome.refusals).most_common())
 
 
-def attempts(drawn: Sequence[Variation], tell: Callable[[Outcome], None] | None = None) -> tuple[Outcome, ...]:
+def solve_variations(
+    variations: Sequence[Variation], tell: Callable[[Outcome], None] | None = None
+) -> tuple[Outcome, ...]:
     """Solve variations sequentially; ``tell`` is called with every outcome."""
     outcomes = []
-    for variation in drawn:
-        outcomes.append(attempt(variation))
+    for variation in variations:
+        outcomes.append(solve_variation(variation))
         if tell is not None:
             tell(outcomes[-1])
     return tuple(outcomes)
 
 
-def summary(outcomes: Sequence[Outcome]) -> Mapping[str, float | int]:
+def outcome_summary(outcomes: Sequence[Outcome]) -> Mapping[str, float | int]:
     """Summary statistics; ``right`` is the share of converged and infeasible variations."""
     by = {ending: sum(o.ending == ending for o in outcomes) for ending in get_args(Ending)}
     done = [o for o in outcomes if o.ending == "converged"]
@@ -209,16 +211,16 @@ def summary(outcomes: Sequence[Outcome]) -> Mapping[str, float | int]:
     }
 
 
-def _built(variation: Variation) -> Scenario:
+def _build_scenario(variation: Variation) -> Scenario:
     v = variation
     if v.experiment == "stride":
-        return long_stride(step_m=0.45 * v.stride, timing=_paced(STRIDING, v.pace), walker=v.walker)
+        return long_stride(step_m=0.45 * v.stride, timing=_scale_timing(STRIDING, v.pace), walker=v.walker)
     depth_m = 0.30 * v.stride
     if v.experiment == "stairs":
-        return climb(Stairs(6, v.height_m, depth_m), _paced(CLIMBING, v.pace), "both", v.walker)
+        return climb(Stairs(6, v.height_m, depth_m), _scale_timing(CLIMBING, v.pace), "both", v.walker)
     rail = RAILS[v.walker.robot]
-    return stairs_with_rail(Stairs(4, v.height_m, depth_m), rail, _paced(HOLDING_ON, v.pace), v.walker)
+    return stairs_with_rail(Stairs(4, v.height_m, depth_m), rail, _scale_timing(HOLDING_ON, v.pace), v.walker)
 
 
-def _paced(timing: Timing, pace: float) -> Timing:
+def _scale_timing(timing: Timing, pace: float) -> Timing:
     return Timing(pace * timing.ends_s, pace * timing.move_s, pace * timing.rest_s)

@@ -31,14 +31,14 @@ from stridelab.contacts.scenario_io import sequence_of
 from stridelab.contacts.scenarios.parts import Timing
 from stridelab.contacts.scenarios.stairs import Footing, HandRail, Stairs, climb, stairs_with_rail
 from stridelab.errors import StridelabError
-from stridelab.parallel import end_with_parent
+from stridelab.parallel import exit_with_parent
 from stridelab.reachability.proxy.effector_proxy import Proxy
 from stridelab.robots.robot import Robot
 from stridelab.studies.execution import describe_check, ignore_progress
 from stridelab.wholebody.certificate.certificate import Check
 from stridelab.wholebody.certificate.certify import certify
 from stridelab.wholebody.control.controller import WholeBodyController
-from stridelab.wholebody.replay.replay import replay
+from stridelab.wholebody.replay.replay import replay_with_defaults
 
 Kind = Literal["rail", "stairs"]
 
@@ -64,8 +64,8 @@ class Flight:
 
 SLOW: Final = Timing(2.5, 1.4, 0.2)
 FAST: Final = Timing(2.0, 0.8, 0.2)
-HASTY: Final = Timing(2.0, 0.8, 0.1)
-PACES: Final = {SLOW: "slow", FAST: "fast", HASTY: "hasty"}
+HURRIED: Final = Timing(2.0, 0.8, 0.1)
+PACES: Final = {SLOW: "slow", FAST: "fast", HURRIED: "hasty"}
 
 RAILS: Final = (
     HandRail(0.22, 0.80, -0.50),
@@ -88,13 +88,13 @@ FLIGHTS: Final = (
     Flight(0.05, 0.35, SLOW),
     Flight(0.10, 0.28, SLOW),
     Flight(0.10, 0.30, SLOW),
-    Flight(0.10, 0.30, HASTY),
+    Flight(0.10, 0.30, HURRIED),
     Flight(0.10, 0.35, FAST),
     Flight(0.15, 0.28, SLOW),
     Flight(0.15, 0.30, SLOW),
     Flight(0.15, 0.30, FAST),
     Flight(0.15, 0.35, SLOW),
-    Flight(0.15, 0.35, HASTY),
+    Flight(0.15, 0.35, HURRIED),
     Flight(0.05, 0.30, FAST, "alternate"),
     Flight(0.10, 0.28, SLOW, "alternate"),
     Flight(0.10, 0.30, SLOW, "alternate"),
@@ -108,16 +108,16 @@ TOE_GAP_M: Final = 0.04
 
 def climbing_cases() -> tuple[Case, ...]:
     """All cases: rails, then stairs."""
-    return (*(beside(rail) for rail in RAILS), *(up(flight) for flight in FLIGHTS))
+    return (*(rail_case(rail) for rail in RAILS), *(stairs_case(flight) for flight in FLIGHTS))
 
 
-def beside(rail: HandRail) -> Case:
+def rail_case(rail: HandRail) -> Case:
     """Experiment 3 with the given rail."""
     name = f"rail {rail.ahead_m:.2f} {rail.height_m:.2f} {rail.y_m:.2f}"
     return Case(name, "rail", stairs_with_rail(Stairs(_NUMBER, 0.15, toe_gap_m=TOE_GAP_M), rail))
 
 
-def up(flight: Flight, number: int = _NUMBER) -> Case:
+def stairs_case(flight: Flight, number: int = _NUMBER) -> Case:
     """Experiment 2 with the given stairs."""
     name = f"stairs {flight.height_m:.2f} {flight.depth_m:.2f} {PACES[flight.timing]} {flight.footing}"
     stairs = Stairs(number, flight.height_m, flight.depth_m, toe_gap_m=TOE_GAP_M)
@@ -153,11 +153,11 @@ class CaseResult:
     cpu_s: float = 0.0
 
     @property
-    def success(self) -> bool:
+    def succeeded(self) -> bool:
         """Whether the whole-body motion exists and passes every check."""
         return self.stage is None
 
-    def check(self, name: str) -> Check | None:
+    def check_named(self, name: str) -> Check | None:
         """The check with this name; None without a motion."""
         return next((check for check in self.checks if check.name == name), None)
 
@@ -169,22 +169,22 @@ class GridReport:
     label: str
     results: tuple[CaseResult, ...]
 
-    def of(self, kind: Kind) -> "GridReport":
+    def of_kind(self, kind: Kind) -> "GridReport":
         """The results of one kind of case."""
         return GridReport(self.label, tuple(result for result in self.results if result.kind == kind))
 
     @property
-    def successes(self) -> int:
+    def n_successes(self) -> int:
         """Number of successful cases."""
-        return sum(result.success for result in self.results)
+        return sum(result.succeeded for result in self.results)
 
     @property
-    def replayed(self) -> int:
+    def n_replayed(self) -> int:
         """Number of cases with a completed replay, whether or not the certificate passes."""
         return sum(result.replayed is True for result in self.results)
 
     @property
-    def failures(self) -> Mapping[Stage, int]:
+    def failures_by_stage(self) -> Mapping[Stage, int]:
         """Number of failed cases by stage."""
         return {stage: n for stage in STAGES if (n := sum(result.stage == stage for result in self.results))}
 
@@ -203,7 +203,7 @@ def run_grid(
     """
     by_name: dict[str, CaseResult] = {}
     with ThreadPoolExecutor(processes) as pool:  # each thread waits for one process
-        for done in as_completed([pool.submit(_apart, robot, proxies, case) for case in cases]):
+        for done in as_completed([pool.submit(_run_in_process, robot, proxies, case) for case in cases]):
             result = done.result()
             by_name[result.case] = result
             if tell is not None:
@@ -211,12 +211,12 @@ def run_grid(
     return tuple(by_name[case.name] for case in cases)
 
 
-def _apart(robot: Robot, proxies: Proxies, case: Case) -> CaseResult:
+def _run_in_process(robot: Robot, proxies: Proxies, case: Case) -> CaseResult:
     """Run ``attempt`` in a separate process; a crash gives a result with the stage ``crash``."""
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload([__name__])
     receiver, sender = context.Pipe(duplex=False)
-    process = context.Process(target=_answer, args=(sender, robot, dict(proxies), case), daemon=True)
+    process = context.Process(target=_send_result, args=(sender, robot, dict(proxies), case), daemon=True)
     process.start()
     sender.close()  # the pipe closes when the process ends
     try:
@@ -230,19 +230,19 @@ def _apart(robot: Robot, proxies: Proxies, case: Case) -> CaseResult:
     return result
 
 
-def _answer(pipe: Connection, robot: Robot, proxies: Proxies, case: Case) -> None:
-    threading.Thread(target=end_with_parent, daemon=True).start()
+def _send_result(pipe: Connection, robot: Robot, proxies: Proxies, case: Case) -> None:
+    threading.Thread(target=exit_with_parent, daemon=True).start()
     with threadpool_limits(1):
-        pipe.send(attempt(robot, proxies, case))
+        pipe.send(run_case(robot, proxies, case))
     pipe.close()
 
 
-def attempt(robot: Robot, proxies: Proxies, case: Case) -> CaseResult:
+def run_case(robot: Robot, proxies: Proxies, case: Case) -> CaseResult:
     """Run one case in this process."""
     started = time.process_time()
-    course = _Course()
+    course = _CaseRun()
     try:
-        stage, reason = course.run(robot, proxies, case)
+        stage, reason = course.run_stages(robot, proxies, case)
     except StridelabError as error:
         stage, reason = course.stage, error.message
     return CaseResult(
@@ -260,7 +260,7 @@ def attempt(robot: Robot, proxies: Proxies, case: Case) -> CaseResult:
 
 
 @dataclass
-class _Course:
+class _CaseRun:
     """State of a running case."""
 
     stage: Stage = "scenario"
@@ -269,7 +269,7 @@ class _Course:
     replayed: bool | None = None
     replay_error_m: float | None = None
 
-    def run(self, robot: Robot, proxies: Proxies, case: Case) -> tuple[Stage | None, str]:
+    def run_stages(self, robot: Robot, proxies: Proxies, case: Case) -> tuple[Stage | None, str]:
         """Run the stages; returns the failed stage, None for a success, and the reason."""
         sequence = sequence_of(case.scenario, effector_shapes(robot.name))
         self.stage = "plan"
@@ -280,7 +280,7 @@ class _Course:
         motion = WholeBodyController().run(robot, sequence, plan)
         self.stage = "certificate"
         self.checks = certify(robot, sequence, plan, proxies, motion).checks
-        result = replay(robot, sequence, motion, ignore_progress)
+        result = replay_with_defaults(robot, sequence, motion, ignore_progress)
         self.replayed, self.replay_error_m = result.completed, result.com_error_max_m
         failed = [check for check in self.checks if not check.passed]
         return (self.stage, "; ".join(describe_check(check) for check in failed)) if failed else (None, "")

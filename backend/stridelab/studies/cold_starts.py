@@ -26,13 +26,13 @@ from stridelab.contacts.terrain import Terrain
 from stridelab.dynamics.spatial import Placement
 from stridelab.reachability.store import load_proxies
 from stridelab.robots.loader import load_robot
-from stridelab.studies.centroidal_variations import problem_of, variations
+from stridelab.studies.centroidal_variations import problem_of, random_variations
 
 Kind = Literal["drawn", "hasty", "moved"]
 Answer = Literal["feasible", "infeasible", "unknown"]
 Oracle = Callable[[CentroidalProblem], Answer]
-HASTE: Final = (1.0, 12.0)
-AWAY_M: Final = 100.0
+SPEEDUP_RANGE: Final = (1.0, 12.0)
+TRANSLATION_M: Final = 100.0
 SIDES: Final = {"left": "right", "right": "left"}
 MIRROR: Final = np.diag([1.0, -1.0, 1.0])
 
@@ -51,42 +51,44 @@ class ColdStart:
     cpu_s: float
 
     @property
-    def agrees(self) -> bool:
+    def agrees_with_oracle(self) -> bool:
         """Whether the solver converged on a feasible problem or proved an infeasible one infeasible."""
         return self.converged if self.exists == "feasible" else self.proved and self.exists == "infeasible"
 
 
-def mirrored(sequence: ContactSequence) -> ContactSequence:
+def mirror_sequence(sequence: ContactSequence) -> ContactSequence:
     """Mirror the sequence at the plane y = 0."""
-    return _changed(sequence, lambda T: Placement(MIRROR @ T.position_m, MIRROR @ T.rotation @ MIRROR), _other)
+    return _map_contacts(
+        sequence, lambda T: Placement(MIRROR @ T.position_m, MIRROR @ T.rotation @ MIRROR), _other_side
+    )
 
 
-def carried(sequence: ContactSequence, place: Placement) -> ContactSequence:
+def transform_sequence(sequence: ContactSequence, pose: Placement) -> ContactSequence:
     """Transform the sequence to a frame in which the world frame has the pose ``place``."""
-    return _changed(sequence, lambda T: place @ T, lambda name: name)
+    return _map_contacts(sequence, lambda T: pose @ T, lambda name: name)
 
 
-def drawn(number: int, seed: int = 0) -> Iterator[tuple[str, CentroidalProblem]]:
+def random_problems(number: int, seed: int = 0) -> Iterator[tuple[str, CentroidalProblem]]:
     """Names and problems of the first ``number`` random variations."""
-    for variation in variations(number, seed):
+    for variation in random_variations(number, seed):
         yield str(variation), replace(problem_of(variation), control=CircularCones())
 
 
-def hasty(number: int, seed: int = 1) -> Iterator[tuple[str, CentroidalProblem]]:
+def shortened_problems(number: int, seed: int = 1) -> Iterator[tuple[str, CentroidalProblem]]:
     """Names and problems of variations with shortened durations; factors are log-uniform in ``HASTE``."""
     rng = np.random.default_rng(seed)
-    for variation in variations(number, seed):
-        by = float(np.exp(rng.uniform(*np.log(HASTE))))
-        yield f"{by:.2f} times as fast: {variation}", hastened(problem_of(variation), by)
+    for variation in random_variations(number, seed):
+        by = float(np.exp(rng.uniform(*np.log(SPEEDUP_RANGE))))
+        yield f"{by:.2f} times as fast: {variation}", shorten_durations(problem_of(variation), by)
 
 
-def hastened(problem: CentroidalProblem, by: float) -> CentroidalProblem:
+def shorten_durations(problem: CentroidalProblem, factor: float) -> CentroidalProblem:
     """Divide all phase durations by ``by``; uses circular friction cones."""
-    phases = tuple(replace(p, duration_s=p.duration_s / by) for p in problem.sequence.phases)
+    phases = tuple(replace(p, duration_s=p.duration_s / factor) for p in problem.sequence.phases)
     return replace(problem, sequence=replace(problem.sequence, phases=phases), control=CircularCones())
 
 
-def moved(number: int, seed: int = 2) -> Iterator[tuple[str, CentroidalProblem]]:
+def moved_problems(number: int, seed: int = 2) -> Iterator[tuple[str, CentroidalProblem]]:
     """Names and problems of every bundled scenario at ``number`` random poses, every other one mirrored."""
     rng = np.random.default_rng(seed)
     for name, build in BUNDLED.items():
@@ -94,15 +96,15 @@ def moved(number: int, seed: int = 2) -> Iterator[tuple[str, CentroidalProblem]]
         robot = load_robot(scenario["robot"])
         original = sequence_of(scenario, effector_shapes(robot.name))
         for k in range(number):
-            placed = mirrored(original) if k % 2 else original
+            placed = mirror_sequence(original) if k % 2 else original
             yaw_rad, direction = rng.uniform(-np.pi, np.pi), rng.normal(size=3)
-            away_m = (AWAY_M * direction / np.linalg.norm(direction)).tolist()
-            place = Placement.of(away_m, (np.cos(yaw_rad / 2), 0.0, 0.0, np.sin(yaw_rad / 2)))
-            problem = from_rest_to_rest(robot, carried(placed, place), load_proxies(robot.name))
+            away_m = (TRANSLATION_M * direction / np.linalg.norm(direction)).tolist()
+            place = Placement.from_wxyz(away_m, (np.cos(yaw_rad / 2), 0.0, 0.0, np.sin(yaw_rad / 2)))
+            problem = from_rest_to_rest(robot, transform_sequence(placed, place), load_proxies(robot.name))
             yield f"{name}, place {k}", replace(problem, control=CircularCones())
 
 
-def attempt(kind: Kind, name: str, problem: CentroidalProblem, oracle: Oracle) -> ColdStart:
+def compare_with_oracle(kind: Kind, name: str, problem: CentroidalProblem, oracle: Oracle) -> ColdStart:
     """Run the oracle and the C++ solver on one problem."""
     exists = oracle(problem)
     plan = solve(problem, "native")
@@ -110,12 +112,15 @@ def attempt(kind: Kind, name: str, problem: CentroidalProblem, oracle: Oracle) -
     return ColdStart(kind, name, exists, plan.converged, proved, plan.status, plan.iterations, plan.solve_time_s)
 
 
-def summary(results: Sequence[ColdStart]) -> Mapping[str, Mapping[str, object]]:
+def summary_by_kind(results: Sequence[ColdStart]) -> Mapping[str, Mapping[str, object]]:
     """Summary by kind: number of problems, outcomes, iterations and processor times."""
-    return {kind: _summary([c for c in results if c.kind == kind]) for kind in dict.fromkeys(c.kind for c in results)}
+    return {
+        kind: _summary_of_kind([c for c in results if c.kind == kind])
+        for kind in dict.fromkeys(c.kind for c in results)
+    }
 
 
-def _summary(results: Sequence[ColdStart]) -> Mapping[str, object]:
+def _summary_of_kind(results: Sequence[ColdStart]) -> Mapping[str, object]:
     done = [c for c in results if c.converged] or list(results)
     ms = 1e3 * np.array([c.cpu_s for c in results])
     wrong = [c for c in results if (c.converged and c.exists == "infeasible") or (c.proved and c.exists == "feasible")]
@@ -132,19 +137,19 @@ def _summary(results: Sequence[ColdStart]) -> Mapping[str, object]:
     }
 
 
-def _changed(
+def _map_contacts(
     sequence: ContactSequence, place: Callable[[Placement], Placement], rename: Callable[[str], str]
 ) -> ContactSequence:
-    def contact(c: Contact) -> Contact:
+    def map_contact(c: Contact) -> Contact:
         return replace(c, effector=rename(c.effector), placement=place(c.placement))
 
     phases = tuple(
-        ContactPhase(p.duration_s, {rename(name): contact(c) for name, c in p.contacts.items()})
+        ContactPhase(p.duration_s, {rename(name): map_contact(c) for name, c in p.contacts.items()})
         for p in sequence.phases
     )
     return replace(sequence, terrain=Terrain(()), phases=phases)
 
 
-def _other(effector: str) -> str:
+def _other_side(effector: str) -> str:
     side, _, part = effector.partition("_")
     return f"{SIDES[side]}_{part}"

@@ -6,14 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stridelab.contacts.wrench_cones.contact_points import PointContacts, change_of_frame
+from stridelab.contacts.wrench_cones.contact_points import PointContacts, wrench_transform
 from stridelab.contacts.wrench_cones.thesis_lorentz_cone import outer_cone
 from stridelab.contacts.wrench_cones.wrench_cone import N_RAYS, LinearCone, LorentzCone, Wrenches
 from stridelab.contacts.wrench_cones.wrench_feasibility import linear_margin
 from stridelab.errors import NotEstimable
 from stridelab.studies.random_contact_sets import com_m, random_contacts
 
-FARTHER_M = np.array([3.0, -40.0, 7.0])
+REFERENCE_SHIFT_M = np.array([3.0, -40.0, 7.0])
 MILLIMETRES = 1000.0
 
 
@@ -41,8 +41,8 @@ class ConeCheck:
     violation: float
     least_margin: float
     change: float
-    kept: float
-    kept_thesis: float
+    volume_ratio: float
+    thesis_volume_ratio: float
     alpha_max: float
     time_s: float
 
@@ -52,16 +52,16 @@ def check_cone(contacts: PointContacts, bodies: int, points: int, rng: np.random
 
     Half of the points are those closest to a facet, the others random.
     """
-    linear = LinearCone.of(contacts)
-    cone, took = timed(lambda: LinearCone.of(contacts).largest_lorentz())
-    nearest = np.argsort(-cone.supports(linear.facets) @ [1.0, 1.0] / np.linalg.norm(linear.facets, axis=1))
-    worst = cone.towards(linear.facets[nearest[: points // 2]])
-    boundary = np.vstack([worst, cone.boundary(rng.normal(size=(points - len(worst), cone.dimension)))])
+    linear = LinearCone.from_contacts(contacts)
+    cone, took = timed_cone(lambda: LinearCone.from_contacts(contacts).largest_lorentz())
+    nearest = np.argsort(-cone.facet_supports(linear.facets) @ [1.0, 1.0] / np.linalg.norm(linear.facets, axis=1))
+    worst = cone.nearest_to_facets(linear.facets[nearest[: points // 2]])
+    boundary = np.vstack([worst, cone.boundary_wrenches(rng.normal(size=(points - len(worst), cone.dimension)))])
     margins = [linear_margin(contacts, y, N_RAYS).margin_n / np.linalg.norm(y) for y in boundary]
-    pyramids = LinearCone.of(contacts, 4)
+    pyramids = LinearCone.from_contacts(contacts, 4)
     try:
         thesis = thesis_cone(contacts)
-        alpha_max, kept_thesis = pyramids.alpha_max(thesis), pyramids.kept(thesis.shrunk(0.3))
+        alpha_max, kept_thesis = pyramids.alpha_max(thesis), pyramids.volume_ratio(thesis.shrink(0.3))
     except NotEstimable:
         alpha_max, kept_thesis = np.nan, np.nan
     return ConeCheck(
@@ -70,15 +70,15 @@ def check_cone(contacts: PointContacts, bodies: int, points: int, rng: np.random
         len(linear.normals),
         linear.violation(cone),
         float(min(margins)),
-        _change(contacts, boundary),
-        pyramids.kept(cone),
+        _gauge_change(contacts, boundary),
+        pyramids.volume_ratio(cone),
         kept_thesis,
         alpha_max,
         took.time_s,
     )
 
 
-def timed(compute: Callable[[], LorentzCone]) -> tuple[LorentzCone, Timed]:
+def timed_cone(compute: Callable[[], LorentzCone]) -> tuple[LorentzCone, Timed]:
     """Compute a cone and its processor time."""
     start = time.process_time()
     cone = compute()
@@ -87,8 +87,8 @@ def timed(compute: Callable[[], LorentzCone]) -> tuple[LorentzCone, Timed]:
 
 def thesis_cone(contacts: PointContacts) -> LorentzCone:
     """The thesis' outer cone, computed about the CoM in N and N m, for wrenches about the origin."""
-    there = change_of_frame(-com_m(contacts))
-    return outer_cone(contacts.rays(4) @ there.T).in_frame(there)
+    there = wrench_transform(-com_m(contacts))
+    return outer_cone(contacts.wrench_rays(4) @ there.T).in_frame(there)
 
 
 def check_cones(sets: int, points: int, seed: int = 0) -> list[ConeCheck]:
@@ -97,9 +97,11 @@ def check_cones(sets: int, points: int, seed: int = 0) -> list[ConeCheck]:
     return [check_cone(random_contacts(rng, 2 + k % 3), 2 + k % 3, points, rng) for k in range(sets)]
 
 
-def summary(checks: list[ConeCheck]) -> Mapping[str, int | float]:
+def check_summary(checks: list[ConeCheck]) -> Mapping[str, int | float]:
     """Summary statistics of the checks."""
-    ratios = np.array([check.kept / check.kept_thesis for check in checks if np.isfinite(check.alpha_max)])
+    ratios = np.array(
+        [check.volume_ratio / check.thesis_volume_ratio for check in checks if np.isfinite(check.alpha_max)]
+    )
     alphas = np.array([check.alpha_max for check in checks if np.isfinite(check.alpha_max)])
     return {
         "sets": len(checks),
@@ -108,7 +110,7 @@ def summary(checks: list[ConeCheck]) -> Mapping[str, int | float]:
         "points_outside": sum(check.least_margin < -1e-9 for check in checks),
         "least_margin": min(check.least_margin for check in checks),
         "largest_change": max(check.change for check in checks),
-        "median_kept": float(np.median([check.kept for check in checks])),
+        "median_kept": float(np.median([check.volume_ratio for check in checks])),
         "median_kept_over_thesis": float(np.median(ratios)),
         "thesis_undefined": len(checks) - len(alphas),
         "share_where_0.2_leaves": float((alphas < 0.2).mean()),
@@ -119,6 +121,6 @@ def summary(checks: list[ConeCheck]) -> Mapping[str, int | float]:
     }
 
 
-def _change(contacts: PointContacts, boundary: Wrenches) -> float:
-    there = LinearCone.of(contacts.moved(FARTHER_M, MILLIMETRES)).largest_lorentz()
-    return float(np.abs(there.gauge(boundary @ change_of_frame(FARTHER_M, MILLIMETRES).T) - 1.0).max())
+def _gauge_change(contacts: PointContacts, boundary: Wrenches) -> float:
+    there = LinearCone.from_contacts(contacts.in_frame(REFERENCE_SHIFT_M, MILLIMETRES)).largest_lorentz()
+    return float(np.abs(there.gauge(boundary @ wrench_transform(REFERENCE_SHIFT_M, MILLIMETRES).T) - 1.0).max())

@@ -18,11 +18,11 @@ from stridelab.errors import Fault, InvalidInput
 from stridelab.recordings.recording import Window, WrenchTrack
 from stridelab.simulation.ground_truth import TrueMotion
 from stridelab.simulation.human.body_proportions import SIDES
-from stridelab.simulation.noise import PRESETS, NoisePreset, coloured
+from stridelab.simulation.noise import PRESETS, NoisePreset, coloured_noise
 from stridelab.simulation.robot.forward_kinematics import LinkMasses, LinkPoses, link_masses, link_poses
 from stridelab.simulation.robot.gait_plan import WALKS, GaitName
-from stridelab.simulation.robot.runner import RUNNING, run
-from stridelab.simulation.robot.walker import RATE_HZ, RobotWalk, walk
+from stridelab.simulation.robot.runner import RUNNING, simulate_run
+from stridelab.simulation.robot.walker import RATE_HZ, RobotWalk, simulate_walk
 
 _PRIOR_DRAWS = 400
 _LEAST_SD_M = 5e-4
@@ -50,7 +50,9 @@ class StudyTrial:
     noise_sd_m: tuple[float, float, float]
     bias_m: Points
 
-    def excerpt(self, start_s: float, end_s: float, *, force_s: tuple[float, float] | None = None) -> "StudyTrial":
+    def excerpt_between(
+        self, start_s: float, end_s: float, *, force_s: tuple[float, float] | None = None
+    ) -> "StudyTrial":
         """The part from ``start_s`` to ``end_s``, with time shifted to start at 0.
 
         ``force_s`` is the interval, in the time of the excerpt, in which the force is measured; outside it is not.
@@ -65,45 +67,49 @@ class StudyTrial:
         truth, geometric = self.truth, self.geometric
         return replace(
             self,
-            truth=replace(_recorded(truth, inside), time_s=t),
+            truth=replace(_masked_truth(truth, inside), time_s=t),
             geometric=replace(
                 geometric,
                 time_s=t,
                 com_m=geometric.com_m[inside],
                 segments={k: SegmentTrack(s.mass_fraction, s.com_m[inside]) for k, s in geometric.segments.items()},
             ),
-            wrench=_measured(t, self.wrench.force_n[inside], self.wrench.moment_nm[inside], force_s),
+            wrench=_wrench_track(t, self.wrench.force_n[inside], self.wrench.moment_nm[inside], force_s),
             bias_m=self.bias_m[inside],
         )
 
 
-def simulate(gait: GaitName, noise: NoisePreset | str = "thesis", seed: int = 0, *, walk_seed: int = 0) -> StudyTrial:
+def simulate_trial(
+    gait: GaitName, noise: NoisePreset | str = "thesis", seed: int = 0, *, walk_seed: int = 0
+) -> StudyTrial:
     """Simulate one trial of a gait; ``seed`` draws the noise and the body model error, ``walk_seed`` varies the walk.
 
     ``noise`` is a preset or its name. The same arguments give the same trial, bit for bit; every noise source has its
     own random stream. Raises ``InvalidInput`` for an unknown gait or preset.
     """
-    preset = _preset(noise)
+    preset = _preset_of(noise)
     source = clean_motion(gait, walk_seed)
     rngs = [np.random.default_rng([seed, part]) for part in range(5)]
     time_s = source.motion.time_s
     recorded = (time_s > -_EPS_S) & (time_s < source.plan.duration_s - _EPS_S)
     t, n = time_s[recorded], int(recorded.sum())
     exact = link_masses(source.robot.model)
-    body_model = exact.wrong(preset.mass_model, rngs[3]) if preset.mass_model > 0.0 else exact
+    body_model = exact.perturb(preset.mass_model, rngs[3]) if preset.mass_model > 0.0 else exact
     q = source.motion.q[recorded]
     clean = link_poses(source.robot.model, q)
     noisy = clean
     if preset.configuration_rad > 0.0:
         noisy_q = q.copy()
         sigma, joints = preset.configuration_rad, q.shape[1] - 7
-        noisy_q[:, 7:] += coloured(rngs[0], n, joints, sigma, RATE_HZ, preset.high_pass_hz, preset.high_pass_order)
+        noisy_q[:, 7:] += coloured_noise(
+            rngs[0], n, joints, sigma, RATE_HZ, preset.high_pass_hz, preset.high_pass_order
+        )
         noisy = link_poses(source.robot.model, noisy_q)
-    truth = _recorded(source.truth, recorded)
-    geometric = _geometric(source, noisy, body_model, t, preset.mass_model)
-    biased = _com(clean, body_model)
+    truth = _masked_truth(source.truth, recorded)
+    geometric = _geometric_com(source, noisy, body_model, t, preset.mass_model)
+    biased = _com_of_links(clean, body_model)
     sd_x, sd_y, sd_z = (float(s) for s in (geometric.com_m - biased).std(axis=0))
-    force, moment = _wrench(source, t, preset, rngs[1], rngs[2], rngs[4])
+    force, moment = _noisy_wrench(source, t, preset, rngs[1], rngs[2], rngs[4])
     return StudyTrial(
         gait=gait,
         noise=preset,
@@ -111,7 +117,7 @@ def simulate(gait: GaitName, noise: NoisePreset | str = "thesis", seed: int = 0,
         mass_kg=truth.mass_kg,
         step_time_s=source.plan.step_time_s,
         geometric=geometric,
-        wrench=_measured(t, force, moment, None),
+        wrench=_wrench_track(t, force, moment, None),
         truth=truth,
         noise_sd_m=(sd_x, sd_y, sd_z),
         bias_m=biased - truth.com_m,
@@ -124,14 +130,14 @@ def clean_motion(gait: str, walk_seed: int = 0) -> RobotWalk:
     Raises ``InvalidInput`` (``gait-unknown``).
     """
     if gait == "running":
-        return run(RUNNING, walk_seed)
+        return simulate_run(RUNNING, walk_seed)
     if gait not in WALKS:
         message = f"There is no gait {gait!r}: choose one of {', '.join(WALKS)} and running."
         raise InvalidInput("gait-unknown", message, [Fault("gait", message)])
-    return walk(WALKS[gait], walk_seed)
+    return simulate_walk(WALKS[gait], walk_seed)
 
 
-def _preset(noise: NoisePreset | str) -> NoisePreset:
+def _preset_of(noise: NoisePreset | str) -> NoisePreset:
     if isinstance(noise, NoisePreset):
         return noise
     if noise not in PRESETS:
@@ -140,7 +146,7 @@ def _preset(noise: NoisePreset | str) -> NoisePreset:
     return PRESETS[noise]
 
 
-def _recorded(truth: TrueMotion, mask: Mask) -> TrueMotion:
+def _masked_truth(truth: TrueMotion, mask: Mask) -> TrueMotion:
     return TrueMotion(
         truth.time_s[mask],
         truth.mass_kg,
@@ -152,11 +158,11 @@ def _recorded(truth: TrueMotion, mask: Mask) -> TrueMotion:
     )
 
 
-def _com(poses: LinkPoses, masses: LinkMasses) -> Points:
+def _com_of_links(poses: LinkPoses, masses: LinkMasses) -> Points:
     return np.asarray(np.tensordot(poses.coms_m(masses), masses.mass_kg / masses.mass_kg.sum(), axes=(1, 0)))
 
 
-def _geometric(
+def _geometric_com(
     source: RobotWalk, poses: LinkPoses, believed: LinkMasses, time_s: Series, mass_model: float
 ) -> GeometricCom:
     """Geometric CoM of the robot with one segment per link, named after its parent joint."""
@@ -167,7 +173,7 @@ def _geometric(
     }
     return GeometricCom(
         time_s=time_s,
-        com_m=_com(poses, believed),
+        com_m=_com_of_links(poses, believed),
         table="links",
         segments=segments,
         joint_centres_m={},
@@ -180,14 +186,16 @@ def _declared_sd_m(source: RobotWalk, mass_model: float) -> tuple[float, float, 
     """Standard deviation of the CoM of the first posture over random body models with the error ``mass_model``."""
     exact, rng = link_masses(source.robot.model), np.random.default_rng(0)
     poses = link_poses(source.robot.model, source.motion.q[:1])
-    draws = np.array([_com(poses, exact.wrong(mass_model, rng))[0] for _ in range(_PRIOR_DRAWS)])
-    x, y, z = (max(float(sd), _LEAST_SD_M) for sd in np.sqrt(np.mean((draws - _com(poses, exact)) ** 2, axis=0)))
+    draws = np.array([_com_of_links(poses, exact.perturb(mass_model, rng))[0] for _ in range(_PRIOR_DRAWS)])
+    x, y, z = (
+        max(float(sd), _LEAST_SD_M) for sd in np.sqrt(np.mean((draws - _com_of_links(poses, exact)) ** 2, axis=0))
+    )
     return x, y, z
 
 
-def _wrench(
+def _noisy_wrench(
     source: RobotWalk,
-    at_s: Series,
+    sample_times_s: Series,
     noise: NoisePreset,
     forces: np.random.Generator,
     moments: np.random.Generator,
@@ -200,15 +208,17 @@ def _wrench(
     plate[:, :2] = sum(load.share[side][:, None] * load.cop_m[side] for side in SIDES)
     wrench = np.column_stack([force, moment, plate])
     if noise.latency_s == 0.0:
-        measured = wrench[np.searchsorted(time_s, at_s - _EPS_S)]
+        measured = wrench[np.searchsorted(time_s, sample_times_s - _EPS_S)]
     else:
-        measured = CubicSpline(time_s, wrench)(at_s - noise.latency_s)
+        measured = CubicSpline(time_s, wrench)(sample_times_s - noise.latency_s)
     force, moment, plate = measured[:, :3].copy(), measured[:, 3:6].copy(), measured[:, 6:]
     error_n, error_nm = np.zeros_like(force), np.zeros_like(force)
     if noise.force_n > 0.0:
-        error_n += coloured(forces, len(force), 3, noise.force_n, RATE_HZ, noise.high_pass_hz, noise.high_pass_order)
+        error_n += coloured_noise(
+            forces, len(force), 3, noise.force_n, RATE_HZ, noise.high_pass_hz, noise.high_pass_order
+        )
     if noise.moment_nm > 0.0:
-        error_nm += coloured(
+        error_nm += coloured_noise(
             moments, len(force), 3, noise.moment_nm, RATE_HZ, noise.high_pass_hz, noise.high_pass_order
         )
     error_n += noise.plate_bias_n * biases.standard_normal(3)
@@ -216,7 +226,9 @@ def _wrench(
     return force + error_n, moment + error_nm + np.cross(plate, error_n)
 
 
-def _measured(time_s: Series, force_n: Points, moment_nm: Points, force_s: tuple[float, float] | None) -> WrenchTrack:
+def _wrench_track(
+    time_s: Series, force_n: Points, moment_nm: Points, force_s: tuple[float, float] | None
+) -> WrenchTrack:
     """Wrench measured everywhere, or only from ``force_s[0]`` to ``force_s[1]``."""
     start_s, end_s = force_s or (0.0, float(time_s[-1]))
     complete = (time_s >= start_s - _EPS_S) & (time_s <= end_s + _EPS_S)

@@ -10,7 +10,7 @@ from typing import Any, Final, TypeVar
 
 from stridelab.centroidal.boundary_conditions import PathBounds
 from stridelab.centroidal.hand_force_limits import hand_bounds_n
-from stridelab.centroidal.native.availability import Native, availability
+from stridelab.centroidal.native.availability import NativeSolver, native_availability
 from stridelab.centroidal.point_forces import PYRAMIDS, CircularCones
 from stridelab.centroidal.problem import CentroidalProblem
 from stridelab.centroidal.rest_to_rest import from_rest_to_rest
@@ -31,10 +31,10 @@ from stridelab.wholebody.certificate.certificate import Check
 from stridelab.wholebody.certificate.certify import certify
 from stridelab.wholebody.control.controller import WholeBodyController
 from stridelab.wholebody.motion import WholeBodyMotion
-from stridelab.wholebody.replay.disturbances import NONE, Disturbances
+from stridelab.wholebody.replay.disturbances import UNDISTURBED, Disturbances
 from stridelab.wholebody.replay.log import Replay
 from stridelab.wholebody.replay.replay import PhysicsReplay
-from stridelab.wholebody.replay.sensors import Observe, as_sensed
+from stridelab.wholebody.replay.sensors import StateObserver, as_sensed
 
 Scenario = dict[str, Any]
 Builder = Callable[[], Scenario]
@@ -43,7 +43,7 @@ G1: Final = Walker("g1", 0.1185, 0.107, 0.101)
 """Half the distance between the soles in the reference posture; toe and heel lengths of the shoe."""
 
 
-def _of_hrp2() -> dict[str, Builder]:
+def _hrp2_scenarios() -> dict[str, Builder]:
     return {
         "long-stride": lambda: long_stride(walker=HRP2),
         "six-stairs": lambda: six_stairs(walker=HRP2),
@@ -57,8 +57,8 @@ def _of_hrp2() -> dict[str, Builder]:
 
 
 CASES: Final[Mapping[str, Mapping[str, Builder]]] = {
-    "talos": {name: BUNDLED[name] for name in _of_hrp2()},
-    "hrp2": _of_hrp2(),
+    "talos": {name: BUNDLED[name] for name in _hrp2_scenarios()},
+    "hrp2": _hrp2_scenarios(),
     "g1": {
         "long-stride": lambda: long_stride(step_m=0.25, walker=G1),
         "flat-walk": lambda: flat_walk(step_m=0.15, walker=G1),
@@ -86,35 +86,35 @@ class Execution:
     fell: bool = False
     missed: tuple[str, ...] = ()
 
-    def value(self, check: str) -> float:
+    def check_value(self, check: str) -> float:
         """The value of a check; NaN if missing."""
         return next((c.value for c in self.checks if c.name == check), float("nan"))
 
     @property
-    def certified(self) -> bool:
+    def is_certified(self) -> bool:
         """Whether the motion exists and passes every check."""
         return bool(self.checks) and all(check.passed for check in self.checks)
 
 
-def posed(robot: Robot, sequence: ContactSequence, proxies: Mapping[str, Proxy]) -> CentroidalProblem:
+def whole_body_problem(robot: Robot, sequence: ContactSequence, proxies: Mapping[str, Proxy]) -> CentroidalProblem:
     """Centroidal problem as posed by ``plan-motion`` for a whole body: continuous forces and hand force limits."""
     return replace(
         from_rest_to_rest(robot, sequence, proxies),
-        control=CircularCones() if isinstance(availability(), Native) else PYRAMIDS,
+        control=CircularCones() if isinstance(native_availability(), NativeSolver) else PYRAMIDS,
         shape="cubic",
         bounds=PathBounds(None, hand_bounds_n(robot, sequence)),
     )
 
 
-def followed(robot_name: str, name: str) -> WholeBodyMotion:
+def whole_body_motion(robot_name: str, name: str) -> WholeBodyMotion:
     """Whole-body motion of one scenario. Raises ``NotEstimable`` if the body cannot track the plan."""
     robot = load_robot(robot_name)
     sequence = sequence_of(CASES[robot_name][name](), effector_shapes(robot_name))
-    plan = solve(posed(robot, sequence, load_proxies(robot_name)))
+    plan = solve(whole_body_problem(robot, sequence, load_proxies(robot_name)))
     return WholeBodyController().run(robot, sequence, plan)
 
 
-def execute(robot_name: str, name: str) -> Execution:
+def execute_scenario(robot_name: str, name: str) -> Execution:
     """Plan, track, certify and replay one scenario."""
     robot = load_robot(robot_name)
     cpu_s: dict[str, float] = {}
@@ -123,28 +123,31 @@ def execute(robot_name: str, name: str) -> Execution:
         sequence = sequence_of(CASES[robot_name][name](), effector_shapes(robot_name))
         duration_s = sequence.duration_s
         proxies = load_proxies(robot_name)
-        plan = _timed(cpu_s, "plan", lambda: solve(posed(robot, sequence, proxies)))
+        plan = _timed_stage(cpu_s, "plan", lambda: solve(whole_body_problem(robot, sequence, proxies)))
         if not plan.converged:
             return Execution(robot_name, name, duration_s, plan.status, cpu_s=cpu_s)
-        motion = _timed(cpu_s, "whole body", lambda: WholeBodyController().run(robot, sequence, plan))
-        checks = _timed(cpu_s, "certificate", lambda: certify(robot, sequence, plan, proxies, motion)).checks
-        replay = _timed(cpu_s, "replay", lambda: replayed(robot_name, motion))
+        motion = _timed_stage(cpu_s, "whole body", lambda: WholeBodyController().run(robot, sequence, plan))
+        checks = _timed_stage(cpu_s, "certificate", lambda: certify(robot, sequence, plan, proxies, motion)).checks
+        replay = _timed_stage(cpu_s, "replay", lambda: replay_motion(robot_name, motion))
     except StridelabError as error:
         return Execution(robot_name, name, duration_s, error.message, checks, cpu_s)
     reasons = tuple(one.message for one in replay.remarks)
     return Execution(
-        robot_name, name, duration_s, "", checks, cpu_s, numbers(replay), replay.completed, replay.fell, reasons
+        robot_name, name, duration_s, "", checks, cpu_s, replay_figures(replay), replay.completed, replay.fell, reasons
     )
 
 
-def replayed(
-    robot_name: str, motion: WholeBodyMotion, disturbed: Disturbances = NONE, observe: Observe = as_sensed
+def replay_motion(
+    robot_name: str,
+    motion: WholeBodyMotion,
+    disturbances: Disturbances = UNDISTURBED,
+    observe: StateObserver = as_sensed,
 ) -> Replay:
     """Replay a motion with optional disturbances; ``observe`` is the state estimator."""
-    return PhysicsReplay().run(load_robot(robot_name), motion.sequence, motion, ignore_progress, observe, disturbed)
+    return PhysicsReplay().run(load_robot(robot_name), motion.sequence, motion, ignore_progress, observe, disturbances)
 
 
-def numbers(replay: Replay) -> dict[str, float]:
+def replay_figures(replay: Replay) -> dict[str, float]:
     """Reported figures of a replay."""
     figures = {
         "com_error_max_m": replay.com_error_max_m,
@@ -158,7 +161,7 @@ def numbers(replay: Replay) -> dict[str, float]:
     return figures
 
 
-def _timed(cpu_s: dict[str, float], stage: str, work: Callable[[], T]) -> T:
+def _timed_stage(cpu_s: dict[str, float], stage: str, work: Callable[[], T]) -> T:
     started = time.process_time()
     result = work()
     cpu_s[stage] = time.process_time() - started

@@ -13,7 +13,7 @@ import numpy as np
 
 from stridelab.conventions import Points, Series, Vector3
 from stridelab.dynamics.spatial import Placement
-from stridelab.reachability.kinematics.ik_ground_truth import Contacts, StanceTruth
+from stridelab.reachability.kinematics.ik_ground_truth import ContactBatch, StanceTruth
 from stridelab.reachability.learning.kde import KernelDensity
 from stridelab.reachability.proxy.contact_set_proxy import ContactSet
 from stridelab.reachability.proxy.effector_proxy import Proxy
@@ -39,7 +39,7 @@ class Truth:
     @staticmethod
     def of(truth: StanceTruth, contacts: Mapping[str, Placement], draws: int = DRAWS, seed: int = 0) -> "Truth":
         """Estimate from ``2 draws`` postures. Raises ``NotEstimable`` (``contacts-out-of-reach``)."""
-        com_m = truth.sample(contacts, 2 * draws, seed)
+        com_m = truth.sample_com(contacts, 2 * draws, seed)
         kernels = KernelDensity(com_m[:draws], BANDWIDTH_M)
         return Truth(kernels, com_m[draws:], kernels.log_density(com_m[draws:]))
 
@@ -71,7 +71,7 @@ class Comparison:
     density_at_mode: float
 
 
-def compare(
+def compare_densities(
     search: StanceTruth,
     name: str,
     placements: Mapping[str, Placement],
@@ -80,7 +80,7 @@ def compare(
     probes: int = PROBES,
 ) -> list[Comparison]:
     """Compare the product of every choice of ``densities`` for one contact set with its ``truth``."""
-    contacts = Contacts.of(search.robot, [placements])
+    contacts = ContactBatch.from_placements(search.robot, [placements])
     heading_rad = float(contacts.heading_rad[0])
     volumes = tuple(truth.volume_m3(mass) for mass in MASSES)
     edge = float(np.quantile(truth.log_p, 1.0 - MASSES[-1]))
@@ -88,7 +88,7 @@ def compare(
     comparisons = []
     for label, proxies in densities.items():
         rng = np.random.default_rng(0)
-        product = ContactSet.of(proxies, placements, heading_rad)
+        product = ContactSet.from_placements(proxies, placements, heading_rad)
         draws = product.sample(PRODUCT_DRAWS, rng)
         log_q = product.log_density(draws)
         threshold = float(np.quantile(log_q, 1.0 - MASSES[-1]))
@@ -102,7 +102,7 @@ def compare(
                 float((truth.kernels.log_density(draws[:2000]) >= edge).mean()),
                 float((product.log_density(truth.unseen_m) >= threshold).mean()),
                 _false_feasible(search, contacts, draws, log_q, threshold, probes),
-                _triple(mode),
+                _as_triple(mode),
                 float(np.exp(truth.kernels.log_density(mode[None])[0] - top)),
             )
         )
@@ -110,18 +110,18 @@ def compare(
 
 
 def _false_feasible(
-    search: StanceTruth, contacts: Contacts, draws: Points, log_q: Series, threshold: float, probes: int
+    search: StanceTruth, contacts: ContactBatch, draws: Points, log_q: Series, threshold: float, probes: int
 ) -> float:
     """Share of a set's volume without a posture, from samples of the set weighted to be uniform in it."""
     inside = log_q >= threshold
     weights = np.exp(threshold - log_q[inside])
     probe_indices = np.random.default_rng(1).choice(np.flatnonzero(inside), probes, p=weights / weights.sum())
-    repeated = contacts.taken(np.zeros(probes, dtype=int))
-    feasible, _ = search.feasible(repeated, draws[probe_indices], ROUNDS, seed=2)
+    repeated = contacts.select(np.zeros(probes, dtype=int))
+    feasible, _ = search.search_feasible(repeated, draws[probe_indices], ROUNDS, seed=2)
     return float(1.0 - feasible.mean())
 
 
-def _triple(point: Vector3) -> tuple[float, float, float]:
+def _as_triple(point: Vector3) -> tuple[float, float, float]:
     x, y, z = (float(value) for value in point)
     return x, y, z
 
@@ -130,9 +130,9 @@ def stair_contacts(robot_name: str) -> dict[str, dict[str, Placement]]:
     """Two, three and four contacts on a stair of 0.30 m by 0.15 m with rails on both sides, as in figure 4.5."""
     aside, hand = {"talos": (0.09, (0.37, 0.50, 0.95)), "hrp2": (0.105, (0.30, 0.45, 0.75))}[robot_name]
     x, y, z = hand
-    two = {"left_foot": Placement.of((0.0, aside, 0.0)), "right_foot": Placement.of((0.30, -aside, 0.15))}
-    three = two | {"right_hand": Placement.of((x, -y, z))}
-    return {"2 contacts": two, "3 contacts": three, "4 contacts": three | {"left_hand": Placement.of((x, y, z))}}
+    two = {"left_foot": Placement.from_wxyz((0.0, aside, 0.0)), "right_foot": Placement.from_wxyz((0.30, -aside, 0.15))}
+    three = two | {"right_hand": Placement.from_wxyz((x, -y, z))}
+    return {"2 contacts": two, "3 contacts": three, "4 contacts": three | {"left_hand": Placement.from_wxyz((x, y, z))}}
 
 
 def four_stances(robot_name: str) -> dict[str, dict[str, Placement]]:
@@ -144,5 +144,5 @@ def four_stances(robot_name: str) -> dict[str, dict[str, Placement]]:
         ("stair of 0.15 m", 0.30, 0.15),
         ("half stride", 0.45, 0.0),
     )
-    left = Placement.of((0.0, aside, 0.0))
-    return {name: {"left_foot": left, "right_foot": Placement.of((x, -aside, z))} for name, x, z in ahead}
+    left = Placement.from_wxyz((0.0, aside, 0.0))
+    return {name: {"left_foot": left, "right_foot": Placement.from_wxyz((x, -aside, z))} for name, x, z in ahead}

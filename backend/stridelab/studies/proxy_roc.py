@@ -16,9 +16,9 @@ from scipy.stats import rankdata
 from stridelab.conventions import Mask, Series
 from stridelab.reachability.card import Measure, ReachabilityCard
 from stridelab.reachability.proxy.effector_proxy import Proxy
-from stridelab.reachability.proxy.feasibility_correction import log_density, seen_from
-from stridelab.reachability.random_contacts import Pairs
-from stridelab.reachability.standing_conditions import about
+from stridelab.reachability.proxy.feasibility_correction import com_in_frame, log_density
+from stridelab.reachability.random_contacts import LabelledPairs
+from stridelab.reachability.standing_conditions import axis_rotations
 from stridelab.reachability.store import load_card, load_proxies
 
 RESAMPLES: Final = 200
@@ -33,7 +33,7 @@ class Area:
     area_sd: float
 
 
-def areas(robot_name: str, pairs: Pairs, corrected: Mapping[str, Proxy]) -> list[Area]:
+def roc_areas(robot_name: str, pairs: LabelledPairs, corrected: Mapping[str, Proxy]) -> list[Area]:
     """Areas of the product of densities for both measures, of the corrected product, and of boxes for both measures."""
     measures: tuple[Measure, ...] = ("uniform", "conditioned")
     scores = {
@@ -41,45 +41,45 @@ def areas(robot_name: str, pairs: Pairs, corrected: Mapping[str, Proxy]) -> list
         for measure in measures
     }
     scores["product, corrected"] = log_density(corrected, pairs.contacts, pairs.com_m)
-    scores |= {f"boxes, {measure}": depth(load_card(robot_name, measure), pairs) for measure in measures}
-    return [Area(name, area(pairs.feasible, score), area_sd(pairs, score)) for name, score in scores.items()]
+    scores |= {f"boxes, {measure}": box_depth_m(load_card(robot_name, measure), pairs) for measure in measures}
+    return [Area(name, roc_area(pairs.feasible, score), roc_area_sd(pairs, score)) for name, score in scores.items()]
 
 
-def area(positive: Mask, score: Series) -> float:
+def roc_area(positive: Mask, score: Series) -> float:
     """Area under the ROC curve; ties count half."""
     n = int(positive.sum())
     m = len(positive) - n
     return float((rankdata(score)[positive].sum() - n * (n + 1) / 2) / (n * m))
 
 
-def area_sd(pairs: Pairs, score: Series, seed: int = 0) -> float:
+def roc_area_sd(pairs: LabelledPairs, score: Series, seed: int = 0) -> float:
     """Standard error of the area, by bootstrap over the contact sets."""
     rng = np.random.default_rng(seed)
     members = [np.flatnonzero(pairs.stance == stance) for stance in np.unique(pairs.stance)]
     resampled = []
     for _ in range(RESAMPLES):
         rows = np.concatenate([members[k] for k in rng.integers(len(members), size=len(members))])
-        resampled.append(area(pairs.feasible[rows], score[rows]))
+        resampled.append(roc_area(pairs.feasible[rows], score[rows]))
     return float(np.std(resampled, ddof=1))
 
 
-def depth(card: ReachabilityCard, pairs: Pairs) -> Series:
+def box_depth_m(card: ReachabilityCard, pairs: LabelledPairs) -> Series:
     """Signed distance (m) to the closest face of the intersection of the effectors' boxes, positive inside."""
     depth_m = np.full(len(pairs.com_m), np.inf)
     for name in pairs.contacts.targets:
         effector = card.effectors[name]
-        x = seen_from(effector.frame, pairs.contacts, name, pairs.com_m)
+        x = com_in_frame(effector.frame, pairs.contacts, name, pairs.com_m)
         low, high = (np.array(end) for end in (effector.reach.com_low_m, effector.reach.com_high_m))
         depth_m = np.minimum(depth_m, np.minimum(x - low, high - x).min(axis=1))
     return depth_m
 
 
-def features(pairs: Pairs) -> Float[np.ndarray, "n f"]:
+def regression_features(pairs: LabelledPairs) -> Float[np.ndarray, "n f"]:
     """CoM and contacts relative to the midpoint of the soles in their heading frame, and the angle between the soles.
 
     Input of a logistic regression, an alternative correction.
     """
-    to_heading = about(2, pairs.contacts.heading_rad).swapaxes(1, 2)
+    to_heading = axis_rotations(2, pairs.contacts.heading_rad).swapaxes(1, 2)
     middle = pairs.contacts.middle_m
     relative_m = [pairs.com_m - middle]
     relative_m += [p - middle for name, (p, _) in pairs.contacts.targets.items() if name != "left_foot"]

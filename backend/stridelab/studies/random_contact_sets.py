@@ -25,7 +25,7 @@ def random_contacts(rng: np.random.Generator, bodies: int) -> PointContacts:
         turn = ScipyRotation.from_euler("z", rng.uniform(-np.pi, np.pi))
         at = Placement(rng.uniform(-1.5, 1.5, 3), (tilt * turn).as_matrix())
         rows.append((at, SOLE_M if rng.random() < 0.7 else None, float(rng.uniform(0.3, 0.9))))
-    return PointContacts.of(rows)
+    return PointContacts.from_placements(rows)
 
 
 def com_m(contacts: PointContacts) -> Vector3:
@@ -44,6 +44,8 @@ def stair_sets(robot_name: str) -> dict[str, PointContacts]:
     """Contact sets of figure 4.5 with two, three and four contacts and friction ``FRICTION``."""
     shapes = effector_shapes(robot_name)
     return {
-        name: PointContacts.of((at, shapes[effector].half_size_m, FRICTION) for effector, at in placements.items())
+        name: PointContacts.from_placements(
+            (at, shapes[effector].half_size_m, FRICTION) for effector, at in placements.items()
+        )
         for name, placements in stair_contacts(robot_name).items()
     }

@@ -23,7 +23,7 @@ from stridelab.errors import StridelabError
 from stridelab.reachability.proxy.effector_proxy import Proxy
 from stridelab.reachability.store import load_proxies
 from stridelab.robots.loader import load_robot
-from stridelab.studies.execution import describe_check, posed, replayed
+from stridelab.studies.execution import describe_check, replay_motion, whole_body_problem
 from stridelab.wholebody.certificate.certificate import Check
 from stridelab.wholebody.certificate.certify import certify
 from stridelab.wholebody.control.controller import WholeBodyController
@@ -41,7 +41,7 @@ PACES: Final = (1.0, 1.2, 1.4, 0.8)
 SHIFTS_M: Final = (0.012, -0.012)
 """Displacements of the soles along the treads, towards the edge (positive) or the riser."""
 HALF_WIDTHS_M: Final = (0.10, 0.08)
-REACHES_M: Final = (-0.08, 0.08)
+HAND_SHIFTS_M: Final = (-0.08, 0.08)
 """Displacements of the hand along its rail."""
 
 
@@ -62,15 +62,15 @@ class Variation:
     reach_m: float = 0.0
 
     @property
-    def scenario(self) -> dict[str, Any]:
+    def as_scenario(self) -> dict[str, Any]:
         """``schemas.scenarios.Scenario`` as a mapping, for TALOS."""
         stairs = Stairs(STAIRS, self.height_m, self.depth_m, toe_gap_m=self.toe_gap_m + self.shift_m)
         walker = replace(TALOS, foot_y_m=self.half_width_m)
         if self.rail is None:
-            return climb(stairs, _at(CLIMBING, self.pace), "both", walker)
+            return climb(stairs, _scale_timing(CLIMBING, self.pace), "both", walker)
         up_m = self.reach_m * self.height_m / self.depth_m
         rail = replace(self.rail, ahead_m=self.rail.ahead_m + self.reach_m, height_m=self.rail.height_m + up_m)
-        return stairs_with_rail(stairs, rail, _at(HOLDING_ON, self.pace), walker)
+        return stairs_with_rail(stairs, rail, _scale_timing(HOLDING_ON, self.pace), walker)
 
 
 @dataclass(frozen=True)
@@ -88,13 +88,13 @@ class Attempt:
     com_error_m: float | None = None
 
     @property
-    def fell(self) -> bool:
+    def fell_despite_certificate(self) -> bool:
         """Whether every check passes but the replay does not complete."""
         return self.replayed is False and bool(self.checks) and all(check.passed for check in self.checks)
 
 
 @dataclass(frozen=True)
-class Found:
+class SearchResult:
     """Result of one random variation and, after a failure, of the search for alternatives."""
 
     index: int
@@ -103,12 +103,12 @@ class Found:
     instead: Variation | None = None
 
     @property
-    def confirmed(self) -> bool:
+    def failure_confirmed(self) -> bool:
         """Whether the variation and all its alternatives on the same stairs fail."""
         return self.attempt.stage is not None and self.tried > 0 and self.instead is None
 
 
-def drawn(number: int = NUMBER, seed: int = 0) -> tuple[Variation, ...]:
+def random_variations(number: int = NUMBER, seed: int = 0) -> tuple[Variation, ...]:
     """``number`` random variations, alternately without and with a rail."""
     rng = np.random.default_rng(seed)
     variations: list[Variation] = []
@@ -120,27 +120,27 @@ def drawn(number: int = NUMBER, seed: int = 0) -> tuple[Variation, ...]:
     return tuple(variations)
 
 
-def others(variation: Variation) -> Iterator[Variation]:
+def alternatives_to(variation: Variation) -> Iterator[Variation]:
     """Alternatives on the same stairs and rail: other paces, and one change of the sole or hand position at a time."""
     places = [variation]
     places += [replace(variation, shift_m=shift_m) for shift_m in SHIFTS_M]
     places += [replace(variation, half_width_m=half_m) for half_m in HALF_WIDTHS_M]
-    places += [replace(variation, reach_m=reach_m) for reach_m in REACHES_M] if variation.rail is not None else []
+    places += [replace(variation, reach_m=reach_m) for reach_m in HAND_SHIFTS_M] if variation.rail is not None else []
     for place, pace in product(places, PACES):
         other = replace(place, pace=pace)
         if other != variation:
             yield other
 
 
-def attempt(variation: Variation) -> Attempt:
+def run_variation(variation: Variation) -> Attempt:
     """Plan, track, certify and replay a variation as the service does; errors become part of the result."""
     stage, checks = "scenario", tuple[Check, ...]()
     try:
         robot = load_robot(TALOS.robot)
         proxies: Mapping[str, Proxy] = load_proxies(TALOS.robot)
-        sequence = sequence_of(variation.scenario, effector_shapes(TALOS.robot))
+        sequence = sequence_of(variation.as_scenario, effector_shapes(TALOS.robot))
         stage = "plan"
-        plan = solve(posed(robot, sequence, proxies))
+        plan = solve(whole_body_problem(robot, sequence, proxies))
         if not plan.converged:
             return Attempt(stage, plan.status)
         stage = "whole body"
@@ -148,7 +148,7 @@ def attempt(variation: Variation) -> Attempt:
         stage = "certificate"
         checks = certify(robot, sequence, plan, proxies, motion).checks
         failed = "; ".join(describe_check(check) for check in checks if not check.passed)
-        replay = replayed(TALOS.robot, motion)
+        replay = replay_motion(TALOS.robot, motion)
     except StridelabError as error:
         return Attempt(stage, error.message, checks)
     if failed:
@@ -159,16 +159,16 @@ def attempt(variation: Variation) -> Attempt:
     return Attempt(None, "", checks, True, replay.com_error_max_m)
 
 
-def search(
-    index: int, variation: Variation, refused: Attempt, trying: Callable[[Variation], Attempt] = attempt
-) -> Found:
+def search_alternatives(
+    index: int, variation: Variation, failed_attempt: Attempt, run: Callable[[Variation], Attempt] = run_variation
+) -> SearchResult:
     """Try the alternatives ``others`` until one succeeds."""
     tried = 0
-    for tried, other in enumerate(others(variation), start=1):
-        if trying(other).stage is None:
-            return Found(index, refused, tried, other)
-    return Found(index, refused, tried)
+    for tried, other in enumerate(alternatives_to(variation), start=1):
+        if run(other).stage is None:
+            return SearchResult(index, failed_attempt, tried, other)
+    return SearchResult(index, failed_attempt, tried)
 
 
-def _at(timing: Timing, pace: float) -> Timing:
+def _scale_timing(timing: Timing, pace: float) -> Timing:
     return Timing(*(round(seconds * pace, 3) for seconds in (timing.ends_s, timing.move_s, timing.rest_s)))

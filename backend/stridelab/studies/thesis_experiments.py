@@ -20,7 +20,7 @@ RAILS: Final = {"talos": HandRail(), "hrp2": HandRail(ahead_m=0.22, height_m=0.6
 """Rails within reach of the arms."""
 
 
-def scenario(experiment: Experiment, robot: str) -> dict[str, Any]:
+def experiment_scenario(experiment: Experiment, robot: str) -> dict[str, Any]:
     """Scenario of an experiment: long strides, six stairs of 10 cm, or four of 15 cm beside a rail."""
     walker = WALKERS[robot]
     if experiment == 1:
@@ -30,7 +30,7 @@ def scenario(experiment: Experiment, robot: str) -> dict[str, Any]:
     return stairs_with_rail(Stairs(4, 0.15), RAILS[robot], walker=walker)
 
 
-def problem(experiment: Experiment, robot: str, measure: Measure = DEFAULT_MEASURE) -> CentroidalProblem:
+def experiment_problem(experiment: Experiment, robot: str, measure: Measure = DEFAULT_MEASURE) -> CentroidalProblem:
     """Rest-to-rest centroidal problem of an experiment with the bundled densities of a measure."""
-    sequence = sequence_of(scenario(experiment, robot), effector_shapes(robot))
+    sequence = sequence_of(experiment_scenario(experiment, robot), effector_shapes(robot))
     return from_rest_to_rest(load_robot(robot), sequence, load_proxies(robot, measure))

@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from stridelab.conventions import Mask, Series
-from stridelab.walking.curtate_cycloid import Branch, FullTurn, Plane
+from stridelab.walking.curtate_cycloid import FULL_TURN_RAD, Branch, Plane
 from stridelab.walking.path_fit import fit_path
 from stridelab.walking.timed_fit import fit_in_time
 
@@ -35,7 +35,7 @@ Predict = Callable[[Mask], Plane]
 
 
 @dataclass(frozen=True)
-class Step:
+class StepData:
     """Data of one step: the path, its instants, the step period, and the mask of double support."""
 
     time_s: Series
@@ -50,7 +50,7 @@ class Step:
 
 
 @dataclass(frozen=True)
-class Contest:
+class ModelScore:
     """Score of one model: number of parameters, RMS error and cross-validated RMS error in metres, AIC."""
 
     model: str
@@ -60,19 +60,19 @@ class Contest:
     aic: float
 
 
-def path_contest(step: Step) -> tuple[Contest, ...]:
+def compare_path_models(step: StepData) -> tuple[ModelScore, ...]:
     """Compare sinusoid, two harmonics, arcs, and both branches of the wheel as functions z(x); vertical errors only."""
     models: Sequence[tuple[str, int, Predict]] = (
         ("sinusoid", 4, lambda seen: _waves_of_x(step, seen, 1)),
         ("two-harmonics", 6, lambda seen: _waves_of_x(step, seen, 2)),
-        ("pendulum-arcs", 3 * len(_parts(step)), lambda seen: _arcs(step, seen)),
+        ("pendulum-arcs", 3 * len(_support_phases(step)), lambda seen: _arcs_of_x(step, seen)),
         ("wheel", 4, lambda seen: _wheel_of_x(step, seen, 1)),
         ("wheel-reversed", 4, lambda seen: _wheel_of_x(step, seen, -1)),
     )
-    return tuple(_contest(step, *model, channels=1) for model in models)
+    return tuple(_score_model(step, *model, channels=1) for model in models)
 
 
-def time_contest(step: Step) -> tuple[Contest, ...]:
+def compare_time_models(step: StepData) -> tuple[ModelScore, ...]:
     """Compare one and two harmonics, and both branches of the wheel with constant speed; errors ahead and up."""
     models: Sequence[tuple[str, int, Predict]] = (
         ("one-harmonic", 8, lambda seen: _waves_of_t(step, seen, 1)),
@@ -80,73 +80,73 @@ def time_contest(step: Step) -> tuple[Contest, ...]:
         ("wheel", 6, lambda seen: _wheel_of_t(step, seen, 1)),
         ("wheel-reversed", 6, lambda seen: _wheel_of_t(step, seen, -1)),
     )
-    return tuple(_contest(step, *model, channels=2) for model in models)
+    return tuple(_score_model(step, *model, channels=2) for model in models)
 
 
-def _contest(step: Step, model: str, parameters: int, predict: Predict, *, channels: int) -> Contest:
+def _score_model(step: StepData, model: str, parameters: int, predict: Predict, *, channels: int) -> ModelScore:
     everything = np.ones(len(step.time_s), dtype=np.bool_)
     error = predict(everything)[:, -channels:]
     held_out = np.empty_like(error)
-    for block in _blocks(step):
+    for block in _fold_masks(step):
         held_out[block] = predict(~block)[block, -channels:]
     mean_squares = np.mean(error**2, axis=0) + NO_ERROR_M2
     aic = step.effective_samples * float(np.log(mean_squares).sum()) + 2 * parameters
-    return Contest(model, parameters, _rms(error), _rms(held_out), aic)
+    return ModelScore(model, parameters, _rms_distance(error), _rms_distance(held_out), aic)
 
 
-def _blocks(step: Step) -> list[Mask]:
+def _fold_masks(step: StepData) -> list[Mask]:
     """Masks of the folds: every ``FOLDS``-th block of one independent sample's length, including the step's ends."""
     number = np.floor((step.time_s - step.time_s[0]) * EFFECTIVE_HZ).astype(int)
     return [number % FOLDS == fold for fold in range(FOLDS)]
 
 
-def _rms(error: Float[np.ndarray, "n channels"]) -> float:
+def _rms_distance(error: Float[np.ndarray, "n channels"]) -> float:
     return float(np.sqrt(np.mean(np.sum(error**2, axis=1))))
 
 
-def _waves(phase: Phases, harmonics: int) -> Rows:
+def _wave_columns(phase: Phases, harmonics: int) -> Rows:
     each = [wave(k * phase) for k in range(1, harmonics + 1) for wave in (np.cos, np.sin)]
     return np.stack([np.ones_like(phase), *each], axis=-1)
 
 
-def _left_over(rows: Rows, y: Series, seen: Mask) -> Phases:
+def _fit_errors(rows: Rows, y: Series, seen: Mask) -> Phases:
     """Errors of the least-squares fit to the samples of the mask, one frequency per row."""
     q, r = np.linalg.qr(rows[:, seen])
     coefficients = np.linalg.solve(r, np.swapaxes(q, 1, 2) @ y[seen][:, None])
     return np.asarray((rows @ coefficients)[..., 0] - y)
 
 
-def _waves_of_x(step: Step, seen: Mask, harmonics: int) -> Plane:
+def _waves_of_x(step: StepData, seen: Mask, harmonics: int) -> Plane:
     """Height a0 + sum of waves of k x; k is searched on a grid around one wave per step length."""
     x, z = step.path_m[:, 0] - step.path_m[0, 0], step.path_m[:, 1]
     length = np.polyfit(step.time_s, x, 1)[0] * step.period_s
-    error = _left_over(_waves(np.outer(FullTurn / length * FREQUENCY_RANGE, x), harmonics), z, seen)
+    error = _fit_errors(_wave_columns(np.outer(FULL_TURN_RAD / length * FREQUENCY_RANGE, x), harmonics), z, seen)
     best = error[np.argmin(np.sum(error[:, seen] ** 2, axis=1))]
     return np.column_stack([np.zeros_like(best), best])
 
 
-def _waves_of_t(step: Step, seen: Mask, harmonics: int) -> Plane:
+def _waves_of_t(step: StepData, seen: Mask, harmonics: int) -> Plane:
     """Ahead: a line + waves of t; up: a constant + waves of t; one frequency for both."""
     t = step.time_s - step.time_s[0]
-    waves = _waves(np.outer(FullTurn / step.period_s * FREQUENCY_RANGE, t), harmonics)
+    waves = _wave_columns(np.outer(FULL_TURN_RAD / step.period_s * FREQUENCY_RANGE, t), harmonics)
     line = np.broadcast_to(t[:, None], (*waves.shape[:2], 1))
-    ahead = _left_over(np.concatenate([waves, line], axis=2), step.path_m[:, 0], seen)
-    up = _left_over(waves, step.path_m[:, 1], seen)
+    ahead = _fit_errors(np.concatenate([waves, line], axis=2), step.path_m[:, 0], seen)
+    up = _fit_errors(waves, step.path_m[:, 1], seen)
     cost = sum(np.log(np.mean(error[:, seen] ** 2, axis=1) + NO_ERROR_M2) for error in (ahead, up))
     best = int(np.argmin(cost))
     return np.column_stack([ahead[best], up[best]])
 
 
-def _parts(step: Step) -> list[Int[np.ndarray, "_"]]:
+def _support_phases(step: StepData) -> list[Int[np.ndarray, "_"]]:
     """Sample indices of every support phase."""
     return np.split(np.arange(len(step.time_s)), np.flatnonzero(np.diff(step.double_support)) + 1)
 
 
-def _arcs(step: Step, seen: Mask) -> Plane:
+def _arcs_of_x(step: StepData, seen: Mask) -> Plane:
     """One parabola per support phase: arcs of an inverted pendulum, joined by those of double support."""
     x, z = step.path_m[:, 0] - step.path_m[0, 0], step.path_m[:, 1]
     error = np.zeros_like(z)
-    for part in _parts(step):
+    for part in _support_phases(step):
         inside = part[seen[part]]
         degree = min(2, max(len(inside) - 1, 0))
         known = inside if len(inside) else np.flatnonzero(seen)
@@ -154,7 +154,7 @@ def _arcs(step: Step, seen: Mask) -> Plane:
     return np.column_stack([np.zeros_like(z), error])
 
 
-def _wheel_of_x(step: Step, seen: Mask, branch: Branch) -> Plane:
+def _wheel_of_x(step: StepData, seen: Mask, branch: Branch) -> Plane:
     """Error of the wheel's height where its position ahead equals that of the CoM."""
     fit = fit_path(step.time_s[seen], step.path_m[seen], step.period_s, branch)
     wheel, x = fit.wheel, step.path_m[:, 0]
@@ -167,7 +167,7 @@ def _wheel_of_x(step: Step, seen: Mask, branch: Branch) -> Plane:
     return np.column_stack([np.zeros_like(error), error])
 
 
-def _wheel_of_t(step: Step, seen: Mask, branch: Branch) -> Plane:
+def _wheel_of_t(step: StepData, seen: Mask, branch: Branch) -> Plane:
     fit = fit_in_time(step.time_s[seen], step.path_m[seen], step.period_s, branch)
     t = step.time_s - step.time_s[seen][0]
     return np.asarray(fit.wheel.position_m(fit.theta0_rad + fit.omega_rad_s * t) - step.path_m)

@@ -20,7 +20,7 @@ Branch = Literal[1, -1]
 """s: +1 as in the thesis, -1 with the highest speed at the lowest point."""
 Plane = Float[np.ndarray, "n 2"]
 """Positions ahead and up in the sagittal plane, in metres."""
-FullTurn = 2 * np.pi
+FULL_TURN_RAD = 2 * np.pi
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,7 +48,7 @@ class Wheel:
         return np.column_stack([ahead, self.r_m * np.sin(theta_rad)])
 
     @property
-    def curtate(self) -> bool:
+    def is_curtate(self) -> bool:
         """Whether the point is inside the wheel, so that it never moves backwards."""
         return 0.0 < self.r_m < abs(self.R_m)
 
@@ -77,7 +77,7 @@ def turn_to_zero(middle_rad: float, r_m: float) -> Turn:
     A full turn moves x0 by 2 pi R; half a turn also changes the signs of sine and cosine, and thus that of r.
     """
     half = np.pi if r_m < 0.0 else 0.0
-    by = FullTurn * float(np.round((middle_rad + half) / FullTurn)) - half
+    by = FULL_TURN_RAD * float(np.round((middle_rad + half) / FULL_TURN_RAD)) - half
     change = np.diag([1.0, 1.0, -1.0 if half else 1.0, 1.0])
     change[0, 1] = by
     return Turn(by, change)

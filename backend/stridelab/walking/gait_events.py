@@ -21,21 +21,21 @@ import numpy as np
 
 from stridelab.conventions import Series
 from stridelab.recordings.foot_contact import Foot, find_feet, ground_velocity_m_s
-from stridelab.recordings.foot_on_plate import mean_seen, on_plate
-from stridelab.recordings.gap_filling import runs
+from stridelab.recordings.foot_on_plate import markers_on_plate, mean_visible
+from stridelab.recordings.gap_filling import true_runs
 from stridelab.recordings.plate_contacts import loaded_intervals
 from stridelab.recordings.recording import Plate, Recording, Side
 from stridelab.walking.marker_kinematics import level_speed_m_s, smooth_velocity_m_s, walking_speed_m_s
 
-LEAVING, LANDED = 0.9, 0.45
+LIFT_OFF_SPEED_SHARE, STRIKE_SPEED_SHARE = 0.9, 0.45
 """Speeds of the forefoot at lift-off and of the heel at the strike, per walking speed."""
-SWINGING: Final = 0.9
+SWING_SPEED_SHARE: Final = 0.9
 """Minimum speed of a swinging foot, per walking speed. The peak is 3.5, in the first step from rest 1.5."""
-LEAST_SWING_S: Final = 0.15
+MIN_SWING_S: Final = 0.15
 """Shortest swing; shorter ones are jumps of a marker."""
-SAME_S: Final = 0.1
+MAX_SOURCE_DIFFERENCE_S: Final = 0.1
 """Largest difference of one event between plates and markers; beyond it the foot stood beside the plate."""
-MOSTLY: Final = 0.5
+MIN_LOADED_SHARE: Final = 0.5
 """Minimum share of a plate's loaded time in which a foot must be on it to be the foot that loads it."""
 
 EventSource = Literal["plates", "markers"]
@@ -77,7 +77,7 @@ def find_contacts(
     if plates:
         for plate in recording.plates:
             if plate.use:
-                _correct(by_markers, recording, plate, feet, latency_s)
+                _apply_plate_events(by_markers, recording, plate, feet, latency_s)
     both = [contact for contacts in by_markers.values() for contact in contacts]
     return tuple(sorted(both, key=lambda contact: (contact.start_s, contact.end_s)))
 
@@ -87,7 +87,7 @@ def contacts_of_foot(recording: Recording, landmarks: Mapping[str, str], foot: F
     rate_hz, time_s = recording.marker_rate_hz, recording.time_s
     floor = ground_velocity_m_s(recording, [foot.markers_m[:, k] for k in range(foot.markers_m.shape[1])])
     v_heel = smooth_velocity_m_s(np.asarray(foot.markers_m[:, 0]), rate_hz) - floor
-    v_fore = smooth_velocity_m_s(mean_seen(np.asarray(foot.markers_m[:, 1:])), rate_hz) - floor
+    v_fore = smooth_velocity_m_s(mean_visible(np.asarray(foot.markers_m[:, 1:])), rate_hz) - floor
     v = walking_speed_m_s(recording, landmarks, floor)
     fore = np.linalg.norm(v_fore, axis=1)
     slower = np.fmin(np.linalg.norm(v_heel, axis=1), fore)
@@ -95,13 +95,13 @@ def contacts_of_foot(recording: Recording, landmarks: Mapping[str, str], foot: F
     contacts: list[Contact] = []
     strike_s: float | None = None
     down_again = -1
-    for i, j in runs(swinging > SWINGING * v):
+    for i, j in true_runs(swinging > SWING_SPEED_SHARE * v):
         if i < down_again:
             continue
         fastest = i + int(np.argmax(swinging[i:j]))
-        lift_off_s = _crossing_s(time_s, fore, fastest, -1, LEAVING * v)
-        landing_s = _crossing_s(time_s, slower, fastest, 1, LANDED * v)
-        if lift_off_s is not None and landing_s is not None and landing_s - lift_off_s < LEAST_SWING_S:
+        lift_off_s = _crossing_s(time_s, fore, fastest, -1, LIFT_OFF_SPEED_SHARE * v)
+        landing_s = _crossing_s(time_s, slower, fastest, 1, STRIKE_SPEED_SHARE * v)
+        if lift_off_s is not None and landing_s is not None and landing_s - lift_off_s < MIN_SWING_S:
             continue
         contacts.append(Contact(foot.side, strike_s, lift_off_s))
         strike_s = landing_s
@@ -123,7 +123,7 @@ def _crossing_s(time_s: Series, speed: Series, start: int, way: Literal[-1, 1], 
     return float(time_s[k] + share * (time_s[k - way] - time_s[k]))
 
 
-def _correct(
+def _apply_plate_events(
     contacts: Mapping[Side, list[Contact]], recording: Recording, plate: Plate, feet: Sequence[Foot], latency_s: float
 ) -> None:
     """Replace the marker events in ``contacts`` by the matching events of one plate."""
@@ -135,7 +135,9 @@ def _correct(
         if not loaded.any():
             continue
         standing = [
-            f for f in feet if np.mean((on_plate(recording, plate, f) & f.resting)[loaded].any(axis=1)) > MOSTLY
+            f
+            for f in feet
+            if np.mean((markers_on_plate(recording, plate, f) & f.resting)[loaded].any(axis=1)) > MIN_LOADED_SHARE
         ]
         if begins_s is not None:
             _set_nearest(contacts, standing, "strike", first_s, (first_s, last_s))
@@ -159,9 +161,12 @@ def _set_nearest(
         own = contacts[foot.side]
         for k, contact in enumerate(own):
             seen_s = contact.strike_s if event == "strike" else contact.lift_off_s
-            overlaps = contact.start_s < load_s[1] - SAME_S and contact.end_s > load_s[0] + SAME_S
-            away = SAME_S if seen_s is None else abs(seen_s - at_s)
-            if overlaps and away <= SAME_S and (best is None or away < best[0]):
+            overlaps = (
+                contact.start_s < load_s[1] - MAX_SOURCE_DIFFERENCE_S
+                and contact.end_s > load_s[0] + MAX_SOURCE_DIFFERENCE_S
+            )
+            away = MAX_SOURCE_DIFFERENCE_S if seen_s is None else abs(seen_s - at_s)
+            if overlaps and away <= MAX_SOURCE_DIFFERENCE_S and (best is None or away < best[0]):
                 best = away, own, k
     if best is None:
         return
@@ -176,7 +181,7 @@ DEAD_BAND: Final = 1.5
 """A contact is cut by a dead band if its first (last) sample exceeds this multiple of the threshold."""
 RISE_S, FALL_S = 0.005, 0.01
 """Durations of the linear fits: a heel loads faster than toes unload."""
-MOST_BEFORE_S, MOST_AFTER_S = 0.02, 0.03
+MAX_BEFORE_S, MAX_AFTER_S = 0.02, 0.03
 
 
 def contact_intervals(plate: Plate, rate_hz: float) -> list[tuple[float | None, float | None]]:
@@ -185,9 +190,9 @@ def contact_intervals(plate: Plate, rate_hz: float) -> list[tuple[float | None, 
     intervals: list[tuple[float | None, float | None]] = []
     for start_s, end_s in loaded_intervals(plate, rate_hz):
         i, j = round(start_s * rate_hz), round(end_s * rate_hz)
-        begins = None if i == 0 else start_s - _beyond_s(load[i:], plate.threshold_n, rate_hz, RISE_S, MOST_BEFORE_S)
+        begins = None if i == 0 else start_s - _beyond_s(load[i:], plate.threshold_n, rate_hz, RISE_S, MAX_BEFORE_S)
         last = j >= len(load) - 1
-        ends = None if last else end_s + _beyond_s(load[j::-1], plate.threshold_n, rate_hz, FALL_S, MOST_AFTER_S)
+        ends = None if last else end_s + _beyond_s(load[j::-1], plate.threshold_n, rate_hz, FALL_S, MAX_AFTER_S)
         intervals.append((begins, ends))
     return intervals
 

@@ -7,13 +7,13 @@ import numpy as np
 
 from stridelab.conventions import Series
 from stridelab.errors import Fault, InvalidInput, NotEstimable
-from stridelab.walking.curtate_cycloid import Branch, FullTurn, Plane, Wheel
+from stridelab.walking.curtate_cycloid import FULL_TURN_RAD, Branch, Plane, Wheel
 
-FEWEST_SAMPLES: Final = 8
+MIN_SAMPLES: Final = 8
 """Twice the parameters of the wheel."""
-LEAST_ADVANCE_M: Final = 0.05
+MIN_ADVANCE_M: Final = 0.05
 """Minimum advance in a step: swaying in place moves less, walking ten times more."""
-PERIODS_S: Final = (0.1, 3.0)
+STEP_PERIOD_RANGE_S: Final = (0.1, 3.0)
 """Valid range of the step period."""
 
 
@@ -24,8 +24,8 @@ def require_path(time_s: Series, path_m: Plane, step_period_s: float) -> None:
     ``NotEstimable``: ``too-few-samples``, or ``no-progress`` (standing, or a treadmill whose belt moves instead of the
     body).
     """
-    if len(time_s) < FEWEST_SAMPLES:
-        message = f"The step has {len(time_s)} samples; the fit of a wheel needs at least {FEWEST_SAMPLES}."
+    if len(time_s) < MIN_SAMPLES:
+        message = f"The step has {len(time_s)} samples; the fit of a wheel needs at least {MIN_SAMPLES}."
         raise NotEstimable("too-few-samples", message)
     good = np.isfinite(path_m).all(axis=1) & np.isfinite(time_s)
     if not good.all():
@@ -36,12 +36,12 @@ def require_path(time_s: Series, path_m: Plane, step_period_s: float) -> None:
         first = int(np.flatnonzero(np.diff(time_s) <= 0)[0]) + 1
         message = "The instants of the samples must increase."
         raise InvalidInput("time-not-increasing", message, [Fault(f"time_s[{first}]", "not after the one before")])
-    low, high = PERIODS_S
+    low, high = STEP_PERIOD_RANGE_S
     if not low <= step_period_s <= high:
         message = f"A step cannot take {step_period_s:g} s; it takes {low:g} to {high:g} s."
         raise InvalidInput("period-out-of-range", message, [Fault("period_s", message)])
     advance = float(np.ptp(path_m[:, 0]))
-    if advance < LEAST_ADVANCE_M:
+    if advance < MIN_ADVANCE_M:
         raise NotEstimable(
             "no-progress",
             f"The centre of mass advances by only {1e3 * advance:.0f} mm, so no rolling wheel can be fitted. "
@@ -49,7 +49,7 @@ def require_path(time_s: Series, path_m: Plane, step_period_s: float) -> None:
         )
 
 
-LEAST_RADIUS_M = 1e-3
+MIN_RADIUS_M = 1e-3
 
 
 @dataclass(frozen=True)
@@ -72,14 +72,14 @@ def first_guess(time_s: Series, path_m: Plane, step_period_s: float, branch: Bra
     """
     require_path(time_s, path_m, step_period_s)
     t, x, z = time_s - time_s[0], path_m[:, 0], path_m[:, 1]
-    omega = FullTurn / step_period_s
+    omega = FULL_TURN_RAD / step_period_s
     speed = np.polyfit(t, x, 1)[0]
     waves = np.column_stack([np.cos(omega * t), np.sin(omega * t), np.ones_like(t)])
     (cos, sin, _), *_ = np.linalg.lstsq(waves, z, rcond=None)
     theta0 = float(np.arctan2(sin, -cos))  # z = z0 - r cos(theta0 + omega t)
-    theta0 -= FullTurn * np.round((theta0 + omega * t[-1] / 2) / FullTurn)
+    theta0 -= FULL_TURN_RAD * np.round((theta0 + omega * t[-1] / 2) / FULL_TURN_RAD)
     R = speed / omega
-    r = max((z.max() - z.min()) / 2, LEAST_RADIUS_M)
+    r = max((z.max() - z.min()) / 2, MIN_RADIUS_M)
     x0 = float(np.mean(x - R * (theta0 + omega * t)))
     wheel = Wheel(R_m=float(R), r_m=float(r), z0_m=float(z.max() + z.min()) / 2, x0_m=x0, branch=branch)
     return FirstGuess(wheel, theta0, float(omega))

@@ -9,14 +9,14 @@ from jaxtyping import Float
 from scipy.signal import butter, sosfiltfilt
 
 from stridelab.conventions import Points, Series, Vector3
-from stridelab.recordings.gap_filling import runs
+from stridelab.recordings.gap_filling import true_runs
 from stridelab.recordings.recording import Recording
 
 LOW_PASS_HZ: Final = 15.0
 """Second order, forward and backward: a foot's swing is below 8 Hz, marker noise extends above."""
-LEAST_RUN: Final = 16
+MIN_RUN_SAMPLES: Final = 16
 """Minimum number of consecutive samples for the filter."""
-LEAST_SPEED_M_S: Final = 0.2
+MIN_SPEED_M_S: Final = 0.2
 """Lower bound of the walking speed with which the limits scale."""
 PELVIS: Final = ("l_asis", "r_asis", "l_psis", "r_psis", "sacrum")
 
@@ -24,8 +24,8 @@ PELVIS: Final = ("l_asis", "r_asis", "l_psis", "r_psis", "sacrum")
 def smooth_velocity_m_s(track_m: Points, rate_hz: float) -> Points:
     """Central differences of the low-passed track; NaN in visible runs shorter than ``LEAST_RUN`` samples."""
     velocity = np.full_like(track_m, np.nan)
-    for i, j in runs(np.isfinite(track_m).all(axis=1)):
-        if j - i >= LEAST_RUN:
+    for i, j in true_runs(np.isfinite(track_m).all(axis=1)):
+        if j - i >= MIN_RUN_SAMPLES:
             part = track_m[i:j]
             if rate_hz > 2.5 * LOW_PASS_HZ:
                 part = sosfiltfilt(_low_pass(rate_hz), part, axis=0)
@@ -50,8 +50,8 @@ def walking_speed_m_s(recording: Recording, landmarks: Mapping[str, str], floor_
     """Median horizontal speed of the pelvis over the floor while it moves, at least ``LEAST_SPEED_M_S``."""
     velocity = smooth_velocity_m_s(pelvis_m(recording, landmarks), recording.marker_rate_hz) - floor_m_s
     speed = level_speed_m_s(velocity)
-    moving = speed[speed > LEAST_SPEED_M_S]
-    return float(np.median(moving)) if len(moving) else LEAST_SPEED_M_S
+    moving = speed[speed > MIN_SPEED_M_S]
+    return float(np.median(moving)) if len(moving) else MIN_SPEED_M_S
 
 
 def level_speed_m_s(velocity_m_s: Points) -> Series:

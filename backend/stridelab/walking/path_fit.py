@@ -20,8 +20,8 @@ from stridelab.walking.initial_guess import first_guess
 
 ITERATIONS: Final = 200
 DAMPING: Final = 1e-4
-LEAST_DAMPING, MOST_DAMPING = 1e-12, 1e8
-ENOUGH: Final = 1e-11
+MIN_DAMPING, MAX_DAMPING = 1e-12, 1e8
+CONVERGED_DECREASE: Final = 1e-11
 """Relative decrease of the sum of squares at which a fit has converged."""
 NO_ERROR_M2: Final = 1e-26
 """Mean square below which the residual is rounding error."""
@@ -67,25 +67,25 @@ def fit_path(time_s: Series, path_m: Plane, step_period_s: float, branch: Branch
     w = guess.wheel
     p, theta = np.array([w.x0_m, w.R_m, w.r_m, w.z0_m]), guess.theta_rad(time_s)
     damping, converged, taken = DAMPING, False, 0
-    error = _errors(p, theta, path_m, branch)
+    error = _path_errors(p, theta, path_m, branch)
     cost = float(np.sum(error**2))
     while taken < ITERATIONS and not converged:
         taken += 1
-        arrow = _Arrowhead.at(p, theta, error, branch)
-        dp, dtheta = arrow.step(damping)
-        tried = _errors(p + dp, theta + dtheta, path_m, branch)
+        arrow = _Arrowhead.from_parameters(p, theta, error, branch)
+        dp, dtheta = arrow.solve_step(damping)
+        tried = _path_errors(p + dp, theta + dtheta, path_m, branch)
         lower = float(np.sum(tried**2))
         if lower < cost:
-            converged = cost - lower < ENOUGH * cost or lower < NO_ERROR_M2 * len(theta)
+            converged = cost - lower < CONVERGED_DECREASE * cost or lower < NO_ERROR_M2 * len(theta)
             p, theta, error, cost = p + dp, theta + dtheta, tried, lower
-            damping = max(damping / 5, LEAST_DAMPING)
+            damping = max(damping / 5, MIN_DAMPING)
         else:
-            converged = damping >= MOST_DAMPING or cost < NO_ERROR_M2 * len(theta)
+            converged = damping >= MAX_DAMPING or cost < NO_ERROR_M2 * len(theta)
             damping *= 8
     noise = cost / max(len(theta) - len(p), 1)
-    information = _Arrowhead.at(p, theta, error, branch).schur(0.0)
+    information = _Arrowhead.from_parameters(p, theta, error, branch).schur_complement(0.0)
     covariance = noise * np.linalg.pinv(information, rcond=SINGULAR, hermitian=True)
-    return _in_mid_step(p, theta, error, covariance, taken, converged, branch)
+    return _normalise_fit(p, theta, error, covariance, taken, converged, branch)
 
 
 @dataclass(frozen=True)
@@ -99,7 +99,7 @@ class _Arrowhead:
     g_t: Series
 
     @classmethod
-    def at(cls, p: Parameters, theta: Series, error: Plane, branch: Branch) -> "_Arrowhead":
+    def from_parameters(cls, p: Parameters, theta: Series, error: Plane, branch: Branch) -> "_Arrowhead":
         ahead, up = parameter_rows(theta, branch)
         dx = p[1] - branch * p[2] * np.cos(theta)
         dz = p[2] * np.sin(theta)
@@ -111,23 +111,23 @@ class _Arrowhead:
             g_t=dx * error[:, 0] + dz * error[:, 1],
         )
 
-    def schur(self, damping: float) -> Float[np.ndarray, "4 4"]:
+    def schur_complement(self, damping: float) -> Float[np.ndarray, "4 4"]:
         over = self.B / (self.D * (1 + damping))[:, None]
         return np.asarray(self.H + damping * np.diag(np.diag(self.H)) - over.T @ self.B)
 
-    def step(self, damping: float) -> tuple[Parameters, Series]:
+    def solve_step(self, damping: float) -> tuple[Parameters, Series]:
         D = self.D * (1 + damping)
         reduced = self.g_p - (self.B / D[:, None]).T @ self.g_t
-        dp = -np.linalg.solve(self.schur(damping), reduced)  # damping keeps it regular
+        dp = -np.linalg.solve(self.schur_complement(damping), reduced)  # damping keeps it regular
         return dp, -(self.g_t + self.B @ dp) / D
 
 
-def _errors(p: Parameters, theta: Series, path_m: Plane, branch: Branch) -> Plane:
+def _path_errors(p: Parameters, theta: Series, path_m: Plane, branch: Branch) -> Plane:
     x0, R, r, z0 = (float(v) for v in p)
     return np.asarray(Wheel(R_m=R, r_m=r, z0_m=z0, x0_m=x0, branch=branch).position_m(theta) - path_m)
 
 
-def _in_mid_step(
+def _normalise_fit(
     p: Parameters,
     theta: Series,
     error: Plane,

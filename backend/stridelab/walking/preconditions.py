@@ -41,10 +41,10 @@ def require_walk(recording: Recording, landmarks: Mapping[str, str], contacts: S
             "Steps need a marker at the heel (or ankle) and one at the forefoot of both feet; this recording lacks "
             "them, so it is unknown when a foot swings.",
         )
-    _refuse_standing(recording, landmarks, contacts)
-    _refuse_stairs(recording, feet, contacts)
-    _refuse_running(contacts)
-    _refuse_turning(recording, landmarks, feet, contacts)
+    _require_walking(recording, landmarks, contacts)
+    _require_level_ground(recording, feet, contacts)
+    _require_no_flight(contacts)
+    _require_straight_walk(recording, landmarks, feet, contacts)
 
 
 def require_steps(
@@ -81,7 +81,7 @@ def require_steps(
     )
 
 
-def _refuse_standing(recording: Recording, landmarks: Mapping[str, str], contacts: Sequence[Contact]) -> None:
+def _require_walking(recording: Recording, landmarks: Mapping[str, str], contacts: Sequence[Contact]) -> None:
     lifted = sum(contact.lift_off_s is not None for contact in contacts)
     if lifted >= 1:
         return
@@ -91,7 +91,7 @@ def _refuse_standing(recording: Recording, landmarks: Mapping[str, str], contact
     raise NotEstimable("standing", NOT_APPLICABLE + message)
 
 
-def _refuse_stairs(recording: Recording, feet: Sequence[Foot], contacts: Sequence[Contact]) -> None:
+def _require_level_ground(recording: Recording, feet: Sequence[Foot], contacts: Sequence[Contact]) -> None:
     by_side = {foot.side: foot for foot in feet}
     heights_m = [_height_m(recording, by_side, contact) for contact in contacts]
     rises = [abs(b - a) for a, b in itertools.pairwise(heights_m) if np.isfinite(a) and np.isfinite(b)]
@@ -116,7 +116,7 @@ def _height_m(recording: Recording, feet: Mapping[Side, Foot], contact: Contact)
     return float(np.nanmin(heights)) if np.isfinite(heights).any() else float("nan")
 
 
-def _refuse_running(contacts: Sequence[Contact]) -> None:
+def _require_no_flight(contacts: Sequence[Contact]) -> None:
     """Raise ``running`` if most steps have a flight: one foot lifts off clearly before the other lands."""
     flights, steps = [], 0
     for left in contacts:
@@ -138,7 +138,7 @@ def _refuse_running(contacts: Sequence[Contact]) -> None:
     )
 
 
-def _refuse_turning(
+def _require_straight_walk(
     recording: Recording, landmarks: Mapping[str, str], feet: Sequence[Foot], contacts: Sequence[Contact]
 ) -> None:
     time_s = recording.time_s

@@ -11,21 +11,21 @@ from stridelab.conventions import Mask, Series, Vector3
 from stridelab.errors import NotEstimable
 from stridelab.estimation.estimator import ComEstimate
 from stridelab.recordings.recording import Window
-from stridelab.walking.alternative_models import Contest, Step, path_contest, time_contest
-from stridelab.walking.curtate_cycloid import FullTurn, Plane
+from stridelab.walking.alternative_models import ModelScore, StepData, compare_path_models, compare_time_models
+from stridelab.walking.curtate_cycloid import FULL_TURN_RAD, Plane
 from stridelab.walking.double_support import double_support_of_wheel
 from stridelab.walking.path_fit import PathFit, fit_path
-from stridelab.walking.steps import MOST_MISSING, GaitStep
+from stridelab.walking.steps import MAX_MISSING_SHARE, GaitStep
 from stridelab.walking.timed_fit import TimedFit, fit_in_time
 
-LEAST_SAMPLES: Final = 20
+MIN_SAMPLES: Final = 20
 LARGEST_R_M: Final = 0.1
 """Largest plausible r: the CoM of a walker moves vertically by less than 20 cm."""
-LEAST_R_M: Final = 0.001
+MIN_R_M: Final = 0.001
 """Smallest r for which the height determines the angle."""
-FARTHEST_M: Final = 0.004
+MAX_MEAN_DISTANCE_M: Final = 0.004
 """Mean distance from the curve above which the step is flagged; at most 3.5 mm in the thesis."""
-LEAST_TURN: Final = 0.75
+MIN_TURN_SHARE: Final = 0.75
 """Share of a turn below which the curve is too short to distinguish R from r."""
 EDGE_S: Final = 1e-6
 """Tolerance of instants, which files store in single precision."""
@@ -55,22 +55,22 @@ class StepFit:
     def circumference_share(self) -> float | None:
         """2 pi R over the measured step length: 1 for a wheel that turns once per step."""
         length = self.step.length_m
-        return None if not length else float(FullTurn * self.path.wheel.R_m / length)
+        return None if not length else float(FULL_TURN_RAD * self.path.wheel.R_m / length)
 
     @cached_property
-    def path_rivals(self) -> tuple[Contest, ...]:
+    def path_rivals(self) -> tuple[ModelScore, ...]:
         """Comparison with simpler path models; computed on first access because it takes half the time of a fit."""
-        return path_contest(self._described)
+        return compare_path_models(self._step_data)
 
     @cached_property
-    def time_rivals(self) -> tuple[Contest, ...]:
+    def time_rivals(self) -> tuple[ModelScore, ...]:
         """Comparison of the wheel with constant speed with simpler motion models."""
-        return time_contest(self._described)
+        return compare_time_models(self._step_data)
 
     @property
-    def _described(self) -> Step:
+    def _step_data(self) -> StepData:
         double = (self.time_s >= self.step.strike_s) & (self.time_s <= self.step.next_lift_off_s)
-        return Step(self.time_s, self.path_m, self.step.period_s, double)
+        return StepData(self.time_s, self.path_m, self.step.period_s, double)
 
     @property
     def double_support_model_s(self) -> tuple[float | None, float | None]:
@@ -95,7 +95,7 @@ def fit_steps(
         "No step (lift-off to the next lift-off) lies entirely inside the time in which the centre of mass is known.",
     )
     for step in steps:
-        samples = samples_of(estimate.time_s, step.start_s, step.end_s, windows if step.measured else ())
+        samples = select_samples(estimate.time_s, step.start_s, step.end_s, windows if step.measured else ())
         if samples is None:
             continue
         try:
@@ -107,13 +107,13 @@ def fit_steps(
     return tuple(fits)
 
 
-def samples_of(time_s: Series, start_s: float, end_s: float, windows: Sequence[Window]) -> Mask | None:
+def select_samples(time_s: Series, start_s: float, end_s: float, windows: Sequence[Window]) -> Mask | None:
     """Samples from start to end inside one of ``windows`` (if any); None if too many are missing."""
-    slack_s = MOST_MISSING * (end_s - start_s)
+    slack_s = MAX_MISSING_SHARE * (end_s - start_s)
     inside = [(max(w.start_s, start_s), min(w.end_s, end_s)) for w in windows] or [(start_s, end_s)]
     first_s, last_s = max(inside, key=lambda part: part[1] - part[0])
     selected = (time_s >= first_s - EDGE_S) & (time_s <= last_s + EDGE_S)
-    if selected.sum() < LEAST_SAMPLES:
+    if selected.sum() < MIN_SAMPLES:
         return None
     frame_s = float(np.median(np.diff(time_s)))
     missing_s = max(time_s[selected][0] - start_s, end_s - time_s[selected][-1])
@@ -148,13 +148,13 @@ def fit_step(step: GaitStep, time_s: Series, path_m: Plane) -> StepFit:
         theta0_rad=theta0,
         omega_rad_s=omega,
         theta_off_line_rad=off_line,
-        flags=_flags(path, timed),
+        flags=_fit_flags(path, timed),
     )
 
 
-def _flags(path: PathFit, timed: TimedFit) -> tuple[str, ...]:
+def _fit_flags(path: PathFit, timed: TimedFit) -> tuple[str, ...]:
     seen = {f"timed-{bound}": True for bound in timed.bounds}
-    wheel, turned = path.wheel, float(np.ptp(path.theta_rad)) / FullTurn
+    wheel, turned = path.wheel, float(np.ptp(path.theta_rad)) / FULL_TURN_RAD
     return tuple(
         flag
         for flag, holds in {
@@ -162,11 +162,11 @@ def _flags(path: PathFit, timed: TimedFit) -> tuple[str, ...]:
             "path-not-converged": not path.converged,
             "backwards": wheel.R_m < 0.0,
             "r-too-large": wheel.r_m > LARGEST_R_M,
-            "r-too-small": wheel.r_m < LEAST_R_M,
-            "not-curtate": not wheel.curtate,
+            "r-too-small": wheel.r_m < MIN_R_M,
+            "not-curtate": not wheel.is_curtate,
             "theta-not-monotone": not (np.diff(path.theta_rad) > 0).all(),
-            "part-of-a-turn": turned < LEAST_TURN,
-            "far-from-the-wheel": float(path.distance_m.mean()) > FARTHEST_M,
+            "part-of-a-turn": turned < MIN_TURN_SHARE,
+            "far-from-the-wheel": float(path.distance_m.mean()) > MAX_MEAN_DISTANCE_M,
         }.items()
         if holds
     )

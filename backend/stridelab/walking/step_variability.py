@@ -15,7 +15,7 @@ from stridelab.estimation.estimator import ComEstimate
 from stridelab.recordings.recording import Window
 from stridelab.walking.curtate_cycloid import Wheel
 from stridelab.walking.path_fit import fit_path
-from stridelab.walking.step_fit import StepFit, sagittal_path_m, samples_of
+from stridelab.walking.step_fit import StepFit, sagittal_path_m, select_samples
 from stridelab.walking.steps import GaitStep
 
 
@@ -50,7 +50,7 @@ def strike_to_strike(
     overlaps = []
     for step in steps:
         start_s, end_s = step.prior_strike_s, step.strike_s
-        samples = None if start_s is None else samples_of(estimate.time_s, start_s, end_s, windows)
+        samples = None if start_s is None else select_samples(estimate.time_s, start_s, end_s, windows)
         if start_s is None or samples is None:
             continue
         time_s = estimate.time_s[samples]
@@ -60,7 +60,7 @@ def strike_to_strike(
     return tuple(overlaps)
 
 
-def scatter(fits: Sequence[StepFit], overlaps: Sequence[Overlap]) -> Scatter | None:
+def step_scatter(fits: Sequence[StepFit], overlaps: Sequence[Overlap]) -> Scatter | None:
     """Variability between the steps if there are two, else between one step and the overlapping interval, else None."""
     rows = [(f.path.wheel, f.omega_rad_s) for f in fits]
     between: Literal["steps", "overlapping-steps"] = "steps"

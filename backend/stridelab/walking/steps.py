@@ -17,7 +17,7 @@ from stridelab.walking.gait_events import Contact, find_contacts
 from stridelab.walking.marker_kinematics import pelvis_m
 
 TimingSource = Literal["plates", "markers", "mixed"]
-MOST_MISSING: Final = 0.08
+MAX_MISSING_SHARE: Final = 0.08
 """Share of a step that may be missing at either end, because the detection of windows is conservative."""
 
 
@@ -79,14 +79,16 @@ def find_steps(
         contacts = find_contacts(recording, landmarks, latency_s=latency_s)
     if not contacts:
         return ()
-    walk = _OverFloor.of(recording, landmarks, ahead if ahead is not None else recording.walking_direction)
+    walk = _FloorRelative.from_recording(
+        recording, landmarks, ahead if ahead is not None else recording.walking_direction
+    )
     steps = []
-    for before, after in _swings(contacts):
+    for before, after in _swing_pairs(contacts):
         other = _stance_during(contacts, before, after)
         if other is None or before.lift_off_s is None or after.strike_s is None or other.lift_off_s is None:
             continue
         start_s, strike_s, end_s = before.lift_off_s, after.strike_s, other.lift_off_s
-        slack_s = MOST_MISSING * (end_s - start_s)
+        slack_s = MAX_MISSING_SHARE * (end_s - start_s)
         steps.append(
             GaitStep(
                 side=before.side,
@@ -97,14 +99,14 @@ def find_steps(
                 length_m=walk.length_m(before.side, start_s, strike_s),
                 speed_m_s=walk.speed_m_s(start_s, end_s),
                 measured=any(w.start_s - slack_s <= start_s and end_s <= w.end_s + slack_s for w in windows),
-                source=_source(before, after, other),
+                source=_timing_source(before, after, other),
                 prior_strike_s=other.strike_s,
             )
         )
     return tuple(sorted(steps, key=lambda step: step.lift_off_s))
 
 
-def _swings(contacts: Sequence[Contact]) -> list[tuple[Contact, Contact]]:
+def _swing_pairs(contacts: Sequence[Contact]) -> list[tuple[Contact, Contact]]:
     """Contacts of one foot before and after each of its swings."""
     swings: list[tuple[Contact, Contact]] = []
     sides: tuple[Side, ...] = ("left", "right")
@@ -121,13 +123,13 @@ def _stance_during(contacts: Sequence[Contact], before: Contact, after: Contact)
     return None
 
 
-def _source(before: Contact, after: Contact, other: Contact) -> TimingSource:
+def _timing_source(before: Contact, after: Contact, other: Contact) -> TimingSource:
     sources = {before.lift_off_source, after.strike_source, other.lift_off_source}
     return "mixed" if len(sources) > 1 else next(iter(sources))
 
 
 @dataclass(frozen=True)
-class _OverFloor:
+class _FloorRelative:
     """Pelvis and heels relative to the floor, which moves on a treadmill, and the unit vector of the walk."""
 
     time_s: Series
@@ -136,7 +138,9 @@ class _OverFloor:
     ahead: Vector3
 
     @classmethod
-    def of(cls, recording: Recording, landmarks: Mapping[str, str], ahead: Vector3 | None) -> "_OverFloor":
+    def from_recording(
+        cls, recording: Recording, landmarks: Mapping[str, str], ahead: Vector3 | None
+    ) -> "_FloorRelative":
         feet = find_feet(recording, landmarks)
         tracks = [foot.markers_m[:, k] for foot in feet for k in range(foot.markers_m.shape[1])]
         moved = ground_velocity_m_s(recording, tracks) * recording.time_s[:, None]

@@ -13,14 +13,14 @@ import numpy as np
 from jaxtyping import Float
 
 from stridelab.conventions import Series
-from stridelab.walking.curtate_cycloid import Branch, FullTurn, Plane, Wheel, parameter_rows, turn_to_zero
+from stridelab.walking.curtate_cycloid import FULL_TURN_RAD, Branch, Plane, Wheel, parameter_rows, turn_to_zero
 from stridelab.walking.initial_guess import first_guess
 
 OMEGA_RANGE: Final = (0.75, 1.33)
 """Bounds of omega, relative to one turn per step."""
 ITERATIONS: Final = 60
 DAMPING: Final = 1e-3
-ENOUGH: Final = 1e-12
+CONVERGED_DECREASE: Final = 1e-12
 NO_ERROR_M2: Final = 1e-26
 
 Bound = Literal["omega-low", "omega-high"]
@@ -59,14 +59,14 @@ def fit_in_time(
     """
     guess = first_guess(time_s, path_m, step_period_s, branch)
     t = time_s - time_s[0]
-    turn = FullTurn / step_period_s
+    turn = FULL_TURN_RAD / step_period_s
     low, high = (turn, turn) if one_turn_per_step else (OMEGA_RANGE[0] * turn, OMEGA_RANGE[1] * turn)
     clock = np.array([guess.theta0_rad, min(max(guess.omega_rad_s, low), high)])
-    now = _Projected.at(clock, t, path_m, branch)
+    now = _Projected.from_clock(clock, t, path_m, branch)
     damping, taken = DAMPING, 0
     while taken < ITERATIONS and damping < 1e8 and now.cost > NO_ERROR_M2 * len(t):
         taken += 1
-        out = _pushed_out(float(clock[1]), float(now.gradient[1]), low, high)
+        out = _leaves_bounds(float(clock[1]), float(now.gradient[1]), low, high)
         free = np.array([True, not (one_turn_per_step or out)])
         J = now.slopes[:, free]
         normal = J.T @ J
@@ -74,15 +74,15 @@ def fit_in_time(
         tried = clock.copy()
         tried[free] += step
         tried[1] = min(max(tried[1], low), high)
-        candidate = _Projected.at(tried, t, path_m, branch)
+        candidate = _Projected.from_clock(tried, t, path_m, branch)
         if candidate.cost < now.cost:
-            arrived = now.cost - candidate.cost < ENOUGH * now.cost
+            arrived = now.cost - candidate.cost < CONVERGED_DECREASE * now.cost
             clock, now, damping = tried, candidate, max(damping / 5, 1e-12)
             if arrived:
                 break
         else:
             damping *= 8
-    return _result(clock, now, t, branch, (low, high), one_turn_per_step, taken)
+    return _timed_fit_result(clock, now, t, branch, (low, high), one_turn_per_step, taken)
 
 
 @dataclass(frozen=True)
@@ -103,7 +103,7 @@ class _Projected:
         return np.asarray(self.slopes.T @ self.error)
 
     @classmethod
-    def at(cls, clock: Clock, t: Series, path_m: Plane, branch: Branch) -> "_Projected":
+    def from_clock(cls, clock: Clock, t: Series, path_m: Plane, branch: Branch) -> "_Projected":
         theta = clock[0] + clock[1] * t
         rows = np.vstack(parameter_rows(theta, branch))
         measured = np.concatenate([path_m[:, 0], path_m[:, 1]])
@@ -115,11 +115,11 @@ class _Projected:
         return cls(p, rows, rows @ p - measured, slopes)
 
 
-def _pushed_out(omega: float, slope: float, low: float, high: float) -> bool:
+def _leaves_bounds(omega: float, slope: float, low: float, high: float) -> bool:
     return (omega <= low and slope > 0.0) or (omega >= high and slope < 0.0)
 
 
-def _result(
+def _timed_fit_result(
     clock: Clock,
     now: _Projected,
     t: Series,

@@ -14,7 +14,7 @@ import pinocchio as pin
 
 from stridelab.contacts.sequence import Contact, ContactSequence
 from stridelab.contacts.terrain import Box, Rail
-from stridelab.robots.contact_frames import se3
+from stridelab.robots.contact_frames import to_se3
 from stridelab.robots.robot import Effector
 
 HAND_RADIUS_M: Final = 0.02
@@ -23,7 +23,7 @@ SWING_SHARE: Final = 0.125
 """Share of a swing after lift-off and before touch-down in which an effector is near its own surface."""
 _LEVEL_M: Final = 5e-3
 """Boxes within this distance of a contact's rectangle count as its surfaces."""
-NOTHING: Final[frozenset[str]] = frozenset()
+NO_SURFACES: Final[frozenset[str]] = frozenset()
 
 
 class OwnSurfaces:
@@ -32,18 +32,18 @@ class OwnSurfaces:
     def __init__(self, sequence: ContactSequence, effectors: Mapping[str, Effector]) -> None:
         self._sequence = sequence
         contacts = [contact for phase in sequence.phases for contact in phase.contacts.values()]
-        self._carriers = {id(c): _carriers(sequence, c, effectors[c.effector]) for c in contacts}
+        self._carriers = {id(c): _carrying_surfaces(sequence, c, effectors[c.effector]) for c in contacts}
 
-    def touched(self, effector: str, phase: int) -> frozenset[str]:
+    def contact_surfaces(self, effector: str, phase: int) -> frozenset[str]:
         """Surfaces of the effector's contact in ``phase``; empty in the air."""
         contact = self._sequence.phases[phase].contacts.get(effector)
-        return NOTHING if contact is None else self._carriers[id(contact)]
+        return NO_SURFACES if contact is None else self._carriers[id(contact)]
 
-    def near(self, effector: str, phase: int, time_s: float) -> frozenset[str]:
+    def nearby_surfaces(self, effector: str, phase: int, time_s: float) -> frozenset[str]:
         """Surfaces that the effector leaves or approaches at ``time_s``; empty in contact."""
         sequence = self._sequence
         if effector in sequence.phases[phase].contacts:
-            return NOTHING
+            return NO_SURFACES
         before, after = sequence.last_contact(effector, phase), sequence.next_contact(effector, phase)
         first, last = phase, phase
         # without a previous or next contact the effector swings only in the phase adjacent to the other one
@@ -57,41 +57,41 @@ class OwnSurfaces:
             last = first
         start_s, end_s = float(sequence.starts_s[first]), float(sequence.ends_s[last])
         share = (time_s - start_s) / (end_s - start_s)
-        near = NOTHING
+        near = NO_SURFACES
         if before is not None and share < SWING_SHARE:
             near |= self._carriers[id(before)]
         if after is not None and share > 1.0 - SWING_SHARE:
             near |= self._carriers[id(after)]
         return near
 
-    def at(self, effector: str, phase: int, time_s: float) -> frozenset[str]:
+    def surfaces_at(self, effector: str, phase: int, time_s: float) -> frozenset[str]:
         """All surfaces that the effector is in contact with, leaves or approaches at ``time_s``."""
-        return self.touched(effector, phase) | self.near(effector, phase, time_s)
+        return self.contact_surfaces(effector, phase) | self.nearby_surfaces(effector, phase, time_s)
 
 
 def terrain_shape(surface: Box | Rail) -> tuple[pin.SE3, coal.CollisionGeometry]:
     """Placement in the world and shape of a surface."""
     if isinstance(surface, Box):
-        return se3(surface.placement), coal.Box(*(float(edge) for edge in surface.size_m))
+        return to_se3(surface.placement), coal.Box(*(float(edge) for edge in surface.size_m))
     axis = surface.to_m - surface.from_m
     length = float((axis @ axis) ** 0.5)
     R = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), axis / length).toRotationMatrix()
     return pin.SE3(R, 0.5 * (surface.from_m + surface.to_m)), coal.Capsule(surface.radius_m, length)
 
 
-def _carriers(sequence: ContactSequence, contact: Contact, effector: Effector) -> frozenset[str]:
+def _carrying_surfaces(sequence: ContactSequence, contact: Contact, effector: Effector) -> frozenset[str]:
     """The surface of a contact and the boxes level with it below the rectangle of a sole or the point of a hand."""
     x, y = effector.contact_half_size_m or (0.0, 0.0)
-    rectangle, place = coal.Box(2.0 * x, 2.0 * y, 1e-4), _transform(se3(contact.placement))
+    rectangle, place = coal.Box(2.0 * x, 2.0 * y, 1e-4), _coal_transform(to_se3(contact.placement))
     request, result = coal.DistanceRequest(), coal.DistanceResult()
     near = {contact.surface}
     for box in sequence.terrain.boxes:
         at, shape = terrain_shape(box)
         result.clear()
-        if coal.distance(rectangle, place, shape, _transform(at), request, result) < _LEVEL_M:
+        if coal.distance(rectangle, place, shape, _coal_transform(at), request, result) < _LEVEL_M:
             near.add(box.name)
     return frozenset(near)
 
 
-def _transform(placement: pin.SE3) -> coal.Transform3s:
+def _coal_transform(placement: pin.SE3) -> coal.Transform3s:
     return coal.Transform3s(placement.rotation, placement.translation)

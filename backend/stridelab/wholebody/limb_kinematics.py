@@ -10,47 +10,47 @@ from stridelab.conventions import Vector3
 from stridelab.dynamics.spatial import Placement
 from stridelab.robots.contact_frames import with_contact_frames
 from stridelab.robots.robot import Robot
-from stridelab.wholebody.replay.sensors import Seen
+from stridelab.wholebody.replay.sensors import SensedState
 
 
-class Posed:
+class LimbKinematics:
     """Kinematics at the last ``set_configuration``. A limb consists of the leg or arm joints that move an effector."""
 
     def __init__(self, robot: Robot, effectors: tuple[str, ...]) -> None:
         self._model, self._frames = with_contact_frames(robot)
         self._data = self._model.createData()
         self.limb: Mapping[str, Int[np.ndarray, "k"]] = {
-            name: self._limb(robot, name) for name in effectors if name in self._frames
+            name: self._limb_joints(robot, name) for name in effectors if name in self._frames
         }
         """Per effector the indices of its limb among the actuated joints."""
 
-    def at(self, q: Float[np.ndarray, "nq"]) -> None:
+    def set_configuration(self, q: Float[np.ndarray, "nq"]) -> None:
         """Compute the kinematics at ``q``."""
         pin.computeJointJacobians(self._model, self._data, q)
         pin.updateFramePlacements(self._model, self._data)
         self.base = Placement(q[:3], self._data.oMi[1].rotation.copy())
 
-    def contact(self, effector: str) -> Placement:
+    def contact_placement(self, effector: str) -> Placement:
         """Placement of an effector's contact frame."""
         placement = self._data.oMf[self._frames[effector]]
         return Placement(placement.translation.copy(), placement.rotation.copy())
 
-    def to_the_world(self, place_m: Vector3, seen: Seen) -> Vector3:
+    def compensate_base_error(self, target_m: Vector3, measured: SensedState) -> Vector3:
         """Position relative to the planned base that puts an effector at ``place_m`` despite the error of the base."""
-        measured_R = np.asarray(pin.Quaternion(seen.q[3:7]).toRotationMatrix())
-        in_measured_base = measured_R.T @ (place_m - seen.q[:3])
+        measured_R = np.asarray(pin.Quaternion(measured.q[3:7]).toRotationMatrix())
+        in_measured_base = measured_R.T @ (target_m - measured.q[:3])
         return np.asarray(self.base.rotation @ in_measured_base + self.base.position_m)
 
-    def moved_by_limb(self, effector: str) -> Float[np.ndarray, "6 k"]:
+    def limb_jacobian(self, effector: str) -> Float[np.ndarray, "6 k"]:
         """Jacobian of the contact frame (linear over angular, world axes) with respect to the joints of its limb."""
         J = pin.getFrameJacobian(self._model, self._data, self._frames[effector], pin.LOCAL_WORLD_ALIGNED)
         return np.asarray(J[:, 6 + self.limb[effector]])
 
     def torques_nm(self, effector: str, force_n: Vector3) -> Float[np.ndarray, "k"]:
         """Torques of the limb that exert ``force_n`` on the contact surface of an effector."""
-        return np.asarray(self.moved_by_limb(effector)[:3].T @ force_n)
+        return np.asarray(self.limb_jacobian(effector)[:3].T @ force_n)
 
-    def _limb(self, robot: Robot, effector: str) -> Int[np.ndarray, "k"]:
+    def _limb_joints(self, robot: Robot, effector: str) -> Int[np.ndarray, "k"]:
         model = self._model
         joints = model.supports[model.frames[self._frames[effector]].parentJoint]
         limb = [model.joints[j].idx_v - 6 for j in joints if robot.group.get(model.names[j]) in ("leg", "arm")]

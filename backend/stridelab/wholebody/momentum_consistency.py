@@ -30,12 +30,12 @@ STRIDE_M: Final = 0.9
 """Longer swings need replanning."""
 SINGLE_SUPPORT_S: Final = 0.8
 """Shorter swings need replanning."""
-AGREED_NMS: Final = 1.0
+AGREEMENT_NMS: Final = 1.0
 """Largest mismatch of the angular momenta that counts as agreement."""
-NEARER: Final = 0.9
+MAX_REMAINING_SHARE: Final = 0.9
 """The iteration stops if a pass leaves more than this share of the previous mismatch."""
-PASSES: Final = 4
-SMOOTHED_S: Final = 0.2
+MAX_PASSES: Final = 4
+SMOOTHING_WINDOW_S: Final = 0.2
 """Length of the smoothing window: strides of 1.0 m agree to 0.8 Nms with it, to 3.1 with half of it, never without."""
 _ROUNDING: Final = 1e-6
 
@@ -61,7 +61,7 @@ class Agreement:
     passes: tuple[Pass, ...]
 
 
-def matters(sequence: ContactSequence) -> bool:
+def needs_replanning(sequence: ContactSequence) -> bool:
     """Whether any sole swings by more than ``STRIDE_M`` or in less than ``SINGLE_SUPPORT_S``."""
     for name in sequence.effectors:
         for k, phase in enumerate(sequence.phases):
@@ -90,21 +90,23 @@ def agree(
     Returns the best agreement among the plans that converge and can be followed. Raises what ``follow``, the
     controller's ``run``, raises for the first plan.
     """
-    max_passes = passes or (PASSES if matters(plan.sequence) else 1)
-    motion = follow(robot, plan.sequence, plan, _share(progress, 0, max_passes))
-    best = Agreement(plan, motion, (_compared(plan, motion),))
-    while len(best.passes) < max_passes and best.passes[-1].mismatch_max_nms > AGREED_NMS:
+    max_passes = passes or (MAX_PASSES if needs_replanning(plan.sequence) else 1)
+    motion = follow(robot, plan.sequence, plan, _progress_of_pass(progress, 0, max_passes))
+    best = Agreement(plan, motion, (_compare_momenta(plan, motion),))
+    while len(best.passes) < max_passes and best.passes[-1].mismatch_max_nms > AGREEMENT_NMS:
         fixed_problem = replace(problem, sequence=plan.sequence, durations=None, placements=None)
         new_plan = solve(replace(fixed_problem, limbs_nm=limb_rates_nm(fixed_problem, best.motion)))
         if not new_plan.converged:
             break
         try:
-            motion = follow(robot, new_plan.sequence, new_plan, _share(progress, len(best.passes), max_passes))
+            motion = follow(
+                robot, new_plan.sequence, new_plan, _progress_of_pass(progress, len(best.passes), max_passes)
+            )
         except WholeBodyStopped:  # the plan before could be followed
             break
-        result = _compared(new_plan, motion)
+        result = _compare_momenta(new_plan, motion)
         improved = result.mismatch_max_nms < best.passes[-1].mismatch_max_nms
-        converging = result.mismatch_max_nms < NEARER * best.passes[-1].mismatch_max_nms
+        converging = result.mismatch_max_nms < MAX_REMAINING_SHARE * best.passes[-1].mismatch_max_nms
         best = (
             Agreement(new_plan, motion, (*best.passes, result))
             if improved
@@ -123,17 +125,17 @@ def limb_rates_nm(problem: CentroidalProblem, motion: WholeBodyMotion) -> Float[
     """
     time_s, l_nms = problem.limb_times_s(), motion.l_nms
     if problem.shape == "cubic":
-        window = hann(round(SMOOTHED_S * motion.rate_hz) + 2)[1:-1]
+        window = hann(round(SMOOTHING_WINDOW_S * motion.rate_hz) + 2)[1:-1]
         l_nms = convolve1d(l_nms, window / window.sum(), axis=0, mode="nearest")
     at_times = np.array([np.interp(time_s, motion.time_s, l) for l in l_nms.T]).T
     return np.asarray(np.diff(at_times, axis=0) / np.diff(time_s)[:, None])
 
 
-def _share(progress: Progress | None, done: int, most: int) -> Progress | None:
+def _progress_of_pass(progress: Progress | None, done: int, most: int) -> Progress | None:
     """Progress of one pass after ``done`` of at most ``most``."""
     return None if progress is None else lambda fraction, message: progress((done + fraction) / most, message)
 
 
-def _compared(plan: CentroidalPlan, motion: WholeBodyMotion) -> Pass:
+def _compare_momenta(plan: CentroidalPlan, motion: WholeBodyMotion) -> Pass:
     mismatch = np.linalg.norm(motion.l_nms - motion.l_reference_nms, axis=1)
     return Pass(float(mismatch.max()), float(np.sqrt(np.mean(mismatch**2))), plan.solve_time_s)

@@ -24,31 +24,31 @@ from jaxtyping import Float
 from stridelab.contacts.effector_geometry import effector_shapes
 from stridelab.conventions import Vector3
 from stridelab.dynamics.spatial import Placement
-from stridelab.robots.inverse_kinematics import ComRoom, IkResult, reference_at, stand_in_room
+from stridelab.robots.inverse_kinematics import ComRegion, IkResult, reference_posture_at, stand_in_com_region
 from stridelab.robots.robot import Robot
-from stridelab.robots.self_collision import Apart, SelfCollision
+from stridelab.robots.self_collision import PairSeparation, SelfCollision
 from stridelab.wholebody.control.joint_limits import JointLimits
 from stridelab.wholebody.control.task_stack import Settings
 
-STARTS: Final = 4
+RANDOM_STARTS: Final = 4
 """Number of random start postures besides the reference posture."""
-PUSHES: Final = 3
+MAX_SEPARATIONS: Final = 3
 """Maximum number of repeated searches that separate colliding shapes."""
-SOLVES: Final = 12
+MAX_SOLVES: Final = 12
 """Number of solves after which no further start is tried."""
 LOWER_M: Final = (0.08, 0.16)
 """Lowering of the CoM target in further searches."""
-FAR_M: Final = 0.05
+MAX_FIRST_ERROR_M: Final = 0.05
 """Error of the first searches beyond which no further start is tried."""
 SPREAD_RAD: Final = 0.25
 LIFT_M: Final = 0.06
 """Height of a swinging foot above the higher of its two contacts."""
-REMEMBERED: Final = 4096
-BLAME: Final = 0.3
+CACHE_SIZE: Final = 4096
+FAULT_SHARE: Final = 0.3
 """Contacts with less than this share of the largest error are not reported as the cause."""
-LEAST_SAID_M: Final = 5e-4
+MIN_REPORTED_ERROR_M: Final = 5e-4
 """Position errors below this are reported as orientation errors."""
-CANNOT: Final = "the body cannot take this stance"
+UNREACHABLE: Final = "the body cannot take this stance"
 CENTRE_OF_MASS: Final = "centre of mass"
 
 
@@ -65,19 +65,19 @@ class Stance:
     region_m: Float[np.ndarray, "k 2"] = field(default_factory=lambda: np.zeros((0, 2)))
     air: Mapping[str, Placement] = field(default_factory=dict)
 
-    def key(self) -> tuple[object, ...]:
+    def cache_key(self) -> tuple[object, ...]:
         """Cache key: equal for stances that agree to a tenth of a millimetre."""
         return (
-            *((name, _digits(p)) for name, p in sorted(self.contacts.items())),
+            *((name, _rounded_bytes(p)) for name, p in sorted(self.contacts.items())),
             "air",
-            *((name, _digits(p)) for name, p in sorted(self.air.items())),
+            *((name, _rounded_bytes(p)) for name, p in sorted(self.air.items())),
             np.round(self.com_m, 4).tobytes(),
             np.round(self.region_m, 4).tobytes(),
         )
 
 
 @dataclass(frozen=True, eq=False)
-class StanceVerdict:
+class StanceResult:
     """Whether the body can reach a stance; ``q`` ``(nq,)`` is the posture, or the one with the smallest error.
 
     ``reason`` describes the cause in a sentence, ``limits`` lists the effectors, joints or links involved; both are
@@ -112,14 +112,16 @@ class StanceCheck:
     def __init__(self, robot: Robot) -> None:
         settings = Settings()
         self.robot = robot
-        self._margins_rad = JointLimits.of(robot.model).margins_rad(settings.range_share, settings.joint_margin_rad)
-        self._collision = SelfCollision.of(robot)
-        self._known: OrderedDict[tuple[object, ...], StanceVerdict] = OrderedDict()
+        self._margins_rad = JointLimits.of_model(robot.model).margins_rad(
+            settings.range_share, settings.joint_margin_rad
+        )
+        self._collision = SelfCollision.for_robot(robot)
+        self._cache: OrderedDict[tuple[object, ...], StanceResult] = OrderedDict()
         self._soles = tuple(name for name, one in robot.effectors.items() if one.kind == "surface")
         self._shapes = effector_shapes(robot.name)
         data = robot.model.createData()
         self._height_m = float(pin.centerOfMass(robot.model, data, robot.q_reference)[2])
-        self._apart = _beside(robot, self._soles)
+        self._apart = _sole_offsets(robot, self._soles)
 
     def usual_com_m(self, contacts: Mapping[str, Placement]) -> Vector3:
         """CoM above the mean of the soles, at the height of the reference posture."""
@@ -127,57 +129,57 @@ class StanceCheck:
         x, y, z = np.mean(soles, axis=0)
         return np.array([x, y, z + self._height_m])
 
-    def verdict(self, stance: Stance) -> StanceVerdict:
+    def check_stance(self, stance: Stance) -> StanceResult:
         """Check ``stance``. Raises ``InvalidInput`` (``effector-unknown``)."""
-        key = stance.key()
-        result = self._known.get(key)
+        key = stance.cache_key()
+        result = self._cache.get(key)
         if result is None:
-            result = self._known[key] = self._searched(stance)
-            if len(self._known) > REMEMBERED:
-                self._known.popitem(last=False)
-        self._known.move_to_end(key)
+            result = self._cache[key] = self._search_posture(stance)
+            if len(self._cache) > CACHE_SIZE:
+                self._cache.popitem(last=False)
+        self._cache.move_to_end(key)
         return result
 
-    def _searched(self, stance: Stance) -> StanceVerdict:
-        room = self._room(stance)
+    def _search_posture(self, stance: Stance) -> StanceResult:
+        room = self._com_region(stance)
         best_miss: IkResult | None = None
         best_collision: tuple[IkResult, tuple[int, ...]] | None = None
         solves = 0
-        for attempt in self._attempts(stance):
-            far = best_collision is None and best_miss is not None and _off(best_miss) > FAR_M
-            if attempt.second and (far or solves >= SOLVES):
+        for attempt in self._search_attempts(stance):
+            far = best_collision is None and best_miss is not None and _ik_error(best_miss) > MAX_FIRST_ERROR_M
+            if attempt.second and (far or solves >= MAX_SOLVES):
                 break
             placements, q_start = attempt.placements, attempt.q_start
             separated: tuple[int, ...] = ()
-            for _ in range(1 + PUSHES):
-                separation = Apart(self.robot, self._collision.hulls, separated) if separated else None
-                posture = stand_in_room(
+            for _ in range(1 + MAX_SEPARATIONS):
+                separation = PairSeparation(self.robot, self._collision.hulls, separated) if separated else None
+                posture = stand_in_com_region(
                     self.robot, placements, room, attempt.com_m, q_start, self._margins_rad, separation
                 )
                 solves += 1
                 if not posture.converged:
                     break
-                pairs = self._collision.colliding(posture.q)
+                pairs = self._collision.colliding_indices(posture.q)
                 if not pairs:
-                    return StanceVerdict(True, posture.q, attempt.second or bool(separated))
+                    return StanceResult(True, posture.q, attempt.second or bool(separated))
                 if best_collision is None or len(pairs) < len(best_collision[1]):
                     best_collision = (posture, pairs)
                 q_start, separated = posture.q, tuple(sorted({*separated, *pairs}))
             if (
                 not separated
                 and len(placements) == len(stance.contacts)
-                and (best_miss is None or _off(posture) < _off(best_miss))
+                and (best_miss is None or _ik_error(posture) < _ik_error(best_miss))
             ):
                 best_miss = posture
         if best_collision is not None:
-            return self._collides(*best_collision)
+            return self._collision_result(*best_collision)
         if best_miss is None:
             raise RuntimeError("no search used the contacts alone")
-        return self._missed(stance, best_miss)
+        return self._unreachable_result(stance, best_miss)
 
-    def _room(self, stance: Stance) -> ComRoom:
+    def _com_region(self, stance: Stance) -> ComRegion:
         """CoM region: above the support region and within the learned reach of every contact."""
-        room = ComRoom.above(stance.region_m)
+        room = ComRegion.over_polygon(stance.region_m)
         A, b = [room.A], [room.b]
         for name, place in stance.contacts.items():
             shape = self._shapes.get(name)
@@ -186,9 +188,9 @@ class StanceCheck:
             axes, origin = place.rotation.T, place.rotation.T @ place.position_m
             A += [axes, -axes]
             b += [np.array(shape.reach.com_high_m) + origin, -np.array(shape.reach.com_low_m) - origin]
-        return ComRoom(np.vstack(A), np.concatenate(b))
+        return ComRegion(np.vstack(A), np.concatenate(b))
 
-    def _attempts(self, stance: Stance) -> Iterator[_Attempt]:
+    def _search_attempts(self, stance: Stance) -> Iterator[_Attempt]:
         contacts, com_m = stance.contacts, stance.com_m
         beside = {name: p for name in self._soles if name not in contacts and (p := self._next_to(name, contacts))}
         for free in (stance.air, beside):
@@ -199,11 +201,11 @@ class StanceCheck:
         for lower_m in LOWER_M:
             yield _Attempt(placements, com_m - [0.0, 0.0, lower_m], second=True)
         rng = np.random.default_rng(0)
-        reference = reference_at(self.robot, contacts, com_m)
-        for _ in range(STARTS):
-            yield _Attempt(placements, com_m, self._shaken(reference, rng), second=True)
+        reference = reference_posture_at(self.robot, contacts, com_m)
+        for _ in range(RANDOM_STARTS):
+            yield _Attempt(placements, com_m, self._perturbed_posture(reference, rng), second=True)
 
-    def _shaken(self, q: Float[np.ndarray, "nq"], rng: np.random.Generator) -> Float[np.ndarray, "nq"]:
+    def _perturbed_posture(self, q: Float[np.ndarray, "nq"], rng: np.random.Generator) -> Float[np.ndarray, "nq"]:
         """Add normal noise to all angles and clip them to their ranges."""
         model = self.robot.model
         noise = SPREAD_RAD * rng.standard_normal(model.nv)
@@ -219,41 +221,43 @@ class StanceCheck:
             return None
         return contacts[other] @ Placement(self._apart[other, name] + [0.0, 0.0, LIFT_M], np.eye(3))
 
-    def _missed(self, stance: Stance, found: IkResult) -> StanceVerdict:
-        least_m = BLAME * max(found.away_m.values())
-        at_fault = [name for name, away_m in found.away_m.items() if away_m >= least_m and name != CENTRE_OF_MASS]
-        contact = max(at_fault, key=lambda name: found.away_m[name], default=None)
-        limbs = {joint for name in at_fault for joint in self._limb(name)}
-        joints = tuple(joint for joint in found.at_limit if joint in limbs)[:3]
+    def _unreachable_result(self, stance: Stance, posture: IkResult) -> StanceResult:
+        least_m = FAULT_SHARE * max(posture.position_errors_m.values())
+        at_fault = [
+            name for name, away_m in posture.position_errors_m.items() if away_m >= least_m and name != CENTRE_OF_MASS
+        ]
+        contact = max(at_fault, key=lambda name: posture.position_errors_m[name], default=None)
+        limbs = {joint for name in at_fault for joint in self._limb_joints(name)}
+        joints = tuple(joint for joint in posture.at_limit if joint in limbs)[:3]
         ends = f", with {' and '.join(joints)} at the end of the range" if joints else ""
         if contact is None:
-            far = self._farthest(stance, found)
-            away = f"{100.0 * found.away_m[CENTRE_OF_MASS]:.1f} cm from where the contacts let it be"
-            reason = f"{CANNOT}: the centre of mass stays {away}, the {far.replace('_', ' ')} farthest from it"
-            return StanceVerdict(False, found.q, False, reason, (far, CENTRE_OF_MASS), far)
-        away_m = found.away_m[contact]
-        miss = f"{100.0 * away_m:.1f} cm from" if away_m >= LEAST_SAID_M else "turned from"
-        reason = f"{CANNOT}: the {contact.replace('_', ' ')} stays {miss} its place{ends}"
-        return StanceVerdict(False, found.q, False, reason, (contact, *joints), contact)
+            far = self._farthest_contact(stance, posture)
+            away = f"{100.0 * posture.position_errors_m[CENTRE_OF_MASS]:.1f} cm from where the contacts let it be"
+            reason = f"{UNREACHABLE}: the centre of mass stays {away}, the {far.replace('_', ' ')} farthest from it"
+            return StanceResult(False, posture.q, False, reason, (far, CENTRE_OF_MASS), far)
+        away_m = posture.position_errors_m[contact]
+        miss = f"{100.0 * away_m:.1f} cm from" if away_m >= MIN_REPORTED_ERROR_M else "turned from"
+        reason = f"{UNREACHABLE}: the {contact.replace('_', ' ')} stays {miss} its place{ends}"
+        return StanceResult(False, posture.q, False, reason, (contact, *joints), contact)
 
-    def _farthest(self, stance: Stance, found: IkResult) -> str:
+    def _farthest_contact(self, stance: Stance, posture: IkResult) -> str:
         """The contact that is farthest from the CoM."""
-        com_m = pin.centerOfMass(self.robot.model, self.robot.model.createData(), found.q)
+        com_m = pin.centerOfMass(self.robot.model, self.robot.model.createData(), posture.q)
         return max(stance.contacts, key=lambda name: float(np.linalg.norm(stance.contacts[name].position_m - com_m)))
 
-    def _collides(self, found: IkResult, numbers: tuple[int, ...]) -> StanceVerdict:
-        first, second = self._collision.pairs(found.q)[0]
-        reason = f"{CANNOT} without touching itself: {first} is inside {second}"
-        return StanceVerdict(False, found.q, False, reason, (first, second))
+    def _collision_result(self, posture: IkResult, numbers: tuple[int, ...]) -> StanceResult:
+        first, second = self._collision.colliding_links(posture.q)[0]
+        reason = f"{UNREACHABLE} without touching itself: {first} is inside {second}"
+        return StanceResult(False, posture.q, False, reason, (first, second))
 
-    def _limb(self, name: str) -> set[str]:
+    def _limb_joints(self, name: str) -> set[str]:
         """Joints that move an effector."""
         model = self.robot.model
         joint = model.frames[model.getFrameId(self.robot.effectors[name].frame)].parentJoint
         return {str(model.names[j]) for j in model.supports[joint]}
 
 
-def swung(before: Placement | None, after: Placement | None) -> Placement | None:
+def mid_swing_placement(before: Placement | None, after: Placement | None) -> Placement | None:
     """Placement at mid-swing between two contacts, or above the only one given."""
     places = [place for place in (before, after) if place is not None]
     if not places:
@@ -263,11 +267,11 @@ def swung(before: Placement | None, after: Placement | None) -> Placement | None
     return Placement(p, places[-1].rotation)
 
 
-def _off(found: IkResult) -> float:
-    return max(found.error_m, found.error_rad)
+def _ik_error(posture: IkResult) -> float:
+    return max(posture.error_m, posture.error_rad)
 
 
-def _beside(robot: Robot, soles: tuple[str, ...]) -> Mapping[tuple[str, str], Vector3]:
+def _sole_offsets(robot: Robot, soles: tuple[str, ...]) -> Mapping[tuple[str, str], Vector3]:
     """Position of each sole in the frame of each other one, in the reference posture."""
     model = robot.model
     data = model.createData()
@@ -280,5 +284,5 @@ def _beside(robot: Robot, soles: tuple[str, ...]) -> Mapping[tuple[str, str], Ve
     return {(a, b): (placements[a].inverse() @ placements[b]).position_m for a in soles for b in soles if a != b}
 
 
-def _digits(place: Placement) -> bytes:
+def _rounded_bytes(place: Placement) -> bytes:
     return np.round(np.r_[place.position_m, place.rotation.ravel()], 4).tobytes()

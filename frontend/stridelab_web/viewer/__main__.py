@@ -54,7 +54,7 @@ def main() -> None:
 
     @contextlib.asynccontextmanager
     async def lifespan(_: Starlette) -> AsyncIterator[None]:
-        tasks = [asyncio.create_task(work) for work in (tidy(library), heartbeat.beat())]
+        tasks = [asyncio.create_task(work) for work in (tidy(library), heartbeat.write_heartbeats())]
         yield
         for task in tasks:
             task.cancel()

@@ -7,7 +7,7 @@ import pytest
 
 from stridelab.centroidal.contact_wrench import ContactWrench
 from stridelab.centroidal.infeasibility.diagnosis import Diagnosis, diagnose
-from stridelab.centroidal.infeasibility.nearest_feasible import nearest
+from stridelab.centroidal.infeasibility.nearest_feasible import nearest_feasible
 from stridelab.centroidal.nlp.solvers import Limits
 from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.centroidal.problem import CentroidalProblem
@@ -30,7 +30,7 @@ def over(problem: CentroidalProblem, walk: ContactSequence) -> CentroidalPlan:
 
 
 def on_slope(side: str, angle_rad: float, friction: float) -> Contact:
-    place = Placement.of(
+    place = Placement.from_wxyz(
         (0.0, 0.09 if side == "left" else -0.09, 0.0), (np.cos(angle_rad / 2), 0.0, np.sin(angle_rad / 2), 0.0)
     )
     return Contact(f"{side}_foot", place, "slope", friction)
@@ -101,18 +101,18 @@ def test_a_hand_alone_is_named() -> None:
     _, diagnosis = diagnosed(rest_to_rest(walk))
     assert diagnosis.verdict == "unbearable"
     assert (1, "right_hand") in {(f.phase, f.effector) for f in diagnosis.findings}
-    assert "phases[1].right_hand" in " ".join(f.where for f in diagnosis.findings)
+    assert "phases[1].right_hand" in " ".join(f.location for f in diagnosis.findings)
 
 
 def test_a_foothold_out_of_reach_is_moved_nearer() -> None:
     left, right = foot("left", 0.0), foot("right", 0.0)
-    far = Contact("right_foot", Placement.of((0.2, -1.3, 0.0)), "ground", 0.3)
+    far = Contact("right_foot", Placement.from_wxyz((0.2, -1.3, 0.0)), "ground", 0.3)
     walk = sequence(
         phase(0.8, left, right), phase(0.6, left), phase(0.6, left, far), phase(0.6, left), phase(0.8, left, right)
     )
-    found = nearest(rest_to_rest(walk), "placements")
+    found = nearest_feasible(rest_to_rest(walk), "placements")
     assert found is not None
-    assert found.held
+    assert found.is_feasible
     assert set(found.shifts_m) == {(2, "right_foot")}
     assert found.shifts_m[2, "right_foot"][1] > 0.1
     assert found.longer_s == pytest.approx(np.zeros(5))
@@ -133,13 +133,13 @@ def test_a_solver_that_stopped_early_is_stuck(problem: CentroidalProblem) -> Non
 def test_a_foothold_stays_on_its_stone() -> None:
     """As far out as above, on a stone 10 cm longer and wider than the sole: it cannot come near enough."""
     left, right = foot("left", 0.0), foot("right", 0.0)
-    far = Contact("right_foot", Placement.of((0.2, -1.3, 0.0)), "stone", 0.3)
-    stone = Box("stone", Placement.of((0.2, -1.3, -0.05)), np.array([0.3, 0.22, 0.1]))
+    far = Contact("right_foot", Placement.from_wxyz((0.2, -1.3, 0.0)), "stone", 0.3)
+    stone = Box("stone", Placement.from_wxyz((0.2, -1.3, -0.05)), np.array([0.3, 0.22, 0.1]))
     alone = phase(0.6, left)
     walk = sequence(phase(0.8, left, right), alone, phase(0.6, left, far), alone, phase(0.8, left, right))
-    found = nearest(rest_to_rest(replace(walk, terrain=Terrain((stone,)))), "placements")
+    found = nearest_feasible(rest_to_rest(replace(walk, terrain=Terrain((stone,)))), "placements")
     assert found is not None
-    assert not found.held
+    assert not found.is_feasible
     corners = found.sequence.phases[2].contacts["right_foot"].placement.position_m
     assert np.abs(corners - far.placement.position_m).max() <= 0.08
 
@@ -153,9 +153,9 @@ def test_a_cone_that_is_too_narrow_for_the_wrench_is_told_from_contacts_that_hol
     assert worst.kind == "wrench"
     assert worst.phase in (1, 3)  # on one foot
     assert worst.value > 10.0
-    assert f"{worst.where}: the wrench of a motion by forces lies {worst.value:.1f} times" in diagnosis.sentence
+    assert f"{worst.location}: the wrench of a motion by forces lies {worst.value:.1f} times" in diagnosis.sentence
     wide = replace(problem, control=ContactWrench())
-    touches, upright = wide.touches(1, wide.com_start_m), np.zeros((1, 6))
+    touches, upright = wide.contact_patches(1, wide.com_start_m), np.zeros((1, 6))
     upright[0, 2], upright[0, 3:] = 1.0, np.cross(np.mean(touches[0].points_m, axis=0), [0.0, 0.0, 1.0])
     assert wide.control.gauge(touches, upright)[0] < 0.1  # the middle of the sole is the middle of the cone
     assert problem.control.gauge(touches, upright)[0] < 1.0

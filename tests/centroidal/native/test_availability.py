@@ -10,23 +10,23 @@ from stridelab.centroidal.boundary_conditions import PathBounds, Start
 from stridelab.centroidal.contact_wrench import ContactWrench
 from stridelab.centroidal.control import Control
 from stridelab.centroidal.free_variables import FreeDurations, FreePlacements
-from stridelab.centroidal.infeasibility.elastic_lp import held
-from stridelab.centroidal.native.availability import Missing, availability, lacks
+from stridelab.centroidal.infeasibility.elastic_lp import is_feasible
+from stridelab.centroidal.native.availability import NativeUnavailable, native_availability, unsupported_features
 from stridelab.centroidal.native.problem_arrays import native_input
 from stridelab.centroidal.nlp.kkt import NativePoint
 from stridelab.centroidal.point_forces import CircularCones, Pyramids
 from stridelab.centroidal.problem import CentroidalProblem
 from stridelab.centroidal.receding_horizon import RecedingHorizon, State
 from stridelab.centroidal.solver import solve
-from stridelab.centroidal.warm_start import carried
+from stridelab.centroidal.warm_start import warm_start_point
 from stridelab.errors import InvalidInput
-from stridelab.studies.centroidal_variations import problem_of, variations
+from stridelab.studies.centroidal_variations import problem_of, random_variations
 from support.robots.centroidal_problems import bundled, rest_to_rest
 from support.robots.native_agreement import assert_same, total
 from support.robots.sequences import foot, hand, phase, sequence, two_steps
 
-found = availability()
-if isinstance(found, Missing):
+found = native_availability()
+if isinstance(found, NativeUnavailable):
     pytest.skip(f"no native solver: {found.reason}", allow_module_level=True)
 
 CONES = CircularCones()
@@ -91,7 +91,7 @@ def test_its_cost_is_that_of_the_plan() -> None:
 
 @pytest.mark.parametrize("number", range(12))
 def test_random_variations_converge_cold(number: int) -> None:
-    problem = replace(problem_of(variations(12, seed=5)[number]), control=CONES)
+    problem = replace(problem_of(random_variations(12, seed=5)[number]), control=CONES)
     plan = solve(problem, "native")
     assert plan.converged, plan.status
     assert plan.iterations <= 25
@@ -136,7 +136,7 @@ def captured_after(push_m_s: tuple[float, float, float], control: Control = CONE
     """Two steps' first 0.6 s, to be captured, from a push."""
     walk = RecedingHorizon(problem=rest_to_rest(two_steps(), control=control), horizon_s=0.6)
     state = State(walk.problem.com_start_m, np.array(push_m_s), np.zeros(3))
-    return walk.horizon(0.0, state)
+    return walk.horizon_problem(0.0, state)
 
 
 @pytest.mark.parametrize("push_m_s", [(2.5, 0.0, 0.0), (-1.8, -1.8, 0.0)], ids=str)
@@ -146,7 +146,7 @@ def test_a_push_that_cannot_be_captured_is_proved_to_be(push_m_s: tuple[float, f
     assert pushed.terminal == "capturable"
     plan = solve(pushed, "native")
     assert "infeasible" in plan.status
-    assert not held(replace(pushed, control=Pyramids()))
+    assert not is_feasible(replace(pushed, control=Pyramids()))
 
 
 def test_what_can_be_captured_is_not_said_to_be_impossible() -> None:
@@ -156,7 +156,7 @@ def test_what_can_be_captured_is_not_said_to_be_impossible() -> None:
         x, y, z = rng.uniform(-1.5, 1.5, 3).tolist()
         pushed = captured_after((x, y, z))
         plan = solve(pushed, "native")
-        possible = held(replace(pushed, control=Pyramids()))  # momentum aside, in smaller cones
+        possible = is_feasible(replace(pushed, control=Pyramids()))  # momentum aside, in smaller cones
         proved += "infeasible" in plan.status
         agreed += "infeasible" in plan.status and not possible
         assert possible or not plan.converged
@@ -179,7 +179,7 @@ def test_what_it_lacks_is_refused_by_name_and_left_to_casadi(
     problem: CentroidalProblem, settings: dict[str, Any], named: str
 ) -> None:
     asked = replace(problem, **settings)
-    assert named in (lacks(asked) or "")
+    assert named in (unsupported_features(asked) or "")
     with pytest.raises(InvalidInput) as refused:
         solve(asked, "native")
     assert refused.value.code == "solver-lacks"
@@ -224,19 +224,19 @@ def test_splines_that_cannot_be_are_told() -> None:
 def test_splines_start_from_other_plans(problem: CentroidalProblem) -> None:
     asked = replace(problem, **SPLINES)
     cold = solve(asked, "native")
-    warm = solve(asked, "native", start=carried(cold, asked))
+    warm = solve(asked, "native", start=warm_start_point(cold, asked))
     assert warm.converged
     assert warm.iterations < cold.iterations
     steps = solve(replace(problem, control=CONES), "native")
-    assert solve(asked, "native", start=carried(steps, asked)).converged
+    assert solve(asked, "native", start=warm_start_point(steps, asked)).converged
     stepped = replace(asked, shape="constant")
-    assert solve(stepped, "native", start=carried(cold, stepped)).converged
+    assert solve(stepped, "native", start=warm_start_point(cold, stepped)).converged
 
 
 def test_a_start_near_the_solution_is_worth_iterations(problem: CentroidalProblem) -> None:
     asked = replace(problem, control=CONES)
     cold = solve(asked, "native")
-    start = carried(cold, asked)
+    start = warm_start_point(cold, asked)
     assert isinstance(start, NativePoint)
     warm = solve(asked, "native", start=start)
     assert warm.converged
@@ -244,7 +244,7 @@ def test_a_start_near_the_solution_is_worth_iterations(problem: CentroidalProble
     assert total(warm) == pytest.approx(total(cold), rel=1e-6)
     held = replace(asked, control=ContactWrench())
     wrenches = solve(held, "native")
-    again = solve(held, "native", start=carried(wrenches, held))
+    again = solve(held, "native", start=warm_start_point(wrenches, held))
     assert again.converged
     assert again.iterations < wrenches.iterations
     finer = replace(asked, node_rate_hz=20.0)
@@ -265,7 +265,7 @@ def test_a_horizon_recovers_from_a_push() -> None:
 
 def test_iterations_are_told(problem: CentroidalProblem) -> None:
     told: list[int] = []
-    plan = solve(replace(problem, control=CONES), "native", tell=lambda at: told.append(at.number))
+    plan = solve(replace(problem, control=CONES), "native", on_iteration=lambda at: told.append(at.number))
     assert told == list(range(plan.iterations + 1))
 
 
@@ -285,16 +285,16 @@ def test_iterations_are_told(problem: CentroidalProblem) -> None:
     ],
 )
 def test_numbers_that_are_no_problem_raise(problem: CentroidalProblem, index: int, worse: Any, says: str) -> None:
-    assert not isinstance(found, Missing)
-    arguments = native_input(replace(problem, control=CONES)).arguments()
+    assert not isinstance(found, NativeUnavailable)
+    arguments = native_input(replace(problem, control=CONES)).module_arguments()
     arguments[index] = np.ascontiguousarray(worse(arguments[index]))
     with pytest.raises(ValueError, match=says):
         found.module.problem(*arguments)
 
 
 def test_a_mixture_that_is_singular_raises(problem: CentroidalProblem) -> None:
-    assert not isinstance(found, Missing)
-    arguments = native_input(replace(problem, control=CONES)).arguments()
+    assert not isinstance(found, NativeUnavailable)
+    arguments = native_input(replace(problem, control=CONES)).module_arguments()
     mixtures: Any = arguments[3]
     constants, means, whitenings = mixtures[0]
     arguments[3] = [(constants, means, whitenings + np.inf), *mixtures[1:]]

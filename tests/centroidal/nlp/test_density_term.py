@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from stridelab.centroidal.nlp.density_term import likelihood
+from stridelab.centroidal.nlp.density_term import likelihood_functions
 from stridelab.dynamics.spatial import Placement
 from support.robots.sequences import MIXTURES
 
@@ -24,7 +24,7 @@ def near(mixture_name: str, place: Placement, rng: np.random.Generator) -> np.nd
 @pytest.mark.parametrize("name", MIXTURES)
 def test_equals_numpy_to_ten_digits_wherever_the_contact_is(name: str) -> None:
     """The log-density of (4.13)."""
-    functions, rng = likelihood(MIXTURES[name]), np.random.default_rng(1)
+    functions, rng = likelihood_functions(MIXTURES[name]), np.random.default_rng(1)
     for place in PLACES:
         c = near(name, place, rng)
         found = float(functions.value(c, place.position_m, place.rotation.ravel(order="F")))
@@ -34,7 +34,7 @@ def test_equals_numpy_to_ten_digits_wherever_the_contact_is(name: str) -> None:
 
 @pytest.mark.parametrize("name", MIXTURES)
 def test_gradient_and_second_derivative_against_finite_differences(name: str) -> None:
-    functions, rng, e = likelihood(MIXTURES[name]), np.random.default_rng(2), 1e-5
+    functions, rng, e = likelihood_functions(MIXTURES[name]), np.random.default_rng(2), 1e-5
     for place in PLACES:
         at = place.position_m, place.rotation.ravel(order="F")
         c = near(name, place, rng)
@@ -48,7 +48,7 @@ def test_gradient_and_second_derivative_against_finite_differences(name: str) ->
 
 @pytest.mark.parametrize("name", MIXTURES)
 def test_the_majoriser_is_positive_definite_and_bounds_the_log_density_from_above(name: str) -> None:
-    functions, rng = likelihood(MIXTURES[name]), np.random.default_rng(3)
+    functions, rng = likelihood_functions(MIXTURES[name]), np.random.default_rng(3)
     for place in PLACES:
         at = place.position_m, place.rotation.ravel(order="F")
         c = near(name, place, rng)

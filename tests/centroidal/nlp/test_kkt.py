@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from stridelab.centroidal.nlp.callbacks import Iterate
-from stridelab.centroidal.nlp.kkt import Solution, residuals
-from stridelab.centroidal.nlp.nlp import SCALE
-from stridelab.centroidal.nlp.solvers import TIME_IS_UP, Limits
+from stridelab.centroidal.nlp.kkt import Solution, kkt_residuals
+from stridelab.centroidal.nlp.nlp import OBJECTIVE_SCALE
+from stridelab.centroidal.nlp.solvers import TIME_LIMIT_STATUS, Limits
 from stridelab.centroidal.nlp.transcription import transcribe
 from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.centroidal.problem import CentroidalProblem
@@ -34,11 +34,11 @@ def test_the_first_order_conditions_hold_at_the_solution(solution: Solution) -> 
 def test_and_not_beside_it(problem: CentroidalProblem, solution: Solution) -> None:
     of = transcribe(problem)
     beside = replace(solution.point, w=solution.point.w + 1e-3)
-    found = residuals(of.compiled.programme, of.p, of.box, beside)
+    found = kkt_residuals(of.compiled.nlp, of.p, of.box, beside)
     assert found.feasibility > 1e-4
     assert found.stationarity > 1e-3
     loose = replace(solution.point, lambda_w=solution.point.lambda_w + 1.0)
-    assert residuals(of.compiled.programme, of.p, of.box, loose).stationarity == pytest.approx(1.0, abs=1e-4)
+    assert kkt_residuals(of.compiled.nlp, of.p, of.box, loose).stationarity == pytest.approx(1.0, abs=1e-4)
 
 
 def test_every_iteration_is_in_the_log_and_the_last_is_the_plan(plan: CentroidalPlan, solution: Solution) -> None:
@@ -51,7 +51,7 @@ def test_every_iteration_is_in_the_log_and_the_last_is_the_plan(plan: Centroidal
 
 def test_iterations_are_told_while_they_run(problem: CentroidalProblem) -> None:
     told: list[Iterate] = []
-    plan = solve(problem, "ipopt", tell=told.append)
+    plan = solve(problem, "ipopt", on_iteration=told.append)
     assert plan.solution is not None
     log = plan.solution.attempts[0].log
     assert [at.number for at in told] == list(range(plan.iterations + 1))
@@ -59,13 +59,13 @@ def test_iterations_are_told_while_they_run(problem: CentroidalProblem) -> None:
     assert told[0].infeasibility == pytest.approx(log.primal[0], rel=1e-9)
     assert told[-1].infeasibility < 1e-10
     again: list[Iterate] = []
-    solve(problem, "ipopt", tell=again.append)
+    solve(problem, "ipopt", on_iteration=again.append)
     assert again == told
 
 
 def test_fatrop_tells_too(problem: CentroidalProblem) -> None:
     told: list[Iterate] = []
-    plan = solve(problem, "fatrop", tell=told.append)
+    plan = solve(problem, "fatrop", on_iteration=told.append)
     assert plan.converged
     assert [at.number for at in told] == list(range(len(told)))
     assert abs(len(told) - plan.iterations) <= 1
@@ -104,7 +104,7 @@ def test_a_solver_out_of_time_stops(problem: CentroidalProblem) -> None:
     plan = solve(problem, limits=Limits(cpu_s=1e-3))
     assert not plan.converged
     assert plan.solver == "ipopt"  # and no other is asked
-    assert TIME_IS_UP in plan.status
+    assert TIME_LIMIT_STATUS in plan.status
     assert plan.iterations < 10
 
 
@@ -112,11 +112,11 @@ def test_fatrop_gets_as_many_iterations_as_fit_its_time(problem: CentroidalProbl
     plan = solve(problem, "fatrop", Limits(cpu_s=0.05))
     assert not plan.converged
     assert plan.iterations < 20
-    assert TIME_IS_UP in plan.status
+    assert TIME_LIMIT_STATUS in plan.status
 
 
 def test_the_scale_is_that_of_the_log(problem: CentroidalProblem, solution: Solution) -> None:
     of = transcribe(problem)
-    value = float(of.compiled.programme.value(of.guess, of.p)) / SCALE
+    value = float(of.compiled.nlp.value(of.guess, of.p)) / OBJECTIVE_SCALE
     # the solver moves the start off its bounds before it counts
     assert solution.attempts[0].log.objective[0] == pytest.approx(value, rel=0.5)

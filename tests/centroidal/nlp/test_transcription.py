@@ -9,12 +9,12 @@ from stridelab.centroidal.contact_wrench import ContactWrench
 from stridelab.centroidal.control import Control
 from stridelab.centroidal.cost_terms import cost_terms, objective
 from stridelab.centroidal.free_variables import FreeDurations, FreePlacements
-from stridelab.centroidal.nlp.nlp import SCALE
-from stridelab.centroidal.nlp.solvers import run
+from stridelab.centroidal.nlp.nlp import OBJECTIVE_SCALE
+from stridelab.centroidal.nlp.solvers import run_solver
 from stridelab.centroidal.nlp.transcription import Transcription, transcribe
 from stridelab.centroidal.point_forces import CircularCones, Pyramids
 from stridelab.centroidal.problem import CentroidalProblem, Weights
-from stridelab.centroidal.solver import read
+from stridelab.centroidal.solver import motion_from_variables
 from support.robots.centroidal_problems import rest_to_rest
 from support.robots.sequences import foot, phase, sequence
 
@@ -29,21 +29,21 @@ def directions(n: int) -> np.ndarray:
 
 
 def value(of: Transcription, w: np.ndarray) -> float:
-    return float(of.compiled.programme.value(w, of.p))
+    return float(of.compiled.nlp.value(w, of.p))
 
 
 def gradient(of: Transcription, w: np.ndarray) -> np.ndarray:
-    return of.compiled.programme.gradient(w, of.p).full().ravel()
+    return of.compiled.nlp.gradient(w, of.p).full().ravel()
 
 
 def rows(of: Transcription, w: np.ndarray) -> np.ndarray:
-    return of.compiled.programme.rows(w, of.p).full().ravel()
+    return of.compiled.nlp.rows(w, of.p).full().ravel()
 
 
 def curvature(of: Transcription, w: np.ndarray, lam: np.ndarray | None = None, s: float = 1.0, theta: float = 1.0):
     """The whole symmetric matrix, from its upper triangle."""
     lam = np.zeros(of.layout.n_rows) if lam is None else lam
-    upper = of.compiled.programme.hessian(w, of.p, s, lam, theta).full()
+    upper = of.compiled.nlp.hessian(w, of.p, s, lam, theta).full()
     assert np.array_equal(upper, np.triu(upper))
     return upper + np.triu(upper, 1).T
 
@@ -97,7 +97,7 @@ def test_with_durations_and_contacts_free_all_derivatives_are_exact(
 
 def assert_rows(of: Transcription, w: np.ndarray, lam: np.ndarray, e: float) -> None:
     def J(w: np.ndarray) -> np.ndarray:
-        return of.compiled.programme.jacobian(w, of.p).full()
+        return of.compiled.nlp.jacobian(w, of.p).full()
 
     H = curvature(of, w, lam, s=0.0)
     for d in directions(of.layout.n):
@@ -116,9 +116,9 @@ def test_with_the_majoriser_the_curvature_is_positive_semidefinite() -> None:
 def test_the_objective_is_the_sum_of_the_cost_terms_of_any_motion(programme: Transcription) -> None:
     """(4.20a)."""
     other = transcribe(replace(programme.problem, weights=Weights(likelihood=0.1, point_force=30.0)))
-    w = run("ipopt", other).point.w
-    terms = cost_terms(programme.problem, read(programme, programme.problem.sequence, w))
-    assert value(programme, w) == pytest.approx(SCALE * sum(terms.values()), rel=1e-9)
+    w = run_solver("ipopt", other).point.w
+    terms = cost_terms(programme.problem, motion_from_variables(programme, programme.problem.sequence, w))
+    assert value(programme, w) == pytest.approx(OBJECTIVE_SCALE * sum(terms.values()), rel=1e-9)
     assert objective(terms) == pytest.approx(sum(terms.values()) - terms["surface_force"] - terms["point_force"])
 
 
@@ -132,7 +132,7 @@ def test_problems_alike_in_structure_share_what_was_compiled(programme: Transcri
 
 def test_the_guess_is_the_thesis_start(programme: Transcription) -> None:
     problem = programme.problem
-    motion = read(programme, problem.sequence, programme.guess)
+    motion = motion_from_variables(programme, problem.sequence, programme.guess)
     share = motion.time_s / motion.time_s[-1]
     line = problem.com_start_m + share[:, None] * (problem.com_end_m - problem.com_start_m)
     assert motion.com_m == pytest.approx(line)

@@ -14,31 +14,33 @@ PLACES = np.array([[0.0, 0.0, 0.8], [0.1, 0.05, 0.82], [0.2, -0.05, 0.8], [0.4, 
 
 def test_between_two_places_it_is_the_quintic_of_flash_and_hogan() -> None:
     ends = np.array([[0.1, 0.0, 0.8], [0.6, -0.2, 0.9]])
-    motion = MinimumJerk.through(np.array([0.5, 2.5]), ends)
+    motion = MinimumJerk.through_points(np.array([0.5, 2.5]), ends)
     tau = np.linspace(0.0, 1.0, 21)
     share = 10.0 * tau**3 - 15.0 * tau**4 + 6.0 * tau**5
-    assert motion.at(0.5 + 2.0 * tau) == pytest.approx(ends[0] + np.outer(share, ends[1] - ends[0]), abs=1e-12)
+    assert motion.evaluate_at(0.5 + 2.0 * tau) == pytest.approx(ends[0] + np.outer(share, ends[1] - ends[0]), abs=1e-12)
     assert motion.cost == pytest.approx(720.0 / 2.0**5 * np.sum((ends[1] - ends[0]) ** 2), rel=1e-12)
-    assert motion.at(np.array([0.0, 3.0])) == pytest.approx(ends)
+    assert motion.evaluate_at(np.array([0.0, 3.0])) == pytest.approx(ends)
 
 
 def test_it_passes_the_places_and_four_derivatives_are_continuous() -> None:
-    motion = MinimumJerk.through(TIMES, PLACES)
-    assert motion.at(TIMES) == pytest.approx(PLACES, abs=1e-12)
+    motion = MinimumJerk.through_points(TIMES, PLACES)
+    assert motion.evaluate_at(TIMES) == pytest.approx(PLACES, abs=1e-12)
     for derivative in range(5):
-        before, after = (motion.at(TIMES[1:-1] + e, derivative) for e in (-1e-9, 1e-9))
+        before, after = (motion.evaluate_at(TIMES[1:-1] + e, derivative) for e in (-1e-9, 1e-9))
         assert before == pytest.approx(after, abs=1e-5)
-    assert motion.at(TIMES[[0, -1]], 1) == pytest.approx(np.zeros((2, 3)), abs=1e-12)
-    assert motion.at(TIMES[[0, -1]], 2) == pytest.approx(np.zeros((2, 3)), abs=1e-12)
+    assert motion.evaluate_at(TIMES[[0, -1]], 1) == pytest.approx(np.zeros((2, 3)), abs=1e-12)
+    assert motion.evaluate_at(TIMES[[0, -1]], 2) == pytest.approx(np.zeros((2, 3)), abs=1e-12)
     times = np.linspace(0.05, 2.95, 30)
     for derivative in range(1, 4):
-        slope = (motion.at(times + 1e-5, derivative - 1) - motion.at(times - 1e-5, derivative - 1)) / 2e-5
-        assert slope == pytest.approx(motion.at(times, derivative), abs=1e-5)
+        slope = (
+            motion.evaluate_at(times + 1e-5, derivative - 1) - motion.evaluate_at(times - 1e-5, derivative - 1)
+        ) / 2e-5
+        assert slope == pytest.approx(motion.evaluate_at(times, derivative), abs=1e-5)
 
 
 def test_no_motion_through_the_places_has_less_jerk() -> None:
     """Against least squares over a jerk that is constant on 300 intervals: better by discretisation only."""
-    motion, h, n = MinimumJerk.through(TIMES, PLACES), 0.01, 300
+    motion, h, n = MinimumJerk.through_points(TIMES, PLACES), 0.01, 300
     A, B = np.array([[1, h, h * h / 2], [0, 1, h], [0, 0, 1.0]]), np.array([h**3 / 6, h * h / 2, h])
     rows = []
     for time_s, states in [*((t, (0,)) for t in TIMES[1:-1]), (TIMES[-1], (0, 1, 2))]:
@@ -61,14 +63,14 @@ def test_what_is_taken_on_trust_can_be_looked_at() -> None:
     times = np.linspace(0.0, problem.sequence.duration_s - 1e-9, 35)
     standing = margins_n(problem, motion, times[[0, -1]])
     assert (standing > 0.0).all()
-    hasty = MinimumJerk.through(motion.time_s / 10.0, motion.com_m)
+    hasty = MinimumJerk.through_points(motion.time_s / 10.0, motion.com_m)
     assert margins_n(problem, hasty, times / 10.0).min() < -100.0
 
 
 def test_what_makes_no_sense_is_refused() -> None:
     for times, places in ((TIMES[:1], PLACES[:1]), (TIMES[[0, 0]], PLACES[:2])):
         with pytest.raises(InvalidInput) as refusal:
-            MinimumJerk.through(times, places)
+            MinimumJerk.through_points(times, places)
         assert refusal.value.code == "minimum-jerk-invalid"
     problem = rest_to_rest(two_steps())
     hop = sequence(problem.sequence.phases[0], phase(0.1), problem.sequence.phases[-1])

@@ -14,7 +14,7 @@ from stridelab.centroidal.problem import CentroidalProblem, Weights
 from stridelab.centroidal.solver import solve
 from stridelab.centroidal.special_cases.minimum_jerk import MinimumJerk, margins_n
 from stridelab.centroidal.special_cases.preview_control import PreviewControl
-from stridelab.centroidal.special_cases.walking_mpc import Walk, ZmpProgramme, ZmpWeights, level_supports
+from stridelab.centroidal.special_cases.walking_mpc import Walk, ZmpQuadraticProgram, ZmpWeights, level_supports
 from stridelab.contacts.wrench_cones.wrench_feasibility import conic_margin
 from stridelab.conventions import g
 from stridelab.dynamics.zmp import zmp_of_motion
@@ -48,7 +48,7 @@ def test_the_general_plan_satisfies_the_assumptions(level: CentroidalProblem, ge
     assert np.abs(general.l_nms).max() < 1e-3
     assert np.ptp(general.com_m[:, 2]) < 0.02
     for i, z in zip(general.phase, mean_zmp_m(general), strict=True):
-        corners = np.vstack([t.points_m[:, :2] for t in level.touches(int(i), np.zeros(3))])
+        corners = np.vstack([t.points_m[:, :2] for t in level.contact_patches(int(i), np.zeros(3))])
         assert (z >= corners.min(axis=0) - 1e-6).all()
         assert (z <= corners.max(axis=0) + 1e-6).all()
 
@@ -58,14 +58,16 @@ def test_the_programme_of_the_zmp_is_the_general_problem_at_an_even_height(
 ) -> None:
     """Costs ``w_c int |c''|^2`` on both sides; the general one may bob and so be the cheaper, by a little."""
     dt = 1.0 / RATE_HZ
-    programme = ZmpProgramme(height_m=COM_HEIGHT_M, dt_s=dt, weights=ZmpWeights(1e-7, LEVEL.com_acceleration, 0.0, 0.0))
+    programme = ZmpQuadraticProgram(
+        height_m=COM_HEIGHT_M, dt_s=dt, weights=ZmpWeights(1e-7, LEVEL.com_acceleration, 0.0, 0.0)
+    )
     walk = Walk(level_supports(level, dt), end="rest", goal_m=level.com_end_m[:2])
     plan = programme.solve(np.vstack([level.com_start_m[:2], np.zeros((2, 2))]), walk)
     ours = general.cost_terms["com_acceleration"]
     assert plan.cost == pytest.approx(ours, rel=0.005)
     assert np.abs(plan.cart.com_m - general.com_m[:, :2]).max() < 0.005
     assert np.abs(plan.cart.zmp_m[1:] - mean_zmp_m(general)).max() < 0.05
-    finer = ZmpProgramme(height_m=COM_HEIGHT_M, dt_s=dt / 2, weights=programme.weights)
+    finer = ZmpQuadraticProgram(height_m=COM_HEIGHT_M, dt_s=dt / 2, weights=programme.weights)
     closer = finer.solve(
         np.vstack([level.com_start_m[:2], np.zeros((2, 2))]), replace(walk, supports=level_supports(level, dt / 2))
     )
@@ -89,7 +91,7 @@ def test_preview_control_moves_as_the_general_problem_allows_at_a_price(
     cart = PreviewControl(height_m=COM_HEIGHT_M, dt_s=dt).follow(wanted)
     margins = []
     for k in range(0, len(t), 20):
-        touches = level.touches(level.sequence.phase_at(float(t[k])), np.zeros(3))
+        touches = level.contact_patches(level.sequence.phase_at(float(t[k])), np.zeros(3))
         force = MASS_KG * (np.append(cart.acceleration_m_s2[k], 0.0) - g)
         com = np.append(cart.com_m[k], COM_HEIGHT_M)
         margins.append(conic_margin(point_contacts(touches), np.concatenate([force, np.cross(com, force)])).margin_n)
@@ -110,14 +112,14 @@ def test_least_jerk_and_least_acceleration_are_each_best_at_their_own_cost() -> 
     problem = replace(base, com_end_m=base.com_end_m + np.array([d, 0.0, 0.0]))
     plan = solve(problem)
     assert plan.converged, plan.status
-    least = MinimumJerk.through(np.array([0.0, T]), np.array([problem.com_start_m, problem.com_end_m]))
+    least = MinimumJerk.through_points(np.array([0.0, T]), np.array([problem.com_start_m, problem.com_end_m]))
     times = np.linspace(0.0, T - 1e-6, 41)
     assert margins_n(problem, least, times).min() > 0.0, "the jerk's motion is one that (4.20) allows"
     ours = plan.cost_terms["com_acceleration"] / LEVEL.com_acceleration
     assert ours == pytest.approx(12.0 * d**2 / T**3, rel=0.05)  # the cubic's, and a little for the end
     of_least = 120.0 / 7.0 * d**2 / T**3
     fine = np.linspace(0.0, T, 4001)
-    assert np.trapezoid((least.at(fine, 2) ** 2).sum(axis=1), fine) == pytest.approx(of_least, rel=1e-4)
+    assert np.trapezoid((least.evaluate_at(fine, 2) ** 2).sum(axis=1), fine) == pytest.approx(of_least, rel=1e-4)
     assert ours < of_least
     jerk = np.diff(plan.com_a_m_s2, axis=0) * 40.0
     assert least.cost < float((jerk**2).sum()) / 40.0

@@ -10,7 +10,7 @@ from stridelab.centroidal.special_cases.walking_mpc import (
     Support,
     Walk,
     ZmpPlan,
-    ZmpProgramme,
+    ZmpQuadraticProgram,
     ZmpWeights,
     level_supports,
 )
@@ -25,7 +25,7 @@ WIDE = Support(5.0 * np.array([[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0
 REST = np.zeros((3, 2))
 
 
-def walking(n_steps: int, samples: int, speed_m_s: float, programme: ZmpProgramme) -> tuple[Walk, ZmpPlan]:
+def walking(n_steps: int, samples: int, speed_m_s: float, programme: ZmpQuadraticProgram) -> tuple[Walk, ZmpPlan]:
     """Left foot stands at y = 0.09; right and left in turn, their places free."""
     supports = [Support(SOLE + np.array([0.0, 0.09]))] * samples
     steps = []
@@ -43,7 +43,7 @@ def walking(n_steps: int, samples: int, speed_m_s: float, programme: ZmpProgramm
 def test_without_limits_that_bind_it_is_least_squares() -> None:
     """Written out sample by sample instead of by powers of the integrator."""
     n, dt = 30, 0.05
-    programme = ZmpProgramme(height_m=HEIGHT_M, dt_s=dt, weights=ZmpWeights(1e-3, 0.2, 0.5, 1.0))
+    programme = ZmpQuadraticProgram(height_m=HEIGHT_M, dt_s=dt, weights=ZmpWeights(1e-3, 0.2, 0.5, 1.0))
     rng = np.random.default_rng(0)
     state = 0.1 * rng.normal(size=(3, 2))
     plan = programme.solve(state, Walk([WIDE] * n, velocity_m_s=(0.3, -0.1)))
@@ -66,12 +66,12 @@ def test_without_limits_that_bind_it_is_least_squares() -> None:
 
 
 def test_the_zero_moment_point_stays_where_it_must_and_the_steps_follow_the_speed() -> None:
-    programme = ZmpProgramme(height_m=HEIGHT_M, dt_s=0.1, weights=ZmpWeights(1e-6, 0.0, 1.0, 0.1))
+    programme = ZmpQuadraticProgram(height_m=HEIGHT_M, dt_s=0.1, weights=ZmpWeights(1e-6, 0.0, 1.0, 0.1))
     walk, plan = walking(6, 8, 0.3, programme)
     assert walk.previous_m is not None
     for support, z in zip(walk.supports, plan.cart.zmp_m[1:], strict=True):
         place = np.zeros(2) if support.step is None else plan.steps_m[support.step]
-        normals, offsets = support.edges()
+        normals, offsets = support.edge_half_planes()
         assert (normals @ (z - place) <= offsets + 1e-7).all()
     places = np.vstack([walk.previous_m, plan.steps_m])
     for step, moved in zip(walk.steps, np.diff(places, axis=0), strict=True):
@@ -81,12 +81,12 @@ def test_the_zero_moment_point_stays_where_it_must_and_the_steps_follow_the_spee
     middle = slice(16, 40)
     assert plan.cart.velocity_m_s[middle, 0].mean() == pytest.approx(0.3, abs=0.03)
     end = plan.cart.com_m[-1] + plan.cart.velocity_m_s[-1] * np.sqrt(HEIGHT_M / GRAVITY_M_S2)
-    normals, offsets = walk.supports[-1].edges()
+    normals, offsets = walk.supports[-1].edge_half_planes()
     assert (normals @ (end - plan.steps_m[-1]) <= offsets + 1e-7).all()
 
 
 def test_steps_that_are_chosen_are_those_that_would_be_best_if_given() -> None:
-    programme = ZmpProgramme(height_m=HEIGHT_M, dt_s=0.1, weights=ZmpWeights(1e-6, 0.0, 1.0, 0.1))
+    programme = ZmpQuadraticProgram(height_m=HEIGHT_M, dt_s=0.1, weights=ZmpWeights(1e-6, 0.0, 1.0, 0.1))
     walk, plan = walking(4, 8, 0.3, programme)
     state = np.array([[0.0, 0.06], [0.2, 0.05], [0.0, 0.0]])
 
@@ -105,7 +105,7 @@ def test_steps_that_are_chosen_are_those_that_would_be_best_if_given() -> None:
 
 def test_rest_over_a_goal_is_reached() -> None:
     supports = level_supports(rest_to_rest(two_steps()), 0.1)
-    programme = ZmpProgramme(height_m=HEIGHT_M, dt_s=0.1)
+    programme = ZmpQuadraticProgram(height_m=HEIGHT_M, dt_s=0.1)
     plan = programme.solve(REST, Walk(supports, end="rest", goal_m=np.array([0.2, 0.0])))
     assert len(plan.cart.com_m) == 35
     assert plan.cart.com_m[-1] == pytest.approx([0.2, 0.0], abs=1e-6)
@@ -116,7 +116,7 @@ def test_rest_over_a_goal_is_reached() -> None:
 def test_a_goal_too_far_away_is_infeasible() -> None:
     supports = level_supports(rest_to_rest(two_steps()), 0.1)
     with pytest.raises(NotEstimable) as refusal:
-        ZmpProgramme(height_m=HEIGHT_M).solve(REST, Walk(supports, end="rest", goal_m=np.array([3.0, 0.0])))
+        ZmpQuadraticProgram(height_m=HEIGHT_M).solve(REST, Walk(supports, end="rest", goal_m=np.array([3.0, 0.0])))
     assert refusal.value.code == "zmp-programme-infeasible"
 
 
@@ -142,7 +142,7 @@ def test_contacts_that_are_not_level_are_refused() -> None:
 )
 def test_numbers_that_make_no_sense_are_refused(wrong: dict[str, object]) -> None:
     with pytest.raises(InvalidInput) as refusal:
-        ZmpProgramme(**{"height_m": HEIGHT_M, **wrong})
+        ZmpQuadraticProgram(**{"height_m": HEIGHT_M, **wrong})
     assert refusal.value.code == "zmp-programme-invalid"
 
 
@@ -157,5 +157,5 @@ def test_numbers_that_make_no_sense_are_refused(wrong: dict[str, object]) -> Non
 )
 def test_walks_that_lack_something_are_refused(walk: Walk, where: str) -> None:
     with pytest.raises(InvalidInput) as refusal:
-        ZmpProgramme(height_m=HEIGHT_M).solve(REST, walk)
+        ZmpQuadraticProgram(height_m=HEIGHT_M).solve(REST, walk)
     assert refusal.value.faults[0].where == where

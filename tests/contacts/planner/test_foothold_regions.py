@@ -7,7 +7,7 @@ from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation as ScipyRotation
 
 from stridelab.contacts.effector_geometry import EffectorReach
-from stridelab.contacts.planner.foothold_regions import PIECES_MAX, Region, regions
+from stridelab.contacts.planner.foothold_regions import PIECES_MAX, Region, foothold_regions
 from stridelab.contacts.planner.step_limits import EffectorLimits
 from stridelab.contacts.terrain import Box, Rail, Terrain
 from stridelab.dynamics.spatial import Placement
@@ -15,18 +15,18 @@ from stridelab.dynamics.spatial import Placement
 ANY = EffectorReach((-1.0, -1.0, -1.0), (1.0, 1.0, 1.0), 2.0)
 SOLE = EffectorLimits("surface", (0.10, 0.05), ANY, ANY)
 HAND = EffectorLimits("point", (0.0, 0.0), ANY, ANY)
-FLOOR = Box("floor", Placement.of([0.2, 0.1, -0.05]), np.array([1.0, 0.8, 0.1]))
+FLOOR = Box("floor", Placement.from_wxyz([0.2, 0.1, -0.05]), np.array([1.0, 0.8, 0.1]))
 CORNERS = np.array([(1, 1), (-1, 1), (-1, -1), (1, -1)], float)
 
 
 def box(x_m: float, y_m: float, low_m: float, high_m: float, yaw_rad: float = 0.0) -> Box:
     """An obstacle of 0.2 m by 0.1 m."""
     turn = [float(np.cos(yaw_rad / 2)), 0.0, 0.0, float(np.sin(yaw_rad / 2))]
-    return Box("box", Placement.of([x_m, y_m, (low_m + high_m) / 2], turn), np.array([0.2, 0.1, high_m - low_m]))
+    return Box("box", Placement.from_wxyz([x_m, y_m, (low_m + high_m) / 2], turn), np.array([0.2, 0.1, high_m - low_m]))
 
 
 def found(yaw_rad: float, gap_m: float, *others: Box, friction: float = 0.3, floor: Box = FLOOR) -> list[Region]:
-    return regions(Terrain.of([floor, *others]), friction, SOLE, yaw_rad, gap_m)
+    return foothold_regions(Terrain.from_surfaces([floor, *others]), friction, SOLE, yaw_rad, gap_m)
 
 
 def holds(region: Region, place_m: np.ndarray) -> bool:
@@ -68,7 +68,7 @@ def test_the_gap_is_kept_from_every_edge_where_there_is_room() -> None:
     (region,) = found(0.0, 0.05)
     np.testing.assert_allclose(region.corners_m.min(axis=0), [0.2 - 0.35, 0.1 - 0.30, 0.0], atol=1e-12)
     np.testing.assert_allclose(region.corners_m.max(axis=0), [0.2 + 0.35, 0.1 + 0.30, 0.0], atol=1e-12)
-    narrow = Box("strip", Placement.of([0.0, 0.0, 0.0]), np.array([1.0, 0.16, 0.1]))
+    narrow = Box("strip", Placement.from_wxyz([0.0, 0.0, 0.0]), np.array([1.0, 0.16, 0.1]))
     (strip,) = found(0.0, 0.05, floor=narrow)
     np.testing.assert_allclose(strip.corners_m.max(axis=0), [0.4 - 0.027, 0.003, 0.05], atol=1e-9)
     assert found(0.0, 0.05, floor=Box("beam", Placement.identity(), np.array([1.0, 0.09, 0.1]))) == []
@@ -79,7 +79,7 @@ def test_the_gap_is_kept_from_every_edge_where_there_is_room() -> None:
 def test_a_face_steeper_than_its_friction_carries_nothing(friction: float, own: float | None, stands: bool) -> None:
     """20 degrees, tan 0.364; the sole's frame lies in the face, its x as far ahead as that allows."""
     turn = ScipyRotation.from_euler("y", -20.0, degrees=True)
-    ramp = Box("ramp", Placement.of([0.0, 0.0, 0.0], turn.as_quat(scalar_first=True).tolist()), np.ones(3), own)
+    ramp = Box("ramp", Placement.from_wxyz([0.0, 0.0, 0.0], turn.as_quat(scalar_first=True).tolist()), np.ones(3), own)
     room = found(0.0, 0.0, floor=ramp, friction=friction)
     assert len(room) == stands
     for region in room:
@@ -92,7 +92,7 @@ def test_a_hand_keeps_from_the_ends_of_a_rail_and_points_ahead(gap_m: float, hal
     """A rail of 1 m that was drawn from its far end; posts are none."""
     rail = Rail("rail", np.array([1.0, 0.5, 0.9]), np.array([0.0, 0.5, 0.9]), 0.02)
     post = Rail("post", np.zeros(3), np.array([0.0, 0.0, 1.0]), 0.02)
-    (region,) = regions(Terrain.of([FLOOR, rail, post]), 0.3, HAND, 0.1, gap_m)
+    (region,) = foothold_regions(Terrain.from_surfaces([FLOOR, rail, post]), 0.3, HAND, 0.1, gap_m)
     np.testing.assert_allclose(region.rotation, np.eye(3), atol=1e-12)
     np.testing.assert_allclose(np.sort(region.corners_m[:, 0]), [0.5 - half_m, 0.5 + half_m], atol=1e-12)
     np.testing.assert_allclose(region.corners_m[:, 1:], [[0.5, 0.92]] * 2, atol=1e-12)
@@ -104,7 +104,7 @@ def test_a_hand_keeps_from_the_ends_of_a_rail_and_points_ahead(gap_m: float, hal
 
 def test_of_many_obstacles_the_largest_pieces_are_kept() -> None:
     """A field of posts on a large floor leaves more pieces than are kept, and no piece lies in another."""
-    floor = Box("floor", Placement.of([0.0, 0.0, -0.05]), np.array([3.0, 3.0, 0.1]))
+    floor = Box("floor", Placement.from_wxyz([0.0, 0.0, -0.05]), np.array([3.0, 3.0, 0.1]))
     posts = [box(x, y, 0.0, 0.5, x) for x, y in np.random.default_rng(0).uniform(-1.3, 1.3, (4, 2))]
     room = [region for region in found(0.0, 0.0, *posts, floor=floor) if region.surface == "floor"]
     assert len(room) == PIECES_MAX

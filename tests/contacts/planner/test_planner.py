@@ -8,9 +8,9 @@ import pytest
 
 from stridelab.contacts.effector_geometry import effector_shapes
 from stridelab.contacts.planner.planner import ContactPlan, ContactPlanner
-from stridelab.contacts.planner.step_limits import COVER
+from stridelab.contacts.planner.step_limits import BALL_COVER
 from stridelab.contacts.scenarios.stairs import flat_walk, six_stairs, stairs_with_rail
-from stridelab.contacts.validation.validate import check
+from stridelab.contacts.validation.validate import validate_scenario
 from stridelab.errors import InvalidInput, NotEstimable
 from stridelab.reachability.planner_limits import planner_limits
 from support.oracles.contact_enumeration import best_objective
@@ -36,7 +36,7 @@ def of_scenario(scenario: dict[str, Any]) -> dict[str, Any]:
 def test_bundled_ways_are_found(build: Callable[[], dict[str, Any]]) -> None:
     asked = of_scenario(build())
     plan = PLANNER.plan(asked)
-    assert check(plan.scenario, SHAPES).faults == ()
+    assert validate_scenario(plan.scenario, SHAPES).faults == ()
     for phase, end in ((0, "start"), (-1, "goal")):
         found = {c["effector"]: c["position_m"] for c in plan.scenario["phases"][phase]["contacts"]}
         for contact in asked[end]["contacts"]:
@@ -53,7 +53,7 @@ def test_random_terrains(kind: str) -> None:
         answer = planned(asked)
         if isinstance(answer, ContactPlan):
             found += 1
-            assert check(answer.scenario, SHAPES).faults == ()
+            assert validate_scenario(answer.scenario, SHAPES).faults == ()
         else:
             assert answer.code == "contacts-unreachable"
             assert answer.faults
@@ -67,7 +67,7 @@ def test_an_exhaustive_search_agrees(seed: int) -> None:
     asked = random_task(rng, ("gaps", "stairs up", "stairs down")[seed % 3], most=2)
     planner = ContactPlanner(SHAPES, PLANNER.limits, extra_steps=1)
     answer = planned(asked, planner)
-    ends, rooms, least = planner.prepared(asked)
+    ends, rooms, least = planner.prepare_task(asked)
     feet_in_turn = ("right_foot", "left_foot")
     tried = [
         best_objective(ends, planner.limits, rooms, steps, first)
@@ -117,11 +117,11 @@ def test_a_step_that_misses_its_limits_is_named() -> None:
     with pytest.raises(NotEstimable) as refusal:
         PLANNER.plan(island())
     aside_m = 0.32 + 2 * PLANNER.limits.defaults.width_min_m
-    lacking_m = (0.52 + aside_m) / np.sqrt(2.0) - COVER * PLANNER.limits.feet_distance_max_m
+    lacking_m = (0.52 + aside_m) / np.sqrt(2.0) - BALL_COVER * PLANNER.limits.feet_distance_max_m
     assert refusal.value.code == "contacts-unreachable"
     assert refusal.value.faults[0].where.startswith("steps[")
     assert f"to 'island', left_foot misses its limits by {lacking_m:.2f} m" in refusal.value.message
-    ends, rooms, least = PLANNER.prepared(island())
+    ends, rooms, least = PLANNER.prepare_task(island())
     assert all(
         best_objective(ends, PLANNER.limits, rooms, steps, first) is None
         for steps in (least, least + 1)
@@ -144,7 +144,7 @@ def test_a_turn_takes_steps() -> None:
     ]
     plan = PLANNER.plan(asked)
     assert plan.steps >= 8
-    assert check(plan.scenario, SHAPES).faults == ()
+    assert validate_scenario(plan.scenario, SHAPES).faults == ()
 
 
 def test_tilted_stones() -> None:
@@ -156,7 +156,7 @@ def test_tilted_stones() -> None:
         terrain.append(stone)
     terrain.append(box("end", (1.25, 2.0), 0.0))
     plan = PLANNER.plan(task(terrain, 1.6, 0.0))
-    assert check(plan.scenario, SHAPES).faults == ()
+    assert validate_scenario(plan.scenario, SHAPES).faults == ()
     names = {c["orientation_wxyz"][1] != 0.0 for phase in plan.scenario["phases"] for c in phase["contacts"]}
     assert names == {True, False}
 
@@ -182,7 +182,7 @@ def test_a_foot_that_cannot_be_read_is_not_said_to_be_missing() -> None:
     wrong = feet(0.5, 0.0)
     wrong[0]["position_m"] = [0.5, 0.09]
     with pytest.raises(InvalidInput) as refusal:
-        PLANNER.prepared(task([box("ground", (-1.0, 1.0), 0.0)], 0.5, 0.0) | {"goal": {"contacts": wrong}})
+        PLANNER.prepare_task(task([box("ground", (-1.0, 1.0), 0.0)], 0.5, 0.0) | {"goal": {"contacts": wrong}})
     assert [fault.where for fault in refusal.value.faults] == ["goal.contacts[left_foot]"]
 
 

@@ -7,16 +7,16 @@ import pytest
 
 from stridelab.contacts.effector_geometry import EffectorReach
 from stridelab.contacts.planner.foothold_regions import Region
-from stridelab.contacts.planner.pruning import first_gap, pruned
-from stridelab.contacts.planner.schedule import Ends, Schedule, schedule
-from stridelab.contacts.planner.step_limits import COVER, EffectorLimits, RobotLimits, StepDefaults
+from stridelab.contacts.planner.pruning import first_gap, prune_schedule
+from stridelab.contacts.planner.schedule import Schedule, StartAndGoal, build_schedule
+from stridelab.contacts.planner.step_limits import BALL_COVER, EffectorLimits, RobotLimits, StepDefaults
 from stridelab.dynamics.spatial import Placement
 
 WIDE = EffectorReach((-1.0, -1.0, -1.0), (1.0, 1.0, 1.0), 2.0)
 FOOT = EffectorLimits("surface", (0.1, 0.05), WIDE, WIDE)
 LIMITS = RobotLimits(
     {"left_foot": FOOT, "right_foot": FOOT, "right_hand": replace(FOOT, kind="point")},
-    0.5 / COVER,
+    0.5 / BALL_COVER,
     StepDefaults(0.4, 0.2, 0.2, 0.1),
 )
 """A step reaches 0.5 m ahead and back, 0.2 m up and down, and 0.1 to 0.5 m to the foot's own side."""
@@ -24,15 +24,15 @@ LIMITS = RobotLimits(
 
 def turned(yaw_deg: float, *place_m: float) -> Placement:
     half = np.radians(yaw_deg) / 2
-    return Placement.of(list(place_m), [float(np.cos(half)), 0.0, 0.0, float(np.sin(half))])
+    return Placement.from_wxyz(list(place_m), [float(np.cos(half)), 0.0, 0.0, float(np.sin(half))])
 
 
 def standing(x_m: float, z_m: float = 0.0) -> dict[str, Placement]:
     return {"left_foot": turned(0.0, x_m, 0.1, z_m), "right_foot": turned(0.0, x_m, -0.1, z_m)}
 
 
-def straight(x_m: float, z_m: float = 0.0) -> Ends:
-    return Ends.of(standing(0.0), standing(x_m, z_m), LIMITS.feet)
+def straight(x_m: float, z_m: float = 0.0) -> StartAndGoal:
+    return StartAndGoal.from_stances(standing(0.0), standing(x_m, z_m), LIMITS.feet)
 
 
 def plank(name: str, low_m: float, high_m: float, z_m: float = 0.0) -> Region:
@@ -42,8 +42,8 @@ def plank(name: str, low_m: float, high_m: float, z_m: float = 0.0) -> Region:
     return Region(name, np.array([0.0, 0.0, z_m]), axes, box, np.array([high_m, 1.0, -low_m, 1.0]), np.eye(3), corners)
 
 
-def scheduled(ends: Ends, steps: int, *planks: Region, first: str = "right_foot") -> Schedule:
-    found = schedule(ends, LIMITS, lambda _effector, _yaw: planks, steps, first)
+def scheduled(ends: StartAndGoal, steps: int, *planks: Region, first: str = "right_foot") -> Schedule:
+    found = build_schedule(ends, LIMITS, lambda _effector, _yaw: planks, steps, first)
     assert found is not None
     return found
 
@@ -57,7 +57,7 @@ def names(plan: Schedule | None) -> list[list[str]]:
 def test_headings_are_the_mean_of_both_soles_and_the_turn_is_the_shorter_one() -> None:
     start = {"left_foot": turned(160.0, 0.0, 0.1, 0.0), "right_foot": turned(180.0, 0.0, -0.1, 0.0)}
     goal = {"left_foot": turned(-175.0, 0.0, 0.1, 0.0), "right_foot": turned(-155.0, 0.0, -0.1, 0.0)}
-    ends = Ends.of(start, goal, LIMITS.feet)
+    ends = StartAndGoal.from_stances(start, goal, LIMITS.feet)
     assert np.degrees([ends.yaw_rad, ends.turn_rad]) == pytest.approx([170.0, 25.0])
 
 
@@ -65,7 +65,7 @@ def test_hands_move_before_every_second_step_and_at_the_end() -> None:
     """Three steps from a hand in the air to one on the goal: the moves, where they may go, and the heading of each."""
     hold = turned(0.0, 0.7, -0.4, 0.9)
     goal = {name: turned(30.0, *at.position_m.tolist()) for name, at in standing(0.6).items()}
-    ends = Ends.of(standing(0.0), {**goal, "right_hand": hold}, LIMITS.feet)
+    ends = StartAndGoal.from_stances(standing(0.0), {**goal, "right_hand": hold}, LIMITS.feet)
     plan = scheduled(ends, 3, plank("ground", -1.0, 2.0))
     told = [(node.effector, node.step, round(np.degrees(node.yaw_rad)), node.free) for node in plan.nodes]
     assert told == [
@@ -100,10 +100,12 @@ def test_a_foot_that_takes_no_step_must_stand_on_the_goal(steps: int, first: str
     """One step moves the first foot alone, to the goal; no step none; a turn on the spot is a move."""
     other = "left_foot" if first == "right_foot" else "right_foot"
     for change in (turned(0.0, 0.3, 0.0, 0.0), turned(20.0, *standing(0.0)[other].position_m.tolist())):
-        ends = Ends.of(standing(0.0), {**standing(0.0), other: change}, LIMITS.feet)
-        assert schedule(ends, LIMITS, lambda _effector, _yaw: (), steps, first) is None
+        ends = StartAndGoal.from_stances(standing(0.0), {**standing(0.0), other: change}, LIMITS.feet)
+        assert build_schedule(ends, LIMITS, lambda _effector, _yaw: (), steps, first) is None
     if steps:
-        ends = Ends.of(standing(0.0), {**standing(0.0), first: turned(0.0, 0.3, 0.0, 0.0)}, LIMITS.feet)
+        ends = StartAndGoal.from_stances(
+            standing(0.0), {**standing(0.0), first: turned(0.0, 0.3, 0.0, 0.0)}, LIMITS.feet
+        )
         plan = scheduled(ends, steps, first=first)
         assert [plan.nodes[i].effector for i in plan.feet] == [other, first]
 
@@ -112,9 +114,9 @@ def test_only_planks_on_a_way_are_left() -> None:
     """Four steps over 1.5 m: the first must land within 0.5 m, the second within 0.5 m of it and of the goal."""
     planks = [plank("a", -0.2, 0.1), plank("b", 0.45, 0.55), plank("c", 0.95, 1.05), plank("d", 1.4, 1.6)]
     planks.append(plank("high", 0.45, 0.55, 0.21))
-    assert names(pruned(scheduled(straight(1.5), 4, *planks), LIMITS)) == [[], ["b"], ["c"], [], []]
-    assert pruned(scheduled(straight(1.56), 4, *planks), LIMITS) is None
-    assert pruned(scheduled(straight(1.5), 3, *planks), LIMITS) is None
+    assert names(prune_schedule(scheduled(straight(1.5), 4, *planks), LIMITS)) == [[], ["b"], ["c"], [], []]
+    assert prune_schedule(scheduled(straight(1.56), 4, *planks), LIMITS) is None
+    assert prune_schedule(scheduled(straight(1.5), 3, *planks), LIMITS) is None
 
 
 def test_the_gap_is_between_what_was_reached_and_what_was_not() -> None:
@@ -127,7 +129,7 @@ def test_the_gap_is_between_what_was_reached_and_what_was_not() -> None:
     assert gap.missing_m == pytest.approx((0.15, 0.0, 0.1))
     between = plank("between", 0.3, 0.4, 0.15)
     assert first_gap(straight(1.2, 0.3), LIMITS, lambda _effector, _yaw: (near, between, far), surfaces) is None
-    back = Ends(standing(1.2, 0.3), standing(0.0), 0.0, 0.0)
+    back = StartAndGoal(standing(1.2, 0.3), standing(0.0), 0.0, 0.0)
     turned_round = first_gap(
         back, LIMITS, lambda _effector, _yaw: (near, far), dict.fromkeys(surfaces, ("far", "near"))
     )

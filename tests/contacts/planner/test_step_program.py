@@ -8,9 +8,9 @@ import pytest
 from stridelab.contacts.effector_geometry import EffectorReach
 from stridelab.contacts.planner.foothold_regions import Region
 from stridelab.contacts.planner.milp import FREE_COST, LinearProgram, StepProgram
-from stridelab.contacts.planner.schedule import Ends, schedule
+from stridelab.contacts.planner.schedule import StartAndGoal, build_schedule
 from stridelab.contacts.planner.step_limits import (
-    COVER,
+    BALL_COVER,
     DIRECTIONS,
     EffectorLimits,
     RobotLimits,
@@ -30,9 +30,12 @@ LIMITS = RobotLimits({"left_foot": FOOT, "right_foot": FOOT, "right_hand": HAND}
 def test_a_program_of_a_textbook(whole: bool, x: list[float], objective: float) -> None:
     """Most of 5 x + 4 y with 6 x + 4 y <= 24 and x + 2 y <= 6: the corner of both, or the best whole numbers."""
     program = LinearProgram()
-    (first,), (second,) = program.add(1, 0.0, cost=-5.0, whole=whole), program.add(1, 0.0, cost=-4.0, whole=whole)
-    program.row([(first, 4.0), (second, 4.0), (first, 2.0)], high=24.0)
-    program.row([(first, 1.0), (second, 2.0)], high=6.0)
+    (first,), (second,) = (
+        program.add_variables(1, 0.0, cost=-5.0, integer=whole),
+        program.add_variables(1, 0.0, cost=-4.0, integer=whole),
+    )
+    program.add_row([(first, 4.0), (second, 4.0), (first, 2.0)], high=24.0)
+    program.add_row([(first, 1.0), (second, 2.0)], high=6.0)
     answer = program.solve(10.0)
     assert answer.x is not None
     assert answer.x == pytest.approx(x, abs=1e-6)
@@ -42,10 +45,10 @@ def test_a_program_of_a_textbook(whole: bool, x: list[float], objective: float) 
 def test_variables_are_free_unless_bounded() -> None:
     """Least x + y + z / 2 with x >= -3 by a row, y >= -2 by its bound, z <= -5 and x + z >= -9."""
     program = LinearProgram()
-    x, _ = program.add(1, cost=1.0) + program.add(1, -2.0, cost=1.0)
-    (z,) = program.add(1, high=-5.0, cost=0.5)
-    program.row([(x, 1.0)], low=-3.0)
-    program.row([(x, 1.0), (z, 1.0)], low=-9.0)
+    x, _ = program.add_variables(1, cost=1.0) + program.add_variables(1, -2.0, cost=1.0)
+    (z,) = program.add_variables(1, high=-5.0, cost=0.5)
+    program.add_row([(x, 1.0)], low=-3.0)
+    program.add_row([(x, 1.0), (z, 1.0)], low=-9.0)
     answer = program.solve(10.0)
     assert answer.x is not None
     assert answer.x == pytest.approx([-3.0, -2.0, -6.0])
@@ -53,8 +56,8 @@ def test_variables_are_free_unless_bounded() -> None:
 
 def test_a_program_without_a_solution_is_proven_to_have_none() -> None:
     program = LinearProgram()
-    (x,) = program.add(1, 0.0, 1.0)
-    program.row([(x, 1.0)], low=2.0)
+    (x,) = program.add_variables(1, 0.0, 1.0)
+    program.add_row([(x, 1.0)], low=2.0)
     answer = program.solve(10.0)
     assert (answer.x, answer.objective, answer.proven) == (None, np.inf, True)
 
@@ -66,10 +69,10 @@ def test_directions_cover_a_ball() -> None:
     points = np.random.default_rng(0).normal(size=(2000, 3))
     points /= np.linalg.norm(points, axis=1)[:, np.newaxis]
     most = (points @ DIRECTIONS.T).max(axis=1)
-    assert COVER <= most.min() <= COVER + 0.01
+    assert BALL_COVER <= most.min() <= BALL_COVER + 0.01
     low, high = np.array([-0.2, -0.2, 0.0]), np.array([0.2, 0.2, 1.0])
     rows, offset = ball_rows(0.9, low, high)
-    assert offset == pytest.approx(0.9 * COVER)
+    assert offset == pytest.approx(0.9 * BALL_COVER)
     inside = np.random.default_rng(1).uniform(low, high, (2000, 3))
     np.testing.assert_array_equal(
         (inside @ rows.T <= offset).all(axis=1), (inside @ DIRECTIONS.T <= offset).all(axis=1)
@@ -80,7 +83,7 @@ def test_directions_cover_a_ball() -> None:
 
 def test_a_step_keeps_the_feet_apart_and_the_com_within_reach_of_both() -> None:
     """The box of a step is what two boxes about one CoM leave, within the largest step, width and stair."""
-    d = 0.7 * COVER
+    d = 0.7 * BALL_COVER
     low, high = LIMITS.offset_box_m("left_foot")
     np.testing.assert_allclose(low, [-d, 0.1, -0.2])
     np.testing.assert_allclose(high, [d, d, 0.2])
@@ -95,13 +98,13 @@ def test_a_step_keeps_the_feet_apart_and_the_com_within_reach_of_both() -> None:
     np.testing.assert_allclose(both.offset_box_m("left_foot"), [[-0.3, 0.1, -0.1], [0.3, 0.25, 0.1]])
 
 
-def ends(x_m: float, hand: bool = False) -> Ends:
+def ends(x_m: float, hand: bool = False) -> StartAndGoal:
     sides = {"left_foot": 0.12, "right_foot": -0.12}
-    stances = [{name: Placement.of([x, y, 0.0]) for name, y in sides.items()} for x in (0.0, x_m)]
+    stances = [{name: Placement.from_wxyz([x, y, 0.0]) for name, y in sides.items()} for x in (0.0, x_m)]
     if hand:
         for stance, x in zip(stances, (0.1, x_m + 0.1), strict=True):
-            stance["right_hand"] = Placement.of([x, -0.4, 0.8])
-    return Ends.of(stances[0], stances[1], LIMITS.feet)
+            stance["right_hand"] = Placement.from_wxyz([x, -0.4, 0.8])
+    return StartAndGoal.from_stances(stances[0], stances[1], LIMITS.feet)
 
 
 def ground(low_m: float, high_m: float, *, rail: bool = False) -> Region:
@@ -114,12 +117,14 @@ def ground(low_m: float, high_m: float, *, rail: bool = False) -> Region:
     return Region("rail" if rail else "ground", origin, axes, A, b, np.eye(3), corners)
 
 
-def solved(way: Ends, steps: int, floor: Region, *rails: Region) -> tuple[float, list[list[float] | None]]:
+def solved(way: StartAndGoal, steps: int, floor: Region, *rails: Region) -> tuple[float, list[list[float] | None]]:
     """The objective and where the placements that were chosen are."""
-    plan = schedule(way, LIMITS, lambda name, _yaw: rails if name == "right_hand" else (floor,), steps, "right_foot")
+    plan = build_schedule(
+        way, LIMITS, lambda name, _yaw: rails if name == "right_hand" else (floor,), steps, "right_foot"
+    )
     assert plan is not None
     program = StepProgram(plan, LIMITS, way)
-    placed = program.placed(program.solve(20.0))
+    placed = program.placements_of(program.solve(20.0))
     chosen = [i for i, node in enumerate(plan.nodes) if node.fixed is None]
     places = [placed.placements[i] for i in chosen]
     assert [placed.regions[i] is None for i in chosen] == [at is None for at in places]
@@ -161,13 +166,13 @@ def test_a_hand_follows_along_the_rail_or_hangs_free() -> None:
 def test_with_slack_only_what_is_missing_counts_and_no_foot_is_left_out() -> None:
     """The goal is 1.5 m ahead, the only ground 0.4 m behind: the step on to the goal lacks 1.9 m less a step."""
     way = ends(1.5)
-    plan = schedule(way, LIMITS, lambda _name, _yaw: (ground(-0.5, -0.4),), 4, "right_foot")
+    plan = build_schedule(way, LIMITS, lambda _name, _yaw: (ground(-0.5, -0.4),), 4, "right_foot")
     assert plan is not None
     program = StepProgram(plan, LIMITS, way, slack=True)
     assert program.slack is not None
     answer = program.solve(20.0)
     assert answer.x is not None
-    lacking_m = 1.9 - 0.7 * COVER
+    lacking_m = 1.9 - 0.7 * BALL_COVER
     assert answer.objective == pytest.approx(lacking_m)
     assert answer.x[list(program.slack)] == pytest.approx([0.0, 0.0, lacking_m, 0.0])
-    assert [at is None for at in program.placed(answer).placements] == [False] * 6
+    assert [at is None for at in program.placements_of(answer).placements] == [False] * 6

@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation as ScipyRotation
 
 from stridelab.contacts.effector_geometry import EffectorShape
 from stridelab.contacts.scenarios.stairs import HandRail, Stairs, flat_walk, six_stairs, stairs_with_rail
-from stridelab.contacts.validation.validate import check
+from stridelab.contacts.validation.validate import validate_scenario
 from support.robots.effectors import FOOT_REACH, SHAPES, Made, faults, judged
 
 
@@ -35,7 +35,7 @@ def ramp(degrees: float, friction: float) -> Made:
 
 @pytest.mark.parametrize(("degrees", "friction", "valid"), [(16.0, 0.3, True), (17.0, 0.3, False), (30.0, 0.6, True)])
 def test_slopes_hold_as_far_as_friction_goes(degrees: float, friction: float, valid: bool) -> None:
-    report = check(ramp(degrees, friction), SHAPES)
+    report = validate_scenario(ramp(degrees, friction), SHAPES)
     assert report.valid is valid
     if not valid:
         assert faults(report) == [
@@ -59,13 +59,13 @@ def test_two_slopes_that_face_each_other_hold_more_than_one() -> None:
                  "orientation_wxyz": wxyz}
         )  # fmt: skip
         entry.update(position_m=(center + turn.apply([0.0, 0.0, 0.1])).tolist(), orientation_wxyz=wxyz)
-    assert check(scenario, SHAPES).valid
+    assert validate_scenario(scenario, SHAPES).valid
     one_leg = scenario | {"phases": [scenario["phases"][0] | {"contacts": scenario["phases"][0]["contacts"][:1]}]}
-    assert "slips" in check(one_leg, SHAPES).faults[0].message
+    assert "slips" in validate_scenario(one_leg, SHAPES).faults[0].message
 
 
 def test_a_stair_of_one_and_a_half_metres() -> None:
-    report = check(six_stairs(Stairs(1, 1.5)), SHAPES)
+    report = validate_scenario(six_stairs(Stairs(1, 1.5)), SHAPES)
     lacking = 1.5 + FOOT_REACH.com_low_m[2] - FOOT_REACH.com_high_m[2]
     ((where, message),) = faults(report)
     assert where == "phases[2].contacts[right_foot]"
@@ -75,11 +75,11 @@ def test_a_stair_of_one_and_a_half_metres() -> None:
 
 @pytest.mark.parametrize(("height", "valid"), [(1.05, True), (1.15, False)])
 def test_the_limits_decide_how_high_a_stair_may_be(height: float, valid: bool) -> None:
-    assert check(six_stairs(Stairs(1, height)), SHAPES).valid is valid
+    assert validate_scenario(six_stairs(Stairs(1, height)), SHAPES).valid is valid
 
 
 def test_a_hand_too_far_away() -> None:
-    report = check(stairs_with_rail(rail=HandRail(y_m=-2.2)), SHAPES)
+    report = validate_scenario(stairs_with_rail(rail=HandRail(y_m=-2.2)), SHAPES)
     where, message = faults(report)[0]
     assert where == "phases[0].contacts[right_hand]"
     assert "too far from" in message
@@ -87,10 +87,10 @@ def test_a_hand_too_far_away() -> None:
 
 def test_what_is_missing_is_enough() -> None:
     """Moved by what the message says, the contact is within reach, and by nine tenths of it, it is not."""
-    report = check(six_stairs(Stairs(1, 1.5)), SHAPES)
+    report = validate_scenario(six_stairs(Stairs(1, 1.5)), SHAPES)
     lacking = float(report.faults[0].message.split(" m ")[0])
-    assert check(six_stairs(Stairs(1, 1.5 - lacking)), SHAPES).valid
-    assert not check(six_stairs(Stairs(1, 1.5 - 0.9 * lacking)), SHAPES).valid
+    assert validate_scenario(six_stairs(Stairs(1, 1.5 - lacking)), SHAPES).valid
+    assert not validate_scenario(six_stairs(Stairs(1, 1.5 - 0.9 * lacking)), SHAPES).valid
 
 
 def test_the_moment_between_two_phases_counts() -> None:
@@ -111,7 +111,7 @@ def test_the_moment_between_two_phases_counts() -> None:
 
 def test_a_robot_without_limits_is_not_judged_by_them() -> None:
     shapes = {name: EffectorShape(shape.kind, shape.half_size_m) for name, shape in SHAPES.items()}
-    report = check(six_stairs(Stairs(1, 1.5)), shapes)
+    report = validate_scenario(six_stairs(Stairs(1, 1.5)), shapes)
     assert report.valid
     assert "reach-unknown" in {remark.code for remark in report.remarks}
     assert all(margin.reach_m is None for margin in report.margins)

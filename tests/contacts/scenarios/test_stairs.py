@@ -25,8 +25,8 @@ from stridelab.contacts.sequence import ContactSequence
 from stridelab.contacts.swing import swing_of
 from stridelab.contacts.terrain import Rail
 from stridelab.contacts.terrain_geometry import depth_in_box_m
-from stridelab.contacts.validation.surface_contact import outline
-from stridelab.contacts.validation.validate import check
+from stridelab.contacts.validation.surface_contact import outline_points_m
+from stridelab.contacts.validation.validate import validate_scenario
 from stridelab.resources import models_dir
 from stridelab.robots.contact_frames import with_contact_frames
 from stridelab.robots.loader import load_robot
@@ -56,7 +56,7 @@ def test_nothing_else_is_bundled() -> None:
 @pytest.mark.parametrize("name", BUNDLED)
 def test_bundled_scenarios_keep_the_contract_and_pass_the_judge(name: str) -> None:
     scenario = Scenario.model_validate(BUNDLED[name]()).model_dump(mode="json")
-    report = check(scenario, effector_shapes(scenario["robot"]))
+    report = validate_scenario(scenario, effector_shapes(scenario["robot"]))
     assert report.faults == ()
     assert not [remark for remark in report.remarks if remark.code == "swing-obstructed"]
 
@@ -127,7 +127,7 @@ def test_soles_clear_the_treads_on_their_way(name: str) -> None:
                 continue
             curve = swing_of(sequence, effector, k)
             for t in np.linspace(0.0, curve.duration_s, 120):
-                sole = curve.at(float(t)).placement.act(outline(shapes[effector]))
+                sole = curve.state_at(float(t)).placement.act(outline_points_m(shapes[effector]))
                 for box in sequence.terrain.boxes:
                     assert depth_in_box_m(box, sole).max() < 1e-3
                     if 0.3 * curve.duration_s < t < 0.7 * curve.duration_s:
@@ -135,7 +135,7 @@ def test_soles_clear_the_treads_on_their_way(name: str) -> None:
 
 
 def test_talos_is_not_asked_to_climb_a_stair_of_one_and_a_half_metres() -> None:
-    (fault,) = check(six_stairs(Stairs(1, 1.5)), effector_shapes("talos")).faults
+    (fault,) = validate_scenario(six_stairs(Stairs(1, 1.5)), effector_shapes("talos")).faults
     assert fault.where == "phases[2].contacts[right_foot]"
     assert "too far from left_foot" in fault.message
 
@@ -195,7 +195,7 @@ def test_feet_stand_as_in_the_reference_posture(walker: Walker) -> None:
 
 @pytest.mark.parametrize("walker", [TALOS, HRP2])
 def test_toes_and_heels_keep_off_the_risers(walker: Walker) -> None:
-    up, down = Stairs(3, 0.10).up(walker), Stairs(3, 0.10).down(walker)
+    up, down = Stairs(3, 0.10).ascending_boxes(walker), Stairs(3, 0.10).descending_boxes(walker)
     for i in range(3):
         riser = up[i]["center_m"][0] - up[i]["size_m"][0] / 2
         assert riser - (0.30 * i + walker.toe_m) == pytest.approx(0.055)

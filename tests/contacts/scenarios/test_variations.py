@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from stridelab.contacts.effector_geometry import effector_shapes
-from stridelab.contacts.scenarios.variations import FIELDS, present, varied
-from stridelab.contacts.validation.validate import check
+from stridelab.contacts.scenarios.variations import FIELDS, current_value, vary_scenario
+from stridelab.contacts.validation.validate import validate_scenario
 from stridelab.errors import InvalidInput
 from stridelab.resources import models_dir
 
@@ -39,12 +39,12 @@ def turned(scenario: dict[str, Any], yaw_rad: float) -> dict[str, Any]:
     [("long-stride", "stride", 0.7), ("six-stairs", "stride", 0.32), ("six-stairs", "height", 0.08)],
 )
 def test_the_scenario_then_has_the_value(name: str, field: Any, value: float) -> None:
-    assert present(varied(bundled(name), {field: value}), field) == pytest.approx(value)
+    assert current_value(vary_scenario(bundled(name), {field: value}), field) == pytest.approx(value)
 
 
 def test_what_it_has_already_changes_nothing() -> None:
     before = bundled("six-stairs")
-    after = varied(before, {field: present(before, field) for field in FIELDS})
+    after = vary_scenario(before, {field: current_value(before, field) for field in FIELDS})
     for old, new in zip(before["terrain"], after["terrain"], strict=True):
         np.testing.assert_allclose(new["center_m"], old["center_m"], atol=1e-12)
         np.testing.assert_allclose(new["size_m"], old["size_m"], atol=1e-12)
@@ -55,21 +55,21 @@ def test_what_it_has_already_changes_nothing() -> None:
 
 
 def test_lower_stairs_carry_the_feet_that_stood_on_the_higher_ones() -> None:
-    found = check(varied(bundled("six-stairs"), {"height": 0.06}), effector_shapes("talos"))
+    found = validate_scenario(vary_scenario(bundled("six-stairs"), {"height": 0.06}), effector_shapes("talos"))
     assert found.valid, found.faults
     heights = [margin.height_m for margin in found.margins if margin.height_m is not None]
     assert np.abs(heights).max() < 1e-9
 
 
 def test_steps_that_leave_the_robots_reach_are_refused_by_name() -> None:
-    found = check(varied(bundled("long-stride"), {"stride": 4.0}), effector_shapes("talos"))
+    found = validate_scenario(vary_scenario(bundled("long-stride"), {"stride": 4.0}), effector_shapes("talos"))
     assert not found.valid
     assert any(fault.where.startswith("phases[") for fault in found.faults)
 
 
 def test_a_turned_scenario_is_stretched_along_its_own_way() -> None:
-    straight = varied(bundled("six-stairs"), {"stride": 0.33})
-    aslant = varied(turned(bundled("six-stairs"), 0.6), {"stride": 0.33})
+    straight = vary_scenario(bundled("six-stairs"), {"stride": 0.33})
+    aslant = vary_scenario(turned(bundled("six-stairs"), 0.6), {"stride": 0.33})
     np.testing.assert_allclose(
         [c["position_m"] for p in aslant["phases"] for c in p["contacts"]],
         [c["position_m"] for p in turned(straight, 0.6)["phases"] for c in p["contacts"]],
@@ -85,7 +85,9 @@ def test_boxes_may_say_their_turn_as_a_quaternion_of_any_length(length: float) -
         surface["orientation_wxyz"] = (length * np.array([np.cos(0.3), 0.0004, 0.0, np.sin(0.3)])).tolist()
         surface["yaw_rad"] = None
     for one, other in zip(
-        varied(aslant, {"stride": 0.33})["terrain"], varied(said, {"stride": 0.33})["terrain"], strict=True
+        vary_scenario(aslant, {"stride": 0.33})["terrain"],
+        vary_scenario(said, {"stride": 0.33})["terrain"],
+        strict=True,
     ):
         np.testing.assert_allclose(other["size_m"], one["size_m"], atol=1e-12)
         np.testing.assert_allclose(other["center_m"], one["center_m"], atol=1e-12)
@@ -95,13 +97,13 @@ def test_a_box_that_leans_by_more_than_a_milliradian_cannot_be_stretched() -> No
     leaning = bundled("six-stairs")
     leaning["terrain"][1]["orientation_wxyz"] = [1.0, 0.0006, 0.0, 0.0]  # half the angle
     with pytest.raises(InvalidInput, match="is tilted"):
-        varied(leaning, {"stride": 0.33})
+        vary_scenario(leaning, {"stride": 0.33})
 
 
 def test_timing_is_a_factor_and_friction_that_of_every_surface() -> None:
     before = bundled("stepping-stones")
     before["terrain"][1]["friction"] = 0.9
-    after = varied(before, {"timing": 0.5, "friction": 0.4})
+    after = vary_scenario(before, {"timing": 0.5, "friction": 0.4})
     assert [p["duration_s"] for p in after["phases"]] == [p["duration_s"] / 2 for p in before["phases"]]
     assert after["friction"] == 0.4
     assert all(surface["friction"] is None for surface in after["terrain"])
@@ -121,6 +123,6 @@ def test_timing_is_a_factor_and_friction_that_of_every_surface() -> None:
 )
 def test_what_cannot_be_varied_says_why(name: str, field: Any, value: float, words: str) -> None:
     with pytest.raises(InvalidInput, match=words) as refusal:
-        varied(bundled(name), {field: value})
+        vary_scenario(bundled(name), {field: value})
     assert refusal.value.code == "sweep-field-impossible"
     assert refusal.value.faults[0].where == f"vary.{field}"

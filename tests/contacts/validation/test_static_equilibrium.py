@@ -8,12 +8,12 @@ import pytest
 from scipy.optimize import linprog
 
 from stridelab.contacts.effector_geometry import EffectorReach, EffectorShape
-from stridelab.contacts.validation.parse import read
-from stridelab.contacts.validation.reach_check import closeness, reach_set
+from stridelab.contacts.validation.parse import parse_scenario
+from stridelab.contacts.validation.reach_check import check_reach, reach_set
 from stridelab.contacts.validation.reach_slack import ACCURACY_M
-from stridelab.contacts.validation.static_equilibrium import Rest, rests
-from stridelab.contacts.validation.surface_contact import Stance, touch_all
-from stridelab.contacts.validation.validate import CheckReport, check
+from stridelab.contacts.validation.static_equilibrium import StaticEquilibrium, static_equilibria
+from stridelab.contacts.validation.surface_contact import Stance, contacts_on_surfaces
+from stridelab.contacts.validation.validate import ValidationReport, validate_scenario
 from stridelab.resources import models_dir
 from support.robots.effectors import FOOT_REACH, SHAPES, Made
 
@@ -28,11 +28,11 @@ RIGHT, UP, LEFT = (0.0, -1.0), (0.0, 0.0), (0.0, 1.0)
 def stood(contacts: list[Made], shapes: dict[str, EffectorShape], terrain: list[Made] | None = None) -> list[Stance]:
     phases = [{"duration_s": 1.0, "contacts": contacts}]
     scenario = {"name": "any", "robot": "talos", "friction": 0.6, "terrain": terrain or [FLOOR], "phases": phases}
-    return list(touch_all(read(scenario, shapes), shapes))
+    return list(contacts_on_surfaces(parse_scenario(scenario, shapes), shapes))
 
 
-def rested(stances: list[Stance]) -> list[Rest]:
-    return list(rests(stances, closeness(tuple(stances)).slacks))
+def rested(stances: list[Stance]) -> list[StaticEquilibrium]:
+    return list(static_equilibria(stances, check_reach(tuple(stances)).slacks))
 
 
 def foot(name: str, x: float, y: float) -> Made:
@@ -77,10 +77,10 @@ def test_a_motion_neither_begins_nor_ends_where_nothing_holds_it_still() -> None
     shapes = {**SHAPES, "left_foot": aside}
     left, right = foot("left_foot", 0.0, 0.1), foot("right_foot", 0.0, -0.1)
 
-    def report(*phases: list[Made]) -> CheckReport:
+    def report(*phases: list[Made]) -> ValidationReport:
         timed = [{"duration_s": 1.0, "contacts": contacts} for contacts in phases]
         scenario = {"name": "any", "robot": "talos", "friction": 0.6, "terrain": [FLOOR], "phases": timed}
-        return check(scenario, shapes)
+        return validate_scenario(scenario, shapes)
 
     assert report([left, right], [right], [left, right]).valid
     between = report([left, right], [left], [left, right])
@@ -131,8 +131,8 @@ def test_the_bundled_climbs_against_a_linear_programme() -> None:
             key: replace(shape, reach=replace(shape.reach or FOOT_REACH, com_distance_max_m=20.0))
             for key, shape in SHAPES.items()
         }
-        stances = touch_all(read(scenario, boxes), boxes)
-        found = rests(stances, closeness(stances).slacks)
+        stances = contacts_on_surfaces(parse_scenario(scenario, boxes), boxes)
+        found = static_equilibria(stances, check_reach(stances).slacks)
         for stance, rest in zip(stances, found, strict=True):
             corners = np.array(rest.region_m)
             edge = np.roll(corners, -1, axis=0) - corners

@@ -12,7 +12,12 @@ from hypothesis import strategies as st
 
 from stridelab.contacts.effector_geometry import effector_shapes
 from stridelab.contacts.scenarios.stairs import Stairs, flat_walk, six_stairs, stairs_with_rail
-from stridelab.contacts.validation.validate import CheckReport, check, judge, outline
+from stridelab.contacts.validation.validate import (
+    ValidationReport,
+    validate_and_build,
+    validate_quickly,
+    validate_scenario,
+)
 from stridelab.resources import models_dir
 from stridelab.schemas.scenarios import Scenario, ScenarioCheck
 from support.robots.effectors import SHAPES, Made, contact, faults, judged
@@ -94,9 +99,9 @@ def test_missing_fields_of_a_phase(missing: str) -> None:
 
 
 def test_things_that_are_no_scenario() -> None:
-    assert check({}, SHAPES).faults[0].where == "phases"
+    assert validate_scenario({}, SHAPES).faults[0].where == "phases"
     strange: Made = {"terrain": [None, 3], "phases": [None, {"duration_s": 1.0, "contacts": [7, {}]}], "friction": "no"}
-    wheres = {fault.where for fault in check(strange, SHAPES).faults}
+    wheres = {fault.where for fault in validate_scenario(strange, SHAPES).faults}
     assert {"friction", "terrain[0]", "terrain[1]", "phases[0].duration_s", "phases[1].contacts[0]"} <= wheres
 
 
@@ -215,13 +220,13 @@ def test_a_scenario_without_friction_names_who_stands_on_it_first(friction: floa
 
 
 def test_a_stair_of_150_metres_is_a_mistake_of_units() -> None:
-    found = dict(faults(check(six_stairs(Stairs(1, 150.0)), SHAPES)))
+    found = dict(faults(validate_scenario(six_stairs(Stairs(1, 150.0)), SHAPES)))
     assert list(found)[:2] == ["terrain[1]", "phases[2].contacts[right_foot]"]
     assert all("lengths are in metres" in message for message in found.values())
 
 
 def test_a_stair_of_fifteen_metres_is_asked_for_its_units() -> None:
-    (fault,) = check(six_stairs(Stairs(1, 15.0)), SHAPES).faults
+    (fault,) = validate_scenario(six_stairs(Stairs(1, 15.0)), SHAPES).faults
     assert fault.where == "phases[2].contacts[right_foot]"
     assert "are all lengths in metres?" in fault.message
 
@@ -245,7 +250,7 @@ def test_a_hand_in_a_box_beside_its_rail() -> None:
 
 
 def test_margins_and_support_regions() -> None:
-    report = check(six_stairs(), SHAPES)
+    report = validate_scenario(six_stairs(), SHAPES)
     assert len(report.rests) == 25
     first = report.margins[0]
     assert (first.phase, first.effector, first.surface) == (0, "left_foot", "ground")
@@ -315,7 +320,7 @@ scenarios = st.fixed_dictionaries(
 )
 
 
-def answered(report: CheckReport) -> ScenarioCheck:
+def answered(report: ValidationReport) -> ScenarioCheck:
     """As the service answers: the contract refuses numbers that are not finite."""
     return ScenarioCheck(
         valid=report.valid,
@@ -335,7 +340,7 @@ def answered(report: CheckReport) -> ScenarioCheck:
 @given(scenarios)
 def test_no_scenario_makes_the_judge_fall_over(scenario: Made) -> None:
     whole = Scenario.model_validate(scenario)
-    report = check(whole.model_dump(mode="json"), SHAPES)
+    report = validate_scenario(whole.model_dump(mode="json"), SHAPES)
     assert answered(report).valid is not bool(report.faults)
     assert len(report.rests) == len(whole.phases)
 
@@ -355,7 +360,7 @@ def test_no_dragged_contact_makes_the_judge_fall_over(
     for entry in scenario["phases"][phase]["contacts"]:
         if entry["effector"] == effector:
             entry.update(position_m=position, orientation_wxyz=quaternion)
-    answered(check(scenario, SHAPES))
+    answered(validate_scenario(scenario, SHAPES))
 
 
 @pytest.mark.parametrize("name", ["six-stairs", "stairs-with-rail", "stepping-stones"])
@@ -363,11 +368,11 @@ def test_the_outline_is_the_judges_sequence(name: str) -> None:
     """What is left out for whoever waits is what refuses nothing here."""
     scenario = json.loads((models_dir() / "scenarios" / f"{name}.json").read_text())
     shapes = effector_shapes(scenario["robot"])
-    faults, sequence = outline(scenario, shapes)
+    faults, sequence = validate_quickly(scenario, shapes)
     assert faults == ()
-    assert repr(sequence) == repr(judge(scenario, shapes)[1])
+    assert repr(sequence) == repr(validate_and_build(scenario, shapes)[1])
     scenario["phases"][2]["contacts"][0]["position_m"][2] += 0.2
-    report = judge(scenario, shapes)[0]
-    faults, nothing = outline(scenario, shapes)
+    report = validate_and_build(scenario, shapes)[0]
+    faults, nothing = validate_quickly(scenario, shapes)
     assert nothing is None
     assert faults == tuple(fault for fault in report.faults if "at rest" not in fault.message)

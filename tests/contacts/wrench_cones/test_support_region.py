@@ -19,14 +19,18 @@ from stridelab.dynamics.spatial import Placement
 from stridelab.studies.random_contact_sets import random_contacts
 
 SOLE = (0.1, 0.06)
-FLAT = PointContacts.of([(Placement.of((0.0, 0.1, 0.0)), SOLE, 0.5), (Placement.of((0.4, -0.1, 0.0)), SOLE, 0.5)])
-STAIR = PointContacts.of([(Placement.of((0.0, 0.1, 0.0)), SOLE, 0.5), (Placement.of((0.4, -0.1, 0.2)), SOLE, 0.5)])
-RAIL = (Placement.of((0.3, -0.5, 0.95)), None, 0.4)
-WALL = (Placement.of((-0.4, 0.0, 1.0), (np.sqrt(0.5), 0.0, np.sqrt(0.5), 0.0)), None, 0.6)
-ON_RAIL = PointContacts.of(
-    [(Placement.of((0.0, 0.1, 0.0)), SOLE, 0.5), (Placement.of((0.4, -0.1, 0.2)), SOLE, 0.5), RAIL]
+FLAT = PointContacts.from_placements(
+    [(Placement.from_wxyz((0.0, 0.1, 0.0)), SOLE, 0.5), (Placement.from_wxyz((0.4, -0.1, 0.0)), SOLE, 0.5)]
 )
-AT_WALL = PointContacts.of([(Placement.of((0.0, 0.1, 0.0)), SOLE, 0.5), WALL])
+STAIR = PointContacts.from_placements(
+    [(Placement.from_wxyz((0.0, 0.1, 0.0)), SOLE, 0.5), (Placement.from_wxyz((0.4, -0.1, 0.2)), SOLE, 0.5)]
+)
+RAIL = (Placement.from_wxyz((0.3, -0.5, 0.95)), None, 0.4)
+WALL = (Placement.from_wxyz((-0.4, 0.0, 1.0), (np.sqrt(0.5), 0.0, np.sqrt(0.5), 0.0)), None, 0.6)
+ON_RAIL = PointContacts.from_placements(
+    [(Placement.from_wxyz((0.0, 0.1, 0.0)), SOLE, 0.5), (Placement.from_wxyz((0.4, -0.1, 0.2)), SOLE, 0.5), RAIL]
+)
+AT_WALL = PointContacts.from_placements([(Placement.from_wxyz((0.0, 0.1, 0.0)), SOLE, 0.5), WALL])
 
 
 def farthest_m(contacts: PointContacts, rays: np.ndarray, direction: np.ndarray, h: np.ndarray, z: float) -> float:
@@ -49,7 +53,7 @@ def test_supports_along_directions(contacts: PointContacts, acceleration: tuple[
     assert area_m2(polygon) > 0.0
     for angle in np.linspace(0.0, 2.0 * np.pi, 9)[:-1]:
         u = np.array([np.cos(angle), np.sin(angle)])
-        assert (polygon @ u).max() == pytest.approx(farthest_m(contacts, contacts.rays(), u, a - g, z), abs=1e-6)
+        assert (polygon @ u).max() == pytest.approx(farthest_m(contacts, contacts.wrench_rays(), u, a - g, z), abs=1e-6)
 
 
 def test_level_contacts_hold_in_their_hull() -> None:
@@ -63,8 +67,8 @@ def test_contacts_at_different_heights_hold_outside_their_hull() -> None:
     """Only where one sees the other in its friction cone, and they can push against each other."""
     hull = ConvexHull(STAIR.position_m[:, :2])
     assert area_m2(com_region_m(STAIR)) == pytest.approx(hull.volume, rel=1e-6)
-    high = [(Placement.of((0.0, 0.1, 0.0)), SOLE, 0.5), (Placement.of((0.15, -0.1, 0.9)), SOLE, 0.5)]
-    ladder = PointContacts.of(high)
+    high = [(Placement.from_wxyz((0.0, 0.1, 0.0)), SOLE, 0.5), (Placement.from_wxyz((0.15, -0.1, 0.9)), SOLE, 0.5)]
+    ladder = PointContacts.from_placements(high)
     assert area_m2(com_region_m(ladder)) > 1.2 * ConvexHull(ladder.position_m[:, :2]).volume
 
 
@@ -93,7 +97,7 @@ def test_more_rays_tighten_the_bounds() -> None:
 
 def test_moving_everything_moves_the_region() -> None:
     shift = np.array([30.0, -20.0, 5.0])
-    near, far = com_region_m(ON_RAIL), com_region_m(ON_RAIL.moved(shift))
+    near, far = com_region_m(ON_RAIL), com_region_m(ON_RAIL.in_frame(shift))
     # by their support functions: a vertex between two others in line may be left out of either
     turns = np.linspace(0.0, 2.0 * np.pi, 64, endpoint=False)
     directions = np.array([np.cos(turns), np.sin(turns)])
@@ -103,9 +107,9 @@ def test_moving_everything_moves_the_region() -> None:
 
 def test_what_cannot_stand_has_no_region() -> None:
     """A slope steeper than friction holds; a single hand."""
-    steep = Placement.of((0.0, 0.0, 0.0), (np.cos(0.35), np.sin(0.35), 0.0, 0.0))
-    assert len(com_region_m(PointContacts.of([(steep, SOLE, 0.5)]))) == 0
-    assert len(com_region_m(PointContacts.of([RAIL]))) == 0
+    steep = Placement.from_wxyz((0.0, 0.0, 0.0), (np.cos(0.35), np.sin(0.35), 0.0, 0.0))
+    assert len(com_region_m(PointContacts.from_placements([(steep, SOLE, 0.5)]))) == 0
+    assert len(com_region_m(PointContacts.from_placements([RAIL]))) == 0
 
 
 def test_random_sets_are_outlined_counter_clockwise() -> None:
@@ -131,9 +135,11 @@ def test_a_certified_hull_is_the_region_of_circular_cones() -> None:
         for k in range(int(rng.integers(1, 4))):
             tilt, angle = rng.uniform(0.0, 0.3), rng.uniform(0.0, 2.0 * np.pi)
             wxyz = (np.cos(tilt / 2), np.sin(tilt / 2) * np.cos(angle), np.sin(tilt / 2) * np.sin(angle), 0.0)
-            at = Placement.of((0.35 * k + rng.uniform(-0.1, 0.1), rng.uniform(-0.2, 0.2), rng.uniform(-0.2, 0.2)), wxyz)
+            at = Placement.from_wxyz(
+                (0.35 * k + rng.uniform(-0.1, 0.1), rng.uniform(-0.2, 0.2), rng.uniform(-0.2, 0.2)), wxyz
+            )
             soles.append((at, SOLE, float(rng.uniform(0.2, 0.8))))
-        contacts = PointContacts.of(soles)
+        contacts = PointContacts.from_placements(soles)
         region = rest_region_m(contacts)
         inside, around = bounds(contacts)
         assert area_m2(com_region_m(contacts, 5)) - 1e-7 <= area_m2(region)
@@ -161,8 +167,8 @@ def test_soles_hold_in_their_hull_and_nowhere_else(contacts: PointContacts) -> N
 
 
 def test_contacts_that_push_against_each_other_are_not_taken_for_their_hull() -> None:
-    ladder = [(Placement.of((0.0, 0.1, 0.0)), SOLE, 0.5), (Placement.of((0.15, -0.1, 0.9)), SOLE, 0.5)]
-    for contacts in (PointContacts.of(ladder), ON_RAIL, AT_WALL):
+    ladder = [(Placement.from_wxyz((0.0, 0.1, 0.0)), SOLE, 0.5), (Placement.from_wxyz((0.15, -0.1, 0.9)), SOLE, 0.5)]
+    for contacts in (PointContacts.from_placements(ladder), ON_RAIL, AT_WALL):
         hull = ConvexHull(contacts.position_m[:, :2]).volume
         assert area_m2(rest_region_m(contacts)) != pytest.approx(hull, rel=1e-3)
         assert area_m2(rest_region_m(contacts)) == pytest.approx(area_m2(com_region_m(contacts, 5)))

@@ -4,21 +4,23 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from stridelab.contacts.wrench_cones.contact_points import PointContacts, change_of_frame
-from stridelab.contacts.wrench_cones.thesis_lorentz_cone import ROOM, _first_direction, outer_cone
+from stridelab.contacts.wrench_cones.contact_points import PointContacts, wrench_transform
+from stridelab.contacts.wrench_cones.thesis_lorentz_cone import MIN_PROJECTION, _first_direction, outer_cone
 from stridelab.contacts.wrench_cones.wrench_cone import LinearCone
 from stridelab.dynamics.spatial import Placement
 from stridelab.errors import NotEstimable
 from stridelab.studies.random_contact_sets import com_m, random_contacts
 
 SOLE = (0.1, 0.06)
-FEET = PointContacts.of([(Placement.of((0.0, 0.09, 0.0)), SOLE, 0.5), (Placement.of((0.3, -0.09, 0.15)), SOLE, 0.5)])
+FEET = PointContacts.from_placements(
+    [(Placement.from_wxyz((0.0, 0.09, 0.0)), SOLE, 0.5), (Placement.from_wxyz((0.3, -0.09, 0.15)), SOLE, 0.5)]
+)
 
 
 def about(contacts: PointContacts, point_m: np.ndarray) -> tuple[LinearCone, float]:
     """The linear cone, and how far the thesis' cone about a point stays inside."""
-    linear, there = LinearCone.of(contacts, 4), change_of_frame(-point_m)
-    return linear, linear.alpha_max(outer_cone(contacts.rays() @ there.T).in_frame(there))
+    linear, there = LinearCone.from_contacts(contacts, 4), wrench_transform(-point_m)
+    return linear, linear.alpha_max(outer_cone(contacts.wrench_rays() @ there.T).in_frame(there))
 
 
 def test_it_holds_all_rays_and_touches_one() -> None:
@@ -26,7 +28,7 @@ def test_it_holds_all_rays_and_touches_one() -> None:
     rng = np.random.default_rng(0)
     for k in range(6):
         contacts = random_contacts(rng, 3 + k % 2)
-        rays = contacts.rays() @ change_of_frame(-com_m(contacts)).T
+        rays = contacts.wrench_rays() @ wrench_transform(-com_m(contacts)).T
         assert outer_cone(rays).gauge(rays).max() == pytest.approx(1.0, abs=1e-9)
 
 
@@ -42,7 +44,7 @@ def test_the_first_direction_is_the_nearest_before_which_all_rays_lie() -> None:
     nearest = minimize(
         lambda x: float(((x - mean) ** 2).sum()),
         unit[-1] + mean,
-        constraints={"type": "ineq", "fun": lambda x: unit @ x - ROOM},
+        constraints={"type": "ineq", "fun": lambda x: unit @ x - MIN_PROJECTION},
         options={"ftol": 1e-14},
     ).x
     np.testing.assert_allclose(d, nearest / np.linalg.norm(nearest), atol=1e-6)
@@ -50,19 +52,19 @@ def test_the_first_direction_is_the_nearest_before_which_all_rays_lie() -> None:
 
 def test_the_circular_cone_exceeds_it() -> None:
     """ "The outer approximation contains the true CWC": of pyramids with four edges only, not of the circle."""
-    rays = (contacts := FEET).rays() @ change_of_frame(-com_m(FEET)).T
-    circle = contacts.rays(32) @ change_of_frame(-com_m(FEET)).T
+    rays = (contacts := FEET).wrench_rays() @ wrench_transform(-com_m(FEET)).T
+    circle = contacts.wrench_rays(32) @ wrench_transform(-com_m(FEET)).T
     assert 1.01 < outer_cone(rays).gauge(circle).max() < 1.2
-    around = contacts.rays(4, "around") @ change_of_frame(-com_m(FEET)).T
+    around = contacts.wrench_rays(4, "around") @ wrench_transform(-com_m(FEET)).T
     assert outer_cone(around).gauge(circle).max() <= 1.0
 
 
 def test_alpha_max_is_where_the_cone_leaves() -> None:
     linear, alpha = about(FEET, com_m(FEET))
-    there = change_of_frame(-com_m(FEET))
-    outer = outer_cone(FEET.rays() @ there.T).in_frame(there)
-    assert linear.violation(outer.shrunk(alpha)) == pytest.approx(0.0, abs=1e-9)
-    assert linear.violation(outer.shrunk(1.01 * alpha)) > 0.0 > linear.violation(outer.shrunk(0.99 * alpha))
+    there = wrench_transform(-com_m(FEET))
+    outer = outer_cone(FEET.wrench_rays() @ there.T).in_frame(there)
+    assert linear.violation(outer.shrink(alpha)) == pytest.approx(0.0, abs=1e-9)
+    assert linear.violation(outer.shrink(1.01 * alpha)) > 0.0 > linear.violation(outer.shrink(0.99 * alpha))
 
 
 def test_a_fifth_is_not_safe_and_depends_on_the_point() -> None:
@@ -76,7 +78,9 @@ def test_a_fifth_is_not_safe_and_depends_on_the_point() -> None:
 
 
 def test_two_hands_are_refused() -> None:
-    hands = PointContacts.of([(Placement.identity(), None, 0.5), (Placement.of((1.0, 0.0, 0.0)), None, 0.5)])
+    hands = PointContacts.from_placements(
+        [(Placement.identity(), None, 0.5), (Placement.from_wxyz((1.0, 0.0, 0.0)), None, 0.5)]
+    )
     with pytest.raises(NotEstimable) as raised:
-        outer_cone(hands.rays())
+        outer_cone(hands.wrench_rays())
     assert raised.value.code == "thesis-cone-undefined"

@@ -14,11 +14,11 @@ from stridelab.dynamics.spatial import Placement
 from stridelab.errors import InvalidInput
 from stridelab.studies.random_contact_sets import random_contacts, random_wrench
 
-HAND = PointContacts.of([(Placement.of((1.0, 2.0, 0.0)), None, 0.5)])
-GRIP = PointContacts.of(
+HAND = PointContacts.from_placements([(Placement.from_wxyz((1.0, 2.0, 0.0)), None, 0.5)])
+GRIP = PointContacts.from_placements(
     [
-        (Placement.of((0.0, 0.0, 0.0), (math.sqrt(0.5), 0.0, math.sqrt(0.5), 0.0)), None, 0.5),
-        (Placement.of((0.3, 0.0, 0.0), (math.sqrt(0.5), 0.0, -math.sqrt(0.5), 0.0)), None, 0.5),
+        (Placement.from_wxyz((0.0, 0.0, 0.0), (math.sqrt(0.5), 0.0, math.sqrt(0.5), 0.0)), None, 0.5),
+        (Placement.from_wxyz((0.3, 0.0, 0.0), (math.sqrt(0.5), 0.0, -math.sqrt(0.5), 0.0)), None, 0.5),
     ]
 )
 
@@ -43,7 +43,7 @@ def by_cutting_planes(contacts: PointContacts, wrench: np.ndarray) -> float:
             np.append(np.zeros(3 * n), -1.0),
             A_ub=rows,
             b_ub=np.zeros(len(rows)),
-            A_eq=np.hstack([contacts.grasp(center), np.zeros((6, 1))]),
+            A_eq=np.hstack([contacts.grasp_matrix(center), np.zeros((6, 1))]),
             b_eq=target,
             bounds=[(None, None)] * (3 * n + 1),
             options={"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10},
@@ -68,7 +68,7 @@ def by_clarabel(contacts: PointContacts, wrench: np.ndarray) -> float | None:
     scale = np.repeat([1.0, 1.0 / spread], 3)
     moment = wrench[3:] - np.cross(center, wrench[:3])
     rows, right = np.zeros((6 + 3 * n, 3 * n + 1)), np.zeros(6 + 3 * n)
-    rows[:6, :-1] = scale[:, np.newaxis] * contacts.grasp(center)
+    rows[:6, :-1] = scale[:, np.newaxis] * contacts.grasp_matrix(center)
     right[:6] = scale * np.concatenate([wrench[:3], moment]) / size
     for i in range(n):
         x, y, normal = contacts.rotation[i].T
@@ -144,7 +144,7 @@ def test_the_forces_bear_witness() -> None:
 def test_pyramids_approach_the_circle_from_inside() -> None:
     rng = np.random.default_rng(2)
     contacts = random_contacts(rng, 3)
-    wrench = contacts.rays().sum(axis=0) * 30.0
+    wrench = contacts.wrench_rays().sum(axis=0) * 30.0
     exact = conic_margin(contacts, wrench).margin_n
     pyramids = [linear_margin(contacts, wrench, n).margin_n for n in (4, 8, 16, 64)]
     assert exact > 0.0
@@ -158,7 +158,7 @@ def test_point_and_unit_of_length_do_not_matter() -> None:
     contacts = random_contacts(rng, 3)
     wrench, shift = random_wrench(rng, contacts), np.array([50.0, -3.0, 8.0])
     moved = np.concatenate([wrench[:3], 1000.0 * (wrench[3:] + np.cross(shift, wrench[:3]))])
-    there = conic_margin(contacts.moved(shift, 1000.0), moved).margin_n
+    there = conic_margin(contacts.in_frame(shift, 1000.0), moved).margin_n
     assert there == pytest.approx(conic_margin(contacts, wrench).margin_n, abs=1e-6)
 
 

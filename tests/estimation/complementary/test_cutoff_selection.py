@@ -9,7 +9,7 @@ from stridelab.errors import InvalidInput
 from stridelab.estimation.complementary.cutoff_selection import cutoffs_from_spectra
 from stridelab.estimation.complementary.filter import ComplementaryFilter
 from stridelab.estimation.complementary.forward_backward import FilterInputs
-from stridelab.studies.estimator_study import simulate
+from stridelab.studies.estimator_study import simulate_trial
 
 RATE_HZ = 200.0
 T = np.arange(4000) / RATE_HZ
@@ -43,7 +43,7 @@ def test_on_marker_like_noise_they_beat_the_cut_offs_of_the_thesis_twice(gait):
     def horizontal(filter_: ComplementaryFilter) -> float:
         squares = []
         for seed in range(3):
-            trial = simulate(gait, "marker-like", seed)
+            trial = simulate_trial(gait, "marker-like", seed)
             found = filter_.estimate(trial.geometric, trial.wrench, trial.mass_kg)
             squares.append(np.mean(np.sum((found.com_m - trial.truth.com_m[: len(found.com_m)])[:, :2] ** 2, axis=1)))
         return float(np.sqrt(np.mean(squares)))
@@ -54,7 +54,7 @@ def test_on_marker_like_noise_they_beat_the_cut_offs_of_the_thesis_twice(gait):
 
 
 def test_the_cut_offs_are_told_and_none_can_be_found_sample_by_sample():
-    trial = simulate("robot", "marker-like", 0)
+    trial = simulate_trial("robot", "marker-like", 0)
     found = ComplementaryFilter(from_spectra=True).estimate(trial.geometric, trial.wrench, trial.mass_kg)
     assert 0 < found.diagnostics["low_hz"] < found.diagnostics["high_hz"]
     for estimator, code, where in (

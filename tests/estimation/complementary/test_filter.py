@@ -12,8 +12,8 @@ from stridelab.errors import InvalidInput, NotEstimable
 from stridelab.estimation.complementary.filter import ComplementaryFilter
 from stridelab.estimation.complementary.forward_backward import (
     filter_inputs,
-    forward,
     forward_backward,
+    forward_pass,
     initial_state,
     joined_passes,
 )
@@ -36,7 +36,7 @@ def test_uniform_motion_passes_unchanged_from_the_first_sample_on(rate_hz: float
     inputs = exact_inputs(uniform(), t)
     filters = complementary_filters(*cutoffs, rate_hz)
     truth = uniform().com.at(t)
-    assert_allclose(forward(filters, inputs, initial_state(filters, inputs)), truth, atol=1e-9, rtol=0)
+    assert_allclose(forward_pass(filters, inputs, initial_state(filters, inputs)), truth, atol=1e-9, rtol=0)
     assert_allclose(forward_backward(filters, inputs), truth, atol=1e-9, rtol=0)
 
 
@@ -82,7 +82,7 @@ def test_one_hertz_passes_forward_to_two_parts_in_a_hundred_thousand():
     motion = sinusoid(1.0)
     filters = complementary_filters(0.4, 4.0, 200.0)
     inputs = exact_inputs(motion, t)
-    error = forward(filters, inputs, initial_state(filters, inputs)) - motion.com.at(t)
+    error = forward_pass(filters, inputs, initial_state(filters, inputs)) - motion.com.at(t)
     assert np.abs(error).max() < 2e-5
 
 

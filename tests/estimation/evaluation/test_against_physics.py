@@ -8,10 +8,10 @@ import pytest
 from stridelab.body.geometric_com import GeometricCom, SegmentTrack
 from stridelab.estimation.estimator import ComEstimate
 from stridelab.estimation.evaluation.physics_residuals import (
-    flight,
+    assess_flight,
+    assess_standing,
     momentum_agreement,
     segment_momentum_rate,
-    standing,
 )
 from stridelab.estimation.markers_only import GeometryOnly
 from stridelab.recordings.recording import Window, WrenchTrack
@@ -42,12 +42,12 @@ def hops(g_m_s2: float) -> tuple[ComEstimate, WrenchTrack]:
 
 
 def test_in_flight_the_body_falls_with_g_or_is_told_so() -> None:
-    free = flight(*hops(9.81))
+    free = assess_flight(*hops(9.81))
     assert free is not None
     assert free.flights == 5  # the last one is not seen to its end
     assert free.vertical_share == pytest.approx(0.0, abs=1e-9)
     assert free.horizontal_m_s2 == pytest.approx(0.0, abs=1e-9)
-    floating = flight(*hops(9.0))
+    floating = assess_flight(*hops(9.0))
     assert floating is not None
     assert floating.vertical_share == pytest.approx(9.0 / 9.81 - 1.0, abs=1e-9)
 
@@ -55,8 +55,8 @@ def test_in_flight_the_body_falls_with_g_or_is_told_so() -> None:
 def test_a_walk_has_no_flight_and_no_standing() -> None:
     motion = walk()
     wrench = motion.wrench_track(T, WINDOW)
-    assert flight(estimated(motion), wrench) is None
-    assert standing(estimated(motion), motion.geometric(T), wrench) is None
+    assert assess_flight(estimated(motion), wrench) is None
+    assert assess_standing(estimated(motion), motion.geometric(T), wrench) is None
 
 
 @pytest.mark.parametrize("height_m", [0.0, 0.3])
@@ -65,10 +65,12 @@ def test_standing_still_the_pressure_lies_below_the_com(height_m: float) -> None
     motion = Motion(Harmonics(np.array([0.4, -0.1, 0.95]), np.zeros(3), sway))
     wrench, geometric = motion.wrench_track(T, Window(0.0, 2.0)), motion.geometric(T)
     exact = estimated(motion, window=Window(0.0, 2.0))
-    found = standing(exact, geometric, wrench, height_m)
+    found = assess_standing(exact, geometric, wrench, height_m)
     assert found is not None
     assert found.horizontal_m < 1e-4
-    shifted = standing(replace(exact, com_m=exact.com_m + np.array([0.006, -0.008, 0.0])), geometric, wrench, height_m)
+    shifted = assess_standing(
+        replace(exact, com_m=exact.com_m + np.array([0.006, -0.008, 0.0])), geometric, wrench, height_m
+    )
     assert shifted is not None
     assert shifted.offset_m == pytest.approx((0.006, -0.008), abs=1e-4)
     assert shifted.horizontal_m == pytest.approx(0.01, abs=1e-4)
@@ -82,8 +84,8 @@ def test_the_pressure_of_somebody_who_is_pushed_is_that_on_the_floor() -> None:
     wrench = replace(
         motion.wrench_track(T, Window(0.0, 2.0)), force_n=force, moment_nm=np.cross([0.1, 0.2, 0.0], force)
     )
-    on_floor = standing(exact, geometric, wrench)
-    above = standing(exact, geometric, wrench, 0.3)
+    on_floor = assess_standing(exact, geometric, wrench)
+    above = assess_standing(exact, geometric, wrench, 0.3)
     assert on_floor is not None
     assert above is not None
     assert on_floor.offset_m == pytest.approx((0.3, -0.3))

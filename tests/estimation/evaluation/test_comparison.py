@@ -10,8 +10,8 @@ from stridelab.body.geometric_com import GeometricCom
 from stridelab.errors import NotEstimable
 from stridelab.estimation.complementary.filter import ComplementaryFilter
 from stridelab.estimation.estimator import ComEstimate, ComEstimator
-from stridelab.estimation.evaluation.comparison import Comparison, Data, KnownMotion, compare
-from stridelab.estimation.evaluation.holdout_force import held_back_residual_n
+from stridelab.estimation.evaluation.comparison import Comparison, ComparisonData, KnownMotion, compare
+from stridelab.estimation.evaluation.holdout_force import withheld_residual_n
 from stridelab.estimation.kalman.filter import KalmanFilter, RtsSmoother
 from stridelab.estimation.markers_only import GeometryOnly
 from stridelab.estimation.smoother import Smoother
@@ -43,7 +43,7 @@ class CopiesTheForce:
         return replace(given, com_m=given.com_m + wiggle)
 
 
-def data(with_truth: bool = True, seed: int = 0) -> Data:
+def data(with_truth: bool = True, seed: int = 0) -> ComparisonData:
     rng = np.random.default_rng(seed)
     motion = walk()
     geometric = motion.geometric(T, BIAS, 0.001 * rng.standard_normal((len(T), 3)))
@@ -51,7 +51,7 @@ def data(with_truth: bool = True, seed: int = 0) -> Data:
     noise = 5.0 * rng.standard_normal((len(T), 3))
     noisy = replace(wrench, force_n=wrench.force_n + noise, moment_nm=wrench.moment_nm + np.cross([2.0, 0, 0], noise))
     truth = KnownMotion(motion.com.at(T), motion.force(T)) if with_truth else None
-    return Data(geometric, noisy, motion.mass_kg, truth)
+    return ComparisonData(geometric, noisy, motion.mass_kg, truth)
 
 
 ESTIMATORS = {"geometry": GeometryOnly(), "filter": ComplementaryFilter(), "refuses": Refuses()}
@@ -80,7 +80,7 @@ def test_errors_are_those_put_in(known: Comparison) -> None:
 
 def test_a_refusal_is_listed_and_all_refusals_are_raised(known: Comparison) -> None:
     assert set(known.assessments) == {"geometry", "filter"}
-    assert known.refusals["refuses"].code == "no-window"
+    assert known.failures["refuses"].code == "no-window"
     with pytest.raises(NotEstimable, match="Not this one"):
         compare({"refuses": Refuses()}, data())
 
@@ -108,9 +108,9 @@ def test_without_a_truth_the_inputs_are_held_against_each_other(unknown: Compari
 def test_held_back_force_tells_noise_from_knowledge() -> None:
     """Nobody predicts better than the geometry by much; whoever adds wiggles predicts worse."""
     given = data()
-    alone = held_back_residual_n(GeometryOnly(), given.geometric, given.wrench, given.mass_kg)
-    fused = held_back_residual_n(ComplementaryFilter(), given.geometric, given.wrench, given.mass_kg)
-    wiggling = held_back_residual_n(CopiesTheForce(), given.geometric, given.wrench, given.mass_kg)
+    alone = withheld_residual_n(GeometryOnly(), given.geometric, given.wrench, given.mass_kg)
+    fused = withheld_residual_n(ComplementaryFilter(), given.geometric, given.wrench, given.mass_kg)
+    wiggling = withheld_residual_n(CopiesTheForce(), given.geometric, given.wrench, given.mass_kg)
     assert (fused < alone).all()
     # 4 mm at 6 Hz are 70 kg times 5.7 m/s^2, less what the 8 Hz band takes.
     assert (wiggling > 3 * alone).all()
@@ -124,7 +124,7 @@ def test_the_withheld_force_is_not_seen() -> None:
     spoilt = given.wrench.force_n.copy()
     spoilt[odd] += [0.0, 0.0, 300.0]
     wrong = replace(given.wrench, force_n=spoilt)
-    found = held_back_residual_n(ComplementaryFilter(), given.geometric, wrong, given.mass_kg)
+    found = withheld_residual_n(ComplementaryFilter(), given.geometric, wrong, given.mass_kg)
     assert found[2] > 150.0
 
 
@@ -151,7 +151,7 @@ def test_a_withheld_force_changes_nothing_and_the_rest_does(estimator: ComEstima
     spoilt = given.wrench.force_n.copy()
     spoilt[odd] += [50.0, -30.0, 300.0]
     for wrench in (given.wrench, replace(given.wrench, force_n=spoilt)):
-        held_back_residual_n(Looks(), given.geometric, wrench, given.mass_kg)
+        withheld_residual_n(Looks(), given.geometric, wrench, given.mass_kg)
     (first, second, first_spoilt, second_spoilt) = (
         estimator.estimate(given.geometric, wrench, given.mass_kg).com_m for wrench in shown
     )

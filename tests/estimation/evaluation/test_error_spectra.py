@@ -29,7 +29,7 @@ def test_a_line_is_where_it_is_and_carries_its_rms() -> None:
     spectrum = error_spectrum(np.column_stack([wave, 0 * wave, wave]), RATE_HZ)
     assert spectrum.frequency_hz[np.argmax(spectrum.density[:, 0])] == pytest.approx(5.0, abs=0.4)
     assert spectrum.band_rms(4.0, 6.0)[[0, 2]] == pytest.approx(0.004 / np.sqrt(2), rel=0.01)
-    assert spectrum.amplitude**2 == pytest.approx(spectrum.density)
+    assert spectrum.amplitude_density**2 == pytest.approx(spectrum.density)
 
 
 def test_a_short_record_is_one_window_and_a_broken_one_is_refused() -> None:

@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 from stridelab.errors import InvalidInput
 from stridelab.estimation.error_priors import ErrorPriors
 from stridelab.estimation.kalman.filter import KalmanFilter
-from stridelab.estimation.kalman.jerk_model import SIGMA_JERK_RANGE_M_S3, InputNoise, JerkModel, stretches
+from stridelab.estimation.kalman.jerk_model import SIGMA_JERK_RANGE_M_S3, InputNoise, JerkModel, split_stretches
 from stridelab.estimation.kalman.passes import Axis
 from stridelab.recordings.recording import Window
 from support.oracles.textbook_kalman import textbook
@@ -25,7 +25,7 @@ def relative(ours: np.ndarray, theirs: np.ndarray) -> float:
 
 
 def axis_of(rate_hz: float, sigma: float, start: np.ndarray, measured: np.ndarray, printed: bool = False) -> Axis:
-    return Axis(JerkModel(1 / rate_hz, sigma, printed), (1e-4, 1e-2, 4e-4), stretches(measured), start)
+    return Axis(JerkModel(1 / rate_hz, sigma, printed), (1e-4, 1e-2, 4e-4), split_stretches(measured), start)
 
 
 @pytest.mark.parametrize("start", STARTS)
@@ -37,7 +37,7 @@ def test_partitioning_is_the_textbook_filter_to_the_last_digits(rate_hz: float, 
     x0 = np.array([y[0, 0], 0.0, 0.0])
     A, B = axis.model.A, axis.model.B
     theirs = textbook(A, B @ B.T * sigma**2, np.array(axis.variance), y, x0, axis.start_covariance)
-    predicted, filtered = axis.predicted(y[None], x0[None]), axis.filtered(y[None], x0[None])
+    predicted, filtered = axis.predict_states(y[None], x0[None]), axis.filter_states(y[None], x0[None])
     assert len(axis.stretches) == 5
     assert_allclose(predicted.mean[0], theirs.predicted, atol=1e-9)
     assert_allclose(filtered.mean[0], theirs.filtered, atol=1e-9)
@@ -51,7 +51,7 @@ def test_the_printed_matrix_through_the_textbook_filter_is_the_same_too():
     x0 = np.array([y[0, 0], 0.0, 0.0])
     A, B = axis.model.A, axis.model.B
     theirs = textbook(A, B @ B.T, np.array(axis.variance), y, x0, axis.start_covariance)
-    assert_allclose(axis.filtered(y[None], x0[None]).mean[0], theirs.filtered, atol=1e-9)
+    assert_allclose(axis.filter_states(y[None], x0[None]).mean[0], theirs.filtered, atol=1e-9)
 
 
 def test_several_sets_of_signals_do_not_touch_each_other():
@@ -59,9 +59,9 @@ def test_several_sets_of_signals_do_not_touch_each_other():
     other = masked_record(200.0, 300, seed=1)[0]
     axis = axis_of(200.0, 1.0, STARTS["known"], measured)
     start = np.array([[3.0, 0.0, 0.0], [-1.0, 1.0, 0.0]])
-    both = axis.smoothed(np.stack([y, other]), start).mean
+    both = axis.smooth_states(np.stack([y, other]), start).mean
     for k, alone in enumerate((y, other)):
-        assert_allclose(both[k], axis.smoothed(alone[None], start[k : k + 1]).mean[0], rtol=0, atol=1e-12)
+        assert_allclose(both[k], axis.smooth_states(alone[None], start[k : k + 1]).mean[0], rtol=0, atol=1e-12)
 
 
 def test_the_gain_becomes_that_of_the_riccati_equation():
@@ -71,7 +71,7 @@ def test_the_gain_becomes_that_of_the_riccati_equation():
     W = model.B @ model.B.T * 20.0**2
     for _ in range(6000):
         P = model.A @ (P - P @ C.T @ np.linalg.solve(C @ P @ C.T + R, C @ P)) @ model.A.T + W
-    found = axis.predicted(np.zeros((1, 6000, 3)), np.zeros((1, 3))).covariance[-1]
+    found = axis.predict_states(np.zeros((1, 6000, 3)), np.zeros((1, 3))).covariance[-1]
     assert relative(found[None], P[None]) < 1e-9
 
 
@@ -91,14 +91,14 @@ def test_innovations_of_a_record_that_obeys_the_model_are_white_and_of_their_sta
     for seed in range(seeds):
         axis = axis_of(200.0, 20.0, np.diag([1e-6, 1e-6, 1e-6]), np.ones((n, 3), dtype=bool))
         x, y = draw(200.0, n, 20.0, axis.variance, seed)
-        predicted = axis.predicted(y[None], np.zeros((1, 3)))
+        predicted = axis.predict_states(y[None], np.zeros((1, 3)))
         C = np.array([[1.0, 0, 0], [0, 0, 1], [1, 0, 0]])
         e = y - predicted.mean[0] @ C.T
         S = C @ predicted.covariance @ C.T + np.diag(axis.variance)
         nis.append(np.einsum("ki,kij,kj->k", e, np.linalg.inv(S), e).mean() / 3)
         whitened = np.linalg.solve(np.linalg.cholesky(S), e[:, :, None])[:, :, 0]
         correlations.append([(whitened[lag:].T @ whitened[: n - lag] / n) for lag in (1, 2, 5, 20, 50)])
-        filtered = axis.filtered(y[None], np.zeros((1, 3)))
+        filtered = axis.filter_states(y[None], np.zeros((1, 3)))
         sd = np.sqrt(np.einsum("kii->ki", filtered.covariance))
         inside.append((np.abs(filtered.mean[0] - x) < 1.96 * sd).mean(axis=0))
     # NIS / 3 has sd sqrt(2 / 3 n) = 0.026 per seed; a correlation 1 / sqrt(n) per seed
@@ -156,7 +156,7 @@ def test_the_stated_lag_is_the_delay_of_a_sinusoid():
     w = 2 * np.pi * hz
     y = np.column_stack([np.sin(w * t), -(w**2) * np.sin(w * t), np.sin(w * t)])
     late = t > 10
-    found = axis.filtered(y[None], np.zeros((1, 3))).mean[0, late, 0]
+    found = axis.filter_states(y[None], np.zeros((1, 3))).mean[0, late, 0]
     a, b = np.linalg.lstsq(np.column_stack([np.sin(w * t), np.cos(w * t)])[late], found, rcond=None)[0]
     assert axis.lag_s(hz) == pytest.approx(-np.arctan2(b, a) / w, abs=1e-6)
 
@@ -168,7 +168,7 @@ def test_stated_errors_become_noise_axis_by_axis(ahead: int, aside: int):
     The rate of L about the lateral axis moves the central axis ahead, that about the axis of the walk aside.
     """
     priors = ErrorPriors(marker_m=0.003, momentum_rate_nm_kg=(0.12, 0.33), moment_nm=2.0)
-    noise = InputNoise.stated((0.004, 0.004, 0.004), priors, np.tile(1.3 * np.eye(3)[ahead], (5, 1)), 70.0)
+    noise = InputNoise.from_priors((0.004, 0.004, 0.004), priors, np.tile(1.3 * np.eye(3)[ahead], (5, 1)), 70.0)
     assert noise.geometry_m == pytest.approx((0.005, 0.005, 0.005 * np.sqrt(2)))
     assert noise.force_n == pytest.approx((np.hypot(5, 3.5), np.hypot(5, 3.5), np.hypot(5, 10.5)))
     assert noise.axis_m[ahead] == pytest.approx(np.hypot(0.33, 2 / 70) / 9.81)
@@ -223,9 +223,9 @@ def test_what_is_allowed_is_solved_or_refused_in_a_sentence(rate_hz: float, sigm
     refused = []
     for geometry, force, point in itertools.product((1e-4, 1.0), (1e-3, 10.0), (1e-4, 1.0)):
         variance = (geometry**2, force**2, point**2)
-        axis = Axis(JerkModel(1 / rate_hz, sigma), variance, tuple(stretches(measured)), STARTS["unknown"])
+        axis = Axis(JerkModel(1 / rate_hz, sigma), variance, tuple(split_stretches(measured)), STARTS["unknown"])
         try:
-            found = [axis.filtered(y, start), axis.smoothed(y, start)]
+            found = [axis.filter_states(y, start), axis.smooth_states(y, start)]
         except InvalidInput as refusal:
             refused.append((refusal.code, sigma))
             continue

@@ -8,7 +8,7 @@ import pytest
 from stridelab.estimation.complementary.filter import ComplementaryFilter
 from stridelab.estimation.estimator import ComEstimator
 from stridelab.estimation.kalman.filter import KalmanFilter, RtsSmoother
-from stridelab.studies.estimator_study import StudyTrial, simulate
+from stridelab.studies.estimator_study import StudyTrial, simulate_trial
 
 SEEDS = 4
 KALMAN, FASTER, SMOOTHED = KalmanFilter(), KalmanFilter(sigma_jerk_m_s3=20.0), RtsSmoother()
@@ -16,7 +16,7 @@ KALMAN, FASTER, SMOOTHED = KalmanFilter(), KalmanFilter(sigma_jerk_m_s3=20.0), R
 
 @pytest.fixture(scope="module", params=["robot", "human"])
 def trials(request: pytest.FixtureRequest) -> list[StudyTrial]:
-    return [simulate(request.param, "thesis", seed) for seed in range(SEEDS)]
+    return [simulate_trial(request.param, "thesis", seed) for seed in range(SEEDS)]
 
 
 def rms_m(estimator: ComEstimator, trials: list[StudyTrial]) -> np.ndarray:
@@ -56,7 +56,7 @@ def test_as_printed_the_filter_loses_the_body(trials):
 def test_the_lag_has_two_causes_and_both_are_its_tuning(trials):
     """Without noise: sigma_jerk = 1 delays by 15 to 25 ms; c_p, wrong by the angular momentum, believed like white
     noise of 15 mm, adds the rest. With a jerk of 20 m/s^3 and an axis through the CoM nothing is late."""
-    clean = simulate(trials[0].gait, "none", 0)
+    clean = simulate_trial(trials[0].gait, "none", 0)
     ideal = replace(clean, wrench=replace(clean.wrench, moment_nm=np.cross(clean.truth.com_m, clean.wrench.force_n)))
     assert 0.025 < lag_s(KALMAN, clean)[1] < 0.065
     assert 0.012 < lag_s(KALMAN, ideal)[1] < 0.025

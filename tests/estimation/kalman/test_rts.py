@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from stridelab.estimation.kalman.filter import KalmanFilter, RtsSmoother
-from stridelab.estimation.kalman.jerk_model import JerkModel, stretches
+from stridelab.estimation.kalman.jerk_model import JerkModel, split_stretches
 from stridelab.estimation.kalman.passes import Axis
 from stridelab.recordings.recording import Window
 from support.oracles.textbook_kalman import textbook
@@ -15,11 +15,13 @@ from support.recordings.analytic_motions import masked_record, uniform, walk
 @pytest.mark.parametrize(("rate_hz", "sigma", "n"), [(100.0, 20.0, 400), (200.0, 1.0, 900), (1000.0, 20.0, 1500)])
 def test_two_directions_of_information_are_the_textbook_smoother(rate_hz: float, sigma: float, n: int):
     y, measured = masked_record(rate_hz, n)
-    axis = Axis(JerkModel(1 / rate_hz, sigma), (1e-4, 1e-2, 4e-4), stretches(measured), np.diag([1.0, 25.0, 100.0]))
+    axis = Axis(
+        JerkModel(1 / rate_hz, sigma), (1e-4, 1e-2, 4e-4), split_stretches(measured), np.diag([1.0, 25.0, 100.0])
+    )
     x0 = np.array([y[0, 0], 0.0, 0.0])
     A, B = axis.model.A, axis.model.B
     theirs = textbook(A, B @ B.T * sigma**2, np.array(axis.variance), y, x0, axis.start_covariance)
-    ours = axis.smoothed(y[None], x0[None])
+    ours = axis.smooth_states(y[None], x0[None])
     assert_allclose(ours.mean[0], theirs.smoothed, atol=1e-7)
     assert_allclose(ours.mean[0, :, 0], theirs.smoothed[:, 0], atol=1e-9)
     scale = np.sqrt(np.einsum("kii,kjj->kij", theirs.smoothed_covariance, theirs.smoothed_covariance))
@@ -32,13 +34,16 @@ def test_smoothing_delays_nothing():
     t = np.arange(n) / rate_hz
     y = np.column_stack([np.sin(w * t), -(w**2) * np.sin(w * t), np.sin(w * t)])[None]
     axis = Axis(
-        JerkModel(1 / rate_hz, 1.0), (1e-4, 1e-2, 4e-4), stretches(np.ones((n, 3), dtype=bool)), np.diag([1.0, 25, 100])
+        JerkModel(1 / rate_hz, 1.0),
+        (1e-4, 1e-2, 4e-4),
+        split_stretches(np.ones((n, 3), dtype=bool)),
+        np.diag([1.0, 25, 100]),
     )
     middle = (t > 7) & (t < 13)
     waves = np.column_stack([np.sin(w * t), np.cos(w * t)])[middle]
     for found, late_s in (
-        (axis.smoothed(y, np.zeros((1, 3))), 0.0),
-        (axis.filtered(y, np.zeros((1, 3))), axis.lag_s(0.9)),
+        (axis.smooth_states(y, np.zeros((1, 3))), 0.0),
+        (axis.filter_states(y, np.zeros((1, 3))), axis.lag_s(0.9)),
     ):
         a, b = np.linalg.lstsq(waves, found.mean[0, middle, 0], rcond=None)[0]
         assert -np.arctan2(b, a) / w == pytest.approx(late_s, abs=1e-5)

@@ -14,7 +14,7 @@ from stridelab.estimation.complementary.filter import ComplementaryFilter
 from stridelab.estimation.estimator import ComEstimate
 from stridelab.estimation.markers_only import GeometryOnly
 from stridelab.estimation.quality import Quality, Recorded, assess_quality
-from stridelab.estimation.quality.assessment import judged
+from stridelab.estimation.quality.assessment import evaluate_checks
 from stridelab.estimation.quality.body_hull import distance_outside_m
 from stridelab.estimation.quality.body_weight import dynamic_mass_kg
 from stridelab.estimation.quality.limb_lengths import length_change
@@ -238,7 +238,7 @@ def test_markers_of_exchanged_joints_are_found_without_force() -> None:
 
 
 def test_without_a_single_check_nothing_is_good() -> None:
-    quality = judged(Measures(), MASS_KG, (0.01, 0.01, 0.02))
+    quality = evaluate_checks(Measures(), MASS_KG, (0.01, 0.01, 0.02))
     assert quality.checks == ()
     assert quality.verdict == "doubtful"
     assert quality.remarks[0].code == "doubtful"

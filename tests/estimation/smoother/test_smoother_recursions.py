@@ -6,10 +6,17 @@ import numpy as np
 import pytest
 
 from stridelab.estimation.smoother.consistency import plate_bias_remarks, plate_bias_statistic
-from stridelab.estimation.smoother.kalman_rts import Filtered, Signals, filtered, gains, log_likelihood, smoothed
-from stridelab.estimation.smoother.noise_levels import LEARNED, adult_momentum_m_s, learned, log_likelihoods
+from stridelab.estimation.smoother.kalman_rts import (
+    ForwardPass,
+    Signals,
+    compute_gains,
+    filter_forward,
+    log_likelihood,
+    smooth_backward,
+)
+from stridelab.estimation.smoother.noise_levels import LEARNED, adult_momentum_m_s, learn_sizes, log_likelihoods
 from stridelab.estimation.smoother.online_filter import CausalFilter
-from stridelab.estimation.smoother.state_space import ACCELERATION, Sizes, resonator, state_space
+from stridelab.estimation.smoother.state_space import ACCELERATION, Sizes, resonator_model, state_space
 
 RATE_HZ = 50.0
 DT = 1 / RATE_HZ
@@ -103,7 +110,7 @@ def written_out(axis: int, data: Signals) -> Dense:
         (s.swing_m_s[axis], s.swing_hz[axis], s.damping[0]),
         (s.overtone_m_s[axis], s.overtone_hz[axis], 0.5),
     ):
-        a, noise, rest = (m[0] for m in resonator(np.array([sd]), np.array([hz]), np.array([damping]), DT))
+        a, noise, rest = (m[0] for m in resonator_model(np.array([sd]), np.array([hz]), np.array([damping]), DT))
         swings.append([e.pair(s.ends[0] ** 2 * rest), a, noise, s.ends[1] ** 2 / (1 - s.ends[1] ** 2) * rest])
     slow = np.exp(-DT / s.table_varying_s[0])
     out = Dense(np.zeros(N), np.zeros((N, e.size)), np.zeros(0), np.zeros((0, e.size)))
@@ -148,15 +155,15 @@ def measured(axis: int, data: Signals) -> np.ndarray:
 def passed():
     data = some_signals()
     space = state_space(SIZES, RATE_HZ)
-    found = gains(space, data.seen, data.phi)
-    forward = filtered(space, data, found)
+    found = compute_gains(space, data.seen, data.phi)
+    forward = filter_forward(space, data, found)
     return data, space, found, forward
 
 
 @pytest.mark.parametrize("axis", [0, 1, 2])
 def test_mean_and_band_are_those_of_gaussian_conditioning(passed, axis):
     data, _, found, forward = passed
-    mean, variance = smoothed(found, forward, 2)
+    mean, variance = smooth_backward(found, forward, 2)
     dense = written_out(axis, data)
     gain = np.linalg.solve(dense.y @ dense.y.T, dense.y @ dense.c.T).T
     expected = dense.c_mean + gain @ (measured(axis, data) - dense.y_mean)
@@ -207,7 +214,7 @@ def test_a_bias_of_the_plates_is_held_against_what_the_data_could_tell(passed):
     _, space, _, forward = passed
     prior = space.constant_sd[:2, ACCELERATION] ** 2
 
-    def told(share: float) -> Filtered:
+    def told(share: float) -> ForwardPass:
         cov, constants = forward.constants_cov.copy(), forward.constants.copy()
         cov[:2, ACCELERATION, ACCELERATION] = (1.0 - share) * prior
         constants[:2, ACCELERATION] = 0.3, -0.1
@@ -225,7 +232,7 @@ def test_vertically_the_noise_of_the_geometry_is_learnt_from_its_roughness():
     """Twice as rough upwards is twice the noise there, and changes nothing horizontally."""
     data = some_signals()
     louder = replace(data, geometry_m=data.geometry_m * [1.0, 1.0, 2.0])
-    one, other = (learned(SIZES, signals, RATE_HZ).marker_m for signals in (data, louder))
+    one, other = (learn_sizes(SIZES, signals, RATE_HZ).marker_m for signals in (data, louder))
     assert other == pytest.approx(one * [1.0, 1.0, 2.0], rel=1e-9)
 
 

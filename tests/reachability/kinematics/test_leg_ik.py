@@ -13,14 +13,14 @@ from stridelab.robots.robot import Robot
 def test_a_limb_is_placed_as_by_the_whole_robot(talos: Robot, effector: str) -> None:
     model, frames = with_contact_frames(talos)
     data = model.createData()
-    chain = LegChain.of(model, frames[effector])
-    angles = chain.draw(20, np.random.default_rng(0))
-    p, R = chain.placed(angles)
+    chain = LegChain.from_frame(model, frames[effector])
+    angles = chain.draw_angles(20, np.random.default_rng(0))
+    p, R = chain.contact_frame_pose(angles)
     spans = chain.span_m(angles, 2, -2)
     ids = list(model.supports[model.frames[frames[effector]].parentJoint])[2:]
     for a in range(20):
         q = talos.q_reference.copy()
-        q[list(chain.columns)] = angles[a]
+        q[list(chain.indices_in_q)] = angles[a]
         pin.framesForwardKinematics(model, data, q)
         T = data.oMi[1].actInv(data.oMf[frames[effector]])
         np.testing.assert_allclose(p[a], T.translation, atol=1e-13)
@@ -31,12 +31,12 @@ def test_a_limb_is_placed_as_by_the_whole_robot(talos: Robot, effector: str) -> 
 
 def test_a_leg_goes_back_to_where_it_came_from(talos: Robot) -> None:
     model, frames = with_contact_frames(talos)
-    chain = LegChain.of(model, frames["left_foot"])
-    angles = chain.draw(2000, np.random.default_rng(1))
-    p, R = chain.placed(angles)
-    found, reached = chain.reach(p, R, np.tile(talos.q_reference[list(chain.columns)], (2000, 1)))
+    chain = LegChain.from_frame(model, frames["left_foot"])
+    angles = chain.draw_angles(2000, np.random.default_rng(1))
+    p, R = chain.contact_frame_pose(angles)
+    found, reached = chain.solve_angles(p, R, np.tile(talos.q_reference[list(chain.indices_in_q)], (2000, 1)))
     assert reached.mean() > 0.9
-    p_found, R_found = chain.placed(found[reached])
+    p_found, R_found = chain.contact_frame_pose(found[reached])
     assert np.abs(p_found - p[reached]).max() < 1e-6
     assert np.abs(R_found - R[reached]).max() < 2e-6
     assert (found >= chain.lower_rad).all()
@@ -45,10 +45,10 @@ def test_a_leg_goes_back_to_where_it_came_from(talos: Robot) -> None:
 
 def test_out_of_reach_is_said(talos: Robot) -> None:
     model, frames = with_contact_frames(talos)
-    chain = LegChain.of(model, frames["left_foot"])
-    start = talos.q_reference[list(chain.columns)][None]
-    p, R = chain.placed(start)
-    _, reached = chain.reach(p - [0.0, 0.0, 0.5], R, start)
+    chain = LegChain.from_frame(model, frames["left_foot"])
+    start = talos.q_reference[list(chain.indices_in_q)][None]
+    p, R = chain.contact_frame_pose(start)
+    _, reached = chain.solve_angles(p - [0.0, 0.0, 0.5], R, start)
     assert not reached.any()
-    _, none = chain.reach(np.zeros((0, 3)), np.zeros((0, 3, 3)), np.zeros((0, 6)))
+    _, none = chain.solve_angles(np.zeros((0, 3)), np.zeros((0, 3, 3)), np.zeros((0, 6)))
     assert none.shape == (0,)

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from stridelab.reachability.kinematics.rotations import rotation_vectors, turned
+from stridelab.reachability.kinematics.rotations import rotate_about_axis, rotation_vectors
 
 ANGLE = st.floats(-4.0, 4.0)
 
@@ -17,7 +17,9 @@ def test_turned_about_an_axis_of_its_own(seed: int, angles: list[float]) -> None
     axis /= np.linalg.norm(axis)
     R = Rotation.random(len(angles), rng=rng)
     expected = R * Rotation.from_rotvec(np.outer(angles, axis))
-    np.testing.assert_allclose(turned(R.as_matrix(), axis, np.array(angles)), expected.as_matrix(), atol=1e-14)
+    np.testing.assert_allclose(
+        rotate_about_axis(R.as_matrix(), axis, np.array(angles)), expected.as_matrix(), atol=1e-14
+    )
 
 
 def test_vectors_are_those_of_the_rotations_up_to_half_a_turn() -> None:

@@ -12,7 +12,7 @@ from scipy.stats import ks_2samp
 
 from stridelab.dynamics.spatial import Placement
 from stridelab.errors import NotEstimable, NotFound
-from stridelab.reachability.learning.com_sampling import BLOCK, ComCloud, configurations, sample_com
+from stridelab.reachability.learning.com_sampling import BLOCK, ComCloud, configuration_stream, sample_com
 from stridelab.robots.configuration_sampling import uniform_configurations
 from stridelab.robots.robot import Robot
 
@@ -127,7 +127,7 @@ def test_the_hand_of_a_standing_robot_sees_the_com_in_the_heading_of_the_trunk(t
         "right_hand": "heading",
     }
     model, data = talos.model, talos.model.createData()
-    for a, q in enumerate(islice(configurations(talos, "conditioned", generator(5)), 40)):
+    for a, q in enumerate(islice(configuration_stream(talos, "conditioned", generator(5)), 40)):
         pin.framesForwardKinematics(model, data, q)
         com = pin.centerOfMass(model, data, False)
         forward = data.oMf[model.getFrameId(talos.base_frame)].rotation[:, 0]
@@ -144,7 +144,7 @@ def test_a_stream_is_gone_with_its_last_reference(talos: Robot) -> None:
     """The buffers of the collision check are large: those of a block must not wait for the garbage collector."""
     gc.disable()
     try:
-        stream = configurations(talos, "uniform", np.random.default_rng(0))
+        stream = configuration_stream(talos, "uniform", np.random.default_rng(0))
         next(stream)
         left = weakref.ref(stream)
         del stream

@@ -12,16 +12,16 @@ from stridelab.reachability.card import EffectorCard
 from stridelab.reachability.gaussian_mixture import Mixture
 from stridelab.reachability.learning.com_sampling import ComCloud
 from stridelab.reachability.learning.fit import (
-    HELD_OUT,
+    HELD_OUT_RECIPROCAL,
     KL_DRAWS,
     SIZES,
-    chosen_size,
     expectation_maximisation,
     fit,
-    learn,
+    learn_densities,
+    select_size,
 )
 from stridelab.reachability.learning.kde import scott_bandwidth_m
-from stridelab.reachability.learning.kl_divergence import Divergence, divergences
+from stridelab.reachability.learning.kl_divergence import Divergence, kl_divergences
 from stridelab.robots.robot import Robot
 
 DAY = date(2026, 11, 21)
@@ -39,7 +39,7 @@ def test_em_finds_a_known_mixture() -> None:
     np.testing.assert_allclose(found.weights[order], TRUTH.weights, atol=0.02)
     np.testing.assert_allclose(found.means_m[order], TRUTH.means_m, atol=0.01)
     np.testing.assert_allclose(found.covariances_m2[order], TRUTH.covariances_m2, atol=0.002)
-    (kl,) = divergences(TRUTH, [found], 5000, np.random.default_rng(1))
+    (kl,) = kl_divergences(TRUTH, [found], 5000, np.random.default_rng(1))
     assert kl.kl_nats < 0.005
 
 
@@ -56,8 +56,8 @@ def foot(fresh: ComCloud) -> EffectorCard:
 
 def test_the_numbers_of_a_card_are_those_of_the_samples(fresh: ComCloud, foot: EffectorCard) -> None:
     x, card = fresh.com_m["left_foot"], foot
-    mixture = card.mixture()
-    seen, held_out = x[: -len(x) // HELD_OUT], x[-len(x) // HELD_OUT :]
+    mixture = card.to_mixture()
+    seen, held_out = x[: -len(x) // HELD_OUT_RECIPROCAL], x[-len(x) // HELD_OUT_RECIPROCAL :]
     assert card.held_out_log_likelihood == pytest.approx(mixture.log_density(held_out).mean())
     assert card.held_out_log_likelihood_sd == pytest.approx(mixture.log_density(held_out).std() / 20, rel=0.01)
     again, _ = expectation_maximisation(seen, card.components, seed=1)
@@ -81,7 +81,7 @@ def test_the_divergence_is_from_the_kernel_density_of_the_samples(fresh: ComClou
     rng = np.random.default_rng(99)
     draws = x[rng.integers(len(x), size=KL_DRAWS)] + foot.bandwidth_m * rng.standard_normal((KL_DRAWS, 3))
     kde = Oracle(bandwidth=foot.bandwidth_m, leaf_size=len(x)).fit(x)
-    ratio = kde.score_samples(draws) - foot.mixture().log_density(draws)
+    ratio = kde.score_samples(draws) - foot.to_mixture().log_density(draws)
     error = np.hypot(foot.kl_sd_nats, ratio.std() / np.sqrt(KL_DRAWS))
     assert abs(ratio.mean() - foot.kl_nats) < 4 * error
 
@@ -105,13 +105,13 @@ def test_the_smallest_size_within_one_standard_error_of_the_best(
     kl: tuple[float, ...], excess_sd: tuple[float, ...], size: int
 ) -> None:
     curve = {i + 1: Divergence(value, 1.0, sd) for i, (value, sd) in enumerate(zip(kl, excess_sd, strict=True))}
-    assert chosen_size(curve) == size
+    assert select_size(curve) == size
 
 
 def test_a_robot_is_learned_from_its_postures(talos: Robot) -> None:
     told: list[float] = []
     names = ["right_hand", "left_foot"]
-    learned = learn(talos, DAY, names, 700, seed=5, progress=lambda f, _: told.append(f), processes=1)
+    learned = learn_densities(talos, DAY, names, 700, seed=5, progress=lambda f, _: told.append(f), processes=1)
     card = learned.card
     assert (card.robot, card.robot_sha256, card.seed) == ("talos", talos.sha256, 5)
     assert (card.samples, card.fitted, card.tried) == (700, 560, learned.cloud.tried)
@@ -123,17 +123,17 @@ def test_a_robot_is_learned_from_its_postures(talos: Robot) -> None:
     assert card.versions["scikit-learn"]
     assert told == sorted(told)
     assert 0.0 <= told[0] <= told[-1] <= 1.0
-    again = learn(talos, DAY, names, 700, seed=5, processes=2)
+    again = learn_densities(talos, DAY, names, 700, seed=5, processes=2)
     assert again.card == card, "the seed decides, not how many processes there are"
     assert all((again.cloud.com_m[name] == learned.cloud.com_m[name]).all() for name in names)
-    later = learn(talos, date(2027, 1, 2), names, 700, seed=5, processes=1).card
+    later = learn_densities(talos, date(2027, 1, 2), names, 700, seed=5, processes=1).card
     assert replace(later, learned_on=card.learned_on) == card
-    other = learn(talos, DAY, ["left_foot"], 700, seed=6, processes=1).card
+    other = learn_densities(talos, DAY, ["left_foot"], 700, seed=6, processes=1).card
     assert other.effectors["left_foot"].means != card.effectors["left_foot"].means
 
 
 def test_the_default_is_all_effectors(talos: Robot) -> None:
-    card = learn(talos, DAY, samples=100, measure="conditioned").card
+    card = learn_densities(talos, DAY, samples=100, measure="conditioned").card
     assert list(card.effectors) == list(talos.effectors)
     assert card.measure == "conditioned"
     assert [effector.frame for effector in card.effectors.values()] == ["contact", "contact", "heading", "heading"]
@@ -141,8 +141,8 @@ def test_the_default_is_all_effectors(talos: Robot) -> None:
 
 def test_what_cannot_be_learned_is_refused(talos: Robot) -> None:
     with pytest.raises(InvalidInput) as too_few:
-        learn(talos, DAY, ["left_foot"], 99)
+        learn_densities(talos, DAY, ["left_foot"], 99)
     assert too_few.value.code == "too-few-samples"
     with pytest.raises(NotFound) as unknown:
-        learn(talos, DAY, ["left_foot", "tail"], 500)
+        learn_densities(talos, DAY, ["left_foot", "tail"], 500)
     assert unknown.value.faults[0].where == "effectors[1]"

@@ -24,7 +24,7 @@ def test_scott_in_three_dimensions() -> None:
     points = np.random.default_rng(2).normal(size=(128, 3))
     points = (points - points.mean(axis=0)) / points.std(axis=0) * [0.1, 0.2, 0.6]
     assert scott_bandwidth_m(points) == pytest.approx(0.15)
-    assert KernelDensity.scott(points).bandwidth_m == pytest.approx(0.15)
+    assert KernelDensity.with_scott_bandwidth(points).bandwidth_m == pytest.approx(0.15)
 
 
 def test_drawn_points_are_spread_by_the_kernel() -> None:

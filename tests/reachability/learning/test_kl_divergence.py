@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from stridelab.reachability.gaussian_mixture import Mixture
-from stridelab.reachability.learning.kl_divergence import Divergence, divergences
+from stridelab.reachability.learning.kl_divergence import Divergence, kl_divergences
 
 
 def gaussian(mean: list[float], covariance: np.ndarray) -> Mixture:
@@ -24,13 +24,13 @@ def exact(p: Mixture, q: Mixture) -> float:
 
 @pytest.mark.parametrize(("p", "q"), [(P, Q), (Q, P)])
 def test_the_divergence_of_two_gaussians_is_the_exact_one(p: Mixture, q: Mixture) -> None:
-    (found,) = divergences(p, [q], 20_000, np.random.default_rng(0))
+    (found,) = kl_divergences(p, [q], 20_000, np.random.default_rng(0))
     assert abs(found.kl_nats - exact(p, q)) < 4 * found.kl_sd_nats
     assert found.kl_sd_nats < 0.03 * exact(p, q)
 
 
 def test_the_standard_error_is_that_of_repeated_estimates() -> None:
-    found = [divergences(P, [Q], 200, np.random.default_rng(seed))[0] for seed in range(400)]
+    found = [kl_divergences(P, [Q], 200, np.random.default_rng(seed))[0] for seed in range(400)]
     spread = np.std([one.kl_nats for one in found], ddof=1)
     assert np.mean([one.kl_sd_nats for one in found]) == pytest.approx(spread, rel=0.15)
     bias = np.mean([one.kl_nats for one in found]) - exact(P, Q)
@@ -38,18 +38,18 @@ def test_the_standard_error_is_that_of_repeated_estimates() -> None:
 
 
 def test_a_density_does_not_differ_from_itself() -> None:
-    itself, other = divergences(P, [P, Q], 100, np.random.default_rng(1))
+    itself, other = kl_divergences(P, [P, Q], 100, np.random.default_rng(1))
     assert itself == Divergence(0.0, 0.0, 0.0)
-    (alone,) = divergences(P, [Q], 100, np.random.default_rng(1))
+    (alone,) = kl_divergences(P, [Q], 100, np.random.default_rng(1))
     assert (other.kl_nats, other.kl_sd_nats) == (alone.kl_nats, alone.kl_sd_nats), "all are measured by the same draws"
     assert other.excess_sd_nats == pytest.approx(other.kl_sd_nats)
-    assert divergences(P, [], 100, np.random.default_rng(1)) == []
+    assert kl_divergences(P, [], 100, np.random.default_rng(1)) == []
 
 
 def test_a_difference_is_surer_than_what_is_compared() -> None:
     """By repetition: the standard error of the excess is that of the differences, not of either divergence."""
     near = gaussian([0.01, 0.1, 0.7], Q.covariances_m2[0])
-    pairs = [divergences(P, [Q, near], 200, np.random.default_rng(seed)) for seed in range(400)]
+    pairs = [kl_divergences(P, [Q, near], 200, np.random.default_rng(seed)) for seed in range(400)]
     spread = np.std([b.kl_nats - a.kl_nats for a, b in pairs], ddof=1)
     assert np.mean([max(a.excess_sd_nats, b.excess_sd_nats) for a, b in pairs]) == pytest.approx(spread, rel=0.15)
     assert spread < 0.2 * np.mean([a.kl_sd_nats for a, _ in pairs])

@@ -12,9 +12,9 @@ from scipy.spatial.transform import Rotation
 from sklearn.mixture import GaussianMixture
 from sklearn.mixture._gaussian_mixture import _compute_precision_cholesky
 
-from stridelab.centroidal.nlp.density_term import likelihood
+from stridelab.centroidal.nlp.density_term import likelihood_functions
 from stridelab.reachability.gaussian_mixture import Mixture
-from stridelab.reachability.learning.fit import FLOOR_M
+from stridelab.reachability.learning.fit import REGULARISATION_M
 
 TOLERANCE = 1e-10
 WIDEST_M = 0.6
@@ -26,7 +26,7 @@ def extreme(k: int, seed: int) -> Mixture:
     """Standard deviations from EM's floor to more than any robot needs, weights over nine powers of ten."""
     rng = np.random.default_rng(seed)
     weights = 10.0 ** rng.uniform(-9, 0, k)
-    sd = np.exp(rng.uniform(np.log(FLOOR_M), np.log(WIDEST_M), (k, 3)))
+    sd = np.exp(rng.uniform(np.log(REGULARISATION_M), np.log(WIDEST_M), (k, 3)))
     R = Rotation.random(k, rng=rng).as_matrix()
     S = np.einsum("jab,jb,jcb->jac", R, sd**2, R)
     return Mixture(weights / weights.sum(), rng.normal(0.0, 0.7, (k, 3)), (S + S.swapaxes(1, 2)) / 2)
@@ -60,7 +60,7 @@ def test_the_value_is_that_of_scikit_learn_near_and_far(k: int, seed: int) -> No
 @given(SIZES, SEEDS)
 def test_casadi_says_the_same_as_numpy(k: int, seed: int) -> None:
     mixture, origin, axes = extreme(k, seed), np.zeros(3), np.eye(3).ravel()
-    functions, points = likelihood(mixture), near(mixture, seed)
+    functions, points = likelihood_functions(mixture), near(mixture, seed)
     value, gradient, hessian = mixture.log_density(points), mixture.gradient(points), mixture.hessian(points)
     for i, c in enumerate(points):
         assert abs(value[i] + float(functions.value(c, origin, axes))) <= TOLERANCE * (1.0 + abs(value[i]))
@@ -78,7 +78,7 @@ def test_the_derivatives_are_those_of_automatic_differentiation(k: int, seed: in
     """CasADi differentiates the value by its own rules."""
     mixture, axes = extreme(k, seed), np.eye(3)
     c = ca.SX.sym("c", 3)
-    hessian, gradient = ca.hessian(likelihood(mixture).value(c, np.zeros(3), axes.ravel()), c)
+    hessian, gradient = ca.hessian(likelihood_functions(mixture).value(c, np.zeros(3), axes.ravel()), c)
     derived, points = ca.Function("derived", [c], [gradient, hessian]), near(mixture, seed, deviations=4.0)
     ours, ours_2 = mixture.gradient(points), mixture.hessian(points)
     for i, point in enumerate(points):
@@ -93,7 +93,7 @@ def test_the_derivatives_are_those_of_automatic_differentiation(k: int, seed: in
 def test_the_hessian_is_that_of_finite_differences(k: int, seed: int) -> None:
     """Of the gradient, with steps far below the narrowest deviation: their own error is about 1e-7."""
     mixture = extreme(k, seed)
-    points, h = near(mixture, seed, deviations=3.0), 1e-3 * FLOOR_M
+    points, h = near(mixture, seed, deviations=3.0), 1e-3 * REGULARISATION_M
     steps = [(mixture.gradient(points + e) - mixture.gradient(points - e)) / (2 * h) for e in h * np.eye(3)]
     bends = np.stack(steps, axis=1)
     scale = 1.0 + np.abs(mixture.precisions).max() + np.abs(mixture.gradient(points)).max() ** 2

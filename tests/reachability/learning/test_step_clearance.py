@@ -17,7 +17,7 @@ def leaning(robot: Robot, pitch_rad: float) -> tuple[pin.Model, pin.Data, StepCl
     q[model.joints[model.getJointId("leg_left_5_joint")].idx_q] -= pitch_rad
     pin.framesForwardKinematics(model, data, q)
     joints = list(model.supports[model.frames[frames["left_foot"]].parentJoint])[2:]
-    return model, data, StepClearance.of(robot, "left_foot", frames["left_foot"], joints, 0.045, 0.6)
+    return model, data, StepClearance.for_effector(robot, "left_foot", frames["left_foot"], joints, 0.045, 0.6)
 
 
 def shank_ahead_m(robot: Robot, data: pin.Data, step: StepClearance, height_m: float) -> float:
@@ -37,7 +37,7 @@ def test_it_is_clear_exactly_where_no_vertex_is_over_the_step(talos: Robot) -> N
     for pitch_rad in (0.0, 0.2, 0.4, 0.6, 0.8):
         _, data, step = leaning(talos, pitch_rad)
         for height_m in (0.05, 0.15, 0.2, 0.3):
-            clear = step.clear(data, height_m)
+            clear = step.is_clear(data, height_m)
             verdicts.append(clear)
             if shank_ahead_m(talos, data, step, height_m) > step.begins_m + 1e-6:
                 assert not clear

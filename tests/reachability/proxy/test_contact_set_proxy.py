@@ -6,22 +6,24 @@ import pytest
 from stridelab.dynamics.spatial import Placement
 from stridelab.errors import InvalidInput
 from stridelab.reachability.gaussian_mixture import Mixture
-from stridelab.reachability.proxy.contact_set_proxy import ContactSet, moved, product
+from stridelab.reachability.proxy.contact_set_proxy import ContactSet, multiply_mixtures, transform_mixture
 from stridelab.reachability.proxy.effector_proxy import Proxy
 from stridelab.reachability.store import load_proxies
 
 HEADING_RAD = 0.2
 CONTACTS = {
-    "left_foot": Placement.of((0.0, 0.09, 0.0)),
-    "right_foot": Placement.of((0.30, -0.11, 0.15), (np.cos(0.1), 0.0, 0.0, np.sin(0.1))),
-    "right_hand": Placement.of((0.35, -0.5, 0.95), (np.cos(0.2), 0.0, np.sin(0.2), 0.0)),
-    "left_hand": Placement.of((0.35, 0.5, 0.95)),
+    "left_foot": Placement.from_wxyz((0.0, 0.09, 0.0)),
+    "right_foot": Placement.from_wxyz((0.30, -0.11, 0.15), (np.cos(0.1), 0.0, 0.0, np.sin(0.1))),
+    "right_hand": Placement.from_wxyz((0.35, -0.5, 0.95), (np.cos(0.2), 0.0, np.sin(0.2), 0.0)),
+    "left_hand": Placement.from_wxyz((0.35, 0.5, 0.95)),
 }
 
 
 def some(count: int) -> ContactSet:
     names = list(CONTACTS)[:count]
-    return ContactSet.of(load_proxies("talos", "uniform"), {name: CONTACTS[name] for name in names}, HEADING_RAD)
+    return ContactSet.from_placements(
+        load_proxies("talos", "uniform"), {name: CONTACTS[name] for name in names}, HEADING_RAD
+    )
 
 
 @pytest.mark.parametrize("count", [1, 2, 3, 4])
@@ -62,7 +64,7 @@ def test_the_product_of_two_normal_densities_is_the_exact_one() -> None:
     """Equal ones at a distance ``d``: half the variance, ``Z = N(d; 0, 2 S)``; the sets are balls."""
     sd, d = 0.2, 0.3
     one = Mixture(np.ones(1), np.zeros((1, 3)), sd**2 * np.eye(3)[None])
-    contacts = product([one, moved(one, Placement.of((d, 0.0, 0.0)))])
+    contacts = multiply_mixtures([one, transform_mixture(one, Placement.from_wxyz((d, 0.0, 0.0)))])
     z = np.exp(-(d**2) / (4 * sd**2)) / (4 * np.pi * sd**2) ** 1.5
     assert contacts.log_z == pytest.approx(np.log(z), abs=1e-12)
     np.testing.assert_allclose(contacts.product.covariances_m2[0], sd**2 / 2 * np.eye(3), atol=1e-15)
@@ -89,6 +91,6 @@ def test_what_is_left_out_is_light() -> None:
 def test_contacts_without_densities_are_refused() -> None:
     proxies = {"left_foot": Proxy(Mixture(np.ones(1), np.zeros((1, 3)), np.eye(3)[None]))}
     with pytest.raises(InvalidInput, match="tail"):
-        ContactSet.of(proxies, {"tail": Placement.identity()}, 0.0)
+        ContactSet.from_placements(proxies, {"tail": Placement.identity()}, 0.0)
     with pytest.raises(InvalidInput, match="one contact"):
-        ContactSet.of(proxies, {}, 0.0)
+        ContactSet.from_placements(proxies, {}, 0.0)

@@ -10,7 +10,7 @@ from stridelab.reachability.proxy.effector_proxy import Proxy
 MEAN = np.array([0.1, -0.2, 0.8])
 COVARIANCE = np.diag([0.2, 0.1, 0.05]) ** 2
 MIXTURE = Mixture(np.ones(1), MEAN[None], COVARIANCE[None])
-LEANING = Placement.of((1.0, 2.0, 3.0), (np.cos(0.2), 0.0, np.sin(0.2), 0.0))
+LEANING = Placement.from_wxyz((1.0, 2.0, 3.0), (np.cos(0.2), 0.0, np.sin(0.2), 0.0))
 """A contact that is pitched by 0.4 rad, as a rail beside stairs."""
 
 

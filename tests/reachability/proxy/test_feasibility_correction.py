@@ -8,61 +8,61 @@ import pytest
 
 from stridelab.dynamics.spatial import Placement
 from stridelab.errors import NotFound, UnreadableFile
-from stridelab.reachability.kinematics.ik_ground_truth import STANDING, StanceTruth
+from stridelab.reachability.kinematics.ik_ground_truth import STANDING_POSTURE, StanceTruth
 from stridelab.reachability.proxy.contact_set_proxy import ContactSet
 from stridelab.reachability.proxy.feasibility_correction import (
     FeasibilityCard,
-    learned,
+    learn_feasibility,
     load_feasibility,
     log_density,
     read_feasibility,
     save_feasibility,
 )
-from stridelab.reachability.random_contacts import GROWN, Pairs, balanced, random_pairs
+from stridelab.reachability.random_contacts import BOX_SCALE, LabelledPairs, balance_labels, random_pairs
 from stridelab.reachability.store import load_proxies
 from stridelab.robots.robot import Robot
 
 
 @pytest.fixture(scope="module")
 def truth(talos: Robot) -> StanceTruth:
-    return StanceTruth(talos, STANDING)
+    return StanceTruth(talos, STANDING_POSTURE)
 
 
 @pytest.fixture(scope="module")
-def pairs(truth: StanceTruth) -> dict[bool, Pairs]:
+def pairs(truth: StanceTruth) -> dict[bool, LabelledPairs]:
     return {
         hand: random_pairs(truth, stances=12, per_stance=25, seed=0, hand=hand, walkers=2, rounds=4)
         for hand in (False, True)
     }
 
 
-def test_pairs_fill_the_grown_box(pairs: dict[bool, Pairs]) -> None:
+def test_pairs_fill_the_grown_box(pairs: dict[bool, LabelledPairs]) -> None:
     for drawn in pairs.values():
         relative = (drawn.com_m - (drawn.low_m + drawn.high_m) / 2) / (drawn.high_m - drawn.low_m)
-        assert np.abs(relative).max() <= GROWN / 2
+        assert np.abs(relative).max() <= BOX_SCALE / 2
         assert np.abs(relative).max() > 0.6
         assert 0.1 < drawn.feasible.mean() < 0.6
         assert (np.diff(drawn.shares) >= 0.0).all()
 
 
-def test_as_many_feasible_ones_as_asked(pairs: dict[bool, Pairs]) -> None:
+def test_as_many_feasible_ones_as_asked(pairs: dict[bool, LabelledPairs]) -> None:
     drawn = pairs[False]
-    kept = balanced(drawn, 150, 0.4, np.random.default_rng(0))
+    kept = balance_labels(drawn, 150, 0.4, np.random.default_rng(0))
     assert len(kept.com_m) == 150
     assert kept.feasible.sum() == 60
     assert {tuple(c) for c in kept.com_m} <= {tuple(c) for c in drawn.com_m}
 
 
 def test_the_correction_separates_and_survives_the_disk(
-    talos: Robot, truth: StanceTruth, pairs: dict[bool, Pairs], tmp_path: Path
+    talos: Robot, truth: StanceTruth, pairs: dict[bool, LabelledPairs], tmp_path: Path
 ) -> None:
-    effectors = learned(pairs[False], pairs[True], seed=0)
+    effectors = learn_feasibility(pairs[False], pairs[True], seed=0)
     assert set(effectors) == set(talos.effectors)
     card = FeasibilityCard("talos", talos.sha256, 0, 40, 800, effectors)
     path = tmp_path / "talos.json"
     save_feasibility(path, card)
     assert read_feasibility(path) == card
-    proxies = {name: flat.proxy() for name, flat in card.effectors.items()}
+    proxies = {name: flat.to_proxy() for name, flat in card.effectors.items()}
     right, left = proxies["right_hand"].mixture, proxies["left_hand"].mixture
     np.testing.assert_array_equal(right.means_m * [1.0, -1.0, 1.0], left.means_m)
     unseen = random_pairs(truth, stances=8, per_stance=25, seed=9, hand=False, walkers=2, rounds=4)
@@ -70,8 +70,8 @@ def test_the_correction_separates_and_survives_the_disk(
     assert np.median(score[unseen.feasible]) > np.median(score[~unseen.feasible]) + 1.0
 
 
-def test_what_a_file_lacks_is_named(talos: Robot, pairs: dict[bool, Pairs], tmp_path: Path) -> None:
-    card = FeasibilityCard("talos", talos.sha256, 0, 40, 800, learned(pairs[False], pairs[True], seed=0))
+def test_what_a_file_lacks_is_named(talos: Robot, pairs: dict[bool, LabelledPairs], tmp_path: Path) -> None:
+    card = FeasibilityCard("talos", talos.sha256, 0, 40, 800, learn_feasibility(pairs[False], pairs[True], seed=0))
     path = tmp_path / "spoilt.json"
     save_feasibility(path, replace(card, seed=0))
     path.write_text(path.read_text().replace('"frame": "heading"', '"frame": "sideways"'))
@@ -90,7 +90,7 @@ def test_the_bundled_correction_is_a_proxy(name: str) -> None:
     assert proxies["left_hand"].frame == "heading"
 
 
-def test_many_sets_at_once_agree_with_one(pairs: dict[bool, Pairs]) -> None:
+def test_many_sets_at_once_agree_with_one(pairs: dict[bool, LabelledPairs]) -> None:
     """(4.13)."""
     drawn = pairs[True]
     proxies = load_proxies("talos", "conditioned")
@@ -99,5 +99,5 @@ def test_many_sets_at_once_agree_with_one(pairs: dict[bool, Pairs]) -> None:
         placements = {
             name: Placement(p[k], np.eye(3) if R is None else R[k]) for name, (p, R) in drawn.contacts.targets.items()
         }
-        one = ContactSet.of(proxies, placements, float(drawn.contacts.heading_rad[k]))
+        one = ContactSet.from_placements(proxies, placements, float(drawn.contacts.heading_rad[k]))
         assert one.log_density(drawn.com_m[k : k + 1])[0] + one.log_z == pytest.approx(many[k], abs=1e-9)

@@ -6,7 +6,7 @@ from scipy.integrate import trapezoid
 
 from stridelab.reachability.gaussian_mixture import Mixture
 from stridelab.reachability.learning.kde import KernelDensity
-from stridelab.reachability.proxy.projections import ACROSS, Grid, grid_around, project_kernels, project_mixture
+from stridelab.reachability.proxy.projections import PLOT_AXES, Grid, grid_around, project_kernels, project_mixture
 
 RNG = np.random.default_rng(3)
 MIXTURE = Mixture(
@@ -24,7 +24,7 @@ def test_a_projection_is_the_integral_along_its_axis(along: int, which: str) -> 
     """By the trapezoidal rule, which for smooth bells is exact to rounding."""
     grid = grid_around(KERNELS)
     drawn = project_kernels(KERNELS, grid, along) if which == "kernels" else project_mixture(MIXTURE, grid, along)
-    right, up = ACROSS[along]
+    right, up = PLOT_AXES[along]
     assert drawn.shape == (grid.counts[up], grid.counts[right])
     density = KERNELS if which == "kernels" else MIXTURE
     for row, column in ((10, 20), (25, 12), (30, 30)):

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from stridelab.errors import InvalidInput
-from stridelab.recordings.files.c3d_writer import add_points_to_c3d, chunks, write_c3d
+from stridelab.recordings.files.c3d_writer import add_points_to_c3d, split_text, write_c3d
 from stridelab.recordings.reader import read_recording
 from stridelab.recordings.recording import Event, Plate, Recording, Subject
 from support.recordings.c3d_files import PlateChannels, write_file
@@ -86,11 +86,11 @@ def test_no_plates_no_subject_no_events(tmp_path: Path) -> None:
 
 def test_chunks_never_end_in_a_blank() -> None:
     text = "word " * 200 + "x" * 300
-    parts = chunks(text)
+    parts = split_text(text)
     assert "".join(parts) == text
     assert all(len(part) <= 100 for part in parts)
     assert all(part == part.strip() for part in parts)
-    assert chunks("") == [""]
+    assert split_text("") == [""]
 
 
 def upload(folder: Path) -> Path:

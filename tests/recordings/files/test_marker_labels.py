@@ -2,11 +2,11 @@
 
 from collections.abc import Sequence
 
-from stridelab.recordings.files.marker_labels import choose, model_frames, without_prefix
+from stridelab.recordings.files.marker_labels import model_frames, select_labels, without_prefix
 
 
 def pick(labels: list[str], outputs: Sequence[str] = ()) -> dict[str, int]:
-    return choose(labels, [10] * len(labels), outputs, ()).column
+    return select_labels(labels, [10] * len(labels), outputs, ()).column
 
 
 def test_prefix_up_to_the_last_colon() -> None:
@@ -16,20 +16,20 @@ def test_prefix_up_to_the_last_colon() -> None:
 
 
 def test_unlabelled_points_are_left_out() -> None:
-    choice = choose(["*115", "LASI", "", "*", "Unlabeled 3", "uname"], [5] * 6, [], [])
+    choice = select_labels(["*115", "LASI", "", "*", "Unlabeled 3", "uname"], [5] * 6, [], [])
     assert choice.column == {"LASI": 1, "uname": 5}
     assert [remark.code for remark in choice.remarks] == ["unlabelled-points"]
 
 
 def test_of_two_columns_with_one_name_the_better_seen_is_kept() -> None:
-    choice = choose(["LASI", "LASI", "RASI"], [3, 9, 9], [], [])
+    choice = select_labels(["LASI", "LASI", "RASI"], [3, 9, 9], [], [])
     assert choice.column == {"LASI": 1, "RASI": 2}
     assert [remark.code for remark in choice.remarks] == ["duplicate-labels"]
 
 
 def test_of_two_subjects_the_better_seen_is_kept_and_none_is_named() -> None:
     labels = ["Anna:LASI", "Anna:RASI", "Berta:LASI", "Berta:RASI", "ball"]
-    choice = choose(labels, [1, 1, 9, 9, 9], [], [])
+    choice = select_labels(labels, [1, 1, 9, 9, 9], [], [])
     assert choice.column == {"LASI": 2, "RASI": 3, "ball": 4}
     (remark,) = choice.remarks
     assert remark.code == "several-subjects"
@@ -59,7 +59,7 @@ def test_angles_powers_forces_and_moments_are_no_positions() -> None:
 
 def test_outputs_of_models_are_positions_but_no_markers() -> None:
     labels = ["PELO", "PELA", "PELL", "PELP", "LASI", "CentreOfMass", "LHJC", "Extra"]
-    choice = choose(labels, [9] * 8, [], ["Extra"])
+    choice = select_labels(labels, [9] * 8, [], ["Extra"])
     assert choice.outputs == {"PELO", "PELA", "PELL", "PELP", "CentreOfMass", "LHJC", "Extra"}
     assert "LASI" in choice.column
 
@@ -70,5 +70,5 @@ def test_four_letters_make_a_frame_only_together() -> None:
 
 
 def test_cluster_markers_are_taken_for_oxford_points_only_beside_its_frames() -> None:
-    assert choose(["LTIB1", "LANK"], [9, 9], [], []).outputs == frozenset()
-    assert "LTIB1" in choose(["LTIB1", "LHDF0"], [9, 9], [], []).outputs
+    assert select_labels(["LTIB1", "LANK"], [9, 9], [], []).outputs == frozenset()
+    assert "LTIB1" in select_labels(["LTIB1", "LHDF0"], [9, 9], [], []).outputs

@@ -7,7 +7,7 @@ import pytest
 
 from stridelab.errors import NotFound
 from stridelab.reproduction.chapter2 import fig_2_8_people
-from stridelab.reproduction.chapter2.fig_2_8_people import COMFORTABLE, WALK, Fused, fused
+from stridelab.reproduction.chapter2.fig_2_8_people import COMFORTABLE, WALK, Fused, fuse_walk
 from stridelab.reproduction.common.recorded_walks import RecordedWalk, recordings_in
 
 ADULTS = ("2014001", "2014015")
@@ -26,7 +26,7 @@ def few(gait: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def walks(few: Path) -> list[Fused]:
-    return [fused(RecordedWalk.of(path)) for path in recordings_in(few, COMFORTABLE)]
+    return [fuse_walk(RecordedWalk.from_file(path)) for path in recordings_in(few, COMFORTABLE)]
 
 
 def test_a_late_force_moves_the_estimate_back_by_speed_times_delay(walks: list[Fused]) -> None:

@@ -10,9 +10,9 @@ from stridelab.reproduction.chapter3 import numbers as numbers_3
 from stridelab.reproduction.chapter4 import numbers as numbers_4
 from stridelab.reproduction.chapter4.table_4_1 import COLUMNS
 from stridelab.reproduction.claims import Claim, Reproduction
-from stridelab.reproduction.common.simulated_people import THESIS_PEOPLE
+from stridelab.reproduction.common.simulated_people import THESIS_SUBJECTS
 from stridelab.reproduction.common.simulated_steps import simulated_steps
-from stridelab.studies.estimator_study import simulate
+from stridelab.studies.estimator_study import simulate_trial
 from stridelab.walking.curtate_cycloid import Wheel
 
 R, r = 0.10, 0.015
@@ -47,15 +47,15 @@ def test_the_three_types_differ_where_the_point_is_lowest(figure: Reproduction) 
 
 def test_without_gesticulation_the_com_is_on_the_axis() -> None:
     """What is off is f x L' / f^2, which another formula says."""
-    trial = simulate("robot", "none", 0)
-    off = numbers._off_the_axis(trial)
+    trial = simulate_trial("robot", "none", 0)
+    off = numbers._axis_offset_m(trial)
     f, L_rate = trial.truth.force_n, trial.truth.momentum_rate_nm
     expected = np.cross(f, L_rate) / np.sum(f * f, axis=1)[:, None]
     assert off == pytest.approx(expected, abs=1e-9)
 
 
 def test_the_average_of_both_passes_is_what_the_estimator_gives() -> None:
-    trial = simulate("robot", "thesis", 0)
+    trial = simulate_trial("robot", "thesis", 0)
     both, one = numbers._passes_m(trial)
     assert 0.0 < both < one
 
@@ -63,15 +63,15 @@ def test_the_average_of_both_passes_is_what_the_estimator_gives() -> None:
 def test_a_path_has_so_many_free_numbers_as_the_derivative_has_ranks() -> None:
     """Three of the shape and one angle per sample; six with an even clock. Without a radius nothing but a line."""
     theta = np.linspace(0.3, 6.0, 20)
-    assert numbers_3.freedom(theta, R, r) == (3 + len(theta), 6)
-    assert numbers_3.freedom(theta, R, 0.0)[1] < 6
+    assert numbers_3.free_parameter_counts(theta, R, r) == (3 + len(theta), 6)
+    assert numbers_3.free_parameter_counts(theta, R, 0.0)[1] < 6
 
 
 def test_the_printed_coefficients_have_the_p_of_students_t() -> None:
-    found = {c.key: c for c in numbers_3._p_values()}
+    found = {c.key: c for c in numbers_3._p_value_claims()}
     for name, coefficient, bound in numbers_3.PRINTED:
-        t = coefficient * np.sqrt((THESIS_PEOPLE - 2) / (1.0 - coefficient**2))
-        p = 2.0 * stats.t.sf(t, THESIS_PEOPLE - 2)
+        t = coefficient * np.sqrt((THESIS_SUBJECTS - 2) / (1.0 - coefficient**2))
+        p = 2.0 * stats.t.sf(t, THESIS_SUBJECTS - 2)
         assert found[f"{name}_p"].ours == pytest.approx(p, rel=1e-9)
         assert found[f"{name}_p"].verdict == ("met" if p < bound else "thesis_in_error")
     assert found["r_p"].verdict == "thesis_in_error"
@@ -79,20 +79,20 @@ def test_the_printed_coefficients_have_the_p_of_students_t() -> None:
 
 def test_the_factor_of_an_inner_ellipsoid_is_that_of_johns_theorem() -> None:
     """Sharp for a simplex (1 / d) and for a cross (1 / sqrt(d)); no cloud has less."""
-    assert numbers_4.least_alpha(symmetric=False) == pytest.approx(1.0 / 5.0, abs=1e-6)
-    assert numbers_4.least_alpha(symmetric=True) == pytest.approx(1.0 / np.sqrt(5.0), abs=1e-6)
+    assert numbers_4.smallest_alpha(symmetric=False) == pytest.approx(1.0 / 5.0, abs=1e-6)
+    assert numbers_4.smallest_alpha(symmetric=True) == pytest.approx(1.0 / np.sqrt(5.0), abs=1e-6)
 
 
 def test_facets_hold_their_rays_and_grow_with_the_contacts() -> None:
-    two, three = numbers_4.facets_of(2), numbers_4.facets_of(3)
-    assert 0.0 <= max(two.leaves, three.leaves) < 1e-9
+    two, three = numbers_4.facet_counts(2), numbers_4.facet_counts(3)
+    assert 0.0 <= max(two.largest_violation, three.largest_violation) < 1e-9
     assert three.median > 2.0 * two.median
 
 
 def test_the_hub_varies_more_than_the_walker_whom_it_is_to_smooth() -> None:
     """On an exact cycloid that turns evenly the hub is even and the point is not; on a walk it is the other way."""
     for fit in simulated_steps().fits:
-        hub, com = numbers_3._speeds(fit)
+        hub, com = numbers_3._speed_variations(fit)
         assert hub > 2.0 * com
         t = np.linspace(0.0, 1.0, len(fit.time_s))
         theta = 2.0 * np.pi * t - np.pi

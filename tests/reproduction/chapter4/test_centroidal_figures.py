@@ -7,33 +7,37 @@ from stridelab.centroidal.contact_wrench import ContactWrench
 from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.centroidal.point_forces import CircularCones
 from stridelab.reproduction.chapter4 import fig_4_8, fig_4_9, table_4_1
-from stridelab.studies.thesis_experiments import EXPERIMENTS, WALKERS, problem
+from stridelab.studies.thesis_experiments import EXPERIMENTS, WALKERS, experiment_problem
 
 
 @pytest.fixture(scope="module")
 def both() -> tuple[CentroidalPlan, CentroidalPlan]:
-    forces, wrench = (fig_4_8.planned("hrp2", 1, control) for control in fig_4_8.controls().values())
+    forces, wrench = (fig_4_8.solve_with_control("hrp2", 1, control) for control in fig_4_8.controls_by_name().values())
     return forces, wrench
 
 
 def test_the_motions_are_as_long_as_the_thesis_says() -> None:
     for robot in WALKERS:
-        lengths = [problem(experiment, robot).sequence.duration_s for experiment in EXPERIMENTS]
+        lengths = [experiment_problem(experiment, robot).sequence.duration_s for experiment in EXPERIMENTS]
         assert lengths == pytest.approx([8.0, 24.0, 36.0], abs=0.5)
 
 
 def test_why_both_controls_have_not_the_same_optimum(both: tuple[CentroidalPlan, CentroidalPlan]) -> None:
     assert both[0].converged
     assert both[1].converged
-    rows = [fig_4_8.row("hrp2", 1, name, plan, both[0]) for name, plan in zip(("u_f", "u_c"), both, strict=True)]
+    rows = [fig_4_8.plan_row("hrp2", 1, name, plan, both[0]) for name, plan in zip(("u_f", "u_c"), both, strict=True)]
     sweep = [
-        fig_4_8.row(
-            "hrp2", 1, f"alpha {alpha}", fig_4_8.planned("hrp2", 1, ContactWrench("thesis", alpha=alpha)), both[0]
+        fig_4_8.plan_row(
+            "hrp2",
+            1,
+            f"alpha {alpha}",
+            fig_4_8.solve_with_control("hrp2", 1, ContactWrench("thesis", alpha=alpha)),
+            both[0],
         )
         for alpha in (0.3, 1.0)
     ]
-    circular = fig_4_8.planned("hrp2", 1, CircularCones())
-    found = {claim.key: claim for claim in fig_4_8.claims(rows, sweep, both, circular)}
+    circular = fig_4_8.solve_with_control("hrp2", 1, CircularCones())
+    found = {claim.key: claim for claim in fig_4_8.figure_claims(rows, sweep, both, circular)}
     assert found["same_optimum"].verdict == "thesis_in_error"
     assert found["same_optimum"].ours == pytest.approx(0.453, abs=0.01)
     assert found["restriction"].verdict == found["alpha_falls"].verdict == found["u_f_between"].verdict == "beaten"
@@ -41,37 +45,37 @@ def test_why_both_controls_have_not_the_same_optimum(both: tuple[CentroidalPlan,
     assert found["shape"].verdict == found["noise"].verdict == "met"
     assert found["smoother"].verdict == "not_met"
     assert sweep[0].cone_margin_n > -1e-6 > sweep[1].cone_margin_n
-    assert fig_4_8.roughness(both[1]) > fig_4_8.roughness(both[0])
-    columns = fig_4_8.trajectories(both)
+    assert fig_4_8.acceleration_roughness(both[1]) > fig_4_8.acceleration_roughness(both[0])
+    columns = fig_4_8.trajectory_columns(both)
     assert columns["wrench_com_x_m"] == pytest.approx(both[1].com_m[:, 0])
     assert {len(column) for column in columns.values()} == {len(both[0].time_s)}
 
 
 def test_without_the_log_density_the_com_rises_out_of_reach() -> None:
-    paths = [fig_4_9.path(measure, case) for measure in fig_4_9.MEASURES for case in fig_4_9.CASES]
-    verdicts = {claim.key: claim.verdict for claim in fig_4_9.claims(paths)}
+    paths = [fig_4_9.com_path(measure, case) for measure in fig_4_9.MEASURES for case in fig_4_9.CASES]
+    verdicts = {claim.key: claim.verdict for claim in fig_4_9.figure_claims(paths)}
     assert set(verdicts.values()) == {"met", "beaten"}
-    table = fig_4_9.table(paths)
+    table = fig_4_9.path_table(paths)
     assert table["highest_m"][1] > 2.0 > 0.9 > table["highest_m"][0]
     assert table["least_share"][1] == 0.0 < table["least_share"][0]
     for path in paths:
-        gaps = np.flatnonzero(~path.touching)
+        gaps = np.flatnonzero(~path.in_contact)
         assert len(gaps) == pytest.approx(6 * 14, abs=2)  # six times 1.4 s in the air
 
 
 def test_the_cells_of_a_projected_density_add_up_to_one() -> None:
-    mixture = problem(1, "hrp2").proxies["right_foot"].mixture
-    flat = fig_4_9.projected(mixture, (0, 2))
-    x, y, density = fig_4_9.on_grid(flat, mixture.means_m[:, [0, 2]])
+    mixture = experiment_problem(1, "hrp2").proxies["right_foot"].mixture
+    flat = fig_4_9.project_mixture(mixture, (0, 2))
+    x, y, density = fig_4_9.density_on_grid(flat, mixture.means_m[:, [0, 2]])
     assert density.sum() * (x[1] - x[0]) * (y[1] - y[0]) / (2.0 * np.pi) == pytest.approx(1.0, abs=0.02)
 
 
 def test_the_table_has_the_thesis_numbers_beside_ours() -> None:
     printed = {(c.experiment, c.control): (c.time_s, c.iterations) for c in table_4_1.COLUMNS if np.isfinite(c.time_s)}
     assert printed == {(1, "u_c"): (1.23, 22), (1, "u_f"): (3.89, 40), (2, "u_c"): (8.0, 42), (3, "u_c"): (10.0, 15)}
-    found = [table_4_1.timed(column) for column in table_4_1.COLUMNS[:2]]
+    found = [table_4_1.time_column(column) for column in table_4_1.COLUMNS[:2]]
     assert all(t.plan.converged for t in found)
-    columns = table_4_1.table(found)
+    columns = table_4_1.time_table(found)
     assert list(columns["plan"]) == ["hrp2 1, u_c", "hrp2 1, u_f"]
     assert (columns["seconds"] > 0.0).all()
     assert columns["ms_per_iteration"] == pytest.approx(1e3 * columns["seconds"] / columns["iterations"])

@@ -11,8 +11,8 @@ from stridelab.reachability.learning.kde import KernelDensity
 from stridelab.reachability.proxy.projections import Grid, project_mixture
 from stridelab.reachability.store import load_card
 from stridelab.reproduction.chapter4.foot_density import FootDensity, foot_density, level_set_table
-from stridelab.reproduction.registry import reproduce
-from stridelab.reproduction.report.svg_density_maps import BANDS, Row, convexity, svg_maps, threshold
+from stridelab.reproduction.registry import reproduce_item
+from stridelab.reproduction.report.svg_density_maps import BANDS, Row, hull_area_share, level_of_mass, svg_maps
 
 SVG = "{http://www.w3.org/2000/svg}"
 GRID = Grid(np.array([-2.0, -1.8, -1.9]), 0.05, (81, 73, 77))
@@ -26,16 +26,16 @@ def gaussian(sd: float) -> Mixture:
 def test_the_area_of_a_gaussian_that_holds_a_mass(mass: float) -> None:
     """A disc of radius sd sqrt(-2 log(1 - mass)), which is convex."""
     density = project_mixture(gaussian(0.4), GRID, along=2)
-    area = (density >= threshold(density, mass)).sum() * GRID.step_m**2
+    area = (density >= level_of_mass(density, mass)).sum() * GRID.step_m**2
     assert area == pytest.approx(-2 * np.pi * 0.4**2 * np.log(1 - mass), rel=0.03)
-    assert convexity(density, mass) > 0.95
+    assert hull_area_share(density, mass) > 0.95
 
 
 def test_a_banana_is_not_convex() -> None:
     angle = np.linspace(0.0, np.pi, 12)
     centres = np.column_stack([np.cos(angle), np.zeros(12), np.sin(angle)])
     banana = Mixture(np.full(12, 1 / 12), centres, np.tile(0.03 * np.eye(3), (12, 1, 1)))
-    assert convexity(project_mixture(banana, GRID, along=1), 0.5) < 0.8
+    assert hull_area_share(project_mixture(banana, GRID, along=1), 0.5) < 0.8
 
 
 def test_maps_have_one_row_per_density_and_one_column_per_axis() -> None:
@@ -80,7 +80,7 @@ def test_the_samples_are_those_that_em_did_not_see() -> None:
 
 
 def test_the_curves_are_those_of_the_cards(monkeypatch: pytest.MonkeyPatch) -> None:
-    result = reproduce("fig-4.3", 1, lambda _fraction, _message: None)
+    result = reproduce_item("fig-4.3", 1, lambda _fraction, _message: None)
     sizes, curves = result.tables["sizes"], result.tables["curves"]
     assert len(sizes["ours"]) == 8
     assert len(curves["kl_nats"]) == 8 * 20
@@ -98,5 +98,5 @@ def test_the_curves_are_those_of_the_cards(monkeypatch: pytest.MonkeyPatch) -> N
         return replace(card, effectors=spoilt)
 
     monkeypatch.setattr("stridelab.reproduction.chapter4.fig_4_3.load_card", worse)
-    falling = reproduce("fig-4.3", 1, lambda _fraction, _message: None)
+    falling = reproduce_item("fig-4.3", 1, lambda _fraction, _message: None)
     assert {claim.verdict for claim in falling.claims} == {"not_met"}, "a curve that falls to the end"

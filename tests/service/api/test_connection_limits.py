@@ -21,7 +21,7 @@ from starlette.responses import PlainTextResponse, Response
 from starlette.types import Receive, Scope, Send
 
 from stridelab.service.api import connection_limits as module
-from stridelab.service.api.connection_limits import Doors, guarded
+from stridelab.service.api.connection_limits import ConnectionLimiter, guarded_protocol
 from stridelab.service.processes import open_files
 from stridelab.service.settings import Settings
 from support.service.database import TestDatabases
@@ -50,9 +50,9 @@ async def app(scope: Scope, receive: Receive, send: Send) -> None:
 
 
 @contextlib.contextmanager
-def server(limits: Doors, **options: Any) -> Iterator[tuple[str, int]]:
+def server(limits: ConnectionLimiter, **options: Any) -> Iterator[tuple[str, int]]:
     config = uvicorn.Config(
-        app, host="127.0.0.1", port=0, http=guarded(limits), lifespan="off", log_config=None, **options
+        app, host="127.0.0.1", port=0, http=guarded_protocol(limits), lifespan="off", log_config=None, **options
     )
     running = uvicorn.Server(config)
     thread = threading.Thread(target=lambda: asyncio.run(running.serve()), daemon=True)
@@ -71,8 +71,8 @@ def fast(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "TICK_S", 0.05)
 
 
-def limits(**changes: Any) -> Doors:
-    return Doors(**{"connections": 50, "per_address": 50, "head_s": 0.5, "body_s": 0.5, **changes})
+def limits(**changes: Any) -> ConnectionLimiter:
+    return ConnectionLimiter(**{"connections": 50, "per_address": 50, "head_s": 0.5, "body_s": 0.5, **changes})
 
 
 def rest_of(client: socket.socket, timeout_s: float = 10.0) -> bytes:
@@ -202,10 +202,10 @@ def test_a_proxy_stands_for_many_clients() -> None:
         time.sleep(0.3)
         for client in clients:
             assert is_answered(client)
-    made = Doors.of(Settings(), 1024, "10.0.0.0/8,192.0.2.7")
+    made = ConnectionLimiter.from_settings(Settings(), 1024, "10.0.0.0/8,192.0.2.7")
     assert [made.is_proxy(host) for host in ("10.1.2.3", "192.0.2.7", "192.0.2.8", "")] == [True, True, False, False]
     assert made.connections == 1024 - module.RESERVED_FILES - module.ROUNDS_TO_CLOSE * module.BACKLOG
-    assert Doors.of(Settings(), 65536, None).connections == Settings().connection_limit
+    assert ConnectionLimiter.from_settings(Settings(), 65536, None).connections == Settings().connection_limit
 
 
 def test_the_limit_of_open_files_is_raised() -> None:
@@ -217,7 +217,9 @@ def test_the_limit_of_open_files_is_raised() -> None:
         resource.setrlimit(resource.RLIMIT_NOFILE, (256, before[1]))
 
     said = subprocess.run([sys.executable, "-c", code], preexec_fn=lower, capture_output=True, text=True, check=True)
-    wanted = open_files.WANTED if before[1] == resource.RLIM_INFINITY else min(before[1], open_files.WANTED)
+    wanted = (
+        open_files.MAX_OPEN_FILES if before[1] == resource.RLIM_INFINITY else min(before[1], open_files.MAX_OPEN_FILES)
+    )
     assert said.stdout.split() == [str(wanted)] * 2
 
 

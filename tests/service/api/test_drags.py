@@ -11,7 +11,7 @@ import viser
 import websockets
 from viser import _messages
 
-from stridelab.service.api.session_cookies import SESSION_S, Keys
+from stridelab.service.api.session_cookies import SESSION_S, SigningKeys
 from support.browser.viewer_lab import ADMIN, Lab, viewer_lab
 from support.robots.scenario_bodies import one_step
 from support.service.database import TestDatabases
@@ -120,23 +120,23 @@ def test_an_admins_drag_changes_what_others_own(lab: Lab, owner: dict[str, Any])
 def test_a_key_opens_one_scenario_only_and_dies_with_its_token(lab: Lab, owner: dict[str, Any]) -> None:
     mine, another = (stored_by(lab, owner["secret"])["id"] for _ in range(2))
     leaver = lab.token("leaver", "submit")
-    keys = Keys.of(ADMIN)
+    keys = SigningKeys.from_token(ADMIN)
 
     def put(key: str, scenario_id: str = mine, method: str = "PUT") -> int:
         with lab.http(key) as http:
             return http.request(method, f"{SCENARIOS}/{scenario_id}", json=one_step()).status_code
 
-    key = keys.scenario_key(time.time(), owner["id"], mine)
+    key = keys.make_scenario_key(time.time(), owner["id"], mine)
     assert put(key) == 200
     assert put(key, another) == put(key, method="DELETE") == put(key, method="GET") == 401
-    assert put(keys.scenario_key(time.time() - SESSION_S - 1, owner["id"], mine)) == 401
+    assert put(keys.make_scenario_key(time.time() - SESSION_S - 1, owner["id"], mine)) == 401
     assert put(key[:-1] + ("0" if key[-1] != "0" else "1")) == 401
     assert put("scenario-key.") == put("scenario-key...") == 401
     with lab.served.http(cookies={"stridelab_session": key}) as http:
         assert http.get(SCENARIOS).status_code == 401
-    cookie = keys.cookie(time.time(), owner["id"])
+    cookie = keys.make_cookie(time.time(), owner["id"])
     assert put(f"scenario-key.{cookie}") == 401
-    foreign = keys.scenario_key(time.time(), leaver["id"], mine)
+    foreign = keys.make_scenario_key(time.time(), leaver["id"], mine)
     assert put(foreign) == 403
     assert lab.admin.delete(f"/api/v1/tokens/{leaver['id']}").status_code == 200
     assert put(foreign) == 401

@@ -7,9 +7,9 @@ import pytest
 from starlette.types import Message, Receive, Scope, Send
 
 from stridelab.errors import InvalidInput
-from stridelab.service.api.__main__ import server
-from stridelab.service.api.middleware.authentication import Gate, inside, local_target
-from stridelab.service.api.session_cookies import COOKIE, SESSION_S, Keys
+from stridelab.service.api.__main__ import build_server
+from stridelab.service.api.middleware.authentication import AuthenticationMiddleware, as_internal_app, local_target
+from stridelab.service.api.session_cookies import COOKIE, SESSION_S, SigningKeys
 from stridelab.service.settings import Settings
 from support.service.database import TestDatabases
 from support.service.web_server import Served, served
@@ -116,21 +116,21 @@ def test_a_login_never_leads_elsewhere(target: str) -> None:
 
 
 def test_a_cookie_expires_and_cannot_be_forged() -> None:
-    keys = Keys.of(TOKEN)
-    cookie = keys.cookie(1000.0)
+    keys = SigningKeys.from_token(TOKEN)
+    cookie = keys.make_cookie(1000.0)
     assert keys.token_of(cookie, 1000.0 + SESSION_S - 1) == "admin"
     assert keys.token_of(cookie, 1000.0 + SESSION_S) is None
     token_id, expires_s, signature = cookie.split(".")
     later = f"{token_id}.{int(expires_s) + 1}.{signature}"
     for forged in (
         later,
-        keys.cookie(1000.0, "t1").replace("t1", "admin"),
+        keys.make_cookie(1000.0, "t1").replace("t1", "admin"),
         "",
         ".",
         "9999999999.",
         f"9999999999.{'0' * 64}",
         "\udce4.x",
-        Keys.of("other").cookie(1000.0),
+        SigningKeys.from_token("other").make_cookie(1000.0),
     ):
         assert keys.token_of(forged, 1000.0) is None
 
@@ -143,9 +143,9 @@ def test_only_hashes_of_the_token_are_kept(locked: Served) -> None:
 
 def test_an_open_address_needs_a_token() -> None:
     with pytest.raises(InvalidInput, match="STRIDELAB_API_TOKEN") as refused:
-        server(Settings(host="0.0.0.0"))
+        build_server(Settings(host="0.0.0.0"))
     assert refused.value.code == "token-needed"
-    config = server(Settings(host="0.0.0.0", api_token="t")).config
+    config = build_server(Settings(host="0.0.0.0", api_token="t")).config
     assert config.ws_max_size >= 64 * 1024 * 1024
 
 
@@ -182,7 +182,7 @@ def websocket(**headers: str) -> Scope:
 @pytest.mark.anyio
 async def test_websockets_pass_the_same_gate(headers: dict[str, str], code: int) -> None:
     app = Recorder()
-    gate = Gate(app, Settings(allowed_hosts="lab.example"), Keys.of(TOKEN))
+    gate = AuthenticationMiddleware(app, Settings(allowed_hosts="lab.example"), SigningKeys.from_token(TOKEN))
     await gate(websocket(**headers), app.receive, app.send)
     assert [message["code"] for message in app.sent] == [code]
     assert not app.reached
@@ -191,11 +191,16 @@ async def test_websockets_pass_the_same_gate(headers: dict[str, str], code: int)
 @pytest.mark.anyio
 async def test_a_websocket_with_the_cookie_passes_and_so_do_calls_from_inside() -> None:
     for wrap, headers in (
-        (lambda gate: gate, {"host": "lab.example", "cookie": f"{COOKIE}={Keys.of(TOKEN).cookie(0.0)}"}),
-        (inside, {"host": "anything"}),
+        (
+            lambda gate: gate,
+            {"host": "lab.example", "cookie": f"{COOKIE}={SigningKeys.from_token(TOKEN).make_cookie(0.0)}"},
+        ),
+        (as_internal_app, {"host": "anything"}),
     ):
         app = Recorder()
-        gate = Gate(app, Settings(allowed_hosts="lab.example"), Keys.of(TOKEN), clock=lambda: 1.0)
+        gate = AuthenticationMiddleware(
+            app, Settings(allowed_hosts="lab.example"), SigningKeys.from_token(TOKEN), clock=lambda: 1.0
+        )
         await wrap(gate)(websocket(**headers), app.receive, app.send)
         assert app.reached
 

@@ -11,7 +11,7 @@ import psycopg
 import pytest
 
 from stridelab.service.cursors import encode_cursor
-from stridelab.service.storage.migrate import plain
+from stridelab.service.storage.migrate import libpq_address
 from support.service.database import TestDatabases
 from support.service.many_recordings import N_OF_OLDEST, N_RECORDINGS, N_SUBJECTS, store_many_recordings
 from support.service.web_server import Served, served
@@ -20,7 +20,7 @@ from support.service.web_server import Served, served
 @pytest.fixture(scope="module")
 def service(postgres: TestDatabases, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
     with postgres.fresh() as url:
-        store_many_recordings(plain(url))
+        store_many_recordings(libpq_address(url))
         with served(url, tmp_path_factory.mktemp("data")) as running:
             yield running
 
@@ -36,7 +36,7 @@ def fastest_s(work: Callable[[], object], rounds: int) -> float:
 
 @pytest.fixture(scope="module")
 def read_all_s(service: Served) -> float:
-    url = plain(service.parts.engine.url.render_as_string(hide_password=False))
+    url = libpq_address(service.parts.engine.url.render_as_string(hide_password=False))
     with psycopg.connect(url) as connection:
         return fastest_s(lambda: connection.execute("SELECT facts FROM recording").fetchall(), rounds=3)
 

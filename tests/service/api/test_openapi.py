@@ -22,7 +22,7 @@ from stridelab.errors import Fault, UnreadableFile
 from stridelab.service.api.app import create_app
 from stridelab.service.api.recordings.parse import Parsed
 from stridelab.service.samples import scenarios
-from stridelab.service.samples.recording import seed
+from stridelab.service.samples.recording import seed_sample
 from stridelab.service.settings import Settings
 from stridelab_web.app import routes
 from support.robots.scenario_bodies import add_scenario
@@ -88,8 +88,8 @@ async def understood(_parts: object, folder: Path, *_: object) -> Parsed:
 def stocked(service: Served) -> Iterator[Served]:
     """Enough things with known ids that examples and generated calls find something; uploads are not parsed."""
     parts = service.parts
-    service.run(seed(parts.engine, parts.blobs))
-    service.run(scenarios.seed(parts.engine))
+    service.run(seed_sample(parts.engine, parts.blobs))
+    service.run(scenarios.seed_scenarios(parts.engine))
     service.run(add_scenario(parts, CHANGEABLE))
     service.run(add_recording(parts, CHANGEABLE))
     for _ in range(2):

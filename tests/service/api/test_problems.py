@@ -6,7 +6,7 @@ from starlette.types import Message
 
 from stridelab import errors
 from stridelab.errors import StridelabError
-from stridelab.service.api.middleware.request_context import HEADERS, Edge
+from stridelab.service.api.middleware.request_context import HEADERS, RequestContextMiddleware
 from stridelab.service.api.problems import STATUS, status_of
 from stridelab.service.api.strict_json import parse_json
 from support.service.web_server import Served
@@ -138,7 +138,9 @@ async def test_an_answer_that_breaks_off_is_not_completed() -> None:
         return {"type": "http.request"}
 
     with pytest.raises(RuntimeError, match="half way"):
-        await Edge(app)({"type": "http", "method": "GET", "path": "/", "headers": []}, receive, send)
+        await RequestContextMiddleware(app)(
+            {"type": "http", "method": "GET", "path": "/", "headers": []}, receive, send
+        )
     assert [message["type"] for message in sent] == ["http.response.start"]
 
 

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from stridelab.service.backup.table_rows import snapshot
+from stridelab.service.backup.table_rows import open_snapshot
 from stridelab.service.jobs import retention
-from stridelab.service.jobs.queue_consumer import Consumer
+from stridelab.service.jobs.queue_consumer import QueueConsumer
 from stridelab.service.settings import Settings
 from support.recordings.c3d_files import small_trial
 from support.service.answers import refusal, upload
@@ -34,8 +34,8 @@ def sweep(lab: Served, url: str) -> None:
     """What a worker's janitor does, with files that have just been written called old."""
 
     async def act() -> None:
-        async with Consumer(url) as consumer:
-            await retention.sweep(lab.parts.engine, lab.parts.blobs, consumer, Settings(database_url=url))
+        async with QueueConsumer(url) as consumer:
+            await retention.remove_expired(lab.parts.engine, lab.parts.blobs, consumer, Settings(database_url=url))
 
     lab.run(act())
 
@@ -53,8 +53,8 @@ def test_files_stay_until_a_backup_is_done(
     with lab.http() as http:
         kept, gone = (str(upload(http, content).json()["id"]) for content in two_trials(tmp_path))
         before = lab.stored_files()
-        with snapshot(url) as rows:
-            named = rows.named_files()
+        with open_snapshot(url) as rows:
+            named = rows.referenced_files()
             assert http.patch(f"{RECORDINGS}/{kept}", json={"plates": {"1": {"use": False}}}).status_code == 200
             assert http.delete(f"{RECORDINGS}/{gone}").status_code == 204
             assert refusal(http.get(f"{RECORDINGS}/{gone}")) == (404, "recording-not-found")

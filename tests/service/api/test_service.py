@@ -17,7 +17,7 @@ from prometheus_client.parser import text_string_to_metric_families
 from stridelab import __version__
 from stridelab.errors import Unavailable
 from stridelab.service.api.app import create_app
-from stridelab.service.logging import BURST, RATE_HZ, Flood, configure_logging
+from stridelab.service.logging import BURST, RATE_HZ, RepeatedLineFilter, configure_logging
 from stridelab.service.settings import Settings
 from support.service.database import TestDatabases
 from support.service.stored_rows import add_job, add_recording, fail, start_job
@@ -179,7 +179,7 @@ def test_a_flood_of_lines_pushes_nothing_out(lines: io.StringIO) -> None:
 
 def test_a_line_says_how_many_like_it_were_left_out() -> None:
     now_s = [0.0]
-    flood = Flood(clock=lambda: now_s[0])
+    flood = RepeatedLineFilter(clock=lambda: now_s[0])
 
     def line(message: object) -> logging.LogRecord:
         return logging.LogRecord(

@@ -4,9 +4,9 @@ from pathlib import Path
 import pytest
 
 from stridelab.service.backup.archive import open_archive
-from stridelab.service.backup.create import Taken, take
-from stridelab.service.backup.locations import Place
-from stridelab.service.backup.restore import restore
+from stridelab.service.backup.create import BackupContents, create_backup
+from stridelab.service.backup.locations import BackupLocation
+from stridelab.service.backup.restore import restore_backup
 from stridelab.service.storage.blobs import BlobStore
 from support.service.database import TestDatabases
 from support.service.stored_rows import fill
@@ -18,7 +18,7 @@ def backup(postgres: TestDatabases, tmp_path_factory: pytest.TempPathFactory) ->
     folder = tmp_path_factory.mktemp("source")
     with postgres.fresh() as url:
         fill(url, folder / "blobs")
-        take(url, BlobStore.from_url((folder / "blobs").as_uri()), folder / "lab.backup")
+        create_backup(url, BlobStore.from_url((folder / "blobs").as_uri()), folder / "lab.backup")
     return folder / "lab.backup"
 
 
@@ -30,11 +30,11 @@ def empty(postgres: TestDatabases) -> Iterator[str]:
 
 
 @pytest.fixture
-def put_back(tmp_path: Path) -> Callable[..., Taken]:
+def put_back(tmp_path: Path) -> Callable[..., BackupContents]:
     """Restore a backup into a database and the folder ``blobs`` of the test."""
 
-    def run(path: Path, url: str, **options: bool) -> Taken:
+    def run(path: Path, url: str, **options: bool) -> BackupContents:
         with open_archive(path) as archive:
-            return restore(archive, Place(url, (tmp_path / "blobs").as_uri(), {}), **options)
+            return restore_backup(archive, BackupLocation(url, (tmp_path / "blobs").as_uri(), {}), **options)
 
     return run

@@ -14,11 +14,11 @@ import pytest
 
 from stridelab.errors import UnreadableFile
 from stridelab.service.backup.archive import MANIFEST, open_archive
-from stridelab.service.backup.create import Taken
+from stridelab.service.backup.create import BackupContents
 from stridelab.service.storage.migrate import is_migrated
 from support.service.stored_rows import rows, stored
 
-PutBack = Callable[..., Taken]
+PutBack = Callable[..., BackupContents]
 Contents = dict[str, bytes]
 
 
@@ -79,7 +79,7 @@ def test_any_flipped_bit_is_found_or_harmless(backup: Path, tmp_path: Path) -> N
         (tmp_path / "x").write_bytes(changed)
         try:
             with open_archive(tmp_path / "x") as archive:
-                found = {name: b"".join(archive.pieces(name)) for name in archive.manifest.members}
+                found = {name: b"".join(archive.read_pieces(name)) for name in archive.manifest.members}
         except UnreadableFile:
             continue
         # dates and the like: what is read is what was written

@@ -13,15 +13,15 @@ from stridelab.errors import Conflict, InvalidInput, StorageFull, TooLarge, Unav
 from stridelab.service.backup import archive as archive_module
 from stridelab.service.backup import restore
 from stridelab.service.backup.archive import open_archive
-from stridelab.service.backup.create import Taken, take
-from stridelab.service.backup.stored_files import Files
+from stridelab.service.backup.create import BackupContents, create_backup
+from stridelab.service.backup.stored_files import StoredFiles
 from stridelab.service.storage.blobs import BlobStore
 from stridelab.service.storage.migrate import is_migrated
 from support.service.database import TestDatabases, migrate_to
 from support.service.processes import Jobs, worker
 from support.service.stored_rows import AWKWARD, FILES, fill, rows, stored
 
-PutBack = Callable[..., Taken]
+PutBack = Callable[..., BackupContents]
 
 
 def of(folder: Path) -> BlobStore:
@@ -32,7 +32,7 @@ def test_everything_comes_back(postgres: TestDatabases, empty: str, put_back: Pu
     with postgres.fresh() as url:
         fill(url, tmp_path / "source")
         before = rows(url)
-        taken = take(url, of(tmp_path / "source"), tmp_path / "lab.backup")
+        taken = create_backup(url, of(tmp_path / "source"), tmp_path / "lab.backup")
         assert rows(url) == before
     assert put_back(tmp_path / "lab.backup", empty) == taken
     assert is_migrated(empty)
@@ -82,7 +82,7 @@ def test_a_backup_of_the_first_schema_is_brought_up_to_date(
     with postgres.fresh(migrated=False) as url:
         migrate_to(url, "0001")
         fill(url, tmp_path / "source")
-        take(url, of(tmp_path / "source"), tmp_path / "old.backup")
+        create_backup(url, of(tmp_path / "source"), tmp_path / "old.backup")
     put_back(tmp_path / "old.backup", empty)
     assert is_migrated(empty)
     assert [row["updated_at"] == row["created_at"] for row in rows(empty)["scenario"]] == [True]
@@ -122,18 +122,18 @@ def test_a_restore_that_fails_leaves_everything_as_it_was(
 ) -> None:
     with psycopg.connect(database_url) as connection:
         connection.execute("INSERT INTO subject (id, fields) VALUES ('other', '{}')")
-    before, real = rows(database_url), Files.put
+    before, real = rows(database_url), StoredFiles.store_file
     for failure, expected in (
         (OSError(28, "No space left on device"), StorageFull),
         (KeyboardInterrupt(), KeyboardInterrupt),
     ):
 
-        def put(files: Files, key: str, *rest: Any, how: BaseException = failure) -> None:
+        def put(files: StoredFiles, key: str, *rest: Any, how: BaseException = failure) -> None:
             if key.startswith("uploads/"):
                 raise how
             real(files, key, *rest)
 
-        monkeypatch.setattr(Files, "put", put)
+        monkeypatch.setattr(StoredFiles, "put", put)
         with pytest.raises(expected):
             put_back(backup, database_url, replace=True)
         assert rows(database_url) == before
@@ -157,7 +157,7 @@ def test_a_file_that_was_lost_before_is_told_and_the_rest_is_saved(
     fill(database_url, tmp_path / "source")
     lost = "results/done/1/com.csv"
     (tmp_path / "source" / lost).unlink()
-    assert take(database_url, of(tmp_path / "source"), tmp_path / "lab.backup").missing == (lost,)
+    assert create_backup(database_url, of(tmp_path / "source"), tmp_path / "lab.backup").missing == (lost,)
     assert put_back(tmp_path / "lab.backup", empty).missing == (lost,)
     assert stored(tmp_path / "blobs") == {key: body for key, body in FILES.items() if key != lost}
 
@@ -168,7 +168,7 @@ def test_more_files_than_a_backup_lists_are_refused_at_once(
     fill(database_url, tmp_path / "source")
     monkeypatch.setattr(archive_module, "MAX_MANIFEST_BYTES", 1000)
     with pytest.raises(TooLarge, match="6 files"):
-        take(database_url, of(tmp_path / "source"), tmp_path / "lab.backup")
+        create_backup(database_url, of(tmp_path / "source"), tmp_path / "lab.backup")
     assert not list(tmp_path.glob("*.backup*"))
 
 
@@ -176,14 +176,14 @@ def test_an_earlier_backup_is_kept_unless_told_otherwise(database_url: str, tmp_
     target, blobs = tmp_path / "lab.backup", of(tmp_path / "blobs")
     target.write_text("precious")
     with pytest.raises(Conflict) as caught:
-        take(database_url, blobs, target)
+        create_backup(database_url, blobs, target)
     assert caught.value.code == "backup-exists"
     assert target.read_text() == "precious"
-    take(database_url, blobs, target, force=True)
+    create_backup(database_url, blobs, target, force=True)
     with open_archive(target) as archive:
         assert archive.manifest.with_files
     with pytest.raises(InvalidInput, match="does not exist"):
-        take(database_url, blobs, tmp_path / "nowhere" / "lab.backup")
+        create_backup(database_url, blobs, tmp_path / "nowhere" / "lab.backup")
 
 
 def test_a_backup_that_fails_leaves_nothing(database_url: str, empty: str, tmp_path: Path) -> None:
@@ -193,19 +193,19 @@ def test_a_backup_that_fails_leaves_nothing(database_url: str, empty: str, tmp_p
     shutil.rmtree(tmp_path / "source" / "uploads")
     (tmp_path / "source" / "uploads").write_text("a file where a folder should be")
     with pytest.raises(Unavailable) as caught:
-        take(database_url, of(tmp_path / "source"), folder / "lab.backup")
+        create_backup(database_url, of(tmp_path / "source"), folder / "lab.backup")
     assert caught.value.code == "storage-unavailable"
     with pytest.raises(Conflict) as refused:
-        take(empty, of(tmp_path / "source"), folder / "lab.backup")
+        create_backup(empty, of(tmp_path / "source"), folder / "lab.backup")
     assert refused.value.code == "nothing-to-back-up"
     with pytest.raises(Unavailable) as away:
-        take("postgresql://x@127.0.0.1:9/y", None, folder / "lab.backup")
+        create_backup("postgresql://x@127.0.0.1:9/y", None, folder / "lab.backup")
     assert away.value.code == "database-unreachable"
     assert list(folder.iterdir()) == []
 
 
 def test_rows_alone_do_not_restore_files(database_url: str, empty: str, put_back: PutBack, tmp_path: Path) -> None:
-    take(database_url, None, tmp_path / "rows")
+    create_backup(database_url, None, tmp_path / "rows")
     with pytest.raises(UnreadableFile, match="no files"):
         put_back(tmp_path / "rows", empty)
 
@@ -235,7 +235,7 @@ def test_tokens_of_a_backup_come_back_only_when_that_was_said(
     with postgres.fresh() as url:
         fill(url, tmp_path / "source")
         _add_token(url, "theirs")
-        take(url, of(tmp_path / "source"), tmp_path / "lab.backup")
+        create_backup(url, of(tmp_path / "source"), tmp_path / "lab.backup")
     _add_token(database_url, "own")
     put_back(tmp_path / "lab.backup", database_url, **options)
     assert _tokens(database_url) == there

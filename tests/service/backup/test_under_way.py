@@ -14,9 +14,9 @@ from unittest import mock
 import psycopg
 
 from stridelab.service.api.app import create_app
-from stridelab.service.api.robots.cache import RobotShelf
-from stridelab.service.backup.create import Taken, take
-from stridelab.service.backup.table_rows import snapshot
+from stridelab.service.api.robots.cache import RobotCache
+from stridelab.service.backup.create import BackupContents, create_backup
+from stridelab.service.backup.table_rows import open_snapshot
 from stridelab.service.samples.recording import SAMPLE_ID
 from stridelab.service.settings import Settings
 from stridelab.service.storage import locks
@@ -26,7 +26,7 @@ from support.service.late_pool import LatePool
 from support.service.processes import wait_until
 from support.service.stored_rows import rows, stored
 
-PutBack = Callable[..., Taken]
+PutBack = Callable[..., BackupContents]
 SLOW_RESTORE = """
 import sys, time
 from pathlib import Path
@@ -80,7 +80,7 @@ def test_backups_among_writers_are_whole(
         assert busy.wait(30), "no recording came and went"
         taken = []
         for number in range(4):
-            taken.append(take(database_url, BlobStore.from_url(blobs.as_uri()), tmp_path / f"{number}.backup"))
+            taken.append(create_backup(database_url, BlobStore.from_url(blobs.as_uri()), tmp_path / f"{number}.backup"))
             time.sleep(0.2)
     finally:
         stop.set()
@@ -103,7 +103,7 @@ def test_a_backup_waits_for_a_removal_at_work(database_url: str, tmp_path: Path)
     with psycopg.connect(database_url) as removing, psycopg.connect(database_url, autocommit=True) as watching:
         asked = removing.execute("SELECT pg_try_advisory_xact_lock_shared(%s)", (locks.REMOVAL,))
         assert asked.fetchone() == (True,)
-        backup = threading.Thread(target=take, args=(database_url, store, target))
+        backup = threading.Thread(target=create_backup, args=(database_url, store, target))
         backup.start()
         waiting = "SELECT count(*) FROM pg_locks WHERE locktype = 'advisory' AND NOT granted"
         wait_until(lambda: watching.execute(waiting).fetchone() == (1,), 20, "a backup that waits")
@@ -126,9 +126,9 @@ def test_a_web_server_comes_up_while_a_backup_runs(database_url: str, tmp_path: 
             return time.monotonic() - began
 
     with (
-        snapshot(database_url),
+        open_snapshot(database_url),
         mock.patch("stridelab.service.api.app.IsolatedPool", LatePool),
-        mock.patch.object(RobotShelf, "warm", mock.AsyncMock()),
+        mock.patch.object(RobotCache, "warm", mock.AsyncMock()),
     ):
         assert asyncio.run(come_up()) < 5.0
     assert [row["id"] for row in rows(database_url)["recording"]] == [SAMPLE_ID]

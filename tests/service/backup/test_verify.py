@@ -7,7 +7,7 @@ from typer.testing import CliRunner
 
 from stridelab.cli.app import app
 from stridelab.errors import UnreadableFile
-from stridelab.service.backup.verify import verify
+from stridelab.service.backup.verify import verify_stored_files
 from support.recordings.c3d_files import small_trial
 from support.service.answers import upload
 from support.service.stored_rows import add_job, start_job, succeed
@@ -29,7 +29,7 @@ def test_damaged_and_missing_files_are_found_refused_and_repaired(
         made = upload(http, content).json()
         job = lab.run(add_job(lab.parts, made["id"]))
         lab.run(succeed(lab.parts, lab.run(start_job(lab.parts, job)), [("com.csv", "text/csv", b"time_s\n")]))
-        assert verify(database_url, lab.parts.blobs).ok
+        assert verify_stored_files(database_url, lab.parts.blobs).ok
         assert doctor()[0] == 0
         blob = blobs / "uploads" / made["sha256"]
         flipped = bytearray(content)
@@ -44,4 +44,4 @@ def test_damaged_and_missing_files_are_found_refused_and_repaired(
         assert f"missing: job {job}, com.csv" in words
         assert upload(http, content).status_code == 201
         assert blob.read_bytes() == content
-        assert verify(database_url, lab.parts.blobs).damaged == ()
+        assert verify_stored_files(database_url, lab.parts.blobs).damaged == ()

@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from stridelab.service.jobs.attempts import Attempts
+from stridelab.service.jobs.attempts import AttemptStore
 from stridelab.service.jobs.queue import LANES, Delivery
-from stridelab.service.jobs.queue_consumer import Consumer
+from stridelab.service.jobs.queue_consumer import QueueConsumer
 from stridelab.service.jobs.store import JobStore
 from stridelab.service.storage.blobs import BlobStore
 from stridelab.service.storage.database import make_engine
@@ -27,8 +27,8 @@ class Queue:
     """Owners who submit, and slots that fetch and finish, on a real database."""
 
     def __init__(self, url: str, folder: Any) -> None:
-        self.engine, self.consumer, self.folder = make_engine(url), Consumer(url), folder
-        self.store, self.attempts = JobStore(self.engine, KINDS, queue_limit=10**6), Attempts(self.engine, KINDS)
+        self.engine, self.consumer, self.folder = make_engine(url), QueueConsumer(url), folder
+        self.store, self.attempts = JobStore(self.engine, KINDS, queue_limit=10**6), AttemptStore(self.engine, KINDS)
         self.blobs = BlobStore.from_url(folder.as_uri())
         self.owner: dict[str, str | None] = {}
         self.rank: dict[str, tuple[int, int]] = {}
@@ -42,10 +42,10 @@ class Queue:
         return job_id
 
     async def fetch(self) -> str | None:
-        delivery = await self.consumer.fetch(LANES)
+        delivery = await self.consumer.fetch_delivery(LANES)
         if delivery is None:
             return None
-        attempt = await self.attempts.start(delivery)
+        attempt = await self.attempts.start_attempt(delivery)
         assert attempt is not None
         self.held[delivery.job_id] = delivery, attempt
         self.waiting[self.owner[delivery.job_id]].remove(delivery.job_id)
@@ -53,8 +53,8 @@ class Queue:
 
     async def finish(self, job_id: str) -> None:
         delivery, attempt = self.held.pop(job_id)
-        assert await self.attempts.succeed(attempt, self.blobs, OUTCOME, [], self.folder, "")
-        await self.consumer.finish(delivery)
+        assert await self.attempts.publish_success(attempt, self.blobs, OUTCOME, [], self.folder, "")
+        await self.consumer.finish_delivery(delivery)
 
     def in_hand(self, owner: str | None) -> int:
         return sum(self.owner[job_id] == owner for job_id in self.held)
@@ -168,12 +168,12 @@ def test_a_delivery_whose_job_was_deleted_is_handed_out_and_leads_nowhere(queue:
         job_id = await made.submit("anna")
         async with made.engine.begin() as connection:
             await connection.exec_driver_sql("DELETE FROM job")
-        delivery = await made.consumer.fetch(LANES)
+        delivery = await made.consumer.fetch_delivery(LANES)
         assert delivery is not None
         assert delivery.job_id == job_id
-        assert await made.attempts.start(delivery) is None
-        await made.consumer.finish(delivery)
-        assert await made.consumer.fetch(LANES) is None
+        assert await made.attempts.start_attempt(delivery) is None
+        await made.consumer.finish_delivery(delivery)
+        assert await made.consumer.fetch_delivery(LANES) is None
 
     queue(act)
 
@@ -188,11 +188,11 @@ def test_a_job_that_comes_back_keeps_its_place(queue: Any, how: str) -> None:
         await made.submit("ben")
         delivery, attempt = made.held.pop(first)
         if how == "its worker died":
-            await made.consumer.sign_off()
-            assert await made.attempts.reap(None) == [first]
+            await made.consumer.unregister_worker()
+            assert await made.attempts.requeue_lost(None) == [first]
         else:
             assert await made.attempts.hand_back(attempt, counts=how == "its process was killed")
-            await made.consumer.finish(delivery)
+            await made.consumer.finish_delivery(delivery)
         made.waiting["anna"].insert(0, first)
         assert (await made.store.get(first)).queue_position == 1
         assert (await made.store.get(second)).queue_position == 3

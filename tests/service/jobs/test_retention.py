@@ -8,7 +8,7 @@ import psycopg
 import pytest
 from sqlalchemy.ext.asyncio import AsyncConnection, AsyncEngine
 
-from stridelab.service.jobs.queue_consumer import Consumer
+from stridelab.service.jobs.queue_consumer import QueueConsumer
 from stridelab.service.jobs.retention import remove_old_events, remove_old_jobs, remove_orphans
 from stridelab.service.jobs.store import JobStore
 from stridelab.service.storage.blobs import BlobStore
@@ -149,7 +149,7 @@ def test_workers_that_died_are_forgotten_after_a_day(database_url: str) -> None:
         )
 
     async def act() -> None:
-        async with Consumer(database_url) as consumer:
+        async with QueueConsumer(database_url) as consumer:
             await consumer.remove_old(24)
 
     asyncio.run(act())

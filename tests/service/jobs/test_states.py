@@ -13,9 +13,9 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, ru
 
 from stridelab.errors import Busy, Conflict
 from stridelab.schemas.jobs import FINAL_STATES
-from stridelab.service.jobs.attempts import Attempt, Attempts
+from stridelab.service.jobs.attempts import Attempt, AttemptStore
 from stridelab.service.jobs.queue import LANES, Delivery
-from stridelab.service.jobs.queue_consumer import Consumer
+from stridelab.service.jobs.queue_consumer import QueueConsumer
 from stridelab.service.jobs.store import JobStore
 from stridelab.service.storage.blobs import BlobStore
 from stridelab.service.storage.database import make_engine
@@ -56,7 +56,7 @@ class Held:
 class Seat:
     """One worker: its side of the queue, and whether it is alive."""
 
-    consumer: Consumer
+    consumer: QueueConsumer
     holds: list[Held] = field(default_factory=list)
 
 
@@ -80,12 +80,12 @@ class JobMachine(RuleBasedStateMachine):
     async def open(self) -> None:
         self.engine = make_engine(self.url, pool_size=2)
         self.store = JobStore(self.engine, KINDS, queue_limit=QUEUE_LIMIT)
-        self.attempts = Attempts(self.engine, KINDS, max_attempts=MAX_ATTEMPTS)
+        self.attempts = AttemptStore(self.engine, KINDS, max_attempts=MAX_ATTEMPTS)
         self.blobs = BlobStore.from_url(self.folder.as_uri())
-        self.seats = [Seat(Consumer(self.url)) for _ in range(2)]
+        self.seats = [Seat(QueueConsumer(self.url)) for _ in range(2)]
         for seat in self.seats:
             await seat.consumer.__aenter__()
-            await seat.consumer.beat()
+            await seat.consumer.send_heartbeat()
 
     def teardown(self) -> None:
         async def close() -> None:
@@ -151,13 +151,13 @@ class JobMachine(RuleBasedStateMachine):
     @rule(worker=st.integers(0, 1))
     def take(self, worker: int) -> None:
         seat = self.seats[worker]
-        delivery = self.do(seat.consumer.fetch(LANES))
+        delivery = self.do(seat.consumer.fetch_delivery(LANES))
         waiting = [(-m.priority, m.order, job_id) for job_id, m in self.models.items() if m.state == "queued"]
         if delivery is None:
             assert not waiting
             return
         assert min(waiting)[2] == delivery.job_id
-        attempt = self.do(self.attempts.start(delivery))
+        attempt = self.do(self.attempts.start_attempt(delivery))
         model = self.models[delivery.job_id]
         assert attempt is not None
         model.state, model.attempt, model.holder, model.carried = "running", model.attempt + 1, worker, True
@@ -182,7 +182,7 @@ class JobMachine(RuleBasedStateMachine):
         held = self._choose(data)
         if held is not None:
             expected = self._present(held) and not self.models[held.job_id].cancel_requested
-            assert self.do(self.attempts.report(held.attempt, fraction, "text\0with NUL")) is expected
+            assert self.do(self.attempts.report_progress(held.attempt, fraction, "text\0with NUL")) is expected
             assert self.do(self.attempts.should_stop(held.attempt)) is not expected
 
     @rule(data=st.data())
@@ -193,14 +193,14 @@ class JobMachine(RuleBasedStateMachine):
         model = self.models[held.job_id]
         may = self._present(held) and not model.cancel_requested
         already = model.state == "succeeded" and model.attempt == held.attempt.number
-        done = self.do(self.attempts.succeed(held.attempt, self.blobs, OUTCOME, [], self.folder, "log"))
+        done = self.do(self.attempts.publish_success(held.attempt, self.blobs, OUTCOME, [], self.folder, "log"))
         assert done is (may or already)
         if may:
             model.state = "succeeded"
         elif not already:
             # cancelled, or somebody else's by now: the worker ends what it can still end
             may, again = self._present(held), self._ended_so(held, "cancelled", None)
-            assert self.do(self.attempts.end(held.attempt, "cancelled", None, "")) is (may or again)
+            assert self.do(self.attempts.end_attempt(held.attempt, "cancelled", None, "")) is (may or again)
             if may:
                 model.state, model.error = "cancelled", None
         self._let_go(held)
@@ -212,7 +212,7 @@ class JobMachine(RuleBasedStateMachine):
             return
         problem = {"code": "c", "detail": "d", "errors": []}
         may, again = self._present(held), self._ended_so(held, state, "c")
-        assert self.do(self.attempts.end(held.attempt, state, problem, "")) is (may or again)
+        assert self.do(self.attempts.end_attempt(held.attempt, state, problem, "")) is (may or again)
         if may:
             self.models[held.job_id].state, self.models[held.job_id].error = state, "c"
         self._let_go(held)
@@ -232,7 +232,7 @@ class JobMachine(RuleBasedStateMachine):
 
     def _let_go(self, held: Held) -> None:
         """The worker signs the delivery off, whether or not it had a say."""
-        self.do(self.seats[held.worker].consumer.finish(held.delivery))
+        self.do(self.seats[held.worker].consumer.finish_delivery(held.delivery))
         self.seats[held.worker].holds = [h for h in self.seats[held.worker].holds if h is not held]
         self.past = [*(h for h in self.past if h is not held), held][-4:]  # it may try again
 
@@ -249,8 +249,8 @@ class JobMachine(RuleBasedStateMachine):
         seat = self.seats[worker]
 
         async def forget() -> None:
-            await seat.consumer.sign_off()
-            await seat.consumer.beat()
+            await seat.consumer.unregister_worker()
+            await seat.consumer.send_heartbeat()
 
         self.do(forget())
         for held in seat.holds:
@@ -262,7 +262,7 @@ class JobMachine(RuleBasedStateMachine):
     @rule()
     def reap(self) -> None:
         lost = {job_id for job_id, m in self.models.items() if m.state == "running" and not m.carried}
-        assert set(self.do(self.attempts.reap(None))) == lost
+        assert set(self.do(self.attempts.requeue_lost(None))) == lost
         for job_id in sorted(lost, key=lambda each: self.models[each].order):
             model = self.models[job_id]
             if model.cancel_requested:

@@ -13,7 +13,7 @@ import structlog
 
 from stridelab.errors import Conflict
 from stridelab.service.api.jobs.presentation import job_of
-from stridelab.service.jobs.notifications import JobBoard
+from stridelab.service.jobs.notifications import JobNotifications
 from stridelab.service.jobs.store import JobRecord, JobStore
 from stridelab.service.jobs.worker import Worker
 from stridelab.service.settings import Settings
@@ -27,7 +27,7 @@ class Shop:
     """A store, a board and a working worker."""
 
     store: JobStore
-    board: JobBoard
+    board: JobNotifications
     blobs: BlobStore
     worker: Worker
 
@@ -36,12 +36,12 @@ class Shop:
         return await self.ended(submitted.job_id, timeout_s)
 
     async def ended(self, job_id: str, timeout_s: float = 20.0) -> JobRecord:
-        record = await self.board.wait(self.store, job_id, timeout_s)
+        record = await self.board.wait_for_end(self.store, job_id, timeout_s)
         assert record.is_final, f"still {record.state} after {timeout_s} s"
         return record
 
     async def running(self, job_id: str) -> JobRecord:
-        with self.board.watch(job_id) as change:
+        with self.board.watch_job(job_id) as change:
             while True:
                 change.clear()
                 record = await self.store.get(job_id)
@@ -66,7 +66,7 @@ def in_shop(database_url: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
         worker = Worker(database_url, blobs, KINDS, limits)
         working = asyncio.create_task(worker.run())
         try:
-            async with JobBoard(database_url) as board:
+            async with JobNotifications(database_url) as board:
                 yield Shop(JobStore(engine, KINDS), board, blobs, worker)
         finally:
             worker.stop()
@@ -246,10 +246,10 @@ def test_priorities_decide_behind_full_slots(in_shop: Open, tmp_path: Path) -> N
 def test_events_can_be_followed_and_resumed(in_shop: Open) -> None:
     async def act(shop: Shop) -> None:
         job_id = (await shop.store.submit("work", {"work_s": 0.6})).job_id
-        seen = [event async for events in shop.board.follow(shop.store, job_id) for event in events]
+        seen = [event async for events in shop.board.follow_events(shop.store, job_id) for event in events]
         assert seen[0].state == "queued"
         assert seen[-1].state == "succeeded"
-        again = [e async for events in shop.board.follow(shop.store, job_id, seen[2].seq) for e in events]
+        again = [e async for events in shop.board.follow_events(shop.store, job_id, seen[2].seq) for e in events]
         assert again == seen[3:]
 
     in_shop(act)

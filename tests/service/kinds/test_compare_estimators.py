@@ -13,7 +13,7 @@ from stridelab.schemas.tasks import CompareEstimatorsTask
 from stridelab.service.kinds import compare_estimators
 from stridelab.service.kinds.estimate_com import run as estimate_com
 from stridelab.service.kinds.provenance import known_references
-from stridelab.service.kinds.result_tables import read_about
+from stridelab.service.kinds.result_tables import read_metadata
 from stridelab.service.kinds.simulate_recording.truth_table import com_errors_mm, known_motion
 from support.command_line import SAMPLE, Told, estimate_task, quiet
 
@@ -76,7 +76,7 @@ def test_the_spectra_hold_the_errors_of_the_tracks(compared: tuple[Path, Compare
     density = columns(folder / "spectra.parquet", "geometry_{}_m_rthz")
     resolution_hz = np.diff(pq.read_table(folder / "spectra.parquet")["frequency_hz"].to_numpy())[0]
     assert np.sqrt((density**2).sum(axis=0) * resolution_hz) == pytest.approx(expected, rel=0.02)
-    units = read_about(folder / "spectra.parquet")["units"]
+    units = read_metadata(folder / "spectra.parquet")["units"]
     assert units["geometry_x_m_rthz"] == "m/sqrt(Hz)"
     assert units["input_force_x_m_s2_rthz"] == "m/s^2/sqrt(Hz)"
 

@@ -7,7 +7,7 @@ import sys
 import pytest
 
 from stridelab.service.kinds.base import ArtifactFile, Outcome
-from stridelab.service.kinds.provenance import bibliography, known_references, versions
+from stridelab.service.kinds.provenance import bibtex_of, known_references, software_versions
 from stridelab.service.kinds.registry import KINDS, PARSE_UPLOAD
 
 
@@ -39,20 +39,20 @@ def test_an_outcome_survives_the_way_out_of_the_child() -> None:
 
 
 def test_bibliography_gives_whole_entries_once_and_refuses_unknown_keys() -> None:
-    text = bibliography(["dumas2007", "carpentier2017thesis", "dumas2007"])
+    text = bibtex_of(["dumas2007", "carpentier2017thesis", "dumas2007"])
     assert text.count("@") == 2
     assert "Adjustments to {McConville}" in text
     assert text.count("{") == text.count("}")
     with pytest.raises(KeyError):
-        bibliography(["nobody1900"])
+        bibtex_of(["nobody1900"])
 
 
 def test_every_reference_entry_is_complete() -> None:
     for key in known_references():
-        entry = bibliography([key])
+        entry = bibtex_of([key])
         assert all(f" {field}" in entry for field in ("author", "title", "year")), key
 
 
 def test_versions_name_python_and_the_packages() -> None:
-    assert versions()["python"] == ".".join(map(str, sys.version_info[:3]))
-    assert versions()["stridelab"] != "not installed"
+    assert software_versions()["python"] == ".".join(map(str, sys.version_info[:3]))
+    assert software_versions()["stridelab"] != "not installed"

@@ -18,15 +18,15 @@ import pytest
 from threadpoolctl import threadpool_limits
 
 from stridelab.errors import NotFound
-from stridelab.parallel import worthwhile
+from stridelab.parallel import worthwhile_processes
 from stridelab.reachability import store
-from stridelab.reachability.learning.fit import learn
+from stridelab.reachability.learning.fit import learn_densities
 from stridelab.robots.loader import load_robot
 from stridelab.schemas.plans import LearnReachabilitySummary
 from stridelab.service.kinds.learn_reachability import run_in_child
 from stridelab.service.kinds.provenance import known_references
 from stridelab.service.kinds.registry import KINDS
-from stridelab.service.kinds.result_tables import read_about
+from stridelab.service.kinds.result_tables import read_metadata
 from stridelab.service.processes.pool import IsolatedOutcome, IsolatedPool
 
 SCRIPT = Path(__file__).parents[3] / "scripts" / "make_reachability.py"
@@ -72,9 +72,9 @@ def test_the_summary_is_that_of_the_contract(outcome: dict) -> None:
 
 
 def test_the_mixtures_are_those_of_the_same_seed(outcome: dict, folder: Path) -> None:
-    card = store.read(folder / "mixtures.json")
+    card = store.read_card(folder / "mixtures.json")
     day = date.fromisoformat(card.learned_on)
-    assert card == learn(load_robot("talos"), day, REQUEST["effectors"], 500, 4).card
+    assert card == learn_densities(load_robot("talos"), day, REQUEST["effectors"], 500, 4).card
     assert card.effectors["left_foot"].kl_nats == outcome["summary"]["effectors"]["left_foot"]["kl_nats"]
 
 
@@ -95,9 +95,9 @@ def test_the_samples_are_a_table_with_its_twin(outcome: dict, folder: Path) -> N
     assert table.column_names == columns == pyarrow.csv.read_csv(folder / "samples.csv").column_names
     assert table.num_rows == 500
     x = np.column_stack([table[name].to_numpy() for name in columns[:3]])
-    reach = store.read(folder / "mixtures.json").effectors["left_foot"].reach
+    reach = store.read_card(folder / "mixtures.json").effectors["left_foot"].reach
     assert np.linalg.norm(x, axis=1).max() == pytest.approx(reach.com_distance_max_m)
-    about = read_about(folder / "samples.parquet")
+    about = read_metadata(folder / "samples.parquet")
     assert about["units"][columns[0]] == "m"
     assert about["provenance"]["input"]["seed"] == 4
 
@@ -114,7 +114,7 @@ def test_the_script_writes_the_bytes_of_the_job(tmp_path: Path) -> None:
     """The files that are bundled: same robot, measure, samples, seed and day, another number of processes."""
     asked = {"robot": "talos", "samples": 700, "seed": 2}
     run_in_child({"input": asked}, tmp_path, lambda *_: None)
-    day = store.read(tmp_path / "mixtures.json").learned_on
+    day = store.read_card(tmp_path / "mixtures.json").learned_on
     options = ["--samples", "700", "--seed", "2", "--date", day, "--processes", "2", "--folder", str(tmp_path)]
     subprocess.run([sys.executable, str(SCRIPT), "talos", "uniform", *options], check=True)
     assert (tmp_path / "talos" / "uniform.json").read_bytes() == (tmp_path / "mixtures.json").read_bytes()
@@ -148,7 +148,7 @@ def test_a_cancelled_job_leaves_no_process_behind(tmp_path: Path) -> None:
             return await pool.run(target, task, tmp_path, **limits, cancel=cancel, on_progress=on_progress)
 
     assert asyncio.run(cancelled()).state == "cancelled"
-    assert len(seen) > worthwhile(10)
+    assert len(seen) > worthwhile_processes(10)
     end = time.monotonic() + 10.0
     while (left := [pid for pid in seen if psutil.pid_exists(pid)]) and time.monotonic() < end:
         time.sleep(0.05)

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from stridelab.contacts.effector_geometry import effector_shapes
-from stridelab.contacts.validation.validate import check
+from stridelab.contacts.validation.validate import validate_scenario
 from stridelab.errors import InvalidInput, NotEstimable, NotFound
 from stridelab.schemas.plans import PlanContactsSummary, PlanMotionInput
 from stridelab.schemas.scenarios import Scenario
@@ -28,7 +28,7 @@ def test_the_scenario_can_be_planned(tmp_path: Path) -> None:
     outcome = run_in_child(asked(name="To the door"), tmp_path, quiet)
     summary = PlanContactsSummary.model_validate(outcome["summary"])
     assert (summary.scenario.name, summary.steps, summary.scenario.robot) == ("To the door", 4, "talos")
-    assert check(summary.scenario.model_dump(mode="json"), effector_shapes("talos")).valid
+    assert validate_scenario(summary.scenario.model_dump(mode="json"), effector_shapes("talos")).valid
     written = Scenario.model_validate_json((tmp_path / "scenario.json").read_text(encoding="utf-8"))
     assert written == summary.scenario
     assert PlanMotionInput(scenario=written).scenario == written
@@ -39,7 +39,7 @@ def test_the_scenario_can_be_planned(tmp_path: Path) -> None:
 def test_every_robot_walks(robot: str, tmp_path: Path) -> None:
     outcome = run_in_child(asked(robot=robot), tmp_path, quiet)
     scenario = PlanContactsSummary.model_validate(outcome["summary"]).scenario
-    assert check(scenario.model_dump(mode="json"), effector_shapes(robot)).valid
+    assert validate_scenario(scenario.model_dump(mode="json"), effector_shapes(robot)).valid
 
 
 @pytest.mark.parametrize(

@@ -10,11 +10,11 @@ from pydantic import ValidationError
 
 from stridelab.centroidal.receding_horizon import State
 from stridelab.errors import InvalidInput
-from stridelab.pipelines.plan_problem import native_missing
+from stridelab.pipelines.plan_problem import native_unavailable_reason
 from stridelab.robots.loader import load_robot
 from stridelab.schemas.receding import PlanRecedingInput, PlanRecedingSummary, Push
 from stridelab.schemas.scenarios import Scenario
-from stridelab.service.kinds.plan_receding import pushed, run_in_child
+from stridelab.service.kinds.plan_receding import push_disturbance, run_in_child
 from stridelab.service.kinds.registry import KINDS
 from support.command_line import Told
 from support.robots.plan_runs import changed, short_walk
@@ -47,7 +47,7 @@ def test_a_push_is_felt_and_overcome(tmp_path: Path) -> None:
     time_s = table["time_s"].to_numpy()
     assert summary.replans == calm.replans == len(time_s) - 1
     assert (summary.carried_on, calm.carried_on) == (0, 0)
-    assert summary.solver == ("ipopt" if native_missing() else "native")
+    assert summary.solver == ("ipopt" if native_unavailable_reason() else "native")
     assert max(summary.goal_gap_m, calm.goal_gap_m) < 1e-3
     apart = other["com_vy_m_s"].to_numpy() - table["com_vy_m_s"].to_numpy()
     at = int(np.searchsorted(time_s, 1.1))
@@ -90,7 +90,7 @@ def test_what_was_carried_out_is_a_plan_to_look_at(tmp_path: Path) -> None:
 
 def test_pushes_belong_to_the_period_that_they_are_in() -> None:
     state = State(np.zeros(3), np.zeros(3), np.zeros(3))
-    disturb = pushed([Push(time_s=t, velocity_m_s=(1.0, 0.0, 0.0)) for t in (0.0, 0.2, 0.25, 0.9)], PERIOD_S)
+    disturb = push_disturbance([Push(time_s=t, velocity_m_s=(1.0, 0.0, 0.0)) for t in (0.0, 0.2, 0.25, 0.9)], PERIOD_S)
     felt = [float(disturb(k * PERIOD_S, state).com_v_m_s[0]) for k in range(1, 6)]
     assert sum(felt) == 4.0
     assert felt == [1.0, 2.0, 0.0, 0.0, 1.0]

@@ -40,7 +40,7 @@ def test_csv_twin_has_the_same_columns_and_numbers_and_empty_cells_for_nan(tmp_p
 
 def test_metadata_say_units_versions_and_provenance(tmp_path: Path) -> None:
     written(tmp_path)
-    about = result_tables.read_about(tmp_path / "com.parquet")
+    about = result_tables.read_metadata(tmp_path / "com.parquet")
     assert about["units"] == {"time_s": "s", "x_m": "m", "vx_m_s": "m/s", "complete": "1"}
     assert {"stridelab", "numpy", "scipy", "ezc3d", "pin"} <= set(about["versions"])
     assert about["provenance"] == {"file": "trial.c3d"}
@@ -79,7 +79,7 @@ def test_a_failing_writer_leaves_the_earlier_file_and_no_part(tmp_path: Path) ->
         raise OSError("disk full")
 
     with pytest.raises(OSError, match="disk full"):
-        result_tables.atomically(target, half)
+        result_tables.write_atomically(target, half)
     assert [path.name for path in tmp_path.iterdir()] == ["com.csv"]
     assert target.read_text() == "before"
 

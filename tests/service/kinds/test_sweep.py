@@ -8,15 +8,15 @@ import pyarrow.parquet as pq
 import pytest
 from pydantic import ValidationError
 
-from stridelab.contacts.scenarios.variations import present
+from stridelab.contacts.scenarios.variations import current_value
 from stridelab.errors import InvalidInput, NotEstimable, StridelabError
 from stridelab.pipelines import plan_problem
 from stridelab.schemas.scenarios import Scenario
-from stridelab.schemas.sweeps import POINTS_AT_MOST, SweepInput, SweepSummary
+from stridelab.schemas.sweeps import MAX_POINTS, SweepInput, SweepSummary
 from stridelab.schemas.tasks import SweepTask
 from stridelab.service.kinds import sweep
 from stridelab.service.kinds.registry import KINDS
-from stridelab.service.kinds.sweep import axes_of, plan_chunk
+from stridelab.service.kinds.sweep import plan_chunk, sweep_axes
 from support.command_line import Told
 from support.robots.plan_runs import changed, short_walk
 
@@ -49,7 +49,7 @@ def test_strides_by_friction(tmp_path: Path) -> None:
     assert (summary.points, summary.feasible, summary.refused, summary.infeasible, summary.failed) == (4, 1, 2, 1, 0)
     assert (summary.solvers, summary.solver_because) == ({"ipopt": 2}, "ipopt was requested.")
     assert [axis.field for axis in summary.axes] == ["stride", "friction"]
-    assert summary.axes[0].present == present(short_walk().model_dump(mode="json"), "stride")
+    assert summary.axes[0].present == current_value(short_walk().model_dump(mode="json"), "stride")
 
 
 def test_a_process_that_dies_costs_its_own_scenarios(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -82,7 +82,7 @@ def test_the_native_solver_is_refused_where_it_is_not(tmp_path: Path, monkeypatc
 
 def test_an_axis_of_one_value_is_that_value() -> None:
     walk = changed(short_walk(), lambda body: body.update(friction=0.5))
-    (axis,) = axes_of(walk.model_dump(mode="json"), SweepInput(scenario=walk, vary={"friction": (0.3, 0.9, 1)}))
+    (axis,) = sweep_axes(walk.model_dump(mode="json"), SweepInput(scenario=walk, vary={"friction": (0.3, 0.9, 1)}))
     assert (axis.values, axis.present, axis.unit) == ([0.3], 0.5, "")
 
 
@@ -95,7 +95,7 @@ def test_an_axis_of_one_value_is_that_value() -> None:
         ({"vary": {"stride": (0.0, 2.0, 3)}}, "stride"),
         ({"vary": {"stride": (1.0, float("nan"), 3)}}, "stride"),
         ({"vary": {"stride": (1.0, 2.0, 0)}}, "stride"),
-        ({"vary": {"stride": (1.0, 2.0, 200), "friction": (0.1, 1.0, 200)}}, str(POINTS_AT_MOST)),
+        ({"vary": {"stride": (1.0, 2.0, 200), "friction": (0.1, 1.0, 200)}}, str(MAX_POINTS)),
         ({"scenario_id": "x", "vary": {"stride": (1.0, 2.0, 3)}}, "either scenario_id or scenario"),
     ],
 )

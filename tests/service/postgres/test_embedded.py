@@ -16,7 +16,7 @@ import pytest
 
 from stridelab.errors import Unavailable
 from stridelab.service.postgres.embedded import EmbeddedPostgres
-from stridelab.service.postgres.paths import _reachable, _socket_folder, _wheel_binaries
+from stridelab.service.postgres.paths import _is_accessible, _socket_folder, _wheel_binaries
 from support.service.database import public_folder
 
 needs_root = pytest.mark.skipif(os.geteuid() != 0, reason="only root has to give its server another account")
@@ -217,7 +217,7 @@ def test_private_data_folder_and_private_binaries(folder: Path, shelter: Path) -
 def test_reachable_means_every_folder_on_the_way(folder: Path) -> None:
     inner = folder / "a" / "b"
     inner.mkdir(parents=True)
-    assert _reachable(inner / "file", "nobody")
+    assert _is_accessible(inner / "file", "nobody")
     (folder / "a").chmod(0o700)
-    assert not _reachable(inner / "file", "nobody")
-    assert _reachable(inner / "file", None)
+    assert not _is_accessible(inner / "file", "nobody")
+    assert _is_accessible(inner / "file", None)

@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 
 from stridelab.errors import InvalidInput, Unavailable
-from stridelab.service.jobs.work_folder import BEAT_FILE, WorkFolder
+from stridelab.service.jobs.work_folder import HEARTBEAT_FILE, WorkFolder
 from stridelab.service.postgres.embedded import EmbeddedPostgres, running_url
 from stridelab.service.settings import Settings
 from support.faults.disks import mounted
@@ -126,7 +126,7 @@ def test_a_damaged_pid_file_of_a_running_database_stays(data: Path) -> None:
     first.start()
     file = data / "postgres" / "cluster" / "postmaster.pid"
     good = file.read_bytes()
-    home = first._placed()
+    home = first._require_home()
     file.write_bytes(b"")
     try:
         second._remove_foreign_pid_file(home)
@@ -138,7 +138,7 @@ def test_a_damaged_pid_file_of_a_running_database_stays(data: Path) -> None:
 
 @pytest.mark.parametrize("content", [b"", bytes(range(256))])
 def test_locks_and_the_sign_of_life_may_hold_anything(data: Path, tmp_path: Path, content: bytes) -> None:
-    for file in (data / "supervisor.lock", data / BEAT_FILE):
+    for file in (data / "supervisor.lock", data / HEARTBEAT_FILE):
         file.write_bytes(content)
     server = EmbeddedPostgres(data)
     server.start()

@@ -7,13 +7,13 @@ import psutil
 import pytest
 
 from stridelab.errors import NotEstimable, StridelabError
-from stridelab.service.processes.isolated_map import each_apart
+from stridelab.service.processes.isolated_map import map_isolated
 from support.service.isolated_work import behave
 
 
 def done(*hows: str, timeout_s: float = 30.0) -> dict[int, object]:
     items = [{"how": how, "n": n} for n, how in enumerate(hows)]
-    return dict(each_apart(behave, items, preload=["support.service.isolated_work"], timeout_s=timeout_s))
+    return dict(map_isolated(behave, items, preload=["support.service.isolated_work"], timeout_s=timeout_s))
 
 
 def test_every_item_has_a_process_of_its_own() -> None:
@@ -45,7 +45,7 @@ def test_what_goes_wrong_costs_its_item_alone() -> None:
 
 
 def test_whoever_stops_listening_leaves_no_process_behind() -> None:
-    answers = each_apart(
+    answers = map_isolated(
         behave, [{"how": h, "n": 1} for h in ("work", "hang", "hang")], preload=["support.service.isolated_work"]
     )
     next(answers)
@@ -72,7 +72,7 @@ def test_no_items_give_no_answers() -> None:
 @pytest.mark.parametrize("processes", [1, 3])
 def test_any_number_at_a_time(processes: int) -> None:
     items = [{"how": "work", "n": n} for n in range(4)]
-    found = dict(each_apart(behave, items, preload=["support.service.isolated_work"], processes=processes))
+    found = dict(map_isolated(behave, items, preload=["support.service.isolated_work"], processes=processes))
     assert sorted(found) == [0, 1, 2, 3]
 
 
@@ -82,7 +82,7 @@ def test_no_more_at_a_time_than_cores_that_may_be_used(monkeypatch: pytest.Monke
     monkeypatch.setattr(os, "sched_getaffinity", lambda _pid: {0, 1})
     items = [{"how": "interval", "n": n} for n in range(6)]
     answers = [
-        answer for _, answer in each_apart(behave, items, preload=["support.service.isolated_work"], processes=6)
+        answer for _, answer in map_isolated(behave, items, preload=["support.service.isolated_work"], processes=6)
     ]
     intervals_s = [answer["interval_s"] for answer in answers if isinstance(answer, dict)]
     assert len(intervals_s) == 6

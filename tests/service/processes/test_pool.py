@@ -12,7 +12,7 @@ import pytest
 
 from stridelab.errors import NotEstimable, StridelabError
 from stridelab.service.kinds.registry import COMPUTING, READING
-from stridelab.service.processes.pool import LOG_BYTES, IsolatedOutcome, IsolatedPool
+from stridelab.service.processes.pool import LOG_TAIL_BYTES, IsolatedOutcome, IsolatedPool
 
 Run = Callable[..., IsolatedOutcome]
 
@@ -185,7 +185,7 @@ def test_cancelling_the_caller_kills_the_child(with_pool: Any, tmp_path: Path) -
 def test_only_the_end_of_a_long_log_is_kept(run: Run) -> None:
     outcome = run("chatter", {"bytes": 3_000_000})
     assert outcome.value == {"written": 3_000_000}
-    assert len(outcome.log_tail) == LOG_BYTES
+    assert len(outcome.log_tail) == LOG_TAIL_BYTES
     assert outcome.log_tail.endswith("last words\n")
 
 
@@ -238,7 +238,7 @@ def test_nothing_is_left_of_the_children(with_pool: Any, tmp_path: Path) -> None
         ask = {"timeout_s": 30.0, "memory_mb": 500}
         for function in ("add", "segfault", "leave"):
             await pool.run(f"support.service.computations:{function}", {"a": 1, "b": 1}, tmp_path, **ask)
-        nursery = psutil.Process(pool._nursery.pid)
+        nursery = psutil.Process(pool._fork_server.pid)
         deadline = time.monotonic() + 5
         while nursery.children():  # they are let go as soon as the nursery comes to it
             assert time.monotonic() < deadline
@@ -248,7 +248,7 @@ def test_nothing_is_left_of_the_children(with_pool: Any, tmp_path: Path) -> None
     async def counted(pool: IsolatedPool) -> None:
         nonlocal before
         await pool.run("support.service.computations:add", {"a": 1, "b": 1}, tmp_path, timeout_s=30.0, memory_mb=500)
-        before = psutil.Process(pool._nursery.pid).num_fds()
+        before = psutil.Process(pool._fork_server.pid).num_fds()
         await act(pool)
 
     with_pool(counted)
@@ -259,7 +259,7 @@ def test_dead_nursery_is_replaced_and_its_children_count_as_killed(with_pool: An
 
     async def act(pool: IsolatedPool) -> tuple[IsolatedOutcome, IsolatedOutcome]:
         def kill(_fraction: float, _message: str) -> None:
-            os.kill(pool._nursery.pid, signal.SIGKILL)
+            os.kill(pool._fork_server.pid, signal.SIGKILL)
 
         torn = await pool.run("support.service.computations:spin", {}, tmp_path, on_progress=kill, **ask)
         return torn, await pool.run("support.service.computations:add", {"a": 1, "b": 1}, tmp_path, **ask)
@@ -271,7 +271,7 @@ def test_dead_nursery_is_replaced_and_its_children_count_as_killed(with_pool: An
 
 def test_one_that_died_unnoticed_is_replaced(with_pool: Any, tmp_path: Path) -> None:
     async def act(pool: IsolatedPool) -> IsolatedOutcome:
-        os.kill(pool._nursery.pid, signal.SIGKILL)
+        os.kill(pool._fork_server.pid, signal.SIGKILL)
         time.sleep(0.2)  # the loop hears nothing of it
         return await pool.run(
             "support.service.computations:add", {"a": 1, "b": 1}, tmp_path, timeout_s=30.0, memory_mb=500
@@ -285,11 +285,11 @@ def test_nursery_that_hangs_is_replaced_and_the_task_is_done(with_pool: Any, tmp
 
     async def act(pool: IsolatedPool) -> tuple[IsolatedOutcome, int, int]:
         await pool.run("support.service.computations:add", {"a": 1, "b": 1}, tmp_path, **ask)
-        hung = pool._nursery.pid
+        hung = pool._fork_server.pid
         os.kill(hung, signal.SIGSTOP)
         async with asyncio.timeout(30.0):
             outcome = await pool.run("support.service.computations:add", {"a": 1, "b": 1}, tmp_path, **ask)
-        return outcome, hung, pool._nursery.pid
+        return outcome, hung, pool._fork_server.pid
 
     outcome, hung, another = with_pool(act)
     assert (outcome.state, outcome.value) == ("ok", {"sum": 2})

@@ -34,10 +34,10 @@ def test_a_kernel_that_is_asked_too_often_is_asked_again_and_then_no_more() -> N
     group, refused = mock.Mock(spec=Path), BlockingIOError()
     with mock.patch.object(priority.time, "sleep") as slept:
         group.write_text.side_effect = [refused, refused, 2]
-        priority.yield_session(group=group)
+        priority.lower_session_priority(group=group)
         assert [call.args[0] for call in slept.call_args_list] == [0.05, 0.1]
         group.write_text.side_effect = refused
-        priority.yield_session(group=group)
+        priority.lower_session_priority(group=group)
         group.write_text.side_effect = FileNotFoundError()
-        priority.yield_session(group=group)
+        priority.lower_session_priority(group=group)
     assert group.write_text.call_count == 3 + 4 + 1

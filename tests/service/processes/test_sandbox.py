@@ -17,16 +17,16 @@ from structlog.testing import capture_logs
 
 from stridelab.cli.doctor.service import sandbox as doctor_says
 from stridelab.errors import InvalidInput, Unavailable, UnreadableFile
-from stridelab.service.filenames import left_file
+from stridelab.service.filenames import child_output_file
 from stridelab.service.kinds.registry import KINDS
 from stridelab.service.processes import confinement, seccomp
 from stridelab.service.processes.pool import IsolatedOutcome, IsolatedPool
-from stridelab.service.processes.sandbox import LAYERS, STRICT, Kernel, Sandbox
+from stridelab.service.processes.sandbox import LAYERS, STRICT, KernelFeatures, Sandbox
 from stridelab.service.settings import Settings
 from support.service.hostile_readers import DONE
 
-KERNEL = Kernel.present()
-whole_sandbox = pytest.mark.skipif(bool(KERNEL.missing), reason=f"this kernel lacks {KERNEL.missing}")
+KERNEL = KernelFeatures.detect_features()
+whole_sandbox = pytest.mark.skipif(bool(KERNEL.missing_layers), reason=f"this kernel lacks {KERNEL.missing_layers}")
 as_root = pytest.mark.skipif(os.geteuid() != 0, reason="only root changes accounts")
 
 
@@ -140,7 +140,7 @@ def test_a_child_of_root_has_an_account_of_its_own(
     spool.chmod(0o700)
     above = [folder for folder in spool.parents if folder != Path("/tmp") and folder.is_relative_to("/tmp")]
     modes = {folder: folder.stat().st_mode for folder in above}
-    confinement.let_in("nobody", *above)
+    confinement.grant_search_access("nobody", *above)
     assert all(folder.stat().st_mode & 0o066 <= modes[folder] & 0o066 for folder in above), "passed through, not read"
     value = run("necessities", {"import": False}, spool).value  # Python may lie in root's home
     assert value["user"] != 0
@@ -154,7 +154,7 @@ def test_a_child_of_root_has_an_account_of_its_own(
 
 def test_an_unknown_account_is_refused() -> None:
     with pytest.raises(InvalidInput, match="no account") as refusal:
-        confinement.let_in("nobody-of-this-name", Path("/tmp"))
+        confinement.grant_search_access("nobody-of-this-name", Path("/tmp"))
     assert refusal.value.code == "child-user-unknown"
 
 
@@ -178,17 +178,17 @@ def test_an_account_that_cannot_get_to_the_data_is_refused_at_the_start(tmp_path
     (shut / "data").mkdir(parents=True)
     shut.chmod(0o700)
     with pytest.raises(InvalidInput, match="may not pass through") as refusal:
-        confinement.begin(Settings(child_user="nobody"), shut / "data")
+        confinement.prepare_confinement(Settings(child_user="nobody"), shut / "data")
     assert refusal.value.code == "child-user-cannot-reach"
 
 
 def test_a_child_that_lacks_a_required_layer_reads_nothing(spool: Path) -> None:
-    outcome = run_on(Kernel(0, filters=True), "required", spool)
+    outcome = run_on(KernelFeatures(0, filters=True), "required", spool)
     assert outcome == ("Unavailable", "sandbox-missing")
     assert list(spool.iterdir()) == []
 
 
-def run_on(kernel: Kernel, mode: str, folder: Path) -> Any:
+def run_on(kernel: KernelFeatures, mode: str, folder: Path) -> Any:
     """``confine`` in a process of its own that finds this kernel; then write a file inside and one outside."""
     program = f"""
 import json, os, sys
@@ -225,18 +225,18 @@ print(json.dumps(found))
 @pytest.mark.parametrize(
     ("kernel", "renamed", "read", "connected"),
     [
-        (Kernel(0, filters=False), "done", "done", "done"),
-        (Kernel(0, filters=True), "done", "done", "Operation not permitted"),
-        (Kernel(1, filters=False), "Invalid cross-device link", "Permission denied", "done"),
+        (KernelFeatures(0, filters=False), "done", "done", "done"),
+        (KernelFeatures(0, filters=True), "done", "done", "Operation not permitted"),
+        (KernelFeatures(1, filters=False), "Invalid cross-device link", "Permission denied", "done"),
         *(
-            (Kernel(abi, filters=False), "done", "Permission denied", "done")
+            (KernelFeatures(abi, filters=False), "done", "Permission denied", "done")
             for abi in range(2, KERNEL.landlock_abi + 1)
         ),
         (KERNEL, "done", "Permission denied", "Operation not permitted"),
     ],
 )
 def test_each_layer_holds_without_the_others(
-    spool: Path, kernel: Kernel, renamed: str, read: str, connected: str
+    spool: Path, kernel: KernelFeatures, renamed: str, read: str, connected: str
 ) -> None:
     assert run_on(kernel, "auto", spool) == (renamed, read, connected)
 
@@ -248,31 +248,31 @@ def test_switched_off_it_forbids_nothing(spool: Path) -> None:
 @pytest.mark.parametrize(
     ("kernel", "mode", "missing"),
     [
-        (Kernel(0, filters=False), "auto", LAYERS),
-        (Kernel(3, filters=True), "auto", ("tcp-ports",)),
-        (Kernel(7, filters=True), "off", LAYERS),
-        (Kernel(7, filters=True), "auto", ()),
+        (KernelFeatures(0, filters=False), "auto", LAYERS),
+        (KernelFeatures(3, filters=True), "auto", ("tcp-ports",)),
+        (KernelFeatures(7, filters=True), "off", LAYERS),
+        (KernelFeatures(7, filters=True), "auto", ()),
     ],
 )
 def test_what_is_missing_is_said_once_at_the_start(
-    kernel: Kernel, mode: str, missing: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
+    kernel: KernelFeatures, mode: str, missing: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(Kernel, "present", staticmethod(lambda: kernel))
+    monkeypatch.setattr(KernelFeatures, "present", staticmethod(lambda: kernel))
     settings = Settings(sandbox=mode)
     with capture_logs() as lines:
-        confinement.begin(settings)
+        confinement.prepare_confinement(settings)
     assert [line["missing"] for line in lines] == ([list(missing)] if missing else [])
-    assert set(confinement.layers(settings)) == set(LAYERS) - set(missing)
+    assert set(confinement.active_layers(settings)) == set(LAYERS) - set(missing)
     said = doctor_says(settings)
     assert said.ok
     assert all(name in said.found for name in LAYERS)
 
 
 def test_a_service_that_requires_the_sandbox_does_not_start_without(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(Kernel, "present", staticmethod(lambda: Kernel(3, filters=True)))
+    monkeypatch.setattr(KernelFeatures, "present", staticmethod(lambda: KernelFeatures(3, filters=True)))
     settings = Settings(sandbox="required")
     with pytest.raises(Unavailable, match="tcp-ports") as refusal:
-        confinement.begin(settings)
+        confinement.prepare_confinement(settings)
     assert refusal.value.code == "sandbox-missing"
     assert not doctor_says(settings).ok
 
@@ -284,9 +284,9 @@ def test_the_parent_follows_no_child_out_of_its_folder(tmp_path: Path, name: str
     (tmp_path / "other").write_text("secret")
     (folder / "link").symlink_to(tmp_path / "other")
     (folder / "sub" / "tracks").write_text("mine")
-    assert left_file(folder, "sub/tracks").read_text() == "mine"
+    assert child_output_file(folder, "sub/tracks").read_text() == "mine"
     with pytest.raises(UnreadableFile) as refusal:
-        left_file(folder, name)
+        child_output_file(folder, name)
     assert refusal.value.code == "parser-crashed"
 
 
@@ -322,7 +322,7 @@ def test_the_filter_on_either_architecture(audit: int, column: int) -> None:
     """Numbers from asm/unistd_64.h and asm-generic/unistd.h; the machine of the tests is only one of the two."""
 
     def ask(name: str, *arguments: int, programs: bool = False, server: bool = False) -> int:
-        code = seccomp.instructions(audit, column, programs=programs, server=server)
+        code = seccomp.filter_program(audit, column, programs=programs, server=server)
         return verdict(code, audit, NUMBERS[name][column], *arguments)
 
     for name in ("read", "openat", "mmap", "exit_group", "futex", "socketpair", "accept4"):
@@ -363,7 +363,7 @@ def test_the_filter_on_either_architecture(audit: int, column: int) -> None:
 
 
 def test_other_doors_to_the_same_calls_are_shut() -> None:
-    code = seccomp.instructions(X86_64, 0, programs=True, server=True)
+    code = seccomp.filter_program(X86_64, 0, programs=True, server=True)
     assert verdict(code, I386, 3) == EPERM, "int 0x80"
     assert verdict(code, X86_64, 0x40000000) == EPERM, "the x32 interface"
     assert verdict(code, X86_64, 0) == ALLOW

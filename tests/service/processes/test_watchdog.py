@@ -15,8 +15,8 @@ import pytest
 
 from stridelab import heartbeat
 from stridelab.service.processes import watchdog
-from stridelab.service.processes.watchdog import BEYOND_DOUBT, HUNG_S, STARTING_S, STOPPED_S, Silence
-from stridelab.service.supervisor import _Program
+from stridelab.service.processes.watchdog import CERTAIN_FACTOR, HUNG_S, STARTING_S, STOPPED_S, ResponseWatchdog
+from stridelab.service.supervisor import _SupervisedProgram
 
 BEATING = """
 import asyncio, sys, time
@@ -51,26 +51,26 @@ class Clock:
         return self.now_s
 
 
-def verdict_after(silence: Silence, clock: Clock, limit_s: float) -> tuple[str | None, float]:
+def verdict_after(silence: ResponseWatchdog, clock: Clock, limit_s: float) -> tuple[str | None, float]:
     """What is said of a process that is looked at five times a second, and when."""
     began_s = clock.now_s
     while clock.now_s - began_s < limit_s:
         clock.now_s += 0.2
-        if (said := silence.verdict()) is not None:
+        if (said := silence.failure_state()) is not None:
             return said, clock.now_s - began_s
     return None, limit_s
 
 
 def test_a_process_that_waits_and_does_not_answer_hangs(idle: subprocess.Popen[bytes]) -> None:
     clock = Clock()
-    silence = Silence(idle.pid, clock=clock)
+    silence = ResponseWatchdog(idle.pid, clock=clock)
     assert verdict_after(silence, clock, STARTING_S - 1) == (None, STARTING_S - 1)
-    silence.heard()
+    silence.record_answer()
     said, after_s = verdict_after(silence, clock, 60.0)
     assert said == "hangs"
     assert HUNG_S <= after_s < HUNG_S + 2
-    silence.heard()
-    assert silence.verdict() is None
+    silence.record_answer()
+    assert silence.failure_state() is None
 
 
 def test_a_stopped_process_is_known_sooner_even_before_its_first_answer(idle: subprocess.Popen[bytes]) -> None:
@@ -78,7 +78,7 @@ def test_a_stopped_process_is_known_sooner_even_before_its_first_answer(idle: su
     while psutil.Process(idle.pid).status() != psutil.STATUS_STOPPED:
         time.sleep(0.01)
     clock = Clock()
-    said, after_s = verdict_after(Silence(idle.pid, clock=clock), clock, 60.0)
+    said, after_s = verdict_after(ResponseWatchdog(idle.pid, clock=clock), clock, 60.0)
     assert said == "stopped"
     assert STOPPED_S <= after_s < STOPPED_S + 2
 
@@ -88,22 +88,22 @@ def test_a_process_that_waits_for_a_processor_has_more_time(
 ) -> None:
     clock = Clock()
     monkeypatch.setattr(watchdog, "_queued_s", lambda _: 0.95 * clock.now_s)  # a twentieth of a processor
-    silence = Silence(idle.pid, clock=clock)
-    silence.heard()
+    silence = ResponseWatchdog(idle.pid, clock=clock)
+    silence.record_answer()
     said, after_s = verdict_after(silence, clock, 1000.0)
     assert said == "hangs"
-    assert HUNG_S * BEYOND_DOUBT - 1 < after_s <= HUNG_S * BEYOND_DOUBT + 1
+    assert HUNG_S * CERTAIN_FACTOR - 1 < after_s <= HUNG_S * CERTAIN_FACTOR + 1
     monkeypatch.setattr(watchdog, "_queued_s", lambda _: 0.5 * clock.now_s)
-    silence.heard()
+    silence.record_answer()
     assert verdict_after(silence, clock, 1000.0)[1] == pytest.approx(2 * HUNG_S, abs=2.5)
 
 
 def test_a_watcher_that_was_held_up_blames_nobody(idle: subprocess.Popen[bytes]) -> None:
     clock = Clock()
-    silence = Silence(idle.pid, clock=clock)
-    silence.heard()
+    silence = ResponseWatchdog(idle.pid, clock=clock)
+    silence.record_answer()
     clock.now_s += 3600.0
-    assert silence.verdict() is None
+    assert silence.failure_state() is None
 
 
 def test_time_on_the_run_queue_is_counted() -> None:
@@ -130,7 +130,7 @@ def test_heartbeats_come_through_an_inherited_pipe_and_never_block(monkeypatch: 
     async def some() -> None:
         with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(3.0):
-                await heartbeat.beat()
+                await heartbeat.write_heartbeats()
 
     asyncio.run(some())
     assert heartbeat.VARIABLE not in os.environ, "children do not inherit it"
@@ -138,9 +138,9 @@ def test_heartbeats_come_through_an_inherited_pipe_and_never_block(monkeypatch: 
     assert set(os.read(reading, 1 << 16)) == set(b".")
     os.close(reading)
     monkeypatch.setenv(heartbeat.VARIABLE, str(writing))
-    asyncio.run(heartbeat.beat())  # nobody reads: it returns
+    asyncio.run(heartbeat.write_heartbeats())  # nobody reads: it returns
     os.close(writing)
-    asyncio.run(heartbeat.beat())  # nobody asked for it
+    asyncio.run(heartbeat.write_heartbeats())  # nobody asked for it
 
 
 @pytest.mark.parametrize("how", ["stopped", "hangs"])
@@ -151,16 +151,16 @@ def test_a_program_without_heartbeats_is_started_again(
     monkeypatch.setattr(watchdog, "HUNG_S", 2.0)
     (tmp_path / "beating.py").write_text(BEATING, encoding="utf-8")
     environment = {**os.environ, "PYTHONPATH": ":".join([str(tmp_path), *sys.path])}
-    program = _Program("beating", tmp_path / "x.log", environment)
+    program = _SupervisedProgram("beating", tmp_path / "x.log", environment)
     said: list[str] = []
     program.keep_running(said.append)
     assert program.process is not None
-    assert program.silence is not None
-    program.silence._hung_s = 2.0
+    assert program.watchdog is not None
+    program.watchdog._hung_s = 2.0
     first = program.process.pid
     deadline = time.monotonic() + 60.0
     try:
-        while not program.silence._has_answered and time.monotonic() < deadline:
+        while not program.watchdog._has_answered and time.monotonic() < deadline:
             program.keep_running(said.append)
             time.sleep(0.05)
         if how == "stopped":
@@ -175,4 +175,4 @@ def test_a_program_without_heartbeats_is_started_again(
         if program.process is not None:
             program.process.kill()
             program.process.wait()
-        program._forget_heartbeats()
+        program._close_heartbeats()

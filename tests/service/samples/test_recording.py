@@ -90,8 +90,8 @@ def test_seeding_twice_at_once_and_again_leaves_one_sample(database_url: str, tm
     blobs = BlobStore.from_url(tmp_path.as_uri())
 
     async def act(engine: AsyncEngine) -> Any:
-        at_once = await asyncio.gather(*(bundled.seed(engine, blobs) for _ in range(3)))
-        again = await bundled.seed(engine, blobs)
+        at_once = await asyncio.gather(*(bundled.seed_sample(engine, blobs) for _ in range(3)))
+        again = await bundled.seed_sample(engine, blobs)
         async with engine.connect() as connection:
             rows = (await connection.execute(select(recording))).mappings().all()
             jobs = (await connection.execute(select(job))).mappings().all()
@@ -117,12 +117,12 @@ def test_an_older_or_damaged_sample_is_replaced(database_url: str, tmp_path: Pat
     blobs = BlobStore.from_url(tmp_path.as_uri())
 
     async def act(engine: AsyncEngine) -> Any:
-        await bundled.seed(engine, blobs)
+        await bundled.seed_sample(engine, blobs)
         async with engine.begin() as connection:
             await connection.execute(update(recording).values(sha256="of an older version"))
-        replaced = await bundled.seed(engine, blobs)
+        replaced = await bundled.seed_sample(engine, blobs)
         (tmp_path / f"recordings/{bundled.SAMPLE_ID}/recording.c3d").unlink()
-        repaired = await bundled.seed(engine, blobs)
+        repaired = await bundled.seed_sample(engine, blobs)
         async with engine.connect() as connection:
             count = (await connection.execute(select(func.count()).select_from(recording))).scalar_one()
             return replaced, repaired, count
@@ -135,10 +135,10 @@ def test_retention_leaves_the_sample_alone(database_url: str, tmp_path: Path) ->
     blobs = BlobStore.from_url(tmp_path.as_uri())
 
     async def act(engine: AsyncEngine) -> Any:
-        await bundled.seed(engine, blobs)
+        await bundled.seed_sample(engine, blobs)
         async with engine.connect() as connection:
             gone = await retention.remove_old_jobs(connection, blobs, timedelta(seconds=-1))
             orphans = await retention.remove_orphans(connection, blobs, timedelta(seconds=-1))
-        return gone, orphans, await bundled.seed(engine, blobs)
+        return gone, orphans, await bundled.seed_sample(engine, blobs)
 
     assert within(database_url, act) == ([], [], False)

@@ -29,9 +29,9 @@ def write(folder: Path, stem: str, **changes: Any) -> None:
 
 def test_seeding_at_once_and_again_leaves_every_file_once(database_url: str) -> None:
     async def act(engine: AsyncEngine) -> Any:
-        at_once = await asyncio.gather(*(scenarios.seed(engine) for _ in range(4)))
+        at_once = await asyncio.gather(*(scenarios.seed_scenarios(engine) for _ in range(4)))
         first = await rows(engine)
-        return at_once, first, await scenarios.seed(engine), await rows(engine)
+        return at_once, first, await scenarios.seed_scenarios(engine), await rows(engine)
 
     at_once, first, again, second = within(database_url, act)
     assert sorted(at_once) == [False, False, False, True]
@@ -50,7 +50,7 @@ def test_a_service_has_them_from_the_start(database_url: str, tmp_path: Path) ->
         async with app.router.lifespan_context(app):
             return await rows(engine)
 
-    assert within(database_url, act).keys() == scenarios.shipped().keys()
+    assert within(database_url, act).keys() == scenarios.bundled_scenarios().keys()
 
 
 def test_rows_follow_their_files(database_url: str, tmp_path: Path) -> None:
@@ -59,12 +59,12 @@ def test_rows_follow_their_files(database_url: str, tmp_path: Path) -> None:
     write(tmp_path, "goes")
 
     async def act(engine: AsyncEngine) -> Any:
-        assert await scenarios.seed(engine, tmp_path)
+        assert await scenarios.seed_scenarios(engine, tmp_path)
         before = await rows(engine)
         write(tmp_path, "changes", name="after")
         write(tmp_path, "comes")
         (tmp_path / "goes.json").unlink()
-        assert await scenarios.seed(engine, tmp_path)
+        assert await scenarios.seed_scenarios(engine, tmp_path)
         return before, await rows(engine)
 
     before, after = within(database_url, act)
@@ -80,14 +80,14 @@ def test_a_damaged_row_is_repaired_and_users_scenarios_stay(database_url: str, t
     users = scenarios.new_id()
 
     async def act(engine: AsyncEngine) -> Any:
-        await scenarios.seed(engine, tmp_path)
+        await scenarios.seed_scenarios(engine, tmp_path)
         async with engine.begin() as connection:
             await connection.execute(update(scenario).values(body={"name": "nonsense"}))
             await connection.execute(insert(scenario).values(id=users, body=ONE_STEP))
-        assert await scenarios.seed(engine, tmp_path)
+        assert await scenarios.seed_scenarios(engine, tmp_path)
         (tmp_path / "walk.json").unlink()
         kept = await rows(engine)
-        assert await scenarios.seed(engine, tmp_path)
+        assert await scenarios.seed_scenarios(engine, tmp_path)
         return kept, await rows(engine)
 
     kept, left = within(database_url, act)
@@ -100,7 +100,7 @@ def test_a_damaged_row_is_repaired_and_users_scenarios_stay(database_url: str, t
 def test_no_file_can_take_the_id_of_a_users_scenario(tmp_path: Path, stem: str) -> None:
     write(tmp_path, stem)
     with pytest.raises(ValueError, match="cannot be the name"):
-        scenarios.shipped(tmp_path)
+        scenarios.bundled_scenarios(tmp_path)
 
 
 def test_a_users_id_is_never_that_of_a_file() -> None:
@@ -112,11 +112,11 @@ def test_a_users_id_is_never_that_of_a_file() -> None:
 def test_a_damaged_file_is_not_seeded(database_url: str, tmp_path: Path) -> None:
     (tmp_path / "walk.json").write_text('{"name": "x"}', encoding="utf-8")
     with pytest.raises(ValueError, match="robot"):
-        within(database_url, lambda engine: scenarios.seed(engine, tmp_path))
+        within(database_url, lambda engine: scenarios.seed_scenarios(engine, tmp_path))
     assert within(database_url, rows) == {}
 
 
 def test_the_robot_of_most_scenarios_comes_first() -> None:
-    named = [body["robot"] for body in scenarios.shipped().values()]
-    assert scenarios.robots()[0] == max(set(named), key=named.count)
-    assert set(scenarios.robots()) == set(named)
+    named = [body["robot"] for body in scenarios.bundled_scenarios().values()]
+    assert scenarios.robots_by_frequency()[0] == max(set(named), key=named.count)
+    assert set(scenarios.robots_by_frequency()) == set(named)

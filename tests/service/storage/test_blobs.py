@@ -120,10 +120,10 @@ def test_keys_that_no_code_makes_are_refused(store: BlobStore, key: str) -> None
 
 @given(st.text(max_size=20))
 def test_no_key_leaves_the_folder(key: str) -> None:
-    from stridelab.service.storage.blobs import _check
+    from stridelab.service.storage.blobs import _require_key
 
     try:
-        _check(key)
+        _require_key(key)
     except InvalidInput:
         return
     root = Path("/store")

@@ -12,7 +12,7 @@ from stridelab.errors import InvalidInput, Unavailable
 from stridelab.service.settings import Settings
 from stridelab.service.storage import database
 from stridelab.service.storage.database import database_url, make_engine, parse_url
-from stridelab.service.storage.migrate import MIGRATIONS, engine_of, is_migrated, migrate, revisions
+from stridelab.service.storage.migrate import MIGRATIONS, all_revisions, engine_of, is_migrated, migrate
 from support.service.database import TestDatabases, differences, within
 
 
@@ -25,7 +25,7 @@ def test_migrations_make_exactly_the_declared_tables(database_url: str) -> None:
 
 def test_file_names_tell_the_order_of_revisions() -> None:
     scripts = ScriptDirectory(str(MIGRATIONS))
-    assert [script.revision for script in scripts.walk_revisions()][::-1] == revisions()
+    assert [script.revision for script in scripts.walk_revisions()][::-1] == all_revisions()
 
 
 def test_queue_schema_is_that_of_the_installed_version() -> None:

@@ -11,7 +11,7 @@ import pytest
 import sqlalchemy
 from sqlalchemy import event
 
-from stridelab.service.jobs.notifications import JobBoard
+from stridelab.service.jobs.notifications import JobNotifications
 from stridelab.service.jobs.store import JobStore
 from stridelab.service.jobs.worker import Worker
 from stridelab.service.settings import Settings
@@ -156,9 +156,9 @@ def test_results_are_on_the_disk_when_they_are_committed(
         worker = Worker(database_url, store, KINDS, limits)
         working = asyncio.create_task(worker.run())
         try:
-            async with JobBoard(database_url) as board:
+            async with JobNotifications(database_url) as board:
                 jobs = JobStore(engine, KINDS)
-                return await board.wait(jobs, (await jobs.submit(kind, {})).job_id, 30.0)
+                return await board.wait_for_end(jobs, (await jobs.submit(kind, {})).job_id, 30.0)
         finally:
             worker.stop()
             await working

@@ -5,7 +5,7 @@ from pathlib import Path
 import psycopg
 import pytest
 
-from stridelab.service.storage.migrate import engine_of, is_migrated, migrate, revisions
+from stridelab.service.storage.migrate import all_revisions, engine_of, is_migrated, migrate
 from support.service.database import TestDatabases, differences, migrate_to
 from support.service.stored_rows import fill, rows
 
@@ -28,7 +28,7 @@ def test_scenarios_and_jobs_of_revision_0001(postgres: TestDatabases) -> None:
             assert new.execute("SELECT scenario_id FROM job").fetchall() == [(None,)]
 
 
-@pytest.mark.parametrize("revision", revisions()[:-1])
+@pytest.mark.parametrize("revision", all_revisions()[:-1])
 def test_every_row_survives_the_way_from(postgres: TestDatabases, tmp_path: Path, revision: str) -> None:
     """All that an earlier version kept is there afterwards, value for value, and the tables are the declared ones."""
     with postgres.fresh(migrated=False) as url:

@@ -17,7 +17,7 @@ ANGLE = st.floats(-0.5, 0.5)
 def test_angles_come_back_from_the_pose_of_the_foot(
     hip: tuple[float, float, float], knee: float, flexion: float, inversion: float
 ) -> None:
-    q, data = BODY.neutral(), BODY.model.createData()
+    q, data = BODY.neutral_pose(), BODY.model.createData()
     i = BODY.index
     q[i["pelvis"] : i["pelvis"] + 3] = (0.3, 0.1, -0.1)
     q[i["l_hip"] : i["l_hip"] + 3] = hip

@@ -13,7 +13,7 @@ from stridelab.robots.contact_frames import with_contact_frames
 from stridelab.simulation.robot.forward_kinematics import link_masses, link_poses
 from stridelab.simulation.robot.gait_plan import WALKS, RobotGait, gait_for, plan_walk
 from stridelab.simulation.robot.runner import RUNNING, running_at
-from stridelab.simulation.robot.walker import RATE_HZ, RobotWalk, walk
+from stridelab.simulation.robot.walker import RATE_HZ, RobotWalk, simulate_walk
 
 DT = 1.0 / RATE_HZ
 MOTIONS = ["robot_walk", "brisk_walk", "robot_run"]
@@ -193,7 +193,7 @@ def test_link_poses_agree_with_pinocchio(robot_run: RobotWalk) -> None:
 
 def test_wrong_masses_keep_the_total_and_have_the_stated_error(robot_walk: RobotWalk) -> None:
     exact, rng = link_masses(robot_walk.robot.model), np.random.default_rng(0)
-    draws = [exact.wrong(0.2, rng) for _ in range(2000)]
+    draws = [exact.perturb(0.2, rng) for _ in range(2000)]
     assert draws[0].mass_kg.sum() == pytest.approx(exact.mass_kg.sum())
     ratio = np.array([d.lever_m[0] / exact.lever_m[0] for d in draws])
     np.testing.assert_allclose(ratio.std(axis=0), 0.2, rtol=0.1)
@@ -212,9 +212,9 @@ def test_seeds_vary_the_walk_and_repeat_it() -> None:
 
 def test_same_seed_same_walk_and_another_seed_another_one() -> None:
     gait = gait_for(0.0, 2.0)
-    first, other = walk(gait, 0), walk(gait, 1)
-    assert walk(gait, 0) is first, "kept for the next caller"
-    again = walk.__wrapped__(gait, 0)
+    first, other = simulate_walk(gait, 0), simulate_walk(gait, 1)
+    assert simulate_walk(gait, 0) is first, "kept for the next caller"
+    again = simulate_walk.__wrapped__(gait, 0)
     np.testing.assert_array_equal(first.motion.q, again.motion.q)
     np.testing.assert_array_equal(first.truth.moment_nm, again.truth.moment_nm)
     assert np.abs(first.truth.force_n - other.truth.force_n).max() > 1.0
@@ -240,7 +240,7 @@ def test_runs_that_talos_cannot_do_are_refused(speed_m_s: float) -> None:
 def test_footprints_out_of_reach_are_named_with_their_instant() -> None:
     far = RobotGait(step_length_m=1.2, step_time_s=0.8, n_steps=3, rest_s=0.8)
     with pytest.raises(NotEstimable, match="do not reach") as refusal:
-        walk(far)
+        simulate_walk(far)
     assert refusal.value.code == "robot-out-of-reach"
 
 

@@ -14,7 +14,7 @@ import httpx
 import uvicorn
 from starlette.types import Receive, Scope, Send
 
-from stridelab.service.api.middleware.request_context import Edge
+from stridelab.service.api.middleware.request_context import RequestContextMiddleware
 from stridelab_web.app import create_web
 from stridelab_web.config import WebConfig
 from support.fakes.service import FakeService
@@ -44,7 +44,9 @@ def running_lab() -> Iterator[Lab]:
     async def front(scope: Scope, receive: Receive, send: Send) -> None:
         await (interface if scope["path"].startswith("/api/") else pages)(scope, receive, send)
 
-    config = uvicorn.Config(Edge(front), port=port, log_level="warning", lifespan="off", ws="websockets-sansio")
+    config = uvicorn.Config(
+        RequestContextMiddleware(front), port=port, log_level="warning", lifespan="off", ws="websockets-sansio"
+    )
     server = uvicorn.Server(config)
     thread = threading.Thread(target=server.run, daemon=True)
     environment = {**os.environ, "STRIDELAB_PORT": str(port), "STRIDELAB_VIEWER_URL": viewer_url}

@@ -24,7 +24,7 @@ from psycopg import OperationalError as DriverError
 from sqlalchemy.exc import OperationalError
 
 from stridelab.service.jobs.store import JobStore
-from stridelab.service.processes.child import NAME
+from stridelab.service.processes.child import PROCESS_NAME
 from stridelab.service.storage.database import make_engine
 from support.faults.commit_schedules import SCHEDULES
 from support.faults.commit_schedules import main as run_schedules
@@ -109,7 +109,7 @@ class Run:
 
 def _is_child(process: psutil.Process) -> bool:
     try:
-        return process.name() == NAME
+        return process.name() == PROCESS_NAME
     except psutil.NoSuchProcess:
         return False
 

@@ -75,7 +75,7 @@ def exists(problem: CentroidalProblem) -> Answer:
         last = k == intervals - 1
         if last:
             right.append(UP)
-        for touch in problem.touches(phase, origin):
+        for touch in problem.contact_patches(phase, origin):
             for p in touch.points_m:
                 put(B @ np.vstack([np.eye(3), cross_matrix(p)]), row, column)
                 if last:

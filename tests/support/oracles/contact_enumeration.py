@@ -10,23 +10,25 @@ from numpy.typing import ArrayLike
 from scipy.optimize import linprog
 
 from stridelab.contacts.planner.foothold_regions import Region
-from stridelab.contacts.planner.schedule import Ends, Rooms, Schedule, schedule
-from stridelab.contacts.planner.step_limits import COVER, DIRECTIONS, RobotLimits
+from stridelab.contacts.planner.schedule import RegionLookup, Schedule, StartAndGoal, build_schedule
+from stridelab.contacts.planner.step_limits import BALL_COVER, DIRECTIONS, RobotLimits
 
 FEASIBLE, NO_SOLUTION = 0, 2
 Assignment = dict[int, Region]
 
 
-def best_objective(ends: Ends, limits: RobotLimits, rooms: Rooms, steps: int, first: str) -> float | None:
+def best_objective(
+    ends: StartAndGoal, limits: RobotLimits, rooms: RegionLookup, steps: int, first: str
+) -> float | None:
     """The least objective over all assignments of a walk without turns and without hands, None without any."""
-    plan = schedule(ends, limits, rooms, steps, first)
+    plan = build_schedule(ends, limits, rooms, steps, first)
     if plan is None:
         return None
     found = [_solved(plan, ends, limits, chosen, len(plan.feet)) for chosen in _assignments(plan, ends, limits)]
     return min((value for value in found if value is not None), default=None)
 
 
-def _assignments(plan: Schedule, ends: Ends, limits: RobotLimits) -> Iterator[Assignment]:
+def _assignments(plan: Schedule, ends: StartAndGoal, limits: RobotLimits) -> Iterator[Assignment]:
     open_: list[tuple[int, Assignment]] = [(0, {})]
     while open_:
         k, chosen = open_.pop()
@@ -40,7 +42,7 @@ def _assignments(plan: Schedule, ends: Ends, limits: RobotLimits) -> Iterator[As
         open_ += [(k + 1, more) for more in choices]
 
 
-def _solved(plan: Schedule, ends: Ends, limits: RobotLimits, chosen: Assignment, count: int) -> float | None:
+def _solved(plan: Schedule, ends: StartAndGoal, limits: RobotLimits, chosen: Assignment, count: int) -> float | None:
     """The program of the first ``count`` feet of the chain: places ``p_k``, one CoM and two deviations per step."""
     if count < 2:
         return 0.0
@@ -83,14 +85,14 @@ def _solved(plan: Schedule, ends: Ends, limits: RobotLimits, chosen: Assignment,
                 reach = limits.effectors[node.effector].heading
                 at_most(com(k) - place(i), reach.com_high_m)
                 at_most(place(i) - com(k), -np.array(reach.com_low_m))
-                at_most(DIRECTIONS @ (com(k) - place(i)), np.full(26, COVER * reach.com_distance_max_m))
+                at_most(DIRECTIONS @ (com(k) - place(i)), np.full(26, BALL_COVER * reach.com_distance_max_m))
         if both and k == len(plan.feet) - 1:
             continue
         low, high = limits.offset_box_m(now.effector)
         step = place(k) - place(k - 1)
         at_most(step, high)
         at_most(-step, -low)
-        at_most(DIRECTIONS @ step, np.full(26, COVER * limits.feet_distance_max_m))
+        at_most(DIRECTIONS @ step, np.full(26, BALL_COVER * limits.feet_distance_max_m))
     for k in range(n):
         if plan.nodes[plan.feet[k]].fixed is None:
             off = np.zeros((2, 8 * n))
@@ -107,7 +109,7 @@ def _solved(plan: Schedule, ends: Ends, limits: RobotLimits, chosen: Assignment,
     return float(found.fun) if found.status == FEASIBLE else None
 
 
-def _even_m(ends: Ends, limits: RobotLimits, k: int, steps: int, effector: str) -> np.ndarray:
+def _even_m(ends: StartAndGoal, limits: RobotLimits, k: int, steps: int, effector: str) -> np.ndarray:
     """Place of the foot of step ``k``, level, for ends along x."""
     from_m, to_m = (np.mean([end[f].position_m[:2] for f in limits.feet], axis=0) for end in (ends.start, ends.goal))
     side = limits.defaults.width_m / 2 * (1.0 if effector == "left_foot" else -1.0)

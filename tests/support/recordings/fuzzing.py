@@ -29,7 +29,7 @@ from stridelab.errors import StridelabError
 from stridelab.recordings.reader import read_recording
 from stridelab.schemas.scenarios import Scenario
 from stridelab.service.api.scenarios.examples import ONE_STEP
-from stridelab.service.api.scenarios.validation import check
+from stridelab.service.api.scenarios.validation import validate_sync
 from stridelab.service.api.strict_json import JSON_LIMIT_BYTES, parse_json
 from support.recordings.c3d_files import small_trial
 
@@ -96,7 +96,7 @@ def _read_file(raw: bytes, folder: Path) -> None:
 
 def _read_scenario(raw: bytes, _: Path) -> None:
     parse_json(raw[:JSON_LIMIT_BYTES])
-    check(Scenario.model_validate_json(raw, strict=True))
+    validate_sync(Scenario.model_validate_json(raw, strict=True))
 
 
 def _zipped(trc: bytes, mot: bytes) -> bytes:

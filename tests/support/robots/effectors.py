@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from stridelab.contacts.effector_geometry import EffectorReach, EffectorShape
-from stridelab.contacts.validation.validate import CheckReport, check
+from stridelab.contacts.validation.validate import ValidationReport, validate_scenario
 
 Made = dict[str, Any]
 Change = Callable[[Made], None]
@@ -36,12 +36,12 @@ def everywhere(scenario: Made, effector: str, place: tuple[float, float, float],
                 entry.update(change)
 
 
-def judged(scenario: Made, change: Change, shapes: Mapping[str, EffectorShape] = SHAPES) -> CheckReport:
+def judged(scenario: Made, change: Change, shapes: Mapping[str, EffectorShape] = SHAPES) -> ValidationReport:
     change(scenario)
-    return check(scenario, shapes)
+    return validate_scenario(scenario, shapes)
 
 
-def faults(report: CheckReport) -> list[tuple[str, str]]:
+def faults(report: ValidationReport) -> list[tuple[str, str]]:
     """Places and messages, which go on after the place: no message begins with a capital letter."""
     found = [(fault.where, fault.message) for fault in report.faults]
     assert not any(message[0].isupper() for _, message in found)

@@ -17,7 +17,7 @@ from stridelab.contacts.scenarios.parts import Timing
 from stridelab.contacts.scenarios.stairs import flat_walk
 from stridelab.reachability.gaussian_mixture import Mixture
 from stridelab.reachability.proxy.effector_proxy import Proxy
-from stridelab.robots.assembly import assemble
+from stridelab.robots.assembly import assemble_robot
 from stridelab.robots.card import robot_card
 from stridelab.robots.contact_frames import with_contact_frames
 from stridelab.robots.data_files import data_files
@@ -67,7 +67,7 @@ def turned_hrp2(R: np.ndarray, folder: Path) -> Robot:
             _turn(joint, R.T)
     folder.mkdir(exist_ok=True)
     tree.write(folder / "hrp2.urdf")
-    return assemble("hrp2", card, replace(files, urdf=folder / "hrp2.urdf"))
+    return assemble_robot("hrp2", card, replace(files, urdf=folder / "hrp2.urdf"))
 
 
 def _turn(element: ET.Element, R: np.ndarray) -> None:

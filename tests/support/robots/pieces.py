@@ -8,7 +8,7 @@ import numpy as np
 from threadpoolctl import threadpool_info
 
 from stridelab.errors import Fault, NotEstimable
-from stridelab.parallel import in_order
+from stridelab.parallel import map_in_order
 
 
 def square(piece: int) -> tuple[int, int]:
@@ -49,4 +49,4 @@ def hang_noted(piece: int) -> int:
 
 
 if __name__ == "__main__":
-    list(in_order(hang_noted, 2, 2))
+    list(map_in_order(hang_noted, 2, 2))

@@ -27,14 +27,14 @@ def talos() -> Robot:
 
 def contact(effector: str, x_m: float) -> Contact:
     y_m = 0.09 if effector == "left_foot" else -0.09
-    return Contact(effector, Placement.of((x_m, y_m, 0.0)), "ground", 0.5)
+    return Contact(effector, Placement.from_wxyz((x_m, y_m, 0.0)), "ground", 0.5)
 
 
 def one_step() -> ContactSequence:
     """0.5 s on both feet, 1 s on the left one, 0.5 s on both."""
-    terrain = Terrain.of(
+    terrain = Terrain.from_surfaces(
         [
-            Box("ground", Placement.of((0.0, 0.0, -0.05)), np.array([4.0, 2.0, 0.1])),
+            Box("ground", Placement.from_wxyz((0.0, 0.0, -0.05)), np.array([4.0, 2.0, 0.1])),
             Rail("rail", np.array([0.0, -0.5, 0.8]), np.array([1.0, -0.5, 1.3]), 0.02),
         ]
     )

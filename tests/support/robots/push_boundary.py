@@ -9,10 +9,10 @@ from typing import Final
 
 import numpy as np
 
-from stridelab.centroidal.native.availability import serves
+from stridelab.centroidal.native.availability import native_can_solve
 from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.centroidal.problem import CentroidalProblem
-from stridelab.centroidal.receding_horizon import SHORT, RecedingHorizon, State
+from stridelab.centroidal.receding_horizon import SOLVE_LIMITS, RecedingHorizon, State
 from stridelab.centroidal.solver import solve
 from stridelab.conventions import Vector3
 
@@ -32,13 +32,13 @@ class Boundary:
 
 def push_boundary(problem: CentroidalProblem, plan: CentroidalPlan, time_s: float, direction: Vector3) -> Boundary:
     """Bisect the size of a push along ``direction`` (of length one) at ``time_s`` of a plan of ``problem``."""
-    there = plan.at(time_s)
+    there = plan.reference_at(time_s)
     horizon = RecedingHorizon(problem=problem, horizon_s=max(problem.sequence.duration_s, 1.0))
 
     def recovered(size_m_s: float) -> bool:
         state = State(there.com_m, there.com_v_m_s + size_m_s * np.asarray(direction), there.l_nms)
-        rest = horizon.horizon(time_s, state)
-        return solve(rest, "native" if serves(rest) else "ipopt", SHORT).converged
+        rest = horizon.horizon_problem(time_s, state)
+        return solve(rest, "native" if native_can_solve(rest) else "ipopt", SOLVE_LIMITS).converged
 
     if recovered(MOST_M_S):
         return Boundary(MOST_M_S, np.inf)

@@ -22,12 +22,12 @@ EFFECTORS = {
 
 def foot(side: str, x_m: float, z_m: float = 0.0, friction: float = 0.3) -> Contact:
     y = FOOT_Y_M if side == "left" else -FOOT_Y_M
-    return Contact(f"{side}_foot", Placement.of((x_m, y, z_m)), "ground", friction)
+    return Contact(f"{side}_foot", Placement.from_wxyz((x_m, y, z_m)), "ground", friction)
 
 
 def hand(x_m: float, z_m: float, slope: float = 0.0, friction: float = 0.3) -> Contact:
     half = -np.arctan(slope) / 2
-    place = Placement.of((x_m, -0.5, z_m), (np.cos(half), 0.0, np.sin(half), 0.0))
+    place = Placement.from_wxyz((x_m, -0.5, z_m), (np.cos(half), 0.0, np.sin(half), 0.0))
     return Contact("right_hand", place, "rail", friction)
 
 
@@ -36,7 +36,7 @@ def phase(duration_s: float, *contacts: Contact) -> ContactPhase:
 
 
 def sequence(*phases: ContactPhase, name: str = "by hand") -> ContactSequence:
-    ground = Box("ground", Placement.of((0.0, 0.0, -0.05)), np.array([10.0, 10.0, 0.1]))
+    ground = Box("ground", Placement.from_wxyz((0.0, 0.0, -0.05)), np.array([10.0, 10.0, 0.1]))
     return ContactSequence(name, "nobody", 0.3, Terrain((ground,)), phases)
 
 

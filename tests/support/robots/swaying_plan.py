@@ -10,17 +10,17 @@ from stridelab.dynamics.spatial import Placement
 from stridelab.robots.robot import Robot
 
 FRICTION = 0.5
-GROUND = Box("ground", Placement.of([0.0, 0.0, -0.5]), np.array([4.0, 4.0, 1.0]))
+GROUND = Box("ground", Placement.from_wxyz([0.0, 0.0, -0.5]), np.array([4.0, 4.0, 1.0]))
 
 
 def standing_sequence(duration_s: float) -> ContactSequence:
     """Both soles side by side on the ground."""
     feet = {
-        name: Contact(name, Placement.of([0.0, y, 0.0]), "ground", FRICTION)
+        name: Contact(name, Placement.from_wxyz([0.0, y, 0.0]), "ground", FRICTION)
         for name, y in (("left_foot", 0.09), ("right_foot", -0.09))
     }
     phases = (ContactPhase(duration_s, feet),)
-    return ContactSequence("sway", "talos", FRICTION, Terrain.of([GROUND]), phases)
+    return ContactSequence("sway", "talos", FRICTION, Terrain.from_surfaces([GROUND]), phases)
 
 
 def sway(robot: Robot, duration_s: float = 4.0, amplitude_m: float = 0.05, period_s: float = 2.0) -> CentroidalPlan:

@@ -35,7 +35,7 @@ CALLS = [
 
 def main(database_url: str, data: Path) -> None:
     with served(database_url, data) as service, service.http() as http:
-        service.run(scenarios.seed(service.parts.engine))
+        service.run(scenarios.seed_scenarios(service.parts.engine))
         statuses = [http.request(method, f"/api/v1/{path}", json=body).status_code for method, path, body in CALLS]
     print(json.dumps({"statuses": statuses, "heavy": sorted(HEAVY & set(sys.modules))}))
 

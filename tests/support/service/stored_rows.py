@@ -16,7 +16,7 @@ from sqlalchemy import insert, select
 
 from stridelab.schemas.recordings import PlateInfo, RecordingFacts, SubjectFields
 from stridelab.service.api.dependencies import Parts
-from stridelab.service.jobs.attempts import Attempt, Attempts
+from stridelab.service.jobs.attempts import Attempt, AttemptStore
 from stridelab.service.jobs.queue import Delivery
 from stridelab.service.kinds.registry import KINDS
 from stridelab.service.storage.blobs import BlobStore
@@ -157,13 +157,13 @@ async def start_job(parts: Parts, job_id: str) -> Attempt:
     """Do what a worker does when it takes up a job."""
     async with parts.engine.connect() as connection:
         queue_id = (await connection.execute(select(job.c.queue_id).where(job.c.id == job_id))).scalar_one()
-    attempt = await Attempts(parts.engine, KINDS).start(Delivery(queue_id, job_id))
+    attempt = await AttemptStore(parts.engine, KINDS).start_attempt(Delivery(queue_id, job_id))
     assert attempt is not None
     return attempt
 
 
 async def report(parts: Parts, attempt: Attempt, fraction: float, message: str) -> None:
-    assert await Attempts(parts.engine, KINDS).report(attempt, fraction, message)
+    assert await AttemptStore(parts.engine, KINDS).report_progress(attempt, fraction, message)
 
 
 async def succeed(
@@ -185,12 +185,14 @@ async def succeed(
             "references": ["carpentier2017thesis"],
             "versions": {"stridelab": "0.1.0"},
         }
-        assert await Attempts(parts.engine, KINDS).succeed(attempt, parts.blobs, outcome, artifacts, folder, "log")
+        assert await AttemptStore(parts.engine, KINDS).publish_success(
+            attempt, parts.blobs, outcome, artifacts, folder, "log"
+        )
 
 
 async def fail(parts: Parts, attempt: Attempt, kept: tuple[Any, list[Any]] | None = None) -> None:
     problem = {"code": "no-plates", "detail": "No plates.", "errors": [{"where": "plates", "message": "none"}]}
-    assert await Attempts(parts.engine, KINDS).end(attempt, "failed", problem, "log", kept)
+    assert await AttemptStore(parts.engine, KINDS).end_attempt(attempt, "failed", problem, "log", kept)
 
 
 async def pause(seconds: float) -> None:

@@ -2,11 +2,11 @@
 
 import asyncio
 
-from stridelab.service.jobs.worker import work
+from stridelab.service.jobs.worker import run_worker
 from stridelab.service.logging import configure_logging
-from stridelab.service.settings import settings
+from stridelab.service.settings import current_settings
 from support.service.job_kinds import KINDS
 
 if __name__ == "__main__":
     configure_logging("info")
-    asyncio.run(work(settings(), KINDS))
+    asyncio.run(run_worker(current_settings(), KINDS))

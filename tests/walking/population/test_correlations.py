@@ -7,14 +7,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from stridelab.walking.population.correlations import (
-    LEAST_PEOPLE,
+    MIN_SUBJECTS,
+    bootstrap_indices,
     fisher_interval,
-    holm,
-    p_of,
-    partial,
+    holm_correction,
+    partial_correlation,
     pearson,
-    resamples,
     spearman,
+    two_sided_p,
 )
 
 
@@ -46,7 +46,7 @@ def test_spearman_is_that_of_scipy_with_ties(n: int) -> None:
 @pytest.mark.parametrize("kind", ["pearson", "spearman"])
 def test_the_bootstrap_interval_is_that_of_scipy(kind: str) -> None:
     x, y = people(16, seed=3, rho=0.7)
-    ours = (pearson if kind == "pearson" else spearman)(x, y, draws=resamples(16, seed=1, count=20000))
+    ours = (pearson if kind == "pearson" else spearman)(x, y, draws=bootstrap_indices(16, seed=1, count=20000))
     statistic = {"pearson": scipy.stats.pearsonr, "spearman": scipy.stats.spearmanr}[kind]
 
     def coefficient(a: np.ndarray, b: np.ndarray) -> float:
@@ -61,7 +61,7 @@ def test_the_bootstrap_interval_is_that_of_scipy(kind: str) -> None:
 
 def test_the_same_seed_gives_the_same_interval() -> None:
     x, y = people(11, seed=5)
-    once, again, other = (pearson(x, y, draws=resamples(11, seed=s)) for s in (7, 7, 8))
+    once, again, other = (pearson(x, y, draws=bootstrap_indices(11, seed=s)) for s in (7, 7, 8))
     assert once is not None
     assert other is not None
     assert once == again
@@ -73,7 +73,7 @@ def test_partial_is_the_closed_form_for_one_variable_held_fixed() -> None:
     z = 0.5 * x + 0.3 * np.random.default_rng(9).normal(size=20)
     (_, xy, xz), (_, _, yz), _ = np.corrcoef([x, y, z])
     expected = (xy - xz * yz) / np.sqrt((1 - xz**2) * (1 - yz**2))
-    found = partial(x, y, z[:, None])
+    found = partial_correlation(x, y, z[:, None])
     assert found is not None
     assert found.r == pytest.approx(expected, abs=1e-12)
     assert found.controlled == 1
@@ -87,7 +87,7 @@ def test_partial_is_the_precision_matrix_for_several() -> None:
     rng = np.random.default_rng(4)
     data = rng.normal(size=(30, 5)) @ rng.normal(size=(5, 5))
     precision = np.linalg.inv(np.cov(data.T))
-    found = partial(data[:, 0], data[:, 1], data[:, 2:])
+    found = partial_correlation(data[:, 0], data[:, 1], data[:, 2:])
     assert found is not None
     assert found.r == pytest.approx(-precision[0, 1] / np.sqrt(precision[0, 0] * precision[1, 1]), abs=1e-9)
 
@@ -96,7 +96,7 @@ def test_what_goes_through_a_third_variable_disappears_when_it_is_held_fixed() -
     rng = np.random.default_rng(0)
     z = rng.normal(size=4000)
     x, y = z + rng.normal(size=4000), z + rng.normal(size=4000)
-    plain, held = pearson(x, y), partial(x, y, z[:, None])
+    plain, held = pearson(x, y), partial_correlation(x, y, z[:, None])
     assert plain is not None
     assert held is not None
     assert plain.r == pytest.approx(0.5, abs=0.05)
@@ -112,7 +112,7 @@ def test_fisher_intervals_cover_the_truth_at_n_11(rho: float, k: int) -> None:
         x, e = rng.normal(size=(2, 11))
         y = rho * x + np.sqrt(1 - rho**2) * e
         shift = held.sum(axis=1) if k else 0.0
-        found = partial(x + shift, y - shift, held) if k else pearson(x, y)
+        found = partial_correlation(x + shift, y - shift, held) if k else pearson(x, y)
         assert found is not None
         assert found.ci95 is not None
         inside += found.ci95[0] <= rho <= found.ci95[1]
@@ -123,7 +123,7 @@ def test_bootstrap_intervals_cover_the_truth_but_for_few_people_less_often_than_
     rng = np.random.default_rng(12)
     cover = {}
     for n in (11, 40):
-        draws, inside = resamples(n, seed=0, count=500), 0
+        draws, inside = bootstrap_indices(n, seed=0, count=500), 0
         for _ in range(400):
             x, e = rng.normal(size=(2, n))
             found = pearson(x, 0.6 * x + 0.8 * e, draws=draws)
@@ -136,11 +136,11 @@ def test_bootstrap_intervals_cover_the_truth_but_for_few_people_less_often_than_
 
 
 def test_holm_gives_what_was_computed_by_hand() -> None:
-    assert holm(np.array([0.04, 0.01, 0.03, 0.5])) == pytest.approx([0.09, 0.04, 0.09, 0.5])
-    assert holm(np.array([0.9, 0.8])) == pytest.approx([1.0, 1.0])
+    assert holm_correction(np.array([0.04, 0.01, 0.03, 0.5])) == pytest.approx([0.09, 0.04, 0.09, 0.5])
+    assert holm_correction(np.array([0.9, 0.8])) == pytest.approx([1.0, 1.0])
 
 
-@pytest.mark.parametrize("n", [1, 2, LEAST_PEOPLE - 1])
+@pytest.mark.parametrize("n", [1, 2, MIN_SUBJECTS - 1])
 def test_too_few_people_have_no_correlation(n: int) -> None:
     assert pearson(np.arange(n) * 1.0, np.arange(n) * 2.0) is None
     assert spearman(np.arange(n) * 1.0, np.arange(n) * 2.0) is None
@@ -149,17 +149,17 @@ def test_too_few_people_have_no_correlation(n: int) -> None:
 def test_a_constant_has_no_correlation() -> None:
     x, flat = np.array([1.6, 1.7, 1.8, 1.9, 2.0]), np.full(5, 0.1)
     assert pearson(x, flat) is None
-    assert partial(x, flat, np.arange(5.0)[:, None]) is None
+    assert partial_correlation(x, flat, np.arange(5.0)[:, None]) is None
 
 
 def test_nothing_is_left_when_a_variable_is_held_fixed_itself() -> None:
     x, y = people(11, seed=2)
-    assert partial(x, y, 3.0 * x[:, None] - 1.0) is None
+    assert partial_correlation(x, y, 3.0 * x[:, None] - 1.0) is None
 
 
 def test_a_perfect_line_has_no_width_and_p_0() -> None:
     x = np.arange(6.0)
-    found = pearson(x, 2.0 * x + 1.0, draws=resamples(6, seed=0))
+    found = pearson(x, 2.0 * x + 1.0, draws=bootstrap_indices(6, seed=0))
     assert found is not None
     assert found.r == pytest.approx(1.0)
     assert found.p == 0.0
@@ -168,7 +168,7 @@ def test_a_perfect_line_has_no_width_and_p_0() -> None:
 
 def test_no_interval_without_a_degree_of_freedom() -> None:
     assert fisher_interval(0.5, 4, controlled=1) is None
-    found = partial(*people(4, seed=1), np.random.default_rng(0).normal(size=(4, 1)))
+    found = partial_correlation(*people(4, seed=1), np.random.default_rng(0).normal(size=(4, 1)))
     assert found is not None
     assert found.ci95 is None
     assert 0.0 <= found.p <= 1.0
@@ -179,7 +179,7 @@ def test_no_interval_without_a_degree_of_freedom() -> None:
 def test_p_and_interval_agree_on_zero_about(r: float, n: int) -> None:
     low, high = fisher_interval(r, n) or (np.nan, np.nan)
     assert low <= r <= high
-    p = p_of(r, n - 2)
+    p = two_sided_p(r, n - 2)
     if p > 0.10:
         assert low < 0.0 < high
     if p < 0.02:

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from stridelab.walking.population.population import (
-    AGAINST,
+    COVARIATES,
     PARAMETERS,
     Pair,
     Person,
     Population,
     StepRow,
-    group_of,
+    assign_group,
     study,
     subject_means,
 )
@@ -67,7 +67,7 @@ def test_steps_of_all_recordings_of_a_person_are_pooled() -> None:
 
 def test_the_laws_that_the_people_were_made_with_are_found() -> None:
     found = study(*lab(40))
-    assert {(p.parameter, p.against) for p in found.pairs} == {(p, a) for p in PARAMETERS for a in AGAINST}
+    assert {(p.parameter, p.against) for p in found.pairs} == {(p, a) for p in PARAMETERS for a in COVARIATES}
     assert pair(found, "z0_m", "height_m").pearson.r > 0.99
     assert pair(found, "R_m", "step_length_m").pearson.r > 0.95
     assert pair(found, "omega_rad_s", "speed_m_s").pearson.r > 0.95
@@ -97,7 +97,7 @@ def test_without_repeats_there_is_no_mixed_model() -> None:
     found = study(*lab(11, steps=1))
     assert found.models == {}
     assert found.spreads == {}
-    assert len(found.pairs) == len(PARAMETERS) * len(AGAINST)
+    assert len(found.pairs) == len(PARAMETERS) * len(COVARIATES)
 
 
 def test_children_and_adults_are_apart_and_that_is_said() -> None:
@@ -193,7 +193,7 @@ def test_the_order_of_the_people_does_not_matter_but_for_the_draws() -> None:
 def test_a_group_is_what_is_stated_else_by_age_else_by_height(
     stated: str | None, age: float | None, height: float | None, expected: tuple[str, str]
 ) -> None:
-    assert group_of(stated, age, height) == expected
+    assert assign_group(stated, age, height) == expected
 
 
 def test_guessed_groups_are_said() -> None:

@@ -17,7 +17,7 @@ from stridelab.wholebody.certificate import clearance
 from stridelab.wholebody.certificate.certify import certify
 from stridelab.wholebody.control.controller import WholeBodyController
 from stridelab.wholebody.replay.mujoco_model import build_simulation
-from stridelab.wholebody.replay.replay import replay
+from stridelab.wholebody.replay.replay import replay_with_defaults
 from support.robots.models import com_height_m, one_normal, walk_of
 
 STEP_M = {"hrp2": 0.2, "g1": 0.15}
@@ -34,7 +34,7 @@ def test_every_robot_walks_is_certified_and_stays_upright(name: str) -> None:
     motion = WholeBodyController().run(robot, sequence, plan)
     certificate = certify(robot, sequence, plan, proxies, motion)
     assert [check for check in certificate.checks if not check.passed] == []
-    replayed = replay(robot, sequence, motion, lambda *_: None)
+    replayed = replay_with_defaults(robot, sequence, motion, lambda *_: None)
     assert replayed.completed
     assert replayed.com_error_max_m < 0.01
     assert replayed.torque_ratio_max < 1.0
@@ -44,7 +44,7 @@ def test_every_robot_walks_is_certified_and_stays_upright(name: str) -> None:
 def test_the_simulated_robot_is_the_planned_one(name: str) -> None:
     """Mass, torque limits of the card, and all shapes with their extents."""
     robot = load_robot(name)
-    built = build_simulation(robot, Terrain.of([]), 0.7, ("left_foot", "right_foot"))
+    built = build_simulation(robot, Terrain.from_surfaces([]), 0.7, ("left_foot", "right_foot"))
     assert mujoco.mj_getTotalmass(built.model) == pytest.approx(robot.mass_kg, rel=1e-6)
     assert built.torque_limit_nm[built.moving_actuator] == pytest.approx(robot.model.effortLimit[6:])
     for i, joint in enumerate(robot.joint_names):
@@ -68,7 +68,7 @@ def test_every_shape_of_a_robot_is_held_against_every_surface() -> None:
     """Many shapes and many surfaces: the geometry grows in memory while its shapes are read."""
     robot = load_robot("hrp2")
     sequence = sequence_of(six_stairs() | {"robot": "hrp2"}, effector_shapes("hrp2"))
-    found = clearance._Scene.of(robot, sequence)
+    found = clearance._Scene.build_scene(robot, sequence)
     links = [robot.model.frames[part.parentFrame].name for part in robot.collision.geometryObjects]
     surfaces = [surface.name for surface in sequence.terrain.surfaces]
     assert [(found.parts[pair.column], pair.surface) for pair in found.pairs] == [

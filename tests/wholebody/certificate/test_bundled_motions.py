@@ -22,7 +22,7 @@ from stridelab.reachability.store import load_proxies
 from stridelab.robots.contact_frames import with_contact_frames
 from stridelab.robots.loader import load_robot
 from stridelab.robots.robot import Robot
-from stridelab.studies.execution import CASES, replayed
+from stridelab.studies.execution import CASES, replay_motion
 from stridelab.wholebody.certificate.certificate import Certificate
 from stridelab.wholebody.certificate.certify import certify
 from stridelab.wholebody.control.controller import WholeBodyController
@@ -93,7 +93,7 @@ def test_a_hand_bears_something_that_its_arm_can(robot: str, name: str) -> None:
 
 def test_a_hand_on_a_wall_does_not_push_the_robot_over() -> None:
     """Pressed with the 25 N of a rail, HRP-2's CoM came 36 mm off its plan."""
-    played = replayed("hrp2", carried_out("hrp2", "wall-step").motion)
+    played = replay_motion("hrp2", carried_out("hrp2", "wall-step").motion)
     assert played.completed
     assert played.com_error_max_m < 0.018  # 36 mm where nothing bounds what it presses
     assert played.landing_error_max_m < 0.003
@@ -103,7 +103,7 @@ def test_a_hand_on_a_wall_does_not_push_the_robot_over() -> None:
 
 def test_undisturbed_long_strides_stay_completed_among_bodies_that_can_touch() -> None:
     """The CoM error was 2.6 mm when only legs met only the terrain."""
-    played = replayed("talos", carried_out("talos", "long-stride").motion)
+    played = replay_motion("talos", carried_out("talos", "long-stride").motion)
     assert played.completed
     assert played.remarks == ()
     assert played.collided == ()

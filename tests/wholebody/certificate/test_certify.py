@@ -199,15 +199,15 @@ def test_a_com_where_no_posture_had_it_is_noticed(
 @pytest.mark.parametrize(
     ("surface", "link"),
     [
-        (Box("kerb", Placement.of([0.2, -0.09, 0.02]), np.array([0.02, 0.1, 0.04])), "leg_right_6_link"),
-        (Box("beam", Placement.of([0.35, 0.0, 0.4]), np.array([0.3, 1.0, 0.04])), "leg_"),
+        (Box("kerb", Placement.from_wxyz([0.2, -0.09, 0.02]), np.array([0.02, 0.1, 0.04])), "leg_right_6_link"),
+        (Box("beam", Placement.from_wxyz([0.35, 0.0, 0.4]), np.array([0.3, 1.0, 0.04])), "leg_"),
         (Rail("low rail", np.array([-1.0, -0.09, 0.3]), np.array([1.0, -0.09, 0.3]), 0.02), "leg_right"),
     ],
     ids=["kerb under the swing", "beam at the knees", "rail through the leg"],
 )
 def test_terrain_in_the_way_is_noticed(talos: Robot, two_steps: TwoSteps, surface: Box | Rail, link: str) -> None:
     sequence, plan, motion = two_steps
-    crowded = replace(sequence, terrain=Terrain.of([*sequence.terrain.surfaces, surface]))
+    crowded = replace(sequence, terrain=Terrain.from_surfaces([*sequence.terrain.surfaces, surface]))
     found = check(certify(talos, crowded, plan, {}, motion), "terrain_distance_min")
     assert not found.passed
     assert found.effector is not None
@@ -218,9 +218,10 @@ def test_a_foot_across_two_boxes_of_one_height_touches_neither(talos: Robot, two
     """The ground cut under the standing feet: the second box carries as the first one does."""
     sequence, plan, motion = two_steps
     halves = [
-        Box(name, Placement.of([x, 0.0, -0.5]), _size(3.0, 4.0, 1.0)) for name, x in (("ground", -1.48), ("more", 1.52))
+        Box(name, Placement.from_wxyz([x, 0.0, -0.5]), _size(3.0, 4.0, 1.0))
+        for name, x in (("ground", -1.48), ("more", 1.52))
     ]
-    cut = replace(sequence, terrain=Terrain.of(halves))
+    cut = replace(sequence, terrain=Terrain.from_surfaces(halves))
     whole = check(certify(talos, sequence, plan, {}, motion), "terrain_distance_min")
     assert check(certify(talos, cut, plan, {}, motion), "terrain_distance_min").value == pytest.approx(
         whole.value, abs=2e-3

@@ -8,7 +8,7 @@ from stridelab.contacts.sequence import Contact, ContactPhase, ContactSequence
 from stridelab.contacts.terrain import Terrain
 from stridelab.dynamics.spatial import Placement
 from stridelab.robots.robot import Robot
-from stridelab.wholebody.certificate.certificate import Worst
+from stridelab.wholebody.certificate.certificate import WorstValues
 from stridelab.wholebody.certificate.hand_load import hand_loads
 from stridelab.wholebody.motion import WholeBodyMotion
 
@@ -24,7 +24,9 @@ def holding(robot: Robot, force_n: np.ndarray) -> WholeBodyMotion:
     arm = p - data.oMf[frame].translation
     tau = pin.computeGeneralizedGravity(model, data, q) - (J[:3] - pin.skew(arm) @ J[3:]).T @ force_n
     hand = Contact("right_hand", Placement(p, np.eye(3)), "rail", 0.6, "point")
-    sequence = ContactSequence("hold", "talos", 0.6, Terrain.of([]), (ContactPhase(0.004, {"right_hand": hand}),))
+    sequence = ContactSequence(
+        "hold", "talos", 0.6, Terrain.from_surfaces([]), (ContactPhase(0.004, {"right_hand": hand}),)
+    )
     still, none = np.zeros((2, model.nv)), np.zeros((2, 3))
     return WholeBodyMotion(
         sequence=sequence, rate_hz=250.0, time_s=np.array([0.0, 0.004]), q=np.tile(q, (2, 1)), v=still, a=still,
@@ -35,7 +37,7 @@ def holding(robot: Robot, force_n: np.ndarray) -> WholeBodyMotion:
 
 
 def share(robot: Robot, motion: WholeBodyMotion) -> float:
-    worst = Worst(motion.time_s, np.zeros(2, dtype=int))
+    worst = WorstValues(motion.time_s, np.zeros(2, dtype=int))
     (check,) = hand_loads(robot, motion.sequence, motion, slice(None), worst)
     assert check.effector == "right_hand"
     return check.value
@@ -56,6 +58,6 @@ def test_the_force_divided_by_its_share_brings_a_joint_to_its_limit(
 
 def test_a_hand_that_bears_nothing_is_not_asked(talos: Robot) -> None:
     motion = holding(talos, np.zeros(3))
-    worst = Worst(motion.time_s, np.zeros(2, dtype=int))
+    worst = WorstValues(motion.time_s, np.zeros(2, dtype=int))
     (check,) = hand_loads(talos, motion.sequence, motion, slice(None), worst)
     assert check.effector is None

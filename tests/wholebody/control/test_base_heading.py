@@ -12,7 +12,9 @@ FEET = ("left_foot", "right_foot")
 
 
 def turned(name: str, yaw: float) -> Contact:
-    return Contact(name, Placement.of([0.0, 0.0, 0.0], (np.cos(yaw / 2), 0.0, 0.0, np.sin(yaw / 2))), "ground", 0.5)
+    return Contact(
+        name, Placement.from_wxyz([0.0, 0.0, 0.0], (np.cos(yaw / 2), 0.0, 0.0, np.sin(yaw / 2))), "ground", 0.5
+    )
 
 
 def turning() -> Heading:
@@ -22,7 +24,7 @@ def turning() -> Heading:
     end = {**right, "left_foot": turned("left_foot", 3.4)}
     air = [{"left_foot": start["left_foot"]}, {"right_foot": right["right_foot"]}]
     phases = tuple(ContactPhase(0.5, contacts) for contacts in (start, air[0], right, air[1], end))
-    return Heading.of(ContactSequence("turn", "talos", 0.5, Terrain.of([]), phases))
+    return Heading.of_sequence(ContactSequence("turn", "talos", 0.5, Terrain.from_surfaces([]), phases))
 
 
 def test_it_follows_the_mean_of_the_feet_without_a_jump() -> None:
@@ -35,10 +37,10 @@ def test_its_rates_are_derivatives(time_s: float) -> None:
     phase = heading.sequence.phase_at(time_s)
 
     def yaw(t: float) -> float:
-        R, _, _ = heading.at(phase, t)
+        R, _, _ = heading.orientation_at(phase, t)
         return float(np.arctan2(R[1, 0], R[0, 0]))
 
-    R, w, w_rate = heading.at(phase, time_s)
+    R, w, w_rate = heading.orientation_at(phase, time_s)
     assert np.allclose(R @ R.T, np.eye(3))
     assert w[2] == pytest.approx((yaw(time_s + h) - yaw(time_s - h)) / (2 * h), abs=1e-6)
     assert w_rate[2] == pytest.approx((yaw(time_s + h) - 2 * yaw(time_s) + yaw(time_s - h)) / h**2, abs=1e-3)

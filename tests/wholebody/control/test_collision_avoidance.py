@@ -11,14 +11,14 @@ from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.contacts.terrain import Box, Terrain
 from stridelab.dynamics.spatial import Placement
 from stridelab.robots.robot import Robot
-from stridelab.wholebody.control.collision_avoidance import Avoid, Avoidance
+from stridelab.wholebody.control.collision_avoidance import AvoidanceSettings, CollisionAvoidance
 from stridelab.wholebody.control.rigid_body import RigidBody
 from stridelab.wholebody.motion import WholeBodyMotion
 
-EVER = Avoid(apart_m=0.4, acts_m=0.5, near_m=0.6, every=1, most=12, shrunk=10.0)
+EVER = AvoidanceSettings(apart_m=0.4, acts_m=0.5, near_m=0.6, every=1, most=12, shrunk=10.0)
 """Acts wherever it looks."""
-WALL = Box("wall", Placement.of([0.6, 0.0, 0.3]), np.array([0.4, 1.0, 0.6]))
-NOWHERE = Terrain.of([])
+WALL = Box("wall", Placement.from_wxyz([0.6, 0.0, 0.3]), np.array([0.4, 1.0, 0.6]))
+NOWHERE = Terrain.from_surfaces([])
 
 
 def at_random(robot: Robot, seed: int) -> tuple[RigidBody, np.ndarray, np.ndarray]:
@@ -54,7 +54,7 @@ def test_rows_are_the_rate_of_the_distances(talos: Robot, seed: int, moving: str
     """Of pairs with an arm as far as arms move, of the others as far as anything does."""
     body, q, v = at_random(talos, seed)
     arms = of_arms(talos)
-    rows, weights = Avoidance(talos, Terrain.of([WALL]), EVER).rows(body)
+    rows, weights = CollisionAvoidance(talos, Terrain.from_surfaces([WALL]), EVER).task_rows(body)
     arm_alone = ~rows.A[:, ~arms].any(axis=1)
     chosen = arm_alone if moving == "arms" else ~arm_alone
     assert len(weights) == len(rows.b)
@@ -70,21 +70,25 @@ def test_rows_are_the_rate_of_the_distances(talos: Robot, seed: int, moving: str
 
 def test_shins_are_kept_off_what_stands_before_them(talos: Robot) -> None:
     body, _, _ = at_random(talos, 0)
-    by = Avoid(apart_m=0.2, acts_m=0.4, near_m=0.5, every=1)
-    without, with_wall = (Avoidance(talos, Terrain.of(boxes), by).rows(body)[0] for boxes in ((), (WALL,)))
+    by = AvoidanceSettings(apart_m=0.2, acts_m=0.4, near_m=0.5, every=1)
+    without, with_wall = (
+        CollisionAvoidance(talos, Terrain.from_surfaces(boxes), by).task_rows(body)[0] for boxes in ((), (WALL,))
+    )
     assert len(without.b) < len(with_wall.b) <= len(without.b) + by.most
     assert with_wall.A[len(without.b) :, 0].max() < 0.0  # away from it is backwards
 
 
 def test_what_is_far_is_left_alone_and_weights_do_not_jump(talos: Robot) -> None:
     body, q, _ = at_random(talos, 1)
-    far = Avoid(apart_m=1e-4, acts_m=2e-4)
-    rows, weights = Avoidance(talos, NOWHERE, far).rows(body)
+    far = AvoidanceSettings(apart_m=1e-4, acts_m=2e-4)
+    rows, weights = CollisionAvoidance(talos, NOWHERE, far).task_rows(body)
     assert rows.A.shape == (0, talos.model.nv)
     assert len(weights) == 0
     d = distances(talos, q).min()
     for acts_m, bar in ((1.02, 0.01), (1.002, 1e-4)):
-        _, weights = Avoidance(talos, NOWHERE, Avoid(apart_m=0.5 * d, acts_m=acts_m * d, shrunk=100.0)).rows(body)
+        _, weights = CollisionAvoidance(
+            talos, NOWHERE, AvoidanceSettings(apart_m=0.5 * d, acts_m=acts_m * d, shrunk=100.0)
+        ).task_rows(body)
         assert weights.max(initial=0.0) <= 4.0 * bar
 
 

@@ -14,11 +14,17 @@ from stridelab.conventions import g
 from stridelab.dynamics.spatial import Placement
 from stridelab.errors import InvalidInput, NotEstimable
 from stridelab.robots.robot import Robot
-from stridelab.wholebody.certificate.inverse_dynamics import recompute
+from stridelab.wholebody.certificate.inverse_dynamics import recompute_dynamics
 from stridelab.wholebody.control.controller import WholeBodyController
-from stridelab.wholebody.control.hierarchical_qp import HierarchyFailure, HierarchyResult, Inequalities, Rows, solve
+from stridelab.wholebody.control.hierarchical_qp import (
+    HierarchyFailure,
+    HierarchyResult,
+    Inequalities,
+    Rows,
+    solve_hierarchy,
+)
 from stridelab.wholebody.control.rigid_body import RigidBody
-from stridelab.wholebody.control.task_stack import Instant, Programme, Settings
+from stridelab.wholebody.control.task_stack import PhaseHierarchy, SampleTargets, Settings
 from stridelab.wholebody.motion import LEVELS, WholeBodyMotion, WholeBodyStopped
 from support.robots.swaying_plan import sway
 
@@ -102,14 +108,14 @@ def test_progress_is_told(talos: Robot) -> None:
 def test_a_hand_that_has_not_touched_anything_yet_is_led_to_its_first_contact(talos: Robot) -> None:
     plan = sway(talos, duration_s=2.0, amplitude_m=0.01, period_s=1.0)
     feet = plan.sequence.phases[0].contacts
-    place = Placement.of([0.20, -0.45, 0.75])
+    place = Placement.from_wxyz([0.20, -0.45, 0.75])
     hand = Contact("right_hand", place, "table", 0.5, "point")
     phases = (ContactPhase(1.2, feet), ContactPhase(0.8, {**feet, "right_hand": hand}))
     sequence = replace(plan.sequence, phases=phases)
     forces = {**plan.forces_n, "right_hand": np.zeros((len(plan.com_a_m_s2), 1, 3))}
     motion = WholeBodyController().run(talos, sequence, replace(plan, sequence=sequence, forces_n=forces))
     assert motion.failures == ()
-    found = recompute(talos, sequence, motion).contact_points_m["right_hand"][:, 0]
+    found = recompute_dynamics(talos, sequence, motion).contact_points_m["right_hand"][:, 0]
     touching = motion.time_s >= 1.2
     assert np.linalg.norm(found[0] - place.position_m) > 0.1
     assert np.linalg.norm(found[touching] - place.position_m, axis=1).max() < 1e-3
@@ -120,10 +126,12 @@ def test_without_contacts_the_body_falls(talos: Robot) -> None:
     body = RigidBody(talos)
     body.update(talos.q_reference, np.zeros(talos.model.nv))
     plan = sway(talos)
-    programme = Programme(talos, body, {}, {}, plan, Settings())
+    programme = PhaseHierarchy(talos, body, {}, {}, plan, Settings())
     still = np.zeros(3)
-    equality, levels, bounds = programme.rows(Instant(0.0, plan.at(0.0), (np.eye(3), still, still)))
-    found = solve(equality, levels, bounds)
+    equality, levels, bounds = programme.build_rows(
+        SampleTargets(0.0, plan.reference_at(0.0), (np.eye(3), still, still))
+    )
+    found = solve_hierarchy(equality, levels, bounds)
     assert found.failure is None
     c_a = (body.A_g[:3] @ found.z + body.A_g_drift[:3]) / talos.mass_kg
     assert np.allclose(c_a, g, atol=1e-6)
@@ -190,7 +198,7 @@ def fail_at(monkeypatch: Patch, fails: Callable[[int], bool]) -> None:
     count = itertools.count()
 
     def flaky(equality: Rows, levels: Sequence[Rows], bounds: Inequalities) -> HierarchyResult:
-        found = solve(equality, levels, bounds)
+        found = solve_hierarchy(equality, levels, bounds)
         return found._replace(failure=HierarchyFailure(2, "made to fail")) if fails(next(count)) else found
 
     monkeypatch.setattr("stridelab.wholebody.control.controller.solve", flaky)

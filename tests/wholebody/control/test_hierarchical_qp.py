@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from stridelab.wholebody.control.hierarchical_qp import Inequalities, Rows, solve, violations
+from stridelab.wholebody.control.hierarchical_qp import Inequalities, Rows, minimum_violations, solve_hierarchy
 
 N = 12
 
@@ -51,7 +51,7 @@ def reference(equality: Rows, levels: list[Rows], bounds: Inequalities) -> list[
 @pytest.mark.parametrize("seed", range(12))
 def test_every_level_is_as_good_as_the_levels_above_allow(seed: int, tight: float) -> None:
     equality, levels, bounds = problem(seed, tight)
-    found = solve(equality, levels, bounds)
+    found = solve_hierarchy(equality, levels, bounds)
     assert found.failure is None
     assert np.allclose(equality.A @ found.z, equality.b, atol=1e-9)
     assert np.all(bounds.G @ found.z <= bounds.upper + 1e-6)
@@ -65,8 +65,8 @@ def test_every_level_is_as_good_as_the_levels_above_allow(seed: int, tight: floa
 def test_a_lower_level_never_disturbs_a_higher_one(seed: int, tight: float) -> None:
     equality, levels, bounds = problem(seed, tight)
     both, other = levels[:2], [*levels[:2], Rows(-5.0 * levels[2].A, levels[2].b + 7.0)]
-    with_third, with_other = solve(equality, levels, bounds), solve(equality, other, bounds)
-    alone = solve(equality, both, bounds)
+    with_third, with_other = solve_hierarchy(equality, levels, bounds), solve_hierarchy(equality, other, bounds)
+    alone = solve_hierarchy(equality, both, bounds)
     for level in both:
         assert np.allclose(level.A @ with_third.z, level.A @ with_other.z, atol=1e-7)
         assert residual(level, with_third.z) == pytest.approx(residual(level, alone.z), abs=1e-7)
@@ -75,9 +75,9 @@ def test_a_lower_level_never_disturbs_a_higher_one(seed: int, tight: float) -> N
 
 def test_levels_that_can_be_met_cost_one_programme_and_others_one_each() -> None:
     equality, levels, bounds = problem(0, 50.0)
-    assert solve(equality, levels, bounds).programmes == 1
+    assert solve_hierarchy(equality, levels, bounds).quadratic_programs == 1
     equality, levels, bounds = problem(0, 0.4)
-    assert solve(equality, levels, bounds).programmes == 1 + len(levels)
+    assert solve_hierarchy(equality, levels, bounds).quadratic_programs == 1 + len(levels)
 
 
 def test_the_shortcut_gives_what_the_cascade_gives() -> None:
@@ -85,16 +85,19 @@ def test_the_shortcut_gives_what_the_cascade_gives() -> None:
     equality, levels, bounds = problem(3, 50.0)
     twice = Rows(np.vstack([levels[0].A, levels[0].A]), np.concatenate([levels[0].b, levels[0].b + 1e-3]))
     middle = Rows(levels[0].A, levels[0].b + 5e-4)
-    quick, slow = solve(equality, [middle, *levels[1:]], bounds), solve(equality, [twice, *levels[1:]], bounds)
-    assert quick.programmes == 1
-    assert slow.programmes == 3
+    quick, slow = (
+        solve_hierarchy(equality, [middle, *levels[1:]], bounds),
+        solve_hierarchy(equality, [twice, *levels[1:]], bounds),
+    )
+    assert quick.quadratic_programs == 1
+    assert slow.quadratic_programs == 3
     assert np.allclose(quick.z, slow.z, atol=1e-5)
 
 
 def test_equalities_that_contradict_each_other_fail_on_level_0() -> None:
     equality, levels, bounds = problem(1, 1.0)
     torn = Rows(np.vstack([equality.A, equality.A[:1]]), np.append(equality.b, equality.b[0] + 1.0))
-    found = solve(torn, levels, bounds)
+    found = solve_hierarchy(torn, levels, bounds)
     assert found.failure is not None
     assert found.failure.level == 0
     assert "contradict" in found.failure.reason
@@ -103,7 +106,7 @@ def test_equalities_that_contradict_each_other_fail_on_level_0() -> None:
 def test_equalities_said_twice_are_no_contradiction() -> None:
     equality, levels, bounds = problem(1, 1.0)
     twice = Rows(np.vstack([equality.A, equality.A]), np.concatenate([equality.b, equality.b]))
-    assert np.allclose(solve(twice, levels, bounds).z, solve(equality, levels, bounds).z, atol=1e-6)
+    assert np.allclose(solve_hierarchy(twice, levels, bounds).z, solve_hierarchy(equality, levels, bounds).z, atol=1e-6)
 
 
 def test_inequalities_that_cannot_hold_fail_on_level_1_and_are_named() -> None:
@@ -113,17 +116,17 @@ def test_inequalities_that_cannot_hold_fail_on_level_1_and_are_named() -> None:
         np.append(bounds.lower, equality.b[0] + 2.0),
         np.append(bounds.upper, np.inf),
     )
-    found = solve(equality, levels, against)
+    found = solve_hierarchy(equality, levels, against)
     assert found.failure is not None
     assert found.failure.level == 1
-    missed = violations(equality, against, np.arange(16) == 15)
+    missed = minimum_violations(equality, against, np.arange(16) == 15)
     assert missed is not None
     assert missed[-1] == pytest.approx(2.0, rel=1e-3)
     assert np.count_nonzero(missed) == 1
-    assert violations(equality, against, np.arange(16) < 15) is None
-    everywhere = violations(equality, against, np.ones(16, dtype=bool))
+    assert minimum_violations(equality, against, np.arange(16) < 15) is None
+    everywhere = minimum_violations(equality, against, np.ones(16, dtype=bool))
     assert everywhere is not None
     assert int(np.argmax(everywhere)) == 15
-    allowed = violations(equality, bounds, np.ones(15, dtype=bool))
+    allowed = minimum_violations(equality, bounds, np.ones(15, dtype=bool))
     assert allowed is not None
     assert allowed.max() < 1e-4

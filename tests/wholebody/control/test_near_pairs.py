@@ -10,10 +10,10 @@ from stridelab.contacts.terrain import Box, Terrain
 from stridelab.dynamics.spatial import Placement
 from stridelab.robots.loader import load_robot
 from stridelab.robots.robot import Robot
-from stridelab.wholebody.control.collision_pairs import Levers, NearPairs
+from stridelab.wholebody.control.collision_pairs import CollisionPairs, PairLevers
 from stridelab.wholebody.control.rigid_body import RigidBody
 
-WALL = Terrain.of([Box("wall", Placement.of([0.6, 0.0, 0.3]), np.array([0.4, 1.0, 0.6]))])
+WALL = Terrain.from_surfaces([Box("wall", Placement.from_wxyz([0.6, 0.0, 0.3]), np.array([0.4, 1.0, 0.6]))])
 ALL = 10_000
 
 
@@ -28,23 +28,23 @@ def walk(robot: Robot, seed: int, n: int, step_rad: float) -> list[np.ndarray]:
     return found
 
 
-def placed(robot: Robot, pairs: NearPairs, body: RigidBody, q: np.ndarray) -> None:
+def placed(robot: Robot, pairs: CollisionPairs, body: RigidBody, q: np.ndarray) -> None:
     body.update(q, np.zeros(robot.model.nv))
-    pairs.place(body)
+    pairs.update_placements(body)
 
 
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("name", ["talos", "g1"])
 def test_no_distance_changes_by_more_than_levers_allow(name: str, seed: int) -> None:
     robot = load_robot(name)
-    pairs, body = NearPairs(robot, WALL, 1.0, 1.0), RigidBody(robot)
+    pairs, body = CollisionPairs(robot, WALL, 1.0, 1.0), RigidBody(robot)
     before: dict[int, float] = {}
     q_before = robot.q_reference
     levers = np.abs(pairs.reach_m)
     for q in walk(robot, seed, 8, 0.02):
         placed(robot, pairs, body, q)
-        pairs.search(np.inf)
-        now = pairs.near(np.inf, ALL)
+        pairs.update_watched(np.inf)
+        now = pairs.nearest_pairs(np.inf, ALL)
         distances = dict(zip(now.pair.tolist(), now.distance_m.tolist(), strict=True))
         assert len(distances) == len(pairs.kind)
         allowed = levers @ np.abs(pin.difference(robot.model, q_before, q))
@@ -57,16 +57,16 @@ def test_no_distance_changes_by_more_than_levers_allow(name: str, seed: int) -> 
 def test_nothing_near_is_missed(talos: Robot, seed: int) -> None:
     """Every pair that is watched and near is found, as if all were computed at every sample."""
     acts_m, near_m = 0.05, 0.3
-    lazy, body = NearPairs(talos, WALL, acts_m, 1.0), RigidBody(talos)
+    lazy, body = CollisionPairs(talos, WALL, acts_m, 1.0), RigidBody(talos)
     seen = 0
     for i, q in enumerate(walk(talos, seed, 60, 0.002)):
         placed(talos, lazy, body, q)
-        eager = NearPairs(talos, WALL, acts_m, 1.0)
+        eager = CollisionPairs(talos, WALL, acts_m, 1.0)
         placed(talos, eager, body, q)
         if i % 20 == 0:
-            lazy.search(near_m)
-        eager.search(np.inf)
-        found, truth = lazy.near(acts_m, ALL), eager.near(acts_m, ALL)
+            lazy.update_watched(near_m)
+        eager.update_watched(np.inf)
+        found, truth = lazy.nearest_pairs(acts_m, ALL), eager.nearest_pairs(acts_m, ALL)
         assert found.pair.tolist() == truth.pair.tolist()
         assert np.allclose(found.distance_m, truth.distance_m, atol=1e-6)
         seen += len(found.pair)
@@ -75,7 +75,7 @@ def test_nothing_near_is_missed(talos: Robot, seed: int) -> None:
 
 def test_hardly_more_distances_are_computed_than_matter(talos: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
     """Of the pairs that are watched, the others move too little to come near."""
-    pairs, body, computed = NearPairs(talos, WALL, 0.06, 10.0), RigidBody(talos), list[int]()
+    pairs, body, computed = CollisionPairs(talos, WALL, 0.06, 10.0), RigidBody(talos), list[int]()
     compute = pin.computeDistance
 
     def counted(geometry: pin.GeometryModel, results: pin.GeometryData, k: int) -> None:
@@ -87,9 +87,9 @@ def test_hardly_more_distances_are_computed_than_matter(talos: Robot, monkeypatc
     for i, q in enumerate(walk(talos, 0, 100, 0.0005)):
         placed(talos, pairs, body, q)
         if i % 20 == 0:
-            pairs.search(0.12)
-        mattered += len(pairs.near(0.06, ALL).pair)
-        watched += pairs.watched
+            pairs.update_watched(0.12)
+        mattered += len(pairs.nearest_pairs(0.06, ALL).pair)
+        watched += pairs.watched_count
     assert mattered > 100
     assert len(computed) < mattered + 0.2 * watched
 
@@ -112,7 +112,7 @@ def test_levers_of_a_chain() -> None:
     elbow = model.addJoint(slide, pin.JointModelRZ(), pin.SE3.Identity(), "elbow")
     spheres = [(np.array([0.2, 0.0, 0.0]), 0.1), (np.zeros(3), 0.5)]
     joints, shapes = np.array([[elbow, 1], [elbow, 0]]), np.array([[0, 1], [0, 1]])
-    sign, reach_m = Levers.of(model, joints, shapes, spheres)
+    sign, reach_m = PairLevers.of_pairs(model, joints, shapes, spheres)
     assert np.array_equal(sign, [[0] * 6 + [1] * 3, [1] * 9])
     assert reach_m[0] == pytest.approx([0.0] * 6 + [1.5, 1.0, 0.3])
     assert reach_m[1] == pytest.approx([1.0] * 3 + [1.5] * 3 + [1.5, 1.0, 0.3])

@@ -10,7 +10,7 @@ from stridelab.dynamics.spatial import Placement
 from stridelab.robots.robot import Robot
 from stridelab.wholebody.control.joint_limits import JointLimits
 from stridelab.wholebody.control.rigid_body import RigidBody
-from stridelab.wholebody.control.tasks import force_jacobian, pyramid
+from stridelab.wholebody.control.tasks import force_jacobian, friction_pyramid
 
 
 def at_random(robot: Robot, seed: int) -> tuple[RigidBody, np.random.Generator]:
@@ -36,7 +36,7 @@ def test_equations_of_motion_are_those_of_inverse_dynamics(talos: Robot, seed: i
         effector = talos.effectors[name]
         points = effector.points_m(0.01)
         f = rng.normal(size=(len(points), 3)) * 100.0
-        generalised = generalised - force_jacobian(body.frame(name), points).T @ f.ravel()
+        generalised = generalised - force_jacobian(body.frame_state(name), points).T @ f.ravel()
         frame = model.frames[model.getFrameId(effector.frame)]
         link = data.oMi[frame.parentJoint] * frame.placement
         p = effector.T_frame_contact.act(points) @ link.rotation.T + link.translation
@@ -66,8 +66,8 @@ def test_without_forces_the_com_falls(talos: Robot) -> None:
 @pytest.mark.parametrize("tilt", [0.0, 0.4])
 def test_the_pyramid_lies_in_the_cone_and_touches_it(tilt: float) -> None:
     mu = 0.6
-    place = Placement.of([0.0, 0.0, 0.0], (np.cos(tilt / 2), 0.0, np.sin(tilt / 2), 0.0))
-    cone = pyramid(Contact("left_foot", place, "ground", mu), 1)
+    place = Placement.from_wxyz([0.0, 0.0, 0.0], (np.cos(tilt / 2), 0.0, np.sin(tilt / 2), 0.0))
+    cone = friction_pyramid(Contact("left_foot", place, "ground", mu), 1)
     rng = np.random.default_rng(0)
     n = place.rotation[:, 2]
     f = rng.normal(size=(4000, 3)) @ place.rotation.T + n
@@ -82,7 +82,7 @@ def test_the_pyramid_lies_in_the_cone_and_touches_it(tilt: float) -> None:
 
 
 def test_points_of_a_surface_do_not_share_their_pyramids() -> None:
-    cone = pyramid(Contact("left_foot", Placement.identity(), "ground", 0.5), 4)
+    cone = friction_pyramid(Contact("left_foot", Placement.identity(), "ground", 0.5), 4)
     assert cone.G.shape == (20, 12)
     assert np.count_nonzero(cone.G[:5, 3:]) == 0
 
@@ -112,8 +112,8 @@ def test_bounds_never_cross() -> None:
 
 
 def test_limits_to_plan_with_lie_inside(talos: Robot) -> None:
-    true = JointLimits.of(talos.model)
-    inner = true.shrunk(0.02, 0.01, 0.9, 0.8)
+    true = JointLimits.of_model(talos.model)
+    inner = true.with_margins(0.02, 0.01, 0.9, 0.8)
     margin_rad = 0.02 * (true.upper_rad - true.lower_rad) + 0.01
     assert np.allclose(inner.upper_rad, true.upper_rad - margin_rad)
     assert np.allclose(inner.lower_rad, true.lower_rad + margin_rad)

@@ -54,7 +54,7 @@ def state(request: pytest.FixtureRequest, talos: Robot) -> State:
 def test_centre_of_mass_follows_its_reference_as_a_spring_would(state: State) -> None:
     """(4.3)."""
     p, v, a = state.rng.normal(size=(3, 3))
-    a_joint = state.solution(tasks.centre_of_mass(state.body, Reference(p, v, a, np.zeros(3), np.zeros(3), 0), GAIN))
+    a_joint = state.solution(tasks.com_task(state.body, Reference(p, v, a, np.zeros(3), np.zeros(3), 0), GAIN))
     error = spring(lambda t: p + v * t + 0.5 * a * t * t - state.after(a_joint, t).com_m)
     assert np.abs(error).max() < 1e-4
 
@@ -62,7 +62,7 @@ def test_centre_of_mass_follows_its_reference_as_a_spring_would(state: State) ->
 def test_angular_momentum_decays_to_its_reference(state: State) -> None:
     l, l_rate = state.rng.normal(size=(2, 3))
     zero = np.zeros(3)
-    a = state.solution(tasks.angular_momentum(state.body, Reference(zero, zero, zero, l, l_rate, 0), 8.0))
+    a = state.solution(tasks.momentum_task(state.body, Reference(zero, zero, zero, l, l_rate, 0), 8.0))
     rate = (state.after(a, H).l_nms - state.after(a, -H).l_nms) / (2 * H)
     assert np.allclose(rate, l_rate + 8.0 * (l - state.body.l_nms), atol=1e-4)
 
@@ -70,8 +70,8 @@ def test_angular_momentum_decays_to_its_reference(state: State) -> None:
 @pytest.mark.parametrize("name", ["left_foot", "right_hand", "base"])
 def test_position_follows_its_reference_as_a_spring_would(state: State, name: str) -> None:
     p, v, a = state.rng.normal(size=(3, 3))
-    a_joint = state.solution(tasks.position(state.body.frame(name), p, v, a, GAIN))
-    error = spring(lambda t: p + v * t + 0.5 * a * t * t - state.after(a_joint, t).frame(name).position_m)
+    a_joint = state.solution(tasks.position_task(state.body.frame_state(name), p, v, a, GAIN))
+    error = spring(lambda t: p + v * t + 0.5 * a * t * t - state.after(a_joint, t).frame_state(name).position_m)
     assert np.abs(error).max() < 1e-4
 
 
@@ -79,10 +79,10 @@ def test_position_follows_its_reference_as_a_spring_would(state: State, name: st
 def test_orientation_follows_its_reference_as_a_spring_would(state: State, name: str) -> None:
     """The relative rotation itself: its angular velocity and acceleration come from log maps at the two ends."""
     w, w_rate = state.rng.normal(size=(2, 3))
-    here = state.body.frame(name)
+    here = state.body.frame_state(name)
     R = pin.exp3(0.3 * state.rng.normal(size=3)) @ here.rotation
-    a = state.solution(tasks.orientation(here, R, w, w_rate, GAIN))
-    before, after = (state.after(a, t).frame(name).rotation for t in (-H, H))
+    a = state.solution(tasks.orientation_task(here, R, w, w_rate, GAIN))
+    before, after = (state.after(a, t).frame_state(name).rotation for t in (-H, H))
     ahead, back = pin.log3(after @ here.rotation.T), pin.log3(before @ here.rotation.T)
     assert np.allclose((ahead - back) / (2 * H), here.velocity[3:], atol=1e-4)
     asked = w_rate + GAIN.kp * pin.log3(R @ here.rotation.T) + GAIN.kd * (w - here.velocity[3:])
@@ -93,27 +93,27 @@ def test_orientation_follows_its_reference_as_a_spring_would(state: State, name:
 def test_a_contact_is_drawn_to_its_place_and_a_surface_stops_turning(state: State, name: str, surface: bool) -> None:
     from stridelab.dynamics.spatial import Placement
 
-    here = state.body.frame(name)
+    here = state.body.frame_state(name)
     place = Placement(here.position_m + 0.1 * state.rng.normal(size=3), here.rotation)
-    rows = tasks.contact(here, place, surface, GAIN)
+    rows = tasks.contact_task(here, place, surface, GAIN)
     assert len(rows.b) == (6 if surface else 3)
     a = state.solution(rows)
-    error = spring(lambda t: place.position_m - state.after(a, t).frame(name).position_m)
+    error = spring(lambda t: place.position_m - state.after(a, t).frame_state(name).position_m)
     assert np.abs(error).max() < 1e-4
     if surface:
-        before, after = (state.after(a, t).frame(name).rotation for t in (-H, H))
+        before, after = (state.after(a, t).frame_state(name).rotation for t in (-H, H))
         bend = (pin.log3(after @ here.rotation.T) + pin.log3(before @ here.rotation.T)) / H**2
         assert np.allclose(bend, -GAIN.kd * here.velocity[3:], atol=1e-3)
 
 
 def test_posture_is_a_spring_and_a_damper_in_every_joint(state: State) -> None:
     rest = state.rng.normal(size=state.robot.model.nv - 6)
-    a = state.solution(tasks.posture(state.body, rest, GAIN))
+    a = state.solution(tasks.posture_task(state.body, rest, GAIN))
     assert np.allclose(a[6:], GAIN.kp * (rest - state.q[7:]) - GAIN.kd * state.v[6:])
 
 
 def test_stacked_rows_are_weighted_and_widened() -> None:
     one, two = Rows(np.ones((1, 2)), np.array([3.0])), Rows(np.eye(2), np.array([1.0, 2.0]))
-    rows = tasks.stacked([(2.0, one), (np.array([3.0, 4.0]), two)], 3)
+    rows = tasks.stack_weighted([(2.0, one), (np.array([3.0, 4.0]), two)], 3)
     assert np.array_equal(rows.A, [[2.0, 2.0, 0.0], [3.0, 0.0, 0.0], [0.0, 4.0, 0.0]])
     assert np.array_equal(rows.b, [6.0, 3.0, 8.0])

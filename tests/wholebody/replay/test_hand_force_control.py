@@ -10,9 +10,9 @@ from stridelab.contacts.sequence import Contact
 from stridelab.conventions import Vector3
 from stridelab.dynamics.spatial import Placement
 from stridelab.robots.robot import Robot
-from stridelab.wholebody.limb_kinematics import Posed
-from stridelab.wholebody.replay.hand_force_control import Grip, Hands
-from stridelab.wholebody.replay.sensors import Seen
+from stridelab.wholebody.limb_kinematics import LimbKinematics
+from stridelab.wholebody.replay.hand_force_control import Grip, HandForceControl
+from stridelab.wholebody.replay.sensors import SensedState
 
 WEIGHT_N = 550.0
 GRIP = Grip(least_n=25.0, pressure_m=0.02)
@@ -30,7 +30,7 @@ def hand(position_m: list[float], rotation: np.ndarray) -> Contact:
 def test_it_moves_the_centre_of_pressure_by_no_more_than_allowed(position_m: list[float], rotation: np.ndarray) -> None:
     """Equilibrium of moments about the soles: those of the hand are those of the weight on a lever of 2 cm."""
     there = hand(position_m, rotation)
-    pressed_n = GRIP.pressed_n(0.0, there, SOLES_M, WEIGHT_N)
+    pressed_n = GRIP.force_reference_n(0.0, there, SOLES_M, WEIGHT_N)
     moment = np.cross(there.placement.position_m - SOLES_M, pressed_n * rotation[:, 2])
     assert pressed_n < GRIP.least_n
     assert np.hypot(*moment[:2]) == pytest.approx(0.02 * WEIGHT_N)
@@ -38,14 +38,14 @@ def test_it_moves_the_centre_of_pressure_by_no_more_than_allowed(position_m: lis
 
 def test_above_the_soles_a_hand_on_a_wall_presses_less_than_on_a_rail_beside_the_hip() -> None:
     wall, rail = hand([0.1, -0.75, 0.95], TO_THE_LEFT), hand([0.1, -0.45, 0.7], np.eye(3))
-    on_wall, on_rail = (GRIP.pressed_n(0.0, there, SOLES_M, WEIGHT_N) for there in (wall, rail))
+    on_wall, on_rail = (GRIP.force_reference_n(0.0, there, SOLES_M, WEIGHT_N) for there in (wall, rail))
     assert on_wall == pytest.approx(0.02 * WEIGHT_N / 0.85)
     assert on_wall < on_rail < GRIP.least_n
 
 
 def test_what_is_planned_is_pressed_and_near_the_soles_the_least_is() -> None:
-    assert GRIP.pressed_n(60.0, hand([0.1, -0.75, 0.95], TO_THE_LEFT), SOLES_M, WEIGHT_N) == 60.0
-    assert GRIP.pressed_n(0.0, hand([0.05, -0.1, 0.7], np.eye(3)), SOLES_M, WEIGHT_N) == GRIP.least_n
+    assert GRIP.force_reference_n(60.0, hand([0.1, -0.75, 0.95], TO_THE_LEFT), SOLES_M, WEIGHT_N) == 60.0
+    assert GRIP.force_reference_n(0.0, hand([0.05, -0.1, 0.7], np.eye(3)), SOLES_M, WEIGHT_N) == GRIP.least_n
 
 
 DT_S = 0.004
@@ -54,54 +54,56 @@ ANGLED = np.array([-0.2, 0.0, -0.1, -1.3])
 
 
 @pytest.fixture(scope="module")
-def posed(talos: Robot) -> Posed:
-    found = Posed(talos, ("right_hand",))
+def posed(talos: Robot) -> LimbKinematics:
+    found = LimbKinematics(talos, ("right_hand",))
     q = talos.q_reference.copy()
     q[7 + found.limb["right_hand"][:4]] = ANGLED
-    found.at(q)
+    found.set_configuration(q)
     return found
 
 
-def sensed(posed: Posed, base_off_m: Vector3, hand_off_m: Vector3, force_n: Vector3) -> Seen:
+def sensed(posed: LimbKinematics, base_off_m: Vector3, hand_off_m: Vector3, force_n: Vector3) -> SensedState:
     """The base and the hand beside their planned places."""
-    there = posed.contact("right_hand")
+    there = posed.contact_placement("right_hand")
     q = np.concatenate([posed.base.position_m + base_off_m, pin.Quaternion(posed.base.rotation).coeffs()])
     at = {"right_hand": Placement(there.position_m + hand_off_m, there.rotation)}
     still = np.zeros(3)
-    return Seen(0.0, q, np.zeros(6), still, still, at, {"right_hand": force_n}, {"right_hand": still})
+    return SensedState(0.0, q, np.zeros(6), still, still, at, {"right_hand": force_n}, {"right_hand": still})
 
 
-def after(posed: Posed, seen: Seen, planned_n: Vector3 | None, seconds: float = 1.0) -> tuple[Vector3, np.ndarray]:
+def after(
+    posed: LimbKinematics, seen: SensedState, planned_n: Vector3 | None, seconds: float = 1.0
+) -> tuple[Vector3, np.ndarray]:
     """By how much the hand is told to be elsewhere, and its torques, after a while; planned to be in the air: None."""
     return after_all(posed, ((seen, seconds),), planned_n)
 
 
 def after_all(
-    posed: Posed, seen: Iterable[tuple[Seen, float]], planned_n: Vector3 | None
+    posed: LimbKinematics, seen: Iterable[tuple[SensedState, float]], planned_n: Vector3 | None
 ) -> tuple[Vector3, np.ndarray]:
     """The same after one thing has been seen for some seconds, and then another."""
     touching = {} if planned_n is None else {"right_hand": on_top(posed)}
     planned = {} if planned_n is None else {"right_hand": planned_n}
-    hands, n = Hands(Grip(), posed, ("right_hand",), DT_S), 32
+    hands, n = HandForceControl(Grip(), posed, ("right_hand",), DT_S), 32
     for what, seconds in seen:
         for _ in range(round(seconds / DT_S)):
-            angles, tau = hands.at(what, touching, planned, dict.fromkeys(touching, 25.0), n)
+            angles, tau = hands.compute_corrections(what, touching, planned, dict.fromkeys(touching, 25.0), n)
     limb = posed.limb["right_hand"]
-    return posed.moved_by_limb("right_hand")[:3] @ angles[limb], tau[limb]
+    return posed.limb_jacobian("right_hand")[:3] @ angles[limb], tau[limb]
 
 
-def on_top(posed: Posed) -> Contact:
-    return hand(posed.contact("right_hand").position_m.tolist(), np.eye(3))
+def on_top(posed: LimbKinematics) -> Contact:
+    return hand(posed.contact_placement("right_hand").position_m.tolist(), np.eye(3))
 
 
-def test_a_hand_in_the_air_is_brought_to_its_place_in_the_world(posed: Posed) -> None:
+def test_a_hand_in_the_air_is_brought_to_its_place_in_the_world(posed: LimbKinematics) -> None:
     base_off_m = np.array([0.02, -0.03, 0.01])
     moved_m, tau = after(posed, sensed(posed, base_off_m, base_off_m, np.zeros(3)), None)
     assert moved_m == pytest.approx(-base_off_m, abs=2e-3)
     assert not tau.any()
 
 
-def test_a_hand_that_touches_stays_where_it_landed_whatever_the_base_does(posed: Posed) -> None:
+def test_a_hand_that_touches_stays_where_it_landed_whatever_the_base_does(posed: LimbKinematics) -> None:
     base_off_m, landed_m = np.array([0.0, -0.05, 0.0]), np.array([0.012, -0.008, 0.0])
     moved_m, _ = after(
         posed, sensed(posed, base_off_m, landed_m, np.array([0.0, 0.0, 25.0])), np.array([0.0, 0.0, 25.0])
@@ -115,7 +117,7 @@ LANDED_M, SLID_M = np.array([0.012, -0.008, 0.0]), np.array([0.020, 0.030, 0.0])
 
 @pytest.mark.parametrize("off_s", [0.0, 0.04])
 def test_a_hand_that_slides_or_lets_go_for_a_moment_is_drawn_back_to_where_it_landed(
-    posed: Posed, off_s: float
+    posed: LimbKinematics, off_s: float
 ) -> None:
     """It is neither told to be where it has slid, nor lifted."""
     landed, slid = (sensed(posed, np.zeros(3), off_m, PRESSED_N) for off_m in (LANDED_M, SLID_M))
@@ -124,14 +126,14 @@ def test_a_hand_that_slides_or_lets_go_for_a_moment_is_drawn_back_to_where_it_la
     assert moved_m == pytest.approx(LANDED_M, abs=2e-3)
 
 
-def test_after_a_longer_moment_a_hand_lands_anew(posed: Posed) -> None:
+def test_after_a_longer_moment_a_hand_lands_anew(posed: LimbKinematics) -> None:
     landed, elsewhere = (sensed(posed, np.zeros(3), off_m, PRESSED_N) for off_m in (LANDED_M, SLID_M))
     let_go = sensed(posed, np.zeros(3), SLID_M, np.zeros(3))
     moved_m, _ = after_all(posed, ((landed, 0.5), (let_go, 0.06), (elsewhere, 0.5)), PRESSED_N)
     assert moved_m[:2] == pytest.approx(SLID_M[:2], abs=2e-3)
 
 
-def test_a_hand_that_lets_go_for_a_moment_presses_on_nothing_at_once(posed: Posed) -> None:
+def test_a_hand_that_lets_go_for_a_moment_presses_on_nothing_at_once(posed: LimbKinematics) -> None:
     """Its force goes as fast as torques may change, 8 N in 0.04 s, while its place is still kept."""
     planned_n = np.array([0.0, 0.0, 8.0])
     landed = sensed(posed, np.zeros(3), LANDED_M, PRESSED_N)
@@ -143,7 +145,7 @@ def test_a_hand_that_lets_go_for_a_moment_presses_on_nothing_at_once(posed: Pose
     assert tau == pytest.approx(posed.torques_nm("right_hand", expected_n), abs=1e-9)
 
 
-def test_a_hand_that_has_lost_its_rail_is_lifted_and_presses_on_nothing(posed: Posed) -> None:
+def test_a_hand_that_has_lost_its_rail_is_lifted_and_presses_on_nothing(posed: LimbKinematics) -> None:
     """With the planned force taken off, feed-forward and correction press with nothing in all."""
     planned_n = np.array([-8.0, 6.0, 24.0])
     lost = sensed(posed, np.zeros(3), np.array([0.0, -0.04, -0.03]), np.zeros(3))
@@ -152,6 +154,6 @@ def test_a_hand_that_has_lost_its_rail_is_lifted_and_presses_on_nothing(posed: P
     assert tau == pytest.approx(posed.torques_nm("right_hand", planned_n), abs=1e-9)
 
 
-def test_a_rail_that_is_not_there_yet_is_sought_straight_below(posed: Posed) -> None:
+def test_a_rail_that_is_not_there_yet_is_sought_straight_below(posed: LimbKinematics) -> None:
     moved_m, _ = after(posed, sensed(posed, np.zeros(3), np.zeros(3), np.zeros(3)), np.array([0.0, 0.0, 10.0]), 5.0)
     assert moved_m == pytest.approx([0.0, 0.0, -Grip().most_m], abs=3e-3)

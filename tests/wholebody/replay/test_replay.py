@@ -14,11 +14,11 @@ from stridelab.errors import InvalidInput
 from stridelab.robots.loader import load_robot
 from stridelab.robots.robot import Robot
 from stridelab.wholebody.motion import WholeBodyMotion
-from stridelab.wholebody.replay.dcm_feedback import CapturePoint, Sole, ankle_torques_nm, ankles_of
+from stridelab.wholebody.replay.dcm_feedback import CapturePointFeedback, Sole, ankle_torques_nm, ankles_of
 from stridelab.wholebody.replay.disturbances import Disturbances, Push, SensorNoise
 from stridelab.wholebody.replay.mujoco_model import build_simulation
 from stridelab.wholebody.replay.replay import PhysicsReplay, Replay
-from stridelab.wholebody.replay.sensors import Seen, Sensors
+from stridelab.wholebody.replay.sensors import SensedState, SimulatedSensors
 from stridelab.wholebody.replay.simulation import Simulation
 
 RATE_HZ = 250.0
@@ -31,8 +31,8 @@ def robot() -> Robot:
 
 
 def ground(slope_rad: float = 0.0) -> Terrain:
-    turn = Placement.of([0.0, 0.0, 0.0], [np.cos(slope_rad / 2), 0.0, np.sin(slope_rad / 2), 0.0])
-    return Terrain((Box("ground", turn @ Placement.of([0.0, 0.0, -0.5]), np.array([4.0, 4.0, 1.0])),))
+    turn = Placement.from_wxyz([0.0, 0.0, 0.0], [np.cos(slope_rad / 2), 0.0, np.sin(slope_rad / 2), 0.0])
+    return Terrain((Box("ground", turn @ Placement.from_wxyz([0.0, 0.0, -0.5]), np.array([4.0, 4.0, 1.0])),))
 
 
 def sole(robot: Robot, name: str, q: np.ndarray) -> Placement:
@@ -82,9 +82,9 @@ def test_the_simulated_robot_is_the_robot(robot: Robot) -> None:
         simulation = Simulation(built, q)
         data = robot.model.createData()
         assert simulation.mass_kg == pytest.approx(robot.mass_kg, abs=1e-6)
-        assert np.allclose(simulation.com()[0], pin.centerOfMass(robot.model, data, q), atol=1e-6)
+        assert np.allclose(simulation.com_state()[0], pin.centerOfMass(robot.model, data, q), atol=1e-6)
         for name in (*FEET, "right_hand"):
-            expected, found = sole(robot, name, q), simulation.contact(name)
+            expected, found = sole(robot, name, q), simulation.contact_placement(name)
             assert np.allclose(found.position_m, expected.position_m, atol=1e-6)
             assert np.allclose(found.rotation, expected.rotation, atol=1e-6)
         again, v = simulation.coordinates()
@@ -97,11 +97,11 @@ def test_without_contact_the_robot_falls_as_everything_does(robot: Robot) -> Non
     q = robot.q_reference.copy()
     q[2] += 2.0
     simulation = Simulation(built, q)
-    start_m, _ = simulation.com()
+    start_m, _ = simulation.com_state()
     for _ in range(300):
         simulation.step(np.zeros(len(robot.joint_names)), np.zeros(len(robot.locked)))
-    simulation.refresh()
-    com_m, com_v_m_s = simulation.com()
+    simulation.refresh_derived()
+    com_m, com_v_m_s = simulation.com_state()
     # implicit steps of 1 ms fall g t dt / 2 farther than the parabola
     assert com_m[2] - start_m[2] == pytest.approx(-0.5 * GRAVITY_M_S2 * 0.3**2, abs=2e-3)
     assert com_v_m_s[2] == pytest.approx(-GRAVITY_M_S2 * 0.3, rel=1e-6)
@@ -138,10 +138,10 @@ def test_a_robot_without_torques_falls_and_the_replay_says_when(robot: Robot) ->
 def test_feet_slip_on_a_slope_steeper_than_the_friction_cone(robot: Robot) -> None:
     motion = standing_still(robot, 1.0)
     slope = 0.04
-    tilt = Placement.of([0.0, 0.0, 0.0], [np.cos(slope / 2), 0.0, np.sin(slope / 2), 0.0])
+    tilt = Placement.from_wxyz([0.0, 0.0, 0.0], [np.cos(slope / 2), 0.0, np.sin(slope / 2), 0.0])
     q = motion.q.copy()
     q[:, :3] = tilt.act(q[:, :3])
-    base = tilt @ Placement.of([0.0, 0.0, 0.0], [q[0, 6], *q[0, 3:6]])
+    base = tilt @ Placement.from_wxyz([0.0, 0.0, 0.0], [q[0, 6], *q[0, 3:6]])
     w, x, y, z = base.wxyz
     q[:, 3:7] = [x, y, z, w]
     leaning = replace(motion, q=q, com_reference_m=tilt.act(motion.com_reference_m))
@@ -159,7 +159,7 @@ def test_feet_slip_on_a_slope_steeper_than_the_friction_cone(robot: Robot) -> No
 
 
 def test_the_stabiliser_acts_on_what_it_is_told_of_the_state(robot: Robot) -> None:
-    def blind(seen: Seen) -> Seen:
+    def blind(seen: SensedState) -> SensedState:
         """A state estimate that is wrong by 4 cm to the left."""
         return replace(seen, com_m=seen.com_m + np.array([0.0, 0.04, 0.0]))
 
@@ -197,23 +197,23 @@ def soles(load_left_n: float, load_right_n: float, pressure_y_m: float = 0.0) ->
 
 
 def test_the_pressure_stays_inside_the_sole_wherever_it_was_planned() -> None:
-    capture = CapturePoint(edge_m=0.005)
+    capture = CapturePointFeedback(edge_m=0.005)
     for planned_m in (0.0, 0.03, -0.05):
         for y in (5.0, -5.0):
-            shifts, _ = capture.spread(np.array([9.0, y]), soles(900.0, 1.0, planned_m), HALF_M)
+            shifts, _ = capture.distribute_shift(np.array([9.0, y]), soles(900.0, 1.0, planned_m), HALF_M)
             assert planned_m + shifts["left_foot"][1] == pytest.approx(np.sign(y) * 0.055)
             assert shifts["left_foot"][0] == pytest.approx(0.095)
 
 
 def test_what_two_soles_cannot_do_is_done_by_shifting_load() -> None:
     """Pressure and load together move the common centre of pressure by what was asked for."""
-    capture, both = CapturePoint(), soles(400.0, 500.0)
+    capture, both = CapturePointFeedback(), soles(400.0, 500.0)
     for y in (0.02, 0.075, -0.08):
-        shifts, gained = capture.spread(np.array([0.0, y]), both, HALF_M)
+        shifts, gained = capture.distribute_shift(np.array([0.0, y]), both, HALF_M)
         assert gained["left_foot"] == pytest.approx(-gained["right_foot"])
         own = sum(sole.load_n * shifts[name][1] for name, sole in both.items()) / 900.0
         assert own + gained["left_foot"] * 0.2 / 900.0 == pytest.approx(y, abs=5e-4)
-    gained = capture.spread(np.array([0.0, 9.0]), both, HALF_M)[1]
+    gained = capture.distribute_shift(np.array([0.0, 9.0]), both, HALF_M)[1]
     assert gained["right_foot"] == pytest.approx(45.0 - 500.0), "a twentieth of the weight stays on either sole"
 
 
@@ -225,7 +225,7 @@ def test_a_push_and_a_load_are_survived_and_noticed(robot: Robot) -> None:
         Disturbances(trunk_mass_kg=5.0),
         Disturbances(delay_s=0.008, sensor_noise=SensorNoise(), torque_noise=0.05),
     ):
-        found = PhysicsReplay().run(robot, motion.sequence, motion, quiet, disturbed=disturbed)
+        found = PhysicsReplay().run(robot, motion.sequence, motion, quiet, disturbances=disturbed)
         assert found.completed
         assert found.com_error_max_m > calm.com_error_max_m + 1e-5, disturbed
 
@@ -236,18 +236,18 @@ def test_sensors_are_exactly_as_late_as_they_are_said_to_be(robot: Robot, delay_
     q = robot.q_reference.copy()
     q[2] += 2.0
     simulation = Simulation(build_simulation(robot, ground(), 0.3, FEET), q)
-    sensors = Sensors(simulation, Disturbances(delay_s=1e-3 * delay_ms), substeps=4)
-    heights_m, none = [simulation.com()[0][2]], (np.zeros(len(robot.joint_names)), np.zeros(len(robot.locked)))
+    sensors = SimulatedSensors(simulation, Disturbances(delay_s=1e-3 * delay_ms), substeps=4)
+    heights_m, none = [simulation.com_state()[0][2]], (np.zeros(len(robot.joint_names)), np.zeros(len(robot.locked)))
     for k in range(20):
-        seen = sensors.read(4e-3 * k)
+        seen = sensors.read_state(4e-3 * k)
         age = min(delay_ms, 4 * k)
         assert seen.time_s == pytest.approx(1e-3 * (4 * k - age), abs=1e-12)
         assert seen.com_m[2] == pytest.approx(heights_m[4 * k - age], abs=1e-12)
         for j in range(1, 5):
             simulation.step(*none)
-            sensors.step(j, 1e-3 * (4 * k + j))
-            simulation.refresh()
-            heights_m.append(simulation.com()[0][2])
+            sensors.after_step(j, 1e-3 * (4 * k + j))
+            simulation.refresh_derived()
+            heights_m.append(simulation.com_state()[0][2])
 
 
 def test_a_push_gives_off_its_impulse() -> None:
@@ -262,9 +262,9 @@ def test_a_foot_that_lands_on_higher_ground_is_lived_with(
 ) -> None:
     sequence, _, motion = two_steps
     place = sequence.phases[-1].contacts["left_foot"].placement.position_m
-    ahead = Placement.of([place[0] + 0.1, 0.0, -0.001])
+    ahead = Placement.from_wxyz([place[0] + 0.1, 0.0, -0.001])
     tread = Box("tread", ahead, np.array([0.36, 1.0, 0.02]))  # 9 mm high, from just before the first toes
-    onto = replace(sequence, terrain=Terrain.of([*sequence.terrain.surfaces, tread]))
+    onto = replace(sequence, terrain=Terrain.from_surfaces([*sequence.terrain.surfaces, tread]))
     found = PhysicsReplay().run(robot, onto, motion, quiet)
     assert found.completed
     assert found.com_error_max_m < 0.02

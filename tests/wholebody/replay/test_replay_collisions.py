@@ -16,18 +16,18 @@ from stridelab.contacts.terrain import Box, Terrain
 from stridelab.dynamics.spatial import Placement
 from stridelab.reachability.store import load_proxies
 from stridelab.robots.loader import load_robot
-from stridelab.studies.execution import posed, replayed
+from stridelab.studies.execution import replay_motion, whole_body_problem
 from stridelab.wholebody.certificate.certificate import Certificate
 from stridelab.wholebody.certificate.certify import certify
 from stridelab.wholebody.control.controller import WholeBodyController
 from stridelab.wholebody.effector_contact import OwnSurfaces
-from stridelab.wholebody.replay.assessment import Collision, Missed, missed
+from stridelab.wholebody.replay.assessment import Collision, MissedCondition, missed_conditions
 from stridelab.wholebody.replay.log import Replay
 from stridelab.wholebody.replay.mujoco_model import build_simulation
 from stridelab.wholebody.replay.simulation import Simulation
 from support.robots.scenarios import both_hands_on_a_table, narrow_beam
 
-FAR_BELOW = Terrain((Box("ground", Placement.of([0.0, 0.0, -10.0]), np.array([1.0, 1.0, 1.0])),))
+FAR_BELOW = Terrain((Box("ground", Placement.from_wxyz([0.0, 0.0, -10.0]), np.array([1.0, 1.0, 1.0])),))
 UNSURE_M = 5e-4
 """Two libraries may disagree about shapes that are nearer than this to just touching."""
 
@@ -52,9 +52,9 @@ def carried_out(name: str) -> Harsh:
     scenario: Scenario = {"beam": narrow_beam, "table": both_hands_on_a_table}[name]()
     robot, proxies = load_robot(scenario["robot"]), load_proxies(scenario["robot"])
     sequence = sequence_of(scenario, effector_shapes(robot.name))
-    plan = solve(posed(robot, sequence, proxies))
+    plan = solve(whole_body_problem(robot, sequence, proxies))
     motion = WholeBodyController().run(robot, sequence, plan)
-    return Harsh(certify(robot, sequence, plan, proxies, motion), replayed(robot.name, motion))
+    return Harsh(certify(robot, sequence, plan, proxies, motion), replay_motion(robot.name, motion))
 
 
 @pytest.mark.parametrize("name", ["talos", "hrp2", "g1"])
@@ -79,7 +79,7 @@ def test_the_simulated_body_touches_itself_where_the_certificate_says_it_does(na
                 possible.add(both)
         simulation = Simulation(built, q)
         simulation.step(np.zeros(len(robot.joint_names)), np.zeros(len(robot.locked)))
-        touched = {frozenset((built.link[touch.first], built.link[touch.second])) for touch in simulation.body_touches}
+        touched = {frozenset((built.link[touch.first], built.link[touch.second])) for touch in simulation.body_contacts}
         assert deep <= touched <= possible
         met += len(deep)
     assert met > 5, "the postures are wild enough to show something"
@@ -127,37 +127,41 @@ GOOD = {
 @pytest.mark.parametrize(
     ("what", "value", "expected"),
     [
-        ("fall_time_s", 3.25, Missed("replay-fell", "The robot falls after 3.2 s.")),
+        ("fall_time_s", 3.25, MissedCondition("replay-fell", "The robot falls after 3.2 s.")),
         (
             "collided",
             (Collision("a", "b", 1.5, 30.2),),
-            Missed("replay-collided", "1 pair touches without being planned to: a and b from 1.50 s, 30 N at most."),
+            MissedCondition(
+                "replay-collided", "1 pair touches without being planned to: a and b from 1.50 s, 30 N at most."
+            ),
         ),
         (
             "slip_max_m",
             0.0212,
-            Missed("replay-slipped", "A loaded foot slips by 21 mm; at most 20 mm are allowed."),
+            MissedCondition("replay-slipped", "A loaded foot slips by 21 mm; at most 20 mm are allowed."),
         ),
         (
             "torque_ratio_max",
             1.31,
-            Missed("replay-torque", "A joint torque command reaches 1.3 times its limit; 1.2 is allowed."),
+            MissedCondition("replay-torque", "A joint torque command reaches 1.3 times its limit; 1.2 is allowed."),
         ),
         (
             "hand_in_place_shares",
             {"left_hand": 0.94, "right_hand": 1.0},
-            Missed("replay-hand-off", "left_hand is in place for 94% of its contact; 95% is required."),
+            MissedCondition("replay-hand-off", "left_hand is in place for 94% of its contact; 95% is required."),
         ),
     ],
 )
-def test_each_condition_that_is_missed_is_a_remark_of_its_own(what: str, value: object, expected: Missed) -> None:
-    assert missed(**GOOD) == ()  # type: ignore[arg-type]
-    assert missed(**(GOOD | {what: value})) == (expected,)  # type: ignore[arg-type]
+def test_each_condition_that_is_missed_is_a_remark_of_its_own(
+    what: str, value: object, expected: MissedCondition
+) -> None:
+    assert missed_conditions(**GOOD) == ()  # type: ignore[arg-type]
+    assert missed_conditions(**(GOOD | {what: value})) == (expected,)  # type: ignore[arg-type]
 
 
 def test_many_collisions_are_counted_and_some_named() -> None:
     many = tuple(Collision("a", f"b{k}", 0.1 * k, 1.0) for k in range(6))
-    (found,) = missed(**(GOOD | {"collided": many}))  # type: ignore[arg-type]
+    (found,) = missed_conditions(**(GOOD | {"collided": many}))  # type: ignore[arg-type]
     assert found.message.startswith("6 pairs touch")
     assert found.message.endswith("b3 from 0.30 s, 1 N at most; and 2 more.")
 
@@ -165,11 +169,11 @@ def test_many_collisions_are_counted_and_some_named() -> None:
 def test_an_effector_is_near_its_own_surfaces_in_the_first_and_last_eighth_of_a_swing() -> None:
     robot = load_robot("talos")
     boxes = [
-        Box(name, Placement.of([x, 0.0, -0.5]), np.array([1.0, 4.0, 1.0]))
+        Box(name, Placement.from_wxyz([x, 0.0, -0.5]), np.array([1.0, 4.0, 1.0]))
         for name, x in (("here", 0.0), ("level", 1.0), ("there", 3.0))
     ]
     at = {"here": 0.0, "edge": 0.5, "there": 3.0}
-    foot = {name: Contact("left_foot", Placement.of([x, 0.1, 0.0]), "here", 0.5) for name, x in at.items()}
+    foot = {name: Contact("left_foot", Placement.from_wxyz([x, 0.1, 0.0]), "here", 0.5) for name, x in at.items()}
     there = Contact("left_foot", foot["there"].placement, "there", 0.5)
     phases = (
         ContactPhase(1.0, {"left_foot": foot["here"]}),
@@ -177,10 +181,12 @@ def test_an_effector_is_near_its_own_surfaces_in_the_first_and_last_eighth_of_a_
         ContactPhase(1.0, {"left_foot": there}),
         ContactPhase(1.0, {"left_foot": foot["edge"]}),
     )
-    own = OwnSurfaces(ContactSequence("x", "talos", 0.5, Terrain.of(boxes), phases), robot.effectors)
-    assert own.touched("left_foot", 0) == {"here"}
-    assert own.touched("left_foot", 1) == set()
-    assert own.touched("left_foot", 3) == {"here", "level"}, "the sole stands across the edge of two level boxes"
+    own = OwnSurfaces(ContactSequence("x", "talos", 0.5, Terrain.from_surfaces(boxes), phases), robot.effectors)
+    assert own.contact_surfaces("left_foot", 0) == {"here"}
+    assert own.contact_surfaces("left_foot", 1) == set()
+    assert own.contact_surfaces("left_foot", 3) == {"here", "level"}, (
+        "the sole stands across the edge of two level boxes"
+    )
     for time_s, expected in ((1.09, {"here"}), (1.11, set()), (1.69, set()), (1.71, {"there"})):
-        assert own.near("left_foot", 1, time_s) == expected
-    assert own.near("left_foot", 0, 0.5) == set()
+        assert own.nearby_surfaces("left_foot", 1, time_s) == expected
+    assert own.nearby_surfaces("left_foot", 0, 0.5) == set()

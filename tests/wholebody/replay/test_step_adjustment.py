@@ -7,19 +7,21 @@ from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.contacts.sequence import ContactSequence
 from stridelab.robots.robot import Robot
 from stridelab.wholebody.motion import WholeBodyMotion
-from stridelab.wholebody.replay.capturability import Capturable
+from stridelab.wholebody.replay.capturability import Capturability
 from stridelab.wholebody.replay.dcm_feedback import ankles_of, pendulum_rate
 from stridelab.wholebody.replay.disturbances import Disturbances, Push
 from stridelab.wholebody.replay.replay import PhysicsReplay
-from stridelab.wholebody.replay.stabiliser import Stabiliser, swung_shares
-from stridelab.wholebody.replay.step_adjustment import Pace, Stepping
+from stridelab.wholebody.replay.stabiliser import Stabiliser, swing_progress
+from stridelab.wholebody.replay.step_adjustment import AdaptiveClock, Stepping
 
 LEFT, BACKWARDS = 1, 2
 NEVER = Stepping(least_m=9.0)
 
 
-def capturable(robot: Robot, motion: WholeBodyMotion, inside_m: float = 0.0) -> Capturable:
-    return Capturable.of(motion, {name: ankle.half_size_m for name, ankle in ankles_of(robot).items()}, inside_m)
+def capturable(robot: Robot, motion: WholeBodyMotion, inside_m: float = 0.0) -> Capturability:
+    return Capturability.of_motion(
+        motion, {name: ankle.half_size_m for name, ankle in ankles_of(robot).items()}, inside_m
+    )
 
 
 def test_who_stands_can_undo_what_is_between_pressure_and_edge(
@@ -43,25 +45,25 @@ def test_what_can_be_undone_obeys_its_equation(
     can = capturable(talos, motion)
     w = float(can.rate_per_s[0])
     assert w == pytest.approx(pendulum_rate(float(motion.com_reference_m[0, 2])))
-    d = can.edge_m - np.einsum("nij,nj->ni", can.towards, can.pressure_m)
+    d = can.edge_m - np.einsum("nij,nj->ni", can.directions, can.pressure_m)
     grown = np.diff(can.reach_m, axis=0) * motion.rate_hz
     assert np.allclose(grown, (can.rate_per_s[:, None] * (can.reach_m - d))[:-1], atol=0.03)
 
 
 def paced(
     robot: Robot, motion: WholeBodyMotion, at: int, aside_m: float, times: int = 1, stepping: Stepping | None = None
-) -> Pace:
+) -> AdaptiveClock:
     """A clock that was told ``times`` of a capture point ``aside_m`` left of the planned one."""
     can = capturable(robot, motion)
-    pace = Pace(stepping or Stepping(), can, motion.rate_hz)
+    pace = AdaptiveClock(stepping or Stepping(), can, motion.rate_hz)
     pace.sample = float(at)
-    share = swung_shares(motion.sequence, motion.time_s)
+    share = swing_progress(motion.sequence, motion.time_s)
     places = {name: np.array([0.0, y, 0.0]) for name, y in (("left_foot", 0.09), ("right_foot", -0.09))}
     for _ in range(times):
-        i = pace.nearest
+        i = pace.sample_index
         swung = {name: float(share[name][i]) for name in places}
-        pace.decide(can.capture_m[i] + np.array([0.0, aside_m]), places, swung)
-        pace.tick()
+        pace.update_rate(can.capture_m[i] + np.array([0.0, aside_m]), places, swung)
+        pace.advance()
     return pace
 
 
@@ -79,7 +81,7 @@ def test_a_plan_waits_on_two_soles_for_a_robot_that_the_next_sole_could_not_hold
 ) -> None:
     motion = two_steps[2]
     can = capturable(talos, motion)
-    lifts = int(np.argmin(can.touches["right_foot"] & can.touches["left_foot"]))
+    lifts = int(np.argmin(can.in_contact["right_foot"] & can.in_contact["left_foot"]))
     assert paced(talos, motion, lifts - 5, -0.12, times=30).rate == 0.0
     long = paced(talos, motion, lifts - 5, -0.12, times=40, stepping=Stepping(most_lost_s=0.1))
     assert long.rate > 0.0
@@ -92,7 +94,7 @@ def test_a_foot_in_the_air_comes_down_sooner_or_farther_out_on_its_own_side_only
 ) -> None:
     motion, outwards = two_steps[2], 1.0 if foot == "left_foot" else -1.0
     can = capturable(talos, motion)
-    (air,) = np.nonzero(can.touches[foot] == 0)
+    (air,) = np.nonzero(can.in_contact[foot] == 0)
     middle = int(air[len(air) // 2])
     pushed = paced(talos, motion, middle, outwards * 0.10)
     assert pushed.rate != 1.0 or outwards * pushed.off_m[foot][1] > 0.02
@@ -107,7 +109,7 @@ def test_who_has_waited_long_enough_still_hurries_but_neither_waits_nor_goes_bac
     talos: Robot, two_steps: tuple[ContactSequence, CentroidalPlan, WholeBodyMotion], foot: str
 ) -> None:
     motion, outwards = two_steps[2], 1.0 if foot == "left_foot" else -1.0
-    (air,) = np.nonzero(capturable(talos, motion).touches[foot] == 0)
+    (air,) = np.nonzero(capturable(talos, motion).in_contact[foot] == 0)
 
     def rates(stepping: Stepping) -> list[float]:
         at = (int(air[k]) for k in range(10, len(air) - 10, 20))
@@ -136,11 +138,11 @@ def test_a_push_just_before_a_foot_lifts_is_survived_by_waiting_and_not_without(
     talos: Robot, two_steps: tuple[ContactSequence, CentroidalPlan, WholeBodyMotion]
 ) -> None:
     sequence, _, motion = two_steps
-    lifts_s = float(motion.time_s[int(np.argmin(capturable(talos, motion).touches["right_foot"]))])
+    lifts_s = float(motion.time_s[int(np.argmin(capturable(talos, motion).in_contact["right_foot"]))])
     pushed = Disturbances(push=Push(lifts_s - 0.12, (0.0, -25.0, 0.0)))
     found = [
         PhysicsReplay(stabiliser=Stabiliser(stepping=stepping)).run(
-            talos, sequence, motion, lambda _fraction, _message: None, disturbed=pushed
+            talos, sequence, motion, lambda _fraction, _message: None, disturbances=pushed
         )
         for stepping in (Stepping(), NEVER)
     ]

@@ -22,9 +22,9 @@ from typing import Literal
 
 import numpy as np
 
-from stridelab.centroidal.infeasibility.body_limits import SPIN_M2_S
-from stridelab.centroidal.infeasibility.elastic_lp import EndMiss, Relaxed, held, relax
-from stridelab.centroidal.infeasibility.nearest_feasible import PENALTY, Nearest, coarse_grid, nearest
+from stridelab.centroidal.infeasibility.body_limits import MAX_SPIN_M2_S
+from stridelab.centroidal.infeasibility.elastic_lp import ElasticSolution, EndMiss, is_feasible, solve_elastic
+from stridelab.centroidal.infeasibility.nearest_feasible import PENALTY, NearestFeasible, coarse_grid, nearest_feasible
 from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.centroidal.point_forces import PYRAMIDS
 from stridelab.centroidal.problem import CentroidalProblem
@@ -34,18 +34,18 @@ from stridelab.contacts.sequence import ContactPhase
 
 Verdict = Literal["impossible", "unbearable", "unusual", "narrow", "stuck", "found"]
 Kind = Literal["cone", "reach", "load", "momentum", "end", "unusual", "wrench"]
-UNUSUAL = 0.001
+UNUSUAL_SHARE = 0.001
 """Share of an effector's postures below which a CoM is called unusual."""
-SAID = 3
+N_REPORTED_FINDINGS = 3
 """Number of findings in the message, the worst of each kind first."""
-FRICTIONS = 12
+FRICTION_BISECTIONS = 12
 """Bisection steps of the search for the least friction."""
-FRICTION_MOST = 1.2
+MAX_FRICTION = 1.2
 SEARCH_S = 30.0
 """Processor time for the search of a remedy; a program that is running at the limit is completed."""
-REST_M = 0.005
+END_TOLERANCE_M = 0.005
 """End position errors below this are reported as a motion that does not come to rest."""
-CHANGE_S = 0.005
+MIN_REPORTED_CHANGE_S = 0.005
 """Smallest change of a phase's duration that the message names."""
 
 
@@ -63,10 +63,10 @@ class Finding:
     effector: str | None = None
 
     @property
-    def says(self) -> str:
+    def description(self) -> str:
         """Description of the violation, without its location."""
         x = abs(self.value)
-        far = f"the motion ends {x:.2f} m from the goal" if x > REST_M else "the motion does not come to rest"
+        far = f"the motion ends {x:.2f} m from the goal" if x > END_TOLERANCE_M else "the motion does not come to rest"
         rare = f"only {100.0 * x:.2f} % of its postures are" if x else "none of its postures is"
         return {
             "cone": f"the friction cone lacks {x:.0f} N at every contact point",
@@ -79,7 +79,7 @@ class Finding:
         }[self.kind]
 
     @property
-    def where(self) -> str:
+    def location(self) -> str:
         """Location in the scenario."""
         phase = "goal" if self.phase is None else f"phases[{self.phase}]"
         return phase if self.effector is None else f"{phase}.{self.effector}"
@@ -94,8 +94,8 @@ class Diagnosis:
 
     verdict: Verdict
     findings: tuple[Finding, ...]
-    durations: Nearest | None = None
-    placements: Nearest | None = None
+    durations: NearestFeasible | None = None
+    placements: NearestFeasible | None = None
     friction: float | None = None
     cut_short: bool = False
 
@@ -110,13 +110,13 @@ class Diagnosis:
             "stuck": "There are motions over these contacts, but the solver did not find one",
             "found": "The plan respects all limits",
         }[self.verdict]
-        details = "; ".join(f"{f.where}: {f.says}" for f in self.findings[:SAID])
-        return f"{summary}{': ' + details if details else ''}.{self._help}"
+        details = "; ".join(f"{f.location}: {f.description}" for f in self.findings[:N_REPORTED_FINDINGS])
+        return f"{summary}{': ' + details if details else ''}.{self._remedy}"
 
     @property
-    def _help(self) -> str:
+    def _remedy(self) -> str:
         if self.durations is not None:
-            longer = [(i, s) for i, s in enumerate(self.durations.longer_s.tolist()) if abs(s) > CHANGE_S]
+            longer = [(i, s) for i, s in enumerate(self.durations.longer_s.tolist()) if abs(s) > MIN_REPORTED_CHANGE_S]
             changes = ", ".join(f"phase {i} {abs(s):.2f} s {'longer' if s > 0 else 'shorter'}" for i, s in longer)
             return f" A possible remedy: make {changes}."
         if self.placements is not None:
@@ -137,20 +137,20 @@ def diagnose(problem: CentroidalProblem, plan: CentroidalPlan | None = None, sea
     time. About 50 s in total were measured for half a minute of motion.
     """
     solved = plan is not None and plan.converged
-    if not solved and not held(problem):
-        return _with_help(problem, Diagnosis("impossible", tuple(_impossible(problem))), search_s)
-    odd = () if plan is None else (*_spins(problem, plan), *_unusual(problem, plan))
+    if not solved and not is_feasible(problem):
+        return _with_remedy(problem, Diagnosis("impossible", tuple(_infeasibility_findings(problem))), search_s)
+    odd = () if plan is None else (*_momentum_findings(problem, plan), *_unusual_posture_findings(problem, plan))
     if not solved or odd:
-        bearable = relax(problem, PENALTY, PENALTY, PENALTY, coarse_grid(problem))
-        if bearable is not None and not bearable.held:
-            return _with_help(problem, Diagnosis("unbearable", (*_gave_way(bearable), *odd)), search_s)
+        bearable = solve_elastic(problem, PENALTY, PENALTY, PENALTY, coarse_grid(problem))
+        if bearable is not None and not bearable.is_feasible:
+            return _with_remedy(problem, Diagnosis("unbearable", (*_relaxation_findings(bearable), *odd)), search_s)
     if solved:
         return Diagnosis("unusual" if odd else "found", odd)
-    narrow = _narrow(problem)
+    narrow = _control_cone_findings(problem)
     return Diagnosis("narrow", (*narrow, *odd)) if narrow else Diagnosis("stuck", odd)
 
 
-def _narrow(problem: CentroidalProblem) -> tuple[Finding, ...]:
+def _control_cone_findings(problem: CentroidalProblem) -> tuple[Finding, ...]:
     """Phases in which a motion by point forces leaves the cone of the control, largest gauge first."""
     if problem.control.has_point_forces:
         return ()
@@ -159,7 +159,7 @@ def _narrow(problem: CentroidalProblem) -> tuple[Finding, ...]:
         return ()
     findings = []
     for i in range(len(problem.sequence.phases)):
-        patches = problem.touches(i, problem.com_start_m)
+        patches = problem.contact_patches(i, problem.com_start_m)
         wrenches = np.zeros((int((by_forces.phase == i).sum()), 6))
         for patch in patches:
             f = by_forces.forces_n[patch.effector][by_forces.phase == i] / problem.weight_n
@@ -170,30 +170,32 @@ def _narrow(problem: CentroidalProblem) -> tuple[Finding, ...]:
     return tuple(sorted(findings, key=lambda f: -f.value))
 
 
-def _impossible(problem: CentroidalProblem) -> Iterable[Finding]:
-    sticking, missing = relax(problem, cones=1.0), relax(problem, end=1.0)
+def _infeasibility_findings(problem: CentroidalProblem) -> Iterable[Finding]:
+    sticking, missing = solve_elastic(problem, cones=1.0), solve_elastic(problem, end=1.0)
     if sticking is not None:
-        yield from _gave_way(sticking)
+        yield from _relaxation_findings(sticking)
     if missing is not None:
-        yield from _missed(missing.miss)
+        yield from _end_findings(missing.miss)
 
 
-def _missed(miss: EndMiss) -> list[Finding]:
-    return [] if miss.met else [Finding("end", float(np.linalg.norm(miss.com_m)))]
+def _end_findings(miss: EndMiss) -> list[Finding]:
+    return [] if miss.is_met else [Finding("end", float(np.linalg.norm(miss.com_m)))]
 
 
-def _gave_way(found: Relaxed) -> list[Finding]:
+def _relaxation_findings(solution: ElasticSolution) -> list[Finding]:
     """Findings of an elastic solution; the worst of each kind comes first."""
-    cones = [Finding("cone", margin, *at) for at, margin in found.margins_n.items() if margin]
-    reach = [Finding("reach", metres, *at) for at, metres in found.beyond_m.items() if metres]
-    loads = [Finding("load", newtons, *at) for at, newtons in found.loads_n.items() if newtons]
-    spins = [Finding("momentum", nms, i) for i, nms in found.spins_nms.items() if nms]
-    kinds = [sorted(kind, key=lambda f: -abs(f.value)) for kind in (cones, reach, loads, spins, _missed(found.miss))]
+    cones = [Finding("cone", margin, *at) for at, margin in solution.margins_n.items() if margin]
+    reach = [Finding("reach", metres, *at) for at, metres in solution.beyond_m.items() if metres]
+    loads = [Finding("load", newtons, *at) for at, newtons in solution.loads_n.items() if newtons]
+    spins = [Finding("momentum", nms, i) for i, nms in solution.spins_nms.items() if nms]
+    kinds = [
+        sorted(kind, key=lambda f: -abs(f.value)) for kind in (cones, reach, loads, spins, _end_findings(solution.miss))
+    ]
     firsts = [kind[0] for kind in kinds if kind]
     return firsts + [f for kind in kinds for f in kind[1:]]
 
 
-def _unusual(problem: CentroidalProblem, plan: CentroidalPlan) -> list[Finding]:
+def _unusual_posture_findings(problem: CentroidalProblem, plan: CentroidalPlan) -> list[Finding]:
     findings = []
     for i, phase in enumerate(problem.sequence.phases):
         intervals = np.flatnonzero(plan.phase == i)
@@ -201,28 +203,28 @@ def _unusual(problem: CentroidalProblem, plan: CentroidalPlan) -> list[Finding]:
         for name, contact in phase.contacts.items():
             if name in problem.proxies:
                 proxy = problem.proxies[name]
-                frame = proxy.placement(contact.placement, float(problem.sequence.headings_rad[i]))
+                frame = proxy.frame_placement(contact.placement, float(problem.sequence.headings_rad[i]))
                 share = float(usual_share(proxy.mixture, frame.inverse().act(com_m)).min())
-                if share < UNUSUAL:
+                if share < UNUSUAL_SHARE:
                     findings.append(Finding("unusual", share, i, name))
     return sorted(findings, key=lambda f: f.value)
 
 
-def _spins(problem: CentroidalProblem, plan: CentroidalPlan) -> list[Finding]:
+def _momentum_findings(problem: CentroidalProblem, plan: CentroidalPlan) -> list[Finding]:
     peaks_nms = [float(np.abs(plan.l_nms[:-1][plan.phase == i]).max()) for i in range(len(problem.sequence.phases))]
-    limit_nms = SPIN_M2_S * problem.mass_kg
+    limit_nms = MAX_SPIN_M2_S * problem.mass_kg
     return sorted(
         (Finding("momentum", nms, i) for i, nms in enumerate(peaks_nms) if nms > limit_nms), key=lambda f: -f.value
     )
 
 
-def _with_help(problem: CentroidalProblem, diagnosis: Diagnosis, search_s: float) -> Diagnosis:
+def _with_remedy(problem: CentroidalProblem, diagnosis: Diagnosis, search_s: float) -> Diagnosis:
     until_s = time.process_time() + search_s
-    longer = nearest(problem, "durations", until_s)
-    if longer is not None and longer.held:
+    longer = nearest_feasible(problem, "durations", until_s)
+    if longer is not None and longer.is_feasible:
         return replace(diagnosis, durations=longer)
-    nearer = nearest(problem, "placements", until_s)
-    if nearer is not None and nearer.held:
+    nearer = nearest_feasible(problem, "placements", until_s)
+    if nearer is not None and nearer.is_feasible:
         return replace(diagnosis, placements=nearer)
     friction = _least_friction(problem, until_s)
     return replace(diagnosis, friction=friction, cut_short=friction is None and time.process_time() > until_s)
@@ -233,18 +235,18 @@ def _least_friction(problem: CentroidalProblem, until_s: float) -> float | None:
 
     Returns the smallest confirmed value so far when time runs out.
     """
-    if time.process_time() > until_s or not _bearable(problem, FRICTION_MOST):
+    if time.process_time() > until_s or not _is_bearable_with_friction(problem, MAX_FRICTION):
         return None
-    low, high = 0.0, FRICTION_MOST
-    for _ in range(FRICTIONS):
+    low, high = 0.0, MAX_FRICTION
+    for _ in range(FRICTION_BISECTIONS):
         if time.process_time() > until_s:
             break
         middle = (low + high) / 2.0
-        low, high = (low, middle) if _bearable(problem, middle) else (middle, high)
+        low, high = (low, middle) if _is_bearable_with_friction(problem, middle) else (middle, high)
     return high
 
 
-def _bearable(problem: CentroidalProblem, friction: float) -> bool:
+def _is_bearable_with_friction(problem: CentroidalProblem, friction: float) -> bool:
     phases = tuple(
         ContactPhase(
             phase.duration_s,
@@ -253,5 +255,5 @@ def _bearable(problem: CentroidalProblem, friction: float) -> bool:
         for phase in problem.sequence.phases
     )
     rough = replace(problem, sequence=replace(problem.sequence, phases=phases))
-    solution = relax(rough, PENALTY, PENALTY, PENALTY, coarse_grid(rough))
-    return solution is not None and solution.held
+    solution = solve_elastic(rough, PENALTY, PENALTY, PENALTY, coarse_grid(rough))
+    return solution is not None and solution.is_feasible

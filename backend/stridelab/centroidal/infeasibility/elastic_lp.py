@@ -30,23 +30,36 @@ from jaxtyping import Float
 from scipy.optimize import linprog
 
 from stridelab.centroidal.dynamics import N_STATE
-from stridelab.centroidal.infeasibility.body_limits import SPIN_M2_S, bodily, carries, pushes, straight
-from stridelab.centroidal.infeasibility.lp_constraints import N_RAYS, Vector, Where, missing, rows, sticking
+from stridelab.centroidal.infeasibility.body_limits import (
+    MAX_SPIN_M2_S,
+    body_limit_rows,
+    contact_force_rows,
+    max_load_share,
+    straight_line_states,
+)
+from stridelab.centroidal.infeasibility.lp_constraints import (
+    N_RAYS,
+    Vector,
+    Where,
+    adhesion_columns,
+    end_slack_columns,
+    linear_constraints,
+)
 from stridelab.centroidal.problem import CentroidalProblem, Grid
 from stridelab.conventions import Vector3
 
 HARD = float("inf")
 """Price of a hard constraint."""
-ENOUGH = 1e-6
+SLACK_TOLERANCE = 1e-6
 """Slacks up to this (share of the weight, metres) count as zero."""
-MET = 1e-5
+END_TOLERANCE = 1e-5
 """Largest end error (m, m/s, m/s^2, Nms) that counts as zero."""
-EFFORT = 1e-2
+EFFORT_PRICE = 1e-2
 """Price of force variation, per weight and second; the other prices should be many times larger."""
-TANGENTS = 3
+MAX_TANGENTS = 3
 """Maximum number of linearisations of ``c x c'``."""
 
-SETTLED = 1e-2
+TANGENT_TOLERANCE = 1e-2
 """Change of the states (m, m/s) below which the linearisation has converged."""
 
 
@@ -63,14 +76,14 @@ class EndMiss:
     momentum_nms: Vector3
 
     @property
-    def met(self) -> bool:
+    def is_met(self) -> bool:
         """Whether the end is reached."""
         parts = (self.com_m, self.velocity_m_s, self.acceleration_m_s2, self.momentum_nms)
-        return bool(max(np.abs(part).max() for part in parts) < MET)
+        return bool(max(np.abs(part).max() for part in parts) < END_TOLERANCE)
 
 
 @dataclass(frozen=True, eq=False)
-class Relaxed:
+class ElasticSolution:
     """Solution of the elastic program; violations are zero where a limit holds.
 
     ``margins_n`` of cones (negative), ``beyond_m`` out of reach, ``loads_n`` of overloaded hands, ``spins_nms`` of
@@ -88,38 +101,38 @@ class Relaxed:
     price: float
 
     @property
-    def held(self) -> bool:
+    def is_feasible(self) -> bool:
         """Whether all slacks are zero and the end is met."""
         gave = (*self.margins_n.values(), *self.beyond_m.values(), *self.loads_n.values(), *self.spins_nms.values())
-        return not any(gave) and self.miss.met
+        return not any(gave) and self.miss.is_met
 
 
-def relax(
+def solve_elastic(
     problem: CentroidalProblem, cones: float = HARD, body: float = 0.0, end: float = HARD, grid: Grid | None = None
-) -> Relaxed | None:
+) -> ElasticSolution | None:
     """Cheapest elastic solution at these prices; None if the hard constraints are infeasible.
 
     Prices are per weight and second (``cones``), per metre (m^2/s) and second (``body``), and per metre (m/s, ...) of
     the end error (``end``).
     """
-    lp = rows(problem, problem.grid() if grid is None else grid)
+    lp = linear_constraints(problem, problem.grid() if grid is None else grid)
     m, n = lp.A.shape
-    contacts, sticks, seconds = sticking(lp, problem)
+    contacts, sticks, seconds = adhesion_columns(lp, problem)
     durations_s = np.array([phase.duration_s for phase in problem.sequence.phases])
     n_end = lp.n_end
     sizes = (len(contacts), len(contacts), len(contacts), len(durations_s), 2 * n_end)
     splits = np.cumsum(sizes)[:-1]
-    miss = missing(lp)
+    miss = end_slack_columns(lp)
     prices = (cones, body, body, body, end)
     cost = np.concatenate(
         [
-            _priced(p) * T
+            _finite_price(p) * T
             for p, T in zip(prices, (seconds, seconds, seconds, durations_s, np.ones(2 * n_end)), strict=True)
         ]
     )
-    slack_bounds = np.concatenate([np.full(size, _most(p)) for p, size in zip(prices, sizes, strict=True)])
+    slack_bounds = np.concatenate([np.full(size, _slack_bound(p)) for p, size in zip(prices, sizes, strict=True)])
     no_columns = sp.csc_matrix((m, 2 * len(contacts) + len(durations_s)))
-    effort, references = pushes(lp, problem) if body else (sp.csc_matrix((0, n + sizes[0])), np.zeros(0))
+    effort, references = contact_force_rows(lp, problem) if body else (sp.csc_matrix((0, n + sizes[0])), np.zeros(0))
     columns = sp.bmat(
         [
             [sp.hstack([lp.A, sticks, no_columns, miss, -miss]), None],
@@ -136,12 +149,14 @@ def relax(
             np.concatenate([np.full(n, np.inf), slack_bounds, np.full(2 * len(references), np.inf)]),
         ]
     )
-    efforts = EFFORT * np.repeat(lp.grid.step_s, 3)[: len(references)]
-    x, about = None, straight(lp, problem)
-    for _ in range(TANGENTS if body else 1):
-        G, room = bodily(lp, problem, about) if body else (sp.csc_matrix((0, n + int(splits[-1]))), np.zeros(0))
+    efforts = EFFORT_PRICE * np.repeat(lp.grid.step_s, 3)[: len(references)]
+    x, about = None, straight_line_states(lp, problem)
+    for _ in range(MAX_TANGENTS if body else 1):
+        G, room = (
+            body_limit_rows(lp, problem, about) if body else (sp.csc_matrix((0, n + int(splits[-1]))), np.zeros(0))
+        )
         unbounded = sp.csc_matrix((len(room), 2 * n_end + 2 * len(references)))
-        solution = least(
+        solution = minimise_linear(
             np.concatenate([np.zeros(n), cost, efforts, efforts]),
             (columns, np.append(lp.b, references)),
             (sp.hstack([G, unbounded], format="csc"), room),
@@ -151,36 +166,39 @@ def relax(
             return None
         x, previous = solution[: n + len(cost)], about
         about = x[: N_STATE * (len(lp.grid.step_s) + 1)].reshape(-1, N_STATE)
-        if np.abs(about[:, :6] - previous[:, :6]).max() < SETTLED:
+        if np.abs(about[:, :6] - previous[:, :6]).max() < TANGENT_TOLERANCE:
             break
     assert x is not None
     s, r, q, l, e = np.split(x[n:], splits)
     face = N_RAYS * np.cos(np.pi / N_RAYS) * problem.weight_n
-    return Relaxed(
+    return ElasticSolution(
         x[:n],
         dict(zip(contacts, s.tolist(), strict=True)),
-        {at: -face * problem.contact(at[1], at[0]).friction * y for at, y in zip(contacts, _given(s), strict=True)},
-        dict(zip(contacts, _given(r), strict=True)),
         {
-            at: problem.weight_n * (carries(problem, at[1]) + y) if y else 0.0
-            for at, y in zip(contacts, _given(q), strict=True)
+            at: -face * problem.contact(at[1], at[0]).friction * y
+            for at, y in zip(contacts, _significant_slacks(s), strict=True)
         },
-        {i: problem.mass_kg * (SPIN_M2_S + y) if y else 0.0 for i, y in enumerate(_given(l))},
-        _missed(problem, e[n_end:] - e[:n_end]),
+        dict(zip(contacts, _significant_slacks(r), strict=True)),
+        {
+            at: problem.weight_n * (max_load_share(problem, at[1]) + y) if y else 0.0
+            for at, y in zip(contacts, _significant_slacks(q), strict=True)
+        },
+        {i: problem.mass_kg * (MAX_SPIN_M2_S + y) if y else 0.0 for i, y in enumerate(_significant_slacks(l))},
+        _end_miss(problem, e[n_end:] - e[:n_end]),
         float(cost @ x[n:]),
     )
 
 
-def held(problem: CentroidalProblem) -> bool:
+def is_feasible(problem: CentroidalProblem) -> bool:
     """Whether the constraints have a solution, wherever it takes the CoM.
 
     Decided by the slacks of the elastic program instead of a solver's status, which depends on tolerances.
     """
-    solution = relax(problem, cones=1.0)
-    return solution is not None and solution.held
+    solution = solve_elastic(problem, cones=1.0)
+    return solution is not None and solution.is_feasible
 
 
-def least(
+def minimise_linear(
     cost: Vector,
     equal: tuple[sp.csc_matrix, Vector],
     below: tuple[sp.csc_matrix, Vector],
@@ -199,7 +217,7 @@ def least(
     return None
 
 
-def _missed(problem: CentroidalProblem, e: Vector) -> EndMiss:
+def _end_miss(problem: CentroidalProblem, e: Vector) -> EndMiss:
     if problem.terminal == "capturable":
         beyond = np.array([np.abs(e[2:]).max(), 0.0, e[0]])
         return EndMiss(beyond, np.array([0.0, 0.0, e[1]]), np.zeros(3), np.zeros(3))
@@ -209,13 +227,13 @@ def _missed(problem: CentroidalProblem, e: Vector) -> EndMiss:
     return EndMiss(com, velocity, e[0:3] * problem.weight_n / problem.mass_kg, momentum)
 
 
-def _priced(price: float) -> float:
+def _finite_price(price: float) -> float:
     return price if np.isfinite(price) else 0.0
 
 
-def _most(price: float) -> float:
+def _slack_bound(price: float) -> float:
     return np.inf if np.isfinite(price) else 0.0
 
 
-def _given(slacks: Vector) -> list[float]:
-    return [float(x) if x > ENOUGH else 0.0 for x in slacks]
+def _significant_slacks(slacks: Vector) -> list[float]:
+    return [float(x) if x > SLACK_TOLERANCE else 0.0 for x in slacks]

@@ -15,7 +15,7 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Float, Int
 
-from stridelab.centroidal.dynamics import DOWN, N_STATE, step
+from stridelab.centroidal.dynamics import DOWN, N_STATE, discrete_step
 from stridelab.centroidal.problem import CentroidalProblem, Grid
 from stridelab.contacts.wrench_cones.contact_points import PointContacts
 
@@ -29,7 +29,7 @@ Where = tuple[int, str]
 
 
 @dataclass(frozen=True, eq=False)
-class Rows:
+class LinearConstraints:
     """``A w = b``, ``w >= lower``: states ``(n + 1, 9)`` first, then the ray lengths of every interval and contact.
 
     ``first[k, effector]`` is the index of the first ray length of interval ``k``; positions are relative to the CoM at
@@ -45,7 +45,7 @@ class Rows:
     lower: Vector
 
 
-def rows(problem: CentroidalProblem, grid: Grid) -> Rows:
+def linear_constraints(problem: CentroidalProblem, grid: Grid) -> LinearConstraints:
     """The constraints of a problem on a grid."""
     phases, last = problem.sequence.phases, len(grid.step_s) - 1
     wrenches = {(i, name): ray_wrenches(problem, i, name) for i, phase in enumerate(phases) for name in phase.contacts}
@@ -54,37 +54,37 @@ def rows(problem: CentroidalProblem, grid: Grid) -> Rows:
         for name in phases[i].contacts:
             first[k, name] = n
             n += wrenches[i, name].shape[1]
-    A, b = Blocks(), []
+    A, b = SparseBlocks(), []
     for k, h in enumerate(grid.step_s):
-        s, i, row = step(float(h)), int(grid.phase[k]), N_STATE * k
-        A.add(row, N_STATE * (k + 1), np.eye(N_STATE))
-        A.add(row, N_STATE * k, -s.A)
+        s, i, row = discrete_step(float(h)), int(grid.phase[k]), N_STATE * k
+        A.add_block(row, N_STATE * (k + 1), np.eye(N_STATE))
+        A.add_block(row, N_STATE * k, -s.A)
         b.append(s.b)
         for name in phases[i].contacts:
-            A.add(row, first[k, name], -s.B @ wrenches[i, name])
+            A.add_block(row, first[k, name], -s.B @ wrenches[i, name])
     start = N_STATE * (last + 1)
-    A.add(start, 0, np.eye(N_STATE))
+    A.add_block(start, 0, np.eye(N_STATE))
     b.append(np.concatenate([np.zeros(3), problem.start.com_v_m_s, problem.start.l_nms / problem.weight_n]))
     end, at_end, goal = start + N_STATE, N_STATE * (last + 1), problem.com_end_m - problem.com_start_m
     stop = problem.capture_region()
     if stop is not None:  # its momentum is limited by the body limits only
-        A.add(end, at_end, np.eye(N_STATE)[[2, 5]])
+        A.add_block(end, at_end, np.eye(N_STATE)[[2, 5]])
         planes = len(stop.offsets)
         over = np.zeros((planes, N_STATE))
         over[:, 0:2], over[:, 3:5] = stop.normals, stop.normals / stop.omega_1_s
-        A.add(end + 2, at_end, over)
-        A.add(end + 2, n, np.eye(planes))  # slack to the planes, non-negative
+        A.add_block(end + 2, at_end, over)
+        A.add_block(end + 2, n, np.eye(planes))  # slack to the planes, non-negative
         b.append(np.concatenate([goal[2:], [0.0], stop.offsets]))
         n, n_end = n + planes, 2 + planes
     else:
         for name in phases[-1].contacts:
-            A.add(end, first[last, name], wrenches[len(phases) - 1, name][:3])
-        A.add(end + 3, at_end, np.eye(N_STATE))
+            A.add_block(end, first[last, name], wrenches[len(phases) - 1, name][:3])
+        A.add_block(end + 3, at_end, np.eye(N_STATE))
         b += [-DOWN, np.concatenate([goal, np.zeros(6)])]
         n_end = 3 + N_STATE
     lower = np.full(n, -np.inf)
     lower[N_STATE * (last + 2) :] = 0.0
-    return Rows(grid, wrenches, first, n_end, A.matrix(end + n_end, n), np.concatenate(b), lower)
+    return LinearConstraints(grid, wrenches, first, n_end, A.matrix(end + n_end, n), np.concatenate(b), lower)
 
 
 def ray_wrenches(problem: CentroidalProblem, phase: int, effector: str) -> Float[np.ndarray, "6 m"]:
@@ -93,39 +93,39 @@ def ray_wrenches(problem: CentroidalProblem, phase: int, effector: str) -> Float
     points_m = contact.placement.act(problem.points_m(effector)) - problem.com_start_m
     n = len(points_m)
     same = np.broadcast_to(contact.placement.rotation, (n, 3, 3))
-    return PointContacts(points_m, same, np.full(n, contact.friction)).rays(N_RAYS).T
+    return PointContacts(points_m, same, np.full(n, contact.friction)).wrench_rays(N_RAYS).T
 
 
-def sticking(programme: Rows, problem: CentroidalProblem) -> tuple[list[Where], sp.csc_matrix, Vector]:
+def adhesion_columns(lp: LinearConstraints, problem: CentroidalProblem) -> tuple[list[Where], sp.csc_matrix, Vector]:
     """All contacts, the columns of their slacks ``s`` in ``A``, and the duration (s) of each."""
     contacts = [(i, name) for i, phase in enumerate(problem.sequence.phases) for name in phase.contacts]
-    columns, seconds, last = Blocks(), np.zeros(len(contacts)), len(programme.grid.step_s) - 1
+    columns, seconds, last = SparseBlocks(), np.zeros(len(contacts)), len(lp.grid.step_s) - 1
     for j, (i, name) in enumerate(contacts):
-        pull = programme.wrenches[i, name].sum(axis=1)[:, None]
-        for k in np.flatnonzero(programme.grid.phase == i):
-            h = float(programme.grid.step_s[k])
+        pull = lp.wrenches[i, name].sum(axis=1)[:, None]
+        for k in np.flatnonzero(lp.grid.phase == i):
+            h = float(lp.grid.step_s[k])
             seconds[j] += h
-            columns.add(N_STATE * int(k), j, step(h).B @ pull)
+            columns.add_block(N_STATE * int(k), j, discrete_step(h).B @ pull)
             if k == last and problem.terminal == "rest":
-                columns.add(N_STATE * (last + 2), j, -pull[:3])
-    return contacts, columns.matrix(len(programme.b), len(contacts)), seconds
+                columns.add_block(N_STATE * (last + 2), j, -pull[:3])
+    return contacts, columns.matrix(len(lp.b), len(contacts)), seconds
 
 
-def missing(programme: Rows) -> sp.csc_matrix:
+def end_slack_columns(lp: LinearConstraints) -> sp.csc_matrix:
     """Columns of the end slacks ``e`` in ``A``."""
-    n_end = programme.n_end
-    return sp.vstack([sp.csc_matrix((len(programme.b) - n_end, n_end)), sp.identity(n_end)], format="csc")
+    n_end = lp.n_end
+    return sp.vstack([sp.csc_matrix((len(lp.b) - n_end, n_end)), sp.identity(n_end)], format="csc")
 
 
 @dataclass(frozen=True)
-class Blocks:
+class SparseBlocks:
     """A sparse matrix under construction, block by block; overlapping entries are added."""
 
     rows: list[Int[np.ndarray, "_"]] = field(default_factory=list)
     columns: list[Int[np.ndarray, "_"]] = field(default_factory=list)
     values: list[Float[np.ndarray, "_"]] = field(default_factory=list)
 
-    def add(self, row: int, column: int, M: Float[np.ndarray, "rows columns"]) -> None:
+    def add_block(self, row: int, column: int, M: Float[np.ndarray, "rows columns"]) -> None:
         """Add ``M`` with its upper left corner at ``(row, column)``."""
         i, j = np.nonzero(M)
         self.rows.append(row + i)

@@ -18,37 +18,45 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Int
 
-from stridelab.centroidal.dynamics import DOWN, N_STATE, Step, skew, step
-from stridelab.centroidal.free_variables import Stay, movable
-from stridelab.centroidal.infeasibility.body_limits import bodily
-from stridelab.centroidal.infeasibility.elastic_lp import Relaxed, least, relax
-from stridelab.centroidal.infeasibility.lp_constraints import Blocks, Rows, Vector, Where, missing, rows, sticking
-from stridelab.centroidal.placement_windows import room_m
+from stridelab.centroidal.dynamics import DOWN, N_STATE, Step, discrete_step, skew
+from stridelab.centroidal.free_variables import ContactSpan, movable_spans
+from stridelab.centroidal.infeasibility.body_limits import body_limit_rows
+from stridelab.centroidal.infeasibility.elastic_lp import ElasticSolution, minimise_linear, solve_elastic
+from stridelab.centroidal.infeasibility.lp_constraints import (
+    LinearConstraints,
+    SparseBlocks,
+    Vector,
+    Where,
+    adhesion_columns,
+    end_slack_columns,
+    linear_constraints,
+)
+from stridelab.centroidal.placement_windows import placement_window_m
 from stridelab.centroidal.problem import CentroidalProblem, Grid
 from stridelab.contacts.sequence import ContactPhase, ContactSequence
 from stridelab.conventions import GRAVITY_M_S2, Vector3
 
-What = Literal["durations", "placements"]
+ChangeKind = Literal["durations", "placements"]
 Counts = Int[np.ndarray, "phases"]
 PENALTY = 100.0
 """Price of slacks, per weight and second and per metre and second."""
-SPARES = (0.1, 0.25, 0.5, 1.0)
+RESERVES = (0.1, 0.25, 0.5, 1.0)
 """Shares by which the smallest sufficient change is enlarged, tried in this order."""
 RATE_HZ = 3.0
 """Nodes per second, fewer than in a plan: feasibility on a coarse grid implies it on a finer one."""
 COARSE, FINE = 3, 5
 """Minimum intervals per phase in the search, and on the confirmation grid with twice as many nodes per second."""
-SHORTEST_S = 0.05
+MIN_PHASE_S = 0.05
 DECIMETRE_M = 0.1
-FARTHEST_M = 2.0
+MAX_SHIFT_M = 2.0
 """Maximum distance by which a contact may be moved."""
-ROUNDS = 25
-FIRST_REGION = 0.4
-LAST_REGION = 1e-3
+MAX_ITERATIONS = 25
+INITIAL_RADIUS = 0.4
+MIN_RADIUS = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
-class Nearest:
+class NearestFeasible:
     """A contact sequence near the given one.
 
     ``held``: whether its constraints and body limits are feasible. ``longer_s``: change of each phase's duration;
@@ -56,107 +64,111 @@ class Nearest:
     """
 
     sequence: ContactSequence
-    held: bool
+    is_feasible: bool
     longer_s: Vector
     shifts_m: dict[Where, Vector3]
 
 
-def nearest(problem: CentroidalProblem, what: What, until_s: float = np.inf) -> Nearest | None:
+def nearest_feasible(problem: CentroidalProblem, change: ChangeKind, until_s: float = np.inf) -> NearestFeasible | None:
     """Change the durations, or the placements of the contacts that begin and end within the motion.
 
     Returns None if there is nothing to change, or if the process time has already passed ``until_s``, at which the
     search ends.
     """
-    counts = _counts(problem, RATE_HZ, COARSE)
-    spans = movable(problem.sequence) if what == "placements" else []
-    size = len(problem.sequence.phases) if what == "durations" else 2 * len(spans)
-    limits = _limits(problem, what, spans)
+    counts = _interval_counts(problem, RATE_HZ, COARSE)
+    spans = movable_spans(problem.sequence) if change == "placements" else []
+    size = len(problem.sequence.phases) if change == "durations" else 2 * len(spans)
+    limits = _change_bounds(problem, change, spans)
     if time.process_time() > until_s:
         return None
-    theta, region = np.zeros(size), FIRST_REGION
-    current = _judged(problem, what, spans, theta, counts)
+    theta, region = np.zeros(size), INITIAL_RADIUS
+    current = _solve_changed(problem, change, spans, theta, counts)
     if not size or current is None:
         return None
-    for _ in range(ROUNDS):
-        converged = current.price < LAST_REGION and region < FIRST_REGION and np.abs(theta).sum() < LAST_REGION
+    for _ in range(MAX_ITERATIONS):
+        converged = current.price < MIN_RADIUS and region < INITIAL_RADIUS and np.abs(theta).sum() < MIN_RADIUS
         if converged or time.process_time() > until_s:
             break
-        candidate = _linear(problem, what, spans, theta, current, _Region(theta, region, limits), counts)
-        candidate_solution = None if candidate is None else _judged(problem, what, spans, candidate, counts)
+        candidate = _linearised_step(
+            problem, change, spans, theta, current, _TrustRegion(theta, region, limits), counts
+        )
+        candidate_solution = None if candidate is None else _solve_changed(problem, change, spans, candidate, counts)
         if (
             candidate is None
             or candidate_solution is None
-            or _merit(candidate, candidate_solution) > _merit(theta, current) - LAST_REGION / 10.0
+            or _merit_value(candidate, candidate_solution) > _merit_value(theta, current) - MIN_RADIUS / 10.0
         ):
             region /= 3.0
-            if region < LAST_REGION:
+            if region < MIN_RADIUS:
                 break
             continue
-        theta, current, region = candidate, candidate_solution, min(FIRST_REGION, 1.5 * region)
-    return _spared(problem, what, spans, theta, until_s)
+        theta, current, region = candidate, candidate_solution, min(INITIAL_RADIUS, 1.5 * region)
+    return _with_reserve(problem, change, spans, theta, until_s)
 
 
-def _spared(problem: CentroidalProblem, what: What, stays: list[Stay], theta: Vector, until_s: float) -> Nearest:
+def _with_reserve(
+    problem: CentroidalProblem, change: ChangeKind, spans: list[ContactSpan], theta: Vector, until_s: float
+) -> NearestFeasible:
     """Enlarge the change by the smallest of ``RESERVES`` that is feasible on a finer grid, or the last one tried."""
     durations_s = np.array([phase.duration_s for phase in problem.sequence.phases])
-    for reserve in SPARES if what == "durations" else SPARES[:1]:
-        enlarged = (1.0 + reserve) * np.where(np.abs(theta) > LAST_REGION, theta, 0.0)
-        changed = _changed(problem, what, stays, enlarged)
-        fine = grid_of(changed, _counts(changed, 2.0 * RATE_HZ, FINE))
-        final = relax(changed, cones=PENALTY, body=PENALTY, end=PENALTY, grid=fine)
-        feasible = final is not None and final.held
+    for reserve in RESERVES if change == "durations" else RESERVES[:1]:
+        enlarged = (1.0 + reserve) * np.where(np.abs(theta) > MIN_RADIUS, theta, 0.0)
+        changed = _apply_change(problem, change, spans, enlarged)
+        fine = grid_of(changed, _interval_counts(changed, 2.0 * RATE_HZ, FINE))
+        final = solve_elastic(changed, cones=PENALTY, body=PENALTY, end=PENALTY, grid=fine)
+        feasible = final is not None and final.is_feasible
         if feasible or time.process_time() > until_s:
             break
-    return Nearest(
+    return NearestFeasible(
         changed.sequence,
         feasible,
         np.array([phase.duration_s for phase in changed.sequence.phases]) - durations_s,
         {
-            (span.first, span.contact.effector): _shift(span, enlarged[2 * j : 2 * j + 2])
-            for j, span in enumerate(stays)
+            (span.first, span.contact.effector): _shift_vector(span, enlarged[2 * j : 2 * j + 2])
+            for j, span in enumerate(spans)
             if enlarged[2 * j : 2 * j + 2].any()
         },
     )
 
 
 @dataclass(frozen=True, eq=False)
-class _Region:
+class _TrustRegion:
     """Trust region of theta: a box of ``radius`` around ``at``, intersected with ``limits``."""
 
-    at: Vector
+    center: Vector
     radius: float
     limits: tuple[Vector, Vector]
 
     @property
-    def low(self) -> Vector:
-        return np.asarray(np.maximum(self.at - self.radius, self.limits[0]))
+    def lower_bound(self) -> Vector:
+        return np.asarray(np.maximum(self.center - self.radius, self.limits[0]))
 
     @property
-    def high(self) -> Vector:
-        return np.asarray(np.minimum(self.at + self.radius, self.limits[1]))
+    def upper_bound(self) -> Vector:
+        return np.asarray(np.minimum(self.center + self.radius, self.limits[1]))
 
 
-def _limits(problem: CentroidalProblem, what: What, stays: list[Stay]) -> tuple[Vector, Vector]:
+def _change_bounds(problem: CentroidalProblem, change: ChangeKind, spans: list[ContactSpan]) -> tuple[Vector, Vector]:
     """Bounds of theta: phases last ``MIN_PHASE_S``; contacts stay within their windows, including the reserve."""
-    if what == "durations":
+    if change == "durations":
         durations_s = np.array([phase.duration_s for phase in problem.sequence.phases])
-        return np.minimum(0.0, SHORTEST_S - durations_s), np.full(len(durations_s), np.inf)
+        return np.minimum(0.0, MIN_PHASE_S - durations_s), np.full(len(durations_s), np.inf)
     windows = []
-    for span in stays:
+    for span in spans:
         points_m = problem.points_m(span.contact.effector)
-        windows.append(room_m(span.contact, points_m, problem.sequence.terrain, (FARTHEST_M, FARTHEST_M)))
+        windows.append(placement_window_m(span.contact, points_m, problem.sequence.terrain, (MAX_SHIFT_M, MAX_SHIFT_M)))
     low, high = (np.concatenate([np.zeros(0), *(room[side] for room in windows)]) for side in (0, 1))
-    scale = (1.0 + SPARES[0]) * DECIMETRE_M
+    scale = (1.0 + RESERVES[0]) * DECIMETRE_M
     return low / scale, high / scale
 
 
-def _merit(theta: Vector, relaxed: Relaxed) -> float:
-    return float(np.abs(theta).sum()) + relaxed.price
+def _merit_value(theta: Vector, solution: ElasticSolution) -> float:
+    return float(np.abs(theta).sum()) + solution.price
 
 
 def coarse_grid(problem: CentroidalProblem) -> Grid:
     """The grid of the search for the unchanged problem."""
-    return grid_of(problem, _counts(problem, RATE_HZ, COARSE))
+    return grid_of(problem, _interval_counts(problem, RATE_HZ, COARSE))
 
 
 def grid_of(problem: CentroidalProblem, counts: Counts) -> Grid:
@@ -166,62 +178,68 @@ def grid_of(problem: CentroidalProblem, counts: Counts) -> Grid:
     return Grid(np.concatenate([[0.0], np.cumsum(h[phase])]), phase, h[phase])
 
 
-def _counts(problem: CentroidalProblem, rate_hz: float, least: int) -> Counts:
+def _interval_counts(problem: CentroidalProblem, rate_hz: float, least: int) -> Counts:
     return np.array([max(least, round(rate_hz * phase.duration_s)) for phase in problem.sequence.phases])
 
 
-def _judged(problem: CentroidalProblem, what: What, stays: list[Stay], theta: Vector, counts: Counts) -> Relaxed | None:
-    changed = _changed(problem, what, stays, theta)
-    return relax(changed, cones=PENALTY, body=PENALTY, end=PENALTY, grid=grid_of(changed, counts))
+def _solve_changed(
+    problem: CentroidalProblem, change: ChangeKind, spans: list[ContactSpan], theta: Vector, counts: Counts
+) -> ElasticSolution | None:
+    changed = _apply_change(problem, change, spans, theta)
+    return solve_elastic(changed, cones=PENALTY, body=PENALTY, end=PENALTY, grid=grid_of(changed, counts))
 
 
-def _changed(problem: CentroidalProblem, what: What, stays: list[Stay], theta: Vector) -> CentroidalProblem:
+def _apply_change(
+    problem: CentroidalProblem, change: ChangeKind, spans: list[ContactSpan], theta: Vector
+) -> CentroidalProblem:
     phases = list(problem.sequence.phases)
-    if what == "durations":
+    if change == "durations":
         phases = [
-            ContactPhase(max(SHORTEST_S, phase.duration_s + float(dt)), phase.contacts)
+            ContactPhase(max(MIN_PHASE_S, phase.duration_s + float(dt)), phase.contacts)
             for phase, dt in zip(phases, theta, strict=True)
         ]
-    for j, span in enumerate(stays):
+    for j, span in enumerate(spans):
         old_placement, name = span.contact.placement, span.contact.effector
-        placement = replace(old_placement, position_m=old_placement.position_m + _shift(span, theta[2 * j : 2 * j + 2]))
+        placement = replace(
+            old_placement, position_m=old_placement.position_m + _shift_vector(span, theta[2 * j : 2 * j + 2])
+        )
         for i in range(span.first, span.last + 1):
             contact = replace(span.contact, placement=placement)
             phases[i] = ContactPhase(phases[i].duration_s, {**phases[i].contacts, name: contact})
     return replace(problem, sequence=replace(problem.sequence, phases=tuple(phases)))
 
 
-def _shift(stay: Stay, along: Vector) -> Vector3:
-    return np.asarray(DECIMETRE_M * stay.contact.placement.rotation[:, :2] @ along)
+def _shift_vector(span: ContactSpan, along: Vector) -> Vector3:
+    return np.asarray(DECIMETRE_M * span.contact.placement.rotation[:, :2] @ along)
 
 
-def _linear(
+def _linearised_step(
     problem: CentroidalProblem,
-    what: What,
-    stays: list[Stay],
+    change: ChangeKind,
+    spans: list[ContactSpan],
     theta: Vector,
-    now: Relaxed,
-    region: "_Region",
+    current: ElasticSolution,
+    region: "_TrustRegion",
     counts: Counts,
 ) -> Vector | None:
     """Theta of the linear program linearised at the solution ``now``."""
-    changed = _changed(problem, what, stays, theta)
-    lp = rows(changed, grid_of(changed, counts))
+    changed = _apply_change(problem, change, spans, theta)
+    lp = linear_constraints(changed, grid_of(changed, counts))
     m, n = lp.A.shape
-    _, sticks, seconds = sticking(lp, changed)
-    G, limits = bodily(lp, changed, now.w[: N_STATE * (len(lp.grid.step_s) + 1)].reshape(-1, N_STATE))
+    _, sticks, seconds = adhesion_columns(lp, changed)
+    G, limits = body_limit_rows(lp, changed, current.w[: N_STATE * (len(lp.grid.step_s) + 1)].reshape(-1, N_STATE))
     J, H = (
-        (_by_durations(lp, changed, now), sp.csc_matrix((G.shape[0], len(theta))))
-        if what == "durations"
-        else _by_places(lp, changed, now, stays, G.shape[0])
+        (_duration_derivatives(lp, changed, current), sp.csc_matrix((G.shape[0], len(theta))))
+        if change == "durations"
+        else _placement_derivatives(lp, changed, current, spans, G.shape[0])
     )
     durations_s = np.array([phase.duration_s for phase in changed.sequence.phases])
     slacks = PENALTY * np.concatenate([seconds, seconds, seconds, durations_s, np.ones(2 * lp.n_end)])
     size, count = len(theta), len(slacks)
     E, zero = sp.identity(size), sp.csc_matrix((size, n + count))
     no_columns = sp.csc_matrix((m, 2 * len(seconds) + len(durations_s)))
-    miss, n_end = missing(lp), lp.n_end
-    solution = least(
+    miss, n_end = end_slack_columns(lp), lp.n_end
+    solution = minimise_linear(
         np.concatenate([np.zeros(n), slacks, np.zeros(size), np.ones(size)]),
         (
             sp.hstack([lp.A, sticks, no_columns, miss, -miss, J, sp.csc_matrix((m, size))], format="csc"),
@@ -240,64 +258,64 @@ def _linear(
         ),
         np.column_stack(
             [
-                np.concatenate([lp.lower, np.zeros(count), region.low, np.zeros(size)]),
-                np.concatenate([np.full(n + count, np.inf), region.high, np.full(size, np.inf)]),
+                np.concatenate([lp.lower, np.zeros(count), region.lower_bound, np.zeros(size)]),
+                np.concatenate([np.full(n + count, np.inf), region.upper_bound, np.full(size, np.inf)]),
             ]
         ),
     )
     return None if solution is None else solution[-2 * size : -size]
 
 
-def _forces(programme: Rows, now: Relaxed, k: int, effector: str) -> Vector:
+def _contact_wrench(lp: LinearConstraints, current: ElasticSolution, k: int, effector: str) -> Vector:
     """``(F, T)`` of a contact in interval ``k``, adhesion included."""
-    i = int(programme.grid.phase[k])
-    W, start = programme.wrenches[i, effector], programme.first[k, effector]
-    return np.asarray(W @ (now.w[start : start + W.shape[1]] - now.sticks[i, effector]))
+    i = int(lp.grid.phase[k])
+    W, start = lp.wrenches[i, effector], lp.first[k, effector]
+    return np.asarray(W @ (current.w[start : start + W.shape[1]] - current.sticks[i, effector]))
 
 
-def _by_durations(programme: Rows, problem: CentroidalProblem, now: Relaxed) -> sp.csc_matrix:
+def _duration_derivatives(lp: LinearConstraints, problem: CentroidalProblem, current: ElasticSolution) -> sp.csc_matrix:
     """Derivative of the rows by the phase durations; the body limits do not depend on them."""
-    J, phases = Blocks(), problem.sequence.phases
-    counts = np.bincount(programme.grid.phase)
-    for k, h in enumerate(programme.grid.step_s):
-        i, rate = int(programme.grid.phase[k]), _step_rate(float(h))
-        x = now.w[N_STATE * k : N_STATE * (k + 1)]
-        wrench = sum((_forces(programme, now, k, name) for name in phases[i].contacts), np.zeros(6))
-        J.add(N_STATE * k, i, -(rate.A @ x + rate.B @ wrench + rate.b)[:, None] / counts[i])
-    return J.matrix(len(programme.b), len(phases))
+    J, phases = SparseBlocks(), problem.sequence.phases
+    counts = np.bincount(lp.grid.phase)
+    for k, h in enumerate(lp.grid.step_s):
+        i, rate = int(lp.grid.phase[k]), _discrete_step_derivative(float(h))
+        x = current.w[N_STATE * k : N_STATE * (k + 1)]
+        wrench = sum((_contact_wrench(lp, current, k, name) for name in phases[i].contacts), np.zeros(6))
+        J.add_block(N_STATE * k, i, -(rate.A @ x + rate.B @ wrench + rate.b)[:, None] / counts[i])
+    return J.matrix(len(lp.b), len(phases))
 
 
-def _by_places(
-    programme: Rows, problem: CentroidalProblem, now: Relaxed, stays: list[Stay], n_limits: int
+def _placement_derivatives(
+    lp: LinearConstraints, problem: CentroidalProblem, current: ElasticSolution, spans: list[ContactSpan], n_limits: int
 ) -> tuple[sp.csc_matrix, sp.csc_matrix]:
     """Derivatives of the rows and of the body limits, boxes first, by the shifts of the contacts."""
-    J, H, row = Blocks(), Blocks(), 0
+    J, H, row = SparseBlocks(), SparseBlocks(), 0
     movable_index = {
-        (i, span.contact.effector): j for j, span in enumerate(stays) for i in range(span.first, span.last + 1)
+        (i, span.contact.effector): j for j, span in enumerate(spans) for i in range(span.first, span.last + 1)
     }
-    axes = [DECIMETRE_M * span.contact.placement.rotation[:, :2] for span in stays]
-    for k, h in enumerate(programme.grid.step_s):
-        i, B = int(programme.grid.phase[k]), step(float(h)).B
+    axes = [DECIMETRE_M * span.contact.placement.rotation[:, :2] for span in spans]
+    for k, h in enumerate(lp.grid.step_s):
+        i, B = int(lp.grid.phase[k]), discrete_step(float(h)).B
         for name in problem.sequence.phases[i].contacts:
             if (i, name) in movable_index:
                 j = movable_index[i, name]
-                F = _forces(programme, now, k, name)[:3]
-                J.add(N_STATE * k, 2 * j, B[:, 3:] @ skew(F) @ axes[j])
+                F = _contact_wrench(lp, current, k, name)[:3]
+                J.add_block(N_STATE * k, 2 * j, B[:, 3:] @ skew(F) @ axes[j])
     for i, phase in enumerate(problem.sequence.phases):
         for name, contact in phase.contacts.items():
             if name not in problem.proxies:
                 continue
             heading_rad = float(problem.sequence.headings_rad[i])
-            R = problem.proxies[name].placement(contact.placement, heading_rad).rotation
-            for _ in range(int((programme.grid.phase == i).sum()) + 1):
+            R = problem.proxies[name].frame_placement(contact.placement, heading_rad).rotation
+            for _ in range(int((lp.grid.phase == i).sum()) + 1):
                 if (i, name) in movable_index:
                     j = movable_index[i, name]
-                    H.add(row, 2 * j, -np.vstack([R.T, -R.T]) @ axes[j])
+                    H.add_block(row, 2 * j, -np.vstack([R.T, -R.T]) @ axes[j])
                 row += 6
-    return J.matrix(len(programme.b), 2 * len(stays)), H.matrix(n_limits, 2 * len(stays))
+    return J.matrix(len(lp.b), 2 * len(spans)), H.matrix(n_limits, 2 * len(spans))
 
 
-def _step_rate(h: float) -> Step:
+def _discrete_step_derivative(h: float) -> Step:
     """Derivative of ``dynamics.discrete_step`` by the length of the interval."""
     G, E, cross_g = GRAVITY_M_S2, np.eye(3), -skew(DOWN)
     A, B, b = np.zeros((N_STATE, N_STATE)), np.zeros((N_STATE, 6)), np.zeros(N_STATE)

@@ -6,18 +6,18 @@ from typing import Final
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from stridelab.centroidal.control import Touch
-from stridelab.centroidal.force_splines import INNER, comes_and_goes
-from stridelab.centroidal.free_variables import Stay, movable
+from stridelab.centroidal.control import ContactPatch
+from stridelab.centroidal.force_splines import INNER, touchdowns_and_liftoffs
+from stridelab.centroidal.free_variables import ContactSpan, movable_spans
 from stridelab.centroidal.nlp.transcription import ground_m
-from stridelab.centroidal.placement_windows import room_m
+from stridelab.centroidal.placement_windows import placement_window_m
 from stridelab.centroidal.problem import CentroidalProblem
 from stridelab.dynamics.spatial import Placement
 from stridelab.reachability.gaussian_mixture import Mixture
 
-POINTS: Final = 4
+POINTS_PER_BLOCK: Final = 4
 """Contact points per block; a contact with more points takes several blocks."""
-ROOM_M: Final = 1e-6
+MIN_WINDOW_M: Final = 1e-6
 """Placement windows up to this size count as empty."""
 MixtureArrays = tuple[Float[np.ndarray, "_"], Float[np.ndarray, "_ 3"], Float[np.ndarray, "_ 3 3"]]
 """Constants, means and whitenings: ``log w_j N(y; mu_j, S_j) = constant_j - |W_j (y - mu_j)|^2 / 2``."""
@@ -47,7 +47,7 @@ class NativeInput:
     block_points: Float[np.ndarray, "blocks 4 3"]
     block_count: Int[np.ndarray, "blocks"]
     block_effort: Float[np.ndarray, "blocks 2"]
-    block_most: Float[np.ndarray, "blocks"]
+    block_force_limit: Float[np.ndarray, "blocks"]
     phase_layout: Int[np.ndarray, "phases 5"]
     phase_step_s: Float[np.ndarray, "phases"]
     phase_height: Float[np.ndarray, "phases 2"]
@@ -55,7 +55,7 @@ class NativeInput:
     planes: Float[np.ndarray, "planes 5"]
     wrench_cones: Float[np.ndarray, "cones 6 6"]
     phase_cone: Int[np.ndarray, "phases"]
-    freedom: Float[np.ndarray, "_"]
+    duration_limits: Float[np.ndarray, "_"]
     block_edges: Int[np.ndarray, "blocks 2"]
     cubic: bool
     place_phases: Int[np.ndarray, "places 2"]
@@ -65,13 +65,13 @@ class NativeInput:
     visit_place_of: Int[np.ndarray, "visits"]
     limbs: Float[np.ndarray, "_ 3"]
     slots: tuple[tuple[Slot, ...], ...]
-    moved: tuple[Stay, ...]
+    moved: tuple[ContactSpan, ...]
 
-    def arguments(self) -> list[object]:
+    def module_arguments(self) -> list[object]:
         """Positional arguments of ``stridelab_native.Problem``."""
         return [value for name, value in vars(self).items() if name not in ("slots", "moved")]
 
-    def present(self, phase: int) -> Bool[np.ndarray, "controls blocks"]:
+    def active_controls(self, phase: int) -> Bool[np.ndarray, "controls blocks"]:
         """Which blocks of a phase have forces, per control point: one per interval, two for splines."""
         controls, first, blocks = self.phase_layout[phase, :3].tolist()
         active = np.ones((controls, blocks), dtype=bool)
@@ -86,29 +86,29 @@ def native_input(problem: CentroidalProblem) -> NativeInput:
     grid, origin, sequence, weights = problem.grid(), problem.com_start_m, problem.sequence, problem.weights
     names = [name for name in sequence.effectors if name in problem.proxies]
     controls = (INNER[problem.shape] * np.bincount(grid.phase)).tolist()
-    blocks: list[tuple[Touch, int]] = []
+    blocks: list[tuple[ContactPatch, int]] = []
     slots: list[tuple[Slot, ...]] = []
     places: list[tuple[int, Placement]] = []
     layout = []
-    movable_spans, place_axes, place_windows = _places(problem)
+    movable_spans, place_axes, place_windows = _movable_contacts(problem)
     block_place, visit_place = [], []
     forces = problem.control.has_point_forces
     for i, phase in enumerate(sequence.phases):
         first_block, first_visit = len(blocks), len(places)
-        patches = problem.touches(i, origin)
-        phase_blocks = [(t, k) for t in patches for k in range(0, len(t.points_m), POINTS)] if forces else []
+        patches = problem.contact_patches(i, origin)
+        phase_blocks = [(t, k) for t in patches for k in range(0, len(t.points_m), POINTS_PER_BLOCK)] if forces else []
         blocks += phase_blocks
-        block_place += [_place_of(movable_spans, t.effector, i) for t, _ in phase_blocks]
-        slots.append(tuple(Slot(t.effector, k, len(t.points_m[k : k + POINTS])) for t, k in phase_blocks))
+        block_place += [_movable_index(movable_spans, t.effector, i) for t, _ in phase_blocks]
+        slots.append(tuple(Slot(t.effector, k, len(t.points_m[k : k + POINTS_PER_BLOCK])) for t, k in phase_blocks))
         for name in names:
             if name in phase.contacts:
                 at, heading_rad = phase.contacts[name].placement, float(sequence.headings_rad[i])
-                places.append((names.index(name), problem.proxies[name].placement(at, heading_rad)))
-                visit_place.append(_place_of(movable_spans, name, i))
+                places.append((names.index(name), problem.proxies[name].frame_placement(at, heading_rad)))
+                visit_place.append(_movable_index(movable_spans, name, i))
         layout.append([controls[i], first_block, len(phase_blocks), first_visit, len(places) - first_visit])
-    points = np.zeros((len(blocks), POINTS, 3))
+    points = np.zeros((len(blocks), POINTS_PER_BLOCK, 3))
     for b, (t, k) in enumerate(blocks):
-        points[b, : len(t.points_m[k : k + POINTS])] = t.points_m[k : k + POINTS]
+        points[b, : len(t.points_m[k : k + POINTS_PER_BLOCK])] = t.points_m[k : k + POINTS_PER_BLOCK]
     wrench_cones, phase_cone = _wrench_cones(problem)
     start_l = problem.start.l_nms / problem.weight_n
     return NativeInput(
@@ -117,7 +117,7 @@ def native_input(problem: CentroidalProblem) -> NativeInput:
         ),
         start=np.concatenate([np.zeros(3), problem.start.com_v_m_s, start_l]),
         goal=np.concatenate([problem.com_end_m - origin, np.zeros(6)]),
-        mixtures=[_mixture(problem.proxies[name].mixture) for name in names],
+        mixtures=[_mixture_arrays(problem.proxies[name].mixture) for name in names],
         visit_mixture=np.array([j for j, _ in places], dtype=np.int32),
         visit_place=np.array([at.position_m - origin for _, at in places], dtype=float).reshape(-1, 3),
         visit_axes=np.array([at.rotation for _, at in places], dtype=float).reshape(-1, 3, 3),
@@ -125,23 +125,23 @@ def native_input(problem: CentroidalProblem) -> NativeInput:
             [t.rotation * np.array([t.friction, t.friction, 1.0]) for t, _ in blocks], dtype=float
         ).reshape(-1, 3, 3),
         block_points=points,
-        block_count=np.array([len(t.points_m[k : k + POINTS]) for t, k in blocks], dtype=np.int32),
+        block_count=np.array([len(t.points_m[k : k + POINTS_PER_BLOCK]) for t, k in blocks], dtype=np.int32),
         block_effort=np.array(
             [[2.0 * t.force_weight * t.friction**2, 2.0 * t.force_weight] for t, _ in blocks], dtype=float
         ).reshape(-1, 2),
-        block_most=np.array(
+        block_force_limit=np.array(
             [problem.bounds.normal_force_max_n.get(t.effector, np.inf) / problem.weight_n for t, _ in blocks],
             dtype=float,
         ),
         phase_layout=np.array(layout, dtype=np.int32),
         phase_step_s=np.array([p.duration_s / n for p, n in zip(sequence.phases, controls, strict=True)], dtype=float),
-        phase_height=_heights(problem),
+        phase_height=_height_bounds(problem),
         capturable=problem.terminal == "capturable",
-        planes=_planes(problem),
+        planes=_capture_planes(problem),
         wrench_cones=wrench_cones,
         phase_cone=phase_cone,
-        freedom=_freedom(problem),
-        block_edges=_edges(problem, slots),
+        duration_limits=_duration_limits(problem),
+        block_edges=_zero_force_edges(problem, slots),
         cubic=problem.shape == "cubic",
         place_phases=np.array([[span.first, span.last] for span in movable_spans], dtype=np.int32).reshape(-1, 2),
         place_axes=place_axes,
@@ -154,19 +154,21 @@ def native_input(problem: CentroidalProblem) -> NativeInput:
     )
 
 
-def _places(
+def _movable_contacts(
     problem: CentroidalProblem,
-) -> tuple[tuple[Stay, ...], Float[np.ndarray, "places 2 3"], Float[np.ndarray, "places 4"]]:
+) -> tuple[tuple[ContactSpan, ...], Float[np.ndarray, "places 2 3"], Float[np.ndarray, "places 4"]]:
     """Movable contacts ordered by their last phase, with axes and windows (low, high, low, high).
 
     An axis with an empty window is zero; its window is then a placeholder.
     """
     moved, axes, windows = [], [], []
     if problem.placements is not None:
-        for span in sorted(movable(problem.sequence), key=lambda span: span.last):
+        for span in sorted(movable_spans(problem.sequence), key=lambda span: span.last):
             corners_m = problem.effectors[span.contact.effector].points_m()
-            low, high = room_m(span.contact, corners_m, problem.sequence.terrain, problem.placements.reach_m)
-            free = high - low > ROOM_M
+            low, high = placement_window_m(
+                span.contact, corners_m, problem.sequence.terrain, problem.placements.reach_m
+            )
+            free = high - low > MIN_WINDOW_M
             if free.any():
                 moved.append(span)
                 axes.append(np.where(free, span.contact.placement.rotation[:, :2], 0.0).T)
@@ -174,9 +176,9 @@ def _places(
     return tuple(moved), np.array(axes).reshape(-1, 2, 3), np.array(windows).reshape(-1, 4)
 
 
-def _place_of(moved: tuple[Stay, ...], effector: str, phase: int) -> int:
+def _movable_index(spans: tuple[ContactSpan, ...], effector: str, phase: int) -> int:
     """Index of the movable contact of an effector in a phase; -1 if it has none."""
-    of = (i for i, s in enumerate(moved) if s.contact.effector == effector and s.first <= phase <= s.last)
+    of = (i for i, s in enumerate(spans) if s.contact.effector == effector and s.first <= phase <= s.last)
     return next(of, -1)
 
 
@@ -187,7 +189,7 @@ def wrench_cone(problem: CentroidalProblem, phase: int) -> Float[np.ndarray, "6 
     """
     if problem.control.has_point_forces:
         return None
-    groups = problem.control.generators(problem.touches(phase, problem.com_start_m))
+    groups = problem.control.generators(problem.contact_patches(phase, problem.com_start_m))
     if not groups:
         return None
     (group,) = groups.values()
@@ -207,7 +209,7 @@ def _wrench_cones(problem: CentroidalProblem) -> tuple[Float[np.ndarray, "cones 
     return np.array(cones).reshape(-1, 6, 6), np.array(phase_cone, dtype=np.int32)
 
 
-def _freedom(problem: CentroidalProblem) -> Float[np.ndarray, "_"]:
+def _duration_limits(problem: CentroidalProblem) -> Float[np.ndarray, "_"]:
     """Shortest and longest durations as shares of the given ones, total (s), price per second; empty if fixed."""
     free = problem.durations
     if free is None or free.shortest == free.longest:
@@ -216,15 +218,15 @@ def _freedom(problem: CentroidalProblem) -> Float[np.ndarray, "_"]:
     return np.array([free.shortest, free.longest, total_s, free.price_per_s])
 
 
-def _edges(problem: CentroidalProblem, slots: list[tuple[Slot, ...]]) -> Int[np.ndarray, "blocks 2"]:
+def _zero_force_edges(problem: CentroidalProblem, slots: list[tuple[Slot, ...]]) -> Int[np.ndarray, "blocks 2"]:
     """Whether the contact of a block touches down and lifts off with its phase: its splines start or end at zero."""
     empty: set[tuple[int, str]] = set()
-    comes, goes = comes_and_goes(problem.sequence) if problem.shape == "cubic" else (empty, empty)
+    comes, goes = touchdowns_and_liftoffs(problem.sequence) if problem.shape == "cubic" else (empty, empty)
     edges = [((i, slot.effector) in comes, (i, slot.effector) in goes) for i, of in enumerate(slots) for slot in of]
     return np.array(edges, dtype=np.int32).reshape(-1, 2)
 
 
-def _heights(problem: CentroidalProblem) -> Float[np.ndarray, "phases 2"]:
+def _height_bounds(problem: CentroidalProblem) -> Float[np.ndarray, "phases 2"]:
     """CoM height bounds per phase, relative to the start."""
     phases = len(problem.sequence.phases)
     if problem.bounds.com_height_m is None:
@@ -233,7 +235,7 @@ def _heights(problem: CentroidalProblem) -> Float[np.ndarray, "phases 2"]:
     return np.array([ground_m(problem, i) + above_m for i in range(phases)])
 
 
-def _planes(problem: CentroidalProblem) -> Float[np.ndarray, "planes 5"]:
+def _capture_planes(problem: CentroidalProblem) -> Float[np.ndarray, "planes 5"]:
     """Half-planes of the capture region of a capturable end; empty for rest."""
     end = problem.capture_region()
     if end is None:
@@ -241,8 +243,8 @@ def _planes(problem: CentroidalProblem) -> Float[np.ndarray, "planes 5"]:
     return np.column_stack([end.normals, end.normals / end.omega_1_s, end.offsets])
 
 
-def _mixture(mixture: Mixture) -> MixtureArrays:
-    W = mixture.whitenings
+def _mixture_arrays(mixture: Mixture) -> MixtureArrays:
+    W = mixture.inverse_cholesky
     log_det = np.log(np.einsum("jaa->ja", W)).sum(axis=1)
     constants = np.log(mixture.weights) + log_det - 1.5 * np.log(2.0 * np.pi)
     return np.ascontiguousarray(constants), np.ascontiguousarray(mixture.means_m), np.ascontiguousarray(W)

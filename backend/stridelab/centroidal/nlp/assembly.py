@@ -18,7 +18,7 @@ Indices = Int[np.ndarray, "uses _"]
 
 
 @dataclass(frozen=True, eq=False)
-class Cost:
+class CostPart:
     """``phi(y, q)`` with its gradient and ``curvature(y, q, theta)``, of which the upper triangle is used.
 
     theta is that of ``density_term``; ``n_q`` is the size of q.
@@ -33,7 +33,7 @@ class Cost:
 
 
 @dataclass(frozen=True, eq=False)
-class Rows:
+class ConstraintPart:
     """``psi(y, q)`` with its Jacobian and ``curvature(y, q, lambda)`` of ``lambda psi``, None where it is linear."""
 
     name: str
@@ -46,7 +46,7 @@ class Rows:
 
 
 @dataclass(frozen=True, eq=False)
-class Programme:
+class NonlinearProgram:
     """``f``, ``g`` of ``(w, p)`` and derivatives; ``hessian`` is the upper triangle of that of ``s f + lambda g``.
 
     ``hessian`` takes ``(w, p, s, lambda, theta)``. ``parameters`` names the blocks of p in their order, each with its
@@ -68,34 +68,38 @@ class Programme:
         return sum(n_q * uses for _, (n_q, uses) in self.parameters)
 
 
-def assemble(n: int, n_rows: int, costs: list[Cost], rows: list[Rows], scale: float) -> Programme:
+def assemble_nlp(
+    n: int, n_rows: int, costs: list[CostPart], rows: list[ConstraintPart], scale: float
+) -> NonlinearProgram:
     """Assemble the nonlinear program; ``scale`` multiplies the objective."""
-    parameters = _shapes([*costs, *rows])
+    parameters = _parameter_shapes([*costs, *rows])
     w, theta, s = ca.MX.sym("w", n), ca.MX.sym("theta"), ca.MX.sym("s")
     p = ca.MX.sym("p", sum(n_q * uses for _, (n_q, uses) in parameters))
     lam = ca.MX.sym("lambda", n_rows)
-    q = dict(zip((name for name, _ in parameters), _blocks(p, [shape for _, shape in parameters]), strict=True))
+    q = dict(
+        zip((name for name, _ in parameters), _split_parameters(p, [shape for _, shape in parameters]), strict=True)
+    )
 
     f, gradient = ca.MX(0), ca.MX.zeros(n)
-    H, J = Pattern(), Pattern()
+    H, J = SparseExpression(), SparseExpression()
     for cost in costs:
         uses, m = cost.of_y.shape
         y = ca.reshape(w[cost.of_y.ravel().tolist()], m, uses)
         f += ca.sum2(cost.value.map(uses)(y, q[cost.name]))
-        gradient += scatter(cost.of_y, n) @ ca.vec(cost.gradient.map(uses)(y, q[cost.name]))
-        curvature = _triangle(cost.curvature)
-        H.add(cost.of_y, cost.of_y, curvature, (s * scale) * curvature.map(uses)(y, q[cost.name], theta).nz[:])
+        gradient += scatter_matrix(cost.of_y, n) @ ca.vec(cost.gradient.map(uses)(y, q[cost.name]))
+        curvature = _upper_triangle(cost.curvature)
+        H.add_blocks(cost.of_y, cost.of_y, curvature, (s * scale) * curvature.map(uses)(y, q[cost.name], theta).nz[:])
     g = ca.MX.zeros(n_rows)
     for part in rows:
         uses, m = part.of_y.shape
         y = ca.reshape(w[part.of_y.ravel().tolist()], m, uses)
-        g += scatter(part.of_row, n_rows) @ ca.vec(part.value.map(uses)(y, q[part.name]))
-        J.add(part.of_row, part.of_y, part.jacobian, part.jacobian.map(uses)(y, q[part.name]).nz[:])
+        g += scatter_matrix(part.of_row, n_rows) @ ca.vec(part.value.map(uses)(y, q[part.name]))
+        J.add_blocks(part.of_row, part.of_y, part.jacobian, part.jacobian.map(uses)(y, q[part.name]).nz[:])
         if part.curvature is not None:
             own = ca.reshape(lam[part.of_row.ravel().tolist()], part.of_row.shape[1], uses)
-            curvature = _triangle(part.curvature)
-            H.add(part.of_y, part.of_y, curvature, curvature.map(uses)(y, q[part.name], own).nz[:])
-    return Programme(
+            curvature = _upper_triangle(part.curvature)
+            H.add_blocks(part.of_y, part.of_y, curvature, curvature.map(uses)(y, q[part.name], own).nz[:])
+    return NonlinearProgram(
         n=n,
         n_rows=n_rows,
         parameters=parameters,
@@ -107,43 +111,43 @@ def assemble(n: int, n_rows: int, costs: list[Cost], rows: list[Rows], scale: fl
     )
 
 
-def _shapes(parts: Sequence[Cost | Rows]) -> tuple[tuple[str, tuple[int, int]], ...]:
+def _parameter_shapes(parts: Sequence[CostPart | ConstraintPart]) -> tuple[tuple[str, tuple[int, int]], ...]:
     return tuple((part.name, (part.n_q, len(part.of_y))) for part in parts)
 
 
-def _blocks(p: ca.MX, shapes: list[tuple[int, int]]) -> list[ca.MX]:
+def _split_parameters(p: ca.MX, shapes: list[tuple[int, int]]) -> list[ca.MX]:
     ends = np.cumsum([0] + [n_q * uses for n_q, uses in shapes]).tolist()
     return [ca.reshape(part, n_q, uses) for part, (n_q, uses) in zip(ca.vertsplit(p, ends), shapes, strict=True)]
 
 
-def _triangle(function: ca.Function) -> ca.Function:
+def _upper_triangle(function: ca.Function) -> ca.Function:
     """Function that returns the upper triangle of the matrix of ``function``."""
     inputs = [ca.SX.sym(f"i{i}", function.sparsity_in(i)) for i in range(function.n_in())]
     return ca.Function("upper", inputs, [ca.triu(function(*inputs))])
 
 
-def constant(M: sp.csc_matrix) -> ca.DM:
+def to_casadi(M: sp.csc_matrix) -> ca.DM:
     """Convert a SciPy sparse matrix to CasADi."""
     M.sort_indices()
     rows, columns = int(M.shape[0]), int(M.shape[1])
     return ca.DM(ca.Sparsity(rows, columns, M.indptr.tolist(), M.indices.tolist()), M.data)
 
 
-def scatter(indices: Int[np.ndarray, "..."], n: int) -> ca.DM:
+def scatter_matrix(indices: Int[np.ndarray, "..."], n: int) -> ca.DM:
     """Matrix that adds the entries of a vector to the entries ``indices`` of a vector of size ``n``."""
     flat = indices.ravel()
-    return constant(sp.csc_matrix((np.ones(len(flat)), (flat, np.arange(len(flat)))), shape=(n, len(flat))))
+    return to_casadi(sp.csc_matrix((np.ones(len(flat)), (flat, np.arange(len(flat)))), shape=(n, len(flat))))
 
 
 @dataclass(frozen=True)
-class Pattern:
+class SparseExpression:
     """A sparse matrix of expressions under construction; overlapping entries are added."""
 
     rows: list[Int[np.ndarray, "_"]] = field(default_factory=list)
     columns: list[Int[np.ndarray, "_"]] = field(default_factory=list)
     values: list[ca.MX] = field(default_factory=list)
 
-    def add(
+    def add_blocks(
         self,
         of_row: Int[np.ndarray, "uses rows"],
         of_column: Int[np.ndarray, "uses columns"],
@@ -166,4 +170,4 @@ class Pattern:
         key = np.concatenate(self.columns) * np.int64(n_rows) + np.concatenate(self.rows)
         places, where = np.unique(key, return_inverse=True)
         pattern = ca.Sparsity.triplet(n_rows, n_columns, (places % n_rows).tolist(), (places // n_rows).tolist())
-        return ca.MX(pattern, scatter(where, len(places)) @ ca.vertcat(*self.values))
+        return ca.MX(pattern, scatter_matrix(where, len(places)) @ ca.vertcat(*self.values))

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from stridelab.centroidal.nlp.assembly import Programme
+from stridelab.centroidal.nlp.assembly import NonlinearProgram
 from stridelab.centroidal.nlp.kkt import Box
-from stridelab.centroidal.nlp.nlp import SCALE
+from stridelab.centroidal.nlp.nlp import OBJECTIVE_SCALE
 
 
 @dataclass(frozen=True)
@@ -19,45 +19,45 @@ class Iterate:
     infeasibility: float
 
 
-Tell = Callable[[Iterate], None]
+IterationCallback = Callable[[Iterate], None]
 """Called at every iteration of either solver."""
 
 
-class Listener:
+class IterateReporter:
     """Forwards iterates to the callback of the current run, if it has one."""
 
-    def __init__(self, programme: Programme) -> None:
-        self.programme = programme
-        self.listen(None, None)
+    def __init__(self, nlp: NonlinearProgram) -> None:
+        self.nlp = nlp
+        self.begin_run(None, None)
 
-    def listen(self, tell: Tell | None, box: Box | None) -> None:
+    def begin_run(self, on_iteration: IterationCallback | None, box: Box | None) -> None:
         """Begin a run with the bounds ``box``; resets the iteration count."""
-        self._tell, self._box, self._count = tell, box, 0
+        self._on_iteration, self._box, self._count = on_iteration, box, 0
 
     @property
-    def listening(self) -> bool:
+    def has_callback(self) -> bool:
         """Whether the current run has a callback."""
-        return self._tell is not None
+        return self._on_iteration is not None
 
-    def hear(self, x: ca.DM, f: ca.DM, g: ca.DM) -> None:
+    def report_iterate(self, x: ca.DM, f: ca.DM, g: ca.DM) -> None:
         """Report the next iterate with its objective and constraint rows."""
-        if self._tell is not None and self._box is not None:
-            self._tell(Iterate(self._count, float(f) / SCALE, _violation(self._box, x, g)))
+        if self._on_iteration is not None and self._box is not None:
+            self._on_iteration(Iterate(self._count, float(f) / OBJECTIVE_SCALE, _max_violation(self._box, x, g)))
         self._count += 1
 
 
-def _violation(box: Box, x: ca.DM, g: ca.DM) -> float:
+def _max_violation(box: Box, x: ca.DM, g: ca.DM) -> float:
     w, rows = x.full().ravel(), g.full().ravel()
     excess = (box.lower - w, w - box.upper, box.row_lower - rows, rows - box.row_upper)
     return max(0.0, *(float(part.max(initial=0.0)) for part in excess))
 
 
-class AtIterations(ca.Callback):
+class IpoptCallback(ca.Callback):
     """Iteration callback of ipopt; never interrupts the solve."""
 
-    def __init__(self, listener: Listener) -> None:
+    def __init__(self, listener: IterateReporter) -> None:
         ca.Callback.__init__(self)
-        self._listener, nlp = listener, listener.programme
+        self._listener, nlp = listener, listener.nlp
         self._sizes = {"x": nlp.n, "lam_x": nlp.n, "g": nlp.n_rows, "lam_g": nlp.n_rows, "f": 1, "lam_p": nlp.n_p}
         self.construct("at_iterations", {})
 
@@ -76,17 +76,17 @@ class AtIterations(ca.Callback):
     def eval(self, arg: Sequence[ca.DM]) -> list[float]:
         """Report the iterate; the return value 0 lets ipopt continue."""
         results = dict(zip(map(ca.nlpsol_out, range(len(arg))), arg, strict=True))
-        self._listener.hear(results["x"], results["f"], results["g"])
+        self._listener.report_iterate(results["x"], results["f"], results["g"])
         return [0.0]
 
 
-class AtCurvatures(ca.Callback):
+class HessianCallback(ca.Callback):
     """Zero function of (x, p), added to the Hessian: fatrop has no callback but evaluates one Hessian per iteration."""
 
-    def __init__(self, listener: Listener) -> None:
+    def __init__(self, listener: IterateReporter) -> None:
         ca.Callback.__init__(self)
         self._listener = listener
-        self._sizes = (listener.programme.n, listener.programme.n_p)
+        self._sizes = (listener.nlp.n, listener.nlp.n_p)
         self.construct("at_curvatures", {})
 
     def get_n_in(self) -> int:
@@ -103,7 +103,7 @@ class AtCurvatures(ca.Callback):
 
     def eval(self, arg: Sequence[ca.DM]) -> list[float]:
         """Return zero; evaluates and reports the iterate if the run has a callback."""
-        if self._listener.listening:
-            nlp = self._listener.programme
-            self._listener.hear(arg[0], nlp.value(*arg), nlp.rows(*arg))
+        if self._listener.has_callback:
+            nlp = self._listener.nlp
+            self._listener.report_iterate(arg[0], nlp.value(*arg), nlp.rows(*arg))
         return [0.0]

@@ -20,7 +20,7 @@ from stridelab.reachability.gaussian_mixture import Mixture
 
 
 @dataclass(frozen=True, eq=False)
-class Likelihood:
+class LikelihoodFunctions:
     """CasADi functions of ``(c, p, vec R)``, world coordinates: ``-log p``, gradient ``(3)``.
 
     ``curvature`` ``(3, 3)`` takes theta as a fourth argument.
@@ -31,12 +31,12 @@ class Likelihood:
     curvature: ca.Function
 
 
-def likelihood(mixture: Mixture) -> Likelihood:
+def likelihood_functions(mixture: Mixture) -> LikelihoodFunctions:
     """Build the functions for one effector's mixture."""
     c, p, R, theta = ca.SX.sym("c", 3), ca.SX.sym("p", 3), ca.SX.sym("R", 3, 3), ca.SX.sym("theta")
     y = R.T @ (c - p)
     exponents, scores = [], []
-    for w, mu, W in zip(mixture.weights, mixture.means_m, mixture.whitenings, strict=True):
+    for w, mu, W in zip(mixture.weights, mixture.means_m, mixture.inverse_cholesky, strict=True):
         W_low = ca.sparsify(ca.DM(W))  # lower triangular
         whitened = W_low @ (y - ca.DM(mu))
         constant = np.log(w) + np.log(np.diag(W)).sum() - 1.5 * np.log(2 * np.pi)
@@ -51,7 +51,7 @@ def likelihood(mixture: Mixture) -> Likelihood:
     majoriser = sum(s * ca.DM(P) for s, P in zip(gamma, mixture.precisions, strict=True))
     covariance = sum(s * (d - mean) @ (d - mean).T for s, d in zip(gamma, scores, strict=True))
     inputs = [c, p, ca.vec(R)]
-    return Likelihood(
+    return LikelihoodFunctions(
         value=ca.Function("value", inputs, [-logp]),
         gradient=ca.Function("gradient", inputs, [R @ mean]),
         curvature=ca.Function("curvature", [*inputs, theta], [R @ (majoriser - theta * covariance) @ R.T]),

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from stridelab.centroidal.nlp.assembly import Programme
+from stridelab.centroidal.nlp.assembly import NonlinearProgram
 from stridelab.centroidal.nlp.variable_layout import Structure
 from stridelab.conventions import Series
 
@@ -102,16 +102,16 @@ class Solution:
     point: Point | NativePoint
 
 
-def residuals(programme: Programme, p: Float[np.ndarray, "parameters"], box: Box, at: Point) -> Residuals:
+def kkt_residuals(nlp: NonlinearProgram, p: Float[np.ndarray, "parameters"], box: Box, point: Point) -> Residuals:
     """Residuals of the first-order conditions at a point."""
-    g = programme.rows(at.w, p).full().ravel()
-    gradient = programme.gradient(at.w, p).full().ravel()
-    J = programme.jacobian(at.w, p).sparse()
-    stationarity = np.abs(gradient + J.T @ at.lambda_g + at.lambda_w).max()
+    g = nlp.rows(point.w, p).full().ravel()
+    gradient = nlp.gradient(point.w, p).full().ravel()
+    J = nlp.jacobian(point.w, p).sparse()
+    stationarity = np.abs(gradient + J.T @ point.lambda_g + point.lambda_w).max()
     violations, slack = [], []
     for x, lower, upper, multiplier in (
-        (at.w, box.lower, box.upper, at.lambda_w),
-        (g, box.row_lower, box.row_upper, at.lambda_g),
+        (point.w, box.lower, box.upper, point.lambda_w),
+        (g, box.row_lower, box.row_upper, point.lambda_g),
     ):
         violations += [lower - x, x - upper]
         distance = np.where(multiplier > 0.0, upper - x, x - lower)

@@ -12,17 +12,25 @@ from jaxtyping import Int
 
 from stridelab.centroidal.dynamics import N_STATE, N_WRENCH
 from stridelab.centroidal.nlp import cubic_stage_functions, stage_functions
-from stridelab.centroidal.nlp.assembly import Cost, Programme, Rows, assemble
-from stridelab.centroidal.nlp.density_term import likelihood
+from stridelab.centroidal.nlp.assembly import ConstraintPart, CostPart, NonlinearProgram, assemble_nlp
+from stridelab.centroidal.nlp.density_term import likelihood_functions
 from stridelab.centroidal.nlp.stage_functions import CostFunctions, RowFunctions
-from stridelab.centroidal.nlp.variable_layout import N_CAPTURABLE, Layout, Structure, Use, lay_out, n_cones, n_limits
+from stridelab.centroidal.nlp.variable_layout import (
+    N_CAPTURABLE,
+    Layout,
+    Structure,
+    Use,
+    create_layout,
+    n_cones,
+    n_limits,
+)
 from stridelab.reachability.gaussian_mixture import Mixture
 
-SCALE: Final = 1e-2
+OBJECTIVE_SCALE: Final = 1e-2
 """Objective scale; brings its gradient to the order of the constraints' gradients."""
 CAPTURE: Final = "capture"
 """Name of the rows of the capture point."""
-KEPT: Final = 8
+MAX_CACHED_PROGRAMS: Final = 8
 """Number of compiled programs in the cache."""
 
 
@@ -45,7 +53,7 @@ class Compiled:
 
     structure: Structure
     layout: Layout
-    programme: Programme
+    nlp: NonlinearProgram
     ties: Mapping[str, list[Use]]
     efforts: Mapping[str, list[Use]]
     limits: Mapping[str, list[Use]]
@@ -53,91 +61,127 @@ class Compiled:
     solvers: dict[Hashable, object] = field(default_factory=dict)
 
 
-_kept: dict[Structure, Compiled] = {}
+_compiled_programs: dict[Structure, Compiled] = {}
 
 
-def compiled(structure: Structure, mixtures: Mapping[str, Mixture]) -> Compiled:
+def compiled_program(structure: Structure, mixtures: Mapping[str, Mixture]) -> Compiled:
     """The program of ``structure``, compiled at first use and cached (least recently used); not thread-safe."""
-    if structure in _kept:
-        _kept[structure] = _kept.pop(structure)
+    if structure in _compiled_programs:
+        _compiled_programs[structure] = _compiled_programs.pop(structure)
     else:
-        _kept[structure] = _compile(structure, mixtures)
-        for oldest in list(_kept)[:-KEPT]:
-            del _kept[oldest]
-    return _kept[structure]
+        _compiled_programs[structure] = _compile_program(structure, mixtures)
+        for oldest in list(_compiled_programs)[:-MAX_CACHED_PROGRAMS]:
+            del _compiled_programs[oldest]
+    return _compiled_programs[structure]
 
 
-def _compile(structure: Structure, mixtures: Mapping[str, Mixture]) -> Compiled:
-    layout, free = lay_out(structure), structure.free_durations
+def _compile_program(structure: Structure, mixtures: Mapping[str, Mixture]) -> Compiled:
+    layout, free = create_layout(structure), structure.free_durations
     phase_of = np.array(structure.phase_of)
-    costs: list[Cost] = []
-    rows: list[Rows] = []
+    costs: list[CostPart] = []
+    rows: list[ConstraintPart] = []
 
-    def timed(of_y: Int[np.ndarray, "uses y"], phases: Int[np.ndarray, "uses"]) -> Int[np.ndarray, "uses z"]:
+    def with_durations(of_y: Int[np.ndarray, "uses y"], phases: Int[np.ndarray, "uses"]) -> Int[np.ndarray, "uses z"]:
         """Append the duration of its phase to each y, if durations are free."""
         return np.column_stack([of_y, layout.durations[phases]]) if free else of_y
 
-    def cost(name: str, of_y: Int[np.ndarray, "uses y"], of: CostFunctions) -> None:
-        costs.append(Cost(name, of_y, of.value.size1_in(1), of.value, of.gradient, of.curvature))
+    def add_cost(name: str, of_y: Int[np.ndarray, "uses y"], of: CostFunctions) -> None:
+        costs.append(CostPart(name, of_y, of.value.size1_in(1), of.value, of.gradient, of.curvature))
 
-    def row(name: str, of_y: Int[np.ndarray, "uses y"], of_row: Int[np.ndarray, "uses r"], of: RowFunctions) -> None:
-        rows.append(Rows(name, of_y, of_row, of.value.size1_in(1), of.value, of.jacobian, of.curvature))
+    def add_rows(
+        name: str, of_y: Int[np.ndarray, "uses y"], of_row: Int[np.ndarray, "uses r"], of: RowFunctions
+    ) -> None:
+        rows.append(ConstraintPart(name, of_y, of_row, of.value.size1_in(1), of.value, of.jacobian, of.curvature))
 
     x, F = layout.state, layout.wrench
     if structure.shape == "cubic":
-        for name, k, (first, last) in splines(len(phase_of)):
-            before = _run(F[k - 1, 1], N_WRENCH)[:, first * N_WRENCH :]
-            after = _run(F[(k + 1) % len(F), 0], N_WRENCH)[:, last * N_WRENCH :]
-            own = _run(F[k, 0], 2 * N_WRENCH)
-            cost(
+        for name, k, (first, last) in spline_parts(len(phase_of)):
+            before = _index_ranges(F[k - 1, 1], N_WRENCH)[:, first * N_WRENCH :]
+            after = _index_ranges(F[(k + 1) % len(F), 0], N_WRENCH)[:, last * N_WRENCH :]
+            own = _index_ranges(F[k, 0], 2 * N_WRENCH)
+            add_cost(
                 f"squares{name}",
-                np.hstack([before, _run(x[k], 6), own, after]),
-                cubic_stage_functions.squares(first, last),
+                np.hstack([before, _index_ranges(x[k], 6), own, after]),
+                cubic_stage_functions.squared_rates(first, last),
             )
-            across = np.hstack([before, _run(x[k], N_STATE), own, _run(x[k + 1], N_STATE), after])
-            row(f"gap{name}", across, _run(layout.gap[k], N_STATE), cubic_stage_functions.gap(first, last))
+            across = np.hstack([before, _index_ranges(x[k], N_STATE), own, _index_ranges(x[k + 1], N_STATE), after])
+            add_rows(
+                f"gap{name}",
+                across,
+                _index_ranges(layout.gap[k], N_STATE),
+                cubic_stage_functions.dynamics_gap(first, last),
+            )
     else:
-        cost(
+        add_cost(
             "squares",
-            timed(np.hstack([_run(x[:-1], 6), _run(F[:, 0], N_WRENCH)]), phase_of),
-            stage_functions.squares(free),
+            with_durations(np.hstack([_index_ranges(x[:-1], 6), _index_ranges(F[:, 0], N_WRENCH)]), phase_of),
+            stage_functions.squared_rates(free),
         )
-        across = np.hstack([_run(x[:-1], N_STATE), _run(F[:, 0], N_WRENCH), _run(x[1:], N_STATE)])
-        row("gap", timed(across, phase_of), _run(layout.gap, N_STATE), stage_functions.gap(free))
-    row("start", _run(x[:1], N_STATE), _run(np.array([layout.start]), N_STATE), stage_functions.same(N_STATE))
+        across = np.hstack(
+            [_index_ranges(x[:-1], N_STATE), _index_ranges(F[:, 0], N_WRENCH), _index_ranges(x[1:], N_STATE)]
+        )
+        add_rows(
+            "gap",
+            with_durations(across, phase_of),
+            _index_ranges(layout.gap, N_STATE),
+            stage_functions.dynamics_gap(free),
+        )
+    add_rows(
+        "start",
+        _index_ranges(x[:1], N_STATE),
+        _index_ranges(np.array([layout.start]), N_STATE),
+        stage_functions.identity_rows(N_STATE),
+    )
     end = np.array([layout.end])
     if structure.capture_planes:
-        row("end height", x[-1:, None] + np.array([2, 5]), _run(end, 2), stage_functions.same(2))
-        row("end momentum", _run(x[-1:], N_STATE), _run(end + 2, 3), stage_functions.momentum())
+        add_rows("end height", x[-1:, None] + np.array([2, 5]), _index_ranges(end, 2), stage_functions.identity_rows(2))
+        add_rows(
+            "end momentum",
+            _index_ranges(x[-1:], N_STATE),
+            _index_ranges(end + 2, 3),
+            stage_functions.momentum_about_com(),
+        )
         planes = N_CAPTURABLE + end + np.arange(structure.capture_planes)[:, None]
-        row(
+        add_rows(
             CAPTURE,
             np.repeat(x[-1:, None] + np.array([0, 1, 3, 4]), len(planes), axis=0),
             planes,
-            stage_functions.dot(4),
+            stage_functions.dot_product(4),
         )
     else:
-        row("end", _run(x[-1:], N_STATE), _run(end, N_STATE), stage_functions.same(N_STATE))
-        row("rest", _run(F[-1:, -1], 3), _run(np.array([layout.rest]), 3), stage_functions.same(3))
-    row("wrench", _run(F.ravel(), N_WRENCH), _run(layout.tie.ravel(), N_WRENCH), stage_functions.same(N_WRENCH))
+        add_rows(
+            "end", _index_ranges(x[-1:], N_STATE), _index_ranges(end, N_STATE), stage_functions.identity_rows(N_STATE)
+        )
+        add_rows(
+            "rest",
+            _index_ranges(F[-1:, -1], 3),
+            _index_ranges(np.array([layout.rest]), 3),
+            stage_functions.identity_rows(3),
+        )
+    add_rows(
+        "wrench",
+        _index_ranges(F.ravel(), N_WRENCH),
+        _index_ranges(layout.tie.ravel(), N_WRENCH),
+        stage_functions.identity_rows(N_WRENCH),
+    )
 
-    ties, efforts, limits = _grouped(layout.uses)
+    ties, efforts, limits = _group_uses(layout.uses)
     for name, uses in ties.items():
         group = uses[0].group
-        of_y = _run(np.array([use.start for use in uses]), group.size)
+        of_y = _index_ranges(np.array([use.start for use in uses]), group.size)
         if group.shift is not None:
-            of_y = np.hstack([of_y, _run(layout.shifts[_shifts(uses)], 2)])
-        row(
+            of_y = np.hstack([of_y, _index_ranges(layout.shifts[_shift_indices(uses)], 2)])
+        add_rows(
             name,
             of_y,
-            _run(np.array([layout.tie[use.k, use.inner] for use in uses]), N_WRENCH),
-            stage_functions.tie(group.size, group.shift is not None),
+            _index_ranges(np.array([layout.tie[use.k, use.inner] for use in uses]), N_WRENCH),
+            stage_functions.wrench_tie(group.size, group.shift is not None),
         )
     for name, uses in efforts.items():
         size = uses[0].group.block
         starts = np.array([use.start + i for use in uses for i in range(0, use.group.size, size)])
         phases = np.array([use.phase for use in uses for _ in range(0, use.group.size, size)])
-        cost(name, timed(_run(starts, size), phases), stage_functions.effort(size, free))
+        add_cost(name, with_durations(_index_ranges(starts, size), phases), stage_functions.effort_cost(size, free))
     for name, uses in limits.items():
         size = uses[0].group.block
         of_y, of_row = np.array(
@@ -147,7 +191,7 @@ def _compile(structure: Structure, mixtures: Mapping[str, Mixture]) -> Compiled:
                 for i in range(n_limits(use.group))
             ]
         ).T
-        row(name, _run(of_y, size), of_row[:, None], stage_functions.dot(size))
+        add_rows(name, _index_ranges(of_y, size), of_row[:, None], stage_functions.dot_product(size))
     for size in sorted({use.group.lorentz for use in layout.uses} - {0}):
         cones = [
             (use.start + i * (size + 1), use.row + i)
@@ -156,35 +200,35 @@ def _compile(structure: Structure, mixtures: Mapping[str, Mixture]) -> Compiled:
             for i in range(n_cones(use.group))
         ]
         of_y, of_row = np.array(cones).T
-        row(f"cone {size}", _run(of_y, size + 1), of_row[:, None], stage_functions.cone(size))
+        add_rows(f"cone {size}", _index_ranges(of_y, size + 1), of_row[:, None], stage_functions.cone_row(size))
 
     visits: dict[str, tuple[str, list[Visit]]] = {}
     for effector, _ in structure.densities:
-        functions = likelihood(mixtures[effector])
+        functions = likelihood_functions(mixtures[effector])
         for moving in (False, True):
-            nodes, shifts = _visits(structure, effector, moving)
+            nodes, shifts = _density_nodes(structure, effector, moving)
             if not nodes:
                 continue
             name = f"density {effector}{' moving' if moving else ''}"
             visits[name] = (effector, nodes)
-            of_y = _run(x[[visit.node for visit in nodes]], 3)
+            of_y = _index_ranges(x[[visit.node for visit in nodes]], 3)
             if moving:
-                of_y = np.hstack([of_y, _run(layout.shifts[shifts], 2)])
-            cost(
+                of_y = np.hstack([of_y, _index_ranges(layout.shifts[shifts], 2)])
+            add_cost(
                 name,
-                timed(of_y, np.array([visit.phase for visit in nodes])),
-                stage_functions.density(functions, free, moving),
+                with_durations(of_y, np.array([visit.phase for visit in nodes])),
+                stage_functions.density_cost(functions, free, moving),
             )
     if free:
         of_y = layout.durations[:, None]
-        cost("price", of_y, stage_functions.price())
+        add_cost("price", of_y, stage_functions.duration_price())
         if structure.fixed_total:
-            row("total", of_y, np.full_like(of_y, layout.total), stage_functions.same(1))
-    nlp = assemble(layout.n, layout.n_rows, costs, rows, SCALE)
+            add_rows("total", of_y, np.full_like(of_y, layout.total), stage_functions.identity_rows(1))
+    nlp = assemble_nlp(layout.n, layout.n_rows, costs, rows, OBJECTIVE_SCALE)
     return Compiled(structure, layout, nlp, ties, efforts, limits, visits)
 
 
-def splines(n: int) -> list[tuple[str, Int[np.ndarray, "uses"], tuple[bool, bool]]]:
+def spline_parts(n: int) -> list[tuple[str, Int[np.ndarray, "uses"], tuple[bool, bool]]]:
     """Parts of ``n`` spline intervals: name suffix, intervals, (is first, is last)."""
     parts = [
         ("", np.arange(1, n - 1), (False, False)),
@@ -194,18 +238,18 @@ def splines(n: int) -> list[tuple[str, Int[np.ndarray, "uses"], tuple[bool, bool
     return [part for part in parts if len(part[1])]
 
 
-def _run(starts: Int[np.ndarray, "uses"], size: int) -> Int[np.ndarray, "uses size"]:
+def _index_ranges(starts: Int[np.ndarray, "uses"], size: int) -> Int[np.ndarray, "uses size"]:
     return starts[:, None] + np.arange(size)
 
 
-def _shifts(uses: list[Use]) -> list[int]:
+def _shift_indices(uses: list[Use]) -> list[int]:
     return [use.group.shift for use in uses if use.group.shift is not None]
 
 
 Uses = dict[str, list[Use]]
 
 
-def _grouped(uses: tuple[Use, ...]) -> tuple[Uses, Uses, Uses]:
+def _group_uses(uses: tuple[Use, ...]) -> tuple[Uses, Uses, Uses]:
     """Group uses that share a function: for the wrench, the regulariser and the bounds on normal forces."""
     ties: dict[str, list[Use]] = {}
     efforts: dict[str, list[Use]] = {}
@@ -220,7 +264,7 @@ def _grouped(uses: tuple[Use, ...]) -> tuple[Uses, Uses, Uses]:
     return ties, efforts, limits
 
 
-def _visits(structure: Structure, effector: str, moving: bool) -> tuple[list[Visit], list[int]]:
+def _density_nodes(structure: Structure, effector: str, moving: bool) -> tuple[list[Visit], list[int]]:
     """Nodes of the trapezoidal rule over the phases in which an effector is in contact, and their shifts.
 
     ``moving`` selects movable or fixed contacts. A node between two phases counts half for the contacts of each.
@@ -229,7 +273,7 @@ def _visits(structure: Structure, effector: str, moving: bool) -> tuple[list[Vis
     shifts: list[int] = []
     first = 0
     for i, phase in enumerate(structure.phases):
-        for visited in phase.visited:
+        for visited in phase.densities:
             if visited.effector != effector or (visited.shift is not None) != moving:
                 continue
             for k in range(phase.intervals + 1):

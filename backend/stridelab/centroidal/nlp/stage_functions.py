@@ -16,7 +16,7 @@ from functools import cache
 import casadi as ca
 
 from stridelab.centroidal.dynamics import DOWN, N_STATE, N_WRENCH
-from stridelab.centroidal.nlp.density_term import Likelihood
+from stridelab.centroidal.nlp.density_term import LikelihoodFunctions
 from stridelab.conventions import GRAVITY_M_S2
 
 
@@ -58,7 +58,7 @@ def cost_functions(phi: ca.SX, y: ca.SX, q: ca.SX, curvature: ca.SX) -> CostFunc
     )
 
 
-def _length(y: ca.SX, q: ca.SX, free: bool) -> ca.SX:
+def _interval_length(y: ca.SX, q: ca.SX, free: bool) -> ca.SX:
     return q[0] * y[y.numel() - 1] if free else q[0]
 
 
@@ -68,10 +68,10 @@ def _down_cross(a: ca.SX) -> ca.SX:
 
 
 @cache
-def gap(free: bool) -> RowFunctions:
+def dynamics_gap(free: bool) -> RowFunctions:
     """Dynamics residual of an interval: ``y = (x, F, T, x+ [, T_s])``, ``q = (h)``."""
     y, q = ca.SX.sym("y", 2 * N_STATE + N_WRENCH + free), ca.SX.sym("q")
-    h, G, down = _length(y, q, free), GRAVITY_M_S2, ca.DM(DOWN)
+    h, G, down = _interval_length(y, q, free), GRAVITY_M_S2, ca.DM(DOWN)
     c, v, K, F, T = (y[3 * i : 3 * i + 3] for i in range(5))
     a = G * (F + down)
     com_integral = h * c + h**2 / 2 * v + h**3 / 6 * G * F
@@ -80,7 +80,7 @@ def gap(free: bool) -> RowFunctions:
 
 
 @cache
-def tie(size: int, moving: bool) -> RowFunctions:
+def wrench_tie(size: int, moving: bool) -> RowFunctions:
     """``-G u``: ``y = (u [, d])``, ``q = G`` by columns, and for a displacement d the axes x and y of the contact."""
     y, q = ca.SX.sym("y", size + 2 * moving), ca.SX.sym("q", 6 * size + 6 * moving)
     wrench = ca.reshape(q[: 6 * size], 6, size) @ y[:size]
@@ -91,42 +91,42 @@ def tie(size: int, moving: bool) -> RowFunctions:
 
 
 @cache
-def same(size: int) -> RowFunctions:
+def identity_rows(size: int) -> RowFunctions:
     """``y`` itself."""
     y = ca.SX.sym("y", size)
     return row_functions(y, y, ca.SX.sym("q", 0))
 
 
 @cache
-def dot(size: int) -> RowFunctions:
+def dot_product(size: int) -> RowFunctions:
     """``q y``."""
     y, q = ca.SX.sym("y", size), ca.SX.sym("q", size)
     return row_functions(ca.dot(q, y), y, q)
 
 
 @cache
-def momentum() -> RowFunctions:
+def momentum_about_com() -> RowFunctions:
     """``L_c`` of ``y = (c, c', K)``, in units of m |g|."""
     y = ca.SX.sym("y", N_STATE)
     return row_functions(y[6:9] - ca.cross(y[0:3], y[3:6]) / GRAVITY_M_S2, y, ca.SX.sym("q", 0))
 
 
 @cache
-def cone(size: int) -> RowFunctions:
+def cone_row(size: int) -> RowFunctions:
     """``(eta^2 - |tau|^2) / 2`` of ``y = (tau, eta)`` with ``size`` entries of tau."""
     y = ca.SX.sym("y", size + 1)
     return row_functions(0.5 * (y[size] ** 2 - ca.sumsqr(y[:size])), y, ca.SX.sym("q", 0))
 
 
 @cache
-def squares(free: bool) -> CostFunctions:
+def squared_rates(free: bool) -> CostFunctions:
     """``y = (c, c', F, T [, T_s])``, ``q = (h, w_c, w_L (m |g|)^2, r / (m |g|))``: ``|e|^2 / 2``.
 
     e = (sqrt(2 h w_c) c'', sqrt(2 h w_L) ((L_c+ - L_c) / h - r)).
     """
     y, q = ca.SX.sym("y", 12 + free), ca.SX.sym("q", 6)
     c, v, F, T = (y[3 * i : 3 * i + 3] for i in range(4))
-    h, G, down = _length(y, q, free), GRAVITY_M_S2, ca.DM(DOWN)
+    h, G, down = _interval_length(y, q, free), GRAVITY_M_S2, ca.DM(DOWN)
     acceleration = G * (F + down)
     momentum_rate = T - ca.cross(c + h / 2 * v + h**2 / 6 * G * down, F) - q[3:6]
     phi = h * (q[1] * ca.sumsqr(acceleration) + q[2] * ca.sumsqr(momentum_rate))
@@ -137,15 +137,15 @@ def squares(free: bool) -> CostFunctions:
 
 
 @cache
-def effort(size: int, free: bool) -> CostFunctions:
+def effort_cost(size: int, free: bool) -> CostFunctions:
     """``h u^T Q u / 2``: ``y = (u [, T_s])``, ``q = (h, Q)`` with Q by columns."""
     y, q = ca.SX.sym("y", size + free), ca.SX.sym("q", 1 + size**2)
     Q = ca.reshape(q[1:], size, size)
-    phi = 0.5 * _length(y, q, free) * ca.bilin(Q, y[:size], y[:size])
+    phi = 0.5 * _interval_length(y, q, free) * ca.bilin(Q, y[:size], y[:size])
     return cost_functions(phi, y, q, ca.hessian(phi, y)[0] if free else q[0] * Q)
 
 
-def density(mixture: Likelihood, free: bool, moving: bool) -> CostFunctions:
+def density_cost(functions: LikelihoodFunctions, free: bool, moving: bool) -> CostFunctions:
     """``-h log p``: ``y = (c [, d] [, T_s])``, ``q = (h, p, R, axes of d)``; R and axes by columns."""
     y, q = ca.SX.sym("y", 3 + 2 * moving + free), ca.SX.sym("q", 13 + 6 * moving)
     theta = ca.SX.sym("theta")
@@ -155,22 +155,25 @@ def density(mixture: Likelihood, free: bool, moving: bool) -> CostFunctions:
         axes = ca.reshape(q[13:], 3, 2)
         position = position + axes @ y[3:5]
         d_com = ca.horzcat(d_com, -axes)
-    h, arguments = _length(y, q, free), (y[:3], position, R)
-    com_gradient, curvature = mixture.gradient(*arguments), h * d_com.T @ mixture.curvature(*arguments, theta) @ d_com
+    h, arguments = _interval_length(y, q, free), (y[:3], position, R)
+    com_gradient, curvature = (
+        functions.gradient(*arguments),
+        h * d_com.T @ functions.curvature(*arguments, theta) @ d_com,
+    )
     gradient = h * d_com.T @ com_gradient
     if free:
         mixed = q[0] * d_com.T @ com_gradient
-        gradient = ca.vertcat(gradient, q[0] * mixture.value(*arguments))
+        gradient = ca.vertcat(gradient, q[0] * functions.value(*arguments))
         curvature = ca.blockcat([[curvature, mixed], [mixed.T, ca.SX(1, 1)]])
     return CostFunctions(
-        ca.Function("cost", [y, q], [h * mixture.value(*arguments)]),
+        ca.Function("cost", [y, q], [h * functions.value(*arguments)]),
         ca.Function("cost_gradient", [y, q], [ca.densify(gradient)]),
         ca.Function("cost_curvature", [y, q, theta], [curvature]),
     )
 
 
 @cache
-def price() -> CostFunctions:
+def duration_price() -> CostFunctions:
     """``q T_s``."""
     y, q = ca.SX.sym("y"), ca.SX.sym("q")
     return cost_functions(q * y, y, q, ca.SX(1, 1))

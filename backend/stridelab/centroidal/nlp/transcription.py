@@ -17,25 +17,25 @@ from hashlib import blake2b
 import numpy as np
 from jaxtyping import Float
 
-from stridelab.centroidal.boundary_conditions import Capture
+from stridelab.centroidal.boundary_conditions import CaptureRegion
 from stridelab.centroidal.control import Generators
 from stridelab.centroidal.dynamics import DOWN, N_STATE, N_WRENCH
-from stridelab.centroidal.force_splines import INNER, N_GAUSS, comes_and_goes, joints
-from stridelab.centroidal.free_variables import Stay, movable
+from stridelab.centroidal.force_splines import INNER, N_GAUSS, junction_weights, touchdowns_and_liftoffs
+from stridelab.centroidal.free_variables import ContactSpan, movable_spans
 from stridelab.centroidal.nlp.kkt import Box
-from stridelab.centroidal.nlp.nlp import CAPTURE, Compiled, compiled, splines
+from stridelab.centroidal.nlp.nlp import CAPTURE, Compiled, compiled_program, spline_parts
 from stridelab.centroidal.nlp.variable_layout import (
     N_CAPTURABLE,
+    DensityTerm,
     Group,
     Layout,
     PhaseStructure,
     Structure,
     Use,
-    Visited,
     n_cones,
     n_limits,
 )
-from stridelab.centroidal.placement_windows import room_m
+from stridelab.centroidal.placement_windows import placement_window_m
 from stridelab.centroidal.problem import CentroidalProblem, Grid
 from stridelab.conventions import Series, Vector3
 from stridelab.errors import InvalidInput
@@ -56,7 +56,7 @@ class Transcription:
     grid: Grid
     compiled: Compiled
     origin_m: Vector3
-    movable: tuple[Stay, ...]
+    movable_spans: tuple[ContactSpan, ...]
     p: Float[np.ndarray, "parameters"]
     box: Box
     guess: Series
@@ -66,7 +66,7 @@ class Transcription:
         """Indices of variables and rows."""
         return self.compiled.layout
 
-    def states(self, w: Series) -> Float[np.ndarray, "nodes 9"]:
+    def node_states(self, w: Series) -> Float[np.ndarray, "nodes 9"]:
         """``x_k`` of all nodes."""
         return np.asarray(w[self.layout.state[:, None] + np.arange(N_STATE)])
 
@@ -74,37 +74,41 @@ class Transcription:
 def transcribe(problem: CentroidalProblem) -> Transcription:
     """Transcribe a problem; the program of its structure is compiled if it is not cached."""
     grid, origin = problem.grid(), problem.com_start_m
-    spans = tuple(movable(problem.sequence)) if problem.placements else ()
-    generators = [problem.control.generators(problem.touches(i, origin)) for i in range(len(problem.sequence.phases))]
+    spans = tuple(movable_spans(problem.sequence)) if problem.placements else ()
+    generators = [
+        problem.control.generators(problem.contact_patches(i, origin)) for i in range(len(problem.sequence.phases))
+    ]
     mixtures = {name: problem.proxies[name].mixture for name in problem.sequence.effectors if name in problem.proxies}
     end = problem.capture_region()
-    program = compiled(_structure(problem, grid, generators, spans, mixtures, end), mixtures)
-    parameters = _numbers(problem, grid, generators, program, end)
-    blocks = [parameters[name].ravel() for name, _ in program.programme.parameters]
+    program = compiled_program(_problem_structure(problem, grid, generators, spans, mixtures, end), mixtures)
+    parameters = _parameter_values(problem, grid, generators, program, end)
+    blocks = [parameters[name].ravel() for name, _ in program.nlp.parameters]
     return Transcription(
         problem=problem,
         grid=grid,
         compiled=program,
         origin_m=origin,
-        movable=spans,
+        movable_spans=spans,
         p=np.concatenate(blocks),
-        box=Box(*_bounds(problem, grid, program.layout, spans), *_row_bounds(problem, grid, program.layout, end)),
-        guess=_guess(problem, grid, generators, program.layout),
+        box=Box(
+            *_variable_bounds(problem, grid, program.layout, spans), *_row_bounds(problem, grid, program.layout, end)
+        ),
+        guess=_initial_guess(problem, grid, generators, program.layout),
     )
 
 
-def _structure(
+def _problem_structure(
     problem: CentroidalProblem,
     grid: Grid,
     generators: list[PhaseGenerators],
-    stays: tuple[Stay, ...],
+    spans: tuple[ContactSpan, ...],
     mixtures: Mapping[str, Mixture],
-    end: Capture | None,
+    end: CaptureRegion | None,
 ) -> Structure:
     counts = np.bincount(grid.phase, minlength=len(generators))
     phases = []
     for i, groups in enumerate(generators):
-        shift = {span.contact.effector: s for s, span in enumerate(stays) if span.first <= i <= span.last}
+        shift = {span.contact.effector: s for s, span in enumerate(spans) if span.first <= i <= span.last}
         contacts = problem.sequence.phases[i].contacts
         phases.append(
             PhaseStructure(
@@ -121,31 +125,31 @@ def _structure(
                     )
                     for name, g in groups.items()
                 ),
-                tuple(Visited(name, shift.get(name)) for name in contacts if name in mixtures),
+                tuple(DensityTerm(name, shift.get(name)) for name in contacts if name in mixtures),
             )
         )
     return Structure(
         phases=tuple(phases),
-        densities=tuple((name, _digest(mixture)) for name, mixture in mixtures.items()),
+        densities=tuple((name, _mixture_digest(mixture)) for name, mixture in mixtures.items()),
         free_durations=problem.durations is not None,
         fixed_total=problem.durations is not None and problem.durations.fixed_total,
-        n_shifts=len(stays),
+        n_shifts=len(spans),
         capture_planes=0 if end is None else len(end.offsets),
         shape=problem.shape,
     )
 
 
-def _digest(mixture: Mixture) -> bytes:
+def _mixture_digest(mixture: Mixture) -> bytes:
     parts = (mixture.weights, mixture.means_m, mixture.covariances_m2)
     return blake2b(b"".join(np.ascontiguousarray(part).tobytes() for part in parts), digest_size=16).digest()
 
 
-def _numbers(
+def _parameter_values(
     problem: CentroidalProblem,
     grid: Grid,
     generators: list[PhaseGenerators],
-    found: Compiled,
-    end: Capture | None,
+    compiled: Compiled,
+    end: CaptureRegion | None,
 ) -> dict[str, Float[np.ndarray, "uses q"]]:
     """Parameters of every part, one row per use."""
     weights, sequence = problem.weights, problem.sequence
@@ -159,16 +163,20 @@ def _numbers(
         limbs = problem.limbs_nm.reshape(len(h), -1) / problem.weight_n
     numbers = {"squares": np.column_stack([h, weight_rows, limbs]), "gap": h[:, None]}
     if problem.shape == "cubic":
-        junctions = np.column_stack([h, joints(h)])
-        for part, k, _ in splines(len(h)):
+        junctions = np.column_stack([h, junction_weights(h)])
+        for part, k, _ in spline_parts(len(h)):
             numbers |= {f"gap{part}": junctions[k], f"squares{part}": np.hstack([junctions, weight_rows, limbs])[k]}
-    for name, uses in found.ties.items():
+    for name, uses in compiled.ties.items():
         rows = []
         for use in uses:
             row = generators[use.phase][use.group.name].wrench.ravel(order="F")
-            rows.append(row if use.group.shift is None else np.append(row, _axes(problem, use.group.name, use.phase)))
+            rows.append(
+                row
+                if use.group.shift is None
+                else np.append(row, _displacement_axes(problem, use.group.name, use.phase))
+            )
         numbers[name] = np.array(rows)
-    for name, uses in found.efforts.items():
+    for name, uses in compiled.efforts.items():
         numbers[name] = np.array(
             [
                 np.append(lengths[use.phase] / inner, generators[use.phase][use.group.name].regulariser.ravel())
@@ -176,47 +184,49 @@ def _numbers(
                 for _ in range(0, use.group.size, use.group.block)
             ]
         )
-    for name, uses in found.limits.items():
+    for name, uses in compiled.limits.items():
         numbers[name] = np.array(
             [generators[use.phase][use.group.name].normal for use in uses for _ in range(n_limits(use.group))]
         )
     if end is not None:
         numbers[CAPTURE] = np.hstack([end.normals, end.normals / end.omega_1_s])
-    for name, (effector, visits) in found.visits.items():
+    for name, (effector, visits) in compiled.visits.items():
         moving = name.endswith(" moving")
         rows = []
-        frames = {i: _frame(problem, effector, i) for i in {visit.phase for visit in visits}}
+        frames = {i: _density_frame(problem, effector, i) for i in {visit.phase for visit in visits}}
         for visit in visits:
             share = weights.likelihood * visit.share * lengths[visit.phase]
             row = np.append(share, frames[visit.phase])
-            rows.append(np.append(row, _axes(problem, effector, visit.phase)) if moving else row)
+            rows.append(np.append(row, _displacement_axes(problem, effector, visit.phase)) if moving else row)
         numbers[name] = np.array(rows)
     if problem.durations:
         numbers["price"] = np.full((len(sequence.phases), 1), problem.durations.price_per_s)
-    for name, _ in found.programme.parameters:
+    for name, _ in compiled.nlp.parameters:
         numbers.setdefault(name, np.zeros((0, 0)))
     return numbers
 
 
-def _axes(problem: CentroidalProblem, effector: str, phase: int) -> Float[np.ndarray, "6"]:
+def _displacement_axes(problem: CentroidalProblem, effector: str, phase: int) -> Float[np.ndarray, "6"]:
     """Displacement axes x and y of a contact, concatenated."""
     return problem.contact(effector, phase).placement.rotation[:, :2].ravel(order="F")
 
 
-def _frame(problem: CentroidalProblem, effector: str, phase: int) -> Float[np.ndarray, "12"]:
+def _density_frame(problem: CentroidalProblem, effector: str, phase: int) -> Float[np.ndarray, "12"]:
     """Position and axes (by columns) of an effector's density."""
     contact, heading_rad = problem.contact(effector, phase), float(problem.sequence.headings_rad[phase])
-    frame = problem.proxies[effector].placement(contact.placement, heading_rad)
+    frame = problem.proxies[effector].frame_placement(contact.placement, heading_rad)
     return np.append(frame.position_m - problem.com_start_m, frame.rotation.ravel(order="F"))
 
 
-def _bounds(problem: CentroidalProblem, grid: Grid, layout: Layout, stays: tuple[Stay, ...]) -> tuple[Series, Series]:
+def _variable_bounds(
+    problem: CentroidalProblem, grid: Grid, layout: Layout, spans: tuple[ContactSpan, ...]
+) -> tuple[Series, Series]:
     lower, upper = np.full(layout.n, -np.inf), np.full(layout.n, np.inf)
     for use in layout.uses:
         group = use.group
         lower[use.start + group.lorentz : use.start + group.size : group.lorentz + 1] = 0.0
     if problem.shape == "cubic":
-        for use in _at_rest(problem, grid, layout):
+        for use in _zero_force_uses(problem, grid, layout):
             lower[use.start : use.start + use.group.size] = 0.0
             upper[use.start : use.start + use.group.size] = 0.0
     if problem.durations:
@@ -229,16 +239,16 @@ def _bounds(problem: CentroidalProblem, grid: Grid, layout: Layout, stays: tuple
             soles_m = ground_m(problem, int(phase)) - problem.com_start_m[2]
             lower[layout.state[k] + 2], upper[layout.state[k] + 2] = soles_m + lowest, soles_m + highest
     if problem.placements:
-        for span, at in zip(stays, layout.shifts, strict=True):
+        for span, at in zip(spans, layout.shifts, strict=True):
             corners_m = problem.effectors[span.contact.effector].points_m()
-            window = room_m(span.contact, corners_m, problem.sequence.terrain, problem.placements.reach_m)
+            window = placement_window_m(span.contact, corners_m, problem.sequence.terrain, problem.placements.reach_m)
             lower[at : at + 2], upper[at : at + 2] = window
     return lower, upper
 
 
-def _at_rest(problem: CentroidalProblem, grid: Grid, layout: Layout) -> list[Use]:
+def _zero_force_uses(problem: CentroidalProblem, grid: Grid, layout: Layout) -> list[Use]:
     """Control points adjacent to the touch-down or lift-off of their contact, whose force is zero."""
-    comes, goes = comes_and_goes(problem.sequence)
+    comes, goes = touchdowns_and_liftoffs(problem.sequence)
     begins, ends = np.searchsorted(grid.phase, grid.phase, "left"), np.searchsorted(grid.phase, grid.phase, "right") - 1
     return [
         use
@@ -263,7 +273,7 @@ def ground_m(problem: CentroidalProblem, phase: int) -> float:
 
 
 def _row_bounds(
-    problem: CentroidalProblem, grid: Grid, layout: Layout, end: Capture | None
+    problem: CentroidalProblem, grid: Grid, layout: Layout, end: CaptureRegion | None
 ) -> tuple[Float[np.ndarray, "rows"], Float[np.ndarray, "rows"]]:
     lower = np.zeros(layout.n_rows)
     goal_m = problem.com_end_m - problem.com_start_m
@@ -293,12 +303,12 @@ def _row_bounds(
     if problem.shape == "cubic":
         # Zero forces lie at the apex of their cone, where its row has zero gradient: its multiplier would grow, and
         # ipopt scales its termination criteria by the size of multipliers.
-        for use in _at_rest(problem, grid, layout):
+        for use in _zero_force_uses(problem, grid, layout):
             lower[use.row : use.row + n_cones(use.group)] = -np.inf
     return lower, upper
 
 
-def _guess(problem: CentroidalProblem, grid: Grid, generators: list[PhaseGenerators], layout: Layout) -> Series:
+def _initial_guess(problem: CentroidalProblem, grid: Grid, generators: list[PhaseGenerators], layout: Layout) -> Series:
     w = np.zeros(layout.n)
     share = grid.time_s / grid.time_s[-1]
     w[layout.state[:, None] + np.arange(3)] = share[:, None] * (problem.com_end_m - problem.com_start_m)

@@ -40,7 +40,7 @@ class Group:
 
 
 @dataclass(frozen=True)
-class Visited:
+class DensityTerm:
     """An effector whose log-density is in the cost of a phase, and the displacement of its contact."""
 
     effector: str
@@ -53,7 +53,7 @@ class PhaseStructure:
 
     intervals: int
     groups: tuple[Group, ...]
-    visited: tuple[Visited, ...]
+    densities: tuple[DensityTerm, ...]
 
 
 @dataclass(frozen=True)
@@ -152,7 +152,7 @@ def n_limits(group: Group) -> int:
     return group.size // group.block if group.limited else 0
 
 
-def lay_out(structure: Structure) -> Layout:
+def create_layout(structure: Structure) -> Layout:
     """Compute the layout of a structure."""
     n = row = 0
     state, wrench, gap, tie, stage_rows = [], [], [], [], []

@@ -32,7 +32,7 @@ class MinimumJerk:
     acceleration_m_s2: Points
 
     @staticmethod
-    def through(time_s: Series, com_m: Points) -> "MinimumJerk":
+    def through_points(time_s: Series, com_m: Points) -> "MinimumJerk":
         """Spline through the points ``com_m``, from rest at the first to rest at the last.
 
         Raises ``InvalidInput`` (``minimum-jerk-invalid``) unless there are at least two points and times ascend.
@@ -52,7 +52,7 @@ class MinimumJerk:
             w[free] = np.linalg.solve(H[np.ix_(free, free)], -H[free][:, fixed] @ w[fixed])
         return MinimumJerk(time_s, w[0::3], w[1::3], w[2::3])
 
-    def at(self, time_s: Series, derivative: int = 0) -> Points:
+    def evaluate_at(self, time_s: Series, derivative: int = 0) -> Points:
         """Position (m) or its ``derivative`` up to the fifth, ``(m, 3)``; constant before and after the motion."""
         k = np.clip(np.searchsorted(self.time_s, time_s, side="right") - 1, 0, len(self.time_s) - 2)
         h = np.diff(self.time_s)[k]
@@ -61,7 +61,7 @@ class MinimumJerk:
             [values[k + j] for j in (0, 1) for values in (self.com_m, self.velocity_m_s, self.acceleration_m_s2)]
         )
         ends = ends * np.stack([np.ones_like(h), h, h * h] * 2)[:, :, np.newaxis]
-        powers = np.array([_power(tau, p, derivative) for p in range(6)])
+        powers = np.array([_power_derivative(tau, p, derivative) for p in range(6)])
         return np.asarray(np.einsum("pm,pe,emx->mx", powers, _HERMITE, ends) / (h**derivative)[:, np.newaxis])
 
     @property
@@ -90,36 +90,36 @@ def through_supports(problem: CentroidalProblem, height_m: float) -> MinimumJerk
     times = [0.0, *(starts[i] + phases[i].duration_s / 2.0 for i in range(1, len(phases) - 1)), starts[-1]]
     times[-1] = problem.sequence.duration_s
     points_m = [problem.com_start_m, *(_middle_m(problem, i, height_m) for i in range(1, len(phases) - 1))]
-    return MinimumJerk.through(np.array(times), np.array([*points_m, problem.com_end_m]))
+    return MinimumJerk.through_points(np.array(times), np.array([*points_m, problem.com_end_m]))
 
 
 def margins_n(problem: CentroidalProblem, motion: MinimumJerk, time_s: Series) -> Series:
     """Margin (N) of the contacts for the wrench of the motion at every time; negative where it is infeasible."""
-    com, acceleration = motion.at(time_s), motion.at(time_s, 2)
+    com, acceleration = motion.evaluate_at(time_s), motion.evaluate_at(time_s, 2)
     margins = np.empty(len(time_s))
     for k, t in enumerate(time_s):
         force = problem.mass_kg * (acceleration[k] - g)
         wrench = np.concatenate([force, np.cross(com[k], force)])
-        patches = problem.touches(problem.sequence.phase_at(float(t)), np.zeros(3))
+        patches = problem.contact_patches(problem.sequence.phase_at(float(t)), np.zeros(3))
         margins[k] = conic_margin(point_contacts(patches), wrench).margin_n
     return margins
 
 
 def _middle_m(problem: CentroidalProblem, phase: int, height_m: float) -> Vector3:
-    points = np.vstack([patch.points_m for patch in problem.touches(phase, np.zeros(3))])
+    points = np.vstack([patch.points_m for patch in problem.contact_patches(phase, np.zeros(3))])
     return np.asarray(points.mean(axis=0) + np.array([0.0, 0.0, height_m]))
 
 
-def _power(tau: Series, p: int, derivative: int) -> Series:
+def _power_derivative(tau: Series, p: int, derivative: int) -> Series:
     """``d^derivative / d tau^derivative`` of ``tau^p``."""
     factor = np.prod(np.arange(p - derivative + 1, p + 1)) if p >= derivative else 0.0
     return np.asarray(factor * tau ** max(0, p - derivative))
 
 
-def _hermite() -> Float[np.ndarray, "6 6"]:
+def _hermite_coefficients() -> Float[np.ndarray, "6 6"]:
     """Coefficients (powers by ends) of the quintic with given (c, h c', h^2 c'') at both ends."""
     ends = np.array([0.0, 1.0])
-    rows = np.array([[_power(ends, p, derivative) for p in range(6)] for derivative in range(3)])
+    rows = np.array([[_power_derivative(ends, p, derivative) for p in range(6)] for derivative in range(3)])
     return np.linalg.inv(np.concatenate([rows[..., 0], rows[..., 1]]))
 
 
@@ -132,5 +132,5 @@ def _jerk_cost() -> Float[np.ndarray, "6 6"]:
     return np.asarray(_HERMITE.T @ gram @ _HERMITE)
 
 
-_HERMITE = _hermite()
+_HERMITE = _hermite_coefficients()
 _JERK_COST = _jerk_cost()

@@ -33,12 +33,12 @@ from stridelab.errors import Fault, InvalidInput, NotEstimable
 
 LEVEL_M = 1e-6
 """Height differences up to this count as level."""
-BALANCED = 1e-12
+STEP_REGULARISATION = 1e-12
 """Regularisation of the step positions, which makes them unique."""
 _EQUALITY = 5
 """Constraint type of an equality in daqp."""
 
-Chosen = Float[np.ndarray, "n m"]
+StepSelection = Float[np.ndarray, "n m"]
 """Selection matrix: 1 where the support of a sample is relative to a step."""
 Vector2 = Float[np.ndarray, "2"]
 
@@ -50,7 +50,7 @@ class Support:
     corners_m: Float[np.ndarray, "_ 2"]
     step: int | None = None
 
-    def edges(self) -> tuple[Float[np.ndarray, "n 2"], Float[np.ndarray, "n"]]:
+    def edge_half_planes(self) -> tuple[Float[np.ndarray, "n 2"], Float[np.ndarray, "n"]]:
         """Outward unit normals and offsets."""
         hull = ConvexHull(self.corners_m).equations
         return hull[:, :2], -hull[:, 2]
@@ -99,7 +99,7 @@ class ZmpPlan:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ZmpProgramme:
+class ZmpQuadraticProgram:
     """Quadratic program for a CoM ``height_m`` above the ground, sampled every ``dt_s``.
 
     Raises ``InvalidInput`` (``zmp-programme-invalid``) for parameters that are not positive.
@@ -126,10 +126,13 @@ class ZmpProgramme:
         Raises ``InvalidInput`` (``zmp-programme-invalid``) for an incomplete walk, and ``NotEstimable``
         (``zmp-programme-infeasible``) if no motion keeps the zero-moment point in its polygons.
         """
-        self._require(walk)
+        self._validate_walk(walk)
         n, m = len(walk.supports), len(walk.steps)
-        maps = _Maps(self, n)
-        free = [maps.of(self._rows[quantity], state) for quantity in ("com", "velocity", "acceleration", "zmp")]
+        maps = _TripleIntegrator(self, n)
+        free = [
+            maps.affine_map(self._output_rows[quantity], state)
+            for quantity in ("com", "velocity", "acceleration", "zmp")
+        ]
         (c0, Uc), (v0, Uv), (a0, Ua), (z0, Uz) = free
         step_selection = np.zeros((n, m))
         centres = np.zeros((n, 2))
@@ -155,10 +158,10 @@ class ZmpProgramme:
                     np.sqrt(w.zmp) * (z0[:, axis] - centres[:, axis]),
                 ]
             )
-            H.append(2.0 * self.dt_s * (J.T @ J + BALANCED * np.diag([0.0] * n + [1.0] * m)))
+            H.append(2.0 * self.dt_s * (J.T @ J + STEP_REGULARISATION * np.diag([0.0] * n + [1.0] * m)))
             f.append(2.0 * self.dt_s * J.T @ r)
             constant += self.dt_s * float(r @ r)
-        A, upper, lower, sense = self._limits(walk, (c0, Uc), (v0, Uv), (a0, Ua), (z0, Uz), step_selection)
+        A, upper, lower, sense = self._constraint_rows(walk, (c0, Uc), (v0, Uv), (a0, Ua), (z0, Uz), step_selection)
         size = n + m
         P = np.zeros((2 * size, 2 * size))
         P[:size, :size], P[size:, size:] = H
@@ -170,25 +173,25 @@ class ZmpProgramme:
         u = np.column_stack([y[:n], y[size : size + n]])
         rows = [
             np.vstack([s, x0 + U @ u])
-            for s, (x0, U) in zip([*state, state[0] - self._lever * state[2]], free, strict=True)
+            for s, (x0, U) in zip([*state, state[0] - self._height_over_g * state[2]], free, strict=True)
         ]
         steps = np.column_stack([y[n:size], y[size + n :]])
         return ZmpPlan(CartTable(*rows), steps, float(cost) + constant)
 
     @property
-    def _lever(self) -> float:
+    def _height_over_g(self) -> float:
         return self.height_m / GRAVITY_M_S2
 
     @property
-    def _rows(self) -> dict[str, Float[np.ndarray, "3"]]:
+    def _output_rows(self) -> dict[str, Float[np.ndarray, "3"]]:
         return {
             "com": np.array([1.0, 0.0, 0.0]),
             "velocity": np.array([0.0, 1.0, 0.0]),
             "acceleration": np.array([0.0, 0.0, 1.0]),
-            "zmp": np.array([1.0, 0.0, -self._lever]),
+            "zmp": np.array([1.0, 0.0, -self._height_over_g]),
         }
 
-    def _require(self, walk: Walk) -> None:
+    def _validate_walk(self, walk: Walk) -> None:
         missing = []
         if not walk.supports:
             missing.append(Fault("supports", "must have at least one sample"))
@@ -201,14 +204,20 @@ class ZmpProgramme:
         if missing:
             raise InvalidInput("zmp-programme-invalid", f"The walk is incomplete: {missing[0].message}.", missing)
 
-    def _limits(
-        self, walk: Walk, com: "_Affine", velocity: "_Affine", acceleration: "_Affine", zmp: "_Affine", chosen: Chosen
+    def _constraint_rows(
+        self,
+        walk: Walk,
+        com: "_Affine",
+        velocity: "_Affine",
+        acceleration: "_Affine",
+        zmp: "_Affine",
+        step_selection: StepSelection,
     ) -> tuple[Float[np.ndarray, "rows _"], Float[np.ndarray, "rows"], Float[np.ndarray, "rows"], np.ndarray]:
         """Constraint rows on ``(u_x, p_x, u_y, p_y)``."""
-        n, m = chosen.shape
+        n, m = step_selection.shape
         rows, upper, lower, sense = [], [], [], []
 
-        def put(parts: Sequence[tuple[np.ndarray, np.ndarray]], most: float, least: float, kind: int = 0) -> None:
+        def add_row(parts: Sequence[tuple[np.ndarray, np.ndarray]], most: float, least: float, kind: int = 0) -> None:
             rows.append(np.concatenate([np.concatenate(part) for part in parts]))
             upper.append(most)
             lower.append(least)
@@ -217,15 +226,15 @@ class ZmpProgramme:
         zero_part = (np.zeros(n), np.zeros(m))
         capture_point = None
         if walk.end == "capturable":
-            time_constant_s = np.sqrt(self._lever)
+            time_constant_s = np.sqrt(self._height_over_g)
             capture_point = (com[0] + time_constant_s * velocity[0], com[1] + time_constant_s * velocity[1])
         constraints = [(k, support, zmp, k) for k, support in enumerate(walk.supports)]
         if capture_point is not None:
             constraints.append((n - 1, walk.supports[-1], capture_point, n - 1))
         for k, support, (x0, U), sample in constraints:
-            for normal, offset in zip(*support.edges(), strict=True):
-                put(
-                    [(normal[axis] * U[k], -normal[axis] * chosen[sample]) for axis in range(2)],
+            for normal, offset in zip(*support.edge_half_planes(), strict=True):
+                add_row(
+                    [(normal[axis] * U[k], -normal[axis] * step_selection[sample]) for axis in range(2)],
                     offset - float(normal @ x0[k]),
                     -1e30,
                 )
@@ -235,14 +244,14 @@ class ZmpProgramme:
                 e = np.eye(m)[j] - (np.eye(m)[j - 1] if j else 0.0)
                 parts = [zero_part, zero_part]
                 parts[axis] = (np.zeros(n), e)
-                put(parts, float(step.high_m[axis] + last[axis]), float(step.low_m[axis] + last[axis]))
+                add_row(parts, float(step.high_m[axis] + last[axis]), float(step.low_m[axis] + last[axis]))
         if walk.end == "rest" and walk.goal_m is not None:
             for (x0, U), target in ((com, walk.goal_m), (velocity, np.zeros(2)), (acceleration, np.zeros(2))):
                 for axis in range(2):
                     parts = [zero_part, zero_part]
                     parts[axis] = (U[-1], np.zeros(m))
                     value = float(target[axis] - x0[-1, axis])
-                    put(parts, value, value, _EQUALITY)
+                    add_row(parts, value, value, _EQUALITY)
         return np.array(rows), np.array(upper), np.array(lower), np.array(sense, dtype=np.int32)
 
 
@@ -250,11 +259,11 @@ _Affine = tuple[Float[np.ndarray, "n 2"], Float[np.ndarray, "n n"]]
 """A quantity without jerks, per axis, and its dependence on the jerks."""
 
 
-class _Maps:
+class _TripleIntegrator:
     """Powers of the triple integrator over ``n`` samples."""
 
-    def __init__(self, programme: ZmpProgramme, n: int) -> None:
-        dt = programme.dt_s
+    def __init__(self, qp: ZmpQuadraticProgram, n: int) -> None:
+        dt = qp.dt_s
         A = np.array([[1.0, dt, dt * dt / 2.0], [0.0, 1.0, dt], [0.0, 0.0, 1.0]])
         B = np.array([dt**3 / 6.0, dt * dt / 2.0, dt])
         self.powers = [np.eye(3)]
@@ -262,7 +271,7 @@ class _Maps:
             self.powers.append(A @ self.powers[-1])
         self.responses = np.array([P @ B for P in self.powers[:-1]])
 
-    def of(self, row: Float[np.ndarray, "3"], state: Float[np.ndarray, "3 2"]) -> _Affine:
+    def affine_map(self, row: Float[np.ndarray, "3"], state: Float[np.ndarray, "3 2"]) -> _Affine:
         """The quantity ``row @ x`` at the samples 1 to n as an affine function of the jerks."""
         n = len(self.responses)
         free = np.array([row @ P @ state for P in self.powers[1:]])

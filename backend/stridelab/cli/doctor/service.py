@@ -13,12 +13,12 @@ import psycopg
 from stridelab.cli.doctor.checks import Check
 from stridelab.cores import default_slots
 from stridelab.errors import InvalidInput, StridelabError
-from stridelab.service.jobs.work_folder import BEAT_FILE
+from stridelab.service.jobs.work_folder import HEARTBEAT_FILE
 from stridelab.service.postgres.embedded import running_url
 from stridelab.service.processes import confinement
 from stridelab.service.processes.sandbox import LAYERS
 from stridelab.service.settings import Settings
-from stridelab.service.storage.migrate import plain, present_revision, revisions
+from stridelab.service.storage.migrate import all_revisions, libpq_address, present_revision
 
 CLOCKS_APART_S: Final = 5.0
 _STORE_ANSWERS_S: Final = 15.0
@@ -35,9 +35,9 @@ def tables(settings: Settings) -> Check:
         present = present_revision(url)
     except psycopg.Error as error:
         return _away("tables", error)
-    wanted = revisions()[-1]
+    wanted = all_revisions()[-1]
     found = f"revision {present or 'none'}, this program has {wanted}"
-    if present is not None and present not in revisions():
+    if present is not None and present not in all_revisions():
         return Check("tables", False, found, "A newer stridelab made them: install that one, or restore a backup.")
     return Check("tables", present == wanted, found, "Stop the service, make a backup, then run: stridelab migrate")
 
@@ -78,7 +78,7 @@ def workers(settings: Settings) -> Check:
 
 def beat(settings: Settings) -> Check:
     """The worker of this data folder was in touch with the database a moment ago."""
-    file = settings.data_folder / BEAT_FILE
+    file = settings.data_folder / HEARTBEAT_FILE
     silent_s = time.time() - file.stat().st_mtime if file.exists() else None
     found = "never heard of" if silent_s is None else f"heard of {silent_s:.1f} s ago"
     fix = "Look into its log; it needs STRIDELAB_DATABASE_URL and the same STRIDELAB_DATA_DIR."
@@ -139,15 +139,15 @@ def memory_bytes(groups: Path = Path("/sys/fs/cgroup"), own: Path = Path("/proc/
 
 def solver(_settings: Settings) -> Check:
     """Which solver plans; CasADi does where the C++ one is not there, so this is never a failure."""
-    from stridelab.centroidal.native.availability import Missing, availability
+    from stridelab.centroidal.native.availability import NativeUnavailable, native_availability
 
-    found = availability()
-    return Check("solver", True, f"CasADi: {found.reason}" if isinstance(found, Missing) else "C++")
+    found = native_availability()
+    return Check("solver", True, f"CasADi: {found.reason}" if isinstance(found, NativeUnavailable) else "C++")
 
 
 def sandbox(settings: Settings) -> Check:
     """What processes that read files give up here; a failure only where all of it is required."""
-    there = confinement.layers(settings)
+    there = confinement.active_layers(settings)
     missing = [name for name in LAYERS if name not in there]
     found = ", ".join(there) or "none"
     if missing:
@@ -165,7 +165,7 @@ def _url(settings: Settings) -> str | None:
 
 
 def _ask(url: str, query: str, *values: Any) -> list[tuple[Any, ...]]:
-    with psycopg.connect(plain(url), connect_timeout=5) as connection:
+    with psycopg.connect(libpq_address(url), connect_timeout=5) as connection:
         return connection.execute(query, values).fetchall()
 
 

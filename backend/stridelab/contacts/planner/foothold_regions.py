@@ -17,12 +17,12 @@ from scipy.spatial import ConvexHull, QhullError
 
 from stridelab.contacts.planner.step_limits import EffectorLimits
 from stridelab.contacts.terrain import Box, Rail, Terrain
-from stridelab.contacts.terrain_geometry import Touchable, is_vertical, touchable
+from stridelab.contacts.terrain_geometry import ContactArea, contact_area, is_vertical
 from stridelab.conventions import Points, Rotation, Vector3
 
-BLOCKING_M: Final = (0.010, 0.10)
+BLOCKING_LAYER_M: Final = (0.010, 0.10)
 """Heights above a face between which a box blocks a sole."""
-SLIVER_M2: Final = 1e-9
+MIN_AREA_M2: Final = 1e-9
 PIECES_MAX: Final = 60
 """Maximum number of pieces of one face; the smallest ones are dropped."""
 
@@ -42,16 +42,18 @@ class Region:
     corners_m: Points
 
 
-def regions(terrain: Terrain, friction: float, shape: EffectorLimits, yaw_rad: float, gap_m: float) -> list[Region]:
+def foothold_regions(
+    terrain: Terrain, friction: float, shape: EffectorLimits, yaw_rad: float, edge_margin_m: float
+) -> list[Region]:
     """Regions of a sole on boxes that are not too steep for their friction, or of a hand on rails."""
     if shape.kind == "point":
-        return [_of_rail(rail, yaw_rad, gap_m) for rail in terrain.rails if not is_vertical(rail)]
+        return [_rail_region(rail, yaw_rad, edge_margin_m) for rail in terrain.rails if not is_vertical(rail)]
     result: list[Region] = []
     for box in terrain.boxes:
-        face = touchable(box)
+        face = contact_area(box)
         mu = friction if box.friction is None else box.friction
         if face.normal[2] >= np.cos(np.arctan(mu)) - 1e-9:
-            result += _of_face(face, terrain, shape, yaw_rad, gap_m)
+            result += _face_regions(face, terrain, shape, yaw_rad, edge_margin_m)
     return result
 
 
@@ -62,10 +64,10 @@ def contact_frame(normal: Vector3, ahead: Vector3) -> Rotation:
     return np.column_stack([x, np.cross(normal, x), normal])
 
 
-def _of_rail(rail: Rail, yaw_rad: float, gap_m: float) -> Region:
-    line = touchable(rail)
+def _rail_region(rail: Rail, yaw_rad: float, gap_m: float) -> Region:
+    line = contact_area(rail)
     d = line.frame[:, 0]
-    forward = d if d @ _ahead(yaw_rad) >= 0.0 else -d
+    forward = d if d @ _heading_vector(yaw_rad) >= 0.0 else -d
     half = float(line.half_m[0])
     half -= min(gap_m, 0.9 * half)
     ends = line.center_m + np.outer([-half, half], d)
@@ -75,8 +77,10 @@ def _of_rail(rail: Rail, yaw_rad: float, gap_m: float) -> Region:
     )
 
 
-def _of_face(face: Touchable, terrain: Terrain, shape: EffectorLimits, yaw_rad: float, gap_m: float) -> list[Region]:
-    R = contact_frame(face.normal, _ahead(yaw_rad))
+def _face_regions(
+    face: ContactArea, terrain: Terrain, shape: EffectorLimits, yaw_rad: float, gap_m: float
+) -> list[Region]:
+    R = contact_frame(face.normal, _heading_vector(yaw_rad))
     signs = np.array([(1, 1), (-1, 1), (-1, -1), (1, -1)]) * shape.half_size_m
     sole = signs @ R[:, :2].T @ face.frame[:, :2]
     half_extent = face.half_m - np.abs(sole).max(axis=0)
@@ -84,15 +88,15 @@ def _of_face(face: Touchable, terrain: Terrain, shape: EffectorLimits, yaw_rad: 
         return []
     pieces: list[Polygon] = [np.array([(1, 1), (-1, 1), (-1, -1), (1, -1)]) * half_extent]
     for box in terrain.boxes:
-        if box is not face.surface and (blocked := _above(face, box, sole)) is not None:
-            pieces = _without(pieces, blocked)
-    candidates = (_region(face, piece, R, gap_m) for piece in pieces)
+        if box is not face.surface and (blocked := _blocked_by_box(face, box, sole)) is not None:
+            pieces = _subtract_obstacle(pieces, blocked)
+    candidates = (_shrunk_region(face, piece, R, gap_m) for piece in pieces)
     return [region for region in candidates if region is not None]
 
 
-def _above(face: Touchable, box: Box, sole: Polygon) -> Float[np.ndarray, "m 3"] | None:
+def _blocked_by_box(face: ContactArea, box: Box, sole: Polygon) -> Float[np.ndarray, "m 3"] | None:
     """Half-planes ``n x <= b`` (rows ``n, b``) whose intersection is blocked for the sole's centre; None if free."""
-    low, high = BLOCKING_M
+    low, high = BLOCKING_LAYER_M
     signs = np.array(np.meshgrid(*[(-0.5, 0.5)] * 3)).reshape(3, -1).T
     corners = (box.placement.act(signs * box.size_m) - face.center_m) @ face.frame
     z = corners[:, 2]
@@ -100,7 +104,7 @@ def _above(face: Touchable, box: Box, sole: Polygon) -> Float[np.ndarray, "m 3"]
         return None
     points = [corners[(z >= low) & (z <= high), :2]]
     edges = [(i, k) for i in range(8) for k in range(i) if np.count_nonzero(signs[i] != signs[k]) == 1]
-    for level in BLOCKING_M:
+    for level in BLOCKING_LAYER_M:
         for i, k in edges:
             if (z[i] - level) * (z[k] - level) < 0.0:
                 share = (level - z[i]) / (z[k] - z[i])
@@ -111,16 +115,16 @@ def _above(face: Touchable, box: Box, sole: Polygon) -> Float[np.ndarray, "m 3"]
     return np.column_stack([equations[:, :2], -equations[:, 2]])
 
 
-def _without(pieces: list[Polygon], blocked: Float[np.ndarray, "m 3"]) -> list[Polygon]:
+def _subtract_obstacle(pieces: list[Polygon], blocked: Float[np.ndarray, "m 3"]) -> list[Polygon]:
     remainder: list[Polygon] = []
     for piece in pieces:
         inside = piece
         for x, y, b in blocked:
-            inside = _clipped(inside, np.array([x, y]), b)
-        if _area(inside) < SLIVER_M2:
+            inside = _clip_polygon(inside, np.array([x, y]), b)
+        if _area(inside) < MIN_AREA_M2:
             remainder.append(piece)
         else:
-            remainder += [_clipped(piece, np.array([-x, -y]), -b) for x, y, b in blocked]
+            remainder += [_clip_polygon(piece, np.array([-x, -y]), -b) for x, y, b in blocked]
     distinct: list[Polygon] = []
     for piece in sorted(remainder, key=_area, reverse=True):
         if len(piece) and not any(_contains(other, piece) for other in distinct):
@@ -128,12 +132,12 @@ def _without(pieces: list[Polygon], blocked: Float[np.ndarray, "m 3"]) -> list[P
     return distinct[:PIECES_MAX]
 
 
-def _clipped(polygon: Polygon, n: Float[np.ndarray, "2"], b: float) -> Polygon:
+def _clip_polygon(polygon: Polygon, n: Float[np.ndarray, "2"], b: float) -> Polygon:
     """The part of a polygon with ``n x <= b`` (Sutherland & Hodgman)."""
-    return np.array(list(_kept(polygon, n, b))).reshape(-1, 2)
+    return np.array(list(_clipped_vertices(polygon, n, b))).reshape(-1, 2)
 
 
-def _kept(polygon: Polygon, n: Float[np.ndarray, "2"], b: float) -> Iterator[Float[np.ndarray, "2"]]:
+def _clipped_vertices(polygon: Polygon, n: Float[np.ndarray, "2"], b: float) -> Iterator[Float[np.ndarray, "2"]]:
     over = polygon @ n - b
     for i in range(len(polygon)):
         k = (i + 1) % len(polygon)
@@ -154,7 +158,7 @@ def _contains(outer: Polygon, inner: Polygon) -> bool:
     return bool(((inner[:, np.newaxis] - outer) * n).sum(axis=2).max() <= 1e-9)
 
 
-def _region(face: Touchable, polygon: Polygon, R: Rotation, gap_m: float) -> Region | None:
+def _shrunk_region(face: ContactArea, polygon: Polygon, R: Rotation, gap_m: float) -> Region | None:
     A, b = _half_planes(polygon)
     lengths = np.ones((len(A), 1))
     circle = linprog([0, 0, -1], np.hstack([A, lengths]), b, bounds=[(None, None), (None, None), (0, None)])
@@ -162,7 +166,7 @@ def _region(face: Touchable, polygon: Polygon, R: Rotation, gap_m: float) -> Reg
         return None
     b = b - min(gap_m, 0.9 * float(circle.x[2]))
     for n, offset in zip(A, b, strict=True):
-        polygon = _clipped(polygon, n, float(offset))
+        polygon = _clip_polygon(polygon, n, float(offset))
     corners = face.center_m + polygon @ face.frame[:, :2].T
     return Region(face.surface.name, face.center_m, face.frame[:, :2], A, b, R, corners) if len(polygon) else None
 
@@ -178,5 +182,5 @@ def _half_planes(polygon: Polygon) -> tuple[Float[np.ndarray, "m 2"], Float[np.n
     return equations[:, :2], -equations[:, 2]
 
 
-def _ahead(yaw_rad: float) -> Vector3:
+def _heading_vector(yaw_rad: float) -> Vector3:
     return np.array([np.cos(yaw_rad), np.sin(yaw_rad), 0.0])

@@ -25,8 +25,8 @@ from scipy.sparse import csr_array
 
 from stridelab.contacts.effector_geometry import EffectorReach
 from stridelab.contacts.planner.foothold_regions import Region
-from stridelab.contacts.planner.schedule import Ends, Node, Schedule
-from stridelab.contacts.planner.step_limits import COVER, DIRECTIONS, RobotLimits, ball_rows, heading_frame
+from stridelab.contacts.planner.schedule import Node, Schedule, StartAndGoal
+from stridelab.contacts.planner.step_limits import BALL_COVER, DIRECTIONS, RobotLimits, ball_rows, heading_frame
 from stridelab.conventions import Rotation, Series, Vector3
 from stridelab.dynamics.spatial import Placement
 
@@ -38,7 +38,7 @@ INFEASIBLE: Final = 2
 
 
 @dataclass(frozen=True, eq=False)
-class Answer:
+class MilpResult:
     """Solver result. ``x`` is None without a solution: infeasible if ``proven``, otherwise a timeout."""
 
     x: Series | None
@@ -58,25 +58,25 @@ class LinearProgram:
         self._row_low: list[float] = []
         self._row_high: list[float] = []
 
-    def add(
-        self, n: int, low: float = -np.inf, high: float = np.inf, cost: float = 0.0, *, whole: bool = False
+    def add_variables(
+        self, n: int, low: float = -np.inf, high: float = np.inf, cost: float = 0.0, *, integer: bool = False
     ) -> Columns:
         """Add ``n`` variables; return their columns."""
         first = len(self._low)
         self._low += [low] * n
         self._high += [high] * n
         self._cost += [cost] * n
-        self._whole += [int(whole)] * n
+        self._whole += [int(integer)] * n
         return tuple(range(first, first + n))
 
-    def row(self, terms: Terms, low: float = -np.inf, high: float = np.inf) -> None:
+    def add_row(self, terms: Terms, low: float = -np.inf, high: float = np.inf) -> None:
         """Add the constraint ``low <= sum of coefficient times variable <= high``."""
         row = len(self._row_low)
         self._entries += [(row, column, float(value)) for column, value in terms if value != 0.0]
         self._row_low.append(low)
         self._row_high.append(high)
 
-    def solve(self, seconds: float) -> Answer:
+    def solve(self, seconds: float) -> MilpResult:
         """Solve to HiGHS' gap of 1e-4, or return the best solution within the time limit."""
         shape = (len(self._row_low), len(self._low))
         rows, columns, values = zip(*self._entries, strict=True)
@@ -89,17 +89,17 @@ class LinearProgram:
             options={"time_limit": seconds},
         )
         if solution.x is None:
-            return Answer(None, np.inf, solution.status == INFEASIBLE)
-        return Answer(np.asarray(solution.x), float(solution.fun), proven=True)
+            return MilpResult(None, np.inf, solution.status == INFEASIBLE)
+        return MilpResult(np.asarray(solution.x), float(solution.fun), proven=True)
 
 
 FREE_COST: Final = 2.0
 """Cost (m) of leaving out the placement of a hand."""
-SAME: Final = 1e-9
+FRAME_TOLERANCE: Final = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class Placed:
+class PlacedSchedule:
     """A solved schedule: placement (None: free) and region (None: not a variable) of every node, the objective."""
 
     placements: tuple[Placement | None, ...]
@@ -108,7 +108,7 @@ class Placed:
 
 
 @dataclass(frozen=True, eq=False)
-class _Spot:
+class _NodeColumns:
     """Columns of a node: position ``p``, one binary per region, and the binary of a free effector."""
 
     p: Columns
@@ -119,100 +119,100 @@ class _Spot:
 class StepProgram:
     """The program of one schedule; with ``slack``, moves may violate their limits and only violations are minimised."""
 
-    def __init__(self, plan: Schedule, limits: RobotLimits, ends: Ends, *, slack: bool = False) -> None:
+    def __init__(self, plan: Schedule, limits: RobotLimits, ends: StartAndGoal, *, slack: bool = False) -> None:
         self.plan, self.limits, self.ends = plan, limits, ends
         self.program = LinearProgram()
         self.origin = np.mean([at.position_m for at in ends.start.values()], axis=0)
         corners = [r.corners_m for node in plan.nodes for r in node.choices]
         corners += [node.fixed.position_m[np.newaxis] for node in plan.nodes if node.fixed is not None]
         self.big_m = 2.0 * float(np.abs(np.concatenate(corners) - self.origin).max()) + 3.0
-        self.slack = self.program.add(len(plan.moves), 0.0, cost=1.0) if slack else None
-        self.spots = [self._spot(node) for node in plan.nodes]
+        self.slack = self.program.add_variables(len(plan.moves), 0.0, cost=1.0) if slack else None
+        self.columns = [self._add_node(node) for node in plan.nodes]
         for move, stance in enumerate(plan.stances[1:]):
-            self._stance([i for i in stance.values() if not plan.nodes[i].absent], move)
+            self._add_stance([i for i in stance.values() if not plan.nodes[i].is_absent], move)
         for k in range(1, len(plan.feet)):
-            self._step(plan.feet[k - 1], plan.feet[k], is_last=k == len(plan.feet) - 1)
+            self._constrain_step(plan.feet[k - 1], plan.feet[k], is_last=k == len(plan.feet) - 1)
 
-    def solve(self, seconds: float) -> Answer:
+    def solve(self, seconds: float) -> MilpResult:
         """Solve the program within ``seconds``."""
         return self.program.solve(seconds)
 
-    def placed(self, answer: Answer) -> Placed:
+    def placements_of(self, result: MilpResult) -> PlacedSchedule:
         """Extract the placements from a solution."""
-        x = answer.x
+        x = result.x
         if x is None:
             raise ValueError("the program has no solution")
-        read = [self._read(node, spot, x) for node, spot in zip(self.plan.nodes, self.spots, strict=True)]
-        return Placed(tuple(at for at, _ in read), tuple(region for _, region in read), answer.objective)
+        read = [self._read_node(node, spot, x) for node, spot in zip(self.plan.nodes, self.columns, strict=True)]
+        return PlacedSchedule(tuple(at for at, _ in read), tuple(region for _, region in read), result.objective)
 
-    def _read(self, node: Node, spot: _Spot, x: Series) -> tuple[Placement | None, Region | None]:
-        if node.fixed is not None or node.absent:
+    def _read_node(self, node: Node, columns: _NodeColumns, x: Series) -> tuple[Placement | None, Region | None]:
+        if node.fixed is not None or node.is_absent:
             return node.fixed, None
-        if spot.F is not None and x[spot.F] > 0.5:
+        if columns.F is not None and x[columns.F] > 0.5:
             return None, None
-        region = node.choices[int(np.argmax(x[list(spot.H)]))]
-        return Placement(x[list(spot.p)] + self.origin, region.rotation), region
+        region = node.choices[int(np.argmax(x[list(columns.H)]))]
+        return Placement(x[list(columns.p)] + self.origin, region.rotation), region
 
-    def _spot(self, node: Node) -> _Spot:
+    def _add_node(self, node: Node) -> _NodeColumns:
         program = self.program
-        p = program.add(3)
-        if node.fixed is not None or node.absent:
+        p = program.add_variables(3)
+        if node.fixed is not None or node.is_absent:
             at = np.zeros(3) if node.fixed is None else node.fixed.position_m - self.origin
             for i in range(3):
-                program.row([(p[i], 1.0)], at[i], at[i])
-            return _Spot(p, p[:0], None)
-        H = program.add(len(node.choices), 0.0, 1.0, whole=True)
+                program.add_row([(p[i], 1.0)], at[i], at[i])
+            return _NodeColumns(p, p[:0], None)
+        H = program.add_variables(len(node.choices), 0.0, 1.0, integer=True)
         F = (
-            int(program.add(1, 0.0, 1.0, FREE_COST if self.slack is None else 0.0, whole=True)[0])
+            int(program.add_variables(1, 0.0, 1.0, FREE_COST if self.slack is None else 0.0, integer=True)[0])
             if node.free
             else None
         )
-        program.row([(h, 1.0) for h in H] + ([] if F is None else [(F, 1.0)]), 1.0, 1.0)
+        program.add_row([(h, 1.0) for h in H] + ([] if F is None else [(F, 1.0)]), 1.0, 1.0)
         place: list[Terms] = [[(p[i], 1.0)] for i in range(3)]
         for h, region in zip(H, node.choices, strict=True):
-            u = program.add(region.axes.shape[1])
+            u = program.add_variables(region.axes.shape[1])
             for row, b in zip(region.A, region.b, strict=True):
-                program.row([*zip(u, row, strict=True), (h, -b)], high=0.0)
+                program.add_row([*zip(u, row, strict=True), (h, -b)], high=0.0)
             if self.slack is None:
-                self._deviation(node, region, h, u)
+                self._add_deviation(node, region, h, u)
             for i in range(3):
                 place[i] += [(h, self.origin[i] - region.origin_m[i]), *zip(u, -region.axes[i], strict=True)]
         for terms in place:
-            program.row(terms, 0.0, 0.0)
-        return _Spot(p, H, F)
+            program.add_row(terms, 0.0, 0.0)
+        return _NodeColumns(p, H, F)
 
-    def _stance(self, stance: list[int], move: int) -> None:
+    def _add_stance(self, stance: list[int], move: int) -> None:
         nodes = [self.plan.nodes[i] for i in stance]
         if all(node.fixed is not None for node in nodes):
             return
-        c = self.program.add(3)
+        c = self.program.add_variables(3)
         for i, node in zip(stance, nodes, strict=True):
-            spot, limits = self.spots[i], self.limits.effectors[node.effector]
+            spot, limits = self.columns[i], self.limits.effectors[node.effector]
             W = heading_frame(node.yaw_rad)
             away = [] if spot.F is None else [(spot.F, -self.big_m)]
-            self._within(c, spot.p, W, limits.heading, away, 0.0, move)
-            for R, members in self._tilted(node, W):
+            self._constrain_com(c, spot.p, W, limits.heading, away, 0.0, move)
+            for R, members in self._tilted_frames(node, W):
                 # M (1 - sum H): active only for the regions with this frame
                 relaxed = [(spot.H[k], self.big_m) for k in members]
-                self._within(c, spot.p, R, limits.contact, relaxed, self.big_m if relaxed else 0.0, move)
+                self._constrain_com(c, spot.p, R, limits.contact, relaxed, self.big_m if relaxed else 0.0, move)
 
-    def _tilted(self, node: Node, W: Rotation) -> Iterable[tuple[Rotation, list[int]]]:
+    def _tilted_frames(self, node: Node, W: Rotation) -> Iterable[tuple[Rotation, list[int]]]:
         """Contact frames that differ from the heading frame, each with the regions that have it."""
         if node.fixed is not None:
-            return [] if np.abs(node.fixed.rotation - W).max() < SAME else [(node.fixed.rotation, [])]
+            return [] if np.abs(node.fixed.rotation - W).max() < FRAME_TOLERANCE else [(node.fixed.rotation, [])]
         groups: list[tuple[Rotation, list[int]]] = []
         for k, region in enumerate(node.choices):
-            if np.abs(region.rotation - W).max() < SAME:
+            if np.abs(region.rotation - W).max() < FRAME_TOLERANCE:
                 continue
-            members = next((m for R, m in groups if np.abs(R - region.rotation).max() < SAME), None)
+            members = next((m for R, m in groups if np.abs(R - region.rotation).max() < FRAME_TOLERANCE), None)
             if members is None:
                 groups.append((region.rotation, [k]))
             else:
                 members.append(k)
         return groups
 
-    def _within(
-        self, c: Columns, p: Columns, R: Rotation, reach: EffectorReach, relaxed: Terms, room: float, move: int
+    def _constrain_com(
+        self, c: Columns, p: Columns, R: Rotation, reach: EffectorReach, relaxed: Terms, big_m: float, move: int
     ) -> None:
         """Constrain ``c`` to the box and the sphere of a contact at ``p`` with axes ``R``, relaxed by big-M terms."""
         low, high = np.array(reach.com_low_m), np.array(reach.com_high_m)
@@ -220,34 +220,34 @@ class StepProgram:
         rows = [*zip(R.T, high, strict=True), *zip(-R.T, -low, strict=True)]
         rows += [(R @ n, radius) for n in normals]
         for n, offset in rows:
-            terms = [*zip(c, n, strict=True), *zip(p, -n, strict=True), *relaxed, *self._slack(move)]
-            self.program.row(terms, high=offset + room)
+            terms = [*zip(c, n, strict=True), *zip(p, -n, strict=True), *relaxed, *self._slack_terms(move)]
+            self.program.add_row(terms, high=offset + big_m)
 
-    def _step(self, still: int, moving: int, *, is_last: bool) -> None:
+    def _constrain_step(self, standing: int, moving: int, *, is_last: bool) -> None:
         """Constrain a step to its box and its ball."""
         nodes = self.plan.nodes
-        fixed = nodes[still].fixed is not None and nodes[moving].fixed is not None
+        fixed = nodes[standing].fixed is not None and nodes[moving].fixed is not None
         if fixed and is_last:
             return
         W = heading_frame(nodes[moving].yaw_rad)
-        move = self._slack(self.plan.moves.index(moving))
-        apart = [(self.spots[moving].p, 1.0), (self.spots[still].p, -1.0)]
+        move = self._slack_terms(self.plan.moves.index(moving))
+        apart = [(self.columns[moving].p, 1.0), (self.columns[standing].p, -1.0)]
         low, high = self.limits.offset_box_m(nodes[moving].effector)
         rows = [*zip(W.T, high, strict=True), *zip(-W.T, -low, strict=True)]
-        reach = self.limits.feet_distance_max_m * COVER
+        reach = self.limits.feet_distance_max_m * BALL_COVER
         rows += [(n, reach) for n in DIRECTIONS]
         for n, offset in rows:
-            self.program.row([t for p, sign in apart for t in zip(p, sign * n, strict=True)] + move, high=offset)
+            self.program.add_row([t for p, sign in apart for t in zip(p, sign * n, strict=True)] + move, high=offset)
 
-    def _deviation(self, node: Node, region: Region, h: int, u: Columns) -> None:
+    def _add_deviation(self, node: Node, region: Region, h: int, u: Columns) -> None:
         """Add the deviation of a position in ``region`` from even steps; hands count along the path only."""
         W = heading_frame(node.yaw_rad)
         apart = region.origin_m - self.target_m(node)
         for n in W.T[: 2 if node.effector in self.limits.feet else 1]:
-            (d,) = self.program.add(1, 0.0, cost=1.0)
+            (d,) = self.program.add_variables(1, 0.0, cost=1.0)
             at = [(h, float(n @ apart)), *zip(u, n @ region.axes, strict=True)]
-            self.program.row([*at, (d, -1.0)], high=0.0)
-            self.program.row([*at, (d, 1.0)], low=0.0)
+            self.program.add_row([*at, (d, -1.0)], high=0.0)
+            self.program.add_row([*at, (d, 1.0)], low=0.0)
 
     def target_m(self, node: Node) -> Vector3:
         """Target of an effector for even steps: feet beside the straight line, hands ahead of them as at the start."""
@@ -262,5 +262,5 @@ class StepProgram:
         reference_stance, origin = (ends.start, start) if node.effector in ends.start else (ends.goal, goal)
         return np.asarray(middle + reference_stance[node.effector].position_m - origin)
 
-    def _slack(self, move: int) -> Terms:
+    def _slack_terms(self, move: int) -> Terms:
         return [] if self.slack is None else [(self.slack[move], -1.0)]

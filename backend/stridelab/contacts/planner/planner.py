@@ -15,16 +15,16 @@ from typing import Any, Final
 import numpy as np
 
 from stridelab.contacts.effector_geometry import EffectorShape
-from stridelab.contacts.planner.foothold_regions import Region, regions
-from stridelab.contacts.planner.milp import Placed, StepProgram
-from stridelab.contacts.planner.pruning import first_gap, pruned
-from stridelab.contacts.planner.schedule import SAME_M, Ends, Rooms, Schedule, schedule
-from stridelab.contacts.planner.start_goal import TaskEnds, surroundings, task_ends
+from stridelab.contacts.planner.foothold_regions import Region, foothold_regions
+from stridelab.contacts.planner.milp import PlacedSchedule, StepProgram
+from stridelab.contacts.planner.pruning import first_gap, prune_schedule
+from stridelab.contacts.planner.schedule import SAME_M, RegionLookup, Schedule, StartAndGoal, build_schedule
+from stridelab.contacts.planner.start_goal import TaskEnds, scenario_without_phases, task_ends
 from stridelab.contacts.planner.step_limits import RobotLimits, heading_frame
 from stridelab.contacts.swing import LEVEL_M
 from stridelab.contacts.validation.parse import DURATION_S, Draft
-from stridelab.contacts.validation.surface_contact import touch_all
-from stridelab.contacts.validation.validate import check
+from stridelab.contacts.validation.surface_contact import contacts_on_surfaces
+from stridelab.contacts.validation.validate import validate_scenario
 from stridelab.conventions import Progress
 from stridelab.dynamics.spatial import Placement
 from stridelab.errors import Fault, NotEstimable
@@ -57,7 +57,7 @@ class ContactPlanner:
     seconds: float = 60.0
     extra_steps: int = 6
 
-    def plan(self, task: Mapping[str, Any], told: Progress = lambda _share, _message: None) -> ContactPlan:
+    def plan(self, task: Mapping[str, Any], report_progress: Progress = lambda _share, _message: None) -> ContactPlan:
         """Plan ``{robot, terrain, start, goal, friction?, name?}``, fields as in a scenario and its phases.
 
         ``told`` is called with the progress.
@@ -68,99 +68,107 @@ class ContactPlanner:
         """
         began = time.process_time()
         task_stances = task_ends(task, self.effectors)
-        ends, rooms, least = self._prepared(task_stances)
+        ends, rooms, least = self._prepare_ends(task_stances)
         draft = task_stances.draft
         if least > STEPS_MAX:
             message = f"The goal is at least {least} steps away; a plan has at most {STEPS_MAX} steps."
             raise NotEstimable("contacts-too-far", message, [Fault("goal", f"{least} steps away")])
-        self._refuse_gap(ends, draft, rooms)
+        self._raise_for_gap(ends, draft, rooms)
         until, steps = time.monotonic() + self.seconds, min(STEPS_MAX, max(2, least) + self.extra_steps)
-        for k, plan in enumerate(self._schedules(ends, rooms, least)):
-            told(min(0.9, k / (2 * self.extra_steps + 2)), f"{len(plan.feet) - 1} steps")
+        for k, plan in enumerate(self._candidate_schedules(ends, rooms, least)):
+            report_progress(min(0.9, k / (2 * self.extra_steps + 2)), f"{len(plan.feet) - 1} steps")
             program = StepProgram(plan, self.limits, ends)
             left_s = until - time.monotonic()
             if left_s <= 0.0:
-                raise _timeout(self.seconds)
+                raise _timeout_error(self.seconds)
             answer = program.solve(left_s)
             if answer.x is not None:
-                scenario = self._judged(task, draft, plan, program.placed(answer))
+                scenario = self._validated_scenario(task, draft, plan, program.placements_of(answer))
                 took_s = time.process_time() - began
                 return ContactPlan(scenario, len(plan.feet) - 1, k + 1, answer.objective, took_s)
             if not answer.proven:
-                raise _timeout(self.seconds)
+                raise _timeout_error(self.seconds)
             steps = len(plan.feet) - 1
-        raise self._unreachable(ends, rooms, steps, until)
+        raise self._unreachable_error(ends, rooms, steps, until)
 
-    def prepared(self, task: Mapping[str, Any]) -> tuple[Ends, Rooms, int]:
+    def prepare_task(self, task: Mapping[str, Any]) -> tuple[StartAndGoal, RegionLookup, int]:
         """Return ends, foothold regions and the minimum number of steps. Raises ``InvalidInput`` as ``plan``."""
-        return self._prepared(task_ends(task, self.effectors))
+        return self._prepare_ends(task_ends(task, self.effectors))
 
-    def _prepared(self, known: TaskEnds) -> tuple[Ends, Rooms, int]:
-        ends = Ends.of(known.start, known.goal, self.limits.feet)
-        return ends, self._rooms(known.draft), _least_steps(ends, self.limits)
+    def _prepare_ends(self, task_stances: TaskEnds) -> tuple[StartAndGoal, RegionLookup, int]:
+        ends = StartAndGoal.from_stances(task_stances.start, task_stances.goal, self.limits.feet)
+        return ends, self._region_lookup(task_stances.draft), _least_steps(ends, self.limits)
 
-    def _schedules(self, ends: Ends, rooms: Rooms, least: int) -> Iterator[Schedule]:
+    def _candidate_schedules(self, ends: StartAndGoal, regions_at: RegionLookup, min_steps: int) -> Iterator[Schedule]:
         """Yield the schedules that may have a solution, fewest steps first."""
         right = self.limits.defaults.first_foot
         order = (right, *(foot for foot in self.limits.feet if foot != right))
         last = STEPS_MAX
-        for steps in range(least, STEPS_MAX + 1):
+        for steps in range(min_steps, STEPS_MAX + 1):
             if steps > last:
                 return
             for first in order:
-                plan = schedule(ends, self.limits, rooms, steps, first)
-                candidate = None if plan is None else pruned(plan, self.limits)
+                plan = build_schedule(ends, self.limits, regions_at, steps, first)
+                candidate = None if plan is None else prune_schedule(plan, self.limits)
                 if candidate is not None:
                     last = min(last, steps + self.extra_steps)
                     yield candidate
 
-    def _rooms(self, draft: Draft) -> Rooms:
+    def _region_lookup(self, draft: Draft) -> RegionLookup:
         """Cached lookup of the regions of an effector at a heading, rounded to a microradian."""
         cache: dict[tuple[str, int], tuple[Region, ...]] = {}
         gap_m = self.limits.defaults.toe_gap_m
 
-        def at(effector: str, yaw_rad: float) -> tuple[Region, ...]:
+        def regions_at(effector: str, yaw_rad: float) -> tuple[Region, ...]:
             key = (effector, round(yaw_rad * 1e6))
             if key not in cache:
                 shape = self.limits.effectors[effector]
-                cache[key] = tuple(regions(draft.terrain, draft.friction, shape, yaw_rad, gap_m))
+                cache[key] = tuple(foothold_regions(draft.terrain, draft.friction, shape, yaw_rad, gap_m))
             return cache[key]
 
-        return at
+        return regions_at
 
-    def _judged(self, task: Mapping[str, Any], draft: Draft, plan: Schedule, placed: Placed) -> dict[str, Any]:
+    def _validated_scenario(
+        self, task: Mapping[str, Any], draft: Draft, plan: Schedule, placed: PlacedSchedule
+    ) -> dict[str, Any]:
         """Return the scenario. Raises ``NotEstimable`` (``contact-plan-refused``) if it fails validation."""
-        scenario = {**surroundings(task), "friction": draft.friction, "phases": _phases(plan, placed, self.limits)}
-        report = check(scenario, self.effectors)
+        scenario = {
+            **scenario_without_phases(task),
+            "friction": draft.friction,
+            "phases": _scenario_phases(plan, placed, self.limits),
+        }
+        report = validate_scenario(scenario, self.effectors)
         if not report.valid:
             first = report.faults[0]
             message = f"The planned contact sequence fails validation: {first.where}: {first.message}."
             raise NotEstimable("contact-plan-refused", message, report.faults)
         return scenario
 
-    def _refuse_gap(self, ends: Ends, draft: Draft, rooms: Rooms) -> None:
+    def _raise_for_gap(self, ends: StartAndGoal, draft: Draft, regions_at: RegionLookup) -> None:
         """Raise ``contacts-unreachable`` if no number of steps crosses a gap."""
-        start, goal = touch_all(draft, self.effectors)
+        start, goal = contacts_on_surfaces(draft, self.effectors)
         names = {foot: (start[foot].surface or "", goal[foot].surface or "") for foot in self.limits.feet}
-        gap = first_gap(ends, self.limits, rooms, names)
+        gap = first_gap(ends, self.limits, regions_at, names)
         if gap is not None:
-            missing = _in_words(gap.missing_m)
+            missing = _gap_text(gap.missing_m)
             text = f"the step from {gap.from_surface!r} to {gap.to_surface!r} would have to reach {missing}"
             message = f"There is no way to the goal: after {gap.step} steps or more, {text}."
             raise NotEstimable("contacts-unreachable", message, [Fault(f"terrain[{gap.to_surface}]", text)])
 
-    def _unreachable(self, ends: Ends, rooms: Rooms, steps: int, until: float) -> NotEstimable:
+    def _unreachable_error(
+        self, ends: StartAndGoal, regions_at: RegionLookup, steps: int, until: float
+    ) -> NotEstimable:
         """The error that names the worst step of the plan with the least total violation of its limits."""
-        relaxed_schedule = schedule(ends, self.limits, rooms, steps, self.limits.defaults.first_foot)
+        relaxed_schedule = build_schedule(ends, self.limits, regions_at, steps, self.limits.defaults.first_foot)
         if relaxed_schedule is None:
             message = f"There is no way to the goal in {steps} steps."
             return NotEstimable("contacts-unreachable", message, [Fault("goal", "out of reach")])
         program = StepProgram(relaxed_schedule, self.limits, ends, slack=True)
         answer = program.solve(max(1.0, until - time.monotonic()))
         if answer.x is None or program.slack is None:
-            return _timeout(self.seconds)
+            return _timeout_error(self.seconds)
         worst = int(np.argmax(answer.x[list(program.slack)]))
-        node, placed = relaxed_schedule.nodes[relaxed_schedule.moves[worst]], program.placed(answer)
+        node, placed = relaxed_schedule.nodes[relaxed_schedule.moves[worst]], program.placements_of(answer)
         region = placed.regions[relaxed_schedule.moves[worst]]
         where = "the goal" if region is None else repr(region.surface)
         lacks = f"{node.effector} misses its limits by {answer.x[program.slack[worst]]:.2f} m"
@@ -168,7 +176,7 @@ class ContactPlanner:
         return NotEstimable("contacts-unreachable", message, [Fault(f"steps[{node.step}]", f"{where}: {lacks}")])
 
 
-def _least_steps(ends: Ends, limits: RobotLimits) -> int:
+def _least_steps(ends: StartAndGoal, limits: RobotLimits) -> int:
     """Minimum number of steps of the robot's step length with turns up to ``TURN_MAX_RAD``; 0 if already there."""
     ways = [ends.goal[foot].position_m - ends.start[foot].position_m for foot in limits.feet]
     distances = [float(np.linalg.norm(way)) for way in ways]
@@ -182,15 +190,20 @@ def _least_steps(ends: Ends, limits: RobotLimits) -> int:
     return max(count, walk, math.ceil(abs(ends.turn_rad) / TURN_MAX_RAD))
 
 
-def _phases(plan: Schedule, placed: Placed, limits: RobotLimits) -> list[dict[str, Any]]:
+def _scenario_phases(plan: Schedule, placed: PlacedSchedule, limits: RobotLimits) -> list[dict[str, Any]]:
     """Phases of all moves that change a contact; every swing is a phase of its own."""
     times = limits.defaults
     standing = {name: at for name, i in plan.stances[0].items() if (at := placed.placements[i]) is not None}
-    phases = [_phase(times.ends_s, standing)]
+    phases = [_phase_entry(times.ends_s, standing)]
     for i in plan.moves:
         name, at = plan.nodes[i].effector, placed.placements[i]
         before = standing.pop(name, None)
-        if at is not None and before is not None and _same(before, at) and plan.nodes[i].effector not in limits.feet:
+        if (
+            at is not None
+            and before is not None
+            and _same_position(before, at)
+            and plan.nodes[i].effector not in limits.feet
+        ):
             standing[name] = before
             continue
         if at is None and before is None:
@@ -200,15 +213,15 @@ def _phases(plan: Schedule, placed: Placed, limits: RobotLimits) -> list[dict[st
             swing_s = times.foot_move_s * (LEVEL_MOVE_SHARE if level else 1.0)
         else:
             swing_s = times.hand_move_s
-        phases.append(_phase(swing_s, standing))
+        phases.append(_phase_entry(swing_s, standing))
         if at is not None:
             standing[name] = at
-            phases.append(_phase(times.rest_s, standing))
+            phases.append(_phase_entry(times.rest_s, standing))
     phases[-1]["duration_s"] = min(times.ends_s, DURATION_S[1])
     return phases
 
 
-def _phase(duration_s: float, standing: Mapping[str, Placement]) -> dict[str, Any]:
+def _phase_entry(duration_s: float, standing: Mapping[str, Placement]) -> dict[str, Any]:
     contacts = [
         {
             "effector": name,
@@ -220,15 +233,15 @@ def _phase(duration_s: float, standing: Mapping[str, Placement]) -> dict[str, An
     return {"duration_s": round(duration_s, 6), "contacts": contacts}
 
 
-def _same(one: Placement, other: Placement) -> bool:
+def _same_position(one: Placement, other: Placement) -> bool:
     return bool(np.linalg.norm(one.position_m - other.position_m) < SAME_M)
 
 
-def _in_words(missing_m: tuple[float, float, float]) -> str:
+def _gap_text(missing_m: tuple[float, float, float]) -> str:
     ways = (("ahead", "back"), ("left", "right"), ("up", "down"))
     parts = [f"{abs(v):.3f} m farther {way[v < 0]}" for v, way in zip(missing_m, ways, strict=True) if abs(v) > SAME_M]
     return " and ".join(parts)
 
 
-def _timeout(seconds: float) -> NotEstimable:
+def _timeout_error(seconds: float) -> NotEstimable:
     return NotEstimable("contact-plan-timeout", f"The planner found no sequence of contacts within {seconds:g} s.")

@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Float
 
 from stridelab.contacts.planner.foothold_regions import Region
-from stridelab.contacts.planner.schedule import Ends, Node, Rooms, Schedule
+from stridelab.contacts.planner.schedule import Node, RegionLookup, Schedule, StartAndGoal
 from stridelab.contacts.planner.step_limits import RobotLimits, heading_frame
 from stridelab.conventions import Vector3
 
@@ -24,19 +24,19 @@ Boxes = Float[np.ndarray, "_ 2 3"]
 """Lower and upper corner per region; an empty box has its lower corner above the upper one."""
 
 
-def pruned(plan: Schedule, limits: RobotLimits) -> Schedule | None:
+def prune_schedule(plan: Schedule, limits: RobotLimits) -> Schedule | None:
     """The schedule with only the regions on a path from start to goal; None if a foot has none."""
     frame = heading_frame(plan.nodes[0].yaw_rad)
     nodes = [plan.nodes[i] for i in plan.feet]
-    full = [_boxes(node, frame) for node in nodes]
-    steps = [_offsets(node, limits, frame) for node in nodes]
+    full = [_node_boxes(node, frame) for node in nodes]
+    steps = [_step_box(node, limits, frame) for node in nodes]
     forward = [full[0]]
     for k in range(1, len(nodes)):
-        forward.append(_met(full[k], forward[-1], *steps[k], given=_given(nodes, k)))
+        forward.append(_reachable_boxes(full[k], forward[-1], *steps[k], given=_both_feet_given(nodes, k)))
     backward = [full[-1]]
     for k in range(len(nodes) - 1, 0, -1):
         low, high = steps[k]
-        backward.insert(0, _met(full[k - 1], backward[0], -high, -low, given=_given(nodes, k)))
+        backward.insert(0, _reachable_boxes(full[k - 1], backward[0], -high, -low, given=_both_feet_given(nodes, k)))
     changed = list(plan.nodes)
     for k, node in enumerate(nodes):
         low = np.maximum(forward[k][:, 0], backward[k][:, 0])
@@ -64,7 +64,9 @@ class Gap:
     missing_m: tuple[float, float, float]
 
 
-def first_gap(ends: Ends, limits: RobotLimits, rooms: Rooms, names: Mapping[str, tuple[str, str]]) -> Gap | None:
+def first_gap(
+    ends: StartAndGoal, limits: RobotLimits, regions_at: RegionLookup, names: Mapping[str, tuple[str, str]]
+) -> Gap | None:
     """The narrowest gap that no number of steps crosses; None if the goal is reachable.
 
     ``names`` are the surfaces of start and goal by foot.
@@ -73,12 +75,12 @@ def first_gap(ends: Ends, limits: RobotLimits, rooms: Rooms, names: Mapping[str,
     yaw = ends.yaw_rad + ends.turn_rad / 2
     places: list[tuple[str, str, Boxes]] = []
     for foot in limits.feet:
-        node = Node(foot, 0, yaw, None, rooms(foot, yaw))
-        boxes = zip(node.choices, _boxes(node, frame), strict=True)
+        node = Node(foot, 0, yaw, None, regions_at(foot, yaw))
+        boxes = zip(node.choices, _node_boxes(node, frame), strict=True)
         places += [(foot, region.surface, box[np.newaxis]) for region, box in boxes]
-    places += [(foot, names[foot][1], _boxes(Node(foot, 0, yaw, ends.goal[foot]), frame)) for foot in limits.feet]
-    steps = {foot: _offsets(Node(foot, 0, yaw), limits, frame) for foot in limits.feet}
-    starts = [(foot, names[foot][0], _boxes(Node(foot, 0, yaw, ends.start[foot]), frame)) for foot in limits.feet]
+    places += [(foot, names[foot][1], _node_boxes(Node(foot, 0, yaw, ends.goal[foot]), frame)) for foot in limits.feet]
+    steps = {foot: _step_box(Node(foot, 0, yaw), limits, frame) for foot in limits.feet}
+    starts = [(foot, names[foot][0], _node_boxes(Node(foot, 0, yaw, ends.start[foot]), frame)) for foot in limits.feet]
     level: dict[int, int] = {}
     queue = deque((0, *start) for start in starts)
     reached: list[tuple[int, str, str, Boxes]] = []
@@ -86,7 +88,7 @@ def first_gap(ends: Ends, limits: RobotLimits, rooms: Rooms, names: Mapping[str,
         n, foot, surface, box = queue.popleft()
         reached.append((n, foot, surface, box))
         for i, (other, name, target) in enumerate(places):
-            if i not in level and other != foot and not _missing(box, target, *steps[other]).any():
+            if i not in level and other != foot and not _missing_step(box, target, *steps[other]).any():
                 level[i] = n + 1
                 queue.append((n + 1, other, name, target))
     if level.keys() & {len(places) - 1, len(places) - 2}:
@@ -96,14 +98,14 @@ def first_gap(ends: Ends, limits: RobotLimits, rooms: Rooms, names: Mapping[str,
         for n, foot, surface, box in reached
         for i, (other, name, target) in enumerate(places)
         if i not in level and other != foot
-        for missing in [_missing(box, target, *steps[other])]
+        for missing in [_missing_step(box, target, *steps[other])]
     ]
     _, n, foot, surface, name, missing = min(lacking, key=lambda gap: gap[:2])
     x, y, z = missing.tolist()
     return Gap(n, foot, surface, name, (x, y, z))
 
 
-def _missing(box: Boxes, target: Boxes, low: Vector3, high: Vector3) -> Vector3:
+def _missing_step(box: Boxes, target: Boxes, low: Vector3, high: Vector3) -> Vector3:
     """Signed distance of ``target`` from ``box`` plus a step, per axis; 0 if they intersect."""
     beyond = np.maximum(target[0, 0] - box[0, 1] - high, 0.0)
     before = np.maximum(box[0, 0] + low - target[0, 1], 0.0)
@@ -111,33 +113,33 @@ def _missing(box: Boxes, target: Boxes, low: Vector3, high: Vector3) -> Vector3:
     return np.asarray(np.where(np.abs(missing) > TOLERANCE_M, missing, 0.0))
 
 
-def _given(nodes: list[Node], k: int) -> bool:
+def _both_feet_given(nodes: list[Node], k: int) -> bool:
     """Whether both feet are fixed by the goal, whose stance may be wider than a step."""
     return k == len(nodes) - 1 and nodes[k].fixed is not None and nodes[k - 1].fixed is not None
 
 
-def _met(full: Boxes, before: Boxes, low: Vector3, high: Vector3, *, given: bool) -> Boxes:
+def _reachable_boxes(full: Boxes, previous: Boxes, low: Vector3, high: Vector3, *, given: bool) -> Boxes:
     """Per region, the bounding box of its intersections with all previous boxes, each plus a step."""
     if given:
         return full
-    lowest = np.maximum(full[:, np.newaxis, 0], before[np.newaxis, :, 0] + low)
-    highest = np.minimum(full[:, np.newaxis, 1], before[np.newaxis, :, 1] + high)
+    lowest = np.maximum(full[:, np.newaxis, 0], previous[np.newaxis, :, 0] + low)
+    highest = np.minimum(full[:, np.newaxis, 1], previous[np.newaxis, :, 1] + high)
     met = (lowest <= highest + TOLERANCE_M).all(axis=2)[..., np.newaxis]
     return np.stack([np.where(met, lowest, np.inf).min(axis=1), np.where(met, highest, -np.inf).max(axis=1)], axis=1)
 
 
-def _boxes(node: Node, frame: Float[np.ndarray, "3 3"]) -> Boxes:
+def _node_boxes(node: Node, frame: Float[np.ndarray, "3 3"]) -> Boxes:
     if node.fixed is not None:
         return np.tile(node.fixed.position_m @ frame, (1, 2, 1))
-    return np.array([_box(region, frame) for region in node.choices]).reshape(-1, 2, 3)
+    return np.array([_region_box(region, frame) for region in node.choices]).reshape(-1, 2, 3)
 
 
-def _box(region: Region, frame: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, "2 3"]:
+def _region_box(region: Region, frame: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, "2 3"]:
     local = region.corners_m @ frame
     return np.stack([local.min(axis=0), local.max(axis=0)])
 
 
-def _offsets(node: Node, limits: RobotLimits, frame: Float[np.ndarray, "3 3"]) -> tuple[Vector3, Vector3]:
+def _step_box(node: Node, limits: RobotLimits, frame: Float[np.ndarray, "3 3"]) -> tuple[Vector3, Vector3]:
     """The box of the steps of a foot, rotated from its heading frame into that of the start."""
     low, high = limits.offset_box_m(node.effector)
     turn = frame.T @ heading_frame(node.yaw_rad)

@@ -35,7 +35,7 @@ class Node:
     free: bool = False
 
     @property
-    def absent(self) -> bool:
+    def is_absent(self) -> bool:
         """Whether the effector has no contact in any solution."""
         return self.fixed is None and not self.choices
 
@@ -55,7 +55,7 @@ class Schedule:
 
 
 @dataclass(frozen=True, eq=False)
-class Ends:
+class StartAndGoal:
     """Start and goal with their headings; the robot turns by ``turn_rad`` in between."""
 
     start: Stance
@@ -64,21 +64,23 @@ class Ends:
     turn_rad: float
 
     @staticmethod
-    def of(start: Stance, goal: Stance, feet: tuple[str, str]) -> "Ends":
+    def from_stances(start: Stance, goal: Stance, feet: tuple[str, str]) -> "StartAndGoal":
         """Create from two stances; headings are the mean yaw of the soles."""
         yaw, end = (_mean_yaw(stance, feet) for stance in (start, goal))
-        return Ends(start, goal, yaw, float(np.angle(np.exp(1j * (end - yaw)))))
+        return StartAndGoal(start, goal, yaw, float(np.angle(np.exp(1j * (end - yaw)))))
 
 
-Rooms = Callable[[str, float], tuple[Region, ...]]
+RegionLookup = Callable[[str, float], tuple[Region, ...]]
 """Lookup of the regions of an effector at a heading (rad)."""
 
 
-def schedule(ends: Ends, limits: RobotLimits, rooms: Rooms, steps: int, first: str) -> Schedule | None:
+def build_schedule(
+    ends: StartAndGoal, limits: RobotLimits, regions_at: RegionLookup, steps: int, first: str
+) -> Schedule | None:
     """A schedule of ``steps`` foot moves beginning with ``first``; None if it cannot end at the goal."""
     order = [first, *(foot for foot in limits.feet if foot != first)]
     still = [order[k % 2] for k in range(steps, 2)]
-    if any(_apart(ends.start[foot], ends.goal[foot]) for foot in still):
+    if any(_differ(ends.start[foot], ends.goal[foot]) for foot in still):
         return None
     hands = sorted(name for name in {*ends.start, *ends.goal} if limits.effectors[name].kind == "point")
     nodes: list[Node] = []
@@ -88,7 +90,7 @@ def schedule(ends: Ends, limits: RobotLimits, rooms: Rooms, steps: int, first: s
         nodes.append(Node(name, 0, ends.yaw_rad, ends.start.get(name)))
     feet, moves, stances = [standing[order[1]]], [], [dict(standing)]
 
-    def move(node: Node) -> None:
+    def append_move(node: Node) -> None:
         standing[node.effector] = len(nodes)
         moves.append(len(nodes))
         nodes.append(node)
@@ -98,17 +100,17 @@ def schedule(ends: Ends, limits: RobotLimits, rooms: Rooms, steps: int, first: s
         yaw = ends.yaw_rad + ends.turn_rad * k / steps
         if k % 2:
             for hand in hands:
-                move(Node(hand, k - 1, yaw, None, rooms(hand, yaw), True))
+                append_move(Node(hand, k - 1, yaw, None, regions_at(hand, yaw), True))
         foot = order[(k - 1) % 2]
         fixed = ends.goal[foot] if k > steps - 2 else None
-        move(Node(foot, k, yaw, fixed, () if fixed else rooms(foot, yaw)))
+        append_move(Node(foot, k, yaw, fixed, () if fixed else regions_at(foot, yaw)))
         feet.append(standing[foot])
     for hand in hands:
-        move(Node(hand, steps, ends.yaw_rad + ends.turn_rad, ends.goal.get(hand)))
+        append_move(Node(hand, steps, ends.yaw_rad + ends.turn_rad, ends.goal.get(hand)))
     return Schedule(tuple(nodes), tuple(moves), tuple(stances), tuple(feet))
 
 
-def _apart(one: Placement, other: Placement) -> bool:
+def _differ(one: Placement, other: Placement) -> bool:
     return bool(
         np.linalg.norm(one.position_m - other.position_m) > SAME_M
         or np.abs(one.rotation - other.rotation).max() > SAME_M

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from stridelab.contacts.effector_geometry import EffectorShape
-from stridelab.contacts.validation.parse import Draft, read
-from stridelab.contacts.validation.validate import check
+from stridelab.contacts.validation.parse import Draft, parse_scenario
+from stridelab.contacts.validation.validate import validate_scenario
 from stridelab.dynamics.spatial import Placement
 from stridelab.errors import Fault, InvalidInput
 
@@ -31,12 +31,13 @@ def task_ends(task: Mapping[str, Any], effectors: Mapping[str, EffectorShape]) -
     Raises ``InvalidInput`` (``stance-invalid``) for an invalid start or goal, naming the end, the effector and the
     fault; all feet must be in contact in both.
     """
-    bare, faults = surroundings(task), []
+    bare, faults = scenario_without_phases(task), []
     for end in ENDS:
-        alone = {**bare, "phases": [_phase(task, end)]}
+        alone = {**bare, "phases": [_end_phase(task, end)]}
         standing = {str(contact.get("effector")) for contact in task[end]["contacts"]}
         faults += [
-            Fault(fault.where.replace("phases[0]", end), fault.message) for fault in check(alone, effectors).faults
+            Fault(fault.where.replace("phases[0]", end), fault.message)
+            for fault in validate_scenario(alone, effectors).faults
         ]
         for foot in sorted(name for name, shape in effectors.items() if shape.kind == "surface"):
             if foot not in standing:
@@ -46,11 +47,11 @@ def task_ends(task: Mapping[str, Any], effectors: Mapping[str, EffectorShape]) -
         more = f" and {len(unique) - 1} more" if len(unique) > 1 else ""
         message = f"The robot cannot stand like this: {unique[0].where}: {unique[0].message}{more}."
         raise InvalidInput("stance-invalid", message, unique)
-    draft = read({**bare, "phases": [_phase(task, end) for end in ENDS]}, effectors)
+    draft = parse_scenario({**bare, "phases": [_end_phase(task, end) for end in ENDS]}, effectors)
     return TaskEnds(draft.phases[0].contacts, draft.phases[1].contacts, draft)
 
 
-def surroundings(task: Mapping[str, Any]) -> dict[str, Any]:
+def scenario_without_phases(task: Mapping[str, Any]) -> dict[str, Any]:
     """Fields of a scenario other than its phases, taken from a task."""
     return {
         "name": task.get("name") or "Planned contacts",
@@ -61,5 +62,5 @@ def surroundings(task: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def _phase(task: Mapping[str, Any], end: str) -> dict[str, Any]:
+def _end_phase(task: Mapping[str, Any], end: str) -> dict[str, Any]:
     return {"duration_s": 1.0, "contacts": task[end]["contacts"]}

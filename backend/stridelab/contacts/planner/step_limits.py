@@ -68,22 +68,22 @@ class RobotLimits:
         still = self.feet[1 - self.feet.index(moving)]
         s, m = self.effectors[still].heading, self.effectors[moving].heading
         low, high = np.subtract(s.com_low_m, m.com_high_m), np.subtract(s.com_high_m, m.com_low_m)
-        d = self.feet_distance_max_m * COVER
+        d = self.feet_distance_max_m * BALL_COVER
         near, far = self.defaults.width_min_m, d
         side = (near, far) if moving == self.feet[0] else (-far, -near)
         rise = self.defaults.rise_max_m
         return np.maximum(low, (-d, side[0], -rise)), np.minimum(high, (d, side[1], rise))
 
 
-def _directions() -> Points:
+def _cube_directions() -> Points:
     grid = np.array(np.meshgrid(*[(-1.0, 0.0, 1.0)] * 3)).reshape(3, -1).T
     grid = grid[np.abs(grid).any(axis=1)]
     return np.asarray(grid / np.linalg.norm(grid, axis=1)[:, np.newaxis])
 
 
-DIRECTIONS: Final[Points] = _directions()
+DIRECTIONS: Final[Points] = _cube_directions()
 """Unit vectors to the faces, edges and corners of a cube: normals of 26 half-spaces that approximate a ball."""
-COVER: Final = float(np.abs(ConvexHull(DIRECTIONS).equations[:, 3]).min())
+BALL_COVER: Final = float(np.abs(ConvexHull(DIRECTIONS).equations[:, 3]).min())
 """``{v: n_k v <= COVER r}`` lies inside the ball of radius ``r``: no point of the sphere is farther from the nearest
 direction than ``arccos(COVER)``."""
 
@@ -91,7 +91,7 @@ direction than ``arccos(COVER)``."""
 def ball_rows(radius_m: float, low: Vector3, high: Vector3) -> tuple[Points, float]:
     """Half-spaces ``n v <= offset`` that approximate the ball from inside, without those implied by the box."""
     farthest = np.maximum(DIRECTIONS * low, DIRECTIONS * high).sum(axis=1)
-    return DIRECTIONS[farthest > COVER * radius_m], COVER * radius_m
+    return DIRECTIONS[farthest > BALL_COVER * radius_m], BALL_COVER * radius_m
 
 
 def heading_frame(yaw_rad: float) -> Float[np.ndarray, "3 3"]:

@@ -11,13 +11,13 @@ from stridelab.contacts.scenarios.parts import (
     Scenario,
     Timing,
     Walker,
+    both_feet,
     box,
     contact,
-    feet,
     ground,
-    moved,
+    move_effector,
     phase,
-    rounded,
+    round_values,
     scenario,
 )
 
@@ -27,7 +27,7 @@ TILTS: Final[tuple[Tilt, ...]] = ((10.0, 0.0), (0.0, -12.0), (-20.0, 0.0), (0.0,
 CAREFUL: Final = Timing(2.0, 1.6, 0.3)
 RAIL_RADIUS_M: Final = 0.02
 STONE_M: Final = (0.28, 0.16, 0.20)
-BEYOND_M: Final = 0.06
+LAST_STEP_EXTRA_M: Final = 0.06
 """Extra length of the last step, so that the heels clear the last stone."""
 STONE_FRICTION: Final = 0.7
 STONE_TOP_M: Final = 0.06
@@ -44,17 +44,17 @@ def stepping_stones(
 
     A stone is a box of ``STONE_M``, sunk into the ground except for its upper part.
     """
-    standing = feet(walker, 0.0, 0.0)
+    standing = both_feet(walker, 0.0, 0.0)
     phases, stones = [phase(timing.ends_s, standing)], []
     for i, tilt in enumerate(tilts, 1):
-        effector = _foot(i)
-        top = (i * step_m, feet(walker, 0.0, 0.0)[effector]["position_m"][1], STONE_TOP_M)
+        effector = _foot_of_step(i)
+        top = (i * step_m, both_feet(walker, 0.0, 0.0)[effector]["position_m"][1], STONE_TOP_M)
         turn = Rotation.from_euler("xy", tilt, degrees=True)
-        stones.append(_stone(f"stone {i}", top, turn))
-        phases += moved(standing, contact(effector, top, turn.as_quat(scalar_first=True)), timing)
-    end_m = (len(tilts) + 1) * step_m + BEYOND_M
+        stones.append(_stone_box(f"stone {i}", top, turn))
+        phases += move_effector(standing, contact(effector, top, turn.as_quat(scalar_first=True)), timing)
+    end_m = (len(tilts) + 1) * step_m + LAST_STEP_EXTRA_M
     for i in (len(tilts) + 1, len(tilts) + 2):
-        phases += moved(standing, feet(walker, end_m, 0.0)[_foot(i)], timing)
+        phases += move_effector(standing, both_feet(walker, end_m, 0.0)[_foot_of_step(i)], timing)
     phases[-1]["duration_s"] = timing.ends_s
     steepest = max(abs(degrees) for tilt in tilts for degrees in tilt)
     return scenario(
@@ -81,10 +81,10 @@ def wall_step(
     wall = box("wall", (x - 0.5, x + 0.8), (y - 0.10, y), (0.0, z + 0.6), friction=friction)
     turn = Rotation.from_euler("x", -90, degrees=True)
     hand = contact("right_hand", (x, y, z), turn.as_quat(scalar_first=True))
-    standing = feet(walker, 0.0, 0.0) | {"right_hand": hand}
+    standing = both_feet(walker, 0.0, 0.0) | {"right_hand": hand}
     phases = [phase(timing.ends_s, standing)]
     for effector in ("left_foot", "right_foot"):
-        phases += moved(standing, feet(walker, step_m, 0.0)[effector], timing)
+        phases += move_effector(standing, both_feet(walker, step_m, 0.0)[effector], timing)
     phases[-1]["duration_s"] = timing.ends_s
     return scenario(
         "A step along a wall",
@@ -107,12 +107,12 @@ def stand_up(
     rail = {
         "name": "rail",
         "kind": "rail",
-        "from_m": rounded((x - 0.5, y, z - RAIL_RADIUS_M)),
-        "to_m": rounded((x + 0.5, y, z - RAIL_RADIUS_M)),
+        "from_m": round_values((x - 0.5, y, z - RAIL_RADIUS_M)),
+        "to_m": round_values((x + 0.5, y, z - RAIL_RADIUS_M)),
         "radius_m": RAIL_RADIUS_M,
         "friction": friction,
     }
-    standing = feet(walker, 0.0, 0.0) | {"right_hand": contact("right_hand", hand_m)}
+    standing = both_feet(walker, 0.0, 0.0) | {"right_hand": contact("right_hand", hand_m)}
     made = scenario(
         "Standing up",
         "From a crouch to standing, the right hand on a rail.",
@@ -123,18 +123,18 @@ def stand_up(
     return made | {"start_com_height_m": start_com_height_m}
 
 
-def _foot(i: int) -> str:
+def _foot_of_step(i: int) -> str:
     """Right foot first."""
     return ("left_foot", "right_foot")[i % 2]
 
 
-def _stone(name: str, top_m: Point, turn: Rotation) -> dict[str, Any]:
+def _stone_box(name: str, top_m: Point, turn: Rotation) -> dict[str, Any]:
     """A box with the centre of its upper face at ``top_m``."""
     center = top_m - turn.apply([0.0, 0.0, STONE_M[2] / 2])
     return {
         "name": name,
         "kind": "box",
-        "center_m": rounded(center.tolist()),
+        "center_m": round_values(center.tolist()),
         "size_m": list(STONE_M),
         "orientation_wxyz": [round(float(value), 9) + 0.0 for value in turn.as_quat(scalar_first=True)],
         "friction": STONE_FRICTION,

@@ -61,7 +61,7 @@ def scenario(
     }
 
 
-def feet(walker: Walker, x_m: float, z_m: float) -> Contacts:
+def both_feet(walker: Walker, x_m: float, z_m: float) -> Contacts:
     """Both feet side by side on level ground."""
     return {
         "left_foot": contact("left_foot", (x_m, walker.foot_y_m, z_m)),
@@ -72,7 +72,7 @@ def feet(walker: Walker, x_m: float, z_m: float) -> Contacts:
 def contact(effector: str, position_m: Point, wxyz: Iterable[float] = LEVEL) -> dict[str, Any]:
     """One contact."""
     quaternion = [round(value, 9) + 0.0 for value in wxyz]
-    return {"effector": effector, "position_m": rounded(position_m), "orientation_wxyz": quaternion}
+    return {"effector": effector, "position_m": round_values(position_m), "orientation_wxyz": quaternion}
 
 
 def phase(duration_s: float, contacts: Mapping[str, dict[str, Any]]) -> dict[str, Any]:
@@ -80,11 +80,11 @@ def phase(duration_s: float, contacts: Mapping[str, dict[str, Any]]) -> dict[str
     return {"duration_s": duration_s, "contacts": [deepcopy(contacts[name]) for name in sorted(contacts)]}
 
 
-def moved(standing: Contacts, to: dict[str, Any], timing: Timing) -> Iterable[dict[str, Any]]:
+def move_effector(standing: Contacts, target: dict[str, Any], timing: Timing) -> Iterable[dict[str, Any]]:
     """Two phases: an effector swings to the contact ``to``, then all rest; updates ``standing``."""
-    effector = to["effector"]
+    effector = target["effector"]
     yield phase(timing.move_s, {name: c for name, c in standing.items() if name != effector})
-    standing[effector] = to
+    standing[effector] = target
     yield phase(timing.rest_s, standing)
 
 
@@ -101,12 +101,12 @@ def box(
     return {
         "name": name,
         "kind": "box",
-        "center_m": rounded(sum(ends) / 2 for ends in extents),
-        "size_m": rounded(ends[1] - ends[0] for ends in extents),
+        "center_m": round_values(sum(ends) / 2 for ends in extents),
+        "size_m": round_values(ends[1] - ends[0] for ends in extents),
         "yaw_rad": 0.0,
     } | more
 
 
-def rounded(values: Iterable[float]) -> list[float]:
+def round_values(values: Iterable[float]) -> list[float]:
     """Round to a micrometre for readable files."""
     return [round(value, 6) + 0.0 for value in values]

@@ -15,13 +15,13 @@ from stridelab.contacts.scenarios.parts import (
     Scenario,
     Timing,
     Walker,
+    both_feet,
     box,
     contact,
-    feet,
     ground,
-    moved,
+    move_effector,
     phase,
-    rounded,
+    round_values,
     scenario,
 )
 
@@ -49,23 +49,23 @@ class Stairs:
     toe_gap_m: float = TOE_GAP_M
     landing_m: float = 0.6
 
-    def up(self, walker: Walker) -> list[dict[str, Any]]:
+    def ascending_boxes(self, walker: Walker) -> list[dict[str, Any]]:
         """Boxes of ascending stairs, from the ground to the tread and from the riser to the end of the flight."""
         first = walker.toe_m + self.toe_gap_m
         end = first + self.number * self.depth_m + self.landing_m
-        return [self._box(i, (first + (i - 1) * self.depth_m, end)) for i in range(1, self.number + 1)]
+        return [self._stair_box(i, (first + (i - 1) * self.depth_m, end)) for i in range(1, self.number + 1)]
 
-    def down(self, walker: Walker) -> list[dict[str, Any]]:
+    def descending_boxes(self, walker: Walker) -> list[dict[str, Any]]:
         """Boxes of descending stairs, highest first, from behind the start to the edge of the stair."""
         first = self.depth_m - walker.heel_m - self.toe_gap_m
         edges = (first + i * self.depth_m for i in range(self.number))
-        return [self._box(self.number - i, (-self.landing_m, x)) for i, x in enumerate(edges)]
+        return [self._stair_box(self.number - i, (-self.landing_m, x)) for i, x in enumerate(edges)]
 
     def foothold(self, stair: int) -> tuple[float, float]:
         """Position (x, z) of the soles on a stair; stair 0 is the ground before the first, -1 one depth before that."""
         return stair * self.depth_m, max(0, stair) * self.height_m
 
-    def _box(self, stair: int, x_m: tuple[float, float]) -> dict[str, Any]:
+    def _stair_box(self, stair: int, x_m: tuple[float, float]) -> dict[str, Any]:
         across = (-self.width_m / 2, self.width_m / 2)
         return box(f"stair {stair}", x_m, across, (0.0, stair * self.height_m))
 
@@ -85,13 +85,13 @@ class HandRail:
     friction: float = 0.6
     overhang_m: float = 0.4
 
-    def contact(self, x_feet_m: float, slope: float) -> dict[str, Any]:
+    def hand_contact(self, x_feet_m: float, slope: float) -> dict[str, Any]:
         """The contact of the hand for feet at ``x_feet_m``: z along the rail's normal, x along the rail."""
         half = math.atan(slope) / 2
         position = (x_feet_m + self.ahead_m, self.y_m, slope * x_feet_m + self.height_m)
         return contact("right_hand", position, (math.cos(half), 0.0, -math.sin(half), 0.0))
 
-    def surface(self, x_first_m: float, x_last_m: float, slope: float) -> dict[str, Any]:
+    def rail_surface(self, x_first_m: float, x_last_m: float, slope: float) -> dict[str, Any]:
         """The rail for feet that move from ``x_first_m`` to ``x_last_m``."""
         a = math.atan(slope)
         ends = [
@@ -102,8 +102,8 @@ class HandRail:
         return {
             "name": "rail",
             "kind": "rail",
-            "from_m": rounded(ends[0]),
-            "to_m": rounded(ends[1]),
+            "from_m": round_values(ends[0]),
+            "to_m": round_values(ends[1]),
             "radius_m": self.radius_m,
             "friction": self.friction,
         }
@@ -137,8 +137,8 @@ def six_stairs(stairs: Stairs = Stairs(6, 0.10), timing: Timing = CLIMBING, walk
         f"{_NUMBERS.get(stairs.number, stairs.number)} stairs",
         f"Experiment 2 of the thesis: {stairs.number} stairs {100 * stairs.height_m:g} cm high, both feet on each.",
         walker.robot,
-        [ground(), *stairs.up(walker)],
-        _flight(stairs, timing, "both", walker),
+        [ground(), *stairs.ascending_boxes(walker)],
+        _climb_phases(stairs, timing, "both", walker),
     )
 
 
@@ -150,24 +150,24 @@ def climb(stairs: Stairs, timing: Timing, footing: Footing = "both", walker: Wal
         f"{stairs.number} stairs of {height:g} cm",
         f"{stairs.number} stairs {height:g} cm high and {depth:g} cm deep, {on_each} on each, from rest to rest.",
         walker.robot,
-        [ground(), *stairs.up(walker)],
-        _flight(stairs, timing, footing, walker),
+        [ground(), *stairs.ascending_boxes(walker)],
+        _climb_phases(stairs, timing, footing, walker),
     )
 
 
 def descent(stairs: Stairs = Stairs(4, 0.10), timing: Timing = CLIMBING, walker: Walker = TALOS) -> Scenario:
     """Down ``stairs`` to the ground, both feet on every stair, the right one first."""
-    standing = feet(walker, 0.0, stairs.number * stairs.height_m)
+    standing = both_feet(walker, 0.0, stairs.number * stairs.height_m)
     phases = [phase(timing.ends_s, standing)]
     for i in range(1, stairs.number + 1):
         hold = (i * stairs.depth_m, (stairs.number - i) * stairs.height_m)
-        phases += _both_feet(standing, hold, timing, walker)
+        phases += _move_both_feet(standing, hold, timing, walker)
     phases[-1]["duration_s"] = timing.ends_s
     return scenario(
         "Downstairs",
         f"Down {stairs.number} stairs {100 * stairs.height_m:g} cm high, both feet on each, from rest to rest.",
         walker.robot,
-        [ground(), *stairs.down(walker)],
+        [ground(), *stairs.descending_boxes(walker)],
         phases,
     )
 
@@ -184,18 +184,18 @@ def stairs_with_rail(
     """
     slope = stairs.height_m / stairs.depth_m
     holds = [stairs.foothold(i) for i in range(-1, stairs.number + 1)]
-    standing = feet(walker, *holds[0]) | {"right_hand": rail.contact(holds[0][0], slope)}
+    standing = both_feet(walker, *holds[0]) | {"right_hand": rail.hand_contact(holds[0][0], slope)}
     phases = [phase(timing.ends_s, standing)]
     for hold in holds[1:]:
-        phases += moved(standing, rail.contact(hold[0], slope), timing)
-        phases += _both_feet(standing, hold, timing, walker)
+        phases += move_effector(standing, rail.hand_contact(hold[0], slope), timing)
+        phases += _move_both_feet(standing, hold, timing, walker)
     phases[-1]["duration_s"] = timing.ends_s
     return scenario(
         "Stairs with a rail",
         f"Experiment 3 of the thesis: a level step, then {stairs.number} stairs {100 * stairs.height_m:g} cm high, "
         "the right hand on a rail.",
         walker.robot,
-        [ground(), *stairs.up(walker), rail.surface(holds[0][0], holds[-1][0], slope)],
+        [ground(), *stairs.ascending_boxes(walker), rail.rail_surface(holds[0][0], holds[-1][0], slope)],
         phases,
     )
 
@@ -207,35 +207,35 @@ _NUMBERS: Final = {3: "Three", 4: "Four", 5: "Five", 6: "Six", 7: "Seven", 8: "E
 
 def _level_steps(steps: int, step_m: float, timing: Timing, walker: Walker) -> list[dict[str, Any]]:
     """Phases of alternating steps, right foot first; the last step closes the stance."""
-    standing = feet(walker, 0.0, 0.0)
+    standing = both_feet(walker, 0.0, 0.0)
     phases = [phase(timing.ends_s, standing)]
     for i in range(steps):
         x = min(i + 1, steps - 1) * step_m
-        phases += moved(standing, feet(walker, x, 0.0)[("right_foot", "left_foot")[i % 2]], timing)
+        phases += move_effector(standing, both_feet(walker, x, 0.0)[("right_foot", "left_foot")[i % 2]], timing)
     phases[-1]["duration_s"] = timing.ends_s
     return phases
 
 
-def _flight(stairs: Stairs, timing: Timing, footing: Footing, walker: Walker) -> list[dict[str, Any]]:
+def _climb_phases(stairs: Stairs, timing: Timing, footing: Footing, walker: Walker) -> list[dict[str, Any]]:
     """Phases of a climb from the ground to the top stair."""
-    standing = feet(walker, *stairs.foothold(0))
+    standing = both_feet(walker, *stairs.foothold(0))
     phases = [phase(timing.ends_s, standing)]
     for stair in range(1, stairs.number + 1):
         hold = stairs.foothold(stair)
         if footing == "both":
-            phases += _both_feet(standing, hold, timing, walker)
+            phases += _move_both_feet(standing, hold, timing, walker)
         else:
-            phases += moved(standing, feet(walker, *hold)[_SIDES[stair % 2]], timing)
+            phases += move_effector(standing, both_feet(walker, *hold)[_SIDES[stair % 2]], timing)
     if footing == "alternate":
-        last = feet(walker, *stairs.foothold(stairs.number))[_SIDES[(stairs.number + 1) % 2]]
-        phases += moved(standing, last, timing)
+        last = both_feet(walker, *stairs.foothold(stairs.number))[_SIDES[(stairs.number + 1) % 2]]
+        phases += move_effector(standing, last, timing)
     phases[-1]["duration_s"] = timing.ends_s
     return phases
 
 
-def _both_feet(
+def _move_both_feet(
     standing: Contacts, hold: tuple[float, float], timing: Timing, walker: Walker
 ) -> Iterable[dict[str, Any]]:
     """Phases that move the right, then the left foot to ``hold``; updates ``standing``."""
     for moving in ("right_foot", "left_foot"):
-        yield from moved(standing, feet(walker, *hold)[moving], timing)
+        yield from move_effector(standing, both_feet(walker, *hold)[moving], timing)

@@ -47,7 +47,7 @@ class Draft:
     terrain: Terrain
     phases: tuple[DraftPhase, ...]
     faults: tuple[Fault, ...]
-    without_friction: frozenset[str | None] = frozenset()
+    invalid_friction: frozenset[str | None] = frozenset()
     """Surfaces with an invalid friction of their own; contains None if the scenario's friction is invalid."""
 
 
@@ -56,28 +56,32 @@ def contact_field(phase: int, effector: str) -> str:
     return f"phases[{phase}].contacts[{effector}]"
 
 
-def read(scenario: Mapping[str, Any], effectors: Mapping[str, EffectorShape]) -> Draft:
+def parse_scenario(scenario: Mapping[str, Any], effectors: Mapping[str, EffectorShape]) -> Draft:
     """Parse a scenario, ``schemas.scenarios.Scenario`` as a mapping; invalid values become faults."""
-    reader = _Reader(effectors)
-    friction = reader.friction(None, "friction", scenario.get("friction", 0.3))
-    height = reader.attempt("start_com_height_m", lambda: _com_height_m(scenario.get("start_com_height_m")))
-    surfaces = [s for i, entry in enumerate(_items(scenario, "terrain")) if (s := reader.surface(i, entry)) is not None]
-    phases = tuple(reader.phase(i, entry) for i, entry in enumerate(_items(scenario, "phases")))
+    reader = _Parser(effectors)
+    friction = reader.parse_friction(None, "friction", scenario.get("friction", 0.3))
+    height = reader.value_or_fault("start_com_height_m", lambda: _com_height_m(scenario.get("start_com_height_m")))
+    surfaces = [
+        s
+        for i, entry in enumerate(_list_items(scenario, "terrain"))
+        if (s := reader.parse_surface(i, entry)) is not None
+    ]
+    phases = tuple(reader.parse_phase(i, entry) for i, entry in enumerate(_list_items(scenario, "phases")))
     name, robot = str(scenario.get("name", "")), str(scenario.get("robot", ""))
-    terrain, without = Terrain.of(surfaces), frozenset(reader.without_friction)
+    terrain, without = Terrain.from_surfaces(surfaces), frozenset(reader.invalid_friction)
     return Draft(name, robot, friction or 0.3, height, terrain, phases, tuple(reader.faults), without)
 
 
-class _Reader:
+class _Parser:
     """Parser that collects faults."""
 
     def __init__(self, effectors: Mapping[str, EffectorShape]) -> None:
         self.effectors = effectors
         self.faults: list[Fault] = []
         self.names: set[str] = set()
-        self.without_friction: set[str | None] = set()
+        self.invalid_friction: set[str | None] = set()
 
-    def attempt(self, where: str, read_value: Callable[[], Any]) -> Any:
+    def value_or_fault(self, where: str, read_value: Callable[[], Any]) -> Any:
         """Return the value, or None and add a fault at ``where``."""
         try:
             return read_value()
@@ -86,32 +90,32 @@ class _Reader:
             self.faults.append(Fault(where, f"{error.args[0]} is missing" if missing else str(error)))
             return None
 
-    def surface(self, index: int, entry: Any) -> Surface | None:
+    def parse_surface(self, index: int, entry: Any) -> Surface | None:
         where = f"terrain[{index}]"
-        parsed: Surface | None = self.attempt(where, lambda: _surface(entry))
+        parsed: Surface | None = self.value_or_fault(where, lambda: _parse_shape(entry))
         if parsed is None:
             return None
         if entry.get("friction") is not None:
-            parsed = replace(parsed, friction=self.friction(parsed.name, where, entry["friction"]))
+            parsed = replace(parsed, friction=self.parse_friction(parsed.name, where, entry["friction"]))
         if parsed.name in self.names:
             self.faults.append(Fault(f"{where}.name", f"two surfaces have the name {parsed.name!r}"))
             return None
         self.names.add(parsed.name)
         return parsed
 
-    def friction(self, surface: str | None, where: str, value: Any) -> float | None:
+    def parse_friction(self, surface: str | None, where: str, value: Any) -> float | None:
         """Return the coefficient of a surface or of the scenario, or None and add a fault if it is invalid."""
-        coefficient: float | None = self.attempt(where, lambda: _friction(value))
+        coefficient: float | None = self.value_or_fault(where, lambda: _friction_coefficient(value))
         if coefficient is None:
-            self.without_friction.add(surface)
+            self.invalid_friction.add(surface)
         return coefficient
 
-    def phase(self, index: int, entry: Any) -> DraftPhase:
+    def parse_phase(self, index: int, entry: Any) -> DraftPhase:
         where = f"phases[{index}]"
-        duration_s = self.attempt(f"{where}.duration_s", lambda: _duration_s(entry["duration_s"]))
+        duration_s = self.value_or_fault(f"{where}.duration_s", lambda: _duration_s(entry["duration_s"]))
         contacts: dict[str, Placement] = {}
         named: set[str] = set()
-        for i, (effector, contact) in enumerate(_contacts(entry)):
+        for i, (effector, contact) in enumerate(_contact_entries(entry)):
             if effector not in self.effectors:
                 available = ", ".join(self.effectors)
                 place = contact_field(index, effector) if effector else f"{where}.contacts[{i}]"
@@ -123,23 +127,23 @@ class _Reader:
                 self.faults.append(Fault(contact_field(index, effector), "the same effector is named twice"))
                 continue
             named.add(effector)
-            placement = self.attempt(contact_field(index, effector), partial(_placement, contact))
+            placement = self.value_or_fault(contact_field(index, effector), partial(_parse_placement, contact))
             if placement is not None:
                 contacts[effector] = placement
         return DraftPhase(duration_s, contacts, frozenset(named))
 
 
-def _items(scenario: Mapping[str, Any], key: str) -> Sequence[Any]:
+def _list_items(scenario: Mapping[str, Any], key: str) -> Sequence[Any]:
     items = scenario.get(key)
     return items if isinstance(items, Sequence) and not isinstance(items, str) else ()
 
 
-def _contacts(entry: Any) -> Iterator[tuple[str, Any]]:
-    for contact in _items(entry, "contacts") if isinstance(entry, Mapping) else ():
+def _contact_entries(entry: Any) -> Iterator[tuple[str, Any]]:
+    for contact in _list_items(entry, "contacts") if isinstance(entry, Mapping) else ():
         yield (str(contact.get("effector", "")), contact) if isinstance(contact, Mapping) else ("", contact)
 
 
-def _surface(entry: Mapping[str, Any]) -> Surface:
+def _parse_shape(entry: Mapping[str, Any]) -> Surface:
     """Parse a surface without its friction."""
     name = str(entry["name"])
     if entry["kind"] == "rail":
@@ -158,23 +162,23 @@ def _surface(entry: Mapping[str, Any]) -> Surface:
     if yaw is not None and wxyz is not None:
         raise ValueError("a box is turned by yaw_rad or by orientation_wxyz, not by both")
     if yaw is not None:
-        half = _number(yaw, "yaw_rad") / 2
+        half = _finite_number(yaw, "yaw_rad") / 2
         wxyz = (math.cos(half), 0.0, 0.0, math.sin(half))
-    return Box(name, _placed(_vector(entry, "center_m"), wxyz), size)
+    return Box(name, _build_placement(_vector(entry, "center_m"), wxyz), size)
 
 
-def _placement(contact: Mapping[str, Any]) -> Placement:
-    return _placed(_vector(contact, "position_m"), contact.get("orientation_wxyz"))
+def _parse_placement(contact: Mapping[str, Any]) -> Placement:
+    return _build_placement(_vector(contact, "position_m"), contact.get("orientation_wxyz"))
 
 
-def _placed(position_m: Vector3, wxyz: Sequence[Any] | None) -> Placement:
-    quaternion = (1.0, 0.0, 0.0, 0.0) if wxyz is None else tuple(_number(v, "orientation_wxyz") for v in wxyz)
+def _build_placement(position_m: Vector3, wxyz: Sequence[Any] | None) -> Placement:
+    quaternion = (1.0, 0.0, 0.0, 0.0) if wxyz is None else tuple(_finite_number(v, "orientation_wxyz") for v in wxyz)
     if len(quaternion) != 4:
         raise ValueError("orientation_wxyz must have four numbers")
     largest = max(abs(value) for value in quaternion)
     if largest < NORM_MIN:
         raise ValueError("orientation_wxyz is zero: it has no direction")
-    return Placement.of([float(value) for value in position_m], [value / largest for value in quaternion])
+    return Placement.from_wxyz([float(value) for value in position_m], [value / largest for value in quaternion])
 
 
 def _vector(entry: Mapping[str, Any], key: str) -> Vector3:
@@ -184,7 +188,7 @@ def _vector(entry: Mapping[str, Any], key: str) -> Vector3:
     return np.array(values)
 
 
-def _number(value: Any, what: str) -> float:
+def _finite_number(value: Any, what: str) -> float:
     number = float(value)
     if not math.isfinite(number):
         raise ValueError(f"{what} must be finite")
@@ -192,28 +196,28 @@ def _number(value: Any, what: str) -> float:
 
 
 def _length_m(value: Any, what: str) -> float:
-    length = _number(value, what)
+    length = _finite_number(value, what)
     if abs(length) > LENGTH_MAX_M:
         raise ValueError(f"{what} has {length:g} m: lengths are in metres, up to {LENGTH_MAX_M:g} m")
     return length
 
 
-def _friction(value: Any) -> float:
-    friction = _number(value, "friction")
+def _friction_coefficient(value: Any) -> float:
+    friction = _finite_number(value, "friction")
     if not 0 < friction <= FRICTION_MAX:
         raise ValueError(f"friction must be above 0 and at most {FRICTION_MAX:g}")
     return friction
 
 
 def _com_height_m(value: Any) -> float | None:
-    height = None if value is None else _number(value, "start_com_height_m")
+    height = None if value is None else _finite_number(value, "start_com_height_m")
     if height is not None and not 0 < height <= COM_HEIGHT_MAX_M:
         raise ValueError(f"the CoM starts above the soles, at most {COM_HEIGHT_MAX_M:g} m")
     return height
 
 
 def _duration_s(value: Any) -> float:
-    duration_s = _number(value, "duration_s")
+    duration_s = _finite_number(value, "duration_s")
     low, high = DURATION_S
     if not low <= duration_s <= high:
         raise ValueError(f"a phase lasts {low:g} to {high:g} s, not {duration_s:g} s")

@@ -8,7 +8,7 @@ from scipy.optimize import nnls
 
 from stridelab.contacts.effector_geometry import EffectorShape
 from stridelab.contacts.validation.parse import Draft, contact_field
-from stridelab.contacts.validation.surface_contact import Stance, Touch
+from stridelab.contacts.validation.surface_contact import Stance, SurfaceContact
 from stridelab.contacts.wrench_cones.contact_points import PointContacts
 from stridelab.errors import Fault
 
@@ -18,31 +18,31 @@ RESIDUAL: Final = 1e-6
 """Relative residual up to which forces balance the robot's weight."""
 
 
-def soles(stance: Stance) -> list[Touch]:
+def sole_contacts(stance: Stance) -> list[SurfaceContact]:
     """The soles in contact, which can support the robot."""
     return [touch for touch in stance.values() if touch.shape.kind == "surface"]
 
 
-def slipping(stance: Stance) -> Touch | None:
+def steepest_if_slipping(stance: Stance) -> SurfaceContact | None:
     """The steepest sole of a phase if its friction cones cannot support the weight, otherwise None.
 
     The weight ``e_z`` must be a sum of forces inside the friction cones of the soles; hands are not counted.
     """
-    steep = [(steepness(touch), touch) for touch in soles(stance)]
+    steep = [(slip_angle_rad(touch), touch) for touch in sole_contacts(stance)]
     if not steep or min(angle for angle, _ in steep) <= 0.0:
         return None
-    at = PointContacts.of([(touch.placement, None, touch.friction) for _, touch in steep])
-    _, residual = nnls(at.forces(CONE_EDGES).reshape(-1, 3).T, np.array([0.0, 0.0, 1.0]))
+    at = PointContacts.from_placements([(touch.placement, None, touch.friction) for _, touch in steep])
+    _, residual = nnls(at.pyramid_edges(CONE_EDGES).reshape(-1, 3).T, np.array([0.0, 0.0, 1.0]))
     return None if residual < RESIDUAL else max(steep, key=lambda item: item[0])[1]
 
 
-def steepness(touch: Touch) -> float:
+def slip_angle_rad(touch: SurfaceContact) -> float:
     """Slope of a contact minus its friction angle (rad); positive where the contact slips."""
     slope = np.arccos(np.clip(touch.placement.rotation[2, 2], -1.0, 1.0))
     return float(slope - np.arctan(touch.friction))
 
 
-def overlap(one: Touch, other: Touch) -> bool:
+def soles_overlap(one: SurfaceContact, other: SurfaceContact) -> bool:
     """Whether two soles overlap: no edge of either separates their outlines (projected onto the ground)."""
     if abs(one.placement.position_m[2] - other.placement.position_m[2]) > 0.05:
         return False
@@ -55,7 +55,7 @@ def overlap(one: Touch, other: Touch) -> bool:
     return True
 
 
-def pairs(touches: Sequence[Touch]) -> list[tuple[Touch, Touch]]:
+def contact_pairs(touches: Sequence[SurfaceContact]) -> list[tuple[SurfaceContact, SurfaceContact]]:
     """All pairs of contacts."""
     return [(a, b) for i, a in enumerate(touches) for b in touches[i + 1 :]]
 
@@ -66,12 +66,12 @@ SURFACES_MAX: Final = 200
 """Maximum number of surfaces."""
 DURATION_MAX_S: Final = 600.0
 """Maximum duration of the motion."""
-SLIDE_M: Final = 0.001
+SAME_PLACE_M: Final = 0.001
 """Distance up to which contacts of consecutive phases are the same."""
-SLIDE_RAD: Final = np.radians(0.5)
+SAME_PLACE_RAD: Final = np.radians(0.5)
 
 
-def too_large(draft: Draft) -> Iterator[Fault]:
+def size_faults(draft: Draft) -> Iterator[Fault]:
     """Faults of scenarios that are empty or too large for the other checks."""
     if not draft.phases:
         yield Fault("phases", "there are no phases")
@@ -85,7 +85,7 @@ def too_large(draft: Draft) -> Iterator[Fault]:
         yield Fault("phases", f"the motion lasts {duration_s:.4g} s; at most {DURATION_MAX_S:g} s can be planned")
 
 
-def unsupported(draft: Draft, effectors: Mapping[str, EffectorShape]) -> Iterator[Fault]:
+def support_faults(draft: Draft, effectors: Mapping[str, EffectorShape]) -> Iterator[Fault]:
     """Faults of phases without contacts or without soles, and of transitions that keep no sole in contact."""
     carrying = [{name for name in phase.named if effectors[name].kind == "surface"} for phase in draft.phases]
     for k, (phase, now) in enumerate(zip(draft.phases, carrying, strict=True)):
@@ -102,7 +102,7 @@ def unsupported(draft: Draft, effectors: Mapping[str, EffectorShape]) -> Iterato
             )
 
 
-def sliding(stances: tuple[Stance, ...]) -> Iterator[Fault]:
+def jump_faults(stances: tuple[Stance, ...]) -> Iterator[Fault]:
     """Faults of effectors that change position between consecutive phases without a swing."""
     for k in range(1, len(stances)):
         for name, touch in stances[k].items():
@@ -116,14 +116,14 @@ def sliding(stances: tuple[Stance, ...]) -> Iterator[Fault]:
             )
 
 
-def same_place(one: Touch, other: Touch) -> bool:
+def same_place(one: SurfaceContact, other: SurfaceContact) -> bool:
     """Whether two contacts of an effector are equal within tolerance."""
     moved = np.linalg.norm(one.placement.position_m - other.placement.position_m)
     turned = (np.trace(one.placement.rotation.T @ other.placement.rotation) - 1.0) / 2.0
-    return bool(moved <= SLIDE_M and turned >= np.cos(SLIDE_RAD))
+    return bool(moved <= SAME_PLACE_M and turned >= np.cos(SAME_PLACE_RAD))
 
 
-def out_of_nowhere(draft: Draft, effectors: Mapping[str, EffectorShape]) -> Iterator[Fault]:
+def landing_faults(draft: Draft, effectors: Mapping[str, EffectorShape]) -> Iterator[Fault]:
     """Faults of feet that land without an earlier contact."""
     seen = set(draft.phases[0].named) if draft.phases else set()
     for k, phase in enumerate(draft.phases):
@@ -133,18 +133,18 @@ def out_of_nowhere(draft: Draft, effectors: Mapping[str, EffectorShape]) -> Iter
             seen.add(name)
 
 
-def colliding(stances: tuple[Stance, ...]) -> Iterator[Fault]:
+def overlap_faults(stances: tuple[Stance, ...]) -> Iterator[Fault]:
     """Faults of overlapping soles; each pair of placements once."""
     reported: set[frozenset[int]] = set()
     for k, stance in enumerate(stances):
-        for one, other in pairs(soles(stance)):
+        for one, other in contact_pairs(sole_contacts(stance)):
             key = frozenset((id(one), id(other)))
-            if key not in reported and overlap(one, other):
+            if key not in reported and soles_overlap(one, other):
                 reported.add(key)
                 yield Fault(contact_field(k, other.effector), f"overlaps {one.effector}")
 
 
-def without_friction(draft: Draft, stances: tuple[Stance, ...]) -> Iterator[Fault]:
+def friction_faults(draft: Draft, stances: tuple[Stance, ...]) -> Iterator[Fault]:
     """Faults of the first contact on every surface with an invalid friction."""
     own = {surface.name: surface.friction is not None for surface in draft.terrain.surfaces}
     reported: set[str | None] = set()
@@ -152,26 +152,26 @@ def without_friction(draft: Draft, stances: tuple[Stance, ...]) -> Iterator[Faul
         for name, touch in stance.items():
             if touch.surface is None:
                 continue
-            source = touch.surface if touch.surface in draft.without_friction else None
-            if source in reported or source not in draft.without_friction or (source is None and own[touch.surface]):
+            source = touch.surface if touch.surface in draft.invalid_friction else None
+            if source in reported or source not in draft.invalid_friction or (source is None and own[touch.surface]):
                 continue
             reported.add(source)
             whose = "the scenario's friction" if source is None else "its friction"
             yield Fault(contact_field(k, name), f"cannot hold on {touch.surface!r}: {whose} is invalid")
 
 
-def sliding_down(stances: tuple[Stance, ...]) -> Iterator[Fault]:
+def slip_faults(stances: tuple[Stance, ...]) -> Iterator[Fault]:
     """Faults of phases whose soles slip on steep ground; each set of placements once."""
     reported: set[frozenset[int]] = set()
     for k, stance in enumerate(stances):
-        key = frozenset(id(touch) for touch in soles(stance))
+        key = frozenset(id(touch) for touch in sole_contacts(stance))
         if key in reported:
             continue
         reported.add(key)
-        touch = slipping(stance)
+        touch = steepest_if_slipping(stance)
         if touch is not None:
             friction_deg = np.degrees(np.arctan(touch.friction))
-            slope_deg = friction_deg + np.degrees(steepness(touch))
+            slope_deg = friction_deg + np.degrees(slip_angle_rad(touch))
             yield Fault(
                 contact_field(k, touch.effector),
                 f"slips: {touch.surface!r} is {slope_deg:.3g} degrees steep, and friction {touch.friction:g} holds "

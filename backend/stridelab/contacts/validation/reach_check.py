@@ -8,8 +8,8 @@ import numpy as np
 
 from stridelab.contacts.validation.parse import contact_field
 from stridelab.contacts.validation.phase_consistency import same_place
-from stridelab.contacts.validation.reach_slack import ReachSet, Slack, slacks
-from stridelab.contacts.validation.surface_contact import Stance, Touch, shift
+from stridelab.contacts.validation.reach_slack import ReachSet, Slack, reach_slacks
+from stridelab.contacts.validation.surface_contact import Stance, SurfaceContact, displacement_text
 from stridelab.conventions import Vector3
 from stridelab.dynamics.spatial import Placement
 from stridelab.errors import Fault
@@ -25,51 +25,53 @@ PULL_MIN: Final = 0.02
 
 
 @dataclass(frozen=True, eq=False)
-class Closeness:
+class ReachCheck:
     """Slack of the reach limits per phase, None without limits, and the faults."""
 
     slacks: tuple[Slack | None, ...]
     faults: tuple[Fault, ...]
 
 
-def closeness(stances: tuple[Stance, ...]) -> Closeness:
+def check_reach(stances: tuple[Stance, ...]) -> ReachCheck:
     """Check all phases and all transitions; equal sets of contacts are solved once."""
-    moments = [(k, limited(stance)) for k, stance in enumerate(stances)]
+    moments = [(k, contacts_with_limits(stance)) for k, stance in enumerate(stances)]
     for k in range(1, len(stances)):
-        both = limited(_merged(stances[k - 1], stances[k]))
+        both = contacts_with_limits(_merge_stances(stances[k - 1], stances[k]))
         if len(both) > max(len(moments[k - 1][1]), len(moments[k][1])):
             moments.append((k, both))
-    unique = {_key(touches): touches for _, touches in moments if touches}
-    slack_by_set = dict(zip(unique, slacks([reach_set(touches) for touches in unique.values()]), strict=True))
+    unique = {_identity_key(touches): touches for _, touches in moments if touches}
+    slack_by_set = dict(zip(unique, reach_slacks([reach_set(touches) for touches in unique.values()]), strict=True))
     faults: list[Fault] = []
     reported: set[frozenset[int]] = set()
     for k, touches in sorted(moments, key=lambda moment: moment[0]):
-        slack = slack_by_set.get(_key(touches))
+        slack = slack_by_set.get(_identity_key(touches))
         if slack is None or slack.slack_m >= -REACH_TOLERANCE_M:
             continue
-        conflict = [i for i, pull in enumerate(slack.pull) if np.linalg.norm(pull) > PULL_MIN]
+        conflict = [i for i, pull in enumerate(slack.gradient) if np.linalg.norm(pull) > PULL_MIN]
         key = frozenset(id(touches[i]) for i in conflict)
         if key not in reported:
             reported.add(key)
-            faults.append(_fault(k, touches, conflict, slack, stances[k - 1] if k else {}))
-    return Closeness(tuple(slack_by_set.get(_key(touches)) for _, touches in moments[: len(stances)]), tuple(faults))
+            faults.append(_reach_fault(k, touches, conflict, slack, stances[k - 1] if k else {}))
+    return ReachCheck(
+        tuple(slack_by_set.get(_identity_key(touches)) for _, touches in moments[: len(stances)]), tuple(faults)
+    )
 
 
-def limited(stance: Stance) -> list[Touch]:
+def contacts_with_limits(stance: Stance) -> list[SurfaceContact]:
     """Contacts with reach limits, sorted by effector."""
     return [touch for _, touch in sorted(stance.items()) if touch.shape.reach is not None]
 
 
-def _merged(before: Stance, after: Stance) -> Stance:
+def _merge_stances(before: Stance, after: Stance) -> Stance:
     """Contacts of both phases; an effector in both counts with its contact in ``after``."""
     return {**before, **after}
 
 
-def _key(touches: Sequence[Touch]) -> tuple[int, ...]:
+def _identity_key(touches: Sequence[SurfaceContact]) -> tuple[int, ...]:
     return tuple(id(touch) for touch in touches)
 
 
-def reach_set(touches: Sequence[Touch], shifts: dict[int, Vector3] | None = None) -> ReachSet:
+def reach_set(touches: Sequence[SurfaceContact], shifts: dict[int, Vector3] | None = None) -> ReachSet:
     """The reach limits of contacts, some of them shifted (by index)."""
     moved = shifts or {}
     return [
@@ -79,33 +81,35 @@ def reach_set(touches: Sequence[Touch], shifts: dict[int, Vector3] | None = None
     ]
 
 
-def _fault(k: int, touches: list[Touch], conflict: list[int], slack: Slack, before: Stance) -> Fault:
+def _reach_fault(
+    k: int, touches: list[SurfaceContact], conflict: list[int], slack: Slack, previous_stance: Stance
+) -> Fault:
     """The fault of the newest contact in a conflict, with the displacement that satisfies all limits."""
-    blamed = max(conflict or range(len(touches)), key=lambda i: (_is_new(touches[i], before), i))
+    blamed = max(conflict or range(len(touches)), key=lambda i: (_is_new(touches[i], previous_stance), i))
     others = [touches[i].effector for i in conflict if i != blamed]
-    missing = _missing_m(touches, blamed, slack)
+    missing = _displacement_into_reach_m(touches, blamed, slack)
     distance = float(np.linalg.norm(missing))
     units = " (are all lengths in metres?)" if distance > FAR_M else ""
     anchor = " and ".join(others) or "the robot's reach"
     return Fault(
         contact_field(k, touches[blamed].effector),
-        f"{distance:.2f} m too far from {anchor} for this robot: {shift(missing)}{units}",
+        f"{distance:.2f} m too far from {anchor} for this robot: {displacement_text(missing)}{units}",
     )
 
 
-def _is_new(touch: Touch, before: Stance) -> bool:
+def _is_new(touch: SurfaceContact, before: Stance) -> bool:
     previous = before.get(touch.effector)
     return previous is None or not same_place(previous, touch)
 
 
-def _missing_m(touches: list[Touch], blamed: int, slack: Slack) -> Vector3:
+def _displacement_into_reach_m(touches: list[SurfaceContact], blamed: int, slack: Slack) -> Vector3:
     """Displacement of one contact along the gradient of the slack that brings the slack to zero."""
     total = np.zeros(3)
     for _ in range(SHIFTS_MAX):
-        pull = slack.pull[blamed]
+        pull = slack.gradient[blamed]
         strength = float(np.linalg.norm(pull))
         if slack.slack_m >= -REACH_TOLERANCE_M or strength < PULL_MIN:
             break
         total = total - slack.slack_m / strength**2 * pull
-        (slack,) = slacks([reach_set(touches, {blamed: total})])
+        (slack,) = reach_slacks([reach_set(touches, {blamed: total})])
     return total

@@ -29,7 +29,7 @@ from stridelab.dynamics.spatial import Placement
 
 ACCURACY_M: Final = 1e-4
 """Bound on the error of ``t*`` for contacts that are a few metres apart."""
-SHRINK: Final = 0.3
+WEIGHT_RATIO: Final = 0.3
 """Ratio of successive barrier weights."""
 CENTRING_STEPS: Final = 5
 """Newton steps per barrier weight."""
@@ -39,7 +39,7 @@ Unknowns = Float[np.ndarray, "s 4"]
 
 
 @dataclass(frozen=True, eq=False)
-class Limits:
+class SlackPrograms:
     """``s`` programs with ``m`` half-spaces and ``n`` balls each; smaller ones repeat some of their own.
 
     ``rows`` are the ``a_j``, ``widths`` the ``v_j``, ``limits`` the ``b_j``; ``ball_width`` is ``w``.
@@ -52,17 +52,17 @@ class Limits:
     radii: Float[np.ndarray, "s n"]
     ball_width: float
 
-    def most(self, x: Unknowns) -> tuple[Unknowns, float]:
+    def maximise_slack(self, x: Unknowns) -> tuple[Unknowns, float]:
         """The optima, starting from strictly feasible ``x``, and the last barrier weight."""
         complexity = self.rows.shape[1] + 2 * self.centers.shape[1]
         weight = 1.0
         while weight * complexity > ACCURACY_M:
-            weight *= SHRINK
+            weight *= WEIGHT_RATIO
             for _ in range(CENTRING_STEPS):
-                x = self._centred(x, weight)
+                x = self._newton_step(x, weight)
         return x, weight
 
-    def slopes(self, x: Unknowns) -> tuple[Float[np.ndarray, "s m 4"], Float[np.ndarray, "s n 4"]]:
+    def slack_gradients(self, x: Unknowns) -> tuple[Float[np.ndarray, "s m 4"], Float[np.ndarray, "s n 4"]]:
         """Gradients of the logarithms of all slacks; multipliers are ``weight / slack`` on the central path."""
         slack = self.limits - np.einsum("smk,sk->sm", self.rows, x[:, :3]) - self.widths * x[:, 3:]
         flat = np.concatenate([self.rows, self.widths[..., np.newaxis]], axis=2) / -slack[..., np.newaxis]
@@ -72,9 +72,9 @@ class Limits:
         )
         return flat, 2.0 * ball / self._ball_slack(x)[..., np.newaxis]
 
-    def _centred(self, x: Unknowns, weight: float) -> Unknowns:
+    def _newton_step(self, x: Unknowns, weight: float) -> Unknowns:
         """One damped Newton step on ``-t / weight - sum log(slack)``."""
-        flat, ball = self.slopes(x)
+        flat, ball = self.slack_gradients(x)
         grad = -(flat.sum(axis=1) + ball.sum(axis=1))
         grad[:, 3] -= 1.0 / weight
         H = np.einsum("sma,smb->sab", flat, flat) + np.einsum("sna,snb->sab", ball, ball)
@@ -104,16 +104,16 @@ class Slack:
 
     slack_m: float
     com_m: Vector3
-    pull: Points
+    gradient: Points
 
 
-def slacks(sets: Sequence[ReachSet]) -> list[Slack]:
+def reach_slacks(sets: Sequence[ReachSet]) -> list[Slack]:
     """The slack of every set; no set may be empty."""
     if not sets:
         return []
-    problem = ReachLimits.of(sets)
-    x, weight = problem.limits.most(problem.start())
-    flat, ball = problem.limits.slopes(x)
+    problem = ReachLimits.from_sets(sets)
+    x, weight = problem.limits.maximise_slack(problem.feasible_start())
+    flat, ball = problem.limits.slack_gradients(x)
     pulls = -weight * (flat.reshape(*ball.shape[:2], 6, 4).sum(axis=2) + ball)[..., :3]
     com_m = problem.world_m(x)
     return [Slack(float(problem.scale[i] * x[i, 3]), com_m[i], pulls[i, : len(group)]) for i, group in enumerate(sets)]
@@ -123,12 +123,12 @@ def slacks(sets: Sequence[ReachSet]) -> list[Slack]:
 class ReachLimits:
     """All sets in one array, lengths relative to ``origin_m`` in units of ``scale``; small sets repeat a contact."""
 
-    limits: Limits
+    limits: SlackPrograms
     origin_m: Float[np.ndarray, "s 3"]
     scale: Float[np.ndarray, "s"]
 
     @staticmethod
-    def of(sets: Sequence[ReachSet], width: float = 1.0) -> "ReachLimits":
+    def from_sets(sets: Sequence[ReachSet], width: float = 1.0) -> "ReachLimits":
         """Create from sets; ``width`` 1 maximises the distance to every limit, 0 only requires that they hold."""
         n = max(len(group) for group in sets)
         padded = [[*group, *[group[0]] * (n - len(group))] for group in sets]
@@ -144,9 +144,11 @@ class ReachLimits:
         bounds = np.concatenate([offset + high, -offset - low], axis=2).reshape(len(sets), -1) / scale[:, np.newaxis]
         radii = np.array([[reach.com_distance_max_m for _, reach in group] for group in padded]) / scale[:, np.newaxis]
         centers = p / scale[:, np.newaxis, np.newaxis]
-        return ReachLimits(Limits(rows, np.full(bounds.shape, width), bounds, centers, radii, width), origin, scale)
+        return ReachLimits(
+            SlackPrograms(rows, np.full(bounds.shape, width), bounds, centers, radii, width), origin, scale
+        )
 
-    def start(self) -> Unknowns:
+    def feasible_start(self) -> Unknowns:
         """The mean of the contacts, with ``t`` low enough that every limit holds strictly."""
         balls = self.limits.radii - np.linalg.norm(self.limits.centers, axis=2)
         slack = np.minimum(self.limits.limits.min(axis=1), balls.min(axis=1))

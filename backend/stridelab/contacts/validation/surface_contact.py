@@ -7,9 +7,9 @@ from typing import Final
 
 import numpy as np
 
-from stridelab.contacts.effector_geometry import EffectorShape, patch_m
+from stridelab.contacts.effector_geometry import EffectorShape, sole_points_m
 from stridelab.contacts.terrain import Box, Rail, Terrain
-from stridelab.contacts.terrain_geometry import Touchable, depth_in_box_m, face_towards, is_vertical, touchable
+from stridelab.contacts.terrain_geometry import ContactArea, contact_area, depth_in_box_m, face_towards, is_vertical
 from stridelab.contacts.validation.parse import Draft
 from stridelab.conventions import Points, Series, Vector3
 from stridelab.dynamics.spatial import Placement
@@ -25,18 +25,18 @@ LEVEL_TOLERANCE_M: Final = 0.010
 DEPTH_TOLERANCE_M: Final = 0.005
 """Depth up to which a sole may penetrate another box."""
 
-Stance = Mapping[str, "Touch"]
+Stance = Mapping[str, "SurfaceContact"]
 """The contacts of one phase by effector."""
 
 
 @dataclass(frozen=True, eq=False)
-class Touch:
+class SurfaceContact:
     """One effector placement: its surface, its margins and its problems."""
 
     effector: str
     shape: EffectorShape
     placement: Placement
-    on: Touchable | None
+    area: ContactArea | None
     friction: float
     height_m: float | None
     edge_m: float | None
@@ -45,20 +45,20 @@ class Touch:
     @property
     def surface(self) -> str | None:
         """Name of the surface, or None."""
-        return None if self.on is None else self.on.surface.name
+        return None if self.area is None else self.area.surface.name
 
     @cached_property
     def corners_m(self) -> Points:
         """Corners of the sole, or the contact point of a hand, in world coordinates."""
-        return self.placement.act(outline(self.shape)[:4])
+        return self.placement.act(outline_points_m(self.shape)[:4])
 
 
-def outline(shape: EffectorShape) -> Points:
+def outline_points_m(shape: EffectorShape) -> Points:
     """Corners, edge midpoints and centre of a sole ``(9, 3)`` in its contact frame; the origin for a hand."""
-    return patch_m(shape.half_size_m)
+    return sole_points_m(shape.half_size_m)
 
 
-def shift(vector_m: Vector3) -> str:
+def displacement_text(vector_m: Vector3) -> str:
     """Text that describes a displacement."""
     x, y, z = (float(value) for value in np.round(vector_m, 3) + 0.0)
     if x == y == 0.0:
@@ -66,17 +66,17 @@ def shift(vector_m: Vector3) -> str:
     return f"move it by ({x:.3g}, {y:.3g}, {z:.3g}) m"
 
 
-def touch_all(draft: Draft, effectors: Mapping[str, EffectorShape]) -> tuple[Stance, ...]:
+def contacts_on_surfaces(draft: Draft, effectors: Mapping[str, EffectorShape]) -> tuple[Stance, ...]:
     """Assign the contacts of every phase to their nearest surfaces; equal contacts share one object."""
     ground = _Ground(draft.terrain, draft.friction)
-    checked: dict[tuple[str, bytes, bytes], Touch] = {}
+    checked: dict[tuple[str, bytes, bytes], SurfaceContact] = {}
     stances: list[Stance] = []
     for phase in draft.phases:
-        stance: dict[str, Touch] = {}
+        stance: dict[str, SurfaceContact] = {}
         for effector, placement in phase.contacts.items():
             key = (effector, placement.position_m.tobytes(), placement.rotation.tobytes())
             if key not in checked:
-                checked[key] = ground.touch(effector, effectors[effector], placement)
+                checked[key] = ground.check_contact(effector, effectors[effector], placement)
             stance[effector] = checked[key]
         stances.append(stance)
     return tuple(stances)
@@ -88,67 +88,67 @@ class _Ground:
     def __init__(self, terrain: Terrain, friction: float) -> None:
         self.boxes = terrain.boxes
         self.bounds_m = terrain.box_bounds_m
-        self.faces = [touchable(box) for box in terrain.boxes]
-        self.lines = [touchable(rail) for rail in terrain.rails]
+        self.faces = [contact_area(box) for box in terrain.boxes]
+        self.lines = [contact_area(rail) for rail in terrain.rails]
         self.friction = friction
 
-    def touch(self, effector: str, shape: EffectorShape, placement: Placement) -> Touch:
-        near = self._near(shape, placement)
-        on = _nearest(self._parts(shape, placement, near), placement.position_m)
+    def check_contact(self, effector: str, shape: EffectorShape, placement: Placement) -> SurfaceContact:
+        near = self._nearby_boxes(shape, placement)
+        on = _nearest_area(self._contact_areas(shape, placement, near), placement.position_m)
         if on is None:
             what = "stand on" if shape.kind == "surface" else "touch"
             problem = f"has no surface: the terrain has nothing to {what}"
-            return Touch(effector, shape, placement, None, self.friction, None, None, (problem,))
-        place = on.place(placement.position_m[np.newaxis])
+            return SurfaceContact(effector, shape, placement, None, self.friction, None, None, (problem,))
+        place = on.locate(placement.position_m[np.newaxis])
         height, aside = float(place.height_m[0]), float(place.aside_m[0])
         edges = float(place.edge_m[0]) if shape.kind == "point" else self._edge_m(on, shape, placement, near)
-        problems = _misplaced(on, height, aside, float(place.distance_m[0]))
-        problems += list(_tilted(on, placement))
+        problems = _position_problems(on, height, aside, float(place.distance_m[0]))
+        problems += list(_tilt_problems(on, placement))
         if not problems and edges < -EDGE_TOLERANCE_M:
-            problems.append(_over_the_edge(on, placement.act(outline(shape)), edges, shape))
+            problems.append(_edge_problem(on, placement.act(outline_points_m(shape)), edges, shape))
         if not problems:
-            problems += list(self._obstructed(on, placement.act(outline(shape)), near))
+            problems += list(self._obstruction_problems(on, placement.act(outline_points_m(shape)), near))
         friction = self.friction if on.surface.friction is None else on.surface.friction
-        return Touch(effector, shape, placement, on, friction, height, edges, tuple(problems))
+        return SurfaceContact(effector, shape, placement, on, friction, height, edges, tuple(problems))
 
-    def _near(self, shape: EffectorShape, placement: Placement) -> list[int]:
+    def _nearby_boxes(self, shape: EffectorShape, placement: Placement) -> list[int]:
         """Indices of the boxes that can affect the contact: near the nearest face or within the radius of the sole."""
         if not self.boxes:
             return []
         (low_m, high_m), point_m = self.bounds_m, placement.position_m
         away = np.linalg.norm(np.maximum(np.maximum(low_m - point_m, point_m - high_m), 0.0), axis=1)
-        first = self._face(int(away.argmin()), shape, placement).place(point_m[np.newaxis])
-        radius = float(np.linalg.norm(outline(shape), axis=1).max()) + 2 * LEVEL_TOLERANCE_M
+        first = self._box_face(int(away.argmin()), shape, placement).locate(point_m[np.newaxis])
+        radius = float(np.linalg.norm(outline_points_m(shape), axis=1).max()) + 2 * LEVEL_TOLERANCE_M
         return np.flatnonzero(away <= max(float(first.distance_m[0]) + 2e-3, radius)).tolist()
 
-    def _parts(self, shape: EffectorShape, placement: Placement, near: Sequence[int]) -> list[Touchable]:
+    def _contact_areas(self, shape: EffectorShape, placement: Placement, nearby: Sequence[int]) -> list[ContactArea]:
         """Contact areas of an effector: upper faces for a sole; rails and the faces along its z axis for a hand."""
-        faces = [self._face(i, shape, placement) for i in near]
+        faces = [self._box_face(i, shape, placement) for i in nearby]
         return faces if shape.kind == "surface" else faces + self.lines
 
-    def _face(self, box: int, shape: EffectorShape, placement: Placement) -> Touchable:
+    def _box_face(self, box: int, shape: EffectorShape, placement: Placement) -> ContactArea:
         sole = shape.kind == "surface"
         return self.faces[box] if sole else face_towards(self.boxes[box], placement.rotation[:, 2])
 
-    def _edge_m(self, on: Touchable, shape: EffectorShape, placement: Placement, near: Sequence[int]) -> float:
+    def _edge_m(self, on: ContactArea, shape: EffectorShape, placement: Placement, nearby: Sequence[int]) -> float:
         """Smallest distance of a corner to the edge of its supporting face, among the faces level with ``on``."""
-        corners = placement.act(outline(shape)[:4])
+        corners = placement.act(outline_points_m(shape)[:4])
         flat = corners - np.outer((corners - on.center_m) @ on.normal, on.normal)
-        best = on.place(flat).edge_m
-        for face in (self.faces[i] for i in near):
-            place = face.place(flat)
+        best = on.locate(flat).edge_m
+        for face in (self.faces[i] for i in nearby):
+            place = face.locate(flat)
             level = (np.abs(place.height_m) < LEVEL_TOLERANCE_M) & bool(
                 face.normal @ on.normal > np.cos(TILT_TOLERANCE_RAD)
             )
             best = np.where(level, np.maximum(best, place.edge_m), best)
         return float(best.min())
 
-    def _obstructed(self, on: Touchable, sole_m: Points, near: Sequence[int]) -> Iterator[str]:
+    def _obstruction_problems(self, on: ContactArea, sole_m: Points, nearby: Sequence[int]) -> Iterator[str]:
         """The problem of a sole or hand inside another box, the highest one if there are several."""
         raised = sole_m + LEVEL_TOLERANCE_M * on.normal
-        others = [(self.boxes[i], self.faces[i]) for i in near if self.boxes[i] is not on.surface]
+        others = [(self.boxes[i], self.faces[i]) for i in nearby if self.boxes[i] is not on.surface]
         inside = [
-            (-float(face.place(sole_m[[int(depth.argmax())]]).height_m[0]), box.name)
+            (-float(face.locate(sole_m[[int(depth.argmax())]]).height_m[0]), box.name)
             for box, face in others
             if (depth := depth_in_box_m(box, raised)).max() > DEPTH_TOLERANCE_M
         ]
@@ -157,17 +157,17 @@ class _Ground:
             yield f"is inside {name!r}, {below:.3g} m below its upper face"
 
 
-def _nearest(parts: Sequence[Touchable], point_m: Vector3) -> Touchable | None:
+def _nearest_area(parts: Sequence[ContactArea], point_m: Vector3) -> ContactArea | None:
     """The nearest area; among those within a millimetre, the one whose edge is farthest away."""
     if not parts:
         return None
-    places = [part.place(point_m[np.newaxis]) for part in parts]
+    places = [part.locate(point_m[np.newaxis]) for part in parts]
     distance: Series = np.array([place.distance_m[0] for place in places])
     edge: Series = np.array([place.edge_m[0] for place in places])
     return parts[int(np.argmax(np.where(distance <= distance.min() + 1e-3, edge, -np.inf)))]
 
 
-def _misplaced(on: Touchable, height: float, aside: float, distance: float) -> list[str]:
+def _position_problems(on: ContactArea, height: float, aside: float, distance: float) -> list[str]:
     name = on.surface.name
     if isinstance(on.surface, Rail):
         if distance <= HEIGHT_TOLERANCE_M:
@@ -178,14 +178,14 @@ def _misplaced(on: Touchable, height: float, aside: float, distance: float) -> l
         return [f"is not on a surface: {name!r}, the nearest one, is {distance:.3g} m away"]
     if height > HEIGHT_TOLERANCE_M:
         where = "above" if upper else "off"
-        return [f"is in the air, {height:.3g} m {where} {name!r}: {shift(-height * on.normal)}"]
+        return [f"is in the air, {height:.3g} m {where} {name!r}: {displacement_text(-height * on.normal)}"]
     if height < -HEIGHT_TOLERANCE_M:
         face = "upper face" if upper else "face"
-        return [f"is inside {name!r}, {-height:.3g} m below its {face}: {shift(-height * on.normal)}"]
+        return [f"is inside {name!r}, {-height:.3g} m below its {face}: {displacement_text(-height * on.normal)}"]
     return []
 
 
-def _tilted(on: Touchable, placement: Placement) -> Iterator[str]:
+def _tilt_problems(on: ContactArea, placement: Placement) -> Iterator[str]:
     if isinstance(on.surface, Rail) and is_vertical(on.surface):
         yield f"cannot rest on {on.surface.name!r}: a vertical rail has no upper side"
         return
@@ -194,12 +194,12 @@ def _tilted(on: Touchable, placement: Placement) -> Iterator[str]:
         yield f"its z axis is {np.degrees(tilt):.3g} degrees off the normal of {on.surface.name!r}"
 
 
-def _over_the_edge(on: Touchable, patch_m: Points, edge: float, shape: EffectorShape) -> str:
+def _edge_problem(on: ContactArea, patch_m: Points, edge: float, shape: EffectorShape) -> str:
     what = "the sole" if shape.kind == "surface" else "the hand"
     text = f"{what} is {-edge:.3g} m past the edge of {on.surface.name!r}"
     local = ((patch_m - on.center_m) @ on.frame)[:, :2]
     low, high = local.min(axis=0), local.max(axis=0)
     if isinstance(on.surface, Box) and (high - low <= 2 * on.half_m).all():
         inwards = np.maximum(-on.half_m - low, 0.0) - np.maximum(high - on.half_m, 0.0)
-        text += f": {shift(on.frame[:, :2] @ inwards)}"
+        text += f": {displacement_text(on.frame[:, :2] @ inwards)}"
     return text

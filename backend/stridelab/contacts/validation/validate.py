@@ -11,20 +11,25 @@ from typing import Any
 
 from stridelab.contacts.effector_geometry import EffectorShape
 from stridelab.contacts.sequence import Contact, ContactPhase, ContactSequence
-from stridelab.contacts.validation.parse import Draft, contact_field, read
+from stridelab.contacts.validation.parse import Draft, contact_field, parse_scenario
 from stridelab.contacts.validation.phase_consistency import (
-    colliding,
-    out_of_nowhere,
-    sliding,
-    sliding_down,
-    too_large,
-    unsupported,
-    without_friction,
+    friction_faults,
+    jump_faults,
+    landing_faults,
+    overlap_faults,
+    size_faults,
+    slip_faults,
+    support_faults,
 )
-from stridelab.contacts.validation.reach_check import closeness
-from stridelab.contacts.validation.static_equilibrium import Rest, passed_in_motion, restless, rests
-from stridelab.contacts.validation.surface_contact import Stance, Touch, touch_all
-from stridelab.contacts.validation.swing_collision import obstructed
+from stridelab.contacts.validation.reach_check import check_reach
+from stridelab.contacts.validation.static_equilibrium import (
+    StaticEquilibrium,
+    phases_without_rest,
+    rest_faults,
+    static_equilibria,
+)
+from stridelab.contacts.validation.surface_contact import Stance, SurfaceContact, contacts_on_surfaces
+from stridelab.contacts.validation.swing_collision import swing_collisions
 from stridelab.errors import Fault
 
 PHASE = re.compile(r"phases\[(\d+)\]")
@@ -51,7 +56,7 @@ class Margin:
 
 
 @dataclass(frozen=True)
-class CheckReport:
+class ValidationReport:
     """Validation result of a scenario: faults in the order of the phases, warnings and margins.
 
     ``rests`` is the static equilibrium of every phase.
@@ -60,7 +65,7 @@ class CheckReport:
     faults: tuple[Fault, ...]
     remarks: tuple[Remark, ...]
     margins: tuple[Margin, ...]
-    rests: tuple[Rest, ...]
+    rests: tuple[StaticEquilibrium, ...]
     duration_s: float
 
     @property
@@ -69,27 +74,29 @@ class CheckReport:
         return not self.faults
 
 
-def check(scenario: Mapping[str, Any], effectors: Mapping[str, EffectorShape]) -> CheckReport:
+def validate_scenario(scenario: Mapping[str, Any], effectors: Mapping[str, EffectorShape]) -> ValidationReport:
     """Validate a scenario, ``schemas.scenarios.Scenario`` as a mapping, for a robot with these effectors."""
-    return judge(scenario, effectors)[0]
+    return validate_and_build(scenario, effectors)[0]
 
 
-def judge(
+def validate_and_build(
     scenario: Mapping[str, Any], effectors: Mapping[str, EffectorShape]
-) -> tuple[CheckReport, ContactSequence | None]:
+) -> tuple[ValidationReport, ContactSequence | None]:
     """Return the validation result, and the contact sequence if there are no faults."""
-    draft = read(scenario, effectors)
+    draft = parse_scenario(scenario, effectors)
     duration_s = float(sum(phase.duration_s or 0.0 for phase in draft.phases))
-    outsized = tuple(too_large(draft))
+    outsized = tuple(size_faults(draft))
     if outsized:
-        return CheckReport((*outsized, *draft.faults), (), (), (Rest(()),) * len(draft.phases), duration_s), None
-    stances = touch_all(draft, effectors)
-    reach = closeness(stances)
-    equilibria = rests(stances, reach.slacks)
-    faults = [*_wrong(draft, stances, effectors), *reach.faults, *restless(equilibria)]
-    report = CheckReport(
-        faults=tuple(sorted(faults, key=_phase_of)),
-        remarks=(*_remarks(draft, stances, effectors), *_in_motion(equilibria)),
+        return ValidationReport(
+            (*outsized, *draft.faults), (), (), (StaticEquilibrium(()),) * len(draft.phases), duration_s
+        ), None
+    stances = contacts_on_surfaces(draft, effectors)
+    reach = check_reach(stances)
+    equilibria = static_equilibria(stances, reach.slacks)
+    faults = [*_contact_faults(draft, stances, effectors), *reach.faults, *rest_faults(equilibria)]
+    report = ValidationReport(
+        faults=tuple(sorted(faults, key=_fault_phase)),
+        remarks=(*_warnings(draft, stances, effectors), *_equilibrium_warnings(equilibria)),
         margins=tuple(
             Margin(k, name, touch.surface, touch.height_m, touch.edge_m, None if slack is None else slack.slack_m)
             for k, (stance, slack) in enumerate(zip(stances, reach.slacks, strict=True))
@@ -98,52 +105,54 @@ def judge(
         rests=equilibria,
         duration_s=duration_s,
     )
-    return report, _sequence(draft, stances) if report.valid else None
+    return report, _build_sequence(draft, stances) if report.valid else None
 
 
-def outline(
+def validate_quickly(
     scenario: Mapping[str, Any], effectors: Mapping[str, EffectorShape]
 ) -> tuple[tuple[Fault, ...], ContactSequence | None]:
     """Faster ``judge`` for interactive use (half the time): no static equilibrium, margins or warnings."""
-    draft = read(scenario, effectors)
-    outsized = tuple(too_large(draft))
+    draft = parse_scenario(scenario, effectors)
+    outsized = tuple(size_faults(draft))
     if outsized:
         return (*outsized, *draft.faults), None
-    stances = touch_all(draft, effectors)
-    faults = tuple(sorted([*_wrong(draft, stances, effectors), *closeness(stances).faults], key=_phase_of))
-    return faults, None if faults else _sequence(draft, stances)
+    stances = contacts_on_surfaces(draft, effectors)
+    faults = tuple(
+        sorted([*_contact_faults(draft, stances, effectors), *check_reach(stances).faults], key=_fault_phase)
+    )
+    return faults, None if faults else _build_sequence(draft, stances)
 
 
-def _wrong(draft: Draft, stances: tuple[Stance, ...], effectors: Mapping[str, EffectorShape]) -> list[Fault]:
+def _contact_faults(draft: Draft, stances: tuple[Stance, ...], effectors: Mapping[str, EffectorShape]) -> list[Fault]:
     """Faults of single contacts and of consecutive phases."""
     return [
         *draft.faults,
-        *unsupported(draft, effectors),
-        *out_of_nowhere(draft, effectors),
-        *_misplaced(stances),
-        *sliding(stances),
-        *colliding(stances),
-        *sliding_down(stances),
-        *without_friction(draft, stances),
+        *support_faults(draft, effectors),
+        *landing_faults(draft, effectors),
+        *_placement_faults(stances),
+        *jump_faults(stances),
+        *overlap_faults(stances),
+        *slip_faults(stances),
+        *friction_faults(draft, stances),
     ]
 
 
-def _misplaced(stances: tuple[Stance, ...]) -> list[Fault]:
+def _placement_faults(stances: tuple[Stance, ...]) -> list[Fault]:
     """Faults of single contacts, each at its first occurrence."""
-    first: dict[int, tuple[int, Touch]] = {}
+    first: dict[int, tuple[int, SurfaceContact]] = {}
     for k, stance in enumerate(stances):
         for touch in stance.values():
             first.setdefault(id(touch), (k, touch))
     return [Fault(contact_field(k, t.effector), problem) for k, t in first.values() for problem in t.problems]
 
 
-def _remarks(draft: Draft, stances: tuple[Stance, ...], effectors: Mapping[str, EffectorShape]) -> list[Remark]:
+def _warnings(draft: Draft, stances: tuple[Stance, ...], effectors: Mapping[str, EffectorShape]) -> list[Remark]:
     remarks = [
         Remark(
             "swing-obstructed",
             f"{effector} passes {100 * depth:.1f} cm deep through {box!r} on its swing in phase {phase}",
         )
-        for phase, effector, box, depth in obstructed(stances, draft.terrain)
+        for phase, effector, box, depth in swing_collisions(stances, draft.terrain)
     ]
     used = sorted({name for stance in stances for name in stance})
     unknown = [name for name in used if effectors[name].reach is None]
@@ -162,27 +171,27 @@ def _remarks(draft: Draft, stances: tuple[Stance, ...], effectors: Mapping[str, 
     return remarks
 
 
-def _in_motion(resting: tuple[Rest, ...]) -> list[Remark]:
-    phases = passed_in_motion(resting)
+def _equilibrium_warnings(equilibria: tuple[StaticEquilibrium, ...]) -> list[Remark]:
+    phases = phases_without_rest(equilibria)
     if not phases:
         return []
     named = f"phase {phases[0]}" if len(phases) == 1 else f"phases {', '.join(map(str, phases))}"
     return [Remark("passed-in-motion", f"the robot cannot stop in {named}: its contacts allow no static equilibrium")]
 
 
-def _phase_of(fault: Fault) -> int:
+def _fault_phase(fault: Fault) -> int:
     match = PHASE.match(fault.where)
     return int(match[1]) if match else -1
 
 
-def _sequence(draft: Draft, stances: tuple[Stance, ...]) -> ContactSequence:
+def _build_sequence(draft: Draft, stances: tuple[Stance, ...]) -> ContactSequence:
     phases = tuple(
-        ContactPhase(phase.duration_s or 0.0, {name: _contact(touch) for name, touch in stance.items()})
+        ContactPhase(phase.duration_s or 0.0, {name: _build_contact(touch) for name, touch in stance.items()})
         for phase, stance in zip(draft.phases, stances, strict=True)
     )
     return ContactSequence(draft.name, draft.robot, draft.friction, draft.terrain, phases, draft.start_com_height_m)
 
 
-def _contact(touch: Touch) -> Contact:
+def _build_contact(touch: SurfaceContact) -> Contact:
     shape = touch.shape
     return Contact(touch.effector, touch.placement, touch.surface or "", touch.friction, shape.kind, shape.half_size_m)

@@ -48,7 +48,7 @@ class PointContacts:
             raise InvalidInput("contacts-invalid", "friction must be positive and finite")
 
     @staticmethod
-    def of(contacts: Iterable[tuple[Placement, tuple[float, float] | None, float]]) -> "PointContacts":
+    def from_placements(contacts: Iterable[tuple[Placement, tuple[float, float] | None, float]]) -> "PointContacts":
         """Create from placements, half edges of soles (None for a hand) and friction coefficients."""
         rows = [
             (placement.act(np.array([[x * size[0], y * size[1], 0.0] for x, y in CORNERS])), placement, friction)
@@ -62,7 +62,7 @@ class PointContacts:
             np.array([float(friction) for points, _, friction in rows for _ in points]),
         )
 
-    def forces(self, n_rays: int = 4, side: Side = "inside") -> Float[np.ndarray, "n rays 3"]:
+    def pyramid_edges(self, n_rays: int = 4, side: Side = "inside") -> Float[np.ndarray, "n rays 3"]:
         """Edges of the pyramid of every point, with normal component 1. Raises ``ValueError`` below three rays."""
         if n_rays < 3:
             raise ValueError("a pyramid has at least three edges")
@@ -72,23 +72,23 @@ class PointContacts:
         tangential = np.einsum("nak,kj,n->nja", self.rotation[:, :, :2], circle, radius)
         return np.asarray(tangential + self.rotation[:, np.newaxis, :, 2])
 
-    def rays(self, n_rays: int = 4, side: Side = "inside") -> Rays:
+    def wrench_rays(self, n_rays: int = 4, side: Side = "inside") -> Rays:
         """Generators ``(f, p x f)`` of the linear wrench cone about the world origin."""
-        f = self.forces(n_rays, side)
+        f = self.pyramid_edges(n_rays, side)
         return np.concatenate([f, np.cross(self.position_m[:, np.newaxis], f)], axis=2).reshape(-1, 6)
 
-    def grasp(self, about_m: Vector3 | None = None) -> Grasp:
+    def grasp_matrix(self, about_m: Vector3 | None = None) -> Grasp:
         """Grasp matrix: maps all forces ``(3 n,)`` to their wrench about ``about_m`` (default: the world origin)."""
         p = self.position_m if about_m is None else self.position_m - about_m
         moments = np.cross(p[:, np.newaxis], np.eye(3)[np.newaxis]).transpose(2, 0, 1).reshape(3, -1)
         return np.vstack([np.tile(np.eye(3), len(p)), moments])
 
-    def moved(self, shift_m: Vector3, scale: float = 1.0) -> "PointContacts":
+    def in_frame(self, shift_m: Vector3, scale: float = 1.0) -> "PointContacts":
         """The contacts in another frame and unit of length: ``scale (p + shift)``."""
         return PointContacts(scale * (self.position_m + shift_m), self.rotation, self.friction)
 
 
-def change_of_frame(shift_m: Vector3, scale: float = 1.0) -> Float[np.ndarray, "6 6"]:
+def wrench_transform(shift_m: Vector3, scale: float = 1.0) -> Float[np.ndarray, "6 6"]:
     """Wrench transformation that belongs to ``PointContacts.moved``: ``(f, nu) -> (f, scale (nu + shift x f))``."""
     x, y, z = shift_m
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])

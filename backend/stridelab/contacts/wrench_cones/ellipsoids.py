@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 from jaxtyping import Float
 
-from stridelab.contacts.barrier_method import Matrix, Vector, follow
+from stridelab.contacts.barrier_method import Matrix, Vector, follow_central_path
 
 WEIGHT: Final = 1e9
 """Last weight of ``log det``: with m constraints the result is within ``2 m / WEIGHT`` of the optimum."""
@@ -32,20 +32,24 @@ class Ellipsoid:
 
 def largest_inside(normals: Cloud, offsets: Float[np.ndarray, "n"]) -> Ellipsoid:
     """The largest ellipsoid in ``{x : normals x <= offsets}``, a polytope with the origin in its interior."""
-    problem = _Inside(normals, offsets)
-    return problem.ellipsoid(follow(problem.start(), problem.value, problem.slopes, WEIGHT, FIRST_WEIGHT))
+    problem = _InscribedProblem(normals, offsets)
+    return problem.ellipsoid_at(
+        follow_central_path(
+            problem.feasible_start(), problem.barrier_value, problem.barrier_derivatives, WEIGHT, FIRST_WEIGHT
+        )
+    )
 
 
 def smallest_around(points: Cloud, *, centred: bool = False) -> Ellipsoid:
     """The smallest ellipsoid around points that span the space; ``centred`` fixes its centre at the origin."""
-    problem = _Around(points, centred)
-    x = follow(problem.start(), problem.value, problem.slopes, WEIGHT)
-    Q, b = problem.split(x)
+    problem = _CircumscribedProblem(points, centred)
+    x = follow_central_path(problem.feasible_start(), problem.barrier_value, problem.barrier_derivatives, WEIGHT)
+    Q, b = problem.matrix_and_vector(x)
     radius = np.linalg.norm(points @ Q.T - b, axis=1).max()  # puts the farthest point on the boundary
     return Ellipsoid(np.linalg.solve(Q, b), radius * np.linalg.inv(Q))
 
 
-class _Triangle:
+class _VectorAndTriangle:
     """Unknowns of a vector and a lower triangular matrix in one array; the matrix entries by rows."""
 
     def __init__(self, d: int, with_vector: bool = True) -> None:
@@ -54,7 +58,7 @@ class _Triangle:
         self.rows, self.columns = np.tril_indices(d)
         self.diagonal = self.lead + np.flatnonzero(self.rows == self.columns)
 
-    def split(self, x: Vector) -> tuple[Matrix, Vector]:
+    def matrix_and_vector(self, x: Vector) -> tuple[Matrix, Vector]:
         matrix = np.zeros((self.d, self.d))
         matrix[self.rows, self.columns] = x[self.lead :]
         return matrix, x[: self.lead] if self.lead else np.zeros(self.d)
@@ -69,7 +73,7 @@ class _Triangle:
         hessian[self.diagonal, self.diagonal] += weight / diagonal**2
 
 
-class _Inside(_Triangle):
+class _InscribedProblem(_VectorAndTriangle):
     def __init__(self, normals: Cloud, offsets: Float[np.ndarray, "n"]) -> None:
         super().__init__(normals.shape[1])
         self.a, self.b = normals, offsets
@@ -77,22 +81,22 @@ class _Inside(_Triangle):
         # entry (r, c) of E changes component c of E^T a by a_r
         self.same = self.columns[:, np.newaxis] == self.columns
 
-    def start(self) -> Vector:
+    def feasible_start(self) -> Vector:
         radius = 0.5 * float((self.b / np.linalg.norm(self.a, axis=1)).min())
         x = np.zeros(self.lead + len(self.rows))
         x[self.diagonal] = radius
         return x
 
-    def value(self, x: Vector, weight: float) -> float:
-        E, c = self.split(x)
+    def barrier_value(self, x: Vector, weight: float) -> float:
+        E, c = self.matrix_and_vector(x)
         s, v = self.b - self.a @ c, self.a @ E
         slack = s**2 - (v**2).sum(axis=1)
         if s.min() <= 0.0 or slack.min() <= 0.0 or not np.isfinite(self.log_det(x)):
             return np.inf
         return -weight * self.log_det(x) - float(np.log(slack).sum())
 
-    def slopes(self, x: Vector, weight: float) -> tuple[Vector, Matrix]:
-        E, c = self.split(x)
+    def barrier_derivatives(self, x: Vector, weight: float) -> tuple[Vector, Matrix]:
+        E, c = self.matrix_and_vector(x)
         s, v = self.b - self.a @ c, self.a @ E
         slack = s**2 - (v**2).sum(axis=1)
         rise = 2.0 * np.hstack([s[:, np.newaxis] * self.a, self.a_rows * v[:, self.columns]])
@@ -105,31 +109,31 @@ class _Inside(_Triangle):
         self.add_log_det(x, weight, gradient, hessian)
         return gradient, hessian
 
-    def ellipsoid(self, x: Vector) -> Ellipsoid:
-        E, c = self.split(x)
+    def ellipsoid_at(self, x: Vector) -> Ellipsoid:
+        E, c = self.matrix_and_vector(x)
         return Ellipsoid(c, E)
 
 
-class _Around(_Triangle):
+class _CircumscribedProblem(_VectorAndTriangle):
     def __init__(self, points: Cloud, centred: bool) -> None:
         super().__init__(points.shape[1], with_vector=not centred)
         self.p = points
         self.same = self.rows[:, np.newaxis] == self.rows
 
-    def start(self) -> Vector:
+    def feasible_start(self) -> Vector:
         x = np.zeros(self.lead + len(self.rows))
         x[self.diagonal] = 0.5 / np.linalg.norm(self.p, axis=1).max()
         return x
 
-    def value(self, x: Vector, weight: float) -> float:
-        Q, b = self.split(x)
+    def barrier_value(self, x: Vector, weight: float) -> float:
+        Q, b = self.matrix_and_vector(x)
         slack = 1.0 - ((self.p @ Q.T - b) ** 2).sum(axis=1)
         if slack.min() <= 0.0 or not np.isfinite(self.log_det(x)):
             return np.inf
         return -weight * self.log_det(x) - float(np.log(slack).sum())
 
-    def slopes(self, x: Vector, weight: float) -> tuple[Vector, Matrix]:
-        Q, b = self.split(x)
+    def barrier_derivatives(self, x: Vector, weight: float) -> tuple[Vector, Matrix]:
+        Q, b = self.matrix_and_vector(x)
         u = self.p @ Q.T - b
         slack = 1.0 - (u**2).sum(axis=1)
         J_Q = self.p[:, self.columns] * u[:, self.rows]

@@ -33,10 +33,10 @@ from stridelab.conventions import Vector3, g
 
 FAR_M: Final = 10.0
 """Half edge of the square about the mean of the contacts that bounds every region."""
-SHARP_M: Final = 1e-7
+CUT_TOLERANCE_M: Final = 1e-7
 """Half-planes that would cut off less than this are ignored."""
-REST: Final = np.zeros(3)
-REST.flags.writeable = False
+ZERO_ACCELERATION: Final = np.zeros(3)
+ZERO_ACCELERATION.flags.writeable = False
 
 Vector2 = Float[np.ndarray, "2"]
 Outline = Float[np.ndarray, "_ 2"]
@@ -52,7 +52,7 @@ class SupportRegion:
 
 
 def support_region(
-    contacts: PointContacts, n_rays: int = 8, acceleration_m_s2: Vector3 = REST, height_m: float = 0.0
+    contacts: PointContacts, n_rays: int = 8, acceleration_m_s2: Vector3 = ZERO_ACCELERATION, height_m: float = 0.0
 ) -> SupportRegion:
     """Inner and outer bound; ``height_m`` is the z of the CoM, which matters for horizontal accelerations.
 
@@ -77,11 +77,11 @@ def com_region_m(
     contacts: PointContacts,
     n_rays: int = 4,
     side: Side = "inside",
-    acceleration_m_s2: Vector3 = REST,
+    acceleration_m_s2: Vector3 = ZERO_ACCELERATION,
     height_m: float = 0.0,
 ) -> Outline:
     """The exact region for pyramids of ``n_rays``. Raises as ``support_region``."""
-    cone = LinearCone.of(contacts, n_rays, side)
+    cone = LinearCone.from_contacts(contacts, n_rays, side)
     if cone.dimension < 5:
         return np.zeros((0, 2))  # two hands: the region has no area
     h = acceleration_m_s2 - g
@@ -90,23 +90,25 @@ def com_region_m(
     start = np.concatenate([h, np.cross([about[0], about[1], height_m], h)])
     lines = cone.facets[:, 3:] @ axes[:2].T
     offsets = -cone.facets @ start
-    return np.asarray(intersection(lines, offsets, FAR_M) + about[:2])
+    return np.asarray(intersect_half_planes(lines, offsets, FAR_M) + about[:2])
 
 
-def intersection(normals: Float[np.ndarray, "n 2"], offsets: Float[np.ndarray, "n"], far: float) -> Outline:
+def intersect_half_planes(
+    normals: Float[np.ndarray, "n 2"], offsets: Float[np.ndarray, "n"], half_edge_m: float
+) -> Outline:
     """The polygon ``normals x <= offsets`` in a square of half edge ``far``; cuts the worst violation first."""
     length = np.linalg.norm(normals, axis=1)
     nonzero = length > 0.0
     if (offsets[~nonzero] < 0.0).any():
         return np.zeros((0, 2))
     normals, offsets = normals[nonzero] / length[nonzero, np.newaxis], offsets[nonzero] / length[nonzero]
-    polygon = far * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+    polygon = half_edge_m * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
     while len(polygon) > 2:
         beyond = polygon @ normals.T - offsets
         worst = int(beyond.max(axis=0).argmax())
-        if beyond[:, worst].max() <= SHARP_M:
+        if beyond[:, worst].max() <= CUT_TOLERANCE_M:
             return polygon
-        polygon = _cut(polygon, beyond[:, worst])
+        polygon = _cut_polygon(polygon, beyond[:, worst])
     return np.zeros((0, 2))
 
 
@@ -130,7 +132,7 @@ def certified_hull_m(contacts: PointContacts) -> Outline | None:
     a = np.concatenate([across, np.einsum("enk,ek->en", away[..., :2], d)[..., np.newaxis]], axis=2)
     local = np.einsum("enk,nkj->enj", a, contacts.rotation)
     most = local[..., 2] + contacts.friction * np.hypot(local[..., 0], local[..., 1])
-    return first[:, :2] if most.max() <= SHARP_M else None
+    return first[:, :2] if most.max() <= CUT_TOLERANCE_M else None
 
 
 def area_m2(polygon: Outline) -> float:
@@ -139,7 +141,7 @@ def area_m2(polygon: Outline) -> float:
     return float(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2.0
 
 
-def _cut(polygon: Outline, beyond: Float[np.ndarray, "_"]) -> Outline:
+def _cut_polygon(polygon: Outline, beyond: Float[np.ndarray, "_"]) -> Outline:
     """Clip a convex polygon at a line; ``beyond`` is the signed distance of every vertex."""
     vertices: list[Vector2] = []
     for k, (vertex, d) in enumerate(zip(polygon, beyond, strict=True)):

@@ -18,10 +18,10 @@ from scipy.optimize import nnls
 from stridelab.contacts.barrier_method import Vector
 from stridelab.contacts.wrench_cones.contact_points import Rays
 from stridelab.contacts.wrench_cones.ellipsoids import smallest_around
-from stridelab.contacts.wrench_cones.wrench_cone import FLAT, LorentzCone
+from stridelab.contacts.wrench_cones.wrench_cone import RANK_TOLERANCE, LorentzCone
 from stridelab.errors import NotEstimable
 
-ROOM: Final = 1e-3
+MIN_PROJECTION: Final = 1e-3
 """Minimum ``Lambda^T d`` of unit rays in (4.18b)."""
 
 
@@ -32,35 +32,35 @@ def outer_cone(rays: Rays) -> LorentzCone:
     contains them, or if the axis of step (iii) excludes a ray.
     """
     unit = rays / np.linalg.norm(rays, axis=1, keepdims=True)
-    if np.linalg.svd(unit, compute_uv=False)[-1] < FLAT:
+    if np.linalg.svd(unit, compute_uv=False)[-1] < RANK_TOLERANCE:
         raise NotEstimable("thesis-cone-undefined", "the rays span fewer than six dimensions")
-    first = _around(unit, _first_direction(unit), centred=False)
+    first = _cone_around(unit, _first_direction(unit), centred=False)
     M = first.to_standard
     quadratic = M[:5].T @ M[:5] - np.outer(M[5], M[5])
     axis = np.linalg.eigh(quadratic)[1][:, 0]
     axis = axis * np.sign(axis @ unit.mean(axis=0))
     if (unit @ axis).min() <= 0.0:
         raise NotEstimable("thesis-cone-undefined", "the axis of step (iii) excludes a ray")
-    return _around(unit, axis, centred=True)
+    return _cone_around(unit, axis, centred=True)
 
 
 def _first_direction(unit: Rays) -> Vector:
     """Solve (4.18) as a least distance problem (Lawson & Hanson, 23.4)."""
     mean = unit.mean(axis=0)
-    lacking = ROOM - unit @ mean
+    lacking = MIN_PROJECTION - unit @ mean
     if lacking.max() <= 0.0:
         return np.asarray(mean / np.linalg.norm(mean))
     rows = np.vstack([unit.T, lacking])
     target = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
     weights, missed = nnls(rows, target)
-    if missed < FLAT:
+    if missed < RANK_TOLERANCE:
         raise NotEstimable("thesis-cone-undefined", "no half-space contains all rays")
     residual = rows @ weights - target
     d = mean - residual[:6] / residual[6]
     return np.asarray(d / np.linalg.norm(d))
 
 
-def _around(unit: Rays, d: Vector, *, centred: bool) -> LorentzCone:
+def _cone_around(unit: Rays, d: Vector, *, centred: bool) -> LorentzCone:
     """The cone over the smallest ellipsoid around the points of the rays in ``d y = 1``."""
     basis = np.linalg.svd(d[np.newaxis])[2][1:]
     points = unit / (unit @ d)[:, np.newaxis] @ basis.T

@@ -17,49 +17,49 @@ import numpy as np
 from jaxtyping import Float
 from scipy.optimize import linprog
 
-from stridelab.contacts.barrier_method import Matrix, Vector, follow
+from stridelab.contacts.barrier_method import Matrix, Vector, follow_central_path
 from stridelab.contacts.wrench_cones.contact_points import PointContacts
 from stridelab.conventions import Points
 from stridelab.errors import InvalidInput, NotEstimable
 
 WEIGHT: Final = 1e11
 """Last weight of ``t`` relative to the wrench: with n points ``t*`` is within ``2 n / WEIGHT`` of the optimum."""
-UNREACHED: Final = 1e-9
+RESIDUAL_TOLERANCE: Final = 1e-9
 """Relative residual above which no forces produce the wrench."""
-SQUEEZED: Final = 1e3
+INFINITE_RATIO: Final = 1e3
 """Ratio of margin to wrench above which the margin counts as infinite."""
 
 
 @dataclass(frozen=True, eq=False)
-class Held:
+class WrenchMargin:
     """Margin ``margin_n`` = t* and forces that attain it, one row per point (feasible ones for an infinite margin)."""
 
     margin_n: float
     forces_n: Points
 
 
-def conic_margin(contacts: PointContacts, wrench: Float[np.ndarray, "6"]) -> Held:
+def conic_margin(contacts: PointContacts, wrench: Float[np.ndarray, "6"]) -> WrenchMargin:
     """The margin with circular friction cones; ``wrench`` is (force, moment) about the world origin.
 
     Raises ``InvalidInput`` (``wrench-invalid``) for a non-finite one.
     """
-    problem = _Problem(contacts, wrench)
+    problem = _MarginProblem(contacts, wrench)
     if problem.particular is None:
-        return problem.none()
-    bounded = problem.linear(16)
-    if bounded.margin_n > SQUEEZED * problem.size:
+        return problem.infeasible_margin()
+    bounded = problem.solve_linear(16)
+    if bounded.margin_n > INFINITE_RATIO * problem.size:
         return bounded
-    x = follow(problem.start(), problem.value, problem.slopes, WEIGHT)
-    return Held(float(x[-1]) * problem.size, problem.forces(x))
+    x = follow_central_path(problem.feasible_start(), problem.barrier_value, problem.barrier_derivatives, WEIGHT)
+    return WrenchMargin(float(x[-1]) * problem.size, problem.contact_forces(x))
 
 
-def linear_margin(contacts: PointContacts, wrench: Float[np.ndarray, "6"], n_rays: int = 4) -> Held:
+def linear_margin(contacts: PointContacts, wrench: Float[np.ndarray, "6"], n_rays: int = 4) -> WrenchMargin:
     """The margin with pyramids of ``n_rays`` inside the friction cones: ``t`` to the nearest of their faces."""
-    problem = _Problem(contacts, wrench)
-    return problem.none() if problem.particular is None else problem.linear(n_rays)
+    problem = _MarginProblem(contacts, wrench)
+    return problem.infeasible_margin() if problem.particular is None else problem.solve_linear(n_rays)
 
 
-class _Problem:
+class _MarginProblem:
     """Forces and lengths in units of the wrench and of the contacts' spread; unknowns ``(z, t)``, ``f = f0 + N z``."""
 
     def __init__(self, contacts: PointContacts, wrench: Float[np.ndarray, "6"]) -> None:
@@ -69,14 +69,14 @@ class _Problem:
         center = contacts.position_m.mean(axis=0)
         spread = float(np.sqrt(((contacts.position_m - center) ** 2).sum(axis=1).mean())) or 1.0
         scale = np.repeat([1.0, 1.0 / spread], 3)
-        self.grasp = contacts.grasp(center) * scale[:, np.newaxis]
+        self.grasp = contacts.grasp_matrix(center) * scale[:, np.newaxis]
         own = np.concatenate([wrench[:3], wrench[3:] - np.cross(center, wrench[:3])]) * scale
         self.size = float(np.linalg.norm(own)) or 1.0
         self.wrench = own / self.size
         U, S, Vt = np.linalg.svd(self.grasp)
-        rank = int((UNREACHED * S[0] < S).sum())
+        rank = int((RESIDUAL_TOLERANCE * S[0] < S).sum())
         f0 = Vt[:rank].T @ (U[:, :rank].T @ self.wrench / S[:rank])
-        self.particular = f0 if np.linalg.norm(self.grasp @ f0 - self.wrench) < UNREACHED else None
+        self.particular = f0 if np.linalg.norm(self.grasp @ f0 - self.wrench) < RESIDUAL_TOLERANCE else None
         self.null = Vt[rank:].T
         # rows of mu n, of the tangents x and y, per point
         axes = contacts.rotation.transpose(0, 2, 1)
@@ -86,27 +86,27 @@ class _Problem:
         self.normals = np.concatenate([rows[:, 2], -np.ones((self.n, 1))], axis=1)
         self.fixed = np.einsum("nak,nk->na", self.local, f0.reshape(self.n, 3))
 
-    def none(self) -> Held:
-        return Held(-math.inf, np.zeros((self.n, 3)))
+    def infeasible_margin(self) -> WrenchMargin:
+        return WrenchMargin(-math.inf, np.zeros((self.n, 3)))
 
-    def forces(self, x: Vector) -> Points:
+    def contact_forces(self, x: Vector) -> Points:
         assert self.particular is not None
         return self.size * np.asarray(self.particular + self.null @ x[:-1]).reshape(self.n, 3)
 
-    def start(self) -> Vector:
+    def feasible_start(self) -> Vector:
         x = np.zeros(self.null.shape[1] + 1)
         x[-1] = float((self.fixed[:, 2] - np.linalg.norm(self.fixed[:, :2], axis=1)).min()) - 1.0
         return x
 
-    def value(self, x: Vector, weight: float) -> float:
-        height, across = self._cones(x)
+    def barrier_value(self, x: Vector, weight: float) -> float:
+        height, across = self._normal_and_tangential(x)
         radius = np.linalg.norm(across, axis=1)
         if (height - radius).min() <= 0.0:
             return math.inf
         return -weight * float(x[-1]) - float(np.log((height - radius) * (height + radius)).sum())
 
-    def slopes(self, x: Vector, weight: float) -> tuple[Vector, Matrix]:
-        height, across = self._cones(x)
+    def barrier_derivatives(self, x: Vector, weight: float) -> tuple[Vector, Matrix]:
+        height, across = self._normal_and_tangential(x)
         radius = np.linalg.norm(across, axis=1)
         along = (
             np.where(radius[:, np.newaxis] > 0.0, across, [1.0, 0.0])
@@ -122,7 +122,7 @@ class _Problem:
         gradient[-1] -= weight
         return gradient, near.T @ near + far.T @ far + aside.T @ aside
 
-    def linear(self, n_rays: int) -> Held:
+    def solve_linear(self, n_rays: int) -> WrenchMargin:
         """``mu cos(pi / n) f_n - (cos b_j, sin b_j) f_t >= t`` on the faces of every pyramid."""
         angle = 2.0 * np.pi * np.arange(n_rays) / n_rays
         faces = np.stack([np.cos(angle), np.sin(angle), np.full(n_rays, -np.cos(np.pi / n_rays))], axis=1)
@@ -136,14 +136,14 @@ class _Problem:
             b_ub=np.zeros(self.n * n_rays),
             A_eq=np.hstack([self.grasp, np.zeros((6, 1))]),
             b_eq=self.wrench,
-            bounds=[(None, None)] * (3 * self.n) + [(None, 10.0 * SQUEEZED)],
+            bounds=[(None, None)] * (3 * self.n) + [(None, 10.0 * INFINITE_RATIO)],
             options={"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10},
         )
         if solution.x is None:
             raise NotEstimable("wrench-margin-unsolved", f"the linear program of the margin failed: {solution.message}")
         t = float(solution.x[-1])
         forces = self.size * solution.x[:-1].reshape(self.n, 3)
-        return Held(math.inf if t > SQUEEZED else t * self.size, forces)
+        return WrenchMargin(math.inf if t > INFINITE_RATIO else t * self.size, forces)
 
-    def _cones(self, x: Vector) -> tuple[Float[np.ndarray, "n"], Float[np.ndarray, "n 2"]]:
+    def _normal_and_tangential(self, x: Vector) -> tuple[Float[np.ndarray, "n"], Float[np.ndarray, "n 2"]]:
         return self.fixed[:, 2] + self.normals @ x, self.fixed[:, :2] + self.tangents @ x

@@ -30,7 +30,7 @@ class Contributions:
         return np.asarray(self.geometry_m + self.force_m + self.axis_m)
 
 
-def contributions(filters: ComplementaryFilters, inputs: FilterInputs) -> Contributions:
+def split_contributions(filters: ComplementaryFilters, inputs: FilterInputs) -> Contributions:
     """Split ``forward_backward(filters, inputs)`` by input. Near the ends the split shows filter transients."""
     silence = np.zeros_like(inputs.geometry_m)
     return Contributions(
@@ -58,7 +58,7 @@ class Bode:
         return np.asarray(np.unwrap(np.angle(self.response), axis=0))
 
 
-def bode(filters: ComplementaryFilters, frequency_hz: Series) -> Bode:
+def bode_responses(filters: ComplementaryFilters, frequency_hz: Series) -> Bode:
     """Responses of the discrete filters at the given frequencies, below half their rate."""
     branches = (filters.h1, filters.s2_h2, filters.h3)
     return Bode(frequency_hz, np.column_stack([branch.response(frequency_hz) for branch in branches]))

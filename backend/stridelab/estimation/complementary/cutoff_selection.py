@@ -30,29 +30,29 @@ Density = Float[np.ndarray, "lines 2"]
 def cutoffs_from_spectra(inputs: FilterInputs, rate_hz: float, order: int = 2) -> tuple[float, float]:
     """f_2 and f_1 in Hz for inputs that are all measured; a cut-off at the edge of the grid is valid."""
     g, a, p = (x[:, :2] for x in (inputs.geometry_m, inputs.acceleration_m_s2, inputs.axis_point_m))
-    x = _integrated(_integrated(a, rate_hz), rate_hz)
-    g_p, g_a, p_a = (_density(d, rate_hz) for d in (g - p, g - x, p - x))
+    x = _cumulative_integral(_cumulative_integral(a, rate_hz), rate_hz)
+    g_p, g_a, p_a = (_difference_density(d, rate_hz) for d in (g - p, g - x, p - x))
     of_g, of_a, of_p = (np.maximum(s, 0.0) / 2 for s in (g_p + g_a - p_a, g_a + p_a - g_p, g_p + p_a - g_a))
     lines = min(len(g), round(SEGMENT_S * rate_hz))
     f = np.fft.rfftfreq(lines, 1 / rate_hz)[1:]
 
-    def passed(h: DigitalFilter) -> Float[np.ndarray, "lines 1"]:
+    def squared_gain(h: DigitalFilter) -> Float[np.ndarray, "lines 1"]:
         """Gain of the mean of a forward and a backward pass, squared."""
         return np.asarray(h.response(f).real[:, None] ** 2)
 
-    def error(cutoffs: tuple[float, float]) -> float:
+    def fused_error(cutoffs: tuple[float, float]) -> float:
         h = complementary_filters(*cutoffs, rate_hz, order)
-        return float((passed(h.h1) * of_g + passed(h.s2_h2) * of_a + passed(h.h3) * of_p).sum())
+        return float((squared_gain(h.h1) * of_g + squared_gain(h.s2_h2) * of_a + squared_gain(h.h3) * of_p).sum())
 
     grid = [(low, high) for low in LOW_HZ for high in HIGH_HZ if low < high < rate_hz / 2]
-    return min(grid, key=error)
+    return min(grid, key=fused_error)
 
 
-def _integrated(x: Float[np.ndarray, "n 2"], rate_hz: float) -> Float[np.ndarray, "n 2"]:
+def _cumulative_integral(x: Float[np.ndarray, "n 2"], rate_hz: float) -> Float[np.ndarray, "n 2"]:
     return np.asarray(integrate.cumulative_trapezoid(x, dx=1 / rate_hz, axis=0, initial=0.0))
 
 
-def _density(difference: Float[np.ndarray, "n 2"], rate_hz: float) -> Density:
+def _difference_density(difference: Float[np.ndarray, "n 2"], rate_hz: float) -> Density:
     """Welch's spectrum without the line at zero: table errors and the integration leave constants undetermined."""
     n = min(len(difference), round(SEGMENT_S * rate_hz))
     free = signal.detrend(difference, axis=0)

@@ -24,8 +24,8 @@ from stridelab.estimation.complementary.transfer_functions import (
     ComplementaryFilters,
     complementary_filters,
 )
-from stridelab.estimation.differentiation import derivatives
-from stridelab.estimation.error_band import FusedStretch, stated_sd_m
+from stridelab.estimation.differentiation import smoothed_derivatives
+from stridelab.estimation.error_band import FusedStretch, propagated_sd_m
 from stridelab.estimation.error_priors import ErrorPriors, SdPerAxis
 from stridelab.estimation.estimator import ComEstimate
 from stridelab.estimation.time_span import Span, require_mass, window_span
@@ -90,28 +90,28 @@ class ComplementaryFilter:
         ``InvalidInput`` as ``window_span`` does, and ``InvalidInput`` with ``mass-out-of-range`` or
         ``cutoffs-out-of-range``.
         """
-        fused = self.signals(geometric, wrench, mass_kg)
+        fused = self.input_signals(geometric, wrench, mass_kg)
         both_passes = forward_backward if self.start == "solved" else joined_passes
 
-        def fuse(inputs: Sequence[FilterInputs]) -> Sequence[Points]:
+        def fuse_all(inputs: Sequence[FilterInputs]) -> Sequence[Points]:
             return [both_passes(fused.filters, each) for each in inputs]
 
-        (c,) = fuse([fused.inputs])
+        (c,) = fuse_all([fused.inputs])
         span, within = fused.span, fused.stretch.within
-        velocity, acceleration = derivatives(c, span.rate_hz)
+        velocity, acceleration = smoothed_derivatives(c, span.rate_hz)
         return ComEstimate(
             method=self.name,
             time_s=geometric.time_s[span.inside],
             com_m=c[within],
             velocity_m_s=velocity[within],
             acceleration_m_s2=acceleration[within],
-            sd_m=stated_sd_m(fuse, fused.stretch, geometric.sd_m, self.priors),
+            sd_m=propagated_sd_m(fuse_all, fused.stretch, geometric.sd_m, self.priors),
             window=span.window,
             references=("carpentier2017thesis", "carpentier2016spectral"),
             diagnostics={"low_hz": fused.low_hz, "high_hz": fused.high_hz, "samples_used": float(len(c))},
         )
 
-    def signals(self, geometric: GeometricCom, wrench: WrenchTrack, mass_kg: float) -> "FilteredSignals":
+    def input_signals(self, geometric: GeometricCom, wrench: WrenchTrack, mass_kg: float) -> "FilteredSignals":
         """Filters and input signals of ``estimate``; raises as it does."""
         require_mass(mass_kg)
         span = window_span(geometric, wrench)
@@ -120,7 +120,7 @@ class ComplementaryFilter:
         total = Wrench(wrench.force_n[span.inside], wrench.moment_nm[span.inside])
 
         g = geometric.com_m[used]
-        g_velocity, a = derivatives(g, span.rate_hz)
+        g_velocity, a = smoothed_derivatives(g, span.rate_hz)
         p = g.copy()
         measured = filter_inputs(g[within], total, mass_kg)
         a[within], p[within] = measured.acceleration_m_s2, measured.axis_point_m

@@ -35,7 +35,7 @@ class FilterInputs:
     acceleration_m_s2: Points
     axis_point_m: Points
 
-    def reversed(self) -> "FilterInputs":
+    def time_reversed(self) -> "FilterInputs":
         """Time-reversed signals: the equations of dynamics are symmetric in time (2.6.3)."""
         return FilterInputs(self.geometry_m[::-1], self.acceleration_m_s2[::-1], self.axis_point_m[::-1])
 
@@ -67,11 +67,11 @@ def initial_state(filters: ComplementaryFilters, inputs: FilterInputs) -> Filter
     order = len(filters.h2.poles)
     zero = np.zeros((order, 3))
     at_g0 = signal.lfilter_zi(filters.s2_h2.b, filters.s2_h2.a)[:, None] * g[0]
-    n = min(len(g), max(8, int(10 * _memory(filters.h2))))
-    correction = _run(filters.h2, a[:n], zero) - _run(filters.s2_h2, g[:n], at_g0)
+    n = min(len(g), max(8, int(10 * _time_constant_samples(filters.h2))))
+    correction = _apply_filter(filters.h2, a[:n], zero) - _apply_filter(filters.s2_h2, g[:n], at_g0)
     silence = np.zeros((n, order))
     free = signal.lfilter([1.0], filters.h2.a, silence, axis=0, zi=np.eye(order))[0]
-    m = min(len(g), max(1, int(5 * _memory(filters.h3))))
+    m = min(len(g), max(1, int(5 * _time_constant_samples(filters.h3))))
     return FilterState(
         h2=np.linalg.lstsq(free, -correction, rcond=None)[0],
         s2_h2=at_g0,
@@ -79,19 +79,19 @@ def initial_state(filters: ComplementaryFilters, inputs: FilterInputs) -> Filter
     )
 
 
-def forward(filters: ComplementaryFilters, inputs: FilterInputs, state: FilterState) -> Points:
+def forward_pass(filters: ComplementaryFilters, inputs: FilterInputs, state: FilterState) -> Points:
     """One causal pass over all samples, in metres."""
     g, a, p = inputs.geometry_m, inputs.acceleration_m_s2, inputs.axis_point_m
-    high = _run(filters.h2, a, state.h2) - _run(filters.s2_h2, g, state.s2_h2)
-    return np.asarray(g + high + _run(filters.h3, p - g, state.h3))
+    high = _apply_filter(filters.h2, a, state.h2) - _apply_filter(filters.s2_h2, g, state.s2_h2)
+    return np.asarray(g + high + _apply_filter(filters.h3, p - g, state.h3))
 
 
 def forward_backward(filters: ComplementaryFilters, inputs: FilterInputs) -> Points:
     """Mean of the forward and the backward pass, each from its own solved initial state, in metres."""
     inputs = replace(inputs, acceleration_m_s2=_bilinear_acceleration(inputs.acceleration_m_s2))
-    there = forward(filters, inputs, initial_state(filters, inputs))
-    mirror = inputs.reversed()
-    back = forward(filters, mirror, initial_state(filters, mirror))
+    there = forward_pass(filters, inputs, initial_state(filters, inputs))
+    mirror = inputs.time_reversed()
+    back = forward_pass(filters, mirror, initial_state(filters, mirror))
     return np.asarray((there + back[::-1]) / 2)
 
 
@@ -102,9 +102,9 @@ def joined_passes(filters: ComplementaryFilters, inputs: FilterInputs) -> Points
     their states, and the difference does not determine them. On short windows ``forward_backward`` is more accurate.
     """
     inputs = replace(inputs, acceleration_m_s2=_bilinear_acceleration(inputs.acceleration_m_s2))
-    mirror = inputs.reversed()
-    there = forward(filters, inputs, initial_state(filters, inputs))
-    back = forward(filters, mirror, initial_state(filters, mirror))[::-1]
+    mirror = inputs.time_reversed()
+    there = forward_pass(filters, inputs, initial_state(filters, inputs))
+    back = forward_pass(filters, mirror, initial_state(filters, mirror))[::-1]
     order = len(filters.h2.poles)
     silence, each = np.zeros((len(there), order)), np.eye(order)
     free = np.hstack([signal.lfilter([1.0], h.a, silence, axis=0, zi=each)[0] for h in (filters.h2, filters.h3)])
@@ -127,10 +127,10 @@ def _bilinear_acceleration(a: Points) -> Points:
     return np.asarray(a - np.concatenate([d2[:1], d2, d2[-1:]]) / 6)
 
 
-def _run(h: DigitalFilter, x: Points, state: State) -> Points:
+def _apply_filter(h: DigitalFilter, x: Points, state: State) -> Points:
     return np.asarray(signal.lfilter(h.b, h.a, x, axis=0, zi=state)[0])
 
 
-def _memory(h: DigitalFilter) -> float:
+def _time_constant_samples(h: DigitalFilter) -> float:
     """Time constant of the slowest pole, in samples."""
     return float(-1 / np.log(np.abs(h.poles).max()))

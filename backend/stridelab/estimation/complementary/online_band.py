@@ -56,7 +56,7 @@ class OnlineBand:
         lag *= lag
         ax, ay, az = self._acceleration if has_force else _UNKNOWN
         noise = self._marker * min(1.0, 2.0 * h * k1 or 1.0)
-        if blind and not track.knows_velocity:
+        if blind and not track.has_velocity:
             noise += (UNKNOWN_VELOCITY_M_S * blind) ** 2
         share, stride, step = self._answers.values
         s = share.real

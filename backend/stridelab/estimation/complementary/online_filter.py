@@ -50,9 +50,9 @@ class OnlineComplementaryFilter:
         self._mass_kg, self._low_hz, self._high_hz = mass_kg, low_hz, high_hz
         self._table_sd_m, self._priors = table_sd_m, priors
         self._time_s: float | None = None
-        self._begin(None if velocity_m_s is None else velocity_m_s.tolist())
+        self._reset_state(None if velocity_m_s is None else velocity_m_s.tolist())
 
-    def _begin(self, velocity_m_s: Sequence[float] | None = None) -> None:
+    def _reset_state(self, velocity_m_s: Sequence[float] | None = None) -> None:
         self._track = OnlineTrack(self._high_hz, velocity_m_s)
         self._low = LowPass(self._low_hz, 0.0)
         self._band = OnlineBand(self._low_hz, self._mass_kg, self._table_sd_m, self._priors)
@@ -73,7 +73,7 @@ class OnlineComplementaryFilter:
         if not math.isfinite(sum(f or ()) + sum(nu or ()) + sum(g or ())):
             raise InvalidInput("not-finite", "A sample contains a number that is not finite; omit missing values.")
         if g is not None and self._track.is_lost:
-            self._begin()
+            self._reset_state()
 
         m = self._mass_kg
         track = self._track

@@ -23,7 +23,7 @@ from stridelab.errors import NotEstimable
 
 MEMORY_WITHOUT_FORCE_S: Final = 0.08
 """Memory without force: a walking body deviates from a straight line by 2 mm in this time."""
-LONGEST_BLIND_S: Final = 1.0
+MAX_BLIND_S: Final = 1.0
 """Longest time without geometry; after it the filter restarts."""
 _ZERO: Final = (0.0, 0.0, 0.0)
 
@@ -40,7 +40,7 @@ class OnlineTrack:
         self._k1, self._k2 = 2 * w, w * w
         self._stated = velocity_m_s
         self._memory_s = 0.0 if velocity_m_s is None else math.inf
-        self._begun = self.knows_velocity = False
+        self._begun = self.has_velocity = False
         self.axes = (Observer(), Observer(), Observer())
         self.k1, self.k2 = 4 / MEMORY_WITHOUT_FORCE_S, 6 / MEMORY_WITHOUT_FORCE_S**2
         self.blind_s = 0.0
@@ -48,7 +48,7 @@ class OnlineTrack:
     @property
     def is_lost(self) -> bool:
         """Whether the geometry has been missing for longer than ``LONGEST_BLIND_S``, so that the filter restarts."""
-        return self.blind_s > LONGEST_BLIND_S
+        return self.blind_s > MAX_BLIND_S
 
     def step(self, h: float, a: Sequence[float] | None, g: Sequence[float] | None) -> Sequence[float]:
         """Advance by 2h; returns the geometry, or x if it is missing.
@@ -69,7 +69,7 @@ class OnlineTrack:
             y.coast(h, ay)
             z.coast(h, az)
             return x.x, y.x, z.x
-        if not self.knows_velocity:
+        if not self.has_velocity:
             self._learn_velocity(self.blind_s + 2 * h, h, (ax, ay, az), g)
             self.blind_s = 0.0
             return g
@@ -89,7 +89,7 @@ class OnlineTrack:
                 observer.begin(g_i, observer.v + (g_i - observer.x) / since_s, a_i)
             else:
                 observer.begin(g_i, 0.0 if self._stated is None else self._stated[axis], a_i)
-        self.knows_velocity = self._begun or self._stated is not None
+        self.has_velocity = self._begun or self._stated is not None
         self._begun = True
 
 

@@ -101,23 +101,23 @@ def complementary_filters(low_hz: float, high_hz: float, rate_hz: float, order: 
         message = f"The complementary filter has order 2 (as in the thesis) or 3, not {order}."
         raise InvalidInput("order-out-of-range", message, [Fault("order", message)])
     tau_1, tau_2 = 1 / (2 * np.pi * high_hz), 1 / (2 * np.pi * low_hz)
-    return _second(tau_1, tau_2, rate_hz) if order == 2 else _third(tau_1, tau_2, rate_hz)
+    return _second_order(tau_1, tau_2, rate_hz) if order == 2 else _third_order(tau_1, tau_2, rate_hz)
 
 
-def _second(tau_1: float, tau_2: float, rate_hz: float) -> ComplementaryFilters:
+def _second_order(tau_1: float, tau_2: float, rate_hz: float) -> ComplementaryFilters:
     p_1, p_2 = -1 / tau_1, -1 / tau_2
     bracket = np.array([2 * tau_1 * tau_2**2, tau_2**2 + 4 * tau_1 * tau_2 - tau_1**2, 2 * tau_2])
     none, twice_1, twice_2 = np.zeros(0), np.array([p_1, p_1]), np.array([p_2, p_2])
     h1_zeros = np.append(np.roots(bracket), 0.0)
     return ComplementaryFilters(
-        h1=_bilinear(float(bracket[0]) * (p_1 * p_2) ** 2, h1_zeros, np.append(twice_1, twice_2), rate_hz),
-        h2=_bilinear(1.0, none, twice_1, rate_hz),
-        s2_h2=_bilinear(1.0, np.zeros(2), twice_1, rate_hz),
-        h3=_bilinear(p_2**2, none, twice_2, rate_hz),
+        h1=_bilinear_filter(float(bracket[0]) * (p_1 * p_2) ** 2, h1_zeros, np.append(twice_1, twice_2), rate_hz),
+        h2=_bilinear_filter(1.0, none, twice_1, rate_hz),
+        s2_h2=_bilinear_filter(1.0, np.zeros(2), twice_1, rate_hz),
+        h3=_bilinear_filter(p_2**2, none, twice_2, rate_hz),
     )
 
 
-def _third(tau_1: float, tau_2: float, rate_hz: float) -> ComplementaryFilters:
+def _third_order(tau_1: float, tau_2: float, rate_hz: float) -> ComplementaryFilters:
     """Filters of order 3; the numerator of H1 over the common denominator has no powers of s below the second."""
     bracket = np.array(
         [
@@ -130,13 +130,13 @@ def _third(tau_1: float, tau_2: float, rate_hz: float) -> ComplementaryFilters:
     h1_zeros = np.append(np.roots(bracket), np.zeros(2))
     corner = np.array([-3 / tau_1])
     return ComplementaryFilters(
-        h1=_bilinear(float(bracket[0]) / (tau_1 * tau_2) ** 3, h1_zeros, np.append(thrice_1, thrice_2), rate_hz),
-        h2=_bilinear(1.0, corner, thrice_1, rate_hz),
-        s2_h2=_bilinear(1.0, np.append(corner, np.zeros(2)), thrice_1, rate_hz),
-        h3=_bilinear(3 / tau_2**2, np.array([-1 / (3 * tau_2)]), thrice_2, rate_hz),
+        h1=_bilinear_filter(float(bracket[0]) / (tau_1 * tau_2) ** 3, h1_zeros, np.append(thrice_1, thrice_2), rate_hz),
+        h2=_bilinear_filter(1.0, corner, thrice_1, rate_hz),
+        s2_h2=_bilinear_filter(1.0, np.append(corner, np.zeros(2)), thrice_1, rate_hz),
+        h3=_bilinear_filter(3 / tau_2**2, np.array([-1 / (3 * tau_2)]), thrice_2, rate_hz),
     )
 
 
-def _bilinear(gain: float, zeros: Roots, poles: Roots, rate_hz: float) -> DigitalFilter:
+def _bilinear_filter(gain: float, zeros: Roots, poles: Roots, rate_hz: float) -> DigitalFilter:
     z, p, k = signal.bilinear_zpk(zeros, poles, gain, rate_hz)
     return DigitalFilter(gain=float(k), zeros=np.asarray(z), poles=np.asarray(p), rate_hz=rate_hz)

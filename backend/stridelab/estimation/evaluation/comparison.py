@@ -15,18 +15,18 @@ from stridelab.dynamics.newton_euler import com_acceleration
 from stridelab.dynamics.wrench import Wrench
 from stridelab.errors import NotEstimable, StridelabError
 from stridelab.estimation.complementary.forward_backward import filter_inputs
-from stridelab.estimation.differentiation import derivatives
+from stridelab.estimation.differentiation import smoothed_derivatives
 from stridelab.estimation.estimator import ComEstimate, ComEstimator
 from stridelab.estimation.evaluation.error_spectra import ErrorSpectrum, error_spectrum
-from stridelab.estimation.evaluation.holdout_force import held_back_residual_n
+from stridelab.estimation.evaluation.holdout_force import withheld_residual_n
 from stridelab.estimation.evaluation.physics_residuals import (
     Flight,
     MomentumAgreement,
     Standing,
-    flight,
+    assess_flight,
+    assess_standing,
     force_residual_track_n,
     momentum_agreement,
-    standing,
 )
 from stridelab.estimation.evaluation.truth_errors import TruthError, error_m, truth_error
 from stridelab.estimation.time_span import window_span
@@ -43,7 +43,7 @@ class KnownMotion:
 
 
 @dataclass(frozen=True)
-class Data:
+class ComparisonData:
     """Input of all estimators, and the truth if it is known. ``floor_height_m`` is the height of the plates."""
 
     geometric: GeometricCom
@@ -83,11 +83,11 @@ class Comparison:
     """
 
     assessments: Mapping[str, Assessment]
-    refusals: Mapping[str, StridelabError]
+    failures: Mapping[str, StridelabError]
     inputs: Mapping[str, ErrorSpectrum]
 
 
-def compare(estimators: Mapping[str, ComEstimator], data: Data) -> Comparison:
+def compare(estimators: Mapping[str, ComEstimator], data: ComparisonData) -> Comparison:
     """Run all estimators on ``data`` and assess each.
 
     An estimator that fails is listed with its error; if all fail, the first error is raised.
@@ -96,7 +96,7 @@ def compare(estimators: Mapping[str, ComEstimator], data: Data) -> Comparison:
     refusals: dict[str, StridelabError] = {}
     for name, estimator in estimators.items():
         try:
-            assessments[name] = assess(estimator, data)
+            assessments[name] = assess_estimator(estimator, data)
         except StridelabError as error:
             refusals[name] = error
     if not assessments:
@@ -104,13 +104,13 @@ def compare(estimators: Mapping[str, ComEstimator], data: Data) -> Comparison:
     return Comparison(assessments, refusals, input_spectra(data))
 
 
-def assess(estimator: ComEstimator, data: Data) -> Assessment:
+def assess_estimator(estimator: ComEstimator, data: ComparisonData) -> Assessment:
     """Run and assess one estimator on ``data``; raises as the estimator does."""
     geometric, wrench, mass_kg, truth = data.geometric, data.wrench, data.mass_kg, data.truth
     estimate = estimator.estimate(geometric, wrench, mass_kg)
     span = window_span(geometric, wrench)
     g = geometric.com_m[span.inside]
-    turn = walk_frame(derivatives(geometric.com_m[span.around], span.rate_hz)[0])
+    turn = walk_frame(smoothed_derivatives(geometric.com_m[span.around], span.rate_hz)[0])
     residual = force_residual_track_n(estimate, wrench, mass_kg) @ turn.T
     if truth is None:
         spectrum = error_spectrum(estimate.com_m - g, span.rate_hz)
@@ -120,23 +120,23 @@ def assess(estimator: ComEstimator, data: Data) -> Assessment:
         estimate=estimate,
         offset_m=np.mean(estimate.com_m - g, axis=0) @ turn.T,
         residual_n=np.sqrt(np.nanmean(residual**2, axis=0)),
-        held_back_n=_held_back(estimator, data),
+        held_back_n=_withheld_residual_n(estimator, data),
         momentum=momentum_agreement(estimate, geometric, wrench, mass_kg),
-        flight=flight(estimate, wrench),
-        standing=standing(estimate, geometric, wrench, data.floor_height_m),
+        flight=assess_flight(estimate, wrench),
+        standing=assess_standing(estimate, geometric, wrench, data.floor_height_m),
         truth=None if truth is None else truth_error(estimate, geometric.time_s, truth.com_m),
         spectrum=spectrum,
     )
 
 
-def input_spectra(data: Data) -> Mapping[str, ErrorSpectrum]:
+def input_spectra(data: ComparisonData) -> Mapping[str, ErrorSpectrum]:
     """Spectra of the input errors over the window (figure 2.6); without a truth, of the input differences."""
     span = window_span(data.geometric, data.wrench)
     total = Wrench(data.wrench.force_n[span.inside], data.wrench.moment_nm[span.inside])
     inputs = filter_inputs(data.geometric.com_m[span.inside], total, data.mass_kg)
     g, a, p = inputs.geometry_m, inputs.acceleration_m_s2, inputs.axis_point_m
     if data.truth is None:
-        of_geometry = derivatives(data.geometric.com_m[span.around], span.rate_hz)[1][span.within]
+        of_geometry = smoothed_derivatives(data.geometric.com_m[span.around], span.rate_hz)[1][span.within]
         errors = {"force": a - of_geometry, "axis": p - g}
     else:
         c = data.truth.com_m[span.inside]
@@ -145,9 +145,9 @@ def input_spectra(data: Data) -> Mapping[str, ErrorSpectrum]:
     return {name: error_spectrum(error, span.rate_hz) for name, error in errors.items()}
 
 
-def _held_back(estimator: ComEstimator, data: Data) -> PerAxis | None:
+def _withheld_residual_n(estimator: ComEstimator, data: ComparisonData) -> PerAxis | None:
     """Residual at withheld force; None if the estimator fails with half of the force."""
     try:
-        return held_back_residual_n(estimator, data.geometric, data.wrench, data.mass_kg)
+        return withheld_residual_n(estimator, data.geometric, data.wrench, data.mass_kg)
     except NotEstimable:
         return None

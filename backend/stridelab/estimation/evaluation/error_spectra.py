@@ -29,7 +29,7 @@ class ErrorSpectrum:
     density: Density
 
     @property
-    def amplitude(self) -> Density:
+    def amplitude_density(self) -> Density:
         """Amplitude density: the error's unit per square root of a hertz."""
         return np.asarray(np.sqrt(self.density))
 

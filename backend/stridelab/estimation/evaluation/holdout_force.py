@@ -20,7 +20,7 @@ from jaxtyping import Float
 from stridelab.body.geometric_com import GeometricCom
 from stridelab.conventions import Mask
 from stridelab.dynamics.newton_euler import contact_force
-from stridelab.estimation.differentiation import derivatives
+from stridelab.estimation.differentiation import smoothed_derivatives
 from stridelab.estimation.estimator import ComEstimator
 from stridelab.estimation.evaluation.physics_residuals import force_residual_track_n
 from stridelab.estimation.time_span import window_span
@@ -31,7 +31,7 @@ BLOCK_S = 0.15
 """Twice the correlation length of a signal in the 8 Hz band."""
 
 
-def held_back_residual_n(
+def withheld_residual_n(
     estimator: ComEstimator, geometric: GeometricCom, wrench: WrenchTrack, mass_kg: float
 ) -> Float[np.ndarray, "3"]:
     """RMS of the residual at the withheld samples along the walk, lateral and vertical, in newtons.
@@ -39,18 +39,18 @@ def held_back_residual_n(
     Raises as the estimator does.
     """
     span = window_span(geometric, wrench)
-    velocity, acceleration = derivatives(geometric.com_m[span.around], span.rate_hz)
+    velocity, acceleration = smoothed_derivatives(geometric.com_m[span.around], span.rate_hz)
     stand_in_n = contact_force(acceleration[span.within], mass_kg)
     block = np.arange(span.inside.stop - span.inside.start) // max(1, round(BLOCK_S * span.rate_hz)) % 2 == 1
     squares = []
     for held in (block, ~block):
-        thinned = _withhold(geometric, wrench, span.inside, held, stand_in_n)
+        thinned = _withhold_samples(geometric, wrench, span.inside, held, stand_in_n)
         estimate = estimator.estimate(geometric, thinned, mass_kg)
         squares.append(force_residual_track_n(estimate, wrench, mass_kg)[held] @ walk_frame(velocity).T)
     return np.asarray(np.sqrt(np.nanmean(np.concatenate(squares) ** 2, axis=0)))
 
 
-def _withhold(
+def _withhold_samples(
     geometric: GeometricCom,
     wrench: WrenchTrack,
     inside: slice,

@@ -18,12 +18,12 @@ from stridelab.body.geometric_com import GeometricCom
 from stridelab.conventions import GRAVITY_M_S2, PerAxis, Points, Vector3
 from stridelab.dynamics.newton_euler import contact_force, momentum_rate
 from stridelab.dynamics.wrench import Wrench
-from stridelab.dynamics.zmp import zmp
-from stridelab.estimation.differentiation import BAND_HZ, derivatives, low_pass
+from stridelab.dynamics.zmp import zmp_of_wrench
+from stridelab.estimation.differentiation import BAND_HZ, low_pass, smoothed_derivatives
 from stridelab.estimation.estimator import ComEstimate
-from stridelab.estimation.evaluation.truth_errors import inside
+from stridelab.estimation.evaluation.truth_errors import track_at_samples
 from stridelab.estimation.walk_frame import walk_frame
-from stridelab.recordings.gap_filling import runs
+from stridelab.recordings.gap_filling import true_runs
 from stridelab.recordings.recording import WrenchTrack
 
 FLIGHT_N = 20.0
@@ -61,30 +61,30 @@ class MomentumAgreement:
     rms_nm: PerAxis
 
 
-def flight(estimate: ComEstimate, wrench: WrenchTrack) -> Flight | None:
+def assess_flight(estimate: ComEstimate, wrench: WrenchTrack) -> Flight | None:
     """Mean acceleration over all flights inside the window; None without flights."""
     rate_hz = (len(estimate.time_s) - 1) / (estimate.time_s[-1] - estimate.time_s[0])
-    aloft = np.linalg.norm(inside(estimate, wrench.time_s, wrench.force_n), axis=1) < FLIGHT_N
-    flights = [(i + 1, j - 1) for i, j in runs(aloft) if j - i >= SHORTEST_FLIGHT and i > 0 and j < len(aloft)]
+    aloft = np.linalg.norm(track_at_samples(estimate, wrench.time_s, wrench.force_n), axis=1) < FLIGHT_N
+    flights = [(i + 1, j - 1) for i, j in true_runs(aloft) if j - i >= SHORTEST_FLIGHT and i > 0 and j < len(aloft)]
     if not flights:
         return None
     # The variance of a parabola's curvature falls with the fifth power of the flight's duration.
     weight = np.array([float(j - i) ** 5 for i, j in flights])
-    curvature = np.array([_curvature(estimate.com_m[i:j], rate_hz) for i, j in flights])
+    curvature = np.array([_parabola_curvature(estimate.com_m[i:j], rate_hz) for i, j in flights])
     a = weight @ curvature / weight.sum()
     return Flight(len(flights), float(-a[2] / GRAVITY_M_S2 - 1.0), float(np.hypot(a[0], a[1])))
 
 
-def standing(
+def assess_standing(
     estimate: ComEstimate, geometric: GeometricCom, wrench: WrenchTrack, floor_height_m: float = 0.0
 ) -> Standing | None:
     """CoM against centre of pressure over the window; None unless the subject stands still."""
     rate_hz = (len(estimate.time_s) - 1) / (estimate.time_s[-1] - estimate.time_s[0])
-    g = inside(estimate, geometric.time_s, geometric.com_m)
-    if np.sqrt(np.mean(np.sum(derivatives(g, rate_hz)[0] ** 2, axis=1))) > STILL_M_S:
+    g = track_at_samples(estimate, geometric.time_s, geometric.com_m)
+    if np.sqrt(np.mean(np.sum(smoothed_derivatives(g, rate_hz)[0] ** 2, axis=1))) > STILL_M_S:
         return None
-    f, nu = (inside(estimate, wrench.time_s, track) for track in (wrench.force_n, wrench.moment_nm))
-    pressure = zmp(Wrench(f, nu), np.array([0.0, 0.0, floor_height_m]), np.array([0.0, 0.0, 1.0]))
+    f, nu = (track_at_samples(estimate, wrench.time_s, track) for track in (wrench.force_n, wrench.moment_nm))
+    pressure = zmp_of_wrench(Wrench(f, nu), np.array([0.0, 0.0, floor_height_m]), np.array([0.0, 0.0, 1.0]))
     x, y = (estimate.com_m - pressure).mean(axis=0)[:2]
     return Standing((float(x), float(y)), float(np.hypot(x, y)))
 
@@ -97,13 +97,13 @@ def momentum_agreement(
     if segments is None:
         return None
     rate_hz = (len(estimate.time_s) - 1) / (estimate.time_s[-1] - estimate.time_s[0])
-    turn = walk_frame(derivatives(inside(estimate, geometric.time_s, geometric.com_m), rate_hz)[0])
-    f, nu = (inside(estimate, wrench.time_s, track) for track in (wrench.force_n, wrench.moment_nm))
+    turn = walk_frame(smoothed_derivatives(track_at_samples(estimate, geometric.time_s, geometric.com_m), rate_hz)[0])
+    f, nu = (track_at_samples(estimate, wrench.time_s, track) for track in (wrench.force_n, wrench.moment_nm))
     implied = low_pass(momentum_rate(estimate.com_m, Wrench(f, nu)), rate_hz, MOMENTUM_BAND_HZ) @ turn.T
-    seen = inside(estimate, geometric.time_s, segments) @ turn.T
+    seen = track_at_samples(estimate, geometric.time_s, segments) @ turn.T
     edge = int(np.ceil(0.4 * rate_hz / MOMENTUM_BAND_HZ))
     implied, seen = implied[edge:-edge], seen[edge:-edge]
-    return MomentumAgreement(_correlation(implied, seen), np.sqrt(np.mean((implied - seen) ** 2, axis=0)))
+    return MomentumAgreement(_axis_correlation(implied, seen), np.sqrt(np.mean((implied - seen) ** 2, axis=0)))
 
 
 def segment_momentum_rate(geometric: GeometricCom, mass_kg: float) -> Points | None:
@@ -119,7 +119,7 @@ def segment_momentum_rate(geometric: GeometricCom, mass_kg: float) -> Points | N
         known &= np.isfinite(segment.com_m).all(axis=1)
     if not known.any():
         return None
-    i, j = max(runs(known), key=lambda run: run[1] - run[0])
+    i, j = max(true_runs(known), key=lambda run: run[1] - run[0])
     t = geometric.time_s[i:j]
     if len(t) < SHORTEST_FLIGHT:
         return None
@@ -127,20 +127,22 @@ def segment_momentum_rate(geometric: GeometricCom, mass_kg: float) -> Points | N
     momentum = np.zeros((j - i, 3))
     for segment in geometric.segments.values():
         arm = segment.com_m[i:j] - geometric.com_m[i:j]
-        momentum += segment.mass_fraction * mass_kg * np.cross(arm, derivatives(arm, rate_hz, MOMENTUM_BAND_HZ)[0])
+        momentum += (
+            segment.mass_fraction * mass_kg * np.cross(arm, smoothed_derivatives(arm, rate_hz, MOMENTUM_BAND_HZ)[0])
+        )
     whole = np.full_like(geometric.com_m, np.nan)
-    whole[i:j] = derivatives(momentum, rate_hz, MOMENTUM_BAND_HZ)[0]
+    whole[i:j] = smoothed_derivatives(momentum, rate_hz, MOMENTUM_BAND_HZ)[0]
     return whole
 
 
-def _correlation(x: Points, y: Points) -> PerAxis:
+def _axis_correlation(x: Points, y: Points) -> PerAxis:
     """Correlation per axis; NaN where one of the two is constant."""
     x, y = x - x.mean(axis=0), y - y.mean(axis=0)
     norm = np.sqrt((x**2).sum(axis=0) * (y**2).sum(axis=0))
     return np.asarray(np.where(norm > 0.0, (x * y).sum(axis=0) / np.where(norm > 0.0, norm, 1.0), np.nan))
 
 
-def _curvature(track: Points, rate_hz: float) -> PerAxis:
+def _parabola_curvature(track: Points, rate_hz: float) -> PerAxis:
     """Second derivative of the parabola through the samples of one flight."""
     t = np.arange(len(track)) / rate_hz
     return np.asarray(2.0 * np.polyfit(t - t.mean(), track, 2)[0])
@@ -164,7 +166,7 @@ def force_residual_track_n(
     rate_hz = (len(estimate.time_s) - 1) / (estimate.time_s[-1] - estimate.time_s[0])
     first = int(np.argmin(np.abs(wrench.time_s - estimate.time_s[0])))
     f = low_pass(wrench.force_n[first : first + len(estimate.time_s)], rate_hz, band_hz)
-    acceleration = derivatives(estimate.com_m, rate_hz, band_hz)[1]
+    acceleration = smoothed_derivatives(estimate.com_m, rate_hz, band_hz)[1]
     edge = int(np.ceil(0.6 * rate_hz / band_hz))
     r = contact_force(acceleration, mass_kg) - f
     r[:edge] = r[-edge:] = np.nan

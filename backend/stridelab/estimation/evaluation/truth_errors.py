@@ -11,7 +11,7 @@ from jaxtyping import Float
 from scipy import interpolate
 
 from stridelab.conventions import PerAxis, Points, Series
-from stridelab.estimation.differentiation import derivatives
+from stridelab.estimation.differentiation import smoothed_derivatives
 from stridelab.estimation.estimator import ComEstimate
 from stridelab.estimation.walk_frame import walk_frame
 
@@ -44,14 +44,14 @@ class TruthError:
 
 def error_m(estimate: ComEstimate, time_s: Series, truth_com_m: Points) -> WindowPoints:
     """Estimate minus truth at the estimate's samples; the truth is given at the instants ``time_s``."""
-    return np.asarray(estimate.com_m - inside(estimate, time_s, truth_com_m))
+    return np.asarray(estimate.com_m - track_at_samples(estimate, time_s, truth_com_m))
 
 
 def truth_error(estimate: ComEstimate, time_s: Series, truth_com_m: Points) -> TruthError:
     """Compare an estimate with the true CoM, given at the instants ``time_s`` that contain the estimate's."""
-    true = inside(estimate, time_s, truth_com_m)
+    true = track_at_samples(estimate, time_s, truth_com_m)
     rate_hz = (len(true) - 1) / (estimate.time_s[-1] - estimate.time_s[0])
-    turn = walk_frame(derivatives(true, rate_hz)[0])
+    turn = walk_frame(smoothed_derivatives(true, rate_hz)[0])
     error = (estimate.com_m - true) @ turn.T
     # The bands are per world axis; their variances transform with the squares of the direction cosines.
     sd = np.sqrt(estimate.sd_m**2 @ (turn**2).T)
@@ -79,18 +79,18 @@ def lag_s(estimated: Series, true: Series, rate_hz: float) -> float:
     tau, interior = 0.0, slice(edge, -edge)
     line = np.column_stack([np.ones(len(t)), t - t.mean()])[interior]
 
-    def beside(x: Series) -> Series:
+    def residual_of_line(x: Series) -> Series:
         return np.asarray(x - line @ np.linalg.lstsq(line, x, rcond=None)[0])
 
     for _ in range(_LAG_ROUNDS):
-        velocity = beside(spline(t - tau, 1)[interior])
+        velocity = residual_of_line(spline(t - tau, 1)[interior])
         if np.sqrt(np.mean(velocity**2)) < _SWAY_M_S:
             return float("nan")
-        tau -= float(velocity @ beside((estimated - spline(t - tau))[interior]) / (velocity @ velocity))
+        tau -= float(velocity @ residual_of_line((estimated - spline(t - tau))[interior]) / (velocity @ velocity))
     return tau
 
 
-def inside(estimate: ComEstimate, time_s: Series, track: Points) -> WindowPoints:
+def track_at_samples(estimate: ComEstimate, time_s: Series, track: Points) -> WindowPoints:
     """Part of a track at the estimate's samples."""
     first = int(np.argmin(np.abs(time_s - estimate.time_s[0])))
     return track[first : first + len(estimate.time_s)]

@@ -8,7 +8,7 @@ import numpy as np
 from stridelab.body.geometric_com import GeometricCom
 from stridelab.dynamics.wrench import Wrench
 from stridelab.estimation.complementary.forward_backward import FilterInputs, filter_inputs
-from stridelab.estimation.differentiation import derivatives
+from stridelab.estimation.differentiation import smoothed_derivatives
 from stridelab.estimation.error_band import FusedStretch
 from stridelab.estimation.error_priors import ErrorPriors
 from stridelab.estimation.estimator import ComEstimate
@@ -18,7 +18,7 @@ from stridelab.estimation.kalman.jerk_model import (
     JerkModel,
     measured_inputs,
     require_sd,
-    stretches,
+    split_stretches,
 )
 from stridelab.estimation.kalman.passes import Axis, JerkRecord
 from stridelab.estimation.time_span import require_mass, window_span
@@ -74,28 +74,32 @@ class KalmanFilter:
         ``lag_*_s`` in the diagnostics is the delay of the filter at the stride frequency of ``priors``. Raises as
         ``window_span`` does, and ``InvalidInput`` with ``mass-out-of-range``.
         """
-        record = self.record(geometric, wrench, mass_kg)
-        estimate = record.estimate(Axis.filtered, self.name, ("carpentier2017thesis", "kalman1960", "lainiotis1976"))
+        record = self.prepare_record(geometric, wrench, mass_kg)
+        estimate = record.estimate_window(
+            Axis.filter_states, self.name, ("carpentier2017thesis", "kalman1960", "lainiotis1976")
+        )
         stride_hz = self.priors.step_hz / 2
         lags_s = {f"lag_{name}_s": axis.lag_s(stride_hz) for name, axis in zip("xyz", record.axes, strict=True)}
         return replace(estimate, diagnostics={**estimate.diagnostics, **lags_s})
 
-    def record(self, geometric: GeometricCom, wrench: WrenchTrack, mass_kg: float) -> JerkRecord:
+    def prepare_record(self, geometric: GeometricCom, wrench: WrenchTrack, mass_kg: float) -> JerkRecord:
         """Inputs and models of the three axes; raises as ``estimate`` does."""
         require_mass(mass_kg)
         span = window_span(geometric, wrench)
         g, within, inside = geometric.com_m[span.around], span.within, span.inside
-        velocity, a = derivatives(g, span.rate_hz)
+        velocity, a = smoothed_derivatives(g, span.rate_hz)
         total = Wrench(wrench.force_n[inside], wrench.moment_nm[inside])
         measured = filter_inputs(g[within], total, mass_kg)
         p = g.copy()
         a[within], p[within] = measured.acceleration_m_s2, measured.axis_point_m
-        noise = InputNoise.stated(geometric.sd_m, self.priors, velocity, mass_kg) if self.noise is None else self.noise
+        noise = (
+            InputNoise.from_priors(geometric.sd_m, self.priors, velocity, mass_kg) if self.noise is None else self.noise
+        )
         model = JerkModel(1 / span.rate_hz, self.sigma_jerk_m_s3, self.printed)
         measured_rows = measured_inputs(len(g), within, total.force_n)
         if wrench.withheld is not None:
             measured_rows[wrench.withheld[span.around], 1:] = False
-        rows = tuple(stretches(measured_rows))
+        rows = tuple(split_stretches(measured_rows))
         start = np.diag(np.square(self.start_sd))
         x, y, z = (Axis(model, tuple(variance), rows, start) for variance in noise.variance(mass_kg).tolist())
         stretch = FusedStretch(total, velocity, within, span.rate_hz, mass_kg)
@@ -123,5 +127,7 @@ class RtsSmoother:
 
         Raises as ``KalmanFilter.estimate`` does.
         """
-        record = self.kalman.record(geometric, wrench, mass_kg)
-        return record.estimate(Axis.smoothed, self.name, ("carpentier2017thesis", "rauch1965", "lainiotis1976"))
+        record = self.kalman.prepare_record(geometric, wrench, mass_kg)
+        return record.estimate_window(
+            Axis.smooth_states, self.name, ("carpentier2017thesis", "rauch1965", "lainiotis1976")
+        )

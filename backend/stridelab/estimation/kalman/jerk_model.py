@@ -59,7 +59,9 @@ class InputNoise:
         require_sd("noise.axis_m", self.axis_m, LENGTH_RANGE_M)
 
     @classmethod
-    def stated(cls, table_sd_m: SdPerAxis, priors: ErrorPriors, velocity_m_s: Points, mass_kg: float) -> "InputNoise":
+    def from_priors(
+        cls, table_sd_m: SdPerAxis, priors: ErrorPriors, velocity_m_s: Points, mass_kg: float
+    ) -> "InputNoise":
         """Noise with the variances of all errors in ``priors``, coloured or constant, treated as white.
 
         Along the force the axis point repeats the geometry, so each of the two gets half of its information.
@@ -73,9 +75,9 @@ class InputNoise:
         force = np.hypot(priors.force_n, mass_kg * np.asarray(priors.acceleration_m_s2))
         axis[2] = g[2]
         return cls(
-            geometry_m=_three(np.clip(g, *LENGTH_RANGE_M)),
-            force_n=_three(np.clip(force, *FORCE_RANGE_N)),
-            axis_m=_three(np.clip(axis, *LENGTH_RANGE_M)),
+            geometry_m=_sd_triple(np.clip(g, *LENGTH_RANGE_M)),
+            force_n=_sd_triple(np.clip(force, *FORCE_RANGE_N)),
+            axis_m=_sd_triple(np.clip(axis, *LENGTH_RANGE_M)),
         )
 
     def variance(self, mass_kg: float) -> Float[np.ndarray, "axes inputs"]:
@@ -84,7 +86,7 @@ class InputNoise:
         return np.column_stack([self.geometry_m, acceleration, self.axis_m]) ** 2
 
 
-def _three(sd: Vector3) -> SdPerAxis:
+def _sd_triple(sd: Vector3) -> SdPerAxis:
     x, y, z = sd.tolist()
     return (x, y, z)
 
@@ -163,7 +165,7 @@ def measured_inputs(n: int, window: slice, force_n: Float[np.ndarray, "window 3"
     return measured
 
 
-def stretches(measured: Measured) -> list[Stretch]:
+def split_stretches(measured: Measured) -> list[Stretch]:
     """Split the record where the measured rows change."""
     cuts = 1 + np.flatnonzero((np.diff(measured, axis=0) != 0).any(axis=1))
     edges = [0, *cuts.tolist(), len(measured)]

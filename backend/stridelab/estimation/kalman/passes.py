@@ -17,8 +17,8 @@ from jaxtyping import Float
 
 from stridelab.body.geometric_com import GeometricCom
 from stridelab.estimation.complementary.forward_backward import FilterInputs
-from stridelab.estimation.differentiation import derivatives, low_pass
-from stridelab.estimation.error_band import FusedStretch, stated_sd_m
+from stridelab.estimation.differentiation import low_pass, smoothed_derivatives
+from stridelab.estimation.error_band import FusedStretch, propagated_sd_m
 from stridelab.estimation.error_priors import ErrorPriors
 from stridelab.estimation.estimator import ComEstimate
 from stridelab.estimation.kalman.jerk_model import C, JerkModel, Stretch, backward_model, forward_model
@@ -46,13 +46,13 @@ class Axis:
     stretches: Sequence[Stretch]
     start_covariance: Square
 
-    def predicted(self, y: Inputs, start: Starts) -> Track:
+    def predict_states(self, y: Inputs, start: Starts) -> Track:
         """Predict the state at each sample from the measurements before it."""
         mean, covariance = start, self.start_covariance
         means, covariances = np.empty_like(y), np.empty((y.shape[1], 3, 3))
         for s in self.stretches:
             predictor = forward_model(self.model, self.variance, s.rows).predictor(covariance, s.stop - s.first)
-            predicted = predictor.mean(mean, y[:, s.first : s.stop, list(s.rows)])
+            predicted = predictor.predict_means(mean, y[:, s.first : s.stop, list(s.rows)])
             means[:, s.first : s.stop], covariances[s.first : s.stop] = (
                 predicted[:, :-1],
                 predictor.covariance[:-1],
@@ -60,9 +60,9 @@ class Axis:
             mean, covariance = predicted[:, -1], predictor.covariance[-1]
         return Track(means, covariances)
 
-    def filtered(self, y: Inputs, start: Starts) -> Track:
+    def filter_states(self, y: Inputs, start: Starts) -> Track:
         """Filter: state at each sample from the measurements up to it."""
-        predicted = self.predicted(y, start)
+        predicted = self.predict_states(y, start)
         means, covariances = predicted.mean.copy(), predicted.covariance.copy()
         for s in self.stretches:
             at = slice(s.first, s.stop)
@@ -75,9 +75,9 @@ class Axis:
             covariances[at] -= K @ seen
         return Track(means, covariances)
 
-    def smoothed(self, y: Inputs, start: Starts) -> Track:
+    def smooth_states(self, y: Inputs, start: Starts) -> Track:
         """Smooth: state at each sample from all measurements (Rauch-Tung-Striebel)."""
-        predicted, later = self.predicted(y, start), self._later(y)
+        predicted, later = self.predict_states(y, start), self._later_information(y)
         P, J = predicted.covariance, later.covariance
         covariance = np.linalg.solve(np.eye(3) + P @ J, P)
         unexpected = later.mean - np.einsum("kij,skj->ski", J, predicted.mean)
@@ -94,7 +94,7 @@ class Axis:
         c = (predicted + K @ (y - steady.H @ predicted))[0]
         return float(-np.angle(c) / w)
 
-    def _later(self, y: Inputs) -> Track:
+    def _later_information(self, y: Inputs) -> Track:
         """Information h and J about the state at each sample from this and all later measurements."""
         h, J = np.zeros((len(y), 3)), np.zeros((3, 3))
         means, covariances = np.empty_like(y), np.empty((y.shape[1], 3, 3))
@@ -102,7 +102,7 @@ class Axis:
             at, n, rows = slice(s.first, s.stop), s.stop - s.first, list(s.rows)
             information = y[:, at, rows] / np.array(self.variance)[rows] @ C[rows]
             predictor = backward_model(self.model, self.variance, s.rows).predictor(J, n)
-            predicted = predictor.mean(h, np.zeros((len(y), n, 1)), information[:, ::-1])
+            predicted = predictor.predict_means(h, np.zeros((len(y), n, 1)), information[:, ::-1])
             means[:, at], covariances[at] = predicted[:, :0:-1], predictor.covariance[:0:-1]
             h, J = predicted[:, -1], predictor.covariance[-1]
         return Track(means, covariances)
@@ -126,7 +126,7 @@ class JerkRecord:
     axes: tuple[Axis, Axis, Axis]
     priors: ErrorPriors
 
-    def estimate(self, passed: Pass, method: str, references: tuple[str, ...]) -> ComEstimate:
+    def estimate_window(self, run_axis: Pass, method: str, references: tuple[str, ...]) -> ComEstimate:
         """Estimate over the window.
 
         ``sd_m`` combines the input errors, propagated through the pass, and the distortion of a motion on which all
@@ -135,11 +135,14 @@ class JerkRecord:
         """
         within, rate_hz = self.stretch.within, self.span.rate_hz
         motion = low_pass(self.inputs.geometry_m, rate_hz)
-        agreed = FilterInputs(motion, derivatives(motion, rate_hz)[1], motion)
-        tracks = self._run(passed, [self.inputs, agreed])
-        left_behind = (_positions(tracks)[1] - motion)[within]
-        stated = stated_sd_m(
-            lambda errors: list(_positions(self._run(passed, errors))), self.stretch, self.geometric.sd_m, self.priors
+        agreed = FilterInputs(motion, smoothed_derivatives(motion, rate_hz)[1], motion)
+        tracks = self._run_pass(run_axis, [self.inputs, agreed])
+        left_behind = (_stack_positions(tracks)[1] - motion)[within]
+        stated = propagated_sd_m(
+            lambda errors: list(_stack_positions(self._run_pass(run_axis, errors))),
+            self.stretch,
+            self.geometric.sd_m,
+            self.priors,
         )
         c, v, a = np.stack([t.mean[0, within] for t in tracks], axis=-1).transpose(1, 0, 2)
         believed = np.sqrt([t.covariance[within, 0, 0].mean() for t in tracks]).tolist()
@@ -158,16 +161,16 @@ class JerkRecord:
             },
         )
 
-    def _run(self, passed: Pass, inputs: Sequence[FilterInputs]) -> list[Track]:
+    def _run_pass(self, run_axis: Pass, inputs: Sequence[FilterInputs]) -> list[Track]:
         """Run one pass of every axis over several sets of inputs; each starts at its first geometry, at rest."""
         tracks = []
         for j, axis in enumerate(self.axes):
             y = np.array([[i.geometry_m[:, j], i.acceleration_m_s2[:, j], i.axis_point_m[:, j]] for i in inputs])
             start = np.zeros((len(y), 3))
             start[:, 0] = y[:, 0, 0]
-            tracks.append(passed(axis, np.ascontiguousarray(y.transpose(0, 2, 1)), start))
+            tracks.append(run_axis(axis, np.ascontiguousarray(y.transpose(0, 2, 1)), start))
         return tracks
 
 
-def _positions(tracks: Sequence[Track]) -> Float[np.ndarray, "sets n 3"]:
+def _stack_positions(tracks: Sequence[Track]) -> Float[np.ndarray, "sets n 3"]:
     return np.stack([t.mean[:, :, 0] for t in tracks], axis=-1)

@@ -34,7 +34,7 @@ Starts = Float[np.ndarray, "sets 3"]
 States = Float[np.ndarray, "sets n 3"]
 Signals = Float[np.ndarray, "sets n m"]
 
-_DEAD = 1e-20
+_NEGLIGIBLE = 1e-20
 """Powers of Phi below this are negligible in double precision."""
 
 
@@ -80,7 +80,7 @@ class SteadyModel:
     def predictor(self, covariance: Square, n: int) -> "Predictor":
         """Optimal predictor over n measurements from an initial state with this covariance."""
         P = self.P
-        powers = _living_powers(self.Phi, n + 1)
+        powers = _decaying_powers(self.Phi, n + 1)
         seen = self.H @ powers[:-1]
         weighted = np.linalg.solve(self.S, seen)
         O = _sums_before(seen.transpose(0, 2, 1) @ weighted)
@@ -104,7 +104,7 @@ class Predictor:
     moved: Float[np.ndarray, "_ 3 3"]
     covariance: Squares
 
-    def mean(self, start: Starts, y: Signals, u: States | None = None) -> Float[np.ndarray, "sets _ 3"]:
+    def predict_means(self, start: Starts, y: Signals, u: States | None = None) -> Float[np.ndarray, "sets _ 3"]:
         """Predicted means x_0, ..., x_n, each from the measurements before it, for several sets of signals.
 
         ``u`` is a known input, None for zero.
@@ -121,16 +121,16 @@ class Predictor:
 def linear_recursion(Phi: Square, v: States) -> States:
     """``x_k = Phi x_{k-1} + v_k`` with ``x_{-1} = 0``, by log2(n) sums of the array with its shifted self."""
     x, power, shift = v.copy(), Phi, 1
-    while shift < x.shape[1] and np.abs(power).max() > _DEAD:
+    while shift < x.shape[1] and np.abs(power).max() > _NEGLIGIBLE:
         x[:, shift:] += x[:, :-shift] @ power.T
         power, shift = power @ power, 2 * shift
     return x
 
 
-def _living_powers(Phi: Square, n: int) -> Squares:
+def _decaying_powers(Phi: Square, n: int) -> Squares:
     """``Phi^0, Phi^1, ...`` until they are negligible, at most n of them."""
     powers, last = np.eye(3)[None], Phi
-    while len(powers) < n and np.abs(last).max() > _DEAD:
+    while len(powers) < n and np.abs(last).max() > _NEGLIGIBLE:
         powers = np.concatenate([powers, powers @ last])
         last = last @ last
     return powers[:n]

@@ -12,7 +12,7 @@ from scipy.spatial import ConvexHull, QhullError
 
 from stridelab.conventions import Points
 
-MOST_FRAMES: Final = 60
+MAX_FRAMES: Final = 60
 """Maximum number of evaluated frames: a body moves by 3 cm between them in a walk of 2 s."""
 
 Clouds = Float[np.ndarray, "frames points 3"]
@@ -25,11 +25,11 @@ def distance_outside_m(com_m: Points, body_m: Clouds) -> Float[np.ndarray, " loo
     fewer than four points are visible or all are coplanar. Of long recordings ``MOST_FRAMES`` evenly spread frames are
     evaluated and returned.
     """
-    frames = np.unique(np.linspace(0, len(com_m) - 1, min(MOST_FRAMES, len(com_m))).round().astype(int))
-    return np.array([_outside(com_m[i], body_m[i]) for i in frames])
+    frames = np.unique(np.linspace(0, len(com_m) - 1, min(MAX_FRAMES, len(com_m))).round().astype(int))
+    return np.array([_distance_outside_m(com_m[i], body_m[i]) for i in frames])
 
 
-def _outside(point: Float[np.ndarray, "3"], cloud: Float[np.ndarray, "points 3"]) -> float:
+def _distance_outside_m(point: Float[np.ndarray, "3"], cloud: Float[np.ndarray, "points 3"]) -> float:
     seen = cloud[np.isfinite(cloud).all(axis=1)]
     if len(seen) < 4 or not np.isfinite(point).all():
         return float("nan")

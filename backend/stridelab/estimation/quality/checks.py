@@ -7,7 +7,7 @@ from typing import Final, Literal
 from stridelab.recordings.recording import Remark
 
 Verdict = Literal["good", "doubtful", "contradicted"]
-ORDER: Final[tuple[Verdict, ...]] = ("good", "doubtful", "contradicted")
+VERDICT_ORDER: Final[tuple[Verdict, ...]] = ("good", "doubtful", "contradicted")
 CONTRADICTED: Final = "contradicted"
 DOUBTFUL: Final = "doubtful"
 """Codes of the remarks, and verdicts."""
@@ -64,6 +64,6 @@ class Quality:
         return (Remark(DOUBTFUL, f"Not every check of this recording passes. {reasons}"),)
 
 
-def worst(verdicts: Iterable[Verdict]) -> Verdict:
+def worst_verdict(verdicts: Iterable[Verdict]) -> Verdict:
     """Worst of the verdicts; good if there are none."""
-    return max(verdicts, key=ORDER.index, default="good")
+    return max(verdicts, key=VERDICT_ORDER.index, default="good")

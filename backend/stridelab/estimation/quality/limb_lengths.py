@@ -9,7 +9,7 @@ import numpy as np
 from stridelab.conventions import Points
 
 LEG: Final = ("hip", "knee", "ankle")
-_LEAST_FRAMES = 10
+_MIN_FRAMES = 10
 
 
 def length_change(joint_centres_m: Mapping[str, Points]) -> tuple[str, float] | None:
@@ -24,7 +24,7 @@ def length_change(joint_centres_m: Mapping[str, Points]) -> tuple[str, float] | 
             continue
         lengths = np.linalg.norm(one - other, axis=1)
         lengths = lengths[np.isfinite(lengths)]
-        if len(lengths) < _LEAST_FRAMES or np.median(lengths) <= 0.0:
+        if len(lengths) < _MIN_FRAMES or np.median(lengths) <= 0.0:
             continue
         low, high = np.percentile(lengths, (5.0, 95.0))
         name = f"{'left' if side == 'l' else 'right'} {'thigh' if upper == 'hip' else 'shank'}"

@@ -11,9 +11,9 @@ from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Final
 
-CIRCLE: Final = math.sqrt(-2.0 * math.log(0.05))
+CIRCLE_95: Final = math.sqrt(-2.0 * math.log(0.05))
 """Radius, in standard deviations per axis, of the circle that contains 95 % of a normal error in the plane."""
-BAND: Final = 1.96
+BAND_95: Final = 1.96
 """The same for one axis."""
 
 
@@ -54,7 +54,7 @@ def limit_of(name: str, geometry_sd_m: tuple[float, float, float]) -> Limit:
     """Limit of the check ``name`` for a geometric centre of mass with this standard deviation per axis."""
     limit = LIMITS[name]
     if name == "horizontal_bias":
-        return replace(limit, passes=min(limit.contradicts, CIRCLE * max(geometry_sd_m[:2])))
+        return replace(limit, passes=min(limit.contradicts, CIRCLE_95 * max(geometry_sd_m[:2])))
     if name == "vertical_bias":
-        return replace(limit, passes=min(limit.contradicts, BAND * geometry_sd_m[2]))
+        return replace(limit, passes=min(limit.contradicts, BAND_95 * geometry_sd_m[2]))
     return limit

@@ -15,7 +15,7 @@ from stridelab.estimation.quality.body_hull import distance_outside_m
 from stridelab.estimation.quality.body_weight import dynamic_mass_kg
 from stridelab.estimation.quality.limb_lengths import length_change
 from stridelab.estimation.quality.pressure import PlatePressure, plate_pressures
-from stridelab.recordings.gap_filling import runs
+from stridelab.recordings.gap_filling import true_runs
 from stridelab.recordings.recording import Recording, WrenchTrack
 
 NAN = math.nan
@@ -66,12 +66,12 @@ class Measures:
     plates: tuple[PlatePressure, ...] = ()
 
 
-def measure(recorded: Recorded, estimate: ComEstimate) -> Measures:
+def compute_measures(recorded: Recorded, estimate: ComEstimate) -> Measures:
     """Compute the values of one estimate; those that need force are NaN if no force was used."""
     geometric, wrench = recorded.geometric, recorded.wrench
     first = int(np.argmin(np.abs(geometric.time_s - estimate.time_s[0])))
     used = slice(first, first + len(estimate.time_s))
-    outside_m = distance_outside_m(estimate.com_m, _body(recorded, used))
+    outside_m = distance_outside_m(estimate.com_m, _body_points(recorded, used))
     leg = length_change({name: track[used] for name, track in geometric.joint_centres_m.items()})
     common = Measures(
         outside_body_m=float(np.nanpercentile(outside_m, 95.0)) if np.isfinite(outside_m).any() else NAN,
@@ -89,7 +89,7 @@ def measure(recorded: Recorded, estimate: ComEstimate) -> Measures:
         horizontal_m, vertical_m = float(np.hypot(x, y)), float(abs(z))
     return Measures(
         normalised_innovations=estimate.diagnostics.get("normalised_innovations", NAN),
-        force_residual=_residual(recorded, estimate, complete),
+        force_residual=_relative_force_residual(recorded, estimate, complete),
         acceleration_difference=NAN if apart is None else apart[1],
         axis="" if apart is None else apart[0],
         horizontal_bias_m=horizontal_m,
@@ -103,7 +103,7 @@ def measure(recorded: Recorded, estimate: ComEstimate) -> Measures:
     )
 
 
-def _body(recorded: Recorded, used: slice) -> np.ndarray:
+def _body_points(recorded: Recorded, used: slice) -> np.ndarray:
     """Landmark markers, joint centres and segments' centres of mass: frames x points x 3."""
     markers, geometric = recorded.recording.markers_m, recorded.geometric
     labels = dict.fromkeys(recorded.landmarks.values())
@@ -115,7 +115,7 @@ def _body(recorded: Recorded, used: slice) -> np.ndarray:
     return np.stack(tracks, axis=1)[used]
 
 
-def _residual(recorded: Recorded, estimate: ComEstimate, complete: Mask) -> float:
+def _relative_force_residual(recorded: Recorded, estimate: ComEstimate, complete: Mask) -> float:
     """RMS of the residual over the frames with all force, all axes together, over the body weight."""
     if len(estimate.time_s) < 20:
         return NAN
@@ -132,7 +132,7 @@ def _motion_mass_kg(recorded: Recorded) -> float:
     known = wrench.complete & np.isfinite(geometric.com_m).all(axis=1) & np.isfinite(wrench.force_n).all(axis=1)
     if not known.any():
         return NAN
-    i, j = max(runs(known), key=lambda run: run[1] - run[0])
+    i, j = max(true_runs(known), key=lambda run: run[1] - run[0])
     if j - i < 10:
         return NAN
     return dynamic_mass_kg(geometric.time_s[i:j], geometric.com_m[i:j, 2], wrench.force_n[i:j, 2])

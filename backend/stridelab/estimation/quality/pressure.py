@@ -17,7 +17,7 @@ from stridelab.recordings.total_wrench import low_pass
 LOADED_N: Final = 100.0
 """Minimum load for an accurate centre of pressure."""
 EDGE_M: Final = 0.02
-_LEAST_FRAMES = 5
+_MIN_FRAMES = 5
 
 
 @dataclass(frozen=True)
@@ -42,17 +42,17 @@ def plate_pressures(
     for plate in recording.plates:
         if not plate.use:
             continue
-        pressure_m, loaded = _at_frames(recording, plate, latency_s)
+        pressure_m, loaded = _pressure_at_frames(recording, plate, latency_s)
         loaded &= during
-        if np.count_nonzero(loaded) < _LEAST_FRAMES:
+        if np.count_nonzero(loaded) < _MIN_FRAMES:
             continue
-        apart = np.array([_from_feet(feet, pressure_m[i], int(i)) for i in np.flatnonzero(loaded)])
+        apart = np.array([_distance_from_feet(feet, pressure_m[i], int(i)) for i in np.flatnonzero(loaded)])
         from_feet_m = float(np.nanmedian(apart)) if np.isfinite(apart).any() else float("nan")
-        pressures.append(PlatePressure(plate.index, from_feet_m, _off_plate(plate, pressure_m[loaded])))
+        pressures.append(PlatePressure(plate.index, from_feet_m, _share_off_plate(plate, pressure_m[loaded])))
     return tuple(pressures)
 
 
-def _at_frames(recording: Recording, plate: Plate, latency_s: float) -> tuple[Points, Mask]:
+def _pressure_at_frames(recording: Recording, plate: Plate, latency_s: float) -> tuple[Points, Mask]:
     """Centre of pressure on the plate's surface at the marker instants, and the mask of loaded frames."""
     read_at_s = recording.time_s + latency_s
     force_time_s = np.arange(len(plate.force_n)) / recording.force_rate_hz
@@ -71,17 +71,17 @@ def _at_frames(recording: Recording, plate: Plate, latency_s: float) -> tuple[Po
     return p, np.asarray(loaded)
 
 
-def _from_feet(feet: Sequence[Foot], pressure_m: Series, frame: int) -> float:
+def _distance_from_feet(feet: Sequence[Foot], pressure_m: Series, frame: int) -> float:
     """Horizontal distance from the convex hull of the markers of all feet in contact; NaN without any."""
     standing = [foot.markers_m[frame, :, :2] for foot in feet if foot.contact[frame]]
     hulls = [points[np.isfinite(points).all(axis=1)] for points in standing]
     hulls = [points for points in hulls if len(points)]
     if not hulls:
         return float("nan")
-    return min(_from_polygon(pressure_m[:2], points) for points in (*hulls, np.concatenate(hulls)))
+    return min(_distance_from_polygon(pressure_m[:2], points) for points in (*hulls, np.concatenate(hulls)))
 
 
-def _from_polygon(point: Series, corners: np.ndarray) -> float:
+def _distance_from_polygon(point: Series, corners: np.ndarray) -> float:
     """Distance of a point from the convex hull of ``corners`` in the plane."""
     ring = corners
     if len(corners) > 2:
@@ -99,7 +99,7 @@ def _from_polygon(point: Series, corners: np.ndarray) -> float:
     return float(np.linalg.norm(a + share[:, None] * along - point, axis=1).min())
 
 
-def _off_plate(plate: Plate, pressure_m: Points) -> float:
+def _share_off_plate(plate: Plate, pressure_m: Points) -> float:
     if plate.type == CONTACT_TYPE:
         return float("nan")
     corners = plate.corners_m

@@ -14,7 +14,7 @@ from scipy import stats
 
 from stridelab.conventions import Rotation
 from stridelab.errors import NotEstimable
-from stridelab.estimation.smoother.kalman_rts import Filtered, Gains
+from stridelab.estimation.smoother.kalman_rts import ForwardPass, Gains
 from stridelab.estimation.smoother.measurements import Walk
 from stridelab.estimation.smoother.state_space import ACCELERATION, StateSpace
 from stridelab.recordings.recording import Remark
@@ -50,17 +50,17 @@ def require_single_support(walk: Walk, within: slice, step_hz: float) -> None:
 
 
 FALSE_ALARMS: Final = 1e-3
-TELLING: Final = 0.05
+MIN_LEARNT_SHARE: Final = 0.05
 """Minimum share of the prior variance that the data must have removed for a meaningful test."""
 
 
-def plate_bias_statistic(space: StateSpace, forward: Filtered) -> float:
+def plate_bias_statistic(space: StateSpace, forward: ForwardPass) -> float:
     """Sum of m^2 / (P0 - V) over the two horizontal axes: chi-squared with two degrees of freedom."""
-    return float(_statistics(space, forward).sum())
+    return float(_bias_statistics(space, forward).sum())
 
 
 def plate_bias_remarks(
-    space: StateSpace, forward: Filtered, mass_kg: float, declared_n: float, frame: Rotation
+    space: StateSpace, forward: ForwardPass, mass_kg: float, declared_n: float, frame: Rotation
 ) -> tuple[Remark, ...]:
     """Remark if the estimated bias of the horizontal force is improbable (1 in 1000) under the declared one.
 
@@ -79,16 +79,16 @@ def plate_bias_remarks(
     )
 
 
-def normalised_innovations(found: Gains, forward: Filtered) -> float:
+def normalised_innovations(gain_sets: Gains, forward: ForwardPass) -> float:
     """Mean of e' S^-1 e over its degrees of freedom, without the constants: 1 if all error sizes are true."""
     e = forward.innovations[..., 0] + np.einsum("kamc,ac->kam", forward.innovations[..., 1:4], forward.constants)
-    squares = np.einsum("kam,kamn,kan->", e, found.information[found.use], e)
-    return float(squares / (found.information[found.use][:, :, [0, 1], [0, 1]] > 1e-6).sum())
+    squares = np.einsum("kam,kamn,kan->", e, gain_sets.information[gain_sets.use], e)
+    return float(squares / (gain_sets.information[gain_sets.use][:, :, [0, 1], [0, 1]] > 1e-6).sum())
 
 
-def _statistics(space: StateSpace, forward: Filtered) -> np.ndarray:
+def _bias_statistics(space: StateSpace, forward: ForwardPass) -> np.ndarray:
     prior = space.constant_sd[:2, ACCELERATION] ** 2
     learnt = prior - forward.constants_cov[:2, ACCELERATION, ACCELERATION]
-    informative = learnt > TELLING * prior
+    informative = learnt > MIN_LEARNT_SHARE * prior
     m = forward.constants[:2, ACCELERATION]
     return np.where(informative, m**2 / np.where(informative, learnt, 1.0), 0.0)

@@ -9,7 +9,7 @@ from stridelab.body.geometric_com import GeometricCom
 from stridelab.conventions import GRAVITY_M_S2, Points, Vector3
 from stridelab.dynamics.newton_euler import com_acceleration
 from stridelab.errors import NotEstimable
-from stridelab.estimation.differentiation import derivatives
+from stridelab.estimation.differentiation import smoothed_derivatives
 from stridelab.estimation.estimator import ComEstimate
 from stridelab.estimation.evaluation.physics_residuals import segment_momentum_rate
 from stridelab.estimation.smoother.consistency import (
@@ -18,16 +18,16 @@ from stridelab.estimation.smoother.consistency import (
     plate_bias_statistic,
     require_single_support,
 )
-from stridelab.estimation.smoother.kalman_rts import filtered, gains, smoothed
-from stridelab.estimation.smoother.measurements import Walk, in_walking_frame, signals
-from stridelab.estimation.smoother.noise_levels import learned, sizes_of
+from stridelab.estimation.smoother.kalman_rts import compute_gains, filter_forward, smooth_backward
+from stridelab.estimation.smoother.measurements import Walk, in_walking_frame, smoother_signals
+from stridelab.estimation.smoother.noise_levels import learn_sizes, sizes_of
 from stridelab.estimation.smoother.online_filter import OnlineSmoother
 from stridelab.estimation.smoother.priors import SmootherPriors
 from stridelab.estimation.smoother.state_space import ACCELERATION, Sizes, state_space
 from stridelab.estimation.time_span import require_mass, window_span
 from stridelab.recordings.recording import WrenchTrack
 
-LEFT_OVER: Final = 0.5
+UNEXPLAINED_MOMENTUM_SHARE: Final = 0.5
 """Share of the angular momentum rate not explained by point masses: 10.1 of 22.7 Nm, lateral axis, adults."""
 
 
@@ -66,18 +66,18 @@ class Smoother:
             walk = replace(walk, seen=seen & ~wrench.withheld[used])
         known = np.zeros_like(walk.force_n)
         if self.segment_momentum:
-            known = _of_segments(geometric, used, mass_kg) @ walk.frame.T
-            sizes = sizes.with_momentum_times(LEFT_OVER)
-        data = signals(walk, mass_kg, known)
+            known = _segment_momentum(geometric, used, mass_kg) @ walk.frame.T
+            sizes = sizes.with_momentum_times(UNEXPLAINED_MOMENTUM_SHARE)
+        data = smoother_signals(walk, mass_kg, known)
         if self.learn:
-            sizes = learned(sizes, data, rate_hz)
+            sizes = learn_sizes(sizes, data, rate_hz)
         space = state_space(sizes, rate_hz)
-        gain_sets = gains(space, data.seen, data.phi)
-        forward = filtered(space, data, gain_sets)
-        mean, variance = smoothed(gain_sets, forward, 2)
+        gain_sets = compute_gains(space, data.seen, data.phi)
+        forward = filter_forward(space, data, gain_sets)
+        mean, variance = smooth_backward(gain_sets, forward, 2)
         c, v = (mean[:, :, i] @ walk.frame for i in (0, 1))
         measured = (com_acceleration(walk.force_n, mass_kg) - forward.constants[:, ACCELERATION]) @ walk.frame
-        acceleration = np.where(walk.seen[:, None], measured, derivatives(c, rate_hz)[1])
+        acceleration = np.where(walk.seen[:, None], measured, smoothed_derivatives(c, rate_hz)[1])
         variance[:, 2, 0] = np.maximum(variance[:, 2, 0], geometric.sd_m[2] ** 2)  # the height is unobservable
         sd = np.sqrt(variance[:, :, 0] @ walk.frame**2)
         answer = slice(0, len(c)) if self.beyond_window else span.within
@@ -92,7 +92,7 @@ class Smoother:
             references=("carpentier2017thesis", "dejong1991", "schmidt1966"),
             remarks=plate_bias_remarks(space, forward, mass_kg, self.priors.plate_force_n, walk.frame),
             diagnostics={
-                **_shown(sizes, walk, mass_kg),
+                **_size_diagnostics(sizes, walk, mass_kg),
                 "normalised_innovations": normalised_innovations(gain_sets, forward),
                 "plate_bias_statistic": plate_bias_statistic(space, forward),
             },
@@ -114,7 +114,7 @@ class Smoother:
         return OnlineSmoother(self.priors, mass_kg, table_sd_m, velocity_m_s, ahead)
 
 
-def _of_segments(geometric: GeometricCom, used: slice, mass_kg: float) -> Points:
+def _segment_momentum(geometric: GeometricCom, used: slice, mass_kg: float) -> Points:
     rate = segment_momentum_rate(geometric, mass_kg)
     if rate is None or not np.isfinite(rate[used]).all():
         raise NotEstimable(
@@ -124,7 +124,7 @@ def _of_segments(geometric: GeometricCom, used: slice, mass_kg: float) -> Points
     return rate[used]
 
 
-def _shown(sizes: Sizes, walk: Walk, mass_kg: float) -> dict[str, float]:
+def _size_diagnostics(sizes: Sizes, walk: Walk, mass_kg: float) -> dict[str, float]:
     """Error sizes in use, in the units of the priors, for the diagnostics."""
     weight = mass_kg * GRAVITY_M_S2
     return {

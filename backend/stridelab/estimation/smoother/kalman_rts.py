@@ -34,7 +34,7 @@ from stridelab.estimation.smoother.state_space import (
     Matrices,
     StateSpace,
     V,
-    observation,
+    observation_matrix,
 )
 
 COLUMNS = 1 + CONSTANTS
@@ -63,12 +63,12 @@ class Signals:
     def __len__(self) -> int:
         return len(self.geometry_m)
 
-    def between(self, first: int, stop: int) -> "Signals":
+    def slice_samples(self, first: int, stop: int) -> "Signals":
         """Samples ``first`` to ``stop`` (exclusive)."""
         part = {name: value[first:stop] for name, value in vars(self).items() if name != "velocity_m_s"}
         return replace(self, **part)
 
-    def of(self, axes: Int[np.ndarray, "_"]) -> "Signals":
+    def select_axes(self, axes: Int[np.ndarray, "_"]) -> "Signals":
         """Signals of some axes, in this order."""
         return replace(
             self,
@@ -104,7 +104,7 @@ class Rest:
 
 
 @dataclass(frozen=True)
-class Filtered:
+class ForwardPass:
     """Result of the forward pass: predicted states and innovations in columns, and the constants from all samples.
 
     ``constants`` is beta per axis (table, acceleration, moment), ``constants_cov`` its posterior covariance.
@@ -128,7 +128,7 @@ def regimes_of(seen: Mask) -> Int[np.ndarray, "n"]:
     return np.where(seen, np.where(follows, 0, 1), 2)
 
 
-def gains(space: StateSpace, seen: Mask, phi: Series, settling: float = SETTLED) -> Gains:
+def compute_gains(space: StateSpace, seen: Mask, phi: Series, settling: float = SETTLED) -> Gains:
     """Riccati recursion over all samples; samples of equal regime and phi share a gain once it has converged."""
     regime, n = regimes_of(seen), len(seen)
     use = np.empty(n, dtype=np.int64)
@@ -140,14 +140,14 @@ def gains(space: StateSpace, seen: Mask, phi: Series, settling: float = SETTLED)
         kind = (int(regime[k]), float(phi[k]))
         if kind != last_kind:
             last_kind, settled = kind, False
-            now, h = space.regimes[kind[0]], observation(kind[1], space.turned)
+            now, h = space.regimes[kind[0]], observation_matrix(kind[1], space.turned)
             base = now.transition - now.feed @ h
             ht = np.swapaxes(h, 1, 2)
             base_t = np.swapaxes(base, 1, 2)
         if not settled:
             pht = p @ ht
             s = h @ pht
-            w = _inverse(s, now.noise_m2)
+            w = _inverse_innovation(s, now.noise_m2)
             gain = base @ pht @ w
             loop = base - gain @ h
             predicted.append(p)
@@ -174,7 +174,7 @@ def gains(space: StateSpace, seen: Mask, phi: Series, settling: float = SETTLED)
     )
 
 
-def filtered(space: StateSpace, signals: Signals, found: Gains) -> Filtered:
+def filter_forward(space: StateSpace, signals: Signals, gain_sets: Gains) -> ForwardPass:
     """Run the forward pass; models beyond the number of axes are further candidates for the same axes."""
     n, models = len(signals), len(space.turned)
     axis = np.arange(models) % signals.geometry_m.shape[1]
@@ -192,35 +192,35 @@ def filtered(space: StateSpace, signals: Signals, found: Gains) -> Filtered:
 
     x = np.zeros((models, STATES, COLUMNS))
     x[:, C, 0], x[:, V, 0] = signals.geometry_m[0, axis], signals.velocity_m_s[axis]
-    inputs += found.gain[found.use] @ measured
+    inputs += gain_sets.gain[gain_sets.use] @ measured
     states = np.empty_like(inputs)
-    for k, (i, u) in enumerate(zip(found.use.tolist(), inputs, strict=True)):
+    for k, (i, u) in enumerate(zip(gain_sets.use.tolist(), inputs, strict=True)):
         states[k] = x
-        x = found.loop[i] @ x + u
-    e = measured - found.observe[found.use] @ states
-    weighted = found.information[found.use] @ e
-    rest = _rest(space, found.final, x)
+        x = gain_sets.loop[i] @ x + u
+    e = measured - gain_sets.observe[gain_sets.use] @ states
+    weighted = gain_sets.information[gain_sets.use] @ e
+    rest = _rest_measurement(space, gain_sets.final, x)
     gram = np.einsum("kamc,kamd->acd", e, weighted)
     gram += np.swapaxes(rest.innovation, 1, 2) @ rest.information @ rest.innovation
     sought = slice(1, HEIGHT + 1)
     information, score = gram[:, sought, sought], -gram[:, sought, 0]
-    cov, constants = _regression(space.constant_sd[:, :HEIGHT], information, score)
+    cov, constants = _constant_posterior(space.constant_sd[:, :HEIGHT], information, score)
     leak = -np.einsum("acd,ad->ac", cov, gram[:, sought, HEIGHT + 1])
-    return Filtered(states, e, constants, cov, information, score, leak, space.constant_sd[:, HEIGHT], rest)
+    return ForwardPass(states, e, constants, cov, information, score, leak, space.constant_sd[:, HEIGHT], rest)
 
 
-def smoothed(
-    found: Gains, forward: Filtered, rows: int
+def smooth_backward(
+    gain_sets: Gains, forward: ForwardPass, rows: int
 ) -> tuple[Float[np.ndarray, "n a r"], Float[np.ndarray, "n a r"]]:
     """Mean and variance of the first ``rows`` states at every sample, from all samples."""
-    use = found.use
-    observe_t = np.swapaxes(found.observe, 2, 3)
-    push = observe_t[use] @ (found.information[use] @ forward.innovations)
-    gained = observe_t @ found.information @ found.observe
-    loop_t = np.swapaxes(found.loop, 2, 3)
+    use = gain_sets.use
+    observe_t = np.swapaxes(gain_sets.observe, 2, 3)
+    push = observe_t[use] @ (gain_sets.information[use] @ forward.innovations)
+    gained = observe_t @ gain_sets.information @ gain_sets.observe
+    loop_t = np.swapaxes(gain_sets.loop, 2, 3)
     n = len(use)
     r = np.zeros(push.shape[1:])
-    big = np.zeros(found.loop.shape[1:])
+    big = np.zeros(gain_sets.loop.shape[1:])
     r[:, L:] = forward.rest.information @ forward.rest.innovation
     big[:, L:, L:] = forward.rest.information
     rs = np.empty_like(push)
@@ -231,16 +231,16 @@ def smoothed(
         r = push[k] + loop_t[i] @ r
         rs[k] = r
         if i != previous or not settled:
-            following = gained[i] + loop_t[i] @ big @ found.loop[i]
+            following = gained[i] + loop_t[i] @ big @ gain_sets.loop[i]
             settled = i == previous and bool(
                 (np.abs(following - big) <= SETTLED * np.abs(following).max(axis=(1, 2), keepdims=True)).all()
             )
             previous, big = i, following
-            p = found.predicted[i]
+            p = gain_sets.predicted[i]
             top = p[:, :rows]
             last = np.einsum("aij->ai", top[:, :, :rows] * np.eye(rows)) - np.einsum("aij,ajk,aik->ai", top, big, top)
         variance[k] = last
-    states = forward.states[:, :, :rows] + found.predicted[use, :, :rows] @ rs
+    states = forward.states[:, :, :rows] + gain_sets.predicted[use, :, :rows] @ rs
     sensitivity = states[..., 1 : HEIGHT + 1]
     mean = states[..., 0] + np.einsum("karc,ac->kar", sensitivity, forward.constants)
     variance = variance + np.einsum("karc,acd,kard->kar", sensitivity, forward.constants_cov, sensitivity)
@@ -249,18 +249,18 @@ def smoothed(
     return mean, np.maximum(variance, 0.0)
 
 
-def log_likelihood(space: StateSpace, found: Gains, forward: Filtered) -> Float[np.ndarray, "a"]:
+def log_likelihood(space: StateSpace, gain_sets: Gains, forward: ForwardPass) -> Float[np.ndarray, "a"]:
     """Log-likelihood per model with the constants marginalised, up to a term that depends on the data size only."""
     e0, last = forward.innovations[..., 0], forward.rest
-    quadratic = np.einsum("kam,kamn,kan->a", e0, found.information[found.use], e0)
+    quadratic = np.einsum("kam,kamn,kan->a", e0, gain_sets.information[gain_sets.use], e0)
     quadratic += np.einsum("am,amn,an->a", last.innovation[..., 0], last.information, last.innovation[..., 0])
     explained = np.einsum("ac,ac->a", forward.score, forward.constants)
-    shrunk = np.eye(HEIGHT) + _scaled(space.constant_sd[:, :HEIGHT], forward.information)
-    dets = found.log_det[found.use].sum(axis=0) + last.log_det
+    shrunk = np.eye(HEIGHT) + _scale_information(space.constant_sd[:, :HEIGHT], forward.information)
+    dets = gain_sets.log_det[gain_sets.use].sum(axis=0) + last.log_det
     return np.asarray(-0.5 * (quadratic - explained + dets + np.linalg.slogdet(shrunk)[1]))
 
 
-def _rest(space: StateSpace, p: Matrices, x: Float[np.ndarray, "a 10 5"]) -> Rest:
+def _rest_measurement(space: StateSpace, p: Matrices, x: Float[np.ndarray, "a 10 5"]) -> Rest:
     """Measurement at rest against the prediction (x, P) after the last sample; no information in mid-walk."""
     innovation = -x[:, L:]
     if space.rest_variance is None:
@@ -269,20 +269,24 @@ def _rest(space: StateSpace, p: Matrices, x: Float[np.ndarray, "a 10 5"]) -> Res
     return Rest(innovation, np.linalg.inv(s), np.linalg.slogdet(s)[1] * space.turned)
 
 
-def _regression(
+def _constant_posterior(
     sd: Float[np.ndarray, "a 3"], information: Float[np.ndarray, "a 3 3"], score: Float[np.ndarray, "a 3"]
 ) -> tuple[Float[np.ndarray, "a 3 3"], Float[np.ndarray, "a 3"]]:
     """Posterior covariance and mean of the constants; a prior of zero switches a constant off."""
-    core = np.linalg.inv(np.eye(HEIGHT) + _scaled(sd, information))
+    core = np.linalg.inv(np.eye(HEIGHT) + _scale_information(sd, information))
     cov = sd[:, :, None] * core * sd[:, None, :]
     return cov, np.einsum("acd,ad->ac", cov, score)
 
 
-def _scaled(sd: Float[np.ndarray, "a 3"], information: Float[np.ndarray, "a 3 3"]) -> Float[np.ndarray, "a 3 3"]:
+def _scale_information(
+    sd: Float[np.ndarray, "a 3"], information: Float[np.ndarray, "a 3 3"]
+) -> Float[np.ndarray, "a 3 3"]:
     return np.asarray(sd[:, :, None] * information * sd[:, None, :])
 
 
-def _inverse(s: Float[np.ndarray, "a 2 2"], noise_m2: Float[np.ndarray, "a 2"]) -> Float[np.ndarray, "a 2 2"]:
+def _inverse_innovation(
+    s: Float[np.ndarray, "a 2 2"], noise_m2: Float[np.ndarray, "a 2"]
+) -> Float[np.ndarray, "a 2 2"]:
     """Inverse of S + diag(noise), written out because calls dominate the cost of small batches."""
     a, d, b = s[:, 0, 0] + noise_m2[:, 0], s[:, 1, 1] + noise_m2[:, 1], s[:, 0, 1]
     out = np.empty_like(s)

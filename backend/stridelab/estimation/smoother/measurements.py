@@ -54,7 +54,7 @@ def in_walking_frame(geometry_m: Points, force_n: Points, moment_nm: Points, see
     return Walk(frame, geometry_m @ frame.T, f, nu, seen, rate_hz, frame @ velocity)
 
 
-def signals(walk: Walk, mass_kg: float, momentum_rate_nm: Points) -> Signals:
+def smoother_signals(walk: Walk, mass_kg: float, momentum_rate_nm: Points) -> Signals:
     """y1, y2 and the trapezoidal acceleration; ``momentum_rate_nm`` is a known part of L' (zeros if none)."""
     weight = mass_kg * GRAVITY_M_S2
     reference = low_pass(walk.geometry_m, walk.rate_hz, REFERENCE_BAND_HZ)

@@ -15,7 +15,7 @@ from jaxtyping import Float
 from scipy import optimize
 
 from stridelab.conventions import GRAVITY_M_S2, Rotation
-from stridelab.estimation.smoother.kalman_rts import Signals, filtered, gains, log_likelihood
+from stridelab.estimation.smoother.kalman_rts import Signals, compute_gains, filter_forward, log_likelihood
 from stridelab.estimation.smoother.measurements import Walk, step_frequency_hz, swing_at_ends
 from stridelab.estimation.smoother.priors import SmootherPriors
 from stridelab.estimation.smoother.state_space import ACCELERATION, CONSTANTS, HEIGHT, MOMENT, TABLE, Sizes, state_space
@@ -27,7 +27,7 @@ DOWN, UP = 1.1, 3.0
 have slow errors instead."""
 ITERATIONS: Final = 8
 STEP: Final = 1e-3
-LOOKED_AT: Final = 600
+MAX_LEARNING_SAMPLES: Final = 600
 LARGEST_DAMPING: Final = 0.9
 SETTLING: Final = 1e-4
 """Relative change at which gains count as converged here: the sizes change by less than 1e-3, in half the time."""
@@ -37,7 +37,7 @@ HORIZONTAL: Final = np.array([0, 1])
 Logs = Float[np.ndarray, "p axes"]
 
 
-def learned(sizes: Sizes, signals: Signals, rate_hz: float) -> Sizes:
+def learn_sizes(sizes: Sizes, signals: Signals, rate_hz: float) -> Sizes:
     """The sizes with those of ``LEARNED`` replaced, per axis, by the most probable ones.
 
     Only the horizontal sizes are learned. The vertical axis has a single measurement: its sizes scale with the mean
@@ -45,13 +45,13 @@ def learned(sizes: Sizes, signals: Signals, rate_hz: float) -> Sizes:
     around the middle of the samples with force are used.
     """
     roughness = np.sqrt(np.mean(np.diff(signals.geometry_m, 3, axis=0) ** 2, axis=0))
-    signals = _middle(signals).of(HORIZONTAL)
-    middle = replace(sizes, ends=(1.0, 1.0)).of(HORIZONTAL)
+    signals = _middle_stretch(signals).select_axes(HORIZONTAL)
+    middle = replace(sizes, ends=(1.0, 1.0)).select_axes(HORIZONTAL)
     start = np.log([getattr(middle, name) for name in LEARNED])
 
-    def cost(x: Float[np.ndarray, "_"]) -> tuple[float, Float[np.ndarray, "_"]]:
+    def negative_log_posterior(x: Float[np.ndarray, "_"]) -> tuple[float, Float[np.ndarray, "_"]]:
         logs = x.reshape(start.shape)
-        values = -log_likelihoods(middle, np.array([logs, *_neighbours(logs)]), signals, rate_hz)
+        values = -log_likelihoods(middle, np.array([logs, *_perturbed_logs(logs)]), signals, rate_hz)
         deviation = (logs - start) / WIDTH
         slope = (values[1:] - values[0]) / STEP + deviation / WIDTH
         return float(values[0].sum() + 0.5 * np.sum(deviation**2)), slope.ravel()
@@ -60,7 +60,12 @@ def learned(sizes: Sizes, signals: Signals, rate_hz: float) -> Sizes:
     highest[LEARNED.index("damping")] = np.log(LARGEST_DAMPING)
     bounds = list(zip((start - DOWN).ravel(), highest.ravel(), strict=True))
     optimum = optimize.minimize(
-        cost, start.ravel(), jac=True, method="L-BFGS-B", bounds=bounds, options={"maxiter": ITERATIONS}
+        negative_log_posterior,
+        start.ravel(),
+        jac=True,
+        method="L-BFGS-B",
+        bounds=bounds,
+        options={"maxiter": ITERATIONS},
     )
     change = optimum.x.reshape(start.shape) - start
     factors = np.exp(np.column_stack([change, change.mean(axis=1)]))
@@ -74,26 +79,26 @@ def log_likelihoods(
 ) -> Float[np.ndarray, "k axes"]:
     """Log-likelihood per axis of every candidate (logarithms of the sizes)."""
     space = state_space(with_logs(sizes, candidates), rate_hz)
-    gain_sets = gains(space, signals.seen, signals.phi, SETTLING)
-    return log_likelihood(space, gain_sets, filtered(space, signals, gain_sets)).reshape(len(candidates), -1)
+    gain_sets = compute_gains(space, signals.seen, signals.phi, SETTLING)
+    return log_likelihood(space, gain_sets, filter_forward(space, signals, gain_sets)).reshape(len(candidates), -1)
 
 
 def with_logs(sizes: Sizes, candidates: Float[np.ndarray, "k p axes"]) -> Sizes:
     """Batch of models with all axes for each candidate."""
     k = len(candidates)
-    batch = sizes.repeated(k)
+    batch = sizes.repeat_batch(k)
     given = {name: np.exp(candidates[:, i]).ravel() for i, name in enumerate(LEARNED)}
     given = {name: np.where(getattr(batch, name) > 0, value, 0.0) for name, value in given.items()}
     return replace(batch, **given)
 
 
-def _middle(signals: Signals) -> Signals:
+def _middle_stretch(signals: Signals) -> Signals:
     at = int(np.median(np.flatnonzero(signals.seen)))
-    first = max(0, min(at - LOOKED_AT // 2, len(signals) - LOOKED_AT))
-    return signals.between(first, first + LOOKED_AT)
+    first = max(0, min(at - MAX_LEARNING_SAMPLES // 2, len(signals) - MAX_LEARNING_SAMPLES))
+    return signals.slice_samples(first, first + MAX_LEARNING_SAMPLES)
 
 
-def _neighbours(logs: Logs) -> Float[np.ndarray, "p p axes"]:
+def _perturbed_logs(logs: Logs) -> Float[np.ndarray, "p p axes"]:
     """Finite-difference perturbations: each parameter increased by ``STEP`` in all axes at once."""
     return np.asarray(logs + STEP * np.eye(len(logs))[:, :, None])
 
@@ -121,7 +126,7 @@ def sizes_of(priors: SmootherPriors, walk: Walk, mass_kg: float, table_sd_m: tup
     """
     height = float(np.mean(walk.geometry_m[:, 2]))
     step_hz = priors.step_hz or step_frequency_hz(walk) or USUAL_STEP_HZ
-    sizes = _sizes(priors, mass_kg, table_sd_m, walk.frame, height, step_hz, walk.speed_m_s)
+    sizes = _prior_sizes(priors, mass_kg, table_sd_m, walk.frame, height, step_hz, walk.speed_m_s)
     return replace(sizes, ends=swing_at_ends(walk))
 
 
@@ -140,7 +145,7 @@ def online_sizes(
     frequency.
     """
     step_hz = priors.step_hz or USUAL_STEP_HZ
-    sizes = _sizes(priors, mass_kg, table_sd_m, frame, height_m, step_hz, USUAL_SPEED_M_S)
+    sizes = _prior_sizes(priors, mass_kg, table_sd_m, frame, height_m, step_hz, USUAL_SPEED_M_S)
     if directed:
         return sizes
     largest = np.array([1.0, 1.0, 0.0])
@@ -154,7 +159,7 @@ def online_sizes(
     )
 
 
-def _sizes(
+def _prior_sizes(
     priors: SmootherPriors,
     mass_kg: float,
     table_sd_m: tuple[float, float, float],

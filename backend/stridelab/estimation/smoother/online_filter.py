@@ -19,16 +19,16 @@ from stridelab.estimation.smoother.priors import SmootherPriors
 from stridelab.estimation.smoother.state_space import (
     ACCELERATION,
     HEIGHT,
+    MISSING_VARIANCE_M2,
     MOMENT,
     STATES,
     TABLE,
-    UNSEEN_M2,
     C,
     Regime,
     Sizes,
     StateSpace,
     V,
-    observation,
+    observation_matrix,
     state_space,
 )
 
@@ -51,7 +51,7 @@ class OnlineSmoother:
     ) -> None:
         self._priors, self._mass_kg, self._table_sd_m = priors, mass_kg, table_sd_m
         self._velocity = np.zeros(3) if velocity_m_s is None else velocity_m_s
-        self._frame = _frame(ahead)
+        self._frame = _walking_axes(ahead)
         self._directed = ahead is not None
         self._time_s: float | None = None
         self._spaces: dict[int, StateSpace] = {}
@@ -90,7 +90,7 @@ class OnlineSmoother:
         else:
             driven = None if a is None or self._acceleration is None else (a + self._acceleration) / 2
             tick = max(1, round(dt / TICK_S))
-            self._filter.advance(self._space(tick), driven, dt - tick * TICK_S)
+            self._filter.advance(self._cached_space(tick), driven, dt - tick * TICK_S)
         self._time_s, self._acceleration = time_s, a
         y2 = None
         if f is not None and moment_nm is not None:
@@ -101,7 +101,7 @@ class OnlineSmoother:
         turned = mean @ frame
         return OnlineSample(turned[0], turned[1], np.sqrt(variance @ frame**2))
 
-    def _space(self, tick: int) -> StateSpace:
+    def _cached_space(self, tick: int) -> StateSpace:
         if tick not in self._spaces and self._sizes is not None:
             if len(self._spaces) >= SPACES:
                 del self._spaces[next(iter(self._spaces))]
@@ -118,7 +118,7 @@ class CausalFilter:
         self._x[:, C, 0], self._x[:, V, 0] = position_m, velocity_m_s
         self._p = space.start_covariance
         self._gram = np.zeros((3, COLUMNS, COLUMNS))
-        self._h = observation(phi, space.turned)
+        self._h = observation_matrix(phi, space.turned)
         self._seen_moment = False
         self._constants = np.zeros((3, HEIGHT))
 
@@ -153,7 +153,7 @@ class CausalFilter:
         y = self._h @ self._x
         if geometry_m is None:
             noise = noise.copy()
-            noise[:, 0] = UNSEEN_M2
+            noise[:, 0] = MISSING_VARIANCE_M2
         else:
             y[:, 0] = 0.0
             y[:, 0, 0] = geometry_m
@@ -175,9 +175,9 @@ class CausalFilter:
         self._measured = y
         self._updated = self._x + pht @ weighted
         self._p_updated = self._p - pht @ information @ np.swapaxes(pht, 1, 2)
-        return self._answer()
+        return self._position_estimate()
 
-    def _answer(self) -> tuple[Float[np.ndarray, "2 3"], Vector3]:
+    def _position_estimate(self) -> tuple[Float[np.ndarray, "2 3"], Vector3]:
         sought = slice(1, HEIGHT + 1)
         sd = self._space.constant_sd[:, :HEIGHT]
         core = np.linalg.inv(np.eye(HEIGHT) + sd[:, :, None] * self._gram[:, sought, sought] * sd[:, None, :])
@@ -191,7 +191,7 @@ class CausalFilter:
         return mean.T, np.maximum(variance, 0.0)
 
 
-def _frame(ahead: Vector3 | None) -> Rotation:
+def _walking_axes(ahead: Vector3 | None) -> Rotation:
     if ahead is None:
         return np.eye(3)
     x = ahead * [1.0, 1.0, 0.0]

@@ -35,11 +35,11 @@ from stridelab.conventions import GRAVITY_M_S2
 STATES, MEASURED, CONSTANTS = 10, 2, 4
 C, V, B, P, Q, R, L, DL, O, DO = range(STATES)
 TABLE, ACCELERATION, MOMENT, HEIGHT = range(CONSTANTS)
-UNSEEN_M2 = 1e8
+MISSING_VARIANCE_M2 = 1e8
 """Variance of a missing measurement."""
-NO_SWING = 1e-4
+MIN_SWING_SHARE = 1e-4
 """Share of the swing's variance that a body at rest may have."""
-START_M, START_M_S = 1.0, 2.0
+START_SD_M, START_SD_M_S = 1.0, 2.0
 """Initial standard deviations of position and velocity."""
 
 PerModel = Float[np.ndarray, "a"]
@@ -79,11 +79,11 @@ class Sizes:
         """Scale the sizes of the angular momentum by ``share``."""
         return replace(self, swing_m_s=share * self.swing_m_s, overtone_m_s=share * self.overtone_m_s)
 
-    def repeated(self, times: int) -> "Sizes":
+    def repeat_batch(self, times: int) -> "Sizes":
         """Batch of ``times`` consecutive copies."""
-        return self.of(np.tile(np.arange(len(self.turned)), times))
+        return self.select_axes(np.tile(np.arange(len(self.turned)), times))
 
-    def of(self, axes: Int[np.ndarray, "_"]) -> "Sizes":
+    def select_axes(self, axes: Int[np.ndarray, "_"]) -> "Sizes":
         """Sizes of some axes, in this order."""
         each = {name: value[axes] for name, value in vars(self).items() if isinstance(value, np.ndarray)}
         return replace(self, **each)
@@ -131,7 +131,7 @@ def state_space(sizes: Sizes, rate_hz: float) -> StateSpace:
     a, q, start = (np.zeros((models, STATES, STATES)) for _ in range(3))
     a[:, C, C] = a[:, V, V] = 1.0
     a[:, C, V] = dt
-    start[:, C, C], start[:, V, V] = START_M**2, START_M_S**2
+    start[:, C, C], start[:, V, V] = START_SD_M**2, START_SD_M_S**2
     slow = np.exp(-dt / sizes.table_varying_s)
     a[:, B, B] = slow
     start[:, B, B] = sizes.table_varying_m**2
@@ -145,14 +145,14 @@ def state_space(sizes: Sizes, rate_hz: float) -> StateSpace:
         (slice(O, STATES), sizes.overtone_m_s * on, sizes.overtone_hz, np.full(models, OVERTONE_DAMPING)),
     )
     for part, sd, hz, damping in swings:
-        a[:, part, part], q[:, part, part], start[:, part, part] = resonator(sd, hz, damping, dt)
+        a[:, part, part], q[:, part, part], start[:, part, part] = resonator_model(sd, hz, damping, dt)
 
     first, last = sizes.ends
     rest = None
     if last < 1.0:
-        rest = np.maximum(last**2, NO_SWING) / (1 - last**2) * start[:, range(L, STATES), range(L, STATES)]
-        rest[~sizes.turned] = UNSEEN_M2
-    start[:, L:, L:] *= max(first**2, NO_SWING)
+        rest = np.maximum(last**2, MIN_SWING_SHARE) / (1 - last**2) * start[:, range(L, STATES), range(L, STATES)]
+        rest[~sizes.turned] = MISSING_VARIANCE_M2
+    start[:, L:, L:] *= max(first**2, MIN_SWING_SHARE)
 
     # The measured acceleration exceeds the true one by (u - q); without a force, u still feeds the memory.
     driven = a.copy()
@@ -170,7 +170,7 @@ def state_space(sizes: Sizes, rate_hz: float) -> StateSpace:
     feed[:, P, 0] = 1 - marker_pole
     fed_moment = feed.copy()
     fed_moment[:, R, 1] = (1 - plate_pole) * on
-    noise = np.column_stack([white_marker**2, np.full(models, UNSEEN_M2)])
+    noise = np.column_stack([white_marker**2, np.full(models, MISSING_VARIANCE_M2)])
     noise_seen = noise.copy()
     noise_seen[sizes.turned, 1] = white_moment[sizes.turned] ** 2
     return StateSpace(
@@ -191,7 +191,7 @@ def state_space(sizes: Sizes, rate_hz: float) -> StateSpace:
 OVERTONE_DAMPING = 0.5
 
 
-def observation(phi: float, turned: Bool[np.ndarray, "a"]) -> Float[np.ndarray, "a 2 10"]:
+def observation_matrix(phi: float, turned: Bool[np.ndarray, "a"]) -> Float[np.ndarray, "a 2 10"]:
     """Measurement matrix: rows of y1 and y2."""
     h = np.zeros((len(turned), MEASURED, STATES))
     h[:, 0, [C, B]] = 1.0
@@ -202,7 +202,7 @@ def observation(phi: float, turned: Bool[np.ndarray, "a"]) -> Float[np.ndarray, 
     return h
 
 
-def resonator(
+def resonator_model(
     sd: PerModel, hz: PerModel, damping: PerModel, dt: float
 ) -> tuple[Float[np.ndarray, "a 2 2"], Float[np.ndarray, "a 2 2"], Float[np.ndarray, "a 2 2"]]:
     """Exact discrete transition, process noise and stationary covariance of a noise-driven damped oscillator."""

@@ -31,23 +31,23 @@ from stridelab.robots.robot import Robot
 from stridelab.robots.self_collision import SelfCollision
 
 BATCH: Final = 10_000
-BATCHES: Final = 400
+MAX_BATCHES: Final = 400
 """Maximum number of batches before the contacts count as out of reach."""
 BASE_LOW: Final = (-0.6, -0.5, 0.3)
 """Lower corner of the sampling box of the base relative to the mean of the soles, in leg lengths."""
 BASE_HIGH: Final = (0.6, 0.5, 1.35)
 LENGTH_DRAWS: Final = 4096
-SPREADS: Final = (0.1, 0.3, 1.0)
+NOISE_SD: Final = (0.1, 0.3, 1.0)
 """Standard deviations (m, rad) of the noise that is added to the starting postures of a search."""
-WALK_M: Final = 0.05
+FIRST_STEP_M: Final = 0.05
 """First step of a walk towards the boundary of the support; halved down to ``END_M`` when no posture is feasible."""
-END_M: Final = 0.004
-WALKS: Final = 60
+LAST_STEP_M: Final = 0.004
+MAX_WALK_STEPS: Final = 60
 """Maximum number of steps of a walk."""
 
 
 @dataclass(frozen=True)
-class Range:
+class PostureRange:
     """Intervals (rad) of the trunk's roll, pitch and yaw, the latter relative to the mean heading of the soles.
 
     ``extension`` bounds the distance from the third joint of a leg to its last but one, relative to the longest.
@@ -59,35 +59,35 @@ class Range:
     extension: Interval = (0.0, 1.0)
 
 
-ANY: Final = Range()
+ANY_POSTURE: Final = PostureRange()
 """All postures within the joint limits with a roughly upright trunk that faces forward."""
 _UPRIGHT_RAD: Final = float(np.radians(20.0))
-STANDING: Final = Range(*(((-_UPRIGHT_RAD, _UPRIGHT_RAD),) * 3), extension=(0.62, 0.97))
+STANDING_POSTURE: Final = PostureRange(*(((-_UPRIGHT_RAD, _UPRIGHT_RAD),) * 3), extension=(0.62, 0.97))
 """Approximates the conditions of the measure ``conditioned``: upright trunk (its cone of 20 degrees as a box) and bent
 knees. The step is ignored and the knee bounds are fixed, so that the ground truth does not change with the measure.
 """
 
 
-class Contacts(NamedTuple):
+class ContactBatch(NamedTuple):
     """A batch of contact sets of the same effectors, and the mean headings of their soles."""
 
     targets: Mapping[str, Target]
     heading_rad: Series
 
     @staticmethod
-    def of(robot: Robot, sets: Sequence[Mapping[str, Placement]]) -> "Contacts":
+    def from_placements(robot: Robot, sets: Sequence[Mapping[str, Placement]]) -> "ContactBatch":
         """Create from the ``T_world_contact`` of every effector of every set."""
         targets = {}
         for name in sets[0]:
             p, R = (np.array([getattr(one[name], part) for one in sets]) for part in ("position_m", "rotation"))
             targets[name] = Target(p, R if robot.effectors[name].kind == "surface" else None)
         ahead = np.sum([target.R[:, :2, 0] for target in targets.values() if target.R is not None], axis=0)
-        return Contacts(targets, np.arctan2(ahead[:, 1], ahead[:, 0]))
+        return ContactBatch(targets, np.arctan2(ahead[:, 1], ahead[:, 0]))
 
-    def taken(self, of: Int[np.ndarray, "m"]) -> "Contacts":
+    def select(self, indices: Int[np.ndarray, "m"]) -> "ContactBatch":
         """Select sets by index; indices may repeat."""
-        targets = {name: Target(p[of], None if R is None else R[of]) for name, (p, R) in self.targets.items()}
-        return Contacts(targets, self.heading_rad[of])
+        targets = {name: Target(p[indices], None if R is None else R[indices]) for name, (p, R) in self.targets.items()}
+        return ContactBatch(targets, self.heading_rad[indices])
 
     @property
     def middle_m(self) -> Points:
@@ -98,53 +98,53 @@ class Contacts(NamedTuple):
 class StanceTruth:
     """Postures of one robot within a ``Range``; not shared between processes, as the collision check has buffers."""
 
-    def __init__(self, robot: Robot, within: Range = STANDING) -> None:
+    def __init__(self, robot: Robot, within: PostureRange = STANDING_POSTURE) -> None:
         self.robot, self.within = robot, within
-        self._collision = SelfCollision.of(robot)
-        self._tree = BodyTree.of(robot)
+        self._collision = SelfCollision.for_robot(robot)
+        self._tree = BodyTree.from_robot(robot)
         self._model, frames = with_contact_frames(robot)
-        self._chains = {name: LegChain.of(self._model, frames[name]) for name in robot.effectors}
+        self._chains = {name: LegChain.from_frame(self._model, frames[name]) for name in robot.effectors}
         self._data = self._model.createData()
-        self._reference = self._tree.x(robot.q_reference[None])[0]
+        self._reference = self._tree.to_coordinates(robot.q_reference[None])[0]
         lower, upper = self._tree.lower.copy(), self._tree.upper.copy()
         lengths = []
         for name, effector in robot.effectors.items():
             if effector.kind == "surface":
                 chain = self._chains[name]
-                draws = chain.draw(LENGTH_DRAWS, np.random.default_rng(0))
-                lengths.append(np.linalg.norm(chain.placed(draws)[0] - chain.joints[0].p, axis=1).max())
-                knee = BASE + chain.columns[3] - 7
-                lower[knee], upper[knee] = _bend(chain, within.extension)
+                draws = chain.draw_angles(LENGTH_DRAWS, np.random.default_rng(0))
+                lengths.append(np.linalg.norm(chain.contact_frame_pose(draws)[0] - chain.joints[0].p, axis=1).max())
+                knee = BASE + chain.indices_in_q[3] - 7
+                lower[knee], upper[knee] = _knee_interval(chain, within.extension)
         self.leg_length_m = float(np.mean(lengths))
         self._lower, self._upper = lower, upper
 
-    def sample(self, contacts: Mapping[str, Placement], n: int, seed: int) -> Points:
+    def sample_com(self, contacts: Mapping[str, Placement], n: int, seed: int) -> Points:
         """CoM ``(n, 3)`` of ``n`` postures on ``contacts``. Raises as ``postures``."""
-        q = self.postures(contacts, n, seed)
+        q = self.sample_postures(contacts, n, seed)
         return np.array([pin.centerOfMass(self._model, self._data, one, False).copy() for one in q])
 
-    def postures(self, contacts: Mapping[str, Placement], n: int, seed: int) -> Float[np.ndarray, "n nq"]:
+    def sample_postures(self, contacts: Mapping[str, Placement], n: int, seed: int) -> Float[np.ndarray, "n nq"]:
         """``n`` configurations on ``contacts`` from the distribution above.
 
         Raises ``NotEstimable`` (``contacts-out-of-reach``).
         """
         rng = np.random.default_rng(seed)
-        one = Contacts.of(self.robot, [contacts])
+        one = ContactBatch.from_placements(self.robot, [contacts])
         accepted: list[Float[np.ndarray, "nq"]] = []
-        for _ in range(BATCHES):
-            for q in self._drawn(one.taken(np.zeros(BATCH, dtype=int)), rng):
-                if not self._collision.found(q):
+        for _ in range(MAX_BATCHES):
+            for q in self._draw_postures(one.select(np.zeros(BATCH, dtype=int)), rng):
+                if not self._collision.any_collision(q):
                     accepted.append(q)
                 if len(accepted) == n:
                     return np.array(accepted)
         raise NotEstimable(
             "contacts-out-of-reach",
             f"{self.robot.title} has {len(accepted)} of {n} required postures on these contacts after "
-            f"{BATCH * BATCHES} draws.",
+            f"{BATCH * MAX_BATCHES} draws.",
         )
 
-    def feasible(
-        self, contacts: Contacts, com_m: Points, rounds: int, seed: int
+    def search_feasible(
+        self, contacts: ContactBatch, com_m: Points, rounds: int, seed: int
     ) -> tuple[Mask, Float[np.ndarray, "rounds"]]:
         """Search a posture for each CoM ``(n, 3)``; return which have one, and the share that has after every round.
 
@@ -153,16 +153,16 @@ class StanceTruth:
         rng = np.random.default_rng(seed)
         directions = np.tile(np.eye(3), (len(com_m), 1, 1))
         is_feasible, shares = np.zeros(len(com_m), dtype=bool), np.empty(rounds)
-        start = self._started(contacts, com_m)
+        start = self._initial_postures(contacts, com_m)
         for k in range(rounds):
             remaining = np.flatnonzero(~is_feasible)
-            x = self._shaken(start[remaining], rng) if k else start[remaining]
-            _, free = self._solved(contacts.taken(remaining), directions[remaining], com_m[remaining], x)
+            x = self._add_noise(start[remaining], rng) if k else start[remaining]
+            _, free = self._solve_postures(contacts.select(remaining), directions[remaining], com_m[remaining], x)
             is_feasible[remaining] = free
             shares[k] = is_feasible.mean()
         return is_feasible, shares
 
-    def extent(self, contacts: Contacts, walkers: int, seed: int) -> tuple[Points, Points, Mask]:
+    def com_bounds(self, contacts: ContactBatch, walkers: int, seed: int) -> tuple[Points, Points, Mask]:
         """Lower and upper bounds ``(n, 3)`` of the CoM over all postures, and whether any posture exists.
 
         ``walkers`` walks per direction start from random postures and continue while a posture with its CoM farther
@@ -172,31 +172,35 @@ class StanceTruth:
         n = len(contacts.heading_rad)
         of = np.repeat(np.arange(n), 6 * walkers)
         axis = np.tile(np.repeat(np.arange(6), walkers), n)
-        repeated = contacts.taken(of)
+        repeated = contacts.select(of)
         directions = (np.vstack([np.eye(3), -np.eye(3)])[axis])[:, None, :]
         nowhere = np.zeros_like(directions)
-        x = self._started(repeated, repeated.middle_m + np.array([0.0, 0.0, 0.8 * self.leg_length_m]))
+        x = self._initial_postures(repeated, repeated.middle_m + np.array([0.0, 0.0, 0.8 * self.leg_length_m]))
         alive = np.zeros(len(of), dtype=bool)
         for _ in range(4):
             remaining = np.flatnonzero(~alive)
-            shaken = self._shaken(x[remaining], rng)
-            y, free = self._solved(repeated.taken(remaining), nowhere[remaining], np.zeros((len(remaining), 1)), shaken)
+            shaken = self._add_noise(x[remaining], rng)
+            y, free = self._solve_postures(
+                repeated.select(remaining), nowhere[remaining], np.zeros((len(remaining), 1)), shaken
+            )
             x[remaining[free]], alive[remaining[free]] = y[free], True
-        c, _ = self._tree.com(self._tree.forward(x))
+        c, _ = self._tree.com_and_jacobian(self._tree.forward_kinematics(x))
         reached = np.where(alive, (directions[:, 0] * c).sum(axis=1), -np.inf)
-        step = np.where(alive, WALK_M, 0.0)
-        for _ in range(WALKS):
-            remaining = np.flatnonzero(step >= END_M)
+        step = np.where(alive, FIRST_STEP_M, 0.0)
+        for _ in range(MAX_WALK_STEPS):
+            remaining = np.flatnonzero(step >= LAST_STEP_M)
             if not len(remaining):
                 break
             goal = reached[remaining] + step[remaining]
-            y, free = self._solved(repeated.taken(remaining), directions[remaining], goal[:, None], x[remaining])
+            y, free = self._solve_postures(
+                repeated.select(remaining), directions[remaining], goal[:, None], x[remaining]
+            )
             x[remaining[free]], reached[remaining[free]] = y[free], goal[free]
             step[remaining[~free]] /= 2
         ends = reached.reshape(n, 6, walkers).max(axis=2)
         return -ends[:, 3:], ends[:, :3], np.isfinite(ends).all(axis=1)
 
-    def _drawn(self, contacts: Contacts, rng: np.random.Generator) -> Float[np.ndarray, "n nq"]:
+    def _draw_postures(self, contacts: ContactBatch, rng: np.random.Generator) -> Float[np.ndarray, "n nq"]:
         """Draw postures within the limits, without checking self-collision."""
         n, model, within = len(contacts.heading_rad), self._model, self.within
         turns = [rng.uniform(*interval, n) for interval in (within.yaw_rad, within.pitch_rad, within.roll_rad)]
@@ -216,7 +220,7 @@ class StanceTruth:
         accepted = np.arange(n)
         for name, (p, R) in contacts.targets.items():
             chain = self._chains[name]
-            columns = list(chain.columns)
+            columns = list(chain.indices_in_q)
             p_limb = (R_back[accepted] @ (p[accepted] - p_base[accepted])[..., None])[..., 0]
             if R is not None:
                 near = np.linalg.norm(p_limb - chain.joints[0].p, axis=1) <= self.leg_length_m * 1.05
@@ -227,28 +231,28 @@ class StanceTruth:
                 )
             else:
                 start, R_limb = q[accepted][:, columns], None
-            angles, reached = chain.reach(p_limb, R_limb, start)
+            angles, reached = chain.solve_angles(p_limb, R_limb, start)
             x_columns = np.array(columns) - 7 + BASE
             inside = ((angles >= self._lower[x_columns]) & (angles <= self._upper[x_columns])).all(axis=1)
             q[accepted[:, None], columns] = angles
             accepted = accepted[reached & inside]
         return np.asarray(q[accepted])
 
-    def _started(self, contacts: Contacts, com_m: Points) -> Coordinates:
+    def _initial_postures(self, contacts: ContactBatch, com_m: Points) -> Coordinates:
         """The reference posture moved to the given CoM and turned to the heading."""
         x = np.tile(self._reference, (len(com_m), 1))
         x[:, YAW] += contacts.heading_rad
-        c, _ = self._tree.com(self._tree.forward(x))
+        c, _ = self._tree.com_and_jacobian(self._tree.forward_kinematics(x))
         x[:, :3] += com_m - c
         return x
 
-    def _shaken(self, x: Coordinates, rng: np.random.Generator) -> Coordinates:
+    def _add_noise(self, x: Coordinates, rng: np.random.Generator) -> Coordinates:
         """Add normal noise, with one standard deviation per posture."""
-        size = rng.choice(SPREADS, (len(x), 1)) * np.where(np.arange(x.shape[1]) < BASE, 0.3, 1.0)
+        size = rng.choice(NOISE_SD, (len(x), 1)) * np.where(np.arange(x.shape[1]) < BASE, 0.3, 1.0)
         return np.asarray(x + size * rng.standard_normal(x.shape))
 
-    def _solved(
-        self, contacts: Contacts, directions: Directions, com_m: Float[np.ndarray, "n r"], start: Coordinates
+    def _solve_postures(
+        self, contacts: ContactBatch, directions: Directions, com_m: Float[np.ndarray, "n r"], start: Coordinates
     ) -> tuple[Coordinates, Mask]:
         """Solve from ``start``; return the postures and which are on the contacts and free of self-collision."""
         lower, upper = np.tile(self._lower, (len(start), 1)), np.tile(self._upper, (len(start), 1))
@@ -260,12 +264,14 @@ class StanceTruth:
         x, solved = self._tree.solve(
             contacts.targets, directions, com_m, start, (lower, upper), np.clip(start, lower, upper)
         )
-        q = self._tree.q(x)
-        free = np.array([ok and not self._collision.found(one) for ok, one in zip(solved, q, strict=True)], dtype=bool)
+        q = self._tree.to_configurations(x)
+        free = np.array(
+            [ok and not self._collision.any_collision(one) for ok, one in zip(solved, q, strict=True)], dtype=bool
+        )
         return x, free
 
 
-def _bend(chain: LegChain, extension: Interval) -> Interval:
+def _knee_interval(chain: LegChain, extension: Interval) -> Interval:
     """Interval of a leg's fourth joint (knee, which bends one way) in which its extension is in ``extension``."""
     knee = np.linspace(chain.lower_rad[3], chain.upper_rad[3], 2001)
     angles = np.zeros((len(knee), len(chain.joints)))

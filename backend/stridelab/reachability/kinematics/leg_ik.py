@@ -17,7 +17,7 @@ from jaxtyping import Float
 
 from stridelab.conventions import Mask, Points, Rotation, Rotations, Series, Vector3
 from stridelab.errors import Fault, NotEstimable
-from stridelab.reachability.kinematics.rotations import rotation_vectors, times, turned
+from stridelab.reachability.kinematics.rotations import multiply_rotations, rotate_about_axis, rotation_vectors
 
 Angles = Float[np.ndarray, "n j"]
 
@@ -25,10 +25,10 @@ TOLERANCE: Final = 1e-6
 """Largest error (m, rad) of a converged leg."""
 DAMPING: Final = 1e-6
 STEP_RAD: Final = 0.6
-STEPS: Final = 25
-PATIENCE: Final = 12
+MAX_STEPS: Final = 25
+ABANDON_AFTER: Final = 12
 """Number of steps after which a leg with an error above ``FAR`` is abandoned."""
-FAR: Final = 0.3
+ABANDON_ERROR: Final = 0.3
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,18 +52,18 @@ class LegChain:
     R_end: Rotation
 
     @staticmethod
-    def of(model: pin.Model, frame: int) -> "LegChain":
+    def from_frame(model: pin.Model, frame: int) -> "LegChain":
         """The chain down to the operational frame ``frame`` of ``model``, whose first joint is the floating base.
 
         Raises ``NotEstimable`` (``measure-unavailable``) for joints that are not revolute.
         """
         end = model.frames[frame]
         neutral = pin.neutral(model)
-        joints = tuple(_joint(model, j, neutral) for j in list(model.supports[end.parentJoint])[2:])
+        joints = tuple(_read_joint(model, j, neutral) for j in list(model.supports[end.parentJoint])[2:])
         return LegChain(joints, np.array(end.placement.translation), np.array(end.placement.rotation))
 
     @property
-    def columns(self) -> tuple[int, ...]:
+    def indices_in_q(self) -> tuple[int, ...]:
         """Indices of the chain's angles in ``q``."""
         return tuple(joint.index for joint in self.joints)
 
@@ -77,35 +77,35 @@ class LegChain:
         """Upper limits."""
         return np.array([joint.upper_rad for joint in self.joints])
 
-    def draw(self, n: int, rng: np.random.Generator) -> Angles:
+    def draw_angles(self, n: int, rng: np.random.Generator) -> Angles:
         """Angles uniform within the limits."""
         return rng.uniform(self.lower_rad, self.upper_rad, (n, len(self.joints)))
 
-    def placed(self, angles_rad: Angles) -> tuple[Points, Rotations]:
+    def contact_frame_pose(self, angles_rad: Angles) -> tuple[Points, Rotations]:
         """Position and rotation of the contact frame in the base's joint frame."""
-        p, R, _, _ = self._forward(angles_rad)
+        p, R, _, _ = self._forward_kinematics(angles_rad)
         return p, R
 
     def span_m(self, angles_rad: Angles, first: int, last: int) -> Series:
         """Distance between the origins of two joints of the chain (index from the base, negative from the end)."""
-        _, _, origins, _ = self._forward(angles_rad)
+        _, _, origins, _ = self._forward_kinematics(angles_rad)
         return np.asarray(np.linalg.norm(origins[last] - origins[first], axis=1))
 
-    def reach(self, p_m: Points, R: Rotations | None, start_rad: Angles) -> tuple[Angles, Mask]:
+    def solve_angles(self, p_m: Points, R: Rotations | None, start_rad: Angles) -> tuple[Angles, Mask]:
         """Solve for angles that place the contact frame at ``(p_m, R)`` in the base; return them and which converged.
 
         Without ``R`` only the origin is placed, as for a hand on a rail.
         """
         angles, reached = start_rad.copy(), np.zeros(len(p_m), dtype=bool)
         active = np.arange(len(p_m))
-        for step in range(STEPS):
-            p, R_here, origins, axes = self._forward(angles[active])
+        for step in range(MAX_STEPS):
+            p, R_here, origins, axes = self._forward_kinematics(angles[active])
             e = p_m[active] - p
             if R is not None:
                 e = np.hstack([e, rotation_vectors(R[active] @ R_here.swapaxes(1, 2))])
             error = np.abs(e).max(axis=1)
             reached[active] = error < TOLERANCE
-            going = (error >= TOLERANCE) & ((error < FAR) | (step < PATIENCE))
+            going = (error >= TOLERANCE) & ((error < ABANDON_ERROR) | (step < ABANDON_AFTER))
             active, e, p = active[going], e[going], p[going]
             if not len(active):
                 break
@@ -117,7 +117,7 @@ class LegChain:
             angles[active] = np.clip(angles[active] + np.clip(dq, -STEP_RAD, STEP_RAD), self.lower_rad, self.upper_rad)
         return angles, reached
 
-    def _forward(
+    def _forward_kinematics(
         self, angles_rad: Angles
     ) -> tuple[Points, Rotations, Float[np.ndarray, "j n 3"], Float[np.ndarray, "j n 3"]]:
         """The contact frame, and the origins and axes of the joints, in the base's joint frame."""
@@ -127,13 +127,13 @@ class LegChain:
         origins, axes = np.empty((2, len(self.joints), n, 3))
         for k, (joint, angle) in enumerate(zip(self.joints, angles_rad.T, strict=True)):
             p = p + R @ joint.p
-            R = times(R, joint.R)
+            R = multiply_rotations(R, joint.R)
             origins[k], axes[k] = p, R @ joint.axis
-            R = turned(R, joint.axis, angle)
-        return p + R @ self.p_end, times(R, self.R_end), origins, axes
+            R = rotate_about_axis(R, joint.axis, angle)
+        return p + R @ self.p_end, multiply_rotations(R, self.R_end), origins, axes
 
 
-def _joint(model: pin.Model, j: int, neutral: Float[np.ndarray, "nq"]) -> Joint:
+def _read_joint(model: pin.Model, j: int, neutral: Float[np.ndarray, "nq"]) -> Joint:
     joint = model.joints[j]
     axis = revolute_axis(model, j, neutral)
     at = model.jointPlacements[j]

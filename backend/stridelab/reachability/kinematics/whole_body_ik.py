@@ -22,7 +22,7 @@ from scipy.spatial.transform import Rotation as ScipyRotation
 
 from stridelab.conventions import Mask, Points, Rotation, Rotations, Vector3
 from stridelab.reachability.kinematics.leg_ik import revolute_axis
-from stridelab.reachability.kinematics.rotations import rotation_vectors, times, turned
+from stridelab.reachability.kinematics.rotations import multiply_rotations, rotate_about_axis, rotation_vectors
 from stridelab.robots.contact_frames import with_contact_frames
 from stridelab.robots.robot import Robot
 
@@ -34,11 +34,11 @@ YAW, PITCH, ROLL = 3, 4, 5
 TOLERANCE: Final = 1e-6
 """Largest error (m, rad) of a converged problem."""
 DAMPING: Final = 1e-7
-STEP: Final = 0.4
+MAX_STEP: Final = 0.4
 """Largest change of a coordinate (m, rad) in one step."""
-STEPS: Final = 50
-PATIENCE: Final = 25
-FAR: Final = 0.03
+MAX_STEPS: Final = 50
+ABANDON_AFTER: Final = 25
+ABANDON_ERROR: Final = 0.03
 """Error (m, rad) above which a problem is abandoned after ``PATIENCE`` steps."""
 PULL: Final = 0.1
 PULL_DECAY: Final = 0.8
@@ -61,13 +61,13 @@ class Link:
     p: Vector3
     R: Rotation
     axis: Vector3
-    turns: bool
+    is_revolute: bool
     mass_kg: float
     lever_m: Vector3
 
 
 @dataclass(frozen=True, eq=False)
-class End:
+class ContactFrame:
     """A contact frame: its link, the coordinates that move it, and its placement in the link."""
 
     link: int
@@ -76,7 +76,7 @@ class End:
     R: Rotation
 
 
-class State(NamedTuple):
+class TreePose(NamedTuple):
     """World positions and rotations of all links, and the axes of their coordinates."""
 
     p: Float[np.ndarray, "v n 3"]
@@ -92,14 +92,14 @@ class BodyTree:
     """
 
     links: tuple[Link, ...]
-    ends: Mapping[str, End]
+    ends: Mapping[str, ContactFrame]
     below: Float[np.ndarray, "v v"]
     lower: Float[np.ndarray, "v"]
     upper: Float[np.ndarray, "v"]
     R_root_trunk: Rotation
 
     @staticmethod
-    def of(robot: Robot) -> "BodyTree":
+    def from_robot(robot: Robot) -> "BodyTree":
         """The tree of ``robot``. Raises ``NotEstimable`` (``measure-unavailable``) for joints that are not revolute."""
         model, frames = with_contact_frames(robot)
         none, flat = np.zeros(3), np.eye(3)
@@ -110,7 +110,7 @@ class BodyTree:
         number = {1: ROLL} | {j: BASE + j - 2 for j in range(2, model.njoints)}
         # children of the root are expressed in the trunk's axes
         R_by_joint = {1: R_trunk_root}
-        links += [_link(model, j, number[model.parents[j]], R_by_joint) for j in range(2, model.njoints)]
+        links += [_read_link(model, j, number[model.parents[j]], R_by_joint) for j in range(2, model.njoints)]
         below = np.eye(len(links))
         for k, link in enumerate(links):
             if link.parent >= 0:
@@ -120,45 +120,45 @@ class BodyTree:
             frame = model.frames[index]
             k = number[frame.parentJoint]
             T, R_seen = frame.placement, R_by_joint.get(frame.parentJoint, flat)
-            ends[name] = End(k, np.flatnonzero(below[k]), R_seen @ T.translation, R_seen @ T.rotation)
+            ends[name] = ContactFrame(k, np.flatnonzero(below[k]), R_seen @ T.translation, R_seen @ T.rotation)
         free = np.full(BASE, np.inf)
         lower, upper = model.lowerPositionLimit[7:], model.upperPositionLimit[7:]
         R = robot.R_root_trunk
         return BodyTree(tuple(links), ends, below, np.r_[-free, lower], np.r_[free, upper], R)
 
-    def forward(self, x: Coordinates) -> State:
+    def forward_kinematics(self, x: Coordinates) -> TreePose:
         """Forward kinematics."""
         n, v = len(x), len(self.links)
         p, axes, R = np.empty((v, n, 3)), np.empty((v, n, 3)), np.empty((v, n, 3, 3))
         p_world, R_world = np.zeros((n, 3)), np.broadcast_to(np.eye(3), (n, 3, 3))
         for k, link in enumerate(self.links):
             p_parent, R_parent = (p_world, R_world) if link.parent < 0 else (p[link.parent], R[link.parent])
-            R_fixed = times(R_parent, link.R)
+            R_fixed = multiply_rotations(R_parent, link.R)
             p[k] = p_parent + R_parent @ link.p
             axes[k] = R_fixed @ link.axis
-            if link.turns:
-                R[k] = turned(R_fixed, link.axis, x[:, k])
+            if link.is_revolute:
+                R[k] = rotate_about_axis(R_fixed, link.axis, x[:, k])
             else:
                 R[k] = R_fixed
                 p[k] += axes[k] * x[:, k, None]
-        return State(p, R, axes)
+        return TreePose(p, R, axes)
 
-    def com(self, at: State) -> tuple[Points, Float[np.ndarray, "n 3 v"]]:
+    def com_and_jacobian(self, pose: TreePose) -> tuple[Points, Float[np.ndarray, "n 3 v"]]:
         """The CoM and its Jacobian."""
         masses = np.array([link.mass_kg for link in self.links])
         levers = np.array([link.lever_m for link in self.links])
-        moments = masses[:, None, None] * (at.p + np.einsum("vnab,vb->vna", at.R, levers))
+        moments = masses[:, None, None] * (pose.p + np.einsum("vnab,vb->vna", pose.R, levers))
         mass_below_kg = self.below.T @ masses
         moments_below = np.tensordot(self.below.T, moments, axes=1)
-        arms = moments_below - mass_below_kg[:, None, None] * at.p
-        turns = np.array([link.turns for link in self.links])[:, None, None]
-        columns = np.where(turns, np.cross(at.axes, arms), mass_below_kg[:, None, None] * at.axes) / masses.sum()
+        arms = moments_below - mass_below_kg[:, None, None] * pose.p
+        turns = np.array([link.is_revolute for link in self.links])[:, None, None]
+        columns = np.where(turns, np.cross(pose.axes, arms), mass_below_kg[:, None, None] * pose.axes) / masses.sum()
         return moments.sum(axis=0) / masses.sum(), columns.transpose(1, 2, 0)
 
-    def place(self, name: str, at: State) -> tuple[Points, Rotations]:
+    def contact_frame_pose(self, name: str, pose: TreePose) -> tuple[Points, Rotations]:
         """Position and rotation of an effector's contact frame."""
         end = self.ends[name]
-        return at.p[end.link] + at.R[end.link] @ end.p, times(at.R[end.link], end.R)
+        return pose.p[end.link] + pose.R[end.link] @ end.p, multiply_rotations(pose.R[end.link], end.R)
 
     def solve(
         self,
@@ -173,60 +173,62 @@ class BodyTree:
         x = np.clip(start, *limits)
         solved = np.zeros(len(x), dtype=bool)
         active = np.arange(len(x))
-        for step in range(STEPS):
-            e, J = self._errors(targets, directions, com_m, x[active], active)
+        for step in range(MAX_STEPS):
+            e, J = self._stacked_errors(targets, directions, com_m, x[active], active)
             worst = np.abs(e).max(axis=1)
             solved[active] = worst < TOLERANCE
-            going = (worst >= TOLERANCE) & ((worst < FAR) | (step < PATIENCE))
+            going = (worst >= TOLERANCE) & ((worst < ABANDON_ERROR) | (step < ABANDON_AFTER))
             active, e, J = active[going], e[going], J[going]
             if not len(active):
                 break
             low, high = limits[0][active], limits[1][active]
-            x[active] = _stepped(x[active], e, J, low, high, PULL * PULL_DECAY**step * (posture[active] - x[active]))
+            x[active] = _step_within_limits(
+                x[active], e, J, low, high, PULL * PULL_DECAY**step * (posture[active] - x[active])
+            )
         return x, solved
 
-    def q(self, x: Coordinates) -> Float[np.ndarray, "n nq"]:
+    def to_configurations(self, x: Coordinates) -> Float[np.ndarray, "n nq"]:
         """Convert coordinates to configurations of the robot's model."""
         R_root = ScipyRotation.from_euler("ZYX", x[:, YAW : ROLL + 1]) * ScipyRotation.from_matrix(self.R_root_trunk.T)
         return np.hstack([x[:, :3], R_root.as_quat(), x[:, BASE:]])
 
-    def x(self, q: Float[np.ndarray, "n nq"]) -> Coordinates:
+    def to_coordinates(self, q: Float[np.ndarray, "n nq"]) -> Coordinates:
         """Convert configurations to coordinates."""
         R_trunk = ScipyRotation.from_quat(q[:, 3:7]) * ScipyRotation.from_matrix(self.R_root_trunk)
         return np.hstack([q[:, :3], R_trunk.as_euler("ZYX"), q[:, 7:]])
 
-    def _errors(
+    def _stacked_errors(
         self,
         targets: Mapping[str, Target],
         directions: Directions,
         com_m: Float[np.ndarray, "n r"],
         x: Float[np.ndarray, "m v"],
-        of: Int[np.ndarray, "m"],
+        indices: Int[np.ndarray, "m"],
     ) -> tuple[Float[np.ndarray, "m e"], Float[np.ndarray, "m e v"]]:
         """Stacked errors of the problems ``of`` and their Jacobian."""
-        at = self.forward(x)
-        c, J_com = self.com(at)
-        errors = [com_m[of] - (directions[of] @ c[..., None])[..., 0]]
-        rows = [directions[of] @ J_com]
-        turns = np.array([link.turns for link in self.links])
+        at = self.forward_kinematics(x)
+        c, J_com = self.com_and_jacobian(at)
+        errors = [com_m[indices] - (directions[indices] @ c[..., None])[..., 0]]
+        rows = [directions[indices] @ J_com]
+        turns = np.array([link.is_revolute for link in self.links])
         for name, target in targets.items():
-            p, R = self.place(name, at)
+            p, R = self.contact_frame_pose(name, at)
             columns = self.ends[name].moved_by
             axes = at.axes[columns]
             J = np.zeros((len(x), 6, len(self.links)))
             revolute = turns[columns][:, None, None]
             J[:, :3, columns] = np.where(revolute, np.cross(axes, p - at.p[columns]), axes).transpose(1, 2, 0)
-            errors.append(target.p_m[of] - p)
+            errors.append(target.p_m[indices] - p)
             if target.R is None:
                 rows.append(J[:, :3])
                 continue
             J[:, 3:, columns] = np.where(revolute, axes, 0.0).transpose(1, 2, 0)
-            errors.append(rotation_vectors(target.R[of] @ R.swapaxes(1, 2)))
+            errors.append(rotation_vectors(target.R[indices] @ R.swapaxes(1, 2)))
             rows.append(J)
         return np.hstack(errors), np.concatenate(rows, axis=1)
 
 
-def _stepped(
+def _step_within_limits(
     x: Coordinates,
     e: Float[np.ndarray, "n e"],
     J: Float[np.ndarray, "n e v"],
@@ -235,7 +237,7 @@ def _stepped(
     pull: Coordinates,
 ) -> Coordinates:
     """``x + dx`` within the limits."""
-    min_step, max_step = np.maximum(low - x, -STEP), np.minimum(high - x, STEP)
+    min_step, max_step = np.maximum(low - x, -MAX_STEP), np.minimum(high - x, MAX_STEP)
     d_0, free = pull, np.ones(x.shape, dtype=bool)
     for _ in range(PASSES):
         JW = J * free[:, None, :]
@@ -248,9 +250,9 @@ def _stepped(
     return np.asarray(np.clip(x + np.clip(dx, min_step, max_step), low, high))
 
 
-def _link(model: pin.Model, j: int, parent: int, seen: Mapping[int, Rotation]) -> Link:
+def _read_link(model: pin.Model, j: int, parent: int, R_by_joint: Mapping[int, Rotation]) -> Link:
     at, inertia = model.jointPlacements[j], model.inertias[j]
-    R_parent = seen.get(model.parents[j], np.eye(3))
+    R_parent = R_by_joint.get(model.parents[j], np.eye(3))
     return Link(
         parent,
         R_parent @ at.translation,

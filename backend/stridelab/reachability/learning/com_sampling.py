@@ -22,7 +22,7 @@ from jaxtyping import Float
 
 from stridelab.conventions import Points, Progress
 from stridelab.errors import Fault, NotFound
-from stridelab.parallel import in_order, worthwhile
+from stridelab.parallel import map_in_order, worthwhile_processes
 from stridelab.reachability.card import Measure
 from stridelab.reachability.learning.standing_sampler import StandingConfigurations
 from stridelab.reachability.proxy.effector_proxy import Frame
@@ -67,9 +67,9 @@ def sample_com(
     """
     require_effectors(robot, effectors)
     blocks = -(-samples // BLOCK)
-    work = partial(_block, robot, tuple(effectors), samples, seed, measure)
+    work = partial(_sample_block, robot, tuple(effectors), samples, seed, measure)
     sampled: list[_Block] = []
-    with closing(in_order(work, blocks, processes or worthwhile(blocks // BLOCKS_PER_S))) as done:
+    with closing(map_in_order(work, blocks, processes or worthwhile_processes(blocks // BLOCKS_PER_S))) as done:
         for block in done:
             sampled.append(block)
             if progress is not None:
@@ -87,7 +87,7 @@ def sample_com(
     )
 
 
-def configurations(
+def configuration_stream(
     robot: Robot, measure: Measure, rng: np.random.Generator
 ) -> UniformConfigurations | StandingConfigurations:
     """Endless stream of configurations ``(nq,)`` of a measure; ``tried`` counts the checked ones."""
@@ -122,19 +122,21 @@ class _Block:
     tried: int
 
 
-def _block(robot: Robot, effectors: tuple[str, ...], samples: int, seed: int, measure: Measure, number: int) -> _Block:
+def _sample_block(
+    robot: Robot, effectors: tuple[str, ...], samples: int, seed: int, measure: Measure, block_index: int
+) -> _Block:
     """Sample block ``number`` of ``samples`` configurations; the last block may be shorter."""
-    rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(number,)))
-    stream = configurations(robot, measure, rng)
+    rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(block_index,)))
+    stream = configuration_stream(robot, measure, rng)
     model, frames = with_contact_frames(robot)
     data, base = model.createData(), model.getFrameId(robot.base_frame)
-    n = min(BLOCK, samples - number * BLOCK)
+    n = min(BLOCK, samples - block_index * BLOCK)
     c, p = np.empty((n, 3)), np.empty((len(effectors), n, 3))
     R, R_heading = np.empty((len(effectors), n, 3, 3)), np.empty((n, 3, 3))
     for a, q in enumerate(islice(stream, n)):
         pin.framesForwardKinematics(model, data, q)
         c[a] = pin.centerOfMass(model, data, q, False)
-        R_heading[a] = _heading(data.oMf[base].rotation @ robot.R_base_trunk)
+        R_heading[a] = _heading_frame(data.oMf[base].rotation @ robot.R_base_trunk)
         for i, name in enumerate(effectors):
             T_world_contact = data.oMf[frames[name]]
             R[i, a], p[i, a] = T_world_contact.rotation, T_world_contact.translation
@@ -145,7 +147,7 @@ def _block(robot: Robot, effectors: tuple[str, ...], samples: int, seed: int, me
     return _Block(com, np.linalg.norm(p[:, None] - p[None], axis=-1).max(axis=-1), stream.tried)
 
 
-def _heading(R_world_trunk: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, "3 3"]:
+def _heading_frame(R_world_trunk: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, "3 3"]:
     """Axes with z up and x along the horizontal part of the trunk's x axis."""
     x, y = R_world_trunk[:2, 0] / np.hypot(*R_world_trunk[:2, 0])
     return np.array([[x, -y, 0.0], [y, x, 0.0], [0.0, 0.0, 1.0]])

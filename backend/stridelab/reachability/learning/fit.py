@@ -25,7 +25,7 @@ from sklearn.mixture import GaussianMixture
 
 from stridelab.conventions import Points, Progress, Vector3
 from stridelab.errors import Fault, InvalidInput
-from stridelab.parallel import in_order, worthwhile
+from stridelab.parallel import map_in_order, worthwhile_processes
 from stridelab.reachability.card import (
     EffectorCard,
     Measure,
@@ -38,7 +38,7 @@ from stridelab.reachability.card import (
 from stridelab.reachability.gaussian_mixture import Mixture
 from stridelab.reachability.learning.com_sampling import ComCloud, require_effectors, sample_com
 from stridelab.reachability.learning.kde import KernelDensity
-from stridelab.reachability.learning.kl_divergence import Divergence, divergences
+from stridelab.reachability.learning.kl_divergence import Divergence, kl_divergences
 from stridelab.reachability.proxy.effector_proxy import Frame
 from stridelab.robots.robot import Robot
 
@@ -49,9 +49,9 @@ SIZES: Final = range(1, 21)
 SAMPLES_MIN: Final = 100
 """Minimum number of samples to fit the largest size."""
 KL_DRAWS: Final = 10_000
-HELD_OUT: Final = 5
+HELD_OUT_RECIPROCAL: Final = 5
 """Reciprocal of the share of samples that is held out."""
-FLOOR_M: Final = 3e-3
+REGULARISATION_M: Final = 3e-3
 """Standard deviation of the regularisation of every component in EM."""
 STEPS_MAX: Final = 500
 SAMPLING_SHARE: Final = 0.5
@@ -63,14 +63,14 @@ PACKAGES: Final = ("stridelab", "numpy", "scipy", "scikit-learn", "pin", "exampl
 
 
 @dataclass(frozen=True, eq=False)
-class Learned:
+class LearnedDensities:
     """The card with its mixtures, and the samples it was learned from."""
 
     card: ReachabilityCard
     cloud: ComCloud
 
 
-def learn(
+def learn_densities(
     robot: Robot,
     learned_on: date,
     effectors: Sequence[str] | None = None,
@@ -79,7 +79,7 @@ def learn(
     measure: Measure = "uniform",
     progress: Progress | None = None,
     processes: int | None = None,
-) -> Learned:
+) -> LearnedDensities:
     """Learn the densities of ``effectors`` (None: all) with ``processes`` processes (None: all cores).
 
     On one machine the result depends only on the other arguments and the package versions, bit for bit.
@@ -92,16 +92,16 @@ def learn(
     if samples < SAMPLES_MIN:
         message = f"{samples} samples are too few; at least {SAMPLES_MIN} are needed."
         raise InvalidInput("too-few-samples", message, [Fault("samples", f"at least {SAMPLES_MIN}")])
-    report = progress or _silent
+    report = progress or _ignore_progress
 
-    def sampled(fraction: float, message: str) -> None:
+    def report_sampling(fraction: float, message: str) -> None:
         report(SAMPLING_SHARE * fraction, message)
 
-    cloud = sample_com(robot, names, samples, seed, measure, sampled, processes)
-    work = partial(_fitted, cloud, tuple(robot.effectors[name].kind for name in names), seed)
+    cloud = sample_com(robot, names, samples, seed, measure, report_sampling, processes)
+    work = partial(_fit_numbered_effector, cloud, tuple(robot.effectors[name].kind for name in names), seed)
     cards: dict[str, EffectorCard] = {}
-    n_processes = processes or worthwhile(len(names) * samples // SAMPLES_PER_S)
-    with closing(in_order(work, len(names), n_processes)) as fitted:
+    n_processes = processes or worthwhile_processes(len(names) * samples // SAMPLES_PER_S)
+    with closing(map_in_order(work, len(names), n_processes)) as fitted:
         for name, effector in zip(names, fitted, strict=True):
             cards[name] = effector
             report(SAMPLING_SHARE + (1.0 - SAMPLING_SHARE) * len(cards) / len(names), f"{name} is fitted")
@@ -112,33 +112,33 @@ def learn(
         seed=seed,
         learned_on=learned_on.isoformat(),
         samples=samples,
-        fitted=samples - samples // HELD_OUT,
+        fitted=samples - samples // HELD_OUT_RECIPROCAL,
         tried=cloud.tried,
         rejected_share=1.0 - samples / cloud.tried,
         versions={package: version(package) for package in PACKAGES},
         effectors=cards,
         pairs=tuple(PairReach(pair, distance) for pair, distance in cloud.pair_distance_max_m.items()),
     )
-    return Learned(card, cloud)
+    return LearnedDensities(card, cloud)
 
 
 def fit(com_m: Points, kind: Literal["surface", "point"], frame: Frame, seed: int) -> EffectorCard:
     """Fit all ``SIZES`` to sampled CoM positions ``(n, 3)`` of an effector and select one mixture."""
-    n = len(com_m) - len(com_m) // HELD_OUT
+    n = len(com_m) - len(com_m) // HELD_OUT_RECIPROCAL
     training, held_out = com_m[:n], com_m[n:]
     fitted = {k: expectation_maximisation(training, k, seed) for k in SIZES}
-    kde = KernelDensity.scott(com_m)
+    kde = KernelDensity.with_scott_bandwidth(com_m)
     mixtures = [mixture for mixture, _ in fitted.values()]
-    kl = dict(zip(SIZES, divergences(kde, mixtures, KL_DRAWS, np.random.default_rng(seed)), strict=True))
+    kl = dict(zip(SIZES, kl_divergences(kde, mixtures, KL_DRAWS, np.random.default_rng(seed)), strict=True))
     log_p = {k: mixture.log_density(held_out) for k, (mixture, _) in fitted.items()}
-    k = chosen_size(kl)
+    k = select_size(kl)
     mixture, converged = fitted[k]
     mode = mixture.mode_m()
     return EffectorCard(
         frame=frame,
         weights=tuple(mixture.weights.tolist()),
-        means=tuple(_triple(mu) for mu in mixture.means_m),
-        covariances=tuple(_matrix(S) for S in mixture.covariances_m2),
+        means=tuple(_to_triple(mu) for mu in mixture.means_m),
+        covariances=tuple(_to_matrix(S) for S in mixture.covariances_m2),
         components=k,
         thesis_components=THESIS_COMPONENTS[kind],
         em_converged=converged,
@@ -148,7 +148,7 @@ def fit(com_m: Points, kind: Literal["surface", "point"], frame: Frame, seed: in
         kl_draws=KL_DRAWS,
         held_out_log_likelihood=float(log_p[k].mean()),
         held_out_log_likelihood_sd=float(log_p[k].std(ddof=1) / np.sqrt(len(held_out))),
-        mode_m=_triple(mode),
+        mode_m=_to_triple(mode),
         mode_log_density=float(mixture.log_density(mode[None])[0]),
         reach=reach_of(com_m),
         sizes=tuple(
@@ -158,7 +158,7 @@ def fit(com_m: Points, kind: Literal["surface", "point"], frame: Frame, seed: in
     )
 
 
-def chosen_size(kl: Mapping[int, Divergence]) -> int:
+def select_size(kl: Mapping[int, Divergence]) -> int:
     """The smallest size whose divergence exceeds the minimum by at most the standard error of the difference."""
     least = min(d.kl_nats for d in kl.values())
     return min(size for size, d in kl.items() if d.kl_nats - least <= d.excess_sd_nats)
@@ -166,7 +166,7 @@ def chosen_size(kl: Mapping[int, Divergence]) -> int:
 
 def expectation_maximisation(com_m: Points, components: int, seed: int) -> tuple[Mixture, bool]:
     """Fit a mixture by EM, initialised by k-means; return it and whether EM converged."""
-    em = GaussianMixture(components, random_state=seed, reg_covar=FLOOR_M**2, max_iter=STEPS_MAX)
+    em = GaussianMixture(components, random_state=seed, reg_covar=REGULARISATION_M**2, max_iter=STEPS_MAX)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ConvergenceWarning)  # returned instead
         em.fit(com_m)
@@ -177,24 +177,26 @@ def expectation_maximisation(com_m: Points, components: int, seed: int) -> tuple
 def reach_of(com_m: Points) -> Reach:
     """Box and sphere that contain sampled CoM positions."""
     low, high = np.percentile(com_m, PERCENTILES, axis=0)
-    return Reach(_triple(low), _triple(high), float(np.linalg.norm(com_m, axis=1).max()))
+    return Reach(_to_triple(low), _to_triple(high), float(np.linalg.norm(com_m, axis=1).max()))
 
 
-def _fitted(cloud: ComCloud, kinds: tuple[Literal["surface", "point"], ...], seed: int, number: int) -> EffectorCard:
+def _fit_numbered_effector(
+    cloud: ComCloud, kinds: tuple[Literal["surface", "point"], ...], seed: int, effector_index: int
+) -> EffectorCard:
     """Fit the effector with index ``number`` in the cloud."""
-    name = list(cloud.com_m)[number]
-    return fit(cloud.com_m[name], kinds[number], cloud.frames[name], seed)
+    name = list(cloud.com_m)[effector_index]
+    return fit(cloud.com_m[name], kinds[effector_index], cloud.frames[name], seed)
 
 
-def _triple(values: Vector3) -> Triple:
+def _to_triple(values: Vector3) -> Triple:
     x, y, z = values.tolist()
     return x, y, z
 
 
-def _matrix(S: Float[np.ndarray, "3 3"]) -> tuple[Triple, Triple, Triple]:
+def _to_matrix(S: Float[np.ndarray, "3 3"]) -> tuple[Triple, Triple, Triple]:
     x, y, z = S
-    return _triple(x), _triple(y), _triple(z)
+    return _to_triple(x), _to_triple(y), _to_triple(z)
 
 
-def _silent(_fraction: float, _message: str) -> None:
+def _ignore_progress(_fraction: float, _message: str) -> None:
     """Progress callback that does nothing."""

@@ -27,7 +27,7 @@ class KernelDensity:
     bandwidth_m: float
 
     @staticmethod
-    def scott(centres_m: Points) -> "KernelDensity":
+    def with_scott_bandwidth(centres_m: Points) -> "KernelDensity":
         """The density with Scott's bandwidth."""
         return KernelDensity(centres_m, scott_bandwidth_m(centres_m))
 

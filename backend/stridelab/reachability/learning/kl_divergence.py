@@ -25,7 +25,7 @@ class Density(Protocol):
 
 
 @runtime_checkable
-class Drawable(Density, Protocol):
+class SampledDensity(Density, Protocol):
     """A density that can also be sampled."""
 
     def sample(self, n: int, rng: np.random.Generator, /) -> Points:
@@ -45,7 +45,7 @@ class Divergence:
     excess_sd_nats: float
 
 
-def divergences(p: Drawable, qs: Sequence[Density], draws: int, rng: np.random.Generator) -> list[Divergence]:
+def kl_divergences(p: SampledDensity, qs: Sequence[Density], draws: int, rng: np.random.Generator) -> list[Divergence]:
     """``KL(p || q)`` of every ``q``, all from the same draws."""
     if not qs:
         return []

@@ -26,9 +26,9 @@ from stridelab.errors import Fault, InvalidInput
 from stridelab.reachability.gaussian_mixture import Mixture
 from stridelab.reachability.proxy.effector_proxy import Proxy
 
-PRUNED: Final = 1e-6
+DROPPED_WEIGHT: Final = 1e-6
 """Total weight of the components of a product that are dropped; ``Z`` includes them."""
-STARTS: Final = 12
+MODE_STARTS: Final = 12
 """Number of means, those of highest density, from which the mode is searched."""
 DRAWS: Final = 20_000
 
@@ -45,7 +45,9 @@ class ContactSet:
     log_z: float
 
     @staticmethod
-    def of(proxies: Mapping[str, Proxy], contacts: Mapping[str, Placement], heading_rad: float) -> "ContactSet":
+    def from_placements(
+        proxies: Mapping[str, Proxy], contacts: Mapping[str, Placement], heading_rad: float
+    ) -> "ContactSet":
         """The proxy for effectors at their ``T_world_contact``, of a robot with trunk heading ``heading_rad``.
 
         Raises ``InvalidInput`` (``contacts-empty``, ``effector-unknown``).
@@ -55,8 +57,11 @@ class ContactSet:
         if unknown := sorted(contacts.keys() - proxies.keys()):
             faults = [Fault(f"contacts.{name}", "no density has been learned for it") for name in unknown]
             raise InvalidInput("effector-unknown", f"There is no density for {', '.join(unknown)}.", faults)
-        return product(
-            [moved(proxies[name].mixture, proxies[name].placement(at, heading_rad)) for name, at in contacts.items()]
+        return multiply_mixtures(
+            [
+                transform_mixture(proxies[name].mixture, proxies[name].frame_placement(at, heading_rad))
+                for name, at in contacts.items()
+            ]
         )
 
     def log_density(self, com_m: Points) -> Series:
@@ -70,8 +75,8 @@ class ContactSet:
     def mode_m(self) -> Vector3:
         """The highest local maximum that BFGS reaches from the means of highest density."""
         means_m = self.product.means_m
-        starts = means_m[np.argsort(-self.log_density(means_m))[:STARTS]]
-        maxima = np.array([minimize(self._cost, start, jac=True, method="BFGS").x for start in starts])
+        starts = means_m[np.argsort(-self.log_density(means_m))[:MODE_STARTS]]
+        maxima = np.array([minimize(self._cost_and_gradient, start, jac=True, method="BFGS").x for start in starts])
         return np.asarray(maxima[np.argmax(self.log_density(maxima))])
 
     def volumes_m3(self, masses: Sequence[float], seed: int = 0) -> Series:
@@ -80,35 +85,35 @@ class ContactSet:
         thresholds = np.quantile(log_p, 1.0 - np.asarray(masses))
         return np.array([np.exp(-log_p[log_p >= t]).sum() / len(log_p) for t in thresholds])
 
-    def _cost(self, c: Vector3) -> tuple[float, Vector3]:
+    def _cost_and_gradient(self, c: Vector3) -> tuple[float, Vector3]:
         """``-sum_i log p_i(c)`` of (4.13) and its gradient."""
         at = c[None]
         value = -sum(float(factor.log_density(at)[0]) for factor in self.factors)
         return value, -np.sum([factor.gradient(at)[0] for factor in self.factors], axis=0)
 
 
-def moved(mixture: Mixture, T_world_frame: Placement) -> Mixture:
+def transform_mixture(mixture: Mixture, T_world_frame: Placement) -> Mixture:
     """Transform a mixture from a frame to the world."""
     R = T_world_frame.rotation
     S = R @ mixture.covariances_m2 @ R.T
     return Mixture(mixture.weights, T_world_frame.act(mixture.means_m), np.asarray((S + S.swapaxes(1, 2)) / 2))
 
 
-def product(factors: Sequence[Mixture]) -> ContactSet:
+def multiply_mixtures(factors: Sequence[Mixture]) -> ContactSet:
     """The normalised product of mixtures in the same frame."""
     log_w, mu, S = np.log(factors[0].weights), factors[0].means_m, factors[0].covariances_m2
     for factor in factors[1:]:
-        log_w, mu, S = _times(log_w, mu, S, factor)
+        log_w, mu, S = _multiply_components(log_w, mu, S, factor)
     log_z = float(logsumexp(log_w))
     w = np.exp(log_w - log_z)
     rising = np.argsort(w)
-    significant = np.sort(rising[np.cumsum(w[rising]) > PRUNED])
+    significant = np.sort(rising[np.cumsum(w[rising]) > DROPPED_WEIGHT])
     return ContactSet(
         tuple(factors), Mixture(w[significant] / w[significant].sum(), mu[significant], S[significant]), log_z
     )
 
 
-def _times(
+def _multiply_components(
     log_w: Float[np.ndarray, "k"], mu: Float[np.ndarray, "k 3"], S: Float[np.ndarray, "k 3 3"], factor: Mixture
 ) -> tuple[Float[np.ndarray, "kl"], Float[np.ndarray, "kl 3"], Float[np.ndarray, "kl 3 3"]]:
     """Unnormalised log weights, means and covariances of the product with one more mixture."""

@@ -26,13 +26,13 @@ class Proxy:
     mixture: Mixture
     frame: Frame = "contact"
 
-    def placement(self, contact: Placement, heading_rad: float) -> Placement:
+    def frame_placement(self, contact: Placement, heading_rad: float) -> Placement:
         """Pose of the frame for a contact of the effector, given the heading of the trunk."""
         return heading_frame(contact, heading_rad) if self.frame == "heading" else contact
 
     def log_density(self, com_m: Points, contact: Placement, heading_rad: float) -> Series:
         """``log p_i`` (nats, density per m^3) at ``(n, 3)`` positions of the CoM in the world."""
-        return self.mixture.log_density(self.placement(contact, heading_rad).inverse().act(com_m))
+        return self.mixture.log_density(self.frame_placement(contact, heading_rad).inverse().act(com_m))
 
 
 def heading_frame(contact: Placement, heading_rad: float) -> Placement:

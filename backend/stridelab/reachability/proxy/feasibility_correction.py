@@ -24,11 +24,11 @@ from stridelab.conventions import Points, Series
 from stridelab.errors import Fault, NotFound, UnreadableFile
 from stridelab.reachability.card import Matrix, Triple
 from stridelab.reachability.gaussian_mixture import Mixture
-from stridelab.reachability.kinematics.ik_ground_truth import Contacts
+from stridelab.reachability.kinematics.ik_ground_truth import ContactBatch
 from stridelab.reachability.learning.fit import expectation_maximisation
 from stridelab.reachability.proxy.effector_proxy import Frame, Proxy
-from stridelab.reachability.random_contacts import HAND, SOLES, Pairs
-from stridelab.reachability.standing_conditions import about
+from stridelab.reachability.random_contacts import HAND, SOLES, LabelledPairs
+from stridelab.reachability.standing_conditions import axis_rotations
 from stridelab.resources import models_dir
 from stridelab.robots.card import robot_names
 
@@ -46,7 +46,7 @@ class FlatDensity:
     means: tuple[Triple, ...]
     covariances: tuple[Matrix, ...]
 
-    def proxy(self) -> Proxy:
+    def to_proxy(self) -> Proxy:
         """The density in its frame. Raises ``InvalidInput`` (``mixture-invalid``)."""
         return Proxy(Mixture(*(np.array(part) for part in (self.weights, self.means, self.covariances))), self.frame)
 
@@ -64,30 +64,30 @@ class FeasibilityCard:
     effectors: dict[str, FlatDensity]
 
 
-def log_density(proxies: Mapping[str, Proxy], contacts: Contacts, com_m: Points) -> Series:
+def log_density(proxies: Mapping[str, Proxy], contacts: ContactBatch, com_m: Points) -> Series:
     """``sum_i log p_i(c)`` of (4.13), nats, for many contact sets with one CoM ``(n, 3)`` each."""
     total = np.zeros(len(com_m))
     for name in contacts.targets:
-        local_m = seen_from(proxies[name].frame, contacts, name, com_m)
+        local_m = com_in_frame(proxies[name].frame, contacts, name, com_m)
         total += proxies[name].mixture.log_density(local_m)
     return total
 
 
-def seen_from(frame: Frame, contacts: Contacts, name: str, com_m: Points) -> Points:
+def com_in_frame(frame: Frame, contacts: ContactBatch, name: str, com_m: Points) -> Points:
     """The CoM in the frame of the effector ``name``; for a point, the heading frame in both cases."""
     p, R = contacts.targets[name]
-    axes = about(2, contacts.heading_rad) if R is None or frame == "heading" else R
+    axes = axis_rotations(2, contacts.heading_rad) if R is None or frame == "heading" else R
     return np.asarray((axes.swapaxes(1, 2) @ (com_m - p)[..., None])[..., 0])
 
 
-def learned(pairs_of_soles: Pairs, pairs_with_hand: Pairs, seed: int) -> dict[str, FlatDensity]:
+def learn_feasibility(sole_pairs: LabelledPairs, hand_pairs: LabelledPairs, seed: int) -> dict[str, FlatDensity]:
     """Learn the densities of all effectors by EM; that of the left hand mirrors that of the right hand."""
-    of_soles = {name: _fitted(pairs_of_soles, name, "contact", seed) for name in SOLES}
-    right = _fitted(pairs_with_hand, HAND, "heading", seed)
+    of_soles = {name: _fit_feasible(sole_pairs, name, "contact", seed) for name in SOLES}
+    right = _fit_feasible(hand_pairs, HAND, "heading", seed)
     mirror = np.array([1.0, -1.0, 1.0])
     left = Mixture(right.weights, right.means_m * mirror, right.covariances_m2 * np.outer(mirror, mirror))
-    sole_densities = {name: _plain(mixture, "contact") for name, mixture in of_soles.items()}
-    return sole_densities | {"left_hand": _plain(left, "heading"), HAND: _plain(right, "heading")}
+    sole_densities = {name: _to_flat_density(mixture, "contact") for name, mixture in of_soles.items()}
+    return sole_densities | {"left_hand": _to_flat_density(left, "heading"), HAND: _to_flat_density(right, "heading")}
 
 
 @cache
@@ -102,7 +102,7 @@ def load_feasibility(robot_name: str) -> Mapping[str, Proxy]:
     path = models_dir() / "feasibility" / f"{robot_name}.json"
     if not path.is_file():
         raise NotFound("reachability-not-learned", f"No feasibility correction has been learned for {robot_name!r}.")
-    return MappingProxyType({name: flat.proxy() for name, flat in read_feasibility(path).effectors.items()})
+    return MappingProxyType({name: flat.to_proxy() for name, flat in read_feasibility(path).effectors.items()})
 
 
 def read_feasibility(path: Path) -> FeasibilityCard:
@@ -122,15 +122,15 @@ def save_feasibility(path: Path, card: FeasibilityCard) -> None:
     path.write_text(json.dumps(asdict(card), allow_nan=False) + "\n", encoding="utf-8")
 
 
-def _fitted(pairs: Pairs, name: str, frame: Frame, seed: int) -> Mixture:
+def _fit_feasible(pairs: LabelledPairs, name: str, frame: Frame, seed: int) -> Mixture:
     feasible = np.flatnonzero(pairs.feasible)
-    feasible_pairs = pairs.taken(feasible)
+    feasible_pairs = pairs.select(feasible)
     return expectation_maximisation(
-        seen_from(frame, feasible_pairs.contacts, name, feasible_pairs.com_m), COMPONENTS, seed
+        com_in_frame(frame, feasible_pairs.contacts, name, feasible_pairs.com_m), COMPONENTS, seed
     )[0]
 
 
-def _plain(mixture: Mixture, frame: Frame) -> FlatDensity:
+def _to_flat_density(mixture: Mixture, frame: Frame) -> FlatDensity:
     parts = (mixture.weights, mixture.means_m, mixture.covariances_m2)
     fields = {name: part.tolist() for name, part in zip(("weights", "means", "covariances"), parts, strict=True)}
     return TypeAdapter(FlatDensity).validate_python({"frame": frame, **fields})

@@ -19,9 +19,9 @@ CELLS: Final = 64
 """Grid points along the longest of the three axes."""
 TAILS: Final = (0.1, 99.9)
 """Percentiles of the kernel centres that the grid covers."""
-BEYOND: Final = 3.0
+MARGIN_BANDWIDTHS: Final = 3.0
 """Margin of the grid in bandwidths."""
-ACROSS: Final = ((1, 2), (0, 2), (0, 1))
+PLOT_AXES: Final = ((1, 2), (0, 2), (0, 1))
 """Horizontal and vertical axes of a projection along x, y and z."""
 
 Map = Float[np.ndarray, "up right"]
@@ -43,7 +43,7 @@ class Grid:
 def grid_around(kernels: KernelDensity) -> Grid:
     """A grid that covers all but the outermost kernels."""
     low, high = np.percentile(kernels.centres_m, TAILS, axis=0)
-    low, high = low - BEYOND * kernels.bandwidth_m, high + BEYOND * kernels.bandwidth_m
+    low, high = low - MARGIN_BANDWIDTHS * kernels.bandwidth_m, high + MARGIN_BANDWIDTHS * kernels.bandwidth_m
     step_m = float((high - low).max() / (CELLS - 1))
     nx, ny, nz = (int(n) for n in np.ceil((high - low) / step_m - 1e-9).astype(int) + 1)
     return Grid(low, step_m, (nx, ny, nz))
@@ -51,19 +51,19 @@ def grid_around(kernels: KernelDensity) -> Grid:
 
 def project_kernels(kernels: KernelDensity, grid: Grid, along: int) -> Map:
     """The kernel density (per m^2) projected along axis ``along``: rows go up, columns to the right (``ACROSS``)."""
-    right, up = ACROSS[along]
+    right, up = PLOT_AXES[along]
     h = kernels.bandwidth_m
 
-    def bells(axis: int) -> Float[np.ndarray, "points kernels"]:
+    def kernel_values(axis: int) -> Float[np.ndarray, "points kernels"]:
         z = (grid.axis_m(axis)[:, None] - kernels.centres_m[:, axis]) / h
         return np.asarray(np.exp(-0.5 * z**2) / (np.sqrt(2 * np.pi) * h))
 
-    return np.asarray(bells(up) @ bells(right).T / len(kernels.centres_m))
+    return np.asarray(kernel_values(up) @ kernel_values(right).T / len(kernels.centres_m))
 
 
 def project_mixture(mixture: Mixture, grid: Grid, along: int) -> Map:
     """The mixture (per m^2) projected along axis ``along``, as ``project_kernels``."""
-    right, up = ACROSS[along]
+    right, up = PLOT_AXES[along]
     u, v = np.meshgrid(grid.axis_m(right), grid.axis_m(up))
     points = np.stack([u, v], axis=-1)
     density = np.zeros(u.shape)

@@ -10,7 +10,7 @@ from pathlib import Path, PurePosixPath
 from typing import Final
 
 from stridelab.errors import Fault, UnreadableFile
-from stridelab.recordings.files.opensim_zip import ZIP_ERRORS, damaged, has_ground_forces
+from stridelab.recordings.files.opensim_zip import ZIP_ERRORS, damaged_zip_error, has_ground_forces
 from stridelab.recordings.files.recording_files import recordings_among
 
 TRC: Final = ".trc"
@@ -31,7 +31,7 @@ class BatchLimits:
 
 
 @dataclass(frozen=True)
-class Unpacked:
+class UnpackedBatch:
     """Unpacked members as (path inside the zip, unpacked file), and the content of the subject table or None."""
 
     files: tuple[tuple[str, Path], ...]
@@ -47,13 +47,13 @@ def is_batch(path: Path) -> bool:
         return False
     try:
         with zipfile.ZipFile(path) as archive:
-            suffixes = [_suffix(member) for member in _recordings(_members(archive))]
+            suffixes = [_member_suffix(member) for member in _recording_members(_file_members(archive))]
             return any(suffix != TRC for suffix in suffixes) or len(suffixes) > 1
     except (zipfile.BadZipFile, OSError, NotImplementedError, ValueError):
         return False
 
 
-def unpack_batch(path: Path, folder: Path, limits: BatchLimits) -> Unpacked:
+def unpack_batch(path: Path, folder: Path, limits: BatchLimits) -> UnpackedBatch:
     """Unpack the recordings of a zip into ``folder`` as ``member-0000`` ...
 
     Reading stops at the limits regardless of the sizes in the zip's directory. Raises ``UnreadableFile``
@@ -62,50 +62,52 @@ def unpack_batch(path: Path, folder: Path, limits: BatchLimits) -> Unpacked:
     """
     try:
         with zipfile.ZipFile(path) as archive:
-            members = _members(archive)
-            recordings = _recordings(members)
-            tables = [member for member in members if _suffix(member) == TABLE]
-            _refuse(path.name, recordings, tables, limits)
-            _refuse_loose_forces(archive, members, recordings)
+            members = _file_members(archive)
+            recordings = _recording_members(members)
+            tables = [member for member in members if _member_suffix(member) == TABLE]
+            _check_contents(path.name, recordings, tables, limits)
+            _check_unassigned_forces(archive, members, recordings)
             left, files = limits.total_bytes, []
             for index, member in enumerate(recordings):
                 target = folder / f"member-{index:04d}"
-                left -= _unpack(archive, member, target, min(left, limits.file_bytes), limits)
-                files.append((_plain(member), target))
-            return Unpacked(tuple(files), _table(archive, tables, limits))
+                left -= _unpack_member(archive, member, target, min(left, limits.file_bytes), limits)
+                files.append((_member_name(member), target))
+            return UnpackedBatch(tuple(files), _read_table(archive, tables, limits))
     except ZIP_ERRORS as error:
-        raise damaged(path, error) from error
+        raise damaged_zip_error(path, error) from error
 
 
-def _refuse(name: str, recordings: list[zipfile.ZipInfo], tables: list[zipfile.ZipInfo], limits: BatchLimits) -> None:
+def _check_contents(
+    name: str, recordings: list[zipfile.ZipInfo], tables: list[zipfile.ZipInfo], limits: BatchLimits
+) -> None:
     if len(recordings) > limits.files:
         message = f"The zip holds {len(recordings)} recordings; at most {limits.files} are taken at a time."
         raise UnreadableFile("zip-too-many-files", message, [Fault(name, "too many files")])
     if len(tables) > 1:
-        faults = [Fault(_plain(table)[:120], "one of several") for table in tables[:10]]
+        faults = [Fault(_member_name(table)[:120], "one of several") for table in tables[:10]]
         raise UnreadableFile(
             "zip-several-tables", "The zip holds more than one .csv; one subject table is read.", faults
         )
-    names = [_plain(member) for member in recordings]
+    names = [_member_name(member) for member in recordings]
     twice = sorted({each for each in names if names.count(each) > 1})
     if twice:
         faults = [Fault(each[:120], "twice in the zip") for each in twice[:10]]
         raise UnreadableFile("zip-name-twice", "The zip holds two files of the same name.", faults)
 
 
-def _refuse_loose_forces(
+def _check_unassigned_forces(
     archive: zipfile.ZipFile, members: list[zipfile.ZipInfo], recordings: list[zipfile.ZipInfo]
 ) -> None:
     """Raise if TRC files would be read without the force files beside them."""
-    trials = [_plain(member) for member in recordings if _suffix(member) == TRC]
+    trials = [_member_name(member) for member in recordings if _member_suffix(member) == TRC]
     if not trials:
         return
     forces = []
     for member in members:
-        if _suffix(member) in FORCES:
+        if _member_suffix(member) in FORCES:
             with archive.open(member) as file:
                 if has_ground_forces(file.read(HEAD_BYTES).decode("utf-8-sig", errors="replace")):
-                    forces.append(_plain(member))
+                    forces.append(_member_name(member))
     if forces:
         message = (
             "The zip holds several recordings, TRC files and force files among them; it is not known which of these "
@@ -115,53 +117,55 @@ def _refuse_loose_forces(
         raise UnreadableFile("zip-several-trials", message, faults)
 
 
-def _unpack(archive: zipfile.ZipFile, member: zipfile.ZipInfo, target: Path, limit: int, limits: BatchLimits) -> int:
+def _unpack_member(
+    archive: zipfile.ZipFile, member: zipfile.ZipInfo, target: Path, limit: int, limits: BatchLimits
+) -> int:
     written = 0
     with archive.open(member) as source, target.open("wb") as file:
         while piece := source.read(PIECE_BYTES):
             written += len(piece)
             if written > limit:
-                raise _bomb(member, limits)
+                raise _zip_bomb_error(member, limits)
             file.write(piece)
     return written
 
 
-def _table(archive: zipfile.ZipFile, tables: list[zipfile.ZipInfo], limits: BatchLimits) -> bytes | None:
+def _read_table(archive: zipfile.ZipFile, tables: list[zipfile.ZipInfo], limits: BatchLimits) -> bytes | None:
     if not tables:
         return None
     with archive.open(tables[0]) as source:
         content = source.read(TABLE_BYTES + 1)
     if len(content) > TABLE_BYTES:
-        raise _bomb(tables[0], limits)
+        raise _zip_bomb_error(tables[0], limits)
     return content
 
 
-def _bomb(member: zipfile.ZipInfo, limits: BatchLimits) -> UnreadableFile:
+def _zip_bomb_error(member: zipfile.ZipInfo, limits: BatchLimits) -> UnreadableFile:
     return UnreadableFile(
         "zip-bomb",
         f"The zip unpacks to more than {limits.file_bytes / 1e6:g} MB a file "
         f"or {limits.total_bytes / 1e6:g} MB in all.",
-        [Fault(_plain(member)[:120], "too large when unpacked")],
+        [Fault(_member_name(member)[:120], "too large when unpacked")],
     )
 
 
-def _members(archive: zipfile.ZipFile) -> list[zipfile.ZipInfo]:
-    return [m for m in archive.infolist() if not m.is_dir() and not _is_litter(_plain(m))]
+def _file_members(archive: zipfile.ZipFile) -> list[zipfile.ZipInfo]:
+    return [m for m in archive.infolist() if not m.is_dir() and not _is_system_file(_member_name(m))]
 
 
-def _recordings(members: list[zipfile.ZipInfo]) -> list[zipfile.ZipInfo]:
-    names = {str(name) for name in recordings_among(PurePosixPath(_plain(member)) for member in members)}
-    return [member for member in members if str(PurePosixPath(_plain(member))) in names]
+def _recording_members(members: list[zipfile.ZipInfo]) -> list[zipfile.ZipInfo]:
+    names = {str(name) for name in recordings_among(PurePosixPath(_member_name(member)) for member in members)}
+    return [member for member in members if str(PurePosixPath(_member_name(member))) in names]
 
 
-def _plain(member: zipfile.ZipInfo) -> str:
+def _member_name(member: zipfile.ZipInfo) -> str:
     """Name of a member inside the zip, with forward slashes."""
     return member.filename.replace("\\", "/").removeprefix("./")
 
 
-def _suffix(member: zipfile.ZipInfo) -> str:
-    return Path(_plain(member).rpartition("/")[2]).suffix.lower()
+def _member_suffix(member: zipfile.ZipInfo) -> str:
+    return Path(_member_name(member).rpartition("/")[2]).suffix.lower()
 
 
-def _is_litter(name: str) -> bool:
+def _is_system_file(name: str) -> bool:
     return name.startswith("__MACOSX/") or name.rpartition("/")[2].startswith(".")

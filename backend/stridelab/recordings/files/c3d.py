@@ -13,7 +13,7 @@ from stridelab.errors import Fault, UnreadableFile
 from stridelab.recordings.files import marker_labels as names
 from stridelab.recordings.files.c3d_ezc3d import EZC3D_ERRORS, open_c3d
 from stridelab.recordings.files.metadata import read_events, read_joint_widths_m, read_subject
-from stridelab.recordings.files.raw import LARGEST, Cloud, PlateSignals, RawTrial
+from stridelab.recordings.files.raw import LARGEST_PLAUSIBLE, Cloud, PlateSignals, RawTrial
 from stridelab.recordings.files.recording_date import recorded_on
 from stridelab.recordings.files.units import length_scale, moment_scale
 from stridelab.recordings.force_plates import CHANNELS, corners_fault, sensor_wrench
@@ -39,13 +39,13 @@ class Parameters:
         """Names of a group's parameters, in upper case."""
         return list(self._tree.get(group, {}))
 
-    def _value(self, group: str, name: str) -> Any:
+    def _raw_value(self, group: str, name: str) -> Any:
         return self._tree.get(group, {}).get(name, {}).get("value", [])
 
     def numbers(self, group: str, name: str) -> Float[np.ndarray, "..."]:
         """Values as a float array in the file's shape; empty where absent or not numeric."""
         try:
-            return np.asarray(self._value(group, name), dtype=np.float64)
+            return np.asarray(self._raw_value(group, name), dtype=np.float64)
         except (TypeError, ValueError):
             return np.zeros(0)
 
@@ -56,7 +56,7 @@ class Parameters:
 
     def texts(self, group: str, name: str) -> list[str]:
         """The values without surrounding blanks; empty where absent."""
-        value = self._value(group, name)
+        value = self._raw_value(group, name)
         return [str(text).strip() for text in value] if isinstance(value, list) else []
 
     def text(self, group: str, name: str) -> str:
@@ -91,7 +91,7 @@ def read_c3d(path: Path) -> RawTrial:
     column = list(choice.column.values())
     scale, unit_remarks = length_scale(P.text("POINT", "UNITS"), cloud[:, column, :])
     subject, subject_remarks = read_subject(_stated_subject(P))
-    plates, plate_remarks = _plates(P, analogs, scale)
+    plates, plate_remarks = _read_plates(P, analogs, scale)
     return RawTrial(
         labels=tuple(choice.column),
         outputs=choice.outputs,
@@ -101,27 +101,27 @@ def read_c3d(path: Path) -> RawTrial:
         plates=plates,
         contacts=(),
         subject=subject,
-        events=_events(P, int(content["header"]["points"]["first_frame"]), rate_hz),
+        events=_read_events(P, int(content["header"]["points"]["first_frame"]), rate_hz),
         up_hint=_SCREEN.get(P.text("POINT", "Y_SCREEN").upper()),
         remarks=(*choice.remarks, *unit_remarks, *subject_remarks, *plate_remarks),
         metres_per_unit=scale,
         joint_widths_m=read_joint_widths_m(
             {name: P.number("PROCESSING", name, math.nan) for name in P.names("PROCESSING")}
         ),
-        carried=_carried(P),
+        carried=_embedded_texts(P),
         recorded_on=recorded_on(P.texts, lambda group, name: P.numbers(group, name).ravel().tolist()),
     )
 
 
-def _choose_labels(P: Parameters, cloud: Cloud) -> names.LabelChoice:
-    labels = _continued(P, "LABELS")[: cloud.shape[1]]
+def _choose_labels(P: Parameters, cloud: Cloud) -> names.LabelSelection:
+    labels = _continued_texts(P, "LABELS")[: cloud.shape[1]]
     labels += [""] * (cloud.shape[1] - len(labels))
     visible = [int(n) for n in (~np.isnan(cloud[:, :, 0])).sum(axis=0)]
-    not_positions = [name for group in _OUTPUT_LISTS for name in _continued(P, group)]
-    return names.choose(labels, visible, not_positions, _continued(P, "MODELED_MARKERS"))
+    not_positions = [name for group in _OUTPUT_LISTS for name in _continued_texts(P, group)]
+    return names.select_labels(labels, visible, not_positions, _continued_texts(P, "MODELED_MARKERS"))
 
 
-def _continued(P: Parameters, name: str) -> list[str]:
+def _continued_texts(P: Parameters, name: str) -> list[str]:
     """A list of the POINT group that continues in NAME2, NAME3 ... after 255 entries."""
     values, k = P.texts("POINT", name), 2
     while more := P.texts("POINT", f"{name}{k}"):
@@ -129,7 +129,7 @@ def _continued(P: Parameters, name: str) -> list[str]:
     return values
 
 
-def _carried(P: Parameters) -> dict[str, str]:
+def _embedded_texts(P: Parameters) -> dict[str, str]:
     """Texts of ``CARRIED_GROUP``, joined from their pieces."""
     pieces = {name.lower(): P.texts(CARRIED_GROUP, name) for name in P.names(CARRIED_GROUP)}
     return {name: "".join(texts) for name, texts in pieces.items() if texts}
@@ -147,7 +147,7 @@ def _stated_subject(P: Parameters) -> dict[str, float]:
     return stated
 
 
-def _events(P: Parameters, first_frame: int, rate_hz: float) -> tuple[Event, ...]:
+def _read_events(P: Parameters, first_frame: int, rate_hz: float) -> tuple[Event, ...]:
     """Events of the file; EVENT:TIMES is 2 x n, minutes and seconds."""
     times = P.numbers("EVENT", "TIMES")
     if times.size == 0:
@@ -157,7 +157,7 @@ def _events(P: Parameters, first_frame: int, rate_hz: float) -> tuple[Event, ...
     return read_events(P.texts("EVENT", "LABELS"), P.texts("EVENT", "CONTEXTS"), seconds, first_frame, rate_hz)
 
 
-def _plates(P: Parameters, analogs: np.ndarray, scale: float) -> tuple[tuple[PlateSignals, ...], list[Remark]]:
+def _read_plates(P: Parameters, analogs: np.ndarray, scale: float) -> tuple[tuple[PlateSignals, ...], list[Remark]]:
     group = "FORCE_PLATFORM"
     kinds = P.numbers(group, "TYPE").ravel()
     n = min(int(P.number(group, "USED", 0.0)), len(kinds))
@@ -192,7 +192,7 @@ def _plates(P: Parameters, analogs: np.ndarray, scale: float) -> tuple[tuple[Pla
             matrix = matrix.T
         origin_m = origin.reshape(3, -1)[:, k] * scale
         signals = np.where(np.isnan(analogs[:, used]), 0.0, analogs[:, used])
-        if (np.abs(signals) > LARGEST).any():
+        if (np.abs(signals) > LARGEST_PLAUSIBLE).any():
             remarks.append(
                 Remark("plate-unusable", f"Plate {k + 1} was left out: its channels hold impossible values.")
             )

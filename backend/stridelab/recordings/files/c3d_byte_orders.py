@@ -19,11 +19,11 @@ from stridelab.recordings.files.c3d_records import (
     DEC,
     INTEL,
     Record,
-    continued,
-    floats,
+    decode_floats,
+    find_continued,
+    find_parameter,
     group_numbers,
-    numbers,
-    parameter,
+    numeric_values,
 )
 from stridelab.recordings.files.c3d_validation import CheckedC3d
 
@@ -33,7 +33,7 @@ AnalogValues = Float32[np.ndarray, "frames analog_values"]
 _EVENT_TIMES = slice(304, 376)
 _TYPES = {("ANALOG", "OFFSET"): 2, ("ANALOG", "SCALE"): 4, ("ANALOG", "GEN_SCALE"): 4, ("ANALOG", "RATE"): 4}
 """Parameter types of the C3D user manual: 2 for integers, 4 for floats. Other readers rely on them."""
-_MOST_ENTRIES = 255
+_MAX_ENTRIES = 255
 """Maximum number of entries of a parameter list; further entries go to NAME2, NAME3 ..."""
 
 
@@ -61,7 +61,7 @@ def read_content(path: Path, checked: CheckedC3d) -> C3dContent:
     header, records, layout = checked.header, checked.records, checked.layout
     processor = header.processor
     stated = first_number(header, records, "POINT", "SCALE") or header.scale or 1.0
-    raw = _values(content[layout.data_start : layout.end], processor, layout)
+    raw = _decode_values(content[layout.data_start : layout.data_end], processor, layout)
     points, analogs = raw[:, : 4 * layout.n_points], raw[:, 4 * layout.n_points :]
     if layout.width == 2:
         fourth = points[:, 3::4]
@@ -71,10 +71,10 @@ def read_content(path: Path, checked: CheckedC3d) -> C3dContent:
             analogs = analogs % np.float32(65536.0)
     rotations = first_number(header, records, "ROTATION", "DATA_START") or 0.0
     tail_start = (int(rotations) - 1) * BLOCK
-    tail = content[tail_start:] if processor == INTEL and tail_start >= layout.end else b""
+    tail = content[tail_start:] if processor == INTEL and tail_start >= layout.data_end else b""
     return C3dContent(
         head=_intel_head(content[:BLOCK], processor),
-        records=tuple(_as_intel(record, processor) for record in records),
+        records=tuple(_record_as_intel(record, processor) for record in records),
         layout=layout,
         points=points,
         analogs=analogs,
@@ -89,19 +89,19 @@ def write_content(file: C3dContent, *, padded: bool = True) -> bytes:
     Numbers of ANALOG get the types of the manual if that changes no value. ``padded`` fills the last block.
     """
     layout = file.layout
-    records: Sequence[Record] = _with_types(file.records)
-    records = with_numbers(records, "POINT", "USED", word(layout.n_points))
+    records: Sequence[Record] = _with_manual_types(file.records)
+    records = with_numbers(records, "POINT", "USED", int16_scalar(layout.n_points))
     records = with_numbers(records, "POINT", "SCALE", np.array([-file.scale], dtype="<f4"))
-    records = with_numbers(records, "POINT", "DATA_START", word(0))
-    n_blocks = -(-(6 + sum(len(packed(record)) for record in records)) // BLOCK)
+    records = with_numbers(records, "POINT", "DATA_START", int16_scalar(0))
+    n_blocks = -(-(6 + sum(len(record_bytes(record)) for record in records)) // BLOCK)
     values = np.concatenate([file.points, file.analogs], axis=1).astype("<f4").tobytes()
     if padded or file.tail:
         values += bytes(-len(values) % BLOCK)
     data_block = 2 + n_blocks
-    records = with_numbers(records, "POINT", "DATA_START", word(data_block))
+    records = with_numbers(records, "POINT", "DATA_START", int16_scalar(data_block))
     if file.tail:
-        records = with_numbers(records, "ROTATION", "DATA_START", word(data_block + len(values) // BLOCK))
-    section = bytes([1, 0x50, min(n_blocks, 255), INTEL]) + b"".join(packed(record) for record in records)
+        records = with_numbers(records, "ROTATION", "DATA_START", int16_scalar(data_block + len(values) // BLOCK))
+    section = bytes([1, 0x50, min(n_blocks, 255), INTEL]) + b"".join(record_bytes(record) for record in records)
     head = bytearray(file.head)
     head[0] = 2
     struct.pack_into("<2H", head, 2, layout.n_points, layout.n_channels * layout.ratio)
@@ -113,11 +113,11 @@ def write_content(file: C3dContent, *, padded: bool = True) -> bytes:
 
 def is_unsigned(records: Sequence[Record]) -> bool:
     """Whether ANALOG:FORMAT states unsigned analog counts (0 to 65535)."""
-    record = parameter(records, "ANALOG", "FORMAT")
+    record = find_parameter(records, "ANALOG", "FORMAT")
     return record is not None and "".join(record.texts()[:1]).strip().upper() == "UNSIGNED"
 
 
-def word(value: int) -> Int[np.ndarray, " one"]:
+def int16_scalar(value: int) -> Int[np.ndarray, " one"]:
     """A 16-bit count as a list of one; values above 32767 are stored as negative, as in all C3D files."""
     return np.array([value % 65536], dtype="<u2").view("<i2")
 
@@ -132,11 +132,11 @@ def with_numbers(
 
 def with_texts(records: Sequence[Record], group: str, name: str, texts: Sequence[str]) -> tuple[Record, ...]:
     """The records with a list of texts, cut into NAME, NAME2 ... of 255 entries."""
-    for k in range(0, max(len(texts), 1), _MOST_ENTRIES):
-        pieces = [text.encode("latin-1", "replace")[:_MOST_ENTRIES] for text in texts[k : k + _MOST_ENTRIES]]
+    for k in range(0, max(len(texts), 1), _MAX_ENTRIES):
+        pieces = [text.encode("latin-1", "replace")[:_MAX_ENTRIES] for text in texts[k : k + _MAX_ENTRIES]]
         width = max((len(piece) for piece in pieces), default=1) or 1
         raw = b"".join(piece.ljust(width) for piece in pieces)
-        number = str(k // _MOST_ENTRIES + 1) if k else ""
+        number = str(k // _MAX_ENTRIES + 1) if k else ""
         records = with_record(records, group, name + number, -1, (width, len(pieces)), raw)
     return tuple(records)
 
@@ -146,7 +146,7 @@ def with_record(
 ) -> tuple[Record, ...]:
     """The records with the last parameter ``group:name`` replaced, or added if absent."""
     replaced = list(records)
-    old = parameter(replaced, group, name)
+    old = find_parameter(replaced, group, name)
     if old is not None:
         replaced[replaced.index(old)] = replace(old, kind=kind, shape=shape, raw=raw)
         return tuple(replaced)
@@ -158,7 +158,7 @@ def with_record(
     return (*replaced, Record(number, name, kind=kind, shape=shape, raw=raw))
 
 
-def packed(record: Record) -> bytes:
+def record_bytes(record: Record) -> bytes:
     """Bytes of a record in Intel's number format."""
     name = record.name.encode("latin-1")
     rest = b""
@@ -169,12 +169,12 @@ def packed(record: Record) -> bytes:
     return struct.pack("bb", sign * len(name), record.group) + name + struct.pack("<H", 2 + len(rest)) + rest
 
 
-def _with_types(records: Sequence[Record]) -> tuple[Record, ...]:
+def _with_manual_types(records: Sequence[Record]) -> tuple[Record, ...]:
     """The records with the types of ``_TYPES``; offsets that do not fit 16-bit integers stay floats."""
     typed = list(records)
     for (group, name), kind in _TYPES.items():
-        for record in continued(records, group, name):
-            values = numbers(record, INTEL)
+        for record in find_continued(records, group, name):
+            values = numeric_values(record, INTEL)
             whole = np.all((values == np.rint(values)) & (np.abs(values) < 32768.0))
             if record.kind in (2, 4) and (kind == 4 or whole):
                 converted = replace(record, kind=kind, raw=values.astype("<i2" if kind == 2 else "<f4").tobytes())
@@ -182,18 +182,18 @@ def _with_types(records: Sequence[Record]) -> tuple[Record, ...]:
     return tuple(typed)
 
 
-def _as_intel(record: Record, processor: int) -> Record:
+def _record_as_intel(record: Record, processor: int) -> Record:
     if processor == INTEL or record.kind not in (2, 4):
         return record
-    values = numbers(record, processor)
+    values = numeric_values(record, processor)
     return replace(record, raw=values.astype("<i2" if record.kind == 2 else "<f4").tobytes())
 
 
-def _values(raw: bytes, processor: int, layout: Layout) -> Raw:
+def _decode_values(raw: bytes, processor: int, layout: Layout) -> Raw:
     if layout.width == 2:
         values = np.frombuffer(raw, BYTE_ORDER[processor] + "i2").astype(np.float32)
     elif processor == DEC:
-        values = floats(raw, processor).astype(np.float32)
+        values = decode_floats(raw, processor).astype(np.float32)
     else:
         values = np.frombuffer(raw, BYTE_ORDER[processor] + "f4").astype(np.float32)
     return values.reshape(layout.n_frames, layout.values_per_frame)
@@ -205,8 +205,8 @@ def _intel_head(head: bytes, processor: int) -> bytes:
     order = BYTE_ORDER[processor]
     for at in (*range(2, 12, 2), 16, 18, *range(294, 302, 2)):
         struct.pack_into("<H", converted, at, *struct.unpack_from(order + "H", head, at))
-    converted[20:24] = floats(head[20:24], processor).astype("<f4").tobytes()
-    converted[_EVENT_TIMES] = floats(head[_EVENT_TIMES], processor).astype("<f4").tobytes()
+    converted[20:24] = decode_floats(head[20:24], processor).astype("<f4").tobytes()
+    converted[_EVENT_TIMES] = decode_floats(head[_EVENT_TIMES], processor).astype("<f4").tobytes()
     return bytes(converted)
 
 
@@ -218,7 +218,7 @@ def with_points(file: C3dContent, labels: Sequence[str], tracks: Float[np.ndarra
     n = file.layout.n_points
     records: Sequence[Record] = file.records
     for name, texts in (("LABELS", list(labels)), ("DESCRIPTIONS", ["added by stridelab"] * len(labels))):
-        stated = [text for record in continued(records, "POINT", name) for text in record.texts()]
+        stated = [text for record in find_continued(records, "POINT", name) for text in record.texts()]
         if name == "LABELS" or len(stated) >= n:
             stated += [""] * (n - len(stated))
             records = with_texts(records, "POINT", name, [*stated[:n], *texts, *stated[n:]])

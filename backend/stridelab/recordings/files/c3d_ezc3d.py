@@ -19,22 +19,30 @@ import numpy as np
 
 from stridelab.recordings.files.c3d_byte_orders import (
     C3dContent,
+    int16_scalar,
     is_unsigned,
     read_content,
     with_numbers,
-    word,
     write_content,
 )
 from stridelab.recordings.files.c3d_layout import first_number
-from stridelab.recordings.files.c3d_records import INTEL, Record, Values, continued, group_numbers, numbers, read_header
+from stridelab.recordings.files.c3d_records import (
+    INTEL,
+    Record,
+    Values,
+    find_continued,
+    group_numbers,
+    numeric_values,
+    read_header,
+)
 from stridelab.recordings.files.c3d_validation import CheckedC3d, check_c3d
 
 EZC3D_ERRORS: Final = (OSError, RuntimeError, ValueError, IndexError, KeyError, MemoryError, TypeError)
 """Exceptions of ezc3d for a file that it cannot read."""
-_MOST_ENTRIES = 255
-_MOST_FRAMES = 65535
+_MAX_ENTRIES = 255
+_MAX_FRAMES = 65535
 """Maximum number of frames that ezc3d reads; longer files are read in pieces."""
-_LEAST_PIECE = 1000
+_MIN_PIECE_FRAMES = 1000
 _LONGEST_DESCRIPTION = 127
 """Longest description that ezc3d reads; it takes a longer length as negative and reads beyond the buffer."""
 _NAMES_IT_READS = ("POINT", "ANALOG", "FORCE_PLATFORM")
@@ -45,32 +53,32 @@ _HALF_RANGE = -32768.0
 def open_c3d(path: Path) -> Any:
     """Content of a file as read by ezc3d; raises ``UnreadableFile`` as ``check_c3d``, and ``EZC3D_ERRORS``."""
     checked = check_c3d(path)
-    if not misread(checked):
+    if not is_misread(checked):
         with contextlib.suppress(*EZC3D_ERRORS):  # the rewritten file may be readable
             return ezc3d.c3d(str(path))
-    read = [_rewritten(piece) for piece in _pieces(read_content(path, checked), checked.header.n_frames)]
+    read = [_read_rewritten(piece) for piece in _split_frames(read_content(path, checked), checked.header.n_frames)]
     for name in ("points", "analogs") if len(read) > 1 else ():
         read[0]["data"][name] = np.concatenate([content["data"][name] for content in read], axis=2)
     return read[0]
 
 
-def _rewritten(file: C3dContent) -> Any:
+def _read_rewritten(file: C3dContent) -> Any:
     with tempfile.TemporaryDirectory(prefix="c3d-") as folder:
         rewritten = Path(folder) / "rewritten.c3d"
-        rewritten.write_bytes(write_content(in_order(file), padded=False))
+        rewritten.write_bytes(write_content(with_consistent_counts(file), padded=False))
         return ezc3d.c3d(str(rewritten))
 
 
-def _pieces(file: C3dContent, n_in_header: int) -> Iterator[C3dContent]:
+def _split_frames(file: C3dContent, n_in_header: int) -> Iterator[C3dContent]:
     """The file split into pieces that ezc3d can read; the first has as many frames as the header states.
 
     This preserves the number of the first frame, from which event times are counted.
     """
     n = file.layout.n_frames
-    if n <= _MOST_FRAMES:
+    if n <= _MAX_FRAMES:
         yield file
         return
-    size = n_in_header if _LEAST_PIECE <= n_in_header <= _MOST_FRAMES else _MOST_FRAMES
+    size = n_in_header if _MIN_PIECE_FRAMES <= n_in_header <= _MAX_FRAMES else _MAX_FRAMES
     for i in range(0, n, size):
         layout = replace(file.layout, n_frames=min(size, n - i))
         yield replace(
@@ -78,7 +86,7 @@ def _pieces(file: C3dContent, n_in_header: int) -> Iterator[C3dContent]:
         )
 
 
-def misread(checked: CheckedC3d) -> bool:
+def is_misread(checked: CheckedC3d) -> bool:
     """Whether ezc3d would misread the file."""
     header, records, layout = checked.header, checked.records, checked.layout
     if header.processor != INTEL or layout.width == 2 or header.scale >= 0.0:
@@ -93,7 +101,7 @@ def misread(checked: CheckedC3d) -> bool:
     )
     if (scale is not None and scale >= 0.0) or (points is not None and points != layout.n_points):
         return True
-    if layout.n_frames > _MOST_FRAMES:
+    if layout.n_frames > _MAX_FRAMES:
         return True
     if frames and frames % 65536 != layout.n_frames % 65536:
         return True
@@ -102,44 +110,44 @@ def misread(checked: CheckedC3d) -> bool:
     used, analog_hz = (first_number(header, records, "ANALOG", name) for name in ("USED", "RATE"))
     if used != layout.n_channels or (rate_hz and int((analog_hz or 0.0) / rate_hz) != layout.ratio):
         return True
-    offsets = continued(records, "ANALOG", "OFFSET")
-    scales = continued(records, "ANALOG", "SCALE")
+    offsets = find_continued(records, "ANALOG", "OFFSET")
+    scales = find_continued(records, "ANALOG", "SCALE")
     if any(record.kind != 2 for record in offsets) or any(record.kind != 4 for record in scales):
         return True
     if min(sum(record.n_values for record in parts) for parts in (offsets, scales)) < layout.n_channels:
         return True
-    values = np.concatenate([numbers(record, INTEL) for record in offsets])
+    values = np.concatenate([numeric_values(record, INTEL) for record in offsets])
     return bool(((values < 0.0) & (values != _HALF_RANGE)).any())
 
 
-def in_order(file: C3dContent) -> C3dContent:
+def with_consistent_counts(file: C3dContent) -> C3dContent:
     """The file with consistent counts and analog offsets subtracted; a channel without a scale reads as NaN."""
     layout = file.layout
     header = read_header(file.head, INTEL)
     records: Sequence[Record] = [replace(r, name=r.name.upper(), description=b"") for r in file.records]
     rate_hz = first_number(header, records, "POINT", "RATE") or header.rate_hz
-    for group, value in (("POINT", rate_hz), ("ANALOG", _multiple(layout.ratio, rate_hz))):
+    for group, value in (("POINT", rate_hz), ("ANALOG", _analog_rate_hz(layout.ratio, rate_hz))):
         records = with_numbers(records, group, "RATE", np.array([value], dtype="<f4"))
-    records = with_numbers(records, "ANALOG", "USED", word(layout.n_channels))
-    records = with_numbers(records, "POINT", "FRAMES", word(layout.n_frames))
+    records = with_numbers(records, "ANALOG", "USED", int16_scalar(layout.n_channels))
+    records = with_numbers(records, "POINT", "FRAMES", int16_scalar(layout.n_frames))
     head = bytearray(file.head)
     if layout.n_frames != header.n_frames:
         struct.pack_into("<2H", head, 6, 1, layout.n_frames)
     file = replace(file, head=bytes(head))
     if layout.n_channels == 0:
         return replace(file, records=tuple(records))
-    offsets = _offsets(records, layout.n_channels)
-    scales = _listed(records, "SCALE", layout.n_channels, np.nan)
-    for k in range(0, layout.n_channels, _MOST_ENTRIES):
-        number = str(k // _MOST_ENTRIES + 1) if k else ""
-        part = scales[k : k + _MOST_ENTRIES]
+    offsets = _channel_offsets(records, layout.n_channels)
+    scales = _values_per_channel(records, "SCALE", layout.n_channels, np.nan)
+    for k in range(0, layout.n_channels, _MAX_ENTRIES):
+        number = str(k // _MAX_ENTRIES + 1) if k else ""
+        part = scales[k : k + _MAX_ENTRIES]
         records = with_numbers(records, "ANALOG", f"SCALE{number}", part.astype("<f4"))
         records = with_numbers(records, "ANALOG", f"OFFSET{number}", np.zeros(len(part), dtype="<i2"))
     analogs = file.analogs - np.tile(offsets, layout.ratio).astype(np.float32)
     return replace(file, records=tuple(records), analogs=analogs)
 
 
-def _multiple(ratio: int, rate_hz: float) -> float:
+def _analog_rate_hz(ratio: int, rate_hz: float) -> float:
     """Smallest single-precision ``ratio`` x ``rate_hz`` whose quotient ezc3d does not truncate to one sample less."""
     single = np.float32(rate_hz)
     product = np.float32(ratio * rate_hz)
@@ -148,14 +156,16 @@ def _multiple(ratio: int, rate_hz: float) -> float:
     return float(product)
 
 
-def _listed(records: Sequence[Record], name: str, n: int, absent: float) -> Values:
+def _values_per_channel(records: Sequence[Record], name: str, n: int, absent: float) -> Values:
     """One number per channel from NAME, NAME2 ...; ``absent`` if the file has none."""
-    stated = np.concatenate([np.zeros(0), *(numbers(record, INTEL) for record in continued(records, "ANALOG", name))])
+    stated = np.concatenate(
+        [np.zeros(0), *(numeric_values(record, INTEL) for record in find_continued(records, "ANALOG", name))]
+    )
     return np.concatenate([stated[:n], np.full(max(0, n - len(stated)), absent)])
 
 
-def _offsets(records: Sequence[Record], n: int) -> Values:
+def _channel_offsets(records: Sequence[Record], n: int) -> Values:
     """Offsets in counts; those of unsigned samples range up to 65535, and -32768 is read as +32768."""
-    offsets = _listed(records, "OFFSET", n, 0.0)
+    offsets = _values_per_channel(records, "OFFSET", n, 0.0)
     unsigned = (offsets < 0.0) if is_unsigned(records) else (offsets == _HALF_RANGE)
     return np.where(unsigned, offsets + 65536.0, offsets)

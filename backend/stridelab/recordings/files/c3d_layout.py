@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from stridelab.recordings.files.c3d_records import BLOCK, Header, Record, numbers, parameter
+from stridelab.recordings.files.c3d_records import BLOCK, Header, Record, find_parameter, numeric_values
 
 _SATURATED = 0xFFFF
 """Largest frame number in a header; longer recordings state their frames in the parameters only."""
@@ -36,15 +36,15 @@ class Layout:
         return 4 * self.n_points + self.n_channels * self.ratio
 
     @property
-    def end(self) -> int:
+    def data_end(self) -> int:
         """Offset after the last value in bytes."""
         return self.data_start + self.n_frames * self.values_per_frame * self.width
 
 
 def first_number(header: Header, records: Sequence[Record], group: str, name: str) -> float | None:
     """First value of a numeric parameter; None if absent."""
-    record = parameter(records, group, name)
-    values = np.zeros(0) if record is None else numbers(record, header.processor)
+    record = find_parameter(records, group, name)
+    values = np.zeros(0) if record is None else numeric_values(record, header.processor)
     return float(values[0]) if len(values) else None
 
 
@@ -60,14 +60,14 @@ def find_layout(header: Header, records: Sequence[Record], size: int) -> Layout:
     ratio = header.ratio or 1
     channels = header.n_analog // ratio
     stated = Layout(
-        n_frames=_frames(header, records),
+        n_frames=_frame_count(header, records),
         n_points=header.n_points,
         n_channels=channels,
         ratio=ratio if channels else 0,
         width=4 if header.scale < 0.0 else 2,
         data_start=header.data_start,
     )
-    if 0 <= size - stated.end < 2 * BLOCK:
+    if 0 <= size - stated.data_end < 2 * BLOCK:
         return stated
     options = [stated]
     if scale is not None and (scale < 0.0) != (header.scale < 0.0):
@@ -76,16 +76,16 @@ def find_layout(header: Header, records: Sequence[Record], size: int) -> Layout:
         options += [replace(option, n_points=int(points)) for option in options]
     if used is not None and 0 <= used != channels:
         options += [replace(option, n_channels=int(used), ratio=ratio) for option in options]
-    fitting = [option for option in options if option.end <= size]
-    return max(fitting, key=lambda option: option.end) if fitting else stated
+    fitting = [option for option in options if option.data_end <= size]
+    return max(fitting, key=lambda option: option.data_end) if fitting else stated
 
 
-def _frames(header: Header, records: Sequence[Record]) -> int:
+def _frame_count(header: Header, records: Sequence[Record]) -> int:
     """Frames of the header; if saturated, of TRIAL:ACTUAL_START_FIELD and _END_FIELD or POINT:FRAMES."""
     if header.last_frame != _SATURATED:
         return max(0, header.n_frames)
-    fields = [parameter(records, "TRIAL", f"ACTUAL_{end}_FIELD") for end in ("START", "END")]
-    ends = [numbers(field, header.processor) % 65536 for field in fields if field is not None]
+    fields = [find_parameter(records, "TRIAL", f"ACTUAL_{end}_FIELD") for end in ("START", "END")]
+    ends = [numeric_values(field, header.processor) % 65536 for field in fields if field is not None]
     if len(ends) == 2 and all(len(end) == 2 for end in ends):
         first, last = (int(low + 65536 * high) for low, high in ends)
         return max(header.n_frames, last - first + 1)

@@ -92,11 +92,11 @@ def read_header(head: bytes, processor: int) -> Header:
     order = BYTE_ORDER[processor]
     n_points, n_analog, first, last = struct.unpack_from(order + "4H", head, 2)
     data_block, ratio = struct.unpack_from(order + "2H", head, 16)
-    scale, rate_hz = (float(floats(head[at : at + 4], processor)[0]) for at in (12, 20))
+    scale, rate_hz = (float(decode_floats(head[at : at + 4], processor)[0]) for at in (12, 20))
     return Header(processor, n_points, n_analog, first, last, scale, data_block, ratio, rate_hz)
 
 
-def floats(raw: bytes, processor: int) -> Values:
+def decode_floats(raw: bytes, processor: int) -> Values:
     """Decode four-byte floats; DEC swaps the halves and its exponent is larger by two."""
     if processor != DEC:
         return np.frombuffer(raw, BYTE_ORDER[processor] + "f4").astype(np.float64)
@@ -104,10 +104,10 @@ def floats(raw: bytes, processor: int) -> Values:
     return np.ascontiguousarray(halves).view("<f4").ravel().astype(np.float64) / 4.0
 
 
-def numbers(record: Record, processor: int) -> Values:
+def numeric_values(record: Record, processor: int) -> Values:
     """All values of a numeric parameter in the file's order; empty for text."""
     if record.kind == 4:
-        return floats(record.raw, processor)
+        return decode_floats(record.raw, processor)
     if record.kind not in (1, 2):
         return np.zeros(0)
     return np.frombuffer(record.raw, f"{BYTE_ORDER[processor]}i{record.kind}").astype(np.float64)
@@ -118,17 +118,17 @@ def group_numbers(records: Sequence[Record]) -> dict[str, int]:
     return {record.name.upper(): -record.group for record in records if record.group < 0}
 
 
-def parameter(records: Sequence[Record], group: str, name: str) -> Record | None:
+def find_parameter(records: Sequence[Record], group: str, name: str) -> Record | None:
     """Last parameter ``group:name`` (given in upper case, matched in any case); None if absent."""
     number = group_numbers(records).get(group)
     matches = [record for record in records if record.group == number and record.name.upper() == name]
     return matches[-1] if matches else None
 
 
-def continued(records: Sequence[Record], group: str, name: str) -> list[Record]:
+def find_continued(records: Sequence[Record], group: str, name: str) -> list[Record]:
     """The parameters NAME, NAME2, NAME3 ... of a list with more than 255 entries."""
     parts: list[Record] = []
-    while (record := parameter(records, group, name + (str(len(parts) + 1) if parts else ""))) is not None:
+    while (record := find_parameter(records, group, name + (str(len(parts) + 1) if parts else ""))) is not None:
         parts.append(record)
     return parts
 
@@ -149,50 +149,50 @@ def read_records(section: bytes, processor: int, file_name: str) -> list[Record]
             link = at + 2 + abs(length)
             (step,) = struct.unpack_from(order + "H", section, link)
             if group == 0 or not name.strip(b" \0") or any(byte < 0x20 for byte in name.rstrip(b"\0")):
-                raise broken(file_name, f"a record at byte {at} has no proper name")
+                raise broken_parameters_error(file_name, f"a record at byte {at} has no proper name")
             title = name.decode("latin-1").strip()
             kind, shape, raw, end = (
-                _values(section, link + 2, title, file_name) if group > 0 else (0, (), b"", link + 2)
+                _parse_values(section, link + 2, title, file_name) if group > 0 else (0, (), b"", link + 2)
             )
             description = section[end + 1 : end + 1 + section[end]]
             end += 1 + section[end]
             if end > len(section):
-                raise truncated(file_name, "the parameter section")
+                raise truncated_file_error(file_name, "the parameter section")
             records.append(Record(group, title, length < 0, description, kind, shape, raw))
             if step == 0:
                 break
             if end > link + step:
-                raise broken(file_name, f"the record {title} overlaps the next one")
+                raise broken_parameters_error(file_name, f"the record {title} overlaps the next one")
             if link + step > len(section) and not section[end:].strip(b"\0"):
                 break  # the offset of the last record points beyond the section
             at = link + step
     except (struct.error, IndexError) as error:
-        raise truncated(file_name, "the parameter section") from error
+        raise truncated_file_error(file_name, "the parameter section") from error
     return records
 
 
-def _values(section: bytes, at: int, name: str, file_name: str) -> tuple[int, tuple[int, ...], bytes, int]:
+def _parse_values(section: bytes, at: int, name: str, file_name: str) -> tuple[int, tuple[int, ...], bytes, int]:
     """Type, dimensions and values of a parameter, and the offset of their end."""
     (kind,) = struct.unpack_from("b", section, at)
     n_dimensions = section[at + 1]
     if kind not in (-1, 1, 2, 4) or n_dimensions > 7:
-        raise broken(file_name, f"a parameter of type {kind} with {n_dimensions} dimensions")
+        raise broken_parameters_error(file_name, f"a parameter of type {kind} with {n_dimensions} dimensions")
     if kind == -1 and n_dimensions == 0:
-        raise broken(file_name, f"{name} is text without a length")  # ezc3d crashes on it
+        raise broken_parameters_error(file_name, f"{name} is text without a length")  # ezc3d crashes on it
     start = at + 2 + n_dimensions
     shape = tuple(section[at + 2 : start])
     end = start + abs(kind) * math.prod(shape)
     return kind, shape, section[start:end], end
 
 
-def truncated(file_name: str, what: str) -> UnreadableFile:
+def truncated_file_error(file_name: str, what: str) -> UnreadableFile:
     """Error for a file that ends too early (``truncated-file``)."""
     return UnreadableFile(
         "truncated-file", f"The C3D file ends in the middle of {what}.", [Fault(file_name, "truncated")]
     )
 
 
-def broken(file_name: str, what: str) -> UnreadableFile:
+def broken_parameters_error(file_name: str, what: str) -> UnreadableFile:
     """Error for a damaged parameter section (``c3d-parameters-broken``)."""
     return UnreadableFile(
         "c3d-parameters-broken", "The C3D file's parameter section is damaged.", [Fault(file_name, what)]

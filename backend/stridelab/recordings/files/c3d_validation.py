@@ -16,11 +16,11 @@ from stridelab.recordings.files.c3d_records import (
     BYTE_ORDER,
     Header,
     Record,
-    broken,
+    broken_parameters_error,
     group_numbers,
     read_header,
     read_records,
-    truncated,
+    truncated_file_error,
 )
 
 _LAST_PARAMETER_BLOCK = 20
@@ -62,21 +62,21 @@ def check_c3d(path: Path) -> CheckedC3d:
         if len(head) < 2 or head[1] != 0x50 or not 2 <= head[0] <= _LAST_PARAMETER_BLOCK:
             raise UnreadableFile("not-c3d", "This is not a C3D file.", [Fault(path.name, "no C3D key in the header")])
         if len(head) < BLOCK or size < head[0] * BLOCK:
-            raise truncated(path.name, "the header")
+            raise truncated_file_error(path.name, "the header")
         begin = (head[0] - 1) * BLOCK
         file.seek(begin)
         start = file.read(4)
         if start[3] not in BYTE_ORDER:
-            raise broken(path.name, f"unknown processor type {start[3]}")
+            raise broken_parameters_error(path.name, f"unknown processor type {start[3]}")
         header = read_header(head, start[3])
         section = start + file.read(max(start[2] * BLOCK, header.data_start - begin) - 4)
     records = tuple(read_records(section, header.processor, path.name))
     if not records:
-        raise broken(path.name, f"it holds no parameters; its stated length is {start[2]} blocks")
+        raise broken_parameters_error(path.name, f"it holds no parameters; its stated length is {start[2]} blocks")
     _check_counts(path, header)
     layout = find_layout(header, records, size)
-    if layout.values_per_frame and (header.data_block < 2 or layout.end > size):
-        raise truncated(path.name, "its frames")
+    if layout.values_per_frame and (header.data_block < 2 or layout.data_end > size):
+        raise truncated_file_error(path.name, "its frames")
     _check_numbers(path, records)
     if header.n_analog:
         _check_rates(path, header, records)
@@ -107,9 +107,9 @@ def _check_numbers(path: Path, records: Sequence[Record]) -> None:
         if name not in _NUMBERS.get(group, ()):
             continue
         if record.is_text:
-            raise broken(path.name, f"{group}:{name} is text, not a number")
+            raise broken_parameters_error(path.name, f"{group}:{name} is text, not a number")
         if name in _SINGLE and record.n_values == 0:
-            raise broken(path.name, f"{group}:{name} has no value")
+            raise broken_parameters_error(path.name, f"{group}:{name} has no value")
 
 
 def _check_rates(path: Path, header: Header, records: Sequence[Record]) -> None:
@@ -120,4 +120,6 @@ def _check_rates(path: Path, header: Header, records: Sequence[Record]) -> None:
         return
     per_frame = abs(used * rate_hz / frames_hz)
     if not (per_frame <= _MAX_ANALOG_PER_FRAME and per_frame * header.n_frames <= _MAX_VALUES):
-        raise broken(path.name, f"ANALOG:RATE is {rate_hz:g} Hz, for {used:g} channels and POINT:RATE {frames_hz:g} Hz")
+        raise broken_parameters_error(
+            path.name, f"ANALOG:RATE is {rate_hz:g} Hz, for {used:g} channels and POINT:RATE {frames_hz:g} Hz"
+        )

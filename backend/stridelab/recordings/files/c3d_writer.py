@@ -14,7 +14,7 @@ from stridelab.conventions import Points
 from stridelab.errors import Fault, InvalidInput
 from stridelab.recordings.files.c3d import CARRIED_GROUP, read_c3d
 from stridelab.recordings.files.c3d_byte_orders import read_content, with_points, write_content
-from stridelab.recordings.files.c3d_records import continued
+from stridelab.recordings.files.c3d_records import find_continued
 from stridelab.recordings.files.c3d_validation import check_c3d
 from stridelab.recordings.force_plates import plate_axes
 from stridelab.recordings.orientation import rotation_to_z_up
@@ -22,7 +22,7 @@ from stridelab.recordings.reader import up_axis_of
 from stridelab.recordings.recording import Plate, Recording
 
 _TEXT_CHUNK = 100
-_MOST_FRAMES = 65535
+_MAX_FRAMES = 65535
 """Maximum number of frames in the header of a C3D file; larger counts go to the TRIAL group."""
 _KIND = {"foot_strike": "Foot Strike", "foot_off": "Foot Off"}
 
@@ -39,7 +39,7 @@ def write_c3d(path: Path, recording: Recording, *, extra_points: Mapping[str, Po
     content = ezc3d.c3d()
     parameters = content["parameters"]
     cloud = np.stack([np.asarray(track, dtype=np.float64) for track in points.values()], axis=1)
-    content["data"]["points"] = homogeneous(1000.0 * cloud)
+    content["data"]["points"] = homogeneous_points(1000.0 * cloud)
     parameters["POINT"]["RATE"]["value"] = np.array([recording.marker_rate_hz])
     parameters["POINT"]["UNITS"]["value"] = ["mm"]
     parameters["POINT"]["LABELS"]["value"] = list(points)
@@ -47,7 +47,7 @@ def write_c3d(path: Path, recording: Recording, *, extra_points: Mapping[str, Po
     content.add_parameter("POINT", "Y_SCREEN", "+Z")
     if recording.model_points_m:
         content.add_parameter("POINT", "MODELED_MARKERS", list(recording.model_points_m))
-    if recording.n_frames > _MOST_FRAMES:
+    if recording.n_frames > _MAX_FRAMES:
         _add_frame_count(content, recording.n_frames)
     _add_plates(content, recording)
     _add_events(content, recording)
@@ -62,8 +62,8 @@ def write_c3d(path: Path, recording: Recording, *, extra_points: Mapping[str, Po
     if recording.subject.sex is not None:
         content.add_parameter(CARRIED_GROUP, "GENDER", [1.0 if recording.subject.sex == "male" else 0.0])
     for key, text in recording.carried.items():
-        content.add_parameter(CARRIED_GROUP, key.upper(), chunks(text))
-    _write(content, path)
+        content.add_parameter(CARRIED_GROUP, key.upper(), split_text(text))
+    _write_atomically(content, path)
 
 
 def add_points_to_c3d(source: Path, target: Path, points: Mapping[str, Points]) -> None:
@@ -78,7 +78,7 @@ def add_points_to_c3d(source: Path, target: Path, points: Mapping[str, Points]) 
     R = rotation_to_z_up(up_axis_of(raw))
     file = read_content(source, check_c3d(source))
     n_frames = file.layout.n_frames
-    taken = {label for record in continued(file.records, "POINT", "LABELS") for label in record.texts()}
+    taken = {label for record in find_continued(file.records, "POINT", "LABELS") for label in record.texts()}
     labels: list[str] = []
     for label, track in points.items():
         if len(track) != n_frames:
@@ -93,13 +93,13 @@ def add_points_to_c3d(source: Path, target: Path, points: Mapping[str, Points]) 
         shutil.move(written, target)
 
 
-def homogeneous(cloud: Float[np.ndarray, "frames points 3"]) -> Float[np.ndarray, "4 points frames"]:
+def homogeneous_points(cloud: Float[np.ndarray, "frames points 3"]) -> Float[np.ndarray, "4 points frames"]:
     """Points in the array layout of ezc3d: (x, y, z, 1) by point by frame."""
     ones = np.ones((*cloud.shape[:2], 1))
     return np.ascontiguousarray(np.concatenate([cloud, ones], axis=2).transpose(2, 1, 0))
 
 
-def chunks(text: str) -> list[str]:
+def split_text(text: str) -> list[str]:
     """Split a text into C3D strings, never next to a blank: blanks at the ends of C3D strings are lost."""
     parts: list[str] = []
     while text:
@@ -129,7 +129,7 @@ def _add_plates(content: Any, recording: Recording) -> None:
     for k, plate in enumerate(plates, start=1):
         force, moment = _plate_signals(plate)
         for track, name, unit in ((force, "F", "N"), (1000.0 * moment, "M", "Nmm")):
-            channels.append(_resample(track, recording.force_rate_hz, n, rate_hz))
+            channels.append(_resample_track(track, recording.force_rate_hz, n, rate_hz))
             labels += [f"{name}{axis}{k}" for axis in "xyz"]
             units += [unit] * 3
     m = len(plates)
@@ -162,7 +162,7 @@ def _plate_signals(plate: Plate) -> tuple[Points, Points]:
     return plate.force_n @ R, (plate.moment_nm - np.cross(c, plate.force_n)) @ R
 
 
-def _resample(track: Points, from_hz: float, n: int, to_hz: float) -> Float[np.ndarray, "m 3"]:
+def _resample_track(track: Points, from_hz: float, n: int, to_hz: float) -> Float[np.ndarray, "m 3"]:
     time_s, at_s = np.arange(len(track)) / from_hz, np.arange(n) / to_hz
     return np.column_stack([np.interp(at_s, time_s, track[:, j]) for j in range(3)])
 
@@ -178,7 +178,7 @@ def _add_events(content: Any, recording: Recording) -> None:
     content.add_parameter("EVENT", "TIMES", times)
 
 
-def _write(content: Any, path: Path) -> None:
+def _write_atomically(content: Any, path: Path) -> None:
     """Write to a temporary .c3d file (ezc3d requires the suffix) and move it to ``path`` atomically."""
     with tempfile.TemporaryDirectory(dir=path.parent, prefix=".c3d-") as folder:
         written = Path(folder) / "out.c3d"

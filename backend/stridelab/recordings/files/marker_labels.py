@@ -16,7 +16,7 @@ _FRAME_SUFFIXES = ("O", "A", "L", "P")
 
 
 @dataclass(frozen=True)
-class LabelChoice:
+class LabelSelection:
     """``column`` maps each selected label to its column in the file; ``outputs`` are those of computed positions."""
 
     column: dict[str, int]
@@ -37,9 +37,9 @@ def model_frames(labels: Iterable[str]) -> frozenset[str]:
     return frozenset(stem + end for stem in complete for end in _FRAME_SUFFIXES)
 
 
-def choose(
+def select_labels(
     labels: Sequence[str], visible: Sequence[int], not_positions: Iterable[str], modelled: Iterable[str]
-) -> LabelChoice:
+) -> LabelSelection:
     """Select one column per marker.
 
     ``visible`` counts the frames in which each point is visible; ``not_positions`` are the names that the file lists as
@@ -79,7 +79,7 @@ def choose(
     if {"LHDF0", "RHDF0"} & set(column):
         computed |= {name for name in column if _OXFORD_FOOT.match(name)}
     outputs = frozenset(name for name in column if name in computed or _COMPUTED.match(name))
-    return LabelChoice(column, outputs, tuple(remarks))
+    return LabelSelection(column, outputs, tuple(remarks))
 
 
 def _other_subjects(labels: Sequence[str], visible: Sequence[int], dropped: set[int]) -> set[int]:

@@ -70,7 +70,7 @@ def read_subject(stated: Mapping[str, float]) -> tuple[Subject, tuple[Remark, ..
     values = {key.lower().replace(" ", "").replace("_", ""): value for key, value in stated.items()}
     remarks: list[Remark] = []
 
-    def pick(names: tuple[str, ...], what: str, limits: tuple[float, float]) -> float | None:
+    def first_valid(names: tuple[str, ...], what: str, limits: tuple[float, float]) -> float | None:
         for name in names:
             value = values.get(name)
             if value is None or math.isnan(value):
@@ -84,9 +84,9 @@ def read_subject(stated: Mapping[str, float]) -> tuple[Subject, tuple[Remark, ..
             )
         return None
 
-    height_m = pick(("height", "bodyheight"), "height", HEIGHT_RANGE_M)
-    mass_kg = pick(("weight", "bodymass", "mass", "bodyweight"), "mass", MASS_RANGE_KG)
-    age_years = pick(("age",), "age", AGE_RANGE_YEARS)
+    height_m = first_valid(("height", "bodyheight"), "height", HEIGHT_RANGE_M)
+    mass_kg = first_valid(("weight", "bodymass", "mass", "bodyweight"), "mass", MASS_RANGE_KG)
+    age_years = first_valid(("age",), "age", AGE_RANGE_YEARS)
     gender = values.get("gender", values.get("sex"))
     sex: Sex | None = None
     if gender is not None and gender in (0.0, 1.0):

@@ -34,16 +34,16 @@ class TrialTexts:
     mot_name: str
 
 
-def damaged(path: Path, error: Exception) -> UnreadableFile:
+def damaged_zip_error(path: Path, error: Exception) -> UnreadableFile:
     """Error for an unreadable zip (``zip-damaged``)."""
     return UnreadableFile(
         "zip-damaged",
         "The zip file is damaged, encrypted or of an unknown kind.",
-        [Fault(path.name, _cause(error))],
+        [Fault(path.name, _cause_of_damage(error))],
     )
 
 
-def _cause(error: Exception) -> str:
+def _cause_of_damage(error: Exception) -> str:
     """Explanation of an exception of the zip library for users; subclasses come first."""
     causes: tuple[tuple[type[Exception], str], ...] = (
         (zipfile.BadZipFile, "it is not a complete zip file: its directory or a checksum does not match its contents"),
@@ -65,7 +65,7 @@ def open_trial(path: Path) -> TrialTexts:
     """
     try:
         with zipfile.ZipFile(path) as archive:
-            members = [m for m in archive.infolist() if not m.is_dir() and not _is_litter(m.filename)]
+            members = [m for m in archive.infolist() if not m.is_dir() and not _is_system_file(m.filename)]
             if len(members) > MAX_MEMBERS:
                 raise UnreadableFile(
                     "zip-too-many-files",
@@ -74,7 +74,7 @@ def open_trial(path: Path) -> TrialTexts:
                 )
             texts = _unpack_all(archive, members)
     except (*ZIP_ERRORS, OSError) as error:
-        raise damaged(path, error) from error
+        raise damaged_zip_error(path, error) from error
     trc = [name for name, text in texts.items() if is_trc(text)]
     mot = [name for name, text in texts.items() if name not in trc and has_ground_forces(text)]
     if not trc:
@@ -103,7 +103,7 @@ def has_ground_forces(text: str) -> bool:
     return "endheader" in head and "ground_force" in head.lower()
 
 
-def _is_litter(name: str) -> bool:
+def _is_system_file(name: str) -> bool:
     return name.startswith("__MACOSX/") or name.rsplit("/", 1)[-1].startswith(".")
 
 
@@ -112,12 +112,12 @@ def _unpack_all(archive: zipfile.ZipFile, members: list[zipfile.ZipInfo]) -> dic
     texts: dict[str, str] = {}
     left = MAX_TOTAL_BYTES
     for member in members:
-        texts[member.filename] = _unpack(archive, member, min(left, MAX_MEMBER_BYTES))
+        texts[member.filename] = _unpack_text(archive, member, min(left, MAX_MEMBER_BYTES))
         left -= len(texts[member.filename])
     return texts
 
 
-def _unpack(archive: zipfile.ZipFile, member: zipfile.ZipInfo, limit: int) -> str:
+def _unpack_text(archive: zipfile.ZipFile, member: zipfile.ZipInfo, limit: int) -> str:
     """Text of a member; reading stops at the limit regardless of the size in the zip's directory."""
     with archive.open(member) as file:
         content = file.read(limit + 1)

@@ -12,7 +12,7 @@ from stridelab.recordings.recording import Event, Remark, Subject
 Cloud = Float[np.ndarray, "frames labels 3"]
 """Positions of all labels at all frames."""
 
-LARGEST = 1e9
+LARGEST_PLAUSIBLE = 1e9
 """Largest plausible magnitude in any unit; larger numbers come from damaged files and would overflow later."""
 
 NO_FORCE_FILE = "no-force-file"

@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from datetime import date
 from typing import Final
 
-PLACES: Final = (
+DATE_PARAMETERS: Final = (
     ("TRIAL", "DATE"),
     ("TRIAL", "RECORDING_DATE"),
     ("TRIAL", "CREATION_DATE"),
@@ -25,8 +25,8 @@ def recorded_on(texts: Callable[[str, str], Sequence[str]], numbers: Callable[[s
 
     ``texts`` and ``numbers`` return the values of a parameter by its group and name, empty if it has none of the kind.
     """
-    for group, name in PLACES:
-        for year, month, day in (*_stated(texts(group, name)), *_counted(numbers(group, name))):
+    for group, name in DATE_PARAMETERS:
+        for year, month, day in (*_date_in_text(texts(group, name)), *_date_in_numbers(numbers(group, name))):
             try:
                 day_recorded = date(year, month, day)
             except (ValueError, OverflowError):
@@ -36,12 +36,12 @@ def recorded_on(texts: Callable[[str, str], Sequence[str]], numbers: Callable[[s
     return ""
 
 
-def _stated(texts: Sequence[str]) -> list[tuple[int, int, int]]:
+def _date_in_text(texts: Sequence[str]) -> list[tuple[int, int, int]]:
     match = _ISO.match("".join(texts[:1]).strip())
     return [] if match is None else [(int(match[1]), int(match[2]), int(match[3]))]
 
 
-def _counted(numbers: Sequence[float]) -> list[tuple[int, int, int]]:
+def _date_in_numbers(numbers: Sequence[float]) -> list[tuple[int, int, int]]:
     if len(numbers) < 3 or not all(float(value).is_integer() for value in numbers[:3]):
         return []
     return [(int(numbers[0]), int(numbers[1]), int(numbers[2]))]

@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from pathlib import Path, PurePath
 from typing import Final, TypeVar
 
-SUFFIXES: Final = (".c3d", ".zip", ".trc")
+RECORDING_SUFFIXES: Final = (".c3d", ".zip", ".trc")
 """C3D files, zips of TRC and MOT, and TRC files alone."""
 _WITH_FORCES: Final = (".c3d", ".zip")
 _P = TypeVar("_P", bound=PurePath)
@@ -15,7 +15,7 @@ def recordings_among(paths: Iterable[_P]) -> list[_P]:
 
     A TRC file beside a C3D file or a zip of the same name is an export of that trial and is omitted.
     """
-    recordings = [path for path in paths if path.suffix.lower() in SUFFIXES]
+    recordings = [path for path in paths if path.suffix.lower() in RECORDING_SUFFIXES]
     complete = {path.with_suffix("") for path in recordings if path.suffix.lower() in _WITH_FORCES}
     return [path for path in recordings if path.suffix.lower() in _WITH_FORCES or path.with_suffix("") not in complete]
 

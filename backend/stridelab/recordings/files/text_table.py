@@ -4,7 +4,7 @@ import numpy as np
 from jaxtyping import Float
 
 from stridelab.conventions import Series
-from stridelab.recordings.files.raw import LARGEST
+from stridelab.recordings.files.raw import LARGEST_PLAUSIBLE
 
 Table = Float[np.ndarray, "rows columns"]
 
@@ -13,40 +13,40 @@ class BrokenLineError(ValueError):
     """Syntax error in a text file; the message names the line and completes a sentence for users."""
 
 
-def numbered(lines: list[str], start: int) -> list[tuple[int, str]]:
+def numbered_lines(lines: list[str], start: int) -> list[tuple[int, str]]:
     """The non-blank lines from index ``start``, each with its line number, counted from one."""
     return [(i + 1, line) for i, line in enumerate(lines) if i >= start and line.strip()]
 
 
-def cells_of(row: str) -> list[str]:
+def split_cells(row: str) -> list[str]:
     """The cells of a row, separated by tabs, or by blanks if it has no tabs."""
     return row.rstrip("\r\n").split("\t") if "\t" in row else row.split()
 
 
-def table_of(rows: list[tuple[int, str]], width: int) -> Table:
+def parse_table(rows: list[tuple[int, str]], width: int) -> Table:
     """Numbers of tab (or blank) separated rows; empty cells are NaN.
 
     Raises ``BrokenLineError`` for a short row, a cell that is not a number, or a magnitude above ``LARGEST``.
     """
     values = []
     for line, row in rows:
-        cells = cells_of(row)
+        cells = split_cells(row)
         if len(cells) < width and "\t" in row and width - len(cells) <= 3:
             cells += [""] * (width - len(cells))
         if len(cells) < width:
             raise BrokenLineError(f"line {line} has {len(cells)} of {width} values")
-        values.append([_value(cell, line, column) for column, cell in enumerate(cells[:width], start=1)])
+        values.append([_parse_cell(cell, line, column) for column, cell in enumerate(cells[:width], start=1)])
     return np.array(values, dtype=np.float64).reshape(len(values), width)
 
 
-def _value(cell: str, line: int, column: int) -> float:
+def _parse_cell(cell: str, line: int, column: int) -> float:
     try:
         value = float(cell) if cell.strip() else np.nan
     except ValueError as error:
         raise BrokenLineError(
             f"line {line}, column {column} holds {cell.strip()[:40]!r}, which is not a number"
         ) from error
-    if LARGEST < abs(value) < np.inf:
+    if LARGEST_PLAUSIBLE < abs(value) < np.inf:
         raise BrokenLineError(f"line {line}, column {column} holds {value:.3g}, which is implausibly large")
     return value
 

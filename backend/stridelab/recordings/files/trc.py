@@ -5,7 +5,14 @@ import numpy as np
 from stridelab.conventions import Series
 from stridelab.errors import Fault, UnreadableFile
 from stridelab.recordings.files.raw import Cloud
-from stridelab.recordings.files.text_table import BrokenLineError, Table, cells_of, numbered, sampling_rate_hz, table_of
+from stridelab.recordings.files.text_table import (
+    BrokenLineError,
+    Table,
+    numbered_lines,
+    parse_table,
+    sampling_rate_hz,
+    split_cells,
+)
 
 
 def parse_trc(text: str, name: str) -> tuple[list[str], Series, Cloud, float, str]:
@@ -15,9 +22,9 @@ def parse_trc(text: str, name: str) -> tuple[list[str], Series, Cloud, float, st
     """
     lines = text.splitlines()
     try:
-        labels, rate_hz, unit = _header(lines)
-        rows = numbered(lines, 5)
-        table = _coordinates(rows, labels)
+        labels, rate_hz, unit = _parse_header(lines)
+        rows = numbered_lines(lines, 5)
+        table = _parse_coordinates(rows, labels)
         if len(table) == 0:
             message = f"The TRC file {name} holds no frames: it ends after line {len(lines)}."
             raise UnreadableFile("no-frames", message, [Fault(name, "no frames")])
@@ -47,7 +54,7 @@ def header_fields(lines: list[str]) -> dict[str, str]:
     return {key: value for key, value in zip(keys, values, strict=False) if value}
 
 
-def _header(lines: list[str]) -> tuple[list[str], float, str]:
+def _parse_header(lines: list[str]) -> tuple[list[str], float, str]:
     """Labels, rate in Hz and unit of length of a TRC file; raises ``BrokenLineError``."""
     if len(lines) < 4:
         raise BrokenLineError(f"the file ends after line {len(lines)}, before the marker names in line 4")
@@ -71,7 +78,7 @@ def _header_number(head: dict[str, str], key: str) -> float:
         raise BrokenLineError(f"line 3 states {head[key][:40]!r} as {key}, which is not a number") from error
 
 
-def _coordinates(rows: list[tuple[int, str]], labels: list[str]) -> Table:
+def _parse_coordinates(rows: list[tuple[int, str]], labels: list[str]) -> Table:
     """Frame, time and three coordinates per marker.
 
     Raises ``BrokenLineError`` as ``table_of``, and for a row with more cells than markers, or with a missing tab. A
@@ -79,7 +86,7 @@ def _coordinates(rows: list[tuple[int, str]], labels: list[str]) -> Table:
     """
     width = 2 + 3 * len(labels)
     for line, row in rows:
-        cells = cells_of(row)
+        cells = split_cells(row)
         n_values = max((i for i, cell in enumerate(cells, start=1) if cell.strip()), default=0)
         if n_values > width:
             raise BrokenLineError(
@@ -88,7 +95,7 @@ def _coordinates(rows: list[tuple[int, str]], labels: list[str]) -> Table:
         last = [cell for cell in cells[width - 3 : width] if cell.strip()]
         if width - 3 <= len(cells) < width and last:
             raise BrokenLineError(f"line {line} has {len(cells)} of {width} values")
-    return table_of(rows, width)
+    return parse_table(rows, width)
 
 
 def _require_increasing(time_s: Series, rows: list[tuple[int, str]]) -> None:

@@ -16,7 +16,7 @@ from stridelab.errors import Fault, UnreadableFile
 from stridelab.recordings.files import marker_labels as names
 from stridelab.recordings.files.opensim_zip import MAX_MEMBER_BYTES, TrialTexts, open_trial
 from stridelab.recordings.files.raw import CONTACT_TYPE, NO_FORCE_FILE, Cloud, FilePlate, RawTrial
-from stridelab.recordings.files.text_table import BrokenLineError, numbered, sampling_rate_hz, table_of
+from stridelab.recordings.files.text_table import BrokenLineError, numbered_lines, parse_table, sampling_rate_hz
 from stridelab.recordings.files.trc import header_fields, parse_trc, trc_broken
 from stridelab.recordings.files.units import LENGTH_SCALE, length_scale, unit_of_body
 from stridelab.recordings.gap_filling import mark_missing
@@ -39,7 +39,7 @@ def read_trc(path: Path, name: str) -> RawTrial:
         message = f"The TRC file {name} exceeds the maximum size of {MAX_MEMBER_BYTES // 2**20} MB."
         raise UnreadableFile("trc-too-large", message, [Fault(name, f"{path.stat().st_size} bytes")])
     text = path.read_bytes().decode("utf-8-sig", errors="replace")
-    return _trial(TrialTexts(text, name, None, ""), "The TRC file")
+    return _assemble_trial(TrialTexts(text, name, None, ""), "The TRC file")
 
 
 def read_trc_mot(path: Path) -> RawTrial:
@@ -47,17 +47,17 @@ def read_trc_mot(path: Path) -> RawTrial:
 
     Raises ``UnreadableFile`` (``times-do-not-overlap``, and as ``open_trial``, ``parse_trc`` and ``parse_mot``).
     """
-    return _trial(open_trial(path), "The zip")
+    return _assemble_trial(open_trial(path), "The zip")
 
 
-def _trial(texts: TrialTexts, source: str) -> RawTrial:
+def _assemble_trial(texts: TrialTexts, source: str) -> RawTrial:
     """Trial of one TRC and at most one force file; ``source`` names the uploaded file in messages."""
     labels, time_s, points, rate_hz, unit = parse_trc(texts.trc, texts.trc_name)
     cloud = mark_missing(points)
     scale, remarks = _length_scale(unit, cloud, texts.trc_name)
-    remarks = (*_frames_stated(texts, len(time_s)), *remarks)
+    remarks = (*_frame_count_remark(texts, len(time_s)), *remarks)
     visible = [int(n) for n in (~np.isnan(cloud[:, :, 0])).sum(axis=0)]
-    choice = names.choose(labels, visible, (), ())
+    choice = names.select_labels(labels, visible, (), ())
     cloud = cloud[:, list(choice.column.values()), :] * scale
     remarks = (*choice.remarks, *remarks)
     contacts: tuple[FilePlate, ...] = ()
@@ -83,7 +83,9 @@ def _trial(texts: TrialTexts, source: str) -> RawTrial:
             )
         cloud, time_s = cloud[keep], time_s[keep]
         force_rate_hz = sampling_rate_hz(mot_time_s)
-        contacts, more = _contacts(even_times_s(mot_time_s, time_s[0]), forces, force_rate_hz, len(cloud) / rate_hz)
+        contacts, more = _resample_contacts(
+            even_times_s(mot_time_s, time_s[0]), forces, force_rate_hz, len(cloud) / rate_hz
+        )
         remarks = (*remarks, *more)
     return RawTrial(
         labels=tuple(choice.column),
@@ -113,13 +115,13 @@ def parse_mot(text: str, name: str) -> tuple[Series, dict[str, dict[str, Points]
         ends = [i for i, line in enumerate(lines) if line.strip().lower() == "endheader"]
         if not ends:
             raise BrokenLineError("it has no line endheader")
-        rows = numbered(lines, ends[0] + 1)
+        rows = numbered_lines(lines, ends[0] + 1)
         if not rows:
             raise BrokenLineError(
                 f"the file ends with endheader in line {ends[0] + 1}, before the names of its columns"
             )
         columns = rows[0][1].split()
-        table = table_of(rows[1:], len(columns))
+        table = parse_table(rows[1:], len(columns))
     except BrokenLineError as error:
         raise UnreadableFile(
             "mot-broken", f"The force file {name} is broken: {error}.", [Fault(name, str(error))]
@@ -170,7 +172,7 @@ def _length_scale(unit: str, cloud: Cloud, name: str) -> tuple[float, tuple[Rema
     return LENGTH_SCALE[seen], (Remark("unit-assumed", message),)
 
 
-def _frames_stated(texts: TrialTexts, n_frames: int) -> tuple[Remark, ...]:
+def _frame_count_remark(texts: TrialTexts, n_frames: int) -> tuple[Remark, ...]:
     """Remark if the header states a different number of frames than the file contains."""
     try:
         stated = float(header_fields(texts.trc.splitlines())["NumFrames"])
@@ -183,7 +185,7 @@ def _frames_stated(texts: TrialTexts, n_frames: int) -> tuple[Remark, ...]:
     return (Remark("trc-frame-count", message),)
 
 
-def _contacts(
+def _resample_contacts(
     time_s: Series, forces: dict[str, dict[str, Points]], rate_hz: float, duration_s: float
 ) -> tuple[tuple[FilePlate, ...], tuple[Remark, ...]]:
     """Contacts on the time grid that starts at the first marker frame."""
@@ -194,19 +196,19 @@ def _contacts(
     up = axis_vector(nearest_axis(total) or "+y")
     plates: list[FilePlate] = []
     for k, contact in enumerate(forces.values(), start=1):
-        f = _resample(contact["v"], time_s, grid)
+        f = _interpolate_track(contact["v"], time_s, grid)
         loaded = np.linalg.norm(contact["v"], axis=1) > COP_THRESHOLD_N
         if not loaded.any():
             continue
         cop_m = np.column_stack([np.interp(grid, time_s[loaded], contact["p"][loaded, j]) for j in range(3)])
-        T = _resample(contact["t"], time_s, grid) if "t" in contact else np.zeros_like(f)
+        T = _interpolate_track(contact["t"], time_s, grid) if "t" in contact else np.zeros_like(f)
         corners = bounding_rectangle(contact["p"][loaded], up)
         plates.append(FilePlate(k, CONTACT_TYPE, corners, f, np.cross(cop_m, f) + T, np.zeros(3)))
     message = "The force file names contacts, not plates; the plates shown here bound their centres of pressure."
     return tuple(plates), (Remark("plates-from-cop", message),)
 
 
-def _resample(track: Points, time_s: Series, grid: Float[np.ndarray, " m"]) -> Float[np.ndarray, "m 3"]:
+def _interpolate_track(track: Points, time_s: Series, grid: Float[np.ndarray, " m"]) -> Float[np.ndarray, "m 3"]:
     return np.column_stack([np.interp(grid, time_s, track[:, j]) for j in range(3)])
 
 

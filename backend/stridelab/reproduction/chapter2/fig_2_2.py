@@ -7,11 +7,11 @@ import numpy as np
 from stridelab.conventions import GRAVITY_M_S2, Points, Progress, Series
 from stridelab.dynamics.central_axis import central_axis
 from stridelab.dynamics.wrench import Wrench, transport
-from stridelab.dynamics.zmp import zmp, zmp_linearised, zmp_of_motion
-from stridelab.reproduction.claims import Claim, Item, Reproduction, judged
-from stridelab.reproduction.report.svg_plots import Curve, Panel, svg
+from stridelab.dynamics.zmp import zmp_linearised, zmp_of_motion, zmp_of_wrench
+from stridelab.reproduction.claims import Claim, Item, Reproduction, bound_verdict
+from stridelab.reproduction.report.svg_plots import Curve, Panel, render_svg
 from stridelab.simulation.ground_truth import TrueMotion
-from stridelab.studies.estimator_study import simulate
+from stridelab.studies.estimator_study import simulate_trial
 
 UP: Final = np.array([0.0, 0.0, 1.0])
 ORIGIN: Final = np.zeros(3)
@@ -20,11 +20,11 @@ ORIGIN: Final = np.zeros(3)
 def run(seeds: int, tell: Progress) -> Reproduction:
     """One walk without noise; the result is deterministic and ignores ``seeds``."""
     tell(0.1, "simulating a walk")
-    truth = simulate("robot", "none", 0).truth
+    truth = simulate_trial("robot", "none", 0).truth
     wrench = Wrench(truth.force_n, truth.moment_nm)
     f, c = truth.force_n, truth.com_m
     tell(0.7, "placing the axes")
-    z = zmp(wrench, ORIGIN, UP)
+    z = zmp_of_wrench(wrench, ORIGIN, UP)
     cart = zmp_linearised(c, truth.acceleration_m_s2)
     axis = central_axis(wrench)
     n = axis.direction
@@ -44,35 +44,35 @@ def run(seeds: int, tell: Progress) -> Reproduction:
             0.0,
             float(exact),
             "m",
-            judged(float(exact), at_most=1e-6),
+            bound_verdict(float(exact), at_most=1e-6),
             "With L' of the x axis and the signs that follow from (2.6) and (2.7).",
         ),
         Claim(
             "zmp_2_8_printed_m",
             "(2.8) as printed is the ZMP of the motion",
             0.0,
-            _rms(printed - z[:, :2]),
+            _rms_norm(printed - z[:, :2]),
             "m",
-            "met" if _rms(printed - z[:, :2]) <= 1e-6 else "thesis_in_error",
+            "met" if _rms_norm(printed - z[:, :2]) <= 1e-6 else "thesis_in_error",
             "Its second row contains L' about z instead of L' about x (docs/theory/misprints.md).",
         ),
         Claim(
             "cart_line_angle_rad",
             "the line from the ZMP to the CoM of the cart-table is parallel to the contact force",
             0.0,
-            float(_angle(to_cart, cart_force).max()),
+            float(_angle_between(to_cart, cart_force).max()),
             "rad",
-            judged(float(_angle(to_cart, cart_force).max()), at_most=1e-6),
+            bound_verdict(float(_angle_between(to_cart, cart_force).max()), at_most=1e-6),
             f"For the force of the cart-table model. The force of the walk deviates from this line by up to "
-            f"{np.degrees(_angle(to_cart, f).max()):.2f} degrees, because the height is not constant.",
+            f"{np.degrees(_angle_between(to_cart, f).max()):.2f} degrees, because the height is not constant.",
         ),
         Claim(
             "axis_angle_rad",
             "the central axis is parallel to the contact force",
             0.0,
-            float(_angle(n, f).max()),
+            float(_angle_between(n, f).max()),
             "rad",
-            judged(float(_angle(n, f).max()), at_most=1e-6),
+            bound_verdict(float(_angle_between(n, f).max()), at_most=1e-6),
         ),
         Claim(
             "least_moment_ratio",
@@ -80,7 +80,7 @@ def run(seeds: int, tell: Progress) -> Reproduction:
             1.0,
             _least_moment_ratio(wrench, axis.point_m),
             "1",
-            judged(_least_moment_ratio(wrench, axis.point_m), at_least=1.0 - 1e-9),
+            bound_verdict(_least_moment_ratio(wrench, axis.point_m), at_least=1.0 - 1e-9),
             "Smallest moment norm at 1 cm from the axis, over eight directions, relative to that on the axis.",
         ),
         Claim(
@@ -89,9 +89,9 @@ def run(seeds: int, tell: Progress) -> Reproduction:
             0.0,
             distance_error,
             "m",
-            judged(distance_error, at_most=1e-6),
+            bound_verdict(distance_error, at_most=1e-6),
             f"Largest deviation of the distance from |(tau n) x f| / f^2 of the free moment tau at the ZMP, projected "
-            f"to the floor; the distance is {1e3 * _rms((foot - z)[:, :2]):.2f} mm RMS on this walk.",
+            f"to the floor; the distance is {1e3 * _rms_norm((foot - z)[:, :2]):.2f} mm RMS on this walk.",
         ),
     )
     tell(1.0, "done")
@@ -104,11 +104,13 @@ def run(seeds: int, tell: Progress) -> Reproduction:
     return Reproduction(
         claims=claims,
         note="Simulated walk of TALOS without sensor noise. The cart-table model deviates from the ZMP by "
-        f"{1e3 * _rms(cart - z[:, :2]):.1f} mm RMS (at most {1e3 * cart_distance.max():.0f} mm) because of L' and the "
-        f"varying height. The distance of the CoM from the central axis is {1e3 * _rms(axis.project(c) - c):.1f} mm "
+        f"{1e3 * _rms_norm(cart - z[:, :2]):.1f} mm RMS (at most {1e3 * cart_distance.max():.0f} mm) because of "
+        "L' and the "
+        "varying height. The distance of the CoM from the central axis is "
+        f"{1e3 * _rms_norm(axis.project(c) - c):.1f} mm "
         "RMS, which is due to L' alone.",
         tables={"points": columns},
-        drawing=svg(_panels(t, c, z, cart, foot, n)),
+        drawing=render_svg(_draw_panels(t, c, z, cart, foot, n)),
         references=("carpentier2017thesis", "stasse2017talos"),
     )
 
@@ -140,16 +142,16 @@ def _least_moment_ratio(wrench: Wrench, point_m: Points) -> float:
     return float((np.min(beside, axis=0) / np.maximum(on_axis, 1e-9)).min())
 
 
-def _angle(u: Points, v: Points) -> Series:
+def _angle_between(u: Points, v: Points) -> Series:
     sine = np.linalg.norm(np.cross(u, v), axis=1)
     return np.asarray(np.arctan2(sine, np.abs((u * v).sum(axis=1))))
 
 
-def _rms(error: np.ndarray) -> float:
+def _rms_norm(error: np.ndarray) -> float:
     return float(np.sqrt(np.mean((error**2).sum(axis=1))))
 
 
-def _panels(t: Series, c: Points, z: Points, cart: np.ndarray, foot: Points, n: Points) -> list[Panel]:
+def _draw_panels(t: Series, c: Points, z: Points, cart: np.ndarray, foot: Points, n: Points) -> list[Panel]:
     panels = [
         Panel(
             f"Relative to the CoM, {name}",

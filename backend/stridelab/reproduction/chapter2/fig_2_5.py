@@ -5,7 +5,7 @@ from typing import Final
 import numpy as np
 
 from stridelab.conventions import Progress
-from stridelab.estimation.complementary.contributions import Bode, bode
+from stridelab.estimation.complementary.contributions import Bode, bode_responses
 from stridelab.estimation.complementary.transfer_functions import (
     AUTO_HIGH_HZ,
     AUTO_LOW_HZ,
@@ -13,8 +13,8 @@ from stridelab.estimation.complementary.transfer_functions import (
     THESIS_LOW_HZ,
     complementary_filters,
 )
-from stridelab.reproduction.claims import Claim, Item, Reproduction, judged
-from stridelab.reproduction.report.svg_plots import Curve, Panel, svg
+from stridelab.reproduction.claims import Claim, Item, Reproduction, bound_verdict
+from stridelab.reproduction.report.svg_plots import Curve, Panel, render_svg
 
 RATE_HZ: Final = 1000.0
 FREQUENCY_HZ: Final = np.geomspace(0.01, 100.0, 1000)
@@ -27,25 +27,32 @@ _NAMES: Final = ("H1", "s² H2", "H3")
 def run(seeds: int, tell: Progress) -> Reproduction:
     """Frequency responses in closed form; ``seeds`` is ignored."""
     tell(0.1, "computing the responses")
-    thesis = bode(complementary_filters(THESIS_LOW_HZ, THESIS_HIGH_HZ, RATE_HZ), FREQUENCY_HZ)
-    ours = bode(complementary_filters(AUTO_LOW_HZ, AUTO_HIGH_HZ, RATE_HZ), FREQUENCY_HZ)
+    thesis = bode_responses(complementary_filters(THESIS_LOW_HZ, THESIS_HIGH_HZ, RATE_HZ), FREQUENCY_HZ)
+    ours = bode_responses(complementary_filters(AUTO_LOW_HZ, AUTO_HIGH_HZ, RATE_HZ), FREQUENCY_HZ)
     gain = np.abs(thesis.response)
-    at_cutoffs = bode(
+    at_cutoffs = bode_responses(
         complementary_filters(THESIS_LOW_HZ, THESIS_HIGH_HZ, RATE_HZ), np.array([THESIS_LOW_HZ, THESIS_HIGH_HZ])
     )
     sum_error = float(np.abs(thesis.response.sum(axis=1) - 1.0).max())
     at_f2, at_f1 = float(at_cutoffs.gain_db[0, 2]), float(at_cutoffs.gain_db[1, 1])
     peak, ten_hz = float(gain[:, 0].max()), float(np.interp(10.0, FREQUENCY_HZ, gain[:, 0]))
-    half = judged(abs(at_f1 - HALF_DB), at_most=0.05)
+    half = bound_verdict(abs(at_f1 - HALF_DB), at_most=0.05)
     claims = (
-        Claim("sum_error", "H1 + s² H2 + H3 = 1 (definition 2)", 0.0, sum_error, "1", judged(sum_error, at_most=1e-12)),
+        Claim(
+            "sum_error",
+            "H1 + s² H2 + H3 = 1 (definition 2)",
+            0.0,
+            sum_error,
+            "1",
+            bound_verdict(sum_error, at_most=1e-12),
+        ),
         Claim(
             "h1_gain_at_0_01_hz",
             "H1 acts as a band-pass in [f2, f1]: nothing at the lowest frequencies",
             "small",
             float(gain[0, 0]),
             "1",
-            judged(float(gain[0, 0]), at_most=0.06),
+            bound_verdict(float(gain[0, 0]), at_most=0.06),
         ),
         Claim(
             "h1_peak",
@@ -74,13 +81,13 @@ def run(seeds: int, tell: Progress) -> Reproduction:
         note="The curves agree with the figure. H1 is described as a band-pass; its peak gain exceeds 1 and its "
         "roll-off is slow. The default cut-offs of stridelab (0.2 and 1 Hz) are in the table and dashed in the "
         "drawing.",
-        tables={"bode": _columns("thesis", thesis) | _columns("auto", ours)},
-        drawing=svg(_panels(thesis, ours)),
+        tables={"bode": _bode_columns("thesis", thesis) | _bode_columns("auto", ours)},
+        drawing=render_svg(_bode_panels(thesis, ours)),
         references=("carpentier2017thesis", "carpentier2016spectral"),
     )
 
 
-def _columns(name: str, response: Bode) -> dict[str, np.ndarray]:
+def _bode_columns(name: str, response: Bode) -> dict[str, np.ndarray]:
     columns = {"frequency_hz": response.frequency_hz}
     for branch, label in enumerate(("h1", "s2h2", "h3")):
         columns[f"{name}_{label}_gain_db"] = response.gain_db[:, branch]
@@ -88,8 +95,8 @@ def _columns(name: str, response: Bode) -> dict[str, np.ndarray]:
     return columns
 
 
-def _panels(thesis: Bode, ours: Bode) -> tuple[Panel, Panel]:
-    def curves(values: str, scale: float = 1.0) -> list[Curve]:
+def _bode_panels(thesis: Bode, ours: Bode) -> tuple[Panel, Panel]:
+    def _curves_of(values: str, scale: float = 1.0) -> list[Curve]:
         f = thesis.frequency_hz
         return [
             Curve(
@@ -100,8 +107,8 @@ def _panels(thesis: Bode, ours: Bode) -> tuple[Panel, Panel]:
         ]
 
     return (
-        Panel("Gain", "frequency (Hz)", "gain (dB)", curves("gain_db"), log_x=True),
-        Panel("Phase", "frequency (Hz)", "phase (degrees)", curves("phase_rad", 180.0 / np.pi), log_x=True),
+        Panel("Gain", "frequency (Hz)", "gain (dB)", _curves_of("gain_db"), log_x=True),
+        Panel("Phase", "frequency (Hz)", "phase (degrees)", _curves_of("phase_rad", 180.0 / np.pi), log_x=True),
     )
 
 

@@ -9,10 +9,10 @@ from stridelab.conventions import Progress
 from stridelab.dynamics.wrench import Wrench
 from stridelab.estimation.complementary.forward_backward import filter_inputs
 from stridelab.estimation.evaluation.error_spectra import ErrorSpectrum, crossing_hz, error_spectrum
-from stridelab.reproduction.claims import Claim, Item, Reproduction, judged
-from stridelab.reproduction.report.svg_plots import Curve, Panel, svg
+from stridelab.reproduction.claims import Claim, Item, Reproduction, bound_verdict
+from stridelab.reproduction.report.svg_plots import Curve, Panel, render_svg
 from stridelab.simulation.robot.walker import RATE_HZ
-from stridelab.studies.estimator_study import simulate
+from stridelab.studies.estimator_study import simulate_trial
 
 LOW_HZ, HIGH_HZ, TOP_HZ = 0.4, 4.0, 90.0
 SEGMENT_S: Final = 8.0
@@ -25,16 +25,16 @@ Bands = Float[np.ndarray, "3 3"]
 
 def run(seeds: int, tell: Progress) -> Reproduction:
     """Mean power spectra over ``seeds`` draws of the thesis' noise, and the spectrum of the axis without noise."""
-    noisy = [_spectra("thesis", seed, tell, seed / (seeds + 1)) for seed in range(seeds)]
-    mean = {name: _mean([one[name] for one in noisy]) for name in INPUTS}
-    clean = _spectra("none", 0, tell, seeds / (seeds + 1))["axis"]
-    bands = {name: _bands(spectrum) for name, spectrum in mean.items()}
+    noisy = [_error_spectra("thesis", seed, tell, seed / (seeds + 1)) for seed in range(seeds)]
+    mean = {name: _mean_spectrum([one[name] for one in noisy]) for name in INPUTS}
+    clean = _error_spectra("none", 0, tell, seeds / (seeds + 1))["axis"]
+    bands = {name: _band_rms(spectrum) for name, spectrum in mean.items()}
     g, a, p = (bands[name] for name in INPUTS)
     low, mid, high = np.hypot(g[:, 0], g[:, 1]).tolist()
     middle = mid / min(low, high)
     force_high = float((a[2] ** 2 / (a**2).sum(axis=0)).min())
     # L' about the lateral axis displaces the central axis along the walk, independently of sensor noise.
-    no_noise = float(_bands(clean)[1, 0] / p[1, 0])
+    no_noise = float(_band_rms(clean)[1, 0] / p[1, 0])
     crossing = min(crossing_hz(mean["axis"], mean["geometry"], axis) for axis in (0, 1))
     vertical = float(np.abs(p[0, 2] / g[0, 2] - 1.0))
     claims = (
@@ -44,7 +44,7 @@ def run(seeds: int, tell: Progress) -> Reproduction:
             "very clean",
             middle,
             "1",
-            judged(middle, at_most=0.5),
+            bound_verdict(middle, at_most=0.5),
             "Horizontal RMS error between 0.4 and 4 Hz over the smaller of those below 0.4 Hz and above 4 Hz.",
         ),
         Claim(
@@ -53,7 +53,7 @@ def run(seeds: int, tell: Progress) -> Reproduction:
             1.0,
             force_high,
             "1",
-            judged(force_high, at_least=0.9),
+            bound_verdict(force_high, at_least=0.9),
             "Smallest share of the power of an axis above 4 Hz.",
         ),
         Claim(
@@ -62,7 +62,7 @@ def run(seeds: int, tell: Progress) -> Reproduction:
             1.0,
             no_noise,
             "1",
-            judged(no_noise, at_least=0.7),
+            bound_verdict(no_noise, at_least=0.7),
             "Its RMS error between 0.4 and 4 Hz along the walk with perfect sensors and model, over that with noise.",
         ),
         Claim(
@@ -81,7 +81,7 @@ def run(seeds: int, tell: Progress) -> Reproduction:
             "unlikely",
             vertical,
             "1",
-            judged(vertical, at_most=0.05),
+            bound_verdict(vertical, at_most=0.05),
             "Vertically the axis only repeats the geometry, projected along the force: below 0.4 Hz its error equals "
             "the geometry's up to this relative difference. It is no independent measurement.",
         ),
@@ -90,15 +90,15 @@ def run(seeds: int, tell: Progress) -> Reproduction:
     return Reproduction(
         claims=claims,
         note=f"Walk at the robot's cadence, noise of 2.5.1, {seeds} draws. Figure 2.3 is confirmed horizontally.",
-        tables={"spectra": _columns(mean, clean), "bands": _band_columns(bands)},
-        drawing=svg(_panels(mean)),
+        tables={"spectra": _spectrum_columns(mean, clean), "bands": _band_columns(bands)},
+        drawing=render_svg(_spectrum_panels(mean)),
         references=("carpentier2017thesis", "carpentier2016spectral", "stasse2017talos"),
     )
 
 
-def _spectra(noise: str, seed: int, tell: Progress, fraction: float) -> dict[str, ErrorSpectrum]:
+def _error_spectra(noise: str, seed: int, tell: Progress, fraction: float) -> dict[str, ErrorSpectrum]:
     tell(fraction, "simulating a walk")
-    trial = simulate("robot", noise, seed)
+    trial = simulate_trial("robot", noise, seed)
     total = Wrench(trial.wrench.force_n, trial.wrench.moment_nm)
     inputs = filter_inputs(trial.geometric.com_m, total, trial.mass_kg)
     c = trial.truth.com_m
@@ -110,20 +110,20 @@ def _spectra(noise: str, seed: int, tell: Progress, fraction: float) -> dict[str
     return {name: error_spectrum(error, RATE_HZ, SEGMENT_S) for name, error in errors.items()}
 
 
-def _mean(spectra: list[ErrorSpectrum]) -> ErrorSpectrum:
+def _mean_spectrum(spectra: list[ErrorSpectrum]) -> ErrorSpectrum:
     return ErrorSpectrum(spectra[0].frequency_hz, np.mean([s.density for s in spectra], axis=0))
 
 
-def _bands(spectrum: ErrorSpectrum) -> Bands:
+def _band_rms(spectrum: ErrorSpectrum) -> Bands:
     edges = ((0.0, LOW_HZ), (LOW_HZ, HIGH_HZ), (HIGH_HZ, TOP_HZ))
     return np.array([spectrum.band_rms(low, high) for low, high in edges])
 
 
-def _columns(mean: dict[str, ErrorSpectrum], clean: ErrorSpectrum) -> dict[str, np.ndarray]:
+def _spectrum_columns(mean: dict[str, ErrorSpectrum], clean: ErrorSpectrum) -> dict[str, np.ndarray]:
     columns = {"frequency_hz": clean.frequency_hz}
     for name, spectrum in (*mean.items(), ("axis_without_noise", clean)):
         unit = _UNITS.get(name, "m")
-        columns |= {f"{name}_{axis}_{unit}_rthz": spectrum.amplitude[:, k] for k, axis in enumerate("xyz")}
+        columns |= {f"{name}_{axis}_{unit}_rthz": spectrum.amplitude_density[:, k] for k, axis in enumerate("xyz")}
     return columns
 
 
@@ -134,7 +134,7 @@ def _band_columns(bands: dict[str, Bands]) -> dict[str, np.ndarray]:
     return columns
 
 
-def _panels(mean: dict[str, ErrorSpectrum]) -> list[Panel]:
+def _spectrum_panels(mean: dict[str, ErrorSpectrum]) -> list[Panel]:
     titles = {
         "geometry": ("Error of the geometry", "amplitude (m/√Hz)"),
         "force": ("Error of the acceleration from the force", "amplitude (m/s²/√Hz)"),
@@ -145,7 +145,7 @@ def _panels(mean: dict[str, ErrorSpectrum]) -> list[Panel]:
             title,
             "frequency (Hz)",
             unit,
-            [Curve(mean[k].frequency_hz, mean[k].amplitude[:, j], "xyz"[j], j) for j in range(3)],
+            [Curve(mean[k].frequency_hz, mean[k].amplitude_density[:, j], "xyz"[j], j) for j in range(3)],
             log_x=True,
             log_y=True,
         )

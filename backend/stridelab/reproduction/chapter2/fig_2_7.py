@@ -6,41 +6,41 @@ from typing import Final
 import numpy as np
 
 from stridelab.conventions import Progress
-from stridelab.estimation.complementary.contributions import contributions
+from stridelab.estimation.complementary.contributions import split_contributions
 from stridelab.estimation.complementary.filter import ComplementaryFilter
 from stridelab.estimation.evaluation.truth_errors import error_m
 from stridelab.reproduction.claims import Claim, Column, Item, Reproduction
-from stridelab.reproduction.common.estimator_errors import GAITS, Draw, draws, rms, table
-from stridelab.reproduction.common.estimators import GEOMETRY, KALMAN, SMOOTHER, THESIS, estimators
-from stridelab.reproduction.report.svg_plots import Curve, Panel, svg
-from stridelab.studies.estimator_study import StudyTrial, simulate
+from stridelab.reproduction.common.estimator_errors import GAITS, Draw, compute_draws, error_table, rms
+from stridelab.reproduction.common.estimators import GEOMETRY, KALMAN, SMOOTHER, THESIS, study_estimators
+from stridelab.reproduction.report.svg_plots import Curve, Panel, render_svg
+from stridelab.studies.estimator_study import StudyTrial, simulate_trial
 
-DRAWN: Final = (THESIS, KALMAN, SMOOTHER)
+DRAWN_ESTIMATORS: Final = (THESIS, KALMAN, SMOOTHER)
 _PARTS: Final = ("geometry", "force", "axis", "total")
 
 
 def run(seeds: int, tell: Progress) -> Reproduction:
     """Both gaits with the thesis' noise, ``seeds`` draws of each."""
-    all_draws = draws(GAITS, ("thesis",), seeds, lambda fraction, message: tell(0.95 * fraction, message))
-    claims = [claim for gait in GAITS for claim in _claims(gait, [d for d in all_draws if d.gait == gait])]
+    all_draws = compute_draws(GAITS, ("thesis",), seeds, lambda fraction, message: tell(0.95 * fraction, message))
+    claims = [claim for gait in GAITS for claim in _gait_claims(gait, [d for d in all_draws if d.gait == gait])]
     tell(0.95, "drawing")
-    trial = simulate("robot", "thesis", 0)
-    tracks, parts = _tracks(trial), _contributions(trial)
+    trial = simulate_trial("robot", "thesis", 0)
+    tracks, parts = _trajectory_columns(trial), _contribution_columns(trial)
     tell(1.0, "done")
     return Reproduction(
         claims=tuple(claims),
         note=f"{seeds} draws per gait. The filter is not better at every sample. Part of its advantage comes from "
         "forward and backward filtering: the Rauch-Tung-Striebel smoother with the Kalman filter's model is as "
         "accurate. The errors of all estimators are in the item errors.",
-        tables={"errors": table(all_draws), "tracks": tracks, "contributions": parts},
-        drawing=svg(_panels(tracks, parts)),
+        tables={"errors": error_table(all_draws), "tracks": tracks, "contributions": parts},
+        drawing=render_svg(_draw_panels(tracks, parts)),
         references=("carpentier2017thesis", "carpentier2016spectral", "stasse2017talos"),
     )
 
 
-def _claims(gait: str, thesis: Sequence[Draw]) -> list[Claim]:
+def _gait_claims(gait: str, thesis: Sequence[Draw]) -> list[Claim]:
     trials_not_worse = float(np.mean([d.errors[THESIS].horizontal_m <= d.errors[KALMAN].horizontal_m for d in thesis]))
-    closer = float(np.mean([d.closer for d in thesis]))
+    closer = float(np.mean([d.share_closer for d in thesis]))
     height = rms([d.errors[THESIS].vertical_m for d in thesis]) / rms([d.errors[GEOMETRY].vertical_m for d in thesis])
     noisy = rms([d.noisy_m[THESIS] for d in thesis]) / rms([d.noisy_m[KALMAN] for d in thesis])
     return [
@@ -81,32 +81,32 @@ def _claims(gait: str, thesis: Sequence[Draw]) -> list[Claim]:
     ]
 
 
-def _tracks(trial: StudyTrial) -> dict[str, Column]:
+def _trajectory_columns(trial: StudyTrial) -> dict[str, Column]:
     """True and estimated trajectories of one trial with their errors."""
-    columns = {"time_s": trial.truth.time_s} | _named("truth_{}_m", trial.truth.com_m)
-    all_estimators = estimators(trial)
-    for name in DRAWN:
+    columns = {"time_s": trial.truth.time_s} | _axis_columns("truth_{}_m", trial.truth.com_m)
+    all_estimators = study_estimators(trial)
+    for name in DRAWN_ESTIMATORS:
         estimate = all_estimators[name].estimate(trial.geometric, trial.wrench, trial.mass_kg)
         key = name.replace("-", "_")
-        columns |= _named(f"{key}_{{}}_m", estimate.com_m)
-        columns |= _named(f"error_{key}_{{}}_m", error_m(estimate, trial.truth.time_s, trial.truth.com_m))
+        columns |= _axis_columns(f"{key}_{{}}_m", estimate.com_m)
+        columns |= _axis_columns(f"error_{key}_{{}}_m", error_m(estimate, trial.truth.time_s, trial.truth.com_m))
     return columns
 
 
-def _contributions(trial: StudyTrial) -> dict[str, Column]:
-    signals = ComplementaryFilter.thesis().signals(trial.geometric, trial.wrench, trial.mass_kg)
-    parts = contributions(signals.filters, signals.inputs)
+def _contribution_columns(trial: StudyTrial) -> dict[str, Column]:
+    signals = ComplementaryFilter.thesis().input_signals(trial.geometric, trial.wrench, trial.mass_kg)
+    parts = split_contributions(signals.filters, signals.inputs)
     columns = {"time_s": trial.truth.time_s}
     for name in _PARTS:
-        columns |= _named(f"{name}_{{}}_m", getattr(parts, f"{name}_m"))
+        columns |= _axis_columns(f"{name}_{{}}_m", getattr(parts, f"{name}_m"))
     return columns
 
 
-def _named(pattern: str, track: np.ndarray) -> dict[str, Column]:
+def _axis_columns(pattern: str, track: np.ndarray) -> dict[str, Column]:
     return {pattern.format(axis): track[:, k] for k, axis in enumerate("xyz")}
 
 
-def _panels(tracks: dict[str, Column], parts: dict[str, Column]) -> list[Panel]:
+def _draw_panels(tracks: dict[str, Column], parts: dict[str, Column]) -> list[Panel]:
     t, key = tracks["time_s"], THESIS.replace("-", "_")
     path = [
         Curve(t, tracks[f"{source}_{axis}_m"], f"{axis}, {name}", k, source == "truth")
@@ -129,7 +129,7 @@ def _panels(tracks: dict[str, Column], parts: dict[str, Column]) -> list[Panel]:
             "error (mm)",
             [
                 Curve(t, 1e3 * tracks[f"error_{name.replace('-', '_')}_{axis}_m"], name, k)
-                for k, name in enumerate(DRAWN)
+                for k, name in enumerate(DRAWN_ESTIMATORS)
             ],
         )
         for axis in "xyz"

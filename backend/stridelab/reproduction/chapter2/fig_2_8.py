@@ -21,13 +21,13 @@ from stridelab.recordings.force_windows import measured_windows
 from stridelab.recordings.marker_sets import identify
 from stridelab.recordings.recording import Recording, Window, WrenchTrack
 from stridelab.recordings.total_wrench import wrench_track
-from stridelab.reproduction.claims import Claim, Item, Reproduction, aimed, judged
-from stridelab.reproduction.report.svg_plots import Curve, Panel, svg
+from stridelab.reproduction.claims import Claim, Item, Reproduction, bound_verdict, target_claim
+from stridelab.reproduction.report.svg_plots import Curve, Panel, render_svg
 from stridelab.simulation.human.walker import HumanWalker, Walk
 from stridelab.simulation.human_recording import record
 from stridelab.simulation.noise import MeasurementNoise
 
-LATE_S: Final = 0.018
+LATENCY_S: Final = 0.018
 """Typical latency of recordings of a gait laboratory (docs/theory/complementary-filter.md)."""
 SPEED_M_S: Final = 1.2
 Offsets = Float[np.ndarray, "draws 3"]
@@ -43,23 +43,23 @@ class _Trial:
     mass_kg: float
     truth_m: Points
 
-    def wrench(self, read_later_s: float) -> WrenchTrack:
+    def wrench_at(self, read_later_s: float) -> WrenchTrack:
         return wrench_track(self.recording, self.windows, latency_s=read_later_s)
 
-    def fused(self, read_later_s: float) -> ComEstimate:
-        return ComplementaryFilter.thesis().estimate(self.geometric, self.wrench(read_later_s), self.mass_kg)
+    def fused_com(self, read_later_s: float) -> ComEstimate:
+        return ComplementaryFilter.thesis().estimate(self.geometric, self.wrench_at(read_later_s), self.mass_kg)
 
     def offset_m(self, read_later_s: float) -> Float[np.ndarray, "3"]:
         """Mean of fused minus geometric CoM over the window."""
-        estimate = self.fused(read_later_s)
-        return np.asarray((estimate.com_m - self._inside(self.geometric.com_m, estimate)).mean(axis=0))
+        estimate = self.fused_com(read_later_s)
+        return np.asarray((estimate.com_m - self._within_estimate(self.geometric.com_m, estimate)).mean(axis=0))
 
     def bias_m(self) -> Float[np.ndarray, "3"]:
         """Mean of geometric minus true CoM over the window."""
         error = self.geometric.com_m - self.truth_m
-        return np.asarray(self._inside(error, self.fused(LATE_S)).mean(axis=0))
+        return np.asarray(self._within_estimate(error, self.fused_com(LATENCY_S)).mean(axis=0))
 
-    def _inside(self, track: Points, estimate: ComEstimate) -> Float[np.ndarray, "window 3"]:
+    def _within_estimate(self, track: Points, estimate: ComEstimate) -> Float[np.ndarray, "window 3"]:
         first = int(np.argmin(np.abs(self.geometric.time_s - estimate.time_s[0])))
         return track[first : first + len(estimate.time_s)]
 
@@ -74,26 +74,27 @@ def run(seeds: int, tell: Progress) -> Reproduction:
     latencies_s: list[float] = []
     for seed in range(seeds):
         tell(0.3 + 0.7 * seed / seeds, f"draw {seed + 1} of {seeds}")
-        trial = _trial(seed)
-        latency = estimate_latency(trial.geometric, trial.wrench, trial.mass_kg)
+        trial = _simulated_trial(seed)
+        latency = estimate_latency(trial.geometric, trial.wrench_at, trial.mass_kg)
         latencies_s.append(latency.latency_s)
-        for offsets, read_later_s in ((aligned, LATE_S), (late, 0.0), (corrected, latency.latency_s)):
+        for offsets, read_later_s in ((aligned, LATENCY_S), (late, 0.0), (corrected, latency.latency_s)):
             offsets.append(trial.offset_m(read_later_s))
         biases.append(trial.bias_m())
     a, delayed, compensated, b = (np.array(rows) for rows in (aligned, late, corrected, biases))
     shift = float((delayed - a)[:, 0].mean())
-    left, left_late = _left(a, b), _left(delayed, b)
-    latency_error_s = float(np.abs(np.array(latencies_s) - LATE_S).max())
+    left, left_late = _remaining_bias_share(a, b), _remaining_bias_share(delayed, b)
+    latency_error_s = float(np.abs(np.array(latencies_s) - LATENCY_S).max())
     shift_left = float(np.abs((compensated - a)[:, 0].mean()))
     claims = (
         Claim(
             "horizontal_over_vertical",
             "the estimate differs from the geometry, especially horizontally",
             "especially",
-            _size(a[:, :2]) / _size(a[:, 2:]),
+            _rms_norm(a[:, :2]) / _rms_norm(a[:, 2:]),
             "1",
-            judged(_size(a[:, :2]) / _size(a[:, 2:]), at_least=1.0),
-            f"Mean offset {1e3 * _size(a[:, :2]):.1f} mm horizontally, {1e3 * _size(a[:, 2:]):.1f} mm vertically.",
+            bound_verdict(_rms_norm(a[:, :2]) / _rms_norm(a[:, 2:]), at_least=1.0),
+            f"Mean offset {1e3 * _rms_norm(a[:, :2]):.1f} mm horizontally, {1e3 * _rms_norm(a[:, 2:]):.1f} mm "
+            "vertically.",
         ),
         Claim(
             "bias_left",
@@ -101,7 +102,7 @@ def run(seeds: int, tell: Progress) -> Reproduction:
             "could be",
             left,
             "1",
-            judged(left, at_most=0.5),
+            bound_verdict(left, at_most=0.5),
             "Horizontal bias after fusion over the geometry's, with synchronous clocks.",
         ),
         Claim(
@@ -111,11 +112,13 @@ def run(seeds: int, tell: Progress) -> Reproduction:
             left_late,
             "1",
             "met" if left_late < left + 0.1 else "thesis_in_error",
-            f"With the force {1e3 * LATE_S:.0f} ms late, as in real recordings, the offset changes by "
-            f"{1e3 * shift:+.1f} mm along the walk; speed times delay is {1e3 * SPEED_M_S * LATE_S:.1f} mm.",
+            f"With the force {1e3 * LATENCY_S:.0f} ms late, as in real recordings, the offset changes by "
+            f"{1e3 * shift:+.1f} mm along the walk; speed times delay is {1e3 * SPEED_M_S * LATENCY_S:.1f} mm.",
         ),
-        aimed("latency_error_s", "the delay is estimated to 2 ms (largest error)", latency_error_s, "s", at_most=0.002),
-        aimed(
+        target_claim(
+            "latency_error_s", "the delay is estimated to 2 ms (largest error)", latency_error_s, "s", at_most=0.002
+        ),
+        target_claim(
             "shift_left_m",
             "with the delay corrected, the offset equals that with synchronous clocks",
             shift_left,
@@ -135,39 +138,39 @@ def run(seeds: int, tell: Progress) -> Reproduction:
         "filter and the geometry is a correction of the segment table only if the clocks are synchronous; the effect "
         "of a delay of two frames is larger.",
         tables={"offsets": columns},
-        drawing=svg(_drawn(_trial(0))),
+        drawing=render_svg(_trial_panels(_simulated_trial(0))),
         references=("carpentier2017thesis", "carpentier2016spectral", "dumas2007"),
     )
 
 
 @lru_cache(maxsize=1)
-def _walk() -> Walk:
+def _simulated_walk() -> Walk:
     return HumanWalker(height_m=1.80, mass_kg=64.0, sex="male", speed_m_s=SPEED_M_S, duration_s=5.0, seed=1).walk()
 
 
-def _trial(seed: int) -> _Trial:
-    noise = MeasurementNoise(force_n=5.0, moment_nm=3.0, marker_m=0.001, mass_model=0.2, latency_s=LATE_S)
-    simulated = record(_walk(), noise, seed, lab="walkway")
+def _simulated_trial(seed: int) -> _Trial:
+    noise = MeasurementNoise(force_n=5.0, moment_nm=3.0, marker_m=0.001, mass_model=0.2, latency_s=LATENCY_S)
+    simulated = record(_simulated_walk(), noise, seed, lab="walkway")
     recording = simulated.recording
     landmarks = identify(tuple(recording.markers_m)).landmarks
     geometric = SegmentModel().com(recording, landmarks, subject=recording.subject)
     windows = measured_windows(recording, landmarks)
-    return _Trial(geometric, recording, windows, _walk().mass_kg, simulated.truth.com_m)
+    return _Trial(geometric, recording, windows, _simulated_walk().mass_kg, simulated.truth.com_m)
 
 
-def _left(offset: Offsets, bias: Offsets) -> float:
-    return _size((bias + offset)[:, :2]) / _size(bias[:, :2])
+def _remaining_bias_share(offset: Offsets, bias: Offsets) -> float:
+    return _rms_norm((bias + offset)[:, :2]) / _rms_norm(bias[:, :2])
 
 
-def _size(rows: Float[np.ndarray, "draws k"]) -> float:
+def _rms_norm(rows: Float[np.ndarray, "draws k"]) -> float:
     return float(np.sqrt(np.mean((rows**2).sum(axis=1))))
 
 
-def _drawn(trial: _Trial) -> list[Panel]:
-    return panels(trial.geometric, trial.fused(LATE_S), trial.wrench(LATE_S))
+def _trial_panels(trial: _Trial) -> list[Panel]:
+    return com_and_force_panels(trial.geometric, trial.fused_com(LATENCY_S), trial.wrench_at(LATENCY_S))
 
 
-def panels(geometric: GeometricCom, fused: ComEstimate, wrench: WrenchTrack) -> list[Panel]:
+def com_and_force_panels(geometric: GeometricCom, fused: ComEstimate, wrench: WrenchTrack) -> list[Panel]:
     """Both panels of the figure: fused and geometric CoM, and one second of the force."""
     t, g = geometric.time_s, geometric.com_m
     path = [

@@ -16,11 +16,11 @@ from stridelab.estimation.complementary.filter import ComplementaryFilter
 from stridelab.estimation.estimator import ComEstimate
 from stridelab.estimation.latency import estimate_latency
 from stridelab.estimation.walk_frame import walk_frame
-from stridelab.reproduction.chapter2.fig_2_8 import panels
-from stridelab.reproduction.claims import Claim, Reproduction, judged
+from stridelab.reproduction.chapter2.fig_2_8 import com_and_force_panels
+from stridelab.reproduction.claims import Claim, Reproduction, bound_verdict
 from stridelab.reproduction.common.estimator_errors import as_columns, rms
 from stridelab.reproduction.common.recorded_walks import RecordedWalk, recordings_in
-from stridelab.reproduction.report.svg_plots import Bars, svg
+from stridelab.reproduction.report.svg_plots import Bars, render_svg
 
 NAME: Final = "fig-2.8-people"
 TITLE: Final = "Walking on force plates, real recordings"
@@ -29,7 +29,7 @@ PRINTED: Final[tuple[str, ...]] = ()
 COMFORTABLE, FAST = (f"rehazenter-adult-walking/*/*_{speed}_*.c3d" for speed in ("C4", "C5"))
 THESIS_HEIGHT_M: Final = 1.80
 WALK, SIDE, UP = range(3)
-SAME_M: Final = 0.0025
+CHANCE_CHANGE_M: Final = 0.0025
 """Change of the offset with the speed below which it is attributed to chance."""
 
 
@@ -53,22 +53,22 @@ def run(gait: Path, tell: Progress) -> Reproduction:
     walks: dict[str, list[Fused]] = {}
     for k, pattern in enumerate((COMFORTABLE, FAST)):
         tell(k / 2, "comfortable" if pattern == COMFORTABLE else "fast")
-        walks[pattern] = [fused(RecordedWalk.of(path)) for path in recordings_in(gait, pattern)]
+        walks[pattern] = [fuse_walk(RecordedWalk.from_file(path)) for path in recordings_in(gait, pattern)]
     slow, fast = ({one.walk.person: one for one in walks[pattern]} for pattern in (COMFORTABLE, FAST))
     pairs = [(slow[person], fast[person]) for person in sorted(slow.keys() & fast.keys())]
     shown = min(slow.values(), key=lambda one: abs((one.walk.recording.subject.height_m or 0.0) - THESIS_HEIGHT_M))
     tell(1.0, "done")
     return Reproduction(
-        claims=_claims(list(slow.values()), pairs),
+        claims=_offset_claims(list(slow.values()), pairs),
         note=f"{len(slow)} adults at a comfortable and {len(fast)} at a fast speed, the thesis' filter, segment table "
         "of Dumas. The latency of the force is first left uncorrected, since the thesis does not mention it, and then "
         "corrected by its estimate. The drawing shows the subject whose height is closest to that of the thesis' "
         "subject.",
-        tables={"walks": as_columns([_row(pace, one) for pace, of in (("comfortable", slow), ("fast", fast))
+        tables={"walks": as_columns([_walk_row(pace, one) for pace, of in (("comfortable", slow), ("fast", fast))
                                      for one in of.values()])},
-        drawing=svg(
+        drawing=render_svg(
             [
-                *panels(shown.walk.geometric, shown.estimate, shown.walk.wrench(0.0)),
+                *com_and_force_panels(shown.walk.geometric, shown.estimate, shown.walk.total_wrench(0.0)),
                 Bars("Offset along the walk, mean", "mm",
                      [(f"{pace}, {clocks}", 1e3 * float(np.mean([getattr(one, name)[WALK] for one in of.values()])))
                       for pace, of in (("comfortable", slow), ("fast", fast))
@@ -79,17 +79,17 @@ def run(gait: Path, tell: Progress) -> Reproduction:
     )  # fmt: skip
 
 
-def fused(walk: RecordedWalk) -> Fused:
+def fuse_walk(walk: RecordedWalk) -> Fused:
     """Apply the thesis' filter to one walk, without and with latency correction."""
-    latency = estimate_latency(walk.geometric, walk.wrench, walk.mass_kg)
+    latency = estimate_latency(walk.geometric, walk.total_wrench, walk.mass_kg)
     latency_s = latency.latency_s if latency.significant else 0.0
-    uncorrected, corrected = (_estimate(walk, read_later_s) for read_later_s in (0.0, latency_s))
+    uncorrected, corrected = (_thesis_estimate(walk, read_later_s) for read_later_s in (0.0, latency_s))
     speed = float(np.linalg.norm(np.mean(uncorrected.velocity_m_s, axis=0)[:UP]))
     return Fused(walk, uncorrected, speed, latency_s, _offset_m(walk, uncorrected), _offset_m(walk, corrected))
 
 
-def _estimate(walk: RecordedWalk, read_later_s: float) -> ComEstimate:
-    return ComplementaryFilter.thesis().estimate(walk.geometric, walk.wrench(read_later_s), walk.mass_kg)
+def _thesis_estimate(walk: RecordedWalk, read_later_s: float) -> ComEstimate:
+    return ComplementaryFilter.thesis().estimate(walk.geometric, walk.total_wrench(read_later_s), walk.mass_kg)
 
 
 def _offset_m(walk: RecordedWalk, estimate: ComEstimate) -> Vector3:
@@ -98,7 +98,7 @@ def _offset_m(walk: RecordedWalk, estimate: ComEstimate) -> Vector3:
     return np.asarray(walk_frame(estimate.velocity_m_s) @ (estimate.com_m - geometry).mean(axis=0))
 
 
-def _row(pace: str, one: Fused) -> dict[str, object]:
+def _walk_row(pace: str, one: Fused) -> dict[str, object]:
     along, left, up = one.offset_m.tolist()
     return {
         "person": one.walk.person, "pace": pace, "speed_m_s": one.speed_m_s, "latency_s": one.latency_s,
@@ -106,7 +106,7 @@ def _row(pace: str, one: Fused) -> dict[str, object]:
     }  # fmt: skip
 
 
-def _claims(slow: Sequence[Fused], pairs: Sequence[tuple[Fused, Fused]]) -> tuple[Claim, ...]:
+def _offset_claims(slow: Sequence[Fused], pairs: Sequence[tuple[Fused, Fused]]) -> tuple[Claim, ...]:
     flat = rms([float(np.hypot(one.offset_m[WALK], one.offset_m[SIDE])) for one in slow])
     up = rms([float(one.offset_m[UP]) for one in slow])
     raw, corrected = (
@@ -122,7 +122,7 @@ def _claims(slow: Sequence[Fused], pairs: Sequence[tuple[Fused, Fused]]) -> tupl
             "especially",
             flat / up,
             "1",
-            judged(flat / up, at_least=1.0),
+            bound_verdict(flat / up, at_least=1.0),
             f"RMS of the mean offsets of {len(slow)} adults at a comfortable speed: {1e3 * flat:.1f} mm horizontally, "
             f"{1e3 * up:.1f} mm vertically.",
         ),
@@ -132,7 +132,7 @@ def _claims(slow: Sequence[Fused], pairs: Sequence[tuple[Fused, Fused]]) -> tupl
             0.0,
             change,
             "m",
-            "met" if change <= SAME_M else "thesis_in_error",
+            "met" if change <= CHANCE_CHANGE_M else "thesis_in_error",
             f"Mean change of the offset along the walk from comfortable to fast, {len(pairs)} adults: "
             f"{1e3 * raw.mean():+.1f} mm, standard deviation {1e3 * raw.std():.1f} mm; speed times latency grows by "
             f"{1e3 * late:.1f} mm.",

@@ -12,22 +12,22 @@ from stridelab.dynamics.wrench import Wrench
 from stridelab.estimation.complementary.forward_backward import (
     FilterInputs,
     filter_inputs,
-    forward,
     forward_backward,
+    forward_pass,
     initial_state,
 )
 from stridelab.estimation.complementary.transfer_functions import THESIS_HIGH_HZ, THESIS_LOW_HZ, complementary_filters
 from stridelab.estimation.estimator import ComEstimate
 from stridelab.estimation.evaluation.truth_errors import error_m, truth_error
-from stridelab.reproduction.claims import Claim, Item, Reproduction, aimed, judged
+from stridelab.reproduction.claims import Claim, Item, Reproduction, bound_verdict, target_claim
 from stridelab.reproduction.common.estimator_errors import rms
-from stridelab.reproduction.common.estimators import GEOMETRY, THESIS, estimators
-from stridelab.reproduction.report.svg_plots import Curve, Panel, svg
+from stridelab.reproduction.common.estimators import GEOMETRY, THESIS, study_estimators
+from stridelab.reproduction.report.svg_plots import Curve, Panel, render_svg
 from stridelab.simulation.robot.walker import RATE_HZ
-from stridelab.studies.estimator_study import StudyTrial, simulate
+from stridelab.studies.estimator_study import StudyTrial, simulate_trial
 
 NOISE: Final = "marker-like"
-SETTLED_S: Final = 1.5
+SETTLING_MARGIN_S: Final = 1.5
 OFFSET_M: Final = 0.03
 """Bias of the segment table, of the size reported in the thesis: a few centimetres."""
 
@@ -38,14 +38,14 @@ def run(seeds: int, tell: Progress) -> Reproduction:
     errors: dict[str, list[tuple[float, float]]] = {name: [] for name in compared}
     for seed in range(seeds):
         tell(0.9 * seed / seeds, f"draw {seed + 1} of {seeds}")
-        trial = simulate("running", NOISE, seed)
+        trial = simulate_trial("running", NOISE, seed)
         for name in compared:
-            estimate = estimators(trial)[name].estimate(trial.geometric, trial.wrench, trial.mass_kg)
+            estimate = study_estimators(trial)[name].estimate(trial.geometric, trial.wrench, trial.mass_kg)
             error = truth_error(estimate, trial.truth.time_s, trial.truth.com_m)
             errors[name].append((error.horizontal_m, error.vertical_m))
     tell(0.9, "computing the settling time")
-    settle_s, curve = _settling()
-    left, left_true_flight, left_height, flight_share = _left_of_a_bias()
+    settle_s, curve = _settling_time()
+    left, left_true_flight, left_height, flight_share = _remaining_bias_shares()
     horizontal = {name: rms([h for h, _ in values]) for name, values in errors.items()}
     vertical = {name: rms([v for _, v in values]) for name, values in errors.items()}
     claims = (
@@ -55,10 +55,10 @@ def run(seeds: int, tell: Progress) -> Reproduction:
             "corrects",
             left,
             "1",
-            judged(left, at_most=0.5),
+            bound_verdict(left, at_most=0.5),
             f"Remaining share of {1e3 * OFFSET_M:.0f} mm on a run without noise: the share of time in flight.",
         ),
-        aimed(
+        target_claim(
             "bias_left_told",
             "with the true CoM in flight, no bias remains",
             left_true_flight,
@@ -77,7 +77,7 @@ def run(seeds: int, tell: Progress) -> Reproduction:
             "steps, and in flight it is replaced by the biased geometry: the flight phases take a share of "
             f"{flight_share:.3f} of the time.",
         ),
-        aimed(
+        target_claim(
             "bias_left_predicted",
             "the remaining share equals the share of time in flight (difference)",
             abs(left - flight_share),
@@ -102,7 +102,7 @@ def run(seeds: int, tell: Progress) -> Reproduction:
             "met" if abs(settle_s - 1.5) <= 0.1 else "not_met",
             "Time after which a forward pass from rest has corrected 90 % of a constant bias: 3.9 tau_2.",
         ),
-        aimed(
+        target_claim(
             "error_over_geometry",
             "horizontal RMS error over the geometry's, with marker and plate noise",
             horizontal[THESIS] / horizontal[GEOMETRY],
@@ -110,8 +110,8 @@ def run(seeds: int, tell: Progress) -> Reproduction:
             at_most=0.8,
         ),
     )
-    trial = simulate("running", NOISE, 0)
-    fused = estimators(trial)[THESIS].estimate(trial.geometric, trial.wrench, trial.mass_kg)
+    trial = simulate_trial("running", NOISE, 0)
+    fused = study_estimators(trial)[THESIS].estimate(trial.geometric, trial.wrench, trial.mass_kg)
     tell(1.0, "done")
     table = {
         "estimator": np.array(compared),
@@ -124,24 +124,24 @@ def run(seeds: int, tell: Progress) -> Reproduction:
         "delayed by 10 ms gives an offset of 44 mm along the run, as large as the offset that the thesis attributes to "
         "a bias of the segment table. The item flight compares all estimators in flight.",
         tables={"errors": table, "settling": {"time_s": np.arange(len(curve)) / RATE_HZ, "offset_m": curve}},
-        drawing=svg(_panels(trial, fused, curve)),
+        drawing=render_svg(_draw_panels(trial, fused, curve)),
         references=("carpentier2017thesis", "carpentier2016spectral", "stasse2017talos"),
     )
 
 
-def _left_of_a_bias() -> tuple[float, float, float, float]:
+def _remaining_bias_shares() -> tuple[float, float, float, float]:
     """Remaining shares of a constant bias of the geometry in the fused CoM, in the middle of a run without noise.
 
     Returns the horizontal share (worse axis) with the rule of 2.6.2, the same with the true CoM in flight, the vertical
     share with the rule, and the share of time in flight.
     """
-    trial = simulate("running", "none", 0)
+    trial = simulate_trial("running", "none", 0)
     wrench = Wrench(trial.wrench.force_n, trial.wrench.moment_nm)
     filters = complementary_filters(THESIS_LOW_HZ, THESIS_HIGH_HZ, RATE_HZ)
     aloft = np.linalg.norm(wrench.force_n, axis=1) <= AXIS_THRESHOLD_N
-    middle = slice(round(SETTLED_S * RATE_HZ), -round(SETTLED_S * RATE_HZ))
+    middle = slice(round(SETTLING_MARGIN_S * RATE_HZ), -round(SETTLING_MARGIN_S * RATE_HZ))
 
-    def left(shift: Vector3, *, true_flight: bool) -> Vector3:
+    def remaining_share(shift: Vector3, *, true_flight: bool) -> Vector3:
         fused: list[Points] = []
         for geometry in (trial.truth.com_m, trial.truth.com_m + shift):
             inputs = filter_inputs(geometry, wrench, trial.mass_kg)
@@ -153,15 +153,16 @@ def _left_of_a_bias() -> tuple[float, float, float, float]:
 
     along, lateral, up = np.eye(3)
     horizontal = [
-        max(left(OFFSET_M * u, true_flight=true_flight) @ u for u in (along, lateral)) for true_flight in (False, True)
+        max(remaining_share(OFFSET_M * u, true_flight=true_flight) @ u for u in (along, lateral))
+        for true_flight in (False, True)
     ]
-    height = left(OFFSET_M * up, true_flight=False)[2]
+    height = remaining_share(OFFSET_M * up, true_flight=False)[2]
     return float(horizontal[0]), float(horizontal[1]), float(height), float(aloft[middle].mean())
 
 
-def _settling() -> tuple[float, Series]:
+def _settling_time() -> tuple[float, Series]:
     """Settling time and offset of a forward pass from rest on an exact run with constant geometry bias."""
-    trial = simulate("running", "none", 0)
+    trial = simulate_trial("running", "none", 0)
     shift = np.array([OFFSET_M, 0.0, 0.0])
     biased: Points = trial.geometric.com_m + shift
     total = Wrench(trial.wrench.force_n, trial.wrench.moment_nm)
@@ -169,13 +170,13 @@ def _settling() -> tuple[float, Series]:
     inputs = FilterInputs(biased, exact.acceleration_m_s2, biased - shift)
     filters = complementary_filters(THESIS_LOW_HZ, THESIS_HIGH_HZ, RATE_HZ)
     start = initial_state(filters, inputs)
-    fused = forward(filters, inputs, replace(start, h3=np.zeros((2, 3))))
+    fused = forward_pass(filters, inputs, replace(start, h3=np.zeros((2, 3))))
     offset = (fused - biased)[:, 0]
     late = np.flatnonzero(np.abs(offset) < 0.9 * OFFSET_M)
     return float((late[-1] + 1) / RATE_HZ) if len(late) else 0.0, offset
 
 
-def _panels(trial: StudyTrial, fused: ComEstimate, curve: Float[np.ndarray, "m"]) -> list[Panel]:
+def _draw_panels(trial: StudyTrial, fused: ComEstimate, curve: Float[np.ndarray, "m"]) -> list[Panel]:
     t, g, f = trial.truth.time_s, trial.geometric.com_m, trial.wrench.force_n
     error = error_m(fused, t, trial.truth.com_m)
     sway = [

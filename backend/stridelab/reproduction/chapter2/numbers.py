@@ -13,7 +13,7 @@ from stridelab.conventions import GRAVITY_M_S2, Points, Progress, g
 from stridelab.dynamics.central_axis import central_axis
 from stridelab.dynamics.wrench import Wrench
 from stridelab.estimation.complementary.filter import ComplementaryFilter
-from stridelab.estimation.complementary.forward_backward import forward, initial_state
+from stridelab.estimation.complementary.forward_backward import forward_pass, initial_state
 from stridelab.estimation.evaluation.error_spectra import error_spectrum
 from stridelab.estimation.kalman.filter import KalmanFilter
 from stridelab.estimation.observability import (
@@ -22,32 +22,32 @@ from stridelab.estimation.observability import (
     force_and_geometry_matrix,
     force_matrix,
 )
-from stridelab.reproduction.claims import Claim, Item, Reproduction, judged
+from stridelab.reproduction.claims import Claim, Item, Reproduction, bound_verdict
 from stridelab.reproduction.common.estimator_errors import GAITS, rms
-from stridelab.reproduction.report.svg_plots import Bars, Curve, Panel, svg
+from stridelab.reproduction.report.svg_plots import Bars, Curve, Panel, render_svg
 from stridelab.simulation.robot.walker import RATE_HZ
-from stridelab.studies.estimator_study import StudyTrial, simulate
+from stridelab.studies.estimator_study import StudyTrial, simulate_trial
 
 TOLERANCE: Final = 1e-9
 """Tolerance of a rank, in the units of the matrices (position in units of g times one second squared)."""
-SEVERAL_M: Final = 0.02
+SEVERAL_CENTIMETRES_M: Final = 0.02
 """Minimum that counts as "several centimetres"."""
 SEGMENT_S: Final = 8.0
-EVERY: Final = 10
+RANK_SAMPLE_STEP: Final = 10
 """Sampling interval of the rank computation."""
 
 
 def run(seeds: int, tell: Progress) -> Reproduction:
     """One walk per gait without noise, and ``seeds`` draws with the thesis' noise."""
-    clean = {gait: simulate(gait, "none", 0) for gait in GAITS}
+    clean = {gait: simulate_trial(gait, "none", 0) for gait in GAITS}
     tell(0.2, "ranks")
-    claims = list(_ranks(clean["robot"]))
-    offset = {gait: _off_the_axis(trial) for gait, trial in clean.items()}
+    claims = list(_rank_claims(clean["robot"]))
+    offset = {gait: _axis_offset_m(trial) for gait, trial in clean.items()}
     for gait in GAITS:
         tell(0.4, f"{gait} gait")
-        claims += _axis(gait, clean[gait], offset[gait])
-        noisy = [simulate(gait, "thesis", seed) for seed in range(seeds)]
-        claims += _noise(gait, clean[gait], noisy)
+        claims += _axis_claims(gait, clean[gait], offset[gait])
+        noisy = [simulate_trial(gait, "thesis", seed) for seed in range(seeds)]
+        claims += _noise_claims(gait, clean[gait], noisy)
     tell(1.0, "done")
     time_s = {gait: trial.truth.time_s for gait, trial in clean.items()}
     return Reproduction(
@@ -59,7 +59,7 @@ def run(seeds: int, tell: Progress) -> Reproduction:
             f"axis_{gait}": {"time_s": time_s[gait]} | {f"off_{a}_m": offset[gait][:, k] for k, a in enumerate("xyz")}
             for gait in GAITS
         },
-        drawing=svg(
+        drawing=render_svg(
             [
                 *(
                     Panel(
@@ -76,10 +76,10 @@ def run(seeds: int, tell: Progress) -> Reproduction:
     )  # fmt: skip
 
 
-def _ranks(trial: StudyTrial) -> tuple[Claim, ...]:
+def _rank_claims(trial: StudyTrial) -> tuple[Claim, ...]:
     """Ranks of (2.19) and (2.23) at every tenth sample, and of (2.19) in free fall."""
     truth = trial.truth
-    at = slice(None, None, EVERY)
+    at = slice(None, None, RANK_SAMPLE_STEP)
     c, v, a = truth.com_m - truth.com_m.mean(axis=0), truth.velocity_m_s, truth.acceleration_m_s2
     rank, both = (
         np.linalg.matrix_rank(matrix(c[at], v[at], a[at]), tol=TOLERANCE)
@@ -87,25 +87,27 @@ def _ranks(trial: StudyTrial) -> tuple[Claim, ...]:
     )
     falling = int(np.linalg.matrix_rank(force_matrix(c[0], v[0], np.asarray(g)), tol=TOLERANCE))
     return (
-        _rank("rank_force", f"(2.19): 7 of {STATES} states are observable from force and moment", 7, rank),
-        _rank("rank_both", f"(2.23): with the geometry, 11 of {STATES_WITH_BIAS} states are observable", 11, both),
-        _rank("rank_falling", "in free fall only the acceleration is observable", 3, np.array([falling])),
+        _rank_claim("rank_force", f"(2.19): 7 of {STATES} states are observable from force and moment", 7, rank),
+        _rank_claim(
+            "rank_both", f"(2.23): with the geometry, 11 of {STATES_WITH_BIAS} states are observable", 11, both
+        ),
+        _rank_claim("rank_falling", "in free fall only the acceleration is observable", 3, np.array([falling])),
     )
 
 
-def _rank(key: str, says: str, thesis: int, ranks: np.ndarray) -> Claim:
+def _rank_claim(key: str, says: str, thesis: int, ranks: np.ndarray) -> Claim:
     worst = int(ranks[np.argmax(np.abs(ranks - thesis))])
     return Claim(key, says, float(thesis), float(worst), "1", "met" if worst == thesis else "thesis_in_error",
                  f"The same in all {len(ranks)} states." if len(ranks) > 1 and np.ptp(ranks) == 0 else "")  # fmt: skip
 
 
-def _off_the_axis(trial: StudyTrial) -> Points:
+def _axis_offset_m(trial: StudyTrial) -> Points:
     """c_p - c of (2.12) with perfect sensors and a perfect model, i.e. due to L' alone; shape (n, 3)."""
     axis = central_axis(Wrench(trial.wrench.force_n, trial.wrench.moment_nm))
     return np.asarray(axis.project(trial.truth.com_m) - trial.truth.com_m)
 
 
-def _axis(gait: str, trial: StudyTrial, off_m: Points) -> tuple[Claim, ...]:
+def _axis_claims(gait: str, trial: StudyTrial, off_m: Points) -> tuple[Claim, ...]:
     """2.3.3: distance of the axis from the CoM due to L', and share of L' below the stride frequency."""
     largest = float(np.linalg.norm(off_m, axis=1).max())
     stride_hz = 0.5 / trial.step_time_s
@@ -119,7 +121,7 @@ def _axis(gait: str, trial: StudyTrial, off_m: Points) -> tuple[Claim, ...]:
             "several cm",
             largest,
             "m",
-            judged(largest, at_least=SEVERAL_M),
+            bound_verdict(largest, at_least=SEVERAL_CENTIMETRES_M),
             "Largest distance of the walk, without noise and model error. It grows with the square of the cadence.",
         ),
         Claim(
@@ -128,7 +130,7 @@ def _axis(gait: str, trial: StudyTrial, off_m: Points) -> tuple[Claim, ...]:
             "almost none",
             share,
             "1",
-            judged(share, at_most=0.01),
+            bound_verdict(share, at_most=0.01),
             f"Share of the power of L' below {stride_hz:.2f} Hz. The mean offset of the axis from the CoM is "
             f"nevertheless {1e3 * float(np.linalg.norm(off_m.mean(axis=0))):.1f} mm, because force and L' are "
             "correlated.",
@@ -136,7 +138,7 @@ def _axis(gait: str, trial: StudyTrial, off_m: Points) -> tuple[Claim, ...]:
     )
 
 
-def _noise(gait: str, clean: StudyTrial, noisy: list[StudyTrial]) -> tuple[Claim, ...]:
+def _noise_claims(gait: str, clean: StudyTrial, noisy: list[StudyTrial]) -> tuple[Claim, ...]:
     """2.4: perfect inputs; 2.5.1: mass; 2.5.3: jerk; 2.6.3: forward and backward pass."""
     truth = clean.truth
     through_com = replace(clean.wrench, moment_nm=np.cross(truth.com_m, clean.wrench.force_n))
@@ -155,7 +157,7 @@ def _noise(gait: str, clean: StudyTrial, noisy: list[StudyTrial]) -> tuple[Claim
             0.0,
             perfect,
             "m",
-            judged(perfect, at_most=1e-5),
+            bound_verdict(perfect, at_most=1e-5),
             "Largest error over all samples and coordinates, with the central axis through the CoM.",
         ),
         Claim(
@@ -164,7 +166,7 @@ def _noise(gait: str, clean: StudyTrial, noisy: list[StudyTrial]) -> tuple[Claim
             "good",
             mass,
             "1",
-            judged(mass, at_most=0.005),
+            bound_verdict(mass, at_most=0.005),
             "Largest relative error, over a walk that begins and ends at rest, with the noise of 2.5.1.",
         ),
         Claim(
@@ -193,11 +195,11 @@ def _passes_m(trial: StudyTrial) -> tuple[float, float]:
     """Horizontal RMS errors of the thesis' filter and of its forward pass alone."""
     thesis = ComplementaryFilter.thesis()
     fused = thesis.estimate(trial.geometric, trial.wrench, trial.mass_kg)
-    signals = thesis.signals(trial.geometric, trial.wrench, trial.mass_kg)
-    forward_pass = forward(signals.filters, signals.inputs, initial_state(signals.filters, signals.inputs))
+    signals = thesis.input_signals(trial.geometric, trial.wrench, trial.mass_kg)
+    one_pass_m = forward_pass(signals.filters, signals.inputs, initial_state(signals.filters, signals.inputs))
     both, one = (
         float(np.sqrt(np.mean(((track - trial.truth.com_m)[:, :2] ** 2).sum(axis=1))))
-        for track in (fused.com_m, forward_pass[signals.stretch.within])
+        for track in (fused.com_m, one_pass_m[signals.stretch.within])
     )
     return both, one
 

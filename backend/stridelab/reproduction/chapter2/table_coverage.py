@@ -11,18 +11,18 @@ import numpy as np
 
 from stridelab.conventions import Progress, Vector3
 from stridelab.dynamics.wrench import Wrench
-from stridelab.dynamics.zmp import zmp
+from stridelab.dynamics.zmp import zmp_of_wrench
 from stridelab.estimation.estimator import ComEstimate
 from stridelab.estimation.evaluation.truth_errors import TruthError, truth_error
 from stridelab.estimation.smoother import Smoother, SmootherPriors
-from stridelab.reproduction.chapter2.table_partial_force import part
-from stridelab.reproduction.claims import Claim, Item, Reproduction, aimed
-from stridelab.reproduction.common.estimator_errors import GAITS, as_columns, draw
-from stridelab.reproduction.common.estimators import SMOOTHER, told
-from stridelab.reproduction.report.svg_plots import Bars, svg
+from stridelab.reproduction.chapter2.table_partial_force import partial_force_errors
+from stridelab.reproduction.claims import Claim, Item, Reproduction, target_claim
+from stridelab.reproduction.common.estimator_errors import GAITS, as_columns, errors_of_draw
+from stridelab.reproduction.common.estimators import SMOOTHER, true_noise_priors
+from stridelab.reproduction.report.svg_plots import Bars, render_svg
 from stridelab.simulation.noise import PRESETS
 from stridelab.simulation.robot.gait_plan import GaitName
-from stridelab.studies.estimator_study import StudyTrial, simulate
+from stridelab.studies.estimator_study import StudyTrial, simulate_trial
 
 THESIS_NOISE: Final = PRESETS["thesis"]
 BIASED: Final = replace(THESIS_NOISE, plate_bias_n=5.0, plate_bias_nm=3.0)
@@ -41,42 +41,44 @@ class Scenario:
     name: str
     says: str
     errors: Errors
-    judged: bool = True
+    has_claims: bool = True
 
 
-def _shared(noise: str) -> Errors:
-    return lambda gait, seed: draw(gait, noise, seed).errors[SMOOTHER]
+def _errors_of_draw(noise: str) -> Errors:
+    return lambda gait, seed: errors_of_draw(gait, noise, seed).errors[SMOOTHER]
 
 
 def _wrong_table(gait: GaitName, seed: int) -> TruthError:
-    return _error(simulate(gait, replace(THESIS_NOISE, mass_model=0.4), seed))
+    return _smoother_error(simulate_trial(gait, replace(THESIS_NOISE, mass_model=0.4), seed))
 
 
-def _declared(gait: GaitName, seed: int) -> TruthError:
-    return _error(simulate(gait, BIASED, seed))
+def _declared_bias(gait: GaitName, seed: int) -> TruthError:
+    return _smoother_error(simulate_trial(gait, BIASED, seed))
 
 
 def _rigid_table(gait: GaitName, seed: int) -> TruthError:
-    trial = simulate(gait, "thesis", seed)
-    return _error(trial, replace(told(trial), table_varying_m=NO_VARIATION_M))
+    trial = simulate_trial(gait, "thesis", seed)
+    return _smoother_error(trial, replace(true_noise_priors(trial), table_varying_m=NO_VARIATION_M))
 
 
 def _once_high_passed(gait: GaitName, seed: int) -> TruthError:
-    return _error(simulate(gait, replace(THESIS_NOISE, high_pass_order=1), seed))
+    return _smoother_error(simulate_trial(gait, replace(THESIS_NOISE, high_pass_order=1), seed))
 
 
-def _masked(gait: GaitName, seed: int) -> TruthError:
-    return part(gait, "marker-like", seed, SMOOTHER).whole
+def _masked_force(gait: GaitName, seed: int) -> TruthError:
+    return partial_force_errors(gait, "marker-like", seed, SMOOTHER).whole
 
 
 SCENARIOS: Final = (
-    Scenario("thesis", "the thesis' noise, 20 % table", _shared("thesis")),
-    Scenario("white", "white noise, 20 % table", _shared("white")),
+    Scenario("thesis", "the thesis' noise, 20 % table", _errors_of_draw("thesis")),
+    Scenario("white", "white noise, 20 % table", _errors_of_draw("white")),
     Scenario("table-40", "40 % table", _wrong_table),
-    Scenario("plate-bias", "a declared bias of the plates, 5 N and 3 Nm", _declared),
-    Scenario("mask", "force in one second of two", _masked),
-    Scenario("first-order", "the thesis' noise, high-passed once instead of twice", _once_high_passed, judged=False),
-    Scenario("rigid-table", "a table error assumed to be constant", _rigid_table, judged=False),
+    Scenario("plate-bias", "a declared bias of the plates, 5 N and 3 Nm", _declared_bias),
+    Scenario("mask", "force in one second of two", _masked_force),
+    Scenario(
+        "first-order", "the thesis' noise, high-passed once instead of twice", _once_high_passed, has_claims=False
+    ),
+    Scenario("rigid-table", "a table error assumed to be constant", _rigid_table, has_claims=False),
 )
 
 
@@ -89,11 +91,11 @@ def run(seeds: int, tell: Progress) -> Reproduction:
         for j, scenario in enumerate(SCENARIOS):
             tell((k * (len(SCENARIOS) + 1) + j) / steps, f"{gait} gait, {scenario.says}")
             errors = [scenario.errors(gait, seed) for seed in range(seeds)]
-            rows.append({"gait": gait, "scenario": scenario.name, **_summary(errors)})
-            if scenario.judged:
-                claims += _covered(gait, scenario, rows[-1])
+            rows.append({"gait": gait, "scenario": scenario.name, **_coverage_summary(errors)})
+            if scenario.has_claims:
+                claims += _coverage_claims(gait, scenario, rows[-1])
         tell((k * (len(SCENARIOS) + 1) + len(SCENARIOS)) / steps, f"{gait} gait, undeclared bias")
-        claims += _flags(gait, seeds)
+        claims += _bias_detection_claims(gait, seeds)
     tell(1.0, "done")
     return Reproduction(
         claims=tuple(claims),
@@ -106,7 +108,7 @@ def run(seeds: int, tell: Progress) -> Reproduction:
         "thesis twice, so that the model expects more noise at walking frequencies: the row first-order has noise as "
         "in the model.",
         tables={"coverage": as_columns(rows)},
-        drawing=svg(
+        drawing=render_svg(
             [
                 Bars(
                     f"Share inside the 95 % band, {gait} gait",
@@ -125,7 +127,7 @@ def run(seeds: int, tell: Progress) -> Reproduction:
     )
 
 
-def _summary(errors: Sequence[TruthError]) -> dict[str, float]:
+def _coverage_summary(errors: Sequence[TruthError]) -> dict[str, float]:
     """Means over the draws; the ratio is RMS standard deviation over RMS error."""
     coverage = np.mean([e.coverage for e in errors], axis=0)
     rmse, sd = (np.sqrt(np.mean(np.square([getattr(e, n) for e in errors]), axis=0)) for n in ("rms_m", "sd_m"))
@@ -135,12 +137,12 @@ def _summary(errors: Sequence[TruthError]) -> dict[str, float]:
     return row
 
 
-def _covered(gait: str, scenario: Scenario, row: dict[str, object]) -> list[Claim]:
+def _coverage_claims(gait: str, scenario: Scenario, row: dict[str, object]) -> list[Claim]:
     claims = []
     for axis, (low, high) in zip("xyz", (HORIZONTAL_BAND, HORIZONTAL_BAND, VERTICAL_BAND), strict=True):
         share, ratio = float(str(row[f"coverage_{axis}"])), float(str(row[f"ratio_{axis}"]))
         claims.append(
-            aimed(
+            target_claim(
                 f"{gait}_{scenario.name}_{axis}",
                 f"{gait} gait, {scenario.says}: share inside the band along {axis} (sd over RMSE {ratio:.2f})",
                 share,
@@ -152,12 +154,19 @@ def _covered(gait: str, scenario: Scenario, row: dict[str, object]) -> list[Clai
     return claims
 
 
-def _flags(gait: GaitName, seeds: int) -> list[Claim]:
+def _bias_detection_claims(gait: GaitName, seeds: int) -> list[Claim]:
     """Share of draws in which a plate bias is reported: with a bias of 5 N, and without bias."""
-    flagged = float(np.mean([_flagged(off_by(simulate(gait, THESIS_NOISE, s), _direction(s))) for s in range(seeds)]))
-    false_alarms = float(np.mean([_flagged(simulate(gait, THESIS_NOISE, s)) for s in range(seeds)]))
+    flagged = float(
+        np.mean(
+            [
+                _reports_bias(with_force_bias(simulate_trial(gait, THESIS_NOISE, s), _random_direction(s)))
+                for s in range(seeds)
+            ]
+        )
+    )
+    false_alarms = float(np.mean([_reports_bias(simulate_trial(gait, THESIS_NOISE, s)) for s in range(seeds)]))
     return [
-        aimed(
+        target_claim(
             f"{gait}_flagged",
             f"{gait} gait: share of draws in which an undeclared bias of {BIAS_N:g} N is detected",
             flagged,
@@ -165,36 +174,42 @@ def _flags(gait: GaitName, seeds: int) -> list[Claim]:
             at_least=0.95,
             note=f"Horizontal, in a random direction, at the plate; the prior is {DEFAULT.plate_force_n:g} N.",
         ),
-        aimed(f"{gait}_false_alarms", f"{gait} gait: false alarms without bias", false_alarms, "1", at_most=0.05),
+        target_claim(
+            f"{gait}_false_alarms", f"{gait} gait: false alarms without bias", false_alarms, "1", at_most=0.05
+        ),
     ]
 
 
-def _flagged(trial: StudyTrial) -> bool:
-    undeclared = replace(told(trial), plate_force_n=DEFAULT.plate_force_n, plate_moment_nm=DEFAULT.plate_moment_nm)
-    return FLAG in [remark.code for remark in _estimate(trial, undeclared).remarks]
+def _reports_bias(trial: StudyTrial) -> bool:
+    undeclared = replace(
+        true_noise_priors(trial), plate_force_n=DEFAULT.plate_force_n, plate_moment_nm=DEFAULT.plate_moment_nm
+    )
+    return FLAG in [remark.code for remark in _smoother_estimate(trial, undeclared).remarks]
 
 
-def _direction(seed: int) -> Vector3:
+def _random_direction(seed: int) -> Vector3:
     angle = np.random.default_rng([seed, 17]).uniform(0.0, 2.0 * np.pi)
     return np.array([np.cos(angle), np.sin(angle), 0.0])
 
 
-def off_by(trial: StudyTrial, direction: Vector3) -> StudyTrial:
+def with_force_bias(trial: StudyTrial, direction: Vector3) -> StudyTrial:
     """The trial with an additional force of ``BIAS_N`` at the centre of pressure."""
     truth, up = trial.truth, np.array([0.0, 0.0, 1.0])
-    plate = zmp(Wrench(truth.force_n, truth.moment_nm), np.zeros(3), up)
+    plate = zmp_of_wrench(Wrench(truth.force_n, truth.moment_nm), np.zeros(3), up)
     extra = BIAS_N * direction + np.zeros_like(plate)
     wrench = trial.wrench
     moment = wrench.moment_nm + np.cross(plate, extra)
     return replace(trial, wrench=replace(wrench, force_n=wrench.force_n + extra, moment_nm=moment))
 
 
-def _estimate(trial: StudyTrial, priors: SmootherPriors) -> ComEstimate:
+def _smoother_estimate(trial: StudyTrial, priors: SmootherPriors) -> ComEstimate:
     return Smoother(priors=priors).estimate(trial.geometric, trial.wrench, trial.mass_kg)
 
 
-def _error(trial: StudyTrial, priors: SmootherPriors | None = None) -> TruthError:
-    return truth_error(_estimate(trial, priors or told(trial)), trial.truth.time_s, trial.truth.com_m)
+def _smoother_error(trial: StudyTrial, priors: SmootherPriors | None = None) -> TruthError:
+    return truth_error(
+        _smoother_estimate(trial, priors or true_noise_priors(trial)), trial.truth.time_s, trial.truth.com_m
+    )
 
 
 ITEM: Final = Item("coverage", "Coverage of the smoother's band", run, default_seeds=1, printed=("coverage",))

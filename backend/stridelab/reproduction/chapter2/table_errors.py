@@ -4,45 +4,68 @@ from collections.abc import Sequence
 from typing import Final
 
 from stridelab.conventions import Progress
-from stridelab.reproduction.claims import Claim, Item, Reproduction, aimed
-from stridelab.reproduction.common.estimator_errors import GAITS, Draw, chosen, draws, horizontal_ratio, rms, table
+from stridelab.reproduction.claims import Claim, Item, Reproduction, target_claim
+from stridelab.reproduction.common.estimator_errors import (
+    GAITS,
+    Draw,
+    compute_draws,
+    error_table,
+    horizontal_ratio,
+    rms,
+    select_columns,
+)
 from stridelab.reproduction.common.estimators import AUTO, GEOMETRY, KALMAN, NAMES, RTS, SMOOTHER, THESIS
-from stridelab.reproduction.report.svg_plots import Bars, svg
+from stridelab.reproduction.report.svg_plots import Bars, render_svg
 
 NOISES: Final = ("thesis", "white")
-_SHOWN: Final = ("gait", "noise", "estimator", "rms_x_m", "rms_y_m", "rms_z_m", "horizontal_m", "horizontal_worst_m")
+_SHOWN_COLUMNS: Final = (
+    "gait",
+    "noise",
+    "estimator",
+    "rms_x_m",
+    "rms_y_m",
+    "rms_z_m",
+    "horizontal_m",
+    "horizontal_worst_m",
+)
 
 
 def run(seeds: int, tell: Progress) -> Reproduction:
     """Both gaits, the thesis' noise and white noise, ``seeds`` draws of each."""
-    all_draws = draws(GAITS, NOISES, seeds, lambda fraction, message: tell(0.98 * fraction, message))
+    all_draws = compute_draws(GAITS, NOISES, seeds, lambda fraction, message: tell(0.98 * fraction, message))
     tell(1.0, "done")
     return Reproduction(
-        claims=tuple(claim for gait in GAITS for claim in _claims(gait, [d for d in all_draws if d.gait == gait])),
+        claims=tuple(claim for gait in GAITS for claim in _gait_claims(gait, [d for d in all_draws if d.gait == gait])),
         note=f"{seeds} draws per gait and noise; RMS along the walk (x), lateral (y) and vertical (z). The Kalman "
         "filter and the smoother are given the size of the noise; no estimator is given the error of the body model. "
         "The height is not observable: z is the geometry's with less noise. Part of the advantage of the thesis' "
         "filter over the Kalman filter comes from forward and backward filtering.",
-        tables={"errors": chosen(table(all_draws), _SHOWN, lambda _: True)},
-        drawing=svg([_bars(gait, noise, all_draws) for noise in NOISES for gait in GAITS]),
+        tables={"errors": select_columns(error_table(all_draws), _SHOWN_COLUMNS, lambda _: True)},
+        drawing=render_svg([_error_bars(gait, noise, all_draws) for noise in NOISES for gait in GAITS]),
         references=("carpentier2017thesis", "carpentier2016spectral", "stasse2017talos"),
     )
 
 
-def _claims(gait: str, draws_of_gait: Sequence[Draw]) -> list[Claim]:
+def _gait_claims(gait: str, draws_of_gait: Sequence[Draw]) -> list[Claim]:
     by_noise = {noise: [d for d in draws_of_gait if d.noise == noise] for noise in NOISES}
 
-    def ratio(key: str, says: str, at_most: float, noise: str, one: str, other: str, note: str = "") -> Claim:
+    def ratio_claim(key: str, says: str, at_most: float, noise: str, one: str, other: str, note: str = "") -> Claim:
         ours = horizontal_ratio(by_noise[noise], one, other)
-        return aimed(f"{gait}_{key}", f"{gait} gait, {noise} noise: {says}", ours, "1", at_most=at_most, note=note)
+        return target_claim(
+            f"{gait}_{key}", f"{gait} gait, {noise} noise: {says}", ours, "1", at_most=at_most, note=note
+        )
 
     bias = {name: rms([float(d.errors[name].mean_m[2]) for d in draws_of_gait]) for name in NAMES}
     height = min(bias.values()) / bias[GEOMETRY]
     return [
-        ratio("smoother_over_filter", "the smoother over the thesis' filter", 0.15, "thesis", SMOOTHER, THESIS),
-        ratio("smoother_over_kalman", "the smoother over the thesis' Kalman filter", 0.07, "thesis", SMOOTHER, KALMAN),
-        ratio("white_smoother_over_filter", "the smoother over the thesis' filter", 0.35, "white", SMOOTHER, THESIS),
-        ratio(
+        ratio_claim("smoother_over_filter", "the smoother over the thesis' filter", 0.15, "thesis", SMOOTHER, THESIS),
+        ratio_claim(
+            "smoother_over_kalman", "the smoother over the thesis' Kalman filter", 0.07, "thesis", SMOOTHER, KALMAN
+        ),
+        ratio_claim(
+            "white_smoother_over_filter", "the smoother over the thesis' filter", 0.35, "white", SMOOTHER, THESIS
+        ),
+        ratio_claim(
             "filter_over_kalman",
             "the thesis' filter, forward and backward, over its Kalman filter",
             0.6,
@@ -52,7 +75,9 @@ def _claims(gait: str, draws_of_gait: Sequence[Draw]) -> list[Claim]:
             f"RTS smoother with the Kalman filter's model and a realistic jerk: "
             f"{horizontal_ratio(by_noise['thesis'], RTS, KALMAN):.2f}; it also filters in both directions.",
         ),
-        ratio("auto_over_thesis", "default over thesis' cut-offs (1.5 times better)", 1 / 1.5, "thesis", AUTO, THESIS),
+        ratio_claim(
+            "auto_over_thesis", "default over thesis' cut-offs (1.5 times better)", 1 / 1.5, "thesis", AUTO, THESIS
+        ),
         Claim(
             f"{gait}_best_height",
             f"{gait} gait: the height is not observable (smallest constant error of z over the geometry's)",
@@ -65,7 +90,7 @@ def _claims(gait: str, draws_of_gait: Sequence[Draw]) -> list[Claim]:
     ]
 
 
-def _bars(gait: str, noise: str, all_draws: Sequence[Draw]) -> Bars:
+def _error_bars(gait: str, noise: str, all_draws: Sequence[Draw]) -> Bars:
     group = [d for d in all_draws if (d.gait, d.noise) == (gait, noise)]
     return Bars(
         f"Horizontal RMS error, {gait} gait, {noise} noise",

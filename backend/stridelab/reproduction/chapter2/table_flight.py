@@ -6,16 +6,16 @@ import numpy as np
 
 from stridelab.conventions import Progress
 from stridelab.errors import NotEstimable
-from stridelab.estimation.evaluation.physics_residuals import flight
+from stridelab.estimation.evaluation.physics_residuals import assess_flight
 from stridelab.estimation.evaluation.truth_errors import truth_error
-from stridelab.reproduction.claims import Claim, Item, Reproduction, aimed
+from stridelab.reproduction.claims import Claim, Item, Reproduction, target_claim
 from stridelab.reproduction.common.estimator_errors import as_columns, rms
-from stridelab.reproduction.common.estimators import NAMES, SMOOTHER, estimators
-from stridelab.reproduction.report.svg_plots import Bars, svg
-from stridelab.studies.estimator_study import simulate
+from stridelab.reproduction.common.estimators import NAMES, SMOOTHER, study_estimators
+from stridelab.reproduction.report.svg_plots import Bars, render_svg
+from stridelab.studies.estimator_study import simulate_trial
 
 NOISES: Final = ("marker-like", "thesis")
-LARGEST_SHARE: Final = 0.02
+MAX_GRAVITY_ERROR_SHARE: Final = 0.02
 
 
 def run(seeds: int, tell: Progress) -> Reproduction:
@@ -29,10 +29,10 @@ def run(seeds: int, tell: Progress) -> Reproduction:
         errors: dict[str, list[tuple[float, float]]] = {name: [] for name in NAMES}
         for seed in range(seeds):
             tell((k + seed / seeds) / len(NOISES), f"{noise} noise, draw {seed + 1} of {seeds}")
-            trial = simulate("running", noise, seed)
-            for name, estimator in estimators(trial).items():
+            trial = simulate_trial("running", noise, seed)
+            for name, estimator in study_estimators(trial).items():
                 estimate = estimator.estimate(trial.geometric, trial.wrench, trial.mass_kg)
-                aloft = flight(estimate, trial.wrench)
+                aloft = assess_flight(estimate, trial.wrench)
                 if aloft is None:
                     raise NotEstimable("no-flight", "The run has no flight phase long enough to estimate a curvature.")
                 error = truth_error(estimate, trial.truth.time_s, trial.truth.com_m)
@@ -52,12 +52,12 @@ def run(seeds: int, tell: Progress) -> Reproduction:
         ]
     tell(1.0, "done")
     return Reproduction(
-        claims=tuple(claim for row in rows if row["estimator"] == SMOOTHER for claim in _claims(row)),
+        claims=tuple(claim for row in rows if row["estimator"] == SMOOTHER for claim in _smoother_claims(row)),
         note=f"{seeds} draws each of a run at about 1 m/s with flight phases of 0.11 s; vertical acceleration over g, "
         "minus one, from a parabola fitted to the heights of a flight phase. The best published values are 1.1 to "
         "3.1 %.",
         tables={"flight": as_columns(rows)},
-        drawing=svg(
+        drawing=render_svg(
             [
                 Bars(
                     f"Relative error of the vertical acceleration in flight (RMS), {noise} noise",
@@ -75,15 +75,15 @@ def run(seeds: int, tell: Progress) -> Reproduction:
     )
 
 
-def _claims(row: dict[str, object]) -> list[Claim]:
+def _smoother_claims(row: dict[str, object]) -> list[Claim]:
     share, worst = float(str(row["vertical_share"])), float(str(row["vertical_share_worst"]))
     return [
-        aimed(
+        target_claim(
             f"{row['noise']}_smoother",
             f"{row['noise']} noise: vertical acceleration of the smoother in flight equals g (RMS over the draws)",
             share,
             "1",
-            at_most=LARGEST_SHARE,
+            at_most=MAX_GRAVITY_ERROR_SHARE,
             note=f"Worst draw {100 * worst:.2f} %.",
         )
     ]

@@ -11,12 +11,12 @@ from stridelab.estimation.complementary.filter import ComplementaryFilter
 from stridelab.estimation.estimator import ComEstimator
 from stridelab.estimation.evaluation.truth_errors import truth_error
 from stridelab.estimation.kalman.filter import TUNED_SIGMA_JERK_M_S3, KalmanFilter
-from stridelab.reproduction.claims import Claim, Item, Reproduction, aimed
-from stridelab.reproduction.common.estimator_errors import GAITS, Draw, as_columns, draws, per_axis
+from stridelab.reproduction.claims import Claim, Item, Reproduction, target_claim
+from stridelab.reproduction.common.estimator_errors import GAITS, Draw, as_columns, compute_draws, per_axis
 from stridelab.reproduction.common.estimators import AUTO, KALMAN, NAMES, SMOOTHER, THESIS
-from stridelab.reproduction.report.svg_plots import Bars, svg
+from stridelab.reproduction.report.svg_plots import Bars, render_svg
 from stridelab.simulation.robot.gait_plan import GaitName
-from stridelab.studies.estimator_study import StudyTrial, simulate
+from stridelab.studies.estimator_study import StudyTrial, simulate_trial
 
 LATERAL: Final = 1
 """The lateral axis shows the lag best: the lateral motion is periodic, the forward motion mostly uniform."""
@@ -25,18 +25,18 @@ SLOW, QUICK = KalmanFilter(), KalmanFilter(sigma_jerk_m_s3=TUNED_SIGMA_JERK_M_S3
 
 def run(seeds: int, tell: Progress) -> Reproduction:
     """Both gaits with the thesis' noise, ``seeds`` draws; the causes on one walk of each without noise."""
-    all_draws = draws(GAITS, ("thesis",), seeds, lambda fraction, message: tell(0.9 * fraction, message))
+    all_draws = compute_draws(GAITS, ("thesis",), seeds, lambda fraction, message: tell(0.9 * fraction, message))
     tell(0.9, "isolating the causes")
-    causes = {gait: _causes(gait) for gait in GAITS}
+    causes = {gait: _lag_by_cause_s(gait) for gait in GAITS}
     cases = [{"gait": g, "case": case, "lag_y_s": lag} for g in GAITS for case, lag in causes[g].items()]
     rows = [
-        {"gait": gait, "estimator": name, **per_axis("lag_{}_s", _lag(all_draws, gait, name))}
+        {"gait": gait, "estimator": name, **per_axis("lag_{}_s", _median_lag_s(all_draws, gait, name))}
         for gait in GAITS
         for name in NAMES
     ]
     tell(1.0, "done")
     return Reproduction(
-        claims=tuple(claim for gait in GAITS for claim in _claims(gait, all_draws, causes[gait])),
+        claims=tuple(claim for gait in GAITS for claim in _gait_claims(gait, all_draws, causes[gait])),
         note="Median over the draws of the time shift that minimises the error of the detrended estimate; negative is "
         "early. Any error periodic with the step appears as a shift: a posture-dependent table error, or L' in the "
         "axis. The Kalman filter's own lag has two causes, both in its tuning: a jerk of 1 m/s³ where walking has 4 to "
@@ -45,12 +45,12 @@ def run(seeds: int, tell: Progress) -> Reproduction:
             "lags": as_columns(rows),
             "causes": as_columns(cases),
         },
-        drawing=svg(
+        drawing=render_svg(
             [
                 Bars(
                     f"Lateral lag, {gait} gait, thesis noise",
                     "ms",
-                    [(name, 1e3 * float(_lag(all_draws, gait, name)[LATERAL])) for name in NAMES],
+                    [(name, 1e3 * float(_median_lag_s(all_draws, gait, name)[LATERAL])) for name in NAMES],
                 )
                 for gait in GAITS
             ]
@@ -59,20 +59,22 @@ def run(seeds: int, tell: Progress) -> Reproduction:
     )
 
 
-def _claims(gait: GaitName, all_draws: Sequence[Draw], causes: Mapping[str, float]) -> list[Claim]:
+def _gait_claims(gait: GaitName, all_draws: Sequence[Draw], causes: Mapping[str, float]) -> list[Claim]:
     def worst_s(name: str) -> float:
-        return float(np.abs(_lag(all_draws, gait, name)[:2]).max())
+        return float(np.abs(_median_lag_s(all_draws, gait, name)[:2]).max())
 
-    def own(estimator: ComEstimator) -> str:
-        lag_s = _lags_s(estimator, simulate(gait, "none", 0))[:2]
+    def noise_free_lag_text(estimator: ComEstimator) -> str:
+        lag_s = _estimator_lag_s(estimator, simulate_trial(gait, "none", 0))[:2]
         return f"Without noise and table error {' and '.join(f'{1e3 * lag:.1f}' for lag in lag_s)} ms (x, y)."
 
-    late = float(_lag(all_draws, gait, KALMAN)[LATERAL])
+    late = float(_median_lag_s(all_draws, gait, KALMAN)[LATERAL])
     unexplained = abs(causes["both removed"])
-    thesis, ours = own(ComplementaryFilter.thesis()), own(ComplementaryFilter())
+    thesis, ours = noise_free_lag_text(ComplementaryFilter.thesis()), noise_free_lag_text(ComplementaryFilter())
     return [
-        aimed(f"{gait}_smoother_s", f"{gait} gait: the smoother has no lag", worst_s(SMOOTHER), "s", at_most=0.001),
-        aimed(
+        target_claim(
+            f"{gait}_smoother_s", f"{gait} gait: the smoother has no lag", worst_s(SMOOTHER), "s", at_most=0.001
+        ),
+        target_claim(
             f"{gait}_filter_s",
             f"{gait} gait: the thesis' filter has no lag",
             worst_s(THESIS),
@@ -80,7 +82,7 @@ def _claims(gait: GaitName, all_draws: Sequence[Draw], causes: Mapping[str, floa
             at_most=0.004,
             note=thesis,
         ),
-        aimed(
+        target_claim(
             f"{gait}_auto_s",
             f"{gait} gait: the filter with the default cut-offs has no lag",
             worst_s(AUTO),
@@ -97,7 +99,7 @@ def _claims(gait: GaitName, all_draws: Sequence[Draw], causes: Mapping[str, floa
             "thesis_in_error" if late > 0.01 else "met",
             "The thesis attributes the lag to the Kalman filter as such; its cause is the tuning.",
         ),
-        aimed(
+        target_claim(
             f"{gait}_kalman_unexplained_s",
             f"{gait} gait: with both causes removed, no lag remains",
             unexplained,
@@ -108,13 +110,13 @@ def _claims(gait: GaitName, all_draws: Sequence[Draw], causes: Mapping[str, floa
     ]
 
 
-def _lag(all_draws: Sequence[Draw], gait: str, name: str) -> np.ndarray:
+def _median_lag_s(all_draws: Sequence[Draw], gait: str, name: str) -> np.ndarray:
     return np.asarray(np.median([d.errors[name].lag_s for d in all_draws if d.gait == gait], axis=0))
 
 
-def _causes(gait: GaitName) -> dict[str, float]:
+def _lag_by_cause_s(gait: GaitName) -> dict[str, float]:
     """Lateral lag without noise: thesis' tuning, axis through the CoM, realistic jerk, and both changes."""
-    clean = simulate(gait, "none", 0)
+    clean = simulate_trial(gait, "none", 0)
     ideal = replace(clean, wrench=replace(clean.wrench, moment_nm=np.cross(clean.truth.com_m, clean.wrench.force_n)))
     cases: dict[str, tuple[ComEstimator, StudyTrial]] = {
         "as in the thesis": (SLOW, clean),
@@ -122,10 +124,10 @@ def _causes(gait: GaitName) -> dict[str, float]:
         f"jerk of {TUNED_SIGMA_JERK_M_S3:g} m/s³": (QUICK, clean),
         "both removed": (QUICK, ideal),
     }
-    return {case: float(_lags_s(estimator, trial)[LATERAL]) for case, (estimator, trial) in cases.items()}
+    return {case: float(_estimator_lag_s(estimator, trial)[LATERAL]) for case, (estimator, trial) in cases.items()}
 
 
-def _lags_s(estimator: ComEstimator, trial: StudyTrial) -> np.ndarray:
+def _estimator_lag_s(estimator: ComEstimator, trial: StudyTrial) -> np.ndarray:
     estimate = estimator.estimate(trial.geometric, trial.wrench, trial.mass_kg)
     return truth_error(estimate, trial.truth.time_s, trial.truth.com_m).lag_s
 

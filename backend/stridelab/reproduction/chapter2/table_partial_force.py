@@ -12,26 +12,26 @@ from stridelab.conventions import Progress
 from stridelab.errors import NotEstimable
 from stridelab.estimation.evaluation.truth_errors import TruthError, error_m, truth_error
 from stridelab.estimation.smoother import Smoother
-from stridelab.reproduction.claims import Claim, Item, Reproduction, aimed
+from stridelab.reproduction.claims import Claim, Item, Reproduction, target_claim
 from stridelab.reproduction.common.estimator_errors import GAITS, as_columns, rms
-from stridelab.reproduction.common.estimators import NAMES, SMOOTHER, estimators, told
-from stridelab.reproduction.report.svg_plots import Bars, svg
+from stridelab.reproduction.common.estimators import NAMES, SMOOTHER, study_estimators, true_noise_priors
+from stridelab.reproduction.report.svg_plots import Bars, render_svg
 from stridelab.simulation.robot.gait_plan import WALKS, GaitName
 from stridelab.simulation.robot.walker import RATE_HZ
-from stridelab.studies.estimator_study import StudyTrial, simulate
+from stridelab.studies.estimator_study import StudyTrial, simulate_trial
 
 NOISES: Final = ("marker-like", "thesis")
-JUDGED: Final = "marker-like"
+CLAIM_NOISE: Final = "marker-like"
 LENGTH_S, FORCE_S = 2.0, (0.5, 1.5)
 TOO_SHORT_S: Final = 0.35
-MOST_ATTEMPTS: Final = 50
-LARGEST_M: Final = {"human": 0.0035, "robot": 0.0040}
-LARGEST_95_M: Final = 0.0066
+MAX_ATTEMPTS: Final = 50
+MAX_HORIZONTAL_RMS_M: Final = {"human": 0.0035, "robot": 0.0040}
+MAX_HORIZONTAL_95_M: Final = 0.0066
 Distances = Float[np.ndarray, "_"]
 
 
 @dataclass(frozen=True)
-class Part:
+class PartialForceErrors:
     """Horizontal distances from the truth and RMS per axis in the second with force; ``around_m`` outside of it.
 
     ``whole`` is the error over the whole estimate.
@@ -44,42 +44,42 @@ class Part:
 
 
 @lru_cache(maxsize=1000)
-def masked(gait: GaitName, noise: str, seed: int) -> tuple[StudyTrial, int]:
+def excerpt_with_single_support(gait: GaitName, noise: str, seed: int) -> tuple[StudyTrial, int]:
     """Two seconds of a walk with a random start, and the number of rejected starts.
 
     The second with force must contain a complete single support; a start that the smoother rejects is drawn again.
     Raises ``NotEstimable`` (``no-single-support``) after ``MOST_ATTEMPTS`` rejections.
     """
-    for attempt in range(MOST_ATTEMPTS):
-        trial = _excerpt(gait, noise, seed, attempt, FORCE_S)
-        if _refusal(trial) is None:
+    for attempt in range(MAX_ATTEMPTS):
+        trial = _random_excerpt(gait, noise, seed, attempt, FORCE_S)
+        if _rejection_code(trial) is None:
             return trial, attempt
-    raise NotEstimable("no-single-support", f"None of {MOST_ATTEMPTS} excerpts contains a complete single support.")
+    raise NotEstimable("no-single-support", f"None of {MAX_ATTEMPTS} excerpts contains a complete single support.")
 
 
 @lru_cache(maxsize=2000)
-def part(gait: GaitName, noise: str, seed: int, name: str) -> Part:
+def partial_force_errors(gait: GaitName, noise: str, seed: int, name: str) -> PartialForceErrors:
     """Errors of one estimator on one draw."""
-    trial, _ = masked(gait, noise, seed)
-    estimate = estimators(trial, beyond_window=True)[name].estimate(trial.geometric, trial.wrench, trial.mass_kg)
+    trial, _ = excerpt_with_single_support(gait, noise, seed)
+    estimate = study_estimators(trial, beyond_window=True)[name].estimate(trial.geometric, trial.wrench, trial.mass_kg)
     error = error_m(estimate, trial.truth.time_s, trial.truth.com_m)
     seen = (estimate.time_s > FORCE_S[0] - 1e-6) & (estimate.time_s < FORCE_S[1] + 1e-6)
     distance = np.hypot(error[:, 0], error[:, 1])
     whole = truth_error(estimate, trial.truth.time_s, trial.truth.com_m)
-    return Part(distance[seen], np.sqrt(np.mean(error[seen] ** 2, axis=0)), distance[~seen], whole)
+    return PartialForceErrors(distance[seen], np.sqrt(np.mean(error[seen] ** 2, axis=0)), distance[~seen], whole)
 
 
-def _excerpt(gait: GaitName, noise: str, seed: int, attempt: int, force_s: tuple[float, float]) -> StudyTrial:
+def _random_excerpt(gait: GaitName, noise: str, seed: int, attempt: int, force_s: tuple[float, float]) -> StudyTrial:
     walk = WALKS[gait]
     latest_s = walk.duration_s - walk.rest_s - LENGTH_S
     start_s = round(np.random.default_rng([seed, 23, attempt]).uniform(walk.rest_s, latest_s) * RATE_HZ) / RATE_HZ
-    return simulate(gait, noise, seed).excerpt(start_s, start_s + LENGTH_S, force_s=force_s)
+    return simulate_trial(gait, noise, seed).excerpt_between(start_s, start_s + LENGTH_S, force_s=force_s)
 
 
-def _refusal(trial: StudyTrial) -> str | None:
+def _rejection_code(trial: StudyTrial) -> str | None:
     """Error code with which the smoother rejects the trial, or None."""
     try:
-        Smoother(priors=told(trial), learn=False).estimate(trial.geometric, trial.wrench, trial.mass_kg)
+        Smoother(priors=true_noise_priors(trial), learn=False).estimate(trial.geometric, trial.wrench, trial.mass_kg)
     except NotEstimable as error:
         return error.code
     return None
@@ -91,13 +91,15 @@ def run(seeds: int, tell: Progress) -> Reproduction:
     claims: list[Claim] = []
     for k, (gait, noise) in enumerate((g, n) for g in GAITS for n in NOISES):
         tell(k / 4, f"{gait} gait, {noise} noise")
-        parts = {name: [part(gait, noise, seed, name) for seed in range(seeds)] for name in NAMES}
-        rows += [{"gait": gait, "noise": noise, "estimator": name, **_summary(parts[name])} for name in NAMES]
-        if noise == JUDGED:
-            claims += _claims(gait, parts[SMOOTHER])
+        parts = {name: [partial_force_errors(gait, noise, seed, name) for seed in range(seeds)] for name in NAMES}
+        rows += [{"gait": gait, "noise": noise, "estimator": name, **_error_summary(parts[name])} for name in NAMES]
+        if noise == CLAIM_NOISE:
+            claims += _gait_claims(gait, parts[SMOOTHER])
     tell(0.95, "testing short windows")
-    claims += [_refused(gait, seeds) for gait in GAITS]
-    rejections = {gait: sum(masked(gait, JUDGED, seed)[1] for seed in range(seeds)) for gait in GAITS}
+    claims += [_short_window_claim(gait, seeds) for gait in GAITS]
+    rejections = {
+        gait: sum(excerpt_with_single_support(gait, CLAIM_NOISE, seed)[1] for seed in range(seeds)) for gait in GAITS
+    }
     rejected = " and ".join(f"{n} of {n + seeds} ({gait} gait)" for gait, n in rejections.items())
     tell(1.0, "done")
     return Reproduction(
@@ -107,7 +109,7 @@ def run(seeds: int, tell: Progress) -> Reproduction:
         "the angular momentum. A second without a complete single support is rejected (no-single-support) and "
         f"drawn again: {rejected}.",
         tables={"errors": as_columns(rows)},
-        drawing=svg(
+        drawing=render_svg(
             [
                 Bars(
                     f"Horizontal RMS error in the second with force, {gait} gait, {noise} noise",
@@ -126,7 +128,7 @@ def run(seeds: int, tell: Progress) -> Reproduction:
     )
 
 
-def _summary(parts: Sequence[Part]) -> dict[str, float]:
+def _error_summary(parts: Sequence[PartialForceErrors]) -> dict[str, float]:
     x, y, z = np.sqrt(np.mean([p.rms_m**2 for p in parts], axis=0)).tolist()
     inside = np.concatenate([p.with_force_m for p in parts])
     around = np.concatenate([p.around_m for p in parts])
@@ -140,20 +142,24 @@ def _summary(parts: Sequence[Part]) -> dict[str, float]:
     }
 
 
-def _claims(gait: GaitName, parts: Sequence[Part]) -> list[Claim]:
-    summary = _summary(parts)
+def _gait_claims(gait: GaitName, parts: Sequence[PartialForceErrors]) -> list[Claim]:
+    summary = _error_summary(parts)
     return [
-        aimed(
+        target_claim(
             f"{gait}_horizontal_m",
             f"{gait} gait: the smoother's horizontal error (RMS) with a second of force",
             summary["horizontal_m"],
             "m",
-            at_most=LARGEST_M[gait],
+            at_most=MAX_HORIZONTAL_RMS_M[gait],
         ),
-        aimed(
-            f"{gait}_95_m", f"{gait} gait: its 95th percentile", summary["horizontal_95_m"], "m", at_most=LARGEST_95_M
+        target_claim(
+            f"{gait}_95_m",
+            f"{gait} gait: its 95th percentile",
+            summary["horizontal_95_m"],
+            "m",
+            at_most=MAX_HORIZONTAL_95_M,
         ),
-        aimed(
+        target_claim(
             f"{gait}_around_m",
             f"{gait} gait: its horizontal error (RMS) in the half seconds before and after",
             summary["around_m"],
@@ -163,12 +169,14 @@ def _claims(gait: GaitName, parts: Sequence[Part]) -> list[Claim]:
     ]
 
 
-def _refused(gait: GaitName, seeds: int) -> Claim:
+def _short_window_claim(gait: GaitName, seeds: int) -> Claim:
     """Share of windows of ``TOO_SHORT_S`` that are rejected with ``window-too-short``."""
     force_s = (0.8, 0.8 + TOO_SHORT_S)
-    refusals = [_refusal(_excerpt(gait, JUDGED, seed, 0, force_s)) for seed in range(seeds)]
+    refusals = [_rejection_code(_random_excerpt(gait, CLAIM_NOISE, seed, 0, force_s)) for seed in range(seeds)]
     share = refusals.count("window-too-short") / seeds
-    return aimed(f"{gait}_refused", f"{gait} gait: {TOO_SHORT_S} s of force are rejected", share, "1", at_least=1.0)
+    return target_claim(
+        f"{gait}_refused", f"{gait} gait: {TOO_SHORT_S} s of force are rejected", share, "1", at_least=1.0
+    )
 
 
 ITEM: Final = Item("partial-force", "One second of force in two", run, default_seeds=4, printed=("errors",))

@@ -15,7 +15,7 @@ import numpy as np
 from stridelab.conventions import GRAVITY_M_S2, Progress, Vector3
 from stridelab.estimation.complementary.filter import ComplementaryFilter
 from stridelab.estimation.estimator import ComEstimate, ComEstimator
-from stridelab.estimation.evaluation.comparison import Assessment, Data, compare
+from stridelab.estimation.evaluation.comparison import Assessment, ComparisonData, compare
 from stridelab.estimation.evaluation.physics_residuals import force_residual_track_n
 from stridelab.estimation.evaluation.truth_errors import BAND_95
 from stridelab.estimation.kalman.filter import KalmanFilter, RtsSmoother
@@ -25,11 +25,11 @@ from stridelab.estimation.smoother import Smoother
 from stridelab.estimation.walk_frame import walk_frame
 from stridelab.recordings.marker_sets import identify
 from stridelab.recordings.reader import read_recording
-from stridelab.reproduction.claims import Claim, Reproduction, aimed
+from stridelab.reproduction.claims import Claim, Reproduction, target_claim
 from stridelab.reproduction.common.estimator_errors import as_columns, rms
 from stridelab.reproduction.common.estimators import AUTO, GEOMETRY, KALMAN, RTS, SMOOTHER, THESIS, TUNED
-from stridelab.reproduction.common.recorded_walks import STATICS, RecordedWalk, geometry_of, recordings_in
-from stridelab.reproduction.report.svg_plots import Bars, svg
+from stridelab.reproduction.common.recorded_walks import STATICS, RecordedWalk, geometric_com_of, recordings_in
+from stridelab.reproduction.report.svg_plots import Bars, render_svg
 
 NAME: Final = "real-walks"
 TITLE: Final = "People, against physics"
@@ -57,11 +57,11 @@ LATENCY_S: Final = {
 }
 """Ranges of the median latency from independent evidence: growth of the offset with speed, likelihood of the smoother,
 correlations."""
-LARGEST_RESIDUAL, LEAST_CORRELATION, LARGEST_MISS_M, LARGEST_CHANGE_M = 0.01, 0.93, 0.006, 0.0025
+MAX_RESIDUAL, MIN_CORRELATION, MAX_MISS_M, MAX_CHANGE_M = 0.01, 0.93, 0.006, 0.0025
 
 
 @dataclass(frozen=True)
-class Walked:
+class AssessedWalk:
     """One recording: assessment of every estimator, and the corrected latency.
 
     ``constant_share`` is the mean of the smoother's force residual over body weight, in world axes.
@@ -76,10 +76,10 @@ class Walked:
 
 def run(gait: Path, tell: Progress) -> Reproduction:
     """All walks below the folder ``gait``. Raises ``NotFound`` (``recordings-missing``) if there are none."""
-    walks: dict[str, list[Walked]] = {}
+    walks: dict[str, list[AssessedWalk]] = {}
     for k, (group, pattern) in enumerate(GROUPS.items()):
         tell(k / (len(GROUPS) + 1), group)
-        walks[group] = [_walked(RecordedWalk.of(path)) for path in recordings_in(gait, pattern)]
+        walks[group] = [_assess_walk(RecordedWalk.from_file(path)) for path in recordings_in(gait, pattern)]
     tell(len(GROUPS) / (len(GROUPS) + 1), "standing")
     truth = {w.person: _table_error_m(gait / "biomechzoo-sample-study" / w.person) for w in walks["children"]}
     rows = [
@@ -87,23 +87,23 @@ def run(gait: Path, tell: Progress) -> Reproduction:
             "walks": group,
             "estimator": name,
             "n": len(of_group),
-            **_agreement([(w, w.assessments[name]) for w in of_group]),
+            **_mean_agreement([(w, w.assessments[name]) for w in of_group]),
         }
         for group, of_group in walks.items()
         for name in ESTIMATORS
         if all(name in w.assessments for w in of_group)
     ]
-    still = [_still_m(gait / "biomechzoo-sample-study" / w.person) for w in walks["children"]]
+    still = [_standing_distance_m(gait / "biomechzoo-sample-study" / w.person) for w in walks["children"]]
     standing = [
         {
-            **_standing(name, walks["children"], truth),
+            **_standing_comparison(name, walks["children"], truth),
             "still_m": rms([off[name] for off in still if name in off]),
         }
         for name in ESTIMATORS
     ]
     tell(1.0, "done")
     return Reproduction(
-        claims=tuple(_claims(walks, rows, standing)),
+        claims=tuple(_walk_claims(walks, rows, standing)),
         note="Default priors; the latency estimated in each recording is corrected. Per axis: along the walk (x), "
         "lateral (y), vertical (z); means over the recordings. Residual: RMS of m (c'' - g) - f below 8 Hz over body "
         "weight. Held back: the same at samples whose force was withheld from the estimator; the complementary filter "
@@ -113,7 +113,7 @@ def run(gait: Path, tell: Progress) -> Reproduction:
         "(miss), and distance of the standing subject's CoM from the mean centre of pressure (still). "
         "These recordings contain no flight phases; they are in the item flight.",
         tables={"agreement": as_columns(rows), "standing": as_columns(standing)},
-        drawing=svg(
+        drawing=render_svg(
             [
                 Bars(
                     f"Force residual along the walk, {group}",
@@ -131,14 +131,14 @@ def run(gait: Path, tell: Progress) -> Reproduction:
     )
 
 
-def _walked(walk: RecordedWalk) -> Walked:
-    latency = estimate_latency(walk.geometric, walk.wrench, walk.mass_kg)
+def _assess_walk(walk: RecordedWalk) -> AssessedWalk:
+    latency = estimate_latency(walk.geometric, walk.total_wrench, walk.mass_kg)
     applied_s = latency.latency_s if latency.significant else 0.0
-    wrench = walk.wrench(applied_s)
-    assessments = compare(ESTIMATORS, Data(walk.geometric, wrench, walk.mass_kg)).assessments
+    wrench = walk.total_wrench(applied_s)
+    assessments = compare(ESTIMATORS, ComparisonData(walk.geometric, wrench, walk.mass_kg)).assessments
     residual = force_residual_track_n(assessments[SMOOTHER].estimate, wrench, walk.mass_kg)
     constant = np.nanmean(residual, axis=0) / (walk.mass_kg * GRAVITY_M_S2)
-    return Walked(walk.person, assessments, walk.mass_kg, applied_s, np.asarray(constant))
+    return AssessedWalk(walk.person, assessments, walk.mass_kg, applied_s, np.asarray(constant))
 
 
 def _table_error_m(folder: Path) -> Vector3:
@@ -151,20 +151,22 @@ def _table_error_m(folder: Path) -> Vector3:
     nu = np.sum([plate.moment_nm.mean(axis=0) for plate in recording.plates], axis=0)
     pressure = np.array([-nu[1], nu[0], 0.0]) / f[2]
     ahead = (at["l_asis"] + at["r_asis"]) / 2 - at["sacrum"]
-    off = np.nanmean(geometry_of(recording, folder).com_m, axis=0) - pressure
+    off = np.nanmean(geometric_com_of(recording, folder).com_m, axis=0) - pressure
     return np.asarray(walk_frame(ahead[None]) @ off * [1.0, 1.0, 0.0])
 
 
-def _still_m(folder: Path) -> dict[str, float]:
+def _standing_distance_m(folder: Path) -> dict[str, float]:
     """Horizontal distance between CoM and mean centre of pressure of a standing subject, per estimator."""
     (path,) = folder.glob(STATICS[1])
-    still = RecordedWalk.of(path)
+    still = RecordedWalk.from_file(path)
     floor_m = float(np.mean([plate.corners_m[:, 2].mean() for plate in still.recording.plates if plate.use]))
-    comparison = compare(ESTIMATORS, Data(still.geometric, still.wrench(0.0), still.mass_kg, floor_height_m=floor_m))
+    comparison = compare(
+        ESTIMATORS, ComparisonData(still.geometric, still.total_wrench(0.0), still.mass_kg, floor_height_m=floor_m)
+    )
     return {name: a.standing.horizontal_m for name, a in comparison.assessments.items() if a.standing is not None}
 
 
-def _agreement(assessed: Sequence[tuple[Walked, Assessment]]) -> dict[str, float]:
+def _mean_agreement(assessed: Sequence[tuple[AssessedWalk, Assessment]]) -> dict[str, float]:
     """Means over the walks of one estimator."""
     share = np.mean([a.residual_n / (w.mass_kg * GRAVITY_M_S2) for w, a in assessed], axis=0)
     held = [a.held_back_n / (w.mass_kg * GRAVITY_M_S2) for w, a in assessed if a.held_back_n is not None]
@@ -185,7 +187,7 @@ def _agreement(assessed: Sequence[tuple[Walked, Assessment]]) -> dict[str, float
     }
 
 
-def _standing(name: str, walks: Sequence[Walked], truth: Mapping[str, Vector3]) -> dict[str, object]:
+def _standing_comparison(name: str, walks: Sequence[AssessedWalk], truth: Mapping[str, Vector3]) -> dict[str, object]:
     """Difference between the table error estimated while walking and that of the same subject standing."""
     assessed = [w for w in walks if name in w.assessments]
     miss = np.array([-w.assessments[name].offset_m - truth[w.person] for w in assessed])
@@ -208,8 +210,8 @@ def _sd_in_walk_m(estimate: ComEstimate) -> Vector3:
     return np.asarray(np.sqrt(walk_frame(estimate.velocity_m_s) ** 2 @ variance))
 
 
-def _claims(
-    walks: Mapping[str, Sequence[Walked]],
+def _walk_claims(
+    walks: Mapping[str, Sequence[AssessedWalk]],
     rows: Sequence[Mapping[str, object]],
     standing: Sequence[Mapping[str, object]],
 ) -> list[Claim]:
@@ -218,34 +220,34 @@ def _claims(
     for group, row in ours.items():
         constant = np.mean([np.abs(w.constant_share) for w in walks[str(group)]], axis=0).tolist()
         claims += [
-            aimed(
+            target_claim(
                 f"{group} residual {axis}",
                 f"{group}: the smoother's force residual over body weight, {axis}",
                 float(str(row[f"residual_{axis}"])),
                 "1",
-                at_most=LARGEST_RESIDUAL,
+                at_most=MAX_RESIDUAL,
                 note=f"Constant part {constant[UP]:.4f}: plates against stated mass." if axis == "z" else "",
             )
             for axis in "xyz"
         ]
         claims += [
-            aimed(
+            target_claim(
                 f"{group} momentum",
                 f"{group}: correlation of implied and segment L' about the lateral axis",
                 float(str(row["r"])),
                 "1",
-                at_least=LEAST_CORRELATION,
+                at_least=MIN_CORRELATION,
             ),
         ]
     still = next(row for row in standing if row["estimator"] == SMOOTHER)
     for axis, words in (("x", "along the walk"), ("y", "lateral")):
         claims.append(
-            aimed(
+            target_claim(
                 f"standing_{axis}",
                 f"the table's bias estimated while walking minus the same subject's standing, {words} (RMS)",
                 float(str(still[f"miss_{axis}_m"])),
                 "m",
-                at_most=LARGEST_MISS_M,
+                at_most=MAX_MISS_M,
                 note=f"{still['n']} subjects, table of Dumas.",
             )
         )
@@ -259,12 +261,12 @@ def _claims(
         ]
         mean, sd = float(np.mean(change)), float(np.std(change))
         claims.append(
-            aimed(
+            target_claim(
                 f"speed_{name}",
                 f"{name}: change of the fused offset along the walk from C4 to C5 (mean)",
                 abs(mean),
                 "m",
-                at_most=LARGEST_CHANGE_M,
+                at_most=MAX_CHANGE_M,
                 note=f"{1e3 * mean:+.1f} mm in {len(change)} subjects, standard deviation {1e3 * sd:.1f} mm. "
                 "A force delayed by 18 ms would change it by speed times delay.",
             )
@@ -272,7 +274,7 @@ def _claims(
     late = {group: float(np.median([w.latency_s for w in of_group])) for group, of_group in walks.items()}
     for group, (low, high) in LATENCY_S.items():
         claims.append(
-            aimed(
+            target_claim(
                 f"{group} latency",
                 f"{group}: median latency of the force",
                 late[group],

@@ -7,12 +7,12 @@ import numpy as np
 from stridelab.conventions import Progress
 from stridelab.reproduction.claims import Claim, Item, Reproduction
 from stridelab.reproduction.common.simulated_steps import NOTE, SimulatedSteps, simulated_steps
-from stridelab.reproduction.report.svg_plots import Bars, Curve, Panel, svg
+from stridelab.reproduction.report.svg_plots import Bars, Curve, Panel, render_svg
 from stridelab.walking.double_support import double_support_of_wheel
 from stridelab.walking.path_fit import fit_path
 from stridelab.walking.step_fit import StepFit
 
-FEW_S: Final = 0.01
+MAX_ERROR_S: Final = 0.01
 """Maximum that counts as "only few milliseconds"."""
 
 
@@ -21,13 +21,13 @@ def run(seeds: int, tell: Progress) -> Reproduction:
     tell(0.05, "simulating a walk")
     steps = simulated_steps()
     tell(0.9, "fitting")
-    whole = np.array([_off_s(steps, fit) for fit in steps.fits[:-1]])
+    whole = np.array([_prediction_errors_s(steps, fit) for fit in steps.fits[:-1]])
     inside = sum(fit.double_support_model_s[1] is not None for fit in steps.fits)
     double_s = np.array([np.diff(fit.step.double_support_s)[0] for fit in steps.fits[:-1]])
     enclosed = float(np.mean((double_s + whole[:, 1] - whole[:, 0]) / double_s))
     start, end = whole.mean(axis=0).tolist()
     claims = (
-        _few(
+        _few_milliseconds_claim(
             "start_s",
             "the model predicts the start of double support to a few milliseconds",
             start,
@@ -35,7 +35,9 @@ def run(seeds: int, tell: Progress) -> Reproduction:
             f"support, because the step itself contains the second crossing in only {inside} of {len(steps.fits)} "
             "steps.",
         ),
-        _few("end_s", "the model predicts its end to a few milliseconds", end, "Predicted minus planned."),
+        _few_milliseconds_claim(
+            "end_s", "the model predicts its end to a few milliseconds", end, "Predicted minus planned."
+        ),
         Claim(
             "enclosed_over_double_support",
             "the crossings enclose the double support",
@@ -58,17 +60,17 @@ def run(seeds: int, tell: Progress) -> Reproduction:
                 "end_error_s": whole[:, 1],
             }
         },
-        drawing=svg(_panels(steps, whole)),
+        drawing=render_svg(_draw_panels(steps, whole)),
     )
 
 
-def _few(key: str, says: str, off_s: float, note: str) -> Claim:
-    return Claim(key, says, "few ms", off_s, "s", "met" if abs(off_s) <= FEW_S else "thesis_in_error", note)
+def _few_milliseconds_claim(key: str, says: str, off_s: float, note: str) -> Claim:
+    return Claim(key, says, "few ms", off_s, "s", "met" if abs(off_s) <= MAX_ERROR_S else "thesis_in_error", note)
 
 
-def _off_s(steps: SimulatedSteps, fit: StepFit) -> tuple[float, float]:
+def _prediction_errors_s(steps: SimulatedSteps, fit: StepFit) -> tuple[float, float]:
     """Errors of both predictions; NaN if there is no crossing even including the single support after the step."""
-    samples, step = steps.after(fit), fit.step
+    samples, step = steps.step_and_next_support(fit), fit.step
     t = steps.recorded.truth.time_s[samples]
     wheel = fit_path(t, steps.path_m[samples], step.period_s)
     start, end = double_support_of_wheel(wheel, t, near_s=(step.strike_s + step.next_lift_off_s) / 2)
@@ -78,9 +80,9 @@ def _off_s(steps: SimulatedSteps, fit: StepFit) -> tuple[float, float]:
     )
 
 
-def _panels(steps: SimulatedSteps, whole: np.ndarray) -> list[Panel | Bars]:
+def _draw_panels(steps: SimulatedSteps, whole: np.ndarray) -> list[Panel | Bars]:
     fit = steps.fits[0]
-    samples = steps.after(fit)
+    samples = steps.step_and_next_support(fit)
     t, z = steps.recorded.truth.time_s[samples], steps.path_m[samples, 1]
     hub = fit_path(t, steps.path_m[samples], fit.step.period_s).wheel.z0_m
     instants = [

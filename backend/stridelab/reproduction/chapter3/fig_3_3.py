@@ -5,17 +5,17 @@ from typing import Final
 import numpy as np
 
 from stridelab.conventions import Progress
-from stridelab.reproduction.claims import Claim, Item, Reproduction, judged
+from stridelab.reproduction.claims import Claim, Item, Reproduction, bound_verdict
 from stridelab.reproduction.common.simulated_steps import NOTE, simulated_steps
-from stridelab.reproduction.report.svg_plots import Curve, Panel, svg
-from stridelab.walking.curtate_cycloid import FullTurn, Plane, Wheel
+from stridelab.reproduction.report.svg_plots import Curve, Panel, render_svg
+from stridelab.walking.curtate_cycloid import FULL_TURN_RAD, Plane, Wheel
 from stridelab.walking.step_fit import StepFit
 
 RADIUS_M: Final = 0.1
 TYPES: Final = {"normal": 1.0, "curtate": 0.3, "prolate": 1.5}
 """r over R of the three panels."""
-THETA_RAD: Final = np.linspace(0.0, 2.0 * FullTurn, 721)
-SIMILAR: Final = 0.1
+THETA_RAD: Final = np.linspace(0.0, 2.0 * FULL_TURN_RAD, 721)
+MAX_RELATIVE_DISTANCE: Final = 0.1
 """Maximum mean distance relative to the vertical excursion that counts as "very similar"."""
 
 
@@ -24,17 +24,17 @@ def run(seeds: int, tell: Progress) -> Reproduction:
     tell(0.05, "simulating a walk")
     fits = simulated_steps().fits
     tell(0.9, "comparing shapes")
-    wheels = {name: _wheel(share) for name, share in TYPES.items()}
+    wheels = {name: _wheel_of_type(share) for name, share in TYPES.items()}
     paths = {name: wheel.position_m(THETA_RAD) for name, wheel in wheels.items()}
     tell(1.0, "done")
     return Reproduction(
-        claims=(*_types(wheels), *_shape(fits)),
+        claims=(*_type_claims(wheels), *_shape_claims(fits)),
         note=NOTE,
         tables={
             "cycloids": {"theta_rad": THETA_RAD}
             | {f"{name}_{axis}_m": path[:, k] for name, path in paths.items() for k, axis in enumerate("xz")},
         },
-        drawing=svg(_panels(paths, fits[0])),
+        drawing=render_svg(_draw_panels(paths, fits[0])),
     )
 
 
@@ -42,14 +42,14 @@ def convex_share(wheel: Wheel) -> float:
     """Share of the length on which (3.1), (3.2) is convex: cos theta > r / R, between the inflection points."""
     bend = float(np.arccos(wheel.r_m / wheel.R_m))
     start, end = wheel.position_m(np.array([-bend, bend]))[:, 0]
-    return float((end - start) / (FullTurn * wheel.R_m))
+    return float((end - start) / (FULL_TURN_RAD * wheel.R_m))
 
 
-def _wheel(share: float) -> Wheel:
+def _wheel_of_type(share: float) -> Wheel:
     return Wheel(R_m=RADIUS_M, r_m=share * RADIUS_M, z0_m=0.0, x0_m=0.0)
 
 
-def _types(wheels: dict[str, Wheel]) -> tuple[Claim, ...]:
+def _type_claims(wheels: dict[str, Wheel]) -> tuple[Claim, ...]:
     """Minimum forward speed of the point over the speed of the hub, which distinguishes the types."""
     least = {name: float((wheel.tangent_m(THETA_RAD)[:, 0] / wheel.R_m).min()) for name, wheel in wheels.items()}
     expected = {"normal": "stops", "curtate": "never stops", "prolate": "turns back"}
@@ -71,7 +71,7 @@ def _types(wheels: dict[str, Wheel]) -> tuple[Claim, ...]:
     )
 
 
-def _shape(fits: tuple[StepFit, ...]) -> tuple[Claim, ...]:
+def _shape_claims(fits: tuple[StepFit, ...]) -> tuple[Claim, ...]:
     """Claims of the last panel and of 3.2.5 on the path of the CoM."""
     similar = float(np.mean([f.path.distance_m.mean() / np.ptp(f.path_m[:, 1]) for f in fits]))
     inside = max(f.path.wheel.r_m / f.path.wheel.R_m for f in fits)
@@ -83,7 +83,7 @@ def _shape(fits: tuple[StepFit, ...]) -> tuple[Claim, ...]:
             "very similar",
             similar,
             "1",
-            judged(similar, at_most=SIMILAR),
+            bound_verdict(similar, at_most=MAX_RELATIVE_DISTANCE),
             f"Mean distance over the vertical excursion of the path, {len(fits)} steps, free angles. A sinusoid "
             "with the same number of parameters is closer (figure 3.5).",
         ),
@@ -93,7 +93,7 @@ def _shape(fits: tuple[StepFit, ...]) -> tuple[Claim, ...]:
             1.0,
             inside,
             "1",
-            judged(inside, at_most=1.0),
+            bound_verdict(inside, at_most=1.0),
             "Largest ratio of all steps.",
         ),
         Claim(
@@ -109,7 +109,7 @@ def _shape(fits: tuple[StepFit, ...]) -> tuple[Claim, ...]:
     )
 
 
-def _panels(paths: dict[str, Plane], fit: StepFit) -> list[Panel]:
+def _draw_panels(paths: dict[str, Plane], fit: StepFit) -> list[Panel]:
     panels = [
         Panel(f"{name.capitalize()} cycloid, r = {TYPES[name]:g} R", "ahead (m)", "height (m)",
               [Curve(path[:, 0], path[:, 1], "point", k), Curve(path[:, 0], np.zeros(len(path)), "hub", 6, True)])

@@ -7,33 +7,33 @@ import numpy as np
 from stridelab.conventions import Progress, Series
 from stridelab.recordings.force_windows import measured_windows
 from stridelab.recordings.marker_sets import identify
-from stridelab.reproduction.claims import Item, Reproduction, aimed
+from stridelab.reproduction.claims import Item, Reproduction, target_claim
 from stridelab.reproduction.common.simulated_steps import NOTE, SimulatedSteps, simulated_steps
-from stridelab.reproduction.report.svg_plots import Curve, Panel, svg
+from stridelab.reproduction.report.svg_plots import Curve, Panel, render_svg
 from stridelab.walking.step_fit import StepFit
 from stridelab.walking.steps import find_steps
 
 PERCENT: Final = np.arange(101.0)
-LARGEST_S: Final = 0.015
-PRESSING_N: Final = 20.0
+MAX_TIMING_ERROR_S: Final = 0.015
+LOADED_N: Final = 20.0
 
 
 def run(seeds: int, tell: Progress) -> Reproduction:
     """One simulated walk; ``seeds`` is ignored."""
     tell(0.05, "simulating a walk")
     steps = simulated_steps()
-    errors_s = _errors_s(steps)
+    errors_s = _event_errors_s(steps)
     heights = np.array([_height_m(fit) for fit in steps.fits])
     sd = heights.std(axis=0)
     claims = (
-        aimed(
+        target_claim(
             "timing_error_s",
             "two synchronized plates segment the walk precisely (largest error of a strike or lift-off)",
             float(np.abs(errors_s).max()),
             "s",
-            at_most=LARGEST_S,
+            at_most=MAX_TIMING_ERROR_S,
             note=f"{errors_s.size} events of {len(errors_s)} steps, from the recording with noise, compared with the "
-            f"exact time at which the foot force crosses {PRESSING_N:.0f} N.",
+            f"exact time at which the foot force crosses {LOADED_N:.0f} N.",
         ),
     )
     tell(1.0, "done")
@@ -41,7 +41,7 @@ def run(seeds: int, tell: Progress) -> Reproduction:
         claims=claims,
         note=f"{NOTE} The variation between steps is a parameter of the simulation: panel (b) is drawn without claims.",
         tables={"height": {"percent_of_step": PERCENT, "mean_z_m": heights.mean(axis=0), "sd_z_m": sd}},
-        drawing=svg(_panels(steps, heights)),
+        drawing=render_svg(_draw_panels(steps, heights)),
     )
 
 
@@ -51,28 +51,32 @@ def _height_m(fit: StepFit) -> Series:
     return np.asarray(np.interp(PERCENT, share, fit.path_m[:, 1] - fit.path_m[:, 1].mean()))
 
 
-def _errors_s(steps: SimulatedSteps) -> np.ndarray:
+def _event_errors_s(steps: SimulatedSteps) -> np.ndarray:
     """Errors of lift-off, strike and next lift-off of every step, relative to the closest exact event; (n, 3)."""
     recording = steps.recorded.recording
     landmarks = identify(tuple(recording.markers_m)).landmarks
     steps_of_recording = find_steps(recording, landmarks, measured_windows(recording, landmarks))
     t = steps.walk.truth.time_s
-    loaded = [foot.force_n[:, 2] > PRESSING_N for foot in steps.walk.feet.values()]
+    loaded = [foot.force_n[:, 2] > LOADED_N for foot in steps.walk.feet.values()]
     strikes = np.concatenate([t[1:][on[1:] & ~on[:-1]] for on in loaded])
     lift_offs = np.concatenate([t[1:][on[:-1] & ~on[1:]] for on in loaded])
 
-    def off(instant_s: float, exact_s: Series) -> float:
+    def closest_difference_s(instant_s: float, exact_s: Series) -> float:
         return float(instant_s - exact_s[np.argmin(np.abs(exact_s - instant_s))])
 
     return np.array(
         [
-            [off(s.lift_off_s, lift_offs), off(s.strike_s, strikes), off(s.next_lift_off_s, lift_offs)]
+            [
+                closest_difference_s(s.lift_off_s, lift_offs),
+                closest_difference_s(s.strike_s, strikes),
+                closest_difference_s(s.next_lift_off_s, lift_offs),
+            ]
             for s in steps_of_recording
         ]
     )
 
 
-def _panels(steps: SimulatedSteps, heights: np.ndarray) -> list[Panel]:
+def _draw_panels(steps: SimulatedSteps, heights: np.ndarray) -> list[Panel]:
     t = steps.walk.truth.time_s
     shown = (t >= steps.fits[0].step.start_s) & (t <= steps.fits[2].step.end_s)
     feet = [

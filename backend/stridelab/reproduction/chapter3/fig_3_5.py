@@ -5,9 +5,9 @@ from typing import Final
 import numpy as np
 
 from stridelab.conventions import Progress
-from stridelab.reproduction.claims import Claim, Item, Reproduction, judged
+from stridelab.reproduction.claims import Claim, Item, Reproduction, bound_verdict
 from stridelab.reproduction.common.simulated_steps import NOTE, simulated_steps
-from stridelab.reproduction.report.svg_plots import Curve, Panel, svg
+from stridelab.reproduction.report.svg_plots import Curve, Panel, render_svg
 from stridelab.walking.step_fit import StepFit
 
 PRINTED_M: Final = 0.0015
@@ -34,7 +34,7 @@ def run(seeds: int, tell: Progress) -> Reproduction:
             MEAN_M,
             mean,
             "m",
-            judged(mean, at_most=MEAN_M),
+            bound_verdict(mean, at_most=MEAN_M),
             f"{len(fits)} steps.",
         ),
         Claim(
@@ -43,10 +43,12 @@ def run(seeds: int, tell: Progress) -> Reproduction:
             PRINTED_M,
             worst,
             "m",
-            judged(worst, at_most=PRINTED_M),
+            bound_verdict(worst, at_most=PRINTED_M),
             "Largest error over all samples of all steps; it occurs at the end of double support.",
         ),
-        Claim("up_over_ahead", "it is mainly vertical", "mainly", up / ahead, "1", judged(up / ahead, at_least=1.0)),
+        Claim(
+            "up_over_ahead", "it is mainly vertical", "mainly", up / ahead, "1", bound_verdict(up / ahead, at_least=1.0)
+        ),
         Claim(
             "even_clock_m",
             "theta = theta_0 + omega t is a good approximation (3.4)",
@@ -85,7 +87,7 @@ def run(seeds: int, tell: Progress) -> Reproduction:
                 "error_z_m": shown.path.error_m[:, 1],
             }
         },
-        drawing=svg(_panels(shown)),
+        drawing=render_svg(_draw_panels(shown)),
     )
 
 
@@ -94,7 +96,7 @@ def _excess_m_s(fit: StepFit) -> float:
     return float(np.gradient(x, fit.time_s)[np.argmin(z)] - np.polyfit(fit.time_s, x, 1)[0])
 
 
-def _panels(fit: StepFit) -> list[Panel]:
+def _draw_panels(fit: StepFit) -> list[Panel]:
     x = fit.path_m[:, 0] - fit.path_m[0, 0]
     model = fit.path.wheel.position_m(fit.path.theta_rad)
     percent = 100 * (fit.time_s - fit.time_s[0]) / np.ptp(fit.time_s)

@@ -5,9 +5,9 @@ from typing import Final
 import numpy as np
 
 from stridelab.conventions import Progress
-from stridelab.reproduction.claims import Claim, Item, Reproduction, judged
-from stridelab.reproduction.common.simulated_people import NOTE, THESIS_PEOPLE, simulated_people
-from stridelab.reproduction.report.svg_plots import Bars, Curve, Panel, svg
+from stridelab.reproduction.claims import Claim, Item, Reproduction, bound_verdict
+from stridelab.reproduction.common.simulated_people import NOTE, THESIS_SUBJECTS, simulated_people
+from stridelab.reproduction.report.svg_plots import Bars, Curve, Panel, render_svg
 
 MEAN_MM: Final = 3.5
 SD_MM: Final = 1.5
@@ -20,9 +20,9 @@ def run(seeds: int, tell: Progress) -> Reproduction:
     sds = np.array([s.mean["error_sd_mm"] for s in subjects])
     claims = (
         Claim("error_mean_mm", "the mean distance of all subjects remains below 3.5 mm", MEAN_MM, float(means.max()),
-              "mm", judged(float(means.max()), at_most=MEAN_MM), "The largest mean of a subject."),
+              "mm", bound_verdict(float(means.max()), at_most=MEAN_MM), "The largest mean of a subject."),
         Claim("error_sd_mm", "with a maximal standard deviation of 1.5 mm", SD_MM, float(sds.max()), "mm",
-              judged(float(sds.max()), at_most=SD_MM),
+              bound_verdict(float(sds.max()), at_most=SD_MM),
               "The largest standard deviation of a subject. The text has 1 mm, the caption 1.5 mm."),
     )  # fmt: skip
     tell(1.0, "done")
@@ -38,7 +38,7 @@ def run(seeds: int, tell: Progress) -> Reproduction:
         claims=claims,
         note=NOTE,
         tables={"people": {"person": person, "error_mean_mm": means, "error_sd_mm": sds}},
-        drawing=svg(
+        drawing=render_svg(
             [
                 Bars("Largest of all people", "mm", [("mean", float(means.max())), ("deviation", float(sds.max()))]),
                 Panel("Distance between path and wheel", "person (number)", "distance (mm)", [spread, bound]),
@@ -47,4 +47,4 @@ def run(seeds: int, tell: Progress) -> Reproduction:
     )
 
 
-ITEM: Final = Item("fig-3.6", "Distance between path and wheel, per person", run, default_seeds=THESIS_PEOPLE)
+ITEM: Final = Item("fig-3.6", "Distance between path and wheel, per person", run, default_seeds=THESIS_SUBJECTS)

@@ -6,13 +6,13 @@ from stridelab.conventions import Progress
 from stridelab.reproduction.claims import Item, Reproduction
 from stridelab.reproduction.common.simulated_people import (
     NOTE,
-    THESIS_PEOPLE,
+    THESIS_SUBJECTS,
     height_claim,
-    marks,
+    height_plot_curves,
+    people_table,
     simulated_people,
-    table_of,
 )
-from stridelab.reproduction.report.svg_plots import Panel, svg
+from stridelab.reproduction.report.svg_plots import Panel, render_svg
 
 
 def run(seeds: int, tell: Progress) -> Reproduction:
@@ -23,14 +23,14 @@ def run(seeds: int, tell: Progress) -> Reproduction:
     return Reproduction(
         claims=claims,
         note=NOTE,
-        tables={"people": table_of(people)},
-        drawing=svg(
+        tables={"people": people_table(people)},
+        drawing=render_svg(
             [
-                Panel("Radius of the wheel", "height (m)", "R (mm)", marks(people, "R_m", 1e3, 0, "R")),
-                Panel("Distance of the point", "height (m)", "r (mm)", marks(people, "r_m", 1e3, 1, "r")),
+                Panel("Radius of the wheel", "height (m)", "R (mm)", height_plot_curves(people, "R_m", 1e3, 0, "R")),
+                Panel("Distance of the point", "height (m)", "r (mm)", height_plot_curves(people, "r_m", 1e3, 1, "r")),
             ]
         ),
     )
 
 
-ITEM: Final = Item("fig-3.7", "R and r against the height", run, default_seeds=THESIS_PEOPLE)
+ITEM: Final = Item("fig-3.7", "R and r against the height", run, default_seeds=THESIS_SUBJECTS)

@@ -6,13 +6,13 @@ from stridelab.conventions import Progress
 from stridelab.reproduction.claims import Item, Reproduction
 from stridelab.reproduction.common.simulated_people import (
     NOTE,
-    THESIS_PEOPLE,
+    THESIS_SUBJECTS,
     height_claim,
-    marks,
+    height_plot_curves,
+    people_table,
     simulated_people,
-    table_of,
 )
-from stridelab.reproduction.report.svg_plots import Panel, svg
+from stridelab.reproduction.report.svg_plots import Panel, render_svg
 
 
 def run(seeds: int, tell: Progress) -> Reproduction:
@@ -23,9 +23,11 @@ def run(seeds: int, tell: Progress) -> Reproduction:
     return Reproduction(
         claims=claims,
         note=NOTE,
-        tables={"people": table_of(people)},
-        drawing=svg([Panel("Height of the hub", "height (m)", "z0 (m)", [*marks(people, "z0_m", 1.0, 0, "z0")])]),
+        tables={"people": people_table(people)},
+        drawing=render_svg(
+            [Panel("Height of the hub", "height (m)", "z0 (m)", [*height_plot_curves(people, "z0_m", 1.0, 0, "z0")])]
+        ),
     )
 
 
-ITEM: Final = Item("fig-3.8", "z0 against the height", run, default_seeds=THESIS_PEOPLE)
+ITEM: Final = Item("fig-3.8", "z0 against the height", run, default_seeds=THESIS_SUBJECTS)

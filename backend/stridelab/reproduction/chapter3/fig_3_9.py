@@ -6,13 +6,13 @@ from stridelab.conventions import Progress
 from stridelab.reproduction.claims import Claim, Item, Reproduction
 from stridelab.reproduction.common.simulated_people import (
     NOTE,
-    THESIS_PEOPLE,
-    against_height,
-    marks,
+    THESIS_SUBJECTS,
+    correlation_with_height,
+    height_plot_curves,
+    people_table,
     simulated_people,
-    table_of,
 )
-from stridelab.reproduction.report.svg_plots import Panel, svg
+from stridelab.reproduction.report.svg_plots import Panel, render_svg
 
 P: Final = 0.83
 
@@ -20,7 +20,7 @@ P: Final = 0.83
 def run(seeds: int, tell: Progress) -> Reproduction:
     """``seeds`` simulated subjects, at least ``LEAST_PEOPLE``."""
     people = simulated_people(seeds, tell)
-    pair = against_height(people, "omega_rad_s").pearson
+    pair = correlation_with_height(people, "omega_rad_s").pearson
     low, high = pair.ci95 or (-1.0, 1.0)
     claims = (
         Claim(
@@ -38,11 +38,18 @@ def run(seeds: int, tell: Progress) -> Reproduction:
     return Reproduction(
         claims=claims,
         note=NOTE,
-        tables={"people": table_of(people)},
-        drawing=svg(
-            [Panel("Angular velocity", "height (m)", "omega (rad/s)", marks(people, "omega_rad_s", 1.0, 0, "omega"))]
+        tables={"people": people_table(people)},
+        drawing=render_svg(
+            [
+                Panel(
+                    "Angular velocity",
+                    "height (m)",
+                    "omega (rad/s)",
+                    height_plot_curves(people, "omega_rad_s", 1.0, 0, "omega"),
+                )
+            ]
         ),
     )
 
 
-ITEM: Final = Item("fig-3.9", "Angular velocity against the height", run, default_seeds=THESIS_PEOPLE)
+ITEM: Final = Item("fig-3.9", "Angular velocity against the height", run, default_seeds=THESIS_SUBJECTS)

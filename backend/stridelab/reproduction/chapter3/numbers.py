@@ -9,12 +9,17 @@ import numpy as np
 from jaxtyping import Float
 
 from stridelab.conventions import Progress, Series
-from stridelab.reproduction.claims import Claim, Item, Reproduction, judged
-from stridelab.reproduction.common.simulated_people import THESIS_PEOPLE, SimulatedPeople, simulated_people, table_of
+from stridelab.reproduction.claims import Claim, Item, Reproduction, bound_verdict
+from stridelab.reproduction.common.simulated_people import (
+    THESIS_SUBJECTS,
+    SimulatedPeople,
+    people_table,
+    simulated_people,
+)
 from stridelab.reproduction.common.simulated_steps import simulated_steps
-from stridelab.reproduction.report.svg_plots import Bars, svg
+from stridelab.reproduction.report.svg_plots import Bars, render_svg
 from stridelab.walking.curtate_cycloid import parameter_rows
-from stridelab.walking.population.correlations import p_of
+from stridelab.walking.population.correlations import two_sided_p
 from stridelab.walking.step_fit import StepFit
 
 PRINTED: Final = (("R", 0.67, 0.01), ("r", 0.61, 0.01), ("z0", 0.87, 0.001))
@@ -22,9 +27,9 @@ PRINTED: Final = (("R", 0.67, 0.01), ("r", 0.61, 0.01), ("z0", 0.87, 0.001))
 MEASURED_MM: Final = 2.0
 """Accuracy of motion capture (3.4.1)."""
 OVERESTIMATED_M: Final = 0.02
-QUARTER: Final = 0.25
+MIN_SUBJECT_SHARE: Final = 0.25
 """Minimum share that counts as "numerous"."""
-EVEN: Final = 1.0
+MAX_SPEED_VARIATION_RATIO: Final = 1.0
 """The hub is "low-varying" if its speed varies no more than the walker's."""
 
 
@@ -33,8 +38,8 @@ def run(seeds: int, tell: Progress) -> Reproduction:
     people = simulated_people(seeds, lambda fraction, message: tell(0.8 * fraction, message))
     fits = simulated_steps().fits
     tell(0.9, "analysing the hub")
-    speeds = np.array([_speeds(fit) for fit in fits])
-    claims = (*_deviations(people), *_p_values(), *_models(people, fits), *_hub(fits, speeds))
+    speeds = np.array([_speed_variations(fit) for fit in fits])
+    claims = (*_deviation_claims(people), *_p_value_claims(), *_model_claims(people, fits), *_hub_claims(fits, speeds))
     tell(1.0, "done")
     return Reproduction(
         claims=claims,
@@ -42,25 +47,25 @@ def run(seeds: int, tell: Progress) -> Reproduction:
         "walk. The variation between the steps of a subject is a parameter of the simulation; measured subjects are in "
         "docs/theory/population.md. The p-values follow from the printed coefficients and the number of subjects.",
         tables={
-            "people": table_of(people),
+            "people": people_table(people),
             "hub": {
                 "step": np.arange(1.0, len(fits) + 1),
                 "hub_variation": speeds[:, 0],
                 "com_variation": speeds[:, 1],
             },
         },
-        drawing=svg(
+        drawing=render_svg(
             [
                 Bars("Standard deviation of the speed over its mean", "1",
                      [("hub", float(speeds[:, 0].mean())), ("centre of mass", float(speeds[:, 1].mean()))]),
                 Bars("p of the printed coefficients among 16 subjects", "1",
-                     [(f"{name}: r = {r:g}", p_of(r, THESIS_PEOPLE - 2)) for name, r, _ in PRINTED]),
+                     [(f"{name}: r = {r:g}", two_sided_p(r, THESIS_SUBJECTS - 2)) for name, r, _ in PRINTED]),
             ]
         ),
     )  # fmt: skip
 
 
-def freedom(theta_rad: Series, R_m: float, r_m: float) -> tuple[int, int]:
+def free_parameter_counts(theta_rad: Series, R_m: float, r_m: float) -> tuple[int, int]:
     """Numbers of free parameters of a path: with a free angle per sample, and with uniform rotation and an offset.
 
     Computed as ranks of the derivatives of all x and z with respect to (R, r, z0) and the angles, or the offset, the
@@ -75,7 +80,7 @@ def freedom(theta_rad: Series, R_m: float, r_m: float) -> tuple[int, int]:
     return int(free), int(even)
 
 
-def _deviations(people: SimulatedPeople) -> tuple[Claim, ...]:
+def _deviation_claims(people: SimulatedPeople) -> tuple[Claim, ...]:
     """Claims of 3.3.1 and of the captions of figures 3.7 and 3.8."""
     subjects = people.population.subjects
     mean, sd = (np.array([s.mean[key] for s in subjects]) for key in ("error_mean_mm", "error_sd_mm"))
@@ -88,7 +93,7 @@ def _deviations(people: SimulatedPeople) -> tuple[Claim, ...]:
             1.0,
             float(sd.max()),
             "mm",
-            judged(float(sd.max()), at_most=1.0),
+            bound_verdict(float(sd.max()), at_most=1.0),
             "The text has 1 mm, the caption of figure 3.6 1.5 mm.",
         ),
         Claim(
@@ -97,7 +102,7 @@ def _deviations(people: SimulatedPeople) -> tuple[Claim, ...]:
             "numerous",
             good,
             "1",
-            judged(good, at_least=QUARTER),
+            bound_verdict(good, at_least=MIN_SUBJECT_SHARE),
             "Share of the subjects; a quarter counts as numerous. The distance increases with the speed, because the "
             "vertical excursion of the path does.",
         ),
@@ -107,7 +112,7 @@ def _deviations(people: SimulatedPeople) -> tuple[Claim, ...]:
             0.005,
             max(R_m, r_m),
             "m",
-            judged(max(R_m, r_m), at_most=0.005),
+            bound_verdict(max(R_m, r_m), at_most=0.005),
             f"Largest standard deviation of a subject for R; {1e3 * r_m:.2f} mm for r.",
         ),
         Claim(
@@ -116,32 +121,32 @@ def _deviations(people: SimulatedPeople) -> tuple[Claim, ...]:
             0.002,
             z0_m,
             "m",
-            judged(z0_m, at_most=0.002),
+            bound_verdict(z0_m, at_most=0.002),
             "Largest standard deviation of a subject.",
         ),
     )
 
 
-def _p_values() -> tuple[Claim, ...]:
+def _p_value_claims() -> tuple[Claim, ...]:
     """Two-sided p of the printed coefficients among the 16 subjects of 3.2.1."""
     claims = []
     for name, r, bound in PRINTED:
-        p = p_of(r, THESIS_PEOPLE - 2)
+        p = two_sided_p(r, THESIS_SUBJECTS - 2)
         holds: bool = p < bound
         claims.append(
             Claim(f"{name}_p", f"{name}: a coefficient of {r:g} has p below {bound:g} (3.3.2)", bound, p, "1",
                   "met" if holds else "thesis_in_error",
-                  f"Student's t, two-sided, among the {THESIS_PEOPLE} subjects of 3.2.1.")
+                  f"Student's t, two-sided, among the {THESIS_SUBJECTS} subjects of 3.2.1.")
         )  # fmt: skip
     return tuple(claims)
 
 
-def _models(people: SimulatedPeople, fits: tuple[StepFit, ...]) -> tuple[Claim, ...]:
+def _model_claims(people: SimulatedPeople, fits: tuple[StepFit, ...]) -> tuple[Claim, ...]:
     """3.4.1 and 3.4.2: comparison with measurement accuracy and with a pendulum, and number of parameters."""
     mean_mm = float(np.mean([s.mean["error_mean_mm"] for s in people.population.subjects]))
     over_m = float(np.mean([_pendulum_rise_m(fit) - np.ptp(fit.path_m[:, 1]) for fit in fits]))
     wheel, theta = fits[0].path.wheel, fits[0].path.theta_rad
-    free, even = freedom(theta, wheel.R_m, wheel.r_m)
+    free, even = free_parameter_counts(theta, wheel.R_m, wheel.r_m)
     return (
         Claim(
             "distance_mm",
@@ -149,7 +154,7 @@ def _models(people: SimulatedPeople, fits: tuple[StepFit, ...]) -> tuple[Claim, 
             MEASURED_MM,
             mean_mm,
             "mm",
-            judged(mean_mm, at_most=MEASURED_MM),
+            bound_verdict(mean_mm, at_most=MEASURED_MM),
             "Mean distance of all subjects. Two harmonics are even more precise (figure 3.5).",
         ),
         Claim(
@@ -181,13 +186,13 @@ def _pendulum_rise_m(fit: StepFit) -> float:
     return length_m - float(np.sqrt(length_m**2 - half_m**2))
 
 
-def _speeds(fit: StepFit) -> tuple[float, float]:
+def _speed_variations(fit: StepFit) -> tuple[float, float]:
     """Coefficients of variation of the forward speed in a step: of the hub R theta_k and of the CoM."""
     hub, com = (np.gradient(x, fit.time_s) for x in (fit.path.wheel.hub_m(fit.path.theta_rad)[:, 0], fit.path_m[:, 0]))
     return float(hub.std() / hub.mean()), float(com.std() / com.mean())
 
 
-def _hub(fits: tuple[StepFit, ...], speeds: Float[np.ndarray, "steps 2"]) -> tuple[Claim, ...]:
+def _hub_claims(fits: tuple[StepFit, ...], speeds: Float[np.ndarray, "steps 2"]) -> tuple[Claim, ...]:
     """Claims of 3.4.5 on the frame that moves with the centre of the wheel."""
     ratio = float(speeds[:, 0].mean() / speeds[:, 1].mean())
     orbits = [np.hypot(*(f.path_m - f.path.wheel.hub_m(f.path.theta_rad)).T) for f in fits]
@@ -199,7 +204,7 @@ def _hub(fits: tuple[StepFit, ...], speeds: Float[np.ndarray, "steps 2"]) -> tup
             0.0,
             uneven,
             "1",
-            judged(uneven, at_most=0.1),
+            bound_verdict(uneven, at_most=0.1),
             "Standard deviation of the distance over its mean.",
         ),
         Claim(
@@ -208,11 +213,11 @@ def _hub(fits: tuple[StepFit, ...], speeds: Float[np.ndarray, "steps 2"]) -> tup
             "low-varying",
             ratio,
             "1",
-            "met" if ratio <= EVEN else "thesis_in_error",
+            "met" if ratio <= MAX_SPEED_VARIATION_RATIO else "thesis_in_error",
             f"Its speed varies by {speeds[:, 0].mean():.0%} in a step, that of the CoM by {speeds[:, 1].mean():.0%}: "
             "the walker is fastest where the cycloid is slowest, and the hub has to compensate for both.",
         ),
     )
 
 
-ITEM: Final = Item("numbers-3", "Numbers in the text of chapter 3", run, default_seeds=THESIS_PEOPLE)
+ITEM: Final = Item("numbers-3", "Numbers in the text of chapter 3", run, default_seeds=THESIS_SUBJECTS)

@@ -3,7 +3,7 @@
 from typing import Final
 
 from stridelab.conventions import Progress
-from stridelab.reproduction.chapter4.foot_density import reproduced
+from stridelab.reproduction.chapter4.foot_density import reproduce_foot_density
 from stridelab.reproduction.claims import Item, Reproduction
 
 SIZES: Final = (5, 7, 13)
@@ -11,7 +11,7 @@ SIZES: Final = (5, 7, 13)
 
 def run(seeds: int, tell: Progress) -> Reproduction:
     """Computed from the bundled samples; ``seeds`` is ignored."""
-    return reproduced("hrp2", "HRP-2", SIZES, 7, "7 components are enough for a foot", tell)
+    return reproduce_foot_density("hrp2", "HRP-2", SIZES, 7, "7 components are enough for a foot", tell)
 
 
 ITEM: Final = Item("fig-4.2", "Where the CoM of HRP-2 is over its right foot", run, printed=("level_sets",))

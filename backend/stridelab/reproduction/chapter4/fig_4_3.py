@@ -7,12 +7,12 @@ import numpy as np
 from stridelab.conventions import Progress
 from stridelab.reachability.card import EffectorCard, SizeTrial
 from stridelab.reachability.store import load_card
-from stridelab.reproduction.chapter4.foot_density import ENOUGH_SD, REFERENCES
+from stridelab.reproduction.chapter4.foot_density import REFERENCES, SUFFICIENT_EXCESS_SD
 from stridelab.reproduction.claims import Claim, Item, Reproduction
-from stridelab.reproduction.report.svg_plots import Curve, Panel, svg
+from stridelab.reproduction.report.svg_plots import Curve, Panel, render_svg
 
 ROBOTS: Final = {"hrp2": "HRP-2", "talos": "TALOS"}
-LAST: Final = 20
+LARGEST_SIZE: Final = 20
 NOTE: Final = (
     "The curves are those of the bundled cards (20 000 samples, Scott's bandwidth, 10 000 draws for all sizes), which "
     "learn-reachability recomputes. Our size is the smallest one whose divergence exceeds the minimum over 1 to 20 by "
@@ -29,7 +29,7 @@ def run(seeds: int, tell: Progress) -> Reproduction:
     trials = [(robot, name, trial) for robot, name, card in effectors for trial in card.sizes]
     tell(1.0, "done")
     return Reproduction(
-        claims=tuple(claim for effector in effectors for claim in _claims(*effector)),
+        claims=tuple(claim for effector in effectors for claim in _effector_claims(*effector)),
         note=NOTE,
         tables={
             "sizes": {
@@ -37,10 +37,12 @@ def run(seeds: int, tell: Progress) -> Reproduction:
                 "effector": np.array([name for _, name, _ in effectors]),
                 "ours": np.array([card.components for _, _, card in effectors]),
                 "thesis": np.array([card.thesis_components for _, _, card in effectors]),
-                "least": np.array([_least(card).components for _, _, card in effectors]),
+                "least": np.array([_best_trial(card).components for _, _, card in effectors]),
                 "kl_ours_nats": np.array([card.kl_nats for _, _, card in effectors]),
-                "kl_thesis_nats": np.array([_at(card, card.thesis_components) for _, _, card in effectors]),
-                "kl_least_nats": np.array([_least(card).kl_nats for _, _, card in effectors]),
+                "kl_thesis_nats": np.array(
+                    [_kl_of_size_nats(card, card.thesis_components) for _, _, card in effectors]
+                ),
+                "kl_least_nats": np.array([_best_trial(card).kl_nats for _, _, card in effectors]),
                 "kl_sd_nats": np.array([card.kl_sd_nats for _, _, card in effectors]),
             },
             "curves": {
@@ -53,15 +55,15 @@ def run(seeds: int, tell: Progress) -> Reproduction:
                 "held_out_log_likelihood": np.array([t.held_out_log_likelihood for _, _, t in trials]),
             },
         },
-        drawing=svg([_panel(ROBOTS[robot], cards[robot]) for robot in ROBOTS]),
+        drawing=render_svg([_robot_panel(ROBOTS[robot], cards[robot]) for robot in ROBOTS]),
         references=REFERENCES,
     )
 
 
-def _claims(robot: str, name: str, card: EffectorCard) -> list[Claim]:
+def _effector_claims(robot: str, name: str, card: EffectorCard) -> list[Claim]:
     """Claims that the divergence stagnates at the thesis' size and rises beyond it for the hands of HRP-2."""
-    least, size = _least(card), card.thesis_components
-    excess = _at(card, size) - least.kl_nats
+    least, size = _best_trial(card), card.thesis_components
+    excess = _kl_of_size_nats(card, size) - least.kl_nats
     who = f"{ROBOTS[robot]}, {name.replace('_', ' ')}"
     claims = [
         Claim(
@@ -70,13 +72,16 @@ def _claims(robot: str, name: str, card: EffectorCard) -> list[Claim]:
             "sufficient",
             excess,
             "nats",
-            "met" if excess <= ENOUGH_SD * least.kl_sd_nats else "not_met",
+            "met" if excess <= SUFFICIENT_EXCESS_SD * least.kl_sd_nats else "not_met",
             f"KL above the minimum, which is at {least.components} components; the standard error of the estimate is "
             f"{least.kl_sd_nats:.4f} nats. Our size: {card.components}.",
         )
     ]
     if robot == "hrp2" and name.endswith("hand"):
-        rise, sd = _at(card, LAST) - _at(card, size), card.sizes[LAST - 1].excess_sd_nats
+        rise, sd = (
+            _kl_of_size_nats(card, LARGEST_SIZE) - _kl_of_size_nats(card, size),
+            card.sizes[LARGEST_SIZE - 1].excess_sd_nats,
+        )
         claims.append(
             Claim(
                 f"{robot}_{name}_rise_nats",
@@ -85,21 +90,22 @@ def _claims(robot: str, name: str, card: EffectorCard) -> list[Claim]:
                 rise,
                 "nats",
                 "met" if rise > sd else "not_met",
-                f"KL of {LAST} components above that of {size}; the standard error of a difference is {sd:.4f} nats.",
+                f"KL of {LARGEST_SIZE} components above that of {size}; the standard error of a difference is "
+                f"{sd:.4f} nats.",
             )
         )
     return claims
 
 
-def _least(card: EffectorCard) -> SizeTrial:
+def _best_trial(card: EffectorCard) -> SizeTrial:
     return min(card.sizes, key=lambda trial: trial.kl_nats)
 
 
-def _at(card: EffectorCard, size: int) -> float:
+def _kl_of_size_nats(card: EffectorCard, size: int) -> float:
     return next(trial.kl_nats for trial in card.sizes if trial.components == size)
 
 
-def _panel(title: str, cards: dict[str, EffectorCard]) -> Panel:
+def _robot_panel(title: str, cards: dict[str, EffectorCard]) -> Panel:
     curves = []
     for colour, (name, card) in enumerate(cards.items()):
         sizes = np.array([t.components for t in card.sizes], dtype=float)

@@ -3,7 +3,7 @@
 from typing import Final
 
 from stridelab.conventions import Progress
-from stridelab.reproduction.chapter4.foot_density import reproduced
+from stridelab.reproduction.chapter4.foot_density import reproduce_foot_density
 from stridelab.reproduction.claims import Item, Reproduction
 
 SIZES: Final = (4, 7)
@@ -11,7 +11,7 @@ SIZES: Final = (4, 7)
 
 def run(seeds: int, tell: Progress) -> Reproduction:
     """Computed from the bundled samples; ``seeds`` is ignored."""
-    return reproduced("talos", "TALOS", SIZES, 4, "4 components are enough for TALOS (figure)", tell)
+    return reproduce_foot_density("talos", "TALOS", SIZES, 4, "4 components are enough for TALOS (figure)", tell)
 
 
 ITEM: Final = Item("fig-4.4", "Where the CoM of TALOS is over its right foot", run, printed=("level_sets",))

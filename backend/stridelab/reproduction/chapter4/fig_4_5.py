@@ -12,28 +12,28 @@ import numpy as np
 
 from stridelab.conventions import Progress
 from stridelab.dynamics.spatial import Placement
-from stridelab.reachability.kinematics.ik_ground_truth import ANY, Contacts, StanceTruth
+from stridelab.reachability.kinematics.ik_ground_truth import ANY_POSTURE, ContactBatch, StanceTruth
 from stridelab.reachability.learning.kde import KernelDensity
 from stridelab.reachability.proxy.contact_set_proxy import ContactSet
 from stridelab.reachability.proxy.effector_proxy import Proxy
 from stridelab.reachability.proxy.projections import grid_around, project_kernels, project_mixture
 from stridelab.reachability.store import load_proxies
-from stridelab.reproduction.claims import Claim, Column, Item, Reproduction, aimed
+from stridelab.reproduction.claims import Claim, Column, Item, Reproduction, target_claim
 from stridelab.reproduction.report.svg_density_maps import WIDTH, Row, svg_maps
 from stridelab.robots.loader import load_robot
-from stridelab.studies.proxy_accuracy import MASSES, Comparison, Truth, compare, stair_contacts
+from stridelab.studies.proxy_accuracy import MASSES, Comparison, Truth, compare_densities, stair_contacts
 
 ROBOT: Final = "hrp2"
 DRAWS: Final = 400
 PROBES: Final = 60
-COINCIDES: Final = 0.5
+MIN_DENSITY_AT_MODE: Final = 0.5
 """Minimum density of the ground truth, relative to its maximum, in the region of highest probability."""
-_SIZE: Final = re.compile(r'viewBox="0 0 \d+ (\d+)"')
+_VIEW_HEIGHT: Final = re.compile(r'viewBox="0 0 \d+ (\d+)"')
 
 
 def run(seeds: int, tell: Progress) -> Reproduction:
     """One random sample of postures; ``seeds`` is ignored."""
-    search = StanceTruth(load_robot(ROBOT), ANY)
+    search = StanceTruth(load_robot(ROBOT), ANY_POSTURE)
     densities = {"uniform": load_proxies(ROBOT, "uniform"), "conditioned": load_proxies(ROBOT, "conditioned")}
     rows: list[Comparison] = []
     blocks: list[str] = []
@@ -41,21 +41,21 @@ def run(seeds: int, tell: Progress) -> Reproduction:
     for number, (name, placements) in enumerate(sets.items()):
         tell(number / len(sets), name)
         truth = Truth.of(search, placements, DRAWS)
-        rows += compare(search, name, placements, truth, densities, PROBES)
-        blocks.append(_maps(name, search, placements, truth, densities))
+        rows += compare_densities(search, name, placements, truth, densities, PROBES)
+        blocks.append(_contact_set_maps(name, search, placements, truth, densities))
     tell(1.0, "done")
     return Reproduction(
-        claims=claims(rows),
+        claims=figure_claims(rows),
         note=f"HRP-2 on a stair of 0.30 m by 0.15 m, then with one hand and with both hands on rails; {DRAWS} postures "
         "of the ground truth for its kernels (0.04 m) and the same number for its thresholds; base and free joints "
         "uniform, limbs by inverse kinematics.",
-        tables={"sets": table(rows)},
-        drawing=stacked(blocks),
+        tables={"sets": comparison_table(rows)},
+        drawing=stack_svgs(blocks),
         references=("carpentier2017thesis", "carpentier2018multicontact"),
     )
 
 
-def claims(rows: list[Comparison]) -> tuple[Claim, ...]:
+def figure_claims(rows: list[Comparison]) -> tuple[Claim, ...]:
     """Claims of section 4.3.3.2 on the figure."""
     uniform, conditioned = ([row for row in rows if row.densities == name] for name in ("uniform", "conditioned"))
     truths, products = (
@@ -90,18 +90,18 @@ def claims(rows: list[Comparison]) -> tuple[Claim, ...]:
             "coincide",
             at_mode,
             "1",
-            "met" if at_mode >= COINCIDES else "thesis_in_error",
+            "met" if at_mode >= MIN_DENSITY_AT_MODE else "thesis_in_error",
             "Density of the truth at the mode of the product of uniform densities, over its maximum; minimum over all "
             f"sets. At least {mass:.2f} of the product's mass is inside the 95 % set of the truth.",
         ),
-        aimed(
+        target_claim(
             "density_at_mode_conditioned",
             "conditioned densities: the same",
             at_ours,
             "1",
-            at_least=COINCIDES,
+            at_least=MIN_DENSITY_AT_MODE,
         ),
-        aimed(
+        target_claim(
             "mass_inside_conditioned",
             "conditioned densities: mass of the product inside the 95 % set of the truth",
             ours,
@@ -111,7 +111,7 @@ def claims(rows: list[Comparison]) -> tuple[Claim, ...]:
     )
 
 
-def table(rows: list[Comparison]) -> Mapping[str, Column]:
+def comparison_table(rows: list[Comparison]) -> Mapping[str, Column]:
     """One row per contact set and choice of densities."""
     columns: dict[str, Column] = {
         name: np.array([getattr(row, name) for row in rows])
@@ -123,15 +123,17 @@ def table(rows: list[Comparison]) -> Mapping[str, Column]:
     return columns
 
 
-def _maps(
+def _contact_set_maps(
     name: str,
     search: StanceTruth,
     placements: Mapping[str, Placement],
     truth: Truth,
     densities: Mapping[str, Mapping[str, Proxy]],
 ) -> str:
-    heading_rad = float(Contacts.of(search.robot, [placements]).heading_rad[0])
-    products = {label: ContactSet.of(proxies, placements, heading_rad) for label, proxies in densities.items()}
+    heading_rad = float(ContactBatch.from_placements(search.robot, [placements]).heading_rad[0])
+    products = {
+        label: ContactSet.from_placements(proxies, placements, heading_rad) for label, proxies in densities.items()
+    }
     reached = [product.sample(DRAWS, np.random.default_rng(0)) for product in products.values()]
     everything = np.concatenate([truth.kernels.centres_m, *reached])
     grid = grid_around(KernelDensity(everything, truth.kernels.bandwidth_m))
@@ -143,9 +145,9 @@ def _maps(
     return svg_maps(rows, grid)
 
 
-def stacked(blocks: list[str]) -> str:
+def stack_svgs(blocks: list[str]) -> str:
     """Stack SVG documents of the same width vertically."""
-    heights = [int(match[1]) for block in blocks if (match := _SIZE.search(block))]
+    heights = [int(match[1]) for block in blocks if (match := _VIEW_HEIGHT.search(block))]
     size = f'width="{WIDTH}" height="{sum(heights)}"'
     parts = [f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {sum(heights)}" {size} role="img">']
     for number, block in enumerate(blocks):

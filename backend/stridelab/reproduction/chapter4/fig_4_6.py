@@ -9,15 +9,15 @@ import numpy as np
 from stridelab.contacts.wrench_cones.contact_points import PointContacts
 from stridelab.contacts.wrench_cones.wrench_cone import LinearCone
 from stridelab.conventions import Progress
-from stridelab.reproduction.claims import Claim, Column, Item, Reproduction, aimed
-from stridelab.reproduction.report.svg_plots import Bars, svg
-from stridelab.studies.cone_validation import Timed, check_cones, summary, thesis_cone, timed
+from stridelab.reproduction.claims import Claim, Column, Item, Reproduction, target_claim
+from stridelab.reproduction.report.svg_plots import Bars, render_svg
+from stridelab.studies.cone_validation import Timed, check_cones, check_summary, thesis_cone, timed_cone
 from stridelab.studies.random_contact_sets import stair_sets
 
 ROBOT: Final = "hrp2"
 SETS: Final = 60
 POINTS: Final = 6
-CIRCLE: Final = 32
+CIRCLE_RAYS: Final = 32
 """Rays per contact point that approximate the circular cone."""
 
 
@@ -42,16 +42,16 @@ def run(seeds: int, tell: Progress) -> Reproduction:
     rows = []
     for name, contacts in stair_sets(ROBOT).items():
         tell(0.1, name)
-        rows.append(measured(name, contacts))
+        rows.append(compare_cones(name, contacts))
     tell(0.3, f"{SETS} random contact sets")
-    random = summary(check_cones(SETS, POINTS))
+    random = check_summary(check_cones(SETS, POINTS))
     tell(1.0, "done")
     return Reproduction(
-        claims=claims(rows, random),
+        claims=figure_claims(rows, random),
         note=f"The stances of figure 4.5 (HRP-2, friction 0.5), the thesis' cone about a CoM 0.8 m above the mean of "
         f"the contacts, in N and N m; {SETS} random sets of 2 to 4 tilted bodies within 3 m.",
-        tables={"sets": table(rows)},
-        drawing=svg(
+        tables={"sets": cone_table(rows)},
+        drawing=render_svg(
             [
                 Bars("alpha up to which the cone is inside", "1", [(row.contacts, row.alpha_max) for row in rows]),
                 Bars(
@@ -65,20 +65,20 @@ def run(seeds: int, tell: Progress) -> Reproduction:
     )  # fmt: skip
 
 
-def measured(name: str, contacts: PointContacts) -> Row:
+def compare_cones(name: str, contacts: PointContacts) -> Row:
     """Compare the thesis' cone and the largest inner cone on one contact set."""
-    pyramids = LinearCone.of(contacts, 4)
-    thesis, thesis_time = timed(lambda: thesis_cone(contacts))
-    ours, our_time = timed(lambda: LinearCone.of(contacts).largest_lorentz())
+    pyramids = LinearCone.from_contacts(contacts, 4)
+    thesis, thesis_time = timed_cone(lambda: thesis_cone(contacts))
+    ours, our_time = timed_cone(lambda: LinearCone.from_contacts(contacts).largest_lorentz())
     alpha = pyramids.alpha_max(thesis)
-    gauges = thesis.gauge(contacts.rays(CIRCLE))
+    gauges = thesis.gauge(contacts.wrench_rays(CIRCLE_RAYS))
     return Row(
         name,
         alpha,
-        pyramids.kept(thesis.shrunk(0.2)),
-        pyramids.kept(thesis.shrunk(0.3)),
-        pyramids.kept(thesis.shrunk(alpha)),
-        pyramids.kept(ours),
+        pyramids.volume_ratio(thesis.shrink(0.2)),
+        pyramids.volume_ratio(thesis.shrink(0.3)),
+        pyramids.volume_ratio(thesis.shrink(alpha)),
+        pyramids.volume_ratio(ours),
         float(gauges.max()) - 1.0,
         float((gauges > 1.0).mean()),
         thesis_time,
@@ -86,7 +86,7 @@ def measured(name: str, contacts: PointContacts) -> Row:
     )
 
 
-def claims(rows: list[Row], random: Mapping[str, int | float]) -> tuple[Claim, ...]:
+def figure_claims(rows: list[Row], random: Mapping[str, int | float]) -> tuple[Claim, ...]:
     """Claims of section 4.4 on the cones."""
     excess = max(row.excess_of_true for row in rows)
     fifth, third = random["share_where_0.2_leaves"], random["share_where_0.3_leaves"]
@@ -131,16 +131,16 @@ def claims(rows: list[Row], random: Mapping[str, int | float]) -> tuple[Claim, .
             "met" if third == 0.0 else "not_met",
             "Share of random sets where the cone with alpha = 0.3 is not inside the pyramids.",
         ),
-        aimed("violations", "largest inner cone: violated facets and boundary points",
+        target_claim("violations", "largest inner cone: violated facets and boundary points",
               float(random["facets_violated"] + random["points_outside"]), "1", at_most=0.0),
-        aimed("kept", "its volume over that with alpha = 0.3, median of random sets",
+        target_claim("kept", "its volume over that with alpha = 0.3, median of random sets",
               random["median_kept_over_thesis"], "1", at_least=2.5),
-        aimed("change", "its change with the reference point and unit of length", random["largest_change"], "1",
+        target_claim("change", "its change with the reference point and unit of length", random["largest_change"], "1",
               at_most=1e-6),
     )  # fmt: skip
 
 
-def table(rows: list[Row]) -> Mapping[str, Column]:
+def cone_table(rows: list[Row]) -> Mapping[str, Column]:
     """One row per contact set."""
     names = ("contacts", "alpha_max", "kept_02", "kept_03", "kept_alpha_max", "kept_ours", "excess_of_true",
              "true_rays_outside")  # fmt: skip

@@ -11,21 +11,21 @@ import numpy as np
 from jaxtyping import Float
 
 from stridelab.contacts.wrench_cones.contact_points import PointContacts
-from stridelab.contacts.wrench_cones.support_region import Outline, area_m2, intersection
+from stridelab.contacts.wrench_cones.support_region import Outline, area_m2, intersect_half_planes
 from stridelab.contacts.wrench_cones.wrench_cone import LinearCone, LorentzCone
 from stridelab.conventions import GRAVITY_M_S2, Progress
-from stridelab.reproduction.claims import Claim, Column, Item, Reproduction, aimed
-from stridelab.reproduction.report.svg_plots import Curve, Panel, svg
+from stridelab.reproduction.claims import Claim, Column, Item, Reproduction, target_claim
+from stridelab.reproduction.report.svg_plots import Curve, Panel, render_svg
 from stridelab.studies.cone_validation import thesis_cone
 from stridelab.studies.random_contact_sets import com_m, stair_sets
 
 ROBOT: Final = "hrp2"
-FINE: Final = 16
+FINE_RAYS: Final = 16
 """Rays of the inner pyramids that approximate the circular cones: 2 % less friction between two rays."""
 ALPHAS: Final = (1.0, 0.5, 0.3, 0.2)
 FAR_M_S2: Final = 50.0
 ANGLE: Final = np.linspace(0.0, 2.0 * np.pi, 181)
-NOT_SAFE: Final = 1e-9
+MIN_AREA: Final = 1e-9
 
 
 def run(seeds: int, tell: Progress) -> Reproduction:
@@ -34,55 +34,94 @@ def run(seeds: int, tell: Progress) -> Reproduction:
     sets = stair_sets(ROBOT)
     for number, (name, contacts) in enumerate(sets.items()):
         tell(number / len(sets), name)
-        outlines[name] = sections(contacts)
+        outlines[name] = cone_sections(contacts)
     tell(1.0, "done")
     return Reproduction(
-        claims=claims(outlines),
+        claims=figure_claims(outlines),
         note="The stances of figure 4.5 (HRP-2, friction 0.5), the CoM 0.8 m above the mean of the contacts. "
-        f"Circular cones are approximated by inner pyramids of {FINE} rays. Areas in (m/s²)².",
-        tables={"areas": table(outlines)},
-        drawing=svg([_panel(name, of_set) for name, of_set in outlines.items()]),
+        f"Circular cones are approximated by inner pyramids of {FINE_RAYS} rays. Areas in (m/s²)².",
+        tables={"areas": area_table(outlines)},
+        drawing=render_svg([_outline_panel(name, of_set) for name, of_set in outlines.items()]),
     )
 
 
-def sections(contacts: PointContacts) -> dict[str, Outline]:
+def cone_sections(contacts: PointContacts) -> dict[str, Outline]:
     """Outlines in the plane of horizontal accelerations (m/s²) by cone; empty if the plane does not intersect it."""
-    lift = _lift(com_m(contacts))
+    lift = _acceleration_to_wrench(com_m(contacts))
     thesis = thesis_cone(contacts)
     return {
-        "circular": _polygon(LinearCone.of(contacts, FINE), lift),
-        "4 rays": _polygon(LinearCone.of(contacts, 4), lift),
-        **{f"alpha {alpha:g}": _ellipse(thesis.shrunk(alpha), lift) for alpha in ALPHAS},
-        "largest": _ellipse(LinearCone.of(contacts).largest_lorentz(), lift),
+        "circular": _linear_section(LinearCone.from_contacts(contacts, FINE_RAYS), lift),
+        "4 rays": _linear_section(LinearCone.from_contacts(contacts, 4), lift),
+        **{f"alpha {alpha:g}": _lorentz_section(thesis.shrink(alpha), lift) for alpha in ALPHAS},
+        "largest": _lorentz_section(LinearCone.from_contacts(contacts).largest_lorentz(), lift),
     }
 
 
-def claims(outlines: Mapping[str, Mapping[str, Outline]]) -> tuple[Claim, ...]:
+def figure_claims(outlines: Mapping[str, Mapping[str, Outline]]) -> tuple[Claim, ...]:
     """Claims of the text on the figure."""
-    inside = {name: [_share_inside(o[name], o["circular"]) for o in outlines.values()] for name in
-              ("alpha 0.5", "alpha 0.3", "alpha 0.2", "largest")}  # fmt: skip
+    inside = {
+        name: [_share_inside(o[name], o["circular"]) for o in outlines.values()]
+        for name in ("alpha 0.5", "alpha 0.3", "alpha 0.2", "largest")
+    }
     closely = min(area_m2(o["4 rays"]) / area_m2(o["circular"]) for o in outlines.values())
     contains = min(_share_inside(o["circular"], o["alpha 1"]) for o in outlines.values())
     areas = [area_m2(o["circular"]) for o in outlines.values()]
-    ratio = min(area_m2(o["largest"]) / max(area_m2(o["alpha 0.3"]), NOT_SAFE) for o in outlines.values())
+    ratio = min(area_m2(o["largest"]) / max(area_m2(o["alpha 0.3"]), MIN_AREA) for o in outlines.values())
     return (
-        _said("linear", "the linear approximation is inside and closely matches", "closely", closely, closely > 0.9,
-              "Smallest area over that of the circular cones."),
-        _said("outer", "the outer approximation contains the true cone", 1.0, contains, contains == 1.0,
-              "Smallest share of the true outline inside, in this section."),
-        _said("alpha_03", "alpha = 0.3 is in the cone", 1.0, min(inside["alpha 0.3"]), min(inside["alpha 0.3"]) == 1.0,
-              "Smallest share of its outline inside, in this section."),
-        _said("alpha_05_four", "alpha = 0.5 is in the cone for four contacts", 1.0, inside["alpha 0.5"][-1],
-              inside["alpha 0.5"][-1] == 1.0, "Share of its outline inside, in this section."),
-        _said("grows", "the cone grows with a third contact", "> 1", areas[1] / areas[0], areas[1] > areas[0],
-              "Area with three contacts over that with two."),
-        aimed("largest_inside", "largest inner cone: share of its outline inside", min(inside["largest"]), "1",
-              at_least=1.0),
-        aimed("largest_area", "its area over that of alpha = 0.3, minimum of the three", ratio, "1", at_least=1.0),
-    )  # fmt: skip
+        _text_claim(
+            "linear",
+            "the linear approximation is inside and closely matches",
+            "closely",
+            closely,
+            closely > 0.9,
+            "Smallest area over that of the circular cones.",
+        ),
+        _text_claim(
+            "outer",
+            "the outer approximation contains the true cone",
+            1.0,
+            contains,
+            contains == 1.0,
+            "Smallest share of the true outline inside, in this section.",
+        ),
+        _text_claim(
+            "alpha_03",
+            "alpha = 0.3 is in the cone",
+            1.0,
+            min(inside["alpha 0.3"]),
+            min(inside["alpha 0.3"]) == 1.0,
+            "Smallest share of its outline inside, in this section.",
+        ),
+        _text_claim(
+            "alpha_05_four",
+            "alpha = 0.5 is in the cone for four contacts",
+            1.0,
+            inside["alpha 0.5"][-1],
+            inside["alpha 0.5"][-1] == 1.0,
+            "Share of its outline inside, in this section.",
+        ),
+        _text_claim(
+            "grows",
+            "the cone grows with a third contact",
+            "> 1",
+            areas[1] / areas[0],
+            areas[1] > areas[0],
+            "Area with three contacts over that with two.",
+        ),
+        target_claim(
+            "largest_inside",
+            "largest inner cone: share of its outline inside",
+            min(inside["largest"]),
+            "1",
+            at_least=1.0,
+        ),
+        target_claim(
+            "largest_area", "its area over that of alpha = 0.3, minimum of the three", ratio, "1", at_least=1.0
+        ),
+    )
 
 
-def table(outlines: Mapping[str, Mapping[str, Outline]]) -> Mapping[str, Column]:
+def area_table(outlines: Mapping[str, Mapping[str, Outline]]) -> Mapping[str, Column]:
     """Areas with one row per contact set."""
     columns: dict[str, Column] = {"contacts": np.array(list(outlines))}
     for name in next(iter(outlines.values())):
@@ -91,19 +130,19 @@ def table(outlines: Mapping[str, Mapping[str, Outline]]) -> Mapping[str, Column]
     return columns
 
 
-def _lift(com: Float[np.ndarray, "3"]) -> Float[np.ndarray, "6 3"]:
+def _acceleration_to_wrench(com: Float[np.ndarray, "3"]) -> Float[np.ndarray, "6 3"]:
     """Map from ``(c_x'', c_y'', 1)`` to the wrench per unit mass about the world origin with c_z'' = L' = 0."""
     forces = np.diag([1.0, 1.0, GRAVITY_M_S2])
     return np.vstack([forces, np.cross(com, forces).T])
 
 
-def _polygon(cone: LinearCone, lift: Float[np.ndarray, "6 3"]) -> Outline:
+def _linear_section(cone: LinearCone, lift: Float[np.ndarray, "6 3"]) -> Outline:
     lines = cone.facets @ lift
-    return intersection(lines[:, :2], -lines[:, 2], FAR_M_S2)
+    return intersect_half_planes(lines[:, :2], -lines[:, 2], FAR_M_S2)
 
 
-def _ellipse(cone: LorentzCone, lift: Float[np.ndarray, "6 3"]) -> Outline:
-    ellipse = cone.section(lift)
+def _lorentz_section(cone: LorentzCone, lift: Float[np.ndarray, "6 3"]) -> Outline:
+    ellipse = cone.section_ellipsoid(lift)
     if ellipse is None:
         return np.zeros((0, 2))
     outline = ellipse.center + np.stack([np.cos(ANGLE[:-1]), np.sin(ANGLE[:-1])], axis=1) @ ellipse.axes.T
@@ -120,11 +159,11 @@ def _share_inside(outline: Outline, polygon: Outline) -> float:
     return float((beyond <= 1e-9).all(axis=1).mean())
 
 
-def _said(key: str, says: str, thesis: float | str, ours: float, holds: bool, note: str) -> Claim:
+def _text_claim(key: str, says: str, thesis: float | str, ours: float, holds: bool, note: str) -> Claim:
     return Claim(key, says, thesis, ours, "1", "met" if holds else "not_met", note)
 
 
-def _panel(name: str, outlines: Mapping[str, Outline]) -> Panel:
+def _outline_panel(name: str, outlines: Mapping[str, Outline]) -> Panel:
     curves = [
         Curve(np.append(x, x[0]), np.append(y, y[0]), label, colour, dashed=label == "4 rays")
         for colour, (label, outline) in enumerate(outlines.items())

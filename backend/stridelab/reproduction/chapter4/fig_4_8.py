@@ -18,14 +18,14 @@ from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.centroidal.point_forces import CircularCones
 from stridelab.centroidal.solver import solve
 from stridelab.conventions import Points, Progress
-from stridelab.reproduction.claims import Claim, Column, Item, Reproduction, aimed
-from stridelab.reproduction.report.svg_plots import Bars, Curve, Panel, svg
-from stridelab.studies.thesis_experiments import EXPERIMENTS, WALKERS, Experiment, problem
+from stridelab.reproduction.claims import Claim, Column, Item, Reproduction, target_claim
+from stridelab.reproduction.report.svg_plots import Bars, Curve, Panel, render_svg
+from stridelab.studies.thesis_experiments import EXPERIMENTS, WALKERS, Experiment, experiment_problem
 
 ROBOT: Final = "hrp2"
 EXPERIMENT: Final[Experiment] = 1
 ALPHAS: Final = (0.2, 0.3, 0.45, 0.6, 0.8, 1.0)
-SAME: Final = 0.01
+OBJECTIVE_TOLERANCE: Final = 0.01
 """Relative tolerance for equal objectives."""
 NOISE_NMS: Final = 0.05
 """Angular momentum below which it counts as noise: the robot's weight displaced by 0.1 mm for one second."""
@@ -51,59 +51,65 @@ def run(seeds: int, tell: Progress) -> Reproduction:
     jobs = [(robot, experiment) for robot in WALKERS for experiment in EXPERIMENTS]
     for number, (robot, experiment) in enumerate(jobs):
         tell(0.1 + 0.7 * number / len(jobs), f"{robot}, experiment {experiment}")
-        plans = {name: planned(robot, experiment, control) for name, control in controls().items()}
-        rows += [row(robot, experiment, name, plan, plans["u_f"]) for name, plan in plans.items()]
+        plans = {name: solve_with_control(robot, experiment, control) for name, control in controls_by_name().items()}
+        rows += [plan_row(robot, experiment, name, plan, plans["u_f"]) for name, plan in plans.items()]
         if (robot, experiment) == (ROBOT, EXPERIMENT):
             both = plans["u_f"], plans["u_c"]
     assert both is not None
     tell(0.8, "the thesis' cone for six alphas")
     sweep = [
-        row(
+        plan_row(
             ROBOT,
             EXPERIMENT,
             f"alpha {alpha:g}",
-            planned(ROBOT, EXPERIMENT, ContactWrench("thesis", alpha=alpha)),
+            solve_with_control(ROBOT, EXPERIMENT, ContactWrench("thesis", alpha=alpha)),
             both[0],
         )
         for alpha in ALPHAS
     ]
-    circular = planned(ROBOT, EXPERIMENT, CircularCones())
+    circular = solve_with_control(ROBOT, EXPERIMENT, CircularCones())
     tell(1.0, "done")
     return Reproduction(
-        claims=claims(rows, sweep, both, circular),
+        claims=figure_claims(rows, sweep, both, circular),
         note="Experiment 1 of HRP-2 (strides of 0.9 m in 8 s) unless stated otherwise: conditioned densities, forces "
         "constant over 0.1 s, (4.20a) without regularisation. u_f in pyramids of eight rays, u_c in the largest "
         "Lorentz cone inside the wrench cone of the soles, both cold-started from the thesis' initial guess.",
-        tables={"controls": table(rows), "alpha": table(sweep), "trajectories": trajectories(both)},
-        drawing=svg(
+        tables={"controls": plan_table(rows), "alpha": plan_table(sweep), "trajectories": trajectory_columns(both)},
+        drawing=render_svg(
             [
-                *panels(both),
-                Bars("objective by the cone's size, experiment 1", "1",
-                     [("u_f", both[0].objective), ("u_c, largest inside", both[1].objective),
-                      *((f"thesis' cone, {r.control}", r.objective) for r in sweep)]),
+                *trajectory_panels(both),
+                Bars(
+                    "objective by the cone's size, experiment 1",
+                    "1",
+                    [
+                        ("u_f", both[0].objective),
+                        ("u_c, largest inside", both[1].objective),
+                        *((f"thesis' cone, {r.control}", r.objective) for r in sweep),
+                    ],
+                ),
             ]
         ),
-    )  # fmt: skip
+    )
 
 
-def controls() -> Mapping[str, Control]:
+def controls_by_name() -> Mapping[str, Control]:
     """Both control parametrisations by the thesis' names."""
-    return {"u_f": problem(EXPERIMENT, ROBOT).control, "u_c": ContactWrench()}
+    return {"u_f": experiment_problem(EXPERIMENT, ROBOT).control, "u_c": ContactWrench()}
 
 
-def planned(robot: str, experiment: Experiment, control: Control) -> CentroidalPlan:
+def solve_with_control(robot: str, experiment: Experiment, control: Control) -> CentroidalPlan:
     """One cold-started plan."""
-    return solve(replace(problem(experiment, robot), control=control))
+    return solve(replace(experiment_problem(experiment, robot), control=control))
 
 
-def row(robot: str, experiment: int, name: str, plan: CentroidalPlan, of_forces: CentroidalPlan) -> Row:
+def plan_row(robot: str, experiment: int, name: str, plan: CentroidalPlan, of_forces: CentroidalPlan) -> Row:
     """Compare a plan with that of u_f."""
     distance_m = float(np.linalg.norm(plan.com_m - of_forces.com_m, axis=1).max())
     margin_n = plan.verification.cone_margin_n
     return Row(robot, experiment, name, plan.objective, plan.iterations, margin_n, distance_m)
 
 
-def claims(
+def figure_claims(
     rows: list[Row], sweep: list[Row], both: tuple[CentroidalPlan, CentroidalPlan], circular: CentroidalPlan
 ) -> tuple[Claim, ...]:
     """Claims of 4.6.2 on both controls."""
@@ -112,7 +118,7 @@ def claims(
     differences = [c.objective - f.objective for f, c in pairs]
     shares = [d / abs(f.objective) for d, (f, _) in zip(differences, pairs, strict=True)]
     distance_m = rows[1].com_distance_m
-    rough = [roughness(plan) for plan in both]
+    rough = [acceleration_roughness(plan) for plan in both]
     momenta = [float(np.abs(plan.l_nms).max()) for plan in both]
     falling = [a.objective - b.objective for a, b in pairwise(sweep)]
     return (
@@ -122,45 +128,84 @@ def claims(
             0.0,
             max(shares),
             "1",
-            "met" if max(shares) <= SAME else "thesis_in_error",
+            "met" if max(shares) <= OBJECTIVE_TOLERANCE else "thesis_in_error",
             f"Largest relative excess of u_c's objective over u_f's, for three experiments and two robots (smallest "
             f"{min(shares):.2f}). The inner cone of u_c restricts the problem; the optima would be the same only with "
             "the exact cone of the contacts.",
         ),
-        aimed("restriction", "u_c in an inner cone is never better than u_f: smallest excess of its objective",
-              min(differences), "1", at_least=0.0),
-        aimed("alpha_falls", "the larger alpha, the lower the optimum: smallest decrease between successive values",
-              min(falling), "1", at_least=0.0,
-              note=f"From {sweep[0].objective:.0f} ({sweep[0].control}) to {sweep[-1].objective:.1f} (alpha 1), where "
-              f"forces leave their cones by {-sweep[-1].cone_margin_n:.0f} N; u_f: {forces.objective:.1f}."),
-        aimed("u_f_between", "u_f's optimum lies between those of the inner and outer cones",
-              min(wrench.objective - forces.objective, forces.objective - sweep[-1].objective), "1", at_least=0.0),
-        aimed("pyramids", "increase of u_f's objective by pyramids of eight rays instead of circular cones",
-              forces.objective - circular.objective, "1", at_most=0.5),
-        Claim("shape", "the CoM trajectories have similar shape", "similar", distance_m, "m",
-              "met" if distance_m < 0.05 else "not_met", "Largest distance of the CoM at the same time."),
-        Claim("smoother", "the motion-based problem leads to marginally smoother trajectories", "< 1",
-              rough[1] / rough[0], "1", "met" if rough[1] < rough[0] else "not_met",
-              "Mean squared change of the acceleration between intervals of 0.1 s, u_c over u_f."),
-        Claim("noise", "the angular momentum oscillates with u_f, mostly numerical noise", "noise", momenta[0], "Nms",
-              "met" if momenta[0] < NOISE_NMS else "not_met",
-              f"Largest angular momentum with u_f; with u_c {momenta[1]:.2g} Nms. Exact integration causes no "
-              "numerical noise."),
-    )  # fmt: skip
+        target_claim(
+            "restriction",
+            "u_c in an inner cone is never better than u_f: smallest excess of its objective",
+            min(differences),
+            "1",
+            at_least=0.0,
+        ),
+        target_claim(
+            "alpha_falls",
+            "the larger alpha, the lower the optimum: smallest decrease between successive values",
+            min(falling),
+            "1",
+            at_least=0.0,
+            note=f"From {sweep[0].objective:.0f} ({sweep[0].control}) to {sweep[-1].objective:.1f} (alpha 1), where "
+            f"forces leave their cones by {-sweep[-1].cone_margin_n:.0f} N; u_f: {forces.objective:.1f}.",
+        ),
+        target_claim(
+            "u_f_between",
+            "u_f's optimum lies between those of the inner and outer cones",
+            min(wrench.objective - forces.objective, forces.objective - sweep[-1].objective),
+            "1",
+            at_least=0.0,
+        ),
+        target_claim(
+            "pyramids",
+            "increase of u_f's objective by pyramids of eight rays instead of circular cones",
+            forces.objective - circular.objective,
+            "1",
+            at_most=0.5,
+        ),
+        Claim(
+            "shape",
+            "the CoM trajectories have similar shape",
+            "similar",
+            distance_m,
+            "m",
+            "met" if distance_m < 0.05 else "not_met",
+            "Largest distance of the CoM at the same time.",
+        ),
+        Claim(
+            "smoother",
+            "the motion-based problem leads to marginally smoother trajectories",
+            "< 1",
+            rough[1] / rough[0],
+            "1",
+            "met" if rough[1] < rough[0] else "not_met",
+            "Mean squared change of the acceleration between intervals of 0.1 s, u_c over u_f.",
+        ),
+        Claim(
+            "noise",
+            "the angular momentum oscillates with u_f, mostly numerical noise",
+            "noise",
+            momenta[0],
+            "Nms",
+            "met" if momenta[0] < NOISE_NMS else "not_met",
+            f"Largest angular momentum with u_f; with u_c {momenta[1]:.2g} Nms. Exact integration causes no "
+            "numerical noise.",
+        ),
+    )
 
 
-def roughness(plan: CentroidalPlan) -> float:
+def acceleration_roughness(plan: CentroidalPlan) -> float:
     """Mean squared change of the acceleration between intervals, (m/s²)²."""
     return float((np.diff(plan.com_a_m_s2, axis=0) ** 2).sum(axis=1).mean())
 
 
-def table(rows: list[Row]) -> Mapping[str, Column]:
+def plan_table(rows: list[Row]) -> Mapping[str, Column]:
     """One row per plan."""
     names = ("robot", "experiment", "control", "objective", "iterations", "cone_margin_n", "com_distance_m")
     return {name: np.array([getattr(row, name) for row in rows]) for name in names}
 
 
-def trajectories(both: tuple[CentroidalPlan, CentroidalPlan]) -> Mapping[str, Column]:
+def trajectory_columns(both: tuple[CentroidalPlan, CentroidalPlan]) -> Mapping[str, Column]:
     """CoM, velocity and angular momentum of both plans at the nodes."""
     columns: dict[str, Column] = {"time_s": both[0].time_s}
     for name, plan in zip(("forces", "wrench"), both, strict=True):
@@ -173,10 +218,10 @@ def trajectories(both: tuple[CentroidalPlan, CentroidalPlan]) -> Mapping[str, Co
     return columns
 
 
-def panels(both: tuple[CentroidalPlan, CentroidalPlan]) -> list[Panel]:
+def trajectory_panels(both: tuple[CentroidalPlan, CentroidalPlan]) -> list[Panel]:
     """Position relative to uniform motion, velocity and angular momentum; u_f solid, u_c dashed."""
 
-    def panel(title: str, label: str, values: tuple[Points, Points]) -> Panel:
+    def panel_of(title: str, label: str, values: tuple[Points, Points]) -> Panel:
         curves = [
             Curve(both[0].time_s, track[:, k], f"{axis}, {name}", k, dashed=name == "u_c")
             for k, axis in enumerate("xyz")
@@ -186,9 +231,9 @@ def panels(both: tuple[CentroidalPlan, CentroidalPlan]) -> list[Panel]:
 
     uniform = both[0].com_m[0] + np.outer(both[0].time_s / both[0].time_s[-1], both[0].com_m[-1] - both[0].com_m[0])
     return [
-        panel("CoM minus uniform motion", "c (m)", (both[0].com_m - uniform, both[1].com_m - uniform)),
-        panel("CoM velocity", "c' (m/s)", (both[0].com_v_m_s, both[1].com_v_m_s)),
-        panel("angular momentum", "L (Nms)", (both[0].l_nms, both[1].l_nms)),
+        panel_of("CoM minus uniform motion", "c (m)", (both[0].com_m - uniform, both[1].com_m - uniform)),
+        panel_of("CoM velocity", "c' (m/s)", (both[0].com_v_m_s, both[1].com_v_m_s)),
+        panel_of("angular momentum", "L (Nms)", (both[0].l_nms, both[1].l_nms)),
     ]
 
 

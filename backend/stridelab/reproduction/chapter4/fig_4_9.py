@@ -20,9 +20,9 @@ from stridelab.conventions import Mask, Points, Progress, Series
 from stridelab.reachability.card import Measure
 from stridelab.reachability.gaussian_mixture import Mixture
 from stridelab.reachability.store import load_proxies
-from stridelab.reproduction.claims import Claim, Column, Item, Reproduction, aimed
-from stridelab.reproduction.report.svg_plots import Curve, Panel, svg
-from stridelab.studies.thesis_experiments import problem
+from stridelab.reproduction.claims import Claim, Column, Item, Reproduction, target_claim
+from stridelab.reproduction.report.svg_plots import Curve, Panel, render_svg
+from stridelab.studies.thesis_experiments import experiment_problem
 
 ROBOT: Final = "hrp2"
 FOOT: Final = "right_foot"
@@ -30,13 +30,13 @@ MEASURES: Final[tuple[Measure, ...]] = ("uniform", "conditioned")
 CASES: Final = ("with", "without")
 MASS: Final = 0.95
 LEVELS: Final = (0.5, 0.8, 0.95)
-RARE: Final = 1.0 - MASS
+RARE_SHARE: Final = 1.0 - MASS
 MARGIN_M: Final = 0.15
 GRID: Final = 81
 
 
 @dataclass(frozen=True, eq=False)
-class Path:
+class ComPath:
     """CoM in the foot's frame while in contact (NaN otherwise), and its likelihood at each node."""
 
     measure: Measure
@@ -47,40 +47,40 @@ class Path:
     log_density: Series
 
     @property
-    def touching(self) -> Mask:
+    def in_contact(self) -> Mask:
         """Nodes with the foot in contact."""
         return np.asarray(np.isfinite(self.com_m[:, 0]))
 
 
 def run(seeds: int, tell: Progress) -> Reproduction:
     """Deterministic; ``seeds`` is ignored."""
-    paths: list[Path] = []
+    paths: list[ComPath] = []
     for number, (measure, case) in enumerate((m, c) for m in MEASURES for c in CASES):
         tell(number / 4.0, f"{measure} densities, {case} the log-density")
-        paths.append(path(measure, case))
+        paths.append(com_path(measure, case))
     tell(1.0, "done")
     mixtures = {measure: load_proxies(ROBOT, measure)[FOOT].mixture for measure in MEASURES}
     return Reproduction(
-        claims=claims(paths),
+        claims=figure_claims(paths),
         note="Experiment 2 of HRP-2 (six stairs of 10 cm in 24 s), the CoM in the frame of the right foot while in "
         "contact. Densities of uniform postures, as in the thesis, and conditioned on standing. The plan without the "
         "log-densities differs only in their weight, which is zero.",
-        tables={"shares": table(paths), "paths": columns(paths)},
-        drawing=svg(
-            [panel(mixtures[m], [p for p in paths if p.measure == m], m, view) for m in MEASURES for view in VIEWS]
+        tables={"shares": path_table(paths), "paths": path_columns(paths)},
+        drawing=render_svg(
+            [path_panel(mixtures[m], [p for p in paths if p.measure == m], m, view) for m in MEASURES for view in VIEWS]
         ),
     )
 
 
-def path(measure: Measure, case: str) -> Path:
+def com_path(measure: Measure, case: str) -> ComPath:
     """Path of one plan in the frame of the foot."""
-    stairs = problem(2, ROBOT, measure)
+    stairs = experiment_problem(2, ROBOT, measure)
     if case == "without":
         stairs = replace(stairs, weights=replace(stairs.weights, likelihood=0.0))
-    return seen(solve(stairs), stairs.proxies[FOOT].mixture, measure, case)
+    return com_in_foot_frame(solve(stairs), stairs.proxies[FOOT].mixture, measure, case)
 
 
-def seen(plan: CentroidalPlan, mixture: Mixture, measure: Measure, case: str) -> Path:
+def com_in_foot_frame(plan: CentroidalPlan, mixture: Mixture, measure: Measure, case: str) -> ComPath:
     """CoM of a plan at the start of every interval in the frame of the foot's contact."""
     time_s, com_m = plan.time_s[:-1], np.full((len(plan.phase), 3), np.nan)
     for k, i in enumerate(plan.phase):
@@ -91,10 +91,10 @@ def seen(plan: CentroidalPlan, mixture: Mixture, measure: Measure, case: str) ->
     share, log_density = np.full(len(com_m), np.nan), np.full(len(com_m), np.nan)
     share[in_contact] = usual_share(mixture, com_m[in_contact])
     log_density[in_contact] = mixture.log_density(com_m[in_contact])
-    return Path(measure, case, time_s, com_m, share, log_density)
+    return ComPath(measure, case, time_s, com_m, share, log_density)
 
 
-def claims(paths: list[Path]) -> tuple[Claim, ...]:
+def figure_claims(paths: list[ComPath]) -> tuple[Claim, ...]:
     """Claims of 4.6.3 on the figure, for uniform and conditioned densities."""
     made: list[Claim] = []
     for measure in MEASURES:
@@ -102,7 +102,7 @@ def claims(paths: list[Path]) -> tuple[Claim, ...]:
             next(p for p in paths if (p.measure, p.case) == (measure, case)) for case in CASES
         )
         gain = float(np.nanmean(with_density.log_density) - np.nanmean(without_density.log_density))
-        outside_share = [float((p.share[p.touching] < RARE).mean()) for p in (with_density, without_density)]
+        outside_share = [float((p.share[p.in_contact] < RARE_SHARE).mean()) for p in (with_density, without_density)]
         made += [
             Claim(
                 f"nearer_{measure}",
@@ -125,15 +125,20 @@ def claims(paths: list[Path]) -> tuple[Claim, ...]:
             ),
         ]
     conditioned = next(p for p in paths if (p.measure, p.case) == ("conditioned", "with"))
-    least = float(conditioned.share[conditioned.touching].min())
+    least = float(conditioned.share[conditioned.in_contact].min())
     made.append(
-        aimed("usual", "with conditioned densities, least likely CoM of the plan: mass with lower density", least, "1",
-              at_least=0.01)
-    )  # fmt: skip
+        target_claim(
+            "usual",
+            "with conditioned densities, least likely CoM of the plan: mass with lower density",
+            least,
+            "1",
+            at_least=0.01,
+        )
+    )
     return tuple(made)
 
 
-def table(paths: list[Path]) -> Mapping[str, Column]:
+def path_table(paths: list[ComPath]) -> Mapping[str, Column]:
     """One row per plan."""
     return {
         "densities": np.array([p.measure for p in paths]),
@@ -146,7 +151,7 @@ def table(paths: list[Path]) -> Mapping[str, Column]:
     }
 
 
-def columns(paths: list[Path]) -> Mapping[str, Column]:
+def path_columns(paths: list[ComPath]) -> Mapping[str, Column]:
     """All paths at their nodes, including nodes without contact."""
     by_name: dict[str, Column] = {"time_s": paths[0].time_s}
     for p in paths:
@@ -158,10 +163,10 @@ VIEWS: Final = ((0, 1), (0, 2))
 """Axes of the foot's frame: top view, side view."""
 
 
-def panel(mixture: Mixture, paths: list[Path], measure: str, view: tuple[int, int]) -> Panel:
+def path_panel(mixture: Mixture, paths: list[ComPath], measure: str, view: tuple[int, int]) -> Panel:
     """Both paths over the level sets of the projected density with the masses ``LEVELS``."""
-    flat = projected(mixture, view)
-    x, y, density = on_grid(flat, np.vstack([p.com_m[p.touching] for p in paths])[:, list(view)])
+    flat = project_mixture(mixture, view)
+    x, y, density = density_on_grid(flat, np.vstack([p.com_m[p.in_contact] for p in paths])[:, list(view)])
     falling = np.sort(density.ravel())[::-1]
     held = np.cumsum(falling) / falling.sum()
     curves = []
@@ -185,18 +190,20 @@ Flat = tuple[Float[np.ndarray, "k"], Float[np.ndarray, "k 2"], Float[np.ndarray,
 """Weights, means and covariances in a plane."""
 
 
-def projected(mixture: Mixture, view: tuple[int, int]) -> Flat:
+def project_mixture(mixture: Mixture, view: tuple[int, int]) -> Flat:
     """Marginal density of two coordinates."""
     axes = np.array(view)
     return mixture.weights, mixture.means_m[:, axes], mixture.covariances_m2[:, axes[:, None], axes]
 
 
-def on_grid(flat: Flat, seen_m: Float[np.ndarray, "_ 2"]) -> tuple[Series, Series, Float[np.ndarray, "h w"]]:
+def density_on_grid(
+    projected: Flat, path_m: Float[np.ndarray, "_ 2"]
+) -> tuple[Series, Series, Float[np.ndarray, "h w"]]:
     """Axes and values of the density on a grid that covers the density and the paths."""
-    weights, means, covariances = flat
+    weights, means, covariances = projected
     sd = np.sqrt(np.einsum("kii->ki", covariances))
-    low = np.minimum((means - 3 * sd).min(axis=0), seen_m.min(axis=0) - MARGIN_M)
-    high = np.maximum((means + 3 * sd).max(axis=0), seen_m.max(axis=0) + MARGIN_M)
+    low = np.minimum((means - 3 * sd).min(axis=0), path_m.min(axis=0) - MARGIN_M)
+    high = np.maximum((means + 3 * sd).max(axis=0), path_m.max(axis=0) + MARGIN_M)
     x, y = (np.linspace(low[a], high[a], GRID) for a in range(2))
     points = np.stack(np.meshgrid(x, y), axis=-1)
     density = np.zeros((GRID, GRID))

@@ -14,18 +14,18 @@ from jaxtyping import Float
 from stridelab.conventions import Points, Progress
 from stridelab.reachability.card import EffectorCard
 from stridelab.reachability.gaussian_mixture import Mixture
-from stridelab.reachability.learning.fit import HELD_OUT, expectation_maximisation
+from stridelab.reachability.learning.fit import HELD_OUT_RECIPROCAL, expectation_maximisation
 from stridelab.reachability.learning.kde import KernelDensity
 from stridelab.reachability.proxy.projections import grid_around, project_kernels, project_mixture
 from stridelab.reachability.store import load_card, load_cloud
 from stridelab.reproduction.claims import Claim, Reproduction
-from stridelab.reproduction.report.svg_density_maps import Row, convexity, svg_maps
+from stridelab.reproduction.report.svg_density_maps import Row, hull_area_share, svg_maps
 
 EFFECTOR: Final = "right_foot"
 MASSES: Final = (0.5, 0.8, 0.95)
-CONVEX: Final = 0.9
+CONVEX_AREA_SHARE: Final = 0.9
 """Share of the convex hull below which an area counts as not convex; a disc of cells has 0.97."""
-ENOUGH_SD: Final = 2.0
+SUFFICIENT_EXCESS_SD: Final = 2.0
 """Maximum excess of the divergence over its minimum, in standard errors, for a sufficient number of components."""
 DRAWS: Final = 10_000
 REFERENCES: Final = (
@@ -51,13 +51,15 @@ class FootDensity:
 def foot_density(robot: str, sizes: Sequence[int]) -> FootDensity:
     """Kernel density and mixtures for the uniform measure, as in the thesis."""
     com_m = load_cloud(robot, "uniform")[EFFECTOR]
-    n = len(com_m) - len(com_m) // HELD_OUT
+    n = len(com_m) - len(com_m) // HELD_OUT_RECIPROCAL
     mixtures = {k: expectation_maximisation(com_m[:n], k, seed=0)[0] for k in sizes}
     card = load_card(robot, "uniform").effectors[EFFECTOR]
-    return FootDensity(card, KernelDensity.scott(com_m), com_m[n:], mixtures)
+    return FootDensity(card, KernelDensity.with_scott_bandwidth(com_m), com_m[n:], mixtures)
 
 
-def reproduced(robot: str, title: str, sizes: Sequence[int], size: int, says: str, tell: Progress) -> Reproduction:
+def reproduce_foot_density(
+    robot: str, title: str, sizes: Sequence[int], size: int, says: str, tell: Progress
+) -> Reproduction:
     """Reproduce the figure for one robot; ``says`` is the thesis' claim on ``size``, one of ``sizes``."""
     tell(0.1, f"fitting {title}")
     density = foot_density(robot, sizes)
@@ -69,14 +71,14 @@ def reproduced(robot: str, title: str, sizes: Sequence[int], size: int, says: st
         rows.append(Row(f"{k} components", (px, py, pz)))
     tell(0.6, "comparing level sets")
     sets = level_set_table(density)
-    claims = _claims(density, size, convexity(y, 0.5), sets, says)
+    claims = _density_claims(density, size, hull_area_share(y, 0.5), sets, says)
     tell(1.0, "done")
     return Reproduction(
         claims=claims,
         note=f"{title}, right foot, postures uniform in the joints. Maps and level sets: 5000 bundled samples with "
         f"Scott's bandwidth {density.kernels.bandwidth_m:.3f} m; divergences: all 20 000 samples and "
         f"{density.card.bandwidth_m:.3f} m, from the bundled card. The thesis does not state its bandwidth.",
-        tables={"level_sets": sets, "divergence": _divergence(density, sizes)},
+        tables={"level_sets": sets, "divergence": _divergence_table(density, sizes)},
         drawing=svg_maps(rows, grid),
         references=REFERENCES,
     )
@@ -99,7 +101,7 @@ def level_set_table(density: FootDensity) -> dict[str, Float[np.ndarray, "_"]]:
     return {name: np.array(column, dtype=float) for name, column in zip(names, zip(*rows, strict=True), strict=True)}
 
 
-def _divergence(density: FootDensity, sizes: Sequence[int]) -> dict[str, Float[np.ndarray, "_"]]:
+def _divergence_table(density: FootDensity, sizes: Sequence[int]) -> dict[str, Float[np.ndarray, "_"]]:
     trials = [trial for trial in density.card.sizes if trial.components in {*sizes, density.card.components}]
     return {
         name: np.array([getattr(trial, name) for trial in trials], dtype=float)
@@ -107,7 +109,7 @@ def _divergence(density: FootDensity, sizes: Sequence[int]) -> dict[str, Float[n
     }
 
 
-def _claims(
+def _density_claims(
     density: FootDensity,
     k: int,
     filled: float,
@@ -131,7 +133,7 @@ def _claims(
             "not convex",
             filled,
             "1",
-            "met" if filled < CONVEX else "thesis_in_error",
+            "met" if filled < CONVEX_AREA_SHARE else "thesis_in_error",
             "Area with half of the projected mass over the area of its convex hull.",
         ),
         Claim(
@@ -149,7 +151,7 @@ def _claims(
             "enough",
             excess,
             "nats",
-            "met" if excess <= ENOUGH_SD * least.kl_sd_nats else "not_met",
+            "met" if excess <= SUFFICIENT_EXCESS_SD * least.kl_sd_nats else "not_met",
             f"KL of {k} components above the minimum; the standard error of the estimate is {least.kl_sd_nats:.4f}, "
             f"that of the difference {kl[k].excess_sd_nats:.4f}. The card uses {card.components} components.",
         ),

@@ -16,18 +16,18 @@ from stridelab.centroidal.contact_wrench import ContactWrench
 from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.centroidal.solver import solve
 from stridelab.conventions import Progress
-from stridelab.reproduction.claims import Claim, Column, Item, Reproduction, aimed, judged
-from stridelab.reproduction.report.svg_plots import Bars, svg
-from stridelab.studies.thesis_experiments import Experiment, problem
+from stridelab.reproduction.claims import Claim, Column, Item, Reproduction, bound_verdict, target_claim
+from stridelab.reproduction.report.svg_plots import Bars, render_svg
+from stridelab.studies.thesis_experiments import Experiment, experiment_problem
 
 ControlName = Literal["u_c", "u_f"]
 REPEATS: Final = 3
-AIMS: Final[Mapping[Experiment, float]] = {1: 0.5, 2: 1.5, 3: 4.0}
+TARGET_TIMES_S: Final[Mapping[Experiment, float]] = {1: 0.5, 2: 1.5, 3: 4.0}
 """Target times in seconds for u_f, by experiment."""
 
 
 @dataclass(frozen=True)
-class Printed:
+class PrintedColumn:
     """One column of the thesis' table; NaN for values that are not printed."""
 
     robot: str
@@ -39,27 +39,27 @@ class Printed:
 
 
 COLUMNS: Final = (
-    Printed("hrp2", 1, "u_c", 8.0, 1.23, 22.0),
-    Printed("hrp2", 1, "u_f", 8.0, 3.89, 40.0),
-    Printed("hrp2", 2, "u_c", 24.0, 8.0, 42.0),
-    Printed("hrp2", 2, "u_f"),
-    Printed("hrp2", 3, "u_c", 36.0, 10.0, 15.0),
-    Printed("hrp2", 3, "u_f"),
-    Printed("talos", 1, "u_c"),
-    Printed("talos", 1, "u_f"),
-    Printed("talos", 2, "u_c"),
-    Printed("talos", 2, "u_f"),
-    Printed("talos", 3, "u_c"),
-    Printed("talos", 3, "u_f"),
+    PrintedColumn("hrp2", 1, "u_c", 8.0, 1.23, 22.0),
+    PrintedColumn("hrp2", 1, "u_f", 8.0, 3.89, 40.0),
+    PrintedColumn("hrp2", 2, "u_c", 24.0, 8.0, 42.0),
+    PrintedColumn("hrp2", 2, "u_f"),
+    PrintedColumn("hrp2", 3, "u_c", 36.0, 10.0, 15.0),
+    PrintedColumn("hrp2", 3, "u_f"),
+    PrintedColumn("talos", 1, "u_c"),
+    PrintedColumn("talos", 1, "u_f"),
+    PrintedColumn("talos", 2, "u_c"),
+    PrintedColumn("talos", 2, "u_f"),
+    PrintedColumn("talos", 3, "u_c"),
+    PrintedColumn("talos", 3, "u_f"),
 )
 """Columns of the thesis' table, and the combinations that it omits."""
 
 
 @dataclass(frozen=True, eq=False)
-class Timed:
+class TimedColumn:
     """A column with our plan, the minimum solver time over some repeats, and the time of building the program."""
 
-    printed: Printed
+    printed: PrintedColumn
     plan: CentroidalPlan
     time_s: float
     build_s: float
@@ -71,30 +71,34 @@ def run(seeds: int, tell: Progress) -> Reproduction:
     with threadpool_limits(1):
         for number, column in enumerate(COLUMNS):
             tell(number / len(COLUMNS), f"{column.robot}, experiment {column.experiment}, {column.control}")
-            times.append(timed(column))
+            times.append(time_column(column))
     tell(1.0, "done")
     return Reproduction(
-        claims=claims(times),
+        claims=time_claims(times),
         note="Processor time of one thread of this machine, compared with the thesis' on an i7 at 2.2 GHz with "
         "MUSCOD-II; ours is the minimum of three. Forces constant over 0.1 s; u_f in pyramids of eight rays, u_c in "
         "the largest Lorentz cone inside the soles' wrench cone. The last two rows of the table, the shares of the QP "
         "and of the sensitivities, have no counterpart: an interior point method has no QP subproblem and uses "
         "analytical derivatives.",
-        tables={"times": table(times)},
-        drawing=svg([Bars("time of the solver", "ms", [(name(t.printed), 1e3 * t.time_s) for t in times])]),
+        tables={"times": time_table(times)},
+        drawing=render_svg(
+            [Bars("time of the solver", "ms", [(column_label(t.printed), 1e3 * t.time_s) for t in times])]
+        ),
     )
 
 
-def timed(column: Printed) -> Timed:
+def time_column(column: PrintedColumn) -> TimedColumn:
     """Solve the problem of a column ``REPEATS`` times."""
-    of_column = problem(column.experiment, column.robot)
+    of_column = experiment_problem(column.experiment, column.robot)
     if column.control == "u_c":
         of_column = replace(of_column, control=ContactWrench())
     plans = [solve(of_column) for _ in range(REPEATS)]
-    return Timed(column, plans[-1], min(plan.solve_time_s for plan in plans), max(plan.build_time_s for plan in plans))
+    return TimedColumn(
+        column, plans[-1], min(plan.solve_time_s for plan in plans), max(plan.build_time_s for plan in plans)
+    )
 
 
-def claims(times: list[Timed]) -> tuple[Claim, ...]:
+def time_claims(times: list[TimedColumn]) -> tuple[Claim, ...]:
     """Claims on the thesis' times, then our targets."""
     made: list[Claim] = []
     for t in times:
@@ -102,9 +106,9 @@ def claims(times: list[Timed]) -> tuple[Claim, ...]:
         if np.isfinite(column.time_s):
             key = f"time_{column.experiment}_{column.control}"
             says = f"experiment {column.experiment} with {column.control}: time of the solver"
-            verdict = "beaten" if t.time_s < column.time_s else judged(t.time_s, at_most=column.time_s)
+            verdict = "beaten" if t.time_s < column.time_s else bound_verdict(t.time_s, at_most=column.time_s)
             made.append(Claim(key, says, column.time_s, t.time_s, "s", verdict))
-            made += _iterations(t)
+            made += _iteration_claims(t)
     gains = [t.printed.time_s / t.time_s for t in times if np.isfinite(t.printed.time_s) and t.printed.control == "u_c"]
     of = {(t.printed.robot, t.printed.experiment, t.printed.control): t for t in times}
     slower = [of[r, e, "u_f"].time_s / of[r, e, "u_c"].time_s for r, e, c in of if c == "u_c"]
@@ -116,41 +120,41 @@ def claims(times: list[Timed]) -> tuple[Claim, ...]:
               min(slower), "1", "met" if min(slower) > 1.0 else "not_met", "Smallest time ratio, u_f over u_c."),
         Claim("per_second", "one iteration for one second of motion takes 7 to 15 ms", 7e-3, max(per_second) / 1e3, "s",
               "beaten" if max(per_second) < 7.0 else "not_met", "Largest value of all columns."),
-        aimed("converged", "number of converged plans", float(sum(t.plan.converged for t in times)), "1",
+        target_claim("converged", "number of converged plans", float(sum(t.plan.converged for t in times)), "1",
               at_least=float(len(times))),
-        aimed("u_c_gain", "u_c: the thesis' time over ours, minimum of three experiments", min(gains), "1",
+        target_claim("u_c_gain", "u_c: the thesis' time over ours, minimum of three experiments", min(gains), "1",
               at_least=10.0),
         *(
-            aimed(f"u_f_{experiment}", f"u_f, experiment {experiment}: time of the solver, the slower robot",
+            target_claim(f"u_f_{experiment}", f"u_f, experiment {experiment}: time of the solver, the slower robot",
                   max(of[robot, experiment, "u_f"].time_s for robot in ("hrp2", "talos")), "s", at_most=limit_s)
-            for experiment, limit_s in AIMS.items()
+            for experiment, limit_s in TARGET_TIMES_S.items()
         ),
-        aimed("gap", "largest gap of the dynamics", most, "1", at_most=1e-8),
+        target_claim("gap", "largest gap of the dynamics", most, "1", at_most=1e-8),
     )  # fmt: skip
 
 
-def _iterations(t: Timed) -> tuple[Claim, Claim]:
+def _iteration_claims(t: TimedColumn) -> tuple[Claim, Claim]:
     """Claims on the number of iterations and on the time per iteration."""
     column, n = t.printed, t.plan.iterations
     of = f"experiment {column.experiment} with {column.control}"
     key, each_s, printed_s = f"{column.experiment}_{column.control}", t.time_s / n, column.time_s / column.iterations
     return (
         Claim(f"iterations_{key}", f"{of}: iterations", column.iterations, float(n), "1",
-              "beaten" if n < column.iterations else judged(float(n), at_most=column.iterations)),
+              "beaten" if n < column.iterations else bound_verdict(float(n), at_most=column.iterations)),
         Claim(f"iteration_{key}_s", f"{of}: time of an iteration", printed_s, each_s, "s",
               "beaten" if each_s < printed_s else "not_met", f"{column.time_s:g} s in {column.iterations:g}."),
     )  # fmt: skip
 
 
-def name(column: Printed) -> str:
+def column_label(column: PrintedColumn) -> str:
     """Label of a column in the drawing and the table."""
     return f"{column.robot} {column.experiment}, {column.control}"
 
 
-def table(times: list[Timed]) -> Mapping[str, Column]:
+def time_table(times: list[TimedColumn]) -> Mapping[str, Column]:
     """One row per column of the thesis' table."""
     return {
-        "plan": np.array([name(t.printed) for t in times]),
+        "plan": np.array([column_label(t.printed) for t in times]),
         "thesis_motion_seconds": np.array([t.printed.duration_s for t in times]),
         "motion_seconds": np.array([t.plan.time_s[-1] for t in times]),
         "thesis_seconds": np.array([t.printed.time_s for t in times]),

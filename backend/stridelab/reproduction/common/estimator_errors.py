@@ -14,10 +14,10 @@ from stridelab.conventions import PerAxis, Progress
 from stridelab.estimation.evaluation.error_spectra import error_spectrum
 from stridelab.estimation.evaluation.truth_errors import TruthError, error_m, truth_error
 from stridelab.reproduction.claims import Column
-from stridelab.reproduction.common.estimators import KALMAN, NAMES, THESIS, estimators
+from stridelab.reproduction.common.estimators import KALMAN, NAMES, THESIS, study_estimators
 from stridelab.simulation.robot.gait_plan import GaitName
 from stridelab.simulation.robot.walker import RATE_HZ
-from stridelab.studies.estimator_study import simulate
+from stridelab.studies.estimator_study import simulate_trial
 
 GAITS: Final[tuple[GaitName, ...]] = ("robot", "human")
 NOISY_HZ: Final = 5.0
@@ -35,15 +35,15 @@ class Draw:
     noise: str
     errors: Mapping[str, TruthError]
     noisy_m: Mapping[str, float]
-    closer: float
+    share_closer: float
 
 
 @lru_cache(maxsize=1000)
-def draw(gait: GaitName, noise: str, seed: int) -> Draw:
+def errors_of_draw(gait: GaitName, noise: str, seed: int) -> Draw:
     """Errors of all estimators on one trial."""
-    trial = simulate(gait, noise, seed)
+    trial = simulate_trial(gait, noise, seed)
     errors, noisy, distance = {}, {}, {}
-    for name, estimator in estimators(trial).items():
+    for name, estimator in study_estimators(trial).items():
         estimate = estimator.estimate(trial.geometric, trial.wrench, trial.mass_kg)
         errors[name] = truth_error(estimate, trial.truth.time_s, trial.truth.com_m)
         e = error_m(estimate, trial.truth.time_s, trial.truth.com_m)
@@ -53,13 +53,13 @@ def draw(gait: GaitName, noise: str, seed: int) -> Draw:
     return Draw(gait, noise, errors, noisy, float(np.mean(distance[THESIS] <= distance[KALMAN])))
 
 
-def draws(gaits: Sequence[GaitName], noises: Sequence[str], seeds: int, tell: Progress) -> list[Draw]:
+def compute_draws(gaits: Sequence[GaitName], noises: Sequence[str], seeds: int, tell: Progress) -> list[Draw]:
     """``seeds`` draws of every combination of gait and noise."""
     wanted = [(gait, noise, seed) for gait in gaits for noise in noises for seed in range(seeds)]
     done = []
     for k, (gait, noise, seed) in enumerate(wanted):
         tell(k / len(wanted), f"{gait} gait, {noise} noise, draw {seed + 1} of {seeds}")
-        done.append(draw(gait, noise, seed))
+        done.append(errors_of_draw(gait, noise, seed))
     return done
 
 
@@ -73,7 +73,7 @@ def rms(values: Sequence[float]) -> float:
     return float(np.sqrt(np.mean(np.square(values))))
 
 
-def table(draws: Sequence[Draw]) -> dict[str, Column]:
+def error_table(draws: Sequence[Draw]) -> dict[str, Column]:
     """One row per gait, noise and estimator: RMS over the draws, mean coverage and median lag."""
     rows: list[dict[str, object]] = []
     for gait, noise in dict.fromkeys((d.gait, d.noise) for d in draws):
@@ -91,7 +91,9 @@ def table(draws: Sequence[Draw]) -> dict[str, Column]:
     return as_columns(rows)
 
 
-def chosen(columns: Mapping[str, Column], keys: Sequence[str], keep: Callable[[int], bool]) -> dict[str, Column]:
+def select_columns(
+    columns: Mapping[str, Column], keys: Sequence[str], keep: Callable[[int], bool]
+) -> dict[str, Column]:
     """Columns ``keys`` of a table, restricted to the rows for whose index ``keep`` is True."""
     rows = [k for k in range(len(next(iter(columns.values())))) if keep(k)]
     return {key: columns[key][rows] for key in keys}

@@ -32,9 +32,9 @@ _PLATE_HEIGHT_M: Final = 0.83
 """Height of the CoM above the plates: lever arm of the force noise in the position of the axis."""
 
 
-def estimators(trial: StudyTrial, *, beyond_window: bool = False) -> Mapping[str, ComEstimator]:
+def study_estimators(trial: StudyTrial, *, beyond_window: bool = False) -> Mapping[str, ComEstimator]:
     """All estimators for one trial by name; ``beyond_window`` extends the smoother beyond the force window."""
-    noise = told_inputs(trial)
+    noise = true_input_noise(trial)
     tuned = KalmanFilter(sigma_jerk_m_s3=TUNED_SIGMA_JERK_M_S3, noise=noise)
     return {
         GEOMETRY: GeometryOnly(),
@@ -43,11 +43,11 @@ def estimators(trial: StudyTrial, *, beyond_window: bool = False) -> Mapping[str
         KALMAN: KalmanFilter(noise=noise),
         TUNED: tuned,
         RTS: RtsSmoother(kalman=tuned),
-        SMOOTHER: Smoother(priors=told(trial), beyond_window=beyond_window),
+        SMOOTHER: Smoother(priors=true_noise_priors(trial), beyond_window=beyond_window),
     }
 
 
-def told(trial: StudyTrial) -> SmootherPriors:
+def true_noise_priors(trial: StudyTrial) -> SmootherPriors:
     """Smoother priors with the sizes of the simulated noise.
 
     Raises ``InvalidInput`` (``prior-out-of-range``) for a trial without noise.
@@ -65,7 +65,7 @@ def told(trial: StudyTrial) -> SmootherPriors:
     )
 
 
-def told_inputs(trial: StudyTrial) -> InputNoise:
+def true_input_noise(trial: StudyTrial) -> InputNoise:
     """Measurement noise of the Kalman filter: the simulated noise propagated to the three inputs."""
     x, y, z = trial.noise_sd_m
     force = trial.noise.force_n

@@ -27,7 +27,7 @@ class RecordedWalk:
     windows: tuple[Window, ...]
 
     @staticmethod
-    def of(path: Path) -> "RecordedWalk":
+    def from_file(path: Path) -> "RecordedWalk":
         """Read a recording, with joint centres from the static trial in the same folder.
 
         Raises ``NotFound`` (``recordings-missing``) if the body mass is missing, and the errors of the readers.
@@ -37,9 +37,9 @@ class RecordedWalk:
         if mass_kg is None:
             raise NotFound("recordings-missing", f"{path.name} does not contain the body mass of the subject.")
         windows = measured_windows(recording, identify(list(recording.markers_m)).landmarks)
-        return RecordedWalk(path.parent.name, recording, mass_kg, geometry_of(recording, path.parent), windows)
+        return RecordedWalk(path.parent.name, recording, mass_kg, geometric_com_of(recording, path.parent), windows)
 
-    def wrench(self, latency_s: float) -> WrenchTrack:
+    def total_wrench(self, latency_s: float) -> WrenchTrack:
         """Total contact wrench, corrected for the latency: read ``latency_s`` later than its time stamp."""
         return wrench_track(self.recording, self.windows, latency_s=latency_s)
 
@@ -52,7 +52,7 @@ def recordings_in(gait: Path, pattern: str) -> list[Path]:
     return paths
 
 
-def geometry_of(recording: Recording, folder: Path) -> GeometricCom:
+def geometric_com_of(recording: Recording, folder: Path) -> GeometricCom:
     """Geometric CoM from markers and segment table; uses the static trial of the folder if there is one."""
     landmarks = identify(list(recording.markers_m)).landmarks
     statics = sorted(path for pattern in STATICS for path in folder.glob(pattern))

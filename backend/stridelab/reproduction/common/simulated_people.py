@@ -25,8 +25,8 @@ from stridelab.walking.step_fit import StepFit, fit_step
 HEIGHT_M: Final[dict[Sex, tuple[float, float]]] = {"male": (1.74, 0.04), "female": (1.71, 0.04)}
 """Mean and standard deviation of the thesis' subjects (3.2.1), a quarter of whom were women."""
 SPEED_M_S: Final = (1.25, 0.12)
-LEAST_PEOPLE: Final = 6
-THESIS_PEOPLE: Final = 16
+MIN_SUBJECTS: Final = 6
+THESIS_SUBJECTS: Final = 16
 DURATION_S: Final = 3.0
 NOTE: Final = (
     "Simulated subjects with exact centre of mass, with the heights of the thesis' subjects, at speeds drawn "
@@ -44,30 +44,30 @@ class SimulatedPeople:
 
 
 @lru_cache(maxsize=2)
-def _people(n: int) -> SimulatedPeople:
+def _simulate_people(n: int) -> SimulatedPeople:
     rng = np.random.default_rng(3)
     people, rows, fits = [], [], {}
     for i in range(n):
         sex: Sex = "female" if i % 4 == 3 else "male"
         name, height_m = f"person {i + 1}", float(rng.normal(*HEIGHT_M[sex]))
         speed_m_s = float(rng.normal(*SPEED_M_S))
-        own = _walk(height_m, sex, speed_m_s, i)
+        own = _simulate_and_fit(height_m, sex, speed_m_s, i)
         people.append(Person(name=name, group="adults", height_m=height_m))
-        rows += [StepRow(name, name, _values(fit)) for fit in own]
+        rows += [StepRow(name, name, _parameter_values(fit)) for fit in own]
         fits[name] = own
     return SimulatedPeople(study(people, rows), fits)
 
 
 def simulated_people(seeds: int, tell: Callable[[float, str], None]) -> SimulatedPeople:
     """Simulate ``seeds`` subjects, at least ``LEAST_PEOPLE``: fewer do not give a meaningful correlation."""
-    n = max(seeds, LEAST_PEOPLE)
+    n = max(seeds, MIN_SUBJECTS)
     tell(0.05, f"simulating {n} subjects")
-    people = _people(n)
+    people = _simulate_people(n)
     tell(0.9, "analysing the population")
     return people
 
 
-def against_height(people: SimulatedPeople, parameter: str) -> Pair:
+def correlation_with_height(people: SimulatedPeople, parameter: str) -> Pair:
     """Correlation of a parameter with the height."""
     pairs = people.population.pairs
     return next(pair for pair in pairs if (pair.parameter, pair.against) == (parameter, "height_m"))
@@ -75,7 +75,7 @@ def against_height(people: SimulatedPeople, parameter: str) -> Pair:
 
 def height_claim(people: SimulatedPeople, parameter: str, letter: str, thesis: float) -> Claim:
     """Claim on the correlation with the height: met if the thesis' value lies in our 95 % interval, beaten if below."""
-    pair = against_height(people, parameter).pearson
+    pair = correlation_with_height(people, parameter).pearson
     low, high = pair.ci95 or (-1.0, 1.0)
     return Claim(
         f"{parameter.removesuffix('_m')}_height_r",
@@ -88,14 +88,16 @@ def height_claim(people: SimulatedPeople, parameter: str, letter: str, thesis: f
     )
 
 
-def table_of(people: SimulatedPeople) -> dict[str, Series]:
+def people_table(people: SimulatedPeople) -> dict[str, Series]:
     """One row per subject: height, speed, mean and standard deviation of every parameter."""
     subjects = people.population.subjects
     columns = {name: np.array([s.value(name) for s in subjects]) for name in ("height_m", "speed_m_s", *PARAMETERS)}
     return columns | {f"sd_{name}": np.array([s.sd[name] for s in subjects]) for name in PARAMETERS}
 
 
-def marks(people: SimulatedPeople, parameter: str, scale: float, colour: int = 0, letter: str = "") -> list[Curve]:
+def height_plot_curves(
+    people: SimulatedPeople, parameter: str, scale: float, colour: int = 0, letter: str = ""
+) -> list[Curve]:
     """Error bars of a parameter for every subject, and the regression line."""
     heights = np.array([s.value("height_m") for s in people.population.subjects])
     means = scale * np.array([s.mean[parameter] for s in people.population.subjects])
@@ -112,7 +114,7 @@ def marks(people: SimulatedPeople, parameter: str, scale: float, colour: int = 0
     return [bars, Curve(ends, line, f"line of {letter}", colour, dashed=True)]
 
 
-def _walk(height_m: float, sex: Sex, speed_m_s: float, seed: int) -> tuple[StepFit, ...]:
+def _simulate_and_fit(height_m: float, sex: Sex, speed_m_s: float, seed: int) -> tuple[StepFit, ...]:
     mass_kg = 22.5 * height_m**2
     walker = HumanWalker(
         height_m=height_m, mass_kg=mass_kg, sex=sex, speed_m_s=speed_m_s, duration_s=DURATION_S, seed=seed
@@ -129,7 +131,7 @@ def _walk(height_m: float, sex: Sex, speed_m_s: float, seed: int) -> tuple[StepF
     return tuple(fits)
 
 
-def _values(fit: StepFit) -> dict[str, float]:
+def _parameter_values(fit: StepFit) -> dict[str, float]:
     distance_mm = 1e3 * fit.path.distance_m
     return {
         "R_m": fit.path.wheel.R_m,

@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from stridelab.simulation.human.walker import HumanWalker, Walk
-from stridelab.simulation.human_recording import SimulatedRecording, events, record
+from stridelab.simulation.human_recording import SimulatedRecording, gait_events, record
 from stridelab.simulation.noise import MeasurementNoise
 from stridelab.walking.curtate_cycloid import Plane
 from stridelab.walking.step_fit import StepFit, fit_step
@@ -35,7 +35,7 @@ class SimulatedSteps:
     fits: tuple[StepFit, ...]
     path_m: Plane
 
-    def after(self, fit: StepFit) -> slice:
+    def step_and_next_support(self, fit: StepFit) -> slice:
         """Samples of the step and of the following single support."""
         k = next(i for i, other in enumerate(self.fits) if other is fit)
         strike_s = self.fits[k + 1].step.strike_s
@@ -58,7 +58,7 @@ def simulated_steps() -> SimulatedSteps:
 
 def true_steps(walk: Walk) -> tuple[GaitStep, ...]:
     """Planned steps, from lift-off to the next lift-off; the period is the time between strikes."""
-    planned = events(walk.plan)
+    planned = gait_events(walk.plan)
     strikes = [event.time_s for event in planned if event.kind == "foot_strike"]
     steps = []
     for lift, other in pairwise([event for event in planned if event.kind == "foot_off"]):

@@ -5,42 +5,42 @@ from typing import Final
 
 import numpy as np
 
-from stridelab.reproduction.claims import VERDICTS, Claim, Column, Verdict, three_digits
+from stridelab.reproduction.claims import VERDICTS, Claim, Column, Verdict, format_three_digits
 
 UNITS: Final = {"m_s2": ("m/s²", 1.0), "m_s": ("m/s", 1.0), "m": ("mm", 1e3), "s": ("ms", 1e3), "n": ("N", 1.0)}
 """Printed unit and scale by the unit suffix of a column name; longer suffixes come first."""
 
 
-def measured(value: float, unit: str) -> str:
+def format_quantity(value: float, unit: str) -> str:
     """Format with three digits; metres and seconds below 0.1 in thousandths, a ratio without unit."""
     if unit in ("m", "s") and 0 < abs(value) < 0.1:
         value, unit = 1000 * value, f"m{unit}"
-    return three_digits(value) if unit == "1" else f"{three_digits(value)} {unit}"
+    return format_three_digits(value) if unit == "1" else f"{format_three_digits(value)} {unit}"
 
 
-def numbers(claim: Claim) -> tuple[str, str]:
+def claim_numbers(claim: Claim) -> tuple[str, str]:
     """The thesis' number (or words) and ours, as text."""
-    thesis = claim.thesis if isinstance(claim.thesis, str) else measured(claim.thesis, claim.unit)
-    return thesis, measured(claim.ours, claim.unit)
+    thesis = claim.thesis if isinstance(claim.thesis, str) else format_quantity(claim.thesis, claim.unit)
+    return thesis, format_quantity(claim.ours, claim.unit)
 
 
-def counted(claims: Iterable[Claim]) -> dict[Verdict, int]:
+def count_verdicts(claims: Iterable[Claim]) -> dict[Verdict, int]:
     """Number of claims by verdict, in the order of ``VERDICTS``."""
     given = [claim.verdict for claim in claims]
     return {verdict: given.count(verdict) for verdict in VERDICTS}
 
 
-def cells(columns: Mapping[str, Column]) -> tuple[list[str], list[tuple[str, ...]]]:
+def table_cells(columns: Mapping[str, Column]) -> tuple[list[str], list[tuple[str, ...]]]:
     """Headings and rows of a table; the unit suffix of a column name moves into its heading."""
-    heads, values = zip(*(_column(name, column) for name, column in columns.items()), strict=True)
+    heads, values = zip(*(_format_column(name, column) for name, column in columns.items()), strict=True)
     return list(heads), list(zip(*values, strict=True))
 
 
-def _column(name: str, values: Column) -> tuple[str, list[str]]:
+def _format_column(name: str, values: Column) -> tuple[str, list[str]]:
     if values.dtype.kind not in "fi":
         return name.replace("_", " "), [str(value) for value in values]
     ending = next((ending for ending in UNITS if name.endswith(f"_{ending}")), None)
     unit, scale = UNITS[ending] if ending else ("", 1.0)
     head = name.removesuffix(f"_{ending}")
-    written = ["" if not np.isfinite(value) else three_digits(scale * value) for value in values.astype(float)]
+    written = ["" if not np.isfinite(value) else format_three_digits(scale * value) for value in values.astype(float)]
     return f"{head} {unit}".replace("_", " ").strip(), written

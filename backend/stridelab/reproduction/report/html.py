@@ -5,7 +5,7 @@ from html import escape
 from typing import Final
 
 from stridelab.reproduction.claims import VERDICTS, Claim, Column, Reproduction
-from stridelab.reproduction.report.formatting import cells, counted, numbers
+from stridelab.reproduction.report.formatting import claim_numbers, count_verdicts, table_cells
 from stridelab.reproduction.runner import Section
 
 WORDS: Final = {
@@ -28,7 +28,7 @@ svg { max-width: 100%; height: auto; }
 """
 
 
-def report(sections: Sequence[Section], made: str) -> str:
+def render_html(sections: Sequence[Section], generated_by: str) -> str:
     """Render the report; ``made`` is a sentence on how it was generated."""
     intro = "Every claim has the thesis' number, or an aim of our own where it has none, ours, and a computed verdict."
     parts = [
@@ -36,20 +36,20 @@ def report(sections: Sequence[Section], made: str) -> str:
         '<html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width">',
         f"<title>Reproduction of the thesis</title><style>{STYLE}</style></head><body>",
         "<h1>Reproduction of the thesis</h1>",
-        f"<p>{escape(made)} {intro}</p>",
-        _summary(sections),
-        *(_section(section) for section in sections),
+        f"<p>{escape(generated_by)} {intro}</p>",
+        _verdict_summary(sections),
+        *(_render_section(section) for section in sections),
         "</body></html>",
     ]
     return "\n".join(parts) + "\n"
 
 
-def _summary(sections: Sequence[Section]) -> str:
+def _verdict_summary(sections: Sequence[Section]) -> str:
     """Number of claims by verdict, in total and by item."""
-    results = [section.found for section in sections if section.found is not None]
-    total = counted(claim for result in results for claim in result.claims)
+    results = [section.result for section in sections if section.result is not None]
+    total = count_verdicts(claim for result in results for claim in result.claims)
     counts = ", ".join(f'<b class="{v}">{total[v]}</b> {WORDS[v]}' for v in reversed(VERDICTS))
-    failed = [section for section in sections if section.found is None]
+    failed = [section for section in sections if section.result is None]
     missing = f' <b class="failed">{len(failed)} item{"s"[: len(failed) > 1]} failed.</b>' if failed else ""
     heads = "".join(f'<th class="n" scope="col">{WORDS[v].partition(",")[0]}</th>' for v in reversed(VERDICTS))
     rows = "".join(_summary_row(section) for section in sections)
@@ -62,23 +62,23 @@ def _summary(sections: Sequence[Section]) -> str:
 
 def _summary_row(section: Section) -> str:
     link = f'<a href="#{escape(section.name)}">{escape(section.name)}</a> {escape(section.title)}'
-    if section.found is None:
+    if section.result is None:
         return f'<tr><td>{link}</td><td class="failed" colspan="{len(VERDICTS)}">failed</td></tr>'
-    counts = counted(section.found.claims)
+    counts = count_verdicts(section.result.claims)
     numbers_ = "".join(f'<td class="n {v if counts[v] else ""}">{counts[v] or ""}</td>' for v in reversed(VERDICTS))
     return f"<tr><td>{link}</td>{numbers_}</tr>"
 
 
-def _section(section: Section) -> str:
+def _render_section(section: Section) -> str:
     head = f'<section id="{escape(section.name)}"><h2>{escape(section.name)}: {escape(section.title)}</h2>'
-    if section.found is None:
+    if section.result is None:
         return f'{head}<p class="failed">Not computed: {escape(section.failure)}</p></section>'
-    tables = "".join(_table(section.found.tables[name]) for name in section.printed)
-    return f"{head}{_body(section.found)}{tables}{_drawing(section)}</section>"
+    tables = "".join(_render_table(section.result.tables[name]) for name in section.printed)
+    return f"{head}{_claims_table(section.result)}{tables}{_figure_html(section)}</section>"
 
 
-def _body(result: Reproduction) -> str:
-    rows = "".join(_claim(claim) for claim in result.claims)
+def _claims_table(result: Reproduction) -> str:
+    rows = "".join(_claim_row(claim) for claim in result.claims)
     heads = '<th scope="col">Claim</th><th class="n" scope="col">Thesis, or our aim</th><th class="n" scope="col">Here'
     return (
         f'<p>{escape(result.note)}</p><div class="scroll"><table><thead><tr>{heads}</th><th scope="col">Verdict</th>'
@@ -86,30 +86,30 @@ def _body(result: Reproduction) -> str:
     )
 
 
-def _claim(claim: Claim) -> str:
-    thesis, ours = numbers(claim)
+def _claim_row(claim: Claim) -> str:
+    thesis, ours = claim_numbers(claim)
     remark = f"<small>{escape(claim.note)}</small>" if claim.note else ""
     return (
         f'<tr><td>{escape(claim.says)}{remark}</td><td class="n">{escape(thesis)}</td><td class="n">{escape(ours)}</td>'
-        f'<td class="{claim.verdict}">{_word(claim)}</td></tr>'
+        f'<td class="{claim.verdict}">{_verdict_text(claim)}</td></tr>'
     )
 
 
-def _word(claim: Claim) -> str:
+def _verdict_text(claim: Claim) -> str:
     """Text of the verdict; "beaten" distinguishes targets of this project from numbers of the thesis."""
     if claim.verdict != "beaten":
         return WORDS[claim.verdict]
     return "aim reached" if str(claim.thesis).startswith("aim") else "better"
 
 
-def _table(columns: Mapping[str, Column]) -> str:
-    heads, rows = cells(columns)
+def _render_table(columns: Mapping[str, Column]) -> str:
+    heads, rows = table_cells(columns)
     head = "".join(f'<th scope="col">{escape(name)}</th>' for name in heads)
     body = "".join(f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>" for row in rows)
     return f'<div class="scroll"><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>'
 
 
-def _drawing(section: Section) -> str:
+def _figure_html(section: Section) -> str:
     """Embed the SVG unchanged; it contains neither scripts nor styles."""
-    assert section.found is not None
-    return f'<figure aria-label="{escape(section.title)}, drawn from these numbers">{section.found.drawing}</figure>'
+    assert section.result is not None
+    return f'<figure aria-label="{escape(section.title)}, drawn from these numbers">{section.result.drawing}</figure>'

@@ -14,7 +14,7 @@ from jaxtyping import Float
 from skimage.measure import find_contours
 from skimage.morphology import convex_hull_image
 
-from stridelab.reachability.proxy.projections import ACROSS, Grid, Map
+from stridelab.reachability.proxy.projections import PLOT_AXES, Grid, Map
 from stridelab.reproduction.report.svg_plots import PALETTE
 
 BANDS: Final = ("#eff3ff", "#d6e4f5", "#bdd7e7", "#94c4df", "#6baed6", "#4a97c9", "#2e7ebc", "#1764ab", "#084a91")
@@ -37,7 +37,7 @@ class Row:
     maps: tuple[AnyMap, AnyMap, AnyMap]
 
 
-def threshold(density: Map, mass: float = MASS) -> float:
+def level_of_mass(density: Map, mass: float = MASS) -> float:
     """Level above which a map on a uniform grid contains the share ``mass`` of its total."""
     falling = np.sort(density.ravel())[::-1]
     return float(falling[np.searchsorted(np.cumsum(falling), mass * falling.sum())])
@@ -45,7 +45,7 @@ def threshold(density: Map, mass: float = MASS) -> float:
 
 def svg_maps(rows: Sequence[Row], grid: Grid) -> str:
     """Render the maps as one SVG document with axes in metres and a common scale."""
-    extents = [[grid.axis_m(axis)[-1] - grid.low_m[axis] for axis in across] for across in ACROSS]
+    extents = [[grid.axis_m(axis)[-1] - grid.low_m[axis] for axis in across] for across in PLOT_AXES]
     pixels = (WIDTH - _LABEL - 3 * _GAP) / sum(width for width, _ in extents)  # per metre
     tall = max(height for _, height in extents) * pixels + _TOP + _BOTTOM
     size = f'width="{WIDTH}" height="{tall * len(rows):.0f}"'
@@ -60,17 +60,17 @@ def svg_maps(rows: Sequence[Row], grid: Grid) -> str:
         for along, (width, height) in enumerate(extents):
             step = grid.step_m * pixels
             parts.append(f'<g transform="translate({x:.1f} {y + height * pixels:.1f})">')
-            parts += _bands(row.maps[along], rows[0].maps[along].max(), step)
-            parts += _lines(rows[0].maps[along], step, 0, dashed=False)
+            parts += _filled_bands(row.maps[along], rows[0].maps[along].max(), step)
+            parts += _contour_lines(rows[0].maps[along], step, 0, dashed=False)
             if number:
-                parts += _lines(row.maps[along], step, 1, dashed=True)
-            parts += _axes(along, grid, width * pixels, height * pixels)
+                parts += _contour_lines(row.maps[along], step, 1, dashed=True)
+            parts += _draw_axes(along, grid, width * pixels, height * pixels)
             parts.append("</g>")
             x += width * pixels + _GAP
     return "\n".join([*parts, "</svg>"]) + "\n"
 
 
-def _bands(density: Map, top: float, step: float) -> list[str]:
+def _filled_bands(density: Map, top: float, step: float) -> list[str]:
     """Filled cells, one path per colour band; rows go upwards."""
     band = np.minimum(len(BANDS) * density / top, len(BANDS) - 1).astype(int)
     paths: list[list[str]] = [[] for _ in BANDS]
@@ -84,10 +84,10 @@ def _bands(density: Map, top: float, step: float) -> list[str]:
     return [f'<path d="{"".join(runs)}" fill="{BANDS[i]}"/>' for i, runs in enumerate(paths) if runs and i]
 
 
-def _lines(density: Map, step: float, colour: int, *, dashed: bool) -> list[str]:
+def _contour_lines(density: Map, step: float, colour: int, *, dashed: bool) -> list[str]:
     dash = ' stroke-dasharray="4 2"' if dashed else ""
     polylines = []
-    for line in find_contours(density, threshold(density)):  # type: ignore[no-untyped-call]
+    for line in find_contours(density, level_of_mass(density)):  # type: ignore[no-untyped-call]
         points = " ".join(f"{j * step:.1f},{-i * step:.1f}" for i, j in line)
         polylines.append(
             f'<polyline points="{points}" fill="none" stroke="{PALETTE[colour]}" stroke-width="1.1"{dash}/>'
@@ -95,9 +95,9 @@ def _lines(density: Map, step: float, colour: int, *, dashed: bool) -> list[str]
     return polylines
 
 
-def _axes(along: int, grid: Grid, width: float, height: float) -> list[str]:
+def _draw_axes(along: int, grid: Grid, width: float, height: float) -> list[str]:
     """Frame, ticks every 0.5 m, and axis labels."""
-    right, up = ACROSS[along]
+    right, up = PLOT_AXES[along]
     parts = [
         f'<path d="M0 0h{width:.1f}v{-height:.1f}h{-width:.1f}z" fill="none" stroke="#555555" stroke-width="0.7"/>'
     ]
@@ -113,8 +113,8 @@ def _axes(along: int, grid: Grid, width: float, height: float) -> list[str]:
     return parts
 
 
-def convexity(density: Map, mass: float) -> float:
+def hull_area_share(density: Map, mass: float) -> float:
     """Area of the set with ``mass`` over that of its convex hull; 1 for a convex set, up to discretisation."""
-    inside: Float[np.ndarray, "up right"] = (density >= threshold(density, mass)).astype(float)
+    inside: Float[np.ndarray, "up right"] = (density >= level_of_mass(density, mass)).astype(float)
     hull = convex_hull_image(inside > 0.5, offset_coordinates=False)  # type: ignore[no-untyped-call]
     return float(inside.sum() / hull.sum())

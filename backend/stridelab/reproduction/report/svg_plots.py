@@ -17,7 +17,7 @@ PALETTE: Final = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e
 WIDTH, HEIGHT = 720, 240
 _LEFT, _RIGHT, _TOP, _BOTTOM = 70.0, 150.0, 26.0, 40.0
 _BAR_LEFT, _BAR_RIGHT = 170.0, 70.0
-_MOST_POINTS = 900
+_MAX_POINTS = 900
 _FONT: Final = 'font-family="sans-serif" font-size="11" fill="#222222"'
 
 Values = Float[np.ndarray, "_"]
@@ -56,7 +56,7 @@ class Bars:
     values: Sequence[tuple[str, float]]
 
 
-def svg(panels: Sequence[Panel | Bars]) -> str:
+def render_svg(panels: Sequence[Panel | Bars]) -> str:
     """Render the panels below each other as one SVG document."""
     size = f'width="{WIDTH}" height="{HEIGHT * len(panels)}"'
     parts = [
@@ -65,7 +65,7 @@ def svg(panels: Sequence[Panel | Bars]) -> str:
     ]
     for number, panel in enumerate(panels):
         parts.append(f'<g transform="translate(0 {HEIGHT * number})">')
-        parts += _panel(panel) if isinstance(panel, Panel) else _bars(panel)
+        parts += _render_panel(panel) if isinstance(panel, Panel) else _render_bars(panel)
         parts.append("</g>")
     return "\n".join([*parts, "</svg>"]) + "\n"
 
@@ -84,7 +84,7 @@ class _Scale:
         a, b, v = (math.log10(x) if self.log else x for x in (self.low, self.high, value))
         return self.start + (v - a) / (b - a) * (self.end - self.start)
 
-    def ticks(self) -> list[float]:
+    def tick_values(self) -> list[float]:
         if self.log:
             first, last = math.ceil(math.log10(self.low) - 1e-9), math.floor(math.log10(self.high) + 1e-9)
             every = max(1, math.ceil((last - first) / 6))
@@ -95,17 +95,17 @@ class _Scale:
         return [k * step for k in range(math.ceil(self.low / step), math.floor(self.high / step) + 1)]
 
 
-def _panel(panel: Panel) -> list[str]:
-    x = _scale([c.x for c in panel.curves], panel.log_x, _LEFT, WIDTH - _RIGHT, margin=0.0)
-    y = _scale([c.y for c in panel.curves], panel.log_y, HEIGHT - _BOTTOM, _TOP, margin=0.05)
+def _render_panel(panel: Panel) -> list[str]:
+    x = _scale_of_values([c.x for c in panel.curves], panel.log_x, _LEFT, WIDTH - _RIGHT, margin=0.0)
+    y = _scale_of_values([c.y for c in panel.curves], panel.log_y, HEIGHT - _BOTTOM, _TOP, margin=0.05)
     parts = [f'<text x="{_LEFT}" y="16" {_FONT} font-weight="bold">{escape(panel.title)}</text>']
-    for tick in x.ticks():
+    for tick in x.tick_values():
         at = x(tick)
-        parts.append(_line(at, _TOP, at, HEIGHT - _BOTTOM, "#e3e3e3"))
+        parts.append(_line_path(at, _TOP, at, HEIGHT - _BOTTOM, "#e3e3e3"))
         parts.append(f'<text x="{at:.1f}" y="{HEIGHT - _BOTTOM + 14}" {_FONT} text-anchor="middle">{tick:g}</text>')
-    for tick in y.ticks():
+    for tick in y.tick_values():
         at = y(tick)
-        parts.append(_line(_LEFT, at, WIDTH - _RIGHT, at, "#e3e3e3"))
+        parts.append(_line_path(_LEFT, at, WIDTH - _RIGHT, at, "#e3e3e3"))
         parts.append(f'<text x="{_LEFT - 6}" y="{at + 4:.1f}" {_FONT} text-anchor="end">{tick:g}</text>')
     parts.append(
         f'<rect x="{_LEFT}" y="{_TOP}" width="{WIDTH - _LEFT - _RIGHT}" height="{HEIGHT - _TOP - _BOTTOM}" '
@@ -123,7 +123,7 @@ def _panel(panel: Panel) -> list[str]:
         dash = ' stroke-dasharray="5 3"' if curve.dashed else ""
         parts += [
             f'<polyline points="{run}" fill="none" stroke="{colour}" stroke-width="1.4"{dash}/>'
-            for run in _runs(curve, x, y)
+            for run in _polyline_runs(curve, x, y)
         ]
         at = _TOP + 10 + 16 * row
         right = WIDTH - _RIGHT + 10
@@ -132,7 +132,7 @@ def _panel(panel: Panel) -> list[str]:
     return parts
 
 
-def _bars(bars: Bars) -> list[str]:
+def _render_bars(bars: Bars) -> list[str]:
     parts = [f'<text x="16" y="16" {_FONT} font-weight="bold">{escape(bars.title)} ({escape(bars.unit)})</text>']
     finite = [value for _, value in bars.values if math.isfinite(value)]
     low, high = min(0.0, *finite, 0.0), max(0.0, *finite, 0.0)
@@ -149,11 +149,11 @@ def _bars(bars: Bars) -> list[str]:
         )
         written = f"{value:.3g}" if math.isfinite(value) else "none"
         parts.append(f'<text x="{end + 6:.1f}" y="{middle:.1f}" {_FONT}>{written}</text>')
-    parts.append(_line(scale(0.0), _TOP, scale(0.0), HEIGHT - 8.0, "#555555"))
+    parts.append(_line_path(scale(0.0), _TOP, scale(0.0), HEIGHT - 8.0, "#555555"))
     return parts
 
 
-def _scale(values: Sequence[Values], log: bool, start: float, end: float, *, margin: float) -> _Scale:
+def _scale_of_values(values: Sequence[Values], log: bool, start: float, end: float, *, margin: float) -> _Scale:
     finite = np.concatenate([v[np.isfinite(v) & ((v > 0.0) | (not log))] for v in values])
     if len(finite) == 0:
         finite = np.array([1.0])
@@ -164,9 +164,9 @@ def _scale(values: Sequence[Values], log: bool, start: float, end: float, *, mar
     return _Scale(low - padding, high + padding, start, end, log)
 
 
-def _runs(curve: Curve, x: _Scale, y: _Scale) -> list[str]:
+def _polyline_runs(curve: Curve, x: _Scale, y: _Scale) -> list[str]:
     """Segments of the curve between gaps, thinned to ``_MOST_POINTS`` points."""
-    every = max(1, len(curve.x) // _MOST_POINTS)
+    every = max(1, len(curve.x) // _MAX_POINTS)
     runs: list[list[str]] = [[]]
     for a, b in zip(curve.x[::every].tolist(), curve.y[::every].tolist(), strict=True):
         drawn = math.isfinite(a) and math.isfinite(b) and (a > 0.0 or not x.log) and (b > 0.0 or not y.log)
@@ -177,5 +177,5 @@ def _runs(curve: Curve, x: _Scale, y: _Scale) -> list[str]:
     return [" ".join(run) for run in runs if run]
 
 
-def _line(x0: float, y0: float, x1: float, y1: float, colour: str) -> str:
+def _line_path(x0: float, y0: float, x1: float, y1: float, colour: str) -> str:
     return f'<path d="M {x0:.1f} {y0:.1f} L {x1:.1f} {y1:.1f}" stroke="{colour}" stroke-width="0.7"/>'

@@ -12,15 +12,15 @@ from stridelab import heartbeat
 from stridelab.errors import InvalidInput, Unavailable
 from stridelab.service import telemetry
 from stridelab.service.api.app import create_app
-from stridelab.service.api.connection_limits import BACKLOG, Doors, guarded
+from stridelab.service.api.connection_limits import BACKLOG, ConnectionLimiter, guarded_protocol
 from stridelab.service.api.dependencies import Parts
 from stridelab.service.logging import configure_logging
 from stridelab.service.processes import confinement, open_files
 from stridelab.service.settings import Settings
-from stridelab.service.settings import settings as load_settings
+from stridelab.service.settings import current_settings as load_settings
 
 WS_MAX_BYTES = 64 * 1024 * 1024
-GRACE_S = 2
+SHUTDOWN_GRACE_S = 2
 
 
 class Server(uvicorn.Server):
@@ -32,7 +32,7 @@ class Server(uvicorn.Server):
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
         """Start the heartbeat, then the server; called in the event loop."""
-        self._beating = asyncio.create_task(heartbeat.beat())
+        self._beating = asyncio.create_task(heartbeat.write_heartbeats())
         await super().startup(sockets)
 
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:
@@ -42,7 +42,7 @@ class Server(uvicorn.Server):
             parts.closing.set()
 
 
-def server(settings: Settings) -> uvicorn.Server:
+def build_server(settings: Settings) -> uvicorn.Server:
     """Build the server without running it.
 
     Raises ``InvalidInput`` (``token-needed``) for an address other than loopback without a token.
@@ -53,19 +53,19 @@ def server(settings: Settings) -> uvicorn.Server:
             f"{settings.host} can be reached by others: set STRIDELAB_API_TOKEN or STRIDELAB_API_TOKEN_FILE first.",
         )
     app = create_app(settings, with_sample=True)
-    limiter = Doors.of(settings, open_files.raise_limit(), os.environ.get("FORWARDED_ALLOW_IPS"))
+    limiter = ConnectionLimiter.from_settings(settings, open_files.raise_limit(), os.environ.get("FORWARDED_ALLOW_IPS"))
     config = uvicorn.Config(
         app,
         host=settings.host,
         port=settings.port,
-        http=guarded(limiter),
+        http=guarded_protocol(limiter),
         backlog=BACKLOG,
         timeout_keep_alive=settings.keep_alive_s,
         ws_max_size=WS_MAX_BYTES,
         log_config=None,
         access_log=False,
         server_header=False,
-        timeout_graceful_shutdown=GRACE_S,
+        timeout_graceful_shutdown=SHUTDOWN_GRACE_S,
     )
     return Server(app, config)
 
@@ -75,9 +75,9 @@ def main() -> None:
     settings = load_settings()
     configure_logging(settings.log_level)
     try:
-        confinement.check(settings)
-        with telemetry.exported(settings.otlp_url, "api"):
-            server(settings).run()
+        confinement.check_sandbox_settings(settings)
+        with telemetry.export_spans(settings.otlp_url, "api"):
+            build_server(settings).run()
     except (InvalidInput, Unavailable) as error:
         raise SystemExit(error.message) from error
 

@@ -18,40 +18,40 @@ from stridelab.robots.card import robot_names
 from stridelab.service.api import health, login, metrics, openapi, problems
 from stridelab.service.api.dependencies import Parts
 from stridelab.service.api.jobs import endpoints as jobs
-from stridelab.service.api.middleware.authentication import Gate
-from stridelab.service.api.middleware.lingering_close import Linger
-from stridelab.service.api.middleware.request_context import Edge
+from stridelab.service.api.middleware.authentication import AuthenticationMiddleware
+from stridelab.service.api.middleware.lingering_close import LingeringCloseMiddleware
+from stridelab.service.api.middleware.request_context import RequestContextMiddleware
 from stridelab.service.api.previews import endpoints as plans
 from stridelab.service.api.recordings import endpoints as recordings
 from stridelab.service.api.robots import endpoints as robots
-from stridelab.service.api.robots.cache import RobotShelf
-from stridelab.service.api.robots.children import DRAWING
+from stridelab.service.api.robots.cache import RobotCache
+from stridelab.service.api.robots.children import FORK_SERVER_MODULES
 from stridelab.service.api.scenarios import endpoints as scenarios
-from stridelab.service.api.session_cookies import Keys
+from stridelab.service.api.session_cookies import SigningKeys
 from stridelab.service.api.stream import endpoints as stream
-from stridelab.service.api.stream.limits import StreamPlaces
+from stridelab.service.api.stream.limits import StreamLimiter
 from stridelab.service.api.subjects import endpoints as subjects
 from stridelab.service.api.tokens import endpoints as access
-from stridelab.service.auth.token_cache import TokenBook
-from stridelab.service.jobs.notifications import JobBoard
+from stridelab.service.auth.token_cache import TokenCache
+from stridelab.service.jobs.notifications import JobNotifications
 from stridelab.service.jobs.store import JobStore
 from stridelab.service.jobs.work_folder import WorkFolder
 from stridelab.service.kinds.registry import KINDS, READING
 from stridelab.service.processes import confinement
 from stridelab.service.processes.pool import IsolatedPool
-from stridelab.service.processes.resident import Resident
+from stridelab.service.processes.resident import PreviewProcess
 from stridelab.service.samples import recording
 from stridelab.service.samples import scenarios as bundled_scenarios
 from stridelab.service.settings import Settings
 from stridelab.service.storage.blobs import BlobStore
 from stridelab.service.storage.database import database_url, make_engine
 
-FRONT: Final = "stridelab.service.web_mount"
-PARSERS: Final = 2
+WEB_MODULE: Final = "stridelab.service.web_mount"
+MAX_PARSERS: Final = 2
 """Maximum number of single uploads that are parsed at the same time; further ones wait."""
-BATCHES: Final = 2
+MAX_BATCHES: Final = 2
 """Maximum number of bulk uploads that are parsed at the same time, separate from single uploads: each takes minutes."""
-JUDGES: Final = 2
+MAX_VALIDATIONS: Final = 2
 """Maximum number of scenarios that are validated at the same time."""
 
 
@@ -66,10 +66,10 @@ def create_app(settings: Settings, *, with_sample: bool = False) -> FastAPI:
         async with open_parts(settings) as parts:
             app.state.parts = parts
             if with_sample:
-                await recording.seed(parts.engine, parts.blobs)
-                await bundled_scenarios.seed(parts.engine)
+                await recording.seed_sample(parts.engine, parts.blobs)
+                await bundled_scenarios.seed_scenarios(parts.engine)
             # runs in low-priority child processes while the service already answers requests
-            async with _beside(_warmed(parts, with_sample)):
+            async with _run_in_background(_warm_robots(parts, with_sample)):
                 yield
 
     app = FastAPI(
@@ -84,34 +84,34 @@ def create_app(settings: Settings, *, with_sample: bool = False) -> FastAPI:
         telemetry={"tracing": False, "metrics": False, "logs": False, "auto_configure": False},
     )
     token = settings.token
-    keys = None if token is None else Keys.of(token)
+    keys = None if token is None else SigningKeys.from_token(token)
     app.state.keys = keys
-    problems.install(app)
-    openapi.install(app)
+    problems.install_handlers(app)
+    openapi.install_openapi(app)
     api = APIRouter(prefix="/api/v1")
     # routes are matched in this order, and job requests are the most frequent
     for part in (jobs, health, recordings, subjects, robots, scenarios, plans, stream, access):
         api.include_router(part.router)
-    api.include_router(access.anybody)
+    api.include_router(access.public_router)
     app.include_router(api)
     app.include_router(metrics.router)
     app.include_router(login.router)
-    if find_spec(FRONT) is not None:  # the web pages are installed; they are served on the same port
-        import_module(FRONT).mount(app, settings)
-    app.add_middleware(Gate, settings=settings, keys=keys)
-    app.add_middleware(Linger)
-    app.add_middleware(Edge)
+    if find_spec(WEB_MODULE) is not None:  # the web pages are installed; they are served on the same port
+        import_module(WEB_MODULE).mount(app, settings)
+    app.add_middleware(AuthenticationMiddleware, settings=settings, keys=keys)
+    app.add_middleware(LingeringCloseMiddleware)
+    app.add_middleware(RequestContextMiddleware)
     return app
 
 
-async def _warmed(parts: Parts, with_sample: bool) -> None:
+async def _warm_robots(parts: Parts, with_sample: bool) -> None:
     if with_sample:
         # robots of the bundled scenarios come first
-        await parts.robots.warm(dict.fromkeys((*bundled_scenarios.robots(), *robot_names())))
+        await parts.robots.prepare_all(dict.fromkeys((*bundled_scenarios.robots_by_frequency(), *robot_names())))
 
 
 @asynccontextmanager
-async def _beside(work: Coroutine[Any, Any, None]) -> AsyncIterator[None]:
+async def _run_in_background(work: Coroutine[Any, Any, None]) -> AsyncIterator[None]:
     """Run ``work`` in the background for the lifetime of the context, then cancel it."""
     task = asyncio.create_task(work)
     try:
@@ -139,14 +139,16 @@ async def open_parts(settings: Settings) -> AsyncIterator[Parts]:
     try:
         blobs = BlobStore.from_url(settings.blob_address, settings.blob_options)
         async with (
-            _spool(settings) as spool,
-            JobBoard(url) as board,
+            _open_spool(settings) as spool,
+            JobNotifications(url) as board,
             IsolatedPool(READING, settings.job_niceness) as pool,
-            Resident() as resident,
-            Resident() as bodies,
+            PreviewProcess() as resident,
+            PreviewProcess() as bodies,
             # a separate pool, which is closed once all robots are prepared
             aclosing(
-                RobotShelf(IsolatedPool(DRAWING, settings.job_niceness), blobs, spool, settings.job_memory_mb)
+                RobotCache(
+                    IsolatedPool(FORK_SERVER_MODULES, settings.job_niceness), blobs, spool, settings.job_memory_mb
+                )
             ) as robot_cache,
         ):
             yield Parts(
@@ -156,17 +158,17 @@ async def open_parts(settings: Settings) -> AsyncIterator[Parts]:
                 store=JobStore(
                     engine, KINDS, queue_limit=settings.queue_limit, user_queue_limit=settings.user_queue_limit
                 ),
-                board=board,
+                notifications=board,
                 pool=pool,
                 spool=spool,
-                parsers=anyio.CapacityLimiter(PARSERS),
-                batches=anyio.CapacityLimiter(BATCHES),
-                judges=anyio.CapacityLimiter(JUDGES),
-                tokens=TokenBook(engine),
+                parsers=anyio.CapacityLimiter(MAX_PARSERS),
+                batches=anyio.CapacityLimiter(MAX_BATCHES),
+                validation_limiter=anyio.CapacityLimiter(MAX_VALIDATIONS),
+                tokens=TokenCache(engine),
                 robots=robot_cache,
                 resident=resident,
-                bodies=bodies,
-                streams=StreamPlaces(settings.stream_limit),
+                stance_checker=bodies,
+                streams=StreamLimiter(settings.stream_limit),
                 started_at_s=time.monotonic(),
                 closing=asyncio.Event(),
             )
@@ -175,7 +177,7 @@ async def open_parts(settings: Settings) -> AsyncIterator[Parts]:
 
 
 @asynccontextmanager
-async def _spool(settings: Settings) -> AsyncIterator[Path]:
+async def _open_spool(settings: Settings) -> AsyncIterator[Path]:
     """Create a private folder for incoming uploads and remove the folders that killed processes left behind.
 
     Child processes that parse uploads can access it. Raises the errors of ``confinement.begin``.
@@ -184,5 +186,5 @@ async def _spool(settings: Settings) -> AsyncIterator[Path]:
     with WorkFolder(root) as own:
         files = own / "files"
         files.mkdir(mode=0o700)
-        confinement.begin(settings, settings.data_folder, root, own, files)
+        confinement.prepare_confinement(settings, settings.data_folder, root, own, files)
         yield files

@@ -24,9 +24,9 @@ from stridelab.service.api import problems
 from stridelab.service.settings import Settings
 
 TICK_S: Final = 1.0
-WRITE_S: Final = 60.0
+MAX_WRITE_PAUSE_S: Final = 60.0
 """Time after which a client that reads nothing of its response is disconnected."""
-LEAST_BYTES_HZ: Final = 250.0
+MIN_BODY_BYTES_HZ: Final = 250.0
 """Minimum average rate at which a body must arrive, in bytes per second."""
 RESERVED_FILES: Final = 200
 """File descriptors reserved for the database, child processes, and files."""
@@ -35,14 +35,14 @@ BACKLOG: Final = 128
 ROUNDS_TO_CLOSE: Final = 3
 """Iterations of the event loop until a replaced connection is closed: one creates the new transport, the next calls its
 protocol, which aborts the replaced connection, and the third closes the file descriptor of that one."""
-_TELL_S: Final = 60.0
+_LOG_INTERVAL_S: Final = 60.0
 
 State = Literal["idle", "head", "body", "answer"]
 log = structlog.get_logger(__name__)
 
 
 @dataclass
-class Doors:
+class ConnectionLimiter:
     """Open connections of one server and their limits; ``is_proxy`` tells which addresses are reverse proxies."""
 
     connections: int
@@ -53,15 +53,17 @@ class Doors:
     _open: "dict[GuardedProtocol, None]" = field(default_factory=dict)
     _by_address: Counter[str] = field(default_factory=Counter)
     _closed: Counter[str] = field(default_factory=Counter)
-    _told_at_s: float = float("-inf")
+    _logged_at_s: float = float("-inf")
     _timer: asyncio.TimerHandle | None = None
 
     @staticmethod
-    def of(settings: Settings, open_files: int, trusted: str | list[str] | None) -> "Doors":
+    def from_settings(
+        settings: Settings, open_files: int, trusted_proxies: str | list[str] | None
+    ) -> "ConnectionLimiter":
         """Take the limits from ``settings``, reduced to what ``open_files`` permits; trusted addresses are proxies."""
-        proxies = _TrustedHosts(trusted or "127.0.0.1")
+        proxies = _TrustedHosts(trusted_proxies or "127.0.0.1")
         room = max(open_files - RESERVED_FILES - ROUNDS_TO_CLOSE * BACKLOG, 1)
-        return Doors(
+        return ConnectionLimiter(
             connections=min(settings.connection_limit, room),
             per_address=settings.address_connection_limit,
             head_s=settings.header_timeout_s,
@@ -69,25 +71,25 @@ class Doors:
             is_proxy=lambda host: host in proxies,
         )
 
-    def enter(self, newcomer: "GuardedProtocol") -> None:
+    def register_connection(self, newcomer: "GuardedProtocol") -> None:
         """Register a new connection; at a limit, close a waiting connection or refuse the new one."""
         self._open[newcomer] = None
         self._by_address[newcomer.address] += 1
         if self._timer is None:
-            self._timer = asyncio.get_running_loop().call_later(TICK_S, self._tick)
+            self._timer = asyncio.get_running_loop().call_later(TICK_S, self._check_connections)
         is_crowd = not self.is_proxy(newcomer.address) and self._by_address[newcomer.address] > self.per_address
         if is_crowd or len(newcomer.connections) > self.connections:  # websockets among them
             address = newcomer.address if is_crowd else None
-            loser = next(self._waited_for(newcomer, address), newcomer)
+            loser = next(self._replaceable_connections(newcomer, address), newcomer)
             self._closed["crowded"] += 1
             if loser is newcomer:
                 loser.refuse(503, "too-many-connections", "Too many connections are open. Try again shortly.")
             else:
                 loser.transport.abort()
                 loser.connections.discard(loser)
-                self.leave(loser)
+                self.remove_connection(loser)
 
-    def leave(self, connection: "GuardedProtocol") -> None:
+    def remove_connection(self, connection: "GuardedProtocol") -> None:
         """Remove a closed connection."""
         if connection in self._open:
             del self._open[connection]
@@ -95,37 +97,37 @@ class Doors:
             if not self._by_address[connection.address]:
                 del self._by_address[connection.address]
 
-    def _waited_for(self, newcomer: "GuardedProtocol", address: str | None) -> "Iterator[GuardedProtocol]":
+    def _replaceable_connections(self, newcomer: "GuardedProtocol", address: str | None) -> "Iterator[GuardedProtocol]":
         """Connections that may be replaced: idle ones, oldest first, then slow bodies, then unread responses."""
 
-        def others() -> "Iterator[GuardedProtocol]":
+        def other_connections() -> "Iterator[GuardedProtocol]":
             return (one for one in self._open if one is not newcomer and address in (None, one.address))
 
-        yield from (one for one in others() if one.state in ("idle", "head"))
-        yield from (one for one in others() if one.state == "body" and one.is_slow)
-        yield from (one for one in others() if one.state == "answer" and one.flow.write_paused)
+        yield from (one for one in other_connections() if one.state in ("idle", "head"))
+        yield from (one for one in other_connections() if one.state == "body" and one.is_slow)
+        yield from (one for one in other_connections() if one.state == "answer" and one.flow.write_paused)
 
-    def _tick(self) -> None:
+    def _check_connections(self) -> None:
         self._timer = None
         for connection in list(self._open):
-            self._look_at(connection)
-        if self._closed and time.monotonic() - self._told_at_s > _TELL_S:
+            self._check_timeouts(connection)
+        if self._closed and time.monotonic() - self._logged_at_s > _LOG_INTERVAL_S:
             log.warning("connections closed", **{why: self._closed[why] for why in sorted(self._closed)})
-            self._told_at_s = time.monotonic()
+            self._logged_at_s = time.monotonic()
             self._closed.clear()
         if self._open:
-            self._timer = asyncio.get_running_loop().call_later(TICK_S, self._tick)
+            self._timer = asyncio.get_running_loop().call_later(TICK_S, self._check_connections)
 
-    def _look_at(self, connection: "GuardedProtocol") -> None:
+    def _check_timeouts(self, connection: "GuardedProtocol") -> None:
         state = connection.count_tick()
         waited_s = connection.ticks * TICK_S
         if state == "head" and waited_s > self.head_s:
             connection.refuse(
                 408, "request-timeout", f"The head of the request did not arrive within {self.head_s:g} s."
             )
-        elif state == "body" and (waited_s > self.body_s or connection.is_dripping(self.body_s)):
+        elif state == "body" and (waited_s > self.body_s or connection.is_below_minimum_rate(self.body_s)):
             connection.refuse(408, "request-timeout", "The body of the request arrived too slowly.")
-        elif state == "answer" and waited_s > WRITE_S:
+        elif state == "answer" and waited_s > MAX_WRITE_PAUSE_S:
             connection.transport.abort()
         else:
             return
@@ -135,7 +137,7 @@ class Doors:
 class GuardedProtocol(H11Protocol):
     """uvicorn's HTTP/1.1 protocol with connection limits, which a subclass per server holds."""
 
-    doors: Doors
+    limiter: ConnectionLimiter
 
     def __init__(self, *args: Any, **options: Any) -> None:
         super().__init__(*args, **options)
@@ -151,11 +153,11 @@ class GuardedProtocol(H11Protocol):
         """Called by the transport."""
         super().connection_made(transport)
         self.address = self.client[0] if self.client else ""
-        self.doors.enter(self)
+        self.limiter.register_connection(self)
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Called by the transport."""
-        self.doors.leave(self)
+        self.limiter.remove_connection(self)
         super().connection_lost(exc)
 
     def data_received(self, data: bytes) -> None:
@@ -170,7 +172,7 @@ class GuardedProtocol(H11Protocol):
 
     def handle_websocket_upgrade(self, event: h11.Request) -> None:
         """Hand the connection over to the websocket protocol, to which these limits do not apply."""
-        self.doors.leave(self)
+        self.limiter.remove_connection(self)
         super().handle_websocket_upgrade(event)
 
     @property
@@ -185,7 +187,7 @@ class GuardedProtocol(H11Protocol):
     @property
     def is_slow(self) -> bool:
         """Whether the body has stalled or has just begun."""
-        return self.ticks > 0 or self._body_bytes < LEAST_BYTES_HZ
+        return self.ticks > 0 or self._body_bytes < MIN_BODY_BYTES_HZ
 
     def count_tick(self) -> State:
         """Count the time for which the service waits for the client; return the state of the connection."""
@@ -201,10 +203,10 @@ class GuardedProtocol(H11Protocol):
             self._body_ticks += 1
         return state
 
-    def is_dripping(self, grace_s: float) -> bool:
+    def is_below_minimum_rate(self, grace_s: float) -> bool:
         """Whether the body arrives below the minimum average rate, after ``grace_s``."""
         passed_s = self._body_ticks * TICK_S
-        return passed_s > grace_s and self._body_bytes < LEAST_BYTES_HZ * passed_s
+        return passed_s > grace_s and self._body_bytes < MIN_BODY_BYTES_HZ * passed_s
 
     def refuse(self, status: int, code: str, detail: str) -> None:
         """Close the connection, after an error response if a request has begun and has no response yet."""
@@ -213,15 +215,15 @@ class GuardedProtocol(H11Protocol):
             may_answer = may_answer and not self.cycle.response_started
             self.cycle.disconnected = True
         if may_answer and (self._has_sent or status != 408):
-            body = problems.problem(status, code, detail).model_dump_json(exclude_none=True).encode()
+            body = problems.make_problem(status, code, detail).model_dump_json(exclude_none=True).encode()
             head = (
-                f"HTTP/1.1 {status} {problems.problem(status, code, detail).title}\r\n"
+                f"HTTP/1.1 {status} {problems.make_problem(status, code, detail).title}\r\n"
                 f"Content-Type: {problems.MEDIA_TYPE}\r\nContent-Length: {len(body)}\r\nConnection: close\r\n\r\n"
             )
             self.transport.write(head.encode() + body)
         self.transport.close()
 
 
-def guarded(doors: Doors) -> type[GuardedProtocol]:
+def guarded_protocol(limiter: ConnectionLimiter) -> type[GuardedProtocol]:
     """Create the protocol class of a server with these limits."""
-    return type("GuardedProtocolOfServer", (GuardedProtocol,), {"doors": doors})
+    return type("GuardedProtocolOfServer", (GuardedProtocol,), {"doors": limiter})

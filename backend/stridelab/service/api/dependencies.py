@@ -12,18 +12,18 @@ from sqlalchemy.ext.asyncio import AsyncEngine
 from starlette.requests import HTTPConnection
 
 from stridelab.errors import NotFound
-from stridelab.service.api.robots.cache import RobotShelf
-from stridelab.service.api.stream.limits import StreamPlaces
-from stridelab.service.auth.callers import STRANGER, Caller
-from stridelab.service.auth.token_cache import TokenBook
-from stridelab.service.jobs.notifications import JobBoard
+from stridelab.service.api.robots.cache import RobotCache
+from stridelab.service.api.stream.limits import StreamLimiter
+from stridelab.service.auth.callers import UNAUTHENTICATED, Caller
+from stridelab.service.auth.token_cache import TokenCache
+from stridelab.service.jobs.notifications import JobNotifications
 from stridelab.service.jobs.store import JobStore
 from stridelab.service.processes.pool import IsolatedPool
-from stridelab.service.processes.resident import Resident
+from stridelab.service.processes.resident import PreviewProcess
 from stridelab.service.settings import Settings
 from stridelab.service.storage.blobs import BlobStore
 
-KEY: Final = "stridelab.caller"
+CALLER_KEY: Final = "stridelab.caller"
 """Key of the caller in the ASGI scope; set by the authentication middleware."""
 
 
@@ -32,7 +32,7 @@ async def caller_of(connection: HTTPConnection) -> Caller:
 
     A coroutine, because FastAPI runs other dependencies in a thread.
     """
-    caller = connection.scope.get(KEY, STRANGER)
+    caller = connection.scope.get(CALLER_KEY, UNAUTHENTICATED)
     if not isinstance(caller, Caller):
         raise TypeError("the ASGI scope holds something other than a Caller")
     return caller
@@ -52,17 +52,17 @@ class Parts:
     engine: AsyncEngine
     blobs: BlobStore
     store: JobStore
-    board: JobBoard
+    notifications: JobNotifications
     pool: IsolatedPool
     spool: Path
     parsers: anyio.CapacityLimiter
     batches: anyio.CapacityLimiter
-    judges: anyio.CapacityLimiter
-    tokens: TokenBook
-    robots: RobotShelf
-    resident: Resident
-    bodies: Resident
-    streams: StreamPlaces
+    validation_limiter: anyio.CapacityLimiter
+    tokens: TokenCache
+    robots: RobotCache
+    resident: PreviewProcess
+    stance_checker: PreviewProcess
+    streams: StreamLimiter
     started_at_s: float
     closing: asyncio.Event
     """Set when the server begins to shut down."""
@@ -76,20 +76,20 @@ def parts_of(connection: HTTPConnection) -> Parts:
     return parts
 
 
-async def _parts(connection: HTTPConnection) -> Parts:
+async def _parts_dependency(connection: HTTPConnection) -> Parts:
     return parts_of(connection)  # FastAPI would run a plain function in a thread
 
 
-AppParts = Annotated[Parts, Depends(_parts)]
+AppParts = Annotated[Parts, Depends(_parts_dependency)]
 
 
-def known_form(identifier: str, what: str) -> str:
+def require_id_form(identifier: str, what: str) -> str:
     """Return ``identifier`` if it is well-formed. Raises ``NotFound`` (``<what>-not-found``) otherwise."""
     if not _ID.fullmatch(identifier):
-        raise not_found(what)
+        raise not_found_error(what)
     return identifier
 
 
-def not_found(what: str) -> NotFound:
+def not_found_error(what: str) -> NotFound:
     """Error for an unknown ``what`` (recording, subject, job)."""
     return NotFound(f"{what}-not-found", f"There is no {what} with this id; it may have been deleted.")

@@ -24,7 +24,7 @@ from stridelab.service.storage.tables import job, recording
 
 BUCKETS_S: Final = (0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 60.0, 120.0, 300.0, 600.0)
 """Upper bounds of the histogram buckets, in seconds."""
-DEATHS: Final = {
+CRASH_REASONS: Final = {
     "computation-crashed": "crash",
     "computation-out-of-memory": "memory",
     "computation-timed-out": "timeout",
@@ -52,8 +52,8 @@ class Counts:
     """Values of all metrics at one moment."""
 
     jobs: tuple[tuple[str, str, int], ...]
-    took: tuple[Histogram, ...]
-    waited: tuple[Histogram, ...]
+    durations: tuple[Histogram, ...]
+    waiting_times: tuple[Histogram, ...]
     failures: tuple[tuple[str, str, int], ...]
     lost_starts: int
     depth: dict[str, int]
@@ -65,7 +65,7 @@ class Counts:
     database_bytes: float
 
 
-async def count(connection: AsyncConnection, stall_s: float) -> Counts:
+async def read_counts(connection: AsyncConnection, stall_s: float) -> Counts:
     """Read the counts; a worker without a heartbeat for ``stall_s`` counts as silent."""
     by_state = select(job.c.kind, job.c.state, func.count()).group_by(job.c.kind, job.c.state)
     code = job.c.error["code"].astext
@@ -79,8 +79,8 @@ async def count(connection: AsyncConnection, stall_s: float) -> Counts:
     waiting = {str(lane): int(n) for lane, n in (await connection.execute(_DEPTH)).all()}
     return Counts(
         jobs=tuple((str(k), str(s), int(n)) for k, s, n in (await connection.execute(by_state)).all()),
-        took=await _histograms(connection, job.c.finished_at - job.c.started_at, (job.c.kind, job.c.state)),
-        waited=await _histograms(connection, job.c.started_at - job.c.created_at, (job.c.kind,)),
+        durations=await _read_histograms(connection, job.c.finished_at - job.c.started_at, (job.c.kind, job.c.state)),
+        waiting_times=await _read_histograms(connection, job.c.started_at - job.c.created_at, (job.c.kind,)),
         failures=tuple((str(k), str(c), int(n)) for k, c, n in (await connection.execute(failed)).all()),
         lost_starts=int((await connection.execute(lost)).scalar_one()),
         depth={lane: waiting.get(lane, 0) for lane in LANES},
@@ -95,7 +95,7 @@ async def count(connection: AsyncConnection, stall_s: float) -> Counts:
     )
 
 
-async def _histograms(
+async def _read_histograms(
     connection: AsyncConnection, interval: ColumnElement[Any], labels: tuple[ColumnElement[str], ...]
 ) -> tuple[Histogram, ...]:
     """Histograms of ``interval`` over finished jobs, grouped by ``labels``."""
@@ -128,44 +128,48 @@ _LIMITS: Final = (*map(str, BUCKETS_S), "+Inf")
 async def metrics(parts: AppParts) -> Response:
     """Jobs, queue, durations, crashed child processes, workers and storage, for Prometheus."""
     async with parts.engine.connect() as connection:
-        counts = await count(connection, parts.settings.stall_s)
-    return Response(exposition(counts), media_type=CONTENT_TYPE_PLAIN_0_0_4)
+        counts = await read_counts(connection, parts.settings.stall_s)
+    return Response(prometheus_text(counts), media_type=CONTENT_TYPE_PLAIN_0_0_4)
 
 
-def exposition(counts: Counts) -> bytes:
+def prometheus_text(counts: Counts) -> bytes:
     """Format ``counts`` as Prometheus text."""
     registry = CollectorRegistry()
-    registry.register(_Told(counts))
+    registry.register(_CountsCollector(counts))
     return generate_latest(registry)
 
 
-class _Told(Collector):
+class _CountsCollector(Collector):
     def __init__(self, counts: Counts) -> None:
         self._counts = counts
 
     def collect(self) -> Iterator[Any]:
         counts = self._counts
-        yield _labelled("stridelab_jobs", "Jobs by kind and state", ["kind", "state"], counts.jobs)
-        yield _histogram("stridelab_job_duration_seconds", "From start to end of a job", ["kind", "state"], counts.took)
-        yield _histogram(
-            "stridelab_job_wait_seconds", "From submission to the last start of a job", ["kind"], counts.waited
+        yield _labelled_gauge("stridelab_jobs", "Jobs by kind and state", ["kind", "state"], counts.jobs)
+        yield _histogram_metric(
+            "stridelab_job_duration_seconds", "From start to end of a job", ["kind", "state"], counts.durations
         )
-        yield _labelled(
+        yield _histogram_metric(
+            "stridelab_job_wait_seconds", "From submission to the last start of a job", ["kind"], counts.waiting_times
+        )
+        yield _labelled_gauge(
             "stridelab_job_failures", "Jobs that ended with an error, by its code", ["kind", "code"], counts.failures
         )
-        died = [(kind, DEATHS[code], number) for kind, code, number in counts.failures if code in DEATHS]
-        yield _labelled(
+        died = [(kind, CRASH_REASONS[code], number) for kind, code, number in counts.failures if code in CRASH_REASONS]
+        yield _labelled_gauge(
             "stridelab_child_crashes",
             "Child processes that crashed, or were killed at a limit",
             ["kind", "reason"],
             died,
         )
-        yield _labelled("stridelab_queue_depth", "Queued deliveries by lane", ["lane"], counts.depth.items())
+        yield _labelled_gauge("stridelab_queue_depth", "Queued deliveries by lane", ["lane"], counts.depth.items())
         workers = (("alive", counts.workers_alive), ("silent", counts.workers_silent))
-        yield _labelled("stridelab_workers", "Registered workers, by whether they send heartbeats", ["state"], workers)
-        yield from self._plain()
+        yield _labelled_gauge(
+            "stridelab_workers", "Registered workers, by whether they send heartbeats", ["state"], workers
+        )
+        yield from self._unlabelled_gauges()
 
-    def _plain(self) -> Iterable[Any]:
+    def _unlabelled_gauges(self) -> Iterable[Any]:
         counts = self._counts
         for name, meaning, value in (
             ("stridelab_job_lost_starts", "Starts of jobs that were lost with their worker", counts.lost_starts),
@@ -177,14 +181,14 @@ class _Told(Collector):
             yield GaugeMetricFamily(name, meaning, value=value)
 
 
-def _labelled(name: str, meaning: str, labels: list[str], values: Iterable[tuple[Any, ...]]) -> GaugeMetricFamily:
+def _labelled_gauge(name: str, meaning: str, labels: list[str], values: Iterable[tuple[Any, ...]]) -> GaugeMetricFamily:
     family = GaugeMetricFamily(name, meaning, labels=labels)
     for *named, value in values:
         family.add_metric(named, value)
     return family
 
 
-def _histogram(name: str, meaning: str, labels: list[str], values: Iterable[Histogram]) -> HistogramMetricFamily:
+def _histogram_metric(name: str, meaning: str, labels: list[str], values: Iterable[Histogram]) -> HistogramMetricFamily:
     family = HistogramMetricFamily(name, meaning, labels=labels)
     for value in values:
         family.add_metric(list(value.labels), list(zip(_LIMITS, accumulate(value.counts), strict=True)), value.sum_s)

@@ -31,22 +31,22 @@ _WITH_BODY: Final[Mapping[str, str]] = {
 }
 
 
-def failures(**by_status: str) -> dict[int | str, dict[str, Any]]:
+def failure_responses(**by_status: str) -> dict[int | str, dict[str, Any]]:
     """Build the ``responses`` argument of an endpoint from texts by status, as in ``s404="No such job."``."""
     return {int(status.removeprefix("s")): {"description": text} for status, text in by_status.items()}
 
 
-def install(app: FastAPI) -> None:
+def install_openapi(app: FastAPI) -> None:
     """Replace ``app.openapi`` by a function that adds the responses for failures."""
 
-    def describe() -> dict[str, Any]:
+    def openapi_with_failures() -> dict[str, Any]:
         if app.openapi_schema is None:
             schema = get_openapi(title=app.title, version=app.version, description=DESCRIPTION, routes=app.routes)
             _describe_failures(schema)
             app.openapi_schema = schema
         return app.openapi_schema
 
-    app.openapi = describe  # type: ignore[method-assign]  # as documented by FastAPI
+    app.openapi = openapi_with_failures  # type: ignore[method-assign]  # as documented by FastAPI
 
 
 def _describe_failures(schema: dict[str, Any]) -> None:

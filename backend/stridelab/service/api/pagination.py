@@ -28,10 +28,10 @@ async def read_page(
     """Read the rows of one page of ``query``, newest first, and the cursor of the next page (None at the end)."""
     async with engine.connect() as connection:
         rows = (await connection.execute(newest_first(query, table, limit, cursor))).mappings().all()
-    return cut(rows, limit)
+    return cut_page(rows, limit)
 
 
-def cut(rows: Sequence[Mapping[str, Any]], limit: int) -> tuple[list[dict[str, Any]], str | None]:
+def cut_page(rows: Sequence[Mapping[str, Any]], limit: int) -> tuple[list[dict[str, Any]], str | None]:
     """Split the rows of a ``newest_first`` query into one page and the cursor of the next page (None at the end)."""
     shown = [dict(row) for row in rows[:limit]]
     more = len(rows) > limit

@@ -34,10 +34,10 @@ log = structlog.get_logger(__name__)
 
 MEDIA_TYPE: Final = "application/problem+json"
 
-SHOWN_FAULTS: Final = 50
+MAX_FAULTS: Final = 50
 """Maximum number of faults listed in one problem."""
-_SHOWN_CHARACTERS: Final = 300
-_SHOWN_NAME: Final = 60
+_MAX_CHARACTERS: Final = 300
+_MAX_NAME_CHARACTERS: Final = 60
 
 STATUS: Final[Mapping[type[StridelabError], int]] = {
     UnreadableFile: 422,
@@ -62,7 +62,7 @@ _STATUS_OF_CODE: Final[Mapping[str, int]] = {
 }
 """Codes whose HTTP status differs from that of their error class."""
 
-_PLAIN: Final[Mapping[int, tuple[str, str]]] = {
+_HTTP_PROBLEMS: Final[Mapping[int, tuple[str, str]]] = {
     400: ("malformed-request", "The request could not be read."),
     404: ("unknown-path", "There is no resource at this address."),
     405: ("method-not-allowed", "This address does not support that method."),
@@ -81,10 +81,10 @@ def status_of(error: StridelabError) -> int:
 def problem_of(error: StridelabError) -> Problem:
     """Convert ``error`` to a problem."""
     faults = [FaultItem(where=fault.where, message=fault.message) for fault in error.faults]
-    return problem(status_of(error), error.code, error.message, faults)
+    return make_problem(status_of(error), error.code, error.message, faults)
 
 
-def problem(status: int, code: str, detail: str, errors: list[FaultItem] | None = None) -> Problem:
+def make_problem(status: int, code: str, detail: str, errors: list[FaultItem] | None = None) -> Problem:
     """Create a problem with the title of its status and the id of the current request."""
     return Problem(
         title=http.HTTPStatus(status).phrase,
@@ -96,26 +96,26 @@ def problem(status: int, code: str, detail: str, errors: list[FaultItem] | None 
     )
 
 
-def answer(body: Problem, headers: Mapping[str, str] | None = None) -> Response:
+def problem_response(body: Problem, headers: Mapping[str, str] | None = None) -> Response:
     """HTTP response with the problem ``body``."""
     text = body.model_dump_json(exclude_none=True)
     return Response(text, status_code=body.status, media_type=MEDIA_TYPE, headers=dict(headers or {}))
 
 
-def answer_error(error: StridelabError) -> Response:
+def error_response(error: StridelabError) -> Response:
     """HTTP response for ``error``, with the headers that its status requires."""
     headers: dict[str, str] = {}
     if isinstance(error, Busy):
         headers["Retry-After"] = str(max(1, round(error.retry_after_s)))
     if isinstance(error, Unauthenticated):
         headers["WWW-Authenticate"] = 'Bearer realm="stridelab"'
-    return answer(problem_of(error), headers)
+    return problem_response(problem_of(error), headers)
 
 
 def faults_of(errors: list[Any], document: Any = None) -> list[FaultItem]:
     """Convert the first Pydantic errors to faults; of rejected values, only effector names are repeated."""
     faults = []
-    for item in errors[:SHOWN_FAULTS]:
+    for item in errors[:MAX_FAULTS]:
         path = list(item["loc"])
         if len(path) > 1 and path[0] in ("body", "query", "path", "header", "cookie"):
             path = path[1:]
@@ -138,44 +138,48 @@ def fault_at(path: Sequence[str | int], message: str, document: Any) -> FaultIte
         except (KeyError, IndexError, TypeError):
             break
         if isinstance(value, dict) and isinstance(value.get("effector"), str):
-            effector = f"{value['effector'][:_SHOWN_NAME]}: "
-    return FaultItem(where=_short(".".join(map(str, path))) or "body", message=_short(effector + message))
+            effector = f"{value['effector'][:_MAX_NAME_CHARACTERS]}: "
+    return FaultItem(where=_shorten_text(".".join(map(str, path))) or "body", message=_shorten_text(effector + message))
 
 
-def _short(text: str) -> str:
-    return text if len(text) <= _SHOWN_CHARACTERS else f"{text[:_SHOWN_CHARACTERS]}..."
+def _shorten_text(text: str) -> str:
+    return text if len(text) <= _MAX_CHARACTERS else f"{text[:_MAX_CHARACTERS]}..."
 
 
-def install(app: FastAPI) -> None:
+def install_handlers(app: FastAPI) -> None:
     """Register handlers that answer the application's exceptions with problems."""
 
     async def on_error(_: Request, error: Exception) -> Response:
         if not isinstance(error, StridelabError):
             raise error
-        return answer_error(error)
+        return error_response(error)
 
     async def on_invalid(_: Request, error: Exception) -> Response:
         if not isinstance(error, RequestValidationError):
             raise error
         faults = faults_of(list(error.errors()), error.body)
         places = ", ".join(dict.fromkeys(fault.where for fault in faults))
-        return answer(problem(422, "invalid-request", f"The request is not valid: see {places}.", faults))
+        return problem_response(
+            make_problem(422, "invalid-request", f"The request is not valid: see {places}.", faults)
+        )
 
     async def on_http(request: Request, error: Exception) -> Response:
         if not isinstance(error, HTTPException):
             raise error
-        code, detail = _PLAIN.get(error.status_code, ("http-error", str(error.detail)))
+        code, detail = _HTTP_PROBLEMS.get(error.status_code, ("http-error", str(error.detail)))
         headers = dict(error.headers or {})
         if error.status_code == 405:
             headers["Allow"] = ", ".join(_methods_of(app, request.scope["path"])) or headers.get("Allow", "")
-        return answer(problem(error.status_code, code, detail), headers)
+        return problem_response(make_problem(error.status_code, code, detail), headers)
 
     async def on_database(_: Request, error: Exception) -> Response:
         if isinstance(error, DataError):
-            return answer_error(InvalidInput("invalid-value", "The request contains a value that cannot be stored."))
+            return error_response(InvalidInput("invalid-value", "The request contains a value that cannot be stored."))
         if isinstance(error, OperationalError | InterfaceError):
             log.error("database unreachable", error=type(error).__name__)
-            return answer_error(Unavailable("database-unreachable", "The database does not answer. Try again shortly."))
+            return error_response(
+                Unavailable("database-unreachable", "The database does not answer. Try again shortly.")
+            )
         raise error
 
     app.add_exception_handler(DBAPIError, on_database)
@@ -187,11 +191,11 @@ def install(app: FastAPI) -> None:
 def _methods_of(app: FastAPI, path: str) -> list[str]:
     """Methods of ``path`` in the OpenAPI document; the router returns only those of the first matching route."""
     described = app.openapi()["paths"]
-    fitting = [path] if path in described else [template for template in described if _fits(template, path)]
+    fitting = [path] if path in described else [template for template in described if _matches_template(template, path)]
     return sorted({method.upper() for template in fitting for method in described[template]})
 
 
-def _fits(template: str, path: str) -> bool:
+def _matches_template(template: str, path: str) -> bool:
     wanted, given = template.split("/"), path.split("/")
     return len(wanted) == len(given) and all(
         part.startswith("{") or part == piece for part, piece in zip(wanted, given, strict=True)

@@ -18,7 +18,7 @@ SCENARIO_KEY: Final = "scenario-key."
 
 
 @dataclass(frozen=True)
-class Keys:
+class SigningKeys:
     """Values derived from the token of the settings: a hash for comparison, and two signing keys."""
 
     token_hash: bytes
@@ -26,16 +26,18 @@ class Keys:
     scenario_signing_key: bytes
 
     @staticmethod
-    def of(token: str) -> "Keys":
+    def from_token(token: str) -> "SigningKeys":
         """Derive the keys from ``token``."""
         raw = token.encode("utf-8", "surrogateescape")
-        return Keys(*(hashlib.sha256(purpose + raw).digest() for purpose in (b"token:", b"cookie:", b"scenario:")))
+        return SigningKeys(
+            *(hashlib.sha256(purpose + raw).digest() for purpose in (b"token:", b"cookie:", b"scenario:"))
+        )
 
     def accepts_token(self, token: str) -> bool:
         """Whether ``token`` is the one of the settings; compares in constant time."""
-        return hmac.compare_digest(Keys.of(token).token_hash, self.token_hash)
+        return hmac.compare_digest(SigningKeys.from_token(token).token_hash, self.token_hash)
 
-    def cookie(self, now_s: float, token_id: str = ADMIN) -> str:
+    def make_cookie(self, now_s: float, token_id: str = ADMIN) -> str:
         """Create a cookie for the token ``token_id``, valid for ``SESSION_S`` from ``now_s``."""
         payload = f"{token_id}.{int(now_s) + SESSION_S}"
         return f"{payload}.{_sign(self.cookie_key, payload)}"
@@ -49,7 +51,7 @@ class Keys:
         token_id, _, expires_s = payload.partition(".")
         return token_id if int(expires_s) > now_s else None
 
-    def scenario_key(self, now_s: float, token_id: str, scenario_id: str) -> str:
+    def make_scenario_key(self, now_s: float, token_id: str, scenario_id: str) -> str:
         """Create a key that permits replacing one scenario, and nothing else, for ``SESSION_S``."""
         payload = f"{token_id}.{int(now_s) + SESSION_S}.{scenario_id}"
         return f"{SCENARIO_KEY}{payload}.{_sign(self.scenario_signing_key, payload)}"

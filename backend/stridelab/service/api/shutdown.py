@@ -7,7 +7,7 @@ from typing import TypeVar
 T = TypeVar("T")
 
 
-async def unless(closing: asyncio.Event, work: Awaitable[T]) -> T | None:
+async def await_unless(closing: asyncio.Event, work: Awaitable[T]) -> T | None:
     """Await ``work`` and return its result; if ``closing`` is set first, cancel it and return None."""
     doing, stopping = asyncio.ensure_future(work), asyncio.ensure_future(closing.wait())
     try:
@@ -19,11 +19,11 @@ async def unless(closing: asyncio.Event, work: Awaitable[T]) -> T | None:
         await asyncio.gather(doing, stopping, return_exceptions=True)
 
 
-async def until(closing: asyncio.Event, source: AsyncIterator[T]) -> AsyncIterator[T]:
+async def iterate_until(closing: asyncio.Event, source: AsyncIterator[T]) -> AsyncIterator[T]:
     """Yield the items of ``source`` until it ends or ``closing`` is set."""
     while True:
         try:
-            item = await unless(closing, anext(source))
+            item = await await_unless(closing, anext(source))
         except StopAsyncIteration:
             return
         if item is None:

@@ -85,12 +85,12 @@ def parse_json(raw: bytes) -> Any:
     """Parse the JSON document ``raw``. Raises ``InvalidInput`` (``not-json``, ``invalid-text``)."""
     constants: list[_Constant] = []
 
-    def constant(name: str) -> _Constant:
+    def record_constant(name: str) -> _Constant:
         constants.append(_Constant(name))
         return constants[-1]
 
     try:
-        document = json.loads(raw.decode("utf-8"), parse_constant=constant)
+        document = json.loads(raw.decode("utf-8"), parse_constant=record_constant)
     except UnicodeDecodeError as error:
         raise InvalidInput("not-json", "The body is not JSON: it is not UTF-8 text.") from error
     except json.JSONDecodeError as error:
@@ -126,14 +126,14 @@ def _refuse_constant(first: _Constant, document: Any) -> NoReturn:
 def _path_of(wanted: _Constant, document: Any) -> list[str | int]:
     """Path of ``wanted`` in the document, without recursion; empty if a duplicate key has replaced it."""
     path: list[str | int] = []
-    pending = [_items(document)]
+    pending = [_child_items(document)]
     while pending:
         for part, value in pending[-1]:
             if value is wanted:
                 return [*path, part]
             if isinstance(value, dict | list):
                 path.append(part)
-                pending.append(_items(value))
+                pending.append(_child_items(value))
                 break
         else:
             pending.pop()
@@ -141,14 +141,14 @@ def _path_of(wanted: _Constant, document: Any) -> list[str | int]:
     return []
 
 
-def _items(value: Any) -> Iterator[tuple[str | int, Any]]:
+def _child_items(value: Any) -> Iterator[tuple[str | int, Any]]:
     if isinstance(value, dict):
         yield from value.items()
     elif isinstance(value, list):
         yield from enumerate(value)
 
 
-def storable(text: str) -> bool:
+def is_storable(text: str) -> bool:
     """Whether PostgreSQL can store ``text``: it contains no NUL and no lone surrogate."""
     return "\x00" not in text and not any("\ud800" <= character <= "\udfff" for character in text)
 
@@ -162,5 +162,5 @@ def _refuse_unstorable(document: Any) -> None:
             pending.extend(value.values())
         elif isinstance(value, list):
             pending.extend(value)
-        elif isinstance(value, str) and not storable(value):
+        elif isinstance(value, str) and not is_storable(value):
             raise InvalidInput("invalid-text", "The body contains text with a NUL character or a lone surrogate.")

@@ -31,19 +31,19 @@ CONSOLE: Final = Caller("console", "admin", "console")
 _log = structlog.get_logger(__name__)
 
 
-async def note(connection: AsyncConnection, caller: Caller, action: Action, what: str | None = None) -> None:
+async def record_action(connection: AsyncConnection, caller: Caller, action: Action, what: str | None = None) -> None:
     """Record that ``caller`` did ``action`` on ``what`` (an id or a code), in the transaction of the action."""
-    tell(caller, action, what)
-    await write(connection, caller, action, what)
+    log_action(caller, action, what)
+    await write_row(connection, caller, action, what)
 
 
-async def write(connection: AsyncConnection, caller: Caller, action: Action, what: str | None) -> None:
+async def write_row(connection: AsyncConnection, caller: Caller, action: Action, what: str | None) -> None:
     """Write the row of the table only."""
     row = {"id": uuid.uuid4().hex, "action": action, "caller": caller.name, "what": what}
     await connection.execute(insert(audit).values(row))
 
 
-def tell(caller: Caller, action: Action, what: str | None) -> None:
+def log_action(caller: Caller, action: Action, what: str | None) -> None:
     """Write the log line only."""
     _log.info("audit", action=action, caller=caller.token_id, what=what)
 

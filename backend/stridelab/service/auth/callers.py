@@ -23,14 +23,14 @@ class Caller:
     scope: TokenScope
     token_id: str | None = None
 
-    def may(self, scope: TokenScope) -> bool:
+    def has_scope(self, scope: TokenScope) -> bool:
         """Whether the caller's scope contains ``scope``."""
         return SCOPES.index(scope) <= SCOPES.index(self.scope)
 
 
-ANYBODY: Final = Caller(None, "admin")
+ANONYMOUS_ADMIN: Final = Caller(None, "admin")
 """Any caller of a service without a token, which only this machine can reach."""
-STRANGER: Final = Caller(None, "read")
+UNAUTHENTICATED: Final = Caller(None, "read")
 """Unauthenticated caller: a request before login, or an internal request of the web pages, which only read."""
 
 
@@ -43,13 +43,13 @@ def needed_scope(kind: str, method: str, path: str) -> TokenScope:
     return "read" if kind == "http" and method in _SAFE_METHODS else "submit"
 
 
-def require(caller: Caller, scope: TokenScope) -> None:
+def require_scope(caller: Caller, scope: TokenScope) -> None:
     """Raise ``Forbidden`` (``scope-missing``) unless the caller's scope includes ``scope``."""
-    if not caller.may(scope):
+    if not caller.has_scope(scope):
         raise Forbidden("scope-missing", f"This needs a token of scope '{scope}'; yours has '{caller.scope}'.")
 
 
 def require_owner(caller: Caller, owner: str | None, what: str) -> None:
     """Raise ``Forbidden`` (``not-owner``) if a ``what`` has another owner and the caller is not an admin."""
-    if owner is not None and owner != caller.name and not caller.may("admin"):
+    if owner is not None and owner != caller.name and not caller.has_scope("admin"):
         raise Forbidden("not-owner", f"This {what} belongs to another user; only its owner or an admin may do that.")

@@ -14,7 +14,7 @@ from stridelab.service.auth.callers import Caller
 STALE_S: Final = 2.0
 
 
-class TokenBook:
+class TokenCache:
     """Looks up the caller of a token. If the database does not answer, no token of the table is valid."""
 
     def __init__(self, engine: AsyncEngine, clock: Callable[[], float] = time.monotonic) -> None:
@@ -24,34 +24,34 @@ class TokenBook:
         self._by_id: dict[str, Mapping[str, Any]] = {}
         self._read_at_s = float("-inf")
 
-    async def of_secret(self, secret: str) -> Caller | None:
+    async def caller_of_secret(self, secret: str) -> Caller | None:
         """Caller of the token ``secret``; None if it is unknown, revoked or expired."""
-        await self._read()
+        await self._reload_if_stale()
         # looked up by its hash, so the time of the lookup reveals nothing about the secret
-        return _caller(self._by_hash.get(tokens.hash_of(secret)))
+        return _caller_of_row(self._by_hash.get(tokens.hash_of(secret)))
 
-    async def of_id(self, token_id: str) -> Caller | None:
+    async def caller_of_id(self, token_id: str) -> Caller | None:
         """Caller of the token with this id; None if it is unknown, revoked or expired."""
-        await self._read()
-        return _caller(self._by_id.get(token_id))
+        await self._reload_if_stale()
+        return _caller_of_row(self._by_id.get(token_id))
 
-    def forget(self) -> None:
+    def mark_stale(self) -> None:
         """Reload the table at the next lookup."""
         self._read_at_s = float("-inf")
 
-    async def _read(self) -> None:
+    async def _reload_if_stale(self) -> None:
         async with self._lock:
             now_s = self._clock()
             if now_s - self._read_at_s < STALE_S:
                 return
             async with self._engine.connect() as connection:
-                rows = await tokens.live(connection)
+                rows = await tokens.active_rows(connection)
             self._by_hash = {row["token_hash"]: row for row in rows}
             self._by_id = {row["id"]: row for row in rows}
             self._read_at_s = now_s
 
 
-def _caller(row: Mapping[str, Any] | None) -> Caller | None:
+def _caller_of_row(row: Mapping[str, Any] | None) -> Caller | None:
     if row is None or (row["expires_at"] is not None and row["expires_at"] <= datetime.now(UTC)):
         return None
     return Caller(row["name"], row["scope"], row["id"])

@@ -25,7 +25,7 @@ def hash_of(secret: str) -> str:
     return hashlib.sha256(b"token:" + secret.encode("utf-8", "surrogateescape")).hexdigest()
 
 
-async def create(connection: AsyncConnection, wanted: TokenInput) -> NewToken:
+async def create_token(connection: AsyncConnection, wanted: TokenInput) -> NewToken:
     """Create a token. Raises ``Conflict`` (``token-name-taken``) if a token of that name has not been revoked."""
     secret = PREFIX + secrets.token_urlsafe(32)
     expires_at = None if wanted.days is None else datetime.now(UTC) + timedelta(days=wanted.days)
@@ -50,7 +50,7 @@ async def create(connection: AsyncConnection, wanted: TokenInput) -> NewToken:
     return NewToken(**facts_of(stored).model_dump(), secret=secret)
 
 
-async def revoke(connection: AsyncConnection, name_or_id: str) -> TokenFacts:
+async def revoke_token(connection: AsyncConnection, name_or_id: str) -> TokenFacts:
     """Revoke the active token with this name or id.
 
     Raises ``NotFound`` (``token-not-found``).
@@ -63,7 +63,7 @@ async def revoke(connection: AsyncConnection, name_or_id: str) -> TokenFacts:
     return facts_of(row)
 
 
-async def live(connection: AsyncConnection) -> list[Mapping[str, Any]]:
+async def active_rows(connection: AsyncConnection) -> list[Mapping[str, Any]]:
     """Rows of all tokens that have not been revoked, including expired ones."""
     rows = await connection.execute(select(token).where(token.c.revoked_at.is_(None)))
     return [dict(row) for row in rows.mappings()]
@@ -74,7 +74,7 @@ def facts_of(row: Mapping[Any, Any]) -> TokenFacts:
     return TokenFacts(**{name: row[name] for name in TokenFacts.model_fields})
 
 
-async def every(connection: AsyncConnection) -> list[TokenFacts]:
+async def all_tokens(connection: AsyncConnection) -> list[TokenFacts]:
     """All tokens, oldest first, including revoked ones."""
     rows = await connection.execute(select(token).order_by(token.c.created_at, token.c.id))
     return [facts_of(row) for row in rows.mappings()]

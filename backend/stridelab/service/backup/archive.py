@@ -21,7 +21,7 @@ from stridelab.errors import Conflict, InvalidInput, StorageFull, TooLarge, Unre
 from stridelab.schemas.base import Contract
 from stridelab.service.storage.blobs import CHUNK_BYTES, is_key
 
-FORMAT: Final = 1
+FORMAT_VERSION: Final = 1
 """Format version; incremented by changes that make an archive unreadable for earlier versions of the program."""
 MANIFEST: Final = "manifest.json"
 MAX_MANIFEST_BYTES: Final = 256 << 20
@@ -31,18 +31,18 @@ _HASH: Final = r"^[0-9a-f]{64}$"
 Progress = Callable[[float, str], None]
 
 
-def silent(_fraction: float, _message: str) -> None:
+def ignore_progress(_fraction: float, _message: str) -> None:
     """Ignore the progress."""
 
 
-class Member(Contract):
+class ArchiveMember(Contract):
     """Size and SHA-256 of a member of the archive."""
 
     bytes: int = Field(ge=0)
     sha256: str = Field(pattern=_HASH)
 
 
-class Table(Contract):
+class ArchivedTable(Contract):
     """Columns of a table in the order of the COPY text, and its number of rows."""
 
     columns: list[str] = Field(min_length=1, max_length=200)
@@ -58,12 +58,12 @@ class Manifest(Contract):
     program: str = Field(max_length=40)
     revision: str = Field(pattern=r"^[0-9A-Za-z_]{1,40}$")
     with_files: bool
-    tables: dict[str, Table]
-    members: dict[str, Member]
+    tables: dict[str, ArchivedTable]
+    members: dict[str, ArchiveMember]
     missing: list[str] = Field(default=[])
 
     @property
-    def files(self) -> list[str]:
+    def file_keys(self) -> list[str]:
         """Keys of the stored files."""
         return [name.removeprefix("files/") for name in self.members if name.startswith("files/")]
 
@@ -83,7 +83,7 @@ def file_member(key: str) -> str:
     return f"files/{key}"
 
 
-class Packer:
+class ArchiveWriter:
     """Context manager that writes an archive atomically to ``target``.
 
     Raises ``Conflict`` (``backup-exists``) unless ``force``, ``InvalidInput`` (``backup-folder-missing``),
@@ -92,38 +92,38 @@ class Packer:
 
     def __init__(self, target: Path, *, force: bool = False) -> None:
         self.target = target
-        self.members: dict[str, Member] = {}
+        self.members: dict[str, ArchiveMember] = {}
         self._draft = target.with_name(f".{target.name}.{os.getpid()}.part")
         if not target.absolute().parent.is_dir():
             raise InvalidInput("backup-folder-missing", f"The folder {target.absolute().parent} does not exist.")
         if target.exists() and not force:
             raise Conflict("backup-exists", f"{target} exists already; --force replaces it.")
 
-    def __enter__(self) -> "Packer":  # noqa: PYI034 (the tests' type checks know no Self here)
-        with _room():
+    def __enter__(self) -> "ArchiveWriter":  # noqa: PYI034 (the tests' type checks know no Self here)
+        with _explain_write_errors():
             # mode 0600: the archive contains personal data
             self._file = os.fdopen(os.open(self._draft, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb")
             self._zip = zipfile.ZipFile(self._file, "w")
         return self
 
     @contextmanager
-    def member(self, name: str, *, compress: bool = False) -> Iterator[Callable[[bytes], None]]:
+    def add_member(self, name: str, *, compress: bool = False) -> Iterator[Callable[[bytes], None]]:
         """Add a member ``name``; yields a function that appends to it."""
         info = zipfile.ZipInfo(name)
         info.compress_type = zipfile.ZIP_DEFLATED if compress else zipfile.ZIP_STORED
         digest, size = hashlib.sha256(), 0
-        with _room(), self._zip.open(info, "w", force_zip64=True) as entry:
+        with _explain_write_errors(), self._zip.open(info, "w", force_zip64=True) as entry:
 
-            def append(piece: bytes) -> None:
+            def append_piece(piece: bytes) -> None:
                 nonlocal size
                 entry.write(piece)
                 digest.update(piece)
                 size += len(piece)
 
-            yield append
-        self.members[name] = Member(bytes=size, sha256=digest.hexdigest())
+            yield append_piece
+        self.members[name] = ArchiveMember(bytes=size, sha256=digest.hexdigest())
 
-    def finish(self, manifest: Manifest) -> None:
+    def finish_archive(self, manifest: Manifest) -> None:
         """Write the manifest, synchronise the archive to the disk and rename it to ``target``.
 
         Raises ``TooLarge`` (``backup-too-large``) for more than about two million files.
@@ -132,9 +132,10 @@ class Packer:
         if len(listed) > MAX_MANIFEST_BYTES:
             raise TooLarge(
                 "backup-too-large",
-                f"{len(manifest.files)} files are too many for one backup; copy them with tools of the object store.",
+                f"{len(manifest.file_keys)} files are too many for one backup; copy them with tools of the "
+                "object store.",
             )
-        with _room():
+        with _explain_write_errors():
             with self._zip.open(MANIFEST, "w") as entry:
                 entry.write(listed)
             self._zip.close()
@@ -155,7 +156,7 @@ class Packer:
 
 
 @contextmanager
-def _room() -> Iterator[None]:
+def _explain_write_errors() -> Iterator[None]:
     try:
         yield
     except OSError as error:
@@ -168,7 +169,7 @@ class Archive:
     def __init__(self, archive: zipfile.ZipFile, manifest: Manifest) -> None:
         self._zip, self.manifest = archive, manifest
 
-    def pieces(self, name: str) -> Iterator[bytes]:
+    def read_pieces(self, name: str) -> Iterator[bytes]:
         """The member in pieces; raises ``UnreadableFile`` (``backup-damaged``) if it differs from the manifest."""
         promised, digest, size = self.manifest.members[name], hashlib.sha256(), 0
         try:
@@ -180,13 +181,13 @@ class Archive:
                         break
                     yield piece
         except (zipfile.BadZipFile, OSError, EOFError, ValueError, NotImplementedError, zlib.error) as error:
-            raise _damaged(f"{name} cannot be read ({type(error).__name__})") from error
+            raise _damaged_error(f"{name} cannot be read ({type(error).__name__})") from error
         if size != promised.bytes or digest.hexdigest() != promised.sha256:
-            raise _damaged(f"{name} does not match its hash")
+            raise _damaged_error(f"{name} does not match its hash")
 
 
 @contextmanager
-def open_archive(path: Path, on_progress: Progress = silent) -> Iterator[Archive]:
+def open_archive(path: Path, on_progress: Progress = ignore_progress) -> Iterator[Archive]:
     """Open an archive after verifying all of it.
 
     Raises ``UnreadableFile``: ``backup-unreadable`` (no such archive), ``backup-damaged`` (truncated, changed,
@@ -200,11 +201,11 @@ def open_archive(path: Path, on_progress: Progress = silent) -> Iterator[Archive
         reason = getattr(error, "strerror", None) or "it is not a backup, or it is truncated"
         raise UnreadableFile("backup-unreadable", f"{path} cannot be read: {reason}.") from error
     with archive:
-        opened = Archive(archive, _checked_manifest(archive))
+        opened = Archive(archive, _read_manifest(archive))
         sizes = opened.manifest.members
         total, done = sum(member.bytes for member in sizes.values()) or 1, 0
         for name, member in sizes.items():
-            for piece in opened.pieces(name):
+            for piece in opened.read_pieces(name):
                 done += len(piece)
                 on_progress(done / total, f"checking {'rows' if name.startswith('tables/') else 'files'}")
             if member.bytes == 0:
@@ -212,41 +213,41 @@ def open_archive(path: Path, on_progress: Progress = silent) -> Iterator[Archive
         yield opened
 
 
-def _checked_manifest(archive: zipfile.ZipFile) -> Manifest:
+def _read_manifest(archive: zipfile.ZipFile) -> Manifest:
     infos = {info.filename: info for info in archive.infolist()}
     if MANIFEST not in infos or len(infos) != len(archive.infolist()):
-        raise _damaged("it has no manifest, or duplicate names")
+        raise _damaged_error("it has no manifest, or duplicate names")
     if infos[MANIFEST].file_size > MAX_MANIFEST_BYTES:
-        raise _damaged("its manifest is too large")
+        raise _damaged_error("its manifest is too large")
     try:
         raw = archive.read(MANIFEST)
     except (zipfile.BadZipFile, OSError, RuntimeError, NotImplementedError, zlib.error) as error:
-        raise _damaged("its manifest cannot be read") from error
-    manifest = _parsed(raw)
+        raise _damaged_error("its manifest cannot be read") from error
+    manifest = _parse_manifest(raw)
     if set(manifest.members) | {MANIFEST} != set(infos):
-        raise _damaged("its contents differ from its manifest")
+        raise _damaged_error("its contents differ from its manifest")
     if {table_member(table) for table in manifest.tables} != {n for n in manifest.members if n.startswith("tables/")}:
-        raise _damaged("its tables differ from its manifest")
+        raise _damaged_error("its tables differ from its manifest")
     for name, member in manifest.members.items():
         info = infos[name]
         is_plain = info.compress_type in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED) and not info.flag_bits & 1
         if not (_TABLE.fullmatch(name) or (name.startswith("files/") and is_key(name.removeprefix("files/")))):
-            raise _damaged(f"{name[:80]!r} is not a valid member of a backup")
+            raise _damaged_error(f"{name[:80]!r} is not a valid member of a backup")
         if not is_plain or info.file_size != member.bytes:
-            raise _damaged(f"{name} differs from its manifest")
+            raise _damaged_error(f"{name} differs from its manifest")
     return manifest
 
 
-def _parsed(raw: bytes) -> Manifest:
+def _parse_manifest(raw: bytes) -> Manifest:
     try:
         manifest = Manifest.model_validate_json(raw)
     except ValidationError as error:
         newer = _format_of(raw)
-        if newer is not None and newer > FORMAT:
-            raise _newer() from error
-        raise _damaged("its manifest is invalid") from error
-    if manifest.format > FORMAT:
-        raise _newer()
+        if newer is not None and newer > FORMAT_VERSION:
+            raise _newer_format_error() from error
+        raise _damaged_error("its manifest is invalid") from error
+    if manifest.format > FORMAT_VERSION:
+        raise _newer_format_error()
     return manifest
 
 
@@ -255,11 +256,11 @@ def _format_of(raw: bytes) -> int | None:
     return int(match[1]) if match else None
 
 
-def _newer() -> UnreadableFile:
+def _newer_format_error() -> UnreadableFile:
     return UnreadableFile(
         "backup-newer", "This backup was made by a newer version of stridelab; restore it with that version."
     )
 
 
-def _damaged(how: str) -> UnreadableFile:
-    return UnreadableFile("backup-damaged", f"This backup cannot be used: {how}. Nothing was restored.")
+def _damaged_error(reason: str) -> UnreadableFile:
+    return UnreadableFile("backup-damaged", f"This backup cannot be used: {reason}. Nothing was restored.")

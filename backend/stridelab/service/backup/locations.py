@@ -12,28 +12,28 @@ from stridelab.service.storage.database import database_url
 
 
 @dataclass(frozen=True)
-class Place:
+class BackupLocation:
     """A database and a file store with its connection options."""
 
     database_url: str
     blob_url: str
     blob_options: Mapping[str, str]
 
-    def store(self) -> BlobStore:
+    def open_store(self) -> BlobStore:
         """Open the file store."""
         return BlobStore.from_url(self.blob_url, self.blob_options)
 
 
 @contextmanager
-def place(settings: Settings, *, alone: bool, create: bool = False) -> Iterator[Place]:
+def open_location(settings: Settings, *, require_stopped: bool, create: bool = False) -> Iterator[BackupLocation]:
     """The service's database and store; starts an embedded database that does not run for the block.
 
-    ``alone`` requires that the service does not run (``data-folder-in-use``); ``create`` creates a missing cluster
-    instead of raising ``NotFound`` (``no-data``). Raises ``Unavailable`` as ``EmbeddedPostgres.start`` does.
+    ``require_stopped`` requires that the service does not run (``data-folder-in-use``); ``create`` creates a missing
+    cluster instead of raising ``NotFound`` (``no-data``). Raises ``Unavailable`` as ``EmbeddedPostgres.start`` does.
     """
     url = database_url(settings)
     if url is not None:
-        yield Place(url, settings.blob_address, settings.blob_options)
+        yield BackupLocation(url, settings.blob_address, settings.blob_options)
         return
     folder = settings.data_folder
     if not (folder / "postgres.json").exists() and not create:
@@ -43,9 +43,9 @@ def place(settings: Settings, *, alone: bool, create: bool = False) -> Iterator[
         try:
             url = database.start()
         except Unavailable as error:
-            url = None if alone or error.code != "data-folder-in-use" else running_url(folder)
+            url = None if require_stopped or error.code != "data-folder-in-use" else running_url(folder)
             if url is None:
                 raise
-        yield Place(url, settings.blob_address, settings.blob_options)
+        yield BackupLocation(url, settings.blob_address, settings.blob_options)
     finally:
         database.stop()

@@ -16,25 +16,25 @@ import sqlalchemy
 from psycopg import sql
 
 from stridelab.errors import Conflict, StorageFull, Unavailable, UnreadableFile
-from stridelab.service.backup.archive import Archive, Progress, file_member, silent, table_member
-from stridelab.service.backup.create import Taken
-from stridelab.service.backup.locations import Place
-from stridelab.service.backup.stored_files import Files
-from stridelab.service.backup.table_rows import Connection, Rows, refuse_company
+from stridelab.service.backup.archive import Archive, Progress, file_member, ignore_progress, table_member
+from stridelab.service.backup.create import BackupContents
+from stridelab.service.backup.locations import BackupLocation
+from stridelab.service.backup.stored_files import StoredFiles
+from stridelab.service.backup.table_rows import Connection, TableRows, refuse_other_connections
 from stridelab.service.samples.recording import SHIPPED_JOBS
-from stridelab.service.storage.migrate import engine_of, migrate, revisions, upgrade_on
+from stridelab.service.storage.migrate import all_revisions, engine_of, migrate, upgrade_on
 from stridelab.service.storage.publication import Publication
 from stridelab.service.storage.tables import token
 
-_STAGE: Final = "stridelab_restore"
+_STAGING_SCHEMA: Final = "stridelab_restore"
 _SPARE_BYTES: Final = 50_000_000
-_WAIT_FOR_LOCKS: Final = "10s"
-_STARTED_AGAIN: Final = """
+_LOCK_TIMEOUT: Final = "10s"
+_REQUEUE_RUNNING: Final = """
     UPDATE job SET state = 'queued', returned = returned + 1, fraction = 0, message = 'restored; waiting again'
      WHERE state = 'running'
 """
 """Queues running jobs again, as their workers are not in the backup; the interrupted start does not count."""
-_UNDELIVERED: Final = """
+_MARK_UNDELIVERED: Final = """
     UPDATE job SET queue_id = queued.place - 1000000000
       FROM (SELECT id, row_number() OVER (ORDER BY queue_id NULLS LAST, created_at) AS place
               FROM job WHERE state = 'queued') AS queued
@@ -43,15 +43,15 @@ _UNDELIVERED: Final = """
 """Assigns negative queue ids, which no delivery has: workers treat these jobs as lost and queue them in their order."""
 
 
-def restore(
+def restore_backup(
     archive: Archive,
-    target: Place,
+    target: BackupLocation,
     *,
     with_files: bool = True,
     with_tokens: bool = False,
     replace: bool = False,
-    on_progress: Progress = silent,
-) -> Taken:
+    on_progress: Progress = ignore_progress,
+) -> BackupContents:
     """Replace the data of ``target`` by a backup opened with ``open_archive``; returns the contents of the backup.
 
     Without ``with_files``, no files are restored. Without ``with_tokens``, the API tokens of ``target`` stay: the
@@ -62,7 +62,7 @@ def restore(
     ``backup-newer``), ``StorageFull`` (``no-room``), ``Unavailable``.
     """
     manifest = archive.manifest
-    if manifest.revision not in revisions():
+    if manifest.revision not in all_revisions():
         raise UnreadableFile(
             "backup-newer", f"The backup has revision {manifest.revision}, which is unknown to this version."
         )
@@ -74,57 +74,57 @@ def restore(
     engine = engine_of(target.database_url)
     new: list[str] = []
     publication = Publication()
-    with Files(target.store()) if with_files else nullcontext() as files:
+    with StoredFiles(target.open_store()) if with_files else nullcontext() as files:
         try:
             with publication.synchronous_transaction(engine) as transaction:
                 driver: Connection = transaction.connection.driver_connection  # type: ignore[assignment]
-                file_keys = _rows_in_place(transaction, driver, archive, with_tokens=with_tokens, replace=replace)
+                file_keys = _replace_rows(transaction, driver, archive, with_tokens=with_tokens, replace=replace)
                 if files is not None:
                     _put_files(files, file_keys, archive, new, on_progress)
         except BaseException as error:
             if publication.in_doubt:
-                raise _in_doubt() from error
+                raise _unknown_outcome_error() from error
             if files is not None:
-                files.remove(new)
-            raise _told(error) from error
+                files.delete_files(new)
+            raise _restore_error(error) from error
         finally:
             engine.dispose()
-    return Taken.of(manifest)
+    return BackupContents.from_manifest(manifest)
 
 
-def _rows_in_place(
+def _replace_rows(
     transaction: sqlalchemy.Connection, driver: Connection, archive: Archive, *, with_tokens: bool, replace: bool
 ) -> set[str]:
     """Replace the rows without committing; returns the keys of the files that they refer to."""
-    driver.execute(sql.SQL("SET LOCAL lock_timeout = {}").format(sql.Literal(_WAIT_FOR_LOCKS)))
-    refuse_company(driver)
+    driver.execute(sql.SQL("SET LOCAL lock_timeout = {}").format(sql.Literal(_LOCK_TIMEOUT)))
+    refuse_other_connections(driver)
     if not replace:
         _refuse_data(driver)
-    _stage(transaction, driver, archive)
-    _exchange(driver, with_tokens=with_tokens)
-    file_keys = Rows(driver).named_files()
+    _load_staging_schema(transaction, driver, archive)
+    _swap_rows(driver, with_tokens=with_tokens)
+    file_keys = TableRows(driver).referenced_files()
     manifest = archive.manifest
-    missing = file_keys - set(manifest.files) - set(manifest.missing) if manifest.with_files else set()
+    missing = file_keys - set(manifest.file_keys) - set(manifest.missing) if manifest.with_files else set()
     if missing:
         raise UnreadableFile("backup-damaged", f"{len(missing)} files that its rows refer to are not in the backup.")
     return file_keys
 
 
-def _told(error: BaseException) -> BaseException:
+def _restore_error(error: BaseException) -> BaseException:
     """Convert an exception of the restore to an error of this project."""
     cause = getattr(error, "orig", error)
     if isinstance(cause, psycopg.errors.LockNotAvailable):
         return Conflict("service-running", "Another process uses the tables. Stop the web servers and workers first.")
     if isinstance(cause, psycopg.DataError | psycopg.IntegrityError):
-        return UnreadableFile("backup-damaged", _words("its rows are inconsistent", cause))
+        return UnreadableFile("backup-damaged", _failure_message("its rows are inconsistent", cause))
     if isinstance(cause, psycopg.OperationalError):
-        return Unavailable("database-unreachable", _words("the database failed", cause))
+        return Unavailable("database-unreachable", _failure_message("the database failed", cause))
     if isinstance(cause, OSError):
         return StorageFull("no-room", f"The files cannot be written: {cause.strerror or cause}. Nothing was restored.")
     return error
 
 
-def _in_doubt() -> Unavailable:
+def _unknown_outcome_error() -> Unavailable:
     return Unavailable(
         "outcome-unknown",
         "The database did not confirm whether the restore was committed. The files stay; check with `stridelab doctor "
@@ -132,37 +132,37 @@ def _in_doubt() -> Unavailable:
     )
 
 
-def _stage(transaction: sqlalchemy.Connection, driver: Connection, archive: Archive) -> None:
+def _load_staging_schema(transaction: sqlalchemy.Connection, driver: Connection, archive: Archive) -> None:
     """Load the rows into the staging schema and upgrade them to the newest revision."""
     manifest = archive.manifest
-    driver.execute(sql.SQL("DROP SCHEMA IF EXISTS {0} CASCADE").format(sql.Identifier(_STAGE)))
-    driver.execute(sql.SQL("CREATE SCHEMA {0}").format(sql.Identifier(_STAGE)))
+    driver.execute(sql.SQL("DROP SCHEMA IF EXISTS {0} CASCADE").format(sql.Identifier(_STAGING_SCHEMA)))
+    driver.execute(sql.SQL("CREATE SCHEMA {0}").format(sql.Identifier(_STAGING_SCHEMA)))
     home = driver.execute("SHOW search_path").fetchone()
-    driver.execute(sql.SQL("SET LOCAL search_path TO {}").format(sql.Identifier(_STAGE)))
+    driver.execute(sql.SQL("SET LOCAL search_path TO {}").format(sql.Identifier(_STAGING_SCHEMA)))
     upgrade_on(transaction, manifest.revision)
-    rows = Rows(driver)
-    there = rows.tables()
+    rows = TableRows(driver)
+    there = rows.table_columns()
     promised = {name: table.columns for name, table in manifest.tables.items()}
     if {name: sorted(columns) for name, columns in there.items()} != {n: sorted(c) for n, c in promised.items()}:
         raise UnreadableFile("backup-damaged", "The backup's tables do not match its revision.")
-    with rows.without_references(list(there)):
+    with rows.without_foreign_keys(list(there)):
         for name, table in manifest.tables.items():
-            if rows.write(name, table.columns, archive.pieces(table_member(name))) != table.rows:
+            if rows.copy_rows_in(name, table.columns, archive.read_pieces(table_member(name))) != table.rows:
                 raise UnreadableFile("backup-damaged", f"The number of rows of {name} differs from the manifest.")
     upgrade_on(transaction, "head")
-    driver.execute(_STARTED_AGAIN)
+    driver.execute(_REQUEUE_RUNNING)
     driver.execute("UPDATE job SET queue_id = NULL WHERE state <> 'queued'")
-    driver.execute(_UNDELIVERED)
+    driver.execute(_MARK_UNDELIVERED)
     driver.execute("SELECT set_config('search_path', %s, true)", home)
 
 
-def _exchange(driver: Connection, *, with_tokens: bool) -> None:
+def _swap_rows(driver: Connection, *, with_tokens: bool) -> None:
     """Replace the rows of the tables by the staged ones."""
-    rows = Rows(driver)
-    tables = rows.tables()
+    rows = TableRows(driver)
+    tables = rows.table_columns()
     if not with_tokens:
         del tables[token.name]
-    with rows.without_references(list(tables)):
+    with rows.without_foreign_keys(list(tables)):
         driver.execute(sql.SQL("TRUNCATE {}").format(sql.SQL(", ").join(map(sql.Identifier, tables))))
         driver.execute("DELETE FROM procrastinate_jobs")
         driver.execute("DELETE FROM procrastinate_workers")
@@ -170,26 +170,28 @@ def _exchange(driver: Connection, *, with_tokens: bool) -> None:
             listed = sql.SQL(", ").join(map(sql.Identifier, columns))
             driver.execute(
                 sql.SQL("INSERT INTO {0} ({1}) OVERRIDING SYSTEM VALUE SELECT {1} FROM {2}").format(
-                    sql.Identifier(name), listed, sql.Identifier(_STAGE, name)
+                    sql.Identifier(name), listed, sql.Identifier(_STAGING_SCHEMA, name)
                 )
             )
     driver.execute(
         "SELECT setval(pg_get_serial_sequence('job_event', 'seq'), coalesce(max(seq), 0) + 1, false) FROM job_event"
     )
-    driver.execute(sql.SQL("DROP SCHEMA {} CASCADE").format(sql.Identifier(_STAGE)))
+    driver.execute(sql.SQL("DROP SCHEMA {} CASCADE").format(sql.Identifier(_STAGING_SCHEMA)))
 
 
-def _put_files(files: Files, named: set[str], archive: Archive, new: list[str], on_progress: Progress) -> None:
+def _put_files(
+    files: StoredFiles, file_keys: set[str], archive: Archive, new: list[str], on_progress: Progress
+) -> None:
     """Store the files that rows refer to; appends the keys that did not exist before to ``new``."""
-    for place, key in enumerate(sorted(named)):
+    for place, key in enumerate(sorted(file_keys)):
         member = archive.manifest.members.get(file_member(key))
         if member is None:
             continue  # already missing when the backup was made
-        on_progress(place / len(named), "storing files")
-        is_new = not files.has(key)
+        on_progress(place / len(file_keys), "storing files")
+        is_new = not files.has_file(key)
         if is_new:
             new.append(key)
-        files.put(key, archive.pieces(file_member(key)), member.bytes)
+        files.store_file(key, archive.read_pieces(file_member(key)), member.bytes)
 
 
 def _refuse_data(driver: Connection) -> None:
@@ -219,6 +221,6 @@ def _refuse_small_disk(blob_url: str, wanted_bytes: int) -> None:
         )
 
 
-def _words(what: str, error: BaseException) -> str:
+def _failure_message(reason: str, error: BaseException) -> str:
     lines = str(error).strip().splitlines()
-    return f"Nothing was restored: {what} ({lines[0][:200] if lines else type(error).__name__})."
+    return f"Nothing was restored: {reason} ({lines[0][:200] if lines else type(error).__name__})."

@@ -7,18 +7,18 @@ from pathlib import Path
 from types import TracebackType
 
 from stridelab.errors import NotFound
-from stridelab.service.backup.archive import Packer, file_member
+from stridelab.service.backup.archive import ArchiveWriter, file_member
 from stridelab.service.storage.blobs import BlobStore
 
 
-class Files:
+class StoredFiles:
     """Context manager: synchronous access to a blob store."""
 
     def __init__(self, store: BlobStore) -> None:
         self._store = store
         self._runner = asyncio.Runner()
 
-    def __enter__(self) -> "Files":  # noqa: PYI034 (the tests' type checks know no Self here)
+    def __enter__(self) -> "StoredFiles":  # noqa: PYI034 (the tests' type checks know no Self here)
         return self
 
     def __exit__(
@@ -26,27 +26,27 @@ class Files:
     ) -> None:
         self._runner.close()
 
-    def pack(self, key: str, packer: Packer) -> bool:
+    def pack_file(self, key: str, packer: ArchiveWriter) -> bool:
         """Copy a file into the archive; False if it is missing."""
-        return self._runner.run(self._pack(key, packer))
+        return self._runner.run(self._copy_to_archive(key, packer))
 
-    async def _pack(self, key: str, packer: Packer) -> bool:
+    async def _copy_to_archive(self, key: str, packer: ArchiveWriter) -> bool:
         pieces = self._store.stream(key)
         try:
             first = await anext(pieces, b"")
         except NotFound:
             return False
-        with packer.member(file_member(key)) as append:
+        with packer.add_member(file_member(key)) as append:
             append(first)
             async for piece in pieces:
                 append(piece)
         return True
 
-    def has(self, key: str) -> bool:
+    def has_file(self, key: str) -> bool:
         """Whether the file exists."""
         return self._runner.run(self._store.exists(key))
 
-    def put(self, key: str, pieces: Iterator[bytes], size: int) -> None:
+    def store_file(self, key: str, pieces: Iterator[bytes], size: int) -> None:
         """Store a file unless one with this key and size exists: keys are never reused for other content."""
         stored = self._runner.run(self._store.info(key))
         if stored is not None and stored.bytes == size:
@@ -57,7 +57,7 @@ class Files:
             draft.flush()
             self._runner.run(self._store.put_file(key, Path(draft.name)))
 
-    def remove(self, keys: list[str]) -> None:
+    def delete_files(self, keys: list[str]) -> None:
         """Delete files; missing ones are ignored."""
         for key in keys:
             self._runner.run(self._store.delete(key))

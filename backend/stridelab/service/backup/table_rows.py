@@ -10,10 +10,10 @@ import psycopg
 from psycopg import sql
 
 from stridelab.errors import Conflict
-from stridelab.service.backup.archive import Table
+from stridelab.service.backup.archive import ArchivedTable
 from stridelab.service.storage import locks
-from stridelab.service.storage.database import PATIENCE
-from stridelab.service.storage.migrate import plain
+from stridelab.service.storage.database import CONNECTION_OPTIONS
+from stridelab.service.storage.migrate import libpq_address
 
 Connection = psycopg.Connection[tuple[Any, ...]]
 _QUEUE: Final = "procrastinate_"
@@ -28,17 +28,17 @@ _NAMED_FILES: Final = """
             FROM job, jsonb_array_elements_text(job.input->'files') AS name
            WHERE kind = 'read-batch' AND state IN ('queued', 'running')
 """
-_FAREWELL_S: Final = 3.0
+_CLOSE_DELAY_S: Final = 3.0
 """Waiting time, because a recently closed connection is still listed."""
 
 
 @dataclass(frozen=True)
-class Rows:
+class TableRows:
     """The tables of one schema, over one connection; without the queue's tables, which follow from ``job``."""
 
     connection: Connection
 
-    def tables(self) -> dict[str, list[str]]:
+    def table_columns(self) -> dict[str, list[str]]:
         """Columns of every table, in ordinal order."""
         result = self.connection.execute(
             "SELECT c.table_name, c.column_name FROM information_schema.columns c"
@@ -52,23 +52,23 @@ class Rows:
                 columns.setdefault(table, []).append(column)
         return columns
 
-    def named_files(self) -> set[str]:
+    def referenced_files(self) -> set[str]:
         """Keys of all stored files that rows refer to."""
         return {str(key) for (key,) in self.connection.execute(_NAMED_FILES)}
 
-    def read(self, table: str, columns: list[str], append: Callable[[bytes], None]) -> Table:
+    def copy_rows_out(self, table: str, columns: list[str], append: Callable[[bytes], None]) -> ArchivedTable:
         """Pass the rows to ``append`` as COPY text; returns columns and number of rows."""
         rows = 0
-        query = sql.SQL("COPY {} ({}) TO STDOUT").format(sql.Identifier(table), _columns(columns))
+        query = sql.SQL("COPY {} ({}) TO STDOUT").format(sql.Identifier(table), _column_list(columns))
         with self.connection.cursor().copy(query) as copy:
             for piece in copy:
                 rows += bytes(piece).count(b"\n")  # a line break inside a value is written as two characters
                 append(bytes(piece))
-        return Table(columns=columns, rows=rows)
+        return ArchivedTable(columns=columns, rows=rows)
 
-    def write(self, table: str, columns: list[str], pieces: Iterator[bytes]) -> int:
+    def copy_rows_in(self, table: str, columns: list[str], pieces: Iterator[bytes]) -> int:
         """Insert rows from COPY text; returns their number."""
-        query = sql.SQL("COPY {} ({}) FROM STDIN").format(sql.Identifier(table), _columns(columns))
+        query = sql.SQL("COPY {} ({}) FROM STDIN").format(sql.Identifier(table), _column_list(columns))
         cursor = self.connection.cursor()
         with cursor.copy(query) as copy:
             for piece in pieces:
@@ -76,40 +76,42 @@ class Rows:
         return cursor.rowcount
 
     @contextmanager
-    def without_references(self, tables: list[str]) -> Iterator[None]:
+    def without_foreign_keys(self, tables: list[str]) -> Iterator[None]:
         """Drop the foreign keys among ``tables`` for the block; adding them again checks all rows."""
         references = self.connection.execute(
             "SELECT conrelid::regclass::text, conname, pg_get_constraintdef(oid) FROM pg_constraint"
             " WHERE contype = 'f' AND conrelid = ANY(%s::regclass[])",
-            ([_quoted(table) for table in tables],),
+            ([_quote_identifier(table) for table in tables],),
         ).fetchall()
         for table, name, _ in references:
-            self._alter(table, sql.SQL("DROP CONSTRAINT {}").format(sql.Identifier(name)))
+            self._alter_table(table, sql.SQL("DROP CONSTRAINT {}").format(sql.Identifier(name)))
         yield
         for table, name, definition in references:
             # the definition comes from the catalogue and belongs to a constraint of this program's migrations
-            self._alter(table, sql.SQL("ADD CONSTRAINT {} {}").format(sql.Identifier(name), sql.SQL(definition)))
+            self._alter_table(table, sql.SQL("ADD CONSTRAINT {} {}").format(sql.Identifier(name), sql.SQL(definition)))
 
-    def _alter(self, table: str, change: sql.Composed) -> None:
+    def _alter_table(self, table: str, change: sql.Composed) -> None:
         self.connection.execute(sql.SQL("ALTER TABLE {} {}").format(sql.SQL(table), change))
 
 
 @contextmanager
-def snapshot(url: str) -> Iterator[Rows]:
+def open_snapshot(url: str) -> Iterator[TableRows]:
     """The rows in a read-only snapshot; no stored file is removed during the block."""
-    with psycopg.connect(plain(url), autocommit=True, application_name="stridelab-backup", **PATIENCE) as connection:
+    with psycopg.connect(
+        libpq_address(url), autocommit=True, application_name="stridelab-backup", **CONNECTION_OPTIONS
+    ) as connection:
         connection.isolation_level = psycopg.IsolationLevel.REPEATABLE_READ
         connection.read_only = True
         # before the snapshot, so that it contains no rows whose files are just being removed
         connection.execute("SELECT pg_advisory_lock(%s)", (locks.REMOVAL,))
         with connection.transaction():
-            yield Rows(connection)
+            yield TableRows(connection)
 
 
-def refuse_company(connection: Connection) -> None:
+def refuse_other_connections(connection: Connection) -> None:
     """Raise ``Conflict`` (``service-running``) while a web server or a worker uses the database."""
-    deadline = time.monotonic() + _FAREWELL_S
-    while others := _others(connection):
+    deadline = time.monotonic() + _CLOSE_DELAY_S
+    while others := _count_other_connections(connection):
         if time.monotonic() > deadline:
             raise Conflict(
                 "service-running",
@@ -118,7 +120,7 @@ def refuse_company(connection: Connection) -> None:
         time.sleep(0.1)
 
 
-def _others(connection: Connection) -> int:
+def _count_other_connections(connection: Connection) -> int:
     connection.execute("SELECT pg_stat_clear_snapshot()")
     row = connection.execute(
         "SELECT count(*) FROM pg_stat_activity WHERE datname = current_database()"
@@ -127,9 +129,9 @@ def _others(connection: Connection) -> int:
     return int(row[0]) if row else 0
 
 
-def _columns(names: list[str]) -> sql.Composed:
+def _column_list(names: list[str]) -> sql.Composed:
     return sql.SQL(", ").join(map(sql.Identifier, names))
 
 
-def _quoted(table: str) -> str:
+def _quote_identifier(table: str) -> str:
     return '"' + table.replace('"', '""') + '"'

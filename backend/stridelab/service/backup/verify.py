@@ -8,9 +8,9 @@ from typing import Final
 import psycopg
 
 from stridelab.errors import NotFound, Unavailable
-from stridelab.service.backup.archive import Progress, silent
-from stridelab.service.backup.table_rows import Rows, snapshot
-from stridelab.service.storage.blobs import BlobStore, named_hash
+from stridelab.service.backup.archive import Progress, ignore_progress
+from stridelab.service.backup.table_rows import TableRows, open_snapshot
+from stridelab.service.storage.blobs import BlobStore, hash_in_key
 
 _FILES: Final = """
     SELECT 'recording ' || id || ', the uploaded file', blob_key, sha256, bytes FROM recording
@@ -23,24 +23,24 @@ _FILES: Final = """
 
 
 @dataclass(frozen=True)
-class NamedFile:
+class ReferencedFile:
     """A stored file that a row refers to: its description, its key, and its hash and size according to the row."""
 
-    of: str
+    description: str
     key: str
     sha256: str | None
     bytes: int | None
 
 
 @dataclass(frozen=True)
-class Verified:
+class VerificationResult:
     """Result of a verification; ``without_hash`` counts files verified by size only, as they have no stored hash."""
 
     files: int
     bytes: int
     without_hash: int
-    missing: tuple[NamedFile, ...]
-    damaged: tuple[NamedFile, ...]
+    missing: tuple[ReferencedFile, ...]
+    damaged: tuple[ReferencedFile, ...]
 
     @property
     def ok(self) -> bool:
@@ -48,30 +48,32 @@ class Verified:
         return not self.missing and not self.damaged
 
 
-def verify(database_url: str, store: BlobStore, on_progress: Progress = silent) -> Verified:
+def verify_stored_files(
+    database_url: str, store: BlobStore, on_progress: Progress = ignore_progress
+) -> VerificationResult:
     """Read and verify all stored files while none can be removed; the service may run.
 
     Raises ``Unavailable`` (``database-unreachable``, ``storage-unavailable``).
     """
     try:
-        with snapshot(database_url) as rows:
-            return asyncio.run(_verify(list(_named(rows)), store, on_progress))
+        with open_snapshot(database_url) as rows:
+            return asyncio.run(_verify_all(list(_referenced_files(rows)), store, on_progress))
     except psycopg.OperationalError as error:
         raise Unavailable("database-unreachable", "The database does not respond.") from error
 
 
-def _named(rows: Rows) -> Iterator[NamedFile]:
+def _referenced_files(rows: TableRows) -> Iterator[ReferencedFile]:
     for of, key, sha256, size in rows.connection.execute(_FILES):
-        yield NamedFile(of, key, sha256 or named_hash(key), size)
+        yield ReferencedFile(of, key, sha256 or hash_in_key(key), size)
 
 
-async def _verify(named: list[NamedFile], store: BlobStore, on_progress: Progress) -> Verified:
+async def _verify_all(referenced: list[ReferencedFile], store: BlobStore, on_progress: Progress) -> VerificationResult:
     read_bytes, missing, damaged = 0, [], []
-    for place, one in enumerate(named):
-        on_progress(place / len(named), f"reading {one.of}")
+    for place, one in enumerate(referenced):
+        on_progress(place / len(referenced), f"reading {one.description}")
         try:
             info = await store.info(one.key)
-            sha256 = await store.sha256(one.key)
+            sha256 = await store.compute_sha256(one.key)
         except NotFound:
             missing.append(one)
             continue
@@ -79,5 +81,5 @@ async def _verify(named: list[NamedFile], store: BlobStore, on_progress: Progres
         read_bytes += size
         if one.sha256 not in (None, sha256) or one.bytes not in (None, size):
             damaged.append(one)
-    without = sum(one.sha256 is None for one in named)
-    return Verified(len(named), read_bytes, without, tuple(missing), tuple(damaged))
+    without = sum(one.sha256 is None for one in referenced)
+    return VerificationResult(len(referenced), read_bytes, without, tuple(missing), tuple(damaged))

@@ -17,40 +17,42 @@ from stridelab.errors import StorageFull, StridelabError, Unavailable
 from stridelab.schemas.jobs import FINAL_STATES
 from stridelab.service import telemetry
 from stridelab.service.data_folder import DISK_FULL_ERRNOS
-from stridelab.service.jobs.attempts import Attempt, Attempts, FinalState
-from stridelab.service.jobs.queue_consumer import DATABASE_IS_AWAY
+from stridelab.service.jobs.attempts import Attempt, AttemptStore, FinalState
+from stridelab.service.jobs.queue_consumer import DATABASE_UNAVAILABLE
 from stridelab.service.kinds.base import JobKind, Json, problem_of
 from stridelab.service.processes.pool import IsolatedOutcome, IsolatedPool
 from stridelab.service.settings import Settings
 from stridelab.service.storage.blobs import BlobStore
 from stridelab.service.storage.file_removal import may_remove
-from stridelab.service.storage.publication import Publication, publishing
+from stridelab.service.storage.publication import Publication, publish_files
 
 PROGRESS_S: Final = 0.2
 """Progress is written to the database at most this often."""
-Patiently = Callable[[Callable[[], Awaitable[Any]]], Awaitable[Any]]
+DatabaseRetry = Callable[[Callable[[], Awaitable[Any]]], Awaitable[Any]]
 """Repeats a database operation while the database is unavailable."""
 
-_PASSES: Final = frozenset({"storage-unavailable", "storage-full", "scratch-full"})
+_TRANSIENT_CODES: Final = frozenset({"storage-unavailable", "storage-full", "scratch-full"})
 """Codes of transient errors that the job did not cause."""
-_LONGEST_PAUSE_S: Final = 5.0
+_MAX_PAUSE_S: Final = 5.0
 _log = structlog.get_logger(__name__)
 T = TypeVar("T")
 
 
-class Errand:
+class AttemptRunner:
     """Runs one attempt of a job in a child process."""
 
-    def __init__(self, attempt: Attempt, kind: JobKind, attempts: Attempts, blobs: BlobStore, limits: Settings) -> None:
+    def __init__(
+        self, attempt: Attempt, kind: JobKind, attempts: AttemptStore, blobs: BlobStore, limits: Settings
+    ) -> None:
         self._attempt, self._kind, self._attempts, self._blobs = attempt, kind, attempts, blobs
         self._timeout_s = kind.timeout_s or limits.job_timeout_s
         self._memory_mb = kind.memory_mb or limits.job_memory_mb
         self._patience_s, self._max_attempts = limits.storage_patience_s, limits.job_max_attempts
-        self._kill = asyncio.Event()
+        self._kill_requested = asyncio.Event()
         self._interrupted = False
-        self._latest: tuple[float, str] | None = None
-        self._progress = asyncio.Event()
-        self._look = asyncio.Event()
+        self._latest_progress: tuple[float, str] | None = None
+        self._progress_arrived = asyncio.Event()
+        self._check_requested = asyncio.Event()
 
     @property
     def job_id(self) -> str:
@@ -60,17 +62,17 @@ class Errand:
     def interrupt(self) -> None:
         """Kill the child and hand the job back, because the worker stops."""
         self._interrupted = True
-        self._kill.set()
+        self._kill_requested.set()
 
-    def look_again(self) -> None:
+    def check_cancellation(self) -> None:
         """Check whether the job was cancelled or given to another worker."""
-        self._look.set()
+        self._check_requested.set()
 
-    async def run(self, engine: AsyncEngine, pool: IsolatedPool, root: Path, patiently: Patiently) -> str:
+    async def run(self, engine: AsyncEngine, pool: IsolatedPool, root: Path, retry_database: DatabaseRetry) -> str:
         """Stage, compute and publish in a new folder below ``root``; returns the final state of the attempt."""
-        helpers = [asyncio.create_task(helper()) for helper in (self._report, self._watch)]
+        helpers = [asyncio.create_task(helper()) for helper in (self._report_progress, self._watch_cancellation)]
         try:
-            state = await self._run(engine, pool, root, patiently)
+            state = await self._run_attempt(engine, pool, root, retry_database)
             if state in FINAL_STATES:
                 await self._remove_own_files(engine)
             return state
@@ -83,41 +85,43 @@ class Errand:
         """Remove the files stored for this job alone; the janitor removes what remains."""
         if self._kind.own_files is None:
             return
-        with contextlib.suppress(StridelabError, *DATABASE_IS_AWAY):
+        with contextlib.suppress(StridelabError, *DATABASE_UNAVAILABLE):
             async with engine.begin() as connection:
                 if await may_remove(connection):
                     await self._blobs.delete_prefix(self._kind.own_files(self._attempt.row["input"]))
 
-    async def _run(self, engine: AsyncEngine, pool: IsolatedPool, root: Path, patiently: Patiently) -> str:
+    async def _run_attempt(
+        self, engine: AsyncEngine, pool: IsolatedPool, root: Path, retry_database: DatabaseRetry
+    ) -> str:
         folder: Path | None = None
         log_tail = ""
         try:
-            folder = await self._outlast(lambda: _folder_below(root))
-            with telemetry.span("stage"):
-                task = await self._staged(engine, folder, patiently)
-            with telemetry.span("compute") as computing:
+            folder = await self._retry_storage(lambda: _folder_below(root))
+            with telemetry.start_span("stage"):
+                task = await self._stage_with_retries(engine, folder, retry_database)
+            with telemetry.start_span("compute") as computing:
                 outcome = await pool.run(
                     self._kind.run,
                     task,
                     folder,
                     timeout_s=self._timeout_s,
                     memory_mb=self._memory_mb,
-                    cancel=self._kill,
-                    on_progress=self._note,
+                    cancel=self._kill_requested,
+                    on_progress=self._note_progress,
                     sandbox=self._kind.sandbox,
                 )
                 computing.set_attribute("outcome", outcome.state)
             log_tail = outcome.log_tail
             if outcome.state == "ok" and "problem" in outcome.value:
-                return await self._keep(outcome, folder, patiently)
+                return await self._fail_with_partial_result(outcome, folder, retry_database)
             if outcome.state == "ok":
-                return await self._publish(outcome, folder, patiently)
-            return await self._give_up(outcome, patiently)
+                return await self._publish_result(outcome, folder, retry_database)
+            return await self._end_failed_computation(outcome, retry_database)
         except StridelabError as error:
-            if self._kill.is_set():
-                return await self._stop(log_tail, patiently)
-            return await self._end("failed", problem_of(error), log_tail, patiently)
-        except DATABASE_IS_AWAY:
+            if self._kill_requested.is_set():
+                return await self._end_stopped(log_tail, retry_database)
+            return await self._end_unsuccessful("failed", problem_of(error), log_tail, retry_database)
+        except DATABASE_UNAVAILABLE:
             raise  # the worker stops while the database is unavailable: another worker takes the job over
         except Exception as error:  # noqa: BLE001 (an unexpected error in staging or publishing fails this job only)
             _log.exception("job-broke")
@@ -126,12 +130,12 @@ class Errand:
                 "detail": f"The service could not handle this job ({type(error).__name__}).",
                 "errors": [],
             }
-            return await self._end("failed", problem, log_tail, patiently)
+            return await self._end_unsuccessful("failed", problem, log_tail, retry_database)
         finally:
             if folder is not None:
                 await asyncio.to_thread(shutil.rmtree, folder, ignore_errors=True)
 
-    async def _outlast(self, act: Callable[[], Awaitable[T]]) -> T:
+    async def _retry_storage(self, operation: Callable[[], Awaitable[T]]) -> T:
         """Repeat a file operation while the storage is unavailable or the disk is full.
 
         Raises the last error after ``storage_patience_s`` or when the attempt is stopped.
@@ -139,125 +143,137 @@ class Errand:
         since, pause_s = time.monotonic(), 0.1
         while True:
             try:
-                return await act()
+                return await operation()
             except Unavailable as error:
                 waited_s = time.monotonic() - since
-                if error.code not in _PASSES or waited_s > self._patience_s or self._kill.is_set():
+                if error.code not in _TRANSIENT_CODES or waited_s > self._patience_s or self._kill_requested.is_set():
                     raise
                 _log.warning("files-are-away", code=error.code, waited_s=round(waited_s, 1))
             with contextlib.suppress(asyncio.TimeoutError):
-                await asyncio.wait_for(self._kill.wait(), pause_s)
-            pause_s = min(2 * pause_s, _LONGEST_PAUSE_S)
+                await asyncio.wait_for(self._kill_requested.wait(), pause_s)
+            pause_s = min(2 * pause_s, _MAX_PAUSE_S)
 
-    async def _staged(self, engine: AsyncEngine, folder: Path, patiently: Patiently) -> Json:
-        return await self._outlast(lambda: patiently(lambda: self._stage(engine, folder)))
+    async def _stage_with_retries(self, engine: AsyncEngine, folder: Path, retry_database: DatabaseRetry) -> Json:
+        return await self._retry_storage(lambda: retry_database(lambda: self._stage_files(engine, folder)))
 
-    async def _stage(self, engine: AsyncEngine, folder: Path) -> Json:
+    async def _stage_files(self, engine: AsyncEngine, folder: Path) -> Json:
         request = self._kind.input_model.model_validate(self._attempt.row["input"])
-        with no_room_named():
+        with explain_full_disk():
             async with engine.connect() as connection:
                 return await self._kind.stage(connection, self._blobs, request, folder)
 
-    async def _publish(self, outcome: IsolatedOutcome, folder: Path, patiently: Patiently) -> str:
-        async def publish(artifacts: list[Json], publication: Publication) -> bool:
-            return await self._attempts.succeed(
+    async def _publish_result(self, outcome: IsolatedOutcome, folder: Path, retry_database: DatabaseRetry) -> str:
+        async def write_success(artifacts: list[Json], publication: Publication) -> bool:
+            return await self._attempts.publish_success(
                 self._attempt, self._blobs, outcome.value, artifacts, folder, outcome.log_tail, publication
             )
 
-        with telemetry.span("publish"):
-            published = await self._with_files(outcome, folder, patiently, publish)
-        return "succeeded" if published else await self._end("cancelled", None, outcome.log_tail, patiently)
+        with telemetry.start_span("publish"):
+            published = await self._store_files_and_write(outcome, folder, retry_database, write_success)
+        return (
+            "succeeded"
+            if published
+            else await self._end_unsuccessful("cancelled", None, outcome.log_tail, retry_database)
+        )
 
-    async def _keep(self, outcome: IsolatedOutcome, folder: Path, patiently: Patiently) -> str:
+    async def _fail_with_partial_result(
+        self, outcome: IsolatedOutcome, folder: Path, retry_database: DatabaseRetry
+    ) -> str:
         """Fail with the partial result of the computation."""
         value = outcome.value
 
-        async def fail(artifacts: list[Json], publication: Publication) -> bool:
-            return await self._attempts.end(
+        async def write_failure(artifacts: list[Json], publication: Publication) -> bool:
+            return await self._attempts.end_attempt(
                 self._attempt, "failed", value["problem"], outcome.log_tail, (value, artifacts), publication
             )
 
-        return "failed" if await self._with_files(outcome, folder, patiently, fail) else "superseded"
+        return (
+            "failed"
+            if await self._store_files_and_write(outcome, folder, retry_database, write_failure)
+            else "superseded"
+        )
 
-    async def _with_files(
+    async def _store_files_and_write(
         self,
         outcome: IsolatedOutcome,
         folder: Path,
-        patiently: Patiently,
+        retry_database: DatabaseRetry,
         write: Callable[[list[Json], Publication], Awaitable[bool]],
     ) -> bool:
         """Store the artifacts and ``write`` the row that refers to them; a failed publication removes the files."""
         artifacts = await asyncio.to_thread(lambda: [artifact_file(folder, i) for i in outcome.value["artifacts"]])
         prefix = self._attempt.blob_prefix
 
-        async with publishing(lambda: self._blobs.delete_prefix(prefix)) as publication:
+        async with publish_files(lambda: self._blobs.delete_prefix(prefix)) as publication:
 
             async def store_and_write() -> bool:
                 for artifact in artifacts:
                     await self._blobs.put_file(f"{prefix}/{artifact['name']}", folder / artifact["name"])
-                return bool(await patiently(lambda: write(artifacts, publication)))
+                return bool(await retry_database(lambda: write(artifacts, publication)))
 
-            publication.settle(published=await self._outlast(store_and_write))
+            publication.record_outcome(published=await self._retry_storage(store_and_write))
         return publication.published
 
-    async def _give_up(self, outcome: IsolatedOutcome, patiently: Patiently) -> str:
+    async def _end_failed_computation(self, outcome: IsolatedOutcome, retry_database: DatabaseRetry) -> str:
         if outcome.state == "cancelled":
-            return await self._stop(outcome.log_tail, patiently)
-        if outcome.state == "killed" and self._attempt.starts < self._max_attempts:
-            back = await patiently(lambda: self._attempts.hand_back(self._attempt, counts=True))
+            return await self._end_stopped(outcome.log_tail, retry_database)
+        if outcome.state == "killed" and self._attempt.counted_starts < self._max_attempts:
+            back = await retry_database(lambda: self._attempts.hand_back(self._attempt, counts=True))
             return "killed" if back else "superseded"
         state: FinalState = "timed_out" if outcome.state == "timeout" else "failed"
         problem = outcome.problem
-        if problem is not None and outcome.raised is None and self._latest is not None:
-            problem = located(problem, self._latest[1])
-        return await self._end(state, problem, outcome.log_tail, patiently)
+        if problem is not None and outcome.error_class is None and self._latest_progress is not None:
+            problem = add_last_progress(problem, self._latest_progress[1])
+        return await self._end_unsuccessful(state, problem, outcome.log_tail, retry_database)
 
-    async def _stop(self, log_tail: str, patiently: Patiently) -> str:
+    async def _end_stopped(self, log_tail: str, retry_database: DatabaseRetry) -> str:
         """End a stopped attempt: as cancelled, or by handing the job back if the worker stops."""
         if not self._interrupted:
-            return await self._end("cancelled", None, log_tail, patiently)
-        handed_back = await patiently(lambda: self._attempts.hand_back(self._attempt))
+            return await self._end_unsuccessful("cancelled", None, log_tail, retry_database)
+        handed_back = await retry_database(lambda: self._attempts.hand_back(self._attempt))
         return "handed-back" if handed_back else "superseded"
 
-    async def _end(self, state: FinalState, problem: Json | None, log_tail: str, patiently: Patiently) -> str:
-        ended = await patiently(lambda: self._attempts.end(self._attempt, state, problem, log_tail))
+    async def _end_unsuccessful(
+        self, state: FinalState, problem: Json | None, log_tail: str, retry_database: DatabaseRetry
+    ) -> str:
+        ended = await retry_database(lambda: self._attempts.end_attempt(self._attempt, state, problem, log_tail))
         return state if ended else "superseded"
 
-    def _note(self, fraction: float, message: str) -> None:
-        self._latest = (fraction, message)
-        self._progress.set()
+    def _note_progress(self, fraction: float, message: str) -> None:
+        self._latest_progress = (fraction, message)
+        self._progress_arrived.set()
 
-    async def _report(self) -> None:
+    async def _report_progress(self) -> None:
         """Write the latest progress, at once and then at most every ``PROGRESS_S``."""
         while True:
-            await self._progress.wait()
-            self._progress.clear()
-            if self._latest is not None:
-                with contextlib.suppress(*DATABASE_IS_AWAY):  # a lost progress report is replaced by the next one
-                    if not await self._attempts.report(self._attempt, *self._latest):
-                        self._kill.set()
+            await self._progress_arrived.wait()
+            self._progress_arrived.clear()
+            if self._latest_progress is not None:
+                with contextlib.suppress(*DATABASE_UNAVAILABLE):  # a lost progress report is replaced by the next one
+                    if not await self._attempts.report_progress(self._attempt, *self._latest_progress):
+                        self._kill_requested.set()
             await asyncio.sleep(PROGRESS_S)
 
-    async def _watch(self) -> None:
+    async def _watch_cancellation(self) -> None:
         """Kill the child when the job was cancelled or given to another worker."""
-        while not self._kill.is_set():
-            await self._look.wait()
-            self._look.clear()
+        while not self._kill_requested.is_set():
+            await self._check_requested.wait()
+            self._check_requested.clear()
             try:
                 if await self._attempts.should_stop(self._attempt):
-                    self._kill.set()
-            except DATABASE_IS_AWAY:
+                    self._kill_requested.set()
+            except DATABASE_UNAVAILABLE:
                 await asyncio.sleep(0.5)
-                self._look.set()
+                self._check_requested.set()
 
 
 async def _folder_below(root: Path) -> Path:
-    with no_room_named():
+    with explain_full_disk():
         return Path(await asyncio.to_thread(tempfile.mkdtemp, dir=root))
 
 
 @contextlib.contextmanager
-def no_room_named() -> Iterator[None]:
+def explain_full_disk() -> Iterator[None]:
     """Convert the ``OSError`` of a full disk of the worker to ``StorageFull`` (``scratch-full``)."""
     try:
         yield
@@ -267,7 +283,7 @@ def no_room_named() -> Iterator[None]:
         raise StorageFull("scratch-full", "The worker's scratch disk is full.") from error
 
 
-def located(problem: Json, message: str) -> Json:
+def add_last_progress(problem: Json, message: str) -> Json:
     """Add the last progress message to the problem of a computation that was killed or crashed.
 
     Messages have the form ``"<stage>: <activity>"`` or name only the stage.

@@ -15,7 +15,7 @@ from psycopg import sql
 
 from stridelab.schemas.jobs import JobEvent
 from stridelab.service.jobs.store import CHANNEL, JobRecord, JobStore
-from stridelab.service.storage.database import PATIENCE, conninfo
+from stridelab.service.storage.database import CONNECTION_OPTIONS, libpq_url
 
 FALLBACK_S: Final = 15.0
 """Polling interval without notifications."""
@@ -44,7 +44,7 @@ class Listener:
         """Set while the connection is open."""
 
     async def __aenter__(self) -> Self:
-        self._task = asyncio.get_running_loop().create_task(self._run())
+        self._task = asyncio.get_running_loop().create_task(self._listen_and_reconnect())
         return self
 
     async def __aexit__(self, *_: object) -> None:
@@ -52,18 +52,18 @@ class Listener:
             self._task.cancel()
             await asyncio.gather(self._task, return_exceptions=True)
 
-    async def _run(self) -> None:
+    async def _listen_and_reconnect(self) -> None:
         failures = 0
         while True:
             try:
                 async with await psycopg.AsyncConnection.connect(
-                    conninfo(self._url), autocommit=True, application_name="stridelab-listen", **PATIENCE
+                    libpq_url(self._url), autocommit=True, application_name="stridelab-listen", **CONNECTION_OPTIONS
                 ) as connection:
                     for channel in self._channels:
                         await connection.execute(sql.SQL("LISTEN {}").format(sql.Identifier(channel)))
                     failures = 0
                     self.listening.set()
-                    await self._hear(connection)
+                    await self._dispatch_notifications(connection)
             except psycopg.Error as error:
                 _log.warning("listening-interrupted", error=type(error).__name__)
             finally:
@@ -71,7 +71,7 @@ class Listener:
             await asyncio.sleep(_RECONNECT_S[min(failures, len(_RECONNECT_S) - 1)])
             failures += 1
 
-    async def _hear(self, connection: psycopg.AsyncConnection) -> None:
+    async def _dispatch_notifications(self, connection: psycopg.AsyncConnection) -> None:
         while True:
             self._on_gap()
             async for notification in connection.notifies(timeout=FALLBACK_S):
@@ -79,12 +79,12 @@ class Listener:
             await connection.execute("SELECT 1")  # detects a connection that died silently
 
 
-class JobBoard:
+class JobNotifications:
     """Asynchronous context manager that wakes the watchers of a job; one per process."""
 
     def __init__(self, url: str) -> None:
         self._watchers: dict[str, set[asyncio.Event]] = {}
-        self._listener = Listener(url, [CHANNEL], self._changed, self._wake_all)
+        self._listener = Listener(url, [CHANNEL], self._wake_watchers, self._wake_all)
 
     async def __aenter__(self) -> Self:
         await self._listener.__aenter__()
@@ -94,7 +94,7 @@ class JobBoard:
         await self._listener.__aexit__(*error)
 
     @contextlib.contextmanager
-    def watch(self, job_id: str) -> Iterator[asyncio.Event]:
+    def watch_job(self, job_id: str) -> Iterator[asyncio.Event]:
         """An event that is set whenever the job may have changed; clear it *before* reading the tables."""
         event = asyncio.Event()
         self._watchers.setdefault(job_id, set()).add(event)
@@ -105,12 +105,12 @@ class JobBoard:
             if not self._watchers[job_id]:
                 del self._watchers[job_id]
 
-    async def follow(self, store: JobStore, job_id: str, after: int = 0) -> AsyncIterator[tuple[JobEvent, ...]]:
+    async def follow_events(self, store: JobStore, job_id: str, after: int = 0) -> AsyncIterator[tuple[JobEvent, ...]]:
         """The job's events after number ``after``, as they are written, until the job has ended.
 
         Yields an empty tuple after ``FALLBACK_S`` without events (as a keep-alive). Raises ``NotFound``.
         """
-        with self.watch(job_id) as change:
+        with self.watch_job(job_id) as change:
             while True:
                 change.clear()
                 record = await store.get(job_id)
@@ -125,10 +125,10 @@ class JobBoard:
                 with contextlib.suppress(asyncio.TimeoutError):
                     await asyncio.wait_for(change.wait(), FALLBACK_S)
 
-    async def wait(self, store: JobStore, job_id: str, timeout_s: float) -> JobRecord:
+    async def wait_for_end(self, store: JobStore, job_id: str, timeout_s: float) -> JobRecord:
         """Wait until the job has ended or ``timeout_s`` has passed; returns its state then. Raises ``NotFound``."""
         deadline = asyncio.get_running_loop().time() + timeout_s
-        with self.watch(job_id) as change:
+        with self.watch_job(job_id) as change:
             while True:
                 change.clear()
                 record = await store.get(job_id)
@@ -138,7 +138,7 @@ class JobBoard:
                 with contextlib.suppress(asyncio.TimeoutError):
                     await asyncio.wait_for(change.wait(), min(left_s, FALLBACK_S))
 
-    def _changed(self, _channel: str, job_id: str) -> None:
+    def _wake_watchers(self, _channel: str, job_id: str) -> None:
         for event in self._watchers.get(job_id, ()):
             event.set()
 

@@ -50,6 +50,6 @@ async def enqueue(connection: AsyncConnection, job_id: str, lane: Lane, priority
     return int((await connection.execute(_DEFER, parameters)).scalar_one())
 
 
-async def retire(connection: AsyncConnection, delivery_id: int | None) -> None:
+async def retire_delivery(connection: AsyncConnection, delivery_id: int | None) -> None:
     """Remove a delivery from the queue, or invalidate it if a worker holds it, inside the caller's transaction."""
     await connection.execute(_RETIRE, {"id": delivery_id})

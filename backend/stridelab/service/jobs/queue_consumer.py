@@ -18,9 +18,9 @@ from psycopg import OperationalError as DriverError
 from sqlalchemy.exc import InterfaceError, OperationalError
 
 from stridelab.service.jobs.queue import LANES, Delivery, Lane
-from stridelab.service.storage.database import PATIENCE, conninfo
+from stridelab.service.storage.database import CONNECTION_OPTIONS, libpq_url
 
-DATABASE_IS_AWAY: Final = (OperationalError, InterfaceError, DriverError, ConnectorException, TimeoutError)
+DATABASE_UNAVAILABLE: Final = (OperationalError, InterfaceError, DriverError, ConnectorException, TimeoutError)
 """Exceptions raised while the database is unavailable, for every driver in use."""
 _FETCH = """
     WITH held AS (
@@ -48,19 +48,19 @@ _RECLAIM = """UPDATE procrastinate_jobs SET status = 'todo', worker_id = NULL
 _FORGET = "DELETE FROM procrastinate_workers WHERE last_heartbeat < now() - make_interval(hours => %(hours)s)"
 
 
-class Consumer:
+class QueueConsumer:
     """A worker's side of the queue: one registered worker, its heartbeat, and the deliveries it holds."""
 
     def __init__(self, url: str) -> None:
         self._connector = PsycopgConnector(
-            conninfo=conninfo(url), kwargs=dict(PATIENCE), min_size=1, max_size=3, timeout=5.0
+            conninfo=libpq_url(url), kwargs=dict(CONNECTION_OPTIONS), min_size=1, max_size=3, timeout=5.0
         )
         self._manager = JobManager(self._connector)
         self._worker: int | None = None
         self._held: set[int] = set()
         self._fetching = asyncio.Lock()
         self._registering = asyncio.Lock()
-        self._in_doubt = False
+        self._fetch_interrupted = False
 
     async def __aenter__(self) -> Self:
         await self._connector.open_async()
@@ -70,32 +70,32 @@ class Consumer:
         await self._connector.close_async()
 
     @staticmethod
-    def channels(lanes: Sequence[Lane] = LANES) -> tuple[str, ...]:
+    def notify_channels(lanes: Sequence[Lane] = LANES) -> tuple[str, ...]:
         """NOTIFY channels of new deliveries."""
         return tuple(get_channel_for_queues(lanes))
 
-    async def beat(self) -> None:
+    async def send_heartbeat(self) -> None:
         """Send this worker's heartbeat; register it first if it is not registered (any more)."""
         async with self._registering:
             if self._worker is not None and await self._connector.execute_query_all_async(_BEAT, worker=self._worker):
                 return
             self._worker = await self._manager.register_worker()
 
-    async def fetch(self, lanes: Sequence[Lane]) -> Delivery | None:
+    async def fetch_delivery(self, lanes: Sequence[Lane]) -> Delivery | None:
         """Claim the next waiting delivery of ``lanes`` for this worker; None if none waits."""
         async with self._fetching:
             if self._worker is None:
-                await self.beat()
-            if self._in_doubt:
+                await self.send_heartbeat()
+            if self._fetch_interrupted:
                 # a connection broke while fetching: release deliveries claimed without the answer having arrived
                 await self._connector.execute_query_async(_RECLAIM, worker=self._worker, known=list(self._held))
-                self._in_doubt = False
+                self._fetch_interrupted = False
             try:
                 rows = await self._connector.execute_query_all_async(
-                    _FETCH, lanes=list(lanes), worker=self._known_worker()
+                    _FETCH, lanes=list(lanes), worker=self._require_worker()
                 )
             except BaseException:
-                self._in_doubt = True
+                self._fetch_interrupted = True
                 raise
             if not rows:
                 return None
@@ -103,12 +103,12 @@ class Consumer:
             self._held.add(delivery.id)
         return delivery
 
-    async def finish(self, delivery: Delivery) -> None:
+    async def finish_delivery(self, delivery: Delivery) -> None:
         """Mark a delivery as finished; no effect if this worker does not hold it any more."""
-        await self._connector.execute_query_async(_FINISH, id=delivery.id, worker=self._known_worker())
+        await self._connector.execute_query_async(_FINISH, id=delivery.id, worker=self._require_worker())
         self._held.discard(delivery.id)
 
-    async def sign_off(self) -> None:
+    async def unregister_worker(self) -> None:
         """Unregister this worker; deliveries that it still holds become orphans."""
         if self._worker is not None:
             await self._manager.unregister_worker(self._worker)
@@ -121,7 +121,7 @@ class Consumer:
             nb_hours=hours, include_failed=True, include_cancelled=True, include_aborted=True
         )
 
-    def _known_worker(self) -> int:
+    def _require_worker(self) -> int:
         if self._worker is None:
             raise RuntimeError("the worker is not registered")
         return self._worker

@@ -25,7 +25,7 @@ from stridelab.service.cursors import decode_cursor, encode_cursor
 from stridelab.service.jobs import queue
 from stridelab.service.kinds.base import JobKind
 from stridelab.service.storage import locks
-from stridelab.service.storage.database import reading
+from stridelab.service.storage.database import autocommit_engine
 from stridelab.service.storage.tables import job, job_event
 
 CHANNEL: Final = "stridelab_job"
@@ -68,7 +68,7 @@ class JobRecord:
 
 
 @dataclass(frozen=True)
-class Submitted:
+class Submission:
     """Result of a submission; ``created`` is False if the idempotency key matches an earlier job."""
 
     job_id: str
@@ -83,7 +83,7 @@ class JobPage:
     next: str | None
 
 
-async def emit(connection: AsyncConnection, job_id: str) -> None:
+async def emit_event(connection: AsyncConnection, job_id: str) -> None:
     """Write the job's current state as an event and notify listeners, inside the caller's transaction."""
     # the caller holds a lock on the job's row, so events of one job are numbered in commit order
     now = select(job.c.id, job.c.state, job.c.attempt, job.c.fraction, job.c.message).where(job.c.id == job_id)
@@ -98,7 +98,7 @@ class JobStore:
     def __init__(
         self, engine: AsyncEngine, kinds: Mapping[str, JobKind], *, queue_limit: int = 200, user_queue_limit: int = 0
     ) -> None:
-        self._engine, self._reading, self._kinds = engine, reading(engine), kinds
+        self._engine, self._autocommit_engine, self._kinds = engine, autocommit_engine(engine), kinds
         self._queue_limit, self._user_queue_limit = queue_limit, user_queue_limit
 
     async def submit(
@@ -111,7 +111,7 @@ class JobStore:
         idempotency_key: str | None = None,
         recording_id: str | None = None,
         scenario_id: str | None = None,
-    ) -> Submitted:
+    ) -> Submission:
         """Submit a job with validated ``input``: row, event and delivery in one transaction.
 
         Raises ``NotFound`` (``unknown-job-kind``, ``recording-not-found``, ``scenario-not-found``), ``InvalidInput``
@@ -133,10 +133,10 @@ class JobStore:
             async with self._engine.begin() as connection:
                 await connection.execute(select(func.pg_advisory_xact_lock(locks.ADMISSION)))
                 if idempotency_key is not None:
-                    earlier = await self._earlier(connection, owner, idempotency_key, body_hash)
+                    earlier = await self._find_by_idempotency_key(connection, owner, idempotency_key, body_hash)
                     if earlier is not None:
-                        return Submitted(earlier, created=False)
-                await self._admit(connection, owner)
+                        return Submission(earlier, created=False)
+                await self._check_queue_limits(connection, owner)
                 delivery = await queue.enqueue(connection, job_id, self._kinds[kind].lane, priority)
                 await connection.execute(
                     insert(job).values(
@@ -150,21 +150,21 @@ class JobStore:
                         recording_id=recording_id,
                         scenario_id=scenario_id,
                         queue_id=delivery,
-                        traceparent=telemetry.traceparent(),
+                        traceparent=telemetry.current_traceparent(),
                     )
                 )
-                await emit(connection, job_id)
+                await emit_event(connection, job_id)
         except IntegrityError as error:
             raise _unknown_reference(error, recording_id, scenario_id) from error
-        return Submitted(job_id, created=True)
+        return Submission(job_id, created=True)
 
     async def get(self, job_id: str) -> JobRecord:
         """One job; raises ``NotFound`` (``job-not-found``)."""
-        async with self._reading.connect() as connection:
-            row = (await connection.execute(_ONE, {"job_id": job_id})).mappings().one_or_none()
+        async with self._autocommit_engine.connect() as connection:
+            row = (await connection.execute(_JOB_BY_ID, {"job_id": job_id})).mappings().one_or_none()
         if row is None:
             raise NotFound("job-not-found", f"There is no job {job_id}; its retention time may have expired.")
-        return _record(row)
+        return _job_record(row)
 
     async def list_jobs(
         self,
@@ -177,7 +177,7 @@ class JobStore:
         scenario_id: str | None = None,
     ) -> JobPage:
         """Jobs, newest first; raises ``InvalidInput`` (``invalid-cursor``)."""
-        wanted = _SHOWN.order_by(job.c.created_at.desc(), job.c.id.desc()).limit(limit + 1)
+        wanted = _JOBS_SELECT.order_by(job.c.created_at.desc(), job.c.id.desc()).limit(limit + 1)
         filters = {"state": state, "kind": kind, "recording_id": recording_id, "scenario_id": scenario_id}
         for column, value in filters.items():
             if value is not None:
@@ -185,8 +185,8 @@ class JobStore:
         if cursor is not None:
             at, job_id = decode_cursor(cursor)
             wanted = wanted.where(tuple_(job.c.created_at, job.c.id) < tuple_(literal(at), literal(job_id)))
-        async with self._reading.connect() as connection:
-            rows = [_record(row) for row in (await connection.execute(wanted)).mappings()]
+        async with self._autocommit_engine.connect() as connection:
+            rows = [_job_record(row) for row in (await connection.execute(wanted)).mappings()]
         more = len(rows) > limit
         items = tuple(rows[:limit])
         return JobPage(items, encode_cursor(items[-1].created_at, items[-1].id) if more else None)
@@ -211,18 +211,18 @@ class JobStore:
                 await connection.execute(
                     change.values(state="cancelled", cancel_requested=True, finished_at=func.now(), message="cancelled")
                 )
-                await queue.retire(connection, row["queue_id"])
-                await emit(connection, job_id)
+                await queue.retire_delivery(connection, row["queue_id"])
+                await emit_event(connection, job_id)
             elif row is not None and row["state"] == "running":
                 await connection.execute(change.values(cancel_requested=True, message="cancelling"))
                 await connection.execute(select(func.pg_notify(CANCEL_CHANNEL, job_id)))
-                await emit(connection, job_id)
+                await emit_event(connection, job_id)
         return await self.get(job_id)
 
     async def events_after(self, job_id: str, seq: int = 0, *, limit: int = 500) -> tuple[JobEvent, ...]:
         """The job's events with a number above ``seq``, in order."""
         wanted = select(job_event).where(job_event.c.job_id == job_id, job_event.c.seq > seq)
-        async with self._reading.connect() as connection:
+        async with self._autocommit_engine.connect() as connection:
             rows = (await connection.execute(wanted.order_by(job_event.c.seq).limit(limit))).mappings().all()
         return tuple(
             JobEvent(
@@ -254,7 +254,7 @@ class JobStore:
             artifacts=[Artifact(**artifact) for artifact in record.result["artifacts"]],
         )
 
-    async def _earlier(
+    async def _find_by_idempotency_key(
         self, connection: AsyncConnection, owner: str | None, idempotency_key: str, body_hash: str
     ) -> str | None:
         wanted = select(job.c.id, job.c.input_hash).where(
@@ -271,7 +271,7 @@ class JobStore:
             )
         return str(row["id"])
 
-    async def _admit(self, connection: AsyncConnection, owner: str | None) -> None:
+    async def _check_queue_limits(self, connection: AsyncConnection, owner: str | None) -> None:
         waiting = (await connection.execute(select(func.count()).where(job.c.state == "queued"))).scalar_one()
         if waiting >= self._queue_limit:
             raise Busy(
@@ -303,7 +303,7 @@ def _unknown_reference(error: IntegrityError, recording_id: str | None, scenario
     return NotFound(f"{what}-not-found", f"There is no {what} {named}.", [Fault(f"{what}_id", "unknown")])
 
 
-def _shown() -> Select[Any]:
+def _jobs_with_queue_position() -> Select[Any]:
     """Select jobs with their queue position, assuming round-robin over owners (``queue_consumer``)."""
     order = (job.c.priority.desc(), job.c.created_at, job.c.queue_id)
     turn = func.row_number().over(partition_by=job.c.owner, order_by=order).label("turn")
@@ -318,9 +318,9 @@ def _shown() -> Select[Any]:
 
 
 # built once: building the statement costs more than executing it
-_SHOWN: Final = _shown()
-_ONE: Final = _SHOWN.where(job.c.id == bindparam("job_id"))
+_JOBS_SELECT: Final = _jobs_with_queue_position()
+_JOB_BY_ID: Final = _JOBS_SELECT.where(job.c.id == bindparam("job_id"))
 
 
-def _record(row: Mapping[Any, Any]) -> JobRecord:
+def _job_record(row: Mapping[Any, Any]) -> JobRecord:
     return JobRecord(**{name: row[name] for name in JobRecord.__dataclass_fields__})

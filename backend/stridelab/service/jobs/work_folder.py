@@ -8,12 +8,12 @@ import uuid
 from pathlib import Path
 from types import TracebackType
 
-from stridelab.service.data_folder import explained
+from stridelab.service.data_folder import explain_os_errors
 
-BEAT_FILE = "worker.beat"
+HEARTBEAT_FILE = "worker.beat"
 """File in the data folder that is touched after every heartbeat of the worker; health checks read its age."""
 _LOCK = ".lock"
-_UNLOCKED_S = 3600.0
+_UNLOCKED_MAX_AGE_S = 3600.0
 """Age after which a folder without a lock file counts as abandoned."""
 
 
@@ -29,10 +29,10 @@ class WorkFolder:
         self._lock = -1
 
     def __enter__(self) -> Path:
-        with explained(self._root):
-            return self._enter()
+        with explain_os_errors(self._root):
+            return self._create_locked()
 
-    def _enter(self) -> Path:
+    def _create_locked(self) -> Path:
         self._root.mkdir(mode=0o700, parents=True, exist_ok=True)
         for left in self._root.iterdir():
             _remove_if_abandoned(left)
@@ -68,7 +68,7 @@ def _remove_if_abandoned(folder: Path) -> None:
 
 def _remove_if_old(folder: Path) -> None:
     try:
-        if time.time() - folder.stat().st_mtime > _UNLOCKED_S:
+        if time.time() - folder.stat().st_mtime > _UNLOCKED_MAX_AGE_S:
             shutil.rmtree(folder, ignore_errors=True)
     except OSError:
         return  # already removed

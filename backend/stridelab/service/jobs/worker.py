@@ -21,17 +21,17 @@ from stridelab.cores import cores_per_slot, default_slots
 from stridelab.errors import StridelabError, Unavailable
 from stridelab.service import telemetry
 from stridelab.service.jobs import retention
-from stridelab.service.jobs.attempt_runner import Errand
-from stridelab.service.jobs.attempts import Attempt, Attempts
+from stridelab.service.jobs.attempt_runner import AttemptRunner
+from stridelab.service.jobs.attempts import Attempt, AttemptStore
 from stridelab.service.jobs.notifications import Listener
 from stridelab.service.jobs.queue import LANES, Delivery, Lane
-from stridelab.service.jobs.queue_consumer import DATABASE_IS_AWAY, Consumer
+from stridelab.service.jobs.queue_consumer import DATABASE_UNAVAILABLE, QueueConsumer
 from stridelab.service.jobs.store import CANCEL_CHANNEL
-from stridelab.service.jobs.work_folder import BEAT_FILE, WorkFolder
+from stridelab.service.jobs.work_folder import HEARTBEAT_FILE, WorkFolder
 from stridelab.service.kinds.base import JobKind
 from stridelab.service.processes import confinement
 from stridelab.service.processes.pool import IsolatedPool
-from stridelab.service.settings import Settings, settings
+from stridelab.service.settings import Settings, current_settings
 from stridelab.service.storage.blobs import BlobStore
 from stridelab.service.storage.database import database_url, is_migrated, make_engine
 
@@ -56,33 +56,38 @@ class Worker:
     ) -> None:
         self._url, self._blobs, self._kinds, self._limits = url, blobs, kinds, limits
         self._engine = make_engine(url)
-        self._attempts = Attempts(self._engine, kinds, max_attempts=limits.job_max_attempts)
-        self._consumer = Consumer(url)
+        self._attempts = AttemptStore(self._engine, kinds, max_attempts=limits.job_max_attempts)
+        self._consumer = QueueConsumer(url)
         slots = limits.worker_slots or default_slots()
         self._slots: tuple[tuple[Lane, ...], ...] = (("short",), *((LANES,) * slots))
         self._pool = IsolatedPool(preload, limits.job_niceness, cores_per_slot(slots))
-        self._errands: list[Errand] = []
-        self._news: list[asyncio.Event] = []
+        self._runners: list[AttemptRunner] = []
+        self._wake_ups: list[asyncio.Event] = []
         self._stopping = asyncio.Event()
-        self._answering_since: float | None = None
+        self._database_available_since: float | None = None
 
     def stop(self) -> None:
         """Stop fetching, kill the children and hand the jobs back."""
         self._stopping.set()
-        for event in self._news:
+        for event in self._wake_ups:
             event.set()
-        for errand in self._errands:
+        for errand in self._runners:
             errand.interrupt()
 
     async def run(self) -> None:
         """Fetch and run jobs until ``stop``. Raises as ``prepare_confinement`` does."""
         with WorkFolder(self._limits.data_folder / "work") as folder:
-            confinement.begin(self._limits, self._limits.data_folder, folder.parent, folder)
-            listener = Listener(self._url, [*Consumer.channels(), CANCEL_CHANNEL], self._heard, self._look_again)
+            confinement.prepare_confinement(self._limits, self._limits.data_folder, folder.parent, folder)
+            listener = Listener(
+                self._url, [*QueueConsumer.notify_channels(), CANCEL_CHANNEL], self._on_notify, self._on_gap
+            )
             async with self._consumer, self._pool, listener:
-                slots = [asyncio.create_task(self._slot(lanes, folder)) for lanes in self._slots]
+                slots = [asyncio.create_task(self._run_slot(lanes, folder)) for lanes in self._slots]
                 _log.info("worker-started", slots=[list(lanes) for lanes in self._slots])
-                background = [asyncio.create_task(keep()) for keep in (self._beat, self._reap, self._retain)]
+                background = [
+                    asyncio.create_task(keep())
+                    for keep in (self._heartbeat_loop, self._reap_loop, self._retention_loop)
+                ]
                 try:
                     await self._until_stopped([*slots, *background])
                     await asyncio.wait(slots, timeout=_HAND_BACK_S)
@@ -90,8 +95,8 @@ class Worker:
                     for task in (*slots, *background):
                         task.cancel()
                     await asyncio.gather(*slots, *background, return_exceptions=True)
-                with contextlib.suppress(*DATABASE_IS_AWAY):
-                    await self._consumer.sign_off()
+                with contextlib.suppress(*DATABASE_UNAVAILABLE):
+                    await self._consumer.unregister_worker()
         await self._engine.dispose()
 
     async def _until_stopped(self, tasks: list[asyncio.Task[None]]) -> None:
@@ -102,133 +107,133 @@ class Worker:
                 task.result()  # a loop that ends by itself is a bug: the process exits and is restarted
         stop_task.cancel()
 
-    async def _slot(self, lanes: tuple[Lane, ...], folder: Path) -> None:
+    async def _run_slot(self, lanes: tuple[Lane, ...], folder: Path) -> None:
         wake_up = asyncio.Event()
-        self._news.append(wake_up)
+        self._wake_ups.append(wake_up)
         while not self._stopping.is_set():
             wake_up.clear()
             try:
-                delivery = await self._consumer.fetch(lanes)
-            except DATABASE_IS_AWAY:
-                self._lost_sight()
-                await self._pause(0.3)
+                delivery = await self._consumer.fetch_delivery(lanes)
+            except DATABASE_UNAVAILABLE:
+                self._mark_database_unavailable()
+                await self._pause_or_stop(0.3)
                 continue
             if delivery is None:
                 with contextlib.suppress(asyncio.TimeoutError):
                     await asyncio.wait_for(wake_up.wait(), _POLL_S)
             else:
-                await self._deliver(delivery, folder)
+                await self._run_delivery(delivery, folder)
 
-    async def _deliver(self, delivery: Delivery, folder: Path) -> None:
-        attempt = await self._patiently(lambda: self._attempts.start(delivery))
+    async def _run_delivery(self, delivery: Delivery, folder: Path) -> None:
+        attempt = await self._retry_database(lambda: self._attempts.start_attempt(delivery))
         if attempt is not None:
             ids: dict[str, str | int] = {"job_id": attempt.job_id, "kind": attempt.kind, "attempt": attempt.number}
             # log lines and spans from here on carry the job's ids
             parent = attempt.row["traceparent"]
             with (
                 structlog.contextvars.bound_contextvars(**ids),
-                telemetry.span(f"job {attempt.kind}", ids, parent=parent, kind=SpanKind.CONSUMER) as span,
+                telemetry.start_span(f"job {attempt.kind}", ids, parent=parent, kind=SpanKind.CONSUMER) as span,
             ):
-                state = await self._carry_out(attempt, folder)
+                state = await self._run_attempt(attempt, folder)
                 span.set_attribute("state", state)
-        await self._patiently(lambda: self._consumer.finish(delivery))
+        await self._retry_database(lambda: self._consumer.finish_delivery(delivery))
 
-    async def _carry_out(self, attempt: Attempt, folder: Path) -> str:
+    async def _run_attempt(self, attempt: Attempt, folder: Path) -> str:
         if attempt.kind not in self._kinds:
             problem = {"code": "unknown-job-kind", "detail": f"This version cannot run {attempt.kind}.", "errors": []}
-            await self._patiently(lambda: self._attempts.end(attempt, "failed", problem, ""))
+            await self._retry_database(lambda: self._attempts.end_attempt(attempt, "failed", problem, ""))
             return "failed"
-        errand = Errand(attempt, self._kinds[attempt.kind], self._attempts, self._blobs, self._limits)
-        self._errands.append(errand)
+        errand = AttemptRunner(attempt, self._kinds[attempt.kind], self._attempts, self._blobs, self._limits)
+        self._runners.append(errand)
         began = time.monotonic()
         try:
             if self._stopping.is_set():
                 errand.interrupt()
-            state = await errand.run(self._engine, self._pool, folder, self._patiently)
+            state = await errand.run(self._engine, self._pool, folder, self._retry_database)
             _log.info("job-ended", state=state, seconds=round(time.monotonic() - began, 3))
             return state
         finally:
-            self._errands.remove(errand)
+            self._runners.remove(errand)
 
-    async def _patiently(self, act: Callable[[], Awaitable[T]]) -> T:
+    async def _retry_database(self, operation: Callable[[], Awaitable[T]]) -> T:
         """Repeat a database operation until the database is available; a stopping worker gives up after a second."""
         pause_s = 0.1
         while True:
             try:
-                return await act()
-            except DATABASE_IS_AWAY:
-                self._lost_sight()
+                return await operation()
+            except DATABASE_UNAVAILABLE:
+                self._mark_database_unavailable()
                 if self._stopping.is_set() and pause_s > 1.0:
                     raise
                 await asyncio.sleep(pause_s)
                 pause_s = min(2 * pause_s, 2.0)
 
-    def _lost_sight(self) -> None:
-        self._answering_since = None
+    def _mark_database_unavailable(self) -> None:
+        self._database_available_since = None
 
-    async def _pause(self, seconds: float) -> None:
+    async def _pause_or_stop(self, seconds: float) -> None:
         with contextlib.suppress(asyncio.TimeoutError):
             await asyncio.wait_for(self._stopping.wait(), seconds)
 
-    async def _beat(self) -> None:
+    async def _heartbeat_loop(self) -> None:
         while True:
             try:
-                await self._consumer.beat()
+                await self._consumer.send_heartbeat()
                 with contextlib.suppress(OSError):  # a full disk affects only the health check
-                    (self._limits.data_folder / BEAT_FILE).touch()
-                if self._answering_since is None:
-                    self._answering_since = time.monotonic()
+                    (self._limits.data_folder / HEARTBEAT_FILE).touch()
+                if self._database_available_since is None:
+                    self._database_available_since = time.monotonic()
                 await asyncio.sleep(self._limits.heartbeat_s)
-            except DATABASE_IS_AWAY:
-                self._lost_sight()
+            except DATABASE_UNAVAILABLE:
+                self._mark_database_unavailable()
                 await asyncio.sleep(0.3)
 
-    async def _reap(self) -> None:
+    async def _reap_loop(self) -> None:
         while True:
             await asyncio.sleep(_REAP_S)
-            since = self._answering_since
+            since = self._database_available_since
             if since is None:
                 continue
             # after an outage of the database all heartbeats are old: wait until every worker had time to send one
             heard_all = time.monotonic() - since > 2 * self._limits.heartbeat_s
             try:
-                lost = await self._attempts.reap(self._limits.stall_s if heard_all else None)
-            except DATABASE_IS_AWAY:
-                self._lost_sight()
+                lost = await self._attempts.requeue_lost(self._limits.stall_s if heard_all else None)
+            except DATABASE_UNAVAILABLE:
+                self._mark_database_unavailable()
                 continue
             if lost:
                 _log.warning("jobs-taken-from-lost-workers", jobs=lost)
 
-    async def _retain(self) -> None:
+    async def _retention_loop(self) -> None:
         while True:
             try:
-                await retention.sweep(self._engine, self._blobs, self._consumer, self._limits)
-            except (StridelabError, *DATABASE_IS_AWAY) as error:
+                await retention.remove_expired(self._engine, self._blobs, self._consumer, self._limits)
+            except (StridelabError, *DATABASE_UNAVAILABLE) as error:
                 _log.warning("retention-failed", error=str(error))
             await asyncio.sleep(_RETENTION_S)
 
-    def _heard(self, channel: str, payload: str) -> None:
+    def _on_notify(self, channel: str, payload: str) -> None:
         if channel != CANCEL_CHANNEL:
-            for news in self._news:
+            for news in self._wake_ups:
                 news.set()
-        for errand in self._errands:
+        for errand in self._runners:
             if errand.job_id == payload:
-                errand.look_again()
+                errand.check_cancellation()
 
-    def _look_again(self) -> None:
-        for news in self._news:
+    def _on_gap(self) -> None:
+        for news in self._wake_ups:
             news.set()
-        for errand in self._errands:
-            errand.look_again()
+        for errand in self._runners:
+            errand.check_cancellation()
 
 
-async def work(limits: Settings, kinds: Mapping[str, JobKind], preload: Sequence[str] = ()) -> None:
+async def run_worker(limits: Settings, kinds: Mapping[str, JobKind], preload: Sequence[str] = ()) -> None:
     """Run one worker on the configured database until SIGTERM or SIGINT; its children have imported ``preload``.
 
     Raises ``Unavailable`` (``database-url-missing``, ``database-not-migrated``), ``InvalidInput``
     (``otlp-url-invalid``).
     """
-    beating = asyncio.create_task(heartbeat.beat())  # noqa: F841, RUF006 (a task lives as long as it is referred to)
+    beating = asyncio.create_task(heartbeat.write_heartbeats())  # noqa: F841, RUF006 (a task lives as long as it is referred to)
     url = database_url(limits)
     if url is None:
         raise Unavailable("database-url-missing", "A worker needs STRIDELAB_DATABASE_URL.")
@@ -244,7 +249,7 @@ async def work(limits: Settings, kinds: Mapping[str, JobKind], preload: Sequence
     loop = asyncio.get_running_loop()
     for signum in (signal.SIGTERM, signal.SIGINT):
         loop.add_signal_handler(signum, worker.stop)
-    with telemetry.exported(limits.otlp_url, "worker"):
+    with telemetry.export_spans(limits.otlp_url, "worker"):
         await worker.run()
 
 
@@ -253,10 +258,10 @@ def main() -> None:
     from stridelab.service.kinds.registry import COMPUTING, KINDS
     from stridelab.service.logging import configure_logging
 
-    limits = settings()
+    limits = current_settings()
     configure_logging(limits.log_level)
     try:
-        asyncio.run(work(limits, KINDS, COMPUTING))
+        asyncio.run(run_worker(limits, KINDS, COMPUTING))
     except StridelabError as error:
         sys.exit(error.message)
 

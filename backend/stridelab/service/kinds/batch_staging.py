@@ -24,27 +24,27 @@ from stridelab.schemas.population import (
     SubjectOfRecording,
 )
 from stridelab.schemas.recordings import RecordingFacts, SubjectFields
-from stridelab.service.filenames import left_file, safe_filename
+from stridelab.service.filenames import child_output_file, safe_filename
 from stridelab.service.kinds.base import Blobs, Json
 from stridelab.service.storage.content_addressed import lock_blob
 from stridelab.service.storage.tables import recording
 from stridelab.service.uploaded_row import file_sha256, new_tracks_key, uploaded_row
 
-KIND: Final = "read-batch"
-FOLDER: Final = "batches"
-TASK: Final = "task.json"
+READ_BATCH_KIND: Final = "read-batch"
+BATCH_FOLDER: Final = "batches"
+TASK_FILE: Final = "task.json"
 
 
-def own_files(job_input: Mapping[str, Any]) -> str:
+def batch_prefix(job_input: Mapping[str, Any]) -> str:
     """Key prefix of the files of a job with this input."""
-    return f"{FOLDER}/{job_input['batch_id']}"
+    return f"{BATCH_FOLDER}/{job_input['batch_id']}"
 
 
 @dataclass(frozen=True)
-class ReadFile:
+class ParsedFile:
     """A readable recording of the upload: its index among the files, its facts, and its subject."""
 
-    place: int
+    index: int
     file: str
     filename: str
     tracks: str
@@ -52,39 +52,41 @@ class ReadFile:
     person: PersonFields
 
     @property
-    def stated(self) -> SubjectFields:
+    def stated_subject(self) -> SubjectFields:
         """The subject's fields in the subject table."""
         return SubjectFields(name=self.person.subject, **self.person.model_dump(exclude={"subject", "group"}))
 
 
 @dataclass(frozen=True)
-class ReadUpload:
+class ParsedUpload:
     """A parsed bulk upload; ``people`` and ``statics`` map a file's index to its subject and static trial's index."""
 
-    files: tuple[ReadFile, ...]
-    refused: tuple[RefusedFile, ...]
+    files: tuple[ParsedFile, ...]
+    refused_files: tuple[RefusedFile, ...]
     people: Mapping[int, PersonFields]
     statics: Mapping[int, int | None]
 
     @staticmethod
-    def of(read: Mapping[str, Any]) -> "ReadUpload":
+    def from_parse_result(parse_result: Mapping[str, Any]) -> "ParsedUpload":
         """From the result of ``parse_batch``. Raises ``UnreadableFile`` (``nothing-readable``)."""
-        people = {row["place"]: PersonFields.model_validate(row["person"]) for row in read["rows"]}
+        people = {row["place"]: PersonFields.model_validate(row["person"]) for row in parse_result["rows"]}
         files, refused = [], []
-        for place, one in enumerate(read["files"]):
+        for place, one in enumerate(parse_result["files"]):
             name = safe_filename(one["name"])
             if "problem" in one:
                 refused.append(RefusedFile(filename=name, **one["problem"]))
                 continue
             facts = RecordingFacts.model_validate(one["facts"])
             person = people.get(place, PersonFields())
-            files.append(ReadFile(place, one["file"], name, one["tracks"], facts, person))
+            files.append(ParsedFile(place, one["file"], name, one["tracks"], facts, person))
         if not files:
             faults = [Fault(one.filename, f"{one.message} ({one.code})") for one in refused]
             raise UnreadableFile("nothing-readable", "None of the files is a readable recording.", faults)
-        return ReadUpload(tuple(files), tuple(refused), people, {row["place"]: row["static"] for row in read["rows"]})
+        return ParsedUpload(
+            tuple(files), tuple(refused), people, {row["place"]: row["static"] for row in parse_result["rows"]}
+        )
 
-    def links(self, ids: Mapping[int, str]) -> dict[str, str]:
+    def static_trial_ids(self, ids: Mapping[int, str]) -> dict[str, str]:
         """Ids of static trials by recording id, for those among ``ids`` (by index)."""
         return {
             ids[place]: ids[static]
@@ -92,7 +94,7 @@ class ReadUpload:
             if static is not None and place in ids and static in ids
         }
 
-    def summary(self, ids: Mapping[int, str]) -> ReadBatchSummary:
+    def batch_summary(self, ids: Mapping[int, str]) -> ReadBatchSummary:
         """Summary of the upload for the user, with recording ``ids`` (by index)."""
         standing = set(self.statics.values()) - set(self.statics)
         subjects = [
@@ -102,7 +104,7 @@ class ReadUpload:
         ]
         studied = [recording_id for place, recording_id in ids.items() if place not in standing]
         return ReadBatchSummary(
-            recording_ids=list(ids.values()), studied=studied, subjects=subjects, refused=list(self.refused)
+            recording_ids=list(ids.values()), studied=studied, subjects=subjects, refused=list(self.refused_files)
         )
 
 
@@ -110,8 +112,8 @@ async def stage_read_batch(connection: AsyncConnection, blobs: Blobs, input: Con
     """Fetch the files of the upload; the task is stored with them."""
     request = ReadBatchInput.model_validate(input.model_dump())
     for name in request.files:
-        await blobs.get_file(f"{own_files(request.model_dump())}/{name}", folder / name)
-    return {"task": (folder / TASK).read_text(encoding="utf-8")}
+        await blobs.get_file(f"{batch_prefix(request.model_dump())}/{name}", folder / name)
+    return {"task": (folder / TASK_FILE).read_text(encoding="utf-8")}
 
 
 async def publish_read_batch(
@@ -121,32 +123,32 @@ async def publish_read_batch(
 
     Ids are derived from the job's id, as in ``publish_simulated_recording``.
     """
-    upload = ReadUpload.of(outcome["read"])
+    upload = ParsedUpload.from_parse_result(outcome["read"])
     ids = {
-        one.place: uuid.uuid5(uuid.NAMESPACE_URL, f"stridelab:job:{job_row['id']}:{one.place}").hex
+        one.index: uuid.uuid5(uuid.NAMESPACE_URL, f"stridelab:job:{job_row['id']}:{one.index}").hex
         for one in upload.files
     }
     rows = {}
     for one in upload.files:
-        file = left_file(folder, one.file)
-        rows[one.place] = uploaded_row(
-            recording_id=ids[one.place],
+        file = child_output_file(folder, one.file)
+        rows[one.index] = uploaded_row(
+            recording_id=ids[one.index],
             owner=job_row["owner"],
             filename=one.filename,
             sha256=await asyncio.to_thread(file_sha256, file),
             size_bytes=file.stat().st_size,
-            tracks_key=await new_tracks_key(ids[one.place], left_file(folder, one.tracks)),
+            tracks_key=await new_tracks_key(ids[one.index], child_output_file(folder, one.tracks)),
             facts=one.facts,
-            subject=one.stated,
+            subject=one.stated_subject,
         )
     # the same order in all transactions, so that two uploads of the same files do not deadlock
     for key in sorted({key for row in rows.values() for key in (row["blob_key"], row["tracks_key"])}):
         await lock_blob(connection, key)
     for one in upload.files:
-        await blobs.put_file(rows[one.place]["tracks_key"], folder / one.tracks)
-        await blobs.keep_or_replace(rows[one.place]["blob_key"], folder / one.file, rows[one.place]["sha256"])
-        await connection.execute(insert(recording).values(rows[one.place]))
-    for recording_id, static_id in upload.links(ids).items():
+        await blobs.put_file(rows[one.index]["tracks_key"], folder / one.tracks)
+        await blobs.keep_or_replace(rows[one.index]["blob_key"], folder / one.file, rows[one.index]["sha256"])
+        await connection.execute(insert(recording).values(rows[one.index]))
+    for recording_id, static_id in upload.static_trial_ids(ids).items():
         linked = update(recording).where(recording.c.id == recording_id)
         await connection.execute(linked.values(static_recording_id=static_id))
-    return upload.summary(ids).model_dump(mode="json")
+    return upload.batch_summary(ids).model_dump(mode="json")

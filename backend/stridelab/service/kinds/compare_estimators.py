@@ -12,16 +12,16 @@ from typing import Any, Final
 import numpy as np
 
 from stridelab.conventions import Series
-from stridelab.estimation.complementary.contributions import bode, contributions
+from stridelab.estimation.complementary.contributions import bode_responses, split_contributions
 from stridelab.estimation.complementary.filter import ComplementaryFilter
 from stridelab.estimation.estimator import ComEstimate, ComEstimator
-from stridelab.estimation.evaluation.comparison import Assessment, Comparison, Data, compare
+from stridelab.estimation.evaluation.comparison import Assessment, Comparison, ComparisonData, compare
 from stridelab.estimation.evaluation.truth_errors import TruthError
 from stridelab.estimation.markers_only import GeometryOnly
-from stridelab.pipelines.com_inputs import Prepared, prepare
-from stridelab.pipelines.estimate_com import estimator
+from stridelab.pipelines.com_inputs import ComInputs, prepare_com_inputs
+from stridelab.pipelines.estimate_com import build_estimator
 from stridelab.pipelines.progress import ProgressCallback
-from stridelab.pipelines.quality import as_contract, quality_of
+from stridelab.pipelines.quality import assess_estimate, quality_schema
 from stridelab.pipelines.requirements import require_method
 from stridelab.recordings.recording import Recording
 from stridelab.schemas import base
@@ -40,7 +40,7 @@ from stridelab.service.kinds.base import ArtifactFile, Json, Outcome
 from stridelab.service.kinds.result_tables import write_table
 from stridelab.service.kinds.simulate_recording.truth_table import known_motion
 
-AS_IN_THE_THESIS: Final = ("complementary", "kalman")
+THESIS_ESTIMATORS: Final = ("complementary", "kalman")
 """Estimators that are also compared with the settings of the thesis, as ``<name>-thesis``."""
 _BODE_HZ: Final = (0.01, 400)
 _WORLD: Final = "xyz"
@@ -58,9 +58,9 @@ def run(task: CompareEstimatorsTask, folder: Path, progress: ProgressCallback) -
     """
     request = task.input
     estimators = estimators_of(request)
-    prepared = prepare(task, folder, progress, needs_force=True)
+    prepared = prepare_com_inputs(task, folder, progress, needs_force=True)
     truth = None if task.truth is None else known_motion(folder / task.truth, prepared.geometric.time_s)
-    data = Data(
+    data = ComparisonData(
         prepared.geometric,
         prepared.wrench,
         prepared.mass.mass_kg,
@@ -70,9 +70,9 @@ def run(task: CompareEstimatorsTask, folder: Path, progress: ProgressCallback) -
     progress(0.7, f"running {len(estimators)} estimators")
     comparison = compare(estimators, data)
     progress(0.9, "writing the result")
-    summary = _summary(prepared, comparison, with_truth=truth is not None)
+    summary = _comparison_summary(prepared, comparison, with_truth=truth is not None)
     provenance = {"file": task.recording.filename, "frame": "world, z up", "summary": summary.model_dump(mode="json")}
-    artifacts = _tables(folder, request, data, comparison, provenance)
+    artifacts = _write_tables(folder, request, data, comparison, provenance)
     progress(1.0, "done")
     references = [key for a in comparison.assessments.values() for key in a.estimate.references]
     return Outcome(
@@ -86,18 +86,19 @@ def estimators_of(request: CompareEstimatorsInput) -> dict[str, ComEstimator]:
     own = isinstance(request.cutoffs, tuple) or request.cutoffs == "spectra"
     plain = request.model_copy(update={"cutoffs": "auto"}) if own else request
     chosen = {
-        name: estimator(name, request if name == ComplementaryFilter.name else plain) for name in dict.fromkeys(names)
+        name: build_estimator(name, request if name == ComplementaryFilter.name else plain)
+        for name in dict.fromkeys(names)
     }
     if request.method is None and request.cutoffs != "thesis":
         thesis = request.model_copy(update={"cutoffs": "thesis"})
-        chosen |= {f"{name}-thesis": estimator(name, thesis) for name in AS_IN_THE_THESIS if name in chosen}
+        chosen |= {f"{name}-thesis": build_estimator(name, thesis) for name in THESIS_ESTIMATORS if name in chosen}
     return chosen
 
 
-def _summary(prepared: Prepared, found: Comparison, *, with_truth: bool) -> CompareEstimatorsSummary:
+def _comparison_summary(prepared: ComInputs, found: Comparison, *, with_truth: bool) -> CompareEstimatorsSummary:
     window = next(iter(found.assessments.values())).estimate.window
     latency = prepared.latency
-    quality = quality_of(prepared, _judged(found))
+    quality = assess_estimate(prepared, _representative_estimate(found))
     return CompareEstimatorsSummary(
         window_s=(window.start_s, window.end_s),
         rate_hz=prepared.trial.recording.marker_rate_hz,
@@ -106,91 +107,94 @@ def _summary(prepared: Prepared, found: Comparison, *, with_truth: bool) -> Comp
         latency_s=latency.latency_s,
         latency_sd_s=latency.sd_s,
         latency_applied_s=latency.applied_s,
-        latency_source=latency.source,
+        latency_source=latency.latency_source,
         latency_n_trials=latency.n_trials,
         session=prepared.session,
         reference="truth" if with_truth else "geometry",
-        methods={name: _assessment(a) for name, a in found.assessments.items()},
-        refused={name: base.Remark(code=e.code, message=e.message) for name, e in found.refusals.items()},
-        quality=as_contract(quality),
+        methods={name: _method_assessment(a) for name, a in found.assessments.items()},
+        refused={name: base.Remark(code=e.code, message=e.message) for name, e in found.failures.items()},
+        quality=quality_schema(quality),
         warnings=[
-            base.Remark(code=r.code, message=r.message) for r in dict.fromkeys((*quality.remarks, *prepared.remarks))
+            base.Remark(code=r.code, message=r.message)
+            for r in dict.fromkeys((*quality.remarks, *prepared.all_remarks))
         ],
     )
 
 
-def _judged(found: Comparison) -> ComEstimate:
+def _representative_estimate(found: Comparison) -> ComEstimate:
     """The estimate whose quality represents the recording: that of the best method that succeeded."""
     fused = [name for name in (*METHODS, *found.assessments) if name in found.assessments and name != GeometryOnly.name]
     return found.assessments[next(iter(fused), GeometryOnly.name)].estimate
 
 
-def _assessment(a: Assessment) -> MethodAssessment:
+def _method_assessment(a: Assessment) -> MethodAssessment:
     momentum = None
     if a.momentum is not None:
-        momentum = MomentumRateAgreement(correlation=_axes(a.momentum.correlation), rms_nm=_axes(a.momentum.rms_nm))
+        momentum = MomentumRateAgreement(
+            correlation=_axis_values(a.momentum.correlation), rms_nm=_axis_values(a.momentum.rms_nm)
+        )
     return MethodAssessment(
         method=a.estimate.method,
-        offset_m=_axes(a.offset_m),
-        force_residual_n=_axes(a.residual_n),
-        held_back_n=None if a.held_back_n is None else _axes(a.held_back_n),
+        offset_m=_axis_values(a.offset_m),
+        force_residual_n=_axis_values(a.residual_n),
+        held_back_n=None if a.held_back_n is None else _axis_values(a.held_back_n),
         momentum_rate=momentum,
         flight=None if a.flight is None else FlightAgreement(**asdict(a.flight)),
         standing_m=None if a.standing is None else a.standing.horizontal_m,
-        truth=None if a.truth is None else _truth(a.truth),
+        truth=None if a.truth is None else _truth_errors(a.truth),
         warnings=[base.Remark(code=r.code, message=r.message) for r in a.estimate.remarks],
     )
 
 
-def _truth(error: TruthError) -> ErrorAgainstTruth:
+def _truth_errors(error: TruthError) -> ErrorAgainstTruth:
     return ErrorAgainstTruth(
         horizontal_m=error.horizontal_m,
         horizontal_95_m=error.horizontal_95_m,
         vertical_m=error.vertical_m,
-        rms_m=_axes(error.rms_m),
-        mean_m=_axes(error.mean_m),
-        coverage=_axes(error.coverage),
-        sd_m=_axes(error.sd_m),
-        lag_s=_axes(error.lag_s),
+        rms_m=_axis_values(error.rms_m),
+        mean_m=_axis_values(error.mean_m),
+        coverage=_axis_values(error.coverage),
+        sd_m=_axis_values(error.sd_m),
+        lag_s=_axis_values(error.lag_s),
     )
 
 
-def _axes(values: Series) -> Axes:
+def _axis_values(values: Series) -> Axes:
     along, lateral, vertical = (None if math.isnan(v) else v for v in values.tolist())
     return Axes(along=along, lateral=lateral, vertical=vertical)
 
 
-def _tables(
-    folder: Path, request: CompareEstimatorsInput, data: Data, found: Comparison, provenance: dict[str, Any]
+def _write_tables(
+    folder: Path, request: CompareEstimatorsInput, data: ComparisonData, found: Comparison, provenance: dict[str, Any]
 ) -> tuple[ArtifactFile, ...]:
     first = next(iter(found.assessments.values()))
     tracks: dict[str, Series] = {"time_s": first.estimate.time_s}
     if data.truth is not None:
         start = int(np.argmin(np.abs(data.geometric.time_s - first.estimate.time_s[0])))
-        tracks |= _named("truth_{}_m", data.truth.com_m[start : start + len(first.estimate.time_s)])
+        tracks |= _axis_columns("truth_{}_m", data.truth.com_m[start : start + len(first.estimate.time_s)])
     spectra: dict[str, Series] = {"frequency_hz": first.spectrum.frequency_hz}
     for name, spectrum in found.inputs.items():
         unit = "m_s2_rthz" if name == "force" else "m_rthz"
-        spectra |= _named(f"input_{name}_{{}}_{unit}", spectrum.amplitude)
+        spectra |= _axis_columns(f"input_{name}_{{}}_{unit}", spectrum.amplitude_density)
     for name, assessment in found.assessments.items():
-        tracks |= _named(f"{_column(name)}_{{}}_m", assessment.estimate.com_m)
-        spectra |= _named(f"{_column(name)}_{{}}_m_rthz", assessment.spectrum.amplitude)
+        tracks |= _axis_columns(f"{_column_name(name)}_{{}}_m", assessment.estimate.com_m)
+        spectra |= _axis_columns(f"{_column_name(name)}_{{}}_m_rthz", assessment.spectrum.amplitude_density)
     tables = {"comparison": tracks, "spectra": spectra, **_filter_tables(request, data)}
     return tuple(file for stem, columns in tables.items() for file in write_table(folder, stem, columns, provenance))
 
 
-def _filter_tables(request: CompareEstimatorsInput, data: Data) -> dict[str, dict[str, Series]]:
+def _filter_tables(request: CompareEstimatorsInput, data: ComparisonData) -> dict[str, dict[str, Series]]:
     """Figures 2.7 and 2.5 for the requested complementary filter."""
-    chosen = estimator(ComplementaryFilter.name, request)
+    chosen = build_estimator(ComplementaryFilter.name, request)
     if not isinstance(chosen, ComplementaryFilter):
         raise TypeError("the estimator of that name is the complementary filter")
-    signals = chosen.signals(data.geometric, data.wrench, data.mass_kg)
-    parts, within = contributions(signals.filters, signals.inputs), signals.stretch.within
+    signals = chosen.input_signals(data.geometric, data.wrench, data.mass_kg)
+    parts, within = split_contributions(signals.filters, signals.inputs), signals.stretch.within
     shares: dict[str, Series] = {"time_s": data.geometric.time_s[signals.span.inside]}
     for name in ("geometry", "force", "axis", "total"):
-        shares |= _named(f"{name}_{{}}_m", getattr(parts, f"{name}_m")[within])
+        shares |= _axis_columns(f"{name}_{{}}_m", getattr(parts, f"{name}_m")[within])
     low_hz, lines = _BODE_HZ
-    response = bode(signals.filters, np.geomspace(low_hz, 0.499 * signals.span.rate_hz, lines))
+    response = bode_responses(signals.filters, np.geomspace(low_hz, 0.499 * signals.span.rate_hz, lines))
     curves: dict[str, Series] = {"frequency_hz": response.frequency_hz}
     for branch, name in enumerate(("geometry", "force", "axis")):
         curves[f"{name}_gain_db"] = response.gain_db[:, branch]
@@ -198,11 +202,11 @@ def _filter_tables(request: CompareEstimatorsInput, data: Data) -> dict[str, dic
     return {"contributions": shares, "bode": curves}
 
 
-def _named(pattern: str, track: np.ndarray) -> dict[str, Series]:
+def _axis_columns(pattern: str, track: np.ndarray) -> dict[str, Series]:
     return {pattern.format(axis): track[:, i] for i, axis in enumerate(_WORLD)}
 
 
-def _column(name: str) -> str:
+def _column_name(name: str) -> str:
     return name.replace("-", "_")
 
 

@@ -12,8 +12,8 @@ from typing import Final
 
 from stridelab.pipelines.progress import ProgressCallback
 from stridelab.reachability.card import EffectorCard, ReachabilityCard
-from stridelab.reachability.learning.fit import Learned, learn
-from stridelab.reachability.store import save, save_cloud, text
+from stridelab.reachability.learning.fit import LearnedDensities, learn_densities
+from stridelab.reachability.store import card_json, save_card, save_cloud
 from stridelab.robots.card import robot_card
 from stridelab.robots.loader import load_robot
 from stridelab.robots.robot import Robot
@@ -21,13 +21,13 @@ from stridelab.schemas.base import Remark
 from stridelab.schemas.plans import LearnedEffector, LearnReachabilitySummary
 from stridelab.schemas.tasks import LearnReachabilityTask
 from stridelab.service.kinds.base import ArtifactFile, Json, Outcome
-from stridelab.service.kinds.result_tables import atomically, write_table, write_text_atomically
-from stridelab.service.kinds.robots.reachability import reachability
+from stridelab.service.kinds.result_tables import write_atomically, write_table, write_text_atomically
+from stridelab.service.kinds.robots.reachability import plottable_reachability
 
 MIXTURES_FILE, CARD_FILE, JSON = "mixtures.json", "card.json", "application/json"
 CLOUD_FILE, NPZ = "cloud.npz", "application/x-npz"
 SHAPES_FILE: Final = "reachability.json"
-FEW_SAMPLES: Final = 5000
+MIN_SAMPLES: Final = 5000
 """Number of samples below which the densities of two seeds differ visibly."""
 LEARNING_SHARE: Final = 0.95
 REFERENCES: Final = (
@@ -56,14 +56,16 @@ def run(task: LearnReachabilityTask, folder: Path, progress: ProgressCallback) -
     progress(0.0, "loading the robot")
     robot = load_robot(request.robot)
 
-    def learning(fraction: float, message: str) -> None:
+    def report_learning(fraction: float, message: str) -> None:
         progress(LEARNING_SHARE * fraction, message)
 
     today = datetime.now(UTC).date()
-    learned = learn(robot, today, request.effectors, request.samples, request.seed, request.measure, learning)
+    learned = learn_densities(
+        robot, today, request.effectors, request.samples, request.seed, request.measure, report_learning
+    )
     progress(LEARNING_SHARE, "writing the densities")
     provenance = {"input": request.model_dump(mode="json"), "robot_sha256": robot.sha256}
-    artifacts = _written(robot, learned, folder, provenance)
+    artifacts = _write_files(robot, learned, folder, provenance)
     card = learned.card
     summary = LearnReachabilitySummary(
         robot=card.robot,
@@ -73,20 +75,20 @@ def run(task: LearnReachabilityTask, folder: Path, progress: ProgressCallback) -
         rejected_share=card.rejected_share,
         learned_on=card.learned_on,
         measure=card.measure,
-        effectors={name: _learned(effector) for name, effector in card.effectors.items()},
-        warnings=list(_warnings(card)),
+        effectors={name: _learned_effector(effector) for name, effector in card.effectors.items()},
+        warnings=list(_card_warnings(card)),
     )
     progress(1.0, "done")
     references = (*REFERENCES, *robot_card(robot.name).references)
     return Outcome(summary.model_dump(mode="json"), references, artifacts)
 
 
-def _written(robot: Robot, learned: Learned, folder: Path, provenance: Json) -> tuple[ArtifactFile, ...]:
-    atomically(folder / MIXTURES_FILE, lambda path: save(path, learned.card))
-    atomically(folder / CLOUD_FILE, lambda path: save_cloud(path, learned.cloud.com_m))
+def _write_files(robot: Robot, learned: LearnedDensities, folder: Path, provenance: Json) -> tuple[ArtifactFile, ...]:
+    write_atomically(folder / MIXTURES_FILE, lambda path: save_card(path, learned.card))
+    write_atomically(folder / CLOUD_FILE, lambda path: save_cloud(path, learned.cloud.com_m))
     facts = json.dumps(without_mixtures(learned.card), indent=1)
     write_text_atomically(folder / CARD_FILE, facts + "\n")
-    shapes = reachability(robot, learned.card, learned.cloud.com_m)
+    shapes = plottable_reachability(robot, learned.card, learned.cloud.com_m)
     write_text_atomically(folder / SHAPES_FILE, shapes.model_dump_json())
     columns = {
         f"{name}_com_{axis}_m": com_m[:, i]
@@ -105,14 +107,14 @@ def _written(robot: Robot, learned: Learned, folder: Path, provenance: Json) -> 
 
 def without_mixtures(card: ReachabilityCard) -> Json:
     """Settings and quality of the learned densities: the card without the mixtures' parameters."""
-    facts: Json = json.loads(text(card))
+    facts: Json = json.loads(card_json(card))
     for effector in facts["effectors"].values():
         for numbers in ("weights", "means", "covariances"):
             del effector[numbers]
     return facts
 
 
-def _learned(effector: EffectorCard) -> LearnedEffector:
+def _learned_effector(effector: EffectorCard) -> LearnedEffector:
     return LearnedEffector(
         frame=effector.frame,
         components=effector.components,
@@ -125,9 +127,9 @@ def _learned(effector: EffectorCard) -> LearnedEffector:
     )
 
 
-def _warnings(card: ReachabilityCard) -> tuple[Remark, ...]:
+def _card_warnings(card: ReachabilityCard) -> tuple[Remark, ...]:
     remarks = []
-    if card.samples < FEW_SAMPLES:
+    if card.samples < MIN_SAMPLES:
         message = f"{card.samples} samples give a rough density; the thesis uses 20000."
         remarks.append(Remark(code="few-samples", message=message))
     for name, effector in card.effectors.items():

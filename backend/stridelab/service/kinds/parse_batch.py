@@ -16,15 +16,15 @@ from stridelab.schemas.population import MAX_RECORDINGS
 from stridelab.schemas.tasks import ParseBatchTask, ParseUploadTask, RecordingSource
 from stridelab.service.kinds import parse_upload
 from stridelab.service.kinds.base import Json, Outcome
-from stridelab.service.kinds.batch_staging import ReadUpload
+from stridelab.service.kinds.batch_staging import ParsedUpload
 from stridelab.service.processes.child import limit_memory
-from stridelab.service.processes.isolated_map import each_apart
-from stridelab.service.subject_table import match, read_subject_table
+from stridelab.service.processes.isolated_map import map_isolated
+from stridelab.service.subject_table import match_files, read_subject_table
 
 PRELOAD: Final = ("stridelab.service.kinds.parse_batch",)
 ARENA_MB: Final = 1536
 """Address space that pyarrow reserves at its first use, mostly without using it."""
-BROKEN: Final = {
+PROCESS_ERRORS: Final = {
     "computation-crashed": ("parser-crashed", "The file broke its reader; it is damaged, or not what it claims to be."),
     "computation-timed-out": ("parser-timed-out", "Reading the file took longer than this service allows."),
 }
@@ -39,27 +39,27 @@ def run_in_child(task: Json, folder: Path, progress: ProgressCallback) -> Json:
     """
     request = ParseBatchTask.model_validate(task)
     progress(0.0, "unpacking")
-    files, table = _unpacked(request, folder)
+    files, table = _unpack_archives(request, folder)
     rows = [] if table is None else read_subject_table(table)
-    matched = match([name for name, _ in files], rows)
-    results = [_described(name, path, folder) for name, path in files]
-    _refuse_twins(results)
+    matched = match_files([name for name, _ in files], rows)
+    results = [_describe_file(name, path, folder) for name, path in files]
+    _mark_duplicates(results)
     items = [
         {"file": one["file"], "filename": one["name"], "bytes": one["bytes"], "folder": str(folder), "place": place,
          "limit_bytes": request.file_bytes, "memory_mb": request.memory_mb}
         for place, one in enumerate(results) if "problem" not in one
     ]  # fmt: skip
-    done = each_apart(read_one, items, preload=PRELOAD, timeout_s=request.timeout_s)
+    done = map_isolated(read_one, items, preload=PRELOAD, timeout_s=request.timeout_s)
     for count, (index, answer) in enumerate(done, start=1):
         one = results[items[index]["place"]]
         if isinstance(answer, StridelabError):
-            code, sentence = BROKEN.get(answer.code, (answer.code, answer.message))
+            code, sentence = PROCESS_ERRORS.get(answer.code, (answer.code, answer.message))
             one["problem"] = {"code": code, "message": sentence}
         else:
             one |= answer
         progress(count / len(items), f"{count} of {len(items)} files read")
     lines = [
-        {"place": m.place, "static": m.static, "person": m.row.person.model_dump(mode="json")}
+        {"place": m.index, "static": m.static_index, "person": m.row.person.model_dump(mode="json")}
         for m in matched
         if m.row is not None
     ]
@@ -72,7 +72,7 @@ def run_as_job(task: Json, folder: Path, progress: ProgressCallback) -> Json:
     Raises ``UnreadableFile`` (``nothing-readable``), and the errors of ``run_in_child``.
     """
     read = run_in_child(json.loads(task["task"]), folder, progress)
-    ReadUpload.of(read)
+    ParsedUpload.from_parse_result(read)
     return Outcome(summary={}, references=(), artifacts=()).to_json() | {"read": read}
 
 
@@ -94,18 +94,18 @@ def read_one(item: Json) -> Json:
     return {"facts": outcome.summary, "tracks": f"{own.name}/tracks.parquet"}
 
 
-def _unpacked(asked: ParseBatchTask, folder: Path) -> tuple[list[tuple[str, Path]], bytes | None]:
-    table = None if asked.table is None else (folder / asked.table).read_bytes()
+def _unpack_archives(request: ParseBatchTask, folder: Path) -> tuple[list[tuple[str, Path]], bytes | None]:
+    table = None if request.table is None else (folder / request.table).read_bytes()
     files: list[tuple[str, Path]] = []
-    left = asked.total_bytes
-    for index, one in enumerate(asked.files):
+    left = request.total_bytes
+    for index, one in enumerate(request.files):
         path = folder / one.file
         if not is_batch(path):
             files.append((one.filename, path))
             continue
         own = folder / f"zip-{index:04d}"
         own.mkdir()
-        held = unpack_batch(path, own, BatchLimits(MAX_RECORDINGS, asked.file_bytes, left))
+        held = unpack_batch(path, own, BatchLimits(MAX_RECORDINGS, request.file_bytes, left))
         left -= sum(member.stat().st_size for _, member in held.files)
         files += held.files
         if held.table is not None:
@@ -119,14 +119,14 @@ def _unpacked(asked: ParseBatchTask, folder: Path) -> tuple[list[tuple[str, Path
     return files, table
 
 
-def _described(name: str, path: Path, folder: Path) -> dict[str, Any]:
+def _describe_file(name: str, path: Path, folder: Path) -> dict[str, Any]:
     with path.open("rb") as content:
         digest = hashlib.file_digest(content, "sha256").hexdigest()
     place = path.relative_to(folder).as_posix()
     return {"name": name, "file": place, "sha256": digest, "bytes": path.stat().st_size}
 
 
-def _refuse_twins(files: list[dict[str, Any]]) -> None:
+def _mark_duplicates(files: list[dict[str, Any]]) -> None:
     first: dict[str, str] = {}
     for one in files:
         if one["sha256"] in first:

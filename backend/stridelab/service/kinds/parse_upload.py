@@ -9,8 +9,8 @@ from pathlib import Path
 
 from stridelab.conventions import Mask, Series
 from stridelab.pipelines.progress import ProgressCallback
-from stridelab.pipelines.trial import Trial, examine, subject_fields
-from stridelab.pipelines.trial_clock import clock_of, weight_of
+from stridelab.pipelines.trial import Trial, examine_trial, subject_fields
+from stridelab.pipelines.trial_clock import clock_of, force_mass_of
 from stridelab.recordings.foot_on_plate import centre_of_pressure_m
 from stridelab.recordings.plate_contacts import loaded_intervals
 from stridelab.recordings.recording import Plate, Recording, Window
@@ -34,18 +34,18 @@ def run(task: ParseUploadTask, folder: Path, progress: ProgressCallback) -> Outc
     Raises ``UnreadableFile`` or ``InvalidInput`` with the reader's codes.
     """
     progress(0.05, "reading the file")
-    trial = examine(task.recording, folder)
+    trial = examine_trial(task.recording, folder)
     progress(0.6, "writing the tracks")
     artifacts = write_tracks(trial.recording, trial.windows, folder, task.recording.filename)
     progress(1.0, "done")
-    return Outcome(facts(trial).model_dump(mode="json"), (), artifacts)
+    return Outcome(recording_facts(trial).model_dump(mode="json"), (), artifacts)
 
 
-def facts(trial: Trial) -> RecordingFacts:
+def recording_facts(trial: Trial) -> RecordingFacts:
     """The facts of the contract; ``windows_s`` are the intervals in which all contact force is measured."""
     recording, match = trial.recording, trial.match
     direction = recording.walking_direction
-    weight = weight_of(trial)
+    weight = force_mass_of(trial)
     return RecordingFacts(
         duration_s=recording.duration_s,
         n_frames=recording.n_frames,

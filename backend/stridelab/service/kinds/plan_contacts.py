@@ -8,7 +8,7 @@ from typing import Final
 
 from stridelab.contacts.effector_geometry import effector_shapes
 from stridelab.contacts.planner.planner import ContactPlanner
-from stridelab.contacts.validation.validate import check
+from stridelab.contacts.validation.validate import validate_scenario
 from stridelab.pipelines.progress import ProgressCallback
 from stridelab.reachability.planner_limits import planner_limits
 from stridelab.schemas.base import Remark
@@ -39,7 +39,7 @@ def run(task: PlanContactsTask, folder: Path, progress: ProgressCallback) -> Out
     effectors = effector_shapes(request.robot)
     planner = ContactPlanner(effectors, planner_limits(request.robot))
     plan = planner.plan(request.model_dump(mode="json"), progress)
-    report = check(plan.scenario, effectors)
+    report = validate_scenario(plan.scenario, effectors)
     scenario = Scenario.model_validate(plan.scenario)
     summary = PlanContactsSummary(
         scenario=scenario,

@@ -27,7 +27,7 @@ _ENTRY = re.compile(r"^@\w+\{([^,\s]+),.*?^\}", re.MULTILINE | re.DOTALL)
 
 
 @cache
-def versions() -> dict[str, str]:
+def software_versions() -> dict[str, str]:
     """Version of Python and of every installed package of ``PACKAGES``."""
     package_versions = {"python": platform.python_version()}
     for package in PACKAGES:
@@ -39,16 +39,16 @@ def versions() -> dict[str, str]:
 
 
 @cache
-def _entries() -> dict[str, str]:
+def _bibtex_entries() -> dict[str, str]:
     text = (models_dir() / "references.bib").read_text(encoding="utf-8")
     return {match.group(1): match.group(0) for match in _ENTRY.finditer(text)}
 
 
 def known_references() -> frozenset[str]:
     """Citation keys of ``models/references.bib``."""
-    return frozenset(_entries())
+    return frozenset(_bibtex_entries())
 
 
-def bibliography(keys: Iterable[str]) -> str:
+def bibtex_of(keys: Iterable[str]) -> str:
     """BibTeX entries of ``keys``, in their order. Raises ``KeyError`` for a key missing in models/references.bib."""
-    return "\n\n".join(_entries()[key] for key in dict.fromkeys(keys)) + "\n"
+    return "\n\n".join(_bibtex_entries()[key] for key in dict.fromkeys(keys)) + "\n"

@@ -147,7 +147,7 @@ REPRODUCE = JobKind(
 )
 
 READ_BATCH = JobKind(
-    name=batch_staging.KIND,
+    name=batch_staging.READ_BATCH_KIND,
     input_model=ReadBatchInput,
     summary_model=ReadBatchSummary,
     run="stridelab.service.kinds.parse_batch:run_as_job",
@@ -157,7 +157,7 @@ READ_BATCH = JobKind(
     memory_mb=4096,
     lane="long",
     offered=False,
-    own_files=batch_staging.own_files,
+    own_files=batch_staging.batch_prefix,
 )
 """Parses a bulk upload that takes too long for a synchronous response."""
 

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Final
 
 from stridelab.pipelines.progress import ProgressCallback
-from stridelab.reproduction.registry import ITEMS, reproduce
+from stridelab.reproduction.registry import ITEMS, reproduce_item
 from stridelab.schemas.reproduction import ClaimResult, ReproduceSummary
 from stridelab.schemas.tasks import ReproduceTask
 from stridelab.service.kinds.base import ArtifactFile, Json, Outcome
@@ -27,7 +27,7 @@ def run(task: ReproduceTask, folder: Path, progress: ProgressCallback) -> Outcom
     request = task.input
     item = ITEMS[request.item]
     seeds = request.seeds or item.default_seeds
-    reproduction = reproduce(request.item, seeds, lambda fraction, message: progress(0.95 * fraction, message))
+    reproduction = reproduce_item(request.item, seeds, lambda fraction, message: progress(0.95 * fraction, message))
     progress(0.95, "writing the result")
     summary = ReproduceSummary(
         item=item.name,

@@ -18,7 +18,7 @@ import pyarrow.csv
 import pyarrow.parquet
 
 from stridelab.service.kinds.base import ArtifactFile
-from stridelab.service.kinds.provenance import versions
+from stridelab.service.kinds.provenance import software_versions
 
 PARQUET = "application/vnd.apache.parquet"
 CSV = "text/csv"
@@ -56,25 +56,25 @@ def write_table(
     """
     about = {
         "units": {name: unit_of(name) for name in columns},
-        "versions": versions(),
+        "versions": software_versions(),
         "provenance": dict(provenance),
     }
     table = pa.table({name: np.asarray(values) for name, values in columns.items()})
     table = table.replace_schema_metadata({METADATA_KEY: json.dumps(about, sort_keys=True).encode()})
     parquet, csv = folder / f"{stem}.parquet", folder / f"{stem}.csv"
-    atomically(parquet, lambda path: pyarrow.parquet.write_table(table, path, compression="zstd"))
+    write_atomically(parquet, lambda path: pyarrow.parquet.write_table(table, path, compression="zstd"))
     plain = _safe_for_spreadsheets(_empty_for_nan(table))
-    atomically(csv, lambda path: pyarrow.csv.write_csv(plain, path))
+    write_atomically(csv, lambda path: pyarrow.csv.write_csv(plain, path))
     return ArtifactFile(parquet.name, PARQUET), ArtifactFile(csv.name, CSV)
 
 
-def read_about(parquet: Path) -> dict[str, Any]:
+def read_metadata(parquet: Path) -> dict[str, Any]:
     """Units, versions and provenance of a table written by ``write_table``."""
     metadata = pyarrow.parquet.read_schema(parquet).metadata or {}
     return dict(json.loads(metadata[METADATA_KEY]))
 
 
-def atomically(path: Path, write: Callable[[Path], object]) -> None:
+def write_atomically(path: Path, write: Callable[[Path], object]) -> None:
     """Call ``write`` with a temporary file beside ``path``, then rename it; a failure leaves no file.
 
     The temporary name has the same suffix, on which some writers depend.
@@ -89,7 +89,7 @@ def atomically(path: Path, write: Callable[[Path], object]) -> None:
 
 def write_text_atomically(path: Path, text: str) -> None:
     """Write ``text`` in UTF-8 with ``write_atomically``."""
-    atomically(path, lambda part: part.write_text(text, encoding="utf-8"))
+    write_atomically(path, lambda part: part.write_text(text, encoding="utf-8"))
 
 
 def spreadsheet_text(text: str) -> str:

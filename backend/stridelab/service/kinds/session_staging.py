@@ -7,7 +7,7 @@ from typing import Any
 from sqlalchemy import select
 from sqlalchemy.ext.asyncio import AsyncConnection
 
-from stridelab.pipelines.session_values import TrialFacts, session_values, static_of
+from stridelab.pipelines.session_values import TrialFacts, select_static_trial, session_values
 from stridelab.schemas.recordings import RecordingFacts
 from stridelab.schemas.sessions import SessionValues
 from stridelab.service.storage.tables import recording
@@ -16,32 +16,34 @@ Row = Mapping[str, Any]
 
 
 @dataclass(frozen=True)
-class SessionOfRow:
+class StagedSession:
     """``values`` of the session, None if it has one recording only; ``static`` is the row of its static trial."""
 
     values: SessionValues | None = None
     static: Row | None = None
 
 
-async def session_of(connection: AsyncConnection, row: Row) -> SessionOfRow:
+async def session_of(connection: AsyncConnection, row: Row) -> StagedSession:
     """The session of a recording's row: the other recordings of its owner with the same ``session_id``.
 
     The static trial is the stated one, which is then not part of the session values, else that of the session.
     """
-    stated = await _row(connection, row["static_recording_id"])
-    others = await _others(connection, row)
-    shared_values = session_values(row["session_id"], _facts(row), [_facts(one) for one in others]) if others else None
+    stated = await _recording_row(connection, row["static_recording_id"])
+    others = await _other_recordings(connection, row)
+    shared_values = (
+        session_values(row["session_id"], _trial_facts(row), [_trial_facts(one) for one in others]) if others else None
+    )
     if stated is not None:
-        return SessionOfRow(shared_values, stated)
-    static_facts = static_of(_facts(row), [_facts(one) for one in others])
+        return StagedSession(shared_values, stated)
+    static_facts = select_static_trial(_trial_facts(row), [_trial_facts(one) for one in others])
     if static_facts is None:
-        return SessionOfRow(shared_values)
+        return StagedSession(shared_values)
     values = shared_values or SessionValues(session_id=row["session_id"])
     static = next(one for one in others if one["id"] == static_facts.recording_id)
-    return SessionOfRow(values.model_copy(update={"static_recording_id": static_facts.recording_id}), static)
+    return StagedSession(values.model_copy(update={"static_recording_id": static_facts.recording_id}), static)
 
 
-async def _others(connection: AsyncConnection, row: Row) -> list[Row]:
+async def _other_recordings(connection: AsyncConnection, row: Row) -> list[Row]:
     if row["session_id"] is None:
         return []
     same = select(recording).where(
@@ -52,7 +54,7 @@ async def _others(connection: AsyncConnection, row: Row) -> list[Row]:
     return [dict(one) for one in (await connection.execute(same.order_by(recording.c.id))).mappings().all()]
 
 
-async def _row(connection: AsyncConnection, recording_id: str | None) -> Row | None:
+async def _recording_row(connection: AsyncConnection, recording_id: str | None) -> Row | None:
     if recording_id is None:
         return None
     result = await connection.execute(select(recording).where(recording.c.id == recording_id))
@@ -60,5 +62,5 @@ async def _row(connection: AsyncConnection, recording_id: str | None) -> Row | N
     return None if row is None else dict(row)
 
 
-def _facts(row: Row) -> TrialFacts:
+def _trial_facts(row: Row) -> TrialFacts:
     return TrialFacts(row["id"], row["filename"], row["sha256"], RecordingFacts.model_validate(row["facts"]))

@@ -59,8 +59,8 @@ async def stage_estimate_com(connection: AsyncConnection, blobs: Blobs, input: C
     session = await session_of(connection, row)
     static = None
     if session.static is not None:
-        static = await _source(connection, blobs, session.static, folder, "static-trial")
-    source = await _source(connection, blobs, row, folder, "trial")
+        static = await _stage_recording(connection, blobs, session.static, folder, "static-trial")
+    source = await _stage_recording(connection, blobs, row, folder, "trial")
     task = EstimateComTask(recording=source, static=static, session=session.values, input=request)
     return task.model_dump(mode="json")
 
@@ -85,7 +85,7 @@ async def stage_compare_estimators(connection: AsyncConnection, blobs: Blobs, in
 async def stage_fit_cycloid(connection: AsyncConnection, blobs: Blobs, input: Contract, folder: Path) -> Json:  # noqa: A002
     """Fetch the files of ``estimate-com``."""
     request = FitCycloidInput.model_validate(input.model_dump())
-    staged = await stage_estimate_com(connection, blobs, EstimateComInput(**_shared(request)), folder)
+    staged = await stage_estimate_com(connection, blobs, EstimateComInput(**_estimate_com_fields(request)), folder)
     return FitCycloidTask(**(staged | {"input": request})).model_dump(mode="json")
 
 
@@ -151,7 +151,7 @@ async def publish_simulated_recording(
     return {**outcome["summary"], "recording_id": recording_id}
 
 
-def _shared(request: EstimateComInput) -> dict[str, Any]:
+def _estimate_com_fields(request: EstimateComInput) -> dict[str, Any]:
     """The fields of a kind's input that belong to ``estimate-com``."""
     return {name: value for name, value in request.model_dump().items() if name in EstimateComInput.model_fields}
 
@@ -180,7 +180,7 @@ async def _scenario_body(connection: AsyncConnection, scenario_id: str) -> Scena
     return Scenario.model_validate(body)
 
 
-async def _source(
+async def _stage_recording(
     connection: AsyncConnection, blobs: Blobs, row: Mapping[str, Any], folder: Path, name: str
 ) -> RecordingSource:
     linked = None

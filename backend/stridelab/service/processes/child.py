@@ -22,35 +22,35 @@ from pathlib import Path
 from typing import IO, Any, Final, NoReturn
 
 from stridelab.cores import limit_cores
-from stridelab.service.processes.priority import yield_processor
-from stridelab.service.processes.sandbox import Sandbox, confine
+from stridelab.service.processes.priority import lower_priority
+from stridelab.service.processes.sandbox import Sandbox, confine_process
 
-NAME: Final = "stridelab-job"
+PROCESS_NAME: Final = "stridelab-job"
 """Process name of a child, to distinguish it from the fork server."""
 _MIN_PROGRESS_S = 0.02
-_own_pages = -1
+_statm_fd = -1
 """A descriptor of /proc/self/statm, for forks of a confined process, which may not open their own."""
 
 
-def live(wire: int, niceness: int) -> NoReturn:
+def run_child(wire: int, niceness: int) -> NoReturn:
     """Receive one task on the socket ``wire``, run it and send the answer."""
     if niceness > 0:
-        yield_processor(niceness)
-    _be_known()
+        lower_priority(niceness)
+    _set_name_and_oom_score()
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(line_buffering=True)  # so that the output of a killed child is not lost
     faulthandler.enable()
     reader, writer = os.fdopen(wire, encoding="utf-8"), os.fdopen(os.dup(wire), "w", encoding="utf-8")
-    _send(writer, {"ready": os.getpid(), "held_bytes": _pages(1)})
+    _send_message(writer, {"ready": os.getpid(), "held_bytes": _memory_bytes(1)})
     line = reader.readline()
     if line:
-        _send(writer, answer(json.loads(line), writer))
+        _send_message(writer, run_task(json.loads(line), writer))
     sys.stdout.flush()
     sys.stderr.flush()
     os._exit(0)  # the answer is sent: skip finalisers of native libraries
 
 
-def answer(task: dict[str, Any], wire: IO[str]) -> dict[str, Any]:
+def run_task(task: dict[str, Any], wire: IO[str]) -> dict[str, Any]:
     """Run the task; returns a message with its value or its problem."""
     from stridelab.errors import StridelabError
 
@@ -62,12 +62,12 @@ def answer(task: dict[str, Any], wire: IO[str]) -> dict[str, Any]:
         module, _, function = task["target"].partition(":")
         run = getattr(importlib.import_module(module), function)
         if task["sandbox"] is not None:
-            _keep_own_pages()
-            confine(Sandbox(**task["sandbox"]), folder)
-        value = run(task["task"], folder, _reporter(wire))
+            _open_statm()
+            confine_process(Sandbox(**task["sandbox"]), folder)
+        value = run(task["task"], folder, _progress_reporter(wire))
         return {"value": json.loads(json.dumps(value, allow_nan=False))}
     except MemoryError:
-        _without_limit()
+        _lift_memory_limit()
         traceback.print_exc()
         return {"memory": True}
     except StridelabError as error:
@@ -75,7 +75,7 @@ def answer(task: dict[str, Any], wire: IO[str]) -> dict[str, Any]:
         problem = {"code": error.code, "detail": error.message, "errors": faults}
         return {"problem": problem, "raised": type(error).__name__}
     except BaseException as error:  # noqa: BLE001 (any error of the computation is reported to the parent)
-        _without_limit()
+        _lift_memory_limit()
         traceback.print_exc()
         summary = str(error).splitlines()[0][:300] if str(error) else "no message"
         detail = f"The computation stopped with an unexpected error ({type(error).__name__}: {summary})."
@@ -84,22 +84,22 @@ def answer(task: dict[str, Any], wire: IO[str]) -> dict[str, Any]:
         return {"problem": {"code": code, "detail": detail, "errors": []}, "raised": None}
 
 
-def _reporter(wire: IO[str]) -> Callable[[float, str], None]:
+def _progress_reporter(wire: IO[str]) -> Callable[[float, str], None]:
     last, stage = 0.0, ""
 
-    def report(fraction: float, message: str = "") -> None:
+    def send_progress(fraction: float, message: str = "") -> None:
         nonlocal last, stage
         now = time.monotonic()
         # The first message of a new stage ("whole body: ...") is never dropped: it may be the last one.
         new_stage, colon, _ = str(message).partition(":")
         if now - last >= _MIN_PROGRESS_S or fraction >= 1.0 or (colon and new_stage != stage):
             last, stage = now, new_stage
-            _send(wire, {"progress": [min(max(float(fraction), 0.0), 1.0), str(message)[:500]]})
+            _send_message(wire, {"progress": [min(max(float(fraction), 0.0), 1.0), str(message)[:500]]})
 
-    return report
+    return send_progress
 
 
-def _send(wire: IO[str], message: dict[str, Any]) -> None:
+def _send_message(wire: IO[str], message: dict[str, Any]) -> None:
     wire.write(json.dumps(message) + "\n")
     wire.flush()
 
@@ -109,21 +109,21 @@ def forbid_core_files() -> None:
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
 
 
-def _be_known() -> None:
+def _set_name_and_oom_score() -> None:
     """Set the process name, and make this process the first victim of the out-of-memory killer."""
-    for file, text in (("oom_score_adj", "1000"), ("comm", NAME)):
+    for file, text in (("oom_score_adj", "1000"), ("comm", PROCESS_NAME)):
         with contextlib.suppress(OSError):  # not Linux, or not allowed: the memory limit still holds
             Path("/proc/self", file).write_text(text, encoding="ascii")
 
 
 def limit_memory(memory_mb: int) -> None:
     """Limit the address space to ``memory_mb`` beyond the present size, which includes the imported libraries."""
-    limit = _pages(0) + (memory_mb << 20)
+    limit = _memory_bytes(0) + (memory_mb << 20)
     with contextlib.suppress(ValueError, OSError):  # a lower hard limit is set already
         resource.setrlimit(resource.RLIMIT_AS, (limit, resource.getrlimit(resource.RLIMIT_AS)[1]))
 
 
-def _pages(column: int) -> int:
+def _memory_bytes(column: int) -> int:
     """Virtual (column 0) or resident (1) memory of this process in bytes; 0 where the system does not provide it.
 
     A fork of a confined child uses the values of that child, from which it started.
@@ -131,15 +131,15 @@ def _pages(column: int) -> int:
     with contextlib.suppress(OSError):
         return int(Path("/proc/self/statm").read_text(encoding="ascii").split()[column]) * resource.getpagesize()
     with contextlib.suppress(OSError):
-        return int(os.pread(_own_pages, 256, 0).split()[column]) * resource.getpagesize()
+        return int(os.pread(_statm_fd, 256, 0).split()[column]) * resource.getpagesize()
     return 0
 
 
-def _keep_own_pages() -> None:
-    global _own_pages
+def _open_statm() -> None:
+    global _statm_fd
     with contextlib.suppress(OSError):  # not Linux
-        _own_pages = os.open("/proc/self/statm", os.O_RDONLY | os.O_CLOEXEC)
+        _statm_fd = os.open("/proc/self/statm", os.O_RDONLY | os.O_CLOEXEC)
 
 
-def _without_limit() -> None:
+def _lift_memory_limit() -> None:
     resource.setrlimit(resource.RLIMIT_AS, (resource.getrlimit(resource.RLIMIT_AS)[1],) * 2)

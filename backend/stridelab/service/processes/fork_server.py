@@ -33,48 +33,48 @@ REQUEST: Final = struct.Struct("<cqB")
 ANSWER: Final = struct.Struct("<qi")
 """Serial number and exit code, negative for a signal."""
 FORK: Final = b"F"
-LET_GO: Final = b"L"
+RELEASE: Final = b"L"
 PING: Final = b"P"
 
 
-class Forking:
+class ForkServer:
     """Forks, monitors and reaps the children of this process."""
 
     def __init__(self, control: socket.socket) -> None:
-        self._control, self._asked = control, control.fileno()
-        self._woken, wake = os.pipe()
-        os.set_blocking(self._woken, False)
+        self._control, self._control_fd = control, control.fileno()
+        self._wakeup_fd, wake = os.pipe()
+        os.set_blocking(self._wakeup_fd, False)
         os.set_blocking(wake, False)
-        self._wake = wake
+        self._wakeup_write_fd = wake
         signal.signal(signal.SIGCHLD, lambda *_: None)  # the signal only writes a byte to the wake-up pipe
         signal.set_wakeup_fd(wake, warn_on_full_buffer=False)
         self._pids: dict[int, int] = {}
         self._ended: set[int] = set()
-        self._let_go: set[int] = set()
+        self._released: set[int] = set()
 
-    def attend(self) -> NoReturn:
+    def serve_requests(self) -> NoReturn:
         """Serve requests and report ended children until the client closes the socket."""
         while True:
-            ready, _, _ = select.select([self._asked, self._woken], [], [])
-            if self._woken in ready:
-                os.read(self._woken, select.PIPE_BUF)
-            if self._asked in ready:
-                self._take()
-            self._look_after()
+            ready, _, _ = select.select([self._control_fd, self._wakeup_fd], [], [])
+            if self._wakeup_fd in ready:
+                os.read(self._wakeup_fd, select.PIPE_BUF)
+            if self._control_fd in ready:
+                self._handle_request()
+            self._report_and_reap()
 
-    def _take(self) -> None:
+    def _handle_request(self) -> None:
         request, files, _, _ = socket.recv_fds(self._control, REQUEST.size, 2, socket.MSG_WAITALL)
         if len(request) < REQUEST.size:
             os._exit(0)  # the client has closed the socket
         what, serial, niceness = REQUEST.unpack(request)
         if what == FORK:
-            self._fork(serial, niceness, *files)
+            self._fork_child(serial, niceness, *files)
         elif what == PING:
             self._control.sendall(ANSWER.pack(0, 0))
         else:
-            self._let_go.add(serial)
+            self._released.add(serial)
 
-    def _fork(self, serial: int, niceness: int, wire: int, log: int) -> None:
+    def _fork_child(self, serial: int, niceness: int, wire: int, log: int) -> None:
         server_pid = os.getpid()
         try:
             pid = os.fork()
@@ -82,7 +82,7 @@ class Forking:
             os.write(log, f"No child could be forked: {error}.\n".encode())
             pid = None
         if pid == 0:
-            self._live(server_pid, niceness, wire, log)
+            self._run_in_child(server_pid, niceness, wire, log)
         os.close(wire)
         os.close(log)
         if pid is None:
@@ -90,27 +90,27 @@ class Forking:
         else:
             self._pids[serial] = pid
 
-    def _live(self, nursery: int, niceness: int, wire: int, log: int) -> NoReturn:
+    def _run_in_child(self, server_pid: int, niceness: int, wire: int, log: int) -> NoReturn:
         """In the child: drop the server's state except for the imported modules, and run the task."""
         try:
             signal.set_wakeup_fd(-1)
             signal.signal(signal.SIGCHLD, signal.SIG_DFL)
             self._control.close()
-            for inherited in (self._woken, self._wake):
+            for inherited in (self._wakeup_fd, self._wakeup_write_fd):
                 os.close(inherited)
             os.setsid()  # its own children can be killed with it
             os.dup2(log, 1)
             os.dup2(log, 2)
             os.close(log)
             os.set_inheritable(wire, False)
-            die_with_parent(nursery)
-            child.live(wire, niceness)
+            die_with_parent(server_pid)
+            child.run_child(wire, niceness)
         except BaseException:  # noqa: BLE001 (the child must not return into the server's loop)
             traceback.print_exc()
         finally:
             os._exit(1)
 
-    def _look_after(self) -> None:
+    def _report_and_reap(self) -> None:
         for serial, pid in list(self._pids.items()):
             if serial not in self._ended:
                 status = os.waitid(os.P_PID, pid, os.WEXITED | os.WNOWAIT | os.WNOHANG)
@@ -119,11 +119,11 @@ class Forking:
                 code = status.si_status if status.si_code == os.CLD_EXITED else -status.si_status
                 self._ended.add(serial)
                 self._control.sendall(ANSWER.pack(serial, code))
-            if serial in self._let_go:
+            if serial in self._released:
                 os.waitpid(pid, 0)
                 del self._pids[serial]
                 self._ended.discard(serial)
-        self._let_go &= self._pids.keys()
+        self._released &= self._pids.keys()
 
 
 def main(parent_pid: int, modules: list[str]) -> None:
@@ -132,7 +132,7 @@ def main(parent_pid: int, modules: list[str]) -> None:
     child.forbid_core_files()
     control = socket.socket(fileno=os.dup(0))
     os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
-    forking = Forking(control)
+    forking = ForkServer(control)
     for module in modules:
         try:
             importlib.import_module(module)
@@ -140,7 +140,7 @@ def main(parent_pid: int, modules: list[str]) -> None:
             traceback.print_exc()  # a task that needs the module reports the error
     gc.collect()
     gc.freeze()  # a collection in a child would write to, and so copy, every page
-    forking.attend()
+    forking.serve_requests()
 
 
 if __name__ == "__main__":

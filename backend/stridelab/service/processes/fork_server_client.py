@@ -17,34 +17,34 @@ from typing import Final
 
 import structlog
 
-from stridelab.service.processes.fork_server import ANSWER, FORK, LET_GO, PING, REQUEST
-from stridelab.service.processes.sandbox import MODE, USER
-from stridelab.service.processes.watchdog import Silence
+from stridelab.service.processes.fork_server import ANSWER, FORK, PING, RELEASE, REQUEST
+from stridelab.service.processes.sandbox import MODE_VARIABLE, USER_VARIABLE
+from stridelab.service.processes.watchdog import ResponseWatchdog
 
 _PING_S: Final = 0.5
-_LINE_BYTES: Final = 64 * 1024 * 1024
+_MAX_LINE_BYTES: Final = 64 * 1024 * 1024
 _log = structlog.get_logger(__name__)
-_THREADS: Final = ("OMP", "OPENBLAS", "MKL", "NUMEXPR", "VECLIB", "BLIS")
-_SECRETS: Final = ("STRIDELAB_", "AWS_", "PG", "AZURE_", "GOOGLE_")
-_NEEDED: Final = frozenset({"STRIDELAB_NATIVE_PATH", MODE, USER})
+_THREAD_LIBRARIES: Final = ("OMP", "OPENBLAS", "MKL", "NUMEXPR", "VECLIB", "BLIS")
+_SECRET_PREFIXES: Final = ("STRIDELAB_", "AWS_", "PG", "AZURE_", "GOOGLE_")
+_PASSED_VARIABLES: Final = frozenset({"STRIDELAB_NATIVE_PATH", MODE_VARIABLE, USER_VARIABLE})
 """Non-secret variables that children need: the folder of the C++ solver and the sandbox settings."""
 _SINGLE_THREADED: Final = {"JE_ARROW_MALLOC_CONF": "background_thread:false"}
 """Arrow's allocator would start a thread at import, and a process with threads is not safely forked."""
 
 
 @dataclass
-class Forked:
+class ForkedChild:
     """A forked child: its communication streams, its output, and its exit code once it has ended."""
 
     serial: int
-    heard: asyncio.StreamReader
-    told: asyncio.StreamWriter
+    reader: asyncio.StreamReader
+    writer: asyncio.StreamWriter
     log: asyncio.StreamReader
     log_transport: asyncio.BaseTransport
-    ended: "asyncio.Future[int]" = field(repr=False)
+    exit_code: "asyncio.Future[int]" = field(repr=False)
 
 
-class Nursery:
+class ForkServerClient:
     """A fork server process. Created by ``start_server``; ``close`` kills it and all its children."""
 
     def __init__(self, process: asyncio.subprocess.Process, control: socket.socket) -> None:
@@ -52,15 +52,15 @@ class Nursery:
         self._loop = asyncio.get_running_loop()
         self._children: dict[int, asyncio.Future[int]] = {}
         self._serial = 0
-        self._heard = b""
+        self._receive_buffer = b""
         self._is_gone = False
-        self._loop.add_reader(control, self._hear)
-        self._silence = Silence(process.pid)
-        self._is_asked = False
-        self._watching = self._loop.create_task(self._watch())
+        self._loop.add_reader(control, self._on_readable)
+        self._watchdog = ResponseWatchdog(process.pid)
+        self._ping_pending = False
+        self._ping_task = self._loop.create_task(self._ping_loop())
 
     @staticmethod
-    async def start(preload: Sequence[str]) -> "Nursery":
+    async def start_server(preload: Sequence[str]) -> "ForkServerClient":
         """Start a fork server that imports the modules ``preload``."""
         ours, theirs = socket.socketpair()
         with theirs:
@@ -76,7 +76,7 @@ class Nursery:
                 start_new_session=True,
             )
         ours.setblocking(False)
-        return Nursery(process, ours)
+        return ForkServerClient(process, ours)
 
     @property
     def pid(self) -> int:
@@ -88,7 +88,7 @@ class Nursery:
         """Whether the fork server has ended and must be replaced."""
         return self._is_gone
 
-    async def fork(self, niceness: int) -> Forked:
+    async def fork_child(self, niceness: int) -> ForkedChild:
         """Fork a child with ``niceness`` (0 to 19). Raises ``OSError`` if the fork server has just ended."""
         self._serial += 1
         serial = self._serial
@@ -102,32 +102,32 @@ class Nursery:
             except OSError:
                 wire.close()
                 os.close(log)
-                self._end()
+                self._mark_ended()
                 raise
         ended = self._children[serial] = self._loop.create_future()
         log_reader = asyncio.StreamReader()
-        reader, writer = await asyncio.open_connection(sock=wire, limit=_LINE_BYTES)
+        reader, writer = await asyncio.open_connection(sock=wire, limit=_MAX_LINE_BYTES)
         transport, _ = await self._loop.connect_read_pipe(
             lambda: asyncio.StreamReaderProtocol(log_reader), os.fdopen(log, "rb", buffering=0)
         )
-        return Forked(serial, reader, writer, log_reader, transport, ended)
+        return ForkedChild(serial, reader, writer, log_reader, transport, ended)
 
-    def let_go(self, child: Forked) -> None:
+    def release_child(self, child: ForkedChild) -> None:
         """Release a child: once it has ended, it is reaped and its process id may be reused."""
-        child.told.close()
+        child.writer.close()
         child.log_transport.close()
         self._children.pop(child.serial, None)
         with contextlib.suppress(OSError):  # the fork server has ended, and its children with it
-            self._control.send(REQUEST.pack(LET_GO, child.serial, 0))
+            self._control.send(REQUEST.pack(RELEASE, child.serial, 0))
 
     async def close(self) -> None:
         """Kill the fork server and wait until it has ended."""
         with contextlib.suppress(ProcessLookupError):
             self._process.kill()
         await self._process.wait()
-        self._end()
+        self._mark_ended()
 
-    def _hear(self) -> None:
+    def _on_readable(self) -> None:
         try:
             received = self._control.recv(1 << 16)
         except BlockingIOError:
@@ -135,50 +135,56 @@ class Nursery:
         except OSError:
             received = b""
         if not received:
-            self._end()
+            self._mark_ended()
             return
-        self._heard += received
-        whole = len(self._heard) // ANSWER.size * ANSWER.size
-        for serial, code in ANSWER.iter_unpack(self._heard[:whole]):
+        self._receive_buffer += received
+        whole = len(self._receive_buffer) // ANSWER.size * ANSWER.size
+        for serial, code in ANSWER.iter_unpack(self._receive_buffer[:whole]):
             if serial == 0:  # answer to a ping; serial numbers of children start at 1
-                self._is_asked = False
-                self._silence.heard()
-            self._settle(self._children.get(serial), code)
-        self._heard = self._heard[whole:]
+                self._ping_pending = False
+                self._watchdog.record_answer()
+            self._set_exit_code(self._children.get(serial), code)
+        self._receive_buffer = self._receive_buffer[whole:]
 
-    async def _watch(self) -> None:
+    async def _ping_loop(self) -> None:
         """Ping the fork server and kill it if it does not respond; the next fork starts a new one."""
         while True:
-            if not self._is_asked:
+            if not self._ping_pending:
                 with contextlib.suppress(OSError):  # its buffer is full, or it has just ended
                     self._control.send(REQUEST.pack(PING, 0, 0))
-                    self._is_asked = True
+                    self._ping_pending = True
             await asyncio.sleep(_PING_S)
-            if self._is_asked and (verdict := self._silence.verdict()) is not None:
+            if self._ping_pending and (verdict := self._watchdog.failure_state()) is not None:
                 _log.warning("nursery replaced", why=verdict)
                 with contextlib.suppress(ProcessLookupError):
                     self._process.kill()
                 return
 
-    def _end(self) -> None:
+    def _mark_ended(self) -> None:
         if not self._is_gone:
             self._is_gone = True
-            self._watching.cancel()
+            self._ping_task.cancel()
             self._loop.remove_reader(self._control)
             self._control.close()
             for ended in self._children.values():
-                self._settle(ended, -signal.SIGKILL)  # the kernel kills them with the fork server
+                self._set_exit_code(ended, -signal.SIGKILL)  # the kernel kills them with the fork server
 
     @staticmethod
-    def _settle(ended: "asyncio.Future[int] | None", code: int) -> None:
+    def _set_exit_code(ended: "asyncio.Future[int] | None", code: int) -> None:
         if ended is not None and not ended.done():
             ended.set_result(code)
 
 
 def child_environment() -> dict[str, str]:
     """Environment of a child process: no secrets, one thread per library."""
-    environment = {key: value for key, value in os.environ.items() if key in _NEEDED or not key.startswith(_SECRETS)}
+    environment = {
+        key: value
+        for key, value in os.environ.items()
+        if key in _PASSED_VARIABLES or not key.startswith(_SECRET_PREFIXES)
+    }
     # Arrow's default allocator reserves 1 GiB of address space at once, the entire limit of a parser of uploads.
     return (
-        environment | {f"{library}_NUM_THREADS": "1" for library in _THREADS} | {"ARROW_DEFAULT_MEMORY_POOL": "system"}
+        environment
+        | {f"{library}_NUM_THREADS": "1" for library in _THREAD_LIBRARIES}
+        | {"ARROW_DEFAULT_MEMORY_POOL": "system"}
     )

@@ -21,8 +21,8 @@ from stridelab.errors import Fault, StridelabError
 from stridelab.service.kinds.base import Json
 
 PROCESSES: Final = 2
-_NEVER_S: Final = 3600.0
-_START_S: Final = 60.0
+_DEFAULT_TIMEOUT_S: Final = 3600.0
+_START_TIMEOUT_S: Final = 60.0
 """Time for the server process to import the preloaded modules; the limit of an item starts with its own process."""
 _STARTED: Final = b"started"
 
@@ -31,15 +31,15 @@ _STARTED: Final = b"started"
 class _Running:
     index: int
     process: BaseProcess
-    until_s: float
+    deadline_s: float
 
 
-def each_apart(
+def map_isolated(
     work: Callable[[Json], Json],
     items: Sequence[Json],
     *,
     preload: Sequence[str],
-    timeout_s: float = _NEVER_S,
+    timeout_s: float = _DEFAULT_TIMEOUT_S,
     processes: int = PROCESSES,
 ) -> Iterator[tuple[int, "Json | StridelabError"]]:
     """Yield the index and the result of ``work(item)``, or the ``StridelabError`` that it raised, as items finish.
@@ -59,28 +59,28 @@ def each_apart(
             while waiting and len(running) < at_once:
                 index, item = waiting.popleft()
                 ours, theirs = context.Pipe(duplex=False)
-                process = context.Process(target=_answer, args=(theirs, work, item), daemon=True)
+                process = context.Process(target=_run_item, args=(theirs, work, item), daemon=True)
                 process.start()
                 theirs.close()
-                running[ours] = _Running(index, process, time.monotonic() + _START_S)
-            left_s = min(one.until_s for one in running.values()) - time.monotonic()
+                running[ours] = _Running(index, process, time.monotonic() + _START_TIMEOUT_S)
+            left_s = min(one.deadline_s for one in running.values()) - time.monotonic()
             ready = wait(list(running), timeout=max(left_s, 0.0))
-            late = [pipe for pipe, one in running.items() if one.until_s <= time.monotonic() and pipe not in ready]
+            late = [pipe for pipe, one in running.items() if one.deadline_s <= time.monotonic() and pipe not in ready]
             for pipe in [pipe for pipe in running if pipe in ready]:
                 one = running.pop(pipe)
-                message = _received(pipe)
+                message = _receive_message(pipe)
                 if message == _STARTED:
-                    running[pipe] = replace(one, until_s=time.monotonic() + timeout_s)
+                    running[pipe] = replace(one, deadline_s=time.monotonic() + timeout_s)
                 else:
-                    yield one.index, _finished(pipe, one.process, message)
+                    yield one.index, _item_result(pipe, one.process, message)
             for pipe in late:
                 one = running.pop(pipe)
-                _end(pipe, one.process)
+                _end_process(pipe, one.process)
                 sentence = "The computation exceeded its time limit and was stopped."
                 yield one.index, StridelabError("computation-timed-out", sentence)
     finally:
         for pipe, one in running.items():
-            _end(pipe, one.process)
+            _end_process(pipe, one.process)
 
 
 def _has_one_thread() -> bool:
@@ -89,7 +89,7 @@ def _has_one_thread() -> bool:
     return tasks.exists() and len(list(tasks.iterdir())) == 1
 
 
-def _answer(pipe: Connection, work: Callable[[Json], Json], item: Json) -> None:
+def _run_item(pipe: Connection, work: Callable[[Json], Json], item: Json) -> None:
     pipe.send_bytes(_STARTED)
     try:
         message: Json = {"value": work(item)}
@@ -100,18 +100,18 @@ def _answer(pipe: Connection, work: Callable[[Json], Json], item: Json) -> None:
     pipe.close()
 
 
-def _received(pipe: Connection) -> bytes | None:
+def _receive_message(pipe: Connection) -> bytes | None:
     try:
         return pipe.recv_bytes()
     except EOFError:
         return None
 
 
-def _finished(pipe: Connection, process: BaseProcess, content: bytes | None) -> "Json | StridelabError":
+def _item_result(pipe: Connection, process: BaseProcess, content: bytes | None) -> "Json | StridelabError":
     if content is None:
         process.join()
     exit_code = process.exitcode
-    _end(pipe, process)
+    _end_process(pipe, process)
     if content is None:
         how = f"The computation ended with exit code {exit_code} and no answer."
         return StridelabError("computation-crashed", how)
@@ -124,7 +124,7 @@ def _finished(pipe: Connection, process: BaseProcess, content: bytes | None) -> 
     return kind(code, sentence, [Fault(*fault) for fault in message["faults"]])
 
 
-def _end(pipe: Connection, process: BaseProcess) -> None:
+def _end_process(pipe: Connection, process: BaseProcess) -> None:
     process.kill()
     process.join()
     pipe.close()

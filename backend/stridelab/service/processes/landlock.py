@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Final
 
 _CREATE_RULESET, _ADD_RULE, _RESTRICT_SELF = 444, 445, 446  # the same on every architecture
-_ASK_VERSION = 1
+_GET_VERSION = 1
 _PATH_BENEATH, _NET_PORT = 1, 2
 
 EXECUTE, WRITE_FILE, READ_FILE, READ_DIR, REMOVE_DIR, REMOVE_FILE = (1 << bit for bit in range(6))
@@ -28,13 +28,13 @@ NETWORK_ABI: Final = 4
 _SCOPE_ABI: Final = 6
 
 READ: Final = READ_FILE | READ_DIR
-RUN: Final = READ | EXECUTE
-USE: Final = READ_FILE | WRITE_FILE
+READ_EXECUTE: Final = READ | EXECUTE
+DEVICE_ACCESS: Final = READ_FILE | WRITE_FILE
 """Rights for a device such as /dev/null."""
-FILL: Final = READ | WRITE_FILE | REMOVE_DIR | REMOVE_FILE | MAKE_DIR | MAKE_REG | REFER | TRUNCATE
+WRITABLE_FOLDER: Final = READ | WRITE_FILE | REMOVE_DIR | REMOVE_FILE | MAKE_DIR | MAKE_REG | REFER | TRUNCATE
 """Rights for a writable folder: everything except executing programs and creating devices, sockets or symbolic links,
 which a later reader of the folder would follow."""
-_OF_A_FILE: Final = EXECUTE | WRITE_FILE | READ_FILE | TRUNCATE | _IOCTL_DEV
+_FILE_RIGHTS: Final = EXECUTE | WRITE_FILE | READ_FILE | TRUNCATE | _IOCTL_DEV
 
 Rule = tuple[Path, int]
 """A file or folder (with everything below it) and its remaining access rights."""
@@ -53,17 +53,17 @@ class _NetPort(ctypes.Structure):
     _fields_ = (("allowed", ctypes.c_uint64), ("port", ctypes.c_uint64))
 
 
-def abi() -> int:
+def abi_version() -> int:
     """ABI version of the kernel's Landlock; 0 if it is missing or blocked."""
     if sys.platform != "linux":  # elsewhere the numbers belong to other calls
         return 0
     try:
-        return _call(_CREATE_RULESET, None, 0, _ASK_VERSION)
+        return _system_call(_CREATE_RULESET, None, 0, _GET_VERSION)
     except OSError:
         return 0
 
 
-def restrict(rules: Iterable[Rule], *, may_listen: bool, version: int) -> None:
+def restrict_thread(rules: Iterable[Rule], *, may_listen: bool, version: int) -> None:
     """Restrict the calling thread to ``rules``; it must have set ``no_new_privs``.
 
     Missing or unreachable paths are skipped. From ABI 4 on, the thread cannot connect to TCP ports, and can bind only a
@@ -77,19 +77,19 @@ def restrict(rules: Iterable[Rule], *, may_listen: bool, version: int) -> None:
         ruleset_attr.network, size = _BIND_TCP | _CONNECT_TCP, 16
     if version >= _SCOPE_ABI:
         ruleset_attr.scoped, size = _ABSTRACT_SOCKETS | _SIGNALS, 24
-    ruleset = _call(_CREATE_RULESET, ctypes.byref(ruleset_attr), size, 0)
+    ruleset = _system_call(_CREATE_RULESET, ctypes.byref(ruleset_attr), size, 0)
     try:
         for path, rights in rules:
-            _allow(ruleset, path, rights & handled)
+            _add_path_rule(ruleset, path, rights & handled)
         if may_listen and version >= NETWORK_ABI:
             any_port = _NetPort(_BIND_TCP, 0)  # a port from the ephemeral range
-            _call(_ADD_RULE, ruleset, _NET_PORT, ctypes.byref(any_port), 0)
-        _call(_RESTRICT_SELF, ruleset, 0)
+            _system_call(_ADD_RULE, ruleset, _NET_PORT, ctypes.byref(any_port), 0)
+        _system_call(_RESTRICT_SELF, ruleset, 0)
     finally:
         os.close(ruleset)
 
 
-def pin(paths: Sequence[Path]) -> None:
+def pin_paths(paths: Sequence[Path]) -> None:
     """Keep an open handle to each path for the lifetime of the process.
 
     A rule belongs to the kernel's inode in memory. Inodes of /proc are evicted and recreated without the rule unless a
@@ -102,22 +102,22 @@ def pin(paths: Sequence[Path]) -> None:
             continue
 
 
-def _allow(ruleset: int, path: Path, rights: int) -> None:
+def _add_path_rule(ruleset: int, path: Path, rights: int) -> None:
     try:
         handle = os.open(path, os.O_PATH | os.O_CLOEXEC)
     except OSError:
         return
     try:
         if not stat.S_ISDIR(os.fstat(handle).st_mode):
-            rights &= _OF_A_FILE
+            rights &= _FILE_RIGHTS
         if rights:
             rule = _PathBeneath(rights, handle)
-            _call(_ADD_RULE, ruleset, _PATH_BENEATH, ctypes.byref(rule), 0)
+            _system_call(_ADD_RULE, ruleset, _PATH_BENEATH, ctypes.byref(rule), 0)
     finally:
         os.close(handle)
 
 
-def _call(number: int, *arguments: object) -> int:
+def _system_call(number: int, *arguments: object) -> int:
     system_call = ctypes.CDLL(None, use_errno=True).syscall
     system_call.restype = ctypes.c_long
     wide = [ctypes.c_long(argument) if isinstance(argument, int) else argument for argument in arguments]

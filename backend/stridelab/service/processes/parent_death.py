@@ -26,7 +26,9 @@ def die_with_parent(parent_pid: int, signum: int = signal.SIGKILL) -> None:
         os._exit(1)
 
 
-def tethered(argv: Sequence[str], *, signum: int = signal.SIGKILL, user: str | None = None) -> list[str]:
+def command_ending_with_parent(
+    argv: Sequence[str], *, signum: int = signal.SIGKILL, user: str | None = None
+) -> list[str]:
     """Command line that runs ``argv`` so that it ends with the calling process; as ``user`` if given."""
     switch = [] if user is None else ["--user", user]
     return [
@@ -41,7 +43,7 @@ def tethered(argv: Sequence[str], *, signum: int = signal.SIGKILL, user: str | N
     ]
 
 
-def become(user: str) -> None:
+def change_user(user: str) -> None:
     """Change irrevocably from root to ``user``."""
     account = pwd.getpwnam(user)
     os.setgroups([])
@@ -54,7 +56,7 @@ def main(arguments: Sequence[str]) -> None:
     separator = arguments.index("--")
     options, argv = arguments[:separator], list(arguments[separator + 1 :])
     if options[2:]:
-        become(options[3])
+        change_user(options[3])
         os.chdir("/")
     die_with_parent(int(options[0]), int(options[1]))
     os.execvp(argv[0], argv)  # noqa: S606 (no shell is the point)

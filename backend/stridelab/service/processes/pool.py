@@ -19,18 +19,18 @@ import psutil
 
 from stridelab import errors
 from stridelab.errors import Fault, StridelabError
-from stridelab.service.processes.fork_server_client import Forked, Nursery
+from stridelab.service.processes.fork_server_client import ForkedChild, ForkServerClient
 from stridelab.service.processes.priority import NICENESS
 from stridelab.service.processes.sandbox import STRICT, Sandbox
 
-LOG_BYTES: Final = 64 * 1024
+LOG_TAIL_BYTES: Final = 64 * 1024
 """Size of the stored end of a child's log."""
 _MEMORY_WATCH_S: Final = 0.1
-_TICKS_PER_FAMILY: Final = 10
-_START_S: Final = 600.0
+_TICKS_PER_TREE_SCAN: Final = 10
+_START_TIMEOUT_S: Final = 600.0
 """Time limit for the fork server's imports, which take seconds of processor time on a possibly busy machine."""
-_PATIENCE_S: Final = 1.0
-_AFTER_DEATH_S: Final = 0.5
+_QUIET_START_S: Final = 1.0
+_DRAIN_TIMEOUT_S: Final = 0.5
 
 State = Literal["ok", "error", "crashed", "killed", "timeout", "cancelled", "memory"]
 """``killed`` is a SIGKILL from outside, such as that of the out-of-memory killer."""
@@ -48,14 +48,14 @@ class IsolatedOutcome:
     state: State
     value: Any
     problem: dict[str, Any] | None
-    raised: str | None
+    error_class: str | None
     log_tail: str
 
     def as_error(self) -> StridelabError:
         """The error that the task raised, or one that describes how it ended."""
-        problem = self.problem or _problem("computation-failed", "The computation did not succeed.")
+        problem = self.problem or _make_problem("computation-failed", "The computation did not succeed.")
         faults = [Fault(item["where"], item["message"]) for item in problem["errors"]]
-        kind = getattr(errors, self.raised or "StridelabError", StridelabError)
+        kind = getattr(errors, self.error_class or "StridelabError", StridelabError)
         is_plain = isinstance(kind, type) and issubclass(kind, StridelabError) and kind is not errors.Busy
         return (kind if is_plain else StridelabError)(problem["code"], problem["detail"], faults)
 
@@ -68,11 +68,11 @@ class IsolatedPool:
 
     def __init__(self, preload: Sequence[str] = (), niceness: int = NICENESS, cores: int | None = None) -> None:
         self._preload, self._niceness, self._cores = tuple(preload), niceness, cores
-        self._nursery: Nursery | None = None
+        self._fork_server: ForkServerClient | None = None
         self._starting = asyncio.Lock()
 
     async def __aenter__(self) -> "IsolatedPool":  # noqa: PYI034
-        await self._living()
+        await self._running_fork_server()
         return self
 
     async def __aexit__(self, *_: object) -> None:
@@ -80,9 +80,9 @@ class IsolatedPool:
 
     async def close(self) -> None:
         """Kill the fork server and all children; a later ``run`` starts a new one."""
-        if self._nursery is not None:
-            await self._nursery.close()
-            self._nursery = None
+        if self._fork_server is not None:
+            await self._fork_server.close()
+            self._fork_server = None
 
     async def run(
         self,
@@ -94,7 +94,7 @@ class IsolatedPool:
         memory_mb: int,
         cancel: asyncio.Event | None = None,
         on_progress: OnProgress | None = None,
-        yields: bool = True,
+        low_priority: bool = True,
         sandbox: Sandbox | None = STRICT,
     ) -> IsolatedOutcome:
         """Run ``target`` (``"module:function"``) as ``f(task, folder, progress)`` in a new child.
@@ -106,9 +106,9 @@ class IsolatedPool:
         ``sandbox`` restricts the child; None is for tasks without untrusted input.
         """
         for is_last in (False, True):
-            child = await self._born(self._niceness if yields else 0)
+            child = await self._fork_child(self._niceness if low_priority else 0)
             try:
-                outcome = await child.work(
+                outcome = await child.run_task(
                     {
                         "target": target,
                         "task": dict(task),
@@ -120,42 +120,42 @@ class IsolatedPool:
                     timeout_s=timeout_s,
                     memory_mb=memory_mb,
                     cancel=cancel or asyncio.Event(),
-                    on_progress=on_progress or _ignore,
+                    on_progress=on_progress or _ignore_progress,
                 )
             finally:
-                await asyncio.shield(child.end())
-            if outcome.state != "killed" or child.has_begun or is_last:
+                await asyncio.shield(child.kill_and_release())
+            if outcome.state != "killed" or child.was_ready or is_last:
                 break
         return outcome
 
-    async def _born(self, niceness: int) -> "_Child":
+    async def _fork_child(self, niceness: int) -> "_Child":
         try:
-            nursery = await self._living()
-            return _Child(nursery, await nursery.fork(niceness))
+            nursery = await self._running_fork_server()
+            return _Child(nursery, await nursery.fork_child(niceness))
         except OSError:  # the fork server ended between the two calls
-            nursery = await self._living()
-            return _Child(nursery, await nursery.fork(niceness))
+            nursery = await self._running_fork_server()
+            return _Child(nursery, await nursery.fork_child(niceness))
 
-    async def _living(self) -> Nursery:
+    async def _running_fork_server(self) -> ForkServerClient:
         async with self._starting:
-            if self._nursery is not None and self._nursery.is_gone:
+            if self._fork_server is not None and self._fork_server.is_gone:
                 await self.close()
-            if self._nursery is None:
-                self._nursery = await Nursery.start(self._preload)
-            return self._nursery
+            if self._fork_server is None:
+                self._fork_server = await ForkServerClient.start_server(self._preload)
+            return self._fork_server
 
 
 class _Child:
     """One child process with its communication stream and its log."""
 
-    def __init__(self, nursery: Nursery, forked: Forked) -> None:
-        self._nursery, self._forked = nursery, forked
+    def __init__(self, fork_server: ForkServerClient, forked: ForkedChild) -> None:
+        self._fork_server, self._forked = fork_server, forked
         self._pid: int | None = None
-        self._held_bytes = 0
+        self._preloaded_bytes = 0
         self._tail = bytearray()
-        self._logging = asyncio.get_running_loop().create_task(self._keep_log())
+        self._log_task = asyncio.get_running_loop().create_task(self._collect_log())
 
-    async def work(
+    async def run_task(
         self,
         task: Mapping[str, Any],
         *,
@@ -165,33 +165,35 @@ class _Child:
         on_progress: OnProgress,
     ) -> IsolatedOutcome:
         stop = asyncio.create_task(cancel.wait())
-        ready = asyncio.create_task(self._ready())
-        reading = asyncio.create_task(self._converse(ready, task, on_progress))
+        ready = asyncio.create_task(self._wait_ready())
+        reading = asyncio.create_task(self._send_task(ready, task, on_progress))
         watching = asyncio.create_task(self._watch_memory(ready, memory_mb << 20))
         try:
-            await asyncio.wait({ready, stop}, timeout=_PATIENCE_S, return_when=asyncio.FIRST_COMPLETED)
+            await asyncio.wait({ready, stop}, timeout=_QUIET_START_S, return_when=asyncio.FIRST_COMPLETED)
             if not ready.done():
                 on_progress(0.0, "start: waiting for the libraries")
-                await asyncio.wait({ready, stop}, timeout=_START_S, return_when=asyncio.FIRST_COMPLETED)
+                await asyncio.wait({ready, stop}, timeout=_START_TIMEOUT_S, return_when=asyncio.FIRST_COMPLETED)
             if not ready.done() and not stop.done():
-                await self._nursery.close()  # it hangs: its children count as killed, the next fork starts a new server
-                return await self._crashed()
+                await (
+                    self._fork_server.close()
+                )  # it hangs: its children count as killed, the next fork starts a new server
+                return await self._crash_outcome()
             if ready.done() and not stop.done():
-                ended = self._forked.ended
+                ended = self._forked.exit_code
                 any_of: set[asyncio.Future[Any]] = {reading, stop, watching, ended}
                 await asyncio.wait(any_of, timeout=timeout_s, return_when=asyncio.FIRST_COMPLETED)
                 if ended.done():  # its last message may still be in transit; a grandchild may hold the socket open
-                    await asyncio.wait({reading}, timeout=_AFTER_DEATH_S)
+                    await asyncio.wait({reading}, timeout=_DRAIN_TIMEOUT_S)
                     if not reading.done():
-                        return await self._crashed()
+                        return await self._crash_outcome()
             if reading.done():
-                return await self._outcome(reading.result())
+                return await self._outcome_of_message(reading.result())
             if stop.done():
-                return await self._killed("cancelled", "computation-cancelled", "The computation was cancelled.")
+                return await self._kill_outcome("cancelled", "computation-cancelled", "The computation was cancelled.")
             if watching.done():
-                return await self._out_of_memory(memory_mb)
+                return await self._memory_outcome(memory_mb)
             limit_s = f"{timeout_s:g} s"
-            return await self._killed(
+            return await self._kill_outcome(
                 "timeout", "computation-timed-out", f"The computation took longer than its limit of {limit_s}."
             )
         finally:
@@ -200,44 +202,44 @@ class _Child:
             await asyncio.gather(stop, ready, reading, watching, return_exceptions=True)
 
     @property
-    def has_begun(self) -> bool:
+    def was_ready(self) -> bool:
         """Whether the child was ready, so that it may have started its task before it ended."""
         return self._pid is not None
 
-    async def end(self) -> None:
+    async def kill_and_release(self) -> None:
         """Kill the child and everything in its session, and release it."""
-        await self._dead()
-        await self._log()
-        self._logging.cancel()
-        self._nursery.let_go(self._forked)
+        await self._kill_and_wait()
+        await self._read_log()
+        self._log_task.cancel()
+        self._fork_server.release_child(self._forked)
 
-    async def _dead(self) -> None:
-        self._kill()
+    async def _kill_and_wait(self) -> None:
+        self._kill_session()
         if self._pid is not None:  # a child that was never ready ends when its socket is closed
-            await asyncio.wait([self._forked.ended])
+            await asyncio.wait([self._forked.exit_code])
 
-    def _kill(self) -> None:
+    def _kill_session(self) -> None:
         if self._pid is not None:
             with contextlib.suppress(ProcessLookupError, PermissionError):
                 os.killpg(self._pid, signal.SIGKILL)
 
-    async def _ready(self) -> bool:
+    async def _wait_ready(self) -> bool:
         """Wait until the child is ready and store its process id; False if it ended before."""
         message = await self._next_message()
         if message is None:
             return False
-        self._pid, self._held_bytes = int(message["ready"]), int(message["held_bytes"])
+        self._pid, self._preloaded_bytes = int(message["ready"]), int(message["held_bytes"])
         return True
 
-    async def _converse(
+    async def _send_task(
         self, ready: "asyncio.Task[bool]", task: Mapping[str, Any], on_progress: OnProgress
     ) -> dict[str, Any] | None:
         """Send the task and read messages until the answer; None if the child ended without one."""
         if not await asyncio.shield(ready):
             return None
         try:
-            self._forked.told.write(json.dumps(task).encode() + b"\n")
-            await self._forked.told.drain()
+            self._forked.writer.write(json.dumps(task).encode() + b"\n")
+            await self._forked.writer.drain()
         except (BrokenPipeError, ConnectionResetError):
             return None
         while (message := await self._next_message()) is not None:
@@ -248,26 +250,26 @@ class _Child:
 
     async def _next_message(self) -> dict[str, Any] | None:
         try:
-            line = await self._forked.heard.readline()
+            line = await self._forked.reader.readline()
             message = json.loads(line) if line else None
         except (ValueError, ConnectionResetError):  # too long, not JSON, or truncated
             return None
         return message if isinstance(message, dict) else None
 
-    async def _outcome(self, message: dict[str, Any] | None) -> IsolatedOutcome:
+    async def _outcome_of_message(self, message: dict[str, Any] | None) -> IsolatedOutcome:
         if message is None:
-            return await self._crashed()
-        log = await self._log()
+            return await self._crash_outcome()
+        log = await self._read_log()
         if "value" in message:
             return IsolatedOutcome("ok", message["value"], None, None, log)
         if "problem" in message:
             return IsolatedOutcome("error", None, message["problem"], message.get("raised"), log)
         return IsolatedOutcome("memory", None, _memory_problem(), None, log)
 
-    async def _crashed(self) -> IsolatedOutcome:
+    async def _crash_outcome(self) -> IsolatedOutcome:
         stopped_here = self._kill_unless_ended()
-        code = await self._forked.ended
-        log = await self._log()
+        code = await self._forked.exit_code
+        log = await self._read_log()
         if "bad_alloc" in log or "MemoryError" in log:
             return IsolatedOutcome("memory", None, _memory_problem(), None, log)
         if code < 0:
@@ -276,23 +278,23 @@ class _Child:
             how = f"ended with exit code {code} and no answer"
         state: State = "killed" if code == -signal.SIGKILL and not stopped_here else "crashed"
         return IsolatedOutcome(
-            state, None, _problem("computation-crashed", f"The computation {how}; see its log."), None, log
+            state, None, _make_problem("computation-crashed", f"The computation {how}; see its log."), None, log
         )
 
     def _kill_unless_ended(self) -> bool:
         """Kill a child whose answer could not be read (True); one that has just ended keeps its exit code."""
-        if self._forked.ended.done() or self._forked.heard.at_eof():
+        if self._forked.exit_code.done() or self._forked.reader.at_eof():
             return False
-        self._kill()
+        self._kill_session()
         return True
 
-    async def _killed(self, state: State, code: str, detail: str) -> IsolatedOutcome:
-        await self._dead()
-        return IsolatedOutcome(state, None, _problem(code, detail), None, await self._log())
+    async def _kill_outcome(self, state: State, code: str, detail: str) -> IsolatedOutcome:
+        await self._kill_and_wait()
+        return IsolatedOutcome(state, None, _make_problem(code, detail), None, await self._read_log())
 
-    async def _out_of_memory(self, memory_mb: int) -> IsolatedOutcome:
-        await self._dead()
-        return IsolatedOutcome("memory", None, _memory_problem(memory_mb), None, await self._log())
+    async def _memory_outcome(self, memory_mb: int) -> IsolatedOutcome:
+        await self._kill_and_wait()
+        return IsolatedOutcome("memory", None, _memory_problem(memory_mb), None, await self._read_log())
 
     async def _watch_memory(self, ready: "asyncio.Task[bool]", limit_bytes: int) -> None:
         """Return when the child and its own children use more memory than the limit plus the preloaded libraries."""
@@ -302,28 +304,28 @@ class _Child:
             with contextlib.suppress(psutil.Error):
                 process = psutil.Process(self._pid)
                 held = [process]
-                if tick % _TICKS_PER_FAMILY == 0:
+                if tick % _TICKS_PER_TREE_SCAN == 0:
                     held += process.children(recursive=True)  # expensive: scans all processes of the machine
-                allowed_bytes = limit_bytes + self._held_bytes
+                allowed_bytes = limit_bytes + self._preloaded_bytes
                 # the sum of resident sizes is cheap and an upper bound, as shared pages count once per process
                 if sum(each.memory_info().rss for each in held) <= allowed_bytes:
                     continue
-                if len(held) == 1 or await asyncio.to_thread(_held_together, held) > allowed_bytes:
+                if len(held) == 1 or await asyncio.to_thread(_total_bytes, held) > allowed_bytes:
                     return
 
-    async def _keep_log(self) -> None:
-        while chunk := await self._forked.log.read(LOG_BYTES):
+    async def _collect_log(self) -> None:
+        while chunk := await self._forked.log.read(LOG_TAIL_BYTES):
             self._tail += chunk
-            del self._tail[:-LOG_BYTES]
+            del self._tail[:-LOG_TAIL_BYTES]
 
-    async def _log(self) -> str:
+    async def _read_log(self) -> str:
         # the answer may overtake the last lines of the log; a grandchild may hold the log open for ever
         if self._pid is not None:
-            await asyncio.wait([self._logging], timeout=_AFTER_DEATH_S)
+            await asyncio.wait([self._log_task], timeout=_DRAIN_TIMEOUT_S)
         return bytes(self._tail).decode("utf-8", errors="replace").replace("\0", "")
 
 
-def _held_together(processes: Sequence[psutil.Process]) -> int:
+def _total_bytes(processes: Sequence[psutil.Process]) -> int:
     """Memory of the processes in bytes; shared pages count once."""
     return sum(_proportional_bytes(process) for process in processes)
 
@@ -337,14 +339,14 @@ def _proportional_bytes(process: psutil.Process) -> int:
         return int(process.memory_info().rss)
 
 
-def _problem(code: str, detail: str) -> dict[str, Any]:
+def _make_problem(code: str, detail: str) -> dict[str, Any]:
     return {"code": code, "detail": detail, "errors": []}
 
 
 def _memory_problem(memory_mb: int | None = None) -> dict[str, Any]:
     limit = "" if memory_mb is None else f" of {memory_mb} MB"
-    return _problem("computation-out-of-memory", f"The computation needed more memory than its limit{limit}.")
+    return _make_problem("computation-out-of-memory", f"The computation needed more memory than its limit{limit}.")
 
 
-def _ignore(_fraction: float, _message: str) -> None:
+def _ignore_progress(_fraction: float, _message: str) -> None:
     return None

@@ -10,20 +10,20 @@ from pathlib import Path
 from typing import Final
 
 NICENESS: Final = 10
-_GROUP: Final = Path("/proc/self/autogroup")
-_AGAIN_S: Final = (0.05, 0.1, 0.2, 0.4)
+_AUTOGROUP_FILE: Final = Path("/proc/self/autogroup")
+_RETRY_PAUSES_S: Final = (0.05, 0.1, 0.2, 0.4)
 """Pauses between retries: the kernel accepts ten such changes per second from all users together."""
 
 
-def yield_processor(niceness: int = NICENESS) -> None:
+def lower_priority(niceness: int = NICENESS) -> None:
     """Raise the niceness of this process and of its session, which it must lead."""
     os.nice(niceness)
-    yield_session(niceness)
+    lower_session_priority(niceness)
 
 
-def yield_session(niceness: int = NICENESS, group: Path = _GROUP) -> None:
+def lower_session_priority(niceness: int = NICENESS, group: Path = _AUTOGROUP_FILE) -> None:
     """Raise the niceness of this process's session; for a session leader forked from a process with niceness."""
-    for pause_s in _AGAIN_S:
+    for pause_s in _RETRY_PAUSES_S:
         try:
             group.write_text(str(niceness), encoding="ascii")
         except BlockingIOError:

@@ -25,26 +25,26 @@ from typing import Any, Final
 from stridelab.errors import Unavailable
 from stridelab.resources import models_dir
 from stridelab.service.processes import landlock, seccomp
-from stridelab.service.processes.landlock import FILL, READ, READ_FILE, RUN, USE, Rule
-from stridelab.service.processes.parent_death import become, die_with_parent
+from stridelab.service.processes.landlock import DEVICE_ACCESS, READ, READ_EXECUTE, READ_FILE, WRITABLE_FOLDER, Rule
+from stridelab.service.processes.parent_death import change_user, die_with_parent
 
-MODE: Final = "STRIDELAB_SANDBOX"
-USER: Final = "STRIDELAB_CHILD_USER"
+MODE_VARIABLE: Final = "STRIDELAB_SANDBOX"
+USER_VARIABLE: Final = "STRIDELAB_CHILD_USER"
 LAYERS: Final = ("files", "tcp-ports", "system-calls")
 _PR_SET_NO_NEW_PRIVS: Final = 38
 _CAPABILITIES_V3: Final = 0x20080522
 _CAP_DAC_OVERRIDE: Final = 1 << 1
-_LIBRARIES: Final = (
+_LIBRARY_PATHS: Final = (
     *("/usr/lib", "/usr/lib64", "/usr/lib32", "/usr/local/lib", "/usr/local/lib64", "/lib", "/lib64", "/usr/share"),
     *("/nix/store", "/gnu/store", "/etc/ld.so.cache", "/etc/ld.so.conf", "/etc/localtime", "/etc/timezone"),
     *("/etc/ssl/openssl.cnf", "/etc/fonts"),
 )
-_PROGRAMS: Final = ("/usr/bin", "/usr/local/bin", "/bin")
-_MACHINE: Final = (
+_PROGRAM_FOLDERS: Final = ("/usr/bin", "/usr/local/bin", "/bin")
+_SYSTEM_FILES: Final = (
     *("/sys/devices/system/cpu", "/sys/devices/system/node", "/sys/fs/cgroup", "/sys/kernel/mm/transparent_hugepage"),
     *("/dev/zero", "/dev/urandom", "/dev/random"),
 )
-_PROC: Final = tuple(
+_PROC_FILES: Final = tuple(
     Path("/proc", name)
     for name in (
         *("cpuinfo", "meminfo", "stat", "sys/vm/overcommit_memory"),
@@ -54,14 +54,14 @@ _PROC: Final = tuple(
 """Files that libraries read to choose thread counts and memory block sizes; none about other processes."""
 
 
-def _here() -> Path | None:
+def _working_folder() -> Path | None:
     try:
         return Path.cwd()
     except OSError:
         return None
 
 
-_STARTED_IN: Final = _here()
+_START_FOLDER: Final = _working_folder()
 """Working folder at the start, which ``python -m`` adds to the module path although it may be a home folder."""
 
 
@@ -77,39 +77,40 @@ STRICT: Final = Sandbox()
 
 
 @dataclass(frozen=True)
-class Kernel:
+class KernelFeatures:
     """Sandbox features of the kernel: the ABI of Landlock (0: none), and system call filters."""
 
     landlock_abi: int
     filters: bool
 
     @staticmethod
-    def present() -> "Kernel":
+    def detect_features() -> "KernelFeatures":
         """Features of the running kernel."""
-        return Kernel(landlock.abi(), seccomp.is_available())
+        return KernelFeatures(landlock.abi_version(), seccomp.is_available())
 
     @property
-    def layers(self) -> tuple[str, ...]:
+    def supported_layers(self) -> tuple[str, ...]:
         """Supported layers of ``LAYERS``."""
         has = (self.landlock_abi > 0, self.landlock_abi >= landlock.NETWORK_ABI, self.filters)
         return tuple(name for name, there in zip(LAYERS, has, strict=True) if there)
 
     @property
-    def missing(self) -> tuple[str, ...]:
+    def missing_layers(self) -> tuple[str, ...]:
         """Unsupported layers of ``LAYERS``."""
-        return tuple(name for name in LAYERS if name not in self.layers)
+        return tuple(name for name in LAYERS if name not in self.supported_layers)
 
 
-def required_layers_missing(missing: tuple[str, ...]) -> Unavailable:
+def missing_layers_error(missing: tuple[str, ...]) -> Unavailable:
     """Error of a service whose settings require layers that are missing."""
     return Unavailable(
         "sandbox-missing",
-        f"{MODE}=required, and the kernel offers no {', no '.join(missing)} here: use Linux 6.7 or newer with Landlock "
+        f"{MODE_VARIABLE}=required, and the kernel offers no {', no '.join(missing)} here: use Linux 6.7 or "
+        "newer with Landlock "
         "and seccomp, and a container runtime that permits their system calls.",
     )
 
 
-def confine(sandbox: Sandbox, folder: Path | None, kernel: Kernel | None = None) -> None:
+def confine_process(sandbox: Sandbox, folder: Path | None, kernel: KernelFeatures | None = None) -> None:
     """Confine this process to ``sandbox``; files can then be written in ``folder`` only.
 
     To be called in a single-threaded process that has imported its libraries and inherits neither secrets nor open
@@ -118,60 +119,62 @@ def confine(sandbox: Sandbox, folder: Path | None, kernel: Kernel | None = None)
     Raises ``Unavailable`` (``sandbox-missing``) if all layers are required and one is missing, ``OSError`` or
     ``RuntimeError`` if a layer cannot be set up; the process must then end.
     """
-    mode = os.environ.get(MODE, "auto")
+    mode = os.environ.get(MODE_VARIABLE, "auto")
     if mode == "off":
         return
-    kernel = kernel or Kernel.present()
-    if mode == "required" and kernel.missing:
-        raise required_layers_missing(kernel.missing)
-    if kernel.landlock_abi and (threads := _threads()) > 1:
+    kernel = kernel or KernelFeatures.detect_features()
+    if mode == "required" and kernel.missing_layers:
+        raise missing_layers_error(kernel.missing_layers)
+    if kernel.landlock_abi and (threads := _thread_count()) > 1:
         raise RuntimeError(f"Landlock would bind one of {threads} threads only")
     if folder is not None:
         os.environ["TMPDIR"] = tempfile.tempdir = str(folder)
-    if (user := os.environ.get(USER)) and os.geteuid() == 0:
-        _become(user, folder)
-    landlock.pin(_PROC)
-    _give_up_privileges()
+    if (user := os.environ.get(USER_VARIABLE)) and os.geteuid() == 0:
+        _change_user(user, folder)
+    landlock.pin_paths(_PROC_FILES)
+    _drop_privileges()
     if kernel.landlock_abi:
-        landlock.restrict(_rules(sandbox, folder), may_listen=sandbox.server, version=kernel.landlock_abi)
+        landlock.restrict_thread(
+            _landlock_rules(sandbox, folder), may_listen=sandbox.server, version=kernel.landlock_abi
+        )
     if kernel.filters:
-        seccomp.restrict(programs=sandbox.programs, server=sandbox.server)
+        seccomp.install_filter(programs=sandbox.programs, server=sandbox.server)
 
 
-def _rules(sandbox: Sandbox, folder: Path | None) -> list[Rule]:
-    rules: list[Rule] = [(Path("/dev/null"), USE)]
-    rules += [(path, READ) for path in (*map(Path, _MACHINE), *_PROC)]
-    rules += [(path, RUN if sandbox.programs else READ) for path in _code(sandbox, folder)]
+def _landlock_rules(sandbox: Sandbox, folder: Path | None) -> list[Rule]:
+    rules: list[Rule] = [(Path("/dev/null"), DEVICE_ACCESS)]
+    rules += [(path, READ) for path in (*map(Path, _SYSTEM_FILES), *_PROC_FILES)]
+    rules += [(path, READ_EXECUTE if sandbox.programs else READ) for path in _code_paths(sandbox, folder)]
     if sandbox.programs:  # programs read their own memory below /proc; Landlock denies access to that of others
         rules.append((Path("/proc"), READ_FILE))
     if folder is not None:
-        rules.append((folder, FILL))
+        rules.append((folder, WRITABLE_FOLDER))
     return rules
 
 
-def _code(sandbox: Sandbox, folder: Path | None) -> list[Path]:
+def _code_paths(sandbox: Sandbox, folder: Path | None) -> list[Path]:
     """Folders and files of Python, the libraries, this project and its data."""
     package = Path(__file__).resolve().parents[2]
     prefixes = {Path(prefix) for prefix in (sys.prefix, sys.exec_prefix, sys.base_prefix, sys.base_exec_prefix)}
     parts = ("lib", "lib64", "share", "pyvenv.cfg", *(("bin",) if sandbox.programs else ()))
     paths = [package, models_dir(), *(prefix / part for prefix in prefixes for part in parts)]
-    paths += [Path(entry) for entry in sys.path if entry and not _is_around(Path(entry), folder)]
-    paths += map(Path, _LIBRARIES)
+    paths += [Path(entry) for entry in sys.path if entry and not _contains_other_files(Path(entry), folder)]
+    paths += map(Path, _LIBRARY_PATHS)
     if native := os.environ.get("STRIDELAB_NATIVE_PATH"):
         paths.append(Path(native))
     if sandbox.programs:
-        paths += map(Path, _PROGRAMS)
+        paths += map(Path, _PROGRAM_FOLDERS)
         if film := shutil.which("ffmpeg"):
             paths.append(Path(film).resolve())
     return list(dict.fromkeys(paths))
 
 
-def _is_around(entry: Path, folder: Path | None) -> bool:
+def _contains_other_files(entry: Path, folder: Path | None) -> bool:
     """Whether a folder of the module path contains other files: the start folder, or a parent of ``folder``."""
-    return entry == _STARTED_IN or (folder is not None and folder.is_relative_to(entry))
+    return entry == _START_FOLDER or (folder is not None and folder.is_relative_to(entry))
 
 
-def _become(user: str, folder: Path | None) -> None:
+def _change_user(user: str, folder: Path | None) -> None:
     """Change from root to ``user``, who becomes the owner of ``folder``; hard links to files elsewhere are skipped."""
     account = pwd.getpwnam(user)
     if folder is not None:
@@ -179,11 +182,11 @@ def _become(user: str, folder: Path | None) -> None:
             if path.is_dir() or path.lstat().st_nlink == 1:
                 os.chown(path, account.pw_uid, account.pw_gid, follow_symlinks=False)
     parent = os.getppid()
-    become(user)
+    change_user(user)
     die_with_parent(parent)  # the setting is lost when the account changes
 
 
-def _give_up_privileges() -> None:
+def _drop_privileges() -> None:
     """Set ``no_new_privs`` and drop all capabilities of root except ``CAP_DAC_OVERRIDE``.
 
     That capability permits access to files whatever their mode; Landlock restricts it to the files of the rules.
@@ -191,21 +194,21 @@ def _give_up_privileges() -> None:
     if sys.platform != "linux":
         return
     library = ctypes.CDLL(None, use_errno=True)
-    _checked(library.prctl(_PR_SET_NO_NEW_PRIVS, *(ctypes.c_ulong(value) for value in (1, 0, 0, 0))))
+    _require_success(library.prctl(_PR_SET_NO_NEW_PRIVS, *(ctypes.c_ulong(value) for value in (1, 0, 0, 0))))
     header = (ctypes.c_uint32 * 2)(_CAPABILITIES_V3, 0)
     capabilities = (ctypes.c_uint32 * 6)()  # effective, permitted, inheritable; and again for the upper 32
-    _checked(library.capget(header, capabilities))
+    _require_success(library.capget(header, capabilities))
     retained = capabilities[1] & _CAP_DAC_OVERRIDE
-    _checked(library.capset(header, (ctypes.c_uint32 * 6)(retained, retained, 0, 0, 0, 0)))
+    _require_success(library.capset(header, (ctypes.c_uint32 * 6)(retained, retained, 0, 0, 0, 0)))
 
 
-def _checked(result: Any) -> None:
+def _require_success(result: Any) -> None:
     if result != 0:
         code = ctypes.get_errno()
         raise OSError(code, os.strerror(code))
 
 
-def _threads() -> int:
+def _thread_count() -> int:
     try:
         return len(list(Path("/proc/self/task").iterdir()))
     except OSError:

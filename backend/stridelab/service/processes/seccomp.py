@@ -21,11 +21,11 @@ _FILTER_MODE, _ACTION_AVAILABLE, _ALL_THREADS = 1, 2, 1  # operations and flag o
 _ALLOW, _REFUSE = 0x7FFF0000, 0x00050000
 _LOAD, _EQUAL, _AT_LEAST, _ANY_BIT, _RETURN = 0x20, 0x15, 0x35, 0x45, 0x06
 _NUMBER_AT, _ARCHITECTURE_AT, _ARGUMENTS_AT = 0, 4, 16
-_SECOND_TABLE: Final = 0x40000000
+_X32_CALLS: Final = 0x40000000
 """First number of the x32 interface of x86_64, a second table of the same calls."""
-_NAMESPACES: Final = 0x7E020000
+_NAMESPACE_FLAGS: Final = 0x7E020000
 """CLONE_NEWNS, CLONE_NEWUSER etc.: a user namespace gives its first process all capabilities inside."""
-_FAST_OPEN: Final = 0x20000000
+_MSG_FASTOPEN: Final = 0x20000000
 """MSG_FASTOPEN: sending opens a connection."""
 _AF_INET, _SOCK_STREAM = 2, 1
 
@@ -96,9 +96,9 @@ _CALLS: Final[Mapping[str, tuple[int, int]]] = {
 io_uring opens files and sockets past this filter. A process with its own session or group would outlive the child,
 which is killed as a group. clone and clone3 are needed for threads and forks.
 """
-_CONDITIONAL: Final = frozenset({"clone", "clone3", "prlimit64", "seccomp", "sendto", "sendmsg", "sendmmsg"})
-_PROGRAMS: Final = frozenset({"execve", "execveat"})
-_LISTENING: Final = frozenset({"socket", "bind", "listen"})
+_CONDITIONAL_CALLS: Final = frozenset({"clone", "clone3", "prlimit64", "seccomp", "sendto", "sendmsg", "sendmmsg"})
+_EXEC_CALLS: Final = frozenset({"execve", "execveat"})
+_LISTENING_CALLS: Final = frozenset({"socket", "bind", "listen"})
 
 
 class _Program(ctypes.Structure):
@@ -107,90 +107,92 @@ class _Program(ctypes.Structure):
 
 def is_available() -> bool:
     """Whether the kernel accepts filters from this process and the architecture is supported."""
-    machine = _machine()
+    machine = _current_machine()
     if machine is None:
         return False
     refuse = ctypes.c_uint32(_REFUSE)
     try:
-        return _seccomp(machine, _ACTION_AVAILABLE, 0, ctypes.byref(refuse)) == 0
+        return _seccomp_call(machine, _ACTION_AVAILABLE, 0, ctypes.byref(refuse)) == 0
     except OSError:
         return False
 
 
-def restrict(*, programs: bool, server: bool) -> None:
+def install_filter(*, programs: bool, server: bool) -> None:
     """Install the filter in all threads of this process, which must have set ``no_new_privs``.
 
     With ``programs`` the process may still start programs, with ``server`` listen on TCP, but not connect. Raises
     ``OSError``.
     """
-    machine = _machine()
+    machine = _current_machine()
     if machine is None:
         raise OSError(errno.ENOSYS, "no table of system calls for this architecture")
-    code = instructions(machine.audit, machine.column, programs=programs, server=server)
+    code = filter_program(machine.audit, machine.column, programs=programs, server=server)
     program = _Program(len(code) // 8, code)
-    if (thread := _seccomp(machine, _FILTER_MODE, _ALL_THREADS, ctypes.byref(program))) != 0:
+    if (thread := _seccomp_call(machine, _FILTER_MODE, _ALL_THREADS, ctypes.byref(program))) != 0:
         raise OSError(errno.EBUSY, f"seccomp: the thread {thread} has another filter")
 
 
-def instructions(audit: int, column: int, *, programs: bool, server: bool) -> bytes:
+def filter_program(audit: int, column: int, *, programs: bool, server: bool) -> bytes:
     """Filter program for the architecture ``audit`` with the call numbers of ``column``."""
     number = {name: numbers[column] for name, numbers in _CALLS.items()}
-    free = _CONDITIONAL | (_PROGRAMS if programs else frozenset()) | (_LISTENING if server else frozenset())
+    free = (
+        _CONDITIONAL_CALLS | (_EXEC_CALLS if programs else frozenset()) | (_LISTENING_CALLS if server else frozenset())
+    )
     code = [
         # Check the architecture first: an instruction may switch to another one with other call numbers.
-        _instruction(_LOAD, _ARCHITECTURE_AT),
-        _instruction(_EQUAL, audit, skip_if=1),
-        _return(_REFUSE | errno.EPERM),
-        _instruction(_LOAD, _NUMBER_AT),
-        _instruction(_AT_LEAST, _SECOND_TABLE, skip_unless=1),
-        _return(_REFUSE | errno.EPERM),
+        _bpf_instruction(_LOAD, _ARCHITECTURE_AT),
+        _bpf_instruction(_EQUAL, audit, skip_if=1),
+        _return_action(_REFUSE | errno.EPERM),
+        _bpf_instruction(_LOAD, _NUMBER_AT),
+        _bpf_instruction(_AT_LEAST, _X32_CALLS, skip_unless=1),
+        _return_action(_REFUSE | errno.EPERM),
     ]
     for name in _CALLS:
         if name not in free:
-            code += [_instruction(_EQUAL, number[name], skip_unless=1), _return(_REFUSE | errno.EPERM)]
+            code += [_bpf_instruction(_EQUAL, number[name], skip_unless=1), _return_action(_REFUSE | errno.EPERM)]
     # A filter cannot read the flags of clone3, which are in memory: on ENOSYS the C library falls back to clone.
-    code += [_instruction(_EQUAL, number["clone3"], skip_unless=1), _return(_REFUSE | errno.ENOSYS)]
-    code += _refused_where(number["clone"], 0, [_instruction(_ANY_BIT, _NAMESPACES, skip_unless=1)])
+    code += [_bpf_instruction(_EQUAL, number["clone3"], skip_unless=1), _return_action(_REFUSE | errno.ENOSYS)]
+    code += _refuse_unless(number["clone"], 0, [_bpf_instruction(_ANY_BIT, _NAMESPACE_FLAGS, skip_unless=1)])
     # Limits of this process (0) only, not of others that the same user runs.
-    code += _refused_where(number["prlimit64"], 0, [_instruction(_EQUAL, 0, skip_if=1)])
+    code += _refuse_unless(number["prlimit64"], 0, [_bpf_instruction(_EQUAL, 0, skip_if=1)])
     if server:
-        code += _refused_where(number["socket"], 0, [_instruction(_EQUAL, _AF_INET, skip_if=1)])
-        not_tcp = [_instruction(0x54, 0xF), _instruction(_EQUAL, _SOCK_STREAM, skip_if=1)]  # 0x54: and with 0xF
-        code += _refused_where(number["socket"], 1, not_tcp)
+        code += _refuse_unless(number["socket"], 0, [_bpf_instruction(_EQUAL, _AF_INET, skip_if=1)])
+        not_tcp = [_bpf_instruction(0x54, 0xF), _bpf_instruction(_EQUAL, _SOCK_STREAM, skip_if=1)]  # 0x54: and with 0xF
+        code += _refuse_unless(number["socket"], 1, not_tcp)
     for name, flags in (("sendto", 3), ("sendmsg", 2), ("sendmmsg", 3)):
-        code += _refused_where(number[name], flags, [_instruction(_ANY_BIT, _FAST_OPEN, skip_unless=1)])
-    return b"".join([*code, _return(_ALLOW)])
+        code += _refuse_unless(number[name], flags, [_bpf_instruction(_ANY_BIT, _MSG_FASTOPEN, skip_unless=1)])
+    return b"".join([*code, _return_action(_ALLOW)])
 
 
-def _refused_where(number: int, argument: int, skipping: list[bytes]) -> list[bytes]:
+def _refuse_unless(number: int, argument: int, condition: list[bytes]) -> list[bytes]:
     """Refuse the call ``number`` unless ``skipping``, applied to 32 bits of an argument, skips an instruction.
 
     The kernel uses only the lower 32 bits of these arguments, or all relevant bits are there.
     """
     then = [
-        _instruction(_LOAD, _ARGUMENTS_AT + 8 * argument),  # both architectures are little endian
-        *skipping,
-        _return(_REFUSE | errno.EPERM),
-        _instruction(_LOAD, _NUMBER_AT),
+        _bpf_instruction(_LOAD, _ARGUMENTS_AT + 8 * argument),  # both architectures are little endian
+        *condition,
+        _return_action(_REFUSE | errno.EPERM),
+        _bpf_instruction(_LOAD, _NUMBER_AT),
     ]
-    return [_instruction(_EQUAL, number, skip_unless=len(then)), *then]
+    return [_bpf_instruction(_EQUAL, number, skip_unless=len(then)), *then]
 
 
-def _instruction(what: int, operand: int, *, skip_if: int = 0, skip_unless: int = 0) -> bytes:
-    return struct.pack("=HBBI", what, skip_if, skip_unless, operand)  # struct sock_filter
+def _bpf_instruction(operation: int, operand: int, *, skip_if: int = 0, skip_unless: int = 0) -> bytes:
+    return struct.pack("=HBBI", operation, skip_if, skip_unless, operand)  # struct sock_filter
 
 
-def _return(action: int) -> bytes:
-    return _instruction(_RETURN, action)
+def _return_action(action: int) -> bytes:
+    return _bpf_instruction(_RETURN, action)
 
 
-def _machine() -> _Machine | None:
+def _current_machine() -> _Machine | None:
     """Architecture of this process; None if it is not supported."""
     is_known = sys.platform == "linux" and struct.calcsize("P") == 8
     return _MACHINES.get(platform.machine()) if is_known else None
 
 
-def _seccomp(machine: _Machine, operation: int, flags: int, argument: object) -> int:
+def _seccomp_call(machine: _Machine, operation: int, flags: int, argument: object) -> int:
     system_call = ctypes.CDLL(None, use_errno=True).syscall
     system_call.restype = ctypes.c_long
     numbers = (_CALLS["seccomp"][machine.column], operation, flags)

@@ -17,16 +17,16 @@ STOPPED_S: Final = 3.0
 HUNG_S: Final = 8.0
 STARTING_S: Final = 120.0
 """Limit before the first answer, which includes the import of libraries."""
-BEYOND_DOUBT: Final = 8.0
+CERTAIN_FACTOR: Final = 8.0
 """Multiple of the limit after which a process counts as hanging whatever it waits for."""
-_QUIET_S: Final = 1.0
-_LOOK_S: Final = 1.0
+_MIN_SILENCE_S: Final = 1.0
+_MAX_GAP_S: Final = 1.0
 """Maximum time that is counted between two checks."""
 
-Verdict = Literal["stopped", "hangs"]
+FailureState = Literal["stopped", "hangs"]
 
 
-class Silence:
+class ResponseWatchdog:
     """Measures how long a process has not answered.
 
     Call ``record_answer`` for each answer and ``failure_state`` regularly.
@@ -39,26 +39,26 @@ class Silence:
         self._passed_s = self._silent_s = self._stopped_s = 0.0
         self._queued_s: float | None = None
 
-    def heard(self) -> None:
+    def record_answer(self) -> None:
         """Record an answer."""
         self._has_answered = True
         self._looked_at_s = self._clock()
-        self._reset()
+        self._reset_times()
 
-    def verdict(self) -> Verdict | None:
+    def failure_state(self) -> FailureState | None:
         """State of the process; None while it counts as responsive."""
         now_s = self._clock()
-        passed_s = min(now_s - self._looked_at_s, _LOOK_S)
+        passed_s = min(now_s - self._looked_at_s, _MAX_GAP_S)
         self._looked_at_s = now_s
         self._passed_s += passed_s
-        if self._passed_s < _QUIET_S:
+        if self._passed_s < _MIN_SILENCE_S:
             return None
         try:
             status = psutil.Process(self._pid).status()
         except psutil.Error:
             return None  # it has ended, which its parent detects itself
         if status == psutil.STATUS_TRACING_STOP:
-            self._reset()
+            self._reset_times()
             return None
         queued_s = _queued_s(self._pid)
         waited_s = max(queued_s - self._queued_s, 0.0) if self._queued_s is not None else passed_s
@@ -69,9 +69,9 @@ class Silence:
         limit_s = self._hung_s if self._has_answered else max(STARTING_S, self._hung_s)
         if self._stopped_s > STOPPED_S:
             return "stopped"
-        return "hangs" if self._silent_s > limit_s or self._passed_s > BEYOND_DOUBT * limit_s else None
+        return "hangs" if self._silent_s > limit_s or self._passed_s > CERTAIN_FACTOR * limit_s else None
 
-    def _reset(self) -> None:
+    def _reset_times(self) -> None:
         self._passed_s = self._silent_s = self._stopped_s = 0.0
         self._queued_s = None
 

@@ -32,7 +32,7 @@ def sample_folder() -> Path:
     return models_dir() / "recordings" / SAMPLE_ID
 
 
-async def seed(engine: AsyncEngine, blobs: Blobs, folder: Path | None = None) -> bool:
+async def seed_sample(engine: AsyncEngine, blobs: Blobs, folder: Path | None = None) -> bool:
     """Write the sample of this version to the database and the store; True if anything had to be written.
 
     May be called by any number of processes at once and at every start. A sample of an older version is replaced.
@@ -41,13 +41,13 @@ async def seed(engine: AsyncEngine, blobs: Blobs, folder: Path | None = None) ->
     index: Json = json.loads((folder / INDEX_FILE).read_text(encoding="utf-8"))
     async with engine.begin() as connection:
         await connection.execute(select(func.pg_advisory_xact_lock(locks.SAMPLE_SEEDING)))
-        if await _is_there(connection, blobs, index):
+        if await _is_stored(connection, blobs, index):
             return False
         await _store_files(blobs, folder, index)
         truth, estimate = index["jobs"][TRUTH_JOB], index["jobs"][ESTIMATE_JOB]
-        await _put(connection, job, _job_row(TRUTH_JOB, truth, None))
-        await _put(connection, recording, _recording_row(index))
-        await _put(connection, job, _job_row(ESTIMATE_JOB, estimate, SAMPLE_ID))
+        await _upsert_row(connection, job, _job_row(TRUTH_JOB, truth, None))
+        await _upsert_row(connection, recording, _recording_row(index))
+        await _upsert_row(connection, job, _job_row(ESTIMATE_JOB, estimate, SAMPLE_ID))
     return True
 
 
@@ -84,7 +84,7 @@ def _job_row(job_id: str, done: Json, recording_id: str | None) -> Json:
     }
 
 
-async def _is_there(connection: AsyncConnection, blobs: Blobs, index: Json) -> bool:
+async def _is_stored(connection: AsyncConnection, blobs: Blobs, index: Json) -> bool:
     row = (await connection.execute(select(recording).where(recording.c.id == SAMPLE_ID))).mappings().one_or_none()
     if row is None or any(row[name] != value for name, value in _recording_row(index).items()):
         return False
@@ -101,7 +101,7 @@ async def _store_files(blobs: Blobs, folder: Path, index: Json) -> None:
             await blobs.put_file(f"results/{job_id}/1/{artifact['name']}", folder / artifact["name"])
 
 
-async def _put(connection: AsyncConnection, table: Any, values: Mapping[str, Any]) -> None:
+async def _upsert_row(connection: AsyncConnection, table: Any, values: Mapping[str, Any]) -> None:
     changed = {name: value for name, value in values.items() if name != "id"}
     statement = insert(table).values(**values).on_conflict_do_update(index_elements=["id"], set_=changed)
     await connection.execute(statement)

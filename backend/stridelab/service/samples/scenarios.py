@@ -24,7 +24,7 @@ EXAMPLE_ID: Final = "flat-walk"
 """The simplest bundled scenario."""
 
 _STEM: Final = re.compile(r"[a-z0-9]+(-[a-z0-9]+)*")
-_USERS_FORM: Final = re.compile(r"[0-9a-f]{32}")
+_USER_ID_FORM: Final = re.compile(r"[0-9a-f]{32}")
 
 
 def new_id() -> str:
@@ -37,30 +37,30 @@ def scenarios_folder() -> Path:
     return models_dir() / "scenarios"
 
 
-def shipped(folder: Path | None = None) -> dict[str, dict[str, Any]]:
+def bundled_scenarios(folder: Path | None = None) -> dict[str, dict[str, Any]]:
     """Bodies of all bundled scenarios by id; raises ``ValueError`` for an invalid file."""
     bodies = {}
     for file in sorted((folder or scenarios_folder()).glob("*.json")):
-        if not _STEM.fullmatch(file.stem) or _USERS_FORM.fullmatch(file.stem) or len(file.stem) > 64:
+        if not _STEM.fullmatch(file.stem) or _USER_ID_FORM.fullmatch(file.stem) or len(file.stem) > 64:
             raise ValueError(f"{file.name} cannot be the name of a bundled scenario")
         body = Scenario.model_validate(json.loads(file.read_text(encoding="utf-8")))
         bodies[file.stem] = body.model_dump(mode="json")
     return bodies
 
 
-def robots() -> list[str]:
+def robots_by_frequency() -> list[str]:
     """Robots of the bundled scenarios, the most frequent first."""
-    counts = Counter(body["robot"] for body in shipped().values())
+    counts = Counter(body["robot"] for body in bundled_scenarios().values())
     return [name for name, _ in counts.most_common()]
 
 
-async def seed(engine: AsyncEngine, folder: Path | None = None) -> bool:
+async def seed_scenarios(engine: AsyncEngine, folder: Path | None = None) -> bool:
     """Synchronise the bundled rows with this version's files; True if anything had to be written.
 
     May be called by any number of processes at once and at every start. Rows without a file are removed, rows whose
     file has changed are replaced; users' scenarios are never touched.
     """
-    bodies = shipped(folder)
+    bodies = bundled_scenarios(folder)
     async with engine.begin() as connection:
         await connection.execute(select(func.pg_advisory_xact_lock(locks.SCENARIO_SEEDING)))
         rows = await connection.execute(select(scenario.c.id, scenario.c.body).where(scenario.c.bundled))

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 CHUNK_BYTES: Final = 1 << 20
 _KEY: Final = re.compile(r"[A-Za-z0-9_-][A-Za-z0-9._-]*(/[A-Za-z0-9_-][A-Za-z0-9._-]*)*")
-_MAX_KEY: Final = 400
+_MAX_KEY_LENGTH: Final = 400
 _HASH_IN_KEY: Final = re.compile(r"[/-]([0-9a-f]{64})(?:\.[a-z0-9]+)?$")
 
 _RETRY: "Final[RetryConfig]" = {"max_retries": 4, "retry_timeout": timedelta(seconds=10)}
@@ -78,27 +78,27 @@ class BlobStore:
 
         In a folder the file is then synchronised to disk (``local_files``); an object store has confirmed the upload.
         """
-        _check(key)
+        _require_key(key)
         try:
             if self.folder is not None:
                 await asyncio.to_thread(write_durably, self.folder, key, path, self.system)
             else:
                 await obstore.put_async(self.backend, key, path, chunk_size=5 * CHUNK_BYTES, max_concurrency=2)
         except (BaseError, OSError) as error:
-            raise _unavailable(error) from error
+            raise _storage_error(error) from error
         return path.stat().st_size
 
     async def keep_or_replace(self, key: str, path: Path, sha256: str) -> bool:
         """Store ``path`` under ``key`` unless an undamaged file with this content is there; returns whether it did."""
         try:
-            if await self.sha256(key) == sha256:
+            if await self.compute_sha256(key) == sha256:
                 if self.folder is not None:  # its writer may have been killed before it was synchronised to disk
                     await asyncio.to_thread(sync_durably, self.folder, key, self.system)
                 return False
         except NotFound:
             pass
         except OSError as error:
-            raise _unavailable(error) from error
+            raise _storage_error(error) from error
         await self.put_file(key, path)
         return True
 
@@ -113,12 +113,12 @@ class BlobStore:
             async for chunk in self.stream(key):
                 written += file.write(chunk)
                 digest.update(chunk)
-        if (sha256 or named_hash(key)) not in (None, digest.hexdigest()):
+        if (sha256 or hash_in_key(key)) not in (None, digest.hexdigest()):
             path.unlink()
-            raise damaged(key)
+            raise damaged_file_error(key)
         return written
 
-    async def sha256(self, key: str) -> str:
+    async def compute_sha256(self, key: str) -> str:
         """SHA-256 of the blob. Raises ``NotFound`` (``blob-not-found``)."""
         digest = hashlib.sha256()
         async for chunk in self.stream(key):
@@ -127,25 +127,25 @@ class BlobStore:
 
     async def stream(self, key: str) -> AsyncIterator[bytes]:
         """The blob in pieces. Raises ``NotFound`` (``blob-not-found``)."""
-        _check(key)
+        _require_key(key)
         try:
             response = await obstore.get_async(self.backend, key)
             async for chunk in response.stream(min_chunk_size=CHUNK_BYTES):
                 yield bytes(chunk)
         except FileNotFoundError as error:
-            raise _missing(key) from error
+            raise _missing_file_error(key) from error
         except (BaseError, OSError) as error:
-            raise _unavailable(error) from error
+            raise _storage_error(error) from error
 
     async def info(self, key: str) -> BlobInfo | None:
         """Size and modification time of a blob; None if there is none."""
-        _check(key)
+        _require_key(key)
         try:
             meta = await obstore.head_async(self.backend, key)
         except FileNotFoundError:
             return None
         except (BaseError, OSError) as error:
-            raise _unavailable(error) from error
+            raise _storage_error(error) from error
         return BlobInfo(meta["path"], meta["size"], meta["last_modified"])
 
     async def exists(self, key: str) -> bool:
@@ -154,33 +154,33 @@ class BlobStore:
 
     async def list_prefix(self, prefix: str) -> AsyncIterator[BlobInfo]:
         """All blobs below ``prefix`` (whole path segments)."""
-        _check(prefix)
+        _require_key(prefix)
         try:
             async for batch in obstore.list(self.backend, prefix=f"{prefix}/"):
                 for meta in batch:
                     yield BlobInfo(meta["path"], meta["size"], meta["last_modified"])
         except (BaseError, OSError) as error:
-            raise _unavailable(error) from error
+            raise _storage_error(error) from error
 
     async def delete(self, key: str) -> None:
         """Delete one blob; no effect if it is missing."""
-        _check(key)
-        await self._delete([key])
+        _require_key(key)
+        await self._delete_keys([key])
 
     async def delete_prefix(self, prefix: str) -> int:
         """Delete everything below ``prefix`` (whole path segments); returns how many blobs that were."""
         keys = [info.key async for info in self.list_prefix(prefix)]
-        await self._delete(keys)
+        await self._delete_keys(keys)
         return len(keys)
 
-    async def _delete(self, keys: list[str]) -> None:
+    async def _delete_keys(self, keys: list[str]) -> None:
         for start in range(0, len(keys), 500):
             try:
                 await obstore.delete_async(self.backend, keys[start : start + 500])
             except FileNotFoundError:
                 continue  # already deleted by another process
             except (BaseError, OSError) as error:
-                raise _unavailable(error) from error
+                raise _storage_error(error) from error
 
 
 def _object_store(url: str, options: dict[str, str]) -> ObjectStore:
@@ -198,16 +198,16 @@ def _object_store(url: str, options: dict[str, str]) -> ObjectStore:
 
 def is_key(key: str) -> bool:
     """Whether ``key`` is a valid blob key."""
-    return len(key) <= _MAX_KEY and _KEY.fullmatch(key) is not None
+    return len(key) <= _MAX_KEY_LENGTH and _KEY.fullmatch(key) is not None
 
 
-def named_hash(key: str) -> str | None:
+def hash_in_key(key: str) -> str | None:
     """SHA-256 at the end of a key, such as that of an upload; None if the key has none."""
     match = _HASH_IN_KEY.search(key)
     return match[1] if match else None
 
 
-def damaged(key: str) -> UnreadableFile:
+def damaged_file_error(key: str) -> UnreadableFile:
     """Error of a stored file whose content has changed."""
     return UnreadableFile(
         "stored-file-damaged",
@@ -216,16 +216,16 @@ def damaged(key: str) -> UnreadableFile:
     )
 
 
-def _check(key: str) -> None:
+def _require_key(key: str) -> None:
     if not is_key(key):
         raise InvalidInput("blob-key-invalid", "Invalid name of a stored file.")
 
 
-def _missing(key: str) -> NotFound:
+def _missing_file_error(key: str) -> NotFound:
     return NotFound("blob-not-found", f"The stored file {key.rsplit('/', 1)[-1]} is gone.")
 
 
-def _unavailable(error: Exception) -> Unavailable:
+def _storage_error(error: Exception) -> Unavailable:
     if isinstance(error, OSError) and error.errno in DISK_FULL_ERRNOS:
         return StorageFull("storage-full", "The file storage is full; nothing was stored. Free some space.")
     return Unavailable("storage-unavailable", f"The file storage does not respond ({type(error).__name__}).")

@@ -12,12 +12,12 @@ from sqlalchemy.ext.asyncio import AsyncConnection
 from stridelab.service.storage.blobs import BlobStore
 from stridelab.service.storage.tables import recording
 
-FOLDER: Final = "uploads"
+UPLOAD_FOLDER: Final = "uploads"
 
 
 def upload_key(sha256: str) -> str:
     """Blob key of the uploaded file with this hash."""
-    return f"{FOLDER}/{sha256}"
+    return f"{UPLOAD_FOLDER}/{sha256}"
 
 
 async def lock_blob(connection: AsyncConnection, blob_key: str) -> None:
@@ -44,7 +44,7 @@ async def delete_if_unused(connection: AsyncConnection, blobs: BlobStore, blob_k
 async def remove_unused(connection: AsyncConnection, blobs: BlobStore, age: timedelta) -> list[str]:
     """Delete uploads older than ``age`` that no recording uses (of processes that died); returns their keys."""
     now = datetime.now(UTC)
-    old = [info.key async for info in blobs.list_prefix(FOLDER) if now - info.modified_at > age]
+    old = [info.key async for info in blobs.list_prefix(UPLOAD_FOLDER) if now - info.modified_at > age]
     used = set((await connection.execute(select(recording.c.blob_key).where(recording.c.blob_key.in_(old)))).scalars())
     await connection.rollback()
     removed = []

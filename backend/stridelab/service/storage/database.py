@@ -12,9 +12,9 @@ from stridelab.errors import InvalidInput
 from stridelab.service.settings import Settings
 from stridelab.service.storage.migrate import is_migrated, migrate
 
-__all__ = ["conninfo", "database_url", "is_migrated", "make_engine", "migrate", "parse_url", "reading"]
+__all__ = ["autocommit_engine", "database_url", "is_migrated", "libpq_url", "make_engine", "migrate", "parse_url"]
 
-PATIENCE: Final[dict[str, Any]] = {
+CONNECTION_OPTIONS: Final[dict[str, Any]] = {
     "connect_timeout": 10,
     "keepalives_idle": 10,
     "keepalives_interval": 5,
@@ -31,7 +31,7 @@ def database_url(settings: Settings) -> str | None:
     if settings.database_url is None:
         return None
     parse_url(settings.database_url)
-    return conninfo(str(settings.database_dsn))
+    return libpq_url(str(settings.database_dsn))
 
 
 def parse_url(url: str) -> URL:
@@ -45,7 +45,7 @@ def parse_url(url: str) -> URL:
     return parsed.set(drivername="postgresql")
 
 
-def conninfo(url: str) -> str:
+def libpq_url(url: str) -> str:
     """Connection URL for libpq."""
     return parse_url(url).render_as_string(hide_password=False)
 
@@ -58,18 +58,18 @@ def make_engine(url: str, *, pool_size: int = 8) -> AsyncEngine:
         address,
         pool_size=pool_size,
         max_overflow=pool_size,
-        connect_args={**PATIENCE, "application_name": "stridelab", "options": options},
+        connect_args={**CONNECTION_OPTIONS, "application_name": "stridelab", "options": options},
     )
-    event.listen(engine.sync_engine, "checkout", _refuse_ended)
+    event.listen(engine.sync_engine, "checkout", _refuse_closed_connection)
     return engine
 
 
-def reading(engine: AsyncEngine) -> AsyncEngine:
+def autocommit_engine(engine: AsyncEngine) -> AsyncEngine:
     """The engine in autocommit mode: every statement is a transaction of its own and takes one round trip."""
     return engine.execution_options(isolation_level="AUTOCOMMIT")
 
 
-def _refuse_ended(connection: Any, _record: object, _proxy: object) -> None:
+def _refuse_closed_connection(connection: Any, _record: object, _proxy: object) -> None:
     """Make the pool reconnect if the server has closed an idle connection, which makes its socket readable.
 
     Unlike a ping, this costs no round trip per checkout.

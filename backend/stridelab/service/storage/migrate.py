@@ -28,38 +28,38 @@ def migrate(url: str, *, wait_s: float = 30.0) -> None:
     """
     _wait_until_reachable(url, wait_s)
     present = present_revision(url)
-    if present is not None and present not in revisions():
+    if present is not None and present not in all_revisions():
         raise Unavailable(
             "database-newer",
             f"The database has revision {present}, which was created by a newer version of stridelab.",
         )
-    if present != revisions()[-1]:
-        _upgrade(url)
+    if present != all_revisions()[-1]:
+        _upgrade_database(url)
 
 
 def is_migrated(url: str) -> bool:
     """Whether the database responds and has the newest revision."""
     try:
-        return present_revision(url) == revisions()[-1]
+        return present_revision(url) == all_revisions()[-1]
     except psycopg.OperationalError:
         return False
 
 
-def revisions() -> list[str]:
+def all_revisions() -> list[str]:
     """All revisions in order: each file is named ``<number>_<what>.py``, and the number is the revision."""
     return sorted(file.name.split("_")[0] for file in (MIGRATIONS / "versions").glob("[0-9]*_*.py"))
 
 
 def present_revision(url: str) -> str | None:
     """The revision of the database's tables; None for an empty database."""
-    with psycopg.connect(plain(url), connect_timeout=10, autocommit=True) as connection:
+    with psycopg.connect(libpq_address(url), connect_timeout=10, autocommit=True) as connection:
         if connection.execute("SELECT to_regclass('alembic_version')").fetchone() == (None,):
             return None
         row = connection.execute("SELECT version_num FROM alembic_version").fetchone()
     return None if row is None else str(row[0])
 
 
-def plain(url: str) -> str:
+def libpq_address(url: str) -> str:
     """The URL in the form of libpq, without SQLAlchemy's driver name."""
     return url.replace("postgresql+psycopg:", "postgresql:", 1)
 
@@ -68,7 +68,7 @@ def engine_of(url: str) -> "sqlalchemy.Engine":
     """A synchronous engine without a connection pool, for one-off work."""
     import sqlalchemy
 
-    address = plain(url).replace("postgresql:", "postgresql+psycopg:", 1)
+    address = libpq_address(url).replace("postgresql:", "postgresql+psycopg:", 1)
     return sqlalchemy.create_engine(address, poolclass=sqlalchemy.NullPool)
 
 
@@ -83,7 +83,7 @@ def upgrade_on(connection: "sqlalchemy.Connection", revision: str) -> None:
     command.upgrade(config, revision)
 
 
-def _upgrade(url: str) -> None:
+def _upgrade_database(url: str) -> None:
     from sqlalchemy import text
 
     engine = engine_of(url)
@@ -99,7 +99,7 @@ def _wait_until_reachable(url: str, wait_s: float) -> None:
     deadline = time.monotonic() + wait_s
     while True:
         try:
-            psycopg.connect(plain(url), connect_timeout=10).close()
+            psycopg.connect(libpq_address(url), connect_timeout=10).close()
         except psycopg.OperationalError as error:
             if time.monotonic() > deadline:
                 parts = urlsplit(url)

@@ -20,7 +20,7 @@ from stridelab.errors import StridelabError
 
 _UNKNOWN_COMPLETION: Final = "40003"
 """SQLSTATE statement_completion_unknown."""
-NO_ANSWER: Final = (OperationalError, InterfaceError, psycopg.OperationalError, TimeoutError)
+DATABASE_ERRORS: Final = (OperationalError, InterfaceError, psycopg.OperationalError, TimeoutError)
 """Exceptions raised while the database does not respond."""
 _log = structlog.get_logger(__name__)
 
@@ -41,7 +41,7 @@ class Publication:
         """``engine.begin()`` that records whether the outcome of its COMMIT is known."""
         async with engine.connect() as connection, connection.begin() as transaction:
             yield connection
-            with self._committing():
+            with self._track_commit():
                 await transaction.commit()
 
     @contextmanager
@@ -49,15 +49,15 @@ class Publication:
         """``transaction`` for programs without an event loop."""
         with engine.connect() as connection, connection.begin() as transaction:
             yield connection
-            with self._committing():
+            with self._track_commit():
                 transaction.commit()
 
-    def settle(self, *, published: bool) -> None:
+    def record_outcome(self, *, published: bool) -> None:
         """Record whether the rows exist, as read after the transaction."""
         self.published, self.in_doubt = published, False
 
     @contextmanager
-    def _committing(self) -> Iterator[None]:
+    def _track_commit(self) -> Iterator[None]:
         before, self.in_doubt = self.in_doubt, True
         try:
             yield
@@ -80,7 +80,7 @@ def proves_rollback(error: BaseException | None) -> bool:
 
 
 @asynccontextmanager
-async def publishing(remove: Callable[[], Awaitable[object]]) -> AsyncIterator[Publication]:
+async def publish_files(remove: Callable[[], Awaitable[object]]) -> AsyncIterator[Publication]:
     """Store and publish files inside the block; calls ``remove`` if they were certainly not published.
 
     Files that stay because the outcome is unknown, or because ``remove`` fails, are removed by the janitor.
@@ -93,5 +93,5 @@ async def publishing(remove: Callable[[], Awaitable[object]]) -> AsyncIterator[P
             _log.warning("files-kept", reason="the outcome of a commit is unknown")
         elif not publication.published:
             # if storage or database are unavailable, the janitor removes the files later
-            with suppress(StridelabError, *NO_ANSWER):
+            with suppress(StridelabError, *DATABASE_ERRORS):
                 await remove()

@@ -21,7 +21,7 @@ from stridelab.body import segment_tables
 from stridelab.body.segment_tables import SegmentRow, SegmentTable
 from stridelab.conventions import Points, Rotation, Vector3
 from stridelab.recordings.recording import Sex
-from stridelab.simulation.human.body_proportions import SIDES, Proportions, letter, proportions, sign
+from stridelab.simulation.human.body_proportions import SIDES, Proportions, scale_proportions, side_prefix, side_sign
 
 Configurations = Float[np.ndarray, "n 34"]
 """One configuration (root position, joint angles) per sample, or its rate."""
@@ -84,7 +84,7 @@ class AnthropometricBody:
         """Sum over all links."""
         return float(pin.computeTotalMass(self.model))
 
-    def neutral(self) -> Configuration:
+    def neutral_pose(self) -> Configuration:
         """Upright reference pose, feet flat on z = 0, middle of the hips above the origin."""
         p = self.proportions
         q = np.zeros(34)
@@ -94,36 +94,36 @@ class AnthropometricBody:
 
 def build_body(height_m: float, mass_kg: float, sex: Sex) -> AnthropometricBody:
     """Build a subject of stature ``height_m`` with the mass distribution of the Dumas table."""
-    p = proportions(height_m, sex)
-    table = segment_tables.load("dumas2007", sex)
+    p = scale_proportions(height_m, sex)
+    table = segment_tables.load_table("dumas2007", sex)
     model, index, joint = pin.Model(), {}, {}
 
-    def add(name: str, parent: int, kind: Any, place: Vector3) -> int:
+    def add_joint(name: str, parent: int, kind: Any, place: Vector3) -> int:
         number = int(model.addJoint(parent, kind, pin.SE3(np.eye(3), place), name))
         index[name] = int(model.joints[number].idx_q)
         return number
 
     nowhere = np.zeros(3)
-    floating = add("position", 0, pin.JointModelTranslation(), nowhere)
-    joint["pelvis"] = add("pelvis", floating, pin.JointModelSphericalZYX(), nowhere)
-    joint["torso"] = add("lumbar", joint["pelvis"], pin.JointModelSphericalZYX(), p.lumbar)
-    joint["head"] = add("cervical", joint["torso"], pin.JointModelSphericalZYX(), np.array([0.0, 0.0, p.torso_m]))
+    floating = add_joint("position", 0, pin.JointModelTranslation(), nowhere)
+    joint["pelvis"] = add_joint("pelvis", floating, pin.JointModelSphericalZYX(), nowhere)
+    joint["torso"] = add_joint("lumbar", joint["pelvis"], pin.JointModelSphericalZYX(), p.lumbar)
+    joint["head"] = add_joint("cervical", joint["torso"], pin.JointModelSphericalZYX(), np.array([0.0, 0.0, p.torso_m]))
     for side in SIDES:
-        s = letter(side)
-        hip = np.array([0.0, sign(side) * p.hip_half_distance_m, 0.0])
-        thigh = joint[f"{s}thigh"] = add(f"{s}hip", joint["pelvis"], pin.JointModelSphericalZYX(), hip)
-        shank = joint[f"{s}shank"] = add(f"{s}knee", thigh, pin.JointModelRY(), _down(p.thigh_m))
-        flexion = add(f"{s}ankle_flexion", shank, pin.JointModelRY(), _down(p.shank_m))
-        joint[f"{s}foot"] = add(f"{s}ankle_inversion", flexion, pin.JointModelRX(), nowhere)
-        arm = joint[f"{s}upper_arm"] = add(
+        s = side_prefix(side)
+        hip = np.array([0.0, side_sign(side) * p.hip_half_distance_m, 0.0])
+        thigh = joint[f"{s}thigh"] = add_joint(f"{s}hip", joint["pelvis"], pin.JointModelSphericalZYX(), hip)
+        shank = joint[f"{s}shank"] = add_joint(f"{s}knee", thigh, pin.JointModelRY(), _downward(p.thigh_m))
+        flexion = add_joint(f"{s}ankle_flexion", shank, pin.JointModelRY(), _downward(p.shank_m))
+        joint[f"{s}foot"] = add_joint(f"{s}ankle_inversion", flexion, pin.JointModelRX(), nowhere)
+        arm = joint[f"{s}upper_arm"] = add_joint(
             f"{s}shoulder", joint["torso"], pin.JointModelSphericalZYX(), p.shoulder(side)
         )
-        forearm = joint[f"{s}forearm"] = add(f"{s}elbow", arm, pin.JointModelRY(), _down(p.upper_arm_m))
-        joint[f"{s}hand"] = add(f"{s}wrist", forearm, pin.JointModelRY(), _down(p.forearm_m))
+        forearm = joint[f"{s}forearm"] = add_joint(f"{s}elbow", arm, pin.JointModelRY(), _downward(p.upper_arm_m))
+        joint[f"{s}hand"] = add_joint(f"{s}wrist", forearm, pin.JointModelRY(), _downward(p.forearm_m))
     for name, frame in segment_frames(p).items():
         row = table.segments[name]
         radii = _GYRATION[sex][name.removeprefix("l_").removeprefix("r_")]
-        inertia = _inertia(frame, row, radii, mass_kg * row.mass_fraction)
+        inertia = _segment_inertia(frame, row, radii, mass_kg * row.mass_fraction)
         model.appendBodyToJoint(joint[name], inertia, pin.SE3.Identity())
     landmarks = {name: (joint[link], place) for name, link, place in p.landmarks()}
     return AnthropometricBody(model, p, table, index, joint, landmarks)
@@ -131,7 +131,7 @@ def build_body(height_m: float, mass_kg: float, sex: Sex) -> AnthropometricBody:
 
 def segment_frames(p: Proportions) -> Mapping[str, SegmentFrame]:
     """Frames of the segment table (``models/segment_tables/dumas2007.toml``) in the links, keyed by segment."""
-    upright, hip_to_lumbar = _axes(np.array([1.0, 0.0, 0.0])), float(np.linalg.norm(p.lumbar))
+    upright, hip_to_lumbar = _axes_from_forward(np.array([1.0, 0.0, 0.0])), float(np.linalg.norm(p.lumbar))
     cervical = np.array([0.0, 0.0, p.torso_m])
     frames = {
         "pelvis": SegmentFrame(p.lumbar, upright, hip_to_lumbar),
@@ -140,7 +140,7 @@ def segment_frames(p: Proportions) -> Mapping[str, SegmentFrame]:
     }
     for side in SIDES:
         # The palms look inwards, so that the table's rightward axis of forearm and hand points forward on the right.
-        pronated = _axes(np.array([0.0, -sign(side), 0.0]))
+        pronated = _axes_from_forward(np.array([0.0, -side_sign(side), 0.0]))
         for name, axes, length in (
             ("upper_arm", upright, p.upper_arm_m),
             ("forearm", pronated, p.forearm_m),
@@ -149,7 +149,7 @@ def segment_frames(p: Proportions) -> Mapping[str, SegmentFrame]:
             ("shank", upright, p.shank_m),
             ("foot", upright, p.foot_m),
         ):
-            frames[f"{letter(side)}{name}"] = SegmentFrame(np.zeros(3), axes, length)
+            frames[f"{side_prefix(side)}{name}"] = SegmentFrame(np.zeros(3), axes, length)
     return frames
 
 
@@ -164,16 +164,16 @@ def landmark_tracks(body: AnthropometricBody, q: Configurations) -> Mapping[str,
     return tracks
 
 
-def _down(length_m: float) -> Vector3:
+def _downward(length_m: float) -> Vector3:
     return np.array([0.0, 0.0, -length_m])
 
 
-def _axes(forwards: Vector3) -> Rotation:
+def _axes_from_forward(forwards: Vector3) -> Rotation:
     up = np.array([0.0, 0.0, 1.0])
     return np.column_stack([forwards, up, np.cross(forwards, up)])
 
 
-def _inertia(frame: SegmentFrame, row: SegmentRow, radii: tuple[float, float, float], mass_kg: float) -> Any:
+def _segment_inertia(frame: SegmentFrame, row: SegmentRow, radii: tuple[float, float, float], mass_kg: float) -> Any:
     lever = frame.origin_m + frame.length_m * frame.axes @ np.array(row.com)
     about_com = mass_kg * np.diag((frame.length_m * np.array(radii)) ** 2)
     return pin.Inertia(mass_kg, lever, frame.axes @ about_com @ frame.axes.T)

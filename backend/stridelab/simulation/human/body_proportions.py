@@ -17,7 +17,7 @@ from typing import Final
 
 import numpy as np
 
-from stridelab.body.anthropometry import Anthropometry, SagittalOffset, anthropometry
+from stridelab.body.anthropometry import Anthropometry, SagittalOffset, load_anthropometry
 from stridelab.conventions import Vector3
 from stridelab.recordings.recording import Sex, Side
 
@@ -42,17 +42,17 @@ _NOTCH_SLOPE_RAD: Final = math.radians(-25.0)
 """Slope of the line from C7 to the jugular notch in the reference pose."""
 
 
-def sign(side: Side) -> float:
+def side_sign(side: Side) -> float:
     """+1 on the left, where y is positive; -1 on the right."""
     return 1.0 if side == "left" else -1.0
 
 
-def letter(side: Side) -> str:
+def side_prefix(side: Side) -> str:
     """Prefix of a sided name: ``l_`` or ``r_``."""
     return "l_" if side == "left" else "r_"
 
 
-def sagittal(angle_rad: float) -> Vector3:
+def sagittal_direction(angle_rad: float) -> Vector3:
     """Unit vector in the sagittal plane, ``angle_rad`` above the horizontal."""
     return np.array([math.cos(angle_rad), 0.0, math.sin(angle_rad)])
 
@@ -123,12 +123,12 @@ class Proportions:
     @property
     def jugular_notch(self) -> Vector3:
         """Suprasternal notch in the torso link, ahead of C7 and below it."""
-        return np.asarray(self.c7 + _THORAX_DEPTH * self.height_m * sagittal(_NOTCH_SLOPE_RAD))
+        return np.asarray(self.c7 + _THORAX_DEPTH * self.height_m * sagittal_direction(_NOTCH_SLOPE_RAD))
 
     def shoulder(self, side: Side) -> Vector3:
         """Shoulder joint in the torso link."""
         across, drop = _SHOULDER_HALF_BREADTH * self.height_m, _SHOULDER_DROP * self.height_m
-        return np.array([0.0, sign(side) * across, self.torso_m - drop])
+        return np.array([0.0, side_sign(side) * across, self.torso_m - drop])
 
     def acromion(self, side: Side) -> Vector3:
         """Acromion in the torso link, from the inverted regression of the shoulder joint."""
@@ -143,7 +143,7 @@ class Proportions:
     def _trunk_landmarks(self) -> Iterator[tuple[str, str, Vector3]]:
         w, length, h = self.pelvis_width_m, self.torso_m, self.head_m
         for side in SIDES:
-            p, y = letter(side), sign(side)
+            p, y = side_prefix(side), side_sign(side)
             yield f"{p}asis", "pelvis", self.mid_asis + np.array([0.0, y * w / 2, 0.0])
             yield f"{p}psis", "pelvis", self.mid_asis + np.array([-0.65 * w, y * 0.18 * w, 0.0])
             yield f"{p}acromion", "torso", self.acromion(side)
@@ -157,34 +157,34 @@ class Proportions:
         yield "head_top", "head", np.array([0.0, 0.0, h])
 
     def _limb_landmarks(self, side: Side) -> Iterator[tuple[str, str, Vector3]]:
-        p, y, H = letter(side), sign(side), self.height_m
+        p, y, H = side_prefix(side), side_sign(side), self.height_m
         knee, ankle, elbow, wrist, knuckle = (-np.array([0.0, 0.0, length]) for length in self._limb_lengths())
 
-        def beside(
+        def lateral_pair(
             link: str, end: Vector3, half_breadth: float, outer: str, inner: str
         ) -> Iterator[tuple[str, str, Vector3]]:
             yield f"{p}{outer}", f"{p}{link}", end + np.array([0.0, y * half_breadth * H, 0.0])
             yield f"{p}{inner}", f"{p}{link}", end - np.array([0.0, y * half_breadth * H, 0.0])
 
-        def along(
+        def sagittal_pair(
             link: str, end: Vector3, half_depth: float, front: str, back: str
         ) -> Iterator[tuple[str, str, Vector3]]:
             yield f"{p}{front}", f"{p}{link}", end + np.array([half_depth * H, 0.0, 0.0])
             yield f"{p}{back}", f"{p}{link}", end - np.array([half_depth * H, 0.0, 0.0])
 
         yield f"{p}trochanter", f"{p}thigh", np.array([0.0, y * 0.048 * H, -0.005 * H])
-        yield from beside("thigh", knee, 0.030, "knee_lateral", "knee_medial")
+        yield from lateral_pair("thigh", knee, 0.030, "knee_lateral", "knee_medial")
         yield f"{p}fibula_head", f"{p}shank", np.array([-0.012 * H, y * 0.027 * H, -0.022 * H])
         yield f"{p}tibial_tuberosity", f"{p}shank", np.array([0.026 * H, 0.0, -0.030 * H])
-        yield from beside("shank", ankle, 0.021, "ankle_lateral", "ankle_medial")
+        yield from lateral_pair("shank", ankle, 0.021, "ankle_lateral", "ankle_medial")
         height = _FOOT_MARKER_HEIGHT * H - self.ankle_height_m
         yield f"{p}heel", f"{p}foot", np.array([-self.heel_m, 0.0, height])
         yield f"{p}mt1", f"{p}foot", np.array([self.ball_m, -y * 0.024 * H, height])
         yield f"{p}mt2", f"{p}foot", np.array([self.ball_m + 0.006 * H, -y * 0.010 * H, height + 0.006 * H])
         yield f"{p}mt5", f"{p}foot", np.array([self.ball_m, y * 0.024 * H, height])
-        yield from beside("upper_arm", elbow, 0.020, "elbow_lateral", "elbow_medial")
-        yield from along("forearm", wrist, 0.016, "wrist_radial", "wrist_ulnar")
-        yield from along("hand", knuckle, 0.020, "mc2", "mc5")
+        yield from lateral_pair("upper_arm", elbow, 0.020, "elbow_lateral", "elbow_medial")
+        yield from sagittal_pair("forearm", wrist, 0.016, "wrist_radial", "wrist_ulnar")
+        yield from sagittal_pair("hand", knuckle, 0.020, "mc2", "mc5")
 
     def _limb_lengths(self) -> tuple[float, ...]:
         return self.thigh_m, self.shank_m, self.upper_arm_m, self.forearm_m, self.hand_m
@@ -195,12 +195,12 @@ class Proportions:
 
     def _trunk_offset(self, rule: SagittalOffset) -> Vector3:
         angle = _NOTCH_SLOPE_RAD + math.radians(rule.angle_deg)
-        return np.asarray(rule.scale * _THORAX_DEPTH * self.height_m * sagittal(angle))
+        return np.asarray(rule.scale * _THORAX_DEPTH * self.height_m * sagittal_direction(angle))
 
 
-def proportions(height_m: float, sex: Sex) -> Proportions:
+def scale_proportions(height_m: float, sex: Sex) -> Proportions:
     """Proportions of a body of stature ``height_m``."""
-    regressions = anthropometry(sex)
+    regressions = load_anthropometry(sex)
     mean, width = regressions.length_m, _PELVIS_WIDTH_M[sex]
     hip_to_lumbar = width * float(regressions.lumbar[1] - regressions.hip[1])
     upright = mean["shank"] + _THIGH_M[sex] + hip_to_lumbar + mean["torso"] + mean["head"]

@@ -18,11 +18,11 @@ from scipy.spatial.transform import Rotation
 
 from stridelab.conventions import Points, Series
 from stridelab.recordings.recording import Side
-from stridelab.simulation.human.body_proportions import Proportions, sign
+from stridelab.simulation.human.body_proportions import Proportions, side_sign
 from stridelab.simulation.human.gait_plan import GaitPlan, Stance
 
-LAG: Final = -0.06
-HURRY: Final = 0.08
+SWING_LAG: Final = -0.06
+SWING_ADVANCE: Final = 0.08
 """Deviation of the swinging foot from the quintic, relative to the stride: slightly behind, and early rather than late,
 like a pendulum driven by the hip before toe-off. It keeps the leg's angular momentum at human values."""
 TOE_OUT_RAD: Final = 0.12
@@ -30,7 +30,7 @@ TOE_OUT_RAD: Final = 0.12
 CLEARANCE_M: Final = 0.02
 """Minimum height of heel and ball above the ground in the middle of the swing."""
 
-ROCKER: Final = 0.035
+ROCKER_RADIUS: Final = 0.035
 """Radius of the forefoot's arc over stature."""
 STRIKE_RATE: Final = 2.3
 """Pitch rate at the strike times the time until flat, over the pitch."""
@@ -47,7 +47,7 @@ class FootPath:
     @property
     def yaw_rad(self) -> float:
         """Constant turn about the vertical: both feet point outwards."""
-        return sign(self.side) * TOE_OUT_RAD
+        return side_sign(self.side) * TOE_OUT_RAD
 
     @cached_property
     def foot(self) -> Rotation:
@@ -65,7 +65,7 @@ def foot_path(plan: GaitPlan, side: Side, p: Proportions, time_s: Series) -> Foo
         ankle[on] = _on_ground(stance, p, pitch[on])
     for before, after in pairwise(stances):
         off = (time_s > before.off_s) & (time_s < after.strike_s)
-        ankle[off], pitch[off] = _swing(before, after, p, time_s[off])
+        ankle[off], pitch[off] = _swing_trajectory(before, after, p, time_s[off])
     return FootPath(side, ankle, pitch)
 
 
@@ -94,7 +94,7 @@ def _pitch_at_strike(stance: Stance) -> tuple[float, float, float]:
     return pitch, -STRIKE_RATE * pitch / span_s, 0.0
 
 
-def _roll(p: Proportions, pitch: Series) -> Float[np.ndarray, "n 3 2"]:
+def _rolling_ankle(p: Proportions, pitch: Series) -> Float[np.ndarray, "n 3 2"]:
     """Ankle (forward displacement, height) of a foot in stance, and its first two derivatives by the pitch.
 
     Pitched up, the foot rotates about the heel; pitched down, it rolls on an arc of radius rho that begins at the ball:
@@ -113,29 +113,29 @@ def _roll(p: Proportions, pitch: Series) -> Float[np.ndarray, "n 3 2"]:
 
 def rocker_m(p: Proportions) -> float:
     """Radius of the arc on which the forefoot rolls."""
-    return ROCKER * p.height_m
+    return ROCKER_RADIUS * p.height_m
 
 
-def _heading(side: Side) -> Float[np.ndarray, "2 3"]:
+def _foot_axes(side: Side) -> Float[np.ndarray, "2 3"]:
     """Forward axis of the foot and up, as rows in the world."""
-    yaw = sign(side) * TOE_OUT_RAD
+    yaw = side_sign(side) * TOE_OUT_RAD
     return np.array([[np.cos(yaw), np.sin(yaw), 0.0], [0.0, 0.0, 1.0]])
 
 
 def _on_ground(stance: Stance, p: Proportions, pitch: Series) -> Points:
     """Ankle of a foot in stance."""
-    return np.asarray([stance.x_m, stance.y_m, 0.0] + _roll(p, pitch)[:, 0] @ _heading(stance.side))
+    return np.asarray([stance.x_m, stance.y_m, 0.0] + _rolling_ankle(p, pitch)[:, 0] @ _foot_axes(stance.side))
 
 
 def _ankle_jet(stance: Stance, p: Proportions, pitch: tuple[float, float, float]) -> Float[np.ndarray, "3 3"]:
     """Ankle, its velocity and its acceleration (rows) on the ground, from the pitch and its two derivatives."""
     theta, rate, acceleration = pitch
-    _, first, second = _roll(p, np.array([theta]))[0]
-    motion = np.array([rate * first, acceleration * first + rate**2 * second]) @ _heading(stance.side)
+    _, first, second = _rolling_ankle(p, np.array([theta]))[0]
+    motion = np.array([rate * first, acceleration * first + rate**2 * second]) @ _foot_axes(stance.side)
     return np.vstack([_on_ground(stance, p, np.array([theta])), motion])
 
 
-def _swing(before: Stance, after: Stance, p: Proportions, t: Series) -> tuple[Points, Series]:
+def _swing_trajectory(before: Stance, after: Stance, p: Proportions, t: Series) -> tuple[Points, Series]:
     ends = [before.off_s, after.strike_s]
     off, strike = _pitch_at_off(before), _pitch_at_strike(after)
     turning = BPoly.from_derivatives(ends, [off, strike])
@@ -151,5 +151,5 @@ def _swing(before: Stance, after: Stance, p: Proportions, t: Series) -> tuple[Po
     s = (t - ends[0]) / (ends[1] - ends[0])
     hump = 64.0 * (s * (1.0 - s)) ** 3
     ankle[:, 2] += height * hump
-    ankle[:, 0] += (after.x_m - before.x_m) * (LAG + HURRY * (1.0 - 2.0 * s)) * hump
+    ankle[:, 0] += (after.x_m - before.x_m) * (SWING_LAG + SWING_ADVANCE * (1.0 - 2.0 * s)) * hump
     return ankle, turning(t)

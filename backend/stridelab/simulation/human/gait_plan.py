@@ -23,7 +23,7 @@ from stridelab.recordings.recording import Side
 
 WALK_RATIO: Final = 0.0038
 """Step length over cadence, in minutes per stature."""
-SLOWEST_M_S: Final = 0.1
+MIN_SPEED_M_S: Final = 0.1
 """Speed below which the subject stands."""
 _RAMP: Final = (0.42, 0.82)
 """Length of the first (and last) two steps relative to the others."""
@@ -91,8 +91,8 @@ def plan_gait(
     height_m: float, speed_m_s: float, duration_s: float, *, from_rest: bool, stance_width_m: float, rng: Generator
 ) -> GaitPlan:
     """Plan a recording of ``duration_s`` of level walking along +x (standing below ``SLOWEST_M_S``)."""
-    if speed_m_s < SLOWEST_M_S:
-        return standing(duration_s, stance_width_m)
+    if speed_m_s < MIN_SPEED_M_S:
+        return standing_plan(duration_s, stance_width_m)
     length = math.sqrt(60.0 * WALK_RATIO * height_m * speed_m_s)
     step_s = length / speed_m_s
     ramps = 2 * len(_RAMP)
@@ -107,7 +107,9 @@ def plan_gait(
     widths = stance_width_m + _WIDTH_SD_M * centred_draws(rng, n_steps)
     first: Side = "left" if rng.random() < 0.5 else "right"
     strikes = _REST_S + SHIFT_S + np.cumsum(times)
-    stances = _stances(lengths, widths, strikes, double_support_fraction(speed_m_s), first, stance_width_m, height_m)
+    stances = _build_stances(
+        lengths, widths, strikes, double_support_fraction(speed_m_s), first, stance_width_m, height_m
+    )
     end_s = float(strikes[-1]) + step_s + SHIFT_S + _REST_S
     steady = (float(strikes[len(_RAMP)]), float(strikes[-len(_RAMP) - 1]))
     if from_rest:
@@ -121,7 +123,7 @@ def double_support_fraction(speed_m_s: float) -> float:
     return min(max(0.21 - 0.08 * (speed_m_s - 1.2), 0.14), 0.40)
 
 
-def _stances(
+def _build_stances(
     lengths: Series,
     widths: Series,
     strikes: Series,
@@ -199,11 +201,11 @@ def centred_draws(rng: Generator, n: int) -> Series:
     return np.asarray(np.clip(draws - draws.mean(), -2.5, 2.5))
 
 
-def standing(duration_s: float, width_m: float) -> GaitPlan:
+def standing_plan(duration_s: float, width_m: float) -> GaitPlan:
     """Plan with both feet in contact all the time."""
-    stances = (_still("left", 0.0, width_m / 2), _still("right", 0.0, -width_m / 2))
+    stances = (_standing_stance("left", 0.0, width_m / 2), _standing_stance("right", 0.0, -width_m / 2))
     return GaitPlan(stances, 0.0, 1.0, 0.0, 0.0, duration_s, duration_s, (0.0, duration_s))
 
 
-def _still(side: Side, x_m: float, y_m: float) -> Stance:
+def _standing_stance(side: Side, x_m: float, y_m: float) -> Stance:
     return Stance(side, x_m, y_m, -math.inf, -math.inf, math.inf, math.inf)

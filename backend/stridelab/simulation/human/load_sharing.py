@@ -24,7 +24,7 @@ from stridelab.simulation.ground_truth import TrueMotion
 from stridelab.simulation.human.body_proportions import SIDES
 from stridelab.simulation.human.load_transfer import LoadPlan, Plane
 
-_LEAN: Final = 0.4
+_FORCE_LEAN: Final = 0.4
 _FLIGHT_N: Final = 1.0
 """Vertical force below which the subject is in flight."""
 PlanSeries = Float[np.ndarray, "m"]
@@ -55,12 +55,12 @@ def share_wrench(truth: TrueMotion, load: LoadPlan, plan_time_s: Series) -> Mapp
     f, moment = np.where(grounded, truth.force_n, 0.0), np.where(grounded, truth.moment_nm, 0.0)
     f_z = np.where(grounded, f[:, 2:], 1.0)
     share = {side: np.interp(t, plan_time_s, load.share[side]) for side in SIDES}
-    cop: dict[Side, Plane] = {side: _resampled(t, plan_time_s, load.cop_m[side]) for side in SIDES}
+    cop: dict[Side, Plane] = {side: _interpolate_plane(t, plan_time_s, load.cop_m[side]) for side in SIDES}
     zmp = np.column_stack([-moment[:, 1], moment[:, 0]]) / f_z
     mean_cop = sum((share[side][:, None] * cop[side] for side in SIDES), np.zeros_like(zmp))
     error = np.where(grounded, zmp - mean_cop, 0.0)
     loaded = {side: np.column_stack([cop[side] + error, np.zeros(len(t))]) for side in SIDES}
-    towards = {side: _LEAN * (c[:, :2] - loaded[side][:, :2]) / c[:, 2:] for side in SIDES}
+    towards = {side: _FORCE_LEAN * (c[:, :2] - loaded[side][:, :2]) / c[:, 2:] for side in SIDES}
     mean = sum((share[side][:, None] * towards[side] for side in SIDES), np.zeros_like(zmp))
     rest = f[:, :2] / f_z - mean
     force = {
@@ -71,5 +71,5 @@ def share_wrench(truth: TrueMotion, load: LoadPlan, plan_time_s: Series) -> Mapp
     return {side: FootWrench(force[side], loaded[side], share[side] * free) for side in SIDES}
 
 
-def _resampled(t: Series, plan_time_s: PlanSeries, track: PlanPlane) -> Plane:
+def _interpolate_plane(t: Series, plan_time_s: PlanSeries, track: PlanPlane) -> Plane:
     return np.column_stack([np.interp(t, plan_time_s, track[:, axis]) for axis in range(2)])

@@ -32,7 +32,7 @@ from scipy.linalg import solve_banded
 
 from stridelab.conventions import GRAVITY_M_S2, Points, Series
 from stridelab.recordings.recording import Side
-from stridelab.simulation.human.body_proportions import SIDES, Proportions, sign
+from stridelab.simulation.human.body_proportions import SIDES, Proportions, side_sign
 from stridelab.simulation.human.foot_trajectories import TOE_OUT_RAD, rocker_m
 from stridelab.simulation.human.gait_plan import SHIFT_S, GaitPlan, Stance
 
@@ -63,7 +63,7 @@ def plan_load(plan: GaitPlan, p: Proportions, time_s: Series, rng: Generator) ->
     left = _left_share(plan, time_s)
     share: dict[Side, Series] = {"left": left, "right": 1.0 - left}
     wander = sway(time_s, rng)
-    cop = {side: _cop(plan, side, p, time_s) + wander for side in SIDES}
+    cop = {side: _centre_of_pressure(plan, side, p, time_s) + wander for side in SIDES}
     zmp = sum((share[side][:, None] * cop[side] for side in SIDES), np.zeros((len(time_s), 2)))
     return LoadPlan(share, cop, zmp)
 
@@ -90,10 +90,10 @@ def _off_after(plan: GaitPlan, leading: Stance) -> float:
     return next(s.off_s for s in plan.stances if s.side != leading.side and s.off_s > leading.strike_s)
 
 
-def _cop(plan: GaitPlan, side: Side, p: Proportions, t: Series) -> Plane:
+def _centre_of_pressure(plan: GaitPlan, side: Side, p: Proportions, t: Series) -> Plane:
     """Centre of pressure of one foot; in swing that of the last stance, from mid-swing on that of the next."""
     resting_m = 0.35 * p.ball_m
-    yaw = sign(side) * TOE_OUT_RAD
+    yaw = side_sign(side) * TOE_OUT_RAD
     cop = np.empty((len(t), 2))
     stances = [stance for stance in plan.stances if stance.side == side]
     strikes_s = [stance.strike_s for stance in stances[1:]] + [np.inf]

@@ -23,7 +23,7 @@ from scipy.spatial.transform import Rotation
 
 from stridelab.conventions import Points, Series
 from stridelab.simulation.human.body_model import AnthropometricBody, Configurations
-from stridelab.simulation.human.body_proportions import SIDES, letter, sign
+from stridelab.simulation.human.body_proportions import SIDES, side_prefix, side_sign
 from stridelab.simulation.human.gait_plan import GaitPlan
 from stridelab.simulation.human.load_transfer import minimum_jerk
 
@@ -66,10 +66,10 @@ def stride_clock(plan: GaitPlan, time_s: Series) -> StrideClock:
     start_s, end_s = lifts[0] - 0.3 * plan.step_time_s, strikes[-1] + 0.5 * plan.step_time_s
     ramp_s = 1.5 * plan.step_time_s
     vigour = minimum_jerk((time_s - start_s) / ramp_s) * minimum_jerk((end_s - time_s) / ramp_s)
-    return StrideClock(_unrolled(strikes, counts, time_s), _unrolled(doubles, counts, time_s), vigour)
+    return StrideClock(_interpolate_phase(strikes, counts, time_s), _interpolate_phase(doubles, counts, time_s), vigour)
 
 
-def _unrolled(at_s: Knots, phase: Knots, time_s: Series) -> Series:
+def _interpolate_phase(at_s: Knots, phase: Knots, time_s: Series) -> Series:
     """Monotone interpolation, continued with the mean rate over five steps at either end."""
     rate = np.pi * (len(at_s) - 1) / (at_s[-1] - at_s[0])
     steps = np.arange(1, 6)
@@ -86,7 +86,7 @@ class Posture:
     pelvis: Rotation
 
 
-def prescribe(body: AnthropometricBody, plan: GaitPlan, clock: StrideClock, rng: Generator) -> Posture:
+def prescribe_posture(body: AnthropometricBody, plan: GaitPlan, clock: StrideClock, rng: Generator) -> Posture:
     """Posture at the instants of the clock."""
     vary = 1.0 + 0.1 * np.clip(rng.standard_normal(5), -2.0, 2.0)
     briskness = (plan.speed_m_s / _REFERENCE_M_S) ** 0.5
@@ -94,26 +94,26 @@ def prescribe(body: AnthropometricBody, plan: GaitPlan, clock: StrideClock, rng:
     cos, sin = np.cos(clock.phi) * swing, np.sin(clock.phi) * swing
     none = np.zeros(len(cos))
     nod = -_NOD * np.sin(2.0 * clock.phi_double) * swing
-    pelvis = _ball(-vary[0] * _PELVIS_YAW * cos, none, vary[1] * _PELVIS_ROLL * sin)
-    torso = _ball(vary[2] * _TORSO_YAW * cos, none + _LEAN + nod, none)
-    head = _ball(none, none + 0.02, none)
-    q = np.tile(body.neutral(), (len(cos), 1))
+    pelvis = _ball_rotation(-vary[0] * _PELVIS_YAW * cos, none, vary[1] * _PELVIS_ROLL * sin)
+    torso = _ball_rotation(vary[2] * _TORSO_YAW * cos, none + _LEAN + nod, none)
+    head = _ball_rotation(none, none + 0.02, none)
+    q = np.tile(body.neutral_pose(), (len(cos), 1))
 
-    def turn(joint: str, rotation: Rotation) -> None:
+    def set_rotation(joint: str, rotation: Rotation) -> None:
         first = body.index[joint]
         q[:, first : first + 3] = rotation.as_euler("ZYX")
 
-    turn("pelvis", pelvis)
-    turn("lumbar", pelvis.inv() * torso)
-    turn("cervical", torso.inv() * head)
+    set_rotation("pelvis", pelvis)
+    set_rotation("lumbar", pelvis.inv() * torso)
+    set_rotation("cervical", torso.inv() * head)
     for side in SIDES:
-        back = sign(side) * vary[3] * cos
-        hanging = _ball(none, none + _ARM_BACK + _ARM * back, none + sign(side) * _ABDUCTION)
-        turn(f"{letter(side)}shoulder", torso.inv() * hanging)
-        q[:, body.index[f"{letter(side)}elbow"]] = -(_ELBOW + 0.1 * swing - vary[4] * _ELBOW_SWING * back)
+        back = side_sign(side) * vary[3] * cos
+        hanging = _ball_rotation(none, none + _ARM_BACK + _ARM * back, none + side_sign(side) * _ABDUCTION)
+        set_rotation(f"{side_prefix(side)}shoulder", torso.inv() * hanging)
+        q[:, body.index[f"{side_prefix(side)}elbow"]] = -(_ELBOW + 0.1 * swing - vary[4] * _ELBOW_SWING * back)
     return Posture(q, pelvis)
 
 
-def _ball(yaw: Series, pitch: Series, roll: Series) -> Rotation:
+def _ball_rotation(yaw: Series, pitch: Series, roll: Series) -> Rotation:
     angles: Points = np.column_stack([yaw, pitch, roll])
     return Rotation.from_euler("ZYX", angles)

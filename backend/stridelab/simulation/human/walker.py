@@ -24,13 +24,13 @@ from stridelab.errors import Fault, InvalidInput
 from stridelab.recordings.recording import Sex, Side
 from stridelab.simulation.ground_truth import TrueMotion, true_motion
 from stridelab.simulation.human.body_model import AnthropometricBody, Configurations, build_body
-from stridelab.simulation.human.body_proportions import SIDES, letter
+from stridelab.simulation.human.body_proportions import SIDES, side_prefix
 from stridelab.simulation.human.foot_trajectories import FootPath, foot_path
 from stridelab.simulation.human.gait_plan import GaitPlan, plan_gait
 from stridelab.simulation.human.leg_ik import leg_angles
 from stridelab.simulation.human.load_sharing import FootWrench, share_wrench
 from stridelab.simulation.human.load_transfer import LoadPlan, com_over_zmp, plan_load
-from stridelab.simulation.human.upper_body_motion import Posture, StrideClock, prescribe, stride_clock
+from stridelab.simulation.human.upper_body_motion import Posture, StrideClock, prescribe_posture, stride_clock
 
 PLAN_RATE_HZ: Final = 200.0
 TRUTH_RATE_HZ: Final = 1000.0
@@ -91,7 +91,7 @@ class HumanWalker:
 
     def walk(self) -> Walk:
         """Simulate the walk. Raises ``InvalidInput`` (``walker-out-of-range``) for parameters out of range."""
-        self._check()
+        self._check_ranges()
         rngs = [np.random.default_rng([self.seed, part]) for part in range(3)]
         body = build_body(self.height_m, self.mass_kg, self.sex)
         plan = plan_gait(
@@ -108,7 +108,7 @@ class HumanWalker:
         load = plan_load(plan, body.proportions, t, rngs[1])
         paths = {side: foot_path(plan, side, body.proportions, t) for side in SIDES}
         clock = stride_clock(plan, t)
-        q = _whole_body(body, plan, clock, load, paths, prescribe(body, plan, clock, rngs[2]))
+        q = _whole_body(body, plan, clock, load, paths, prescribe_posture(body, plan, clock, rngs[2]))
         posture = make_interp_spline(t - plan.record_from_s, q, k=5)
         n = round((self.duration_s + 2 * MARGIN_S) * TRUTH_RATE_HZ) + 1
         truth = true_motion(body, posture, np.arange(n) / TRUTH_RATE_HZ - MARGIN_S)
@@ -116,7 +116,7 @@ class HumanWalker:
             body, self.mass_kg, plan, self.duration_s, posture, truth, share_wrench(truth, load, t - plan.record_from_s)
         )
 
-    def _check(self) -> None:
+    def _check_ranges(self) -> None:
         limits = {
             "height_m": (self.height_m, 1.0, 2.3),
             "mass_kg": (self.mass_kg, 15.0, 250.0),
@@ -155,13 +155,13 @@ def _whole_body(
     pelvis_m = np.column_stack([load.zmp_m, np.full(len(q), 0.5 * body.proportions.height_m)])
     for _ in range(_PASSES):
         com_m = com_over_zmp(load.zmp_m, height_m, momentum_rate, body.mass_kg, dt)
-        pelvis_m, q, slack_m = _over_com(body, posture, paths, q, pelvis_m, com_m)
+        pelvis_m, q, slack_m = _place_over_com(body, posture, paths, q, pelvis_m, com_m)
         momentum_rate = _momentum_rate(body, q, dt)
         height_m = height_m + slack_m
     return q
 
 
-def _over_com(
+def _place_over_com(
     body: AnthropometricBody,
     posture: Posture,
     paths: Mapping[Side, FootPath],
@@ -188,7 +188,7 @@ def _set_legs(
     """Write the leg angles into ``q``; return how far the pelvis can rise before a leg is too short."""
     p, rise_m = body.proportions, []
     for side, path in paths.items():
-        s, y = letter(side), 1.0 if side == "left" else -1.0
+        s, y = side_prefix(side), 1.0 if side == "left" else -1.0
         hip_m = pelvis_m + posture.pelvis.apply(np.array([0.0, y * p.hip_half_distance_m, 0.0]))
         angles = leg_angles(p, hip_m, posture.pelvis, path.ankle_m, path.foot)
         q[:, body.index[f"{s}hip"] : body.index[f"{s}hip"] + 3] = angles.hip_rad

@@ -14,7 +14,7 @@ from jaxtyping import Float
 from numpy.random import Generator
 from scipy.spatial.transform import Rotation
 
-_LEAST_FACTOR = 0.05
+_MIN_FACTOR = 0.05
 """Minimum factor on the mass of a link."""
 
 
@@ -25,9 +25,9 @@ class LinkMasses:
     mass_kg: Float[np.ndarray, "links"]
     lever_m: Float[np.ndarray, "links 3"]
 
-    def wrong(self, error: float, rng: Generator) -> "LinkMasses":
+    def perturb(self, error: float, rng: Generator) -> "LinkMasses":
         """Masses and levers with a relative ``error`` (one sigma, section 2.5.1); the total mass is unchanged."""
-        masses = self.mass_kg * np.maximum(1.0 + error * rng.standard_normal(len(self.mass_kg)), _LEAST_FACTOR)
+        masses = self.mass_kg * np.maximum(1.0 + error * rng.standard_normal(len(self.mass_kg)), _MIN_FACTOR)
         levers = self.lever_m * (1.0 + error * rng.standard_normal(self.lever_m.shape))
         return LinkMasses(masses * self.mass_kg.sum() / masses.sum(), levers)
 

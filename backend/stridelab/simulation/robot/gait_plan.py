@@ -21,15 +21,15 @@ from numpy.random import Generator
 from stridelab.conventions import Series
 from stridelab.errors import Fault, InvalidInput
 from stridelab.recordings.recording import Side
-from stridelab.simulation.human.body_proportions import SIDES, sign
-from stridelab.simulation.human.gait_plan import SLOWEST_M_S, GaitPlan, Stance, centred_draws, standing
+from stridelab.simulation.human.body_proportions import SIDES, side_sign
+from stridelab.simulation.human.gait_plan import MIN_SPEED_M_S, GaitPlan, Stance, centred_draws, standing_plan
 from stridelab.simulation.human.load_transfer import LoadPlan, minimum_jerk, sway
 
 SHIFT_S: Final = 0.4
 """Time before the first step at which the load starts to shift, and settling time after the last."""
 LEAD_S: Final = 1.0
 """Simulated time before and after the recording, in which sway fades in from and out to exact rest."""
-FASTEST_M_S: Final = 0.9
+MAX_SPEED_M_S: Final = 0.9
 _WALK_RATIO_MS: Final = 0.21
 """Step length over step rate: 0.20 m s at the robot's cadence, 0.22 m s at the human one."""
 _LEAST_REST_S: Final = 0.5
@@ -86,11 +86,11 @@ def gait_for(speed_m_s: float, duration_s: float) -> RobotGait:
     As in humans, the ratio of step length to step rate is constant, here that of the walks of section 2.5. Raises
     ``InvalidInput`` (``walker-out-of-range``) for a speed that is out of range or a duration that is too short.
     """
-    if not 0.0 <= speed_m_s <= FASTEST_M_S:
-        message = f"TALOS walks at 0 to {FASTEST_M_S:g} m/s, not at {speed_m_s:g} m/s."
+    if not 0.0 <= speed_m_s <= MAX_SPEED_M_S:
+        message = f"TALOS walks at 0 to {MAX_SPEED_M_S:g} m/s, not at {speed_m_s:g} m/s."
         raise InvalidInput("walker-out-of-range", message, [Fault("speed_m_s", message)])
     standing_still = RobotGait(step_length_m=0.0, step_time_s=1.0, n_steps=0, rest_s=duration_s / 2)
-    if speed_m_s < SLOWEST_M_S:
+    if speed_m_s < MIN_SPEED_M_S:
         return standing_still
     length_m = math.sqrt(_WALK_RATIO_MS * speed_m_s)
     step_s = length_m / speed_m_s
@@ -105,7 +105,7 @@ def gait_for(speed_m_s: float, duration_s: float) -> RobotGait:
 def plan_walk(gait: RobotGait, rng: Generator) -> GaitPlan:
     """Stances of a walk along +x from the origin; without steps, of standing there."""
     if gait.n_steps == 0:
-        return replace(standing(gait.duration_s, gait.width_m), sole_middle_m=0.0)
+        return replace(standing_plan(gait.duration_s, gait.width_m), sole_middle_m=0.0)
     n, T = gait.n_steps, gait.step_time_s
     lengths = np.append(gait.step_length_m * (1.0 + _LENGTH_SD * centred_draws(rng, n)), 0.0)
     durations = T * (1.0 + _TIME_SD * centred_draws(rng, n + 1))
@@ -116,12 +116,12 @@ def plan_walk(gait: RobotGait, rng: Generator) -> GaitPlan:
     lifts, strikes = begins[:-1] + gait.double_support * durations, begins[1:]
     x_m = np.cumsum(lengths)
     stances = [
-        _stance(other, 0.0, gait.width_m / 2, -math.inf, float(lifts[1])),
-        _stance(first, 0.0, gait.width_m / 2, -math.inf, float(lifts[0])),
+        _flat_stance(other, 0.0, gait.width_m / 2, -math.inf, float(lifts[1])),
+        _flat_stance(first, 0.0, gait.width_m / 2, -math.inf, float(lifts[0])),
     ]
     for k in range(n + 1):
         off_s = float(lifts[k + 2]) if k + 2 <= n else math.inf
-        stances.append(_stance((first, other)[k % 2], float(x_m[k]), float(half_m[k]), float(strikes[k]), off_s))
+        stances.append(_flat_stance((first, other)[k % 2], float(x_m[k]), float(half_m[k]), float(strikes[k]), off_s))
     return GaitPlan(
         tuple(stances),
         gait.step_length_m,
@@ -138,7 +138,7 @@ def plan_walk(gait: RobotGait, rng: Generator) -> GaitPlan:
 def plan_load(plan: GaitPlan, time_s: Series, rng: Generator) -> LoadPlan:
     """Load shares, centres of pressure and zero-moment point, with sway while standing."""
     left = np.full(len(time_s), 0.5)
-    for start_s, end_s, target in _shifts(plan):
+    for start_s, end_s, target in _load_shifts(plan):
         left = left + (target - left) * minimum_jerk((time_s - start_s) / (end_s - start_s))
     share: dict[Side, Series] = {"left": left, "right": 1.0 - left}
     still = minimum_jerk((time_s - time_s[0]) / LEAD_S) * minimum_jerk((time_s[-1] - time_s) / LEAD_S)
@@ -156,24 +156,24 @@ def sole_middles(plan: GaitPlan, side: Side, time_s: Series) -> Float[np.ndarray
     return np.asarray(places[np.searchsorted(changes, time_s)])
 
 
-def _shifts(plan: GaitPlan) -> list[tuple[float, float, float]]:
+def _load_shifts(plan: GaitPlan) -> list[tuple[float, float, float]]:
     """``(start, end, share of the left foot afterwards)`` of every load transfer."""
 
-    def onto(side: Side) -> float:
+    def left_share_on(side: Side) -> float:
         return 1.0 if side == "left" else 0.0
 
     if not plan.walks:
         return []
     first_off_s = plan.stances[1].off_s
-    shifts = [(first_off_s - 2 * SHIFT_S, first_off_s, onto(plan.stances[0].side))]
+    shifts = [(first_off_s - 2 * SHIFT_S, first_off_s, left_share_on(plan.stances[0].side))]
     for stance in plan.stances[2:]:
         lifts = [s.off_s for s in plan.stances if s.side != stance.side and s.off_s > stance.strike_s]
         if np.isfinite(min(lifts)):
-            shifts.append((stance.strike_s, min(lifts), onto(stance.side)))
+            shifts.append((stance.strike_s, min(lifts), left_share_on(stance.side)))
     end_s = plan.stances[-1].strike_s
     return [*shifts, (end_s, end_s + SHIFT_S, 0.5)]
 
 
-def _stance(side: Side, x_m: float, half_m: float, strike_s: float, off_s: float) -> Stance:
+def _flat_stance(side: Side, x_m: float, half_m: float, strike_s: float, off_s: float) -> Stance:
     """A stance with a flat sole throughout."""
-    return Stance(side, x_m, sign(side) * half_m, strike_s, strike_s, off_s, off_s)
+    return Stance(side, x_m, side_sign(side) * half_m, strike_s, strike_s, off_s, off_s)

@@ -16,13 +16,13 @@ from typing import Final
 import numpy as np
 from jaxtyping import Float
 
-from stridelab.body.anthropometry import anthropometry
+from stridelab.body.anthropometry import load_anthropometry
 from stridelab.body.joint_centres import joint_centres
 from stridelab.body.segment_frames import segment_frames
-from stridelab.body.segment_tables import SegmentTable, parse
+from stridelab.body.segment_tables import SegmentTable, parse_table
 from stridelab.conventions import Configurations, Points, Vector3
 from stridelab.robots.robot import Robot
-from stridelab.simulation.human.body_proportions import SIDES, letter, sagittal, sign
+from stridelab.simulation.human.body_proportions import SIDES, sagittal_direction, side_prefix, side_sign
 from stridelab.simulation.human.marker_layout import LABELS
 from stridelab.simulation.robot.forward_kinematics import LinkPoses, link_masses, link_poses
 
@@ -48,54 +48,54 @@ _CERVICAL: Final = np.array([0.0, 0.0, 0.33])
 def marker_places(robot: Robot) -> Mapping[str, tuple[str, Vector3]]:
     """Map from landmark to ``(joint of the link, position in the link)``."""
     places: dict[str, tuple[str, Vector3]] = {}
-    body, model = anthropometry(None), robot.model
+    body, model = load_anthropometry(None), robot.model
 
-    def origin(joint: str) -> Vector3:
+    def joint_origin(joint: str) -> Vector3:
         """Position of a joint in its parent link."""
         return np.array(model.jointPlacements[model.getJointId(joint)].translation)
 
-    hip = origin("leg_left_1_joint")
+    hip = joint_origin("leg_left_1_joint")
     w = float(hip[1] / body.hip[2])
     middle = np.array([hip[0] - w * body.hip[0], 0.0, hip[2] - w * body.hip[1]])
-    c7 = _CERVICAL - _thorax(body.cervical.angle_deg, body.cervical.scale)
+    c7 = _CERVICAL - _thorax_offset(body.cervical.angle_deg, body.cervical.scale)
     for name, place in (
         ("c7", c7),
-        ("jugular_notch", c7 + _THORAX_M * sagittal(_NOTCH_SLOPE_RAD)),
+        ("jugular_notch", c7 + _THORAX_M * sagittal_direction(_NOTCH_SLOPE_RAD)),
     ):
         places[name] = ("torso_2_joint", place)
     for side in SIDES:
-        s, y = letter(side), sign(side)
+        s, y = side_prefix(side), side_sign(side)
 
-        def put(landmark: str, joint: str, place: Vector3, s: str = s, side: str = side) -> None:
+        def put_marker(landmark: str, joint: str, place: Vector3, s: str = s, side: str = side) -> None:
             places[f"{s}{landmark}"] = (joint.replace("*", side), place)
 
-        def beside(end: str, link: str, across: Vector3, outer: str, inner: str, side: str = side) -> None:
-            centre = origin(end.replace("*", side))
-            put(outer, link, centre + across)
-            put(inner, link, centre - across)
+        def put_pair(end: str, link: str, across: Vector3, outer: str, inner: str, side: str = side) -> None:
+            centre = joint_origin(end.replace("*", side))
+            put_marker(outer, link, centre + across)
+            put_marker(inner, link, centre - across)
 
-        put("asis", "root_joint", middle + np.array([0.0, y * w / 2, 0.0]))
-        put("psis", "root_joint", middle + np.array([-0.65 * w, y * 0.18 * w, 0.0]))
-        put("head_front", "torso_2_joint", np.array([0.08, y * 0.06, 0.50]))
-        put("head_back", "torso_2_joint", np.array([-0.08, y * 0.06, 0.50]))
-        shoulder = origin(f"arm_{side}_2_joint")
-        put("acromion", "arm_*_1_joint", shoulder - _thorax(body.shoulder.angle_deg, body.shoulder.scale))
+        put_marker("asis", "root_joint", middle + np.array([0.0, y * w / 2, 0.0]))
+        put_marker("psis", "root_joint", middle + np.array([-0.65 * w, y * 0.18 * w, 0.0]))
+        put_marker("head_front", "torso_2_joint", np.array([0.08, y * 0.06, 0.50]))
+        put_marker("head_back", "torso_2_joint", np.array([-0.08, y * 0.06, 0.50]))
+        shoulder = joint_origin(f"arm_{side}_2_joint")
+        put_marker("acromion", "arm_*_1_joint", shoulder - _thorax_offset(body.shoulder.angle_deg, body.shoulder.scale))
         outwards = np.array([0.0, y, 0.0])
-        beside("leg_*_4_joint", "leg_*_3_joint", 0.06 * outwards, "knee_lateral", "knee_medial")
-        beside("leg_*_5_joint", "leg_*_4_joint", 0.05 * outwards, "ankle_lateral", "ankle_medial")
-        beside("arm_*_4_joint", "arm_*_3_joint", 0.05 * outwards, "elbow_lateral", "elbow_medial")
+        put_pair("leg_*_4_joint", "leg_*_3_joint", 0.06 * outwards, "knee_lateral", "knee_medial")
+        put_pair("leg_*_5_joint", "leg_*_4_joint", 0.05 * outwards, "ankle_lateral", "ankle_medial")
+        put_pair("arm_*_4_joint", "arm_*_3_joint", 0.05 * outwards, "elbow_lateral", "elbow_medial")
         forwards = np.array([0.04, 0.0, 0.0])
-        put("wrist_radial", "arm_*_5_joint", forwards)
-        put("wrist_ulnar", "arm_*_5_joint", -forwards)
-        put("mc2", "arm_*_7_joint", np.array([0.04, 0.0, -0.10]))
-        put("mc5", "arm_*_7_joint", np.array([-0.04, 0.0, -0.10]))
+        put_marker("wrist_radial", "arm_*_5_joint", forwards)
+        put_marker("wrist_ulnar", "arm_*_5_joint", -forwards)
+        put_marker("mc2", "arm_*_7_joint", np.array([0.04, 0.0, -0.10]))
+        put_marker("mc5", "arm_*_7_joint", np.array([-0.04, 0.0, -0.10]))
         for name, x, across_m in (
             ("heel", -0.10, 0.0),
             ("mt1", 0.09, -0.05),
             ("mt2", 0.10, -0.02),
             ("mt5", 0.09, 0.05),
         ):
-            put(name, "leg_*_6_joint", np.array([x, y * across_m, -0.087]))
+            put_marker(name, "leg_*_6_joint", np.array([x, y * across_m, -0.087]))
     return places
 
 
@@ -108,22 +108,22 @@ def marker_tracks(robot: Robot, q: Configurations) -> Mapping[str, Points]:
 def segment_table(robot: Robot, q: Float[np.ndarray, "nq"]) -> SegmentTable:
     """Segment table from the link masses, lumped into segments at the standing configuration ``q``."""
     poses, masses = link_poses(robot.model, q[None]), link_masses(robot.model)
-    tracks, body = _landmark_tracks(robot, poses), anthropometry(None)
+    tracks, body = _landmark_tracks(robot, poses), load_anthropometry(None)
     frames = segment_frames(tracks, joint_centres(tracks, body, {}), body)
     links = poses.coms_m(masses)[0]
     lumps: dict[str, list[int]] = {}
     for k, joint in enumerate(("root_joint", *robot.joint_names)):
-        lumps.setdefault(_segment(joint), []).append(k)
+        lumps.setdefault(_segment_of_joint(joint), []).append(k)
     rows = {}
     for name, members in lumps.items():
         m, frame = masses.mass_kg[members], frames[name]
         away = (m @ links[members] / m.sum() - frame.origin_m[0]) / frame.length_m
         com = [float(away @ axis[0]) for axis in (frame.X, frame.Y, frame.Z)]
         rows[name] = {"mass_fraction": float(m.sum() / masses.mass_kg.sum()), "com": com}
-    return parse({"name": robot.name, "segments": rows})
+    return parse_table({"name": robot.name, "segments": rows})
 
 
-def _segment(joint: str) -> str:
+def _segment_of_joint(joint: str) -> str:
     part, _, rest = joint.partition("_")
     if part == "root":
         return "pelvis"
@@ -142,6 +142,6 @@ def _landmark_tracks(robot: Robot, poses: LinkPoses) -> dict[str, Points]:
     return tracks
 
 
-def _thorax(angle_deg: float, scale: float) -> Vector3:
+def _thorax_offset(angle_deg: float, scale: float) -> Vector3:
     """Offset of a regressed joint centre from its landmark on the trunk."""
-    return np.asarray(scale * _THORAX_M * sagittal(_NOTCH_SLOPE_RAD + math.radians(angle_deg)))
+    return np.asarray(scale * _THORAX_M * sagittal_direction(_NOTCH_SLOPE_RAD + math.radians(angle_deg)))

@@ -29,7 +29,7 @@ from stridelab.errors import Fault, InvalidInput
 from stridelab.recordings.recording import Side
 from stridelab.robots.loader import load_robot
 from stridelab.simulation.ground_truth import motion_truth
-from stridelab.simulation.human.body_proportions import SIDES, sign
+from stridelab.simulation.human.body_proportions import SIDES, side_sign
 from stridelab.simulation.human.gait_plan import GaitPlan, Stance, centred_draws
 from stridelab.simulation.human.load_transfer import LoadPlan, Plane
 from stridelab.simulation.robot.gait_plan import LEAD_S, ArmSwing, sole_middles
@@ -62,12 +62,12 @@ class RunningGait:
 
 
 RUNNING: Final = RunningGait()
-SPEEDS_M_S: Final = (0.3, 1.1)
+SPEED_RANGE_M_S: Final = (0.3, 1.1)
 
 
 def running_at(speed_m_s: float, duration_s: float) -> RunningGait:
     """A run at a speed. Raises ``InvalidInput`` (``walker-out-of-range``) outside ``SPEEDS_M_S``."""
-    low, high = SPEEDS_M_S
+    low, high = SPEED_RANGE_M_S
     if not low <= speed_m_s <= high:
         message = f"TALOS runs at {low:g} to {high:g} m/s, not at {speed_m_s:g} m/s."
         raise InvalidInput("walker-out-of-range", message, [Fault("speed_m_s", message)])
@@ -75,17 +75,17 @@ def running_at(speed_m_s: float, duration_s: float) -> RunningGait:
 
 
 @lru_cache(maxsize=4)
-def run(gait: RunningGait, seed: int = 0, robot_name: str = "talos") -> RobotWalk:
+def simulate_run(gait: RunningGait, seed: int = 0, robot_name: str = "talos") -> RobotWalk:
     """Simulate a run. The result is deterministic, cached and shared: do not modify it.
 
     Raises ``NotEstimable`` (``robot-out-of-reach``) if the legs do not reach the footprints.
     """
     rngs = [np.random.default_rng([seed, part]) for part in range(2)]
-    robot, plan = load_robot(robot_name), _plan(gait, rngs[0])
+    robot, plan = load_robot(robot_name), _plan_stances(gait, rngs[0])
     n = round((gait.duration_s + 2 * LEAD_S) * RATE_HZ)
     time_s = np.arange(n) / RATE_HZ - LEAD_S
     dense_s = np.arange(2 * n) / (2 * RATE_HZ) - LEAD_S
-    height = _height(gait, plan, dense_s)
+    height = _com_height(gait, plan, dense_s)
     feet = {side: sole_path(plan, side, dense_s) for side in SIDES}
     com = _over_footprints(gait, plan, dense_s, height)
     lift = (height[2] + GRAVITY_M_S2) / GRAVITY_M_S2
@@ -95,12 +95,12 @@ def run(gait: RunningGait, seed: int = 0, robot_name: str = "talos") -> RobotWal
 
     body, upper = WholeBody(robot), swing_arms(robot, gait.arms, plan, dense_s, rngs[1])
     start = first_posture(robot, feet, com.position_m[0])
-    motion = body.solve_with_momentum(time_s, Task.of(feet, com, upper), start, momentum_rate)
+    motion = body.solve_with_momentum(time_s, Task.from_paths(feet, com, upper), start, momentum_rate)
     truth = motion_truth(body.model, time_s, motion.q, motion.v, motion.a)
-    return RobotWalk(robot, plan, motion, truth, _load(plan, time_s))
+    return RobotWalk(robot, plan, motion, truth, _running_load(plan, time_s))
 
 
-def _plan(gait: RunningGait, rng: Generator) -> GaitPlan:
+def _plan_stances(gait: RunningGait, rng: Generator) -> GaitPlan:
     """Stances from before the start of the simulation until after its end."""
     n = int((gait.duration_s + 2 * LEAD_S) / gait.step_time_s) + 2 * _MARGIN_STEPS + 4
     begins = (
@@ -114,7 +114,9 @@ def _plan(gait: RunningGait, rng: Generator) -> GaitPlan:
     for k in range(n):
         side, strike_s = SIDES[(first + k) % 2], float(begins[k])
         off_s = strike_s + gait.stance_s
-        stances.append(Stance(side, float(x_m[k]), sign(side) * gait.width_m / 2, strike_s, strike_s, off_s, off_s))
+        stances.append(
+            Stance(side, float(x_m[k]), side_sign(side) * gait.width_m / 2, strike_s, strike_s, off_s, off_s)
+        )
     speed_m_s, steady_s = gait.step_length_m / gait.step_time_s, (0.0, gait.duration_s)
     return GaitPlan(
         tuple(stances),
@@ -129,7 +131,7 @@ def _plan(gait: RunningGait, rng: Generator) -> GaitPlan:
     )
 
 
-def _height(gait: RunningGait, plan: GaitPlan, t: Series) -> Heights:
+def _com_height(gait: RunningGait, plan: GaitPlan, t: Series) -> Heights:
     """Height of the CoM; every stance begins and ends ``com_height_m`` above the ground."""
     G, T = GRAVITY_M_S2, gait.stance_s
     z, rate, second = np.full(len(t), gait.com_height_m), np.zeros(len(t)), np.full(len(t), -G)
@@ -166,8 +168,8 @@ def _over_footprints(gait: RunningGait, plan: GaitPlan, t: Series, height: Heigh
     h, n_samples = float(t[1] - t[0]), len(t)
     margin = round(_MARGIN_STEPS * gait.step_time_s / h)
     longer = t[0] + h * np.arange(-margin, n_samples + margin)
-    n, p = len(longer), _footprint(plan, longer)
-    Phi = _transitions(gait, plan, longer, h)
+    n, p = len(longer), _loaded_footprint(plan, longer)
+    Phi = _state_transitions(gait, plan, longer, h)
     system, right = lil_matrix((2 * n, 2 * n)), np.zeros((2 * n, 2))
     for j in range(n - 1):
         rows = slice(2 * j, 2 * j + 2)
@@ -184,25 +186,25 @@ def _over_footprints(gait: RunningGait, plan: GaitPlan, t: Series, height: Heigh
     return PointPath(np.column_stack([c, z]), np.column_stack([v, z_rate]), np.column_stack([a, z_second]))
 
 
-def _transitions(gait: RunningGait, plan: GaitPlan, t: Series, h: float) -> Float[np.ndarray, "n 2 2"]:
+def _state_transitions(gait: RunningGait, plan: GaitPlan, t: Series, h: float) -> Float[np.ndarray, "n 2 2"]:
     """``Phi_j`` of (c, c') from ``t_j`` to ``t_j + h``, by ten classical Runge-Kutta steps each."""
 
-    def field(at_s: Series, Phi: np.ndarray) -> np.ndarray:
-        z, _, second = _height(gait, plan, at_s)
+    def state_derivative(at_s: Series, Phi: np.ndarray) -> np.ndarray:
+        z, _, second = _com_height(gait, plan, at_s)
         return np.stack([Phi[:, 1], ((second + GRAVITY_M_S2) / z)[:, None] * Phi[:, 0]], axis=1)
 
     Phi, s = np.tile(np.eye(2), (len(t), 1, 1)), h / _SUBSTEPS
     for i in range(_SUBSTEPS):
         at_s = t + i * s
-        k1 = field(at_s, Phi)
-        k2 = field(at_s + s / 2, Phi + s / 2 * k1)
-        k3 = field(at_s + s / 2, Phi + s / 2 * k2)
-        k4 = field(at_s + s, Phi + s * k3)
+        k1 = state_derivative(at_s, Phi)
+        k2 = state_derivative(at_s + s / 2, Phi + s / 2 * k1)
+        k3 = state_derivative(at_s + s / 2, Phi + s / 2 * k2)
+        k4 = state_derivative(at_s + s, Phi + s * k3)
         Phi = Phi + s / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
     return Phi
 
 
-def _footprint(plan: GaitPlan, t: Series) -> Plane:
+def _loaded_footprint(plan: GaitPlan, t: Series) -> Plane:
     """Middle of the loaded sole, changing in the middle of every flight."""
     places = np.array([(s.x_m, s.y_m) for s in plan.stances])
     return np.asarray(places[np.searchsorted(_middles_of_flight(plan), t)])
@@ -212,9 +214,9 @@ def _middles_of_flight(plan: GaitPlan) -> list[float]:
     return [(a.off_s + b.strike_s) / 2 for a, b in pairwise(plan.stances)]
 
 
-def _load(plan: GaitPlan, t: Series) -> LoadPlan:
+def _running_load(plan: GaitPlan, t: Series) -> LoadPlan:
     sides = np.array([s.side == "left" for s in plan.stances])
     left = sides[np.searchsorted(_middles_of_flight(plan), t)].astype(float)
     share: Mapping[Side, Series] = {"left": left, "right": 1.0 - left}
     cop = {side: sole_middles(plan, side, t) for side in SIDES}
-    return LoadPlan(share, cop, _footprint(plan, t))
+    return LoadPlan(share, cop, _loaded_footprint(plan, t))

@@ -63,7 +63,7 @@ class Task:
     upper: JointPath
 
     @staticmethod
-    def of(feet: Mapping[Side, PointPath], com: PointPath, upper: JointPath) -> "Task":
+    def from_paths(feet: Mapping[Side, PointPath], com: PointPath, upper: JointPath) -> "Task":
         """Create from the paths of the soles' middles, of the CoM and of the joints of torso and arms."""
         paths = (feet["left"], feet["right"], com)
         none = np.zeros_like(com.position_m)
@@ -97,11 +97,11 @@ class WholeBody:
 
         Raises ``NotEstimable`` (``robot-out-of-reach``) at the first instant at which the legs do not reach.
         """
-        motion, guess, upright = self._empty(time_s), start, np.zeros(3)
+        motion, guess, upright = self._empty_motion(time_s), start, np.zeros(3)
         for k in range(len(time_s)):
-            q, J = self._position(guess, task, k, upright, float(time_s[k]))
-            v = _resolve(J, task.rate[k], task.upper.v[k])
-            a = _resolve(J, task.second[k] - self._drift(q, v), task.upper.a[k])
+            q, J = self._solve_position(guess, task, k, upright, float(time_s[k]))
+            v = _solve_rates(J, task.rate[k], task.upper.v[k])
+            a = _solve_rates(J, task.second[k] - self._drift(q, v), task.upper.a[k])
             motion.q[k], motion.v[k], motion.a[k] = q, v, a
             if k + 1 < len(time_s):
                 dt = time_s[k + 1] - time_s[k]
@@ -120,45 +120,45 @@ class WholeBody:
         The task has twice the rate of ``time_s``, for the classical Runge-Kutta step of (theta, L); ``k`` is the index
         of its samples. The momentum of the result equals the integrated one exactly.
         """
-        motion, guess = self._empty(time_s), start
+        motion, guess = self._empty_motion(time_s), start
         dt, state = float(time_s[1] - time_s[0]), np.zeros(6)
 
-        def rate(state: np.ndarray, k: int, at: np.ndarray) -> tuple[np.ndarray, ...]:
+        def state_derivative(state: np.ndarray, k: int, guess_q: np.ndarray) -> tuple[np.ndarray, ...]:
             theta, L = state[:3], state[3:]
-            q, J = self._position(at, task, k, theta, float(time_s[k // 2]))
+            q, J = self._solve_position(guess_q, task, k, theta, float(time_s[k // 2]))
             J[-3:] = pin.computeCentroidalMap(self.model, self.data, q)[3:]
             task_rate = task.rate[k].copy()
             task_rate[-3:] = L
-            v = _resolve(J, task_rate, task.upper.v[k])
+            v = _solve_rates(J, task_rate, task.upper.v[k])
             turning = pin.Jlog3(pin.exp3(theta)) @ v[3:6]
             return np.concatenate([turning, momentum_rate(k, theta, L)]), q, v, J
 
         zero_acceleration = np.zeros(self.model.nv)
         for i in range(len(time_s)):
             k = 2 * i
-            k1, q, v, J = rate(state, k, guess)
+            k1, q, v, J = state_derivative(state, k, guess)
             drift = self._drift(q, v)
             drift[-3:] = pin.computeCentroidalMomentumTimeVariation(
                 self.model, self.data, q, v, zero_acceleration
             ).angular
             second = task.second[k].copy()
             second[-3:] = k1[3:]
-            a = _resolve(J, second - drift, task.upper.a[k])
+            a = _solve_rates(J, second - drift, task.upper.a[k])
             motion.q[i], motion.v[i], motion.a[i] = q, v, a
             if i + 1 < len(time_s):
                 guess = pin.integrate(self.model, q, dt * v + 0.5 * dt * dt * a)
                 middle = pin.integrate(self.model, q, 0.5 * dt * v + 0.125 * dt * dt * a)
-                k2, *_ = rate(state + 0.5 * dt * k1, k + 1, middle)
-                k3, *_ = rate(state + 0.5 * dt * k2, k + 1, middle)
-                k4, *_ = rate(state + dt * k3, k + 2, guess)
+                k2, *_ = state_derivative(state + 0.5 * dt * k1, k + 1, middle)
+                k3, *_ = state_derivative(state + 0.5 * dt * k2, k + 1, middle)
+                k4, *_ = state_derivative(state + dt * k3, k + 2, guess)
                 state = state + dt / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
         return motion
 
-    def _empty(self, time_s: Series) -> RobotMotion:
+    def _empty_motion(self, time_s: Series) -> RobotMotion:
         n, nv = len(time_s), self.model.nv
         return RobotMotion(time_s, np.empty((n, self.model.nq)), np.empty((n, nv)), np.empty((n, nv)))
 
-    def _position(
+    def _solve_position(
         self, guess: np.ndarray, task: Task, k: int, theta: np.ndarray, time_s: float
     ) -> tuple[np.ndarray, np.ndarray]:
         """Solve for ``q`` by Newton's method with the base rotation ``theta``; also return the Jacobian."""
@@ -202,7 +202,7 @@ class WholeBody:
         return np.concatenate([*(row.vector for row in rows), data.acom[0], np.zeros(3)])
 
 
-def _resolve(J: np.ndarray, rate: np.ndarray, upper: np.ndarray) -> np.ndarray:
+def _solve_rates(J: np.ndarray, rate: np.ndarray, upper: np.ndarray) -> np.ndarray:
     """Rates of all coordinates: the upper body as given, base and legs from the equations."""
     lower = np.linalg.solve(J[:, :LEGS_AND_BASE], rate - J[:, LEGS_AND_BASE:] @ upper)
     return np.concatenate([lower, upper])

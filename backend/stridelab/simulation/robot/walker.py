@@ -61,7 +61,7 @@ class RobotWalk:
 
 
 @lru_cache(maxsize=8)
-def walk(gait: RobotGait, seed: int = 0, robot_name: str = "talos") -> RobotWalk:
+def simulate_walk(gait: RobotGait, seed: int = 0, robot_name: str = "talos") -> RobotWalk:
     """Simulate a walk. The result is deterministic, cached and shared: do not modify it.
 
     Raises ``NotEstimable`` (``robot-out-of-reach``) if the legs do not reach the footprints.
@@ -72,12 +72,12 @@ def walk(gait: RobotGait, seed: int = 0, robot_name: str = "talos") -> RobotWalk
     load = plan_load(plan, time_s, rngs[1])
     feet = {side: sole_path(plan, side, time_s) for side in SIDES}
     upper = swing_arms(robot, gait.arms, plan, time_s, rngs[2])
-    height = _height(gait, plan, time_s)
+    height = _com_height(gait, plan, time_s)
     body, control = WholeBody(robot), PreviewControl(height_m=gait.com_height_m, dt_s=1.0 / RATE_HZ)
-    start = first_posture(robot, feet, _middle(feet, height))
+    start = first_posture(robot, feet, _initial_com(feet, height))
     target_zmp_m = load.zmp_m.copy()
     for _ in range(_PASSES):
-        motion = body.solve(time_s, Task.of(feet, _com_path(control, target_zmp_m, height), upper), start)
+        motion = body.solve(time_s, Task.from_paths(feet, _com_path(control, target_zmp_m, height), upper), start)
         truth = motion_truth(body.model, time_s, motion.q, motion.v, motion.a)
         zmp_m = zmp_of_motion(truth.com_m, truth.acceleration_m_s2, truth.momentum_rate_nm, truth.mass_kg)
         target_zmp_m = target_zmp_m + load.zmp_m - zmp_m
@@ -98,10 +98,10 @@ def sole_path(plan: GaitPlan, side: Side, time_s: Series) -> PointPath:
     path = [np.zeros((len(time_s), 3)) for _ in range(3)]
     path[0][:] = [stances[0].x_m, stances[0].y_m, 0.0]
     for before, after in pairwise(stances):
-        start, end = (Placement.of((s.x_m, s.y_m, 0.0)) for s in (before, after))
+        start, end = (Placement.from_wxyz((s.x_m, s.y_m, 0.0)) for s in (before, after))
         curve = SwingCurve(start, end, after.strike_s - before.off_s, "surface", before.off_s)
         for k in np.flatnonzero((time_s >= before.off_s) & (time_s < after.strike_s)):
-            point = curve.at(float(time_s[k]) - before.off_s)
+            point = curve.state_at(float(time_s[k]) - before.off_s)
             path[0][k] = point.placement.position_m
             path[1][k], path[2][k] = point.velocity_m_s, point.acceleration_m_s2
         path[0][time_s >= after.strike_s] = [after.x_m, after.y_m, 0.0]
@@ -127,7 +127,7 @@ def swing_arms(robot: Robot, arms: ArmSwing, plan: GaitPlan, time_s: Series, rng
     return JointPath(*(np.ascontiguousarray(spline(time_s, nu=order)) for order in range(3)))
 
 
-def _height(gait: RobotGait, plan: GaitPlan, time_s: Series) -> Heights:
+def _com_height(gait: RobotGait, plan: GaitPlan, time_s: Series) -> Heights:
     """Height of the CoM ``(n, 1)``, lowest in the middle of double support, and its two derivatives."""
     clock = stride_clock(plan, time_s)
     z = gait.com_height_m - gait.bob_m * clock.vigour * np.cos(2.0 * clock.phi_double)
@@ -136,7 +136,7 @@ def _height(gait: RobotGait, plan: GaitPlan, time_s: Series) -> Heights:
     return at, rate, second
 
 
-def _middle(feet: Mapping[Side, PointPath], height: Heights) -> Vector3:
+def _initial_com(feet: Mapping[Side, PointPath], height: Heights) -> Vector3:
     """Initial CoM above the first footprints."""
     x, y, _ = np.mean([path.position_m[0] for path in feet.values()], axis=0)
     return np.array([x, y, height[0][0, 0]])
@@ -144,5 +144,5 @@ def _middle(feet: Mapping[Side, PointPath], height: Heights) -> Vector3:
 
 def first_posture(robot: Robot, feet: Mapping[Side, PointPath], com_m: Vector3) -> Float[np.ndarray, "nq"]:
     """Posture on the first footprints with the CoM at ``com_m``, the initial guess of the first sample."""
-    places = {f"{side}_foot": Placement.of(path.position_m[0].tolist()) for side, path in feet.items()}
+    places = {f"{side}_foot": Placement.from_wxyz(path.position_m[0].tolist()) for side, path in feet.items()}
     return stand(robot, places, com_m).q

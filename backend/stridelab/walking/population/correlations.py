@@ -15,7 +15,7 @@ from scipy.stats import rankdata
 
 from stridelab.conventions import Series
 
-LEAST_PEOPLE: Final = 4
+MIN_SUBJECTS: Final = 4
 """Minimum number of subjects: below four, Fisher's variance is infinite."""
 RESAMPLES: Final = 2000
 NO_SPREAD: Final = 1e-12
@@ -48,21 +48,21 @@ def pearson(x: Series, y: Series, *, draws: Int[np.ndarray, "b n"] | None = None
 
     ``draws`` are bootstrap indices for the BCa interval, None to omit it.
     """
-    return _correlation(x, y, "pearson", draws)
+    return _correlate_values(x, y, "pearson", draws)
 
 
 def spearman(x: Series, y: Series, *, draws: Int[np.ndarray, "b n"] | None = None) -> Correlation | None:
     """Correlation of ranks, with mean ranks for ties; None as for ``pearson``."""
-    return _correlation(x, y, "spearman", draws)
+    return _correlate_values(x, y, "spearman", draws)
 
 
-def partial(x: Series, y: Series, held: Float[np.ndarray, "n k"]) -> Correlation | None:
+def partial_correlation(x: Series, y: Series, held: Float[np.ndarray, "n k"]) -> Correlation | None:
     """Partial Pearson correlation of x and y, controlled for ``held``.
 
     None without a degree of freedom, or if a variable is constant or a linear combination of ``held``.
     """
     n, k = held.shape
-    if n - 2 - k < 1 or _constant(x) or _constant(y):
+    if n - 2 - k < 1 or _is_constant(x) or _is_constant(y):
         return None
     design = np.column_stack([np.ones(n), held - held.mean(axis=0)])
     left = []
@@ -71,8 +71,8 @@ def partial(x: Series, y: Series, held: Float[np.ndarray, "n k"]) -> Correlation
         if np.linalg.norm(rest) < 1e-9 * np.linalg.norm(values):
             return None
         left.append(rest)
-    r = _bounded(float(left[0] @ left[1] / (np.linalg.norm(left[0]) * np.linalg.norm(left[1]))))
-    return Correlation(n, r, p_of(r, n - 2 - k), fisher_interval(r, n, controlled=k), controlled=k)
+    r = _clip_coefficient(float(left[0] @ left[1] / (np.linalg.norm(left[0]) * np.linalg.norm(left[1]))))
+    return Correlation(n, r, two_sided_p(r, n - 2 - k), fisher_interval(r, n, controlled=k), controlled=k)
 
 
 def fisher_interval(r: float, n: int, *, controlled: int = 0, ranks: bool = False) -> Interval | None:
@@ -86,7 +86,7 @@ def fisher_interval(r: float, n: int, *, controlled: int = 0, ranks: bool = Fals
     return (float(np.tanh(np.arctanh(r) - half)), float(np.tanh(np.arctanh(r) + half)))
 
 
-def p_of(r: float, freedom: int) -> float:
+def two_sided_p(r: float, freedom: int) -> float:
     """Two-sided p of a coefficient by Student's t with ``freedom`` degrees of freedom."""
     if abs(r) >= PERFECT:
         return 0.0
@@ -94,12 +94,12 @@ def p_of(r: float, freedom: int) -> float:
     return float(2.0 * stdtr(freedom, -t))
 
 
-def resamples(n: int, *, seed: int, count: int = RESAMPLES) -> Int[np.ndarray, "count n"]:
+def bootstrap_indices(n: int, *, seed: int, count: int = RESAMPLES) -> Int[np.ndarray, "count n"]:
     """Bootstrap indices: ``count`` samples of n subjects drawn with replacement, reproducible by ``seed``."""
     return np.random.default_rng(seed).integers(0, n, size=(count, n))
 
 
-def holm(p: Series) -> Series:
+def holm_correction(p: Series) -> Series:
     """p-values corrected for multiple comparisons (Holm 1979), in the given order."""
     order = np.argsort(p)
     factors = len(p) - np.arange(len(p))
@@ -108,24 +108,26 @@ def holm(p: Series) -> Series:
     return corrected
 
 
-def _correlation(x: Series, y: Series, kind: Kind, draws: Int[np.ndarray, "b n"] | None) -> Correlation | None:
+def _correlate_values(x: Series, y: Series, kind: Kind, draws: Int[np.ndarray, "b n"] | None) -> Correlation | None:
     n = len(x)
-    if n < LEAST_PEOPLE or _constant(x) or _constant(y):
+    if n < MIN_SUBJECTS or _is_constant(x) or _is_constant(y):
         return None
-    r = float(_rows(x[None], y[None], kind)[0])
+    r = float(_row_coefficients(x[None], y[None], kind)[0])
     ci95 = fisher_interval(r, n, ranks=kind == "spearman")
-    return Correlation(n, r, p_of(r, n - 2), ci95, None if draws is None else _bca(x, y, kind, r, draws))
+    return Correlation(
+        n, r, two_sided_p(r, n - 2), ci95, None if draws is None else _bca_interval(x, y, kind, r, draws)
+    )
 
 
-def _bca(x: Series, y: Series, kind: Kind, r: float, draws: Int[np.ndarray, "b n"]) -> Interval | None:
+def _bca_interval(x: Series, y: Series, kind: Kind, r: float, draws: Int[np.ndarray, "b n"]) -> Interval | None:
     """Bias-corrected and accelerated 95 % interval (Efron 1987); None if most samples have no correlation."""
     n = len(x)
-    drawn = _rows(x[draws], y[draws], kind)
+    drawn = _row_coefficients(x[draws], y[draws], kind)
     drawn = drawn[np.isfinite(drawn)]
     if len(drawn) < len(draws) // 2:
         return None
     others = np.array([np.delete(np.arange(n), i) for i in range(n)])
-    without = _rows(x[others], y[others], kind)
+    without = _row_coefficients(x[others], y[others], kind)
     if not np.isfinite(without).all():
         return None
     below = float((drawn < r).mean() + (drawn <= r).mean()) / 2
@@ -140,25 +142,25 @@ def _bca(x: Series, y: Series, kind: Kind, r: float, draws: Int[np.ndarray, "b n
     return (float(low), float(high))
 
 
-def _rows(x: Rows, y: Rows, kind: Kind) -> Float[np.ndarray, "b"]:
+def _row_coefficients(x: Rows, y: Rows, kind: Kind) -> Float[np.ndarray, "b"]:
     """Coefficient of every row; NaN for a constant row."""
     if kind == "spearman":
         x, y = rankdata(x, axis=1), rankdata(y, axis=1)
     dx, dy = x - x.mean(axis=1, keepdims=True), y - y.mean(axis=1, keepdims=True)
     size = np.sqrt((dx**2).sum(axis=1) * (dy**2).sum(axis=1))
-    flat = _flat(x, dx) | _flat(y, dy)
+    flat = _flat_rows(x, dx) | _flat_rows(y, dy)
     r = np.full(len(x), np.nan)
     np.divide((dx * dy).sum(axis=1), size, out=r, where=~flat)
     return np.asarray(np.clip(r, -1.0, 1.0))
 
 
-def _flat(rows: Rows, deviations: Rows) -> Bool[np.ndarray, "b"]:
+def _flat_rows(rows: Rows, deviations: Rows) -> Bool[np.ndarray, "b"]:
     return np.asarray(np.abs(deviations).max(axis=1) <= NO_SPREAD * np.abs(rows).max(axis=1))
 
 
-def _constant(values: Series) -> bool:
+def _is_constant(values: Series) -> bool:
     return bool(np.ptp(values) <= NO_SPREAD * np.abs(values).max())
 
 
-def _bounded(r: float) -> float:
+def _clip_coefficient(r: float) -> float:
     return min(max(r, -1.0), 1.0)

@@ -88,24 +88,24 @@ def fit_mixed_model(
     scale = np.array([1.0, *(float(np.std(column)) for column in X[:, 1:].T)])
     if (scale == 0.0).any() or np.linalg.matrix_rank(X / scale) < len(names):
         raise NotEstimable("mixed-model-collinear", f"These do not vary independently: {', '.join(names[1:])}.")
-    between = np.array([_between(column, who, m) for column in X.T])
+    between = np.array([_is_between_subjects(column, who, m) for column in X.T])
     freedoms = (m - int(between.sum()), N - m - int((~between).sum()))
     if min(freedoms) < 1:
         raise NotEstimable(
             "mixed-model-too-few", f"{m} subjects with {N} steps are too few for {len(names)} coefficients."
         )
-    sums = _Sums.of(y - y.mean(), X / scale, who, m)
+    sums = _Sums.from_data(y - y.mean(), X / scale, who, m)
     lam = _best_lambda(sums, method)
     if lam > 0.99 * LAMBDA_RANGE[1]:
         raise NotEstimable("mixed-model-steps-alike", "The steps of each subject are identical: there is no spread.")
-    b, rss, gram, objective = sums.solved(lam, method)
+    b, rss, gram, objective = sums.solve_for_lambda(lam, method)
     variance = rss / (N - len(names) if method == "reml" else N)
     covariance = variance * np.linalg.inv(gram) / np.outer(scale, scale)
-    coefficients = _uncentred(b / scale, covariance, centres, float(y.mean()))
+    coefficients = _uncentred_effects(b / scale, covariance, centres, float(y.mean()))
     return MixedModel(
         method=method,
         effects=tuple(
-            _effect(name, value, sd, freedoms[0] if is_between else freedoms[1])
+            _effect_statistics(name, value, sd, freedoms[0] if is_between else freedoms[1])
             for name, value, sd, is_between in zip(names, *coefficients, between, strict=True)
         ),
         subject_sd=float(np.sqrt(lam * variance)),
@@ -129,13 +129,13 @@ class _Sums:
     y_of: Float[np.ndarray, "m"]
 
     @classmethod
-    def of(cls, y: Series, X: Columns, who: Int[np.ndarray, "N"], m: int) -> "_Sums":
+    def from_data(cls, y: Series, X: Columns, who: Int[np.ndarray, "N"], m: int) -> "_Sums":
         X_of, y_of = np.zeros((m, X.shape[1])), np.zeros(m)
         np.add.at(X_of, who, X)
         np.add.at(y_of, who, y)
         return cls(np.bincount(who, minlength=m).astype(float), X.T @ X, X.T @ y, float(y @ y), X_of, y_of)
 
-    def solved(
+    def solve_for_lambda(
         self, lam: float, method: Method
     ) -> tuple[Float[np.ndarray, "p"], float, Float[np.ndarray, "p p"], float]:
         """b, weighted residual sum of squares, weighted Gram matrix, and -2 log likelihood for one lambda."""
@@ -157,7 +157,7 @@ def _best_lambda(sums: _Sums, method: Method) -> float:
     """Minimum over a grid of log lambda, refined between its neighbours; 0 if that is as good."""
 
     def objective(log_lambda: float) -> float:
-        return float(sums.solved(float(np.exp(log_lambda)), method)[3])
+        return float(sums.solve_for_lambda(float(np.exp(log_lambda)), method)[3])
 
     grid = np.linspace(np.log(LAMBDA_RANGE[0]), np.log(LAMBDA_RANGE[1]), GRID)
     values = [objective(float(x)) for x in grid]
@@ -165,15 +165,15 @@ def _best_lambda(sums: _Sums, method: Method) -> float:
     refined = minimize_scalar(
         objective, bounds=(grid[max(k - 1, 0)], grid[min(k + 1, GRID - 1)]), method="bounded", options={"xatol": 1e-10}
     )
-    return 0.0 if sums.solved(0.0, method)[3] <= refined.fun + 1e-9 else float(np.exp(refined.x))
+    return 0.0 if sums.solve_for_lambda(0.0, method)[3] <= refined.fun + 1e-9 else float(np.exp(refined.x))
 
 
-def _between(column: Series, who: Int[np.ndarray, "N"], m: int) -> bool:
+def _is_between_subjects(column: Series, who: Int[np.ndarray, "N"], m: int) -> bool:
     means = np.bincount(who, column, minlength=m) / np.bincount(who, minlength=m)
     return bool(np.abs(column - means[who]).max() <= EVEN_WITHIN * max(float(np.abs(column).max()), 1e-300))
 
 
-def _uncentred(
+def _uncentred_effects(
     b: Float[np.ndarray, "p"], covariance: Float[np.ndarray, "p p"], centres: list[float], y_mean: float
 ) -> tuple[list[float], list[float]]:
     """Coefficients and standard errors for variables that are not centred at their means."""
@@ -185,7 +185,7 @@ def _uncentred(
     return value.tolist(), sd.tolist()
 
 
-def _effect(name: str, value: float, sd: float, freedom: int) -> Effect:
+def _effect_statistics(name: str, value: float, sd: float, freedom: int) -> Effect:
     half = float(stdtrit(freedom, 0.975)) * sd
     p = float(2.0 * stdtr(freedom, -abs(value) / sd)) if sd > 0.0 else 0.0
     return Effect(name, value, sd, freedom, p, (value - half, value + half))

@@ -18,22 +18,22 @@ from stridelab.conventions import Series
 from stridelab.errors import NotEstimable
 from stridelab.recordings.recording import Remark
 from stridelab.walking.population.correlations import (
-    LEAST_PEOPLE,
+    MIN_SUBJECTS,
     Correlation,
-    holm,
-    partial,
+    bootstrap_indices,
+    holm_correction,
+    partial_correlation,
     pearson,
-    resamples,
     spearman,
 )
 from stridelab.walking.population.mixed_model import MixedModel, fit_mixed_model
 
 PARAMETERS: Final = ("R_m", "r_m", "z0_m", "omega_rad_s")
-OF_THE_PERSON: Final = ("height_m", "leg_m")
-OF_THE_STEP: Final = ("speed_m_s", "step_length_m")
-AGAINST: Final = (*OF_THE_PERSON, *OF_THE_STEP)
+SUBJECT_VARIABLES: Final = ("height_m", "leg_m")
+STEP_VARIABLES: Final = ("speed_m_s", "step_length_m")
+COVARIATES: Final = (*SUBJECT_VARIABLES, *STEP_VARIABLES)
 """Variables correlated with every parameter, and control variables of the partial correlations."""
-POOLED: Final = "all"
+POOLED_GROUP: Final = "all"
 """Name of the optional group of all subjects."""
 UNKNOWN: Final = "unknown"
 ADULT_YEARS: Final = 18.0
@@ -75,7 +75,7 @@ class SubjectMean:
 
     def value(self, name: str) -> float:
         """Value of the subject, or mean over the steps; NaN if unknown."""
-        if name in OF_THE_PERSON:
+        if name in SUBJECT_VARIABLES:
             known = self.person.height_m if name == "height_m" else self.person.leg_m
             return float("nan") if known is None else known
         return self.mean.get(name, float("nan"))
@@ -110,7 +110,7 @@ class Population:
     remarks: tuple[Remark, ...] = ()
 
 
-def group_of(stated: str | None, age_years: float | None, height_m: float | None) -> tuple[str, GroupSource]:
+def assign_group(stated: str | None, age_years: float | None, height_m: float | None) -> tuple[str, GroupSource]:
     """The stated group, else children or adults by age (18 years), else children by height (1.45 m).
 
     Taller subjects of unknown age are "unknown", because they may be children.
@@ -155,62 +155,62 @@ def study(people: Sequence[Person], steps: Sequence[StepRow], *, pooled: bool = 
     groups: dict[str, list[SubjectMean]] = {}
     for subject in subjects:
         groups.setdefault(subject.person.group, []).append(subject)
-    remarks = _about_groups(groups, pooled=pooled)
+    remarks = _group_remarks(groups, pooled=pooled)
     if pooled and len(groups) > 1:
-        groups = {**groups, POOLED: list(subjects)}
+        groups = {**groups, POOLED_GROUP: list(subjects)}
     pairs: list[Pair] = []
     models, spreads = {}, {}
     for group, members in groups.items():
-        if len(members) < LEAST_PEOPLE:
+        if len(members) < MIN_SUBJECTS:
             remarks.append(_too_few(group, len(members)))
         else:
-            pairs += _pairs(group, members, seed)
+            pairs += _correlate_pairs(group, members, seed)
         names = {subject.person.name for subject in members}
         own = [step for step in steps if step.person in names]
         for parameter in PARAMETERS:
-            spread = _mixed(parameter, (), members, own)
+            spread = _mixed_model_or_none(parameter, (), members, own)
             if spread is not None:
                 spreads[group, parameter] = spread
-            model = _mixed(parameter, ("height_m", "speed_m_s"), members, own)
+            model = _mixed_model_or_none(parameter, ("height_m", "speed_m_s"), members, own)
             if model is not None:
                 models[group, parameter] = model
-    remarks += _about_heights(groups)
+    remarks += _height_remarks(groups)
     return Population(subjects, tuple(pairs), models, spreads, tuple(remarks))
 
 
-def _pairs(group: str, members: list[SubjectMean], seed: int) -> list[Pair]:
-    columns = {name: np.array([s.value(name) for s in members]) for name in (*PARAMETERS, *AGAINST)}
+def _correlate_pairs(group: str, members: list[SubjectMean], seed: int) -> list[Pair]:
+    columns = {name: np.array([s.value(name) for s in members]) for name in (*PARAMETERS, *COVARIATES)}
     pairs = []
     for parameter in PARAMETERS:
-        for against in AGAINST:
+        for against in COVARIATES:
             known = np.isfinite(columns[parameter]) & np.isfinite(columns[against])
             x, y = columns[parameter][known], columns[against][known]
-            draws = resamples(len(x), seed=seed) if len(x) >= LEAST_PEOPLE else None
+            draws = bootstrap_indices(len(x), seed=seed) if len(x) >= MIN_SUBJECTS else None
             plain = pearson(x, y, draws=draws)
             if plain is None:
                 continue
             left_out = tuple(s.person.name for s, is_known in zip(members, known, strict=True) if not is_known)
-            partials = _partials(columns, parameter, against)
+            partials = _partial_correlations(columns, parameter, against)
             ranks = spearman(x, y, draws=draws)
             pairs.append(Pair(group, parameter, against, plain, ranks, partials, left_out, plain.p))
-    corrected = holm(np.array([pair.pearson.p for pair in pairs])) if pairs else np.zeros(0)
+    corrected = holm_correction(np.array([pair.pearson.p for pair in pairs])) if pairs else np.zeros(0)
     return [replace(pair, p_holm=float(p)) for pair, p in zip(pairs, corrected, strict=True)]
 
 
-def _partials(columns: Mapping[str, Series], parameter: str, against: str) -> dict[str, Correlation]:
+def _partial_correlations(columns: Mapping[str, Series], parameter: str, against: str) -> dict[str, Correlation]:
     partials = {}
-    for held in AGAINST:
+    for held in COVARIATES:
         if held == against:
             continue
         table: Float[np.ndarray, "n 3"] = np.column_stack([columns[name] for name in (parameter, against, held)])
         table = table[np.isfinite(table).all(axis=1)]
-        one = partial(table[:, 0], table[:, 1], table[:, 2:]) if len(table) >= LEAST_PEOPLE else None
+        one = partial_correlation(table[:, 0], table[:, 1], table[:, 2:]) if len(table) >= MIN_SUBJECTS else None
         if one is not None:
             partials[held] = one
     return partials
 
 
-def _mixed(
+def _mixed_model_or_none(
     parameter: str, names: tuple[str, ...], members: list[SubjectMean], steps: list[StepRow]
 ) -> MixedModel | None:
     """Mixed model over all steps with complete values; None if it cannot be fitted."""
@@ -218,7 +218,7 @@ def _mixed(
     rows = []
     for step in steps:
         i, subject = of[step.person]
-        values = [step.values.get(n, np.nan) if n in OF_THE_STEP else subject.value(n) for n in names]
+        values = [step.values.get(n, np.nan) if n in STEP_VARIABLES else subject.value(n) for n in names]
         rows.append([float(i), step.values.get(parameter, np.nan), *values])
     table = np.array(rows)
     table = table[np.isfinite(table).all(axis=1)]
@@ -229,7 +229,7 @@ def _mixed(
         return None
 
 
-def _about_groups(groups: Mapping[str, Sequence[SubjectMean]], *, pooled: bool) -> list[Remark]:
+def _group_remarks(groups: Mapping[str, Sequence[SubjectMean]], *, pooled: bool) -> list[Remark]:
     remarks = []
     held = ", ".join(f"{name} ({len(members)})" for name, members in groups.items())
     if len(groups) > 1 and pooled:
@@ -250,7 +250,7 @@ def _about_groups(groups: Mapping[str, Sequence[SubjectMean]], *, pooled: bool) 
     return remarks
 
 
-def _about_heights(groups: Mapping[str, Sequence[SubjectMean]]) -> list[Remark]:
+def _height_remarks(groups: Mapping[str, Sequence[SubjectMean]]) -> list[Remark]:
     without = dict.fromkeys(s.person.name for m in groups.values() for s in m if s.person.height_m is None)
     if not without:
         return []
@@ -260,5 +260,5 @@ def _about_heights(groups: Mapping[str, Sequence[SubjectMean]]) -> list[Remark]:
 
 def _too_few(group: str, n: int) -> Remark:
     subjects = "1 subject" if n == 1 else f"{n} subjects"
-    sentence = f"The group {group} has {subjects}; a correlation needs at least {LEAST_PEOPLE}."
+    sentence = f"The group {group} has {subjects}; a correlation needs at least {MIN_SUBJECTS}."
     return Remark("too-few-subjects", sentence)

@@ -45,7 +45,7 @@ class Certificate:
 
 
 @dataclass(frozen=True, eq=False)
-class Worst:
+class WorstValues:
     """Converts series over the samples at ``time_s``, each in its ``phase``, into checks of their worst values."""
 
     time_s: Series
@@ -53,15 +53,15 @@ class Worst:
 
     def at_most(self, name: str, values: Float[np.ndarray, "n m"], unit: str, limit: float, of: Sequence[str]) -> Check:
         """Check of the largest of ``values``, one column per name in ``of``; -inf where a quantity does not exist."""
-        return self._check(name, values, unit, limit, of, at_least=False)
+        return self._worst_check(name, values, unit, limit, of, at_least=False)
 
     def at_least(
         self, name: str, values: Float[np.ndarray, "n m"], unit: str, limit: float, of: Sequence[str]
     ) -> Check:
         """Check of the smallest of ``values``; +inf where a quantity does not exist."""
-        return self._check(name, values, unit, limit, of, at_least=True)
+        return self._worst_check(name, values, unit, limit, of, at_least=True)
 
-    def _check(
+    def _worst_check(
         self,
         name: str,
         values: Float[np.ndarray, "n m"],

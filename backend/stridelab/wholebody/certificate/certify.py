@@ -21,10 +21,10 @@ from stridelab.conventions import GRAVITY_M_S2
 from stridelab.reachability.gaussian_mixture import Mixture
 from stridelab.reachability.proxy.effector_proxy import Proxy
 from stridelab.robots.robot import Robot
-from stridelab.wholebody.certificate.certificate import Certificate, Check, Worst
-from stridelab.wholebody.certificate.clearance import self_collision, terrain_distances, thinned
+from stridelab.wholebody.certificate.certificate import Certificate, Check, WorstValues
+from stridelab.wholebody.certificate.clearance import self_collision, terrain_distances, thin_samples
 from stridelab.wholebody.certificate.hand_load import hand_loads
-from stridelab.wholebody.certificate.inverse_dynamics import Recomputed, recompute
+from stridelab.wholebody.certificate.inverse_dynamics import Recomputed, recompute_dynamics
 from stridelab.wholebody.certificate.landing import touch_downs
 from stridelab.wholebody.control.joint_limits import JointLimits
 from stridelab.wholebody.motion import WholeBodyMotion
@@ -38,7 +38,7 @@ RANGE_SHARE = 0.02
 """Required distance from either end of a joint's range, as a share of it."""
 LIMIT_SHARE = 0.95
 """Usable share of speed and torque limits; the rest is a reserve for model errors."""
-RARE = 1e-3
+RARE_SHARE = 1e-3
 """Share of an effector's density that counts as out of reach."""
 _DRAWS = 8192
 
@@ -51,17 +51,17 @@ def certify(
     motion: WholeBodyMotion,
 ) -> Certificate:
     """Check ``motion`` of ``robot`` over ``sequence`` against ``plan``; collisions are checked every 40 ms."""
-    recomputed = recompute(robot, sequence, motion)
-    worst = Worst(motion.time_s, recomputed.phase)
-    samples, at_times = thinned(motion.time_s, recomputed.phase, max(1, round(COLLISION_STEP_S * motion.rate_hz)))
+    recomputed = recompute_dynamics(robot, sequence, motion)
+    worst = WorstValues(motion.time_s, recomputed.phase)
+    samples, at_times = thin_samples(motion.time_s, recomputed.phase, max(1, round(COLLISION_STEP_S * motion.rate_hz)))
     return Certificate(
         (
-            _failures(motion),
+            _solver_failures(motion),
             _com_error(plan, motion, recomputed, worst),
             *touch_downs(robot, sequence, motion, recomputed, worst),
-            *_limits(robot, motion, worst),
+            *_joint_limits(robot, motion, worst),
             *hand_loads(robot, sequence, motion, samples, at_times),
-            _friction(sequence, motion, recomputed, worst),
+            _friction_margin(sequence, motion, recomputed, worst),
             worst.at_most("dynamics_residual", recomputed.newton_euler[:, None], "N", DYNAMICS_RESIDUAL_N, [""]),
             worst.at_most(
                 "torque_residual", np.abs(recomputed.torque_gap_nm), "N m", DYNAMICS_RESIDUAL_N, robot.joint_names
@@ -69,13 +69,13 @@ def certify(
             worst.at_most("integration_gap", recomputed.integration_gap[:, None], "m", INTEGRATION_GAP, [""]),
             self_collision(robot, motion.q[samples], at_times),
             *terrain_distances(robot, sequence, motion.q[samples], at_times),
-            *_reachability(sequence, proxies, recomputed, worst),
-            _momentum(robot, plan, motion, recomputed, worst),
+            *_reachability_margin(sequence, proxies, recomputed, worst),
+            _momentum_mismatch(robot, plan, motion, recomputed, worst),
         )
     )
 
 
-def _failures(motion: WholeBodyMotion) -> Check:
+def _solver_failures(motion: WholeBodyMotion) -> Check:
     number = float(len(motion.failures))
     if not motion.failures:
         return Check("solver_failures", number, "samples", 0.0)
@@ -83,19 +83,19 @@ def _failures(motion: WholeBodyMotion) -> Check:
     return Check("solver_failures", number, "samples", 0.0, False, first.phase, None, first.time_s)
 
 
-def _com_error(plan: CentroidalPlan, motion: WholeBodyMotion, found: Recomputed, worst: Worst) -> Check:
+def _com_error(plan: CentroidalPlan, motion: WholeBodyMotion, recomputed: Recomputed, worst: WorstValues) -> Check:
     """CoM error against the plan."""
-    planned = np.array([plan.at(float(t)).com_m for t in motion.time_s])
-    com_error = np.linalg.norm(found.com_m - planned, axis=1)
+    planned = np.array([plan.reference_at(float(t)).com_m for t in motion.time_s])
+    com_error = np.linalg.norm(recomputed.com_m - planned, axis=1)
     return worst.at_most("com_error_max", com_error[:, None], "m", COM_ERROR_M, [""])
 
 
-def _limits(robot: Robot, motion: WholeBodyMotion, worst: Worst) -> tuple[Check, ...]:
+def _joint_limits(robot: Robot, motion: WholeBodyMotion, worst: WorstValues) -> tuple[Check, ...]:
     """Joint ranges, speeds, and torques of legs and torso and of the arms.
 
     The range margin is that of the joint with the smallest share of its range left.
     """
-    limits, joints = JointLimits.of(robot.model), robot.joint_names
+    limits, joints = JointLimits.of_model(robot.model), robot.joint_names
     angles, range_rad = motion.q[:, 7:], limits.upper_rad - limits.lower_rad
     share = np.minimum(angles - limits.lower_rad, limits.upper_rad - angles) / range_rad
     nearest = worst.at_least("joint_limit_margin", share, "rad", RANGE_SHARE, joints)
@@ -104,25 +104,27 @@ def _limits(robot: Robot, motion: WholeBodyMotion, worst: Worst) -> tuple[Check,
     torque = np.abs(motion.tau_nm) / limits.torque_nm
     arm = np.array([robot.group[joint] == "arm" for joint in joints])
 
-    def ratio(name: str, of: np.ndarray) -> Check:
-        chosen = [joint for joint, is_one in zip(joints, of, strict=True) if is_one]
-        return worst.at_most(name, torque[:, of], "1", LIMIT_SHARE, chosen)
+    def torque_ratio(name: str, selected: np.ndarray) -> Check:
+        chosen = [joint for joint, is_one in zip(joints, selected, strict=True) if is_one]
+        return worst.at_most(name, torque[:, selected], "1", LIMIT_SHARE, chosen)
 
     return (
         replace(nearest, value=float(nearest.value * scale), limit=float(RANGE_SHARE * scale)),
         worst.at_most("velocity_ratio_max", speed, "1", LIMIT_SHARE, joints),
-        ratio("torque_ratio_max_legs_torso", ~arm),
-        ratio("torque_ratio_max_arms", arm),
+        torque_ratio("torque_ratio_max_legs_torso", ~arm),
+        torque_ratio("torque_ratio_max_arms", arm),
     )
 
 
-def _friction(sequence: ContactSequence, motion: WholeBodyMotion, found: Recomputed, worst: Worst) -> Check:
+def _friction_margin(
+    sequence: ContactSequence, motion: WholeBodyMotion, recomputed: Recomputed, worst: WorstValues
+) -> Check:
     """Margin of the exact cones, ``mu f_n - |f_t|``, with the surface's normal; a force without contact counts -|f|."""
     names = sequence.effectors
     margin = np.full((len(motion.time_s), len(names)), np.inf)
     for column, name in enumerate(names):
         for phase, contact_phase in enumerate(sequence.phases):
-            samples = found.phase == phase
+            samples = recomputed.phase == phase
             f = motion.forces_n[name][samples]
             contact = contact_phase.contacts.get(name)
             if contact is None:
@@ -136,21 +138,23 @@ def _friction(sequence: ContactSequence, motion: WholeBodyMotion, found: Recompu
     return worst.at_least("friction_cone_margin", margin, "N", 0.0, names)
 
 
-def _reachability(
-    sequence: ContactSequence, proxies: Mapping[str, Proxy], found: Recomputed, worst: Worst
+def _reachability_margin(
+    sequence: ContactSequence, proxies: Mapping[str, Proxy], recomputed: Recomputed, worst: WorstValues
 ) -> tuple[Check, ...]:
     """Log-density of the CoM, for the effector with the smallest margin above its 0.1 percentile."""
     names = [name for name in sequence.effectors if name in proxies]
     if not names:
         return ()
-    log_p = np.full((len(found.phase), len(names)), np.inf)
-    rare = np.array([_percentile(proxies[name].mixture) for name in names])
+    log_p = np.full((len(recomputed.phase), len(names)), np.inf)
+    rare = np.array([_rare_log_density(proxies[name].mixture) for name in names])
     for column, name in enumerate(names):
         for phase, contact_phase in enumerate(sequence.phases):
-            contact, samples = contact_phase.contacts.get(name), found.phase == phase
+            contact, samples = contact_phase.contacts.get(name), recomputed.phase == phase
             if contact is not None and samples.any():
                 heading_rad = float(sequence.headings_rad[phase])
-                log_p[samples, column] = proxies[name].log_density(found.com_m[samples], contact.placement, heading_rad)
+                log_p[samples, column] = proxies[name].log_density(
+                    recomputed.com_m[samples], contact.placement, heading_rad
+                )
     column = int(np.argmin((log_p - rare).min(axis=0)))
     names_of_worst = names[column : column + 1]
     return (
@@ -158,16 +162,18 @@ def _reachability(
     )
 
 
-def _percentile(mixture: Mixture) -> float:
+def _rare_log_density(mixture: Mixture) -> float:
     """``RARE`` quantile of the mixture's log-density, estimated from samples with a fixed seed."""
     draws = mixture.sample(_DRAWS, np.random.default_rng(0))
-    return float(np.quantile(mixture.log_density(draws), RARE))
+    return float(np.quantile(mixture.log_density(draws), RARE_SHARE))
 
 
-def _momentum(robot: Robot, plan: CentroidalPlan, motion: WholeBodyMotion, found: Recomputed, worst: Worst) -> Check:
+def _momentum_mismatch(
+    robot: Robot, plan: CentroidalPlan, motion: WholeBodyMotion, recomputed: Recomputed, worst: WorstValues
+) -> Check:
     """Angular momentum about the CoM compared with the plan."""
-    planned = np.array([plan.at(float(t)).l_nms for t in motion.time_s])
-    mismatch = np.linalg.norm(found.l_nms - planned, axis=1)
+    planned = np.array([plan.reference_at(float(t)).l_nms for t in motion.time_s])
+    mismatch = np.linalg.norm(recomputed.l_nms - planned, axis=1)
     data = robot.model.createData()
     h = float(pin.centerOfMass(robot.model, data, robot.q_reference)[2])
     limit = MOMENTUM_SHARE * robot.mass_kg * h * float(np.sqrt(GRAVITY_M_S2 * h))

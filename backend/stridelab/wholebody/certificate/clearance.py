@@ -17,9 +17,9 @@ from jaxtyping import Int
 from stridelab.contacts.sequence import ContactSequence
 from stridelab.contacts.terrain import Rail
 from stridelab.conventions import Configurations, Series
-from stridelab.robots.contact_frames import se3
+from stridelab.robots.contact_frames import to_se3
 from stridelab.robots.robot import Robot
-from stridelab.wholebody.certificate.certificate import Check, Worst
+from stridelab.wholebody.certificate.certificate import Check, WorstValues
 from stridelab.wholebody.certificate.landing import LANDING_ERROR_M
 from stridelab.wholebody.effector_contact import HAND_RADIUS_M, OwnSurfaces, terrain_shape
 
@@ -31,7 +31,7 @@ _POINT_M = 1e-6
 Role = Literal["link", "palm", "point"]
 
 
-def self_collision(robot: Robot, q: Configurations, worst: Worst) -> Check:
+def self_collision(robot: Robot, q: Configurations, worst: WorstValues) -> Check:
     """Number of distinct link pairs that collide in any of the configurations; names the first."""
     data, geometry = robot.model.createData(), robot.collision
     results = geometry.createData()
@@ -47,27 +47,29 @@ def self_collision(robot: Robot, q: Configurations, worst: Worst) -> Check:
         return Check(name, 0.0, unit, 0.0)
     k, i = min(first_sample.items(), key=lambda pair: pair[1])
     link_names = " and ".join(
-        _link(robot.model, geometry.geometryObjects[o]) for o in (pairs[k].first, pairs[k].second)
+        _link_name(robot.model, geometry.geometryObjects[o]) for o in (pairs[k].first, pairs[k].second)
     )
     return Check(
         name, float(len(first_sample)), unit, 0.0, False, int(worst.phase[i]), link_names, float(worst.time_s[i])
     )
 
 
-def terrain_distances(robot: Robot, sequence: ContactSequence, q: Configurations, worst: Worst) -> tuple[Check, ...]:
+def terrain_distances(
+    robot: Robot, sequence: ContactSequence, q: Configurations, worst: WorstValues
+) -> tuple[Check, ...]:
     """Smallest distances (m) from boxes and rails: of all links, of legs, of arms including the hands' spheres.
 
     Penetration is negative. With hands, the largest depth of a contact point inside its own surface follows.
     """
-    scene = _Scene.of(robot, sequence)
+    scene = _Scene.build_scene(robot, sequence)
     model, data, results = robot.model, robot.model.createData(), scene.geometry.createData()
     values = np.full((len(q), len(scene.parts)), np.inf)
     distances, depth = values.copy(), np.full(values.shape, -np.inf)
     for i, configuration in enumerate(q):
         pin.computeDistances(model, data, scene.geometry, results, configuration)
         phase, time_s = int(worst.phase[i]), float(worst.time_s[i])
-        touched = {name: scene.own.touched(name, phase) for name in scene.effectors}
-        near = {name: scene.own.near(name, phase, time_s) for name in scene.effectors}
+        touched = {name: scene.own.contact_surfaces(name, phase) for name in scene.effectors}
+        near = {name: scene.own.nearby_surfaces(name, phase, time_s) for name in scene.effectors}
         for k, pair in enumerate(scene.pairs):
             distance_m, column = float(results.distanceResults[k].min_distance), pair.column
             is_near = pair.effector is not None and pair.surface in near[pair.effector]
@@ -82,14 +84,14 @@ def terrain_distances(robot: Robot, sequence: ContactSequence, q: Configurations
                 values[i, column] = min(values[i, column], distance_m)
     legs, arms = (np.array([group == of for group in scene.groups], dtype=bool) for of in ("leg", "arm"))
 
-    def smallest(name: str, of: np.ndarray, chosen: np.ndarray, limit_m: float) -> Check:
-        columns = [part for part, is_one in zip(scene.parts, chosen, strict=True) if is_one]
-        return worst.at_least(name, of[:, chosen], "m", limit_m, columns)
+    def smallest_distance(name: str, of: np.ndarray, selected: np.ndarray, limit_m: float) -> Check:
+        columns = [part for part, is_one in zip(scene.parts, selected, strict=True) if is_one]
+        return worst.at_least(name, of[:, selected], "m", limit_m, columns)
 
     return (
-        smallest("terrain_distance_min", values, np.ones(len(scene.parts), dtype=bool), 0.0),
-        smallest("leg_terrain_distance_min", distances, legs, LEG_CLEARANCE_M),
-        smallest("arm_terrain_distance_min", distances, arms, ARM_CLEARANCE_M),
+        smallest_distance("terrain_distance_min", values, np.ones(len(scene.parts), dtype=bool), 0.0),
+        smallest_distance("leg_terrain_distance_min", distances, legs, LEG_CLEARANCE_M),
+        smallest_distance("arm_terrain_distance_min", distances, arms, ARM_CLEARANCE_M),
         *([worst.at_most("hand_depth_max", depth, "m", LANDING_ERROR_M, scene.parts)] if scene.hands else []),
     )
 
@@ -120,25 +122,25 @@ class _Scene:
     own: OwnSurfaces
 
     @staticmethod
-    def of(robot: Robot, sequence: ContactSequence) -> "_Scene":
+    def build_scene(robot: Robot, sequence: ContactSequence) -> "_Scene":
         model = robot.model
         geometry = pin.GeometryModel(robot.collision)
         geometry.removeAllCollisionPairs()
         hulls = list(robot.collision.geometryObjects)  # references into the copy are invalidated when it grows
         joint_of = {name: model.frames[model.getFrameId(e.frame)].parentJoint for name, e in robot.effectors.items()}
         at_joint = {joint: name for name, joint in joint_of.items()}
-        links = dict.fromkeys(_link(model, hull) for hull in hulls)
+        links = dict.fromkeys(_link_name(model, hull) for hull in hulls)
         hands = [name for name in sequence.effectors if robot.effectors[name].kind == "point"]
         parts = (*links, *hands)
         shapes: list[tuple[int, str | None, Role]] = []
         for hull in hulls:
             effector = at_joint.get(hull.parentJoint)
             is_hand = effector is not None and robot.effectors[effector].kind == "point"
-            shapes.append((parts.index(_link(model, hull)), effector, "palm" if is_hand else "link"))
-        groups = {_link(model, hull): robot.group.get(str(model.names[hull.parentJoint]), "") for hull in hulls}
+            shapes.append((parts.index(_link_name(model, hull)), effector, "palm" if is_hand else "link"))
+        groups = {_link_name(model, hull): robot.group.get(str(model.names[hull.parentJoint]), "") for hull in hulls}
         for name in hands:
-            geometry.addGeometryObject(_ball(robot, name, HAND_RADIUS_M))
-            geometry.addGeometryObject(_ball(robot, name, _POINT_M))
+            geometry.addGeometryObject(_hand_sphere(robot, name, HAND_RADIUS_M))
+            geometry.addGeometryObject(_hand_sphere(robot, name, _POINT_M))
             shapes += [(parts.index(name), name, "link"), (parts.index(name), name, "point")]
         pairs: list[_Pair] = []
         for surface in sequence.terrain.surfaces:
@@ -160,21 +162,21 @@ class _Scene:
         )
 
 
-def _ball(robot: Robot, name: str, radius_m: float) -> pin.GeometryObject:
+def _hand_sphere(robot: Robot, name: str, radius_m: float) -> pin.GeometryObject:
     """Sphere behind the contact point of a hand, which lies on its surface."""
     effector = robot.effectors[name]
     frame = robot.model.frames[robot.model.getFrameId(effector.frame)]
     centre = pin.SE3(np.eye(3), np.array([0.0, 0.0, radius_m]))
-    placement = frame.placement * se3(effector.T_frame_contact) * centre
+    placement = frame.placement * to_se3(effector.T_frame_contact) * centre
     return pin.GeometryObject(f"{radius_m:g} m of {name}", frame.parentJoint, placement, coal.Sphere(radius_m))
 
 
-def _link(model: pin.Model, hull: pin.GeometryObject) -> str:
+def _link_name(model: pin.Model, hull: pin.GeometryObject) -> str:
     """Name of the link that a hull belongs to: the body of its parent frame."""
     return str(model.frames[hull.parentFrame].name)
 
 
-def thinned(time_s: Series, phase: Int[np.ndarray, "n"], every: int) -> tuple[slice, Worst]:
+def thin_samples(time_s: Series, phase: Int[np.ndarray, "n"], every: int) -> tuple[slice, WorstValues]:
     """Slice of every ``every``-th sample, and the checks over them."""
     chosen = slice(None, None, every)
-    return chosen, Worst(time_s[chosen], phase[chosen])
+    return chosen, WorstValues(time_s[chosen], phase[chosen])

@@ -12,31 +12,31 @@ import numpy as np
 
 from stridelab.contacts.sequence import ContactSequence
 from stridelab.robots.robot import Robot
-from stridelab.wholebody.certificate.certificate import Check, Worst
-from stridelab.wholebody.limb_kinematics import Posed
+from stridelab.wholebody.certificate.certificate import Check, WorstValues
+from stridelab.wholebody.limb_kinematics import LimbKinematics
 from stridelab.wholebody.motion import WholeBodyMotion
 
-_LIGHT_N = 1.0
+_MIN_FORCE_N = 1.0
 """Hands with smaller forces are ignored."""
 
 
 def hand_loads(
-    robot: Robot, sequence: ContactSequence, motion: WholeBodyMotion, chosen: slice, worst: Worst
+    robot: Robot, sequence: ContactSequence, motion: WholeBodyMotion, chosen: slice, worst: WorstValues
 ) -> tuple[Check, ...]:
     """Largest share over the ``chosen`` samples, which are those of ``worst``; empty without hands."""
     hands = tuple(name for name in sequence.effectors if robot.effectors[name].kind == "point")
     if not hands:
         return ()
-    posed, limits = Posed(robot, hands), robot.model.effortLimit[6:]
+    posed, limits = LimbKinematics(robot, hands), robot.model.effortLimit[6:]
     samples = range(len(motion.time_s))[chosen]
     shares = np.full((len(samples), len(hands)), -np.inf)
     for row, i in enumerate(samples):
         forces = {name: motion.forces_n[name][i].sum(axis=0) for name in hands}
-        if max(np.linalg.norm(f) for f in forces.values()) < _LIGHT_N:
+        if max(np.linalg.norm(f) for f in forces.values()) < _MIN_FORCE_N:
             continue
-        posed.at(motion.q[i])
+        posed.set_configuration(motion.q[i])
         for column, name in enumerate(hands):
-            if np.linalg.norm(forces[name]) >= _LIGHT_N:
+            if np.linalg.norm(forces[name]) >= _MIN_FORCE_N:
                 limb = posed.limb[name]
                 load_nm = posed.torques_nm(name, forces[name])
                 reserve_nm = limits[limb] + np.sign(load_nm) * (motion.tau_nm[i, limb] + load_nm)

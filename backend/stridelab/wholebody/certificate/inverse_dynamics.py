@@ -40,12 +40,12 @@ class Recomputed:
     integration_gap: Series
 
 
-def phases(sequence: ContactSequence, time_s: Series) -> Int[np.ndarray, "n"]:
+def phase_of_samples(sequence: ContactSequence, time_s: Series) -> Int[np.ndarray, "n"]:
     """Contact phase of every sample; a boundary belongs to the following phase."""
     return np.array([sequence.phase_at(float(t) + 1e-9) for t in time_s])
 
 
-def recompute(robot: Robot, sequence: ContactSequence, motion: WholeBodyMotion) -> Recomputed:
+def recompute_dynamics(robot: Robot, sequence: ContactSequence, motion: WholeBodyMotion) -> Recomputed:
     """Recompute all quantities in one pass over the samples."""
     model, frames = with_contact_frames(robot)
     data = model.createData()
@@ -70,9 +70,9 @@ def recompute(robot: Robot, sequence: ContactSequence, motion: WholeBodyMotion) 
             f = motion.forces_n[name][i]
             total = f.sum(axis=0)
             force_gap = force_gap - total
-            moment_gap = moment_gap - _moment(p - com[i], f)
+            moment_gap = moment_gap - _total_moment(p - com[i], f)
             joint = model.frames[frames[name]].parentJoint
-            external[joint] = external[joint] + data.oMi[joint].actInv(pin.Force(total, _moment(p, f)))
+            external[joint] = external[joint] + data.oMi[joint].actInv(pin.Force(total, _total_moment(p, f)))
         newton_euler[i] = max(np.linalg.norm(force_gap), np.linalg.norm(moment_gap))
         torque_gap[i] = pin.rnea(model, data, q, v, a, external)[6:] - motion.tau_nm[i]
         if i:
@@ -81,7 +81,7 @@ def recompute(robot: Robot, sequence: ContactSequence, motion: WholeBodyMotion) 
             v_gap = motion.v[i - 1] + dt * motion.a[i - 1] - v
             integration_gap[i] = max(np.abs(q_gap).max(), np.abs(v_gap).max())
     return Recomputed(
-        phase=phases(sequence, motion.time_s),
+        phase=phase_of_samples(sequence, motion.time_s),
         com_m=com,
         com_v_m_s=com_v,
         l_nms=l,
@@ -92,7 +92,7 @@ def recompute(robot: Robot, sequence: ContactSequence, motion: WholeBodyMotion) 
     )
 
 
-def _moment(p_m: Points, f_n: Points) -> Vector3:
+def _total_moment(p_m: Points, f_n: Points) -> Vector3:
     """``sum p x f``, computed as the antisymmetric part of ``sum p f'``, which is faster than many cross products."""
     S = p_m.T @ f_n
     return np.array([S[1, 2] - S[2, 1], S[2, 0] - S[0, 2], S[0, 1] - S[1, 0]])

@@ -7,7 +7,7 @@ import numpy as np
 
 from stridelab.contacts.sequence import ContactSequence
 from stridelab.robots.robot import Robot
-from stridelab.wholebody.certificate.certificate import Check, Worst
+from stridelab.wholebody.certificate.certificate import Check, WorstValues
 from stridelab.wholebody.certificate.inverse_dynamics import Recomputed
 from stridelab.wholebody.motion import WholeBodyMotion
 
@@ -18,17 +18,17 @@ CONTACT_DRIFT_M = 5e-4
 
 
 def touch_downs(
-    robot: Robot, sequence: ContactSequence, motion: WholeBodyMotion, found: Recomputed, worst: Worst
+    robot: Robot, sequence: ContactSequence, motion: WholeBodyMotion, recomputed: Recomputed, worst: WorstValues
 ) -> tuple[Check, Check, Check, Check]:
     """Position error, angle and speed at touch-down, and drift of the contact points afterwards."""
     names = sequence.effectors
     shape = (len(motion.time_s), len(names))
     landing, angle, speed, drift = (np.full(shape, -np.inf) for _ in range(4))
     for column, name in enumerate(names):
-        points, is_surface = found.contact_points_m[name], robot.effectors[name].kind == "surface"
+        points, is_surface = recomputed.contact_points_m[name], robot.effectors[name].kind == "surface"
         touch_down_m = None
         for i in range(shape[0]):
-            contact = sequence.phases[found.phase[i]].contacts.get(name)
+            contact = sequence.phases[recomputed.phase[i]].contacts.get(name)
             if contact is None:
                 touch_down_m = None
             elif touch_down_m is None:
@@ -36,7 +36,7 @@ def touch_downs(
                 planned_m = contact.placement.act(motion.points_m[name])
                 landing[i, column] = np.linalg.norm(points[i] - planned_m, axis=1).max()
                 if is_surface:
-                    angle[i, column] = _angle(points[i], planned_m)
+                    angle[i, column] = _rotation_angle(points[i], planned_m)
                 if i:
                     travelled_m = np.linalg.norm(points[i] - points[i - 1], axis=1).max()
                     speed[i, column] = travelled_m * motion.rate_hz
@@ -50,7 +50,7 @@ def touch_downs(
     )
 
 
-def _angle(points_m: np.ndarray, place_m: np.ndarray) -> float:
+def _rotation_angle(points_m: np.ndarray, place_m: np.ndarray) -> float:
     """Rotation angle (rad) between two rectangles of points of the same size."""
     a, b = ((p - p.mean(axis=0)) for p in (points_m, place_m))
     U, _, Vt = np.linalg.svd(a.T @ b)

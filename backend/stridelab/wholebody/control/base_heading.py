@@ -22,11 +22,11 @@ class Heading:
     yaw_rad: Float[np.ndarray, "n"]
 
     @staticmethod
-    def of(sequence: ContactSequence) -> "Heading":
+    def of_sequence(sequence: ContactSequence) -> "Heading":
         """Headings of the phases; the last one holds until the end."""
         return Heading(sequence, np.append(sequence.headings_rad, sequence.headings_rad[-1]))
 
-    def at(self, phase: int, time_s: float) -> tuple[Rotation, Vector3, Vector3]:
+    def orientation_at(self, phase: int, time_s: float) -> tuple[Rotation, Vector3, Vector3]:
         """Rotation, angular velocity and acceleration in world axes."""
         T = self.sequence.phases[phase].duration_s
         x = min(max((time_s - float(self.sequence.starts_s[phase])) / T, 0.0), 1.0)

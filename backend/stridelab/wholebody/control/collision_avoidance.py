@@ -24,7 +24,7 @@ from jaxtyping import Float
 from stridelab.contacts.terrain import Terrain
 from stridelab.conventions import Points
 from stridelab.robots.robot import Robot
-from stridelab.wholebody.control.collision_pairs import Near, NearPairs
+from stridelab.wholebody.control.collision_pairs import CollisionPairs, PairDistances
 from stridelab.wholebody.control.hierarchical_qp import Rows
 from stridelab.wholebody.control.rigid_body import RigidBody
 
@@ -33,7 +33,7 @@ _TINY_M = 1e-9
 
 
 @dataclass(frozen=True)
-class Avoid:
+class AvoidanceSettings:
     """Parameters: ``apart_m`` is d_s, ``acts_m`` d_a; pairs within ``near_m`` are monitored, ``most`` per kind act.
 
     ``shrunk`` limits d_a to this share of a pair's distance in the reference posture. All pairs are searched every
@@ -51,25 +51,25 @@ class Avoid:
     shrunk: float = 0.5
 
 
-class Avoidance:
+class CollisionAvoidance:
     """Avoidance tasks of one robot on one terrain, during one run."""
 
-    def __init__(self, robot: Robot, terrain: Terrain, avoid: Avoid) -> None:
+    def __init__(self, robot: Robot, terrain: Terrain, avoid: AvoidanceSettings) -> None:
         self._avoid, self._calls = avoid, 0
-        self._pairs = NearPairs(robot, terrain, avoid.acts_m, avoid.shrunk)
+        self._pairs = CollisionPairs(robot, terrain, avoid.acts_m, avoid.shrunk)
         arms = np.array([0.0] * 6 + [float(robot.group[joint] == "arm") for joint in robot.joint_names])
-        self._yields = np.where((self._pairs.kind == "arm")[:, None], arms, 1.0)
+        self._moving_joints = np.where((self._pairs.kind == "arm")[:, None], arms, 1.0)
 
-    def rows(self, body: RigidBody) -> tuple[Rows, Angles]:
+    def task_rows(self, body: RigidBody) -> tuple[Rows, Angles]:
         """Task rows of the active pairs, and their weights."""
         settings, pairs = self._avoid, self._pairs
-        pairs.place(body)
+        pairs.update_placements(body)
         if self._calls % settings.every == 0:
-            pairs.search(settings.near_m)
+            pairs.update_watched(settings.near_m)
         self._calls += 1
-        near = pairs.near(settings.acts_m, settings.most)
+        near = pairs.nearest_pairs(settings.acts_m, settings.most)
         d, scale = near.distance_m, pairs.scale[near.pair]
-        n = _directions(near)
+        n = _contact_normals(near)
         # n' J_p of a point p: the wrench of n at p times the columns of the joints that move p
         (x, y, z), (n_x, n_y, n_z) = near.p_1_m.T, n.T
         wrench = np.column_stack([n, y * n_z - z * n_y, z * n_x - x * n_z, x * n_y - y * n_x])
@@ -77,10 +77,10 @@ class Avoidance:
         apart_m, acts_m = scale * settings.apart_m, scale * settings.acts_m
         nearness = np.minimum(1.0, (acts_m - d) / (acts_m - apart_m))
         b = settings.kp * np.maximum(0.0, apart_m - d) + settings.kd * np.maximum(0.0, -(J @ body.v))
-        return Rows(J * self._yields[near.pair], b), settings.weight * nearness**2
+        return Rows(J * self._moving_joints[near.pair], b), settings.weight * nearness**2
 
 
-def _directions(near: Near) -> Points:
+def _contact_normals(near: PairDistances) -> Points:
     """Unit vectors from the second shape to the first, also for penetrating shapes."""
     difference = near.p_1_m - near.p_2_m
     length = np.sqrt((difference * difference).sum(axis=1, keepdims=True))

@@ -23,37 +23,39 @@ from jaxtyping import Float, Int
 
 from stridelab.contacts.terrain import Box, Terrain
 from stridelab.conventions import Points, Vector3
-from stridelab.robots.contact_frames import se3
+from stridelab.robots.contact_frames import to_se3
 from stridelab.robots.robot import Robot
 from stridelab.wholebody.control.rigid_body import RigidBody
 
 Sphere = tuple[Vector3, float]
 
 
-class Levers(NamedTuple):
+class PairLevers(NamedTuple):
     """Per pair and velocity coordinate: the sign of the relative motion of the first shape, and the lever (m)."""
 
     sign: Float[np.ndarray, "n nv"]
     reach_m: Float[np.ndarray, "n nv"]
 
     @staticmethod
-    def of(
+    def of_pairs(
         model: pin.Model, joints: Int[np.ndarray, "n 2"], shapes: Int[np.ndarray, "n 2"], spheres: Sequence[Sphere]
-    ) -> "Levers":
+    ) -> "PairLevers":
         """Levers of pairs, given by the joints (0 is the world) and the indices of their shapes."""
-        moves, between_m = _chains(model)
+        moves, between_m = _kinematic_chains(model)
         size_m = np.array([np.linalg.norm(centre) + radius for centre, radius in spheres])
         reach_m = between_m[joints] + size_m[shapes][..., None]
         relative = moves[joints[:, 0]] - moves[joints[:, 1]]
         lever = np.where(relative > 0.0, reach_m[:, 0], reach_m[:, 1])
         columns = np.concatenate([np.full(model.joints[i].nv, i) for i in range(1, model.njoints)]).astype(int)
         sign, reach = relative[:, columns], np.abs(relative[:, columns]) * lever[:, columns]
-        translational = np.array([column < 3 or _slides(model, joint) for column, joint in enumerate(columns.tolist())])
+        translational = np.array(
+            [column < 3 or _is_prismatic(model, joint) for column, joint in enumerate(columns.tolist())]
+        )
         reach[:, translational] = np.abs(sign[:, translational])
-        return Levers(sign, reach)
+        return PairLevers(sign, reach)
 
 
-def _chains(model: pin.Model) -> tuple[Float[np.ndarray, "k k"], Float[np.ndarray, "k k"]]:
+def _kinematic_chains(model: pin.Model) -> tuple[Float[np.ndarray, "k k"], Float[np.ndarray, "k k"]]:
     """``[i, j]``: 1 if joint j moves the body of joint i, and the length (m) of the links from j to i."""
     n = model.njoints
     moves, between_m = np.zeros((n, n)), np.zeros((n, n))
@@ -66,13 +68,13 @@ def _chains(model: pin.Model) -> tuple[Float[np.ndarray, "k k"], Float[np.ndarra
     return moves, between_m
 
 
-def _slides(model: pin.Model, joint: int) -> bool:
+def _is_prismatic(model: pin.Model, joint: int) -> bool:
     return str(model.joints[joint].shortname()).startswith("JointModelP")
 
 
 def _travel_m(model: pin.Model, joint: int) -> float:
     """Largest length (m) that a prismatic joint adds to its link."""
-    if not _slides(model, joint):
+    if not _is_prismatic(model, joint):
         return 0.0
     at = model.joints[joint].idx_q
     return float(max(abs(model.lowerPositionLimit[at]), abs(model.upperPositionLimit[at])))
@@ -83,7 +85,7 @@ KINDS: tuple[Kind, ...] = ("arm", "body", "terrain")
 _SCALE_MIN = 0.02
 
 
-class Near(NamedTuple):
+class PairDistances(NamedTuple):
     """Near pairs: their indices, distances and nearest points."""
 
     pair: Int[np.ndarray, "m"]
@@ -92,7 +94,7 @@ class Near(NamedTuple):
     p_2_m: Points
 
 
-class NearPairs:
+class CollisionPairs:
     """The pairs of one robot on one terrain.
 
     Call ``update_placements``, then ``update_watched``, then ``nearest_pairs``. Per pair: ``kind``, the ``scale`` of
@@ -102,11 +104,11 @@ class NearPairs:
     def __init__(self, robot: Robot, terrain: Terrain, acts_m: float, shrunk: float) -> None:
         self._geometry = pin.GeometryModel(robot.collision)
         pairs = [(pair.first, pair.second) for pair in robot.collision.collisionPairs]
-        kinds = [_kind(robot, pair) for pair in robot.collision.collisionPairs]
+        kinds = [_pair_kind(robot, pair) for pair in robot.collision.collisionPairs]
         shapes = len(robot.collision.geometryObjects)
         shanks = [k for k in range(shapes) if _above_ankle(robot, k)]
         for box in terrain.boxes:
-            number = self._geometry.addGeometryObject(_placed(box))
+            number = self._geometry.addGeometryObject(_box_object(box))
             kinds += ["terrain"] * len(shanks)
             pairs += [(k, number) for k in shanks]
         self._geometry.removeAllCollisionPairs()
@@ -114,51 +116,51 @@ class NearPairs:
             self._geometry.addCollisionPair(pin.CollisionPair(first, second))
         parts = self._geometry.geometryObjects
         self._kinds, self.kind = tuple(kinds), np.array(kinds)
-        self._of = np.array(pairs).reshape(-1, 2)
-        self._spheres = [_sphere(part) for part in parts]
+        self._shape_pairs = np.array(pairs).reshape(-1, 2)
+        self._spheres = [_bounding_sphere(part) for part in parts]
         self._radius_m = np.array([radius for _, radius in self._spheres])
-        joints = np.array([part.parentJoint for part in parts])[self._of]
-        self.sign, self.reach_m = Levers.of(robot.model, joints, self._of, self._spheres)
+        joints = np.array([part.parentJoint for part in parts])[self._shape_pairs]
+        self.sign, self.reach_m = PairLevers.of_pairs(robot.model, joints, self._shape_pairs, self._spheres)
         self._results = self._geometry.createData()
         self._distances = list(self._results.distanceResults)  # references, updated in place
-        self.scale = self._scales(robot, acts_m, shrunk)
+        self.scale = self._distance_scales(robot, acts_m, shrunk)
         self._watched = np.zeros(0, dtype=int)
         # distance plus levers times the joint motion until then: minus those of now it is a lower bound
-        self._floor_m = np.full(len(pairs), -np.inf)
-        self._turned = np.zeros(robot.model.nv)
+        self._lower_bound_m = np.full(len(pairs), -np.inf)
+        self._joint_travel = np.zeros(robot.model.nv)
         self._q: Float[np.ndarray, "nq"] | None = None
 
-    def place(self, body: RigidBody) -> None:
+    def update_placements(self, body: RigidBody) -> None:
         """Update the placements of all shapes to the state of ``body``."""
         if self._q is not None:
-            self._turned += np.abs(pin.difference(body.model, self._q, body.q))
+            self._joint_travel += np.abs(pin.difference(body.model, self._q, body.q))
         self._q = body.q
         pin.updateGeometryPlacements(body.model, body.data, self._geometry, self._results)
 
-    def search(self, near_m: float) -> None:
+    def update_watched(self, near_m: float) -> None:
         """Select the pairs that may be nearer than ``near_m`` times their scale for monitoring."""
         centre = np.array([at.act(c) for at, (c, _) in zip(self._results.oMg, self._spheres, strict=True)])
-        first, second = self._of.T
+        first, second = self._shape_pairs.T
         sphere_gap_m = (
             np.linalg.norm(centre[first] - centre[second], axis=1) - self._radius_m[first] - self._radius_m[second]
         )
-        motion_m = self.reach_m @ self._turned
-        self._floor_m = np.maximum(self._floor_m, sphere_gap_m + motion_m)
-        self._watched = np.flatnonzero(self._floor_m - motion_m < near_m * self.scale)
+        motion_m = self.reach_m @ self._joint_travel
+        self._lower_bound_m = np.maximum(self._lower_bound_m, sphere_gap_m + motion_m)
+        self._watched = np.flatnonzero(self._lower_bound_m - motion_m < near_m * self.scale)
         self._levers = self.reach_m[self._watched]
 
     @property
-    def watched(self) -> int:
+    def watched_count(self) -> int:
         """Number of monitored pairs."""
         return len(self._watched)
 
-    def near(self, acts_m: float, most: int) -> Near:
+    def nearest_pairs(self, acts_m: float, most: int) -> PairDistances:
         """Monitored pairs nearer than ``acts_m`` times their scale, at most the ``most`` nearest of each kind."""
-        floor_m = self._floor_m[self._watched] - self._levers @ self._turned
+        floor_m = self._lower_bound_m[self._watched] - self._levers @ self._joint_travel
         distances: dict[int, float] = {}
         for k in self._watched[floor_m < acts_m * self.scale[self._watched]].tolist():
-            d = self._distance(k)
-            self._floor_m[k] = d + self.reach_m[k] @ self._turned
+            d = self._compute_distance(k)
+            self._lower_bound_m[k] = d + self.reach_m[k] @ self._joint_travel
             if d < acts_m * self.scale[k]:
                 distances[k] = d
         nearest = sorted(distances, key=lambda k: distances[k] / self.scale[k])
@@ -166,30 +168,30 @@ class NearPairs:
         results = self._distances
         points = np.array([(results[k].getNearestPoint1(), results[k].getNearestPoint2()) for k in chosen])
         p_1_m, p_2_m = points.reshape(-1, 2, 3).swapaxes(0, 1)
-        return Near(np.array(chosen, dtype=int), np.array([distances[k] for k in chosen]), p_1_m, p_2_m)
+        return PairDistances(np.array(chosen, dtype=int), np.array([distances[k] for k in chosen]), p_1_m, p_2_m)
 
-    def _distance(self, k: int) -> float:
+    def _compute_distance(self, k: int) -> float:
         pin.computeDistance(self._geometry, self._results, k)
         return float(self._distances[k].min_distance)
 
-    def _scales(self, robot: Robot, acts_m: float, shrunk: float) -> Float[np.ndarray, "n"]:
+    def _distance_scales(self, robot: Robot, acts_m: float, shrunk: float) -> Float[np.ndarray, "n"]:
         """Distance scales of the body's pairs from their distances in the reference posture; 1 for terrain pairs."""
         pin.updateGeometryPlacements(
             robot.model, robot.model.createData(), self._geometry, self._results, robot.q_reference
         )
         distances_m = [
-            acts_m / shrunk if kind == "terrain" else self._distance(k) for k, kind in enumerate(self._kinds)
+            acts_m / shrunk if kind == "terrain" else self._compute_distance(k) for k, kind in enumerate(self._kinds)
         ]
         return np.clip(shrunk * np.array(distances_m) / acts_m, _SCALE_MIN, 1.0)
 
 
-def _group(robot: Robot, shape: int) -> str:
+def _joint_group(robot: Robot, shape: int) -> str:
     part = robot.collision.geometryObjects[shape]
     return robot.group.get(str(robot.model.names[part.parentJoint]), "")
 
 
-def _kind(robot: Robot, pair: pin.CollisionPair) -> Kind:
-    return "arm" if "arm" in (_group(robot, pair.first), _group(robot, pair.second)) else "body"
+def _pair_kind(robot: Robot, pair: pin.CollisionPair) -> Kind:
+    return "arm" if "arm" in (_joint_group(robot, pair.first), _joint_group(robot, pair.second)) else "body"
 
 
 def _above_ankle(robot: Robot, shape: int) -> bool:
@@ -199,12 +201,12 @@ def _above_ankle(robot: Robot, shape: int) -> bool:
     return robot.group.get(joint) == "leg" and joint not in ankles
 
 
-def _placed(box: Box) -> pin.GeometryObject:
+def _box_object(box: Box) -> pin.GeometryObject:
     shape = coal.Box(*(float(edge) for edge in box.size_m))
-    return pin.GeometryObject(f"terrain {box.name}", 0, 0, se3(box.placement), shape)
+    return pin.GeometryObject(f"terrain {box.name}", 0, 0, to_se3(box.placement), shape)
 
 
-def _sphere(part: pin.GeometryObject) -> Sphere:
+def _bounding_sphere(part: pin.GeometryObject) -> Sphere:
     """Bounding sphere of a shape in its own frame."""
     part.geometry.computeLocalAABB()
     return np.array(part.geometry.aabb_center), float(part.geometry.aabb_radius)

@@ -28,16 +28,16 @@ from stridelab.errors import Fault, InvalidInput, NotEstimable
 from stridelab.robots.inverse_kinematics import stand
 from stridelab.robots.robot import Robot
 from stridelab.wholebody.control.base_heading import Heading
-from stridelab.wholebody.control.collision_avoidance import Avoidance
-from stridelab.wholebody.control.hierarchical_qp import Inequalities, Rows, solve, violations
+from stridelab.wholebody.control.collision_avoidance import CollisionAvoidance
+from stridelab.wholebody.control.hierarchical_qp import Inequalities, Rows, minimum_violations, solve_hierarchy
 from stridelab.wholebody.control.joint_limits import JointLimits
 from stridelab.wholebody.control.rigid_body import RigidBody
-from stridelab.wholebody.control.task_stack import Instant, Programme, Settings
+from stridelab.wholebody.control.task_stack import PhaseHierarchy, SampleTargets, Settings
 from stridelab.wholebody.motion import LEVELS, SolverFailure, WholeBodyMotion, WholeBodyStopped
 
 _CENTROIDAL = ("com_m", "com_v_m_s", "l_nms", "com_reference_m", "com_v_reference_m_s", "l_reference_nms")
-_SPEED_RAD_S = 30.0
-_LOST_M = 0.3
+_MAX_SPEED_RAD_S = 30.0
+_MAX_COM_ERROR_M = 0.3
 
 
 @dataclass(frozen=True)
@@ -59,21 +59,21 @@ class WholeBodyController:
         the violated level, the exhausted limits and the motion until then.
         """
         started = time.process_time()
-        run = _Run(self, robot, sequence, plan)
+        run = _ControllerRun(self, robot, sequence, plan)
         n = len(run.times)
         for i in range(n):
-            run.step(i)
+            run.run_sample(i)
             if progress is not None and i % 25 == 0:
                 progress(i / n, f"whole body at {run.times[i]:.1f} s of {sequence.duration_s:.1f} s")
-        return run.motion(time.process_time() - started)
+        return run.recorded_motion(time.process_time() - started)
 
 
-class _Solved(NamedTuple):
+class _Solution(NamedTuple):
     a: np.ndarray
     forces_n: dict[str, Points]
 
 
-class _Run:
+class _ControllerRun:
     """State of one run."""
 
     def __init__(
@@ -87,57 +87,61 @@ class _Run:
             )
         self.times = np.arange(n) / controller.rate_hz
         self._body = RigidBody(robot)
-        self._heading = Heading.of(sequence)
+        self._heading = Heading.of_sequence(sequence)
         avoid = controller.settings.avoid
-        self._avoidance = None if avoid is None else Avoidance(robot, sequence.terrain, avoid)
-        self._q, self._v = _start(robot, sequence, plan, controller.settings), np.zeros(robot.model.nv)
+        self._avoidance = None if avoid is None else CollisionAvoidance(robot, sequence.terrain, avoid)
+        self._q, self._v = _initial_posture(robot, sequence, plan, controller.settings), np.zeros(robot.model.nv)
         self._phase = -1
         self._in_a_row = 0
         self._failures: list[SolverFailure] = []
-        self._short: list[str] = []
+        self._exhausted: list[str] = []
         self._level = 0
         nv = robot.model.nv
         margin = controller.settings.contact_margin_m
         self._points = {name: robot.effectors[name].points_m(margin) for name in sequence.effectors}
-        self._last = _Solved(np.zeros(nv), {})
+        self._last = _Solution(np.zeros(nv), {})
         widths = {"q": robot.model.nq, "v": nv, "a": nv, "tau_nm": nv - 6, **dict.fromkeys(_CENTROIDAL, 3)}
         self._record = {name: np.zeros((n, width)) for name, width in widths.items()}
         self._forces = {name: np.zeros((n, len(points), 3)) for name, points in self._points.items()}
 
-    def step(self, i: int) -> None:
+    def run_sample(self, i: int) -> None:
         """Solve sample ``i``, store it, integrate to the next one."""
         t, body = float(self.times[i]), self._body
         body.update(self._q, self._v)
         phase = self._sequence.phase_at(t + 1e-9)
         if phase != self._phase:
-            self._enter(phase, t)
-        reference = self._plan.at(t)
-        self._watch(i, reference.com_m)
-        rows = self._programme.rows(Instant(t, reference, self._heading.at(phase, t)))
-        result = solve(*rows)
+            self._enter_phase(phase, t)
+        reference = self._plan.reference_at(t)
+        self._check_divergence(i, reference.com_m)
+        rows = self._programme.build_rows(SampleTargets(t, reference, self._heading.orientation_at(phase, t)))
+        result = solve_hierarchy(*rows)
         if result.failure is None:
             z = result.z
             self._in_a_row = 0
-            self._last = _Solved(z[: body.model.nv], self._programme.forces_n(z))
+            self._last = _Solution(z[: body.model.nv], self._programme.forces_n(z))
         else:
             self._in_a_row += 1
             if self._in_a_row == 1:
-                self._short = self._missed(rows[0], rows[2])
+                self._exhausted = self._exhausted_limits(rows[0], rows[2])
                 # the bounds are the same on all levels: a failure on level 1 means that level 0 violates them
                 self._level = result.failure.level if result.failure.level > 1 else 0
             self._failures.append(SolverFailure(t, phase, result.failure.level, result.failure.reason))
             if self._in_a_row > self._controller.failures_in_a_row:
-                raise self._stopped(i, f"{self._in_a_row} samples in a row had no solution", self._level, self._short)
+                raise self._stop_error(
+                    i, f"{self._in_a_row} samples in a row had no solution", self._level, self._exhausted
+                )
             if len(self._failures) > self._controller.failures_in_all:
-                raise self._stopped(i, f"{len(self._failures)} samples had no solution", self._level, self._short)
-            z = self._programme.unknowns(self._last.a, self._last.forces_n)
-        self._store(i, reference, z)
+                raise self._stop_error(
+                    i, f"{len(self._failures)} samples had no solution", self._level, self._exhausted
+                )
+            z = self._programme.stack_unknowns(self._last.a, self._last.forces_n)
+        self._store_sample(i, reference, z)
         dt = 1.0 / self._controller.rate_hz
         a = self._last.a
         self._q = pin.integrate(body.model, self._q, dt * self._v + 0.5 * dt**2 * a)
         self._v = self._v + dt * a
 
-    def motion(self, solve_time_s: float, n: int | None = None) -> WholeBodyMotion:
+    def recorded_motion(self, solve_time_s: float, n: int | None = None) -> WholeBodyMotion:
         """The recorded motion, or its first ``n`` samples."""
         return WholeBodyMotion(
             sequence=self._sequence,
@@ -150,19 +154,21 @@ class _Run:
             **{name: values[:n] for name, values in self._record.items()},
         )
 
-    def _enter(self, phase: int, t: float) -> None:
+    def _enter_phase(self, phase: int, t: float) -> None:
         """Set up the hierarchy of the phase that begins."""
         contacts = self._sequence.phases[phase].contacts
         swings = {
             name: curve
             for name in self._sequence.effectors
-            if name not in contacts and (curve := self._curve(name, phase, t)) is not None
+            if name not in contacts and (curve := self._swing_curve(name, phase, t)) is not None
         }
         settings = self._controller.settings
-        self._programme = Programme(self._robot, self._body, contacts, swings, self._plan, settings, self._avoidance)
+        self._programme = PhaseHierarchy(
+            self._robot, self._body, contacts, swings, self._plan, settings, self._avoidance
+        )
         self._phase = phase
 
-    def _curve(self, name: str, phase: int, t: float) -> SwingCurve | None:
+    def _swing_curve(self, name: str, phase: int, t: float) -> SwingCurve | None:
         """Swing curve of an effector in the air; None if only its posture is controlled.
 
         An effector without a previous contact moves to its first contact during the phase before it, from its current
@@ -175,12 +181,12 @@ class _Run:
             return swing_of(self._sequence, name, phase)
         if name not in self._sequence.phases[phase + 1].contacts:
             return None
-        frame = self._body.frame(name)
+        frame = self._body.frame_state(name)
         duration_s = float(self._sequence.ends_s[phase]) - t
         kind = self._robot.effectors[name].kind
         return SwingCurve(Placement(frame.position_m, frame.rotation), landing.placement, duration_s, kind, t)
 
-    def _store(self, i: int, reference: Reference, z: np.ndarray) -> None:
+    def _store_sample(self, i: int, reference: Reference, z: np.ndarray) -> None:
         body, record = self._body, self._record
         record["q"][i], record["v"][i], record["a"][i] = self._q, self._v, self._last.a
         record["tau_nm"][i] = self._programme.torques_nm(z)
@@ -190,45 +196,46 @@ class _Run:
         for name, forces_n in self._programme.forces_n(z).items():
             self._forces[name][i] = forces_n
 
-    def _watch(self, i: int, com_reference_m: Vector3) -> None:
+    def _check_divergence(self, i: int, com_reference_m: Vector3) -> None:
         """Stop the run if the state has diverged from the plan."""
         speed = np.abs(self._v[6:])
-        if not np.all(np.isfinite(self._v)) or speed.max() > _SPEED_RAD_S:
+        if not np.all(np.isfinite(self._v)) or speed.max() > _MAX_SPEED_RAD_S:
             joint = self._robot.joint_names[int(np.argmax(np.nan_to_num(speed, nan=np.inf)))]
-            raise self._stopped(i, f"{joint} moves at more than {_SPEED_RAD_S:g} rad/s", 0, [joint])
+            raise self._stop_error(i, f"{joint} moves at more than {_MAX_SPEED_RAD_S:g} rad/s", 0, [joint])
         away_m = math.dist(self._body.com_m.tolist(), com_reference_m.tolist())
-        if away_m > _LOST_M:
-            raise self._stopped(i, f"the centre of mass is {away_m:.2f} m away from the plan", 1, ["centre of mass"])
+        if away_m > _MAX_COM_ERROR_M:
+            raise self._stop_error(i, f"the centre of mass is {away_m:.2f} m away from the plan", 1, ["centre of mass"])
 
-    def _missed(self, equality: Rows, bounds: Inequalities) -> list[str]:
+    def _exhausted_limits(self, equality: Rows, bounds: Inequalities) -> list[str]:
         """Names of the exhausted limits: of one kind, if relaxing it is sufficient, otherwise of all kinds."""
         names = np.array(self._programme.row_names)
         kinds = np.array([name.partition(" of ")[0] for name in names])
         choices = [kinds == kind for kind in ("torque", "friction", "range or speed")]
         for soft in (*choices, np.ones(len(names), dtype=bool)):
-            violation = violations(equality, bounds, soft)
+            violation = minimum_violations(equality, bounds, soft)
             if violation is not None and violation.max() > 0.0:
                 order = [k for k in np.argsort(-violation) if violation[k] > 0.1 * violation.max()]
                 return list(dict.fromkeys(str(names[k]) for k in order))[:4]
         return ["no single limit"]
 
-    def _stopped(self, i: int, what: str, level: int, short: list[str]) -> WholeBodyStopped:
+    def _stop_error(self, i: int, reason: str, level: int, exhausted: list[str]) -> WholeBodyStopped:
         t = float(self.times[i])
         phase = self._sequence.phase_at(t + 1e-9)
         message = (
-            f"The whole body cannot follow the plan beyond {t:.2f} s (phase {phase}): {what}; the first level that is "
-            f"violated is {level} ({LEVELS[level]}); exhausted limits: {', '.join(short)}."
+            f"The whole body cannot follow the plan beyond {t:.2f} s (phase {phase}): {reason}; the first level "
+            "that is "
+            f"violated is {level} ({LEVELS[level]}); exhausted limits: {', '.join(exhausted)}."
         )
-        faults = [Fault(f"phases[{phase}]", f"at {t:.2f} s: {name}") for name in short]
+        faults = [Fault(f"phases[{phase}]", f"at {t:.2f} s: {name}") for name in exhausted]
         if i == 0:
             self._record["q"][0] = self._q  # the start posture is the only sample of the motion
-        return WholeBodyStopped(message, faults, self.motion(0.0, max(i, 1)), phase, level, short)
+        return WholeBodyStopped(message, faults, self.recorded_motion(0.0, max(i, 1)), phase, level, exhausted)
 
 
-def _start(robot: Robot, sequence: ContactSequence, plan: CentroidalPlan, settings: Settings) -> np.ndarray:
+def _initial_posture(robot: Robot, sequence: ContactSequence, plan: CentroidalPlan, settings: Settings) -> np.ndarray:
     """Posture at rest on the contacts of the first phase, with the CoM at the start of the plan."""
     placements = {name: contact.placement for name, contact in sequence.phases[0].contacts.items()}
-    margins_rad = JointLimits.of(robot.model).margins_rad(settings.range_share, settings.joint_margin_rad)
+    margins_rad = JointLimits.of_model(robot.model).margins_rad(settings.range_share, settings.joint_margin_rad)
     posture = stand(robot, placements, plan.com_m[0], margins_rad=margins_rad)
     if not posture.converged:
         miss = f"{posture.worst} misses by {posture.error_m:.3f} m"

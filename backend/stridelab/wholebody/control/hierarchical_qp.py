@@ -64,43 +64,45 @@ class HierarchyResult(NamedTuple):
 
     z: Unknowns
     failure: HierarchyFailure | None
-    programmes: int
+    quadratic_programs: int
 
 
-def solve(equality: Rows, levels: Sequence[Rows], bounds: Inequalities) -> HierarchyResult:
+def solve_hierarchy(equality: Rows, levels: Sequence[Rows], bounds: Inequalities) -> HierarchyResult:
     """Solve the hierarchy; a failure is returned with its level, never raised."""
     n_solved = 0
-    shortcut = _presumed(equality, levels[:-1])
+    shortcut = _solve_exactly(equality, levels[:-1])
     if shortcut is not None:
         z, Z = shortcut
-        solution = _programme(z, Z, levels[-1], bounds)
+        solution = _solve_level(z, Z, levels[-1], bounds)
         n_solved = 1
         if solution.flag > 0:
             return HierarchyResult(z + Z @ solution.w, None, n_solved)
-    z, Z, residual = _onto(equality)
-    if not _small(residual, equality.b):
+    z, Z, residual = _solve_linear(equality)
+    if not _is_negligible(residual, equality.b):
         reason = f"the equalities contradict each other by {np.abs(residual).max():.2g}"
         return HierarchyResult(z, HierarchyFailure(0, reason), 0)
     for number, level in enumerate(levels, start=1):
-        solution = _programme(z, Z, level, bounds)
+        solution = _solve_level(z, Z, level, bounds)
         n_solved += 1
         if solution.flag < 1:
             reason = _REASONS.get(solution.flag, f"solver flag {solution.flag}")
             return HierarchyResult(z, HierarchyFailure(number, reason), n_solved)
         z = z + Z @ solution.w
         if number < len(levels) and Z.shape[1]:
-            fixed_rows = np.vstack([level.A, bounds.G[_binding(level, z, solution.pull)]]) @ Z
-            Z = Z @ _onto(Rows(fixed_rows, np.zeros(len(fixed_rows)))).null
-            bounds = _containing(z, bounds)
+            fixed_rows = np.vstack([level.A, bounds.G[_binding_rows(level, z, solution.multipliers)]]) @ Z
+            Z = Z @ _solve_linear(Rows(fixed_rows, np.zeros(len(fixed_rows)))).null
+            bounds = _widened_bounds(z, bounds)
     return HierarchyResult(z, None, n_solved)
 
 
-def violations(equality: Rows, bounds: Inequalities, soft: Bool[np.ndarray, "m"]) -> Float[np.ndarray, "m"] | None:
+def minimum_violations(
+    equality: Rows, bounds: Inequalities, soft: Bool[np.ndarray, "m"]
+) -> Float[np.ndarray, "m"] | None:
     """Smallest violations (least squares) of the ``soft`` inequalities for which all other constraints hold.
 
     None if there is no solution even then.
     """
-    z, Z, _ = _onto(equality)
+    z, Z, _ = _solve_linear(equality)
     G, off = bounds.G @ Z, bounds.G @ z
     n, m, soft_rows = Z.shape[1], len(off), np.flatnonzero(soft)
     H = np.diag(np.concatenate([np.full(n, _DAMPING), np.ones(len(soft_rows))]))
@@ -115,13 +117,13 @@ def violations(equality: Rows, bounds: Inequalities, soft: Bool[np.ndarray, "m"]
     return violation
 
 
-class _Onto(NamedTuple):
+class _LinearSolution(NamedTuple):
     z: Unknowns
     null: Basis
-    off: Float[np.ndarray, "m"]
+    residual: Float[np.ndarray, "m"]
 
 
-def _onto(rows: Rows) -> _Onto:
+def _solve_linear(rows: Rows) -> _LinearSolution:
     """Smallest solution of ``A z = b``, orthonormal basis of the null space of A, ``A z - b``.
 
     By QR with column pivoting of A' (``A' P = Q R``): a quarter of the time of a singular value decomposition.
@@ -135,40 +137,40 @@ def _onto(rows: Rows) -> _Onto:
     square[:, : min(m, n)] = packed[:, : min(m, n)]
     Q, _, _ = lapack.dorgqr(square, tau, overwrite_a=1)
     if rank == 0:
-        return _Onto(np.zeros(n), np.eye(n), -b)
+        return _LinearSolution(np.zeros(n), np.eye(n), -b)
     picked = b[order[:rank] - 1]
     y, _ = lapack.dtrtrs(packed[:rank, :rank], picked, lower=0, trans=1)
     z = Q[:, :rank] @ y
-    return _Onto(z, Q[:, rank:], np.zeros(m) if rank == m else A @ z - b)
+    return _LinearSolution(z, Q[:, rank:], np.zeros(m) if rank == m else A @ z - b)
 
 
-def _small(off: Float[np.ndarray, "m"], b: Float[np.ndarray, "m"]) -> bool:
+def _is_negligible(residual: Float[np.ndarray, "m"], b: Float[np.ndarray, "m"]) -> bool:
     """Whether residuals are zero up to rounding."""
-    return float(np.abs(off).max(initial=0.0)) <= _CONSISTENT * (1.0 + float(np.abs(b).max(initial=0.0)))
+    return float(np.abs(residual).max(initial=0.0)) <= _CONSISTENT * (1.0 + float(np.abs(b).max(initial=0.0)))
 
 
-def _presumed(equality: Rows, levels: Sequence[Rows]) -> tuple[Unknowns, Basis] | None:
+def _solve_exactly(equality: Rows, levels: Sequence[Rows]) -> tuple[Unknowns, Basis] | None:
     """Solution set of the equalities and the upper levels together, or None if they are inconsistent."""
     blocks = (equality, *levels)
-    z, Z, off = _onto(Rows(np.concatenate([A for A, _ in blocks]), np.concatenate([b for _, b in blocks])))
+    z, Z, off = _solve_linear(Rows(np.concatenate([A for A, _ in blocks]), np.concatenate([b for _, b in blocks])))
     row = 0
     for _, b in blocks:
-        if not _small(off[row : row + len(b)], b):
+        if not _is_negligible(off[row : row + len(b)], b):
             return None
         row += len(b)
     return z, Z
 
 
-class _Found(NamedTuple):
+class _LevelSolution(NamedTuple):
     w: Float[np.ndarray, "k"]
     flag: int
-    pull: Float[np.ndarray, "m"]
+    multipliers: Float[np.ndarray, "m"]
 
 
-def _programme(z: Unknowns, Z: Basis, level: Rows, bounds: Inequalities) -> _Found:
+def _solve_level(z: Unknowns, Z: Basis, level: Rows, bounds: Inequalities) -> _LevelSolution:
     """``min_w |A (z + Z w) - b|^2`` under the inequalities; the solver's flag (positive: solved), multipliers."""
     if not Z.shape[1]:
-        return _Found(np.zeros(0), 1, np.zeros(len(bounds.upper)))
+        return _LevelSolution(np.zeros(0), 1, np.zeros(len(bounds.upper)))
     B = level.A @ Z
     off = bounds.G @ z
     w, _, flag, info = daqp.solve(
@@ -180,16 +182,16 @@ def _programme(z: Unknowns, Z: Basis, level: Rows, bounds: Inequalities) -> _Fou
         np.zeros(len(off), np.int32),
         eps_prox=_PROXIMAL,
     )
-    return _Found(np.asarray(w), int(flag), np.abs(np.asarray(info["lam"])))
+    return _LevelSolution(np.asarray(w), int(flag), np.abs(np.asarray(info["lam"])))
 
 
-def _binding(level: Rows, z: Unknowns, pull: Float[np.ndarray, "m"]) -> Bool[np.ndarray, "m"]:
+def _binding_rows(level: Rows, z: Unknowns, multipliers: Float[np.ndarray, "m"]) -> Bool[np.ndarray, "m"]:
     """Rows that are active in all optima of this level: those with a multiplier; none if the level is met exactly."""
-    is_met = _small(level.A @ z - level.b, level.b)
-    return pull > (np.inf if is_met else _BINDING * pull.max(initial=0.0))
+    is_met = _is_negligible(level.A @ z - level.b, level.b)
+    return multipliers > (np.inf if is_met else _BINDING * multipliers.max(initial=0.0))
 
 
-def _containing(z: Unknowns, bounds: Inequalities) -> Inequalities:
+def _widened_bounds(z: Unknowns, bounds: Inequalities) -> Inequalities:
     """Widen the bounds to contain ``z``: the solver meets active bounds only within its tolerance."""
     reached = bounds.G @ z
     return Inequalities(bounds.G, np.minimum(bounds.lower, reached), np.maximum(bounds.upper, reached))

@@ -27,7 +27,7 @@ class JointLimits:
     torque_nm: Angles
 
     @staticmethod
-    def of(model: pin.Model) -> "JointLimits":
+    def of_model(model: pin.Model) -> "JointLimits":
         """The limits of a model whose first joint is the floating base."""
         return JointLimits(
             model.lowerPositionLimit[7:].copy(),
@@ -36,7 +36,7 @@ class JointLimits:
             model.effortLimit[6:].copy(),
         )
 
-    def shrunk(
+    def with_margins(
         self, range_share: float, margin_rad: float, velocity_share: float, torque_share: float
     ) -> "JointLimits":
         """Limits reduced by ``range_share`` of the range and ``margin_rad`` at either end, and by the other shares."""

@@ -43,7 +43,7 @@ class RigidBody:
     def update(self, q: Float[np.ndarray, "nq"], v: Float[np.ndarray, "nv"]) -> None:
         """Compute all terms at ``(q, v)``."""
         model, data, drift = self.model, self._data, self._drift
-        self._seen: dict[str, FrameState] = {}
+        self._frame_states: dict[str, FrameState] = {}
         self.q, self.v = q, v
         pin.computeAllTerms(model, data, q, v)
         pin.computeCentroidalMomentumTimeVariation(model, drift, q, v, self._zero)
@@ -61,14 +61,14 @@ class RigidBody:
         """Pinocchio's data at the state."""
         return self._data
 
-    def frame(self, name: str) -> FrameState:
+    def frame_state(self, name: str) -> FrameState:
         """State of the contact frame of effector ``name``, or of the trunk at the ``base`` frame."""
-        if name not in self._seen:
+        if name not in self._frame_states:
             index, model, data = self._frames[name], self.model, self._data
             placement = pin.updateFramePlacement(model, data, index)
             pin.updateFramePlacement(model, self._drift, index)
             J = pin.getFrameJacobian(model, data, index, pin.LOCAL_WORLD_ALIGNED)
             drift = pin.getFrameClassicalAcceleration(model, self._drift, index, pin.LOCAL_WORLD_ALIGNED).vector
             R = placement.rotation @ self._R_base_trunk if name == "base" else placement.rotation.copy()
-            self._seen[name] = FrameState(placement.translation.copy(), R, J, J @ self.v, drift)
-        return self._seen[name]
+            self._frame_states[name] = FrameState(placement.translation.copy(), R, J, J @ self.v, drift)
+        return self._frame_states[name]

@@ -24,13 +24,13 @@ from stridelab.contacts.swing import SwingCurve
 from stridelab.conventions import Angles, Points, Rotation, Vector3
 from stridelab.robots.robot import Robot
 from stridelab.wholebody.control import tasks
-from stridelab.wholebody.control.collision_avoidance import Avoid, Avoidance
+from stridelab.wholebody.control.collision_avoidance import AvoidanceSettings, CollisionAvoidance
 from stridelab.wholebody.control.hierarchical_qp import Inequalities, Rows
 from stridelab.wholebody.control.joint_limits import JointLimits
 from stridelab.wholebody.control.rigid_body import RigidBody
-from stridelab.wholebody.control.tasks import Gain, force_jacobian, pyramid
+from stridelab.wholebody.control.tasks import Gain, force_jacobian, friction_pyramid
 
-FIRM, MIDDLE, GENTLE = (Gain.critical(kp) for kp in (400.0, 60.0, 30.0))
+FIRM, MIDDLE, GENTLE = (Gain.critically_damped(kp) for kp in (400.0, 60.0, 30.0))
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ class Settings:
     barrier_per_s: float = 25.0
     velocity_rate_per_s: float = 50.0
     acceleration_rad_s2: float = 300.0
-    avoid: Avoid | None = field(default_factory=Avoid)
+    avoid: AvoidanceSettings | None = field(default_factory=AvoidanceSettings)
 
     def posture_weights(self, robot: Robot, busy: Iterable[str] = ()) -> Angles:
         """Weight of every actuated joint ``(na,)``; ``busy`` are the effectors in contact or swinging."""
@@ -79,7 +79,7 @@ class Settings:
 
 
 @dataclass(frozen=True, eq=False)
-class Instant:
+class SampleTargets:
     """Targets of one sample: the plan's reference and the base's orientation with its rates."""
 
     time_s: float
@@ -87,7 +87,7 @@ class Instant:
     base: tuple[Rotation, Vector3, Vector3]
 
 
-class Programme:
+class PhaseHierarchy:
     """Builds the rows of one phase; arrays are allocated once and refilled at every sample.
 
     ``row_names`` describe the limit of every inequality, as "kind of name".
@@ -101,19 +101,19 @@ class Programme:
         swings: Mapping[str, SwingCurve],
         plan: CentroidalPlan,
         settings: Settings,
-        avoidance: Avoidance | None = None,
+        avoidance: CollisionAvoidance | None = None,
     ) -> None:
         self._avoidance = avoidance
         self._body, self._contacts, self._swings, self._plan, self._settings = body, contacts, swings, plan, settings
         self._surface = {name: robot.effectors[name].kind == "surface" for name in (*contacts, *swings)}
         self._points = {name: robot.effectors[name].points_m(settings.contact_margin_m) for name in contacts}
-        self._limits = JointLimits.of(body.model).shrunk(
+        self._limits = JointLimits.of_model(body.model).with_margins(
             settings.range_share, settings.joint_margin_rad, settings.velocity_share, settings.torque_share
         )
         self._rest = robot.q_reference[7:]
         self._posture_weights = settings.posture_weights(robot, self._surface)
         nv, na = body.model.nv, body.model.nv - 6
-        cones = [pyramid(contact, len(self._points[name])) for name, contact in contacts.items()]
+        cones = [friction_pyramid(contact, len(self._points[name])) for name, contact in contacts.items()]
         nf = sum(cone.G.shape[1] for cone in cones)
         n_cone = sum(len(cone.upper) for cone in cones)
         self._nv, self._nz = nv, nv + nf
@@ -135,12 +135,12 @@ class Programme:
             *(f"range or speed of {joint}" for joint in robot.joint_names),
         )
 
-    def rows(self, instant: Instant) -> tuple[Rows, list[Rows], Inequalities]:
+    def build_rows(self, instant: SampleTargets) -> tuple[Rows, list[Rows], Inequalities]:
         """Equality, levels 1 and 2, inequalities at the body's state."""
         body, nv = self._body, self._nv
-        J = [force_jacobian(body.frame(name), points) for name, points in self._points.items()]
+        J = [force_jacobian(body.frame_state(name), points) for name, points in self._points.items()]
         J_f = np.vstack(J) if J else np.zeros((0, nv))
-        return self._level_0(J_f), [self._level_1(instant), self._level_2(instant)], self._inequalities(J_f)
+        return self._level_0(J_f), [self._level_1(instant), self._level_2(instant)], self._inequality_rows(J_f)
 
     def torques_nm(self, z: Float[np.ndarray, "nz"]) -> Angles:
         """Actuator torques of a solution; valid after ``rows`` at the same state."""
@@ -155,7 +155,7 @@ class Programme:
             column += 3 * len(points)
         return forces
 
-    def unknowns(self, a: Float[np.ndarray, "nv"], forces_n: Mapping[str, Points]) -> Float[np.ndarray, "nz"]:
+    def stack_unknowns(self, a: Float[np.ndarray, "nv"], forces_n: Mapping[str, Points]) -> Float[np.ndarray, "nz"]:
         """``z`` of an acceleration and of forces; missing effectors get zero force."""
         f = [forces_n[name].ravel() if name in forces_n else np.zeros(3 * len(p)) for name, p in self._points.items()]
         return np.concatenate([a, *f])
@@ -163,7 +163,7 @@ class Programme:
     def _level_0(self, J_f: Float[np.ndarray, "nf nv"]) -> Rows:
         body, nv = self._body, self._nv
         rows = [
-            tasks.contact(body.frame(name), contact.placement, self._surface[name], self._settings.contact)
+            tasks.contact_task(body.frame_state(name), contact.placement, self._surface[name], self._settings.contact)
             for name, contact in self._contacts.items()
         ]
         A = np.zeros((6 + sum(len(r.b) for r in rows), self._nz))
@@ -173,46 +173,46 @@ class Programme:
             A[6:, :nv] = np.vstack([r.A for r in rows])
         return Rows(A, np.concatenate([-body.h[:6], *(r.b for r in rows)]))
 
-    def _level_1(self, instant: Instant) -> Rows:
+    def _level_1(self, instant: SampleTargets) -> Rows:
         body, gain = self._body, self._settings.effector
-        rows = [tasks.centre_of_mass(body, instant.reference, self._settings.com)]
+        rows = [tasks.com_task(body, instant.reference, self._settings.com)]
         for name, curve in self._swings.items():
-            target = curve.at(instant.time_s - curve.starts_s)
-            frame = body.frame(name)
+            target = curve.state_at(instant.time_s - curve.starts_s)
+            frame = body.frame_state(name)
             p = target.placement
-            rows.append(tasks.position(frame, p.position_m, target.velocity_m_s, target.acceleration_m_s2, gain))
+            rows.append(tasks.position_task(frame, p.position_m, target.velocity_m_s, target.acceleration_m_s2, gain))
             if self._surface[name]:
                 w, w_rate = target.angular_velocity_rad_s, target.angular_acceleration_rad_s2
-                rows.append(tasks.orientation(frame, p.rotation, w, w_rate, gain))
-        return tasks.stacked([(1.0, r) for r in rows], self._nz)
+                rows.append(tasks.orientation_task(frame, p.rotation, w, w_rate, gain))
+        return tasks.stack_weighted([(1.0, r) for r in rows], self._nz)
 
-    def _level_2(self, instant: Instant) -> Rows:
+    def _level_2(self, instant: SampleTargets) -> Rows:
         body, s = self._body, self._settings
         weighted: list[tuple[tasks.Weight, Rows]] = [
-            (s.momentum_weight, tasks.angular_momentum(body, instant.reference, s.momentum_per_s)),
-            (s.base_weight, tasks.orientation(body.frame("base"), *instant.base, s.base)),
-            (self._posture_weights, tasks.posture(body, self._rest, s.posture)),
+            (s.momentum_weight, tasks.momentum_task(body, instant.reference, s.momentum_per_s)),
+            (s.base_weight, tasks.orientation_task(body.frame_state("base"), *instant.base, s.base)),
+            (self._posture_weights, tasks.posture_task(body, self._rest, s.posture)),
         ]
         if self._avoidance is not None:
-            rows, weights = self._avoidance.rows(body)
+            rows, weights = self._avoidance.task_rows(body)
             weighted.append((weights, rows))
         zero = np.zeros(3)
         for name, contact in self._contacts.items():
             if not self._surface[name]:
-                rows = tasks.orientation(body.frame(name), contact.placement.rotation, zero, zero, s.hand)
+                rows = tasks.orientation_task(body.frame_state(name), contact.placement.rotation, zero, zero, s.hand)
                 weighted.append((s.hand_weight, rows))
         for name, curve in self._swings.items():
             if not self._surface[name]:
-                target = curve.at(instant.time_s - curve.starts_s)
+                target = curve.state_at(instant.time_s - curve.starts_s)
                 w, w_rate = target.angular_velocity_rad_s, target.angular_acceleration_rad_s2
-                rows = tasks.orientation(body.frame(name), target.placement.rotation, w, w_rate, s.hand)
+                rows = tasks.orientation_task(body.frame_state(name), target.placement.rotation, w, w_rate, s.hand)
                 weighted.append((s.hand_weight, rows))
         forces_n = self._plan.forces_at(instant.time_s)
         planned = np.concatenate([*(forces_n[name].ravel() for name in self._contacts), np.zeros(0)])
-        weighted.append((s.force_weight, tasks.forces(planned, self._nv)))
-        return tasks.stacked(weighted, self._nz)
+        weighted.append((s.force_weight, tasks.force_task(planned, self._nv)))
+        return tasks.stack_weighted(weighted, self._nz)
 
-    def _inequalities(self, J_f: Float[np.ndarray, "nf nv"]) -> Inequalities:
+    def _inequality_rows(self, J_f: Float[np.ndarray, "nf nv"]) -> Inequalities:
         body, s, nv = self._body, self._settings, self._nv
         self._G[self._torque, :nv] = body.M[6:]
         self._G[self._torque, nv:] = -J_f[:, 6:].T

@@ -38,7 +38,7 @@ class Gain(NamedTuple):
     kd: float
 
     @staticmethod
-    def critical(kp: float) -> "Gain":
+    def critically_damped(kp: float) -> "Gain":
         """Critical damping: ``kd = 2 sqrt(kp)``."""
         return Gain(kp, 2.0 * float(np.sqrt(kp)))
 
@@ -48,52 +48,52 @@ def rotation_error(reference: Rotation, actual: Rotation) -> Vector3:
     return np.asarray(pin.log3(reference @ actual.T))
 
 
-def contact(frame: FrameState, place: Placement, surface: bool, gain: Gain) -> Rows:
+def contact_task(frame: FrameState, placement: Placement, surface: bool, gain: Gain) -> Rows:
     """Contact fixed at its planned placement: six rows for a surface, three for a point."""
-    e = place.position_m - frame.position_m
+    e = placement.position_m - frame.position_m
     if surface:
-        e = np.concatenate([e, rotation_error(place.rotation, frame.rotation)])
+        e = np.concatenate([e, rotation_error(placement.rotation, frame.rotation)])
     k = len(e)
     return Rows(frame.J[:k], gain.kp * e - gain.kd * frame.velocity[:k] - frame.drift[:k])
 
 
-def centre_of_mass(body: RigidBody, reference: Reference, gain: Gain) -> Rows:
+def com_task(body: RigidBody, reference: Reference, gain: Gain) -> Rows:
     """CoM tracking by the linear rows of the centroidal map (4.3): ``A_G a + dA_G v = m c''``."""
     e, e_v = reference.com_m - body.com_m, reference.com_v_m_s - body.com_v_m_s
     c_a = reference.com_a_m_s2 + gain.kp * e + gain.kd * e_v
     return Rows(body.A_g[:3] / body.mass_kg, c_a - body.A_g_drift[:3] / body.mass_kg)
 
 
-def angular_momentum(body: RigidBody, reference: Reference, gain_per_s: float) -> Rows:
+def momentum_task(body: RigidBody, reference: Reference, gain_per_s: float) -> Rows:
     """Tracking of the angular momentum about the CoM, first order: ``dL = dL_ref + k (L_ref - L)``."""
     l_rate = reference.l_rate_nm + gain_per_s * (reference.l_nms - body.l_nms)
     return Rows(body.A_g[3:], l_rate - body.A_g_drift[3:])
 
 
-def position(frame: FrameState, p_m: Vector3, v_m_s: Vector3, a_m_s2: Vector3, gain: Gain) -> Rows:
+def position_task(frame: FrameState, p_m: Vector3, v_m_s: Vector3, a_m_s2: Vector3, gain: Gain) -> Rows:
     """Position tracking of a frame's origin."""
     e, e_v = p_m - frame.position_m, v_m_s - frame.velocity[:3]
     return Rows(frame.J[:3], a_m_s2 + gain.kp * e + gain.kd * e_v - frame.drift[:3])
 
 
-def orientation(frame: FrameState, R: Rotation, w_rad_s: Vector3, w_rate_rad_s2: Vector3, gain: Gain) -> Rows:
+def orientation_task(frame: FrameState, R: Rotation, w_rad_s: Vector3, w_rate_rad_s2: Vector3, gain: Gain) -> Rows:
     """Orientation tracking of a frame, with angular velocity ``w`` and acceleration."""
     e, e_v = rotation_error(R, frame.rotation), w_rad_s - frame.velocity[3:]
     return Rows(frame.J[3:], w_rate_rad_s2 + gain.kp * e + gain.kd * e_v - frame.drift[3:])
 
 
-def posture(body: RigidBody, angles_rad: Angles, gain: Gain) -> Rows:
+def posture_task(body: RigidBody, angles_rad: Angles, gain: Gain) -> Rows:
     """Actuated joints at rest at ``angles_rad`` ``(na,)``."""
-    return Rows(_last(len(angles_rad), 6), gain.kp * (angles_rad - body.q[7:]) - gain.kd * body.v[6:])
+    return Rows(_select_last(len(angles_rad), 6), gain.kp * (angles_rad - body.q[7:]) - gain.kd * body.v[6:])
 
 
-def forces(planned_n: Float[np.ndarray, "nf"], nv: int) -> Rows:
+def force_task(planned_n: Float[np.ndarray, "nf"], nv: int) -> Rows:
     """Tracking of planned forces, which follow the ``nv`` accelerations among the unknowns."""
-    return Rows(_last(len(planned_n), nv), planned_n)
+    return Rows(_select_last(len(planned_n), nv), planned_n)
 
 
 @cache
-def _last(n: int, before: int) -> Float[np.ndarray, "n m"]:
+def _select_last(n: int, before: int) -> Float[np.ndarray, "n m"]:
     """Matrix that selects the last ``n`` of ``before + n`` unknowns."""
     S = np.zeros((n, before + n))
     S[:, before:] = np.eye(n)
@@ -101,7 +101,7 @@ def _last(n: int, before: int) -> Float[np.ndarray, "n m"]:
     return S
 
 
-def stacked(weighted: list[tuple[Weight, Rows]], nz: int) -> Rows:
+def stack_weighted(weighted: list[tuple[Weight, Rows]], nz: int) -> Rows:
     """Stack rows multiplied by their weights (one per task or per row), padded with zero columns to ``nz``."""
     m = sum(len(rows.b) for _, rows in weighted)
     A, b = np.zeros((m, nz)), np.empty(m)
@@ -114,16 +114,16 @@ def stacked(weighted: list[tuple[Weight, Rows]], nz: int) -> Rows:
     return Rows(A, b)
 
 
-_INSIDE_N = 1e-3
+_PYRAMID_MARGIN_N = 1e-3
 """Margin to the pyramid's faces that absorbs the solver's tolerance."""
 
 
-def pyramid(contact: Contact, points: int) -> Inequalities:
+def friction_pyramid(contact: Contact, points: int) -> Inequalities:
     """Five rows per contact point on the ``3 points`` components of its forces."""
     x, y, n = contact.placement.rotation.T
     mu = contact.friction / np.sqrt(2.0)
     one = np.array([x - mu * n, -x - mu * n, y - mu * n, -y - mu * n, -n])
-    upper = np.full(5 * points, -_INSIDE_N)
+    upper = np.full(5 * points, -_PYRAMID_MARGIN_N)
     return Inequalities(np.kron(np.eye(points), one), np.full(5 * points, -np.inf), upper)
 
 

@@ -30,41 +30,41 @@ class Collision:
 
 
 @dataclass(frozen=True)
-class Missed:
+class MissedCondition:
     """One violated condition: a stable code and a sentence with the value."""
 
     code: str
     message: str
 
 
-def missed(
+def missed_conditions(
     *,
     fall_time_s: float | None,
     collided: Sequence[Collision],
     slip_max_m: float,
     torque_ratio_max: float,
     hand_in_place_shares: Mapping[str, float],
-) -> tuple[Missed, ...]:
+) -> tuple[MissedCondition, ...]:
     """Violated conditions of a completed replay, a fall first."""
-    violated: list[Missed] = []
+    violated: list[MissedCondition] = []
     if fall_time_s is not None:
-        violated.append(Missed("replay-fell", f"The robot falls after {fall_time_s:.1f} s."))
+        violated.append(MissedCondition("replay-fell", f"The robot falls after {fall_time_s:.1f} s."))
     if collided:
-        violated.append(Missed("replay-collided", _collisions(collided)))
+        violated.append(MissedCondition("replay-collided", _describe_collisions(collided)))
     if slip_max_m > SLIP_M:
         message = f"A loaded foot slips by {1e3 * slip_max_m:.0f} mm; at most {1e3 * SLIP_M:.0f} mm are allowed."
-        violated.append(Missed("replay-slipped", message))
+        violated.append(MissedCondition("replay-slipped", message))
     if torque_ratio_max > TORQUE_RATIO:
         message = f"A joint torque command reaches {torque_ratio_max:.1f} times its limit; {TORQUE_RATIO:g} is allowed."
-        violated.append(Missed("replay-torque", message))
+        violated.append(MissedCondition("replay-torque", message))
     for hand, share in hand_in_place_shares.items():
         if share < HAND_SHARE:
             message = f"{hand} is in place for {share:.0%} of its contact; {HAND_SHARE:.0%} is required."
-            violated.append(Missed("replay-hand-off", message))
+            violated.append(MissedCondition("replay-hand-off", message))
     return tuple(violated)
 
 
-def _collisions(collided: Sequence[Collision]) -> str:
+def _describe_collisions(collided: Sequence[Collision]) -> str:
     listed = "; ".join(
         f"{one.first} and {one.second} from {one.time_s:.2f} s, {one.force_max_n:.0f} N at most"
         for one in collided[:_LISTED]

@@ -29,7 +29,7 @@ Sizes = Mapping[str, tuple[float, float]]
 
 
 @dataclass(frozen=True, eq=False)
-class Capturable:
+class Capturability:
     """Capturability per sample of a motion, in the directions forwards, left, backwards, right.
 
     ``towards`` are their unit vectors. ``edge_m`` and ``stand_m`` are the coordinates along them, from the world
@@ -39,21 +39,21 @@ class Capturable:
     contact.
     """
 
-    towards: Float[np.ndarray, "n 4 2"]
+    directions: Float[np.ndarray, "n 4 2"]
     edge_m: Float[np.ndarray, "n 4"]
-    stand_m: Float[np.ndarray, "n 4"]
+    capture_edge_m: Float[np.ndarray, "n 4"]
     reach_m: Float[np.ndarray, "n 4"]
     weight: Mapping[str, Series]
     capture_m: Float[np.ndarray, "n 2"]
-    moving_m: Series
+    capture_distance_m: Series
     pressure_m: Float[np.ndarray, "n 2"]
     rate_per_s: Series
-    touches: Mapping[str, Int[np.ndarray, "n"]]
+    in_contact: Mapping[str, Int[np.ndarray, "n"]]
 
     @staticmethod
-    def of(motion: WholeBodyMotion, half_size_m: Sizes, inside_m: float) -> "Capturable":
+    def of_motion(motion: WholeBodyMotion, half_size_m: Sizes, inside_m: float) -> "Capturability":
         """From ``half_size_m`` of all soles; the centre of pressure keeps ``inside_m`` from their edges."""
-        n, sequence, heading = len(motion.time_s), motion.sequence, Heading.of(motion.sequence)
+        n, sequence, heading = len(motion.time_s), motion.sequence, Heading.of_sequence(motion.sequence)
         towards, pressure_margin, stand = np.zeros((n, 4, 2)), np.zeros((n, 4)), np.zeros((n, 4))
         c, v = motion.com_reference_m, motion.com_v_reference_m_s
         pressure, capture, w = c[:, :2].copy(), c[:, :2].copy(), np.ones(n)
@@ -62,12 +62,12 @@ class Capturable:
         phase = np.array([sequence.phase_at(float(t) + 1e-9) for t in motion.time_s])
         for k in np.unique(phase):
             inside = phase == k
-            x, y = heading.at(int(k), float(sequence.starts_s[k]))[0][:2, :2].T
+            x, y = heading.orientation_at(int(k), float(sequence.starts_s[k]))[0][:2, :2].T
             towards[inside] = [x, y, -x, -y]
             soles = {name: c for name, c in sequence.phases[k].contacts.items() if name in half_size_m}
             if not soles:
                 continue
-            loads = {name: _loads(motion, name, contact, inside) for name, contact in soles.items()}
+            loads = {name: _sole_loads(motion, name, contact, inside) for name, contact in soles.items()}
             total = np.maximum(sum(load.sum(axis=1) for load, _ in loads.values()), 1e-9)
             pressure[inside] = sum(load @ points for load, points in loads.values()) / total[:, None]
             for name, (load, _) in loads.items():
@@ -75,35 +75,35 @@ class Capturable:
             ground_m = float(np.mean([contact.placement.position_m[2] for contact in soles.values()]))
             w[inside] = [pendulum_rate(float(z) - ground_m) for z in c[inside, 2]]
             capture[inside] += v[inside, :2] / w[inside, None]
-            corners = np.concatenate([_corners(c, half_size_m[name], inside_m) for name, c in soles.items()])
+            corners = np.concatenate([_sole_corners(c, half_size_m[name], inside_m) for name, c in soles.items()])
             hull = ConvexHull(corners).equations
             pressure_margin[inside], stand[inside] = (
-                _room(hull, at[inside], towards[inside][0]) for at in (pressure, capture)
+                _distance_to_edge(hull, at[inside], towards[inside][0]) for at in (pressure, capture)
             )
         pressure_reach = np.maximum(pressure_margin, 0.0)
         decay = np.exp(-w / motion.rate_hz)
-        reach = _ahead(pressure_reach, decay, np.zeros(n, dtype=bool))
+        reach = _discounted_integral(pressure_reach, decay, np.zeros(n, dtype=bool))
         weight = {}
         for name, load_share in share.items():
             lifts = np.append((touches[name][:-1] == 1) & (touches[name][1:] == 0), False)
-            weight[name] = _ahead(load_share, decay, lifts)
+            weight[name] = _discounted_integral(load_share, decay, lifts)
         edge, stand = (
             distance + np.einsum("nij,nj->ni", towards, at)
             for distance, at in ((pressure_margin, pressure), (stand, capture))
         )
         moving = np.linalg.norm(capture - c[:, :2], axis=1)
-        return Capturable(towards, edge, stand, reach, weight, capture, moving, pressure, w, touches)
+        return Capturability(towards, edge, stand, reach, weight, capture, moving, pressure, w, touches)
 
     def touch_down(self, sole: str, i: int) -> int:
         """First sample in contact of a sole that swings at ``i``."""
-        return i + int(np.argmax(self.touches[sole][i:]))
+        return i + int(np.argmax(self.in_contact[sole][i:]))
 
     def lift_off(self, sole: str, i: int) -> int:
         """Last sample in contact before the swing of a sole at ``i``."""
-        return i - int(np.argmax(self.touches[sole][i::-1]))
+        return i - int(np.argmax(self.in_contact[sole][i::-1]))
 
 
-def _ahead(values: np.ndarray, decay: Series, ends: np.ndarray) -> np.ndarray:
+def _discounted_integral(values: np.ndarray, decay: Series, ends: np.ndarray) -> np.ndarray:
     """``w int exp(-w (s - t)) values(s) ds`` from every sample on; the integral stops after samples with ``ends``."""
     integral = values.copy()
     for i in range(len(values) - 2, -1, -1):
@@ -111,7 +111,7 @@ def _ahead(values: np.ndarray, decay: Series, ends: np.ndarray) -> np.ndarray:
     return integral
 
 
-def _loads(
+def _sole_loads(
     motion: WholeBodyMotion, name: str, contact: Contact, inside: np.ndarray
 ) -> tuple[Float[np.ndarray, "m k"], Float[np.ndarray, "k 2"]]:
     """Normal forces and their positions; a unit force at the centre for a sole without forces in the motion."""
@@ -122,18 +122,18 @@ def _loads(
     return np.maximum(forces[inside] @ contact.placement.rotation[:, 2], 0.0), points
 
 
-def _corners(contact: Contact, half_size_m: tuple[float, float], inside_m: float) -> Float[np.ndarray, "4 2"]:
+def _sole_corners(contact: Contact, half_size_m: tuple[float, float], inside_m: float) -> Float[np.ndarray, "4 2"]:
     """Corners of the rectangle that the centre of pressure may use."""
     x, y = (half - inside_m for half in half_size_m)
     return contact.placement.act(np.array([[x, y, 0.0], [x, -y, 0.0], [-x, y, 0.0], [-x, -y, 0.0]]))[:, :2]
 
 
-def _room(
-    hull: Float[np.ndarray, "h 3"], points_m: Float[np.ndarray, "m 2"], towards: Float[np.ndarray, "4 2"]
+def _distance_to_edge(
+    hull: Float[np.ndarray, "h 3"], points_m: Float[np.ndarray, "m 2"], directions: Float[np.ndarray, "4 2"]
 ) -> Float[np.ndarray, "m 4"]:
     """Distance from points to the edge of a convex polygon, negative outside; ``hull`` is ``n' p + b <= 0``."""
     slack = -(points_m @ hull[:, :2].T + hull[:, 2])
-    along = towards @ hull[:, :2].T
+    along = directions @ hull[:, :2].T
     with np.errstate(divide="ignore"):
         per_slack = np.where(along > 1e-9, 1.0 / along, np.inf)
     distance = slack[:, None, :] * per_slack

@@ -50,13 +50,13 @@ def add_shapes(spec: mujoco.MjSpec, robot: Robot, body_of: Mapping[str, str], fr
         meets = GROUND if joint in holding else GROUND | RAIL
         quat = ScipyRotation.from_matrix(part.placement.rotation).as_quat(scalar_first=True)
         at = {"pos": part.placement.translation.tolist(), "quat": quat.tolist()}
-        _add(body, name, _shape(spec, part, name) | at, 0 if sole else meets)
+        _add_geom(body, name, _geom_arguments(spec, part, name) | at, 0 if sole else meets)
         parts.append(Part(name, link))
         if sole is not None:
-            points = _above(robot, sole, part)
+            points = _points_above_sole(robot, sole, part)
             spec.add_mesh(name=f"{name} above", uservert=points.flatten().tolist())
             mesh = {"type": mujoco.mjtGeom.mjGEOM_MESH, "meshname": f"{name} above"}
-            _add(body, f"{name} above", mesh, meets)
+            _add_geom(body, f"{name} above", mesh, meets)
             parts.append(Part(f"{name} above", link))
     for pair in robot.collision.collisionPairs:
         spec.add_pair(
@@ -71,23 +71,23 @@ def parent_joint(robot: Robot, effector: Effector) -> str:
     return str(robot.model.names[frame.parentJoint])
 
 
-def _add(body: mujoco.MjsBody, name: str, shape: Mapping[str, Any], meets: int) -> None:
+def _add_geom(body: mujoco.MjsBody, name: str, shape: Mapping[str, Any], meets: int) -> None:
     """Add a massless shape with zero friction: MuJoCo uses the larger of both, which is that of the surface."""
     body.add_geom(name=name, mass=0.0, friction=[0.0, 0.0, 0.0], contype=0, conaffinity=meets, **shape)
 
 
-def _above(robot: Robot, sole: Effector, part: pin.GeometryObject) -> Points:
+def _points_above_sole(robot: Robot, sole: Effector, part: pin.GeometryObject) -> Points:
     """Points of a foot's shape in the frame of its joint, raised to at least ``SOLE_GUARD_M`` above the sole."""
     frame: pin.SE3 = robot.model.frames[robot.model.getFrameId(sole.frame)].placement
     T = pin.SE3(sole.T_frame_contact.rotation, sole.T_frame_contact.position_m)
     T_joint_contact = frame * T
-    points = np.array([part.placement.act(p) for p in _corners(part)])
+    points = np.array([part.placement.act(p) for p in _hull_points(part)])
     points = (points - T_joint_contact.translation) @ T_joint_contact.rotation
     points[:, 2] = np.maximum(points[:, 2], SOLE_GUARD_M)
     return np.asarray(points @ T_joint_contact.rotation.T + T_joint_contact.translation)
 
 
-def _corners(part: pin.GeometryObject) -> Points:
+def _hull_points(part: pin.GeometryObject) -> Points:
     """Points whose convex hull contains the shape: its vertices, or the corners of its bounding box."""
     geometry = part.geometry
     if isinstance(geometry, coal.BVHModelBase):
@@ -96,17 +96,17 @@ def _corners(part: pin.GeometryObject) -> Points:
         return np.asarray(geometry.points(), dtype=float)
     geometry.computeLocalAABB()
     box = geometry.aabb_local
-    return np.array(list(_grid(np.array(box.min_), np.array(box.max_))))
+    return np.array(list(_box_corners(np.array(box.min_), np.array(box.max_))))
 
 
-def _grid(low: np.ndarray, high: np.ndarray) -> Iterator[tuple[float, float, float]]:
+def _box_corners(low: np.ndarray, high: np.ndarray) -> Iterator[tuple[float, float, float]]:
     for x in (low[0], high[0]):
         for y in (low[1], high[1]):
             for z in (low[2], high[2]):
                 yield float(x), float(y), float(z)
 
 
-def _shape(spec: mujoco.MjSpec, part: pin.GeometryObject, name: str) -> dict[str, Any]:
+def _geom_arguments(spec: mujoco.MjSpec, part: pin.GeometryObject, name: str) -> dict[str, Any]:
     """Type and size of a collision shape; MuJoCo takes the convex hull of a mesh's points."""
     geometry = part.geometry
     if isinstance(geometry, coal.Box):

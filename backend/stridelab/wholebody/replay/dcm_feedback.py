@@ -21,12 +21,12 @@ from jaxtyping import Float
 from stridelab.conventions import GRAVITY_M_S2, Rotation, Vector3
 from stridelab.robots.robot import Robot
 
-_LEAST_SHARE = 0.05
+_MIN_LOAD_SHARE = 0.05
 """Minimum share of the load on each of two soles."""
-_TRIED = 41
-_UNPLANNED_M = 0.01
+_N_SHARES = 41
+_TRANSFER_COST_M = 0.01
 """Cost of transferring all the load, in units of the error of the centre of pressure."""
-LOWEST_COM_M = 0.3
+MIN_COM_HEIGHT_M = 0.3
 """Lower bound of the CoM height in the pendulum model."""
 Shift = Float[np.ndarray, "2"]
 
@@ -51,7 +51,7 @@ class Sole:
 
 
 @dataclass(frozen=True)
-class CapturePoint:
+class CapturePointFeedback:
     """Feedback with ``gain`` of the capture point error and ``integral_gain`` of its integral, up to ``integral_m``.
 
     The centre of pressure keeps ``edge_m`` from the edges of the soles; at most the share ``transfer`` of the weight is
@@ -68,33 +68,35 @@ class CapturePoint:
         """Shift of the centre of pressure for an error of the capture point and its integral times w."""
         return self.gain * error_m + self.integral_gain * integral_m
 
-    def spread(
+    def distribute_shift(
         self, shift_m: Shift, soles: Mapping[str, Sole], half_size_m: Mapping[str, tuple[float, float]]
     ) -> tuple[dict[str, Shift], dict[str, float]]:
         """Per sole the shift of its centre of pressure (contact frame) and the load transferred to it (N)."""
-        own_shifts = {name: self._within(shift_m, sole, half_size_m[name]) for name, sole in soles.items()}
+        own_shifts = {name: self._clip_to_sole(shift_m, sole, half_size_m[name]) for name, sole in soles.items()}
         gained = dict.fromkeys(soles, 0.0)
         if len(soles) == 2:
             a, b = soles.values()
             total_n = a.load_n + b.load_n
             # load shares of the first sole, the planned one first; ``rest`` is left to the soles themselves
             planned = a.load_n / total_n
-            share_limits = np.clip([planned - self.transfer, planned + self.transfer], _LEAST_SHARE, 1.0 - _LEAST_SHARE)
+            share_limits = np.clip(
+                [planned - self.transfer, planned + self.transfer], _MIN_LOAD_SHARE, 1.0 - _MIN_LOAD_SHARE
+            )
             shares = np.append(
-                planned, np.linspace(min(share_limits[0], planned), max(share_limits[1], planned), _TRIED)
+                planned, np.linspace(min(share_limits[0], planned), max(share_limits[1], planned), _N_SHARES)
             )
             sole_offset = (_pressure_m(a) - _pressure_m(b))[:2]
             rest = shift_m - (shares - planned)[:, None] * sole_offset
-            shifts = [self._within(rest, sole, half_size_m[name]) for name, sole in soles.items()]
+            shifts = [self._clip_to_sole(rest, sole, half_size_m[name]) for name, sole in soles.items()]
             realised = [shift @ sole.rotation[:2, :2].T for shift, sole in zip(shifts, soles.values(), strict=True)]
             error = rest - shares[:, None] * realised[0] - (1.0 - shares)[:, None] * realised[1]
-            best = int(np.argmin((error**2).sum(axis=1) + _UNPLANNED_M**2 * (shares - planned) ** 2))
+            best = int(np.argmin((error**2).sum(axis=1) + _TRANSFER_COST_M**2 * (shares - planned) ** 2))
             own_shifts = {name: shift[best] for name, shift in zip(soles, shifts, strict=True)}
             moved_n = float(shares[best] - planned) * total_n
             gained = dict(zip(soles, (moved_n, -moved_n), strict=True))
         return own_shifts, gained
 
-    def _within(self, shift_m: np.ndarray, sole: Sole, half_size_m: tuple[float, float]) -> np.ndarray:
+    def _clip_to_sole(self, shift_m: np.ndarray, sole: Sole, half_size_m: tuple[float, float]) -> np.ndarray:
         """Clip shifts ``(..., 2)`` in world axes to the sole; the result is in its contact frame."""
         half = np.array(half_size_m) - self.edge_m
         low, high = np.minimum(-half - sole.pressure_m, 0.0), np.maximum(half - sole.pressure_m, 0.0)
@@ -108,7 +110,7 @@ def _pressure_m(sole: Sole) -> Vector3:
 
 def pendulum_rate(com_height_m: float) -> float:
     """Rate ``w`` (1/s) of the linear inverted pendulum."""
-    return float(np.sqrt(GRAVITY_M_S2 / max(com_height_m, LOWEST_COM_M)))
+    return float(np.sqrt(GRAVITY_M_S2 / max(com_height_m, MIN_COM_HEIGHT_M)))
 
 
 def ankle_torques_nm(ankle: Ankle, shift_m: Shift, load_n: float) -> Float[np.ndarray, "2"]:

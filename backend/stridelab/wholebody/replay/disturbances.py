@@ -70,7 +70,7 @@ class Disturbances:
         if faults:
             raise InvalidInput("disturbance-out-of-range", "Some disturbances are out of range.", faults)
 
-    def terrain(self, sequence: ContactSequence) -> Terrain:
+    def disturbed_terrain(self, sequence: ContactSequence) -> Terrain:
         """The disturbed terrain of a sequence."""
         start_surfaces = {contact.surface for contact in sequence.phases[0].contacts.values()}
         surfaces: list[Box | Rail] = []
@@ -84,7 +84,7 @@ class Disturbances:
             placement = Placement(planned.position_m + np.array([0.0, 0.0, up_m]), planned.rotation)
             friction = surface.friction if self.friction is None else self.friction
             surfaces.append(replace(surface, placement=placement, friction=friction))
-        return Terrain.of(surfaces)
+        return Terrain.from_surfaces(surfaces)
 
 
-NONE: Final = Disturbances()
+UNDISTURBED: Final = Disturbances()

@@ -18,9 +18,9 @@ import numpy as np
 from jaxtyping import Float
 
 from stridelab.conventions import Vector3
-from stridelab.wholebody.limb_kinematics import Posed
+from stridelab.wholebody.limb_kinematics import LimbKinematics
 from stridelab.wholebody.replay.dcm_feedback import Shift
-from stridelab.wholebody.replay.sensors import Seen
+from stridelab.wholebody.replay.sensors import SensedState
 
 _DAMPING = 1e-4
 """Damping (m^2) of the leg's Jacobian inverse, for straight knees."""
@@ -45,18 +45,23 @@ class Footing:
     may_land: float = 0.6
 
 
-class Feet:
+class FootAdaptation:
     """Corrections of all soles during one replay."""
 
-    def __init__(self, footing: Footing, posed: Posed, soles: tuple[str, ...], dt_s: float) -> None:
-        self._footing, self._posed, self._dt_s = footing, posed, dt_s
-        self._off: dict[str, Vector3] = {name: np.zeros(3) for name in soles}
+    def __init__(self, footing: Footing, kinematics: LimbKinematics, soles: tuple[str, ...], dt_s: float) -> None:
+        self._footing, self._kinematics, self._dt_s = footing, kinematics, dt_s
+        self._offsets_m: dict[str, Vector3] = {name: np.zeros(3) for name in soles}
         self._landed: dict[str, Vector3] = {}
         self._since: dict[str, float] = {}
         self._sought_m: dict[str, float] = dict.fromkeys(soles, 0.0)
 
     def angles_rad(
-        self, seen: Seen, share: Mapping[str, float], beside: Mapping[str, Shift], body_m: Shift, n_joints: int
+        self,
+        measured: SensedState,
+        share: Mapping[str, float],
+        beside: Mapping[str, Shift],
+        body_m: Shift,
+        n_joints: int,
     ) -> Float[np.ndarray, "na"]:
         """Corrections (rad) of the planned angles; ``share`` is the swing progress of each sole, 1 in contact.
 
@@ -65,35 +70,37 @@ class Feet:
         angles, f = np.zeros(n_joints), self._footing
         self._beside, self._body_m = beside, np.array([*body_m, 0.0])
         for name, swung in share.items():
-            step = self._wanted(name, swung, seen) - self._off[name]
+            step = self._desired_offset_m(name, swung, measured) - self._offsets_m[name]
             aside = bool(beside[name].any()) and name not in self._landed
             most_m = (f.aside_m_s if aside else f.rate_m_s) * self._dt_s
             length = float(np.linalg.norm(step))
-            self._off[name] = self._off[name] + step * min(1.0, most_m / max(length, 1e-12))
-            J = self._posed.moved_by_limb(name)
-            e = np.concatenate([self._off[name], np.zeros(3)])
-            angles[self._posed.limb[name]] += J.T @ np.linalg.solve(J @ J.T + _DAMPING * np.eye(6), e)
+            self._offsets_m[name] = self._offsets_m[name] + step * min(1.0, most_m / max(length, 1e-12))
+            J = self._kinematics.limb_jacobian(name)
+            e = np.concatenate([self._offsets_m[name], np.zeros(3)])
+            angles[self._kinematics.limb[name]] += J.T @ np.linalg.solve(J @ J.T + _DAMPING * np.eye(6), e)
         return angles
 
-    def _wanted(self, name: str, swung: float, seen: Seen) -> Vector3:
+    def _desired_offset_m(self, name: str, progress: float, measured: SensedState) -> Vector3:
         """Desired offset of the foot from the plan, relative to the planned base (world axes)."""
-        f, planned_m = self._footing, self._posed.contact(name).position_m
+        f, planned_m = self._footing, self._kinematics.contact_placement(name).position_m
         target_m = planned_m + np.array([*self._beside[name], 0.0])
-        loaded = float(np.linalg.norm(seen.forces_n[name])) > f.loaded_n
-        if swung < f.may_land:
+        loaded = float(np.linalg.norm(measured.forces_n[name])) > f.loaded_n
+        if progress < f.may_land:
             self._landed.pop(name, None)
             self._sought_m[name] = 0.0
         elif loaded and (name not in self._landed or self._since[name] < f.settling_s):
             self._since[name] = self._since[name] + self._dt_s if name in self._landed else 0.0
-            self._landed[name] = seen.contacts[name].position_m
+            self._landed[name] = measured.contacts[name].position_m
         if name in self._landed:
-            return self._cut(self._landed[name] - planned_m - self._body_m)
-        if swung < 1.0:
-            return self._cut(self._posed.to_the_world(target_m, seen) - planned_m)
+            return self._limited_offset_m(self._landed[name] - planned_m - self._body_m)
+        if progress < 1.0:
+            return self._limited_offset_m(self._kinematics.compensate_base_error(target_m, measured) - planned_m)
         self._sought_m[name] = min(f.search_m, self._sought_m[name] + f.search_m_s * self._dt_s)
         down_m = np.array([0.0, 0.0, self._sought_m[name]])
-        return np.asarray(self._cut(self._posed.to_the_world(target_m, seen) - planned_m) - down_m)
+        return np.asarray(
+            self._limited_offset_m(self._kinematics.compensate_base_error(target_m, measured) - planned_m) - down_m
+        )
 
-    def _cut(self, off_m: Vector3) -> Vector3:
+    def _limited_offset_m(self, off_m: Vector3) -> Vector3:
         length = float(np.linalg.norm(off_m))
         return np.asarray(off_m * min(1.0, self._footing.most_m / max(length, 1e-12)))

@@ -30,8 +30,8 @@ from jaxtyping import Float
 
 from stridelab.contacts.sequence import Contact
 from stridelab.conventions import Vector3
-from stridelab.wholebody.limb_kinematics import Posed
-from stridelab.wholebody.replay.sensors import Seen
+from stridelab.wholebody.limb_kinematics import LimbKinematics
+from stridelab.wholebody.replay.sensors import SensedState
 
 _DAMPING = 1e-3
 """Damping (m^2) of the arm's Jacobian inverse, for straight elbows."""
@@ -50,7 +50,7 @@ class Grip:
     pressure_m: float = 0.03
     gain_m_per_ns: float = 0.001
     most_m: float = 0.03
-    let_go_s: float = 0.05
+    release_s: float = 0.05
     touching_n: float = 3.0
     lost_s: float = 0.04
     rate_n_s: float = 200.0
@@ -60,39 +60,39 @@ class Grip:
     lift_m: float = 0.05
     lift_m_s: float = 0.2
 
-    def pressed_n(self, planned_n: float, hand: Contact, soles_m: Vector3, weight_n: float) -> float:
+    def force_reference_n(self, planned_n: float, hand: Contact, soles_m: Vector3, weight_n: float) -> float:
         """Normal force reference (N) of a hand of a robot with soles around ``soles_m``."""
         arm_m = np.cross(hand.placement.position_m - soles_m, hand.placement.rotation[:, 2])[:2]
         most_n = self.pressure_m * weight_n / max(float(np.linalg.norm(arm_m)), 1e-9)
         return max(planned_n, min(self.least_n, most_n))
 
 
-class Hands:
+class HandForceControl:
     """Corrections of all hands during one replay."""
 
-    def __init__(self, grip: Grip, posed: Posed, hands: tuple[str, ...], dt_s: float) -> None:
-        self._posed = posed
+    def __init__(self, grip: Grip, kinematics: LimbKinematics, hands: tuple[str, ...], dt_s: float) -> None:
+        self._kinematics = kinematics
         self._hands = {name: _Hand(grip, dt_s) for name in hands}
 
-    def at(
+    def compute_corrections(
         self,
-        seen: Seen,
-        touching: Mapping[str, Contact],
+        measured: SensedState,
+        contacts: Mapping[str, Contact],
         planned_n: Mapping[str, Vector3],
-        wanted_n: Mapping[str, float],
+        reference_n: Mapping[str, float],
         n_joints: int,
     ) -> tuple[Float[np.ndarray, "na"], Float[np.ndarray, "na"]]:
         """Angles (rad) and torques (N m) to add; planned forces and force references are of hands in contact."""
         angles, tau = np.zeros(n_joints), np.zeros(n_joints)
         for name, hand in self._hands.items():
-            planned_m = self._posed.contact(name).position_m
-            home_m = self._posed.to_the_world(planned_m, seen) - planned_m
-            if name in touching:
-                here_m, force_n = seen.contacts[name].position_m, seen.forces_n[name]
-                hand.hold(touching[name], here_m, home_m, force_n, planned_n[name], wanted_n[name])
+            planned_m = self._kinematics.contact_placement(name).position_m
+            home_m = self._kinematics.compensate_base_error(planned_m, measured) - planned_m
+            if name in contacts:
+                here_m, force_n = measured.contacts[name].position_m, measured.forces_n[name]
+                hand.update_in_contact(contacts[name], here_m, home_m, force_n, planned_n[name], reference_n[name])
             else:
-                hand.swing(home_m)
-            J, limb = self._posed.moved_by_limb(name)[:3], self._posed.limb[name]
+                hand.update_in_swing(home_m)
+            J, limb = self._kinematics.limb_jacobian(name)[:3], self._kinematics.limb[name]
             angles[limb] += J.T @ np.linalg.solve(J @ J.T + _DAMPING * np.eye(3), hand.moved_m)
             tau[limb] += J.T @ hand.added_n
         return angles, tau
@@ -106,60 +106,66 @@ class _Hand:
         self._aside_m, self._delta_m, self._normal = np.zeros(3), 0.0, np.zeros(3)
         self.added_n: Vector3 = np.zeros(3)
         self._landed_m: Vector3 | None = None
-        self._without_s = np.inf
+        self._no_contact_s = np.inf
 
     @property
     def moved_m(self) -> Vector3:
         """``o - delta n``, world axes."""
         return np.asarray(self._aside_m - self._delta_m * self._normal)
 
-    def hold(
-        self, contact: Contact, here_m: Vector3, home_m: Vector3, force_n: Vector3, planned_n: Vector3, wanted_n: float
+    def update_in_contact(
+        self,
+        contact: Contact,
+        here_m: Vector3,
+        home_m: Vector3,
+        force_n: Vector3,
+        planned_n: Vector3,
+        reference_n: float,
     ) -> None:
         """Sample of a planned contact; ``home_m`` moves the hand to its planned world position."""
         g, n = self._grip, contact.placement.rotation[:, 2]
         self._normal = n
         pressed_n = float(force_n @ n)
-        beside_m = _along(here_m - contact.placement.position_m, n)
+        beside_m = _tangential_component(here_m - contact.placement.position_m, n)
         in_contact = pressed_n > g.touching_n
-        self._without_s = 0.0 if in_contact else self._without_s + self._dt_s
-        lost = self._without_s > g.lost_s
+        self._no_contact_s = 0.0 if in_contact else self._no_contact_s + self._dt_s
+        lost = self._no_contact_s > g.lost_s
         if lost:
             self._landed_m = None
         elif self._landed_m is None:
             self._landed_m = beside_m
-        self._follow(
-            _along(home_m, n) if self._landed_m is None else self._landed_m,
-            -(wanted_n - float(planned_n @ n)) * n if in_contact else planned_n,
+        self._approach_targets(
+            _tangential_component(home_m, n) if self._landed_m is None else self._landed_m,
+            -(reference_n - float(planned_n @ n)) * n if in_contact else planned_n,
         )
         if lost and float(np.linalg.norm(beside_m)) > g.beside_m:
             rate_m_s = -g.lift_m_s
         elif lost and self._delta_m < 0.0:
             rate_m_s = g.lift_m_s
         else:
-            rate_m_s = g.gain_m_per_ns * (wanted_n - pressed_n)
+            rate_m_s = g.gain_m_per_ns * (reference_n - pressed_n)
         self._delta_m = float(np.clip(self._delta_m + self._dt_s * rate_m_s, -g.lift_m, g.most_m))
 
-    def swing(self, home_m: Vector3) -> None:
+    def update_in_swing(self, home_m: Vector3) -> None:
         """Sample of a planned swing."""
-        self._landed_m, self._without_s = None, np.inf
-        self._follow(home_m, np.zeros(3))
-        self._delta_m *= 1.0 - min(1.0, self._dt_s / self._grip.let_go_s)
+        self._landed_m, self._no_contact_s = None, np.inf
+        self._approach_targets(home_m, np.zeros(3))
+        self._delta_m *= 1.0 - min(1.0, self._dt_s / self._grip.release_s)
 
-    def _follow(self, aside_m: Vector3, added_n: Vector3) -> None:
+    def _approach_targets(self, aside_m: Vector3, added_n: Vector3) -> None:
         g = self._grip
-        self._aside_m = _towards(
-            self._aside_m, _towards(np.zeros(3), aside_m, g.most_aside_m), g.aside_m_s * self._dt_s
+        self._aside_m = _limited_step(
+            self._aside_m, _limited_step(np.zeros(3), aside_m, g.most_aside_m), g.aside_m_s * self._dt_s
         )
-        self.added_n = _towards(self.added_n, added_n, g.rate_n_s * self._dt_s)
+        self.added_n = _limited_step(self.added_n, added_n, g.rate_n_s * self._dt_s)
 
 
-def _along(v: Vector3, n: Vector3) -> Vector3:
+def _tangential_component(v: Vector3, n: Vector3) -> Vector3:
     """Component of v tangential to the surface with normal n."""
     return np.asarray(v - n * float(n @ v))
 
 
-def _towards(here: Vector3, there: Vector3, most: float) -> Vector3:
+def _limited_step(here: Vector3, there: Vector3, most: float) -> Vector3:
     """Step from ``here`` towards ``there``, at most ``most`` long."""
     step = there - here
     return np.asarray(here + step * min(1.0, most / max(float(np.linalg.norm(step)), 1e-12)))

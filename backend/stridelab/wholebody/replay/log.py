@@ -12,10 +12,10 @@ from stridelab.contacts.swing import HAND_RETREAT_M
 from stridelab.conventions import Vector3
 from stridelab.robots.robot import Robot
 from stridelab.wholebody.effector_contact import OwnSurfaces
-from stridelab.wholebody.replay.assessment import Collision, Missed, missed
+from stridelab.wholebody.replay.assessment import Collision, MissedCondition, missed_conditions
 from stridelab.wholebody.replay.simulation import Simulation
 
-TOUCHING_N: Final = 5.0
+LOADED_N: Final = 5.0
 """Force from which an effector counts as loaded."""
 
 
@@ -64,9 +64,9 @@ class Replay:
         return len(self.collided)
 
     @property
-    def remarks(self) -> tuple[Missed, ...]:
+    def remarks(self) -> tuple[MissedCondition, ...]:
         """Violated conditions of a completed replay."""
-        return missed(
+        return missed_conditions(
             fall_time_s=self.fall_time_s,
             collided=self.collided,
             slip_max_m=self.foot_slip_max_m,
@@ -98,14 +98,16 @@ class ReplayLog:
         self._in_place: dict[str, list[bool]] = {}
         self._collided: dict[tuple[str, str], Collision] = {}
 
-    def step(self, simulation: Simulation, time_s: float) -> None:
+    def record_step(self, simulation: Simulation, time_s: float) -> None:
         """Record the contacts of the body in the step that ends at ``time_s``."""
         built = simulation.built
-        for contact in simulation.body_touches:
+        for contact in simulation.body_contacts:
             first, second = (built.link.get(geom) or built.surface.get(geom, "") for geom in contact[:2])
-            self._collide(first, second, time_s, contact.force_n)
+            self._record_collision(first, second, time_s, contact.force_n)
 
-    def sample(self, simulation: Simulation, time_s: float, plan_time_s: float, com_m: Vector3, error_m: float) -> None:
+    def record_sample(
+        self, simulation: Simulation, time_s: float, plan_time_s: float, com_m: Vector3, error_m: float
+    ) -> None:
         """Record the state after the step that ends at ``time_s``, at ``plan_time_s`` of the plan."""
         q, v = simulation.coordinates()
         self._time_s.append(time_s)
@@ -116,35 +118,33 @@ class ReplayLog:
         forces = simulation.forces_n()
         phase = self._sequence.phase_at(plan_time_s)
         planned = self._sequence.phases[phase].contacts
-        in_contact = self._touched(simulation, phase, time_s, plan_time_s)
+        in_contact = self._effectors_in_contact(simulation, phase, time_s, plan_time_s)
         for name, force in forces.items():
             self._forces_n[name].append(force)
             if self._robot.effectors[name].kind == "surface":
-                self._follow(simulation, name, planned.get(name), float(np.linalg.norm(force)))
+                self._record_sole(simulation, name, planned.get(name), float(np.linalg.norm(force)))
             elif name in planned:
                 force_n = float(np.linalg.norm(force))
                 self._hand_n.append(force_n)
-                away_m = simulation.contact(name).position_m - planned[name].placement.position_m
-                in_place = (
-                    name in in_contact and force_n > TOUCHING_N and float(np.linalg.norm(away_m)) < HAND_RETREAT_M
-                )
+                away_m = simulation.contact_placement(name).position_m - planned[name].placement.position_m
+                in_place = name in in_contact and force_n > LOADED_N and float(np.linalg.norm(away_m)) < HAND_RETREAT_M
                 self._in_place.setdefault(name, []).append(in_place)
 
-    def _touched(self, simulation: Simulation, phase: int, time_s: float, plan_time_s: float) -> set[str]:
+    def _effectors_in_contact(self, simulation: Simulation, phase: int, time_s: float, plan_time_s: float) -> set[str]:
         """Effectors on surfaces of their planned contacts; records unplanned contacts as collisions."""
         in_contact: set[str] = set()
         built = simulation.built
-        for contact in simulation.effector_touches():
+        for contact in simulation.effector_contacts():
             name, surface = built.effector[contact.first], built.surface.get(contact.second)
             if surface is None:
                 continue  # a sole against another link: the link's shape is in ``body_touches``
-            if surface in self._own.touched(name, phase):
+            if surface in self._own.contact_surfaces(name, phase):
                 in_contact.add(name)
-            elif surface not in self._own.near(name, phase, plan_time_s):
-                self._collide(name, surface, time_s, contact.force_n)
+            elif surface not in self._own.nearby_surfaces(name, phase, plan_time_s):
+                self._record_collision(name, surface, time_s, contact.force_n)
         return in_contact
 
-    def _collide(self, first: str, second: str, time_s: float, force_n: float) -> None:
+    def _record_collision(self, first: str, second: str, time_s: float, force_n: float) -> None:
         pair = (first, second)
         before = self._collided.get(pair)
         if before is None:
@@ -152,17 +152,17 @@ class ReplayLog:
         elif force_n > before.force_max_n:
             self._collided[pair] = replace(before, force_max_n=force_n)
 
-    def _follow(self, simulation: Simulation, name: str, planned: Contact | None, force_n: float) -> None:
+    def _record_sole(self, simulation: Simulation, name: str, planned: Contact | None, force_n: float) -> None:
         if planned is None:
             self._landed.pop(name, None)
-        elif force_n > TOUCHING_N:
-            position_m = simulation.contact(name).position_m
+        elif force_n > LOADED_N:
+            position_m = simulation.contact_placement(name).position_m
             if name not in self._landed:
                 self._landed[name] = position_m
                 self._landings_m.append(float(np.linalg.norm(position_m - planned.placement.position_m)))
             self._slips_m.append(float(np.linalg.norm(position_m - self._landed[name])))
 
-    def replay(self, fell: bool, torque_ratio_max: float, took_s: float) -> Replay:
+    def to_replay(self, fell: bool, torque_ratio_max: float, took_s: float) -> Replay:
         """The result of the recorded samples."""
         errors = np.array(self._errors_m)
         hand = np.array(self._hand_n)
@@ -178,7 +178,7 @@ class ReplayLog:
             foot_slip_max_m=max(self._slips_m),
             landing_error_max_m=max(self._landings_m),
             hand_force_mean_n=float(hand.mean()) if len(hand) else None,
-            hand_contact_share=float(np.mean(hand > TOUCHING_N)) if len(hand) else None,
+            hand_contact_share=float(np.mean(hand > LOADED_N)) if len(hand) else None,
             torque_ratio_max=torque_ratio_max,
             real_time_factor=self._time_s[-1] / took_s,
             hand_in_place_shares={name: float(np.mean(in_place)) for name, in_place in self._in_place.items()},

@@ -22,10 +22,10 @@ from stridelab.dynamics.spatial import Placement
 from stridelab.robots.robot import Effector, Robot
 from stridelab.wholebody.effector_contact import HAND_RADIUS_M
 from stridelab.wholebody.replay.collision_shapes import BODY, GROUND, HAND, RAIL, add_shapes, parent_joint
-from stridelab.wholebody.replay.disturbances import NONE, Disturbances
+from stridelab.wholebody.replay.disturbances import UNDISTURBED, Disturbances
 
 TIMESTEP_S: Final = 0.001
-HELD_ARMATURE_KG_M2: Final = 0.1
+LOCKED_ARMATURE_KG_M2: Final = 0.1
 """Rotor inertia of the joints that the reduced model omits; without it, light links are unstable."""
 SOLE_THICKNESS_M: Final = 0.02
 TORSION_M, ROLLING_M = 0.01, 0.001
@@ -62,7 +62,7 @@ class SimulationModel:
 
 
 def build_simulation(
-    robot: Robot, terrain: Terrain, friction: float, effectors: tuple[str, ...], disturbed: Disturbances = NONE
+    robot: Robot, terrain: Terrain, friction: float, effectors: tuple[str, ...], disturbed: Disturbances = UNDISTURBED
 ) -> SimulationModel:
     """Model of ``robot`` on ``terrain``, with contacts at ``effectors``; ``friction`` for surfaces without their own.
 
@@ -84,7 +84,7 @@ def build_simulation(
     for joint in spec.joints:
         if joint.type == mujoco.mjtJoint.mjJNT_HINGE:
             # the same inertia as in the whole-body problem, so that its torques are consistent
-            joint.armature = inertia.get(joint.name, HELD_ARMATURE_KG_M2)
+            joint.armature = inertia.get(joint.name, LOCKED_ARMATURE_KG_M2)
             joint.range = limits.get(joint.name, joint.range)
             joint.actfrclimited = mujoco.mjtLimited.mjLIMITED_FALSE  # the model may set it; torques are clipped instead
             spec.add_actuator(name=joint.name, target=joint.name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
@@ -94,8 +94,8 @@ def build_simulation(
     for name, (joint, T_body_contact) in placed.items():
         _add_effector(spec.body(body_of[joint]), robot.effectors[name], T_body_contact, disturbed.sole_half_size_m)
     model = spec.compile()
-    trunk = _trunk(robot, model, body_of)
-    _load(model, trunk, disturbed.trunk_mass_kg)
+    trunk = _trunk_body(robot, model, body_of)
+    _add_mass(model, trunk, disturbed.trunk_mass_kg)
 
     names = robot.joint_names
     moving, locked = [model.joint(name) for name in names], [model.joint(name) for name in robot.locked]
@@ -119,14 +119,14 @@ def build_simulation(
     )
 
 
-def _trunk(robot: Robot, model: mujoco.MjModel, body_of: Mapping[str, str]) -> int:
+def _trunk_body(robot: Robot, model: mujoco.MjModel, body_of: Mapping[str, str]) -> int:
     """The heaviest of the bodies moved by the joints of the torso; without such joints the base."""
     torso = [joint for joint in robot.joint_names if robot.group[joint] == "torso"]
     bodies = [int(model.body(body_of[joint]).id) for joint in torso] or [1]
     return max(bodies, key=lambda body: float(model.body_mass[body]))
 
 
-def _load(model: mujoco.MjModel, body: int, mass_kg: float) -> None:
+def _add_mass(model: mujoco.MjModel, body: int, mass_kg: float) -> None:
     """Add a point mass at a body's centre of mass."""
     if mass_kg:
         model.body_mass[body] += mass_kg

@@ -17,21 +17,21 @@ from stridelab.conventions import GRAVITY_M_S2, Progress
 from stridelab.errors import InvalidInput
 from stridelab.robots.robot import Robot
 from stridelab.wholebody.motion import WholeBodyMotion
-from stridelab.wholebody.replay.disturbances import NONE, Disturbances
+from stridelab.wholebody.replay.disturbances import UNDISTURBED, Disturbances
 from stridelab.wholebody.replay.log import Replay, ReplayLog
 from stridelab.wholebody.replay.mujoco_model import build_simulation
-from stridelab.wholebody.replay.sensors import Observe, Sensors, as_sensed
+from stridelab.wholebody.replay.sensors import SimulatedSensors, StateObserver, as_sensed
 from stridelab.wholebody.replay.simulation import Simulation
-from stridelab.wholebody.replay.stabiliser import Stabiliser, Stabilising
-from stridelab.wholebody.replay.step_adjustment import Steady
+from stridelab.wholebody.replay.stabiliser import Stabiliser, StabiliserRun
+from stridelab.wholebody.replay.step_adjustment import ConstantClock
 
-__all__ = ["PhysicsReplay", "Replay", "replay"]
+__all__ = ["PhysicsReplay", "Replay", "replay_with_defaults"]
 
-FALLEN_M: Final = 0.25
+FALL_COM_ERROR_M: Final = 0.25
 """CoM error beyond which the robot counts as fallen."""
-AFTERWARDS_S: Final = 1.0
+HOLD_S: Final = 1.0
 """Duration of the last posture, to detect falls right after the end of the motion."""
-SAY_EVERY: Final = 100
+PROGRESS_INTERVAL: Final = 100
 FULL_SIZE_NM: Final = 776.0
 """Weight times CoM height of TALOS, from which a robot gets the full stiffness."""
 
@@ -57,59 +57,59 @@ class PhysicsReplay:
         sequence: ContactSequence,
         motion: WholeBodyMotion,
         progress: Progress,
-        observe: Observe = as_sensed,
-        disturbed: Disturbances = NONE,
+        observe: StateObserver = as_sensed,
+        disturbances: Disturbances = UNDISTURBED,
     ) -> Replay:
         """Replay ``motion`` with the given disturbances and hold its last posture.
 
         Raises ``InvalidInput`` (``replay-rate``) for a rate that the simulator's time step does not divide.
         """
-        terrain = disturbed.terrain(sequence)
-        built = build_simulation(robot, terrain, sequence.friction, sequence.effectors, disturbed)
+        terrain = disturbances.disturbed_terrain(sequence)
+        built = build_simulation(robot, terrain, sequence.friction, sequence.effectors, disturbances)
         simulation = Simulation(built, motion.q[0])
-        substeps = _substeps(motion.rate_hz, simulation.timestep_s)
-        kp, kd = self._gains(robot, simulation.timestep_s)
+        substeps = _substep_count(motion.rate_hz, simulation.timestep_s)
+        kp, kd = self._joint_gains(robot, simulation.timestep_s)
         log, torque_ratio = ReplayLog(robot, sequence), 0.0
-        stabilising = None if self.stabiliser is None else Stabilising(self.stabiliser, robot, motion)
-        sensors = Sensors(simulation, disturbed, substeps)
-        rng = np.random.default_rng(disturbed.seed)
+        stabilising = None if self.stabiliser is None else StabiliserRun(self.stabiliser, robot, motion)
+        sensors = SimulatedSensors(simulation, disturbances, substeps)
+        rng = np.random.default_rng(disturbances.seed)
         last_sample, dt_s, k, hold_samples = len(motion.time_s) - 1, 1.0 / motion.rate_hz, 0, 0
-        pace = Steady(last_sample) if stabilising is None else stabilising.pace
+        pace = ConstantClock(last_sample) if stabilising is None else stabilising.pace
         started, standing = time.perf_counter(), True
-        while standing and hold_samples < round(AFTERWARDS_S * motion.rate_hz):
-            i, rate = pace.nearest, pace.rate * float(pace.nearest < last_sample)
+        while standing and hold_samples < round(HOLD_S * motion.rate_hz):
+            i, rate = pace.sample_index, pace.rate * float(pace.sample_index < last_sample)
             forward, v_target = motion.tau_nm[i], rate * motion.v[i][6:]
             q_target = motion.q[i][7:] + (pace.sample - i) * dt_s * motion.v[i][6:]
             if stabilising is not None:
-                angles, added = stabilising.at(observe(sensors.read(k / motion.rate_hz)))
+                angles, added = stabilising.compute_corrections(observe(sensors.read_state(k / motion.rate_hz)))
                 q_target, forward = q_target + angles, forward + added
             for j in range(substeps):
                 q_command = q_target + j * simulation.timestep_s * v_target
                 tau = (
                     kp * (q_command - simulation.joints_rad) + kd * (v_target - simulation.joint_rates_rad_s) + forward
                 )
-                if disturbed.torque_noise:
-                    tau = tau * (1.0 + disturbed.torque_noise * rng.normal(size=len(tau)))
-                if disturbed.push is not None:
-                    simulation.push(disturbed.push.force_n(k / motion.rate_hz + j * simulation.timestep_s))
+                if disturbances.torque_noise:
+                    tau = tau * (1.0 + disturbances.torque_noise * rng.normal(size=len(tau)))
+                if disturbances.push is not None:
+                    simulation.apply_push(disturbances.push.force_n(k / motion.rate_hz + j * simulation.timestep_s))
                 locked_tau = simulation.locked_torques_nm(
                     self.arm_share * self.stiffness, self.arm_share * self.damping
                 )
                 torque_ratio = max(torque_ratio, simulation.step(tau, locked_tau))
-                log.step(simulation, k / motion.rate_hz + (j + 1) * simulation.timestep_s)
-                sensors.step(j + 1, k / motion.rate_hz + (j + 1) * simulation.timestep_s)
-            simulation.refresh()
-            pace.tick()
+                log.record_step(simulation, k / motion.rate_hz + (j + 1) * simulation.timestep_s)
+                sensors.after_step(j + 1, k / motion.rate_hz + (j + 1) * simulation.timestep_s)
+            simulation.refresh_derived()
+            pace.advance()
             k, hold_samples = k + 1, hold_samples + int(i == last_sample)
-            com_m, _ = simulation.com()
-            error_m = float(np.linalg.norm(com_m - motion.com_reference_m[pace.nearest]))
-            log.sample(simulation, k / motion.rate_hz, float(motion.time_s[pace.nearest]), com_m, error_m)
-            standing = error_m < FALLEN_M
-            if i % SAY_EVERY == 0:
+            com_m, _ = simulation.com_state()
+            error_m = float(np.linalg.norm(com_m - motion.com_reference_m[pace.sample_index]))
+            log.record_sample(simulation, k / motion.rate_hz, float(motion.time_s[pace.sample_index]), com_m, error_m)
+            standing = error_m < FALL_COM_ERROR_M
+            if i % PROGRESS_INTERVAL == 0:
                 progress(i / (last_sample + 1), f"replay: {motion.time_s[i]:.1f} of {motion.time_s[-1]:.1f} s")
-        return log.replay(not standing, torque_ratio, time.perf_counter() - started)
+        return log.to_replay(not standing, torque_ratio, time.perf_counter() - started)
 
-    def _gains(self, robot: Robot, timestep_s: float) -> tuple[Float[np.ndarray, "na"], Float[np.ndarray, "na"]]:
+    def _joint_gains(self, robot: Robot, timestep_s: float) -> tuple[Float[np.ndarray, "na"], Float[np.ndarray, "na"]]:
         joints, data = robot.joint_names, robot.model.createData()
         share = np.array([self.arm_share if robot.group[joint] in ("arm", "head") else 1.0 for joint in joints])
         ankles = {joint for effector in robot.effectors.values() for joint in effector.ankle or ()}
@@ -124,12 +124,14 @@ class PhysicsReplay:
         return kp, np.minimum(self.damping * size * share * np.sqrt(ankle), inertia / timestep_s)
 
 
-def replay(robot: Robot, sequence: ContactSequence, motion: WholeBodyMotion, progress: Progress) -> Replay:
+def replay_with_defaults(
+    robot: Robot, sequence: ContactSequence, motion: WholeBodyMotion, progress: Progress
+) -> Replay:
     """``PhysicsReplay`` with its defaults."""
     return PhysicsReplay().run(robot, sequence, motion, progress)
 
 
-def _substeps(rate_hz: float, timestep_s: float) -> int:
+def _substep_count(rate_hz: float, timestep_s: float) -> int:
     substeps = round(1.0 / (rate_hz * timestep_s))
     if substeps < 1 or not np.isclose(substeps * timestep_s * rate_hz, 1.0):
         raise InvalidInput("replay-rate", f"A motion at {rate_hz:g} Hz does not fit steps of {timestep_s:g} s.")

@@ -18,7 +18,7 @@ from stridelab.wholebody.replay.simulation import Simulation
 
 
 @dataclass(frozen=True, eq=False)
-class Seen:
+class SensedState:
     """Sensed state: coordinates in pinocchio's order, CoM and its velocity, per effector placement, force and moment.
 
     ``moments_nm`` are those of the environment about the effector's position, as measured by a sensor there.
@@ -34,15 +34,15 @@ class Seen:
     moments_nm: Mapping[str, Vector3]
 
 
-Observe = Callable[[Seen], Seen]
+StateObserver = Callable[[SensedState], SensedState]
 
 
-def as_sensed(seen: Seen) -> Seen:
+def as_sensed(state: SensedState) -> SensedState:
     """Identity observer: no estimator."""
-    return seen
+    return state
 
 
-class Sensors:
+class SimulatedSensors:
     """Simulated sensors: adds noise to the simulator's state and returns it after the delay ``delay_s``.
 
     Readings are taken at steps of the simulator, of which there are ``substeps`` between two calls of ``read_state``:
@@ -56,40 +56,40 @@ class Sensors:
         self._taken_after = -late_steps % substeps
         """Steps after a call of ``read_state`` at which the reading for a later call is taken; 0: at the call."""
         size = -(-late_steps // substeps) + int(self._taken_after == 0)
-        self._late: deque[Seen] = deque(maxlen=size)
+        self._readings: deque[SensedState] = deque(maxlen=size)
 
-    def step(self, done: int, time_s: float) -> None:
+    def after_step(self, done: int, time_s: float) -> None:
         """Call after every step; ``done`` is the number of steps since the last call of ``read_state``."""
         if self._taken_after and done == self._taken_after:
-            self._simulation.refresh()
-            self._late.append(self._noisy(self._now(time_s)))
+            self._simulation.refresh_derived()
+            self._readings.append(self._add_noise(self._current_state(time_s)))
 
-    def read(self, time_s: float) -> Seen:
+    def read_state(self, time_s: float) -> SensedState:
         """The delayed reading available at ``time_s``."""
-        if self._taken_after == 0 or not self._late:
-            self._late.append(self._noisy(self._now(time_s)))
-        return self._late[0]
+        if self._taken_after == 0 or not self._readings:
+            self._readings.append(self._add_noise(self._current_state(time_s)))
+        return self._readings[0]
 
-    def _now(self, time_s: float) -> Seen:
+    def _current_state(self, time_s: float) -> SensedState:
         simulation = self._simulation
-        contacts = {name: simulation.contact(name) for name in simulation.built.geom}
-        wrenches = simulation.wrenches()
+        contacts = {name: simulation.contact_placement(name) for name in simulation.built.geom}
+        wrenches = simulation.effector_wrenches()
         forces = {name: wrench[:3] for name, wrench in wrenches.items()}
         moments = {name: w[3:] - cross(contacts[name].position_m, w[:3]) for name, w in wrenches.items()}
-        return Seen(time_s, *simulation.coordinates(), *simulation.com(), contacts, forces, moments)
+        return SensedState(time_s, *simulation.coordinates(), *simulation.com_state(), contacts, forces, moments)
 
-    def _noisy(self, seen: Seen) -> Seen:
+    def _add_noise(self, state: SensedState) -> SensedState:
         noise = self._noise
         if noise is None:
-            return seen
+            return state
         draw = self._rng.normal
         return replace(
-            seen,
-            com_m=seen.com_m + noise.position_m * draw(size=3),
-            com_v_m_s=seen.com_v_m_s + noise.velocity_m_s * draw(size=3),
-            forces_n={name: f + noise.force_n * draw(size=3) for name, f in seen.forces_n.items()},
+            state,
+            com_m=state.com_m + noise.position_m * draw(size=3),
+            com_v_m_s=state.com_v_m_s + noise.velocity_m_s * draw(size=3),
+            forces_n={name: f + noise.force_n * draw(size=3) for name, f in state.forces_n.items()},
             contacts={
                 name: Placement(at.position_m + noise.position_m * draw(size=3), at.rotation)
-                for name, at in seen.contacts.items()
+                for name, at in state.contacts.items()
             },
         )

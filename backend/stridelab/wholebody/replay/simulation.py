@@ -13,7 +13,7 @@ from stridelab.dynamics.spatial import Placement, cross
 from stridelab.wholebody.replay.mujoco_model import SimulationModel
 
 
-class Touch(NamedTuple):
+class GeomContact(NamedTuple):
     """Two geometries in contact, by index, and the norm of the force between them (N)."""
 
     first: int
@@ -33,8 +33,8 @@ class Simulation:
         self._data = mujoco.MjData(built.model)
         self._is_body = np.zeros(built.model.ngeom, dtype=bool)
         self._is_body[list(built.link)] = True
-        self.body_touches: tuple[Touch, ...] = ()
-        self._measured: tuple[dict[str, Float[np.ndarray, "6"]], tuple[Touch, ...]] | None = None
+        self.body_contacts: tuple[GeomContact, ...] = ()
+        self._measured: tuple[dict[str, Float[np.ndarray, "6"]], tuple[GeomContact, ...]] | None = None
         self._root = 1  # the robot's first body; 0 is the world
         x, y, z, w = q[3:7]
         self._data.qpos[:7] = [*q[:3], w, x, y, z]
@@ -83,14 +83,14 @@ class Simulation:
         self._measured, self._refreshed = None, False
         geoms = self._data.contact.geom[: self._data.ncon]
         is_body = self._is_body[geoms].any(axis=1)
-        self.body_touches = tuple(map(self._touch, np.flatnonzero(is_body).tolist())) if is_body.any() else ()
+        self.body_contacts = tuple(map(self._geom_contact, np.flatnonzero(is_body).tolist())) if is_body.any() else ()
         return float(np.max(np.abs(moving_nm) / limit[self.built.moving_actuator]))
 
-    def push(self, force_n: Vector3) -> None:
+    def apply_push(self, force_n: Vector3) -> None:
         """Set the force (world axes) at the trunk's centre of mass for the following steps."""
         self._data.xfrc_applied[self.built.trunk, :3] = force_n
 
-    def refresh(self) -> None:
+    def refresh_derived(self) -> None:
         """Update all derived quantities to the coordinates after the last step.
 
         A step ends with the integration; without a refresh, derived quantities are those before it.
@@ -98,7 +98,7 @@ class Simulation:
         mujoco.mj_forward(self._model, self._data)
         self._measured, self._refreshed = None, True
 
-    def com(self) -> tuple[Vector3, Vector3]:
+    def com_state(self) -> tuple[Vector3, Vector3]:
         """Position (m) and velocity (m/s) of the centre of mass."""
         mujoco.mj_subtreeVel(self._model, self._data)
         return np.array(self._data.subtree_com[self._root]), np.array(self._data.subtree_linvel[self._root])
@@ -111,7 +111,7 @@ class Simulation:
         q = np.concatenate([d.qpos[:3], [x, y, z, w], self.joints_rad])
         return q, np.concatenate([R.T @ d.qvel[:3], d.qvel[3:6], self.joint_rates_rad_s])
 
-    def contact(self, effector: str) -> Placement:
+    def contact_placement(self, effector: str) -> Placement:
         """Placement of an effector's contact frame."""
         body = self.built.body[effector]
         T_world_body = Placement(np.array(self._data.xpos[body]), self._data.xmat[body].reshape(3, 3).copy())
@@ -119,17 +119,17 @@ class Simulation:
 
     def forces_n(self) -> dict[str, Vector3]:
         """World-frame force of the environment on every effector."""
-        return {name: wrench[:3] for name, wrench in self.wrenches().items()}
+        return {name: wrench[:3] for name, wrench in self.effector_wrenches().items()}
 
-    def wrenches(self) -> Mapping[str, Float[np.ndarray, "6"]]:
+    def effector_wrenches(self) -> Mapping[str, Float[np.ndarray, "6"]]:
         """Force and moment about the world origin of the environment on every effector, in world axes."""
-        return self._effectors()[0]
+        return self._effector_measurements()[0]
 
-    def effector_touches(self) -> tuple[Touch, ...]:
+    def effector_contacts(self) -> tuple[GeomContact, ...]:
         """Contacts of the soles' boxes and the hands' spheres, which are first in each pair."""
-        return self._effectors()[1]
+        return self._effector_measurements()[1]
 
-    def _effectors(self) -> tuple[dict[str, Float[np.ndarray, "6"]], tuple[Touch, ...]]:
+    def _effector_measurements(self) -> tuple[dict[str, Float[np.ndarray, "6"]], tuple[GeomContact, ...]]:
         """Wrenches and contacts of the effectors, computed once per state."""
         if self._measured is None:
             wrenches = {name: np.zeros(6) for name in self.built.geom}
@@ -144,13 +144,13 @@ class Simulation:
                         force = axes @ local[:3]
                         wrenches[self.built.effector[geom]][:3] += force
                         wrenches[self.built.effector[geom]][3:] += axes @ local[3:] + cross(data_contacts.pos[k], force)
-                        contacts.append(Touch(geom, other, math.sqrt(float(force @ force))))
+                        contacts.append(GeomContact(geom, other, math.sqrt(float(force @ force))))
             self._measured = wrenches, tuple(contacts)
         return self._measured
 
-    def _touch(self, k: int) -> Touch:
+    def _geom_contact(self, k: int) -> GeomContact:
         """Contact k of the last step."""
         local = np.zeros(6)
         mujoco.mj_contactForce(self._model, self._data, k, local)
         first, second = self._data.contact.geom[k].tolist()
-        return Touch(first, second, float(np.linalg.norm(local[:3])))
+        return GeomContact(first, second, float(np.linalg.norm(local[:3])))

@@ -14,16 +14,22 @@ import numpy as np
 from stridelab.contacts.sequence import Contact, ContactSequence
 from stridelab.conventions import GRAVITY_M_S2, Angles, Series, Vector3
 from stridelab.robots.robot import Robot
-from stridelab.wholebody.limb_kinematics import Posed
+from stridelab.wholebody.limb_kinematics import LimbKinematics
 from stridelab.wholebody.motion import WholeBodyMotion
-from stridelab.wholebody.replay.capturability import Capturable
-from stridelab.wholebody.replay.dcm_feedback import CapturePoint, Sole, ankle_torques_nm, ankles_of, pendulum_rate
-from stridelab.wholebody.replay.foot_adaptation import Feet, Footing
-from stridelab.wholebody.replay.hand_force_control import Grip, Hands
-from stridelab.wholebody.replay.sensors import Seen
-from stridelab.wholebody.replay.step_adjustment import Pace, Stepping
+from stridelab.wholebody.replay.capturability import Capturability
+from stridelab.wholebody.replay.dcm_feedback import (
+    CapturePointFeedback,
+    Sole,
+    ankle_torques_nm,
+    ankles_of,
+    pendulum_rate,
+)
+from stridelab.wholebody.replay.foot_adaptation import FootAdaptation, Footing
+from stridelab.wholebody.replay.hand_force_control import Grip, HandForceControl
+from stridelab.wholebody.replay.sensors import SensedState
+from stridelab.wholebody.replay.step_adjustment import AdaptiveClock, Stepping
 
-_LIGHT_N = 30.0
+_MIN_LOAD_N = 30.0
 """Lower bound of a sole's load in the ankle feedback."""
 
 
@@ -31,77 +37,85 @@ _LIGHT_N = 30.0
 class Stabiliser:
     """Settings; ``ankle_stiffness`` scales the position control of the ankles, which counteracts ``capture``."""
 
-    capture: CapturePoint = field(default_factory=CapturePoint)
+    capture: CapturePointFeedback = field(default_factory=CapturePointFeedback)
     footing: Footing | None = field(default_factory=Footing)
     grip: Grip | None = field(default_factory=Grip)
     stepping: Stepping = field(default_factory=Stepping)
     ankle_stiffness: float = 0.2
 
 
-class Stabilising:
+class StabiliserRun:
     """State of the stabiliser during one replay."""
 
     def __init__(self, stabiliser: Stabiliser, robot: Robot, motion: WholeBodyMotion) -> None:
-        self._by, self._robot, self._motion = stabiliser, robot, motion
+        self._settings, self._robot, self._motion = stabiliser, robot, motion
         self._ankles = ankles_of(robot)
-        self._posed = Posed(robot, motion.sequence.effectors)
-        self._share = swung_shares(motion.sequence, motion.time_s)
+        self._kinematics = LimbKinematics(robot, motion.sequence.effectors)
+        self._share = swing_progress(motion.sequence, motion.time_s)
         kinds = {name: robot.effectors[name].kind for name in motion.sequence.effectors}
         self._soles = tuple(name for name, kind in kinds.items() if kind == "surface")
         self._hands = tuple(name for name, kind in kinds.items() if kind == "point")
         self._dt_s = 1.0 / motion.rate_hz
         self._feet = (
-            None if stabiliser.footing is None else Feet(stabiliser.footing, self._posed, self._soles, self._dt_s)
+            None
+            if stabiliser.footing is None
+            else FootAdaptation(stabiliser.footing, self._kinematics, self._soles, self._dt_s)
         )
-        self._grips = None if stabiliser.grip is None else Hands(stabiliser.grip, self._posed, self._hands, self._dt_s)
+        self._grips = (
+            None
+            if stabiliser.grip is None
+            else HandForceControl(stabiliser.grip, self._kinematics, self._hands, self._dt_s)
+        )
         self._integral_m, self._body_off_m = np.zeros(2), np.zeros(2)
         half = {name: ankle.half_size_m for name, ankle in self._ankles.items() if name in self._soles}
-        self._capturable = Capturable.of(motion, half, stabiliser.capture.edge_m)
-        self.pace = Pace(stabiliser.stepping, self._capturable, motion.rate_hz)
+        self._capturable = Capturability.of_motion(motion, half, stabiliser.capture.edge_m)
+        self.pace = AdaptiveClock(stabiliser.stepping, self._capturable, motion.rate_hz)
 
-    def at(self, seen: Seen) -> tuple[Angles, Angles]:
+    def compute_corrections(self, measured: SensedState) -> tuple[Angles, Angles]:
         """Angles (rad) and torques (N m) to add at the sample of ``pace``; the last sample is a standing posture."""
-        motion, i = self._motion, self.pace.nearest
+        motion, i = self._motion, self.pace.sample_index
         n = motion.tau_nm.shape[1]
         contacts = motion.sequence.phases[motion.sequence.phase_at(float(motion.time_s[i]) + 1e-9)].contacts
-        self._posed.at(motion.q[i])
+        self._kinematics.set_configuration(motion.q[i])
         progress = {name: float(self._share[name][i]) for name in self._soles}
-        tau = self._balance(i, contacts, progress, seen)
+        tau = self._balance_torques_nm(i, contacts, progress, measured)
         angles = np.zeros(n)
         if self._feet is not None:
-            angles = self._feet.angles_rad(seen, progress, self.pace.off_m, self._body_off_m, n)
+            angles = self._feet.angles_rad(measured, progress, self.pace.off_m, self._body_off_m, n)
         if self._grips is not None:
             hand_contacts = {name: contacts[name] for name in self._hands if name in contacts}
             planned_n = {name: motion.forces_n[name][i].sum(axis=0) for name in hand_contacts}
-            reference_n = self._wanted_n(contacts, planned_n)
-            hand_angles, hand_tau = self._grips.at(seen, hand_contacts, planned_n, reference_n, n)
+            reference_n = self._hand_references_n(contacts, planned_n)
+            hand_angles, hand_tau = self._grips.compute_corrections(measured, hand_contacts, planned_n, reference_n, n)
             angles, tau = angles + hand_angles, tau + hand_tau
         return angles, tau
 
-    def _wanted_n(self, contacts: Mapping[str, Contact], planned_n: Mapping[str, Vector3]) -> dict[str, float]:
+    def _hand_references_n(self, contacts: Mapping[str, Contact], planned_n: Mapping[str, Vector3]) -> dict[str, float]:
         """Normal force reference of every hand in contact; the planned one if no sole is in contact."""
-        grip = self._by.grip
+        grip = self._settings.grip
         soles_m = [contacts[name].placement.position_m for name in self._soles if name in contacts]
         normal_n = {name: float(f @ contacts[name].placement.rotation[:, 2]) for name, f in planned_n.items()}
         if grip is None or not soles_m:
             return normal_n
         weight_n, middle_m = self._robot.mass_kg * GRAVITY_M_S2, np.mean(soles_m, axis=0)
-        return {name: grip.pressed_n(f, contacts[name], middle_m, weight_n) for name, f in normal_n.items()}
+        return {name: grip.force_reference_n(f, contacts[name], middle_m, weight_n) for name, f in normal_n.items()}
 
-    def _balance(self, i: int, contacts: Mapping[str, Contact], swung: Mapping[str, float], seen: Seen) -> Angles:
-        motion, capture, pace = self._motion, self._by.capture, self.pace
+    def _balance_torques_nm(
+        self, i: int, contacts: Mapping[str, Contact], progress: Mapping[str, float], measured: SensedState
+    ) -> Angles:
+        motion, capture, pace = self._motion, self._settings.capture, self.pace
         tau = np.zeros(motion.tau_nm.shape[1])
-        soles = {name: self._sole(name, c, i) for name, c in contacts.items() if name in self._ankles}
+        soles = {name: self._planned_sole(name, c, i) for name, c in contacts.items() if name in self._ankles}
         if not soles:
             return tau
         ground_m = float(np.mean([sole.position_m[2] for sole in soles.values()]))
-        w = pendulum_rate(float(seen.com_m[2]) - ground_m)
+        w = pendulum_rate(float(measured.com_m[2]) - ground_m)
         margins, ended = self._capturable, i == len(motion.time_s) - 1
-        capture_m = seen.com_m[:2] + seen.com_v_m_s[:2] / w
-        soles_m = {name: self._posed.contact(name).position_m for name in swung}
-        grip = self._by.grip
+        capture_m = measured.com_m[:2] + measured.com_v_m_s[:2] / w
+        soles_m = {name: self._kinematics.contact_placement(name).position_m for name in progress}
+        grip = self._settings.grip
         hand_shift_m = 0.0 if grip is None or not any(name in contacts for name in self._hands) else grip.pressure_m
-        pace.decide(capture_m, soles_m, swung, hand_shift_m)
+        pace.update_rate(capture_m, soles_m, progress, hand_shift_m)
         # while the clock pauses, the reference is rest at the capture point, from which the plan can continue
         pause_share = 0.0 if ended else 1.0 - float(np.clip(pace.rate, 0.0, 1.0))
         reference_m = motion.com_reference_m[i, :2] if ended else margins.capture_m[i]
@@ -113,16 +127,20 @@ class Stabilising:
         limit = capture.integral_m / max(capture.integral_gain, 1e-9)
         self._integral_m = np.clip(self._integral_m + w * self._dt_s * xi_m, -limit, limit)
         half = {name: self._ankles[name].half_size_m for name in soles}
-        shifts, transferred = capture.spread(capture.shift_m(xi_m, self._integral_m) + pause_shift_m, soles, half)
+        shifts, transferred = capture.distribute_shift(
+            capture.shift_m(xi_m, self._integral_m) + pause_shift_m, soles, half
+        )
         for name, sole in soles.items():
             ankle = self._ankles[name]
-            load_n = max(sole.load_n + transferred[name], _LIGHT_N)
+            load_n = max(sole.load_n + transferred[name], _MIN_LOAD_N)
             tau[list(ankle.joints)] += ankle_torques_nm(ankle, shifts[name], load_n)
             if transferred[name]:
-                tau[self._posed.limb[name]] += self._posed.torques_nm(name, np.array([0.0, 0.0, -transferred[name]]))
+                tau[self._kinematics.limb[name]] += self._kinematics.torques_nm(
+                    name, np.array([0.0, 0.0, -transferred[name]])
+                )
         return tau
 
-    def _sole(self, name: str, contact: Contact, i: int) -> Sole:
+    def _planned_sole(self, name: str, contact: Contact, i: int) -> Sole:
         """Sole state from the forces of the motion; without forces, half the weight at the centre."""
         R = contact.placement.rotation
         weight_n = self._robot.mass_kg * GRAVITY_M_S2
@@ -135,7 +153,7 @@ class Stabilising:
         return Sole(contact.placement.position_m, R, max(load_n, 1.0), pressure_m)
 
 
-def swung_shares(sequence: ContactSequence, time_s: Series) -> dict[str, Series]:
+def swing_progress(sequence: ContactSequence, time_s: Series) -> dict[str, Series]:
     """Swing progress per effector and sample, from 0 at lift-off; 1 in contact."""
     shares = {name: np.ones(len(time_s)) for name in sequence.effectors}
     for name, share in shares.items():

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stridelab.conventions import Vector3
-from stridelab.wholebody.replay.capturability import Capturable
+from stridelab.wholebody.replay.capturability import Capturability
 from stridelab.wholebody.replay.dcm_feedback import Shift
 
 
@@ -45,7 +45,7 @@ class Stepping:
     most_lost_s: float = 5.0
 
 
-class Steady:
+class ConstantClock:
     """Clock of a replay without a stabiliser, with constant rate."""
 
     rate = 1.0
@@ -54,116 +54,121 @@ class Steady:
         self.sample, self._last = 0.0, last
 
     @property
-    def nearest(self) -> int:
+    def sample_index(self) -> int:
         """Index of the plan's nearest sample."""
         return int(self.sample)
 
-    def tick(self) -> None:
+    def advance(self) -> None:
         """Advance by one sample."""
         self.sample = min(self.sample + 1.0, float(self._last))
 
 
-class Pace:
+class AdaptiveClock:
     """Adaptive clock: position in the plan (samples), rate, and offset of every sole from its planned position."""
 
-    def __init__(self, stepping: Stepping, capturable: Capturable, rate_hz: float) -> None:
-        self._by, self._can, self._dt_s = stepping, capturable, 1.0 / rate_hz
+    def __init__(self, stepping: Stepping, capturable: Capturability, rate_hz: float) -> None:
+        self._settings, self._margins, self._dt_s = stepping, capturable, 1.0 / rate_hz
         self._last = len(capturable.capture_m) - 1
         self._lost_s = 0.0
         self.sample, self.rate = 0.0, 1.0
         self.off_m: dict[str, Shift] = {name: np.zeros(2) for name in capturable.weight}
 
     @property
-    def nearest(self) -> int:
+    def sample_index(self) -> int:
         """Index of the plan's nearest sample."""
         return min(int(self.sample + 0.5), self._last)
 
     @property
     def reference_off_m(self) -> Shift:
         """Shift of the capture point reference by the offsets of the soles."""
-        i = self.nearest
-        moved = (self._can.weight[name][i] * off for name, off in self.off_m.items())
+        i = self.sample_index
+        moved = (self._margins.weight[name][i] * off for name, off in self.off_m.items())
         return np.asarray(sum(moved, start=np.zeros(2)))
 
-    def decide(
-        self, capture_m: Shift, places_m: Mapping[str, Vector3], swung: Mapping[str, float], leans_m: float = 0.0
+    def update_rate(
+        self, capture_m: Shift, soles_m: Mapping[str, Vector3], progress: Mapping[str, float], hand_shift_m: float = 0.0
     ) -> None:
         """Update offsets and rate for a capture point, given planned positions and swing progress of the soles.
 
         ``leans_m`` is the shift of the centre of pressure by the hands; steps are enlarged by it, as a push may break
         the contact of the hands.
         """
-        by, i, target_rate = self._by, self.nearest, 1.0
-        swinging = [name for name, share in swung.items() if share < 1.0]
+        by, i, target_rate = self._settings, self.sample_index, 1.0
+        swinging = [name for name, share in progress.items() if share < 1.0]
         for name in swinging:
-            if swung[name] < by.fixed_from:
+            if progress[name] < by.fixed_from:
                 self.off_m[name] = np.zeros(2)
-        e = capture_m - self._can.capture_m[i] - self.reference_off_m
-        error_along = self._can.towards[i] @ e
-        excess = np.where(error_along > by.least_m, error_along - by.share * self._can.reach_m[i], 0.0)
+        e = capture_m - self._margins.capture_m[i] - self.reference_off_m
+        error_along = self._margins.directions[i] @ e
+        excess = np.where(error_along > by.least_m, error_along - by.share * self._margins.reach_m[i], 0.0)
         if excess.max() > 0.0 and not swinging:
-            target_rate = float(not self._may_stand(i))
-        elif excess[1::2].max() > 0.0 and len(swinging) == 1 and len(swung) == 2:
+            target_rate = float(not self._can_pause(i))
+        elif excess[1::2].max() > 0.0 and len(swinging) == 1 and len(progress) == 2:
             (name,) = swinging
-            (stance,) = (other for other in swung if other != name)
+            (stance,) = (other for other in progress if other != name)
             k = int(np.argmax(excess[1::2])) * 2 + 1
-            if float(self._can.towards[i, k] @ (places_m[name] - places_m[stance])[:2]) > 0.0:
-                target_rate = self._put_down(name, stance, swung[name], capture_m, k, by.margin_m + leans_m)
-        if self._late:
+            if float(self._margins.directions[i, k] @ (soles_m[name] - soles_m[stance])[:2]) > 0.0:
+                target_rate = self._plan_landing(name, stance, progress[name], capture_m, k, by.margin_m + hand_shift_m)
+        if self._delay_exhausted:
             target_rate = max(target_rate, 1.0)
         step = by.slew_per_s * self._dt_s
         self.rate += float(np.clip(target_rate - self.rate, -step, step))
 
-    def tick(self) -> None:
+    def advance(self) -> None:
         """Advance by one sample."""
         self._lost_s += max(0.0, 1.0 - self.rate) * self._dt_s
         self.sample = float(np.clip(self.sample + self.rate, 0.0, self._last))
 
     @property
-    def _late(self) -> bool:
-        return self._lost_s > self._by.most_lost_s
+    def _delay_exhausted(self) -> bool:
+        return self._lost_s > self._settings.most_lost_s
 
-    def _may_stand(self, i: int) -> bool:
-        return float(self._can.moving_m[i]) < self._by.still_m
+    def _can_pause(self, i: int) -> bool:
+        return float(self._margins.capture_distance_m[i]) < self._settings.still_m
 
-    def _put_down(self, name: str, stands: str, swung: float, capture_m: Shift, k: int, margin_m: float) -> float:
+    def _plan_landing(
+        self, name: str, stance: str, progress: float, capture_m: Shift, k: int, margin_m: float
+    ) -> float:
         """Choose the clock rate until the landing and set the landing offset."""
-        by, margins, i = self._by, self._can, self.nearest
+        by, margins, i = self._settings, self._margins, self.sample_index
         best_cost, best_rate, offset = np.inf, 1.0, 0.0
-        for pace in (pace for pace in by.paces if pace > 0.0 or not self._late):
+        for pace in (pace for pace in by.paces if pace > 0.0 or not self._delay_exhausted):
             j = margins.touch_down(name, i) if pace > 0.0 else margins.lift_off(name, i)
             growth = float(np.exp(margins.rate_per_s[i] * abs(j - i) / abs(pace) * self._dt_s))
-            aside_m, gain = self._beyond(capture_m, stands, i, j, k, growth) + margin_m, 1.0
-            if not self._may_stand(j):
+            aside_m, gain = self._outward_excess_m(capture_m, stance, i, j, k, growth) + margin_m, 1.0
+            if not self._can_pause(j):
                 gain = max(float(margins.weight[name][j]), 1e-6)
-            along_m = max(self._behind(capture_m, i, j, ahead, growth) for ahead in (0, 2))
+            along_m = max(self._shortfall_m(capture_m, i, j, ahead, growth) for ahead in (0, 2))
             cost = max(aside_m / gain, 0.0) + by.along * along_m
             if cost < best_cost:
                 best_cost, best_rate, offset = cost, pace, aside_m / gain if pace > 0.0 else 0.0
             if pace == 1.0 and cost < by.small_m:
                 break
-        if swung < by.fixed_from:
-            self.off_m[name] = float(np.clip(offset, 0.0, by.most_step_m)) * margins.towards[i, k]
+        if progress < by.fixed_from:
+            self.off_m[name] = float(np.clip(offset, 0.0, by.most_step_m)) * margins.directions[i, k]
         return best_rate
 
-    def _beyond(self, capture_m: Shift, stands: str, i: int, j: int, k: int, grown: float) -> float:
+    def _outward_excess_m(self, capture_m: Shift, stance: str, i: int, j: int, k: int, growth: float) -> float:
         """Distance of the capture point beyond its limit in direction k for a touch-down at sample j."""
-        margins, direction = self._can, self._can.towards[i, k]
-        off = float(self.off_m[stands] @ direction)
+        margins, direction = self._margins, self._margins.directions[i, k]
+        off = float(self.off_m[stance] @ direction)
         z, xi = float(margins.edge_m[i, k]) + off, float(capture_m @ direction)
         return (
-            z + (xi - z) * grown - self._limit(j, k) - off * (1.0 if self._may_stand(j) else margins.weight[stands][j])
+            z
+            + (xi - z) * growth
+            - self._capture_limit_m(j, k)
+            - off * (1.0 if self._can_pause(j) else margins.weight[stance][j])
         )
 
-    def _behind(self, capture_m: Shift, i: int, j: int, k: int, grown: float) -> float:
+    def _shortfall_m(self, capture_m: Shift, i: int, j: int, k: int, growth: float) -> float:
         """Distance by which the capture point falls short in direction k, with the rearmost centre of pressure."""
-        can = self._can
-        z, xi = -float(can.edge_m[i, (k + 2) % 4]), float(capture_m @ can.towards[i, k])
-        return max(0.0, -self._limit(j, (k + 2) % 4) - (z + (xi - z) * grown))
+        can = self._margins
+        z, xi = -float(can.edge_m[i, (k + 2) % 4]), float(capture_m @ can.directions[i, k])
+        return max(0.0, -self._capture_limit_m(j, (k + 2) % 4) - (z + (xi - z) * growth))
 
-    def _limit(self, j: int, k: int) -> float:
+    def _capture_limit_m(self, j: int, k: int) -> float:
         """Limit of the capture point's coordinate in direction k at sample j."""
-        by, can = self._by, self._can
-        if self._may_stand(j):
-            return float(can.stand_m[j, k])
-        return float(can.capture_m[j] @ can.towards[j, k]) + by.share * float(can.reach_m[j, k])
+        by, can = self._settings, self._margins
+        if self._can_pause(j):
+            return float(can.capture_edge_m[j, k])
+        return float(can.capture_m[j] @ can.directions[j, k]) + by.share * float(can.reach_m[j, k])

@@ -7,7 +7,7 @@ import pytest
 from starlette.responses import PlainTextResponse, Response
 from starlette.types import Message, Receive, Scope, Send
 
-from stridelab.service.api.middleware.lingering_close import Linger
+from stridelab.service.api.middleware.lingering_close import LingeringCloseMiddleware
 
 
 class Talker:
@@ -30,12 +30,12 @@ class Talker:
         self.sent.append(message)
 
 
-def answering(status: int) -> Linger:
+def answering(status: int) -> LingeringCloseMiddleware:
     async def app(scope: Scope, receive: Receive, send: Send) -> None:
         answer: Response = PlainTextResponse("done", status_code=status)
         await answer(scope, receive, send)
 
-    return Linger(app, patience_s=0.2)
+    return LingeringCloseMiddleware(app, drain_timeout_s=0.2)
 
 
 def scope(**headers: str) -> Scope:

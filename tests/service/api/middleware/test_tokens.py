@@ -11,7 +11,7 @@ import psycopg
 import pytest
 
 from stridelab.errors import Busy
-from stridelab.service.api.middleware.rate_limit import BURST_S, Rates
+from stridelab.service.api.middleware.rate_limit import BURST_S, RateLimiter
 from stridelab.service.auth import audit
 from stridelab.service.auth.callers import needed_scope
 from support.service.database import TestDatabases
@@ -216,19 +216,19 @@ def test_the_audit_log_tells_who_did_what_and_is_not_changed(lab: Served, admin:
 
 def test_a_bucket_empties_and_fills() -> None:
     now_s = [0.0]
-    rates = Rates(2.0, clock=lambda: now_s[0])
+    rates = RateLimiter(2.0, clock=lambda: now_s[0])
     for _ in range(int(2 * BURST_S)):
-        rates.take("a")
+        rates.count_request("a")
     with pytest.raises(Busy) as refused:
-        rates.take("a")
+        rates.count_request("a")
     assert refused.value.retry_after_s == pytest.approx(0.5)
-    rates.take("b")
+    rates.count_request("b")
     now_s[0] = 0.5
-    rates.take("a")
+    rates.count_request("a")
     with pytest.raises(Busy):
-        rates.take("a")
+        rates.count_request("a")
     for _ in range(1000):
-        Rates(0.0).take("unlimited")
+        RateLimiter(0.0).count_request("unlimited")
 
 
 def test_too_many_requests_are_answered_429(postgres: TestDatabases, tmp_path: Path) -> None:

@@ -9,10 +9,10 @@ import httpx
 import psutil
 import pytest
 
-from stridelab.centroidal.native.availability import Missing, availability
+from stridelab.centroidal.native.availability import NativeUnavailable, native_availability
 from stridelab.errors import Busy, Unavailable
 from stridelab.service.processes import resident as residents
-from stridelab.service.processes.resident import Resident
+from stridelab.service.processes.resident import PreviewProcess
 from stridelab.service.samples import scenarios
 from support.robots.scenario_bodies import one_step, with_contact
 from support.service.answers import places, refusal
@@ -20,7 +20,7 @@ from support.service.web_server import Served
 
 SOLVERS, PREVIEW = "/api/v1/solvers", "/api/v1/plans/preview"
 ASKED: dict[str, Any] = {"ask": "solvers"}
-MISSING = isinstance(availability(), Missing)
+MISSING = isinstance(native_availability(), NativeUnavailable)
 
 
 def child_of(service: Served) -> int:
@@ -77,7 +77,7 @@ class TestPreview:
         assert (x0, y0, x1, y1) == pytest.approx((0.0, 0.0, 0.1, 0.0), abs=1e-6)
 
     def test_a_stored_scenario_by_its_id(self, service: Served, http: httpx.Client) -> None:
-        service.run(scenarios.seed(service.parts.engine))
+        service.run(scenarios.seed_scenarios(service.parts.engine))
         said = http.post(PREVIEW, json={"scenario_id": "flat-walk"}).json()
         assert said["motion"]["converged"]
 
@@ -124,7 +124,7 @@ class TestPreview:
 
 @pytest.mark.anyio
 async def test_a_child_that_hangs_is_replaced() -> None:
-    async with Resident(answer_s=0.5) as resident:
+    async with PreviewProcess(answer_s=0.5) as resident:
         await resident.ask(ASKED)
         hung = resident.pid
         assert hung is not None
@@ -139,7 +139,7 @@ async def test_a_child_that_hangs_is_replaced() -> None:
 
 @pytest.mark.anyio
 async def test_an_answer_that_nobody_waits_for_is_not_taken_for_anothers() -> None:
-    async with Resident() as resident:
+    async with PreviewProcess() as resident:
         await resident.ask(ASKED)
         given_up = asyncio.create_task(resident.ask({"ask": "preview", "input": {}}))
         await asyncio.sleep(0)
@@ -153,7 +153,7 @@ async def test_an_answer_that_nobody_waits_for_is_not_taken_for_anothers() -> No
 @pytest.mark.anyio
 async def test_too_many_questions_are_told_to_come_back(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(residents, "WAITING", 1)
-    async with Resident() as resident:
+    async with PreviewProcess() as resident:
         first = asyncio.create_task(resident.ask(ASKED))
         await asyncio.sleep(0)
         with pytest.raises(Busy) as busy:
@@ -164,7 +164,7 @@ async def test_too_many_questions_are_told_to_come_back(monkeypatch: pytest.Monk
 
 @pytest.mark.anyio
 async def test_nothing_is_left_of_it() -> None:
-    async with Resident() as resident:
+    async with PreviewProcess() as resident:
         await resident.ask(ASKED)
         pid = resident.pid
     assert pid is not None

@@ -16,11 +16,11 @@ import pytest
 from stridelab.client import Client, ProblemError
 from stridelab.service.api.recordings import batch
 from stridelab.service.backup.archive import open_archive
-from stridelab.service.backup.create import take
+from stridelab.service.backup.create import create_backup
 from stridelab.service.jobs import retention
 from stridelab.service.jobs.worker import Worker
 from stridelab.service.kinds.registry import KINDS, PARSE_BATCH
-from stridelab.service.storage.migrate import plain
+from stridelab.service.storage.migrate import libpq_address
 from support.service.web_server import Served
 
 BATCH = "/api/v1/recordings/batch"
@@ -91,7 +91,7 @@ def test_a_large_upload_is_read_by_a_job(service: Served, http: httpx.Client, fi
     answer = send(http, files)
     assert time.monotonic() - began_s < 30.0
     assert len(batches(service)) == len(files) + 2  # the table, and what is to be done
-    with psycopg.connect(plain(str(service.parts.settings.database_url))) as connection:
+    with psycopg.connect(libpq_address(str(service.parts.settings.database_url))) as connection:
         row = connection.execute("SELECT input::text FROM job WHERE id = %s", (answer.json()["id"],)).fetchone()
     assert row is not None
     (asked,) = row
@@ -215,9 +215,9 @@ def test_files_of_a_refused_or_cancelled_job_go_and_those_of_a_waiting_one_stay(
 
     service.run(sweep())
     assert len(batches(service)) == 2
-    take(str(service.parts.settings.database_url), service.parts.blobs, tmp_path / "lab.backup")
+    create_backup(str(service.parts.settings.database_url), service.parts.blobs, tmp_path / "lab.backup")
     with open_archive(tmp_path / "lab.backup") as archive:
-        assert {key for key in archive.manifest.files if key.startswith("batches/")} == batches(service)
+        assert {key for key in archive.manifest.file_keys if key.startswith("batches/")} == batches(service)
     http.delete(f"/api/v1/jobs/{waiting}")
     assert batches(service) == set()
 

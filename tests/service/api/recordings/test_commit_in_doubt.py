@@ -13,7 +13,7 @@ import pytest
 
 from stridelab.service.api.recordings import service
 from stridelab.service.jobs import retention
-from stridelab.service.jobs.queue_consumer import Consumer
+from stridelab.service.jobs.queue_consumer import QueueConsumer
 from stridelab.service.settings import Settings
 from stridelab.service.storage.database import parse_url
 from support.faults.commit_proxy import FAULTS, CommitProxy, Fault, Plan, commit_proxy
@@ -57,8 +57,8 @@ def sweep(lab: Served, url: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(retention, "ORPHAN_AGE", timedelta(seconds=-1))
 
     async def act() -> None:
-        async with Consumer(url) as consumer:
-            await retention.sweep(lab.parts.engine, lab.parts.blobs, consumer, Settings(database_url=url))
+        async with QueueConsumer(url) as consumer:
+            await retention.remove_expired(lab.parts.engine, lab.parts.blobs, consumer, Settings(database_url=url))
 
     lab.run(act())
 

@@ -19,7 +19,7 @@ def test_the_libraries_leave_memory_when_nothing_is_made(tmp_path: Path, monkeyp
 
     async def work() -> tuple[list[bool], str]:
         pool = IsolatedPool()
-        children = RobotChildren(pool, tmp_path, 500, sandbox=None, rest_s=0.4)
+        children = RobotChildren(pool, tmp_path, 500, sandbox=None, idle_s=0.4)
         alive = []
 
         async def describe() -> str:
@@ -29,15 +29,15 @@ def test_the_libraries_leave_memory_when_nothing_is_made(tmp_path: Path, monkeyp
                 value,
                 _,
             ):
-                alive.append(pool._nursery is not None)
+                alive.append(pool._fork_server is not None)
                 return str(value["summary"]["name"])
 
         await asyncio.gather(describe(), describe())
-        while pool._nursery is not None:
+        while pool._fork_server is not None:
             await asyncio.sleep(0.05)
         name = await describe()
         await children.aclose()
-        return [*alive, pool._nursery is not None], name
+        return [*alive, pool._fork_server is not None], name
 
     assert asyncio.run(work()) == ([True, True, True, False], "talos")
 
@@ -50,7 +50,7 @@ def test_the_hash_names_all_that_the_files_are_made_from(tmp_path: Path, monkeyp
         monkeypatch.setattr(module, "models_dir", lambda: models)
     first = source_sha256("hrp2")
     assert first == source_sha256("hrp2")
-    mesh = source_hash._meshes(data_files.data_files(card.robot_card("hrp2")))
+    mesh = source_hash._mesh_files(data_files.data_files(card.robot_card("hrp2")))
     changed = [next(models.rglob("hrp2*.urdf")), models / "robots" / "hrp2.toml", *mesh]
     changed += list((models / "reachability" / "hrp2").iterdir())
     for path in changed:

@@ -16,7 +16,7 @@ import pytest
 from stridelab.robots import card
 from stridelab.service.api.robots import cache as shelf_module
 from stridelab.service.api.robots import endpoints
-from stridelab.service.api.robots.cache import RobotShelf
+from stridelab.service.api.robots.cache import RobotCache
 from stridelab.service.api.robots.source_hash import source_sha256
 from stridelab.service.api.scenarios.examples import ONE_STEP
 from stridelab.service.processes.pool import IsolatedPool
@@ -42,7 +42,7 @@ def shelve(service: Served, **children: str) -> None:
     """Give the application a shelf that knows nothing yet and runs stand-ins."""
     parts = service.parts
     close_shelf(service)
-    shelf = RobotShelf(IsolatedPool(), parts.blobs, parts.spool, 500, sandbox=None, **{**STUBS, **children})
+    shelf = RobotCache(IsolatedPool(), parts.blobs, parts.spool, 500, sandbox=None, **{**STUBS, **children})
     service.app.state.parts = replace(parts, robots=shelf)
 
 
@@ -108,7 +108,7 @@ def test_a_robot_that_cannot_be_loaded_here_says_why(
     (folder / "absent.toml").write_text(good.replace("example_robot_data", "no_such_package"), encoding="utf-8")
     (folder / "broken.toml").write_text("title = 7", encoding="utf-8")
     monkeypatch.setattr(card, "models_dir", lambda: tmp_path)
-    absent, broken = endpoints.summaries()
+    absent, broken = endpoints.robot_summaries()
     assert (absent.name, absent.available, absent.title) == ("absent", False, "TALOS")
     assert "no_such_package" in str(absent.reason)
     assert (broken.name, broken.available, broken.effectors) == ("broken", False, [])
@@ -275,13 +275,13 @@ ALL_OF_TALOS = ["describe talos", "draw talos", "enclose talos uniform"]
 def test_robots_are_prepared_one_after_the_other_and_what_fails_costs_nothing(
     http: httpx.Client, stubbed: Served, diary: Path
 ) -> None:
-    stubbed.run(stubbed.parts.robots.warm(["talos", "g1"]))
+    stubbed.run(stubbed.parts.robots.prepare_all(["talos", "g1"]))
     told = diary.read_text()
     assert told.splitlines() == [*ALL_OF_TALOS, *(line.replace("talos", "g1") for line in ALL_OF_TALOS)]
     assert http.get(f"{ROBOTS}/talos/links").status_code == 200
     assert diary.read_text() == told
     shelve(stubbed, describe="support.service.robot_children:missing")
-    stubbed.run(stubbed.parts.robots.warm(["hrp2"]))
+    stubbed.run(stubbed.parts.robots.prepare_all(["hrp2"]))
     assert diary.read_text() == told
 
 
@@ -293,7 +293,7 @@ def test_children_yield_the_processor_until_somebody_waits_for_them(
         describe="support.service.robot_children:describe_nicely",
         draw="support.service.robot_children:draw_nicely",
     )
-    stubbed.run(stubbed.parts.robots.warm(["talos"]))
+    stubbed.run(stubbed.parts.robots.prepare_all(["talos"]))
     while http.get(f"{ROBOTS}/g1/preparation").json()["state"] == "preparing":
         time.sleep(0.05)
     warmed, drawn, asked, also = (int(line) for line in diary.read_text().splitlines())
@@ -302,11 +302,11 @@ def test_children_yield_the_processor_until_somebody_waits_for_them(
 
 
 def test_a_service_that_starts_again_makes_nothing_anew(http: httpx.Client, stubbed: Served, diary: Path) -> None:
-    stubbed.run(stubbed.parts.robots.warm(["talos"]))
+    stubbed.run(stubbed.parts.robots.prepare_all(["talos"]))
     paths = (f"{ROBOTS}/talos", f"{ROBOTS}/talos/links", f"{ROBOTS}/talos/reachability")
     first = [http.get(path).content for path in paths]
     shelve(stubbed)
-    stubbed.run(stubbed.parts.robots.warm(["talos"]))
+    stubbed.run(stubbed.parts.robots.prepare_all(["talos"]))
     assert [http.get(path).content for path in paths] == first
     assert diary.read_text().splitlines() == ALL_OF_TALOS
 
@@ -314,10 +314,10 @@ def test_a_service_that_starts_again_makes_nothing_anew(http: httpx.Client, stub
 @pytest.mark.parametrize("file", ["facts.json", "links.glb", "uniform-reachability.json.gz"])
 def test_only_what_is_lost_is_made_anew(http: httpx.Client, stubbed: Served, diary: Path, file: str) -> None:
     made = dict(zip(("facts.json", "links.glb", "uniform-reachability.json.gz"), ALL_OF_TALOS, strict=True))
-    stubbed.run(stubbed.parts.robots.warm(["talos"]))
+    stubbed.run(stubbed.parts.robots.prepare_all(["talos"]))
     stubbed.run(stubbed.parts.blobs.delete(f"robots/talos/{source_sha256('talos')}/{file}"))
     shelve(stubbed)
-    stubbed.run(stubbed.parts.robots.warm(["talos"]))
+    stubbed.run(stubbed.parts.robots.prepare_all(["talos"]))
     assert diary.read_text().splitlines() == [*ALL_OF_TALOS, made[file]]
 
 
@@ -326,7 +326,7 @@ def test_only_what_is_lost_is_made_anew(http: httpx.Client, stubbed: Served, dia
 def test_a_damaged_file_is_not_served(
     http: httpx.Client, stubbed: Served, tmp_path: Path, file: str, damage: bytes
 ) -> None:
-    stubbed.run(stubbed.parts.robots.warm(["talos"]))
+    stubbed.run(stubbed.parts.robots.prepare_all(["talos"]))
     (tmp_path / "damaged").write_bytes(damage)
     key = f"robots/talos/{source_sha256('talos')}/{file}"
     stubbed.run(stubbed.parts.blobs.put_file(key, tmp_path / "damaged"))

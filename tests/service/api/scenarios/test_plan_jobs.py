@@ -173,7 +173,7 @@ def test_reachability_is_learned_for_a_known_robot(http: httpx.Client) -> None:
 
 
 def test_the_bundle_of_a_plan_holds_its_scenario_as_it_was(http: httpx.Client, service: Served) -> None:
-    service.run(scenarios.seed(service.parts.engine))
+    service.run(scenarios.seed_scenarios(service.parts.engine))
     job_id = http.post(PLAN, json={"scenario_id": scenarios.EXAMPLE_ID}).json()["id"]
     attempt = service.run(start_job(service.parts, job_id))
     planned = json.dumps(one_step()).encode()

@@ -20,7 +20,7 @@ CHECK = f"{SCENARIOS}/check"
 
 @pytest.fixture(scope="module")
 def seeded(service: Served) -> Served:
-    service.run(scenarios.seed(service.parts.engine))
+    service.run(scenarios.seed_scenarios(service.parts.engine))
     return service
 
 
@@ -77,8 +77,8 @@ def test_nothing_is_overwritten_that_somebody_else_has_stored(http: httpx.Client
 
 def test_pages_of_the_list_hold_bundled_ones_too(postgres: TestDatabases, tmp_path: Path) -> None:
     with postgres.fresh() as url, served(url, tmp_path) as service, service.http() as http:
-        service.run(scenarios.seed(service.parts.engine))
-        shipped = sorted(scenarios.shipped(), reverse=True)
+        service.run(scenarios.seed_scenarios(service.parts.engine))
+        shipped = sorted(scenarios.bundled_scenarios(), reverse=True)
         made = [http.post(SCENARIOS, json=one_step()).json()["id"] for _ in range(3)]
         seen, cursor, pages = [], None, 0
         while pages == 0 or cursor:
@@ -109,7 +109,7 @@ def test_a_page_of_very_long_scenarios_ends_early(
         assert ([item["id"] for item in last["items"]], last["next"]) == ([made[0]], None)
 
 
-@pytest.mark.parametrize("stem", sorted(scenarios.shipped()))
+@pytest.mark.parametrize("stem", sorted(scenarios.bundled_scenarios()))
 def test_bundled_scenarios_are_valid_and_read_only(seeded: Served, http: httpx.Client, stem: str) -> None:
     path = f"{SCENARIOS}/{stem}"
     before = http.get(path).json()

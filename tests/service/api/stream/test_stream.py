@@ -14,7 +14,7 @@ from websockets.exceptions import InvalidStatus
 
 from stridelab.errors import Busy
 from stridelab.schemas.streams import StreamSample
-from stridelab.service.api.stream.limits import BURST_S, SampleRate
+from stridelab.service.api.stream.limits import BURST_S, SampleRateLimiter
 from support.service.database import TestDatabases
 from support.service.processes import wait_until
 from support.service.streams import (
@@ -206,7 +206,7 @@ def test_every_stream_has_a_process_that_ends_with_it(service: Served) -> None:
         wait_until(lambda: len(children()) == 1, 10, "the process of the closed stream ends")
         socket.socket.shutdown(SHUT_RDWR)  # as when a cable is pulled
     wait_until(lambda: not children(), 10, "the process of the lost stream ends")
-    wait_until(lambda: service.parts.streams.taken == 0, 10, "its place is free")
+    wait_until(lambda: service.parts.streams.n_open == 0, 10, "its place is free")
 
 
 def test_a_killed_estimator_is_told_of(service: Served) -> None:
@@ -241,13 +241,13 @@ def test_limits_close_with_a_reason(tight: Served) -> None:
         socket.send(packed(0.4, *rows))
         assert heard(socket)["problem"]["code"] == "stream-too-fast"
         assert goodbye(socket) == (4429, "stream-too-fast")
-    wait_until(lambda: tight.parts.streams.taken == 0, 10, "the place is free again")
+    wait_until(lambda: tight.parts.streams.n_open == 0, 10, "the place is free again")
     with socket_of(tight, **login) as socket:
         configure(socket, format="float32")
         socket.send(packed(0.0, *rows, *rows))
         assert heard(socket)["problem"]["code"] == "message-too-large"
         assert goodbye(socket) == (4413, "message-too-large")
-    wait_until(lambda: tight.parts.streams.taken == 0, 10, "the place is free again")
+    wait_until(lambda: tight.parts.streams.n_open == 0, 10, "the place is free again")
     with socket_of(tight, **login) as socket:
         configure(socket)
         assert heard(socket)["problem"]["code"] == "stream-idle"
@@ -273,12 +273,12 @@ def test_a_stopping_service_says_so(postgres: TestDatabases, tmp_path: Any) -> N
 
 def test_a_rate_allows_a_burst_and_then_its_share() -> None:
     now = [0.0]
-    rate = SampleRate(100.0, lambda: now[0])
-    rate.take(int(100 * BURST_S))
+    rate = SampleRateLimiter(100.0, lambda: now[0])
+    rate.count_samples(int(100 * BURST_S))
     now[0] = 0.5
-    rate.take(50)
+    rate.count_samples(50)
     with pytest.raises(Busy) as refused:
-        rate.take(1)
+        rate.count_samples(1)
     assert refused.value.code == "stream-too-fast"
 
 

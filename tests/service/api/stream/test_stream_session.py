@@ -12,7 +12,7 @@ from stridelab.errors import InvalidInput, StridelabError
 from stridelab.schemas.streams import StreamConfiguration, StreamPriors
 from stridelab.service.api.stream.estimators import smoother_priors
 from stridelab.service.api.stream.messages import HEADER, PACKED, TEXT, Parcel
-from stridelab.service.api.stream.session import Session
+from stridelab.service.api.stream.session import StreamSession
 from support.service.streams import CONFIGURATION, MOTION, packed, walk_samples
 
 SAMPLE = {"time_s": 0.0, "geometry_m": [0, 0, 1], "force_n": [0, 0, 686.7], "moment_nm": [0, 0, 0]}
@@ -21,8 +21,8 @@ NAN = float("nan")
 INFINITE = float("inf")
 
 
-def session(**fields: Any) -> Session:
-    return Session(StreamConfiguration.model_validate({**CONFIGURATION.model_dump(), **fields}))
+def session(**fields: Any) -> StreamSession:
+    return StreamSession(StreamConfiguration.model_validate({**CONFIGURATION.model_dump(), **fields}))
 
 
 def text(samples: Any) -> Parcel:
@@ -35,9 +35,9 @@ METHODS = get_args(StreamConfiguration.model_fields["method"].annotation)
 @pytest.mark.parametrize("method", METHODS)
 def test_blocks_and_single_samples_give_the_same_numbers(method: str) -> None:
     samples = [sample.model_dump() for sample in walk_samples(0.5)]
-    whole = json.loads(session(method=method).answer(text(samples)).content)["samples"]
+    whole = json.loads(session(method=method).answer_message(text(samples)).content)["samples"]
     piecewise = session(method=method)
-    single = [json.loads(piecewise.answer(text([sample])).content)["samples"][0] for sample in samples]
+    single = [json.loads(piecewise.answer_message(text([sample])).content)["samples"][0] for sample in samples]
     assert whole == single
     assert np.array([s["com_m"] for s in whole]) == pytest.approx(
         MOTION.com.at(np.array([s["time_s"] for s in samples])), abs=0.01
@@ -45,8 +45,8 @@ def test_blocks_and_single_samples_give_the_same_numbers(method: str) -> None:
 
 
 def test_an_empty_message_has_an_empty_answer() -> None:
-    assert json.loads(session().answer(text([])).content) == {"samples": []}
-    answer = session(format="float32").answer(Parcel(PACKED, packed(3.0)))
+    assert json.loads(session().answer_message(text([])).content) == {"samples": []}
+    answer = session(format="float32").answer_message(Parcel(PACKED, packed(3.0)))
     assert (answer.content, answer.samples) == (packed(3.0), 0)
 
 
@@ -55,7 +55,7 @@ def test_times_of_a_long_stream_keep_their_resolution() -> None:
     day = 86_400.0
     running = session(format="float32")
     for k in range(5):
-        answer = running.answer(Parcel(PACKED, packed(day + k / 1000, ROW)))
+        answer = running.answer_message(Parcel(PACKED, packed(day + k / 1000, ROW)))
         assert answer.content[:8] == struct.pack("<d", day + k / 1000)
 
 
@@ -69,7 +69,7 @@ def test_the_cutoffs_are_told(cutoffs: Any) -> None:
 def test_priors_decide_the_band_and_not_the_position() -> None:
     samples = [sample.model_dump() for sample in walk_samples(0.5)]
     plain, wide = (
-        json.loads(session(priors=priors).answer(text(samples)).content)["samples"]
+        json.loads(session(priors=priors).answer_message(text(samples)).content)["samples"]
         for priors in ({}, {"geometry_m": (0.05, 0.05, 0.08)})
     )
     assert [s["com_m"] for s in plain] == [s["com_m"] for s in wide]
@@ -110,7 +110,7 @@ def test_the_smoother_sees_through_what_the_filter_takes_for_motion() -> None:
         sample["geometry_m"] = row.tolist()
     off = {}
     for method in METHODS:
-        told = json.loads(session(method=method).answer(text(samples)).content)["samples"][200:]
+        told = json.loads(session(method=method).answer_message(text(samples)).content)["samples"][200:]
         position, velocity = (np.array([s[name] for s in told]) for name in ("com_m", "velocity_m_s"))
         band = np.array([s["sd_m"] for s in told])
         assert (np.abs(position - true_m[200:]) < 1.96 * band).mean() > 0.9, method
@@ -121,7 +121,7 @@ def test_the_smoother_sees_through_what_the_filter_takes_for_motion() -> None:
 def test_the_smoother_is_told_the_direction_in_any_length() -> None:
     samples = [sample.model_dump() for sample in walk_samples(0.5)]
     unknown, along, longer, across = (
-        json.loads(session(method="smoother", ahead=ahead).answer(text(samples)).content)["samples"][-1]
+        json.loads(session(method="smoother", ahead=ahead).answer_message(text(samples)).content)["samples"][-1]
         for ahead in (None, (1.0, 0.0), (250.0, 0.0), (0.0, -2.0))
     )
     assert along == longer
@@ -166,7 +166,7 @@ BAD_SAMPLES: dict[str, tuple[Any, str, str]] = {
 def test_bad_samples_are_named(name: str, method: str) -> None:
     samples, code, where = BAD_SAMPLES[name]
     with pytest.raises(StridelabError) as refused:
-        session(method=method).answer(text(samples))
+        session(method=method).answer_message(text(samples))
     assert refused.value.code == code
     assert where in [fault.where for fault in refused.value.faults]
     assert len(refused.value.faults) <= 20
@@ -175,7 +175,7 @@ def test_bad_samples_are_named(name: str, method: str) -> None:
 @pytest.mark.parametrize("content", [b"", b"\xff\xfe", b"[", b"3", b"{}", b'{"samples": [], "more": 1}', b"{" * 9999])
 def test_what_is_no_message_is_refused(content: bytes) -> None:
     with pytest.raises(InvalidInput) as refused:
-        session().answer(Parcel(TEXT, content))
+        session().answer_message(Parcel(TEXT, content))
     assert refused.value.code == "invalid-samples"
 
 
@@ -199,14 +199,14 @@ def test_what_is_no_message_is_refused(content: bytes) -> None:
 @pytest.mark.parametrize("method", METHODS)
 def test_wrong_packing_is_refused(content: bytes, code: str, method: str) -> None:
     with pytest.raises(StridelabError) as refused:
-        session(format="float32", method=method).answer(Parcel(PACKED, content))
+        session(format="float32", method=method).answer_message(Parcel(PACKED, content))
     assert refused.value.code == code
 
 
 def test_the_format_is_kept_to() -> None:
     for form, parcel in (("json", Parcel(PACKED, packed(0.0, ROW))), ("float32", text([SAMPLE]))):
         with pytest.raises(InvalidInput) as refused:
-            session(format=form).answer(parcel)
+            session(format=form).answer_message(parcel)
         assert refused.value.code == "wrong-format"
 
 
@@ -216,7 +216,7 @@ def test_huge_numbers_are_no_crash(field: str, method: str) -> None:
     """Whatever comes out, it is an answer or a refusal."""
     huge = [{**SAMPLE, "time_s": k / 100, field: [1e308, -1e308, 1e308 * (-1) ** k]} for k in range(20)]
     with pytest.raises(InvalidInput) as refused:
-        session(method=method).answer(text(huge))
+        session(method=method).answer_message(text(huge))
     assert refused.value.code == "not-finite"
 
 
@@ -227,7 +227,7 @@ def test_the_largest_and_smallest_errors_that_can_be_stated_give_a_finite_band(e
     stated["step_hz"] = max(0.1, min(extreme, 10))
     stated |= {"geometry_m": (extreme,) * 3, "acceleration_m_s2": (extreme,) * 3, "momentum_rate_nm_kg": (extreme,) * 2}
     samples = [sample.model_dump() for sample in walk_samples(1.0)]
-    told = json.loads(session(method=method, priors=stated).answer(text(samples)).content)["samples"]
+    told = json.loads(session(method=method, priors=stated).answer_message(text(samples)).content)["samples"]
     assert np.isfinite([s["sd_m"] for s in told]).all()
 
 
@@ -238,7 +238,7 @@ def test_a_stream_goes_on_where_markers_or_plates_are_missing(method: str) -> No
         sample["geometry_m"] = None
     for sample in samples[220:260]:
         sample["force_n"] = sample["moment_nm"] = None
-    told = json.loads(session(method=method).answer(text(samples)).content)["samples"]
+    told = json.loads(session(method=method).answer_message(text(samples)).content)["samples"]
     true_m = MOTION.com.at(np.array([sample["time_s"] for sample in samples]))
     assert np.abs(np.array([s["com_m"] for s in told]) - true_m).max() < 0.03
     assert told[159]["sd_m"][2] > told[119]["sd_m"][2]

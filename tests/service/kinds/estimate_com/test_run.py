@@ -10,13 +10,13 @@ from pydantic import ValidationError
 
 from stridelab.errors import InvalidInput, NotEstimable, StridelabError
 from stridelab.estimation.smoother.priors import MAY_BE_ZERO
-from stridelab.pipelines.estimate_com import smoother
+from stridelab.pipelines.estimate_com import build_smoother
 from stridelab.schemas.jobs import EstimateComInput, EstimateComSummary, SmootherOptions, StatedErrors
 from stridelab.schemas.recordings import PlateSwitch, SubjectFields
 from stridelab.schemas.tasks import RecordingSource
 from stridelab.service.kinds.estimate_com import run as estimate_com
 from stridelab.service.kinds.provenance import known_references
-from stridelab.service.kinds.result_tables import read_about
+from stridelab.service.kinds.result_tables import read_metadata
 from stridelab.service.kinds.simulate_recording.truth_table import com_errors_mm
 from support.command_line import SAMPLE, Told, estimate_task, quiet
 
@@ -140,7 +140,7 @@ def test_the_c3d_is_the_upload_with_two_more_points(result) -> None:  # type: ig
 
 def test_a_result_says_where_it_comes_from(result) -> None:  # type: ignore[no-untyped-def]
     folder, summary, references, told = result
-    about = read_about(folder / "com.parquet")
+    about = read_metadata(folder / "com.parquet")
     assert about["provenance"]["file"] == "recording.c3d"
     assert about["provenance"]["summary"]["method"] == summary.method == "smoother"
     assert set(references) <= known_references()
@@ -173,7 +173,7 @@ def test_the_direction_that_the_force_cannot_see_is_given_over_time(result) -> N
     ranks = columns(folder / "com.parquet", "rank_force", "rank_with_geometry")
     assert np.isnan(ranks[~inside]).all()
     assert np.unique(ranks[inside], axis=0).tolist() == [[7.0, 11.0]]
-    assert read_about(folder / "com.parquet")["units"]["unobservable_x"] == "1"
+    assert read_metadata(folder / "com.parquet")["units"]["unobservable_x"] == "1"
 
 
 def test_a_users_statement_wins_over_the_file_but_not_over_the_plates(tmp_path: Path) -> None:
@@ -291,7 +291,7 @@ def test_every_error_that_can_be_stated_is_one_of_the_smoother(name: str) -> Non
     least = {"momentum_m_s": (1e-9, 1e-9), "step_hz": 0.1} | dict.fromkeys(MAY_BE_ZERO, 0.0)
     low = least.get(name, 1e-9)
     stated = StatedErrors.model_validate({name: low})
-    assert getattr(smoother(SmootherOptions(priors=stated)).priors, name) == low
+    assert getattr(build_smoother(SmootherOptions(priors=stated)).priors, name) == low
 
 
 def test_a_table_can_be_chosen(tmp_path: Path) -> None:

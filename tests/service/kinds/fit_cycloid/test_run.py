@@ -10,14 +10,14 @@ import pytest
 from pydantic import ValidationError
 
 from stridelab.errors import InvalidInput, NotEstimable
-from stridelab.pipelines.fit_cycloid import cycloid_of
+from stridelab.pipelines.fit_cycloid import fit_cycloid_of_recording
 from stridelab.schemas.cycloid import FitCycloidInput, FitCycloidSummary
 from stridelab.schemas.jobs import SimulateRecordingInput
 from stridelab.schemas.recordings import PlateSwitch, SubjectFields
 from stridelab.schemas.tasks import FitCycloidTask, RecordingSource, SimulateRecordingTask
 from stridelab.service.kinds.fit_cycloid import run as fit_cycloid
 from stridelab.service.kinds.provenance import known_references
-from stridelab.service.kinds.result_tables import read_about
+from stridelab.service.kinds.result_tables import read_metadata
 from stridelab.service.kinds.simulate_recording import run as simulate_recording
 from support.command_line import SAMPLE, Told, quiet
 
@@ -38,7 +38,7 @@ def task(
 
 
 def summary_of(folder: Path, **asked: object) -> FitCycloidSummary:
-    return cycloid_of(task(folder, **asked), folder, quiet).summary  # type: ignore[arg-type]
+    return fit_cycloid_of_recording(task(folder, **asked), folder, quiet).summary  # type: ignore[arg-type]
 
 
 @pytest.fixture(scope="module")
@@ -123,7 +123,7 @@ def test_the_table_of_steps_is_the_summary(fitted) -> None:  # type: ignore[no-u
     assert row["double_support_end_s"] == pytest.approx(step.double_support_s[1])
     assert row["flags"].split() == sorted(step.flags)
     assert pyarrow.csv.read_csv(folder / "steps.csv").column_names == list(row)
-    about = read_about(folder / "steps.parquet")
+    about = read_metadata(folder / "steps.parquet")
     assert about["units"]["omega_rad_s"] == "rad/s"
     assert about["provenance"]["summary"]["steps"] == [step.model_dump(mode="json")]
     assert set(references) <= known_references()

@@ -10,7 +10,7 @@ import pytest
 from stridelab.dynamics.spatial import Placement
 from stridelab.robots.visuals import link_meshes
 from stridelab.service.kinds.plan_motion.display_tracks import (
-    Shown,
+    DisplayTracks,
     centre_of_pressure_m,
     display_forces,
     display_frames,
@@ -33,7 +33,7 @@ def test_poses_are_forward_kinematics_and_survive_the_file(tmp_path: Path) -> No
     links = tuple(link.name for link in link_meshes(robot))
     poses = display_poses(robot, motion.q[frames])
     forces = display_forces(motion, frames)
-    written = write_display(tmp_path, "talos", links, FEET, motion.time_s[frames], Shown(poses, forces))
+    written = write_display(tmp_path, "talos", links, FEET, motion.time_s[frames], DisplayTracks(poses, forces))
     assert (
         {a.name for a in written} == {"poses.f32", "poses.json", "forces.f32"} == {p.name for p in tmp_path.iterdir()}
     )
@@ -75,13 +75,13 @@ def test_a_force_acts_where_the_corners_push_together_and_is_missing_in_the_air(
 
 
 def test_a_touch_without_load_acts_in_the_middle() -> None:
-    placement = Placement.of((1.0, 2.0, 3.0))
+    placement = Placement.from_wxyz((1.0, 2.0, 3.0))
     assert centre_of_pressure_m(placement, corners_m(), np.zeros((4, 3))) == pytest.approx([1.0, 2.0, 3.0])
 
 
 def test_the_centre_of_pressure_balances_the_moments_on_a_tilted_surface() -> None:
     rng = np.random.default_rng(3)
-    placement = Placement.of((0.3, -0.2, 0.5), (0.9, 0.2, -0.3, 0.1))
+    placement = Placement.from_wxyz((0.3, -0.2, 0.5), (0.9, 0.2, -0.3, 0.1))
     local = np.column_stack([rng.normal(size=(4, 2)), rng.uniform(10.0, 50.0, 4)])
     forces = local @ placement.rotation.T
     point = centre_of_pressure_m(placement, corners_m(), forces)

@@ -14,7 +14,7 @@ import pytest
 from stridelab.centroidal.problem import Weights
 from stridelab.centroidal.solver import KKT_ERROR_MAX
 from stridelab.contacts.effector_geometry import effector_shapes
-from stridelab.contacts.validation.validate import judge
+from stridelab.contacts.validation.validate import validate_and_build
 from stridelab.conventions import g
 from stridelab.errors import InvalidInput, NotEstimable, NotFound, StridelabError
 from stridelab.pipelines import plan_centroidal, plan_problem
@@ -24,10 +24,10 @@ from stridelab.resources import models_dir
 from stridelab.robots.loader import load_robot
 from stridelab.schemas.plans import CertificateSummary, CostWeights
 from stridelab.schemas.scenarios import Scenario
-from stridelab.service.jobs.attempt_runner import located
+from stridelab.service.jobs.attempt_runner import add_last_progress
 from stridelab.service.kinds.plan_motion import run as plan_motion
 from stridelab.service.kinds.provenance import known_references
-from stridelab.service.kinds.result_tables import read_about
+from stridelab.service.kinds.result_tables import read_metadata
 from stridelab.service.processes.pool import IsolatedPool
 from support.command_line import Told, quiet
 from support.robots.plan_runs import Planned, changed, plan_task, run, short_walk, stopping_after
@@ -111,7 +111,7 @@ def test_the_centroidal_table_obeys_newton(walked: Planned, tmp_path: Path) -> N
 def newton(walked: Planned, table: str) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Times and the CoM's motion, after a look at its forces."""
     names = pq.read_schema(walked.folder / table).names
-    mass_kg = read_about(walked.folder / table)["provenance"]["mass_kg"]
+    mass_kg = read_metadata(walked.folder / table)["provenance"]["mass_kg"]
     assert mass_kg == pytest.approx(load_robot("talos").mass_kg)
     time_s = walked.columns(table, "time_s")[:, 0]
     com, v, a = (
@@ -321,7 +321,7 @@ def test_a_solver_that_hangs_is_ended_and_its_stage_is_known(tmp_path: Path, mon
 
     outcome = asyncio.run(act())
     assert outcome.state == "timeout"
-    problem = located(outcome.problem, heard[-1])
+    problem = add_last_progress(outcome.problem, heard[-1])
     assert problem["errors"] == [{"where": "stage: centroidal", "message": f"last progress message: {heard[-1]}"}]
     assert list(tmp_path.iterdir()) == []
 
@@ -353,7 +353,7 @@ def test_six_stairs_are_climbed(tmp_path: Path) -> None:
     assert summary.replay is not None
     assert summary.replay.completed
     assert summary.replay.com_error_max_m < 0.03
-    report, sequence = judge(bundled("six-stairs").model_dump(mode="json"), effector_shapes("talos"))
+    report, sequence = validate_and_build(bundled("six-stairs").model_dump(mode="json"), effector_shapes("talos"))
     assert sequence is not None, report.faults
     com = climbed.columns("motion.parquet", "com_z_m")[:, 0]
     assert com[-1] - com[0] == pytest.approx(6 * 0.10, abs=1e-3), "six stairs of ten centimetres"

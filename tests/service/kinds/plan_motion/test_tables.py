@@ -9,8 +9,13 @@ import pytest
 
 from stridelab.centroidal.nlp.kkt import Attempt, IterationLog
 from stridelab.service.kinds.plan_motion.files import write_plan
-from stridelab.service.kinds.plan_motion.tables import centroidal_columns, iteration_columns, motion_columns, phases
-from stridelab.service.kinds.result_tables import read_about
+from stridelab.service.kinds.plan_motion.tables import (
+    centroidal_columns,
+    iteration_columns,
+    motion_columns,
+    phase_indices,
+)
+from stridelab.service.kinds.result_tables import read_metadata
 from support.robots.plans import made_up_motion, made_up_plan, one_step, talos
 
 AXES = "xyz"
@@ -25,10 +30,10 @@ def test_centroidal_has_the_contracts_columns_and_units(tmp_path: Path) -> None:
     expected += [f"f_{foot}_{k}_{a}_n" for foot in ("left_foot", "right_foot") for k in range(4) for a in AXES]
     expected += ["friction_left_foot", "friction_right_foot"]
     assert table.column_names == expected
-    units = read_about(tmp_path / "centroidal.parquet")["units"]
+    units = read_metadata(tmp_path / "centroidal.parquet")["units"]
     told = {"com_x_m": "m", "com_vx_m_s": "m/s", "com_ax_m_s2": "m/s^2", "l_x_nms": "N m s", "f_left_foot_0_x_n": "N"}
     assert {name: units[name] for name in told} == told
-    assert read_about(tmp_path / "iterations.parquet")["units"]["cost_s"] == "s"
+    assert read_metadata(tmp_path / "iterations.parquet")["units"]["cost_s"] == "s"
     twin = pyarrow.csv.read_csv(tmp_path / "centroidal.csv")
     assert twin.column_names == expected
     for name in expected:
@@ -83,4 +88,4 @@ def test_the_motion_stands_beside_its_reference() -> None:
 def test_a_boundary_belongs_to_the_phase_that_begins_there_also_where_floats_fall_short() -> None:
     sequence = one_step()
     time_s = np.array([0.0, 0.5 - 1e-6, 0.5 - 1e-12, 0.5, 1.5, 2.0])
-    assert phases(sequence, time_s).tolist() == [0, 0, 1, 1, 2, 2]
+    assert phase_indices(sequence, time_s).tolist() == [0, 0, 1, 1, 2, 2]

@@ -11,7 +11,14 @@ from stridelab.robots.visuals import link_meshes
 from stridelab.service.kinds.plan_motion import run as plan_motion
 from stridelab.service.kinds.plan_motion import video
 from stridelab.service.kinds.plan_motion.display_tracks import display_poses
-from stridelab.service.kinds.plan_motion.video import PAPER, SIZE, Camera, frames, require_film, write_film
+from stridelab.service.kinds.plan_motion.video import (
+    BACKGROUND_COLOUR,
+    SIZE_PX,
+    Camera,
+    render_frames,
+    require_film,
+    write_film,
+)
 from support.command_line import Told, quiet
 from support.robots.plan_runs import plan_task
 from support.robots.plans import made_up_motion, one_step, talos
@@ -59,11 +66,11 @@ def test_without_ffmpeg_a_film_is_refused_before_any_work(tmp_path: Path, monkey
 def test_every_frame_is_handed_to_ffmpeg(programs: Path, tmp_path: Path, film: video.Film) -> None:
     install(programs, FFMPEG)
     artifact = write_film(tmp_path, film, one_step().terrain, link_meshes(talos()), poses(), 25.0, quiet)
-    assert (artifact.name, artifact.media_type) == (f"motion.{film}", video.MEDIA[film])
+    assert (artifact.name, artifact.media_type) == (f"motion.{film}", video.MEDIA_TYPES[film])
     assert (tmp_path / artifact.name).is_file()
-    assert int((tmp_path / "bytes").read_text()) == 2 * 3 * SIZE[0] * SIZE[1]
+    assert int((tmp_path / "bytes").read_text()) == 2 * 3 * SIZE_PX[0] * SIZE_PX[1]
     said = (tmp_path / "arguments").read_text()
-    assert f"-s {SIZE[0]}x{SIZE[1]} -r 25 -i -" in said
+    assert f"-s {SIZE_PX[0]}x{SIZE_PX[1]} -r 25 -i -" in said
 
 
 def test_what_ffmpeg_says_last_is_the_reason(programs: Path, tmp_path: Path) -> None:
@@ -77,22 +84,24 @@ def test_what_ffmpeg_says_last_is_the_reason(programs: Path, tmp_path: Path) -> 
 
 def test_the_robot_stands_where_the_camera_looks(monkeypatch: pytest.MonkeyPatch) -> None:
     seen = poses()
-    camera = Camera.on(seen[:1, :, :3].reshape(-1, 3))
+    camera = Camera.looking_at(seen[:1, :, :3].reshape(-1, 3))
     monkeypatch.setattr(Camera, "on", staticmethod(lambda _: camera))
     seen[1] = np.nan  # a robot that is not there
-    with_robot, without = (np.asarray(picture) for picture in frames(one_step().terrain, link_meshes(talos()), seen))
+    with_robot, without = (
+        np.asarray(picture) for picture in render_frames(one_step().terrain, link_meshes(talos()), seen)
+    )
     changed = np.argwhere((with_robot != without).any(axis=2))
-    assert len(changed) > 0.02 * SIZE[0] * SIZE[1]
-    assert np.abs(changed.mean(axis=0) - np.array([SIZE[1], SIZE[0]]) / 2.0).max() < 0.25 * SIZE[1]
-    assert (without == PAPER).all(axis=2).any()
+    assert len(changed) > 0.02 * SIZE_PX[0] * SIZE_PX[1]
+    assert np.abs(changed.mean(axis=0) - np.array([SIZE_PX[1], SIZE_PX[0]]) / 2.0).max() < 0.25 * SIZE_PX[1]
+    assert (without == BACKGROUND_COLOUR).all(axis=2).any()
 
 
 def test_what_is_nearer_is_larger_and_the_middle_stays_in_the_middle() -> None:
     box = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-0.5, 0.5) for z in (0.0, 1.6)])
-    camera = Camera.on(box)
-    pixels, depth = camera.seen(box)
+    camera = Camera.looking_at(box)
+    pixels, depth = camera.project_points(box)
     assert (pixels > 0.0).all()
-    assert (pixels < SIZE).all()
+    assert (pixels < SIZE_PX).all()
     assert depth.min() > 0.0
-    middle, _ = camera.seen(box.mean(axis=0)[None])
-    np.testing.assert_allclose(middle[0], np.array(SIZE) / 2.0, atol=1e-6)
+    middle, _ = camera.project_points(box.mean(axis=0)[None])
+    np.testing.assert_allclose(middle[0], np.array(SIZE_PX) / 2.0, atol=1e-6)

@@ -11,7 +11,7 @@ import zstandard
 
 from stridelab.robots.visuals import link_meshes
 from stridelab.service.kinds.plan_motion.display_tracks import display_poses
-from stridelab.service.kinds.plan_motion.viser_recording import player_page, record
+from stridelab.service.kinds.plan_motion.viser_recording import player_page, record_scene
 from support.robots.plans import made_up_motion, one_step, talos
 
 LINKS = ("base_link", "leg_left_6_link", "arm_right_7_link")
@@ -31,7 +31,7 @@ def recorded() -> tuple[dict[str, Any], np.ndarray]:
     links = link_meshes(robot)
     chosen = [i for i, link in enumerate(links) if link.name in LINKS]
     poses = display_poses(robot, motion.q[::10])[:, chosen]
-    return read(record(one_step().terrain, tuple(links[i] for i in chosen), poses, 25.0)), poses
+    return read(record_scene(one_step().terrain, tuple(links[i] for i in chosen), poses, 25.0)), poses
 
 
 def moves(document: dict[str, Any], kind: str, node: str, field: str) -> dict[float, list[float]]:
@@ -70,7 +70,7 @@ def test_the_surroundings_stand_where_the_terrain_has_them(recorded) -> None:  #
 def test_nothing_is_printed_and_nothing_listens_afterwards(capfd: pytest.CaptureFixture[str]) -> None:
     before = {c.laddr for c in psutil.Process().net_connections("tcp") if c.status == psutil.CONN_LISTEN}
     link = link_meshes(talos())[:1]
-    record(one_step().terrain, link, np.tile([0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0], (3, 1, 1)), 25.0)
+    record_scene(one_step().terrain, link, np.tile([0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0], (3, 1, 1)), 25.0)
     assert {c.laddr for c in psutil.Process().net_connections("tcp") if c.status == psutil.CONN_LISTEN} == before
     assert capfd.readouterr() == ("", "")
 

@@ -17,7 +17,7 @@ from stridelab.resources import models_dir
 from stridelab.robots.loader import load_robot
 from stridelab.schemas.reachability import EffectorReach, RobotReachability
 from stridelab.service.kinds.robots import reachability as robot_reachability
-from stridelab.service.kinds.robots.reachability import reachability, run_in_child
+from stridelab.service.kinds.robots.reachability import plottable_reachability, run_in_child
 from support.command_line import Told, quiet
 
 UNIFORM = {"robot": "talos", "measure": "uniform"}
@@ -31,12 +31,12 @@ def card() -> ReachabilityCard:
 @pytest.fixture(scope="module")
 def cloud(card: ReachabilityCard) -> dict[str, Points]:
     rng = np.random.default_rng(2)
-    return {name: effector.mixture().sample(3000, rng) for name, effector in card.effectors.items()}
+    return {name: effector.to_mixture().sample(3000, rng) for name, effector in card.effectors.items()}
 
 
 @pytest.fixture(scope="module")
 def drawn(card: ReachabilityCard, cloud: dict[str, Points]) -> dict[str, EffectorReach]:
-    found = reachability(load_robot("talos"), card, cloud)
+    found = plottable_reachability(load_robot("talos"), card, cloud)
     assert (found.robot, found.measure) == ("talos", "uniform")
     return {each.card.effector: each for each in found.effectors}
 
@@ -57,7 +57,7 @@ def test_a_density_in_the_heading_frame_stands_upright_at_the_same_place(
 ) -> None:
     heading = replace(card.effectors["right_hand"], frame="heading")
     changed = replace(card, effectors={"right_hand": heading})
-    (found,) = reachability(load_robot("talos"), changed, cloud).effectors
+    (found,) = plottable_reachability(load_robot("talos"), changed, cloud).effectors
     assert found.reference_pose[:3] == drawn["right_hand"].reference_pose[:3]
     assert found.reference_pose[3:] == (1.0, 0.0, 0.0, 0.0)
     assert found.card.frame == "heading"
@@ -73,7 +73,7 @@ def test_surfaces_lie_where_the_density_is_their_threshold(
     drawn: dict[str, EffectorReach], card: ReachabilityCard
 ) -> None:
     for name, found in drawn.items():
-        mixture = learned(card, name).mixture()
+        mixture = learned(card, name).to_mixture()
         assert [level.mass for level in found.level_sets] == [0.5, 0.8, 0.95]
         for level in found.level_sets:
             log_p = mixture.log_density(np.array(level.vertices_m))

@@ -100,7 +100,7 @@ def test_a_robot_whose_reach_was_never_learned_is_described(tmp_path: Path, monk
     monkeypatch.setattr("stridelab.reachability.store.models_dir", lambda: tmp_path)
     load_card.cache_clear()
     try:
-        described = description.facts(load_robot("talos"))
+        described = description.robot_facts(load_robot("talos"))
     finally:
         load_card.cache_clear()
     assert (described.proxies, described.measures, described.stale_measures) == ([], [], [])
@@ -110,7 +110,7 @@ def test_a_robot_whose_reach_was_never_learned_is_described(tmp_path: Path, monk
 def test_densities_of_another_description_are_not_the_robots(monkeypatch: pytest.MonkeyPatch) -> None:
     other = replace(load_card("talos", "uniform"), robot_sha256="0" * 64)
     monkeypatch.setattr(description, "learned_cards", lambda _name: [other])
-    described = description.facts(load_robot("talos"))
+    described = description.robot_facts(load_robot("talos"))
     assert (described.proxies, described.measures, described.stale_measures) == ([], [], ["uniform"])
 
 

@@ -14,7 +14,7 @@ from stridelab.body.segment_model import SegmentModel
 from stridelab.conventions import g
 from stridelab.errors import InvalidInput
 from stridelab.estimation.complementary.filter import ComplementaryFilter
-from stridelab.pipelines.trial import examine
+from stridelab.pipelines.trial import examine_trial
 from stridelab.recordings.reader import read_recording
 from stridelab.recordings.total_wrench import wrench_track
 from stridelab.schemas.jobs import SimulateRecordingInput, SimulateRecordingSummary, SimulationNoise
@@ -148,7 +148,7 @@ def test_the_truth_of_talos_obeys_newton_and_euler(talos: Path) -> None:
 
 def test_talos_is_estimated_like_a_person(talos: Path) -> None:
     """Through the file alone: markers, plates, carried table; every axis within 3 mm of the truth."""
-    trial = examine(RecordingSource(file="recording.c3d", filename="recording.c3d"), talos)
+    trial = examine_trial(RecordingSource(file="recording.c3d", filename="recording.c3d"), talos)
     recording = trial.recording
     geometric = SegmentModel("carried").com(recording, trial.match.landmarks, subject=recording.subject)
     wrench = wrench_track(recording, trial.windows)

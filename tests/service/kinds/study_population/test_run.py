@@ -22,7 +22,7 @@ from stridelab.schemas.tasks import (
 )
 from stridelab.service.kinds.simulate_recording import run as simulate_recording
 from stridelab.service.kinds.study_population import run as study_population
-from stridelab.service.kinds.study_population.subjects import Sheet, people_of
+from stridelab.service.kinds.study_population.subjects import RecordingSubject, merge_subjects
 from support.command_line import quiet
 
 GAIT = Path(os.environ.get("STRIDELAB_TEST_DATA", Path(__file__).parents[5] / "shared")).resolve() / "gait"
@@ -92,12 +92,12 @@ def test_nothing_at_all_is_refused_with_every_reason(tmp_path: Path) -> None:
 
 def test_a_person_in_two_recordings_is_one_and_contradictions_are_said() -> None:
     sheets = [
-        Sheet("a.c3d", PersonFields(subject="P01", height_m=1.70, age_years=30), 0.80),
-        Sheet("b.c3d", PersonFields(subject="P01", height_m=1.80), 0.82),
-        Sheet("c.c3d", PersonFields(height_m=1.65)),
-        Sheet("d.c3d", PersonFields(height_m=1.30)),
+        RecordingSubject("a.c3d", PersonFields(subject="P01", height_m=1.70, age_years=30), 0.80),
+        RecordingSubject("b.c3d", PersonFields(subject="P01", height_m=1.80), 0.82),
+        RecordingSubject("c.c3d", PersonFields(height_m=1.65)),
+        RecordingSubject("d.c3d", PersonFields(height_m=1.30)),
     ]
-    people, remarks = people_of(sheets)
+    people, remarks = merge_subjects(sheets)
     assert [one.person.name for one in people] == ["P01", "c.c3d", "d.c3d"]
     assert people[0].person.height_m == 1.70
     assert people[0].person.leg_m == pytest.approx(0.81)
@@ -108,11 +108,11 @@ def test_a_person_in_two_recordings_is_one_and_contradictions_are_said() -> None
 
 def test_a_person_in_two_groups_is_refused() -> None:
     sheets = [
-        Sheet("a.c3d", PersonFields(subject="P01", group="adults")),
-        Sheet("b.c3d", PersonFields(subject="P01", group="patients")),
+        RecordingSubject("a.c3d", PersonFields(subject="P01", group="adults")),
+        RecordingSubject("b.c3d", PersonFields(subject="P01", group="patients")),
     ]
     with pytest.raises(InvalidInput) as refused:
-        people_of(sheets)
+        merge_subjects(sheets)
     assert refused.value.code == "subject-in-two-groups"
     assert [fault.where for fault in refused.value.faults] == ["a.c3d", "b.c3d"]
 

@@ -16,7 +16,7 @@ from stridelab.service.samples.recording import SHIPPED_JOBS
 from stridelab.service.storage.file_removal import may_remove
 from stridelab.service.storage.tables import job, recording
 
-KEPT_IN: Final = "Stridelab-Kept-In"
+REMAINING_JOBS_HEADER: Final = "Stridelab-Kept-In"
 """Response header of a deletion: ids of the jobs whose inputs and results still contain the deleted data."""
 
 
@@ -44,7 +44,7 @@ async def delete_finished(parts: Parts, job_id: str, caller: Caller) -> None:
                 f"This job holds the true motion of the simulated recording {needed_by}; delete the recording first.",
             )
         await connection.execute(delete(job).where(job.c.id == job_id))
-        await audit.note(connection, caller, "job-deleted", job_id)
+        await audit.record_action(connection, caller, "job-deleted", job_id)
     async with parts.engine.begin() as connection:
         if await may_remove(connection):  # otherwise the janitor removes them later
             await parts.blobs.delete_prefix(f"results/{job_id}")

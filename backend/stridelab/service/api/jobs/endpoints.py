@@ -9,14 +9,14 @@ from starlette.responses import StreamingResponse
 from stridelab.errors import NotFound
 from stridelab.schemas.base import Page
 from stridelab.schemas.jobs import Job, JobResult, JobState
-from stridelab.service.api.dependencies import AppParts, CallerOf, Parts, known_form
+from stridelab.service.api.dependencies import AppParts, CallerOf, Parts, require_id_form
 from stridelab.service.api.downloads import OCTETS, send_blob
 from stridelab.service.api.jobs import bundle, delete, events
 from stridelab.service.api.jobs.presentation import job_of
 from stridelab.service.api.jobs.submit import add_kinds
-from stridelab.service.api.openapi import failures
+from stridelab.service.api.openapi import failure_responses
 from stridelab.service.api.pagination import Cursor, Limit
-from stridelab.service.api.shutdown import unless
+from stridelab.service.api.shutdown import await_unless
 from stridelab.service.api.strict_json import StrictRoute
 from stridelab.service.auth import audit
 from stridelab.service.auth.callers import require_owner
@@ -27,8 +27,8 @@ router = APIRouter(prefix="/jobs", tags=["jobs"], route_class=StrictRoute)
 Wait = Annotated[float, Query(ge=0, le=60, description="seconds to wait for the job to finish")]
 Text = Annotated[str | None, Query(max_length=64, pattern=r"^[A-Za-z0-9_-]*$")]
 
-_UNKNOWN: Final = failures(s404="No job with this id (`job-not-found`).")
-_NO_RESULT: Final = failures(
+_UNKNOWN: Final = failure_responses(s404="No job with this id (`job-not-found`).")
+_NO_RESULT: Final = failure_responses(
     s404="No job with this id (`job-not-found`).",
     s409="The job has not finished (`job-not-finished`), or ended without a result (`job-without-result`).",
 )
@@ -66,9 +66,11 @@ async def list_jobs(
 @router.get("/{job_id}", summary="One job", responses=_UNKNOWN)
 async def get_job(parts: AppParts, job_id: str, wait: Wait = 0.0) -> Job:
     """State and progress of a job. With `wait`, responds when the job has finished, or after that time."""
-    record = await _known(parts, job_id)
+    record = await _job_record(parts, job_id)
     if wait > 0 and not record.is_final:
-        record = await unless(parts.closing, parts.board.wait(parts.store, job_id, wait)) or record
+        record = (
+            await await_unless(parts.closing, parts.notifications.wait_for_end(parts.store, job_id, wait)) or record
+        )
     return job_of(record)
 
 
@@ -77,7 +79,9 @@ async def get_job(parts: AppParts, job_id: str, wait: Wait = 0.0) -> Job:
     summary="Cancel or delete a job",
     responses={
         **_UNKNOWN,
-        **failures(s409="A bundled result (`bundled-read-only`), or a recording refers to it (`job-holds-truth`)."),
+        **failure_responses(
+            s409="A bundled result (`bundled-read-only`), or a recording refers to it (`job-holds-truth`)."
+        ),
     },
 )
 async def cancel_job(
@@ -91,14 +95,14 @@ async def cancel_job(
     A queued job is cancelled at once, a running one within half a second. A finished one is deleted with its result
     and files, unless `cancel_only` is set.
     """
-    record = await _known(parts, job_id)
+    record = await _job_record(parts, job_id)
     require_owner(caller, record.owner, "job")
     if record.is_final:
         if not cancel_only:
             await delete.delete_finished(parts, record.id, caller)
         return job_of(record)
     async with parts.engine.begin() as connection:
-        await audit.note(connection, caller, "job-cancelled", job_id)
+        await audit.record_action(connection, caller, "job-cancelled", job_id)
     cancelled = await parts.store.request_cancel(job_id)
     await delete.remove_own_files(parts, cancelled)
     return job_of(cancelled)
@@ -118,14 +122,14 @@ async def job_events(
     ] = None,
 ) -> StreamingResponse:
     """Server-sent events, from the first one or from the one after `Last-Event-ID`, until the job has finished."""
-    await _known(parts, job_id)
-    return events.stream(parts, job_id, events.resume_from(last_event_id))
+    await _job_record(parts, job_id)
+    return events.stream_events(parts, job_id, events.resume_from(last_event_id))
 
 
 @router.get("/{job_id}/result", summary="Result of a job", responses=_NO_RESULT)
 async def get_result(parts: AppParts, job_id: str) -> JobResult:
     """Input, summary, versions, references (BibTeX keys) and the list of files of a succeeded job."""
-    await _known(parts, job_id)
+    await _job_record(parts, job_id)
     return await parts.store.result(job_id)
 
 
@@ -135,13 +139,15 @@ async def get_result(parts: AppParts, job_id: str) -> JobResult:
     responses={
         **_NO_RESULT,
         200: {"description": "The file.", "content": {OCTETS: {"schema": _BINARY}}},
-        **failures(s404="No such job (`job-not-found`), or no such file in its result (`artifact-not-found`)."),
+        **failure_responses(
+            s404="No such job (`job-not-found`), or no such file in its result (`artifact-not-found`)."
+        ),
     },
     response_class=StreamingResponse,
 )
 async def get_artifact(parts: AppParts, job_id: str, name: str) -> StreamingResponse:
     """Download one file of a succeeded job, by its name in the result."""
-    record = await _known(parts, job_id)
+    record = await _job_record(parts, job_id)
     result = await parts.store.result(job_id)
     for artifact in result.artifacts:
         if artifact.name == name:
@@ -164,13 +170,13 @@ async def get_artifact(parts: AppParts, job_id: str, name: str) -> StreamingResp
 )
 async def get_bundle(parts: AppParts, job_id: str) -> StreamingResponse:
     """Archive with input, result, versions, references.bib and all files of a succeeded job, and the recording."""
-    return await bundle.stream(parts, await _known(parts, job_id), await parts.store.result(job_id))
+    return await bundle.stream_bundle(parts, await _job_record(parts, job_id), await parts.store.result(job_id))
 
 
 add_kinds(router)
 
 
-async def _known(parts: Parts, job_id: str) -> JobRecord:
-    record = await parts.store.get(known_form(job_id, "job"))
+async def _job_record(parts: Parts, job_id: str) -> JobRecord:
+    record = await parts.store.get(require_id_form(job_id, "job"))
     structlog.contextvars.bind_contextvars(job_id=record.id)
     return record

@@ -10,12 +10,12 @@ from starlette.responses import StreamingResponse
 from stridelab.errors import Fault, InvalidInput, StridelabError
 from stridelab.schemas.jobs import FINAL_STATES, JobEvent, JobState, Progress
 from stridelab.service.api.dependencies import Parts
-from stridelab.service.api.shutdown import until
+from stridelab.service.api.shutdown import iterate_until
 from stridelab.service.jobs.store import JobRecord
 
 log = structlog.get_logger(__name__)
 
-_LARGEST: Final = 2**63 - 1
+_MAX_EVENT_ID: Final = 2**63 - 1
 
 
 def resume_from(last_event_id: str | None) -> int:
@@ -25,7 +25,7 @@ def resume_from(last_event_id: str | None) -> int:
     """
     if not last_event_id:
         return 0
-    if not (last_event_id.isascii() and last_event_id.isdecimal() and int(last_event_id) <= _LARGEST):
+    if not (last_event_id.isascii() and last_event_id.isdecimal() and int(last_event_id) <= _MAX_EVENT_ID):
         raise InvalidInput(
             "invalid-event-id",
             "Last-Event-ID must be the number of an event of this job.",
@@ -34,38 +34,38 @@ def resume_from(last_event_id: str | None) -> int:
     return int(last_event_id)
 
 
-def stream(parts: Parts, job_id: str, after: int) -> StreamingResponse:
+def stream_events(parts: Parts, job_id: str, after: int) -> StreamingResponse:
     """Stream the job's events with numbers above ``after`` until it has finished."""
     headers = {"Cache-Control": "no-cache, no-transform", "X-Accel-Buffering": "no"}
-    return StreamingResponse(_lines(parts, job_id, after), media_type="text/event-stream", headers=headers)
+    return StreamingResponse(_event_lines(parts, job_id, after), media_type="text/event-stream", headers=headers)
 
 
-async def _lines(parts: Parts, job_id: str, after: int) -> AsyncIterator[str]:
+async def _event_lines(parts: Parts, job_id: str, after: int) -> AsyncIterator[str]:
     state: JobState | None = None
     yield ": following\n\n"
     try:
-        async for events in until(parts.closing, parts.board.follow(parts.store, job_id, after)):
+        async for events in iterate_until(parts.closing, parts.notifications.follow_events(parts.store, job_id, after)):
             for event in events:
                 after = event.seq
-                yield _event(event, changed=event.state != state)
+                yield _format_event(event, changed=event.state != state)
                 state = event.state
             if not events:
                 yield ": nothing new\n\n"
         record = await parts.store.get(job_id)
         if record.is_final and state not in FINAL_STATES:
-            yield _event(_last_word(record, after), changed=True)
+            yield _format_event(_final_event(record, after), changed=True)
     except (StridelabError, DBAPIError) as error:
         # The job was deleted or the database is restarting. The response has started, so it can only end here; a
         # client that resumes receives the error.
         log.warning("event stream ended early", error=type(error).__name__)
 
 
-def _event(event: JobEvent, *, changed: bool) -> str:
+def _format_event(event: JobEvent, *, changed: bool) -> str:
     name = "state" if changed else "progress"
     return f"id: {event.seq}\nevent: {name}\ndata: {event.model_dump_json()}\n\n"
 
 
-def _last_word(record: JobRecord, seq: int) -> JobEvent:
+def _final_event(record: JobRecord, seq: int) -> JobEvent:
     """Final event of a finished job whose stored events do not contain its final state any more."""
     return JobEvent(
         seq=seq,

@@ -20,9 +20,9 @@ from stridelab.schemas.plans import LearnReachabilityInput, PlanContactsInput, P
 from stridelab.schemas.population import StudyPopulationInput
 from stridelab.schemas.receding import PlanRecedingInput
 from stridelab.schemas.sweeps import SweepInput
-from stridelab.service.api.dependencies import AppParts, CallerOf, Parts, known_form
+from stridelab.service.api.dependencies import AppParts, CallerOf, Parts, require_id_form
 from stridelab.service.api.jobs.presentation import job_of
-from stridelab.service.api.openapi import failures
+from stridelab.service.api.openapi import failure_responses
 from stridelab.service.api.quotas import refuse_full
 from stridelab.service.api.scenarios.examples import ONE_STEP, STANDING, STANDING_AHEAD
 from stridelab.service.api.scenarios.validation import refuse_invalid
@@ -34,14 +34,14 @@ from stridelab.service.samples.scenarios import EXAMPLE_ID
 
 
 @dataclass(frozen=True)
-class Subject:
+class JobSubject:
     """Ids of the stored objects that a job works on; the job store checks whether they exist."""
 
     recording_id: str | None = None
     scenario_id: str | None = None
 
 
-async def admit(parts: Parts, request: Contract) -> Subject:
+async def validate_request(parts: Parts, request: Contract) -> JobSubject:
     """Validate ``request`` and return the objects that it refers to.
 
     Raises ``NotFound`` (``recording-not-found``, ``scenario-not-found``) for a malformed id, and ``InvalidInput``:
@@ -49,26 +49,26 @@ async def admit(parts: Parts, request: Contract) -> Subject:
     cannot stand, ``invalid-request`` for an unknown robot or effector, ``recording-twice`` in a population.
     """
     if isinstance(request, PlanMotionInput | PlanRecedingInput | SweepInput) and request.scenario is not None:
-        await refuse_invalid(request.scenario, parts.judges, parts.robots)
+        await refuse_invalid(request.scenario, parts.validation_limiter, parts.robots)
     if isinstance(request, PlanContactsInput):
-        _effectors(request.robot)
-        await anyio.to_thread.run_sync(_refuse_invalid_ends, request, limiter=parts.judges)
+        _effector_cards(request.robot)
+        await anyio.to_thread.run_sync(_refuse_invalid_ends, request, limiter=parts.validation_limiter)
     if isinstance(request, LearnReachabilityInput):
         _refuse_unknown_effectors(request)
     if isinstance(request, StudyPopulationInput):
         for recording_id in request.recording_ids:
-            known_form(recording_id, "recording")
+            require_id_form(recording_id, "recording")
         async with parts.engine.connect() as connection:
             await require_recordings(connection, request)
-    return Subject(_identifier(request, "recording"), _identifier(request, "scenario"))
+    return JobSubject(_referenced_id(request, "recording"), _referenced_id(request, "scenario"))
 
 
-def _identifier(request: Contract, what: str) -> str | None:
+def _referenced_id(request: Contract, what: str) -> str | None:
     identifier: str | None = getattr(request, f"{what}_id", None)
-    return None if identifier is None else known_form(identifier, what)
+    return None if identifier is None else require_id_form(identifier, what)
 
 
-def _effectors(robot: str) -> Mapping[str, EffectorCard]:
+def _effector_cards(robot: str) -> Mapping[str, EffectorCard]:
     try:
         return robot_card(robot).effectors
     except NotFound as error:
@@ -84,7 +84,7 @@ def _refuse_invalid_ends(request: PlanContactsInput) -> None:
 
 
 def _refuse_unknown_effectors(request: LearnReachabilityInput) -> None:
-    known = _effectors(request.robot)
+    known = _effector_cards(request.robot)
     unknown = [index for index, name in enumerate(request.effectors or ()) if name not in known]
     if unknown:
         sentence = f"The effectors of {request.robot} are {', '.join(known)}."
@@ -219,7 +219,7 @@ def _add_kind(router: APIRouter, kind: JobKind) -> None:
     async def submit(
         parts: AppParts, caller: CallerOf, response: Response, body: Contract, priority: Priority = 0, key: Key = None
     ) -> Job:
-        subject = await admit(parts, body)
+        subject = await validate_request(parts, body)
         await refuse_full(parts, caller.name)
         request = body.model_dump(mode="json", exclude_unset=True)
         submitted = await parts.store.submit(
@@ -249,7 +249,7 @@ def _add_kind(router: APIRouter, kind: JobKind) -> None:
         summary=f"Submit {kind.name}",
         description=f"{inspect.cleandoc(kind.summary_model.__doc__ or '')} The job runs in a worker; the header "
         "`Location` of the response is its address.",
-        responses=failures(
+        responses=failure_responses(
             s404="The input names an unknown recording or scenario (`recording-not-found`, `scenario-not-found`).",
             s409="The idempotency key was used with another body before (`idempotency-key-reused`).",
             s413="Your uploads and results exceed your storage limit (`storage-limit`).",

@@ -20,12 +20,12 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 
 from stridelab.errors import Busy, Fault, Forbidden, StridelabError, Unauthenticated, Unavailable
 from stridelab.service.api import problems
-from stridelab.service.api.dependencies import KEY, parts_of
-from stridelab.service.api.middleware.rate_limit import STRANGERS, Rates
-from stridelab.service.api.session_cookies import COOKIE, SCENARIO_KEY, Keys
+from stridelab.service.api.dependencies import CALLER_KEY, parts_of
+from stridelab.service.api.middleware.rate_limit import STRANGER_SHARE, RateLimiter
+from stridelab.service.api.session_cookies import COOKIE, SCENARIO_KEY, SigningKeys
 from stridelab.service.auth import audit
-from stridelab.service.auth.callers import ADMIN, ANYBODY, STRANGER, Caller, needed_scope, require
-from stridelab.service.auth.token_cache import TokenBook
+from stridelab.service.auth.callers import ADMIN, ANONYMOUS_ADMIN, UNAUTHENTICATED, Caller, needed_scope, require_scope
+from stridelab.service.auth.token_cache import TokenCache
 from stridelab.service.settings import LOOPBACK, Settings
 
 _LOGIN: Final = "/login"
@@ -34,49 +34,51 @@ OPEN_PATHS: Final = frozenset({_LOGIN, "/api/v1/health"})
 OPEN_FOLDER: Final = "/static/"
 
 log = structlog.get_logger(__name__)
-_NOTED_HZ: Final = 1.0
+_AUDITED_REFUSALS_HZ: Final = 1.0
 """Maximum rate of refusals written to the audit table; further ones are only logged."""
 _ADMIN: Final = Caller(ADMIN, "admin", ADMIN)
-_INSIDE: Final = "stridelab.inside"
+_INTERNAL: Final = "stridelab.inside"
 _SCENARIOS: Final = "/api/v1/scenarios/"
 _DEFAULT_PORT: Final = {"http": ":80", "https": ":443", "ws": ":80", "wss": ":443"}
 
 
-class Gate:
+class AuthenticationMiddleware:
     """ASGI middleware that authenticates a request or websocket, or refuses it."""
 
-    def __init__(self, app: ASGIApp, settings: Settings, keys: Keys | None, clock: Callable[[], float] = time.time):
+    def __init__(
+        self, app: ASGIApp, settings: Settings, keys: SigningKeys | None, clock: Callable[[], float] = time.time
+    ):
         self.app = app
         self._keys = keys
         self._clock = clock
-        self._rates = Rates(settings.rate_limit_hz)
-        self._noted = Rates(_NOTED_HZ)
+        self._rate_limiter = RateLimiter(settings.rate_limit_hz)
+        self._audit_limiter = RateLimiter(_AUDITED_REFUSALS_HZ)
         extra = {name.strip().lower() for name in settings.allowed_hosts.split(",") if name.strip()}
         # With a token, DNS rebinding gains nothing: the page of the rebound name has neither the token nor the cookie,
         # which belongs to the real host name. Any host is then accepted, unless the settings list the allowed ones.
         self._hosts = frozenset({*LOOPBACK, settings.host.lower(), *extra}) if extra or keys is None else None
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        if scope["type"] not in ("http", "websocket") or scope.get(_INSIDE):
+        if scope["type"] not in ("http", "websocket") or scope.get(_INTERNAL):
             await self.app(scope, receive, send)
             return
         connection = HTTPConnection(scope)
-        caller = STRANGER
+        caller = UNAUTHENTICATED
         try:
             self._check_host(connection.headers)
             self._check_origin(connection.headers)
-            caller = await self._identify(connection)
+            caller = await self._identify_caller(connection)
             if not _is_open(scope["path"]):
-                require(caller, needed_scope(scope["type"], scope.get("method", ""), scope["path"]))
+                require_scope(caller, needed_scope(scope["type"], scope.get("method", ""), scope["path"]))
         except StridelabError as refusal:
-            await self._note(connection, caller, refusal)
+            await self._record_refusal(connection, caller, refusal)
             if scope["type"] == "websocket":
                 code = 4401 if isinstance(refusal, Unauthenticated) else 4403
                 await send({"type": "websocket.close", "code": code, "reason": refusal.code})
             else:
-                await self._refuse(connection, refusal)(scope, receive, send)
+                await self._refusal_response(connection, refusal)(scope, receive, send)
             return
-        scope[KEY] = caller  # in place: the request context middleware reads it from the same dict
+        scope[CALLER_KEY] = caller  # in place: the request context middleware reads it from the same dict
         await self.app(scope, receive, send)
 
     def _check_host(self, headers: Headers) -> None:
@@ -89,76 +91,82 @@ class Gate:
 
     def _check_origin(self, headers: Headers) -> None:
         origin = headers.get("origin")
-        foreign = origin is not None and _place(origin) != _bare(headers.get("host", ""), _scheme(origin))
-        if foreign or (origin is None and headers.get("sec-fetch-site") == "cross-site" and not _navigates(headers)):
+        foreign = origin is not None and _origin_host(origin) != _without_default_port(
+            headers.get("host", ""), _origin_scheme(origin)
+        )
+        if foreign or (
+            origin is None and headers.get("sec-fetch-site") == "cross-site" and not _is_navigation(headers)
+        ):
             raise Forbidden(
                 "foreign-origin",
                 "The request comes from a page of another site; cross-site requests are not allowed.",
                 [Fault("Origin", "not this service")],
             )
 
-    async def _identify(self, connection: HTTPConnection) -> Caller:
+    async def _identify_caller(self, connection: HTTPConnection) -> Caller:
         """Authenticate the caller and count the request against its rate limit.
 
         Raises ``Unauthenticated`` (``login-needed``), ``Busy`` (``too-many-requests``).
         """
         if self._keys is None:
-            return ANYBODY
+            return ANONYMOUS_ADMIN
         path = connection.scope["path"]
         if _is_open(path) and path != _LOGIN:
-            return STRANGER
-        caller = None if path == _LOGIN else await self._known(connection, self._keys)
+            return UNAUTHENTICATED
+        caller = None if path == _LOGIN else await self._authenticated_caller(connection, self._keys)
         if caller is not None:
-            self._rates.take(f"token {caller.token_id}")
+            self._rate_limiter.count_request(f"token {caller.token_id}")
             return caller
-        self._rates.take(f"address {connection.client.host if connection.client else ''}", STRANGERS)
+        self._rate_limiter.count_request(
+            f"address {connection.client.host if connection.client else ''}", STRANGER_SHARE
+        )
         if path == _LOGIN:
-            return STRANGER
+            return UNAUTHENTICATED
         raise Unauthenticated(
             "login-needed",
             "This service requires an API token: send it as 'Authorization: Bearer ...', or log in at /login.",
         )
 
-    async def _known(self, connection: HTTPConnection, keys: Keys) -> Caller | None:
+    async def _authenticated_caller(self, connection: HTTPConnection, keys: SigningKeys) -> Caller | None:
         scheme, _, secret = connection.headers.get("authorization", "").partition(" ")
         try:
             if scheme.lower() == "bearer" and secret.startswith(SCENARIO_KEY):
                 token_id = keys.token_of_scenario_key(secret, self._clock(), _replaced_scenario(connection.scope))
             elif scheme.lower() == "bearer" and secret.strip():
-                return await holder(secret.strip(), keys, parts_of(connection).tokens)
+                return await token_holder(secret.strip(), keys, parts_of(connection).tokens)
             else:
                 token_id = keys.token_of(connection.cookies.get(COOKIE, ""), self._clock())
             if token_id is None or token_id == ADMIN:
                 return _ADMIN if token_id else None
-            return await parts_of(connection).tokens.of_id(token_id)
+            return await parts_of(connection).tokens.caller_of_id(token_id)
         except DBAPIError as error:
             raise Unavailable("database-unreachable", "The database does not answer. Try again shortly.") from error
 
-    async def _note(self, connection: HTTPConnection, caller: Caller, refusal: StridelabError) -> None:
+    async def _record_refusal(self, connection: HTTPConnection, caller: Caller, refusal: StridelabError) -> None:
         """Log a refusal, and write it to the audit table at a limited rate, so that refusals cannot fill the disk."""
         if isinstance(refusal, Unavailable) or connection.scope["type"] != "http":
             return
-        audit.tell(caller, "refused", refusal.code)
+        audit.log_action(caller, "refused", refusal.code)
         try:
-            self._noted.take("all")
+            self._audit_limiter.count_request("all")
             async with parts_of(connection).engine.begin() as database:
-                await audit.write(database, caller, "refused", refusal.code)
+                await audit.write_row(database, caller, "refused", refusal.code)
         except Busy:
             return  # logged only
         except DBAPIError:
             log.warning("refusal not in the audit table: the database does not answer")
 
-    def _refuse(self, connection: HTTPConnection, refusal: StridelabError) -> Response:
+    def _refusal_response(self, connection: HTTPConnection, refusal: StridelabError) -> Response:
         wants_page = "text/html" in connection.headers.get("accept", "")
         is_page = connection.scope["method"] == "GET" and not connection.scope["path"].startswith("/api/")
         if isinstance(refusal, Unauthenticated) and wants_page and is_page:
-            return RedirectResponse(f"/login?next={quote(_relative(connection.scope))}", status_code=303)
-        return problems.answer_error(refusal)
+            return RedirectResponse(f"/login?next={quote(_relative_url(connection.scope))}", status_code=303)
+        return problems.error_response(refusal)
 
 
-async def holder(secret: str, keys: Keys, book: TokenBook) -> Caller | None:
+async def token_holder(secret: str, keys: SigningKeys, cache: TokenCache) -> Caller | None:
     """Holder of the token ``secret``: the admin of the settings, the caller of the token table, or None."""
-    return _ADMIN if keys.accepts_token(secret) else await book.of_secret(secret)
+    return _ADMIN if keys.accepts_token(secret) else await cache.caller_of_secret(secret)
 
 
 def _replaced_scenario(scope: Scope) -> str:
@@ -172,19 +180,19 @@ def _is_open(path: str) -> bool:
     return path in OPEN_PATHS or path.startswith(OPEN_FOLDER)
 
 
-def inside(app: ASGIApp) -> ASGIApp:
+def as_internal_app(app: ASGIApp) -> ASGIApp:
     """Wrap ``app`` for requests from within this process (the web pages), which skip authentication.
 
     The mark is set in the ASGI scope, which a client cannot do with a header.
     """
 
-    async def call(scope: Scope, receive: Receive, send: Send) -> None:
-        await app({**scope, _INSIDE: True}, receive, send)
+    async def call_internally(scope: Scope, receive: Receive, send: Send) -> None:
+        await app({**scope, _INTERNAL: True}, receive, send)
 
-    return call
+    return call_internally
 
 
-def _relative(scope: Scope) -> str:
+def _relative_url(scope: Scope) -> str:
     query = scope["query_string"].decode("latin-1")
     return str(scope["path"]) + (f"?{query}" if query else "")
 
@@ -201,7 +209,7 @@ def local_target(target: str) -> str:
     return target
 
 
-def _navigates(headers: Headers) -> bool:
+def _is_navigation(headers: Headers) -> bool:
     """Whether the request is a top-level navigation: allowed from any site, because only the user sees the page."""
     return headers.get("sec-fetch-mode") == "navigate" and headers.get("sec-fetch-dest") == "document"
 
@@ -213,16 +221,16 @@ def _host_name(host: str) -> str:
     return host.partition(":")[0].rstrip(".").lower()
 
 
-def _scheme(origin: str) -> str:
+def _origin_scheme(origin: str) -> str:
     """Scheme of an origin, in lower case."""
     return origin.partition(":")[0].lower()
 
 
-def _place(origin: str) -> str:
+def _origin_host(origin: str) -> str:
     scheme, separator, place = origin.partition("://")
-    return _bare(place, scheme.lower()) if separator else origin
+    return _without_default_port(place, scheme.lower()) if separator else origin
 
 
-def _bare(place: str, scheme: str) -> str:
+def _without_default_port(place: str, scheme: str) -> str:
     """Host and port in lower case, without the default port of the scheme."""
     return place.lower().removesuffix(_DEFAULT_PORT.get(scheme, ""))

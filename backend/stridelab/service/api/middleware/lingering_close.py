@@ -11,15 +11,15 @@ from typing import Final
 from starlette.datastructures import Headers
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-PATIENCE_S: Final = 5.0
+DRAIN_TIMEOUT_S: Final = 5.0
 
 
-class Linger:
+class LingeringCloseMiddleware:
     """ASGI middleware that drains the request body after a refusal, for a limited time."""
 
-    def __init__(self, app: ASGIApp, patience_s: float = PATIENCE_S) -> None:
+    def __init__(self, app: ASGIApp, drain_timeout_s: float = DRAIN_TIMEOUT_S) -> None:
         self.app = app
-        self._patience_s = patience_s
+        self._drain_timeout_s = drain_timeout_s
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] != "http":
@@ -29,7 +29,7 @@ class Linger:
         heard_all = "expect" in Headers(scope=scope)
         is_refusal = False
 
-        async def receive_and_note() -> Message:
+        async def receive_and_track() -> Message:
             nonlocal heard_all
             message = await receive()
             heard_all = not message.get("more_body", False)
@@ -43,10 +43,10 @@ class Linger:
             if ends and is_refusal and not heard_all:
                 await send({**message, "more_body": True})
                 with suppress(TimeoutError):
-                    async with asyncio.timeout(self._patience_s):
+                    async with asyncio.timeout(self._drain_timeout_s):
                         while not heard_all:
-                            await receive_and_note()
+                            await receive_and_track()
                 message = {"type": "http.response.body", "body": b"", "more_body": False}
             await send(message)
 
-        await self.app(scope, receive_and_note, send_and_linger)
+        await self.app(scope, receive_and_track, send_and_linger)

@@ -12,8 +12,8 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from stridelab.service import telemetry
 from stridelab.service.api import problems
-from stridelab.service.api.dependencies import KEY
-from stridelab.service.auth.callers import STRANGER
+from stridelab.service.api.dependencies import CALLER_KEY
+from stridelab.service.auth.callers import UNAUTHENTICATED
 
 log = structlog.get_logger(__name__)
 
@@ -36,7 +36,7 @@ HEADERS: Final = {
 }
 
 
-class Edge:
+class RequestContextMiddleware:
     """ASGI middleware around the whole application; streaming responses are not buffered."""
 
     def __init__(self, app: ASGIApp) -> None:
@@ -53,10 +53,10 @@ class Edge:
             else:
                 parent = Headers(scope=scope).get("traceparent")
                 named = {"request_id": request_id}
-                with telemetry.span(scope["method"], named, parent=parent, kind=SpanKind.SERVER) as span:
-                    await self._answer(scope, receive, send, request_id, span)
+                with telemetry.start_span(scope["method"], named, parent=parent, kind=SpanKind.SERVER) as span:
+                    await self._handle_request(scope, receive, send, request_id, span)
 
-    async def _answer(self, scope: Scope, receive: Receive, send: Send, request_id: str, span: Span) -> None:
+    async def _handle_request(self, scope: Scope, receive: Receive, send: Send, request_id: str, span: Span) -> None:
         status = 0
         started_at = time.perf_counter()
 
@@ -75,23 +75,23 @@ class Edge:
             log.exception("request failed", method=scope["method"], route=_route_of(scope))
             if status:
                 raise  # the response has started, so the connection can only be aborted
-            failure = problems.problem(
+            failure = problems.make_problem(
                 500, "internal-error", "Something went wrong inside the service; its log has the details."
             )
-            await problems.answer(failure)(scope, receive, send_with_headers)
+            await problems.problem_response(failure)(scope, receive, send_with_headers)
         finally:
             route = _route_of(scope)
             span.update_name(f"{scope['method']} {route}")
             span.set_attribute("http.response.status_code", status)
             if status >= 500:
-                telemetry.failed(span)
+                telemetry.mark_failed(span)
             log.info(
                 "request",
                 method=scope["method"],
                 route=route,
                 status=status,
                 took_ms=round(1000 * (time.perf_counter() - started_at), 1),
-                **({} if KEY in scope and scope[KEY] is not STRANGER else {"stranger": True}),
+                **({} if CALLER_KEY in scope and scope[CALLER_KEY] is not UNAUTHENTICATED else {"stranger": True}),
             )
 
 

@@ -17,7 +17,7 @@ from typing import IO, Any, Final
 from stridelab.errors import StridelabError
 from stridelab.service.processes.child import forbid_core_files, limit_memory
 from stridelab.service.processes.parent_death import die_with_parent
-from stridelab.service.processes.sandbox import STRICT, confine
+from stridelab.service.processes.sandbox import STRICT, confine_process
 
 Json = dict[str, Any]
 IDLE_S: Final = 600
@@ -33,13 +33,13 @@ def main(parent_pid: int, memory_mb: int) -> None:
     from stridelab.service.api.previews import preview  # imported before the limit, which counts from the current use
 
     limit_memory(memory_mb)
-    confine(STRICT, None)
-    converse(sys.stdin, wire, preview.answer)
+    confine_process(STRICT, None)
+    serve_requests(sys.stdin, wire, preview.answer_request)
     sys.stderr.flush()
     os._exit(0)
 
 
-def converse(source: IO[str], wire: IO[str], answer: Callable[[Json], Json]) -> None:
+def serve_requests(source: IO[str], wire: IO[str], answer: Callable[[Json], Json]) -> None:
     """Answer the lines of ``source`` on ``wire``; SIGALRM ends the process after ``IDLE_S`` without a line."""
     signal.signal(signal.SIGALRM, signal.SIG_DFL)
     while True:
@@ -49,12 +49,12 @@ def converse(source: IO[str], wire: IO[str], answer: Callable[[Json], Json]) -> 
         if not line:
             return
         question: Json = json.loads(line)
-        response = {"number": question.pop("number"), **told(question, answer)}
+        response = {"number": question.pop("number"), **answer_or_problem(question, answer)}
         wire.write(json.dumps(response, allow_nan=False) + "\n")
         wire.flush()
 
 
-def told(question: Json, answer: Callable[[Json], Json]) -> Json:
+def answer_or_problem(question: Json, answer: Callable[[Json], Json]) -> Json:
     """Call ``answer`` and return its value, or the problem if it fails."""
     try:
         return {"value": answer(question)}

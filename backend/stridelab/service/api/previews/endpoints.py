@@ -6,7 +6,7 @@ from fastapi import APIRouter, Body
 
 from stridelab.schemas.previews import PlanPreview, PlanPreviewInput, Solvers
 from stridelab.service.api.dependencies import AppParts
-from stridelab.service.api.openapi import failures
+from stridelab.service.api.openapi import failure_responses
 from stridelab.service.api.scenarios.examples import ONE_STEP
 from stridelab.service.api.scenarios.repository import scenario_of, scenario_row
 from stridelab.service.api.strict_json import StrictRoute
@@ -31,7 +31,7 @@ async def solvers(parts: AppParts) -> Solvers:
 @router.post(
     "/plans/preview",
     summary="Plan at once",
-    responses=failures(
+    responses=failure_responses(
         s404="No scenario with this id (`scenario-not-found`).",
         s422="The scenario is malformed (`invalid-request`), the C++ solver is not available (`solver-unavailable`), "
         "or the push is after the end of the motion (`push-too-late`).",

@@ -17,7 +17,7 @@ from stridelab.centroidal.receding_horizon import RecedingHorizon, State
 from stridelab.centroidal.rest_to_rest import from_rest_to_rest
 from stridelab.centroidal.solver import solve
 from stridelab.errors import Fault, InvalidInput, NotEstimable
-from stridelab.pipelines.plan_problem import densities, native_missing, outlined
+from stridelab.pipelines.plan_problem import contact_sequence_of, load_densities, native_unavailable_reason
 from stridelab.reachability.proxy.effector_proxy import Proxy
 from stridelab.reachability.store import DEFAULT_MEASURE
 from stridelab.robots.loader import load_robot
@@ -31,34 +31,34 @@ Json = dict[str, Any]
 LIMITS: Final = Limits(iterations=100, cpu_s=2.0)
 """Solver limits for interactive use: a quick failure is better than a late solution."""
 SHOWN_FAULTS: Final = 50
-LEAST_S: Final = 0.2
+MIN_RECOVERY_S: Final = 0.2
 """Minimum time between the end of a push and the end of the motion."""
 
 
-def answer(question: Json) -> Json:
+def answer_request(question: Json) -> Json:
     """Answer ``{"ask": "solvers"}``, ``{"ask": "preview", "input": PlanPreviewInput}`` or a request of ``stances``."""
     if question["ask"] == "solvers":
-        return solvers().model_dump(mode="json")
+        return list_solvers().model_dump(mode="json")
     if question["ask"] == "stances":
-        return stances.answer(question)
-    return preview(PlanPreviewInput.model_validate(question["input"])).model_dump(mode="json")
+        return stances.answer_request(question)
+    return preview_plan(PlanPreviewInput.model_validate(question["input"])).model_dump(mode="json")
 
 
-def solvers() -> Solvers:
+def list_solvers() -> Solvers:
     """List all solvers; those of CasADi are always available."""
-    missing = native_missing()
+    missing = native_unavailable_reason()
     facts = [SolverFacts(name="native", available=missing is None, missing=missing)]
     facts += [SolverFacts(name=name, available=True) for name in ("ipopt", "fatrop")]
     return Solvers(auto="native" if missing is None else "ipopt", solvers=facts)
 
 
-def preview(request: PlanPreviewInput) -> PlanPreview:
+def preview_plan(request: PlanPreviewInput) -> PlanPreview:
     """Compute the motion of a scenario, and the replanned motion after the push.
 
     Raises ``NotEstimable`` (``solver-unavailable``), ``InvalidInput`` (``push-too-late``) and the errors of
     ``load_robot`` and ``densities``.
     """
-    missing = native_missing()
+    missing = native_unavailable_reason()
     if missing is not None:
         sentence = f"{missing} Previews need it; a job (plan-motion) works without it."
         raise NotEstimable("solver-unavailable", sentence)
@@ -66,50 +66,50 @@ def preview(request: PlanPreviewInput) -> PlanPreview:
         raise ValueError("the endpoint sends the scenario itself")
     started = time.process_time()
     try:
-        sequence = outlined(request.scenario)
+        sequence = contact_sequence_of(request.scenario)
     except InvalidInput as refusal:
-        return _refused(request.scenario, refusal, time.process_time() - started)
+        return _invalid_preview(request.scenario, refusal, time.process_time() - started)
     if request.push is not None:
         _require_time(request.push, sequence.duration_s)
-    posed = from_rest_to_rest(load_robot(sequence.robot), sequence, _densities(sequence.robot))
+    posed = from_rest_to_rest(load_robot(sequence.robot), sequence, _robot_densities(sequence.robot))
     problem = replace(posed, control=CircularCones(), node_rate_hz=request.node_rate_hz)
     plan = solve(problem, "native", LIMITS)
     recovered = None
     if request.push is not None and plan.converged:
-        recovered = recover(problem, plan, request.push)
+        recovered = plan_recovery(problem, plan, request.push)
     return PlanPreview(
         solver=plan.solver,
         duration_s=sequence.duration_s,
         took_s=time.process_time() - started,
         errors=[],
-        motion=_motion(plan, 0.0),
+        motion=_preview_motion(plan, 0.0),
         recovered=recovered,
     )
 
 
-def recover(problem: CentroidalProblem, plan: CentroidalPlan, push: PreviewPush) -> PreviewMotion:
+def plan_recovery(problem: CentroidalProblem, plan: CentroidalPlan, push: PreviewPush) -> PreviewMotion:
     """Plan the motion from the end of ``push`` to rest at the end of the sequence."""
-    state, ends_s = pushed(plan, push)
+    state, ends_s = state_after_push(plan, push)
     horizon = RecedingHorizon(problem=problem, horizon_s=max(problem.sequence.duration_s, 1.0), limits=LIMITS)
-    return _motion(solve(horizon.horizon(ends_s, state), "native", LIMITS), ends_s)
+    return _preview_motion(solve(horizon.horizon_problem(ends_s, state), "native", LIMITS), ends_s)
 
 
-def pushed(plan: CentroidalPlan, push: PreviewPush) -> tuple[State, float]:
+def state_after_push(plan: CentroidalPlan, push: PreviewPush) -> tuple[State, float]:
     """State after a push, and its time in seconds.
 
     The force acts at the CoM, so the angular momentum is unchanged: m (c'' - c''_planned) = f.
     """
     if push.velocity_m_s is not None:
-        planned = plan.at(push.time_s)
+        planned = plan.reference_at(push.time_s)
         return State(planned.com_m, planned.com_v_m_s + np.array(push.velocity_m_s), planned.l_nms), push.time_s
     ends_s = push.time_s + push.duration_s
-    planned = plan.at(ends_s)
+    planned = plan.reference_at(ends_s)
     a = np.array(push.force_n) / plan.mass_kg
     state = State(planned.com_m + a * push.duration_s**2 / 2, planned.com_v_m_s + a * push.duration_s, planned.l_nms)
     return state, ends_s
 
 
-def _refused(scenario: Scenario, refusal: InvalidInput, took_s: float) -> PlanPreview:
+def _invalid_preview(scenario: Scenario, refusal: InvalidInput, took_s: float) -> PlanPreview:
     """Response to an invalid scenario: its faults, and an empty motion."""
     empty = PreviewMotion(
         converged=False,
@@ -131,17 +131,19 @@ def _refused(scenario: Scenario, refusal: InvalidInput, took_s: float) -> PlanPr
 
 def _require_time(push: PreviewPush, duration_s: float) -> None:
     ends_s = push.time_s + (0.0 if push.force_n is None else push.duration_s)
-    if ends_s > duration_s - LEAST_S:
-        sentence = f"A push must end {LEAST_S:g} s before the motion does, at {duration_s - LEAST_S:.2f} s."
+    if ends_s > duration_s - MIN_RECOVERY_S:
+        sentence = (
+            f"A push must end {MIN_RECOVERY_S:g} s before the motion does, at {duration_s - MIN_RECOVERY_S:.2f} s."
+        )
         raise InvalidInput("push-too-late", sentence, [Fault("push.time_s", f"ends at {ends_s:g} s")])
 
 
 @lru_cache(maxsize=8)
-def _densities(robot: str) -> Mapping[str, Proxy]:
-    return densities(load_robot(robot), DEFAULT_MEASURE)
+def _robot_densities(robot: str) -> Mapping[str, Proxy]:
+    return load_densities(load_robot(robot), DEFAULT_MEASURE)
 
 
-def _motion(plan: CentroidalPlan, starts_s: float) -> PreviewMotion:
+def _preview_motion(plan: CentroidalPlan, starts_s: float) -> PreviewMotion:
     is_solved = bool(np.isfinite(plan.com_m).all()) and plan.converged
     return PreviewMotion(
         converged=plan.converged,

@@ -16,16 +16,16 @@ import numpy as np
 from stridelab.dynamics.spatial import Placement
 from stridelab.robots.loader import load_robot
 from stridelab.robots.visuals import link_poses
-from stridelab.wholebody.stance_check import Stance, StanceCheck, StanceVerdict, swung
+from stridelab.wholebody.stance_check import Stance, StanceCheck, StanceResult, mid_swing_placement
 
 Json = dict[str, Any]
 
-BUDGET_S: Final = 4.0
+TIME_LIMIT_S: Final = 4.0
 """Time limit of one request; the phases that remain after it have no answer."""
 DIGITS: Final = 5
 
 
-def answer(question: Json) -> Json:
+def answer_request(question: Json) -> Json:
     """Return ``{"phases": [...]}``: the fields of ``PhaseBody`` without its number; null for a phase not checked.
 
     The phase ``posture_of`` is checked first and always has an answer. Raises the errors of ``load_robot``.
@@ -35,18 +35,18 @@ def answer(question: Json) -> Json:
     shown: int | None = question["posture_of"]
     order = sorted((k for k, stance in enumerate(stances) if stance is not None), key=lambda k: k != shown)
     answers: list[Json | None] = [None] * len(stances)
-    until_s = time.monotonic() + BUDGET_S
+    until_s = time.monotonic() + TIME_LIMIT_S
     for k in order:
         stance = stances[k]
         if stance is None or (k != shown and time.monotonic() > until_s):
             continue
-        answers[k] = _said(check, check.verdict(stance), shown=k == shown)
+        answers[k] = _stance_answer(check, check.check_stance(stance), shown=k == shown)
     return {"phases": answers}
 
 
 def stances_of(check: StanceCheck, phases: Sequence[Json]) -> list[Stance | None]:
     """The stance of each phase; None if its contacts are invalid or contain no sole."""
-    placed = [_placed(check, phase["contacts"]) for phase in phases]
+    placed = [_contact_placements(check, phase["contacts"]) for phase in phases]
     soles = [name for name, one in check.robot.effectors.items() if one.kind == "surface"]
     stances: list[Stance | None] = []
     for k, contacts in enumerate(placed):
@@ -57,7 +57,7 @@ def stances_of(check: StanceCheck, phases: Sequence[Json]) -> list[Stance | None
         for name in soles:
             before = next((p[name] for p in reversed(placed[:k]) if p is not None and name in p), None)
             after = next((p[name] for p in placed[k + 1 :] if p is not None and name in p), None)
-            place = None if name in contacts else swung(before, after)
+            place = None if name in contacts else mid_swing_placement(before, after)
             if place is not None:
                 swing_poses[name] = place
         com_m = phases[k]["com_m"]
@@ -72,17 +72,17 @@ def _check_of(robot: str) -> StanceCheck:
     return StanceCheck(load_robot(robot))
 
 
-def _placed(check: StanceCheck, contacts: Sequence[Json]) -> Mapping[str, Placement] | None:
+def _contact_placements(check: StanceCheck, contacts: Sequence[Json]) -> Mapping[str, Placement] | None:
     placements: dict[str, Placement] = {}
     for contact in contacts:
         name = contact["effector"]
         if name not in check.robot.effectors or name in placements or not any(contact["orientation_wxyz"]):
             return None
-        placements[name] = Placement.of(contact["position_m"], contact["orientation_wxyz"])
+        placements[name] = Placement.from_wxyz(contact["position_m"], contact["orientation_wxyz"])
     return placements
 
 
-def _said(check: StanceCheck, verdict: StanceVerdict, *, shown: bool) -> Json:
+def _stance_answer(check: StanceCheck, verdict: StanceResult, *, shown: bool) -> Json:
     poses = np.round(link_poses(check.robot, verdict.q), DIGITS).tolist() if shown else None
     return {
         "body": "reachable" if verdict.reachable else "unreachable",

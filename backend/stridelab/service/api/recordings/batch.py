@@ -23,10 +23,10 @@ from stridelab.service.api.recordings.parse import Parsed
 from stridelab.service.api.recordings.repository import recording_of, recording_row
 from stridelab.service.api.recordings.service import delete_recording, store_upload
 from stridelab.service.auth.callers import Caller
-from stridelab.service.filenames import left_file
+from stridelab.service.filenames import child_output_file
 from stridelab.service.jobs.store import JobRecord
 from stridelab.service.kinds import batch_staging
-from stridelab.service.kinds.batch_staging import ReadUpload
+from stridelab.service.kinds.batch_staging import ParsedUpload
 from stridelab.service.kinds.registry import PARSE_BATCH
 from stridelab.service.storage.tables import recording
 from stridelab.service.uploaded_row import file_sha256
@@ -34,10 +34,10 @@ from stridelab.service.uploaded_row import file_sha256
 log = structlog.get_logger(__name__)
 
 TABLE_FIELD, TABLE_FILE, TABLE_BYTES = "subjects", "subjects.csv", 1_000_000
-DIRECT_BYTES: Final = 20_000_000
-DIRECT_FILES: Final = 20
+MAX_DIRECT_BYTES: Final = 20_000_000
+MAX_DIRECT_FILES: Final = 20
 """Maximum size and number of files of an upload that is parsed within the request."""
-JOB_PATIENCE: Final = 6.0
+JOB_TIMEOUT_FACTOR: Final = 6.0
 """Factor on the time limit per file in a job, which runs at low priority."""
 
 
@@ -62,17 +62,17 @@ async def receive_batch(parts: Parts, request: Request, folder: Path, caller: Ca
     if unknown:
         faults = [Fault(name, "unknown field") for name in unknown]
         raise InvalidInput("invalid-request", f"The form is not valid: see {', '.join(unknown)}.", faults)
-    task = _task(parts, forms, folder)
+    task = _batch_task(parts, forms, folder)
     received_bytes = sum(one.size_bytes for one in forms.files)
-    if received_bytes <= DIRECT_BYTES and len(forms.files) <= DIRECT_FILES:
+    if received_bytes <= MAX_DIRECT_BYTES and len(forms.files) <= MAX_DIRECT_FILES:
         read = await _read_at_once(parts, task, folder)
         if read is not None:
-            return await _store_all(parts, ReadUpload.of(read), folder, caller)
+            return await _store_all(parts, ParsedUpload.from_parse_result(read), folder, caller)
     await refuse_full(parts, caller.name, received_bytes)
-    return await _submit(parts, task, folder, caller)
+    return await _submit_job(parts, task, folder, caller)
 
 
-def _task(parts: Parts, forms: ReceivedForms, folder: Path) -> ParseBatchTask:
+def _batch_task(parts: Parts, forms: ReceivedForms, folder: Path) -> ParseBatchTask:
     table = forms.fields.get(TABLE_FIELD, "")
     if table.strip():
         (folder / TABLE_FILE).write_text(table, encoding="utf-8")
@@ -100,11 +100,11 @@ async def _read_at_once(parts: Parts, task: ParseBatchTask, folder: Path) -> dic
                 folder,
                 timeout_s=within_s,
                 memory_mb=3 * parts.settings.parse_memory_mb,
-                yields=False,
+                low_priority=False,
             )
     except TimeoutError:
         return None
-    if outcome.raised is not None:
+    if outcome.error_class is not None:
         raise outcome.as_error()
     if outcome.state == "timeout":
         return None
@@ -117,16 +117,16 @@ async def _read_at_once(parts: Parts, task: ParseBatchTask, folder: Path) -> dic
     return dict(outcome.value)
 
 
-async def _store_all(parts: Parts, upload: ReadUpload, folder: Path, caller: Caller) -> RecordingBatch:
+async def _store_all(parts: Parts, upload: ParsedUpload, folder: Path, caller: Caller) -> RecordingBatch:
     """Store the parsed recordings and link static trials; delete the stored ones again if something fails."""
     ids: dict[int, str] = {}
     try:
         for one in upload.files:
-            form = await asyncio.to_thread(_received, left_file(folder, one.file), one.filename)
-            parsed = Parsed(one.facts, left_file(folder, one.tracks))
-            ids[one.place] = (await store_upload(parts, form, parsed, one.stated, caller.name)).id
+            form = await asyncio.to_thread(_single_form, child_output_file(folder, one.file), one.filename)
+            parsed = Parsed(one.facts, child_output_file(folder, one.tracks))
+            ids[one.index] = (await store_upload(parts, form, parsed, one.stated_subject, caller.name)).id
         async with parts.engine.begin() as connection:
-            for recording_id, static_id in upload.links(ids).items():
+            for recording_id, static_id in upload.static_trial_ids(ids).items():
                 linked = update(recording).where(recording.c.id == recording_id)
                 await connection.execute(linked.values(static_recording_id=static_id))
             stored = [recording_of(await recording_row(connection, recording_id)) for recording_id in ids.values()]
@@ -134,29 +134,29 @@ async def _store_all(parts: Parts, upload: ReadUpload, folder: Path, caller: Cal
         for recording_id in ids.values():
             await delete_recording(parts, recording_id, caller)
         raise
-    summary = upload.summary(ids)
+    summary = upload.batch_summary(ids)
     return RecordingBatch(
         recordings=stored, studied=summary.studied, subjects=summary.subjects, refused=summary.refused
     )
 
 
-async def _submit(parts: Parts, task: ParseBatchTask, folder: Path, caller: Caller) -> JobRecord:
+async def _submit_job(parts: Parts, task: ParseBatchTask, folder: Path, caller: Caller) -> JobRecord:
     """Store the received files and submit the job that reads them."""
-    patient = task.model_copy(update={"timeout_s": JOB_PATIENCE * task.timeout_s})
-    (folder / batch_staging.TASK).write_text(patient.model_dump_json(), encoding="utf-8")
-    names = [batch_staging.TASK, *(one.file for one in task.files), *([task.table] if task.table else [])]
+    patient = task.model_copy(update={"timeout_s": JOB_TIMEOUT_FACTOR * task.timeout_s})
+    (folder / batch_staging.TASK_FILE).write_text(patient.model_dump_json(), encoding="utf-8")
+    names = [batch_staging.TASK_FILE, *(one.file for one in task.files), *([task.table] if task.table else [])]
     request = {"batch_id": uuid.uuid4().hex, "files": names}
-    prefix = batch_staging.own_files(request)
+    prefix = batch_staging.batch_prefix(request)
     try:
         for name in names:
             await parts.blobs.put_file(f"{prefix}/{name}", folder / name)
-        submitted = await parts.store.submit(batch_staging.KIND, request, owner=caller.name)
+        submitted = await parts.store.submit(batch_staging.READ_BATCH_KIND, request, owner=caller.name)
     except StridelabError:  # the job is certainly not stored; after other errors the janitor removes the files
         await parts.blobs.delete_prefix(prefix)
         raise
     return await parts.store.get(submitted.job_id)
 
 
-def _received(path: Path, filename: str) -> ReceivedForm:
+def _single_form(path: Path, filename: str) -> ReceivedForm:
     """One file as the form of a single upload. The hash is computed here, because the child is not trusted."""
     return ReceivedForm(path, filename, path.stat().st_size, file_sha256(path), fields={})

@@ -14,18 +14,18 @@ from stridelab.service.api.dependencies import AppParts, CallerOf
 from stridelab.service.api.downloads import OCTETS, PARQUET, send_blob
 from stridelab.service.api.jobs import delete
 from stridelab.service.api.jobs.presentation import job_of
-from stridelab.service.api.openapi import failures
+from stridelab.service.api.openapi import failure_responses
 from stridelab.service.api.pagination import Cursor, Limit, read_page
 from stridelab.service.api.recordings import service
 from stridelab.service.api.recordings.batch import receive_batch
 from stridelab.service.api.recordings.form_fields import session_of_form, subject_of_form
 from stridelab.service.api.recordings.multipart import Limits, receive_form
-from stridelab.service.api.recordings.parse import NO_SWITCHES, parse
+from stridelab.service.api.recordings.parse import NO_SWITCHES, parse_recording
 from stridelab.service.api.recordings.repository import recording_of, recording_row, recordings_with_subjects
 from stridelab.service.api.strict_json import StrictRoute
 from stridelab.service.storage.tables import recording
 
-REUSED: Final = "Stridelab-Reused"
+REUSED_HEADER: Final = "Stridelab-Reused"
 """Response header of an upload that was not stored because a recording of the same bytes exists."""
 Reuse = Annotated[
     bool,
@@ -41,13 +41,13 @@ WithStudies = Annotated[
 router = APIRouter(prefix="/recordings", tags=["recordings"], route_class=StrictRoute)
 
 
-def _form(fields: dict[str, Any]) -> dict[str, Any]:
+def _form_body(fields: dict[str, Any]) -> dict[str, Any]:
     """OpenAPI request body of a multipart form with ``fields``, of which ``file`` is required."""
     schema = {"type": "object", "required": ["file"], "additionalProperties": False, "properties": fields}
     return {"requestBody": {"required": True, "content": {"multipart/form-data": {"schema": schema}}}}
 
 
-_FORM: Final = _form(
+_FORM: Final = _form_body(
     {
         "file": {
             "type": "string",
@@ -67,7 +67,7 @@ _FORM: Final = _form(
         },
     }
 )
-_BATCH: Final = _form(
+_BATCH: Final = _form_body(
     {
         "file": {
             "type": "array",
@@ -95,7 +95,7 @@ OfSubject = Annotated[
     str | None, Query(max_length=64, pattern=r"^[A-Za-z0-9_-]*$", description="only recordings of this subject")
 ]
 Linked = Annotated[bool | None, Query(description="true: only recordings linked to a subject; false: only the others")]
-_UNKNOWN: Final = failures(s404="No recording with this id (`recording-not-found`).")
+_UNKNOWN: Final = failure_responses(s404="No recording with this id (`recording-not-found`).")
 _FILE: Final[dict[int | str, dict[str, Any]]] = {
     200: {"description": "The file.", "content": {OCTETS: {"schema": {"type": "string", "format": "binary"}}}}
 }
@@ -109,7 +109,7 @@ _TABLE: Final[dict[int | str, dict[str, Any]]] = {
     status_code=201,
     summary="Upload a recording",
     openapi_extra=_FORM,
-    responses=failures(
+    responses=failure_responses(
         s413="The file exceeds the size limit (`upload-too-large`) or your storage limit (`storage-limit`).",
         s422="The file cannot be read (for example `unreadable-file`, `empty-file`), or a field is not valid.",
         s507="No disk space is left (`disk-full`).",
@@ -133,9 +133,9 @@ async def upload_recording(
         subject, session_id = subject_of_form(form.fields), session_of_form(form.fields)
         existing = await service.uploaded_before(parts, form, caller.name) if reuse else None
         if existing is not None:
-            response.headers.update({"Location": f"/api/v1/recordings/{existing.id}", REUSED: "true"})
+            response.headers.update({"Location": f"/api/v1/recordings/{existing.id}", REUSED_HEADER: "true"})
             return existing
-        parsed = await parse(parts, folder, form.path.name, form.filename, NO_SWITCHES)
+        parsed = await parse_recording(parts, folder, form.path.name, form.filename, NO_SWITCHES)
         stored = await service.store_upload(parts, form, parsed, subject, caller.name, session_id)
     finally:
         shutil.rmtree(folder, ignore_errors=True)
@@ -151,7 +151,7 @@ async def upload_recording(
     response_model=RecordingBatch,
     responses={
         202: {"model": Job, "description": "A job reads the files; the summary of its result is a ReadBatchSummary."},
-        **failures(
+        **failure_responses(
             s413="The files exceed the size limit (`upload-too-large`) or your storage limit (`storage-limit`).",
             s422="No file can be read (`nothing-readable`), or a zip or the table is invalid.",
             s429="Too many jobs are queued (`queue-full`), or too many of yours (`user-queue-full`).",
@@ -210,7 +210,9 @@ async def get_recording(parts: AppParts, recording_id: str) -> Recording:
     summary="Change a recording",
     responses={
         **_UNKNOWN,
-        **failures(s409="A bundled sample (`bundled-read-only`), or changed concurrently (`changed-meanwhile`)."),
+        **failure_responses(
+            s409="A bundled sample (`bundled-read-only`), or changed concurrently (`changed-meanwhile`)."
+        ),
     },
 )
 async def change_recording(
@@ -227,7 +229,7 @@ async def change_recording(
     "/{recording_id}",
     status_code=204,
     summary="Delete a recording",
-    responses={**_UNKNOWN, **failures(s409="A bundled sample (`bundled-read-only`).")},
+    responses={**_UNKNOWN, **failure_responses(s409="A bundled sample (`bundled-read-only`).")},
 )
 async def delete_recording(
     parts: AppParts, caller: CallerOf, recording_id: str, response: Response, with_studies: WithStudies = False
@@ -242,7 +244,7 @@ async def delete_recording(
     if with_studies:
         studies = await delete.delete_studies(parts, studies, caller)
     if studies:
-        response.headers[delete.KEPT_IN] = ", ".join(studies)
+        response.headers[delete.REMAINING_JOBS_HEADER] = ", ".join(studies)
 
 
 @router.get(

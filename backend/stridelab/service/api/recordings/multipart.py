@@ -74,17 +74,17 @@ async def receive_form(request: Request, path: Path, limits: Limits) -> Received
     ``StorageFull`` (``disk-full``); ``InvalidInput`` (``unsupported-media-type``, ``malformed-request``,
     ``file-missing``, ``empty-file``, ``invalid-request``).
     """
-    form = await _receive(request, lambda _: path, path.parent, limits)
+    form = await _read_form(request, lambda _: path, path.parent, limits)
     (one,) = form.files
     return ReceivedForm(one.path, one.filename, one.size_bytes, one.sha256, form.fields)
 
 
 async def receive_forms(request: Request, folder: Path, limits: Limits) -> ReceivedForms:
     """Read a form with several parts ``file`` into ``folder``. Raises the errors of ``receive_form``."""
-    return await _receive(request, lambda index: folder / f"upload-{index:04d}", folder, limits)
+    return await _read_form(request, lambda index: folder / f"upload-{index:04d}", folder, limits)
 
 
-async def _receive(request: Request, path_of: Callable[[int], Path], folder: Path, limits: Limits) -> ReceivedForms:
+async def _read_form(request: Request, path_of: Callable[[int], Path], folder: Path, limits: Limits) -> ReceivedForms:
     media_type, options = parse_options_header(request.headers.get("content-type", ""))
     if media_type != b"multipart/form-data" or not options.get(b"boundary"):
         raise InvalidInput(
@@ -98,9 +98,9 @@ async def _receive(request: Request, path_of: Callable[[int], Path], folder: Pat
         raise _too_large(limits)
     if shutil.disk_usage(folder).free < limits.free_disk_bytes + expected_bytes:
         raise _disk_full()
-    form = _Form(path_of, limits)
+    form = _IncomingForm(path_of, limits)
     try:
-        parser = form.parser(options[b"boundary"])
+        parser = form.make_parser(options[b"boundary"])
         async for chunk in request.stream():
             # writing and hashing block, so they run in a thread
             await anyio.to_thread.run_sync(parser.write, chunk)
@@ -113,7 +113,7 @@ async def _receive(request: Request, path_of: Callable[[int], Path], folder: Pat
         raise
     finally:
         form.close()
-    return form.received()
+    return form.received_forms()
 
 
 def _too_large(limits: Limits) -> TooLarge:
@@ -130,7 +130,7 @@ def _disk_full() -> StorageFull:
     return StorageFull("disk-full", "The disk of the service is nearly full; nothing was stored. Free some space.")
 
 
-class _Arriving:
+class _IncomingFile:
     """A file that is being received."""
 
     def __init__(self, path: Path, filename: str) -> None:
@@ -145,16 +145,16 @@ class _Arriving:
     def close(self) -> None:
         self._target.close()
 
-    def received(self) -> ReceivedFile:
+    def to_received_file(self) -> ReceivedFile:
         return ReceivedFile(self.path, self.filename, self.size, self._hash.hexdigest())
 
 
-class _Form:
+class _IncomingForm:
     """State of a form that is being received."""
 
     def __init__(self, path_of: Callable[[int], Path], limits: Limits) -> None:
         self._path_of, self._limits = path_of, limits
-        self._files: list[_Arriving] = []
+        self._files: list[_IncomingFile] = []
         self._header, self._value = b"", b""
         self._disposition = b""
         self._name, self._text = "", b""
@@ -162,7 +162,7 @@ class _Form:
         self._complete = False
         self._fields: dict[str, str] = {}
 
-    def parser(self, boundary: bytes) -> MultipartParser:
+    def make_parser(self, boundary: bytes) -> MultipartParser:
         """Create a parser whose callbacks fill this form."""
         return MultipartParser(
             boundary,
@@ -184,7 +184,7 @@ class _Form:
         for one in self._files:
             one.close()
 
-    def received(self) -> ReceivedForms:
+    def received_forms(self) -> ReceivedForms:
         """Return the complete form.
 
         Raises ``InvalidInput`` (``malformed-request``, ``file-missing``, ``empty-file``).
@@ -195,7 +195,7 @@ class _Form:
             raise InvalidInput("file-missing", "The form has no field 'file'.", [Fault("file", "missing")])
         if self._limits.files == 1 and self._files[0].size == 0:
             raise InvalidInput("empty-file", "The file is empty: it has 0 bytes.", [Fault("file", "0 bytes")])
-        return ReceivedForms(tuple(one.received() for one in self._files), self._fields)
+        return ReceivedForms(tuple(one.to_received_file() for one in self._files), self._fields)
 
     def _part_begins(self) -> None:
         self._parts += 1
@@ -226,7 +226,7 @@ class _Form:
                 "invalid-request", f"Send at most {self._limits.files} files per request.", [Fault("file", "too many")]
             )
         filename = safe_filename(options.get(b"filename", b"").decode("utf-8", "replace"))
-        self._files.append(_Arriving(self._path_of(len(self._files)), filename))
+        self._files.append(_IncomingFile(self._path_of(len(self._files)), filename))
 
     def _data_arrives(self, data: bytes, start: int, end: int) -> None:
         piece = data[start:end]

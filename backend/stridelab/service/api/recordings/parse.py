@@ -11,14 +11,14 @@ from stridelab.errors import Fault, UnreadableFile
 from stridelab.schemas.recordings import PlateSwitch, RecordingFacts
 from stridelab.schemas.tasks import ParseUploadTask, RecordingSource
 from stridelab.service.api.dependencies import Parts
-from stridelab.service.filenames import PARSER_CRASHED, left_file
+from stridelab.service.filenames import PARSER_CRASHED, child_output_file
 from stridelab.service.kinds.registry import PARSE_UPLOAD
 
 log = structlog.get_logger(__name__)
 
 TRACKS: Final = "tracks.parquet"
 
-_BROKEN: Final[Mapping[str, tuple[str, str]]] = {
+_FAILURES: Final[Mapping[str, tuple[str, str]]] = {
     "crashed": PARSER_CRASHED,
     "killed": (
         "parser-killed",
@@ -63,7 +63,7 @@ class Parsed:
     tracks: Path
 
 
-async def parse(
+async def parse_recording(
     parts: Parts, folder: Path, file: str, filename: str, switches: Switches, static_labels: Sequence[str] = ()
 ) -> Parsed:
     """Parse ``folder / file`` with ``switches`` and write the tracks to ``folder``.
@@ -85,12 +85,12 @@ async def parse(
             folder,
             timeout_s=parts.settings.parse_timeout_s,
             memory_mb=parts.settings.parse_memory_mb,
-            yields=False,
+            low_priority=False,
         )
-    if outcome.raised is not None:
+    if outcome.error_class is not None:
         raise outcome.as_error()
     if outcome.state != "ok":
         log.warning("upload not read", state=outcome.state, log_tail=outcome.log_tail[-2000:])
-        code, sentence = _BROKEN.get(outcome.state, _BROKEN["error"])
+        code, sentence = _FAILURES.get(outcome.state, _FAILURES["error"])
         raise UnreadableFile(code, sentence, [Fault(filename, "cannot be read")])
-    return Parsed(RecordingFacts.model_validate(outcome.value["summary"]), left_file(folder, TRACKS))
+    return Parsed(RecordingFacts.model_validate(outcome.value["summary"]), child_output_file(folder, TRACKS))

@@ -7,8 +7,8 @@ from sqlalchemy import Select, select
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from stridelab.schemas.recordings import Recording, RecordingFacts, SubjectFields
-from stridelab.service.api.dependencies import known_form, not_found
-from stridelab.service.estimable import estimates_of
+from stridelab.service.api.dependencies import not_found_error, require_id_form
+from stridelab.service.estimable import estimate_offers
 from stridelab.service.storage.tables import recording, subject
 
 Row = Mapping[str, Any]
@@ -25,12 +25,12 @@ async def recording_row(connection: AsyncConnection, recording_id: str, *, lock:
 
     Raises ``NotFound`` (``recording-not-found``).
     """
-    query = recordings_with_subjects().where(recording.c.id == known_form(recording_id, "recording"))
+    query = recordings_with_subjects().where(recording.c.id == require_id_form(recording_id, "recording"))
     if lock:
         query = query.with_for_update(of=recording)
     row = (await connection.execute(query)).mappings().one_or_none()
     if row is None:
-        raise not_found("recording")
+        raise not_found_error("recording")
     return dict(row)
 
 
@@ -64,7 +64,7 @@ def recording_of(row: Row) -> Recording:
         static_recording_id=row["static_recording_id"],
         session_id=row["session_id"],
         session_stated=row["session_stated"],
-        estimates=estimates_of(facts, subject, alone=alone),
+        estimates=estimate_offers(facts, subject, no_other_mass_source=alone),
         bundled=row["bundled"],
         truth_job_id=row["truth_job_id"],
         owner=row["owner"],

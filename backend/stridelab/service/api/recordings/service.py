@@ -17,7 +17,7 @@ from stridelab.schemas.recordings import PlateSwitch, Recording, RecordingFacts,
 from stridelab.service.api.dependencies import Parts
 from stridelab.service.api.quotas import refuse_full
 from stridelab.service.api.recordings.multipart import ReceivedForm
-from stridelab.service.api.recordings.parse import Parsed, Switches, parse
+from stridelab.service.api.recordings.parse import Parsed, Switches, parse_recording
 from stridelab.service.api.recordings.repository import recording_of, recording_row, recordings_with_subjects
 from stridelab.service.api.subjects.endpoints import subject_row
 from stridelab.service.auth import audit
@@ -26,9 +26,9 @@ from stridelab.service.kinds.session_staging import session_of
 from stridelab.service.recording_sessions import session_id_of
 from stridelab.service.storage.content_addressed import delete_if_unused, lock_blob, try_lock_blob, upload_key
 from stridelab.service.storage.file_removal import may_remove
-from stridelab.service.storage.publication import NO_ANSWER, publishing
+from stridelab.service.storage.publication import DATABASE_ERRORS, publish_files
 from stridelab.service.storage.tables import job, recording
-from stridelab.service.uploaded_row import new_tracks_key, own_prefix, uploaded_row
+from stridelab.service.uploaded_row import new_tracks_key, recording_prefix, uploaded_row
 
 
 async def change_recording(parts: Parts, recording_id: str, patch: RecordingPatch) -> Recording:
@@ -40,19 +40,19 @@ async def change_recording(parts: Parts, recording_id: str, patch: RecordingPatc
     async with parts.engine.connect() as connection:
         row = await recording_row(connection, recording_id)
     refuse_bundled(row)
-    links = await _links(parts, row, patch)
+    links = await _changed_links(parts, row, patch)
     static_labels = await _static_labels(parts, {**row, **links})
-    switches = _switches(row, patch, static_labels)
+    switches = _patched_switches(row, patch, static_labels)
     lacks_clock = "session_id" in patch.model_fields_set and "clock" not in row["facts"]
     if switches != Switches.of_row(row) or lacks_clock:
         with tempfile.TemporaryDirectory(dir=parts.spool) as name:
             await parts.blobs.get_file(row["blob_key"], Path(name) / "trial", row["sha256"])
-            parsed = await parse(parts, Path(name), "trial", row["filename"], switches, static_labels)
-            await replace_facts(parts, row, switches, parsed, lambda locked: _changes(locked, patch, links))
+            parsed = await parse_recording(parts, Path(name), "trial", row["filename"], switches, static_labels)
+            await replace_facts(parts, row, switches, parsed, lambda locked: _changed_columns(locked, patch, links))
     elif patch.model_fields_set:
         async with parts.engine.begin() as connection:
             locked = await recording_row(connection, recording_id, lock=True)
-            changes = _changes(locked, patch, links)
+            changes = _changed_columns(locked, patch, links)
             if changes:
                 await connection.execute(update(recording).where(recording.c.id == recording_id).values(changes))
     async with parts.engine.connect() as connection:
@@ -69,7 +69,7 @@ def _subject_fields(row: Mapping[str, Any], patch: RecordingPatch) -> dict[str, 
     return {"subject_fields": {name: value for name, value in merged.items() if value is not None}}
 
 
-async def _links(parts: Parts, row: Mapping[str, Any], patch: RecordingPatch) -> dict[str, Any]:
+async def _changed_links(parts: Parts, row: Mapping[str, Any], patch: RecordingPatch) -> dict[str, Any]:
     """Changed columns for the links to a subject and to a static trial, which must exist."""
     changes: dict[str, Any] = {}
     async with parts.engine.connect() as connection:
@@ -81,16 +81,16 @@ async def _links(parts: Parts, row: Mapping[str, Any], patch: RecordingPatch) ->
             if "static_recording_id" in patch.model_fields_set:
                 changes["static_recording_id"] = patch.static_recording_id
                 if patch.static_recording_id == row["id"]:
-                    raise _invalid("static_recording_id", "a recording cannot be its own static trial")
+                    raise _invalid_change("static_recording_id", "a recording cannot be its own static trial")
                 if patch.static_recording_id is not None:
                     await recording_row(connection, patch.static_recording_id)
         except NotFound as error:
             where = "static_recording_id" if error.code == "recording-not-found" else "subject_id"
-            raise _invalid(where, error.message) from error
+            raise _invalid_change(where, error.message) from error
     return changes
 
 
-def _changes(row: Mapping[str, Any], patch: RecordingPatch, links: Mapping[str, Any]) -> dict[str, Any]:
+def _changed_columns(row: Mapping[str, Any], patch: RecordingPatch, links: Mapping[str, Any]) -> dict[str, Any]:
     """Changed columns; a session that is not stated is determined again from the subject."""
     changes = {**links, **_subject_fields(row, patch)}
     if "session_id" in patch.model_fields_set and patch.session_id is not None:
@@ -107,7 +107,7 @@ async def _static_labels(parts: Parts, row: Mapping[str, Any]) -> tuple[str, ...
     return () if static is None else tuple(RecordingFacts.model_validate(static["facts"]).labels)
 
 
-def _switches(row: Mapping[str, Any], patch: RecordingPatch, elsewhere: Collection[str]) -> Switches:
+def _patched_switches(row: Mapping[str, Any], patch: RecordingPatch, static_labels: Collection[str]) -> Switches:
     """Switches after ``patch``: the marker map is replaced, plates are changed individually; null resets.
 
     The marker map may also refer to labels of the static trial.
@@ -117,9 +117,9 @@ def _switches(row: Mapping[str, Any], patch: RecordingPatch, elsewhere: Collecti
     marker_map, plates = dict(present.marker_map), dict(present.plates)
     if "marker_map" in patch.model_fields_set:
         marker_map = dict(patch.marker_map or {})
-        unknown = [label for label in marker_map.values() if label not in {*facts.labels, *elsewhere}]
+        unknown = [label for label in marker_map.values() if label not in {*facts.labels, *static_labels}]
         if unknown:
-            raise _invalid(
+            raise _invalid_change(
                 "marker_map",
                 f"neither the file nor its static trial has a marker {', '.join(label[:40] for label in unknown[:5])}",
             )
@@ -129,17 +129,17 @@ def _switches(row: Mapping[str, Any], patch: RecordingPatch, elsewhere: Collecti
             plates = {}
         for index, switch in (patch.plates or {}).items():
             if index not in known:
-                raise _invalid(f"plates.{index}", f"the file has the plates {sorted(known)}")
+                raise _invalid_change(f"plates.{index}", f"the file has the plates {sorted(known)}")
             before = plates.get(index, PlateSwitch()).model_dump(exclude_none=True)
             plates[index] = PlateSwitch.model_validate({**before, **switch.model_dump(exclude_unset=True)})
     return Switches(marker_map, plates)
 
 
-def _invalid(where: str, message: str) -> InvalidInput:
+def _invalid_change(where: str, message: str) -> InvalidInput:
     return InvalidInput("invalid-request", f"The change is not possible: {where}: {message}.", [Fault(where, message)])
 
 
-_LOOK_AGAIN_S: Final = 10.0
+_COMMIT_WAIT_S: Final = 10.0
 """Maximum time to wait for the database if its connection is lost during a commit."""
 log = structlog.get_logger(__name__)
 
@@ -173,7 +173,7 @@ async def store_upload(
         session_id=session_id,
     )
     stored: Recording | None = None
-    async with publishing(lambda: _discard(parts, recording_id, values["blob_key"])) as publication:
+    async with publish_files(lambda: _discard_files(parts, recording_id, values["blob_key"])) as publication:
         try:
             async with publication.transaction(parts.engine) as connection:
                 for key in (values["blob_key"], tracks_key):
@@ -183,11 +183,11 @@ async def store_upload(
                 await connection.execute(insert(recording).values(values))
                 written = recording_of(await recording_row(connection, recording_id))
             stored = written
-        except NO_ANSWER:
+        except DATABASE_ERRORS:
             if not publication.in_doubt:
                 raise
-            stored = await _look_again(parts, recording_id, tracks_key)
-        publication.settle(published=stored is not None)
+            stored = await _read_after_lost_commit(parts, recording_id, tracks_key)
+        publication.record_outcome(published=stored is not None)
     if stored is None:
         raise Unavailable("database-unreachable", "The database does not answer; nothing was stored. Try again.")
     return stored
@@ -215,13 +215,13 @@ async def uploaded_before(parts: Parts, form: ReceivedForm, owner: str | None) -
         return recording_of(row)
 
 
-async def _look_again(parts: Parts, recording_id: str, tracks_key: str) -> Recording | None:
+async def _read_after_lost_commit(parts: Parts, recording_id: str, tracks_key: str) -> Recording | None:
     """Read a recording whose COMMIT was not acknowledged; None if the transaction was rolled back.
 
     The transaction in question holds the lock on ``tracks_key`` until the database has ended it, even if the
     connection is lost. Raises ``Unavailable`` (``outcome-unknown``) if that takes too long.
     """
-    deadline = time.monotonic() + _LOOK_AGAIN_S
+    deadline = time.monotonic() + _COMMIT_WAIT_S
     while True:
         try:
             async with parts.engine.begin() as connection:
@@ -229,7 +229,7 @@ async def _look_again(parts: Parts, recording_id: str, tracks_key: str) -> Recor
                     return recording_of(await recording_row(connection, recording_id))
         except NotFound:
             return None
-        except NO_ANSWER as error:
+        except DATABASE_ERRORS as error:
             log.warning("commit-in-doubt", recording=recording_id, error=type(error).__name__)
         if time.monotonic() > deadline:
             raise Unavailable(
@@ -252,7 +252,7 @@ async def replace_facts(
     Raises ``Conflict`` (``changed-meanwhile``) if the switches were changed since ``before`` was read.
     """
     tracks_key = await new_tracks_key(before["id"], parsed.tracks)
-    async with publishing(lambda: _discard_tracks(parts, tracks_key)) as publication:
+    async with publish_files(lambda: _discard_tracks(parts, tracks_key)) as publication:
         async with publication.transaction(parts.engine) as connection:
             await lock_blob(connection, tracks_key)
             await parts.blobs.put_file(tracks_key, parsed.tracks)
@@ -268,7 +268,7 @@ async def replace_facts(
                 "tracks_key": tracks_key,
             }
             await connection.execute(update(recording).where(recording.c.id == before["id"]).values(values))
-        publication.settle(published=True)
+        publication.record_outcome(published=True)
     await _discard_tracks(parts, before["tracks_key"])
 
 
@@ -288,8 +288,8 @@ async def delete_recording(parts: Parts, recording_id: str, caller: Caller) -> N
         row = await recording_row(connection, recording_id, lock=True)
         jobs = (await connection.execute(select(job.c.id).where(job.c.recording_id == recording_id))).scalars().all()
         await connection.execute(delete(recording).where(recording.c.id == recording_id))
-        await audit.note(connection, caller, "recording-deleted", recording_id)
-    await _discard(parts, recording_id, row["blob_key"], jobs)
+        await audit.record_action(connection, caller, "recording-deleted", recording_id)
+    await _discard_files(parts, recording_id, row["blob_key"], jobs)
 
 
 def refuse_bundled(row: Mapping[str, Any]) -> None:
@@ -298,12 +298,12 @@ def refuse_bundled(row: Mapping[str, Any]) -> None:
         raise Conflict("bundled-read-only", "This sample is part of the program and cannot be changed or deleted.")
 
 
-async def _discard(parts: Parts, recording_id: str, blob_key: str, jobs: Sequence[str] = ()) -> None:
+async def _discard_files(parts: Parts, recording_id: str, blob_key: str, jobs: Sequence[str] = ()) -> None:
     """Remove the files of a deleted recording and its jobs, and its blob unless another recording uses it."""
     async with parts.engine.begin() as connection:
         if not await may_remove(connection):
             return
-        for prefix in (*(f"results/{job_id}" for job_id in jobs), own_prefix(recording_id)):
+        for prefix in (*(f"results/{job_id}" for job_id in jobs), recording_prefix(recording_id)):
             await parts.blobs.delete_prefix(prefix)
         await delete_if_unused(connection, parts.blobs, blob_key)
 

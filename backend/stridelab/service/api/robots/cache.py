@@ -29,7 +29,7 @@ from stridelab.service.storage.blobs import BlobInfo, BlobStore
 T = TypeVar("T")
 
 
-class Once(Generic[T]):
+class SingleFlight(Generic[T]):
     """Single-flight cache: concurrent callers with the same key share one computation.
 
     Cancelling one caller does not cancel the computation for the others. A failed computation is repeated at the next
@@ -44,9 +44,9 @@ class Once(Generic[T]):
         """Result of ``work()``, or of the computation that is already running or cached for ``key``."""
         task = self._tasks.get(key)
         if task is None:
-            task = asyncio.ensure_future(_started(work))
+            task = asyncio.ensure_future(_start_work(work))
             self._tasks[key] = task
-            task.add_done_callback(lambda done: self._ended(key, done))
+            task.add_done_callback(lambda done: self._on_done(key, done))
         return await asyncio.shield(task)
 
     async def aclose(self) -> None:
@@ -56,13 +56,13 @@ class Once(Generic[T]):
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)
 
-    def _ended(self, key: str, task: "asyncio.Task[T]") -> None:
+    def _on_done(self, key: str, task: "asyncio.Task[T]") -> None:
         failed = task.cancelled() or task.exception() is not None
         if failed or not self._keep:
             del self._tasks[key]
 
 
-async def _started(work: Callable[[], Awaitable[T]]) -> T:
+async def _start_work(work: Callable[[], Awaitable[T]]) -> T:
     return await work()
 
 
@@ -76,14 +76,14 @@ LINKS_TIMEOUT_S: Final = 180.0
 REACH_TIMEOUT_S: Final = 120.0
 RETRY_S: Final = 60.0
 """Time for which a failure is reported again without another attempt."""
-SHORTLY_S: Final = 0.5
+STATUS_WAIT_S: Final = 0.5
 """Time for which a status request waits for a preparation, which is short if all files exist."""
-DESCRIBED, DRAWN = 0.3, 0.6
+FACTS_FRACTION, MESHES_FRACTION = 0.3, 0.6
 """Progress of the preparation after the facts, and after the meshes, as fractions."""
 
 
 @dataclass(eq=False)
-class RobotShelf:
+class RobotCache:
     """Robot cache of one application; ``describe``, ``draw`` and ``enclose`` are the targets of the child processes."""
 
     pool: IsolatedPool
@@ -93,16 +93,16 @@ class RobotShelf:
     describe: str = DESCRIBE
     draw: str = LINKS
     enclose: str = REACH
-    _places: Once[str] = field(default_factory=lambda: Once(keep=True))
+    _prefixes: SingleFlight[str] = field(default_factory=lambda: SingleFlight(keep=True))
     sandbox: Sandbox | None = STRICT
-    _facts: Once[RobotFacts] = field(default_factory=lambda: Once(keep=True))
+    _facts: SingleFlight[RobotFacts] = field(default_factory=lambda: SingleFlight(keep=True))
     _failed: dict[str, tuple[float, str]] = field(default_factory=dict)
-    _links: Once[BlobInfo] = field(default_factory=lambda: Once(keep=False))
-    _reach: Once[bytes] = field(default_factory=lambda: Once(keep=True))
-    _prepared: Once[str | None] = field(default_factory=lambda: Once(keep=False))
+    _links: SingleFlight[BlobInfo] = field(default_factory=lambda: SingleFlight(keep=False))
+    _reach: SingleFlight[bytes] = field(default_factory=lambda: SingleFlight(keep=True))
+    _prepared: SingleFlight[str | None] = field(default_factory=lambda: SingleFlight(keep=False))
     _ready: set[str] = field(default_factory=set)
     _progress: dict[str, tuple[float, str]] = field(default_factory=dict)
-    _unasked: set[str] = field(default_factory=set)
+    _in_background: set[str] = field(default_factory=set)
 
     def __post_init__(self) -> None:
         self._children = RobotChildren(self.pool, self.spool, self.memory_mb, self.sandbox)
@@ -113,44 +113,44 @@ class RobotShelf:
         Raises ``Unavailable`` (``robot-data-missing``; ``robot-not-loaded`` if the child crashed or timed out).
         """
 
-        async def load() -> RobotFacts:
-            key = f"{await self._place(name)}/{FACTS_FILE}"
+        async def load_facts() -> RobotFacts:
+            key = f"{await self._key_prefix(name)}/{FACTS_FILE}"
             with suppress(ValidationError):  # not stored yet, or damaged
-                return RobotFacts.model_validate_json(await self._stored(key) or b"")
-            progress = self._telling(name, 0.0, DESCRIBED)
-            async with self._child(self.describe, {"robot": name}, DESCRIBE_TIMEOUT_S, progress) as (value, folder):
+                return RobotFacts.model_validate_json(await self._read_stored(key) or b"")
+            progress = self._progress_callback(name, 0.0, FACTS_FRACTION)
+            async with self._run_child(self.describe, {"robot": name}, DESCRIBE_TIMEOUT_S, progress) as (value, folder):
                 facts = RobotFacts.model_validate(value["summary"])
-                await self._store(key, folder / FACTS_FILE, facts.model_dump_json().encode())
+                await self._store_file(key, folder / FACTS_FILE, facts.model_dump_json().encode())
                 return facts
 
-        return await self._facts.get(name, load)
+        return await self._facts.get(name, load_facts)
 
-    async def problem(self, name: str) -> str | None:
+    async def load_problem(self, name: str) -> str | None:
         """Load the robot ``name`` if necessary; return the reason if that fails, else None.
 
         A failure is cached for ``RETRY_S``.
         """
-        return await self._attempt(name, lambda: self.facts(name))
+        return await self._try_loading(name, lambda: self.facts(name))
 
-    async def links(self, name: str) -> BlobInfo:
+    async def link_meshes(self, name: str) -> BlobInfo:
         """File with one named mesh per link (GLB), created if it does not exist. Raises the errors of ``facts``."""
         await self.facts(name)
-        key = f"{await self._place(name)}/{LINKS_FILE}"
+        key = f"{await self._key_prefix(name)}/{LINKS_FILE}"
 
-        async def make() -> BlobInfo:
+        async def make_meshes() -> BlobInfo:
             info = await self.blobs.info(key)
             if info is None:
-                progress = self._telling(name, DESCRIBED, DRAWN)
-                async with self._child(self.draw, {"robot": name}, LINKS_TIMEOUT_S, progress) as (_, folder):
+                progress = self._progress_callback(name, FACTS_FRACTION, MESHES_FRACTION)
+                async with self._run_child(self.draw, {"robot": name}, LINKS_TIMEOUT_S, progress) as (_, folder):
                     await self.blobs.put_file(key, folder / LINKS_FILE)
                 info = await self.blobs.info(key)
             if info is None:
                 raise Unavailable("storage-unavailable", "The file store has lost a file that was just stored.")
             return info
 
-        return await self._links.get(key, make)
+        return await self._links.get(key, make_meshes)
 
-    async def reach(self, name: str, measure: Measure | None) -> bytes:
+    async def reachability_json(self, name: str, measure: Measure | None) -> bytes:
         """``RobotReachability`` as gzipped JSON; ``measure`` None takes the default measure of plans.
 
         Raises the errors of ``facts``, ``NotFound`` (``reachability-not-learned``) and ``Unavailable``
@@ -171,20 +171,20 @@ class RobotShelf:
                 f"No densities of {facts.title} were learned under the measure {used}; available: {available}.",
             )
 
-        async def enclose() -> bytes:
-            key = f"{await self._place(name)}/{used}-{REACH_FILE}"
-            stored = await self._stored(key)
+        async def make_reachability() -> bytes:
+            key = f"{await self._key_prefix(name)}/{used}-{REACH_FILE}"
+            stored = await self._read_stored(key)
             if stored is not None and await asyncio.to_thread(_is_whole, stored):
                 return stored
-            k, step = facts.measures.index(used), (1.0 - DRAWN) / len(facts.measures)
-            progress = self._telling(name, DRAWN + k * step, DRAWN + (k + 1) * step)
+            k, step = facts.measures.index(used), (1.0 - MESHES_FRACTION) / len(facts.measures)
+            progress = self._progress_callback(name, MESHES_FRACTION + k * step, MESHES_FRACTION + (k + 1) * step)
             task = {"robot": name, "measure": used}
-            async with self._child(self.enclose, task, REACH_TIMEOUT_S, progress) as (_, folder):
+            async with self._run_child(self.enclose, task, REACH_TIMEOUT_S, progress) as (_, folder):
                 compressed = (folder / REACH_FILE).read_bytes()
-                await self._store(key, folder / REACH_FILE, compressed)
+                await self._store_file(key, folder / REACH_FILE, compressed)
                 return compressed
 
-        return await self._reach.get(f"{name}/{used}", enclose)
+        return await self._reach.get(f"{name}/{used}", make_reachability)
 
     async def prepare(self, name: str) -> str | None:
         """Create the files of the robot ``name`` that do not exist; return the reason if that fails, else None.
@@ -192,22 +192,22 @@ class RobotShelf:
         A failure is cached for ``RETRY_S``.
         """
 
-        async def make() -> None:
+        async def make_files() -> None:
             facts = await self.facts(name)
-            await self.links(name)
+            await self.link_meshes(name)
             for measure in facts.measures:
-                await self.reach(name, measure)
+                await self.reachability_json(name, measure)
             self._ready.add(name)
 
         if name in self._ready:
             return None
-        return await self._prepared.get(name, lambda: self._attempt(f"{name}/files", make))
+        return await self._prepared.get(name, lambda: self._try_loading(f"{name}/files", make_files))
 
-    async def preparation(self, name: str) -> RobotPreparation:
+    async def preparation_state(self, name: str) -> RobotPreparation:
         """State of the preparation of the robot ``name``, which is started if it is not running."""
-        self._unasked.discard(name)
+        self._in_background.discard(name)
         waiting = asyncio.ensure_future(self.prepare(name))
-        done, _ = await asyncio.wait({waiting}, timeout=SHORTLY_S)
+        done, _ = await asyncio.wait({waiting}, timeout=STATUS_WAIT_S)
         if not done:
             waiting.cancel()  # the preparation itself goes on
             fraction, message = self._progress.get(name, (0.0, "waiting"))
@@ -217,25 +217,25 @@ class RobotShelf:
             return RobotPreparation(state="ready", fraction=1.0, message="ready")
         return RobotPreparation(state="failed", fraction=0.0, message=reason)
 
-    async def warm(self, names: Iterable[str]) -> None:
+    async def prepare_all(self, names: Iterable[str]) -> None:
         """Prepare robots one after the other; a failure is reported when the robot is requested.
 
         The child processes of a robot have low priority until its preparation is requested.
         """
         for name in names:
-            self._unasked.add(name)
+            self._in_background.add(name)
             try:
                 await self.prepare(name)
             finally:
-                self._unasked.discard(name)
+                self._in_background.discard(name)
 
     async def aclose(self) -> None:
         """Cancel the running computations and end their child processes."""
-        for running in (self._prepared, self._facts, self._links, self._reach, self._places):
+        for running in (self._prepared, self._facts, self._links, self._reach, self._prefixes):
             await running.aclose()
         await self._children.aclose()
 
-    async def _attempt(self, what: str, load: Callable[[], Awaitable[object]]) -> str | None:
+    async def _try_loading(self, what: str, load: Callable[[], Awaitable[object]]) -> str | None:
         """Call ``load``, unless it failed within the last ``RETRY_S`` for ``what``; return the reason of a failure."""
         failed_s, reason = self._failed.get(what, (-RETRY_S, ""))
         if time.monotonic() - failed_s < RETRY_S:
@@ -247,15 +247,15 @@ class RobotShelf:
             return error.message
         return None
 
-    async def _place(self, name: str) -> str:
+    async def _key_prefix(self, name: str) -> str:
         """Key prefix of the files of a robot."""
 
-        async def read() -> str:
+        async def compute_prefix() -> str:
             return f"robots/{name}/{await asyncio.to_thread(source_sha256, name)}"
 
-        return await self._places.get(name, read)
+        return await self._prefixes.get(name, compute_prefix)
 
-    async def _stored(self, key: str) -> bytes | None:
+    async def _read_stored(self, key: str) -> bytes | None:
         """Content of a stored file; None if it does not exist or the store does not answer."""
         try:
             return b"".join([chunk async for chunk in self.blobs.stream(key)])
@@ -265,7 +265,7 @@ class RobotShelf:
             log.warning("robot file not read", key=key, error=error.message)
             return None
 
-    async def _store(self, key: str, path: Path, content: bytes) -> None:
+    async def _store_file(self, key: str, path: Path, content: bytes) -> None:
         """Write ``content`` to ``path`` and publish it as ``key``; a store that does not answer is only logged."""
         path.write_bytes(content)
         try:
@@ -273,19 +273,19 @@ class RobotShelf:
         except Unavailable as error:
             log.warning("robot file not stored", key=key, error=error.message)
 
-    def _child(
+    def _run_child(
         self, target: str, task: dict[str, str], timeout_s: float, progress: Progress
     ) -> AbstractAsyncContextManager[tuple[dict[str, Any], Path]]:
-        return self._children.run(target, task, timeout_s, progress, yields=task["robot"] in self._unasked)
+        return self._children.run(target, task, timeout_s, progress, yields=task["robot"] in self._in_background)
 
-    def _telling(self, name: str, start: float, end: float) -> Progress:
+    def _progress_callback(self, name: str, start: float, end: float) -> Progress:
         """Progress callback of a step that covers the fraction from ``start`` to ``end`` of the preparation."""
 
-        def tell(fraction: float, message: str) -> None:
+        def report_progress(fraction: float, message: str) -> None:
             self._progress[name] = (start + (end - start) * min(max(fraction, 0.0), 1.0), message)
 
-        tell(0.0, "starting")
-        return tell
+        report_progress(0.0, "starting")
+        return report_progress
 
 
 def _is_whole(compressed: bytes) -> bool:

@@ -22,9 +22,9 @@ log = structlog.get_logger(__name__)
 DESCRIBE: Final = "stridelab.service.kinds.robots.description:run_in_child"
 LINKS: Final = "stridelab.service.kinds.robots.links:run_in_child"
 REACH: Final = "stridelab.service.kinds.robots.reachability:run_in_child"
-DRAWING: Final = tuple(target.partition(":")[0] for target in (DESCRIBE, LINKS, REACH))
+FORK_SERVER_MODULES: Final = tuple(target.partition(":")[0] for target in (DESCRIBE, LINKS, REACH))
 """Modules that the fork server imports in advance; importing them in each child would take seconds."""
-REST_S: Final = 20.0
+IDLE_S: Final = 20.0
 
 Progress = Callable[[float, str], None]
 
@@ -38,13 +38,13 @@ class RobotChildren:
         spool: Path,
         memory_mb: int,
         sandbox: Sandbox | None = STRICT,
-        rest_s: float = REST_S,
+        idle_s: float = IDLE_S,
     ) -> None:
-        self._pool, self._spool, self._memory_mb, self._rest_s = pool, spool, memory_mb, rest_s
+        self._pool, self._spool, self._memory_mb, self._idle_s = pool, spool, memory_mb, idle_s
         self._sandbox = sandbox
-        self._at_work = 0
+        self._n_running = 0
         self._closing = asyncio.Lock()
-        self._resting: asyncio.Task[None] | None = None
+        self._idle_task: asyncio.Task[None] | None = None
 
     @asynccontextmanager
     async def run(
@@ -56,7 +56,7 @@ class RobotChildren:
         ``Unavailable`` (``robot-not-loaded``) if it crashed or exceeded a limit.
         """
         with tempfile.TemporaryDirectory(dir=self._spool) as folder:
-            self._begin()
+            self._count_start()
             try:
                 async with self._closing:  # wait while the pool is being closed
                     pass
@@ -67,12 +67,12 @@ class RobotChildren:
                     timeout_s=timeout_s,
                     memory_mb=self._memory_mb,
                     on_progress=progress,
-                    yields=yields,
+                    low_priority=yields,
                     sandbox=self._sandbox,
                 )
             finally:
-                self._end()
-            if outcome.raised is not None:
+                self._count_end()
+            if outcome.error_class is not None:
                 raise outcome.as_error()
             if outcome.state != "ok":
                 log.error("robot not loaded", **task, state=outcome.state, log_tail=outcome.log_tail[-2000:])
@@ -84,26 +84,26 @@ class RobotChildren:
 
     async def aclose(self) -> None:
         """Close the pool."""
-        if self._resting is not None:
-            self._resting.cancel()
+        if self._idle_task is not None:
+            self._idle_task.cancel()
             with suppress(asyncio.CancelledError):
-                await self._resting
+                await self._idle_task
         await self._pool.close()
 
-    def _begin(self) -> None:
-        self._at_work += 1
+    def _count_start(self) -> None:
+        self._n_running += 1
 
-    def _end(self) -> None:
-        self._at_work -= 1
-        if self._at_work == 0 and (self._resting is None or self._resting.done()):
-            self._resting = asyncio.get_running_loop().create_task(self._rest())
+    def _count_end(self) -> None:
+        self._n_running -= 1
+        if self._n_running == 0 and (self._idle_task is None or self._idle_task.done()):
+            self._idle_task = asyncio.get_running_loop().create_task(self._close_when_idle())
 
-    async def _rest(self) -> None:
+    async def _close_when_idle(self) -> None:
         """Close the pool when no child has run for the idle time."""
-        quiet_s, step_s = 0.0, self._rest_s / 4
-        while quiet_s < self._rest_s:
+        quiet_s, step_s = 0.0, self._idle_s / 4
+        while quiet_s < self._idle_s:
             await asyncio.sleep(step_s)
-            quiet_s = 0.0 if self._at_work else quiet_s + step_s
+            quiet_s = 0.0 if self._n_running else quiet_s + step_s
         async with self._closing:
-            if not self._at_work:
+            if not self._n_running:
                 await self._pool.close()

@@ -16,8 +16,8 @@ from stridelab.schemas.reachability import RobotReachability
 from stridelab.schemas.robots import Measure, RobotFacts, RobotPreparation, RobotSummary
 from stridelab.service.api.dependencies import AppParts
 from stridelab.service.api.downloads import send_blob
-from stridelab.service.api.openapi import failures
-from stridelab.service.api.robots.cache import RobotShelf
+from stridelab.service.api.openapi import failure_responses
+from stridelab.service.api.robots.cache import RobotCache
 from stridelab.service.api.strict_json import StrictRoute
 from stridelab.service.storage.blobs import BlobInfo
 
@@ -25,17 +25,17 @@ router = APIRouter(prefix="/robots", tags=["robots"], route_class=StrictRoute)
 
 GLTF: Final = "model/gltf-binary"
 JSON: Final = "application/json"
-_FAILURES: Final = failures(
+_FAILURES: Final = failure_responses(
     s404="No robot of this name (`robot-not-found`).",
     s503="The robot's description is not installed (`robot-data-missing`) or cannot be loaded (`robot-not-loaded`).",
 )
-_UNKNOWN: Final = failures(s404="No robot of this name (`robot-not-found`).")
+_UNKNOWN: Final = failure_responses(s404="No robot of this name (`robot-not-found`).")
 _MESHES: Final[dict[int | str, dict[str, Any]]] = {
     200: {"description": "The meshes.", "content": {GLTF: {"schema": {"type": "string", "format": "binary"}}}}
 }
 
 
-_REACH_FAILURES: Final = failures(
+_REACH_FAILURES: Final = failure_responses(
     s404="No robot of this name (`robot-not-found`), or no densities for the measure (`reachability-not-learned`).",
     s503="The robot's description is not installed (`robot-data-missing`) or cannot be loaded (`robot-not-loaded`), "
     "or the densities were learned on another description of the robot (`reachability-of-another-robot`).",
@@ -48,8 +48,8 @@ async def list_robots(parts: AppParts) -> Page[RobotSummary]:
 
     Each robot is loaded once for this, which takes a few seconds at the first request.
     """
-    robots = await anyio.to_thread.run_sync(summaries)
-    return Page[RobotSummary](items=[await loaded(summary, parts.robots) for summary in robots])
+    robots = await anyio.to_thread.run_sync(robot_summaries)
+    return Page[RobotSummary](items=[await check_loading(summary, parts.robots) for summary in robots])
 
 
 @router.get("/{name}", summary="One robot", responses=_FAILURES)
@@ -58,7 +58,7 @@ async def get_robot(parts: AppParts, name: str) -> RobotFacts:
 
     If the robot is not prepared yet, the response waits a few seconds until it is loaded.
     """
-    return await parts.robots.facts(known_name(name))
+    return await parts.robots.facts(require_robot(name))
 
 
 @router.get("/{name}/preparation", summary="How far the files of a robot are", responses=_UNKNOWN)
@@ -68,7 +68,7 @@ async def get_preparation(parts: AppParts, name: str) -> RobotPreparation:
     A service prepares its robots at its first start; this request starts the preparation of a robot that is not ready.
     It responds within a second.
     """
-    return await parts.robots.preparation(known_name(name))
+    return await parts.robots.preparation_state(require_robot(name))
 
 
 @router.get(
@@ -83,10 +83,10 @@ async def get_links(parts: AppParts, name: str, request: Request) -> Response:
     A service creates them at its first start or at the first request, and stores them;
     `GET /robots/{name}/preparation` returns the progress. `ETag` and `If-None-Match` avoid repeated downloads.
     """
-    robot = known_name(name)
-    info = await parts.robots.links(robot)
-    headers = {"ETag": _etag(info)}
-    if _already_there(request, headers["ETag"]):
+    robot = require_robot(name)
+    info = await parts.robots.link_meshes(robot)
+    headers = {"ETag": _file_etag(info)}
+    if _is_not_modified(request, headers["ETag"]):
         return Response(status_code=304, headers={**headers, "Cache-Control": "private, no-cache"})
     return await send_blob(parts, info.key, f"{robot}-links.glb", GLTF, headers)
 
@@ -103,30 +103,30 @@ async def get_reachability(parts: AppParts, name: str, request: Request, measure
     Without `measure`, the densities that plans use. Computed together with the display meshes, and stored; sent
     compressed if the client accepts gzip.
     """
-    compressed = await parts.robots.reach(known_name(name), measure)
+    compressed = await parts.robots.reachability_json(require_robot(name), measure)
     headers = {
         "ETag": f'"{hashlib.sha256(compressed).hexdigest()[:32]}"',
         "Cache-Control": "private, no-cache",
         "Vary": "Accept-Encoding",
     }
-    if _already_there(request, headers["ETag"]):
+    if _is_not_modified(request, headers["ETag"]):
         return Response(status_code=304, headers=headers)
     if "gzip" in request.headers.get("accept-encoding", ""):
         return Response(compressed, media_type=JSON, headers={**headers, "Content-Encoding": "gzip"})
     return Response(gzip.decompress(compressed), media_type=JSON, headers=headers)
 
 
-def _etag(info: BlobInfo) -> str:
+def _file_etag(info: BlobInfo) -> str:
     """ETag of a stored file: hash of its sources, size, and time of modification."""
     return f'"{info.key.split("/")[-2][:16]}-{info.bytes:x}-{round(info.modified_at.timestamp() * 1e3):x}"'
 
 
-def _already_there(request: Request, etag: str) -> bool:
+def _is_not_modified(request: Request, etag: str) -> bool:
     tags = request.headers.get("if-none-match", "")
     return etag in {tag.strip().removeprefix("W/") for tag in tags.split(",")} or tags.strip() == "*"
 
 
-def known_name(name: str) -> str:
+def require_robot(name: str) -> str:
     """Return ``name`` if a robot of this name exists; raises ``NotFound`` (``robot-not-found``) otherwise.
 
     The returned string is the registered one, so that user input is never used as a path.
@@ -137,18 +137,18 @@ def known_name(name: str) -> str:
     return names[names.index(name)]
 
 
-def summaries() -> list[RobotSummary]:
+def robot_summaries() -> list[RobotSummary]:
     """Summaries of all robots, by name; with the reason for an invalid card or missing files."""
-    return [_summary(name) for name in robot_names()]
+    return [_robot_summary(name) for name in robot_names()]
 
 
-async def loaded(summary: RobotSummary, robots: RobotShelf) -> RobotSummary:
+async def check_loading(summary: RobotSummary, robots: RobotCache) -> RobotSummary:
     """Load the robot of ``summary``; return the summary with the result in ``available`` and ``reason``."""
-    reason = await robots.problem(summary.name) if summary.available else summary.reason
+    reason = await robots.load_problem(summary.name) if summary.available else summary.reason
     return summary.model_copy(update={"available": reason is None, "reason": reason})
 
 
-def _summary(name: str) -> RobotSummary:
+def _robot_summary(name: str) -> RobotSummary:
     try:
         card = robot_card(name)
     except StridelabError as error:

@@ -27,18 +27,18 @@ def source_sha256(name: str) -> str:
     (``robot-data-missing``).
     """
     total = hashlib.sha256()
-    versions = [f"{library} {_version(library)}" for library in LIBRARIES]
+    versions = [f"{library} {_distribution_version(library)}" for library in LIBRARIES]
     for word in (f"edition {EDITION}", f"stridelab {__version__}", *versions):
         total.update(hashlib.sha256(word.encode()).digest())
     total.update(hashlib.sha256(card_bytes(name)).digest())
     files = data_files(robot_card(name))
     learned = models_dir() / "reachability" / name
-    for path in (files.urdf, files.srdf, *_meshes(files), *sorted(learned.glob("*"))):
-        total.update(b"-" * 32 if path is None or not path.is_file() else _digest(path))
+    for path in (files.urdf, files.srdf, *_mesh_files(files), *sorted(learned.glob("*"))):
+        total.update(b"-" * 32 if path is None or not path.is_file() else _file_digest(path))
     return total.hexdigest()
 
 
-def _meshes(files: DataFiles) -> Iterator[Path]:
+def _mesh_files(files: DataFiles) -> Iterator[Path]:
     """Mesh files of the URDF, without duplicates, sorted by name; empty if the URDF cannot be parsed."""
     try:
         root = ET.parse(files.urdf).getroot()  # noqa: S314 (a file of the installation, not a user's)
@@ -48,12 +48,12 @@ def _meshes(files: DataFiles) -> Iterator[Path]:
         yield files.package_dir / name.removeprefix("package://")
 
 
-def _digest(path: Path) -> bytes:
+def _file_digest(path: Path) -> bytes:
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").digest()
 
 
-def _version(distribution: str) -> str:
+def _distribution_version(distribution: str) -> str:
     try:
         return version(distribution)
     except PackageNotFoundError:

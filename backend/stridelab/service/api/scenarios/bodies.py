@@ -4,8 +4,8 @@ from typing import Any, Final
 
 from stridelab.schemas.base import FaultItem, Remark
 from stridelab.schemas.scenarios import PhaseBody, Scenario, ScenarioCheck
-from stridelab.service.api.problems import SHOWN_FAULTS
-from stridelab.service.processes.resident import Resident
+from stridelab.service.api.problems import MAX_FAULTS
+from stridelab.service.processes.resident import PreviewProcess
 
 Json = dict[str, Any]
 
@@ -13,43 +13,43 @@ UNFINISHED: Final = "body-unfinished"
 STRAINED: Final = "body-strained"
 
 
-async def with_bodies(
-    scenario: Scenario, found: ScenarioCheck, bodies: Resident, posture_of: int | None
+async def add_body_checks(
+    scenario: Scenario, validation: ScenarioCheck, bodies: PreviewProcess, posture_of: int | None
 ) -> ScenarioCheck:
     """Add the whole-body answers to ``found.phases``, and unreachable stances to its errors.
 
     The check is skipped for an unknown robot. Raises the errors of ``Resident.ask``.
     """
-    if any(fault.where == "robot" for fault in found.errors):
-        return found
-    answer = await bodies.ask(_question(scenario, found, posture_of))
-    phases = [_phase(k, result) for k, result in enumerate(answer["phases"])]
+    if any(fault.where == "robot" for fault in validation.errors):
+        return validation
+    answer = await bodies.ask(_stance_request(scenario, validation, posture_of))
+    phases = [_phase_body(k, result) for k, result in enumerate(answer["phases"])]
     faults = [
-        FaultItem(where=_where(k, result["contact"]), message=result["reason"])
+        FaultItem(where=_contact_place(k, result["contact"]), message=result["reason"])
         for k, result in enumerate(answer["phases"])
         if result is not None and result["body"] == "unreachable"
     ]
-    return found.model_copy(
+    return validation.model_copy(
         update={
-            "valid": found.valid and not faults,
-            "errors": [*found.errors, *faults][:SHOWN_FAULTS],
-            "warnings": [*found.warnings, *_remarks(scenario, answer["phases"])],
+            "valid": validation.valid and not faults,
+            "errors": [*validation.errors, *faults][:MAX_FAULTS],
+            "warnings": [*validation.warnings, *_body_remarks(scenario, answer["phases"])],
             "phases": phases,
         }
     )
 
 
-def _question(scenario: Scenario, found: ScenarioCheck, posture_of: int | None) -> Json:
+def _stance_request(scenario: Scenario, validation: ScenarioCheck, posture_of: int | None) -> Json:
     """Request for the stance check; a phase has a support region only if the CoM can be at rest above it."""
     phases = []
-    for phase, region_m, rest in zip(scenario.phases, found.support_region_m, found.support, strict=True):
+    for phase, region_m, rest in zip(scenario.phases, validation.support_region_m, validation.support, strict=True):
         rests = rest.margin_m is not None and rest.margin_m >= 0.0
         contacts = [contact.model_dump(mode="json") for contact in phase.contacts]
         phases.append({"contacts": contacts, "region_m": region_m if rests else [], "com_m": rest.com_m})
     return {"ask": "stances", "robot": scenario.robot, "posture_of": posture_of, "phases": phases}
 
 
-def _remarks(scenario: Scenario, answers: list[Json | None]) -> list[Remark]:
+def _body_remarks(scenario: Scenario, answers: list[Json | None]) -> list[Remark]:
     remarks = []
     strained = [k for k, result in enumerate(answers) if result is not None and result["strained"]]
     if strained:
@@ -63,11 +63,11 @@ def _remarks(scenario: Scenario, answers: list[Json | None]) -> list[Remark]:
     return remarks
 
 
-def _phase(k: int, result: Json | None) -> PhaseBody:
+def _phase_body(k: int, result: Json | None) -> PhaseBody:
     if result is None:
         return PhaseBody(phase=k, body="not-asked")
     return PhaseBody(phase=k, **{name: result[name] for name in ("body", "reason", "limits", "link_poses")})
 
 
-def _where(k: int, contact: str | None) -> str:
+def _contact_place(k: int, contact: str | None) -> str:
     return f"phases[{k}]" if contact is None else f"phases[{k}].contacts[{contact}]"

@@ -9,18 +9,18 @@ from sqlalchemy.ext.asyncio import AsyncConnection
 from stridelab.schemas.base import Page
 from stridelab.schemas.scenarios import Scenario, ScenarioCheck, StoredScenario
 from stridelab.service.api.dependencies import AppParts, CallerOf
-from stridelab.service.api.openapi import failures
+from stridelab.service.api.openapi import failure_responses
 from stridelab.service.api.pagination import Cursor, Limit
-from stridelab.service.api.scenarios.bodies import with_bodies
+from stridelab.service.api.scenarios.bodies import add_body_checks
 from stridelab.service.api.scenarios.examples import IN_THE_AIR, ONE_STEP
 from stridelab.service.api.scenarios.repository import (
-    own_row,
-    refuse_changed,
+    check_if_match,
+    lock_changeable_row,
     scenario_of,
     scenario_row,
     scenarios_page,
 )
-from stridelab.service.api.scenarios.validation import judge, refuse_invalid
+from stridelab.service.api.scenarios.validation import refuse_invalid, validate_scenario
 from stridelab.service.api.strict_json import StrictRoute
 from stridelab.service.auth import audit
 from stridelab.service.auth.callers import Caller, require_owner
@@ -31,10 +31,10 @@ router = APIRouter(prefix="/scenarios", tags=["scenarios"], route_class=StrictRo
 
 _STEP: Final[Any] = {"step": {"summary": "One step on a flat floor", "value": ONE_STEP}}
 _CHECKED: Final[Any] = {**_STEP, "air": {"summary": "A foot without a surface under it", "value": IN_THE_AIR}}
-_UNKNOWN: Final = failures(s404="No scenario with this id (`scenario-not-found`).")
-_READ_ONLY: Final = failures(s409="The scenario is bundled and read-only (`scenario-read-only`).")
-_CHANGED: Final = failures(s412="The `ETag` of the scenario differs from `If-Match` (`scenario-changed`).")
-_INVALID: Final = failures(
+_UNKNOWN: Final = failure_responses(s404="No scenario with this id (`scenario-not-found`).")
+_READ_ONLY: Final = failure_responses(s409="The scenario is bundled and read-only (`scenario-read-only`).")
+_CHANGED: Final = failure_responses(s412="The `ETag` of the scenario differs from `If-Match` (`scenario-changed`).")
+_INVALID: Final = failure_responses(
     s422="The scenario is malformed (`invalid-request`), or the robot cannot perform it (`scenario-invalid`); `errors` "
     "names phase, effector and field."
 )
@@ -55,7 +55,7 @@ async def add_scenario(
     parts: AppParts, caller: CallerOf, body: Annotated[Scenario, Body(openapi_examples=_STEP)], response: Response
 ) -> StoredScenario:
     """Validate and store a scenario. One that the robot cannot perform is refused, naming phase and effector."""
-    await refuse_invalid(body, parts.judges, parts.robots)
+    await refuse_invalid(body, parts.validation_limiter, parts.robots)
     async with parts.engine.begin() as connection:
         scenario_id = new_id()
         values = {"id": scenario_id, "owner": caller.name, "body": body.model_dump(mode="json")}
@@ -68,7 +68,7 @@ async def add_scenario(
 @router.post(
     "/check",
     summary="Check a scenario",
-    responses=failures(
+    responses=failure_responses(
         s429="Too many whole-body checks are waiting (`preview-busy`); `Retry-After` gives the time to wait.",
         s503="The whole-body check failed and was restarted (`preview-failed`, `preview-stuck`).",
     ),
@@ -91,8 +91,8 @@ async def check_scenario(
     false if a phase is unreachable. Otherwise `phases[].body` is `not-asked`. Reachable stances do not imply a feasible
     motion, which only a plan shows.
     """
-    validation = await judge(body, parts.judges, parts.robots)
-    return await with_bodies(body, validation, parts.bodies, posture_of) if body_checked else validation
+    validation = await validate_scenario(body, parts.validation_limiter, parts.robots)
+    return await add_body_checks(body, validation, parts.stance_checker, posture_of) if body_checked else validation
 
 
 @router.get("/{scenario_id}", summary="One scenario", responses=_UNKNOWN)
@@ -122,11 +122,11 @@ async def put_scenario(
     Running jobs continue with the previous version. With `If-Match`, concurrent changes are not overwritten.
     """
     async with parts.engine.connect() as connection:
-        await _replaceable(connection, caller, scenario_id, if_match)
-    await refuse_invalid(body, parts.judges, parts.robots)
+        await _lock_replaceable(connection, caller, scenario_id, if_match)
+    await refuse_invalid(body, parts.validation_limiter, parts.robots)
     async with parts.engine.begin() as connection:
-        await _replaceable(connection, caller, scenario_id, if_match)
-        await audit.note(connection, caller, "scenario-replaced", scenario_id)
+        await _lock_replaceable(connection, caller, scenario_id, if_match)
+        await audit.record_action(connection, caller, "scenario-replaced", scenario_id)
         values = {"body": body.model_dump(mode="json"), "updated_at": func.now()}
         await connection.execute(update(scenario).where(scenario.c.id == scenario_id).values(values))
         stored = scenario_of(await scenario_row(connection, scenario_id))
@@ -134,18 +134,20 @@ async def put_scenario(
     return stored
 
 
-async def _replaceable(connection: AsyncConnection, caller: Caller, scenario_id: str, if_match: str | None) -> None:
+async def _lock_replaceable(
+    connection: AsyncConnection, caller: Caller, scenario_id: str, if_match: str | None
+) -> None:
     """Lock a scenario; raise unless ``caller`` may replace it and ``if_match`` contains its current ETag."""
-    row = await own_row(connection, scenario_id)
+    row = await lock_changeable_row(connection, scenario_id)
     require_owner(caller, row["owner"], "scenario")
-    refuse_changed(row, if_match)
+    check_if_match(row, if_match)
 
 
 @router.delete("/{scenario_id}", status_code=204, summary="Delete a scenario", responses={**_UNKNOWN, **_READ_ONLY})
 async def delete_scenario(parts: AppParts, caller: CallerOf, scenario_id: str) -> None:
     """Delete one's own scenario. Its jobs and their results remain, without the link."""
     async with parts.engine.begin() as connection:
-        row = await own_row(connection, scenario_id)
+        row = await lock_changeable_row(connection, scenario_id)
         require_owner(caller, row["owner"], "scenario")
-        await audit.note(connection, caller, "scenario-deleted", scenario_id)
+        await audit.record_action(connection, caller, "scenario-deleted", scenario_id)
         await connection.execute(delete(scenario).where(scenario.c.id == scenario_id))

@@ -9,8 +9,8 @@ from sqlalchemy.ext.asyncio import AsyncConnection
 from stridelab.errors import Conflict
 from stridelab.schemas.base import Page
 from stridelab.schemas.scenarios import StoredScenario
-from stridelab.service.api.dependencies import known_form, not_found
-from stridelab.service.api.pagination import cut, newest_first
+from stridelab.service.api.dependencies import not_found_error, require_id_form
+from stridelab.service.api.pagination import cut_page, newest_first
 from stridelab.service.storage.tables import scenario
 
 Row = Mapping[str, Any]
@@ -25,16 +25,16 @@ async def scenario_row(connection: AsyncConnection, scenario_id: str, *, lock: b
 
     Raises ``NotFound`` (``scenario-not-found``).
     """
-    query = select(scenario).where(scenario.c.id == known_form(scenario_id, "scenario"))
+    query = select(scenario).where(scenario.c.id == require_id_form(scenario_id, "scenario"))
     if lock:
         query = query.with_for_update()
     row = (await connection.execute(query)).mappings().one_or_none()
     if row is None:
-        raise not_found("scenario")
+        raise not_found_error("scenario")
     return dict(row)
 
 
-async def own_row(connection: AsyncConnection, scenario_id: str) -> Row:
+async def lock_changeable_row(connection: AsyncConnection, scenario_id: str) -> Row:
     """Lock and return the row of a scenario that is not bundled.
 
     Raises ``NotFound`` (``scenario-not-found``), ``Conflict`` (``scenario-read-only``) for a bundled one.
@@ -48,7 +48,7 @@ async def own_row(connection: AsyncConnection, scenario_id: str) -> Row:
     return row
 
 
-def refuse_changed(row: Row, if_match: str | None) -> None:
+def check_if_match(row: Row, if_match: str | None) -> None:
     """Check the precondition of an ``If-Match`` header.
 
     Raises ``Conflict`` (``scenario-changed``) if ``if_match`` does not contain the ETag of the row.
@@ -71,7 +71,7 @@ async def scenarios_page(connection: AsyncConnection, limit: int, cursor: str | 
             rows.append(row)
             if len(rows) > limit:
                 break
-    shown, following = cut(rows, limit)
+    shown, following = cut_page(rows, limit)
     return Page[StoredScenario](items=[scenario_of(row) for row in shown], next=following)
 
 

@@ -13,27 +13,27 @@ from stridelab.errors import Fault, InvalidInput, StridelabError
 from stridelab.robots.card import robot_names
 from stridelab.schemas.base import FaultItem, Remark
 from stridelab.schemas.scenarios import ContactMargin, PhaseBody, PhaseSupport, Scenario, ScenarioCheck
-from stridelab.service.api.problems import SHOWN_FAULTS
-from stridelab.service.api.robots.cache import RobotShelf
+from stridelab.service.api.problems import MAX_FAULTS
+from stridelab.service.api.robots.cache import RobotCache
 
 if TYPE_CHECKING:
-    from stridelab.contacts.validation.static_equilibrium import Rest
+    from stridelab.contacts.validation.static_equilibrium import StaticEquilibrium
 
 
-async def judge(scenario: Scenario, limiter: anyio.CapacityLimiter, robots: RobotShelf) -> ScenarioCheck:
+async def validate_scenario(scenario: Scenario, limiter: anyio.CapacityLimiter, robots: RobotCache) -> ScenarioCheck:
     """Validate ``scenario``: faults, margins of the contacts, and support regions.
 
     For a robot that cannot be loaded, the only fault is the reason.
     """
-    reason = await robots.problem(scenario.robot) if scenario.robot in robot_names() else None
+    reason = await robots.load_problem(scenario.robot) if scenario.robot in robot_names() else None
     if reason is not None:
-        return _refused(scenario, FaultItem(where="robot", message=reason))
-    return await anyio.to_thread.run_sync(check, scenario, limiter=limiter)
+        return _invalid_check(scenario, FaultItem(where="robot", message=reason))
+    return await anyio.to_thread.run_sync(validate_sync, scenario, limiter=limiter)
 
 
-async def refuse_invalid(scenario: Scenario, limiter: anyio.CapacityLimiter, robots: RobotShelf) -> None:
+async def refuse_invalid(scenario: Scenario, limiter: anyio.CapacityLimiter, robots: RobotCache) -> None:
     """Raise ``InvalidInput`` (``scenario-invalid``), naming phase and effector, if the robot cannot perform it."""
-    validation = await judge(scenario, limiter, robots)
+    validation = await validate_scenario(scenario, limiter, robots)
     if not validation.valid:
         faults = [Fault(fault.where, fault.message) for fault in validation.errors]
         first = faults[0]
@@ -43,17 +43,17 @@ async def refuse_invalid(scenario: Scenario, limiter: anyio.CapacityLimiter, rob
         )
 
 
-def check(scenario: Scenario) -> ScenarioCheck:
+def validate_sync(scenario: Scenario) -> ScenarioCheck:
     """Validate ``scenario`` in the calling thread, without loading the robot."""
     from stridelab.contacts.effector_geometry import effector_shapes
-    from stridelab.contacts.validation.validate import check as examine
+    from stridelab.contacts.validation.validate import validate_scenario as examine
 
     try:
         effectors = effector_shapes(scenario.robot)
     except StridelabError as error:  # unknown robot or invalid card
-        return _refused(scenario, FaultItem(where="robot", message=error.message))
+        return _invalid_check(scenario, FaultItem(where="robot", message=error.message))
     report = examine(scenario.model_dump(mode="json"), effectors)
-    faults = [FaultItem(where=fault.where, message=fault.message) for fault in report.faults[:SHOWN_FAULTS]]
+    faults = [FaultItem(where=fault.where, message=fault.message) for fault in report.faults[:MAX_FAULTS]]
     return ScenarioCheck(
         valid=report.valid,
         errors=faults,
@@ -70,24 +70,24 @@ def check(scenario: Scenario) -> ScenarioCheck:
             for margin in report.margins
         ],
         support_region_m=[list(rest.region_m) for rest in report.rests],
-        support=[_support(k, rest) for k, rest in enumerate(report.rests)],
-        phases=_not_asked(scenario),
+        support=[_phase_support(k, rest) for k, rest in enumerate(report.rests)],
+        phases=_unchecked_phases(scenario),
         duration_s=report.duration_s,
     )
 
 
-def _support(k: int, rest: "Rest") -> PhaseSupport:
+def _phase_support(k: int, rest: "StaticEquilibrium") -> PhaseSupport:
     if rest.com_m is None:
         return PhaseSupport(phase=k, margin_m=None, com_m=None)
     x, y, z = rest.com_m.tolist()
     return PhaseSupport(phase=k, margin_m=rest.margin_m, com_m=(x, y, z))
 
 
-def _not_asked(scenario: Scenario) -> list[PhaseBody]:
+def _unchecked_phases(scenario: Scenario) -> list[PhaseBody]:
     return [PhaseBody(phase=k, body="not-asked") for k in range(len(scenario.phases))]
 
 
-def _refused(scenario: Scenario, fault: FaultItem) -> ScenarioCheck:
+def _invalid_check(scenario: Scenario, fault: FaultItem) -> ScenarioCheck:
     return ScenarioCheck(
         valid=False,
         errors=[fault],
@@ -95,6 +95,6 @@ def _refused(scenario: Scenario, fault: FaultItem) -> ScenarioCheck:
         margins=[],
         support_region_m=[[] for _ in scenario.phases],
         support=[PhaseSupport(phase=k, margin_m=None, com_m=None) for k in range(len(scenario.phases))],
-        phases=_not_asked(scenario),
+        phases=_unchecked_phases(scenario),
         duration_s=math.fsum(phase.duration_s for phase in scenario.phases),
     )

@@ -17,7 +17,7 @@ from stridelab.schemas.streams import StreamAnswer, StreamConfiguration
 from stridelab.service.api.stream.messages import HEADER, PROBLEM, TEXT, Parcel
 from stridelab.service.processes.child import forbid_core_files, limit_memory
 from stridelab.service.processes.parent_death import die_with_parent
-from stridelab.service.processes.sandbox import STRICT, confine
+from stridelab.service.processes.sandbox import STRICT, confine_process
 
 
 def main(parent_pid: int, memory_mb: int) -> None:
@@ -28,35 +28,35 @@ def main(parent_pid: int, memory_mb: int) -> None:
     os.dup2(2, 1)  # library output goes to the log, not between the answers
     faulthandler.enable()
     try:
-        converse(sys.stdin.buffer, wire, memory_mb)
+        serve_messages(sys.stdin.buffer, wire, memory_mb)
     except StridelabError as error:
         faults = [{"where": fault.where, "message": fault.message} for fault in error.faults]
-        _tell(wire, type(error).__name__, {"code": error.code, "detail": error.message, "errors": faults})
+        _write_problem(wire, type(error).__name__, {"code": error.code, "detail": error.message, "errors": faults})
     except BaseException as error:  # noqa: BLE001 (every error is reported to the parent)
         traceback.print_exc()
         detail = f"The estimator stopped with an unexpected error ({type(error).__name__})."
-        _tell(wire, None, {"code": "stream-failed", "detail": detail, "errors": []})
+        _write_problem(wire, None, {"code": "stream-failed", "detail": detail, "errors": []})
     sys.stderr.flush()
     os._exit(0)
 
 
-def converse(source: BinaryIO, wire: BinaryIO, memory_mb: int) -> None:
+def serve_messages(source: BinaryIO, wire: BinaryIO, memory_mb: int) -> None:
     """Answer the messages of ``source`` on ``wire``."""
-    from stridelab.service.api.stream.session import Session
+    from stridelab.service.api.stream.session import StreamSession
 
-    confine(STRICT, None)
-    first = _read(source)
+    confine_process(STRICT, None)
+    first = _read_message(source)
     if first is None:
         return
-    session = Session(StreamConfiguration.model_validate_json(first.content))
+    session = StreamSession(StreamConfiguration.model_validate_json(first.content))
     limit_memory(memory_mb)  # after the imports, which depend on the method
     ready = StreamAnswer(ready=session.ready).model_dump_json(exclude_none=True)
     wire.write(Parcel(TEXT, ready.encode()).to_bytes())
-    while (parcel := _read(source)) is not None:
-        wire.write(session.answer(parcel).to_bytes())
+    while (parcel := _read_message(source)) is not None:
+        wire.write(session.answer_message(parcel).to_bytes())
 
 
-def _read(source: BinaryIO) -> Parcel | None:
+def _read_message(source: BinaryIO) -> Parcel | None:
     header = source.read(HEADER.size)
     if len(header) < HEADER.size:
         return None
@@ -64,7 +64,7 @@ def _read(source: BinaryIO) -> Parcel | None:
     return Parcel(kind, source.read(size), samples)
 
 
-def _tell(wire: BinaryIO, raised: str | None, problem: dict[str, object]) -> None:
+def _write_problem(wire: BinaryIO, raised: str | None, problem: dict[str, object]) -> None:
     wire.write(Parcel(PROBLEM, json.dumps({"raised": raised, "problem": problem}).encode()).to_bytes())
 
 

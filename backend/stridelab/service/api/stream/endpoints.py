@@ -18,9 +18,9 @@ from stridelab.errors import Fault, InvalidInput, StridelabError, TooLarge
 from stridelab.schemas.base import Problem
 from stridelab.schemas.streams import StreamAnswer, StreamConfiguration
 from stridelab.service.api.dependencies import AppParts, Parts
-from stridelab.service.api.problems import faults_of, problem, problem_of
-from stridelab.service.api.shutdown import unless
-from stridelab.service.api.stream.limits import SampleRate
+from stridelab.service.api.problems import faults_of, make_problem, problem_of
+from stridelab.service.api.shutdown import await_unless
+from stridelab.service.api.stream.limits import SampleRateLimiter
 from stridelab.service.api.stream.messages import PACKED, TEXT, Parcel
 from stridelab.service.api.strict_json import parse_json
 from stridelab.service.processes.resident import StreamProcess
@@ -41,47 +41,49 @@ async def stream_com(socket: WebSocket, parts: AppParts) -> None:
     """Estimate the centre of mass of a moving body sample by sample, until the client closes."""
     await socket.accept()
     with contextlib.suppress(WebSocketDisconnect):
-        if await unless(parts.closing, _serve(socket, parts)) is None:
+        if await await_unless(parts.closing, _serve_stream(socket, parts)) is None:
             await socket.close(GOING_AWAY, "service-stops")
 
 
-async def _serve(socket: WebSocket, parts: Parts) -> bool:
+async def _serve_stream(socket: WebSocket, parts: Parts) -> bool:
     """Run a stream to its end and report errors to the client; returns True."""
     idle_s = parts.settings.stream_idle_s
     try:
-        with parts.streams.one():
-            await _converse(socket, parts.settings)
+        with parts.streams.reserve_place():
+            await _exchange_messages(socket, parts.settings)
     except StridelabError as refusal:
-        await _refuse(socket, problem_of(refusal))
+        await _send_problem(socket, problem_of(refusal))
     except TimeoutError:
-        await _refuse(socket, problem(408, "stream-idle", f"The client sent or read nothing for {idle_s:g} s."))
+        await _send_problem(
+            socket, make_problem(408, "stream-idle", f"The client sent or read nothing for {idle_s:g} s.")
+        )
     except WebSocketDisconnect:
         raise
     except Exception:
         log.exception("stream broke")
-        await _refuse(socket, problem(500, "internal-error", "Something went wrong inside the service."))
+        await _send_problem(socket, make_problem(500, "internal-error", "Something went wrong inside the service."))
     return True
 
 
-async def _converse(socket: WebSocket, limits: Settings) -> None:
+async def _exchange_messages(socket: WebSocket, limits: Settings) -> None:
     idle_s = limits.stream_idle_s
-    first = await _next(socket, CONFIGURATION_BYTES, idle_s)
-    configuration = configured(first, limits.stream_rate_hz)
-    rate = SampleRate(limits.stream_rate_hz)
-    async with await StreamProcess.spawn() as estimator:
+    first = await _receive_message(socket, CONFIGURATION_BYTES, idle_s)
+    configuration = parse_configuration(first, limits.stream_rate_hz)
+    rate = SampleRateLimiter(limits.stream_rate_hz)
+    async with await StreamProcess.start_process() as estimator:
         parcel = Parcel(TEXT, configuration.model_dump_json().encode())
         while True:
             answer = await estimator.ask(parcel)
-            rate.take(answer.samples)
+            rate.count_samples(answer.samples)
             async with asyncio.timeout(idle_s):
                 if answer.kind == PACKED:
                     await socket.send_bytes(answer.content)
                 else:
                     await socket.send_text(answer.content.decode())
-            parcel = await _next(socket, limits.stream_message_kb * 1000, idle_s)
+            parcel = await _receive_message(socket, limits.stream_message_kb * 1000, idle_s)
 
 
-async def _next(socket: WebSocket, limit_bytes: int, idle_s: float) -> Parcel:
+async def _receive_message(socket: WebSocket, limit_bytes: int, idle_s: float) -> Parcel:
     """Receive the next message. Raises ``TimeoutError`` after ``idle_s``, ``TooLarge`` (``message-too-large``)."""
     async with asyncio.timeout(idle_s):
         message = await socket.receive()
@@ -97,7 +99,7 @@ async def _next(socket: WebSocket, limit_bytes: int, idle_s: float) -> Parcel:
     return parcel
 
 
-def configured(first: Parcel, most_hz: float) -> StreamConfiguration:
+def parse_configuration(first: Parcel, max_rate_hz: float) -> StreamConfiguration:
     """Parse the configuration in the first message of a stream.
 
     Raises ``InvalidInput`` (``not-json``, ``invalid-request``, ``configuration-first``, ``rate-too-high``).
@@ -115,16 +117,16 @@ def configured(first: Parcel, most_hz: float) -> StreamConfiguration:
             f"The configuration of the stream is not valid: see {places}.",
             [Fault(fault.where, fault.message) for fault in faults],
         ) from error
-    if configuration.rate_hz > most_hz:
+    if configuration.rate_hz > max_rate_hz:
         raise InvalidInput(
             "rate-too-high",
-            f"This service accepts at most {most_hz:g} samples per second per stream.",
-            [Fault("rate_hz", f"{configuration.rate_hz:g} is over {most_hz:g}")],
+            f"This service accepts at most {max_rate_hz:g} samples per second per stream.",
+            [Fault("rate_hz", f"{configuration.rate_hz:g} is over {max_rate_hz:g}")],
         )
     return configuration
 
 
-async def _refuse(socket: WebSocket, why: Problem) -> None:
+async def _send_problem(socket: WebSocket, why: Problem) -> None:
     """Send the problem and close the socket; give up after ``_FAREWELL_S`` if the client does not read."""
     with contextlib.suppress(TimeoutError):
         async with asyncio.timeout(_FAREWELL_S):

@@ -27,41 +27,41 @@ if TYPE_CHECKING:
     from stridelab.estimation.smoother import SmootherPriors
 
 
-def begin(configuration: StreamConfiguration) -> tuple[OnlineEstimator, StreamReady]:
+def create_estimator(configuration: StreamConfiguration) -> tuple[OnlineEstimator, StreamReady]:
     """Create the estimator, and the ``ready`` message that describes it.
 
     Raises ``InvalidInput`` (``cutoffs-out-of-range``, ``cutoffs-not-used``, ``ahead-not-used``, ``mass-out-of-range``).
     """
-    return _BEGIN[configuration.method](configuration)
+    return _FACTORIES[configuration.method](configuration)
 
 
-def _complementary(asked: StreamConfiguration) -> tuple[OnlineEstimator, StreamReady]:
-    if asked.ahead is not None:
+def _create_complementary(configuration: StreamConfiguration) -> tuple[OnlineEstimator, StreamReady]:
+    if configuration.ahead is not None:
         raise InvalidInput(
             "ahead-not-used",
             "The complementary filter does not use the walking direction.",
             [Fault("ahead", "not used by this method")],
         )
-    if asked.cutoffs == "auto":
+    if configuration.cutoffs == "auto":
         low_hz, high_hz = AUTO_LOW_HZ, AUTO_HIGH_HZ
-    elif asked.cutoffs == "thesis":
+    elif configuration.cutoffs == "thesis":
         low_hz, high_hz = THESIS_LOW_HZ, THESIS_HIGH_HZ
     else:
-        low_hz, high_hz = asked.cutoffs
-    require_cutoffs(low_hz, high_hz, asked.rate_hz)
-    stated = asked.priors
+        low_hz, high_hz = configuration.cutoffs
+    require_cutoffs(low_hz, high_hz, configuration.rate_hz)
+    stated = configuration.priors
     estimator = OnlineComplementaryFilter(
         low_hz=low_hz,
         high_hz=high_hz,
-        mass_kg=asked.mass_kg,
+        mass_kg=configuration.mass_kg,
         table_sd_m=stated.geometry_m,
         priors=ErrorPriors(**stated.model_dump(exclude={"geometry_m"})),
-        velocity_m_s=None if asked.velocity_m_s is None else np.array(asked.velocity_m_s),
+        velocity_m_s=None if configuration.velocity_m_s is None else np.array(configuration.velocity_m_s),
     )
     ready = StreamReady(
-        method=asked.method,
-        rate_hz=asked.rate_hz,
-        format=asked.format,
+        method=configuration.method,
+        rate_hz=configuration.rate_hz,
+        format=configuration.format,
         low_hz=low_hz,
         high_hz=high_hz,
         references=["carpentier2017thesis", "carpentier2016spectral"],
@@ -69,23 +69,25 @@ def _complementary(asked: StreamConfiguration) -> tuple[OnlineEstimator, StreamR
     return estimator, ready
 
 
-def _smoother(asked: StreamConfiguration) -> tuple[OnlineEstimator, StreamReady]:
+def _create_smoother(configuration: StreamConfiguration) -> tuple[OnlineEstimator, StreamReady]:
     from stridelab.estimation.smoother import Smoother
 
-    if asked.cutoffs != "auto":
+    if configuration.cutoffs != "auto":
         raise InvalidInput(
             "cutoffs-not-used",
             "The smoother has no cut-off frequencies; only the complementary filter has.",
             [Fault("cutoffs", "not used by this method")],
         )
-    estimator = Smoother(priors=smoother_priors(asked.priors, asked.mass_kg)).causal(
-        mass_kg=asked.mass_kg,
-        table_sd_m=asked.priors.geometry_m,
-        velocity_m_s=None if asked.velocity_m_s is None else np.array(asked.velocity_m_s),
-        ahead=None if asked.ahead is None else np.array([*asked.ahead, 0.0]),
+    estimator = Smoother(priors=smoother_priors(configuration.priors, configuration.mass_kg)).causal(
+        mass_kg=configuration.mass_kg,
+        table_sd_m=configuration.priors.geometry_m,
+        velocity_m_s=None if configuration.velocity_m_s is None else np.array(configuration.velocity_m_s),
+        ahead=None if configuration.ahead is None else np.array([*configuration.ahead, 0.0]),
     )
     references = ["carpentier2017thesis", "dejong1991", "schmidt1966"]
-    ready = StreamReady(method=asked.method, rate_hz=asked.rate_hz, format=asked.format, references=references)
+    ready = StreamReady(
+        method=configuration.method, rate_hz=configuration.rate_hz, format=configuration.format, references=references
+    )
     return estimator, ready
 
 
@@ -115,7 +117,7 @@ def smoother_priors(stated: StreamPriors, mass_kg: float) -> "SmootherPriors":
     )
 
 
-_BEGIN: Final[Mapping[str, Callable[[StreamConfiguration], tuple[OnlineEstimator, StreamReady]]]] = {
-    "complementary": _complementary,
-    "smoother": _smoother,
+_FACTORIES: Final[Mapping[str, Callable[[StreamConfiguration], tuple[OnlineEstimator, StreamReady]]]] = {
+    "complementary": _create_complementary,
+    "smoother": _create_smoother,
 }

@@ -12,37 +12,37 @@ BURST_S: Final = 2.0
 RETRY_S: Final = 10.0
 
 
-class StreamPlaces:
+class StreamLimiter:
     """Counts the open streams of this process, at most ``limit``."""
 
     def __init__(self, limit: int) -> None:
         self._limit = limit
-        self.taken = 0
+        self.n_open = 0
 
     @contextmanager
-    def one(self) -> Iterator[None]:
+    def reserve_place(self) -> Iterator[None]:
         """Reserve a place for the duration of the context. Raises ``Busy`` (``too-many-streams``)."""
-        if self.taken >= self._limit:
+        if self.n_open >= self._limit:
             raise Busy(
                 "too-many-streams",
                 f"{self._limit} streams are already open, the limit of this service; try again later.",
                 RETRY_S,
             )
-        self.taken += 1
+        self.n_open += 1
         try:
             yield
         finally:
-            self.taken -= 1
+            self.n_open -= 1
 
 
-class SampleRate:
+class SampleRateLimiter:
     """Token bucket of one stream: ``rate_hz`` samples per second, with a burst of ``BURST_S``."""
 
     def __init__(self, rate_hz: float, clock: Callable[[], float] = monotonic) -> None:
         self._rate_hz, self._clock = rate_hz, clock
         self._left, self._at_s = BURST_S * rate_hz, clock()
 
-    def take(self, samples: int) -> None:
+    def count_samples(self, samples: int) -> None:
         """Count ``samples``. Raises ``Busy`` (``stream-too-fast``) if they exceed the rate."""
         now_s = self._clock()
         self._left = min(BURST_S * self._rate_hz, self._left + (now_s - self._at_s) * self._rate_hz) - samples

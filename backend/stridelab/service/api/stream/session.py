@@ -16,7 +16,7 @@ from stridelab.schemas.streams import (
     StreamConfiguration,
     StreamSamples,
 )
-from stridelab.service.api.stream.estimators import begin
+from stridelab.service.api.stream.estimators import create_estimator
 from stridelab.service.api.stream.messages import PACKED, TEXT, Parcel
 
 _TIME_BYTES: Final = struct.calcsize(PACKED_TIME)
@@ -25,19 +25,19 @@ _COLUMNS: Final = _ROW_BYTES // 4
 _SHOWN_FAULTS: Final = 20
 _LARGEST_FLOAT32: Final = float(np.finfo(np.float32).max)
 
-Given = tuple[float, Vector3 | None, Vector3 | None, Vector3 | None]
+Sample = tuple[float, Vector3 | None, Vector3 | None, Vector3 | None]
 Rows = Float64[np.ndarray, "n 10"]
 Estimates = Float64[np.ndarray, "n 9"]
 
 
-class Session:
+class StreamSession:
     """Estimator of one stream. Raises ``InvalidInput`` for an inconsistent configuration."""
 
     def __init__(self, configuration: StreamConfiguration) -> None:
         self._format = configuration.format
-        self._estimator, self.ready = begin(configuration)
+        self._estimator, self.ready = create_estimator(configuration)
 
-    def answer(self, parcel: Parcel) -> Parcel:
+    def answer_message(self, parcel: Parcel) -> Parcel:
         """Compute the estimates for the samples of a message.
 
         Raises ``InvalidInput`` or ``NotEstimable``, naming the sample by its index in the message.
@@ -49,18 +49,18 @@ class Session:
             samples = parse_text(parcel.content)
             estimates = [
                 {"time_s": sample[0], "com_m": row[0:3], "velocity_m_s": row[3:6], "sd_m": row[6:9]}
-                for sample, row in zip(samples, self._estimates(samples).tolist(), strict=True)
+                for sample, row in zip(samples, self._estimate_rows(samples).tolist(), strict=True)
             ]
             text = json.dumps({"samples": estimates}, allow_nan=False)
             return Parcel(TEXT, text.encode(), len(samples))
         start_s, rows = parse_packed(parcel.content)
-        samples = [_given(start_s, row) for row in rows]
+        samples = [_unpack_sample(start_s, row) for row in rows]
         answers = np.empty((len(rows), _COLUMNS), dtype="<f4")
         answers[:, 0] = rows[:, 0]
-        answers[:, 1:] = self._estimates(samples, largest=_LARGEST_FLOAT32)
+        answers[:, 1:] = self._estimate_rows(samples, largest=_LARGEST_FLOAT32)
         return Parcel(PACKED, struct.pack(PACKED_TIME, start_s) + answers.tobytes(), len(rows))
 
-    def _estimates(self, samples: list[Given], largest: float = np.inf) -> Estimates:
+    def _estimate_rows(self, samples: list[Sample], largest: float = np.inf) -> Estimates:
         """CoM, velocity and standard deviation, one row per sample.
 
         Raises ``InvalidInput`` (``not-finite``) if numbers overflow.
@@ -68,12 +68,12 @@ class Session:
         rows = np.empty((len(samples), 9))
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # the result is checked below
             for index, sample in enumerate(samples):
-                rows[index] = self._estimate(index, sample)
+                rows[index] = self._estimate_sample(index, sample)
         if not (np.abs(rows) < largest).all():
             raise _too_large()
         return rows
 
-    def _estimate(self, index: int, sample: Given) -> Float64[np.ndarray, "9"]:
+    def _estimate_sample(self, index: int, sample: Sample) -> Float64[np.ndarray, "9"]:
         try:
             return np.concatenate(self._estimator.step(*sample))
         except StridelabError as error:
@@ -88,7 +88,7 @@ def _too_large() -> InvalidInput:
     return InvalidInput("not-finite", "The numbers in the samples are too large for an estimate.")
 
 
-def parse_text(content: bytes) -> list[Given]:
+def parse_text(content: bytes) -> list[Sample]:
     """Parse the samples of a JSON message. Raises ``InvalidInput`` (``invalid-samples``) with the faulty fields."""
     try:
         message = StreamSamples.model_validate_json(content, strict=True)
@@ -101,7 +101,7 @@ def parse_text(content: bytes) -> list[Given]:
             "invalid-samples", 'A text message must have the form {"samples": [{"time_s": ...}, ...]}.', faults
         ) from error
     return [
-        (sample.time_s, _vector(sample.geometry_m), _vector(sample.force_n), _vector(sample.moment_nm))
+        (sample.time_s, _to_array(sample.geometry_m), _to_array(sample.force_n), _to_array(sample.moment_nm))
         for sample in message.samples
     ]
 
@@ -118,13 +118,13 @@ def parse_packed(content: bytes) -> tuple[float, Rows]:
     return float(start_s), rows.astype(np.float64)
 
 
-def _given(start_s: float, row: Float64[np.ndarray, "10"]) -> Given:
-    return start_s + float(row[0]), _seen(row[1:4]), _seen(row[4:7]), _seen(row[7:10])
+def _unpack_sample(start_s: float, row: Float64[np.ndarray, "10"]) -> Sample:
+    return start_s + float(row[0]), _none_if_missing(row[1:4]), _none_if_missing(row[4:7]), _none_if_missing(row[7:10])
 
 
-def _seen(triple: Vector3) -> Vector3 | None:
+def _none_if_missing(triple: Vector3) -> Vector3 | None:
     return None if np.isnan(triple).all() else triple
 
 
-def _vector(triple: tuple[float, float, float] | None) -> Vector3 | None:
+def _to_array(triple: tuple[float, float, float] | None) -> Vector3 | None:
     return None if triple is None else np.array(triple)

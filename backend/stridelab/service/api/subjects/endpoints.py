@@ -10,9 +10,9 @@ from sqlalchemy.ext.asyncio import AsyncConnection
 
 from stridelab.schemas.base import Page
 from stridelab.schemas.recordings import Subject, SubjectInput
-from stridelab.service.api.dependencies import AppParts, CallerOf, known_form, not_found
+from stridelab.service.api.dependencies import AppParts, CallerOf, not_found_error, require_id_form
 from stridelab.service.api.jobs import delete as deleting
-from stridelab.service.api.openapi import failures
+from stridelab.service.api.openapi import failure_responses
 from stridelab.service.api.pagination import Cursor, Limit, read_page
 from stridelab.service.api.strict_json import StrictRoute
 from stridelab.service.auth import audit
@@ -28,7 +28,7 @@ _EXAMPLE: Final[Any] = {
     }
 }
 _TALLER: Final[Any] = {"height": {"summary": "Correct one field", "value": {"height_m": 1.72}}}
-_UNKNOWN: Final = failures(s404="No subject with this id (`subject-not-found`).")
+_UNKNOWN: Final = failure_responses(s404="No subject with this id (`subject-not-found`).")
 
 
 @router.get("", summary="List subjects")
@@ -92,7 +92,7 @@ async def delete_subject(
     async with parts.engine.begin() as connection:
         row = await subject_row(connection, subject_id, lock=True)
         require_owner(caller, row["owner"], "subject")
-        await audit.note(connection, caller, "subject-deleted", subject_id)
+        await audit.record_action(connection, caller, "subject-deleted", subject_id)
         linked = await connection.execute(select(recording.c.id).where(recording.c.subject_id == subject_id))
         recordings = list(linked.scalars())
         await connection.execute(delete(subject).where(subject.c.id == subject_id))
@@ -100,7 +100,7 @@ async def delete_subject(
     if with_studies:
         studies = await deleting.delete_studies(parts, studies, caller)
     if studies:
-        response.headers[deleting.KEPT_IN] = ", ".join(studies)
+        response.headers[deleting.REMAINING_JOBS_HEADER] = ", ".join(studies)
 
 
 def subjects_with_counts() -> Select[Any]:
@@ -111,12 +111,12 @@ def subjects_with_counts() -> Select[Any]:
 
 async def subject_row(connection: AsyncConnection, subject_id: str, *, lock: bool = False) -> Mapping[str, Any]:
     """The row of one subject. Raises ``NotFound`` (``subject-not-found``)."""
-    query = subjects_with_counts().where(subject.c.id == known_form(subject_id, "subject"))
+    query = subjects_with_counts().where(subject.c.id == require_id_form(subject_id, "subject"))
     if lock:
         query = query.with_for_update(of=subject)
     row = (await connection.execute(query)).mappings().one_or_none()
     if row is None:
-        raise not_found("subject")
+        raise not_found_error("subject")
     return dict(row)
 
 

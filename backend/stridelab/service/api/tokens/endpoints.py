@@ -7,28 +7,28 @@ from sqlalchemy import select
 
 from stridelab.schemas.access import AuditEntry, CallerFacts, NewToken, TokenFacts, TokenInput
 from stridelab.schemas.base import Page
-from stridelab.service.api.dependencies import AppParts, CallerOf, known_form
-from stridelab.service.api.openapi import failures
+from stridelab.service.api.dependencies import AppParts, CallerOf, require_id_form
+from stridelab.service.api.openapi import failure_responses
 from stridelab.service.api.pagination import Cursor, Limit, read_page
 from stridelab.service.api.strict_json import StrictRoute
 from stridelab.service.auth import audit, tokens
-from stridelab.service.auth.callers import require
+from stridelab.service.auth.callers import require_scope
 from stridelab.service.storage import tables
 
 
-def _admin(caller: CallerOf) -> None:
-    require(caller, "admin")
+def _require_admin(caller: CallerOf) -> None:
+    require_scope(caller, "admin")
 
 
-anybody = APIRouter(tags=["access"], route_class=StrictRoute)
-router = APIRouter(tags=["access"], route_class=StrictRoute, dependencies=[Depends(_admin)])
+public_router = APIRouter(tags=["access"], route_class=StrictRoute)
+router = APIRouter(tags=["access"], route_class=StrictRoute, dependencies=[Depends(_require_admin)])
 
 _EXAMPLE: Final[Any] = {
     "person": {"summary": "A member of the group", "value": {"name": "p07", "scope": "submit", "days": 365}},
 }
 
 
-@anybody.get("/caller", summary="Who calls")
+@public_router.get("/caller", summary="Who calls")
 async def read_caller(caller: CallerOf) -> CallerFacts:
     """Name and scope of the caller. On a service without login, the name is null and the scope `admin`."""
     return CallerFacts(name=caller.name, scope=caller.scope)
@@ -45,30 +45,30 @@ async def list_tokens(parts: AppParts, limit: Limit = 50, cursor: Cursor = None)
     "/tokens",
     status_code=201,
     summary="Make a token",
-    responses=failures(s409="A token of that name has not been revoked (`token-name-taken`)."),
+    responses=failure_responses(s409="A token of that name has not been revoked (`token-name-taken`)."),
 )
 async def create_token(
     parts: AppParts, caller: CallerOf, body: Annotated[TokenInput, Body(openapi_examples=_EXAMPLE)]
 ) -> NewToken:
     """Create a token. `secret` is the token itself; only this response contains it."""
     async with parts.engine.begin() as connection:
-        created = await tokens.create(connection, body)
-        await audit.note(connection, caller, "token-created", created.id)
-    parts.tokens.forget()
+        created = await tokens.create_token(connection, body)
+        await audit.record_action(connection, caller, "token-created", created.id)
+    parts.tokens.mark_stale()
     return created
 
 
 @router.delete(
     "/tokens/{token_id}",
     summary="Revoke a token",
-    responses=failures(s404="No token with this id, or it has been revoked already (`token-not-found`)."),
+    responses=failure_responses(s404="No token with this id, or it has been revoked already (`token-not-found`)."),
 )
 async def revoke_token(parts: AppParts, caller: CallerOf, token_id: str) -> TokenFacts:
     """Revoke a token. This process refuses it at once, others within two seconds. The objects it owns remain."""
     async with parts.engine.begin() as connection:
-        revoked = await tokens.revoke(connection, known_form(token_id, "token"))
-        await audit.note(connection, caller, "token-revoked", revoked.id)
-    parts.tokens.forget()
+        revoked = await tokens.revoke_token(connection, require_id_form(token_id, "token"))
+        await audit.record_action(connection, caller, "token-revoked", revoked.id)
+    parts.tokens.mark_stale()
     return revoked
 
 

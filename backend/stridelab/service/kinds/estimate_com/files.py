@@ -20,7 +20,7 @@ from stridelab.recordings.recording import WrenchTrack
 from stridelab.schemas.jobs import EstimateComSummary
 from stridelab.schemas.tasks import RecordingSource
 from stridelab.service.kinds.base import ArtifactFile
-from stridelab.service.kinds.result_tables import C3D, atomically, write_table
+from stridelab.service.kinds.result_tables import C3D, write_atomically, write_table
 
 AXES = "xyz"
 COM_POINT, GEOMETRY_POINT = "COM", "COM_GEOMETRY"
@@ -72,14 +72,16 @@ def com_columns(geometric: GeometricCom, wrench: WrenchTrack, estimate: ComEstim
         ("m_s2", "a", estimate.acceleration_m_s2),
         ("m", "sd_", estimate.sd_m),
     ):
-        columns |= _named(name, suffix, _spread(track, inside, n))
-    columns |= _named("geometry_", "m", geometric.com_m)
+        columns |= _axis_columns(name, suffix, _spread_over_frames(track, inside, n))
+    columns |= _axis_columns("geometry_", "m", geometric.com_m)
     force_n = np.where(wrench.complete[:, None], wrench.force_n, np.nan)
-    columns |= _named("force_", "n", force_n)
-    columns |= _named("axis_", "m", central_axis(Wrench(force_n, wrench.moment_nm)).project(geometric.com_m))
+    columns |= _axis_columns("force_", "n", force_n)
+    columns |= _axis_columns("axis_", "m", central_axis(Wrench(force_n, wrench.moment_nm)).project(geometric.com_m))
     seen = observability_track(estimate)
     whole = wrench.complete[inside]
-    columns |= _named("unobservable_", "", _spread(np.where(whole[:, None], seen.direction, np.nan), inside, n))
+    columns |= _axis_columns(
+        "unobservable_", "", _spread_over_frames(np.where(whole[:, None], seen.direction, np.nan), inside, n)
+    )
     for name, ranks in (("rank_force", seen.rank_force), ("rank_with_geometry", seen.rank_with_geometry)):
         columns[name] = np.full(n, np.nan)
         columns[name][inside] = np.where(whole, ranks, np.nan)
@@ -94,17 +96,17 @@ def write_com_c3d(target: Path, upload: Path, trial: Trial, points: dict[str, Po
     millimetres and world axes, and its contacts, if any, as plates.
     """
     if is_c3d(upload):
-        atomically(target, lambda path: add_points_to_c3d(upload, path, points))
+        write_atomically(target, lambda path: add_points_to_c3d(upload, path, points))
     else:
-        atomically(target, lambda path: write_c3d(path, trial.recording, extra_points=points))
+        write_atomically(target, lambda path: write_c3d(path, trial.recording, extra_points=points))
 
 
-def _named(prefix: str, suffix: str, track: Points) -> dict[str, Series | Mask]:
+def _axis_columns(prefix: str, suffix: str, track: Points) -> dict[str, Series | Mask]:
     unit = f"_{suffix}" if suffix else ""
     return {f"{prefix}{axis}{unit}": track[:, i] for i, axis in enumerate(AXES)}
 
 
-def _spread(track: Points, inside: slice, n_frames: int) -> Float[np.ndarray, "n_frames 3"]:
+def _spread_over_frames(track: Points, inside: slice, n_frames: int) -> Float[np.ndarray, "n_frames 3"]:
     """The track of a window in an array of all frames, NaN outside."""
     whole = np.full((n_frames, 3), np.nan)
     whole[inside] = track

@@ -28,4 +28,4 @@ def run(task: EstimateComTask, folder: Path, progress: ProgressCallback) -> Outc
     progress(0.85, "writing the result")
     artifacts = write_com_result(folder, task.recording, result)
     progress(1.0, "done")
-    return Outcome(result.summary.model_dump(mode="json"), result.references, artifacts)
+    return Outcome(result.summary.model_dump(mode="json"), result.citation_keys, artifacts)

@@ -13,7 +13,7 @@ from stridelab.service.kinds.base import ArtifactFile
 from stridelab.service.kinds.result_tables import write_table
 from stridelab.walking.step_fit import StepFit
 
-NUMBERS = (
+STEP_FIELDS = (
     *("t0_s", "t1_s", "R_m", "r_m", "z0_m", "omega_rad_s", "theta0_rad", "error_mean_mm", "error_sd_mm"),
     *("error_max_mm", "theta_off_line_rad", "period_s", "step_length_m", "speed_m_s", "circumference_share"),
 )
@@ -40,24 +40,24 @@ def step_columns(summary: FitCycloidSummary) -> dict[str, np.ndarray]:
         "source": np.array([step.source for step in steps]),
         "measured": np.array([step.measured for step in steps], dtype=bool),
     }
-    columns |= {name: _numbers([getattr(step, name) for step in steps]) for name in NUMBERS}
+    columns |= {name: _number_column([getattr(step, name) for step in steps]) for name in STEP_FIELDS}
     for name in ("R_m", "r_m", "z0_m"):
-        columns[f"sd_{name}"] = _numbers([getattr(step.sd, name) for step in steps])
-        columns[f"reversed_{name}"] = _numbers([getattr(step.reversed, name) for step in steps])
+        columns[f"sd_{name}"] = _number_column([getattr(step.sd, name) for step in steps])
+        columns[f"reversed_{name}"] = _number_column([getattr(step.reversed, name) for step in steps])
     for name in ("double_support", "double_support_model"):
         for end, edge in enumerate(("start", "end")):
-            columns[f"{name}_{edge}_s"] = _numbers([getattr(step, f"{name}_s")[end] for step in steps])
+            columns[f"{name}_{edge}_s"] = _number_column([getattr(step, f"{name}_s")[end] for step in steps])
     columns["flags"] = np.array([" ".join(sorted(step.flags)) for step in steps])
     return columns
 
 
 def wheel_columns(result: CycloidResult) -> dict[str, np.ndarray]:
     """Measured and modelled path of every step in the plane of progression, and its position in the laboratory."""
-    parts = [_samples(result, k, fit) for k, fit in enumerate(result.fits)]
+    parts = [_step_samples(result, k, fit) for k, fit in enumerate(result.fits)]
     return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
 
-def _samples(result: CycloidResult, k: int, fit: StepFit) -> dict[str, np.ndarray]:
+def _step_samples(result: CycloidResult, k: int, fit: StepFit) -> dict[str, np.ndarray]:
     wheel, theta, t = fit.path.wheel, fit.path.theta_rad, fit.time_s
     hub, model = wheel.hub_m(theta), wheel.position_m(theta)
     com = in_laboratory_m(result.estimate, result.floor_m_s, t)
@@ -88,5 +88,5 @@ def in_laboratory_m(estimate: ComEstimate, floor_m_s: Vector3, time_s: np.ndarra
     return np.asarray(estimate.com_m[first : first + len(time_s)] + floor_m_s * time_s[:, None])
 
 
-def _numbers(values: list[float | None]) -> np.ndarray:
+def _number_column(values: list[float | None]) -> np.ndarray:
     return np.array([np.nan if value is None else value for value in values], dtype=float)

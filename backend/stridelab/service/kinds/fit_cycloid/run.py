@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from stridelab.pipelines.fit_cycloid import cycloid_of
+from stridelab.pipelines.fit_cycloid import fit_cycloid_of_recording
 from stridelab.pipelines.progress import ProgressCallback
 from stridelab.schemas.tasks import FitCycloidTask
 from stridelab.service.kinds.base import Json, Outcome
@@ -19,8 +19,8 @@ def run(task: FitCycloidTask, folder: Path, progress: ProgressCallback) -> Outco
 
     Raises as ``cycloid_of`` does.
     """
-    result = cycloid_of(task, folder, progress)
+    result = fit_cycloid_of_recording(task, folder, progress)
     progress(0.95, "writing the result")
     artifacts = write_cycloid(folder, task.recording, result)
     progress(1.0, "done")
-    return Outcome(result.summary.model_dump(mode="json"), result.references, artifacts)
+    return Outcome(result.summary.model_dump(mode="json"), result.citation_keys, artifacts)

@@ -15,8 +15,8 @@ from stridelab.robots.contact_frames import with_contact_frames
 from stridelab.robots.robot import Robot
 from stridelab.robots.visuals import link_poses
 from stridelab.service.kinds.base import ArtifactFile
-from stridelab.service.kinds.plan_motion.tables import phases
-from stridelab.service.kinds.result_tables import atomically, write_text_atomically
+from stridelab.service.kinds.plan_motion.tables import phase_indices
+from stridelab.service.kinds.result_tables import write_atomically, write_text_atomically
 from stridelab.wholebody.motion import WholeBodyMotion
 
 if TYPE_CHECKING:
@@ -28,10 +28,10 @@ DESCRIPTION_FILE: Final = "poses.json"
 POSE_COLUMNS = ("px", "py", "pz", "qw", "qx", "qy", "qz")
 FORCE_COLUMNS = ("px", "py", "pz", "fx", "fy", "fz")
 
-_NOTHING_N = 1e-9
+_MIN_FORCE_N = 1e-9
 
 
-class Shown(NamedTuple):
+class DisplayTracks(NamedTuple):
     """Tracks per display frame: poses ``(f, links, 7)`` and forces ``(f, effectors, 6)``."""
 
     poses: Float[np.ndarray, "f links 7"]
@@ -56,7 +56,7 @@ def display_forces(motion: WholeBodyMotion, frames: Int[np.ndarray, "f"]) -> Flo
     forces; for a contact without load it is the mean of the points.
     """
     sequence = motion.sequence
-    phase = phases(sequence, motion.time_s[frames])
+    phase = phase_indices(sequence, motion.time_s[frames])
     shown = np.full((len(frames), len(motion.forces_n), 6), np.nan)
     for e, (effector, forces) in enumerate(motion.forces_n.items()):
         for i, (frame, p) in enumerate(zip(frames, phase, strict=True)):
@@ -71,11 +71,11 @@ def centre_of_pressure_m(placement: Placement, points_m: Points, forces_n: Point
     """Centre of pressure in the world of ``forces_n`` (world frame) on the points ``(k, 3)`` of a contact frame."""
     normal_n = forces_n @ placement.rotation[:, 2]
     total_n = normal_n.sum()
-    weights = normal_n / total_n if total_n > _NOTHING_N else np.full(len(points_m), 1.0 / len(points_m))
+    weights = normal_n / total_n if total_n > _MIN_FORCE_N else np.full(len(points_m), 1.0 / len(points_m))
     return np.asarray(placement.act((weights @ points_m)[None])[0])
 
 
-def replayed_display(robot: Robot, replay: "Replay", time_s: Series, effectors: tuple[str, ...]) -> Shown:
+def replay_tracks(robot: Robot, replay: "Replay", time_s: Series, effectors: tuple[str, ...]) -> DisplayTracks:
     """The replay at the instants ``time_s`` of the motion, NaN before its first sample and after a fall.
 
     Forces act at the origin of the effector's contact frame and are NaN without contact.
@@ -92,9 +92,9 @@ def replayed_display(robot: Robot, replay: "Replay", time_s: Series, effectors: 
         pin.framesForwardKinematics(model, data, q)
         for e, effector in enumerate(effectors):
             force_n = replay.forces_n[effector][nearest[i]]
-            if np.linalg.norm(force_n) > _NOTHING_N:
+            if np.linalg.norm(force_n) > _MIN_FORCE_N:
                 forces[i, e] = [*data.oMf[frame_of[effector]].translation, *force_n]
-    return Shown(poses, forces)
+    return DisplayTracks(poses, forces)
 
 
 def write_display(
@@ -103,7 +103,7 @@ def write_display(
     links: tuple[str, ...],
     effectors: tuple[str, ...],
     time_s: Series,
-    shown: Shown,
+    tracks: DisplayTracks,
 ) -> tuple[ArtifactFile, ...]:
     """Write ``poses.f32`` and ``forces.f32`` (little endian, C order) and ``poses.json``, which describes both."""
     about = {
@@ -114,28 +114,28 @@ def write_display(
         "columns": list(POSE_COLUMNS),
         "forces": {"file": "forces.f32", "effectors": list(effectors), "columns": list(FORCE_COLUMNS)},
     }
-    written = _write_shown(folder, shown, "")
-    _describe(folder, about)
+    written = _write_tracks(folder, tracks, "")
+    _write_description(folder, about)
     return *written, ArtifactFile(DESCRIPTION_FILE, JSON)
 
 
-def add_replayed(folder: Path, replayed: Shown) -> tuple[ArtifactFile, ...]:
+def add_replay_tracks(folder: Path, replayed: DisplayTracks) -> tuple[ArtifactFile, ...]:
     """Write ``replay_poses.f32`` and ``replay_forces.f32``, of the same shape, and add them to ``poses.json``."""
-    written = _write_shown(folder, replayed, "replay_")
+    written = _write_tracks(folder, replayed, "replay_")
     about = json.loads((folder / DESCRIPTION_FILE).read_text(encoding="utf-8"))
     poses, forces = (file.name for file in written)
-    _describe(folder, about | {"replay": {"poses": poses, "forces": forces}})
+    _write_description(folder, about | {"replay": {"poses": poses, "forces": forces}})
     return written
 
 
-def _write_shown(folder: Path, shown: Shown, prefix: str) -> tuple[ArtifactFile, ...]:
-    arrays = {f"{prefix}poses.f32": shown.poses, f"{prefix}forces.f32": shown.forces}
+def _write_tracks(folder: Path, tracks: DisplayTracks, prefix: str) -> tuple[ArtifactFile, ...]:
+    arrays = {f"{prefix}poses.f32": tracks.poses, f"{prefix}forces.f32": tracks.forces}
     for name, values in arrays.items():
-        atomically(folder / name, partial(_write_floats, values=values))
+        write_atomically(folder / name, partial(_write_floats, values=values))
     return tuple(ArtifactFile(name, RAW) for name in arrays)
 
 
-def _describe(folder: Path, about: dict[str, Any]) -> None:
+def _write_description(folder: Path, about: dict[str, Any]) -> None:
     text = json.dumps(about, allow_nan=False)
     write_text_atomically(folder / DESCRIPTION_FILE, text)
 

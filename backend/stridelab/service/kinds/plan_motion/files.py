@@ -17,12 +17,12 @@ from stridelab.service.kinds.plan_motion.display_tracks import (
     HTML,
     JSON,
     RAW,
-    Shown,
-    add_replayed,
+    DisplayTracks,
+    add_replay_tracks,
     display_forces,
     display_frames,
     display_poses,
-    replayed_display,
+    replay_tracks,
     write_display,
 )
 from stridelab.service.kinds.plan_motion.joint_trajectory import joint_columns, write_trajectory
@@ -38,9 +38,9 @@ from stridelab.service.kinds.plan_motion.viser_recording import (
     RECORDING_FILE,
     RECORDING_HZ,
     player_page,
-    record,
+    record_scene,
 )
-from stridelab.service.kinds.result_tables import atomically, write_table, write_text_atomically
+from stridelab.service.kinds.result_tables import write_atomically, write_table, write_text_atomically
 from stridelab.wholebody.motion import WholeBodyMotion
 
 if TYPE_CHECKING:
@@ -51,7 +51,7 @@ NPZ = "application/x-npz"
 
 def write_plan(folder: Path, plan: CentroidalPlan) -> tuple[ArtifactFile, ...]:
     """``centroidal.parquet`` and ``iterations.parquet`` with their CSV twins."""
-    about = _about(plan.sequence.name, plan.sequence.robot) | {"solver": plan.solver, "mass_kg": plan.mass_kg}
+    about = _provenance_of(plan.sequence.name, plan.sequence.robot) | {"solver": plan.solver, "mass_kg": plan.mass_kg}
     attempts = plan.solution.attempts if plan.solution is not None else ()
     nodes = write_table(folder, "centroidal", centroidal_columns(plan), about)
     return *nodes, *write_table(folder, "iterations", iteration_columns(attempts), about)
@@ -62,34 +62,34 @@ def write_motion(
     robot: Robot,
     motion: WholeBodyMotion,
     film: Film | None,
-    tell: ProgressCallback,
+    progress: ProgressCallback,
 ) -> tuple[ArtifactFile, ...]:
     """Write the tracks for viewers, the motion as tables and arrays, the trajectory, the player and the video."""
     sequence = motion.sequence
-    tell(0.1, "placing the links")
+    progress(0.1, "placing the links")
     frames = display_frames(len(motion.time_s), motion.rate_hz)
-    shown = Shown(display_poses(robot, motion.q[frames]), display_forces(motion, frames))
+    shown = DisplayTracks(display_poses(robot, motion.q[frames]), display_forces(motion, frames))
     effectors = tuple(motion.forces_n)
     display = write_display(folder, robot.name, link_names(robot), effectors, motion.time_s[frames], shown)
-    tell(0.3, "writing the motion")
+    progress(0.3, "writing the motion")
     limits_nm = np.asarray(robot.model.effortLimit)[6:]
-    about = _about(sequence.name, robot.name) | {"rate_hz": motion.rate_hz}
+    about = _provenance_of(sequence.name, robot.name) | {"rate_hz": motion.rate_hz}
     tables = (
         *write_table(folder, "motion", motion_columns(motion, limits_nm), about),
         *write_table(folder, "joints", joint_columns(robot, motion), about),
     )
     arrays = write_arrays(folder / "motion.npz", motion_arrays(robot, motion))
     trajectory = write_trajectory(folder, robot, motion)
-    tell(0.5, "recording it for viser")
+    progress(0.5, "recording it for viser")
     links = link_meshes(robot)
     lasts_s = float(motion.time_s[-1] - motion.time_s[0])
     every = max(1, round((len(frames) - 1) / lasts_s / RECORDING_HZ)) if lasts_s > 0.0 else 1
-    recording = record(sequence.terrain, links, shown.poses[::every], RECORDING_HZ)
-    atomically(folder / RECORDING_FILE, lambda path: path.write_bytes(recording))
+    recording = record_scene(sequence.terrain, links, shown.poses[::every], RECORDING_HZ)
+    write_atomically(folder / RECORDING_FILE, lambda path: path.write_bytes(recording))
     write_text_atomically(folder / PAGE_FILE, player_page(recording))
     player = [ArtifactFile(RECORDING_FILE, RAW), ArtifactFile(PAGE_FILE, HTML)]
     if film is not None:
-        player.append(write_film(folder, film, sequence.terrain, links, shown.poses[::every], RECORDING_HZ, tell))
+        player.append(write_film(folder, film, sequence.terrain, links, shown.poses[::every], RECORDING_HZ, progress))
     return (*display, *tables, arrays, *trajectory, *player)
 
 
@@ -100,11 +100,11 @@ def write_replay(folder: Path, robot: Robot, motion: WholeBodyMotion, replay: "R
     that ``write_motion`` has written for ``motion``.
     """
     frames = display_frames(len(motion.time_s), motion.rate_hz)
-    replayed = replayed_display(robot, replay, motion.time_s[frames], tuple(motion.forces_n))
+    replayed = replay_tracks(robot, replay, motion.time_s[frames], tuple(motion.forces_n))
     forces = {f"forces_{effector}": track for effector, track in replay.forces_n.items()}
     arrays = {"time_s": replay.time_s, "q": replay.q, "v": replay.v, **forces}
     tables = write_table(folder, "replay", replay_columns(replay), {})
-    return *add_replayed(folder, replayed), write_arrays(folder / "replay.npz", arrays), *tables
+    return *add_replay_tracks(folder, replayed), write_arrays(folder / "replay.npz", arrays), *tables
 
 
 def write_json(folder: Path, name: str, value: BaseModel) -> ArtifactFile:
@@ -143,9 +143,9 @@ def write_arrays(path: Path, arrays: Mapping[str, np.ndarray]) -> ArtifactFile:
         if array.dtype.hasobject:
             raise ValueError(f"{name} contains objects")
 
-    atomically(path, lambda part: np.savez_compressed(part, allow_pickle=False, **arrays))
+    write_atomically(path, lambda part: np.savez_compressed(part, allow_pickle=False, **arrays))
     return ArtifactFile(path.name, NPZ)
 
 
-def _about(scenario: str, robot: str) -> dict[str, Any]:
+def _provenance_of(scenario: str, robot: str) -> dict[str, Any]:
     return {"scenario": scenario, "robot": robot, "frame": "world, z up"}

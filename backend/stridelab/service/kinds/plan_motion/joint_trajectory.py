@@ -26,15 +26,15 @@ def joint_trajectory(robot: Robot, motion: WholeBodyMotion) -> dict[str, Any]:
     """The message as a dict, at display rate; efforts are the torques of the motion."""
     points = [
         {
-            "positions": _rounded(motion.q[i, 7:]),
-            "velocities": _rounded(motion.v[i, 6:]),
-            "accelerations": _rounded(motion.a[i, 6:]),
-            "effort": _rounded(motion.tau_nm[i]),
-            "time_from_start": _duration(float(motion.time_s[i])),
+            "positions": _round_values(motion.q[i, 7:]),
+            "velocities": _round_values(motion.v[i, 6:]),
+            "accelerations": _round_values(motion.a[i, 6:]),
+            "effort": _round_values(motion.tau_nm[i]),
+            "time_from_start": _ros_duration(float(motion.time_s[i])),
         }
         for i in display_frames(len(motion.time_s), motion.rate_hz)
     ]
-    header = {"stamp": _duration(0.0), "frame_id": ""}
+    header = {"stamp": _ros_duration(0.0), "frame_id": ""}
     return {"header": header, "joint_names": list(robot.joint_names), "points": points}
 
 
@@ -53,7 +53,7 @@ def as_yaml(message: dict[str, Any]) -> str:
     lines = ["header:", f"  stamp: {json.dumps(head['stamp'])}", f"  frame_id: {json.dumps(head['frame_id'])}"]
     lines += ["joint_names:", *(f"- {name}" for name in message["joint_names"]), "points:"]
     for point in message["points"]:
-        first, *others = (f"{key}: {_flow(value)}" for key, value in point.items())
+        first, *others = (f"{key}: {_flow_sequence(value)}" for key, value in point.items())
         lines += [f"- {first}", *(f"  {line}" for line in others)]
     return "\n".join(lines) + "\n"
 
@@ -69,17 +69,17 @@ def joint_columns(robot: Robot, motion: WholeBodyMotion) -> Columns:
     return columns
 
 
-def _flow(value: list[float] | dict[str, int]) -> str:
+def _flow_sequence(value: list[float] | dict[str, int]) -> str:
     if isinstance(value, dict):
         return json.dumps(value)
     return "[" + ", ".join(f"{number:.{_DIGITS}f}" for number in value) + "]"
 
 
-def _rounded(values: Any) -> list[float]:
+def _round_values(values: Any) -> list[float]:
     return [round(float(value), _DIGITS) for value in values]
 
 
-def _duration(seconds: float) -> dict[str, int]:
+def _ros_duration(seconds: float) -> dict[str, int]:
     """``builtin_interfaces/Duration``."""
     sec, nanosec = divmod(round(seconds * _NS), _NS)
     return {"sec": sec, "nanosec": nanosec}

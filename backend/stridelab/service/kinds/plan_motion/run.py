@@ -16,15 +16,15 @@ from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.centroidal.rest_to_rest import from_rest_to_rest
 from stridelab.centroidal.solver import solve
 from stridelab.contacts.sequence import ContactSequence
-from stridelab.pipelines.plan_centroidal import jumps, planned
+from stridelab.pipelines.plan_centroidal import force_jump_remarks, solve_centroidal
 from stridelab.pipelines.plan_problem import (
-    as_planned,
-    checked,
     control_of,
-    densities,
-    freedom,
+    free_durations,
+    load_densities,
     require_durations,
     require_solver,
+    validate_scenario,
+    with_planned_durations,
 )
 from stridelab.pipelines.progress import ProgressCallback, Stages
 from stridelab.reachability.store import DEFAULT_MEASURE
@@ -35,7 +35,13 @@ from stridelab.schemas.plans import PLAN_STAGES, AgreementPass, PlanMotionInput
 from stridelab.schemas.tasks import PlanMotionTask
 from stridelab.service.kinds.base import ArtifactFile, Json, Outcome
 from stridelab.service.kinds.plan_motion.files import write_json, write_motion, write_plan, write_replay
-from stridelab.service.kinds.plan_motion.summary import certificate_of, remarks, replay_of, stopped_of, summary
+from stridelab.service.kinds.plan_motion.summary import (
+    certificate_summary,
+    motion_remarks,
+    plan_summary,
+    replay_summary,
+    stopped_motion,
+)
 from stridelab.service.kinds.plan_motion.video import require_film
 from stridelab.wholebody.certificate.certify import certify
 from stridelab.wholebody.control.controller import WholeBodyController
@@ -69,61 +75,61 @@ def run(task: PlanMotionTask, folder: Path, progress: ProgressCallback) -> Outco
     require_solver(request.solver)
     require_durations(request)
     require_film(request.film)
-    stages = Stages(progress, _shares(request))
+    stages = Stages(progress, _stage_shares(request))
     artifacts: list[ArtifactFile] = []
 
-    with stages.at(CHECK, "looking at the scenario"):
-        sequence, noted = checked(task.scenario)
+    with stages.run_stage(CHECK, "looking at the scenario"):
+        sequence, noted = validate_scenario(task.scenario)
         robot = load_robot(sequence.robot)
-    with stages.at(REACHABILITY, "reading the learned densities"):
-        proxies = densities(robot, request.measure or DEFAULT_MEASURE)
-    with stages.at(CENTROIDAL, f"solving for {sequence.duration_s:.1f} s") as tell:
+    with stages.run_stage(REACHABILITY, "reading the learned densities"):
+        proxies = load_densities(robot, request.measure or DEFAULT_MEASURE)
+    with stages.run_stage(CENTROIDAL, f"solving for {sequence.duration_s:.1f} s") as tell:
         posed, control = from_rest_to_rest(robot, sequence, proxies), control_of(request)
         problem = replace(
             posed,
             control=control,
             bounds=PathBounds(None, hand_bounds_n(robot, sequence) if control.has_point_forces else {}),
             node_rate_hz=request.node_rate_hz,
-            durations=freedom(request, sequence),
+            durations=free_durations(request, sequence),
         )
-        problem, plan = planned(problem, request, tell)
+        problem, plan = solve_centroidal(problem, request, tell)
         given, sequence = sequence, plan.sequence
 
     motion, certificate, replayed, stopped = None, None, None, None
     passes: tuple[Pass, ...] = ()
     if request.whole_body:
         try:
-            with stages.at(WHOLE_BODY, f"0.0 of {sequence.duration_s:.1f} s") as tell:
-                clock = _clock(tell, sequence.duration_s)
+            with stages.run_stage(WHOLE_BODY, f"0.0 of {sequence.duration_s:.1f} s") as tell:
+                clock = _motion_progress(tell, sequence.duration_s)
                 agreed = agree(robot, problem, plan, solve, WholeBodyController().run, clock)
                 plan, motion, passes = agreed.plan, agreed.motion, agreed.passes
         except WholeBodyStopped as stop:
             motion, stopped = stop.motion, stop
     if motion is not None and stopped is None:
-        with stages.at(CERTIFICATE, "checking the motion"):
-            certificate = certificate_of(certify(robot, sequence, plan, proxies, motion))
+        with stages.run_stage(CERTIFICATE, "checking the motion"):
+            certificate = certificate_summary(certify(robot, sequence, plan, proxies, motion))
             artifacts.append(write_json(folder, "certificate.json", certificate))
-    with stages.at(EXPORT, "writing the plan") as tell:
-        scenario = as_planned(task.scenario, sequence)
+    with stages.run_stage(EXPORT, "writing the plan") as tell:
+        scenario = with_planned_durations(task.scenario, sequence)
         artifacts += [*write_plan(folder, plan), write_json(folder, "scenario.json", scenario)]
         if motion is not None:
             artifacts += write_motion(folder, robot, motion, request.film, tell)
     if request.replay and certificate is not None and motion is not None:
-        with stages.at(REPLAY, f"0.0 of {sequence.duration_s:.1f} s") as tell:
-            replay = _replayed(robot, sequence, motion, _clock(tell, sequence.duration_s))
-            replayed = replay_of(replay)
+        with stages.run_stage(REPLAY, f"0.0 of {sequence.duration_s:.1f} s") as tell:
+            replay = _replay_motion(robot, sequence, motion, _motion_progress(tell, sequence.duration_s))
+            replayed = replay_summary(replay)
             artifacts += write_replay(folder, robot, motion, replay)
 
-    warnings = (*noted, *jumps(problem, request), *remarks(plan, motion, certificate, replayed))
-    result = summary(plan, given, problem, request, certificate, replayed, stages.times_s, warnings)
+    warnings = (*noted, *force_jump_remarks(problem, request), *motion_remarks(plan, motion, certificate, replayed))
+    result = plan_summary(plan, given, problem, request, certificate, replayed, stages.times_s, warnings)
     result = result.model_copy(update={"agreement": [AgreementPass(**asdict(one)) for one in passes]})
     if stopped is not None:
-        result = result.model_copy(update={"stopped": stopped_of(stopped)})
+        result = result.model_copy(update={"stopped": stopped_motion(stopped)})
     progress(1.0, "done" if stopped is None else f"stopped at {stopped.time_s:.2f} s")
-    return Outcome(result.model_dump(mode="json"), _references(plan, request), tuple(artifacts), stopped)
+    return Outcome(result.model_dump(mode="json"), _citation_keys(plan, request), tuple(artifacts), stopped)
 
 
-def _shares(request: PlanMotionInput) -> dict[str, float]:
+def _stage_shares(request: PlanMotionInput) -> dict[str, float]:
     """Stages of this request and their shares of the progress bar: about their seconds for 30 s of motion."""
     shares = {CHECK: 0.3, REACHABILITY: 0.1, CENTROIDAL: 2.0}
     if request.whole_body:
@@ -132,23 +138,25 @@ def _shares(request: PlanMotionInput) -> dict[str, float]:
     return shares | ({REPLAY: 6.0} if request.replay else {})
 
 
-def _clock(tell: ProgressCallback, duration_s: float) -> ProgressCallback:
+def _motion_progress(progress: ProgressCallback, duration_s: float) -> ProgressCallback:
     """Progress callback of a stage over the motion: reports the percentage and the time of the motion."""
 
-    def on(fraction: float, _message: str) -> None:
-        tell(fraction, f"{100 * fraction:.0f} %, {fraction * duration_s:.1f} of {duration_s:.1f} s")
+    def report_time(fraction: float, _message: str) -> None:
+        progress(fraction, f"{100 * fraction:.0f} %, {fraction * duration_s:.1f} of {duration_s:.1f} s")
 
-    return on
+    return report_time
 
 
-def _replayed(robot: Robot, sequence: ContactSequence, motion: WholeBodyMotion, clock: ProgressCallback) -> "Replay":
+def _replay_motion(
+    robot: Robot, sequence: ContactSequence, motion: WholeBodyMotion, clock: ProgressCallback
+) -> "Replay":
     # imported lazily: the simulator is needed for a replay only
-    from stridelab.wholebody.replay.replay import replay
+    from stridelab.wholebody.replay.replay import replay_with_defaults
 
-    return replay(robot, sequence, motion, clock)
+    return replay_with_defaults(robot, sequence, motion, clock)
 
 
-def _references(plan: CentroidalPlan, request: PlanMotionInput) -> tuple[str, ...]:
+def _citation_keys(plan: CentroidalPlan, request: PlanMotionInput) -> tuple[str, ...]:
     """Citation keys of the used methods."""
     robot, solver = robot_card(plan.sequence.robot).references, SOLVER_REFERENCES.get(plan.solver)
     keys = [*REFERENCES, *robot, "andersson2019casadi", *([solver] if solver else [])]

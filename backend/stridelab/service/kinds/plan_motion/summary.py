@@ -4,11 +4,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, fields
 from typing import TYPE_CHECKING, Final
 
-from stridelab.centroidal.native.availability import lacks
+from stridelab.centroidal.native.availability import unsupported_features
 from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.centroidal.problem import CentroidalProblem
 from stridelab.contacts.sequence import ContactSequence
-from stridelab.pipelines.plan_problem import because, formulation_of, phase_durations
+from stridelab.pipelines.plan_problem import formulation_of, native_unused_reason, phase_durations
 from stridelab.reachability.store import DEFAULT_MEASURE
 from stridelab.schemas.base import Remark
 from stridelab.schemas.plans import (
@@ -32,7 +32,7 @@ MANY_ITERATIONS: Final = 50
 """More iterations indicate an ill-posed scenario or proxy."""
 
 
-def summary(
+def plan_summary(
     plan: CentroidalPlan,
     given: ContactSequence,
     problem: CentroidalProblem,
@@ -52,7 +52,7 @@ def summary(
         n_phases=len(sequence.phases),
         converged=plan.converged,
         solver=plan.solver,
-        solver_because=because(request.solver, {plan.solver}, lacks(problem)),
+        solver_because=native_unused_reason(request.solver, {plan.solver}, unsupported_features(problem)),
         objective=plan.objective,
         cost_terms=dict(plan.cost_terms),
         weights=CostWeights(**asdict(problem.weights)),
@@ -80,7 +80,7 @@ def _kkt_error(plan: CentroidalPlan) -> float | None:
     return last.residuals.kkt_error if last is not None and last.residuals is not None else None
 
 
-def certificate_of(certificate: Certificate) -> CertificateSummary:
+def certificate_summary(certificate: Certificate) -> CertificateSummary:
     """The certificate as a ``CertificateSummary``."""
     names = [f.name for f in fields(Check)]
     checks = [
@@ -90,7 +90,7 @@ def certificate_of(certificate: Certificate) -> CertificateSummary:
     return CertificateSummary(passed=certificate.passed, checks=checks)
 
 
-def replay_of(replay: "Replay") -> ReplaySummary:
+def replay_summary(replay: "Replay") -> ReplaySummary:
     """The result of the replay as a ``ReplaySummary``."""
     made = {"hand_in_place_shares", "collided", "remarks"}
     return ReplaySummary(
@@ -101,13 +101,13 @@ def replay_of(replay: "Replay") -> ReplaySummary:
     )
 
 
-def stopped_of(stop: WholeBodyStopped) -> StoppedMotion:
+def stopped_motion(stop: WholeBodyStopped) -> StoppedMotion:
     """Time, phase and priority level at which the whole-body controller stopped, as a ``StoppedMotion``."""
     level = LEVELS[stop.level]
     return StoppedMotion(time_s=stop.time_s, phase=stop.phase, level=stop.level, level_name=level, names=[*stop.names])
 
 
-def remarks(
+def motion_remarks(
     plan: CentroidalPlan,
     motion: WholeBodyMotion | None,
     certificate: CertificateSummary | None,
@@ -129,7 +129,7 @@ def remarks(
         )
         warnings.append(Remark(code="whole-body-gaps", message=message))
     if certificate is not None and not certificate.passed:
-        listed = "; ".join(_failed(check) for check in certificate.checks if not check.passed)
+        listed = "; ".join(_failed_check_text(check) for check in certificate.checks if not check.passed)
         warnings.append(Remark(code="certificate-not-passed", message=f"The motion fails its certificate: {listed}."))
     if replay is not None and replay.fall_time_s is not None:
         message = f"Replayed in physics, the robot falls after {replay.fall_time_s:.1f} s."
@@ -140,7 +140,7 @@ def remarks(
     return tuple(warnings)
 
 
-def _failed(check: CertificateCheck) -> str:
+def _failed_check_text(check: CertificateCheck) -> str:
     wanted = "at least" if check.at_least else "at most"
     places = [f"phase {check.phase}" if check.phase is not None else "", check.effector or ""]
     where = ", ".join(place for place in places if place)

@@ -27,17 +27,17 @@ def centroidal_columns(plan: CentroidalPlan) -> Columns:
     of the node at which the interval begins; the last node repeats the last interval. Forces, and
     ``friction_<effector>``, the coefficient of the surface, are zero where an effector has no contact.
     """
-    columns: Columns = {"time_s": plan.time_s, "phase": _at_nodes(plan.phase)}
+    columns: Columns = {"time_s": plan.time_s, "phase": _repeat_last(plan.phase)}
     columns |= track_columns("com_{}_m", plan.com_m)
     columns |= track_columns("com_v{}_m_s", plan.com_v_m_s)
-    columns |= track_columns("com_a{}_m_s2", np.array([plan.at(float(t)).com_a_m_s2 for t in plan.time_s]))
+    columns |= track_columns("com_a{}_m_s2", np.array([plan.reference_at(float(t)).com_a_m_s2 for t in plan.time_s]))
     columns |= track_columns("l_{}_nms", plan.l_nms)
     at_nodes = [plan.forces_at(float(t)) for t in plan.time_s]
     for effector, points_m in plan.points_m.items():
         for k in range(len(points_m)):
             columns |= track_columns(f"f_{effector}_{k}_{{}}_n", np.array([forces[effector][k] for forces in at_nodes]))
     for effector in plan.forces_n:
-        columns[f"friction_{effector}"] = _at_nodes(_friction(plan, effector))
+        columns[f"friction_{effector}"] = _repeat_last(_interval_friction(plan, effector))
     return columns
 
 
@@ -64,7 +64,7 @@ def motion_columns(motion: WholeBodyMotion, torque_limits_nm: Float[np.ndarray, 
     ``com_error_m`` is the distance between the two CoM, ``f_<effector>_x_n`` the effector's total force,
     ``torque_ratio`` the largest ``|tau| / limit`` of all joints.
     """
-    columns: Columns = {"time_s": motion.time_s, "phase": phases(motion.sequence, motion.time_s)}
+    columns: Columns = {"time_s": motion.time_s, "phase": phase_indices(motion.sequence, motion.time_s)}
     columns |= track_columns("com_{}_m", motion.com_m)
     columns |= track_columns("com_reference_{}_m", motion.com_reference_m)
     columns["com_error_m"] = np.linalg.norm(motion.com_m - motion.com_reference_m, axis=1)
@@ -86,13 +86,13 @@ def replay_columns(replay: "Replay") -> Columns:
     return columns
 
 
-def phases(sequence: ContactSequence, time_s: Series) -> Int[np.ndarray, "n"]:
+def phase_indices(sequence: ContactSequence, time_s: Series) -> Int[np.ndarray, "n"]:
     """Contact phase at every instant; a boundary belongs to the phase that begins there."""
     index = np.searchsorted(sequence.ends_s, time_s + _SAME_INSTANT_S, side="right")
     return np.minimum(index, len(sequence.phases) - 1)
 
 
-def _friction(plan: CentroidalPlan, effector: str) -> Series:
+def _interval_friction(plan: CentroidalPlan, effector: str) -> Series:
     """Friction coefficient of an effector's contact per interval; 0 without contact."""
     of_phase = [
         phase.contacts[effector].friction if effector in phase.contacts else 0.0 for phase in plan.sequence.phases
@@ -100,7 +100,7 @@ def _friction(plan: CentroidalPlan, effector: str) -> Series:
     return np.asarray(np.array(of_phase)[plan.phase])
 
 
-def _at_nodes(per_interval: np.ndarray) -> np.ndarray:
+def _repeat_last(per_interval: np.ndarray) -> np.ndarray:
     return np.concatenate([per_interval, per_interval[-1:]])
 
 

@@ -21,19 +21,19 @@ from stridelab.robots.visuals import LinkMesh, glb
 RECORDING_FILE: Final = "motion.viser"
 PAGE_FILE: Final = "motion.html"
 RECORDING_HZ = 25.0
-NEAREST_M = 2.0
+MIN_CAMERA_DISTANCE_M = 2.0
 BOX_COLOUR, RAIL_COLOUR = (206, 212, 218), (120, 130, 140)
 
 
-def record(
+def record_scene(
     terrain: Terrain, links: tuple[LinkMesh, ...], poses: Float[np.ndarray, "f links 7"], rate_hz: float
 ) -> bytes:
     """Content of a ``.viser`` file that shows frames ``poses`` (``px py pz qw qx qy qz`` per link) at ``rate_hz``."""
     with contextlib.redirect_stdout(io.StringIO()):  # viser prints a banner even with verbose=False
         server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
     try:
-        _add_surroundings(server, terrain)
-        _look(server, poses[:, :, :3].reshape(-1, 3))
+        _add_lights_and_terrain(server, terrain)
+        _set_camera(server, poses[:, :, :3].reshape(-1, 3))
         nodes = [server.scene.add_glb(f"/robot/{link.name}", glb([link]), cast_shadow=False) for link in links]
         serializer = server.get_scene_serializer()
         for frame in poses.astype(float):
@@ -55,15 +55,15 @@ def player_page(recording: bytes) -> str:
     return head + script + end + rest
 
 
-def _look(server: viser.ViserServer, places_m: Points) -> None:
+def _set_camera(server: viser.ViserServer, places_m: Points) -> None:
     """Set the camera so that the whole path is visible, from the right side of a robot that walks along x."""
     low, high = places_m.min(axis=0), places_m.max(axis=0)
     centre, extent_m = (low + high) / 2.0, float(np.linalg.norm(high - low))
     server.initial_camera.look_at = tuple(centre)
-    server.initial_camera.position = tuple(centre + max(extent_m, NEAREST_M) * np.array([0.3, -1.2, 0.25]))
+    server.initial_camera.position = tuple(centre + max(extent_m, MIN_CAMERA_DISTANCE_M) * np.array([0.3, -1.2, 0.25]))
 
 
-def _add_surroundings(server: viser.ViserServer, terrain: Terrain) -> None:
+def _add_lights_and_terrain(server: viser.ViserServer, terrain: Terrain) -> None:
     scene = server.scene
     scene.set_up_direction("+z")
     # with an environment map or shadows, a machine without graphics card shows one frame per second

@@ -40,10 +40,10 @@ def run(task: RobotTask, _folder: Path, progress: ProgressCallback) -> Outcome:
     progress(0.1, "loading the robot")
     robot = load_robot(task.robot)
     progress(1.0, "done")
-    return Outcome(facts(robot).model_dump(mode="json"), (), ())
+    return Outcome(robot_facts(robot).model_dump(mode="json"), (), ())
 
 
-def facts(robot: Robot) -> RobotFacts:
+def robot_facts(robot: Robot) -> RobotFacts:
     """The facts of the contract; ``proxies`` is empty for a robot without learned reachability."""
     model, all_cards = robot.model, learned_cards(robot.name)
     cards = [card for card in all_cards if card.robot_sha256 == robot.sha256]

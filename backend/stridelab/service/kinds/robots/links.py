@@ -10,7 +10,7 @@ from stridelab.pipelines.progress import ProgressCallback
 from stridelab.robots.loader import load_robot
 from stridelab.robots.visuals import glb, link_meshes
 from stridelab.service.kinds.base import ArtifactFile, Json, Outcome
-from stridelab.service.kinds.result_tables import atomically
+from stridelab.service.kinds.result_tables import write_atomically
 from stridelab.service.kinds.robots.description import RobotTask
 
 LINKS_FILE: Final = "links.glb"
@@ -33,7 +33,7 @@ def run(task: RobotTask, folder: Path, progress: ProgressCallback) -> Outcome:
     meshes = link_meshes(robot)
     progress(0.9, "writing them")
     data = glb(meshes)
-    atomically(folder / LINKS_FILE, lambda path: path.write_bytes(data))
+    write_atomically(folder / LINKS_FILE, lambda path: path.write_bytes(data))
     progress(1.0, "done")
     summary = {"robot": robot.name, "sha256": robot.sha256, "links": [mesh.name for mesh in meshes]}
     return Outcome(summary, (), (ArtifactFile(LINKS_FILE, GLTF),))

@@ -35,7 +35,7 @@ def known_motion(truth: Path, time_s: Series) -> KnownMotion:
     """
     try:
         at_s = pq.read_table(truth, columns=["time_s"])["time_s"].to_numpy()
-        com_m, force_n = _points(truth, "com_{}_m"), _points(truth, "f{}_n")
+        com_m, force_n = _read_points(truth, "com_{}_m"), _read_points(truth, "f{}_n")
     except (OSError, ValueError, KeyError) as error:
         message = f"{truth.name} is not a table of a true motion: it needs time_s, com_x_m.. and fx_n.."
         raise UnreadableFile("truth-unreadable", message) from error
@@ -44,16 +44,16 @@ def known_motion(truth: Path, time_s: Series) -> KnownMotion:
         message = f"The truth covers {at_s.min():.2f} to {at_s.max():.2f} s, the recording lasts to {time_s[-1]:.2f} s."
         raise InvalidInput("truth-mismatch", message)
 
-    def read(track: TruthPoints) -> Points:
+    def interpolate_track(track: TruthPoints) -> Points:
         return np.column_stack([np.interp(time_s, at_s, track[:, axis]) for axis in range(3)])
 
-    return KnownMotion(read(com_m), read(force_n))
+    return KnownMotion(interpolate_track(com_m), interpolate_track(force_n))
 
 
 def com_errors_mm(com: Path, truth: Path) -> dict[str, tuple[float, float, float]]:
     """RMS error per axis in millimetres of the fused and the geometric CoM, over the frames in which both exist."""
-    true_m = _points(truth, "com_{}_m")
-    tracks = {"fused": _points(com, "{}_m"), "markers only": _points(com, "geometry_{}_m")}
+    true_m = _read_points(truth, "com_{}_m")
+    tracks = {"fused": _read_points(com, "{}_m"), "markers only": _read_points(com, "geometry_{}_m")}
     common = np.logical_and.reduce([np.isfinite(track).all(axis=1) for track in tracks.values()])
     errors: dict[str, tuple[float, float, float]] = {}
     for name, track in tracks.items():
@@ -62,7 +62,7 @@ def com_errors_mm(com: Path, truth: Path) -> dict[str, tuple[float, float, float
     return errors
 
 
-def _points(table: Path, name: str) -> TruthPoints:
+def _read_points(table: Path, name: str) -> TruthPoints:
     columns = [name.format(axis) for axis in "xyz"]
     read = pq.read_table(table, columns=columns)
     return np.column_stack([read[column].to_numpy() for column in columns])

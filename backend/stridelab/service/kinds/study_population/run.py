@@ -19,7 +19,7 @@ from stridelab.conventions import Points
 from stridelab.errors import Fault, NotEstimable, StridelabError
 from stridelab.estimation.quality.checks import CONTRADICTED, DOUBTFUL
 from stridelab.pipelines.progress import ProgressCallback
-from stridelab.pipelines.quality import of_all
+from stridelab.pipelines.quality import worst_quality
 from stridelab.recordings.recording import Remark
 from stridelab.schemas import base
 from stridelab.schemas.cycloid import FittedStep
@@ -28,12 +28,12 @@ from stridelab.schemas.quality import Quality, TrialQuality
 from stridelab.schemas.tasks import FitCycloidTask, StudyPopulationTask
 from stridelab.service.kinds.base import Json, Outcome
 from stridelab.service.kinds.study_population.files import write_population
-from stridelab.service.kinds.study_population.subjects import FIELDS, Sheet, people_of
+from stridelab.service.kinds.study_population.subjects import SUBJECT_FIELDS, RecordingSubject, merge_subjects
 from stridelab.service.kinds.study_population.summary import correlation_results, mixed_results, subject_results
-from stridelab.service.processes.isolated_map import each_apart
+from stridelab.service.processes.isolated_map import map_isolated
 from stridelab.walking.population.population import StepRow, study
 
-UNUSABLE: Final = frozenset({"path-not-converged", "not-curtate", "r-too-large"})
+UNUSABLE_FLAGS: Final = frozenset({"path-not-converged", "not-curtate", "r-too-large"})
 """Flags of steps without a valid wheel: they are in the table and in no mean."""
 PRELOAD: Final = ("stridelab.pipelines.fit_cycloid",)
 REFERENCES: Final = (
@@ -50,11 +50,11 @@ RECORDING_TIMEOUT_S: Final = 120.0
 
 
 @dataclass(frozen=True)
-class Fitted:
+class FittedRecording:
     """Result of the fit of one recording."""
 
     recording_id: str
-    sheet: Sheet
+    sheet: RecordingSubject
     steps: tuple[FittedStep, ...]
     method: str
     references: tuple[str, ...]
@@ -75,12 +75,12 @@ def run(task: StudyPopulationTask, folder: Path, progress: ProgressCallback) -> 
     progress(0.0, f"fitting {len(task.members)} recordings")
     fitted, left_out, trials = _fit_all(task, folder, progress)
     progress(0.9, "studying the subjects")
-    subjects, remarks = people_of([one.sheet for one in fitted])
-    rows = [row for one in fitted for row in _rows(one)]
+    subjects, remarks = merge_subjects([one.sheet for one in fitted])
+    rows = [row for one in fitted for row in _step_rows(one)]
     usable = [row for row in rows if row.used]
     population = study([s.person for s in subjects], [row.step for row in usable], pooled=task.pooled, seed=task.seed)
-    methods, quality = {one.method for one in fitted}, of_all([one.quality for one in fitted])
-    warnings = [*_about_quality(fitted), *remarks, *population.remarks]
+    methods, quality = {one.method for one in fitted}, worst_quality([one.quality for one in fitted])
+    warnings = [*_quality_remarks(fitted), *remarks, *population.remarks]
     summary = StudyPopulationSummary(
         subjects=subject_results(population.subjects, {s.person.name: s for s in subjects}),
         correlations=correlation_results(population),
@@ -92,7 +92,7 @@ def run(task: StudyPopulationTask, folder: Path, progress: ProgressCallback) -> 
         pooled=task.pooled,
         quality=quality,
         trials=trials,
-        warnings=[base.Remark(code=r.code, message=r.message) for r in warnings] + _about_steps(rows, left_out),
+        warnings=[base.Remark(code=r.code, message=r.message) for r in warnings] + _step_remarks(rows, left_out),
     )
     progress(0.97, "writing the tables")
     groups = {s.person.name: s.person.group for s in subjects}
@@ -106,21 +106,21 @@ def run(task: StudyPopulationTask, folder: Path, progress: ProgressCallback) -> 
 
 def fit_one(item: Json) -> Json:
     """Fit the wheels of one recording, with JSON on both sides; runs in a separate process."""
-    from stridelab.pipelines.fit_cycloid import cycloid_of
+    from stridelab.pipelines.fit_cycloid import fit_cycloid_of_recording
 
     task, folder = FitCycloidTask.model_validate(item["task"]), Path(item["folder"])
-    result = cycloid_of(task, folder, lambda _fraction, _message: None, rivals=False)
+    result = fit_cycloid_of_recording(task, folder, lambda _fraction, _message: None, rivals=False)
     return {
         "steps": [step.model_dump(mode="json") for step in result.summary.steps],
         "method": result.summary.method,
-        "leg_m": leg_m(result.prepared.geometric),
-        "references": list(result.references),
+        "leg_m": leg_length_m(result.prepared.geometric),
+        "references": list(result.citation_keys),
         "quality": result.summary.model_dump(mode="json")["quality"],
         "in_file": result.prepared.trial.recording.subject.__dict__,
     }
 
 
-def leg_m(geometric: GeometricCom) -> float | None:
+def leg_length_m(geometric: GeometricCom) -> float | None:
     """Leg length from hip over knee to ankle: median over the frames, mean over the visible legs."""
     joints = geometric.joint_centres_m
     legs = []
@@ -140,16 +140,16 @@ def _median_m(one: Points, other: Points) -> float:
 
 def _fit_all(
     task: StudyPopulationTask, folder: Path, progress: ProgressCallback
-) -> tuple[list[Fitted], list[LeftOut], list[TrialQuality]]:
+) -> tuple[list[FittedRecording], list[LeftOut], list[TrialQuality]]:
     """Fitted recordings, recordings left out with the reason, and the quality of each fitted recording.
 
     A recording whose sensors contradict each other is left out, so that it is in no mean.
     """
     items = [{"task": one.task.model_dump(mode="json"), "folder": str(folder / one.folder)} for one in task.members]
-    fitted: dict[int, Fitted] = {}
+    fitted: dict[int, FittedRecording] = {}
     left_out: dict[int, LeftOut] = {}
     trials: dict[int, TrialQuality] = {}
-    done = each_apart(fit_one, items, preload=PRELOAD, timeout_s=RECORDING_TIMEOUT_S)
+    done = map_isolated(fit_one, items, preload=PRELOAD, timeout_s=RECORDING_TIMEOUT_S)
     for count, (index, answer) in enumerate(done, start=1):
         one = task.members[index]
         filename = one.task.recording.filename
@@ -157,16 +157,20 @@ def _fit_all(
             left_out[index] = LeftOut(
                 recording_id=one.recording_id, filename=filename, code=answer.code, message=answer.message
             )
-        elif _quality(answer).verdict == CONTRADICTED:
-            trials[index] = _trial(one.recording_id, filename, answer)
-            left_out[index] = _contradicted(trials[index])
+        elif _parse_quality(answer).verdict == CONTRADICTED:
+            trials[index] = _trial_quality(one.recording_id, filename, answer)
+            left_out[index] = _left_out_as_contradicted(trials[index])
         else:
-            trials[index] = _trial(one.recording_id, filename, answer)
+            trials[index] = _trial_quality(one.recording_id, filename, answer)
             steps = tuple(FittedStep.model_validate(step) for step in answer["steps"])
-            sheet = Sheet(filename, _person(one.person, one.task.recording.subject, answer["in_file"]), answer["leg_m"])
+            sheet = RecordingSubject(
+                filename,
+                _merge_subject_fields(one.person, one.task.recording.subject, answer["in_file"]),
+                answer["leg_m"],
+            )
             references = tuple(answer["references"])
-            quality = _quality(answer)
-            fitted[index] = Fitted(one.recording_id, sheet, steps, answer["method"], references, quality)
+            quality = _parse_quality(answer)
+            fitted[index] = FittedRecording(one.recording_id, sheet, steps, answer["method"], references, quality)
         progress(0.88 * count / len(items), f"{count} of {len(items)} recordings fitted")
     if not fitted:
         faults = [Fault(one.filename, f"{one.message} ({one.code})") for one in left_out.values()]
@@ -175,47 +179,53 @@ def _fit_all(
     return [fitted[i] for i in sorted(fitted)], [left_out[i] for i in sorted(left_out)], [trials[i] for i in by_place]
 
 
-def _quality(answer: Mapping[str, Any]) -> Quality:
+def _parse_quality(answer: Mapping[str, Any]) -> Quality:
     return Quality.model_validate(answer["quality"])
 
 
-def _trial(recording_id: str, filename: str, answer: Mapping[str, Any]) -> TrialQuality:
-    return TrialQuality(recording_id=recording_id, filename=filename, quality=_quality(answer))
+def _trial_quality(recording_id: str, filename: str, answer: Mapping[str, Any]) -> TrialQuality:
+    return TrialQuality(recording_id=recording_id, filename=filename, quality=_parse_quality(answer))
 
 
-def _contradicted(one: TrialQuality) -> LeftOut:
+def _left_out_as_contradicted(one: TrialQuality) -> LeftOut:
     wrong = [check.message for check in one.quality.checks if check.value > check.contradicted_above]
     message = f"The sensors of this recording contradict each other. {' '.join(wrong)}"
     return LeftOut(recording_id=one.recording_id, filename=one.filename, code=CONTRADICTED, message=message)
 
 
-def _person(table: PersonFields, stated: Any, in_file: Mapping[str, Any]) -> PersonFields:
+def _merge_subject_fields(table: PersonFields, stated: Any, in_file: Mapping[str, Any]) -> PersonFields:
     """Fields of a subject, each from the subject table, else as stated for the recording, else from the file."""
 
-    def first(field: str) -> Any:
+    def first_known(field: str) -> Any:
         sources = (getattr(table, field), getattr(stated, field), in_file.get(field))
         return next((value for value in sources if value is not None), None)
 
     return PersonFields(
-        subject=table.subject or stated.name, group=table.group, **{field: first(field) for field in FIELDS}
+        subject=table.subject or stated.name,
+        group=table.group,
+        **{field: first_known(field) for field in SUBJECT_FIELDS},
     )
 
 
 @dataclass(frozen=True)
-class _Row:
+class _StepRow:
     step: StepRow
     fitted: FittedStep
     used: bool
 
 
-def _rows(one: Fitted) -> list[_Row]:
+def _step_rows(one: FittedRecording) -> list[_StepRow]:
     return [
-        _Row(StepRow(one.sheet.name, one.sheet.filename, _values(step)), step, not UNUSABLE & set(step.flags))
+        _StepRow(
+            StepRow(one.sheet.subject_name, one.sheet.filename, _step_values(step)),
+            step,
+            not UNUSABLE_FLAGS & set(step.flags),
+        )
         for step in one.steps
     ]
 
 
-def _values(step: FittedStep) -> dict[str, float]:
+def _step_values(step: FittedStep) -> dict[str, float]:
     rule = [
         math.nan if model is None else model - measured
         for model, measured in zip(step.double_support_model_s, step.double_support_s, strict=True)
@@ -237,7 +247,7 @@ def _values(step: FittedStep) -> dict[str, float]:
     return {name: math.nan if value is None else value for name, value in known.items()}
 
 
-def _about_quality(fitted: Sequence[Fitted]) -> list[Remark]:
+def _quality_remarks(fitted: Sequence[FittedRecording]) -> list[Remark]:
     doubtful = [one.sheet.filename for one in fitted if one.quality.verdict == DOUBTFUL]
     if not doubtful:
         return []
@@ -245,7 +255,7 @@ def _about_quality(fitted: Sequence[Fitted]) -> list[Remark]:
     return [Remark(DOUBTFUL, message)]
 
 
-def _about_steps(rows: Sequence[_Row], left_out: Sequence[LeftOut]) -> list[base.Remark]:
+def _step_remarks(rows: Sequence[_StepRow], left_out: Sequence[LeftOut]) -> list[base.Remark]:
     remarks = []
     unused = sum(not row.used for row in rows)
     if unused:

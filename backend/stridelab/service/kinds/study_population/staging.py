@@ -15,7 +15,7 @@ from stridelab.service.kinds.base import Blobs, Json
 from stridelab.service.kinds.staging import stage_fit_cycloid
 from stridelab.service.storage.tables import recording
 
-STATED: Final = ("height_m", "mass_kg", "sex", "age_years")
+STATED_FIELDS: Final = ("height_m", "mass_kg", "sex", "age_years")
 
 
 async def require_recordings(connection: AsyncConnection, request: StudyPopulationInput) -> None:
@@ -59,15 +59,15 @@ async def stage_study_population(connection: AsyncConnection, blobs: Blobs, inpu
         (folder / name).mkdir()
         one = FitCycloidInput(recording_id=recording_id, method=request.method, steps=request.steps)
         staged = await stage_fit_cycloid(connection, blobs, one, folder / name)
-        members.append(member(name, FitCycloidTask.model_validate(staged), table.get(recording_id)))
+        members.append(population_member(name, FitCycloidTask.model_validate(staged), table.get(recording_id)))
     task = StudyPopulationTask(members=members, pooled=request.pooled, seed=request.seed)
     return task.model_dump(mode="json")
 
 
-def member(folder: str, task: FitCycloidTask, row: SubjectOfRecording | None) -> PopulationMember:
+def population_member(folder: str, task: FitCycloidTask, row: SubjectOfRecording | None) -> PopulationMember:
     """Member of the study: the recording in the sub-``folder`` with the subject's fields of the subject table."""
     person = PersonFields() if row is None else PersonFields(**row.model_dump(exclude={"recording_id"}))
-    stated = {name: value for name in STATED if (value := getattr(person, name)) is not None}
+    stated = {name: value for name in STATED_FIELDS if (value := getattr(person, name)) is not None}
     subject = task.recording.subject.model_copy(update=stated)
     source = task.recording.model_copy(update={"subject": subject})
     own = task.model_copy(update={"recording": source})

@@ -11,12 +11,12 @@ from stridelab.schemas.population import (
     PartialCorrelation,
     SubjectResult,
 )
-from stridelab.service.kinds.study_population.subjects import Someone
+from stridelab.service.kinds.study_population.subjects import StudySubject
 from stridelab.walking.population.correlations import Correlation
 from stridelab.walking.population.mixed_model import MixedModel
 from stridelab.walking.population.population import Pair, Population, SubjectMean
 
-THESIS: Final[Mapping[tuple[str, str], float]] = {
+THESIS_CORRELATIONS: Final[Mapping[tuple[str, str], float]] = {
     ("R_m", "height_m"): 0.67,
     ("r_m", "height_m"): 0.61,
     ("z0_m", "height_m"): 0.87,
@@ -24,56 +24,58 @@ THESIS: Final[Mapping[tuple[str, str], float]] = {
 """Coefficients of figures 3.7 and 3.8; for omega (fig. 3.9) the thesis gives p >= 0.83 and no coefficient."""
 
 
-def subject_results(subjects: Sequence[SubjectMean], known: Mapping[str, Someone]) -> list[SubjectResult]:
+def subject_results(
+    subjects: Sequence[SubjectMean], subjects_by_name: Mapping[str, StudySubject]
+) -> list[SubjectResult]:
     """One row per subject with steps."""
-    return [_subject(one, known[one.person.name]) for one in subjects]
+    return [_subject_result(one, subjects_by_name[one.person.name]) for one in subjects]
 
 
-def _subject(one: SubjectMean, known: Someone) -> SubjectResult:
-    def mean(name: str) -> float | None:
-        return _finite(one.mean[name])
+def _subject_result(one: SubjectMean, subject: StudySubject) -> SubjectResult:
+    def finite_mean(name: str) -> float | None:
+        return _finite_or_none(one.mean[name])
 
-    def sd(name: str) -> float | None:
-        return _finite(one.sd[name])
+    def finite_sd(name: str) -> float | None:
+        return _finite_or_none(one.sd[name])
 
     return SubjectResult(
         subject=one.person.name,
         group=one.person.group,
         group_source=one.person.group_source,
-        recordings=list(known.recordings),
+        recordings=list(subject.recordings),
         n_steps=one.n_steps,
         height_m=one.person.height_m,
         leg_m=one.person.leg_m,
-        age_years=known.fields.age_years,
-        sex=known.fields.sex,
-        mass_kg=known.fields.mass_kg,
-        speed_m_s=mean("speed_m_s"),
-        step_length_m=mean("step_length_m"),
+        age_years=subject.fields.age_years,
+        sex=subject.fields.sex,
+        mass_kg=subject.fields.mass_kg,
+        speed_m_s=finite_mean("speed_m_s"),
+        step_length_m=finite_mean("step_length_m"),
         R_m=one.mean["R_m"],
-        R_sd_m=sd("R_m"),
+        R_sd_m=finite_sd("R_m"),
         r_m=one.mean["r_m"],
-        r_sd_m=sd("r_m"),
+        r_sd_m=finite_sd("r_m"),
         z0_m=one.mean["z0_m"],
-        z0_sd_m=sd("z0_m"),
+        z0_sd_m=finite_sd("z0_m"),
         omega_rad_s=one.mean["omega_rad_s"],
-        omega_sd_rad_s=sd("omega_rad_s"),
+        omega_sd_rad_s=finite_sd("omega_rad_s"),
         error_mean_mm=one.mean["error_mean_mm"],
-        error_sd_mm=mean("error_sd_mm"),
+        error_sd_mm=finite_mean("error_sd_mm"),
         error_max_mm=one.mean["error_max_mm"],
-        circumference_share=mean("circumference_share"),
-        double_support_start_error_s=mean("double_support_start_error_s"),
-        double_support_start_error_sd_s=sd("double_support_start_error_s"),
-        double_support_end_error_s=mean("double_support_end_error_s"),
-        double_support_end_error_sd_s=sd("double_support_end_error_s"),
+        circumference_share=finite_mean("circumference_share"),
+        double_support_start_error_s=finite_mean("double_support_start_error_s"),
+        double_support_start_error_sd_s=finite_sd("double_support_start_error_s"),
+        double_support_end_error_s=finite_mean("double_support_end_error_s"),
+        double_support_end_error_sd_s=finite_sd("double_support_end_error_s"),
     )
 
 
-def correlation_results(found: Population) -> list[CorrelationResult]:
+def correlation_results(population: Population) -> list[CorrelationResult]:
     """One row per pair, with the coefficient of the thesis where there is one."""
-    return [_pair(one) for one in found.pairs]
+    return [_correlation_result(one) for one in population.pairs]
 
 
-def _pair(one: Pair) -> CorrelationResult:
+def _correlation_result(one: Pair) -> CorrelationResult:
     ranks, on_speed = one.spearman, one.partial_on.get("speed_m_s")
     return CorrelationResult(
         group=one.group,
@@ -89,23 +91,27 @@ def _pair(one: Pair) -> CorrelationResult:
         spearman_p=ranks.p if ranks else None,
         spearman_ci95=ranks.ci95 if ranks else None,
         spearman_bootstrap_ci95=ranks.bootstrap_ci95 if ranks else None,
-        partial=[_partial(held, partial) for held, partial in one.partial_on.items()],
+        partial=[_partial_correlation(held, partial) for held, partial in one.partial_on.items()],
         partial_on_speed=on_speed.r if on_speed else None,
         left_out=list(one.left_out),
-        thesis=THESIS.get((one.parameter, one.against)),
+        thesis=THESIS_CORRELATIONS.get((one.parameter, one.against)),
     )
 
 
-def _partial(held: str, one: Correlation) -> PartialCorrelation:
+def _partial_correlation(held: str, one: Correlation) -> PartialCorrelation:
     return PartialCorrelation(on=held, n=one.n, r=one.r, p=one.p, ci95=one.ci95)
 
 
-def mixed_results(found: Population) -> list[MixedModelResult]:
+def mixed_results(population: Population) -> list[MixedModelResult]:
     """Mixed models of the variance between subjects and steps, then those with height and speed."""
-    return [_model(*key, one) for models in (found.spreads, found.models) for key, one in models.items()]
+    return [
+        _mixed_model_result(*key, one)
+        for models in (population.spreads, population.models)
+        for key, one in models.items()
+    ]
 
 
-def _model(group: str, parameter: str, one: MixedModel) -> MixedModelResult:
+def _mixed_model_result(group: str, parameter: str, one: MixedModel) -> MixedModelResult:
     names = [effect.name for effect in one.effects[1:]]
     return MixedModelResult(
         group=group,
@@ -125,5 +131,5 @@ def _model(group: str, parameter: str, one: MixedModel) -> MixedModelResult:
     )
 
 
-def _finite(value: float) -> float | None:
+def _finite_or_none(value: float) -> float | None:
     return value if math.isfinite(value) else None

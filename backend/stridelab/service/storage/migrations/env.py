@@ -7,7 +7,7 @@ from alembic import context
 from stridelab.service.storage.tables import metadata
 
 
-def ours(_object: Any, name: str | None, type_: str, _reflected: bool, _compare_to: Any) -> bool:
+def is_own_table(_object: Any, name: str | None, type_: str, _reflected: bool, _compare_to: Any) -> bool:
     """Whether a table belongs to ``metadata``; the queue's tables come from its own SQL."""
     return not (type_ == "table" and name is not None and name.startswith("procrastinate_"))
 
@@ -15,7 +15,7 @@ def ours(_object: Any, name: str | None, type_: str, _reflected: bool, _compare_
 context.configure(
     connection=context.config.attributes["connection"],
     target_metadata=metadata,
-    include_object=ours,
+    include_object=is_own_table,
     compare_server_default=True,
 )
 with context.begin_transaction():
