@@ -19,7 +19,7 @@ def backup(
     from stridelab.service.backup.create import create_backup
     from stridelab.service.backup.locations import open_location
 
-    with open_location(read_settings(), alone=False) as source, progress_bar("backup") as bar:
+    with open_location(read_settings(), require_stopped=False) as source, progress_bar("backup") as bar:
         taken = create_backup(source.database_url, source.open_store(), file, force=force, on_progress=bar)
     out.print(f"{file}: {_told(taken.rows, taken.files, taken.bytes)}")
     _tell_missing(taken.missing)
@@ -40,7 +40,7 @@ def restore(
     with (
         progress_bar("restore") as bar,
         open_archive(file, bar) as archive,  # before a database is made for it
-        open_location(read_settings(), alone=True, create=True) as there,
+        open_location(read_settings(), require_stopped=True, create=True) as there,
     ):
         taken = run(archive, there, with_tokens=with_tokens, replace=replace, on_progress=bar)
     out.print(f"restored {_told(taken.rows, taken.files, taken.bytes)}")
@@ -68,7 +68,7 @@ def verify_files() -> bool:
     from stridelab.service.backup.locations import open_location
     from stridelab.service.backup.verify import verify_stored_files
 
-    with open_location(read_settings(), alone=False) as there, progress_bar("files") as bar:
+    with open_location(read_settings(), require_stopped=False) as there, progress_bar("files") as bar:
         found = verify_stored_files(there.database_url, there.open_store(), bar)
     hashes = f"; {found.without_hash} of them have no stored hash" if found.without_hash else ""
     out.print(f"{found.files} files ({found.bytes / 1e6:,.1f} MB) read{hashes}")

@@ -96,6 +96,6 @@ def _in_database(work: Callable[[Any], Awaitable[T]]) -> T:
             await engine.dispose()
 
     configure_logging("warning")  # the audit table has what was done; standard output is for the token
-    with open_location(read_settings(), alone=False, create=True) as there:
+    with open_location(read_settings(), require_stopped=False, create=True) as there:
         migrate(there.database_url)
         return asyncio.run(run(there.database_url))
