@@ -178,7 +178,7 @@ def test_an_unknown_unit_follows_from_the_size_of_the_body(
     scale: float, unit: str, stated: str, tmp_path: Path
 ) -> None:
     path = written(tmp_path, trc(stated, scale=scale))
-    assert f"taken for {unit}" in codes(path)["unit-assumed"]
+    assert f"read in {unit}," in codes(path)["unit-assumed"]
     np.testing.assert_allclose(read_recording(path).markers_m["Top.Head"][0], [0.0, 0.0, 1.7], atol=2e-3)
 
 

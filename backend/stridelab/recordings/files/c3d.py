@@ -170,7 +170,7 @@ def _read_plates(P: Parameters, analogs: np.ndarray, scale: float) -> tuple[tupl
     calibration = P.numbers(group, "CAL_MATRIX")
     zero = P.numbers(group, "ZERO").ravel()
     zero_samples = (int(zero[0]), int(zero[1])) if len(zero) >= 2 else None
-    found: list[PlateSignals] = []
+    plates: list[PlateSignals] = []
     remarks: list[Remark] = []
     for k in range(n):
         kind = int(kinds[k])
@@ -199,8 +199,8 @@ def _read_plates(P: Parameters, analogs: np.ndarray, scale: float) -> tuple[tupl
             continue
         force, moment, o = sensor_wrench(kind, signals, origin_m, matrix, moment_scale(unit, scale), scale)
         moment_unit = unit if kind in (2, 4) else None
-        found.append(PlateSignals(k + 1, kind, corners_m, o, force, moment, zero_samples, moment_unit))
-    return tuple(found), remarks
+        plates.append(PlateSignals(k + 1, kind, corners_m, o, force, moment, zero_samples, moment_unit))
+    return tuple(plates), remarks
 
 
 def _layout_fault(
