@@ -77,7 +77,7 @@ def standing(seed: int) -> tuple[GeometricCom, WrenchAt, float]:
 
 @pytest.mark.parametrize("seed", range(12))
 def test_somebody_who_stands_has_no_latency_whatever_resembles_what_by_chance(seed: int) -> None:
-    with pytest.raises(NotEstimable, match="stands") as error:
+    with pytest.raises(NotEstimable, match="quiet stance") as error:
         estimate_latency(*standing(seed))
     assert error.value.code == "latency-unclear"
 
