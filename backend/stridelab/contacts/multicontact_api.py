@@ -47,7 +47,7 @@ def to_multicontact(sequence: ContactSequence, description: str = "") -> dict[st
 def from_multicontact(document: Mapping[str, Any], fallback: Mapping[str, Any] | None = None) -> dict[str, Any]:
     """Return the scenario (``schemas.scenarios.Scenario`` as a mapping) of a document; it is not validated yet.
 
-    ``beside`` supplies fields that the document lacks (``name``, ``robot``, ``terrain``, ``friction``); values under
+    ``fallback`` supplies fields that the document lacks (``name``, ``robot``, ``terrain``, ``friction``); values under
     the document's ``stridelab`` take precedence. Friction coefficients of the patches are ignored: friction belongs to
     surfaces. Raises ``InvalidInput`` (``contact-sequence-invalid``) with one fault per phase or contact that cannot be
     read: overlapping phases, gaps, times or placements that are not numbers, patches without a placement.

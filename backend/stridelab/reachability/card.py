@@ -80,7 +80,7 @@ class EffectorCard:
         return Mixture(np.array(self.weights), np.array(self.means), np.array(self.covariances))
 
     def to_proxy(self) -> Proxy:
-        """The density in its frame. Raises as ``mixture``."""
+        """The density in its frame. Raises as ``to_mixture``."""
         return Proxy(self.to_mixture(), self.frame)
 
 

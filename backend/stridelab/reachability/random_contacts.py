@@ -1,8 +1,8 @@
 """Random pairs of contact set and CoM position, labelled by whether a posture exists for them.
 
 Two soles are placed as in the measure ``conditioned`` (``Stance``), a hand uniformly in a box beside the trunk. The CoM
-is uniform in the bounding box of its support over those contacts, scaled by ``GROWN`` about its centre; contact sets
-without any posture are left out.
+is uniform in the bounding box of its support over those contacts, scaled by ``BOX_SCALE`` about its centre; contact
+sets without any posture are left out.
 """
 
 from dataclasses import dataclass
@@ -82,7 +82,7 @@ def random_pairs(
 
 
 def balance_labels(pairs: LabelledPairs, n: int, min_feasible_share: float, rng: np.random.Generator) -> LabelledPairs:
-    """Random subset of ``n`` pairs, at least a share ``least`` of them feasible.
+    """Random subset of ``n`` pairs, at least a share ``min_feasible_share`` of them feasible.
 
     True and false positive rates at a threshold do not depend on the number of pairs of each label.
     """

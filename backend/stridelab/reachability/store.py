@@ -120,7 +120,7 @@ def read_card(path: Path) -> ReachabilityCard:
 
 
 def save_card(path: Path, card: ReachabilityCard) -> None:
-    """Write a card; ``read`` restores it bit for bit."""
+    """Write a card; ``read_card`` restores it bit for bit."""
     path.write_text(card_json(card), encoding="utf-8")
 
 

@@ -48,7 +48,7 @@ _COM_WEIGHT = 1.0
 class _Schedule(NamedTuple):
     """Schedule of the iterations: the posture weight is ``decay**step`` for ``posture_steps`` steps, then 0.
 
-    ``lands`` is the error that ends the iterations, ``tolerance`` the one that counts as converged (m, rad).
+    ``end_error`` is the error that ends the iterations, ``tolerance`` the one that counts as converged (m, rad).
     """
 
     decay: float
@@ -86,8 +86,9 @@ class ComRegion:
 class IkResult:
     """Solution of the inverse kinematics: the largest remaining errors; ``worst`` has the largest position error.
 
-    ``q`` ``(nq,)`` satisfies the joint limits whether or not it ``converged``. ``away_m`` is the position error of
-    every target, the CoM as ``centre of mass``; ``at_limit`` names the joints at an end of their range less the margin.
+    ``q`` ``(nq,)`` satisfies the joint limits whether or not it ``converged``. ``position_errors_m`` is the position
+    error of every target, the CoM as ``centre of mass``; ``at_limit`` names the joints at an end of their range less
+    the margin.
     """
 
     q: Float[np.ndarray, "nq"]
@@ -130,10 +131,10 @@ def stand_in_com_region(
     margins_rad: Angles | None = None,
     separation: PairSeparation | None = None,
 ) -> IkResult:
-    """``stand`` with the CoM anywhere in ``room``, near ``com_m`` if possible, and half the number of steps.
+    """``stand`` with the CoM anywhere in ``com_region``, near ``com_m`` if possible, and half the number of steps.
 
-    The pairs of ``apart`` are pushed out of collision while the posture weight is positive, not afterwards. The result
-    ``converged`` if every error is below 0.01 mm, even if pairs still overlap. Raises ``InvalidInput``
+    The pairs of ``separation`` are pushed out of collision while the posture weight is positive, not afterwards. The
+    result ``converged`` if every error is below 0.01 mm, even if pairs still overlap. Raises ``InvalidInput``
     (``effector-unknown``).
     """
     unknown = sorted(set(placements) - set(robot.effectors))
@@ -244,7 +245,7 @@ class _Problem:
     def _point_orientation_errors(
         self, q: Float[np.ndarray, "nq"]
     ) -> tuple[Float[np.ndarray, "m"], Float[np.ndarray, "m nv"]]:
-        """Orientation errors of the point contacts and their Jacobian; call after ``errors`` at the same ``q``."""
+        """Orientation errors of the point contacts and their Jacobian, after ``stacked_errors`` at the same ``q``."""
         h: list[np.ndarray] = [np.zeros(0)]
         H: list[np.ndarray] = [np.zeros((0, self.model.nv))]
         for name, (target, kind) in self._targets.items():

@@ -48,7 +48,7 @@ class SelfCollision:
         )
 
     def colliding_indices(self, q: Float[np.ndarray, "nq"]) -> tuple[int, ...]:
-        """Indices of all colliding pairs, in the order of ``pairs``."""
+        """Indices of all colliding pairs, in the order of ``colliding_links``."""
         pin.computeCollisions(self.robot.model, self.data, self.robot.collision, self.hulls, q, False)
         return tuple(k for k, result in enumerate(self.hulls.collisionResults) if result.isCollision())
 
@@ -58,7 +58,7 @@ class SelfCollision:
 
 @dataclass(frozen=True, eq=False)
 class PairSeparation:
-    """Task that separates the collision pairs ``numbers`` whose distance is below ``gap_m``.
+    """Task that separates the collision pairs ``pair_indices`` whose distance is below ``gap_m``.
 
     With the signed distance ``d`` (negative when overlapping), its direction ``n`` from the first shape to the second
     and the Jacobians of the nearest points, ``n^T (J_2 - J_1) dq = gap - d``.

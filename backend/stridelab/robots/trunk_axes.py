@@ -6,7 +6,7 @@ normals, the forward axis the mean of the sole x axes, made horizontal:
     z ~ sum_i n_i ,    x ~ sum_i x_i - (z' sum_i x_i) z ,    y = z x x
 
 The result is rounded to the nearest of the 24 rotations that map coordinate axes to coordinate axes if that is within
-``LEAN_DEG``: a link that leans in the reference posture keeps its own axes.
+``MAX_LEAN_DEG``: a link that leans in the reference posture keeps its own axes.
 """
 
 from collections.abc import Mapping

@@ -60,7 +60,7 @@ class ContactPlanner:
     def plan(self, task: Mapping[str, Any], report_progress: Progress = lambda _share, _message: None) -> ContactPlan:
         """Plan ``{robot, terrain, start, goal, friction?, name?}``, fields as in a scenario and its phases.
 
-        ``told`` is called with the progress.
+        ``report_progress`` is called with the progress.
 
         Raises ``InvalidInput`` (``stance-invalid``) for an invalid start or goal, naming the contact, and
         ``NotEstimable``: ``contacts-unreachable`` (no sequence of steps; names the gap or the step and by how much it

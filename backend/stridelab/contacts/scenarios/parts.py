@@ -81,7 +81,7 @@ def phase(duration_s: float, contacts: Mapping[str, dict[str, Any]]) -> dict[str
 
 
 def move_effector(standing: Contacts, target: dict[str, Any], timing: Timing) -> Iterable[dict[str, Any]]:
-    """Two phases: an effector swings to the contact ``to``, then all rest; updates ``standing``."""
+    """Two phases: an effector swings to the contact ``target``, then all rest; updates ``standing``."""
     effector = target["effector"]
     yield phase(timing.move_s, {name: c for name, c in standing.items() if name != effector})
     standing[effector] = target

@@ -7,8 +7,8 @@ convex with four unknowns. The solver follows the central path of its logarithmi
 ``1 / (1 + decrement)``, which stay feasible without a line search (Boyd & Vandenberghe, Convex Optimization, 11.3 and
 9.6).
 
-``slacks`` applies it to the reach limits of several contacts. With contact frames ``(R_i, p_i)``, boxes ``[l_i, u_i]``
-and spheres of radius ``r_i`` the slack of a set of contacts is
+``reach_slacks`` applies it to the reach limits of several contacts. With contact frames ``(R_i, p_i)``, boxes ``[l_i,
+u_i]`` and spheres of radius ``r_i`` the slack of a set of contacts is
 
     t* = max_{c, t} t   such that   l_i + t <= R_i^T (c - p_i) <= u_i - t   and   |c - p_i| <= r_i - t   for all i
 
@@ -98,8 +98,8 @@ ReachSet = Sequence[tuple[Placement, EffectorReach]]
 class Slack:
     """Slack of the reach limits of one set of contacts.
 
-    ``slack_m`` is ``t*``, ``com_m`` the position that attains it. ``pull`` ``(n, 3)`` is the gradient of ``t*`` with
-    respect to the position of each contact; the rows sum to zero.
+    ``slack_m`` is ``t*``, ``com_m`` the position that attains it. ``gradient`` ``(n, 3)`` is the gradient of ``t*``
+    with respect to the position of each contact; the rows sum to zero.
     """
 
     slack_m: float

@@ -131,7 +131,7 @@ class _Ground:
         return self.faces[box] if sole else face_towards(self.boxes[box], placement.rotation[:, 2])
 
     def _edge_m(self, on: ContactArea, shape: EffectorShape, placement: Placement, nearby: Sequence[int]) -> float:
-        """Smallest distance of a corner to the edge of its supporting face, among the faces level with ``on``."""
+        """Smallest distance of a corner to the edge of its supporting face, among the faces level with ``area``."""
         corners = placement.act(outline_points_m(shape)[:4])
         flat = corners - np.outer((corners - on.center_m) @ on.normal, on.normal)
         best = on.locate(flat).edge_m

@@ -111,7 +111,7 @@ def validate_and_build(
 def validate_quickly(
     scenario: Mapping[str, Any], effectors: Mapping[str, EffectorShape]
 ) -> tuple[tuple[Fault, ...], ContactSequence | None]:
-    """Faster ``judge`` for interactive use (half the time): no static equilibrium, margins or warnings."""
+    """Faster ``validate_and_build`` for interactive use (half the time): no static equilibrium, margins or warnings."""
     draft = parse_scenario(scenario, effectors)
     outsized = tuple(size_faults(draft))
     if outsized:

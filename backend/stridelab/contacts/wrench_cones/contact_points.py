@@ -89,7 +89,7 @@ class PointContacts:
 
 
 def wrench_transform(shift_m: Vector3, scale: float = 1.0) -> Float[np.ndarray, "6 6"]:
-    """Wrench transformation that belongs to ``PointContacts.moved``: ``(f, nu) -> (f, scale (nu + shift x f))``."""
+    """Wrench transformation that belongs to ``PointContacts.in_frame``: ``(f, nu) -> (f, scale (nu + shift x f))``."""
     x, y, z = shift_m
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     return np.block([[np.eye(3), np.zeros((3, 3))], [scale * cross, scale * np.eye(3)]])

@@ -96,7 +96,7 @@ def com_region_m(
 def intersect_half_planes(
     normals: Float[np.ndarray, "n 2"], offsets: Float[np.ndarray, "n"], half_edge_m: float
 ) -> Outline:
-    """The polygon ``normals x <= offsets`` in a square of half edge ``far``; cuts the worst violation first."""
+    """The polygon ``normals x <= offsets`` in a square of half edge ``half_edge_m``; cuts the worst violation first."""
     length = np.linalg.norm(normals, axis=1)
     nonzero = length > 0.0
     if (offsets[~nonzero] < 0.0).any():

@@ -159,7 +159,7 @@ class LinearCone:
         return self.lorentz_cone_over(largest_inside(self.normals, self.offsets))
 
     def alpha_max(self, cone: LorentzCone) -> float:
-        """Largest alpha with ``cone.shrunk(alpha)`` inside this cone; 0 if the axis of ``cone`` is outside."""
+        """Largest alpha with ``cone.shrink(alpha)`` inside this cone; 0 if the axis of ``cone`` is outside."""
         r, s = cone.facet_supports(self.facets).T
         return float(max(0.0, (-s / r).min()))
 

@@ -7,8 +7,8 @@ joint limits and free of self-collision:
     p_base, R_base, q_rest ~ U,     q_limb = IK(T_base^-1 T_contact),     x = c(q)
 
 A sole constrains all six coordinates, a hand three (it can rotate about the rail). Near the boundary of the support,
-sampling cannot decide whether *some* posture has its CoM at a given position; ``feasible`` searches for one, and
-``extent`` searches for the bounds of the support.
+sampling cannot decide whether *some* posture has its CoM at a given position; ``search_feasible`` searches for one, and
+``com_bounds`` searches for the bounds of the support.
 """
 
 from collections.abc import Mapping, Sequence
@@ -40,7 +40,7 @@ LENGTH_DRAWS: Final = 4096
 NOISE_SD: Final = (0.1, 0.3, 1.0)
 """Standard deviations (m, rad) of the noise that is added to the starting postures of a search."""
 FIRST_STEP_M: Final = 0.05
-"""First step of a walk towards the boundary of the support; halved down to ``END_M`` when no posture is feasible."""
+"""First step of a walk towards the boundary of the support; halved to ``LAST_STEP_M`` while infeasible."""
 LAST_STEP_M: Final = 0.004
 MAX_WALK_STEPS: Final = 60
 """Maximum number of steps of a walk."""
@@ -96,7 +96,7 @@ class ContactBatch(NamedTuple):
 
 
 class StanceTruth:
-    """Postures of one robot within a ``Range``; not shared between processes, as the collision check has buffers."""
+    """Postures of one robot within a ``PostureRange``; use one per process."""
 
     def __init__(self, robot: Robot, within: PostureRange = STANDING_POSTURE) -> None:
         self.robot, self.within = robot, within
@@ -119,7 +119,7 @@ class StanceTruth:
         self._lower, self._upper = lower, upper
 
     def sample_com(self, contacts: Mapping[str, Placement], n: int, seed: int) -> Points:
-        """CoM ``(n, 3)`` of ``n`` postures on ``contacts``. Raises as ``postures``."""
+        """CoM ``(n, 3)`` of ``n`` postures on ``contacts``. Raises as ``sample_postures``."""
         q = self.sample_postures(contacts, n, seed)
         return np.array([pin.centerOfMass(self._model, self._data, one, False).copy() for one in q])
 

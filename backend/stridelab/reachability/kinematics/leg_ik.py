@@ -27,7 +27,7 @@ DAMPING: Final = 1e-6
 STEP_RAD: Final = 0.6
 MAX_STEPS: Final = 25
 ABANDON_AFTER: Final = 12
-"""Number of steps after which a leg with an error above ``FAR`` is abandoned."""
+"""Number of steps after which a leg with an error above ``ABANDON_ERROR`` is abandoned."""
 ABANDON_ERROR: Final = 0.3
 
 

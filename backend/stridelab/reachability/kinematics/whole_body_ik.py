@@ -39,7 +39,7 @@ MAX_STEP: Final = 0.4
 MAX_STEPS: Final = 50
 ABANDON_AFTER: Final = 25
 ABANDON_ERROR: Final = 0.03
-"""Error (m, rad) above which a problem is abandoned after ``PATIENCE`` steps."""
+"""Error (m, rad) above which a problem is abandoned after ``ABANDON_AFTER`` steps."""
 PULL: Final = 0.1
 PULL_DECAY: Final = 0.8
 PASSES: Final = 3
@@ -205,7 +205,7 @@ class BodyTree:
         x: Float[np.ndarray, "m v"],
         indices: Int[np.ndarray, "m"],
     ) -> tuple[Float[np.ndarray, "m e"], Float[np.ndarray, "m e v"]]:
-        """Stacked errors of the problems ``of`` and their Jacobian."""
+        """Stacked errors of the problems ``indices`` and their Jacobian."""
         at = self.forward_kinematics(x)
         c, J_com = self.com_and_jacobian(at)
         errors = [com_m[indices] - (directions[indices] @ c[..., None])[..., 0]]

@@ -125,7 +125,7 @@ class _Block:
 def _sample_block(
     robot: Robot, effectors: tuple[str, ...], samples: int, seed: int, measure: Measure, block_index: int
 ) -> _Block:
-    """Sample block ``number`` of ``samples`` configurations; the last block may be shorter."""
+    """Sample block ``block_index`` of ``samples`` configurations; the last block may be shorter."""
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(block_index,)))
     stream = configuration_stream(robot, measure, rng)
     model, frames = with_contact_frames(robot)

@@ -183,7 +183,7 @@ def reach_of(com_m: Points) -> Reach:
 def _fit_numbered_effector(
     cloud: ComCloud, kinds: tuple[Literal["surface", "point"], ...], seed: int, effector_index: int
 ) -> EffectorCard:
-    """Fit the effector with index ``number`` in the cloud."""
+    """Fit the effector with index ``effector_index`` in the cloud."""
     name = list(cloud.com_m)[effector_index]
     return fit(cloud.com_m[name], kinds[effector_index], cloud.frames[name], seed)
 

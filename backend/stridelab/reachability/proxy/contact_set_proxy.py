@@ -37,7 +37,7 @@ DRAWS: Final = 20_000
 class ContactSet:
     """The factors ``p_i`` in the world, their normalised ``product``, and ``log Z`` (nats, of m^-3 per factor but one).
 
-    ``product`` omits components of total weight ``PRUNED``; ``log_density`` omits none.
+    ``product`` omits components of total weight ``DROPPED_WEIGHT``; ``log_density`` omits none.
     """
 
     factors: tuple[Mixture, ...]

@@ -50,7 +50,7 @@ def grid_around(kernels: KernelDensity) -> Grid:
 
 
 def project_kernels(kernels: KernelDensity, grid: Grid, along: int) -> Map:
-    """The kernel density (per m^2) projected along axis ``along``: rows go up, columns to the right (``ACROSS``)."""
+    """The kernel density (per m^2) projected along axis ``along``: rows go up, columns to the right (``PLOT_AXES``)."""
     right, up = PLOT_AXES[along]
     h = kernels.bandwidth_m
 

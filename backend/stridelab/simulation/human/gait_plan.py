@@ -90,7 +90,7 @@ class GaitPlan:
 def plan_gait(
     height_m: float, speed_m_s: float, duration_s: float, *, from_rest: bool, stance_width_m: float, rng: Generator
 ) -> GaitPlan:
-    """Plan a recording of ``duration_s`` of level walking along +x (standing below ``SLOWEST_M_S``)."""
+    """Plan a recording of ``duration_s`` of level walking along +x (standing below ``MIN_SPEED_M_S``)."""
     if speed_m_s < MIN_SPEED_M_S:
         return standing_plan(duration_s, stance_width_m)
     length = math.sqrt(60.0 * WALK_RATIO * height_m * speed_m_s)

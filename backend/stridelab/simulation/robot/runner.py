@@ -66,7 +66,7 @@ SPEED_RANGE_M_S: Final = (0.3, 1.1)
 
 
 def running_at(speed_m_s: float, duration_s: float) -> RunningGait:
-    """A run at a speed. Raises ``InvalidInput`` (``walker-out-of-range``) outside ``SPEEDS_M_S``."""
+    """A run at a speed. Raises ``InvalidInput`` (``walker-out-of-range``) outside ``SPEED_RANGE_M_S``."""
     low, high = SPEED_RANGE_M_S
     if not low <= speed_m_s <= high:
         message = f"TALOS runs at {low:g} to {high:g} m/s, not at {speed_m_s:g} m/s."
