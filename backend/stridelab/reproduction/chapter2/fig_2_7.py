@@ -54,7 +54,7 @@ def _gait_claims(gait: str, thesis: Sequence[Draw]) -> list[Claim]:
         ),
         Claim(
             f"{gait}_samples_not_worse",
-            f"{gait} gait: its error is always smaller or equal (samples, horizontal)",
+            f"{gait} gait: its error is always inferior or equivalent (samples, horizontal)",
             1.0,
             closer,
             "1",
