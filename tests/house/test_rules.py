@@ -1,6 +1,7 @@
 """Rules of the house that no linter knows."""
 
 import ast
+import json
 import subprocess
 from collections import Counter
 from pathlib import Path
@@ -52,6 +53,13 @@ def test_locks_name_no_index_and_hash_everything() -> None:
         pins = [line for line in text.splitlines() if "==" in line and not line.lstrip().startswith("#")]
         assert pins
         assert all(line.endswith("\\") for line in pins), "a pin without a hash"
+
+
+def test_lock_of_the_javascript_tools_names_no_registry_and_hashes_everything() -> None:
+    lock = json.loads((ROOT / "frontend" / "package-lock.json").read_text(encoding="utf-8"))
+    packages = {name: package for name, package in lock["packages"].items() if name}
+    assert {"node_modules/@biomejs/biome", "node_modules/typescript"} <= set(packages)
+    assert [name for name, package in packages.items() if "resolved" in package or "integrity" not in package] == []
 
 
 def test_pages_carry_no_inline_scripts() -> None:

@@ -6,13 +6,20 @@ import { named } from "./validation_text.js";
 export class Rows {
   // `on` hears of what happens to a row: choose(number), nudge(event, number), preview and typed(number, input), left().
   constructor(root, own, on) {
-    Object.assign(this, { list: root.querySelector("[data-touches]"), model: root.querySelector("template[data-row]"), own, on, typing: null });
+    this.list = root.querySelector("[data-touches]");
+    this.model = root.querySelector("template[data-row]");
+    this.own = own;
+    this.on = on;
+    this.typing = null;
     this.byNumber = new Map();
   }
 
   // Whether there is a row for each touch, in the same order.
   fits(touches) {
-    return this.byNumber.size === touches.length && touches.every((touch) => this.byNumber.get(touch.number)?.dataset.effector === touch.effector);
+    return (
+      this.byNumber.size === touches.length &&
+      touches.every((touch) => this.byNumber.get(touch.number)?.dataset.effector === touch.effector)
+    );
   }
 
   // One row for each touch.
@@ -63,10 +70,15 @@ export class Rows {
 
   // Writes into a row where and when its touch is in `body`; a number that is being typed stays.
   write(touch, body) {
-    const row = this.byNumber.get(touch.number), [first, last] = touch.phases, ends_s = endsOf(body);
+    const row = this.byNumber.get(touch.number),
+      [first, last] = touch.phases,
+      ends_s = endsOf(body);
     const { position_m: position, orientation_wxyz } = contactIn(body, first, touch.effector);
-    const when = [ends_s[first] - body.phases[first].duration_s, ends_s[last]].map((t_s) => `${t_s.toFixed(2)} s`).join(" to ");
-    row.querySelector("[data-when]").textContent = `${first === last ? `Phase ${first}` : `Phases ${first} to ${last}`}, ${when}`;
+    const when = [ends_s[first] - body.phases[first].duration_s, ends_s[last]]
+      .map((t_s) => `${t_s.toFixed(2)} s`)
+      .join(" to ");
+    row.querySelector("[data-when]").textContent =
+      `${first === last ? `Phase ${first}` : `Phases ${first} to ${last}`}, ${when}`;
     row.querySelector("[data-place]").textContent = position.map((v) => v.toFixed(3)).join(", ");
     const values = { x: position[0], y: position[1], z: position[2], yaw: yawOf(orientation_wxyz) };
     for (const input of row.querySelectorAll("input")) {
@@ -79,8 +91,10 @@ export class Rows {
   margins(number, lines) {
     const list = this.byNumber.get(number).querySelector("[data-margins]");
     const texts = lines.flat();
-    while (list.children.length < texts.length) list.append(document.createElement(list.children.length % 2 ? "dd" : "dt"));
+    while (list.children.length < texts.length)
+      list.append(document.createElement(list.children.length % 2 ? "dd" : "dt"));
     while (list.children.length > texts.length) list.lastElementChild.remove();
-    for (const [k, text] of texts.entries()) if (list.children[k].textContent !== text) list.children[k].textContent = text;
+    for (const [k, text] of texts.entries())
+      if (list.children[k].textContent !== text) list.children[k].textContent = text;
   }
 }

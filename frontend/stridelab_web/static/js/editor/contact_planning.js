@@ -12,11 +12,11 @@ export function offerContacts(root, scenarioId, before) {
     name = stored.name;
     return startJob("plan-contacts", taskOf(stored));
   };
-  const then = async (job) => {
+  const onSuccess = async (job) => {
     const result = await call("GET", `/jobs/${job.id}/result`);
     await openNew({ ...result.summary.scenario, name }, FOUND);
   };
-  offerJob(root, "find", { start, before, then });
+  offerJob(root, "find", { start, before, onSuccess });
 }
 
 function taskOf({ name, robot, terrain, friction, phases }) {
@@ -25,7 +25,10 @@ function taskOf({ name, robot, terrain, friction, phases }) {
   for (const [end, { contacts }] of Object.entries(ends)) {
     const missing = FEET.filter((foot) => !contacts.some((contact) => contact.effector === foot));
     const phase = end === "start" ? "first" : "last";
-    if (missing.length) throw new Error(`A ${end} needs both feet, and the ${phase} phase lacks the ${missing.map((foot) => foot.replace("_", " ")).join(" and the ")}.`);
+    if (missing.length)
+      throw new Error(
+        `A ${end} needs both feet, and the ${phase} phase lacks the ${missing.map((foot) => foot.replace("_", " ")).join(" and the ")}.`,
+      );
   }
   const [start, goal] = Object.values(ends).map(({ contacts }) => ({ contacts }));
   return { name, robot, terrain, friction, start, goal };

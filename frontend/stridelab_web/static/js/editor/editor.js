@@ -16,7 +16,11 @@ import { Strip } from "./phase_timeline.js";
 import { turned, yawOf } from "../viewer/quaternions.js";
 import { failed, lift } from "../viewer/loading_overlay.js";
 
-const WATCH_MS = 100, AFTER_KEYS_MS = 500, NUDGE_M = 0.01, FINE_M = 0.001, CHANGED = 412;
+const WATCH_MS = 100,
+  AFTER_KEYS_MS = 500,
+  NUDGE_M = 0.01,
+  FINE_M = 0.001,
+  CHANGED = 412;
 const ELSEWHERE = "Changed in another window: this is how it stands now. Undo takes that back, too.";
 const NOT_OURS = "Meanwhile it was changed in another window, so this was not stored. Here is how it stands now.";
 // Arrow keys as seen from behind the robot: x points forward, y to its left.
@@ -25,17 +29,31 @@ const NUDGES = { ArrowUp: [1, 0], ArrowDown: [-1, 0], ArrowLeft: [0, 1], ArrowRi
 const root = document.querySelector("[data-editor]");
 const part = (name) => root.querySelector(`[data-${name}]`);
 const [said, undo, redo] = ["said", "undo", "redo"].map(part);
-const id = root.dataset.scenario, own = root.dataset.own === "true";
+const id = root.dataset.scenario,
+  own = root.dataset.own === "true";
 const kept = new Kept(id);
 const picture = new Picture(part("stage"));
 const rows = new Rows(root, own, { choose: toggle, nudge, preview, typed, left });
 const form = new PhaseForm(root, own, { change, propose: (edit) => propose(edit, { typing: true }), back: left });
-const strip = new Strip(root, own, { choose: choosePhase, touch: choose, toggle: (k, effector) => form.toggle(k, effector), propose, settle: change, later, back });
+const strip = new Strip(root, own, {
+  choose: choosePhase,
+  touch: choose,
+  toggle: (k, effector) => form.toggle(k, effector),
+  propose,
+  settle: change,
+  later,
+  back,
+});
 const judged = new Judged(root, rows, strip, (k) => form.show(now(), k));
 const live = new Live(root);
 
 // `draft` is what is being dragged, typed or nudged and not stored yet; `pending` what is stored once the keys rest.
-let touches = [], chosen = null, draft = null, pending = null, work = Promise.resolve();
+let touches = [],
+  /** @type {number | null} */ chosen = null,
+  /** @type {{ body: any, held?: number, typing?: boolean } | null} */ draft = null,
+  /** @type {{ key: string, edit: (body: any) => any, done: string, timer: number, sent?: boolean } | null} */ pending =
+    null,
+  /** @type {Promise<any>} */ work = Promise.resolve();
 const now = () => draft?.body ?? kept.body;
 const touchOf = (number) => touches.find((touch) => touch.number === number);
 
@@ -51,9 +69,10 @@ async function start() {
   strip.draw(kept.body, touches);
   await picture.open();
   await picture.load(touches, kept.body, shortcuts);
-  const wanted = new URLSearchParams(location.search), [number, phase] = ["contact", "phase"].map((name) => (wanted.has(name) ? Number(wanted.get(name)) : null));
+  const wanted = new URLSearchParams(location.search),
+    [number, phase] = ["contact", "phase"].map((name) => (wanted.has(name) ? Number(wanted.get(name)) : null));
   if (touchOf(number)) choose(number, false);
-  if (phase in kept.body.phases) judged.choosePhase(phase);
+  if (phase !== null && phase in kept.body.phases) judged.choosePhase(phase);
   show();
   live.start(picture.nodes);
   await lift(part("stage"), picture.nodes);
@@ -87,11 +106,13 @@ function choosePhase(k) {
 
 // Shows what is stored, or would be; and asks what the judge and the planner think of it.
 function show() {
-  const body = now(), { nodes } = picture;
+  const body = now(),
+    { nodes } = picture;
   for (const touch of touches) {
     const contact = contactIn(body, touch.phases[0], touch.effector);
     rows.write(touch, body);
-    if (picture.there && draft?.held !== touch.number) nodes.pose(touch.node, [...contact.position_m], [...contact.orientation_wxyz]);
+    if (picture.there && draft?.held !== touch.number)
+      nodes.pose(touch.node, [...contact.position_m], [...contact.orientation_wxyz]);
   }
   strip.draw(body, touches);
   form.show(body, judged.phase ?? 0);
@@ -133,7 +154,9 @@ function watch() {
   if (!held) return;
   const { touch, position_m } = held;
   if (chosen !== touch.number) choose(touch.number);
-  propose((body) => moved(body, touch, position_m, contactIn(body, touch.phases[0], touch.effector).orientation_wxyz), { held: touch.number });
+  propose((body) => moved(body, touch, position_m, contactIn(body, touch.phases[0], touch.effector).orientation_wxyz), {
+    held: touch.number,
+  });
 }
 
 async function hear({ mine }) {
@@ -204,11 +227,18 @@ async function storeWhole(body) {
 
 // Where the numbers of a row would put its touch; null while one of them is no number.
 function placed(number, input) {
-  const touch = touchOf(number), value = input.valueAsNumber;
+  const touch = touchOf(number),
+    value = input.valueAsNumber;
   if (!Number.isFinite(value)) return null;
   return (body) => {
     const { position_m, orientation_wxyz } = contactIn(body, touch.phases[0], touch.effector);
-    if (input.name === "yaw") return moved(body, touch, position_m, turned(orientation_wxyz, ((value - yawOf(orientation_wxyz)) * Math.PI) / 180));
+    if (input.name === "yaw")
+      return moved(
+        body,
+        touch,
+        position_m,
+        turned(orientation_wxyz, ((value - yawOf(orientation_wxyz)) * Math.PI) / 180),
+      );
     return moved(body, touch, position_m.with("xyz".indexOf(input.name), value), orientation_wxyz);
   };
 }
@@ -230,7 +260,8 @@ function nudge(event, number) {
   if (!by || !own || !picture.there || event.ctrlKey || event.metaKey || event.altKey) return;
   event.preventDefault();
   if (chosen !== number) choose(number);
-  const touch = touchOf(number), step = event.shiftKey ? FINE_M : NUDGE_M;
+  const touch = touchOf(number),
+    step = event.shiftKey ? FINE_M : NUDGE_M;
   const { position_m: from, orientation_wxyz } = contactIn(now(), touch.phases[0], touch.effector);
   const position_m = [round(from[0] + step * by[0]), round(from[1] + step * by[1]), from[2]];
   later(`contact ${number}`, (body) => moved(body, touch, position_m, orientation_wxyz), `Contact ${number} stored.`);
@@ -263,7 +294,8 @@ function flush() {
 // One step back, or forth again.
 function step(way, nothing, done) {
   work = flush().then(async () => {
-    let failure = null, stepped = false;
+    let failure = null,
+      stepped = false;
     try {
       stepped = await kept[way]();
     } catch (error) {
@@ -281,22 +313,32 @@ redo?.addEventListener("click", goForth);
 // Where text is typed, the keys undo the typing.
 const changeable = () => own;
 const shortcuts = new Shortcuts([
-  { keys: ["z"], ctrl: true, text: "Undo; with Shift, do again", run: (event) => (event.shiftKey ? goForth() : goBack()), when: changeable },
+  {
+    keys: ["z"],
+    ctrl: true,
+    text: "Undo; with Shift, do again",
+    run: (event) => (event.shiftKey ? goForth() : goBack()),
+    when: changeable,
+  },
   { keys: ["y"], ctrl: true, text: "Do again", run: goForth, when: changeable },
   { keys: ["ArrowLeft", "ArrowRight"], text: "On a phase: the one before or after" },
   { keys: ["ArrowLeft", "ArrowRight"], text: "On the end of a phase: 0.05 s, with Shift 0.01 s", when: changeable },
-  { keys: ["ArrowLeft", "ArrowRight", "ArrowUp", "ArrowDown"], text: "On a contact of the list: 1 cm, with Shift 1 mm", when: changeable },
+  {
+    keys: ["ArrowLeft", "ArrowRight", "ArrowUp", "ArrowDown"],
+    text: "On a contact of the list: 1 cm, with Shift 1 mm",
+    when: changeable,
+  },
   ...CAMERA_KEYS,
 ]);
 
-part("copy")?.addEventListener("click", async (event) => {
-  const button = event.currentTarget;
-  button.disabled = true;
+const copyButton = part("copy");
+copyButton?.addEventListener("click", async () => {
+  copyButton.disabled = true;
   try {
     await openNew(bodyOf(await call("GET", `/scenarios/${id}`)), " (copy)");
   } catch (error) {
     say(error.message, true);
-    button.disabled = false;
+    copyButton.disabled = false;
   }
 });
 

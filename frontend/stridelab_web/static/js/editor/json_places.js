@@ -13,7 +13,8 @@ export function lineOf(text, where) {
   } catch {
     return null;
   }
-  let key = "", found = null;
+  let key = "",
+    found = null;
   for (const part of path) {
     const at = Array.isArray(value) ? indexOf(value, part) : part;
     key += `/${at}`;
@@ -51,7 +52,8 @@ function scan(text, places) {
       while (at < text.length && !/[\s,\]}]/.test(text[at])) at += 1;
       return;
     }
-    const named = text[at] === "{", end = named ? "}" : "]";
+    const named = text[at] === "{",
+      end = named ? "}" : "]";
     at += 1;
     for (let k = 0; ; k += 1) {
       skip();

@@ -5,7 +5,12 @@ export class JsonView {
   // `read()` gives the scenario, `store(body)` keeps another one or throws with what is wrong.
   constructor(root, { read, store }) {
     const dialog = root.querySelector("[data-json]");
-    Object.assign(this, { dialog, store, read, text: dialog.querySelector("textarea"), faults: dialog.querySelector("[data-json-faults]"), said: dialog.querySelector("[data-json-said]") });
+    this.dialog = dialog;
+    this.store = store;
+    this.read = read;
+    this.text = dialog.querySelector("textarea");
+    this.faults = dialog.querySelector("[data-json-faults]");
+    this.said = dialog.querySelector("[data-json-said]");
     root.querySelector("[data-json-open]").addEventListener("click", () => this.open());
     dialog.querySelector("[data-json-close]").addEventListener("click", () => dialog.close());
     dialog.querySelector("[data-json-store]").addEventListener("click", () => this.apply());
@@ -39,35 +44,41 @@ export class JsonView {
       this.dialog.close();
     } catch (error) {
       const { problem } = error;
-      this.tell(problem?.detail ?? error.message, (problem?.errors ?? []).map((item) => ({ ...item, line: lineOf(this.text.value, item.where) })));
+      this.tell(
+        problem?.detail ?? error.message,
+        (problem?.errors ?? []).map((item) => ({ ...item, line: lineOf(this.text.value, item.where) })),
+      );
     }
   }
 
   tell(said, faults) {
     this.said.textContent = said;
-    this.faults.replaceChildren(...faults.map(({ where, message, line }) => {
-      const item = document.createElement("li");
-      if (line !== null) {
-        const button = document.createElement("button");
-        button.type = "button";
-        button.className = "small";
-        button.textContent = `line ${line + 1}`;
-        button.addEventListener("click", () => this.goto(line));
-        item.append(button, " ");
-      }
-      if (where) {
-        const name = document.createElement("b");
-        name.textContent = `${where}: `;
-        item.append(name);
-      }
-      item.append(message);
-      return item;
-    }));
+    this.faults.replaceChildren(
+      ...faults.map(({ where, message, line }) => {
+        const item = document.createElement("li");
+        if (line !== null) {
+          const button = document.createElement("button");
+          button.type = "button";
+          button.className = "small";
+          button.textContent = `line ${line + 1}`;
+          button.addEventListener("click", () => this.goto(line));
+          item.append(button, " ");
+        }
+        if (where) {
+          const name = document.createElement("b");
+          name.textContent = `${where}: `;
+          item.append(name);
+        }
+        item.append(message);
+        return item;
+      }),
+    );
   }
 
   // Selects a line and brings it into sight.
   goto(line) {
-    const lines = this.text.value.split("\n"), start = lines.slice(0, line).join("\n").length + (line > 0 ? 1 : 0);
+    const lines = this.text.value.split("\n"),
+      start = lines.slice(0, line).join("\n").length + (line > 0 ? 1 : 0);
     this.text.focus();
     this.text.setSelectionRange(start, start + lines[line].length);
     this.text.scrollTop = (this.text.scrollHeight / lines.length) * Math.max(line - 3, 0);
@@ -75,4 +86,8 @@ export class JsonView {
 }
 
 // Two blanks a level; lists of numbers on one line.
-const written = (body) => JSON.stringify(body, null, 2).replace(/\[\s+(-?[\d.e+-]+(?:,\s+-?[\d.e+-]+)*)\s+\]/g, (_, inner) => `[${inner.replace(/\s+/g, " ")}]`);
+const written = (body) =>
+  JSON.stringify(body, null, 2).replace(
+    /\[\s+(-?[\d.e+-]+(?:,\s+-?[\d.e+-]+)*)\s+\]/g,
+    (_, inner) => `[${inner.replace(/\s+/g, " ")}]`,
+  );

@@ -10,8 +10,17 @@ const NO_SOLVER = "solver-unavailable";
 export class Live {
   constructor(root) {
     const part = (name) => root.querySelector(`[data-${name}]`);
-    Object.assign(this, { root, box: part("live-box"), on: part("live-on"), said: part("live-said"), form: part("push") });
-    Object.assign(this, { nodes: null, body: null, next: false, busy: false, push: null, there: false });
+    this.root = root;
+    this.box = part("live-box");
+    this.on = part("live-on");
+    this.said = part("live-said");
+    this.form = part("push");
+    this.nodes = null;
+    this.body = null;
+    this.next = false;
+    this.busy = false;
+    this.push = null;
+    this.there = false;
     this.pushSaid = part("push-said");
     this.on.addEventListener("change", () => this.changed());
     this.form.addEventListener("submit", (event) => {
@@ -37,7 +46,8 @@ export class Live {
     for (const field of [this.on, ...this.form.elements]) field.disabled = !this.there;
     this.on.checked = this.there;
     this.root.dataset.live = this.there ? "there" : "missing";
-    if (!this.there) this.say(`No plan while you drag: ${native ? native.missing : known.message} The button plans all the same.`);
+    if (!this.there)
+      this.say(`No plan while you drag: ${native ? native.missing : known.message} The button plans all the same.`);
     this.changed();
   }
 
@@ -67,8 +77,11 @@ export class Live {
     this.busy = true;
     while (this.next) {
       this.next = false;
-      const push = this.push, began = performance.now();
-      const answer = await call("POST", "/plans/preview", { scenario: this.body, ...(push && { push }) }).catch((error) => error);
+      const push = this.push,
+        began = performance.now();
+      const answer = await call("POST", "/plans/preview", { scenario: this.body, ...(push && { push }) }).catch(
+        (error) => error,
+      );
       this.hear(answer, push, performance.now() - began);
       await new Promise((done) => setTimeout(done, PAUSE_MS));
     }
@@ -80,18 +93,25 @@ export class Live {
     if (this.on.checked && this.nodes.viser) showLive(this.nodes, refused ? null : answer, push);
     this.root.dataset.lived = String(Number(this.root.dataset.lived ?? 0) + 1); // what tests wait for
     if (refused) {
-      if (answer.problem?.code === NO_SOLVER) this.there = false;
+      if (/** @type {any} */ (answer).problem?.code === NO_SOLVER) this.there = false;
       this.say(answer.message);
       this.pushSaid.textContent = "";
       return;
     }
     const { motion, recovered } = answer;
-    const effort = (one) => `cost ${one.objective.toFixed(2)}, ${counted(one.iterations, "iteration")}, solved in ${(1e3 * one.solve_time_s).toFixed(1)} ms`;
+    const effort = (one) =>
+      `cost ${one.objective.toFixed(2)}, ${counted(one.iterations, "iteration")}, solved in ${(1e3 * one.solve_time_s).toFixed(1)} ms`;
     // What the judge refuses is said below the scene already.
     if (answer.errors.length) this.say("No plan: the contacts are not valid.");
-    else this.say(motion.converged ? `${effort(motion)}; answered in ${took_ms.toFixed(0)} ms` : `No motion: ${motion.status}`);
+    else
+      this.say(
+        motion.converged ? `${effort(motion)}; answered in ${took_ms.toFixed(0)} ms` : `No motion: ${motion.status}`,
+      );
     if (!recovered) this.pushSaid.textContent = push && !motion.converged ? "There is no motion to push." : "";
-    else this.pushSaid.textContent = recovered.converged ? `It recovers: ${effort(recovered)}.` : `It does not recover: ${recovered.status}`;
+    else
+      this.pushSaid.textContent = recovered.converged
+        ? `It recovers: ${effort(recovered)}.`
+        : `It does not recover: ${recovered.status}`;
   }
 
   say(text) {
@@ -104,5 +124,7 @@ function pushOf(form) {
   const number = (name) => form.elements[name].valueAsNumber || 0;
   const v = ["x", "y", "z"].map(number);
   const time_s = number("time");
-  return form.elements.cause.value === "force" ? { time_s, force_n: v, duration_s: number("duration") } : { time_s, velocity_m_s: v };
+  return form.elements.cause.value === "force"
+    ? { time_s, force_n: v, duration_s: number("duration") }
+    : { time_s, velocity_m_s: v };
 }

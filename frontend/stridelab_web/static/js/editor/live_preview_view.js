@@ -3,8 +3,13 @@ import { HIDDEN } from "../viewer/viser_nodes.js";
 
 const [PLANNED, RECOVERED, PUSH] = ["planned", "recovered", "push"].map((name) => `/live/${name}`);
 export const LIVE = [PLANNED, RECOVERED, PUSH]; // viewer/overlays.py makes them
-const RINGS = 160, SIDES = 6; // as many as the viewer gave the tubes
-const RADIUS_M = 0.008, PUSH_RADIUS_M = 0.012, PUSH_M_PER_M_S = 1.5, PUSH_M_PER_NS = 0.015, SHORTEST_M = 0.06;
+const RINGS = 160,
+  SIDES = 6; // as many as the viewer gave the tubes
+const RADIUS_M = 0.008,
+  PUSH_RADIUS_M = 0.012,
+  PUSH_M_PER_M_S = 1.5,
+  PUSH_M_PER_NS = 0.015,
+  SHORTEST_M = 0.06;
 
 // Draws the answer of /plans/preview; `push` is what was asked for, or null. Without an answer, nothing.
 export function showLive(nodes, preview, push) {
@@ -24,7 +29,9 @@ function draw(nodes, name, points) {
 
 // From the CoM's place to where the push points, as long as it is strong.
 function arrow(from, push) {
-  const [v, scale] = push.velocity_m_s ? [push.velocity_m_s, PUSH_M_PER_M_S] : [push.force_n, PUSH_M_PER_NS * push.duration_s];
+  const [v, scale] = push.velocity_m_s
+    ? [push.velocity_m_s, PUSH_M_PER_M_S]
+    : [push.force_n, PUSH_M_PER_NS * push.duration_s];
   const length = Math.hypot(...v) * scale;
   const by = length > 0 ? Math.max(length, SHORTEST_M) / Math.hypot(...v) : 0;
   return [from, from.map((x, i) => x + by * v[i])];
@@ -32,7 +39,10 @@ function arrow(from, push) {
 
 // Where the CoM of a motion is at a time.
 function at(motion, t_s) {
-  const k = Math.max(motion.time_s.findIndex((t) => t >= t_s), 1);
+  const k = Math.max(
+    motion.time_s.findIndex((t) => t >= t_s),
+    1,
+  );
   const [a, b] = [motion.time_s[k - 1], motion.time_s[k]];
   const part = Math.min(Math.max((t_s - a) / (b - a), 0), 1);
   return motion.com_m[k - 1].map((x, i) => (1 - part) * x + part * motion.com_m[k][i]);
@@ -42,7 +52,8 @@ function at(motion, t_s) {
 function even(points, n) {
   return Array.from({ length: n }, (_, i) => {
     const where = (i * (points.length - 1)) / (n - 1);
-    const k = Math.min(Math.floor(where), Math.max(points.length - 2, 0)), part = where - k;
+    const k = Math.min(Math.floor(where), Math.max(points.length - 2, 0)),
+      part = where - k;
     const [a, b] = [points[k], points[Math.min(k + 1, points.length - 1)]];
     return a.map((x, j) => (1 - part) * x + part * b[j]);
   });
@@ -54,7 +65,8 @@ function tube(path, radius) {
     const [a, b] = [path[Math.max(i - 1, 0)], path[Math.min(i + 1, path.length - 1)]];
     const t = unit([0, 1, 2].map((j) => b[j] - a[j]));
     const helper = Math.abs(t[2]) < 0.9 ? [0, 0, 1] : [1, 0, 0];
-    const first = unit(cross(helper, t)), second = cross(t, first);
+    const first = unit(cross(helper, t)),
+      second = cross(t, first);
     return Array.from({ length: SIDES }, (_, k) => {
       const [c, s] = [Math.cos((2 * Math.PI * k) / SIDES), Math.sin((2 * Math.PI * k) / SIDES)];
       return p.map((x, j) => x + radius * (c * first[j] + s * second[j]));

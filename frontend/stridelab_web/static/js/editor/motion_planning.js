@@ -25,16 +25,21 @@ function keptLink(job) {
 
 // Plans the scenario and opens the plan.
 export function offerPlan(root, scenarioId, before) {
-  offerJob(root, "plan", { start: () => startPlan(scenarioId), before, then: (job) => location.assign(viewerOf(job.id)) });
+  offerJob(root, "plan", {
+    start: () => startPlan(scenarioId),
+    before,
+    onSuccess: (job) => location.assign(viewerOf(job.id)),
+  });
 }
 
 // Wires `[data-NAME]` (button), `[data-NAME-cancel]` (button), `[data-NAME-live]` (shown while the job runs, with a
-// <progress> and `[data-NAME-message]`) and `[data-NAME-said]` (problems) inside `root`. What `then` does with a job that
+// <progress> and `[data-NAME-message]`) and `[data-NAME-said]` (problems) inside `root`. What `onSuccess` does with a job that
 // succeeded leads away.
-export function offerJob(root, name, { start, before, then }) {
+export function offerJob(root, name, { start, before, onSuccess }) {
   const part = (ending) => root.querySelector(`[data-${name}${ending}]`);
   const [button, cancel, live, message, said] = ["", "-cancel", "-live", "-message", "-said"].map(part);
   const bar = live.querySelector("progress");
+  /** @type {any} */
   let job = null;
 
   button.addEventListener("click", async () => {
@@ -50,7 +55,7 @@ export function offerJob(root, name, { start, before, then }) {
         last = now.progress.message || last;
         show(now);
       });
-      if (ended.state === "succeeded") return void (await then(ended));
+      if (ended.state === "succeeded") return void (await onSuccess(ended));
       said.textContent = whyNot(ended, last);
       if (ended.has_result) said.append(" ", keptLink(ended));
     } catch (error) {

@@ -7,7 +7,13 @@ export class PhaseForm {
   // `change(edit, said)` stores a change of the scenario; `propose(edit)` shows what is typed, `back()` takes that back.
   constructor(root, own, { change, propose, back }) {
     const form = root.querySelector("[data-phase-form]");
-    Object.assign(this, { form, own, change, k: 0, body: null, typing: false, duration: form.elements.duration });
+    this.form = form;
+    this.own = own;
+    this.change = change;
+    this.k = 0;
+    this.body = null;
+    this.typing = false;
+    this.duration = form.elements.duration;
     this.number = form.querySelector("[data-phase-number]");
     this.when = form.querySelector("[data-phase-when]");
     this.selects = [...form.querySelectorAll("select[data-effector]")];
@@ -23,13 +29,16 @@ export class PhaseForm {
       this.typing = false;
       back();
     });
-    for (const button of form.querySelectorAll("[data-deed]")) button.addEventListener("click", () => this.do(button.dataset.deed));
-    for (const select of this.selects) select.addEventListener("change", () => this.touch(select.dataset.effector, select.value));
+    for (const button of form.querySelectorAll("[data-deed]"))
+      button.addEventListener("click", () => this.do(button.dataset.deed));
+    for (const select of this.selects)
+      select.addEventListener("change", () => this.touch(select.dataset.effector, select.value));
   }
 
   show(body, k) {
     Object.assign(this, { body, k: Math.min(k, body.phases.length - 1) });
-    const phase = body.phases[this.k], end_s = endsOf(body)[this.k];
+    const phase = body.phases[this.k],
+      end_s = endsOf(body)[this.k];
     this.number.textContent = `${this.k} (${this.k + 1} of ${body.phases.length})`;
     this.when.textContent = `from ${(end_s - phase.duration_s).toFixed(2)} s to ${end_s.toFixed(2)} s`;
     const text = String(phase.duration_s);
@@ -45,19 +54,22 @@ export class PhaseForm {
     if (after) wanted.push(["after", `as in phase ${after.phase}`]);
     if (!here || chosen === "own") wanted.push(["own", here ? "at a place of its own" : "at a new place"]);
     const now = [...select.options].map((option) => [option.value, option.text]);
-    if (JSON.stringify(now) !== JSON.stringify(wanted)) select.replaceChildren(...wanted.map(([value, text]) => new Option(text, value)));
+    if (JSON.stringify(now) !== JSON.stringify(wanted))
+      select.replaceChildren(...wanted.map(([value, text]) => new Option(text, value)));
     select.value = chosen;
   }
 
   last() {
     this.typing = false;
-    const duration_s = this.duration.valueAsNumber, k = this.k;
+    const duration_s = this.duration.valueAsNumber,
+      k = this.k;
     if (Number.isFinite(duration_s)) this.change((body) => lasting(body, k, duration_s), `Phase ${k} stored.`);
     else this.show(this.body, k);
   }
 
   do(name) {
-    const [deed, said] = DEEDS[name], k = this.k;
+    const [deed, said] = DEEDS[name],
+      k = this.k;
     this.change((body) => deed(body, k), `Phase ${k} ${said}.`);
   }
 

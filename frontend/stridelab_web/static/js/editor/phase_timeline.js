@@ -4,17 +4,30 @@ import { named, sentenceOfPhase } from "./validation_text.js";
 
 const STEPS = { ArrowLeft: (k) => k - 1, ArrowRight: (k) => k + 1, Home: () => 0, End: (_, last) => last };
 const BY = { ArrowLeft: -1, ArrowRight: 1, ArrowDown: -1, ArrowUp: 1 };
-const COARSE_S = 0.05, FINE_S = 0.01, WIDER = 1.5, WIDEST = 12;
+const COARSE_S = 0.05,
+  FINE_S = 0.01,
+  WIDER = 1.5,
+  WIDEST = 12;
 
 export class Strip {
   // `on` hears choose(k), touch(number), toggle(k, effector); and of borders: propose(edit), settle(edit, said), later(key, edit, said), back().
   constructor(root, own, on) {
-    Object.assign(this, { own, on, bars: [], borders: [], body: null, touches: [], chosen: null, held: null, wide: 1 });
+    this.own = own;
+    this.on = on;
+    this.bars = [];
+    this.borders = [];
+    this.body = null;
+    this.touches = [];
+    this.chosen = null;
+    this.held = null;
+    this.wide = 1;
     this.phases = root.querySelector("[data-phases]");
     this.edges = root.querySelector("[data-borders]");
     this.width = root.querySelector("[data-lanes]");
-    const each = (name) => new Map([...root.querySelectorAll(`[data-${name}]`)].map((node) => [node.getAttribute(`data-${name}`), node]));
-    [this.lanes, this.names] = [each("lane"), each("lane-name")];
+    const each = (name) =>
+      new Map([...root.querySelectorAll(`[data-${name}]`)].map((node) => [node.getAttribute(`data-${name}`), node]));
+    this.lanes = each("lane");
+    this.names = each("lane-name");
     this.phases.addEventListener("click", (event) => {
       const k = this.bars.indexOf(event.target.closest("button"));
       if (k >= 0) on.choose(k);
@@ -24,9 +37,8 @@ export class Strip {
       lane.addEventListener("click", (event) => this.pick(effector, event));
       lane.addEventListener("dblclick", (event) => own && on.toggle(this.phaseAt(event), effector));
     }
-    for (const [name, by] of [["wider", WIDER], ["narrower", 1 / WIDER]]) {
-      root.querySelector(`[data-${name}]`).addEventListener("click", () => this.widen(this.wide * by));
-    }
+    root.querySelector("[data-wider]").addEventListener("click", () => this.widen(this.wide * WIDER));
+    root.querySelector("[data-narrower]").addEventListener("click", () => this.widen(this.wide / WIDER));
   }
 
   widen(wide) {
@@ -46,7 +58,9 @@ export class Strip {
 
   pick(effector, event) {
     const k = this.phaseAt(event);
-    const there = this.touches.find((touch) => touch.effector === effector && touch.phases[0] <= k && k <= touch.phases[1]);
+    const there = this.touches.find(
+      (touch) => touch.effector === effector && touch.phases[0] <= k && k <= touch.phases[1],
+    );
     if (there) this.on.touch(there.number);
     this.on.choose(k);
   }
@@ -57,7 +71,8 @@ export class Strip {
   }
 
   phaseAt(event) {
-    const t_s = this.timeAt(event), k = endsOf(this.body).findIndex((end_s) => t_s < end_s);
+    const t_s = this.timeAt(event),
+      k = endsOf(this.body).findIndex((end_s) => t_s < end_s);
     return k < 0 ? this.body.phases.length - 1 : k;
   }
 
@@ -72,7 +87,10 @@ export class Strip {
     for (const [k, border] of this.borders.entries()) {
       this.put(border, ends_s[k], ends_s[k]);
       border.setAttribute("aria-valuenow", ends_s[k].toFixed(3));
-      border.setAttribute("aria-valuetext", `${ends_s[k].toFixed(2)} seconds; phase ${k} lasts ${body.phases[k].duration_s.toFixed(2)} seconds`);
+      border.setAttribute(
+        "aria-valuetext",
+        `${ends_s[k].toFixed(2)} seconds; phase ${k} lasts ${body.phases[k].duration_s.toFixed(2)} seconds`,
+      );
       border.setAttribute("aria-valuemax", String(this.whole_s));
     }
     for (const [effector, lane] of this.lanes) {
@@ -85,7 +103,9 @@ export class Strip {
         lane.children[i].textContent = number;
         this.put(lane.children[i], start_s(phases[0]), ends_s[phases[1]]);
       }
-      const said = own.map(({ phases }) => `${start_s(phases[0]).toFixed(2)} s to ${ends_s[phases[1]].toFixed(2)} s`).join("; ");
+      const said = own
+        .map(({ phases }) => `${start_s(phases[0]).toFixed(2)} s to ${ends_s[phases[1]].toFixed(2)} s`)
+        .join("; ");
       lane.setAttribute("aria-label", `${named(effector)} touches ${said ? `from ${said}` : "nothing"}`);
     }
   }
@@ -100,7 +120,7 @@ export class Strip {
       const bar = document.createElement("button");
       bar.type = "button";
       bar.append(document.createElement("span"));
-      bar.firstChild.textContent = String(k);
+      bar.children[0].textContent = String(k);
       bar.tabIndex = -1;
       return bar;
     });
@@ -112,7 +132,13 @@ export class Strip {
 
   border(k) {
     const border = document.createElement("div");
-    for (const [name, value] of Object.entries({ role: "slider", "aria-orientation": "horizontal", "aria-label": `End of phase ${k}`, "aria-valuemin": "0", tabindex: "-1" })) {
+    for (const [name, value] of Object.entries({
+      role: "slider",
+      "aria-orientation": "horizontal",
+      "aria-label": `End of phase ${k}`,
+      "aria-valuemin": "0",
+      tabindex: "-1",
+    })) {
       border.setAttribute(name, value);
     }
     border.title = `End of phase ${k}: drag it, with Shift all that follows moves along`;
@@ -129,7 +155,8 @@ export class Strip {
     });
     border.addEventListener("pointermove", (event) => {
       if (this.held?.k !== k) return;
-      const to_s = Math.round((this.timeAt(event) - this.held.offset_s) / FINE_S) * FINE_S, rest = event.shiftKey;
+      const to_s = Math.round((this.timeAt(event) - this.held.offset_s) / FINE_S) * FINE_S,
+        rest = event.shiftKey;
       this.held.edit = (body) => ending(body, k, to_s, rest);
       this.on.propose(this.held.edit);
     });

@@ -2,11 +2,14 @@
 import { call } from "../shared/api.js";
 
 const ROBOT = "/robot"; // viewer/initial_posture.py: the links hang below it
-const NOWHERE = [0, 0, 0], UPRIGHT = [1, 0, 0, 0];
+const NOWHERE = [0, 0, 0],
+  UPRIGHT = [1, 0, 0, 0];
 
 export class Posture {
   constructor() {
-    Object.assign(this, { robot: null, links: [], poses: null });
+    this.robot = null;
+    this.links = [];
+    this.poses = null;
   }
 
   // Learns the names of the links, once for each robot.
@@ -25,6 +28,7 @@ export class Posture {
   show(nodes) {
     if (!this.poses || this.poses.length !== this.links.length) return;
     nodes.pose(ROBOT, NOWHERE, UPRIGHT);
-    for (const [k, link] of this.links.entries()) nodes.pose(`${ROBOT}/${link}`, this.poses[k].slice(0, 3), this.poses[k].slice(3));
+    for (const [k, link] of this.links.entries())
+      nodes.pose(`${ROBOT}/${link}`, this.poses[k].slice(0, 3), this.poses[k].slice(3));
   }
 }

@@ -12,8 +12,11 @@ export const bodyOf = (stored) => Object.fromEntries(NAMES.map((name) => [name, 
 // `body` with a touch at another place, in all phases in which it is there.
 export function moved(body, touch, position_m, orientation_wxyz) {
   const [first, last] = touch.phases;
-  const put = (contact) => (contact.effector === touch.effector ? { ...contact, position_m, orientation_wxyz } : contact);
-  const phases = body.phases.map((phase, k) => (k < first || k > last ? phase : { ...phase, contacts: phase.contacts.map(put) }));
+  const put = (contact) =>
+    contact.effector === touch.effector ? { ...contact, position_m, orientation_wxyz } : contact;
+  const phases = body.phases.map((phase, k) =>
+    k < first || k > last ? phase : { ...phase, contacts: phase.contacts.map(put) },
+  );
   return { ...body, phases };
 }
 

@@ -7,13 +7,18 @@ export const same = (a, b) => JSON.stringify(a) === JSON.stringify(b);
 
 export class Kept {
   constructor(id) {
-    Object.assign(this, { id, body: null, version: null, past: [], future: [] });
+    this.id = id;
+    this.body = null;
+    this.version = null;
+    this.past = [];
+    this.future = [];
   }
 
   // Reads what is stored; true where somebody else has changed it, which is then one more step to undo.
   async read() {
     const stored = await call("GET", `/scenarios/${this.id}`);
-    const body = bodyOf(stored), before = this.body;
+    const body = bodyOf(stored),
+      before = this.body;
     Object.assign(this, { body, version: stored.updated_at });
     if (before === null) this.recall();
     else if (!same(before, body)) this.remember(before);
@@ -36,7 +41,8 @@ export class Kept {
 
   // Stores the last of `from`, and keeps what it replaces in `to`; false where there is none.
   async step(from, to) {
-    const body = from.at(-1), now = this.body;
+    const body = from.at(-1),
+      now = this.body;
     if (!body) return false;
     await this.send(body);
     from.pop();

@@ -8,11 +8,18 @@ import { contactIn } from "./phase_edits.js";
 import { SUPPORT } from "./support_overlay.js";
 
 const TURN = "/turn"; // the viewer moves it after every drag and every change from elsewhere (viewer/scenario_scene.py)
-const DRAGGED_M = 1e-4, LETS_GO_MS = 1000, STORED_WITHIN_MS = 3000;
+const DRAGGED_M = 1e-4,
+  LETS_GO_MS = 1000,
+  STORED_WITHIN_MS = 3000;
 
 export class Picture {
   constructor(stage) {
-    Object.assign(this, { frame: stage.querySelector("iframe"), scene: stage.dataset.scene, turn: 0, pressed: false, released_ms: -Infinity, mine: false });
+    this.frame = stage.querySelector("iframe");
+    this.scene = stage.dataset.scene;
+    this.turn = 0;
+    this.pressed = false;
+    this.released_ms = -Infinity;
+    this.mine = false;
     this.nodes = new Nodes(this.frame, []);
   }
 
@@ -50,13 +57,11 @@ export class Picture {
 
   // Waits for the nodes of these touches; another terrain or robot needs the scene anew.
   async fit(touches, body) {
-    const around = aroundOf(body), anew = around !== this.around;
+    const around = aroundOf(body),
+      anew = around !== this.around;
     this.around = around;
     this.nodes.names = [TURN, ...SUPPORT, ...LIVE, ...touches.map((touch) => touch.node)];
-    if (anew) {
-      this.nodes.viser = null;
-      this.frame.contentWindow.location.reload();
-    }
+    if (anew) this.nodes.reload();
     await this.nodes.ready();
     if (!anew) return;
     this.listen();
@@ -92,7 +97,8 @@ export class Picture {
   held(touches, body) {
     if (!this.pressed && performance.now() - this.released_ms > LETS_GO_MS) return null;
     for (const touch of touches) {
-      const at = this.nodes.position(touch.node), given = contactIn(body, touch.phases[0], touch.effector);
+      const at = this.nodes.position(touch.node),
+        given = contactIn(body, touch.phases[0], touch.effector);
       if (!at || !given || Math.hypot(...at.map((v, i) => v - given.position_m[i])) <= DRAGGED_M) continue;
       this.mine = true;
       return { touch, position_m: [...at] };

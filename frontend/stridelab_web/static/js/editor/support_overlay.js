@@ -4,9 +4,13 @@ import { HIDDEN } from "../viewer/viser_nodes.js";
 const [REGION, EDGE, PLUMB, COM] = ["region", "edge", "plumb", "com"].map((name) => `/support/${name}`);
 export const SUPPORT = [REGION, EDGE, PLUMB, COM, `${COM}/light`]; // viewer/overlays.py makes them
 const CORNERS = 64; // as many as the viewer gave the region; its edge has twice as many
-const LIFT_M = 0.01, WIDTH_M = 0.008, SHARPEST = 0.25;
-const CHOSEN = 1.3, WARNING = [176, 0, 32];
-const FULL = { area: 0.75, edge: 1 }, PALE = { area: 0.15, edge: 0.4 };
+const LIFT_M = 0.01,
+  WIDTH_M = 0.008,
+  SHARPEST = 0.25;
+const CHOSEN = 1.3,
+  WARNING = [176, 0, 32];
+const FULL = { area: 0.75, edge: 1 },
+  PALE = { area: 0.15, edge: 0.4 };
 
 // Draws what `phase` (verdict.js) can be held by; nothing of what it lacks.
 export function showSupport(nodes, phase) {
@@ -61,7 +65,8 @@ function outside(corners) {
     return [v / length, -u / length];
   });
   return corners.map(([x, y], i) => {
-    const [a, b] = normals[(i + n - 1) % n], [c, d] = normals[i];
+    const [a, b] = normals[(i + n - 1) % n],
+      [c, d] = normals[i];
     const by = WIDTH_M / Math.max(1 + a * c + b * d, SHARPEST);
     return [x + by * (a + c), y + by * (b + d)];
   });

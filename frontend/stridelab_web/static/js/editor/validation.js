@@ -7,7 +7,11 @@ export class Judge {
   // `tell(check, body)` gets every answer with what was asked; where there was none, `fail(sentence, body)`. `query()` is
   // what stands behind the address: with `body_checked` the whole body is asked, which takes longer.
   constructor(tell, fail, query = () => "") {
-    Object.assign(this, { tell, fail, query, next: null, busy: false });
+    this.tell = tell;
+    this.fail = fail;
+    this.query = query;
+    this.next = null;
+    this.busy = false;
   }
 
   ask(body) {

@@ -10,17 +10,27 @@ const REACHED = "Every contact is on its surface and within reach";
 // `trouble` says why it cannot. `kind` is "invalid", "asked" or "valid".
 export function verdictOf(check, whole, trouble = "") {
   if (check.errors.length) return { errors: check.errors, kind: "invalid", text: sentenceOf(check.errors[0]) };
-  if (trouble) return { errors: [], kind: "asked", text: `${REACHED}; whether the body can stand there is not known: ${trouble}` };
+  if (trouble)
+    return { errors: [], kind: "asked", text: `${REACHED}; whether the body can stand there is not known: ${trouble}` };
   if (!whole) return { errors: [], kind: "asked", text: `${REACHED}; the body is being asked…` };
   const errors = whole.phases.filter(({ body }) => body === "unreachable").map((one) => bodyError(whole, one));
   if (errors.length) return { errors, kind: "invalid", text: sentenceOf(errors[0]) };
   const remark = whole.warnings[0]?.message ?? "";
-  if (whole.phases.some(({ body }) => body === "not-asked")) return { errors: [], kind: "asked", text: `${REACHED}. ${remark}`.trim() };
-  return { errors: [], kind: "valid", text: `Valid: every contact is on its surface, and the body can take the stance of every phase. ${remark}`.trim() };
+  if (whole.phases.some(({ body }) => body === "not-asked"))
+    return { errors: [], kind: "asked", text: `${REACHED}. ${remark}`.trim() };
+  return {
+    errors: [],
+    kind: "valid",
+    text: `Valid: every contact is on its surface, and the body can take the stance of every phase. ${remark}`.trim(),
+  };
 }
 
 // The error that names the contact; of more than the service lists, the phase.
-const bodyError = (whole, { phase, reason }) => whole.errors.find((error) => error.message === reason && placeOf(error)?.phase === phase) ?? { where: `phases[${phase}]`, message: reason };
+const bodyError = (whole, { phase, reason }) =>
+  whole.errors.find((error) => error.message === reason && placeOf(error)?.phase === phase) ?? {
+    where: `phases[${phase}]`,
+    message: reason,
+  };
 
 const cm = (length_m) => `${(100 * Math.abs(length_m)).toFixed(1)} cm`;
 export const named = (effector) => effector.replaceAll("_", " ");
@@ -86,17 +96,34 @@ export function tightest(phases, numbers) {
 // How far a touch is from being refused, as [what, sentence] pairs.
 export function marginsOf(check, touch) {
   const [first, last] = touch.phases;
-  const own = check.margins.filter((margin) => margin.effector === touch.effector && margin.phase >= first && margin.phase <= last);
+  const own = check.margins.filter(
+    (margin) => margin.effector === touch.effector && margin.phase >= first && margin.phase <= last,
+  );
   if (!own.length) return [];
   const { surface, edge_m, height_m } = own[0];
   const reached = own.filter((margin) => margin.reach_m !== null);
   const far = reached.reduce((worst, margin) => (margin.reach_m < worst.reach_m ? margin : worst), reached[0]);
   const lines = [];
-  if (edge_m !== null) lines.push(["Edge", edge_m >= 0 ? `${cm(edge_m)} inside the edge of ${surface}` : `${cm(edge_m)} beyond the edge of ${surface}`]);
-  if (height_m !== null) lines.push(["Height", Math.abs(height_m) < LEVEL_M ? "on the surface" : `${cm(height_m)} ${height_m > 0 ? "above" : "inside"} the surface`]);
+  if (edge_m !== null)
+    lines.push([
+      "Edge",
+      edge_m >= 0 ? `${cm(edge_m)} inside the edge of ${surface}` : `${cm(edge_m)} beyond the edge of ${surface}`,
+    ]);
+  if (height_m !== null)
+    lines.push([
+      "Height",
+      Math.abs(height_m) < LEVEL_M
+        ? "on the surface"
+        : `${cm(height_m)} ${height_m > 0 ? "above" : "inside"} the surface`,
+    ]);
   if (far) {
     const least = first === last ? "" : `, least in phase ${far.phase}`;
-    lines.push(["Reach", far.reach_m >= 0 ? `${cm(far.reach_m)} to spare${least}` : `${cm(far.reach_m)} too short for each contact of phase ${far.phase}`]);
+    lines.push([
+      "Reach",
+      far.reach_m >= 0
+        ? `${cm(far.reach_m)} to spare${least}`
+        : `${cm(far.reach_m)} too short for each contact of phase ${far.phase}`,
+    ]);
   }
   return lines;
 }

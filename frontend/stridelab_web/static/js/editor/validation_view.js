@@ -9,12 +9,34 @@ export class Judged {
   // `strip` shows the phases; `turn(k)` hears which of them is chosen.
   constructor(root, rows, strip, turn) {
     const part = (name) => root.querySelector(`[data-${name}]`);
-    Object.assign(this, { root, rows, strip, turn, verdict: part("verdict"), said: part("phase-said"), answer: null, phases: [], phase: null });
-    Object.assign(this, { nodes: null, touches: [], chosen: null });
-    Object.assign(this, { learned: null, whole: null, wholeOf: null, trouble: "", body: null, posture: new Posture() });
-    this.judge = new Judge((answer, body) => this.hear(answer, body), (sentence) => this.say(sentence, "invalid"));
+    this.root = root;
+    this.rows = rows;
+    this.strip = strip;
+    this.turn = turn;
+    this.verdict = part("verdict");
+    this.said = part("phase-said");
+    this.answer = null;
+    this.phases = [];
+    this.phase = null;
+    this.nodes = null;
+    this.touches = [];
+    this.chosen = null;
+    this.learned = null;
+    this.whole = null;
+    this.wholeOf = null;
+    this.trouble = "";
+    this.body = null;
+    this.posture = new Posture();
+    this.judge = new Judge(
+      (answer, body) => this.hear(answer, body),
+      (sentence) => this.say(sentence, "invalid"),
+    );
     const query = () => `?body_checked=true${this.phase === null ? "" : `&posture_of=${this.phase}`}`;
-    this.bodies = new Judge((answer, body) => this.hearBody(answer, body), (sentence) => this.noBody(sentence), query);
+    this.bodies = new Judge(
+      (answer, body) => this.hearBody(answer, body),
+      (sentence) => this.noBody(sentence),
+      query,
+    );
   }
 
   // What the picture shows, and which touch is chosen (its number, or null).
@@ -123,7 +145,8 @@ export class Judged {
       if (!place) continue;
       for (const { number, effector, phases } of this.touches) {
         const there = phases[0] <= place.phase && place.phase <= phases[1];
-        if (there && (place.effector === null ? number === this.chosen : effector === place.effector)) found.add(number);
+        if (there && (place.effector === null ? number === this.chosen : effector === place.effector))
+          found.add(number);
       }
     }
     return found;

@@ -6,6 +6,7 @@ const form = document.querySelector("[data-batch]");
 const bar = form.querySelector("progress");
 const refused = form.querySelector("[data-refused]");
 const go = form.querySelector("[data-go]");
+/** @type {any} */
 let uploaded = null;
 
 function send(data) {
@@ -34,7 +35,8 @@ async function readByJob(id) {
     bar.value = progress.fraction;
     said.textContent = progress.message || "waiting to be read…";
   });
-  if (job.state !== "succeeded") throw new Error(headline(job) || `The files were not read: ${job.state.replaceAll("_", " ")}.`);
+  if (job.state !== "succeeded")
+    throw new Error(headline(job) || `The files were not read: ${job.state.replaceAll("_", " ")}.`);
   const { summary } = await call("GET", `/jobs/${id}/result`);
   return { ...summary, count: summary.recording_ids.length };
 }
@@ -50,11 +52,12 @@ async function study() {
 }
 
 onSubmit(form, async (data) => {
-  const parts = new FormData(), files = data.getAll("file").filter((file) => file.size);
+  const parts = new FormData(),
+    files = data.getAll("file").filter((file) => file.size);
   if (!files.length) return "Choose the recordings first.";
   for (const file of files) parts.append("file", file);
   // The table is text, not a file, in this form of the interface.
-  const table = data.get("subjects");
+  const table = /** @type {any} */ (data.get("subjects"));
   if (table.size) parts.append("subjects", await table.text());
   refused.replaceChildren();
   bar.hidden = false;
@@ -64,11 +67,13 @@ onSubmit(form, async (data) => {
     bar.hidden = true;
   }
   if (!uploaded.refused.length) return study();
-  refused.append(...uploaded.refused.map(({ filename, message }) => {
-    const row = document.createElement("li");
-    row.textContent = `${filename}: ${message}`;
-    return row;
-  }));
+  refused.append(
+    ...uploaded.refused.map(({ filename, message }) => {
+      const row = document.createElement("li");
+      row.textContent = `${filename}: ${message}`;
+      return row;
+    }),
+  );
   go.hidden = uploaded.studied.length === 0;
   return `${uploaded.count} uploaded, ${uploaded.refused.length} refused.`;
 });

@@ -45,15 +45,15 @@ dialog?.querySelector("[data-yes]").addEventListener("click", async () => {
 });
 
 // The contacts that were found, or the durations that were chosen, become a scenario of one's own, in the editor.
-document.querySelector("[data-keep]")?.addEventListener("click", async (event) => {
-  const button = event.currentTarget;
-  button.disabled = true;
+const keepButton = document.querySelector("[data-keep]");
+keepButton?.addEventListener("click", async () => {
+  keepButton.disabled = true;
   try {
     const found = (await call("GET", `/jobs/${id}/result`)).summary.scenario;
     if (found) await openNew(found, FOUND);
     else await openNew(bodyOf(await call("GET", `/jobs/${id}/artifacts/scenario.json`)), TIMED);
   } catch (error) {
     document.querySelector("[data-said-keep]").textContent = error.message;
-    button.disabled = false;
+    keepButton.disabled = false;
   }
 });

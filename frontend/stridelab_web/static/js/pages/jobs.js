@@ -5,8 +5,9 @@ const EVERY_MS = 1000;
 const rows = [...document.querySelectorAll("tr[data-job]")];
 
 for (const row of rows) {
-  row.querySelector("[data-cancel]").addEventListener("click", async (event) => {
-    event.currentTarget.disabled = true;
+  const cancel = row.querySelector("[data-cancel]");
+  cancel.addEventListener("click", async () => {
+    cancel.disabled = true;
     try {
       await call("DELETE", `/jobs/${row.dataset.job}?cancel_only=true`);
       await refresh(row);

@@ -4,14 +4,31 @@ import { colour, onScheme } from "../shared/colours.js";
 
 // The names of colours in the style sheet.
 const STYLES = {
-  main: { color: "blue", width: 2 }, second: { color: "orange-mid", width: 1.4, dash: "dash" }, third: { color: "slate", width: 1.4, dash: "dot" },
-  x: { color: "blue", width: 1.6 }, y: { color: "orange-mid", width: 1.6, dash: "dash" }, z: { color: "slate", width: 1.6, dash: "dot" },
-  left: { color: "blue", width: 1.6 }, right: { color: "orange-mid", width: 1.6, dash: "dash" }, hand: { color: "slate", width: 1.6, dash: "dot" },
-  line1: { color: "blue", width: 2 }, line2: { color: "orange-mid", width: 1.6 }, line3: { color: "orange-mid", width: 1.6, dash: "dash" },
-  line4: { color: "green", width: 1.6 }, line5: { color: "green", width: 1.6, dash: "dash" }, line6: { color: "purple", width: 1.6, dash: "dashdot" },
-  line7: { color: "slate", width: 1.6, dash: "dot" }, line8: { color: "ink", width: 1.2, dash: "longdash" },
-  full1: { color: "blue", width: 1.8 }, full2: { color: "orange-mid", width: 1.8 }, full3: { color: "slate", width: 1.8 }, full4: { color: "purple", width: 1.8 },
-  dashed1: { color: "blue", width: 1.8, dash: "dash" }, dashed2: { color: "orange-mid", width: 1.8, dash: "dash" }, dashed3: { color: "slate", width: 1.8, dash: "dash" }, dashed4: { color: "purple", width: 1.8, dash: "dash" },
+  main: { color: "blue", width: 2 },
+  second: { color: "orange-mid", width: 1.4, dash: "dash" },
+  third: { color: "slate", width: 1.4, dash: "dot" },
+  x: { color: "blue", width: 1.6 },
+  y: { color: "orange-mid", width: 1.6, dash: "dash" },
+  z: { color: "slate", width: 1.6, dash: "dot" },
+  left: { color: "blue", width: 1.6 },
+  right: { color: "orange-mid", width: 1.6, dash: "dash" },
+  hand: { color: "slate", width: 1.6, dash: "dot" },
+  line1: { color: "blue", width: 2 },
+  line2: { color: "orange-mid", width: 1.6 },
+  line3: { color: "orange-mid", width: 1.6, dash: "dash" },
+  line4: { color: "green", width: 1.6 },
+  line5: { color: "green", width: 1.6, dash: "dash" },
+  line6: { color: "purple", width: 1.6, dash: "dashdot" },
+  line7: { color: "slate", width: 1.6, dash: "dot" },
+  line8: { color: "ink", width: 1.2, dash: "longdash" },
+  full1: { color: "blue", width: 1.8 },
+  full2: { color: "orange-mid", width: 1.8 },
+  full3: { color: "slate", width: 1.8 },
+  full4: { color: "purple", width: 1.8 },
+  dashed1: { color: "blue", width: 1.8, dash: "dash" },
+  dashed2: { color: "orange-mid", width: 1.8, dash: "dash" },
+  dashed3: { color: "slate", width: 1.8, dash: "dash" },
+  dashed4: { color: "purple", width: 1.8, dash: "dash" },
 };
 const lineOf = (style) => ({ ...STYLES[style], color: colour(STYLES[style].color) });
 const SAMPLE_OF_DASH = { solid: "━━", dash: "╍╍", dot: "┈┈" };
@@ -19,7 +36,9 @@ const ROUND = [-2, -1, 0, 1, 2].flatMap((power) => [1, 2, 5].map((digit) => digi
 // On a large screen, where letters are larger, so is the figure. The margins left and right are also those of a strip of
 // intervals beside the curves (`.strip.timed`), whose zero and scale are the same.
 const LARGER = parseFloat(getComputedStyle(document.documentElement).fontSize) / 16;
-const [ROW_PX, GAP_PX, TOP_PX, BOTTOM_PX, LETTER_PX, SAMPLE_PX, LEFT_PX, RIGHT_PX] = [170, 26, 10, 46, 8, 44, 74, 16].map((px) => px * LARGER);
+const [ROW_PX, GAP_PX, TOP_PX, BOTTOM_PX, LETTER_PX, SAMPLE_PX, LEFT_PX, RIGHT_PX] = [
+  170, 26, 10, 46, 8, 44, 74, 16,
+].map((px) => px * LARGER);
 
 const box = document.getElementById("plots");
 const cursor = document.getElementById("cursor");
@@ -30,25 +49,33 @@ else box.textContent = "The curves could not be read. Load the page again to ask
 
 function tracesOf(row, columns) {
   return row.traces.flatMap((trace) => {
-    const y = columns[trace.key], sd = trace.sd && columns[trace.sd];
+    const y = columns[trace.key],
+      sd = trace.sd && columns[trace.sd];
     const curve = { name: trace.name, y, line: lineOf(trace.style), key: trace.key, group: trace.group };
     if (!sd) return [curve];
     const edge = (sign) => y.map((v, k) => (v === null || sd[k] === null ? null : v + sign * 1.96 * sd[k]));
     const line = { width: 0, color: colour("blue") };
-    return [{ y: edge(-1), line, hoverinfo: "skip" }, { y: edge(1), line, fill: "tonexty", fillcolor: colour("band-fill"), hoverinfo: "skip" }, curve];
+    return [
+      { y: edge(-1), line, hoverinfo: "skip" },
+      { y: edge(1), line, fill: "tonexty", fillcolor: colour("band-fill"), hoverinfo: "skip" },
+      curve,
+    ];
   });
 }
 
 function draw(data) {
   const { traces, layout } = figureOf(data);
-  Plotly.newPlot(box, traces, layout, { displayModeBar: false, responsive: true, doubleClick: "reset" }).then(() => link(data.columns[data.x.key], data));
+  Plotly.newPlot(box, traces, layout, { displayModeBar: false, responsive: true, doubleClick: "reset" }).then(() =>
+    link(data.columns[data.x.key], data),
+  );
   onScheme(() => recolour(data));
 }
 
 // The same figure in the colours of now, with what was zoomed, switched and pointed at.
 function recolour(data) {
-  const { traces, layout } = figureOf(data), shown = box.layout;
-  traces.forEach((trace, k) => Object.assign(trace, { visible: box.data[k].visible }));
+  const { traces, layout } = figureOf(data),
+    shown = box.layout;
+  for (const [k, trace] of traces.entries()) trace.visible = box.data[k].visible;
   Object.assign(layout.xaxis, { range: shown.xaxis.range, autorange: shown.xaxis.autorange });
   const { x0, x1 } = shown.shapes.at(-1);
   Object.assign(layout.shapes.at(-1), { x0, x1 });
@@ -60,25 +87,86 @@ function figureOf(data) {
   const t = columns[x.key];
   const height = TOP_PX + BOTTOM_PX + rows.length * ROW_PX;
   const inner = height - TOP_PX - BOTTOM_PX;
-  const traces = [], annotations = [];
+  const traces = [],
+    annotations = [];
   const layout = {
-    height, margin: { l: LEFT_PX, r: RIGHT_PX, t: TOP_PX, b: BOTTOM_PX }, showlegend: false, hovermode: "x", hoversubplots: "axis", dragmode: "zoom",
-    paper_bgcolor: colour("card"), plot_bgcolor: colour("card"), font: { family: "system-ui, DejaVu Sans, sans-serif", size: 12 * LARGER, color: colour("ink") },
-    xaxis: { title: { text: x.title }, type: x.log ? "log" : "linear", range: rangeOf(x, t[0], t[t.length - 1]), gridcolor: colour("grid"), zeroline: false, showspikes: true, spikemode: "across", spikethickness: 1, spikecolor: colour("grey"), spikedash: "solid", spikesnap: "cursor", anchor: "free", position: 0 },
+    height,
+    margin: { l: LEFT_PX, r: RIGHT_PX, t: TOP_PX, b: BOTTOM_PX },
+    showlegend: false,
+    hovermode: "x",
+    hoversubplots: "axis",
+    dragmode: "zoom",
+    paper_bgcolor: colour("card"),
+    plot_bgcolor: colour("card"),
+    font: { family: "system-ui, DejaVu Sans, sans-serif", size: 12 * LARGER, color: colour("ink") },
+    xaxis: {
+      title: { text: x.title },
+      type: x.log ? "log" : "linear",
+      range: rangeOf(x, t[0], t[t.length - 1]),
+      gridcolor: colour("grid"),
+      zeroline: false,
+      showspikes: true,
+      spikemode: "across",
+      spikethickness: 1,
+      spikecolor: colour("grey"),
+      spikedash: "solid",
+      spikesnap: "cursor",
+      anchor: "free",
+      position: 0,
+    },
     shapes: [
-      ...shades_s.map(([x0, x1]) => ({ type: "rect", xref: "x", yref: "paper", x0, x1, y0: 0, y1: 1, fillcolor: colour("shade-fill"), line: { width: 0 }, layer: "below" })),
-      { type: "line", xref: "x", yref: "paper", x0: t[0], x1: t[0], y0: 0, y1: 1, line: { color: colour("orange-mid"), width: 1.5 } },
+      ...shades_s.map(([x0, x1]) => ({
+        type: "rect",
+        xref: "x",
+        yref: "paper",
+        x0,
+        x1,
+        y0: 0,
+        y1: 1,
+        fillcolor: colour("shade-fill"),
+        line: { width: 0 },
+        layer: "below",
+      })),
+      {
+        type: "line",
+        xref: "x",
+        yref: "paper",
+        x0: t[0],
+        x1: t[0],
+        y0: 0,
+        y1: 1,
+        line: { color: colour("orange-mid"), width: 1.5 },
+      },
     ],
   };
   if (x.log) Object.assign(layout.xaxis, { tickvals: ROUND, exponentformat: "none" });
   rows.forEach((row, k) => {
     const id = k === 0 ? "" : String(k + 1);
-    const top = 1 - (k * ROW_PX) / inner, bottom = 1 - ((k + 1) * ROW_PX - GAP_PX) / inner;
-    layout[`yaxis${id}`] = { domain: [Math.max(0, bottom), top], title: { text: row.title, standoff: 6 }, type: row.log ? "log" : "linear", gridcolor: colour("grid"), zeroline: false, automargin: false, fixedrange: true, exponentformat: "e" };
+    const top = 1 - (k * ROW_PX) / inner,
+      bottom = 1 - ((k + 1) * ROW_PX - GAP_PX) / inner;
+    layout[`yaxis${id}`] = {
+      domain: [Math.max(0, bottom), top],
+      title: { text: row.title, standoff: 6 },
+      type: row.log ? "log" : "linear",
+      gridcolor: colour("grid"),
+      zeroline: false,
+      automargin: false,
+      fixedrange: true,
+      exponentformat: "e",
+    };
     if (row.log) Object.assign(layout[`yaxis${id}`], { dtick: 2, exponentformat: "none" });
     for (const trace of tracesOf(row, columns)) {
       if (row.steps) trace.line = { ...trace.line, shape: "hv" };
-      traces.push({ type: "scatter", mode: "lines", x: t, yaxis: `y${id}`, xaxis: "x", connectgaps: false, hovertemplate: `${trace.name ?? ""} %{y:.4~f}<extra></extra>`, ...trace });
+      traces.push({
+        type: "scatter",
+        mode: "lines",
+        x: t,
+        yaxis: `y${id}`,
+        xaxis: "x",
+        connectgaps: false,
+        hovertemplate: `${trace.name ?? ""} %{y:.4~f}<extra></extra>`,
+        ...trace,
+      });
     }
     if (row.legend) annotations.push(...legend(row, top));
   });
@@ -95,7 +183,9 @@ function addSwitches(switches, read) {
   const place = document.querySelector("[data-switches]");
   for (const { key, name, style, shown } of switches) {
     const indices = box.data.flatMap((trace, k) => (trace.group === key ? [k] : []));
-    const label = document.createElement("label"), input = document.createElement("input"), sample = document.createElement("span");
+    const label = document.createElement("label"),
+      input = document.createElement("input"),
+      sample = document.createElement("span");
     Object.assign(input, { type: "checkbox", checked: shown });
     input.dataset.group = key;
     sample.className = `key ${style}`;
@@ -112,15 +202,26 @@ function addSwitches(switches, read) {
 // Names of the curves above the right end of their row, each with a sample of its line.
 function legend(row, top) {
   let right = 0;
-  return row.traces.filter((trace) => trace.listed).reverse().map((trace) => {
-    const { color, dash } = lineOf(trace.style);
-    const entry = {
-      xref: "paper", yref: "paper", x: 1, y: top, xanchor: "right", yanchor: "bottom", xshift: -right, showarrow: false,
-      text: `${SAMPLE_OF_DASH[dash ?? "solid"]} ${trace.name}`, font: { color, size: 13 * LARGER },
-    };
-    right += SAMPLE_PX + LETTER_PX * trace.name.length;
-    return entry;
-  });
+  return row.traces
+    .filter((trace) => trace.listed)
+    .reverse()
+    .map((trace) => {
+      const { color, dash } = lineOf(trace.style);
+      const entry = {
+        xref: "paper",
+        yref: "paper",
+        x: 1,
+        y: top,
+        xanchor: "right",
+        yanchor: "bottom",
+        xshift: -right,
+        showarrow: false,
+        text: `${SAMPLE_OF_DASH[dash ?? "solid"]} ${trace.name}`,
+        font: { color, size: 13 * LARGER },
+      };
+      right += SAMPLE_PX + LETTER_PX * trace.name.length;
+      return entry;
+    });
 }
 
 function link(t, { columns, readings, shades_s, switches, x }) {
@@ -130,16 +231,21 @@ function link(t, { columns, readings, shades_s, switches, x }) {
   const bases = [...links].map((link) => link.getAttribute("href"));
   const read = () => {
     const k = Number(cursor.value);
-    const off = new Set([...document.querySelectorAll("[data-group]:not(:checked)")].map((input) => input.dataset.group));
+    const off = new Set(
+      [...document.querySelectorAll("[data-group]:not(:checked)")].map((input) => input.dataset.group),
+    );
     const shown = readings.filter((reading) => !off.has(reading.group));
-    readout.replaceChildren(part(x.name, [t[k]], x.unit, x.digits), ...shown.map((reading) => partOf(reading, columns, k)));
+    readout.replaceChildren(
+      part(x.name, [t[k]], x.unit, x.digits),
+      ...shown.map((reading) => partOf(reading, columns, k)),
+    );
   };
   const show = (k) => {
     const at = t[k];
     cursor.value = String(k);
     cursor.setAttribute("aria-valuetext", `${at.toFixed(x.digits)} ${x.unit}`);
     Plotly.relayout(box, { [`${line}.x0`]: at, [`${line}.x1`]: at });
-    links.forEach((link, n) => link.setAttribute("href", `${bases[n]}&t=${at.toFixed(3)}`));
+    for (const [n, link] of links.entries()) link.setAttribute("href", `${bases[n]}&t=${at.toFixed(3)}`);
     read();
     document.dispatchEvent(new CustomEvent("instant", { detail: at }));
   };
@@ -176,7 +282,12 @@ function part(name, values, unit, digits) {
 }
 
 function partOf({ name, key, unit, digits, sd, more }, columns, k) {
-  const shown = part(name, [key, ...more].map((column) => columns[column]?.[k]), unit, digits);
+  const shown = part(
+    name,
+    [key, ...more].map((column) => columns[column]?.[k]),
+    unit,
+    digits,
+  );
   const spread = sd && columns[sd]?.[k];
   if (spread !== null && spread !== undefined) shown.append(` ± ${(1960 * spread).toFixed(1)} mm`);
   return shown;

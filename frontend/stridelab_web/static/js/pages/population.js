@@ -9,8 +9,10 @@ const chosen = () => rows.filter((row) => row.querySelector("[name=chosen]").che
 const counted = (n, one, many) => `${n} ${n === 1 ? one : many}`;
 
 function count() {
-  const found = chosen(), people = new Set(found.map((row) => row.querySelector("[name=subject]").value.trim()));
-  form.querySelector("[data-count]").textContent = `${counted(found.length, "recording", "recordings")} of ${counted(people.size, "person", "people")}`;
+  const found = chosen(),
+    people = new Set(found.map((row) => row.querySelector("[name=subject]").value.trim()));
+  form.querySelector("[data-count]").textContent =
+    `${counted(found.length, "recording", "recordings")} of ${counted(people.size, "person", "people")}`;
   all.checked = found.length === rows.length;
   all.indeterminate = found.length > 0 && found.length < rows.length;
 }

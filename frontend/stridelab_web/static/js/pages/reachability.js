@@ -2,7 +2,16 @@
 /* global Plotly */
 import { colour, onScheme } from "../shared/colours.js";
 
-const LEFT_PX = 64, RIGHT_PX = 40, BAR_PX = 14, BAR_GAP_PX = 22, TOP_PX = 30, BOTTOM_PX = 46, GAP_PX = 62, BETWEEN_PX = 64, HIGHEST_PX = 420, LITRES = 1000;
+const LEFT_PX = 64,
+  RIGHT_PX = 40,
+  BAR_PX = 14,
+  BAR_GAP_PX = 22,
+  TOP_PX = 30,
+  BOTTOM_PX = 46,
+  GAP_PX = 62,
+  BETWEEN_PX = 64,
+  HIGHEST_PX = 420,
+  LITRES = 1000;
 // In one hue, away from the colour of the page: told apart with every kind of colour vision, and in print.
 const scale = () => [0, 0.15, 0.4, 0.7, 1].map((share, k) => [share, colour(k ? `depth-${k}` : "card")]);
 
@@ -10,13 +19,16 @@ const box = document.getElementById("maps");
 const choice = document.querySelector("[data-effector-of-maps]");
 const said = document.querySelector("[data-maps-said]");
 const extent = (values) => values.at(-1) - values[0];
-let shown = null, asked = 0;
+/** @type {any} */
+let shown = null,
+  asked = 0;
 
 choice.addEventListener("change", () => show(choice.value));
 new ResizeObserver(() => shown && draw(shown)).observe(box);
 onScheme(() => shown && draw(shown));
 await show(choice.value);
-for (const option of choice.options) if (option.value !== shown?.effector) read(option.value).then(writeVolumes, () => {});
+for (const option of choice.options)
+  if (option.value !== shown?.effector) read(option.value).then(writeVolumes, () => {});
 
 async function read(effector) {
   const url = new URL(box.dataset.maps, location.href);
@@ -45,46 +57,147 @@ async function show(effector) {
 
 function writeVolumes({ effector, volumes_m3 }) {
   const row = document.querySelector(`tr[data-effector="${CSS.escape(effector)}"]`);
-  for (const cell of row.querySelectorAll("[data-volume]")) cell.textContent = ((volumes_m3[cell.dataset.volume] ?? NaN) * LITRES).toFixed(0);
+  for (const cell of row.querySelectorAll("[data-volume]"))
+    cell.textContent = ((volumes_m3[cell.dataset.volume] ?? NaN) * LITRES).toFixed(0);
 }
 
 // Domains are chosen so that a metre is equally long everywhere.
 function draw({ components, frame, maps }) {
   const width = box.clientWidth;
-  const across = maps.reduce((sum, map) => sum + extent(map.right_m), 0), highest = Math.max(...maps.map((map) => extent(map.up_m)));
+  const across = maps.reduce((sum, map) => sum + extent(map.right_m), 0),
+    highest = Math.max(...maps.map((map) => extent(map.up_m)));
   const px = Math.min((width - LEFT_PX - RIGHT_PX - BAR_PX - BAR_GAP_PX - 2 * GAP_PX) / across, HIGHEST_PX / highest);
   const height = TOP_PX + BOTTOM_PX + BETWEEN_PX + 2 * px * highest;
   const inner = { width: width - LEFT_PX - RIGHT_PX, height: height - TOP_PX - BOTTOM_PX };
-  const zmax = Math.max(...maps.flatMap((map) => [map.kernel_per_m2, map.mixture_per_m2]).map((rows) => Math.max(...rows.flat())));
-  const traces = [], annotations = [], colorscale = scale();
+  const zmax = Math.max(
+    ...maps.flatMap((map) => [map.kernel_per_m2, map.mixture_per_m2]).map((rows) => Math.max(...rows.flat())),
+  );
+  const traces = [],
+    annotations = [],
+    colorscale = scale();
   const layout = {
-    width, height, margin: { l: LEFT_PX, r: RIGHT_PX, t: TOP_PX, b: BOTTOM_PX }, showlegend: false, dragmode: false,
-    paper_bgcolor: colour("card"), plot_bgcolor: colour("card"), font: { family: "system-ui, DejaVu Sans, sans-serif", size: 12, color: colour("ink") }, annotations,
+    width,
+    height,
+    margin: { l: LEFT_PX, r: RIGHT_PX, t: TOP_PX, b: BOTTOM_PX },
+    showlegend: false,
+    dragmode: false,
+    paper_bgcolor: colour("card"),
+    plot_bgcolor: colour("card"),
+    font: { family: "system-ui, DejaVu Sans, sans-serif", size: 12, color: colour("ink") },
+    annotations,
   };
   let left = 0;
   maps.forEach((map, column) => {
-    const wide = px * extent(map.right_m), tall = px * extent(map.up_m);
+    const wide = px * extent(map.right_m),
+      tall = px * extent(map.up_m);
     ["kernel_per_m2", "mixture_per_m2"].forEach((key, row) => {
-      const k = 2 * column + row, id = k === 0 ? "" : String(k + 1);
+      const k = 2 * column + row,
+        id = k === 0 ? "" : String(k + 1);
       const top = inner.height - row * (px * highest + BETWEEN_PX) - (px * highest - tall) / 2;
-      const axis = { showgrid: false, zeroline: false, ticks: "outside", ticklen: 3, mirror: true, showline: true, linecolor: colour("rule"), linewidth: 1, dtick: 0.5, fixedrange: true };
-      layout[`xaxis${id}`] = { ...axis, domain: [left / inner.width, (left + wide) / inner.width], anchor: `y${id}`, range: [map.right_m[0], map.right_m.at(-1)], title: { text: `${map.right} [m]`, standoff: 4 } };
-      layout[`yaxis${id}`] = { ...axis, domain: [(top - tall) / inner.height, top / inner.height], anchor: `x${id}`, range: [map.up_m[0], map.up_m.at(-1)], title: { text: `${map.up} [m]`, standoff: 4 } };
+      const axis = {
+        showgrid: false,
+        zeroline: false,
+        ticks: "outside",
+        ticklen: 3,
+        mirror: true,
+        showline: true,
+        linecolor: colour("rule"),
+        linewidth: 1,
+        dtick: 0.5,
+        fixedrange: true,
+      };
+      layout[`xaxis${id}`] = {
+        ...axis,
+        domain: [left / inner.width, (left + wide) / inner.width],
+        anchor: `y${id}`,
+        range: [map.right_m[0], map.right_m.at(-1)],
+        title: { text: `${map.right} [m]`, standoff: 4 },
+      };
+      layout[`yaxis${id}`] = {
+        ...axis,
+        domain: [(top - tall) / inner.height, top / inner.height],
+        anchor: `x${id}`,
+        range: [map.up_m[0], map.up_m.at(-1)],
+        title: { text: `${map.up} [m]`, standoff: 4 },
+      };
       traces.push({
-        type: "heatmap", x: map.right_m, y: map.up_m, z: map[key], xaxis: `x${id}`, yaxis: `y${id}`, zmin: 0, zmax, colorscale, zsmooth: "best", showscale: false,
+        type: "heatmap",
+        x: map.right_m,
+        y: map.up_m,
+        z: map[key],
+        xaxis: `x${id}`,
+        yaxis: `y${id}`,
+        zmin: 0,
+        zmax,
+        colorscale,
+        zsmooth: "best",
+        showscale: false,
         hovertemplate: `${map.right} %{x:.2f} m, ${map.up} %{y:.2f} m<br>%{z:.3~g} per m²<extra></extra>`,
       });
-      traces.push({ type: "scatter", mode: "markers", x: [0], y: [0], xaxis: `x${id}`, yaxis: `y${id}`, marker: { symbol: "cross-thin-open", size: 11, color: colour("orange-mid"), line: { width: 2 } }, hovertemplate: `origin of the ${frame} frame<extra></extra>`, cliponaxis: true });
+      traces.push({
+        type: "scatter",
+        mode: "markers",
+        x: [0],
+        y: [0],
+        xaxis: `x${id}`,
+        yaxis: `y${id}`,
+        marker: { symbol: "cross-thin-open", size: 11, color: colour("orange-mid"), line: { width: 2 } },
+        hovertemplate: `origin of the ${frame} frame<extra></extra>`,
+        cliponaxis: true,
+      });
       const title = row === 0 ? `kernels, along ${map.along}` : `mixture of ${components}, along ${map.along}`;
-      annotations.push({ xref: "paper", yref: "paper", x: (left + wide / 2) / inner.width, y: top / inner.height, text: title, showarrow: false, yanchor: "bottom", xanchor: "center", font: { size: 13 } });
+      annotations.push({
+        xref: "paper",
+        yref: "paper",
+        x: (left + wide / 2) / inner.width,
+        y: top / inner.height,
+        text: title,
+        showarrow: false,
+        yanchor: "bottom",
+        xanchor: "center",
+        font: { size: 13 },
+      });
     });
     left += wide + GAP_PX;
   });
   // plotly's own colour bar writes a style attribute, which our content policy refuses.
   const steps = Array.from({ length: 101 }, (_, k) => (k * zmax) / 100);
   layout.xaxis7 = { domain: [1 - BAR_PX / inner.width, 1], anchor: "y7", visible: false, fixedrange: true };
-  layout.yaxis7 = { domain: [0.1, 0.9], anchor: "x7", side: "right", range: [0, zmax], ticks: "outside", ticklen: 3, zeroline: false, showgrid: false, fixedrange: true };
-  traces.push({ type: "heatmap", x: [0], y: steps, z: steps.map((value) => [value]), xaxis: "x7", yaxis: "y7", zmin: 0, zmax, colorscale, showscale: false, hoverinfo: "skip", zsmooth: "fast" });
-  annotations.push({ xref: "paper", yref: "paper", x: 1, y: 0.9, yshift: 4, text: "1/m²", showarrow: false, yanchor: "bottom", xanchor: "right" });
+  layout.yaxis7 = {
+    domain: [0.1, 0.9],
+    anchor: "x7",
+    side: "right",
+    range: [0, zmax],
+    ticks: "outside",
+    ticklen: 3,
+    zeroline: false,
+    showgrid: false,
+    fixedrange: true,
+  };
+  traces.push({
+    type: "heatmap",
+    x: [0],
+    y: steps,
+    z: steps.map((value) => [value]),
+    xaxis: "x7",
+    yaxis: "y7",
+    zmin: 0,
+    zmax,
+    colorscale,
+    showscale: false,
+    hoverinfo: "skip",
+    zsmooth: "fast",
+  });
+  annotations.push({
+    xref: "paper",
+    yref: "paper",
+    x: 1,
+    y: 0.9,
+    yshift: 4,
+    text: "1/m²",
+    showarrow: false,
+    yanchor: "bottom",
+    xanchor: "right",
+  });
   Plotly.react(box, traces, layout, { displayModeBar: false });
 }

@@ -7,7 +7,8 @@ if (document.querySelector("[data-known]")) history.replaceState(null, "", locat
 const id = root.dataset.recording;
 const find = (selector) => root.querySelector(selector);
 // As the page came, whatever a browser has filled in since.
-const givenIn = (field) => field.defaultValue ?? [...field.options].find((option) => option.defaultSelected)?.value ?? "";
+const givenIn = (field) =>
+  field.defaultValue ?? [...field.options].find((option) => option.defaultSelected)?.value ?? "";
 const number = (text) => (text === "" || text == null ? null : Number(text));
 
 // Saving may change what the windows and warnings are, so the page is asked for anew and says that it was saved.
@@ -19,12 +20,19 @@ async function save(patch) {
 
 // Only what was changed is sent: the rest goes on following the person, or the file.
 onSubmit(find("[data-subject]"), () => {
-  const changed = [...find("[data-subject]").querySelectorAll("input, select")].filter((field) => field.value !== givenIn(field));
+  const changed = [...find("[data-subject]").querySelectorAll("input, select")].filter(
+    (field) => field.value !== givenIn(field),
+  );
   if (!changed.length) return "Nothing was changed.";
-  return save({ subject: Object.fromEntries(changed.map(({ name, value, type }) => [name, type === "number" ? number(value) : value || null])) });
+  return save({
+    subject: Object.fromEntries(
+      changed.map(({ name, value, type }) => [name, type === "number" ? number(value) : value || null]),
+    ),
+  });
 });
-find("[data-mass]")?.addEventListener("click", (event) => {
-  find("[name=mass_kg]").value = event.currentTarget.dataset.mass;
+const massButton = find("[data-mass]");
+massButton?.addEventListener("click", () => {
+  find("[name=mass_kg]").value = massButton.dataset.mass;
 });
 
 onSubmit(find("[data-session]"), (data) => save({ session_id: data.get("session_id").trim() || null }));
@@ -43,7 +51,9 @@ if (find("[data-plates]")) {
   });
 }
 
-onSubmit(find("[data-markers]"), (data) => save({ marker_map: Object.fromEntries([...data].filter(([, label]) => label)) }));
+onSubmit(find("[data-markers]"), (data) =>
+  save({ marker_map: Object.fromEntries([...data].filter(([, label]) => label)) }),
+);
 
 const estimate = find("[data-estimate]");
 // What a method does not use is neither shown nor sent.
@@ -54,7 +64,8 @@ const offer = (selector, used) => {
   }
 };
 // What is known to fail is not started: the buttons say why. "" is the best available method.
-const refused = JSON.parse(estimate.dataset.refused), why = find("[data-why]");
+const refused = JSON.parse(estimate.dataset.refused),
+  why = find("[data-why]");
 const refuse = (button, method) => {
   button.disabled = method in refused;
   if (button.disabled) button.setAttribute("aria-describedby", why.id);
@@ -69,7 +80,8 @@ const followRefusals = (method) => {
 };
 const FILTERS = new Set(["", "complementary", "kalman", "rts"]);
 const follow = () => {
-  const method = estimate.method.value, chosen = FILTERS.has(method) ? estimate.cutoffs.value : "auto";
+  const method = estimate.method.value,
+    chosen = FILTERS.has(method) ? estimate.cutoffs.value : "auto";
   offer("[data-latency]", estimate.latency.value === "number");
   followRefusals(method);
   offer("[data-of-filters]", FILTERS.has(method));
@@ -79,15 +91,19 @@ const follow = () => {
 estimate.addEventListener("change", follow);
 follow();
 const smootherOf = (data) => {
-  const plate_force_n = number(data.get("plate_force_n")), segment_momentum = data.get("momentum") === "segments";
+  const plate_force_n = number(data.get("plate_force_n")),
+    segment_momentum = data.get("momentum") === "segments";
   return plate_force_n === null && !segment_momentum ? null : { priors: { plate_force_n }, segment_momentum };
 };
 const inputOf = (data) => ({
   recording_id: id,
   method: data.get("method") || null,
-  latency: data.get("latency") === "number" ? number(data.get("latency_ms")) / 1000 : data.get("latency"),
+  latency: data.get("latency") === "number" ? Number(data.get("latency_ms")) / 1000 : data.get("latency"),
   segment_table: data.get("segment_table"),
-  cutoffs: data.get("cutoffs") === "numbers" ? [number(data.get("low_hz")), number(data.get("high_hz"))] : data.get("cutoffs") || "auto",
+  cutoffs:
+    data.get("cutoffs") === "numbers"
+      ? [number(data.get("low_hz")), number(data.get("high_hz"))]
+      : data.get("cutoffs") || "auto",
   smoother: smootherOf(data),
 });
 const start = async (kind, input) => {
@@ -98,7 +114,8 @@ const start = async (kind, input) => {
 onSubmit(estimate, (data) => start("estimate-com", inputOf(data)));
 const onPress = (selector, kind, chosen) =>
   find(selector).addEventListener("click", async (event) => {
-    const said = estimate.querySelector("[data-said]"), button = event.currentTarget;
+    const said = estimate.querySelector("[data-said]"),
+      button = event.currentTarget;
     button.disabled = true;
     try {
       said.textContent = await start(kind, chosen(inputOf(new FormData(estimate))));

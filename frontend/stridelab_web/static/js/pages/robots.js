@@ -22,7 +22,12 @@ async function fill(card) {
 const form = document.querySelector("form[data-learn]");
 if (form) {
   onSubmit(form, async (data) => {
-    const input = { robot: form.dataset.learn, samples: Number(data.get("samples")), seed: Number(data.get("seed")), measure: data.get("measure") };
+    const input = {
+      robot: form.dataset.learn,
+      samples: Number(data.get("samples")),
+      seed: Number(data.get("seed")),
+      measure: data.get("measure"),
+    };
     location.assign(`/jobs/${(await startJob("learn-reachability", input)).id}`);
     return "Started.";
   });

@@ -3,7 +3,9 @@ import { call, onSubmit, startJob } from "../shared/api.js";
 import { startPlan } from "../editor/motion_planning.js";
 
 for (const form of document.querySelectorAll("form[data-plan]")) {
-  const whole = form.elements.whole_body, replay = form.elements.replay, free = form.elements.free_durations;
+  const whole = form.elements.whole_body,
+    replay = form.elements.replay,
+    free = form.elements.free_durations;
   whole?.addEventListener("change", () => {
     replay.disabled = !whole.checked;
     if (!whole.checked) replay.checked = false;
@@ -20,17 +22,22 @@ for (const form of document.querySelectorAll("form[data-sweep]")) {
   onSubmit(form, async (fields) => {
     const vary = {};
     for (const k of ["1", "2"]) {
-      if (fields.get(`field${k}`)) vary[fields.get(`field${k}`)] = ["from", "to", "number"].map((name) => Number(fields.get(`${name}${k}`)));
+      if (fields.get(`field${k}`))
+        vary[fields.get(`field${k}`)] = ["from", "to", "number"].map((name) => Number(fields.get(`${name}${k}`)));
     }
-    const job = await startJob("sweep", { scenario_id: form.dataset.sweep, vary, whole_body: form.elements.whole_body.checked });
+    const job = await startJob("sweep", {
+      scenario_id: form.dataset.sweep,
+      vary,
+      whole_body: form.elements.whole_body.checked,
+    });
     location.assign(`/jobs/${job.id}`);
     return "started";
   });
 }
 
 const given = document.querySelector("form[data-import]");
-given?.elements.file.addEventListener("change", async (event) => {
-  const [file] = event.currentTarget.files;
+given?.elements.file.addEventListener("change", async () => {
+  const [file] = given.elements.file.files;
   const said = given.querySelector("[data-said]");
   if (!file) return;
   said.textContent = "…";
@@ -61,22 +68,24 @@ function bare(body) {
 }
 
 const said = document.querySelector("[data-said-copy]");
-document.querySelector("[data-copy]")?.addEventListener("click", async (event) => {
-  event.currentTarget.disabled = true;
+const copyButton = document.querySelector("[data-copy]");
+copyButton?.addEventListener("click", async () => {
+  copyButton.disabled = true;
   try {
-    const original = await call("GET", `/scenarios/${event.target.dataset.copy}`);
+    const original = await call("GET", `/scenarios/${copyButton.dataset.copy}`);
     const copy = await call("POST", "/scenarios", { ...bare(original), name: `${original.name} (copy)`.slice(0, 120) });
     location.assign(`/scenarios/${copy.id}`);
   } catch (error) {
     said.textContent = error.message;
-    event.target.disabled = false;
+    copyButton.disabled = false;
   }
 });
 
-document.querySelector("[data-delete]")?.addEventListener("click", async (event) => {
+const deleteButton = document.querySelector("[data-delete]");
+deleteButton?.addEventListener("click", async () => {
   if (!confirm("Delete this scenario? Its plans stay.")) return;
   try {
-    await call("DELETE", `/scenarios/${event.target.dataset.delete}`);
+    await call("DELETE", `/scenarios/${deleteButton.dataset.delete}`);
     location.assign("/scenarios");
   } catch (error) {
     said.textContent = error.message;

@@ -20,7 +20,8 @@ if (adding) {
 
 const one = document.querySelector("div[data-subject]");
 if (one) {
-  const id = one.dataset.subject, find = (selector) => one.querySelector(selector);
+  const id = one.dataset.subject,
+    find = (selector) => one.querySelector(selector);
   onSubmit(find("[data-change]"), async (data) => {
     await call("PATCH", `/subjects/${id}`, fieldsOf(data));
     location.reload();
@@ -38,7 +39,10 @@ if (one) {
   find("[data-unlink]")?.addEventListener("click", async () => {
     const chosen = [...one.querySelectorAll("[name=recording]:checked")].map((box) => box.value);
     const said = find("[data-said-unlink]");
-    if (!chosen.length) return void (said.textContent = "Choose recordings first.");
+    if (!chosen.length) {
+      said.textContent = "Choose recordings first.";
+      return;
+    }
     try {
       for (const recording of chosen) await call("PATCH", `/recordings/${recording}`, { subject_id: null });
       location.reload();

@@ -4,7 +4,8 @@ const EDGE_S = 1e-6;
 const strips = [...document.querySelectorAll(".strip[data-duration]")].map(stripOf);
 
 function stripOf(root) {
-  const duration_s = Number(root.dataset.duration), bars = [...root.querySelectorAll("svg:not(.axis)")];
+  const duration_s = Number(root.dataset.duration),
+    bars = [...root.querySelectorAll("svg:not(.axis)")];
   return { root, span_s: [0, duration_s], at_s: null, placed: placedIn(root, duration_s), marks: bars.map(newMark) };
 }
 
@@ -28,12 +29,14 @@ function newMark(svg) {
   return mark;
 }
 
+/** @param {{ span_s: number[], at_s: number | null, placed: any[], marks: Element[] }} strip */
 function draw({ span_s: [from_s, to_s], at_s, placed, marks }) {
   const percent = (length_s) => `${(100 * length_s) / (to_s - from_s)}%`;
   for (const { node, name, value_s } of placed) {
     node.setAttribute(name, percent(name === "width" ? value_s : value_s - from_s));
     // a mark of the axis is there whole, or not at all
-    if (node.closest(".axis")) node.setAttribute("visibility", value_s < from_s - EDGE_S || value_s > to_s + EDGE_S ? "hidden" : "visible");
+    if (node.closest(".axis"))
+      node.setAttribute("visibility", value_s < from_s - EDGE_S || value_s > to_s + EDGE_S ? "hidden" : "visible");
   }
   if (at_s === null) return;
   for (const mark of marks) for (const name of ["x1", "x2"]) mark.setAttribute(name, percent(at_s - from_s));
@@ -51,7 +54,8 @@ for (const strip of strips) {
   strip.root.addEventListener("click", ({ target, clientX }) => {
     const svg = target.closest("svg");
     if (!svg) return;
-    const { left, width } = svg.getBoundingClientRect(), [from_s, to_s] = strip.span_s;
+    const { left, width } = svg.getBoundingClientRect(),
+      [from_s, to_s] = strip.span_s;
     document.dispatchEvent(new CustomEvent("seek", { detail: from_s + ((to_s - from_s) * (clientX - left)) / width }));
   });
 }

@@ -2,9 +2,12 @@
 import { call, onSubmit } from "../shared/api.js";
 import { local } from "../shared/local_times.js";
 
-const card = document.querySelector("[data-tokens]"), find = (selector) => card.querySelector(selector);
-const state = find("[data-state]"), rows = find("tbody");
+const card = document.querySelector("[data-tokens]"),
+  find = (selector) => card.querySelector(selector);
+const state = find("[data-state]"),
+  rows = find("tbody");
 
+/** @returns {any} */
 function cell(text, tag = "td") {
   const made = document.createElement(tag);
   made.textContent = text;
@@ -18,7 +21,9 @@ function until(token) {
 }
 
 function rowOf(token) {
-  const row = document.createElement("tr"), name = cell(token.name, "th"), last = cell("");
+  const row = document.createElement("tr"),
+    name = cell(token.name, "th"),
+    last = cell("");
   name.scope = "row";
   row.dataset.token = token.name;
   if (!token.revoked_at) {

@@ -26,12 +26,12 @@ for (const name of ["dragenter", "dragover"]) {
   });
 }
 zone.addEventListener("dragleave", (event) => {
-  if (!zone.contains(event.relatedTarget)) zone.classList.remove("over");
+  if (!zone.contains(/** @type {Node | null} */ (event.relatedTarget))) zone.classList.remove("over");
 });
 zone.addEventListener("drop", (event) => {
   event.preventDefault();
   zone.classList.remove("over");
-  add(event.dataTransfer.files);
+  add(event.dataTransfer?.files ?? []);
 });
 
 function add(files) {
@@ -73,7 +73,8 @@ function newRow(filename) {
 
 // What has not gone up whole leaves nothing behind; once it has, the service decides, and there is nothing to cancel.
 function cancel(upload) {
-  const { row } = upload, place = waiting.indexOf(upload);
+  const { row } = upload,
+    place = waiting.indexOf(upload);
   if (place >= 0) waiting.splice(place, 1);
   upload.request?.abort();
   row.stop.remove();
@@ -94,32 +95,36 @@ function next() {
 
 function send(upload) {
   const { file, row, reuse } = upload;
-  return new Promise((done) => {
-    const form = new FormData();
-    form.append("file", file);
-    const request = (upload.request = new XMLHttpRequest());
-    request.open("POST", `/api/v1/recordings${reuse ? "?reuse=true" : ""}`);
-    request.setRequestHeader("Accept", "application/json");
-    request.upload.addEventListener("progress", (event) => {
-      if (event.lengthComputable) row.bar.value = event.loaded / event.total;
-      row.state.textContent = event.loaded < event.total ? `${Math.round((100 * event.loaded) / event.total)} %` : "checking the file…";
-    });
-    request.upload.addEventListener("load", () => row.stop.remove());
-    request.addEventListener("abort", done);
-    request.addEventListener("load", () => {
-      const answer = answerOf(request);
-      const stored = request.status === 201 && answer;
-      if (stored && request.getResponseHeader("Stridelab-Reused")) known(upload, answer);
-      else if (stored) accepted(upload, answer);
-      else refused(upload, sentence(request.status, answer));
-      done();
-    });
-    request.addEventListener("error", () => {
-      refused(upload, sentence(0, null));
-      done();
-    });
-    request.send(form);
-  });
+  return /** @type {Promise<void>} */ (
+    new Promise((done) => {
+      const form = new FormData();
+      form.append("file", file);
+      const request = new XMLHttpRequest();
+      upload.request = request;
+      request.open("POST", `/api/v1/recordings${reuse ? "?reuse=true" : ""}`);
+      request.setRequestHeader("Accept", "application/json");
+      request.upload.addEventListener("progress", (event) => {
+        if (event.lengthComputable) row.bar.value = event.loaded / event.total;
+        row.state.textContent =
+          event.loaded < event.total ? `${Math.round((100 * event.loaded) / event.total)} %` : "checking the file…";
+      });
+      request.upload.addEventListener("load", () => row.stop.remove());
+      request.addEventListener("abort", () => done());
+      request.addEventListener("load", () => {
+        const answer = answerOf(request);
+        const stored = request.status === 201 && answer;
+        if (stored && request.getResponseHeader("Stridelab-Reused")) known(upload, answer);
+        else if (stored) accepted(upload, answer);
+        else refused(upload, sentence(request.status, answer));
+        done();
+      });
+      request.addEventListener("error", () => {
+        refused(upload, sentence(0, null));
+        done();
+      });
+      request.send(form);
+    })
+  );
 }
 
 function accepted({ row, single }, recording) {
@@ -141,7 +146,12 @@ function known(upload, recording) {
     enqueue({ file, row: newRow(file.name), single: false, reuse: false });
     next();
   });
-  row.state.replaceChildren(`already uploaded on ${local(recording.created_at)}: `, linkTo(recording, "open"), " ", again);
+  row.state.replaceChildren(
+    `already uploaded on ${local(recording.created_at)}: `,
+    linkTo(recording, "open"),
+    " ",
+    again,
+  );
 }
 
 function linkTo(recording, text) {
@@ -175,7 +185,8 @@ function refuse(row, name, text) {
   why.textContent = text;
   const dismiss = smallButton("Dismiss", `Dismiss the refusal of ${name}`);
   dismiss.addEventListener("click", () => {
-    const left = refusals(), place = left.findIndex((one) => one.name === name && one.text === text);
+    const left = refusals(),
+      place = left.findIndex((one) => one.name === name && one.text === text);
     if (place >= 0) left.splice(place, 1);
     keep(left);
     row.row.remove();
@@ -186,7 +197,7 @@ function refuse(row, name, text) {
 
 function refusals() {
   try {
-    return JSON.parse(sessionStorage.getItem(KEPT)) ?? [];
+    return JSON.parse(sessionStorage.getItem(KEPT) ?? "[]");
   } catch {
     return []; // a browser that keeps nothing, or something else of this name
   }

@@ -11,7 +11,10 @@ picker?.addEventListener("change", async () => {
   const [file] = picker.files;
   picker.value = "";
   if (!file) return;
-  if (file.size > AT_MOST_BYTES) return void (said.textContent = `${file.name} has ${Math.round(file.size / 1e6)} MB: files of more than ${AT_MOST_BYTES / 1e6} MB go up on the page of recordings.`);
+  if (file.size > AT_MOST_BYTES) {
+    said.textContent = `${file.name} has ${Math.round(file.size / 1e6)} MB: files of more than ${AT_MOST_BYTES / 1e6} MB go up on the page of recordings.`;
+    return;
+  }
   const form = new FormData();
   form.append("file", file);
   button.disabled = true;

@@ -10,17 +10,20 @@ class ApiError extends Error {
 }
 
 export function sentence(status, problem, retryAfter = null) {
-  if (!problem) return status === 0 ? "The service does not answer. Is it still running?" : `The service answered ${status}.`;
+  if (!problem)
+    return status === 0 ? "The service does not answer. Is it still running?" : `The service answered ${status}.`;
   const places = (problem.errors || []).map((item) => `${item.where}: ${item.message}`);
   const wait = Number(retryAfter) > 0 ? [`Try again in ${Number(retryAfter)} s.`] : [];
   return [problem.detail || problem.title, ...places, ...wait].join(" ");
 }
 
 // One answer per press of a button: a lost answer can be asked for again without a second job.
+/** @returns {Promise<any>} */
 export function startJob(kind, input) {
   return call("POST", `/jobs/${kind}`, input, { "Idempotency-Key": uniqueKey() });
 }
 
+/** @returns {Promise<any>} */
 export async function call(method, path, body, headers = {}) {
   const options = { method, headers: { Accept: "application/json", ...headers } };
   if (body instanceof FormData) options.body = body;
@@ -64,8 +67,9 @@ function uniqueKey() {
 export const FINAL = new Set(["succeeded", "failed", "cancelled", "timed_out"]);
 
 export function headline(job) {
-  if (job.state === "queued") return job.queue_position == null ? "waiting" : `place ${job.queue_position} in the queue`;
-  if (job.error && job.error.detail) return job.error.detail;
+  if (job.state === "queued")
+    return job.queue_position == null ? "waiting" : `place ${job.queue_position} in the queue`;
+  if (job.error?.detail) return job.error.detail;
   return FINAL.has(job.state) ? "" : job.progress.message;
 }
 
@@ -103,6 +107,11 @@ const ASK_AGAIN_MS = 1000;
 
 // Tells `seen(job)` every state of a job; resolves with the finished job, its error included. A stream that was lost
 // is taken up by the browser, one that was closed is opened anew.
+/**
+ * @param {string} id
+ * @param {(job: any) => void} seen
+ * @returns {Promise<any>}
+ */
 export function followJob(id, seen = () => {}) {
   return new Promise((done) => {
     let over = false;

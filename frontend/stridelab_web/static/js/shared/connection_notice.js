@@ -1,8 +1,11 @@
 // Where the service does not answer: one calm sentence on the page, asked again until it does, then gone by itself.
-const AGAIN_MS = 3000, SAID_MS = 5000;
+const AGAIN_MS = 3000,
+  SAID_MS = 5000;
 const LOST = "The service does not answer. What you see here stays; it is asked again every few seconds.";
 const BACK = "The service answers again.";
-let notice = null, later = 0;
+/** @type {any} */
+let notice = null,
+  later = 0;
 
 // To be called when something failed: asks whether the service is there at all.
 export async function doubt() {
@@ -41,7 +44,9 @@ function tell(text) {
 }
 
 function made() {
-  const box = document.createElement("aside"), said = document.createElement("p"), button = document.createElement("button");
+  const box = document.createElement("aside"),
+    said = document.createElement("p"),
+    button = document.createElement("button");
   box.className = "lost";
   box.setAttribute("aria-label", "Connection");
   said.setAttribute("role", "status");

@@ -3,8 +3,9 @@ const two = (number) => String(number).padStart(2, "0");
 const stampOf = (year, month, ...rest) => `${year}-${two(month)}-${two(rest[0])} ${two(rest[1])}:${two(rest[2])}`;
 const ZONE = new Intl.DateTimeFormat(undefined, { timeZoneName: "short" });
 
-const zoneOf = (at) => ZONE.formatToParts(at).find((part) => part.type === "timeZoneName").value;
-const inUtc = (at) => `${stampOf(at.getUTCFullYear(), at.getUTCMonth() + 1, at.getUTCDate(), at.getUTCHours(), at.getUTCMinutes())} UTC`;
+const zoneOf = (at) => ZONE.formatToParts(at).find((part) => part.type === "timeZoneName")?.value;
+const inUtc = (at) =>
+  `${stampOf(at.getUTCFullYear(), at.getUTCMonth() + 1, at.getUTCDate(), at.getUTCHours(), at.getUTCMinutes())} UTC`;
 
 // A time stamp of the interface to the minute, where the reader is: "2026-11-23 01:54 GMT-5".
 export function local(iso) {

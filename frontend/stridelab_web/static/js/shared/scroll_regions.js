@@ -15,7 +15,8 @@ export function watchRegions() {
 }
 
 function shade(region) {
-  const left = region.scrollLeft, right = region.scrollWidth - region.clientWidth - left;
+  const left = region.scrollLeft,
+    right = region.scrollWidth - region.clientWidth - left;
   region.dataset.more = [left > 1 && "left", right > 1 && "right"].filter(Boolean).join(" ");
 }
 
@@ -34,8 +35,10 @@ function mark(region) {
 // The nearest heading before it, with the number among those that share it: every region has a name of its own.
 function nameOf(region) {
   const headings = [...document.querySelectorAll("main :is(h1, h2, h3), main summary")];
-  const before = (one) => headings.findLast((heading) => heading.compareDocumentPosition(one) & Node.DOCUMENT_POSITION_FOLLOWING);
-  const heading = before(region), alike = regions.filter((one) => before(one) === heading);
+  const before = (one) =>
+    headings.findLast((heading) => heading.compareDocumentPosition(one) & Node.DOCUMENT_POSITION_FOLLOWING);
+  const heading = before(region),
+    alike = regions.filter((one) => before(one) === heading);
   const title = heading ? heading.textContent.trim() : document.title;
   return `${title}, table or text to scroll${alike.length > 1 ? ` (${alike.indexOf(region) + 1} of ${alike.length})` : ""}`;
 }

@@ -5,7 +5,10 @@ const PULL_PX = 24;
 export class Sheet {
   // `sheet` holds its handle, a button.
   constructor(sheet) {
-    Object.assign(this, { sheet, handle: sheet.querySelector("[data-sheet-handle]"), from_px: 0, pulled: false });
+    this.sheet = sheet;
+    this.handle = sheet.querySelector("[data-sheet-handle]");
+    this.from_px = 0;
+    this.pulled = false;
     this.handle.addEventListener("pointerdown", (event) => {
       Object.assign(this, { from_px: event.clientY, pulled: false });
       this.handle.setPointerCapture(event.pointerId);

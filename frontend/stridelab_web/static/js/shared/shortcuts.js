@@ -7,10 +7,19 @@
 //   they do not: who clicks on a box and then presses Space wants to play;
 // - a row with `page` does not work inside the scene, where viser's camera has these keys.
 
-const TEXT = "input:not([type]), input:is([type=text], [type=search], [type=number], [type=email], [type=url], [type=tel], [type=password], [type=date], [type=time], [type=datetime-local], [type=month], [type=week]), textarea";
+const TEXT =
+  "input:not([type]), input:is([type=text], [type=search], [type=number], [type=email], [type=url], [type=tel], [type=password], [type=date], [type=time], [type=datetime-local], [type=month], [type=week]), textarea";
 const ALONG = ["ArrowLeft", "ArrowRight", "ArrowUp", "ArrowDown", "Home", "End"];
 const CHOOSING = [...ALONG, "PageUp", "PageDown", "Enter", "Escape"];
-const NAMES = { " ": "Space", ArrowLeft: "←", ArrowRight: "→", ArrowUp: "↑", ArrowDown: "↓", PageUp: "Page Up", PageDown: "Page Down" };
+const NAMES = {
+  " ": "Space",
+  ArrowLeft: "←",
+  ArrowRight: "→",
+  ArrowUp: "↑",
+  ArrowDown: "↓",
+  PageUp: "Page Up",
+  PageDown: "Page Down",
+};
 
 // What viser's camera does with keys that are pressed in the scene.
 export const CAMERA_KEYS = [
@@ -43,12 +52,27 @@ export class Shortcuts {
   // inside the scene; `shown` in place of the keys; `when` tells whether there is such a thing in this page.
   // `ready` tells whether the page can follow.
   constructor(rows, ready = () => true) {
-    Object.assign(this, { rows, ready, clicked: false, dialog: null });
+    this.rows = rows;
+    this.ready = ready;
+    this.clicked = false;
+    this.dialog = null;
     this.rows.push({ keys: ["?"], text: "This list", run: () => this.help(), always: true });
     document.addEventListener("keydown", (event) => this.onKey(event, false));
     // How the focus came to where it is.
-    document.addEventListener("pointerdown", () => (this.clicked = true), true);
-    document.addEventListener("keydown", (event) => event.key === "Tab" && (this.clicked = false), true);
+    document.addEventListener(
+      "pointerdown",
+      () => {
+        this.clicked = true;
+      },
+      true,
+    );
+    document.addEventListener(
+      "keydown",
+      (event) => {
+        if (event.key === "Tab") this.clicked = false;
+      },
+      true,
+    );
     document.querySelector("[data-shortcuts]")?.addEventListener("click", () => this.help());
   }
 
@@ -68,10 +92,13 @@ export class Shortcuts {
 
   // What a key means; Alt and AltGr only where some keyboards need them, for brackets and other signs.
   rowOf(event, inScene) {
-    const graph = event.getModifierState("AltGraph"), ctrl = (event.ctrlKey || event.metaKey) && !graph;
+    const graph = event.getModifierState("AltGraph"),
+      ctrl = (event.ctrlKey || event.metaKey) && !graph;
     if (event.altKey && !graph && (ctrl || !/^[^\w\s]$/.test(event.key))) return undefined;
     const key = ctrl ? event.key.toLowerCase() : event.key;
-    return this.listed.find((row) => row.run && row.keys.includes(key) && Boolean(row.ctrl) === ctrl && !(inScene && row.page));
+    return this.listed.find(
+      (row) => row.run && row.keys.includes(key) && Boolean(row.ctrl) === ctrl && !(inScene && row.page),
+    );
   }
 
   get listed() {
@@ -81,18 +108,30 @@ export class Shortcuts {
   // Opens the list; the browser brings the focus back when it is closed.
   help() {
     this.dialog ??= document.body.appendChild(document.createElement("dialog"));
-    const heading = element("h2", "Keyboard shortcuts"), list = element("dl"), close = element("button", "Close");
+    const heading = element("h2", "Keyboard shortcuts"),
+      list = element("dl"),
+      close = element("button", "Close");
     Object.assign(heading, { id: "shortcuts-h", tabIndex: -1, autofocus: true }); // a list that is higher than the screen begins at its top
     this.dialog.setAttribute("aria-labelledby", heading.id);
     this.dialog.className = "shortcuts";
     for (const row of this.listed) {
       const keys = element("dt");
-      for (const key of row.shown ?? row.keys.map((each) => NAMES[each] ?? each)) keys.append(element("kbd", `${row.ctrl ? "Ctrl+" : ""}${key}`), " ");
+      for (const key of row.shown ?? row.keys.map((each) => NAMES[each] ?? each))
+        keys.append(element("kbd", `${row.ctrl ? "Ctrl+" : ""}${key}`), " ");
       list.append(keys, element("dd", row.text));
     }
     close.addEventListener("click", () => this.dialog.close());
-    const rules = "They work outside of text fields. Space presses a button or a box that was reached by Tab; after a click it is the shortcut.";
-    const software = inSoftware() ? [element("p", "The scene is drawn in software: this browser has no graphics card, or its hardware acceleration is off.", "hint")] : [];
+    const rules =
+      "They work outside of text fields. Space presses a button or a box that was reached by Tab; after a click it is the shortcut.";
+    const software = inSoftware()
+      ? [
+          element(
+            "p",
+            "The scene is drawn in software: this browser has no graphics card, or its hardware acceleration is off.",
+            "hint",
+          ),
+        ]
+      : [];
     this.dialog.replaceChildren(heading, list, element("p", rules, "hint"), ...software, close);
     if (!this.dialog.open) this.dialog.showModal();
   }
@@ -100,10 +139,11 @@ export class Shortcuts {
 
 // Whether the browser draws WebGL without a graphics card.
 function inSoftware() {
-  const gl = document.createElement("canvas").getContext("webgl2"), named = gl?.getExtension("WEBGL_debug_renderer_info");
-  const software = Boolean(named) && /swiftshader|llvmpipe|softpipe|software/i.test(gl.getParameter(named.UNMASKED_RENDERER_WEBGL));
+  const gl = document.createElement("canvas").getContext("webgl2"),
+    named = gl?.getExtension("WEBGL_debug_renderer_info");
+  const renderer = gl && named ? gl.getParameter(named.UNMASKED_RENDERER_WEBGL) : "";
   gl?.getExtension("WEBGL_lose_context")?.loseContext();
-  return software;
+  return /swiftshader|llvmpipe|softpipe|software/i.test(renderer);
 }
 
 function element(name, text = "", css = "") {

@@ -2,10 +2,14 @@
 //
 // viser lowers its pixel ratio by itself, by a quarter at most and never below two pictures per second. Its development
 // setting `fixedDpr` switches that off, and takes the ratio that is found here instead.
-import { findContext } from "./viser_nodes.js";
-
-const STEPS = [1, 0.75, 0.5], LEAST = 0.75; // parts of the screen's ratio; device pixels per CSS pixel
-const SLOW_MS = 50, FAST_MS = 33, LONGEST_MS = 3000, PICTURES = 5, ENOUGH_MS = 700, REST_MS = 400;
+const STEPS = [1, 0.75, 0.5],
+  LEAST = 0.75; // parts of the screen's ratio; device pixels per CSS pixel
+const SLOW_MS = 50,
+  FAST_MS = 33,
+  LONGEST_MS = 3000,
+  PICTURES = 5,
+  ENOUGH_MS = 700,
+  REST_MS = 400;
 
 // The ratios to draw with on a screen of `ratio` device pixels per CSS pixel, the finest first.
 export function ratios(ratio) {
@@ -27,15 +31,27 @@ export function next(all, k, taken_ms) {
 export class Pixels {
   // `playing()` tells whether the page asks for picture after picture.
   constructor(nodes, playing = () => false) {
-    Object.assign(this, { nodes, playing, level: 0, last_ms: -Infinity, moved_ms: -Infinity, typical_ms: 0, taken_ms: [], was: false, rest: 0 });
-    const store = nodes.viser.scene.__r3f.root, inside = nodes.frame.contentWindow;
-    this.settings = findContext(nodes.frame).useDevSettings;
+    this.nodes = nodes;
+    this.playing = playing;
+    this.level = 0;
+    /** @type {number[]} */
+    this.all = [];
+    this.last_ms = -Infinity;
+    this.moved_ms = -Infinity;
+    this.typical_ms = 0;
+    this.taken_ms = [];
+    this.was = false;
+    this.rest = 0;
+    const store = nodes.viser.scene.__r3f.root,
+      inside = nodes.frame.contentWindow;
+    this.settings = nodes.context.useDevSettings;
     // As a component of the scene hears of each picture.
     store.getState().internal.subscribe({ current: () => this.drawn(performance.now()) }, 0, store);
     const moved = (event) => {
       if (event.buttons || event.type === "wheel") this.moved_ms = performance.now();
     };
-    for (const target of [inside, window]) target.addEventListener("pointermove", moved, { capture: true, passive: true });
+    for (const target of [inside, window])
+      target.addEventListener("pointermove", moved, { capture: true, passive: true });
     inside.addEventListener("wheel", moved, { capture: true, passive: true });
     this.watch();
   }
@@ -59,12 +75,14 @@ export class Pixels {
   }
 
   drawn(now_ms) {
-    const gap_ms = now_ms - this.last_ms, { busy, was } = this;
+    const gap_ms = now_ms - this.last_ms,
+      { busy, was } = this;
     Object.assign(this, { last_ms: now_ms, was: busy });
     if (!busy) return;
     this.waitForRest();
     if (was && gap_ms < LONGEST_MS) this.taken_ms.push(gap_ms);
-    const n = this.taken_ms.length, sum_ms = this.taken_ms.reduce((sum, ms) => sum + ms, 0);
+    const n = this.taken_ms.length,
+      sum_ms = this.taken_ms.reduce((sum, ms) => sum + ms, 0);
     if (n >= PICTURES || (n > 1 && sum_ms > ENOUGH_MS)) {
       this.typical_ms = this.taken_ms.sort((a, b) => a - b)[(n - 1) >> 1];
       this.taken_ms = [];

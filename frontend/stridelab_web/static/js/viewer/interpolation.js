@@ -4,7 +4,8 @@
 
 // The weights of the frames low - 1 to low + 2 for the share `part` of the way from `low` to `low + 1`.
 export function cubic(time_s, low, part) {
-  const rest = 1 - part, h = time_s[low + 1] - time_s[low];
+  const rest = 1 - part,
+    h = time_s[low + 1] - time_s[low];
   const weights = [0, rest * rest * (1 + 2 * part), part * part * (3 - 2 * part), 0];
   // Adds `share` times the speed at a frame: the mean of those before and after, the shorter way counting more.
   const tilt = (frame, share) => {

@@ -5,7 +5,13 @@ const STEPS = { ArrowLeft: -1, ArrowDown: -1, ArrowRight: 1, ArrowUp: 1, PageDow
 export class LoopRange {
   // `change()` hears of a new range; frames count from 0.
   constructor(row, change) {
-    Object.assign(this, { row, change, time_s: [0], from: 0, to: 0, shade: row.querySelector("[data-within]") });
+    this.row = row;
+    this.change = change;
+    /** @type {number[]} */
+    this.time_s = [0];
+    this.from = 0;
+    this.to = 0;
+    this.shade = row.querySelector("[data-within]");
     this.handles = ["from", "to"].map((end) => row.querySelector(`[data-end=${end}]`));
     for (const handle of this.handles) {
       const { end } = handle.dataset;
@@ -15,7 +21,10 @@ export class LoopRange {
         handle.setPointerCapture(event.pointerId);
         handle.focus();
       });
-      handle.addEventListener("pointermove", (event) => handle.hasPointerCapture(event.pointerId) && this.put(end, this.frameAt(event)));
+      handle.addEventListener(
+        "pointermove",
+        (event) => handle.hasPointerCapture(event.pointerId) && this.put(end, this.frameAt(event)),
+      );
       handle.addEventListener("keydown", (event) => this.onKey(event, end));
     }
   }
@@ -24,11 +33,21 @@ export class LoopRange {
   begin(time_s, from_s, to_s) {
     this.time_s = time_s;
     const last = time_s.length - 1;
-    const frame = (t_s, other) => (Number.isFinite(t_s) ? Math.max(time_s.findLastIndex((each) => each <= t_s + 1e-6), 0) : other);
+    const frame = (t_s, other) =>
+      Number.isFinite(t_s)
+        ? Math.max(
+            time_s.findLastIndex((each) => each <= t_s + 1e-6),
+            0,
+          )
+        : other;
     this.from = frame(from_s, 0);
     this.to = Math.min(Math.max(frame(to_s, last), this.from + 1), last);
     for (const handle of this.handles) handle.setAttribute("aria-valuemax", String(last));
     this.draw();
+  }
+
+  get end_s() {
+    return this.time_s[this.time_s.length - 1];
   }
 
   get whole() {
@@ -63,14 +82,16 @@ export class LoopRange {
   }
 
   frameAt(event) {
-    const box = this.row.getBoundingClientRect(), t_s = ((event.clientX - box.left) / box.width) * this.time_s.at(-1);
+    const box = this.row.getBoundingClientRect(),
+      t_s = ((event.clientX - box.left) / box.width) * this.end_s;
     const after = this.time_s.findIndex((each) => each >= t_s);
     return after < 0 ? this.time_s.length - 1 : after;
   }
 
   onKey(event, end) {
     const last = this.time_s.length - 1;
-    const to = { Home: 0, End: last }[event.key] ?? (STEPS[event.key] === undefined ? undefined : this[end] + STEPS[event.key]);
+    const to =
+      { Home: 0, End: last }[event.key] ?? (STEPS[event.key] === undefined ? undefined : this[end] + STEPS[event.key]);
     if (to === undefined || event.ctrlKey || event.metaKey || event.altKey) return;
     event.preventDefault();
     event.stopPropagation();
@@ -78,9 +99,12 @@ export class LoopRange {
   }
 
   draw() {
-    const [a, b] = [this.from, this.to].map((frame) => (100 * this.time_s[frame]) / this.time_s.at(-1));
-    for (const [handle, at] of [[this.handles[0], this.from], [this.handles[1], this.to]]) {
-      handle.style.left = `${(100 * this.time_s[at]) / this.time_s.at(-1)}%`;
+    const [a, b] = [this.from, this.to].map((frame) => (100 * this.time_s[frame]) / this.end_s);
+    for (const [handle, at] of [
+      [this.handles[0], this.from],
+      [this.handles[1], this.to],
+    ]) {
+      handle.style.left = `${(100 * this.time_s[at]) / this.end_s}%`;
       handle.setAttribute("aria-valuenow", String(at));
       handle.setAttribute("aria-valuetext", `${this.time_s[at].toFixed(3)} seconds, frame ${at + 1}`);
     }

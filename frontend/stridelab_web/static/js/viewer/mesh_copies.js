@@ -9,7 +9,8 @@ export class Copies {
 
   make(nodes) {
     for (const [name, of, paint] of this.copies) {
-      const node = nodes[name], source = nodes[of];
+      const node = nodes[name],
+        source = nodes[of];
       if (!node || !source) continue;
       const meshes = [];
       source.traverse((part) => part.isMesh && meshes.push(part));

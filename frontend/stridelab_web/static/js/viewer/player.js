@@ -9,7 +9,8 @@ import { Scene } from "./scene.js";
 import { CAMERA_KEYS, Shortcuts } from "../shared/shortcuts.js";
 import { failed, lift } from "./loading_overlay.js";
 
-const ADDRESS_EVERY_MS = 250, HEARTBEAT_MS = 400;
+const ADDRESS_EVERY_MS = 250,
+  HEARTBEAT_MS = 400;
 const stage = document.querySelector("[data-stage]");
 const player = document.querySelector("[data-player]");
 const frame = stage.querySelector("iframe");
@@ -26,13 +27,28 @@ const base = stage.dataset.scene;
 const steps_s = JSON.parse(player.dataset.steps);
 const range = new LoopRange(player.querySelector("[data-range]"), rememberRange);
 
-let scene = null, camera = null, room = null, time_s = [], phases_s = [], starts_s = [], at = 0, playing = false, last_ms = 0, addressed_ms = 0, addressLater = 0;
+/** @type {Scene} */
+let scene;
+/** @type {Camera} */
+let camera;
+/** @type {Room} */
+let room;
+let time_s = [],
+  phases_s = [],
+  starts_s = [],
+  at = 0,
+  playing = false,
+  last_ms = 0,
+  addressed_ms = 0,
+  addressLater = 0;
 
 start().catch((error) => failed(stage, error));
 
 async function start() {
   const [[layout, values]] = await Promise.all([
-    get(`${base}/frames.bin`).then((answer) => answer.arrayBuffer()).then(unpack),
+    get(`${base}/frames.bin`)
+      .then((answer) => answer.arrayBuffer())
+      .then(unpack),
     get(`${base}/open`, { method: "POST" }),
   ]);
   time_s = layout.time_s;
@@ -82,7 +98,8 @@ async function get(url, options) {
 // The nearest frame to a time; the two are not assumed to be proportional.
 function frameAt(t_s) {
   if (!(t_s > 0)) return 0;
-  let low = 0, high = time_s.length - 1;
+  let low = 0,
+    high = time_s.length - 1;
   while (high - low > 1) {
     const middle = (low + high) >> 1;
     if (time_s[middle] <= t_s) low = middle;
@@ -98,7 +115,10 @@ function seek(target, remember = true) {
   slider.value = String(whole);
   camera.shown(at);
   const part = partAt(time_s[whole]);
-  slider.setAttribute("aria-valuetext", `${time_s[whole].toFixed(3)} seconds, frame ${whole + 1}${part && `, ${part}`}`);
+  slider.setAttribute(
+    "aria-valuetext",
+    `${time_s[whole].toFixed(3)} seconds, frame ${whole + 1}${part && `, ${part}`}`,
+  );
   clock.textContent = `${time_s[whole].toFixed(3)} s · frame ${whole + 1} of ${time_s.length}${part && ` · ${part}`}`;
   if (remember) rememberTime(whole);
 }
@@ -154,7 +174,7 @@ function play(on) {
 function tick(now_ms) {
   if (!playing) return;
   const rate_hz = (time_s.length - 1) / (time_s.at(-1) - time_s[0]);
-  let next = at + (Math.max(0, now_ms - last_ms) / 1000) * Number(speed.value) * rate_hz;
+  const next = at + (Math.max(0, now_ms - last_ms) / 1000) * Number(speed.value) * rate_hz;
   last_ms = now_ms;
   if (next > range.to && !loop.checked) {
     seek(range.to);
@@ -178,7 +198,8 @@ function step(frames) {
   if (playing) play(false);
   seek(Math.round(at) + frames);
 }
-for (const [name, deed] of Object.entries(deeds)) player.querySelector(`[data-do=${name}]`).addEventListener("click", () => scene && deed());
+for (const [name, deed] of Object.entries(deeds))
+  player.querySelector(`[data-do=${name}]`).addEventListener("click", () => scene && deed());
 slider.addEventListener("input", () => {
   if (playing) play(false);
   seek(Number(slider.value));
@@ -187,15 +208,16 @@ slider.addEventListener("input", () => {
 for (const strip of player.querySelectorAll("[data-seek]")) {
   strip.addEventListener("click", (event) => {
     if (!time_s.length) return;
-    const mark = event.target.dataset.at; // a check's worst moment, to the sample
+    const mark = /** @type {PageElement} */ (event.target).dataset.at; // a check's worst moment, to the sample
     if (mark !== undefined) return void to(Number(mark));
     const box = strip.getBoundingClientRect();
     seek(frameAt(((event.clientX - box.left) / box.width) * time_s.at(-1)));
   });
 }
 
-player.querySelector("[data-moments]")?.addEventListener("change", (event) => {
-  if (event.target.value && time_s.length) to(Number(event.target.value));
+const moments = player.querySelector("[data-moments]");
+moments?.addEventListener("change", () => {
+  if (moments.value && time_s.length) to(Number(moments.value));
 });
 function to(t_s) {
   if (playing) play(false);

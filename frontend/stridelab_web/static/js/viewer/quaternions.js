@@ -10,7 +10,8 @@ export function towards(d, norm) {
 
 // A turn about the vertical, after the orientation that is there.
 export function turned([w, x, y, z], angle_rad) {
-  const c = Math.cos(angle_rad / 2), s = Math.sin(angle_rad / 2);
+  const c = Math.cos(angle_rad / 2),
+    s = Math.sin(angle_rad / 2);
   return [c * w - s * z, c * x - s * y, c * y + s * x, c * z + s * w];
 }
 

@@ -5,15 +5,22 @@ import { Room } from "./dark_mode.js";
 import { CAMERA_KEYS, Shortcuts } from "../shared/shortcuts.js";
 import { failed, lift } from "./loading_overlay.js";
 
-const HEARTBEAT_MS = 400, LEVELS = ["50", "80", "95"], PARTS = ["cloud", "mode", ...LEVELS], LITRES = 1000;
+const HEARTBEAT_MS = 400,
+  LEVELS = ["50", "80", "95"],
+  PARTS = ["cloud", "mode", ...LEVELS],
+  LITRES = 1000;
 const root = document.querySelector("[data-robot-view]");
 const part = (name) => root.querySelector(`[data-${name}]`);
 const frame = part("stage").querySelector("iframe");
-const scene = part("stage").dataset.scene, robot = root.dataset.robot;
+const scene = part("stage").dataset.scene,
+  robot = root.dataset.robot;
 const reach = JSON.parse(root.dataset.reach);
-const measure = root.querySelector("[name=measure]"), effector = root.querySelector("[name=effector]");
+const measure = root.querySelector("[name=measure]"),
+  effector = root.querySelector("[name=effector]");
 const boxes = [...root.querySelectorAll("[data-part]")];
-const all = Object.entries(reach).flatMap(([under, frames]) => Object.keys(frames).map((name) => `/reach/${under}/${name}`));
+const all = Object.entries(reach).flatMap(([under, frames]) =>
+  Object.keys(frames).map((name) => `/reach/${under}/${name}`),
+);
 const nodes = new Nodes(frame, ["/robot", ...all, ...all.flatMap((name) => PARTS.map((below) => `${name}/${below}`))]);
 let asked = 0;
 
@@ -41,7 +48,8 @@ function readAddress() {
   const query = new URLSearchParams(location.search);
   if (effector) {
     fillEffectors();
-    if (query.get("effector") in (reach[measure.value] ?? {})) effector.value = query.get("effector");
+    const name = query.get("effector") ?? "";
+    if (name in (reach[measure.value] ?? {})) effector.value = name;
   }
   const wanted = query.get("show")?.split(",");
   if (wanted) for (const box of boxes) box.checked = wanted.includes(box.dataset.part);
@@ -49,7 +57,9 @@ function readAddress() {
 
 function fillEffectors() {
   const before = effector.value;
-  effector.replaceChildren(...Object.keys(reach[measure.value]).map((name) => new Option(name.replaceAll("_", " "), name)));
+  effector.replaceChildren(
+    ...Object.keys(reach[measure.value]).map((name) => new Option(name.replaceAll("_", " "), name)),
+  );
   if (before in reach[measure.value]) effector.value = before;
 }
 
@@ -74,7 +84,13 @@ function writeAddress() {
     url.searchParams.set("measure", measure.value);
     url.searchParams.set("effector", effector.value);
   }
-  url.searchParams.set("show", boxes.filter((box) => box.checked).map((box) => box.dataset.part).join(","));
+  url.searchParams.set(
+    "show",
+    boxes
+      .filter((box) => box.checked)
+      .map((box) => box.dataset.part)
+      .join(","),
+  );
   history.replaceState(null, "", url);
 }
 
@@ -82,7 +98,9 @@ function writeAddress() {
 async function tell() {
   const turn = ++asked;
   part("frame").textContent =
-    reach[measure.value][effector.value] === "heading" ? "Heading frame: at the contact, z up, x where the trunk faces." : "Contact frame of the effector.";
+    reach[measure.value][effector.value] === "heading"
+      ? "Heading frame: at the contact, z up, x where the trunk faces."
+      : "Contact frame of the effector.";
   const query = new URLSearchParams({ measure: measure.value, effector: effector.value });
   const answer = await fetch(`/robots/${robot}/reach.json?${query}`).catch(() => null);
   const found = answer?.ok ? await answer.json() : null;
@@ -110,7 +128,11 @@ const shortcuts = new Shortcuts(
   [
     { keys: ["e"], text: "Next effector", run: () => next(effector), when: () => Boolean(effector) },
     { keys: ["m"], text: "Next measure", run: () => next(measure), when: () => Boolean(measure) },
-    ...boxes.map((box) => ({ keys: [box.dataset.key], text: `Show or hide: ${box.dataset.text}`, run: () => box.click() })),
+    ...boxes.map((box) => ({
+      keys: [box.dataset.key],
+      text: `Show or hide: ${box.dataset.text}`,
+      run: () => box.click(),
+    })),
     ...CAMERA_KEYS,
   ],
   () => Boolean(nodes.viser),

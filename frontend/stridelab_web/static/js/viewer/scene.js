@@ -4,6 +4,7 @@ import { Copies } from "./mesh_copies.js";
 import { HIDDEN, Nodes } from "./viser_nodes.js";
 import { towards } from "./quaternions.js";
 
+const arrowNodes = (layout) => layout.arrows.flatMap((arrow) => arrow.slice(0, 2));
 const COM = ["/com/plan", "/com/plan/light"]; // the two halves of its ball (viewer/plan_scene.py)
 
 export class Scene {
@@ -12,7 +13,12 @@ export class Scene {
     this.values = values;
     // What a robot's body would hide, and whether it is drawn over the body.
     const cones = layout.points.map(([name]) => name).filter((name) => name.startsWith("/cones/"));
-    const within = [...cones, ...layout.arrows.flatMap(([shaft, head]) => [shaft, head]), ...layout.still.filter((name) => name.startsWith("/paths/")), ...COM];
+    const within = [
+      ...cones,
+      ...arrowNodes(layout),
+      ...layout.still.filter((name) => name.startsWith("/paths/")),
+      ...COM,
+    ];
     this.inside = layout.bodies.length ? within : [];
     this.through = true;
     this.magnified = 1;
@@ -22,7 +28,7 @@ export class Scene {
       ...layout.points.map(([name]) => name),
       ...layout.bodies.map(([name]) => name),
       ...layout.sticks.map(([name]) => name),
-      ...layout.arrows.flatMap(([shaft, head]) => [shaft, head]),
+      ...arrowNodes(layout),
       ...layout.ellipsoids.map(([name]) => name),
       ...layout.hoops.map(([name]) => name),
       ...layout.spans.map(([name]) => name),
@@ -32,8 +38,13 @@ export class Scene {
 
   // What is drawn as points, lines and arrows; the ball of the centre of mass has its light half with it.
   get tinted() {
-    const { points, sticks, arrows, still } = this.layout;
-    const names = [...points.map(([name]) => name), ...sticks.map(([name]) => name), ...arrows.flatMap(([shaft, head]) => [shaft, head]), ...still];
+    const { points, sticks, still } = this.layout;
+    const names = [
+      ...points.map(([name]) => name),
+      ...sticks.map(([name]) => name),
+      ...arrowNodes(this.layout),
+      ...still,
+    ];
     return names.filter((name) => !COM.includes(name) && !name.startsWith("/cones/"));
   }
 
@@ -76,7 +87,8 @@ export class Scene {
     const { width, bodies, time_s } = this.layout;
     const [low, high, part] = this.around(at);
     for (let k = 0; k < width; k += 1) {
-      const a = this.values[low * width + k], b = this.values[high * width + k];
+      const a = this.values[low * width + k],
+        b = this.values[high * width + k];
       this.row[k] = part === 0 ? a : (1 - part) * a + part * b;
     }
     const weights = part > 0 && bodies.length ? cubic(time_s, low, part) : null;
@@ -88,14 +100,16 @@ export class Scene {
     const { width } = this.layout;
     for (let k = from; k < from + 7; k += 1) {
       let sum = 0;
-      for (const [i, weight] of weights.entries()) if (weight !== 0) sum += weight * this.values[(low - 1 + i) * width + k];
+      for (const [i, weight] of weights.entries())
+        if (weight !== 0) sum += weight * this.values[(low - 1 + i) * width + k];
       if (Number.isFinite(sum)) this.row[k] = sum;
     }
   }
 
   // The quaternion of the body at k, brought to length one; frames come without jumps of its sign.
   turn(k) {
-    const wxyz = [0, 1, 2, 3].map((i) => this.row[k + 3 + i]), norm = Math.hypot(...wxyz);
+    const wxyz = [0, 1, 2, 3].map((i) => this.row[k + 3 + i]),
+      norm = Math.hypot(...wxyz);
     return wxyz.map((v) => v / norm);
   }
 
@@ -142,7 +156,11 @@ export class Scene {
     }
     const wxyz = towards(force, norm);
     this.place(shaft, k, wxyz, Math.max(length - head_m, 1e-3));
-    this.nodes.pose(head, origin.map((x, i) => x + force[i] * arrow_m_per_n), wxyz);
+    this.nodes.pose(
+      head,
+      origin.map((x, i) => x + force[i] * arrow_m_per_n),
+      wxyz,
+    );
     this.nodes.scale(head, Math.min(1, length / head_m));
   }
 }

@@ -12,9 +12,10 @@ export function sizeOf(viser, times) {
 
 // Resolves to the PNG. Fails where the browser has no room for a picture of that size.
 export async function snapshot(viser, times, transparent) {
-  const [width, height] = sizeOf(viser, times), picture = document.createElement("canvas");
+  const [width, height] = sizeOf(viser, times),
+    picture = document.createElement("canvas");
   Object.assign(picture, { width, height });
-  const paper = picture.getContext("2d");
+  const paper = /** @type {CanvasRenderingContext2D} */ (picture.getContext("2d"));
   if (!transparent) {
     paper.fillStyle = background(viser.canvas);
     paper.fillRect(0, 0, width, height);
@@ -26,7 +27,9 @@ export async function snapshot(viser, times, transparent) {
 }
 
 function draw(viser, paper, width, height) {
-  const { gl } = viser.scene.__r3f.root.getState(), { canvas } = viser, eye = viser.camera.clone();
+  const { gl } = viser.scene.__r3f.root.getState(),
+    { canvas } = viser,
+    eye = viser.camera.clone();
   for (let top = 0; top < height; top += canvas.height) {
     for (let left = 0; left < width; left += canvas.width) {
       eye.setViewOffset(width, height, left, top, canvas.width, canvas.height);

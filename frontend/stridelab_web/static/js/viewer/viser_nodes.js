@@ -4,10 +4,13 @@
 // objects in another (`nodeRefFromName`); both are private, so viser is pinned exactly and browser tests compare nodes
 // with the files that they show.
 
-const FIND_EVERY_MS = 30, LOST_MS = 8000;
+const FIND_EVERY_MS = 30,
+  LOST_MS = 8000;
+const NOT_YET = /** @type {any} */ (null);
 export const HIDDEN = 1e-6; // a scale of zero would make a matrix that cannot be inverted
 
 // What viser's client hands down to its own parts: stores, and `mutable` with its scene; null before it is there.
+/** @param {PageElement} frame @returns {ViserContext | null} */
 export function findContext(frame) {
   for (let node = frame.contentDocument?.querySelector("canvas"); node; node = node.parentElement) {
     const key = Object.keys(node).find((name) => name.startsWith("__reactFiber$"));
@@ -19,6 +22,7 @@ export function findContext(frame) {
   return null;
 }
 
+/** @param {PageElement} frame @returns {ViserClient | null} */
 function findViser(frame) {
   const known = frame.contentWindow?.__viserMutable;
   return known?.nodePoseData ? known : (findContext(frame)?.mutable.current ?? null);
@@ -29,7 +33,8 @@ export class Nodes {
     this.frame = frame;
     this.names = names;
     this.hidden = new Set();
-    this.viser = null;
+    /** @type {ViserClient} */
+    this.viser = NOT_YET;
     this.own = new WeakMap();
     this.colours = new WeakMap();
     this.clear = new WeakMap();
@@ -41,16 +46,17 @@ export class Nodes {
   // Resolves once viser has made every node. A client that lost its first connection, to a viewer that was starting,
   // tries again only where it has the focus: it is loaded anew.
   ready() {
+    /** @type {number | null} */
     let lost_ms = null;
-    return new Promise((done) => {
+    return new Promise((/** @type {(value?: void) => void} */ done) => {
       const look = () => {
         this.find();
         if (this.frame.closest("[data-held]")) this.calm();
         const alone = findContext(this.frame)?.useGui.get().websocketState === "inactive";
         lost_ms = alone ? (lost_ms ?? performance.now()) : null;
-        if (alone && performance.now() - lost_ms > LOST_MS) {
-          lost_ms = this.viser = null;
-          this.frame.contentWindow.location.reload();
+        if (lost_ms !== null && performance.now() - lost_ms > LOST_MS) {
+          lost_ms = null;
+          this.reload();
         }
         if (this.viser && this.names.every((name) => this.viser.nodeRefFromName[name])) done();
         else setTimeout(look, FIND_EVERY_MS);
@@ -59,9 +65,16 @@ export class Nodes {
     });
   }
 
+  // Loads viser's client again; `ready` waits for its nodes.
+  reload() {
+    this.viser = NOT_YET;
+    this.frame.contentWindow.location.reload();
+  }
+
   // Resolves once viser has drawn a picture. It notices only with the next ones that it is in sight again.
   drawn() {
-    const { gl } = this.root, before = gl.info.render.frame;
+    const { gl } = this.root,
+      before = gl.info.render.frame;
     return new Promise((done) => {
       const look = () => {
         if (gl.info.render.frame > before) return done(this.uncalm());
@@ -70,6 +83,11 @@ export class Nodes {
       };
       look();
     });
+  }
+
+  // The context of viser's client, which is there once the nodes are ready.
+  get context() {
+    return /** @type {ViserContext} */ (findContext(this.frame));
   }
 
   // What draws the scene.
@@ -90,7 +108,7 @@ export class Nodes {
   }
 
   uncalm() {
-    if (this.viser.requestRender === this.once) this.viser.requestRender = this.request;
+    if (this.request && this.viser.requestRender === this.once) this.viser.requestRender = this.request;
   }
 
   find() {
@@ -106,7 +124,11 @@ export class Nodes {
   // Whether viser has made nodes anew since the last `draw` (after a lost connection): they stand where it put them.
   isStale() {
     const viser = findViser(this.frame);
-    return viser !== null && this.names.every((name) => viser.nodeRefFromName[name]) && this.names.some((name) => viser.nodeRefFromName[name] !== this.seen.get(name));
+    return (
+      viser !== null &&
+      this.names.every((name) => viser.nodeRefFromName[name]) &&
+      this.names.some((name) => viser.nodeRefFromName[name] !== this.seen.get(name))
+    );
   }
 
   position(name) {
@@ -157,7 +179,7 @@ export class Nodes {
   reshape(name, points) {
     for (const { geometry } of this.meshes(name)) {
       const { position } = geometry.attributes;
-      for (const [k, point] of points.entries()) position.setXYZ(k, ...point);
+      for (const [k, point] of points.entries()) position.setXYZ(k, point[0], point[1], point[2]);
       position.needsUpdate = true;
       geometry.computeBoundingSphere(); // what is out of sight by its old places would not be drawn
     }
@@ -185,7 +207,8 @@ export class Nodes {
     // Some shapes carry their size as scale, so ours multiplies the one that viser gave.
     if (!this.own.has(object)) this.own.set(object, object.scale.clone());
     const own = this.own.get(object);
-    const off = this.isHidden(name), there = !off && Math.max(x, y, z) > HIDDEN;
+    const off = this.isHidden(name),
+      there = !off && Math.max(x, y, z) > HIDDEN;
     object.scale.set(own.x * (off ? HIDDEN : x), own.y * (off ? HIDDEN : y), own.z * (off ? HIDDEN : z));
     if (this.there.get(object) === there) return;
     this.there.set(object, there);

@@ -1,0 +1,101 @@
+// The parts of viser's client, three.js and react-three-fiber that the viewer takes hold of. They are private to viser,
+// which is therefore pinned to one version; a test looks for their names in its script.
+
+interface ViserWindow extends Window {
+  __viserMutable?: ViserClient;
+}
+
+interface ViserClient {
+  nodePoseData: Record<string, { position: number[]; wxyz: number[]; poseUpdateState: string } | undefined>;
+  nodeRefFromName: Record<string, SceneObject>;
+  scene: SceneObject & { __r3f: { root: { getState(): RenderState } } };
+  camera: SceneCamera;
+  cameraControl: CameraControls;
+  canvas: HTMLCanvasElement;
+  requestRender(): void;
+}
+
+interface ViserContext {
+  mutable: { current: ViserClient };
+  useDevSettings: { set(settings: { fixedDpr: number }): void };
+  useGui: {
+    get(): { websocketState: string; theme: { dark_mode: boolean } };
+    set(state: object): void;
+    subscribe(listener: () => void): void;
+  };
+}
+
+interface RenderState {
+  gl: { info: { render: { frame: number } }; render(scene: SceneObject, camera: SceneCamera): void };
+  internal: { subscribe(callback: { current: () => void }, priority: number, root: object): void };
+  invalidate(): void;
+}
+
+interface Vector3 {
+  x: number;
+  y: number;
+  z: number;
+  set(x: number, y: number, z: number): Vector3;
+  clone(): Vector3;
+  add(other: Vector3): Vector3;
+  sub(other: Vector3): Vector3;
+  normalize(): Vector3;
+  addScaledVector(other: Vector3, scale: number): Vector3;
+}
+
+interface Color {
+  clone(): Color;
+  copy(other: Color): Color;
+  getHSL(target: object): { h: number; s: number; l: number };
+  setHSL(h: number, s: number, l: number): Color;
+  setStyle(style: string): Color;
+}
+
+interface Material {
+  clone(): Material;
+  color: Color;
+  depthTest: boolean;
+  depthWrite: boolean;
+  opacity: number;
+  transparent: boolean;
+  uniforms?: Record<string, { value: Color }>;
+}
+
+interface Geometry {
+  attributes: { position: { setXYZ(index: number, x: number, y: number, z: number): void; needsUpdate: boolean } };
+  computeBoundingSphere(): void;
+}
+
+interface SceneObject {
+  add(child: SceneObject): void;
+  remove(...children: SceneObject[]): void;
+  clone(recursive: boolean): SceneObject;
+  traverse(visit: (object: SceneObject) => void): void;
+  localToWorld(point: Vector3): Vector3;
+  children: SceneObject[];
+  geometry: Geometry;
+  isMesh?: boolean;
+  layers: { mask: number };
+  material: Material;
+  position: Vector3;
+  renderOrder: number;
+  scale: Vector3;
+  userData: { copied?: boolean };
+}
+
+interface SceneCamera {
+  aspect: number;
+  fov: number;
+  position: Vector3;
+  clone(): SceneCamera;
+  setViewOffset(fullWidth: number, fullHeight: number, x: number, y: number, width: number, height: number): void;
+}
+
+interface CameraControls {
+  distance: number;
+  dollyTo(distance: number, animated: boolean): void;
+  getPosition(target: Vector3): Vector3;
+  getTarget(target: Vector3): Vector3;
+  moveTo(x: number, y: number, z: number, animated: boolean): void;
+  setLookAt(x: number, y: number, z: number, toX: number, toY: number, toZ: number, animated: boolean): void;
+}
