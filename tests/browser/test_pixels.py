@@ -43,12 +43,13 @@ def test_the_editor_and_the_robot_have_them_too(open_tab: Callable[..., Tab], ad
 def test_the_ratio_follows_the_time_that_pictures_take(tab: Tab) -> None:
     page = tab.go("/jobs")
     found = page.evaluate("""async () => {
-        const { next, ratios } = await import("/static/js/viewer/adaptive_resolution.js"), all = ratios(2);
+        const { nextLevel, pixelRatios } = await import("/static/js/viewer/adaptive_resolution.js");
+        const all = pixelRatios(2);
         return {
-            ratios: [0.5, 1, 2, 3].map(ratios),
-            slow: [60, 100, 1000].map((ms) => all[next(all, 0, ms)]),
-            between: all[next(all, 1, 40)],
-            fast: [[1, 16], [2, 12], [2, 20]].map(([k, ms]) => all[next(all, k, ms)]),
+            ratios: [0.5, 1, 2, 3].map(pixelRatios),
+            slow: [60, 100, 1000].map((ms) => all[nextLevel(all, 0, ms)]),
+            between: all[nextLevel(all, 1, 40)],
+            fast: [[1, 16], [2, 12], [2, 20]].map(([k, ms]) => all[nextLevel(all, k, ms)]),
         };
     }""")
     assert found["ratios"] == [[0.5], [1, 0.75], [2, 1.5, 1], [3, 2.25, 1.5]]

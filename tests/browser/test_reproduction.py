@@ -51,7 +51,7 @@ def test_a_full_queue_is_told_and_what_is_missing_is_asked_for_once(page: Page, 
     everything = page.get_by_role("button", name=re.compile("all that is missing"))
     everything.click()
     said = page.get_by_role("status")
-    expect(said).to_contain_text(f"0 of {len(wanted)} are asked for. 200 jobs are waiting already. Try again in 7 s.")
+    expect(said).to_contain_text(f"0 of {len(wanted)} were started. 200 jobs are waiting already. Try again in 7 s.")
     expect(everything).to_be_enabled()
     lab.fake.busy = None
     page.get_by_label("Simulated walks").fill("3")

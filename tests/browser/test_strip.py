@@ -310,7 +310,7 @@ def test_two_editors_of_one_scenario_are_told(open_tab: Callable[..., Tab], lab:
     other.route("**/api/v1/scenarios/*", late)
     other.get_by_label("lasts").fill("1.3")
     other.get_by_label("lasts").press("Enter")
-    expect(said(other)).to_contain_text("was changed in another window, so this was not stored")
+    expect(said(other)).to_contain_text("Not stored: it was changed in another window")
     assert lab.fake.scenarios[kept.id].name == "Theirs"
     assert durations(lab, kept) == before
     expect(other.get_by_label("lasts")).to_have_value("0.8")

@@ -1,6 +1,6 @@
 """What the page shapes in a scenario's scene: the CoM's way as it would be planned now, and after a push.
 
-The page gives the tubes their places whenever the service has answered (static/js/editor/live_preview_view.js); until
+The page gives the tubes their places whenever the service has answered (static/js/editor/live_preview.js); until
 then they are points.
 
 What the page shapes in a scenario's scene: where contacts hold the robot at rest, and the best place for its CoM.

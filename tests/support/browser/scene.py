@@ -13,15 +13,15 @@ from support.browser.page import Tab
 
 START = """async (base) => {
     const { Scene } = await import("/static/js/viewer/scene.js");
-    const { unpack } = await import("/static/js/viewer/frame_decoder.js");
-    const [layout, values] = unpack(await fetch(`${base}/frames.bin`).then((answer) => answer.arrayBuffer()));
+    const { decodeFrames } = await import("/static/js/viewer/frame_decoder.js");
+    const [layout, values] = decodeFrames(await fetch(`${base}/frames.bin`).then((answer) => answer.arrayBuffer()));
     window.ownScene = new Scene(document.querySelector("iframe"), layout, values);
     return { links: layout.bodies, time_s: layout.time_s };
 }"""
 TOLD = """(frames) => frames.map((at) => {
     const scene = window.ownScene;
-    scene.fill(at);
-    return scene.layout.bodies.flatMap(([, k]) => [...scene.row.slice(k, k + 3), ...scene.turn(k)]);
+    scene.interpolate(at);
+    return scene.layout.bodies.flatMap(([, k]) => [...scene.row.slice(k, k + 3), ...scene.quaternionAt(k)]);
 })"""
 DRAWN = """async (at) => {
     const scene = window.ownScene, viser = document.querySelector("iframe").contentWindow.__viserMutable;

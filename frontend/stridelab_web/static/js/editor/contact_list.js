@@ -1,66 +1,68 @@
-// The list of a scenario's touches: one row each, which opens to numbers and margins.
-import { contactIn, endsOf } from "./phase_edits.js";
-import { yawOf } from "../viewer/quaternions.js";
-import { named } from "./validation_text.js";
+// The list of a scenario's contacts, one row each, which expands to its coordinates and margins. A touch is the contact of
+// one effector that stays at its place during consecutive phases.
+import { contactOf, phaseEndTimes } from "./phase_edits.js";
+import { yawDegrees } from "../viewer/quaternions.js";
+import { effectorLabel } from "./validation_text.js";
 
-export class Rows {
-  // `on` hears of what happens to a row: choose(number), nudge(event, number), preview and typed(number, input), left().
-  constructor(root, own, on) {
+export class ContactList {
+  // `callbacks` are called with the number of the touch: onChoose(number), onKey(event, number), onInput(number, input),
+  // onCommit(number, input), onLeave().
+  constructor(root, editable, callbacks) {
     this.list = root.querySelector("[data-touches]");
-    this.model = root.querySelector("template[data-row]");
-    this.own = own;
-    this.on = on;
-    this.typing = null;
+    this.template = root.querySelector("template[data-row]");
+    this.editable = editable;
+    this.callbacks = callbacks;
+    this.typedInput = null;
     this.byNumber = new Map();
   }
 
-  // Whether there is a row for each touch, in the same order.
-  fits(touches) {
+  // Whether each touch has a row with the same number and effector.
+  matches(touches) {
     return (
       this.byNumber.size === touches.length &&
       touches.every((touch) => this.byNumber.get(touch.number)?.dataset.effector === touch.effector)
     );
   }
 
-  // One row for each touch.
-  fill(touches) {
+  // Replaces all rows.
+  rebuild(touches) {
     this.byNumber.clear();
     this.list.replaceChildren();
-    for (const touch of touches) this.add(touch);
+    for (const touch of touches) this.addRow(touch);
   }
 
-  add(touch) {
-    const row = this.model.content.firstElementChild.cloneNode(true);
+  addRow(touch) {
+    const row = this.template.content.firstElementChild.cloneNode(true);
     const find = (name) => row.querySelector(`[data-${name}]`);
     row.dataset.effector = touch.effector;
     find("dot").classList.add(touch.side);
     find("number").textContent = touch.number;
-    find("name").textContent = named(touch.effector);
+    find("name").textContent = effectorLabel(touch.effector);
     find("yaw").hidden = !touch.surface;
     const button = row.querySelector("button");
-    button.addEventListener("click", () => this.on.choose(touch.number));
-    button.addEventListener("keydown", (event) => this.on.nudge(event, touch.number));
+    button.addEventListener("click", () => this.callbacks.onChoose(touch.number));
+    button.addEventListener("keydown", (event) => this.callbacks.onKey(event, touch.number));
     for (const input of row.querySelectorAll("input")) {
-      input.disabled = !this.own;
+      input.disabled = !this.editable;
       input.addEventListener("input", () => {
-        this.typing = input;
-        this.on.preview(touch.number, input);
+        this.typedInput = input;
+        this.callbacks.onInput(touch.number, input);
       });
       input.addEventListener("change", () => {
-        this.typing = null;
-        this.on.typed(touch.number, input);
+        this.typedInput = null;
+        this.callbacks.onCommit(touch.number, input);
       });
       input.addEventListener("blur", () => {
-        this.typing = null;
-        this.on.left();
+        this.typedInput = null;
+        this.callbacks.onLeave();
       });
     }
     this.byNumber.set(touch.number, row);
     this.list.append(row);
   }
 
-  // Opens one row and closes the others; null closes all.
-  open(number) {
+  // Expands one row and collapses the others; null collapses all.
+  expandRow(number) {
     for (const [other, row] of this.byNumber) {
       row.querySelector("button").setAttribute("aria-expanded", String(other === number));
       row.querySelector(".numbers").hidden = other !== number;
@@ -68,27 +70,27 @@ export class Rows {
     if (number !== null) this.byNumber.get(number).scrollIntoView({ block: "nearest" });
   }
 
-  // Writes into a row where and when its touch is in `body`; a number that is being typed stays.
-  write(touch, body) {
+  // Writes the position and times of a touch into its row; the input that is being typed in stays unchanged.
+  updateRow(touch, scenario) {
     const row = this.byNumber.get(touch.number),
       [first, last] = touch.phases,
-      ends_s = endsOf(body);
-    const { position_m: position, orientation_wxyz } = contactIn(body, first, touch.effector);
-    const when = [ends_s[first] - body.phases[first].duration_s, ends_s[last]]
+      ends_s = phaseEndTimes(scenario);
+    const { position_m: position, orientation_wxyz } = contactOf(scenario, touch);
+    const when = [ends_s[first] - scenario.phases[first].duration_s, ends_s[last]]
       .map((t_s) => `${t_s.toFixed(2)} s`)
       .join(" to ");
     row.querySelector("[data-when]").textContent =
       `${first === last ? `Phase ${first}` : `Phases ${first} to ${last}`}, ${when}`;
     row.querySelector("[data-place]").textContent = position.map((v) => v.toFixed(3)).join(", ");
-    const values = { x: position[0], y: position[1], z: position[2], yaw: yawOf(orientation_wxyz) };
+    const values = { x: position[0], y: position[1], z: position[2], yaw: yawDegrees(orientation_wxyz) };
     for (const input of row.querySelectorAll("input")) {
       const text = String(Number(values[input.name].toFixed(input.name === "yaw" ? 1 : 4)));
-      if (input !== this.typing && input.value !== text) input.value = text;
+      if (input !== this.typedInput && input.value !== text) input.value = text;
     }
   }
 
-  // How far a touch is from being refused: [what, sentence] pairs.
-  margins(number, lines) {
+  // Shows the margins of a touch, [name, sentence] pairs.
+  showMargins(number, lines) {
     const list = this.byNumber.get(number).querySelector("[data-margins]");
     const texts = lines.flat();
     while (list.children.length < texts.length)

@@ -1,332 +1,347 @@
-// A scenario in 3D beside its phases and the list of its contacts: drag, type or press keys; one place stores and undoes.
+// The scenario editor: 3D scene, phase timeline, phase form and contact list. Contacts and phases are changed by dragging,
+// typing or keys; every change is stored in the service through one queue and can be undone.
 import { call } from "../shared/api.js";
-import { offerContacts } from "./contact_planning.js";
 import { JsonView } from "./json_view.js";
-import { Judged } from "./validation_view.js";
-import { Kept, same } from "./scenario_store.js";
-import { Live } from "./live_preview.js";
+import { ValidationView } from "./validation_view.js";
+import { LivePreview } from "./live_preview.js";
 import { PhaseForm } from "./phase_form.js";
-import { Picture } from "./scene_view.js";
-import { offerPlan } from "./motion_planning.js";
-import { Rows } from "./contact_list.js";
-import { bodyOf, moved, openNew } from "./scenario_requests.js";
-import { contactIn } from "./phase_edits.js";
+import { SceneView } from "./scene_view.js";
+import { bindContactsButton, bindPlanButton } from "./planning_jobs.js";
+import { ContactList } from "./contact_list.js";
+import { ScenarioStore, moveContact, openAsNewScenario, sameJson, scenarioFields } from "./scenario_store.js";
+import { contactOf } from "./phase_edits.js";
 import { CAMERA_KEYS, Shortcuts } from "../shared/shortcuts.js";
-import { Strip } from "./phase_timeline.js";
-import { turned, yawOf } from "../viewer/quaternions.js";
-import { failed, lift } from "../viewer/loading_overlay.js";
+import { PhaseTimeline } from "./phase_timeline.js";
+import { rotateAboutZ, yawDegrees } from "../viewer/quaternions.js";
+import { showFailure, hideOverlay } from "../viewer/loading_overlay.js";
 
-const WATCH_MS = 100,
-  AFTER_KEYS_MS = 500,
-  NUDGE_M = 0.01,
-  FINE_M = 0.001,
-  CHANGED = 412;
-const ELSEWHERE = "Changed in another window: this is how it stands now. Undo takes that back, too.";
-const NOT_OURS = "Meanwhile it was changed in another window, so this was not stored. Here is how it stands now.";
-// Arrow keys as seen from behind the robot: x points forward, y to its left.
-const NUDGES = { ArrowUp: [1, 0], ArrowDown: [-1, 0], ArrowLeft: [0, 1], ArrowRight: [0, -1] };
+const POLL_MS = 100,
+  STORE_DELAY_MS = 500,
+  STEP_M = 0.01,
+  FINE_STEP_M = 0.001,
+  PRECONDITION_FAILED = 412;
+const CHANGED_ELSEWHERE = "Changed in another window; its current state is shown. Undo reverts that change, too.";
+const CONFLICT = "Not stored: it was changed in another window in the meantime. Its current state is shown.";
+// Directions (x, y) of the arrow keys, seen from behind the robot: x points forward, y to its left.
+const DIRECTIONS = { ArrowUp: [1, 0], ArrowDown: [-1, 0], ArrowLeft: [0, 1], ArrowRight: [0, -1] };
 
 const root = document.querySelector("[data-editor]");
 const part = (name) => root.querySelector(`[data-${name}]`);
-const [said, undo, redo] = ["said", "undo", "redo"].map(part);
+const [status, undo, redo] = ["said", "undo", "redo"].map(part);
 const id = root.dataset.scenario,
-  own = root.dataset.own === "true";
-const kept = new Kept(id);
-const picture = new Picture(part("stage"));
-const rows = new Rows(root, own, { choose: toggle, nudge, preview, typed, left });
-const form = new PhaseForm(root, own, { change, propose: (edit) => propose(edit, { typing: true }), back: left });
-const strip = new Strip(root, own, {
-  choose: choosePhase,
-  touch: choose,
-  toggle: (k, effector) => form.toggle(k, effector),
-  propose,
-  settle: change,
-  later,
-  back,
+  editable = root.dataset.own === "true";
+const store = new ScenarioStore(id);
+const sceneView = new SceneView(part("stage"));
+const contactList = new ContactList(root, editable, {
+  onChoose: toggleContact,
+  onKey: onContactKey,
+  onInput: previewInput,
+  onCommit: commitInput,
+  onLeave: discardTyping,
 });
-const judged = new Judged(root, rows, strip, (k) => form.show(now(), k));
-const live = new Live(root);
+const form = new PhaseForm(root, editable, {
+  onCommit: commitEdit,
+  onInput: (edit) => propose(edit, { isTyping: true }),
+  onLeave: discardTyping,
+});
+const timeline = new PhaseTimeline(root, editable, {
+  onChoosePhase: choosePhase,
+  onChooseContact: chooseContact,
+  onToggle: (k, effector) => form.toggle(k, effector),
+  onPropose: propose,
+  onCommit: commitEdit,
+  onKeyEdit: storeLater,
+  onDiscard: discardDraft,
+});
+const validation = new ValidationView(root, contactList, timeline, (k) => form.show(currentScenario(), k));
+const preview = new LivePreview(root);
 
-// `draft` is what is being dragged, typed or nudged and not stored yet; `pending` what is stored once the keys rest.
+// `draft` is the edited scenario that is shown and not stored yet; `pending` is the edit made by keys, which is stored after
+// a pause. `queue` resolves when all requests so far are done.
 let touches = [],
-  /** @type {number | null} */ chosen = null,
-  /** @type {{ body: any, held?: number, typing?: boolean } | null} */ draft = null,
+  /** @type {number | null} */ chosenContact = null,
+  /** @type {{ scenario: any, draggedContact?: number, isTyping?: boolean } | null} */ draft = null,
   /** @type {{ key: string, edit: (body: any) => any, done: string, timer: number, sent?: boolean } | null} */ pending =
     null,
-  /** @type {Promise<any>} */ work = Promise.resolve();
-const now = () => draft?.body ?? kept.body;
+  /** @type {Promise<any>} */ queue = Promise.resolve();
+const currentScenario = () => draft?.scenario ?? store.scenario;
 const touchOf = (number) => touches.find((touch) => touch.number === number);
 
-start().catch((error) => failed(part("stage"), error));
-offerPlan(root, id, flush);
-offerContacts(root, id, flush);
-new JsonView(root, { read: () => now() ?? {}, store: storeWhole });
+start().catch((error) => showFailure(part("stage"), error));
+bindPlanButton(root, id, flushPending);
+bindContactsButton(root, id, flushPending);
+new JsonView(root, { read: () => currentScenario() ?? {}, store: storeScenario });
 
 async function start() {
-  await kept.read();
-  touches = await picture.touches();
-  rows.fill(touches);
-  strip.draw(kept.body, touches);
-  await picture.open();
-  await picture.load(touches, kept.body, shortcuts);
+  await store.read();
+  touches = await sceneView.readTouches();
+  contactList.rebuild(touches);
+  timeline.draw(store.scenario, touches);
+  await sceneView.synchronise();
+  await sceneView.start(touches, store.scenario, shortcuts);
   const wanted = new URLSearchParams(location.search),
     [number, phase] = ["contact", "phase"].map((name) => (wanted.has(name) ? Number(wanted.get(name)) : null));
-  if (touchOf(number)) choose(number, false);
-  if (phase !== null && phase in kept.body.phases) judged.choosePhase(phase);
-  show();
-  live.start(picture.nodes);
-  await lift(part("stage"), picture.nodes);
+  if (touchOf(number)) chooseContact(number, false);
+  if (phase !== null && phase in store.scenario.phases) validation.choosePhase(phase);
+  render();
+  preview.start(sceneView.nodes);
+  await hideOverlay(part("stage"), sceneView.nodes);
   root.dataset.ready = "true";
-  setInterval(watch, WATCH_MS);
+  setInterval(pollScene, POLL_MS);
 }
 
-// Which contact is open, and which phase is looked at, stay with a reload.
-function remember(name, value) {
+// Writes the expanded contact or the chosen phase into the address, so that a reload restores it.
+function rememberInUrl(name, value) {
   const url = new URL(location.href);
   if (value === null) url.searchParams.delete(name);
   else url.searchParams.set(name, value);
   history.replaceState(null, "", url);
 }
 
-function toggle(number) {
-  choose(chosen === number ? null : number);
+function toggleContact(number) {
+  chooseContact(chosenContact === number ? null : number);
 }
 
-function choose(number, noted = true) {
-  chosen = number;
-  rows.open(number);
-  if (noted) remember("contact", number);
-  judged.look(picture.nodes, touches, chosen);
+function chooseContact(number, inUrl = true) {
+  chosenContact = number;
+  contactList.expandRow(number);
+  if (inUrl) rememberInUrl("contact", number);
+  validation.setScene(sceneView.nodes, touches, chosenContact);
 }
 
 function choosePhase(k) {
-  judged.choosePhase(k);
-  remember("phase", k);
+  validation.choosePhase(k);
+  rememberInUrl("phase", k);
 }
 
-// Shows what is stored, or would be; and asks what the judge and the planner think of it.
-function show() {
-  const body = now(),
-    { nodes } = picture;
+// Shows the stored scenario or the draft, and requests its validation and its preview.
+function render() {
+  const scenario = currentScenario(),
+    { nodes } = sceneView;
   for (const touch of touches) {
-    const contact = contactIn(body, touch.phases[0], touch.effector);
-    rows.write(touch, body);
-    if (picture.there && draft?.held !== touch.number)
-      nodes.pose(touch.node, [...contact.position_m], [...contact.orientation_wxyz]);
+    const contact = contactOf(scenario, touch);
+    contactList.updateRow(touch, scenario);
+    if (sceneView.isReady && draft?.draggedContact !== touch.number)
+      nodes.setPose(touch.node, [...contact.position_m], [...contact.orientation_wxyz]);
   }
-  strip.draw(body, touches);
-  form.show(body, judged.phase ?? 0);
-  judged.look(nodes, touches, chosen);
-  if (picture.there) nodes.draw();
-  judged.ask(body);
-  live.follow(body);
-  if (undo) [undo.disabled, redo.disabled] = [kept.past.length === 0, kept.future.length === 0];
+  timeline.draw(scenario, touches);
+  form.show(scenario, validation.phase ?? 0);
+  validation.setScene(nodes, touches, chosenContact);
+  if (sceneView.isReady) nodes.draw();
+  validation.validate(scenario);
+  preview.update(scenario);
+  if (undo) [undo.disabled, redo.disabled] = [store.past.length === 0, store.future.length === 0];
 }
 
-// `edit` on what is shown, without storing it.
-function propose(edit, how = {}) {
-  draft = { body: edit(kept.body), ...how };
-  show();
+// Shows the stored scenario with `edit` applied, without storing it.
+function propose(edit, options = {}) {
+  draft = { scenario: edit(store.scenario), ...options };
+  render();
 }
 
-// What is shown and was not stored goes back.
-function back() {
+// Shows the stored scenario again, unless an edit is waiting to be stored.
+function discardDraft() {
   if (!draft || pending) return;
   draft = null;
-  show();
+  render();
 }
 
-// What was typed and not taken over is no change.
-function left() {
-  if (draft?.typing) back();
+// Discards a number that was typed and not confirmed.
+function discardTyping() {
+  if (draft?.isTyping) discardDraft();
 }
 
-// The viewer moves a mark while it is dragged; the list follows, and reads anew what was stored when it is released.
-function watch() {
-  const news = picture.news();
-  if (news) {
-    work = work.then(() => hear(news));
+// The viewer moves the mark of a contact while it is dragged; the page follows, and reads the scenario again on release.
+function pollScene() {
+  const change = sceneView.takeChange();
+  if (change) {
+    queue = queue.then(() => onSceneChange(change));
     return;
   }
-  if (picture.nodes.isStale()) return show();
-  if (pending || draft?.typing || strip.held) return;
-  const held = picture.held(touches, now());
-  if (!held) return;
-  const { touch, position_m } = held;
-  if (chosen !== touch.number) choose(touch.number);
-  propose((body) => moved(body, touch, position_m, contactIn(body, touch.phases[0], touch.effector).orientation_wxyz), {
-    held: touch.number,
+  if (sceneView.nodes.isStale()) return render();
+  if (pending || draft?.isTyping || timeline.drag) return;
+  const dragged = sceneView.draggedContact(touches, currentScenario());
+  if (!dragged) return;
+  const { touch, position_m } = dragged;
+  if (chosenContact !== touch.number) chooseContact(touch.number);
+  propose((scenario) => moveContact(scenario, touch, position_m, contactOf(scenario, touch).orientation_wxyz), {
+    draggedContact: touch.number,
   });
 }
 
-async function hear({ mine }) {
-  const changed = await kept.read().catch(() => false);
-  if (!mine && !changed) return; // it was stored here
+async function onSceneChange({ isOwnChange }) {
+  const changed = await store.read().catch(() => false);
+  if (!isOwnChange && !changed) return; // stored by this page
   const refusal = await refresh();
-  if (mine) say(refusal || "Stored.", Boolean(refusal));
-  else say(ELSEWHERE, true);
+  if (isOwnChange) setStatus(refusal || "Stored.", Boolean(refusal));
+  else setStatus(CHANGED_ELSEWHERE, true);
 }
 
-// Reads what is stored, and lets list and picture follow; what the keys are about to store stays ahead. Gives why a drag
-// in the picture was refused, or an empty text.
+// Reads the stored scenario and updates list and scene; a pending edit made by keys stays applied. Returns the reason why
+// the service refused a drag, or an empty string.
 async function refresh() {
   try {
-    await kept.read();
-    const refusal = await picture.open();
-    touches = await picture.touches();
-    if (!rows.fits(touches)) {
-      const effector = touchOf(chosen)?.effector;
-      rows.fill(touches);
-      chosen = effector && touchOf(chosen)?.effector === effector ? chosen : null;
-      if (chosen !== null) rows.open(chosen);
+    await store.read();
+    const refusal = await sceneView.synchronise();
+    touches = await sceneView.readTouches();
+    if (!contactList.matches(touches)) {
+      const effector = touchOf(chosenContact)?.effector;
+      contactList.rebuild(touches);
+      chosenContact = effector && touchOf(chosenContact)?.effector === effector ? chosenContact : null;
+      if (chosenContact !== null) contactList.expandRow(chosenContact);
     }
-    await picture.fit(touches, kept.body);
-    draft = pending && !pending.sent ? { body: pending.edit(kept.body) } : null;
-    show();
+    await sceneView.update(touches, store.scenario);
+    draft = pending && !pending.sent ? { scenario: pending.edit(store.scenario) } : null;
+    render();
     return refusal;
   } catch (error) {
-    show();
+    render();
     return error.message;
   }
 }
 
-// Stores `edit` of what is stored then; what the service refuses goes back. Gives the failure, or null.
-async function store(edit, done) {
+// Applies `edit` to the stored scenario and stores the result; a refused edit is reverted. Returns the error, or null.
+async function storeEdit(edit, done) {
   let failure = null;
   try {
-    const body = edit(kept.body);
-    if (!same(body, kept.body)) await kept.put(body);
+    const scenario = edit(store.scenario);
+    if (!sameJson(scenario, store.scenario)) await store.store(scenario);
   } catch (error) {
     failure = error;
   }
   await refresh();
-  tell(failure, done);
+  reportResult(failure, done);
   return failure;
 }
 
-function tell(failure, done) {
-  say(failure ? (failure.status === CHANGED ? NOT_OURS : failure.message) : done, Boolean(failure));
+function reportResult(failure, done) {
+  setStatus(failure ? (failure.status === PRECONDITION_FAILED ? CONFLICT : failure.message) : done, Boolean(failure));
 }
 
-function change(edit, done) {
-  if (draft) draft.typing = false;
-  flush();
-  work = work.then(() => store(edit, done));
+function commitEdit(edit, done) {
+  if (draft) draft.isTyping = false;
+  flushPending();
+  queue = queue.then(() => storeEdit(edit, done));
 }
 
-// The whole of it, from the JSON view; of a sample a copy.
-async function storeWhole(body) {
-  if (!own) return openNew(body, " (copy)");
-  await flush();
-  work = work.then(() => store(() => body, "Stored."));
-  const failure = await work;
+// Stores a whole scenario from the JSON dialog; a sample is stored as a copy.
+async function storeScenario(scenario) {
+  if (!editable) return openAsNewScenario(scenario, " (copy)");
+  await flushPending();
+  queue = queue.then(() => storeEdit(() => scenario, "Stored."));
+  const failure = await queue;
   if (!failure) return;
-  say("", false); // the dialog tells
+  setStatus("", false); // the dialog shows the error
   throw failure;
 }
 
-// Where the numbers of a row would put its touch; null while one of them is no number.
-function placed(number, input) {
+// The edit that moves a contact to the numbers of its row; null while the input is not a number.
+function editFromInput(number, input) {
   const touch = touchOf(number),
     value = input.valueAsNumber;
   if (!Number.isFinite(value)) return null;
-  return (body) => {
-    const { position_m, orientation_wxyz } = contactIn(body, touch.phases[0], touch.effector);
+  return (scenario) => {
+    const { position_m, orientation_wxyz } = contactOf(scenario, touch);
     if (input.name === "yaw")
-      return moved(
-        body,
+      return moveContact(
+        scenario,
         touch,
         position_m,
-        turned(orientation_wxyz, ((value - yawOf(orientation_wxyz)) * Math.PI) / 180),
+        rotateAboutZ(orientation_wxyz, ((value - yawDegrees(orientation_wxyz)) * Math.PI) / 180),
       );
-    return moved(body, touch, position_m.with("xyz".indexOf(input.name), value), orientation_wxyz);
+    return moveContact(scenario, touch, position_m.with("xyz".indexOf(input.name), value), orientation_wxyz);
   };
 }
 
-function preview(number, input) {
-  const edit = placed(number, input);
-  if (edit && picture.there) propose(edit, { typing: true });
+function previewInput(number, input) {
+  const edit = editFromInput(number, input);
+  if (edit && sceneView.isReady) propose(edit, { isTyping: true });
 }
 
-function typed(number, input) {
-  const edit = placed(number, input);
-  if (!edit) return back();
-  change(edit, `Contact ${number} stored.`);
+function commitInput(number, input) {
+  const edit = editFromInput(number, input);
+  if (!edit) return discardDraft();
+  commitEdit(edit, `Contact ${number} stored.`);
 }
 
-// The mark moves with each press; what it comes to is stored once the keys rest.
-function nudge(event, number) {
-  const by = NUDGES[event.key];
-  if (!by || !own || !picture.there || event.ctrlKey || event.metaKey || event.altKey) return;
+// Each press moves the mark; the new position is stored after a pause.
+function onContactKey(event, number) {
+  const direction = DIRECTIONS[event.key];
+  if (!direction || !editable || !sceneView.isReady || event.ctrlKey || event.metaKey || event.altKey) return;
   event.preventDefault();
-  if (chosen !== number) choose(number);
+  if (chosenContact !== number) chooseContact(number);
   const touch = touchOf(number),
-    step = event.shiftKey ? FINE_M : NUDGE_M;
-  const { position_m: from, orientation_wxyz } = contactIn(now(), touch.phases[0], touch.effector);
-  const position_m = [round(from[0] + step * by[0]), round(from[1] + step * by[1]), from[2]];
-  later(`contact ${number}`, (body) => moved(body, touch, position_m, orientation_wxyz), `Contact ${number} stored.`);
+    step_m = event.shiftKey ? FINE_STEP_M : STEP_M;
+  const { position_m: from, orientation_wxyz } = contactOf(currentScenario(), touch);
+  const position_m = [round(from[0] + step_m * direction[0]), round(from[1] + step_m * direction[1]), from[2]];
+  storeLater(
+    `contact ${number}`,
+    (scenario) => moveContact(scenario, touch, position_m, orientation_wxyz),
+    `Contact ${number} stored.`,
+  );
 }
 
-// Shows what keys have changed at once, and stores it when they rest; `key` names what they change.
-function later(key, edit, done) {
-  if (pending && pending.key !== key) flush();
+// Shows an edit made by keys at once and stores it after a pause; edits with the same `key` are stored together.
+function storeLater(key, edit, done) {
+  if (pending && pending.key !== key) flushPending();
   clearTimeout(pending?.timer);
-  pending = { key, edit, done, timer: setTimeout(flush, AFTER_KEYS_MS) };
-  draft = { body: edit(now()) };
-  show();
+  pending = { key, edit, done, timer: setTimeout(flushPending, STORE_DELAY_MS) };
+  draft = { scenario: edit(currentScenario()) };
+  render();
 }
 
-// Stores what the keys have changed; resolves when nothing is left to be stored.
-function flush() {
-  const ready = pending;
-  if (ready && !ready.sent) {
-    clearTimeout(ready.timer);
-    ready.sent = true;
-    work = work
-      .then(() => store(ready.edit, ready.done))
+// Stores the pending edit at once; resolves when everything is stored.
+function flushPending() {
+  const sending = pending;
+  if (sending && !sending.sent) {
+    clearTimeout(sending.timer);
+    sending.sent = true;
+    queue = queue
+      .then(() => storeEdit(sending.edit, sending.done))
       .then(() => {
-        if (pending === ready) pending = null;
+        if (pending === sending) pending = null;
       });
   }
-  return work;
+  return queue;
 }
 
-// One step back, or forth again.
-function step(way, nothing, done) {
-  work = flush().then(async () => {
+// Undoes or redoes one step.
+/** @param {"undo" | "redo"} direction */
+function stepHistory(direction, nothing, done) {
+  queue = flushPending().then(async () => {
     let failure = null,
       stepped = false;
     try {
-      stepped = await kept[way]();
+      stepped = await store[direction]();
     } catch (error) {
       failure = error;
     }
     await refresh();
-    tell(failure, stepped ? done : nothing);
+    reportResult(failure, stepped ? done : nothing);
   });
 }
-const goBack = () => step("undo", "There is nothing to undo.", "Undone.");
-const goForth = () => step("redo", "There is nothing to redo.", "Done again.");
+const undoStep = () => stepHistory("undo", "There is nothing to undo.", "Undone.");
+const redoStep = () => stepHistory("redo", "There is nothing to redo.", "Redone.");
 
-undo?.addEventListener("click", goBack);
-redo?.addEventListener("click", goForth);
-// Where text is typed, the keys undo the typing.
-const changeable = () => own;
+undo?.addEventListener("click", undoStep);
+redo?.addEventListener("click", redoStep);
+// In a text field, Ctrl+Z undoes the typing instead.
+const isEditable = () => editable;
 const shortcuts = new Shortcuts([
   {
     keys: ["z"],
     ctrl: true,
-    text: "Undo; with Shift, do again",
-    run: (event) => (event.shiftKey ? goForth() : goBack()),
-    when: changeable,
+    text: "Undo; with Shift, redo",
+    run: (event) => (event.shiftKey ? redoStep() : undoStep()),
+    when: isEditable,
   },
-  { keys: ["y"], ctrl: true, text: "Do again", run: goForth, when: changeable },
-  { keys: ["ArrowLeft", "ArrowRight"], text: "On a phase: the one before or after" },
-  { keys: ["ArrowLeft", "ArrowRight"], text: "On the end of a phase: 0.05 s, with Shift 0.01 s", when: changeable },
+  { keys: ["y"], ctrl: true, text: "Redo", run: redoStep, when: isEditable },
+  { keys: ["ArrowLeft", "ArrowRight"], text: "On a phase: the previous or next one" },
+  { keys: ["ArrowLeft", "ArrowRight"], text: "On the end of a phase: 0.05 s, with Shift 0.01 s", when: isEditable },
   {
     keys: ["ArrowLeft", "ArrowRight", "ArrowUp", "ArrowDown"],
     text: "On a contact of the list: 1 cm, with Shift 1 mm",
-    when: changeable,
+    when: isEditable,
   },
   ...CAMERA_KEYS,
 ]);
@@ -335,16 +350,16 @@ const copyButton = part("copy");
 copyButton?.addEventListener("click", async () => {
   copyButton.disabled = true;
   try {
-    await openNew(bodyOf(await call("GET", `/scenarios/${id}`)), " (copy)");
+    await openAsNewScenario(scenarioFields(await call("GET", `/scenarios/${id}`)), " (copy)");
   } catch (error) {
-    say(error.message, true);
+    setStatus(error.message, true);
     copyButton.disabled = false;
   }
 });
 
-function say(text, wrong) {
-  said.textContent = text;
-  said.classList.toggle("wrong", wrong);
+function setStatus(text, wrong) {
+  status.textContent = text;
+  status.classList.toggle("wrong", wrong);
 }
 
 const round = (v) => Math.round(v * 1e4) / 1e4;

@@ -1,67 +1,66 @@
-// The scenario as JSON in a dialog: read it, change it, and store it as a whole; what is wrong is named field by field.
-import { lineAt, lineOf } from "./json_places.js";
+// A dialog that shows the scenario as JSON, to be read, changed and stored as a whole; errors are listed with their lines.
 
 export class JsonView {
-  // `read()` gives the scenario, `store(body)` keeps another one or throws with what is wrong.
+  // `read()` returns the scenario, `store(scenario)` stores one or throws with the problem.
   constructor(root, { read, store }) {
     const dialog = root.querySelector("[data-json]");
     this.dialog = dialog;
     this.store = store;
     this.read = read;
-    this.text = dialog.querySelector("textarea");
-    this.faults = dialog.querySelector("[data-json-faults]");
-    this.said = dialog.querySelector("[data-json-said]");
+    this.editor = dialog.querySelector("textarea");
+    this.errorList = dialog.querySelector("[data-json-faults]");
+    this.status = dialog.querySelector("[data-json-said]");
     root.querySelector("[data-json-open]").addEventListener("click", () => this.open());
     dialog.querySelector("[data-json-close]").addEventListener("click", () => dialog.close());
-    dialog.querySelector("[data-json-store]").addEventListener("click", () => this.apply());
-    this.text.addEventListener("keydown", (event) => {
-      if (event.key === "Enter" && (event.ctrlKey || event.metaKey)) this.apply();
+    dialog.querySelector("[data-json-store]").addEventListener("click", () => this.storeText());
+    this.editor.addEventListener("keydown", (event) => {
+      if (event.key === "Enter" && (event.ctrlKey || event.metaKey)) this.storeText();
     });
   }
 
   open() {
-    this.text.value = written(this.read());
-    this.tell("", []);
+    this.editor.value = formatJson(this.read());
+    this.showResult("", []);
     this.dialog.showModal();
-    this.text.focus();
-    this.text.setSelectionRange(0, 0);
-    this.text.scrollTop = 0;
+    this.editor.focus();
+    this.editor.setSelectionRange(0, 0);
+    this.editor.scrollTop = 0;
   }
 
-  async apply() {
-    let body;
+  async storeText() {
+    let scenario;
     try {
-      body = JSON.parse(this.text.value);
+      scenario = JSON.parse(this.editor.value);
     } catch (error) {
       const at = /position (\d+)/.exec(error.message);
-      const line = at ? lineAt(this.text.value, Number(at[1])) : null;
-      return this.tell("This is not JSON.", [{ where: "", message: error.message, line }]);
+      const line = at ? lineAt(this.editor.value, Number(at[1])) : null;
+      return this.showResult("This is not JSON.", [{ where: "", message: error.message, line }]);
     }
-    if (typeof body?.name !== "string") return this.tell("This is not a scenario: it has no name.", []);
-    this.tell("…", []);
+    if (typeof scenario?.name !== "string") return this.showResult("This is not a scenario: it has no name.", []);
+    this.showResult("…", []);
     try {
-      await this.store(body);
+      await this.store(scenario);
       this.dialog.close();
     } catch (error) {
       const { problem } = error;
-      this.tell(
+      this.showResult(
         problem?.detail ?? error.message,
-        (problem?.errors ?? []).map((item) => ({ ...item, line: lineOf(this.text.value, item.where) })),
+        (problem?.errors ?? []).map((item) => ({ ...item, line: lineOfField(this.editor.value, item.where) })),
       );
     }
   }
 
-  tell(said, faults) {
-    this.said.textContent = said;
-    this.faults.replaceChildren(
-      ...faults.map(({ where, message, line }) => {
+  showResult(summary, errors) {
+    this.status.textContent = summary;
+    this.errorList.replaceChildren(
+      ...errors.map(({ where, message, line }) => {
         const item = document.createElement("li");
         if (line !== null) {
           const button = document.createElement("button");
           button.type = "button";
           button.className = "small";
           button.textContent = `line ${line + 1}`;
-          button.addEventListener("click", () => this.goto(line));
+          button.addEventListener("click", () => this.selectLine(line));
           item.append(button, " ");
         }
         if (where) {
@@ -75,19 +74,96 @@ export class JsonView {
     );
   }
 
-  // Selects a line and brings it into sight.
-  goto(line) {
-    const lines = this.text.value.split("\n"),
+  // Selects a line and scrolls to it.
+  selectLine(line) {
+    const lines = this.editor.value.split("\n"),
       start = lines.slice(0, line).join("\n").length + (line > 0 ? 1 : 0);
-    this.text.focus();
-    this.text.setSelectionRange(start, start + lines[line].length);
-    this.text.scrollTop = (this.text.scrollHeight / lines.length) * Math.max(line - 3, 0);
+    this.editor.focus();
+    this.editor.setSelectionRange(start, start + lines[line].length);
+    this.editor.scrollTop = (this.editor.scrollHeight / lines.length) * Math.max(line - 3, 0);
   }
 }
 
-// Two blanks a level; lists of numbers on one line.
-const written = (body) =>
-  JSON.stringify(body, null, 2).replace(
+// JSON with two spaces per level; lists of numbers are on one line.
+const formatJson = (scenario) =>
+  JSON.stringify(scenario, null, 2).replace(
     /\[\s+(-?[\d.e+-]+(?:,\s+-?[\d.e+-]+)*)\s+\]/g,
     (_, inner) => `[${inner.replace(/\s+/g, " ")}]`,
   );
+
+// The line of an offset, counted from 0.
+const lineAt = (text, offset) => text.slice(0, offset).split("\n").length - 1;
+
+// The line, counted from 0, of a field that the service names, such as phases[2].contacts[left_foot].position_m[1], or of
+// its nearest parent that exists; null where no part of it does.
+export function lineOfField(text, field) {
+  const path = field.match(/[^.[\]]+/g) ?? [];
+  const offsets = new Map();
+  let value;
+  try {
+    value = JSON.parse(text);
+    scanOffsets(text, offsets);
+  } catch {
+    return null;
+  }
+  let key = "",
+    offset = null;
+  for (const part of path) {
+    const index = Array.isArray(value) ? itemIndex(value, part) : part;
+    key += `/${index}`;
+    if (!offsets.has(key)) break;
+    offset = offsets.get(key);
+    value = value?.[index];
+  }
+  return offset === null ? null : lineAt(text, offset);
+}
+
+// The index of a list item that is named by its number, its effector or its name.
+function itemIndex(list, part) {
+  if (/^\d+$/.test(part)) return Number(part);
+  return list.findIndex((item) => item?.effector === part || item?.name === part);
+}
+
+// Fills `offsets` with the offset of each value of a valid JSON text, by its path.
+function scanOffsets(text, offsets) {
+  let index = 0;
+  const skip = () => {
+    while (/\s/.test(text[index] ?? "")) index += 1;
+  };
+  const readString = () => {
+    const start = index;
+    index += 1;
+    while (text[index] !== '"') index += text[index] === "\\" ? 2 : 1;
+    index += 1;
+    return JSON.parse(text.slice(start, index));
+  };
+  const readValue = (path) => {
+    skip();
+    offsets.set(path, index);
+    if (text[index] === '"') return void readString();
+    if (text[index] !== "{" && text[index] !== "[") {
+      while (index < text.length && !/[\s,\]}]/.test(text[index])) index += 1;
+      return;
+    }
+    const isObject = text[index] === "{",
+      end = isObject ? "}" : "]";
+    index += 1;
+    for (let k = 0; ; k += 1) {
+      skip();
+      if (text[index] === end) break;
+      if (text[index] === ",") {
+        index += 1;
+        skip();
+      }
+      let name = k;
+      if (isObject) {
+        name = readString();
+        skip();
+        index += 1; // the colon
+      }
+      readValue(`${path}/${name}`);
+    }
+    index += 1;
+  };
+  readValue("");
+}

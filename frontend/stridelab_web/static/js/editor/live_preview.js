@@ -1,130 +1,211 @@
-// Plans a scenario anew while it is changed: one question at a time, and the latest wins; a push, and what follows it.
+// Plans the scenario while it is edited, with a push on demand, and draws the CoM paths into the scene: one request at a
+// time; of those that wait, only the latest.
 import { call } from "../shared/api.js";
 import { counted } from "../shared/plurals.js";
-import { LIVE, showLive } from "./live_preview_view.js";
+import { HIDDEN } from "../viewer/viser_nodes.js";
 
-export { LIVE };
+const [PLANNED, RECOVERED, PUSH] = ["planned", "recovered", "push"].map((name) => `/live/${name}`);
+export const PREVIEW_NODES = [PLANNED, RECOVERED, PUSH]; // made by viewer/overlays.py
+const RING_COUNT = 160,
+  SIDE_COUNT = 6; // the rings and sides of the tubes in the viewer
+const RADIUS_M = 0.008,
+  PUSH_RADIUS_M = 0.012,
+  PUSH_M_PER_M_S = 1.5,
+  PUSH_M_PER_NS = 0.015,
+  MIN_PUSH_LENGTH_M = 0.06;
 const PAUSE_MS = 20;
 const NO_SOLVER = "solver-unavailable";
 
-export class Live {
+export class LivePreview {
   constructor(root) {
     const part = (name) => root.querySelector(`[data-${name}]`);
     this.root = root;
     this.box = part("live-box");
-    this.on = part("live-on");
-    this.said = part("live-said");
+    this.checkbox = part("live-on");
+    this.status = part("live-said");
     this.form = part("push");
     this.nodes = null;
-    this.body = null;
-    this.next = false;
-    this.busy = false;
+    this.scenario = null;
+    this.isRequested = false;
+    this.isBusy = false;
     this.push = null;
-    this.there = false;
-    this.pushSaid = part("push-said");
-    this.on.addEventListener("change", () => this.changed());
+    this.isAvailable = false;
+    this.pushStatus = part("push-said");
+    this.checkbox.addEventListener("change", () => this.onToggle());
     this.form.addEventListener("submit", (event) => {
       event.preventDefault();
-      this.push = pushOf(this.form);
-      this.ask();
+      this.push = pushFromForm(this.form);
+      this.request();
     });
     this.form.addEventListener("reset", () => {
       this.push = null;
-      this.ask();
+      this.request();
     });
-    this.form.elements.cause.addEventListener("change", () => this.units());
-    this.units();
+    this.form.elements.cause.addEventListener("change", () => this.showUnits());
+    this.showUnits();
   }
 
-  // Asks which solvers there are; without the C++ one the page says so, and plans by the button alone.
+  // Reads which solvers there are; without the C++ solver the preview is off.
   async start(nodes) {
     this.nodes = nodes;
-    this.say("Starting the planner…");
-    const known = await call("GET", "/solvers").catch((error) => error);
-    const native = known instanceof Error ? null : known.solvers.find((solver) => solver.name === "native");
-    this.there = Boolean(native?.available);
-    for (const field of [this.on, ...this.form.elements]) field.disabled = !this.there;
-    this.on.checked = this.there;
-    this.root.dataset.live = this.there ? "there" : "missing";
-    if (!this.there)
-      this.say(`No plan while you drag: ${native ? native.missing : known.message} The button plans all the same.`);
-    this.changed();
+    this.setStatus("Starting the planner…");
+    const solvers = await call("GET", "/solvers").catch((error) => error);
+    const native = solvers instanceof Error ? null : solvers.solvers.find((solver) => solver.name === "native");
+    this.isAvailable = Boolean(native?.available);
+    for (const field of [this.checkbox, ...this.form.elements]) field.disabled = !this.isAvailable;
+    this.checkbox.checked = this.isAvailable;
+    this.root.dataset.live = this.isAvailable ? "there" : "missing";
+    if (!this.isAvailable)
+      this.setStatus(
+        `No plan while you drag: ${native ? native.missing : solvers.message} The Plan button works nevertheless.`,
+      );
+    this.onToggle();
   }
 
-  follow(body) {
-    this.body = body;
-    this.ask();
+  update(scenario) {
+    this.scenario = scenario;
+    this.request();
   }
 
-  changed() {
-    if (this.on.checked) return void this.ask();
-    if (this.there) this.say("");
-    if (this.nodes?.viser) showLive(this.nodes, null, null);
+  onToggle() {
+    if (this.checkbox.checked) return void this.request();
+    if (this.isAvailable) this.setStatus("");
+    if (this.nodes?.viser) drawPreview(this.nodes, null, null);
   }
 
-  units() {
-    const force = this.form.elements.cause.value === "force";
-    for (const label of this.form.querySelectorAll("[data-unit]")) label.textContent = force ? "N" : "m/s";
-    this.form.querySelector("[data-for]").hidden = !force;
+  showUnits() {
+    const isForce = this.form.elements.cause.value === "force";
+    for (const label of this.form.querySelectorAll("[data-unit]")) label.textContent = isForce ? "N" : "m/s";
+    this.form.querySelector("[data-for]").hidden = !isForce;
   }
 
-  ask() {
-    this.next = this.there && this.on.checked && this.body !== null;
-    if (this.next && !this.busy) this.work();
+  request() {
+    this.isRequested = this.isAvailable && this.checkbox.checked && this.scenario !== null;
+    if (this.isRequested && !this.isBusy) this.run();
   }
 
-  async work() {
-    this.busy = true;
-    while (this.next) {
-      this.next = false;
+  async run() {
+    this.isBusy = true;
+    while (this.isRequested) {
+      this.isRequested = false;
       const push = this.push,
         began = performance.now();
-      const answer = await call("POST", "/plans/preview", { scenario: this.body, ...(push && { push }) }).catch(
+      const result = await call("POST", "/plans/preview", { scenario: this.scenario, ...(push && { push }) }).catch(
         (error) => error,
       );
-      this.hear(answer, push, performance.now() - began);
+      this.showResult(result, push, performance.now() - began);
       await new Promise((done) => setTimeout(done, PAUSE_MS));
     }
-    this.busy = false;
+    this.isBusy = false;
   }
 
-  hear(answer, push, took_ms) {
-    const refused = answer instanceof Error;
-    if (this.on.checked && this.nodes.viser) showLive(this.nodes, refused ? null : answer, push);
+  showResult(result, push, took_ms) {
+    const failed = result instanceof Error;
+    if (this.checkbox.checked && this.nodes.viser) drawPreview(this.nodes, failed ? null : result, push);
     this.root.dataset.lived = String(Number(this.root.dataset.lived ?? 0) + 1); // what tests wait for
-    if (refused) {
-      if (/** @type {any} */ (answer).problem?.code === NO_SOLVER) this.there = false;
-      this.say(answer.message);
-      this.pushSaid.textContent = "";
+    if (failed) {
+      if (/** @type {any} */ (result).problem?.code === NO_SOLVER) this.isAvailable = false;
+      this.setStatus(result.message);
+      this.pushStatus.textContent = "";
       return;
     }
-    const { motion, recovered } = answer;
-    const effort = (one) =>
-      `cost ${one.objective.toFixed(2)}, ${counted(one.iterations, "iteration")}, solved in ${(1e3 * one.solve_time_s).toFixed(1)} ms`;
-    // What the judge refuses is said below the scene already.
-    if (answer.errors.length) this.say("No plan: the contacts are not valid.");
+    const { motion, recovered } = result;
+    const describe = (solution) =>
+      `cost ${solution.objective.toFixed(2)}, ${counted(solution.iterations, "iteration")}, solved in ${(1e3 * solution.solve_time_s).toFixed(1)} ms`;
+    // Validation errors are shown below the scene already.
+    if (result.errors.length) this.setStatus("No plan: the contacts are not valid.");
     else
-      this.say(
-        motion.converged ? `${effort(motion)}; answered in ${took_ms.toFixed(0)} ms` : `No motion: ${motion.status}`,
+      this.setStatus(
+        motion.converged ? `${describe(motion)}; answered in ${took_ms.toFixed(0)} ms` : `No motion: ${motion.status}`,
       );
-    if (!recovered) this.pushSaid.textContent = push && !motion.converged ? "There is no motion to push." : "";
+    if (!recovered) this.pushStatus.textContent = push && !motion.converged ? "There is no motion to push." : "";
     else
-      this.pushSaid.textContent = recovered.converged
-        ? `It recovers: ${effort(recovered)}.`
+      this.pushStatus.textContent = recovered.converged
+        ? `It recovers: ${describe(recovered)}.`
         : `It does not recover: ${recovered.status}`;
   }
 
-  say(text) {
-    this.said.textContent = text;
+  setStatus(text) {
+    this.status.textContent = text;
   }
 }
 
-// What the fields say, in the service's terms.
-function pushOf(form) {
+// The push of the form's fields, as the service takes it.
+function pushFromForm(form) {
   const number = (name) => form.elements[name].valueAsNumber || 0;
   const v = ["x", "y", "z"].map(number);
   const time_s = number("time");
   return form.elements.cause.value === "force"
     ? { time_s, force_n: v, duration_s: number("duration") }
     : { time_s, velocity_m_s: v };
+}
+
+// Draws the result of /plans/preview for a push, or null for none; hides everything without a result.
+function drawPreview(nodes, preview, push) {
+  const planned = preview?.motion.converged ? preview.motion : null;
+  const recovered = preview?.recovered?.converged ? preview.recovered : null;
+  drawTube(nodes, PLANNED, planned && tubeVertices(resample(planned.com_m, RING_COUNT), RADIUS_M));
+  drawTube(nodes, RECOVERED, recovered && tubeVertices(resample(recovered.com_m, RING_COUNT), RADIUS_M));
+  drawTube(nodes, PUSH, planned && push && tubeVertices(pushArrow(comAt(planned, push.time_s), push), PUSH_RADIUS_M));
+  for (const [k, name] of PREVIEW_NODES.entries()) nodes.drawInFront(name, k + 1);
+  nodes.draw();
+}
+
+function drawTube(nodes, name, points) {
+  if (points) nodes.setVertices(name, points);
+  nodes.setScale(name, points ? 1 : HIDDEN);
+}
+
+// An arrow from the position of the CoM along the push, with a length in proportion to its strength.
+function pushArrow(from, push) {
+  const [v, scale] = push.velocity_m_s
+    ? [push.velocity_m_s, PUSH_M_PER_M_S]
+    : [push.force_n, PUSH_M_PER_NS * push.duration_s];
+  const length = Math.hypot(...v) * scale;
+  const factor = length > 0 ? Math.max(length, MIN_PUSH_LENGTH_M) / Math.hypot(...v) : 0;
+  return [from, from.map((x, i) => x + factor * v[i])];
+}
+
+// The position of the CoM of a motion at a time.
+function comAt(motion, t_s) {
+  const k = Math.max(
+    motion.time_s.findIndex((t) => t >= t_s),
+    1,
+  );
+  const [a, b] = [motion.time_s[k - 1], motion.time_s[k]];
+  const fraction = Math.min(Math.max((t_s - a) / (b - a), 0), 1);
+  return motion.com_m[k - 1].map((x, i) => (1 - fraction) * x + fraction * motion.com_m[k][i]);
+}
+
+// `n` points on a polyline, at equal steps of its parameter.
+function resample(points, n) {
+  return Array.from({ length: n }, (_, i) => {
+    const position = (i * (points.length - 1)) / (n - 1);
+    const k = Math.min(Math.floor(position), Math.max(points.length - 2, 0)),
+      fraction = position - k;
+    const [a, b] = [points[k], points[Math.min(k + 1, points.length - 1)]];
+    return a.map((x, j) => (1 - fraction) * x + fraction * b[j]);
+  });
+}
+
+// The vertices of a thin tube along a path, ring by ring (viewer/meshes.py).
+function tubeVertices(path, radius) {
+  return path.flatMap((p, i) => {
+    const [a, b] = [path[Math.max(i - 1, 0)], path[Math.min(i + 1, path.length - 1)]];
+    const t = normalize([0, 1, 2].map((j) => b[j] - a[j]));
+    const helper = Math.abs(t[2]) < 0.9 ? [0, 0, 1] : [1, 0, 0];
+    const first = normalize(cross(helper, t)),
+      second = cross(t, first);
+    return Array.from({ length: SIDE_COUNT }, (_, k) => {
+      const [c, s] = [Math.cos((2 * Math.PI * k) / SIDE_COUNT), Math.sin((2 * Math.PI * k) / SIDE_COUNT)];
+      return p.map((x, j) => x + radius * (c * first[j] + s * second[j]));
+    });
+  });
+}
+
+const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+
+function normalize(v) {
+  const norm = Math.hypot(...v);
+  return norm > 1e-9 ? v.map((x) => x / norm) : [1, 0, 0];
 }

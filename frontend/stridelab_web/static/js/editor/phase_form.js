@@ -1,93 +1,110 @@
-// The chosen phase in numbers: how long it lasts, what touches in it, and buttons that split, add and remove phases.
-import { added, around, endsOf, freshPlace, lasting, removed, split, touching } from "./phase_edits.js";
+// The form of the chosen phase: duration, contact of each effector, and buttons that split, add and remove phases.
+import {
+  duplicatePhase,
+  contactChoices,
+  phaseEndTimes,
+  suggestContact,
+  setDuration,
+  removePhase,
+  splitPhase,
+  setContact,
+} from "./phase_edits.js";
 
-const DEEDS = { split: [split, "split"], added: [added, "followed by a new one"], removed: [removed, "removed"] };
+const ACTIONS = {
+  split: [splitPhase, "split"],
+  added: [duplicatePhase, "followed by a new one"],
+  removed: [removePhase, "removed"],
+};
 
 export class PhaseForm {
-  // `change(edit, said)` stores a change of the scenario; `propose(edit)` shows what is typed, `back()` takes that back.
-  constructor(root, own, { change, propose, back }) {
+  // `onCommit(edit, message)` stores an edit, `onInput(edit)` shows one while it is typed, `onLeave()` discards that.
+  constructor(root, editable, { onCommit, onInput, onLeave }) {
     const form = root.querySelector("[data-phase-form]");
     this.form = form;
-    this.own = own;
-    this.change = change;
+    this.editable = editable;
+    this.onCommit = onCommit;
     this.k = 0;
-    this.body = null;
-    this.typing = false;
+    this.scenario = null;
+    this.isTyping = false;
     this.duration = form.elements.duration;
     this.number = form.querySelector("[data-phase-number]");
     this.when = form.querySelector("[data-phase-when]");
     this.selects = [...form.querySelectorAll("select[data-effector]")];
     form.addEventListener("submit", (event) => event.preventDefault());
-    for (const field of form.elements) field.disabled = !own;
-    if (!own) return;
+    for (const field of form.elements) field.disabled = !editable;
+    if (!editable) return;
     this.duration.addEventListener("input", () => {
-      this.typing = true;
-      if (this.duration.validity.valid) propose((body) => lasting(body, this.k, this.duration.valueAsNumber));
+      this.isTyping = true;
+      if (this.duration.validity.valid)
+        onInput((scenario) => setDuration(scenario, this.k, this.duration.valueAsNumber));
     });
-    this.duration.addEventListener("change", () => this.last());
+    this.duration.addEventListener("change", () => this.commitDuration());
     this.duration.addEventListener("blur", () => {
-      this.typing = false;
-      back();
+      this.isTyping = false;
+      onLeave();
     });
     for (const button of form.querySelectorAll("[data-deed]"))
-      button.addEventListener("click", () => this.do(button.dataset.deed));
+      button.addEventListener("click", () => this.runAction(button.dataset.deed));
     for (const select of this.selects)
-      select.addEventListener("change", () => this.touch(select.dataset.effector, select.value));
+      select.addEventListener("change", () => this.setEffector(select.dataset.effector, select.value));
   }
 
-  show(body, k) {
-    Object.assign(this, { body, k: Math.min(k, body.phases.length - 1) });
-    const phase = body.phases[this.k],
-      end_s = endsOf(body)[this.k];
-    this.number.textContent = `${this.k} (${this.k + 1} of ${body.phases.length})`;
+  show(scenario, k) {
+    Object.assign(this, { scenario, k: Math.min(k, scenario.phases.length - 1) });
+    const phase = scenario.phases[this.k],
+      end_s = phaseEndTimes(scenario)[this.k];
+    this.number.textContent = `${this.k} (${this.k + 1} of ${scenario.phases.length})`;
     this.when.textContent = `from ${(end_s - phase.duration_s).toFixed(2)} s to ${end_s.toFixed(2)} s`;
     const text = String(phase.duration_s);
-    if (!this.typing && this.duration.value !== text) this.duration.value = text;
-    for (const select of this.selects) this.offer(select);
+    if (!this.isTyping && this.duration.value !== text) this.duration.value = text;
+    for (const select of this.selects) this.fillOptions(select);
   }
 
-  // What an effector can do in the phase: stay away, be where it was or will be, or be somewhere else.
-  offer(select) {
-    const { here, before, after, chosen } = around(this.body, this.k, select.dataset.effector);
-    const wanted = [["away", "does not touch"]];
-    if (before) wanted.push(["before", `as in phase ${before.phase}`]);
-    if (after) wanted.push(["after", `as in phase ${after.phase}`]);
-    if (!here || chosen === "own") wanted.push(["own", here ? "at a place of its own" : "at a new place"]);
-    const now = [...select.options].map((option) => [option.value, option.text]);
-    if (JSON.stringify(now) !== JSON.stringify(wanted))
-      select.replaceChildren(...wanted.map(([value, text]) => new Option(text, value)));
+  // The choices of an effector: no contact, the contact of an earlier or a later phase, or a contact of its own.
+  fillOptions(select) {
+    const { here, before, after, chosen } = contactChoices(this.scenario, this.k, select.dataset.effector);
+    const options = [["away", "does not touch"]];
+    if (before) options.push(["before", `as in phase ${before.phase}`]);
+    if (after) options.push(["after", `as in phase ${after.phase}`]);
+    if (!here || chosen === "own") options.push(["own", here ? "at a place of its own" : "at a new place"]);
+    const current = [...select.options].map((option) => [option.value, option.text]);
+    if (JSON.stringify(current) !== JSON.stringify(options))
+      select.replaceChildren(...options.map(([value, text]) => new Option(text, value)));
     select.value = chosen;
   }
 
-  last() {
-    this.typing = false;
+  commitDuration() {
+    this.isTyping = false;
     const duration_s = this.duration.valueAsNumber,
       k = this.k;
-    if (Number.isFinite(duration_s)) this.change((body) => lasting(body, k, duration_s), `Phase ${k} stored.`);
-    else this.show(this.body, k);
+    if (Number.isFinite(duration_s))
+      this.onCommit((scenario) => setDuration(scenario, k, duration_s), `Phase ${k} stored.`);
+    else this.show(this.scenario, k);
   }
 
-  do(name) {
-    const [deed, said] = DEEDS[name],
+  runAction(name) {
+    const [edit, outcome] = ACTIONS[name],
       k = this.k;
-    this.change((body) => deed(body, k), `Phase ${k} ${said}.`);
+    this.onCommit((scenario) => edit(scenario, k), `Phase ${k} ${outcome}.`);
   }
 
-  touch(effector, what) {
-    const k = this.k;
-    this.change((body) => touching(body, k, effector, this.wanted(body, k, effector, what)), `Phase ${k} stored.`);
+  setEffector(effector, choice, k = this.k) {
+    this.onCommit(
+      (scenario) => setContact(scenario, k, effector, this.contactFor(scenario, k, effector, choice)),
+      `Phase ${k} stored.`,
+    );
   }
 
-  // Adds an effector to phase k where it was or will be, or takes it away.
+  // Removes the contact of an effector in phase k, or adds the one of the nearest earlier or later phase.
   toggle(k, effector) {
-    const { here, before, after } = around(this.body, k, effector);
-    const what = here ? "away" : before ? "before" : after ? "after" : "own";
-    this.change((body) => touching(body, k, effector, this.wanted(body, k, effector, what)), `Phase ${k} stored.`);
+    const { here, before, after } = contactChoices(this.scenario, k, effector);
+    const choice = here ? "away" : before ? "before" : after ? "after" : "own";
+    this.setEffector(effector, choice, k);
   }
 
-  wanted(body, k, effector, what) {
-    if (what === "away") return null;
-    const { here, [what]: near } = around(body, k, effector);
-    return what === "own" ? (here ?? freshPlace(body, k, effector)) : near.contact;
+  contactFor(scenario, k, effector, choice) {
+    if (choice === "away") return null;
+    const { here, [choice]: nearest } = contactChoices(scenario, k, effector);
+    return choice === "own" ? (here ?? suggestContact(scenario, k, effector)) : nearest.contact;
   }
 }

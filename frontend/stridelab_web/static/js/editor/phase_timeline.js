@@ -1,122 +1,126 @@
-// The phases over time: a bar per phase, a lane per effector, and borders that can be dragged or moved by arrow keys.
-import { endsOf, ending } from "./phase_edits.js";
-import { named, sentenceOfPhase } from "./validation_text.js";
+// The timeline of the phases: one bar per phase, one lane per effector, and borders that are dragged or moved by arrow keys.
+import { phaseEndTimes, movePhaseEnd } from "./phase_edits.js";
+import { effectorLabel, phaseSentence } from "./validation_text.js";
 
-const STEPS = { ArrowLeft: (k) => k - 1, ArrowRight: (k) => k + 1, Home: () => 0, End: (_, last) => last };
-const BY = { ArrowLeft: -1, ArrowRight: 1, ArrowDown: -1, ArrowUp: 1 };
-const COARSE_S = 0.05,
-  FINE_S = 0.01,
-  WIDER = 1.5,
-  WIDEST = 12;
+const TARGETS = { ArrowLeft: (k) => k - 1, ArrowRight: (k) => k + 1, Home: () => 0, End: (_, last) => last };
+const DIRECTIONS = { ArrowLeft: -1, ArrowRight: 1, ArrowDown: -1, ArrowUp: 1 };
+const COARSE_STEP_S = 0.05,
+  FINE_STEP_S = 0.01,
+  ZOOM_STEP = 1.5,
+  MAX_ZOOM = 12;
 
-export class Strip {
-  // `on` hears choose(k), touch(number), toggle(k, effector); and of borders: propose(edit), settle(edit, said), later(key, edit, said), back().
-  constructor(root, own, on) {
-    this.own = own;
-    this.on = on;
+export class PhaseTimeline {
+  // `callbacks`: onChoosePhase(k), onChooseContact(number), onToggle(k, effector); and for borders onPropose(edit),
+  // onCommit(edit, message), onKeyEdit(key, edit, message), onDiscard().
+  constructor(root, editable, callbacks) {
+    this.editable = editable;
+    this.callbacks = callbacks;
     this.bars = [];
     this.borders = [];
-    this.body = null;
+    this.scenario = null;
     this.touches = [];
     this.chosen = null;
-    this.held = null;
-    this.wide = 1;
+    this.drag = null;
+    this.zoom = 1;
     this.phases = root.querySelector("[data-phases]");
-    this.edges = root.querySelector("[data-borders]");
-    this.width = root.querySelector("[data-lanes]");
-    const each = (name) =>
+    this.borderTrack = root.querySelector("[data-borders]");
+    this.track = root.querySelector("[data-lanes]");
+    const byAttribute = (name) =>
       new Map([...root.querySelectorAll(`[data-${name}]`)].map((node) => [node.getAttribute(`data-${name}`), node]));
-    this.lanes = each("lane");
-    this.names = each("lane-name");
+    this.lanes = byAttribute("lane");
+    this.laneNames = byAttribute("lane-name");
     this.phases.addEventListener("click", (event) => {
       const k = this.bars.indexOf(event.target.closest("button"));
-      if (k >= 0) on.choose(k);
+      if (k >= 0) callbacks.onChoosePhase(k);
     });
-    this.phases.addEventListener("keydown", (event) => this.step(event));
+    this.phases.addEventListener("keydown", (event) => this.onKey(event));
     for (const [effector, lane] of this.lanes) {
-      lane.addEventListener("click", (event) => this.pick(effector, event));
-      lane.addEventListener("dblclick", (event) => own && on.toggle(this.phaseAt(event), effector));
+      lane.addEventListener("click", (event) => this.onLaneClick(effector, event));
+      lane.addEventListener("dblclick", (event) => editable && callbacks.onToggle(this.phaseAt(event), effector));
     }
-    root.querySelector("[data-wider]").addEventListener("click", () => this.widen(this.wide * WIDER));
-    root.querySelector("[data-narrower]").addEventListener("click", () => this.widen(this.wide / WIDER));
+    root.querySelector("[data-wider]").addEventListener("click", () => this.setZoom(this.zoom * ZOOM_STEP));
+    root.querySelector("[data-narrower]").addEventListener("click", () => this.setZoom(this.zoom / ZOOM_STEP));
   }
 
-  widen(wide) {
-    this.wide = Math.min(Math.max(wide, 1), WIDEST);
-    this.width.style.width = `${100 * this.wide}%`;
+  setZoom(zoom) {
+    this.zoom = Math.min(Math.max(zoom, 1), MAX_ZOOM);
+    this.track.style.width = `${100 * this.zoom}%`;
     this.bars[this.chosen]?.scrollIntoView({ inline: "center", block: "nearest" });
   }
 
-  step(event) {
+  onKey(event) {
     const k = this.bars.indexOf(document.activeElement);
-    if (k < 0 || !STEPS[event.key] || event.ctrlKey || event.metaKey || event.altKey) return;
+    if (k < 0 || !TARGETS[event.key] || event.ctrlKey || event.metaKey || event.altKey) return;
     event.preventDefault();
-    const to = Math.min(Math.max(STEPS[event.key](k, this.bars.length - 1), 0), this.bars.length - 1);
+    const to = Math.min(Math.max(TARGETS[event.key](k, this.bars.length - 1), 0), this.bars.length - 1);
     this.bars[to].focus();
-    this.on.choose(to);
+    this.callbacks.onChoosePhase(to);
   }
 
-  pick(effector, event) {
+  onLaneClick(effector, event) {
     const k = this.phaseAt(event);
-    const there = this.touches.find(
+    const touch = this.touches.find(
       (touch) => touch.effector === effector && touch.phases[0] <= k && k <= touch.phases[1],
     );
-    if (there) this.on.touch(there.number);
-    this.on.choose(k);
+    if (touch) this.callbacks.onChooseContact(touch.number);
+    this.callbacks.onChoosePhase(k);
   }
 
   timeAt(event) {
-    const box = this.width.getBoundingClientRect();
-    return ((event.clientX - box.left) / box.width) * this.whole_s;
+    const box = this.track.getBoundingClientRect();
+    return ((event.clientX - box.left) / box.width) * this.total_s;
   }
 
   phaseAt(event) {
     const t_s = this.timeAt(event),
-      k = endsOf(this.body).findIndex((end_s) => t_s < end_s);
-    return k < 0 ? this.body.phases.length - 1 : k;
+      k = phaseEndTimes(this.scenario).findIndex((end_s) => t_s < end_s);
+    return k < 0 ? this.scenario.phases.length - 1 : k;
   }
 
-  // What `body` is like; `touches` are those of the same phases. While a border is held, the scale stays.
-  draw(body, touches) {
-    Object.assign(this, { body, touches });
-    const ends_s = endsOf(body);
-    this.whole_s = this.held?.whole_s ?? ends_s.at(-1);
-    if (this.bars.length !== body.phases.length) this.make();
+  // Draws the phases of a scenario and its touches. While a border is dragged, the time scale does not change.
+  draw(scenario, touches) {
+    Object.assign(this, { scenario, touches });
+    const ends_s = phaseEndTimes(scenario);
+    this.total_s = this.drag?.total_s ?? ends_s.at(-1);
+    if (this.bars.length !== scenario.phases.length) this.createBars();
     const start_s = (k) => (k > 0 ? ends_s[k - 1] : 0);
-    for (const [k, bar] of this.bars.entries()) this.put(bar, start_s(k), ends_s[k]);
+    for (const [k, bar] of this.bars.entries()) this.placeNode(bar, start_s(k), ends_s[k]);
     for (const [k, border] of this.borders.entries()) {
-      this.put(border, ends_s[k], ends_s[k]);
+      this.placeNode(border, ends_s[k], ends_s[k]);
       border.setAttribute("aria-valuenow", ends_s[k].toFixed(3));
       border.setAttribute(
         "aria-valuetext",
-        `${ends_s[k].toFixed(2)} seconds; phase ${k} lasts ${body.phases[k].duration_s.toFixed(2)} seconds`,
+        `${ends_s[k].toFixed(2)} seconds; phase ${k} lasts ${scenario.phases[k].duration_s.toFixed(2)} seconds`,
       );
-      border.setAttribute("aria-valuemax", String(this.whole_s));
+      border.setAttribute("aria-valuemax", String(this.total_s));
     }
     for (const [effector, lane] of this.lanes) {
       const own = touches.filter((touch) => touch.effector === effector);
-      for (const node of [lane, this.names.get(effector)]) node.classList.toggle("idle", own.length === 0);
+      for (const node of [lane, this.laneNames.get(effector)]) node.classList.toggle("idle", own.length === 0);
       while (lane.children.length < own.length) lane.append(document.createElement("i"));
       while (lane.children.length > own.length) lane.lastElementChild.remove();
       for (const [i, { phases, number, side }] of own.entries()) {
         lane.children[i].className = side;
         lane.children[i].textContent = number;
-        this.put(lane.children[i], start_s(phases[0]), ends_s[phases[1]]);
+        this.placeNode(lane.children[i], start_s(phases[0]), ends_s[phases[1]]);
       }
-      const said = own
+      const intervals = own
         .map(({ phases }) => `${start_s(phases[0]).toFixed(2)} s to ${ends_s[phases[1]].toFixed(2)} s`)
         .join("; ");
-      lane.setAttribute("aria-label", `${named(effector)} touches ${said ? `from ${said}` : "nothing"}`);
+      lane.setAttribute(
+        "aria-label",
+        `${effectorLabel(effector)} touches ${intervals ? `from ${intervals}` : "nothing"}`,
+      );
     }
   }
 
-  put(node, start_s, end_s) {
-    node.style.left = `${(100 * start_s) / this.whole_s}%`;
-    if (end_s > start_s) node.style.width = `${(100 * (end_s - start_s)) / this.whole_s}%`;
+  placeNode(node, start_s, end_s) {
+    node.style.left = `${(100 * start_s) / this.total_s}%`;
+    if (end_s > start_s) node.style.width = `${(100 * (end_s - start_s)) / this.total_s}%`;
   }
 
-  make() {
-    this.bars = this.body.phases.map((_, k) => {
+  createBars() {
+    this.bars = this.scenario.phases.map((_, k) => {
       const bar = document.createElement("button");
       bar.type = "button";
       bar.append(document.createElement("span"));
@@ -125,12 +129,12 @@ export class Strip {
       return bar;
     });
     this.phases.replaceChildren(...this.bars);
-    this.borders = this.own ? this.body.phases.map((_, k) => this.border(k)) : [];
-    this.edges.replaceChildren(...this.borders);
-    this.mark();
+    this.borders = this.editable ? this.scenario.phases.map((_, k) => this.createBorder(k)) : [];
+    this.borderTrack.replaceChildren(...this.borders);
+    this.markChosen();
   }
 
-  border(k) {
+  createBorder(k) {
     const border = document.createElement("div");
     for (const [name, value] of Object.entries({
       role: "slider",
@@ -141,70 +145,80 @@ export class Strip {
     })) {
       border.setAttribute(name, value);
     }
-    border.title = `End of phase ${k}: drag it, with Shift all that follows moves along`;
+    border.title = `End of phase ${k}: drag it; with Shift, all later phases shift along`;
     const stop = () => {
-      this.held = null;
-      this.draw(this.body, this.touches);
+      this.drag = null;
+      this.draw(this.scenario, this.touches);
     };
     border.addEventListener("pointerdown", (event) => {
       if (event.button !== 0) return;
       event.preventDefault();
       border.setPointerCapture(event.pointerId);
       border.focus();
-      this.held = { k, whole_s: this.whole_s, offset_s: this.timeAt(event) - endsOf(this.body)[k], edit: null };
+      this.drag = {
+        k,
+        total_s: this.total_s,
+        offset_s: this.timeAt(event) - phaseEndTimes(this.scenario)[k],
+        edit: null,
+      };
     });
     border.addEventListener("pointermove", (event) => {
-      if (this.held?.k !== k) return;
-      const to_s = Math.round((this.timeAt(event) - this.held.offset_s) / FINE_S) * FINE_S,
-        rest = event.shiftKey;
-      this.held.edit = (body) => ending(body, k, to_s, rest);
-      this.on.propose(this.held.edit);
+      if (this.drag?.k !== k) return;
+      const to_s = Math.round((this.timeAt(event) - this.drag.offset_s) / FINE_STEP_S) * FINE_STEP_S,
+        shiftLater = event.shiftKey;
+      this.drag.edit = (scenario) => movePhaseEnd(scenario, k, to_s, shiftLater);
+      this.callbacks.onPropose(this.drag.edit);
     });
     border.addEventListener("pointerup", () => {
-      const edit = this.held?.edit;
+      const edit = this.drag?.edit;
       stop();
-      if (edit) this.on.settle(edit, `End of phase ${k} stored.`);
+      if (edit) this.callbacks.onCommit(edit, `End of phase ${k} stored.`);
     });
     border.addEventListener("pointercancel", () => {
       stop();
-      this.on.back();
+      this.callbacks.onDiscard();
     });
     border.addEventListener("keydown", (event) => {
-      if (event.key === "Escape" && this.held) {
+      if (event.key === "Escape" && this.drag) {
         stop();
-        return this.on.back();
+        return this.callbacks.onDiscard();
       }
-      if (!BY[event.key] || event.ctrlKey || event.metaKey || event.altKey) return;
+      if (!DIRECTIONS[event.key] || event.ctrlKey || event.metaKey || event.altKey) return;
       event.preventDefault();
-      const to_s = endsOf(this.body)[k] + BY[event.key] * (event.shiftKey ? FINE_S : COARSE_S);
-      this.on.later(`end ${k}`, (body) => ending(body, k, to_s, false), `End of phase ${k} stored.`);
+      const to_s =
+        phaseEndTimes(this.scenario)[k] + DIRECTIONS[event.key] * (event.shiftKey ? FINE_STEP_S : COARSE_STEP_S);
+      this.callbacks.onKeyEdit(
+        `end ${k}`,
+        (scenario) => movePhaseEnd(scenario, k, to_s, false),
+        `End of phase ${k} stored.`,
+      );
     });
     return border;
   }
 
-  // What the judge says of each phase, and which one is chosen. An answer about other phases than are shown comes late.
-  judge(phases, chosen) {
+  // Shows the validation of each phase and which phase is chosen. A result for another number of phases is outdated.
+  showValidation(phases, chosen) {
     this.chosen = chosen;
     if (phases.length !== this.bars.length) return;
     for (const [k, bar] of this.bars.entries()) {
-      const said = sentenceOfPhase(phases[k], k);
+      const sentence = phaseSentence(phases[k], k);
       bar.dataset.kind = phases[k].kind;
-      bar.title = said;
-      bar.setAttribute("aria-label", said);
+      bar.title = sentence;
+      bar.setAttribute("aria-label", sentence);
     }
-    this.mark();
+    this.markChosen();
   }
 
-  // Of the phases one is a stop of the tab key, and so are its borders.
-  mark() {
+  // The chosen phase and its borders can be reached by the Tab key, the others cannot.
+  markChosen() {
     for (const [k, bar] of this.bars.entries()) {
       bar.setAttribute("aria-pressed", String(k === this.chosen));
       bar.tabIndex = k === (this.chosen ?? 0) ? 0 : -1;
     }
     for (const [k, border] of this.borders.entries()) {
-      const near = k === this.chosen || k === this.chosen - 1;
-      border.tabIndex = near && this.chosen !== null ? 0 : -1;
-      border.classList.toggle("near", near);
+      const isAdjacent = k === this.chosen || k === this.chosen - 1;
+      border.tabIndex = isAdjacent && this.chosen !== null ? 0 : -1;
+      border.classList.toggle("near", isAdjacent);
     }
   }
 }

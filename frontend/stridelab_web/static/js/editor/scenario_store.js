@@ -1,34 +1,70 @@
-// The scenario as the service keeps it, and the way back: what was stored before and what was undone, also after a reload.
+// The scenario in the service: reads and stores it with undo and redo, which survive a reload, and stores copies of it.
 import { call } from "../shared/api.js";
-import { bodyOf } from "./scenario_requests.js";
 
-const STEPS_AT_MOST = 40;
-export const same = (a, b) => JSON.stringify(a) === JSON.stringify(b);
+const FIELDS = ["name", "description", "robot", "friction", "start_com_height_m", "terrain", "phases"];
+const MAX_NAME_LENGTH = 120;
+export const CONTACTS_SUFFIX = ": contacts found"; // end of the name of a scenario that the contact planner made
+export const DURATIONS_SUFFIX = ": durations chosen"; // and of one with the durations of a plan
+const MAX_STEPS = 40;
 
-export class Kept {
+/** @type {(a: unknown, b: unknown) => boolean} */
+export const sameJson = (a, b) => JSON.stringify(a) === JSON.stringify(b);
+
+// The fields that a client may store, without those that the service adds.
+/** @param {any} stored @returns {any} */
+export const scenarioFields = (stored) => Object.fromEntries(FIELDS.map((name) => [name, stored[name]]));
+
+// Moves a touch to another pose, in all its phases.
+/** @type {(scenario: Scenario, touch: Pick<Touch, "effector" | "phases">, position_m: number[], orientation_wxyz: number[]) => Scenario} */
+export function moveContact(scenario, touch, position_m, orientation_wxyz) {
+  const [first, last] = touch.phases;
+  const replace = (/** @type {Contact} */ contact) =>
+    contact.effector === touch.effector ? { ...contact, position_m, orientation_wxyz } : contact;
+  const phases = scenario.phases.map((phase, k) =>
+    k < first || k > last ? phase : { ...phase, contacts: phase.contacts.map(replace) },
+  );
+  return { ...scenario, phases };
+}
+
+// Stores a scenario under its name with a suffix as a new one, and opens that in the editor.
+/** @param {Scenario} scenario @param {string} suffix */
+export async function openAsNewScenario(scenario, suffix) {
+  const name = scenario.name.endsWith(suffix)
+    ? scenario.name
+    : scenario.name.slice(0, MAX_NAME_LENGTH - suffix.length) + suffix;
+  const created = await call("POST", "/scenarios", { ...scenario, name });
+  location.assign(`/view/?scenario=${encodeURIComponent(created.id)}`);
+}
+
+export class ScenarioStore {
+  /** @param {string} id */
   constructor(id) {
     this.id = id;
-    this.body = null;
-    this.version = null;
+    /** @type {any} */
+    this.scenario = null; // a Scenario, once it is read
+    this.version = "";
+    /** @type {Scenario[]} */
     this.past = [];
+    /** @type {Scenario[]} */
     this.future = [];
   }
 
-  // Reads what is stored; true where somebody else has changed it, which is then one more step to undo.
+  // Reads the stored scenario. Returns true if it was changed elsewhere, which becomes a step that can be undone.
   async read() {
     const stored = await call("GET", `/scenarios/${this.id}`);
-    const body = bodyOf(stored),
-      before = this.body;
-    Object.assign(this, { body, version: stored.updated_at });
-    if (before === null) this.recall();
-    else if (!same(before, body)) this.remember(before);
-    return before !== null && !same(before, body);
+    const scenario = scenarioFields(stored),
+      before = this.scenario;
+    Object.assign(this, { scenario, version: stored.updated_at });
+    if (before === null) this.restoreHistory();
+    else if (!sameJson(before, scenario)) this.pushUndoStep(before);
+    return before !== null && !sameJson(before, scenario);
   }
 
-  async put(body) {
-    const before = this.body;
-    await this.send(body);
-    this.remember(before);
+  /** @param {Scenario} scenario */
+  async store(scenario) {
+    const before = this.scenario;
+    await this.replaceStored(scenario);
+    this.pushUndoStep(before);
   }
 
   undo() {
@@ -39,46 +75,52 @@ export class Kept {
     return this.step(this.future, this.past);
   }
 
-  // Stores the last of `from`, and keeps what it replaces in `to`; false where there is none.
+  // Stores the last scenario of `from` and pushes the replaced one to `to`. Returns false if `from` is empty.
+  /** @param {Scenario[]} from @param {Scenario[]} to */
   async step(from, to) {
-    const body = from.at(-1),
-      now = this.body;
-    if (!body) return false;
-    await this.send(body);
+    const scenario = from.at(-1),
+      current = this.scenario;
+    if (!scenario) return false;
+    await this.replaceStored(scenario);
     from.pop();
-    to.push(now);
-    this.note();
+    to.push(current);
+    this.saveHistory();
     return true;
   }
 
-  // What somebody else has stored since it was read is not overwritten: the service answers 412.
-  async send(body) {
-    const stored = await call("PUT", `/scenarios/${this.id}`, body, { "If-Match": JSON.stringify(this.version) });
-    Object.assign(this, { body: bodyOf(stored), version: stored.updated_at });
+  // Does not overwrite a version that was stored elsewhere since it was read: the service then answers 412.
+  /** @param {Scenario} scenario */
+  async replaceStored(scenario) {
+    const stored = await call("PUT", `/scenarios/${this.id}`, scenario, { "If-Match": JSON.stringify(this.version) });
+    Object.assign(this, { scenario: scenarioFields(stored), version: stored.updated_at });
   }
 
-  remember(before) {
+  /** @param {Scenario} before */
+  pushUndoStep(before) {
     this.past.push(before);
-    if (this.past.length > STEPS_AT_MOST) this.past.shift();
+    if (this.past.length > MAX_STEPS) this.past.shift();
     this.future = [];
-    this.note();
+    this.saveHistory();
   }
 
-  get place() {
+  get storageKey() {
     return `stridelab-steps-${this.id}`;
   }
 
-  note() {
+  saveHistory() {
     try {
-      sessionStorage.setItem(this.place, JSON.stringify({ body: this.body, past: this.past, future: this.future }));
+      sessionStorage.setItem(
+        this.storageKey,
+        JSON.stringify({ body: this.scenario, past: this.past, future: this.future }),
+      );
     } catch {
-      sessionStorage.removeItem(this.place); // there is no room: the way back ends with this page
+      sessionStorage.removeItem(this.storageKey); // storage is full: the history ends with this page
     }
   }
 
-  // The steps of this tab before it was loaded anew, unless the scenario has been changed elsewhere since.
-  recall() {
-    const noted = JSON.parse(sessionStorage.getItem(this.place) ?? "null");
-    if (noted && same(noted.body, this.body)) Object.assign(this, { past: noted.past, future: noted.future });
+  // Restores the history of this tab after a reload, unless the scenario was changed elsewhere since.
+  restoreHistory() {
+    const saved = JSON.parse(sessionStorage.getItem(this.storageKey) ?? "null");
+    if (saved && sameJson(saved.body, this.scenario)) Object.assign(this, { past: saved.past, future: saved.future });
   }
 }

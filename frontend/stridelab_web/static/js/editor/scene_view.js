@@ -1,110 +1,112 @@
-// The 3D scene of a scenario as its editor uses it: nodes that come and go, what is held there, and news from others.
-import { widen } from "../viewer/camera.js";
-import { LIVE } from "./live_preview_view.js";
-import { Nodes } from "../viewer/viser_nodes.js";
-import { Pixels } from "../viewer/adaptive_resolution.js";
-import { Room } from "../viewer/dark_mode.js";
-import { contactIn } from "./phase_edits.js";
-import { SUPPORT } from "./support_overlay.js";
+// The 3D scene of the scenario editor: waits for its nodes, reports drags and changes that were stored elsewhere.
+import { fitWidth } from "../viewer/camera.js";
+import { PREVIEW_NODES } from "./live_preview.js";
+import { ViserNodes } from "../viewer/viser_nodes.js";
+import { AdaptiveResolution } from "../viewer/adaptive_resolution.js";
+import { DarkMode } from "../viewer/dark_mode.js";
+import { contactOf } from "./phase_edits.js";
+import { SUPPORT_NODES } from "./support_overlay.js";
 
-const TURN = "/turn"; // the viewer moves it after every drag and every change from elsewhere (viewer/scenario_scene.py)
-const DRAGGED_M = 1e-4,
-  LETS_GO_MS = 1000,
+const REVISION_NODE = "/turn"; // the viewer moves it after every drag and every stored change (viewer/scenario_scene.py)
+const MIN_DRAG_M = 1e-4,
+  RELEASE_MS = 1000,
   STORED_WITHIN_MS = 3000;
 
-export class Picture {
+export class SceneView {
   constructor(stage) {
     this.frame = stage.querySelector("iframe");
     this.scene = stage.dataset.scene;
-    this.turn = 0;
-    this.pressed = false;
+    this.revision = 0;
+    this.isPressed = false;
     this.released_ms = -Infinity;
-    this.mine = false;
-    this.nodes = new Nodes(this.frame, []);
+    this.isOwnChange = false;
+    this.nodes = new ViserNodes(this.frame, []);
   }
 
-  get there() {
+  get isReady() {
     return Boolean(this.nodes.viser);
   }
 
-  // Brings the scene up to date; why the last drag in it was refused, or an empty text.
-  async open() {
-    return (await this.ask("open", { method: "POST" })).said;
+  // Updates the scene to the stored scenario. Returns the reason why the last drag was refused, or an empty string.
+  async synchronise() {
+    return (await this.request("open", { method: "POST" })).said;
   }
 
-  touches() {
-    return this.ask("touches.json");
+  readTouches() {
+    return this.request("touches.json");
   }
 
-  async ask(name, options) {
-    const answer = await fetch(`${this.scene}/${name}`, options).catch(() => null);
-    const value = await answer?.json().catch(() => null);
-    if (answer?.ok && value) return value;
+  async request(name, options) {
+    const response = await fetch(`${this.scene}/${name}`, options).catch(() => null);
+    const value = await response?.json().catch(() => null);
+    if (response?.ok && value) return value;
     throw new Error(value?.detail || "The scene could not be read.");
   }
 
-  // Waits for the scene; `shortcuts` work in it, too.
-  async load(touches, body, shortcuts) {
+  // Waits for the scene and enables `shortcuts` in it.
+  async start(touches, scenario, shortcuts) {
     this.shortcuts = shortcuts;
-    this.around = aroundOf(body);
-    await this.fit(touches, body);
-    new Room(this.nodes);
-    new Pixels(this.nodes);
-    widen(this.nodes.viser);
-    this.turn = this.nodes.position(TURN)?.[0] ?? 0;
-    this.listen();
+    this.environment = environmentKey(scenario);
+    await this.update(touches, scenario);
+    this.attach();
+    this.revision = this.nodes.positionOf(REVISION_NODE)?.[0] ?? 0;
   }
 
-  // Waits for the nodes of these touches; another terrain or robot needs the scene anew.
-  async fit(touches, body) {
-    const around = aroundOf(body),
-      anew = around !== this.around;
-    this.around = around;
-    this.nodes.names = [TURN, ...SUPPORT, ...LIVE, ...touches.map((touch) => touch.node)];
-    if (anew) this.nodes.reload();
+  // Waits for the nodes of these touches; another terrain or robot reloads the scene.
+  async update(touches, scenario) {
+    const environment = environmentKey(scenario),
+      reload = environment !== this.environment;
+    this.environment = environment;
+    this.nodes.names = [REVISION_NODE, ...SUPPORT_NODES, ...PREVIEW_NODES, ...touches.map((touch) => touch.node)];
+    if (reload) this.nodes.reload();
     await this.nodes.ready();
-    if (!anew) return;
-    this.listen();
-    new Room(this.nodes);
-    new Pixels(this.nodes);
-    widen(this.nodes.viser);
+    if (reload) this.attach();
   }
 
-  listen() {
+  // What a scene that was loaded needs.
+  attach() {
+    new DarkMode(this.nodes);
+    new AdaptiveResolution(this.nodes);
+    fitWidth(this.nodes.viser);
+    this.listenForPresses();
+  }
+
+  listenForPresses() {
     const inside = this.frame.contentWindow;
     const press = (on) => () => {
-      if (this.pressed && !on) this.released_ms = performance.now();
-      this.pressed = on;
+      if (this.isPressed && !on) this.released_ms = performance.now();
+      this.isPressed = on;
     };
     inside.addEventListener("pointerdown", press(true), true);
     for (const name of ["pointerup", "pointercancel"]) inside.addEventListener(name, press(false), true);
-    this.shortcuts.enter(this.frame);
+    this.shortcuts.listenInFrame(this.frame);
   }
 
-  // Whether something has been stored, or refused, since it was asked last; `mine` where it was dragged here.
-  news() {
-    this.nodes.find();
-    const turn = this.nodes.position(TURN)?.[0] ?? this.turn;
-    if (turn === this.turn) return null;
-    this.turn = turn;
-    // A drag that was over between two looks is known by the press alone.
-    const mine = this.mine || this.pressed || performance.now() - this.released_ms < STORED_WITHIN_MS;
-    this.mine = false;
-    return { mine };
+  // Whether something was stored or refused since the last call, else null; `isOwnChange` if by a drag in this page.
+  takeChange() {
+    this.nodes.refreshClient();
+    const revision = this.nodes.positionOf(REVISION_NODE)?.[0] ?? this.revision;
+    if (revision === this.revision) return null;
+    this.revision = revision;
+    // A drag that began and ended between two calls is recognised by the press of the pointer alone.
+    const isOwnChange = this.isOwnChange || this.isPressed || performance.now() - this.released_ms < STORED_WITHIN_MS;
+    this.isOwnChange = false;
+    return { isOwnChange };
   }
 
-  // The touch whose mark is being dragged here away from where it is in `body`, and where to; null where there is none.
-  held(touches, body) {
-    if (!this.pressed && performance.now() - this.released_ms > LETS_GO_MS) return null;
+  // The touch whose mark is dragged away from its position in `scenario`, and the new position; null without a drag.
+  draggedContact(touches, scenario) {
+    if (!this.isPressed && performance.now() - this.released_ms > RELEASE_MS) return null;
     for (const touch of touches) {
-      const at = this.nodes.position(touch.node),
-        given = contactIn(body, touch.phases[0], touch.effector);
-      if (!at || !given || Math.hypot(...at.map((v, i) => v - given.position_m[i])) <= DRAGGED_M) continue;
-      this.mine = true;
-      return { touch, position_m: [...at] };
+      const position = this.nodes.positionOf(touch.node),
+        stored = contactOf(scenario, touch);
+      if (!position || !stored || Math.hypot(...position.map((v, i) => v - stored.position_m[i])) <= MIN_DRAG_M)
+        continue;
+      this.isOwnChange = true;
+      return { touch, position_m: [...position] };
     }
     return null;
   }
 }
 
-const aroundOf = (body) => JSON.stringify([body.terrain, body.robot]);
+const environmentKey = (scenario) => JSON.stringify([scenario.terrain, scenario.robot]);

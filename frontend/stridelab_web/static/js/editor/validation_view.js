@@ -1,98 +1,141 @@
-// What an editor shows of the judge's answer: the verdict, the phases, the margins of a contact, and the picture. The
-// learned reach answers first; the whole body, which is asked besides, has the last word.
-import { Judge } from "./validation.js";
-import { Posture } from "./posture.js";
-import { showMarks, showSupport } from "./support_overlay.js";
-import { UNFINISHED, marginsOf, phasesOf, placeOf, sentenceOfPhase, tightest, verdictOf } from "./validation_text.js";
+// Shows the validation of the edited scenario: summary, phases, margins of a contact, support region and robot posture. The
+// result by learned reachability arrives first; the result by whole-body postures overrules it.
+import { call } from "../shared/api.js";
+import { RobotPosture } from "./posture.js";
+import { drawContactMarks, drawSupport } from "./support_overlay.js";
+import {
+  BODY_UNFINISHED,
+  contactMargins,
+  phaseStates,
+  errorLocation,
+  phaseSentence,
+  worstPhase,
+  summarizeValidation,
+} from "./validation_text.js";
 
-export class Judged {
-  // `strip` shows the phases; `turn(k)` hears which of them is chosen.
-  constructor(root, rows, strip, turn) {
+const MIN_INTERVAL_MS = 120;
+// Requests the validation of a scenario while it is edited: one request at a time; of those that wait, only the latest.
+class ValidationQueue {
+  // Calls `onResult(check, scenario)` with each result, or `onFailure(sentence)`. `query()` is the query of the address:
+  // with `body_checked`, whole-body postures are computed, which takes longer.
+  constructor(onResult, onFailure, query = () => "") {
+    this.onResult = onResult;
+    this.onFailure = onFailure;
+    this.query = query;
+    this.queued = null;
+    this.isBusy = false;
+  }
+
+  request(scenario) {
+    this.queued = scenario;
+    if (!this.isBusy) this.run();
+  }
+
+  async run() {
+    this.isBusy = true;
+    while (this.queued) {
+      const scenario = this.queued;
+      this.queued = null;
+      const pause = new Promise((done) => setTimeout(done, MIN_INTERVAL_MS));
+      const result = await call("POST", `/scenarios/check${this.query()}`, scenario).catch((error) => error);
+      if (result instanceof Error) this.onFailure(result.message);
+      else this.onResult(result, scenario);
+      await pause;
+    }
+    this.isBusy = false;
+  }
+}
+
+export class ValidationView {
+  // `onPhase(k)` is called with the chosen phase.
+  constructor(root, contactList, timeline, onPhase) {
     const part = (name) => root.querySelector(`[data-${name}]`);
     this.root = root;
-    this.rows = rows;
-    this.strip = strip;
-    this.turn = turn;
+    this.contactList = contactList;
+    this.timeline = timeline;
+    this.onPhase = onPhase;
     this.verdict = part("verdict");
-    this.said = part("phase-said");
-    this.answer = null;
+    this.phaseText = part("phase-said");
+    this.result = null;
     this.phases = [];
     this.phase = null;
     this.nodes = null;
     this.touches = [];
     this.chosen = null;
-    this.learned = null;
-    this.whole = null;
-    this.wholeOf = null;
-    this.trouble = "";
-    this.body = null;
-    this.posture = new Posture();
-    this.judge = new Judge(
-      (answer, body) => this.hear(answer, body),
-      (sentence) => this.say(sentence, "invalid"),
+    this.reach = null;
+    this.wholeBody = null;
+    this.wholeBodyScenario = null;
+    this.bodyFailure = "";
+    this.scenario = null;
+    this.posture = new RobotPosture();
+    this.reachQueue = new ValidationQueue(
+      (result, scenario) => this.onReachResult(result, scenario),
+      (sentence) => this.showVerdict(sentence, "invalid"),
     );
     const query = () => `?body_checked=true${this.phase === null ? "" : `&posture_of=${this.phase}`}`;
-    this.bodies = new Judge(
-      (answer, body) => this.hearBody(answer, body),
-      (sentence) => this.noBody(sentence),
+    this.bodyQueue = new ValidationQueue(
+      (result, scenario) => this.onBodyResult(result, scenario),
+      (sentence) => this.onBodyFailure(sentence),
       query,
     );
   }
 
-  // What the picture shows, and which touch is chosen (its number, or null).
-  look(nodes, touches, chosen) {
-    const other = chosen !== this.chosen;
+  // The nodes and touches of the scene, and the number of the chosen touch, or null.
+  setScene(nodes, touches, chosen) {
+    const changed = chosen !== this.chosen;
     Object.assign(this, { nodes, touches, chosen });
-    if (other) {
-      this.phase = this.phaseOf(chosen);
-      this.askPosture();
+    if (changed) {
+      this.phase = this.worstPhaseOf(chosen);
+      this.requestPosture();
     }
     this.show();
   }
 
-  ask(body) {
-    this.body = body;
-    this.posture.of(body.robot).then(() => this.drawPosture());
-    this.judge.ask(body);
-    this.bodies.ask(body);
+  validate(scenario) {
+    this.scenario = scenario;
+    this.posture.loadLinks(scenario.robot).then(() => this.drawPosture());
+    this.reachQueue.request(scenario);
+    this.bodyQueue.request(scenario);
   }
 
-  hear(answer, body) {
-    this.learned = answer;
-    this.weigh(body);
+  onReachResult(result, scenario) {
+    this.reach = result;
+    this.update(scenario);
   }
 
-  hearBody(answer, body) {
-    Object.assign(this, { whole: answer, wholeOf: body, trouble: "" });
-    this.posture.take(answer.phases.find((one) => one.link_poses)?.link_poses);
-    if (this.learned) this.weigh(this.body);
+  onBodyResult(result, scenario) {
+    Object.assign(this, { wholeBody: result, wholeBodyScenario: scenario, bodyFailure: "" });
+    this.posture.setPoses(result.phases.find((one) => one.link_poses)?.link_poses);
+    if (this.reach) this.update(this.scenario);
     this.drawPosture();
     this.root.dataset.bodied = String(Number(this.root.dataset.bodied ?? 0) + 1); // what tests wait for
-    if (answer.warnings.some(({ code }) => code === UNFINISHED) && body === this.body) this.bodies.ask(body);
+    if (result.warnings.some(({ code }) => code === BODY_UNFINISHED) && scenario === this.scenario)
+      this.bodyQueue.request(scenario);
   }
 
-  noBody(sentence) {
-    this.whole = null;
-    this.trouble = sentence;
-    if (this.learned) this.weigh(this.body);
+  onBodyFailure(sentence) {
+    this.wholeBody = null;
+    this.bodyFailure = sentence;
+    if (this.reach) this.update(this.scenario);
   }
 
-  // While something is dragged, the body's last word is about the place before. A refusal stays until the next one; a
-  // consent does not.
-  weigh(body) {
-    const fresh = this.wholeOf === this.body || this.whole?.phases.some((one) => one.body === "unreachable");
-    const whole = fresh && this.whole?.phases.length === body.phases.length ? this.whole : null;
-    const { errors, kind, text } = verdictOf(this.learned, whole, this.trouble);
-    if (this.learned.support.length !== body.phases.length) return; // an answer to another scenario
-    this.answer = { ...this.learned, errors };
-    this.phases = phasesOf(this.answer, body);
+  // During a drag the whole-body result is about an earlier position: an invalid one is shown until the next result, a valid
+  // one is not.
+  update(scenario) {
+    const isCurrent =
+      this.wholeBodyScenario === this.scenario || this.wholeBody?.phases.some((one) => one.body === "unreachable");
+    const whole = isCurrent && this.wholeBody?.phases.length === scenario.phases.length ? this.wholeBody : null;
+    const { errors, kind, text } = summarizeValidation(this.reach, whole, this.bodyFailure);
+    if (this.reach.support.length !== scenario.phases.length) return; // a result for another scenario
+    this.result = { ...this.reach, errors };
+    this.phases = phaseStates(this.result, scenario);
     if (!(this.phase < this.phases.length)) this.phase = null;
-    this.phase ??= this.phaseOf(this.chosen);
-    this.say(text, kind);
+    this.phase ??= this.worstPhaseOf(this.chosen);
+    this.showVerdict(text, kind);
     this.show();
   }
 
-  say(text, kind) {
+  showVerdict(text, kind) {
     this.root.dataset.judged = kind;
     if (this.verdict.textContent !== text) this.verdict.textContent = text;
   }
@@ -100,12 +143,12 @@ export class Judged {
   choosePhase(k) {
     this.phase = k;
     this.show();
-    this.askPosture();
+    this.requestPosture();
   }
 
-  // The posture of the phase that is looked at; the service remembers the stances that it has found.
-  askPosture() {
-    if (this.body) this.bodies.ask(this.body);
+  // Requests the posture of the chosen phase; the service caches solved stances.
+  requestPosture() {
+    if (this.scenario) this.bodyQueue.request(this.scenario);
   }
 
   drawPosture() {
@@ -114,41 +157,41 @@ export class Judged {
     this.nodes.draw();
   }
 
-  // The worst phase of a touch; of all, where none is chosen.
-  phaseOf(number) {
+  // The phase of a touch with the smallest margin; of all phases without a touch.
+  worstPhaseOf(number) {
     const touch = this.touches.find((one) => one.number === number);
     const [first, last] = touch ? touch.phases : [0, this.phases.length - 1];
     const numbers = Array.from({ length: last - first + 1 }, (_, i) => first + i).filter((k) => k < this.phases.length);
-    return numbers.length ? tightest(this.phases, numbers) : null;
+    return numbers.length ? worstPhase(this.phases, numbers) : null;
   }
 
   show() {
     const phase = this.phases[this.phase];
     if (!phase) return;
-    this.strip.judge(this.phases, this.phase);
-    this.turn(this.phase);
-    const said = sentenceOfPhase(phase, this.phase);
-    if (this.said.textContent !== said) this.said.textContent = said;
+    this.timeline.showValidation(this.phases, this.phase);
+    this.onPhase(this.phase);
+    const sentence = phaseSentence(phase, this.phase);
+    if (this.phaseText.textContent !== sentence) this.phaseText.textContent = sentence;
     const touch = this.touches.find((one) => one.number === this.chosen);
-    if (touch) this.rows.margins(touch.number, marginsOf(this.answer, touch));
+    if (touch) this.contactList.showMargins(touch.number, contactMargins(this.result, touch));
     if (!this.nodes?.viser) return;
     this.posture.show(this.nodes);
-    showSupport(this.nodes, phase);
-    showMarks(this.nodes, this.touches, this.phase, this.chosen, this.wrong());
+    drawSupport(this.nodes, phase);
+    drawContactMarks(this.nodes, this.touches, this.phase, this.chosen, this.invalidTouches());
     this.nodes.draw();
   }
 
-  // Numbers of the touches that errors name; where an error names a phase alone, the chosen touch if it is there.
-  wrong() {
-    const found = new Set();
-    for (const place of this.answer.errors.map(placeOf)) {
-      if (!place) continue;
+  // Numbers of the touches that errors name; an error that names only a phase counts for the chosen touch.
+  invalidTouches() {
+    const numbers = new Set();
+    for (const location of this.result.errors.map(errorLocation)) {
+      if (!location) continue;
       for (const { number, effector, phases } of this.touches) {
-        const there = phases[0] <= place.phase && place.phase <= phases[1];
-        if (there && (place.effector === null ? number === this.chosen : effector === place.effector))
-          found.add(number);
+        const isActive = phases[0] <= location.phase && location.phase <= phases[1];
+        if (isActive && (location.effector === null ? number === this.chosen : effector === location.effector))
+          numbers.add(number);
       }
     }
-    return found;
+    return numbers;
   }
 }

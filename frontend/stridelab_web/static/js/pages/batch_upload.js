@@ -1,16 +1,16 @@
-// Many files and one subject table go up together; what can be read is studied, what cannot be is named first.
-// A large upload is read by a job, which is followed.
-import { answerOf, call, followJob, headline, onSubmit, sentence, startJob } from "../shared/api.js";
+// Uploads many files with a subject table and starts a study of the readable ones; refused files are listed first. A large
+// upload is read by a job, which is followed.
+import { responseJson, call, followJob, jobHeadline, onSubmit, problemSentence, startJob } from "../shared/api.js";
 
 const form = document.querySelector("[data-batch]");
 const bar = form.querySelector("progress");
 const refused = form.querySelector("[data-refused]");
-const go = form.querySelector("[data-go]");
+const continueButton = form.querySelector("[data-go]");
 /** @type {any} */
 let uploaded = null;
 
-function send(data) {
-  return new Promise((done, failed) => {
+function upload(data) {
+  return new Promise((resolve, reject) => {
     const request = new XMLHttpRequest();
     request.open("POST", "/api/v1/recordings/batch");
     request.setRequestHeader("Accept", "application/json");
@@ -19,29 +19,29 @@ function send(data) {
       if (event.loaded === event.total) form.querySelector("[data-said]").textContent = "checking the files…";
     });
     request.addEventListener("load", () => {
-      const answer = answerOf(request);
-      if (request.status === 201 && answer) done({ ...answer, count: answer.recordings.length });
-      else if (request.status === 202 && answer) readByJob(answer.id).then(done, failed);
-      else failed(new Error(sentence(request.status, answer)));
+      const response = responseJson(request);
+      if (request.status === 201 && response) resolve({ ...response, count: response.recordings.length });
+      else if (request.status === 202 && response) readByJob(response.id).then(resolve, reject);
+      else reject(new Error(problemSentence(request.status, response)));
     });
-    request.addEventListener("error", () => failed(new Error(sentence(0, null))));
+    request.addEventListener("error", () => reject(new Error(problemSentence(0, null))));
     request.send(data);
   });
 }
 
 async function readByJob(id) {
-  const said = form.querySelector("[data-said]");
+  const status = form.querySelector("[data-said]");
   const job = await followJob(id, ({ progress }) => {
     bar.value = progress.fraction;
-    said.textContent = progress.message || "waiting to be read…";
+    status.textContent = progress.message || "waiting to be read…";
   });
   if (job.state !== "succeeded")
-    throw new Error(headline(job) || `The files were not read: ${job.state.replaceAll("_", " ")}.`);
+    throw new Error(jobHeadline(job) || `The files were not read: ${job.state.replaceAll("_", " ")}.`);
   const { summary } = await call("GET", `/jobs/${id}/result`);
   return { ...summary, count: summary.recording_ids.length };
 }
 
-async function study() {
+async function startStudy() {
   const job = await startJob("study-population", {
     recording_ids: uploaded.studied,
     subjects: uploaded.subjects,
@@ -52,21 +52,21 @@ async function study() {
 }
 
 onSubmit(form, async (data) => {
-  const parts = new FormData(),
-    files = data.getAll("file").filter((file) => file.size);
+  const payload = new FormData(),
+    files = /** @type {any[]} */ (data.getAll("file")).filter((file) => file.size);
   if (!files.length) return "Choose the recordings first.";
-  for (const file of files) parts.append("file", file);
-  // The table is text, not a file, in this form of the interface.
+  for (const file of files) payload.append("file", file);
+  // The service takes the table as text, not as a file.
   const table = /** @type {any} */ (data.get("subjects"));
-  if (table.size) parts.append("subjects", await table.text());
+  if (table.size) payload.append("subjects", await table.text());
   refused.replaceChildren();
   bar.hidden = false;
   try {
-    uploaded = await send(parts);
+    uploaded = await upload(payload);
   } finally {
     bar.hidden = true;
   }
-  if (!uploaded.refused.length) return study();
+  if (!uploaded.refused.length) return startStudy();
   refused.append(
     ...uploaded.refused.map(({ filename, message }) => {
       const row = document.createElement("li");
@@ -74,18 +74,18 @@ onSubmit(form, async (data) => {
       return row;
     }),
   );
-  go.hidden = uploaded.studied.length === 0;
+  continueButton.hidden = uploaded.studied.length === 0;
   return `${uploaded.count} uploaded, ${uploaded.refused.length} refused.`;
 });
 
-go.addEventListener("click", async () => {
-  const said = form.querySelector("[data-said]");
-  go.disabled = true;
+continueButton.addEventListener("click", async () => {
+  const status = form.querySelector("[data-said]");
+  continueButton.disabled = true;
   try {
-    said.textContent = await study();
+    status.textContent = await startStudy();
   } catch (error) {
-    said.textContent = error.message;
+    status.textContent = error.message;
   } finally {
-    go.disabled = false;
+    continueButton.disabled = false;
   }
 });

@@ -1,23 +1,23 @@
-// One job, live: server-sent events, which the browser resumes by itself after a lost connection.
-import { call, followJob, headline, showState } from "../shared/api.js";
-import { FOUND, TIMED, bodyOf, openNew } from "../editor/scenario_requests.js";
+// The page of one job: follows its progress, cancels and deletes it, and stores its result as a scenario.
+import { call, followJob, jobHeadline, showJobState } from "../shared/api.js";
+import { CONTACTS_SUFFIX, DURATIONS_SUFFIX, scenarioFields, openAsNewScenario } from "../editor/scenario_store.js";
 
 const card = document.querySelector("[data-live]");
 const cancel = document.querySelector("[data-cancel]");
 const id = card.dataset.live;
 
-if (card.dataset.final !== "true") followJob(id, show).then(finish);
+if (card.dataset.final !== "true") followJob(id, showProgress).then(finish);
 
-// A page that was opened to see the result goes on to it; a failure stays here, with its reason.
+// Opens the result if the page was opened for it; a failed job stays here, with its reason.
 function finish(job) {
   if (job.state === "succeeded" && card.dataset.then) location.replace(card.dataset.then);
   else location.reload();
 }
 
-function show(job) {
+function showProgress(job) {
   const state = card.querySelector("[data-state]");
-  if (!state.classList.contains(`state-${job.state}`)) showState(state, job);
-  card.querySelector("[data-message]").textContent = headline(job);
+  if (!state.classList.contains(`state-${job.state}`)) showJobState(state, job);
+  card.querySelector("[data-message]").textContent = jobHeadline(job);
   card.querySelector("progress").value = job.progress.fraction;
 }
 
@@ -44,14 +44,18 @@ dialog?.querySelector("[data-yes]").addEventListener("click", async () => {
   }
 });
 
-// The contacts that were found, or the durations that were chosen, become a scenario of one's own, in the editor.
+// Stores the planned contacts or the optimised durations as a new scenario and opens it in the editor.
 const keepButton = document.querySelector("[data-keep]");
 keepButton?.addEventListener("click", async () => {
   keepButton.disabled = true;
   try {
-    const found = (await call("GET", `/jobs/${id}/result`)).summary.scenario;
-    if (found) await openNew(found, FOUND);
-    else await openNew(bodyOf(await call("GET", `/jobs/${id}/artifacts/scenario.json`)), TIMED);
+    const scenario = (await call("GET", `/jobs/${id}/result`)).summary.scenario;
+    if (scenario) await openAsNewScenario(scenario, CONTACTS_SUFFIX);
+    else
+      await openAsNewScenario(
+        scenarioFields(await call("GET", `/jobs/${id}/artifacts/scenario.json`)),
+        DURATIONS_SUFFIX,
+      );
   } catch (error) {
     document.querySelector("[data-said-keep]").textContent = error.message;
     keepButton.disabled = false;

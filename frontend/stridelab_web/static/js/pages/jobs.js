@@ -1,7 +1,7 @@
-// Rows of job tables follow their jobs; only rows that can still change are asked for.
-import { FINAL, call, headline, showOutcome, showState } from "../shared/api.js";
+// Updates the rows of job tables by polling the jobs that are not finished.
+import { FINAL_STATES, call, jobHeadline, showJobOutcome, showJobState } from "../shared/api.js";
 
-const EVERY_MS = 1000;
+const POLL_MS = 1000;
 const rows = [...document.querySelectorAll("tr[data-job]")];
 
 for (const row of rows) {
@@ -10,29 +10,29 @@ for (const row of rows) {
     cancel.disabled = true;
     try {
       await call("DELETE", `/jobs/${row.dataset.job}?cancel_only=true`);
-      await refresh(row);
+      await refreshRow(row);
     } catch (error) {
       row.querySelector("[data-message]").textContent = error.message;
     }
   });
 }
 
-async function refresh(row) {
+async function refreshRow(row) {
   const job = await call("GET", `/jobs/${row.dataset.job}`);
   const state = row.querySelector("[data-state]");
-  if (!state.classList.contains(`state-${job.state}`)) showState(state, job);
+  if (!state.classList.contains(`state-${job.state}`)) showJobState(state, job);
   const bar = row.querySelector("progress");
   bar.value = job.progress.fraction;
-  bar.hidden = FINAL.has(job.state);
-  row.querySelector("[data-message]").textContent = headline(job);
-  showOutcome(row.querySelector("[data-outcome]"), job);
-  row.dataset.final = FINAL.has(job.state);
-  row.querySelector("[data-cancel]").hidden = FINAL.has(job.state);
+  bar.hidden = FINAL_STATES.has(job.state);
+  row.querySelector("[data-message]").textContent = jobHeadline(job);
+  showJobOutcome(row.querySelector("[data-outcome]"), job);
+  row.dataset.final = FINAL_STATES.has(job.state);
+  row.querySelector("[data-cancel]").hidden = FINAL_STATES.has(job.state);
 }
 
-async function round() {
+async function pollOpenJobs() {
   const open = rows.filter((row) => row.dataset.final !== "true");
-  if (!document.hidden) await Promise.allSettled(open.map(refresh));
-  if (open.length) setTimeout(round, EVERY_MS);
+  if (!document.hidden) await Promise.allSettled(open.map(refreshRow));
+  if (open.length) setTimeout(pollOpenJobs, POLL_MS);
 }
-round();
+pollOpenJobs();

@@ -1,8 +1,7 @@
-// One figure of stacked curves: one axis below them all, so zoom and cursor are shared by construction.
-/* global Plotly */
-import { colour, onScheme } from "../shared/colours.js";
+// A figure of stacked curves with one time axis, so that zoom and cursor are shared.
+import { colour, onColourScheme } from "../shared/colours.js";
 
-// The names of colours in the style sheet.
+// Line styles by name; colours are those of the style sheet.
 const STYLES = {
   main: { color: "blue", width: 2 },
   second: { color: "orange-mid", width: 1.4, dash: "dash" },
@@ -30,50 +29,50 @@ const STYLES = {
   dashed3: { color: "slate", width: 1.8, dash: "dash" },
   dashed4: { color: "purple", width: 1.8, dash: "dash" },
 };
-const lineOf = (style) => ({ ...STYLES[style], color: colour(STYLES[style].color) });
-const SAMPLE_OF_DASH = { solid: "━━", dash: "╍╍", dot: "┈┈" };
-const ROUND = [-2, -1, 0, 1, 2].flatMap((power) => [1, 2, 5].map((digit) => digit * 10 ** power));
-// On a large screen, where letters are larger, so is the figure. The margins left and right are also those of a strip of
-// intervals beside the curves (`.strip.timed`), whose zero and scale are the same.
-const LARGER = parseFloat(getComputedStyle(document.documentElement).fontSize) / 16;
+const lineStyle = (style) => ({ ...STYLES[style], color: colour(STYLES[style].color) });
+const DASH_SAMPLES = { solid: "━━", dash: "╍╍", dot: "┈┈" };
+const LOG_TICKS = [-2, -1, 0, 1, 2].flatMap((power) => [1, 2, 5].map((digit) => digit * 10 ** power));
+// The figure scales with the font size. Strips of intervals (`.strip.timed`) have the same left and right margins, so that
+// their time axes agree.
+const FONT_SCALE = parseFloat(getComputedStyle(document.documentElement).fontSize) / 16;
 const [ROW_PX, GAP_PX, TOP_PX, BOTTOM_PX, LETTER_PX, SAMPLE_PX, LEFT_PX, RIGHT_PX] = [
   170, 26, 10, 46, 8, 44, 74, 16,
-].map((px) => px * LARGER);
+].map((px) => px * FONT_SCALE);
 
 const box = document.getElementById("plots");
 const cursor = document.getElementById("cursor");
 const readout = document.getElementById("readout");
-const answer = await fetch(box.dataset.plots).catch(() => null);
-if (answer?.ok) draw(await answer.json());
-else box.textContent = "The curves could not be read. Load the page again to ask for them anew.";
+const response = await fetch(box.dataset.plots).catch(() => null);
+if (response?.ok) draw(await response.json());
+else box.textContent = "The curves could not be read. Reload the page to try again.";
 
-function tracesOf(row, columns) {
+function rowTraces(row, columns) {
   return row.traces.flatMap((trace) => {
     const y = columns[trace.key],
       sd = trace.sd && columns[trace.sd];
-    const curve = { name: trace.name, y, line: lineOf(trace.style), key: trace.key, group: trace.group };
+    const curve = { name: trace.name, y, line: lineStyle(trace.style), key: trace.key, group: trace.group };
     if (!sd) return [curve];
-    const edge = (sign) => y.map((v, k) => (v === null || sd[k] === null ? null : v + sign * 1.96 * sd[k]));
+    const bound = (sign) => y.map((v, k) => (v === null || sd[k] === null ? null : v + sign * 1.96 * sd[k]));
     const line = { width: 0, color: colour("blue") };
     return [
-      { y: edge(-1), line, hoverinfo: "skip" },
-      { y: edge(1), line, fill: "tonexty", fillcolor: colour("band-fill"), hoverinfo: "skip" },
+      { y: bound(-1), line, hoverinfo: "skip" },
+      { y: bound(1), line, fill: "tonexty", fillcolor: colour("band-fill"), hoverinfo: "skip" },
       curve,
     ];
   });
 }
 
 function draw(data) {
-  const { traces, layout } = figureOf(data);
+  const { traces, layout } = buildFigure(data);
   Plotly.newPlot(box, traces, layout, { displayModeBar: false, responsive: true, doubleClick: "reset" }).then(() =>
-    link(data.columns[data.x.key], data),
+    linkCursor(data.columns[data.x.key], data),
   );
-  onScheme(() => recolour(data));
+  onColourScheme(() => recolour(data));
 }
 
-// The same figure in the colours of now, with what was zoomed, switched and pointed at.
+// Redraws the figure in the current colours, with its zoom, switches and cursor.
 function recolour(data) {
-  const { traces, layout } = figureOf(data),
+  const { traces, layout } = buildFigure(data),
     shown = box.layout;
   for (const [k, trace] of traces.entries()) trace.visible = box.data[k].visible;
   Object.assign(layout.xaxis, { range: shown.xaxis.range, autorange: shown.xaxis.autorange });
@@ -82,7 +81,7 @@ function recolour(data) {
   Plotly.react(box, traces, layout);
 }
 
-function figureOf(data) {
+function buildFigure(data) {
   const { columns, rows, shades_s, x } = data;
   const t = columns[x.key];
   const height = TOP_PX + BOTTOM_PX + rows.length * ROW_PX;
@@ -98,11 +97,11 @@ function figureOf(data) {
     dragmode: "zoom",
     paper_bgcolor: colour("card"),
     plot_bgcolor: colour("card"),
-    font: { family: "system-ui, DejaVu Sans, sans-serif", size: 12 * LARGER, color: colour("ink") },
+    font: { family: "system-ui, DejaVu Sans, sans-serif", size: 12 * FONT_SCALE, color: colour("ink") },
     xaxis: {
       title: { text: x.title },
       type: x.log ? "log" : "linear",
-      range: rangeOf(x, t[0], t[t.length - 1]),
+      range: axisRange(x, t[0], t[t.length - 1]),
       gridcolor: colour("grid"),
       zeroline: false,
       showspikes: true,
@@ -139,7 +138,7 @@ function figureOf(data) {
       },
     ],
   };
-  if (x.log) Object.assign(layout.xaxis, { tickvals: ROUND, exponentformat: "none" });
+  if (x.log) Object.assign(layout.xaxis, { tickvals: LOG_TICKS, exponentformat: "none" });
   rows.forEach((row, k) => {
     const id = k === 0 ? "" : String(k + 1);
     const top = 1 - (k * ROW_PX) / inner,
@@ -155,7 +154,7 @@ function figureOf(data) {
       exponentformat: "e",
     };
     if (row.log) Object.assign(layout[`yaxis${id}`], { dtick: 2, exponentformat: "none" });
-    for (const trace of tracesOf(row, columns)) {
+    for (const trace of rowTraces(row, columns)) {
       if (row.steps) trace.line = { ...trace.line, shape: "hv" };
       traces.push({
         type: "scatter",
@@ -173,13 +172,13 @@ function figureOf(data) {
   return { traces, layout: { ...layout, annotations } };
 }
 
-// A logarithmic axis is told its ends as exponents.
-function rangeOf(x, from, to) {
+// The range of an axis; plotly takes that of a logarithmic one as exponents.
+function axisRange(x, from, to) {
   return x.log ? [Math.log10(from), Math.log10(to)] : [from, to];
 }
 
-// A box per group of curves, with a sample of its line.
-function addSwitches(switches, read) {
+// Adds a checkbox per group of curves, with a sample of its line.
+function addSwitches(switches, updateReadout) {
   const place = document.querySelector("[data-switches]");
   for (const { key, name, style, shown } of switches) {
     const indices = box.data.flatMap((trace, k) => (trace.group === key ? [k] : []));
@@ -192,21 +191,21 @@ function addSwitches(switches, read) {
     label.append(input, " ", sample, name);
     input.addEventListener("change", () => {
       Plotly.restyle(box, { visible: input.checked }, indices);
-      read();
+      updateReadout();
     });
     if (!shown) Plotly.restyle(box, { visible: false }, indices);
     place.append(label);
   }
 }
 
-// Names of the curves above the right end of their row, each with a sample of its line.
+// Names of the curves above the right end of a row, each with a sample of its line.
 function legend(row, top) {
   let right = 0;
   return row.traces
     .filter((trace) => trace.listed)
     .reverse()
     .map((trace) => {
-      const { color, dash } = lineOf(trace.style);
+      const { color, dash } = lineStyle(trace.style);
       const entry = {
         xref: "paper",
         yref: "paper",
@@ -216,38 +215,38 @@ function legend(row, top) {
         yanchor: "bottom",
         xshift: -right,
         showarrow: false,
-        text: `${SAMPLE_OF_DASH[dash ?? "solid"]} ${trace.name}`,
-        font: { color, size: 13 * LARGER },
+        text: `${DASH_SAMPLES[dash ?? "solid"]} ${trace.name}`,
+        font: { color, size: 13 * FONT_SCALE },
       };
       right += SAMPLE_PX + LETTER_PX * trace.name.length;
       return entry;
     });
 }
 
-function link(t, { columns, readings, shades_s, switches, x }) {
+function linkCursor(t, { columns, readings, shades_s, switches, x }) {
   const line = `shapes[${shades_s.length}]`;
   cursor.max = String(t.length - 1);
   const links = document.querySelectorAll("a[data-viewer]");
   const bases = [...links].map((link) => link.getAttribute("href"));
-  const read = () => {
+  const updateReadout = () => {
     const k = Number(cursor.value);
-    const off = new Set(
+    const hiddenGroups = new Set(
       [...document.querySelectorAll("[data-group]:not(:checked)")].map((input) => input.dataset.group),
     );
-    const shown = readings.filter((reading) => !off.has(reading.group));
+    const shown = readings.filter((reading) => !hiddenGroups.has(reading.group));
     readout.replaceChildren(
-      part(x.name, [t[k]], x.unit, x.digits),
-      ...shown.map((reading) => partOf(reading, columns, k)),
+      readingNode(x.name, [t[k]], x.unit, x.digits),
+      ...shown.map((reading) => channelReading(reading, columns, k)),
     );
   };
   const show = (k) => {
-    const at = t[k];
+    const time = t[k];
     cursor.value = String(k);
-    cursor.setAttribute("aria-valuetext", `${at.toFixed(x.digits)} ${x.unit}`);
-    Plotly.relayout(box, { [`${line}.x0`]: at, [`${line}.x1`]: at });
-    for (const [n, link] of links.entries()) link.setAttribute("href", `${bases[n]}&t=${at.toFixed(3)}`);
-    read();
-    document.dispatchEvent(new CustomEvent("instant", { detail: at }));
+    cursor.setAttribute("aria-valuetext", `${time.toFixed(x.digits)} ${x.unit}`);
+    Plotly.relayout(box, { [`${line}.x0`]: time, [`${line}.x1`]: time });
+    for (const [n, link] of links.entries()) link.setAttribute("href", `${bases[n]}&t=${time.toFixed(3)}`);
+    updateReadout();
+    document.dispatchEvent(new CustomEvent("instant", { detail: time }));
   };
   document.addEventListener("seek", ({ detail }) => {
     const next = t.findIndex((value) => value >= detail);
@@ -255,16 +254,17 @@ function link(t, { columns, readings, shades_s, switches, x }) {
   });
   cursor.addEventListener("input", () => show(Number(cursor.value)));
   box.on("plotly_click", (event) => show(event.points[0].pointIndex ?? event.points[0].pointNumber));
-  const zoom = ([from, to]) => Plotly.relayout(box, { "xaxis.range": rangeOf(x, from, to) });
+  const zoom = ([from, to]) => Plotly.relayout(box, { "xaxis.range": axisRange(x, from, to) });
   const toWindow = document.querySelector("[data-window]");
   if (toWindow && shades_s.length) toWindow.addEventListener("click", () => zoom(shades_s[0]));
   else toWindow?.remove();
   document.querySelector("[data-all]").addEventListener("click", () => zoom([t[0], t[t.length - 1]]));
-  addSwitches(switches, read);
+  addSwitches(switches, updateReadout);
   if (!x.log) {
-    const tell = () => document.dispatchEvent(new CustomEvent("span", { detail: [...box._fullLayout.xaxis.range] }));
-    box.on("plotly_relayout", (change) => Object.keys(change).some((key) => key.startsWith("xaxis")) && tell());
-    tell();
+    const announceSpan = () =>
+      document.dispatchEvent(new CustomEvent("span", { detail: [...box._fullLayout.xaxis.range] }));
+    box.on("plotly_relayout", (change) => Object.keys(change).some((key) => key.startsWith("xaxis")) && announceSpan());
+    announceSpan();
   }
   const [from, to] = shades_s[0] ?? [t[0], t[0]];
   const start = t.findIndex((value) => value >= (from + to) / 2);
@@ -272,7 +272,7 @@ function link(t, { columns, readings, shades_s, switches, x }) {
   box.dataset.ready = "true";
 }
 
-function part(name, values, unit, digits) {
+function readingNode(name, values, unit, digits) {
   const span = document.createElement("span");
   const bold = document.createElement("b");
   const texts = values.map((value) => value?.toFixed(digits).replace(/^-(0\.?0*)$/, "$1") ?? "–");
@@ -281,8 +281,8 @@ function part(name, values, unit, digits) {
   return span;
 }
 
-function partOf({ name, key, unit, digits, sd, more }, columns, k) {
-  const shown = part(
+function channelReading({ name, key, unit, digits, sd, more }, columns, k) {
+  const shown = readingNode(
     name,
     [key, ...more].map((column) => columns[column]?.[k]),
     unit,

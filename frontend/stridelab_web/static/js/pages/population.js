@@ -1,23 +1,22 @@
-// Who walked in which recording, and the button that starts the study of all who are chosen.
+// The form of a population study: recordings are chosen and assigned to subjects and groups.
 import { onSubmit, startJob } from "../shared/api.js";
+import { counted } from "../shared/plurals.js";
 
 const form = document.querySelector("[data-study]");
 const rows = [...form.querySelectorAll("tr[data-recording]")];
 const all = form.querySelector("[data-all]");
-const chosen = () => rows.filter((row) => row.querySelector("[name=chosen]").checked);
+const chosenRows = () => rows.filter((row) => row.querySelector("[name=chosen]").checked);
 
-const counted = (n, one, many) => `${n} ${n === 1 ? one : many}`;
-
-function count() {
-  const found = chosen(),
-    people = new Set(found.map((row) => row.querySelector("[name=subject]").value.trim()));
+function showCount() {
+  const chosen = chosenRows(),
+    subjects = new Set(chosen.map((row) => row.querySelector("[name=subject]").value.trim()));
   form.querySelector("[data-count]").textContent =
-    `${counted(found.length, "recording", "recordings")} of ${counted(people.size, "person", "people")}`;
-  all.checked = found.length === rows.length;
-  all.indeterminate = found.length > 0 && found.length < rows.length;
+    `${counted(chosen.length, "recording")} of ${counted(subjects.size, "person", "people")}`;
+  all.checked = chosen.length === rows.length;
+  all.indeterminate = chosen.length > 0 && chosen.length < rows.length;
 }
 
-function personOf(row, groupOfAll) {
+function subjectEntry(row, groupOfAll) {
   const text = (name) => row.querySelector(`[name=${name}]`).value.trim();
   return {
     recording_id: row.dataset.recording,
@@ -30,19 +29,19 @@ function personOf(row, groupOfAll) {
 if (rows.length) {
   all.addEventListener("change", () => {
     for (const row of rows) row.querySelector("[name=chosen]").checked = all.checked;
-    count();
+    showCount();
   });
-  form.addEventListener("change", (event) => event.target !== all && count());
-  count();
+  form.addEventListener("change", (event) => event.target !== all && showCount());
+  showCount();
   onSubmit(form, async (data) => {
-    const found = chosen();
-    if (!found.length) return "Choose at least one recording.";
+    const chosen = chosenRows();
+    if (!chosen.length) return "Choose at least one recording.";
     const job = await startJob("study-population", {
-      recording_ids: found.map((row) => row.dataset.recording),
+      recording_ids: chosen.map((row) => row.dataset.recording),
       method: data.get("method") || null,
       steps: data.get("steps"),
       pooled: data.has("pooled"),
-      subjects: found.map((row) => personOf(row, data.get("group-of-all").trim())),
+      subjects: chosen.map((row) => subjectEntry(row, data.get("group-of-all").trim())),
     });
     location.assign(`/population/${job.id}`);
     return "Started.";

@@ -1,6 +1,5 @@
-// Figures 4.2 and 4.4: six maps of one effector's density at one scale, and the volumes of its level sets.
-/* global Plotly */
-import { colour, onScheme } from "../shared/colours.js";
+// Figures 4.2 and 4.4: six maps of an effector's density on one scale, and the volumes of its level sets.
+import { colour, onColourScheme } from "../shared/colours.js";
 
 const LEFT_PX = 64,
   RIGHT_PX = 40,
@@ -9,49 +8,49 @@ const LEFT_PX = 64,
   TOP_PX = 30,
   BOTTOM_PX = 46,
   GAP_PX = 62,
-  BETWEEN_PX = 64,
-  HIGHEST_PX = 420,
+  ROW_GAP_PX = 64,
+  MAX_HEIGHT_PX = 420,
   LITRES = 1000;
-// In one hue, away from the colour of the page: told apart with every kind of colour vision, and in print.
-const scale = () => [0, 0.15, 0.4, 0.7, 1].map((share, k) => [share, colour(k ? `depth-${k}` : "card")]);
+// One hue with increasing contrast to the page: readable with colour blindness and in print.
+const colorScale = () => [0, 0.15, 0.4, 0.7, 1].map((share, k) => [share, colour(k ? `depth-${k}` : "card")]);
 
 const box = document.getElementById("maps");
 const choice = document.querySelector("[data-effector-of-maps]");
-const said = document.querySelector("[data-maps-said]");
+const status = document.querySelector("[data-maps-said]");
 const extent = (values) => values.at(-1) - values[0];
 /** @type {any} */
 let shown = null,
-  asked = 0;
+  requestCount = 0;
 
-choice.addEventListener("change", () => show(choice.value));
+choice.addEventListener("change", () => showEffector(choice.value));
 new ResizeObserver(() => shown && draw(shown)).observe(box);
-onScheme(() => shown && draw(shown));
-await show(choice.value);
+onColourScheme(() => shown && draw(shown));
+await showEffector(choice.value);
 for (const option of choice.options)
-  if (option.value !== shown?.effector) read(option.value).then(writeVolumes, () => {});
+  if (option.value !== shown?.effector) readDensity(option.value).then(writeVolumes, () => {});
 
-async function read(effector) {
+async function readDensity(effector) {
   const url = new URL(box.dataset.maps, location.href);
   url.searchParams.set("effector", effector);
-  const answer = await fetch(url, { headers: { Accept: "application/json" } });
-  const found = await answer.json().catch(() => null);
-  if (!answer.ok || !found) throw new Error(found?.detail || "The densities could not be read.");
-  return found;
+  const response = await fetch(url, { headers: { Accept: "application/json" } });
+  const density = await response.json().catch(() => null);
+  if (!response.ok || !density) throw new Error(density?.detail || "The densities could not be read.");
+  return density;
 }
 
-async function show(effector) {
-  const turn = ++asked;
-  said.textContent = "Reading…";
+async function showEffector(effector) {
+  const request = ++requestCount;
+  status.textContent = "Reading…";
   try {
-    const found = await read(effector);
-    if (turn !== asked) return;
-    writeVolumes(found);
-    draw(found);
-    shown = found;
-    said.textContent = "";
+    const density = await readDensity(effector);
+    if (request !== requestCount) return;
+    writeVolumes(density);
+    draw(density);
+    shown = density;
+    status.textContent = "";
     box.dataset.ready = effector;
   } catch (error) {
-    said.textContent = error.message;
+    status.textContent = error.message;
   }
 }
 
@@ -61,20 +60,23 @@ function writeVolumes({ effector, volumes_m3 }) {
     cell.textContent = ((volumes_m3[cell.dataset.volume] ?? NaN) * LITRES).toFixed(0);
 }
 
-// Domains are chosen so that a metre is equally long everywhere.
+// The domains of the axes make a metre equally long in all maps.
 function draw({ components, frame, maps }) {
   const width = box.clientWidth;
   const across = maps.reduce((sum, map) => sum + extent(map.right_m), 0),
     highest = Math.max(...maps.map((map) => extent(map.up_m)));
-  const px = Math.min((width - LEFT_PX - RIGHT_PX - BAR_PX - BAR_GAP_PX - 2 * GAP_PX) / across, HIGHEST_PX / highest);
-  const height = TOP_PX + BOTTOM_PX + BETWEEN_PX + 2 * px * highest;
+  const px = Math.min(
+    (width - LEFT_PX - RIGHT_PX - BAR_PX - BAR_GAP_PX - 2 * GAP_PX) / across,
+    MAX_HEIGHT_PX / highest,
+  );
+  const height = TOP_PX + BOTTOM_PX + ROW_GAP_PX + 2 * px * highest;
   const inner = { width: width - LEFT_PX - RIGHT_PX, height: height - TOP_PX - BOTTOM_PX };
   const zmax = Math.max(
     ...maps.flatMap((map) => [map.kernel_per_m2, map.mixture_per_m2]).map((rows) => Math.max(...rows.flat())),
   );
   const traces = [],
     annotations = [],
-    colorscale = scale();
+    colorscale = colorScale();
   const layout = {
     width,
     height,
@@ -93,7 +95,7 @@ function draw({ components, frame, maps }) {
     ["kernel_per_m2", "mixture_per_m2"].forEach((key, row) => {
       const k = 2 * column + row,
         id = k === 0 ? "" : String(k + 1);
-      const top = inner.height - row * (px * highest + BETWEEN_PX) - (px * highest - tall) / 2;
+      const top = inner.height - row * (px * highest + ROW_GAP_PX) - (px * highest - tall) / 2;
       const axis = {
         showgrid: false,
         zeroline: false,
@@ -160,7 +162,7 @@ function draw({ components, frame, maps }) {
     });
     left += wide + GAP_PX;
   });
-  // plotly's own colour bar writes a style attribute, which our content policy refuses.
+  // A heatmap serves as the colour bar: plotly's own writes a style attribute, which the content policy refuses.
   const steps = Array.from({ length: 101 }, (_, k) => (k * zmax) / 100);
   layout.xaxis7 = { domain: [1 - BAR_PX / inner.width, 1], anchor: "y7", visible: false, fixedrange: true };
   layout.yaxis7 = {

@@ -1,4 +1,4 @@
-// The form that has a scenario walked with a receding horizon: pushes are added and taken away row by row.
+// The form of a receding-horizon plan; each row is a push.
 import { onSubmit, startJob } from "../shared/api.js";
 
 const AXES = ["x", "y", "z"];
@@ -12,7 +12,7 @@ form?.querySelector("[data-add]").addEventListener("click", () => {
   row.querySelector("input").focus();
 });
 
-const number = (row, name) => row.querySelector(`[name=${name}]`).valueAsNumber;
+const inputNumber = (row, name) => row.querySelector(`[name=${name}]`).valueAsNumber;
 
 if (form) {
   onSubmit(form, async () => {
@@ -21,8 +21,8 @@ if (form) {
       horizon_s: form.elements.horizon_s.valueAsNumber,
       period_s: form.elements.period_s.valueAsNumber,
       pushes: [...rows.children].map((row) => ({
-        time_s: number(row, "time_s"),
-        velocity_m_s: AXES.map((axis) => number(row, axis)),
+        time_s: inputNumber(row, "time_s"),
+        velocity_m_s: AXES.map((axis) => inputNumber(row, axis)),
       })),
     });
     location.assign(`/jobs/${job.id}`);

@@ -1,32 +1,32 @@
-// The forms of a recording's page: each sends only what it shows.
+// The forms of the page of a recording; each sends only its own fields.
 import { call, onSubmit, startJob } from "../shared/api.js";
 
 const root = document.querySelector("[data-recording]");
-// Said once: a reload, or a link that is kept, is about the recording alone.
+// Removes the notice's query from the address, so that a reload does not repeat the notice.
 if (document.querySelector("[data-known]")) history.replaceState(null, "", location.pathname);
 const id = root.dataset.recording;
 const find = (selector) => root.querySelector(selector);
-// As the page came, whatever a browser has filled in since.
-const givenIn = (field) =>
+// The value of a field as the page was loaded, without what the browser restored.
+const initialValue = (field) =>
   field.defaultValue ?? [...field.options].find((option) => option.defaultSelected)?.value ?? "";
-const number = (text) => (text === "" || text == null ? null : Number(text));
+const parseNumber = (text) => (text === "" || text == null ? null : Number(text));
 
-// Saving may change what the windows and warnings are, so the page is asked for anew and says that it was saved.
+// Saves a change and reloads the page: windows and warnings may depend on it.
 async function save(patch) {
   await call("PATCH", `/recordings/${id}`, patch);
   location.reload();
   return "Saved.";
 }
 
-// Only what was changed is sent: the rest goes on following the person, or the file.
+// Sends only changed fields: the others keep following the subject or the file.
 onSubmit(find("[data-subject]"), () => {
   const changed = [...find("[data-subject]").querySelectorAll("input, select")].filter(
-    (field) => field.value !== givenIn(field),
+    (field) => field.value !== initialValue(field),
   );
   if (!changed.length) return "Nothing was changed.";
   return save({
     subject: Object.fromEntries(
-      changed.map(({ name, value, type }) => [name, type === "number" ? number(value) : value || null]),
+      changed.map(({ name, value, type }) => [name, type === "number" ? parseNumber(value) : value || null]),
     ),
   });
 });
@@ -44,7 +44,7 @@ if (find("[data-plates]")) {
     for (const row of root.querySelectorAll("[data-plate]")) {
       plates[row.dataset.plate] = {
         use: row.querySelector("[name=use]").checked,
-        threshold_n: number(row.querySelector("[name=threshold_n]").value),
+        threshold_n: parseNumber(row.querySelector("[name=threshold_n]").value),
       };
     }
     return save({ plates });
@@ -56,78 +56,78 @@ onSubmit(find("[data-markers]"), (data) =>
 );
 
 const estimate = find("[data-estimate]");
-// What a method does not use is neither shown nor sent.
-const offer = (selector, used) => {
+// Hides and disables the fields that a method does not use.
+const enableFields = (selector, used) => {
   for (const label of estimate.querySelectorAll(selector)) {
     label.hidden = !used;
     for (const field of label.querySelectorAll("input, select")) field.disabled = !used;
   }
 };
-// What is known to fail is not started: the buttons say why. "" is the best available method.
-const refused = JSON.parse(estimate.dataset.refused),
-  why = find("[data-why]");
-const refuse = (button, method) => {
-  button.disabled = method in refused;
-  if (button.disabled) button.setAttribute("aria-describedby", why.id);
+// Disables the buttons of jobs that would fail, with the reason, by method; "" is the best available method.
+const refusals = JSON.parse(estimate.dataset.refused),
+  refusalText = find("[data-why]");
+const setRefusal = (button, method) => {
+  button.disabled = method in refusals;
+  if (button.disabled) button.setAttribute("aria-describedby", refusalText.id);
   else button.removeAttribute("aria-describedby");
 };
-const followRefusals = (method) => {
-  refuse(estimate.querySelector("button.primary"), method);
-  refuse(find("[data-wheel]"), method);
-  refuse(find("[data-compare]"), "");
-  why.textContent = refused[method] ?? refused[""] ?? "";
-  why.hidden = !why.textContent;
+const showRefusals = (method) => {
+  setRefusal(estimate.querySelector("button.primary"), method);
+  setRefusal(find("[data-wheel]"), method);
+  setRefusal(find("[data-compare]"), "");
+  refusalText.textContent = refusals[method] ?? refusals[""] ?? "";
+  refusalText.hidden = !refusalText.textContent;
 };
 const FILTERS = new Set(["", "complementary", "kalman", "rts"]);
-const follow = () => {
+const updateForm = () => {
   const method = estimate.method.value,
-    chosen = FILTERS.has(method) ? estimate.cutoffs.value : "auto";
-  offer("[data-latency]", estimate.latency.value === "number");
-  followRefusals(method);
-  offer("[data-of-filters]", FILTERS.has(method));
-  offer("[data-cutoffs]", chosen === "numbers");
-  offer("[data-of-smoother]", method === "smoother" || (method === "" && chosen === "auto"));
+    cutoffs = FILTERS.has(method) ? estimate.cutoffs.value : "auto";
+  enableFields("[data-latency]", estimate.latency.value === "number");
+  showRefusals(method);
+  enableFields("[data-of-filters]", FILTERS.has(method));
+  enableFields("[data-cutoffs]", cutoffs === "numbers");
+  enableFields("[data-of-smoother]", method === "smoother" || (method === "" && cutoffs === "auto"));
 };
-estimate.addEventListener("change", follow);
-follow();
-const smootherOf = (data) => {
-  const plate_force_n = number(data.get("plate_force_n")),
+estimate.addEventListener("change", updateForm);
+updateForm();
+const smootherOptions = (data) => {
+  const plate_force_n = parseNumber(data.get("plate_force_n")),
     segment_momentum = data.get("momentum") === "segments";
   return plate_force_n === null && !segment_momentum ? null : { priors: { plate_force_n }, segment_momentum };
 };
-const inputOf = (data) => ({
+const jobInput = (data) => ({
   recording_id: id,
   method: data.get("method") || null,
   latency: data.get("latency") === "number" ? Number(data.get("latency_ms")) / 1000 : data.get("latency"),
   segment_table: data.get("segment_table"),
   cutoffs:
     data.get("cutoffs") === "numbers"
-      ? [number(data.get("low_hz")), number(data.get("high_hz"))]
+      ? [parseNumber(data.get("low_hz")), parseNumber(data.get("high_hz"))]
       : data.get("cutoffs") || "auto",
-  smoother: smootherOf(data),
+  smoother: smootherOptions(data),
 });
-const start = async (kind, input) => {
+const startAndOpen = async (kind, input) => {
   const job = await startJob(kind, input);
   location.assign(`/jobs/${job.id}`);
   return "Started.";
 };
-onSubmit(estimate, (data) => start("estimate-com", inputOf(data)));
-const onPress = (selector, kind, chosen) =>
+onSubmit(estimate, (data) => startAndOpen("estimate-com", jobInput(data)));
+const startOnClick = (selector, kind, adapt) =>
   find(selector).addEventListener("click", async (event) => {
-    const said = estimate.querySelector("[data-said]"),
+    const status = estimate.querySelector("[data-said]"),
       button = event.currentTarget;
     button.disabled = true;
     try {
-      said.textContent = await start(kind, chosen(inputOf(new FormData(estimate))));
+      status.textContent = await startAndOpen(kind, adapt(jobInput(new FormData(estimate))));
     } catch (error) {
-      said.textContent = error.message;
+      status.textContent = error.message;
     } finally {
       button.disabled = false;
-      followRefusals(estimate.method.value);
+      showRefusals(estimate.method.value);
     }
   });
-onPress("[data-compare]", "compare-estimators", (input) => ({ ...input, method: null }));
-onPress("[data-wheel]", "fit-cycloid", (input) => input);
+startOnClick("[data-compare]", "compare-estimators", (input) => ({ ...input, method: null }));
+startOnClick("[data-wheel]", "fit-cycloid", (input) => input);
 
 const dialog = find("[data-confirm]");
 find("[data-no]").addEventListener("click", () => dialog.close());

@@ -1,38 +1,40 @@
-// The list of recordings, read anew after an upload; what was ticked in it and what has the focus stays so.
-import { localise } from "../shared/local_times.js";
-import { watchRegions } from "../shared/scroll_regions.js";
+// Reloads the list of recordings after an upload; checked boxes and the focus are preserved.
+import { localiseTimes } from "../shared/local_times.js";
+import { watchScrollRegions } from "../shared/scroll_regions.js";
 
 /** @type {Promise<void> | null} */
-let reading = null,
-  again = false;
+let pending = null,
+  isOutdated = false;
 
-// Called while the list is being read, it reads it once more: the answer may be older than the upload.
+// Called during a reload, it reloads once more, because the response may be older than the upload.
 export async function refreshRecordings() {
-  again = true;
-  reading ??= readAll().finally(() => (reading = null));
-  await reading;
+  isOutdated = true;
+  pending ??= fetchList().finally(() => {
+    pending = null;
+  });
+  await pending;
 }
 
-async function readAll() {
-  while (again) {
-    again = false;
-    const answer = await fetch(location.href, { headers: { Accept: "text/html" } }).catch(() => null);
-    if (answer?.ok) replace(new DOMParser().parseFromString(await answer.text(), "text/html"));
+async function fetchList() {
+  while (isOutdated) {
+    isOutdated = false;
+    const response = await fetch(location.href, { headers: { Accept: "text/html" } }).catch(() => null);
+    if (response?.ok) replaceList(new DOMParser().parseFromString(await response.text(), "text/html"));
   }
 }
 
-function replace(page) {
+function replaceList(page) {
   const list = document.querySelector("[data-recordings]"),
     fresh = page.querySelector("[data-recordings]");
   if (!list || !fresh) return;
-  const ticked = new Set([...list.querySelectorAll("input:checked")].map((box) => box.value));
+  const checked = new Set([...list.querySelectorAll("input:checked")].map((box) => box.value));
   const focused = /** @type {PageElement | null} */ (
     list.contains(document.activeElement) ? document.activeElement : null
   );
   list.replaceChildren(...fresh.childNodes);
-  for (const box of list.querySelectorAll("input[type=checkbox]")) box.checked = ticked.has(box.value);
-  const same = (node) => (focused?.value ? node.value === focused.value : node.href === focused?.href);
-  if (focused) [...list.querySelectorAll(focused.tagName)].find(same)?.focus();
-  localise(list);
-  watchRegions();
+  for (const box of list.querySelectorAll("input[type=checkbox]")) box.checked = checked.has(box.value);
+  const isSame = (node) => (focused?.value ? node.value === focused.value : node.href === focused?.href);
+  if (focused) [...list.querySelectorAll(focused.tagName)].find(isSame)?.focus();
+  localiseTimes(list);
+  watchScrollRegions();
 }

@@ -1,43 +1,44 @@
-// Starts computations: of one item, or of all that have none yet; says when a result came in that is not on the page.
+// Starts the reproduction of one item, or of all without a result, and reports new results that the page does not show yet.
 import { onSubmit, startJob } from "../shared/api.js";
 
-const EVERY_MS = 1000;
+const POLL_MS = 1000;
 const form = document.querySelector("[data-reproduce]");
-const said = form.querySelector("[data-said]");
+const status = form.querySelector("[data-said]");
 
-function asked(item) {
+function startItem(item) {
   const seeds = form.elements.seeds.value;
   return startJob("reproduce", { item, seeds: seeds ? Number(seeds) : null });
 }
 
 onSubmit(form, async (data) => {
-  const job = await asked(data.get("item"));
+  const job = await startItem(data.get("item"));
   location.assign(`/jobs/${job.id}`);
   return "Started.";
 });
 
-// One after the other: where the queue is full, what was taken goes on, and the rest can be asked for later.
-async function start(button, items) {
+// Starts items one after the other; if the queue is full, those started so far continue.
+async function startItems(button, items) {
   button.disabled = true;
-  let taken = 0;
+  let started = 0;
   try {
     for (const item of items) {
-      said.textContent = `asking for ${taken + 1} of ${items.length} …`;
-      await asked(item);
-      taken += 1;
+      status.textContent = `starting ${started + 1} of ${items.length} …`;
+      await startItem(item);
+      started += 1;
     }
     location.reload();
   } catch (error) {
-    said.textContent = items.length > 1 ? `${taken} of ${items.length} are asked for. ${error.message}` : error.message;
+    status.textContent =
+      items.length > 1 ? `${started} of ${items.length} were started. ${error.message}` : error.message;
     button.disabled = false;
   }
 }
 
 for (const button of document.querySelectorAll("[data-compute]")) {
-  button.addEventListener("click", () => start(button, [button.dataset.compute]));
+  button.addEventListener("click", () => startItems(button, [button.dataset.compute]));
 }
 const all = form.querySelector("[data-missing]");
-if (all) all.addEventListener("click", () => start(all, all.dataset.missing.split(" ")));
+if (all) all.addEventListener("click", () => startItems(all, all.dataset.missing.split(" ")));
 
 const unfold = document.querySelector("[data-unfold]");
 if (unfold) {
@@ -51,12 +52,12 @@ if (unfold) {
 const linked = location.hash && document.getElementById(location.hash.slice(1));
 if (linked instanceof HTMLDetailsElement) linked.open = true;
 
-// jobs.js follows the rows; whatever was open and is over may have a result.
-const fresh = document.querySelector("[data-fresh]");
+// jobs.js updates the rows; a job that has finished meanwhile may have a result.
+const notice = document.querySelector("[data-fresh]");
 const open = [...document.querySelectorAll('tr[data-job][data-final="false"]')];
-function look() {
-  const over = open.filter((row) => row.dataset.final === "true").length;
-  if (over) fresh.hidden = false;
-  if (over < open.length) setTimeout(look, EVERY_MS);
+function pollOpenJobs() {
+  const finished = open.filter((row) => row.dataset.final === "true").length;
+  if (finished) notice.hidden = false;
+  if (finished < open.length) setTimeout(pollOpenJobs, POLL_MS);
 }
-if (fresh && open.length) look();
+if (notice && open.length) pollOpenJobs();

@@ -1,9 +1,9 @@
-// Robots: what is known only of a robot that is loaded is asked for card by card; learning its reach anew.
+// Robot pages: fills each card with the data of its robot, which the service has to load, and starts learning its reach.
 import { call, onSubmit, startJob } from "../shared/api.js";
 
-for (const card of document.querySelectorAll('[data-robot][data-available="true"]')) fill(card);
+for (const card of document.querySelectorAll('[data-robot][data-available="true"]')) fillCard(card);
 
-async function fill(card) {
+async function fillCard(card) {
   const write = (name, text) => {
     card.querySelector(`[data-${name}]`).textContent = text;
   };

@@ -1,6 +1,6 @@
 // Scenario pages: plan, import, copy, delete.
 import { call, onSubmit, startJob } from "../shared/api.js";
-import { startPlan } from "../editor/motion_planning.js";
+import { startPlan } from "../editor/planning_jobs.js";
 
 for (const form of document.querySelectorAll("form[data-plan]")) {
   const whole = form.elements.whole_body,
@@ -35,48 +35,51 @@ for (const form of document.querySelectorAll("form[data-sweep]")) {
   });
 }
 
-const given = document.querySelector("form[data-import]");
-given?.elements.file.addEventListener("change", async () => {
-  const [file] = given.elements.file.files;
-  const said = given.querySelector("[data-said]");
+const importForm = document.querySelector("form[data-import]");
+importForm?.elements.file.addEventListener("change", async () => {
+  const [file] = importForm.elements.file.files;
+  const status = importForm.querySelector("[data-said]");
   if (!file) return;
-  said.textContent = "…";
+  status.textContent = "…";
   try {
-    location.assign(`/scenarios/${(await call("POST", "/scenarios", await read(file))).id}`);
+    location.assign(`/scenarios/${(await call("POST", "/scenarios", await readScenario(file))).id}`);
   } catch (error) {
-    said.textContent = `${file.name}: ${error.message}`;
+    status.textContent = `${file.name}: ${error.message}`;
   }
-  given.reset();
+  importForm.reset();
 });
 
-// What the service itself adds to a scenario that is downloaded does not belong to it.
-const ADDED = ["id", "created_at", "bundled", "owner"];
+// Fields that the service adds to a downloaded scenario.
+const SERVICE_FIELDS = ["id", "created_at", "bundled", "owner"];
 
-async function read(file) {
+async function readScenario(file) {
   let body;
   try {
     body = JSON.parse(await file.text());
   } catch {
     throw new Error("this is not JSON");
   }
-  return bare(body);
+  return withoutServiceFields(body);
 }
 
-function bare(body) {
+function withoutServiceFields(body) {
   if (body === null || typeof body !== "object" || Array.isArray(body)) throw new Error("this is not a scenario");
-  return Object.fromEntries(Object.entries(body).filter(([key]) => !ADDED.includes(key)));
+  return Object.fromEntries(Object.entries(body).filter(([key]) => !SERVICE_FIELDS.includes(key)));
 }
 
-const said = document.querySelector("[data-said-copy]");
+const status = document.querySelector("[data-said-copy]");
 const copyButton = document.querySelector("[data-copy]");
 copyButton?.addEventListener("click", async () => {
   copyButton.disabled = true;
   try {
     const original = await call("GET", `/scenarios/${copyButton.dataset.copy}`);
-    const copy = await call("POST", "/scenarios", { ...bare(original), name: `${original.name} (copy)`.slice(0, 120) });
+    const copy = await call("POST", "/scenarios", {
+      ...withoutServiceFields(original),
+      name: `${original.name} (copy)`.slice(0, 120),
+    });
     location.assign(`/scenarios/${copy.id}`);
   } catch (error) {
-    said.textContent = error.message;
+    status.textContent = error.message;
     copyButton.disabled = false;
   }
 });
@@ -88,6 +91,6 @@ deleteButton?.addEventListener("click", async () => {
     await call("DELETE", `/scenarios/${deleteButton.dataset.delete}`);
     location.assign("/scenarios");
   } catch (error) {
-    said.textContent = error.message;
+    status.textContent = error.message;
   }
 });

@@ -1,29 +1,29 @@
-// Subjects: add one, change one, say which recordings are of that person, delete one.
+// Subject pages: add, change and delete a subject, and assign recordings to it.
 import { call, onSubmit } from "../shared/api.js";
 
-const number = (text) => (text === "" ? null : Number(text));
-const fieldsOf = (data) => ({
+const parseNumber = (text) => (text === "" ? null : Number(text));
+const subjectFields = (data) => ({
   name: data.get("name").trim() || null,
   sex: data.get("sex") || null,
-  height_m: number(data.get("height_m")),
-  mass_kg: number(data.get("mass_kg")),
-  age_years: number(data.get("age_years")),
+  height_m: parseNumber(data.get("height_m")),
+  mass_kg: parseNumber(data.get("mass_kg")),
+  age_years: parseNumber(data.get("age_years")),
 });
 
-const adding = document.querySelector("form[data-add]");
-if (adding) {
-  onSubmit(adding, async (data) => {
-    location.assign(`/subjects/${(await call("POST", "/subjects", fieldsOf(data))).subject_id}`);
+const addForm = document.querySelector("form[data-add]");
+if (addForm) {
+  onSubmit(addForm, async (data) => {
+    location.assign(`/subjects/${(await call("POST", "/subjects", subjectFields(data))).subject_id}`);
     return "Added.";
   });
 }
 
-const one = document.querySelector("div[data-subject]");
-if (one) {
-  const id = one.dataset.subject,
-    find = (selector) => one.querySelector(selector);
+const subjectPage = document.querySelector("div[data-subject]");
+if (subjectPage) {
+  const id = subjectPage.dataset.subject,
+    find = (selector) => subjectPage.querySelector(selector);
   onSubmit(find("[data-change]"), async (data) => {
-    await call("PATCH", `/subjects/${id}`, fieldsOf(data));
+    await call("PATCH", `/subjects/${id}`, subjectFields(data));
     location.reload();
     return "Saved.";
   });
@@ -37,17 +37,17 @@ if (one) {
   }
 
   find("[data-unlink]")?.addEventListener("click", async () => {
-    const chosen = [...one.querySelectorAll("[name=recording]:checked")].map((box) => box.value);
-    const said = find("[data-said-unlink]");
-    if (!chosen.length) {
-      said.textContent = "Choose recordings first.";
+    const recordings = [...subjectPage.querySelectorAll("[name=recording]:checked")].map((box) => box.value);
+    const status = find("[data-said-unlink]");
+    if (!recordings.length) {
+      status.textContent = "Choose recordings first.";
       return;
     }
     try {
-      for (const recording of chosen) await call("PATCH", `/recordings/${recording}`, { subject_id: null });
+      for (const recording of recordings) await call("PATCH", `/recordings/${recording}`, { subject_id: null });
       location.reload();
     } catch (error) {
-      said.textContent = error.message;
+      status.textContent = error.message;
     }
   });
 

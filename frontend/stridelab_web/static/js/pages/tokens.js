@@ -1,6 +1,6 @@
-// Tokens, for admins: listed, made, revoked. A secret is shown once, and kept nowhere.
+// The tokens of the service, for admins: list, create, revoke. A secret is shown once and not stored.
 import { call, onSubmit } from "../shared/api.js";
-import { local } from "../shared/local_times.js";
+import { localTime } from "../shared/local_times.js";
 
 const card = document.querySelector("[data-tokens]"),
   find = (selector) => card.querySelector(selector);
@@ -9,34 +9,34 @@ const state = find("[data-state]"),
 
 /** @returns {any} */
 function cell(text, tag = "td") {
-  const made = document.createElement(tag);
-  made.textContent = text;
-  return made;
+  const node = document.createElement(tag);
+  node.textContent = text;
+  return node;
 }
 
-function until(token) {
-  if (token.revoked_at) return `revoked ${local(token.revoked_at)}`;
+function expiryText(token) {
+  if (token.revoked_at) return `revoked ${localTime(token.revoked_at)}`;
   if (!token.expires_at) return "it is revoked";
-  return `${local(token.expires_at)}${new Date(token.expires_at) < new Date() ? " (over)" : ""}`;
+  return `${localTime(token.expires_at)}${new Date(token.expires_at) < new Date() ? " (over)" : ""}`;
 }
 
-function rowOf(token) {
+function createRow(token) {
   const row = document.createElement("tr"),
     name = cell(token.name, "th"),
-    last = cell("");
+    actions = cell("");
   name.scope = "row";
   row.dataset.token = token.name;
   if (!token.revoked_at) {
     const button = cell("Revoke", "button");
     button.setAttribute("aria-label", `Revoke the token of ${token.name}`);
     button.addEventListener("click", () => revoke(button, token));
-    last.append(button);
+    actions.append(button);
   }
-  row.append(name, cell(token.scope), cell(local(token.created_at)), cell(until(token)), last);
+  row.append(name, cell(token.scope), cell(localTime(token.created_at)), cell(expiryText(token)), actions);
   return row;
 }
 
-// Asked twice, by the button itself: whoever uses the token is locked out at once.
+// The first click asks for confirmation: the token stops working at once.
 async function revoke(button, token) {
   if (!button.dataset.asked) {
     button.dataset.asked = "yes";
@@ -46,39 +46,41 @@ async function revoke(button, token) {
   }
   try {
     await call("DELETE", `/tokens/${token.id}`);
-    await list();
+    await refresh();
   } catch (error) {
-    say(error.message);
+    setStatus(error.message);
   }
 }
 
-function say(text) {
+function setStatus(text) {
   state.textContent = text;
   state.hidden = !text;
 }
 
-async function list() {
+async function refresh() {
   try {
     const { items } = await call("GET", "/tokens?limit=200");
-    rows.replaceChildren(...items.map(rowOf));
+    rows.replaceChildren(...items.map(createRow));
     find("[data-admin]").hidden = false;
-    say(items.length ? "" : "None yet: everybody would use the admin’s.");
+    setStatus(items.length ? "" : "No tokens yet: all users would share the admin’s.");
   } catch (error) {
-    say(error.message);
+    setStatus(error.message);
   }
 }
 
 onSubmit(find("[data-make]"), async (data) => {
   const days = data.get("days");
-  const wanted = { name: data.get("name"), scope: data.get("scope"), days: days ? Number(days) : null };
-  const made = await call("POST", "/tokens", wanted);
-  find("[data-name]").textContent = made.name;
-  find("[data-secret]").textContent = made.secret;
+  const request = { name: data.get("name"), scope: data.get("scope"), days: days ? Number(days) : null };
+  const created = await call("POST", "/tokens", request);
+  find("[data-name]").textContent = created.name;
+  find("[data-secret]").textContent = created.secret;
   find("[data-new]").hidden = false;
-  await list();
-  return "Made. Copy it now.";
+  await refresh();
+  return "Created. Copy it now.";
 });
 
 call("GET", "/caller")
-  .then(({ scope }) => (scope === "admin" ? list() : say("Your token does not manage others; an admin’s does.")))
-  .catch((error) => say(error.message));
+  .then(({ scope }) =>
+    scope === "admin" ? refresh() : setStatus("Your token does not manage others; an admin’s does."),
+  )
+  .catch((error) => setStatus(error.message));

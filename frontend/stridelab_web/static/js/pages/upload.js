@@ -1,22 +1,22 @@
-// Drag, drop or choose many files; two at a time go up, each with its own bar, a way to stop it and, where refused, its
-// own sentence, which stays until it is dismissed.
-import { answerOf, sentence } from "../shared/api.js";
+// Uploads files that are dropped or chosen, two at a time, each with a progress bar and a Cancel button. The reason of a
+// refused file stays until it is dismissed.
+import { responseJson, problemSentence } from "../shared/api.js";
 import { counted } from "../shared/plurals.js";
 import { refreshRecordings } from "./recordings_list.js";
-import { local } from "../shared/local_times.js";
+import { localTime } from "../shared/local_times.js";
 
-const AT_ONCE = 2;
-const KEPT = "stridelab-refused-uploads"; // in this tab, also after a reload
+const MAX_PARALLEL = 2;
+const STORAGE_KEY = "stridelab-refused-uploads"; // of this tab, survives a reload
 const zone = document.querySelector("[data-upload]");
 const picker = zone.querySelector("input[type=file]");
 const list = zone.querySelector("[data-uploads]");
 const waiting = [];
 let running = 0;
 
-for (const { name, text } of refusals()) refuse(newRow(name), name, text);
+for (const { name, text } of readRefusals()) showRefusal(createRow(name), name, text);
 
 picker.addEventListener("change", () => {
-  add(picker.files);
+  addFiles(picker.files);
   picker.value = "";
 });
 for (const name of ["dragenter", "dragover"]) {
@@ -31,15 +31,15 @@ zone.addEventListener("dragleave", (event) => {
 zone.addEventListener("drop", (event) => {
   event.preventDefault();
   zone.classList.remove("over");
-  add(event.dataTransfer?.files ?? []);
+  addFiles(event.dataTransfer?.files ?? []);
 });
 
-function add(files) {
+function addFiles(files) {
   const single = files.length === 1 && waiting.length + running === 0;
   for (const file of files) {
-    enqueue({ file, row: newRow(file.name), single, reuse: true });
+    enqueue({ file, row: createRow(file.name), single, reuse: true });
   }
-  next();
+  startNext();
 }
 
 function enqueue(upload) {
@@ -47,7 +47,7 @@ function enqueue(upload) {
   waiting.push(upload);
 }
 
-function newRow(filename) {
+function createRow(filename) {
   const row = document.createElement("li");
   const line = document.createElement("div");
   line.className = "file";
@@ -71,11 +71,11 @@ function newRow(filename) {
   return { row, state, bar, stop };
 }
 
-// What has not gone up whole leaves nothing behind; once it has, the service decides, and there is nothing to cancel.
+// Cancels an upload that is waiting or in progress; once it is complete, the service processes it.
 function cancel(upload) {
   const { row } = upload,
-    place = waiting.indexOf(upload);
-  if (place >= 0) waiting.splice(place, 1);
+    index = waiting.indexOf(upload);
+  if (index >= 0) waiting.splice(index, 1);
   upload.request?.abort();
   row.stop.remove();
   row.bar.hidden = true;
@@ -83,20 +83,20 @@ function cancel(upload) {
   row.state.setAttribute("role", "status");
 }
 
-function next() {
-  while (running < AT_ONCE && waiting.length) {
+function startNext() {
+  while (running < MAX_PARALLEL && waiting.length) {
     running += 1;
-    send(waiting.shift()).finally(() => {
+    sendFile(waiting.shift()).finally(() => {
       running -= 1;
-      next();
+      startNext();
     });
   }
 }
 
-function send(upload) {
+function sendFile(upload) {
   const { file, row, reuse } = upload;
   return /** @type {Promise<void>} */ (
-    new Promise((done) => {
+    new Promise((resolve) => {
       const form = new FormData();
       form.append("file", file);
       const request = new XMLHttpRequest();
@@ -109,25 +109,25 @@ function send(upload) {
           event.loaded < event.total ? `${Math.round((100 * event.loaded) / event.total)} %` : "checking the file…";
       });
       request.upload.addEventListener("load", () => row.stop.remove());
-      request.addEventListener("abort", () => done());
+      request.addEventListener("abort", () => resolve());
       request.addEventListener("load", () => {
-        const answer = answerOf(request);
-        const stored = request.status === 201 && answer;
-        if (stored && request.getResponseHeader("Stridelab-Reused")) known(upload, answer);
-        else if (stored) accepted(upload, answer);
-        else refused(upload, sentence(request.status, answer));
-        done();
+        const response = responseJson(request);
+        const stored = request.status === 201 && response;
+        if (stored && request.getResponseHeader("Stridelab-Reused")) onKnownFile(upload, response);
+        else if (stored) onStored(upload, response);
+        else onRefused(upload, problemSentence(request.status, response));
+        resolve();
       });
       request.addEventListener("error", () => {
-        refused(upload, sentence(0, null));
-        done();
+        onRefused(upload, problemSentence(0, null));
+        resolve();
       });
       request.send(form);
     })
   );
 }
 
-function accepted({ row, single }, recording) {
+function onStored({ row, single }, recording) {
   row.bar.value = 1;
   const remarks = recording.warnings.length;
   row.state.replaceChildren(linkTo(recording, remarks ? `open (${counted(remarks, "remark")})` : "open"));
@@ -135,22 +135,22 @@ function accepted({ row, single }, recording) {
   else refreshRecordings();
 }
 
-// The same bytes were uploaded before: that recording is opened, and a second one is made only where that is asked for.
-function known(upload, recording) {
+// The same bytes were uploaded before: offers that recording, or a second one on request.
+function onKnownFile(upload, recording) {
   const { row, file, single } = upload;
   if (single) return void location.assign(`/recordings/${recording.id}?known`);
   row.bar.hidden = true;
-  const again = smallButton("Upload as a second recording", `Upload ${file.name} as a second recording`);
-  again.addEventListener("click", () => {
+  const uploadAgain = smallButton("Upload as a second recording", `Upload ${file.name} as a second recording`);
+  uploadAgain.addEventListener("click", () => {
     row.row.remove();
-    enqueue({ file, row: newRow(file.name), single: false, reuse: false });
-    next();
+    enqueue({ file, row: createRow(file.name), single: false, reuse: false });
+    startNext();
   });
   row.state.replaceChildren(
-    `already uploaded on ${local(recording.created_at)}: `,
+    `already uploaded on ${localTime(recording.created_at)}: `,
     linkTo(recording, "open"),
     " ",
-    again,
+    uploadAgain,
   );
 }
 
@@ -170,43 +170,43 @@ function smallButton(text, label) {
   return button;
 }
 
-function refused({ row, file }, text) {
-  keep([...refusals(), { name: file.name, text }]);
-  refuse(row, file.name, text);
+function onRefused({ row, file }, text) {
+  storeRefusals([...readRefusals(), { name: file.name, text }]);
+  showRefusal(row, file.name, text);
 }
 
-function refuse(row, name, text) {
+function showRefusal(row, name, text) {
   row.stop.remove();
   row.bar.hidden = true;
   row.state.textContent = "refused";
-  const why = document.createElement("p");
-  why.className = "wrong";
-  why.setAttribute("role", "alert");
-  why.textContent = text;
+  const problem = document.createElement("p");
+  problem.className = "wrong";
+  problem.setAttribute("role", "alert");
+  problem.textContent = text;
   const dismiss = smallButton("Dismiss", `Dismiss the refusal of ${name}`);
   dismiss.addEventListener("click", () => {
-    const left = refusals(),
-      place = left.findIndex((one) => one.name === name && one.text === text);
-    if (place >= 0) left.splice(place, 1);
-    keep(left);
+    const remaining = readRefusals(),
+      index = remaining.findIndex((one) => one.name === name && one.text === text);
+    if (index >= 0) remaining.splice(index, 1);
+    storeRefusals(remaining);
     row.row.remove();
   });
   row.state.after(dismiss);
-  row.row.append(why);
+  row.row.append(problem);
 }
 
-function refusals() {
+function readRefusals() {
   try {
-    return JSON.parse(sessionStorage.getItem(KEPT) ?? "[]");
+    return JSON.parse(sessionStorage.getItem(STORAGE_KEY) ?? "[]");
   } catch {
-    return []; // a browser that keeps nothing, or something else of this name
+    return []; // storage is disabled, or holds something else
   }
 }
 
-function keep(list) {
+function storeRefusals(list) {
   try {
-    sessionStorage.setItem(KEPT, JSON.stringify(list));
+    sessionStorage.setItem(STORAGE_KEY, JSON.stringify(list));
   } catch {
-    // they stay on this page alone
+    // storage is disabled: they are shown until the page is left
   }
 }

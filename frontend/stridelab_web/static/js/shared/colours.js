@@ -1,6 +1,8 @@
-// The colours of the style sheet (css/colours.css) for what scripts draw, and a call when the room becomes dark or light.
+// Colours of the style sheet (css/colours.css) for scripts that draw, and a callback when the colour scheme changes.
+/** @param {string} name */
 export const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
 
-export function onScheme(redraw) {
+/** @param {() => void} redraw */
+export function onColourScheme(redraw) {
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", redraw);
 }

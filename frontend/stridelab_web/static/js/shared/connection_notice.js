@@ -1,59 +1,60 @@
-// Where the service does not answer: one calm sentence on the page, asked again until it does, then gone by itself.
-const AGAIN_MS = 3000,
-  SAID_MS = 5000;
-const LOST = "The service does not answer. What you see here stays; it is asked again every few seconds.";
-const BACK = "The service answers again.";
+// A notice on the page while the service does not answer; it is asked again every few seconds, then the notice disappears.
+const RETRY_MS = 3000,
+  SHOWN_MS = 5000;
+const LOST = "The service does not answer. The page keeps what it shows and retries every few seconds.";
+const RESTORED = "The service answers again.";
 /** @type {any} */
 let notice = null,
-  later = 0;
+  timer = 0;
 
-// To be called when something failed: asks whether the service is there at all.
-export async function doubt() {
-  if (later) return;
-  later = setTimeout(again, AGAIN_MS);
-  if (await answers()) {
-    clearTimeout(later);
-    later = 0;
-  } else tell(LOST);
+// Call after a failed request: shows the notice if the service does not answer.
+export async function checkConnection() {
+  if (timer) return;
+  timer = setTimeout(retry, RETRY_MS);
+  if (await isServiceUp()) {
+    clearTimeout(timer);
+    timer = 0;
+  } else showNotice(LOST);
 }
 
-async function again() {
-  clearTimeout(later);
-  later = setTimeout(again, AGAIN_MS);
-  if (!(await answers())) return tell(LOST);
-  clearTimeout(later);
-  later = 0;
+async function retry() {
+  clearTimeout(timer);
+  timer = setTimeout(retry, RETRY_MS);
+  if (!(await isServiceUp())) return showNotice(LOST);
+  clearTimeout(timer);
+  timer = 0;
   if (!notice || notice.hidden) return;
-  tell(BACK);
+  showNotice(RESTORED);
   setTimeout(() => {
-    if (!later) notice.hidden = true;
-  }, SAID_MS);
+    if (!timer) notice.hidden = true;
+  }, SHOWN_MS);
 }
 
-async function answers() {
-  const answer = await fetch("/api/v1/health", { cache: "no-store" }).catch(() => null);
-  return Boolean(answer?.ok);
+async function isServiceUp() {
+  const response = await fetch("/api/v1/health", { cache: "no-store" }).catch(() => null);
+  return Boolean(response?.ok);
 }
 
-function tell(text) {
-  notice ??= made();
+/** @param {string} text */
+function showNotice(text) {
+  notice ??= createNotice();
   notice.hidden = false;
-  const said = notice.querySelector("p");
-  if (said.textContent !== text) said.textContent = text;
-  notice.querySelector("button").hidden = text === BACK;
+  const paragraph = notice.querySelector("p");
+  if (paragraph.textContent !== text) paragraph.textContent = text;
+  notice.querySelector("button").hidden = text === RESTORED;
 }
 
-function made() {
+function createNotice() {
   const box = document.createElement("aside"),
-    said = document.createElement("p"),
+    paragraph = document.createElement("p"),
     button = document.createElement("button");
   box.className = "lost";
   box.setAttribute("aria-label", "Connection");
-  said.setAttribute("role", "status");
+  paragraph.setAttribute("role", "status");
   button.className = "small";
-  button.textContent = "Ask now";
-  button.addEventListener("click", again);
-  box.append(said, button);
+  button.textContent = "Retry now";
+  button.addEventListener("click", retry);
+  box.append(paragraph, button);
   document.querySelector("header.top").after(box);
   return box;
 }

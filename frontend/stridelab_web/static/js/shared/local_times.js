@@ -1,24 +1,34 @@
-// Local times with their zone in the place of those in UTC that the page came with; without this script those stay.
-const two = (number) => String(number).padStart(2, "0");
-const stampOf = (year, month, ...rest) => `${year}-${two(month)}-${two(rest[0])} ${two(rest[1])}:${two(rest[2])}`;
+// Replaces the UTC times of the page by local times with their zone.
+/** @param {number} number */
+const twoDigits = (number) => String(number).padStart(2, "0");
+/** @type {(year: number, month: number, day: number, hour: number, minute: number) => string} */
+const formatMinute = (year, month, day, hour, minute) =>
+  `${year}-${twoDigits(month)}-${twoDigits(day)} ${twoDigits(hour)}:${twoDigits(minute)}`;
 const ZONE = new Intl.DateTimeFormat(undefined, { timeZoneName: "short" });
 
-const zoneOf = (at) => ZONE.formatToParts(at).find((part) => part.type === "timeZoneName")?.value;
-const inUtc = (at) =>
-  `${stampOf(at.getUTCFullYear(), at.getUTCMonth() + 1, at.getUTCDate(), at.getUTCHours(), at.getUTCMinutes())} UTC`;
+/** @param {Date} date */
+const zoneName = (date) => ZONE.formatToParts(date).find((part) => part.type === "timeZoneName")?.value;
+/** @param {Date} date */
+const formatUtc = (date) =>
+  `${formatMinute(date.getUTCFullYear(), date.getUTCMonth() + 1, date.getUTCDate(), date.getUTCHours(), date.getUTCMinutes())} UTC`;
 
-// A time stamp of the interface to the minute, where the reader is: "2026-11-23 01:54 GMT-5".
-export function local(iso) {
-  const at = new Date(iso);
-  return `${stampOf(at.getFullYear(), at.getMonth() + 1, at.getDate(), at.getHours(), at.getMinutes())} ${zoneOf(at)}`;
+// An ISO 8601 time as local time to the minute: "2026-11-23 01:54 GMT-5".
+/** @param {string} iso */
+export function localTime(iso) {
+  const date = new Date(iso);
+  return `${formatMinute(date.getFullYear(), date.getMonth() + 1, date.getDate(), date.getHours(), date.getMinutes())} ${zoneName(date)}`;
 }
 
-// <time datetime> anywhere below `root`, and elements that hold text alone and name their time as data-at-time.
-export function localise(root) {
-  for (const time of root.querySelectorAll("time[datetime]")) time.textContent = local(time.dateTime);
+// Replaces the text of <time datetime> below `root`, and the time `data-at-time` in elements that contain only text.
+/** @param {{ querySelectorAll(selectors: string): Iterable<any> }} root */
+export function localiseTimes(root) {
+  for (const time of root.querySelectorAll("time[datetime]")) time.textContent = localTime(time.dateTime);
   for (const node of root.querySelectorAll("[data-at-time]")) {
-    node.textContent = node.textContent.replace(inUtc(new Date(node.dataset.atTime)), local(node.dataset.atTime));
+    node.textContent = node.textContent.replace(
+      formatUtc(new Date(node.dataset.atTime)),
+      localTime(node.dataset.atTime),
+    );
   }
 }
 
-localise(document);
+if (typeof document !== "undefined") localiseTimes(document); // not in the unit tests

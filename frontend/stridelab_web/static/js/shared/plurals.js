@@ -1,2 +1,3 @@
-// "1 frame", "2 frames"; the same as `counted` in words.py.
+// "1 frame", "2 frames"; the same as in formatting.py.
+/** @param {number} number @param {string} noun */
 export const counted = (number, noun, plural = `${noun}s`) => `${number} ${number === 1 ? noun : plural}`;

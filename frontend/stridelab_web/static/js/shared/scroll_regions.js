@@ -1,27 +1,27 @@
-// A table or a log that is larger than its place can be scrolled by keyboard too: where nothing in it takes the focus, it
-// takes it itself, and says what it is. Where more of it lies to the left or the right, that edge is shaded.
+// Makes tables and logs that overflow scrollable by keyboard: a region without focusable elements becomes focusable and gets
+// a name. An edge with hidden content to its left or right is shaded.
 let regions = [];
-const watch = new ResizeObserver(() => regions.forEach(mark));
-watchRegions();
+const observer = new ResizeObserver(() => regions.forEach(updateRegion));
+watchScrollRegions();
 
-// Finds the regions of the page as it is now: called again where a part of the page was replaced.
-export function watchRegions() {
-  watch.disconnect();
+// Observes the regions of the page; to be called again after a part of the page was replaced.
+export function watchScrollRegions() {
+  observer.disconnect();
   regions = [...document.querySelectorAll(".scroll, pre.log")];
   for (const region of regions) {
-    watch.observe(region);
-    region.onscroll = () => shade(region);
+    observer.observe(region);
+    region.onscroll = () => markOverflow(region);
   }
 }
 
-function shade(region) {
+function markOverflow(region) {
   const left = region.scrollLeft,
     right = region.scrollWidth - region.clientWidth - left;
   region.dataset.more = [left > 1 && "left", right > 1 && "right"].filter(Boolean).join(" ");
 }
 
-function mark(region) {
-  shade(region);
+function updateRegion(region) {
+  markOverflow(region);
   const larger = region.scrollWidth > region.clientWidth || region.scrollHeight > region.clientHeight;
   if (!larger || region.querySelector("a[href], button, input, select")) {
     for (const name of ["tabindex", "role", "aria-label"]) region.removeAttribute(name);
@@ -29,16 +29,16 @@ function mark(region) {
   }
   region.tabIndex = 0;
   region.setAttribute("role", "region");
-  region.setAttribute("aria-label", nameOf(region));
+  region.setAttribute("aria-label", regionName(region));
 }
 
-// The nearest heading before it, with the number among those that share it: every region has a name of its own.
-function nameOf(region) {
+// A unique name: the nearest heading before the region, with a number if several regions share it.
+function regionName(region) {
   const headings = [...document.querySelectorAll("main :is(h1, h2, h3), main summary")];
   const before = (one) =>
     headings.findLast((heading) => heading.compareDocumentPosition(one) & Node.DOCUMENT_POSITION_FOLLOWING);
   const heading = before(region),
-    alike = regions.filter((one) => before(one) === heading);
+    sameHeading = regions.filter((one) => before(one) === heading);
   const title = heading ? heading.textContent.trim() : document.title;
-  return `${title}, table or text to scroll${alike.length > 1 ? ` (${alike.indexOf(region) + 1} of ${alike.length})` : ""}`;
+  return `${title}, table or text to scroll${sameHeading.length > 1 ? ` (${sameHeading.indexOf(region) + 1} of ${sameHeading.length})` : ""}`;
 }

@@ -1,32 +1,31 @@
-// On a phone the controls lie in a sheet over the lower part of the scene (view.css): a press on its handle, or a pull, opens it.
+// The sheet of controls over the scene on a phone (view.css): a press or a pull of its handle opens and closes it.
 
 const PULL_PX = 24;
 
 export class Sheet {
-  // `sheet` holds its handle, a button.
   constructor(sheet) {
     this.sheet = sheet;
     this.handle = sheet.querySelector("[data-sheet-handle]");
-    this.from_px = 0;
-    this.pulled = false;
+    this.start_px = 0;
+    this.isPulled = false;
     this.handle.addEventListener("pointerdown", (event) => {
-      Object.assign(this, { from_px: event.clientY, pulled: false });
+      Object.assign(this, { start_px: event.clientY, isPulled: false });
       this.handle.setPointerCapture(event.pointerId);
     });
     this.handle.addEventListener("pointermove", (event) => {
-      const by_px = event.clientY - this.from_px;
-      if (!this.handle.hasPointerCapture(event.pointerId) || Math.abs(by_px) < PULL_PX) return;
-      this.pulled = true;
-      this.put(by_px < 0);
+      const pull_px = event.clientY - this.start_px;
+      if (!this.handle.hasPointerCapture(event.pointerId) || Math.abs(pull_px) < PULL_PX) return;
+      this.isPulled = true;
+      this.setOpen(pull_px < 0);
     });
-    // A pull ends with a click, too; one by the keyboard has no `detail`.
+    // A pull also ends with a click; a click by keyboard has no `detail`.
     this.handle.addEventListener("click", (event) => {
-      if (!this.pulled || event.detail === 0) this.put(!this.isOpen);
-      this.pulled = false;
+      if (!this.isPulled || event.detail === 0) this.setOpen(!this.isOpen);
+      this.isPulled = false;
     });
     sheet.addEventListener("keydown", (event) => {
       if (event.key !== "Escape" || event.defaultPrevented || !this.isOpen) return;
-      this.put(false);
+      this.setOpen(false);
       this.handle.focus();
     });
   }
@@ -35,7 +34,7 @@ export class Sheet {
     return this.sheet.hasAttribute("data-open");
   }
 
-  put(open) {
+  setOpen(open) {
     this.sheet.toggleAttribute("data-open", open);
     this.handle.setAttribute("aria-expanded", String(open));
     if (!open) this.sheet.scrollTop = 0;

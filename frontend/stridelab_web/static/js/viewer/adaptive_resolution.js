@@ -1,106 +1,109 @@
-// How many pixels the scene is drawn with: those of the screen at rest, fewer while pictures come slowly.
+// Adapts the pixel ratio of the scene: that of the screen at rest, a smaller one while frames take long.
 //
-// viser lowers its pixel ratio by itself, by a quarter at most and never below two pictures per second. Its development
-// setting `fixedDpr` switches that off, and takes the ratio that is found here instead.
+// viser lowers its pixel ratio itself, by a quarter at most and not below two frames per second. Its development setting
+// `fixedDpr` replaces that by the ratio set here.
+
 const STEPS = [1, 0.75, 0.5],
-  LEAST = 0.75; // parts of the screen's ratio; device pixels per CSS pixel
+  MIN_RATIO = 0.75; // parts of the screen's ratio; device pixels per CSS pixel
 const SLOW_MS = 50,
   FAST_MS = 33,
-  LONGEST_MS = 3000,
-  PICTURES = 5,
-  ENOUGH_MS = 700,
-  REST_MS = 400;
+  MAX_INTERVAL_MS = 3000,
+  FRAMES = 5,
+  MAX_TOTAL_MS = 700,
+  IDLE_MS = 400;
 
-// The ratios to draw with on a screen of `ratio` device pixels per CSS pixel, the finest first.
-export function ratios(ratio) {
-  const least = Math.min(ratio, LEAST);
-  return [...new Set(STEPS.map((step) => Math.max(ratio * step, least)))];
+// The pixel ratios for a screen with `ratio` device pixels per CSS pixel, the finest first.
+export function pixelRatios(ratio) {
+  const lowest = Math.min(ratio, MIN_RATIO);
+  return [...new Set(STEPS.map((step) => Math.max(ratio * step, lowest)))];
 }
 
-// Which of `all` ratios to go on with after pictures that took `taken_ms` each with the one at `k`. The time goes with the
-// number of pixels: slow pictures get the finest ratio that would not be slow, fast ones the next finer one if that stays fast.
-export function next(all, k, taken_ms) {
-  const expected_ms = (at) => taken_ms * (all[at] / all[k]) ** 2;
+// The index of the next ratio after frames that took `taken_ms` each at ratio `k`. The time is taken as proportional to the
+// number of pixels: slow frames get the finest ratio that is not slow, fast ones the next finer one if it stays fast.
+export function nextLevel(ratios, k, taken_ms) {
+  const expected_ms = (level) => taken_ms * (ratios[level] / ratios[k]) ** 2;
   if (taken_ms > SLOW_MS) {
-    const better = all.findIndex((_, at) => at > k && expected_ms(at) <= SLOW_MS);
-    return better < 0 ? all.length - 1 : better;
+    const coarser = ratios.findIndex((_, level) => level > k && expected_ms(level) <= SLOW_MS);
+    return coarser < 0 ? ratios.length - 1 : coarser;
   }
   return k > 0 && expected_ms(k - 1) < FAST_MS ? k - 1 : k;
 }
 
-export class Pixels {
-  // `playing()` tells whether the page asks for picture after picture.
-  constructor(nodes, playing = () => false) {
+export class AdaptiveResolution {
+  // `isPlaying()` returns whether the page draws continuously.
+  constructor(nodes, isPlaying = () => false) {
     this.nodes = nodes;
-    this.playing = playing;
+    this.isPlaying = isPlaying;
     this.level = 0;
     /** @type {number[]} */
-    this.all = [];
+    this.ratios = [];
     this.last_ms = -Infinity;
     this.moved_ms = -Infinity;
     this.typical_ms = 0;
     this.taken_ms = [];
-    this.was = false;
-    this.rest = 0;
+    this.wasBusy = false;
+    this.idleTimer = 0;
     const store = nodes.viser.scene.__r3f.root,
       inside = nodes.frame.contentWindow;
     this.settings = nodes.context.useDevSettings;
-    // As a component of the scene hears of each picture.
-    store.getState().internal.subscribe({ current: () => this.drawn(performance.now()) }, 0, store);
-    const moved = (event) => {
+    // Subscribes to frames as a component of the scene does.
+    store.getState().internal.subscribe({ current: () => this.onFrame(performance.now()) }, 0, store);
+    const onMove = (event) => {
       if (event.buttons || event.type === "wheel") this.moved_ms = performance.now();
     };
     for (const target of [inside, window])
-      target.addEventListener("pointermove", moved, { capture: true, passive: true });
-    inside.addEventListener("wheel", moved, { capture: true, passive: true });
-    this.watch();
+      target.addEventListener("pointermove", onMove, { capture: true, passive: true });
+    inside.addEventListener("wheel", onMove, { capture: true, passive: true });
+    this.watchScreen();
   }
 
-  // A window on another screen, or of another zoom, has another ratio.
-  watch() {
-    this.all = ratios(devicePixelRatio);
-    this.level = Math.min(this.level, this.all.length - 1);
-    this.put(0);
-    matchMedia(`(resolution: ${devicePixelRatio}dppx)`).addEventListener("change", () => this.watch(), { once: true });
+  // Follows the ratio of the screen, which changes with the screen of the window and with the zoom.
+  watchScreen() {
+    this.ratios = pixelRatios(devicePixelRatio);
+    this.level = Math.min(this.level, this.ratios.length - 1);
+    this.setLevel(0);
+    matchMedia(`(resolution: ${devicePixelRatio}dppx)`).addEventListener("change", () => this.watchScreen(), {
+      once: true,
+    });
   }
 
-  // Whether each picture is followed by the next one: a gap between two is then the time that one takes.
-  get busy() {
-    return this.playing() || performance.now() - this.moved_ms < this.patience_ms;
+  // Whether frames follow one another at once, so that the interval between two is the time that one takes.
+  get isBusy() {
+    return this.isPlaying() || performance.now() - this.moved_ms < this.patience_ms;
   }
 
-  // A slow picture keeps events of the pointer waiting, too.
+  // Slow frames also delay pointer events.
   get patience_ms() {
-    return Math.max(REST_MS, 2 * this.typical_ms);
+    return Math.max(IDLE_MS, 2 * this.typical_ms);
   }
 
-  drawn(now_ms) {
+  onFrame(now_ms) {
     const gap_ms = now_ms - this.last_ms,
-      { busy, was } = this;
-    Object.assign(this, { last_ms: now_ms, was: busy });
-    if (!busy) return;
-    this.waitForRest();
-    if (was && gap_ms < LONGEST_MS) this.taken_ms.push(gap_ms);
+      { isBusy, wasBusy } = this;
+    Object.assign(this, { last_ms: now_ms, wasBusy: isBusy });
+    if (!isBusy) return;
+    this.waitForIdle();
+    if (wasBusy && gap_ms < MAX_INTERVAL_MS) this.taken_ms.push(gap_ms);
     const n = this.taken_ms.length,
       sum_ms = this.taken_ms.reduce((sum, ms) => sum + ms, 0);
-    if (n >= PICTURES || (n > 1 && sum_ms > ENOUGH_MS)) {
+    if (n >= FRAMES || (n > 1 && sum_ms > MAX_TOTAL_MS)) {
       this.typical_ms = this.taken_ms.sort((a, b) => a - b)[(n - 1) >> 1];
       this.taken_ms = [];
-      this.level = next(this.all, this.level, this.typical_ms);
+      this.level = nextLevel(this.ratios, this.level, this.typical_ms);
     }
-    this.put(this.level);
+    this.setLevel(this.level);
   }
 
-  waitForRest() {
-    clearTimeout(this.rest);
-    this.rest = setTimeout(() => {
-      if (this.busy) return this.waitForRest();
+  waitForIdle() {
+    clearTimeout(this.idleTimer);
+    this.idleTimer = setTimeout(() => {
+      if (this.isBusy) return this.waitForIdle();
       this.taken_ms = [];
-      this.put(0);
+      this.setLevel(0);
     }, this.patience_ms);
   }
 
-  put(level) {
-    this.settings.set({ fixedDpr: this.all[level] });
+  setLevel(level) {
+    this.settings.set({ fixedDpr: this.ratios[level] });
   }
 }

@@ -1,47 +1,47 @@
-// viser's own dark mode follows the page's, and dark lines and points become light in it.
+// Switches viser to dark mode with the page, and lightens dark lines and points there.
 import { findContext } from "./viser_nodes.js";
 
-const FLOOR = "/floor",
-  DARKEST = 0.42,
-  LIGHT = 0.64; // lightness, from 0 to 1
+const FLOOR_NODE = "/floor",
+  DARK_BELOW = 0.42,
+  LIGHTNESS = 0.64; // lightness, from 0 to 1
 const GRID = { cellColor: "rgb(38, 46, 54)", sectionColor: "rgb(58, 68, 78)" };
 
-export class Room {
-  // `names` are nodes that stand before the background; bodies have a shade of their own.
+export class DarkMode {
+  // `names` are the nodes to lighten: lines and points; bodies keep their colours.
   constructor(nodes, names = []) {
     this.nodes = nodes;
     this.names = names;
     this.dark = matchMedia("(prefers-color-scheme: dark)");
-    this.own = new WeakMap();
-    this.dark.addEventListener("change", () => this.show());
-    nodes.context.useGui.subscribe(() => this.theme()); // viser's server tells its theme again after a lost connection
-    this.show();
+    this.originalColors = new WeakMap();
+    this.dark.addEventListener("change", () => this.apply());
+    nodes.context.useGui.subscribe(() => this.syncTheme()); // viser's server sends its theme again after a lost connection
+    this.apply();
   }
 
-  show() {
-    this.theme();
+  apply() {
+    this.syncTheme();
     for (const name of this.names)
       for (const { material } of this.nodes.meshes(name))
-        this.tint(material.color, ({ h, s, l }, color) => l < DARKEST && color.setHSL(h, s, LIGHT));
-    this.nodes.viser.nodeRefFromName[FLOOR]?.traverse(({ material }) => {
+        this.tint(material.color, ({ h, s, l }, color) => l < DARK_BELOW && color.setHSL(h, s, LIGHTNESS));
+    this.nodes.viser.nodeRefFromName[FLOOR_NODE]?.traverse(({ material }) => {
       for (const [name, colour] of Object.entries(GRID))
         if (material?.uniforms?.[name]) this.tint(material.uniforms[name].value, (_, color) => color.setStyle(colour));
     });
     this.nodes.redraw();
   }
 
-  theme() {
+  syncTheme() {
     const { useGui } = findContext(this.nodes.frame) ?? {},
       theme = useGui?.get().theme;
     if (theme && theme.dark_mode !== this.dark.matches)
       useGui.set({ theme: { ...theme, dark_mode: this.dark.matches } });
   }
 
-  // Its own colour in the light, another one in the dark.
+  // Restores the original colour, and changes it in dark mode.
   tint(color, change) {
     if (!color) return;
-    if (!this.own.has(color)) this.own.set(color, color.clone());
-    color.copy(this.own.get(color));
+    if (!this.originalColors.has(color)) this.originalColors.set(color, color.clone());
+    color.copy(this.originalColors.get(color));
     if (this.dark.matches) change(color.getHSL({}), color);
   }
 }

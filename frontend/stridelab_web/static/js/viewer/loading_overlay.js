@@ -1,18 +1,17 @@
-// What lies over a scene until it is complete, or says why there is none.
+// The overlay that covers a scene until it is complete, or shows why it failed.
 //
-// Below it the scene is out of sight (`data-held`, app.css), where viser's client draws nothing: pictures of what is not
-// complete yet would cost as much as the one that is wanted.
+// Under it the scene is hidden (`data-held`, app.css), so that viser's client draws no frames of an incomplete scene.
 
-// Takes the veil away once the whole scene, as it stands now, is drawn.
-export async function lift(stage, nodes) {
+// Removes the overlay once the scene is drawn.
+export async function hideOverlay(stage, nodes) {
   delete stage.dataset.held;
-  await nodes.drawn();
+  await nodes.rendered();
   stage.querySelector("[data-veil]").hidden = true;
 }
 
-export function failed(stage, error) {
+export function showFailure(stage, error) {
   const veil = stage.querySelector("[data-veil]");
   veil.hidden = false;
   veil.textContent = error.message;
-  stage.querySelector("iframe").remove(); // viser would try again for ever
+  stage.querySelector("iframe").remove(); // viser would retry without end
 }

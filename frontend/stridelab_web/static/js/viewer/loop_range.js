@@ -1,17 +1,17 @@
-// The part of the timeline that is played again and again: two handles over a bar, by mouse and by keys.
+// The range of the timeline that is looped: two handles over a bar, moved by pointer and keys.
 
-const STEPS = { ArrowLeft: -1, ArrowDown: -1, ArrowRight: 1, ArrowUp: 1, PageDown: -10, PageUp: 10 };
+const KEY_STEPS = { ArrowLeft: -1, ArrowDown: -1, ArrowRight: 1, ArrowUp: 1, PageDown: -10, PageUp: 10 };
 
 export class LoopRange {
-  // `change()` hears of a new range; frames count from 0.
-  constructor(row, change) {
+  // Calls `onChange()` for a new range; frames count from 0.
+  constructor(row, onChange) {
     this.row = row;
-    this.change = change;
+    this.onChange = onChange;
     /** @type {number[]} */
     this.time_s = [0];
     this.from = 0;
     this.to = 0;
-    this.shade = row.querySelector("[data-within]");
+    this.fill = row.querySelector("[data-within]");
     this.handles = ["from", "to"].map((end) => row.querySelector(`[data-end=${end}]`));
     for (const handle of this.handles) {
       const { end } = handle.dataset;
@@ -23,23 +23,23 @@ export class LoopRange {
       });
       handle.addEventListener(
         "pointermove",
-        (event) => handle.hasPointerCapture(event.pointerId) && this.put(end, this.frameAt(event)),
+        (event) => handle.hasPointerCapture(event.pointerId) && this.moveEnd(end, this.frameAt(event)),
       );
       handle.addEventListener("keydown", (event) => this.onKey(event, end));
     }
   }
 
-  // The instants of the frames, and the range in seconds that was asked for, if any.
-  begin(time_s, from_s, to_s) {
+  // Sets the times of the frames, and the range in seconds; NaN for its default ends.
+  setFrames(time_s, from_s, to_s) {
     this.time_s = time_s;
     const last = time_s.length - 1;
-    const frame = (t_s, other) =>
+    const frame = (t_s, fallback) =>
       Number.isFinite(t_s)
         ? Math.max(
             time_s.findLastIndex((each) => each <= t_s + 1e-6),
             0,
           )
-        : other;
+        : fallback;
     this.from = frame(from_s, 0);
     this.to = Math.min(Math.max(frame(to_s, last), this.from + 1), last);
     for (const handle of this.handles) handle.setAttribute("aria-valuemax", String(last));
@@ -50,35 +50,39 @@ export class LoopRange {
     return this.time_s[this.time_s.length - 1];
   }
 
-  get whole() {
+  get isWhole() {
     return this.from === 0 && this.to === this.time_s.length - 1;
   }
 
-  // Where a playing frame goes on: back to the beginning of the range from its end.
-  wrapped(at) {
-    return at > this.to ? this.from + ((at - this.from) % (this.to - this.from)) : at < this.from ? this.from : at;
+  // The frame to play next: wraps from the end of the range to its start.
+  wrapFrame(frame) {
+    return frame > this.to
+      ? this.from + ((frame - this.from) % (this.to - this.from))
+      : frame < this.from
+        ? this.from
+        : frame;
   }
 
-  put(end, frame) {
+  moveEnd(end, frame) {
     const last = this.time_s.length - 1;
     if (end === "from") this.from = Math.min(Math.max(frame, 0), this.to - 1);
     else this.to = Math.max(Math.min(frame, last), this.from + 1);
     this.draw();
-    this.change();
+    this.onChange();
   }
 
-  // The range begins, or ends, at a frame; the other end moves away where it would be behind it.
-  set(end, frame) {
+  // Starts or ends the range at a frame; an end on the wrong side of it moves to the end of the timeline.
+  setEnd(end, frame) {
     const last = this.time_s.length - 1;
     if (end === "from" && frame >= this.to) this.to = last;
     if (end === "to" && frame <= this.from) this.from = 0;
-    this.put(end, frame);
+    this.moveEnd(end, frame);
   }
 
-  clear() {
+  reset() {
     [this.from, this.to] = [0, this.time_s.length - 1];
     this.draw();
-    this.change();
+    this.onChange();
   }
 
   frameAt(event) {
@@ -91,24 +95,25 @@ export class LoopRange {
   onKey(event, end) {
     const last = this.time_s.length - 1;
     const to =
-      { Home: 0, End: last }[event.key] ?? (STEPS[event.key] === undefined ? undefined : this[end] + STEPS[event.key]);
+      { Home: 0, End: last }[event.key] ??
+      (KEY_STEPS[event.key] === undefined ? undefined : this[end] + KEY_STEPS[event.key]);
     if (to === undefined || event.ctrlKey || event.metaKey || event.altKey) return;
     event.preventDefault();
     event.stopPropagation();
-    this.put(end, to);
+    this.moveEnd(end, to);
   }
 
   draw() {
     const [a, b] = [this.from, this.to].map((frame) => (100 * this.time_s[frame]) / this.end_s);
-    for (const [handle, at] of [
+    for (const [handle, frame] of [
       [this.handles[0], this.from],
       [this.handles[1], this.to],
     ]) {
-      handle.style.left = `${(100 * this.time_s[at]) / this.end_s}%`;
-      handle.setAttribute("aria-valuenow", String(at));
-      handle.setAttribute("aria-valuetext", `${this.time_s[at].toFixed(3)} seconds, frame ${at + 1}`);
+      handle.style.left = `${(100 * this.time_s[frame]) / this.end_s}%`;
+      handle.setAttribute("aria-valuenow", String(frame));
+      handle.setAttribute("aria-valuetext", `${this.time_s[frame].toFixed(3)} seconds, frame ${frame + 1}`);
     }
-    this.shade.style.left = `${a}%`;
-    this.shade.style.width = `${b - a}%`;
+    this.fill.style.left = `${a}%`;
+    this.fill.style.width = `${b - a}%`;
   }
 }

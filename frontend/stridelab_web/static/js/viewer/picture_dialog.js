@@ -1,52 +1,52 @@
-// Asks for the size and the background of a picture of the scene, and saves it.
-import { LARGEST, sizeOf, snapshot } from "./snapshot.js";
+// A dialog that saves a picture of the scene in a chosen size and with or without background.
+import { MAX_SCALE, pictureSize, snapshot } from "./snapshot.js";
 
 export class PictureDialog {
-  // `of.viser()` gives viser's client, `of.name()` the name of the file.
-  constructor(dialog, of) {
+  // `source.viser()` returns viser's client, `source.name()` the file name.
+  constructor(dialog, source) {
     this.dialog = dialog;
-    this.of = of;
+    this.source = source;
     const part = (name) => dialog.querySelector(`[data-${name}]`);
     this.size = part("size");
-    this.clear = part("clear");
-    this.save = part("save");
-    this.said = part("said");
+    this.transparent = part("clear");
+    this.saveButton = part("save");
+    this.status = part("said");
     dialog.querySelector("form").addEventListener("submit", (event) => {
       event.preventDefault();
-      this.keep();
+      this.savePicture();
     });
     part("close").addEventListener("click", () => dialog.close());
   }
 
-  // The sizes follow the window.
+  // Opens the dialog with the sizes for the present window.
   open() {
-    const viser = this.of.viser(),
+    const viser = this.source.viser(),
       before = this.size.value || "1";
-    const sizes = Array.from({ length: LARGEST }, (_, k) => k + 1);
+    const sizes = Array.from({ length: MAX_SCALE }, (_, k) => k + 1);
     this.size.replaceChildren(
-      ...sizes.map((times) => new Option(`${times}×: ${sizeOf(viser, times).join(" × ")} pixels`, String(times))),
+      ...sizes.map((scale) => new Option(`${scale}×: ${pictureSize(viser, scale).join(" × ")} pixels`, String(scale))),
     );
     this.size.value = before;
-    this.said.textContent = "";
+    this.status.textContent = "";
     this.dialog.showModal();
   }
 
-  async keep() {
-    this.save.disabled = true;
-    this.said.textContent = "Drawing…";
-    await new Promise((done) => setTimeout(done, 50)); // to be read: drawing a large picture keeps the page busy
+  async savePicture() {
+    this.saveButton.disabled = true;
+    this.status.textContent = "Drawing…";
+    await new Promise((done) => setTimeout(done, 50)); // shows the text first: drawing a large picture blocks the page
     try {
-      const blob = await snapshot(this.of.viser(), Number(this.size.value), this.clear.checked),
+      const blob = await snapshot(this.source.viser(), Number(this.size.value), this.transparent.checked),
         link = document.createElement("a");
       link.href = URL.createObjectURL(blob);
-      link.download = `${this.of.name()}.png`;
+      link.download = `${this.source.name()}.png`;
       link.click();
       setTimeout(() => URL.revokeObjectURL(link.href), 10_000);
       this.dialog.close();
     } catch (error) {
-      this.said.textContent = error.message;
+      this.status.textContent = error.message;
     } finally {
-      this.save.disabled = false;
+      this.saveButton.disabled = false;
     }
   }
 }

@@ -1,22 +1,22 @@
-// Tells how far the files of a robot are, and loads the page that shows it when they are there.
+// Shows the progress of preparing the files of a robot, and reloads the page when they are ready.
 import { call } from "../shared/api.js";
 
-const ASK_EVERY_MS = 500;
+const POLL_MS = 500;
 const root = document.querySelector("[data-preparing]");
 const bar = root.querySelector("progress");
 const [percent, message] = ["percent", "message"].map((name) => root.querySelector(`[data-${name}]`));
 
-ask();
+poll();
 
-async function ask() {
+async function poll() {
   try {
-    const found = await call("GET", `/robots/${root.dataset.preparing}/preparation`);
-    if (found.state !== "preparing") return location.reload(); // it shows the scene, or says why there is none
-    bar.value = Math.max(bar.value, Math.floor(100 * found.fraction));
+    const preparation = await call("GET", `/robots/${root.dataset.preparing}/preparation`);
+    if (preparation.state !== "preparing") return location.reload(); // the page shows the scene, or why it failed
+    bar.value = Math.max(bar.value, Math.floor(100 * preparation.fraction));
     percent.textContent = String(bar.value);
-    message.textContent = found.message;
+    message.textContent = preparation.message;
   } catch (error) {
     message.textContent = error.message;
   }
-  setTimeout(ask, ASK_EVERY_MS);
+  setTimeout(poll, POLL_MS);
 }

@@ -1,47 +1,52 @@
-// A robot in 3D with where its centre of mass can be: one effector and measure at a time, each part with a key.
-import { Nodes } from "./viser_nodes.js";
-import { Pixels } from "./adaptive_resolution.js";
-import { Room } from "./dark_mode.js";
+// A robot in 3D with the reachable positions of its centre of mass: one effector and measure at a time, with layers.
+import { ViserNodes } from "./viser_nodes.js";
+import { AdaptiveResolution } from "./adaptive_resolution.js";
+import { DarkMode } from "./dark_mode.js";
 import { CAMERA_KEYS, Shortcuts } from "../shared/shortcuts.js";
-import { failed, lift } from "./loading_overlay.js";
+import { showFailure, hideOverlay } from "./loading_overlay.js";
 
-const HEARTBEAT_MS = 400,
+const STALE_CHECK_MS = 400,
   LEVELS = ["50", "80", "95"],
   PARTS = ["cloud", "mode", ...LEVELS],
   LITRES = 1000;
 const root = document.querySelector("[data-robot-view]");
 const part = (name) => root.querySelector(`[data-${name}]`);
-const frame = part("stage").querySelector("iframe");
+const iframe = part("stage").querySelector("iframe");
 const scene = part("stage").dataset.scene,
   robot = root.dataset.robot;
 const reach = JSON.parse(root.dataset.reach);
 const measure = root.querySelector("[name=measure]"),
   effector = root.querySelector("[name=effector]");
 const boxes = [...root.querySelectorAll("[data-part]")];
-const all = Object.entries(reach).flatMap(([under, frames]) =>
-  Object.keys(frames).map((name) => `/reach/${under}/${name}`),
+const reachNodes = Object.entries(reach).flatMap(([measureName, frames]) =>
+  Object.keys(frames).map((name) => `/reach/${measureName}/${name}`),
 );
-const nodes = new Nodes(frame, ["/robot", ...all, ...all.flatMap((name) => PARTS.map((below) => `${name}/${below}`))]);
-let asked = 0;
+const nodes = new ViserNodes(iframe, [
+  "/robot",
+  ...reachNodes,
+  ...reachNodes.flatMap((name) => PARTS.map((partName) => `${name}/${partName}`)),
+]);
+let requestCount = 0;
 
-start().catch((error) => failed(part("stage"), error));
+start().catch((error) => showFailure(part("stage"), error));
 
 async function start() {
   readAddress();
-  const answer = await fetch(`${scene}/open`, { method: "POST" }).catch(() => null);
-  if (!answer?.ok) throw new Error((await answer?.json().catch(() => null))?.detail || "The scene could not be read.");
+  const response = await fetch(`${scene}/open`, { method: "POST" }).catch(() => null);
+  if (!response?.ok)
+    throw new Error((await response?.json().catch(() => null))?.detail || "The scene could not be read.");
   await nodes.ready();
-  const room = new Room(nodes);
-  new Pixels(nodes);
-  shortcuts.enter(frame);
-  show();
-  await lift(part("stage"), nodes);
+  const darkMode = new DarkMode(nodes);
+  new AdaptiveResolution(nodes);
+  shortcuts.listenInFrame(iframe);
+  render();
+  await hideOverlay(part("stage"), nodes);
   root.dataset.ready = "true";
   setInterval(() => {
     if (!nodes.isStale()) return;
-    room.show();
-    show();
-  }, HEARTBEAT_MS);
+    darkMode.apply();
+    render();
+  }, STALE_CHECK_MS);
 }
 
 function readAddress() {
@@ -65,17 +70,17 @@ function fillEffectors() {
 
 const isOn = (name) => boxes.some((box) => box.dataset.part === name && box.checked);
 
-function show() {
+function render() {
   const chosen = effector ? `/reach/${measure.value}/${effector.value}` : "";
-  nodes.see("/robot", isOn("robot"));
-  for (const name of all) {
-    nodes.see(name, name === chosen);
-    for (const below of PARTS) nodes.see(`${name}/${below}`, name === chosen && isOn(below));
-    for (const [k, level] of LEVELS.entries()) nodes.veil(`${name}/${level}`, k + 1);
+  nodes.setVisible("/robot", isOn("robot"));
+  for (const name of reachNodes) {
+    nodes.setVisible(name, name === chosen);
+    for (const partName of PARTS) nodes.setVisible(`${name}/${partName}`, name === chosen && isOn(partName));
+    for (const [k, level] of LEVELS.entries()) nodes.drawTransparent(`${name}/${level}`, k + 1);
   }
   nodes.draw();
   writeAddress();
-  if (effector) tell();
+  if (effector) showVolumes();
 }
 
 function writeAddress() {
@@ -94,31 +99,31 @@ function writeAddress() {
   history.replaceState(null, "", url);
 }
 
-// The numbers of what is shown.
-async function tell() {
-  const turn = ++asked;
+// Shows the volumes of the chosen density.
+async function showVolumes() {
+  const request = ++requestCount;
   part("frame").textContent =
     reach[measure.value][effector.value] === "heading"
       ? "Heading frame: at the contact, z up, x where the trunk faces."
       : "Contact frame of the effector.";
   const query = new URLSearchParams({ measure: measure.value, effector: effector.value });
-  const answer = await fetch(`/robots/${robot}/reach.json?${query}`).catch(() => null);
-  const found = answer?.ok ? await answer.json() : null;
-  if (turn !== asked) return;
+  const response = await fetch(`/robots/${robot}/reach.json?${query}`).catch(() => null);
+  const volumes = response?.ok ? await response.json() : null;
+  if (request !== requestCount) return;
   for (const cell of root.querySelectorAll("[data-volume]")) {
-    const volume = found?.volumes_m3[String(Number(cell.dataset.volume) / 100)];
+    const volume = volumes?.volumes_m3[String(Number(cell.dataset.volume) / 100)];
     cell.textContent = volume === undefined ? "–" : `${(volume * LITRES).toFixed(0)} l`;
   }
 }
 
 measure?.addEventListener("change", () => {
   fillEffectors();
-  if (nodes.viser) show();
+  if (nodes.viser) render();
 });
-effector?.addEventListener("change", () => nodes.viser && show());
-for (const box of boxes) box.addEventListener("change", () => nodes.viser && show());
+effector?.addEventListener("change", () => nodes.viser && render());
+for (const box of boxes) box.addEventListener("change", () => nodes.viser && render());
 
-function next(select) {
+function selectNext(select) {
   if (!select) return;
   select.selectedIndex = (select.selectedIndex + 1) % select.options.length;
   select.dispatchEvent(new Event("change"));
@@ -126,8 +131,8 @@ function next(select) {
 
 const shortcuts = new Shortcuts(
   [
-    { keys: ["e"], text: "Next effector", run: () => next(effector), when: () => Boolean(effector) },
-    { keys: ["m"], text: "Next measure", run: () => next(measure), when: () => Boolean(measure) },
+    { keys: ["e"], text: "Next effector", run: () => selectNext(effector), when: () => Boolean(effector) },
+    { keys: ["m"], text: "Next measure", run: () => selectNext(measure), when: () => Boolean(measure) },
     ...boxes.map((box) => ({
       keys: [box.dataset.key],
       text: `Show or hide: ${box.dataset.text}`,

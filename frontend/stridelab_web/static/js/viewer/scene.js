@@ -1,30 +1,31 @@
-// Shows one instant of our frames: points, bodies, sticks, arrows, ellipsoids, hoops, and what is there for a while only.
-import { cubic } from "./interpolation.js";
-import { Copies } from "./mesh_copies.js";
-import { HIDDEN, Nodes } from "./viser_nodes.js";
-import { towards } from "./quaternions.js";
+// Draws one instant of the decoded frames: points, bodies, sticks, arrows, ellipsoids, hoops, and nodes that exist for a
+// span of time.
+import { cubicHermiteWeights } from "./interpolation.js";
+import { MeshCopies } from "./mesh_copies.js";
+import { HIDDEN, ViserNodes } from "./viser_nodes.js";
+import { rotationFromZ } from "./quaternions.js";
 
 const arrowNodes = (layout) => layout.arrows.flatMap((arrow) => arrow.slice(0, 2));
-const COM = ["/com/plan", "/com/plan/light"]; // the two halves of its ball (viewer/plan_scene.py)
+const COM_NODES = ["/com/plan", "/com/plan/light"]; // the two halves of the CoM ball (viewer/plan_scene.py)
 
 export class Scene {
   constructor(frame, layout, values) {
     this.layout = layout;
     this.values = values;
-    // What a robot's body would hide, and whether it is drawn over the body.
+    // Nodes inside a robot's body, which are drawn in front of it while `seeThrough`.
     const cones = layout.points.map(([name]) => name).filter((name) => name.startsWith("/cones/"));
     const within = [
       ...cones,
       ...arrowNodes(layout),
       ...layout.still.filter((name) => name.startsWith("/paths/")),
-      ...COM,
+      ...COM_NODES,
     ];
-    this.inside = layout.bodies.length ? within : [];
-    this.through = true;
-    this.magnified = 1;
+    this.interiorNodes = layout.bodies.length ? within : [];
+    this.seeThrough = true;
+    this.magnification = 1;
     this.row = new Float64Array(layout.width);
-    this.copies = new Copies(layout.copies);
-    this.nodes = new Nodes(frame, [
+    this.copies = new MeshCopies(layout.copies);
+    this.nodes = new ViserNodes(frame, [
       ...layout.points.map(([name]) => name),
       ...layout.bodies.map(([name]) => name),
       ...layout.sticks.map(([name]) => name),
@@ -32,12 +33,12 @@ export class Scene {
       ...layout.ellipsoids.map(([name]) => name),
       ...layout.hoops.map(([name]) => name),
       ...layout.spans.map(([name]) => name),
-      ...this.inside,
+      ...this.interiorNodes,
     ]);
   }
 
-  // What is drawn as points, lines and arrows; the ball of the centre of mass has its light half with it.
-  get tinted() {
+  // Points, lines and arrows, which are lightened in dark mode, without the CoM ball, which has a light half.
+  get tintedNodes() {
     const { points, sticks, still } = this.layout;
     const names = [
       ...points.map(([name]) => name),
@@ -45,58 +46,59 @@ export class Scene {
       ...arrowNodes(this.layout),
       ...still,
     ];
-    return names.filter((name) => !COM.includes(name) && !name.startsWith("/cones/"));
+    return names.filter((name) => !COM_NODES.includes(name) && !name.startsWith("/cones/"));
   }
 
-  hide(prefixes) {
+  hideGroups(prefixes) {
     this.nodes.hidden = new Set(prefixes);
   }
 
-  // Shows the frame `at` (a real number: between two frames, positions and turns are interpolated).
+  // Draws frame `at`, a real number: between two frames, positions and orientations are interpolated.
   show(at) {
-    this.nodes.find();
-    this.copies.make(this.nodes.viser.nodeRefFromName);
-    this.fill(at);
-    for (const [name, k] of this.layout.points) this.place(name, k, null, 1);
-    for (const [name, k] of this.layout.bodies) this.place(name, k, this.turn(k), 1);
-    for (const [name, a, b] of this.layout.sticks) this.stick(name, a, b);
-    for (const [shaft, head, k] of this.layout.arrows) this.arrow(shaft, head, k);
-    for (const [name, k, axes] of this.layout.ellipsoids) this.ellipsoid(name, k, axes);
-    for (const [name, k, size] of this.layout.hoops) this.hoop(name, k, size);
+    this.nodes.refreshClient();
+    this.copies.update(this.nodes.viser.nodeRefFromName);
+    this.interpolate(at);
+    for (const [name, k] of this.layout.points) this.placeNode(name, k, null, 1);
+    for (const [name, k] of this.layout.bodies) this.placeNode(name, k, this.quaternionAt(k), 1);
+    for (const [name, a, b] of this.layout.sticks) this.drawStick(name, a, b);
+    for (const [shaft, head, k] of this.layout.arrows) this.drawArrow(shaft, head, k);
+    for (const [name, k, axes] of this.layout.ellipsoids) this.drawEllipsoid(name, k, axes);
+    for (const [name, k, size] of this.layout.hoops) this.drawHoop(name, k, size);
     const t_s = this.timeAt(at);
     for (const [name, start_s, end_s] of this.layout.spans) {
-      this.nodes.scale(name, start_s <= t_s && t_s <= end_s ? 1 : HIDDEN);
+      this.nodes.setScale(name, start_s <= t_s && t_s <= end_s ? 1 : HIDDEN);
     }
-    for (const name of this.layout.still) this.nodes.scale(name, 1);
-    for (const [k, name] of this.inside.entries()) this.nodes.over(name, this.through ? k + 1 : 0);
+    for (const name of this.layout.still) this.nodes.setScale(name, 1);
+    for (const [k, name] of this.interiorNodes.entries()) this.nodes.drawInFront(name, this.seeThrough ? k + 1 : 0);
     this.nodes.draw();
   }
 
-  around(at) {
+  // The two frames around `at`, and the fraction of the interval between them.
+  bracket(at) {
     const last = this.layout.n_frames - 1;
     const low = Math.min(Math.max(Math.floor(at), 0), last);
     return [low, Math.min(low + 1, last), at - low];
   }
 
   timeAt(at) {
-    const [low, high, part] = this.around(at);
-    return (1 - part) * this.layout.time_s[low] + part * this.layout.time_s[high];
+    const [low, high, fraction] = this.bracket(at);
+    return (1 - fraction) * this.layout.time_s[low] + fraction * this.layout.time_s[high];
   }
 
-  fill(at) {
+  interpolate(at) {
     const { width, bodies, time_s } = this.layout;
-    const [low, high, part] = this.around(at);
+    const [low, high, fraction] = this.bracket(at);
     for (let k = 0; k < width; k += 1) {
       const a = this.values[low * width + k],
         b = this.values[high * width + k];
-      this.row[k] = part === 0 ? a : (1 - part) * a + part * b;
+      this.row[k] = fraction === 0 ? a : (1 - fraction) * a + fraction * b;
     }
-    const weights = part > 0 && bodies.length ? cubic(time_s, low, part) : null;
-    for (const [, k] of bodies) if (weights) this.bend(k, low, weights);
+    const weights = fraction > 0 && bodies.length ? cubicHermiteWeights(time_s, low, fraction) : null;
+    for (const [, k] of bodies) if (weights) this.interpolatePose(k, low, weights);
   }
 
-  // Beside a frame in which a body is not there, the straight line stays.
-  bend(from, low, weights) {
+  // Beside a frame without the body, the linear interpolation stays.
+  interpolatePose(from, low, weights) {
     const { width } = this.layout;
     for (let k = from; k < from + 7; k += 1) {
       let sum = 0;
@@ -106,61 +108,64 @@ export class Scene {
     }
   }
 
-  // The quaternion of the body at k, brought to length one; frames come without jumps of its sign.
-  turn(k) {
+  // The unit quaternion of the body at column k; its sign does not change between frames.
+  quaternionAt(k) {
     const wxyz = [0, 1, 2, 3].map((i) => this.row[k + 3 + i]),
       norm = Math.hypot(...wxyz);
     return wxyz.map((v) => v / norm);
   }
 
-  place(name, k, wxyz, length) {
+  placeNode(name, k, wxyz, length) {
     const [x, y, z] = [this.row[k], this.row[k + 1], this.row[k + 2]];
-    const there = Number.isFinite(x + y + z);
-    if (there) this.nodes.pose(name, [x, y, z], wxyz);
-    const across = there ? 1 : HIDDEN;
-    this.nodes.scale(name, across, across, there ? length : HIDDEN);
+    const visible = Number.isFinite(x + y + z);
+    if (visible) this.nodes.setPose(name, [x, y, z], wxyz);
+    const thickness = visible ? 1 : HIDDEN;
+    this.nodes.setScale(name, thickness, thickness, visible ? length : HIDDEN);
   }
 
-  // A unit ball with three semi-axes along x, y and z; what is small may be shown magnified.
-  ellipsoid(name, k, axes) {
-    this.place(name, k, null, 1);
-    const semi = [this.row[axes], this.row[axes + 1], this.row[axes + 2]];
-    const there = Number.isFinite(this.row[k] + this.row[k + 1] + this.row[k + 2] + semi[0] + semi[1] + semi[2]);
-    this.nodes.scale(name, ...semi.map((length) => (there ? Math.max(this.magnified * length, HIDDEN) : HIDDEN)));
+  // A unit ball scaled to semi-axes along x, y and z, times the magnification.
+  drawEllipsoid(name, k, axes) {
+    this.placeNode(name, k, null, 1);
+    const axes_m = [this.row[axes], this.row[axes + 1], this.row[axes + 2]];
+    const visible = Number.isFinite(
+      this.row[k] + this.row[k + 1] + this.row[k + 2] + axes_m[0] + axes_m[1] + axes_m[2],
+    );
+    const [x, y, z] = axes_m.map((length) => (visible ? Math.max(this.magnification * length, HIDDEN) : HIDDEN));
+    this.nodes.setScale(name, x, y, z);
   }
 
-  // A node of unit size, turned and as large as its number says.
-  hoop(name, k, size) {
-    this.place(name, k, this.turn(k), 1);
-    if (Number.isFinite(this.row[k] + this.row[size])) this.nodes.scale(name, this.row[size]);
+  // A node of unit size with a pose, scaled by the number in column `size`.
+  drawHoop(name, k, size) {
+    this.placeNode(name, k, this.quaternionAt(k), 1);
+    if (Number.isFinite(this.row[k] + this.row[size])) this.nodes.setScale(name, this.row[size]);
   }
 
-  stick(name, a, b) {
+  drawStick(name, a, b) {
     const d = [0, 1, 2].map((i) => this.row[b + i] - this.row[a + i]);
     const length = Math.hypot(...d);
-    if (!(length > 1e-6)) this.nodes.scale(name, HIDDEN);
-    else this.place(name, a, towards(d, length), length);
+    if (!(length > 1e-6)) this.nodes.setScale(name, HIDDEN);
+    else this.placeNode(name, a, rotationFromZ(d, length), length);
   }
 
-  // A force shorter than its head is drawn as a smaller head alone.
-  arrow(shaft, head, k) {
+  // A force shorter than the head of its arrow is drawn as a smaller head.
+  drawArrow(shaft, head, k) {
     const { arrow_m_per_n, head_m } = this.layout;
     const force = [this.row[k + 3], this.row[k + 4], this.row[k + 5]];
     const norm = Math.hypot(...force);
     const length = norm * arrow_m_per_n;
     const origin = [this.row[k], this.row[k + 1], this.row[k + 2]];
     if (!(length > 1e-3) || !Number.isFinite(origin[0] + origin[1] + origin[2])) {
-      this.nodes.scale(shaft, HIDDEN);
-      this.nodes.scale(head, HIDDEN);
+      this.nodes.setScale(shaft, HIDDEN);
+      this.nodes.setScale(head, HIDDEN);
       return;
     }
-    const wxyz = towards(force, norm);
-    this.place(shaft, k, wxyz, Math.max(length - head_m, 1e-3));
-    this.nodes.pose(
+    const wxyz = rotationFromZ(force, norm);
+    this.placeNode(shaft, k, wxyz, Math.max(length - head_m, 1e-3));
+    this.nodes.setPose(
       head,
       origin.map((x, i) => x + force[i] * arrow_m_per_n),
       wxyz,
     );
-    this.nodes.scale(head, Math.min(1, length / head_m));
+    this.nodes.setScale(head, Math.min(1, length / head_m));
   }
 }

@@ -1,47 +1,48 @@
-// The scene as it is seen now, as a PNG of a chosen size.
+// A PNG of the scene in a chosen size.
 //
-// A picture that is larger than the drawing on the screen is drawn part by part, each as large as that drawing: graphics
-// cards limit the size of a drawing, and the scene keeps its own.
+// A picture larger than the canvas is drawn in tiles of the size of the canvas: graphics cards limit the size of a canvas,
+// and that of the scene does not change.
 
-export const LARGEST = 4; // times the size on the page
+export const MAX_SCALE = 4; // times the size on the page
 
-// Width and height in pixels of a picture `times` as large as the scene on the page.
-export function sizeOf(viser, times) {
-  return [viser.canvas.clientWidth, viser.canvas.clientHeight].map((length) => Math.round(times * length));
+// Width and height in pixels of a picture `scale` times as large as the scene on the page.
+export function pictureSize(viser, scale) {
+  return [viser.canvas.clientWidth, viser.canvas.clientHeight].map((length) => Math.round(scale * length));
 }
 
-// Resolves to the PNG. Fails where the browser has no room for a picture of that size.
-export async function snapshot(viser, times, transparent) {
-  const [width, height] = sizeOf(viser, times),
-    picture = document.createElement("canvas");
-  Object.assign(picture, { width, height });
-  const paper = /** @type {CanvasRenderingContext2D} */ (picture.getContext("2d"));
+// Resolves to the PNG; fails if the browser cannot make a picture of that size.
+/** @param {ViserClient} viser */
+export async function snapshot(viser, scale, transparent) {
+  const [width, height] = pictureSize(viser, scale),
+    target = document.createElement("canvas");
+  Object.assign(target, { width, height });
+  const context = /** @type {CanvasRenderingContext2D} */ (target.getContext("2d"));
   if (!transparent) {
-    paper.fillStyle = background(viser.canvas);
-    paper.fillRect(0, 0, width, height);
+    context.fillStyle = pageBackground(viser.canvas);
+    context.fillRect(0, 0, width, height);
   }
-  draw(viser, paper, width, height);
-  const blob = await new Promise((done) => picture.toBlob(done, "image/png"));
+  drawTiles(viser, context, width, height);
+  const blob = await new Promise((done) => target.toBlob(done, "image/png"));
   if (!blob) throw new Error("The browser cannot make a picture of this size. Choose a smaller one.");
   return blob;
 }
 
-function draw(viser, paper, width, height) {
+function drawTiles(viser, context, width, height) {
   const { gl } = viser.scene.__r3f.root.getState(),
     { canvas } = viser,
-    eye = viser.camera.clone();
+    camera = viser.camera.clone();
   for (let top = 0; top < height; top += canvas.height) {
     for (let left = 0; left < width; left += canvas.width) {
-      eye.setViewOffset(width, height, left, top, canvas.width, canvas.height);
-      gl.render(viser.scene, eye); // a browser keeps a drawn picture only until the next one begins
-      paper.drawImage(canvas, left, top);
+      camera.setViewOffset(width, height, left, top, canvas.width, canvas.height);
+      gl.render(viser.scene, camera); // copied at once: the browser clears the canvas before the next frame
+      context.drawImage(canvas, left, top);
     }
   }
   gl.render(viser.scene, viser.camera);
 }
 
-// What the page shows behind the scene, which is see-through itself.
-function background(canvas) {
+// The colour behind the canvas, which is transparent.
+function pageBackground(canvas) {
   const { defaultView } = canvas.ownerDocument;
   for (let node = canvas; node; node = node.parentElement) {
     const { backgroundColor } = defaultView.getComputedStyle(node);

@@ -1,22 +1,22 @@
-// Moves nodes of viser's scene in the frame, without a message from the server.
+// Moves and colours nodes of viser's scene in its frame, without a message from the server.
 //
 // viser's client keeps node poses in a plain object that its render loop reads (`nodePoseData`) and the three.js
-// objects in another (`nodeRefFromName`); both are private, so viser is pinned exactly and browser tests compare nodes
-// with the files that they show.
+// objects in another (`nodeRefFromName`). Both are private, so viser is pinned to one version, and browser tests compare
+// the nodes with the files that they show.
 
-const FIND_EVERY_MS = 30,
-  LOST_MS = 8000;
+const POLL_MS = 30,
+  RECONNECT_MS = 8000;
 const NOT_YET = /** @type {any} */ (null);
 export const HIDDEN = 1e-6; // a scale of zero would make a matrix that cannot be inverted
 
-// What viser's client hands down to its own parts: stores, and `mutable` with its scene; null before it is there.
+// The React context of viser's client, with its stores and its scene (`mutable`); null before the client has started.
 /** @param {PageElement} frame @returns {ViserContext | null} */
 export function findContext(frame) {
   for (let node = frame.contentDocument?.querySelector("canvas"); node; node = node.parentElement) {
     const key = Object.keys(node).find((name) => name.startsWith("__reactFiber$"));
     for (let fiber = key && node[key]; fiber; fiber = fiber.return) {
-      const found = fiber.memoizedProps?.value;
-      if (found?.mutable?.current?.nodePoseData) return found;
+      const context = fiber.memoizedProps?.value;
+      if (context?.mutable?.current?.nodePoseData) return context;
     }
   }
   return null;
@@ -24,44 +24,44 @@ export function findContext(frame) {
 
 /** @param {PageElement} frame @returns {ViserClient | null} */
 function findViser(frame) {
-  const known = frame.contentWindow?.__viserMutable;
-  return known?.nodePoseData ? known : (findContext(frame)?.mutable.current ?? null);
+  const client = frame.contentWindow?.__viserMutable;
+  return client?.nodePoseData ? client : (findContext(frame)?.mutable.current ?? null);
 }
 
-export class Nodes {
+export class ViserNodes {
   constructor(frame, names) {
     this.frame = frame;
     this.names = names;
     this.hidden = new Set();
     /** @type {ViserClient} */
     this.viser = NOT_YET;
-    this.own = new WeakMap();
-    this.colours = new WeakMap();
-    this.clear = new WeakMap();
-    this.seen = new Map();
-    this.there = new WeakMap();
-    this.once = () => this.redraw();
+    this.originalScales = new WeakMap();
+    this.originalColors = new WeakMap();
+    this.originalTransparency = new WeakMap();
+    this.drawnObjects = new Map();
+    this.visibility = new WeakMap();
+    this.renderOnce = () => this.redraw();
   }
 
   // Resolves once viser has made every node. A client that lost its first connection, to a viewer that was starting,
-  // tries again only where it has the focus: it is loaded anew.
+  // reconnects only while it has the focus, so it is reloaded.
   ready() {
     /** @type {number | null} */
-    let lost_ms = null;
+    let disconnected_ms = null;
     return new Promise((/** @type {(value?: void) => void} */ done) => {
-      const look = () => {
-        this.find();
-        if (this.frame.closest("[data-held]")) this.calm();
-        const alone = findContext(this.frame)?.useGui.get().websocketState === "inactive";
-        lost_ms = alone ? (lost_ms ?? performance.now()) : null;
-        if (lost_ms !== null && performance.now() - lost_ms > LOST_MS) {
-          lost_ms = null;
+      const poll = () => {
+        this.refreshClient();
+        if (this.frame.closest("[data-held]")) this.limitRendering();
+        const disconnected = findContext(this.frame)?.useGui.get().websocketState === "inactive";
+        disconnected_ms = disconnected ? (disconnected_ms ?? performance.now()) : null;
+        if (disconnected_ms !== null && performance.now() - disconnected_ms > RECONNECT_MS) {
+          disconnected_ms = null;
           this.reload();
         }
         if (this.viser && this.names.every((name) => this.viser.nodeRefFromName[name])) done();
-        else setTimeout(look, FIND_EVERY_MS);
+        else setTimeout(poll, POLL_MS);
       };
-      look();
+      poll();
     });
   }
 
@@ -71,71 +71,72 @@ export class Nodes {
     this.frame.contentWindow.location.reload();
   }
 
-  // Resolves once viser has drawn a picture. It notices only with the next ones that it is in sight again.
-  drawn() {
+  // Resolves once viser has drawn a frame; after it was hidden, it needs several requests to draw again.
+  rendered() {
     const { gl } = this.root,
       before = gl.info.render.frame;
     return new Promise((done) => {
-      const look = () => {
-        if (gl.info.render.frame > before) return done(this.uncalm());
+      const poll = () => {
+        if (gl.info.render.frame > before) return done(this.restoreRendering());
         this.redraw();
-        requestAnimationFrame(look);
+        requestAnimationFrame(poll);
       };
-      look();
+      poll();
     });
   }
 
-  // The context of viser's client, which is there once the nodes are ready.
+  // The React context of viser's client; only after `ready`.
   get context() {
     return /** @type {ViserContext} */ (findContext(this.frame));
   }
 
-  // What draws the scene.
+  // The state of react-three-fiber, which draws the scene.
   get root() {
     return this.viser.scene.__r3f.root.getState();
   }
 
-  // Asks for one picture; viser's own request is for all that a quarter of a second has room for.
+  // Requests one frame; viser's own request draws frames for a quarter of a second.
   redraw() {
     this.root.invalidate();
   }
 
-  // Until its scene is drawn, viser's requests are for one picture too: what comes after the first would be the same.
-  calm() {
-    if (!this.viser?.scene || this.viser.requestRender === this.once) return;
-    this.request = this.viser.requestRender;
-    this.viser.requestRender = this.once;
+  // Lets viser's own requests draw one frame, too, until its scene is shown: further ones would be equal.
+  limitRendering() {
+    if (!this.viser?.scene || this.viser.requestRender === this.renderOnce) return;
+    this.originalRequestRender = this.viser.requestRender;
+    this.viser.requestRender = this.renderOnce;
   }
 
-  uncalm() {
-    if (this.request && this.viser.requestRender === this.once) this.viser.requestRender = this.request;
+  restoreRendering() {
+    if (this.originalRequestRender && this.viser.requestRender === this.renderOnce)
+      this.viser.requestRender = this.originalRequestRender;
   }
 
-  find() {
+  refreshClient() {
     this.viser = findViser(this.frame) ?? this.viser;
   }
 
-  // Draws what was changed, and remembers which nodes it was drawn with.
+  // Draws the changes, and remembers the objects of the nodes for `isStale`.
   draw() {
-    for (const name of this.names) this.seen.set(name, this.viser.nodeRefFromName[name]);
+    for (const name of this.names) this.drawnObjects.set(name, this.viser.nodeRefFromName[name]);
     this.redraw();
   }
 
-  // Whether viser has made nodes anew since the last `draw` (after a lost connection): they stand where it put them.
+  // Whether viser has made new objects for the nodes since the last `draw`, as after a lost connection.
   isStale() {
     const viser = findViser(this.frame);
     return (
       viser !== null &&
       this.names.every((name) => viser.nodeRefFromName[name]) &&
-      this.names.some((name) => viser.nodeRefFromName[name] !== this.seen.get(name))
+      this.names.some((name) => viser.nodeRefFromName[name] !== this.drawnObjects.get(name))
     );
   }
 
-  position(name) {
+  positionOf(name) {
     return this.viser?.nodePoseData[name]?.position ?? null;
   }
 
-  pose(name, position, wxyz) {
+  setPose(name, position, wxyz) {
     const pose = this.viser.nodePoseData[name];
     if (!pose) return;
     pose.position = position;
@@ -143,75 +144,80 @@ export class Nodes {
     if (pose.poseUpdateState !== "waitForMakeObject") pose.poseUpdateState = "needsUpdate";
   }
 
-  // Draws a node over whatever is in front of it and over nodes with a smaller `turn`; as any other with none.
-  over(name, turn) {
+  // Draws a node in front of everything and of nodes with a smaller `order`; with 0, at its depth again.
+  drawInFront(name, order) {
     this.viser.nodeRefFromName[name]?.traverse((part) => {
       if (!part.material) return;
-      part.material.depthTest = turn === 0;
-      if (!this.clear.has(part.material)) this.clear.set(part.material, part.material.transparent);
-      part.material.transparent = turn > 0 || this.clear.get(part.material); // drawn after the opaque ones, by their turn
-      part.renderOrder = turn;
+      part.material.depthTest = order === 0;
+      if (!this.originalTransparency.has(part.material))
+        this.originalTransparency.set(part.material, part.material.transparent);
+      part.material.transparent = order > 0 || this.originalTransparency.get(part.material); // drawn after opaque ones
+      part.renderOrder = order;
     });
   }
 
-  // Whether a node and all below it are drawn: viser decides anew about `visible` with each picture, but not of layers.
-  see(name, on) {
+  // Shows or hides a node and its descendants, by layers: viser sets `visible` in each frame.
+  setVisible(name, visible) {
     this.viser.nodeRefFromName[name]?.traverse((part) => {
-      part.layers.mask = on ? 1 : 0;
+      part.layers.mask = visible ? 1 : 0;
     });
   }
 
-  // Draws a see-through node after those with a smaller `turn`, without hiding what is within or behind it.
-  veil(name, turn) {
+  // Draws a transparent node after those with a smaller `order`, without hiding what is inside or behind it.
+  drawTransparent(name, order) {
     this.viser.nodeRefFromName[name]?.traverse((part) => {
       if (!part.material) return;
       part.material.depthWrite = false;
-      part.renderOrder = turn;
+      part.renderOrder = order;
     });
   }
 
-  // The meshes of a node itself, without those of the nodes below it.
+  // The meshes of a node, without those of its descendants.
   meshes(name) {
     return this.viser.nodeRefFromName[name]?.children.filter((part) => part.isMesh) ?? [];
   }
 
-  // Gives the vertices of a node's mesh other places, as many as it has.
-  reshape(name, points) {
+  // Moves the vertices of a node's mesh; `points` are as many.
+  setVertices(name, points) {
     for (const { geometry } of this.meshes(name)) {
       const { position } = geometry.attributes;
       for (const [k, point] of points.entries()) position.setXYZ(k, point[0], point[1], point[2]);
       position.needsUpdate = true;
-      geometry.computeBoundingSphere(); // what is out of sight by its old places would not be drawn
+      geometry.computeBoundingSphere(); // otherwise the mesh is culled by its old positions
     }
   }
 
-  // Colours a node's mesh, or gives it back its own colour with null.
-  paint(name, rgb, opacity) {
+  // Colours a node's mesh; null restores its own colour.
+  setColor(name, rgb, opacity) {
     for (const { material } of this.meshes(name)) {
-      if (!this.colours.has(material)) this.colours.set(material, material.color.clone());
+      if (!this.originalColors.has(material)) this.originalColors.set(material, material.color.clone());
       if (rgb) material.color.setStyle(`rgb(${rgb})`);
-      else material.color.copy(this.colours.get(material));
+      else material.color.copy(this.originalColors.get(material));
       material.opacity = opacity;
       material.transparent = opacity < 1;
     }
   }
 
-  // Whether the layer of a node is switched off.
+  // Whether a node is in a hidden group.
   isHidden(name) {
     return [...this.hidden].some((group) => name.startsWith(group));
   }
 
-  scale(name, x, y = x, z = y) {
+  setScale(name, x, y = x, z = y) {
     const object = this.viser.nodeRefFromName[name];
     if (!object) return;
-    // Some shapes carry their size as scale, so ours multiplies the one that viser gave.
-    if (!this.own.has(object)) this.own.set(object, object.scale.clone());
-    const own = this.own.get(object);
-    const off = this.isHidden(name),
-      there = !off && Math.max(x, y, z) > HIDDEN;
-    object.scale.set(own.x * (off ? HIDDEN : x), own.y * (off ? HIDDEN : y), own.z * (off ? HIDDEN : z));
-    if (this.there.get(object) === there) return;
-    this.there.set(object, there);
-    this.see(name, there); // so small it cannot be seen, but it would be drawn
+    // viser stores the size of some shapes as their scale, which is multiplied here.
+    if (!this.originalScales.has(object)) this.originalScales.set(object, object.scale.clone());
+    const original = this.originalScales.get(object);
+    const hidden = this.isHidden(name),
+      visible = !hidden && Math.max(x, y, z) > HIDDEN;
+    object.scale.set(
+      original.x * (hidden ? HIDDEN : x),
+      original.y * (hidden ? HIDDEN : y),
+      original.z * (hidden ? HIDDEN : z),
+    );
+    if (this.visibility.get(object) === visible) return;
+    this.visibility.set(object, visible);
+    this.setVisible(name, visible); // a tiny object would still be drawn
   }
 }

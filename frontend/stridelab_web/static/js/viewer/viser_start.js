@@ -1,4 +1,4 @@
-// Starts viser's client (viser_client.py): the application takes its decoder of messages from this name.
+// Starts viser's client (viser_client.py), which takes its message decoder from a global variable.
 const { href: decoder } = document.querySelector("link[rel=preload]"),
   { href: application } = document.querySelector("link[rel=modulepreload]");
 

@@ -1,0 +1,115 @@
+// The buttons "Plan" and "Find contacts" of the editor: each starts a job, follows it and opens its result.
+import { call, followJob, jobHeadline, problemSentence, startJob } from "../shared/api.js";
+import { CONTACTS_SUFFIX, openAsNewScenario } from "./scenario_store.js";
+
+const FEET = ["left_foot", "right_foot"];
+const planViewerUrl = (jobId) => `/view/?plan=${encodeURIComponent(jobId)}`;
+
+// Starts a plan with whole body and replay, the defaults of the service.
+export function startPlan(scenarioId, options = {}) {
+  return startJob("plan-motion", { scenario_id: scenarioId, whole_body: true, replay: true, ...options });
+}
+
+// The reason why a job did not succeed, with the last progress message of one that ran out of time.
+function failureReason(job, lastMessage = "") {
+  if (job.state === "cancelled") return "Cancelled.";
+  const reason = job.error
+    ? problemSentence(job.error.status, job.error)
+    : `The job ended as ${job.state.replaceAll("_", " ")}.`;
+  return lastMessage && job.state === "timed_out" ? `${reason} It was at: ${lastMessage}.` : reason;
+}
+
+// A link to the partial result of a failed job.
+function partialResultLink(job) {
+  const link = document.createElement("a");
+  link.href = `/plans/${encodeURIComponent(job.id)}`;
+  link.textContent = "See how far it comes.";
+  return link;
+}
+
+// Plans the scenario and opens the plan.
+export function bindPlanButton(root, scenarioId, before) {
+  bindJobButton(root, "plan", {
+    start: () => startPlan(scenarioId),
+    before,
+    onSuccess: (job) => location.assign(planViewerUrl(job.id)),
+  });
+}
+
+// Plans contacts from the stance of the first phase to that of the last, and opens them as a new scenario.
+export function bindContactsButton(root, scenarioId, before) {
+  let name = "";
+  const start = async () => {
+    const stored = await call("GET", `/scenarios/${scenarioId}`);
+    name = stored.name;
+    return startJob("plan-contacts", contactTask(stored));
+  };
+  const onSuccess = async (job) => {
+    const result = await call("GET", `/jobs/${job.id}/result`);
+    await openAsNewScenario({ ...result.summary.scenario, name }, CONTACTS_SUFFIX);
+  };
+  bindJobButton(root, "find", { start, before, onSuccess });
+}
+
+function contactTask({ name, robot, terrain, friction, phases }) {
+  if (!phases.length) throw new Error("This scenario has no phases: there is no start and no goal.");
+  const stances = { start: phases[0], goal: phases.at(-1) };
+  for (const [end, { contacts }] of Object.entries(stances)) {
+    const missing = FEET.filter((foot) => !contacts.some((contact) => contact.effector === foot));
+    const phase = end === "start" ? "first" : "last";
+    if (missing.length)
+      throw new Error(
+        `A ${end} needs both feet, and the ${phase} phase lacks the ${missing.map((foot) => foot.replace("_", " ")).join(" and the ")}.`,
+      );
+  }
+  const [start, goal] = Object.values(stances).map(({ contacts }) => ({ contacts }));
+  return { name, robot, terrain, friction, start, goal };
+}
+
+// Binds `[data-NAME]` (button), `[data-NAME-cancel]` (button), `[data-NAME-live]` (shown while the job runs, with a
+// <progress> and `[data-NAME-message]`) and `[data-NAME-said]` (problems) inside `root`. `before` is awaited before `start`;
+// `onSuccess(job)` leaves the page.
+function bindJobButton(root, name, { start, before, onSuccess }) {
+  const part = (ending) => root.querySelector(`[data-${name}${ending}]`);
+  const [button, cancel, live, message, problem] = ["", "-cancel", "-live", "-message", "-said"].map(part);
+  const bar = live.querySelector("progress");
+  /** @type {any} */
+  let job = null;
+
+  button.addEventListener("click", async () => {
+    button.disabled = true;
+    problem.textContent = "";
+    try {
+      await before();
+      job = await start();
+      show(job);
+      live.hidden = cancel.disabled = false;
+      let lastMessage = "";
+      const finished = await followJob(job.id, (current) => {
+        lastMessage = current.progress.message || lastMessage;
+        show(current);
+      });
+      if (finished.state === "succeeded") return void (await onSuccess(finished));
+      problem.textContent = failureReason(finished, lastMessage);
+      if (finished.has_result) problem.append(" ", partialResultLink(finished));
+    } catch (error) {
+      problem.textContent = error.message;
+    }
+    live.hidden = true;
+    button.disabled = false;
+  });
+
+  cancel.addEventListener("click", async () => {
+    cancel.disabled = true;
+    message.textContent = "cancelling…";
+    await call("DELETE", `/jobs/${job.id}?cancel_only=true`).catch((error) => {
+      problem.textContent = error.message;
+      cancel.disabled = false;
+    });
+  });
+
+  function show(current) {
+    bar.value = current.progress.fraction;
+    message.textContent = jobHeadline(current) || current.state;
+  }
+}
