@@ -1,0 +1,106 @@
+import assert from "node:assert/strict";
+import test, { beforeEach } from "node:test";
+import {
+  moveContact,
+  ScenarioStore,
+  scenarioFields,
+} from "../../../frontend/stridelab_web/static/js/editor/scenario_store.js";
+import { AHEAD, LEFT, RIGHT, walk } from "./scenario.mjs";
+
+// A service with one scenario, which refuses a version that is not the stored one.
+let stored, requests;
+const session = new Map();
+
+beforeEach(() => {
+  stored = { ...walk(), id: "s1", owner: "me", updated_at: "v1" };
+  requests = [];
+  session.clear();
+});
+/** @type {any} */ (globalThis).sessionStorage = {
+  getItem: (key) => session.get(key) ?? null,
+  setItem: (key, value) => session.set(key, value),
+  removeItem: (key) => session.delete(key),
+};
+/** @type {any} */ (globalThis).fetch = async (url, { method, headers, body }) => {
+  requests.push(`${method} ${url}`);
+  if (method === "PUT" && headers["If-Match"] !== JSON.stringify(stored.updated_at)) {
+    return new Response(JSON.stringify({ title: "Changed", detail: "It was changed." }), { status: 412 });
+  }
+  if (method === "PUT") changeElsewhere(JSON.parse(body));
+  return new Response(JSON.stringify(stored));
+};
+const changeElsewhere = (fields) => {
+  stored = { ...stored, ...fields, updated_at: `v${Number(stored.updated_at.slice(1)) + 1}` };
+};
+const named = (name) => ({ ...scenarioFields(stored), name });
+
+async function openStore() {
+  const store = new ScenarioStore("s1");
+  await store.read();
+  return store;
+}
+
+test("a scenario is read without the fields of the service", async () => {
+  const store = await openStore();
+  assert.deepEqual(requests, ["GET /api/v1/scenarios/s1"]);
+  assert.deepEqual(store.scenario.phases, walk().phases);
+  assert.ok(!("owner" in store.scenario) && !("id" in store.scenario));
+});
+
+test("stored edits are undone and redone in order", async () => {
+  const store = await openStore();
+  await store.store(named("second"));
+  await store.store(named("third"));
+  assert.equal(await store.undo(), true);
+  assert.equal(stored.name, "second");
+  await store.undo();
+  assert.equal(stored.name, "walk");
+  assert.equal(await store.undo(), false);
+  await store.redo();
+  assert.equal(stored.name, "second");
+});
+
+test("a new edit ends what could be redone", async () => {
+  const store = await openStore();
+  await store.store(named("second"));
+  await store.undo();
+  await store.store(named("other"));
+  assert.equal(await store.redo(), false);
+  assert.equal(stored.name, "other");
+});
+
+test("a change elsewhere is noticed, is not overwritten, and can be undone", async () => {
+  const store = await openStore();
+  changeElsewhere({ name: "elsewhere" });
+  await assert.rejects(store.store(named("mine")), { status: 412 });
+  assert.equal(stored.name, "elsewhere");
+  assert.equal(await store.read(), true);
+  assert.equal(await store.read(), false);
+  await store.undo();
+  assert.equal(stored.name, "walk");
+});
+
+test("the history survives a reload unless the scenario was changed since", async () => {
+  const store = await openStore();
+  await store.store(named("second"));
+  assert.equal((await openStore()).past.length, 1);
+  changeElsewhere({ name: "elsewhere" });
+  assert.equal((await openStore()).past.length, 0);
+});
+
+test("at most forty steps are kept", async () => {
+  const store = await openStore();
+  for (let k = 0; k < 45; k += 1) await store.store(named(`edit ${k}`));
+  assert.equal(store.past.length, 40);
+  assert.equal(store.past[0].name, "edit 4");
+});
+
+test("a touch is moved in its phases only", () => {
+  const turned = [0, 0, 0, 1];
+  const { phases } = moveContact(walk(), { effector: "left_foot", phases: [1, 1] }, [0.1, 0.2, 0.3], turned);
+  assert.deepEqual(phases[0].contacts, [LEFT, RIGHT]);
+  assert.deepEqual(phases[1].contacts, [
+    { effector: "left_foot", position_m: [0.1, 0.2, 0.3], orientation_wxyz: turned },
+  ]);
+  assert.deepEqual(phases[2].contacts, [LEFT, AHEAD]);
+});
