@@ -1,4 +1,4 @@
-"""The command line: the service, and the main jobs without one.
+"""The ``stridelab`` command line: starts the service, and runs its main jobs without one.
 
 Numeric packages are imported inside the commands, so that ``stridelab --help`` answers at once.
 """
@@ -40,10 +40,10 @@ from stridelab.schemas.recordings import Sex
 
 
 class Commands(TyperGroup):
-    """All commands; an error of this project becomes one line and an exit code, Ctrl-C only an exit code."""
+    """Command group that turns a ``StridelabError`` into one line and an exit code, and Ctrl-C into an exit code."""
 
     def invoke(self, ctx: Any) -> Any:
-        """Run the command that was typed."""
+        """Run the command and translate its errors."""
         try:
             return super().invoke(ctx)
         except StridelabError as error:
@@ -56,7 +56,7 @@ class Commands(TyperGroup):
 app = typer.Typer(
     name="stridelab",
     cls=Commands,
-    help="Human gait and the climbing of humanoid robots, as a service and on the command line.",
+    help="Centre of mass of human gait and motions of climbing humanoid robots, as a service and on the command line.",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
@@ -66,13 +66,13 @@ app = typer.Typer(
 @app.command()
 def serve(
     host: Annotated[str | None, typer.Option("--host", help="Address to bind to (STRIDELAB_HOST).")] = None,
-    port: Annotated[int | None, typer.Option("--port", help="The one public port (STRIDELAB_PORT).")] = None,
+    port: Annotated[int | None, typer.Option("--port", help="Public port (STRIDELAB_PORT).")] = None,
     data_dir: Annotated[Path | None, typer.Option("--data-dir", help="Data folder (STRIDELAB_DATA_DIR).")] = None,
     without_worker: Annotated[
-        bool, typer.Option("--without-worker", help="Start no worker beside the server.")
+        bool, typer.Option("--without-worker", help="Start the server without a worker.")
     ] = False,
 ) -> None:
-    """Start everything: database, API and pages, worker, viewer. Ctrl-C ends what it started."""
+    """Start database, API and pages, worker and viewer; Ctrl-C stops them."""
     from stridelab.cli.serve import serve as run
 
     run(host=host, port=port, data_dir=data_dir, without_worker=without_worker)
@@ -127,7 +127,9 @@ def estimate(
 def compare(
     *,
     walk: Walk,
-    method: Annotated[Method | None, typer.Option("--method", help="Only this one, beside the geometry.")] = None,
+    method: Annotated[
+        Method | None, typer.Option("--method", help="Compare only this method with the segment geometry.")
+    ] = None,
     estimation: Estimation,
     preparation: Preparation,
     truth: Annotated[Path | None, typer.Option("--truth", help="truth.parquet of a simulated recording.")] = None,
@@ -154,11 +156,15 @@ def simulate(
     robot: Annotated[Walker, typer.Option("--robot", help="A person, or the humanoid TALOS.")] = "human",
     gait: Annotated[Gait, typer.Option("--gait", help="Only TALOS runs, with flight phases.")] = "walking",
     speed_m_s: Annotated[
-        float | None, typer.Option("--speed", help="Speed in m/s, 0 to 2; by default their own.")
+        float | None, typer.Option("--speed", help="Speed in m/s, 0 to 2; by default that of the walker.")
     ] = None,
-    height_m: Annotated[float | None, typer.Option("--height", help="Stature of the person in metres; 1.71.")] = None,
-    mass_kg: Annotated[float | None, typer.Option("--mass", help="Mass of the person in kilograms; 60.")] = None,
-    sex: Annotated[Sex | None, typer.Option("--sex", help="Proportions of the person; female.")] = None,
+    height_m: Annotated[
+        float | None, typer.Option("--height", help="Stature of the person in metres; default 1.71.")
+    ] = None,
+    mass_kg: Annotated[
+        float | None, typer.Option("--mass", help="Mass of the person in kilograms; default 60.")
+    ] = None,
+    sex: Annotated[Sex | None, typer.Option("--sex", help="Proportions of the person; default female.")] = None,
     lab: Annotated[Lab, typer.Option("--lab", help="Plates under every footprint, or two in a row.")] = "walkway",
     noise: Annotated[
         list[str] | None, typer.Option("--noise", help="FIELD=VALUE, e.g. force_n=2; may be repeated.")
@@ -166,7 +172,7 @@ def simulate(
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
-    """Record a simulated walk, of a person or of TALOS: recording.c3d and the true centre of mass."""
+    """Simulate a walk of a person or of TALOS: writes recording.c3d and the true centre of mass."""
     from stridelab.cli.estimate import simulate as run
 
     stated = {"speed_m_s": speed_m_s, "height_m": height_m, "mass_kg": mass_kg, "sex": sex}
@@ -193,15 +199,15 @@ def reproduce(
             help="fig-2.2, fig-2.5 to fig-2.9, fig-3.3 to fig-3.10, fig-4.2 to fig-4.9, table-4.1, numbers-2 to -4."
         ),
     ] = None,
-    everything: Annotated[bool, typer.Option("--all", help="All of them, as one HTML report.")] = False,
-    seeds: Annotated[int | None, typer.Option("--seeds", help="Simulated walks to repeat it on, 1 to 200.")] = None,
-    quick: Annotated[bool, typer.Option("--quick", help="With --all: three draws, for a first look.")] = False,
+    everything: Annotated[bool, typer.Option("--all", help="All items, as one HTML report.")] = False,
+    seeds: Annotated[int | None, typer.Option("--seeds", help="Number of simulated walks, 1 to 200.")] = None,
+    quick: Annotated[bool, typer.Option("--quick", help="With --all: only three draws, for a quick look.")] = False,
     recordings: Annotated[
-        Path | None, typer.Option("--recordings", help="With --all: folder whose gait/ holds walks of people.")
+        Path | None, typer.Option("--recordings", help="With --all: folder whose gait/ holds measured walks.")
     ] = None,
     delivery: Delivery,
 ) -> None:
-    """Compute a figure of the thesis anew: its numbers beside ours, and the drawing; needs no server."""
+    """Recompute a figure of the thesis and compare its numbers with ours; needs no server."""
     from stridelab.cli.reproduce import reproduce as run
     from stridelab.cli.reproduce import require_one
 
@@ -224,7 +230,7 @@ def reproduce(
 
 @app.command()
 def demo(out_dir: OutFolder = None, force: Force = False) -> None:
-    """Both main jobs: a walk with its known truth, and a robot that climbs stairs."""
+    """Run both main jobs: estimate a walk with known truth, and plan a robot that climbs stairs."""
     from stridelab.cli.demo import demo as run
 
     run(out_dir=out_dir, force=force)
@@ -233,10 +239,10 @@ def demo(out_dir: OutFolder = None, force: Force = False) -> None:
 @app.command()
 def doctor(
     service: Annotated[
-        str | None, typer.Option("--service", help="Only ask this service whether it is healthy.")
+        str | None, typer.Option("--service", help="Only check whether this service is healthy.")
     ] = None,
     worker: Annotated[
-        bool, typer.Option("--worker", help="Only ask whether the worker of the data folder is alive.")
+        bool, typer.Option("--worker", help="Only check whether the worker of the data folder is alive.")
     ] = False,
     files: Annotated[
         bool, typer.Option("--files", help="Only read all stored files and compare them with their hashes.")
@@ -252,10 +258,10 @@ def doctor(
             raise typer.Exit(FAILURE)
     if files and not service and not worker:
         return
-    asked = [ask(service)] if service else []
+    passed = [ask(service)] if service else []
     if worker:
-        asked.append(ask_worker())
-    if not (all(asked) if asked else check_machine()):
+        passed.append(ask_worker())
+    if not (all(passed) if passed else check_machine()):
         raise typer.Exit(FAILURE)
 
 

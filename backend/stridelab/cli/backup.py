@@ -8,14 +8,14 @@ import typer
 from stridelab.cli.console import err, out, progress_bar
 from stridelab.cli.serve import read_settings
 
-Replace = Annotated[bool, typer.Option("--replace", help="Put it in the place of data that are there.")]
+Replace = Annotated[bool, typer.Option("--replace", help="Replace existing data.")]
 
 
 def backup(
     file: Annotated[Path, typer.Argument(help="The backup to write.")],
     force: Annotated[bool, typer.Option("--force", help="Replace an earlier backup of that name.")] = False,
 ) -> None:
-    """Write everything the service holds into one file, while it runs or not."""
+    """Write all data of the service into one file; the service may be running."""
     from stridelab.service.backup.create import create_backup
     from stridelab.service.backup.locations import open_location
 
@@ -29,10 +29,10 @@ def restore(
     file: Annotated[Path, typer.Argument(help="A backup.")],
     replace: Replace = False,
     with_tokens: Annotated[
-        bool, typer.Option("--with-tokens", help="Put the backup's API tokens in the place of those that are there.")
+        bool, typer.Option("--with-tokens", help="Replace the existing API tokens with those of the backup.")
     ] = False,
 ) -> None:
-    """Put a backup in the place of what the service holds; all of it or nothing. The service must not run."""
+    """Replace all data of the service with a backup, completely or not at all. The service must not run."""
     from stridelab.service.backup.archive import open_archive
     from stridelab.service.backup.locations import open_location
     from stridelab.service.backup.restore import restore_backup as run
@@ -40,9 +40,9 @@ def restore(
     with (
         progress_bar("restore") as bar,
         open_archive(file, bar) as archive,  # before a database is made for it
-        open_location(read_settings(), require_stopped=True, create=True) as there,
+        open_location(read_settings(), require_stopped=True, create=True) as location,
     ):
-        taken = run(archive, there, with_tokens=with_tokens, replace=replace, on_progress=bar)
+        taken = run(archive, location, with_tokens=with_tokens, replace=replace, on_progress=bar)
     out.print(f"restored {_told(taken.rows, taken.files, taken.bytes)}")
     if taken.rows.get("token") and not with_tokens:
         out.print("The API tokens of the backup were not restored; --with-tokens restores them.")
@@ -59,25 +59,25 @@ def adopt(
     with progress_bar("adopt") as bar:
         taken = run(folder, read_settings(), replace=replace, on_progress=bar)
     out.print(f"adopted {_told(taken.rows, taken.files, taken.bytes)}")
-    out.print(f"{folder} is as it was; delete it when you have looked at the new service.")
+    out.print(f"{folder} is unchanged; delete it after checking the new service.")
     _tell_missing(taken.missing)
 
 
 def verify_files() -> bool:
-    """Read all stored files and print which are missing or damaged; returns whether all are as they were stored."""
+    """Check all stored files against their hashes; prints missing and damaged ones, returns whether all are intact."""
     from stridelab.service.backup.locations import open_location
     from stridelab.service.backup.verify import verify_stored_files
 
-    with open_location(read_settings(), require_stopped=False) as there, progress_bar("files") as bar:
-        found = verify_stored_files(there.database_url, there.open_store(), bar)
-    hashes = f"; {found.without_hash} of them have no stored hash" if found.without_hash else ""
-    out.print(f"{found.files} files ({found.bytes / 1e6:,.1f} MB) read{hashes}")
-    for what, files in (("missing", found.missing), ("damaged", found.damaged)):
+    with open_location(read_settings(), require_stopped=False) as location, progress_bar("files") as bar:
+        report = verify_stored_files(location.database_url, location.open_store(), bar)
+    hashes = f"; {report.without_hash} of them have no stored hash" if report.without_hash else ""
+    out.print(f"{report.files} files ({report.bytes / 1e6:,.1f} MB) read{hashes}")
+    for problem, files in (("missing", report.missing), ("damaged", report.damaged)):
         for one in files:
-            err.print(f"[red]{what}[/]: {one.description} ({one.key})", soft_wrap=True)
-    if not found.ok:
-        err.print("Upload a damaged recording again: the same file repairs it. A result is made again by its job.")
-    return found.ok
+            err.print(f"[red]{problem}[/]: {one.description} ({one.key})", soft_wrap=True)
+    if not report.ok:
+        err.print("Upload a damaged recording again: the same file repairs it. Run the job of a damaged result again.")
+    return report.ok
 
 
 def _told(rows: dict[str, int], files: int, size_bytes: int) -> str:
@@ -88,4 +88,4 @@ def _told(rows: dict[str, int], files: int, size_bytes: int) -> str:
 
 def _tell_missing(missing: tuple[str, ...]) -> None:
     if missing:
-        err.print(f"[yellow]warning[/]: {len(missing)} files that rows name were gone, the first is {missing[0]}")
+        err.print(f"[yellow]warning[/]: {len(missing)} stored files are missing, the first is {missing[0]}")

@@ -1,4 +1,4 @@
-"""``stridelab compare``: all estimators on one recording, the same run as in the service, into a folder."""
+"""``stridelab compare``: compares all estimators on one recording and writes a result folder."""
 
 import shutil
 from pathlib import Path
@@ -74,7 +74,7 @@ def compare_here(request: EstimateRequest, folder: Path, truth: Path | None) -> 
 
 
 def show_comparison(result: JobResult, target: Path, *, as_json: bool) -> None:
-    """One row per estimator, or JSON."""
+    """Print one row per estimator, or the result as JSON."""
     if as_json:
         show_json(result)
         return
@@ -98,7 +98,7 @@ def show_comparison(result: JobResult, target: Path, *, as_json: bool) -> None:
 
 
 def _place(name: str) -> tuple[int, str]:
-    """The best method first, each followed by itself with the thesis' settings; a stored mapping keeps no order."""
+    """Sort key: the best method first, each followed by its variant with the thesis' settings."""
     plain = name.removesuffix("-thesis")
     return (METHODS.index(plain) if plain in METHODS else len(METHODS), name)
 

@@ -1,4 +1,4 @@
-"""What the command line shows: one-line errors with an exit code per class, and progress bars on stderr."""
+"""Console output of the command line: one-line errors with an exit code per class, and progress bars on stderr."""
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -42,11 +42,11 @@ EXIT_CODES: Final[Mapping[type[StridelabError], int]] = MappingProxyType(
 )
 """Exit code per class of error; 1 is any other failure, 2 also a misspelt command line, 130 Ctrl-C.
 
-3 is also ``CONTRADICTED``: a result that was written and must not be believed.
+3 is also ``CONTRADICTED``: a result was written but is not reliable.
 """
 
 MOST_FAULTS: Final = 12
-"""Faults listed below an error before the rest is only counted."""
+"""Maximum number of faults listed below an error."""
 
 out = Console(highlight=False, soft_wrap=True)
 err = Console(stderr=True, highlight=False, soft_wrap=True)
@@ -58,7 +58,7 @@ def exit_code(error: StridelabError) -> int:
 
 
 def show_error(error: StridelabError) -> None:
-    """The sentence and the code on one line, then the places in the input."""
+    """Print message and code on one line, then the faults of the input."""
     err.print(f"[bold red]error[/]: {escape(error.message)} [dim]({escape(error.code)})[/]")
     for fault in error.faults[:MOST_FAULTS]:
         err.print(f"  {escape(fault.where)}: {escape(fault.message)}")
@@ -79,7 +79,7 @@ class Bar:
 
 @contextmanager
 def progress_bar(title: str) -> Iterator[Bar]:
-    """A bar on stderr; where stderr is not a terminal, nothing is drawn."""
+    """Progress bar on stderr; draws nothing unless stderr is a terminal."""
     columns = (
         SpinnerColumn(),
         TextColumn("{task.description}"),

@@ -1,6 +1,6 @@
-"""``stridelab plan-contacts``: a sequence of contacts from a stance to another, here or on a service.
+"""``stridelab plan-contacts``: plans a contact sequence between two stances, here or on a service.
 
-``stridelab export-contacts`` and ``import-contacts``: contact sequences for other tools, and from them.
+``stridelab export-contacts`` and ``import-contacts``: convert contact sequences to and from multicontact-api JSON.
 """
 
 import json
@@ -30,7 +30,7 @@ from stridelab.schemas.scenarios import Scenario
 from stridelab.schemas.tasks import PlanContactsTask
 
 ENDS: Final = {"start": 0, "goal": -1}
-"""Phases of a scenario that are the ends of a task."""
+"""Indices of the scenario phases that are start and goal of a task."""
 
 ONLY_SCENARIO: Final = ("description", "start_com_height_m")
 """Fields of a scenario that a task does not have."""
@@ -53,9 +53,9 @@ def plan_contacts(typed: str, delivery: Delivery) -> None:
 
 
 def task_of(document: Any, name: str) -> PlanContactsInput:
-    """The task of a file: a task as in the HTTP contract, or a scenario, of which only the ends are taken.
+    """Task of a JSON document: a task as in the HTTP contract, or a scenario, of which first and last phase are used.
 
-    Raises ``InvalidInput`` (``task-invalid``) naming the fields that make no sense.
+    Raises ``InvalidInput`` (``task-invalid``) naming the invalid fields.
     """
     fields = dict(document) if isinstance(document, dict) else {}
     phases = fields.pop("phases", None)
@@ -76,7 +76,7 @@ def plan_here(input_: PlanContactsInput, title: str, folder: Path) -> JobResult:
 
 
 def show_planned(result: JobResult, target: Path, *, as_json: bool) -> None:
-    """What lands where, or JSON."""
+    """Print where each effector makes contact, or the result as JSON."""
     if as_json:
         show_json(result)
         return
@@ -84,11 +84,11 @@ def show_planned(result: JobResult, target: Path, *, as_json: bool) -> None:
     scenario = summary.scenario
     out.print(
         f"[bold]{escape(scenario.name)}[/] {summary.steps} steps in {len(scenario.phases)} phases, "
-        f"{summary.duration_s:.1f} s, found in {summary.solve_time_s:.2f} s"
+        f"{summary.duration_s:.1f} s, planned in {summary.solve_time_s:.2f} s"
     )
     for before, phase in zip(scenario.phases, scenario.phases[1:], strict=False):
         for contact in phase.contacts:
-            if contact.effector not in {known.effector for known in before.contacts}:
+            if contact.effector not in {earlier.effector for earlier in before.contacts}:
                 x, y, z = contact.position_m
                 out.print(f"{escape(contact.effector):<11} to ({x:.3f}, {y:.3f}, {z:.3f})")
     show_remarks(summary.warnings)
@@ -97,14 +97,14 @@ def show_planned(result: JobResult, target: Path, *, as_json: bool) -> None:
 
 
 LARGEST_BYTES: Final = 8_000_000
-"""Largest document that is read: one of 400 phases with four contacts each takes about two."""
+"""Maximum size of a document; 400 phases with four contacts each take about 2 MB."""
 OPTION: Final = "--out-file"
 
 
 def export_contacts(typed: str, *, out_file: Path | None, force: bool) -> None:
     """Write a scenario's contact sequence with the field names of multicontact-api.
 
-    Raises ``InvalidInput`` (``scenario-invalid``) where the robot cannot do it, and as
+    Raises ``InvalidInput`` (``scenario-invalid``) if the robot cannot carry it out, and the errors of
     ``cli.scenario_files.read_scenario``.
     """
     from stridelab.contacts.effector_geometry import effector_shapes
@@ -120,24 +120,24 @@ def export_contacts(typed: str, *, out_file: Path | None, force: bool) -> None:
 
 
 def import_contacts(file: Path, *, beside: str | None, out_file: Path | None, force: bool) -> None:
-    """Write the scenario of a document once the judge of all scenarios has passed it.
+    """Validate the scenario of a contact-sequence document and write it.
 
     Raises ``UnreadableFile``, ``TooLarge`` (``file-too-large``), ``NotFound`` (``robot-not-found``) and
-    ``InvalidInput``: ``contact-sequence-invalid`` for what cannot be read, ``scenario-invalid`` for what makes no
-    scenario or what the robot cannot do, both naming phase and effector.
+    ``InvalidInput``: ``contact-sequence-invalid`` for a malformed document, ``scenario-invalid`` for an invalid
+    scenario or one that the robot cannot carry out; both name phase and effector.
     """
     from stridelab.contacts.effector_geometry import effector_shapes
     from stridelab.contacts.multicontact_api import from_multicontact
     from stridelab.contacts.scenario_io import sequence_of
     from stridelab.contacts.validation.validate import validate_scenario
 
-    known = {} if beside is None else _surroundings(beside)
+    defaults = {} if beside is None else _surroundings(beside)
     document = read_json(file, LARGEST_BYTES)
     if not isinstance(document, dict):
         fault = Fault("the file", "it is not an object with contact_phases")
         raise InvalidInput("contact-sequence-invalid", f"{file} is not a contact sequence.", [fault])
-    read = from_multicontact(document, known)
-    scenario = understood(Scenario, read, str(file), "scenario")
+    fields = from_multicontact(document, defaults)
+    scenario = understood(Scenario, fields, str(file), "scenario")
     body, effectors = scenario.model_dump(mode="json"), effector_shapes(scenario.robot)
     sequence = sequence_of(body, effectors)
     target = out_file or Path(f"{file.name.split('.')[0]}.scenario.json")
@@ -151,7 +151,7 @@ def import_contacts(file: Path, *, beside: str | None, out_file: Path | None, fo
 
 
 def _surroundings(typed: str) -> Mapping[str, Any]:
-    """Of a scenario, or of one without phases, all that is not its contacts."""
+    """Fields of a scenario document except its phases."""
     document = read_document(typed)
     if not isinstance(document, dict):
         fault = Fault("--beside", "it is not an object with robot and terrain")

@@ -1,6 +1,6 @@
-"""``stridelab demo``: both main jobs on what comes with the program.
+"""``stridelab demo``: runs both main jobs on bundled data.
 
-The recording was simulated, so its truth is known; the stairs are climbed by the robot of the bundled scenario.
+The recording is simulated, so its true centre of mass is known; the motion is planned for a bundled scenario.
 """
 
 import shutil
@@ -25,7 +25,7 @@ STAIRS: Final = "six-stairs"
 
 
 def sample_folder() -> Path:
-    """Where the bundled recording lies. Raises ``Unavailable`` where the installation lacks it."""
+    """Folder of the bundled recording. Raises ``Unavailable`` if the installation lacks it."""
     folder = models_dir() / "recordings" / "sample-walk"
     if not (folder / "recording.c3d").is_file():
         raise Unavailable("sample-missing", f"The bundled recording is not in {folder}; install stridelab again.")
@@ -33,7 +33,7 @@ def sample_folder() -> Path:
 
 
 def demo(*, out_dir: Path | None, force: bool, stairs: str = STAIRS) -> None:
-    """A walk into ``<out_dir>/walk`` and a climb into ``<out_dir>/climb``; ``stairs`` names the scenario."""
+    """Estimate a walk into ``<out_dir>/walk`` and plan the scenario ``stairs`` into ``<out_dir>/climb``."""
     target = out_dir or Path("stridelab-demo")
     for name in (WALK, CLIMB):
         refuse_to_overwrite(target / name, force=force)
@@ -64,7 +64,7 @@ def _walk(target: Path, *, force: bool) -> None:
 
 def _climb(target: Path, stairs: str, *, force: bool) -> None:
     """Plan the bundled stairs with the whole body, and replay the motion."""
-    out.print(f"A robot is planned over the scenario {escape(stairs)}, with its whole body, and replayed in physics")
+    out.print(f"Planning the whole-body motion of the scenario {escape(stairs)}, then replaying it in physics")
     with result_folder(target, force=force) as folder:
         result, failure = plan_here(PlanRequest(stairs), folder)
     show_plan(result, target, as_json=False)

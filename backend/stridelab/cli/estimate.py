@@ -1,4 +1,4 @@
-"""``stridelab estimate`` and ``stridelab simulate``: the same runs as in the service, into a folder."""
+"""``stridelab estimate`` and ``stridelab simulate``: run the service's jobs here and write result folders."""
 
 import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -56,7 +56,7 @@ def estimate(request: EstimateRequest, delivery: Delivery) -> None:
 def estimate_here(request: EstimateRequest, folder: Path, session: SessionValues | None = None) -> JobResult:
     """Run the job's own function in this process; ``folder`` then holds exactly what the service would publish.
 
-    ``session`` are the values of the recording's session.
+    ``session`` holds the values that the trials of the recording's session share.
     """
     from stridelab.service.kinds.estimate_com import run as estimate_com
 
@@ -70,7 +70,7 @@ def estimate_here(request: EstimateRequest, folder: Path, session: SessionValues
 
 @contextmanager
 def staged(request: EstimateRequest, folder: Path) -> Iterator[tuple[RecordingSource, RecordingSource | None]]:
-    """The files of a request in ``folder`` for as long as the run lasts, as the worker would have put them there."""
+    """Context manager that copies the files of a request into ``folder``, as the worker does."""
     static = None if request.static is None else RecordingSource(file="static-trial", filename=request.static.name)
     recording = RecordingSource(
         file="trial",
@@ -116,7 +116,7 @@ def simulate_here(input_: SimulateRecordingInput, folder: Path) -> JobResult:
 
 
 def show_estimate(result: JobResult, target: Path, *, as_json: bool) -> None:
-    """The summary as a table, or as JSON."""
+    """Print the summary as a table, or the result as JSON."""
     if as_json:
         show_json(result)
         return

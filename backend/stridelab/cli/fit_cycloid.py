@@ -1,4 +1,4 @@
-"""``stridelab fit-cycloid``: the wheel of every step of a recording, the same run as in the service, into a folder."""
+"""``stridelab fit-cycloid``: fits the rolling wheel to every step of a recording and writes a result folder."""
 
 from pathlib import Path
 from typing import Final
@@ -59,7 +59,7 @@ def fit_here(request: EstimateRequest, folder: Path) -> JobResult:
 
 
 def show_fit(result: JobResult, target: Path, *, as_json: bool) -> None:
-    """One row per step, how much they scatter, and the curves that do better; or JSON."""
+    """Print a row per step, the scatter between steps and the best rival curves; or the result as JSON."""
     if as_json:
         show_json(result)
         return
@@ -84,11 +84,11 @@ def show_fit(result: JobResult, target: Path, *, as_json: bool) -> None:
 
 def _scatter(sd: StepScatter | None) -> str:
     if sd is None:
-        return "[dim]one step and nothing that overlaps with it: how much it scatters is not known[/]"
-    what = f"{sd.n} steps" if sd.between == "steps" else f"{sd.n} intervals that overlap"
+        return "[dim]only one step and no overlapping interval: the scatter is not known[/]"
+    between = f"{sd.n} steps" if sd.between == "steps" else f"{sd.n} overlapping intervals"
     return (
-        f"[dim]sd between {what}: R {1e3 * sd.R_m:.1f} mm, r {1e3 * sd.r_m:.1f} mm, z0 {1e3 * sd.z0_m:.1f} mm, "
-        f"{sd.omega_rad_s:.2f} rad/s; errors in mm: mean, worst, with s = -1, as a clock that turns evenly[/]"
+        f"[dim]sd between {between}: R {1e3 * sd.R_m:.1f} mm, r {1e3 * sd.r_m:.1f} mm, z0 {1e3 * sd.z0_m:.1f} mm, "
+        f"{sd.omega_rad_s:.2f} rad/s; errors in mm: mean, worst, with s = -1, at uniform rotation[/]"
     )
 
 
@@ -136,7 +136,5 @@ def fit_cycloid(
     delivery: Delivery,
 ) -> None:
     """Fit the rolling wheel to every step of one recording; needs no server."""
-    from stridelab.cli.recording_request import EstimateRequest
-
     request = EstimateRequest(walk, method, estimation, preparation, steps)
     fit(request, delivery)

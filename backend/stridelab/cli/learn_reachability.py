@@ -1,4 +1,4 @@
-"""``stridelab learn-reachability``: where a robot's CoM can be, as in the service, into a folder."""
+"""``stridelab learn-reachability``: learns the density of a robot's CoM and writes a result folder."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -44,7 +44,7 @@ def learn_reachability(
 
 
 def learn_here(input_: LearnReachabilityInput, folder: Path) -> JobResult:
-    """Run the job's own function in this process, and its processes beside it."""
+    """Run the job's own function in this process, with its worker processes."""
     with progress_bar(input_.robot) as bar:
         bar(0.0, "starting")
         from stridelab.service.kinds import learn_reachability as kind
@@ -54,7 +54,7 @@ def learn_here(input_: LearnReachabilityInput, folder: Path) -> JobResult:
 
 
 def show_learned(result: JobResult, target: Path, *, as_json: bool) -> None:
-    """One line per effector, or JSON."""
+    """Print one row per effector, or the result as JSON."""
     if as_json:
         show_json(result)
         return

@@ -1,7 +1,4 @@
-"""Groups of options that several commands take whole, and the decorator that lets a command take them.
-
-Options that several commands share, as they are typed.
-"""
+"""Options that several commands share, groups of them, and the decorator that lets a command take groups."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import MISSING, dataclass, fields, is_dataclass
@@ -24,13 +21,16 @@ OnlineMethod = Literal["complementary", "smoother"]
 SegmentTable = Literal["auto", "dumas2007", "deleva1996", "carried"]
 
 Control = Annotated[
-    Formulation, typer.Option("--formulation", help="The control: contact forces, in exact cones, or the wrench.")
+    Formulation,
+    typer.Option("--formulation", help="Control variables: contact forces, forces in circular cones, or the wrench."),
 ]
-Solver = Annotated[PlanSolver, typer.Option("--solver", help="auto: the C++ solver where it is there, else CasADi's.")]
+Solver = Annotated[PlanSolver, typer.Option("--solver", help="auto: the C++ solver if available, else CasADi's.")]
 NodeRate = Annotated[
     float, typer.Option("--node-rate", min=NODE_RATE_HZ[0], max=NODE_RATE_HZ[1], help="Nodes per second.")
 ]
-Densities = Annotated[PostureMeasure | None, typer.Option("--measure", help="The bundled densities to plan with.")]
+Densities = Annotated[
+    PostureMeasure | None, typer.Option("--measure", help="Bundled reachability densities to plan with.")
+]
 
 Trial = Annotated[Path, typer.Argument(help="A .c3d file, a .trc file, or a .zip of a .trc and a .mot or .sto file.")]
 Trials = Annotated[
@@ -41,9 +41,9 @@ Trials = Annotated[
 ]
 Height = Annotated[float | None, typer.Option("--height", help="Stature in metres.")]
 Mass = Annotated[float | None, typer.Option("--mass", help="Body mass in kilograms.")]
-PersonSex = Annotated[Sex | None, typer.Option("--sex", help="Which columns of the segment table.")]
+PersonSex = Annotated[Sex | None, typer.Option("--sex", help="Sex; selects columns of the segment table.")]
 Age = Annotated[float | None, typer.Option("--age", help="Age in years.")]
-BestMethod = Annotated[Method | None, typer.Option("--method", help="Estimator; the best that exists if omitted.")]
+BestMethod = Annotated[Method | None, typer.Option("--method", help="Estimator; by default the best available.")]
 StepChoice = Annotated[
     Literal["measured", "all"], typer.Option("--steps", help="Steps with all force measured, or all.")
 ]
@@ -54,10 +54,10 @@ Priors = Annotated[
     list[str] | None, typer.Option("--prior", help="For the smoother: ERROR=SIZE, e.g. plate_force_n=5; repeatable.")
 ]
 WithoutLearning = Annotated[
-    bool, typer.Option("--no-learn", help="For the smoother: keep the stated sizes of the errors.")
+    bool, typer.Option("--no-learn", help="For the smoother: use the given error sizes unchanged.")
 ]
 SegmentMomentum = Annotated[
-    bool, typer.Option("--segment-momentum", help="For the smoother: believe the segments' angular momentum.")
+    bool, typer.Option("--segment-momentum", help="For the smoother: use the segments' angular momentum.")
 ]
 Measured = Annotated[str | None, typer.Option("--window", help="START,END in seconds, inside a measured window.")]
 Static = Annotated[Path | None, typer.Option("--static", help="Static trial of the same person.")]
@@ -73,7 +73,7 @@ Token = Annotated[str | None, typer.Option("--token", envvar="STRIDELAB_API_TOKE
 
 @dataclass(frozen=True)
 class Walk:
-    """A recording, and what is stated of the person in it."""
+    """A recording and the given data of its subject."""
 
     file: Trial
     height_m: Height = None
@@ -84,7 +84,7 @@ class Walk:
 
 @dataclass(frozen=True)
 class Walks:
-    """One recording or several, and what is stated of the person in them."""
+    """One or several recordings and the given data of their subject."""
 
     files: Trials
     height_m: Height = None
@@ -93,13 +93,13 @@ class Walks:
     age_years: Age = None
 
     def each(self, files: Sequence[Path]) -> list[Walk]:
-        """A recording each."""
+        """One ``Walk`` per file."""
         return [Walk(file, self.height_m, self.mass_kg, self.sex, self.age_years) for file in files]
 
 
 @dataclass(frozen=True)
 class Estimation:
-    """How the centre of mass is estimated, the method apart."""
+    """Options of the estimation, except its method."""
 
     latency: Latency = "apply"
     segment_table: Segments = "auto"
@@ -112,7 +112,7 @@ class Estimation:
 
 @dataclass(frozen=True)
 class Preparation:
-    """What is done to a recording before anything is computed from it."""
+    """Options of the preparation of a recording."""
 
     static: Static = None
     marker: Markers = None
@@ -121,7 +121,7 @@ class Preparation:
 
 @dataclass(frozen=True)
 class Delivery:
-    """Where the result goes, and which machine computes it: this one, or that of the service at ``server``."""
+    """Where the result goes, and whether it is computed here or by the service at ``server``."""
 
     out_dir: OutFolder = None
     force: Force = False
@@ -130,12 +130,12 @@ class Delivery:
     token: Token = None
 
     def folder(self, usual: str) -> Path:
-        """Where the result goes: ``usual`` in the working folder unless something else was asked for."""
+        """Path of the result: ``--out``, or the default name in the working folder."""
         return self.out_dir or Path(usual)
 
 
 def with_groups(command: Callable[..., None]) -> Callable[..., None]:
-    """``command`` as typer reads it: every parameter that is a group stands as the group's fields, in its place."""
+    """Decorator for typer commands that replaces each option group in the signature by the fields of the group."""
     hints = get_type_hints(command, include_extras=True)
     groups = {name: hint for name, hint in hints.items() if isinstance(hint, type) and is_dataclass(hint)}
     typed: list[Parameter] = []

@@ -1,4 +1,4 @@
-"""The commands of the robot wing; ``stridelab plan`` does the same as the service, into a folder, or asks a service."""
+"""Commands for robots; ``stridelab plan`` runs the service's job here or on a service and writes a result folder."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -52,7 +52,7 @@ PAGE_FILE: Final = "motion.html"
 
 @dataclass(frozen=True)
 class PlanRequest:
-    """Options of ``stridelab plan`` as typed; ``replay`` None means with the whole body."""
+    """Options of ``stridelab plan``; ``replay`` None means as ``whole_body``."""
 
     scenario: str
     whole_body: bool = True
@@ -76,30 +76,30 @@ class PlanRequest:
             raise InvalidInput("option-invalid", "Only a motion of the whole body can be filmed.", [fault])
         if self.time_limit_s is not None and not 0.0 < self.time_limit_s <= TIME_LIMIT_S:
             fault = Fault("--time-limit", f"must be above 0 and at most {TIME_LIMIT_S:.0f} s")
-            raise InvalidInput("option-invalid", f"A solver cannot be given {self.time_limit_s:g} s.", [fault])
+            raise InvalidInput("option-invalid", f"The solver's time limit cannot be {self.time_limit_s:g} s.", [fault])
         cones = self.formulation == "circular-cones" and self.solver not in ("auto", "native")
         if self.free_durations and (self.solver == "fatrop" or cones):
             fault = Fault("--free-durations", "is for the C++ solver, or for ipopt with forces or wrench")
             named = "fatrop" if self.solver == "fatrop" else "circular cones"
-            raise InvalidInput("option-invalid", f"Durations cannot be chosen with {named}.", [fault])
+            raise InvalidInput("option-invalid", f"Durations cannot be optimised with {named}.", [fault])
         if self.shape == "cubic" and (self.formulation == "wrench" or self.solver == "fatrop"):
             fault = Fault("--shape", "cubic is for forces, and not for fatrop")
-            raise InvalidInput("option-invalid", "Forces cannot be splines here.", [fault])
+            raise InvalidInput("option-invalid", "Forces cannot be cubic splines with these options.", [fault])
         least, most = self.duration_range
         if not (MIN_DURATION_FACTOR <= least <= 1.0 <= most <= MAX_DURATION_FACTOR):
             fault = Fault(
                 "--duration-range", f"from {MIN_DURATION_FACTOR:g} to 1, and from 1 to {MAX_DURATION_FACTOR:g}"
             )
-            message = f"Phases cannot last from {least:g} to {most:g} times what the scenario says."
+            message = f"Phases cannot last from {least:g} to {most:g} times their duration in the scenario."
             raise InvalidInput("option-invalid", message, [fault])
 
     @property
     def title(self) -> str:
-        """The scenario without folder and suffix."""
+        """Name of the scenario without folder and suffix."""
         return Path(self.scenario).stem
 
     def of(self, scenario: Scenario | None) -> PlanMotionInput:
-        """Input of the job, for a scenario or, without one, for that of this id."""
+        """Input of the job; without a scenario, the name is taken as a scenario id."""
         source = {"scenario_id": self.scenario} if scenario is None else {"scenario": scenario}
         replay = self.whole_body if self.replay is None else self.replay
         return PlanMotionInput(
@@ -121,7 +121,7 @@ class PlanRequest:
 def plan_scenario(request: PlanRequest, delivery: Delivery) -> None:
     """Plan one motion here or on a server, write the result folder and show the summary.
 
-    Where the body cannot follow the plan, the folder holds the motion until then, and the error is raised last.
+    If the body cannot follow the plan, the folder holds the motion up to that time and the error is raised at the end.
     """
     target = delivery.folder(f"{request.title}-plan")
     refuse_to_overwrite(target, force=delivery.force)
@@ -138,7 +138,7 @@ def plan_scenario(request: PlanRequest, delivery: Delivery) -> None:
 def plan_here(request: PlanRequest, folder: Path) -> tuple[JobResult, StridelabError | None]:
     """Run the job's own function in this process; ``folder`` then holds exactly what the service would publish.
 
-    The second is why the motion is not whole.
+    The second value is the error that left the motion incomplete, or None.
     """
     scenario = read_scenario(request.scenario)
     task = PlanMotionTask(scenario=scenario, input=request.of(scenario))
@@ -153,21 +153,21 @@ def plan_here(request: PlanRequest, folder: Path) -> tuple[JobResult, StridelabE
 def plan_there(
     request: PlanRequest, folder: Path, server: str, token: str | None
 ) -> tuple[JobResult, StridelabError | None]:
-    """``plan_here`` on ``server``; what is neither a file nor bundled is taken for the id of a scenario there."""
+    """``plan_here`` on ``server``; a name that is neither a file nor bundled is taken as a scenario id."""
     from stridelab.cli.remote import ended_remotely
 
     try:
-        asked = request.of(read_scenario(request.scenario))
+        job_input = request.of(read_scenario(request.scenario))
     except NotFound:
-        asked = request.of(None)
+        job_input = request.of(None)
 
     return ended_remotely(
-        "plan-motion", request.title, lambda _client, _bar: asked, folder, server, token, unprepared=InvalidInput
+        "plan-motion", request.title, lambda _client, _bar: job_input, folder, server, token, unprepared=InvalidInput
     )
 
 
 def show_plan(result: JobResult, target: Path, *, as_json: bool) -> None:
-    """The summary with the certificate and the replay, or JSON."""
+    """Print the summary with certificate and replay, or the result as JSON."""
     if as_json:
         show_json(result)
         return
@@ -205,7 +205,7 @@ def show_plan(result: JobResult, target: Path, *, as_json: bool) -> None:
 
 
 def _line(check: CertificateCheck, width: int) -> str:
-    """One check: verdict, name, worst value against its limit, and where that was."""
+    """Line of one check: outcome, name, worst value against its limit, and where it occurs."""
     verdict = "[green]passed[/]" if check.passed else "[bold red]failed[/]"
     unit = "" if check.unit == "1" else f" {check.unit}"
     value = f"{check.value:.4g} {'≥' if check.at_least else '≤'} {check.limit:.4g}{unit}"
@@ -243,11 +243,11 @@ def plan(
     *,
     scenario: ScenarioName,
     no_whole_body: Annotated[
-        bool, typer.Option("--no-whole-body", help="Only the plan of the centre of mass and the contact forces.")
+        bool, typer.Option("--no-whole-body", help="Plan only the centre of mass and the contact forces.")
     ] = False,
     replay: Annotated[
         bool | None,
-        typer.Option("--replay/--no-replay", help="Replay the motion in physics; done unless --no-whole-body."),
+        typer.Option("--replay/--no-replay", help="Replay the motion in physics; default unless --no-whole-body."),
     ] = None,
     measure: Densities = None,
     formulation: Control = "forces",
@@ -255,19 +255,20 @@ def plan(
     node_rate: NodeRate = 10.0,
     shape: Annotated[
         Shape | None,
-        typer.Option("--shape", help="Forces between nodes: cubic splines, or constant; splines where a body follows."),
+        typer.Option("--shape", help="Forces between nodes: cubic splines or constant; splines for the whole body."),
     ] = None,
     time_limit: Annotated[
         float | None, typer.Option("--time-limit", help="Seconds of processor time for the solver, at most 300.")
     ] = None,
     free_durations: Annotated[
-        bool, typer.Option("--free-durations", help="Let the solver choose how long each phase lasts.")
+        bool, typer.Option("--free-durations", help="Let the solver optimise the duration of each phase.")
     ] = False,
     duration_range: Annotated[
-        tuple[float, float], typer.Option("--duration-range", help="Between how many times what the scenario says.")
+        tuple[float, float],
+        typer.Option("--duration-range", help="Bounds on the durations, as multiples of the scenario's."),
     ] = DURATION_RANGE,
     film: Annotated[
-        Film | None, typer.Option("--film", help="A film of the motion as well: gif or mp4; needs ffmpeg.")
+        Film | None, typer.Option("--film", help="Also write a film of the motion: gif or mp4; needs ffmpeg.")
     ] = None,
     delivery: Delivery,
 ) -> None:
@@ -304,17 +305,17 @@ def sweep(
     node_rate: NodeRate = 10.0,
     measure: Densities = None,
     processes: Annotated[
-        int | None, typer.Option("--processes", min=1, help="Scenarios at a time; all cores by default.")
+        int | None, typer.Option("--processes", min=1, help="Parallel processes; all cores by default.")
     ] = None,
     whole_body: Annotated[
         bool,
         typer.Option(
-            "--whole-body", help="Let the body follow each plan: its certificate decides. Takes seconds each."
+            "--whole-body", help="Compute and certify the whole-body motion of each plan; takes seconds each."
         ),
     ] = False,
     delivery: Delivery,
 ) -> None:
-    """Find out at which strides, heights, paces and frictions a scenario has a motion; needs no server."""
+    """Test for which strides, heights, timings and frictions a scenario has a motion; needs no server."""
     from stridelab.cli.sweep import SweepRequest
     from stridelab.cli.sweep import sweep as run
 
@@ -326,7 +327,7 @@ def sweep(
 def plan_contacts(
     *,
     task: Annotated[
-        str, typer.Argument(help="A JSON file with terrain, start and goal, or a scenario: its ends are taken.")
+        str, typer.Argument(help="A JSON file with terrain, start and goal, or a scenario, whose ends are used.")
     ],
     delivery: Delivery,
 ) -> None:
@@ -356,7 +357,7 @@ def import_contacts(
     out_file: OutFile = None,
     force: ForceFile = False,
 ) -> None:
-    """Write the scenario of such JSON, if the robot can do it."""
+    """Convert such JSON to a scenario, if the robot can carry it out."""
     from stridelab.cli.contacts import import_contacts as run
 
     run(file, beside=beside, out_file=out_file, force=force)
@@ -367,17 +368,18 @@ def learn_reachability(
     *,
     robot: Annotated[str, typer.Argument(help="A robot by name: talos, hrp2, g1.")],
     measure: Annotated[
-        PostureMeasure, typer.Option("--measure", help="How postures are drawn: in all, or of a robot that stands.")
+        PostureMeasure,
+        typer.Option("--measure", help="How postures are sampled: uniformly, or conditioned on standing."),
     ] = "uniform",
-    samples: Annotated[int | None, typer.Option("--samples", help="Postures to keep, 500 to 200000.")] = None,
+    samples: Annotated[int | None, typer.Option("--samples", help="Number of valid postures, 500 to 200000.")] = None,
     seed: Annotated[int | None, typer.Option("--seed", help="Seed of the postures and of the fits.")] = None,
     effector: Annotated[
         list[str] | None, typer.Option("--effector", help="Learn this effector only; may be repeated.")
     ] = None,
     delivery: Delivery,
 ) -> None:
-    """Learn where a robot's centre of mass can be, seen from its effectors; needs no server."""
+    """Learn the density of a robot's centre of mass relative to its effectors; needs no server."""
     from stridelab.cli.learn_reachability import learn_reachability as run
 
-    asked = {"robot": robot, "measure": measure, "samples": samples, "seed": seed, "effectors": effector or None}
-    run(asked, delivery)
+    options = {"robot": robot, "measure": measure, "samples": samples, "seed": seed, "effectors": effector or None}
+    run(options, delivery)

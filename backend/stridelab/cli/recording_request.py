@@ -1,4 +1,4 @@
-"""What ``stridelab estimate`` and its sisters are asked for: the options, checked and turned into a job's input."""
+"""Options of ``stridelab estimate`` and similar commands, validated and converted to a job's input."""
 
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -30,17 +30,17 @@ class EstimateRequest:
 
     @property
     def static(self) -> Path | None:
-        """The static trial of the same person, where there is one."""
+        """The static trial of the same person, or None."""
         return self.preparation.static
 
     def subject(self) -> SubjectFields:
-        """What was stated of the person. Raises ``InvalidInput`` naming the option that makes no sense."""
+        """Given data of the subject. Raises ``InvalidInput`` naming the invalid option."""
         stated = asdict(self.walk)
         del stated["file"]
         return validated(SubjectFields, stated)
 
     def input(self, recording_id: str, model: type[Input]) -> Input:
-        """Input of a job on this recording. Raises ``InvalidInput`` naming the option that makes no sense."""
+        """Input of a job on this recording. Raises ``InvalidInput`` naming the invalid option."""
         latency, cutoffs, window = self.estimation.latency, self.estimation.cutoffs, self.estimation.window
         fields = {
             "recording_id": recording_id,
@@ -56,7 +56,7 @@ class EstimateRequest:
         return validated(model, fields)
 
     def _smoother(self) -> dict[str, Any] | None:
-        """What was stated for the smoother; None where nothing was, which leaves the choice of the method open."""
+        """Options of the smoother, or None if none is given, which leaves the choice of the method open."""
         stated, learn = self.estimation.prior or (), not self.estimation.no_learn
         if not stated and learn and not self.estimation.segment_momentum:
             return None
@@ -67,16 +67,16 @@ class EstimateRequest:
         return {"priors": priors, "learn": learn, "segment_momentum": self.estimation.segment_momentum}
 
     def marker_map(self) -> dict[str, str]:
-        """Landmark to label."""
+        """Marker label of each given landmark."""
         return dict(named_value("--marker", text) for text in self.preparation.marker or ())
 
     def plates(self) -> dict[int, PlateSwitch]:
-        """Plates that are left out."""
+        """Switches of the excluded plates, by plate index."""
         return {index: PlateSwitch(use=False) for index in self.preparation.without_plate or ()}
 
 
 def numbers(option: str, text: str, count: int) -> list[float]:
-    """``count`` numbers with commas between them. Raises ``InvalidInput`` naming the option."""
+    """Parse ``count`` comma-separated numbers. Raises ``InvalidInput`` naming the option."""
     try:
         values = [float(part) for part in text.split(",")]
     except ValueError:
@@ -88,7 +88,7 @@ def numbers(option: str, text: str, count: int) -> list[float]:
 
 
 def named_value(option: str, text: str) -> tuple[str, str]:
-    """Name and value of ``NAME=VALUE``. Raises ``InvalidInput`` (``option-invalid``) naming the option."""
+    """Parse ``NAME=VALUE``. Raises ``InvalidInput`` (``option-invalid``) naming the option."""
     name, equals, value = text.partition("=")
     if not (name and equals and value):
         raise InvalidInput("option-invalid", f"{option} takes NAME=VALUE.", [Fault(option, f"got {text!r}")])

@@ -1,4 +1,4 @@
-"""Commands with ``--server``: send what the job needs, run it there, bring the files home."""
+"""Commands with ``--server``: upload a job's files, run the job there and download its result."""
 
 import uuid
 from collections.abc import Callable, Iterator
@@ -44,7 +44,7 @@ _CLASS_OF_STATUS: dict[int, ErrorClass] = {
 
 
 Prepare = Callable[[Client, Bar], Contract]
-"""Brings to the service what the job needs and returns the job's input."""
+"""Uploads the files that the job needs and returns the job's input."""
 
 
 def run_remotely(
@@ -52,8 +52,8 @@ def run_remotely(
 ) -> JobResult:
     """Run a job of ``kind`` on ``server`` and download its files into ``folder``.
 
-    Raises the error that the same request would have raised here; ``unprepared`` is the class of what the service
-    refuses to take in ``prepare``; ``Unavailable`` where nobody answers.
+    Raises the error that the same request raises here, and ``Unavailable`` if the service does not answer.
+    ``unprepared`` is the class of errors for requests that the service refuses during ``prepare``.
     """
     result, failure = ended_remotely(kind, title, prepare, folder, server, token, unprepared=unprepared)
     if failure is not None:
@@ -64,14 +64,14 @@ def run_remotely(
 def run_remotely_as_is(
     kind: str, title: str, job_input: Contract, folder: Path, server: str, token: str | None
 ) -> JobResult:
-    """``run_remotely`` for a job that needs nothing on the service but its input."""
+    """``run_remotely`` for a job that needs no files."""
     return run_remotely(kind, title, lambda _client, _bar: job_input, folder, server, token, unprepared=InvalidInput)
 
 
 def ended_remotely(
     kind: str, title: str, prepare: Prepare, folder: Path, server: str, token: str | None, *, unprepared: ErrorClass
 ) -> tuple[JobResult, StridelabError | None]:
-    """``run_remotely`` for a job that may leave files although it fails: the error beside them."""
+    """``run_remotely`` for a job that may leave files although it fails; returns the result and the error."""
     failure: StridelabError | None = None
     refused = unprepared
     with translated(server, lambda: refused), Client(server, token) as client, progress_bar(title) as bar:
@@ -98,7 +98,7 @@ def ended_remotely(
 
 @contextmanager
 def translated(server: str, refused: Callable[[], ErrorClass] = lambda: InvalidInput) -> Iterator[None]:
-    """The client's errors as those of this project; ``refused`` is the class of what is answered 422 at that moment."""
+    """Turn client errors of the block into ``StridelabError``; ``refused`` returns the class for status 422."""
     try:
         yield
     except ProblemError as error:
@@ -131,7 +131,7 @@ def estimate_remotely(
 
 
 def _upload(client: Client, request: EstimateRequest, bar: Bar) -> str:
-    """Send the files and what was stated about them; returns the id of the recording."""
+    """Upload the files and their given data; returns the id of the recording."""
     recording = client.upload(
         request.file,
         request.subject(),
@@ -151,7 +151,7 @@ def _upload(client: Client, request: EstimateRequest, bar: Bar) -> str:
 
 
 def _follow(client: Client, job_id: str, bar: Bar) -> Job:
-    """Show the job's progress until it has finished; Ctrl-C cancels it there as well."""
+    """Show the job's progress until it has finished; Ctrl-C also cancels the job."""
     try:
         for event in client.events(job_id):
             fraction = AFTER_UPLOAD + (AFTER_JOB - AFTER_UPLOAD) * event.progress.fraction
@@ -164,7 +164,7 @@ def _follow(client: Client, job_id: str, bar: Bar) -> Job:
 
 def _plain_name(name: str) -> str:
     if not name or name in {".", ".."} or "/" in name or "\\" in name:
-        raise Unavailable("service-not-understood", f"The service names a file {name!r}, which is no file name.")
+        raise Unavailable("service-not-understood", f"The service returned an invalid file name: {name!r}.")
     return name
 
 
@@ -175,7 +175,7 @@ def _failure(job: Job) -> StridelabError:
 
 
 def _as_error(problem: Problem, refused: type[StridelabError], retry_after_s: float | None = None) -> StridelabError:
-    """The error behind a problem; status 422 stands for several classes, ``refused`` is the one meant at this stage."""
+    """Error for a problem response; ``refused`` is the class for status 422, which several classes share."""
     if problem.status == 429:
         return Busy(problem.code, problem.detail, retry_after_s or 5.0)
     faults = [Fault(item.where, item.message) for item in problem.errors]

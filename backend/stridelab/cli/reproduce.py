@@ -1,4 +1,4 @@
-"""``stridelab reproduce``: a figure of the thesis or a table of our own, as in the service, into a folder.
+"""``stridelab reproduce``: recomputes a figure or table and writes a result folder.
 
 ``stridelab reproduce --all``: every figure, table and number of the thesis in one HTML report.
 """
@@ -46,9 +46,10 @@ WORDS = {
 def require_one(
     item: str | None, *, everything: bool, quick: bool, recordings: Path | None, server: str | None
 ) -> str | None:
-    """The item asked for, None for all of them.
+    """The requested item, or None for all.
 
-    Raises ``InvalidInput`` (``option-invalid``) unless it is one or the other, and for options of the other one.
+    Raises ``InvalidInput`` (``option-invalid``) unless either the item or ``--all`` is given, and for options
+    of the other one.
     """
     wrong = []
     if everything == (item is not None):
@@ -59,7 +60,7 @@ def require_one(
         wrong += [Fault(option, "only with --all") for option, given in
                   (("--quick", quick), ("--recordings", recordings is not None)) if given]  # fmt: skip
     if wrong:
-        raise InvalidInput("option-invalid", "This cannot be reproduced as asked.", wrong)
+        raise InvalidInput("option-invalid", "These options do not go together.", wrong)
     return item
 
 
@@ -93,7 +94,7 @@ def reproduce_here(input_: ReproduceInput, folder: Path) -> JobResult:
 
 
 def show_reproduction(result: JobResult, target: Path, *, as_json: bool) -> None:
-    """The claims as a table, or JSON."""
+    """Print the claims as a table, or the result as JSON."""
     if as_json:
         show_json(result)
         return
@@ -123,9 +124,9 @@ def reproduce_all(
     anew: bool,
     as_json: bool,
 ) -> bool:
-    """Compute what the folder does not keep already, write the report, show the counts; whether no item failed.
+    """Compute the items that are not cached in the folder, write the report, and return whether all succeeded.
 
-    Raises ``InvalidInput``: ``option-invalid`` for a number of draws that makes no sense, or two of them;
+    Raises ``InvalidInput``: ``option-invalid`` for an invalid or repeated number of draws;
     ``output-not-writable``.
     """
     draws = _draws(seeds, quick=quick)
@@ -148,14 +149,14 @@ def reproduce_all(
 
 
 def show_sections(sections: Sequence[Section], target: Path, *, as_json: bool) -> None:
-    """Counts of all verdicts and where the report lies, or the same as JSON with one verdict per item."""
+    """Print the counts of all verdicts and the path of the report, or both as JSON with one verdict per item."""
     counts = count_verdicts(claim for section in sections if section.result for claim in section.result.claims)
     if as_json:
         items = {section.name: section.result.verdict if section.result else "failed" for section in sections}
         out.print_json(json.dumps({"report": str(target), "claims": counts, "items": items}))
         return
-    said = ", ".join(f"{counts[verdict]} {WORDS[verdict]}" for verdict in reversed(VERDICTS))
-    out.print(f"{sum(counts.values())} claims of {len(sections)} items: {said}")
+    counts_text = ", ".join(f"{counts[verdict]} {WORDS[verdict]}" for verdict in reversed(VERDICTS))
+    out.print(f"{sum(counts.values())} claims of {len(sections)} items: {counts_text}")
     out.print(f"[green]written[/] {escape(str(target))}")
 
 
@@ -168,10 +169,10 @@ def _draws(seeds: int | None, *, quick: bool) -> int | None:
 
 
 def _invalid(option: str, message: str) -> InvalidInput:
-    return InvalidInput("option-invalid", "An option has a value that makes no sense.", [Fault(option, message)])
+    return InvalidInput("option-invalid", "An option has an invalid value.", [Fault(option, message)])
 
 
 def _made(draws: int | None) -> str:
     known = software_versions()
-    said = "each item's own number of draws" if draws is None else f"{draws} draws of the noise where there is any"
-    return f"Computed by stridelab {known['stridelab']} (Python {known['python']}, numpy {known['numpy']}) with {said}."
+    text = "each item's own number of draws" if draws is None else f"{draws} draws of the noise where there is any"
+    return f"Computed by stridelab {known['stridelab']} (Python {known['python']}, numpy {known['numpy']}) with {text}."

@@ -1,6 +1,6 @@
-"""A result folder, or a single file, that appears whole or not at all.
+"""Result folders and files, written atomically.
 
-What every command with a result does: options checked, the run's files listed, result and references written.
+Also what commands with a result share: validation of options, writing of result and references, printing.
 """
 
 import json
@@ -57,7 +57,7 @@ def result_folder(target: Path, *, force: bool) -> Iterator[Path]:
 
 
 def refuse_to_overwrite(target: Path, *, force: bool) -> None:
-    """Raise ``Conflict`` where ``result_folder`` would; called first, so that nobody waits for a refusal."""
+    """Raise ``Conflict`` where ``result_folder`` would; call it before the computation."""
     if not target.exists() and not target.is_symlink():
         return
     if not force:
@@ -72,7 +72,9 @@ def write_file(target: Path, text: str, *, force: bool, option: str) -> None:
     """Write a text file. Raises ``Conflict`` (``output-exists``), ``InvalidInput`` (``output-not-writable``)."""
     target = target.expanduser().absolute()
     if target.is_symlink() or (target.exists() and not (force and target.is_file())):
-        advice = f"choose another {option} or pass --force to replace it" if target.is_file() else "it is no plain file"
+        advice = (
+            f"choose another {option} or pass --force to replace it" if target.is_file() else "it is not a regular file"
+        )
         raise Conflict("output-exists", f"{target} exists; {advice}.")
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
@@ -106,7 +108,7 @@ def _umask() -> int:
 
 
 def cannot_write(target: Path, error: OSError, option: str = "--out") -> InvalidInput:
-    """What is told of a place that cannot be written (``output-not-writable``)."""
+    """Error for a path that cannot be written (``output-not-writable``)."""
     reason = error.strerror or type(error).__name__
     return InvalidInput("output-not-writable", f"Cannot write to {target}: {reason}.", [Fault(option, reason)])
 
@@ -146,7 +148,7 @@ OPTIONS = {
 
 
 def validated(model: type[T], fields: Mapping[str, Any]) -> T:
-    """A model of the contract. Raises ``InvalidInput`` naming the options behind the fields that make no sense."""
+    """Instance of a contract model. Raises ``InvalidInput`` naming the options of invalid fields."""
     try:
         return model.model_validate(fields)
     except ValidationError as error:
@@ -158,13 +160,13 @@ def validated(model: type[T], fields: Mapping[str, Any]) -> T:
             for item in error.errors(include_url=False)
             if item["loc"]
         ]
-        raise InvalidInput("option-invalid", "An option has a value that makes no sense.", faults) from error
+        raise InvalidInput("option-invalid", "An option has an invalid value.", faults) from error
 
 
 def write_result(
     folder: Path, kind: str, input_: Contract, outcome: "Outcome", *, versions: Mapping[str, str] | None = None
 ) -> JobResult:
-    """Write ``result.json`` and ``references.bib`` beside the artifacts; ``versions`` are those of this machine."""
+    """Write ``result.json`` and ``references.bib`` beside the artifacts, by default with this machine's versions."""
     result = JobResult(
         kind=kind,
         input=input_.model_dump(mode="json"),
@@ -182,12 +184,12 @@ def write_result(
 
 
 def show_json(result: JobResult) -> None:
-    """The whole result on stdout."""
+    """Print the whole result as JSON."""
     out.print_json(json.dumps(result.model_dump(mode="json")))
 
 
 def show_quality(quality: Quality | None, remarks: Sequence[Remark]) -> None:
-    """The verdict, before any number: what contradicts what in red, what is doubtful in yellow."""
+    """Print the quality verdict: contradictions in red, doubts in yellow."""
     if quality is None:
         out.print("[yellow]quality not checked[/]: the version that made this result has no checks")
         return
@@ -202,7 +204,7 @@ def show_quality(quality: Quality | None, remarks: Sequence[Remark]) -> None:
 
 
 def show_verdict(result: JobResult) -> None:
-    """The verdict on the whole result in one line, red where it failed; nothing where nothing was checked."""
+    """Print the verdict on the whole result in one line, red if it failed; nothing if nothing was checked."""
     verdict = verdict_of(result.summary)
     if verdict is not None:
         out.print(f"[{OUTCOME_COLOURS[verdict.outcome]}]verdict[/] {escape(verdict.message)}")
@@ -216,7 +218,7 @@ def end_if_contradicted(result: JobResult) -> None:
 
 
 def show_remarks(remarks: list[Remark]) -> None:
-    """One line per warning; the verdict's own is shown by ``show_quality``."""
+    """Print one line per warning, except those that ``show_quality`` prints."""
     for remark in remarks:
         if remark.code in VERDICT_COLOURS:
             continue
@@ -224,6 +226,6 @@ def show_remarks(remarks: list[Remark]) -> None:
 
 
 def show_files(result: JobResult, target: Path) -> None:
-    """Where the result lies and what it holds."""
+    """Print the folder of the result and its files."""
     names = ", ".join([*(artifact.name for artifact in result.artifacts), RESULT_FILE, REFERENCES_FILE])
     out.print(f"[green]written[/] {escape(str(target))}: {escape(names)}")

@@ -1,4 +1,4 @@
-"""From what was typed to a scenario: a file, or the name of a bundled one."""
+"""Reading of scenarios from files or by the names of bundled ones."""
 
 import json
 from collections.abc import Sequence
@@ -15,10 +15,10 @@ from stridelab.schemas.scenarios import Scenario
 T = TypeVar("T", bound=Contract)
 
 LARGEST_BYTES: Final = 1_000_000
-"""Largest scenario file; the service takes no larger one either."""
+"""Maximum size of a scenario file, as in the service."""
 
 LONGEST_NAME: Final = 60
-"""Names from files are shown up to here."""
+"""Maximum length of names quoted in messages."""
 
 _KIND_TAGS: Final = ("box", "rail")
 
@@ -37,28 +37,28 @@ def read_scenario(typed: str) -> Scenario:
     """The scenario of a file, or the bundled one of that name.
 
     Raises ``NotFound`` (``scenario-not-found``) where there is neither, ``UnreadableFile`` (``file-not-readable``,
-    ``not-json``), ``TooLarge`` (``file-too-large``), and ``InvalidInput`` (``scenario-invalid``) naming every field
-    that is wrong.
+    ``not-json``), ``TooLarge`` (``file-too-large``), and ``InvalidInput`` (``scenario-invalid``) naming every
+    invalid field.
     """
     return understood(Scenario, read_document(typed), typed, "scenario")
 
 
 def read_document(typed: str) -> Any:
-    """The JSON of a file, or of the bundled scenario of that name. Raises as ``read_scenario``, but for its fields."""
+    """Parsed JSON of a file or of a bundled scenario. Raises as ``read_scenario``, except for invalid fields."""
     path = models_dir() / "scenarios" / f"{typed}.json" if is_bundled(typed) else Path(typed)
     if not path.exists():
-        known = ", ".join(bundled_names())
+        bundled = ", ".join(bundled_names())
         raise NotFound(
-            "scenario-not-found", f"There is no file {typed} and no bundled scenario {typed}; there are {known}."
+            "scenario-not-found", f"There is no file {typed} and no bundled scenario {typed}; there are {bundled}."
         )
     return read_json(path, LARGEST_BYTES)
 
 
 def read_json(path: Path, largest_bytes: int) -> Any:
-    """What a file of JSON holds.
+    """Parsed content of a JSON file.
 
     Raises ``UnreadableFile`` (``file-not-readable``, ``not-json``), ``TooLarge`` (``file-too-large``), and
-    ``InvalidInput`` (``name-twice``) where an object has two entries of one name: either might be meant.
+    ``InvalidInput`` (``name-twice``) where an object has two entries of the same name.
     """
     try:
         if path.stat().st_size > largest_bytes:
@@ -79,19 +79,19 @@ def read_json(path: Path, largest_bytes: int) -> Any:
 
 
 def _each_once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    found: dict[str, Any] = {}
+    entries: dict[str, Any] = {}
     for name, value in pairs:
-        if name in found:
+        if name in entries:
             fault = Fault(name[:LONGEST_NAME], "is there twice")
-            raise InvalidInput("name-twice", f"The file says {fault.where} twice in one place.", [fault])
-        found[name] = value
-    return found
+            raise InvalidInput("name-twice", f"The file has two entries named {fault.where} in one object.", [fault])
+        entries[name] = value
+    return entries
 
 
 def understood(model: type[T], document: Any, typed: str, what: str) -> T:
-    """A document as a model of the contract.
+    """Instance of a contract model from a parsed document.
 
-    Raises ``InvalidInput`` (``<what>-invalid``) naming every field that is wrong, as people write it.
+    Raises ``InvalidInput`` (``<what>-invalid``) naming every invalid field by its path.
     """
     try:
         return model.model_validate(document)
@@ -103,7 +103,7 @@ def understood(model: type[T], document: Any, typed: str, what: str) -> T:
 
 
 def place(path: Sequence[int | str], document: Any) -> str:
-    """A field as people write it: ``phases[3].contacts[right_foot].position_m[0]``."""
+    """Readable path of a field: ``phases[3].contacts[right_foot].position_m[0]``."""
     text, value = "", document
     for part in path:
         if part in _KIND_TAGS:

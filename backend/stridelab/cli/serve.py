@@ -1,4 +1,4 @@
-"""``stridelab serve``, ``worker`` and ``migrate``: settings in, the service's own entry points called."""
+"""``stridelab serve``, ``worker`` and ``migrate``: read the settings and call the service's entry points."""
 
 import os
 from pathlib import Path
@@ -10,7 +10,7 @@ from stridelab.service.settings import Settings, current_settings
 
 
 def serve(*, host: str | None, port: int | None, data_dir: Path | None, without_worker: bool) -> None:
-    """Start everything with the settings of the environment; the options given here win over it."""
+    """Start everything with the settings of the environment; options given here take precedence."""
     from stridelab.service.supervisor import serve as supervise
 
     # The children of the supervisor read the same variables.
@@ -21,7 +21,7 @@ def serve(*, host: str | None, port: int | None, data_dir: Path | None, without_
 
 
 def worker() -> None:
-    """One worker on an existing database."""
+    """Start one worker on an existing database."""
     from stridelab.service.data_folder import open_data_folder
     from stridelab.service.jobs.worker import main
 
@@ -38,12 +38,12 @@ def migrate() -> None:
 
 
 def read_settings() -> Settings:
-    """The settings of the environment. Raises ``InvalidInput`` naming the variables that make no sense."""
+    """The settings of the environment. Raises ``InvalidInput`` naming the invalid variables."""
     try:
         return current_settings()
     except ValidationError as error:
         faults = [Fault(f"STRIDELAB_{'_'.join(map(str, e['loc'])).upper()}", e["msg"]) for e in error.errors()]
-        raise InvalidInput("settings-invalid", "The settings in the environment make no sense.", faults) from error
+        raise InvalidInput("settings-invalid", "The settings in the environment are invalid.", faults) from error
 
 
 def _database_url(command: str) -> str:

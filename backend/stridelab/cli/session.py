@@ -1,7 +1,7 @@
 """``stridelab estimate`` with several recordings, or folders of them: trials of a session share its clock and mass.
 
-Every recording is read once for what it says of the session; then each is estimated with the values of its session,
-into a result folder of its own. Static trials are not estimated where there is anything else.
+Every recording is read once for the values of its session; then each is estimated with these values into its own
+result folder. Static trials are estimated only if there are no other recordings.
 """
 
 import hashlib
@@ -28,7 +28,7 @@ from stridelab.schemas.tasks import RecordingSource
 
 @dataclass(frozen=True)
 class Member:
-    """A recording that was read; ``name`` tells it from the others, ``parent`` is the folder that it lies in."""
+    """A recording that was read; ``name`` is unique among the recordings."""
 
     path: Path
     name: str
@@ -36,7 +36,7 @@ class Member:
 
     @property
     def parent(self) -> str:
-        """The folder that it lies in."""
+        """Absolute path of the recording's folder."""
         return str(self.path.absolute().parent)
 
 
@@ -44,24 +44,26 @@ def estimate_session(requests: Sequence[EstimateRequest], delivery: Delivery) ->
     """Estimate every recording with the values of its session; each has a folder ``<name>-com`` below ``--out``.
 
     Raises ``InvalidInput`` (``option-invalid`` with ``--server``), ``Conflict`` where a folder exists, and
-    ``NotEstimable`` (``nothing-estimated``) where no recording gives an estimate; others that give none are named.
+    ``NotEstimable`` (``nothing-estimated``) where no recording gives an estimate; single failures are printed.
     """
     if delivery.server is not None:
-        message = "Several recordings are estimated on this machine; on a service, trials of a session find each other."
+        message = (
+            "Several recordings are estimated on this machine only; a service finds the trials of a session itself."
+        )
         raise InvalidInput("option-invalid", message, [Fault("--server", "takes one recording")])
     request_of = {request.file: request for request in requests}
     names = _names([request.file for request in requests])
     with progress_bar("reading the session") as bar:
         members, refused = _read(request_of, names, bar)
-    asked = [one for one in members if not one.trial.facts.still] or members
+    estimated = [one for one in members if not one.trial.facts.still] or members
     place = delivery.out_dir or Path()
-    targets = {one.name: place / f"{one.name}-com" for one in asked}
+    targets = {one.name: place / f"{one.name}-com" for one in estimated}
     for target in targets.values():
         refuse_to_overwrite(target, force=delivery.force)
     stated = any(request.subject().model_dump(exclude_none=True) for request in requests)
     sessions = sessions_of(members, one_person=stated)
     results: list[JobResult] = []
-    for one in asked:
+    for one in estimated:
         others = [other for other in members if other is not one and sessions[other.name] == sessions[one.name]]
         request, values = _with_session(request_of[one.path], one, others, sessions[one.name])
         try:
@@ -84,9 +86,9 @@ def estimate_session(requests: Sequence[EstimateRequest], delivery: Delivery) ->
 
 
 def recordings_below(paths: Sequence[Path]) -> list[Path]:
-    """Files, and the recordings in folders, in order; a file that is given twice counts once.
+    """Given files and the recordings in given folders, in order and without duplicates.
 
-    Raises ``UnreadableFile`` for a path that is none, ``InvalidInput`` (``no-recordings``).
+    Raises ``UnreadableFile`` for a path that does not exist, ``InvalidInput`` (``no-recordings``).
     """
     files: list[Path] = []
     for path in paths:
@@ -102,34 +104,34 @@ def recordings_below(paths: Sequence[Path]) -> list[Path]:
 
 
 def sessions_of(members: Sequence[Member], *, one_person: bool = False) -> dict[str, str]:
-    """The session of each recording by name: one person, as the file states height and mass, and one day.
+    """Session of each recording, by name: one subject, identified by height and mass, and one day.
 
-    A recording that does not say whose it is belongs to the only person of its folder, else to the only one there is.
-    With ``one_person`` all are of one person, whatever the files say.
+    A recording without subject data belongs to the only subject of its folder, else to the only subject of all.
+    With ``one_person`` all recordings have the same subject.
     """
-    known = {one.name: "" if one_person else _person(one.trial.facts) for one in members}
-    everybody = set(known.values()) - {""}
+    subject_of = {one.name: "" if one_person else _person(one.trial.facts) for one in members}
+    subjects = set(subject_of.values()) - {""}
     sessions = {}
     for one in members:
-        near = {known[other.name] for other in members if other.parent == one.parent} - {""}
-        person = known[one.name]
-        if not person and len(everybody) > 1:
-            person = near.pop() if len(near) == 1 else one.parent
-        elif not person:
-            person = "".join(everybody)
-        sessions[one.name] = f"{person} {one.trial.facts.recorded_on or ''}".strip() or "session"
+        folder_subjects = {subject_of[other.name] for other in members if other.parent == one.parent} - {""}
+        subject = subject_of[one.name]
+        if not subject and len(subjects) > 1:
+            subject = folder_subjects.pop() if len(folder_subjects) == 1 else one.parent
+        elif not subject:
+            subject = "".join(subjects)
+        sessions[one.name] = f"{subject} {one.trial.facts.recorded_on or ''}".strip() or "session"
     return sessions
 
 
 def _person(facts: RecordingFacts) -> str:
-    known = facts.subject.model_dump(exclude={"name"}, exclude_none=True)
-    if "height_m" not in known or "mass_kg" not in known:
+    stated = facts.subject.model_dump(exclude={"name"}, exclude_none=True)
+    if "height_m" not in stated or "mass_kg" not in stated:
         return ""
-    return " ".join(f"{name}={known[name]}" for name in sorted(known))
+    return " ".join(f"{name}={stated[name]}" for name in sorted(stated))
 
 
 def _names(files: Sequence[Path]) -> dict[Path, str]:
-    """Names of the result folders: the files' own, with their folder's in front where two are the same."""
+    """Names of the results: file names, prefixed with the folder's name if two are equal."""
     stems = [file.stem for file in files]
     names = {
         file: file.stem if stems.count(file.stem) == 1 else f"{file.absolute().parent.name}-{file.stem}"
@@ -159,20 +161,20 @@ def _read(
             static_labels=list(marker_map.values()),
         )
         try:
-            found = recording_facts(examine_trial(source, path.parent))
+            trial_facts = recording_facts(examine_trial(source, path.parent))
         except StridelabError as error:
             refused[names[path]] = error
             continue
         with path.open("rb") as content:
             digest = hashlib.file_digest(content, "sha256").hexdigest()
-        members.append(Member(path, names[path], TrialFacts(names[path], path.name, digest, found)))
+        members.append(Member(path, names[path], TrialFacts(names[path], path.name, digest, trial_facts)))
     return members, refused
 
 
 def _with_session(
     request: EstimateRequest, one: Member, others: Sequence[Member], session_id: str
 ) -> tuple[EstimateRequest, SessionValues | None]:
-    """The request with the session's static trial where none was stated, and the values of the session."""
+    """The request, with the session's static trial if it has none, and the values of the session."""
     trials = [other.trial for other in others]
     values = session_values(session_id, one.trial, trials)
     chosen = None if request.static is not None else select_static_trial(one.trial, trials)

@@ -40,21 +40,19 @@ def stream(
     *,
     walk: Walk,
     method: Annotated[OnlineMethod, typer.Option("--method", help="Online estimator.")] = "complementary",
-    ahead: Annotated[str | None, typer.Option("--ahead", help="X,Y: where the walk goes; for the smoother.")] = None,
+    ahead: Annotated[str | None, typer.Option("--ahead", help="X,Y: direction of the walk; for the smoother.")] = None,
     latency: Latency = "apply",
     cutoffs: Cutoffs = "auto",
     preparation: Preparation,
-    speed: Annotated[float, typer.Option("--speed", help="Times real time.")] = 1.0,
+    speed: Annotated[float, typer.Option("--speed", help="Replay speed, as a multiple of real time.")] = 1.0,
     block: Annotated[int, typer.Option("--block", help="Samples per message.")] = 1,
     packed: Annotated[bool, typer.Option("--packed", help="Packed float32 instead of JSON.")] = False,
     csv: Annotated[Path | None, typer.Option("--csv", help="Write the estimates to this file.")] = None,
     as_json: AsJson = False,
-    server: Annotated[str, typer.Option("--server", help="The service.")] = "http://127.0.0.1:8000",
+    server: Annotated[str, typer.Option("--server", help="URL of the service.")] = "http://127.0.0.1:8000",
     token: Token = None,
 ) -> None:
     """Replay a recording in real time to a service that estimates its centre of mass online."""
-    from stridelab.cli.recording_request import EstimateRequest
-
     request = EstimateRequest(walk, estimation=Estimation(latency=latency, cutoffs=cutoffs), preparation=preparation)
     replay = Replay(method=method, ahead=ahead, speed=speed, block=block, packed=packed, csv=csv)
     stream_samples(request, replay, as_json=as_json, server=server, token=token)
@@ -65,7 +63,7 @@ COLUMNS = ("time_s", "x_m", "y_m", "z_m", "vx_m_s", "vy_m_s", "vz_m_s", "sd_x_m"
 
 @dataclass(frozen=True)
 class Replay:
-    """How the recording is played: ``speed`` times real time, ``block`` samples per message; and to which method."""
+    """Options of the replay: online method, ``speed`` as a multiple of real time, ``block`` in samples per message."""
 
     method: str = "complementary"
     ahead: str | None = None
@@ -87,7 +85,7 @@ class Replay:
 
 @dataclass(frozen=True)
 class Played:
-    """What came back: the estimates, and how long each message took to be answered."""
+    """Estimates of a replayed recording, and the response time of each message."""
 
     method: str
     estimates: list[StreamEstimate]
@@ -95,7 +93,7 @@ class Played:
     played_s: float
 
     def figures(self) -> dict[str, Any]:
-        """The summary as plain numbers."""
+        """Summary of the replay as a JSON object."""
         last = self.estimates[-1]
         slow_s = quantiles(self.took_s, n=20, method="inclusive")[-1] if len(self.took_s) > 1 else self.took_s[0]
         return {
@@ -110,7 +108,7 @@ class Played:
 
 
 def stream_samples(request: EstimateRequest, replay: Replay, *, as_json: bool, server: str, token: str | None) -> None:
-    """Place the body's segments here, replay geometry and wrench to ``server``, and show what came back."""
+    """Place the body's segments here, replay geometry and wrench to ``server``, and show the estimates."""
     from stridelab.cli.remote import translated
     from stridelab.client import Client
 
@@ -137,9 +135,9 @@ def stream_samples(request: EstimateRequest, replay: Replay, *, as_json: bool, s
 
 
 def prepared(request: EstimateRequest, replay: Replay) -> tuple[StreamConfiguration, list[StreamSample]]:
-    """What a laboratory would send live: the CoM of the segment model and the wrench, frame by frame.
+    """Configuration and samples as sent live: the CoM of the segment model and the wrench of each frame.
 
-    Raises what ``estimate-com`` raises for a recording that cannot be used.
+    Raises the errors of ``estimate-com`` for a recording that cannot be used.
     """
     from stridelab.pipelines.com_inputs import prepare_com_inputs
     from stridelab.schemas.tasks import EstimateComTask
@@ -187,7 +185,7 @@ def prepared(request: EstimateRequest, replay: Replay) -> tuple[StreamConfigurat
 
 
 def paced(blocks: Sequence[list[StreamSample]], speed: float) -> Iterator[list[StreamSample]]:
-    """The blocks, each when its last sample would have been measured."""
+    """Yield each block at the time when its last sample would have been measured."""
     began, start_s = time.perf_counter(), blocks[0][0].time_s
     for block in blocks:
         left_s = (block[-1].time_s - start_s) / speed - (time.perf_counter() - began)
@@ -211,7 +209,7 @@ def write_csv(path: Path, estimates: Sequence[StreamEstimate]) -> None:
 
 
 def show(played: Played, replay: Replay) -> None:
-    """The summary as a table."""
+    """Print the summary as a table."""
     figures, last = played.figures(), played.estimates[-1]
     table = Table(show_header=False, box=None, pad_edge=False)
     answered = (

@@ -1,4 +1,4 @@
-"""``stridelab study-population``: the wheels of many people, the same run as in the service, into a folder."""
+"""``stridelab study-population``: fits and correlates the wheels of many subjects and writes a result folder."""
 
 import hashlib
 import shutil
@@ -52,7 +52,7 @@ OTHERS: Final = {"height_m": "height", "leg_m": "leg", "speed_m_s": "speed", "st
 
 @dataclass(frozen=True)
 class Given:
-    """Files that were named, by a name that the table can use, and the table."""
+    """Given recordings by the names that the subject table uses, and the rows of the table."""
 
     files: tuple[tuple[str, Path], ...]
     rows: tuple[TableRow, ...]
@@ -99,8 +99,8 @@ def collect(paths: Sequence[Path], subjects: Path | None, folder: Path) -> Given
         table = subjects.read_bytes()
     for index, path in enumerate(paths):
         if path.is_dir():
-            found = recordings_in(path)
-            files += [(p.relative_to(path).as_posix(), p) for p in found]
+            recordings = recordings_in(path)
+            files += [(p.relative_to(path).as_posix(), p) for p in recordings]
             continue
         require_file(path)
         if not is_batch(path):
@@ -108,12 +108,12 @@ def collect(paths: Sequence[Path], subjects: Path | None, folder: Path) -> Given
             continue
         own = folder / f"zip-{index}"
         own.mkdir()
-        held = unpack_batch(path, own, LIMITS)
-        files += held.files
-        if held.table is not None and table is not None:
+        batch = unpack_batch(path, own, LIMITS)
+        files += batch.files
+        if batch.table is not None and table is not None:
             fault = Fault(str(path), "holds a .csv, and there is another table")
             raise InvalidInput("subject-table-twice", "There are two subject tables; one is read.", [fault])
-        table = held.table if held.table is not None else table
+        table = batch.table if batch.table is not None else table
     if not files:
         named = ", ".join(str(path) for path in paths)
         raise InvalidInput("no-recordings", f"There is no .c3d, .trc or .zip in {named}.", [Fault("FILES", "nothing")])
@@ -155,7 +155,7 @@ def study_here(given: Given, options: Mapping[str, Any], folder: Path) -> JobRes
 
 
 def study_there(given: Given, options: Mapping[str, Any], folder: Path, server: str, token: str | None) -> JobResult:
-    """Upload everything, run the job on ``server`` and download its files; files that it refuses are named."""
+    """Upload everything, run the job on ``server`` and download its files; prints refused files."""
     from stridelab.cli.remote import AFTER_UPLOAD, run_remotely
 
     def prepare(client: "Client", bar: Bar) -> StudyPopulationInput:
@@ -177,7 +177,7 @@ def study_there(given: Given, options: Mapping[str, Any], folder: Path, server: 
 
 
 def request_of(given: Given, ids: Mapping[int, str], options: Mapping[str, Any]) -> StudyPopulationInput:
-    """The job's input; ``ids`` are the recordings' ids by their place among the files, of those that there are."""
+    """The job's input; ``ids`` are the ids of the stored recordings by index of the file."""
     studied = [one for one in given.matched if one.index in ids]
     rows = [
         SubjectOfRecording(recording_id=ids[one.index], **one.row.person.model_dump())
@@ -207,22 +207,22 @@ def _member(given: Given, one: MatchedFile, recording_id: str, request: StudyPop
 
 
 def show_study(result: JobResult, target: Path, *, as_json: bool) -> None:
-    """One row per person and one per correlation, or JSON."""
+    """Print a row per subject and per correlation, or the result as JSON."""
     if as_json:
         show_json(result)
         return
     summary = StudyPopulationSummary.model_validate(result.summary)
     show_quality(summary.quality, summary.warnings)
-    people = Table("", "group", "steps", "height m", "speed m/s", "R mm", "r mm", "z0 m", "omega rad/s", "error mm",
+    subjects = Table("", "group", "steps", "height m", "speed m/s", "R mm", "r mm", "z0 m", "omega rad/s", "error mm",
                    box=None, pad_edge=False)  # fmt: skip
     for one in summary.subjects:
-        people.add_row(
+        subjects.add_row(
             f"[bold]{escape(one.subject)}[/]", escape(one.group), str(one.n_steps), _or(one.height_m, 2),
             _or(one.speed_m_s, 2), _with_sd(one.R_m, one.R_sd_m, 1e3, 1), _with_sd(one.r_m, one.r_sd_m, 1e3, 1),
             _with_sd(one.z0_m, one.z0_sd_m, 1.0, 3), _with_sd(one.omega_rad_s, one.omega_sd_rad_s, 1.0, 1),
             f"{one.error_mean_mm:.2f}",
         )  # fmt: skip
-    out.print(people)
+    out.print(subjects)
     if summary.correlations:
         pairs = Table("", "against", "n", "r", "95 %", "p", "p of all", "at one speed", "thesis",
                       box=None, pad_edge=False)  # fmt: skip
@@ -269,15 +269,15 @@ def study_population(
     ] = None,
     method: BestMethod = None,
     steps: StepChoice = "measured",
-    pooled: Annotated[bool, typer.Option("--pooled", help="Also look at everybody together.")] = False,
-    seed: Annotated[int, typer.Option("--seed", help="Of the bootstrap intervals.")] = 0,
+    pooled: Annotated[bool, typer.Option("--pooled", help="Also correlate all groups together.")] = False,
+    seed: Annotated[int, typer.Option("--seed", help="Seed of the bootstrap intervals.")] = 0,
     out_dir: OutFolder = None,
     force: Force = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON instead of tables.")] = False,
     server: Server = None,
     token: Token = None,
 ) -> None:
-    """Fit the wheels of many people, and correlate them with height, leg, speed and step length."""
+    """Fit the wheels of many subjects, and correlate them with height, leg, speed and step length."""
     study(
         files,
         subjects=subjects,

@@ -1,4 +1,4 @@
-"""``stridelab sweep``: a scenario at many values of a few numbers, here or on a service."""
+"""``stridelab sweep``: plans a scenario over ranges of up to three parameters, here or on a service."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -30,12 +30,12 @@ SCOPES: Final = {
     "centre of mass": "centre of mass only: whether the body can follow was not computed",
     "whole body": "whole body: it follows the plan, and its certificate passes",
 }
-"""What the counts are about."""
+"""Description of each scope of the counts."""
 
 
 @dataclass(frozen=True)
 class SweepRequest:
-    """Options of ``stridelab sweep`` as typed; ``vary`` holds ``FIELD=FROM:TO:NUMBER``."""
+    """Options of ``stridelab sweep``; ``vary`` holds ``FIELD=FROM:TO:NUMBER``."""
 
     scenario: str
     vary: Sequence[str]
@@ -47,9 +47,9 @@ class SweepRequest:
     whole_body: bool = False
 
     def of(self, scenario: Scenario | None) -> SweepInput:
-        """Input of the job, for a scenario or, without one, for that of this id.
+        """Input of the job; without a scenario, the name is taken as a scenario id.
 
-        Raises ``InvalidInput`` (``option-invalid``) naming the option that makes no sense.
+        Raises ``InvalidInput`` (``option-invalid``) naming the invalid option.
         """
         fields: dict[str, Any] = {"scenario_id": self.scenario} if scenario is None else {"scenario": scenario}
         fields |= {"formulation": self.formulation, "solver": self.solver, "node_rate_hz": self.node_rate_hz}
@@ -58,22 +58,22 @@ class SweepRequest:
 
 
 def ranges(typed: Sequence[str]) -> dict[str, tuple[float, float, int]]:
-    """``FIELD=FROM:TO:NUMBER`` of each, by field."""
-    found: dict[str, tuple[float, float, int]] = {}
+    """Parse ``FIELD=FROM:TO:NUMBER`` options; returns (from, to, number) by field."""
+    by_field: dict[str, tuple[float, float, int]] = {}
     for text in typed:
         field, _, values = text.partition("=")
         parts = values.split(":")
         try:
             low, high, number = parts
-            found[field] = (float(low), float(high), int(number))
+            by_field[field] = (float(low), float(high), int(number))
         except ValueError as error:
             fault = Fault("--vary", f"{text} is not FIELD=FROM:TO:NUMBER")
             raise InvalidInput("option-invalid", "A field is varied as in stride=0.6:1.05:50.", [fault]) from error
-    return found
+    return by_field
 
 
 def sweep(request: SweepRequest, delivery: Delivery) -> None:
-    """Plan all of them here or on a server, write the result folder and show the summary."""
+    """Plan all scenarios here or on a server, write the result folder and show the summary."""
     title = Path(request.scenario).stem
     target = delivery.folder(f"{title}-sweep")
     refuse_to_overwrite(target, force=delivery.force)
@@ -83,13 +83,13 @@ def sweep(request: SweepRequest, delivery: Delivery) -> None:
         else:
             from stridelab.cli.remote import run_remotely_as_is
 
-            asked = _known(request)
-            result = run_remotely_as_is("sweep", title, asked, folder, delivery.server, delivery.token)
+            job_input = _known(request)
+            result = run_remotely_as_is("sweep", title, job_input, folder, delivery.server, delivery.token)
     show_swept(result, target, as_json=delivery.as_json)
 
 
 def sweep_here(request: SweepRequest, title: str, folder: Path) -> JobResult:
-    """Run the job's own function in this process, and its processes beside it."""
+    """Run the job's own function in this process, with its worker processes."""
     scenario = read_scenario(request.scenario)
     task = SweepTask(scenario=scenario, input=request.of(scenario))
     with progress_bar(title) as bar:
@@ -101,7 +101,7 @@ def sweep_here(request: SweepRequest, title: str, folder: Path) -> JobResult:
 
 
 def _known(request: SweepRequest) -> SweepInput:
-    """What is neither a file nor bundled is taken for the id of a scenario on the server."""
+    """Input for a server: a name that is neither a file nor bundled is taken as a scenario id."""
     try:
         return request.of(read_scenario(request.scenario))
     except NotFound:
@@ -109,15 +109,15 @@ def _known(request: SweepRequest) -> SweepInput:
 
 
 def show_swept(result: JobResult, target: Path, *, as_json: bool) -> None:
-    """How many have a motion, and between which values, or JSON."""
+    """Print how many scenarios have a motion, and the ranges, or the result as JSON."""
     if as_json:
         show_json(result)
         return
     summary = SweepSummary.model_validate(result.summary)
     out.print(
         f"[bold]{escape(summary.scenario_name)}[/] {summary.feasible} of {summary.points} scenarios have a motion "
-        f"({SCOPES[summary.scope]}); {summary.refused} were refused before any solver, "
-        f"{summary.infeasible} have none that was found"
+        f"({SCOPES[summary.scope]}); rejected before solving: {summary.refused}, "
+        f"without a solution: {summary.infeasible}"
     )
     for axis in summary.axes:
         unit = f" {axis.unit}" if axis.unit else ""

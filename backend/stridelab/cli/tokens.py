@@ -13,16 +13,18 @@ from stridelab.schemas.access import TokenScope
 
 T = TypeVar("T")
 
-tokens = typer.Typer(name="token", help="Tokens for people and scripts.", no_args_is_help=True)
+tokens = typer.Typer(name="token", help="Tokens for users and scripts.", no_args_is_help=True)
 
 
 @tokens.command()
 def create(
-    name: Annotated[str, typer.Argument(help="Who will use it; a pseudonym will do.")],
+    name: Annotated[str, typer.Argument(help="Name of the user; may be a pseudonym.")],
     scope: Annotated[TokenScope, typer.Option("--scope", help="read, submit or admin.")] = "submit",
-    days: Annotated[float | None, typer.Option("--days", help="How long it is good; until revoked if omitted.")] = None,
+    days: Annotated[
+        float | None, typer.Option("--days", help="Days until it expires; by default valid until revoked.")
+    ] = None,
 ) -> None:
-    """Make a token and print it, this once."""
+    """Create a token and print it; it is shown only once."""
     from pydantic import ValidationError
 
     from stridelab.schemas.access import TokenInput
@@ -33,7 +35,7 @@ def create(
         wanted = TokenInput(name=name, scope=scope, days=days)
     except ValidationError as error:
         faults = [Fault(".".join(map(str, e["loc"])), e["msg"]) for e in error.errors()]
-        raise InvalidInput("invalid-token", "A token cannot be made like that.", faults) from error
+        raise InvalidInput("invalid-token", "The fields of the token are invalid.", faults) from error
 
     async def work(connection: Any) -> str:
         made = await table.create_token(connection, wanted)
@@ -47,7 +49,7 @@ def create(
 
 @tokens.command(name="list")
 def list_tokens(
-    as_json: Annotated[bool, typer.Option("--json", help="As JSON, those that were revoked among them.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON, including revoked tokens.")] = False,
 ) -> None:
     """List tokens, without their secrets."""
     from stridelab.service.auth import tokens as table
@@ -55,11 +57,11 @@ def list_tokens(
     async def work(connection: Any) -> list[Any]:
         return await table.all_tokens(connection)
 
-    found = _in_database(work)
+    listed = _in_database(work)
     if as_json:
-        typer.echo(json.dumps([one.model_dump(mode="json") for one in found]))
+        typer.echo(json.dumps([one.model_dump(mode="json") for one in listed]))
         return
-    for one in found:
+    for one in listed:
         if one.revoked_at is None:
             until = f"until {one.expires_at:%Y-%m-%d %H:%M}" if one.expires_at else "until revoked"
             out.print(f"{one.name}  {one.scope}  {until}  {one.id}")
@@ -80,7 +82,7 @@ def revoke(name: Annotated[str, typer.Argument(help="Name or id of the token.")]
 
 
 def _in_database(work: Callable[[Any], Awaitable[T]]) -> T:
-    """``work`` in one transaction of the service's database, whose tables are brought up to date first."""
+    """Run ``work`` in one transaction of the service's database, after updating its tables."""
     from stridelab.cli.serve import read_settings
     from stridelab.service.backup.locations import open_location
     from stridelab.service.logging import configure_logging
@@ -96,6 +98,6 @@ def _in_database(work: Callable[[Any], Awaitable[T]]) -> T:
             await engine.dispose()
 
     configure_logging("warning")  # the audit table has what was done; standard output is for the token
-    with open_location(read_settings(), require_stopped=False, create=True) as there:
-        migrate(there.database_url)
-        return asyncio.run(run(there.database_url))
+    with open_location(read_settings(), require_stopped=False, create=True) as location:
+        migrate(location.database_url)
+        return asyncio.run(run(location.database_url))

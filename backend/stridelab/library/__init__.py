@@ -1,1 +1,1 @@
-"""The public front of the library; ``import stridelab as sl`` exports its names."""
+"""Public Python API; ``import stridelab as sl`` exports its names."""

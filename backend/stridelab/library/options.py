@@ -1,4 +1,4 @@
-"""What the functions of the public front share: checked options and data frames."""
+"""Shared by the public functions: validation of options and data frames."""
 
 from collections.abc import Callable, Mapping
 from importlib import import_module
@@ -20,7 +20,7 @@ def silent(_fraction: float, _message: str) -> None:
 
 
 def checked(model: type[Model], fields: Any) -> Model:
-    """A contract with these fields. Raises ``InvalidInput`` (``option-invalid``) naming each that is wrong."""
+    """Instance of a contract model. Raises ``InvalidInput`` (``option-invalid``) naming each invalid field."""
     try:
         return model.model_validate(fields)
     except ValidationError as error:
@@ -29,7 +29,7 @@ def checked(model: type[Model], fields: Any) -> Model:
 
 
 def data_frame(columns: Mapping[str, Any]) -> Any:
-    """A data frame of pandas, or of polars. Raises ``Unavailable`` (``dataframe-unavailable``) without either."""
+    """A pandas data frame, else a polars one. Raises ``Unavailable`` (``dataframe-unavailable``) without either."""
     for name in ("pandas", "polars"):
         if find_spec(name) is not None:
             return import_module(name).DataFrame(dict(columns))

@@ -1,4 +1,4 @@
-"""``sl.plan_motion``: motions of humanoids."""
+"""``sl.plan_motion``: plans motions of humanoids."""
 
 import shutil
 import tempfile
@@ -19,7 +19,8 @@ from stridelab.schemas.tasks import PlanMotionTask
 class PlannedMotion:
     """A motion of a robot, from ``plan_motion``: the summary of the job and the folder with its files.
 
-    The folder is temporary and goes with this object; ``save`` keeps it. ``failure`` says why the motion is not whole.
+    The folder is temporary and deleted with this object; ``save`` copies it. ``failure`` is the reason why the motion
+    is incomplete.
     """
 
     summary: PlanMotionSummary

@@ -1,1 +1,1 @@
-"""``stridelab doctor``: what the service needs, and what a running one lacks."""
+"""``stridelab doctor``: checks of the machine and of a running service."""

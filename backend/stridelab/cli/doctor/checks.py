@@ -1,4 +1,4 @@
-"""One finding of ``stridelab doctor``, and how findings are shown."""
+"""Results of the checks of ``stridelab doctor``, and their printing."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,7 +10,7 @@ from stridelab.cli.console import out
 
 @dataclass(frozen=True)
 class Check:
-    """One finding; ``fix`` is what to do where ``ok`` is false."""
+    """Result of one check; ``fix`` says what to do if ``ok`` is false."""
 
     name: str
     ok: bool
@@ -19,7 +19,7 @@ class Check:
 
 
 def show(checks: list[Check]) -> bool:
-    """Print the findings; whether all are well."""
+    """Print the results; returns whether all checks passed."""
     for check in checks:
         mark = "[green]ok  [/]" if check.ok else "[bold red]FAIL[/]"
         out.print(f"{mark} {check.name}: {escape(check.found)}")

