@@ -1,1 +1,1 @@
-"""Pages and viewer of stridelab. Knows the backend by HTTP only."""
+"""Pages and viewer of stridelab; they use the backend over HTTP only."""

@@ -1,4 +1,4 @@
-"""How the pages reach the HTTP interface."""
+"""HTTP client of the pages."""
 
 import tempfile
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""The web app: pages, their assets, and the door to the viewer."""
+"""The web app: pages, static files, and the proxy to the viewer."""
 
 from starlette.applications import Starlette
 from starlette.exceptions import HTTPException
@@ -21,7 +21,7 @@ from stridelab_web.viser_client import FOLDER
 
 
 def create_web(config: WebConfig) -> Starlette:
-    """The ASGI app of all pages. What it holds no other needs: any number of processes may serve it."""
+    """The ASGI app of all pages. Processes share no state: any number of them may serve it."""
     app = Starlette(
         routes=routes(),
         exception_handlers={
@@ -38,7 +38,7 @@ def create_web(config: WebConfig) -> Starlette:
 
 
 def routes() -> list[BaseRoute]:
-    """All addresses of the web app."""
+    """All routes of the web app."""
     scene = "/view/scene/{kind}/{id}/{job}"
     return [
         Route("/", home.home),

@@ -1,4 +1,4 @@
-"""Files for the browser: our own from this package, plotly's and viser's from the installed packages."""
+"""Static files: our own from this package, plotly's and viser's from the installed packages."""
 
 import gzip
 import re
@@ -22,19 +22,19 @@ HERE = Path(__file__).parent
 STATIC = HERE / "static"
 TEMPLATES = HERE / "templates"
 FOR_EVER: Final = "public, max-age=31536000, immutable"
-"""Of a file whose name changes with its content."""
+"""Cache-Control of a file whose name changes with its content."""
 ZSTD_LEVEL: Final = 12
-"""A sixth of a second for viser's client; the highest level takes eight times as long for a twentieth of the size."""
+"""Compresses viser's client in a sixth of a second; the highest level takes eight times as long for 5 % less size."""
 
 
 class OwnFiles(StaticFiles):
-    """Our own files: scripts and styles of a new version are taken at once.
+    """Our own static files: browsers revalidate scripts and styles, so that a new version takes effect at once.
 
-    The sign of the pages is kept, since a browser asks for it at every change of the address.
+    The icon of the pages is cached, because browsers request it at every change of the address.
     """
 
     async def get_response(self, path: str, scope: Scope) -> Response:
-        """The file, with how long it may be kept."""
+        """The file with its Cache-Control header."""
         answer = await super().get_response(path, scope)
         answer.headers["Cache-Control"] = "public, max-age=86400" if path.endswith(".svg") else "no-cache"
         return answer
@@ -56,10 +56,10 @@ def plotly_js_gzip() -> bytes:
 def plotly_style_ids() -> tuple[str, ...]:
     """Ids of the style sheets (of maps) that the script writes into a page unless an element of that id is there.
 
-    Our content policy refuses inline styles, and we draw no maps: a page names elements so, and nothing is refused.
+    The content policy refuses inline styles, and we draw no maps: pages contain empty elements with these ids.
     """
-    found = re.findall(rb'document\.getElementById\("([0-9a-f]{64})"\)', plotly_js())
-    return tuple(sorted({name.decode() for name in found}))
+    ids = re.findall(rb'document\.getElementById\("([0-9a-f]{64})"\)', plotly_js())
+    return tuple(sorted({name.decode() for name in ids}))
 
 
 async def plotly_script(request: Request) -> Response:
@@ -72,7 +72,7 @@ async def plotly_script(request: Request) -> Response:
 
 
 async def viser_file(request: Request) -> Response:
-    """``GET /static/viser/{name}``: a part of viser's client."""
+    """``GET /static/viser/{name}``: a file of viser's client."""
     client = await run_in_threadpool(viser_client.installed)
     name, headers = request.path_params["name"], {"Cache-Control": FOR_EVER}
     if (media_type := client.media_types.get(name)) is None:
@@ -86,23 +86,23 @@ async def viser_file(request: Request) -> Response:
 
 @cache
 def viser_zstd(name: str) -> bytes:
-    """A file of viser's client (2.5 MB to 0.65 MB), as browsers take it from an address that is safe."""
+    """A file of viser's client, zstd-compressed (2.5 MB to 0.65 MB); browsers accept it in secure contexts."""
     return zstandard.ZstdCompressor(level=ZSTD_LEVEL).compress(viser_client.installed().files[name])
 
 
 @cache
 def viser_gzip(name: str) -> bytes:
-    """The same for all others (0.76 MB)."""
+    """A file of viser's client, gzip-compressed (0.76 MB)."""
     return gzip.compress(viser_client.installed().files[name], compresslevel=9, mtime=0)
 
 
 def takes(request: Request, coding: str) -> bool:
-    """Whether a client takes files in this coding."""
+    """Whether the client accepts this content coding."""
     return coding in request.headers.get("accept-encoding", "")
 
 
 def compressed(request: Request, gzipped: bytes, media_type: str, headers: dict[str, str]) -> Response:
-    """``gzipped`` as it is, or unpacked for the rare client that does not take gzip."""
+    """Response with the ``gzipped`` content, unpacked for clients that do not accept gzip."""
     headers = {**headers, "Vary": "Accept-Encoding"}
     if takes(request, "gzip"):
         return Response(gzipped, media_type=media_type, headers={**headers, "Content-Encoding": "gzip"})

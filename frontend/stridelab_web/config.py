@@ -1,4 +1,4 @@
-"""What the web app must be told; the front door takes it from the service's settings."""
+"""Configuration of the web app; the service derives it from its settings."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -10,14 +10,14 @@ from starlette.types import Scope
 from stridelab.schemas.service import ShownSetting
 
 NO_KEY_NEEDED: Final = "-"
-"""The key of whoever uses a service without a token."""
+"""Key of the callers of a service without a token."""
 
 
 @dataclass(frozen=True)
 class ScenarioRight:
-    """What somebody may do with a scenario: with ``key`` replace it; without one only look, and ``refusal`` says why.
+    """Rights of a caller on a scenario: with ``key`` to replace it; without one only to read it, for the ``refusal``.
 
-    ``key`` is a bearer token that the HTTP interface accepts for that one request, as the person for whom it was made.
+    ``key`` is a bearer token that the HTTP interface accepts for that one request, on behalf of the caller.
     """
 
     key: str | None
@@ -25,20 +25,20 @@ class ScenarioRight:
 
 
 ScenarioRights = Callable[[Scope, str, str | None], ScenarioRight]
-"""Of the caller of a request, for a scenario's id and its owner."""
+"""Returns the rights of the caller of a request on a scenario, given its id and its owner."""
 
 
 def only_look(scope: Scope, scenario_id: str, owner: str | None) -> ScenarioRight:
-    """Nobody may change anything."""
+    """Default: scenarios are read-only."""
     return ScenarioRight(None, "This service does not say who may change its scenarios.")
 
 
 UserOf = Callable[[Scope], str]
-"""The name of the caller of a request; empty where nobody logs in."""
+"""Returns the name of the caller of a request; empty without login."""
 
 
 def nobody(scope: Scope) -> str:
-    """Nobody logs in."""
+    """Default: there is no login."""
     return ""
 
 
@@ -46,10 +46,10 @@ def nobody(scope: Scope) -> str:
 class WebConfig:
     """Where the HTTP interface is and how to reach it.
 
-    ``transport`` short-cuts the network where the interface lives in the same process; ``token`` is the API token,
-    if one is set; ``viewer_url`` is the loopback control address of the viewer process, or None where there is none.
-    ``settings`` are those in force, for whoever asks. ``scenario_right`` tells what the caller of a request may do with
-    a scenario, ``user_of`` who the caller is.
+    ``transport`` replaces the network if the interface runs in the same process; ``token`` is the API token,
+    if one is set; ``viewer_url`` is the loopback control address of the viewer process, or None without a viewer.
+    ``settings`` are the effective settings. ``scenario_right`` returns the rights of the caller of a request on a
+    scenario, ``user_of`` the name of the caller.
     """
 
     base_url: str

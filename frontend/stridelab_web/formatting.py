@@ -1,4 +1,4 @@
-"""How values are written on the pages."""
+"""Formatting of values on the pages, and the filters of the templates."""
 
 from collections.abc import Iterable, Sequence
 from datetime import UTC, datetime
@@ -10,12 +10,12 @@ from stridelab.schemas.jobs import FINAL_STATES, Job
 
 
 def fixed(value: float | None, digits: int = 2) -> str:
-    """``value`` with a fixed number of decimals; a dash where there is none."""
+    """``value`` with a fixed number of decimals; a dash for None."""
     return "–" if value is None else f"{value:z.{digits}f}"
 
 
 def plain(value: float | None) -> str:
-    """The shortest decimal form of ``value`` to six digits; empty where there is none (forms are filled with it)."""
+    """The shortest decimal form of ``value`` to six digits, for form fields; empty for None."""
     return "" if value is None else f"{value:.6g}"
 
 
@@ -28,7 +28,7 @@ def measured(value: float, unit: str) -> str:
 
 
 def moment(value: datetime) -> str:
-    """A time stamp to the minute, in UTC, which it says; for places that hold text alone."""
+    """A time stamp in UTC to the minute, as plain text."""
     return value.astimezone(UTC).strftime("%Y-%m-%d %H:%M UTC")
 
 
@@ -39,7 +39,7 @@ def when(value: datetime) -> Markup:
 
 
 def counted(number: int, noun: str, plural: str = "") -> str:
-    """``1 frame``, ``2 frames``, as static/js/shared/plurals.js; ``plural`` where it is not ``noun`` with an s."""
+    """``1 frame``, ``2 frames``, as static/js/shared/plurals.js; ``plural`` defaults to ``noun`` with an s."""
     return f"{number} {noun if number == 1 else plural or noun + 's'}"
 
 
@@ -54,16 +54,16 @@ def total_s(intervals: Iterable[Sequence[float]]) -> float:
 
 
 def words(code: str) -> str:
-    """``l_head_front|head_top`` as ``l head front or head top``: codes as people read them."""
+    """``l_head_front|head_top`` as ``l head front or head top``: the readable form of a code."""
     return code.replace("|", " or ").replace("-", " ").replace("_", " ")
 
 
 def check_name(code: str) -> str:
     """Name of a check of a certificate."""
     name = words(code).replace("com ", "CoM ")
-    for ending, said in ((" max", ", largest"), (" min", ", smallest")):
+    for ending, text in ((" max", ", largest"), (" min", ", smallest")):
         if name.endswith(ending):
-            name = name.removesuffix(ending) + said
+            name = name.removesuffix(ending) + text
     return name[:1].upper() + name[1:]
 
 
@@ -73,26 +73,26 @@ def kind(code: str) -> str:
 
 
 def item(code: str) -> str:
-    """Name of what can be reproduced: ``fig-2.6`` is figure 2.6; a table of our own has a name in words."""
+    """Name of a reproduction item: ``fig-2.6`` is Figure 2.6; other tables have a name in words."""
     kind_of, _, number = code.partition("-")
     return f"{_ITEMS[kind_of]} {number}" if kind_of in _ITEMS else _TABLES.get(code, words(code).capitalize())
 
 
 def verdict(code: str) -> str:
-    """What a verdict on a claim of the thesis means."""
+    """Text of a verdict on a claim of the thesis."""
     return _VERDICTS.get(code, words(code))
 
 
 def method(code: str) -> str:
-    """Name of an estimator; ``-thesis`` says that it has the settings of the thesis."""
+    """Name of an estimator; the suffix ``-thesis`` stands for the settings of the thesis."""
     name = code.removesuffix("-thesis")
     return _METHODS.get(name, words(name)) + (", thesis" if name != code else "")
 
 
 def headline(job: Job) -> str:
-    """What to say beside the state of a job; the same sentence as in static/js/shared/api.js.
+    """Text beside the state of a job; the same sentence as in static/js/shared/api.js.
 
-    A verdict is shown apart from it, in its own colour.
+    The verdict is shown separately, in its own colour.
     """
     if job.state == "queued":
         return "waiting" if job.queue_position is None else f"place {job.queue_position} in the queue"
@@ -143,7 +143,7 @@ _SOLVERS = {"native": "C++, exact cones", "ipopt": "CasADi with ipopt", "fatrop"
 
 
 def tab_mark(job: Job) -> str:
-    """How a finished job ended, as a mark before the title: what a tab in the background shows."""
+    """Mark of a job's outcome before the title, visible in background tabs."""
     if job.state in ("failed", "timed_out"):
         return "✗ "
     if job.state != "succeeded":
@@ -152,47 +152,44 @@ def tab_mark(job: Job) -> str:
 
 
 def not_in_detail(problem: Problem) -> list[FaultItem]:
-    """The places of a problem, without what its sentence says already."""
-    left = []
+    """Faults of a problem, without those that its detail already contains."""
+    remaining = []
     for item in problem.errors:
         message = "" if item.message in problem.detail else item.message
         if message or item.where not in problem.detail:
-            left.append(FaultItem(where=item.where, message=message))
-    return left
+            remaining.append(FaultItem(where=item.where, message=message))
+    return remaining
 
 
 def solver(name: str) -> str:
-    """A solver of the centroidal problem, for people."""
+    """Display name of a solver of the centroidal problem."""
     return _SOLVERS.get(name, name)
 
 
 def short_time(seconds: float) -> str:
-    """Milliseconds below a tenth of a second."""
+    """A duration in milliseconds below a tenth of a second, else in seconds."""
     return f"{1e3 * seconds:.1f} ms" if seconds < 0.1 else f"{seconds:.2f} s"
 
 
 FILTERS = {
-    f.__name__: f
-    for f in (
-        fixed,
-        plain,
-        measured,
-        moment,
-        when,
-        counted,
-        megabytes,
-        total_s,
-        words,
-        check_name,
-        kind,
-        item,
-        verdict,
-        method,
-        headline,
-        tab_mark,
-        not_in_detail,
-        solver,
-        short_time,
-    )
+    "fixed": fixed,
+    "plain": plain,
+    "measured": measured,
+    "moment": moment,
+    "when": when,
+    "counted": counted,
+    "megabytes": megabytes,
+    "total_s": total_s,
+    "words": words,
+    "check_name": check_name,
+    "kind": kind,
+    "item": item,
+    "verdict": verdict,
+    "method": method,
+    "headline": headline,
+    "tab_mark": tab_mark,
+    "not_in_detail": not_in_detail,
+    "solver": solver,
+    "short_time": short_time,
 }
 """Filters of the templates."""

@@ -13,12 +13,12 @@ Columns = Mapping[str, np.ndarray]
 def read_columns(content: bytes) -> Columns:
     """All numeric columns of a Parquet table (shape ``(rows,)`` each)."""
     table = pq.read_table(io.BytesIO(content))
-    found: dict[str, np.ndarray] = {}
+    columns: dict[str, np.ndarray] = {}
     for name in table.column_names:
         values = table.column(name).to_numpy()
         if values.dtype.kind in "fiub":
-            found[name] = values.astype(np.float64)
-    return found
+            columns[name] = values.astype(np.float64)
+    return columns
 
 
 def read_words(content: bytes) -> Mapping[str, list[str]]:

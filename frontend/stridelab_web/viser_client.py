@@ -1,13 +1,13 @@
 """viser's client as it is installed, unpacked into files that a browser may keep.
 
-The installed page holds one small script. That unpacks styles and the application from an attribute (base 88,
-zstandard, with a decoder in WebAssembly) and writes both into the document, in every scene anew: of a text that a page
-writes into itself a browser keeps neither the text nor what it has made of it. Here all are unpacked once and become
-files with addresses of their own; static/js/viewer/viser_start.js does what is left of the script.
+The installed page contains one small script. It unpacks styles and the application from an attribute (base 88,
+zstandard, with a decoder in WebAssembly) and writes both into the document of every scene, where browsers cache neither
+the text nor its compiled form. Here they are unpacked once and become files with their own addresses;
+static/js/viewer/viser_start.js does the rest of the script.
 
-One word of the application is another one: what lights a scene of which its server has said nothing yet. viser takes
-an image of a city, whose decoding and filtering keeps a computer without a graphics card busy for a second, and lets
-go of it at the first message: no scene here has one (``viewer/scene_parts.py``).
+One expression of the application is replaced: the lighting of a scene before the first message of its server. viser
+uses an image of a city, which takes a second to decode and filter without a graphics card, and drops it at the first
+message, because no scene here has one (``viewer/scene_parts.py``).
 """
 
 import gzip
@@ -25,9 +25,9 @@ import zstandard
 
 ALPHABET: Final = b"!#$%()*+,-./0123456789:;=?@ABCDEFGHIJKLMNOPQRSTUVWXYZ[\\]^_abcdefghijklmnopqrstuvwxyz{|}~"
 FOLDER: Final = "/static/viser/"
-"""Where the files lie in the web app; their names change with their content."""
+"""Address of the files in the web app; their names change with their content."""
 FRAME_STYLES: Final = "/static/css/viser_frame.css"
-"""Our own styles in the frame: they hide viser's panel."""
+"""Our own styles in the frame, which hide viser's panel."""
 CONTENT_POLICY: Final = (
     "default-src 'none'; script-src 'self' 'wasm-unsafe-eval'; style-src 'self' 'unsafe-inline'; "
     "img-src 'self' data: blob:; font-src data:; connect-src 'self' data: blob:; worker-src blob:; "
@@ -46,7 +46,7 @@ _SCRIPT = re.compile(
 
 @dataclass(frozen=True)
 class ViserClient:
-    """``page`` asks for the three ``files`` by their names, which are ``media_types``' too."""
+    """``page`` requests the three ``files`` by name; ``media_types`` has the same names."""
 
     page: bytes
     files: Mapping[str, bytes]
@@ -55,37 +55,37 @@ class ViserClient:
 
 @cache
 def installed() -> ViserClient:
-    """The client of the installed viser package. Raises ``ValueError`` where it has another form."""
+    """The client of the installed viser package. Raises ``ValueError`` if its form is unknown."""
     return unpacked(files("viser").joinpath("client", "build", "index.html").read_bytes())
 
 
 def unpacked(html: bytes) -> ViserClient:
-    """The page of viser in its parts. Raises ``ValueError`` where it has another form."""
-    found = _SCRIPT.search(html)
-    if found is None:
-        raise ValueError("the client page of this viser version has another form: its scripts cannot be found")
-    whole = zstandard.ZstdDecompressor().decompress(decode88(found["packed"]))
-    end = int(found["styles"])
+    """Split the page of viser into its files. Raises ``ValueError`` if its form is unknown."""
+    script = _SCRIPT.search(html)
+    if script is None:
+        raise ValueError("the client page of this viser version has an unknown form: its scripts cannot be found")
+    whole = zstandard.ZstdDecompressor().decompress(decode88(script["packed"]))
+    end = int(script["styles"])
     parts = {
         "text/css": whole[:end],
-        "text/javascript": unlit(whole[end : end + int(found["code"])]),
-        "application/wasm": gzip.decompress(decode88(found["decoder"].replace(b"\\\\", b"\\"))),
+        "text/javascript": unlit(whole[end : end + int(script["code"])]),
+        "application/wasm": gzip.decompress(decode88(script["decoder"].replace(b"\\\\", b"\\"))),
     }
     names = {media_type: _name(content) + SUFFIXES[media_type] for media_type, content in parts.items()}
-    page = html[: found.start()] + _links(*(FOLDER + name for name in names.values())) + html[found.end() :]
+    page = html[: script.start()] + _links(*(FOLDER + name for name in names.values())) + html[script.end() :]
     files = {names[media_type]: content for media_type, content in parts.items()}
     return ViserClient(page, files, {name: media_type for media_type, name in names.items()})
 
 
 def unlit(code: bytes) -> bytes:
-    """The application, without an image around its scene. Raises ``ValueError`` where it has another form."""
+    """The application without its initial environment image. Raises ``ValueError`` if its form is unknown."""
     if code.count(LIT_BY_A_CITY) != 1:
-        raise ValueError("the client of this viser version has another form: its first environment cannot be found")
+        raise ValueError("the client of this viser version has an unknown form: its first environment cannot be found")
     return code.replace(LIT_BY_A_CITY, LIT_BY_NOTHING)
 
 
 def decode88(text: bytes) -> bytes:
-    """Five characters are four bytes, big-endian; a rest of k characters is k - 1 bytes."""
+    """Decode base 88: five characters are four bytes, big-endian; k remaining characters are k - 1 bytes."""
     value_of = np.zeros(256, dtype=np.uint64)
     value_of[np.frombuffer(ALPHABET, dtype=np.uint8)] = np.arange(len(ALPHABET), dtype=np.uint64)
     digits = value_of[np.frombuffer(text, dtype=np.uint8)]

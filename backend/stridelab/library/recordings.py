@@ -1,4 +1,4 @@
-"""``sl.read``, ``sl.estimate_com`` and ``sl.fit_cycloid``: recordings of people.
+"""``sl.read``, ``sl.estimate_com`` and ``sl.fit_cycloid``: recordings of human gait.
 
 Three lines give the first result::
 
@@ -7,7 +7,7 @@ Three lines give the first result::
     com = sl.estimate_com("walk.c3d", mass_kg=60.0)
     print(com.summary.window_s, com.sd_m.max())
 
-Each function does what the job of the service and the command line do, because it calls the same pipeline.
+Each function calls the same pipeline as the job of the service and the command line.
 """
 
 import shutil
@@ -42,7 +42,7 @@ AXES = "xyz"
 
 @dataclass(frozen=True)
 class LoadedRecording:
-    """A recording that has been read, and what was stated about it.
+    """A recording that has been read, and the given data about it.
 
     ``recording`` holds markers (metres, z up), plates and events; ``subject`` and ``marker_map`` are used by
     ``estimate_com`` and ``fit_cycloid``. ``static`` is the path of a static trial of the same person.
@@ -56,7 +56,7 @@ class LoadedRecording:
 
     @property
     def source(self) -> RecordingSource:
-        """The file as the pipelines take it."""
+        """Source of the file for the pipelines."""
         return RecordingSource(
             file=self.path.name, filename=self.path.name, subject=self.subject, marker_map=dict(self.marker_map)
         )
@@ -76,7 +76,7 @@ def read(
 
     Args:
         path: The file.
-        height_m: Height of the person; values that are stated win over those in the file.
+        height_m: Height of the person; given values take precedence over those in the file.
         mass_kg: Body mass.
         sex: "female" or "male".
         age_years: Age.
@@ -85,7 +85,7 @@ def read(
 
     Raises:
         UnreadableFile: The file is damaged or of an unknown format; the error names the file and the place.
-        InvalidInput: A stated value makes no sense.
+        InvalidInput: A given value is invalid.
     """
     path = Path(path)
     _require_file(path)
@@ -135,7 +135,7 @@ class CentreOfMass:
         return self.result.estimate.sd_m
 
     def to_dataframe(self) -> Any:
-        """The track as a data frame of pandas, or of polars where only that is installed.
+        """The track as a data frame of pandas, or of polars if pandas is not installed.
 
         Raises:
             Unavailable: ``dataframe-unavailable`` where neither is installed.
@@ -153,9 +153,9 @@ class CentreOfMass:
         for k, axis in enumerate(AXES):
             middle_m, half_m = self.com_m[:, k], 1.96 * self.sd_m[:, k]
             band = np.concatenate([middle_m + half_m, (middle_m - half_m)[::-1]])
-            there_and_back_s = np.concatenate([self.time_s, self.time_s[::-1]])
+            outline_s = np.concatenate([self.time_s, self.time_s[::-1]])
             filled = {"fill": "toself", "line": {"width": 0}, "opacity": 0.3, "hoverinfo": "skip"}
-            figure.add_scatter(x=there_and_back_s, y=band, name=f"{axis}, 95 %", row=k + 1, col=1, **filled)
+            figure.add_scatter(x=outline_s, y=band, name=f"{axis}, 95 %", row=k + 1, col=1, **filled)
             figure.add_scatter(x=self.time_s, y=middle_m, name=axis, row=k + 1, col=1)
             figure.update_yaxes(title_text=f"{axis} (m)", row=k + 1, col=1)
         figure.update_xaxes(title_text="time (s)", row=3, col=1)
@@ -195,19 +195,19 @@ def estimate_com(
     """Estimate the centre of mass of a recording (chapter 2 of the thesis).
 
     Args:
-        recording: What ``read`` returned, or a path; ``stated`` are then options of ``read``, such as ``mass_kg``.
+        recording: Result of ``read``, or a path; ``stated`` are then options of ``read``, such as ``mass_kg``.
         method: An estimator by name; None takes the best one.
-        latency: "apply" takes the delay of the force out, "report" only estimates it; a number is a delay in seconds.
+        latency: "apply" corrects the delay of the force, "report" only estimates it; a number is a delay in seconds.
         segment_table: "auto" or a table of segment masses by name.
         cutoffs: Cut-off frequencies of the complementary filter, Hz, or how they are chosen.
-        window_s: Begin and end of the interval to estimate, seconds; None takes all that is measured.
+        window_s: Begin and end of the interval to estimate, seconds; None takes the whole measured interval.
         progress: Called with a fraction from 0 to 1 and a message.
 
     Returns:
         The track with its standard deviation; look at ``summary.quality`` before the numbers.
 
     Raises:
-        InvalidInput: An option makes no sense; the error names it.
+        InvalidInput: An option is invalid; the error names it.
         NotEstimable: The data do not allow an estimate; code and message say what is missing.
     """
     loaded = _loaded(recording, stated)
@@ -283,7 +283,7 @@ def fit_cycloid(
     """Fit the rolling wheel (curtate cycloid) to every step of a walk (chapter 3 of the thesis).
 
     Args:
-        recording: What ``read`` returned, or a path; ``stated`` are then options of ``read``.
+        recording: Result of ``read``, or a path; ``stated`` are then options of ``read``.
         steps: "measured" fits steps with all force on plates, "all" also those known from the markers alone.
         method: An estimator of the centre of mass by name; None takes the best one.
         progress: Called with a fraction from 0 to 1 and a message.
@@ -303,13 +303,13 @@ def _loaded(recording: LoadedRecording | str | Path, stated: dict[str, Any]) -> 
         return read(recording, **stated)
     if stated:
         names = ", ".join(stated)
-        raise InvalidInput("option-invalid", f"State {names} in read(), where the recording is read.")
+        raise InvalidInput("option-invalid", f"Pass {names} to read(), which reads the recording.")
     return recording
 
 
 @contextmanager
 def _staged(loaded: LoadedRecording) -> Iterator[tuple[Path, RecordingSource, RecordingSource | None]]:
-    """The folder of the recording with its sources; a static trial of another folder is copied beside a copy of it."""
+    """Folder and sources of the recording; a static trial from another folder is copied to a common one."""
     if loaded.static is None or loaded.static.parent == loaded.path.parent:
         static = None if loaded.static is None else _source(loaded.static)
         yield loaded.path.parent, loaded.source, static

@@ -8,12 +8,12 @@ from stridelab.schemas.recordings import PlateInfo, Recording
 
 TICKS_AT_MOST = 8
 NUMBER_FROM_PERCENT = 1.6
-"""An interval at least this wide, in percent of the whole, has its number written on it."""
+"""Minimum width, in percent of the whole, of intervals that show their number."""
 
 
 @dataclass(frozen=True)
 class Bar:
-    """One interval; ``x`` and ``width`` in percent. ``css`` is one more class, ``at_s`` an instant that it marks."""
+    """One interval; ``x`` and ``width`` in percent. ``css`` is an additional class, ``at_s`` a time that it marks."""
 
     x: float
     width: float
@@ -33,7 +33,7 @@ class Tick:
 
 @dataclass(frozen=True)
 class Row:
-    """Bars beside a label; ``text`` says the same in words, ``css`` is the class of the bars."""
+    """Bars beside a label; ``text`` describes them, ``css`` is their class."""
 
     label: str
     bars: tuple[Bar, ...]
@@ -43,7 +43,7 @@ class Row:
 
 @dataclass(frozen=True)
 class Layer:
-    """Nodes of a scene that can be hidden: all whose names begin with ``prefix``; ``said`` explains them."""
+    """Nodes of a scene that can be hidden: those whose names begin with ``prefix``."""
 
     prefix: str
     label: str
@@ -53,7 +53,7 @@ class Layer:
 
 @dataclass(frozen=True)
 class PlateBars:
-    """The loaded intervals of one plate, and the sentence that says the same."""
+    """The loaded intervals of one plate, and a sentence that describes them."""
 
     index: int
     use: bool
@@ -62,20 +62,20 @@ class PlateBars:
 
 
 def bars(intervals: Iterable[Sequence[float]], duration_s: float) -> tuple[Bar, ...]:
-    """Intervals in seconds as bars, cut at the ends of the recording; none where the duration is zero."""
+    """Intervals in seconds as bars, cut at the ends of the recording; empty if the duration is zero."""
     if duration_s <= 0:
         return ()
-    found = []
+    inside = []
     for start, end in intervals:
         low, high = max(0.0, start), min(duration_s, end)
         if high > low:
             text = f"{start:.2f} s to {end:.2f} s"
-            found.append(Bar(round(100 * low / duration_s, 3), round(100 * (high - low) / duration_s, 3), text))
-    return tuple(found)
+            inside.append(Bar(round(100 * low / duration_s, 3), round(100 * (high - low) / duration_s, 3), text))
+    return tuple(inside)
 
 
 def numbered(intervals: Iterable[Sequence[float]], duration_s: float, first: int = 0) -> tuple[Bar, ...]:
-    """Intervals as bars with their numbers, where there is room for them."""
+    """Intervals as bars, with their numbers on bars that are wide enough."""
     return tuple(
         Bar(bar.x, bar.width, str(first + k) if bar.width >= NUMBER_FROM_PERCENT else "")
         for k, bar in enumerate(bars(intervals, duration_s))
@@ -85,12 +85,12 @@ def numbered(intervals: Iterable[Sequence[float]], duration_s: float, first: int
 def plate_bars(plate: PlateInfo, duration_s: float) -> PlateBars:
     """The loaded intervals of a plate."""
     drawn = bars(plate.loaded_s, duration_s)
-    said = "; ".join(bar.text for bar in drawn) or "never"
-    return PlateBars(plate.index, plate.use, drawn, f"Plate {plate.index} loaded: {said}")
+    intervals_text = "; ".join(bar.text for bar in drawn) or "never"
+    return PlateBars(plate.index, plate.use, drawn, f"Plate {plate.index} loaded: {intervals_text}")
 
 
 def windows_text(recording: Recording) -> str:
-    """The sentence that says what the strip of windows shows."""
+    """Sentence that describes the strip of windows."""
     if not recording.windows_s:
         return "There is no interval in which all contact forces are measured: only markers can be used."
     listed = ", ".join(f"{start:.2f} s to {end:.2f} s" for start, end in recording.windows_s)

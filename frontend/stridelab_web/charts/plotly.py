@@ -9,7 +9,7 @@ import numpy as np
 from stridelab_web.parquet import Columns
 
 SAMPLES_AT_MOST = 6000
-"""A plot is some 1000 pixels wide; longer recordings are thinned for it (the files keep every sample)."""
+"""Maximum samples per curve; plots are about 1000 pixels wide, and the files contain every sample."""
 
 Style = Literal[
     "main", "second", "third", "x", "y", "z", "left", "right", "hand",
@@ -51,9 +51,9 @@ class Row:
 
 @dataclass(frozen=True)
 class Reading:
-    """A number that the readout shows at the cursor, with those of the columns ``more`` behind it.
+    """A value of the readout at the cursor, followed by those of the columns ``more``.
 
-    One that belongs to a ``group`` is shown while that is.
+    A reading with a ``group`` is shown while the group is.
     """
 
     name: str
@@ -91,7 +91,7 @@ TIME = Abscissa("time_s", "time [s]", "t", "s", 3)
 
 
 def three(title: str, keys: Sequence[str]) -> Row:
-    """A row with the x, y and z components of something."""
+    """A row with the x, y and z components of a vector."""
     x, y, z = keys
     return Row(title, (Trace(x, "x", "x"), Trace(y, "y", "y"), Trace(z, "z", "z")), legend=True)
 
@@ -105,9 +105,9 @@ def drawing(
     switches: Sequence[Switch] = (),
     x: Abscissa = TIME,
 ) -> dict[str, Any]:
-    """A list per drawn column (null: no value), thinned to what a plot can show, and the rows that draw them.
+    """JSON document of a plot: a thinned list per drawn column (null: no value), and the rows that draw them.
 
-    Columns without a finite value go, and with them their traces, readings, switches and empty rows. ``shades_s`` are
+    Columns without a finite value are left out with their traces, readings, switches and empty rows. ``shades_s`` are
     intervals of the axis ``x``.
     """
     along = columns[x.key]
@@ -116,8 +116,8 @@ def drawing(
     for name, digits in decimals.items():
         if name in columns and np.isfinite(columns[name]).any():
             drawn[name] = _numbers(columns[name][::stride], digits)
-    kept = [(row, [trace for trace in row.traces if trace.key in drawn]) for row in rows]
-    groups = {trace.group for _, traces in kept for trace in traces}
+    drawn_rows = [(row, [trace for trace in row.traces if trace.key in drawn]) for row in rows]
+    groups = {trace.group for _, traces in drawn_rows for trace in traces}
     return {
         "x": asdict(x),
         "switches": [asdict(switch) for switch in switches if switch.key in groups],
@@ -131,7 +131,7 @@ def drawing(
                 "steps": row.steps,
                 "traces": [asdict(trace) for trace in traces],
             }
-            for row, traces in kept
+            for row, traces in drawn_rows
             if traces
         ],
         "readings": [asdict(reading) for reading in readings if reading.key in drawn],

@@ -19,7 +19,7 @@ SOLE_M: Final = (0.20, 0.12)
 HAND_M: Final = (0.06, 0.06)
 SOLE_THICKNESS_M: Final = 0.035
 FARTHEST_M: Final = 0.5
-"""How far beyond the touches surroundings are shown: a floor may be as large as it likes."""
+"""Maximum distance from the contacts at which surroundings are drawn."""
 
 View = Literal["side", "above"]
 
@@ -48,13 +48,13 @@ class Drawing:
 def draw(scenario: Scenario, view: View, region_m: Sequence[tuple[float, float]] = ()) -> Drawing | None:
     """The scenario seen from its right side, or from above with ``region_m`` over it.
 
-    None where nothing touches anything.
+    None for a scenario without contacts.
     """
-    found = touches(scenario)
-    if not found:
+    contacts = touches(scenario)
+    if not contacts:
         return None
     axes = (0, 2) if view == "side" else (0, 1)
-    places = np.array([touch.contact.position_m for touch in found])[:, axes]
+    places = np.array([touch.contact.position_m for touch in contacts])[:, axes]
     low, high = places.min(axis=0), places.max(axis=0)
     boxes = [box_corners_m(surface)[:, axes] for surface in scenario.terrain if isinstance(surface, BoxSurface)]
     rails = [
@@ -76,13 +76,13 @@ def draw(scenario: Scenario, view: View, region_m: Sequence[tuple[float, float]]
 
     shapes = [_polygon(to_px(_outline(cloud)), f"box {view}") for cloud in boxes]
     shapes += [_polygon(to_px(_bar(rail)), "rail") for rail in rails]
-    shapes += [_footprint(touch, view, axes, to_px) for touch in found]
+    shapes += [_footprint(touch, view, axes, to_px) for touch in contacts]
     if len(region_m) > 2:
         shapes.append(_polygon(to_px(np.array(region_m)), "support"))
     width, height = (high - low) * PX_PER_M
     side = "from the side" if view == "side" else "from above"
-    said = f"{scenario.name} {side}: {counted(len(found), 'touch', 'touches')}"
-    return Drawing(round(float(width), 1), round(float(height), 1), tuple(shapes), said)
+    text = f"{scenario.name} {side}: {counted(len(contacts), 'contact')}"
+    return Drawing(round(float(width), 1), round(float(height), 1), tuple(shapes), text)
 
 
 def _footprint(touch: Touch, view: View, axes: tuple[int, int], to_px: Callable[[np.ndarray], np.ndarray]) -> Shape:
@@ -103,7 +103,7 @@ def _footprint(touch: Touch, view: View, axes: tuple[int, int], to_px: Callable[
 def _outline(points: np.ndarray) -> np.ndarray:
     """Convex outline of points of the plane (Andrew's monotone chain); the points themselves where they span no area.
 
-    A dozen points need no scipy, whose import would be a tenth of the web server's start.
+    Written without scipy, whose import would take a tenth of the web server's start.
     """
     along = sorted(tuple(point) for point in points.tolist())
     outline = [*_left_of(along), *_left_of(along[::-1])]
@@ -111,7 +111,7 @@ def _outline(points: np.ndarray) -> np.ndarray:
 
 
 def _left_of(along: Sequence[tuple[float, ...]]) -> list[tuple[float, ...]]:
-    """The chain that turns left all the way, from the first point to the one before the last."""
+    """The chain of left turns through the points, without its last point."""
     chain: list[tuple[float, ...]] = []
     for x, y in along:
         while len(chain) > 1 and _turn(chain[-2], chain[-1], (x, y)) <= 0.0:

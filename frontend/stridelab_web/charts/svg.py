@@ -1,7 +1,7 @@
 """Charts drawn on the server: axes with units, curves, marks with error bars, ready for an SVG (_charts.html).
 
-Every mark carries its own words, so that pointing at it, or reaching it by keyboard, says what it is. A chart with the
-same scale on both axes is drawn truly; one without says so in its titles.
+Every mark has a text that is shown to pointers and keyboards. A chart with the same scale on both axes is drawn to
+scale; others have different units in their titles.
 """
 
 import math
@@ -15,7 +15,7 @@ Range = tuple[float, float]
 SHAPES: Final[tuple[Shape, ...]] = ("circle", "square", "triangle", "diamond", "cross", "ring")
 LEFT_PX, RIGHT_PX, TOP_PX, BOTTOM_PX = 64.0, 14.0, 12.0, 44.0
 TICK_PX_X, TICK_PX_Y = 80.0, 42.0
-"""Least distance between two ticks."""
+"""Minimum distance between two ticks."""
 STEPS: Final = (1.0, 2.0, 2.5, 5.0, 10.0)
 
 
@@ -29,7 +29,7 @@ class Tick:
 
 @dataclass(frozen=True)
 class Curve:
-    """A line through ``points`` (of an SVG); ``text`` says what it is."""
+    """A line through ``points`` (of an SVG); ``text`` describes it."""
 
     points: str
     css: str
@@ -38,7 +38,7 @@ class Curve:
 
 @dataclass(frozen=True)
 class Mark:
-    """A point with a shape, words for it, and a short label that may stand beside it."""
+    """A point with a shape, a description, and an optional short label beside it."""
 
     x: float
     y: float
@@ -72,7 +72,7 @@ class Shade:
 
 @dataclass(frozen=True)
 class Band:
-    """A closed outline ``points`` (of an SVG), such as that of a curve's standard errors; ``text`` says what it is."""
+    """A closed outline ``points`` (of an SVG), such as that of a curve's standard errors; ``text`` describes it."""
 
     points: str
     css: str
@@ -91,7 +91,7 @@ class Circle:
 
 @dataclass(frozen=True)
 class Chart:
-    """A drawn chart; ``said`` is what it shows in one sentence."""
+    """A drawn chart with a caption of one sentence."""
 
     width: float
     height: float
@@ -114,9 +114,9 @@ class Chart:
 
 @dataclass
 class Canvas:
-    """Collects what is to be drawn over ``x_range`` and ``y_range``, in their units.
+    """Collects the elements of a chart over ``x_range`` and ``y_range``, in their units.
 
-    With ``true_scale`` a unit is as long upwards as to the right: the height follows from the width.
+    With ``true_scale`` both axes have the same scale, and the height follows from the width.
     """
 
     x_range: Range
@@ -142,64 +142,64 @@ class Canvas:
         return (self.width - LEFT_PX - RIGHT_PX) / (self.x_range[1] - self.x_range[0])
 
     def x(self, value: float) -> float:
-        """Where ``value`` of the horizontal axis is."""
+        """Pixel position of a value of the horizontal axis."""
         return LEFT_PX + (value - self.x_range[0]) * self.px_per_x
 
     def y(self, value: float) -> float:
-        """Where ``value`` of the vertical axis is."""
+        """Pixel position of a value of the vertical axis."""
         low, high = self.y_range
         return self.height - BOTTOM_PX - (value - low) / (high - low) * (self.height - TOP_PX - BOTTOM_PX)
 
     def curve(self, x: np.ndarray, y: np.ndarray, css: str, text: str = "") -> None:
-        """A line, interrupted where a value is missing."""
-        there = np.isfinite(x) & np.isfinite(y)
-        for part in np.split(np.arange(len(x)), np.flatnonzero(~there)):
-            kept = part[there[part]]
-            if len(kept) > 1:
-                points = " ".join(f"{self.x(u):.1f},{self.y(v):.1f}" for u, v in zip(x[kept], y[kept], strict=True))
+        """Add a line, interrupted at missing values."""
+        finite = np.isfinite(x) & np.isfinite(y)
+        for part in np.split(np.arange(len(x)), np.flatnonzero(~finite)):
+            run = part[finite[part]]
+            if len(run) > 1:
+                points = " ".join(f"{self.x(u):.1f},{self.y(v):.1f}" for u, v in zip(x[run], y[run], strict=True))
                 self._curves.append(Curve(points, css, text))
 
     def band(self, x: np.ndarray, low: np.ndarray, high: np.ndarray, css: str) -> None:
-        """What lies between two curves over the same ``x``."""
-        there_and_back = [*zip(x, low, strict=True), *zip(x[::-1], high[::-1], strict=True)]
-        self._bands.append(Band(" ".join(f"{self.x(u):.1f},{self.y(v):.1f}" for u, v in there_and_back), css))
+        """Add the area between two curves over the same ``x``."""
+        outline = [*zip(x, low, strict=True), *zip(x[::-1], high[::-1], strict=True)]
+        self._bands.append(Band(" ".join(f"{self.x(u):.1f},{self.y(v):.1f}" for u, v in outline), css))
 
     def cell(self, x: Range, y: Range, css: str, text: str) -> None:
-        """A rectangle over an interval of each axis."""
+        """Add a rectangle over an interval of each axis."""
         corners = [(x[0], y[0]), (x[1], y[0]), (x[1], y[1]), (x[0], y[1])]
         self._bands.append(Band(" ".join(f"{self.x(u):.1f},{self.y(v):.1f}" for u, v in corners), css, text))
 
     def mark(
         self, x: float, y: float, css: str, shape: Shape = "circle", text: str = "", label: str = "", href: str = ""
     ) -> None:
-        """A point, of which nothing is drawn where a coordinate is missing."""
+        """Add a point, unless a coordinate is missing."""
         if math.isfinite(x) and math.isfinite(y):
             self._marks.append(Mark(round(self.x(x), 1), round(self.y(y), 1), css, shape, text, label, href))
 
     def upright(self, x: float, low: float, high: float, css: str) -> None:
-        """A vertical line, such as an error bar of the vertical axis."""
+        """Add a vertical line, such as an error bar."""
         if all(math.isfinite(v) for v in (x, low, high)):
             px = round(self.x(x), 1)
             self._whiskers.append(Whisker(px, round(self.y(low), 1), px, round(self.y(high), 1), css))
 
     def level(self, y: float, low: float, high: float, css: str) -> None:
-        """A horizontal line."""
+        """Add a horizontal line."""
         if all(math.isfinite(v) for v in (y, low, high)):
             px = round(self.y(y), 1)
             self._whiskers.append(Whisker(round(self.x(low), 1), px, round(self.x(high), 1), px, css))
 
     def shade(self, start: float, end: float, css: str, text: str) -> None:
-        """An interval of the horizontal axis, cut at its ends."""
+        """Add a shaded interval of the horizontal axis, cut at the ends of the axis."""
         low, high = max(start, self.x_range[0]), min(end, self.x_range[1])
         if high > low:
             self._shades.append(Shade(round(self.x(low), 1), round((high - low) * self.px_per_x, 1), css, text))
 
     def circle(self, x: float, y: float, radius: float, css: str) -> None:
-        """A circle of ``radius`` in units of the horizontal axis: for charts of true scale."""
+        """Add a circle; ``radius`` is in units of the horizontal axis, for charts of true scale."""
         self._circles.append(Circle(round(self.x(x), 1), round(self.y(y), 1), round(radius * self.px_per_x, 1), css))
 
     def chart(self, said: str) -> Chart:
-        """Everything so far as one chart."""
+        """Build the chart of all elements."""
         inner = self.width - LEFT_PX - RIGHT_PX, self.height - TOP_PX - BOTTOM_PX
         return Chart(
             width=round(self.width, 1),
@@ -223,7 +223,7 @@ class Canvas:
 
 
 def ticks(span: Range, at_most: float) -> list[tuple[float, str]]:
-    """Round numbers inside ``span``, about ``at_most`` of them (at least two), with as many decimals as they need."""
+    """Round numbers inside ``span``, about ``at_most`` of them (at least two), and their texts."""
     low, high = span
     wanted = (high - low) / max(at_most, 2.0)
     power = 10.0 ** math.floor(math.log10(wanted))
@@ -234,11 +234,11 @@ def ticks(span: Range, at_most: float) -> list[tuple[float, str]]:
 
 
 def span_of(*values: np.ndarray, share: float = 0.08, least: float = 1e-6) -> Range:
-    """From the smallest to the largest of ``values`` with a margin, at least ``least`` wide; 0 to 1 where none is."""
-    known = np.concatenate([np.ravel(np.asarray(v, dtype=float)) for v in values]) if values else np.empty(0)
-    known = known[np.isfinite(known)]
-    if not len(known):
+    """Range of ``values`` with a margin and a minimum width; 0 to 1 without finite values."""
+    finite = np.concatenate([np.ravel(np.asarray(v, dtype=float)) for v in values]) if values else np.empty(0)
+    finite = finite[np.isfinite(finite)]
+    if not len(finite):
         return (0.0, 1.0)
-    low, high = float(known.min()), float(known.max())
+    low, high = float(finite.min()), float(finite.max())
     margin = max(share * (high - low), (least - (high - low)) / 2, 0.0)
     return (low - margin, high + margin)

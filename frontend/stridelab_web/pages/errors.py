@@ -1,4 +1,4 @@
-"""Pages for what went wrong: the sentence of the interface, and a way on."""
+"""Error pages: the message of the HTTP interface, and links to other pages."""
 
 from starlette.exceptions import HTTPException
 from starlette.requests import Request
@@ -10,15 +10,15 @@ from stridelab_web.pages.render import page
 _TITLES = {
     401: "Please log in",
     403: "Not allowed",
-    404: "Nothing here",
-    409: "Not now",
+    404: "Not found",
+    409: "Not possible now",
     429: "Too busy",
     503: "Part of the service does not answer",
 }
 
 
 async def on_problem(request: Request, error: Exception) -> Response:
-    """A refusal of the interface, as a page."""
+    """Error page for a problem response of the HTTP interface."""
     if not isinstance(error, ProblemError):
         raise error
     problem = error.problem
@@ -39,17 +39,17 @@ async def on_problem(request: Request, error: Exception) -> Response:
 
 
 async def on_http(request: Request, error: Exception) -> Response:
-    """A wrong address or method, as a page."""
+    """Error page for a wrong address or method."""
     if not isinstance(error, HTTPException):
         raise error
     status = error.status_code
     detail = "There is no page at this address." if status == 404 else str(error.detail)
-    title = _TITLES.get(status, "That did not work")
+    title = _TITLES.get(status, "Request failed")
     return page(request, "pages/error.html", status, title=title, detail=detail, code="", status=status, errors=[])
 
 
 async def on_unreachable(request: Request, error: Exception) -> Response:
-    """The interface does not answer at all."""
+    """Error page if the HTTP interface does not answer."""
     if not isinstance(error, Unreachable):
         raise error
     detail = "The service does not answer at the moment. Try again in a few seconds."

@@ -1,4 +1,4 @@
-"""The front page: what a newcomer can look at within two clicks, and the latest work."""
+"""The home page: samples to start with, and the latest recordings and jobs."""
 
 from collections.abc import Awaitable
 from typing import Final, TypeVar
@@ -41,7 +41,7 @@ async def home(request: Request) -> Response:
 
 
 async def _scenarios(client: AsyncClient) -> list[StoredScenario]:
-    """The stairs first, then the newest."""
+    """The sample scenario first, then the newest."""
     stairs = await _there(client.scenario(SAMPLE_SCENARIO))
     newest = (await client.scenarios(limit=SCENARIOS)).items
     first = [] if stairs is None else [stairs]
@@ -49,15 +49,15 @@ async def _scenarios(client: AsyncClient) -> list[StoredScenario]:
 
 
 async def _motion_of(client: AsyncClient, scenario_id: str) -> Job | None:
-    """The newest plan of a scenario, where it has a motion to watch."""
-    found = (await client.jobs(1, state="succeeded", kind="plan-motion", scenario_id=scenario_id)).items
-    if not found or (await client.result(found[0].id)).summary.get("certificate") is None:
+    """The newest plan of a scenario, if it has a whole-body motion."""
+    plans = (await client.jobs(1, state="succeeded", kind="plan-motion", scenario_id=scenario_id)).items
+    if not plans or (await client.result(plans[0].id)).summary.get("certificate") is None:
         return None
-    return found[0]
+    return plans[0]
 
 
 async def _there(asked: Awaitable[T]) -> T | None:
-    """What was asked for, or None where there is no such thing."""
+    """The awaited result, or None if the service answers 404."""
     try:
         return await asked
     except ProblemError as refusal:

@@ -1,4 +1,4 @@
-"""The page of one job and, once it has succeeded, of its result."""
+"""The page of one job and of its result."""
 
 from starlette.concurrency import run_in_threadpool
 from starlette.exceptions import HTTPException
@@ -23,53 +23,57 @@ from stridelab_web.scene.result_files import SCENARIO, SCENE_TABLES
 async def job(request: Request) -> Response:
     """``GET /jobs/{id}``."""
     client = client_of(request)
-    found = await client.job(request.path_params["id"])
-    if found.kind == "plan-motion":
-        return RedirectResponse(f"/plans/{found.id}", status_code=303)
-    if found.kind == population.KIND:
-        return RedirectResponse(f"/population/{found.id}", status_code=303)
-    result = await client.result(found.id) if found.state == "succeeded" else None
-    recording = await _recording_of(client, found, result)
-    compared = None
-    if result is not None and found.kind == comparison.KIND:
-        compared = comparison.comparison_of(found.id, result, request.query_params.get("figure", ""))
-    rolled = None
-    if result is not None and found.kind == cycloid.KIND:
-        rolled = await cycloid.cycloid_of(client, found.id, result, request.query_params.get("step", ""))
-    reach = None
-    if result is not None and found.kind == reachability.KIND:
-        reach = await reachability.learned_of(client, found.id, result)
-    swept = None
-    if result is not None and found.kind == sweep.KIND:
-        swept = await sweep.sweep_of(client, found.id, result)
-    walked = None
-    if result is not None and found.kind == receding.KIND:
-        walked = await receding.receding_of(client, found.id, result)
+    job = await client.job(request.path_params["id"])
+    if job.kind == "plan-motion":
+        return RedirectResponse(f"/plans/{job.id}", status_code=303)
+    if job.kind == population.KIND:
+        return RedirectResponse(f"/population/{job.id}", status_code=303)
+    result = await client.result(job.id) if job.state == "succeeded" else None
+    recording = await _recording_of(client, job, result)
+    comparison_values = None
+    if result is not None and job.kind == comparison.KIND:
+        comparison_values = comparison.comparison_of(job.id, result, request.query_params.get("figure", ""))
+    cycloid_values = None
+    if result is not None and job.kind == cycloid.KIND:
+        cycloid_values = await cycloid.cycloid_of(client, job.id, result, request.query_params.get("step", ""))
+    learned_values = None
+    if result is not None and job.kind == reachability.KIND:
+        learned_values = await reachability.learned_of(client, job.id, result)
+    sweep_values = None
+    if result is not None and job.kind == sweep.KIND:
+        sweep_values = await sweep.sweep_of(client, job.id, result)
+    receding_values = None
+    if result is not None and job.kind == receding.KIND:
+        receding_values = await receding.receding_of(client, job.id, result)
     facts = facts_of(result) if result else []
     present = {item.name for item in result.artifacts} if result is not None else set()
-    curves = COM_TABLE in present and rolled is None
-    plots = curves or walked is not None or (compared is not None and compared["figure"] is not None)
+    curves = COM_TABLE in present and cycloid_values is None
+    plots = (
+        curves
+        or receding_values is not None
+        or (comparison_values is not None and comparison_values["figure"] is not None)
+    )
     return page(
         request,
         "pages/job.html",
         section="Jobs",
-        job=found,
-        took_s=took_s(found),
+        job=job,
+        took_s=took_s(job),
         result=result,
         quality=shown_quality(result.summary) if result else None,
-        facts=reachability.beside(facts) if reach else facts,
+        facts=reachability.beside(facts) if learned_values else facts,
         sentences=sentences_of(result) if result else [],
         recording=recording,
         plots=plots,
-        plots_url=compared["plots_url"] if compared else f"/jobs/{found.id}/plots.json",
-        comparison=compared,
-        cycloid=rolled,
-        learned=reach,
-        sweep=swept,
-        receding=walked,
-        reproduction=reproduction.reproduction_of(result) if result and found.kind == reproduction.KIND else None,
-        plotly_style_ids=plotly_style_ids() if plots or reach else (),
-        viewer_url=_viewer_url(found, recording, present),
+        plots_url=comparison_values["plots_url"] if comparison_values else f"/jobs/{job.id}/plots.json",
+        comparison=comparison_values,
+        cycloid=cycloid_values,
+        learned=learned_values,
+        sweep=sweep_values,
+        receding=receding_values,
+        reproduction=reproduction.reproduction_of(result) if result and job.kind == reproduction.KIND else None,
+        plotly_style_ids=plotly_style_ids() if plots or learned_values else (),
+        viewer_url=_viewer_url(job, recording, present),
     )
 
 
@@ -88,7 +92,7 @@ async def plots(request: Request) -> Response:
 
 
 def _viewer_url(found: Job, recording: Recording | None, present: set[str]) -> str | None:
-    """Where the result is to be seen in 3D, if it is."""
+    """Address of the 3D view of the result, or None."""
     if recording is not None and present & SCENE_TABLES:
         return f"/view/?recording={recording.id}&job={found.id}"
     return f"/view/?plan={found.id}" if found.kind == receding.KIND and SCENARIO in present else None
@@ -107,7 +111,7 @@ async def _recording_of(client: AsyncClient, found: Job, result: JobResult | Non
 
 
 def took_s(found: Job) -> float | None:
-    """Seconds from start to end of a job that has finished."""
+    """Seconds from start to end of a finished job, else None."""
     if found.started_at is None or found.finished_at is None:
         return None
     return (found.finished_at - found.started_at).total_seconds()

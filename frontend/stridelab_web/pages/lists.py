@@ -15,30 +15,30 @@ from stridelab_web.pages.render import page
 
 async def recordings(request: Request) -> Response:
     """``GET /recordings``."""
-    found = await client_of(request).recordings(cursor=request.query_params.get("cursor"))
-    return page(request, "pages/recordings.html", section="Recordings", recordings=found.items, next=found.next)
+    listed = await client_of(request).recordings(cursor=request.query_params.get("cursor"))
+    return page(request, "pages/recordings.html", section="Recordings", recordings=listed.items, next=listed.next)
 
 
 async def jobs(request: Request) -> Response:
-    """``GET /jobs?state=&kind=``: of one state, of one kind, of both, or all."""
+    """``GET /jobs?state=&kind=``: all jobs, or those of one state, one kind or both."""
     client, query = client_of(request), request.query_params
     state, kind = query.get("state", ""), query.get("kind", "")
-    found = await client.jobs(state=state or None, kind=kind or None, cursor=query.get("cursor"))
+    listed = await client.jobs(state=state or None, kind=kind or None, cursor=query.get("cursor"))
     return page(
         request,
         "pages/jobs.html",
         section="Jobs",
-        jobs=found.items,
-        next=found.next,
+        jobs=listed.items,
+        next=listed.next,
         state_filter=state,
         kind_filter=kind,
         kinds=sorted({*KINDS, kind} - {""}, key=name_of),
-        filenames=await filenames_of(client, found.items),
+        filenames=await filenames_of(client, listed.items),
     )
 
 
 async def filenames_of(client: AsyncClient, jobs: Sequence[Job]) -> dict[str, str]:
-    """Names of the recordings that the jobs work on; one that is gone has none."""
+    """File names of the recordings of the jobs, by recording id; deleted recordings are left out."""
     names: dict[str, str] = {}
     for recording_id in {job.recording_id for job in jobs if job.recording_id is not None}:
         try:

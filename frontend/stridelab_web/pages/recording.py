@@ -1,4 +1,4 @@
-"""The page of one recording: what was found, its newest estimate, the switches, and the button that starts one."""
+"""The page of one recording: its facts, newest estimate and settings, and the form that starts an estimate."""
 
 from starlette.requests import Request
 from starlette.responses import Response
@@ -28,20 +28,20 @@ GEOMETRY = "geometry"
 
 
 async def recording(request: Request) -> Response:
-    """``GET /recordings/{id}``; with ``known`` the page says that a file that was sent again is this recording."""
+    """``GET /recordings/{id}``; with ``known`` the page says that an uploaded file was stored already."""
     client = client_of(request)
-    found = await client.recording(request.path_params["id"])
-    jobs = await client.jobs(recording_id=found.id)
-    others = [item for item in (await client.recordings(limit=CANDIDATES)).items if item.id != found.id]
-    session = await _session_of(client, found)
-    person = None if found.subject_id is None else await client.subject(found.subject_id)
+    recording = await client.recording(request.path_params["id"])
+    jobs = await client.jobs(recording_id=recording.id)
+    others = [item for item in (await client.recordings(limit=CANDIDATES)).items if item.id != recording.id]
+    session = await _session_of(client, recording)
+    person = None if recording.subject_id is None else await client.subject(recording.subject_id)
     estimated = next((job for job in jobs.items if job.kind == "estimate-com" and job.state == "succeeded"), None)
-    alternatives = {name for group in found.missing_landmarks for name in group.split("|")}
+    alternatives = {name for group in recording.missing_landmarks for name in group.split("|")}
     return page(
         request,
         "pages/recording.html",
         section="Recordings",
-        recording=found,
+        recording=recording,
         known="known" in request.query_params,
         person=person,
         jobs=jobs.items,
@@ -49,21 +49,21 @@ async def recording(request: Request) -> Response:
         plots=estimated is not None,
         plots_url=f"/jobs/{estimated.id}/plots.json" if estimated else None,
         plotly_style_ids=plotly_style_ids() if estimated else (),
-        viewer_url=f"/view/?recording={found.id}&job={estimated.id}" if estimated else None,
+        viewer_url=f"/view/?recording={recording.id}&job={estimated.id}" if estimated else None,
         others=others,
         session=session,
         labels=list(
-            dict.fromkeys([*found.labels, *(label for item in session if item.still for label in item.labels)])
+            dict.fromkeys([*recording.labels, *(label for item in session if item.still for label in item.labels)])
         ),
-        standing=[item for item in session if item.still and item.id != found.id],
-        windows=intervals.bars(found.windows_s, found.duration_s),
-        windows_text=intervals.windows_text(found),
-        plate_bars=[intervals.plate_bars(plate, found.duration_s) for plate in found.plates],
-        ticks=intervals.ticks(found.duration_s),
-        mappable=sorted({*found.landmarks, *alternatives, *found.marker_map}),
+        standing=[item for item in session if item.still and item.id != recording.id],
+        windows=intervals.bars(recording.windows_s, recording.duration_s),
+        windows_text=intervals.windows_text(recording),
+        plate_bars=[intervals.plate_bars(plate, recording.duration_s) for plate in recording.plates],
+        ticks=intervals.ticks(recording.duration_s),
+        mappable=sorted({*recording.landmarks, *alternatives, *recording.marker_map}),
         methods=METHODS,
-        method=_method_of(found),
-        refused=_refusals(found),
+        method=_method_of(recording),
+        refused=_refusals(recording),
         latencies=LATENCIES,
         latency=EstimateComInput.model_fields["latency"].default,
         tables=TABLES,
@@ -71,9 +71,9 @@ async def recording(request: Request) -> Response:
 
 
 def _refusals(found: Recording) -> dict[str, str]:
-    """Methods that are known to refuse the recording, with their reason; "" stands for the best available method.
+    """Methods that refuse the recording, with their reason; "" stands for the best available method.
 
-    The best one fuses force with the markers, and is refused where every method that does so is.
+    The best available method fuses force with markers; it is refused if every such method is.
     """
     refused: dict[str, str] = {offer.method: offer.reason or "" for offer in found.estimates if not offer.possible}
     with_force = [offer.method for offer in found.estimates if offer.method != GEOMETRY]
@@ -83,13 +83,13 @@ def _refusals(found: Recording) -> dict[str, str]:
 
 
 def _method_of(found: Recording) -> str:
-    """The method that is chosen at first: the best available, or markers only where nothing else can be done."""
+    """The default method: the best available, or markers only if nothing else is possible."""
     refused = _refusals(found)
     return GEOMETRY if "" in refused and GEOMETRY not in refused else ""
 
 
 async def _session_of(client: AsyncClient, found: Recording) -> list[Recording]:
-    """All trials of the recording's session, itself among them, by name."""
+    """All trials of the recording's session, including itself, sorted by name."""
     if found.session_id is None:
         return []
     listed = (await client.recordings(limit=CANDIDATES, session_id=found.session_id)).items

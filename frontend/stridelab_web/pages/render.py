@@ -1,4 +1,4 @@
-"""Turns a template and values into a page."""
+"""Rendering of templates."""
 
 from typing import Any
 
@@ -14,7 +14,7 @@ from stridelab_web.pages.results.quality import VERDICT_CODES
 
 
 def make_environment(config: WebConfig) -> Environment:
-    """The template environment: everything escaped, unknown names are errors."""
+    """The template environment: all values are escaped, unknown names are errors."""
     environment = Environment(
         loader=FileSystemLoader(TEMPLATES),
         autoescape=select_autoescape(default=True),
@@ -35,7 +35,7 @@ def make_environment(config: WebConfig) -> Environment:
 
 
 def page(request: Request, template: str, status_code: int = 200, **values: Any) -> HTMLResponse:
-    """``template`` filled with ``values``; pages show the present state, so nobody may keep them."""
+    """``template`` filled with ``values``; pages show the present state and must not be cached."""
     environment: Environment = request.app.state.environment
     text = environment.get_template(template).render(**values)
     return HTMLResponse(text, status_code=status_code, headers={"Cache-Control": "no-store"})

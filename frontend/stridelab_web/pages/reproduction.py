@@ -1,4 +1,4 @@
-"""Figures of the thesis computed anew: every item with its newest result, and what the page of a job adds for one."""
+"""The page of reproduced figures and tables: every item with its newest result."""
 
 import asyncio
 from collections import Counter
@@ -18,9 +18,9 @@ from stridelab_web.pages.render import page
 KIND: Final = "reproduce"
 ITEMS: Final[tuple[str, ...]] = get_args(ReproductionItem)
 AT_ONCE: Final = 50
-"""Jobs that are listed, and results that are read, at a time."""
+"""Number of jobs that are listed, and of results that are read, at a time."""
 FARTHEST: Final = 100
-"""So many finished jobs are looked through; an item that is not among them counts as missing."""
+"""Maximum number of finished jobs that are searched; items not among them count as missing."""
 SVG: Final = "image/svg+xml"
 
 
@@ -41,35 +41,35 @@ class Shown:
 async def reproduction(request: Request) -> Response:
     """``GET /reproduction``."""
     client = client_of(request)
-    recent, found = await asyncio.gather(client.jobs(AT_ONCE, kind=KIND), _newest(client))
+    recent, results = await asyncio.gather(client.jobs(AT_ONCE, kind=KIND), _newest(client))
     return page(
         request,
         "pages/reproduction.html",
         section="Reproduction",
         items=ITEMS,
-        found=found,
-        missing=[name for name in ITEMS if name not in found],
-        counts=counted(shown.reproduction for shown in found.values()),
+        results=results,
+        missing=[name for name in ITEMS if name not in results],
+        counts=counted(shown.reproduction for shown in results.values()),
         verdicts=get_args(Verdict),
         open_jobs=[job for job in recent.items if job.state not in FINAL_STATES],
     )
 
 
 async def _newest(client: AsyncClient) -> dict[str, Shown]:
-    """The newest result of every item that has one, in the order of the items."""
-    found: dict[str, Shown] = {}
+    """The newest result of every computed item, in the order of the items."""
+    newest: dict[str, Shown] = {}
     cursor, seen = None, 0
-    while seen < FARTHEST and len(found) < len(ITEMS):
+    while seen < FARTHEST and len(newest) < len(ITEMS):
         listed = await client.jobs(AT_ONCE, cursor, state="succeeded", kind=KIND)
         results = await asyncio.gather(*(client.result(job.id) for job in listed.items))
         for job, result in zip(listed.items, results, strict=True):
             summary = reproduction_of(result)
             if summary.item in ITEMS:
-                found.setdefault(summary.item, Shown(job, summary, _drawing(result.artifacts)))
+                newest.setdefault(summary.item, Shown(job, summary, _drawing(result.artifacts)))
         seen, cursor = seen + len(listed.items), listed.next
         if cursor is None:
             break
-    return {name: found[name] for name in ITEMS if name in found}
+    return {name: newest[name] for name in ITEMS if name in newest}
 
 
 def counted(summaries: Iterable[ReproduceSummary]) -> Mapping[Verdict, int]:

@@ -1,4 +1,4 @@
-"""Robots: the list, and the page of one: where it may touch, what its joints can do, how its reach was learned."""
+"""Robots: the list, and the page of one with its effectors, joints and learned densities."""
 
 from typing import Final
 
@@ -15,34 +15,34 @@ from stridelab_web.pages.viewer.preparing import preparing
 from stridelab_web.scene.documents import Document
 
 NOT_HERE: Final = frozenset({"robot-data-missing", "robot-data-unreadable", "robot-not-loaded"})
-"""Why a robot that has a card may have no page."""
+"""Error codes of robots that have a card but cannot be loaded."""
 
 
 async def robots(request: Request) -> Response:
-    """``GET /robots``; what is known only of a robot that is loaded, the page asks for by itself."""
-    found = await client_of(request).robots()
-    return page(request, "pages/robots.html", section="Robots", robots=found.items)
+    """``GET /robots``; the page itself requests the facts that need a loaded robot."""
+    listed = await client_of(request).robots()
+    return page(request, "pages/robots.html", section="Robots", robots=listed.items)
 
 
 async def robot(request: Request) -> Response:
-    """``GET /robots/{name}``, with ``measure`` the one whose densities are shown."""
+    """``GET /robots/{name}``, ``measure`` selects the densities."""
     client, name = client_of(request), request.path_params["name"]
     try:
-        found = await client.robot(name)
+        robot = await client.robot(name)
     except ProblemError as refusal:
         if refusal.code not in NOT_HERE:
             raise
-        known = next(item for item in (await client.robots()).items if item.name == name)
-        return page(request, "pages/robot_missing.html", 503, section="Robots", robot=known, reason=refusal.detail)
-    measure = _measure(found, request.query_params.get("measure"))
-    cards = [card for card in found.proxies if card.measure == measure]
+        robot_card = next(item for item in (await client.robots()).items if item.name == name)
+        return page(request, "pages/robot_missing.html", 503, section="Robots", robot=robot_card, reason=refusal.detail)
+    measure = _measure(robot, request.query_params.get("measure"))
+    cards = [card for card in robot.proxies if card.measure == measure]
     return page(
         request,
         "pages/robot.html",
         section="Robots",
-        robot=found,
+        robot=robot,
         measure=measure,
-        learned=reachability.shown(cards, f"/robots/{found.name}/reach.json?measure={measure}") if cards else None,
+        learned=reachability.shown(cards, f"/robots/{robot.name}/reach.json?measure={measure}") if cards else None,
         plotly_style_ids=plotly_style_ids() if cards else (),
     )
 
@@ -51,17 +51,17 @@ async def scene(request: Request, name: str) -> Response:
     """``GET /view/?robot=&measure=&effector=``."""
     if (waiting := await preparing(request, name, name)) is not None:
         return waiting
-    found = await client_of(request).robot(name)
+    robot = await client_of(request).robot(name)
     reach = {
-        measure: {card.effector: card.frame for card in found.proxies if card.measure == measure}
-        for measure in found.measures
+        measure: {card.effector: card.frame for card in robot.proxies if card.measure == measure}
+        for measure in robot.measures
     }
     return page(
         request,
         "viewer/view_robot.html",
-        robot=found,
-        scene=Document("robot", found.name).address,
-        measure=_measure(found, request.query_params.get("measure")),
+        robot=robot,
+        scene=Document("robot", robot.name).address,
+        measure=_measure(robot, request.query_params.get("measure")),
         reach=reach,
     )
 
@@ -72,14 +72,14 @@ async def reach(request: Request) -> Response:
     facts = await client.robot(name)
     measure = _measure(facts, request.query_params.get("measure"))
     try:
-        found = await client.robot_reachability(name, measure)
+        learned = await client.robot_reachability(name, measure)
     except ProblemError as refusal:  # for a script, not for a reader
         return JSONResponse(refusal.problem.model_dump(mode="json"), status_code=refusal.status)
-    return reachability.maps(found, request)
+    return reachability.maps(learned, request)
 
 
 def _measure(found: RobotFacts, asked: str | None) -> Measure:
-    """What is asked for where it was learned; else what plans use, or what there is."""
+    """The requested measure if it was learned, else that of plans, else the first learned one."""
     if asked in found.measures:
         return next(measure for measure in found.measures if measure == asked)
     if found.default_measure in found.measures or not found.measures:

@@ -1,6 +1,6 @@
-"""The page of settings and tokens: what is in force, who one is here, and how a script calls. It shows no secret.
+"""The page of settings and tokens, which shows no secrets, and the login page.
 
-The login page; the form is answered by the interface, which sets the cookie.
+The login form is sent to the HTTP interface, which sets the cookie.
 """
 
 from starlette.requests import Request
@@ -30,5 +30,5 @@ async def settings(request: Request) -> Response:
 async def login(request: Request) -> Response:
     """``GET /login``."""
     query = request.query_params
-    wrong = "That is not the token." if "wrong" in query else ""
+    wrong = "This token is not valid." if "wrong" in query else ""
     return page(request, "pages/login.html", section="Login", next=query.get("next", "/"), wrong=wrong)

@@ -9,26 +9,26 @@ from stridelab_web.api_client import client_of
 from stridelab_web.pages.render import page
 
 OFFERED: Final = 50
-"""Recordings of nobody that are offered at a time."""
+"""Number of recordings without a subject that are offered at a time."""
 
 
 async def subjects(request: Request) -> Response:
     """``GET /subjects``."""
-    found = await client_of(request).subjects(cursor=request.query_params.get("cursor"))
-    return page(request, "pages/subjects.html", section="Subjects", subjects=found.items, next=found.next)
+    listed = await client_of(request).subjects(cursor=request.query_params.get("cursor"))
+    return page(request, "pages/subjects.html", section="Subjects", subjects=listed.items, next=listed.next)
 
 
 async def subject(request: Request) -> Response:
-    """``GET /subjects/{id}``; ``cursor=`` and ``others=`` name later pages of both lists of recordings."""
+    """``GET /subjects/{id}``; ``cursor=`` and ``others=`` select later pages of both lists of recordings."""
     client, query = client_of(request), request.query_params
-    found = await client.subject(request.path_params["id"])
-    own = await client.recordings(cursor=query.get("cursor"), subject_id=found.subject_id)
+    subject = await client.subject(request.path_params["id"])
+    own = await client.recordings(cursor=query.get("cursor"), subject_id=subject.subject_id)
     others = await client.recordings(limit=OFFERED, cursor=query.get("others"), linked=False)
     return page(
         request,
         "pages/subject.html",
         section="Subjects",
-        subject=found,
+        subject=subject,
         recordings=own.items,
         next=own.next,
         others=[item for item in others.items if not item.bundled],

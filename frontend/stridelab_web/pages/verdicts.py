@@ -1,4 +1,4 @@
-"""The verdict on a result where only its pictures are shown: what the viewer says beside the time."""
+"""The verdict on a result as the viewer shows it beside the time."""
 
 from dataclasses import dataclass
 
@@ -15,7 +15,7 @@ class ShownVerdict:
 
 
 def shown_verdict(job: Job, href: str, until_s: float | None = None) -> ShownVerdict | None:
-    """The verdict on the result of ``job``; a job that failed and kept a motion says ``until_s`` when it lasts."""
+    """The verdict on the result of ``job``; ``until_s`` is the end of an incomplete motion of a failed job."""
     if job.verdict is not None:
         return ShownVerdict(job.verdict.outcome, job.verdict.message, href)
     if job.state == "succeeded":

@@ -1,7 +1,7 @@
-"""What an estimate adds to the frames of a recording: centre of mass, its band, and the inputs of section 2.4.1.
+"""Frames of an estimate beside those of its recording: centre of mass, its band, and the inputs of section 2.4.1.
 
 Of the three inputs, (i) the geometry and (iii) its projection (2.12) onto the central axis of the contact force are
-places, so they get a point and a path each; (ii) is a force, and the recording's arrows show it. The axis itself is a
+positions, shown as a point and a path each; (ii) is a force, and the recording's arrows show it. The axis itself is a
 line along the force through (iii).
 """
 
@@ -19,13 +19,13 @@ GEOMETRY, ON_AXIS = "/inputs/geometry", "/inputs/axis"
 BAND_WIDTHS: Final = 1.96
 """Semi-axes of the band in standard deviations: 95 % per axis."""
 ABOVE_M: Final = 0.6
-"""How far the central axis is drawn beyond the point that is nearest to the geometry; downwards, to the floor."""
+"""Length of the central axis above the point nearest to the geometry; downwards it ends at the floor."""
 LONGEST_M: Final = 2.5
 
 
 @dataclass(frozen=True)
 class ComFrames:
-    """Nodes of the centre of mass; their numbers are in the sheet that was given."""
+    """Nodes of the centre of mass; their columns are in the given sheet."""
 
     points: tuple[Point, ...] = ()
     tracks: tuple[Track, ...] = ()
@@ -34,11 +34,11 @@ class ComFrames:
 
 
 def add_com(sheet: Sheet, time_s: np.ndarray, com: Columns, floor_m: float) -> ComFrames:
-    """Put the columns of ``com.parquet`` into ``sheet`` at the instants ``time_s``; what it lacks is left out."""
+    """Add the columns of ``com.parquet`` to ``sheet`` at the times ``time_s``; missing columns are left out."""
 
     def place(before: str, after: str = "_m") -> np.ndarray | None:
-        found = triple(com, before, after)
-        return None if found is None else resample(time_s, com["time_s"], found)
+        columns = triple(com, before, after)
+        return None if columns is None else resample(time_s, com["time_s"], columns)
 
     points: list[Point] = []
     tracks: list[Track] = []

@@ -1,6 +1,6 @@
-"""Moving a touch of a scenario: all phases in which the effector stays there move together.
+"""Contacts of a scenario: every placement of an effector, over all phases in which it stays in its place.
 
-A scenario as its touches: every time an effector is put somewhere, however many phases it stays there.
+Moving a contact moves it in all of these phases.
 """
 
 import math
@@ -28,28 +28,28 @@ class Touch:
 
 
 def touches(scenario: Scenario) -> tuple[Touch, ...]:
-    """All touches in the order in which they begin; those that begin together in the order of the phase."""
+    """All contacts in the order of their start; those that start together in the order of the phase."""
     ends_s = np.cumsum([phase.duration_s for phase in scenario.phases])
-    found: list[Touch] = []
-    standing: dict[str, Touch] = {}
+    placed: list[Touch] = []
+    previous: dict[str, Touch] = {}
     for k, phase in enumerate(scenario.phases):
-        now: dict[str, Touch] = {}
+        current: dict[str, Touch] = {}
         for contact in phase.contacts:
-            before = standing.get(contact.effector)
+            before = previous.get(contact.effector)
             start_s, end_s = float(ends_s[k] - phase.duration_s), float(ends_s[k])
             if before is not None and before.contact == contact:
                 touch = Touch(before.number, contact.effector, before.first_phase, k, before.start_s, end_s, contact)
-                found[before.number - 1] = touch
+                placed[before.number - 1] = touch
             else:
-                touch = Touch(len(found) + 1, contact.effector, k, k, start_s, end_s, contact)
-                found.append(touch)
-            now[contact.effector] = touch
-        standing = now
-    return tuple(found)
+                touch = Touch(len(placed) + 1, contact.effector, k, k, start_s, end_s, contact)
+                placed.append(touch)
+            current[contact.effector] = touch
+        previous = current
+    return tuple(placed)
 
 
 def rotation(wxyz: tuple[float, float, float, float]) -> np.ndarray:
-    """Rotation matrix ``(3, 3)`` of a quaternion; the identity for one of length zero, which cannot be drawn."""
+    """Rotation matrix ``(3, 3)`` of a quaternion; the identity for a zero quaternion."""
     norm = float(np.linalg.norm(wxyz))
     if not np.isfinite(norm) or norm == 0:
         return np.eye(3)
@@ -78,7 +78,7 @@ def box_corners_m(box: BoxSurface) -> np.ndarray:
 
 
 HalfSizes = Mapping[str, tuple[float, float]]
-"""Half the edges of the contact patch, by effector; a point has none."""
+"""Half the edges of the contact patch, by effector; points are left out."""
 
 
 def half_sizes(effectors: Iterable[RobotEffector]) -> HalfSizes:
@@ -87,12 +87,12 @@ def half_sizes(effectors: Iterable[RobotEffector]) -> HalfSizes:
 
 
 def node(touch: Touch) -> str:
-    """Node of a touch in a scene."""
+    """Node of a contact in a scene."""
     return f"/contacts/{touch.number}"
 
 
 def side(effector: str) -> Literal["left", "right", "hand"]:
-    """How an effector is coloured."""
+    """Colour key of an effector."""
     return "hand" if "hand" in effector else "left" if effector.startswith("left") else "right"
 
 
@@ -103,7 +103,7 @@ def yaw_rad(touch: Touch) -> float:
 
 
 def facts(touch: Touch, sizes: HalfSizes) -> dict[str, Any]:
-    """What the page must know of a touch to show and to move it."""
+    """JSON facts of a contact with which the page shows and moves it."""
     return {
         "number": touch.number,
         "node": node(touch),
@@ -120,7 +120,7 @@ def facts(touch: Touch, sizes: HalfSizes) -> dict[str, Any]:
 
 
 def moved(scenario: Scenario, touch: Touch, position_m: Sequence[float]) -> Scenario:
-    """What is sent to store ``scenario`` with ``touch`` elsewhere: without the fields that the service added."""
+    """``scenario`` with ``touch`` at another position, without the fields that the service adds."""
     change = {"position_m": tuple(float(x) for x in position_m)}
     body = {name: getattr(scenario, name) for name in Scenario.model_fields}
     phases = list(scenario.phases)

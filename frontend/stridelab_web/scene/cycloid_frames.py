@@ -1,6 +1,6 @@
 """The rolling wheel in the scene (the yoyo-man): rim, hub, the point on its spoke, ground line, and traced curve.
 
-The wheel is one of radius 1 that the page places, turns and sizes, because R differs from step to step. In its own
+The wheel has radius 1; the page places, turns and scales it, because R differs from step to step. In its own
 frame x is ahead and z up; it turns about y by theta, and the point hangs below the hub at theta = 0 (3.1), (3.2).
 """
 
@@ -18,7 +18,7 @@ POSE = 7
 
 @dataclass(frozen=True)
 class WheelFrames:
-    """Nodes of the wheel; their numbers are in the sheet that was given."""
+    """Nodes of the wheel; their columns are in the given sheet."""
 
     points: tuple[Point, ...] = ()
     sticks: tuple[Stick, ...] = ()
@@ -27,7 +27,7 @@ class WheelFrames:
 
 
 def add_wheel(sheet: Sheet, time_s: np.ndarray, wheel: Columns) -> WheelFrames:
-    """Put the columns of ``wheel.parquet`` into ``sheet`` at the instants ``time_s``; between steps there is none."""
+    """Add the columns of ``wheel.parquet`` to ``sheet`` at the times ``time_s``; they are NaN between steps."""
     pose = np.full((len(time_s), POSE), np.nan)
     point, size = np.full((len(time_s), 3), np.nan), np.full((len(time_s), 1), np.nan)
     for number in np.unique(wheel["step"]):
@@ -61,7 +61,7 @@ def add_wheel(sheet: Sheet, time_s: np.ndarray, wheel: Columns) -> WheelFrames:
 def com_of(wheel: Columns) -> Columns:
     """The centre of mass that the wheel was fitted to, as a table with the columns of ``com.parquet``.
 
-    Steps that do not touch are kept apart by a row of missing values.
+    Steps that are not adjacent are separated by a row of missing values.
     """
     order = np.argsort(wheel["time_s"], kind="stable")
     time = wheel["time_s"][order]
@@ -74,7 +74,7 @@ def com_of(wheel: Columns) -> Columns:
 
 
 def direction(own: Columns) -> np.ndarray:
-    """The unit vector ahead ``(3,)``: along it the hub is as far from the centre of mass as the table says."""
+    """Unit vector ahead ``(3,)``, from the offset between hub and centre of mass."""
     offset = own["hub_x_m"] - own["x_ahead_m"]
     across = np.array([offset @ (own[f"hub_world_{axis}_m"] - own[f"{axis}_m"]) for axis in "xy"])
     return np.append(across / np.linalg.norm(across), 0.0)

@@ -1,4 +1,4 @@
-"""What a scene can show, and the address under which its parts lie."""
+"""Documents that scenes show, and their addresses."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -8,11 +8,11 @@ DocumentKind = Literal["recording", "plan", "scenario", "robot"]
 PlayerForm = Literal["viser", "html"]
 """A file for viser's own player, or one page with that player and the file in it."""
 KEY_HEADER: Final = "X-Stridelab-Scenario-Key"
-"""With which key to store what is changed through a websocket to the viewer."""
+"""Header with the key that stores changes made through a websocket to the viewer."""
 REFUSAL_HEADER: Final = "X-Stridelab-Scenario-Refusal"
-"""In its place: why nothing may be changed through it."""
+"""Header, in place of the key, with the reason why nothing may be changed."""
 USER_HEADER: Final = "X-Stridelab-User"
-"""Who watches through a websocket to the viewer, percent-encoded; empty where nobody logs in."""
+"""Header with the percent-encoded user of a websocket to the viewer; empty without login."""
 NO_JOB: Final = "-"
 """Stands for "no result" in an address."""
 
@@ -27,12 +27,12 @@ class Document:
 
     @property
     def address(self) -> str:
-        """Where the scene lies in the web app."""
+        """Address of the scene in the web app."""
         return f"/view/scene/{self.kind}/{self.id}/{self.job_id or NO_JOB}"
 
     @property
     def wanted(self) -> dict[str, str | None]:
-        """The document as the viewer process is asked for it."""
+        """Body of requests for the document to the viewer process."""
         return {"kind": self.kind, "id": self.id, "job_id": self.job_id}
 
 

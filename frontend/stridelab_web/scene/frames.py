@@ -1,4 +1,4 @@
-"""What moves in the viewer, as frames of numbers in the order in which the browser reads them.
+"""Moving nodes of the viewer, as frames of numbers in the order in which the browser reads them.
 
 The viewer process builds the nodes from the same ``Frames`` from which the web app serves the numbers, so that names
 and columns cannot disagree. Positions are in the world frame, metres; forces in newtons.
@@ -20,7 +20,7 @@ HEAD_M: Final = 0.08
 
 @dataclass(frozen=True)
 class Point:
-    """A node whose position is the three numbers from ``at`` on; ``label`` says what it is."""
+    """A node whose position is the three numbers from ``at`` on; ``label`` describes it."""
 
     name: str
     at: int
@@ -74,7 +74,7 @@ class Hoop:
 
 @dataclass(frozen=True)
 class Span:
-    """A node that is there from ``start_s`` until ``end_s`` only."""
+    """A node that is present only from ``start_s`` until ``end_s``."""
 
     name: str
     start_s: float
@@ -91,7 +91,7 @@ class Track:
 
 @dataclass(frozen=True)
 class Copy:
-    """A node that is drawn as the node ``of`` is, whose meshes are sent once; ``paint`` is its own colour and opacity.
+    """A node with the meshes of the node ``of``, which are sent once; ``paint`` is its own colour and opacity.
 
     Both nodes are in the scene; the page gives the copy its meshes.
     """
@@ -103,7 +103,7 @@ class Copy:
 
 @dataclass(frozen=True)
 class Frames:
-    """``values`` has shape ``(frames, width)``, float32, NaN where something is not there.
+    """``values`` has shape ``(frames, width)``, float32, NaN where a node is absent.
 
     ``still`` names nodes that are only shown or hidden; ``phase_starts_s`` are the instants at which the set of
     contacts changes.
@@ -129,7 +129,7 @@ class Frames:
         return None if at is None else self.values[:, at : at + 3]
 
     def layout(self) -> dict[str, Any]:
-        """What the browser must know to read ``values``."""
+        """JSON description with which the browser reads ``values``."""
         return {
             "n_frames": len(self.time_s),
             "width": int(self.values.shape[1]),
@@ -150,42 +150,42 @@ class Frames:
         }
 
     def file(self) -> bytes:
-        """The layout as JSON behind its length (four bytes, little-endian), then the numbers, ``packed``."""
-        told = json.dumps(self.layout(), separators=(",", ":")).encode()
-        return len(told).to_bytes(4, "little") + told + self.packed()
+        """Length of the layout (four bytes, little-endian), the layout as JSON, then the packed numbers."""
+        layout = json.dumps(self.layout(), separators=(",", ":")).encode()
+        return len(layout).to_bytes(4, "little") + layout + self.packed()
 
     def packed(self) -> bytes:
         """``values`` as ``static/js/viewer/frame_decoder.js`` reads them; quaternions have no jumps of sign."""
-        told = self.values.copy()
+        values = self.values.copy()
         for at in self._poses():
-            told[:, at + 3 : at + 7] = unbroken(told[:, at + 3 : at + 7])
-        return pack(told, self._bits())
+            values[:, at + 3 : at + 7] = unbroken(values[:, at + 3 : at + 7])
+        return pack(values, self._bits())
 
     def _poses(self) -> list[int]:
-        """Where poses begin."""
+        """First columns of the poses."""
         return [*(body.at for body in self.bodies), *(hoop.at for hoop in self.hoops)]
 
     def _bits(self) -> np.ndarray:
-        """How finely each column is told (``packing``)."""
-        found = np.full(self.values.shape[1], POINT_BITS)
+        """Resolution of each column (``frame_codec``)."""
+        bits = np.full(self.values.shape[1], POINT_BITS)
         for at in self._poses():
-            found[at : at + 7] = POSE_BITS
+            bits[at : at + 7] = POSE_BITS
         for arrow in self.arrows:
-            found[arrow.at + 3 : arrow.at + 6] = FORCE_BITS
+            bits[arrow.at + 3 : arrow.at + 6] = FORCE_BITS
         for ball in self.ellipsoids:
-            found[ball.axes : ball.axes + 3] = SIZE_BITS
-        return fitting(self.values, found)
+            bits[ball.axes : ball.axes + 3] = SIZE_BITS
+        return fitting(self.values, bits)
 
 
 class Sheet:
-    """Columns of numbers, put beside one another."""
+    """Collects columns of numbers."""
 
     def __init__(self) -> None:
         self._blocks: list[np.ndarray] = []
         self._width = 0
 
     def add(self, block: np.ndarray) -> int:
-        """Put ``block`` ``(frames, k)`` beside the others; the number of its first column."""
+        """Append ``block`` ``(frames, k)``; returns the index of its first column."""
         at = self._width
         self._blocks.append(block)
         self._width += block.shape[1]
@@ -198,7 +198,7 @@ class Sheet:
 
 
 def resample(time_s: np.ndarray, own_time_s: np.ndarray, track: np.ndarray) -> np.ndarray:
-    """``track`` ``(n, k)`` at ``time_s``, NaN outside; an instant that both have is taken over unchanged."""
+    """``track`` ``(n, k)`` at ``time_s``, NaN outside; unchanged if its times are the same."""
     if len(own_time_s) == len(time_s) and np.allclose(own_time_s, time_s, atol=1e-6):
         return track
     return np.column_stack(

@@ -1,6 +1,6 @@
-"""A plan as frames: links, forces with their cones, centre of mass, angular momentum, and when what touches.
+"""A plan as frames: links, forces with their cones, centre of mass, angular momentum, and intervals of contact.
 
-The friction cone of every touch of a plan: ``|f_t| <= mu f_n`` about the normal of what is touched.
+The friction cone of a contact is ``|f_t| <= mu f_n`` about the normal of its surface.
 """
 
 import json
@@ -19,12 +19,12 @@ from stridelab_web.scene.frames import ARROW_M_PER_N, Arrow, Body, Copy, Frames,
 POSE, FORCE = 7, 6
 COM = "/com/plan"
 ROBOT, GHOST, MEASURED = "/robot/", "/ghost/", "/measured/"
-"""Groups of nodes: the robot as planned, and as it moved in physics with the forces that it met."""
+"""Groups of nodes: the robot as planned, and as it moved in physics, with the measured forces."""
 PALE: Final = ((70, 110, 200), 0.4)
-"""Colour and opacity of the replay's robot, which is drawn with the meshes of the planned one."""
+"""Colour and opacity of the replay's robot, which has the meshes of the planned one."""
 MOMENTUM: Final = "/momentum/"
 MOMENTUM_M_PER_NMS: Final = 0.1
-"""Length of the arrow of the angular momentum; it is a few newton metre seconds where a robot walks."""
+"""Length of the arrow of the angular momentum; it is a few newton metre seconds in walking."""
 
 
 @dataclass(frozen=True)
@@ -46,11 +46,11 @@ class Motion:
 def read_motion(about: bytes, poses: bytes, forces: bytes, *replayed: bytes) -> Motion:
     """The motion of ``poses.json``, ``poses.f32`` and ``forces.f32``; ``replayed`` are the arrays of its replay.
 
-    Raises ``ValueError`` where an array has another size than the description says.
+    Raises ``ValueError`` if the size of an array contradicts the description.
     """
-    said = json.loads(about)
-    time_s = np.array(said["time_s"], dtype=float)
-    links, effectors = tuple(said["links"]), tuple(said["forces"]["effectors"])
+    description = json.loads(about)
+    time_s = np.array(description["time_s"], dtype=float)
+    links, effectors = tuple(description["links"]), tuple(description["forces"]["effectors"])
     shapes = [(len(time_s), len(links), POSE), (len(time_s), len(effectors), FORCE)] * 2
     arrays = [
         np.frombuffer(content, "<f4").reshape(shape)
@@ -64,8 +64,8 @@ def plan_frames(
 ) -> Frames:
     """Frames of a plan; without a whole-body motion those of the centroidal plan alone, at its nodes.
 
-    ``followed`` is the table of that motion, whose angular momentum is shown in place of the planned one. A cone stands
-    where the force on its effector acts, so that it needs no numbers of its own.
+    ``followed`` is the table of that motion, whose angular momentum is shown in place of the planned one. A cone has
+    its tip at the point of application of its force, so that it needs no columns of its own.
     """
     time_s = centroidal["time_s"] if motion is None else motion.time_s
     sheet = Sheet()
@@ -130,7 +130,7 @@ def momentum_nms(columns: Columns, time_s: np.ndarray) -> np.ndarray | None:
 def com_m(centroidal: Columns, time_s: np.ndarray) -> np.ndarray:
     """Centre of mass ``(n, 3)`` at ``time_s``: from each node with its velocity and acceleration to the next one.
 
-    Exact where the acceleration is constant between nodes; the constant jerk that is left is that of smooth forces.
+    Exact for constant accelerations between nodes; the remaining constant jerk is that of smooth forces.
     """
     nodes_s = centroidal["time_s"]
     position, velocity = triple(centroidal, "com_", "_m"), triple(centroidal, "com_v", "_m_s")
@@ -146,25 +146,25 @@ def com_m(centroidal: Columns, time_s: np.ndarray) -> np.ndarray:
 
 
 def centroidal_forces(scenario: Scenario, centroidal: Columns) -> dict[str, np.ndarray]:
-    """Point of application and force ``(nodes, 6)`` per effector, NaN where it does not touch.
+    """Point of application and force ``(nodes, 6)`` per effector, NaN without contact.
 
-    A plan without a whole body does not say where in a patch the force acts: it is drawn from the middle.
+    Without a whole body the point of application in a patch is unknown: forces are drawn from its centre.
     """
     placed = touches(scenario)
     phase = centroidal["phase"].astype(int)
-    found: dict[str, np.ndarray] = {}
+    by_effector: dict[str, np.ndarray] = {}
     for effector in dict.fromkeys(touch.effector for touch in placed):
         points: list[np.ndarray] = []
         while (force := triple(centroidal, f"f_{effector}_{len(points)}_", "_n")) is not None:
             points.append(force)
         rows = np.full((len(phase), FORCE), np.nan)
         for touch in placed:
-            there = (touch.first_phase <= phase) & (phase <= touch.last_phase)
+            during = (touch.first_phase <= phase) & (phase <= touch.last_phase)
             if touch.effector == effector and points:
-                rows[there, :3] = touch.contact.position_m
-                rows[there, 3:] = np.sum(points, axis=0)[there]
-        found[effector] = rows
-    return found
+                rows[during, :3] = touch.contact.position_m
+                rows[during, 3:] = np.sum(points, axis=0)[during]
+        by_effector[effector] = rows
+    return by_effector
 
 
 GROUP: Final = "/cones/"
@@ -172,7 +172,7 @@ GROUP: Final = "/cones/"
 
 @dataclass(frozen=True)
 class Cone:
-    """A touch and the friction coefficient of what it stands on."""
+    """A contact and the friction coefficient of its surface."""
 
     touch: Touch
     friction: float
@@ -184,19 +184,19 @@ class Cone:
 
 
 def cones(scenario: Scenario, centroidal: Columns) -> tuple[Cone, ...]:
-    """Cones of the touches whose friction the plan tells; none for plans of versions that did not."""
+    """Cones of the contacts whose friction is in the plan's table; empty for plans of older versions."""
     phase = centroidal["phase"].astype(int)
-    found = []
+    known = []
     for touch in touches(scenario):
         friction = centroidal.get(f"friction_{touch.effector}")
-        there = (touch.first_phase <= phase) & (phase <= touch.last_phase)
-        if friction is not None and friction[there].max(initial=0.0) > 0.0:
-            found.append(Cone(touch, float(friction[there].max())))
-    return tuple(found)
+        during = (touch.first_phase <= phase) & (phase <= touch.last_phase)
+        if friction is not None and friction[during].max(initial=0.0) > 0.0:
+            known.append(Cone(touch, float(friction[during].max())))
+    return tuple(known)
 
 
 def twins(found: Iterable[Cone]) -> list[tuple[str, str]]:
-    """Nodes of cones as wide as an earlier one and of its colour: their names and those of the first."""
+    """Pairs of node names: a cone, and the first one of the same width and colour."""
     first: dict[tuple[float, str], str] = {}
     named = [(cone.name, first.setdefault((cone.friction, side(cone.touch.effector)), cone.name)) for cone in found]
     return [(name, of) for name, of in named if name != of]

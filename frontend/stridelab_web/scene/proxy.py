@@ -1,4 +1,4 @@
-"""The door to the viewer process: viser's page and, through the web app's gate, its websocket."""
+"""Proxy to the viewer process: viser's page and its websocket."""
 
 import asyncio
 from http import HTTPStatus
@@ -24,9 +24,9 @@ from stridelab_web.scene.documents import KEY_HEADER, REFUSAL_HEADER, USER_HEADE
 
 OPENING_S = 120.0
 STARTING_TRIES = 7
-"""A viewer that is still starting refuses connections: so many more are tried, over some 30 seconds."""
+"""Retries while the viewer is starting and refuses connections, over about 30 seconds."""
 SHARE_MESSAGE = b"ShareUrl"
-"""Type name inside the messages that ask viser for a tunnel through a server outside."""
+"""Type name inside the messages that ask viser for a tunnel through an external server."""
 
 
 class ViewerUnavailable(Exception):
@@ -38,20 +38,20 @@ class ViewerUnavailable(Exception):
 
 
 PASSED_ON = frozenset({404, 429})
-"""What the viewer answers as it is for a reader too; else it is the viewer that cannot."""
+"""Status codes of the viewer that are passed on; others become 503."""
 
 
 async def page(request: Request) -> Response:
-    """``GET /view/scene/{kind}/{id}/{job}/``: the page of viser's client, which asks for the rest by its name."""
+    """``GET /view/scene/{kind}/{id}/{job}/``: the page of viser's client, which requests its files by name."""
     client = await run_in_threadpool(viser_client.installed)
     headers = {"Content-Security-Policy": viser_client.CONTENT_POLICY, "Cache-Control": "no-cache"}
     return Response(client.page, media_type="text/html; charset=utf-8", headers=headers)
 
 
 async def open_scene(request: Request) -> Response:
-    """``POST /view/scene/{kind}/{id}/{job}/open``: bring the scene up to date, building it if need be.
+    """``POST /view/scene/{kind}/{id}/{job}/open``: build or update the scene.
 
-    ``said`` is why the last change from within the scene was refused, or empty.
+    The field ``said`` is the reason why the last change from within the scene was refused, or empty.
     """
     try:
         opened = await _open(request, _document(request))
@@ -79,8 +79,8 @@ async def player(request: Request) -> Response:
 async def pump(socket: WebSocket) -> None:
     """The websocket of viser's client (its page's address without the last slash).
 
-    Host, origin and login have been checked by the front door's gate; the origin is checked here once more, since a
-    foreign page that could speak to this socket would see the recording. The socket is accepted before the scene is
+    The service has checked host, origin and login; the origin is checked again, because a foreign page with access to
+    this socket could read the recording. The socket is accepted before the scene is
     built: viser's client gives up after some seconds, and tries again only in a window that has the focus.
     """
     origin = socket.headers.get("origin")
@@ -116,7 +116,7 @@ async def pump(socket: WebSocket) -> None:
 
 
 async def _right(socket: WebSocket, document: Document) -> dict[str, str]:
-    """Headers that tell the viewer with which key to store what is changed through this websocket, or why not to."""
+    """Headers with the key that stores changes made through this websocket, or with the reason of its absence."""
     if document.kind != "scenario":
         return {}
     stored = await client_of(socket).scenario(document.id)
@@ -156,13 +156,13 @@ def _user(connection: HTTPConnection) -> str:
 
 
 async def _open(connection: HTTPConnection, document: Document) -> dict[str, Any]:
-    """Where the scene of ``document`` is (``port`` and ``secret``); the viewer builds it where it is not open."""
-    said: dict[str, Any] = (await _ask(connection, "scenes", document)).json()
-    return said
+    """``port`` and ``secret`` of the scene of ``document``; the viewer builds the scene unless it is open."""
+    opened: dict[str, Any] = (await _ask(connection, "scenes", document)).json()
+    return opened
 
 
 async def _ask(connection: HTTPConnection, path: str, document: Document) -> httpx.Response:
-    """The viewer's answer about ``document``. Raises ``ViewerUnavailable`` where it refuses or gives none."""
+    """The viewer's response about ``document``. Raises ``ViewerUnavailable`` if it refuses or does not answer."""
     config: WebConfig = connection.app.state.config
     if config.viewer_url is None:
         raise ViewerUnavailable("This service runs without a viewer.")

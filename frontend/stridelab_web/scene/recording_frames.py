@@ -76,8 +76,8 @@ def _floor_m(recording: Recording) -> float:
 def _sticks(recording: Recording, at_of: dict[str, int]) -> tuple[Stick, ...]:
     place = {landmark: at_of[label] for landmark, label in recording.landmarks.items() if label in at_of}
     pairs = [*SPINE, *((f"{side}_{a}", f"{side}_{b}") for side in "lr" for a, b in BONES)]
-    found = [(place[a], place[b]) for a, b in pairs if a in place and b in place]
-    return tuple(Stick(f"/skeleton/{k}", a, b) for k, (a, b) in enumerate(found))
+    ends = [(place[a], place[b]) for a, b in pairs if a in place and b in place]
+    return tuple(Stick(f"/skeleton/{k}", a, b) for k, (a, b) in enumerate(ends))
 
 
 def _plate_force(tracks: Columns, index: int) -> tuple[np.ndarray | None, np.ndarray | None]:

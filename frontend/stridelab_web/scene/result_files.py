@@ -1,7 +1,4 @@
-"""The files of a plan that a scene is made of, and what they hold.
-
-Which files of a result a scene shows: the centre of mass, and the wheel that rolls along with it.
-"""
+"""The files of results that scenes are built from: plans, centres of mass, and rolling wheels."""
 
 from collections.abc import Iterable, Mapping
 from typing import Final
@@ -19,23 +16,23 @@ from stridelab_web.scene.recording_frames import build_frames
 SCENARIO: Final = "scenario.json"
 CENTROIDAL: Final = "centroidal.parquet"
 MOTION: Final = ("poses.json", "poses.f32", "forces.f32")
-"""Only where the whole body was planned."""
+"""Files of plans of the whole body."""
 REPLAYED: Final = ("replay_poses.f32", "replay_forces.f32")
-"""Only where that motion was replayed in physics."""
+"""Files of plans that were replayed in physics."""
 FOLLOWED: Final = "motion.parquet"
-"""How the motion follows the plan."""
+"""Table of the whole-body motion that follows the plan."""
 
 
 def needed(result: JobResult) -> tuple[str, ...]:
-    """Names of the files to read."""
-    there = {artifact.name for artifact in result.artifacts}
-    if not there.issuperset(MOTION):
+    """Names of the files that ``read_plan`` needs."""
+    present = {artifact.name for artifact in result.artifacts}
+    if not present.issuperset(MOTION):
         return SCENARIO, CENTROIDAL
-    return (SCENARIO, CENTROIDAL, *MOTION, *(name for name in (FOLLOWED, *REPLAYED) if name in there))
+    return (SCENARIO, CENTROIDAL, *MOTION, *(name for name in (FOLLOWED, *REPLAYED) if name in present))
 
 
 def read_plan(files: Mapping[str, bytes]) -> tuple[Scenario, Frames]:
-    """The scenario that was planned, and the frames of its plan, from the files that were ``needed``."""
+    """The planned scenario and the frames of its plan, from its files."""
     scenario = Scenario.model_validate_json(files[SCENARIO])
     replayed = [files[name] for name in REPLAYED] if REPLAYED[0] in files else []
     motion = read_motion(*(files[name] for name in MOTION), *replayed) if MOTION[0] in files else None
@@ -52,7 +49,7 @@ SCENE_TABLES: Final = frozenset({COM_TABLE, WHEEL_TABLE})
 
 
 def shown_in_scene(present: Iterable[str]) -> list[str]:
-    """Those of the files ``present`` that a scene reads, in a fixed order."""
+    """The files among ``present`` that a scene reads, in a fixed order."""
     return sorted(SCENE_TABLES & set(present))
 
 

@@ -1,8 +1,8 @@
 """``python -m stridelab_web.viewer``: the viewer process.
 
-``STRIDELAB_VIEWER_URL`` says at which loopback address it listens, ``STRIDELAB_HOST`` and ``STRIDELAB_PORT`` where the
-HTTP interface is, ``STRIDELAB_API_TOKEN`` or ``STRIDELAB_API_TOKEN_FILE`` how to log in there,
-``STRIDELAB_VIEWER_SCENES`` and ``STRIDELAB_USER_SCENES`` how many scenes may be open.
+``STRIDELAB_VIEWER_URL`` is its loopback address, ``STRIDELAB_HOST`` and ``STRIDELAB_PORT`` are those of the HTTP
+interface, ``STRIDELAB_API_TOKEN`` or ``STRIDELAB_API_TOKEN_FILE`` has the token for it, ``STRIDELAB_VIEWER_SCENES`` and
+``STRIDELAB_USER_SCENES`` limit the number of open scenes.
 """
 
 import asyncio
@@ -25,7 +25,7 @@ from stridelab_web.viewer.scene_pool import Library
 
 TIDY_EVERY_S = 30.0
 SLOWEST_S = 110.0
-"""The meshes of a robot are made when they are first asked for."""
+"""Timeout of requests; the meshes of a robot are prepared at the first request."""
 _EVERYWHERE = {"0.0.0.0": "127.0.0.1", "::": "[::1]", "": "127.0.0.1"}  # noqa: S104
 
 
@@ -43,7 +43,7 @@ def token() -> str | None:
 
 
 def main() -> None:
-    """Listen until the process is ended."""
+    """Run the viewer until the process is stopped."""
     here = urlsplit(os.environ.get("STRIDELAB_VIEWER_URL", "http://127.0.0.1:8765"))
 
     # An explicit transport keeps proxies of the environment out of a loopback connection.
@@ -66,7 +66,7 @@ def main() -> None:
 
 
 async def tidy(library: Library) -> None:
-    """Close scenes that nobody looks at, for ever."""
+    """Close idle scenes periodically, until cancelled."""
     while True:
         await asyncio.sleep(TIDY_EVERY_S)
         await asyncio.to_thread(library.close_idle)

@@ -1,9 +1,9 @@
-"""Lets nobody into a viser server but the web app.
+"""Restricts viser servers to connections of the web app.
 
-viser checks neither origin nor login of a websocket and serves its page to everybody. Here every server gets a secret
-path that only the web app learns; a request for anything else, and any request that a browser page made (those carry
-an Origin), is refused before viser sees it. viser has no hook for this, so the function with which it opens its
-socket is wrapped while a server starts.
+viser checks neither origin nor login of a websocket and serves its page to every client. Here every server gets a
+secret path that only the web app knows; requests for other paths, and requests of browser pages (which have an Origin),
+are refused before viser handles them. viser has no hook for this, so the function that opens its socket is wrapped
+while a server starts.
 """
 
 import functools
@@ -30,16 +30,16 @@ _starting = threading.Lock()
 def start_guarded_server(came: Callable[[str], None] = lambda _: None) -> tuple[viser.ViserServer, str]:
     """A viser server on a free loopback port, and the secret that its websocket path must be.
 
-    ``came`` is called with the user of each websocket that is let in.
+    The callback is called with the user of each accepted websocket.
     """
     secret = secrets.token_urlsafe(24)
     with _starting:
-        genuine = websockets.asyncio.server.serve
-        websockets.asyncio.server.serve = functools.partial(_serve_guarded, genuine, secret, came)  # type: ignore[misc,assignment]
+        original = websockets.asyncio.server.serve
+        websockets.asyncio.server.serve = functools.partial(_serve_guarded, original, secret, came)  # type: ignore[misc,assignment]
         try:
             server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
         finally:
-            websockets.asyncio.server.serve = genuine  # type: ignore[misc]
+            websockets.asyncio.server.serve = original  # type: ignore[misc]
     # The share button would open a tunnel through a server outside: it is gone, and so is what answers it.
     server.gui.configure_theme(show_share_button=False, show_logo=False)
     server.gui.main_panel.minimize()
@@ -49,7 +49,7 @@ def start_guarded_server(came: Callable[[str], None] = lambda _: None) -> tuple[
 
 
 def header_of(server: viser.ViserServer, client_id: int, name: str) -> str | None:
-    """A header with which the websocket of a client was opened; None without it, and of a client that has gone."""
+    """A header with which the websocket of a client was opened; None without it, and for disconnected clients."""
     connection = server._websock_server._live_connections.get(ClientId(client_id))  # noqa: SLF001  (viser is pinned)
     return None if connection is None or connection.request is None else connection.request.headers.get(name)
 
@@ -68,8 +68,8 @@ def _serve_guarded(genuine: Any, secret: str, came: Callable[[str], None], *args
     viser_answers = options.pop("process_request")
 
     def process_request(connection: ServerConnection, request: Request) -> Response | None:
-        welcome = secrets.compare_digest(request.path.encode(), f"/{secret}".encode())
-        if not welcome or "Origin" in request.headers or request.headers.get("Upgrade", "").lower() != "websocket":
+        authorised = secrets.compare_digest(request.path.encode(), f"/{secret}".encode())
+        if not authorised or "Origin" in request.headers or request.headers.get("Upgrade", "").lower() != "websocket":
             return Response(http.HTTPStatus.FORBIDDEN, "Forbidden", Headers(), b"")
         answer: Response | None = viser_answers(connection, request)
         if answer is None:

@@ -1,4 +1,4 @@
-"""Touches as marks on the terrain: a footprint with its toe, or a ball for a hand, in the colour of the effector."""
+"""Marks of contacts on the terrain: a footprint with its toe, or a ball for a hand, in the colour of the effector."""
 
 import numpy as np
 import viser
@@ -9,7 +9,7 @@ from stridelab_web.viewer import meshes
 from stridelab_web.viewer.scene_parts import Colour, add_mesh
 
 COLOURS: dict[str, Colour] = {"left": (11, 92, 156), "right": (224, 138, 30), "hand": (86, 97, 108)}
-"""The same as on the pages (app.css): told apart with every kind of colour vision, and numbers say the rest."""
+"""The same as on the pages (app.css): distinguishable with every kind of colour vision; marks also have numbers."""
 HAND_RADIUS_M = 0.034
 EDGE_M = 0.012
 LIFT_M, TOUCHING_LIFT_M, LABEL_M = 0.004, 0.006, 0.02
@@ -21,12 +21,12 @@ TOE = 0.45
 def add_marks(
     scene: viser.SceneApi, scenario: Scenario, sizes: HalfSizes, touching: bool
 ) -> dict[int, viser.MeshHandle]:
-    """A mark per touch of ``scenario``, by number; with ``touching`` a second, full one, shown while it is loaded."""
+    """Add a mark per contact, by number; with ``touching`` also a full one, shown while the contact is loaded."""
     return {touch.number: add_mark(scene, touch, sizes, touching) for touch in touches(scenario)}
 
 
 def add_mark(scene: viser.SceneApi, touch: Touch, sizes: HalfSizes, touching: bool) -> viser.MeshHandle:
-    """The mark of one touch, where it is; one that has its number is replaced."""
+    """Add the mark of one contact; replaces a mark with the same number."""
     colour = COLOURS[side(touch.effector)]
     name, half = node(touch), sizes.get(touch.effector)
     # A drag needs an area to take hold of: pale where it is only a place, full where it carries.
@@ -46,7 +46,7 @@ def add_mark(scene: viser.SceneApi, touch: Touch, sizes: HalfSizes, touching: bo
 
 
 def place(handle: viser.MeshHandle, touch: Touch) -> None:
-    """Put a mark where its touch is."""
+    """Move a mark to its contact."""
     handle.position = touch.contact.position_m
     handle.wxyz = touch.contact.orientation_wxyz
 

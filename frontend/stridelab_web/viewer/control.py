@@ -1,4 +1,4 @@
-"""The loopback address at which the web app asks for scenes."""
+"""HTTP interface of the viewer process on loopback, through which the web app opens scenes."""
 
 import hmac
 from collections.abc import Awaitable, Callable
@@ -21,19 +21,19 @@ Answer = Callable[[Request], Awaitable[Response]]
 def create_control(library: Library, token: str | None) -> Starlette:
     """``GET /health``; ``POST /scenes`` and ``POST /players/{form}`` about the document ``{kind, id, job_id}``.
 
-    ``user`` beside the document is who asks for a scene. A scene is answered by ``{port, secret, said}``, a player by
-    its file.
+    Requests for a scene also have the ``user``. The response is ``{port, secret, said}`` for a scene, and the file
+    for a player.
 
-    Browsers cannot call it: a page's request carries an Origin and is refused, and a name that was rebound to this
-    machine is not a loopback host. Where the service has a token, it is needed here too.
+    Browsers cannot call it: requests of pages have an Origin and are refused, and a name that was rebound to this
+    machine is not a loopback host. If the service has a token, it is required here too.
     """
 
     async def health(_: Request) -> Response:
         return JSONResponse({"status": "ok", "scenes": len(library)})
 
     async def scenes(request: Request) -> Response:
-        asked = await request.json()
-        opened = await run_in_threadpool(library.open, document_of(asked), str(asked.get("user") or ""))
+        body = await request.json()
+        opened = await run_in_threadpool(library.open, document_of(body), str(body.get("user") or ""))
         return JSONResponse({"port": opened.port, "secret": opened.secret, "said": opened.said})
 
     async def players(request: Request) -> Response:

@@ -13,7 +13,7 @@ from stridelab.schemas.scenarios import BoxSurface, RailSurface, Scenario
 from stridelab_web.scene.contacts import Touch, box_rotation, rotation
 
 ON_SURFACE_M = 0.03
-"""A contact belongs to the surface that is no farther away than this."""
+"""Maximum distance between a contact and its surface."""
 STANDS_ON_M = 1e-4
 ROUNDS = 12
 SAME_UP = 0.9999
@@ -34,7 +34,7 @@ class Rectangle:
         return np.array([[c, s], [-s, c]])
 
     def extent(self, along: np.ndarray) -> float:
-        """How far it reaches from its centre along a unit direction."""
+        """Half its extent along a unit direction."""
         return float(self.half_m @ np.abs(self.axes @ along))
 
     def at(self, centre_m: np.ndarray) -> "Rectangle":
@@ -52,7 +52,7 @@ class Tread:
     obstacles: tuple[Rectangle, ...]
 
     def meet(self, eye_m: np.ndarray, through_m: np.ndarray) -> np.ndarray | None:
-        """Where the ray from ``eye_m`` through another point meets the plane of the face; None where it does not."""
+        """Intersection of the ray from ``eye_m`` through another point with the plane of the face, or None."""
         eye, direction = self.rotation.T @ (eye_m - self.origin_m), self.rotation.T @ (through_m - eye_m)
         if abs(direction[2]) < 1e-9 or eye[2] * direction[2] >= 0:
             return None
@@ -61,10 +61,10 @@ class Tread:
     def keep(
         self, touch: Touch, half_m: tuple[float, float], here_m: np.ndarray, wanted_m: np.ndarray
     ) -> np.ndarray | None:
-        """The place near ``wanted_m`` at which the patch of ``touch`` is wholly on the tread; None without one.
+        """The position near ``wanted_m`` at which the patch is completely on the tread; None without one.
 
-        Half its edges are ``half_m``. From ``here_m`` it does not jump to the other side of a box that stands in its
-        way. The distance from the plane is that of ``wanted_m``.
+        ``half_m`` are half the edges of the patch. From ``here_m`` the patch does not jump across a box in its way. The
+        distance from the plane is that of ``wanted_m``.
         """
         turned = self.rotation.T @ rotation(touch.contact.orientation_wxyz)
         half = np.array(half_m)
@@ -103,7 +103,7 @@ class Bar:
     def keep(
         self, touch: Touch, half_m: tuple[float, float], here_m: np.ndarray, wanted_m: np.ndarray
     ) -> np.ndarray | None:
-        """``here_m`` shifted along the rail to where ``wanted_m`` is, or to the rail's end."""
+        """``here_m`` shifted along the rail to the projection of ``wanted_m``, or to the rail's end."""
         distance = float(np.clip(self.along @ (wanted_m - self.start_m), 0.0, self.length_m))
         return np.asarray(here_m + (distance - float(self.along @ (here_m - self.start_m))) * self.along)
 
@@ -112,9 +112,9 @@ Guide = Tread | Bar
 
 
 def guide_of(scenario: Scenario, touch: Touch) -> Guide | None:
-    """What ``touch`` slides on: the nearest face or rail within 3 cm; None where there is none."""
+    """The surface that ``touch`` slides on: the nearest face or rail within 3 cm, or None."""
     p = np.array(touch.contact.position_m)
-    found: list[tuple[float, Guide]] = []
+    candidates: list[tuple[float, Guide]] = []
     for surface in scenario.terrain:
         if isinstance(surface, RailSurface):
             start, end = np.array(surface.from_m), np.array(surface.to_m)
@@ -123,14 +123,14 @@ def guide_of(scenario: Scenario, touch: Touch) -> Guide | None:
                 along = (end - start) / length
                 nearest = start + np.clip(along @ (p - start), 0.0, length) * along
                 away = float(np.linalg.norm(p - nearest))
-                found.append((abs(min(away, abs(away - surface.radius_m))), Bar(start, along, length)))
+                candidates.append((abs(min(away, abs(away - surface.radius_m))), Bar(start, along, length)))
             continue
         R, origin = box_rotation(surface), top_middle_m(surface)
         local = R.T @ (p - origin)
         half = np.array(surface.size_m[:2]) / 2
         if (np.abs(local[:2]) <= half + ON_SURFACE_M).all():
-            found.append((abs(float(local[2])), Tread(R, origin, half, _standing_on(scenario, surface))))
-    away, guide = min(found, key=lambda one: one[0], default=(math.inf, None))
+            candidates.append((abs(float(local[2])), Tread(R, origin, half, _standing_on(scenario, surface))))
+    away, guide = min(candidates, key=lambda one: one[0], default=(math.inf, None))
     return guide if away <= ON_SURFACE_M else None
 
 
@@ -142,7 +142,7 @@ def top_middle_m(box: BoxSurface) -> np.ndarray:
 def _standing_on(scenario: Scenario, box: BoxSurface) -> tuple[Rectangle, ...]:
     """Outlines, in the frame of the face, of the boxes that rise above the face of ``box`` and begin no higher."""
     R, origin = box_rotation(box), top_middle_m(box)
-    found = []
+    outlines = []
     for other in scenario.terrain:
         if other is box or not isinstance(other, BoxSurface):
             continue
@@ -151,8 +151,8 @@ def _standing_on(scenario: Scenario, box: BoxSurface) -> tuple[Rectangle, ...]:
         if turned[2, 2] < SAME_UP or not top[2] - other.size_m[2] <= STANDS_ON_M < top[2]:
             continue
         yaw = math.atan2(turned[1, 0], turned[0, 0])
-        found.append(Rectangle(top[:2], np.array(other.size_m[:2]) / 2, yaw))
-    return tuple(found)
+        outlines.append(Rectangle(top[:2], np.array(other.size_m[:2]) / 2, yaw))
+    return tuple(outlines)
 
 
 def _inside(patch: Rectangle, face: Rectangle) -> np.ndarray:

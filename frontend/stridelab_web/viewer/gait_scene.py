@@ -1,6 +1,6 @@
 """The gait scene: floor, plates, markers, skeleton, forces, central axis, centre of mass with its band, wheel.
 
-Nodes are placed at the first instant at which they exist; from then on the page moves them (static/js/viewer/scene.js).
+Nodes are placed at the first time at which they exist; then the page moves them (static/js/viewer/scene.js).
 """
 
 import numpy as np
@@ -94,12 +94,12 @@ def _add_com(scene: viser.SceneApi, frames: Frames) -> None:
 
 def _first(frames: Frames, at: int) -> np.ndarray:
     track = frames.values[:, at : at + 3]
-    there = np.flatnonzero(np.isfinite(track).all(axis=1))
-    return track[there[0]].astype(float) if len(there) else np.zeros(3)
+    present = np.flatnonzero(np.isfinite(track).all(axis=1))
+    return track[present[0]].astype(float) if len(present) else np.zeros(3)
 
 
 def _bounds(recording: Recording, frames: Frames) -> tuple[np.ndarray, np.ndarray]:
-    """Centre and half extents of everything, from its 2nd to its 98th percentile: a stray marker must not set them."""
+    """Centre and half extents of everything, from the 2nd to the 98th percentile, because markers may be stray."""
     clouds = [frames.values[:, p.at : p.at + 3].reshape(-1, 3) for p in frames.points]
     clouds += [np.asarray(plate.corners_m, dtype=np.float32) for plate in recording.plates if plate.use]
     cloud = np.concatenate(clouds) if clouds else np.array([[0.0, 0.0, 0.0], [1.0, 1.0, 1.8]])

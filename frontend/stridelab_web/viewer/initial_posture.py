@@ -1,4 +1,4 @@
-"""The robot in its reference posture where a scenario begins: how large it is beside its way, not yet how it moves."""
+"""The robot in its reference posture at the start of a scenario, which shows its size."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -25,19 +25,19 @@ class Posed:
 
 @dataclass(frozen=True)
 class Place:
-    """Where the robot stands: the middle between its soles ``(3,)``, and the direction that it faces."""
+    """Pose of the standing robot: the middle between its soles ``(3,)``, and the direction that it faces."""
 
     position_m: np.ndarray
     yaw_rad: float
 
     @property
     def wxyz(self) -> tuple[float, float, float, float]:
-        """The turn about the vertical as a quaternion."""
+        """The rotation about the vertical as a quaternion."""
         return float(np.cos(self.yaw_rad / 2)), 0.0, 0.0, float(np.sin(self.yaw_rad / 2))
 
 
 def first_place(scenario: Scenario, sizes: HalfSizes) -> Place | None:
-    """The mean of the patches that touch in the first phase and of their directions; None where none does."""
+    """Mean position and direction of the patches in contact in the first phase; None without one."""
     first = scenario.phases[0].contacts if scenario.phases else []
     soles = [contact for contact in first if contact.effector in sizes]
     if not soles:
@@ -47,7 +47,7 @@ def first_place(scenario: Scenario, sizes: HalfSizes) -> Place | None:
 
 
 def add_standing(scene: viser.SceneApi, posed: Posed) -> viser.FrameHandle:
-    """The robot below one node, which places it; not to be seen before."""
+    """Add the robot below one node, hidden until it is placed."""
     whole = scene.add_frame(ROBOT, show_axes=False, visible=False)
     for link, handle in add_robot(scene, list(posed.poses), posed.meshes).items():
         pose = posed.poses[link]
@@ -56,7 +56,7 @@ def add_standing(scene: viser.SceneApi, posed: Posed) -> viser.FrameHandle:
 
 
 def stand(whole: viser.FrameHandle, place: Place | None) -> None:
-    """Put the robot there; away where there is no such place."""
+    """Place the robot, or hide it without a place."""
     whole.visible = place is not None
     if place is not None:
         whole.position, whole.wxyz = tuple(place.position_m), place.wxyz

@@ -17,7 +17,7 @@ Mesh = tuple[np.ndarray, np.ndarray]
 
 
 def cylinder(radius_m: float) -> Mesh:
-    """From the origin to (0, 0, 1): scaled along z it is a stick of any length."""
+    """A cylinder from the origin to (0, 0, 1), which is scaled along z."""
     ring = _ring(SIDES)
     low = np.column_stack([radius_m * ring, np.zeros(SIDES)])
     vertices = np.concatenate([low, low + np.array([0, 0, 1])])
@@ -25,7 +25,7 @@ def cylinder(radius_m: float) -> Mesh:
 
 
 def cone(radius_m: float, height_m: float) -> Mesh:
-    """Tip in the origin, base at (0, 0, -height): the head of an arrow."""
+    """A cone with its tip in the origin and its base at (0, 0, -height): the head of an arrow."""
     base = np.column_stack([radius_m * _ring(SIDES), np.full(SIDES, -height_m)])
     vertices = np.concatenate([base, [[0, 0, 0], [0, 0, -height_m]]])
     k = np.arange(SIDES)
@@ -45,11 +45,11 @@ def funnel(slope: float, height_m: float) -> Mesh:
 
 
 def corners(path_m: np.ndarray, within_m: float) -> np.ndarray:
-    """Indices of points of ``path_m`` ``(n, 3)`` that stand for all: others are ``within_m`` of the lines between them.
+    """Indices of points of ``path_m`` ``(n, 3)`` such that all points are ``within_m`` of the lines between them.
 
-    Douglas and Peucker (1973): a stretch is divided where it is farthest from its chord until it is near enough.
+    Douglas and Peucker (1973): sections are split at the point farthest from their chord.
     """
-    kept = {0, len(path_m) - 1}
+    indices = {0, len(path_m) - 1}
     stretches = [(0, len(path_m) - 1)]
     while stretches:
         first, last = stretches.pop()
@@ -61,13 +61,13 @@ def corners(path_m: np.ndarray, within_m: float) -> np.ndarray:
         far_m = np.linalg.norm(offset - along[:, None] * chord, axis=1)
         if far_m.max() > within_m:
             middle = first + 1 + int(np.argmax(far_m))
-            kept.add(middle)
+            indices.add(middle)
             stretches += [(first, middle), (middle, last)]
-    return np.array(sorted(kept))
+    return np.array(sorted(indices))
 
 
 def tube(path_m: np.ndarray, radius_m: float, sides: int = TUBE_SIDES) -> Mesh:
-    """Thin tube along ``path_m`` ``(n, 3)``, each ring perpendicular to the path where it stands."""
+    """Thin tube along ``path_m`` ``(n, 3)``, each ring perpendicular to the path."""
     tangent = np.gradient(path_m.astype(float), axis=0)
     norm = np.linalg.norm(tangent, axis=1, keepdims=True)
     tangent = np.where(norm > 1e-9, tangent / np.where(norm > 1e-9, norm, 1.0), [1.0, 0.0, 0.0])
@@ -82,12 +82,12 @@ def tube(path_m: np.ndarray, radius_m: float, sides: int = TUBE_SIDES) -> Mesh:
 
 
 def rim(corners_m: np.ndarray, share: float) -> Mesh:
-    """Frame inside four corners ``(4, 3)``: ``share`` of the way to their middle wide."""
+    """Frame inside four corners ``(4, 3)``; its width is ``share`` of the distance to their middle."""
     return between(corners_m, corners_m + share * (corners_m.mean(axis=0) - corners_m))
 
 
 def between(outer_m: np.ndarray, inner_m: np.ndarray) -> Mesh:
-    """The band between two closed lines of as many corners ``(n, 3)`` each."""
+    """The band between two closed lines of ``n`` corners ``(n, 3)`` each."""
     n = len(outer_m)
     k = np.arange(n)
     after = (k + 1) % n
@@ -108,7 +108,7 @@ def ball(radius_m: float) -> Mesh:
 
 
 def wheel(share: float, spokes: int) -> Mesh:
-    """A wheel of radius 1 about the y axis: a rim that is ``share`` thick to either side, and thin spokes."""
+    """A wheel of radius 1 about the y axis: a rim with half thickness ``share``, and thin spokes."""
     angle = 2 * np.pi * np.arange(RIM_STEPS + 1) / RIM_STEPS
     ring = tube(np.column_stack([np.sin(angle), np.zeros_like(angle), -np.cos(angle)]), share)
     ends = 2 * np.pi * np.arange(spokes) / spokes
@@ -118,7 +118,7 @@ def wheel(share: float, spokes: int) -> Mesh:
 
 
 def octants(radius_m: float) -> tuple[Mesh, Mesh]:
-    """A sphere around the origin in two halves, of which each has every other octant."""
+    """A sphere around the origin in two halves of alternating octants."""
     quarter = np.linspace(0, np.pi / 2, OCTANT_STEPS + 1)
     halves: tuple[list[Mesh], list[Mesh]] = ([], [])
     for x, y, z in itertools.product((1, -1), repeat=3):

@@ -1,12 +1,7 @@
-"""What the page shapes in a scenario's scene: the CoM's way as it would be planned now, and after a push.
+"""Overlays of a scenario's scene: the planned path of the CoM, its path after a push, and the support region.
 
-The page gives the tubes their places whenever the service has answered (static/js/editor/live_preview.js); until
-then they are points.
-
-What the page shapes in a scenario's scene: where contacts hold the robot at rest, and the best place for its CoM.
-
-The page gives the region its corners and puts the rest where the judge says (static/js/editor/support_overlay.js);
-until then there is a small circle.
+The page shapes them with the responses of the service (static/js/editor/live_preview.js, support_overlay.js);
+until then the tubes are points and the region is a small circle.
 """
 
 import numpy as np
@@ -20,12 +15,12 @@ PLANNED, RECOVERED, PUSH = "/live/planned", "/live/recovered", "/live/push"
 RECOVERED_COLOUR: Colour = (150, 60, 160)
 PUSH_COLOUR: Colour = (196, 30, 58)
 RINGS, SIDES = 160, 6
-"""Of the tubes: the page brings every path to so many points."""
+"""Size of the tubes; the page resamples every path to this number of points."""
 RADIUS_M, PUSH_RADIUS_M = 0.008, 0.012
 
 
 def add_live(scene: viser.SceneApi) -> None:
-    """The nodes below ``/live``."""
+    """Add the nodes below ``/live``."""
     path_m = np.column_stack([np.zeros((RINGS, 2)), np.linspace(0.0, 1e-3, RINGS)])
     add_mesh(scene, PLANNED, meshes.tube(path_m, RADIUS_M, SIDES), COM_COLOUR)
     add_mesh(scene, RECOVERED, meshes.tube(path_m, RADIUS_M, SIDES), RECOVERED_COLOUR)
@@ -34,15 +29,15 @@ def add_live(scene: viser.SceneApi) -> None:
 
 REGION, EDGE, PLUMB, COM = "/support/region", "/support/edge", "/support/plumb", "/support/com"
 COLOUR: Colour = (0, 121, 107)
-"""Neither foot, hand nor force has it."""
+"""Colour that no foot, hand or force has."""
 CORNERS = 64
-"""Of the region; the page fills up those that a polygon does not need with its last one."""
+"""Corners of the region; for smaller polygons the page repeats the last one."""
 OPACITY = 0.3
 SUPPORT_MARKS_RADIUS_M, PLUMB_RADIUS_M = 0.01, 0.004
 
 
 def add_support(scene: viser.SceneApi) -> None:
-    """The nodes below ``/support``."""
+    """Add the nodes below ``/support``: region, its edge, and the best position of the CoM."""
     angle = 2 * np.pi * np.arange(CORNERS) / CORNERS
     circle = SUPPORT_MARKS_RADIUS_M * np.column_stack([np.cos(angle), np.sin(angle), 0 * angle])
     add_mesh(scene, REGION, meshes.polygon(circle), COLOUR, opacity=OPACITY)

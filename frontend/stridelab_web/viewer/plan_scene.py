@@ -24,21 +24,21 @@ MOMENTUM_COLOUR: Colour = (0, 121, 92)
 ARROWS: Mapping[str, Colour] = {MOMENTUM: MOMENTUM_COLOUR, MEASURED: (51, 34, 136)}
 COM_LIGHT: Colour = (255, 255, 255)
 COM_RADIUS_M, PATH_RADIUS_M = 0.05, 0.006
-"""The ball bears the usual sign of a centre of mass; the page draws both over the body (static/js/viewer/scene.js)."""
+"""The ball has the usual symbol of a centre of mass; the page draws both over the body (static/js/viewer/scene.js)."""
 AMBIENT = 1.1
 REACH_OPACITY = 0.2
 CONE_OPACITY, CONE_M = 0.35, 0.45
 """A cone ends below the tip of the arrow of a force that carries the body."""
 RIGHT_FRONT = np.array([0.3, -1.0, 0.42])
-"""Where a robot that walks along x is looked at from."""
+"""Direction to the camera for a robot that walks along x."""
 BODY_M = (0.45, 0.45, 1.75)
-"""Room that a robot takes around and above its footholds."""
+"""Size of a robot around and above its footholds."""
 HIPS_M = 0.9
 APART_M = 0.3
 ALONG = 1e-9
-"""A ray is never quite parallel to a face."""
+"""Minimum component of a ray, which avoids divisions by zero."""
 NEAR_M = 1.0
-"""Boxes matter for the picture up to this far from the nearest touch."""
+"""Maximum distance from the contacts of boxes that must be in view."""
 
 
 def build(
@@ -50,7 +50,7 @@ def build(
     meshes: Mapping[str, trimesh.Trimesh],
     reach: RobotReachability | None,
 ) -> None:
-    """Put a plan into an empty server; the page moves its nodes. ``reach`` is what the plan's proxies look like."""
+    """Put a plan into an empty server; the page moves its nodes. ``reach`` holds the densities of the plan."""
     scene = server.scene
     prepare(scene, AMBIENT)
     add_terrain(scene, scenario)
@@ -72,14 +72,14 @@ def build(
 
 
 def add_com(scene: viser.SceneApi, name: str) -> None:
-    """The usual sign of a centre of mass: a ball in two halves, of which the light one is a node below ``name``."""
+    """Add the symbol of a centre of mass: a ball in two halves; the light one is a node below ``name``."""
     dark, light = meshes.octants(COM_RADIUS_M)
     add_mesh(scene, name, dark, COM_COLOUR, side="front")
     add_mesh(scene, f"{name}/light", light, COM_LIGHT, side="front")
 
 
 def _add_cones(scene: viser.SceneApi, cones: Iterable[Cone], copies: Container[str]) -> None:
-    """Each with its tip in the contact, turned as its surface; the page moves the tip to where the force acts."""
+    """Add cones with their tips at the contacts; the page moves the tips to the points of application."""
     for cone in cones:
         contact = cone.touch.contact
         if cone.name in copies:
@@ -93,36 +93,36 @@ def _add_cones(scene: viser.SceneApi, cones: Iterable[Cone], copies: Container[s
 def _add_reach(
     scene: viser.SceneApi, scenario: Scenario, reach: RobotReachability | None, copies: Container[str]
 ) -> None:
-    """A level set per place; an empty node where nothing was learned, so that the page finds them all."""
+    """Add a level set per place; places without densities get empty nodes, so that the page finds all nodes."""
     shown = surfaces(reach)
     for place in reach_places(scenario):
         contact = place.contact
         if contact.effector not in shown:
             scene.add_frame(place.name, show_axes=False)
             continue
-        found, level = shown[contact.effector]
+        density, level = shown[contact.effector]
         if place.name in copies:
-            _empty(scene, place.name, contact, place.wxyz(found))
+            _empty(scene, place.name, contact, place.wxyz(density))
             continue
         mesh = np.array(level.vertices_m, dtype=np.float32), np.array(level.triangles, dtype=np.uint32)
         handle = add_mesh(scene, place.name, mesh, COLOURS[side(contact.effector)], opacity=REACH_OPACITY, side="front")
-        handle.position, handle.wxyz = contact.position_m, place.wxyz(found)
+        handle.position, handle.wxyz = contact.position_m, place.wxyz(density)
 
 
 def _empty(scene: viser.SceneApi, name: str, contact: ScenarioContact, wxyz: Quaternion) -> None:
-    """A node at a contact, to which the page gives the meshes of another."""
+    """Add a node at a contact, to which the page gives the meshes of another node."""
     scene.add_frame(name, show_axes=False, position=contact.position_m, wxyz=wxyz)
 
 
 def turned(scenario: Scenario, direction: np.ndarray) -> np.ndarray:
-    """A direction, given for a way along x, for the way from the first touch of ``scenario`` to the last."""
+    """Rotate a direction, given for a walk along x, to the direction of ``scenario``."""
     c, s = way(scenario)
     turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
     return np.asarray(turn @ direction)
 
 
 def way(scenario: Scenario) -> tuple[float, float]:
-    """Unit vector, seen from above, from the first touch to the last; along x where they are not apart."""
+    """Unit vector, seen from above, from the first contact to the last; along x if they are close."""
     placed = [np.array(touch.contact.position_m) for touch in touches(scenario)]
     along = (placed[-1] - placed[0])[:2] if placed else np.zeros(2)
     length = float(np.linalg.norm(along))
@@ -141,7 +141,7 @@ def hidden(scenario: Scenario, towards_camera: np.ndarray) -> bool:
 
 
 def _meets(box: BoxSurface, from_m: np.ndarray, direction: np.ndarray) -> bool:
-    """Whether a ray from one of the points ``(n, 3)`` runs into the box: it does between its three pairs of faces."""
+    """Whether a ray from one of the points ``(n, 3)`` hits the box (slab method)."""
     R, half = box_rotation(box), np.array(box.size_m) / 2
     start, along = (from_m - box.center_m) @ R, direction @ R
     along = np.where(np.abs(along) < ALONG, ALONG, along)
@@ -151,7 +151,7 @@ def _meets(box: BoxSurface, from_m: np.ndarray, direction: np.ndarray) -> bool:
 
 
 def sights_m(scenario: Scenario, height_m: float = BODY_M[2]) -> np.ndarray:
-    """Points ``(n, 3)`` that the picture must hold: ``height_m`` above every foothold, rails, and what stands near."""
+    """Points ``(n, 3)`` that must be in view: ``height_m`` above every foothold, rails, and boxes nearby."""
     places = np.array([touch.contact.position_m for touch in touches(scenario)]).reshape(-1, 3)
     if not len(places):
         places = np.zeros((1, 3))

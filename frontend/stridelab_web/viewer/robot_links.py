@@ -1,4 +1,4 @@
-"""The robot's links as the service gives them: a GLB with one named node per link."""
+"""The robot's links as sent by the service: a GLB with one named node per link."""
 
 import io
 from collections.abc import Mapping, Sequence
@@ -11,11 +11,11 @@ import viser
 from stridelab_web.viewer.scene_parts import Colour
 
 PLAIN: Colour = (186, 196, 206)
-"""Of a link without a colour."""
+"""Colour of links without one."""
 GRAINS_PER_M = 2.0**13
 """Vertices lie on a grid of an eighth of a millimetre, too fine to be seen; compressed, TALOS is a third smaller."""
 DARKEST, LIGHTEST = 84, 216
-"""Where black and white are drawn: darker bodies lose their shape, lighter ones the background."""
+"""Levels of black and white: darker bodies lose their shape, lighter ones merge with the background."""
 
 
 def read_links(glb: bytes) -> dict[str, trimesh.Trimesh]:
@@ -23,15 +23,15 @@ def read_links(glb: bytes) -> dict[str, trimesh.Trimesh]:
     loaded = trimesh.load(io.BytesIO(glb), file_type="glb", process=False)
     if not isinstance(loaded, trimesh.Scene):
         raise ValueError("the file of the robot's links holds no scene")
-    found: dict[str, trimesh.Trimesh] = {}
+    links: dict[str, trimesh.Trimesh] = {}
     for name in loaded.graph.nodes_geometry:
         T_world_node, geometry = loaded.graph[name]
-        given = loaded.geometry[geometry]
+        source = loaded.geometry[geometry]
         # Made anew: a copy of a mesh with a material loses the colours of its vertices.
-        mesh = trimesh.Trimesh(given.vertices, given.faces, vertex_colors=_colours(given), process=False)
+        mesh = trimesh.Trimesh(source.vertices, source.faces, vertex_colors=_colours(source), process=False)
         mesh.apply_transform(T_world_node)
-        found[name] = mesh
-    return found
+        links[name] = mesh
+    return links
 
 
 def add_robot(
@@ -39,7 +39,7 @@ def add_robot(
 ) -> dict[str, viser.SceneNodeHandle]:
     """A node ``/robot/<link>`` per link; a link without a mesh is an empty node, so that the page finds them all.
 
-    A mesh has one colour: those of a link beyond the first are nodes below it.
+    A mesh has one colour: parts of further colours are nodes below the link.
     """
     made: dict[str, viser.SceneNodeHandle] = {}
     for link in links:
@@ -62,32 +62,32 @@ def add_robot(
 
 
 def pieces(mesh: trimesh.Trimesh) -> list[tuple[np.ndarray, np.ndarray, Colour]]:
-    """Vertices, faces and colour of the parts of one colour, the largest first."""
+    """Vertices, faces and colour of the single-coloured parts of a mesh, the largest first."""
     visual: Any = mesh.visual
     own = np.asarray(visual.vertex_colors)[mesh.faces[:, 0], :3]
     colours, of_face, count = np.unique(own, axis=0, return_inverse=True, return_counts=True)
-    found = []
+    parts = []
     for k in np.argsort(-count):
         faces = np.asarray(mesh.faces)[of_face.reshape(-1) == k]
         used, renumbered = np.unique(faces, return_inverse=True)
         vertices = (np.round(mesh.vertices[used] * GRAINS_PER_M) / GRAINS_PER_M).astype(np.float32)
-        found.append((vertices, renumbered.reshape(-1, 3).astype(np.uint32), shade(colours[k])))
-    return found
+        parts.append((vertices, renumbered.reshape(-1, 3).astype(np.uint32), shade(colours[k])))
+    return parts
 
 
 def shade(colour: np.ndarray) -> Colour:
-    """The colour ``(3,)`` between ``DARKEST`` and ``LIGHTEST``."""
+    """The colour ``(3,)``, scaled to the range of drawn levels."""
     red, green, blue = np.round(DARKEST + (LIGHTEST - DARKEST) * (colour / 255)).astype(int)
     return int(red), int(green), int(blue)
 
 
 def _colours(mesh: trimesh.Trimesh) -> np.ndarray:
-    """Red, green and blue ``(n, 3)`` of the vertices as a screen takes them; a GLB keeps them as linear light."""
+    """Colours of the vertices ``(n, 3)`` in sRGB; a GLB has linear ones."""
     visual: Any = mesh.visual
     written = getattr(visual, "vertex_attributes", {}).get("color")
-    kept = visual.vertex_colors if visual.kind == "vertex" else written
-    if kept is None:
+    colours = visual.vertex_colors if visual.kind == "vertex" else written
+    if colours is None:
         return np.tile(np.array(PLAIN, dtype=np.uint8), (len(mesh.vertices), 1))
-    light = np.asarray(kept)[:, :3] / 255
+    light = np.asarray(colours)[:, :3] / 255
     share = np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)
     return np.round(255 * share).astype(np.uint8)

@@ -1,7 +1,6 @@
-"""The scene of a robot: its reference posture, and where its centre of mass can be, seen from each effector.
+"""The scene of a robot: its reference posture, and the densities of its CoM relative to each effector.
 
-Everything that the page may show is there from the start; the page shows what is chosen
-(static/js/viewer/robot_view.js).
+All nodes exist from the start; the page shows the chosen ones (static/js/viewer/robot_view.js).
 """
 
 from collections.abc import Mapping, Sequence
@@ -29,7 +28,7 @@ MODE: Colour = (20, 30, 40)
 POINT_M, MODE_RADIUS_M = 0.008, 0.022
 AXES_M, AXIS_RADIUS_M = 0.14, 0.006
 WIDE_SHARE, TALL_SHARE = 0.95, 2.05
-"""Half the width and the height of what the picture must hold, over the height of the CoM."""
+"""Half the width and the height of the view, over the height of the CoM."""
 TOWARDS = np.array([0.95, -1.0, 0.42])
 
 
@@ -39,7 +38,7 @@ def build(
     meshes: Mapping[str, trimesh.Trimesh],
     reach: Sequence[RobotReachability],
 ) -> None:
-    """Put a robot into an empty server, with what was learned under each measure."""
+    """Put a robot into an empty server, with the densities of each measure."""
     scene = server.scene
     prepare(scene, AMBIENT)
     add_floor(scene, 12.0)
@@ -48,8 +47,8 @@ def build(
     for link, handle in add_robot(scene, facts.links, meshes).items():
         handle.position, handle.wxyz = poses[link][:3], poses[link][3:]
     for learned in reach:
-        for found in learned.effectors:
-            _add_reach(scene, node(learned.measure, found.card.effector), found)
+        for density in learned.effectors:
+            _add_reach(scene, node(learned.measure, density.card.effector), density)
     wide, tall = WIDE_SHARE * facts.com_height_m, TALL_SHARE * facts.com_height_m
     corners = np.array([[x, y, z] for x in (-wide, wide) for y in (-wide, wide) for z in (0.0, tall)])
     place_camera(server, corners, TOWARDS, NARROW)

@@ -1,9 +1,9 @@
-"""The scene of a scenario: terrain, the robot where it begins, and touches, which can be dragged where it is one's own.
+"""The scene of a scenario: terrain, the robot at its start, and contacts, which owners of the scenario can drag.
 
-Whoever drags sees the mark slide at once; on release the scenario is stored through the HTTP interface with the key of
-that person. Whoever has no key moves nothing, and ``said`` holds the reason. Where the service refuses, the mark goes
-back and ``said`` holds its sentence. Each attempt, and each change that was stored elsewhere, moves the node ``TURN``
-one metre up its x axis: so the pages that show the scene learn of it (static/js/editor/editor.js).
+A dragged mark slides at once; on release the scenario is stored through the HTTP interface with the key of that user.
+Users without a key cannot move marks and see the reason. If the service refuses, the mark returns and its message is
+shown. Each attempt, and each change that was stored elsewhere, moves the node ``TURN`` one metre along its x axis,
+which notifies the pages that show the scene (static/js/editor/editor.js).
 """
 
 import asyncio
@@ -35,15 +35,15 @@ HEADROOM_M = 0.4
 MOVED_M = 1e-4
 """A drag that ends closer to where it began changes nothing."""
 Put = Callable[[str, Scenario, StoredScenario, str], StoredScenario]
-"""Stores a scenario by its id, only where it is still the one that is named, for the person with this key."""
+"""Stores a scenario by its id if it is unchanged since the given version, for the user with this key."""
 NOT_KNOWN = "The viewer does not know who you are. Reload the page."
 
 
 @dataclass(frozen=True)
 class Grip:
-    """A drag under way: what is dragged, of which scenario, on what it slides, how far from its middle it is held.
+    """A drag in progress: scenario, contact, guiding surface, and offset of the contact from the pointer.
 
-    ``key`` is that of the person who drags.
+    ``key`` is that of the dragging user.
     """
 
     stored: StoredScenario
@@ -54,7 +54,7 @@ class Grip:
 
 
 class ScenarioScene:
-    """A scenario in a server; it follows the stored one without being built anew."""
+    """A scenario in a server; it is updated without being built again."""
 
     def __init__(
         self, server: viser.ViserServer, stored: StoredScenario, sizes: HalfSizes, put: Put, posed: Posed
@@ -79,7 +79,7 @@ class ScenarioScene:
         place_camera(server, self._sights_m(), turned(stored, REAR * [1, _open_side(stored), 1]), NARROW)
 
     def follow(self, stored: StoredScenario) -> bool:
-        """Show ``stored`` instead; False where robot or terrain are others."""
+        """Show ``stored`` instead; False if robot or terrain differ."""
         with self._lock:
             if _around(stored) != _around(self._stored):
                 return False
@@ -126,14 +126,14 @@ class ScenarioScene:
             self._grips[client_id] = Grip(stored, touch, guide, np.array(touch.contact.position_m) - hit, key)
 
     def _slide(self, grip: Grip, eye_m: np.ndarray, pointer_m: np.ndarray) -> np.ndarray | None:
-        """Where what is held goes for a pointer at ``pointer_m``; None where the ray leads nowhere."""
+        """Position of the dragged contact for a pointer at ``pointer_m``; None if the ray misses the surface."""
         hit = grip.guide.meet(eye_m, pointer_m)
         half_m = self._sizes.get(grip.touch.effector, (0.0, 0.0))
         here = np.array(self._marks[grip.touch.number].position)
         return None if hit is None else grip.guide.keep(grip.touch, half_m, here, hit + grip.offset_m)
 
     def store(self, grip: Grip, position_m: np.ndarray) -> None:
-        """Store what is held at ``position_m``, or put the mark back and keep the service's sentence."""
+        """Store the dragged contact at ``position_m``, or restore its mark and record the service's message."""
         with self._lock:
             self.said = ""
             if float(np.linalg.norm(position_m - grip.touch.contact.position_m)) > MOVED_M:
@@ -147,19 +147,19 @@ class ScenarioScene:
             self._tell()
 
     def _tell(self) -> None:
-        """Let the pages that show the scene know that they must read anew."""
+        """Notify the pages that show the scene to reload it."""
         self._attempts += 1
         self._turn.position = (float(self._attempts), 0.0, 0.0)
 
     def _sights_m(self) -> np.ndarray:
-        """Points ``(n, 3)`` that the picture must hold: the way, and the robot where it begins."""
-        way_m = sights_m(self._stored, HEADROOM_M)
+        """Points ``(n, 3)`` that must be in view: the contacts, and the robot at the start."""
+        walk_m = sights_m(self._stored, HEADROOM_M)
         begin = first_place(self._stored, self._sizes)
         if begin is None:
-            return way_m
+            return walk_m
         x, y, height = BODY_M
         room = np.array([[sx * x, sy * y, height] for sx in (-1, 1) for sy in (-1, 1)]) / [2, 2, 1]
-        return np.concatenate([way_m, begin.position_m + room])
+        return np.concatenate([walk_m, begin.position_m + room])
 
     def _show(self, stored: StoredScenario) -> None:
         self._stored = stored
@@ -175,7 +175,7 @@ class ScenarioScene:
                 self._add(touch)
 
     def _add(self, touch: Touch) -> None:
-        """A mark for a touch whose number no mark of its effector has."""
+        """Add a mark for a new contact, or for one of another effector."""
         mark = add_mark(self._scene, touch, self._sizes, touching=False)
         if not self._stored.bundled:
             mark.on_drag("left")(self._drag_of(touch.number))
@@ -183,14 +183,14 @@ class ScenarioScene:
 
 
 def sentence(refusal: ClientError) -> str:
-    """What to tell whoever tried; the same sentence as in static/js/shared/api.js."""
+    """Message of a refusal; the same sentence as in static/js/shared/api.js."""
     if not isinstance(refusal, ProblemError):
         return "The service does not answer. Is it still running?"
     return " ".join([refusal.detail, *(f"{item.where}: {item.message}" for item in refusal.errors)])
 
 
 def _open_side(scenario: Scenario) -> float:
-    """1 for the left of the way, -1 for its right: the side on which no hand, and so no rail, is in the picture."""
+    """1 for the left of the walk, -1 for its right: the side without hands, and so without rails, in view."""
     c, s = way(scenario)
     placed = [(np.array(t.contact.position_m), "hand" in t.effector) for t in touches(scenario)]
     hands = [c * p[1] - s * p[0] for p, hand in placed if hand]
@@ -199,5 +199,5 @@ def _open_side(scenario: Scenario) -> float:
 
 
 def _around(scenario: StoredScenario) -> object:
-    """All of a scenario that needs another scene when it changes."""
+    """The fields of a scenario whose change requires a new scene."""
     return scenario.id, scenario.bundled, scenario.robot, scenario.terrain

@@ -1,4 +1,4 @@
-"""How each kind of document is read and put into a scene; everything comes through the HTTP interface."""
+"""Reading of each kind of document through the HTTP interface, and building of its scene."""
 
 import tempfile
 from collections.abc import Callable, Mapping
@@ -26,16 +26,16 @@ from stridelab_web.viewer.robot_links import read_links
 from stridelab_web.viewer.scenario_scene import ScenarioScene
 
 NOT_LEARNED: Final = frozenset({"reachability-not-learned", "reachability-of-another-robot"})
-"""Why a plan that was made may have no densities to show: those that it used have been replaced."""
+"""Error codes of plans without densities to show, because those that they used were replaced."""
 
 
 class Live(Protocol):
-    """A scene that can follow its source; ``said`` is why the last change from within it was refused, or empty."""
+    """A scene that can be updated, with the reason why the last change from within it was refused, or empty."""
 
     said: str
 
     def follow(self, source: Any) -> bool:
-        """Show ``source``; False where the scene must be built anew."""
+        """Show ``source``; False if the scene must be built again."""
         ...
 
 
@@ -43,7 +43,7 @@ class Live(Protocol):
 class Kind:
     """``look_up`` reads what a scene depends on (compared with ==), ``build`` fills an empty server with it.
 
-    ``record`` does the same and plays it through, for viser's own player; a plan has such a recording as a file.
+    ``record`` also records its motion for viser's own player; plans have such a recording as an artifact.
     """
 
     look_up: Callable[[Document], Any]
@@ -54,12 +54,12 @@ class Kind:
 def kinds(client: Client, acting: Callable[[str | None], Client]) -> Mapping[DocumentKind, Kind]:
     """All kinds of documents, read through ``client``.
 
-    What a person changes is stored through the client that ``acting`` makes for that person's key, or for nobody's.
+    Changes are stored through the client that ``acting`` creates for the key of the user, or without a key.
     """
 
     def put(scenario_id: str, body: Scenario, known: StoredScenario, key: str) -> StoredScenario:
-        with acting(None if key == NO_KEY_NEEDED else key) as person:
-            return person.put_scenario(scenario_id, body, known)
+        with acting(None if key == NO_KEY_NEEDED else key) as user_client:
+            return user_client.put_scenario(scenario_id, body, known)
 
     @lru_cache(maxsize=4)
     def robot(name: str) -> RobotFacts:

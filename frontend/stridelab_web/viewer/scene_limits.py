@@ -1,4 +1,4 @@
-"""How many scenes may be open: in all as memory allows, and for each user.
+"""Limits on the number of open scenes: in total, as memory allows, and per user.
 
 A scene of TALOS with its densities holds 8 to 11 MB of the viewer process, one of a scenario 1 to 4 MB, each with one
 thread and four open files (docs/viewer.md).
@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Final, Literal
 
 SCENE_MB: Final = 12
-"""What a scene is counted as; the largest that was measured, and what its buffers grow to when somebody watches."""
+"""Memory counted per scene: that of the largest measured scene, with the buffers of a connected browser."""
 MEMORY_SHARE: Final = 0.1
 """Share of the memory that scenes may take."""
 LEAST, MOST = 8, 200
@@ -34,7 +34,7 @@ class SceneLimits:
 
 
 class ScenesInUse(Exception):
-    """Every scene that could make room is being watched; ``of`` says which limit is met."""
+    """Raised if the limit ``of`` a user or of the total is reached and all scenes concerned are watched."""
 
     def __init__(self, of: Literal["user", "total"], limit: int) -> None:
         self.status, self.code = (429, "scene-limit") if of == "user" else (503, "scenes-full")
@@ -46,13 +46,13 @@ class ScenesInUse(Exception):
         else:
             detail = (
                 f"All {limit} 3D scenes that this service may hold are open in browsers (STRIDELAB_VIEWER_SCENES). "
-                "Close a tab with a 3D view, or wait until somebody else has, then load this page again."
+                "Close a tab with a 3D view, or wait until another user has closed one, then load this page again."
             )
         super().__init__(detail)
 
 
 def limits_of(environment: Mapping[str, str]) -> SceneLimits:
-    """The limits of ``STRIDELAB_VIEWER_SCENES`` and ``STRIDELAB_USER_SCENES``, else those by default.
+    """The limits of ``STRIDELAB_VIEWER_SCENES`` and ``STRIDELAB_USER_SCENES``, else the defaults.
 
     Raises ``ValueError`` for text that is no whole number, a total below 1, or a limit below 0.
     """
@@ -64,7 +64,7 @@ def limits_of(environment: Mapping[str, str]) -> SceneLimits:
 
 
 def scenes_that_fit(memory: float, files: int) -> int:
-    """Scenes for ``memory`` bytes and so many open files: between ``LEAST`` and ``MOST``."""
+    """Number of scenes for ``memory`` bytes and ``files`` open files, within fixed bounds."""
     by_memory = int(MEMORY_SHARE * memory / (SCENE_MB << 20))
     by_files = (files - OTHER_FILES) // FILES_PER_SCENE
     return max(LEAST, min(MOST, by_memory, by_files))
@@ -77,7 +77,7 @@ def memory_bytes(groups: Path = _GROUPS, own: Path = _OWN) -> int:
 
 
 def open_files() -> int:
-    """How many files this process may have open; raises its soft limit towards ``FILES_WANTED`` first."""
+    """Number of files that this process may have open; raises its soft limit towards ``FILES_WANTED`` first."""
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     ceiling = FILES_WANTED if hard == resource.RLIM_INFINITY else min(hard, FILES_WANTED)
     if soft == resource.RLIM_INFINITY or soft >= ceiling:
@@ -94,13 +94,13 @@ def _group_limits(groups: Path, own: Path) -> Iterator[int]:
         parts = [part for part in name.split("/") if part not in {"", ".."}]
         for depth in range(len(parts) + 1):
             if not controllers:
-                found = _text(groups.joinpath(*parts[:depth]) / "memory.max")
+                text = _text(groups.joinpath(*parts[:depth]) / "memory.max")
             elif "memory" in controllers.split(","):
-                found = _text((groups / "memory").joinpath(*parts[:depth]) / "memory.limit_in_bytes")
+                text = _text((groups / "memory").joinpath(*parts[:depth]) / "memory.limit_in_bytes")
             else:
                 continue
-            if found.strip().isdecimal():
-                yield int(found)
+            if text.strip().isdecimal():
+                yield int(text)
 
 
 def _text(file: Path) -> str:

@@ -1,4 +1,4 @@
-"""What scenes of every kind are made of: light, force arrows, paths, and a camera that has everything in sight."""
+"""Parts of all scenes: light, force arrows, paths, and a camera with everything in view."""
 
 import math
 from typing import Literal
@@ -20,7 +20,7 @@ THINNER = 20
 
 
 def prepare(scene: viser.SceneApi, ambient: float = 2.2) -> None:
-    """Light without shadows, z up; thin things need more ``ambient`` light than bodies whose shape it would hide."""
+    """Light without shadows, z up; thin objects need more ``ambient`` light than bodies."""
     scene.set_up_direction("+z")
     # Without a graphics card an environment map costs a hundredfold (0.4 instead of 36 images per second for fifty
     # spheres in software), and so do screen-space lines: lines are thin meshes here.
@@ -30,7 +30,7 @@ def prepare(scene: viser.SceneApi, ambient: float = 2.2) -> None:
 
 
 def add_floor(scene: viser.SceneApi, fade_m: float, height_m: float = 0.0) -> None:
-    """A grid without end at ``height_m``, a metre and a quarter of one, that fades at a distance of ``fade_m``."""
+    """Add an infinite grid of 1 m and 0.25 m at ``height_m``, which fades at a distance of ``fade_m``."""
     scene.add_grid(
         "/floor",
         infinite_grid=True,
@@ -52,24 +52,24 @@ def add_mesh(
     opacity: float | None = None,
     side: Literal["front", "double"] = "double",
 ) -> viser.MeshHandle:
-    """A mesh of one colour without shadows. What is drawn over a body must be seen from the ``front`` alone."""
+    """Add a mesh of one colour without shadows. Nodes that are drawn over a body need ``side`` "front"."""
     return scene.add_mesh_simple(
         name, *mesh, color=colour, opacity=opacity, side=side, cast_shadow=False, receive_shadow=False
     )
 
 
 def add_arrow(scene: viser.SceneApi, arrow: Arrow, colour: Colour) -> None:
-    """Shaft and head of a force; the page gives them their length and direction."""
+    """Add shaft and head of a force; the page sets their length and direction."""
     add_mesh(scene, arrow.shaft, meshes.cylinder(SHAFT_RADIUS_M), colour, side="front")
     add_mesh(scene, arrow.head, meshes.cone(HEAD_RADIUS_M, HEAD_M), colour, side="front")
 
 
 def add_path(scene: viser.SceneApi, name: str, path_m: np.ndarray | None, colour: Colour, radius_m: float) -> None:
-    """A thin tube along ``path_m`` ``(n, 3)``, interrupted where it is NaN; nothing where there is no path."""
+    """Add a thin tube along ``path_m`` ``(n, 3)``, interrupted at NaN; does nothing without a path."""
     if path_m is None:
         return
-    whole = _runs(np.isfinite(path_m).all(axis=1))
-    runs = [path_m[part] for part in whole if part.stop - part.start > 1]
+    slices = _runs(np.isfinite(path_m).all(axis=1))
+    runs = [path_m[part] for part in slices if part.stop - part.start > 1]
     pieces = [meshes.tube(run[meshes.corners(run, radius_m / THINNER)], radius_m) for run in runs]
     if pieces:
         add_mesh(scene, name, meshes.together(pieces), colour, side="front")
@@ -78,7 +78,7 @@ def add_path(scene: viser.SceneApi, name: str, path_m: np.ndarray | None, colour
 def place_camera(
     server: viser.ViserServer, corners_m: np.ndarray, towards_camera: np.ndarray, aspect: float = WIDE
 ) -> None:
-    """Look at the middle of ``corners_m`` ``(n, 3)`` from a direction, from so far that all of them are in sight."""
+    """Look at ``corners_m`` ``(n, 3)`` from a direction, at a distance at which all of them are in view."""
     look_at, position = camera(corners_m, towards_camera, aspect)
     server.initial_camera.fov = FOV_RAD
     server.initial_camera.look_at = tuple(look_at)
@@ -86,7 +86,7 @@ def place_camera(
 
 
 def camera(corners_m: np.ndarray, towards_camera: np.ndarray, aspect: float) -> tuple[np.ndarray, np.ndarray]:
-    """Where to look at and from: a point at ``d`` in front of the middle is in sight from ``|across| / tan - d`` on."""
+    """Target and position: a point at ``d`` in front of the middle is in view from ``|across| / tan - d`` on."""
     back = towards_camera / np.linalg.norm(towards_camera)
     right = np.cross([0.0, 0.0, 1.0], back)
     right /= np.linalg.norm(right)
@@ -106,6 +106,6 @@ def camera(corners_m: np.ndarray, towards_camera: np.ndarray, aspect: float) -> 
 
 
 def _runs(there: np.ndarray) -> list[slice]:
-    """Slices of consecutive samples where ``there`` holds."""
+    """Slices of consecutive true samples."""
     edges = np.flatnonzero(np.diff(np.concatenate(([False], there, [False])).astype(int)))
     return [slice(int(start), int(stop)) for start, stop in zip(edges[::2], edges[1::2], strict=True)]

@@ -1,7 +1,6 @@
 """The scenes that are open: one viser server per document.
 
-When a limit is met, the scene that nobody has looked at for longest makes room; one that a browser is connected to
-never does.
+When a limit is reached, the least recently used scene is closed; scenes with a connected browser stay open.
 """
 
 import threading
@@ -19,15 +18,15 @@ from stridelab_web.viewer.scene_limits import SceneLimits, ScenesInUse
 
 IDLE_S = 600.0
 COMING_S = 30.0
-"""For so long a scene that was just asked for waits for its browser, and is no idle one."""
+"""Time for which a requested scene waits for its browser before it counts as idle."""
 CONNECTING_S = 2.0
-"""For so long after a browser was let in viser may not list it yet."""
+"""Time for which viser may not list an accepted browser yet."""
 TURNS = 16
 
 
 @dataclass
 class Visitors:
-    """The users that a scene is open for, and whose browsers are still to come; times are those of ``clock``."""
+    """Users of a scene, and those whose browsers are about to connect; times are those of ``clock``."""
 
     clock: Callable[[], float]
     users: set[str] = field(default_factory=set)
@@ -38,7 +37,7 @@ class Visitors:
         self.coming_until_s[user] = self.clock() + COMING_S
 
     def came(self, user: str) -> None:
-        """A browser of ``user`` is let in: a moment later it counts as connected."""
+        """A browser of ``user`` was accepted: shortly afterwards it counts as connected."""
         self.coming_until_s[user] = self.clock() + CONNECTING_S
 
     def coming(self) -> set[str]:
@@ -49,7 +48,7 @@ class Visitors:
 
 @dataclass
 class OpenScene:
-    """A running viser server; ``source`` is what it shows, ``live`` follows it where the scene can."""
+    """A running viser server; ``source`` is its content, ``live`` updates scenes that can be updated."""
 
     server: viser.ViserServer
     secret: str
@@ -64,15 +63,15 @@ class OpenScene:
 
     @property
     def said(self) -> str:
-        """Why the last change from within the scene was refused; empty where it was not."""
+        """Why the last change from within the scene was refused; else empty."""
         return self.live.said if self.live is not None else ""
 
     def shows(self, source: Any) -> bool:
-        """Whether the scene shows ``source``; one that changes from within is told in any case."""
+        """Whether the scene shows ``source``; live scenes are updated first."""
         return self.source == source if self.live is None else self.live.follow(source)
 
     def asked(self, user: str) -> None:
-        """``user`` opens the scene, and a browser is to come unless one is there."""
+        """``user`` opens the scene; unless connected, a browser of the user is expected."""
         self.used_at_s = self.visitors.clock()
         self.visitors.users.add(user)
         if user not in users_of(self.server):
@@ -85,7 +84,7 @@ class OpenScene:
 
 
 class Library:
-    """Opens scenes on demand and closes those that nobody looks at."""
+    """Opens scenes on demand and closes idle ones."""
 
     def __init__(
         self,
@@ -100,7 +99,7 @@ class Library:
         self._turns = tuple(threading.Lock() for _ in range(TURNS))
         self._open: dict[Document, OpenScene] = {}
         self._built: dict[Document, str] = {}
-        """Scenes that are being built, and for whom: they have their place already."""
+        """Users of the scenes that are being built, which count towards the limits."""
         self._filming = threading.Lock()
 
     def __len__(self) -> int:
@@ -109,32 +108,32 @@ class Library:
     def open(self, document: Document, user: str = "") -> OpenScene:
         """The scene of ``document``, built if it is not open or cannot show what has changed since.
 
-        ``user`` is who asks; empty where nobody logs in. Raises ``ScenesInUse`` where a limit is met and every scene
-        that counts is watched, and the client's errors where the service refuses or does not answer.
+        ``user`` is the caller, empty without login. Raises ``ScenesInUse`` if a limit is reached and all scenes
+        concerned are watched, and the client's errors if the service refuses or does not answer.
         """
         kind = self._kinds[document.kind]
         # What takes long to read must not keep other scenes waiting, but no scene is built twice at once.
         with self._turns[hash(document) % len(self._turns)]:
             source = kind.look_up(document)
             with self._lock:
-                found = self._open.get(document)
-                self._make_room(document, user, is_new=found is None)
-                if found is not None and not found.shows(source):
+                scene = self._open.get(document)
+                self._make_room(document, user, is_new=scene is None)
+                if scene is not None and not scene.shows(source):
                     self._close(document)
-                    found = None
-                if found is not None:
-                    found.asked(user)
-                    return found
+                    scene = None
+                if scene is not None:
+                    scene.asked(user)
+                    return scene
                 self._built[document] = user
             try:
-                found = _build(kind, document, source, Visitors(self._clock))
+                scene = _build(kind, document, source, Visitors(self._clock))
                 with self._lock:
-                    self._open[document] = found
-                    found.asked(user)
+                    self._open[document] = scene
+                    scene.asked(user)
             finally:
                 with self._lock:
                     del self._built[document]
-            return found
+            return scene
 
     def _make_room(self, document: Document, user: str, *, is_new: bool) -> None:
         """Close idle scenes until ``document`` fits; the lock is held. Raises ``ScenesInUse``."""
@@ -159,7 +158,7 @@ class Library:
     def record(self, document: Document, form: PlayerForm) -> bytes:
         """The document as a file for viser's own player, made in a server of its own, one at a time.
 
-        Raises ``KeyError`` for a kind that has none, and the client's errors.
+        Raises ``KeyError`` for kinds without recordings, and the client's errors.
         """
         kind = self._kinds[document.kind]
         if kind.record is None:
@@ -168,8 +167,8 @@ class Library:
         with self._filming:
             server, _ = start_guarded_server()
             try:
-                told = kind.record(server, document, source)
-                return told.serialize() if form == "viser" else told.as_html().encode()
+                serializer = kind.record(server, document, source)
+                return serializer.serialize() if form == "viser" else serializer.as_html().encode()
             finally:
                 server.stop()
 
@@ -177,10 +176,10 @@ class Library:
         """Close scenes without a viewer for ``IDLE_S``."""
         now_s = self._clock()
         with self._lock:
-            for document, found in list(self._open.items()):
-                if found.watchers:
-                    found.used_at_s = now_s
-                elif now_s - found.used_at_s > IDLE_S:
+            for document, scene in list(self._open.items()):
+                if scene.watchers:
+                    scene.used_at_s = now_s
+                elif now_s - scene.used_at_s > IDLE_S:
                     self._close(document)
 
     def close(self) -> None:

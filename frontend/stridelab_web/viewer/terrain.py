@@ -1,4 +1,4 @@
-"""What can be touched: boxes with the rim of their upper face, rails with their ends."""
+"""Terrain: boxes with the rim of their upper face, and rails with their ends."""
 
 import itertools
 from collections.abc import Sequence
@@ -19,12 +19,12 @@ RAIL: Colour = (168, 180, 192)
 GROUND_FROM_M = 2.5
 """A box whose upper face is at least this long and wide is drawn as ground, with a grid of 0.25 m and 1 m."""
 RIM_FROM_M, RIM_M = 0.003, 0.015
-"""The rim begins inside the face: sides of boxes in one plane would let it shine through."""
+"""The rim begins inside the face, because it would be visible through coplanar sides of boxes."""
 LIFT_M = 0.0015
-"""How far lines lie above the face that they are on, so that they do not flicker."""
+"""Height of lines above their face, which avoids flicker."""
 SAME_M = 1e-6
 Span = tuple[np.ndarray, np.ndarray]
-"""The lowest and the highest corner of something whose edges are parallel to the axes."""
+"""The lowest and the highest corner of an axis-parallel box."""
 
 
 def add_terrain(scene: viser.SceneApi, scenario: Scenario) -> None:
@@ -43,37 +43,37 @@ def is_ground(box: BoxSurface) -> bool:
 
 
 def faces_m(box: BoxSurface, others: Sequence[BoxSurface]) -> np.ndarray:
-    """Corners ``(n, 4, 3)`` in the world, counterclockwise from outside, of all of a box's faces that can be seen.
+    """Corners ``(n, 4, 3)`` in the world, counterclockwise from outside, of the visible faces of a box.
 
-    What lies inside another box is left out. Stairs are boxes in one another whose sides share a plane: edges of a
-    hidden face would shine through there. Only boxes with parallel edges hide anything here.
+    Parts inside another box are left out: stairs are overlapping boxes with coplanar sides, through which edges of
+    hidden faces would be visible. Only boxes with parallel edges are considered.
     """
     R, half = box_rotation(box), np.array(box.size_m) / 2
     spans = [span for other in others if (span := _span(box, other)) is not None]
-    found = []
+    faces = []
     for k, sign in itertools.product(range(3), (-1.0, 1.0)):
         rest, level = [(k + 1) % 3, (k + 2) % 3], sign * half[k]
         holes = [(low[rest], high[rest]) for low, high in spans if low[k] + SAME_M < level < high[k] - SAME_M]
         for patch in free_m(half[rest], holes):
             corners = np.full((4, 3), level)
             corners[:, rest] = patch if sign > 0 else patch[::-1]
-            found.append(np.array(box.center_m) + corners @ R.T)
-    return np.array(found).reshape(-1, 4, 3)
+            faces.append(np.array(box.center_m) + corners @ R.T)
+    return np.array(faces).reshape(-1, 4, 3)
 
 
 def free_m(half_m: np.ndarray, holes: Sequence[Span]) -> np.ndarray:
-    """Corners ``(n, 4, 2)``, counterclockwise, of rectangles that make up all of ``-half_m`` to ``half_m`` but holes.
+    """Corners ``(n, 4, 2)``, counterclockwise, of rectangles that cover ``-half_m`` to ``half_m`` without the holes.
 
-    They meet at whole edges, so that no gap opens between them.
+    Adjacent rectangles share whole edges, so that there are no gaps between them.
     """
     ends = np.array([-half_m, half_m, *itertools.chain.from_iterable(holes)])
     x, y = (np.unique(np.round(np.clip(ends[:, k], -half_m[k], half_m[k]), 6)) for k in range(2))
-    found = []
+    rectangles = []
     for (x0, x1), (y0, y1) in itertools.product(itertools.pairwise(x), itertools.pairwise(y)):
         middle = np.array([x0 + x1, y0 + y1]) / 2
         if not any(((low < middle) & (middle < high)).all() for low, high in holes):
-            found.append([[x0, y0], [x1, y0], [x1, y1], [x0, y1]])
-    return np.array(found).reshape(-1, 4, 2)
+            rectangles.append([[x0, y0], [x1, y0], [x1, y1], [x0, y1]])
+    return np.array(rectangles).reshape(-1, 4, 2)
 
 
 def _span(box: BoxSurface, other: BoxSurface) -> Span | None:

@@ -1,4 +1,4 @@
-"""The frames of a scene as a recording for viser's own player: what static/js/viewer/scene.js does, told beforehand."""
+"""The frames of a scene as a recording for viser's own player, with the motions of static/js/viewer/scene.js."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -12,15 +12,15 @@ from stridelab_web.scene.frames import ARROW_M_PER_N, HEAD_M, Frames
 
 RATE_HZ: Final = 25.0
 FRAMES_AT_MOST: Final = 1000
-"""A recording that lasts longer than 40 s has fewer frames per second: each costs a message per node."""
+"""Recordings longer than 40 s have fewer frames per second; each frame costs a message per node."""
 UNSEEN: Final = ("/forces/total", "/inputs/axis/")
-"""What the page does not show at first either; the player's list of nodes switches it on."""
+"""Nodes that are hidden at first, as on the page; the player's list of nodes shows them."""
 SHORTEST_M: Final = 1e-3
 
 
 @dataclass(frozen=True)
 class Told:
-    """Where a node is: positions ``(n, 3)``, quaternions wxyz ``(n, 4)`` and scales ``(n, 3)``, if it has them."""
+    """Motion of a node: positions ``(n, 3)`` and, optionally, quaternions wxyz ``(n, 4)`` and scales ``(n, 3)``."""
 
     name: str
     position_m: np.ndarray
@@ -30,15 +30,15 @@ class Told:
 
 
 def record(server: viser.ViserServer, frames: Frames) -> StateSerializer:
-    """Move the nodes of a scene that holds ``frames`` from frame to frame, and keep what a page would be told."""
+    """Move the nodes of a scene through ``frames``, and record the messages to a page."""
     nodes = server.scene._handle_from_node_name  # noqa: SLF001  (viser is pinned; a test looks)
     picked, step_s = _picked(frames.time_s)
-    told = [one for one in _tracks(frames, frames.values[picked].astype(float)) if one.name in nodes]
+    tracks = [one for one in _tracks(frames, frames.values[picked].astype(float)) if one.name in nodes]
     for name, node in nodes.items():
         node.visible = not name.startswith(UNSEEN)
     serializer = server.get_scene_serializer()
     for k in range(len(picked)):
-        for one in told:
+        for one in tracks:
             node = nodes[one.name]
             seen = bool(one.there[k]) and not one.name.startswith(UNSEEN)
             if node.visible != seen:
@@ -55,7 +55,7 @@ def record(server: viser.ViserServer, frames: Frames) -> StateSerializer:
 
 
 def _picked(time_s: np.ndarray) -> tuple[np.ndarray, float]:
-    """Which frames are recorded, and how long each lasts."""
+    """Indices of the recorded frames, and the duration of each (s)."""
     lasts_s = float(time_s[-1] - time_s[0])
     count = int(np.clip(round(lasts_s * RATE_HZ), 1, min(FRAMES_AT_MOST, len(time_s))))
     wanted_s = time_s[0] + lasts_s * np.arange(count) / count
@@ -91,9 +91,9 @@ def _told(
     scale: np.ndarray | None = None,
     there: np.ndarray | bool = True,
 ) -> Told:
-    """With ``there`` where everything is told."""
-    told = np.column_stack([part for part in (position_m, wxyz, scale) if part is not None])
-    return Told(name, position_m, there & np.isfinite(told).all(axis=1), wxyz, scale)
+    """The track of a node, which is present where ``there`` holds and all values are finite."""
+    values = np.column_stack([part for part in (position_m, wxyz, scale) if part is not None])
+    return Told(name, position_m, there & np.isfinite(values).all(axis=1), wxyz, scale)
 
 
 def _pointing(
@@ -111,7 +111,7 @@ def _pointing(
 
 
 def _towards(along: np.ndarray) -> np.ndarray:
-    """Quaternions ``(n, 4)`` of the shortest turns from the z axis to ``along`` ``(n, 3)``."""
+    """Quaternions ``(n, 4)`` of the shortest rotations from the z axis to ``along`` ``(n, 3)``."""
     with np.errstate(invalid="ignore", divide="ignore"):
         x, y, z = (along / np.linalg.norm(along, axis=1, keepdims=True)).T
         half = np.sqrt(2 * (1 + z))

@@ -1,4 +1,4 @@
-"""Two plans held against each other: their numbers side by side, and what of these cannot be compared."""
+"""Comparison of two plans: their figures side by side, and why some of these cannot be compared."""
 
 import math
 from collections.abc import Callable, Iterator, Mapping
@@ -29,7 +29,7 @@ class PlanFacts:
 
     @property
     def wrench(self) -> bool:
-        """Whether the wrench was its control."""
+        """Whether its control is the wrench."""
         return self.summary.formulation == WRENCH
 
     @property
@@ -39,19 +39,19 @@ class PlanFacts:
 
     @property
     def measure(self) -> str:
-        """Which densities it used; empty where that is not known."""
+        """Measure of its densities; empty if unknown."""
         return self.summary.measure or str(self.input.get("measure") or "")
 
     def measures_differ(self, other: "PlanFacts") -> bool:
-        """Whether both tell their densities, and these are not the same."""
+        """Whether both measures are known and differ."""
         return bool(self.measure and other.measure) and self.measure != other.measure
 
 
 @dataclass(frozen=True)
 class PairRow:
-    """A figure of both plans as texts, the first less the second, and why they cannot be compared, if so.
+    """A figure of both plans as text, the first minus the second, and a note if they cannot be compared.
 
-    Rows that belong together have the same ``group``.
+    Rows of one section have the same ``group``.
     """
 
     key: str
@@ -64,43 +64,45 @@ class PairRow:
 
 
 def pair_remarks(first: PlanFacts, second: PlanFacts) -> list[str]:
-    """What a reader must know before comparing any two figures."""
+    """Remarks to read before comparing figures."""
     a, b = first.summary, second.summary
-    found = []
+    remarks = []
     if a.robot != b.robot:
-        found.append(f"The robots differ, {a.robot} and {b.robot}: their masses and densities do too.")
+        remarks.append(f"The robots differ, {a.robot} and {b.robot}: their masses and densities do too.")
     if a.scenario_name != b.scenario_name:
-        found.append(f"The scenarios differ: {a.scenario_name} and {b.scenario_name}.")
+        remarks.append(f"The scenarios differ: {a.scenario_name} and {b.scenario_name}.")
     if abs(a.duration_s - b.duration_s) > SAME_S:
-        found.append(
+        remarks.append(
             f"The motions last {a.duration_s:.2f} s and {b.duration_s:.2f} s: costs are sums over time and cannot be "
             "compared, and the curves of the shorter one end earlier."
         )
     chosen = [which for which, plan in (("this", a), ("the other", b)) if plan.phase_durations is not None]
     if chosen:
-        found.append(f"In {' and '.join(chosen)} plan the solver chose the durations of the phases.")
+        remarks.append(f"In {' and '.join(chosen)} plan the solver chose the durations of the phases.")
     if first.measures_differ(second):
-        found.append(
+        remarks.append(
             f"The densities differ ({first.measure} and {second.measure}): likelihoods, and with them the objective, "
             "cannot be compared."
         )
     if first.control != second.control:
-        found.append(
+        remarks.append(
             f"The controls differ ({first.control} and {second.control}): the objective (4.20a) is the same formula "
             "for both, but each keeps the forces in cones of its own, so that the optima need not agree."
         )
     if first.wrench != second.wrench:
-        found.append("What the forces weigh was minimised with the forces as control only, not with the wrench.")
-    return found
+        remarks.append("The cost of the forces was minimised only in the plan whose control is the forces.")
+    return remarks
 
 
 def pair_rows(first: PlanFacts, second: PlanFacts) -> list[PairRow]:
-    """Objective and terms, what the solver took, certificate and replay, each a group."""
+    """Rows of costs, solution, certificate and replay, each a group."""
     a, b = first.summary, second.summary
-    apart = _apart(first, second)
-    costs = [_cost("objective", "Objective (4.20a)", a.objective, b.objective, apart or _densities(first, second))]
+    no_costs_note = _apart(first, second)
+    costs = [
+        _cost("objective", "Objective (4.20a)", a.objective, b.objective, no_costs_note or _densities(first, second))
+    ]
     for key in in_order({**a.cost_terms, **b.cost_terms}):
-        note = apart or _of_term(key, first, second)
+        note = no_costs_note or _of_term(key, first, second)
         costs.append(_cost(key, term_name(key), a.cost_terms.get(key), b.cost_terms.get(key), note))
     solution = [
         _words("control", "Control", first.control, second.control),
@@ -126,13 +128,13 @@ def furthest(first: Columns, second: Columns) -> tuple[float, float]:
     end_s = min(first["time_s"][-1], second["time_s"][-1])
     time_s = np.unique(np.concatenate([columns["time_s"] for columns in (first, second)]))
     time_s = time_s[time_s <= end_s]
-    apart = np.linalg.norm(com_m(first, time_s) - com_m(second, time_s), axis=1)
-    k = int(np.argmax(apart))
-    return float(apart[k]), float(time_s[k])
+    distance_m = np.linalg.norm(com_m(first, time_s) - com_m(second, time_s), axis=1)
+    k = int(np.argmax(distance_m))
+    return float(distance_m[k]), float(time_s[k])
 
 
 def _apart(first: PlanFacts, second: PlanFacts) -> str:
-    """Why no cost of the two can be compared."""
+    """Reason why no costs of the two can be compared, or empty."""
     a, b = first.summary, second.summary
     if a.robot != b.robot:
         return "of another robot"
@@ -165,11 +167,11 @@ def _certificates(a: PlanMotionSummary, b: PlanMotionSummary) -> Iterator[PairRo
     yield _words("certificate", "Verdict", _passed(first), _passed(second))
     if first is None or second is None:
         return
-    mine, theirs = ({check.name: check for check in each.checks} for each in (first, second))
-    for name in {**mine, **theirs}:
-        own, other = mine.get(name), theirs.get(name)
-        unit = (own or theirs[name]).unit
-        yield _row(name, check_name(name), own.value if own else None, other.value if other else None, unit)
+    first_checks, second_checks = ({check.name: check for check in each.checks} for each in (first, second))
+    for name in {**first_checks, **second_checks}:
+        a_check, other = first_checks.get(name), second_checks.get(name)
+        unit = (a_check or second_checks[name]).unit
+        yield _row(name, check_name(name), a_check.value if a_check else None, other.value if other else None, unit)
 
 
 def _passed(certificate: CertificateSummary | None) -> str:
@@ -207,20 +209,20 @@ _REPLAYED: Final = (
 
 
 def _cost(key: str, name: str, a: float | None, b: float | None, note: str) -> PairRow:
-    less = DASH if a is None or b is None or note else "0" if a == b else seconds(a - b, "+")
-    return PairRow(key, name, _or_dash(a, seconds), _or_dash(b, seconds), less, note)
+    difference = DASH if a is None or b is None or note else "0" if a == b else seconds(a - b, "+")
+    return PairRow(key, name, _or_dash(a, seconds), _or_dash(b, seconds), difference, note)
 
 
 def _row(key: str, name: str, a: float | None, b: float | None, unit: str) -> PairRow:
     def said(value: float) -> str:
         return measured(value, unit)
 
-    less = "0"
+    difference = "0"
     if a is None or b is None:
-        less = DASH
+        difference = DASH
     elif not math.isclose(a, b, rel_tol=ROUNDING):
-        less = f"{'+' if a > b else ''}{said(a - b)}"
-    return PairRow(key, name, _or_dash(a, said), _or_dash(b, said), less)
+        difference = f"{'+' if a > b else ''}{said(a - b)}"
+    return PairRow(key, name, _or_dash(a, said), _or_dash(b, said), difference)
 
 
 def _or_dash(value: float | None, said: Callable[[float], str]) -> str:

@@ -1,4 +1,4 @@
-"""What the page of a plan adds where another one is held against it: which there are, and both in one table."""
+"""Comparison section of the page of a plan: the plans to choose from, and two plans in one table."""
 
 import asyncio
 from collections.abc import Sequence
@@ -19,12 +19,12 @@ from stridelab_web.parquet import Columns, read_columns
 
 KIND: Final = "plan-motion"
 OFFERED_AT_MOST: Final = 20
-"""Of the newest plans of the same scenario, and of the newest of all: each one's result is read for its name."""
+"""Maximum number of newest plans of the same scenario, and of all scenarios; each one's result is read."""
 
 
 @dataclass(frozen=True)
 class Offer:
-    """A plan that can be chosen; ``created_at`` is in its label, in UTC."""
+    """A plan that can be chosen; its label contains ``created_at`` in UTC."""
 
     id: str
     label: str
@@ -34,7 +34,7 @@ class Offer:
 
 @dataclass(frozen=True)
 class Against:
-    """``refusal`` says why the chosen plan cannot be shown; without one and without ``other``, none was chosen."""
+    """Plans to choose from, and the comparison with the chosen one; ``refusal`` is why it cannot be shown."""
 
     offers: Sequence[Offer]
     chosen: str = ""
@@ -46,7 +46,7 @@ class Against:
 
 
 async def against(client: AsyncClient, job: Job, facts: PlanFacts, chosen: str) -> Against:
-    """The plans to choose from, those of the same scenario first, and the ``chosen`` one beside that of ``job``."""
+    """The plans to choose from, those of the same scenario first, and the comparison with the ``chosen`` one."""
     offers = await _offers(client, job, facts)
     if not chosen:
         return Against(offers)
@@ -55,33 +55,33 @@ async def against(client: AsyncClient, job: Job, facts: PlanFacts, chosen: str) 
         own = await curves_of(client, job.id)
     except HTTPException as refusal:
         return Against(offers, chosen, refusal=refusal.detail)
-    there = await client.job(chosen)
+    other_job = await client.job(chosen)
     distance_m, at_s = await run_in_threadpool(furthest, own, columns)
-    apart = PairRow(
+    distance_row = PairRow(
         "furthest", "CoM paths apart, at most", "", "", f"{measured(distance_m, 'm')} at {at_s:.2f} s", group="Paths"
     )
     return Against(
         offers,
         chosen,
-        other=f"{other.summary.scenario_name}, {moment(there.created_at)}",
-        other_at=there.created_at,
+        other=f"{other.summary.scenario_name}, {moment(other_job.created_at)}",
+        other_at=other_job.created_at,
         remarks=pair_remarks(facts, other),
-        rows=[*pair_rows(facts, other), apart],
+        rows=[*pair_rows(facts, other), distance_row],
     )
 
 
 async def other_plan(client: AsyncClient, job_id: str, chosen: str) -> tuple[PlanFacts, Columns]:
-    """Facts and curves of the ``chosen`` plan. Raises ``HTTPException`` with a sentence for what is none, or gone."""
+    """Facts and curves of the ``chosen`` plan. Raises ``HTTPException`` unless it is a finished plan."""
     if chosen == job_id:
         raise HTTPException(409, "This is the same plan: choose another one.")
     try:
         job = await client.job(chosen)
     except ProblemError as error:
         if error.status in (404, 422):
-            raise HTTPException(404, "The other plan is not there any more, or never was.") from error
+            raise HTTPException(404, "The other plan does not exist; it may have been deleted.") from error
         raise
     if job.kind != KIND:
-        raise HTTPException(409, "The other job is no plan.")
+        raise HTTPException(409, "The other job is not a plan.")
     if job.state != "succeeded":
         raise HTTPException(409, f"The other plan is {words(job.state)}: it has nothing to compare.")
     return await _facts(client, chosen), await curves_of(client, chosen)
@@ -94,24 +94,32 @@ async def curves_of(client: AsyncClient, job_id: str) -> Columns:
 
 
 async def _offers(client: AsyncClient, job: Job, facts: PlanFacts) -> list[Offer]:
-    found = list((await client.jobs(OFFERED_AT_MOST, state="succeeded", kind=KIND)).items)
+    newest = list((await client.jobs(OFFERED_AT_MOST, state="succeeded", kind=KIND)).items)
     if job.scenario_id is not None:
         same = await client.jobs(OFFERED_AT_MOST, state="succeeded", kind=KIND, scenario_id=job.scenario_id)
-        found = [*same.items, *found]
-    others = {each.id: each for each in found if each.id != job.id}
+        newest = [*same.items, *newest]
+    others = {each.id: each for each in newest if each.id != job.id}
     offers = await asyncio.gather(*(_offer(client, each, job, facts) for each in others.values()))
     return sorted((offer for offer in offers if offer is not None), key=lambda offer: not offer.same)
 
 
 async def _offer(client: AsyncClient, other: Job, job: Job, facts: PlanFacts) -> Offer | None:
     try:
-        found = await _facts(client, other.id)
+        other_facts = await _facts(client, other.id)
     except ProblemError:  # deleted since it was listed
         return None
-    named = (found.summary.scenario_name, found.summary.robot) == (facts.summary.scenario_name, facts.summary.robot)
+    named = (other_facts.summary.scenario_name, other_facts.summary.robot) == (
+        facts.summary.scenario_name,
+        facts.summary.robot,
+    )
     same = named or (job.scenario_id is not None and other.scenario_id == job.scenario_id)
-    parts = [found.summary.scenario_name, moment(other.created_at), found.control, found.summary.solver]
-    parts.append("whole body" if found.summary.certificate else "centre of mass alone")
+    parts = [
+        other_facts.summary.scenario_name,
+        moment(other.created_at),
+        other_facts.control,
+        other_facts.summary.solver,
+    ]
+    parts.append("whole body" if other_facts.summary.certificate else "centre of mass alone")
     return Offer(other.id, " · ".join(parts), same, other.created_at)
 
 

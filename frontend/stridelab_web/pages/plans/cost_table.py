@@ -1,4 +1,4 @@
-"""The cost of a plan term by term: weight, what it weighs, their product, and a bar that compares them."""
+"""The cost of a plan by term: integral, weight, their product, and a bar."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -9,19 +9,19 @@ from stridelab_web.formatting import words
 
 SMALL_S: Final = 0.01
 REGULARISERS: Final = ("surface_force", "point_force")
-"""Terms beside the objective."""
+"""Regularisation terms, which are not part of the objective."""
 DENSITY: Final = "log_density_"
 WRENCH: Final = "wrench"
 """Formulation (input of the job) whose control is the wrench."""
 NOT_MINIMISED: Final = (
-    "The wrench was the control here: what the forces weigh was no part of what was minimised. They were found for the "
-    "wrench afterwards, so these two rows cannot be held against those of a plan whose control were the forces."
+    "The control of this plan is the wrench: the cost of the forces was not minimised. The forces were computed from "
+    "the wrench afterwards, so these two rows cannot be compared with those of a plan whose control is the forces."
 )
 
 
 @dataclass(frozen=True)
 class _Kind:
-    """``sign``: what is integrated; units of the integral and of the weight."""
+    """A kind of term: ``sign`` is the integral as a formula; units of the integral and of the weight."""
 
     name: str
     sign: str
@@ -40,7 +40,7 @@ _KINDS: Final = {
 
 @dataclass(frozen=True)
 class CostRow:
-    """One term; ``x`` and ``width`` place its bar in percent, ``regulariser`` says that the objective is without it."""
+    """One term; ``x`` and ``width`` place its bar in percent, a ``regulariser`` is not in the objective."""
 
     key: str
     name: str
@@ -54,7 +54,7 @@ class CostRow:
 
 
 def cost_rows(summary: PlanMotionSummary) -> list[CostRow]:
-    """The terms of the objective, then the regularisers; empty where the plan tells none."""
+    """The terms of the objective, then the regularisers; empty if the plan has none."""
     terms = in_order(summary.cost_terms)
     low, high = min(0.0, 0.0, *terms.values()), max(0.0, 0.0, *terms.values())
     scale = 100.0 / (high - low or 1.0)
@@ -75,7 +75,7 @@ def cost_rows(summary: PlanMotionSummary) -> list[CostRow]:
 
 
 def in_order(terms: Mapping[str, float]) -> dict[str, float]:
-    """Terms of the motion, of the densities by effector, regularisers; a stored mapping keeps no order."""
+    """Terms in the order of the pages: motion, densities by effector, regularisers."""
     ranks = {"com_acceleration": 0, "momentum_rate": 1} | {name: 3 + k for k, name in enumerate(REGULARISERS)}
     return {key: terms[key] for key in sorted(terms, key=lambda key: (ranks.get(key, 2), key))}
 
@@ -86,14 +86,14 @@ def term_name(key: str) -> str:
 
 
 def seconds(value: float, sign: str = "-") -> str:
-    """A cost, to the four decimals to which solvers agree; a small one to three digits. ``sign`` as in formats."""
+    """A cost in seconds to four decimals, or to three digits if it is small. ``sign`` as in format specifications."""
     if value == 0:
         return "0 s"
     return f"{value:{sign}.3g} s" if 0 < abs(value) < SMALL_S else f"{value:{sign}z.4f} s"
 
 
 def weight_of(key: str, weights: CostWeights | None) -> float | None:
-    """Weight of a term, where it is known."""
+    """Weight of a term, or None if unknown."""
     return None if weights is None else float(getattr(weights, _kind(key).weight))
 
 
@@ -101,7 +101,7 @@ def _kind(key: str) -> _Kind:
     if key in _KINDS:
         return _KINDS[key]
     effector = words(key.removeprefix(DENSITY))
-    return _Kind(f"Unlikelihood, {effector}", "−∫ log p(c) dt", "s", "likelihood", "")
+    return _Kind(f"Negative log-likelihood, {effector}", "−∫ log p(c) dt", "s", "likelihood", "")
 
 
 def _integral(key: str, value: float, weights: CostWeights | None) -> str:

@@ -1,4 +1,4 @@
-"""Durations that the solver chose beside those that were given, as a strip of phases and as a table."""
+"""Durations chosen by the solver beside the given ones, as a strip of phases and as a table."""
 
 import itertools
 from collections.abc import Sequence
@@ -12,7 +12,7 @@ from stridelab_web.formatting import words
 
 @dataclass(frozen=True)
 class DurationRow:
-    """One phase; ``share`` is how many times the given duration was chosen."""
+    """One phase; ``share`` is the chosen duration divided by the given one."""
 
     phase: int
     contacts: str
@@ -34,7 +34,7 @@ class ChosenDurations:
 
 
 def chosen_durations(found: Sequence[PhaseDuration], scenario: Scenario) -> ChosenDurations:
-    """What the page of a plan with free durations shows."""
+    """Values of the page of a plan with free durations."""
     length_s = max(sum(phase.given_s for phase in found), sum(phase.chosen_s for phase in found))
     rows = tuple(
         DurationRow(
@@ -52,8 +52,8 @@ def chosen_durations(found: Sequence[PhaseDuration], scenario: Scenario) -> Chos
         chosen=_bars([phase.chosen_s for phase in found], length_s),
         ticks=intervals.ticks(length_s),
         rows=rows,
-        said=f"Phase {least.phase} takes {least.share:.2f} times what the scenario gives it, phase {most.phase} "
-        f"{most.share:.2f} times; no phase less, none more.",
+        said=f"The durations are between {least.share:.2f} (phase {least.phase}) and {most.share:.2f} times "
+        f"(phase {most.phase}) those of the scenario.",
         length_s=length_s,
     )
 

@@ -1,4 +1,4 @@
-"""The page of one plan: how far it is, and then its certificate, its replay and its curves."""
+"""The page of one plan: its progress, then its certificate, its replay and its curves."""
 
 from typing import Any
 from urllib.parse import urlencode
@@ -26,32 +26,32 @@ SCENARIO_FILE = "scenario.json"
 
 
 async def plan(request: Request) -> Response:
-    """``GET /plans/{id}``; with ``watch`` the page goes on to the viewer as soon as the plan is there.
+    """``GET /plans/{id}``; with ``watch`` the page opens the viewer as soon as the plan is finished.
 
-    ``with`` names another plan, which is then shown beside this one.
+    ``with`` is the id of another plan that is shown beside this one.
     """
     client = client_of(request)
-    found = await client.job(request.path_params["id"])
-    if found.kind != KIND:
-        return RedirectResponse(f"/jobs/{found.id}", status_code=303)
-    result = await client.result(found.id) if found.has_result else None
+    job = await client.job(request.path_params["id"])
+    if job.kind != KIND:
+        return RedirectResponse(f"/jobs/{job.id}", status_code=303)
+    result = await client.result(job.id) if job.has_result else None
     summary = PlanMotionSummary.model_validate(result.summary) if result else None
     other_id = request.query_params.get("with", "")
     facts = PlanFacts(result.input, summary) if result and summary else None
-    pair = await against(client, found, facts, other_id) if facts else None
+    pair = await against(client, job, facts, other_id) if facts else None
     beside = f"?{urlencode({'with': other_id})}" if pair and pair.other else ""
-    watch = f"/view/?plan={found.id}"
+    watch = f"/view/?plan={job.id}"
     moves = summary is not None and (summary.certificate is not None or summary.stopped is not None)
     return page(
         request,
         "pages/plan.html",
         section="Scenarios",
-        job=found,
-        took_s=took_s(found),
+        job=job,
+        took_s=took_s(job),
         result=result,
         summary=summary,
         plots=result is not None,
-        plots_url=f"/plans/{found.id}/plots.json{beside}",
+        plots_url=f"/plans/{job.id}/plots.json{beside}",
         plotly_style_ids=plotly_style_ids() if result else (),
         viewer_url=watch if moves else None,
         then=f"{watch}&play=1" if "watch" in request.query_params else None,
@@ -61,12 +61,12 @@ async def plan(request: Request) -> Response:
         objective=seconds(summary.objective) if summary else "",
         not_minimised=NOT_MINIMISED if facts and facts.wrench else "",
         pair=pair,
-        durations=await _durations(client, found.id, summary),
+        durations=await _durations(client, job.id, summary),
     )
 
 
 async def plots(request: Request) -> Response:
-    """``GET /plans/{id}/plots.json``: the curves of the plan, for its page; those of another one ``with`` them."""
+    """``GET /plans/{id}/plots.json``: the curves of the plan and, with ``with``, of another plan."""
     client = client_of(request)
     job_id = request.path_params["id"]
     result = await client.result(job_id)
@@ -95,9 +95,9 @@ async def _durations(client: AsyncClient, job_id: str, summary: PlanMotionSummar
 
 
 def _stages(summary: PlanMotionSummary | None) -> list[dict[str, Any]]:
-    """Time of every stage with its share of the whole, in percent."""
-    taken = summary.stage_times_s if summary else {}
-    order = [*(name for name in PLAN_STAGES if name in taken), *(name for name in taken if name not in PLAN_STAGES)]
-    times = {name: taken[name] for name in order}
+    """Time of every stage, and its share of the total in percent."""
+    times_s = summary.stage_times_s if summary else {}
+    order = [*(name for name in PLAN_STAGES if name in times_s), *(name for name in times_s if name not in PLAN_STAGES)]
+    times = {name: times_s[name] for name in order}
     whole = sum(times.values()) or 1.0
     return [{"name": name, "time_s": time_s, "share": 100 * time_s / whole} for name, time_s in times.items()]

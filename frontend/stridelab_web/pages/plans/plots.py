@@ -13,14 +13,14 @@ from stridelab_web.scene.plan_frames import com_m
 CENTROIDAL_TABLE: Final = "centroidal.parquet"
 REPLAY_TABLE: Final = "replay.parquet"
 REPLAY_HZ: Final = 50.0
-"""At which the replay is drawn; it was measured more often."""
+"""Sampling rate of the drawn replay."""
 
 _COM = ("com_x_m", "com_y_m", "com_z_m")
 _VELOCITY = ("com_vx_m_s", "com_vy_m_s", "com_vz_m_s")
 _MOMENTUM = ("l_x_nms", "l_y_nms", "l_z_nms")
 
 OTHER: Final = "other_"
-"""Before the names of the second plan's columns, or of the replay's."""
+"""Prefix of the columns of the second plan or of the replay."""
 REPLAYED: Final = "replay"
 _FULL: Final[Sequence[Style]] = ("full1", "full2", "full3", "full4")
 _DASHED: Final[Sequence[Style]] = ("dashed1", "dashed2", "dashed3", "dashed4")
@@ -28,9 +28,9 @@ _SAME_S: Final = 1e-9
 
 
 def plan_curves(columns: Columns, scenario: Scenario, *, steps: bool = True) -> dict[str, Any]:
-    """What the plots need of a ``centroidal`` table; phases with a foot in the air are shaded.
+    """Plot document of a ``centroidal`` table; phases with a foot in the air are shaded.
 
-    ``steps``: forces hold from a node to the next, as they do unless they are splines.
+    With ``steps`` forces are constant between nodes, else they are splines.
     """
     forces = vertical_forces(columns)
     shown: dict[str, np.ndarray] = {**columns, **{f"{name}_fz_n": force for name, force in forces.items()}}
@@ -53,9 +53,9 @@ def plan_curves(columns: Columns, scenario: Scenario, *, steps: bool = True) -> 
 
 
 def pair_curves(first: Columns, second: Columns, scenario: Scenario, *, steps: bool = True) -> dict[str, Any]:
-    """The same of two plans: full the ``first``, whose phases are shaded, dashed the ``second``.
+    """Plot document of two plans: ``first`` with full lines and shaded phases, ``second`` with dashed lines.
 
-    Both are drawn at the nodes of both, each between its own nodes as the plan means it and only while it lasts.
+    Both are evaluated at the nodes of both, each only within its duration.
     """
     time_s = np.unique(np.concatenate([first["time_s"], second["time_s"]]).round(9))
     shown: dict[str, np.ndarray] = {"time_s": time_s}
@@ -79,7 +79,7 @@ def pair_curves(first: Columns, second: Columns, scenario: Scenario, *, steps: b
 
 
 def replayed_curves(columns: Columns, replay: Columns, scenario: Scenario, *, steps: bool = True) -> dict[str, Any]:
-    """The plan, and dashed what its replay in physics measured: the CoM and the force on each effector."""
+    """Plot document of a plan and, dashed, of the CoM and the forces on each effector in its replay in physics."""
     nodes_s = columns["time_s"]
     samples_s = np.arange(0.0, nodes_s[-1], 1.0 / REPLAY_HZ)
     time_s = np.unique(np.concatenate([nodes_s, samples_s]).round(9))
@@ -117,7 +117,7 @@ def replayed_curves(columns: Columns, replay: Columns, scenario: Scenario, *, st
 def _pairs(
     title: str, named: Mapping[str, str], *, legend: bool = True, steps: bool = False, said: str = "other plan"
 ) -> Row:
-    """Curves of the first plan with their names, and of the second, which is ``said`` to be, in the same colours."""
+    """Row with the curves of the first plan and, dashed in the same colours, those of the second."""
     traces: list[Trace] = []
     for k, (name, key) in enumerate(named.items()):
         full, dashed = _FULL[k % len(_FULL)], _DASHED[k % len(_DASHED)]
@@ -126,38 +126,38 @@ def _pairs(
 
 
 def _at(columns: Columns, time_s: np.ndarray) -> dict[str, np.ndarray]:
-    """What is drawn of a plan at ``time_s``, NaN after its end: forces hold from a node to the next."""
+    """Drawn columns of a plan at ``time_s``, NaN after its end; forces are constant between nodes."""
     nodes_s = columns["time_s"]
-    gone = time_s > nodes_s[-1] + _SAME_S
-    found = dict(zip(_COM, com_m(columns, time_s).T, strict=True))
+    after_end = time_s > nodes_s[-1] + _SAME_S
+    by_column = dict(zip(_COM, com_m(columns, time_s).T, strict=True))
     for key in (*_VELOCITY, *_MOMENTUM):
         if key in columns:
-            found[key] = np.interp(time_s, nodes_s, columns[key])
+            by_column[key] = np.interp(time_s, nodes_s, columns[key])
     k = np.clip(np.searchsorted(nodes_s, time_s + _SAME_S, side="right") - 1, 0, len(nodes_s) - 1)
-    found |= {f"{name}_fz_n": force[k] for name, force in vertical_forces(columns).items()}
-    return {key: np.where(gone, np.nan, values) for key, values in found.items()}
+    by_column |= {f"{name}_fz_n": force[k] for name, force in vertical_forces(columns).items()}
+    return {key: np.where(after_end, np.nan, values) for key, values in by_column.items()}
 
 
 def vertical_forces(columns: Columns) -> Mapping[str, np.ndarray]:
     """Vertical force on each effector: the sum over its contact points ``f_<effector>_<k>_z_n``."""
-    found: dict[str, np.ndarray] = {}
+    forces: dict[str, np.ndarray] = {}
     for name, values in columns.items():
         if name.startswith("f_") and name.endswith("_z_n"):
             effector = name.removeprefix("f_").removesuffix("_z_n").rpartition("_")[0]
-            found[effector] = found.get(effector, np.zeros_like(values)) + np.nan_to_num(values)
-    return found
+            forces[effector] = forces.get(effector, np.zeros_like(values)) + np.nan_to_num(values)
+    return forces
 
 
 def in_the_air_s(scenario: Scenario) -> list[tuple[float, float]]:
-    """Intervals in which one of the scenario's feet touches nothing."""
+    """Intervals (s) in which one of the scenario's feet has no contact."""
     feet = {c.effector for phase in scenario.phases for c in phase.contacts if "foot" in c.effector}
-    found, start_s = [], 0.0
+    intervals_s, start_s = [], 0.0
     for phase in scenario.phases:
         end_s = start_s + phase.duration_s
         if feet - {contact.effector for contact in phase.contacts}:
-            found.append((start_s, end_s))
+            intervals_s.append((start_s, end_s))
         start_s = end_s
-    return found
+    return intervals_s
 
 
 def _style(effector: str) -> Style:

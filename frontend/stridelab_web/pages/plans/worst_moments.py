@@ -15,7 +15,7 @@ MARK_PERCENT: Final = 0.5
 
 @dataclass(frozen=True)
 class Moment:
-    """When a check is at its worst; ``text`` says how bad that is, and where."""
+    """The time at which a check is worst; ``text`` has its value and place."""
 
     time_s: float
     text: str
@@ -23,17 +23,17 @@ class Moment:
 
 
 def moments_of(result: JobResult) -> list[Moment]:
-    """Of all checks that have an instant: what failed first, then in the order of the certificate."""
+    """Worst moments of all checks that have a time: failed checks first, then in the order of the certificate."""
     if result.kind != "plan-motion":
         return []
     certificate = PlanMotionSummary.model_validate(result.summary).certificate
     checks = certificate.checks if certificate is not None else []
-    found = [Moment(check.time_s, _said(check), check.passed) for check in checks if check.time_s is not None]
-    return sorted(found, key=lambda moment: moment.passed)
+    moments = [Moment(check.time_s, _said(check), check.passed) for check in checks if check.time_s is not None]
+    return sorted(moments, key=lambda moment: moment.passed)
 
 
 def check_rows(moments: Sequence[Moment], duration_s: float) -> list[Row]:
-    """One row of marks, those of failed checks last, on top; none without moments."""
+    """One row of marks, failed checks last and on top; empty without moments."""
     if not moments or duration_s <= 0.0:
         return []
     bars = tuple(
@@ -47,8 +47,8 @@ def check_rows(moments: Sequence[Moment], duration_s: float) -> list[Row]:
         for moment in reversed(moments)
     )
     failed = sum(not moment.passed for moment in moments)
-    said = f"Worst moments of {counted(len(moments), 'check')}, {failed} of them failed"
-    return [Row("Checks", bars, said, "check")]
+    text = f"Worst moments of {counted(len(moments), 'check')}, {failed} of them failed"
+    return [Row("Checks", bars, text, "check")]
 
 
 def _said(check: CertificateCheck) -> str:

@@ -54,7 +54,7 @@ READINGS = (
 
 
 def com_curves(columns: Columns, summary: Mapping[str, Any]) -> dict[str, Any]:
-    """What the plots need of a ``com`` table and the summary of its job; the window is shaded."""
+    """Plot document of a ``com`` table and the summary of its job; the window is shaded."""
     fused = {
         f"fused_force_{axis}_n": np.asarray(summary["mass_kg"] * (columns[f"a{axis}_m_s2"] - GRAVITY_M_S2[axis]))
         for axis in "xyz"

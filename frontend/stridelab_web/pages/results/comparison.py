@@ -1,4 +1,4 @@
-"""What the page of a job adds for a comparison: its tables, and the figures one can choose from."""
+"""Comparison of estimators on the page of a job: its tables, and the figures to choose from."""
 
 from typing import Any, Final
 
@@ -18,7 +18,7 @@ KIND: Final = "compare-estimators"
 
 
 def comparison_of(job_id: str, result: JobResult, chosen: str) -> dict[str, Any]:
-    """Values for the template; ``chosen`` names the figure to show, the first one where it names none."""
+    """Values for the template; ``chosen`` is the key of the figure to show, by default the first one."""
     summary = _summary(result)
     present = {item.name for item in result.artifacts}
     offered = {key: figure for key, figure in FIGURES.items() if figure.table in present}
@@ -42,19 +42,19 @@ def comparison_of(job_id: str, result: JobResult, chosen: str) -> dict[str, Any]
 async def figure(request: Request) -> Response:
     """``GET /jobs/{id}/figures/{name}.json``: the curves of one figure."""
     client, job_id = client_of(request), request.path_params["id"]
-    found = FIGURES.get(request.path_params["name"])
+    view = FIGURES.get(request.path_params["name"])
     result = await client.result(job_id)
-    if found is None or all(item.name != found.table for item in result.artifacts):
+    if view is None or all(item.name != view.table for item in result.artifacts):
         raise HTTPException(404, "This job has no such figure.")
     summary = _summary(result)
-    content = await client.read_artifact(job_id, found.table)
-    drawn = await run_in_threadpool(lambda: found.draw(read_columns(content), summary))
+    content = await client.read_artifact(job_id, view.table)
+    drawn = await run_in_threadpool(lambda: view.draw(read_columns(content), summary))
     return JSONResponse(drawn, headers={"Cache-Control": "private, max-age=600"})
 
 
 def _summary(result: JobResult) -> CompareEstimatorsSummary:
-    """The summary with its methods in the order of the pages, unknown ones last; a stored mapping keeps none."""
-    found = CompareEstimatorsSummary.model_validate(result.summary)
-    known = {name: place for place, name in enumerate(STYLES)}
-    names = sorted(found.methods, key=lambda name: (known.get(name, len(known)), name))
-    return found.model_copy(update={"methods": {name: found.methods[name] for name in names}})
+    """The summary with its methods in the order of the pages, unknown ones last."""
+    summary = CompareEstimatorsSummary.model_validate(result.summary)
+    rank = {name: place for place, name in enumerate(STYLES)}
+    names = sorted(summary.methods, key=lambda name: (rank.get(name, len(rank)), name))
+    return summary.model_copy(update={"methods": {name: summary.methods[name] for name in names}})

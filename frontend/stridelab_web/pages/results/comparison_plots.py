@@ -26,13 +26,13 @@ INPUTS: Final[Mapping[str, tuple[str, Style]]] = {
 FREQUENCY = Abscissa("frequency_hz", "frequency [Hz]", "f", "Hz", 2, log=True)
 DIGITS = 6
 LEAST_M = 1e-8
-"""Amplitudes per root hertz below a hundred-thousandth of a millimetre are not drawn."""
+"""Minimum amplitude per root hertz that is drawn."""
 READINGS: Final = "The cursor reads x, y, z in the world frame."
 
 
 @dataclass(frozen=True)
 class Figure:
-    """One view of the comparison: the table it is drawn from, what to call it, what it shows, and how."""
+    """One view of the comparison: its table, title, description and hint, and the function that draws it."""
 
     table: str
     title: str
@@ -42,11 +42,11 @@ class Figure:
 
 
 def spectra(columns: Columns, summary: CompareEstimatorsSummary) -> dict[str, Any]:
-    """Amplitude densities (figure 2.6), both axes by decades; a constant has no place on them and is left out."""
-    there = columns["frequency_hz"] > 0
-    shown = {name: _positive(values[there]) for name, values in columns.items() if name.endswith("_m_rthz")}
+    """Amplitude densities (figure 2.6), on logarithmic axes, without the constant component."""
+    positive = columns["frequency_hz"] > 0
+    shown = {name: _positive(values[positive]) for name, values in columns.items() if name.endswith("_m_rthz")}
     shown = {name: values if name == "frequency_hz" else 1000 * values for name, values in shown.items()}
-    shown["frequency_hz"] = columns["frequency_hz"][there]
+    shown["frequency_hz"] = columns["frequency_hz"][positive]
     rows = [Row(f"{axis} [mm/√Hz]", _traces(summary, axis, "_m_rthz"), log=True) for axis in "xyz"]
     return _drawing(shown, rows, _switches(summary), _readings(summary, "_m_rthz", "mm/√Hz"), FREQUENCY)
 
@@ -65,7 +65,7 @@ def deviations(columns: Columns, summary: CompareEstimatorsSummary) -> dict[str,
 
 
 def contributions(columns: Columns, _: CompareEstimatorsSummary) -> dict[str, Any]:
-    """What each input gives to the complementary filter (figure 2.7)."""
+    """Contribution of each input to the complementary filter (figure 2.7)."""
     rows = []
     for axis in "xyz":
         parts = [Trace(f"{key}_{axis}_m", name, style, group=key) for key, (name, style) in INPUTS.items()]
@@ -109,8 +109,8 @@ FIGURES: Final[Mapping[str, Figure]] = {
     "contributions": Figure(
         "contributions.parquet",
         "Contributions",
-        "What each input gives to the complementary filter over time.",
-        f"What each input gives to the complementary filter; together they are its result. {READINGS}",
+        "Contribution of each input to the complementary filter over time.",
+        f"Contribution of each input to the complementary filter; their sum is its result. {READINGS}",
         contributions,
     ),
     "filters": Figure(
@@ -121,7 +121,7 @@ FIGURES: Final[Mapping[str, Figure]] = {
         filters,
     ),
 }
-"""The views, the first one shown unless another is asked for."""
+"""The views; the first one is the default."""
 
 
 def _traces(summary: CompareEstimatorsSummary, axis: str, after: str) -> tuple[Trace, ...]:
@@ -153,7 +153,7 @@ def _drawing(
 
 
 def _positive(values: np.ndarray) -> np.ndarray:
-    """NaN in the place of what is nothing but rounding and would set the scale."""
+    """Replace rounding noise, which would set the scale, by NaN."""
     return np.where(values > LEAST_M, values, np.nan)
 
 

@@ -1,4 +1,4 @@
-"""A comparison as tables: a row per method, figures in groups of columns, horizontal and vertical never in one."""
+"""A comparison as tables: a row per method, figures in groups of columns."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ Values = tuple[float | None, ...]
 
 @dataclass(frozen=True)
 class Cell:
-    """A figure as text; ``best`` marks the smallest of its column where smaller is better beyond doubt."""
+    """A figure as text; ``best`` marks the smallest of its column if smaller is better."""
 
     text: str
     best: bool = False
@@ -46,7 +46,7 @@ def against_truth(summary: CompareEstimatorsSummary) -> list[Group]:
 
 
 def against_physics(summary: CompareEstimatorsSummary) -> list[Group]:
-    """What can be checked without a truth; groups of which nothing applies are left out."""
+    """Checks that need no truth; groups without values are left out."""
     return _groups(summary, _PHYSICS)
 
 
@@ -84,12 +84,12 @@ _PHYSICS: Final = (
 
 
 def _groups(summary: CompareEstimatorsSummary, figures: tuple[_Figure, ...]) -> list[Group]:
-    found = []
+    groups = []
     for figure in figures:
         rows = {name: figure.read(one) for name, one in summary.methods.items()}
         if any(value is not None for row in rows.values() if row for value in row):
-            found.append(Group(figure.title, figure.columns, _cells(figure, rows)))
-    return found
+            groups.append(Group(figure.title, figure.columns, _cells(figure, rows)))
+    return groups
 
 
 def _cells(figure: _Figure, rows: Mapping[str, Values | None]) -> dict[str, tuple[Cell, ...]]:

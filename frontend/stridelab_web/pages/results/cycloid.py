@@ -1,4 +1,4 @@
-"""What the page of a job adds for the rolling wheel: every step, and one of them in pictures."""
+"""The rolling wheel on the page of a job: all steps, and charts of one of them."""
 
 from typing import Any, Final
 
@@ -24,7 +24,7 @@ SOURCES: Final = {"plates": "Plates", "markers": "Markers", "mixed": "Plates and
 
 
 async def cycloid_of(client: AsyncClient, job_id: str, result: JobResult, asked: str) -> dict[str, Any]:
-    """Values for the template; ``asked`` is the number of the step to show, from 1, the first one where it is none."""
+    """Values for the template; shows the step of the given number (from 1), or the first one."""
     summary = FitCycloidSummary.model_validate(result.summary)
     steps = steps_of(summary)
     number = int(asked) if asked.isdecimal() and 1 <= int(asked) <= len(steps) else 1

@@ -1,4 +1,4 @@
-"""Pictures of one step: the wheel at true scale, the path stretched (fig. 3.5), what is left, and theta (fig. 3.9a)."""
+"""Charts of one step: the wheel at true scale, the path stretched (fig. 3.5), residuals, and theta (fig. 3.9a)."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -14,12 +14,12 @@ WHEEL_TABLE: Final = "wheel.parquet"
 MM = 1000.0
 WIDE_PX, HALF_PX, TALL_PX = 920.0, 560.0, 290.0
 SAMPLES_SHOWN: Final = 40
-"""Measured samples that are drawn as dots; the others lie between them."""
+"""Maximum number of measured samples that are drawn as dots."""
 
 
 @dataclass(frozen=True)
 class StepCharts:
-    """The four pictures; ``stretched`` says how much larger heights are drawn than lengths in ``rescaled``."""
+    """The four charts; ``stretched`` is the vertical scale over the horizontal one in ``rescaled``."""
 
     true_scale: Chart
     rescaled: Chart
@@ -31,7 +31,7 @@ class StepCharts:
 
 
 def samples_of(columns: Columns, step: WheelStep) -> Columns:
-    """The rows of ``wheel.parquet`` that belong to ``step``: those of the number that most rows of its time have."""
+    """The rows of ``wheel.parquet`` that belong to ``step``: those with the most frequent number in its interval."""
     time, number = columns["time_s"], columns["step"]
     inside = (time >= step.fit.t0_s - 1e-3) & (time <= step.fit.t1_s + 1e-3)
     if not inside.any():
@@ -42,7 +42,7 @@ def samples_of(columns: Columns, step: WheelStep) -> Columns:
 
 
 def draw_step(samples: Columns, step: WheelStep) -> StepCharts:
-    """All pictures of a step; ``samples`` are its rows of ``wheel.parquet``, at least two."""
+    """All charts of a step; ``samples`` are its rows of ``wheel.parquet``, at least two."""
     time, theta = samples["time_s"], samples["theta_rad"]
     omega, theta0 = np.polyfit(time - time[0], theta, 1)
     line = theta0 + omega * (time - time[0])
@@ -66,7 +66,7 @@ def _true_scale(samples: Columns, R_m: float, step: WheelStep) -> Chart:
     size = abs(R_m)
     x = span_of(ahead, hub - size, hub + size, share=0.02)
     y = (z0 - size - 0.03, max(z0 + size, float(samples["z_m"].max())) + 0.02)
-    canvas = Canvas(x, y, "Way ahead since the step began [m]", "Height [m]", WIDE_PX, true_scale=True)
+    canvas = Canvas(x, y, "Distance ahead since the step began [m]", "Height [m]", WIDE_PX, true_scale=True)
     canvas.level(z0 - size, *x, "ground")
     canvas.level(z0, float(hub.min()), float(hub.max()), "hub-line")
     for k in _instants(samples["theta_rad"]):
@@ -80,7 +80,7 @@ def _true_scale(samples: Columns, R_m: float, step: WheelStep) -> Chart:
 
 
 def _instants(theta: np.ndarray) -> list[int]:
-    """First and last sample, and that nearest to each lowest and highest point between."""
+    """Indices of the first and last sample, and of those nearest to the lowest and highest points between."""
     turns = np.arange(np.ceil(theta.min() / np.pi), np.floor(theta.max() / np.pi) + 1) * np.pi
     between = [int(np.argmin(np.abs(theta - angle))) for angle in turns]
     apart = max(len(theta) // 12, 1)
@@ -93,7 +93,7 @@ def _rescaled(samples: Columns, step: WheelStep) -> tuple[Chart, float]:
     up, model = MM * (samples["z_m"] - z0), MM * (samples["model_z_m"] - z0)
     canvas = Canvas(
         span_of(ahead, point, share=0.03), span_of(up, model, least=10.0),
-        "Way ahead since the step began [m]", "Height over the hub [mm]", HALF_PX, TALL_PX,
+        "Distance ahead since the step began [m]", "Height over the hub [mm]", HALF_PX, TALL_PX,
     )  # fmt: skip
     canvas.level(0.0, *canvas.x_range, "hub-line")
     canvas.curve(point, model, "wheel", "point on the wheel")
@@ -116,7 +116,7 @@ def _residuals(samples: Columns, step: WheelStep) -> Chart:
     canvas.level(0.0, *canvas.x_range, "zero")
     canvas.curve(time, ahead, "ahead", "ahead")
     canvas.curve(time, up, "up", "up")
-    return canvas.chart(f"{step.name}: what the path leaves over, ahead and up, over time.")
+    return canvas.chart(f"{step.name}: residuals of the path, ahead and up, over time.")
 
 
 def _theta(samples: Columns, line: np.ndarray, step: WheelStep) -> Chart:
@@ -132,7 +132,7 @@ def _theta(samples: Columns, line: np.ndarray, step: WheelStep) -> Chart:
 
 
 def _double_support(canvas: Canvas, step: WheelStep) -> None:
-    """Shades the measured double support, and the thesis' rule as far as it says something."""
+    """Shade the measured double support, and mark the instants of the thesis' rule."""
     start, end = step.fit.double_support_s
     canvas.shade(start, end, "double", f"both feet down, {start:.3f} s to {end:.3f} s")
     for timing in step.timings:

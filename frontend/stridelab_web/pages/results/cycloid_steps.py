@@ -1,7 +1,4 @@
-"""The steps of a fit-cycloid result, as its page shows them.
-
-How the rolling wheel is written on the pages: its parameters, the models beside it, flags in sentences.
-"""
+"""The steps of a fit-cycloid result as text: parameters of the wheel, rival models, and flags."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -14,12 +11,12 @@ from stridelab_web.formatting import words
 
 MS = 1000.0
 NOTICED_S = 0.015
-"""What a step may lack at its ends without being told: a sample or two."""
+"""Duration at the ends of a step that the fit may leave out without a notice: one or two samples."""
 
 
 @dataclass(frozen=True)
 class Values:
-    """One line of the table of a wheel, in words: path with both deviations, other branch, and both as clocks."""
+    """One row of the table of a wheel, as text: the path with both deviations, and the other three fits."""
 
     key: str
     name: str
@@ -39,13 +36,13 @@ class Timing:
 
     @property
     def error_ms(self) -> float | None:
-        """The rule minus what was measured."""
+        """The rule minus the measurement."""
         return None if self.rule_s is None else MS * (self.rule_s - self.measured_s)
 
 
 @dataclass(frozen=True)
 class Entrant:
-    """One curve of a contest; ``best`` names the columns in which it is the smallest, ``wins`` counts steps by AIC."""
+    """One curve of a contest; ``best`` has the columns in which it is smallest, ``wins`` counts steps won by AIC."""
 
     rival: Rival
     name: str
@@ -78,12 +75,12 @@ class WheelStep:
 
     @property
     def flags(self) -> tuple[str, ...]:
-        """Sentences."""
+        """Flags of the step as sentences."""
         return tuple(flag(code) for code in self.fit.flags)
 
     @property
     def partly_fitted(self) -> bool:
-        """Whether the fit left out some of the step."""
+        """Whether the fit left out a part of the step."""
         start_s, end_s = self.fit.fitted_s
         return start_s - self.fit.t0_s > NOTICED_S or self.fit.t1_s - end_s > NOTICED_S
 
@@ -94,7 +91,7 @@ class WheelStep:
         return (Timing("Start", measured[0], rule[0]), Timing("End", measured[1], rule[1]))
 
     def get(self, key: str) -> float:
-        """One of ``PARAMETERS``."""
+        """Value of one of ``PARAMETERS``."""
         return float(getattr(self.fit, key))
 
 
@@ -109,7 +106,7 @@ def medians_of(steps: Sequence[WheelStep]) -> dict[str, float]:
 
 
 def values_of(step: WheelStep, scatter: StepScatter | None) -> tuple[Values, ...]:
-    """R, r, z0, omega and the distances of ``step``; ``scatter`` is that between the steps of the recording."""
+    """R, r, z0, omega and the distances of ``step``; ``scatter`` is the scatter between the steps of the recording."""
     fit = step.fit
     others = (fit.reversed, fit.timed, fit.reversed_timed)
 
@@ -133,14 +130,14 @@ def values_of(step: WheelStep, scatter: StepScatter | None) -> tuple[Values, ...
 
 def contests_of(step: WheelStep, steps: Sequence[WheelStep]) -> tuple[Contest, ...]:
     """The models of ``step`` in path and in time, and how often each is the best of all ``steps``."""
-    found = []
+    contests = []
     for space, (title, hint) in SPACES.items():
         rivals = _rivals(step, space)
         if rivals:
             wins = Counter(_best(one, space) for one in steps if _rivals(one, space))
             entrants = tuple(_entrant(one, rivals, wins[one.model]) for one in rivals)
-            found.append(Contest(space, title, hint, entrants))
-    return tuple(found)
+            contests.append(Contest(space, title, hint, entrants))
+    return tuple(contests)
 
 
 def _entrant(one: Rival, rivals: Sequence[Rival], wins: int) -> Entrant:
@@ -181,7 +178,7 @@ class Parameter:
         return f"{letter}_sd_{unit}"
 
     def text(self, value: float | None) -> str:
-        """``value`` in the shown unit; a dash where there is none."""
+        """``value`` in the shown unit; a dash for None."""
         return "–" if value is None else f"{self.factor * value:z.{self.digits}f}"
 
 
@@ -200,32 +197,32 @@ MODELS: Final = {
     "wheel-reversed": "wheel, s = −1",
 }
 SPACES: Final = {
-    "path": ("As a path", "Height as a function of the way ahead; vertical errors only."),
-    "time": ("As a clock", "Ahead and up as functions of time; the wheel turns evenly."),
+    "path": ("As a path", "Height as a function of the distance ahead; vertical errors only."),
+    "time": ("Over time", "Ahead and up as functions of time; the wheel turns uniformly."),
 }
 FLAGS: Final = {
-    "path-not-converged": "The fit of the path did not settle within its iterations.",
-    "r-too-large": "r exceeds 10 cm: nobody's centre of mass goes up and down by 20 cm in a walk.",
-    "r-too-small": "r is below a millimetre: the centre of mass hardly goes up and down.",
-    "part-of-a-turn": "The wheel does less than three quarters of a turn in this step.",
-    "far-from-the-wheel": "The path keeps more than 4 mm from the wheel on average: this is no curtate cycloid.",
-    "backwards": "R is negative: the walk goes against the direction that was found.",
-    "not-curtate": "r is not between zero and R: the curve is no curtate cycloid.",
+    "path-not-converged": "The fit of the path did not converge within its iterations.",
+    "r-too-large": "r exceeds 10 cm: no centre of mass moves up and down by 20 cm in a walk.",
+    "r-too-small": "r is below a millimetre: the centre of mass hardly moves up and down.",
+    "part-of-a-turn": "The wheel makes less than three quarters of a turn in this step.",
+    "far-from-the-wheel": "The path is more than 4 mm from the wheel on average: it is not a curtate cycloid.",
+    "backwards": "R is negative: the walk goes against the estimated direction.",
+    "not-curtate": "r is not between zero and R: the curve is not a curtate cycloid.",
     "theta-not-monotone": "The angle does not increase throughout: the wheel would have to roll back.",
     "timed-omega-low": (
-        "A wheel that turns evenly stops at the lowest angular velocity allowed: the step has another clock."
+        "With uniform rotation the angular velocity is at its lower bound: the wheel does not turn uniformly."
     ),
     "timed-omega-high": (
-        "A wheel that turns evenly stops at the highest angular velocity allowed: the step has another clock."
+        "With uniform rotation the angular velocity is at its upper bound: the wheel does not turn uniformly."
     ),
 }
 
 
 def flag(code: str) -> str:
-    """What a flag of a step means."""
+    """Sentence of a flag of a step."""
     return FLAGS.get(code, words(code).capitalize() + ".")
 
 
 def model(code: str) -> str:
-    """Name of a curve that is held beside the wheel."""
+    """Name of a curve that is compared with the wheel."""
     return MODELS.get(code, words(code))

@@ -1,4 +1,4 @@
-"""Populations: the page of a finished study, and the form that starts one from chosen recordings."""
+"""Populations: the page of a study, and the form that starts one from chosen recordings."""
 
 from typing import Any, Final
 
@@ -27,16 +27,16 @@ FORMATS: Final = (("csv", "CSV"), ("parquet", "Parquet"))
 async def population(request: Request) -> Response:
     """``GET /population/{id}``."""
     client = client_of(request)
-    found = await client.job(request.path_params["id"])
-    if found.kind != KIND:
-        return RedirectResponse(f"/jobs/{found.id}", status_code=303)
-    result = await client.result(found.id) if found.state == "succeeded" else None
-    took = found.finished_at - found.started_at if found.started_at and found.finished_at else None
+    job = await client.job(request.path_params["id"])
+    if job.kind != KIND:
+        return RedirectResponse(f"/jobs/{job.id}", status_code=303)
+    result = await client.result(job.id) if job.state == "succeeded" else None
+    took = job.finished_at - job.started_at if job.started_at and job.finished_at else None
     return page(
         request,
         "pages/population.html",
         section="Population",
-        job=found,
+        job=job,
         took_s=None if took is None else took.total_seconds(),
         result=result,
         quality=None if result is None else shown_quality(result.summary),
@@ -45,18 +45,18 @@ async def population(request: Request) -> Response:
 
 
 async def new(request: Request) -> Response:
-    """``GET /population``: recordings to choose from, those named as ``recording=`` chosen; and the studies so far.
+    """``GET /population``: recordings to choose from, with those of ``recording=`` chosen, and the studies so far.
 
-    ``cursor=`` names a later page of the recordings; those that were chosen are on every page.
+    ``cursor=`` selects a later page of the recordings; the chosen ones are on every page.
     """
-    asked = request.query_params.getlist("recording")
+    requested = request.query_params.getlist("recording")
     client = client_of(request)
     listed = await client.recordings(limit=OFFERED, cursor=request.query_params.get("cursor"))
     shown = {item.id: item for item in listed.items}
-    for recording_id in dict.fromkeys(asked):
+    for recording_id in dict.fromkeys(requested):
         if recording_id not in shown:
             shown |= await _known(client, recording_id)
-    chosen = set(asked)
+    chosen = set(requested)
     ordered = sorted(shown.values(), key=lambda item: item.id not in chosen)
     return page(
         request,
@@ -72,7 +72,7 @@ async def new(request: Request) -> Response:
 
 
 async def _known(client: AsyncClient, recording_id: str) -> dict[str, Recording]:
-    """One recording by its id, or nothing where it is gone."""
+    """One recording by its id; empty if it was deleted."""
     try:
         return {recording_id: await client.recording(recording_id)}
     except ProblemError as refusal:
@@ -104,5 +104,5 @@ def _study(result: JobResult, asked: str) -> dict[str, Any]:
 
 
 def _person(recording: Recording) -> str:
-    """Who probably walked: the pseudonym, else the name of the file, which keeps strangers apart."""
+    """Proposed subject: the pseudonym, else the file name, so that unknown subjects stay separate."""
     return recording.subject.name or recording.filename.rpartition(".")[0] or recording.filename

@@ -14,7 +14,7 @@ TICKS: Final = 6
 MS: Final = 1000.0
 
 Reading = Callable[[SubjectResult], tuple[float | None, float | None]]
-"""The value of a person and its standard deviation."""
+"""Returns the value of a subject and its standard deviation."""
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class Bar:
 
 @dataclass(frozen=True)
 class Bars:
-    """All people of whom the value is known; ``line`` is where the value of the thesis, or zero, stands."""
+    """Bars of all subjects with a value; ``line`` is the position of the thesis' value, or of zero."""
 
     key: str
     title: str
@@ -43,7 +43,7 @@ class Bars:
 
 
 def bars_of(subjects: Sequence[SubjectResult]) -> tuple[Bars, ...]:
-    """The figures of which anything is known: distance from the wheel, and both ends of double support."""
+    """The figures that have data: distance from the wheel, and both ends of double support."""
     wanted: tuple[tuple[str, str, str, Reading, float], ...] = (
         (
             "distance",
@@ -67,12 +67,12 @@ def bars_of(subjects: Sequence[SubjectResult]) -> tuple[Bars, ...]:
             0.0,
         ),
     )
-    found = []
+    figures = []
     for key, title, hint, read, line in wanted:
-        known = [(s, value, sd or 0.0) for s in subjects for value, sd in (read(s),) if value is not None]
-        if known:
-            found.append(_drawn(key, title, hint, subjects, known, line))
-    return tuple(found)
+        values = [(s, value, sd or 0.0) for s in subjects for value, sd in (read(s),) if value is not None]
+        if values:
+            figures.append(_drawn(key, title, hint, subjects, values, line))
+    return tuple(figures)
 
 
 def _drawn(
@@ -93,11 +93,11 @@ def _drawn(
         return round(100 * (value - low) / (high - low), 2)
 
     bars = []
-    for who, value, sd in known:
-        group, start = look[who.group], max(value - sd, low)
-        said = f"{who.subject}: {value:z.2f}, standard deviation {sd:.2f}"
+    for subject, value, sd in known:
+        group, start = look[subject.group], max(value - sd, low)
+        description = f"{subject.subject}: {value:z.2f}, standard deviation {sd:.2f}"
         width = round(at(value + sd) - at(start), 2)
-        bars.append(Bar(who.subject, group.css, group.shape, at(value), at(start), width, said))
+        bars.append(Bar(subject.subject, group.css, group.shape, at(value), at(start), width, description))
     marks = tuple((at(value), text) for value, text in ticks((low, high), TICKS))
     return Bars(key, title, hint, tuple(bars), marks, at(line))
 

@@ -1,4 +1,4 @@
-"""Who is who in a population: every person as a mark with error bars, groups apart by colour and by shape."""
+"""Scatter charts of a population: a mark with error bars per subject, groups by colour and shape."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,13 +12,13 @@ from stridelab_web.pages.results.cycloid_steps import PARAMETERS, Parameter
 
 WIDTH_PX, HEIGHT_PX = 560.0, 330.0
 COLOURS: Final = 6
-"""Classes ``group0`` to ``group5`` of the style sheet; more groups begin anew."""
+"""Classes ``group0`` to ``group5`` of the style sheet; further groups reuse them."""
 LEAST_FOR_LINE: Final = 3
 
 
 @dataclass(frozen=True)
 class Against:
-    """What the wheel is held against."""
+    """A quantity that the wheel's parameters are plotted against."""
 
     key: str
     name: str
@@ -40,7 +40,7 @@ AGAINST: Final = (
 
 @dataclass(frozen=True)
 class Group:
-    """A group with its look."""
+    """A group with its class and shape."""
 
     name: str
     css: str
@@ -58,30 +58,32 @@ def groups_of(subjects: Sequence[SubjectResult]) -> dict[str, Group]:
 
 
 def charts_against(subjects: Sequence[SubjectResult], against: Against) -> list[tuple[Parameter, Chart]]:
-    """R, r, z0 and omega against one number, where anybody has both."""
+    """R, r, z0 and omega against one quantity, if any subject has both."""
     drawn = ((parameter, scatter(subjects, against, parameter)) for parameter in PARAMETERS)
     return [(parameter, chart) for parameter, chart in drawn if chart is not None]
 
 
 def scatter(subjects: Sequence[SubjectResult], against: Against, parameter: Parameter) -> Chart | None:
-    """One parameter against one number of the person, with deviations over steps and a line per group."""
-    known = [subject for subject in subjects if getattr(subject, against.key) is not None]
-    if not known:
+    """One parameter against one quantity of the subjects, with deviations over steps and a line per group."""
+    shown = [subject for subject in subjects if getattr(subject, against.key) is not None]
+    if not shown:
         return None
-    x = np.array([getattr(s, against.key) for s in known], dtype=float)
-    y = parameter.factor * np.array([getattr(s, parameter.key) for s in known], dtype=float)
-    sd = parameter.factor * np.array([getattr(s, parameter.sd_key) or 0.0 for s in known], dtype=float)
+    x = np.array([getattr(s, against.key) for s in shown], dtype=float)
+    y = parameter.factor * np.array([getattr(s, parameter.key) for s in shown], dtype=float)
+    sd = parameter.factor * np.array([getattr(s, parameter.sd_key) or 0.0 for s in shown], dtype=float)
     x_range, y_range = span_of(x, least=0.02), span_of(y - sd, y + sd, least=1e-3)
     canvas = Canvas(x_range, y_range, against.title, parameter.title, WIDTH_PX, HEIGHT_PX)
-    names = np.array([subject.group for subject in known])
+    names = np.array([subject.group for subject in shown])
     for group in groups_of(subjects).values():
-        mine = names == group.name
-        _line(canvas, x[mine], y[mine], group)
-        for k in np.flatnonzero(mine):
-            who = known[int(k)]
+        in_group = names == group.name
+        _line(canvas, x[in_group], y[in_group], group)
+        for k in np.flatnonzero(in_group):
+            person = shown[int(k)]
             canvas.upright(float(x[k]), float(y[k] - sd[k]), float(y[k] + sd[k]), f"error {group.css}")
-            canvas.mark(float(x[k]), float(y[k]), group.css, group.shape, _words(who, parameter, against), who.subject)
-    return canvas.chart(f"{parameter.letter}, {parameter.said}, against {against.name.lower()} of {len(known)} people.")
+            canvas.mark(
+                float(x[k]), float(y[k]), group.css, group.shape, _words(person, parameter, against), person.subject
+            )
+    return canvas.chart(f"{parameter.letter}, {parameter.said}, against {against.name.lower()} of {len(shown)} people.")
 
 
 def _line(canvas: Canvas, x: np.ndarray, y: np.ndarray, group: Group) -> None:

@@ -1,4 +1,4 @@
-"""Correlations and mixed models of a population in words, with the thesis' values beside."""
+"""Correlations and mixed models of a population as text, with the thesis' values."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,14 +15,14 @@ THESIS_P: Final = {
     ("z0_m", "height_m"): "p ≤ 0.001",
     ("omega_rad_s", "height_m"): "weak, p ≥ 0.83",
 }
-"""What the thesis says of chance (figs. 3.7 to 3.9); for omega it prints no coefficient."""
+"""The p values of the thesis (figs. 3.7 to 3.9), which prints no coefficient for omega."""
 LETTERS: Final = {p.key: p.letter for p in PARAMETERS}
 PLACES: Final = {a.key: a.name.lower() for a in AGAINST}
 
 
 @dataclass(frozen=True)
 class Row:
-    """One correlation in words; ``clear`` where its interval leaves out zero. Ranks and partials carry intervals."""
+    """One correlation as text; ``clear`` if its interval excludes zero. Ranks and partials have intervals."""
 
     pair: CorrelationResult
     letter: str
@@ -40,7 +40,7 @@ class Row:
 
 @dataclass(frozen=True)
 class ModelRow:
-    """One mixed model in words."""
+    """One mixed model as text."""
 
     model: MixedModelResult
     letter: str
@@ -51,7 +51,7 @@ class ModelRow:
 
 
 def correlation_rows(summary: StudyPopulationSummary) -> tuple[Row, ...]:
-    """All correlations in the order of the pages: by group, parameter, and what it is held against."""
+    """All correlations in the order of the pages: by group, parameter, and quantity."""
     groups = list(dict.fromkeys(pair.group for pair in summary.correlations))
     letters, places = list(LETTERS), list(PLACES)
 
@@ -65,8 +65,8 @@ def _row(pair: CorrelationResult) -> Row:
     partials = {one.on: (f"{one.r:+.2f}", interval(one.ci95)) for one in pair.partial}
     ranks = ("–", "") if pair.spearman is None else (f"{pair.spearman:+.2f}", interval(pair.spearman_ci95))
     thesis = [] if pair.thesis is None else [f"{pair.thesis:.2f}"]
-    if said := THESIS_P.get((pair.parameter, pair.against)):
-        thesis.append(said)
+    if thesis_p := THESIS_P.get((pair.parameter, pair.against)):
+        thesis.append(thesis_p)
     return Row(
         pair=pair,
         letter=LETTERS[pair.parameter],
@@ -101,7 +101,7 @@ def _model_row(one: MixedModelResult, parameter: Parameter) -> ModelRow:
 
 
 def interval(bounds: Sequence[float] | None) -> str:
-    """An interval with two decimals; empty where there is none."""
+    """An interval with two decimals; empty for None."""
     return "" if bounds is None else f"[{bounds[0]:z.2f}, {bounds[1]:z.2f}]"
 
 

@@ -1,4 +1,4 @@
-"""Whether the sensors of a recording agree, as the pages show it: before any number."""
+"""Agreement of the sensors of a recording, as the pages show it above any number."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -7,7 +7,7 @@ from typing import Any, Final
 from stridelab.schemas.quality import Quality, QualityCheck
 
 NAMES: Final[Mapping[str, str]] = {
-    "normalised_innovations": "Innovations of the smoother",
+    "normalised_innovations": "Consistency of sensors with the model (1 = as expected)",
     "force_residual": "Force residual of the result",
     "acceleration_difference": "Force residual of the markers alone",
     "horizontal_bias": "Fused from markers, horizontally",
@@ -29,14 +29,14 @@ SHARES: Final = frozenset(
         "leg_length_change",
     }
 )
-"""Ratios that are read as per cent."""
+"""Checks whose ratios are shown in percent."""
 TITLES: Final[Mapping[str, str]] = {
     "good": "The sensors agree",
     "doubtful": "Not every check passes",
     "contradicted": "The sensors contradict each other: do not use these numbers",
 }
 VERDICT_CODES: Final = frozenset({"doubtful", "contradicted"})
-"""Codes of the remark that states the verdict: the list of remarks does not repeat it."""
+"""Codes of the remark that states the verdict: lists of remarks leave it out."""
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class Row:
 
 @dataclass(frozen=True)
 class ShownQuality:
-    """The verdict with its title, the reasons that are not good, all checks, and those that were not possible."""
+    """The verdict with its title, the reasons against the result, all checks, and those that were not possible."""
 
     verdict: str
     title: str
@@ -63,7 +63,7 @@ class ShownQuality:
 
 
 def shown_quality(summary: Mapping[str, Any]) -> ShownQuality | None:
-    """The quality of a result; None where the result is not of a recording, or of a version without checks."""
+    """The quality of a result; None for results without a recording, and of versions without checks."""
     if summary.get("quality") is None:
         return None
     quality = Quality.model_validate(summary["quality"])

@@ -1,4 +1,4 @@
-"""What the pages of a robot and of a job that learned densities have in common: cards, curves and maps."""
+"""Shared by the pages of robots and of jobs that learn densities: cards, curves and maps."""
 
 from collections.abc import Sequence
 from typing import Any, Final
@@ -23,7 +23,7 @@ KEPT: Final = {"Cache-Control": "private, max-age=600"}
 
 
 def shown(cards: Sequence[ProxyCard], address: str) -> dict[str, Any]:
-    """What the part of a page about densities (_reach.html) shows; their maps lie at ``address``."""
+    """Template values of densities (_reach.html); ``address`` is that of their maps."""
     return {
         "cards": cards,
         "charts": divergence_charts(cards),
@@ -36,15 +36,15 @@ def shown(cards: Sequence[ProxyCard], address: str) -> dict[str, Any]:
 
 
 async def learned_of(client: AsyncClient, job_id: str, result: JobResult) -> dict[str, Any] | None:
-    """The same for the result of a job; None for one without the file."""
+    """Template values of the densities of a job; None for a result without their file."""
     if all(item.name != FILE for item in result.artifacts):
         return None
-    found = await _read(client, job_id)
-    return shown([each.card for each in found.effectors], f"/jobs/{job_id}/reach.json")
+    learned = await _read(client, job_id)
+    return shown([each.card for each in learned.effectors], f"/jobs/{job_id}/reach.json")
 
 
 def beside(facts: Sequence[Fact]) -> list[Fact]:
-    """Those facts of such a job that the table of its densities does not say."""
+    """Facts of a job that its table of densities does not contain."""
     return [fact for fact in facts if not fact.key.startswith(IN_TABLE)]
 
 
@@ -57,7 +57,7 @@ async def reach(request: Request) -> Response:
 
 
 def maps(found: RobotReachability, request: Request) -> Response:
-    """The maps of the effector that is asked for; of the first where none is."""
+    """The maps of the requested effector, or of the first one."""
     wanted = request.query_params.get("effector")
     for each in found.effectors:
         if wanted in (None, each.card.effector):

@@ -12,9 +12,9 @@ from stridelab_web.formatting import words
 
 WIDTH_PX, HEIGHT_PX = 560.0, 330.0
 ABOVE: Final = 1.06
-"""Room above the highest divergence."""
+"""Height of the axis over the highest divergence."""
 NEAR: Final = 2.0
-"""The second chart begins where a divergence is less than so many times its least one."""
+"""The second chart shows divergences below this multiple of the smallest one."""
 COLOURS: Final = 6
 
 
@@ -26,7 +26,7 @@ def style_of(index: int) -> tuple[str, Shape]:
 def divergence_charts(cards: Sequence[ProxyCard]) -> list[Chart]:
     """Figure 4.3, whole and near its floor: divergence over the number of components, with bands of a standard error.
 
-    The chosen size bears the effector's mark, that of the thesis a ring. None where no card has a curve.
+    The chosen size has the effector's mark, that of the thesis a ring. Empty if no card has a curve.
     """
     if not any(card.sizes for card in cards):
         return []
@@ -35,7 +35,7 @@ def divergence_charts(cards: Sequence[ProxyCard]) -> list[Chart]:
     near = [[size for size in sizes if size.kl_nats < NEAR * low] for sizes, low in zip(whole, least, strict=True)]
     return [
         _chart(cards, whole, "Divergence of the mixture from the kernel density over its number of components."),
-        _chart(cards, near, "The same near its least value."),
+        _chart(cards, near, "The same near its minimum."),
     ]
 
 
@@ -62,7 +62,7 @@ def _chart(cards: Sequence[ProxyCard], curves: Sequence[Sequence[ProxySize]], sa
 
 
 def drawing_of(found: EffectorReach) -> dict[str, Any]:
-    """What the page's script needs to draw the projections of one effector, and the volumes of its level sets."""
+    """JSON of the projections of one effector and of the volumes of its level sets, for the page's script."""
     return {
         "effector": found.card.effector,
         "frame": found.card.frame,

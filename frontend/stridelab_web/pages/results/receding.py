@@ -1,4 +1,4 @@
-"""What the page of a receding horizon shows: its figures in words, its replans as a picture, where it was pushed."""
+"""The receding horizon on the page of a job: figures as text, a chart of the replans, and pushes."""
 
 from typing import Any, Final
 
@@ -15,35 +15,35 @@ from stridelab_web.parquet import Columns, read_columns
 
 KIND: Final = "plan-receding"
 AT_REST_M: Final = 1e-5
-"""A CoM that ends nearer to its place of rest is there."""
+"""Distance from its place of rest below which the CoM counts as at rest."""
 
 
 async def receding_of(client: AsyncClient, job_id: str, result: JobResult) -> dict[str, Any]:
     """Values of _receding.html."""
     columns = await _read(client, job_id)
-    asked = PlanRecedingInput.model_validate(result.input)
+    job_input = PlanRecedingInput.model_validate(result.input)
     summary = PlanRecedingSummary.model_validate(result.summary)
     took_ms = columns["replan_ms"][np.isfinite(columns["replan_ms"])]
     within = int((took_ms <= LIMIT_MS).sum())
-    felt = zip(felt_s(asked.pushes, asked.period_s), asked.pushes, strict=True)
-    there = summary.goal_gap_m < AT_REST_M
+    felt = zip(felt_s(job_input.pushes, job_input.period_s), job_input.pushes, strict=True)
+    at_rest = summary.goal_gap_m < AT_REST_M
     return {
         "summary": summary,
-        "asked": asked,
-        "said": f"{within} of {len(took_ms)} replans kept within the {LIMIT_MS:.0f} ms that 20 Hz leave; the motion "
-        f"was planned anew every {measured(asked.period_s, 's')}, {measured(asked.horizon_s, 's')} ahead.",
-        "ends": "at its place of rest" if there else f"{measured(summary.goal_gap_m, 'm')} from its place of rest",
-        "pushes": [{"at_s": at_s, "said": speed(push)} for at_s, push in felt],
-        "chart": await run_in_threadpool(replan_chart, columns, asked.pushes, asked.period_s),
+        "input": job_input,
+        "text": f"{within} of {len(took_ms)} replans took at most {LIMIT_MS:.0f} ms, the period of 20 Hz; the motion "
+        f"was replanned every {measured(job_input.period_s, 's')}, {measured(job_input.horizon_s, 's')} ahead.",
+        "ends": "at its place of rest" if at_rest else f"{measured(summary.goal_gap_m, 'm')} from its place of rest",
+        "pushes": [{"at_s": at_s, "text": speed(push)} for at_s, push in felt],
+        "chart": await run_in_threadpool(replan_chart, columns, job_input.pushes, job_input.period_s),
         "limit_ms": LIMIT_MS,
     }
 
 
 async def curves(client: AsyncClient, job_id: str, result: JobResult) -> dict[str, Any]:
-    """The plots of the same page."""
+    """Plot document of the same page."""
     columns = await _read(client, job_id)
-    asked = PlanRecedingInput.model_validate(result.input)
-    return await run_in_threadpool(receding_curves, columns, asked.pushes, asked.period_s)
+    job_input = PlanRecedingInput.model_validate(result.input)
+    return await run_in_threadpool(receding_curves, columns, job_input.pushes, job_input.period_s)
 
 
 async def _read(client: AsyncClient, job_id: str) -> Columns:

@@ -1,4 +1,4 @@
-"""Pictures of a receding horizon: what each replan took beside what 20 Hz leave, and the CoM where it was pushed."""
+"""Charts of a receding horizon: time of each replan against the limit at 20 Hz, and the executed motion."""
 
 import math
 from collections.abc import Sequence
@@ -13,7 +13,7 @@ from stridelab_web.parquet import Columns
 
 RECEDING_TABLE: Final = "receding.parquet"
 LIMIT_MS: Final = 50.0
-"""What the 20 Hz of section 4.6.1 leave for one replan."""
+"""Time for one replan at the 20 Hz of section 4.6.1."""
 _COM = ("com_x_m", "com_y_m", "com_z_m")
 _VELOCITY = ("com_vx_m_s", "com_vy_m_s", "com_vz_m_s")
 _MOMENTUM = ("l_x_nms", "l_y_nms", "l_z_nms")
@@ -21,35 +21,39 @@ _ROUNDING = 1e-9
 
 
 def felt_s(pushes: Sequence[Push], period_s: float) -> list[float]:
-    """When each push is felt: at the end of the period that it is in."""
+    """Times (s) at which the pushes take effect: the ends of the periods that contain them."""
     return [period_s * (math.floor(push.time_s / period_s + _ROUNDING) + 1) for push in pushes]
 
 
 def replan_chart(columns: Columns, pushes: Sequence[Push], period_s: float) -> Chart:
-    """A mark per replan over the motion, round where it was in time, a cross where no solution was found."""
+    """A mark per replan over the motion: a circle, or a cross if it has no solution."""
     time_s, took_ms = columns["time_s"], columns["replan_ms"]
-    known = took_ms[np.isfinite(took_ms)]
+    finite_ms = took_ms[np.isfinite(took_ms)]
     end_s = float(time_s[-1])
-    high = 1.08 * max(float(known.max(initial=0.0)), LIMIT_MS)
+    high = 1.08 * max(float(finite_ms.max(initial=0.0)), LIMIT_MS)
     canvas = Canvas((0.0, end_s), (0.0, high), "time in the motion [s]", "replan [ms]", width=900.0, height=270.0)
     for at_s, push in zip(felt_s(pushes, period_s), pushes, strict=True):
         if at_s <= end_s:
             canvas.upright(at_s, 0.0, high, "push")
             canvas.mark(at_s, 0.97 * high, "push", "triangle", f"Pushed by {speed(push)} at {at_s:.2f} s")
     canvas.level(LIMIT_MS, 0.0, end_s, "rule")
-    for at_s, ms, iterations, kept in zip(time_s, took_ms, columns["iterations"], columns["carried_on"], strict=True):
+    for at_s, ms, iterations, continued in zip(
+        time_s, took_ms, columns["iterations"], columns["carried_on"], strict=True
+    ):
         if np.isfinite(ms):
-            said = f"{at_s:.2f} s: {ms:.0f} ms, {iterations:.0f} iterations"
-            said += ", no solution: the plan before went on" if kept else ""
-            canvas.mark(at_s, ms, "late" if ms > LIMIT_MS or kept else "timely", "cross" if kept else "circle", said)
+            text = f"{at_s:.2f} s: {ms:.0f} ms, {iterations:.0f} iterations"
+            text += ", no solution: the previous plan continued" if continued else ""
+            canvas.mark(
+                at_s, ms, "late" if ms > LIMIT_MS or continued else "timely", "cross" if continued else "circle", text
+            )
     return canvas.chart(f"Processor time of each replan over the motion; the line is the {LIMIT_MS:.0f} ms of 20 Hz.")
 
 
 def receding_curves(columns: Columns, pushes: Sequence[Push], period_s: float) -> dict[str, Any]:
-    """CoM, velocity and angular momentum as they were carried out; where a push is felt its period is shaded."""
+    """Plot document of the executed CoM, velocity and angular momentum; periods after pushes are shaded."""
     decimals = dict.fromkeys(_COM, 5) | dict.fromkeys(_VELOCITY, 4) | dict.fromkeys(_MOMENTUM, 5) | {"replan_ms": 1}
     rows = [
-        *(Row(f"CoM {axis} [m]", (Trace(key, "carried out", "main"),)) for axis, key in zip("xyz", _COM, strict=True)),
+        *(Row(f"CoM {axis} [m]", (Trace(key, "executed", "main"),)) for axis, key in zip("xyz", _COM, strict=True)),
         three("Velocity [m/s]", _VELOCITY),
         three("Momentum L [N m s]", _MOMENTUM),
     ]
@@ -61,6 +65,6 @@ def receding_curves(columns: Columns, pushes: Sequence[Push], period_s: float) -
 
 
 def speed(push: Push) -> str:
-    """What a push adds to the velocity, as words: the axes that it has."""
+    """Change of velocity of a push as text, by axis."""
     parts = [f"{v:+.2f} m/s in {axis}" for axis, v in zip("xyz", push.velocity_m_s, strict=True) if v]
     return ", ".join(parts) or "nothing"

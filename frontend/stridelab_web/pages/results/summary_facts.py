@@ -29,7 +29,7 @@ _UNITS = {
     "_m": "m",
     "_rad": "rad",
 }
-"""By the end of a name; the first that fits."""
+"""Unit by the suffix of a key; the first match counts."""
 _NAMES = {
     "window_s": "Window",
     "method": "Method",
@@ -39,16 +39,16 @@ _NAMES = {
     "mass_from_force_kg": "Mass from force",
     "mass_source": "Mass taken from",
     "latency_s": "Force latency",
-    "latency_sd_s": "Standard deviation of it",
+    "latency_sd_s": "Standard deviation of the latency",
     "latency_applied_s": "Latency corrected",
     "latency_source": "Latency taken from",
-    "latency_n_trials": "Trials behind the latency",
+    "latency_n_trials": "Trials used for the latency",
     "latency_trial_s": "Latency of this trial alone",
-    "latency_trial_sd_s": "Standard deviation of that",
-    "session.latency_excess_s": "Scatter between the trials",
+    "latency_trial_sd_s": "Standard deviation of this trial's latency",
+    "session.latency_excess_s": "Scatter of the latency between the trials",
     "session.mass_kg": "Mass from force, of the session",
-    "session.mass_sd_kg": "Standard deviation of that mass",
-    "session.mass_n_trials": "Trials behind that mass",
+    "session.mass_sd_kg": "Standard deviation of the session's mass",
+    "session.mass_n_trials": "Trials used for the session's mass",
     "latency_along_s": "Latency along the walk",
     "latency_lateral_s": "Latency across the walk",
     "latency_vertical_s": "Latency, vertical",
@@ -65,17 +65,17 @@ _NAMES = {
     "diagnostics.speed_m_s": "Walking speed",
     "diagnostics.low_hz": "Low cut-off",
     "diagnostics.high_hz": "High cut-off",
-    "diagnostics.normalised_innovations": "Innovations, 1 if all errors are as stated",
+    "diagnostics.normalised_innovations": "Consistency of sensors with the model (1 = as expected)",
     "diagnostics.plate_bias_statistic": "Plate bias statistic",
     "diagnostics.samples_used": "Samples used",
-    "observability.rank_force": "Rank from the force, of 9",
-    "observability.rank_with_geometry": "Rank with the markers, of 12",
-    "observability.unobservable": "Direction not seen x, y, z",
-    "observability.tilt_rad": "Force off the vertical, at most",
-    "observability.turn_rad": "Force off its mean, at most",
+    "observability.rank_force": "Rank of the observability from the force (of 9)",
+    "observability.rank_with_geometry": "Rank of the observability with the markers (of 12)",
+    "observability.unobservable": "Unobservable direction x, y, z",
+    "observability.tilt_rad": "Largest angle of the force to the vertical",
+    "observability.turn_rad": "Largest angle of the force to its mean",
     "observability.flight_s": "In flight",
 }
-"""Names of the usual numbers, in the order in which they are shown; others follow under their own."""
+"""Names of the usual values, in the order in which they are shown; others follow under their keys."""
 _IN_THOUSANDTHS = {
     **dict.fromkeys(("latency_s", "latency_sd_s", "latency_applied_s"), "ms"),
     **dict.fromkeys(("latency_along_s", "latency_lateral_s", "latency_vertical_s"), "ms"),
@@ -90,33 +90,33 @@ LIST_AT_MOST = 6
 
 
 def sentences_of(result: JobResult) -> list[str]:
-    """What a lab should read first: what cannot be known from this recording, and how its two clocks stand."""
+    """The main sentences of a result: what the recording cannot determine, and the latency of its force."""
     summary = result.summary
-    seen = summary.get("observability")
-    said = seen.get("sentence") if isinstance(seen, Mapping) else None
-    found = [said] if isinstance(said, str) and said else []
+    observability = summary.get("observability")
+    sentence = observability.get("sentence") if isinstance(observability, Mapping) else None
+    sentences = [sentence] if isinstance(sentence, str) and sentence else []
     if summary.get("latency_s") is not None:
         trials = summary.get("latency_n_trials", 1) if summary.get("latency_source") == "session" else None
         applied_s = summary.get("latency_applied_s", 0.0)
-        found.append(_latency(summary["latency_s"], summary.get("latency_sd_s"), applied_s, trials))
-    return found
+        sentences.append(_latency(summary["latency_s"], summary.get("latency_sd_s"), applied_s, trials))
+    return sentences
 
 
 def _latency(latency_s: float, sd_s: float | None, applied_s: float, trials: int | None) -> str:
     about = "" if sd_s is None else f" ± {1000 * sd_s:.1f}"
-    found = f"The force comes {1000 * abs(latency_s):.1f}{about} ms {'later' if latency_s >= 0 else 'earlier'}"
+    difference = f"The force comes {1000 * abs(latency_s):.1f}{about} ms {'later' if latency_s >= 0 else 'earlier'}"
     if applied_s == 0.0:
-        done = "this was not corrected"
+        correction = "this was not corrected"
     elif abs(applied_s - latency_s) < 1e-9:
-        done = "this was corrected"
+        correction = "this was corrected"
     else:
-        done = f"{1000 * applied_s:z.1f} ms were corrected, as asked"
-    of = "" if trials is None else f", as {counted(trials, 'trial')} of its session say{'s' if trials == 1 else ''}"
-    return f"{found} than the markers{of}; {done}."
+        correction = f"{1000 * applied_s:z.1f} ms were corrected, as requested"
+    source = "" if trials is None else f", as {counted(trials, 'trial')} of its session say{'s' if trials == 1 else ''}"
+    return f"{difference} than the markers{source}; {correction}."
 
 
 def facts_of(result: JobResult) -> list[Fact]:
-    """Every number and word of the summary; nested ones by their dotted name."""
+    """All values of the summary; nested ones by their dotted key."""
     order = list(_NAMES)
     flat = sorted(_flat(result.summary), key=lambda item: order.index(item[0]) if item[0] in _NAMES else len(order))
     named = ((key, _name(key), _text(key, value)) for key, value in flat)
@@ -124,15 +124,15 @@ def facts_of(result: JobResult) -> list[Fact]:
 
 
 def _flat(summary: Mapping[str, Any], prefix: str = "") -> list[tuple[str, Any]]:
-    found: list[tuple[str, Any]] = []
+    items: list[tuple[str, Any]] = []
     for key, value in summary.items():
         if f"{prefix}{key}" in _ELSEWHERE:
             continue
         if isinstance(value, Mapping):
-            found += _flat(value, f"{prefix}{key}.")
+            items += _flat(value, f"{prefix}{key}.")
         else:
-            found.append((f"{prefix}{key}", value))
-    return found
+            items.append((f"{prefix}{key}", value))
+    return items
 
 
 def _name(key: str) -> str:

@@ -1,7 +1,4 @@
-"""What the page of a job adds for a sweep: where the scenario has a motion, as a curve or as maps.
-
-The list of sweeps: over what each went, and how many of its scenarios have a motion.
-"""
+"""A sweep on the page of a job, as a curve or as maps, and the page that lists sweeps."""
 
 import asyncio
 from typing import Any, Final
@@ -42,10 +39,10 @@ ONLY: Final = {"centre of mass": "centre of mass only", "whole body": "whole bod
 async def sweeps(request: Request) -> Response:
     """``GET /sweeps``."""
     client = client_of(request)
-    found = await client.jobs(kind=KIND, cursor=request.query_params.get("cursor"))
-    named = await asyncio.gather(*(_name(client, job) for job in found.items))
-    names = {job.id: name for job, name in zip(found.items, named, strict=True) if name}
-    return page(request, "pages/sweeps.html", section="Sweeps", jobs=found.items, names=names, next=found.next)
+    listed = await client.jobs(kind=KIND, cursor=request.query_params.get("cursor"))
+    named = await asyncio.gather(*(_name(client, job) for job in listed.items))
+    names = {job.id: name for job, name in zip(listed.items, named, strict=True) if name}
+    return page(request, "pages/sweeps.html", section="Sweeps", jobs=listed.items, names=names, next=listed.next)
 
 
 async def _name(client: AsyncClient, job: Job) -> str:

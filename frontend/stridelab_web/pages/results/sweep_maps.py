@@ -1,4 +1,4 @@
-"""Where a scenario has a motion: the cost over one varied field, a map over two, one map per value of a third."""
+"""Charts of a sweep: the cost over one varied field, a map over two, one map per value of a third."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -11,10 +11,10 @@ from stridelab_web.charts.svg import Canvas, Chart, Range, span_of
 from stridelab_web.parquet import read_columns, read_words
 
 MAPS_AT_MOST: Final = 12
-"""Values of a third field that are drawn; the table has all."""
+"""Maximum number of values of a third field that are drawn; the table has all."""
 SAID: Final = {
     "feasible": "has a motion",
-    "refused": "refused before any solver",
+    "refused": "rejected before solving",
     "infeasible": "no motion found",
     "failed": "could not be planned",
 }
@@ -23,7 +23,7 @@ LEGEND: Final = [(f"cell {outcome}", "shade", text) for outcome, text in SAID.it
 
 @dataclass(frozen=True)
 class Swept:
-    """The rows of a sweep, the last field fastest: outcome, cost and reason of each."""
+    """Outcome, cost and reason of each scenario of a sweep, with one array axis per varied field."""
 
     axes: Sequence[SweepAxis]
     outcome: np.ndarray
@@ -32,7 +32,7 @@ class Swept:
 
     @staticmethod
     def of(summary: SweepSummary, content: bytes) -> "Swept":
-        """From the artifact ``sweep.parquet``."""
+        """Read the artifact ``sweep.parquet``."""
         shape = tuple(len(axis.values) for axis in summary.axes)
         texts = read_words(content)
         columns = read_columns(content)
@@ -44,7 +44,7 @@ class Swept:
         )
 
     def charts(self) -> list[tuple[str, Chart]]:
-        """Each with its title, empty where there is one alone."""
+        """Charts with their titles; a single chart has an empty one."""
         if len(self.axes) == 1:
             return [("", self._curve())]
         if len(self.axes) == 2:
@@ -56,18 +56,18 @@ class Swept:
         ]
 
     def borders(self) -> list[tuple[str, str]]:
-        """Between which values of the first field there is a motion, for every combination of the others."""
+        """Range of the first field that has a motion, for every combination of the others."""
         first, others = self.axes[0], self.axes[1:]
-        found = []
+        ranges = []
         for index in np.ndindex(*(len(axis.values) for axis in others)):
-            there = [value for k, value in enumerate(first.values) if self.outcome[(k, *index)] == "feasible"]
+            feasible = [value for k, value in enumerate(first.values) if self.outcome[(k, *index)] == "feasible"]
             at = ", ".join(said(axis, axis.values[i]) for axis, i in zip(others, index, strict=True))
             unit = f" {first.unit}" if first.unit else ""
             between = "nowhere"
-            if there:
-                between = f"{min(there):.4g} to {max(there):.4g}{unit}, {len(there)} of {len(first.values)}"
-            found.append((at or first.field, between))
-        return found
+            if feasible:
+                between = f"{min(feasible):.4g} to {max(feasible):.4g}{unit}, {len(feasible)} of {len(first.values)}"
+            ranges.append((at or first.field, between))
+        return ranges
 
     def _curve(self) -> Chart:
         axis = self.axes[0]
@@ -115,7 +115,7 @@ def _sentence(at: str, outcome: str, objective: float, why: str) -> str:
 
 
 def _cells(values: np.ndarray) -> Iterator[tuple[float, float, int]]:
-    """From half-way to the value before to half-way to the one after."""
+    """Yield the lower edge, upper edge and index of each value's cell; edges are midway between values."""
     if len(values) == 1:
         half = 0.05 * (abs(float(values[0])) or 1.0)
         yield float(values[0]) - half, float(values[0]) + half, 0

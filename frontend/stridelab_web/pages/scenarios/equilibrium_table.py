@@ -1,4 +1,4 @@
-"""How well the contacts of each phase hold the robot still: the judge's answer as rows of a table."""
+"""Static equilibrium of the robot in each phase: results of the scenario check as rows of a table."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -11,14 +11,14 @@ from stridelab_web.formatting import words
 Kind = Literal["rest", "motion", "unknown"]
 SAYS: dict[Kind, str] = {"rest": "yes", "motion": "only passed in motion", "unknown": "not known"}
 EQUAL_DIGITS = 4
-"""Margins in metres that do not differ in these are the same; so it is in static/js/editor/validation_text.js."""
+"""Margins (m) that are equal to so many digits count as equal, as in static/js/editor/validation_text.js."""
 Worst = tuple[float, str]
-"""The least margin in metres, and whose it is."""
+"""The smallest margin (m) and its contact."""
 
 
 @dataclass(frozen=True)
 class Held:
-    """One phase. ``margin_m`` as in ``PhaseSupport``; ``edge`` and ``reach`` are the worst of its contacts."""
+    """Equilibrium of one phase. ``margin_m`` as in ``PhaseSupport``; ``edge`` and ``reach_m`` are the smallest."""
 
     phase: int
     start_s: float
@@ -32,7 +32,7 @@ class Held:
 
     @property
     def said(self) -> str:
-        """Whether the robot can rest here."""
+        """Whether the robot can rest in this phase, as text."""
         return SAYS[self.kind]
 
 
@@ -40,12 +40,12 @@ def held(scenario: Scenario, check: ScenarioCheck) -> tuple[Held, ...]:
     """The phases of ``scenario`` in their order."""
     spare = {support.phase: support.margin_m for support in check.support}
     regions = dict(enumerate(check.support_region_m))
-    found, end_s = [], 0.0
+    rows, end_s = [], 0.0
     for k, phase in enumerate(scenario.phases):
         start_s, end_s = end_s, end_s + phase.duration_s
         own = [margin for margin in check.margins if margin.phase == k]
         region, margin_m = tuple(regions.get(k, ())), spare.get(k)
-        found.append(
+        rows.append(
             Held(
                 phase=k,
                 start_s=start_s,
@@ -58,27 +58,27 @@ def held(scenario: Scenario, check: ScenarioCheck) -> tuple[Held, ...]:
                 region_m=region,
             )
         )
-    return tuple(found)
+    return tuple(rows)
 
 
 def tightest(phases: Iterable[Held]) -> Held | None:
-    """The phase with the least room for the CoM, the first of equals; None where none is known."""
-    known = [phase for phase in phases if phase.margin_m is not None]
-    return min(known, key=lambda phase: round(phase.margin_m or 0.0, EQUAL_DIGITS), default=None)
+    """The phase with the smallest margin of the CoM, the first of equal ones; None without margins."""
+    with_margin = [phase for phase in phases if phase.margin_m is not None]
+    return min(with_margin, key=lambda phase: round(phase.margin_m or 0.0, EQUAL_DIGITS), default=None)
 
 
 def summary(phases: tuple[Held, ...]) -> str:
-    """In one or two sentences: where the robot can stop, and where it has the least room."""
+    """One or two sentences on the phases in which the robot can rest, and on the smallest margin."""
     rest = sum(phase.kind == "rest" for phase in phases)
     if rest == len(phases):
-        said = "The robot could stop and rest in every phase."
+        text = "The robot could stop and rest in every phase."
     else:
-        said = f"The robot could stop and rest in {rest} of {len(phases)} phases."
+        text = f"The robot could stop and rest in {rest} of {len(phases)} phases."
     least = tightest(phases)
     if least is None or least.margin_m is None:
-        return said
+        return text
     room = f"{100 * least.margin_m:.1f} cm to spare" if least.margin_m >= 0 else f"{-100 * least.margin_m:.1f} cm short"
-    return f"{said} It has the least room in phase {least.phase}: {room}."
+    return f"{text} It has the least room in phase {least.phase}: {room}."
 
 
 def holding_bars(phases: tuple[Held, ...], duration_s: float) -> list[tuple[Kind, intervals.Bar]]:
@@ -94,5 +94,5 @@ def _kind(margin_m: float | None, region: bool) -> Kind:
 
 
 def _least(values: Iterable[tuple[float | None, str]]) -> Worst | None:
-    known = [(value, whose) for value, whose in values if value is not None]
-    return min(known, default=None)
+    margins = [(value, whose) for value, whose in values if value is not None]
+    return min(margins, default=None)

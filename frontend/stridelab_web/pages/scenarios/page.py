@@ -16,27 +16,27 @@ CARDS_AT_MOST = 24
 
 async def scenarios(request: Request) -> Response:
     """``GET /scenarios``."""
-    found = await client_of(request).scenarios(limit=CARDS_AT_MOST, cursor=request.query_params.get("cursor"))
-    return page(request, "pages/scenarios.html", section="Scenarios", scenarios=cards(found.items), next=found.next)
+    listed = await client_of(request).scenarios(limit=CARDS_AT_MOST, cursor=request.query_params.get("cursor"))
+    return page(request, "pages/scenarios.html", section="Scenarios", scenarios=cards(listed.items), next=listed.next)
 
 
 async def scenario(request: Request) -> Response:
     """``GET /scenarios/{id}``."""
     client = client_of(request)
-    found = await client.scenario(request.path_params["id"])
-    bare = Scenario.model_validate(found.model_dump(include=set(Scenario.model_fields)))
+    scenario = await client.scenario(request.path_params["id"])
+    bare = Scenario.model_validate(scenario.model_dump(include=set(Scenario.model_fields)))
     check = await client.check_scenario(bare)
-    kinds = [await client.jobs(scenario_id=found.id, kind=kind) for kind in ("plan-motion", "plan-receding")]
+    kinds = [await client.jobs(scenario_id=scenario.id, kind=kind) for kind in ("plan-motion", "plan-receding")]
     plans = sorted((job for jobs in kinds for job in jobs.items), key=lambda job: job.created_at, reverse=True)
     placed = touches(bare)
-    duration_s = sum(phase.duration_s for phase in found.phases)
+    duration_s = sum(phase.duration_s for phase in scenario.phases)
     phases = held(bare, check)
     least = tightest(phases)
     return page(
         request,
         "pages/scenario.html",
         section="Scenarios",
-        scenario=found,
+        scenario=scenario,
         check=check,
         plans=plans,
         touches=placed,
@@ -53,7 +53,7 @@ async def scenario(request: Request) -> Response:
 
 
 def cards(found: list[StoredScenario]) -> list[dict[str, object]]:
-    """What the list and the front page show of each scenario."""
+    """Template values of the cards of scenarios."""
     return [
         {"scenario": item, "side": draw(item, "side"), "duration_s": sum(phase.duration_s for phase in item.phases)}
         for item in found
@@ -61,7 +61,7 @@ def cards(found: list[StoredScenario]) -> list[dict[str, object]]:
 
 
 def contact_bars(placed: tuple[Touch, ...], duration_s: float) -> dict[str, tuple[intervals.Bar, ...]]:
-    """When each effector touches, as bars of a strip."""
+    """Contacts of each effector over time as bars of a strip."""
     effectors = dict.fromkeys(touch.effector for touch in placed)
     return {
         name: intervals.bars([(t.start_s, t.end_s) for t in placed if t.effector == name], duration_s)

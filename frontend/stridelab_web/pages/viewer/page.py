@@ -1,4 +1,4 @@
-"""The viewer's page: a frame with viser's client, and our own timeline, or the list of touches, beside it."""
+"""The viewer's page: a frame with viser's client beside our own timeline or list of contacts."""
 
 import gzip
 from typing import Final
@@ -39,7 +39,7 @@ async def view(request: Request) -> Response:
     """``GET /view/?recording=&job=&t=``, ``?plan=&t=``, ``?scenario=`` or ``?robot=&measure=&effector=``.
 
     Without ``job``, the newest estimate of the recording is shown. Without ``t``, a recording opens where the force is
-    measured: many files begin before anybody is in sight.
+    measured, because many files begin before the subject is visible.
     """
     query = request.query_params
     if plan_id := query.get("plan"):
@@ -52,17 +52,17 @@ async def view(request: Request) -> Response:
 
 
 async def values(request: Request) -> Response:
-    """``GET /view/scene/{kind}/{id}/{job}/frames.bin``: what moves, packed and compressed (``packing``).
+    """``GET /view/scene/{kind}/{id}/{job}/frames.bin``: the frames, packed (``frame_codec``) and compressed.
 
-    A plan that was made stays as it is, and its frames take longer to pack than viser's client to start: they are kept.
+    Frames of plans are cached: plans do not change, and packing takes longer than the start of viser's client.
     """
-    document, kept = _moving(request), request.app.state.packed
-    packed: bytes | None = await kept.of(client_of(request), document)
+    document, cache = _moving(request), request.app.state.packed
+    packed: bytes | None = await cache.of(client_of(request), document)
     if packed is None:
         frames = await _frames(client_of(request), document)
         packed = await run_in_threadpool(lambda: gzip.compress(frames.file(), compresslevel=GZIP_LEVEL, mtime=0))
         if document.kind == "plan":
-            kept.keep(document, packed)
+            cache.keep(document, packed)
     return compressed(request, packed, "application/octet-stream", {"Cache-Control": "no-store"})
 
 
@@ -84,7 +84,7 @@ async def _recording(request: Request) -> Response:
             errors=[],
         )
     recording = await client.recording(recording_id)
-    job_id = job_id or await _newest_estimate(client, recording.id)
+    job_id = job_id or await _newest(client, "estimate-com", recording.id)
     measured = intervals.bars(recording.windows_s, recording.duration_s)
     plates = [intervals.plate_bars(plate, recording.duration_s) for plate in recording.plates if plate.use]
     layers = [
@@ -101,7 +101,7 @@ async def _recording(request: Request) -> Response:
         links.append(("Result", result_url))
         verdict = shown_verdict(job, result_url)
     numbered = intervals.numbered(steps_s, recording.duration_s, first=1)
-    said = f"{counted(len(steps_s), 'step')}, foot off to the next foot off, as the wheel was fitted to them"
+    steps_text = f"{counted(len(steps_s), 'step')}, foot off to the next foot off, as the wheel was fitted to them"
     return page(
         request,
         "viewer/view.html",
@@ -111,7 +111,7 @@ async def _recording(request: Request) -> Response:
         start_s=recording.windows_s[0][0] if recording.windows_s else 0.0,
         rows=[
             Row("Measured", measured, intervals.windows_text(recording), "window"),
-            *([Row("Step", numbered, said, "phase")] if steps_s else []),
+            *([Row("Step", numbered, steps_text, "phase")] if steps_s else []),
             *(Row(f"Plate {plate.index}", plate.bars, plate.text, "load") for plate in plates),
         ],
         moments=(),
@@ -127,7 +127,7 @@ async def _recording(request: Request) -> Response:
 
 
 def _moving(request: Request) -> Document:
-    """The document of a request. Raises ``HTTPException`` where there is none, or none that moves."""
+    """The document of a request. Raises ``HTTPException`` if it does not exist or does not move."""
     try:
         document = document_of(request.path_params)
     except KeyError as error:
@@ -145,22 +145,17 @@ async def _frames(client: AsyncClient, document: Document) -> Frames:
     job_id = document.job_id
     present = [] if job_id is None else [item.name for item in (await client.result(job_id)).artifacts]
     shown = {name: await client.read_artifact(job_id, name) for name in shown_in_scene(present) if job_id}
-    return await run_in_threadpool(
-        frames_of, recording, tracks, shown
-    )  # a minute of markers takes longer than other requests may wait
-
-
-async def _newest_estimate(client: AsyncClient, recording_id: str) -> str:
-    return await _newest(client, "estimate-com", recording_id)
+    # A minute of markers takes longer than other requests may wait.
+    return await run_in_threadpool(frames_of, recording, tracks, shown)
 
 
 async def _newest(client: AsyncClient, kind: str, recording_id: str) -> str:
-    found = await client.jobs(1, state="succeeded", kind=kind, recording_id=recording_id)
-    return found.items[0].id if found.items else ""
+    listed = await client.jobs(1, state="succeeded", kind=kind, recording_id=recording_id)
+    return listed.items[0].id if listed.items else ""
 
 
 async def _steps_s(client: AsyncClient, recording_id: str, job_id: str) -> list[tuple[float, float]]:
-    """Begin and end of the steps to which the wheel was fitted, by this job or else the newest one; none without."""
+    """Start and end of the steps that this job, or else the newest one, fitted the wheel to; empty without a fit."""
     shown = bool(job_id) and (await client.job(job_id)).kind == WHEEL
     fitted = job_id if shown else await _newest(client, WHEEL, recording_id)
     steps = (await client.result(fitted)).summary["steps"] if fitted else []

@@ -1,4 +1,4 @@
-"""The viewer's pages of the robot wing: a plan on its timeline, and a scenario with its touches."""
+"""The viewer's pages for robots: a plan on its timeline, and a scenario with its contacts."""
 
 import itertools
 
@@ -27,9 +27,9 @@ from stridelab_web.scene.plan_frames import GROUP as CONES
 from stridelab_web.scene.result_files import REPLAYED, SCENARIO, needed, read_plan
 
 EXPORTS = {"motion.viser": ".viser", "motion.html": "HTML"}
-"""Players of a plan that need no service, and how the viewer names them."""
+"""Artifacts that play a plan without the service, with the texts of their links."""
 KINDS = {"plan-motion": "/plans", "plan-receding": "/jobs"}
-"""Jobs that leave a motion on the timeline of its scenario, and where their results are."""
+"""Kinds of jobs whose result is a motion, with the base address of their pages."""
 
 
 async def plan(request: Request, job_id: str) -> Response:
@@ -37,7 +37,7 @@ async def plan(request: Request, job_id: str) -> Response:
     client = client_of(request)
     job = await client.job(job_id)
     if job.kind not in KINDS:
-        raise HTTPException(404, "This job is no plan.")
+        raise HTTPException(404, "This job is not a plan.")
     if not job.has_result:
         raise HTTPException(409, f"This plan is {words(job.state)}: there is nothing to show yet.")
     result = await client.result(job.id)
@@ -46,7 +46,7 @@ async def plan(request: Request, job_id: str) -> Response:
         return waiting
     layers = [
         Layer("/forces/", "Forces"),
-        Layer(CONES, "Cones", False, "Friction cones of the contacts that are loaded: a force must lie inside"),
+        Layer(CONES, "Cones", False, "Friction cones of the loaded contacts: forces must lie inside"),
         Layer("/contacts/", "Contacts"),
         Layer("/paths/", "Path"),
         Layer(MOMENTUM, "Angular momentum", False, f"About the centre of mass; {MOMENTUM_M_PER_NMS} m per N m s"),
@@ -57,7 +57,7 @@ async def plan(request: Request, job_id: str) -> Response:
     if REPLAYED[0] in files:
         differs = not result.summary["replay"]["completed"]
         layers.insert(1, Layer(GHOST, "Replay", differs, "The robot as it moved in physics, in blue"))
-        layers.insert(3, Layer(MEASURED, "Measured forces", False, "What the replay's contacts bore, in dark blue"))
+        layers.insert(3, Layer(MEASURED, "Measured forces", False, "Contact forces of the replay, in dark blue"))
     if await _learned(client, scenario.robot):
         layers.append(Layer(GROUP, f"Reach, {100 * SHOWN_MASS:.0f} %", False))
     moments, scenario_s = moments_of(result), sum(phase.duration_s for phase in scenario.phases)
@@ -112,7 +112,7 @@ async def scenario(request: Request, scenario_id: str) -> Response:
 
 
 async def footholds(request: Request) -> Response:
-    """``GET /view/scene/scenario/{id}/-/touches.json``: the touches as the page lists and moves them."""
+    """``GET /view/scene/scenario/{id}/-/touches.json``: the contacts as the page lists and moves them."""
     client = client_of(request)
     stored = await client.scenario(request.path_params["id"])
     sizes = half_sizes((await client.robot(stored.robot)).effectors)
@@ -123,18 +123,18 @@ async def frames(client: AsyncClient, job_id: str) -> Frames:
     """The frames of a plan."""
     result = await client.result(job_id)
     files = {name: await client.read_artifact(job_id, name) for name in needed(result)}
-    _, found = await run_in_threadpool(lambda: read_plan(files))
-    return found
+    _, plan_frames = await run_in_threadpool(lambda: read_plan(files))
+    return plan_frames
 
 
 def until_s(result: JobResult) -> float | None:
-    """Where a motion that the body could not follow to the end ends; None for a whole one."""
+    """End of an incomplete motion in seconds; None for a complete one."""
     stopped = result.summary.get("stopped")
     return stopped["time_s"] if stopped else None
 
 
 def phase_rows(scenario: Scenario, until_s: float | None = None) -> list[Row]:
-    """The phases with their numbers, and when each effector touches; of a motion that stops, ``until_s`` it does."""
+    """Numbered phases and the contacts of each effector; an incomplete motion lasts ``until_s``."""
     placed = touches(scenario)
     duration_s = until_s or sum(phase.duration_s for phase in scenario.phases)
     ends_s = [0.0, *itertools.accumulate(phase.duration_s for phase in scenario.phases)]
@@ -148,13 +148,15 @@ def phase_rows(scenario: Scenario, until_s: float | None = None) -> list[Row]:
     ]
     for effector in dict.fromkeys(touch.effector for touch in placed):
         bars = intervals.bars([(t.start_s, t.end_s) for t in placed if t.effector == effector], duration_s)
-        said = "; ".join(bar.text for bar in bars)
-        rows.append(Row(words(effector).capitalize(), bars, f"{words(effector)} touches: {said}", side(effector)))
+        intervals_text = "; ".join(bar.text for bar in bars)
+        rows.append(
+            Row(words(effector).capitalize(), bars, f"{words(effector)} in contact: {intervals_text}", side(effector))
+        )
     return rows
 
 
 async def _learned(client: AsyncClient, robot: str) -> bool:
-    """Whether there are densities to show; a plan outlives the installation of its robot."""
+    """Whether the robot has densities; False if it is no longer installed."""
     try:
         return bool((await client.robot(robot)).measures)
     except ProblemError:
@@ -162,7 +164,7 @@ async def _learned(client: AsyncClient, robot: str) -> bool:
 
 
 async def _effectors(client: AsyncClient, robot: str) -> list[str]:
-    """What a robot touches with; empty where it is not installed: its scenarios can be looked at all the same."""
+    """Effectors of a robot; empty if it is not installed, so that its scenarios can still be viewed."""
     try:
         return [effector.name for effector in (await client.robot(robot)).effectors]
     except ProblemError:

@@ -1,4 +1,4 @@
-"""What a viewer's page shows while the files of its robot are still being made: how far they are."""
+"""The viewer's page while the files of a robot are being prepared: their progress."""
 
 from starlette.requests import Request
 from starlette.responses import Response
@@ -9,16 +9,18 @@ from stridelab_web.pages.render import page
 
 
 async def preparing(request: Request, robot: str, title: str) -> Response | None:
-    """The page that tells how far the files of ``robot`` are, and loads ``title``'s own page when they are there.
+    """The page with the progress of the files of ``robot``, which reloads itself when they are ready.
 
-    None where there is nothing to wait for: the files are ready, they cannot be made, or there is no such robot. The
-    page itself then shows the scene or says why it cannot.
+    None if the files are ready or cannot be prepared, or the robot does not exist; the page of the scene then reports
+    errors.
     """
     try:
-        found = await client_of(request).robot_preparation(robot)
+        preparation = await client_of(request).robot_preparation(robot)
     except ProblemError:
         return None
-    if found.state != "preparing":
+    if preparation.state != "preparing":
         return None
-    percent = int(100 * found.fraction)
-    return page(request, "viewer/view_preparing.html", title=title, robot=robot, percent=percent, message=found.message)
+    percent = int(100 * preparation.fraction)
+    return page(
+        request, "viewer/view_preparing.html", title=title, robot=robot, percent=percent, message=preparation.message
+    )
