@@ -1,6 +1,6 @@
 """Rendering of templates."""
 
-from typing import Any
+from typing import Any, Final
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined, select_autoescape
 from starlette.requests import Request
@@ -11,6 +11,21 @@ from stridelab_web.assets import TEMPLATES
 from stridelab_web.config import WebConfig
 from stridelab_web.formatting import FILTERS
 from stridelab_web.pages.results.quality import VERDICT_CODES
+
+
+NAVIGATION: Final = (
+    ("Home", "/"),
+    ("Recordings", "/recordings"),
+    ("Subjects", "/subjects"),
+    ("Population", "/population"),
+    ("Scenarios", "/scenarios"),
+    ("Sweeps", "/sweeps"),
+    ("Robots", "/robots"),
+    ("Jobs", "/jobs"),
+    ("Reproduction", "/reproduction"),
+    ("Settings", "/settings"),
+)
+"""Sections of the pages with their addresses."""
 
 
 def make_environment(config: WebConfig) -> Environment:
@@ -27,6 +42,7 @@ def make_environment(config: WebConfig) -> Environment:
         version=config.version,
         login_required=config.token is not None,
         final_states=FINAL_STATES,
+        navigation=NAVIGATION,
         section="",
         filenames={},
         verdict_codes=VERDICT_CODES,

@@ -111,7 +111,7 @@ def pair_rows(first: PlanFacts, second: PlanFacts) -> list[PairRow]:
         _row("iterations", "Iterations", a.iterations, b.iterations, ""),
         _row("solve_time_s", "Solved in", a.solve_time_s, b.solve_time_s, "s"),
         _row("build_time_s", "Built in", a.build_time_s, b.build_time_s, "s"),
-        _row("kkt_error", "First-order conditions, violated by", a.kkt_error, b.kkt_error, ""),
+        _row("kkt_error", "Violation of the first-order conditions", a.kkt_error, b.kkt_error, ""),
         _row("duration_s", "Motion", a.duration_s, b.duration_s, "s"),
     ]
     groups = {
@@ -204,7 +204,7 @@ _REPLAYED: Final = (
     ("landing_error_max_m", "Landing error, largest", "m"),
     ("hand_force_mean_n", "Hand force, mean", "N"),
     ("torque_ratio_max", "Torque, share of limit", ""),
-    ("collisions", "Pairs that collide", ""),
+    ("collisions", "Colliding pairs", ""),
 )
 
 

@@ -12,6 +12,7 @@ from stridelab.schemas.jobs import JobResult
 from stridelab_web.api_client import client_of
 from stridelab_web.pages.results.comparison_plots import FIGURES, STYLES
 from stridelab_web.pages.results.comparison_tables import against_physics, against_truth
+from stridelab_web.pages.results.quality import VERDICT_CODES
 from stridelab_web.parquet import read_columns
 
 KIND: Final = "compare-estimators"
@@ -32,6 +33,10 @@ def comparison_of(job_id: str, result: JobResult, chosen: str) -> dict[str, Any]
                 ("Against physics", against_physics(summary)),
             )
             if table[1]
+        ],
+        "remarks": [
+            *(("", remark) for remark in summary.warnings if remark.code not in VERDICT_CODES),
+            *((name, remark) for name, one in summary.methods.items() for remark in one.warnings),
         ],
         "figures": [(name, figure.title, name == key) for name, figure in offered.items()],
         "figure": None if key is None else offered[key],

@@ -11,6 +11,7 @@ from stridelab.client import AsyncClient
 from stridelab.schemas.jobs import Job, JobResult
 from stridelab.schemas.sweeps import SweepSummary
 from stridelab_web.api_client import client_of
+from stridelab_web.formatting import plain
 from stridelab_web.pages.render import page
 from stridelab_web.pages.results.sweep_maps import LEGEND, Swept
 
@@ -25,7 +26,18 @@ async def sweep_of(client: AsyncClient, job_id: str, result: JobResult) -> dict[
     summary = SweepSummary.model_validate(result.summary)
     content = await client.read_artifact(job_id, TABLE)
     charts, borders = await run_in_threadpool(lambda: _drawn(summary, content))
-    return {"summary": summary, "charts": charts, "borders": borders, "legend": LEGEND}
+    left = {"rejected before solving": summary.refused, "no motion found": summary.infeasible}
+    left |= {"could not be planned": summary.failed} if summary.failed else {}
+    return {
+        "summary": summary,
+        "counts": f"Scenarios with a motion: {summary.feasible} of {summary.points}; "
+        + ", ".join(f"{outcome}: {number}" for outcome, number in left.items())
+        + ".",
+        "present": ", ".join(f"{axis.field} {plain(axis.present)} {axis.unit}".rstrip() for axis in summary.axes),
+        "charts": charts,
+        "borders": borders,
+        "legend": LEGEND,
+    }
 
 
 def _drawn(summary: SweepSummary, content: bytes) -> tuple[Any, Any]:

@@ -150,7 +150,7 @@ def phase_rows(scenario: Scenario, until_s: float | None = None) -> list[Row]:
         bars = intervals.bars([(t.start_s, t.end_s) for t in placed if t.effector == effector], duration_s)
         intervals_text = "; ".join(bar.text for bar in bars)
         rows.append(
-            Row(words(effector).capitalize(), bars, f"{words(effector)} in contact: {intervals_text}", side(effector))
+            Row(words(effector).capitalize(), bars, f"{words(effector)} touches: {intervals_text}", side(effector))
         )
     return rows
 
