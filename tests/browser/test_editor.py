@@ -156,7 +156,7 @@ def test_contacts_are_found_between_the_ends(tab: Tab, service: Service) -> None
 
     job = service.client.jobs(kind="plan-contacts").items[0]
     page.goto(f"{service.url}/jobs/{job.id}")
-    page.get_by_role("button", name="Keep as a scenario").click()
+    page.get_by_role("button", name="Save as a scenario").click()
     page.wait_for_url(lambda url: "scenario=" in url)
     again = service.client.scenario(page.url.rpartition("=")[2])
     assert again.id != found.id

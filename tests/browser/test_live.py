@@ -86,7 +86,7 @@ def test_a_push_and_what_follows_it(tab: Tab, service: Service) -> None:
     expect(page.locator("[data-live-said]")).to_contain_text("solved in", timeout=STARTED_WITHIN_MS)
     until(page, lambda: way_m(page, "/live/planned") is not None)
     assert way_m(page, "/live/recovered") is None
-    page.get_by_text("Push it").click()
+    page.get_by_text("Apply a push").click()
     form = page.locator("form[data-push]")
     form.locator("[name=time]").fill("3.5")
     form.locator("[name=y]").fill("0.02")

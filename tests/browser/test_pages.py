@@ -51,7 +51,7 @@ def test_upload_estimate_and_read_the_result(tab: Tab, service: Service, trial: 
         page.get_by_role("link", name="com.csv").click()
     assert download.value.path().read_text().startswith('"time_s","x_m",')
     with page.expect_download() as download:
-        page.get_by_role("link", name="Everything as ZIP").click()
+        page.get_by_role("link", name="All files as ZIP").click()
     assert download.value.path().read_bytes().startswith(b"PK")
 
 

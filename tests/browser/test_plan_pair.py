@@ -43,6 +43,6 @@ def test_another_plan_is_chosen_and_both_are_drawn(tab: Tab, lab: Lab) -> None:
     expect(page.locator("#readout")).to_contain_text("x 0.0800, 0.0800 m")
     assert page.evaluate("document.documentElement.scrollWidth") == 800
 
-    page.get_by_role("link", name="This plan alone").click()
+    page.get_by_role("link", name="This plan only").click()
     page.wait_for_selector("#plots[data-ready]")
     assert not [key for key, *_ in page.evaluate(TRACES) if key.startswith("other_")]

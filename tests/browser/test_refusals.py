@@ -106,7 +106,7 @@ def test_links_to_what_was_deleted_lead_on(tab: Tab) -> None:
         ("/subjects/gone", "There is no such subject."),
     ):
         page = tab.go(address)
-        expect(page.get_by_role("heading", level=1)).to_have_text("Nothing here")
+        expect(page.get_by_role("heading", level=1)).to_have_text("Not found")
         expect(page.get_by_text(said)).to_be_visible()
         assert "Traceback" not in page.content()
     page.get_by_role("main").get_by_role("link", name="Home").click()

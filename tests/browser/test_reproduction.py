@@ -48,7 +48,7 @@ def test_an_item_unfolds_to_its_claims_and_its_drawing(page: Page) -> None:
 def test_a_full_queue_is_told_and_what_is_missing_is_asked_for_once(page: Page, lab: Lab, tab: Tab) -> None:
     wanted = [name for name in ITEMS if name != "fig-2.6"]
     lab.fake.busy, lab.fake.inputs = 7, {}
-    everything = page.get_by_role("button", name=re.compile("all that is missing"))
+    everything = page.get_by_role("button", name=re.compile("all missing items"))
     everything.click()
     said = page.get_by_role("status")
     expect(said).to_contain_text(f"0 of {len(wanted)} were started. 200 jobs are waiting already. Try again in 7 s.")
@@ -56,9 +56,9 @@ def test_a_full_queue_is_told_and_what_is_missing_is_asked_for_once(page: Page, 
     lab.fake.busy = None
     page.get_by_label("Simulated walks").fill("3")
     everything.click()
-    expect(page.get_by_role("heading", name="Under way")).to_be_visible()
+    expect(page.get_by_role("heading", name="In progress")).to_be_visible()
     assert [given["item"] for given in lab.fake.inputs.values()] == wanted
     assert {given["seeds"] for given in lab.fake.inputs.values()} == {3}
     expect(everything).to_be_disabled()
-    expect(said).to_contain_text("when the jobs below are done")
+    expect(said).to_contain_text("when the jobs below are finished")
     tab.missteps = [m for m in tab.missteps if "status of 429" not in m]

@@ -73,7 +73,7 @@ def test_maps_are_those_of_the_service_and_a_metre_is_the_same_everywhere(tab: T
     litres = [f"{4000 / 3 * radius**3:.0f}" for radius in reachability.RADII_M.values()]
     for effector in reachability.EFFECTORS:
         expect(page.locator(f'tr[data-effector="{effector}"] [data-volume]')).to_have_text(litres)
-    page.get_by_label("Seen from").select_option("right_hand")
+    page.get_by_label("Relative to").select_option("right_hand")
     page.wait_for_selector('#maps[data-ready="right_hand"]')
     assert page.evaluate("() => document.documentElement.scrollWidth <= window.innerWidth")
 
@@ -96,7 +96,7 @@ def test_one_effector_under_one_measure_is_shown(tab: Tab) -> None:
     shown = nodes(page, "/reach/uniform/right_foot", "/robot/base_link")
     assert shown["/reach/uniform/right_foot"]["position"] == pytest.approx(reachability.POSES["right_foot"][:3])
     assert shown["/robot/base_link"]["position"] == pytest.approx(robots.REFERENCE[0][:3])
-    page.get_by_label("Seen from").select_option("right_hand")
+    page.get_by_label("Relative to").select_option("right_hand")
     page.get_by_label("Measure").select_option("conditioned")
     until(page, lambda: seen(page) == {f"conditioned/right_hand/{part}" for part in ("mode", "50", "80", "95")})
     expect(page.locator("[data-frame]")).to_contain_text("where the trunk faces")
@@ -120,7 +120,7 @@ def test_a_robot_without_densities_stands_alone(tab: Tab, lab: Lab) -> None:
     lab.fake.measures = []
     try:
         page = opened(tab, "/view/?robot=boxes")
-        expect(page.get_by_text("Nothing has been learned of this robot yet")).to_be_visible()
+        expect(page.get_by_text("No densities have been learned for this robot yet")).to_be_visible()
         assert page.evaluate(SEEN, ["/robot/base_link"]) == ["/robot/base_link"]
     finally:
         lab.fake.measures = list(reachability.MEASURES)

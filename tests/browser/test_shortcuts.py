@@ -86,7 +86,7 @@ def test_a_list_and_a_slider_keep_their_arrow_keys(page: Page) -> None:
     page.keyboard.press("Space")
     expect(play(page)).to_have_attribute("aria-pressed", "true")
     page.keyboard.press("Space")
-    before = page.get_by_role("slider", name="Begin of what is played")
+    before = page.get_by_role("slider", name="Start of the played range")
     before.focus()
     page.keyboard.press("ArrowRight")
     expect(before).to_have_attribute("aria-valuenow", "1")

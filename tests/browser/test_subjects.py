@@ -25,13 +25,13 @@ def test_a_person_is_kept_with_recordings(tab: Tab, lab: Lab) -> None:
     assert lab.fake.subjects.kept[person.subject_id].age_years == 31
 
     with page.expect_navigation():
-        page.get_by_role("button", name="It is this person").click()
+        page.get_by_role("button", name="Add to this subject").click()
     assert lab.fake.recordings[recording.id].subject_id == person.subject_id
-    page.get_by_role("button", name="Not this person").click()
+    page.get_by_role("button", name="Remove from this subject").click()
     expect(page.locator("[data-said-unlink]")).to_have_text("Choose recordings first.")
     page.get_by_label("Choose walk.c3d").check()
     with page.expect_navigation():
-        page.get_by_role("button", name="Not this person").click()
+        page.get_by_role("button", name="Remove from this subject").click()
     assert lab.fake.recordings[recording.id].subject_id is None
 
     page.get_by_role("button", name="Delete…").click()
@@ -41,5 +41,5 @@ def test_a_person_is_kept_with_recordings(tab: Tab, lab: Lab) -> None:
     page.get_by_role("button", name="Delete…").click()
     page.get_by_role("button", name="Delete", exact=True).click()
     page.wait_for_url("**/subjects")
-    expect(page.get_by_text("Nobody yet.")).to_be_visible()
+    expect(page.get_by_text("No subjects yet.")).to_be_visible()
     assert lab.fake.subjects.kept == {}

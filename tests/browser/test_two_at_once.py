@@ -136,7 +136,7 @@ def test_what_is_gone_is_said_calmly(two: tuple[Tab, Tab], lab: Lab) -> None:
     """A link to a plan that is gone; and a page that stays open while its recording is deleted plays on."""
     tab = two[0]
     page = tab.go("/view/?plan=gone")
-    expect(page.get_by_role("heading", level=1)).to_have_text("Nothing here")
+    expect(page.get_by_role("heading", level=1)).to_have_text("Not found")
     expect(page.locator("#main").get_by_role("link", name="Home")).to_be_visible()
     recording = lab.fake.add_recording()
     page = opened(tab, f"/view/?recording={recording.id}&t=0")
@@ -145,6 +145,6 @@ def test_what_is_gone_is_said_calmly(two: tuple[Tab, Tab], lab: Lab) -> None:
     slider.fill("5")
     expect(slider).to_have_value("5")
     page.reload()
-    expect(page.get_by_role("heading", level=1)).to_have_text("Nothing here")
+    expect(page.get_by_role("heading", level=1)).to_have_text("Not found")
     assert "Traceback" not in page.content()
     tab.missteps = [m for m in tab.missteps if "status of 404" not in m]

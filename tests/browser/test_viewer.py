@@ -224,5 +224,5 @@ def test_lost_connection_is_taken_up_at_the_same_instant(
 
 def test_a_recording_that_does_not_exist_is_said(tab: Tab) -> None:
     page = tab.go("/view/?recording=nothing")
-    expect(page.get_by_role("heading", level=1)).to_have_text("Nothing here")
+    expect(page.get_by_role("heading", level=1)).to_have_text("Not found")
     tab.missteps = [m for m in tab.missteps if "status of 404" not in m]

@@ -68,7 +68,7 @@ def test_the_steps_are_turned_over_by_keyboard(tab: Tab, service: Service, fitte
         expect(heading).to_be_visible()
     shown = page.locator('tr[data-parameter="R_m"] td').first
     assert shown.text_content() == f"{1000 * steps[2]['R_m']:.1f}"
-    page.get_by_role("link", name="Step before").click()
+    page.get_by_role("link", name="Previous step").click()
     page.wait_for_url("**step=2#step")
 
 

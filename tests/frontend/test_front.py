@@ -70,7 +70,7 @@ def test_wrong_token_is_said_and_the_right_one_opens(locked_door: httpx.Client) 
     form = {"token": "guess", "next": "/jobs"}
     answer = locked_door.request("POST", "/login", data=form)
     again = locked_door.get(answer.headers["location"], headers=PAGE)
-    assert "That is not the token." in again.text
+    assert "This token is not valid." in again.text
     answer = locked_door.request("POST", "/login", data={**form, "token": "open sesame"})
     assert answer.status_code == 303
     assert answer.headers["location"] == "/jobs"

@@ -85,7 +85,7 @@ def test_what_has_no_result_is_said_with_a_button(fake: FakeService, browse: Bro
     page = browse("/reproduction").text
     without = [name for name in get_args(ReproductionItem) if name != "fig-2.6"]
     assert re.findall(r'data-compute="([^"]+)"', page) == without
-    assert re.search(rf'data-missing="{" ".join(without)}">Compute all that is missing \({len(without)}\)', page)
+    assert re.search(rf'data-missing="{" ".join(without)}">Compute all missing items \({len(without)}\)', page)
     assert f"1 of {len(without) + 1} items are computed" in page
     for name in without:
         add(fake, name, "met")
@@ -123,7 +123,7 @@ def test_nothing_is_asked_for_twice_while_jobs_are_under_way(fake: FakeService, 
     fake.add_job("reproduce", "queued")
     page = browse("/reproduction").text
     assert re.search(r"data-missing=[^>]* disabled>", page)
-    assert "when the jobs below are done" in page
+    assert "when the jobs below are finished" in page
 
 
 def test_items_and_verdicts_have_names() -> None:

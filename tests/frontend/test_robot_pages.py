@@ -70,7 +70,7 @@ def test_maps_and_volumes_are_those_of_the_service(browse: Browse) -> None:
 def test_a_robot_of_which_nothing_was_learned_can_be_learned(fake: FakeService, browse: Browse) -> None:
     fake.measures = []
     page = browse("/robots/boxes").text
-    assert "Nothing has been learned of this robot yet." in page
+    assert "No densities have been learned for this robot yet." in page
     assert 'data-learn="boxes"' in page
     assert "data-maps" not in page
     assert browse("/robots/boxes/reach.json").status_code == 404
@@ -120,7 +120,7 @@ def test_the_viewer_of_a_robot_offers_what_was_learned(fake: FakeService, browse
     assert '<option value="conditioned" selected>' in page
     assert """"conditioned": {"left_foot": "contact", "right_foot": "contact", "right_hand": "heading"}""" in page
     fake.measures = []
-    assert "Nothing has been learned of this robot yet" in browse("/view/?robot=boxes").text
+    assert "No densities have been learned for this robot yet" in browse("/view/?robot=boxes").text
     assert browse("/view/scene/robot/boxes/-/frames.bin").status_code == 404
 
 

@@ -64,7 +64,7 @@ def test_a_pseudonym_is_text_and_never_markup(fake: FakeService, browse: Browse)
 
 
 def test_nobody_yet_and_nobody_of_that_name_are_told_calmly(browse: Browse) -> None:
-    assert "Nobody yet." in browse("/subjects").text
+    assert "No subjects yet." in browse("/subjects").text
     gone = browse("/subjects/gone")
     assert (gone.status_code, "There is no such subject." in gone.text) == (404, True)
 

@@ -12,7 +12,6 @@ from stridelab_web.config import WebConfig
 from stridelab_web.formatting import FILTERS
 from stridelab_web.pages.results.quality import VERDICT_CODES
 
-
 NAVIGATION: Final = (
     ("Home", "/"),
     ("Recordings", "/recordings"),

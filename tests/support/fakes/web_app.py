@@ -1,6 +1,7 @@
 """The web app on the fake interface, called without a network."""
 
 import asyncio
+import re
 from dataclasses import dataclass
 from typing import Any
 
@@ -27,12 +28,22 @@ class Caller:
         async def call() -> httpx.Response:
             transport = httpx.ASGITransport(app=self.app)
             async with httpx.AsyncClient(transport=transport, base_url="http://127.0.0.1") as client:
-                return await client.request(method, address, **options)
+                return without_line_breaks(await client.request(method, address, **options))
 
         return asyncio.run(call())
 
     def get(self, address: str, **options: Any) -> httpx.Response:
         return self.request("GET", address, **options)
+
+
+def without_line_breaks(answer: httpx.Response) -> httpx.Response:
+    """A page as browsers show it: line breaks in the templates are one space, or nothing between two tags."""
+    if not answer.headers.get("content-type", "").startswith("text/html") or re.search(
+        "<pre|/static/viser/", answer.text
+    ):
+        return answer
+    text = re.sub(r"\s*\n\s*|  +", " ", re.sub(r">\s*\n\s*<", "><", answer.text))
+    return httpx.Response(answer.status_code, headers=answer.headers, text=text, request=answer.request)
 
 
 def make_client(fake: FakeService, **config: Any) -> Caller:

@@ -140,10 +140,10 @@ def test_another_plan_that_cannot_be_shown_is_named_and_this_one_stays(fake: Fak
     job, running = fake.add_plan(), fake.add_job("plan-motion", "running")
     said = {
         job.id: "This is the same plan",
-        "gone": "not there any more",
+        "gone": "does not exist; it may have been deleted",
         running.id: "The other plan is running",
-        fake.add_job("estimate-com", "succeeded").id: "The other job is no plan",
-        '"><b>': "not there any more",
+        fake.add_job("estimate-com", "succeeded").id: "The other job is not a plan",
+        '"><b>': "does not exist; it may have been deleted",
     }
     for other, sentence in said.items():
         answer = browse(f"/plans/{job.id}?with={other}")

@@ -94,9 +94,9 @@ def test_a_robot_that_stays_on_its_feet_need_not_have_completed_the_motion(
 
     monkeypatch.setattr(robots, "plan_summary", standing)
     said = texts(browse(f"/plans/{fake.add_plan().id}").text)
-    assert "Not completed: the robot stays on its feet, but not as planned." in said
+    assert "Not completed: the robot does not fall, but departs from the plan." in said
     assert "A loaded foot slips by 68 mm; at most 20 mm are allowed. replay-slipped" in said
-    assert "Pairs that collide 2" in said
+    assert "Colliding pairs 2" in said
     assert "The robot falls" not in said
 
 
@@ -129,7 +129,7 @@ def test_a_plan_that_the_body_cannot_follow_shows_where_it_stops(fake: FakeServi
     assert said.count(detail) == 1
     assert said.count("leg_left_4_joint") == 1, "what stops the body is told once"
     assert "The whole body follows the plan for 1.24 s of " in said
-    assert "Only a whole motion is checked." in said
+    assert "Only complete motions are checked." in said
     assert f'href="/view/?plan={job.id}&amp;t=1.240"' in page
     assert "Watch the motion" in said
     viewer = browse(f"/view/?plan={job.id}")
@@ -174,7 +174,7 @@ def test_plan_page_splits_the_objective_by_term(fake: FakeService, browse: Brows
     said = texts(page)
     assert "CoM acceleration ∫ |c̈|² dt 0.4 m²/s³ 10 s⁴/m² 4.0000 s" in said
     assert "Angular momentum rate ∫ |L̇|² dt 0.2 N² m² s 10 1/(N m)² 2.0000 s" in said
-    assert "Unlikelihood, right foot −∫ log p(c) dt -11 s 1 -11.0000 s" in said
+    assert "Negative log-likelihood, right foot −∫ log p(c) dt -11 s 1 -11.0000 s" in said
     assert said.index("right foot −∫") < said.index("Objective (4.20a) -14.4670 s") < said.index("Forces on hands ∫")
     assert "data-not-minimised" not in page
 
@@ -249,7 +249,7 @@ def test_chosen_durations_stand_beside_the_given_ones_and_can_be_kept(fake: Fake
     fake.results[job.id] = plain.model_copy(update={"summary": summary})
     page = browse(f"/plans/{job.id}").text
     said = texts(page)
-    assert "Phase 1 takes 0.70 times what the scenario gives it, phase 2 1.40 times" in said
+    assert "The durations are between 0.70 (phase 1) and 1.40 times (phase 2) those of the scenario." in said
     assert "1 left foot, right hand 0.80 s 0.560 s 0.70" in said
     assert "data-keep" in page
 

@@ -42,12 +42,12 @@ def test_tables_say_what_the_summary_says_horizontal_and_vertical_apart(fake: Fa
     assert "The force comes 12.0 ± 2.0 ms later than the markers; this was corrected." in page
     assert "RTS smoother: It needs more than a second." in page.replace("Rts", "RTS")
     assert "Kalman filter, thesis: It takes the angular momentum for constant." in page
-    assert "Nobody knows the truth" not in page
+    assert "The truth of this recording is unknown" not in page
 
 
 def test_without_a_truth_methods_are_held_against_physics(fake: FakeService, browse: Browse) -> None:
     page = browse(f"/jobs/{fake.add_comparison(with_truth=False).id}").text
-    assert "Nobody knows the truth" in page
+    assert "The truth of this recording is unknown" in page
     assert "Against the truth" not in page
     shown = [text for text, _ in cells(page, "kalman-thesis")]
     assert shown == ["12.0", "-4.0", "3.0", "–", "–", "–", "0.97", "0.98", "-0.10", "12.0", "-4.0", "3.0"]

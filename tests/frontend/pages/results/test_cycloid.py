@@ -43,7 +43,7 @@ def test_every_step_has_a_row_and_the_asked_one_is_shown(address: str, browse: B
     assert "Step 2, right foot swings" in page
     assert re.search(r'rel="prev" href="/jobs/\w+\?step=1#step"', page)
     assert 'rel="next"' not in page
-    assert "1 more step was seen but not fitted" in page
+    assert "1 more step was detected but not fitted" in page
     assert "Fitted from 1.240 s to 1.800 s" in page
 
 
@@ -150,7 +150,7 @@ def test_a_result_without_steps_or_samples_is_still_a_page(fake: FakeService, br
     fake.results[job_id] = whole.model_copy(update={"summary": bare.model_dump(mode="json"), "artifacts": []})
     page = browse(address)
     assert page.status_code == 200
-    assert "No whole step was found" in page.text
+    assert "The recording has no complete step" in page.text
     fake.results[job_id] = whole.model_copy(update={"artifacts": []})
     page = browse(address)
     assert page.status_code == 200

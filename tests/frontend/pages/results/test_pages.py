@@ -87,7 +87,7 @@ def test_recording_page_offers_every_method_and_the_latency_that_the_interface_w
             0.012,
             0.001,
             -0.005,
-            "The force comes 12.0 ± 1.0 ms later than the markers; -5.0 ms were corrected, as asked.",
+            "The force comes 12.0 ± 1.0 ms later than the markers; -5.0 ms were corrected, as requested.",
         ),
     ],
 )
@@ -126,7 +126,7 @@ def test_a_recording_links_the_other_trials_of_its_session(fake: FakeService, br
     assert stranger.id not in session
     assert "force 17.5 ± 1.2 ms late" in session
     assert "stands still" in session
-    assert '<option value="">found in the session</option>' in page
+    assert '<option value="">taken from the session</option>' in page
     alone = browse(f"/recordings/{stranger.id}").text
     assert "No other trial of this session is here." in alone
     assert '<option value="">none</option>' in alone

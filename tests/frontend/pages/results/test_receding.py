@@ -53,7 +53,7 @@ def test_the_page_says_it_in_words_with_units(fake: FakeService, browse: Browse)
     said = texts(page)
     assert "In 1 of 40 periods no solution was found" in said
     assert "The centre of mass ends at its place of rest." in said
-    assert "30 of 40 replans kept within the 50 ms that 20 Hz leave" in said
+    assert "30 of 40 replans took at most 50 ms, the period of 20 Hz" in said
     assert "Replan, longest 120 ms" in said
     assert "Solver CasADi with ipopt" in said
     assert "1.10 s: +0.06 m/s in y" in said
@@ -74,5 +74,5 @@ def test_a_scenario_is_walked_from_its_page(fake: FakeService, browse: Browse) -
     job = fake.add_job("plan-receding", "succeeded", scenario_id=kept.id)
     page = browse(f"/scenarios/{kept.id}").text
     assert f'data-receding="{kept.id}"' in page
-    assert "Walk it with a receding horizon" in page
+    assert "Plan with a receding horizon" in page
     assert f'href="/jobs/{job.id}"' in page
