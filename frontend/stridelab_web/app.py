@@ -16,14 +16,14 @@ from stridelab_web.pages.scenarios import page as scenario
 from stridelab_web.pages.viewer import page as view
 from stridelab_web.pages.viewer import planner
 from stridelab_web.scene import proxy
-from stridelab_web.scene.frame_cache import KeptFrames
+from stridelab_web.scene.frame_cache import FrameCache
 from stridelab_web.viser_client import FOLDER
 
 
 def create_web(config: WebConfig) -> Starlette:
     """The ASGI app of all pages. Processes share no state: any number of them may serve it."""
     app = Starlette(
-        routes=routes(),
+        routes=web_routes(),
         exception_handlers={
             ProblemError: errors.on_problem,
             Unreachable: errors.on_unreachable,
@@ -33,44 +33,44 @@ def create_web(config: WebConfig) -> Starlette:
     app.state.config = config
     app.state.client = make_client(config)
     app.state.environment = make_environment(config)
-    app.state.packed = KeptFrames()
+    app.state.packed = FrameCache()
     return app
 
 
-def routes() -> list[BaseRoute]:
+def web_routes() -> list[BaseRoute]:
     """All routes of the web app."""
     scene = "/view/scene/{kind}/{id}/{job}"
     return [
         Route("/", home.home),
-        Route("/recordings", lists.recordings),
-        Route("/recordings/{id}", recording.recording),
-        Route("/subjects", subject.subjects),
-        Route("/subjects/{id}", subject.subject),
-        Route("/scenarios", scenario.scenarios),
-        Route("/scenarios/{id}", scenario.scenario),
-        Route("/plans/{id}", page.plan),
-        Route("/plans/{id}/plots.json", page.plots),
-        Route("/robots", robot.robots),
-        Route("/robots/{name}", robot.robot),
-        Route("/robots/{name}/reach.json", robot.reach),
-        Route("/sweeps", sweep.sweeps),
-        Route("/settings", settings.settings),
-        Route("/jobs", lists.jobs),
-        Route("/reproduction", reproduction.reproduction),
-        Route("/jobs/{id}", job.job),
-        Route("/jobs/{id}/plots.json", job.plots),
-        Route("/jobs/{id}/figures/{name}.json", comparison.figure),
-        Route("/jobs/{id}/reach.json", reachability.reach),
-        Route("/population", population.new),
-        Route("/population/{id}", population.population),
-        Route("/view/", view.view),
-        Route(f"{scene}/", proxy.page),
+        Route("/recordings", lists.recordings_page),
+        Route("/recordings/{id}", recording.recording_page),
+        Route("/subjects", subject.subjects_page),
+        Route("/subjects/{id}", subject.subject_page),
+        Route("/scenarios", scenario.scenarios_page),
+        Route("/scenarios/{id}", scenario.scenario_page),
+        Route("/plans/{id}", page.plan_page),
+        Route("/plans/{id}/plots.json", page.plots_json),
+        Route("/robots", robot.robots_page),
+        Route("/robots/{name}", robot.robot_page),
+        Route("/robots/{name}/reach.json", robot.reach_json),
+        Route("/sweeps", sweep.sweeps_page),
+        Route("/settings", settings.settings_page),
+        Route("/jobs", lists.jobs_page),
+        Route("/reproduction", reproduction.reproduction_page),
+        Route("/jobs/{id}", job.job_page),
+        Route("/jobs/{id}/plots.json", job.plots_json),
+        Route("/jobs/{id}/figures/{name}.json", comparison.figure_json),
+        Route("/jobs/{id}/reach.json", reachability.reach_json),
+        Route("/population", population.new_study_page),
+        Route("/population/{id}", population.study_page),
+        Route("/view/", view.view_page),
+        Route(f"{scene}/", proxy.scene_page),
         Route(f"{scene}/open", proxy.open_scene, methods=["POST"]),
-        Route(f"{scene}/frames.bin", view.values),
-        Route(f"{scene}/motion.{{form}}", proxy.player),
-        Route("/view/scene/scenario/{id}/-/touches.json", planner.footholds),
-        WebSocketRoute(scene, proxy.pump),
-        Route("/login", settings.login),
+        Route(f"{scene}/frames.bin", view.frames_bin),
+        Route(f"{scene}/motion.{{form}}", proxy.player_file),
+        Route("/view/scene/scenario/{id}/-/touches.json", planner.contacts_json),
+        WebSocketRoute(scene, proxy.relay_websocket),
+        Route("/login", settings.login_page),
         Route("/static/plotly.min.js", assets.plotly_script),
         Route(f"{FOLDER}{{name}}", assets.viser_file),
         Mount("/static", assets.OwnFiles(directory=assets.STATIC)),

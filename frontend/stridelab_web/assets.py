@@ -21,7 +21,7 @@ from stridelab_web import viser_client
 HERE = Path(__file__).parent
 STATIC = HERE / "static"
 TEMPLATES = HERE / "templates"
-FOR_EVER: Final = "public, max-age=31536000, immutable"
+IMMUTABLE: Final = "public, max-age=31536000, immutable"
 """Cache-Control of a file whose name changes with its content."""
 ZSTD_LEVEL: Final = 12
 """Compresses viser's client in a sixth of a second; the highest level takes eight times as long for 5 % less size."""
@@ -68,42 +68,42 @@ async def plotly_script(request: Request) -> Response:
     headers = {"ETag": tag, "Cache-Control": "public, max-age=86400"}
     if request.headers.get("if-none-match") == tag:
         return Response(status_code=304, headers=headers)
-    return compressed(request, plotly_js_gzip(), "text/javascript", headers)
+    return gzip_response(request, plotly_js_gzip(), "text/javascript", headers)
 
 
 async def viser_file(request: Request) -> Response:
     """``GET /static/viser/{name}``: a file of viser's client."""
-    client = await run_in_threadpool(viser_client.installed)
-    name, headers = request.path_params["name"], {"Cache-Control": FOR_EVER}
+    client = await run_in_threadpool(viser_client.installed_client)
+    name, headers = request.path_params["name"], {"Cache-Control": IMMUTABLE}
     if (media_type := client.media_types.get(name)) is None:
         raise HTTPException(404, "This file belongs to another version: load the page again.")
-    if takes(request, "zstd"):
+    if accepts_encoding(request, "zstd"):
         packed = await run_in_threadpool(viser_zstd, name)
         headers |= {"Vary": "Accept-Encoding", "Content-Encoding": "zstd"}
         return Response(packed, media_type=media_type, headers=headers)
-    return compressed(request, await run_in_threadpool(viser_gzip, name), media_type, headers)
+    return gzip_response(request, await run_in_threadpool(viser_gzip, name), media_type, headers)
 
 
 @cache
 def viser_zstd(name: str) -> bytes:
     """A file of viser's client, zstd-compressed (2.5 MB to 0.65 MB); browsers accept it in secure contexts."""
-    return zstandard.ZstdCompressor(level=ZSTD_LEVEL).compress(viser_client.installed().files[name])
+    return zstandard.ZstdCompressor(level=ZSTD_LEVEL).compress(viser_client.installed_client().files[name])
 
 
 @cache
 def viser_gzip(name: str) -> bytes:
     """A file of viser's client, gzip-compressed (0.76 MB)."""
-    return gzip.compress(viser_client.installed().files[name], compresslevel=9, mtime=0)
+    return gzip.compress(viser_client.installed_client().files[name], compresslevel=9, mtime=0)
 
 
-def takes(request: Request, coding: str) -> bool:
+def accepts_encoding(request: Request, coding: str) -> bool:
     """Whether the client accepts this content coding."""
     return coding in request.headers.get("accept-encoding", "")
 
 
-def compressed(request: Request, gzipped: bytes, media_type: str, headers: dict[str, str]) -> Response:
+def gzip_response(request: Request, gzipped: bytes, media_type: str, headers: dict[str, str]) -> Response:
     """Response with the ``gzipped`` content, unpacked for clients that do not accept gzip."""
     headers = {**headers, "Vary": "Accept-Encoding"}
-    if takes(request, "gzip"):
+    if accepts_encoding(request, "gzip"):
         return Response(gzipped, media_type=media_type, headers={**headers, "Content-Encoding": "gzip"})
     return Response(gzip.decompress(gzipped), media_type=media_type, headers=headers)

@@ -9,7 +9,7 @@ from starlette.types import Scope
 
 from stridelab.schemas.service import ShownSetting
 
-NO_KEY_NEEDED: Final = "-"
+ANONYMOUS_KEY: Final = "-"
 """Key of the callers of a service without a token."""
 
 
@@ -28,7 +28,7 @@ ScenarioRights = Callable[[Scope, str, str | None], ScenarioRight]
 """Returns the rights of the caller of a request on a scenario, given its id and its owner."""
 
 
-def only_look(scope: Scope, scenario_id: str, owner: str | None) -> ScenarioRight:
+def read_only_right(scope: Scope, scenario_id: str, owner: str | None) -> ScenarioRight:
     """Default: scenarios are read-only."""
     return ScenarioRight(None, "This service does not say who may change its scenarios.")
 
@@ -37,7 +37,7 @@ UserOf = Callable[[Scope], str]
 """Returns the name of the caller of a request; empty without login."""
 
 
-def nobody(scope: Scope) -> str:
+def anonymous_user(scope: Scope) -> str:
     """Default: there is no login."""
     return ""
 
@@ -58,5 +58,5 @@ class WebConfig:
     token: str | None = field(default=None, repr=False)
     viewer_url: str | None = None
     settings: tuple[ShownSetting, ...] = ()
-    scenario_right: ScenarioRights = field(default=only_look, repr=False)
-    user_of: UserOf = field(default=nobody, repr=False)
+    scenario_right: ScenarioRights = field(default=read_only_right, repr=False)
+    user_of: UserOf = field(default=anonymous_user, repr=False)

@@ -9,17 +9,17 @@ from stridelab.schemas.base import FaultItem, Problem
 from stridelab.schemas.jobs import FINAL_STATES, Job
 
 
-def fixed(value: float | None, digits: int = 2) -> str:
+def fixed_decimals(value: float | None, digits: int = 2) -> str:
     """``value`` with a fixed number of decimals; a dash for None."""
     return "–" if value is None else f"{value:z.{digits}f}"
 
 
-def plain(value: float | None) -> str:
+def plain_number(value: float | None) -> str:
     """The shortest decimal form of ``value`` to six digits, for form fields; empty for None."""
     return "" if value is None else f"{value:.6g}"
 
 
-def measured(value: float, unit: str) -> str:
+def with_unit(value: float, unit: str) -> str:
     """A measured value with its unit, to three digits: short lengths and times in thousandths, a ratio as a number."""
     if unit in ("m", "s") and 0 < abs(value) < 0.1:
         value, unit = 1000 * value, f"m{unit}"
@@ -27,23 +27,23 @@ def measured(value: float, unit: str) -> str:
     return f"{text} {unit}" if unit not in ("", "1") else text
 
 
-def moment(value: datetime) -> str:
+def utc_text(value: datetime) -> str:
     """A time stamp in UTC to the minute, as plain text."""
     return value.astimezone(UTC).strftime("%Y-%m-%d %H:%M UTC")
 
 
-def when(value: datetime) -> Markup:
+def time_element(value: datetime) -> Markup:
     """A ``<time>`` element in UTC; ``static/js/shared/local_times.js`` replaces it by the local time with its zone."""
-    text = moment(value)
+    text = utc_text(value)
     return Markup('<time datetime="{}" title="{}">{}</time>').format(value.astimezone(UTC).isoformat(), text, text)
 
 
-def counted(number: int, noun: str, plural: str = "") -> str:
+def count_text(number: int, noun: str, plural: str = "") -> str:
     """``1 frame``, ``2 frames``, as static/js/shared/plurals.js; ``plural`` defaults to ``noun`` with an s."""
     return f"{number} {noun if number == 1 else plural or noun + 's'}"
 
 
-def megabytes(count: int) -> str:
+def size_text(count: int) -> str:
     """A size in kB or MB of 10^3 and 10^6 bytes."""
     return f"{count / 1e6:.1f} MB" if count >= 1e5 else f"{count / 1e3:.1f} kB"
 
@@ -53,43 +53,43 @@ def total_s(intervals: Iterable[Sequence[float]]) -> float:
     return sum((end - start for start, end in intervals), 0.0)
 
 
-def words(code: str) -> str:
+def code_words(code: str) -> str:
     """``l_head_front|head_top`` as ``l head front or head top``: the readable form of a code."""
     return code.replace("|", " or ").replace("-", " ").replace("_", " ")
 
 
 def check_name(code: str) -> str:
     """Name of a check of a certificate."""
-    name = words(code).replace("com ", "CoM ")
+    name = code_words(code).replace("com ", "CoM ")
     for ending, text in ((" max", ", largest"), (" min", ", smallest")):
         if name.endswith(ending):
             name = name.removesuffix(ending) + text
     return name[:1].upper() + name[1:]
 
 
-def kind(code: str) -> str:
+def job_kind_name(code: str) -> str:
     """Name of a kind of job."""
-    return KINDS.get(code, words(code).capitalize())
+    return KINDS.get(code, code_words(code).capitalize())
 
 
-def item(code: str) -> str:
+def item_name(code: str) -> str:
     """Name of a reproduction item: ``fig-2.6`` is Figure 2.6; other tables have a name in words."""
     kind_of, _, number = code.partition("-")
-    return f"{_ITEMS[kind_of]} {number}" if kind_of in _ITEMS else _TABLES.get(code, words(code).capitalize())
+    return f"{_ITEMS[kind_of]} {number}" if kind_of in _ITEMS else _TABLES.get(code, code_words(code).capitalize())
 
 
-def verdict(code: str) -> str:
+def verdict_text(code: str) -> str:
     """Text of a verdict on a claim of the thesis."""
-    return _VERDICTS.get(code, words(code))
+    return _VERDICTS.get(code, code_words(code))
 
 
-def method(code: str) -> str:
+def method_name(code: str) -> str:
     """Name of an estimator; the suffix ``-thesis`` stands for the settings of the thesis."""
     name = code.removesuffix("-thesis")
-    return _METHODS.get(name, words(name)) + (", thesis" if name != code else "")
+    return _METHODS.get(name, code_words(name)) + (", thesis" if name != code else "")
 
 
-def headline(job: Job) -> str:
+def job_headline(job: Job) -> str:
     """Text beside the state of a job; the same sentence as in static/js/shared/api.js.
 
     The verdict is shown separately, in its own colour.
@@ -151,7 +151,7 @@ def tab_mark(job: Job) -> str:
     return "✓ " if job.verdict is None else _MARKS[job.verdict.outcome]
 
 
-def not_in_detail(problem: Problem) -> list[FaultItem]:
+def faults_not_in_detail(problem: Problem) -> list[FaultItem]:
     """Faults of a problem, without those that its detail already contains."""
     remaining = []
     for item in problem.errors:
@@ -161,7 +161,7 @@ def not_in_detail(problem: Problem) -> list[FaultItem]:
     return remaining
 
 
-def solver(name: str) -> str:
+def solver_name(name: str) -> str:
     """Display name of a solver of the centroidal problem."""
     return _SOLVERS.get(name, name)
 
@@ -172,24 +172,24 @@ def short_time(seconds: float) -> str:
 
 
 FILTERS = {
-    "fixed": fixed,
-    "plain": plain,
-    "measured": measured,
-    "moment": moment,
-    "when": when,
-    "counted": counted,
-    "megabytes": megabytes,
+    "fixed": fixed_decimals,
+    "plain": plain_number,
+    "measured": with_unit,
+    "moment": utc_text,
+    "when": time_element,
+    "counted": count_text,
+    "megabytes": size_text,
     "total_s": total_s,
-    "words": words,
+    "words": code_words,
     "check_name": check_name,
-    "kind": kind,
-    "item": item,
-    "verdict": verdict,
-    "method": method,
-    "headline": headline,
+    "kind": job_kind_name,
+    "item": item_name,
+    "verdict": verdict_text,
+    "method": method_name,
+    "headline": job_headline,
     "tab_mark": tab_mark,
-    "not_in_detail": not_in_detail,
-    "solver": solver,
+    "not_in_detail": faults_not_in_detail,
+    "solver": solver_name,
     "short_time": short_time,
 }
 """Filters of the templates."""

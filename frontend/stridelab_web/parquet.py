@@ -21,7 +21,7 @@ def read_columns(content: bytes) -> Columns:
     return columns
 
 
-def read_words(content: bytes) -> Mapping[str, list[str]]:
+def read_texts(content: bytes) -> Mapping[str, list[str]]:
     """All columns of text of a Parquet table."""
     table = pq.read_table(io.BytesIO(content))
     return {
@@ -29,7 +29,7 @@ def read_words(content: bytes) -> Mapping[str, list[str]]:
     }
 
 
-def triple(columns: Columns, before: str, after: str) -> np.ndarray | None:
+def xyz_columns(columns: Columns, before: str, after: str) -> np.ndarray | None:
     """Columns ``<before>x<after>``, y and z as one array of shape ``(rows, 3)``, or None where one is missing."""
     names = [f"{before}{axis}{after}" for axis in "xyz"]
     if not all(name in columns for name in names):

@@ -35,8 +35,8 @@ CONTENT_POLICY: Final = (
 )
 """The application writes styles while it runs, so in its frame, and nowhere else, styles are not restricted."""
 SUFFIXES: Final = {"text/css": ".css", "text/javascript": ".js", "application/wasm": ".wasm"}
-LIT_BY_A_CITY: Final = b"environmentMap:null"
-LIT_BY_NOTHING: Final = b"environmentMap:{hdri_data:null}"
+DEFAULT_ENVIRONMENT: Final = b"environmentMap:null"
+NO_ENVIRONMENT: Final = b"environmentMap:{hdri_data:null}"
 _SCRIPT = re.compile(
     rb'<script data-p="(?P<packed>[^"]*)" data-ss="(?P<styles>\d+)" data-cs="(?P<code>\d+)">'
     rb'.*?gzWasm="(?P<decoder>[^"]*)".*?</script>',
@@ -54,37 +54,37 @@ class ViserClient:
 
 
 @cache
-def installed() -> ViserClient:
+def installed_client() -> ViserClient:
     """The client of the installed viser package. Raises ``ValueError`` if its form is unknown."""
-    return unpacked(files("viser").joinpath("client", "build", "index.html").read_bytes())
+    return unpack_page(files("viser").joinpath("client", "build", "index.html").read_bytes())
 
 
-def unpacked(html: bytes) -> ViserClient:
+def unpack_page(html: bytes) -> ViserClient:
     """Split the page of viser into its files. Raises ``ValueError`` if its form is unknown."""
     script = _SCRIPT.search(html)
     if script is None:
         raise ValueError("the client page of this viser version has an unknown form: its scripts cannot be found")
-    whole = zstandard.ZstdDecompressor().decompress(decode88(script["packed"]))
+    whole = zstandard.ZstdDecompressor().decompress(decode_base88(script["packed"]))
     end = int(script["styles"])
     parts = {
         "text/css": whole[:end],
-        "text/javascript": unlit(whole[end : end + int(script["code"])]),
-        "application/wasm": gzip.decompress(decode88(script["decoder"].replace(b"\\\\", b"\\"))),
+        "text/javascript": remove_environment(whole[end : end + int(script["code"])]),
+        "application/wasm": gzip.decompress(decode_base88(script["decoder"].replace(b"\\\\", b"\\"))),
     }
-    names = {media_type: _name(content) + SUFFIXES[media_type] for media_type, content in parts.items()}
-    page = html[: script.start()] + _links(*(FOLDER + name for name in names.values())) + html[script.end() :]
+    names = {media_type: _file_name(content) + SUFFIXES[media_type] for media_type, content in parts.items()}
+    page = html[: script.start()] + _resource_links(*(FOLDER + name for name in names.values())) + html[script.end() :]
     files = {names[media_type]: content for media_type, content in parts.items()}
     return ViserClient(page, files, {name: media_type for media_type, name in names.items()})
 
 
-def unlit(code: bytes) -> bytes:
+def remove_environment(code: bytes) -> bytes:
     """The application without its initial environment image. Raises ``ValueError`` if its form is unknown."""
-    if code.count(LIT_BY_A_CITY) != 1:
+    if code.count(DEFAULT_ENVIRONMENT) != 1:
         raise ValueError("the client of this viser version has an unknown form: its first environment cannot be found")
-    return code.replace(LIT_BY_A_CITY, LIT_BY_NOTHING)
+    return code.replace(DEFAULT_ENVIRONMENT, NO_ENVIRONMENT)
 
 
-def decode88(text: bytes) -> bytes:
+def decode_base88(text: bytes) -> bytes:
     """Decode base 88: five characters are four bytes, big-endian; k remaining characters are k - 1 bytes."""
     value_of = np.zeros(256, dtype=np.uint64)
     value_of[np.frombuffer(ALPHABET, dtype=np.uint8)] = np.arange(len(ALPHABET), dtype=np.uint64)
@@ -98,11 +98,11 @@ def decode88(text: bytes) -> bytes:
     return head + (tail.to_bytes(len(rest) - 1, "big") if len(rest) else b"")
 
 
-def _name(content: bytes) -> str:
+def _file_name(content: bytes) -> str:
     return f"{version('viser')}-{hashlib.sha256(content).hexdigest()[:16]}"
 
 
-def _links(styles: str, code: str, decoder: str) -> bytes:
+def _resource_links(styles: str, code: str, decoder: str) -> bytes:
     return (
         f'<link rel="stylesheet" href="{styles}"><link rel="stylesheet" href="{FRAME_STYLES}">'
         f'<link rel="modulepreload" href="{code}">'

@@ -44,7 +44,7 @@ def note(benchmark, plan):
 
 @pytest.fixture
 def forget(monkeypatch):
-    return lambda: monkeypatch.setattr(nlp, "_kept", {})
+    return lambda: monkeypatch.setattr(nlp, "_compiled_programs", {})
 
 
 @pytest.mark.parametrize("scenario", EXPERIMENTS)

@@ -6,7 +6,7 @@ import numpy as np
 from playwright.sync_api import expect
 
 from stridelab.schemas.scenarios import Scenario
-from stridelab_web.scene.contacts import touches
+from stridelab_web.scene.contacts import placed_contacts
 from stridelab_web.scene.plan_frames import read_motion
 from support.browser.page import Service, Tab
 from support.browser.scene import drag, nodes, opened, until
@@ -22,13 +22,13 @@ def test_from_a_sample_over_a_dragged_foothold_to_the_robot_that_walks_on_it(tab
     page.wait_for_url(lambda url: "scenario=" in url and "flat-walk" not in url)
     page.wait_for_selector("[data-ready]", timeout=60_000)
     copy = client.scenario(page.url.rpartition("=")[2])
-    third = touches(copy)[2]
+    third = placed_contacts(copy)[2]
     x, y, z = third.contact.position_m
     target = (x + 0.03, y - math.copysign(0.01, y), z)
 
     drag(page, "/contacts/3", target)
     expect(page.locator("[data-said]")).to_have_text("Stored.")
-    stored = touches(client.scenario(copy.id))[2]
+    stored = placed_contacts(client.scenario(copy.id))[2]
     assert math.dist(stored.contact.position_m, target) < 0.01
     assert math.dist(stored.contact.position_m, third.contact.position_m) > 0.02
 

@@ -14,7 +14,7 @@ from stridelab.schemas.scenarios import (
     ScenarioContact,
     ScenarioPhase,
 )
-from stridelab_web.scene.contacts import touches
+from stridelab_web.scene.contacts import placed_contacts
 from support.browser.page import Service, Tab
 from support.browser.scene import hold, nodes, opened, until
 
@@ -50,7 +50,7 @@ def refused(tab: Tab) -> None:
 
 def test_a_contact_is_judged_while_it_is_held(tab: Tab, service: Service) -> None:
     kept = service.client.add_scenario(bare(service, "flat-walk", name="dragged"))
-    third = touches(kept)[2]
+    third = placed_contacts(kept)[2]
     x, y, z = third.contact.position_m
     page = opened(tab, f"/view/?scenario={kept.id}")
     editor, verdict = page.locator("[data-editor]"), page.locator("[data-verdict]")
@@ -84,7 +84,7 @@ def test_numbers_are_judged_while_they_are_typed(tab: Tab, service: Service) -> 
     height.fill("0.3")
     expect(page.locator("[data-verdict]")).to_contain_text("right foot: is in the air")
     expect(page.locator("[data-margins]").nth(4)).to_contain_text("10.0 cm above the surface")
-    for k in range(touches(kept)[4].first_phase, touches(kept)[4].last_phase + 1):
+    for k in range(placed_contacts(kept)[4].first_phase, placed_contacts(kept)[4].last_phase + 1):
         expect(bars(page).nth(k)).to_have_attribute("data-kind", "invalid")
     assert service.client.scenario(kept.id).phases == kept.phases
     height.fill("0.2")
@@ -115,7 +115,7 @@ def test_phases_are_gone_through_by_keyboard(tab: Tab, service: Service) -> None
     assert page.evaluate("() => document.activeElement.textContent") == str(len(scenario.phases) - 2)
     assert page.locator("[data-phases] [tabindex='0']").count() == 1, "one stop for the tab key"
 
-    fifth = touches(scenario)[4]
+    fifth = placed_contacts(scenario)[4]
     page.get_by_role("button", name="5 right foot").click()
     own = check.support[fifth.first_phase : fifth.last_phase + 1]
     shows(page, check, min(own, key=spare).phase)

@@ -8,7 +8,7 @@ from playwright.sync_api import Page, expect
 
 from stridelab.resources import models_dir
 from stridelab.schemas.scenarios import Scenario
-from stridelab_web.scene.contacts import touches
+from stridelab_web.scene.contacts import placed_contacts
 from support.browser.page import Service, Tab
 from support.browser.scene import hold, opened, until
 
@@ -37,7 +37,7 @@ def base(page: Page) -> np.ndarray:
 
 def test_a_stance_that_no_body_can_take_is_said_and_not_valid(tab: Tab, service: Service) -> None:
     kept = service.client.add_scenario(stairs("stretched"))
-    foot = touches(kept)[FOOT]
+    foot = placed_contacts(kept)[FOOT]
     assert foot.effector == "left_foot"
     page = opened(tab, f"/view/?scenario={kept.id}&contact={foot.number}")
     editor, verdict = page.locator("[data-editor]"), page.locator("[data-verdict]")

@@ -10,7 +10,7 @@ from playwright.sync_api import Page, expect
 from stridelab.centroidal.native.availability import NativeUnavailable, native_availability
 from stridelab.schemas.previews import PlanPreviewInput, PreviewPush
 from stridelab.schemas.scenarios import Scenario
-from stridelab_web.scene.contacts import touches
+from stridelab_web.scene.contacts import placed_contacts
 from stridelab_web.viewer.overlays import RINGS, SIDES
 from support.browser.page import Service, Tab
 from support.browser.scene import hold, opened, until
@@ -41,7 +41,7 @@ def test_the_plan_follows_a_contact_that_is_held(tab: Tab, service: Service) -> 
     stored = service.client.scenario("flat-walk")
     body = Scenario(**{name: getattr(stored, name) for name in Scenario.model_fields})
     kept = service.client.add_scenario(body)
-    third = touches(kept)[2]
+    third = placed_contacts(kept)[2]
     x, y, z = third.contact.position_m
     page = opened(tab, f"/view/?scenario={kept.id}")
     said = page.locator("[data-live-said]")

@@ -8,7 +8,7 @@ import pytest
 from playwright.sync_api import Locator, Page, Route, expect
 
 from stridelab.schemas.scenarios import StoredScenario
-from stridelab_web.scene.contacts import touches
+from stridelab_web.scene.contacts import placed_contacts
 from support.browser.page import Tab
 from support.browser.scene import hold, nodes, opened, until
 from support.fakes.lab import Lab
@@ -86,7 +86,7 @@ def test_a_border_is_dragged_undone_and_done_again(page: Page, lab: Lab, kept: S
     assert after[3] == pytest.approx(before[3] - 0.3, abs=0.02)
     assert after[3] + after[4] == pytest.approx(before[3] + before[4])
     assert after[:3] + after[5:] == before[:3] + before[5:]
-    assert page.evaluate(MARKS) == len(touches(kept))
+    assert page.evaluate(MARKS) == len(placed_contacts(kept))
 
     page.get_by_role("button", name="Undo").click()
     until(page, lambda: durations(lab, kept) == before)
@@ -157,7 +157,7 @@ def test_phases_are_typed_split_added_and_removed(page: Page, lab: Lab, kept: St
     until(page, lambda: durations(lab, kept) == pytest.approx([before[0], 0.625, 0.625, *before[2:]]))
     expect(page.locator("[data-phases] button")).to_have_count(10)
     assert standing(lab, kept)[1] == standing(lab, kept)[2] == {"left_foot", "right_hand"}
-    assert page.evaluate(MARKS) == len(touches(kept)), "a touch that is split in time is one touch"
+    assert page.evaluate(MARKS) == len(placed_contacts(kept)), "a touch that is split in time is one touch"
     page.get_by_role("button", name="Add", exact=True).press("Enter")
     until(page, lambda: durations(lab, kept) == pytest.approx([before[0], 0.625, 0.5, 0.625, *before[2:]]))
     for _ in range(2):
@@ -242,7 +242,7 @@ def test_what_the_judge_refuses_in_a_phase_goes_back(
     text.press("Control+Enter")
     expect(dialog).to_be_hidden()
     until(page, lambda: lab.fake.scenarios[kept.id].name == "By hand")
-    until(page, lambda: page.evaluate(MARKS) == len(touches(lab.fake.scenarios[kept.id])))
+    until(page, lambda: page.evaluate(MARKS) == len(placed_contacts(lab.fake.scenarios[kept.id])))
     page.locator("h1").click()
     page.keyboard.press("Control+z")
     until(page, lambda: lab.fake.scenarios[kept.id].name == kept.name)

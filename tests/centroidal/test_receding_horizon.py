@@ -103,7 +103,7 @@ def test_where_a_solve_fails_the_last_plan_goes_on(walk: CentroidalProblem, monk
         asked_s[0] = time_s
         return genuine(self, time_s, state)
 
-    monkeypatch.setattr(RecedingHorizon, "horizon", watched)
+    monkeypatch.setattr(RecedingHorizon, "horizon_problem", watched)
     monkeypatch.setattr(module, "solve", failing(lambda: 0.25 < asked_s[0] < 0.45))
     done = RecedingHorizon(problem=walk, horizon_s=1.5).run()
     carried = [round(r.time_s, 1) for r in done.replans if r.carried_on]

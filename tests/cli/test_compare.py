@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from stridelab.cli.compare import compare
+from stridelab.cli.compare import compare_methods
 from stridelab.cli.options import Delivery, Walk
 from stridelab.cli.recording_request import EstimateRequest
 from stridelab.errors import InvalidInput, UnreadableFile
@@ -17,7 +17,7 @@ TRUTH = SAMPLE / "truth.parquet"
 
 def run(out_dir: Path, *, truth: Path | None = TRUTH, as_json: bool = False, server: str | None = None) -> None:
     request = EstimateRequest(Walk(SAMPLE / "recording.c3d"), "complementary")
-    compare(request, truth=truth, delivery=Delivery(out_dir, as_json=as_json, server=server))
+    compare_methods(request, truth=truth, delivery=Delivery(out_dir, as_json=as_json, server=server))
 
 
 def test_the_table_shows_errors_and_agreement(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

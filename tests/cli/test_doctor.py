@@ -12,47 +12,47 @@ from stridelab.service.settings import Settings
 
 
 def test_pythons_too_old_and_too_new_are_told() -> None:
-    assert [doctor.python_version((3, minor)).ok for minor in (10, 11, 14, 15)] == [False, True, True, False]
+    assert [doctor.check_python_version((3, minor)).ok for minor in (10, 11, 14, 15)] == [False, True, True, False]
 
 
 def test_missing_packages_are_named() -> None:
-    assert doctor.packages(["json"]).ok
-    check = doctor.packages(["json", "no_such_package"])
+    assert doctor.check_packages(["json"]).ok
+    check = doctor.check_packages(["json", "no_such_package"])
     assert not check.ok
-    assert "no_such_package" in check.found
+    assert "no_such_package" in check.detail
 
 
 def test_models_are_found() -> None:
-    assert doctor.models().ok
+    assert doctor.check_models().ok
 
 
 def test_the_bundled_database_runs() -> None:
-    check = doctor.database(Settings())
+    check = doctor.check_database(Settings())
     assert check.ok
-    assert "PostgreSQL" in check.found
+    assert "PostgreSQL" in check.detail
 
 
 FAILING: dict[str, tuple[Callable[[Settings], Check], Callable[[Path], Settings], str]] = {
-    "no binaries": (doctor.database, lambda folder: Settings(pg_bin=folder), "STRIDELAB_PG_BIN"),
+    "no binaries": (doctor.check_database, lambda folder: Settings(pg_bin=folder), "STRIDELAB_PG_BIN"),
     "no server": (
-        doctor.database,
+        doctor.check_database,
         lambda _: Settings(database_url="postgresql://nobody@127.0.0.1:9/x"),
         "STRIDELAB_DATABASE_URL",
     ),
     "no password file": (
-        doctor.database,
+        doctor.check_database,
         lambda folder: Settings(database_url="postgresql://x@y/z", database_password_file=folder / "none"),
         "STRIDELAB_DATABASE_PASSWORD_FILE",
     ),
     "data in a file": (
-        doctor.data_folder,
+        doctor.check_data_folder,
         lambda folder: Settings(data_dir=a_file(folder) / "data"),
         "STRIDELAB_DATA_DIR",
     ),
-    "no disk": (doctor.disk, lambda folder: Settings(data_dir=folder, min_free_disk_mb=10**12), "Free"),
-    "open without token": (doctor.network, lambda _: Settings(host="0.0.0.0"), "STRIDELAB_API_TOKEN"),
+    "no disk": (doctor.check_disk, lambda folder: Settings(data_dir=folder, min_free_disk_mb=10**12), "Free"),
+    "open without token": (doctor.check_network, lambda _: Settings(host="0.0.0.0"), "STRIDELAB_API_TOKEN"),
     "no token file": (
-        doctor.network,
+        doctor.check_network,
         lambda folder: Settings(host="0.0.0.0", api_token_file=folder / "none"),
         "STRIDELAB_API_TOKEN_FILE",
     ),
@@ -74,7 +74,7 @@ def test_a_failing_check_says_what_to_do(name: str, tmp_path: Path) -> None:
 
 def test_a_taken_port_says_what_to_do() -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
-        check = doctor.port(Settings(port=taken.getsockname()[1]))
+        check = doctor.check_port(Settings(port=taken.getsockname()[1]))
     assert not check.ok
     assert "STRIDELAB_PORT" in check.fix
 
@@ -84,17 +84,17 @@ def test_the_same_checks_pass_where_nothing_is_wrong(tmp_path: Path) -> None:
         probe.bind(("127.0.0.1", 0))
         free = probe.getsockname()[1]
     settings = Settings(data_dir=tmp_path / "new" / "data", port=free)
-    for check in (doctor.data_folder, doctor.disk, doctor.port, doctor.network):
+    for check in (doctor.check_data_folder, doctor.check_disk, doctor.check_port, doctor.check_network):
         assert check(settings).ok, check
     assert not (tmp_path / "new").exists(), "a check leaves nothing behind"
 
 
 def test_a_token_opens_the_network() -> None:
-    assert doctor.network(Settings(host="0.0.0.0", api_token="x")).ok
+    assert doctor.check_network(Settings(host="0.0.0.0", api_token="x")).ok
 
 
 def test_a_service_that_does_not_answer_fails_the_question(capsys: pytest.CaptureFixture[str]) -> None:
-    assert not doctor.ask("http://127.0.0.1:9")
+    assert not doctor.report_service("http://127.0.0.1:9")
     assert "FAIL" in capsys.readouterr().out
 
 

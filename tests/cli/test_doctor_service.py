@@ -28,42 +28,42 @@ def settings(database_url: str, tmp_path: Path) -> Settings:
 
 
 def test_tables_of_this_program_an_older_and_a_newer_one(settings: Settings, postgres: TestDatabases) -> None:
-    assert parts.tables(settings).ok
+    assert parts.check_tables(settings).ok
     with psycopg.connect(str(settings.database_url)) as connection:
         connection.execute("UPDATE alembic_version SET version_num = '9999'")
-    newer = parts.tables(settings)
+    newer = parts.check_tables(settings)
     assert not newer.ok
     assert "newer stridelab" in newer.fix
     with postgres.fresh(migrated=False) as url:
-        empty = parts.tables(Settings(database_url=url))
+        empty = parts.check_tables(Settings(database_url=url))
         assert not empty.ok
         assert "stridelab migrate" in empty.fix
-        assert parts.workers(Settings(database_url=url)).ok
+        assert parts.check_workers(Settings(database_url=url)).ok
 
 
 def test_a_clock_a_minute_off_is_told_with_its_fix(settings: Settings, monkeypatch: pytest.MonkeyPatch) -> None:
-    assert parts.clock(settings).ok
+    assert parts.check_clock(settings).ok
     now = time.time
     monkeypatch.setattr(parts.time, "time", lambda: now() + 60.0)
-    late = parts.clock(settings)
+    late = parts.check_clock(settings)
     assert not late.ok
-    assert -62.0 < float(late.found.split()[0]) < -58.0
+    assert -62.0 < float(late.detail.split()[0]) < -58.0
     assert "NTP" in late.fix
 
 
 def test_waiting_jobs_need_a_worker(settings: Settings) -> None:
-    assert parts.workers(settings).found == "0 alive, 0 jobs waiting"
+    assert parts.check_workers(settings).detail == "0 alive, 0 jobs waiting"
     with psycopg.connect(str(settings.database_url)) as connection:
         connection.execute("INSERT INTO job (id, kind, input, input_hash) VALUES ('j', 'work', '{}', 'h')")
-    idle = parts.workers(settings)
+    idle = parts.check_workers(settings)
     assert not idle.ok
     assert "stridelab worker" in idle.fix
     with psycopg.connect(str(settings.database_url)) as connection:
         connection.execute("INSERT INTO procrastinate_workers DEFAULT VALUES")
-    assert parts.workers(settings).found == "1 alive, 1 jobs waiting"
+    assert parts.check_workers(settings).detail == "1 alive, 1 jobs waiting"
 
 
-@pytest.mark.parametrize("check", [parts.tables, parts.clock, parts.workers])
+@pytest.mark.parametrize("check", [parts.check_tables, parts.check_clock, parts.check_workers])
 def test_a_database_that_is_away(check: object) -> None:
     found = check(NOWHERE)  # type: ignore[operator]
     assert not found.ok
@@ -72,25 +72,25 @@ def test_a_database_that_is_away(check: object) -> None:
 
 def test_a_store_is_tried_and_left_as_it_was(tmp_path: Path) -> None:
     store = tmp_path / "store"
-    assert parts.storage(Settings(blob_url=store.as_uri())).ok
+    assert parts.check_storage(Settings(blob_url=store.as_uri())).ok
     assert not list(store.iterdir())
     (store / "doctor").write_text("a file where a folder should be")
     for broken in (store.as_uri(), "ftp://x/y", (store / "doctor" / "deeper").as_uri()):
-        found = parts.storage(Settings(blob_url=broken))
+        found = parts.check_storage(Settings(blob_url=broken))
         assert not found.ok, broken
         assert "STRIDELAB_BLOB_URL" in found.fix
-    assert parts.storage(Settings(data_dir=tmp_path / "new")).ok
+    assert parts.check_storage(Settings(data_dir=tmp_path / "new")).ok
     assert not (tmp_path / "new").exists()
 
 
 def test_a_store_that_never_answers(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(parts, "_STORE_ANSWERS_S", 0.2)
+    monkeypatch.setattr(parts, "_STORE_TIMEOUT_S", 0.2)
     with socket.create_server(("127.0.0.1", 0)) as mute:
         keys = tmp_path / "keys"
         keys.write_text(f"endpoint=http://127.0.0.1:{mute.getsockname()[1]}\naccess_key_id=x\nsecret_access_key=y\n")
-        found = parts.storage(Settings(blob_url="s3://bucket/prefix", blob_credentials_file=keys))
+        found = parts.check_storage(Settings(blob_url="s3://bucket/prefix", blob_credentials_file=keys))
     assert not found.ok
-    assert "no answer within" in found.found
+    assert "no answer within" in found.detail
 
 
 def test_memory_is_that_of_the_container_or_unit(tmp_path: Path) -> None:
@@ -108,11 +108,11 @@ def test_memory_is_that_of_the_container_or_unit(tmp_path: Path) -> None:
 
 
 def test_too_little_memory_for_a_job_is_told_and_the_solver_is_found() -> None:
-    assert parts.memory(Settings()).ok
-    short = parts.memory(Settings(job_memory_mb=10**9))
+    assert parts.check_memory(Settings()).ok
+    short = parts.check_memory(Settings(job_memory_mb=10**9))
     assert not short.ok
     assert "STRIDELAB_JOB_MEMORY_MB" in short.fix
-    assert parts.solver(Settings()).ok
+    assert parts.check_solver(Settings()).ok
 
 
 def test_a_worker_is_known_by_its_beat(database_url: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -140,8 +140,8 @@ def embedded() -> Iterator[Settings]:
 
 
 def test_an_embedded_database_is_asked_while_it_runs(embedded: Settings, tmp_path: Path) -> None:
-    assert "revision" in parts.tables(embedded).found
-    assert parts.clock(embedded).ok
-    assert parts.workers(embedded).found == "0 alive, 0 jobs waiting"
+    assert "revision" in parts.check_tables(embedded).detail
+    assert parts.check_clock(embedded).ok
+    assert parts.check_workers(embedded).detail == "0 alive, 0 jobs waiting"
     asleep = Settings(data_dir=tmp_path)
-    assert all(check(asleep).ok for check in (parts.tables, parts.clock, parts.workers))
+    assert all(check(asleep).ok for check in (parts.check_tables, parts.check_clock, parts.check_workers))

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from stridelab.cli.estimate import estimate, simulate
+from stridelab.cli.estimate import estimate_recording, simulate_walk
 from stridelab.cli.options import Delivery, Estimation, Preparation, Walk
 from stridelab.cli.recording_request import EstimateRequest
 from stridelab.cli.results import write_result
@@ -24,7 +24,7 @@ FILES = {"com.parquet", "com.csv", "com.c3d", "result.json", "references.bib"}
 
 
 def run(delivery: Delivery, walk: Walk = WALK, **asked: Any) -> None:
-    estimate(EstimateRequest(walk, **asked), delivery)
+    estimate_recording(EstimateRequest(walk, **asked), delivery)
 
 
 def test_the_result_is_that_of_the_job(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -69,20 +69,20 @@ def test_a_forced_second_run_replaces_the_first(tmp_path: Path, capsys: pytest.C
 
 def test_what_is_stated_for_the_smoother_reaches_the_job() -> None:
     stated = Estimation(prior=["plate_force_n=5", "momentum_m_s=0.001,0.002"], no_learn=True, segment_momentum=True)
-    asked = EstimateRequest(WALK, estimation=stated).input("r", EstimateComInput)
+    asked = EstimateRequest(WALK, estimation=stated).to_input("r", EstimateComInput)
     assert asked.smoother is not None
     assert asked.smoother.priors.model_dump(exclude_none=True) == {
         "plate_force_n": 5.0,
         "momentum_m_s": (0.001, 0.002),
     }
     assert (asked.smoother.learn, asked.smoother.segment_momentum) == (False, True)
-    plain = EstimateRequest(WALK).input("r", EstimateComInput)
+    plain = EstimateRequest(WALK).to_input("r", EstimateComInput)
     assert plain.smoother is None, "nothing stated leaves the choice of the method open"
 
 
 def test_simulate_then_estimate(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     fields = {"seed": 5, "duration_s": 2.0}
-    simulate(fields, noise=("marker_m=0.002",), out_dir=tmp_path / "walk", force=False, as_json=False)
+    simulate_walk(fields, noise=("marker_m=0.002",), out_dir=tmp_path / "walk", force=False, as_json=False)
     assert {p.name for p in (tmp_path / "walk").iterdir()} == {
         "recording.c3d",
         "truth.parquet",

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from stridelab.cli.fit_cycloid import fit
+from stridelab.cli.fit_cycloid import fit_steps
 from stridelab.cli.options import Delivery, Walk
 from stridelab.cli.recording_request import EstimateRequest
 from stridelab.errors import InvalidInput, UnreadableFile
@@ -21,7 +21,7 @@ def run(
     method: str = "complementary",
     steps: str = "measured",
 ) -> None:
-    fit(EstimateRequest(Walk(file), method, steps=steps), Delivery(out_dir, as_json=as_json))
+    fit_steps(EstimateRequest(Walk(file), method, steps=steps), Delivery(out_dir, as_json=as_json))
 
 
 def test_the_tables_show_wheel_timing_and_scatter(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 from stridelab.cli.app import app
 from stridelab.cli.console import EXIT_CODES
-from stridelab.cli.contacts import LARGEST_BYTES
+from stridelab.cli.contacts import MAX_DOCUMENT_BYTES
 from stridelab.cli.scenario_files import bundled_names, read_scenario
 from stridelab.errors import Conflict, InvalidInput, NotFound, StridelabError, TooLarge, UnreadableFile
 
@@ -105,7 +105,7 @@ def test_what_cannot_be_done_is_not_exported() -> None:
         (b"", UnreadableFile, "not-json"),
         (b"\xff\xfe", UnreadableFile, "UTF-8"),
         (b"[" * 100_000, UnreadableFile, "nested too deep"),
-        (b" " * (LARGEST_BYTES + 1), TooLarge, "file-too-large"),
+        (b" " * (MAX_DOCUMENT_BYTES + 1), TooLarge, "file-too-large"),
         (b"[1, 2]", InvalidInput, "contact_phases"),
         (b"null", InvalidInput, "contact_phases"),
         (b"{}", InvalidInput, "there are no phases"),

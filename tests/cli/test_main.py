@@ -131,7 +131,7 @@ def test_ctrl_c_is_quiet(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     def interrupted(**_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("stridelab.cli.demo.demo", interrupted)
+    monkeypatch.setattr("stridelab.cli.demo.run_demo", interrupted)
     ran = run("demo")
     assert (ran.code, ran.out, ran.err) == (130, "", "")
 

@@ -68,7 +68,7 @@ def test_the_folder_is_named_after_the_scenario(walk: str, tmp_path: Path, monke
 
 def test_a_replay_goes_with_the_whole_body() -> None:
     def asked(**options: Any) -> tuple[bool, bool]:
-        made = PlanRequest("x", **options).of(short_walk())
+        made = PlanRequest("x", **options).to_input(short_walk())
         return made.whole_body, made.replay
 
     assert asked() == (True, True)
@@ -82,9 +82,9 @@ def test_a_replay_goes_with_the_whole_body() -> None:
 def test_options_of_the_solver_are_those_of_the_job() -> None:
     options = {"formulation": "wrench", "solver": "ipopt", "node_rate_hz": 20.0, "time_limit_s": 5.0}
     options |= {"free_durations": True, "duration_range": (0.8, 1.3)}
-    made = PlanRequest("x", **options).of(short_walk())  # type: ignore[arg-type]
+    made = PlanRequest("x", **options).to_input(short_walk())  # type: ignore[arg-type]
     assert {name: getattr(made, name) for name in options} == options
-    plain = PlanRequest("x").of(short_walk())
+    plain = PlanRequest("x").to_input(short_walk())
     assert plain == PlanMotionInput(scenario=short_walk(), replay=True)
 
 
@@ -297,7 +297,7 @@ def test_a_scenario_that_the_service_refuses_is_invalid_input(
 
 
 def test_the_demo_does_both_main_jobs(walk: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    demo.demo(out_dir=tmp_path / "demo", force=False, stairs=walk)
+    demo.run_demo(out_dir=tmp_path / "demo", force=False, stairs=walk)
     shown = capsys.readouterr().out
     com_files = {"com.parquet", "com.csv", "com.c3d", "result.json", "references.bib", "truth.parquet", "truth.csv"}
     assert {path.name for path in (tmp_path / "demo" / "walk").iterdir()} == com_files
@@ -311,5 +311,5 @@ def test_the_demo_does_both_main_jobs(walk: str, tmp_path: Path, capsys: pytest.
 def test_the_demo_refuses_before_any_work(tmp_path: Path) -> None:
     (tmp_path / "climb").mkdir()
     with pytest.raises(Conflict):
-        demo.demo(out_dir=tmp_path, force=False)
+        demo.run_demo(out_dir=tmp_path, force=False)
     assert [path.name for path in tmp_path.iterdir()] == ["climb"]

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from stridelab.cli import app
-from stridelab.cli.reproduce import KEPT, REPORT, reproduce_all
+from stridelab.cli.reproduce import CACHE_FOLDER, REPORT, reproduce_all
 from stridelab.errors import InvalidInput
 from stridelab.reproduction.chapter2 import fig_2_5
 
@@ -16,7 +16,7 @@ QUICK = ("fig-2.5", "fig-4.3")
 
 def everything(out_dir: Path, *, anew: bool = False, as_json: bool = False) -> bool:
     return reproduce_all(
-        QUICK, seeds=None, quick=True, recordings=None, out_dir=out_dir, anew=anew, as_json=as_json
+        QUICK, seeds=None, quick=True, recordings=None, out_dir=out_dir, recompute=anew, as_json=as_json
     )  # fmt: skip
 
 
@@ -32,12 +32,12 @@ def test_all_items_are_in_one_report_and_computed_once(
     assert all(f'<section id="{name}">' in text for name in QUICK)
     assert text.count("<svg") == 2
     assert "3 draws of the noise" in text
-    assert {path.name.partition("-3-")[0] for path in (out_dir / KEPT).iterdir()} == set(QUICK)
+    assert {path.name.partition("-3-")[0] for path in (out_dir / CACHE_FOLDER).iterdir()} == set(QUICK)
 
     def broken(*_: object) -> None:
         raise RuntimeError("the filters are gone")
 
-    monkeypatch.setattr(fig_2_5, "bode", broken)
+    monkeypatch.setattr(fig_2_5, "bode_responses", broken)
     assert everything(out_dir), "what is kept needs no filters"
     capsys.readouterr()
     assert not everything(out_dir, anew=True, as_json=True)

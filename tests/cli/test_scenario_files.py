@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from stridelab.cli.scenario_files import bundled_names, place, read_scenario
+from stridelab.cli.scenario_files import bundled_names, field_path, read_scenario
 from stridelab.errors import InvalidInput, NotFound, StridelabError, TooLarge, UnreadableFile
 from stridelab.schemas.scenarios import Scenario
 from support.robots.plan_runs import short_walk
@@ -86,8 +86,9 @@ def test_faults_name_phase_effector_and_field(tmp_path: Path) -> None:
 
 def test_a_contact_without_effector_is_counted() -> None:
     document = {"phases": [{"contacts": [{}, {"effector": "left_foot"}]}]}
-    assert place(("phases", 0, "contacts", 0, "effector"), document) == "phases[0].contacts[0].effector"
+    assert field_path(("phases", 0, "contacts", 0, "effector"), document) == "phases[0].contacts[0].effector"
     assert (
-        place(("phases", 0, "contacts", 1, "position_m", 2), document) == "phases[0].contacts[left_foot].position_m[2]"
+        field_path(("phases", 0, "contacts", 1, "position_m", 2), document)
+        == "phases[0].contacts[left_foot].position_m[2]"
     )
-    assert place((), document) == "the file"
+    assert field_path((), document) == "the file"

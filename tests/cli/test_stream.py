@@ -10,7 +10,7 @@ import pytest
 
 from stridelab.cli.options import Walk
 from stridelab.cli.recording_request import EstimateRequest
-from stridelab.cli.stream import COLUMNS, Played, Replay, paced, prepared, stream_samples
+from stridelab.cli.stream import COLUMNS, Replay, ReplayResult, pace_blocks, prepare_samples, stream_samples
 from stridelab.errors import InvalidInput, Unavailable
 from stridelab.schemas.streams import StreamEstimate
 from support.command_line import SAMPLE
@@ -39,7 +39,7 @@ def test_the_sample_is_replayed(service: Served, tmp_path: Path, capsys: pytest.
     assert len(told) == figures["samples"]
     assert figures["method"] == "complementary"
     assert figures["played_s"] >= (told[-1, 0] - told[0, 0]) / 4.0 - 0.01
-    _, samples = prepared(REQUEST, Replay(packed=True))
+    _, samples = prepare_samples(REQUEST, Replay(packed=True))
     geometry = np.array([sample.geometry_m for sample in samples])
     assert told[:, 0] == pytest.approx([sample.time_s for sample in samples], abs=1e-5)
     assert np.abs(told[:, 1:4] - geometry).max() < 0.05
@@ -71,7 +71,7 @@ def test_a_senseless_method_or_direction_is_refused_before_anything_is_sent(
     replay: Replay, code: str, where: str
 ) -> None:
     with pytest.raises(InvalidInput) as refused:
-        prepared(REQUEST, replay)
+        prepare_samples(REQUEST, replay)
     assert refused.value.code == code
     assert where in [fault.where for fault in refused.value.faults]
 
@@ -93,7 +93,7 @@ def test_blocks_come_when_their_last_sample_is_measured(monkeypatch: pytest.Monk
     monkeypatch.setattr("stridelab.cli.stream.time.sleep", sleep)
     samples = walk_samples(0.1, start_s=3.0)
     blocks = [samples[:10], samples[10:]]
-    assert list(paced(blocks, 0.5)) == blocks
+    assert list(pace_blocks(blocks, 0.5)) == blocks
     assert np.cumsum(slept) == pytest.approx([0.045 / 0.5, 0.095 / 0.5])
 
 
@@ -108,5 +108,5 @@ def test_the_quantile_of_the_answers_is_never_beyond_the_longest_answer() -> Non
     nowhere = (0.0, 0.0, 0.0)
     last = StreamEstimate(time_s=0.0, com_m=nowhere, velocity_m_s=nowhere, sd_m=nowhere)
     for took_s in ([0.2], [0.1, 0.2], [0.01, 0.02, 0.2]):
-        figures = Played("complementary", [last], took_s, 1.0).figures()
+        figures = ReplayResult("complementary", [last], took_s, 1.0).to_json()
         assert figures["answer_median_ms"] <= figures["answer_95_percent_ms"] <= figures["answer_max_ms"]

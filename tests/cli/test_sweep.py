@@ -7,7 +7,7 @@ import pytest
 from typer.testing import CliRunner
 
 from stridelab.cli.app import app
-from stridelab.cli.sweep import SweepRequest, ranges
+from stridelab.cli.sweep import SweepRequest, parse_ranges
 from stridelab.errors import InvalidInput
 from stridelab.service.kinds import sweep
 from support.robots.plan_runs import short_walk
@@ -18,23 +18,23 @@ from support.robots.plan_runs import short_walk
 )
 def test_what_is_no_range_is_named(typed: str) -> None:
     with pytest.raises(InvalidInput) as refusal:
-        ranges([typed])
+        parse_ranges([typed])
     assert refusal.value.faults[0].where == "--vary"
     assert typed in refusal.value.faults[0].message
 
 
 def test_ranges_become_the_jobs_input() -> None:
     request = SweepRequest("walk", ["stride=0.6:1.05:50", "friction=0.3:0.8:6"], solver="casadi", node_rate_hz=20.0)
-    asked = request.of(short_walk())
+    asked = request.to_input(short_walk())
     assert asked.vary == {"stride": (0.6, 1.05, 50), "friction": (0.3, 0.8, 6)}
     assert (asked.points, asked.solver, asked.node_rate_hz) == (300, "casadi", 20.0)
     with pytest.raises(InvalidInput):
-        SweepRequest("walk", ["mass=1:2:3"]).of(short_walk())
+        SweepRequest("walk", ["mass=1:2:3"]).to_input(short_walk())
 
 
 def test_a_sweep_from_the_command_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(
-        sweep, "each_apart", lambda work, items, **_options: ((k, work(item)) for k, item in enumerate(items))
+        sweep, "map_isolated", lambda work, items, **_options: ((k, work(item)) for k, item in enumerate(items))
     )
     file = tmp_path / "walk.json"
     file.write_text(short_walk().model_dump_json(exclude_unset=True))

@@ -28,7 +28,7 @@ def test_styles_that_plotly_would_write_are_known() -> None:
 
 
 def test_the_client_of_viser_is_unpacked() -> None:
-    client = viser_client.installed()
+    client = viser_client.installed_client()
     kinds = {client.media_types[name]: content for name, content in client.files.items()}
     assert set(kinds) == {"text/css", "text/javascript", "application/wasm"}
     for word in (b"nodePoseData", b"nodeRefFromName", b"poseUpdateState", b"requestRender", b"__viserZstdWasm"):
@@ -42,18 +42,18 @@ def test_the_client_of_viser_is_unpacked() -> None:
 
 def test_one_word_of_the_application_is_another_one() -> None:
     html = files("viser").joinpath("client", "build", "index.html").read_bytes()
-    found = viser_client.installed()
+    found = viser_client.installed_client()
     code = next(content for name, content in found.files.items() if name.endswith(".js"))
-    back = code.replace(viser_client.LIT_BY_NOTHING, viser_client.LIT_BY_A_CITY)
-    assert code.count(viser_client.LIT_BY_NOTHING) == 1
+    back = code.replace(viser_client.NO_ENVIRONMENT, viser_client.DEFAULT_ENVIRONMENT)
+    assert code.count(viser_client.NO_ENVIRONMENT) == 1
     assert f'data-cs="{len(back)}"'.encode() in html
-    assert viser_client.unlit(back) == code
+    assert viser_client.remove_environment(back) == code
 
 
 @pytest.mark.parametrize("code", [b"{fog:null}", b"{environmentMap:null},{environmentMap:null}"])
 def test_an_application_of_another_form_is_refused(code: bytes) -> None:
     with pytest.raises(ValueError, match="an unknown form"):
-        viser_client.unlit(code)
+        viser_client.remove_environment(code)
 
 
 def test_policy_of_the_frame_allows_files_of_this_service_alone() -> None:
@@ -66,12 +66,12 @@ def test_policy_of_the_frame_allows_files_of_this_service_alone() -> None:
 
 def test_a_page_of_another_form_is_refused() -> None:
     with pytest.raises(ValueError, match="an unknown form"):
-        viser_client.unpacked(b"<html><script>new()</script></html>")
+        viser_client.unpack_page(b"<html><script>new()</script></html>")
 
 
 @pytest.mark.parametrize("content", [b"", b"a", b"ab", b"abc", b"abcd", b"abcde\xff\x00"])
 def test_base_88_is_undone(content: bytes) -> None:
-    assert viser_client.decode88(encode88(content)) == content
+    assert viser_client.decode_base88(encode88(content)) == content
 
 
 def encode88(content: bytes) -> bytes:
@@ -90,7 +90,7 @@ def encode88(content: bytes) -> bytes:
 def test_frame_asks_for_files_that_are_kept_for_ever(
     browse: Callable[[str], httpx.Response], fake: FakeService
 ) -> None:
-    client, web = viser_client.installed(), make_client(fake)
+    client, web = viser_client.installed_client(), make_client(fake)
     answer = browse("/view/scene/recording/some/-/")
     assert answer.content == client.page
     assert answer.headers["content-security-policy"] == viser_client.CONTENT_POLICY

@@ -7,7 +7,7 @@ import pytest
 from stridelab.schemas.methods import METHODS
 from stridelab.service.kinds.registry import KINDS
 from stridelab_web import formatting
-from stridelab_web.formatting import counted, fixed, moment, when
+from stridelab_web.formatting import count_text, fixed_decimals, time_element, utc_text
 from stridelab_web.pages.results.comparison_plots import STYLES
 
 
@@ -15,7 +15,7 @@ from stridelab_web.pages.results.comparison_plots import STYLES
     ("value", "text"), [(1.236, "1.24"), (-0.001, "0.00"), (-0.006, "-0.01"), (0.0, "0.00"), (None, "–")]
 )
 def test_fixed_digits_and_no_negative_zero(value: float | None, text: str) -> None:
-    assert fixed(value) == text
+    assert fixed_decimals(value) == text
 
 
 def test_every_estimator_has_a_name_and_a_line_of_its_own() -> None:
@@ -38,16 +38,16 @@ def test_every_kind_of_job_has_a_name() -> None:
     ],
 )
 def test_one_is_counted_in_the_singular(number: int, words_of: tuple[str, ...], text: str) -> None:
-    assert counted(number, *words_of) == text
+    assert count_text(number, *words_of) == text
 
 
 def test_an_element_for_a_time_holds_the_instant_and_the_utc_text() -> None:
     there = timezone(timedelta(hours=-5))
-    assert when(datetime(2026, 11, 22, 23, 30, tzinfo=there)) == (
+    assert time_element(datetime(2026, 11, 22, 23, 30, tzinfo=there)) == (
         '<time datetime="2026-11-23T04:30:00+00:00" title="2026-11-23 04:30 UTC">2026-11-23 04:30 UTC</time>'
     )
 
 
 def test_a_time_says_that_it_is_utc_whatever_its_own_zone() -> None:
     there = timezone(timedelta(hours=-5))
-    assert moment(datetime(2026, 11, 22, 23, 30, tzinfo=there)) == "2026-11-23 04:30 UTC"
+    assert utc_text(datetime(2026, 11, 22, 23, 30, tzinfo=there)) == "2026-11-23 04:30 UTC"

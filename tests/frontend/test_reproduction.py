@@ -9,7 +9,7 @@ import pytest
 
 from stridelab.schemas.jobs import Artifact, JobResult
 from stridelab.schemas.reproduction import ClaimResult, ReproduceSummary, ReproductionItem, Verdict
-from stridelab_web.formatting import item, verdict
+from stridelab_web.formatting import item_name, verdict_text
 from support.fakes.service import FakeService
 
 Browse = Callable[[str], httpx.Response]
@@ -127,11 +127,11 @@ def test_nothing_is_asked_for_twice_while_jobs_are_under_way(fake: FakeService, 
 
 
 def test_items_and_verdicts_have_names() -> None:
-    assert item("fig-2.6") == "Figure 2.6"
-    assert item("table-4.1") == "Table 4.1"
-    names = [item(code) for code in get_args(ReproductionItem)]
+    assert item_name("fig-2.6") == "Figure 2.6"
+    assert item_name("table-4.1") == "Table 4.1"
+    names = [item_name(code) for code in get_args(ReproductionItem)]
     assert len(set(names)) == len(names)
     assert not any("-" in name or name != name.strip() for name in names)
-    named = [verdict(code) for code in get_args(Verdict)]
+    named = [verdict_text(code) for code in get_args(Verdict)]
     assert len(set(named)) == len(named)
     assert not any("_" in name for name in named)

@@ -57,7 +57,7 @@ def test_geometry_alone_needs_no_measured_window(tmp_path: Path, monkeypatch: py
     def brief(source: RecordingSource, folder: Path) -> Trial:
         return replace(examined(source, folder), windows=(Window(1.0, 1.2),))
 
-    monkeypatch.setattr(com_inputs, "examine", brief)
+    monkeypatch.setattr(com_inputs, "examine_trial", brief)
     summary = summary_of(tmp_path / "a", method="geometry")
     assert summary.window_s == pytest.approx((0.0, 3.99))
     part = summary_of(tmp_path / "b", method="geometry", window_s=(0.5, 2.0))

@@ -94,7 +94,7 @@ def test_what_cannot_be_chosen_is_named(asked: dict[str, Any], named: str) -> No
 
 def test_circular_cones_want_the_native_solver(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     asked = plan_task(whole_body=False, free_durations=True, formulation="circular-cones")
-    monkeypatch.setattr(plan_problem, "native_missing", lambda: "It was not built.")
+    monkeypatch.setattr(plan_problem, "native_unavailable_reason", lambda: "It was not built.")
     with pytest.raises(NotEstimable) as refused:
         plan_motion.run(asked, tmp_path, quiet)
     assert refused.value.code == "solver-unavailable"

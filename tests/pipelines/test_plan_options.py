@@ -62,7 +62,7 @@ def test_options_reach_the_solver(
     solver: str,
     cpu_s: float,
 ) -> None:
-    monkeypatch.setattr(plan_problem, "native_missing", lambda: missing)
+    monkeypatch.setattr(plan_problem, "native_unavailable_reason", lambda: missing)
     seen: list[Any] = []
 
     def stopped(problem: CentroidalProblem, name: str, limits: Limits, *, tell: IterationCallback) -> CentroidalPlan:

@@ -73,7 +73,7 @@ def serve(
     ] = False,
 ) -> None:
     """Start database, API and pages, worker and viewer; Ctrl-C stops them."""
-    from stridelab.cli.serve import serve as run
+    from stridelab.cli.serve import start_service as run
 
     run(host=host, port=port, data_dir=data_dir, without_worker=without_worker)
 
@@ -81,7 +81,7 @@ def serve(
 @app.command()
 def worker() -> None:
     """Start one worker that takes jobs from STRIDELAB_DATABASE_URL until Ctrl-C."""
-    from stridelab.cli.serve import worker as run
+    from stridelab.cli.serve import start_worker as run
 
     run()
 
@@ -89,7 +89,7 @@ def worker() -> None:
 @app.command()
 def migrate() -> None:
     """Bring the schema of STRIDELAB_DATABASE_URL up to date."""
-    from stridelab.cli.serve import migrate as run
+    from stridelab.cli.serve import migrate_database as run
 
     run()
 
@@ -111,14 +111,14 @@ def estimate(
     delivery: Delivery,
 ) -> None:
     """Estimate the centre of mass of one recording, or of each of a session; needs no server."""
-    from stridelab.cli.estimate import estimate as run
+    from stridelab.cli.estimate import estimate_recording as run
     from stridelab.cli.recording_request import EstimateRequest
     from stridelab.cli.session import estimate_session, recordings_below
 
     if len(walks.files) == 1 and not walks.files[0].is_dir():
-        run(EstimateRequest(walks.each(walks.files)[0], method, estimation, preparation), delivery)
+        run(EstimateRequest(walks.to_walks(walks.files)[0], method, estimation, preparation), delivery)
         return
-    each = walks.each(recordings_below(walks.files))
+    each = walks.to_walks(recordings_below(walks.files))
     estimate_session([EstimateRequest(walk, method, estimation, preparation) for walk in each], delivery)
 
 
@@ -136,7 +136,7 @@ def compare(
     delivery: Delivery,
 ) -> None:
     """Compare all estimators on one recording; needs no server."""
-    from stridelab.cli.compare import compare as run
+    from stridelab.cli.compare import compare_methods as run
     from stridelab.cli.recording_request import EstimateRequest
 
     request = EstimateRequest(walk, method, estimation, preparation)
@@ -173,7 +173,7 @@ def simulate(
     as_json: AsJson = False,
 ) -> None:
     """Simulate a walk of a person or of TALOS: writes recording.c3d and the true centre of mass."""
-    from stridelab.cli.estimate import simulate as run
+    from stridelab.cli.estimate import simulate_walk as run
 
     stated = {"speed_m_s": speed_m_s, "height_m": height_m, "mass_kg": mass_kg, "sex": sex}
     fields: dict[str, object] = {"seed": seed, "duration_s": duration_s, "robot": robot, "gait": gait, "lab": lab}
@@ -208,7 +208,7 @@ def reproduce(
     delivery: Delivery,
 ) -> None:
     """Recompute a figure of the thesis and compare its numbers with ours; needs no server."""
-    from stridelab.cli.reproduce import reproduce as run
+    from stridelab.cli.reproduce import reproduce_item as run
     from stridelab.cli.reproduce import require_one
 
     name = require_one(item, everything=everything, quick=quick, recordings=recordings, server=delivery.server)
@@ -222,7 +222,7 @@ def reproduce(
         quick=quick,
         recordings=recordings,
         out_dir=delivery.out_dir,
-        anew=delivery.force,
+        recompute=delivery.force,
         as_json=delivery.as_json,
     ):
         raise typer.Exit(FAILURE)
@@ -231,7 +231,7 @@ def reproduce(
 @app.command()
 def demo(out_dir: OutFolder = None, force: Force = False) -> None:
     """Run both main jobs: estimate a walk with known truth, and plan a robot that climbs stairs."""
-    from stridelab.cli.demo import demo as run
+    from stridelab.cli.demo import run_demo as run
 
     run(out_dir=out_dir, force=force)
 
@@ -249,7 +249,7 @@ def doctor(
     ] = False,
 ) -> None:
     """Check this machine for what the service needs; prints a fix for each failed check."""
-    from stridelab.cli.doctor.machine import ask, ask_worker, check_machine
+    from stridelab.cli.doctor.machine import check_machine, report_service, report_worker
 
     if files:
         from stridelab.cli.backup import verify_files
@@ -258,9 +258,9 @@ def doctor(
             raise typer.Exit(FAILURE)
     if files and not service and not worker:
         return
-    passed = [ask(service)] if service else []
+    passed = [report_service(service)] if service else []
     if worker:
-        passed.append(ask_worker())
+        passed.append(report_worker())
     if not (all(passed) if passed else check_machine()):
         raise typer.Exit(FAILURE)
 

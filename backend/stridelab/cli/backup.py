@@ -21,8 +21,8 @@ def backup(
 
     with open_location(read_settings(), require_stopped=False) as source, progress_bar("backup") as bar:
         taken = create_backup(source.database_url, source.open_store(), file, force=force, on_progress=bar)
-    out.print(f"{file}: {_told(taken.rows, taken.files, taken.bytes)}")
-    _tell_missing(taken.missing)
+    out.print(f"{file}: {_format_totals(taken.rows, taken.files, taken.bytes)}")
+    _warn_missing(taken.missing)
 
 
 def restore(
@@ -43,10 +43,10 @@ def restore(
         open_location(read_settings(), require_stopped=True, create=True) as location,
     ):
         taken = run(archive, location, with_tokens=with_tokens, replace=replace, on_progress=bar)
-    out.print(f"restored {_told(taken.rows, taken.files, taken.bytes)}")
+    out.print(f"restored {_format_totals(taken.rows, taken.files, taken.bytes)}")
     if taken.rows.get("token") and not with_tokens:
         out.print("The API tokens of the backup were not restored; --with-tokens restores them.")
-    _tell_missing(taken.missing)
+    _warn_missing(taken.missing)
 
 
 def adopt(
@@ -58,9 +58,9 @@ def adopt(
 
     with progress_bar("adopt") as bar:
         taken = run(folder, read_settings(), replace=replace, on_progress=bar)
-    out.print(f"adopted {_told(taken.rows, taken.files, taken.bytes)}")
+    out.print(f"adopted {_format_totals(taken.rows, taken.files, taken.bytes)}")
     out.print(f"{folder} is unchanged; delete it after checking the new service.")
-    _tell_missing(taken.missing)
+    _warn_missing(taken.missing)
 
 
 def verify_files() -> bool:
@@ -80,12 +80,12 @@ def verify_files() -> bool:
     return report.ok
 
 
-def _told(rows: dict[str, int], files: int, size_bytes: int) -> str:
+def _format_totals(rows: dict[str, int], files: int, size_bytes: int) -> str:
     counts = [(rows.get(name, 0), name) for name in ("recording", "subject", "scenario", "job")] + [(files, "file")]
     listed = ", ".join(f"{number} {name}{'' if number == 1 else 's'}" for number, name in counts)
     return f"{listed} ({size_bytes / 1e6:,.1f} MB)"
 
 
-def _tell_missing(missing: tuple[str, ...]) -> None:
+def _warn_missing(missing: tuple[str, ...]) -> None:
     if missing:
         err.print(f"[yellow]warning[/]: {len(missing)} stored files are missing, the first is {missing[0]}")

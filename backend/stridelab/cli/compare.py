@@ -7,7 +7,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from stridelab.cli.console import out, progress_bar
-from stridelab.cli.estimate import require_file, staged
+from stridelab.cli.estimate import require_file, staged_files
 from stridelab.cli.options import Delivery
 from stridelab.cli.recording_request import EstimateRequest
 from stridelab.cli.results import (
@@ -29,7 +29,7 @@ from stridelab.schemas.tasks import CompareEstimatorsTask
 TRUTH = "known-truth.parquet"
 
 
-def compare(
+def compare_methods(
     request: EstimateRequest,
     *,
     truth: Path | None,
@@ -39,7 +39,7 @@ def compare(
     if truth is not None and delivery.server is not None:
         fault = Fault("--truth", "contradicts --server")
         raise InvalidInput("option-invalid", "A service knows the truth of its own simulated recordings only.", [fault])
-    target = delivery.folder(f"{request.file.stem}-comparison")
+    target = delivery.result_path(f"{request.file.stem}-comparison")
     refuse_to_overwrite(target, force=delivery.force)
     for path in (request.file, request.static, truth):
         if path is not None:
@@ -60,8 +60,8 @@ def compare_here(request: EstimateRequest, folder: Path, truth: Path | None) -> 
     """Run the job's own function in this process."""
     from stridelab.service.kinds import compare_estimators
 
-    input_ = request.input(request.file.name, CompareEstimatorsInput)
-    with progress_bar(request.file.name) as bar, staged(request, folder) as (recording, static):
+    input_ = request.to_input(request.file.name, CompareEstimatorsInput)
+    with progress_bar(request.file.name) as bar, staged_files(request, folder) as (recording, static):
         bar(0.0, "starting")
         if truth is not None:
             shutil.copyfile(truth, folder / TRUTH)
@@ -83,7 +83,7 @@ def show_comparison(result: JobResult, target: Path, *, as_json: bool) -> None:
     start_s, end_s = summary.window_s
     out.print(f"{start_s:.2f} to {end_s:.2f} s at {summary.rate_hz:g} Hz, {summary.mass_kg:.1f} kg")
     for heads, cells in _TABLES:
-        rows = {name: cells(summary.methods[name]) for name in sorted(summary.methods, key=_place)}
+        rows = {name: cells(summary.methods[name]) for name in sorted(summary.methods, key=_method_order)}
         if any(any(row) for row in rows.values()):
             table = Table("", *heads, box=None, pad_edge=False)
             table.columns[0].no_wrap = True
@@ -97,44 +97,46 @@ def show_comparison(result: JobResult, target: Path, *, as_json: bool) -> None:
     show_files(result, target)
 
 
-def _place(name: str) -> tuple[int, str]:
+def _method_order(name: str) -> tuple[int, str]:
     """Sort key: the best method first, each followed by its variant with the thesis' settings."""
     plain = name.removesuffix("-thesis")
     return (METHODS.index(plain) if plain in METHODS else len(METHODS), name)
 
 
-def _errors(a: MethodAssessment) -> list[str]:
+def _error_cells(a: MethodAssessment) -> list[str]:
     if a.truth is None:
         return [""] * 4
     t = a.truth
     lag = "" if t.lag_s.lateral is None else f"{1e3 * t.lag_s.lateral:.1f}"
-    return [f"{1e3 * t.horizontal_m:.1f}", f"{1e3 * t.vertical_m:.1f}", _three(t.coverage, 100.0, 0), lag]
+    return [f"{1e3 * t.horizontal_m:.1f}", f"{1e3 * t.vertical_m:.1f}", _format_axes(t.coverage, 100.0, 0), lag]
 
 
-def _with_force(a: MethodAssessment) -> list[str]:
-    held_back = "" if a.held_back_n is None else _three(a.held_back_n)
-    return [_three(a.offset_m, 1e3), _three(a.force_residual_n), held_back]
+def _force_cells(a: MethodAssessment) -> list[str]:
+    held_back = "" if a.held_back_n is None else _format_axes(a.held_back_n)
+    return [_format_axes(a.offset_m, 1e3), _format_axes(a.force_residual_n), held_back]
 
 
-def _with_physics(a: MethodAssessment) -> list[str]:
+def _physics_cells(a: MethodAssessment) -> list[str]:
     return [
-        "" if a.momentum_rate is None else _one(a.momentum_rate.correlation.lateral, 2),
+        "" if a.momentum_rate is None else _format_number(a.momentum_rate.correlation.lateral, 2),
         "" if a.standing_m is None else f"{1e3 * a.standing_m:.1f}",
         "" if a.flight is None else f"{100.0 * a.flight.vertical_share:+.1f}",
     ]
 
 
-def _three(axes: Axes, scale: float = 1.0, digits: int = 1) -> str:
-    return " / ".join(_one(None if v is None else scale * v, digits) for v in (axes.along, axes.lateral, axes.vertical))
+def _format_axes(axes: Axes, scale: float = 1.0, digits: int = 1) -> str:
+    return " / ".join(
+        _format_number(None if v is None else scale * v, digits) for v in (axes.along, axes.lateral, axes.vertical)
+    )
 
 
-def _one(value: float | None, digits: int) -> str:
+def _format_number(value: float | None, digits: int) -> str:
     return "?" if value is None else f"{value:.{digits}f}"
 
 
 _TABLES = (
-    (("horizontal mm", "vertical mm", "in the band %", "lag ms"), _errors),
-    (("offset mm", "residual N", "held back N"), _with_force),
-    (("r of dL/dt", "standing mm", "flight %"), _with_physics),
+    (("horizontal mm", "vertical mm", "in the band %", "lag ms"), _error_cells),
+    (("offset mm", "residual N", "held back N"), _force_cells),
+    (("r of dL/dt", "standing mm", "flight %"), _physics_cells),
 )
 """Errors against the truth; agreement with the force; agreement with physics."""

@@ -45,7 +45,7 @@ EXIT_CODES: Final[Mapping[type[StridelabError], int]] = MappingProxyType(
 3 is also ``CONTRADICTED``: a result was written but is not reliable.
 """
 
-MOST_FAULTS: Final = 12
+MAX_LISTED_FAULTS: Final = 12
 """Maximum number of faults listed below an error."""
 
 out = Console(highlight=False, soft_wrap=True)
@@ -60,10 +60,10 @@ def exit_code(error: StridelabError) -> int:
 def show_error(error: StridelabError) -> None:
     """Print message and code on one line, then the faults of the input."""
     err.print(f"[bold red]error[/]: {escape(error.message)} [dim]({escape(error.code)})[/]")
-    for fault in error.faults[:MOST_FAULTS]:
+    for fault in error.faults[:MAX_LISTED_FAULTS]:
         err.print(f"  {escape(fault.where)}: {escape(fault.message)}")
-    if len(error.faults) > MOST_FAULTS:
-        err.print(f"  and {len(error.faults) - MOST_FAULTS} more")
+    if len(error.faults) > MAX_LISTED_FAULTS:
+        err.print(f"  and {len(error.faults) - MAX_LISTED_FAULTS} more")
 
 
 class Bar:

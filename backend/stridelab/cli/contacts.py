@@ -21,7 +21,7 @@ from stridelab.cli.results import (
     write_file,
     write_result,
 )
-from stridelab.cli.scenario_files import read_document, read_json, read_scenario, understood
+from stridelab.cli.scenario_files import read_document, read_json, read_scenario, validate_document
 from stridelab.errors import Fault, InvalidInput
 from stridelab.schemas.base import Remark
 from stridelab.schemas.jobs import JobResult
@@ -29,7 +29,7 @@ from stridelab.schemas.plans import PlanContactsInput, PlanContactsSummary
 from stridelab.schemas.scenarios import Scenario
 from stridelab.schemas.tasks import PlanContactsTask
 
-ENDS: Final = {"start": 0, "goal": -1}
+PHASE_OF_END: Final = {"start": 0, "goal": -1}
 """Indices of the scenario phases that are start and goal of a task."""
 
 ONLY_SCENARIO: Final = ("description", "start_com_height_m")
@@ -40,7 +40,7 @@ def plan_contacts(typed: str, delivery: Delivery) -> None:
     """Plan here or on a server, write the result folder and show the summary."""
     title = Path(typed).stem
     input_ = task_of(read_document(typed), title)
-    target = delivery.folder(f"{title}-contacts")
+    target = delivery.result_path(f"{title}-contacts")
     refuse_to_overwrite(target, force=delivery.force)
     with result_folder(target, force=delivery.force) as folder:
         if delivery.server is None:
@@ -60,9 +60,9 @@ def task_of(document: Any, name: str) -> PlanContactsInput:
     fields = dict(document) if isinstance(document, dict) else {}
     phases = fields.pop("phases", None)
     if isinstance(phases, list) and phases and all(isinstance(phase, dict) for phase in phases):
-        fields |= {end: {"contacts": phases[k].get("contacts")} for end, k in ENDS.items()}
+        fields |= {end: {"contacts": phases[k].get("contacts")} for end, k in PHASE_OF_END.items()}
         fields = {key: value for key, value in fields.items() if key not in ONLY_SCENARIO}
-    return understood(PlanContactsInput, {"name": name, **fields}, name, "task")
+    return validate_document(PlanContactsInput, {"name": name, **fields}, name, "task")
 
 
 def plan_here(input_: PlanContactsInput, title: str, folder: Path) -> JobResult:
@@ -96,9 +96,9 @@ def show_planned(result: JobResult, target: Path, *, as_json: bool) -> None:
     out.print(f"To plan the motion: stridelab plan {escape(str(target / 'scenario.json'))}")
 
 
-LARGEST_BYTES: Final = 8_000_000
+MAX_DOCUMENT_BYTES: Final = 8_000_000
 """Maximum size of a document; 400 phases with four contacts each take about 2 MB."""
-OPTION: Final = "--out-file"
+OUT_FILE_OPTION: Final = "--out-file"
 
 
 def export_contacts(typed: str, *, out_file: Path | None, force: bool) -> None:
@@ -115,8 +115,8 @@ def export_contacts(typed: str, *, out_file: Path | None, force: bool) -> None:
     sequence = sequence_of(scenario.model_dump(mode="json"), effector_shapes(scenario.robot))
     document = to_multicontact(sequence, scenario.description)
     target = out_file or Path(f"{Path(typed).stem}.contacts.json")
-    write_file(target, json.dumps(document, indent=1, allow_nan=False) + "\n", force=force, option=OPTION)
-    out.print(f"[green]written[/] {escape(str(target))}: {_size(scenario, sequence.duration_s)}")
+    write_file(target, json.dumps(document, indent=1, allow_nan=False) + "\n", force=force, option=OUT_FILE_OPTION)
+    out.print(f"[green]written[/] {escape(str(target))}: {_describe_size(scenario, sequence.duration_s)}")
 
 
 def import_contacts(file: Path, *, beside: str | None, out_file: Path | None, force: bool) -> None:
@@ -131,26 +131,26 @@ def import_contacts(file: Path, *, beside: str | None, out_file: Path | None, fo
     from stridelab.contacts.scenario_io import sequence_of
     from stridelab.contacts.validation.validate import validate_scenario
 
-    defaults = {} if beside is None else _surroundings(beside)
-    document = read_json(file, LARGEST_BYTES)
+    defaults = {} if beside is None else _scenario_without_phases(beside)
+    document = read_json(file, MAX_DOCUMENT_BYTES)
     if not isinstance(document, dict):
         fault = Fault("the file", "it is not an object with contact_phases")
         raise InvalidInput("contact-sequence-invalid", f"{file} is not a contact sequence.", [fault])
     fields = from_multicontact(document, defaults)
-    scenario = understood(Scenario, fields, str(file), "scenario")
+    scenario = validate_document(Scenario, fields, str(file), "scenario")
     body, effectors = scenario.model_dump(mode="json"), effector_shapes(scenario.robot)
     sequence = sequence_of(body, effectors)
     target = out_file or Path(f"{file.name.split('.')[0]}.scenario.json")
     text = scenario.model_dump_json(indent=2, exclude_none=True) + "\n"
-    write_file(target, text, force=force, option=OPTION)
+    write_file(target, text, force=force, option=OUT_FILE_OPTION)
     show_remarks(
         [Remark(code=remark.code, message=remark.message) for remark in validate_scenario(body, effectors).remarks]
     )
-    out.print(f"[green]written[/] {escape(str(target))}: {_size(scenario, sequence.duration_s)}")
+    out.print(f"[green]written[/] {escape(str(target))}: {_describe_size(scenario, sequence.duration_s)}")
     out.print(f"To plan the motion: stridelab plan {escape(str(target))}")
 
 
-def _surroundings(typed: str) -> Mapping[str, Any]:
+def _scenario_without_phases(typed: str) -> Mapping[str, Any]:
     """Fields of a scenario document except its phases."""
     document = read_document(typed)
     if not isinstance(document, dict):
@@ -159,6 +159,6 @@ def _surroundings(typed: str) -> Mapping[str, Any]:
     return {key: value for key, value in document.items() if key in Scenario.model_fields and key != "phases"}
 
 
-def _size(scenario: Scenario, duration_s: float) -> str:
+def _describe_size(scenario: Scenario, duration_s: float) -> str:
     count = len(scenario.phases)
     return f"{escape(scenario.name)}, {count} phase{'s' * (count != 1)}, {duration_s:.1f} s, {escape(scenario.robot)}"

@@ -32,19 +32,19 @@ def sample_folder() -> Path:
     return folder
 
 
-def demo(*, out_dir: Path | None, force: bool, stairs: str = STAIRS) -> None:
+def run_demo(*, out_dir: Path | None, force: bool, stairs: str = STAIRS) -> None:
     """Estimate a walk into ``<out_dir>/walk`` and plan the scenario ``stairs`` into ``<out_dir>/climb``."""
     target = out_dir or Path("stridelab-demo")
     for name in (WALK, CLIMB):
         refuse_to_overwrite(target / name, force=force)
-    _walk(target / WALK, force=force)
+    _estimate_walk(target / WALK, force=force)
     out.print()
-    _climb(target / CLIMB, stairs, force=force)
+    _plan_climb(target / CLIMB, stairs, force=force)
     out.print()
     out.print("Next: stridelab serve, then open the address it prints; or stridelab estimate your-trial.c3d")
 
 
-def _walk(target: Path, *, force: bool) -> None:
+def _estimate_walk(target: Path, *, force: bool) -> None:
     """Estimate the bundled recording with its latency corrected, and show the error against the truth."""
     source = sample_folder()
     out.print(f"A simulated person walks over two force plates: {escape(str(source / 'recording.c3d'))}")
@@ -62,7 +62,7 @@ def _walk(target: Path, *, force: bool) -> None:
     out.print(table)
 
 
-def _climb(target: Path, stairs: str, *, force: bool) -> None:
+def _plan_climb(target: Path, stairs: str, *, force: bool) -> None:
     """Plan the bundled stairs with the whole body, and replay the motion."""
     out.print(f"Planning the whole-body motion of the scenario {escape(stairs)}, then replaying it in physics")
     with result_folder(target, force=force) as folder:

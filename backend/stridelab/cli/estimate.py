@@ -11,7 +11,7 @@ from rich.table import Table
 
 from stridelab.cli.console import out, progress_bar
 from stridelab.cli.options import Delivery
-from stridelab.cli.recording_request import EstimateRequest, named_value, numbers
+from stridelab.cli.recording_request import EstimateRequest, parse_named_value, parse_numbers
 from stridelab.cli.results import (
     end_if_contradicted,
     refuse_to_overwrite,
@@ -20,7 +20,7 @@ from stridelab.cli.results import (
     show_json,
     show_quality,
     show_remarks,
-    validated,
+    validate_options,
     write_result,
 )
 from stridelab.errors import Fault, UnreadableFile
@@ -35,9 +35,9 @@ from stridelab.schemas.sessions import SessionValues
 from stridelab.schemas.tasks import EstimateComTask, RecordingSource, SimulateRecordingTask
 
 
-def estimate(request: EstimateRequest, delivery: Delivery) -> None:
+def estimate_recording(request: EstimateRequest, delivery: Delivery) -> None:
     """Estimate one recording here or on a server, write the result folder and show the summary."""
-    target = delivery.folder(f"{request.file.stem}-com")
+    target = delivery.result_path(f"{request.file.stem}-com")
     refuse_to_overwrite(target, force=delivery.force)
     require_file(request.file)
     if request.static is not None:
@@ -60,8 +60,8 @@ def estimate_here(request: EstimateRequest, folder: Path, session: SessionValues
     """
     from stridelab.service.kinds.estimate_com import run as estimate_com
 
-    input_ = request.input(request.file.name, EstimateComInput)
-    with progress_bar(request.file.name) as bar, staged(request, folder) as (recording, static):
+    input_ = request.to_input(request.file.name, EstimateComInput)
+    with progress_bar(request.file.name) as bar, staged_files(request, folder) as (recording, static):
         bar(0.0, "starting")
         task = EstimateComTask(recording=recording, static=static, session=session, input=input_)
         outcome = estimate_com.run(task, folder, bar)
@@ -69,15 +69,15 @@ def estimate_here(request: EstimateRequest, folder: Path, session: SessionValues
 
 
 @contextmanager
-def staged(request: EstimateRequest, folder: Path) -> Iterator[tuple[RecordingSource, RecordingSource | None]]:
+def staged_files(request: EstimateRequest, folder: Path) -> Iterator[tuple[RecordingSource, RecordingSource | None]]:
     """Context manager that copies the files of a request into ``folder``, as the worker does."""
     static = None if request.static is None else RecordingSource(file="static-trial", filename=request.static.name)
     recording = RecordingSource(
         file="trial",
         filename=request.file.name,
-        subject=request.subject(),
+        subject=request.subject_fields(),
         marker_map=request.marker_map(),
-        plates=request.plates(),
+        plates=request.plate_switches(),
     )
     copies = {"trial": request.file} | ({"static-trial": request.static} if request.static else {})
     for name, path in copies.items():
@@ -87,12 +87,15 @@ def staged(request: EstimateRequest, folder: Path) -> Iterator[tuple[RecordingSo
         (folder / name).unlink()
 
 
-def simulate(
+def simulate_walk(
     fields: Mapping[str, Any], *, noise: Sequence[str], out_dir: Path | None, force: bool, as_json: bool
 ) -> None:
     """Simulate one recording into a folder and show the summary."""
-    stated = {key: numbers("--noise", value, 1)[0] for key, value in (named_value("--noise", text) for text in noise)}
-    input_ = validated(SimulateRecordingInput, {**fields, "noise": stated})
+    stated = {
+        key: parse_numbers("--noise", value, 1)[0]
+        for key, value in (parse_named_value("--noise", text) for text in noise)
+    }
+    input_ = validate_options(SimulateRecordingInput, {**fields, "noise": stated})
     target = out_dir or Path(f"simulated-{input_.seed}")
     with result_folder(target, force=force) as folder:
         result = simulate_here(input_, folder)
@@ -123,14 +126,14 @@ def show_estimate(result: JobResult, target: Path, *, as_json: bool) -> None:
     summary = EstimateComSummary.model_validate(result.summary)
     show_quality(summary.quality, summary.warnings)
     table = Table(show_header=False, box=None, pad_edge=False)
-    for name, value in _rows(summary):
+    for name, value in _summary_rows(summary):
         table.add_row(f"[bold]{name}[/]", escape(value))
     out.print(table)
     show_remarks(summary.warnings)
     show_files(result, target)
 
 
-def _rows(summary: EstimateComSummary) -> list[tuple[str, str]]:
+def _summary_rows(summary: EstimateComSummary) -> list[tuple[str, str]]:
     start_s, end_s = summary.window_s
     latency = "not estimated"
     if summary.latency_s is not None:
@@ -145,13 +148,13 @@ def _rows(summary: EstimateComSummary) -> list[tuple[str, str]]:
         ("force latency", latency),
     ]
     if summary.bias_m:
-        rows.append(("fused minus geometry", _xyz([1e3 * value for value in summary.bias_m], "mm")))
+        rows.append(("fused minus geometry", _format_xyz([1e3 * value for value in summary.bias_m], "mm")))
     if summary.rms_force_residual_n:
-        rows.append(("force residual, RMS", _xyz(summary.rms_force_residual_n, "N")))
+        rows.append(("force residual, RMS", _format_xyz(summary.rms_force_residual_n, "N")))
     return rows
 
 
-def _xyz(values: Sequence[float], unit: str) -> str:
+def _format_xyz(values: Sequence[float], unit: str) -> str:
     return " / ".join(f"{value:.1f}" for value in values) + f" {unit} (x / y / z)"
 
 

@@ -7,7 +7,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from stridelab.cli.console import out, progress_bar
-from stridelab.cli.estimate import require_file, staged
+from stridelab.cli.estimate import require_file, staged_files
 from stridelab.cli.options import BestMethod, Delivery, Estimation, Preparation, StepChoice, Walk, with_groups
 from stridelab.cli.recording_request import EstimateRequest
 from stridelab.cli.results import (
@@ -29,9 +29,9 @@ _WHEEL: Final = ("R mm", "r mm", "z0 m", "rad/s", "2piR/L", "mm", "worst", "s=-1
 _TIMES: Final = ("m/s", "L m", "both down", "by (3.3.3)", "best path", "best in time")
 
 
-def fit(request: EstimateRequest, delivery: Delivery) -> None:
+def fit_steps(request: EstimateRequest, delivery: Delivery) -> None:
     """Fit here or on a server, write the result folder and show the steps."""
-    target = delivery.folder(f"{request.file.stem}-wheel")
+    target = delivery.result_path(f"{request.file.stem}-wheel")
     refuse_to_overwrite(target, force=delivery.force)
     for path in (request.file, request.static):
         if path is not None:
@@ -49,8 +49,8 @@ def fit(request: EstimateRequest, delivery: Delivery) -> None:
 
 def fit_here(request: EstimateRequest, folder: Path) -> JobResult:
     """Run the job's own function in this process."""
-    input_ = request.input(request.file.name, FitCycloidInput)
-    with progress_bar(request.file.name) as bar, staged(request, folder) as (recording, static):
+    input_ = request.to_input(request.file.name, FitCycloidInput)
+    with progress_bar(request.file.name) as bar, staged_files(request, folder) as (recording, static):
         bar(0.0, "starting")
         from stridelab.service.kinds.fit_cycloid import run as fit_cycloid
 
@@ -70,19 +70,19 @@ def show_fit(result: JobResult, target: Path, *, as_json: bool) -> None:
     wheels = Table("", *_WHEEL, box=None, pad_edge=False)
     times = Table("", *_TIMES, box=None, pad_edge=False)
     for step in summary.steps:
-        wheels.add_row(_name(step), *_wheel(step))
-        times.add_row(_name(step), *_timing(step))
+        wheels.add_row(_step_name(step), *_wheel_cells(step))
+        times.add_row(_step_name(step), *_timing_cells(step))
     out.print(wheels)
-    out.print(_scatter(summary.step_to_step_sd))
+    out.print(_format_scatter(summary.step_to_step_sd))
     out.print(times)
     for step in summary.steps:
         if step.flags:
-            out.print(f"[yellow]{_name(step)}[/] {escape(', '.join(step.flags))}")
+            out.print(f"[yellow]{_step_name(step)}[/] {escape(', '.join(step.flags))}")
     show_remarks(summary.warnings)
     show_files(result, target)
 
 
-def _scatter(sd: StepScatter | None) -> str:
+def _format_scatter(sd: StepScatter | None) -> str:
     if sd is None:
         return "[dim]only one step and no overlapping interval: the scatter is not known[/]"
     between = f"{sd.n} steps" if sd.between == "steps" else f"{sd.n} overlapping intervals"
@@ -92,11 +92,11 @@ def _scatter(sd: StepScatter | None) -> str:
     )
 
 
-def _name(step: FittedStep) -> str:
+def _step_name(step: FittedStep) -> str:
     return f"{step.t0_s:.2f} s {step.side}"
 
 
-def _wheel(step: FittedStep) -> list[str]:
+def _wheel_cells(step: FittedStep) -> list[str]:
     share = "" if step.circumference_share is None else f"{step.circumference_share:.2f}"
     return [
         f"{1e3 * step.R_m:.1f}",
@@ -111,17 +111,17 @@ def _wheel(step: FittedStep) -> list[str]:
     ]
 
 
-def _timing(step: FittedStep) -> list[str]:
+def _timing_cells(step: FittedStep) -> list[str]:
     length = "" if step.step_length_m is None else f"{step.step_length_m:.2f}"
     start_s, end_s = step.double_support_s
     rule = "-".join("?" if t is None else f"{t:.2f}" for t in step.double_support_model_s)
-    best = {space: _best([r for r in step.rivals if r.space == space]) for space in ("path", "time")}
+    best = {space: _best_model([r for r in step.rivals if r.space == space]) for space in ("path", "time")}
     return [
         f"{step.speed_m_s:.2f}", length, f"{start_s:.2f}-{end_s:.2f}", rule, best["path"], best["time"],
     ]  # fmt: skip
 
 
-def _best(rivals: list[Rival]) -> str:
+def _best_model(rivals: list[Rival]) -> str:
     return min(rivals, key=lambda rival: rival.aic).model if rivals else ""
 
 
@@ -137,4 +137,4 @@ def fit_cycloid(
 ) -> None:
     """Fit the rolling wheel to every step of one recording; needs no server."""
     request = EstimateRequest(walk, method, estimation, preparation, steps)
-    fit(request, delivery)
+    fit_steps(request, delivery)

@@ -15,7 +15,7 @@ from stridelab.cli.results import (
     show_files,
     show_json,
     show_remarks,
-    validated,
+    validate_options,
     write_result,
 )
 from stridelab.schemas.jobs import JobResult
@@ -24,12 +24,14 @@ from stridelab.schemas.tasks import LearnReachabilityTask
 
 
 def learn_reachability(
-    asked: Mapping[str, Any],
+    options: Mapping[str, Any],
     delivery: Delivery,
 ) -> None:
     """Learn here or on a server, write the result folder and show the summary."""
-    input_ = validated(LearnReachabilityInput, {key: value for key, value in asked.items() if value is not None})
-    target = delivery.folder(f"reachability-{Path(input_.robot).name}-{input_.measure}")
+    input_ = validate_options(
+        LearnReachabilityInput, {key: value for key, value in options.items() if value is not None}
+    )
+    target = delivery.result_path(f"reachability-{Path(input_.robot).name}-{input_.measure}")
     refuse_to_overwrite(target, force=delivery.force)
     with result_folder(target, force=delivery.force) as folder:
         if delivery.server is None:

@@ -20,11 +20,11 @@ PlanSolver = Literal["auto", "native", "casadi", "ipopt", "fatrop"]
 OnlineMethod = Literal["complementary", "smoother"]
 SegmentTable = Literal["auto", "dumas2007", "deleva1996", "carried"]
 
-Control = Annotated[
+ControlOption = Annotated[
     Formulation,
     typer.Option("--formulation", help="Control variables: contact forces, forces in circular cones, or the wrench."),
 ]
-Solver = Annotated[PlanSolver, typer.Option("--solver", help="auto: the C++ solver if available, else CasADi's.")]
+SolverOption = Annotated[PlanSolver, typer.Option("--solver", help="auto: the C++ solver if available, else CasADi's.")]
 NodeRate = Annotated[
     float, typer.Option("--node-rate", min=NODE_RATE_HZ[0], max=NODE_RATE_HZ[1], help="Nodes per second.")
 ]
@@ -59,7 +59,7 @@ WithoutLearning = Annotated[
 SegmentMomentum = Annotated[
     bool, typer.Option("--segment-momentum", help="For the smoother: use the segments' angular momentum.")
 ]
-Measured = Annotated[str | None, typer.Option("--window", help="START,END in seconds, inside a measured window.")]
+MeasuredWindow = Annotated[str | None, typer.Option("--window", help="START,END in seconds, inside a measured window.")]
 Static = Annotated[Path | None, typer.Option("--static", help="Static trial of the same person.")]
 Markers = Annotated[list[str] | None, typer.Option("--marker", help="LANDMARK=LABEL; may be repeated.")]
 WithoutPlates = Annotated[list[int] | None, typer.Option("--without-plate", help="Plate index to leave out.")]
@@ -92,7 +92,7 @@ class Walks:
     sex: PersonSex = None
     age_years: Age = None
 
-    def each(self, files: Sequence[Path]) -> list[Walk]:
+    def to_walks(self, files: Sequence[Path]) -> list[Walk]:
         """One ``Walk`` per file."""
         return [Walk(file, self.height_m, self.mass_kg, self.sex, self.age_years) for file in files]
 
@@ -107,7 +107,7 @@ class Estimation:
     prior: Priors = None
     no_learn: WithoutLearning = False
     segment_momentum: SegmentMomentum = False
-    window: Measured = None
+    window: MeasuredWindow = None
 
 
 @dataclass(frozen=True)
@@ -129,9 +129,9 @@ class Delivery:
     server: Server = None
     token: Token = None
 
-    def folder(self, usual: str) -> Path:
+    def result_path(self, default_name: str) -> Path:
         """Path of the result: ``--out``, or the default name in the working folder."""
-        return self.out_dir or Path(usual)
+        return self.out_dir or Path(default_name)
 
 
 def with_groups(command: Callable[..., None]) -> Callable[..., None]:
@@ -149,11 +149,11 @@ def with_groups(command: Callable[..., None]) -> Callable[..., None]:
             default = Parameter.empty if field.default is MISSING else field.default
             typed.append(Parameter(field.name, Parameter.KEYWORD_ONLY, default=default, annotation=own[field.name]))
 
-    def call(**values: Any) -> None:
+    def call_with_groups(**values: Any) -> None:
         for name, group in groups.items():
             values[name] = group(**{field.name: values.pop(field.name) for field in fields(group)})
         command(**values)
 
-    call.__name__, call.__doc__ = command.__name__, command.__doc__
-    call.__signature__ = Signature(typed)  # type: ignore[attr-defined]
-    return call
+    call_with_groups.__name__, call_with_groups.__doc__ = command.__name__, command.__doc__
+    call_with_groups.__signature__ = Signature(typed)  # type: ignore[attr-defined]
+    return call_with_groups

@@ -9,13 +9,13 @@ from rich.markup import escape
 
 from stridelab.cli.console import out, progress_bar
 from stridelab.cli.options import (
-    Control,
+    ControlOption,
     Delivery,
     Densities,
     NodeRate,
     PlanSolver,
     PostureMeasure,
-    Solver,
+    SolverOption,
     with_groups,
 )
 from stridelab.cli.results import (
@@ -98,7 +98,7 @@ class PlanRequest:
         """Name of the scenario without folder and suffix."""
         return Path(self.scenario).stem
 
-    def of(self, scenario: Scenario | None) -> PlanMotionInput:
+    def to_input(self, scenario: Scenario | None) -> PlanMotionInput:
         """Input of the job; without a scenario, the name is taken as a scenario id."""
         source = {"scenario_id": self.scenario} if scenario is None else {"scenario": scenario}
         replay = self.whole_body if self.replay is None else self.replay
@@ -123,7 +123,7 @@ def plan_scenario(request: PlanRequest, delivery: Delivery) -> None:
 
     If the body cannot follow the plan, the folder holds the motion up to that time and the error is raised at the end.
     """
-    target = delivery.folder(f"{request.title}-plan")
+    target = delivery.result_path(f"{request.title}-plan")
     refuse_to_overwrite(target, force=delivery.force)
     with result_folder(target, force=delivery.force) as folder:
         if delivery.server is None:
@@ -141,7 +141,7 @@ def plan_here(request: PlanRequest, folder: Path) -> tuple[JobResult, StridelabE
     The second value is the error that left the motion incomplete, or None.
     """
     scenario = read_scenario(request.scenario)
-    task = PlanMotionTask(scenario=scenario, input=request.of(scenario))
+    task = PlanMotionTask(scenario=scenario, input=request.to_input(scenario))
     with progress_bar(request.title) as bar:
         bar(0.0, "starting")
         from stridelab.service.kinds.plan_motion import run as plan_motion
@@ -154,14 +154,14 @@ def plan_there(
     request: PlanRequest, folder: Path, server: str, token: str | None
 ) -> tuple[JobResult, StridelabError | None]:
     """``plan_here`` on ``server``; a name that is neither a file nor bundled is taken as a scenario id."""
-    from stridelab.cli.remote import ended_remotely
+    from stridelab.cli.remote import run_remotely_or_fail
 
     try:
-        job_input = request.of(read_scenario(request.scenario))
+        job_input = request.to_input(read_scenario(request.scenario))
     except NotFound:
-        job_input = request.of(None)
+        job_input = request.to_input(None)
 
-    return ended_remotely(
+    return run_remotely_or_fail(
         "plan-motion", request.title, lambda _client, _bar: job_input, folder, server, token, unprepared=InvalidInput
     )
 
@@ -183,14 +183,14 @@ def show_plan(result: JobResult, target: Path, *, as_json: bool) -> None:
     if summary.certificate is not None:
         width = max(len(check.name) for check in summary.certificate.checks)
         for check in summary.certificate.checks:
-            out.print(_line(check, width))
+            out.print(_certificate_line(check, width))
         out.print("[green]certificate passed[/]" if summary.certificate.passed else "[red]certificate not passed[/]")
     if summary.stopped is not None:
         at = summary.stopped
         level = f"level {at.level} ({at.level_name}), {escape(', '.join(at.names))}"
         out.print(f"[bold red]stopped[/] at {at.time_s:.2f} s in phase {at.phase}: {level}")
     if summary.replay is not None:
-        out.print(f"[bold]replay[/] {_replay(summary.replay)}")
+        out.print(f"[bold]replay[/] {_describe_replay(summary.replay)}")
         for remark in summary.replay.remarks or ():
             if remark.code != "replay-fell":  # the line above says when
                 out.print(f"  [yellow]{escape(remark.code)}[/] {escape(remark.message)}")
@@ -204,7 +204,7 @@ def show_plan(result: JobResult, target: Path, *, as_json: bool) -> None:
         out.print(f"To see the motion, open {escape(str(target / PAGE_FILE))} in a browser.")
 
 
-def _line(check: CertificateCheck, width: int) -> str:
+def _certificate_line(check: CertificateCheck, width: int) -> str:
     """Line of one check: outcome, name, worst value against its limit, and where it occurs."""
     verdict = "[green]passed[/]" if check.passed else "[bold red]failed[/]"
     unit = "" if check.unit == "1" else f" {check.unit}"
@@ -218,7 +218,7 @@ def _line(check: CertificateCheck, width: int) -> str:
     return f"{verdict} {escape(check.name):<{width}} {escape(value):<27} {escape(where)}".rstrip()
 
 
-def _replay(replay: ReplaySummary) -> str:
+def _describe_replay(replay: ReplaySummary) -> str:
     how = "completed" if replay.completed else "[bold red]not completed[/]"
     if replay.fall_time_s is not None:
         how = f"[bold red]fell[/] at {replay.fall_time_s:.1f} s"
@@ -250,8 +250,8 @@ def plan(
         typer.Option("--replay/--no-replay", help="Replay the motion in physics; default unless --no-whole-body."),
     ] = None,
     measure: Densities = None,
-    formulation: Control = "forces",
-    solver: Solver = "auto",
+    formulation: ControlOption = "forces",
+    solver: SolverOption = "auto",
     node_rate: NodeRate = 10.0,
     shape: Annotated[
         Shape | None,
@@ -300,8 +300,8 @@ def sweep(
             "--vary", help="FIELD=FROM:TO:NUMBER, up to three times; stride, height (metres), timing, friction."
         ),
     ],
-    formulation: Control = "forces",
-    solver: Solver = "auto",
+    formulation: ControlOption = "forces",
+    solver: SolverOption = "auto",
     node_rate: NodeRate = 10.0,
     measure: Densities = None,
     processes: Annotated[
@@ -317,7 +317,7 @@ def sweep(
 ) -> None:
     """Test for which strides, heights, timings and frictions a scenario has a motion; needs no server."""
     from stridelab.cli.sweep import SweepRequest
-    from stridelab.cli.sweep import sweep as run
+    from stridelab.cli.sweep import run_sweep as run
 
     request = SweepRequest(scenario, tuple(vary), formulation, solver, node_rate, measure, processes, whole_body)
     run(request, delivery)

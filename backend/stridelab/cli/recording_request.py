@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from stridelab.cli.options import Estimation, Preparation, Walk
-from stridelab.cli.results import validated
+from stridelab.cli.results import validate_options
 from stridelab.errors import Fault, InvalidInput
 from stridelab.schemas.jobs import EstimateComInput
 from stridelab.schemas.recordings import PlateSwitch, SubjectFields
@@ -33,49 +33,49 @@ class EstimateRequest:
         """The static trial of the same person, or None."""
         return self.preparation.static
 
-    def subject(self) -> SubjectFields:
+    def subject_fields(self) -> SubjectFields:
         """Given data of the subject. Raises ``InvalidInput`` naming the invalid option."""
         stated = asdict(self.walk)
         del stated["file"]
-        return validated(SubjectFields, stated)
+        return validate_options(SubjectFields, stated)
 
-    def input(self, recording_id: str, model: type[Input]) -> Input:
+    def to_input(self, recording_id: str, model: type[Input]) -> Input:
         """Input of a job on this recording. Raises ``InvalidInput`` naming the invalid option."""
         latency, cutoffs, window = self.estimation.latency, self.estimation.cutoffs, self.estimation.window
         fields = {
             "recording_id": recording_id,
             "method": self.method,
-            "latency": latency if latency in {"report", "apply"} else numbers("--latency", latency, 1)[0],
+            "latency": latency if latency in {"report", "apply"} else parse_numbers("--latency", latency, 1)[0],
             "segment_table": self.estimation.segment_table,
-            "cutoffs": cutoffs if cutoffs in {"auto", "thesis", "spectra"} else numbers("--cutoffs", cutoffs, 2),
-            "smoother": self._smoother(),
-            "window_s": None if window is None else numbers("--window", window, 2),
+            "cutoffs": cutoffs if cutoffs in {"auto", "thesis", "spectra"} else parse_numbers("--cutoffs", cutoffs, 2),
+            "smoother": self._smoother_fields(),
+            "window_s": None if window is None else parse_numbers("--window", window, 2),
         }
         if self.steps is not None:
             fields["steps"] = self.steps
-        return validated(model, fields)
+        return validate_options(model, fields)
 
-    def _smoother(self) -> dict[str, Any] | None:
+    def _smoother_fields(self) -> dict[str, Any] | None:
         """Options of the smoother, or None if none is given, which leaves the choice of the method open."""
         stated, learn = self.estimation.prior or (), not self.estimation.no_learn
         if not stated and learn and not self.estimation.segment_momentum:
             return None
         priors = {}
-        for name, value in (named_value("--prior", text) for text in stated):
-            sizes = numbers("--prior", value, value.count(",") + 1)
+        for name, value in (parse_named_value("--prior", text) for text in stated):
+            sizes = parse_numbers("--prior", value, value.count(",") + 1)
             priors[name] = sizes[0] if len(sizes) == 1 else sizes
         return {"priors": priors, "learn": learn, "segment_momentum": self.estimation.segment_momentum}
 
     def marker_map(self) -> dict[str, str]:
         """Marker label of each given landmark."""
-        return dict(named_value("--marker", text) for text in self.preparation.marker or ())
+        return dict(parse_named_value("--marker", text) for text in self.preparation.marker or ())
 
-    def plates(self) -> dict[int, PlateSwitch]:
+    def plate_switches(self) -> dict[int, PlateSwitch]:
         """Switches of the excluded plates, by plate index."""
         return {index: PlateSwitch(use=False) for index in self.preparation.without_plate or ()}
 
 
-def numbers(option: str, text: str, count: int) -> list[float]:
+def parse_numbers(option: str, text: str, count: int) -> list[float]:
     """Parse ``count`` comma-separated numbers. Raises ``InvalidInput`` naming the option."""
     try:
         values = [float(part) for part in text.split(",")]
@@ -87,7 +87,7 @@ def numbers(option: str, text: str, count: int) -> list[float]:
     return values
 
 
-def named_value(option: str, text: str) -> tuple[str, str]:
+def parse_named_value(option: str, text: str) -> tuple[str, str]:
     """Parse ``NAME=VALUE``. Raises ``InvalidInput`` (``option-invalid``) naming the option."""
     name, equals, value = text.partition("=")
     if not (name and equals and value):

@@ -55,7 +55,7 @@ def run_remotely(
     Raises the error that the same request raises here, and ``Unavailable`` if the service does not answer.
     ``unprepared`` is the class of errors for requests that the service refuses during ``prepare``.
     """
-    result, failure = ended_remotely(kind, title, prepare, folder, server, token, unprepared=unprepared)
+    result, failure = run_remotely_or_fail(kind, title, prepare, folder, server, token, unprepared=unprepared)
     if failure is not None:
         raise failure
     return result
@@ -68,19 +68,19 @@ def run_remotely_as_is(
     return run_remotely(kind, title, lambda _client, _bar: job_input, folder, server, token, unprepared=InvalidInput)
 
 
-def ended_remotely(
+def run_remotely_or_fail(
     kind: str, title: str, prepare: Prepare, folder: Path, server: str, token: str | None, *, unprepared: ErrorClass
 ) -> tuple[JobResult, StridelabError | None]:
     """``run_remotely`` for a job that may leave files although it fails; returns the result and the error."""
     failure: StridelabError | None = None
     refused = unprepared
-    with translated(server, lambda: refused), Client(server, token) as client, progress_bar(title) as bar:
+    with translated_errors(server, lambda: refused), Client(server, token) as client, progress_bar(title) as bar:
         job_input = prepare(client, bar)
         refused = InvalidInput
         job = client.submit(kind, job_input, idempotency_key=uuid.uuid4().hex)
-        finished = _follow(client, job.id, bar)
+        finished = _follow_job(client, job.id, bar)
         if finished.state != "succeeded":
-            failure = _failure(finished)
+            failure = _job_failure(finished)
         try:
             result = client.result(job.id)
         except ProblemError:
@@ -97,7 +97,7 @@ def ended_remotely(
 
 
 @contextmanager
-def translated(server: str, refused: Callable[[], ErrorClass] = lambda: InvalidInput) -> Iterator[None]:
+def translated_errors(server: str, refused: Callable[[], ErrorClass] = lambda: InvalidInput) -> Iterator[None]:
     """Turn client errors of the block into ``StridelabError``; ``refused`` returns the class for status 422."""
     try:
         yield
@@ -118,11 +118,11 @@ def estimate_remotely(
     model: type[EstimateComInput] = EstimateComInput,
 ) -> JobResult:
     """Upload the recording, run ``kind`` on it on ``server``, and download its files into ``folder``."""
-    request.input("checked before anything is sent", model)
+    request.to_input("checked before anything is sent", model)
     return run_remotely(
         kind,
         request.file.name,
-        lambda client, bar: request.input(_upload(client, request, bar), model),
+        lambda client, bar: request.to_input(_upload_recording(client, request, bar), model),
         folder,
         server,
         token,
@@ -130,11 +130,11 @@ def estimate_remotely(
     )
 
 
-def _upload(client: Client, request: EstimateRequest, bar: Bar) -> str:
+def _upload_recording(client: Client, request: EstimateRequest, bar: Bar) -> str:
     """Upload the files and their given data; returns the id of the recording."""
     recording = client.upload(
         request.file,
-        request.subject(),
+        request.subject_fields(),
         progress=lambda sent, total: bar(AFTER_UPLOAD * sent / max(total, 1), "uploading"),
     )
     patch: dict[str, object] = {}
@@ -143,14 +143,14 @@ def _upload(client: Client, request: EstimateRequest, bar: Bar) -> str:
         patch["static_recording_id"] = client.upload(request.static).id
     if markers := request.marker_map():
         patch["marker_map"] = markers
-    if plates := request.plates():
+    if plates := request.plate_switches():
         patch["plates"] = plates
     if patch:
         client.patch_recording(recording.id, RecordingPatch.model_validate(patch))
     return recording.id
 
 
-def _follow(client: Client, job_id: str, bar: Bar) -> Job:
+def _follow_job(client: Client, job_id: str, bar: Bar) -> Job:
     """Show the job's progress until it has finished; Ctrl-C also cancels the job."""
     try:
         for event in client.events(job_id):
@@ -168,7 +168,7 @@ def _plain_name(name: str) -> str:
     return name
 
 
-def _failure(job: Job) -> StridelabError:
+def _job_failure(job: Job) -> StridelabError:
     if job.error is not None:
         return _as_error(job.error, NotEstimable)
     return Unavailable(f"job-{job.state.replace('_', '-')}", f"The job on the service has ended as {job.state}.")

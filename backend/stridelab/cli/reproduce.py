@@ -19,7 +19,7 @@ from stridelab.cli.results import (
     result_folder,
     show_files,
     show_json,
-    validated,
+    validate_options,
     write_file,
     write_result,
 )
@@ -35,7 +35,7 @@ from stridelab.schemas.reproduction import ReproduceInput, ReproduceSummary
 from stridelab.schemas.tasks import ReproduceTask
 from stridelab.service.kinds.provenance import software_versions
 
-WORDS = {
+VERDICT_MARKUP = {
     "met": "[green]met[/]",
     "beaten": "[green]better, or our aim reached[/]",
     "not_met": "[red]not met[/]",
@@ -64,14 +64,14 @@ def require_one(
     return item
 
 
-def reproduce(
+def reproduce_item(
     item: str,
     seeds: int | None,
     delivery: Delivery,
 ) -> None:
     """Reproduce one item here or on a server, write the result folder and show the claims."""
-    input_ = validated(ReproduceInput, {"item": item, "seeds": seeds})
-    target = delivery.folder(item)
+    input_ = validate_options(ReproduceInput, {"item": item, "seeds": seeds})
+    target = delivery.result_path(item)
     refuse_to_overwrite(target, force=delivery.force)
     with result_folder(target, force=delivery.force) as folder:
         if delivery.server is None:
@@ -99,11 +99,13 @@ def show_reproduction(result: JobResult, target: Path, *, as_json: bool) -> None
         show_json(result)
         return
     summary = ReproduceSummary.model_validate(result.summary)
-    out.print(f"[bold]{escape(summary.item)}[/] {escape(summary.title)}: {WORDS[summary.verdict]}")
+    out.print(f"[bold]{escape(summary.item)}[/] {escape(summary.title)}: {VERDICT_MARKUP[summary.verdict]}")
     table = Table("", "thesis, or our aim", "ours", "", box=None, pad_edge=False)
     for claim in summary.claims:
         thesis = claim.thesis if isinstance(claim.thesis, str) else format_quantity(claim.thesis, claim.unit)
-        table.add_row(escape(claim.says), escape(thesis), format_quantity(claim.ours, claim.unit), WORDS[claim.verdict])
+        table.add_row(
+            escape(claim.says), escape(thesis), format_quantity(claim.ours, claim.unit), VERDICT_MARKUP[claim.verdict]
+        )
     out.print(table)
     out.print(escape(summary.note))
     show_files(result, target)
@@ -111,7 +113,7 @@ def show_reproduction(result: JobResult, target: Path, *, as_json: bool) -> None
 
 FOLDER: Final = Path("reproduction")
 REPORT: Final = "reproduction.html"
-KEPT: Final = "kept"
+CACHE_FOLDER: Final = "kept"
 
 
 def reproduce_all(
@@ -121,7 +123,7 @@ def reproduce_all(
     quick: bool,
     recordings: Path | None,
     out_dir: Path | None,
-    anew: bool,
+    recompute: bool,
     as_json: bool,
 ) -> bool:
     """Compute the items that are not cached in the folder, write the report, and return whether all succeeded.
@@ -129,21 +131,21 @@ def reproduce_all(
     Raises ``InvalidInput``: ``option-invalid`` for an invalid or repeated number of draws;
     ``output-not-writable``.
     """
-    draws = _draws(seeds, quick=quick)
+    draws = _number_of_draws(seeds, quick=quick)
     target = (out_dir or FOLDER).expanduser()
     try:
-        (target / KEPT).mkdir(parents=True, exist_ok=True)
+        (target / CACHE_FOLDER).mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise cannot_write(target, error) from error
     sections = []
     with progress_bar("reproduction") as bar:
         for section in collect_sections(
-            recipes_of(names, draws, recordings), ResultCache(target / KEPT), bar, recompute=anew
+            recipes_of(names, draws, recordings), ResultCache(target / CACHE_FOLDER), bar, recompute=recompute
         ):
             sections.append(section)
             if section.result is None:
                 err.print(f"[bold red]failed[/]: {section.name}: {escape(section.failure)}")
-    write_file(target / REPORT, render_html(sections, _made(draws)), force=True, option="--out")
+    write_file(target / REPORT, render_html(sections, _provenance_text(draws)), force=True, option="--out")
     show_sections(sections, target / REPORT, as_json=as_json)
     return all(section.result is not None for section in sections)
 
@@ -155,24 +157,24 @@ def show_sections(sections: Sequence[Section], target: Path, *, as_json: bool) -
         items = {section.name: section.result.verdict if section.result else "failed" for section in sections}
         out.print_json(json.dumps({"report": str(target), "claims": counts, "items": items}))
         return
-    counts_text = ", ".join(f"{counts[verdict]} {WORDS[verdict]}" for verdict in reversed(VERDICTS))
+    counts_text = ", ".join(f"{counts[verdict]} {VERDICT_MARKUP[verdict]}" for verdict in reversed(VERDICTS))
     out.print(f"{sum(counts.values())} claims of {len(sections)} items: {counts_text}")
     out.print(f"[green]written[/] {escape(str(target))}")
 
 
-def _draws(seeds: int | None, *, quick: bool) -> int | None:
+def _number_of_draws(seeds: int | None, *, quick: bool) -> int | None:
     if quick and seeds is not None:
-        raise _invalid("--quick", "it is a number of draws; leave one of --seeds and --quick out")
+        raise _option_error("--quick", "it is a number of draws; leave one of --seeds and --quick out")
     if seeds is not None and not 1 <= seeds <= MAX_SEEDS:
-        raise _invalid("--seeds", f"must lie between 1 and {MAX_SEEDS}, not {seeds}")
+        raise _option_error("--seeds", f"must lie between 1 and {MAX_SEEDS}, not {seeds}")
     return QUICK_SEEDS if quick else seeds
 
 
-def _invalid(option: str, message: str) -> InvalidInput:
+def _option_error(option: str, message: str) -> InvalidInput:
     return InvalidInput("option-invalid", "An option has an invalid value.", [Fault(option, message)])
 
 
-def _made(draws: int | None) -> str:
+def _provenance_text(draws: int | None) -> str:
     known = software_versions()
     text = "each item's own number of draws" if draws is None else f"{draws} draws of the noise where there is any"
     return f"Computed by stridelab {known['stridelab']} (Python {known['python']}, numpy {known['numpy']}) with {text}."

@@ -48,8 +48,8 @@ def result_folder(target: Path, *, force: bool) -> Iterator[Path]:
         raise cannot_write(target, error) from error
     try:
         yield part
-        part.chmod(0o777 & ~_umask())
-        _take_the_name(part, target)
+        part.chmod(0o777 & ~_read_umask())
+        _move_into_place(part, target)
     except OSError as error:
         raise cannot_write(target, error) from error
     finally:
@@ -86,7 +86,7 @@ def write_file(target: Path, text: str, *, force: bool, option: str) -> None:
         raise cannot_write(target, error, option) from error
 
 
-def _take_the_name(part: Path, target: Path) -> None:
+def _move_into_place(part: Path, target: Path) -> None:
     if not target.exists():
         part.replace(target)
         return
@@ -100,7 +100,7 @@ def _take_the_name(part: Path, target: Path) -> None:
     shutil.rmtree(aside, ignore_errors=True)
 
 
-def _umask() -> int:
+def _read_umask() -> int:
     # The mask can only be read by setting it; the command line is single-threaded here.
     mask = os.umask(0o077)
     os.umask(mask)
@@ -147,7 +147,7 @@ OPTIONS = {
 """Option that sets a field of the contract, for messages."""
 
 
-def validated(model: type[T], fields: Mapping[str, Any]) -> T:
+def validate_options(model: type[T], fields: Mapping[str, Any]) -> T:
     """Instance of a contract model. Raises ``InvalidInput`` naming the options of invalid fields."""
     try:
         return model.model_validate(fields)

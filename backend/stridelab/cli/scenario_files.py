@@ -14,10 +14,10 @@ from stridelab.schemas.scenarios import Scenario
 
 T = TypeVar("T", bound=Contract)
 
-LARGEST_BYTES: Final = 1_000_000
+MAX_SCENARIO_BYTES: Final = 1_000_000
 """Maximum size of a scenario file, as in the service."""
 
-LONGEST_NAME: Final = 60
+MAX_QUOTED_NAME: Final = 60
 """Maximum length of names quoted in messages."""
 
 _KIND_TAGS: Final = ("box", "rail")
@@ -40,7 +40,7 @@ def read_scenario(typed: str) -> Scenario:
     ``not-json``), ``TooLarge`` (``file-too-large``), and ``InvalidInput`` (``scenario-invalid``) naming every
     invalid field.
     """
-    return understood(Scenario, read_document(typed), typed, "scenario")
+    return validate_document(Scenario, read_document(typed), typed, "scenario")
 
 
 def read_document(typed: str) -> Any:
@@ -51,19 +51,19 @@ def read_document(typed: str) -> Any:
         raise NotFound(
             "scenario-not-found", f"There is no file {typed} and no bundled scenario {typed}; there are {bundled}."
         )
-    return read_json(path, LARGEST_BYTES)
+    return read_json(path, MAX_SCENARIO_BYTES)
 
 
-def read_json(path: Path, largest_bytes: int) -> Any:
+def read_json(path: Path, max_bytes: int) -> Any:
     """Parsed content of a JSON file.
 
     Raises ``UnreadableFile`` (``file-not-readable``, ``not-json``), ``TooLarge`` (``file-too-large``), and
     ``InvalidInput`` (``name-twice``) where an object has two entries of the same name.
     """
     try:
-        if path.stat().st_size > largest_bytes:
-            raise TooLarge("file-too-large", f"{path} is larger than {largest_bytes} bytes, too large for a scenario.")
-        return json.loads(path.read_bytes().decode("utf-8"), object_pairs_hook=_each_once)
+        if path.stat().st_size > max_bytes:
+            raise TooLarge("file-too-large", f"{path} is larger than {max_bytes} bytes, too large for a scenario.")
+        return json.loads(path.read_bytes().decode("utf-8"), object_pairs_hook=_unique_entries)
     except OSError as error:
         reason = error.strerror or "it cannot be opened"
         raise UnreadableFile("file-not-readable", f"Cannot read {path}: {reason}.") from error
@@ -78,17 +78,17 @@ def read_json(path: Path, largest_bytes: int) -> Any:
         ) from error
 
 
-def _each_once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+def _unique_entries(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     entries: dict[str, Any] = {}
     for name, value in pairs:
         if name in entries:
-            fault = Fault(name[:LONGEST_NAME], "is there twice")
+            fault = Fault(name[:MAX_QUOTED_NAME], "is there twice")
             raise InvalidInput("name-twice", f"The file has two entries named {fault.where} in one object.", [fault])
         entries[name] = value
     return entries
 
 
-def understood(model: type[T], document: Any, typed: str, what: str) -> T:
+def validate_document(model: type[T], document: Any, typed: str, kind: str) -> T:
     """Instance of a contract model from a parsed document.
 
     Raises ``InvalidInput`` (``<what>-invalid``) naming every invalid field by its path.
@@ -96,26 +96,26 @@ def understood(model: type[T], document: Any, typed: str, what: str) -> T:
     try:
         return model.model_validate(document)
     except ValidationError as error:
-        faults = [Fault(place(item["loc"], document), item["msg"]) for item in error.errors(include_url=False)]
+        faults = [Fault(field_path(item["loc"], document), item["msg"]) for item in error.errors(include_url=False)]
         more = f" and {len(faults) - 1} more" if len(faults) > 1 else ""
-        message = f"{typed} is not a {what}: {faults[0].where}: {faults[0].message}{more}."
-        raise InvalidInput(f"{what}-invalid", message, faults) from error
+        message = f"{typed} is not a {kind}: {faults[0].where}: {faults[0].message}{more}."
+        raise InvalidInput(f"{kind}-invalid", message, faults) from error
 
 
-def place(path: Sequence[int | str], document: Any) -> str:
+def field_path(path: Sequence[int | str], document: Any) -> str:
     """Readable path of a field: ``phases[3].contacts[right_foot].position_m[0]``."""
     text, value = "", document
     for part in path:
         if part in _KIND_TAGS:
             continue  # which of the two kinds of surface was tried is no part of the document
-        value = _inside(value, part)
+        value = _child_value(value, part)
         named = isinstance(value, dict) and isinstance(value.get("effector"), str)
         key = value["effector"] if named else part
         text += f"[{key}]" if isinstance(part, int) else f".{part}"
     return text.lstrip(".") or "the file"
 
 
-def _inside(value: Any, part: int | str) -> Any:
+def _child_value(value: Any, part: int | str) -> Any:
     try:
         return value[part]
     except (KeyError, IndexError, TypeError):

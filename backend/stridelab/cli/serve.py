@@ -9,7 +9,7 @@ from stridelab.errors import Fault, InvalidInput
 from stridelab.service.settings import Settings, current_settings
 
 
-def serve(*, host: str | None, port: int | None, data_dir: Path | None, without_worker: bool) -> None:
+def start_service(*, host: str | None, port: int | None, data_dir: Path | None, without_worker: bool) -> None:
     """Start everything with the settings of the environment; options given here take precedence."""
     from stridelab.service.supervisor import serve as supervise
 
@@ -20,7 +20,7 @@ def serve(*, host: str | None, port: int | None, data_dir: Path | None, without_
     supervise(read_settings(), with_worker=not without_worker)
 
 
-def worker() -> None:
+def start_worker() -> None:
     """Start one worker on an existing database."""
     from stridelab.service.data_folder import open_data_folder
     from stridelab.service.jobs.worker import main
@@ -30,7 +30,7 @@ def worker() -> None:
     main()
 
 
-def migrate() -> None:
+def migrate_database() -> None:
     """Upgrade the schema of an existing database."""
     from stridelab.service.storage.database import migrate as upgrade
 

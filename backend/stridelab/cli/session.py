@@ -35,7 +35,7 @@ class Member:
     trial: TrialFacts
 
     @property
-    def parent(self) -> str:
+    def parent_folder(self) -> str:
         """Absolute path of the recording's folder."""
         return str(self.path.absolute().parent)
 
@@ -52,15 +52,15 @@ def estimate_session(requests: Sequence[EstimateRequest], delivery: Delivery) ->
         )
         raise InvalidInput("option-invalid", message, [Fault("--server", "takes one recording")])
     request_of = {request.file: request for request in requests}
-    names = _names([request.file for request in requests])
+    names = _result_names([request.file for request in requests])
     with progress_bar("reading the session") as bar:
-        members, refused = _read(request_of, names, bar)
+        members, refused = _read_members(request_of, names, bar)
     estimated = [one for one in members if not one.trial.facts.still] or members
     place = delivery.out_dir or Path()
     targets = {one.name: place / f"{one.name}-com" for one in estimated}
     for target in targets.values():
         refuse_to_overwrite(target, force=delivery.force)
-    stated = any(request.subject().model_dump(exclude_none=True) for request in requests)
+    stated = any(request.subject_fields().model_dump(exclude_none=True) for request in requests)
     sessions = sessions_of(members, one_person=stated)
     results: list[JobResult] = []
     for one in estimated:
@@ -109,28 +109,30 @@ def sessions_of(members: Sequence[Member], *, one_person: bool = False) -> dict[
     A recording without subject data belongs to the only subject of its folder, else to the only subject of all.
     With ``one_person`` all recordings have the same subject.
     """
-    subject_of = {one.name: "" if one_person else _person(one.trial.facts) for one in members}
+    subject_of = {one.name: "" if one_person else _subject_key(one.trial.facts) for one in members}
     subjects = set(subject_of.values()) - {""}
     sessions = {}
     for one in members:
-        folder_subjects = {subject_of[other.name] for other in members if other.parent == one.parent} - {""}
+        folder_subjects = {subject_of[other.name] for other in members if other.parent_folder == one.parent_folder} - {
+            ""
+        }
         subject = subject_of[one.name]
         if not subject and len(subjects) > 1:
-            subject = folder_subjects.pop() if len(folder_subjects) == 1 else one.parent
+            subject = folder_subjects.pop() if len(folder_subjects) == 1 else one.parent_folder
         elif not subject:
             subject = "".join(subjects)
         sessions[one.name] = f"{subject} {one.trial.facts.recorded_on or ''}".strip() or "session"
     return sessions
 
 
-def _person(facts: RecordingFacts) -> str:
+def _subject_key(facts: RecordingFacts) -> str:
     stated = facts.subject.model_dump(exclude={"name"}, exclude_none=True)
     if "height_m" not in stated or "mass_kg" not in stated:
         return ""
     return " ".join(f"{name}={stated[name]}" for name in sorted(stated))
 
 
-def _names(files: Sequence[Path]) -> dict[Path, str]:
+def _result_names(files: Sequence[Path]) -> dict[Path, str]:
     """Names of the results: file names, prefixed with the folder's name if two are equal."""
     stems = [file.stem for file in files]
     names = {
@@ -142,7 +144,7 @@ def _names(files: Sequence[Path]) -> dict[Path, str]:
     return names
 
 
-def _read(
+def _read_members(
     request_of: Mapping[Path, EstimateRequest], names: Mapping[Path, str], bar: Bar
 ) -> tuple[list[Member], dict[str, StridelabError]]:
     from stridelab.pipelines.trial import examine_trial
@@ -157,7 +159,7 @@ def _read(
             file=path.name,
             filename=path.name,
             marker_map=marker_map,
-            plates=request.plates(),
+            plates=request.plate_switches(),
             static_labels=list(marker_map.values()),
         )
         try:

@@ -16,7 +16,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from stridelab.cli.console import out, progress_bar
-from stridelab.cli.estimate import require_file, staged
+from stridelab.cli.estimate import require_file, staged_files
 from stridelab.cli.options import (
     AsJson,
     Cutoffs,
@@ -28,8 +28,8 @@ from stridelab.cli.options import (
     Walk,
     with_groups,
 )
-from stridelab.cli.recording_request import EstimateRequest, numbers
-from stridelab.cli.results import validated
+from stridelab.cli.recording_request import EstimateRequest, parse_numbers
+from stridelab.cli.results import validate_options
 from stridelab.errors import Fault, InvalidInput
 from stridelab.schemas.jobs import EstimateComInput
 from stridelab.schemas.streams import StreamConfiguration, StreamEstimate, StreamSample
@@ -84,7 +84,7 @@ class Replay:
 
 
 @dataclass(frozen=True)
-class Played:
+class ReplayResult:
     """Estimates of a replayed recording, and the response time of each message."""
 
     method: str
@@ -92,7 +92,7 @@ class Played:
     took_s: list[float]
     played_s: float
 
-    def figures(self) -> dict[str, Any]:
+    def to_json(self) -> dict[str, Any]:
         """Summary of the replay as a JSON object."""
         last = self.estimates[-1]
         slow_s = quantiles(self.took_s, n=20, method="inclusive")[-1] if len(self.took_s) > 1 else self.took_s[0]
@@ -109,32 +109,32 @@ class Played:
 
 def stream_samples(request: EstimateRequest, replay: Replay, *, as_json: bool, server: str, token: str | None) -> None:
     """Place the body's segments here, replay geometry and wrench to ``server``, and show the estimates."""
-    from stridelab.cli.remote import translated
+    from stridelab.cli.remote import translated_errors
     from stridelab.client import Client
 
     require_file(request.file)
-    configuration, samples = prepared(request, replay)
-    with translated(server), Client(server, token) as lab, lab.stream_com(configuration) as opened:
+    configuration, samples = prepare_samples(request, replay)
+    with translated_errors(server), Client(server, token) as lab, lab.stream_com(configuration) as opened:
         blocks = [samples[i : i + replay.block] for i in range(0, len(samples), replay.block)]
         estimates, took_s = [], []
         began = time.perf_counter()
         with progress_bar(request.file.name) as bar:
-            for block in paced(blocks, replay.speed):
+            for block in pace_blocks(blocks, replay.speed):
                 at = time.perf_counter()
                 estimates += opened.send(block)
                 took_s.append(time.perf_counter() - at)
                 com = estimates[-1].com_m
                 bar(len(estimates) / len(samples), f"{com[0]:+.3f} {com[1]:+.3f} {com[2]:+.3f} m")
-        played = Played(opened.ready.method, estimates, took_s, time.perf_counter() - began)
+        played = ReplayResult(opened.ready.method, estimates, took_s, time.perf_counter() - began)
     if replay.csv is not None:
         write_csv(replay.csv, estimates)
     if as_json:
-        out.print_json(json.dumps(played.figures()))
+        out.print_json(json.dumps(played.to_json()))
     else:
-        show(played, replay)
+        show_replay(played, replay)
 
 
-def prepared(request: EstimateRequest, replay: Replay) -> tuple[StreamConfiguration, list[StreamSample]]:
+def prepare_samples(request: EstimateRequest, replay: Replay) -> tuple[StreamConfiguration, list[StreamSample]]:
     """Configuration and samples as sent live: the CoM of the segment model and the wrench of each frame.
 
     Raises the errors of ``estimate-com`` for a recording that cannot be used.
@@ -142,22 +142,22 @@ def prepared(request: EstimateRequest, replay: Replay) -> tuple[StreamConfigurat
     from stridelab.pipelines.com_inputs import prepare_com_inputs
     from stridelab.schemas.tasks import EstimateComTask
 
-    input_ = request.input(request.file.name, EstimateComInput)
+    input_ = request.to_input(request.file.name, EstimateComInput)
     with (
         tempfile.TemporaryDirectory(prefix="stridelab-") as folder,
         progress_bar(request.file.name) as bar,
-        staged(request, Path(folder)) as (recording, static),
+        staged_files(request, Path(folder)) as (recording, static),
     ):
         task = EstimateComTask(recording=recording, static=static, input=input_)
         inputs = prepare_com_inputs(task, Path(folder), bar, needs_force=True)
     geometric, wrench = inputs.geometric, inputs.wrench
-    configuration = validated(
+    configuration = validate_options(
         StreamConfiguration,
         {
             "mass_kg": inputs.mass.mass_kg,
             "rate_hz": inputs.trial.recording.marker_rate_hz,
             "method": replay.method,
-            "ahead": None if replay.ahead is None else numbers("--ahead", replay.ahead, 2),
+            "ahead": None if replay.ahead is None else parse_numbers("--ahead", replay.ahead, 2),
             "cutoffs": input_.cutoffs,
             "priors": {"geometry_m": geometric.sd_m},
             "format": "float32" if replay.packed else "json",
@@ -174,9 +174,9 @@ def prepared(request: EstimateRequest, replay: Replay) -> tuple[StreamConfigurat
     samples = [
         StreamSample(
             time_s=t,
-            geometry_m=_seen(g),
-            force_n=_seen(f) if complete else None,
-            moment_nm=_seen(nu) if complete else None,
+            geometry_m=_finite_triple(g),
+            force_n=_finite_triple(f) if complete else None,
+            moment_nm=_finite_triple(nu) if complete else None,
         )
         for t, g, f, nu, complete in rows
     ]
@@ -184,7 +184,7 @@ def prepared(request: EstimateRequest, replay: Replay) -> tuple[StreamConfigurat
     return configuration, samples[first:]
 
 
-def paced(blocks: Sequence[list[StreamSample]], speed: float) -> Iterator[list[StreamSample]]:
+def pace_blocks(blocks: Sequence[list[StreamSample]], speed: float) -> Iterator[list[StreamSample]]:
     """Yield each block at the time when its last sample would have been measured."""
     began, start_s = time.perf_counter(), blocks[0][0].time_s
     for block in blocks:
@@ -208,9 +208,9 @@ def write_csv(path: Path, estimates: Sequence[StreamEstimate]) -> None:
         ) from error
 
 
-def show(played: Played, replay: Replay) -> None:
+def show_replay(played: ReplayResult, replay: Replay) -> None:
     """Print the summary as a table."""
-    figures, last = played.figures(), played.estimates[-1]
+    figures, last = played.to_json(), played.estimates[-1]
     table = Table(show_header=False, box=None, pad_edge=False)
     answered = (
         f"median {figures['answer_median_ms']:.2f} ms, 95 % within {figures['answer_95_percent_ms']:.2f} ms, "
@@ -229,6 +229,6 @@ def show(played: Played, replay: Replay) -> None:
         out.print(f"[green]written[/] {escape(str(replay.csv))}")
 
 
-def _seen(triple: Sequence[float]) -> tuple[float, float, float] | None:
+def _finite_triple(triple: Sequence[float]) -> tuple[float, float, float] | None:
     x, y, z = triple
     return None if math.isnan(x + y + z) else (x, y, z)

@@ -23,7 +23,7 @@ from stridelab.cli.results import (
     show_json,
     show_quality,
     show_remarks,
-    validated,
+    validate_options,
     write_result,
 )
 from stridelab.errors import Fault, InvalidInput, UnreadableFile
@@ -46,24 +46,24 @@ if TYPE_CHECKING:
     from stridelab.client import Client
 
 LIMITS: Final = BatchLimits(files=MAX_RECORDINGS, file_bytes=2_000_000_000, total_bytes=20_000_000_000)
-LETTERS: Final = {"R_m": "R", "r_m": "r", "z0_m": "z0", "omega_rad_s": "omega"}
-OTHERS: Final = {"height_m": "height", "leg_m": "leg", "speed_m_s": "speed", "step_length_m": "step length"}
+PARAMETER_SYMBOLS: Final = {"R_m": "R", "r_m": "r", "z0_m": "z0", "omega_rad_s": "omega"}
+REGRESSOR_NAMES: Final = {"height_m": "height", "leg_m": "leg", "speed_m_s": "speed", "step_length_m": "step length"}
 
 
 @dataclass(frozen=True)
-class Given:
+class StudyFiles:
     """Given recordings by the names that the subject table uses, and the rows of the table."""
 
     files: tuple[tuple[str, Path], ...]
     rows: tuple[TableRow, ...]
 
     @property
-    def matched(self) -> tuple[MatchedFile, ...]:
+    def matched_recordings(self) -> tuple[MatchedFile, ...]:
         """The recordings with their rows."""
         return match_files([name for name, _ in self.files], self.rows)
 
 
-def study(
+def run_study(
     paths: Sequence[Path],
     *,
     subjects: Path | None,
@@ -71,13 +71,13 @@ def study(
     delivery: Delivery,
 ) -> None:
     """Study here or on a server, write the result folder and show the correlations."""
-    target = delivery.folder("population")
+    target = delivery.result_path("population")
     refuse_to_overwrite(target, force=delivery.force)
     with (
         tempfile.TemporaryDirectory(prefix="stridelab-") as unpacked,
         result_folder(target, force=delivery.force) as folder,
     ):
-        given = collect(paths, subjects, Path(unpacked))
+        given = collect_recordings(paths, subjects, Path(unpacked))
         if delivery.server is not None:
             result = study_there(given, options, folder, delivery.server, delivery.token)
         else:
@@ -86,7 +86,7 @@ def study(
     end_if_contradicted(result)
 
 
-def collect(paths: Sequence[Path], subjects: Path | None, folder: Path) -> Given:
+def collect_recordings(paths: Sequence[Path], subjects: Path | None, folder: Path) -> StudyFiles:
     """All recordings below ``paths``: files, folders (searched through) and zips of recordings (unpacked).
 
     Raises ``InvalidInput`` (``no-recordings``, ``recording-twice``, ``subject-table-twice``, ``subject-table-invalid``)
@@ -117,36 +117,36 @@ def collect(paths: Sequence[Path], subjects: Path | None, folder: Path) -> Given
     if not files:
         named = ", ".join(str(path) for path in paths)
         raise InvalidInput("no-recordings", f"There is no .c3d, .trc or .zip in {named}.", [Fault("FILES", "nothing")])
-    _refuse_twins(files)
-    return Given(tuple(files), () if table is None else read_subject_table(table))
+    _refuse_duplicates(files)
+    return StudyFiles(tuple(files), () if table is None else read_subject_table(table))
 
 
-def _refuse_twins(files: Sequence[tuple[str, Path]]) -> None:
+def _refuse_duplicates(files: Sequence[tuple[str, Path]]) -> None:
     """Raise ``InvalidInput`` (``recording-twice``) where two files are the same."""
     first: dict[str, str] = {}
     for name, path in files:
-        digest = _sha256(path)
+        digest = _file_sha256(path)
         if digest in first:
             message = f"{name} is the same file as {first[digest]}: a recording counts once."
             raise InvalidInput("recording-twice", message, [Fault(name, "given twice")])
         first[digest] = name
 
 
-def _sha256(path: Path) -> str:
+def _file_sha256(path: Path) -> str:
     with path.open("rb") as content:
         return hashlib.file_digest(content, "sha256").hexdigest()
 
 
-def study_here(given: Given, options: Mapping[str, Any], folder: Path) -> JobResult:
+def study_here(given: StudyFiles, options: Mapping[str, Any], folder: Path) -> JobResult:
     """Run the job's own function in this process; ``folder`` then holds what the service would publish."""
     with progress_bar("population") as bar, tempfile.TemporaryDirectory(prefix="stridelab-") as name:
         bar(0.0, "starting")
         from stridelab.service.kinds.study_population import run as study_population
 
         work = Path(name)
-        ids = {one.index: f"recording-{k}" for k, one in enumerate(given.matched)}
+        ids = {one.index: f"recording-{k}" for k, one in enumerate(given.matched_recordings)}
         request = request_of(given, ids, options)
-        members = [_member(given, one, ids[one.index], request, work) for one in given.matched]
+        members = [_stage_member(given, one, ids[one.index], request, work) for one in given.matched_recordings]
         task = StudyPopulationTask(members=members, pooled=request.pooled, seed=request.seed)
         outcome = study_population.run(task, work, bar)
         for artifact in outcome.artifacts:
@@ -154,41 +154,47 @@ def study_here(given: Given, options: Mapping[str, Any], folder: Path) -> JobRes
     return write_result(folder, "study-population", request, outcome)
 
 
-def study_there(given: Given, options: Mapping[str, Any], folder: Path, server: str, token: str | None) -> JobResult:
+def study_there(
+    given: StudyFiles, options: Mapping[str, Any], folder: Path, server: str, token: str | None
+) -> JobResult:
     """Upload everything, run the job on ``server`` and download its files; prints refused files."""
     from stridelab.cli.remote import AFTER_UPLOAD, run_remotely
 
-    def prepare(client: "Client", bar: Bar) -> StudyPopulationInput:
-        def tell(sent: int, total: int) -> None:
+    def upload_inputs(client: "Client", bar: Bar) -> StudyPopulationInput:
+        def show_upload(sent: int, total: int) -> None:
             bar(AFTER_UPLOAD * sent / max(total, 1), "uploading")
 
-        stored = client.upload_batch(given.files, progress=tell)
+        stored = client.upload_batch(given.files, progress=show_upload)
         by_hash = {one.sha256: one.id for one in stored.recordings}
-        everywhere = {place: by_hash.get(_sha256(path)) for place, (_, path) in enumerate(given.files)}
+        everywhere = {place: by_hash.get(_file_sha256(path)) for place, (_, path) in enumerate(given.files)}
         ids = {place: recording_id for place, recording_id in everywhere.items() if recording_id is not None}
         for refused in stored.refused:
             err.print(f"[yellow]refused[/] {escape(refused.filename)}: {escape(refused.message)}")
-        for one in given.matched:
+        for one in given.matched_recordings:
             if one.index in ids and one.static_index is not None and one.static_index in ids:
                 client.patch_recording(ids[one.index], RecordingPatch(static_recording_id=ids[one.static_index]))
         return request_of(given, ids, options)
 
-    return run_remotely("study-population", "population", prepare, folder, server, token, unprepared=UnreadableFile)
+    return run_remotely(
+        "study-population", "population", upload_inputs, folder, server, token, unprepared=UnreadableFile
+    )
 
 
-def request_of(given: Given, ids: Mapping[int, str], options: Mapping[str, Any]) -> StudyPopulationInput:
+def request_of(given: StudyFiles, ids: Mapping[int, str], options: Mapping[str, Any]) -> StudyPopulationInput:
     """The job's input; ``ids`` are the ids of the stored recordings by index of the file."""
-    studied = [one for one in given.matched if one.index in ids]
+    studied = [one for one in given.matched_recordings if one.index in ids]
     rows = [
         SubjectOfRecording(recording_id=ids[one.index], **one.row.person.model_dump())
         for one in studied
         if one.row is not None
     ]
     fields = {"recording_ids": [ids[one.index] for one in studied], "subjects": rows, **options}
-    return validated(StudyPopulationInput, fields)
+    return validate_options(StudyPopulationInput, fields)
 
 
-def _member(given: Given, one: MatchedFile, recording_id: str, request: StudyPopulationInput, work: Path) -> Any:
+def _stage_member(
+    given: StudyFiles, one: MatchedFile, recording_id: str, request: StudyPopulationInput, work: Path
+) -> Any:
     from stridelab.service.kinds.study_population.staging import population_member
 
     (work / recording_id).mkdir()
@@ -217,8 +223,9 @@ def show_study(result: JobResult, target: Path, *, as_json: bool) -> None:
                    box=None, pad_edge=False)  # fmt: skip
     for one in summary.subjects:
         subjects.add_row(
-            f"[bold]{escape(one.subject)}[/]", escape(one.group), str(one.n_steps), _or(one.height_m, 2),
-            _or(one.speed_m_s, 2), _with_sd(one.R_m, one.R_sd_m, 1e3, 1), _with_sd(one.r_m, one.r_sd_m, 1e3, 1),
+            f"[bold]{escape(one.subject)}[/]", escape(one.group), str(one.n_steps), _format_optional(one.height_m, 2),
+            _format_optional(one.speed_m_s, 2), _with_sd(one.R_m, one.R_sd_m, 1e3, 1),
+            _with_sd(one.r_m, one.r_sd_m, 1e3, 1),
             _with_sd(one.z0_m, one.z0_sd_m, 1.0, 3), _with_sd(one.omega_rad_s, one.omega_sd_rad_s, 1.0, 1),
             f"{one.error_mean_mm:.2f}",
         )  # fmt: skip
@@ -227,7 +234,7 @@ def show_study(result: JobResult, target: Path, *, as_json: bool) -> None:
         pairs = Table("", "against", "n", "r", "95 %", "p", "p of all", "at one speed", "thesis",
                       box=None, pad_edge=False)  # fmt: skip
         for pair in summary.correlations:
-            pairs.add_row(*_cells(pair))
+            pairs.add_row(*_correlation_cells(pair))
         out.print(pairs)
     for left in summary.left_out:
         out.print(f"[yellow]left out[/] {escape(left.filename)}: {escape(left.message)} [dim]({escape(left.code)})[/]")
@@ -235,22 +242,22 @@ def show_study(result: JobResult, target: Path, *, as_json: bool) -> None:
     show_files(result, target)
 
 
-def _cells(pair: CorrelationResult) -> list[str]:
+def _correlation_cells(pair: CorrelationResult) -> list[str]:
     interval = "" if pair.ci95 is None else f"{pair.ci95[0]:+.2f} to {pair.ci95[1]:+.2f}"
     return [
-        f"[bold]{escape(pair.group)} {LETTERS[pair.parameter]}[/]",
-        OTHERS[pair.against],
+        f"[bold]{escape(pair.group)} {PARAMETER_SYMBOLS[pair.parameter]}[/]",
+        REGRESSOR_NAMES[pair.against],
         str(pair.n),
         f"{pair.r:+.2f}",
         interval,
         f"{pair.p:.3f}",
         f"{pair.p_holm:.3f}",
-        _or(pair.partial_on_speed, 2),
-        _or(pair.thesis, 2),
+        _format_optional(pair.partial_on_speed, 2),
+        _format_optional(pair.thesis, 2),
     ]
 
 
-def _or(value: float | None, digits: int) -> str:
+def _format_optional(value: float | None, digits: int) -> str:
     return "" if value is None else f"{value:.{digits}f}"
 
 
@@ -278,7 +285,7 @@ def study_population(
     token: Token = None,
 ) -> None:
     """Fit the wheels of many subjects, and correlate them with height, leg, speed and step length."""
-    study(
+    run_study(
         files,
         subjects=subjects,
         options={"method": method, "steps": steps, "pooled": pooled, "seed": seed},

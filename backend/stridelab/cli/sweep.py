@@ -15,7 +15,7 @@ from stridelab.cli.results import (
     show_files,
     show_json,
     show_remarks,
-    validated,
+    validate_options,
     write_result,
 )
 from stridelab.cli.scenario_files import read_scenario
@@ -46,7 +46,7 @@ class SweepRequest:
     processes: int | None = None
     whole_body: bool = False
 
-    def of(self, scenario: Scenario | None) -> SweepInput:
+    def to_input(self, scenario: Scenario | None) -> SweepInput:
         """Input of the job; without a scenario, the name is taken as a scenario id.
 
         Raises ``InvalidInput`` (``option-invalid``) naming the invalid option.
@@ -54,10 +54,10 @@ class SweepRequest:
         fields: dict[str, Any] = {"scenario_id": self.scenario} if scenario is None else {"scenario": scenario}
         fields |= {"formulation": self.formulation, "solver": self.solver, "node_rate_hz": self.node_rate_hz}
         fields |= {"whole_body": self.whole_body}
-        return validated(SweepInput, {**fields, "measure": self.measure, "vary": ranges(self.vary)})
+        return validate_options(SweepInput, {**fields, "measure": self.measure, "vary": parse_ranges(self.vary)})
 
 
-def ranges(typed: Sequence[str]) -> dict[str, tuple[float, float, int]]:
+def parse_ranges(typed: Sequence[str]) -> dict[str, tuple[float, float, int]]:
     """Parse ``FIELD=FROM:TO:NUMBER`` options; returns (from, to, number) by field."""
     by_field: dict[str, tuple[float, float, int]] = {}
     for text in typed:
@@ -72,10 +72,10 @@ def ranges(typed: Sequence[str]) -> dict[str, tuple[float, float, int]]:
     return by_field
 
 
-def sweep(request: SweepRequest, delivery: Delivery) -> None:
+def run_sweep(request: SweepRequest, delivery: Delivery) -> None:
     """Plan all scenarios here or on a server, write the result folder and show the summary."""
     title = Path(request.scenario).stem
-    target = delivery.folder(f"{title}-sweep")
+    target = delivery.result_path(f"{title}-sweep")
     refuse_to_overwrite(target, force=delivery.force)
     with result_folder(target, force=delivery.force) as folder:
         if delivery.server is None:
@@ -83,7 +83,7 @@ def sweep(request: SweepRequest, delivery: Delivery) -> None:
         else:
             from stridelab.cli.remote import run_remotely_as_is
 
-            job_input = _known(request)
+            job_input = _remote_input(request)
             result = run_remotely_as_is("sweep", title, job_input, folder, delivery.server, delivery.token)
     show_swept(result, target, as_json=delivery.as_json)
 
@@ -91,7 +91,7 @@ def sweep(request: SweepRequest, delivery: Delivery) -> None:
 def sweep_here(request: SweepRequest, title: str, folder: Path) -> JobResult:
     """Run the job's own function in this process, with its worker processes."""
     scenario = read_scenario(request.scenario)
-    task = SweepTask(scenario=scenario, input=request.of(scenario))
+    task = SweepTask(scenario=scenario, input=request.to_input(scenario))
     with progress_bar(title) as bar:
         bar(0.0, "starting")
         from stridelab.service.kinds import sweep as kind
@@ -100,12 +100,12 @@ def sweep_here(request: SweepRequest, title: str, folder: Path) -> JobResult:
     return write_result(folder, "sweep", task.input, outcome)
 
 
-def _known(request: SweepRequest) -> SweepInput:
+def _remote_input(request: SweepRequest) -> SweepInput:
     """Input for a server: a name that is neither a file nor bundled is taken as a scenario id."""
     try:
-        return request.of(read_scenario(request.scenario))
+        return request.to_input(read_scenario(request.scenario))
     except NotFound:
-        return request.of(None)
+        return request.to_input(None)
 
 
 def show_swept(result: JobResult, target: Path, *, as_json: bool) -> None:

@@ -37,12 +37,12 @@ def create(
         faults = [Fault(".".join(map(str, e["loc"])), e["msg"]) for e in error.errors()]
         raise InvalidInput("invalid-token", "The fields of the token are invalid.", faults) from error
 
-    async def work(connection: Any) -> str:
+    async def insert_token(connection: Any) -> str:
         made = await table.create_token(connection, wanted)
         await audit.record_action(connection, audit.CONSOLE, "token-created", made.id)
         return made.secret
 
-    secret = _in_database(work)
+    secret = _in_transaction(insert_token)
     err.print(f"token of {name}, scope {scope}; it is not shown again:")
     typer.echo(secret)
 
@@ -54,10 +54,10 @@ def list_tokens(
     """List tokens, without their secrets."""
     from stridelab.service.auth import tokens as table
 
-    async def work(connection: Any) -> list[Any]:
+    async def read_tokens(connection: Any) -> list[Any]:
         return await table.all_tokens(connection)
 
-    listed = _in_database(work)
+    listed = _in_transaction(read_tokens)
     if as_json:
         typer.echo(json.dumps([one.model_dump(mode="json") for one in listed]))
         return
@@ -73,15 +73,15 @@ def revoke(name: Annotated[str, typer.Argument(help="Name or id of the token.")]
     from stridelab.service.auth import audit
     from stridelab.service.auth import tokens as table
 
-    async def work(connection: Any) -> None:
+    async def revoke_token(connection: Any) -> None:
         revoked = await table.revoke_token(connection, name)
         await audit.record_action(connection, audit.CONSOLE, "token-revoked", revoked.id)
 
-    _in_database(work)
+    _in_transaction(revoke_token)
     out.print(f"{name} is revoked")
 
 
-def _in_database(work: Callable[[Any], Awaitable[T]]) -> T:
+def _in_transaction(work: Callable[[Any], Awaitable[T]]) -> T:
     """Run ``work`` in one transaction of the service's database, after updating its tables."""
     from stridelab.cli.serve import read_settings
     from stridelab.service.backup.locations import open_location
@@ -89,7 +89,7 @@ def _in_database(work: Callable[[Any], Awaitable[T]]) -> T:
     from stridelab.service.storage.database import make_engine
     from stridelab.service.storage.migrate import migrate
 
-    async def run(url: str) -> T:
+    async def run_work(url: str) -> T:
         engine = make_engine(url, pool_size=1)
         try:
             async with engine.begin() as connection:
@@ -100,4 +100,4 @@ def _in_database(work: Callable[[Any], Awaitable[T]]) -> T:
     configure_logging("warning")  # the audit table has what was done; standard output is for the token
     with open_location(read_settings(), require_stopped=False, create=True) as location:
         migrate(location.database_url)
-        return asyncio.run(run(location.database_url))
+        return asyncio.run(run_work(location.database_url))

@@ -15,11 +15,11 @@ Progress = Callable[[float, str], None]
 """Called with a fraction from 0 to 1 and a message."""
 
 
-def silent(_fraction: float, _message: str) -> None:
+def ignore_progress(_fraction: float, _message: str) -> None:
     """Ignore the progress."""
 
 
-def checked(model: type[Model], fields: Any) -> Model:
+def validate_fields(model: type[Model], fields: Any) -> Model:
     """Instance of a contract model. Raises ``InvalidInput`` (``option-invalid``) naming each invalid field."""
     try:
         return model.model_validate(fields)

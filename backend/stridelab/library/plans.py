@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from stridelab.errors import StridelabError
-from stridelab.library.options import Progress, checked, data_frame, silent
+from stridelab.library.options import Progress, data_frame, ignore_progress, validate_fields
 from stridelab.schemas.plans import PlanMotionInput, PlanMotionSummary
 from stridelab.schemas.scenarios import Scenario
 from stridelab.schemas.tasks import PlanMotionTask
@@ -78,13 +78,15 @@ def plan_motion(
     from stridelab.cli.scenario_files import read_scenario
     from stridelab.service.kinds.plan_motion import run as job
 
-    given = read_scenario(str(scenario)) if isinstance(scenario, str | Path) else checked(Scenario, scenario)
+    given = read_scenario(str(scenario)) if isinstance(scenario, str | Path) else validate_fields(Scenario, scenario)
     if robot is not None:
         given = given.model_copy(update={"robot": robot})
-    request = checked(PlanMotionInput, {"scenario": given, "whole_body": whole_body, "replay": replay, **options})
+    request = validate_fields(
+        PlanMotionInput, {"scenario": given, "whole_body": whole_body, "replay": replay, **options}
+    )
     folder = Path(tempfile.mkdtemp(prefix="stridelab-plan-"))
     try:
-        outcome = job.run(PlanMotionTask(scenario=given, input=request), folder, progress or silent)
+        outcome = job.run(PlanMotionTask(scenario=given, input=request), folder, progress or ignore_progress)
     except BaseException:
         shutil.rmtree(folder, ignore_errors=True)
         raise

@@ -23,7 +23,7 @@ from jaxtyping import Float
 
 from stridelab.conventions import Points, Series
 from stridelab.errors import Fault, InvalidInput, UnreadableFile
-from stridelab.library.options import Progress, checked, data_frame, silent
+from stridelab.library.options import Progress, data_frame, ignore_progress, validate_fields
 from stridelab.pipelines.estimate_com import ComResult
 from stridelab.pipelines.estimate_com import estimate_com as _estimate_com
 from stridelab.pipelines.fit_cycloid import CycloidResult, fit_cycloid_of_recording
@@ -92,7 +92,7 @@ def read(
     if static is not None:
         _require_file(Path(static))
     stated = {"height_m": height_m, "mass_kg": mass_kg, "sex": sex, "age_years": age_years}
-    subject = checked(SubjectFields, stated)
+    subject = validate_fields(SubjectFields, stated)
     source = RecordingSource(file=path.name, filename=path.name, subject=subject, marker_map=dict(marker_map or {}))
     recording = _read(source, path.parent)
     return LoadedRecording(path, recording, subject, dict(marker_map or {}), None if static is None else Path(static))
@@ -210,12 +210,12 @@ def estimate_com(
         InvalidInput: An option is invalid; the error names it.
         NotEstimable: The data do not allow an estimate; code and message say what is missing.
     """
-    loaded = _loaded(recording, stated)
+    loaded = _load_recording(recording, stated)
     fields = {"method": method, "latency": latency, "segment_table": segment_table, "cutoffs": cutoffs}
-    request = checked(EstimateComInput, {"recording_id": loaded.path.name, "window_s": window_s, **fields})
-    with _staged(loaded) as (folder, recorded, static):
+    request = validate_fields(EstimateComInput, {"recording_id": loaded.path.name, "window_s": window_s, **fields})
+    with _staged_sources(loaded) as (folder, recorded, static):
         task = EstimateComTask(recording=recorded, static=static, input=request)
-        return CentreOfMass(loaded, request, _estimate_com(task, folder, progress or silent))
+        return CentreOfMass(loaded, request, _estimate_com(task, folder, progress or ignore_progress))
 
 
 @dataclass(frozen=True)
@@ -291,14 +291,14 @@ def fit_cycloid(
     Raises:
         NotEstimable: The recording is not a walk, or no step is measured; code and message say what is missing.
     """
-    loaded = _loaded(recording, stated)
-    request = checked(FitCycloidInput, {"recording_id": loaded.path.name, "steps": steps, "method": method})
-    with _staged(loaded) as (folder, recorded, static):
+    loaded = _load_recording(recording, stated)
+    request = validate_fields(FitCycloidInput, {"recording_id": loaded.path.name, "steps": steps, "method": method})
+    with _staged_sources(loaded) as (folder, recorded, static):
         task = FitCycloidTask(recording=recorded, static=static, input=request)
-        return CycloidFit(loaded, request, fit_cycloid_of_recording(task, folder, progress or silent))
+        return CycloidFit(loaded, request, fit_cycloid_of_recording(task, folder, progress or ignore_progress))
 
 
-def _loaded(recording: LoadedRecording | str | Path, stated: dict[str, Any]) -> LoadedRecording:
+def _load_recording(recording: LoadedRecording | str | Path, stated: dict[str, Any]) -> LoadedRecording:
     if not isinstance(recording, LoadedRecording):
         return read(recording, **stated)
     if stated:
@@ -308,10 +308,10 @@ def _loaded(recording: LoadedRecording | str | Path, stated: dict[str, Any]) -> 
 
 
 @contextmanager
-def _staged(loaded: LoadedRecording) -> Iterator[tuple[Path, RecordingSource, RecordingSource | None]]:
+def _staged_sources(loaded: LoadedRecording) -> Iterator[tuple[Path, RecordingSource, RecordingSource | None]]:
     """Folder and sources of the recording; a static trial from another folder is copied to a common one."""
     if loaded.static is None or loaded.static.parent == loaded.path.parent:
-        static = None if loaded.static is None else _source(loaded.static)
+        static = None if loaded.static is None else _source_of_file(loaded.static)
         yield loaded.path.parent, loaded.source, static
         return
     with tempfile.TemporaryDirectory(prefix="stridelab-") as name:
@@ -322,7 +322,7 @@ def _staged(loaded: LoadedRecording) -> Iterator[tuple[Path, RecordingSource, Re
         yield folder, loaded.source, RecordingSource(file=copy.name, filename=loaded.static.name)
 
 
-def _source(path: Path) -> RecordingSource:
+def _source_of_file(path: Path) -> RecordingSource:
     return RecordingSource(file=path.name, filename=path.name)
 
 

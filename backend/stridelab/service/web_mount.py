@@ -15,7 +15,7 @@ from stridelab.service.api.session_cookies import SigningKeys
 from stridelab.service.auth.callers import UNAUTHENTICATED, Caller, require_owner, require_scope
 from stridelab.service.settings import Settings, shown_settings
 from stridelab_web.app import create_web
-from stridelab_web.config import NO_KEY_NEEDED, ScenarioRight, ScenarioRights, WebConfig
+from stridelab_web.config import ANONYMOUS_KEY, ScenarioRight, ScenarioRights, WebConfig
 
 API_PREFIX = "/api/"
 
@@ -65,7 +65,7 @@ def _scenario_right(app: FastAPI) -> ScenarioRights:
         except Forbidden as refusal:
             return ScenarioRight(None, refusal.message)
         if keys is None or caller.token_id is None:
-            return ScenarioRight(NO_KEY_NEEDED)
+            return ScenarioRight(ANONYMOUS_KEY)
         return ScenarioRight(keys.make_scenario_key(time.time(), caller.token_id, scenario_id))
 
     return scenario_right_of

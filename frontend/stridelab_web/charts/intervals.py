@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 from stridelab.schemas.recordings import PlateInfo, Recording
 
-TICKS_AT_MOST = 8
-NUMBER_FROM_PERCENT = 1.6
+MAX_TICKS = 8
+MIN_NUMBERED_PERCENT = 1.6
 """Minimum width, in percent of the whole, of intervals that show their number."""
 
 
@@ -48,7 +48,7 @@ class Layer:
     prefix: str
     label: str
     shown: bool = True
-    said: str = ""
+    tooltip: str = ""
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ class PlateBars:
     text: str
 
 
-def bars(intervals: Iterable[Sequence[float]], duration_s: float) -> tuple[Bar, ...]:
+def interval_bars(intervals: Iterable[Sequence[float]], duration_s: float) -> tuple[Bar, ...]:
     """Intervals in seconds as bars, cut at the ends of the recording; empty if the duration is zero."""
     if duration_s <= 0:
         return ()
@@ -74,17 +74,17 @@ def bars(intervals: Iterable[Sequence[float]], duration_s: float) -> tuple[Bar, 
     return tuple(inside)
 
 
-def numbered(intervals: Iterable[Sequence[float]], duration_s: float, first: int = 0) -> tuple[Bar, ...]:
+def numbered_bars(intervals: Iterable[Sequence[float]], duration_s: float, first: int = 0) -> tuple[Bar, ...]:
     """Intervals as bars, with their numbers on bars that are wide enough."""
     return tuple(
-        Bar(bar.x, bar.width, str(first + k) if bar.width >= NUMBER_FROM_PERCENT else "")
-        for k, bar in enumerate(bars(intervals, duration_s))
+        Bar(bar.x, bar.width, str(first + k) if bar.width >= MIN_NUMBERED_PERCENT else "")
+        for k, bar in enumerate(interval_bars(intervals, duration_s))
     )
 
 
 def plate_bars(plate: PlateInfo, duration_s: float) -> PlateBars:
     """The loaded intervals of a plate."""
-    drawn = bars(plate.loaded_s, duration_s)
+    drawn = interval_bars(plate.loaded_s, duration_s)
     intervals_text = "; ".join(bar.text for bar in drawn) or "never"
     return PlateBars(plate.index, plate.use, drawn, f"Plate {plate.index} loaded: {intervals_text}")
 
@@ -97,11 +97,11 @@ def windows_text(recording: Recording) -> str:
     return f"All contact forces are measured from {listed}."
 
 
-def ticks(duration_s: float) -> tuple[Tick, ...]:
+def time_ticks(duration_s: float) -> tuple[Tick, ...]:
     """Round times along the axis: steps of 1, 2 or 5 times a power of ten."""
     if duration_s <= 0:
         return ()
-    rough = duration_s / TICKS_AT_MOST
+    rough = duration_s / MAX_TICKS
     power = 10.0 ** math.floor(math.log10(rough))
     step = next(factor * power for factor in (1, 2, 5, 10) if factor * power >= rough * (1 - 1e-9))
     digits = max(0, -math.floor(math.log10(step)))

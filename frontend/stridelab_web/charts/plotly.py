@@ -8,7 +8,7 @@ import numpy as np
 
 from stridelab_web.parquet import Columns
 
-SAMPLES_AT_MOST = 6000
+MAX_SAMPLES = 6000
 """Maximum samples per curve; plots are about 1000 pixels wide, and the files contain every sample."""
 
 Style = Literal[
@@ -90,13 +90,13 @@ class Abscissa:
 TIME = Abscissa("time_s", "time [s]", "t", "s", 3)
 
 
-def three(title: str, keys: Sequence[str]) -> Row:
+def xyz_row(title: str, keys: Sequence[str]) -> Row:
     """A row with the x, y and z components of a vector."""
     x, y, z = keys
     return Row(title, (Trace(x, "x", "x"), Trace(y, "y", "y"), Trace(z, "z", "z")), legend=True)
 
 
-def drawing(
+def plot_document(
     columns: Columns,
     decimals: Mapping[str, int],
     rows: Sequence[Row],
@@ -111,11 +111,11 @@ def drawing(
     intervals of the axis ``x``.
     """
     along = columns[x.key]
-    stride = max(1, -(-len(along) // SAMPLES_AT_MOST))
-    drawn = {x.key: _numbers(along[::stride], 5)}
+    stride = max(1, -(-len(along) // MAX_SAMPLES))
+    drawn = {x.key: _rounded_values(along[::stride], 5)}
     for name, digits in decimals.items():
         if name in columns and np.isfinite(columns[name]).any():
-            drawn[name] = _numbers(columns[name][::stride], digits)
+            drawn[name] = _rounded_values(columns[name][::stride], digits)
     drawn_rows = [(row, [trace for trace in row.traces if trace.key in drawn]) for row in rows]
     groups = {trace.group for _, traces in drawn_rows for trace in traces}
     return {
@@ -138,6 +138,6 @@ def drawing(
     }
 
 
-def _numbers(values: np.ndarray, digits: int) -> list[float | None]:
+def _rounded_values(values: np.ndarray, digits: int) -> list[float | None]:
     rounded = np.round(values, digits)
     return [float(v) if np.isfinite(v) else None for v in rounded]

@@ -109,7 +109,7 @@ class Chart:
     curves: tuple[Curve, ...]
     whiskers: tuple[Whisker, ...]
     marks: tuple[Mark, ...]
-    said: str
+    caption: str
 
 
 @dataclass
@@ -141,64 +141,66 @@ class Canvas:
     def px_per_x(self) -> float:
         return (self.width - LEFT_PX - RIGHT_PX) / (self.x_range[1] - self.x_range[0])
 
-    def x(self, value: float) -> float:
+    def x_px(self, value: float) -> float:
         """Pixel position of a value of the horizontal axis."""
         return LEFT_PX + (value - self.x_range[0]) * self.px_per_x
 
-    def y(self, value: float) -> float:
+    def y_px(self, value: float) -> float:
         """Pixel position of a value of the vertical axis."""
         low, high = self.y_range
         return self.height - BOTTOM_PX - (value - low) / (high - low) * (self.height - TOP_PX - BOTTOM_PX)
 
-    def curve(self, x: np.ndarray, y: np.ndarray, css: str, text: str = "") -> None:
+    def add_curve(self, x: np.ndarray, y: np.ndarray, css: str, text: str = "") -> None:
         """Add a line, interrupted at missing values."""
         finite = np.isfinite(x) & np.isfinite(y)
         for part in np.split(np.arange(len(x)), np.flatnonzero(~finite)):
             run = part[finite[part]]
             if len(run) > 1:
-                points = " ".join(f"{self.x(u):.1f},{self.y(v):.1f}" for u, v in zip(x[run], y[run], strict=True))
+                points = " ".join(f"{self.x_px(u):.1f},{self.y_px(v):.1f}" for u, v in zip(x[run], y[run], strict=True))
                 self._curves.append(Curve(points, css, text))
 
-    def band(self, x: np.ndarray, low: np.ndarray, high: np.ndarray, css: str) -> None:
+    def add_band(self, x: np.ndarray, low: np.ndarray, high: np.ndarray, css: str) -> None:
         """Add the area between two curves over the same ``x``."""
         outline = [*zip(x, low, strict=True), *zip(x[::-1], high[::-1], strict=True)]
-        self._bands.append(Band(" ".join(f"{self.x(u):.1f},{self.y(v):.1f}" for u, v in outline), css))
+        self._bands.append(Band(" ".join(f"{self.x_px(u):.1f},{self.y_px(v):.1f}" for u, v in outline), css))
 
-    def cell(self, x: Range, y: Range, css: str, text: str) -> None:
+    def add_cell(self, x: Range, y: Range, css: str, text: str) -> None:
         """Add a rectangle over an interval of each axis."""
         corners = [(x[0], y[0]), (x[1], y[0]), (x[1], y[1]), (x[0], y[1])]
-        self._bands.append(Band(" ".join(f"{self.x(u):.1f},{self.y(v):.1f}" for u, v in corners), css, text))
+        self._bands.append(Band(" ".join(f"{self.x_px(u):.1f},{self.y_px(v):.1f}" for u, v in corners), css, text))
 
-    def mark(
+    def add_mark(
         self, x: float, y: float, css: str, shape: Shape = "circle", text: str = "", label: str = "", href: str = ""
     ) -> None:
         """Add a point, unless a coordinate is missing."""
         if math.isfinite(x) and math.isfinite(y):
-            self._marks.append(Mark(round(self.x(x), 1), round(self.y(y), 1), css, shape, text, label, href))
+            self._marks.append(Mark(round(self.x_px(x), 1), round(self.y_px(y), 1), css, shape, text, label, href))
 
-    def upright(self, x: float, low: float, high: float, css: str) -> None:
+    def add_vertical_line(self, x: float, low: float, high: float, css: str) -> None:
         """Add a vertical line, such as an error bar."""
         if all(math.isfinite(v) for v in (x, low, high)):
-            px = round(self.x(x), 1)
-            self._whiskers.append(Whisker(px, round(self.y(low), 1), px, round(self.y(high), 1), css))
+            px = round(self.x_px(x), 1)
+            self._whiskers.append(Whisker(px, round(self.y_px(low), 1), px, round(self.y_px(high), 1), css))
 
-    def level(self, y: float, low: float, high: float, css: str) -> None:
+    def add_horizontal_line(self, y: float, low: float, high: float, css: str) -> None:
         """Add a horizontal line."""
         if all(math.isfinite(v) for v in (y, low, high)):
-            px = round(self.y(y), 1)
-            self._whiskers.append(Whisker(round(self.x(low), 1), px, round(self.x(high), 1), px, css))
+            px = round(self.y_px(y), 1)
+            self._whiskers.append(Whisker(round(self.x_px(low), 1), px, round(self.x_px(high), 1), px, css))
 
-    def shade(self, start: float, end: float, css: str, text: str) -> None:
+    def add_shade(self, start: float, end: float, css: str, text: str) -> None:
         """Add a shaded interval of the horizontal axis, cut at the ends of the axis."""
         low, high = max(start, self.x_range[0]), min(end, self.x_range[1])
         if high > low:
-            self._shades.append(Shade(round(self.x(low), 1), round((high - low) * self.px_per_x, 1), css, text))
+            self._shades.append(Shade(round(self.x_px(low), 1), round((high - low) * self.px_per_x, 1), css, text))
 
-    def circle(self, x: float, y: float, radius: float, css: str) -> None:
+    def add_circle(self, x: float, y: float, radius: float, css: str) -> None:
         """Add a circle; ``radius`` is in units of the horizontal axis, for charts of true scale."""
-        self._circles.append(Circle(round(self.x(x), 1), round(self.y(y), 1), round(radius * self.px_per_x, 1), css))
+        self._circles.append(
+            Circle(round(self.x_px(x), 1), round(self.y_px(y), 1), round(radius * self.px_per_x, 1), css)
+        )
 
-    def chart(self, said: str) -> Chart:
+    def build_chart(self, caption: str) -> Chart:
         """Build the chart of all elements."""
         inner = self.width - LEFT_PX - RIGHT_PX, self.height - TOP_PX - BOTTOM_PX
         return Chart(
@@ -210,19 +212,23 @@ class Canvas:
             bottom=round(self.height - BOTTOM_PX, 1),
             x_title=self.x_title,
             y_title=self.y_title,
-            x_ticks=tuple(Tick(round(self.x(v), 1), text) for v, text in ticks(self.x_range, inner[0] / TICK_PX_X)),
-            y_ticks=tuple(Tick(round(self.y(v), 1), text) for v, text in ticks(self.y_range, inner[1] / TICK_PX_Y)),
+            x_ticks=tuple(
+                Tick(round(self.x_px(v), 1), text) for v, text in axis_ticks(self.x_range, inner[0] / TICK_PX_X)
+            ),
+            y_ticks=tuple(
+                Tick(round(self.y_px(v), 1), text) for v, text in axis_ticks(self.y_range, inner[1] / TICK_PX_Y)
+            ),
             shades=tuple(self._shades),
             bands=tuple(self._bands),
             circles=tuple(self._circles),
             curves=tuple(self._curves),
             whiskers=tuple(self._whiskers),
             marks=tuple(self._marks),
-            said=said,
+            caption=caption,
         )
 
 
-def ticks(span: Range, at_most: float) -> list[tuple[float, str]]:
+def axis_ticks(span: Range, at_most: float) -> list[tuple[float, str]]:
     """Round numbers inside ``span``, about ``at_most`` of them (at least two), and their texts."""
     low, high = span
     wanted = (high - low) / max(at_most, 2.0)
@@ -233,12 +239,12 @@ def ticks(span: Range, at_most: float) -> list[tuple[float, str]]:
     return [(k * size, f"{k * size:z.{digits}f}") for k in range(first, last + 1)]
 
 
-def span_of(*values: np.ndarray, share: float = 0.08, least: float = 1e-6) -> Range:
+def range_of(*values: np.ndarray, share: float = 0.08, min_width: float = 1e-6) -> Range:
     """Range of ``values`` with a margin and a minimum width; 0 to 1 without finite values."""
     finite = np.concatenate([np.ravel(np.asarray(v, dtype=float)) for v in values]) if values else np.empty(0)
     finite = finite[np.isfinite(finite)]
     if not len(finite):
         return (0.0, 1.0)
     low, high = float(finite.min()), float(finite.max())
-    margin = max(share * (high - low), (least - (high - low)) / 2, 0.0)
+    margin = max(share * (high - low), (min_width - (high - low)) / 2, 0.0)
     return (low - margin, high + margin)

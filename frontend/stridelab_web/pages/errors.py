@@ -5,7 +5,7 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 from stridelab.client import ProblemError, Unreachable
-from stridelab_web.pages.render import page
+from stridelab_web.pages.render import render_page
 
 _TITLES = {
     401: "Please log in",
@@ -23,7 +23,7 @@ async def on_problem(request: Request, error: Exception) -> Response:
         raise error
     problem = error.problem
     wait = error.retry_after_s
-    answer = page(
+    answer = render_page(
         request,
         "pages/error.html",
         problem.status,
@@ -45,7 +45,9 @@ async def on_http(request: Request, error: Exception) -> Response:
     status = error.status_code
     detail = "There is no page at this address." if status == 404 else str(error.detail)
     title = _TITLES.get(status, "Request failed")
-    return page(request, "pages/error.html", status, title=title, detail=detail, code="", status=status, errors=[])
+    return render_page(
+        request, "pages/error.html", status, title=title, detail=detail, code="", status=status, errors=[]
+    )
 
 
 async def on_unreachable(request: Request, error: Exception) -> Response:
@@ -53,4 +55,6 @@ async def on_unreachable(request: Request, error: Exception) -> Response:
     if not isinstance(error, Unreachable):
         raise error
     detail = "The service does not answer at the moment. Try again in a few seconds."
-    return page(request, "pages/error.html", 503, title=_TITLES[503], detail=detail, code="", status=503, errors=[])
+    return render_page(
+        request, "pages/error.html", 503, title=_TITLES[503], detail=detail, code="", status=503, errors=[]
+    )

@@ -11,8 +11,8 @@ from stridelab.schemas.jobs import Job
 from stridelab.schemas.scenarios import StoredScenario
 from stridelab_web.api_client import client_of
 from stridelab_web.pages.lists import filenames_of
-from stridelab_web.pages.render import page
-from stridelab_web.pages.scenarios.page import cards
+from stridelab_web.pages.render import render_page
+from stridelab_web.pages.scenarios.page import scenario_cards
 
 SAMPLE_RECORDING: Final = "sample-walk"
 SAMPLE_SCENARIO: Final = "six-stairs"
@@ -25,24 +25,25 @@ async def home(request: Request) -> Response:
     """``GET /``."""
     client = client_of(request)
     recordings, jobs = await client.recordings(limit=LATEST), await client.jobs(limit=LATEST)
-    shown = await _scenarios(client)
-    return page(
+    shown = await _featured_scenarios(client)
+    return render_page(
         request,
         "pages/home.html",
         section="Home",
-        sample=await _there(client.recording(SAMPLE_RECORDING)),
+        sample=await _none_if_missing(client.recording(SAMPLE_RECORDING)),
         recordings=recordings.items,
         jobs=jobs.items,
         filenames=await filenames_of(client, jobs.items),
         scenarios=[
-            {**card, "plan": await _motion_of(client, item.id)} for card, item in zip(cards(shown), shown, strict=True)
+            {**card, "plan": await _motion_of(client, item.id)}
+            for card, item in zip(scenario_cards(shown), shown, strict=True)
         ],
     )
 
 
-async def _scenarios(client: AsyncClient) -> list[StoredScenario]:
+async def _featured_scenarios(client: AsyncClient) -> list[StoredScenario]:
     """The sample scenario first, then the newest."""
-    stairs = await _there(client.scenario(SAMPLE_SCENARIO))
+    stairs = await _none_if_missing(client.scenario(SAMPLE_SCENARIO))
     newest = (await client.scenarios(limit=SCENARIOS)).items
     first = [] if stairs is None else [stairs]
     return [*first, *(item for item in newest if item.id != SAMPLE_SCENARIO)][:SCENARIOS]
@@ -56,10 +57,10 @@ async def _motion_of(client: AsyncClient, scenario_id: str) -> Job | None:
     return plans[0]
 
 
-async def _there(asked: Awaitable[T]) -> T | None:
+async def _none_if_missing(request: Awaitable[T]) -> T | None:
     """The awaited result, or None if the service answers 404."""
     try:
-        return await asked
+        return await request
     except ProblemError as refusal:
         if refusal.status == 404:
             return None

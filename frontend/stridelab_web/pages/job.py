@@ -11,7 +11,7 @@ from stridelab.schemas.recordings import Recording
 from stridelab_web.api_client import client_of
 from stridelab_web.assets import plotly_style_ids
 from stridelab_web.pages import reproduction
-from stridelab_web.pages.render import page
+from stridelab_web.pages.render import render_page
 from stridelab_web.pages.results import comparison, cycloid, population, reachability, receding, sweep
 from stridelab_web.pages.results.com_plots import COM_TABLE, com_curves
 from stridelab_web.pages.results.quality import shown_quality
@@ -20,7 +20,7 @@ from stridelab_web.parquet import read_columns
 from stridelab_web.scene.result_files import SCENARIO, SCENE_TABLES
 
 
-async def job(request: Request) -> Response:
+async def job_page(request: Request) -> Response:
     """``GET /jobs/{id}``."""
     client = client_of(request)
     job = await client.job(request.path_params["id"])
@@ -53,7 +53,7 @@ async def job(request: Request) -> Response:
         or receding_values is not None
         or (comparison_values is not None and comparison_values["figure"] is not None)
     )
-    return page(
+    return render_page(
         request,
         "pages/job.html",
         section="Jobs",
@@ -61,7 +61,7 @@ async def job(request: Request) -> Response:
         took_s=took_s(job),
         result=result,
         quality=shown_quality(result.summary) if result else None,
-        facts=reachability.beside(facts) if learned_values else facts,
+        facts=reachability.facts_beside_table(facts) if learned_values else facts,
         sentences=sentences_of(result) if result else [],
         recording=recording,
         plots=plots,
@@ -77,12 +77,12 @@ async def job(request: Request) -> Response:
     )
 
 
-async def plots(request: Request) -> Response:
+async def plots_json(request: Request) -> Response:
     """``GET /jobs/{id}/plots.json``: the curves of the result, for its page."""
     client = client_of(request)
     result = await client.result(request.path_params["id"])
     if result.kind == receding.KIND:
-        drawn = await receding.curves(client, request.path_params["id"], result)
+        drawn = await receding.receding_plot(client, request.path_params["id"], result)
     elif any(item.name == COM_TABLE for item in result.artifacts):
         content = await client.read_artifact(request.path_params["id"], COM_TABLE)
         drawn = await run_in_threadpool(lambda: com_curves(read_columns(content), result.summary))
@@ -91,15 +91,15 @@ async def plots(request: Request) -> Response:
     return JSONResponse(drawn, headers={"Cache-Control": "private, max-age=600"})
 
 
-def _viewer_url(found: Job, recording: Recording | None, present: set[str]) -> str | None:
+def _viewer_url(job: Job, recording: Recording | None, present: set[str]) -> str | None:
     """Address of the 3D view of the result, or None."""
     if recording is not None and present & SCENE_TABLES:
-        return f"/view/?recording={recording.id}&job={found.id}"
-    return f"/view/?plan={found.id}" if found.kind == receding.KIND and SCENARIO in present else None
+        return f"/view/?recording={recording.id}&job={job.id}"
+    return f"/view/?plan={job.id}" if job.kind == receding.KIND and SCENARIO in present else None
 
 
-async def _recording_of(client: AsyncClient, found: Job, result: JobResult | None) -> Recording | None:
-    recording_id = found.recording_id or (result.input.get("recording_id") if result else None)
+async def _recording_of(client: AsyncClient, job: Job, result: JobResult | None) -> Recording | None:
+    recording_id = job.recording_id or (result.input.get("recording_id") if result else None)
     if recording_id is None:
         return None
     try:
@@ -110,8 +110,8 @@ async def _recording_of(client: AsyncClient, found: Job, result: JobResult | Non
         raise
 
 
-def took_s(found: Job) -> float | None:
+def took_s(job: Job) -> float | None:
     """Seconds from start to end of a finished job, else None."""
-    if found.started_at is None or found.finished_at is None:
+    if job.started_at is None or job.finished_at is None:
         return None
-    return (found.finished_at - found.started_at).total_seconds()
+    return (job.finished_at - job.started_at).total_seconds()

@@ -9,22 +9,24 @@ from stridelab.client import AsyncClient, ProblemError
 from stridelab.schemas.jobs import Job
 from stridelab_web.api_client import client_of
 from stridelab_web.formatting import KINDS
-from stridelab_web.formatting import kind as name_of
-from stridelab_web.pages.render import page
+from stridelab_web.formatting import job_kind_name as name_of
+from stridelab_web.pages.render import render_page
 
 
-async def recordings(request: Request) -> Response:
+async def recordings_page(request: Request) -> Response:
     """``GET /recordings``."""
     listed = await client_of(request).recordings(cursor=request.query_params.get("cursor"))
-    return page(request, "pages/recordings.html", section="Recordings", recordings=listed.items, next=listed.next)
+    return render_page(
+        request, "pages/recordings.html", section="Recordings", recordings=listed.items, next=listed.next
+    )
 
 
-async def jobs(request: Request) -> Response:
+async def jobs_page(request: Request) -> Response:
     """``GET /jobs?state=&kind=``: all jobs, or those of one state, one kind or both."""
     client, query = client_of(request), request.query_params
     state, kind = query.get("state", ""), query.get("kind", "")
     listed = await client.jobs(state=state or None, kind=kind or None, cursor=query.get("cursor"))
-    return page(
+    return render_page(
         request,
         "pages/jobs.html",
         section="Jobs",

@@ -10,7 +10,7 @@ from stridelab.schemas.recordings import Recording
 from stridelab_web.api_client import client_of
 from stridelab_web.assets import plotly_style_ids
 from stridelab_web.charts import intervals
-from stridelab_web.pages.render import page
+from stridelab_web.pages.render import render_page
 
 LATENCIES = (
     ("report", "estimate and report"),
@@ -27,7 +27,7 @@ CANDIDATES = 100
 GEOMETRY = "geometry"
 
 
-async def recording(request: Request) -> Response:
+async def recording_page(request: Request) -> Response:
     """``GET /recordings/{id}``; with ``known`` the page says that an uploaded file was stored already."""
     client = client_of(request)
     recording = await client.recording(request.path_params["id"])
@@ -37,7 +37,7 @@ async def recording(request: Request) -> Response:
     person = None if recording.subject_id is None else await client.subject(recording.subject_id)
     estimated = next((job for job in jobs.items if job.kind == "estimate-com" and job.state == "succeeded"), None)
     alternatives = {name for group in recording.missing_landmarks for name in group.split("|")}
-    return page(
+    return render_page(
         request,
         "pages/recording.html",
         section="Recordings",
@@ -56,41 +56,41 @@ async def recording(request: Request) -> Response:
             dict.fromkeys([*recording.labels, *(label for item in session if item.still for label in item.labels)])
         ),
         standing=[item for item in session if item.still and item.id != recording.id],
-        windows=intervals.bars(recording.windows_s, recording.duration_s),
+        windows=intervals.interval_bars(recording.windows_s, recording.duration_s),
         windows_text=intervals.windows_text(recording),
         plate_bars=[intervals.plate_bars(plate, recording.duration_s) for plate in recording.plates],
-        ticks=intervals.ticks(recording.duration_s),
+        ticks=intervals.time_ticks(recording.duration_s),
         mappable=sorted({*recording.landmarks, *alternatives, *recording.marker_map}),
         methods=METHODS,
-        method=_method_of(recording),
-        refused=_refusals(recording),
+        method=_default_method(recording),
+        refused=_refused_methods(recording),
         latencies=LATENCIES,
         latency=EstimateComInput.model_fields["latency"].default,
         tables=TABLES,
     )
 
 
-def _refusals(found: Recording) -> dict[str, str]:
+def _refused_methods(recording: Recording) -> dict[str, str]:
     """Methods that refuse the recording, with their reason; "" stands for the best available method.
 
     The best available method fuses force with markers; it is refused if every such method is.
     """
-    refused: dict[str, str] = {offer.method: offer.reason or "" for offer in found.estimates if not offer.possible}
-    with_force = [offer.method for offer in found.estimates if offer.method != GEOMETRY]
+    refused: dict[str, str] = {offer.method: offer.reason or "" for offer in recording.estimates if not offer.possible}
+    with_force = [offer.method for offer in recording.estimates if offer.method != GEOMETRY]
     if with_force and all(method in refused for method in with_force):
         return {"": refused[with_force[0]], **refused}
     return refused
 
 
-def _method_of(found: Recording) -> str:
+def _default_method(recording: Recording) -> str:
     """The default method: the best available, or markers only if nothing else is possible."""
-    refused = _refusals(found)
+    refused = _refused_methods(recording)
     return GEOMETRY if "" in refused and GEOMETRY not in refused else ""
 
 
-async def _session_of(client: AsyncClient, found: Recording) -> list[Recording]:
+async def _session_of(client: AsyncClient, recording: Recording) -> list[Recording]:
     """All trials of the recording's session, including itself, sorted by name."""
-    if found.session_id is None:
+    if recording.session_id is None:
         return []
-    listed = (await client.recordings(limit=CANDIDATES, session_id=found.session_id)).items
-    return sorted((item for item in listed if item.owner == found.owner), key=lambda item: (item.filename, item.id))
+    listed = (await client.recordings(limit=CANDIDATES, session_id=recording.session_id)).items
+    return sorted((item for item in listed if item.owner == recording.owner), key=lambda item: (item.filename, item.id))

@@ -49,7 +49,7 @@ def make_environment(config: WebConfig) -> Environment:
     return environment
 
 
-def page(request: Request, template: str, status_code: int = 200, **values: Any) -> HTMLResponse:
+def render_page(request: Request, template: str, status_code: int = 200, **values: Any) -> HTMLResponse:
     """``template`` filled with ``values``; pages show the present state and must not be cached."""
     environment: Environment = request.app.state.environment
     text = environment.get_template(template).render(**values)

@@ -13,19 +13,19 @@ from stridelab.client import AsyncClient
 from stridelab.schemas.jobs import FINAL_STATES, Artifact, Job, JobResult
 from stridelab.schemas.reproduction import ReproduceSummary, ReproductionItem, Verdict
 from stridelab_web.api_client import client_of
-from stridelab_web.pages.render import page
+from stridelab_web.pages.render import render_page
 
 KIND: Final = "reproduce"
 ITEMS: Final[tuple[str, ...]] = get_args(ReproductionItem)
-AT_ONCE: Final = 50
+PAGE_SIZE: Final = 50
 """Number of jobs that are listed, and of results that are read, at a time."""
-FARTHEST: Final = 100
+MAX_SEARCHED_JOBS: Final = 100
 """Maximum number of finished jobs that are searched; items not among them count as missing."""
 SVG: Final = "image/svg+xml"
 
 
 @dataclass(frozen=True)
-class Shown:
+class ShownItem:
     """The newest result of one item; ``drawing`` is the name of its SVG."""
 
     job: Job
@@ -33,51 +33,51 @@ class Shown:
     drawing: str | None
 
     @property
-    def counts(self) -> Mapping[Verdict, int]:
+    def verdict_counts(self) -> Mapping[Verdict, int]:
         """How many of its claims have each verdict."""
-        return counted([self.reproduction])
+        return count_verdicts([self.reproduction])
 
 
-async def reproduction(request: Request) -> Response:
+async def reproduction_page(request: Request) -> Response:
     """``GET /reproduction``."""
     client = client_of(request)
-    recent, results = await asyncio.gather(client.jobs(AT_ONCE, kind=KIND), _newest(client))
-    return page(
+    recent, results = await asyncio.gather(client.jobs(PAGE_SIZE, kind=KIND), _newest_results(client))
+    return render_page(
         request,
         "pages/reproduction.html",
         section="Reproduction",
         items=ITEMS,
         results=results,
         missing=[name for name in ITEMS if name not in results],
-        counts=counted(shown.reproduction for shown in results.values()),
+        counts=count_verdicts(shown.reproduction for shown in results.values()),
         verdicts=get_args(Verdict),
         open_jobs=[job for job in recent.items if job.state not in FINAL_STATES],
     )
 
 
-async def _newest(client: AsyncClient) -> dict[str, Shown]:
+async def _newest_results(client: AsyncClient) -> dict[str, ShownItem]:
     """The newest result of every computed item, in the order of the items."""
-    newest: dict[str, Shown] = {}
+    newest: dict[str, ShownItem] = {}
     cursor, seen = None, 0
-    while seen < FARTHEST and len(newest) < len(ITEMS):
-        listed = await client.jobs(AT_ONCE, cursor, state="succeeded", kind=KIND)
+    while seen < MAX_SEARCHED_JOBS and len(newest) < len(ITEMS):
+        listed = await client.jobs(PAGE_SIZE, cursor, state="succeeded", kind=KIND)
         results = await asyncio.gather(*(client.result(job.id) for job in listed.items))
         for job, result in zip(listed.items, results, strict=True):
             summary = reproduction_of(result)
             if summary.item in ITEMS:
-                newest.setdefault(summary.item, Shown(job, summary, _drawing(result.artifacts)))
+                newest.setdefault(summary.item, ShownItem(job, summary, _svg_name(result.artifacts)))
         seen, cursor = seen + len(listed.items), listed.next
         if cursor is None:
             break
     return {name: newest[name] for name in ITEMS if name in newest}
 
 
-def counted(summaries: Iterable[ReproduceSummary]) -> Mapping[Verdict, int]:
+def count_verdicts(summaries: Iterable[ReproduceSummary]) -> Mapping[Verdict, int]:
     """How many claims have each verdict."""
     return Counter(claim.verdict for summary in summaries for claim in summary.claims)
 
 
-def _drawing(artifacts: Iterable[Artifact]) -> str | None:
+def _svg_name(artifacts: Iterable[Artifact]) -> str | None:
     return next((artifact.name for artifact in artifacts if artifact.media_type == SVG), None)
 
 

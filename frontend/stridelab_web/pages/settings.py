@@ -8,14 +8,14 @@ from starlette.responses import Response
 
 from stridelab_web.api_client import client_of
 from stridelab_web.config import WebConfig
-from stridelab_web.pages.render import page
+from stridelab_web.pages.render import render_page
 
 
-async def settings(request: Request) -> Response:
+async def settings_page(request: Request) -> Response:
     """``GET /settings``."""
     config: WebConfig = request.app.state.config
     client = client_of(request)
-    return page(
+    return render_page(
         request,
         "pages/settings.html",
         section="Settings",
@@ -27,8 +27,8 @@ async def settings(request: Request) -> Response:
     )
 
 
-async def login(request: Request) -> Response:
+async def login_page(request: Request) -> Response:
     """``GET /login``."""
     query = request.query_params
     wrong = "This token is not valid." if "wrong" in query else ""
-    return page(request, "pages/login.html", section="Login", next=query.get("next", "/"), wrong=wrong)
+    return render_page(request, "pages/login.html", section="Login", next=query.get("next", "/"), wrong=wrong)

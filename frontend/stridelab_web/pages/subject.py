@@ -6,25 +6,25 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 from stridelab_web.api_client import client_of
-from stridelab_web.pages.render import page
+from stridelab_web.pages.render import render_page
 
 OFFERED: Final = 50
 """Number of recordings without a subject that are offered at a time."""
 
 
-async def subjects(request: Request) -> Response:
+async def subjects_page(request: Request) -> Response:
     """``GET /subjects``."""
     listed = await client_of(request).subjects(cursor=request.query_params.get("cursor"))
-    return page(request, "pages/subjects.html", section="Subjects", subjects=listed.items, next=listed.next)
+    return render_page(request, "pages/subjects.html", section="Subjects", subjects=listed.items, next=listed.next)
 
 
-async def subject(request: Request) -> Response:
+async def subject_page(request: Request) -> Response:
     """``GET /subjects/{id}``; ``cursor=`` and ``others=`` select later pages of both lists of recordings."""
     client, query = client_of(request), request.query_params
     subject = await client.subject(request.path_params["id"])
     own = await client.recordings(cursor=query.get("cursor"), subject_id=subject.subject_id)
     others = await client.recordings(limit=OFFERED, cursor=query.get("others"), linked=False)
-    return page(
+    return render_page(
         request,
         "pages/subject.html",
         section="Subjects",

@@ -10,8 +10,8 @@ from typing import Final
 
 import numpy as np
 
-from stridelab_web.parquet import Columns, triple
-from stridelab_web.scene.frames import Ellipsoid, Point, Sheet, Stick, Track, resample
+from stridelab_web.parquet import Columns, xyz_columns
+from stridelab_web.scene.frames import Ellipsoid, Point, Sheet, Stick, Track, resample_track
 
 FUSED, BAND, AXIS = "/com/fused", "/com/band", "/axis/line"
 PATH: Final = "/paths/fused"
@@ -20,7 +20,7 @@ BAND_WIDTHS: Final = 1.96
 """Semi-axes of the band in standard deviations: 95 % per axis."""
 ABOVE_M: Final = 0.6
 """Length of the central axis above the point nearest to the geometry; downwards it ends at the floor."""
-LONGEST_M: Final = 2.5
+MAX_DOWN_M: Final = 2.5
 
 
 @dataclass(frozen=True)
@@ -36,9 +36,9 @@ class ComFrames:
 def add_com(sheet: Sheet, time_s: np.ndarray, com: Columns, floor_m: float) -> ComFrames:
     """Add the columns of ``com.parquet`` to ``sheet`` at the times ``time_s``; missing columns are left out."""
 
-    def place(before: str, after: str = "_m") -> np.ndarray | None:
-        columns = triple(com, before, after)
-        return None if columns is None else resample(time_s, com["time_s"], columns)
+    def resampled_track(before: str, after: str = "_m") -> np.ndarray | None:
+        columns = xyz_columns(com, before, after)
+        return None if columns is None else resample_track(time_s, com["time_s"], columns)
 
     points: list[Point] = []
     tracks: list[Track] = []
@@ -47,20 +47,20 @@ def add_com(sheet: Sheet, time_s: np.ndarray, com: Columns, floor_m: float) -> C
         ("axis_", f"{ON_AXIS}/point", f"{ON_AXIS}/path", "nearest point of the central axis"),
         ("", FUSED, PATH, "centre of mass"),
     ):
-        track = place(before)
+        track = resampled_track(before)
         if track is not None:
-            at = sheet.add(track)
+            at = sheet.add_block(track)
             tracks.append(Track(path, at))
             points.append(Point(point, at, label))
     ellipsoids: list[Ellipsoid] = []
-    sd = place("sd_")
+    sd = resampled_track("sd_")
     if sd is not None and points and points[-1].name == FUSED:
-        ellipsoids.append(Ellipsoid(BAND, points[-1].at, sheet.add(BAND_WIDTHS * sd)))
+        ellipsoids.append(Ellipsoid(BAND, points[-1].at, sheet.add_block(BAND_WIDTHS * sd)))
     sticks: list[Stick] = []
-    on_axis, force = place("axis_"), place("force_", "_n")
+    on_axis, force = resampled_track("axis_"), resampled_track("force_", "_n")
     if on_axis is not None and force is not None:
         low, high = axis_ends(on_axis, force, floor_m)
-        sticks.append(Stick(AXIS, sheet.add(low), sheet.add(high)))
+        sticks.append(Stick(AXIS, sheet.add_block(low), sheet.add_block(high)))
     return ComFrames(tuple(points), tuple(tracks), tuple(ellipsoids), tuple(sticks))
 
 
@@ -68,4 +68,4 @@ def axis_ends(on_axis_m: np.ndarray, force_n: np.ndarray, floor_m: float) -> tup
     """Ends ``(frames, 3)`` of the central axis as it is drawn: from the floor to above the point ``on_axis_m``."""
     direction = force_n / np.linalg.norm(force_n, axis=1, keepdims=True)
     down = (on_axis_m[:, 2:] - floor_m) / np.maximum(direction[:, 2:], 1e-3)
-    return on_axis_m - np.clip(down, 0.0, LONGEST_M) * direction, on_axis_m + ABOVE_M * direction
+    return on_axis_m - np.clip(down, 0.0, MAX_DOWN_M) * direction, on_axis_m + ABOVE_M * direction

@@ -15,7 +15,7 @@ from stridelab.schemas.scenarios import BoxSurface, Scenario, ScenarioContact
 
 
 @dataclass(frozen=True)
-class Touch:
+class PlacedContact:
     """One effector in one place from ``first_phase`` to ``last_phase``; numbered from 1 in order of touch-down."""
 
     number: int
@@ -27,28 +27,30 @@ class Touch:
     contact: ScenarioContact
 
 
-def touches(scenario: Scenario) -> tuple[Touch, ...]:
+def placed_contacts(scenario: Scenario) -> tuple[PlacedContact, ...]:
     """All contacts in the order of their start; those that start together in the order of the phase."""
     ends_s = np.cumsum([phase.duration_s for phase in scenario.phases])
-    placed: list[Touch] = []
-    previous: dict[str, Touch] = {}
+    placed: list[PlacedContact] = []
+    previous: dict[str, PlacedContact] = {}
     for k, phase in enumerate(scenario.phases):
-        current: dict[str, Touch] = {}
+        current: dict[str, PlacedContact] = {}
         for contact in phase.contacts:
             before = previous.get(contact.effector)
             start_s, end_s = float(ends_s[k] - phase.duration_s), float(ends_s[k])
             if before is not None and before.contact == contact:
-                touch = Touch(before.number, contact.effector, before.first_phase, k, before.start_s, end_s, contact)
+                touch = PlacedContact(
+                    before.number, contact.effector, before.first_phase, k, before.start_s, end_s, contact
+                )
                 placed[before.number - 1] = touch
             else:
-                touch = Touch(len(placed) + 1, contact.effector, k, k, start_s, end_s, contact)
+                touch = PlacedContact(len(placed) + 1, contact.effector, k, k, start_s, end_s, contact)
                 placed.append(touch)
             current[contact.effector] = touch
         previous = current
     return tuple(placed)
 
 
-def rotation(wxyz: tuple[float, float, float, float]) -> np.ndarray:
+def rotation_matrix(wxyz: tuple[float, float, float, float]) -> np.ndarray:
     """Rotation matrix ``(3, 3)`` of a quaternion; the identity for a zero quaternion."""
     norm = float(np.linalg.norm(wxyz))
     if not np.isfinite(norm) or norm == 0:
@@ -66,9 +68,9 @@ def rotation(wxyz: tuple[float, float, float, float]) -> np.ndarray:
 def box_rotation(box: BoxSurface) -> np.ndarray:
     """Rotation matrix of a box."""
     if box.orientation_wxyz is not None:
-        return rotation(box.orientation_wxyz)
+        return rotation_matrix(box.orientation_wxyz)
     half = (box.yaw_rad or 0.0) / 2
-    return rotation((float(np.cos(half)), 0.0, 0.0, float(np.sin(half))))
+    return rotation_matrix((float(np.cos(half)), 0.0, 0.0, float(np.sin(half))))
 
 
 def box_corners_m(box: BoxSurface) -> np.ndarray:
@@ -86,29 +88,29 @@ def half_sizes(effectors: Iterable[RobotEffector]) -> HalfSizes:
     return {e.name: e.contact_half_size_m for e in effectors if e.contact_half_size_m is not None}
 
 
-def node(touch: Touch) -> str:
+def contact_node(touch: PlacedContact) -> str:
     """Node of a contact in a scene."""
     return f"/contacts/{touch.number}"
 
 
-def side(effector: str) -> Literal["left", "right", "hand"]:
+def effector_side(effector: str) -> Literal["left", "right", "hand"]:
     """Colour key of an effector."""
     return "hand" if "hand" in effector else "left" if effector.startswith("left") else "right"
 
 
-def yaw_rad(touch: Touch) -> float:
+def yaw_rad(touch: PlacedContact) -> float:
     """Direction of the contact's x axis, seen from above."""
-    along = rotation(touch.contact.orientation_wxyz)[:, 0]
+    along = rotation_matrix(touch.contact.orientation_wxyz)[:, 0]
     return math.atan2(along[1], along[0])
 
 
-def facts(touch: Touch, sizes: HalfSizes) -> dict[str, Any]:
+def contact_facts(touch: PlacedContact, sizes: HalfSizes) -> dict[str, Any]:
     """JSON facts of a contact with which the page shows and moves it."""
     return {
         "number": touch.number,
-        "node": node(touch),
+        "node": contact_node(touch),
         "effector": touch.effector,
-        "side": side(touch.effector),
+        "side": effector_side(touch.effector),
         "phases": [touch.first_phase, touch.last_phase],
         "start_s": touch.start_s,
         "end_s": touch.end_s,
@@ -119,7 +121,7 @@ def facts(touch: Touch, sizes: HalfSizes) -> dict[str, Any]:
     }
 
 
-def moved(scenario: Scenario, touch: Touch, position_m: Sequence[float]) -> Scenario:
+def move_contact(scenario: Scenario, touch: PlacedContact, position_m: Sequence[float]) -> Scenario:
     """``scenario`` with ``touch`` at another position, without the fields that the service adds."""
     change = {"position_m": tuple(float(x) for x in position_m)}
     body = {name: getattr(scenario, name) for name in Scenario.model_fields}

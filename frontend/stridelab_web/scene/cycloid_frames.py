@@ -38,18 +38,20 @@ def add_wheel(sheet: Sheet, time_s: np.ndarray, wheel: Columns) -> WheelFrames:
         inside = (time_s >= own["time_s"][0] - half) & (time_s <= own["time_s"][-1] + half)
         at_s = time_s[inside]
 
-        def now(track: np.ndarray, own_s: np.ndarray = own["time_s"], at_s: np.ndarray = at_s) -> np.ndarray:
+        def interpolate(track: np.ndarray, own_s: np.ndarray = own["time_s"], at_s: np.ndarray = at_s) -> np.ndarray:
             return np.asarray(np.interp(at_s, own_s, track))
 
-        ahead = direction(own)
-        hub = np.column_stack([now(own["hub_world_x_m"]), now(own["hub_world_y_m"]), now(own["hub_z_m"])])
-        before = now(own["model_x_m"] - own["hub_x_m"])
-        pose[inside] = np.column_stack([hub, turned(ahead, now(own["theta_rad"]))])
+        ahead = unit_ahead(own)
+        hub = np.column_stack(
+            [interpolate(own["hub_world_x_m"]), interpolate(own["hub_world_y_m"]), interpolate(own["hub_z_m"])]
+        )
+        before = interpolate(own["model_x_m"] - own["hub_x_m"])
+        pose[inside] = np.column_stack([hub, wheel_quaternions(ahead, interpolate(own["theta_rad"]))])
         point[inside] = hub + before[:, None] * ahead
-        point[inside, 2] = now(own["model_z_m"])
+        point[inside, 2] = interpolate(own["model_z_m"])
         size[inside] = radius_m(own)
-    hub_at, size_at, point_at = sheet.add(pose), sheet.add(size), sheet.add(point)
-    ground_at = sheet.add(pose[:, :3] - size * [0.0, 0.0, 1.0])
+    hub_at, size_at, point_at = sheet.add_block(pose), sheet.add_block(size), sheet.add_block(point)
+    ground_at = sheet.add_block(pose[:, :3] - size * [0.0, 0.0, 1.0])
     return WheelFrames(
         points=(Point(HUB, hub_at, "hub of the wheel"), Point(POINT, point_at, "point on the wheel")),
         sticks=(Stick(SPOKE, hub_at, point_at),),
@@ -73,7 +75,7 @@ def com_of(wheel: Columns) -> Columns:
     return {name: np.insert(values, gaps, between if name == "time_s" else np.nan) for name, values in columns.items()}
 
 
-def direction(own: Columns) -> np.ndarray:
+def unit_ahead(own: Columns) -> np.ndarray:
     """Unit vector ahead ``(3,)``, from the offset between hub and centre of mass."""
     offset = own["hub_x_m"] - own["x_ahead_m"]
     across = np.array([offset @ (own[f"hub_world_{axis}_m"] - own[f"{axis}_m"]) for axis in "xy"])
@@ -86,7 +88,7 @@ def radius_m(own: Columns) -> float:
     return float(theta @ own["hub_x_m"] / (theta @ theta))
 
 
-def turned(ahead: np.ndarray, theta_rad: np.ndarray) -> np.ndarray:
+def wheel_quaternions(ahead: np.ndarray, theta_rad: np.ndarray) -> np.ndarray:
     """Quaternions wxyz ``(n, 4)`` of a wheel that faces ``ahead`` and has turned by ``theta_rad`` about its axle."""
     yaw = 0.5 * float(np.arctan2(ahead[1], ahead[0]))
     cos, sin = np.cos(0.5 * theta_rad), np.sin(0.5 * theta_rad)

@@ -13,7 +13,7 @@ import numpy as np
 
 from stridelab.schemas.reachability import EffectorReach, LevelSurface, RobotReachability
 from stridelab.schemas.scenarios import Scenario, ScenarioContact
-from stridelab_web.scene.contacts import rotation, touches
+from stridelab_web.scene.contacts import placed_contacts, rotation_matrix
 
 GROUP: Final = "/reach/"
 SHOWN_MASS: Final = 0.8
@@ -31,9 +31,9 @@ class ReachPlace:
     start_s: float
     end_s: float
 
-    def wxyz(self, found: EffectorReach) -> Quaternion:
+    def orientation_wxyz(self, reach: EffectorReach) -> Quaternion:
         """Orientation of the density as a quaternion."""
-        if found.card.frame == "contact":
+        if reach.card.frame == "contact":
             return self.contact.orientation_wxyz
         return float(np.cos(self.heading_rad / 2)), 0.0, 0.0, float(np.sin(self.heading_rad / 2))
 
@@ -43,7 +43,7 @@ def reach_places(scenario: Scenario) -> tuple[ReachPlace, ...]:
     ends_s = [0.0, *itertools.accumulate(phase.duration_s for phase in scenario.phases)]
     headings = headings_rad(scenario)
     places = []
-    for touch in touches(scenario):
+    for touch in placed_contacts(scenario):
         phases = range(touch.first_phase, touch.last_phase + 1)
         runs = [(k, k) for k in phases] if "hand" in touch.effector else [(phases[0], phases[-1])]
         places += [
@@ -53,7 +53,7 @@ def reach_places(scenario: Scenario) -> tuple[ReachPlace, ...]:
     return tuple(places)
 
 
-def repeats(places: Iterable[ReachPlace]) -> list[tuple[str, str]]:
+def repeated_nodes(places: Iterable[ReachPlace]) -> list[tuple[str, str]]:
     """Pairs of node names: a node, and the first node of its effector, which shows the same density."""
     first: dict[str, str] = {}
     named = [(place.name, first.setdefault(place.contact.effector, place.name)) for place in places]
@@ -73,12 +73,14 @@ def headings_rad(scenario: Scenario) -> list[float]:
             next(c for c in (*reversed(contacts[: k + 1]), *contacts[k:]) if c is not None)
             for contacts in feet.values()
         ]
-        x, y, _ = np.sum([rotation(c.orientation_wxyz)[:, 0] for c in places], axis=0) if places else (1.0, 0.0, 0.0)
+        x, y, _ = (
+            np.sum([rotation_matrix(c.orientation_wxyz)[:, 0] for c in places], axis=0) if places else (1.0, 0.0, 0.0)
+        )
         headings.append(float(np.arctan2(y, x)))
     return headings
 
 
-def surfaces(reach: RobotReachability | None) -> Mapping[str, tuple[EffectorReach, LevelSurface]]:
+def shown_level_sets(reach: RobotReachability | None) -> Mapping[str, tuple[EffectorReach, LevelSurface]]:
     """The shown level set by effector; empty without densities."""
     learned = reach.effectors if reach is not None else []
     return {

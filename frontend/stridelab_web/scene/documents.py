@@ -31,7 +31,7 @@ class Document:
         return f"/view/scene/{self.kind}/{self.id}/{self.job_id or NO_JOB}"
 
     @property
-    def wanted(self) -> dict[str, str | None]:
+    def request_body(self) -> dict[str, str | None]:
         """Body of requests for the document to the viewer process."""
         return {"kind": self.kind, "id": self.id, "job_id": self.job_id}
 

@@ -18,21 +18,21 @@ POSE_BITS: Final = 16
 """Errors: at most 8 micrometres in positions of bodies, 8e-6 in components of quaternions."""
 FORCE_BITS: Final = 11
 """Error: at most a quarter of a millinewton."""
-LARGEST_BITS: Final = 28
+MAX_BITS: Final = 28
 """Integers of this length have second differences of 31 bits, and exceed the precision of a float32."""
 
 
-def fitting(values: np.ndarray, bits: np.ndarray) -> np.ndarray:
+def fit_bits(values: np.ndarray, bits: np.ndarray) -> np.ndarray:
     """``bits`` ``(width,)``, reduced in columns of ``values`` ``(n, width)`` with too large numbers."""
     largest = np.abs(np.where(np.isfinite(values), values, 0.0)).max(axis=0, initial=1.0)
-    return np.asarray(np.minimum(bits, LARGEST_BITS - np.ceil(np.log2(largest)).astype(int)))
+    return np.asarray(np.minimum(bits, MAX_BITS - np.ceil(np.log2(largest)).astype(int)))
 
 
-def pack(values: np.ndarray, bits: np.ndarray) -> bytes:
+def pack_columns(values: np.ndarray, bits: np.ndarray) -> bytes:
     """``values`` ``(n, width)`` in steps of ``2 ** -bits`` ``(width,)``, column after column."""
     present = np.isfinite(values)
     steps = np.round(np.where(present, values, 0.0).astype(float) * 2.0**bits)
-    columns = _held(steps, present).T.astype(np.int64)
+    columns = _fill_missing(steps, present).T.astype(np.int64)
     bend = np.diff(columns, n=2, axis=1, prepend=np.zeros((len(columns), 2), dtype=np.int64))
     unsigned = ((bend << 1) ^ (bend >> 63)).astype("<u4")
     planes = np.ascontiguousarray(unsigned).view(np.uint8).reshape(-1, 4).T
@@ -40,14 +40,14 @@ def pack(values: np.ndarray, bits: np.ndarray) -> bytes:
     return absent + planes.tobytes()
 
 
-def unbroken(quaternions: np.ndarray) -> np.ndarray:
+def continuous_signs(quaternions: np.ndarray) -> np.ndarray:
     """The same rotations ``(n, 4)`` with continuous signs; q and -q are the same rotation."""
     flips = np.einsum("ij,ij->i", quaternions[1:], quaternions[:-1]) < 0
     sign = np.where(np.cumsum(flips) % 2 == 0, 1.0, -1.0)
     return np.concatenate([quaternions[:1], sign[:, None] * quaternions[1:]])
 
 
-def _held(steps: np.ndarray, there: np.ndarray) -> np.ndarray:
+def _fill_missing(steps: np.ndarray, present: np.ndarray) -> np.ndarray:
     """Replace missing values by the previous one, so that their differences are zero."""
-    last = np.maximum.accumulate(np.where(there, np.arange(len(steps))[:, None], 0), axis=0)
+    last = np.maximum.accumulate(np.where(present, np.arange(len(steps))[:, None], 0), axis=0)
     return np.take_along_axis(steps, last, axis=0)

@@ -10,7 +10,15 @@ from typing import Any, Final
 
 import numpy as np
 
-from stridelab_web.scene.frame_codec import FORCE_BITS, POINT_BITS, POSE_BITS, SIZE_BITS, fitting, pack, unbroken
+from stridelab_web.scene.frame_codec import (
+    FORCE_BITS,
+    POINT_BITS,
+    POSE_BITS,
+    SIZE_BITS,
+    continuous_signs,
+    fit_bits,
+    pack_columns,
+)
 
 ARROW_M_PER_N: Final = 1 / 1000
 """Length of a force arrow: a body weight of 700 N is 0.7 m long."""
@@ -123,17 +131,17 @@ class Frames:
     copies: tuple[Copy, ...] = ()
     phase_starts_s: tuple[float, ...] = ()
 
-    def track(self, name: str) -> np.ndarray | None:
+    def track_m(self, name: str) -> np.ndarray | None:
         """Positions ``(frames, 3)`` of the track ``name``, if there is one."""
         at = next((track.at for track in self.tracks if track.name == name), None)
         return None if at is None else self.values[:, at : at + 3]
 
-    def layout(self) -> dict[str, Any]:
+    def to_layout(self) -> dict[str, Any]:
         """JSON description with which the browser reads ``values``."""
         return {
             "n_frames": len(self.time_s),
             "width": int(self.values.shape[1]),
-            "bits": self._bits().tolist(),
+            "bits": self._column_bits().tolist(),
             "time_s": [round(float(t), 6) for t in self.time_s],
             "points": [[p.name, p.at, p.label] for p in self.points],
             "bodies": [[b.name, b.at] for b in self.bodies],
@@ -149,32 +157,32 @@ class Frames:
             "head_m": HEAD_M,
         }
 
-    def file(self) -> bytes:
+    def to_bytes(self) -> bytes:
         """Length of the layout (four bytes, little-endian), the layout as JSON, then the packed numbers."""
-        layout = json.dumps(self.layout(), separators=(",", ":")).encode()
-        return len(layout).to_bytes(4, "little") + layout + self.packed()
+        layout = json.dumps(self.to_layout(), separators=(",", ":")).encode()
+        return len(layout).to_bytes(4, "little") + layout + self.packed_values()
 
-    def packed(self) -> bytes:
+    def packed_values(self) -> bytes:
         """``values`` as ``static/js/viewer/frame_decoder.js`` reads them; quaternions have no jumps of sign."""
         values = self.values.copy()
-        for at in self._poses():
-            values[:, at + 3 : at + 7] = unbroken(values[:, at + 3 : at + 7])
-        return pack(values, self._bits())
+        for at in self._pose_columns():
+            values[:, at + 3 : at + 7] = continuous_signs(values[:, at + 3 : at + 7])
+        return pack_columns(values, self._column_bits())
 
-    def _poses(self) -> list[int]:
+    def _pose_columns(self) -> list[int]:
         """First columns of the poses."""
         return [*(body.at for body in self.bodies), *(hoop.at for hoop in self.hoops)]
 
-    def _bits(self) -> np.ndarray:
+    def _column_bits(self) -> np.ndarray:
         """Resolution of each column (``frame_codec``)."""
         bits = np.full(self.values.shape[1], POINT_BITS)
-        for at in self._poses():
+        for at in self._pose_columns():
             bits[at : at + 7] = POSE_BITS
         for arrow in self.arrows:
             bits[arrow.at + 3 : arrow.at + 6] = FORCE_BITS
         for ball in self.ellipsoids:
             bits[ball.axes : ball.axes + 3] = SIZE_BITS
-        return fitting(self.values, bits)
+        return fit_bits(self.values, bits)
 
 
 class Sheet:
@@ -184,20 +192,20 @@ class Sheet:
         self._blocks: list[np.ndarray] = []
         self._width = 0
 
-    def add(self, block: np.ndarray) -> int:
+    def add_block(self, block: np.ndarray) -> int:
         """Append ``block`` ``(frames, k)``; returns the index of its first column."""
         at = self._width
         self._blocks.append(block)
         self._width += block.shape[1]
         return at
 
-    def values(self, n_frames: int) -> np.ndarray:
+    def to_array(self, n_frames: int) -> np.ndarray:
         """All columns, float32."""
         whole = np.concatenate(self._blocks, axis=1) if self._blocks else np.empty((n_frames, 0))
         return whole.astype(np.float32)
 
 
-def resample(time_s: np.ndarray, own_time_s: np.ndarray, track: np.ndarray) -> np.ndarray:
+def resample_track(time_s: np.ndarray, own_time_s: np.ndarray, track: np.ndarray) -> np.ndarray:
     """``track`` ``(n, k)`` at ``time_s``, NaN outside; unchanged if its times are the same."""
     if len(own_time_s) == len(time_s) and np.allclose(own_time_s, time_s, atol=1e-6):
         return track

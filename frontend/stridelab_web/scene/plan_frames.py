@@ -11,10 +11,21 @@ from typing import Final
 import numpy as np
 
 from stridelab.schemas.scenarios import Scenario
-from stridelab_web.parquet import Columns, triple
-from stridelab_web.scene.contacts import Touch, node, side, touches
-from stridelab_web.scene.density_nodes import reach_places, repeats
-from stridelab_web.scene.frames import ARROW_M_PER_N, Arrow, Body, Copy, Frames, Point, Sheet, Span, Track, resample
+from stridelab_web.parquet import Columns, xyz_columns
+from stridelab_web.scene.contacts import PlacedContact, contact_node, effector_side, placed_contacts
+from stridelab_web.scene.density_nodes import reach_places, repeated_nodes
+from stridelab_web.scene.frames import (
+    ARROW_M_PER_N,
+    Arrow,
+    Body,
+    Copy,
+    Frames,
+    Point,
+    Sheet,
+    Span,
+    Track,
+    resample_track,
+)
 
 POSE, FORCE = 7, 6
 COM = "/com/plan"
@@ -70,36 +81,38 @@ def plan_frames(
     time_s = centroidal["time_s"] if motion is None else motion.time_s
     sheet = Sheet()
     momentum = momentum_nms(centroidal if followed is None else followed, time_s)
-    com_at = sheet.add(com_m(centroidal, time_s))
+    com_at = sheet.add_block(com_m(centroidal, time_s))
     bodies: list[Body] = []
     arrows: list[Arrow] = []
     at_of: dict[str, int] = {}
     if momentum is not None:
-        sheet.add(MOMENTUM_M_PER_NMS / ARROW_M_PER_N * momentum)
+        sheet.add_block(MOMENTUM_M_PER_NMS / ARROW_M_PER_N * momentum)
         arrows.append(Arrow(f"{MOMENTUM}com_shaft", f"{MOMENTUM}com_head", com_at, "angular momentum about the CoM"))
     if motion is not None:
         for k, link in enumerate(motion.links):
-            bodies.append(Body(f"{ROBOT}{link}", sheet.add(motion.poses[:, k])))
+            bodies.append(Body(f"{ROBOT}{link}", sheet.add_block(motion.poses[:, k])))
         forces = {effector: motion.forces[:, k] for k, effector in enumerate(motion.effectors)}
         if motion.ghost is not None and motion.measured is not None:
-            bodies += [Body(f"{GHOST}{link}", sheet.add(motion.ghost[:, k])) for k, link in enumerate(motion.links)]
+            bodies += [
+                Body(f"{GHOST}{link}", sheet.add_block(motion.ghost[:, k])) for k, link in enumerate(motion.links)
+            ]
             for k, effector in enumerate(motion.effectors):
-                name, at = f"{MEASURED}{effector}", sheet.add(motion.measured[:, k])
+                name, at = f"{MEASURED}{effector}", sheet.add_block(motion.measured[:, k])
                 arrows.append(Arrow(f"{name}_shaft", f"{name}_head", at, f"force on {effector} in the replay"))
     else:
         forces = centroidal_forces(scenario, centroidal)
     for effector, force in forces.items():
         name = f"/forces/{effector}"
-        at_of[effector] = sheet.add(force)
+        at_of[effector] = sheet.add_block(force)
         arrows.append(Arrow(f"{name}_shaft", f"{name}_head", at_of[effector], f"force on {effector}"))
     ends_s = np.cumsum([phase.duration_s for phase in scenario.phases])
-    placed = touches(scenario)
-    loaded = [cone for cone in cones(scenario, centroidal) if cone.touch.effector in at_of]
+    placed = placed_contacts(scenario)
+    loaded = [cone for cone in friction_cones(scenario, centroidal) if cone.touch.effector in at_of]
     coned = [(cone.name, cone.touch) for cone in loaded]
     ghosts = [body.name for body in bodies if body.name.startswith(GHOST)]
     return Frames(
         time_s,
-        sheet.values(len(time_s)),
+        sheet.to_array(len(time_s)),
         points=(
             Point(COM, com_at, "centre of mass"),
             *(Point(name, at_of[touch.effector], f"friction cone of {touch.effector}") for name, touch in coned),
@@ -107,15 +120,15 @@ def plan_frames(
         bodies=tuple(bodies),
         arrows=tuple(arrows),
         spans=(
-            *(Span(f"{node(touch)}/touching", touch.start_s, touch.end_s) for touch in placed),
+            *(Span(f"{contact_node(touch)}/touching", touch.start_s, touch.end_s) for touch in placed),
             *(Span(name, touch.start_s, touch.end_s) for name, touch in coned),
             *(Span(place.name, place.start_s, place.end_s) for place in reach_places(scenario)),
         ),
         tracks=(Track("/paths/com", com_at),),
-        still=tuple(node(touch) for touch in placed),
+        still=tuple(contact_node(touch) for touch in placed),
         copies=(
             *(Copy(name, f"{ROBOT}{name.removeprefix(GHOST)}", PALE) for name in ghosts),
-            *(Copy(name, of) for name, of in (*twins(loaded), *repeats(reach_places(scenario)))),
+            *(Copy(name, of) for name, of in (*repeated_cones(loaded), *repeated_nodes(reach_places(scenario)))),
         ),
         phase_starts_s=(0.0, *(float(end) for end in ends_s[:-1])),
     )
@@ -123,8 +136,8 @@ def plan_frames(
 
 def momentum_nms(columns: Columns, time_s: np.ndarray) -> np.ndarray | None:
     """Angular momentum about the CoM ``(n, 3)`` at ``time_s``, linear between rows; None where the table has none."""
-    rows = triple(columns, "l_", "_nms")
-    return None if rows is None else resample(time_s, columns["time_s"], rows)
+    rows = xyz_columns(columns, "l_", "_nms")
+    return None if rows is None else resample_track(time_s, columns["time_s"], rows)
 
 
 def com_m(centroidal: Columns, time_s: np.ndarray) -> np.ndarray:
@@ -133,8 +146,8 @@ def com_m(centroidal: Columns, time_s: np.ndarray) -> np.ndarray:
     Exact for constant accelerations between nodes; the remaining constant jerk is that of smooth forces.
     """
     nodes_s = centroidal["time_s"]
-    position, velocity = triple(centroidal, "com_", "_m"), triple(centroidal, "com_v", "_m_s")
-    acceleration = triple(centroidal, "com_a", "_m_s2")
+    position, velocity = xyz_columns(centroidal, "com_", "_m"), xyz_columns(centroidal, "com_v", "_m_s")
+    acceleration = xyz_columns(centroidal, "com_a", "_m_s2")
     if position is None or velocity is None or acceleration is None:
         raise ValueError("the plan's table lacks the centre of mass")
     h = np.diff(nodes_s)[:, None]
@@ -150,12 +163,12 @@ def centroidal_forces(scenario: Scenario, centroidal: Columns) -> dict[str, np.n
 
     Without a whole body the point of application in a patch is unknown: forces are drawn from its centre.
     """
-    placed = touches(scenario)
+    placed = placed_contacts(scenario)
     phase = centroidal["phase"].astype(int)
     by_effector: dict[str, np.ndarray] = {}
     for effector in dict.fromkeys(touch.effector for touch in placed):
         points: list[np.ndarray] = []
-        while (force := triple(centroidal, f"f_{effector}_{len(points)}_", "_n")) is not None:
+        while (force := xyz_columns(centroidal, f"f_{effector}_{len(points)}_", "_n")) is not None:
             points.append(force)
         rows = np.full((len(phase), FORCE), np.nan)
         for touch in placed:
@@ -174,7 +187,7 @@ GROUP: Final = "/cones/"
 class Cone:
     """A contact and the friction coefficient of its surface."""
 
-    touch: Touch
+    touch: PlacedContact
     friction: float
 
     @property
@@ -183,11 +196,11 @@ class Cone:
         return f"{GROUP}{self.touch.number}"
 
 
-def cones(scenario: Scenario, centroidal: Columns) -> tuple[Cone, ...]:
+def friction_cones(scenario: Scenario, centroidal: Columns) -> tuple[Cone, ...]:
     """Cones of the contacts whose friction is in the plan's table; empty for plans of older versions."""
     phase = centroidal["phase"].astype(int)
     known = []
-    for touch in touches(scenario):
+    for touch in placed_contacts(scenario):
         friction = centroidal.get(f"friction_{touch.effector}")
         during = (touch.first_phase <= phase) & (phase <= touch.last_phase)
         if friction is not None and friction[during].max(initial=0.0) > 0.0:
@@ -195,8 +208,11 @@ def cones(scenario: Scenario, centroidal: Columns) -> tuple[Cone, ...]:
     return tuple(known)
 
 
-def twins(found: Iterable[Cone]) -> list[tuple[str, str]]:
+def repeated_cones(shown_cones: Iterable[Cone]) -> list[tuple[str, str]]:
     """Pairs of node names: a cone, and the first one of the same width and colour."""
     first: dict[tuple[float, str], str] = {}
-    named = [(cone.name, first.setdefault((cone.friction, side(cone.touch.effector)), cone.name)) for cone in found]
+    named = [
+        (cone.name, first.setdefault((cone.friction, effector_side(cone.touch.effector)), cone.name))
+        for cone in shown_cones
+    ]
     return [(name, of) for name, of in named if name != of]

@@ -23,7 +23,7 @@ from stridelab_web.config import WebConfig
 from stridelab_web.scene.documents import KEY_HEADER, REFUSAL_HEADER, USER_HEADER, Document, document_of
 
 OPENING_S = 120.0
-STARTING_TRIES = 7
+STARTING_RETRIES = 7
 """Retries while the viewer is starting and refuses connections, over about 30 seconds."""
 SHARE_MESSAGE = b"ShareUrl"
 """Type name inside the messages that ask viser for a tunnel through an external server."""
@@ -37,13 +37,13 @@ class ViewerUnavailable(Exception):
         self.status, self.code = status, code
 
 
-PASSED_ON = frozenset({404, 429})
+PASSED_STATUSES = frozenset({404, 429})
 """Status codes of the viewer that are passed on; others become 503."""
 
 
-async def page(request: Request) -> Response:
+async def scene_page(request: Request) -> Response:
     """``GET /view/scene/{kind}/{id}/{job}/``: the page of viser's client, which requests its files by name."""
-    client = await run_in_threadpool(viser_client.installed)
+    client = await run_in_threadpool(viser_client.installed_client)
     headers = {"Content-Security-Policy": viser_client.CONTENT_POLICY, "Cache-Control": "no-cache"}
     return Response(client.page, media_type="text/html; charset=utf-8", headers=headers)
 
@@ -54,7 +54,7 @@ async def open_scene(request: Request) -> Response:
     The field ``said`` is the reason why the last change from within the scene was refused, or empty.
     """
     try:
-        opened = await _open(request, _document(request))
+        opened = await _open_in_viewer(request, _document_of(request))
     except ViewerUnavailable as error:
         problem = Problem(
             title=HTTPStatus(error.status).phrase, status=error.status, code=error.code, detail=str(error)
@@ -65,18 +65,18 @@ async def open_scene(request: Request) -> Response:
     return JSONResponse({"ready": True, "said": opened["said"]})
 
 
-async def player(request: Request) -> Response:
+async def player_file(request: Request) -> Response:
     """``GET /view/scene/{kind}/{id}/{job}/motion.{form}``: a recording of the scene for viser's own player."""
     form = request.path_params["form"]
     try:
-        answer = await _ask(request, f"players/{form}", _document(request))
+        answer = await _post_to_viewer(request, f"players/{form}", _document_of(request))
     except ViewerUnavailable as error:
         raise HTTPException(error.status, str(error)) from error
     headers = {"Content-Disposition": f'attachment; filename="motion.{form}"', "Cache-Control": "no-store"}
     return Response(answer.content, media_type="application/octet-stream", headers=headers)
 
 
-async def pump(socket: WebSocket) -> None:
+async def relay_websocket(socket: WebSocket) -> None:
     """The websocket of viser's client (its page's address without the last slash).
 
     The service has checked host, origin and login; the origin is checked again, because a foreign page with access to
@@ -90,8 +90,8 @@ async def pump(socket: WebSocket) -> None:
     versions = socket.scope["subprotocols"]
     await socket.accept(subprotocol=versions[0] if versions else None)
     try:
-        document = _document(socket)
-        opened = await _open(socket, document)
+        document = _document_of(socket)
+        opened = await _open_in_viewer(socket, document)
         upstream = await websockets.connect(
             f"ws://127.0.0.1:{opened['port']}/{opened['secret']}",
             subprotocols=[websockets.Subprotocol(name) for name in versions[:1]],
@@ -99,7 +99,7 @@ async def pump(socket: WebSocket) -> None:
             compression=None,
             proxy=None,
             user_agent_header=None,
-            additional_headers={USER_HEADER: quote(_user(socket)), **await _right(socket, document)},
+            additional_headers={USER_HEADER: quote(_user_of(socket)), **await _right_headers(socket, document)},
         )
     except ViewerUnavailable as error:
         await socket.close(1013, error.code)
@@ -108,14 +108,17 @@ async def pump(socket: WebSocket) -> None:
         await socket.close(1013, "viewer-unavailable")
         return
     async with upstream:
-        tasks = [asyncio.create_task(_up(socket, upstream)), asyncio.create_task(_down(socket, upstream))]
+        tasks = [
+            asyncio.create_task(_relay_to_viewer(socket, upstream)),
+            asyncio.create_task(_relay_to_browser(socket, upstream)),
+        ]
         await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
         for task in tasks:
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)
 
 
-async def _right(socket: WebSocket, document: Document) -> dict[str, str]:
+async def _right_headers(socket: WebSocket, document: Document) -> dict[str, str]:
     """Headers with the key that stores changes made through this websocket, or with the reason of its absence."""
     if document.kind != "scenario":
         return {}
@@ -124,7 +127,7 @@ async def _right(socket: WebSocket, document: Document) -> dict[str, str]:
     return {REFUSAL_HEADER: right.refusal} if right.key is None else {KEY_HEADER: right.key}
 
 
-async def _up(socket: WebSocket, upstream: ClientConnection) -> None:
+async def _relay_to_viewer(socket: WebSocket, upstream: ClientConnection) -> None:
     while True:
         try:
             message = await socket.receive_bytes()
@@ -134,7 +137,7 @@ async def _up(socket: WebSocket, upstream: ClientConnection) -> None:
             return  # the other direction is ended by the caller
 
 
-async def _down(socket: WebSocket, upstream: ClientConnection) -> None:
+async def _relay_to_browser(socket: WebSocket, upstream: ClientConnection) -> None:
     try:
         async for message in upstream:
             await socket.send_bytes(message if isinstance(message, bytes) else message.encode())
@@ -143,32 +146,32 @@ async def _down(socket: WebSocket, upstream: ClientConnection) -> None:
     await socket.close(1001, "scene-closed")
 
 
-def _document(connection: HTTPConnection) -> Document:
+def _document_of(connection: HTTPConnection) -> Document:
     try:
         return document_of(connection.path_params)
     except KeyError as error:
         raise ViewerUnavailable("There is no such scene.", 404, "scene-not-found") from error
 
 
-def _user(connection: HTTPConnection) -> str:
+def _user_of(connection: HTTPConnection) -> str:
     config: WebConfig = connection.app.state.config
     return config.user_of(connection.scope)
 
 
-async def _open(connection: HTTPConnection, document: Document) -> dict[str, Any]:
+async def _open_in_viewer(connection: HTTPConnection, document: Document) -> dict[str, Any]:
     """``port`` and ``secret`` of the scene of ``document``; the viewer builds the scene unless it is open."""
-    opened: dict[str, Any] = (await _ask(connection, "scenes", document)).json()
+    opened: dict[str, Any] = (await _post_to_viewer(connection, "scenes", document)).json()
     return opened
 
 
-async def _ask(connection: HTTPConnection, path: str, document: Document) -> httpx.Response:
+async def _post_to_viewer(connection: HTTPConnection, path: str, document: Document) -> httpx.Response:
     """The viewer's response about ``document``. Raises ``ViewerUnavailable`` if it refuses or does not answer."""
     config: WebConfig = connection.app.state.config
     if config.viewer_url is None:
         raise ViewerUnavailable("This service runs without a viewer.")
     headers = {"Authorization": f"Bearer {config.token}"} if config.token else {}
-    wanted = {**document.wanted, "user": _user(connection)}
-    patient = httpx.AsyncHTTPTransport(retries=STARTING_TRIES)
+    wanted = {**document.request_body, "user": _user_of(connection)}
+    patient = httpx.AsyncHTTPTransport(retries=STARTING_RETRIES)
     try:
         async with httpx.AsyncClient(transport=patient, timeout=OPENING_S) as viewer:
             answer = await viewer.post(f"{config.viewer_url}/{path}", json=wanted, headers=headers)
@@ -177,6 +180,6 @@ async def _ask(connection: HTTPConnection, path: str, document: Document) -> htt
         raise ViewerUnavailable("The viewer does not answer. It may be starting; try again.") from error
     if answer.is_error:
         detail, code = refusal.get("detail", "The viewer cannot show this."), refusal.get("code", "viewer-unavailable")
-        status = answer.status_code if answer.status_code in PASSED_ON else 503
+        status = answer.status_code if answer.status_code in PASSED_STATUSES else 503
         raise ViewerUnavailable(str(detail), status, str(code))
     return answer

@@ -5,7 +5,7 @@ from typing import Final
 import numpy as np
 
 from stridelab.schemas.recordings import Recording
-from stridelab_web.parquet import Columns, triple
+from stridelab_web.parquet import Columns, xyz_columns
 from stridelab_web.scene.com_frames import ComFrames, add_com
 from stridelab_web.scene.cycloid_frames import WheelFrames, add_wheel, com_of
 from stridelab_web.scene.frames import Arrow, Frames, Point, Sheet, Stick
@@ -35,20 +35,20 @@ def build_frames(recording: Recording, tracks: Columns, com: Columns | None, whe
     points: list[Point] = []
     at_of: dict[str, int] = {}
     for k, label in enumerate(recording.labels):
-        track = triple(tracks, f"{label}_", "_m")
+        track = xyz_columns(tracks, f"{label}_", "_m")
         if track is not None:
-            at_of[label] = sheet.add(track)
+            at_of[label] = sheet.add_block(track)
             points.append(Point(f"/markers/{k}", at_of[label], label))
-    sticks = _sticks(recording, at_of)
+    sticks = _skeleton_sticks(recording, at_of)
 
     arrows: list[Arrow] = []
     measured = [(plate.index, *_plate_force(tracks, plate.index)) for plate in recording.plates if plate.use]
     present = [(index, cop, force) for index, cop, force in measured if cop is not None and force is not None]
     if len(present) > 1:
-        present.append((0, *_total([(cop, force) for _, cop, force in present])))
+        present.append((0, *_total_force([(cop, force) for _, cop, force in present])))
     for index, cop, force in present:
-        at = sheet.add(np.where(_loaded(force), cop, np.nan))
-        sheet.add(force)
+        at = sheet.add_block(np.where(_is_loaded(force), cop, np.nan))
+        sheet.add_block(force)
         name, label = (f"plate{index}", f"force on plate {index}") if index else ("total", "total force")
         arrows.append(Arrow(f"/forces/{name}_shaft", f"/forces/{name}_head", at, label))
 
@@ -58,7 +58,7 @@ def build_frames(recording: Recording, tracks: Columns, com: Columns | None, whe
     rolling = WheelFrames() if wheel is None else add_wheel(sheet, time_s, wheel)
     return Frames(
         time_s,
-        sheet.values(len(time_s)),
+        sheet.to_array(len(time_s)),
         points=(*points, *shown.points, *rolling.points),
         sticks=(*sticks, *shown.sticks, *rolling.sticks),
         arrows=tuple(arrows),
@@ -73,7 +73,7 @@ def _floor_m(recording: Recording) -> float:
     return min((corner[2] for plate in recording.plates if plate.use for corner in plate.corners_m), default=0.0)
 
 
-def _sticks(recording: Recording, at_of: dict[str, int]) -> tuple[Stick, ...]:
+def _skeleton_sticks(recording: Recording, at_of: dict[str, int]) -> tuple[Stick, ...]:
     place = {landmark: at_of[label] for landmark, label in recording.landmarks.items() if label in at_of}
     pairs = [*SPINE, *((f"{side}_{a}", f"{side}_{b}") for side in "lr" for a, b in BONES)]
     ends = [(place[a], place[b]) for a, b in pairs if a in place and b in place]
@@ -81,14 +81,14 @@ def _sticks(recording: Recording, at_of: dict[str, int]) -> tuple[Stick, ...]:
 
 
 def _plate_force(tracks: Columns, index: int) -> tuple[np.ndarray | None, np.ndarray | None]:
-    return triple(tracks, f"plate{index}_cop", "_m"), triple(tracks, f"plate{index}_f", "_n")
+    return xyz_columns(tracks, f"plate{index}_cop", "_m"), xyz_columns(tracks, f"plate{index}_f", "_n")
 
 
-def _loaded(force_n: np.ndarray) -> np.ndarray:
+def _is_loaded(force_n: np.ndarray) -> np.ndarray:
     return np.asarray(np.linalg.norm(force_n, axis=1, keepdims=True) > ARROW_THRESHOLD_N)
 
 
-def _total(plates: list[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:
+def _total_force(plates: list[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:
     """Sum of the forces, drawn from the centre of pressure of all plates together."""
     force = np.sum([np.nan_to_num(f) for _, f in plates], axis=0)
     weight = [np.where(np.isfinite(cop[:, :1]), np.clip(np.nan_to_num(f[:, 2:]), 0, None), 0.0) for cop, f in plates]

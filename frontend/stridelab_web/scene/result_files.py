@@ -10,7 +10,7 @@ from stridelab_web.pages.results.com_plots import COM_TABLE
 from stridelab_web.pages.results.cycloid_charts import WHEEL_TABLE
 from stridelab_web.parquet import read_columns
 from stridelab_web.scene.frames import Frames
-from stridelab_web.scene.plan_frames import Cone, cones, plan_frames, read_motion
+from stridelab_web.scene.plan_frames import Cone, friction_cones, plan_frames, read_motion
 from stridelab_web.scene.recording_frames import build_frames
 
 SCENARIO: Final = "scenario.json"
@@ -23,7 +23,7 @@ FOLLOWED: Final = "motion.parquet"
 """Table of the whole-body motion that follows the plan."""
 
 
-def needed(result: JobResult) -> tuple[str, ...]:
+def needed_files(result: JobResult) -> tuple[str, ...]:
     """Names of the files that ``read_plan`` needs."""
     present = {artifact.name for artifact in result.artifacts}
     if not present.issuperset(MOTION):
@@ -42,7 +42,7 @@ def read_plan(files: Mapping[str, bytes]) -> tuple[Scenario, Frames]:
 
 def read_cones(files: Mapping[str, bytes]) -> tuple[Cone, ...]:
     """The friction cones of the plan, from the same files."""
-    return cones(Scenario.model_validate_json(files[SCENARIO]), read_columns(files[CENTROIDAL]))
+    return friction_cones(Scenario.model_validate_json(files[SCENARIO]), read_columns(files[CENTROIDAL]))
 
 
 SCENE_TABLES: Final = frozenset({COM_TABLE, WHEEL_TABLE})

@@ -27,7 +27,7 @@ from stridelab_web.scene.documents import USER_HEADER
 _starting = threading.Lock()
 
 
-def start_guarded_server(came: Callable[[str], None] = lambda _: None) -> tuple[viser.ViserServer, str]:
+def start_guarded_server(on_accept: Callable[[str], None] = lambda _: None) -> tuple[viser.ViserServer, str]:
     """A viser server on a free loopback port, and the secret that its websocket path must be.
 
     The callback is called with the user of each accepted websocket.
@@ -35,7 +35,7 @@ def start_guarded_server(came: Callable[[str], None] = lambda _: None) -> tuple[
     secret = secrets.token_urlsafe(24)
     with _starting:
         original = websockets.asyncio.server.serve
-        websockets.asyncio.server.serve = functools.partial(_serve_guarded, original, secret, came)  # type: ignore[misc,assignment]
+        websockets.asyncio.server.serve = functools.partial(_serve_guarded, original, secret, on_accept)  # type: ignore[misc,assignment]
         try:
             server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
         finally:
@@ -57,14 +57,14 @@ def header_of(server: viser.ViserServer, client_id: int, name: str) -> str | Non
 def users_of(server: viser.ViserServer) -> list[str]:
     """The user of each websocket that is open, as ``USER_HEADER`` names it."""
     connections = list(server._websock_server._live_connections.values())  # noqa: SLF001  (viser is pinned)
-    return [_user(connection.request) for connection in connections if connection.request is not None]
+    return [_user_of(connection.request) for connection in connections if connection.request is not None]
 
 
-def _user(request: Request) -> str:
+def _user_of(request: Request) -> str:
     return unquote(request.headers.get(USER_HEADER, ""))
 
 
-def _serve_guarded(genuine: Any, secret: str, came: Callable[[str], None], *args: Any, **options: Any) -> Any:
+def _serve_guarded(original: Any, secret: str, on_accept: Callable[[str], None], *args: Any, **options: Any) -> Any:
     viser_answers = options.pop("process_request")
 
     def process_request(connection: ServerConnection, request: Request) -> Response | None:
@@ -73,7 +73,7 @@ def _serve_guarded(genuine: Any, secret: str, came: Callable[[str], None], *args
             return Response(http.HTTPStatus.FORBIDDEN, "Forbidden", Headers(), b"")
         answer: Response | None = viser_answers(connection, request)
         if answer is None:
-            came(_user(request))
+            on_accept(_user_of(request))
         return answer
 
-    return genuine(*args, process_request=process_request, **options)
+    return original(*args, process_request=process_request, **options)

@@ -13,12 +13,12 @@ from starlette.routing import Route
 from stridelab.client import ProblemError, Unreachable
 from stridelab_web.scene.documents import PlayerForm, document_of
 from stridelab_web.viewer.scene_limits import ScenesInUse
-from stridelab_web.viewer.scene_pool import Library
+from stridelab_web.viewer.scene_pool import ScenePool
 
 Answer = Callable[[Request], Awaitable[Response]]
 
 
-def create_control(library: Library, token: str | None) -> Starlette:
+def create_control(library: ScenePool, token: str | None) -> Starlette:
     """``GET /health``; ``POST /scenes`` and ``POST /players/{form}`` about the document ``{kind, id, job_id}``.
 
     Requests for a scene also have the ``user``. The response is ``{port, secret, said}`` for a scene, and the file
@@ -28,23 +28,23 @@ def create_control(library: Library, token: str | None) -> Starlette:
     machine is not a loopback host. If the service has a token, it is required here too.
     """
 
-    async def health(_: Request) -> Response:
+    async def get_health(_: Request) -> Response:
         return JSONResponse({"status": "ok", "scenes": len(library)})
 
-    async def scenes(request: Request) -> Response:
+    async def open_scene(request: Request) -> Response:
         body = await request.json()
-        opened = await run_in_threadpool(library.open, document_of(body), str(body.get("user") or ""))
-        return JSONResponse({"port": opened.port, "secret": opened.secret, "said": opened.said})
+        opened = await run_in_threadpool(library.open_scene, document_of(body), str(body.get("user") or ""))
+        return JSONResponse({"port": opened.port, "secret": opened.secret, "said": opened.refusal})
 
-    async def players(request: Request) -> Response:
+    async def record_player(request: Request) -> Response:
         form = request.path_params["form"]
         if form not in get_args(PlayerForm):
             raise KeyError(form)
-        return Response(await run_in_threadpool(library.record, document_of(await request.json()), form))
+        return Response(await run_in_threadpool(library.record_player, document_of(await request.json()), form))
 
-    def guarded(answer: Answer) -> Answer:
-        async def answered(request: Request) -> Response:
-            if not _may(request, token):
+    def guard_endpoint(answer: Answer) -> Answer:
+        async def guarded_endpoint(request: Request) -> Response:
+            if not _is_allowed(request, token):
                 return JSONResponse({"detail": "not allowed"}, status_code=403)
             try:
                 return await answer(request)
@@ -58,18 +58,18 @@ def create_control(library: Library, token: str | None) -> Starlette:
             except Unreachable as silence:
                 return JSONResponse({"detail": str(silence)}, status_code=503)
 
-        return answered
+        return guarded_endpoint
 
     return Starlette(
         routes=[
-            Route("/health", health),
-            Route("/scenes", guarded(scenes), methods=["POST"]),
-            Route("/players/{form}", guarded(players), methods=["POST"]),
+            Route("/health", get_health),
+            Route("/scenes", guard_endpoint(open_scene), methods=["POST"]),
+            Route("/players/{form}", guard_endpoint(record_player), methods=["POST"]),
         ]
     )
 
 
-def _may(request: Request, token: str | None) -> bool:
+def _is_allowed(request: Request, token: str | None) -> bool:
     host = request.headers.get("host", "").rpartition(":")[0]
     if "origin" in request.headers or host not in ("127.0.0.1", "localhost", "[::1]"):
         return False

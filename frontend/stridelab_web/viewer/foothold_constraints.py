@@ -10,13 +10,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from stridelab.schemas.scenarios import BoxSurface, RailSurface, Scenario
-from stridelab_web.scene.contacts import Touch, box_rotation, rotation
+from stridelab_web.scene.contacts import PlacedContact, box_rotation, rotation_matrix
 
 ON_SURFACE_M = 0.03
 """Maximum distance between a contact and its surface."""
 STANDS_ON_M = 1e-4
-ROUNDS = 12
-SAME_UP = 0.9999
+MAX_ROUNDS = 12
+MIN_UP_COSINE = 0.9999
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class Rectangle:
         """Half its extent along a unit direction."""
         return float(self.half_m @ np.abs(self.axes @ along))
 
-    def at(self, centre_m: np.ndarray) -> "Rectangle":
+    def moved_to(self, centre_m: np.ndarray) -> "Rectangle":
         """The same rectangle elsewhere."""
         return Rectangle(centre_m, self.half_m, self.yaw_rad)
 
@@ -51,46 +51,46 @@ class Tread:
     half_m: np.ndarray
     obstacles: tuple[Rectangle, ...]
 
-    def meet(self, eye_m: np.ndarray, through_m: np.ndarray) -> np.ndarray | None:
+    def ray_intersection(self, eye_m: np.ndarray, through_m: np.ndarray) -> np.ndarray | None:
         """Intersection of the ray from ``eye_m`` through another point with the plane of the face, or None."""
         eye, direction = self.rotation.T @ (eye_m - self.origin_m), self.rotation.T @ (through_m - eye_m)
         if abs(direction[2]) < 1e-9 or eye[2] * direction[2] >= 0:
             return None
         return np.asarray(self.origin_m + self.rotation @ (eye - eye[2] / direction[2] * direction))
 
-    def keep(
-        self, touch: Touch, half_m: tuple[float, float], here_m: np.ndarray, wanted_m: np.ndarray
+    def constrain_position(
+        self, touch: PlacedContact, half_m: tuple[float, float], here_m: np.ndarray, wanted_m: np.ndarray
     ) -> np.ndarray | None:
         """The position near ``wanted_m`` at which the patch is completely on the tread; None without one.
 
         ``half_m`` are half the edges of the patch. From ``here_m`` the patch does not jump across a box in its way. The
         distance from the plane is that of ``wanted_m``.
         """
-        turned = self.rotation.T @ rotation(touch.contact.orientation_wxyz)
+        turned = self.rotation.T @ rotation_matrix(touch.contact.orientation_wxyz)
         half = np.array(half_m)
         wanted = self.rotation.T @ (wanted_m - self.origin_m)
         patch = Rectangle(wanted[:2], half, math.atan2(turned[1, 0], turned[0, 0]))
-        here = patch.at((self.rotation.T @ (here_m - self.origin_m))[:2])
+        here = patch.moved_to((self.rotation.T @ (here_m - self.origin_m))[:2])
         face = Rectangle(np.zeros(2), self.half_m, 0.0)
-        for _ in range(ROUNDS):
-            patch = patch.at(_inside(patch, face))
-            pushes = [_way_out(patch, block, here) for block in self.obstacles]
+        for _ in range(MAX_ROUNDS):
+            patch = patch.moved_to(_shift_inside(patch, face))
+            pushes = [_shortest_way_out(patch, block, here) for block in self.obstacles]
             deepest = max(pushes, key=np.linalg.norm, default=np.zeros(2))
             if np.linalg.norm(deepest) < 1e-9:
                 return np.asarray(self.origin_m + self.rotation @ [*patch.centre_m, wanted[2]])
-            patch = patch.at(patch.centre_m + deepest)
+            patch = patch.moved_to(patch.centre_m + deepest)
         return None
 
 
 @dataclass(frozen=True)
-class Bar:
+class RailAxis:
     """The axis of a rail, from ``start_m`` along the unit vector ``along`` for ``length_m``."""
 
     start_m: np.ndarray
     along: np.ndarray
     length_m: float
 
-    def meet(self, eye_m: np.ndarray, through_m: np.ndarray) -> np.ndarray | None:
+    def ray_intersection(self, eye_m: np.ndarray, through_m: np.ndarray) -> np.ndarray | None:
         """The point of the axis that is nearest to a ray; None where the two are parallel."""
         v = (through_m - eye_m) / np.linalg.norm(through_m - eye_m)
         w = self.start_m - eye_m
@@ -100,18 +100,18 @@ class Bar:
         distance = (cosine * float(v @ w) - float(self.along @ w)) / (1 - cosine**2)
         return np.asarray(self.start_m + distance * self.along)
 
-    def keep(
-        self, touch: Touch, half_m: tuple[float, float], here_m: np.ndarray, wanted_m: np.ndarray
+    def constrain_position(
+        self, touch: PlacedContact, half_m: tuple[float, float], here_m: np.ndarray, wanted_m: np.ndarray
     ) -> np.ndarray | None:
         """``here_m`` shifted along the rail to the projection of ``wanted_m``, or to the rail's end."""
         distance = float(np.clip(self.along @ (wanted_m - self.start_m), 0.0, self.length_m))
         return np.asarray(here_m + (distance - float(self.along @ (here_m - self.start_m))) * self.along)
 
 
-Guide = Tread | Bar
+Guide = Tread | RailAxis
 
 
-def guide_of(scenario: Scenario, touch: Touch) -> Guide | None:
+def guide_of(scenario: Scenario, touch: PlacedContact) -> Guide | None:
     """The surface that ``touch`` slides on: the nearest face or rail within 3 cm, or None."""
     p = np.array(touch.contact.position_m)
     candidates: list[tuple[float, Guide]] = []
@@ -123,13 +123,13 @@ def guide_of(scenario: Scenario, touch: Touch) -> Guide | None:
                 along = (end - start) / length
                 nearest = start + np.clip(along @ (p - start), 0.0, length) * along
                 away = float(np.linalg.norm(p - nearest))
-                candidates.append((abs(min(away, abs(away - surface.radius_m))), Bar(start, along, length)))
+                candidates.append((abs(min(away, abs(away - surface.radius_m))), RailAxis(start, along, length)))
             continue
         R, origin = box_rotation(surface), top_middle_m(surface)
         local = R.T @ (p - origin)
         half = np.array(surface.size_m[:2]) / 2
         if (np.abs(local[:2]) <= half + ON_SURFACE_M).all():
-            candidates.append((abs(float(local[2])), Tread(R, origin, half, _standing_on(scenario, surface))))
+            candidates.append((abs(float(local[2])), Tread(R, origin, half, _boxes_on_face(scenario, surface))))
     away, guide = min(candidates, key=lambda one: one[0], default=(math.inf, None))
     return guide if away <= ON_SURFACE_M else None
 
@@ -139,7 +139,7 @@ def top_middle_m(box: BoxSurface) -> np.ndarray:
     return np.asarray(np.array(box.center_m) + box.size_m[2] / 2 * box_rotation(box)[:, 2])
 
 
-def _standing_on(scenario: Scenario, box: BoxSurface) -> tuple[Rectangle, ...]:
+def _boxes_on_face(scenario: Scenario, box: BoxSurface) -> tuple[Rectangle, ...]:
     """Outlines, in the frame of the face, of the boxes that rise above the face of ``box`` and begin no higher."""
     R, origin = box_rotation(box), top_middle_m(box)
     outlines = []
@@ -148,21 +148,21 @@ def _standing_on(scenario: Scenario, box: BoxSurface) -> tuple[Rectangle, ...]:
             continue
         turned = R.T @ box_rotation(other)
         top = R.T @ (top_middle_m(other) - origin)
-        if turned[2, 2] < SAME_UP or not top[2] - other.size_m[2] <= STANDS_ON_M < top[2]:
+        if turned[2, 2] < MIN_UP_COSINE or not top[2] - other.size_m[2] <= STANDS_ON_M < top[2]:
             continue
         yaw = math.atan2(turned[1, 0], turned[0, 0])
         outlines.append(Rectangle(top[:2], np.array(other.size_m[:2]) / 2, yaw))
     return tuple(outlines)
 
 
-def _inside(patch: Rectangle, face: Rectangle) -> np.ndarray:
+def _shift_inside(patch: Rectangle, face: Rectangle) -> np.ndarray:
     """Centre of ``patch`` shifted into ``face``; in the middle where it is wider than the face."""
     local = face.axes @ (patch.centre_m - face.centre_m)
     room = np.array([max(face.half_m[k] - patch.extent(face.axes[k]), 0.0) for k in range(2)])
     return np.asarray(face.centre_m + face.axes.T @ np.clip(local, -room, room))
 
 
-def _way_out(patch: Rectangle, block: Rectangle, here: Rectangle) -> np.ndarray:
+def _shortest_way_out(patch: Rectangle, block: Rectangle, here: Rectangle) -> np.ndarray:
     """The shortest shift after which ``patch`` and ``block`` do not overlap (separating axes); zero if they do not.
 
     Ways out to the side on which ``here`` is clear of the block come first.

@@ -10,7 +10,15 @@ from stridelab.schemas.recordings import Recording
 from stridelab_web.scene import com_frames, cycloid_frames
 from stridelab_web.scene.frames import Frames
 from stridelab_web.viewer import meshes
-from stridelab_web.viewer.scene_parts import Colour, add_arrow, add_floor, add_mesh, add_path, place_camera, prepare
+from stridelab_web.viewer.scene_parts import (
+    Colour,
+    add_arrow,
+    add_floor,
+    add_mesh,
+    add_path,
+    place_camera,
+    prepare_scene,
+)
 
 BLUE, ORANGE, BROWN = (11, 92, 156), (226, 132, 20), (176, 96, 0)
 MARKER, BONE, PLATE, PLATE_OFF = (62, 78, 94), (166, 180, 194), (214, 224, 232), (235, 235, 235)
@@ -37,17 +45,17 @@ RIM_SHARE, SPOKES = 0.05, 6
 """Half thickness of the wheel's rim over its radius, and how many spokes show that it turns."""
 
 
-def build(server: viser.ViserServer, recording: Recording, frames: Frames) -> None:
+def build_gait_scene(server: viser.ViserServer, recording: Recording, frames: Frames) -> None:
     """Put the scene of ``recording`` into an empty server."""
     scene = server.scene
-    prepare(scene)
-    centre, extent = _bounds(recording, frames)
+    prepare_scene(scene)
+    centre, extent = _scene_bounds(recording, frames)
     add_floor(scene, 30.0, height_m=-0.012)
-    along = _direction(recording, np.stack([centre - extent * [1, 0, 0], centre + extent * [1, 0, 0]]))
+    along = _walking_direction(recording, np.stack([centre - extent * [1, 0, 0], centre + extent * [1, 0, 0]]))
     view = np.array([along[1], -along[0], 0.0]) + 0.45 * along + [0.0, 0.0, 0.28]
     _add_plates(scene, recording, view)
     for point in frames.points:
-        _add_point(scene, point.name, _first(frames, point.at))
+        _add_point(scene, point.name, _first_position(frames, point.at))
     bone, thin = meshes.cylinder(BONE_RADIUS_M), meshes.cylinder(AXIS_RADIUS_M)
     of = {com_frames.AXIS: (thin, AXIS_COLOUR), cycloid_frames.SPOKE: (thin, WHEEL)}
     for stick in frames.sticks:
@@ -69,7 +77,7 @@ def _add_plates(scene: viser.SceneApi, recording: Recording, towards_camera: np.
         below = corners - np.array([0, 0, 0.004], dtype=np.float32)
         faces = np.array([[0, 1, 2], [0, 2, 3]], dtype=np.uint32)
         add_mesh(scene, name, (below, faces), colour)
-        edge = meshes.rim(corners, PLATE_RIM)
+        edge = meshes.inner_frame(corners, PLATE_RIM)
         add_mesh(scene, f"{name}/edge", edge, BONE)
         text = f"plate {plate.index}" if plate.use else f"plate {plate.index} (not used)"
         nearest = corners[np.argmax(corners @ towards_camera.astype(np.float32))]
@@ -87,18 +95,18 @@ def _add_point(scene: viser.SceneApi, name: str, position: np.ndarray) -> None:
 def _add_com(scene: viser.SceneApi, frames: Frames) -> None:
     for track in frames.tracks:
         colour, radius_m = PATHS[track.name]
-        add_path(scene, track.name, frames.track(track.name), colour, radius_m)
+        add_path(scene, track.name, frames.track_m(track.name), colour, radius_m)
     for ellipsoid in frames.ellipsoids:
         add_mesh(scene, ellipsoid.name, meshes.ball(1.0), BLUE, opacity=0.35)
 
 
-def _first(frames: Frames, at: int) -> np.ndarray:
+def _first_position(frames: Frames, at: int) -> np.ndarray:
     track = frames.values[:, at : at + 3]
     present = np.flatnonzero(np.isfinite(track).all(axis=1))
     return track[present[0]].astype(float) if len(present) else np.zeros(3)
 
 
-def _bounds(recording: Recording, frames: Frames) -> tuple[np.ndarray, np.ndarray]:
+def _scene_bounds(recording: Recording, frames: Frames) -> tuple[np.ndarray, np.ndarray]:
     """Centre and half extents of everything, from the 2nd to the 98th percentile, because markers may be stray."""
     clouds = [frames.values[:, p.at : p.at + 3].reshape(-1, 3) for p in frames.points]
     clouds += [np.asarray(plate.corners_m, dtype=np.float32) for plate in recording.plates if plate.use]
@@ -110,7 +118,7 @@ def _bounds(recording: Recording, frames: Frames) -> tuple[np.ndarray, np.ndarra
     return (low + high) / 2, np.maximum((high - low) / 2, 0.3)
 
 
-def _direction(recording: Recording, path: np.ndarray) -> np.ndarray:
+def _walking_direction(recording: Recording, path: np.ndarray) -> np.ndarray:
     along = np.asarray(recording.walking_direction or path[-1] - path[0], dtype=float)
     along[2] = 0.0
     length = float(np.linalg.norm(along))

@@ -9,7 +9,7 @@ import viser
 
 from stridelab.schemas.robots import LinkPose
 from stridelab.schemas.scenarios import Scenario
-from stridelab_web.scene.contacts import HalfSizes, rotation
+from stridelab_web.scene.contacts import HalfSizes, rotation_matrix
 from stridelab_web.viewer.robot_links import add_robot
 
 ROBOT = "/robot"
@@ -24,26 +24,26 @@ class Posed:
 
 
 @dataclass(frozen=True)
-class Place:
+class StandingPose:
     """Pose of the standing robot: the middle between its soles ``(3,)``, and the direction that it faces."""
 
     position_m: np.ndarray
     yaw_rad: float
 
     @property
-    def wxyz(self) -> tuple[float, float, float, float]:
+    def orientation_wxyz(self) -> tuple[float, float, float, float]:
         """The rotation about the vertical as a quaternion."""
         return float(np.cos(self.yaw_rad / 2)), 0.0, 0.0, float(np.sin(self.yaw_rad / 2))
 
 
-def first_place(scenario: Scenario, sizes: HalfSizes) -> Place | None:
+def initial_pose(scenario: Scenario, sizes: HalfSizes) -> StandingPose | None:
     """Mean position and direction of the patches in contact in the first phase; None without one."""
     first = scenario.phases[0].contacts if scenario.phases else []
     soles = [contact for contact in first if contact.effector in sizes]
     if not soles:
         return None
-    x, y, _ = np.sum([rotation(sole.orientation_wxyz)[:, 0] for sole in soles], axis=0)
-    return Place(np.mean([sole.position_m for sole in soles], axis=0), float(np.arctan2(y, x)))
+    x, y, _ = np.sum([rotation_matrix(sole.orientation_wxyz)[:, 0] for sole in soles], axis=0)
+    return StandingPose(np.mean([sole.position_m for sole in soles], axis=0), float(np.arctan2(y, x)))
 
 
 def add_standing(scene: viser.SceneApi, posed: Posed) -> viser.FrameHandle:
@@ -55,8 +55,8 @@ def add_standing(scene: viser.SceneApi, posed: Posed) -> viser.FrameHandle:
     return whole
 
 
-def stand(whole: viser.FrameHandle, place: Place | None) -> None:
+def place_robot(whole: viser.FrameHandle, place: StandingPose | None) -> None:
     """Place the robot, or hide it without a place."""
     whole.visible = place is not None
     if place is not None:
-        whole.position, whole.wxyz = tuple(place.position_m), place.wxyz
+        whole.position, whole.wxyz = tuple(place.position_m), place.orientation_wxyz

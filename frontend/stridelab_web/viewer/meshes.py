@@ -18,7 +18,7 @@ Mesh = tuple[np.ndarray, np.ndarray]
 
 def cylinder(radius_m: float) -> Mesh:
     """A cylinder from the origin to (0, 0, 1), which is scaled along z."""
-    ring = _ring(SIDES)
+    ring = _unit_circle(SIDES)
     low = np.column_stack([radius_m * ring, np.zeros(SIDES)])
     vertices = np.concatenate([low, low + np.array([0, 0, 1])])
     return vertices.astype(np.float32), _tube_faces(2, SIDES)
@@ -26,7 +26,7 @@ def cylinder(radius_m: float) -> Mesh:
 
 def cone(radius_m: float, height_m: float) -> Mesh:
     """A cone with its tip in the origin and its base at (0, 0, -height): the head of an arrow."""
-    base = np.column_stack([radius_m * _ring(SIDES), np.full(SIDES, -height_m)])
+    base = np.column_stack([radius_m * _unit_circle(SIDES), np.full(SIDES, -height_m)])
     vertices = np.concatenate([base, [[0, 0, 0], [0, 0, -height_m]]])
     k = np.arange(SIDES)
     after = (k + 1) % SIDES
@@ -35,16 +35,16 @@ def cone(radius_m: float, height_m: float) -> Mesh:
     return vertices.astype(np.float32), np.concatenate([sides, bottom]).astype(np.uint32)
 
 
-def funnel(slope: float, height_m: float) -> Mesh:
+def open_cone(slope: float, height_m: float) -> Mesh:
     """An open cone with its tip in the origin, ``slope`` times as wide as high around the z axis, and its rim."""
-    rim = np.column_stack([slope * height_m * _ring(RIM_STEPS), np.full(RIM_STEPS, height_m)])
+    rim = np.column_stack([slope * height_m * _unit_circle(RIM_STEPS), np.full(RIM_STEPS, height_m)])
     k = np.arange(RIM_STEPS)
     sides = np.column_stack([k, (k + 1) % RIM_STEPS, np.full(RIM_STEPS, RIM_STEPS)])
     wall = np.concatenate([rim, np.zeros((1, 3))]).astype(np.float32), sides.astype(np.uint32)
-    return together([wall, tube(np.concatenate([rim, rim[:1]]), RIM_SHARE * height_m)])
+    return merge_meshes([wall, tube(np.concatenate([rim, rim[:1]]), RIM_SHARE * height_m)])
 
 
-def corners(path_m: np.ndarray, within_m: float) -> np.ndarray:
+def simplify_path(path_m: np.ndarray, within_m: float) -> np.ndarray:
     """Indices of points of ``path_m`` ``(n, 3)`` such that all points are ``within_m`` of the lines between them.
 
     Douglas and Peucker (1973): sections are split at the point farthest from their chord.
@@ -76,17 +76,17 @@ def tube(path_m: np.ndarray, radius_m: float, sides: int = TUBE_SIDES) -> Mesh:
     first = np.cross(helper, tangent)
     first /= np.linalg.norm(first, axis=1, keepdims=True)
     second = np.cross(tangent, first)
-    ring = radius_m * _ring(sides)
+    ring = radius_m * _unit_circle(sides)
     vertices = path_m[:, None] + ring[None, :, :1] * first[:, None] + ring[None, :, 1:] * second[:, None]
     return vertices.reshape(-1, 3).astype(np.float32), _tube_faces(len(path_m), sides)
 
 
-def rim(corners_m: np.ndarray, share: float) -> Mesh:
+def inner_frame(corners_m: np.ndarray, share: float) -> Mesh:
     """Frame inside four corners ``(4, 3)``; its width is ``share`` of the distance to their middle."""
-    return between(corners_m, corners_m + share * (corners_m.mean(axis=0) - corners_m))
+    return band_between(corners_m, corners_m + share * (corners_m.mean(axis=0) - corners_m))
 
 
-def between(outer_m: np.ndarray, inner_m: np.ndarray) -> Mesh:
+def band_between(outer_m: np.ndarray, inner_m: np.ndarray) -> Mesh:
     """The band between two closed lines of ``n`` corners ``(n, 3)`` each."""
     n = len(outer_m)
     k = np.arange(n)
@@ -114,10 +114,10 @@ def wheel(share: float, spokes: int) -> Mesh:
     ends = 2 * np.pi * np.arange(spokes) / spokes
     hub = np.zeros(3)
     lines = [tube(np.array([hub, [np.sin(a), 0.0, -np.cos(a)]]), share / 3) for a in ends]
-    return together([ring, *lines])
+    return merge_meshes([ring, *lines])
 
 
-def octants(radius_m: float) -> tuple[Mesh, Mesh]:
+def sphere_halves(radius_m: float) -> tuple[Mesh, Mesh]:
     """A sphere around the origin in two halves of alternating octants."""
     quarter = np.linspace(0, np.pi / 2, OCTANT_STEPS + 1)
     halves: tuple[list[Mesh], list[Mesh]] = ([], [])
@@ -130,17 +130,17 @@ def octants(radius_m: float) -> tuple[Mesh, Mesh]:
         turned = faces if x * y * z > 0 else faces[:, ::-1]
         vertices = (radius_m * lines * [x, y, z]).astype(np.float32)
         halves[x * y * z < 0].append((vertices, turned.astype(np.uint32)))
-    return together(halves[0]), together(halves[1])
+    return merge_meshes(halves[0]), merge_meshes(halves[1])
 
 
-def together(meshes: list[Mesh]) -> Mesh:
+def merge_meshes(meshes: list[Mesh]) -> Mesh:
     """Several meshes as one."""
     offsets = np.cumsum([0, *(len(vertices) for vertices, _ in meshes[:-1])])
     faces = [faces + np.uint32(offset) for (_, faces), offset in zip(meshes, offsets, strict=True)]
     return np.concatenate([vertices for vertices, _ in meshes]), np.concatenate(faces)
 
 
-def _ring(sides: int) -> np.ndarray:
+def _unit_circle(sides: int) -> np.ndarray:
     angle = 2 * np.pi * np.arange(sides) / sides
     return np.column_stack([np.cos(angle), np.sin(angle)])
 

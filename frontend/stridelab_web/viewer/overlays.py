@@ -19,7 +19,7 @@ RINGS, SIDES = 160, 6
 RADIUS_M, PUSH_RADIUS_M = 0.008, 0.012
 
 
-def add_live(scene: viser.SceneApi) -> None:
+def add_live_paths(scene: viser.SceneApi) -> None:
     """Add the nodes below ``/live``."""
     path_m = np.column_stack([np.zeros((RINGS, 2)), np.linspace(0.0, 1e-3, RINGS)])
     add_mesh(scene, PLANNED, meshes.tube(path_m, RADIUS_M, SIDES), COM_COLOUR)
@@ -36,11 +36,11 @@ OPACITY = 0.3
 SUPPORT_MARKS_RADIUS_M, PLUMB_RADIUS_M = 0.01, 0.004
 
 
-def add_support(scene: viser.SceneApi) -> None:
+def add_support_region(scene: viser.SceneApi) -> None:
     """Add the nodes below ``/support``: region, its edge, and the best position of the CoM."""
     angle = 2 * np.pi * np.arange(CORNERS) / CORNERS
     circle = SUPPORT_MARKS_RADIUS_M * np.column_stack([np.cos(angle), np.sin(angle), 0 * angle])
     add_mesh(scene, REGION, meshes.polygon(circle), COLOUR, opacity=OPACITY)
-    add_mesh(scene, EDGE, meshes.between(circle, 0.9 * circle), COLOUR)
+    add_mesh(scene, EDGE, meshes.band_between(circle, 0.9 * circle), COLOUR)
     add_mesh(scene, PLUMB, meshes.cylinder(PLUMB_RADIUS_M), COM_COLOUR, side="front")
     add_com(scene, COM)

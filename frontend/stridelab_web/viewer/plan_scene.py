@@ -8,14 +8,14 @@ import viser
 
 from stridelab.schemas.reachability import RobotReachability
 from stridelab.schemas.scenarios import BoxSurface, RailSurface, Scenario, ScenarioContact
-from stridelab_web.scene.contacts import HalfSizes, box_corners_m, box_rotation, side, touches
-from stridelab_web.scene.density_nodes import Quaternion, reach_places, surfaces
+from stridelab_web.scene.contacts import HalfSizes, box_corners_m, box_rotation, effector_side, placed_contacts
+from stridelab_web.scene.density_nodes import Quaternion, reach_places, shown_level_sets
 from stridelab_web.scene.frames import Frames
 from stridelab_web.scene.plan_frames import COM, GHOST, MEASURED, MOMENTUM, ROBOT, Cone
 from stridelab_web.viewer import meshes
 from stridelab_web.viewer.contact_markers import COLOURS, add_marks
 from stridelab_web.viewer.robot_links import add_robot
-from stridelab_web.viewer.scene_parts import Colour, add_arrow, add_mesh, add_path, place_camera, prepare
+from stridelab_web.viewer.scene_parts import Colour, add_arrow, add_mesh, add_path, place_camera, prepare_scene
 from stridelab_web.viewer.terrain import add_terrain, is_ground
 
 COM_COLOUR: Colour = (20, 30, 40)
@@ -34,14 +34,14 @@ RIGHT_FRONT = np.array([0.3, -1.0, 0.42])
 BODY_M = (0.45, 0.45, 1.75)
 """Size of a robot around and above its footholds."""
 HIPS_M = 0.9
-APART_M = 0.3
-ALONG = 1e-9
+MIN_WALK_M = 0.3
+MIN_RAY_COMPONENT = 1e-9
 """Minimum component of a ray, which avoids divisions by zero."""
 NEAR_M = 1.0
 """Maximum distance from the contacts of boxes that must be in view."""
 
 
-def build(
+def build_plan_scene(
     server: viser.ViserServer,
     scenario: Scenario,
     sizes: HalfSizes,
@@ -52,7 +52,7 @@ def build(
 ) -> None:
     """Put a plan into an empty server; the page moves its nodes. ``reach`` holds the densities of the plan."""
     scene = server.scene
-    prepare(scene, AMBIENT)
+    prepare_scene(scene, AMBIENT)
     add_terrain(scene, scenario)
     add_marks(scene, scenario, sizes, touching=True)
     copies = frozenset(copy.name for copy in frames.copies)
@@ -63,17 +63,17 @@ def build(
     for arrow in frames.arrows:
         add_arrow(scene, arrow, next((c for group, c in ARROWS.items() if arrow.shaft.startswith(group)), FORCE))
     _add_cones(scene, cones, copies)
-    add_path(scene, "/paths/com", frames.track("/paths/com"), COM_COLOUR, PATH_RADIUS_M)
+    add_path(scene, "/paths/com", frames.track_m("/paths/com"), COM_COLOUR, PATH_RADIUS_M)
     add_com(scene, COM)
-    towards_camera = turned(scenario, RIGHT_FRONT)
-    if hidden(scenario, towards_camera):
-        towards_camera = turned(scenario, RIGHT_FRONT * [1, -1, 1])
+    towards_camera = rotate_to_walk(scenario, RIGHT_FRONT)
+    if is_hidden(scenario, towards_camera):
+        towards_camera = rotate_to_walk(scenario, RIGHT_FRONT * [1, -1, 1])
     place_camera(server, sights_m(scenario), towards_camera)
 
 
 def add_com(scene: viser.SceneApi, name: str) -> None:
     """Add the symbol of a centre of mass: a ball in two halves; the light one is a node below ``name``."""
-    dark, light = meshes.octants(COM_RADIUS_M)
+    dark, light = meshes.sphere_halves(COM_RADIUS_M)
     add_mesh(scene, name, dark, COM_COLOUR, side="front")
     add_mesh(scene, f"{name}/light", light, COM_LIGHT, side="front")
 
@@ -83,10 +83,10 @@ def _add_cones(scene: viser.SceneApi, cones: Iterable[Cone], copies: Container[s
     for cone in cones:
         contact = cone.touch.contact
         if cone.name in copies:
-            _empty(scene, cone.name, contact, contact.orientation_wxyz)
+            _add_empty_node(scene, cone.name, contact, contact.orientation_wxyz)
             continue
-        mesh = meshes.funnel(cone.friction, CONE_M)
-        handle = add_mesh(scene, cone.name, mesh, COLOURS[side(contact.effector)], opacity=CONE_OPACITY)
+        mesh = meshes.open_cone(cone.friction, CONE_M)
+        handle = add_mesh(scene, cone.name, mesh, COLOURS[effector_side(contact.effector)], opacity=CONE_OPACITY)
         handle.position, handle.wxyz = contact.position_m, contact.orientation_wxyz
 
 
@@ -94,7 +94,7 @@ def _add_reach(
     scene: viser.SceneApi, scenario: Scenario, reach: RobotReachability | None, copies: Container[str]
 ) -> None:
     """Add a level set per place; places without densities get empty nodes, so that the page finds all nodes."""
-    shown = surfaces(reach)
+    shown = shown_level_sets(reach)
     for place in reach_places(scenario):
         contact = place.contact
         if contact.effector not in shown:
@@ -102,49 +102,51 @@ def _add_reach(
             continue
         density, level = shown[contact.effector]
         if place.name in copies:
-            _empty(scene, place.name, contact, place.wxyz(density))
+            _add_empty_node(scene, place.name, contact, place.orientation_wxyz(density))
             continue
         mesh = np.array(level.vertices_m, dtype=np.float32), np.array(level.triangles, dtype=np.uint32)
-        handle = add_mesh(scene, place.name, mesh, COLOURS[side(contact.effector)], opacity=REACH_OPACITY, side="front")
-        handle.position, handle.wxyz = contact.position_m, place.wxyz(density)
+        handle = add_mesh(
+            scene, place.name, mesh, COLOURS[effector_side(contact.effector)], opacity=REACH_OPACITY, side="front"
+        )
+        handle.position, handle.wxyz = contact.position_m, place.orientation_wxyz(density)
 
 
-def _empty(scene: viser.SceneApi, name: str, contact: ScenarioContact, wxyz: Quaternion) -> None:
+def _add_empty_node(scene: viser.SceneApi, name: str, contact: ScenarioContact, wxyz: Quaternion) -> None:
     """Add a node at a contact, to which the page gives the meshes of another node."""
     scene.add_frame(name, show_axes=False, position=contact.position_m, wxyz=wxyz)
 
 
-def turned(scenario: Scenario, direction: np.ndarray) -> np.ndarray:
+def rotate_to_walk(scenario: Scenario, direction: np.ndarray) -> np.ndarray:
     """Rotate a direction, given for a walk along x, to the direction of ``scenario``."""
-    c, s = way(scenario)
+    c, s = walk_direction(scenario)
     turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
     return np.asarray(turn @ direction)
 
 
-def way(scenario: Scenario) -> tuple[float, float]:
+def walk_direction(scenario: Scenario) -> tuple[float, float]:
     """Unit vector, seen from above, from the first contact to the last; along x if they are close."""
-    placed = [np.array(touch.contact.position_m) for touch in touches(scenario)]
+    placed = [np.array(touch.contact.position_m) for touch in placed_contacts(scenario)]
     along = (placed[-1] - placed[0])[:2] if placed else np.zeros(2)
     length = float(np.linalg.norm(along))
-    return (float(along[0]) / length, float(along[1]) / length) if length > APART_M else (1.0, 0.0)
+    return (float(along[0]) / length, float(along[1]) / length) if length > MIN_WALK_M else (1.0, 0.0)
 
 
-def hidden(scenario: Scenario, towards_camera: np.ndarray) -> bool:
+def is_hidden(scenario: Scenario, towards_camera: np.ndarray) -> bool:
     """Whether a box of the terrain, a wall, stands between the camera and the robot's hips over any foothold."""
-    feet = [t.contact.position_m for t in touches(scenario) if "foot" in t.effector]
+    feet = [t.contact.position_m for t in placed_contacts(scenario) if "foot" in t.effector]
     hips_m = np.array(feet).reshape(-1, 3) + np.array([0.0, 0.0, HIPS_M])
     return any(
-        _meets(box, hips_m, towards_camera)
+        _rays_hit(box, hips_m, towards_camera)
         for box in scenario.terrain
         if isinstance(box, BoxSurface) and not is_ground(box)
     )
 
 
-def _meets(box: BoxSurface, from_m: np.ndarray, direction: np.ndarray) -> bool:
+def _rays_hit(box: BoxSurface, from_m: np.ndarray, direction: np.ndarray) -> bool:
     """Whether a ray from one of the points ``(n, 3)`` hits the box (slab method)."""
     R, half = box_rotation(box), np.array(box.size_m) / 2
     start, along = (from_m - box.center_m) @ R, direction @ R
-    along = np.where(np.abs(along) < ALONG, ALONG, along)
+    along = np.where(np.abs(along) < MIN_RAY_COMPONENT, MIN_RAY_COMPONENT, along)
     ends = np.stack([(-half - start) / along, (half - start) / along])
     enters, leaves = ends.min(axis=0).max(axis=1), ends.max(axis=0).min(axis=1)
     return bool((np.maximum(enters, 0.0) < leaves).any())
@@ -152,10 +154,10 @@ def _meets(box: BoxSurface, from_m: np.ndarray, direction: np.ndarray) -> bool:
 
 def sights_m(scenario: Scenario, height_m: float = BODY_M[2]) -> np.ndarray:
     """Points ``(n, 3)`` that must be in view: ``height_m`` above every foothold, rails, and boxes nearby."""
-    places = np.array([touch.contact.position_m for touch in touches(scenario)]).reshape(-1, 3)
+    places = np.array([touch.contact.position_m for touch in placed_contacts(scenario)]).reshape(-1, 3)
     if not len(places):
         places = np.zeros((1, 3))
-    feet = [t.contact.position_m for t in touches(scenario) if "foot" in t.effector]
+    feet = [t.contact.position_m for t in placed_contacts(scenario) if "foot" in t.effector]
     standing = np.array(feet).reshape(-1, 3) if feet else places
     x, y, _ = BODY_M
     room = np.array([[sx * x, sy * y, h] for sx in (-1, 1) for sy in (-1, 1) for h in (0.0, height_m)])

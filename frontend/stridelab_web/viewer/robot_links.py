@@ -12,7 +12,7 @@ from stridelab_web.viewer.scene_parts import Colour
 
 PLAIN: Colour = (186, 196, 206)
 """Colour of links without one."""
-GRAINS_PER_M = 2.0**13
+GRID_PER_M = 2.0**13
 """Vertices lie on a grid of an eighth of a millimetre, too fine to be seen; compressed, TALOS is a third smaller."""
 DARKEST, LIGHTEST = 84, 216
 """Levels of black and white: darker bodies lose their shape, lighter ones merge with the background."""
@@ -28,7 +28,7 @@ def read_links(glb: bytes) -> dict[str, trimesh.Trimesh]:
         T_world_node, geometry = loaded.graph[name]
         source = loaded.geometry[geometry]
         # Made anew: a copy of a mesh with a material loses the colours of its vertices.
-        mesh = trimesh.Trimesh(source.vertices, source.faces, vertex_colors=_colours(source), process=False)
+        mesh = trimesh.Trimesh(source.vertices, source.faces, vertex_colors=_vertex_colours(source), process=False)
         mesh.apply_transform(T_world_node)
         links[name] = mesh
     return links
@@ -47,7 +47,7 @@ def add_robot(
         if mesh is None or not len(mesh.faces):
             made[link] = scene.add_frame(f"/robot/{link}", show_axes=False)
             continue
-        for k, (vertices, faces, colour) in enumerate(pieces(mesh)):
+        for k, (vertices, faces, colour) in enumerate(colour_parts(mesh)):
             piece = scene.add_mesh_simple(
                 f"/robot/{link}/{k}" if k else f"/robot/{link}",
                 vertices,
@@ -61,7 +61,7 @@ def add_robot(
     return made
 
 
-def pieces(mesh: trimesh.Trimesh) -> list[tuple[np.ndarray, np.ndarray, Colour]]:
+def colour_parts(mesh: trimesh.Trimesh) -> list[tuple[np.ndarray, np.ndarray, Colour]]:
     """Vertices, faces and colour of the single-coloured parts of a mesh, the largest first."""
     visual: Any = mesh.visual
     own = np.asarray(visual.vertex_colors)[mesh.faces[:, 0], :3]
@@ -70,18 +70,18 @@ def pieces(mesh: trimesh.Trimesh) -> list[tuple[np.ndarray, np.ndarray, Colour]]
     for k in np.argsort(-count):
         faces = np.asarray(mesh.faces)[of_face.reshape(-1) == k]
         used, renumbered = np.unique(faces, return_inverse=True)
-        vertices = (np.round(mesh.vertices[used] * GRAINS_PER_M) / GRAINS_PER_M).astype(np.float32)
-        parts.append((vertices, renumbered.reshape(-1, 3).astype(np.uint32), shade(colours[k])))
+        vertices = (np.round(mesh.vertices[used] * GRID_PER_M) / GRID_PER_M).astype(np.float32)
+        parts.append((vertices, renumbered.reshape(-1, 3).astype(np.uint32), limit_levels(colours[k])))
     return parts
 
 
-def shade(colour: np.ndarray) -> Colour:
+def limit_levels(colour: np.ndarray) -> Colour:
     """The colour ``(3,)``, scaled to the range of drawn levels."""
     red, green, blue = np.round(DARKEST + (LIGHTEST - DARKEST) * (colour / 255)).astype(int)
     return int(red), int(green), int(blue)
 
 
-def _colours(mesh: trimesh.Trimesh) -> np.ndarray:
+def _vertex_colours(mesh: trimesh.Trimesh) -> np.ndarray:
     """Colours of the vertices ``(n, 3)`` in sRGB; a GLB has linear ones."""
     visual: Any = mesh.visual
     written = getattr(visual, "vertex_attributes", {}).get("color")

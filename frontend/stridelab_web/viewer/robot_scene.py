@@ -14,7 +14,7 @@ from stridelab.schemas.reachability import EffectorReach, RobotReachability
 from stridelab.schemas.robots import RobotFacts
 from stridelab_web.viewer import meshes
 from stridelab_web.viewer.robot_links import add_robot
-from stridelab_web.viewer.scene_parts import NARROW, Colour, add_floor, add_mesh, place_camera, prepare
+from stridelab_web.viewer.scene_parts import NARROW, Colour, add_floor, add_mesh, place_camera, prepare_scene
 
 AMBIENT = 1.1
 LEVELS: Final[Mapping[float, tuple[Colour, float]]] = {
@@ -32,7 +32,7 @@ WIDE_SHARE, TALL_SHARE = 0.95, 2.05
 TOWARDS = np.array([0.95, -1.0, 0.42])
 
 
-def build(
+def build_robot_scene(
     server: viser.ViserServer,
     facts: RobotFacts,
     meshes: Mapping[str, trimesh.Trimesh],
@@ -40,7 +40,7 @@ def build(
 ) -> None:
     """Put a robot into an empty server, with the densities of each measure."""
     scene = server.scene
-    prepare(scene, AMBIENT)
+    prepare_scene(scene, AMBIENT)
     add_floor(scene, 12.0)
     poses = dict(zip(facts.links, facts.link_poses, strict=True))
     scene.add_frame("/robot", show_axes=False)
@@ -48,30 +48,30 @@ def build(
         handle.position, handle.wxyz = poses[link][:3], poses[link][3:]
     for learned in reach:
         for density in learned.effectors:
-            _add_reach(scene, node(learned.measure, density.card.effector), density)
+            _add_reach(scene, density_node(learned.measure, density.card.effector), density)
     wide, tall = WIDE_SHARE * facts.com_height_m, TALL_SHARE * facts.com_height_m
     corners = np.array([[x, y, z] for x in (-wide, wide) for y in (-wide, wide) for z in (0.0, tall)])
     place_camera(server, corners, TOWARDS, NARROW)
 
 
-def node(measure: str, effector: str) -> str:
+def density_node(measure: str, effector: str) -> str:
     """The node of a density's frame; below it are ``cloud``, ``mode`` and the surfaces ``50``, ``80`` and ``95``."""
     return f"/reach/{measure}/{effector}"
 
 
-def _add_reach(scene: viser.SceneApi, name: str, found: EffectorReach) -> None:
-    pose = found.reference_pose
+def _add_reach(scene: viser.SceneApi, name: str, density: EffectorReach) -> None:
+    pose = density.reference_pose
     scene.add_frame(name, axes_length=AXES_M, axes_radius=AXIS_RADIUS_M, position=pose[:3], wxyz=pose[3:])
     scene.add_point_cloud(
         f"{name}/cloud",
-        np.array(found.com_m, dtype=np.float32).reshape(-1, 3),
+        np.array(density.com_m, dtype=np.float32).reshape(-1, 3),
         colors=CLOUD,
         point_size=POINT_M,
         point_shape="circle",
     )
     mode = add_mesh(scene, f"{name}/mode", meshes.ball(MODE_RADIUS_M), MODE, side="front")
-    mode.position = found.card.mode_m
-    for level in found.level_sets:
+    mode.position = density.card.mode_m
+    for level in density.level_sets:
         colour, opacity = LEVELS[level.mass]
         mesh = np.array(level.vertices_m, dtype=np.float32), np.array(level.triangles, dtype=np.uint32)
         add_mesh(scene, f"{name}/{100 * level.mass:.0f}", mesh, colour, opacity, side="front")

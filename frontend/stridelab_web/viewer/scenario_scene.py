@@ -17,15 +17,15 @@ import viser
 
 from stridelab.client import ClientError, ProblemError
 from stridelab.schemas.scenarios import Scenario, StoredScenario
-from stridelab_web.scene.contacts import HalfSizes, Touch, moved, touches
+from stridelab_web.scene.contacts import HalfSizes, PlacedContact, move_contact, placed_contacts
 from stridelab_web.scene.documents import KEY_HEADER, REFUSAL_HEADER
 from stridelab_web.viewer.access_guard import header_of
-from stridelab_web.viewer.contact_markers import add_mark, place
+from stridelab_web.viewer.contact_markers import add_mark, place_mark
 from stridelab_web.viewer.foothold_constraints import Guide, guide_of
-from stridelab_web.viewer.initial_posture import Posed, add_standing, first_place, stand
-from stridelab_web.viewer.overlays import add_live, add_support
-from stridelab_web.viewer.plan_scene import AMBIENT, BODY_M, sights_m, turned, way
-from stridelab_web.viewer.scene_parts import NARROW, place_camera, prepare
+from stridelab_web.viewer.initial_posture import Posed, add_standing, initial_pose, place_robot
+from stridelab_web.viewer.overlays import add_live_paths, add_support_region
+from stridelab_web.viewer.plan_scene import AMBIENT, BODY_M, rotate_to_walk, sights_m, walk_direction
+from stridelab_web.viewer.scene_parts import NARROW, place_camera, prepare_scene
 from stridelab_web.viewer.terrain import add_terrain
 
 TURN = "/turn"
@@ -34,7 +34,7 @@ REAR = np.array([-0.42, 1.0, 0.75])
 HEADROOM_M = 0.4
 MOVED_M = 1e-4
 """A drag that ends closer to where it began changes nothing."""
-Put = Callable[[str, Scenario, StoredScenario, str], StoredScenario]
+StoreScenario = Callable[[str, Scenario, StoredScenario, str], StoredScenario]
 """Stores a scenario by its id if it is unchanged since the given version, for the user with this key."""
 NOT_KNOWN = "The viewer does not know who you are. Reload the page."
 
@@ -47,7 +47,7 @@ class Grip:
     """
 
     stored: StoredScenario
-    touch: Touch
+    touch: PlacedContact
     guide: Guide
     offset_m: np.ndarray
     key: str
@@ -57,96 +57,98 @@ class ScenarioScene:
     """A scenario in a server; it is updated without being built again."""
 
     def __init__(
-        self, server: viser.ViserServer, stored: StoredScenario, sizes: HalfSizes, put: Put, posed: Posed
+        self, server: viser.ViserServer, stored: StoredScenario, sizes: HalfSizes, put: StoreScenario, posed: Posed
     ) -> None:
         self._stored, self._sizes, self._put = stored, sizes, put
         self._lock = threading.Lock()
         self._attempts = 0
         self._grips: dict[int, Grip] = {}
         self._server = server
-        self.said = ""
+        self.refusal = ""
         scene = server.scene
-        prepare(scene, AMBIENT)
+        prepare_scene(scene, AMBIENT)
         add_terrain(scene, stored)
         self._scene = scene
         self._marks: dict[int, viser.MeshHandle] = {}
         self._effectors: dict[int, str] = {}
-        add_support(scene)
-        add_live(scene)
+        add_support_region(scene)
+        add_live_paths(scene)
         self._turn = scene.add_frame(TURN, show_axes=False)
         self._robot = add_standing(scene, posed)
-        self._show(stored)
-        place_camera(server, self._sights_m(), turned(stored, REAR * [1, _open_side(stored), 1]), NARROW)
+        self._show_scenario(stored)
+        place_camera(server, self._sights_m(), rotate_to_walk(stored, REAR * [1, _open_side(stored), 1]), NARROW)
 
-    def follow(self, stored: StoredScenario) -> bool:
+    def show_source(self, stored: StoredScenario) -> bool:
         """Show ``stored`` instead; False if robot or terrain differ."""
         with self._lock:
-            if _around(stored) != _around(self._stored):
+            if _static_fields(stored) != _static_fields(self._stored):
                 return False
             if stored != self._stored:
-                self._show(stored)
-                self._tell()
+                self._show_scenario(stored)
+                self._notify_pages()
         return True
 
     def _drag_of(
         self, number: int
     ) -> Callable[[viser.SceneNodeDragEvent[viser.MeshHandle]], Coroutine[Any, Any, None]]:
         # Only coroutines see start, updates and end in their order; what takes long is left to a thread.
-        async def drag(event: viser.SceneNodeDragEvent[viser.MeshHandle]) -> None:
+        async def on_drag(event: viser.SceneNodeDragEvent[viser.MeshHandle]) -> None:
             eye = np.array(event.client.camera.position)
             if event.phase == "start":
-                self._take(event.client_id, number, eye, np.array(event.start_position))
+                self._start_drag(event.client_id, number, eye, np.array(event.start_position))
             grip = self._grips.get(event.client_id)
             if grip is None:
                 return
             if number not in self._marks:  # somebody else has taken it away
                 del self._grips[event.client_id]
                 return
-            to = self._slide(grip, eye, np.array(event.end_position))
+            to = self._drag_target(grip, eye, np.array(event.end_position))
             if to is not None:
                 self._marks[number].position = tuple(to)
             if event.phase == "end":
                 del self._grips[event.client_id]
-                await asyncio.to_thread(self.store, grip, np.array(self._marks[number].position))
+                await asyncio.to_thread(self.store_move, grip, np.array(self._marks[number].position))
 
-        return drag
+        return on_drag
 
-    def _take(self, client_id: int, number: int, eye_m: np.ndarray, held_m: np.ndarray) -> None:
+    def _start_drag(self, client_id: int, number: int, eye_m: np.ndarray, held_m: np.ndarray) -> None:
         stored = self._stored
         key = header_of(self._server, client_id, KEY_HEADER)
         if key is None:
             with self._lock:
-                self.said = header_of(self._server, client_id, REFUSAL_HEADER) or NOT_KNOWN
-                self._tell()
+                self.refusal = header_of(self._server, client_id, REFUSAL_HEADER) or NOT_KNOWN
+                self._notify_pages()
             return
-        touch = touches(stored)[number - 1]
+        touch = placed_contacts(stored)[number - 1]
         guide = guide_of(stored, touch)
-        hit = None if guide is None else guide.meet(eye_m, held_m)
+        hit = None if guide is None else guide.ray_intersection(eye_m, held_m)
         if guide is not None and hit is not None:
             self._grips[client_id] = Grip(stored, touch, guide, np.array(touch.contact.position_m) - hit, key)
 
-    def _slide(self, grip: Grip, eye_m: np.ndarray, pointer_m: np.ndarray) -> np.ndarray | None:
+    def _drag_target(self, grip: Grip, eye_m: np.ndarray, pointer_m: np.ndarray) -> np.ndarray | None:
         """Position of the dragged contact for a pointer at ``pointer_m``; None if the ray misses the surface."""
-        hit = grip.guide.meet(eye_m, pointer_m)
+        hit = grip.guide.ray_intersection(eye_m, pointer_m)
         half_m = self._sizes.get(grip.touch.effector, (0.0, 0.0))
         here = np.array(self._marks[grip.touch.number].position)
-        return None if hit is None else grip.guide.keep(grip.touch, half_m, here, hit + grip.offset_m)
+        return None if hit is None else grip.guide.constrain_position(grip.touch, half_m, here, hit + grip.offset_m)
 
-    def store(self, grip: Grip, position_m: np.ndarray) -> None:
+    def store_move(self, grip: Grip, position_m: np.ndarray) -> None:
         """Store the dragged contact at ``position_m``, or restore its mark and record the service's message."""
         with self._lock:
-            self.said = ""
+            self.refusal = ""
             if float(np.linalg.norm(position_m - grip.touch.contact.position_m)) > MOVED_M:
                 try:
                     to_m = [round(float(x), 4) for x in position_m]
-                    stored = self._put(grip.stored.id, moved(grip.stored, grip.touch, to_m), grip.stored, grip.key)
+                    stored = self._put(
+                        grip.stored.id, move_contact(grip.stored, grip.touch, to_m), grip.stored, grip.key
+                    )
                 except ClientError as refusal:
-                    self.said = sentence(refusal)
+                    self.refusal = refusal_text(refusal)
                     stored = self._stored
-                self._show(stored)
-            self._tell()
+                self._show_scenario(stored)
+            self._notify_pages()
 
-    def _tell(self) -> None:
+    def _notify_pages(self) -> None:
         """Notify the pages that show the scene to reload it."""
         self._attempts += 1
         self._turn.position = (float(self._attempts), 0.0, 0.0)
@@ -154,27 +156,27 @@ class ScenarioScene:
     def _sights_m(self) -> np.ndarray:
         """Points ``(n, 3)`` that must be in view: the contacts, and the robot at the start."""
         walk_m = sights_m(self._stored, HEADROOM_M)
-        begin = first_place(self._stored, self._sizes)
+        begin = initial_pose(self._stored, self._sizes)
         if begin is None:
             return walk_m
         x, y, height = BODY_M
         room = np.array([[sx * x, sy * y, height] for sx in (-1, 1) for sy in (-1, 1)]) / [2, 2, 1]
         return np.concatenate([walk_m, begin.position_m + room])
 
-    def _show(self, stored: StoredScenario) -> None:
+    def _show_scenario(self, stored: StoredScenario) -> None:
         self._stored = stored
-        stand(self._robot, first_place(stored, self._sizes))
-        placed = touches(stored)
+        place_robot(self._robot, initial_pose(stored, self._sizes))
+        placed = placed_contacts(stored)
         for number in range(len(placed) + 1, len(self._marks) + 1):
             self._marks.pop(number).remove()
             del self._effectors[number]
         for touch in placed:
             if self._effectors.get(touch.number) == touch.effector:
-                place(self._marks[touch.number], touch)
+                place_mark(self._marks[touch.number], touch)
             else:
-                self._add(touch)
+                self._add_mark(touch)
 
-    def _add(self, touch: Touch) -> None:
+    def _add_mark(self, touch: PlacedContact) -> None:
         """Add a mark for a new contact, or for one of another effector."""
         mark = add_mark(self._scene, touch, self._sizes, touching=False)
         if not self._stored.bundled:
@@ -182,7 +184,7 @@ class ScenarioScene:
         self._marks[touch.number], self._effectors[touch.number] = mark, touch.effector
 
 
-def sentence(refusal: ClientError) -> str:
+def refusal_text(refusal: ClientError) -> str:
     """Message of a refusal; the same sentence as in static/js/shared/api.js."""
     if not isinstance(refusal, ProblemError):
         return "The service does not answer. Is it still running?"
@@ -191,13 +193,13 @@ def sentence(refusal: ClientError) -> str:
 
 def _open_side(scenario: Scenario) -> float:
     """1 for the left of the walk, -1 for its right: the side without hands, and so without rails, in view."""
-    c, s = way(scenario)
-    placed = [(np.array(t.contact.position_m), "hand" in t.effector) for t in touches(scenario)]
+    c, s = walk_direction(scenario)
+    placed = [(np.array(t.contact.position_m), "hand" in t.effector) for t in placed_contacts(scenario)]
     hands = [c * p[1] - s * p[0] for p, hand in placed if hand]
     feet = [c * p[1] - s * p[0] for p, hand in placed if not hand]
     return 1.0 if hands and feet and np.mean(hands) < np.mean(feet) else -1.0
 
 
-def _around(scenario: StoredScenario) -> object:
+def _static_fields(scenario: StoredScenario) -> object:
     """The fields of a scenario whose change requires a new scene."""
     return scenario.id, scenario.bundled, scenario.robot, scenario.terrain

@@ -15,11 +15,11 @@ from stridelab.client import Client, ProblemError
 from stridelab.schemas.reachability import RobotReachability
 from stridelab.schemas.robots import Measure, RobotFacts
 from stridelab.schemas.scenarios import Scenario, StoredScenario
-from stridelab_web.config import NO_KEY_NEEDED
+from stridelab_web.config import ANONYMOUS_KEY
 from stridelab_web.scene.contacts import HalfSizes, half_sizes
 from stridelab_web.scene.documents import Document, DocumentKind
 from stridelab_web.scene.frames import Frames
-from stridelab_web.scene.result_files import frames_of, needed, read_cones, read_plan, shown_in_scene
+from stridelab_web.scene.result_files import frames_of, needed_files, read_cones, read_plan, shown_in_scene
 from stridelab_web.viewer import gait_scene, plan_scene, robot_scene, viser_recording
 from stridelab_web.viewer.initial_posture import Posed
 from stridelab_web.viewer.robot_links import read_links
@@ -32,9 +32,9 @@ NOT_LEARNED: Final = frozenset({"reachability-not-learned", "reachability-of-ano
 class Live(Protocol):
     """A scene that can be updated, with the reason why the last change from within it was refused, or empty."""
 
-    said: str
+    refusal: str
 
-    def follow(self, source: Any) -> bool:
+    def show_source(self, source: Any) -> bool:
         """Show ``source``; False if the scene must be built again."""
         ...
 
@@ -51,29 +51,29 @@ class Kind:
     record: Callable[[viser.ViserServer, Document, Any], StateSerializer] | None = None
 
 
-def kinds(client: Client, acting: Callable[[str | None], Client]) -> Mapping[DocumentKind, Kind]:
+def document_kinds(client: Client, acting: Callable[[str | None], Client]) -> Mapping[DocumentKind, Kind]:
     """All kinds of documents, read through ``client``.
 
     Changes are stored through the client that ``acting`` creates for the key of the user, or without a key.
     """
 
-    def put(scenario_id: str, body: Scenario, known: StoredScenario, key: str) -> StoredScenario:
-        with acting(None if key == NO_KEY_NEEDED else key) as user_client:
-            return user_client.put_scenario(scenario_id, body, known)
+    def store_scenario(scenario_id: str, body: Scenario, stored: StoredScenario, key: str) -> StoredScenario:
+        with acting(None if key == ANONYMOUS_KEY else key) as user_client:
+            return user_client.put_scenario(scenario_id, body, stored)
 
     @lru_cache(maxsize=4)
-    def robot(name: str) -> RobotFacts:
+    def robot_facts(name: str) -> RobotFacts:
         return client.robot(name)
 
-    def sizes(name: str) -> HalfSizes:
-        return half_sizes(robot(name).effectors)
+    def patch_sizes(name: str) -> HalfSizes:
+        return half_sizes(robot_facts(name).effectors)
 
     @lru_cache(maxsize=4)
-    def links(name: str) -> dict[str, trimesh.Trimesh]:
+    def link_meshes(name: str) -> dict[str, trimesh.Trimesh]:
         with tempfile.TemporaryDirectory(prefix="stridelab-") as folder:
             return read_links(client.robot_links(name, Path(folder) / "links.glb").read_bytes())
 
-    def reach(name: str, measure: Measure | None) -> RobotReachability | None:
+    def densities_or_none(name: str, measure: Measure | None) -> RobotReachability | None:
         try:
             return client.robot_reachability(name, measure)
         except ProblemError as refusal:
@@ -82,28 +82,30 @@ def kinds(client: Client, acting: Callable[[str | None], Client]) -> Mapping[Doc
             raise
 
     def build_recording(server: viser.ViserServer, document: Document, recording: Any) -> None:
-        gait_scene.build(server, recording, _recording_frames(client, document, recording))
+        gait_scene.build_gait_scene(server, recording, _recording_frames(client, document, recording))
 
     def record_recording(server: viser.ViserServer, document: Document, recording: Any) -> StateSerializer:
         frames = _recording_frames(client, document, recording)
-        gait_scene.build(server, recording, frames)
-        return viser_recording.record(server, frames)
+        gait_scene.build_gait_scene(server, recording, frames)
+        return viser_recording.record_frames(server, frames)
 
     def build_plan(server: viser.ViserServer, document: Document, result: Any) -> None:
-        files = {name: client.read_artifact(document.id, name) for name in needed(result)}
+        files = {name: client.read_artifact(document.id, name) for name in needed_files(result)}
         scenario, frames = read_plan(files)
-        meshes = links(scenario.robot) if frames.bodies else {}
-        seen = reach(scenario.robot, result.input.get("measure"))
-        plan_scene.build(server, scenario, sizes(scenario.robot), frames, read_cones(files), meshes, seen)
+        meshes = link_meshes(scenario.robot) if frames.bodies else {}
+        seen = densities_or_none(scenario.robot, result.input.get("measure"))
+        plan_scene.build_plan_scene(
+            server, scenario, patch_sizes(scenario.robot), frames, read_cones(files), meshes, seen
+        )
 
     def build_scenario(server: viser.ViserServer, _: Document, stored: Any) -> Live:
-        facts = robot(stored.robot)
-        posed = Posed(dict(zip(facts.links, facts.link_poses, strict=True)), links(stored.robot))
-        return ScenarioScene(server, stored, sizes(stored.robot), put, posed)
+        facts = robot_facts(stored.robot)
+        posed = Posed(dict(zip(facts.links, facts.link_poses, strict=True)), link_meshes(stored.robot))
+        return ScenarioScene(server, stored, patch_sizes(stored.robot), store_scenario, posed)
 
     def build_robot(server: viser.ViserServer, _: Document, facts: Any) -> None:
         reach = [client.robot_reachability(facts.name, measure) for measure in facts.measures]
-        robot_scene.build(server, facts, links(facts.name), reach)
+        robot_scene.build_robot_scene(server, facts, link_meshes(facts.name), reach)
 
     return {
         "recording": Kind(lambda document: client.recording(document.id), build_recording, record_recording),

@@ -15,7 +15,7 @@ SCENE_MB: Final = 12
 """Memory counted per scene: that of the largest measured scene, with the buffers of a connected browser."""
 MEMORY_SHARE: Final = 0.1
 """Share of the memory that scenes may take."""
-LEAST, MOST = 8, 200
+MIN_SCENES, MAX_SCENES = 8, 200
 USER_SCENES: Final = 16
 FILES_PER_SCENE: Final = 6
 """Four of its server, and two watchers on average."""
@@ -67,7 +67,7 @@ def scenes_that_fit(memory: float, files: int) -> int:
     """Number of scenes for ``memory`` bytes and ``files`` open files, within fixed bounds."""
     by_memory = int(MEMORY_SHARE * memory / (SCENE_MB << 20))
     by_files = (files - OTHER_FILES) // FILES_PER_SCENE
-    return max(LEAST, min(MOST, by_memory, by_files))
+    return max(MIN_SCENES, min(MAX_SCENES, by_memory, by_files))
 
 
 def memory_bytes(groups: Path = _GROUPS, own: Path = _OWN) -> int:
@@ -88,22 +88,22 @@ def open_files() -> int:
 
 def _group_limits(groups: Path, own: Path) -> Iterator[int]:
     """``memory.max`` of the process's group and of those above it; of version 1, ``memory.limit_in_bytes``."""
-    for line in _text(own).splitlines():
+    for line in _read_text(own).splitlines():
         _, _, rest = line.partition(":")
         controllers, _, name = rest.partition(":")
         parts = [part for part in name.split("/") if part not in {"", ".."}]
         for depth in range(len(parts) + 1):
             if not controllers:
-                text = _text(groups.joinpath(*parts[:depth]) / "memory.max")
+                text = _read_text(groups.joinpath(*parts[:depth]) / "memory.max")
             elif "memory" in controllers.split(","):
-                text = _text((groups / "memory").joinpath(*parts[:depth]) / "memory.limit_in_bytes")
+                text = _read_text((groups / "memory").joinpath(*parts[:depth]) / "memory.limit_in_bytes")
             else:
                 continue
             if text.strip().isdecimal():
                 yield int(text)
 
 
-def _text(file: Path) -> str:
+def _read_text(file: Path) -> str:
     try:
         return file.read_text(encoding="ascii")
     except (OSError, UnicodeDecodeError):

@@ -15,11 +15,11 @@ FOV_RAD = 0.7
 WIDE, NARROW = 1.6, 1.25
 """Width over height of the picture above a timeline, and beside a panel; a wider one shows more."""
 MARGIN = 1.06
-THINNER = 20
+PATH_TOLERANCE_DIVISOR = 20
 """A path is drawn through as many of its points as keep it within this part of its thickness."""
 
 
-def prepare(scene: viser.SceneApi, ambient: float = 2.2) -> None:
+def prepare_scene(scene: viser.SceneApi, ambient: float = 2.2) -> None:
     """Light without shadows, z up; thin objects need more ``ambient`` light than bodies."""
     scene.set_up_direction("+z")
     # Without a graphics card an environment map costs a hundredfold (0.4 instead of 36 images per second for fifty
@@ -68,24 +68,24 @@ def add_path(scene: viser.SceneApi, name: str, path_m: np.ndarray | None, colour
     """Add a thin tube along ``path_m`` ``(n, 3)``, interrupted at NaN; does nothing without a path."""
     if path_m is None:
         return
-    slices = _runs(np.isfinite(path_m).all(axis=1))
+    slices = _true_runs(np.isfinite(path_m).all(axis=1))
     runs = [path_m[part] for part in slices if part.stop - part.start > 1]
-    pieces = [meshes.tube(run[meshes.corners(run, radius_m / THINNER)], radius_m) for run in runs]
+    pieces = [meshes.tube(run[meshes.simplify_path(run, radius_m / PATH_TOLERANCE_DIVISOR)], radius_m) for run in runs]
     if pieces:
-        add_mesh(scene, name, meshes.together(pieces), colour, side="front")
+        add_mesh(scene, name, meshes.merge_meshes(pieces), colour, side="front")
 
 
 def place_camera(
     server: viser.ViserServer, corners_m: np.ndarray, towards_camera: np.ndarray, aspect: float = WIDE
 ) -> None:
     """Look at ``corners_m`` ``(n, 3)`` from a direction, at a distance at which all of them are in view."""
-    look_at, position = camera(corners_m, towards_camera, aspect)
+    look_at, position = camera_pose(corners_m, towards_camera, aspect)
     server.initial_camera.fov = FOV_RAD
     server.initial_camera.look_at = tuple(look_at)
     server.initial_camera.position = tuple(position)
 
 
-def camera(corners_m: np.ndarray, towards_camera: np.ndarray, aspect: float) -> tuple[np.ndarray, np.ndarray]:
+def camera_pose(corners_m: np.ndarray, towards_camera: np.ndarray, aspect: float) -> tuple[np.ndarray, np.ndarray]:
     """Target and position: a point at ``d`` in front of the middle is in view from ``|across| / tan - d`` on."""
     back = towards_camera / np.linalg.norm(towards_camera)
     right = np.cross([0.0, 0.0, 1.0], back)
@@ -105,7 +105,7 @@ def camera(corners_m: np.ndarray, towards_camera: np.ndarray, aspect: float) -> 
     return middle, middle + reach * back
 
 
-def _runs(there: np.ndarray) -> list[slice]:
+def _true_runs(mask: np.ndarray) -> list[slice]:
     """Slices of consecutive true samples."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], there, [False])).astype(int)))
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], mask, [False])).astype(int)))
     return [slice(int(start), int(stop)) for start, stop in zip(edges[::2], edges[1::2], strict=True)]

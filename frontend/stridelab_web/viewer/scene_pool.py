@@ -21,7 +21,7 @@ COMING_S = 30.0
 """Time for which a requested scene waits for its browser before it counts as idle."""
 CONNECTING_S = 2.0
 """Time for which viser may not list an accepted browser yet."""
-TURNS = 16
+LOCK_COUNT = 16
 
 
 @dataclass
@@ -32,15 +32,15 @@ class Visitors:
     users: set[str] = field(default_factory=set)
     coming_until_s: dict[str, float] = field(default_factory=dict)
 
-    def asked(self, user: str) -> None:
+    def expect_browser(self, user: str) -> None:
         """A browser of ``user`` is about to connect."""
         self.coming_until_s[user] = self.clock() + COMING_S
 
-    def came(self, user: str) -> None:
+    def browser_accepted(self, user: str) -> None:
         """A browser of ``user`` was accepted: shortly afterwards it counts as connected."""
         self.coming_until_s[user] = self.clock() + CONNECTING_S
 
-    def coming(self) -> set[str]:
+    def expected_users(self) -> set[str]:
         """Users whose browsers are about to connect."""
         now_s = self.clock()
         return {user for user, until_s in list(self.coming_until_s.items()) if now_s < until_s}
@@ -62,28 +62,28 @@ class OpenScene:
         return int(self.server.get_port())
 
     @property
-    def said(self) -> str:
+    def refusal(self) -> str:
         """Why the last change from within the scene was refused; else empty."""
-        return self.live.said if self.live is not None else ""
+        return self.live.refusal if self.live is not None else ""
 
-    def shows(self, source: Any) -> bool:
+    def shows_source(self, source: Any) -> bool:
         """Whether the scene shows ``source``; live scenes are updated first."""
-        return self.source == source if self.live is None else self.live.follow(source)
+        return self.source == source if self.live is None else self.live.show_source(source)
 
-    def asked(self, user: str) -> None:
+    def opened_by(self, user: str) -> None:
         """``user`` opens the scene; unless connected, a browser of the user is expected."""
         self.used_at_s = self.visitors.clock()
         self.visitors.users.add(user)
         if user not in users_of(self.server):
-            self.visitors.asked(user)
+            self.visitors.expect_browser(user)
 
     @property
     def watchers(self) -> set[str]:
         """Users with a browser that is connected, or about to be."""
-        return {*users_of(self.server), *self.visitors.coming()}
+        return {*users_of(self.server), *self.visitors.expected_users()}
 
 
-class Library:
+class ScenePool:
     """Opens scenes on demand and closes idle ones."""
 
     def __init__(
@@ -96,7 +96,7 @@ class Library:
         self._limits = limits
         self._clock = clock
         self._lock = threading.Lock()
-        self._turns = tuple(threading.Lock() for _ in range(TURNS))
+        self._turns = tuple(threading.Lock() for _ in range(LOCK_COUNT))
         self._open: dict[Document, OpenScene] = {}
         self._built: dict[Document, str] = {}
         """Users of the scenes that are being built, which count towards the limits."""
@@ -105,7 +105,7 @@ class Library:
     def __len__(self) -> int:
         return len(self._open)
 
-    def open(self, document: Document, user: str = "") -> OpenScene:
+    def open_scene(self, document: Document, user: str = "") -> OpenScene:
         """The scene of ``document``, built if it is not open or cannot show what has changed since.
 
         ``user`` is the caller, empty without login. Raises ``ScenesInUse`` if a limit is reached and all scenes
@@ -118,18 +118,18 @@ class Library:
             with self._lock:
                 scene = self._open.get(document)
                 self._make_room(document, user, is_new=scene is None)
-                if scene is not None and not scene.shows(source):
-                    self._close(document)
+                if scene is not None and not scene.shows_source(source):
+                    self._close_scene(document)
                     scene = None
                 if scene is not None:
-                    scene.asked(user)
+                    scene.opened_by(user)
                     return scene
                 self._built[document] = user
             try:
-                scene = _build(kind, document, source, Visitors(self._clock))
+                scene = _build_scene(kind, document, source, Visitors(self._clock))
                 with self._lock:
                     self._open[document] = scene
-                    scene.asked(user)
+                    scene.opened_by(user)
             finally:
                 with self._lock:
                     del self._built[document]
@@ -148,14 +148,14 @@ class Library:
             scene = own.pop(oldest)
             scene.visitors.users.remove(user)
             if not scene.visitors.users and not scene.watchers:  # else it stays open for the others
-                self._close(oldest)
+                self._close_scene(oldest)
         while is_new and len(self._open) + len(self._built) >= self._limits.total:
             idle = [each for each, scene in self._open.items() if not scene.watchers]
             if not idle:
                 raise ScenesInUse("total", self._limits.total)
-            self._close(min(idle, key=lambda each: self._open[each].used_at_s))
+            self._close_scene(min(idle, key=lambda each: self._open[each].used_at_s))
 
-    def record(self, document: Document, form: PlayerForm) -> bytes:
+    def record_player(self, document: Document, form: PlayerForm) -> bytes:
         """The document as a file for viser's own player, made in a server of its own, one at a time.
 
         Raises ``KeyError`` for kinds without recordings, and the client's errors.
@@ -180,20 +180,20 @@ class Library:
                 if scene.watchers:
                     scene.used_at_s = now_s
                 elif now_s - scene.used_at_s > IDLE_S:
-                    self._close(document)
+                    self._close_scene(document)
 
-    def close(self) -> None:
+    def close_all(self) -> None:
         """Close everything."""
         with self._lock:
             for document in list(self._open):
-                self._close(document)
+                self._close_scene(document)
 
-    def _close(self, document: Document) -> None:
+    def _close_scene(self, document: Document) -> None:
         self._open.pop(document).server.stop()
 
 
-def _build(kind: Kind, document: Document, source: Any, visitors: Visitors) -> OpenScene:
-    server, secret = start_guarded_server(visitors.came)
+def _build_scene(kind: Kind, document: Document, source: Any, visitors: Visitors) -> OpenScene:
+    server, secret = start_guarded_server(visitors.browser_accepted)
     try:
         return OpenScene(server, secret, source, visitors, kind.build(server, document, source))
     except BaseException:

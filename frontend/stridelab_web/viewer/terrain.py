@@ -49,7 +49,7 @@ def faces_m(box: BoxSurface, others: Sequence[BoxSurface]) -> np.ndarray:
     hidden faces would be visible. Only boxes with parallel edges are considered.
     """
     R, half = box_rotation(box), np.array(box.size_m) / 2
-    spans = [span for other in others if (span := _span(box, other)) is not None]
+    spans = [span for other in others if (span := _span_in_frame(box, other)) is not None]
     faces = []
     for k, sign in itertools.product(range(3), (-1.0, 1.0)):
         rest, level = [(k + 1) % 3, (k + 2) % 3], sign * half[k]
@@ -76,7 +76,7 @@ def free_m(half_m: np.ndarray, holes: Sequence[Span]) -> np.ndarray:
     return np.array(rectangles).reshape(-1, 4, 2)
 
 
-def _span(box: BoxSurface, other: BoxSurface) -> Span | None:
+def _span_in_frame(box: BoxSurface, other: BoxSurface) -> Span | None:
     """``other`` in the frame of ``box``; None where their edges are not parallel."""
     R = box_rotation(box)
     turn = np.abs(R.T @ box_rotation(other))
@@ -111,7 +111,7 @@ def _add_box(scene: viser.SceneApi, name: str, box: BoxSurface, others: Sequence
     square = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]])
     outer = np.column_stack([square * np.maximum(half[:2] - RIM_FROM_M, 0.0), np.full(4, half[2] + LIFT_M)])
     inner = np.column_stack([square * np.maximum(half[:2] - RIM_M, 0.0), np.full(4, half[2] + LIFT_M)])
-    rim, rim_faces = meshes.between(outer, inner)
+    rim, rim_faces = meshes.band_between(outer, inner)
     add_mesh(scene, f"{name}/rim", ((np.array(box.center_m) + rim @ R.T).astype(np.float32), rim_faces), RIM)
 
 

@@ -212,7 +212,7 @@ def test_boxes_far_away_make_no_difference(seed: int, monkeypatch: pytest.Monkey
     scenario = stairs_with_rail()
     change(scenario)
     near = judged(deepcopy(scenario), lambda s: None)
-    monkeypatch.setattr(_Ground, "_near", lambda self, *_: list(range(len(self.boxes))))
+    monkeypatch.setattr(_Ground, "_nearby_boxes", lambda self, *_: list(range(len(self.boxes))))
     everything = judged(scenario, lambda s: None)
     assert faults(near) == faults(everything)
     assert near.margins == everything.margins

@@ -72,8 +72,8 @@ def test_missing_values_become_null_and_empty_columns_go() -> None:
 
 
 def test_long_recordings_are_thinned_evenly() -> None:
-    n = 5 * plotly.SAMPLES_AT_MOST + 1
+    n = 5 * plotly.MAX_SAMPLES + 1
     summary = {"mass_kg": 60.0, "window_s": (0.0, 1.0)}
     drawn = com_curves({"time_s": np.arange(n) / 100, "x_m": np.arange(n) * 1.0}, summary)["columns"]
-    assert len(drawn["time_s"]) <= plotly.SAMPLES_AT_MOST
+    assert len(drawn["time_s"]) <= plotly.MAX_SAMPLES
     assert drawn["x_m"][:3] == [0.0, 6.0, 12.0]

@@ -9,7 +9,7 @@ import pytest
 from starlette.routing import Route
 
 from stridelab.schemas.service import ShownSetting
-from stridelab_web.app import routes
+from stridelab_web.app import web_routes
 from stridelab_web.pages.home import SAMPLE_RECORDING, SAMPLE_SCENARIO
 from support.browser.every_page import every_page
 from support.fakes.service import FakeService
@@ -90,7 +90,7 @@ def test_every_page_is_documented() -> None:
     documented = set(re.findall(r"`(/[^`?]*)`", said))
     pages = {
         route.path
-        for route in routes()
+        for route in web_routes()
         if isinstance(route, Route) and "." not in route.path and not re.search("/scene/|^/static/", route.path)
     }
     assert documented == pages

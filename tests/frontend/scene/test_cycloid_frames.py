@@ -59,7 +59,7 @@ def test_the_spoke_of_the_turned_wheel_points_at_the_point(frames: Frames) -> No
 def test_the_wheel_does_not_slip_on_its_line(frames: Frames) -> None:
     """The lowest point of the rim is the instantaneous centre: the hub goes ahead by R times the turn."""
     (hoop,) = frames.hoops
-    ground = frames.track(cycloid_frames.GROUND)
+    ground = frames.track_m(cycloid_frames.GROUND)
     assert ground is not None
     for k, (R, _, z0, *_) in enumerate(WHEELS):
         rows = frames.values[inside(k)].astype(float)
@@ -76,20 +76,20 @@ def test_between_steps_there_is_no_wheel(frames: Frames) -> None:
     rolling = np.isfinite(frames.values[:, hoop.at])
     np.testing.assert_array_equal(rolling, inside(0) | inside(1))
     for name in (cycloid_frames.TRACE, cycloid_frames.GROUND, cycloid_frames.HUB_PATH):
-        track = frames.track(name)
+        track = frames.track_m(name)
         assert track is not None
         np.testing.assert_array_equal(np.isfinite(track).all(axis=1), rolling)
 
 
 def test_without_its_own_table_the_centre_of_mass_is_that_of_the_wheel(frames: Frames, fake: FakeService) -> None:
-    path = frames.track(com_frames.PATH)
+    path = frames.track_m(com_frames.PATH)
     assert path is not None
     own = samples(0)
     assert np.abs(path[inside(0)] - np.column_stack([own["x_m"], own["y_m"], own["z_m"]])).max() < 1e-6
     with_com = build_frames(
         fake.add_recording(), read_columns(fake.tracks), read_columns(fake.com), read_columns(fake.wheel)
     )
-    other = with_com.track(com_frames.PATH)
+    other = with_com.track_m(com_frames.PATH)
     assert other is not None
     assert np.isfinite(other).all(axis=1).sum() > np.isfinite(path).all(axis=1).sum()
 
@@ -106,9 +106,9 @@ def test_steps_that_do_not_touch_are_not_joined() -> None:
 @pytest.mark.parametrize("heading", [0.3, -2.0, np.pi])
 def test_the_wheel_faces_where_the_walk_goes(heading: float) -> None:
     ahead = np.array([np.cos(heading), np.sin(heading), 0.0])
-    (q,) = cycloid_frames.turned(ahead, np.zeros(1))
+    (q,) = cycloid_frames.wheel_quaternions(ahead, np.zeros(1))
     assert np.allclose(rotated(q, np.array([1.0, 0.0, 0.0])), ahead)
-    (q,) = cycloid_frames.turned(ahead, np.array([np.pi / 2]))
+    (q,) = cycloid_frames.wheel_quaternions(ahead, np.array([np.pi / 2]))
     assert np.allclose(rotated(q, np.array([0.0, 0.0, -1.0])), -ahead), "rolling ahead, the lowest point goes back"
 
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from stridelab.schemas.scenarios import Scenario, ScenarioContact, ScenarioPhase
-from stridelab_web.scene.contacts import touches
-from stridelab_web.scene.density_nodes import headings_rad, reach_places, surfaces
+from stridelab_web.scene.contacts import placed_contacts
+from stridelab_web.scene.density_nodes import headings_rad, reach_places, shown_level_sets
 from support.fakes import reachability, robots
 
 
@@ -53,7 +53,7 @@ def test_a_foot_has_one_place_per_touch_and_a_hand_one_per_phase() -> None:
 
 def test_places_are_there_as_long_as_their_contacts() -> None:
     scenario = robots.scenario()
-    held_s = {touch.number: touch.end_s - touch.start_s for touch in touches(scenario)}
+    held_s = {touch.number: touch.end_s - touch.start_s for touch in placed_contacts(scenario)}
     shown_s = dict.fromkeys(held_s, 0.0)
     for place in reach_places(scenario):
         shown_s[int(place.name.split("/")[2])] += place.end_s - place.start_s
@@ -62,13 +62,15 @@ def test_places_are_there_as_long_as_their_contacts() -> None:
 
 def test_a_density_in_the_heading_frame_turns_with_the_soles_only() -> None:
     last = reach_places(TURNING)[4]
-    upright, tilted = (surfaces(reachability.reach(each))["right_hand"][0] for each in ("conditioned", "uniform"))
-    assert last.wxyz(upright) == pytest.approx((math.cos(0.15), 0, 0, math.sin(0.15)))
-    assert last.wxyz(tilted) == RAIL.orientation_wxyz
+    upright, tilted = (
+        shown_level_sets(reachability.reach(each))["right_hand"][0] for each in ("conditioned", "uniform")
+    )
+    assert last.orientation_wxyz(upright) == pytest.approx((math.cos(0.15), 0, 0, math.sin(0.15)))
+    assert last.orientation_wxyz(tilted) == RAIL.orientation_wxyz
 
 
 def test_the_level_set_of_four_fifths_is_shown() -> None:
-    found, level = surfaces(reachability.reach("uniform"))["left_foot"]
+    found, level = shown_level_sets(reachability.reach("uniform"))["left_foot"]
     assert (found.card.effector, level.mass) == ("left_foot", 0.8)
     assert np.ptp(np.array(level.vertices_m), axis=0) == pytest.approx([0.3] * 3)
-    assert surfaces(None) == {}
+    assert shown_level_sets(None) == {}

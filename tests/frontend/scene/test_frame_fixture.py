@@ -36,7 +36,7 @@ def fixture_text() -> str:
     """The encoded file, and the values that went into it."""
     frames = fixture_frames()
     values = [[None if np.isnan(v) else float(v) for v in row] for row in frames.values]
-    return json.dumps({"file": base64.b64encode(frames.file()).decode(), "values": values}, indent=1) + "\n"
+    return json.dumps({"file": base64.b64encode(frames.to_bytes()).decode(), "values": values}, indent=1) + "\n"
 
 
 def test_fixture_of_the_decoder_is_what_the_encoder_writes() -> None:

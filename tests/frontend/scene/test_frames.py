@@ -58,7 +58,7 @@ def test_a_plate_that_is_not_used_has_no_arrow(fake: FakeService) -> None:
 
 def test_centre_of_mass_is_on_the_clock_of_the_markers(fake: FakeService) -> None:
     frames = build_frames(fake.add_recording(), read_columns(fake.tracks), read_columns(fake.com))
-    shown = frames.track("/paths/fused")
+    shown = frames.track_m("/paths/fused")
     assert shown is not None
     inside = (WINDOW_S[0] <= T) & (WINDOW_S[1] - 0.5 / RATE_HZ > T)
     assert np.abs(shown[inside] - com_m(T[inside])).max() < 1e-6
@@ -112,7 +112,7 @@ def test_inputs_that_are_places_are_points_with_paths(fake: FakeService) -> None
         shown = frames.values[first : first + len(com["time_s"]), at[f"/inputs/{name}/point"] :][:, :3]
         expected = np.column_stack([com[f"{before}_{axis}_m"] for axis in "xyz"])
         assert np.abs(shown - expected).max() < 1e-6
-        path = frames.track(f"/inputs/{name}/path")
+        path = frames.track_m(f"/inputs/{name}/path")
         assert path is not None
         np.testing.assert_array_equal(path[first : first + len(shown)], shown)
 

@@ -8,9 +8,9 @@ import httpx
 import numpy as np
 import pytest
 
-from stridelab_web.scene.contacts import touches
+from stridelab_web.scene.contacts import placed_contacts
 from stridelab_web.scene.documents import Document
-from stridelab_web.scene.frame_cache import PLANS_AT_MOST, KeptFrames
+from stridelab_web.scene.frame_cache import MAX_PLANS, FrameCache
 from stridelab_web.scene.frames import ARROW_M_PER_N
 from stridelab_web.scene.plan_frames import (
     COM,
@@ -18,7 +18,7 @@ from stridelab_web.scene.plan_frames import (
     MOMENTUM,
     MOMENTUM_M_PER_NMS,
     com_m,
-    cones,
+    friction_cones,
     plan_frames,
     read_motion,
 )
@@ -51,7 +51,7 @@ def test_centre_of_mass_follows_the_constant_acceleration_between_the_nodes() ->
     half = robots.duration_s(SCENARIO) / 2
     a = 0.04
     expected = np.where(t <= half, a * t**2 / 2, a * half**2 - a * (2 * half - t) ** 2 / 2)
-    shown = frames.track("/paths/com")
+    shown = frames.track_m("/paths/com")
     assert shown is not None
     assert np.abs(shown[:, 0] - expected).max() < 1e-6
     assert np.abs(shown[:, 2] - 0.88).max() < 1e-6
@@ -87,20 +87,20 @@ def test_a_cone_stands_where_the_force_acts_while_its_contact_is_loaded() -> Non
     _, frames = read_plan(robots.plan_files(SCENARIO))
     at = {arrow.label: arrow.at for arrow in frames.arrows}
     shown = {point.name: point.at for point in frames.points if point.name.startswith(GROUP)}
-    placed = touches(SCENARIO)
+    placed = placed_contacts(SCENARIO)
     assert shown == {f"{GROUP}{touch.number}": at[f"force on {touch.effector}"] for touch in placed}
     spans = {span.name: (span.start_s, span.end_s) for span in frames.spans}
     assert {spans[f"{GROUP}{touch.number}"] == (touch.start_s, touch.end_s) for touch in placed} == {True}
     without = {k: v for k, v in robots.centroidal(SCENARIO).items() if not k.startswith("friction_")}
-    assert cones(SCENARIO, without) == ()
+    assert friction_cones(SCENARIO, without) == ()
     coned = plan_frames(SCENARIO, robots.centroidal(SCENARIO), None)
     assert plan_frames(SCENARIO, without, None).values.shape == coned.values.shape, "cones need no numbers of their own"
 
 
 def test_a_cone_is_as_wide_as_its_friction() -> None:
-    found = cones(SCENARIO, robots.centroidal(SCENARIO))
+    found = friction_cones(SCENARIO, robots.centroidal(SCENARIO))
     assert {cone.touch.effector: cone.friction for cone in found} == robots.FRICTION
-    vertices, faces = meshes.funnel(0.5, 0.4)
+    vertices, faces = meshes.open_cone(0.5, 0.4)
     assert np.hypot(*vertices[: meshes.RIM_STEPS, :2].T) == pytest.approx(0.5 * 0.4)
     assert vertices[: meshes.RIM_STEPS, 2] == pytest.approx(0.4)
     assert not vertices[meshes.RIM_STEPS].any()
@@ -150,25 +150,25 @@ def test_frames_of_a_plan_are_packed_once(fake: FakeService) -> None:
     web, job = make_client(fake), fake.add_plan()
     address = f"/view/scene/plan/{job.id}/-/frames.bin"
     first = web.get(address).content
-    kept: KeptFrames = web.app.state.packed  # type: ignore[attr-defined]
-    kept.keep(Document("plan", job.id), gzip.compress(b"kept"))
+    kept: FrameCache = web.app.state.packed  # type: ignore[attr-defined]
+    kept.store_frames(Document("plan", job.id), gzip.compress(b"kept"))
     assert len(first) > 100
     assert web.get(address).content == b"kept"
 
 
 def test_frames_that_were_asked_for_last_are_kept_for_those_who_may_see_the_plan() -> None:
-    kept, documents = KeptFrames(), [Document("plan", str(k)) for k in range(PLANS_AT_MOST + 1)]
+    kept, documents = FrameCache(), [Document("plan", str(k)) for k in range(MAX_PLANS + 1)]
     for document in documents:
-        kept.keep(document, document.id.encode())
+        kept.store_frames(document, document.id.encode())
 
     class Lab:
         async def result(self, job_id: str) -> None:
             """The last plan is gone."""
-            if job_id == str(PLANS_AT_MOST):
+            if job_id == str(MAX_PLANS):
                 raise LookupError(job_id)
 
     async def found(document: Document) -> bytes | None:
-        return await kept.of(Lab(), document)  # type: ignore[arg-type]
+        return await kept.cached_frames(Lab(), document)  # type: ignore[arg-type]
 
     there = [asyncio.run(found(document)) for document in documents[:-1]]
     assert there == [None, *(document.id.encode() for document in documents[1:-1])]

@@ -47,7 +47,7 @@ def test_a_foreign_page_is_closed_out(fake: FakeService) -> None:
 def test_without_a_viewer_the_socket_closes_and_the_page_says_why(
     fake: FakeService, viewer_url: str | None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(proxy, "STARTING_TRIES", 0)
+    monkeypatch.setattr(proxy, "STARTING_RETRIES", 0)
     said = talk(fake, {"Host": "127.0.0.1", "Origin": "http://127.0.0.1"}, viewer_url)
     assert [(m["type"], m.get("code")) for m in said] == [("websocket.accept", None), ("websocket.close", 1013)]
     recording = fake.add_recording()

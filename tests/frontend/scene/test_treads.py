@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from stridelab.schemas.scenarios import BoxSurface, RailSurface, Scenario, ScenarioContact, ScenarioPhase
-from stridelab_web.scene.contacts import Touch, rotation, touches
-from stridelab_web.viewer.foothold_constraints import Bar, Tread, guide_of
+from stridelab_web.scene.contacts import PlacedContact, placed_contacts, rotation_matrix
+from stridelab_web.viewer.foothold_constraints import RailAxis, Tread, guide_of
 from support.fakes import robots
 
 HALF = robots.HALF_M
@@ -18,29 +18,31 @@ metres = st.floats(-1.5, 1.5)
 angles = st.floats(-math.pi, math.pi)
 
 
-def foot(x: float, y: float, z: float, yaw: float = 0.0) -> Touch:
+def foot(x: float, y: float, z: float, yaw: float = 0.0) -> PlacedContact:
     wxyz = (math.cos(yaw / 2), 0.0, 0.0, math.sin(yaw / 2))
     contact = ScenarioContact(effector="left_foot", position_m=(x, y, z), orientation_wxyz=wxyz)
-    return Touch(1, "left_foot", 0, 0, 0.0, 1.0, contact)
+    return PlacedContact(1, "left_foot", 0, 0, 0.0, 1.0, contact)
 
 
-def keep(guide: Tread | Bar, touch: Touch, wanted: np.ndarray, half: tuple[float, float] = HALF) -> np.ndarray | None:
-    return guide.keep(touch, half, np.array(touch.contact.position_m), wanted)
+def keep(
+    guide: Tread | RailAxis, touch: PlacedContact, wanted: np.ndarray, half: tuple[float, float] = HALF
+) -> np.ndarray | None:
+    return guide.constrain_position(touch, half, np.array(touch.contact.position_m), wanted)
 
 
-def corners(touch: Touch, at: np.ndarray) -> np.ndarray:
+def corners(touch: PlacedContact, at: np.ndarray) -> np.ndarray:
     own = np.array([[sx * HALF[0], sy * HALF[1], 0.0] for sx in (-1, 1) for sy in (-1, 1)])
-    return np.asarray(at + own @ rotation(touch.contact.orientation_wxyz).T)
+    return np.asarray(at + own @ rotation_matrix(touch.contact.orientation_wxyz).T)
 
 
-def tread_of(touch: Touch, scenario: Scenario = SCENARIO) -> Tread:
+def tread_of(touch: PlacedContact, scenario: Scenario = SCENARIO) -> Tread:
     guide = guide_of(scenario, touch)
     assert isinstance(guide, Tread)
     return guide
 
 
 def test_every_contact_finds_what_it_slides_on() -> None:
-    kinds = [type(guide_of(SCENARIO, touch)).__name__ for touch in touches(SCENARIO)]
+    kinds = [type(guide_of(SCENARIO, touch)).__name__ for touch in placed_contacts(SCENARIO)]
     assert kinds == ["Tread", "Tread", "Bar", "Tread", "Tread", "Tread", "Tread"]
     assert guide_of(SCENARIO, foot(0.3, 0.0, 0.5)) is None
 
@@ -80,7 +82,7 @@ def test_a_patch_goes_round_a_post_but_not_through_it() -> None:
     for x in (-0.1, 0.0, 0.1, 0.15):
         assert keep(tread, touch, np.array([x, 0.01, 0.0])) == pytest.approx((-0.2, 0.01, 0.0))
     for wanted in ((-0.3, 0.3, 0.0), (0.0, 0.3, 0.0), (0.4, 0.0, 0.0)):
-        there = tread.keep(touch, HALF, at, np.array(wanted))
+        there = tread.constrain_position(touch, HALF, at, np.array(wanted))
         assert there is not None
         at = there
     assert at == pytest.approx((0.4, 0.0, 0.0))
@@ -91,17 +93,17 @@ def test_a_patch_goes_round_a_post_but_not_through_it() -> None:
 def test_on_a_slope_the_patch_stays_in_its_plane(x: float, y: float, slope: float, yaw: float) -> None:
     tilt = (math.cos(slope / 2), 0.0, math.sin(slope / 2), 0.0)
     ramp = BoxSurface(name="ramp", kind="box", center_m=(0.0, 0.0, 0.0), size_m=(1.0, 0.8, 0.2), orientation_wxyz=tilt)
-    R = rotation(tilt)
+    R = rotation_matrix(tilt)
     top = 0.1 * R[:, 2]
     contact = ScenarioContact(effector="left_foot", position_m=tuple(top.tolist()), orientation_wxyz=tilt)
     scenario = SCENARIO.model_copy(
         update={"terrain": [ramp], "phases": [ScenarioPhase(duration_s=1.0, contacts=[contact])]}
     )
-    touch = touches(scenario)[0]
+    touch = placed_contacts(scenario)[0]
     tread = tread_of(touch, scenario)
     eye = np.array([-1.0, -2.0, 2.0])
     target = top + R @ [x / 4, y / 4, 0.0]
-    hit = tread.meet(eye, eye + 0.3 * (target - eye))
+    hit = tread.ray_intersection(eye, eye + 0.3 * (target - eye))
     assert hit is not None
     assert np.abs(hit - target).max() < 1e-9
     kept = keep(tread, touch, hit)
@@ -113,8 +115,8 @@ def test_on_a_slope_the_patch_stays_in_its_plane(x: float, y: float, slope: floa
 
 def test_a_ray_that_leads_away_meets_nothing() -> None:
     tread = tread_of(foot(0.0, 0.0, 0.0))
-    assert tread.meet(np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 2.0])) is None
-    assert tread.meet(np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 1.0])) is None
+    assert tread.ray_intersection(np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 2.0])) is None
+    assert tread.ray_intersection(np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 1.0])) is None
 
 
 def test_a_patch_wider_than_the_room_left_has_no_place() -> None:
@@ -137,11 +139,11 @@ def test_a_hand_slides_along_its_rail_and_no_farther(x: float, s: float) -> None
     place = start + 0.4 * along + 0.02 * normal
     contact = ScenarioContact(effector="right_hand", position_m=tuple(place.tolist()))
     scenario = SCENARIO.model_copy(update={"terrain": [rail]})
-    touch = Touch(1, "right_hand", 0, 0, 0.0, 1.0, contact)
+    touch = PlacedContact(1, "right_hand", 0, 0, 0.0, 1.0, contact)
     bar = guide_of(scenario, touch)
-    assert isinstance(bar, Bar)
+    assert isinstance(bar, RailAxis)
     eye = np.array([x, -3.0, 1.5])
-    hit = bar.meet(eye, start + s * along)  # the ray passes through the axis itself
+    hit = bar.ray_intersection(eye, start + s * along)  # the ray passes through the axis itself
     assert hit is not None
     assert np.abs(hit - (start + s * along)).max() < 1e-6
     kept = keep(bar, touch, hit, (0.0, 0.0))

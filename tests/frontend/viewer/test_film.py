@@ -15,9 +15,9 @@ from stridelab_web.parquet import read_columns
 from stridelab_web.scene.frames import ARROW_M_PER_N, HEAD_M
 from stridelab_web.scene.recording_frames import build_frames
 from stridelab_web.viewer.control import create_control
-from stridelab_web.viewer.scene_builders import kinds
+from stridelab_web.viewer.scene_builders import document_kinds
 from stridelab_web.viewer.scene_limits import SceneLimits
-from stridelab_web.viewer.scene_pool import Library
+from stridelab_web.viewer.scene_pool import ScenePool
 from support.fakes.service import FakeService
 from support.fakes.web_app import Caller, make_client
 
@@ -54,7 +54,9 @@ def fake_with_estimate(fake: FakeService) -> tuple[FakeService, dict[str, str]]:
 
 
 def player(fake: FakeService, document: dict[str, str], form: str) -> httpx.Response:
-    calls = Caller(create_control(Library(kinds(fake.client(), lambda _: fake.client()), SceneLimits(8)), None))
+    calls = Caller(
+        create_control(ScenePool(document_kinds(fake.client(), lambda _: fake.client()), SceneLimits(8)), None)
+    )
     return calls.request("POST", f"/players/{form}", json=document, headers=HOST)
 
 

@@ -15,19 +15,19 @@ from viser.infra import ClientId
 
 from stridelab.client import Unreachable
 from stridelab.schemas.scenarios import BoxSurface, Scenario, StoredScenario
-from stridelab_web.scene.contacts import touches
+from stridelab_web.scene.contacts import placed_contacts
 from stridelab_web.scene.documents import KEY_HEADER, REFUSAL_HEADER, Document, document_of
 from stridelab_web.scene.result_files import read_plan
 from stridelab_web.viewer.access_guard import start_guarded_server
-from stridelab_web.viewer.initial_posture import Posed, first_place
+from stridelab_web.viewer.initial_posture import Posed, initial_pose
 from stridelab_web.viewer.overlays import COM, CORNERS, EDGE, PLUMB, REGION
-from stridelab_web.viewer.plan_scene import RIGHT_FRONT, hidden
-from stridelab_web.viewer.robot_links import add_robot, pieces, read_links, shade
+from stridelab_web.viewer.plan_scene import RIGHT_FRONT, is_hidden
+from stridelab_web.viewer.robot_links import add_robot, colour_parts, limit_levels, read_links
 from stridelab_web.viewer.scenario_scene import NOT_KNOWN, ScenarioScene
-from stridelab_web.viewer.scene_builders import kinds
+from stridelab_web.viewer.scene_builders import document_kinds
 from stridelab_web.viewer.scene_limits import SceneLimits
-from stridelab_web.viewer.scene_parts import FOV_RAD, WIDE, camera
-from stridelab_web.viewer.scene_pool import Library, OpenScene
+from stridelab_web.viewer.scene_parts import FOV_RAD, WIDE, camera_pose
+from stridelab_web.viewer.scene_pool import OpenScene, ScenePool
 from stridelab_web.viewer.terrain import faces_m
 from support.fakes import robots
 from support.fakes.service import FakeService
@@ -37,10 +37,10 @@ POSED = Posed(dict(zip(robots.LINKS, robots.REFERENCE, strict=True)), {})
 
 
 @pytest.fixture
-def library(fake: FakeService) -> Iterator[Library]:
-    made = Library(kinds(fake.client(), lambda _: fake.client()), SceneLimits(8))
+def library(fake: FakeService) -> Iterator[ScenePool]:
+    made = ScenePool(document_kinds(fake.client(), lambda _: fake.client()), SceneLimits(8))
     yield made
-    made.close()
+    made.close_all()
 
 
 def names(scene: OpenScene) -> set[str]:
@@ -49,11 +49,11 @@ def names(scene: OpenScene) -> set[str]:
 
 @pytest.mark.parametrize(("whole_body", "replay"), [(True, False), (True, True), (False, False)])
 def test_a_plan_has_every_node_that_the_page_moves(
-    fake: FakeService, library: Library, whole_body: bool, replay: bool
+    fake: FakeService, library: ScenePool, whole_body: bool, replay: bool
 ) -> None:
     job = fake.add_plan(whole_body=whole_body, replay=replay)
-    opened = library.open(Document("plan", job.id))
-    layout = read_plan(fake.plans[job.id])[1].layout()
+    opened = library.open_scene(Document("plan", job.id))
+    layout = read_plan(fake.plans[job.id])[1].to_layout()
     moved = {node[0] for key in ("points", "bodies", "spans") for node in layout[key]}
     moved |= {name for arrow in layout["arrows"] for name in arrow[:2]} | set(layout["still"])
     assert moved <= names(opened)
@@ -93,10 +93,10 @@ def test_links_keep_their_colours() -> None:
     assert mesh.visual.vertex_colors[0, :3] == pytest.approx([255, 128, 0], abs=2)
     assert mesh.visual.vertex_colors[6, :3] == pytest.approx([51, 51, 51], abs=2)
     assert mesh.vertices[0] == pytest.approx([0, 1, 6])
-    (vertices, triangles, orange), (_, _, grey) = pieces(mesh)
+    (vertices, triangles, orange), (_, _, grey) = colour_parts(mesh)
     assert (len(vertices), triangles.tolist()) == (4, [[0, 1, 2], [1, 2, 3]])
     assert vertices[3] == pytest.approx(mesh.vertices[3])
-    assert orange == shade(mesh.visual.vertex_colors[0, :3])
+    assert orange == limit_levels(mesh.visual.vertex_colors[0, :3])
     assert 84 < grey[0] < orange[1] < orange[0] == 216
 
 
@@ -142,7 +142,7 @@ def test_documents_are_known_by_their_address() -> None:
     document = Document("recording", "a", "b")
     assert document.address == "/view/scene/recording/a/b"
     assert document_of({"kind": "recording", "id": "a", "job": "b"}) == document
-    assert document_of(document.wanted) == document
+    assert document_of(document.request_body) == document
     assert document_of({"kind": "plan", "id": "a", "job": "-"}) == Document("plan", "a")
     with pytest.raises(KeyError):
         document_of({"kind": "film", "id": "a", "job": "-"})
@@ -151,7 +151,7 @@ def test_documents_are_known_by_their_address() -> None:
 def test_the_camera_has_everything_in_sight_and_no_more_than_needed() -> None:
     corners = np.array([[x, y, z] for x in (-1.0, 4.0) for y in (-0.7, 0.7) for z in (0.0, 2.5)])
     towards = np.array([0.3, -1.0, 0.4])
-    look_at, eye = camera(corners, towards, WIDE)
+    look_at, eye = camera_pose(corners, towards, WIDE)
     back = (eye - look_at) / np.linalg.norm(eye - look_at)
     assert back == pytest.approx(towards / np.linalg.norm(towards))
     right = np.cross([0, 0, 1], back)
@@ -166,17 +166,17 @@ def test_the_camera_has_everything_in_sight_and_no_more_than_needed() -> None:
 
 def test_a_wall_beside_the_way_is_not_looked_at_from_behind() -> None:
     given = robots.scenario()
-    assert not hidden(given, RIGHT_FRONT)
+    assert not is_hidden(given, RIGHT_FRONT)
     wall = BoxSurface(name="wall", kind="box", center_m=(0.3, -0.7, 0.8), size_m=(1.5, 0.1, 1.6), yaw_rad=0.0)
 
     def beside(**changes: Any) -> Scenario:
         return given.model_copy(update={"terrain": [*given.terrain, wall.model_copy(update=changes)]})
 
-    assert hidden(beside(), RIGHT_FRONT)
-    assert not hidden(beside(), RIGHT_FRONT * [1, -1, 1])
-    assert not hidden(beside(center_m=(0.3, -0.7, 0.4), size_m=(1.5, 0.1, 0.8)), RIGHT_FRONT), "it is low"
-    assert not hidden(beside(center_m=(6.0, -0.7, 0.8)), RIGHT_FRONT), "it is elsewhere"
-    assert not hidden(beside(yaw_rad=np.pi / 2, center_m=(2.5, -0.7, 0.8)), RIGHT_FRONT), "it is across the way"
+    assert is_hidden(beside(), RIGHT_FRONT)
+    assert not is_hidden(beside(), RIGHT_FRONT * [1, -1, 1])
+    assert not is_hidden(beside(center_m=(0.3, -0.7, 0.4), size_m=(1.5, 0.1, 0.8)), RIGHT_FRONT), "it is low"
+    assert not is_hidden(beside(center_m=(6.0, -0.7, 0.8)), RIGHT_FRONT), "it is elsewhere"
+    assert not is_hidden(beside(yaw_rad=np.pi / 2, center_m=(2.5, -0.7, 0.8)), RIGHT_FRONT), "it is across the way"
 
 
 class Drag:
@@ -234,11 +234,11 @@ def test_a_drag_moves_all_phases_of_a_touch_and_is_stored_once(start: Start) -> 
     # taken hold of 5 cm beside its middle, on the mark, which lies a little above the tread
     Drag(scene)(5, (0.35, 0.09, 0.1), (0.36, 0.12, 0.1), (0.33, 0.19, 0.1))
     assert len(sent) == 1
-    placed = [t.contact.position_m for t in touches(sent[0])]
-    before = [t.contact.position_m for t in touches(kept)]
+    placed = [t.contact.position_m for t in placed_contacts(sent[0])]
+    before = [t.contact.position_m for t in placed_contacts(kept)]
     assert placed[4] == pytest.approx((0.28, 0.19, 0.1))
     assert placed[:4] + placed[5:] == before[:4] + before[5:]
-    assert [t.last_phase for t in touches(sent[0])] == [t.last_phase for t in touches(kept)]
+    assert [t.last_phase for t in placed_contacts(sent[0])] == [t.last_phase for t in placed_contacts(kept)]
     assert tuple(scene._marks[5].position) == pytest.approx((0.28, 0.19, 0.1))
     assert tuple(scene._turn.position) == (1.0, 0.0, 0.0)
 
@@ -246,7 +246,7 @@ def test_a_drag_moves_all_phases_of_a_touch_and_is_stored_once(start: Start) -> 
 def test_a_drag_that_comes_to_nothing_is_not_stored(start: Start) -> None:
     scene = start(robots.stored(robots.scenario()), None)
     Drag(scene)(5, (0.3, 0.09, 0.1), (0.3, 0.3, 0.1), (0.3, 0.09, 0.1))
-    assert scene.said == ""
+    assert scene.refusal == ""
     assert tuple(scene._turn.position) == (1.0, 0.0, 0.0)
 
 
@@ -256,7 +256,7 @@ def test_a_silent_service_puts_the_mark_back(start: Start) -> None:
 
     scene = start(robots.stored(robots.scenario()), put)
     Drag(scene)(5, (0.3, 0.09, 0.1), (0.3, 0.2, 0.1))
-    assert "does not answer" in scene.said
+    assert "does not answer" in scene.refusal
     assert tuple(scene._marks[5].position) == pytest.approx((0.3, 0.09, 0.1))
 
 
@@ -265,7 +265,7 @@ def test_who_has_no_key_moves_nothing_and_reads_why(start: Start) -> None:
     for headers, reason in (({REFUSAL_HEADER: "Yours may only read."}, "Yours may only read."), ({}, NOT_KNOWN)):
         scene = start(robots.stored(robots.scenario()), None)
         Drag(scene, headers=headers)(5, (0.3, 0.09, 0.1), (0.3, 0.15, 0.1), (0.3, 0.2, 0.1))
-        assert scene.said == reason
+        assert scene.refusal == reason
         assert tuple(scene._marks[5].position) == pytest.approx((0.3, 0.09, 0.1))
         assert tuple(scene._turn.position) == (1.0, 0.0, 0.0)
 
@@ -277,19 +277,19 @@ def test_samples_cannot_be_dragged(start: Start) -> None:
     assert not any(mark._impl.drag_cb for mark in sample._marks.values())
 
 
-def test_a_scene_follows_what_others_store(fake: FakeService, library: Library) -> None:
+def test_a_scene_follows_what_others_store(fake: FakeService, library: ScenePool) -> None:
     kept = fake.add_scenario()
-    first = library.open(Document("scenario", kept.id))
+    first = library.open_scene(Document("scenario", kept.id))
     changed = robots.scenario()
     changed.phases[0].contacts[0] = changed.phases[0].contacts[0].model_copy(update={"position_m": (0.02, 0.1, 0.0)})
     for k in (1, 2):
         changed.phases[k].contacts[0] = changed.phases[0].contacts[0]
     fake.scenarios[kept.id] = robots.stored(changed, key=kept.id)
-    assert library.open(Document("scenario", kept.id)) is first
+    assert library.open_scene(Document("scenario", kept.id)) is first
     assert isinstance(first.live, ScenarioScene)
     assert tuple(first.live._marks[1].position) == pytest.approx((0.02, 0.1, 0.0))
     fake.scenarios[kept.id] = robots.stored(changed.model_copy(update={"terrain": changed.terrain[:3]}), key=kept.id)
-    assert library.open(Document("scenario", kept.id)) is not first
+    assert library.open_scene(Document("scenario", kept.id)) is not first
 
 
 def test_marks_come_and_go_with_the_contacts(start: Start) -> None:
@@ -298,23 +298,23 @@ def test_marks_come_and_go_with_the_contacts(start: Start) -> None:
     scene = start(kept, lambda scenario_id, body, *_: robots.stored(body, key=scenario_id))
     first = scene._marks[1]
     handles: Any = first._impl.api._handle_from_node_name
-    assert set(scene._marks) == {touch.number for touch in touches(given)} == {1, 2, 3, 4, 5, 6, 7}
+    assert set(scene._marks) == {touch.number for touch in placed_contacts(given)} == {1, 2, 3, 4, 5, 6, 7}
     fewer = given.model_copy(update={"phases": [*given.phases[:2], *given.phases[3:5]]})
     stored = robots.stored(fewer, key=kept.id)
-    assert scene.follow(stored)
+    assert scene.show_source(stored)
     assert tuple(scene._turn.position) == (1.0, 0.0, 0.0)
-    assert scene.follow(stored)
+    assert scene.show_source(stored)
     assert tuple(scene._turn.position) == (1.0, 0.0, 0.0), "what is shown already is no news"
     assert {name for name in handles if name.startswith("/contacts/") and name.count("/") == 2} == {
-        f"/contacts/{touch.number}" for touch in touches(fewer)
+        f"/contacts/{touch.number}" for touch in placed_contacts(fewer)
     }
     assert scene._marks[1] is first
-    for touch in touches(fewer):
+    for touch in placed_contacts(fewer):
         assert tuple(scene._marks[touch.number].position) == pytest.approx(touch.contact.position_m)
         assert scene._marks[touch.number]._impl.drag_cb
-    assert scene.follow(kept)
+    assert scene.show_source(kept)
     assert set(scene._marks) == {1, 2, 3, 4, 5, 6, 7}
-    assert tuple(scene._marks[7].position) == pytest.approx(touches(given)[6].contact.position_m)
+    assert tuple(scene._marks[7].position) == pytest.approx(placed_contacts(given)[6].contact.position_m)
 
 
 def test_what_the_page_shapes_has_room_for_what_it_draws(start: Start) -> None:
@@ -331,8 +331,8 @@ def test_what_the_page_shapes_has_room_for_what_it_draws(start: Start) -> None:
     assert f"{COM}/light" in handles
 
 
-def test_the_robot_stands_where_the_scenario_begins(fake: FakeService, library: Library) -> None:
-    opened = library.open(Document("scenario", fake.add_scenario().id))
+def test_the_robot_stands_where_the_scenario_begins(fake: FakeService, library: ScenePool) -> None:
+    opened = library.open_scene(Document("scenario", fake.add_scenario().id))
     handles = opened.server.scene._handle_from_node_name
     whole: Any = handles["/robot"]
     assert whole.visible
@@ -350,12 +350,12 @@ def test_the_robot_follows_the_first_footholds(start: Start) -> None:
         right.model_copy(update={"position_m": (1.2, 1.8, 0.1), "orientation_wxyz": turned}),
     ]
     elsewhere = given.model_copy(update={"phases": [given.phases[0].model_copy(update={"contacts": moved})]})
-    place = first_place(elsewhere, SIZES)
+    place = initial_pose(elsewhere, SIZES)
     assert place is not None
     assert place.position_m == pytest.approx([1.1, 1.9, 0.2])
-    assert place.wxyz == pytest.approx(turned)
-    assert first_place(given.model_copy(update={"phases": []}), SIZES) is None
-    assert first_place(given, {}) is None, "a robot without feet stands nowhere"
+    assert place.orientation_wxyz == pytest.approx(turned)
+    assert initial_pose(given.model_copy(update={"phases": []}), SIZES) is None
+    assert initial_pose(given, {}) is None, "a robot without feet stands nowhere"
     scene = start(robots.stored(given), lambda scenario_id, body, *_: robots.stored(body, key=scenario_id))
     Drag(scene)(1, (0.0, 0.09, 0.0), (0.0, 0.13, 0.0))
     assert tuple(scene._robot.position) == pytest.approx((0.0, 0.02, 0.0))

@@ -5,28 +5,28 @@ from typing import Any
 
 import pytest
 
-from stridelab_web.scene.density_nodes import reach_places, repeats
+from stridelab_web.scene.density_nodes import reach_places, repeated_nodes
 from stridelab_web.scene.documents import Document
-from stridelab_web.viewer.scene_builders import kinds
+from stridelab_web.viewer.scene_builders import document_kinds
 from stridelab_web.viewer.scene_limits import SceneLimits
-from stridelab_web.viewer.scene_pool import Library, OpenScene
+from stridelab_web.viewer.scene_pool import OpenScene, ScenePool
 from support.fakes import reachability, robots
 from support.fakes.service import FakeService
 
 
 @pytest.fixture
-def library(fake: FakeService) -> Iterator[Library]:
-    made = Library(kinds(fake.client(), lambda _: fake.client()), SceneLimits(8))
+def library(fake: FakeService) -> Iterator[ScenePool]:
+    made = ScenePool(document_kinds(fake.client(), lambda _: fake.client()), SceneLimits(8))
     yield made
-    made.close()
+    made.close_all()
 
 
 def nodes(scene: OpenScene) -> dict[str, Any]:
     return dict(scene.server.scene._handle_from_node_name)
 
 
-def test_a_robot_stands_with_each_density_at_its_effector(library: Library) -> None:
-    found = nodes(library.open(Document("robot", "boxes")))
+def test_a_robot_stands_with_each_density_at_its_effector(library: ScenePool) -> None:
+    found = nodes(library.open_scene(Document("robot", "boxes")))
     for link, pose in zip(robots.LINKS, robots.REFERENCE, strict=True):
         assert tuple(found[f"/robot/{link}"].position) == pytest.approx(pose[:3])
     for measure in reachability.MEASURES:
@@ -39,27 +39,27 @@ def test_a_robot_stands_with_each_density_at_its_effector(library: Library) -> N
             assert len(found[f"{name}/cloud"].points) == 300
 
 
-def test_a_robot_of_which_nothing_was_learned_stands_alone(fake: FakeService, library: Library) -> None:
+def test_a_robot_of_which_nothing_was_learned_stands_alone(fake: FakeService, library: ScenePool) -> None:
     fake.measures = []
-    found = nodes(library.open(Document("robot", "boxes")))
+    found = nodes(library.open_scene(Document("robot", "boxes")))
     assert "/robot/base_link" in found
     assert not any(name.startswith("/reach/") for name in found)
 
 
-def test_what_was_learned_since_is_shown(fake: FakeService, library: Library) -> None:
+def test_what_was_learned_since_is_shown(fake: FakeService, library: ScenePool) -> None:
     fake.measures = ["uniform"]
-    assert "/reach/conditioned/left_foot" not in nodes(library.open(Document("robot", "boxes")))
+    assert "/reach/conditioned/left_foot" not in nodes(library.open_scene(Document("robot", "boxes")))
     fake.measures = ["uniform", "conditioned"]
-    assert "/reach/conditioned/left_foot" in nodes(library.open(Document("robot", "boxes")))
+    assert "/reach/conditioned/left_foot" in nodes(library.open_scene(Document("robot", "boxes")))
 
 
 @pytest.mark.parametrize("learned", [True, False])
-def test_a_plan_has_a_level_set_at_each_contact(fake: FakeService, library: Library, learned: bool) -> None:
+def test_a_plan_has_a_level_set_at_each_contact(fake: FakeService, library: ScenePool, learned: bool) -> None:
     fake.measures = ["uniform"] if learned else []
-    found = nodes(library.open(Document("plan", fake.add_plan().id)))
+    found = nodes(library.open_scene(Document("plan", fake.add_plan().id)))
     places = reach_places(robots.scenario())
     assert {place.name for place in places} <= set(found)
-    drawn_as_another = dict(repeats(places))
+    drawn_as_another = dict(repeated_nodes(places))
     assert all(hasattr(found[p.name], "vertices") == learned for p in places if p.name not in drawn_as_another)
     assert not any(hasattr(found[name], "vertices") for name in drawn_as_another), "the page gives it the meshes"
     if learned:
@@ -67,10 +67,10 @@ def test_a_plan_has_a_level_set_at_each_contact(fake: FakeService, library: Libr
         assert tuple(found[rail.name].position) == pytest.approx(rail.contact.position_m)
 
 
-def test_a_plan_shows_the_densities_of_its_own_measure(fake: FakeService, library: Library) -> None:
+def test_a_plan_shows_the_densities_of_its_own_measure(fake: FakeService, library: ScenePool) -> None:
     job = fake.add_plan()
     fake.inputs[job.id] = {"scenario_id": None, "measure": "conditioned"}
-    found = nodes(library.open(Document("plan", job.id)))
+    found = nodes(library.open_scene(Document("plan", job.id)))
     first = reach_places(robots.scenario())[0]
     middle = reachability.MIDDLE_M["conditioned"][2]
     assert found[first.name].vertices[:, 2].mean() == pytest.approx(middle, abs=1e-6)

@@ -52,7 +52,7 @@ def test_ball_is_round_closed_and_faces_outwards() -> None:
 
 
 def test_the_two_halves_of_a_ball_face_outwards_and_are_equal() -> None:
-    dark, light = shapes.octants(0.05)
+    dark, light = shapes.sphere_halves(0.05)
     assert np.linalg.norm(np.concatenate([dark[0], light[0]]), axis=1) == pytest.approx(0.05)
     # each octant is its share of the ball, seen from the middle
     assert volume_m3(*dark) == pytest.approx(volume_m3(*light))
@@ -63,18 +63,18 @@ def test_the_two_halves_of_a_ball_face_outwards_and_are_equal() -> None:
 
 def test_meshes_put_together_keep_their_triangles() -> None:
     meshes = [shapes.cone(0.1, 0.2), shapes.cone(0.2, 0.3)]
-    vertices, faces = shapes.together(meshes)
+    vertices, faces = shapes.merge_meshes(meshes)
     assert volume_m3(vertices, faces) == pytest.approx(sum(volume_m3(*mesh) for mesh in meshes))
 
 
 def test_a_path_is_drawn_through_few_of_its_points_and_stays_near_all() -> None:
     angle = np.linspace(0, 2 * np.pi, 500)
     path = np.column_stack([np.cos(angle), np.sin(angle), 0.1 * angle])
-    kept = shapes.corners(path, 1e-3)
+    kept = shapes.simplify_path(path, 1e-3)
     assert (kept[0], kept[-1]) == (0, 499)
     assert len(kept) < 150
     between = np.column_stack([np.interp(np.arange(500), kept, path[kept, k]) for k in range(3)])
     # a straight piece is as near to the arc at the same share of its length
     assert np.linalg.norm(between - path, axis=1).max() < 1.5e-3
-    assert shapes.corners(path[:1].repeat(5, axis=0), 1e-3).tolist() == [0, 4]
-    assert shapes.corners(np.array([[0, 0, 0], [2, 0, 0], [1, 0, 0]]), 1e-3).tolist() == [0, 1, 2]
+    assert shapes.simplify_path(path[:1].repeat(5, axis=0), 1e-3).tolist() == [0, 4]
+    assert shapes.simplify_path(np.array([[0, 0, 0], [2, 0, 0], [1, 0, 0]]), 1e-3).tolist() == [0, 1, 2]

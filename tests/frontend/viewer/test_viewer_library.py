@@ -23,10 +23,10 @@ from stridelab_web.scene.recording_frames import build_frames
 from stridelab_web.viewer import scene_pool as module
 from stridelab_web.viewer.access_guard import users_of
 from stridelab_web.viewer.control import create_control
-from stridelab_web.viewer.scene_builders import Kind, Live, kinds
+from stridelab_web.viewer.scene_builders import Kind, Live, document_kinds
 from stridelab_web.viewer.scene_limits import (
-    LEAST,
-    MOST,
+    MAX_SCENES,
+    MIN_SCENES,
     USER_SCENES,
     SceneLimits,
     ScenesInUse,
@@ -34,7 +34,7 @@ from stridelab_web.viewer.scene_limits import (
     memory_bytes,
     scenes_that_fit,
 )
-from stridelab_web.viewer.scene_pool import Library, OpenScene
+from stridelab_web.viewer.scene_pool import OpenScene, ScenePool
 from support.fakes.service import FakeService
 from support.fakes.web_app import Caller
 
@@ -46,9 +46,9 @@ class Shelf:
         self.fake = fake
         self.now_s = 0.0
         self.built: list[Document] = []
-        real = kinds(fake.client(), lambda _: fake.client())
+        real = document_kinds(fake.client(), lambda _: fake.client())
         watched: dict[DocumentKind, Kind] = {name: self.watch(kind) for name, kind in real.items()}
-        self.library = Library(watched, limits, clock=lambda: self.now_s)
+        self.library = ScenePool(watched, limits, clock=lambda: self.now_s)
 
     def watch(self, kind: Kind) -> Kind:
         def build(server: viser.ViserServer, document: Document, source: Any) -> Live | None:
@@ -66,29 +66,29 @@ def of(recording_id: str, job_id: str | None = None) -> Document:
 def shelf(fake: FakeService):  # type: ignore[no-untyped-def]
     made = Shelf(fake, SceneLimits(8))
     yield made
-    made.library.close()
+    made.library.close_all()
 
 
 def test_a_scene_holds_every_node_that_the_page_moves(shelf: Shelf) -> None:
     recording = shelf.fake.add_recording()
     job = shelf.fake.add_job(state="succeeded", recording_id=recording.id)
-    opened = shelf.library.open(of(recording.id, job.id))
+    opened = shelf.library.open_scene(of(recording.id, job.id))
     frames = build_frames(recording, read_columns(shelf.fake.tracks), read_columns(shelf.fake.com))
     names = set(opened.server.scene._handle_from_node_name)
     moved = {p.name for p in frames.points} | {s.name for s in frames.sticks}
     moved |= {name for a in frames.arrows for name in (a.shaft, a.head)}
     moved |= {e.name for e in frames.ellipsoids}
-    assert moved | set(frames.layout()["still"]) <= names
+    assert moved | set(frames.to_layout()["still"]) <= names
     assert {"/floor", "/plates/1", "/plates/2/label", "/com/fused", "/com/band", "/axis/line"} <= names
 
 
 def test_opening_again_reuses_the_scene_until_the_recording_changes(shelf: Shelf) -> None:
     recording = shelf.fake.add_recording()
     document = of(recording.id)
-    first = shelf.library.open(document)
-    assert shelf.library.open(document) is first
+    first = shelf.library.open_scene(document)
+    assert shelf.library.open_scene(document) is first
     shelf.fake.recordings[recording.id] = recording.model_copy(update={"windows_s": [(0.1, 0.2)]})
-    second = shelf.library.open(document)
+    second = shelf.library.open_scene(document)
     assert second is not first
     assert second.secret != first.secret
     assert shelf.built == [document, document]
@@ -101,7 +101,7 @@ def limited(fake: FakeService, total: int, per_user: int = 0) -> Iterator[Shelf]
     try:
         yield made
     finally:
-        made.library.close()
+        made.library.close_all()
 
 
 @contextmanager
@@ -132,7 +132,7 @@ def test_the_scene_that_was_idle_for_longest_makes_room(fake: FakeService) -> No
     with limited(fake, total=2) as shelf:
         opened = {}
         for k in (0, 1, 0, 2):
-            opened[k] = shelf.library.open(documents[k])
+            opened[k] = shelf.library.open_scene(documents[k])
             shelf.now_s += module.COMING_S
         assert [is_open(opened[k]) for k in range(3)] == [True, False, True]
         assert shelf.built == documents
@@ -142,12 +142,12 @@ def test_the_scene_that_was_idle_for_longest_makes_room(fake: FakeService) -> No
 def test_a_scene_that_somebody_watches_is_never_closed(fake: FakeService) -> None:
     documents = [of(fake.add_recording().id) for _ in range(3)]
     with limited(fake, total=2) as shelf:
-        watched = shelf.library.open(documents[0])
+        watched = shelf.library.open_scene(documents[0])
         with watching(watched):
             shelf.now_s = 10 * module.IDLE_S
-            idle = shelf.library.open(documents[1])
+            idle = shelf.library.open_scene(documents[1])
             shelf.now_s += module.COMING_S
-            shelf.library.open(documents[2])
+            shelf.library.open_scene(documents[2])
             assert is_open(watched)
             assert not is_open(idle)
             shelf.now_s += 2 * module.IDLE_S
@@ -165,56 +165,56 @@ def test_a_scene_that_somebody_watches_is_never_closed(fake: FakeService) -> Non
 def test_where_all_scenes_are_watched_another_is_refused_with_what_to_do(fake: FakeService) -> None:
     documents = [of(fake.add_recording().id) for _ in range(3)]
     with limited(fake, total=2) as shelf:
-        first, second = (shelf.library.open(document, "ann") for document in documents[:2])
+        first, second = (shelf.library.open_scene(document, "ann") for document in documents[:2])
         with watching(first, "ann"), watching(second, "ann"):
             shelf.now_s += module.COMING_S
             with pytest.raises(ScenesInUse, match="Close a tab") as full:
-                shelf.library.open(documents[2], "bob")
+                shelf.library.open_scene(documents[2], "bob")
             assert (full.value.status, full.value.code) == (503, "scenes-full")
-            assert shelf.library.open(documents[0], "bob") is first, "what is open needs no room"
+            assert shelf.library.open_scene(documents[0], "bob") is first, "what is open needs no room"
             assert shelf.built == documents[:2]
         shelf.now_s += module.COMING_S
-        shelf.library.open(documents[2], "bob")
+        shelf.library.open_scene(documents[2], "bob")
         assert len(shelf.library) == 2
 
 
 def test_a_scene_whose_browser_is_about_to_come_is_not_closed(fake: FakeService) -> None:
     documents = [of(fake.add_recording().id) for _ in range(2)]
     with limited(fake, total=1) as shelf:
-        coming = shelf.library.open(documents[0])
+        coming = shelf.library.open_scene(documents[0])
         shelf.now_s = module.COMING_S - 1
         with pytest.raises(ScenesInUse):
-            shelf.library.open(documents[1])
+            shelf.library.open_scene(documents[1])
         with watching(coming):
             pass
         shelf.now_s += module.CONNECTING_S
-        shelf.library.open(documents[1])
+        shelf.library.open_scene(documents[1])
         assert not is_open(coming), "its browser came and went"
 
 
 def test_a_user_at_the_limit_loses_the_own_idle_scene_and_nobody_elses(fake: FakeService) -> None:
     documents = [of(fake.add_recording().id) for _ in range(5)]
     with limited(fake, total=9, per_user=2) as shelf:
-        theirs = shelf.library.open(documents[0], "bob")
-        shared, own = (shelf.library.open(document, "ann") for document in documents[1:3])
-        shelf.library.open(documents[1], "bob")
+        theirs = shelf.library.open_scene(documents[0], "bob")
+        shared, own = (shelf.library.open_scene(document, "ann") for document in documents[1:3])
+        shelf.library.open_scene(documents[1], "bob")
         shelf.now_s += module.COMING_S
         with watching(own, "ann"):
-            shelf.library.open(documents[3], "ann")
+            shelf.library.open_scene(documents[3], "ann")
             assert [is_open(scene) for scene in (theirs, shared, own)] == [True, True, True]
             shelf.now_s += module.COMING_S
-            newest = shelf.library.open(documents[4], "ann")
+            newest = shelf.library.open_scene(documents[4], "ann")
             assert len(shelf.library) == 4, "the one that only ann had open is closed"
             with watching(newest, "ann"), pytest.raises(ScenesInUse, match="limit for one user") as refused:
-                shelf.library.open(documents[3], "ann")
+                shelf.library.open_scene(documents[3], "ann")
             assert (refused.value.status, refused.value.code) == (429, "scene-limit")
-            shelf.library.open(documents[3], "bob")
-            shelf.library.open(documents[2], "ann")
+            shelf.library.open_scene(documents[3], "bob")
+            shelf.library.open_scene(documents[2], "ann")
 
 
 def test_without_a_login_only_the_total_counts(fake: FakeService) -> None:
     with limited(fake, total=3, per_user=1) as shelf:
-        opened = [shelf.library.open(of(fake.add_recording().id)) for _ in range(3)]
+        opened = [shelf.library.open_scene(of(fake.add_recording().id)) for _ in range(3)]
         assert all(is_open(scene) for scene in opened)
 
 
@@ -224,7 +224,7 @@ def test_scenes_that_are_opened_at_once_stay_within_the_limit(fake: FakeService)
 
         def attempt(document: Document) -> bool:
             try:
-                return is_open(shelf.library.open(document))
+                return is_open(shelf.library.open_scene(document))
             except ScenesInUse:
                 return False
 
@@ -236,7 +236,7 @@ def test_fifty_scenes_fit_and_leave_no_thread_behind(fake: FakeService) -> None:
     documents = [of(fake.add_recording().id) for _ in range(50)]
     threads = threading.active_count()
     with limited(fake, total=50) as shelf:
-        opened = [shelf.library.open(document) for document in documents]
+        opened = [shelf.library.open_scene(document) for document in documents]
         assert all(is_open(scene) for scene in opened)
         assert threading.active_count() >= threads + 50
         shelf.now_s = module.IDLE_S + 1
@@ -251,13 +251,13 @@ def test_a_scene_that_fails_takes_no_place(fake: FakeService) -> None:
         scenario = Document("scenario", fake.add_scenario().id)
         for _ in range(3):
             with pytest.raises(ProblemError):
-                shelf.library.open(scenario)
-        assert is_open(shelf.library.open(of(fake.add_recording().id)))
+                shelf.library.open_scene(scenario)
+        assert is_open(shelf.library.open_scene(of(fake.add_recording().id)))
 
 
 def test_idle_scenes_are_closed(shelf: Shelf) -> None:
     document = of(shelf.fake.add_recording().id)
-    shelf.library.open(document)
+    shelf.library.open_scene(document)
     shelf.now_s = module.IDLE_S - 1
     shelf.library.close_idle()
     assert len(shelf.library) == 1
@@ -346,7 +346,7 @@ def test_the_limits_come_from_the_settings() -> None:
     given = {"STRIDELAB_VIEWER_SCENES": "50", "STRIDELAB_USER_SCENES": "0"}
     assert limits_of(given) == SceneLimits(50, 0)
     assert limits_of({}).per_user == USER_SCENES
-    assert LEAST <= limits_of({}).total <= MOST
+    assert MIN_SCENES <= limits_of({}).total <= MAX_SCENES
     for wrong in ({"STRIDELAB_VIEWER_SCENES": "0"}, {"STRIDELAB_USER_SCENES": "-1"}, {"STRIDELAB_USER_SCENES": "many"}):
         with pytest.raises(ValueError, match=r"STRIDELAB|invalid literal"):
             limits_of(wrong)

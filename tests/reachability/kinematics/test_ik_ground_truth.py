@@ -80,7 +80,7 @@ def test_the_support_reaches_beyond_all_draws(talos: Robot, standing: StanceTrut
 
 
 def test_contacts_out_of_reach(talos: Robot, standing: StanceTruth, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("stridelab.reachability.kinematics.ik_ground_truth.BATCHES", 2)
+    monkeypatch.setattr("stridelab.reachability.kinematics.ik_ground_truth.MAX_BATCHES", 2)
     apart = {"left_foot": FLAT["left_foot"], "right_foot": Placement.from_wxyz((0.0, -3.0, 0.0))}
     with pytest.raises(NotEstimable, match="0 of 5"):
         standing.sample_com(apart, 5, seed=0)

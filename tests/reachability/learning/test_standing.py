@@ -131,7 +131,7 @@ def test_soles_on_one_leg_do_not_stand(talos: Robot) -> None:
 
 
 def test_a_stance_that_cannot_be_is_given_up(talos: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(standing_sampler, "BATCHES_PATIENCE", 2)
+    monkeypatch.setattr(standing_sampler, "MAX_EMPTY_BATCHES", 2)
     stream = StandingConfigurations(talos, np.random.default_rng(0), Stance(aside=(3.0, 4.0)))
     with pytest.raises(NotEstimable) as refusal:
         next(stream)

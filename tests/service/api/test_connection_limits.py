@@ -129,7 +129,7 @@ def test_an_answer_that_takes_its_time_is_waited_for() -> None:
 
 
 def test_a_client_that_takes_nothing_of_its_answer_is_closed(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "WRITE_S", 0.5)
+    monkeypatch.setattr(module, "MAX_WRITE_PAUSE_S", 0.5)
     with server(limits()) as address, socket.socket() as client:
         client.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
         client.connect(address)

@@ -24,7 +24,7 @@ from stridelab.service.api.recordings.parse import Parsed
 from stridelab.service.samples import scenarios
 from stridelab.service.samples.recording import seed_sample
 from stridelab.service.settings import Settings
-from stridelab_web.app import routes
+from stridelab_web.app import web_routes
 from support.robots.scenario_bodies import add_scenario
 from support.service.stored_rows import add_job, add_recording, facts, start_job, succeed
 from support.service.web_server import Served
@@ -96,8 +96,8 @@ def stocked(service: Served) -> Iterator[Served]:
         job_id = service.run(add_job(parts))
         service.run(succeed(parts, service.run(start_job(parts, job_id)), [("com.csv", "text/csv", b"x")]))
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("stridelab.service.api.recordings.endpoints.parse", unreadable)
-        patch.setattr("stridelab.service.api.recordings.service.parse", understood)
+        patch.setattr("stridelab.service.api.recordings.endpoints.parse_recording", unreadable)
+        patch.setattr("stridelab.service.api.recordings.service.parse_recording", understood)
         yield service
 
 
@@ -195,7 +195,7 @@ def test_calls_that_follow_one_another_find_no_failure(stocked: Served) -> None:
 def test_odd_addresses_of_pages_find_no_failure(stocked: Served) -> None:
     """Pages with ids and queries that nobody types; what needs the viewer is without one here, and says so."""
     rng = random.Random(SEED)
-    paths = [route.path for route in routes() if isinstance(route, Route) and "GET" in (route.methods or ())]
+    paths = [route.path for route in web_routes() if isinstance(route, Route) and "GET" in (route.methods or ())]
     names = ["recording", "plan", "scenario", "robot", "job", "t", "next", "cursor", "limit", "measure", "effector"]
     deadline = time.monotonic() + PAGES_FOR_S
     with stocked.http(follow_redirects=False) as http:

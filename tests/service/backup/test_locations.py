@@ -43,7 +43,7 @@ class Command:
         self._patch, self.folder = monkeypatch, folder
 
     def __call__(self, *arguments: object, **settings: object) -> Result:
-        self._patch.setattr(serve, "settings", lambda: Settings(**settings))  # type: ignore[arg-type]
+        self._patch.setattr(serve, "current_settings", lambda: Settings(**settings))  # type: ignore[arg-type]
         return CliRunner().invoke(app, [*map(str, arguments)], catch_exceptions=False)
 
     def well(self, *arguments: object, **settings: object) -> str:

@@ -133,7 +133,7 @@ def test_a_restore_that_fails_leaves_everything_as_it_was(
                 raise how
             real(files, key, *rest)
 
-        monkeypatch.setattr(StoredFiles, "put", put)
+        monkeypatch.setattr(StoredFiles, "store_file", put)
         with pytest.raises(expected):
             put_back(backup, database_url, replace=True)
         assert rows(database_url) == before

@@ -128,7 +128,7 @@ def test_a_web_server_comes_up_while_a_backup_runs(database_url: str, tmp_path: 
     with (
         open_snapshot(database_url),
         mock.patch("stridelab.service.api.app.IsolatedPool", LatePool),
-        mock.patch.object(RobotCache, "warm", mock.AsyncMock()),
+        mock.patch.object(RobotCache, "prepare_all", mock.AsyncMock()),
     ):
         assert asyncio.run(come_up()) < 5.0
     assert [row["id"] for row in rows(database_url)["recording"]] == [SAMPLE_ID]

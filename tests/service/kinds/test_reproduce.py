@@ -6,7 +6,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from stridelab.cli.options import Delivery
-from stridelab.cli.reproduce import reproduce
+from stridelab.cli.reproduce import reproduce_item
 from stridelab.errors import InvalidInput
 from stridelab.schemas.jobs import JobResult
 from stridelab.schemas.reproduction import ReproduceInput, ReproduceSummary
@@ -32,16 +32,16 @@ def test_an_item_leaves_numbers_tables_and_a_drawing(tmp_path: Path) -> None:
 
 
 def test_the_command_line_shows_the_claims(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    reproduce("fig-2.5", None, Delivery(tmp_path / "a"))
+    reproduce_item("fig-2.5", None, Delivery(tmp_path / "a"))
     shown = capsys.readouterr().out
     for word in ("fig-2.5", "thesis", "ours", "met", "bode.parquet", "fig-2.5.svg"):
         assert word in shown
-    reproduce("fig-2.5", 3, Delivery(tmp_path / "b", as_json=True))
+    reproduce_item("fig-2.5", 3, Delivery(tmp_path / "b", as_json=True))
     assert JobResult.model_validate_json(capsys.readouterr().out).input == {"item": "fig-2.5", "seeds": 3}
 
 
 def test_an_unknown_item_names_those_there_are(tmp_path: Path) -> None:
     with pytest.raises(InvalidInput) as refusal:
-        reproduce("fig-7", None, Delivery(tmp_path / "x"))
+        reproduce_item("fig-7", None, Delivery(tmp_path / "x"))
     assert refusal.value.faults[0].where == "ITEM"
     assert "fig-2.2" in refusal.value.faults[0].message

@@ -57,7 +57,7 @@ def test_a_process_that_dies_costs_its_own_scenarios(tmp_path: Path, monkeypatch
         yield 1, StridelabError("computation-crashed", "It was killed.")
         yield 0, plan_chunk(items[0])
 
-    monkeypatch.setattr(sweep, "each_apart", half)
+    monkeypatch.setattr(sweep, "map_isolated", half)
     outcome = sweep.run(task({"timing": (1.0, 1.2, 2)}), tmp_path, Told(), 1)
     summary = SweepSummary.model_validate(outcome.summary)
     assert (summary.feasible, summary.failed) == (1, 1)
@@ -74,7 +74,7 @@ def test_what_cannot_be_varied_is_refused_before_any_work(tmp_path: Path) -> Non
 
 
 def test_the_native_solver_is_refused_where_it_is_not(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(plan_problem, "native_missing", lambda: "It was not built.")
+    monkeypatch.setattr(plan_problem, "native_unavailable_reason", lambda: "It was not built.")
     with pytest.raises(NotEstimable) as refusal:
         sweep.run(task({"timing": (1.0, 1.2, 2)}, solver="native"), tmp_path, Told())
     assert (refusal.value.code, refusal.value.message) == ("solver-unavailable", "It was not built.")

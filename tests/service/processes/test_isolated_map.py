@@ -57,7 +57,7 @@ def test_whoever_stops_listening_leaves_no_process_behind() -> None:
 
 
 def sleeping() -> int:
-    """Processes forked by the server of ``each_apart``; others of this run have children of their own."""
+    """Processes forked by the server of ``map_isolated``; others of this run have children of their own."""
     servers = [
         child for child in psutil.Process().children() if "multiprocessing.forkserver" in " ".join(child.cmdline())
     ]

@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 from structlog.testing import capture_logs
 
-from stridelab.cli.doctor.service import sandbox as doctor_says
+from stridelab.cli.doctor.service import check_sandbox as doctor_says
 from stridelab.errors import InvalidInput, Unavailable, UnreadableFile
 from stridelab.service.filenames import child_output_file
 from stridelab.service.kinds.registry import KINDS
@@ -257,7 +257,7 @@ def test_switched_off_it_forbids_nothing(spool: Path) -> None:
 def test_what_is_missing_is_said_once_at_the_start(
     kernel: KernelFeatures, mode: str, missing: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(KernelFeatures, "present", staticmethod(lambda: kernel))
+    monkeypatch.setattr(KernelFeatures, "detect_features", staticmethod(lambda: kernel))
     settings = Settings(sandbox=mode)
     with capture_logs() as lines:
         confinement.prepare_confinement(settings)
@@ -265,11 +265,11 @@ def test_what_is_missing_is_said_once_at_the_start(
     assert set(confinement.active_layers(settings)) == set(LAYERS) - set(missing)
     said = doctor_says(settings)
     assert said.ok
-    assert all(name in said.found for name in LAYERS)
+    assert all(name in said.detail for name in LAYERS)
 
 
 def test_a_service_that_requires_the_sandbox_does_not_start_without(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(KernelFeatures, "present", staticmethod(lambda: KernelFeatures(3, filters=True)))
+    monkeypatch.setattr(KernelFeatures, "detect_features", staticmethod(lambda: KernelFeatures(3, filters=True)))
     settings = Settings(sandbox="required")
     with pytest.raises(Unavailable, match="tcp-ports") as refusal:
         confinement.prepare_confinement(settings)

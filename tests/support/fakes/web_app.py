@@ -9,13 +9,13 @@ import httpx
 from starlette.types import ASGIApp, Scope
 
 from stridelab_web.app import create_web
-from stridelab_web.config import NO_KEY_NEEDED, ScenarioRight, WebConfig
+from stridelab_web.config import ANONYMOUS_KEY, ScenarioRight, WebConfig
 from support.fakes.service import FakeService
 
 
 def anybody(scope: Scope, scenario_id: str, owner: str | None) -> ScenarioRight:
     """A service without a token: everybody changes everything."""
-    return ScenarioRight(NO_KEY_NEEDED)
+    return ScenarioRight(ANONYMOUS_KEY)
 
 
 @dataclass(frozen=True)

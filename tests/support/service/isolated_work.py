@@ -1,4 +1,4 @@
-"""Work for ``each_apart``: what an item can do to its process."""
+"""Work for ``map_isolated``: what an item can do to its process."""
 
 import os
 import time

@@ -201,7 +201,7 @@ def fail_at(monkeypatch: Patch, fails: Callable[[int], bool]) -> None:
         found = solve_hierarchy(equality, levels, bounds)
         return found._replace(failure=HierarchyFailure(2, "made to fail")) if fails(next(count)) else found
 
-    monkeypatch.setattr("stridelab.wholebody.control.controller.solve", flaky)
+    monkeypatch.setattr("stridelab.wholebody.control.controller.solve_hierarchy", flaky)
 
 
 def test_what_stops_a_motion_keeps_it_until_then_and_names_the_level(talos: Robot) -> None:

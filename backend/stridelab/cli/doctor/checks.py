@@ -14,20 +14,20 @@ class Check:
 
     name: str
     ok: bool
-    found: str
+    detail: str
     fix: str = ""
 
 
-def show(checks: list[Check]) -> bool:
+def print_checks(checks: list[Check]) -> bool:
     """Print the results; returns whether all checks passed."""
     for check in checks:
         mark = "[green]ok  [/]" if check.ok else "[bold red]FAIL[/]"
-        out.print(f"{mark} {check.name}: {escape(check.found)}")
+        out.print(f"{mark} {check.name}: {escape(check.detail)}")
         if not check.ok and check.fix:
             out.print(f"     {escape(check.fix)}")
     return all(check.ok for check in checks)
 
 
-def nearest(folder: Path) -> Path:
+def nearest_existing_folder(folder: Path) -> Path:
     """The folder itself, or the nearest one above it that exists."""
     return next(path for path in (folder, *folder.parents) if path.exists())

@@ -14,7 +14,7 @@ import httpx
 from pydantic import ValidationError
 
 from stridelab.cli.doctor import service as parts
-from stridelab.cli.doctor.checks import Check, nearest, show
+from stridelab.cli.doctor.checks import Check, nearest_existing_folder, print_checks
 from stridelab.errors import InvalidInput
 from stridelab.resources import models_dir
 from stridelab.service.postgres.paths import MAJOR_VERSION, REMEDY
@@ -48,7 +48,7 @@ PACKAGES = [
     "structlog",
     "prometheus_client",
 ]
-OLDEST_PYTHON, FIRST_UNTRIED_PYTHON = (3, 11), (3, 15)
+MIN_PYTHON, FIRST_UNTESTED_PYTHON = (3, 11), (3, 15)
 
 
 def check_machine() -> bool:
@@ -57,44 +57,44 @@ def check_machine() -> bool:
         settings = Settings()
     except ValidationError as error:
         problems = "; ".join(f"STRIDELAB_{'_'.join(map(str, e['loc'])).upper()}: {e['msg']}" for e in error.errors())
-        return show([Check("settings", False, problems, "Correct or unset these environment variables.")])
+        return print_checks([Check("settings", False, problems, "Correct or unset these environment variables.")])
     checks: tuple[Callable[[Settings], Check], ...] = (
-        lambda _: python_version(sys.version_info[:2]),
-        lambda _: packages(PACKAGES),
-        lambda _: models(),
-        database,
-        parts.tables,
-        parts.clock,
-        parts.workers,
-        data_folder,
-        parts.storage,
-        disk,
-        parts.memory,
-        parts.sandbox,
-        parts.solver,
-        port,
-        network,
+        lambda _: check_python_version(sys.version_info[:2]),
+        lambda _: check_packages(PACKAGES),
+        lambda _: check_models(),
+        check_database,
+        parts.check_tables,
+        parts.check_clock,
+        parts.check_workers,
+        check_data_folder,
+        parts.check_storage,
+        check_disk,
+        parts.check_memory,
+        parts.check_sandbox,
+        parts.check_solver,
+        check_port,
+        check_network,
     )
-    return show([check(settings) for check in checks])
+    return print_checks([check(settings) for check in checks])
 
 
-def ask(url: str) -> bool:
+def report_service(url: str) -> bool:
     """Print and return whether the service at ``url`` is healthy."""
-    return show([service_answers(url)])
+    return print_checks([check_service(url)])
 
 
-def ask_worker() -> bool:
+def report_worker() -> bool:
     """Print and return whether the worker of the data folder has a recent heartbeat."""
-    return show([parts.beat(Settings())])
+    return print_checks([parts.check_heartbeat(Settings())])
 
 
-def python_version(found: tuple[int, int]) -> Check:
+def check_python_version(version: tuple[int, int]) -> Check:
     """Check that the project is tested with this version of Python."""
-    ok = OLDEST_PYTHON <= found < FIRST_UNTRIED_PYTHON
-    return Check("Python", ok, f"{found[0]}.{found[1]}", "Use Python 3.11 to 3.14.")
+    ok = MIN_PYTHON <= version < FIRST_UNTESTED_PYTHON
+    return Check("Python", ok, f"{version[0]}.{version[1]}", "Use Python 3.11 to 3.14.")
 
 
-def packages(names: list[str] | tuple[str, ...]) -> Check:
+def check_packages(names: list[str] | tuple[str, ...]) -> Check:
     """Check that all packages can be imported."""
     missing: list[str] = []
     for name in names:
@@ -109,7 +109,7 @@ def packages(names: list[str] | tuple[str, ...]) -> Check:
     )
 
 
-def models() -> Check:
+def check_models() -> Check:
     """Check that the installation contains the data files."""
     try:
         folder = models_dir()
@@ -118,14 +118,14 @@ def models() -> Check:
     return Check("models", True, str(folder))
 
 
-def database(settings: Settings) -> Check:
+def check_database(settings: Settings) -> Check:
     """Check that the configured PostgreSQL answers, or that the embedded binaries run."""
     try:
         url = settings.database_dsn
     except InvalidInput as error:
         return Check("database", False, error.message, "Make the file of STRIDELAB_DATABASE_PASSWORD_FILE readable.")
     if url:
-        return _database_answers(url)
+        return _check_database_url(url)
     folder = settings.pg_bin or _bundled_binaries()
     if folder is None:
         return Check("database", False, "no PostgreSQL binaries are installed", REMEDY)
@@ -139,10 +139,10 @@ def database(settings: Settings) -> Check:
     return Check("database", True, f"embedded, {answer.stdout.strip()}")
 
 
-def data_folder(settings: Settings) -> Check:
+def check_data_folder(settings: Settings) -> Check:
     """Check that the data folder is writable or can be created."""
     folder = settings.data_folder
-    place = nearest(folder)
+    place = nearest_existing_folder(folder)
     try:
         with tempfile.NamedTemporaryFile(dir=place):
             pass
@@ -152,15 +152,15 @@ def data_folder(settings: Settings) -> Check:
     return Check("data folder", True, str(folder) if place == folder else f"{folder} (will be created)")
 
 
-def disk(settings: Settings) -> Check:
+def check_disk(settings: Settings) -> Check:
     """Check that more than STRIDELAB_MIN_FREE_DISK_MB is free for the data folder."""
-    free_mb = shutil.disk_usage(nearest(settings.data_folder)).free / 1e6
+    free_mb = shutil.disk_usage(nearest_existing_folder(settings.data_folder)).free / 1e6
     wanted = settings.min_free_disk_mb
     fix = f"Free {wanted} MB there, set STRIDELAB_DATA_DIR elsewhere, or lower STRIDELAB_MIN_FREE_DISK_MB."
     return Check("disk", free_mb > wanted, f"{free_mb:,.0f} MB free", fix)
 
 
-def port(settings: Settings) -> Check:
+def check_port(settings: Settings) -> Check:
     """Check that the port is free, or that a healthy service already uses it."""
     family = socket.AF_INET6 if ":" in settings.host else socket.AF_INET
     where = f"{settings.host}:{settings.port}"
@@ -169,7 +169,7 @@ def port(settings: Settings) -> Check:
             probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             probe.bind((settings.host, settings.port))
     except OSError as error:
-        if service_answers(f"http://{where}").ok:
+        if check_service(f"http://{where}").ok:
             return Check("port", True, f"{where} is in use by a healthy stridelab")
         return Check(
             "port",
@@ -180,7 +180,7 @@ def port(settings: Settings) -> Check:
     return Check("port", True, f"{where} is free")
 
 
-def network(settings: Settings) -> Check:
+def check_network(settings: Settings) -> Check:
     """Check that an API token is set if the service listens beyond loopback."""
     if settings.is_loopback:
         return Check("network", True, "loopback only, no token needed")
@@ -192,7 +192,7 @@ def network(settings: Settings) -> Check:
     return Check("network", bool(token), f"bound to {settings.host}, token {'set' if token else 'missing'}", fix)
 
 
-def service_answers(url: str) -> Check:
+def check_service(url: str) -> Check:
     """Check ``GET /api/v1/health`` of a service."""
     try:
         answer = httpx.get(f"{url.rstrip('/')}/api/v1/health", timeout=4.0)
@@ -203,7 +203,7 @@ def service_answers(url: str) -> Check:
     return Check("service", healthy, detail, "Start it with: stridelab serve; if it runs, look into its log.")
 
 
-def _database_answers(url: str) -> Check:
+def _check_database_url(url: str) -> Check:
     import psycopg
 
     fix = "Check STRIDELAB_DATABASE_URL: host, port, user, password and that the server accepts connections."

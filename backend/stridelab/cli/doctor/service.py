@@ -20,21 +20,21 @@ from stridelab.service.processes.sandbox import LAYERS
 from stridelab.service.settings import Settings
 from stridelab.service.storage.migrate import all_revisions, libpq_address, present_revision
 
-CLOCKS_APART_S: Final = 5.0
-_STORE_ANSWERS_S: Final = 15.0
+MAX_CLOCK_OFFSET_S: Final = 5.0
+_STORE_TIMEOUT_S: Final = 15.0
 _SERVICE_MB: Final = 1000
 """Memory of database, web server, viewer and idle child processes together, without jobs."""
 
 
-def tables(settings: Settings) -> Check:
+def check_tables(settings: Settings) -> Check:
     """Check that the tables have the revision of this program; passes if no database runs."""
-    url = _url(settings)
+    url = _database_url(settings)
     if url is None:
         return Check("tables", True, "the embedded database does not run; serve brings its tables up to date")
     try:
         present = present_revision(url)
     except psycopg.Error as error:
-        return _away("tables", error)
+        return _database_failure("tables", error)
     wanted = all_revisions()[-1]
     detail = f"revision {present or 'none'}, this program has {wanted}"
     if present is not None and present not in all_revisions():
@@ -44,24 +44,24 @@ def tables(settings: Settings) -> Check:
     return Check("tables", present == wanted, detail, "Stop the service, make a backup, then run: stridelab migrate")
 
 
-def clock(settings: Settings) -> Check:
+def check_clock(settings: Settings) -> Check:
     """Check that the clocks of the database and of this machine agree; logins and heartbeats compare them."""
-    url = _url(settings)
+    url = _database_url(settings)
     if url is None:
         return Check("clock", True, "the database is on this machine")
     try:
         before = time.time()
-        ((database_time_s,),) = _ask(url, "SELECT extract(epoch FROM clock_timestamp())::float8")
+        ((database_time_s,),) = _run_query(url, "SELECT extract(epoch FROM clock_timestamp())::float8")
         offset_s = database_time_s - (before + time.time()) / 2
     except psycopg.Error as error:
-        return _away("clock", error)
+        return _database_failure("clock", error)
     fix = "Synchronise both clocks by NTP (chrony or systemd-timesyncd)."
-    return Check("clock", abs(offset_s) < CLOCKS_APART_S, f"{offset_s:+.2f} s apart from the database", fix)
+    return Check("clock", abs(offset_s) < MAX_CLOCK_OFFSET_S, f"{offset_s:+.2f} s apart from the database", fix)
 
 
-def workers(settings: Settings) -> Check:
+def check_workers(settings: Settings) -> Check:
     """Check that a worker is alive if jobs are queued."""
-    url = _url(settings)
+    url = _database_url(settings)
     if url is None:
         return Check("workers", True, "serve starts one")
     counts = (
@@ -69,16 +69,16 @@ def workers(settings: Settings) -> Check:
         " (SELECT count(*) FROM job WHERE state = 'queued')"
     )
     try:
-        ((alive, waiting),) = _ask(url, counts, settings.stall_s)
+        ((alive, waiting),) = _run_query(url, counts, settings.stall_s)
     except psycopg.errors.UndefinedTable:
         return Check("workers", True, "no tables yet")
     except psycopg.Error as error:
-        return _away("workers", error)
+        return _database_failure("workers", error)
     fix = "Start a worker that can reach the database and the files: stridelab worker"
     return Check("workers", alive > 0 or waiting == 0, f"{alive} alive, {waiting} jobs waiting", fix)
 
 
-def beat(settings: Settings) -> Check:
+def check_heartbeat(settings: Settings) -> Check:
     """Check that the worker of this data folder has a recent heartbeat."""
     file = settings.data_folder / HEARTBEAT_FILE
     silent_s = time.time() - file.stat().st_mtime if file.exists() else None
@@ -87,23 +87,23 @@ def beat(settings: Settings) -> Check:
     return Check("worker", silent_s is not None and silent_s < settings.stall_s, detail, fix)
 
 
-def storage(settings: Settings) -> Check:
+def check_storage(settings: Settings) -> Check:
     """Check that a file can be stored, read and removed in the store of uploads and results."""
     if settings.blob_url is None and not (settings.data_folder / "blobs").exists():
         return Check("files", True, "will go into the data folder")
     fix = "Check STRIDELAB_BLOB_URL (folder, permissions, bucket) and STRIDELAB_BLOB_CREDENTIALS_FILE (address, keys)."
     try:
-        asyncio.run(asyncio.wait_for(_probe(settings), _STORE_ANSWERS_S))
+        asyncio.run(asyncio.wait_for(_probe_store(settings), _STORE_TIMEOUT_S))
     except StridelabError as error:
         return Check("files", False, error.message, fix)
     except TimeoutError:
-        return Check("files", False, f"no answer within {_STORE_ANSWERS_S:.0f} s", fix)
+        return Check("files", False, f"no answer within {_STORE_TIMEOUT_S:.0f} s", fix)
     except OSError as error:
         return Check("files", False, f"{error.strerror}", fix)
     return Check("files", True, f"stored, read and removed one ({settings.blob_address.partition(':')[0]})")
 
 
-async def _probe(settings: Settings) -> None:
+async def _probe_store(settings: Settings) -> None:
     from stridelab.service.storage.blobs import BlobStore  # slow to import, and health checks have no need
 
     store = BlobStore.from_url(settings.blob_address, settings.blob_options)
@@ -116,7 +116,7 @@ async def _probe(settings: Settings) -> None:
         await store.delete(key)
 
 
-def memory(settings: Settings) -> Check:
+def check_memory(settings: Settings) -> Check:
     """Check that the service and one job fit into memory."""
     have_mb = memory_bytes() / 1e6
     slots = (settings.worker_slots or default_slots()) + 1
@@ -139,7 +139,7 @@ def memory_bytes(groups: Path = Path("/sys/fs/cgroup"), own: Path = Path("/proc/
     return min(limits)
 
 
-def solver(_settings: Settings) -> Check:
+def check_solver(_settings: Settings) -> Check:
     """Report which solver plans; never fails, because CasADi replaces a missing C++ solver."""
     from stridelab.centroidal.native.availability import NativeUnavailable, native_availability
 
@@ -147,7 +147,7 @@ def solver(_settings: Settings) -> Check:
     return Check("solver", True, f"CasADi: {native.reason}" if isinstance(native, NativeUnavailable) else "C++")
 
 
-def sandbox(settings: Settings) -> Check:
+def check_sandbox(settings: Settings) -> Check:
     """Report the sandbox layers of processes that read files; fails only if required layers are missing."""
     active = confinement.active_layers(settings)
     missing = [name for name in LAYERS if name not in active]
@@ -158,7 +158,7 @@ def sandbox(settings: Settings) -> Check:
     return Check("sandbox", settings.sandbox != "required" or not missing, detail, fix)
 
 
-def _url(settings: Settings) -> str | None:
+def _database_url(settings: Settings) -> str | None:
     """URL of the running database, or None."""
     try:
         return settings.database_dsn or running_url(settings.data_folder)
@@ -166,10 +166,10 @@ def _url(settings: Settings) -> str | None:
         return None  # the password file: the check of the database tells
 
 
-def _ask(url: str, query: str, *values: Any) -> list[tuple[Any, ...]]:
+def _run_query(url: str, query: str, *values: Any) -> list[tuple[Any, ...]]:
     with psycopg.connect(libpq_address(url), connect_timeout=5) as connection:
         return connection.execute(query, values).fetchall()
 
 
-def _away(name: str, error: Exception) -> Check:
+def _database_failure(name: str, error: Exception) -> Check:
     return Check(name, False, str(error).strip().splitlines()[0], "See the check of the database.")

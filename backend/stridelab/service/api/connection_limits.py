@@ -226,4 +226,4 @@ class GuardedProtocol(H11Protocol):
 
 def guarded_protocol(limiter: ConnectionLimiter) -> type[GuardedProtocol]:
     """Create the protocol class of a server with these limits."""
-    return type("GuardedProtocolOfServer", (GuardedProtocol,), {"doors": limiter})
+    return type("GuardedProtocolOfServer", (GuardedProtocol,), {"limiter": limiter})

@@ -12,13 +12,13 @@ from starlette.exceptions import HTTPException
 from stridelab.client import AsyncClient, ProblemError
 from stridelab.schemas.jobs import Job
 from stridelab.schemas.plans import PlanMotionSummary
-from stridelab_web.formatting import measured, moment, words
-from stridelab_web.pages.plans.comparison import PairRow, PlanFacts, furthest, pair_remarks, pair_rows
+from stridelab_web.formatting import code_words, utc_text, with_unit
+from stridelab_web.pages.plans.comparison import PairRow, PlanFacts, max_com_distance, pair_remarks, pair_rows
 from stridelab_web.pages.plans.plots import CENTROIDAL_TABLE
 from stridelab_web.parquet import Columns, read_columns
 
 KIND: Final = "plan-motion"
-OFFERED_AT_MOST: Final = 20
+MAX_OFFERS: Final = 20
 """Maximum number of newest plans of the same scenario, and of all scenarios; each one's result is read."""
 
 
@@ -33,7 +33,7 @@ class Offer:
 
 
 @dataclass(frozen=True)
-class Against:
+class PlanComparison:
     """Plans to choose from, and the comparison with the chosen one; ``refusal`` is why it cannot be shown."""
 
     offers: Sequence[Offer]
@@ -45,25 +45,25 @@ class Against:
     rows: Sequence[PairRow] = field(default_factory=list)
 
 
-async def against(client: AsyncClient, job: Job, facts: PlanFacts, chosen: str) -> Against:
+async def compare_plans(client: AsyncClient, job: Job, facts: PlanFacts, chosen: str) -> PlanComparison:
     """The plans to choose from, those of the same scenario first, and the comparison with the ``chosen`` one."""
-    offers = await _offers(client, job, facts)
+    offers = await _list_offers(client, job, facts)
     if not chosen:
-        return Against(offers)
+        return PlanComparison(offers)
     try:
         other, columns = await other_plan(client, job.id, chosen)
         own = await curves_of(client, job.id)
     except HTTPException as refusal:
-        return Against(offers, chosen, refusal=refusal.detail)
+        return PlanComparison(offers, chosen, refusal=refusal.detail)
     other_job = await client.job(chosen)
-    distance_m, at_s = await run_in_threadpool(furthest, own, columns)
+    distance_m, at_s = await run_in_threadpool(max_com_distance, own, columns)
     distance_row = PairRow(
-        "furthest", "CoM paths apart, at most", "", "", f"{measured(distance_m, 'm')} at {at_s:.2f} s", group="Paths"
+        "furthest", "CoM paths apart, at most", "", "", f"{with_unit(distance_m, 'm')} at {at_s:.2f} s", group="Paths"
     )
-    return Against(
+    return PlanComparison(
         offers,
         chosen,
-        other=f"{other.summary.scenario_name}, {moment(other_job.created_at)}",
+        other=f"{other.summary.scenario_name}, {utc_text(other_job.created_at)}",
         other_at=other_job.created_at,
         remarks=pair_remarks(facts, other),
         rows=[*pair_rows(facts, other), distance_row],
@@ -83,8 +83,8 @@ async def other_plan(client: AsyncClient, job_id: str, chosen: str) -> tuple[Pla
     if job.kind != KIND:
         raise HTTPException(409, "The other job is not a plan.")
     if job.state != "succeeded":
-        raise HTTPException(409, f"The other plan is {words(job.state)}: it has nothing to compare.")
-    return await _facts(client, chosen), await curves_of(client, chosen)
+        raise HTTPException(409, f"The other plan is {code_words(job.state)}: it has nothing to compare.")
+    return await _plan_facts(client, chosen), await curves_of(client, chosen)
 
 
 async def curves_of(client: AsyncClient, job_id: str) -> Columns:
@@ -93,19 +93,19 @@ async def curves_of(client: AsyncClient, job_id: str) -> Columns:
     return await run_in_threadpool(read_columns, content)
 
 
-async def _offers(client: AsyncClient, job: Job, facts: PlanFacts) -> list[Offer]:
-    newest = list((await client.jobs(OFFERED_AT_MOST, state="succeeded", kind=KIND)).items)
+async def _list_offers(client: AsyncClient, job: Job, facts: PlanFacts) -> list[Offer]:
+    newest = list((await client.jobs(MAX_OFFERS, state="succeeded", kind=KIND)).items)
     if job.scenario_id is not None:
-        same = await client.jobs(OFFERED_AT_MOST, state="succeeded", kind=KIND, scenario_id=job.scenario_id)
+        same = await client.jobs(MAX_OFFERS, state="succeeded", kind=KIND, scenario_id=job.scenario_id)
         newest = [*same.items, *newest]
     others = {each.id: each for each in newest if each.id != job.id}
-    offers = await asyncio.gather(*(_offer(client, each, job, facts) for each in others.values()))
+    offers = await asyncio.gather(*(_make_offer(client, each, job, facts) for each in others.values()))
     return sorted((offer for offer in offers if offer is not None), key=lambda offer: not offer.same)
 
 
-async def _offer(client: AsyncClient, other: Job, job: Job, facts: PlanFacts) -> Offer | None:
+async def _make_offer(client: AsyncClient, other: Job, job: Job, facts: PlanFacts) -> Offer | None:
     try:
-        other_facts = await _facts(client, other.id)
+        other_facts = await _plan_facts(client, other.id)
     except ProblemError:  # deleted since it was listed
         return None
     named = (other_facts.summary.scenario_name, other_facts.summary.robot) == (
@@ -115,14 +115,14 @@ async def _offer(client: AsyncClient, other: Job, job: Job, facts: PlanFacts) ->
     same = named or (job.scenario_id is not None and other.scenario_id == job.scenario_id)
     parts = [
         other_facts.summary.scenario_name,
-        moment(other.created_at),
-        other_facts.control,
+        utc_text(other.created_at),
+        other_facts.control_name,
         other_facts.summary.solver,
     ]
     parts.append("whole body" if other_facts.summary.certificate else "centre of mass alone")
     return Offer(other.id, " · ".join(parts), same, other.created_at)
 
 
-async def _facts(client: AsyncClient, job_id: str) -> PlanFacts:
+async def _plan_facts(client: AsyncClient, job_id: str) -> PlanFacts:
     result = await client.result(job_id)
     return PlanFacts(result.input, PlanMotionSummary.model_validate(result.summary))

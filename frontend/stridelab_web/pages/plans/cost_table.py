@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from stridelab.schemas.plans import CostWeights, PlanMotionSummary
-from stridelab_web.formatting import words
+from stridelab_web.formatting import code_words
 
 SMALL_S: Final = 0.01
 REGULARISERS: Final = ("surface_force", "point_force")
@@ -62,10 +62,10 @@ def cost_rows(summary: PlanMotionSummary) -> list[CostRow]:
         CostRow(
             key=key,
             name=term_name(key),
-            sign=_kind(key).sign,
-            integral=_integral(key, value, summary.weights),
-            weight=_weight(key, summary.weights),
-            cost=seconds(value),
+            sign=_kind_of_term(key).sign,
+            integral=_integral_text(key, value, summary.weights),
+            weight=_weight_text(key, summary.weights),
+            cost=cost_text(value),
             x=round(scale * (min(value, 0.0) - low), 2),
             width=round(scale * abs(value), 2),
             regulariser=key in REGULARISERS,
@@ -82,10 +82,10 @@ def in_order(terms: Mapping[str, float]) -> dict[str, float]:
 
 def term_name(key: str) -> str:
     """Name of a term of the cost."""
-    return _kind(key).name
+    return _kind_of_term(key).name
 
 
-def seconds(value: float, sign: str = "-") -> str:
+def cost_text(value: float, sign: str = "-") -> str:
     """A cost in seconds to four decimals, or to three digits if it is small. ``sign`` as in format specifications."""
     if value == 0:
         return "0 s"
@@ -94,21 +94,21 @@ def seconds(value: float, sign: str = "-") -> str:
 
 def weight_of(key: str, weights: CostWeights | None) -> float | None:
     """Weight of a term, or None if unknown."""
-    return None if weights is None else float(getattr(weights, _kind(key).weight))
+    return None if weights is None else float(getattr(weights, _kind_of_term(key).weight))
 
 
-def _kind(key: str) -> _Kind:
+def _kind_of_term(key: str) -> _Kind:
     if key in _KINDS:
         return _KINDS[key]
-    effector = words(key.removeprefix(DENSITY))
+    effector = code_words(key.removeprefix(DENSITY))
     return _Kind(f"Negative log-likelihood, {effector}", "−∫ log p(c) dt", "s", "likelihood", "")
 
 
-def _integral(key: str, value: float, weights: CostWeights | None) -> str:
+def _integral_text(key: str, value: float, weights: CostWeights | None) -> str:
     weight = weight_of(key, weights)
-    return f"{value / weight:.4g} {_kind(key).unit}" if weight else "–"
+    return f"{value / weight:.4g} {_kind_of_term(key).unit}" if weight else "–"
 
 
-def _weight(key: str, weights: CostWeights | None) -> str:
+def _weight_text(key: str, weights: CostWeights | None) -> str:
     weight = weight_of(key, weights)
-    return "–" if weight is None else f"{weight:.6g} {_kind(key).weight_unit}".strip()
+    return "–" if weight is None else f"{weight:.6g} {_kind_of_term(key).weight_unit}".strip()

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from stridelab.schemas.plans import PhaseDuration
 from stridelab.schemas.scenarios import Scenario
 from stridelab_web.charts import intervals
-from stridelab_web.formatting import words
+from stridelab_web.formatting import code_words
 
 
 @dataclass(frozen=True)
@@ -29,35 +29,35 @@ class ChosenDurations:
     chosen: tuple[intervals.Bar, ...]
     ticks: tuple[intervals.Tick, ...]
     rows: tuple[DurationRow, ...]
-    said: str
+    summary_text: str
     length_s: float
 
 
-def chosen_durations(found: Sequence[PhaseDuration], scenario: Scenario) -> ChosenDurations:
+def chosen_durations(durations: Sequence[PhaseDuration], scenario: Scenario) -> ChosenDurations:
     """Values of the page of a plan with free durations."""
-    length_s = max(sum(phase.given_s for phase in found), sum(phase.chosen_s for phase in found))
+    length_s = max(sum(phase.given_s for phase in durations), sum(phase.chosen_s for phase in durations))
     rows = tuple(
         DurationRow(
             k,
-            ", ".join(words(contact.effector) for contact in scenario.phases[k].contacts) or "none",
+            ", ".join(code_words(contact.effector) for contact in scenario.phases[k].contacts) or "none",
             phase.given_s,
             phase.chosen_s,
             phase.chosen_s / phase.given_s,
         )
-        for k, phase in enumerate(found)
+        for k, phase in enumerate(durations)
     )
     least, most = min(rows, key=lambda row: row.share), max(rows, key=lambda row: row.share)
     return ChosenDurations(
-        given=_bars([phase.given_s for phase in found], length_s),
-        chosen=_bars([phase.chosen_s for phase in found], length_s),
-        ticks=intervals.ticks(length_s),
+        given=_phase_bars([phase.given_s for phase in durations], length_s),
+        chosen=_phase_bars([phase.chosen_s for phase in durations], length_s),
+        ticks=intervals.time_ticks(length_s),
         rows=rows,
-        said=f"The durations are between {least.share:.2f} (phase {least.phase}) and {most.share:.2f} times "
+        summary_text=f"The durations are between {least.share:.2f} (phase {least.phase}) and {most.share:.2f} times "
         f"(phase {most.phase}) those of the scenario.",
         length_s=length_s,
     )
 
 
-def _bars(durations_s: Sequence[float], length_s: float) -> tuple[intervals.Bar, ...]:
+def _phase_bars(durations_s: Sequence[float], length_s: float) -> tuple[intervals.Bar, ...]:
     ends_s = [0.0, *itertools.accumulate(durations_s)]
-    return intervals.bars(itertools.pairwise(ends_s), length_s)
+    return intervals.interval_bars(itertools.pairwise(ends_s), length_s)

@@ -15,17 +15,17 @@ from stridelab_web.api_client import client_of
 from stridelab_web.assets import plotly_style_ids
 from stridelab_web.pages.job import took_s
 from stridelab_web.pages.plans.comparison import PlanFacts
-from stridelab_web.pages.plans.comparison_page import KIND, against, curves_of, other_plan
-from stridelab_web.pages.plans.cost_table import NOT_MINIMISED, cost_rows, seconds
+from stridelab_web.pages.plans.comparison_page import KIND, compare_plans, curves_of, other_plan
+from stridelab_web.pages.plans.cost_table import NOT_MINIMISED, cost_rows, cost_text
 from stridelab_web.pages.plans.durations import ChosenDurations, chosen_durations
 from stridelab_web.pages.plans.plots import CENTROIDAL_TABLE, REPLAY_TABLE, pair_curves, plan_curves, replayed_curves
-from stridelab_web.pages.render import page
+from stridelab_web.pages.render import render_page
 from stridelab_web.parquet import read_columns
 
 SCENARIO_FILE = "scenario.json"
 
 
-async def plan(request: Request) -> Response:
+async def plan_page(request: Request) -> Response:
     """``GET /plans/{id}``; with ``watch`` the page opens the viewer as soon as the plan is finished.
 
     ``with`` is the id of another plan that is shown beside this one.
@@ -38,11 +38,11 @@ async def plan(request: Request) -> Response:
     summary = PlanMotionSummary.model_validate(result.summary) if result else None
     other_id = request.query_params.get("with", "")
     facts = PlanFacts(result.input, summary) if result and summary else None
-    pair = await against(client, job, facts, other_id) if facts else None
+    pair = await compare_plans(client, job, facts, other_id) if facts else None
     beside = f"?{urlencode({'with': other_id})}" if pair and pair.other else ""
     watch = f"/view/?plan={job.id}"
     moves = summary is not None and (summary.certificate is not None or summary.stopped is not None)
-    return page(
+    return render_page(
         request,
         "pages/plan.html",
         section="Scenarios",
@@ -55,17 +55,17 @@ async def plan(request: Request) -> Response:
         plotly_style_ids=plotly_style_ids() if result else (),
         viewer_url=watch if moves else None,
         then=f"{watch}&play=1" if "watch" in request.query_params else None,
-        stages=_stages(summary),
+        stages=_stage_times(summary),
         replayed=result is not None and any(item.name == REPLAY_TABLE for item in result.artifacts),
         costs_of=cost_rows(summary) if summary else [],
-        objective=seconds(summary.objective) if summary else "",
-        not_minimised=NOT_MINIMISED if facts and facts.wrench else "",
+        objective=cost_text(summary.objective) if summary else "",
+        not_minimised=NOT_MINIMISED if facts and facts.has_wrench_control else "",
         pair=pair,
-        durations=await _durations(client, job.id, summary),
+        durations=await _load_durations(client, job.id, summary),
     )
 
 
-async def plots(request: Request) -> Response:
+async def plots_json(request: Request) -> Response:
     """``GET /plans/{id}/plots.json``: the curves of the plan and, with ``with``, of another plan."""
     client = client_of(request)
     job_id = request.path_params["id"]
@@ -87,14 +87,16 @@ async def plots(request: Request) -> Response:
     return JSONResponse(drawn, headers={"Cache-Control": "private, max-age=600"})
 
 
-async def _durations(client: AsyncClient, job_id: str, summary: PlanMotionSummary | None) -> ChosenDurations | None:
+async def _load_durations(
+    client: AsyncClient, job_id: str, summary: PlanMotionSummary | None
+) -> ChosenDurations | None:
     if summary is None or summary.phase_durations is None:
         return None
     scenario = Scenario.model_validate_json(await client.read_artifact(job_id, SCENARIO_FILE))
     return chosen_durations(summary.phase_durations, scenario)
 
 
-def _stages(summary: PlanMotionSummary | None) -> list[dict[str, Any]]:
+def _stage_times(summary: PlanMotionSummary | None) -> list[dict[str, Any]]:
     """Time of every stage, and its share of the total in percent."""
     times_s = summary.stage_times_s if summary else {}
     order = [*(name for name in PLAN_STAGES if name in times_s), *(name for name in times_s if name not in PLAN_STAGES)]

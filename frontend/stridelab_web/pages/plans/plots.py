@@ -6,7 +6,7 @@ from typing import Any, Final
 import numpy as np
 
 from stridelab.schemas.scenarios import Scenario
-from stridelab_web.charts.plotly import Reading, Row, Style, Trace, drawing, three
+from stridelab_web.charts.plotly import Reading, Row, Style, Trace, plot_document, xyz_row
 from stridelab_web.parquet import Columns
 from stridelab_web.scene.plan_frames import com_m
 
@@ -38,18 +38,18 @@ def plan_curves(columns: Columns, scenario: Scenario, *, steps: bool = True) -> 
     decimals |= {f"{name}_fz_n": 1 for name in forces}
     rows = [
         *(Row(f"CoM {axis} [m]", (Trace(key, "plan", "main"),)) for axis, key in zip("xyz", _COM, strict=True)),
-        three("Velocity [m/s]", _VELOCITY),
-        three("Momentum L [N m s]", _MOMENTUM),
+        xyz_row("Velocity [m/s]", _VELOCITY),
+        xyz_row("Momentum L [N m s]", _MOMENTUM),
         Row(
             "Vertical force [N]",
-            tuple(Trace(f"{name}_fz_n", name.replace("_", " "), _style(name)) for name in forces),
+            tuple(Trace(f"{name}_fz_n", name.replace("_", " "), _effector_style(name)) for name in forces),
             legend=True,
             steps=steps,
         ),
     ]
     readings = [Reading(axis, key, "m", 4) for axis, key in zip("xyz", _COM, strict=True)]
     readings += [Reading(name.replace("_", " "), f"{name}_fz_n", "N", 0) for name in forces]
-    return drawing(shown, decimals, rows, readings, in_the_air_s(scenario))
+    return plot_document(shown, decimals, rows, readings, in_the_air_s(scenario))
 
 
 def pair_curves(first: Columns, second: Columns, scenario: Scenario, *, steps: bool = True) -> dict[str, Any]:
@@ -60,22 +60,22 @@ def pair_curves(first: Columns, second: Columns, scenario: Scenario, *, steps: b
     time_s = np.unique(np.concatenate([first["time_s"], second["time_s"]]).round(9))
     shown: dict[str, np.ndarray] = {"time_s": time_s}
     for before, columns in (("", first), (OTHER, second)):
-        shown |= {f"{before}{name}": values for name, values in _at(columns, time_s).items()}
+        shown |= {f"{before}{name}": values for name, values in _values_at(columns, time_s).items()}
     forces = list(dict.fromkeys(name for each in (first, second) for name in vertical_forces(each)))
     decimals = dict.fromkeys(_COM, 5) | dict.fromkeys(_VELOCITY, 4) | dict.fromkeys(_MOMENTUM, 6)
     decimals |= {f"{name}_fz_n": 1 for name in forces}
     rows = [
-        *(_pairs(f"CoM {axis} [m]", {axis: key}, legend=False) for axis, key in zip("xyz", _COM, strict=True)),
-        _pairs("Velocity [m/s]", dict(zip("xyz", _VELOCITY, strict=True))),
-        _pairs("Momentum L [N m s]", dict(zip("xyz", _MOMENTUM, strict=True))),
-        _pairs("Vertical force [N]", {name.replace("_", " "): f"{name}_fz_n" for name in forces}, steps=steps),
+        *(_paired_row(f"CoM {axis} [m]", {axis: key}, legend=False) for axis, key in zip("xyz", _COM, strict=True)),
+        _paired_row("Velocity [m/s]", dict(zip("xyz", _VELOCITY, strict=True))),
+        _paired_row("Momentum L [N m s]", dict(zip("xyz", _MOMENTUM, strict=True))),
+        _paired_row("Vertical force [N]", {name.replace("_", " "): f"{name}_fz_n" for name in forces}, steps=steps),
     ]
     readings = [Reading(axis, key, "m", 4, more=(OTHER + key,)) for axis, key in zip("xyz", _COM, strict=True)]
     readings += [
         Reading(name.replace("_", " "), f"{name}_fz_n", "N", 0, more=(f"{OTHER}{name}_fz_n",)) for name in forces
     ]
     both = decimals | {OTHER + name: digits for name, digits in decimals.items()}
-    return drawing(shown, both, rows, readings, in_the_air_s(scenario))
+    return plot_document(shown, both, rows, readings, in_the_air_s(scenario))
 
 
 def replayed_curves(columns: Columns, replay: Columns, scenario: Scenario, *, steps: bool = True) -> dict[str, Any]:
@@ -83,7 +83,7 @@ def replayed_curves(columns: Columns, replay: Columns, scenario: Scenario, *, st
     nodes_s = columns["time_s"]
     samples_s = np.arange(0.0, nodes_s[-1], 1.0 / REPLAY_HZ)
     time_s = np.unique(np.concatenate([nodes_s, samples_s]).round(9))
-    shown: dict[str, np.ndarray] = {"time_s": time_s, **_at(columns, time_s)}
+    shown: dict[str, np.ndarray] = {"time_s": time_s, **_values_at(columns, time_s)}
     forces = list(vertical_forces(columns))
     measured = dict(zip(_COM, _COM, strict=True)) | {f"{name}_fz_n": f"f_{name}_z_n" for name in forces}
     for name, column in measured.items():
@@ -93,39 +93,39 @@ def replayed_curves(columns: Columns, replay: Columns, scenario: Scenario, *, st
     decimals |= {f"{name}_fz_n": 1 for name in forces}
     decimals |= {OTHER + name: decimals[name] for name in measured}
     com = [
-        _pairs(f"CoM {axis} [m]", {axis: key}, legend=False, said=REPLAYED)
+        _paired_row(f"CoM {axis} [m]", {axis: key}, legend=False, second_name=REPLAYED)
         for axis, key in zip("xyz", _COM, strict=True)
     ]
     rows = [
         *com,
-        three("Velocity [m/s]", _VELOCITY),
-        three("Momentum L [N m s]", _MOMENTUM),
-        _pairs(
+        xyz_row("Velocity [m/s]", _VELOCITY),
+        xyz_row("Momentum L [N m s]", _MOMENTUM),
+        _paired_row(
             "Vertical force [N]",
             {name.replace("_", " "): f"{name}_fz_n" for name in forces},
             steps=steps,
-            said=REPLAYED,
+            second_name=REPLAYED,
         ),
     ]
     readings = [Reading(axis, key, "m", 4, more=(OTHER + key,)) for axis, key in zip("xyz", _COM, strict=True)]
     readings += [
         Reading(name.replace("_", " "), f"{name}_fz_n", "N", 0, more=(f"{OTHER}{name}_fz_n",)) for name in forces
     ]
-    return drawing(shown, decimals, rows, readings, in_the_air_s(scenario))
+    return plot_document(shown, decimals, rows, readings, in_the_air_s(scenario))
 
 
-def _pairs(
-    title: str, named: Mapping[str, str], *, legend: bool = True, steps: bool = False, said: str = "other plan"
+def _paired_row(
+    title: str, named: Mapping[str, str], *, legend: bool = True, steps: bool = False, second_name: str = "other plan"
 ) -> Row:
     """Row with the curves of the first plan and, dashed in the same colours, those of the second."""
     traces: list[Trace] = []
     for k, (name, key) in enumerate(named.items()):
         full, dashed = _FULL[k % len(_FULL)], _DASHED[k % len(_DASHED)]
-        traces += [Trace(key, name, full), Trace(OTHER + key, f"{name}, {said}", dashed, listed=False)]
+        traces += [Trace(key, name, full), Trace(OTHER + key, f"{name}, {second_name}", dashed, listed=False)]
     return Row(title, tuple(traces), legend=legend, steps=steps)
 
 
-def _at(columns: Columns, time_s: np.ndarray) -> dict[str, np.ndarray]:
+def _values_at(columns: Columns, time_s: np.ndarray) -> dict[str, np.ndarray]:
     """Drawn columns of a plan at ``time_s``, NaN after its end; forces are constant between nodes."""
     nodes_s = columns["time_s"]
     after_end = time_s > nodes_s[-1] + _SAME_S
@@ -160,7 +160,7 @@ def in_the_air_s(scenario: Scenario) -> list[tuple[float, float]]:
     return intervals_s
 
 
-def _style(effector: str) -> Style:
+def _effector_style(effector: str) -> Style:
     if "hand" in effector:
         return "hand"
     return "left" if effector.startswith("left") else "right"

@@ -7,7 +7,7 @@ from typing import Final
 from stridelab.schemas.jobs import JobResult
 from stridelab.schemas.plans import CertificateCheck, PlanMotionSummary
 from stridelab_web.charts.intervals import Bar, Row
-from stridelab_web.formatting import check_name, counted, measured, words
+from stridelab_web.formatting import check_name, code_words, count_text, with_unit
 
 MARK_PERCENT: Final = 0.5
 """Width of a mark, in percent of the motion."""
@@ -28,7 +28,7 @@ def moments_of(result: JobResult) -> list[Moment]:
         return []
     certificate = PlanMotionSummary.model_validate(result.summary).certificate
     checks = certificate.checks if certificate is not None else []
-    moments = [Moment(check.time_s, _said(check), check.passed) for check in checks if check.time_s is not None]
+    moments = [Moment(check.time_s, _moment_text(check), check.passed) for check in checks if check.time_s is not None]
     return sorted(moments, key=lambda moment: moment.passed)
 
 
@@ -47,11 +47,11 @@ def check_rows(moments: Sequence[Moment], duration_s: float) -> list[Row]:
         for moment in reversed(moments)
     )
     failed = sum(not moment.passed for moment in moments)
-    text = f"Worst moments of {counted(len(moments), 'check')}, {failed} of them failed"
+    text = f"Worst moments of {count_text(len(moments), 'check')}, {failed} of them failed"
     return [Row("Checks", bars, text, "check")]
 
 
-def _said(check: CertificateCheck) -> str:
-    where = f", {words(check.effector)}" if check.effector else ""
+def _moment_text(check: CertificateCheck) -> str:
+    where = f", {code_words(check.effector)}" if check.effector else ""
     verdict = "" if check.passed else "failed: "
-    return f"{verdict}{check_name(check.name)} {measured(check.value, check.unit)}{where}, {check.time_s:.2f} s"
+    return f"{verdict}{check_name(check.name)} {with_unit(check.value, check.unit)}{where}, {check.time_s:.2f} s"

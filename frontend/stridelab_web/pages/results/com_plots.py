@@ -5,7 +5,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from stridelab_web.charts.plotly import Reading, Row, Switch, Trace, drawing, three
+from stridelab_web.charts.plotly import Reading, Row, Switch, Trace, plot_document, xyz_row
 from stridelab_web.parquet import Columns
 
 COM_TABLE: Final = "com.parquet"
@@ -44,7 +44,7 @@ def _force_row(axis: str) -> Row:
 
 ROWS = (
     *(_com_row(axis) for axis in "xyz"),
-    three("Velocity [m/s]", ("vx_m_s", "vy_m_s", "vz_m_s")),
+    xyz_row("Velocity [m/s]", ("vx_m_s", "vy_m_s", "vz_m_s")),
     *(_force_row(axis) for axis in "xyz"),
 )
 READINGS = (
@@ -60,4 +60,4 @@ def com_curves(columns: Columns, summary: Mapping[str, Any]) -> dict[str, Any]:
         for axis in "xyz"
         if f"a{axis}_m_s2" in columns and summary["mass_kg"] is not None
     }
-    return drawing({**columns, **fused}, DECIMALS, ROWS, READINGS, [summary["window_s"]], SWITCHES)
+    return plot_document({**columns, **fused}, DECIMALS, ROWS, READINGS, [summary["window_s"]], SWITCHES)

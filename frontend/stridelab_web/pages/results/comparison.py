@@ -20,7 +20,7 @@ KIND: Final = "compare-estimators"
 
 def comparison_of(job_id: str, result: JobResult, chosen: str) -> dict[str, Any]:
     """Values for the template; ``chosen`` is the key of the figure to show, by default the first one."""
-    summary = _summary(result)
+    summary = _ordered_summary(result)
     present = {item.name for item in result.artifacts}
     offered = {key: figure for key, figure in FIGURES.items() if figure.table in present}
     key = chosen if chosen in offered else next(iter(offered), None)
@@ -44,20 +44,20 @@ def comparison_of(job_id: str, result: JobResult, chosen: str) -> dict[str, Any]
     }
 
 
-async def figure(request: Request) -> Response:
+async def figure_json(request: Request) -> Response:
     """``GET /jobs/{id}/figures/{name}.json``: the curves of one figure."""
     client, job_id = client_of(request), request.path_params["id"]
     view = FIGURES.get(request.path_params["name"])
     result = await client.result(job_id)
     if view is None or all(item.name != view.table for item in result.artifacts):
         raise HTTPException(404, "This job has no such figure.")
-    summary = _summary(result)
+    summary = _ordered_summary(result)
     content = await client.read_artifact(job_id, view.table)
     drawn = await run_in_threadpool(lambda: view.draw(read_columns(content), summary))
     return JSONResponse(drawn, headers={"Cache-Control": "private, max-age=600"})
 
 
-def _summary(result: JobResult) -> CompareEstimatorsSummary:
+def _ordered_summary(result: JobResult) -> CompareEstimatorsSummary:
     """The summary with its methods in the order of the pages, unknown ones last."""
     summary = CompareEstimatorsSummary.model_validate(result.summary)
     rank = {name: place for place, name in enumerate(STYLES)}

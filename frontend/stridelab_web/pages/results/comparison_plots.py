@@ -7,8 +7,8 @@ from typing import Any, Final
 import numpy as np
 
 from stridelab.schemas.comparison import CompareEstimatorsSummary
-from stridelab_web.charts.plotly import TIME, Abscissa, Reading, Row, Style, Switch, Trace, drawing
-from stridelab_web.formatting import method
+from stridelab_web.charts.plotly import TIME, Abscissa, Reading, Row, Style, Switch, Trace, plot_document
+from stridelab_web.formatting import method_name
 from stridelab_web.parquet import Columns
 
 STYLES: Final[Mapping[str, Style]] = {
@@ -25,7 +25,7 @@ INPUTS: Final[Mapping[str, tuple[str, Style]]] = {
 """The inputs of section 2.4.1 and how their shares are drawn."""
 FREQUENCY = Abscissa("frequency_hz", "frequency [Hz]", "f", "Hz", 2, log=True)
 DIGITS = 6
-LEAST_M = 1e-8
+MIN_AMPLITUDE_M = 1e-8
 """Minimum amplitude per root hertz that is drawn."""
 READINGS: Final = "The cursor reads x, y, z in the world frame."
 
@@ -36,35 +36,37 @@ class Figure:
 
     table: str
     title: str
-    said: str
+    description: str
     hint: str
     draw: Callable[[Columns, CompareEstimatorsSummary], dict[str, Any]]
 
 
-def spectra(columns: Columns, summary: CompareEstimatorsSummary) -> dict[str, Any]:
+def plot_spectra(columns: Columns, summary: CompareEstimatorsSummary) -> dict[str, Any]:
     """Amplitude densities (figure 2.6), on logarithmic axes, without the constant component."""
     positive = columns["frequency_hz"] > 0
-    shown = {name: _positive(values[positive]) for name, values in columns.items() if name.endswith("_m_rthz")}
+    shown = {name: _without_rounding(values[positive]) for name, values in columns.items() if name.endswith("_m_rthz")}
     shown = {name: values if name == "frequency_hz" else 1000 * values for name, values in shown.items()}
     shown["frequency_hz"] = columns["frequency_hz"][positive]
-    rows = [Row(f"{axis} [mm/√Hz]", _traces(summary, axis, "_m_rthz"), log=True) for axis in "xyz"]
-    return _drawing(shown, rows, _switches(summary), _readings(summary, "_m_rthz", "mm/√Hz"), FREQUENCY)
+    rows = [Row(f"{axis} [mm/√Hz]", _method_traces(summary, axis, "_m_rthz"), log=True) for axis in "xyz"]
+    return _figure_document(
+        shown, rows, _method_switches(summary), _method_readings(summary, "_m_rthz", "mm/√Hz"), FREQUENCY
+    )
 
 
-def deviations(columns: Columns, summary: CompareEstimatorsSummary) -> dict[str, Any]:
+def plot_deviations(columns: Columns, summary: CompareEstimatorsSummary) -> dict[str, Any]:
     """Every estimate minus the truth, without a truth minus the geometry, over the window."""
     reference = "truth" if summary.reference == "truth" else "geometry"
     shown = {"time_s": columns["time_s"]}
     for name in summary.methods:
         for axis in "xyz":
-            key, against = f"{_column(name)}_{axis}_m", f"{reference}_{axis}_m"
+            key, against = f"{_column_name(name)}_{axis}_m", f"{reference}_{axis}_m"
             if key in columns and against in columns and key != against:
                 shown[key] = 1000 * (columns[key] - columns[against])
-    rows = [Row(f"{axis} [mm]", _traces(summary, axis, "_m")) for axis in "xyz"]
-    return _drawing(shown, rows, _switches(summary), _readings(summary, "_m", "mm"), TIME)
+    rows = [Row(f"{axis} [mm]", _method_traces(summary, axis, "_m")) for axis in "xyz"]
+    return _figure_document(shown, rows, _method_switches(summary), _method_readings(summary, "_m", "mm"), TIME)
 
 
-def contributions(columns: Columns, _: CompareEstimatorsSummary) -> dict[str, Any]:
+def plot_contributions(columns: Columns, _: CompareEstimatorsSummary) -> dict[str, Any]:
     """Contribution of each input to the complementary filter (figure 2.7)."""
     rows = []
     for axis in "xyz":
@@ -75,10 +77,10 @@ def contributions(columns: Columns, _: CompareEstimatorsSummary) -> dict[str, An
         for key, name in (("total", "sum"), *((key, name) for key, (name, _style) in INPUTS.items()))
     ]
     switches = [Switch("total", "sum", "line4"), *(Switch(k, name, style) for k, (name, style) in INPUTS.items())]
-    return _drawing(columns, rows, switches, readings, TIME)
+    return _figure_document(columns, rows, switches, readings, TIME)
 
 
-def filters(columns: Columns, _: CompareEstimatorsSummary) -> dict[str, Any]:
+def plot_filters(columns: Columns, _: CompareEstimatorsSummary) -> dict[str, Any]:
     """Gain and phase of the complementary filters (figure 2.5)."""
     lowest = -100.0
     shown = {name: np.maximum(v, lowest) if name.endswith("_db") else v for name, v in columns.items()}
@@ -87,7 +89,9 @@ def filters(columns: Columns, _: CompareEstimatorsSummary) -> dict[str, Any]:
         for title, suffix in (("Gain [dB]", "gain_db"), ("Phase [rad]", "phase_rad"))
     ]
     readings = [Reading(name, f"{key}_gain_db", "dB", 1, group=key) for key, (name, _style) in INPUTS.items()]
-    return _drawing(shown, rows, [Switch(k, name, style) for k, (name, style) in INPUTS.items()], readings, FREQUENCY)
+    return _figure_document(
+        shown, rows, [Switch(k, name, style) for k, (name, style) in INPUTS.items()], readings, FREQUENCY
+    )
 
 
 FIGURES: Final[Mapping[str, Figure]] = {
@@ -97,65 +101,65 @@ FIGURES: Final[Mapping[str, Figure]] = {
         "Amplitude of every method's error by frequency.",
         f"Amplitude per root hertz of each method's error; where the truth is not known, of its difference from the "
         f"markers. {READINGS}",
-        spectra,
+        plot_spectra,
     ),
     "time": Figure(
         "comparison.parquet",
         "Over time",
         "Every method's deviation over time.",
         f"Each method's error; where the truth is not known, its difference from the markers. {READINGS}",
-        deviations,
+        plot_deviations,
     ),
     "contributions": Figure(
         "contributions.parquet",
         "Contributions",
         "Contribution of each input to the complementary filter over time.",
         f"Contribution of each input to the complementary filter; their sum is its result. {READINGS}",
-        contributions,
+        plot_contributions,
     ),
     "filters": Figure(
         "bode.parquet",
         "Filters",
         "Gain and phase of the complementary filters by frequency.",
         "How the complementary filter shares the frequencies between its inputs. The cursor reads the gain.",
-        filters,
+        plot_filters,
     ),
 }
 """The views; the first one is the default."""
 
 
-def _traces(summary: CompareEstimatorsSummary, axis: str, after: str) -> tuple[Trace, ...]:
+def _method_traces(summary: CompareEstimatorsSummary, axis: str, after: str) -> tuple[Trace, ...]:
     return tuple(
-        Trace(f"{_column(name)}_{axis}{after}", method(name), STYLES.get(name, OTHER), group=name)
+        Trace(f"{_column_name(name)}_{axis}{after}", method_name(name), STYLES.get(name, OTHER), group=name)
         for name in summary.methods
     )
 
 
-def _switches(summary: CompareEstimatorsSummary) -> list[Switch]:
-    return [Switch(name, method(name), STYLES.get(name, OTHER)) for name in summary.methods]
+def _method_switches(summary: CompareEstimatorsSummary) -> list[Switch]:
+    return [Switch(name, method_name(name), STYLES.get(name, OTHER)) for name in summary.methods]
 
 
-def _readings(summary: CompareEstimatorsSummary, after: str, unit: str) -> list[Reading]:
+def _method_readings(summary: CompareEstimatorsSummary, after: str, unit: str) -> list[Reading]:
     return [
         Reading(
-            method(name), f"{_column(name)}_x{after}", unit, 2,
-            more=(f"{_column(name)}_y{after}", f"{_column(name)}_z{after}"), group=name,
+            method_name(name), f"{_column_name(name)}_x{after}", unit, 2,
+            more=(f"{_column_name(name)}_y{after}", f"{_column_name(name)}_z{after}"), group=name,
         )
         for name in summary.methods
     ]  # fmt: skip
 
 
-def _drawing(
+def _figure_document(
     columns: Columns, rows: Sequence[Row], switches: Sequence[Switch], readings: Sequence[Reading], x: Abscissa
 ) -> dict[str, Any]:
     decimals = {trace.key: DIGITS for row in rows for trace in row.traces}
-    return drawing(columns, decimals, rows, readings, [], switches, x)
+    return plot_document(columns, decimals, rows, readings, [], switches, x)
 
 
-def _positive(values: np.ndarray) -> np.ndarray:
+def _without_rounding(values: np.ndarray) -> np.ndarray:
     """Replace rounding noise, which would set the scale, by NaN."""
-    return np.where(values > LEAST_M, values, np.nan)
+    return np.where(values > MIN_AMPLITUDE_M, values, np.nan)
 
 
-def _column(name: str) -> str:
+def _column_name(name: str) -> str:
     return name.replace("-", "_")

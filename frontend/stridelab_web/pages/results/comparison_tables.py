@@ -42,15 +42,15 @@ class _Figure:
 
 def against_truth(summary: CompareEstimatorsSummary) -> list[Group]:
     """Errors where the truth is known; empty where it is not."""
-    return _groups(summary, _TRUTH)
+    return _column_groups(summary, _TRUTH)
 
 
 def against_physics(summary: CompareEstimatorsSummary) -> list[Group]:
     """Checks that need no truth; groups without values are left out."""
-    return _groups(summary, _PHYSICS)
+    return _column_groups(summary, _PHYSICS)
 
 
-def _axes(axes: Axes | None) -> Values | None:
+def _axes_values(axes: Axes | None) -> Values | None:
     return None if axes is None else (axes.along, axes.lateral, axes.vertical)
 
 
@@ -61,15 +61,15 @@ _TRUTH: Final = (
         lambda m: (m.truth.horizontal_m, m.truth.horizontal_95_m, m.truth.vertical_m) if m.truth else None,
         1000.0, 2, least_is_best=True,
     ),
-    _Figure("Inside the 95 % band [%]", PER_AXIS, lambda m: _axes(m.truth.coverage if m.truth else None), 100.0, 0),
-    _Figure("Stated standard deviation [mm]", PER_AXIS, lambda m: _axes(m.truth.sd_m if m.truth else None), 1000.0, 1),
-    _Figure("Late by [ms]", PER_AXIS, lambda m: _axes(m.truth.lag_s if m.truth else None), 1000.0, 1),
+    _Figure("Inside the 95 % band [%]", PER_AXIS, lambda m: _axes_values(m.truth and m.truth.coverage), 100.0, 0),
+    _Figure("Stated standard deviation [mm]", PER_AXIS, lambda m: _axes_values(m.truth and m.truth.sd_m), 1000.0, 1),
+    _Figure("Late by [ms]", PER_AXIS, lambda m: _axes_values(m.truth.lag_s if m.truth else None), 1000.0, 1),
 )  # fmt: skip
 _PHYSICS: Final = (
-    _Figure("Force residual [N]", PER_AXIS, lambda m: _axes(m.force_residual_n)),
-    _Figure("At samples held back [N]", PER_AXIS, lambda m: _axes(m.held_back_n), least_is_best=True),
+    _Figure("Force residual [N]", PER_AXIS, lambda m: _axes_values(m.force_residual_n)),
+    _Figure("At samples held back [N]", PER_AXIS, lambda m: _axes_values(m.held_back_n), least_is_best=True),
     _Figure(
-        "dL/dt of the segments, r", PER_AXIS, lambda m: _axes(m.momentum_rate.correlation if m.momentum_rate else None),
+        "dL/dt of the segments, r", PER_AXIS, lambda m: _axes_values(m.momentum_rate and m.momentum_rate.correlation),
         digits=2,
     ),
     _Figure(
@@ -79,20 +79,20 @@ _PHYSICS: Final = (
     _Figure(
         "Standing [mm]", ("horizontal",), lambda m: None if m.standing_m is None else (m.standing_m,), 1000.0,
     ),
-    _Figure("Fused minus markers [mm]", PER_AXIS, lambda m: _axes(m.offset_m), 1000.0),
+    _Figure("Fused minus markers [mm]", PER_AXIS, lambda m: _axes_values(m.offset_m), 1000.0),
 )  # fmt: skip
 
 
-def _groups(summary: CompareEstimatorsSummary, figures: tuple[_Figure, ...]) -> list[Group]:
+def _column_groups(summary: CompareEstimatorsSummary, figures: tuple[_Figure, ...]) -> list[Group]:
     groups = []
     for figure in figures:
         rows = {name: figure.read(one) for name, one in summary.methods.items()}
         if any(value is not None for row in rows.values() if row for value in row):
-            groups.append(Group(figure.title, figure.columns, _cells(figure, rows)))
+            groups.append(Group(figure.title, figure.columns, _group_cells(figure, rows)))
     return groups
 
 
-def _cells(figure: _Figure, rows: Mapping[str, Values | None]) -> dict[str, tuple[Cell, ...]]:
+def _group_cells(figure: _Figure, rows: Mapping[str, Values | None]) -> dict[str, tuple[Cell, ...]]:
     whole = {name: row or (None,) * len(figure.columns) for name, row in rows.items()}
     least = [
         min((abs(v) for row in whole.values() if (v := row[k]) is not None), default=None)

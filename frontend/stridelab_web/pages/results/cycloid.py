@@ -19,20 +19,20 @@ from stridelab_web.pages.results.cycloid_steps import (
 from stridelab_web.parquet import read_columns
 
 KIND: Final = "fit-cycloid"
-LEAST_SAMPLES: Final = 4
+MIN_SAMPLES: Final = 4
 SOURCES: Final = {"plates": "Plates", "markers": "Markers", "mixed": "Plates and markers"}
 
 
-async def cycloid_of(client: AsyncClient, job_id: str, result: JobResult, asked: str) -> dict[str, Any]:
+async def cycloid_of(client: AsyncClient, job_id: str, result: JobResult, step_number: str) -> dict[str, Any]:
     """Values for the template; shows the step of the given number (from 1), or the first one."""
     summary = FitCycloidSummary.model_validate(result.summary)
     steps = steps_of(summary)
-    number = int(asked) if asked.isdecimal() and 1 <= int(asked) <= len(steps) else 1
+    number = int(step_number) if step_number.isdecimal() and 1 <= int(step_number) <= len(steps) else 1
     shown = steps[number - 1] if steps else None
     charts = None
     if shown is not None and any(item.name == WHEEL_TABLE for item in result.artifacts):
         content = await client.read_artifact(job_id, WHEEL_TABLE)
-        charts = await run_in_threadpool(lambda: _charts(content, shown))
+        charts = await run_in_threadpool(lambda: _step_charts(content, shown))
     return {
         "summary": summary,
         "steps": steps,
@@ -48,6 +48,6 @@ async def cycloid_of(client: AsyncClient, job_id: str, result: JobResult, asked:
     }
 
 
-def _charts(content: bytes, step: WheelStep) -> StepCharts | None:
+def _step_charts(content: bytes, step: WheelStep) -> StepCharts | None:
     samples = samples_of(read_columns(content), step)
-    return draw_step(samples, step) if len(samples["time_s"]) >= LEAST_SAMPLES else None
+    return draw_step(samples, step) if len(samples["time_s"]) >= MIN_SAMPLES else None

@@ -5,7 +5,7 @@ from typing import Final
 
 import numpy as np
 
-from stridelab_web.charts.svg import Canvas, Chart, span_of
+from stridelab_web.charts.svg import Canvas, Chart, range_of
 from stridelab_web.pages.results.cycloid_steps import WheelStep
 from stridelab_web.parquet import Columns
 from stridelab_web.scene.cycloid_frames import radius_m
@@ -47,39 +47,41 @@ def draw_step(samples: Columns, step: WheelStep) -> StepCharts:
     omega, theta0 = np.polyfit(time - time[0], theta, 1)
     line = theta0 + omega * (time - time[0])
     R_m = radius_m(samples)
-    rescaled, stretched = _rescaled(samples, step)
+    rescaled, stretched = _rescaled_chart(samples, step)
     return StepCharts(
-        true_scale=_true_scale(samples, R_m, step),
+        true_scale=_true_scale_chart(samples, R_m, step),
         rescaled=rescaled,
         stretched=stretched,
-        residuals=_residuals(samples, step),
-        theta=_theta(samples, line, step),
+        residuals=_residual_chart(samples, step),
+        theta=_theta_chart(samples, line, step),
         off_line_rad=float(np.sqrt(np.mean((theta - line) ** 2))),
         R_m=R_m,
     )
 
 
-def _true_scale(samples: Columns, R_m: float, step: WheelStep) -> Chart:
+def _true_scale_chart(samples: Columns, R_m: float, step: WheelStep) -> Chart:
     start_m, z0 = samples["x_ahead_m"][0], float(samples["hub_z_m"][0])
     ahead, hub = samples["x_ahead_m"] - start_m, samples["hub_x_m"] - start_m
     point = samples["model_x_m"] - start_m
     size = abs(R_m)
-    x = span_of(ahead, hub - size, hub + size, share=0.02)
+    x = range_of(ahead, hub - size, hub + size, share=0.02)
     y = (z0 - size - 0.03, max(z0 + size, float(samples["z_m"].max())) + 0.02)
     canvas = Canvas(x, y, "Distance ahead since the step began [m]", "Height [m]", WIDE_PX, true_scale=True)
-    canvas.level(z0 - size, *x, "ground")
-    canvas.level(z0, float(hub.min()), float(hub.max()), "hub-line")
-    for k in _instants(samples["theta_rad"]):
-        canvas.circle(float(hub[k]), z0, size, "rim")
-        canvas.curve(np.array([hub[k], point[k]]), np.array([z0, samples["model_z_m"][k]]), "spoke")
-        canvas.mark(float(hub[k]), z0, "hub", "ring")
-        canvas.mark(float(point[k]), float(samples["model_z_m"][k]), "point", "circle")
-    canvas.curve(ahead, samples["z_m"], "measured", "centre of mass")
-    canvas.curve(point, samples["model_z_m"], "wheel", "point on the wheel")
-    return canvas.chart(f"{step.name} at true scale: the wheel of radius {MM * R_m:.0f} mm and the path of its point.")
+    canvas.add_horizontal_line(z0 - size, *x, "ground")
+    canvas.add_horizontal_line(z0, float(hub.min()), float(hub.max()), "hub-line")
+    for k in _drawn_instants(samples["theta_rad"]):
+        canvas.add_circle(float(hub[k]), z0, size, "rim")
+        canvas.add_curve(np.array([hub[k], point[k]]), np.array([z0, samples["model_z_m"][k]]), "spoke")
+        canvas.add_mark(float(hub[k]), z0, "hub", "ring")
+        canvas.add_mark(float(point[k]), float(samples["model_z_m"][k]), "point", "circle")
+    canvas.add_curve(ahead, samples["z_m"], "measured", "centre of mass")
+    canvas.add_curve(point, samples["model_z_m"], "wheel", "point on the wheel")
+    return canvas.build_chart(
+        f"{step.name} at true scale: the wheel of radius {MM * R_m:.0f} mm and the path of its point."
+    )
 
 
-def _instants(theta: np.ndarray) -> list[int]:
+def _drawn_instants(theta: np.ndarray) -> list[int]:
     """Indices of the first and last sample, and of those nearest to the lowest and highest points between."""
     turns = np.arange(np.ceil(theta.min() / np.pi), np.floor(theta.max() / np.pi) + 1) * np.pi
     between = [int(np.argmin(np.abs(theta - angle))) for angle in turns]
@@ -87,54 +89,54 @@ def _instants(theta: np.ndarray) -> list[int]:
     return [0, *(k for k in between if apart <= k <= len(theta) - 1 - apart), len(theta) - 1]
 
 
-def _rescaled(samples: Columns, step: WheelStep) -> tuple[Chart, float]:
+def _rescaled_chart(samples: Columns, step: WheelStep) -> tuple[Chart, float]:
     start_m, z0 = samples["x_ahead_m"][0], samples["hub_z_m"]
     ahead, point = samples["x_ahead_m"] - start_m, samples["model_x_m"] - start_m
     up, model = MM * (samples["z_m"] - z0), MM * (samples["model_z_m"] - z0)
     canvas = Canvas(
-        span_of(ahead, point, share=0.03), span_of(up, model, least=10.0),
+        range_of(ahead, point, share=0.03), range_of(up, model, min_width=10.0),
         "Distance ahead since the step began [m]", "Height over the hub [mm]", HALF_PX, TALL_PX,
     )  # fmt: skip
-    canvas.level(0.0, *canvas.x_range, "hub-line")
-    canvas.curve(point, model, "wheel", "point on the wheel")
+    canvas.add_horizontal_line(0.0, *canvas.x_range, "hub-line")
+    canvas.add_curve(point, model, "wheel", "point on the wheel")
     for k in np.unique(np.linspace(0, len(ahead) - 1, min(SAMPLES_SHOWN, len(ahead))).round().astype(int)):
-        canvas.mark(float(ahead[k]), float(up[k]), "measured", "circle")
-    stretched = MM * (canvas.y(0.0) - canvas.y(1.0)) / canvas.px_per_x
-    return canvas.chart(
+        canvas.add_mark(float(ahead[k]), float(up[k]), "measured", "circle")
+    stretched = MM * (canvas.y_px(0.0) - canvas.y_px(1.0)) / canvas.px_per_x
+    return canvas.build_chart(
         f"{step.name} with heights stretched {stretched:.0f} times: samples and fitted curve."
     ), stretched
 
 
-def _residuals(samples: Columns, step: WheelStep) -> Chart:
+def _residual_chart(samples: Columns, step: WheelStep) -> Chart:
     time = samples["time_s"]
     ahead, up = MM * samples["error_x_m"], MM * samples["error_z_m"]
     canvas = Canvas(
-        (float(time[0]), float(time[-1])), span_of(ahead, up, np.zeros(1), least=1.0),
+        (float(time[0]), float(time[-1])), range_of(ahead, up, np.zeros(1), min_width=1.0),
         "Time [s]", "Model minus measurement [mm]", HALF_PX, TALL_PX,
     )  # fmt: skip
-    _double_support(canvas, step)
-    canvas.level(0.0, *canvas.x_range, "zero")
-    canvas.curve(time, ahead, "ahead", "ahead")
-    canvas.curve(time, up, "up", "up")
-    return canvas.chart(f"{step.name}: residuals of the path, ahead and up, over time.")
+    _shade_double_support(canvas, step)
+    canvas.add_horizontal_line(0.0, *canvas.x_range, "zero")
+    canvas.add_curve(time, ahead, "ahead", "ahead")
+    canvas.add_curve(time, up, "up", "up")
+    return canvas.build_chart(f"{step.name}: residuals of the path, ahead and up, over time.")
 
 
-def _theta(samples: Columns, line: np.ndarray, step: WheelStep) -> Chart:
+def _theta_chart(samples: Columns, line: np.ndarray, step: WheelStep) -> Chart:
     time, theta = samples["time_s"], samples["theta_rad"]
     canvas = Canvas(
-        (float(time[0]), float(time[-1])), span_of(theta, line, least=1.0), "Time [s]", "θ [rad]", HALF_PX, TALL_PX
+        (float(time[0]), float(time[-1])), range_of(theta, line, min_width=1.0), "Time [s]", "θ [rad]", HALF_PX, TALL_PX
     )
-    _double_support(canvas, step)
-    canvas.curve(time, line, "line", "the line through them")
+    _shade_double_support(canvas, step)
+    canvas.add_curve(time, line, "line", "the line through them")
     for k in np.unique(np.linspace(0, len(time) - 1, min(SAMPLES_SHOWN, len(time))).round().astype(int)):
-        canvas.mark(float(time[k]), float(theta[k]), "measured", "circle")
-    return canvas.chart(f"{step.name}: the angle of every sample, and a line through them.")
+        canvas.add_mark(float(time[k]), float(theta[k]), "measured", "circle")
+    return canvas.build_chart(f"{step.name}: the angle of every sample, and a line through them.")
 
 
-def _double_support(canvas: Canvas, step: WheelStep) -> None:
+def _shade_double_support(canvas: Canvas, step: WheelStep) -> None:
     """Shade the measured double support, and mark the instants of the thesis' rule."""
     start, end = step.fit.double_support_s
-    canvas.shade(start, end, "double", f"both feet down, {start:.3f} s to {end:.3f} s")
+    canvas.add_shade(start, end, "double", f"both feet down, {start:.3f} s to {end:.3f} s")
     for timing in step.timings:
         if timing.rule_s is not None and canvas.x_range[0] <= timing.rule_s <= canvas.x_range[1]:
-            canvas.upright(timing.rule_s, *canvas.y_range, "rule")
+            canvas.add_vertical_line(timing.rule_s, *canvas.y_range, "rule")

@@ -7,15 +7,15 @@ from statistics import median
 from typing import Final
 
 from stridelab.schemas.cycloid import FitCycloidSummary, FittedStep, Rival, StepScatter
-from stridelab_web.formatting import words
+from stridelab_web.formatting import code_words
 
 MS = 1000.0
-NOTICED_S = 0.015
+MAX_UNREPORTED_S = 0.015
 """Duration at the ends of a step that the fit may leave out without a notice: one or two samples."""
 
 
 @dataclass(frozen=True)
-class Values:
+class ValueRow:
     """One row of the table of a wheel, as text: the path with both deviations, and the other three fits."""
 
     key: str
@@ -74,15 +74,15 @@ class WheelStep:
         return f"Step {self.index + 1}, {self.fit.side} foot swings"
 
     @property
-    def flags(self) -> tuple[str, ...]:
+    def flag_sentences(self) -> tuple[str, ...]:
         """Flags of the step as sentences."""
-        return tuple(flag(code) for code in self.fit.flags)
+        return tuple(flag_sentence(code) for code in self.fit.flags)
 
     @property
     def partly_fitted(self) -> bool:
         """Whether the fit left out a part of the step."""
         start_s, end_s = self.fit.fitted_s
-        return start_s - self.fit.t0_s > NOTICED_S or self.fit.t1_s - end_s > NOTICED_S
+        return start_s - self.fit.t0_s > MAX_UNREPORTED_S or self.fit.t1_s - end_s > MAX_UNREPORTED_S
 
     @property
     def timings(self) -> tuple[Timing, Timing]:
@@ -90,7 +90,7 @@ class WheelStep:
         measured, rule = self.fit.double_support_s, self.fit.double_support_model_s
         return (Timing("Start", measured[0], rule[0]), Timing("End", measured[1], rule[1]))
 
-    def get(self, key: str) -> float:
+    def parameter_value(self, key: str) -> float:
         """Value of one of ``PARAMETERS``."""
         return float(getattr(self.fit, key))
 
@@ -102,29 +102,36 @@ def steps_of(summary: FitCycloidSummary) -> tuple[WheelStep, ...]:
 
 def medians_of(steps: Sequence[WheelStep]) -> dict[str, float]:
     """Median over the steps of every parameter."""
-    return {p.key: median(step.get(p.key) for step in steps) for p in PARAMETERS} if steps else {}
+    return {p.key: median(step.parameter_value(p.key) for step in steps) for p in PARAMETERS} if steps else {}
 
 
-def values_of(step: WheelStep, scatter: StepScatter | None) -> tuple[Values, ...]:
+def values_of(step: WheelStep, scatter: StepScatter | None) -> tuple[ValueRow, ...]:
     """R, r, z0, omega and the distances of ``step``; ``scatter`` is the scatter between the steps of the recording."""
     fit = step.fit
     others = (fit.reversed, fit.timed, fit.reversed_timed)
 
-    def line(p: Parameter) -> Values:
+    def parameter_row(p: Parameter) -> ValueRow:
         formal = getattr(fit.sd, p.key, None)
         between = None if scatter is None else getattr(scatter, p.key)
-        a, b, c = (p.text(getattr(one, p.key)) for one in others)
-        name = f"{p.letter}, {p.said} [{p.unit}]"
-        return Values(p.key, name, p.text(step.get(p.key)), p.text(formal), p.text(between), (a, b, c))
+        a, b, c = (p.format_value(getattr(one, p.key)) for one in others)
+        name = f"{p.letter}, {p.meaning} [{p.unit}]"
+        return ValueRow(
+            p.key,
+            name,
+            p.format_value(step.parameter_value(p.key)),
+            p.format_value(formal),
+            p.format_value(between),
+            (a, b, c),
+        )
 
-    def distance(key: str, name: str) -> Values:
+    def distance_row(key: str, name: str) -> ValueRow:
         a, b, c = (f"{getattr(one, key):.2f}" for one in others)
-        return Values(key, f"Distance, {name} [mm]", f"{getattr(fit, key):.2f}", "–", "–", (a, b, c))
+        return ValueRow(key, f"Distance, {name} [mm]", f"{getattr(fit, key):.2f}", "–", "–", (a, b, c))
 
     return (
-        *(line(p) for p in PARAMETERS),
-        distance("error_mean_mm", "mean"),
-        distance("error_max_mm", "largest"),
+        *(parameter_row(p) for p in PARAMETERS),
+        distance_row("error_mean_mm", "mean"),
+        distance_row("error_max_mm", "largest"),
     )
 
 
@@ -132,27 +139,27 @@ def contests_of(step: WheelStep, steps: Sequence[WheelStep]) -> tuple[Contest, .
     """The models of ``step`` in path and in time, and how often each is the best of all ``steps``."""
     contests = []
     for space, (title, hint) in SPACES.items():
-        rivals = _rivals(step, space)
+        rivals = _rivals_in_space(step, space)
         if rivals:
-            wins = Counter(_best(one, space) for one in steps if _rivals(one, space))
-            entrants = tuple(_entrant(one, rivals, wins[one.model]) for one in rivals)
+            wins = Counter(_best_model(one, space) for one in steps if _rivals_in_space(one, space))
+            entrants = tuple(_make_entrant(one, rivals, wins[one.model]) for one in rivals)
             contests.append(Contest(space, title, hint, entrants))
     return tuple(contests)
 
 
-def _entrant(one: Rival, rivals: Sequence[Rival], wins: int) -> Entrant:
+def _make_entrant(one: Rival, rivals: Sequence[Rival], wins: int) -> Entrant:
     columns = ("rms_mm", "held_out_mm", "aic")
     smallest = {key: min(getattr(rival, key) for rival in rivals) for key in columns}
     best = frozenset(key for key, value in smallest.items() if getattr(one, key) == value)
-    return Entrant(one, model(one.model), one.aic - smallest["aic"], best, wins)
+    return Entrant(one, model_name(one.model), one.aic - smallest["aic"], best, wins)
 
 
-def _rivals(step: WheelStep, space: str) -> list[Rival]:
+def _rivals_in_space(step: WheelStep, space: str) -> list[Rival]:
     return [one for one in step.fit.rivals if one.space == space]
 
 
-def _best(step: WheelStep, space: str) -> str:
-    return min(_rivals(step, space), key=lambda one: one.aic).model
+def _best_model(step: WheelStep, space: str) -> str:
+    return min(_rivals_in_space(step, space), key=lambda one: one.aic).model
 
 
 @dataclass(frozen=True)
@@ -161,13 +168,13 @@ class Parameter:
 
     key: str
     letter: str
-    said: str
+    meaning: str
     unit: str
     factor: float
     digits: int
 
     @property
-    def title(self) -> str:
+    def axis_title(self) -> str:
         """Title of an axis."""
         return f"{self.letter} [{self.unit}]"
 
@@ -177,7 +184,7 @@ class Parameter:
         letter, _, unit = self.key.partition("_")
         return f"{letter}_sd_{unit}"
 
-    def text(self, value: float | None) -> str:
+    def format_value(self, value: float | None) -> str:
         """``value`` in the shown unit; a dash for None."""
         return "–" if value is None else f"{self.factor * value:z.{self.digits}f}"
 
@@ -218,11 +225,11 @@ FLAGS: Final = {
 }
 
 
-def flag(code: str) -> str:
+def flag_sentence(code: str) -> str:
     """Sentence of a flag of a step."""
-    return FLAGS.get(code, words(code).capitalize() + ".")
+    return FLAGS.get(code, code_words(code).capitalize() + ".")
 
 
-def model(code: str) -> str:
+def model_name(code: str) -> str:
     """Name of a curve that is compared with the wheel."""
-    return MODELS.get(code, words(code))
+    return MODELS.get(code, code_words(code))

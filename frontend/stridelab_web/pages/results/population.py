@@ -11,7 +11,7 @@ from stridelab.schemas.methods import METHODS
 from stridelab.schemas.population import StudyPopulationSummary
 from stridelab.schemas.recordings import Recording
 from stridelab_web.api_client import client_of
-from stridelab_web.pages.render import page
+from stridelab_web.pages.render import render_page
 from stridelab_web.pages.results.cycloid_steps import PARAMETERS
 from stridelab_web.pages.results.population_bars import bars_of
 from stridelab_web.pages.results.population_charts import AGAINST, charts_against, groups_of
@@ -24,7 +24,7 @@ TABLES: Final = ("subjects", "steps", "correlations")
 FORMATS: Final = (("csv", "CSV"), ("parquet", "Parquet"))
 
 
-async def population(request: Request) -> Response:
+async def study_page(request: Request) -> Response:
     """``GET /population/{id}``."""
     client = client_of(request)
     job = await client.job(request.path_params["id"])
@@ -32,7 +32,7 @@ async def population(request: Request) -> Response:
         return RedirectResponse(f"/jobs/{job.id}", status_code=303)
     result = await client.result(job.id) if job.state == "succeeded" else None
     took = job.finished_at - job.started_at if job.started_at and job.finished_at else None
-    return page(
+    return render_page(
         request,
         "pages/population.html",
         section="Population",
@@ -40,11 +40,11 @@ async def population(request: Request) -> Response:
         took_s=None if took is None else took.total_seconds(),
         result=result,
         quality=None if result is None else shown_quality(result.summary),
-        study=None if result is None else _study(result, request.query_params.get("against", "")),
+        study=None if result is None else _study_values(result, request.query_params.get("against", "")),
     )
 
 
-async def new(request: Request) -> Response:
+async def new_study_page(request: Request) -> Response:
     """``GET /population``: recordings to choose from, with those of ``recording=`` chosen, and the studies so far.
 
     ``cursor=`` selects a later page of the recordings; the chosen ones are on every page.
@@ -55,23 +55,23 @@ async def new(request: Request) -> Response:
     shown = {item.id: item for item in listed.items}
     for recording_id in dict.fromkeys(requested):
         if recording_id not in shown:
-            shown |= await _known(client, recording_id)
+            shown |= await _recording_by_id(client, recording_id)
     chosen = set(requested)
     ordered = sorted(shown.values(), key=lambda item: item.id not in chosen)
-    return page(
+    return render_page(
         request,
         "pages/population_new.html",
         section="Population",
         recordings=ordered,
         chosen=chosen,
         next=listed.next,
-        people={item.id: _person(item) for item in ordered},
+        people={item.id: _proposed_subject(item) for item in ordered},
         methods=METHODS,
         jobs=(await client.jobs(kind=KIND)).items,
     )
 
 
-async def _known(client: AsyncClient, recording_id: str) -> dict[str, Recording]:
+async def _recording_by_id(client: AsyncClient, recording_id: str) -> dict[str, Recording]:
     """One recording by its id; empty if it was deleted."""
     try:
         return {recording_id: await client.recording(recording_id)}
@@ -81,11 +81,11 @@ async def _known(client: AsyncClient, recording_id: str) -> dict[str, Recording]
         return {}
 
 
-def _study(result: JobResult, asked: str) -> dict[str, Any]:
+def _study_values(result: JobResult, key: str) -> dict[str, Any]:
     summary = StudyPopulationSummary.model_validate(result.summary)
     subjects = summary.subjects
     offered = [a for a in AGAINST if any(getattr(subject, a.key) is not None for subject in subjects)]
-    against = next((a for a in offered if a.key == asked), offered[0] if offered else AGAINST[0])
+    against = next((a for a in offered if a.key == key), offered[0] if offered else AGAINST[0])
     present = {item.name for item in result.artifacts}
     return {
         "summary": summary,
@@ -103,6 +103,6 @@ def _study(result: JobResult, asked: str) -> dict[str, Any]:
     }
 
 
-def _person(recording: Recording) -> str:
+def _proposed_subject(recording: Recording) -> str:
     """Proposed subject: the pseudonym, else the file name, so that unknown subjects stay separate."""
     return recording.subject.name or recording.filename.rpartition(".")[0] or recording.filename

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from stridelab.schemas.population import SubjectResult
-from stridelab_web.charts.svg import Shape, ticks
+from stridelab_web.charts.svg import Shape, axis_ticks
 from stridelab_web.pages.results.population_charts import groups_of
 
 THESIS_ERROR_MM: Final = 3.5
@@ -56,14 +56,14 @@ def bars_of(subjects: Sequence[SubjectResult]) -> tuple[Bars, ...]:
             "start",
             "Start of double support, thesis' rule minus measured [ms] (fig. 3.10)",
             "Mean and standard deviation over a person's steps; dashed: no error.",
-            lambda s: (_ms(s.double_support_start_error_s), _ms(s.double_support_start_error_sd_s)),
+            lambda s: (_milliseconds(s.double_support_start_error_s), _milliseconds(s.double_support_start_error_sd_s)),
             0.0,
         ),
         (
             "end",
             "End of double support, thesis' rule minus measured [ms] (fig. 3.10)",
             "Mean and standard deviation over a person's steps; dashed: no error.",
-            lambda s: (_ms(s.double_support_end_error_s), _ms(s.double_support_end_error_sd_s)),
+            lambda s: (_milliseconds(s.double_support_end_error_s), _milliseconds(s.double_support_end_error_sd_s)),
             0.0,
         ),
     )
@@ -71,36 +71,38 @@ def bars_of(subjects: Sequence[SubjectResult]) -> tuple[Bars, ...]:
     for key, title, hint, read, line in wanted:
         values = [(s, value, sd or 0.0) for s in subjects for value, sd in (read(s),) if value is not None]
         if values:
-            figures.append(_drawn(key, title, hint, subjects, values, line))
+            figures.append(_draw_bars(key, title, hint, subjects, values, line))
     return tuple(figures)
 
 
-def _drawn(
+def _draw_bars(
     key: str,
     title: str,
     hint: str,
     subjects: Sequence[SubjectResult],
-    known: Sequence[tuple[SubjectResult, float, float]],
+    values: Sequence[tuple[SubjectResult, float, float]],
     line: float,
 ) -> Bars:
-    low = min(0.0, line, *(value - sd for _, value, sd in known))
-    high = max(0.0, line, *(value + sd for _, value, sd in known))
+    low = min(0.0, line, *(value - sd for _, value, sd in values))
+    high = max(0.0, line, *(value + sd for _, value, sd in values))
     margin = 0.04 * (high - low)
     low, high = (low - margin if low < 0 else low), high + margin
     look = groups_of(subjects)
 
-    def at(value: float) -> float:
+    def to_percent(value: float) -> float:
         return round(100 * (value - low) / (high - low), 2)
 
     bars = []
-    for subject, value, sd in known:
+    for subject, value, sd in values:
         group, start = look[subject.group], max(value - sd, low)
         description = f"{subject.subject}: {value:z.2f}, standard deviation {sd:.2f}"
-        width = round(at(value + sd) - at(start), 2)
-        bars.append(Bar(subject.subject, group.css, group.shape, at(value), at(start), width, description))
-    marks = tuple((at(value), text) for value, text in ticks((low, high), TICKS))
-    return Bars(key, title, hint, tuple(bars), marks, at(line))
+        width = round(to_percent(value + sd) - to_percent(start), 2)
+        bars.append(
+            Bar(subject.subject, group.css, group.shape, to_percent(value), to_percent(start), width, description)
+        )
+    marks = tuple((to_percent(value), text) for value, text in axis_ticks((low, high), TICKS))
+    return Bars(key, title, hint, tuple(bars), marks, to_percent(line))
 
 
-def _ms(value_s: float | None) -> float | None:
+def _milliseconds(value_s: float | None) -> float | None:
     return None if value_s is None else MS * value_s

@@ -7,17 +7,17 @@ from typing import Final
 import numpy as np
 
 from stridelab.schemas.population import SubjectResult
-from stridelab_web.charts.svg import SHAPES, Canvas, Chart, Shape, span_of
+from stridelab_web.charts.svg import SHAPES, Canvas, Chart, Shape, range_of
 from stridelab_web.pages.results.cycloid_steps import PARAMETERS, Parameter
 
 WIDTH_PX, HEIGHT_PX = 560.0, 330.0
 COLOURS: Final = 6
 """Classes ``group0`` to ``group5`` of the style sheet; further groups reuse them."""
-LEAST_FOR_LINE: Final = 3
+MIN_FOR_LINE: Final = 3
 
 
 @dataclass(frozen=True)
-class Against:
+class Quantity:
     """A quantity that the wheel's parameters are plotted against."""
 
     key: str
@@ -25,16 +25,16 @@ class Against:
     unit: str
 
     @property
-    def title(self) -> str:
+    def axis_title(self) -> str:
         """Title of an axis."""
         return f"{self.name} [{self.unit}]"
 
 
 AGAINST: Final = (
-    Against("height_m", "Height", "m"),
-    Against("leg_m", "Leg", "m"),
-    Against("speed_m_s", "Speed", "m/s"),
-    Against("step_length_m", "Step length", "m"),
+    Quantity("height_m", "Height", "m"),
+    Quantity("leg_m", "Leg", "m"),
+    Quantity("speed_m_s", "Speed", "m/s"),
+    Quantity("step_length_m", "Step length", "m"),
 )
 
 
@@ -57,13 +57,13 @@ def groups_of(subjects: Sequence[SubjectResult]) -> dict[str, Group]:
     }
 
 
-def charts_against(subjects: Sequence[SubjectResult], against: Against) -> list[tuple[Parameter, Chart]]:
+def charts_against(subjects: Sequence[SubjectResult], against: Quantity) -> list[tuple[Parameter, Chart]]:
     """R, r, z0 and omega against one quantity, if any subject has both."""
-    drawn = ((parameter, scatter(subjects, against, parameter)) for parameter in PARAMETERS)
+    drawn = ((parameter, scatter_chart(subjects, against, parameter)) for parameter in PARAMETERS)
     return [(parameter, chart) for parameter, chart in drawn if chart is not None]
 
 
-def scatter(subjects: Sequence[SubjectResult], against: Against, parameter: Parameter) -> Chart | None:
+def scatter_chart(subjects: Sequence[SubjectResult], against: Quantity, parameter: Parameter) -> Chart | None:
     """One parameter against one quantity of the subjects, with deviations over steps and a line per group."""
     shown = [subject for subject in subjects if getattr(subject, against.key) is not None]
     if not shown:
@@ -71,34 +71,37 @@ def scatter(subjects: Sequence[SubjectResult], against: Against, parameter: Para
     x = np.array([getattr(s, against.key) for s in shown], dtype=float)
     y = parameter.factor * np.array([getattr(s, parameter.key) for s in shown], dtype=float)
     sd = parameter.factor * np.array([getattr(s, parameter.sd_key) or 0.0 for s in shown], dtype=float)
-    x_range, y_range = span_of(x, least=0.02), span_of(y - sd, y + sd, least=1e-3)
-    canvas = Canvas(x_range, y_range, against.title, parameter.title, WIDTH_PX, HEIGHT_PX)
+    x_range, y_range = range_of(x, min_width=0.02), range_of(y - sd, y + sd, min_width=1e-3)
+    canvas = Canvas(x_range, y_range, against.axis_title, parameter.axis_title, WIDTH_PX, HEIGHT_PX)
     names = np.array([subject.group for subject in shown])
     for group in groups_of(subjects).values():
         in_group = names == group.name
-        _line(canvas, x[in_group], y[in_group], group)
+        _add_trend(canvas, x[in_group], y[in_group], group)
         for k in np.flatnonzero(in_group):
             person = shown[int(k)]
-            canvas.upright(float(x[k]), float(y[k] - sd[k]), float(y[k] + sd[k]), f"error {group.css}")
-            canvas.mark(
-                float(x[k]), float(y[k]), group.css, group.shape, _words(person, parameter, against), person.subject
+            canvas.add_vertical_line(float(x[k]), float(y[k] - sd[k]), float(y[k] + sd[k]), f"error {group.css}")
+            canvas.add_mark(
+                float(x[k]), float(y[k]), group.css, group.shape, _mark_text(person, parameter, against), person.subject
             )
-    return canvas.chart(f"{parameter.letter}, {parameter.said}, against {against.name.lower()} of {len(shown)} people.")
+    return canvas.build_chart(
+        f"{parameter.letter}, {parameter.meaning}, against {against.name.lower()} of {len(shown)} people."
+    )
 
 
-def _line(canvas: Canvas, x: np.ndarray, y: np.ndarray, group: Group) -> None:
-    if len(x) < LEAST_FOR_LINE or np.ptp(x) <= 0.0:
+def _add_trend(canvas: Canvas, x: np.ndarray, y: np.ndarray, group: Group) -> None:
+    if len(x) < MIN_FOR_LINE or np.ptp(x) <= 0.0:
         return
     slope, at_zero = np.polyfit(x, y, 1)
     ends = np.array([x.min(), x.max()])
-    canvas.curve(ends, at_zero + slope * ends, f"trend {group.css}", f"least squares, {group.name}")
+    canvas.add_curve(ends, at_zero + slope * ends, f"trend {group.css}", f"least squares, {group.name}")
 
 
-def _words(who: SubjectResult, parameter: Parameter, against: Against) -> str:
-    sd = getattr(who, parameter.sd_key)
-    about = f" ± {parameter.text(sd)}" if sd is not None else ""
-    value, other = getattr(who, parameter.key), getattr(who, against.key)
+def _mark_text(subject: SubjectResult, parameter: Parameter, against: Quantity) -> str:
+    sd = getattr(subject, parameter.sd_key)
+    about = f" ± {parameter.format_value(sd)}" if sd is not None else ""
+    value, other = getattr(subject, parameter.key), getattr(subject, against.key)
     return (
-        f"{who.subject} ({who.group}): {parameter.letter} {parameter.text(value)}{about} {parameter.unit},"
+        f"{subject.subject} ({subject.group}): {parameter.letter} {parameter.format_value(value)}{about} "
+        f"{parameter.unit},"
         f" {against.name.lower()} {other:.2f} {against.unit}"
     )

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from stridelab.schemas.population import CorrelationResult, MixedModelResult, StudyPopulationSummary
-from stridelab_web.formatting import words
+from stridelab_web.formatting import code_words
 from stridelab_web.pages.results.cycloid_steps import PARAMETERS, Parameter
 from stridelab_web.pages.results.population_charts import AGAINST
 
@@ -17,7 +17,7 @@ THESIS_P: Final = {
 }
 """The p values of the thesis (figs. 3.7 to 3.9), which prints no coefficient for omega."""
 LETTERS: Final = {p.key: p.letter for p in PARAMETERS}
-PLACES: Final = {a.key: a.name.lower() for a in AGAINST}
+QUANTITY_NAMES: Final = {a.key: a.name.lower() for a in AGAINST}
 
 
 @dataclass(frozen=True)
@@ -53,29 +53,29 @@ class ModelRow:
 def correlation_rows(summary: StudyPopulationSummary) -> tuple[Row, ...]:
     """All correlations in the order of the pages: by group, parameter, and quantity."""
     groups = list(dict.fromkeys(pair.group for pair in summary.correlations))
-    letters, places = list(LETTERS), list(PLACES)
+    letters, places = list(LETTERS), list(QUANTITY_NAMES)
 
-    def place(pair: CorrelationResult) -> tuple[int, int, int]:
+    def sort_key(pair: CorrelationResult) -> tuple[int, int, int]:
         return groups.index(pair.group), letters.index(pair.parameter), places.index(pair.against)
 
-    return tuple(_row(pair) for pair in sorted(summary.correlations, key=place))
+    return tuple(_correlation_row(pair) for pair in sorted(summary.correlations, key=sort_key))
 
 
-def _row(pair: CorrelationResult) -> Row:
-    partials = {one.on: (f"{one.r:+.2f}", interval(one.ci95)) for one in pair.partial}
-    ranks = ("–", "") if pair.spearman is None else (f"{pair.spearman:+.2f}", interval(pair.spearman_ci95))
+def _correlation_row(pair: CorrelationResult) -> Row:
+    partials = {one.on: (f"{one.r:+.2f}", interval_text(one.ci95)) for one in pair.partial}
+    ranks = ("–", "") if pair.spearman is None else (f"{pair.spearman:+.2f}", interval_text(pair.spearman_ci95))
     thesis = [] if pair.thesis is None else [f"{pair.thesis:.2f}"]
     if thesis_p := THESIS_P.get((pair.parameter, pair.against)):
         thesis.append(thesis_p)
     return Row(
         pair=pair,
         letter=LETTERS[pair.parameter],
-        against=PLACES[pair.against],
+        against=QUANTITY_NAMES[pair.against],
         r=f"{pair.r:+.2f}",
-        interval=interval(pair.ci95),
-        bootstrap=interval(pair.bootstrap_ci95),
-        p=chance(pair.p),
-        p_holm=chance(pair.p_holm),
+        interval=interval_text(pair.ci95),
+        bootstrap=interval_text(pair.bootstrap_ci95),
+        p=p_value_text(pair.p),
+        p_holm=p_value_text(pair.p_holm),
         ranks=ranks,
         partials=tuple(("", "") if a.key == pair.against else partials.get(a.key, ("–", "")) for a in AGAINST),
         thesis=", ".join(thesis),
@@ -92,24 +92,24 @@ def model_rows(summary: StudyPopulationSummary) -> tuple[ModelRow, ...]:
 def _model_row(one: MixedModelResult, parameter: Parameter) -> ModelRow:
     factor, unit = parameter.factor, parameter.unit
     effects = tuple(
-        f"{PLACES.get(e.name, words(e.name))}: {rounded(factor * e.value)}"
-        f" [{rounded(factor * e.ci95[0])}, {rounded(factor * e.ci95[1])}]"
+        f"{QUANTITY_NAMES.get(e.name, code_words(e.name))}: {three_digits(factor * e.value)}"
+        f" [{three_digits(factor * e.ci95[0])}, {three_digits(factor * e.ci95[1])}]"
         for e in one.effects
     )
-    between, within = rounded(factor * one.subject_sd), rounded(factor * one.step_sd)
+    between, within = three_digits(factor * one.subject_sd), three_digits(factor * one.step_sd)
     return ModelRow(one, parameter.letter, effects, between, within, unit)
 
 
-def interval(bounds: Sequence[float] | None) -> str:
+def interval_text(bounds: Sequence[float] | None) -> str:
     """An interval with two decimals; empty for None."""
     return "" if bounds is None else f"[{bounds[0]:z.2f}, {bounds[1]:z.2f}]"
 
 
-def rounded(value: float) -> str:
+def three_digits(value: float) -> str:
     """Three digits, without an exponent."""
     return f"{float(f'{value:.3g}'):zf}".rstrip("0").rstrip(".")
 
 
-def chance(p: float) -> str:
+def p_value_text(p: float) -> str:
     """A p value to three decimals."""
     return "< 0.001" if p < 0.001 else f"{p:.3f}"

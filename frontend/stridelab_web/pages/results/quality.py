@@ -67,7 +67,7 @@ def shown_quality(summary: Mapping[str, Any]) -> ShownQuality | None:
     if summary.get("quality") is None:
         return None
     quality = Quality.model_validate(summary["quality"])
-    rows = tuple(_row(check) for check in quality.checks)
+    rows = tuple(_check_row(check) for check in quality.checks)
     return ShownQuality(
         verdict=quality.verdict,
         title=TITLES[quality.verdict],
@@ -77,15 +77,15 @@ def shown_quality(summary: Mapping[str, Any]) -> ShownQuality | None:
     )
 
 
-def _row(check: QualityCheck) -> Row:
+def _check_row(check: QualityCheck) -> Row:
     mark = "" if check.passed else "contradicted" if check.value > check.contradicted_above else "doubtful"
     return Row(
-        check.name, NAMES.get(check.name, check.name), _text(check, check.value), _text(check, check.limit), mark,
-        check.message,
+        check.name, NAMES.get(check.name, check.name), _value_text(check, check.value),
+        _value_text(check, check.limit), mark, check.message,
     )  # fmt: skip
 
 
-def _text(check: QualityCheck, value: float) -> str:
+def _value_text(check: QualityCheck, value: float) -> str:
     if check.unit == "m":
         return f"{1000.0 * value:.0f} mm" if value < 10.0 else f"{value:.1f} m"
     return f"{100.0 * value:.1f} %" if check.name in SHARES else f"{value:.2f}"

@@ -8,7 +8,7 @@ import numpy as np
 from stridelab.schemas.reachability import EffectorReach
 from stridelab.schemas.robots import ProxyCard, ProxySize
 from stridelab_web.charts.svg import SHAPES, Canvas, Chart, Shape
-from stridelab_web.formatting import words
+from stridelab_web.formatting import code_words
 
 WIDTH_PX, HEIGHT_PX = 560.0, 330.0
 ABOVE: Final = 1.06
@@ -34,12 +34,14 @@ def divergence_charts(cards: Sequence[ProxyCard]) -> list[Chart]:
     least = [min((size.kl_nats for size in sizes), default=0.0) for sizes in whole]
     near = [[size for size in sizes if size.kl_nats < NEAR * low] for sizes, low in zip(whole, least, strict=True)]
     return [
-        _chart(cards, whole, "Divergence of the mixture from the kernel density over its number of components."),
-        _chart(cards, near, "The same near its minimum."),
+        _divergence_chart(
+            cards, whole, "Divergence of the mixture from the kernel density over its number of components."
+        ),
+        _divergence_chart(cards, near, "The same near its minimum."),
     ]
 
 
-def _chart(cards: Sequence[ProxyCard], curves: Sequence[Sequence[ProxySize]], said: str) -> Chart:
+def _divergence_chart(cards: Sequence[ProxyCard], curves: Sequence[Sequence[ProxySize]], caption: str) -> Chart:
     drawn = [size for sizes in curves for size in sizes]
     last, high = max(size.components for size in drawn), max(size.kl_nats + size.kl_sd_nats for size in drawn)
     canvas = Canvas(
@@ -50,23 +52,23 @@ def _chart(cards: Sequence[ProxyCard], curves: Sequence[Sequence[ProxySize]], sa
         css, shape = style_of(k)
         x = np.array([size.components for size in sizes], dtype=float)
         kl, sd = (np.array([getattr(size, key) for size in sizes]) for key in ("kl_nats", "kl_sd_nats"))
-        canvas.band(x, kl - sd, kl + sd, css)
-        canvas.curve(x, kl, f"size {css}", words(card.effector))
+        canvas.add_band(x, kl - sd, kl + sd, css)
+        canvas.add_curve(x, kl, f"size {css}", code_words(card.effector))
         for size in sizes:
-            text = f"{words(card.effector)}, {size.components}: {size.kl_nats:.4f} ± {size.kl_sd_nats:.4f} nats"
+            text = f"{code_words(card.effector)}, {size.components}: {size.kl_nats:.4f} ± {size.kl_sd_nats:.4f} nats"
             if size.components == card.thesis_components:
-                canvas.mark(size.components, size.kl_nats, f"{css} thesis", "ring", f"{text}, size of the thesis")
+                canvas.add_mark(size.components, size.kl_nats, f"{css} thesis", "ring", f"{text}, size of the thesis")
             if size.components == card.components:
-                canvas.mark(size.components, size.kl_nats, css, shape, f"{text}, chosen")
-    return canvas.chart(said)
+                canvas.add_mark(size.components, size.kl_nats, css, shape, f"{text}, chosen")
+    return canvas.build_chart(caption)
 
 
-def drawing_of(found: EffectorReach) -> dict[str, Any]:
+def drawing_of(reach: EffectorReach) -> dict[str, Any]:
     """JSON of the projections of one effector and of the volumes of its level sets, for the page's script."""
     return {
-        "effector": found.card.effector,
-        "frame": found.card.frame,
-        "components": found.card.components,
-        "volumes_m3": {f"{level.mass:g}": level.volume_m3 for level in found.level_sets},
-        "maps": [each.model_dump(mode="json") for each in found.projections],
+        "effector": reach.card.effector,
+        "frame": reach.card.frame,
+        "components": reach.card.components,
+        "volumes_m3": {f"{level.mass:g}": level.volume_m3 for level in reach.level_sets},
+        "maps": [each.model_dump(mode="json") for each in reach.projections],
     }

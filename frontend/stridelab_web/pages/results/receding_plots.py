@@ -7,7 +7,7 @@ from typing import Any, Final
 import numpy as np
 
 from stridelab.schemas.receding import Push
-from stridelab_web.charts.plotly import Reading, Row, Trace, drawing, three
+from stridelab_web.charts.plotly import Reading, Row, Trace, plot_document, xyz_row
 from stridelab_web.charts.svg import Canvas, Chart
 from stridelab_web.parquet import Columns
 
@@ -20,7 +20,7 @@ _MOMENTUM = ("l_x_nms", "l_y_nms", "l_z_nms")
 _ROUNDING = 1e-9
 
 
-def felt_s(pushes: Sequence[Push], period_s: float) -> list[float]:
+def effect_times_s(pushes: Sequence[Push], period_s: float) -> list[float]:
     """Times (s) at which the pushes take effect: the ends of the periods that contain them."""
     return [period_s * (math.floor(push.time_s / period_s + _ROUNDING) + 1) for push in pushes]
 
@@ -32,21 +32,23 @@ def replan_chart(columns: Columns, pushes: Sequence[Push], period_s: float) -> C
     end_s = float(time_s[-1])
     high = 1.08 * max(float(finite_ms.max(initial=0.0)), LIMIT_MS)
     canvas = Canvas((0.0, end_s), (0.0, high), "time in the motion [s]", "replan [ms]", width=900.0, height=270.0)
-    for at_s, push in zip(felt_s(pushes, period_s), pushes, strict=True):
+    for at_s, push in zip(effect_times_s(pushes, period_s), pushes, strict=True):
         if at_s <= end_s:
-            canvas.upright(at_s, 0.0, high, "push")
-            canvas.mark(at_s, 0.97 * high, "push", "triangle", f"Pushed by {speed(push)} at {at_s:.2f} s")
-    canvas.level(LIMIT_MS, 0.0, end_s, "rule")
+            canvas.add_vertical_line(at_s, 0.0, high, "push")
+            canvas.add_mark(at_s, 0.97 * high, "push", "triangle", f"Pushed by {push_text(push)} at {at_s:.2f} s")
+    canvas.add_horizontal_line(LIMIT_MS, 0.0, end_s, "rule")
     for at_s, ms, iterations, continued in zip(
         time_s, took_ms, columns["iterations"], columns["carried_on"], strict=True
     ):
         if np.isfinite(ms):
             text = f"{at_s:.2f} s: {ms:.0f} ms, {iterations:.0f} iterations"
             text += ", no solution: the previous plan continued" if continued else ""
-            canvas.mark(
+            canvas.add_mark(
                 at_s, ms, "late" if ms > LIMIT_MS or continued else "timely", "cross" if continued else "circle", text
             )
-    return canvas.chart(f"Processor time of each replan over the motion; the line is the {LIMIT_MS:.0f} ms of 20 Hz.")
+    return canvas.build_chart(
+        f"Processor time of each replan over the motion; the line is the {LIMIT_MS:.0f} ms of 20 Hz."
+    )
 
 
 def receding_curves(columns: Columns, pushes: Sequence[Push], period_s: float) -> dict[str, Any]:
@@ -54,17 +56,17 @@ def receding_curves(columns: Columns, pushes: Sequence[Push], period_s: float) -
     decimals = dict.fromkeys(_COM, 5) | dict.fromkeys(_VELOCITY, 4) | dict.fromkeys(_MOMENTUM, 5) | {"replan_ms": 1}
     rows = [
         *(Row(f"CoM {axis} [m]", (Trace(key, "executed", "main"),)) for axis, key in zip("xyz", _COM, strict=True)),
-        three("Velocity [m/s]", _VELOCITY),
-        three("Momentum L [N m s]", _MOMENTUM),
+        xyz_row("Velocity [m/s]", _VELOCITY),
+        xyz_row("Momentum L [N m s]", _MOMENTUM),
     ]
     readings = [Reading(axis, key, "m", 4) for axis, key in zip("xyz", _COM, strict=True)]
     readings += [Reading(f"v{axis}", key, "m/s", 3) for axis, key in zip("xyz", _VELOCITY, strict=True)]
     readings.append(Reading("replan", "replan_ms", "ms", 0))
-    shades_s = [(at_s, min(at_s + period_s, float(columns["time_s"][-1]))) for at_s in felt_s(pushes, period_s)]
-    return drawing(columns, decimals, rows, readings, shades_s)
+    shades_s = [(at_s, min(at_s + period_s, float(columns["time_s"][-1]))) for at_s in effect_times_s(pushes, period_s)]
+    return plot_document(columns, decimals, rows, readings, shades_s)
 
 
-def speed(push: Push) -> str:
+def push_text(push: Push) -> str:
     """Change of velocity of a push as text, by axis."""
     parts = [f"{v:+.2f} m/s in {axis}" for axis, v in zip("xyz", push.velocity_m_s, strict=True) if v]
     return ", ".join(parts) or "nothing"

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from stridelab.schemas.jobs import JobResult
-from stridelab_web.formatting import counted, words
+from stridelab_web.formatting import code_words, count_text
 
 
 @dataclass(frozen=True)
@@ -86,7 +86,7 @@ _COUNTS = {"diagnostics.samples_used"}
 _ELSEWHERE = {"warnings", "quality", "recording_id", "observability.sentence"} | {
     f"session.{name}" for name in ("session_id", "latency_s", "latency_sd_s", "latency_n_trials", "static_recording_id")
 }
-LIST_AT_MOST = 6
+MAX_LIST_LENGTH = 6
 
 
 def sentences_of(result: JobResult) -> list[str]:
@@ -98,11 +98,11 @@ def sentences_of(result: JobResult) -> list[str]:
     if summary.get("latency_s") is not None:
         trials = summary.get("latency_n_trials", 1) if summary.get("latency_source") == "session" else None
         applied_s = summary.get("latency_applied_s", 0.0)
-        sentences.append(_latency(summary["latency_s"], summary.get("latency_sd_s"), applied_s, trials))
+        sentences.append(_latency_sentence(summary["latency_s"], summary.get("latency_sd_s"), applied_s, trials))
     return sentences
 
 
-def _latency(latency_s: float, sd_s: float | None, applied_s: float, trials: int | None) -> str:
+def _latency_sentence(latency_s: float, sd_s: float | None, applied_s: float, trials: int | None) -> str:
     about = "" if sd_s is None else f" ± {1000 * sd_s:.1f}"
     difference = f"The force comes {1000 * abs(latency_s):.1f}{about} ms {'later' if latency_s >= 0 else 'earlier'}"
     if applied_s == 0.0:
@@ -111,58 +111,60 @@ def _latency(latency_s: float, sd_s: float | None, applied_s: float, trials: int
         correction = "this was corrected"
     else:
         correction = f"{1000 * applied_s:z.1f} ms were corrected, as requested"
-    source = "" if trials is None else f", as {counted(trials, 'trial')} of its session say{'s' if trials == 1 else ''}"
+    source = (
+        "" if trials is None else f", as {count_text(trials, 'trial')} of its session say{'s' if trials == 1 else ''}"
+    )
     return f"{difference} than the markers{source}; {correction}."
 
 
 def facts_of(result: JobResult) -> list[Fact]:
     """All values of the summary; nested ones by their dotted key."""
     order = list(_NAMES)
-    flat = sorted(_flat(result.summary), key=lambda item: order.index(item[0]) if item[0] in _NAMES else len(order))
-    named = ((key, _name(key), _text(key, value)) for key, value in flat)
+    flat = sorted(_flatten(result.summary), key=lambda item: order.index(item[0]) if item[0] in _NAMES else len(order))
+    named = ((key, _fact_name(key), _fact_text(key, value)) for key, value in flat)
     return [Fact(key, name, text) for key, name, text in named if text is not None]
 
 
-def _flat(summary: Mapping[str, Any], prefix: str = "") -> list[tuple[str, Any]]:
+def _flatten(summary: Mapping[str, Any], prefix: str = "") -> list[tuple[str, Any]]:
     items: list[tuple[str, Any]] = []
     for key, value in summary.items():
         if f"{prefix}{key}" in _ELSEWHERE:
             continue
         if isinstance(value, Mapping):
-            items += _flat(value, f"{prefix}{key}.")
+            items += _flatten(value, f"{prefix}{key}.")
         else:
             items.append((f"{prefix}{key}", value))
     return items
 
 
-def _name(key: str) -> str:
-    bare = key.removesuffix(_suffix(key))
-    return _NAMES.get(key) or ": ".join(words(part) for part in bare.split(".")).capitalize()
+def _fact_name(key: str) -> str:
+    bare = key.removesuffix(_unit_suffix(key))
+    return _NAMES.get(key) or ": ".join(code_words(part) for part in bare.split(".")).capitalize()
 
 
-def _suffix(key: str) -> str:
+def _unit_suffix(key: str) -> str:
     return next((suffix for suffix in _UNITS if key.endswith(suffix)), "")
 
 
-def _text(key: str, value: Any) -> str | None:
+def _fact_text(key: str, value: Any) -> str | None:
     """The value with its unit, or None for what is not a number, a word or a short list of numbers."""
-    unit = _IN_THOUSANDTHS.get(key) or _UNITS.get(_suffix(key), "")
+    unit = _IN_THOUSANDTHS.get(key) or _UNITS.get(_unit_suffix(key), "")
     if value is None:
         return "not known"
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, str):
-        return words(value)
+        return code_words(value)
     values = [value] if isinstance(value, int | float) else value
-    if not isinstance(values, Sequence) or not 0 < len(values) <= LIST_AT_MOST:
+    if not isinstance(values, Sequence) or not 0 < len(values) <= MAX_LIST_LENGTH:
         return None
     if not all(isinstance(v, int | float) for v in values):
         return None
     between = " to " if key == "window_s" else ", "
-    return f"{between.join(_number(key, v) for v in values)} {unit}".strip()
+    return f"{between.join(_number_text(key, v) for v in values)} {unit}".strip()
 
 
-def _number(key: str, value: float) -> str:
+def _number_text(key: str, value: float) -> str:
     if key in _IN_THOUSANDTHS:
         return f"{1000 * value:z.1f}"
     return f"{value:.0f}" if isinstance(value, int) or key in _COUNTS else f"{value:z.2f}"

@@ -6,21 +6,28 @@ from starlette.responses import Response
 from stridelab.schemas.scenarios import Scenario, StoredScenario
 from stridelab_web.api_client import client_of
 from stridelab_web.charts import intervals
-from stridelab_web.charts.scenario_drawing import draw
-from stridelab_web.pages.render import page
-from stridelab_web.pages.scenarios.equilibrium_table import held, holding_bars, summary, tightest
-from stridelab_web.scene.contacts import Touch, touches
+from stridelab_web.charts.scenario_drawing import draw_scenario
+from stridelab_web.pages.render import render_page
+from stridelab_web.pages.scenarios.equilibrium_table import (
+    equilibrium_bars,
+    equilibrium_summary,
+    phase_equilibria,
+    tightest_phase,
+)
+from stridelab_web.scene.contacts import PlacedContact, placed_contacts
 
-CARDS_AT_MOST = 24
+MAX_CARDS = 24
 
 
-async def scenarios(request: Request) -> Response:
+async def scenarios_page(request: Request) -> Response:
     """``GET /scenarios``."""
-    listed = await client_of(request).scenarios(limit=CARDS_AT_MOST, cursor=request.query_params.get("cursor"))
-    return page(request, "pages/scenarios.html", section="Scenarios", scenarios=cards(listed.items), next=listed.next)
+    listed = await client_of(request).scenarios(limit=MAX_CARDS, cursor=request.query_params.get("cursor"))
+    return render_page(
+        request, "pages/scenarios.html", section="Scenarios", scenarios=scenario_cards(listed.items), next=listed.next
+    )
 
 
-async def scenario(request: Request) -> Response:
+async def scenario_page(request: Request) -> Response:
     """``GET /scenarios/{id}``."""
     client = client_of(request)
     scenario = await client.scenario(request.path_params["id"])
@@ -28,11 +35,11 @@ async def scenario(request: Request) -> Response:
     check = await client.check_scenario(bare)
     kinds = [await client.jobs(scenario_id=scenario.id, kind=kind) for kind in ("plan-motion", "plan-receding")]
     plans = sorted((job for jobs in kinds for job in jobs.items), key=lambda job: job.created_at, reverse=True)
-    placed = touches(bare)
+    placed = placed_contacts(bare)
     duration_s = sum(phase.duration_s for phase in scenario.phases)
-    phases = held(bare, check)
-    least = tightest(phases)
-    return page(
+    phases = phase_equilibria(bare, check)
+    least = tightest_phase(phases)
+    return render_page(
         request,
         "pages/scenario.html",
         section="Scenarios",
@@ -41,29 +48,33 @@ async def scenario(request: Request) -> Response:
         plans=plans,
         touches=placed,
         duration_s=duration_s,
-        side=draw(bare, "side"),
-        above=draw(bare, "above", least.region_m if least else ()),
+        side=draw_scenario(bare, "side"),
+        above=draw_scenario(bare, "above", least.region_m if least else ()),
         phases=phases,
         least=least,
-        summary=summary(phases),
-        holding=holding_bars(phases, duration_s),
+        summary=equilibrium_summary(phases),
+        holding=equilibrium_bars(phases, duration_s),
         strip=contact_bars(placed, duration_s),
-        ticks=intervals.ticks(duration_s),
+        ticks=intervals.time_ticks(duration_s),
     )
 
 
-def cards(found: list[StoredScenario]) -> list[dict[str, object]]:
+def scenario_cards(scenarios: list[StoredScenario]) -> list[dict[str, object]]:
     """Template values of the cards of scenarios."""
     return [
-        {"scenario": item, "side": draw(item, "side"), "duration_s": sum(phase.duration_s for phase in item.phases)}
-        for item in found
+        {
+            "scenario": item,
+            "side": draw_scenario(item, "side"),
+            "duration_s": sum(phase.duration_s for phase in item.phases),
+        }
+        for item in scenarios
     ]
 
 
-def contact_bars(placed: tuple[Touch, ...], duration_s: float) -> dict[str, tuple[intervals.Bar, ...]]:
+def contact_bars(placed: tuple[PlacedContact, ...], duration_s: float) -> dict[str, tuple[intervals.Bar, ...]]:
     """Contacts of each effector over time as bars of a strip."""
     effectors = dict.fromkeys(touch.effector for touch in placed)
     return {
-        name: intervals.bars([(t.start_s, t.end_s) for t in placed if t.effector == name], duration_s)
+        name: intervals.interval_bars([(t.start_s, t.end_s) for t in placed if t.effector == name], duration_s)
         for name in effectors
     }

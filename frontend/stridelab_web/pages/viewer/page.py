@@ -10,12 +10,12 @@ from starlette.responses import Response
 
 from stridelab.client import AsyncClient
 from stridelab_web.api_client import client_of, read_tracks
-from stridelab_web.assets import compressed
+from stridelab_web.assets import gzip_response
 from stridelab_web.charts import intervals
 from stridelab_web.charts.intervals import Layer, Row
-from stridelab_web.formatting import counted
+from stridelab_web.formatting import count_text
 from stridelab_web.pages import robot
-from stridelab_web.pages.render import page
+from stridelab_web.pages.render import render_page
 from stridelab_web.pages.verdicts import shown_verdict
 from stridelab_web.pages.viewer import planner
 from stridelab_web.scene.documents import Document, document_of
@@ -35,7 +35,7 @@ WHEEL = "fit-cycloid"
 WHEEL_LAYERS = (Layer("/wheel/", "Wheel"),)
 
 
-async def view(request: Request) -> Response:
+async def view_page(request: Request) -> Response:
     """``GET /view/?recording=&job=&t=``, ``?plan=&t=``, ``?scenario=`` or ``?robot=&measure=&effector=``.
 
     Without ``job``, the newest estimate of the recording is shown. Without ``t``, a recording opens where the force is
@@ -43,37 +43,37 @@ async def view(request: Request) -> Response:
     """
     query = request.query_params
     if plan_id := query.get("plan"):
-        return await planner.plan(request, plan_id)
+        return await planner.plan_page(request, plan_id)
     if scenario_id := query.get("scenario"):
-        return await planner.scenario(request, scenario_id)
+        return await planner.scenario_page(request, scenario_id)
     if name := query.get("robot"):
-        return await robot.scene(request, name)
-    return await _recording(request)
+        return await robot.robot_view_page(request, name)
+    return await _recording_page(request)
 
 
-async def values(request: Request) -> Response:
+async def frames_bin(request: Request) -> Response:
     """``GET /view/scene/{kind}/{id}/{job}/frames.bin``: the frames, packed (``frame_codec``) and compressed.
 
     Frames of plans are cached: plans do not change, and packing takes longer than the start of viser's client.
     """
-    document, cache = _moving(request), request.app.state.packed
+    document, cache = _moving_document(request), request.app.state.packed
     packed: bytes | None = await cache.of(client_of(request), document)
     if packed is None:
-        frames = await _frames(client_of(request), document)
-        packed = await run_in_threadpool(lambda: gzip.compress(frames.file(), compresslevel=GZIP_LEVEL, mtime=0))
+        frames = await _load_frames(client_of(request), document)
+        packed = await run_in_threadpool(lambda: gzip.compress(frames.to_bytes(), compresslevel=GZIP_LEVEL, mtime=0))
         if document.kind == "plan":
             cache.keep(document, packed)
-    return compressed(request, packed, "application/octet-stream", {"Cache-Control": "no-store"})
+    return gzip_response(request, packed, "application/octet-stream", {"Cache-Control": "no-store"})
 
 
-async def _recording(request: Request) -> Response:
+async def _recording_page(request: Request) -> Response:
     client, query = client_of(request), request.query_params
     job_id = query.get("job", "")
     recording_id = query.get("recording", "")
     if job_id and not recording_id:
         recording_id = (await client.job(job_id)).recording_id or ""
     if not recording_id:
-        return page(
+        return render_page(
             request,
             "pages/error.html",
             404,
@@ -84,8 +84,8 @@ async def _recording(request: Request) -> Response:
             errors=[],
         )
     recording = await client.recording(recording_id)
-    job_id = job_id or await _newest(client, "estimate-com", recording.id)
-    measured = intervals.bars(recording.windows_s, recording.duration_s)
+    job_id = job_id or await _newest_job(client, "estimate-com", recording.id)
+    measured = intervals.interval_bars(recording.windows_s, recording.duration_s)
     plates = [intervals.plate_bars(plate, recording.duration_s) for plate in recording.plates if plate.use]
     layers = [
         Layer("/skeleton/", "Lines"),
@@ -100,9 +100,9 @@ async def _recording(request: Request) -> Response:
         layers += [*COM_LAYERS, *(WHEEL_LAYERS if job.kind == WHEEL else ())]
         links.append(("Result", result_url))
         verdict = shown_verdict(job, result_url)
-    numbered = intervals.numbered(steps_s, recording.duration_s, first=1)
-    steps_text = f"{counted(len(steps_s), 'step')}, foot off to the next foot off, as the wheel was fitted to them"
-    return page(
+    numbered = intervals.numbered_bars(steps_s, recording.duration_s, first=1)
+    steps_text = f"{count_text(len(steps_s), 'step')}, foot off to the next foot off, as the wheel was fitted to them"
+    return render_page(
         request,
         "viewer/view.html",
         section="",
@@ -126,7 +126,7 @@ async def _recording(request: Request) -> Response:
     )
 
 
-def _moving(request: Request) -> Document:
+def _moving_document(request: Request) -> Document:
     """The document of a request. Raises ``HTTPException`` if it does not exist or does not move."""
     try:
         document = document_of(request.path_params)
@@ -137,9 +137,9 @@ def _moving(request: Request) -> Document:
     return document
 
 
-async def _frames(client: AsyncClient, document: Document) -> Frames:
+async def _load_frames(client: AsyncClient, document: Document) -> Frames:
     if document.kind == "plan":
-        return await planner.frames(client, document.id)
+        return await planner.load_frames(client, document.id)
     recording = await client.recording(document.id)
     tracks = await read_tracks(client, recording.id)
     job_id = document.job_id
@@ -149,7 +149,7 @@ async def _frames(client: AsyncClient, document: Document) -> Frames:
     return await run_in_threadpool(frames_of, recording, tracks, shown)
 
 
-async def _newest(client: AsyncClient, kind: str, recording_id: str) -> str:
+async def _newest_job(client: AsyncClient, kind: str, recording_id: str) -> str:
     listed = await client.jobs(1, state="succeeded", kind=kind, recording_id=recording_id)
     return listed.items[0].id if listed.items else ""
 
@@ -157,6 +157,6 @@ async def _newest(client: AsyncClient, kind: str, recording_id: str) -> str:
 async def _steps_s(client: AsyncClient, recording_id: str, job_id: str) -> list[tuple[float, float]]:
     """Start and end of the steps that this job, or else the newest one, fitted the wheel to; empty without a fit."""
     shown = bool(job_id) and (await client.job(job_id)).kind == WHEEL
-    fitted = job_id if shown else await _newest(client, WHEEL, recording_id)
+    fitted = job_id if shown else await _newest_job(client, WHEEL, recording_id)
     steps = (await client.result(fitted)).summary["steps"] if fitted else []
     return [(step["t0_s"], step["t1_s"]) for step in steps]

@@ -13,18 +13,18 @@ from stridelab.schemas.scenarios import Scenario
 from stridelab_web.api_client import client_of
 from stridelab_web.charts import intervals
 from stridelab_web.charts.intervals import Layer, Row
-from stridelab_web.formatting import counted, words
+from stridelab_web.formatting import code_words, count_text
 from stridelab_web.pages.plans.worst_moments import check_rows, moments_of
-from stridelab_web.pages.render import page
+from stridelab_web.pages.render import render_page
 from stridelab_web.pages.verdicts import shown_verdict
-from stridelab_web.pages.viewer.preparing import preparing
-from stridelab_web.scene.contacts import facts, half_sizes, side, touches
+from stridelab_web.pages.viewer.preparing import preparation_page
+from stridelab_web.scene.contacts import contact_facts, effector_side, half_sizes, placed_contacts
 from stridelab_web.scene.density_nodes import GROUP, SHOWN_MASS
 from stridelab_web.scene.documents import Document
 from stridelab_web.scene.frames import Frames
 from stridelab_web.scene.plan_frames import GHOST, MEASURED, MOMENTUM, MOMENTUM_M_PER_NMS, ROBOT
 from stridelab_web.scene.plan_frames import GROUP as CONES
-from stridelab_web.scene.result_files import REPLAYED, SCENARIO, needed, read_plan
+from stridelab_web.scene.result_files import REPLAYED, SCENARIO, needed_files, read_plan
 
 EXPORTS = {"motion.viser": ".viser", "motion.html": "HTML"}
 """Artifacts that play a plan without the service, with the texts of their links."""
@@ -32,17 +32,17 @@ KINDS = {"plan-motion": "/plans", "plan-receding": "/jobs"}
 """Kinds of jobs whose result is a motion, with the base address of their pages."""
 
 
-async def plan(request: Request, job_id: str) -> Response:
+async def plan_page(request: Request, job_id: str) -> Response:
     """``GET /view/?plan=&t=``."""
     client = client_of(request)
     job = await client.job(job_id)
     if job.kind not in KINDS:
         raise HTTPException(404, "This job is not a plan.")
     if not job.has_result:
-        raise HTTPException(409, f"This plan is {words(job.state)}: there is nothing to show yet.")
+        raise HTTPException(409, f"This plan is {code_words(job.state)}: there is nothing to show yet.")
     result = await client.result(job.id)
     scenario = Scenario.model_validate_json(await client.read_artifact(job.id, SCENARIO))
-    if (waiting := await preparing(request, scenario.robot, scenario.name)) is not None:
+    if (waiting := await preparation_page(request, scenario.robot, scenario.name)) is not None:
         return waiting
     layers = [
         Layer("/forces/", "Forces"),
@@ -51,20 +51,20 @@ async def plan(request: Request, job_id: str) -> Response:
         Layer("/paths/", "Path"),
         Layer(MOMENTUM, "Angular momentum", False, f"About the centre of mass; {MOMENTUM_M_PER_NMS} m per N m s"),
     ]
-    files = needed(result)
+    files = needed_files(result)
     if "poses.f32" in files:
         layers.insert(0, Layer(ROBOT, "Robot"))
     if REPLAYED[0] in files:
         differs = not result.summary["replay"]["completed"]
         layers.insert(1, Layer(GHOST, "Replay", differs, "The robot as it moved in physics, in blue"))
         layers.insert(3, Layer(MEASURED, "Measured forces", False, "Contact forces of the replay, in dark blue"))
-    if await _learned(client, scenario.robot):
+    if await _has_densities(client, scenario.robot):
         layers.append(Layer(GROUP, f"Reach, {100 * SHOWN_MASS:.0f} %", False))
     moments, scenario_s = moments_of(result), sum(phase.duration_s for phase in scenario.phases)
     links = [("Result", f"{KINDS[job.kind]}/{job.id}")]
-    if scenario_id := await _still_there(client, result.input.get("scenario_id")):
+    if scenario_id := await _existing_scenario(client, result.input.get("scenario_id")):
         links.append(("Scenario", f"/view/?scenario={scenario_id}"))
-    return page(
+    return render_page(
         request,
         "viewer/view.html",
         section="",
@@ -88,16 +88,16 @@ async def plan(request: Request, job_id: str) -> Response:
     )
 
 
-async def scenario(request: Request, scenario_id: str) -> Response:
+async def scenario_page(request: Request, scenario_id: str) -> Response:
     """``GET /view/?scenario=``."""
     client = client_of(request)
     stored = await client.scenario(scenario_id)
-    if (waiting := await preparing(request, stored.robot, stored.name)) is not None:
+    if (waiting := await preparation_page(request, stored.robot, stored.name)) is not None:
         return waiting
-    used = dict.fromkeys(touch.effector for touch in touches(stored))
-    effectors = dict.fromkeys([*await _effectors(client, stored.robot), *used])
+    used = dict.fromkeys(touch.effector for touch in placed_contacts(stored))
+    effectors = dict.fromkeys([*await _effector_names(client, stored.robot), *used])
     right = request.app.state.config.scenario_right(request.scope, stored.id, stored.owner)
-    return page(
+    return render_page(
         request,
         "viewer/view_scenario.html",
         section="",
@@ -107,22 +107,22 @@ async def scenario(request: Request, scenario_id: str) -> Response:
         scene=Document("scenario", stored.id).address,
         duration_s=sum(phase.duration_s for phase in stored.phases),
         used=used,
-        effectors=[(name, side(name)) for name in effectors],
+        effectors=[(name, effector_side(name)) for name in effectors],
     )
 
 
-async def footholds(request: Request) -> Response:
+async def contacts_json(request: Request) -> Response:
     """``GET /view/scene/scenario/{id}/-/touches.json``: the contacts as the page lists and moves them."""
     client = client_of(request)
     stored = await client.scenario(request.path_params["id"])
     sizes = half_sizes((await client.robot(stored.robot)).effectors)
-    return JSONResponse([facts(touch, sizes) for touch in touches(stored)])
+    return JSONResponse([contact_facts(touch, sizes) for touch in placed_contacts(stored)])
 
 
-async def frames(client: AsyncClient, job_id: str) -> Frames:
+async def load_frames(client: AsyncClient, job_id: str) -> Frames:
     """The frames of a plan."""
     result = await client.result(job_id)
-    files = {name: await client.read_artifact(job_id, name) for name in needed(result)}
+    files = {name: await client.read_artifact(job_id, name) for name in needed_files(result)}
     _, plan_frames = await run_in_threadpool(lambda: read_plan(files))
     return plan_frames
 
@@ -135,27 +135,32 @@ def until_s(result: JobResult) -> float | None:
 
 def phase_rows(scenario: Scenario, until_s: float | None = None) -> list[Row]:
     """Numbered phases and the contacts of each effector; an incomplete motion lasts ``until_s``."""
-    placed = touches(scenario)
+    placed = placed_contacts(scenario)
     duration_s = until_s or sum(phase.duration_s for phase in scenario.phases)
     ends_s = [0.0, *itertools.accumulate(phase.duration_s for phase in scenario.phases)]
     rows = [
         Row(
             "Phase",
-            intervals.numbered(itertools.pairwise(ends_s), duration_s),
-            f"{counted(len(scenario.phases), 'phase')}, counted from 0",
+            intervals.numbered_bars(itertools.pairwise(ends_s), duration_s),
+            f"{count_text(len(scenario.phases), 'phase')}, counted from 0",
             "phase",
         )
     ]
     for effector in dict.fromkeys(touch.effector for touch in placed):
-        bars = intervals.bars([(t.start_s, t.end_s) for t in placed if t.effector == effector], duration_s)
+        bars = intervals.interval_bars([(t.start_s, t.end_s) for t in placed if t.effector == effector], duration_s)
         intervals_text = "; ".join(bar.text for bar in bars)
         rows.append(
-            Row(words(effector).capitalize(), bars, f"{words(effector)} touches: {intervals_text}", side(effector))
+            Row(
+                code_words(effector).capitalize(),
+                bars,
+                f"{code_words(effector)} touches: {intervals_text}",
+                effector_side(effector),
+            )
         )
     return rows
 
 
-async def _learned(client: AsyncClient, robot: str) -> bool:
+async def _has_densities(client: AsyncClient, robot: str) -> bool:
     """Whether the robot has densities; False if it is no longer installed."""
     try:
         return bool((await client.robot(robot)).measures)
@@ -163,7 +168,7 @@ async def _learned(client: AsyncClient, robot: str) -> bool:
         return False
 
 
-async def _effectors(client: AsyncClient, robot: str) -> list[str]:
+async def _effector_names(client: AsyncClient, robot: str) -> list[str]:
     """Effectors of a robot; empty if it is not installed, so that its scenarios can still be viewed."""
     try:
         return [effector.name for effector in (await client.robot(robot)).effectors]
@@ -171,7 +176,7 @@ async def _effectors(client: AsyncClient, robot: str) -> list[str]:
         return []
 
 
-async def _still_there(client: AsyncClient, scenario_id: str | None) -> str | None:
+async def _existing_scenario(client: AsyncClient, scenario_id: str | None) -> str | None:
     if scenario_id is None:
         return None
     try:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from stridelab.schemas.scenarios import Scenario
-from stridelab_web.pages.plans.comparison import PairRow, PlanFacts, furthest, pair_remarks, pair_rows
+from stridelab_web.pages.plans.comparison import PairRow, PlanFacts, max_com_distance, pair_remarks, pair_rows
 from stridelab_web.pages.plans.plots import pair_curves
 from support.fakes import robots
 from support.fakes.service import FakeService
@@ -97,7 +97,7 @@ def test_figures_that_cannot_be_compared_have_no_difference(
 def test_the_distance_of_two_paths_is_that_between_their_nodes() -> None:
     first = robots.centroidal(robots.scenario())
     second = {name: values[::7] for name, values in first.items()} | {"com_y_m": first["com_y_m"][::7] + 0.03}
-    distance_m, _ = furthest(first, second)
+    distance_m, _ = max_com_distance(first, second)
     assert 0.03 <= distance_m < 0.0302  # coarser nodes follow the constant acceleration of each half
 
 

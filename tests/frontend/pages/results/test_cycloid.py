@@ -14,7 +14,7 @@ from stridelab.schemas.cycloid import FitCycloidSummary
 from stridelab.walking import step_fit
 from stridelab.walking.timed_fit import Bound
 from stridelab_web.pages.results.cycloid_charts import draw_step, samples_of
-from stridelab_web.pages.results.cycloid_steps import FLAGS, MODELS, contests_of, flag, steps_of, values_of
+from stridelab_web.pages.results.cycloid_steps import FLAGS, MODELS, contests_of, flag_sentence, steps_of, values_of
 from stridelab_web.parquet import read_columns
 from stridelab_web.scene.cycloid_frames import radius_m
 from support.fakes.cycloid import KIND, RESIDUAL_M, STEPS_S, WHEELS, samples, summary, theta_rad, wheel_parquet
@@ -61,7 +61,7 @@ def test_flags_are_sentences(address: str, browse: Browse) -> None:
     for code in ("timed-omega-low", "r-too-large"):
         assert FLAGS[code] in html.unescape(shown)
     assert "data-flags" not in browse(address).text
-    assert flag("never-heard-of") == "Never heard of."
+    assert flag_sentence("never-heard-of") == "Never heard of."
 
 
 def test_every_flag_of_a_fit_has_its_sentence() -> None:

@@ -8,8 +8,8 @@ import pytest
 
 from stridelab_web.pages.results.cycloid_steps import PARAMETERS
 from stridelab_web.pages.results.population_bars import THESIS_ERROR_MM, bars_of
-from stridelab_web.pages.results.population_charts import AGAINST, groups_of, scatter
-from stridelab_web.pages.results.population_tables import correlation_rows, model_rows, rounded
+from stridelab_web.pages.results.population_charts import AGAINST, groups_of, scatter_chart
+from stridelab_web.pages.results.population_tables import correlation_rows, model_rows, three_digits
 from support.fakes.population import KIND, PEOPLE, summary
 from support.fakes.service import FakeService
 
@@ -23,19 +23,19 @@ def address(fake: FakeService) -> str:
 
 def test_everybody_of_whom_both_numbers_are_known_is_a_mark_with_words() -> None:
     height, _, _, length = AGAINST
-    chart = scatter(summary().subjects, height, PARAMETERS[0])
+    chart = scatter_chart(summary().subjects, height, PARAMETERS[0])
     assert chart is not None
     assert [mark.label for mark in chart.marks] == [name for name, _, tall, _, _ in PEOPLE if tall]
     assert chart.marks[0].text == "P01 (adults): R 100.0 ± 4.0 mm, height 1.62 m"
     assert (chart.x_title, chart.y_title) == ("Height [m]", "R [mm]")
-    other = scatter(summary().subjects, length, PARAMETERS[3])
+    other = scatter_chart(summary().subjects, length, PARAMETERS[3])
     assert other is not None
     assert len(other.marks) == len(PEOPLE)
     assert other.marks[0].text == "P01 (adults): ω 10.90 rad/s, step length 0.65 m", "no deviation is known"
 
 
 def test_positions_and_error_bars_are_to_the_scale_of_the_axes() -> None:
-    chart = scatter(summary().subjects, AGAINST[0], PARAMETERS[0])
+    chart = scatter_chart(summary().subjects, AGAINST[0], PARAMETERS[0])
     assert chart is not None
     tick = {t.text: t.px for t in chart.y_ticks}
     px_per_mm = (tick["90"] - tick["100"]) / 10
@@ -50,7 +50,7 @@ def test_groups_differ_in_colour_and_in_shape() -> None:
     groups = groups_of(summary().subjects)
     assert {name: group.size for name, group in groups.items()} == {"adults": 4, "children": 2}
     assert len({group.css for group in groups.values()}) == len({group.shape for group in groups.values()}) == 2
-    chart = scatter(summary().subjects, AGAINST[2], PARAMETERS[0])
+    chart = scatter_chart(summary().subjects, AGAINST[2], PARAMETERS[0])
     assert chart is not None
     assert [curve.css for curve in chart.curves] == ["trend group0"], "two children make no line"
 
@@ -75,7 +75,7 @@ def test_mixed_models_are_in_the_unit_of_the_parameter() -> None:
 
 
 def test_numbers_have_three_digits_and_no_exponent() -> None:
-    assert [rounded(v) for v in (1023.4, 0.0004567, -13.04, 100.0, 0.0, 2.5)] == [
+    assert [three_digits(v) for v in (1023.4, 0.0004567, -13.04, 100.0, 0.0, 2.5)] == [
         "1020", "0.000457", "-13", "100", "0", "2.5",
     ]  # fmt: skip
 

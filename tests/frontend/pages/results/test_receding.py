@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from stridelab.schemas.receding import Push
-from stridelab_web.pages.results.receding_plots import felt_s, receding_curves, replan_chart, speed
+from stridelab_web.pages.results.receding_plots import effect_times_s, push_text, receding_curves, replan_chart
 from support.fakes.robots import receding_columns
 from support.fakes.service import FakeService
 
@@ -21,9 +21,9 @@ def texts(page: str) -> str:
 
 
 def test_a_push_is_felt_at_the_end_of_its_period() -> None:
-    assert felt_s(PUSHES, 0.1) == pytest.approx([1.1, 2.1])
-    assert [speed(push) for push in PUSHES] == ["+0.06 m/s in y", "-0.10 m/s in x, +0.02 m/s in z"]
-    assert speed(Push(time_s=0.0, velocity_m_s=(0.0, 0.0, 0.0))) == "nothing"
+    assert effect_times_s(PUSHES, 0.1) == pytest.approx([1.1, 2.1])
+    assert [push_text(push) for push in PUSHES] == ["+0.06 m/s in y", "-0.10 m/s in x, +0.02 m/s in z"]
+    assert push_text(Push(time_s=0.0, velocity_m_s=(0.0, 0.0, 0.0))) == "nothing"
 
 
 def test_every_replan_is_a_mark_on_its_side_of_the_line() -> None:

@@ -7,14 +7,14 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from stridelab.schemas.sweeps import SweepAxis, SweepSummary
-from stridelab_web.pages.results.sweep_maps import MAPS_AT_MOST, Swept
+from stridelab_web.pages.results.sweep_maps import MAX_MAPS, SweepGrid
 
 STRIDE = SweepAxis(field="stride", unit="m", values=[0.5, 1.0, 1.5], present=0.9)
 FRICTION = SweepAxis(field="friction", unit="", values=[0.2, 0.4], present=0.3)
 OUTCOMES = ["feasible", "feasible", "infeasible", "feasible", "refused", "refused"]
 
 
-def swept(*axes: SweepAxis, outcomes: list[str]) -> Swept:
+def swept(*axes: SweepAxis, outcomes: list[str]) -> SweepGrid:
     summary = SweepSummary(
         scenario_name="Steps",
         robot="talos",
@@ -34,13 +34,13 @@ def swept(*axes: SweepAxis, outcomes: list[str]) -> Swept:
     why = ["" if outcome == "feasible" else f"<{outcome}>" for outcome in outcomes]
     file = io.BytesIO()
     pq.write_table(pa.table({"outcome": outcomes, "objective": costs, "why": why}), file)
-    return Swept.of(summary, file.getvalue())
+    return SweepGrid.from_table(summary, file.getvalue())
 
 
 def test_a_map_has_a_cell_for_every_combination() -> None:
-    ((title, chart),) = swept(STRIDE, FRICTION, outcomes=OUTCOMES).charts()
+    ((title, chart),) = swept(STRIDE, FRICTION, outcomes=OUTCOMES).draw_charts()
     assert title == ""
-    assert chart.said == "stride against friction: 3 of 6 feasible"
+    assert chart.caption == "stride against friction: 3 of 6 feasible"
     assert [band.css for band in chart.bands] == [f"cell {outcome}" for outcome in OUTCOMES]
     assert chart.bands[2].text == "stride 1 m, friction 0.2: no motion found: <infeasible>"
     assert chart.bands[3].text == "stride 1 m, friction 0.4: has a motion, cost 1.500"
@@ -51,28 +51,28 @@ def test_a_map_has_a_cell_for_every_combination() -> None:
 
 
 def test_a_curve_shows_the_cost_and_where_there_is_none() -> None:
-    ((_, chart),) = swept(STRIDE, outcomes=["feasible", "feasible", "refused"]).charts()
+    ((_, chart),) = swept(STRIDE, outcomes=["feasible", "feasible", "refused"]).draw_charts()
     assert [shade.css for shade in chart.shades] == ["cell refused"]
     assert "<refused>" in chart.shades[0].text
     assert len(chart.marks) == 2
 
 
 def test_a_third_field_has_a_map_for_each_of_its_values() -> None:
-    timing = SweepAxis(field="timing", unit="", values=[1.0 + 0.1 * k for k in range(MAPS_AT_MOST + 2)], present=1.0)
-    found = swept(STRIDE, FRICTION, timing, outcomes=["feasible"] * 6 * len(timing.values)).charts()
+    timing = SweepAxis(field="timing", unit="", values=[1.0 + 0.1 * k for k in range(MAX_MAPS + 2)], present=1.0)
+    found = swept(STRIDE, FRICTION, timing, outcomes=["feasible"] * 6 * len(timing.values)).draw_charts()
     assert [title for title, _ in found][:2] == ["timing 1", "timing 1.1"]
-    assert len(found) == MAPS_AT_MOST
+    assert len(found) == MAX_MAPS
 
 
 def test_the_borders_are_told_in_numbers() -> None:
-    assert swept(STRIDE, FRICTION, outcomes=OUTCOMES).borders() == [
+    assert swept(STRIDE, FRICTION, outcomes=OUTCOMES).feasible_ranges() == [
         ("friction 0.2", "0.5 to 0.5 m, 1 of 3"),
         ("friction 0.4", "0.5 to 1 m, 2 of 3"),
     ]
-    assert swept(STRIDE, outcomes=["refused"] * 3).borders() == [("stride", "nowhere")]
+    assert swept(STRIDE, outcomes=["refused"] * 3).feasible_ranges() == [("stride", "nowhere")]
 
 
 def test_one_value_alone_is_a_cell() -> None:
     alone = SweepAxis(field="friction", unit="", values=[0.3], present=0.3)
-    ((_, chart),) = swept(STRIDE, alone, outcomes=["feasible", "feasible", "failed"]).charts()
+    ((_, chart),) = swept(STRIDE, alone, outcomes=["feasible", "feasible", "failed"]).draw_charts()
     assert len(chart.bands) == 3

@@ -3,8 +3,13 @@
 import pytest
 
 from stridelab.schemas.scenarios import ContactMargin, PhaseSupport, ScenarioCheck
-from stridelab_web.charts.scenario_drawing import draw
-from stridelab_web.pages.scenarios.equilibrium_table import held, holding_bars, summary, tightest
+from stridelab_web.charts.scenario_drawing import draw_scenario
+from stridelab_web.pages.scenarios.equilibrium_table import (
+    equilibrium_bars,
+    equilibrium_summary,
+    phase_equilibria,
+    tightest_phase,
+)
 from support.fakes import robots
 
 SCENARIO = robots.scenario()
@@ -28,9 +33,9 @@ def judged(margins_m: list[float | None], regions: list[list[tuple[float, float]
 
 
 def test_a_phase_is_held_at_rest_only_in_motion_or_nobody_knows() -> None:
-    phases = held(SCENARIO, judged([0.06, -0.031, None, None], [SQUARE, SQUARE, [], SQUARE]))
+    phases = phase_equilibria(SCENARIO, judged([0.06, -0.031, None, None], [SQUARE, SQUARE, [], SQUARE]))
     assert [phase.kind for phase in phases[:4]] == ["rest", "motion", "motion", "unknown"]
-    assert [phase.said for phase in phases[:4]] == [
+    assert [phase.kind_text for phase in phases[:4]] == [
         "yes",
         "only passed in motion",
         "only passed in motion",
@@ -38,16 +43,16 @@ def test_a_phase_is_held_at_rest_only_in_motion_or_nobody_knows() -> None:
     ]
     assert (phases[1].start_s, phases[1].end_s) == (1.0, 1.8)
     assert phases[1].effectors == "left foot, right hand"
-    least = tightest(phases)
+    least = tightest_phase(phases)
     assert least is not None
     assert least.phase == 1
-    assert summary(phases) == (
+    assert equilibrium_summary(phases) == (
         "The robot could stop and rest in 1 of 9 phases. It has the least room in phase 1: 3.1 cm short."
     )
 
 
 def test_the_worst_margin_of_a_phase_names_whose_it_is() -> None:
-    phases = held(SCENARIO, judged([0.06, 0.05, 0.04], [SQUARE] * 3))
+    phases = phase_equilibria(SCENARIO, judged([0.06, 0.05, 0.04], [SQUARE] * 3))
     assert phases[1].edge == (0.05, "right hand on rail")
     assert phases[1].reach_m == 0.12
     assert phases[2].edge is None
@@ -55,18 +60,20 @@ def test_the_worst_margin_of_a_phase_names_whose_it_is() -> None:
 
 
 def test_every_phase_has_its_bar() -> None:
-    phases = held(SCENARIO, judged([0.06, *[0.06 - 1e-9] * 8], [SQUARE] * 9))  # nothing that anybody could see
-    bars = holding_bars(phases, robots.duration_s(SCENARIO))
+    phases = phase_equilibria(
+        SCENARIO, judged([0.06, *[0.06 - 1e-9] * 8], [SQUARE] * 9)
+    )  # nothing that anybody could see
+    bars = equilibrium_bars(phases, robots.duration_s(SCENARIO))
     assert [kind for kind, _ in bars] == ["rest"] * 9
     assert sum(bar.width for _, bar in bars) == pytest.approx(100, abs=0.01)
-    assert summary(phases).startswith(
+    assert equilibrium_summary(phases).startswith(
         "The robot could stop and rest in every phase. It has the least room in phase 0: 6.0"
     )
 
 
 def test_a_region_is_drawn_from_above_where_there_is_one() -> None:
     def regions(region_m: list[tuple[float, float]]) -> list[str]:
-        picture = draw(SCENARIO, "above", region_m)
+        picture = draw_scenario(SCENARIO, "above", region_m)
         assert picture is not None
         return [shape.points for shape in picture.shapes if shape.css == "support"]
 

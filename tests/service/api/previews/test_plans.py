@@ -152,7 +152,7 @@ async def test_an_answer_that_nobody_waits_for_is_not_taken_for_anothers() -> No
 
 @pytest.mark.anyio
 async def test_too_many_questions_are_told_to_come_back(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(residents, "WAITING", 1)
+    monkeypatch.setattr(residents, "MAX_WAITING", 1)
     async with PreviewProcess() as resident:
         first = asyncio.create_task(resident.ask(ASKED))
         await asyncio.sleep(0)

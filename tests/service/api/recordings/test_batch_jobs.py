@@ -62,7 +62,7 @@ def files(trial: Path) -> list[tuple[str, bytes]]:
 
 @pytest.fixture
 def all_are_large(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(batch, "DIRECT_FILES", 0)
+    monkeypatch.setattr(batch, "MAX_DIRECT_FILES", 0)
 
 
 def send(http: httpx.Client, files: list[tuple[str, bytes]], table: str | None = TABLE) -> httpx.Response:

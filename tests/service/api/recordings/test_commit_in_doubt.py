@@ -96,7 +96,7 @@ def test_answer_to_an_upload_is_true_whatever_becomes_of_its_commit(
 def test_upload_whose_outcome_stays_unknown_is_refused_and_keeps_its_files(
     url: str, tmp_path: Path, trial: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(service, "_LOOK_AGAIN_S", 0.0)
+    monkeypatch.setattr(service, "_COMMIT_WAIT_S", 0.0)
 
     async def never(*_: object) -> bool:
         return False  # as long as the server has not noticed that the connection is gone

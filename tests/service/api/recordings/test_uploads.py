@@ -30,7 +30,7 @@ async def understood(_parts: object, folder: Path, *_: object) -> parse.Parsed:
 @pytest.fixture
 def parsed_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """Whatever is uploaded counts as understood: for tests of what comes after, or before."""
-    monkeypatch.setattr(endpoints, "parse", understood)
+    monkeypatch.setattr(endpoints, "parse_recording", understood)
 
 
 def test_an_upload_is_understood_when_it_is_answered(http: httpx.Client, service: Served, trial: Path) -> None:

@@ -200,7 +200,7 @@ def refused(folder: Path, kind: type[StridelabError], scenario: Scenario | None 
 
 
 def test_a_solver_that_is_not_there_is_refused_before_any_work(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(plan_problem, "native_missing", lambda: "It was not built.")
+    monkeypatch.setattr(plan_problem, "native_unavailable_reason", lambda: "It was not built.")
     told = Told()
     with pytest.raises(NotEstimable) as failure:
         plan_motion.run(plan_task(solver="native"), tmp_path, told)

@@ -85,7 +85,7 @@ def test_what_ffmpeg_says_last_is_the_reason(programs: Path, tmp_path: Path) -> 
 def test_the_robot_stands_where_the_camera_looks(monkeypatch: pytest.MonkeyPatch) -> None:
     seen = poses()
     camera = Camera.looking_at(seen[:1, :, :3].reshape(-1, 3))
-    monkeypatch.setattr(Camera, "on", staticmethod(lambda _: camera))
+    monkeypatch.setattr(Camera, "looking_at", staticmethod(lambda _: camera))
     seen[1] = np.nan  # a robot that is not there
     with_robot, without = (
         np.asarray(picture) for picture in render_frames(one_step().terrain, link_meshes(talos()), seen)
