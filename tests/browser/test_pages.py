@@ -138,7 +138,7 @@ def test_cursor_is_shared_by_readout_plots_and_viewer_link(
         page.keyboard.press("ArrowRight")
     at = page.evaluate("() => document.getElementById('plots').layout.shapes[1].x0")
     expect(page.locator("#readout")).to_contain_text(f"t {at:.3f} s")
-    link = page.get_by_role("link", name="See this instant in 3D")
+    link = page.get_by_role("link", name="View this instant in 3D")
     expect(link).to_have_attribute("href", f"/view/?recording={recording_id}&job={job_id}&t={at:.3f}")
     page.evaluate("() => Plotly.relayout('plots', { 'xaxis.range': [0.2, 0.3] })")
     page.get_by_role("button", name="Show window").click()
@@ -174,7 +174,7 @@ def test_the_newest_estimate_and_the_strip_of_its_recording_share_a_cursor(
     at_s, marked_s = places()
     assert at_s == pytest.approx(start_s + 0.75 * (end_s - start_s), abs=0.02)
     assert marked_s == pytest.approx(at_s)
-    link = page.get_by_role("link", name="See this instant in 3D")
+    link = page.get_by_role("link", name="View this instant in 3D")
     expect(link).to_have_attribute("href", re.compile(rf"&t={at_s:.3f}$"))
 
 

@@ -83,7 +83,7 @@ def test_densities_of_another_description_are_named_and_not_shown(fake: FakeServ
     assert 'aria-current="page">Conditioned</a>' in page
     assert "another description" in browse("/view/?robot=boxes").text
     fake.measures = []
-    assert "Nothing has been learned" not in browse("/robots/boxes").text
+    assert "No densities have been learned" not in browse("/robots/boxes").text
 
 
 @pytest.mark.parametrize("code", ["robot-data-missing", "robot-not-loaded"])
