@@ -61,15 +61,18 @@ _TRUTH: Final = (
         lambda m: (m.truth.horizontal_m, m.truth.horizontal_95_m, m.truth.vertical_m) if m.truth else None,
         1000.0, 2, least_is_best=True,
     ),
-    _Figure("Inside the 95 % band [%]", PER_AXIS, lambda m: _axes_values(m.truth and m.truth.coverage), 100.0, 0),
-    _Figure("Stated standard deviation [mm]", PER_AXIS, lambda m: _axes_values(m.truth and m.truth.sd_m), 1000.0, 1),
+    _Figure("Inside the 95 % band [%]", PER_AXIS,
+            lambda m: _axes_values(m.truth.coverage if m.truth else None), 100.0, 0),
+    _Figure("Stated standard deviation [mm]", PER_AXIS,
+            lambda m: _axes_values(m.truth.sd_m if m.truth else None), 1000.0, 1),
     _Figure("Late by [ms]", PER_AXIS, lambda m: _axes_values(m.truth.lag_s if m.truth else None), 1000.0, 1),
 )  # fmt: skip
 _PHYSICS: Final = (
     _Figure("Force residual [N]", PER_AXIS, lambda m: _axes_values(m.force_residual_n)),
     _Figure("At samples held back [N]", PER_AXIS, lambda m: _axes_values(m.held_back_n), least_is_best=True),
     _Figure(
-        "dL/dt of the segments, r", PER_AXIS, lambda m: _axes_values(m.momentum_rate and m.momentum_rate.correlation),
+        "dL/dt of the segments, r", PER_AXIS,
+        lambda m: _axes_values(m.momentum_rate.correlation if m.momentum_rate else None),
         digits=2,
     ),
     _Figure(
