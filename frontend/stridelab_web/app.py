@@ -8,7 +8,8 @@ from stridelab.client import ProblemError, Unreachable
 from stridelab_web import assets
 from stridelab_web.api_client import make_client
 from stridelab_web.config import WebConfig
-from stridelab_web.pages import errors, home, job, lists, recording, reproduction, robot, settings, subject
+from stridelab_web.pages import errors, home, job, lists, recording, reproduction, robot, subject
+from stridelab_web.pages import home as settings
 from stridelab_web.pages.plans import page
 from stridelab_web.pages.render import make_environment
 from stridelab_web.pages.results import comparison, population, reachability, sweep

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from center_of_mass import estimator
 
-from stridelab.dynamics.central_axis import central_axis
-from stridelab.dynamics.wrench import Wrench
+from stridelab.dynamics.wrench import Wrench, central_axis
 from stridelab.estimation.complementary.filter import ComplementaryFilter
 from stridelab.estimation.complementary.forward_backward import filter_inputs, forward_backward
 from stridelab.estimation.complementary.transfer_functions import complementary_filters

@@ -9,12 +9,11 @@ from sklearn.mixture import GaussianMixture
 from sklearn.neighbors import KernelDensity as TreeDensity
 from threadpoolctl import threadpool_limits
 
-from stridelab.centroidal.nlp.density_term import likelihood_functions
+from stridelab.centroidal.nlp.stage_functions import likelihood_functions
 from stridelab.reachability.gaussian_mixture import Mixture
 from stridelab.reachability.learning.com_sampling import BLOCK, sample_com
-from stridelab.reachability.learning.fit import KL_DRAWS, SIZES, expectation_maximisation
+from stridelab.reachability.learning.fit import KL_DRAWS, SIZES, expectation_maximisation, kl_divergences
 from stridelab.reachability.learning.kde import KernelDensity
-from stridelab.reachability.learning.kl_divergence import kl_divergences
 from stridelab.reachability.store import load_card, load_cloud
 from stridelab.robots.loader import load_robot
 

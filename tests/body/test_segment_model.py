@@ -95,8 +95,8 @@ def test_a_plain_standing_body_has_its_com_where_people_have_it(table):
 
 
 def test_frames_are_right_handed_and_face_the_way_they_say():
-    from stridelab.body.anthropometry import load_anthropometry
     from stridelab.body.joint_centres import joint_centres
+    from stridelab.body.segment_tables import load_anthropometry
 
     p, body = landmarks(3), load_anthropometry("female")
     for name, frame in segment_frames(p, joint_centres(p, body, {}), body).items():

@@ -11,7 +11,7 @@ from stridelab.centroidal.native.availability import NativeUnavailable, native_a
 from stridelab.schemas.previews import PlanPreviewInput, PreviewPush
 from stridelab.schemas.scenarios import Scenario
 from stridelab_web.scene.contacts import placed_contacts
-from stridelab_web.viewer.overlays import RINGS, SIDES
+from stridelab_web.viewer.scenario_scene import RINGS, SIDES
 from support.browser.page import Service, Tab
 from support.browser.scene import hold, opened, until
 

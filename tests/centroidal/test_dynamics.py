@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from stridelab.centroidal.dynamics import discrete_step, skew
+from stridelab.centroidal.contact_wrench import discrete_step, skew
 from stridelab.conventions import g
 
 M_G = 9.81

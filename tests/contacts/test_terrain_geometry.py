@@ -7,8 +7,16 @@ from hypothesis import strategies as st
 from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation as ScipyRotation
 
-from stridelab.contacts.terrain import Box, Rail, Terrain
-from stridelab.contacts.terrain_geometry import contact_area, depth_in_box_m, face_towards, is_vertical, vertical_span_m
+from stridelab.contacts.terrain import (
+    Box,
+    Rail,
+    Terrain,
+    contact_area,
+    depth_in_box_m,
+    face_towards,
+    is_vertical,
+    vertical_span_m,
+)
 from stridelab.dynamics.spatial import Placement
 
 coordinate = st.floats(-1.0, 1.0)

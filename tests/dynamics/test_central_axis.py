@@ -6,10 +6,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.testing import assert_allclose
 
-from stridelab.dynamics.central_axis import central_axis
-from stridelab.dynamics.newton_euler import contact_wrench
-from stridelab.dynamics.wrench import Wrench, transport
-from stridelab.dynamics.zmp import zmp_of_wrench
+from stridelab.dynamics.wrench import Wrench, central_axis, contact_wrench, transport, zmp_of_wrench
 
 WEIGHT = np.array([0.0, 0.0, 700.0])
 metres = st.floats(-5, 5)

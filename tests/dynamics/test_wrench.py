@@ -7,8 +7,15 @@ from hypothesis.extra.numpy import arrays
 from numpy.testing import assert_allclose
 
 from stridelab.conventions import g
-from stridelab.dynamics.newton_euler import com_acceleration, contact_force, contact_wrench, momentum_rate
-from stridelab.dynamics.wrench import Wrench, total_wrench, transport
+from stridelab.dynamics.wrench import (
+    Wrench,
+    com_acceleration,
+    contact_force,
+    contact_wrench,
+    momentum_rate,
+    total_wrench,
+    transport,
+)
 
 metres = st.floats(-10, 10)
 points = arrays(float, (4, 3), elements=metres)

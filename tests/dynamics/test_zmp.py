@@ -8,9 +8,15 @@ from hypothesis.extra.numpy import arrays
 from numpy.testing import assert_allclose
 
 from stridelab.conventions import GRAVITY_M_S2
-from stridelab.dynamics.newton_euler import contact_wrench
-from stridelab.dynamics.wrench import Wrench, total_wrench, transport
-from stridelab.dynamics.zmp import zmp_linearised, zmp_of_motion, zmp_of_wrench
+from stridelab.dynamics.wrench import (
+    Wrench,
+    contact_wrench,
+    total_wrench,
+    transport,
+    zmp_linearised,
+    zmp_of_motion,
+    zmp_of_wrench,
+)
 
 UP = np.array([0.0, 0.0, 1.0])
 points = arrays(float, (3, 3), elements=st.floats(-3, 3))

@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 import yaml
 
-from stridelab.service.kinds.provenance import known_references
+from stridelab.service.kinds.result_tables import known_references
 from support.docs.book import DOCS, PAGES, ROOT, inline_code
 from support.docs.each import each_of
 from support.docs.http_contract import description

@@ -56,7 +56,7 @@ def test_files_and_tests_that_a_page_names_exist(page: Path) -> None:
 
 @each_of(PAGES)
 def test_modules_and_functions_that_a_page_names_exist(page: Path) -> None:
-    """``dynamics.zmp.zmp_of_motion``: a module below backend/stridelab, and a name that it defines."""
+    """``dynamics.wrench.zmp_of_motion``: a module below backend/stridelab, and a name that it defines."""
     for code in inline_code(page):
         if re.fullmatch(r"(?:stridelab\.)?[a-z_]+(?:\.\w+)+(?:\(\))?", code) and not code.endswith(WRITTEN):
             first, *rest = code.removeprefix("stridelab.").removesuffix("()").split(".")

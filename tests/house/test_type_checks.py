@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from stridelab.dynamics.spatial import Placement
-from stridelab.dynamics.zmp import zmp_linearised
+from stridelab.dynamics.wrench import zmp_linearised
 from support.type_checks import EVERY, FIRST, OftenEnough
 
 

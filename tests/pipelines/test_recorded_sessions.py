@@ -14,7 +14,7 @@ from stridelab.pipelines.session_values import TrialFacts, select_static_trial, 
 from stridelab.pipelines.trial import examine_trial
 from stridelab.recordings.marker_sets import identify
 from stridelab.recordings.reader import read_recording
-from stridelab.recordings.same_body import SAME_BODY_M, body_difference
+from stridelab.recordings.static_pose import SAME_BODY_M, body_difference
 from stridelab.schemas.jobs import EstimateComInput, EstimateComSummary
 from stridelab.schemas.recordings import RecordingFacts
 from stridelab.schemas.sessions import SessionValues

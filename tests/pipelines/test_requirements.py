@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from stridelab.errors import InvalidInput, NotEstimable
+from stridelab.pipelines.com_inputs import require_marker_set, require_method, require_windows
 from stridelab.pipelines.estimate_com import build_estimator
-from stridelab.pipelines.requirements import require_marker_set, require_method, require_windows
 from stridelab.pipelines.trial import Trial
 from stridelab.recordings.marker_sets import identify
 from stridelab.recordings.recording import Plate, Recording, Subject, Window

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from stridelab.conventions import GRAVITY_M_S2
-from stridelab.recordings.body_mass import MassEstimate, best_mass, combined_mass, weigh
+from stridelab.recordings.body_mass import MassEstimate, best_mass, combined_mass, vertical_motion, weigh
 from stridelab.recordings.force_windows import find_windows
 from stridelab.recordings.recording import Window
-from stridelab.recordings.vertical_motion import vertical_motion
 from support.recordings.schematic_walk import (
     LANDED_S,
     LANDMARKS,

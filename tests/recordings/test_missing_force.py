@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 
 from stridelab.errors import NotEstimable
+from stridelab.recordings.body_mass import VerticalMotion, vertical_motion
 from stridelab.recordings.files.raw import CONTACT_TYPE
-from stridelab.recordings.foot_contact import find_feet
-from stridelab.recordings.foot_outline import foot_outline
+from stridelab.recordings.foot_contact import find_feet, foot_outline
 from stridelab.recordings.force_windows import find_windows, measured_windows, require_windows
 from stridelab.recordings.recording import Recording, Subject, Window
-from stridelab.recordings.vertical_motion import VerticalMotion, vertical_motion
 from support.recordings.schematic_walk import (
     DROP_S,
     LANDMARKS,

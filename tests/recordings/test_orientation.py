@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from stridelab.recordings import orientation
-from stridelab.recordings.files.units import length_scale
+from stridelab.recordings.files.metadata import length_scale
 
 NAMES = ("+x", "-x", "+y", "-y", "+z", "-z")
 

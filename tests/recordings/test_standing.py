@@ -7,7 +7,7 @@ import pytest
 
 from stridelab.recordings.reader import read_recording
 from stridelab.recordings.recording import Recording, Subject
-from stridelab.recordings.standing import stands_still
+from stridelab.recordings.static_pose import stands_still
 
 
 def moving(amplitude_m: float, markers: int = 40, lost: int = 0, n: int = 300) -> Recording:

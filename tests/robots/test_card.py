@@ -10,8 +10,7 @@ from stridelab.errors import InvalidInput, NotFound, Unavailable
 from stridelab.robots import card as cards
 from stridelab.robots.assembly import assemble_robot
 from stridelab.robots.card import DataCard, card_bytes, parse_card, robot_card, robot_names
-from stridelab.robots.data_files import data_files
-from stridelab.robots.loader import load_robot
+from stridelab.robots.loader import data_files, load_robot
 
 TALOS = card_bytes("talos").decode()
 
@@ -156,7 +155,7 @@ def test_a_robot_whose_data_package_is_missing_is_unavailable(
 def test_names_and_cards_are_had_without_a_rigid_body_library() -> None:
     program = (
         "import sys; from stridelab.robots.loader import robot_names; from stridelab.robots.card import robot_card;"
-        "from stridelab.robots.data_files import data_files; data_files(robot_card(robot_names()[0]));"
+        "from stridelab.robots.loader import data_files; data_files(robot_card(robot_names()[0]));"
         "print({'pinocchio', 'example_robot_data', 'trimesh'} & set(sys.modules))"
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)

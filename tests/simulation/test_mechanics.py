@@ -5,7 +5,7 @@ import pinocchio as pin
 import pytest
 
 from stridelab.conventions import Series, g
-from stridelab.dynamics.zmp import zmp_of_motion
+from stridelab.dynamics.wrench import zmp_of_motion
 from stridelab.simulation.ground_truth import true_motion
 from stridelab.simulation.human.walker import Walk
 

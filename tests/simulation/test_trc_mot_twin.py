@@ -5,13 +5,12 @@ from pathlib import Path
 import pytest
 
 from stridelab.body.segment_model import SegmentModel
-from stridelab.recordings.body_mass import best_mass, weigh
+from stridelab.recordings.body_mass import best_mass, vertical_motion, weigh
 from stridelab.recordings.files.c3d_writer import write_c3d
 from stridelab.recordings.force_windows import find_windows
 from stridelab.recordings.marker_sets import identify
 from stridelab.recordings.reader import read_recording
 from stridelab.recordings.recording import Recording, Window
-from stridelab.recordings.vertical_motion import vertical_motion
 from stridelab.simulation.human.walker import HumanWalker, Walk
 from stridelab.simulation.human_recording import record
 from stridelab.simulation.noise import MeasurementNoise

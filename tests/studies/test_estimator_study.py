@@ -5,8 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from stridelab.dynamics.central_axis import central_axis
-from stridelab.dynamics.wrench import Wrench
+from stridelab.dynamics.wrench import Wrench, central_axis
 from stridelab.errors import InvalidInput
 from stridelab.simulation.human.body_proportions import SIDES
 from stridelab.simulation.noise import PRESETS, NoisePreset, coloured_noise

@@ -5,9 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from stridelab.dynamics.central_axis import central_axis
-from stridelab.dynamics.newton_euler import momentum_rate
-from stridelab.dynamics.wrench import Wrench, transport
+from stridelab.dynamics.wrench import Wrench, central_axis, momentum_rate, transport
 from stridelab.estimation.complementary.filter import ComplementaryFilter
 from stridelab.estimation.kalman.filter import KalmanFilter
 from stridelab.recordings.recording import Window

@@ -6,10 +6,17 @@ from numpy.testing import assert_allclose
 from scipy.linalg import expm
 
 from stridelab.conventions import GRAVITY_M_S2, g
-from stridelab.dynamics.central_axis import central_axis
-from stridelab.dynamics.newton_euler import com_acceleration, contact_force, contact_wrench
-from stridelab.dynamics.wrench import Wrench, total_wrench, transport
-from stridelab.dynamics.zmp import zmp_of_motion, zmp_of_wrench
+from stridelab.dynamics.wrench import (
+    Wrench,
+    central_axis,
+    com_acceleration,
+    contact_force,
+    contact_wrench,
+    total_wrench,
+    transport,
+    zmp_of_motion,
+    zmp_of_wrench,
+)
 from stridelab.estimation.kalman.jerk_model import C, JerkModel
 
 UP = np.array([0.0, 0.0, 1.0])

@@ -4,10 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from stridelab.dynamics.central_axis import central_axis
-from stridelab.dynamics.newton_euler import com_acceleration
-from stridelab.dynamics.wrench import Wrench, total_wrench
-from stridelab.dynamics.zmp import zmp_of_wrench
+from stridelab.dynamics.wrench import Wrench, central_axis, com_acceleration, total_wrench, zmp_of_wrench
 from stridelab.estimation.complementary.forward_backward import (
     FilterState,
     filter_inputs,

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from stridelab.dynamics.central_axis import central_axis
-from stridelab.dynamics.wrench import Wrench
+from stridelab.dynamics.wrench import Wrench, central_axis
 from stridelab.estimation.evaluation.physics_residuals import force_residual_n
 from stridelab.estimation.kalman.filter import RtsSmoother
 from stridelab.estimation.markers_only import GeometryOnly

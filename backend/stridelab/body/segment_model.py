@@ -7,13 +7,10 @@ from typing import Final, Literal
 import numpy as np
 
 from stridelab.body import missing_markers, segment_tables
-from stridelab.body.anthropometry import load_anthropometry
 from stridelab.body.geometric_com import GeometricCom, SegmentTrack
-from stridelab.body.joint_centres import joint_centres
-from stridelab.body.joints import Tracks, has_landmarks
-from stridelab.body.segment_frames import Frame, segment_frames
-from stridelab.body.segment_tables import SegmentTable
-from stridelab.body.vectors import median_distance_m
+from stridelab.body.joint_centres import Tracks, has_landmarks, joint_centres
+from stridelab.body.segment_frames import Frame, median_distance_m, segment_frames
+from stridelab.body.segment_tables import SegmentTable, load_anthropometry
 from stridelab.conventions import Points
 from stridelab.errors import Fault, InvalidInput, NotEstimable
 from stridelab.recordings.marker_sets import identify

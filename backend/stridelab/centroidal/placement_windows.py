@@ -11,8 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from stridelab.contacts.sequence import Contact
-from stridelab.contacts.terrain import Box, Terrain
-from stridelab.contacts.terrain_geometry import ContactArea, contact_area, face_towards
+from stridelab.contacts.terrain import Box, ContactArea, Terrain, contact_area, face_towards
 from stridelab.conventions import Points
 
 MIN_OBSTACLE_HEIGHT_M: Final = 0.01

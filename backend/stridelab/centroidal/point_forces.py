@@ -24,8 +24,8 @@ from typing import ClassVar, Final
 import numpy as np
 from jaxtyping import Float
 
+from stridelab.centroidal.contact_wrench import skew
 from stridelab.centroidal.control import ContactPatch, Control, Forces, Generators, Values
-from stridelab.centroidal.dynamics import skew
 from stridelab.errors import InvalidInput
 
 N_RAYS_MIN: Final = 8

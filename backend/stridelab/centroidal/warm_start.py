@@ -16,7 +16,7 @@ from collections.abc import Iterator
 import numpy as np
 from jaxtyping import Float
 
-from stridelab.centroidal.dynamics import N_STATE, N_WRENCH
+from stridelab.centroidal.contact_wrench import N_STATE, N_WRENCH
 from stridelab.centroidal.native.warm_start import native_start
 from stridelab.centroidal.nlp.kkt import NativePoint, Point
 from stridelab.centroidal.nlp.transcription import Transcription, transcribe

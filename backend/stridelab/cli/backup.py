@@ -54,7 +54,7 @@ def adopt(
     replace: Replace = False,
 ) -> None:
     """Move an embedded service's data into STRIDELAB_DATABASE_URL and STRIDELAB_BLOB_URL."""
-    from stridelab.service.backup.adopt import adopt_data_folder as run
+    from stridelab.service.backup.restore import adopt_data_folder as run
 
     with progress_bar("adopt") as bar:
         taken = run(folder, read_settings(), replace=replace, on_progress=bar)

@@ -33,7 +33,7 @@ from stridelab.reproduction.runner import QUICK_SEEDS, Section, collect_sections
 from stridelab.schemas.jobs import JobResult
 from stridelab.schemas.reproduction import ReproduceInput, ReproduceSummary
 from stridelab.schemas.tasks import ReproduceTask
-from stridelab.service.kinds.provenance import software_versions
+from stridelab.service.kinds.result_tables import software_versions
 
 VERDICT_MARKUP = {
     "met": "[green]met[/]",

@@ -22,8 +22,8 @@ from stridelab.schemas.base import Contract, Remark
 from stridelab.schemas.jobs import Artifact, JobResult
 from stridelab.schemas.quality import Quality
 from stridelab.service.jobs.verdict import verdict_of
-from stridelab.service.kinds.provenance import bibtex_of
-from stridelab.service.kinds.provenance import software_versions as local_versions
+from stridelab.service.kinds.result_tables import bibtex_of
+from stridelab.service.kinds.result_tables import software_versions as local_versions
 
 if TYPE_CHECKING:
     from stridelab.service.kinds.base import Outcome

@@ -28,8 +28,7 @@ from scipy.spatial.transform import Rotation as ScipyRotation
 
 from stridelab.contacts.effector_geometry import sole_points_m
 from stridelab.contacts.sequence import ContactSequence
-from stridelab.contacts.terrain import Terrain
-from stridelab.contacts.terrain_geometry import vertical_span_m
+from stridelab.contacts.terrain import Terrain, vertical_span_m
 from stridelab.conventions import Points, Rotation, Rotations, Series, Vector3
 from stridelab.dynamics.spatial import Placement
 from stridelab.errors import InvalidInput

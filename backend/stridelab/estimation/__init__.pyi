@@ -17,10 +17,10 @@ from .latency import Latency as Latency
 from .latency import estimate_latency as estimate_latency
 from .markers_only import GeometryOnly as GeometryOnly
 from .online_estimator import OnlineEstimator as OnlineEstimator
+from .quality.assessment import Quality as Quality
 from .quality.assessment import assess_quality as assess_quality
-from .quality.checks import Quality as Quality
 from .smoother.estimator import Smoother as Smoother
-from .smoother.priors import SmootherPriors as SmootherPriors
+from .smoother.noise_levels import SmootherPriors as SmootherPriors
 
 __all__ = [
     "Assessment",

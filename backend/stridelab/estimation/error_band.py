@@ -24,13 +24,11 @@ import numpy as np
 from jaxtyping import Float
 
 from stridelab.conventions import Points
-from stridelab.dynamics.central_axis import AXIS_THRESHOLD_N
-from stridelab.dynamics.newton_euler import com_acceleration
-from stridelab.dynamics.wrench import Wrench
+from stridelab.dynamics.wrench import AXIS_THRESHOLD_N, Wrench, com_acceleration
 from stridelab.estimation.complementary.forward_backward import FilterInputs
 from stridelab.estimation.differentiation import smoothed_derivatives
 from stridelab.estimation.error_priors import ErrorPriors, SdPerAxis
-from stridelab.estimation.walk_frame import walk_frame
+from stridelab.estimation.time_span import walk_frame
 
 WindowPoints = Float[np.ndarray, "window 3"]
 

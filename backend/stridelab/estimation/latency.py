@@ -24,7 +24,7 @@ from scipy import interpolate
 
 from stridelab.body.geometric_com import GeometricCom
 from stridelab.conventions import GRAVITY_M_S2, PerAxis, Points, Rotation, Series
-from stridelab.dynamics.newton_euler import contact_force
+from stridelab.dynamics.wrench import contact_force
 from stridelab.errors import NotEstimable
 from stridelab.estimation.differentiation import BAND_HZ, low_pass, smoothed_derivatives
 from stridelab.estimation.latency_likelihood import clock_likelihood

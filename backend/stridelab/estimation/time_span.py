@@ -1,10 +1,14 @@
-"""Samples that an estimator may use: the window of its result, and the geometry around it."""
+"""Samples that an estimator may use: the window of its result, and the geometry around it.
+
+Walking frame (along, lateral, vertical): axes for reporting errors independently of the walking direction.
+"""
 
 from dataclasses import dataclass
 
 import numpy as np
 
 from stridelab.body.geometric_com import GeometricCom
+from stridelab.conventions import Points, Rotation
 from stridelab.errors import Fault, InvalidInput, NotEstimable
 from stridelab.recordings.gap_filling import true_runs
 from stridelab.recordings.recording import Window, WrenchTrack
@@ -90,3 +94,16 @@ def require_mass(mass_kg: float) -> None:
         raise InvalidInput(
             "mass-out-of-range", f"A body mass of {mass_kg:g} kg is impossible.", [Fault("mass_kg", f"{mass_kg:g} kg")]
         )
+
+
+WALKING_M_S = 0.05
+"""Mean speed below which the body counts as staying in place, and the axes are those of the world."""
+
+
+def walk_frame(velocity_m_s: Points) -> Rotation:
+    """Unit vectors along the walk, to its left and up, as rows; ``track @ frame.T`` is in these axes."""
+    mean = np.nanmean(velocity_m_s, axis=0) * [1.0, 1.0, 0.0]
+    speed = float(np.linalg.norm(mean))
+    along = mean / speed if speed > WALKING_M_S else np.array([1.0, 0.0, 0.0])
+    up = np.array([0.0, 0.0, 1.0])
+    return np.array([along, np.cross(up, along), up])

@@ -3,8 +3,11 @@
     file -> Recording -> landmarks -> GeometricCom -> WrenchTrack -> latency
 
 ``estimate-com`` and ``compare-estimators`` share this stage and therefore use identical inputs.
+
+Requirements of ``estimate-com`` on the request and the recording, with their error messages.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -12,17 +15,18 @@ import numpy as np
 
 from stridelab.body.geometric_com import GeometricCom
 from stridelab.body.segment_model import SegmentModel
-from stridelab.errors import NotEstimable
+from stridelab.errors import Fault, InvalidInput, NotEstimable
 from stridelab.estimation.time_span import SHORTEST_WINDOW_S
 from stridelab.pipelines.body_mass import BodyMass, body_mass, session_masses, standing_masses
 from stridelab.pipelines.latency_policy import LatencyChoice, choose_latency
 from stridelab.pipelines.progress import ProgressCallback
-from stridelab.pipelines.requirements import require_marker_set, require_windows
-from stridelab.pipelines.static_trial import assign_static_landmarks, read_static
-from stridelab.pipelines.trial import Trial, examine_trial
+from stridelab.pipelines.trial import Trial, assign_static_landmarks, examine_trial, read_static
+from stridelab.recordings import force_windows as measured
 from stridelab.recordings.gap_filling import MAX_GAP_S, true_runs
+from stridelab.recordings.marker_sets import MarkerSetMatch
 from stridelab.recordings.recording import Remark, Subject, Window, WrenchTrack
 from stridelab.recordings.total_wrench import wrench_track
+from stridelab.schemas.methods import METHODS
 from stridelab.schemas.recordings import SubjectFields
 from stridelab.schemas.sessions import SessionValues
 from stridelab.schemas.tasks import EstimateComTask
@@ -192,3 +196,66 @@ def _has_estimable_window(windows: tuple[Window, ...], trial: Trial) -> bool:
         and any(m.start_s - frame_s <= w.start_s and w.end_s <= m.end_s + frame_s for m in trial.windows)
         for w in windows
     )
+
+
+def require_method(method: str) -> str:
+    """Return ``method``. Raises ``NotEstimable`` (``method-unavailable``) if this version does not have it."""
+    if method not in METHODS:
+        raise NotEstimable(
+            "method-unavailable",
+            f"This version has no {method} estimator; it has: {', '.join(METHODS)}.",
+            [Fault("method", f"{method} is not available")],
+        )
+    return method
+
+
+def require_marker_set(match: MarkerSetMatch, labels: Sequence[str]) -> None:
+    """Raise ``NotEstimable`` (``unknown-marker-set``) with the labels and the missing markers of the closest set."""
+    if match.name is not None:
+        return
+    nearest = ", ".join(f"{name} ({share:.0%} of what it requires)" for name, share in match.nearest)
+    faults = [
+        Fault(f"nearest set {name}", f"missing: {', '.join(match.needed.get(name, ()))}")
+        for name, _ in match.nearest[:1]
+    ]
+    faults.append(Fault("labels found", ", ".join(labels) or "none"))
+    raise NotEstimable(
+        "unknown-marker-set",
+        f"The {len(labels)} marker labels belong to no known marker set; nearest: {nearest or 'none'}. "
+        "Map the labels to landmarks to use this recording.",
+        faults,
+    )
+
+
+def require_windows(trial: Trial, window_s: tuple[float, float] | None, *, needs_force: bool) -> tuple[Window, ...]:
+    """The windows to use: the measured ones, or the requested interval.
+
+    Raises ``NotEstimable`` (``single-frame``, ``no-plates``, ``plates-switched-off``, ``plates-unloaded``,
+    ``forces-and-markers-apart``, ``no-measured-window``) where no force can be used, ``InvalidInput``
+    (``window-outside-recording``, ``window-not-measured``) where the requested interval is not inside the recording or
+    a measured window.
+    """
+    if needs_force and not trial.windows:
+        measured.require_windows(trial.recording, trial.match.landmarks, trial.motion, stated_kg=trial.stated_kg)
+    if window_s is None:
+        return trial.windows
+    start_s, end_s = window_s
+    frame_s = 1.0 / trial.recording.marker_rate_hz
+    duration_s = trial.recording.duration_s
+    if not -frame_s <= start_s < end_s <= duration_s + frame_s:
+        raise InvalidInput(
+            "window-outside-recording",
+            f"The recording lasts from 0 to {duration_s:.2f} s; there is no interval from {start_s:g} to {end_s:g} s.",
+            [Fault("window_s", f"{start_s:g} to {end_s:g} s")],
+        )
+    whole = (Window(0.0, duration_s),)
+    allowed = trial.windows if needs_force else whole
+    if not any(w.start_s - frame_s <= start_s < end_s <= w.end_s + frame_s for w in allowed):
+        listed = ", ".join(f"{w.start_s:.2f} to {w.end_s:.2f} s" for w in allowed)
+        raise InvalidInput(
+            "window-not-measured",
+            f"The interval from {start_s:g} to {end_s:g} s is not inside a window in which all contact force is "
+            f"measured; there is: {listed}.",
+            [Fault("window_s", f"{start_s:g} to {end_s:g} s")],
+        )
+    return (Window(start_s, end_s),)

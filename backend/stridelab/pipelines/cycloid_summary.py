@@ -8,7 +8,7 @@ from stridelab.conventions import Series, Vector3
 from stridelab.estimation.estimator import ComEstimate
 from stridelab.estimation.quality import Quality
 from stridelab.pipelines.com_inputs import ComInputs
-from stridelab.pipelines.quality import quality_schema
+from stridelab.pipelines.estimate_com import quality_schema
 from stridelab.recordings.recording import Remark
 from stridelab.schemas import base
 from stridelab.schemas import cycloid as contract

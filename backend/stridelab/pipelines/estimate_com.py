@@ -1,9 +1,12 @@
 """Estimation of the centre-of-mass trajectory from a recording (chapter 2).
 
 file -> Recording -> landmarks -> GeometricCom -> WrenchTrack -> latency -> ComEstimate -> quality
+
+Quality of a result: converts the checks of ``estimation.quality`` to the response schema.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Final
@@ -15,13 +18,14 @@ from stridelab.estimation.evaluation.physics_residuals import bias_m, force_resi
 from stridelab.estimation.kalman.filter import KalmanFilter, RtsSmoother
 from stridelab.estimation.markers_only import GeometryOnly
 from stridelab.estimation.observability import summarise_observability
+from stridelab.estimation.quality import Check, Recorded, assess_quality, worst_verdict
+from stridelab.estimation.quality import Quality as Assessed
 from stridelab.estimation.smoother import Smoother, SmootherPriors
-from stridelab.pipelines.com_inputs import ComInputs, prepare_com_inputs
+from stridelab.pipelines.com_inputs import ComInputs, prepare_com_inputs, require_method
 from stridelab.pipelines.progress import ProgressCallback
-from stridelab.pipelines.quality import assess_estimate, quality_schema
-from stridelab.pipelines.requirements import require_method
 from stridelab.recordings.recording import Remark
 from stridelab.schemas import base
+from stridelab.schemas import quality as contract
 from stridelab.schemas.jobs import ComparedMass, EstimateComInput, EstimateComSummary, SmootherOptions
 from stridelab.schemas.tasks import EstimateComTask
 
@@ -171,4 +175,61 @@ def _cutoffs_not_used(method: str) -> InvalidInput:
         "cutoffs-not-used",
         f"The {method} estimator has no cut-off frequencies; only the complementary filter has.",
         [Fault("cutoffs", "not used by this method")],
+    )
+
+
+MAX_REPORTED_VALUE = 1e12
+"""Replaces infinite values, which JSON cannot represent."""
+
+
+def assess_estimate(prepared: ComInputs, estimate: ComEstimate) -> Assessed:
+    """Check one estimate against its inputs."""
+    recorded = Recorded(
+        recording=prepared.trial.recording,
+        landmarks=prepared.trial.match.landmarks,
+        geometric=prepared.geometric,
+        wrench=prepared.wrench,
+        mass_kg=prepared.mass.mass_kg,
+        with_force=bool(prepared.windows) and estimate.method != GeometryOnly.name,
+        standing_mass_kg=prepared.standing_mass_kg,
+        stated_mass_kg=prepared.mass.stated_kg,
+    )
+    return assess_quality(recorded, estimate)
+
+
+def quality_schema(quality: Assessed) -> contract.Quality:
+    """Convert a quality assessment to the response schema."""
+    return contract.Quality(
+        verdict=quality.verdict,
+        checks=[_check_schema(check) for check in quality.checks],
+        not_checked=dict(quality.not_checked),
+    )
+
+
+def worst_quality(qualities: Sequence[contract.Quality]) -> contract.Quality:
+    """The worst value of every check; a check made in no result has the reason given by the first."""
+    checks: dict[str, contract.QualityCheck] = {}
+    for check in (check for quality in qualities for check in quality.checks):
+        previous = checks.get(check.name)
+        if previous is None or check.value > previous.value:
+            checks[check.name] = check
+    missing: dict[str, str] = {}
+    for quality in qualities:
+        missing = {name: why for name, why in quality.not_checked.items() if name not in checks} | missing
+    return contract.Quality(
+        verdict=worst_verdict(quality.verdict for quality in qualities),
+        checks=list(checks.values()),
+        not_checked=missing,
+    )
+
+
+def _check_schema(check: Check) -> contract.QualityCheck:
+    return contract.QualityCheck(
+        name=check.name,
+        value=check.value if math.isfinite(check.value) else MAX_REPORTED_VALUE,
+        unit=check.unit,
+        limit=check.limit,
+        contradicted_above=check.contradicted_above,
+        passed=check.passed,
+        message=check.message,
     )

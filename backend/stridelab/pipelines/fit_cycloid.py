@@ -13,12 +13,11 @@ from stridelab.conventions import Vector3
 from stridelab.errors import NotEstimable
 from stridelab.estimation.estimator import ComEstimate
 from stridelab.estimation.markers_only import GeometryOnly
-from stridelab.estimation.walk_frame import walk_frame
+from stridelab.estimation.time_span import walk_frame
 from stridelab.pipelines.com_inputs import ComInputs, prepare_com_inputs
 from stridelab.pipelines.cycloid_summary import cycloid_summary
-from stridelab.pipelines.estimate_com import estimate_with_fallback, requested_method
+from stridelab.pipelines.estimate_com import assess_estimate, estimate_with_fallback, requested_method
 from stridelab.pipelines.progress import ProgressCallback
-from stridelab.pipelines.quality import assess_estimate
 from stridelab.pipelines.trial import examine_trial
 from stridelab.recordings.foot_contact import find_feet, ground_velocity_m_s
 from stridelab.recordings.recording import Remark, Window

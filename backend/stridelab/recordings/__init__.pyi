@@ -18,7 +18,7 @@ from .recording import Side as Side
 from .recording import Subject as Subject
 from .recording import Window as Window
 from .recording import WrenchTrack as WrenchTrack
-from .standing import stands_still as stands_still
+from .static_pose import stands_still as stands_still
 from .total_wrench import low_pass as low_pass
 from .total_wrench import wrench_track as wrench_track
 

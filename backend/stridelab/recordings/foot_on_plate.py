@@ -5,8 +5,7 @@ from jaxtyping import Bool, Float, Int
 
 from stridelab.conventions import Mask, Points, Rotation
 from stridelab.recordings.files.raw import CONTACT_TYPE
-from stridelab.recordings.foot_contact import Foot
-from stridelab.recordings.foot_outline import Outline, resting_outline
+from stridelab.recordings.foot_contact import Foot, Outline, resting_outline
 from stridelab.recordings.force_plates import plate_axes
 from stridelab.recordings.gap_filling import true_runs
 from stridelab.recordings.plate_contacts import loaded_intervals

@@ -15,8 +15,9 @@ from jaxtyping import Int
 
 from stridelab.conventions import Mask
 from stridelab.errors import Fault, NotEstimable
+from stridelab.recordings.body_mass import VerticalMotion
 from stridelab.recordings.files.raw import NO_FORCE_FILE
-from stridelab.recordings.foot_contact import Foot, find_feet
+from stridelab.recordings.foot_contact import Foot, find_feet, foot_outline
 from stridelab.recordings.foot_on_plate import (
     STAIR_M,
     main_plate,
@@ -24,13 +25,10 @@ from stridelab.recordings.foot_on_plate import (
     outline_off_plates,
     step_overhang_contacts,
 )
-from stridelab.recordings.foot_outline import foot_outline
 from stridelab.recordings.force_plates import COP_NEVER_ON_PLATE
 from stridelab.recordings.gap_filling import true_runs
-from stridelab.recordings.missing_force import frames_missing_force
-from stridelab.recordings.plate_contacts import loaded_intervals, vertical_force_n, whole_steps
+from stridelab.recordings.plate_contacts import frames_missing_force, loaded_intervals, vertical_force_n, whole_steps
 from stridelab.recordings.recording import Plate, Recording, Remark, Window
-from stridelab.recordings.vertical_motion import VerticalMotion
 
 MIN_WINDOW_S = 0.25
 """Half a step at a normal pace; nothing can be estimated from less."""

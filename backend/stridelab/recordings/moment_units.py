@@ -13,8 +13,8 @@ from typing import Final
 import numpy as np
 
 from stridelab.conventions import Points, Vector3
+from stridelab.recordings.files.metadata import moment_scale
 from stridelab.recordings.files.raw import PlateSignals
-from stridelab.recordings.files.units import moment_scale
 from stridelab.recordings.force_plates import find_tare, plate_axes, repair_origin, upward_sign
 from stridelab.recordings.recording import Remark
 

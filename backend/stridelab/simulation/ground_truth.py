@@ -15,8 +15,7 @@ from jaxtyping import Float
 from scipy.interpolate import BSpline
 
 from stridelab.conventions import Points, Series
-from stridelab.dynamics.newton_euler import contact_wrench
-from stridelab.dynamics.wrench import Wrench
+from stridelab.dynamics.wrench import Wrench, contact_wrench
 from stridelab.simulation.human.body_model import AnthropometricBody
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from stridelab.centroidal.nlp.density_term import likelihood_functions
+from stridelab.centroidal.nlp.stage_functions import likelihood_functions
 from stridelab.dynamics.spatial import Placement
 from support.robots.sequences import MIXTURES
 

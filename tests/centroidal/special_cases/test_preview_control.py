@@ -5,7 +5,7 @@ import pytest
 
 from stridelab.centroidal.special_cases.preview_control import CartTable, PreviewControl
 from stridelab.conventions import GRAVITY_M_S2
-from stridelab.dynamics.zmp import zmp_linearised
+from stridelab.dynamics.wrench import zmp_linearised
 from stridelab.errors import InvalidInput
 
 CONTROL = PreviewControl(height_m=0.83)

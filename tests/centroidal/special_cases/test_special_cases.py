@@ -17,7 +17,7 @@ from stridelab.centroidal.special_cases.preview_control import PreviewControl
 from stridelab.centroidal.special_cases.walking_mpc import Walk, ZmpQuadraticProgram, ZmpWeights, level_supports
 from stridelab.contacts.wrench_cones.wrench_feasibility import conic_margin
 from stridelab.conventions import g
-from stridelab.dynamics.zmp import zmp_of_motion
+from stridelab.dynamics.wrench import zmp_of_motion
 from support.robots.centroidal_problems import rest_to_rest
 from support.robots.sequences import COM_HEIGHT_M, MASS_KG, foot, phase, sequence, two_steps
 

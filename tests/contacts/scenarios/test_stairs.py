@@ -23,13 +23,11 @@ from stridelab.contacts.scenarios.stairs import (
 )
 from stridelab.contacts.sequence import ContactSequence
 from stridelab.contacts.swing import swing_of
-from stridelab.contacts.terrain import Rail
-from stridelab.contacts.terrain_geometry import depth_in_box_m
+from stridelab.contacts.terrain import Rail, depth_in_box_m
 from stridelab.contacts.validation.surface_contact import outline_points_m
 from stridelab.contacts.validation.validate import validate_scenario
 from stridelab.resources import models_dir
-from stridelab.robots.contact_frames import with_contact_frames
-from stridelab.robots.loader import load_robot
+from stridelab.robots.loader import load_robot, with_contact_frames
 from stridelab.schemas.scenarios import Scenario
 from support.robots.effectors import SHAPES
 

@@ -9,8 +9,7 @@ from scipy.optimize import linprog
 
 from stridelab.contacts.effector_geometry import EffectorReach, EffectorShape
 from stridelab.contacts.validation.parse import parse_scenario
-from stridelab.contacts.validation.reach_check import check_reach, reach_set
-from stridelab.contacts.validation.reach_slack import ACCURACY_M
+from stridelab.contacts.validation.reach_slack import ACCURACY_M, check_reach, reach_set
 from stridelab.contacts.validation.static_equilibrium import StaticEquilibrium, static_equilibria
 from stridelab.contacts.validation.surface_contact import Stance, contacts_on_surfaces
 from stridelab.contacts.validation.validate import ValidationReport, validate_scenario

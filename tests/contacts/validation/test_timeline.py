@@ -8,8 +8,7 @@ import pytest
 from stridelab.contacts.planner.start_goal import scenario_without_phases
 from stridelab.contacts.terrain import Box, Terrain
 from stridelab.contacts.validation.phase_consistency import jump_faults, overlap_faults, same_place, soles_overlap
-from stridelab.contacts.validation.surface_contact import SurfaceContact
-from stridelab.contacts.validation.swing_collision import swing_collisions
+from stridelab.contacts.validation.surface_contact import SurfaceContact, swing_collisions
 from stridelab.dynamics.spatial import Placement
 from support.robots.effectors import SHAPES
 

@@ -15,10 +15,7 @@ from stridelab.estimation.estimator import ComEstimate
 from stridelab.estimation.markers_only import GeometryOnly
 from stridelab.estimation.quality import Quality, Recorded, assess_quality
 from stridelab.estimation.quality.assessment import evaluate_checks
-from stridelab.estimation.quality.body_hull import distance_outside_m
-from stridelab.estimation.quality.body_weight import dynamic_mass_kg
-from stridelab.estimation.quality.limb_lengths import length_change
-from stridelab.estimation.quality.measures import Measures
+from stridelab.estimation.quality.measures import Measures, distance_outside_m, dynamic_mass_kg, length_change
 from stridelab.estimation.smoother import Smoother
 from stridelab.recordings.force_windows import measured_windows
 from stridelab.recordings.marker_sets import identify

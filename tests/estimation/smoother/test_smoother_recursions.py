@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from stridelab.estimation.smoother.consistency import plate_bias_remarks, plate_bias_statistic
 from stridelab.estimation.smoother.kalman_rts import (
     ForwardPass,
     Signals,
@@ -14,6 +13,7 @@ from stridelab.estimation.smoother.kalman_rts import (
     log_likelihood,
     smooth_backward,
 )
+from stridelab.estimation.smoother.measurements import plate_bias_remarks, plate_bias_statistic
 from stridelab.estimation.smoother.noise_levels import LEARNED, adult_momentum_m_s, learn_sizes, log_likelihoods
 from stridelab.estimation.smoother.online_filter import CausalFilter
 from stridelab.estimation.smoother.state_space import ACCELERATION, Sizes, resonator_model, state_space

@@ -20,10 +20,9 @@ from stridelab_web.scene.documents import KEY_HEADER, REFUSAL_HEADER, Document, 
 from stridelab_web.scene.result_files import read_plan
 from stridelab_web.viewer.access_guard import start_guarded_server
 from stridelab_web.viewer.initial_posture import Posed, initial_pose
-from stridelab_web.viewer.overlays import COM, CORNERS, EDGE, PLUMB, REGION
 from stridelab_web.viewer.plan_scene import RIGHT_FRONT, is_hidden
 from stridelab_web.viewer.robot_links import add_robot, colour_parts, limit_levels, read_links
-from stridelab_web.viewer.scenario_scene import NOT_KNOWN, ScenarioScene
+from stridelab_web.viewer.scenario_scene import COM, CORNERS, EDGE, NOT_KNOWN, PLUMB, REGION, ScenarioScene
 from stridelab_web.viewer.scene_builders import document_kinds
 from stridelab_web.viewer.scene_limits import SceneLimits
 from stridelab_web.viewer.scene_parts import FOV_RAD, WIDE, camera_pose

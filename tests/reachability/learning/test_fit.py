@@ -15,13 +15,14 @@ from stridelab.reachability.learning.fit import (
     HELD_OUT_RECIPROCAL,
     KL_DRAWS,
     SIZES,
+    Divergence,
     expectation_maximisation,
     fit,
+    kl_divergences,
     learn_densities,
     select_size,
 )
 from stridelab.reachability.learning.kde import scott_bandwidth_m
-from stridelab.reachability.learning.kl_divergence import Divergence, kl_divergences
 from stridelab.robots.robot import Robot
 
 DAY = date(2026, 11, 21)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from stridelab.reachability.gaussian_mixture import Mixture
-from stridelab.reachability.learning.kl_divergence import Divergence, kl_divergences
+from stridelab.reachability.learning.fit import Divergence, kl_divergences
 
 
 def gaussian(mean: list[float], covariance: np.ndarray) -> Mixture:

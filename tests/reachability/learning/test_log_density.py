@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from sklearn.mixture import GaussianMixture
 from sklearn.mixture._gaussian_mixture import _compute_precision_cholesky
 
-from stridelab.centroidal.nlp.density_term import likelihood_functions
+from stridelab.centroidal.nlp.stage_functions import likelihood_functions
 from stridelab.reachability.gaussian_mixture import Mixture
 from stridelab.reachability.learning.fit import REGULARISATION_M
 

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from stridelab.recordings.files.recording_date import recorded_on
+from stridelab.recordings.files.metadata import recorded_on
 from stridelab.recordings.reader import read_recording
 from support.recordings.c3d_files import write_file
 

@@ -7,8 +7,8 @@ import sys
 import pytest
 
 from stridelab.service.kinds.base import ArtifactFile, Outcome
-from stridelab.service.kinds.provenance import bibtex_of, known_references, software_versions
 from stridelab.service.kinds.registry import KINDS, PARSE_UPLOAD
+from stridelab.service.kinds.result_tables import bibtex_of, known_references, software_versions
 
 
 @pytest.mark.parametrize("kind", KINDS.values(), ids=lambda kind: kind.name)

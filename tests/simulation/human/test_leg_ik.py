@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from stridelab.simulation.human.body_model import build_body
-from stridelab.simulation.human.leg_ik import leg_angles
+from stridelab.simulation.human.walker import leg_angles
 
 BODY = build_body(1.71, 60.0, "female")
 ANGLE = st.floats(-0.5, 0.5)

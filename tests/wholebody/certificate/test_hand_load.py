@@ -9,7 +9,7 @@ from stridelab.contacts.terrain import Terrain
 from stridelab.dynamics.spatial import Placement
 from stridelab.robots.robot import Robot
 from stridelab.wholebody.certificate.certificate import WorstValues
-from stridelab.wholebody.certificate.hand_load import hand_loads
+from stridelab.wholebody.certificate.contact_checks import hand_loads
 from stridelab.wholebody.motion import WholeBodyMotion
 
 

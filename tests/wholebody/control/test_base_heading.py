@@ -6,7 +6,7 @@ import pytest
 from stridelab.contacts.sequence import Contact, ContactPhase, ContactSequence
 from stridelab.contacts.terrain import Terrain
 from stridelab.dynamics.spatial import Placement
-from stridelab.wholebody.control.base_heading import Heading
+from stridelab.wholebody.control.tasks import Heading
 
 FEET = ("left_foot", "right_foot")
 

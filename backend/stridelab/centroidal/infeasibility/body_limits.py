@@ -12,7 +12,7 @@ per phase.
 import numpy as np
 import scipy.sparse as sp
 
-from stridelab.centroidal.dynamics import DOWN, N_STATE, skew
+from stridelab.centroidal.contact_wrench import DOWN, N_STATE, skew
 from stridelab.centroidal.infeasibility.lp_constraints import LinearConstraints, SparseBlocks, States, Vector
 from stridelab.centroidal.problem import CentroidalProblem
 from stridelab.centroidal.reach_box import reach_box

@@ -29,7 +29,7 @@ import scipy.sparse as sp
 from jaxtyping import Float
 from scipy.optimize import linprog
 
-from stridelab.centroidal.dynamics import N_STATE
+from stridelab.centroidal.contact_wrench import N_STATE
 from stridelab.centroidal.infeasibility.body_limits import (
     MAX_SPIN_M2_S,
     body_limit_rows,

@@ -15,7 +15,7 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Float, Int
 
-from stridelab.centroidal.dynamics import DOWN, N_STATE, discrete_step
+from stridelab.centroidal.contact_wrench import DOWN, N_STATE, discrete_step
 from stridelab.centroidal.problem import CentroidalProblem, Grid
 from stridelab.contacts.wrench_cones.contact_points import PointContacts
 

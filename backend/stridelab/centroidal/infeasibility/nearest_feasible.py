@@ -18,7 +18,7 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Int
 
-from stridelab.centroidal.dynamics import DOWN, N_STATE, Step, discrete_step, skew
+from stridelab.centroidal.contact_wrench import DOWN, N_STATE, Step, discrete_step, skew
 from stridelab.centroidal.free_variables import ContactSpan, movable_spans
 from stridelab.centroidal.infeasibility.body_limits import body_limit_rows
 from stridelab.centroidal.infeasibility.elastic_lp import ElasticSolution, minimise_linear, solve_elastic

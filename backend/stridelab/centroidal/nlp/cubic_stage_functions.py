@@ -16,7 +16,7 @@ from functools import cache
 
 import casadi as ca
 
-from stridelab.centroidal.dynamics import DOWN, N_STATE, N_WRENCH
+from stridelab.centroidal.contact_wrench import DOWN, N_STATE, N_WRENCH
 from stridelab.centroidal.force_splines import N_GAUSS, bernstein_weights, gauss_rule
 from stridelab.centroidal.nlp.stage_functions import CostFunctions, RowFunctions, cost_functions, row_functions
 from stridelab.conventions import GRAVITY_M_S2

@@ -10,11 +10,10 @@ from typing import Final
 import numpy as np
 from jaxtyping import Int
 
-from stridelab.centroidal.dynamics import N_STATE, N_WRENCH
+from stridelab.centroidal.contact_wrench import N_STATE, N_WRENCH
 from stridelab.centroidal.nlp import cubic_stage_functions, stage_functions
 from stridelab.centroidal.nlp.assembly import ConstraintPart, CostPart, NonlinearProgram, assemble_nlp
-from stridelab.centroidal.nlp.density_term import likelihood_functions
-from stridelab.centroidal.nlp.stage_functions import CostFunctions, RowFunctions
+from stridelab.centroidal.nlp.stage_functions import CostFunctions, RowFunctions, likelihood_functions
 from stridelab.centroidal.nlp.variable_layout import (
     N_CAPTURABLE,
     Layout,

@@ -16,7 +16,7 @@ import casadi as ca
 import numpy as np
 from jaxtyping import Float
 
-from stridelab.centroidal.dynamics import N_STATE
+from stridelab.centroidal.contact_wrench import N_STATE
 from stridelab.centroidal.nlp.assembly import NonlinearProgram
 from stridelab.centroidal.nlp.callbacks import HessianCallback, IpoptCallback, IterateReporter, IterationCallback
 from stridelab.centroidal.nlp.kkt import IterationLog, Point

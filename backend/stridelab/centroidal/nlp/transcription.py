@@ -18,8 +18,8 @@ import numpy as np
 from jaxtyping import Float
 
 from stridelab.centroidal.boundary_conditions import CaptureRegion
+from stridelab.centroidal.contact_wrench import DOWN, N_STATE, N_WRENCH
 from stridelab.centroidal.control import Generators
-from stridelab.centroidal.dynamics import DOWN, N_STATE, N_WRENCH
 from stridelab.centroidal.force_splines import INNER, N_GAUSS, junction_weights, touchdowns_and_liftoffs
 from stridelab.centroidal.free_variables import ContactSpan, movable_spans
 from stridelab.centroidal.nlp.kkt import Box

@@ -18,7 +18,7 @@ from typing import Final
 import numpy as np
 from jaxtyping import Int
 
-from stridelab.centroidal.dynamics import N_STATE, N_WRENCH
+from stridelab.centroidal.contact_wrench import N_STATE, N_WRENCH
 from stridelab.centroidal.force_splines import INNER, Shape
 
 

@@ -16,8 +16,7 @@ from scipy.optimize import linprog
 from scipy.spatial import ConvexHull, QhullError
 
 from stridelab.contacts.planner.step_limits import EffectorLimits
-from stridelab.contacts.terrain import Box, Rail, Terrain
-from stridelab.contacts.terrain_geometry import ContactArea, contact_area, is_vertical
+from stridelab.contacts.terrain import Box, ContactArea, Rail, Terrain, contact_area, is_vertical
 from stridelab.conventions import Points, Rotation, Vector3
 
 BLOCKING_LAYER_M: Final = (0.010, 0.10)

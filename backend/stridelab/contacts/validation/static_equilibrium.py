@@ -16,8 +16,7 @@ import numpy as np
 from jaxtyping import Float
 
 from stridelab.contacts.validation.phase_consistency import sole_contacts
-from stridelab.contacts.validation.reach_check import contacts_with_limits, reach_set
-from stridelab.contacts.validation.reach_slack import ReachLimits, Slack, SlackPrograms
+from stridelab.contacts.validation.reach_slack import ReachLimits, Slack, SlackPrograms, contacts_with_limits, reach_set
 from stridelab.contacts.validation.surface_contact import Stance, SurfaceContact
 from stridelab.contacts.wrench_cones.contact_points import PointContacts
 from stridelab.contacts.wrench_cones.support_region import rest_region_m

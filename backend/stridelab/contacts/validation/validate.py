@@ -21,15 +21,14 @@ from stridelab.contacts.validation.phase_consistency import (
     slip_faults,
     support_faults,
 )
-from stridelab.contacts.validation.reach_check import check_reach
+from stridelab.contacts.validation.reach_slack import check_reach
 from stridelab.contacts.validation.static_equilibrium import (
     StaticEquilibrium,
     phases_without_rest,
     rest_faults,
     static_equilibria,
 )
-from stridelab.contacts.validation.surface_contact import Stance, SurfaceContact, contacts_on_surfaces
-from stridelab.contacts.validation.swing_collision import swing_collisions
+from stridelab.contacts.validation.surface_contact import Stance, SurfaceContact, contacts_on_surfaces, swing_collisions
 from stridelab.errors import Fault
 
 PHASE = re.compile(r"phases\[(\d+)\]")

@@ -18,9 +18,7 @@ from jaxtyping import Float
 from scipy import signal
 
 from stridelab.conventions import Points
-from stridelab.dynamics.central_axis import AXIS_THRESHOLD_N, central_axis
-from stridelab.dynamics.newton_euler import com_acceleration
-from stridelab.dynamics.wrench import Wrench
+from stridelab.dynamics.wrench import AXIS_THRESHOLD_N, Wrench, central_axis, com_acceleration
 from stridelab.estimation.complementary.transfer_functions import ComplementaryFilters, DigitalFilter
 
 JOINING_RIDGE = 1e-4

@@ -17,7 +17,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from stridelab.conventions import GRAVITY_M_S2, Vector3
-from stridelab.dynamics.central_axis import AXIS_THRESHOLD_N
+from stridelab.dynamics.wrench import AXIS_THRESHOLD_N
 from stridelab.errors import InvalidInput
 from stridelab.estimation.complementary.online_band import OnlineBand
 from stridelab.estimation.complementary.online_recursions import LowPass, OnlineTrack

@@ -11,8 +11,7 @@ import numpy as np
 
 from stridelab.body.geometric_com import GeometricCom
 from stridelab.conventions import PerAxis, Points
-from stridelab.dynamics.newton_euler import com_acceleration
-from stridelab.dynamics.wrench import Wrench
+from stridelab.dynamics.wrench import Wrench, com_acceleration
 from stridelab.errors import NotEstimable, StridelabError
 from stridelab.estimation.complementary.forward_backward import filter_inputs
 from stridelab.estimation.differentiation import smoothed_derivatives
@@ -29,8 +28,7 @@ from stridelab.estimation.evaluation.physics_residuals import (
     momentum_agreement,
 )
 from stridelab.estimation.evaluation.truth_errors import TruthError, error_m, truth_error
-from stridelab.estimation.time_span import window_span
-from stridelab.estimation.walk_frame import walk_frame
+from stridelab.estimation.time_span import walk_frame, window_span
 from stridelab.recordings.recording import WrenchTrack
 
 

@@ -16,13 +16,11 @@ import numpy as np
 
 from stridelab.body.geometric_com import GeometricCom
 from stridelab.conventions import GRAVITY_M_S2, PerAxis, Points, Vector3
-from stridelab.dynamics.newton_euler import contact_force, momentum_rate
-from stridelab.dynamics.wrench import Wrench
-from stridelab.dynamics.zmp import zmp_of_wrench
+from stridelab.dynamics.wrench import Wrench, contact_force, momentum_rate, zmp_of_wrench
 from stridelab.estimation.differentiation import BAND_HZ, low_pass, smoothed_derivatives
 from stridelab.estimation.estimator import ComEstimate
 from stridelab.estimation.evaluation.truth_errors import track_at_samples
-from stridelab.estimation.walk_frame import walk_frame
+from stridelab.estimation.time_span import walk_frame
 from stridelab.recordings.gap_filling import true_runs
 from stridelab.recordings.recording import WrenchTrack
 

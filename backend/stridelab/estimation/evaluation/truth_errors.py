@@ -13,7 +13,7 @@ from scipy import interpolate
 from stridelab.conventions import PerAxis, Points, Series
 from stridelab.estimation.differentiation import smoothed_derivatives
 from stridelab.estimation.estimator import ComEstimate
-from stridelab.estimation.walk_frame import walk_frame
+from stridelab.estimation.time_span import walk_frame
 
 WindowPoints = Float[np.ndarray, "window 3"]
 """A track at an estimate's own samples."""

@@ -24,11 +24,11 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from stridelab.conventions import GRAVITY_M_S2, Points, Vector3
-from stridelab.dynamics.central_axis import AXIS_THRESHOLD_N
+from stridelab.dynamics.wrench import AXIS_THRESHOLD_N
 from stridelab.errors import Fault, InvalidInput
 from stridelab.estimation.error_priors import ErrorPriors, SdPerAxis
 from stridelab.estimation.kalman.riccati import Square, SteadyModel
-from stridelab.estimation.walk_frame import walk_frame
+from stridelab.estimation.time_span import walk_frame
 
 Measured = Bool[np.ndarray, "n 3"]
 """Whether each of the three inputs is measured, per sample."""

@@ -1,15 +1,87 @@
-"""Builds the checks of an estimate from its measures; each check names the sensors that it compares."""
+"""Builds the checks of an estimate from its measures; each check names the sensors that it compares.
+
+Result of one check, and the overall verdict of all checks.
+
+Limits of the checks; docs/theory/quality.md derives each and names the recordings.
+
+``passes`` is the largest value of a good recording: if derived from recordings, the 1e-4 quantile of a log-normal
+distribution (median and median absolute deviation) over the walks of eight subjects of the shared data, rounded up.
+``contradicts`` follows from physics or from the model, never from recordings.
+"""
 
 import math
-from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import Final
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
+from typing import Final, Literal
 
 from stridelab.estimation.estimator import ComEstimate
-from stridelab.estimation.quality.checks import Check, Quality
-from stridelab.estimation.quality.limits import limit_of
 from stridelab.estimation.quality.measures import Measures, Recorded, compute_measures
 from stridelab.estimation.quality.pressure import PlatePressure
+from stridelab.recordings.recording import Remark
+
+Verdict = Literal["good", "doubtful", "contradicted"]
+VERDICT_ORDER: Final[tuple[Verdict, ...]] = ("good", "doubtful", "contradicted")
+CONTRADICTED: Final = "contradicted"
+DOUBTFUL: Final = "doubtful"
+"""Codes of the remarks, and verdicts."""
+
+
+@dataclass(frozen=True)
+class Check:
+    """One value with its limits: it passes up to ``limit`` and contradicts above ``contradicted_above``.
+
+    ``unit`` is "1" for a ratio. ``message`` is a sentence that names the compared sensors.
+    """
+
+    name: str
+    value: float
+    unit: str
+    limit: float
+    contradicted_above: float
+    message: str
+
+    @property
+    def passed(self) -> bool:
+        """Whether the value is within its limit."""
+        return self.value <= self.limit
+
+    @property
+    def contradicts(self) -> bool:
+        """Whether the compared sensors contradict each other."""
+        return self.value > self.contradicted_above
+
+
+@dataclass(frozen=True)
+class Quality:
+    """Results of all possible checks, and by name the reasons why others were not possible."""
+
+    checks: tuple[Check, ...]
+    not_checked: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def verdict(self) -> Verdict:
+        """Contradicted if a check contradicts, doubtful if a check does not pass or none was possible, else good."""
+        if any(check.contradicts for check in self.checks):
+            return "contradicted"
+        return "good" if self.checks and all(check.passed for check in self.checks) else "doubtful"
+
+    @property
+    def remarks(self) -> tuple[Remark, ...]:
+        """One remark for the verdict, to be shown before all others; empty for a good verdict."""
+        if self.verdict == "good":
+            return ()
+        wrong = [c for c in self.checks if (c.contradicts if self.verdict == CONTRADICTED else not c.passed)]
+        reasons = " ".join(check.message for check in wrong) or "No check was possible."
+        if self.verdict == CONTRADICTED:
+            return (Remark(CONTRADICTED, f"The sensors contradict each other; do not use these numbers. {reasons}"),)
+        return (Remark(DOUBTFUL, f"Not every check of this recording passes. {reasons}"),)
+
+
+def worst_verdict(verdicts: Iterable[Verdict]) -> Verdict:
+    """Worst of the verdicts; good if there are none."""
+    return max(verdicts, key=VERDICT_ORDER.index, default="good")
+
 
 MM: Final = 1e3
 WITHOUT_FORCE: Final = "no force was used"
@@ -155,3 +227,52 @@ def _worst_plate(measures: Measures, name: str) -> PlatePressure:
     known = [plate for plate in measures.plates if not math.isnan(getattr(plate, name))]
     nothing = PlatePressure(0, math.nan, math.nan)
     return max(known, key=lambda plate: float(getattr(plate, name)), default=nothing)
+
+
+CIRCLE_95: Final = math.sqrt(-2.0 * math.log(0.05))
+"""Radius, in standard deviations per axis, of the circle that contains 95 % of a normal error in the plane."""
+BAND_95: Final = 1.96
+"""The same for one axis."""
+
+
+@dataclass(frozen=True)
+class Limit:
+    """A check passes up to ``passes``; above ``contradicts`` the compared sensors contradict each other."""
+
+    passes: float
+    contradicts: float
+    unit: str = "1"
+
+
+LIMITS: Final[Mapping[str, Limit]] = MappingProxyType(
+    {
+        # 1 is the expectation if all errors are as stated; 2.05 the 1e-4 quantile of chi-squared with 40 degrees of
+        # freedom over 40, fewer than in the shortest window.
+        "normalised_innovations": Limit(1.0, 2.0),
+        # 15 % of the weight is the standard deviation of the vertical force in a walk, 8 % that of the fore-aft force:
+        # a difference of that size explains none of the force. The residual includes the error of the mass.
+        "force_residual": Limit(0.05, 0.15),
+        "acceleration_difference": Limit(0.08, 0.15),
+        "mass_from_motion": Limit(0.04, 0.15),
+        "mass_from_standing": Limit(0.04, 0.15),
+        # ``passes`` is replaced by the 95 % circle, or band, of the geometry's own standard deviation.
+        "horizontal_bias": Limit(0.05, 0.05, "m"),
+        "vertical_bias": Limit(0.08, 0.08, "m"),
+        # Allows for 2 cm of tissue (passes) and 10 cm of unmarked head and hands (contradicts).
+        "outside_body": Limit(0.02, 0.10, "m"),
+        # The sole extends 6 cm beyond the markers of a foot; 15 cm is more than half a foot.
+        "pressure_from_feet": Limit(0.06, 0.15, "m"),
+        "pressure_off_plate": Limit(0.1, 0.5),
+        "leg_length_change": Limit(0.15, 0.5),
+    }
+)
+
+
+def limit_of(name: str, geometry_sd_m: tuple[float, float, float]) -> Limit:
+    """Limit of the check ``name`` for a geometric centre of mass with this standard deviation per axis."""
+    limit = LIMITS[name]
+    if name == "horizontal_bias":
+        return replace(limit, passes=min(limit.contradicts, CIRCLE_95 * max(geometry_sd_m[:2])))
+    if name == "vertical_bias":
+        return replace(limit, passes=min(limit.contradicts, BAND_95 * geometry_sd_m[2]))
+    return limit

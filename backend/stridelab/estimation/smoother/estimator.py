@@ -7,22 +7,23 @@ import numpy as np
 
 from stridelab.body.geometric_com import GeometricCom
 from stridelab.conventions import GRAVITY_M_S2, Points, Vector3
-from stridelab.dynamics.newton_euler import com_acceleration
+from stridelab.dynamics.wrench import com_acceleration
 from stridelab.errors import NotEstimable
 from stridelab.estimation.differentiation import smoothed_derivatives
 from stridelab.estimation.estimator import ComEstimate
 from stridelab.estimation.evaluation.physics_residuals import segment_momentum_rate
-from stridelab.estimation.smoother.consistency import (
+from stridelab.estimation.smoother.kalman_rts import compute_gains, filter_forward, smooth_backward
+from stridelab.estimation.smoother.measurements import (
+    Walk,
+    in_walking_frame,
     normalised_innovations,
     plate_bias_remarks,
     plate_bias_statistic,
     require_single_support,
+    smoother_signals,
 )
-from stridelab.estimation.smoother.kalman_rts import compute_gains, filter_forward, smooth_backward
-from stridelab.estimation.smoother.measurements import Walk, in_walking_frame, smoother_signals
-from stridelab.estimation.smoother.noise_levels import learn_sizes, sizes_of
+from stridelab.estimation.smoother.noise_levels import SmootherPriors, learn_sizes, sizes_of
 from stridelab.estimation.smoother.online_filter import OnlineSmoother
-from stridelab.estimation.smoother.priors import SmootherPriors
 from stridelab.estimation.smoother.state_space import ACCELERATION, Sizes, state_space
 from stridelab.estimation.time_span import require_mass, window_span
 from stridelab.recordings.recording import WrenchTrack

@@ -14,8 +14,7 @@ from stridelab.conventions import GRAVITY_M_S2, Rotation, Vector3
 from stridelab.errors import InvalidInput, NotEstimable
 from stridelab.estimation.online_estimator import OnlineSample, require_together, step_s
 from stridelab.estimation.smoother.kalman_rts import COLUMNS
-from stridelab.estimation.smoother.noise_levels import online_sizes
-from stridelab.estimation.smoother.priors import SmootherPriors
+from stridelab.estimation.smoother.noise_levels import SmootherPriors, online_sizes
 from stridelab.estimation.smoother.state_space import (
     ACCELERATION,
     HEIGHT,

@@ -12,10 +12,15 @@ from stridelab.conventions import Corners
 from stridelab.errors import Fault, UnreadableFile
 from stridelab.recordings.files import marker_labels as names
 from stridelab.recordings.files.c3d_ezc3d import EZC3D_ERRORS, open_c3d
-from stridelab.recordings.files.metadata import read_events, read_joint_widths_m, read_subject
+from stridelab.recordings.files.metadata import (
+    length_scale,
+    moment_scale,
+    read_events,
+    read_joint_widths_m,
+    read_subject,
+    recorded_on,
+)
 from stridelab.recordings.files.raw import LARGEST_PLAUSIBLE, Cloud, PlateSignals, RawTrial
-from stridelab.recordings.files.recording_date import recorded_on
-from stridelab.recordings.files.units import length_scale, moment_scale
 from stridelab.recordings.force_plates import CHANNELS, corners_fault, sensor_wrench
 from stridelab.recordings.gap_filling import mark_missing
 from stridelab.recordings.recording import Event, Remark

@@ -12,20 +12,21 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float, Float32, Int, Num
 
-from stridelab.recordings.files.c3d_layout import Layout, first_number
+from stridelab.recordings.files.c3d_ezc3d import CheckedC3d
 from stridelab.recordings.files.c3d_records import (
     BLOCK,
     BYTE_ORDER,
     DEC,
     INTEL,
+    Layout,
     Record,
     decode_floats,
     find_continued,
     find_parameter,
+    first_number,
     group_numbers,
     numeric_values,
 )
-from stridelab.recordings.files.c3d_validation import CheckedC3d
 
 Raw = Float32[np.ndarray, "frames values"]
 PointValues = Float32[np.ndarray, "frames point_values"]

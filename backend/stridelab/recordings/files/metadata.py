@@ -2,12 +2,25 @@
 
 Event names vary between programs, and their times count from the start of the original recording. The subject's name
 is never read; placeholder and implausible values are dropped with a remark.
+
+Recording date of a C3D file, from TRIAL:DATE or a DATE of the manufacturer.
+
+BTS writes TRIAL:DATE as year, month and day. Texts are read in ISO 8601 order only: 05/06/2019 is ambiguous.
+
+Units of length and moment in files, and a plausibility check of the stated unit of length.
+
+``moment_units`` checks the stated unit of moment.
 """
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from datetime import date
+from typing import Final
 
+import numpy as np
+
+from stridelab.recordings.files.raw import Cloud
 from stridelab.recordings.recording import Event, EventKind, Remark, Sex, Side, Subject
 
 _STRIKE = re.compile(r"strike|contact|touch|\bon\b|^[lr]?(hs|fs|ic|fc)\d*$", re.IGNORECASE)
@@ -103,3 +116,101 @@ def read_joint_widths_m(stated: Mapping[str, float]) -> dict[str, float]:
         for joint in WIDTH_JOINTS
     }
     return {name: width for name, width in widths_m.items() if WIDTH_RANGE_M[0] <= width <= WIDTH_RANGE_M[1]}
+
+
+DATE_PARAMETERS: Final = (
+    ("TRIAL", "DATE"),
+    ("TRIAL", "RECORDING_DATE"),
+    ("TRIAL", "CREATION_DATE"),
+    ("MANUFACTURER", "DATE"),
+    ("MANUFACTURER", "RECORDING_DATE"),
+)
+"""Groups and parameters in order of preference."""
+FIRST_YEAR: Final = 1970
+_ISO = re.compile(r"^(\d{4})[-/.]?(\d{2})[-/.]?(\d{2})(?!\d)")
+
+
+def recorded_on(texts: Callable[[str, str], Sequence[str]], numbers: Callable[[str, str], Sequence[float]]) -> str:
+    """Recording date as ``YYYY-MM-DD``; empty if absent or a placeholder (year 0, month 13).
+
+    ``texts`` and ``numbers`` return the values of a parameter by its group and name, empty if it has none of the kind.
+    """
+    for group, name in DATE_PARAMETERS:
+        for year, month, day in (*_date_in_text(texts(group, name)), *_date_in_numbers(numbers(group, name))):
+            try:
+                day_recorded = date(year, month, day)
+            except (ValueError, OverflowError):
+                continue
+            if day_recorded.year >= FIRST_YEAR:
+                return day_recorded.isoformat()
+    return ""
+
+
+def _date_in_text(texts: Sequence[str]) -> list[tuple[int, int, int]]:
+    match = _ISO.match("".join(texts[:1]).strip())
+    return [] if match is None else [(int(match[1]), int(match[2]), int(match[3]))]
+
+
+def _date_in_numbers(numbers: Sequence[float]) -> list[tuple[int, int, int]]:
+    if len(numbers) < 3 or not all(float(value).is_integer() for value in numbers[:3]):
+        return []
+    return [(int(numbers[0]), int(numbers[1]), int(numbers[2]))]
+
+
+LENGTH_SCALE: Final = {
+    "mm": 1e-3,
+    "millimeters": 1e-3,
+    "millimetres": 1e-3,
+    "cm": 1e-2,
+    "centimeters": 1e-2,
+    "centimetres": 1e-2,
+    "m": 1.0,
+    "meters": 1.0,
+    "metres": 1.0,
+    "dm": 0.1,
+    "in": 0.0254,
+}
+MOMENT_SCALE: Final = {"nmm": 1e-3, "nm": 1.0, "ncm": 1e-2, "nmeter": 1.0, "newtonmm": 1e-3}
+_BODY_M = (0.3, 3.0)
+
+
+def length_scale(stated: str, cloud: Cloud) -> tuple[float, tuple[Remark, ...]]:
+    """Factor to metres, and a remark if the stated unit is implausible.
+
+    A marker set spans 0.3 to 3 m of the body. If it does not in the stated unit (mm if none is stated) but does in
+    another, the other one is used.
+    """
+    unit = stated.strip().lower()
+    scale = LENGTH_SCALE.get(unit, 1e-3)
+    extent = _body_extent(cloud)
+    if np.isnan(extent) or cloud.shape[1] < 4 or _BODY_M[0] <= extent * scale <= _BODY_M[1]:
+        return scale, ()
+    other = unit_of_body(cloud)
+    if other is not None:
+        message = f"The file says its lengths are in {stated or 'no unit'}, but the markers span a body in {other}."
+        return LENGTH_SCALE[other], (Remark("unit-corrected", message),)
+    return scale, (Remark("unit-implausible", "The markers span no human body in any unit of length."),)
+
+
+def unit_of_body(cloud: Cloud) -> str | None:
+    """Unit among mm, m and cm in which the markers span 0.3 to 3 m; None if there is none, or fewer than 4 markers.
+
+    The three ranges do not overlap.
+    """
+    extent = _body_extent(cloud)
+    fits = [unit for unit in ("mm", "m", "cm") if _BODY_M[0] <= extent * LENGTH_SCALE[unit] <= _BODY_M[1]]
+    return fits[0] if fits else None
+
+
+def moment_scale(stated: str, metres_per_unit: float) -> float:
+    """Factor to Nm from the stated unit of moment; if it is unknown, newtons times the file's unit of length."""
+    return MOMENT_SCALE.get(stated.lower().replace(".", "").replace("*", "").replace(" ", ""), metres_per_unit)
+
+
+def _body_extent(cloud: Cloud) -> float:
+    """Median over the frames of the longest side of the marker cloud; NaN without frames with at least 4 markers."""
+    seen = (~np.isnan(cloud[:, :, 0])).sum(axis=1) >= 4
+    if not seen.any():
+        return float("nan")
+    frames = cloud[seen]
+    return float(np.median((np.nanmax(frames, axis=1) - np.nanmin(frames, axis=1)).max(axis=1)))

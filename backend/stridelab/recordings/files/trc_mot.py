@@ -14,11 +14,11 @@ from jaxtyping import Float
 from stridelab.conventions import Corners, Points, Series, Vector3
 from stridelab.errors import Fault, UnreadableFile
 from stridelab.recordings.files import marker_labels as names
+from stridelab.recordings.files.metadata import LENGTH_SCALE, length_scale, unit_of_body
 from stridelab.recordings.files.opensim_zip import MAX_MEMBER_BYTES, TrialTexts, open_trial
 from stridelab.recordings.files.raw import CONTACT_TYPE, NO_FORCE_FILE, Cloud, FilePlate, RawTrial
 from stridelab.recordings.files.text_table import BrokenLineError, numbered_lines, parse_table, sampling_rate_hz
 from stridelab.recordings.files.trc import header_fields, parse_trc, trc_broken
-from stridelab.recordings.files.units import LENGTH_SCALE, length_scale, unit_of_body
 from stridelab.recordings.gap_filling import mark_missing
 from stridelab.recordings.orientation import axis_vector, nearest_axis
 from stridelab.recordings.recording import Remark, Subject

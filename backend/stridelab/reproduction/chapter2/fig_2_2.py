@@ -5,9 +5,7 @@ from typing import Final
 import numpy as np
 
 from stridelab.conventions import GRAVITY_M_S2, Points, Progress, Series
-from stridelab.dynamics.central_axis import central_axis
-from stridelab.dynamics.wrench import Wrench, transport
-from stridelab.dynamics.zmp import zmp_linearised, zmp_of_motion, zmp_of_wrench
+from stridelab.dynamics.wrench import Wrench, central_axis, transport, zmp_linearised, zmp_of_motion, zmp_of_wrench
 from stridelab.reproduction.claims import Claim, Item, Reproduction, bound_verdict
 from stridelab.reproduction.report.svg_plots import Curve, Panel, render_svg
 from stridelab.simulation.ground_truth import TrueMotion

@@ -7,8 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from stridelab.conventions import Points, Progress, Series, Vector3
-from stridelab.dynamics.central_axis import AXIS_THRESHOLD_N
-from stridelab.dynamics.wrench import Wrench
+from stridelab.dynamics.wrench import AXIS_THRESHOLD_N, Wrench
 from stridelab.estimation.complementary.forward_backward import (
     FilterInputs,
     filter_inputs,

@@ -10,8 +10,7 @@ from typing import Final
 import numpy as np
 
 from stridelab.conventions import GRAVITY_M_S2, Points, Progress, g
-from stridelab.dynamics.central_axis import central_axis
-from stridelab.dynamics.wrench import Wrench
+from stridelab.dynamics.wrench import Wrench, central_axis
 from stridelab.estimation.complementary.filter import ComplementaryFilter
 from stridelab.estimation.complementary.forward_backward import forward_pass, initial_state
 from stridelab.estimation.evaluation.error_spectra import error_spectrum

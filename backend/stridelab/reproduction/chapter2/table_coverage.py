@@ -10,8 +10,7 @@ from typing import Final
 import numpy as np
 
 from stridelab.conventions import Progress, Vector3
-from stridelab.dynamics.wrench import Wrench
-from stridelab.dynamics.zmp import zmp_of_wrench
+from stridelab.dynamics.wrench import Wrench, zmp_of_wrench
 from stridelab.estimation.estimator import ComEstimate
 from stridelab.estimation.evaluation.truth_errors import TruthError, truth_error
 from stridelab.estimation.smoother import Smoother, SmootherPriors

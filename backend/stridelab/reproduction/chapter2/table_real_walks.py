@@ -22,7 +22,7 @@ from stridelab.estimation.kalman.filter import KalmanFilter, RtsSmoother
 from stridelab.estimation.latency import estimate_latency
 from stridelab.estimation.markers_only import GeometryOnly
 from stridelab.estimation.smoother import Smoother
-from stridelab.estimation.walk_frame import walk_frame
+from stridelab.estimation.time_span import walk_frame
 from stridelab.recordings.marker_sets import identify
 from stridelab.recordings.reader import read_recording
 from stridelab.reproduction.claims import Claim, Reproduction, target_claim

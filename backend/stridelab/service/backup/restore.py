@@ -3,9 +3,12 @@
 The whole archive is verified first. Its rows are then loaded into a staging schema, created by the migrations up to the
 backup's revision, and upgraded there to the newest revision; then they replace the rows of the database. All of this is
 one transaction, which is rolled back on any failure.
+
+``stridelab adopt``: copies the data of an embedded service into the configured database and store.
 """
 
 import shutil
+import tempfile
 from contextlib import nullcontext
 from pathlib import Path
 from typing import Final
@@ -15,13 +18,14 @@ import psycopg
 import sqlalchemy
 from psycopg import sql
 
-from stridelab.errors import Conflict, StorageFull, Unavailable, UnreadableFile
-from stridelab.service.backup.archive import Archive, Progress, file_member, ignore_progress, table_member
-from stridelab.service.backup.create import BackupContents
-from stridelab.service.backup.locations import BackupLocation
+from stridelab.errors import Conflict, InvalidInput, StorageFull, Unavailable, UnreadableFile
+from stridelab.service.backup.archive import Archive, Progress, file_member, ignore_progress, open_archive, table_member
+from stridelab.service.backup.create import BackupContents, create_backup
+from stridelab.service.backup.locations import BackupLocation, open_location
 from stridelab.service.backup.stored_files import StoredFiles
 from stridelab.service.backup.table_rows import Connection, TableRows, refuse_other_connections
 from stridelab.service.samples.recording import SHIPPED_JOBS
+from stridelab.service.settings import Settings
 from stridelab.service.storage.migrate import all_revisions, engine_of, migrate, upgrade_on
 from stridelab.service.storage.publication import Publication
 from stridelab.service.storage.tables import token
@@ -224,3 +228,39 @@ def _refuse_small_disk(blob_url: str, wanted_bytes: int) -> None:
 def _failure_message(reason: str, error: BaseException) -> str:
     lines = str(error).strip().splitlines()
     return f"Nothing was restored: {reason} ({lines[0][:200] if lines else type(error).__name__})."
+
+
+def adopt_data_folder(
+    folder: Path, settings: Settings, *, replace: bool = False, on_progress: Progress = ignore_progress
+) -> BackupContents:
+    """Copy the data folder of an embedded service, which must not run, into the database of ``settings``.
+
+    Files are copied if ``settings`` has another store. The folder is not changed. Equivalent to a backup and a restore;
+    raises their errors.
+    """
+    if settings.database_url is None:
+        raise InvalidInput(
+            "database-url-missing", "stridelab adopt needs STRIDELAB_DATABASE_URL: the server to copy the data to."
+        )
+    embedded = settings.model_copy(
+        update={"data_dir": folder, "database_url": None, "blob_url": _store_url(folder, settings)}
+    )
+    with (
+        tempfile.TemporaryDirectory(prefix=".stridelab-adopt-", dir=folder if folder.is_dir() else None) as scratch,
+        open_location(embedded, require_stopped=True) as source,
+    ):
+        same_store = source.blob_url == settings.blob_address
+        archive = Path(scratch) / "all"
+        create_backup(
+            source.database_url, None if same_store else source.open_store(), archive, on_progress=on_progress
+        )
+        with open_archive(archive, on_progress) as opened:
+            target = BackupLocation(str(settings.database_dsn), settings.blob_address, settings.blob_options)
+            return restore_backup(
+                opened, target, with_files=not same_store, with_tokens=True, replace=replace, on_progress=on_progress
+            )
+
+
+def _store_url(folder: Path, settings: Settings) -> str | None:
+    """None for the folder's own store; the configured store if the folder has none and therefore used that one."""
+    return None if (folder.expanduser() / "blobs").is_dir() else settings.blob_url

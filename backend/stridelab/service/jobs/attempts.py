@@ -15,7 +15,7 @@ from sqlalchemy.ext.asyncio import AsyncConnection, AsyncEngine
 from stridelab.service.jobs import queue
 from stridelab.service.jobs.store import emit_event
 from stridelab.service.kinds.base import JobKind, Json
-from stridelab.service.kinds.provenance import software_versions
+from stridelab.service.kinds.result_tables import software_versions
 from stridelab.service.storage import locks
 from stridelab.service.storage.blobs import BlobStore
 from stridelab.service.storage.publication import Publication

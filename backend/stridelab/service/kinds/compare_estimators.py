@@ -18,11 +18,9 @@ from stridelab.estimation.estimator import ComEstimate, ComEstimator
 from stridelab.estimation.evaluation.comparison import Assessment, Comparison, ComparisonData, compare
 from stridelab.estimation.evaluation.truth_errors import TruthError
 from stridelab.estimation.markers_only import GeometryOnly
-from stridelab.pipelines.com_inputs import ComInputs, prepare_com_inputs
-from stridelab.pipelines.estimate_com import build_estimator
+from stridelab.pipelines.com_inputs import ComInputs, prepare_com_inputs, require_method
+from stridelab.pipelines.estimate_com import assess_estimate, build_estimator, quality_schema
 from stridelab.pipelines.progress import ProgressCallback
-from stridelab.pipelines.quality import assess_estimate, quality_schema
-from stridelab.pipelines.requirements import require_method
 from stridelab.recordings.recording import Recording
 from stridelab.schemas import base
 from stridelab.schemas.comparison import (

@@ -9,12 +9,12 @@ from pathlib import Path
 
 from stridelab.conventions import Mask, Series
 from stridelab.pipelines.progress import ProgressCallback
+from stridelab.pipelines.session_values import clock_of, force_mass_of
 from stridelab.pipelines.trial import Trial, examine_trial, subject_fields
-from stridelab.pipelines.trial_clock import clock_of, force_mass_of
 from stridelab.recordings.foot_on_plate import centre_of_pressure_m
 from stridelab.recordings.plate_contacts import loaded_intervals
 from stridelab.recordings.recording import Plate, Recording, Window
-from stridelab.recordings.standing import stands_still
+from stridelab.recordings.static_pose import stands_still
 from stridelab.recordings.total_wrench import wrench_track
 from stridelab.schemas.base import Remark
 from stridelab.schemas.recordings import PlateInfo, RecordingFacts

@@ -17,7 +17,7 @@ from typing import Final
 
 import numpy as np
 
-from stridelab.body.anthropometry import Anthropometry, SagittalOffset, load_anthropometry
+from stridelab.body.segment_tables import Anthropometry, SagittalOffset, load_anthropometry
 from stridelab.conventions import Vector3
 from stridelab.recordings.recording import Sex, Side
 

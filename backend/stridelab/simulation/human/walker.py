@@ -7,6 +7,17 @@
    because the angular momentum changes the zero-moment point
 5. joint angles as quintic splines of time: these define the motion, and everything below is exact for it
 6. wrench by Newton and Euler: f = m (c'' - g), moment at the origin = c x f + dL/dt, (4.2a), (4.2b), shared by the feet
+
+Closed-form inverse kinematics of the legs, all samples at once.
+
+Hip ball joint, knee hinge about y, ankle flexion about y then inversion about x, all axes of a joint meeting in a
+point: six angles for the six coordinates of the foot. With ``r`` the vector from ankle to hip in the foot's frame,
+
+    inversion  phi2 = atan2(r_y, r_z)                       (the shank's plane contains the hip)
+    knee       cos(theta) = (|r|^2 - L_t^2 - L_s^2) / (2 L_t L_s)
+    flexion    phi1 = angle of (-L_t sin theta, L_s + L_t cos theta) minus that of (r_x, sqrt(r_y^2 + r_z^2))
+
+and the rotation of the hip is ``R_pelvis^T R_foot R_x(-phi2) R_y(-(phi1 + theta))``.
 """
 
 import math
@@ -18,16 +29,16 @@ import numpy as np
 import pinocchio as pin
 from scipy.interpolate import BSpline, make_interp_spline
 from scipy.signal import butter, sosfiltfilt
+from scipy.spatial.transform import Rotation
 
-from stridelab.conventions import GRAVITY_M_S2, Points
+from stridelab.conventions import GRAVITY_M_S2, Points, Rotations, Series
 from stridelab.errors import Fault, InvalidInput
 from stridelab.recordings.recording import Sex, Side
 from stridelab.simulation.ground_truth import TrueMotion, true_motion
 from stridelab.simulation.human.body_model import AnthropometricBody, Configurations, build_body
-from stridelab.simulation.human.body_proportions import SIDES, side_prefix
+from stridelab.simulation.human.body_proportions import SIDES, Proportions, side_prefix
 from stridelab.simulation.human.foot_trajectories import FootPath, foot_path
 from stridelab.simulation.human.gait_plan import GaitPlan, plan_gait
-from stridelab.simulation.human.leg_ik import leg_angles
 from stridelab.simulation.human.load_sharing import FootWrench, share_wrench
 from stridelab.simulation.human.load_transfer import LoadPlan, com_over_zmp, plan_load
 from stridelab.simulation.human.upper_body_motion import Posture, StrideClock, prescribe_posture, stride_clock
@@ -208,3 +219,38 @@ def _momentum_rate(body: AnthropometricBody, q: Configurations, dt_s: float) -> 
     t = np.arange(len(q)) * dt_s
     rate = true_motion(body, make_interp_spline(t, q, k=5), t).momentum_rate_nm
     return np.asarray(sosfiltfilt(butter(2, _TRACKED_HZ, fs=1.0 / dt_s, output="sos"), rate, axis=0))
+
+
+@dataclass(frozen=True)
+class LegAngles:
+    """Hip (yaw, pitch, roll), knee, ankle flexion and inversion, in radians."""
+
+    hip_rad: Points
+    knee_rad: Series
+    flexion_rad: Series
+    inversion_rad: Series
+
+
+def leg_angles(p: Proportions, hip_m: Points, pelvis: Rotation, ankle_m: Points, foot: Rotation) -> LegAngles:
+    """Angles that place the foot at its pose; a leg that is too short stays straight and points towards it."""
+    R_foot = foot.as_matrix()
+    r = np.einsum("nji,nj->ni", R_foot, hip_m - ankle_m)
+    inversion = np.arctan2(r[:, 1], r[:, 2])
+    reach = np.linalg.norm(r, axis=1)
+    cosine = (reach**2 - p.thigh_m**2 - p.shank_m**2) / (2.0 * p.thigh_m * p.shank_m)
+    knee = np.arccos(np.clip(cosine, -1.0, 1.0))
+    in_shank = np.arctan2(-p.thigh_m * np.sin(knee), p.shank_m + p.thigh_m * np.cos(knee))
+    flexion = in_shank - np.arctan2(r[:, 0], np.hypot(r[:, 1], r[:, 2]))
+    hip = _hip_rad(pelvis.as_matrix().swapaxes(1, 2) @ R_foot, inversion, flexion + knee)
+    return LegAngles(hip, knee, flexion, inversion)
+
+
+def _hip_rad(foot_in_pelvis: Rotations, inversion_rad: Series, bend_rad: Series) -> Points:
+    """Yaw, pitch and roll of the hip, from the required entries of the product."""
+    x, y, z = np.moveaxis(foot_in_pelvis, 2, 0)
+    c, s = np.cos(inversion_rad)[:, None], np.sin(inversion_rad)[:, None]
+    y, z = c * y - s * z, s * y + c * z
+    c, s = np.cos(bend_rad)[:, None], np.sin(bend_rad)[:, None]
+    x, z = c * x + s * z, c * z - s * x
+    yaw, roll = np.arctan2(x[:, 1], x[:, 0]), np.arctan2(y[:, 2], z[:, 2])
+    return np.column_stack([yaw, np.arcsin(np.clip(-x[:, 2], -1.0, 1.0)), roll])

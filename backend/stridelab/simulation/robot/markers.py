@@ -16,10 +16,9 @@ from typing import Final
 import numpy as np
 from jaxtyping import Float
 
-from stridelab.body.anthropometry import load_anthropometry
 from stridelab.body.joint_centres import joint_centres
 from stridelab.body.segment_frames import segment_frames
-from stridelab.body.segment_tables import SegmentTable, parse_table
+from stridelab.body.segment_tables import SegmentTable, load_anthropometry, parse_table
 from stridelab.conventions import Configurations, Points, Vector3
 from stridelab.robots.robot import Robot
 from stridelab.simulation.human.body_proportions import SIDES, sagittal_direction, side_prefix, side_sign

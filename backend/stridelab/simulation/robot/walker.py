@@ -25,7 +25,7 @@ from stridelab.centroidal.special_cases.preview_control import PreviewControl
 from stridelab.contacts.swing import SwingCurve
 from stridelab.conventions import Series, Vector3
 from stridelab.dynamics.spatial import Placement
-from stridelab.dynamics.zmp import zmp_of_motion
+from stridelab.dynamics.wrench import zmp_of_motion
 from stridelab.recordings.recording import Side
 from stridelab.robots.inverse_kinematics import stand
 from stridelab.robots.loader import load_robot

@@ -23,9 +23,8 @@ from stridelab.reachability.proxy.effector_proxy import Proxy
 from stridelab.robots.robot import Robot
 from stridelab.wholebody.certificate.certificate import Certificate, Check, WorstValues
 from stridelab.wholebody.certificate.clearance import self_collision, terrain_distances, thin_samples
-from stridelab.wholebody.certificate.hand_load import hand_loads
+from stridelab.wholebody.certificate.contact_checks import hand_loads, touch_downs
 from stridelab.wholebody.certificate.inverse_dynamics import Recomputed, recompute_dynamics
-from stridelab.wholebody.certificate.landing import touch_downs
 from stridelab.wholebody.control.joint_limits import JointLimits
 from stridelab.wholebody.motion import WholeBodyMotion
 

@@ -17,10 +17,10 @@ from jaxtyping import Int
 from stridelab.contacts.sequence import ContactSequence
 from stridelab.contacts.terrain import Rail
 from stridelab.conventions import Configurations, Series
-from stridelab.robots.contact_frames import to_se3
+from stridelab.robots.loader import to_se3
 from stridelab.robots.robot import Robot
 from stridelab.wholebody.certificate.certificate import Check, WorstValues
-from stridelab.wholebody.certificate.landing import LANDING_ERROR_M
+from stridelab.wholebody.certificate.contact_checks import LANDING_ERROR_M
 from stridelab.wholebody.effector_contact import HAND_RADIUS_M, OwnSurfaces, terrain_shape
 
 LEG_CLEARANCE_M = 0.010

@@ -27,12 +27,12 @@ from stridelab.dynamics.spatial import Placement
 from stridelab.errors import Fault, InvalidInput, NotEstimable
 from stridelab.robots.inverse_kinematics import stand
 from stridelab.robots.robot import Robot
-from stridelab.wholebody.control.base_heading import Heading
 from stridelab.wholebody.control.collision_avoidance import CollisionAvoidance
 from stridelab.wholebody.control.hierarchical_qp import Inequalities, Rows, minimum_violations, solve_hierarchy
 from stridelab.wholebody.control.joint_limits import JointLimits
 from stridelab.wholebody.control.rigid_body import RigidBody
 from stridelab.wholebody.control.task_stack import PhaseHierarchy, SampleTargets, Settings
+from stridelab.wholebody.control.tasks import Heading
 from stridelab.wholebody.motion import LEVELS, SolverFailure, WholeBodyMotion, WholeBodyStopped
 
 _CENTROIDAL = ("com_m", "com_v_m_s", "l_nms", "com_reference_m", "com_v_reference_m_s", "l_reference_nms")

@@ -11,8 +11,15 @@ Contact forces: a surface has one force per corner of its rectangle, a point con
     |f_x|, |f_y| <= mu / sqrt(2) f_n ,    f_n >= 0
 
 is inscribed in the exact cone ``|f_t| <= mu f_n``. Forces are in world axes, x, y and n are axes of the contact frame.
+
+Reference orientation of the base: upright, with the heading of the feet.
+
+At the start of every phase the heading is that of its soles (``ContactSequence.headings_rad``); it is interpolated to
+that of the next phase by the quintic with zero rates at both ends,
+``s(x) = x^3 (10 - 15 x + 6 x^2)``.
 """
 
+from dataclasses import dataclass
 from functools import cache
 from typing import NamedTuple
 
@@ -21,7 +28,7 @@ import pinocchio as pin
 from jaxtyping import Float
 
 from stridelab.centroidal.plan import Reference
-from stridelab.contacts.sequence import Contact
+from stridelab.contacts.sequence import Contact, ContactSequence
 from stridelab.conventions import Angles, Points, Rotation, Vector3
 from stridelab.dynamics.spatial import Placement
 from stridelab.wholebody.control.hierarchical_qp import Inequalities, Rows
@@ -136,3 +143,28 @@ def force_jacobian(frame: FrameState, points_m: Points) -> Float[np.ndarray, "m 
     lever[:, 1, 3], lever[:, 1, 5] = -z, x
     lever[:, 2, 3], lever[:, 2, 4] = y, -x
     return np.asarray(lever.reshape(-1, 6) @ frame.J)
+
+
+@dataclass(frozen=True, eq=False)
+class Heading:
+    """Yaw (rad, unwrapped) at every phase boundary ``(n_phases + 1,)``."""
+
+    sequence: ContactSequence
+    yaw_rad: Float[np.ndarray, "n"]
+
+    @staticmethod
+    def of_sequence(sequence: ContactSequence) -> "Heading":
+        """Headings of the phases; the last one holds until the end."""
+        return Heading(sequence, np.append(sequence.headings_rad, sequence.headings_rad[-1]))
+
+    def orientation_at(self, phase: int, time_s: float) -> tuple[Rotation, Vector3, Vector3]:
+        """Rotation, angular velocity and acceleration in world axes."""
+        T = self.sequence.phases[phase].duration_s
+        x = min(max((time_s - float(self.sequence.starts_s[phase])) / T, 0.0), 1.0)
+        turn = self.yaw_rad[phase + 1] - self.yaw_rad[phase]
+        yaw = self.yaw_rad[phase] + turn * x**3 * (10.0 - 15.0 * x + 6.0 * x**2)
+        rate = turn * 30.0 * x**2 * (1.0 - x) ** 2 / T
+        rate_rate = turn * 60.0 * x * (1.0 - x) * (1.0 - 2.0 * x) / T**2
+        c, s = np.cos(yaw), np.sin(yaw)
+        R = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+        return R, np.array([0.0, 0.0, rate]), np.array([0.0, 0.0, rate_rate])

@@ -21,7 +21,7 @@ from scipy.spatial import ConvexHull
 
 from stridelab.contacts.sequence import Contact
 from stridelab.conventions import Series
-from stridelab.wholebody.control.base_heading import Heading
+from stridelab.wholebody.control.tasks import Heading
 from stridelab.wholebody.motion import WholeBodyMotion
 from stridelab.wholebody.replay.dcm_feedback import pendulum_rate
 

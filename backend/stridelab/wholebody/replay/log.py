@@ -12,7 +12,7 @@ from stridelab.contacts.swing import HAND_RETREAT_M
 from stridelab.conventions import Vector3
 from stridelab.robots.robot import Robot
 from stridelab.wholebody.effector_contact import OwnSurfaces
-from stridelab.wholebody.replay.assessment import Collision, MissedCondition, missed_conditions
+from stridelab.wholebody.replay.replay import Collision, MissedCondition, missed_conditions
 from stridelab.wholebody.replay.simulation import Simulation
 
 LOADED_N: Final = 5.0

@@ -11,7 +11,7 @@ import psycopg
 import pytest
 
 from stridelab.errors import Busy
-from stridelab.service.api.middleware.rate_limit import BURST_S, RateLimiter
+from stridelab.service.api.middleware.authentication import BURST_S, RateLimiter
 from stridelab.service.auth import audit
 from stridelab.service.auth.callers import needed_scope
 from support.service.database import TestDatabases

@@ -9,14 +9,13 @@ import pytest
 from pydantic import ValidationError
 
 from stridelab.errors import InvalidInput, NotEstimable, StridelabError
-from stridelab.estimation.smoother.priors import MAY_BE_ZERO
+from stridelab.estimation.smoother.noise_levels import MAY_BE_ZERO
 from stridelab.pipelines.estimate_com import build_smoother
 from stridelab.schemas.jobs import EstimateComInput, EstimateComSummary, SmootherOptions, StatedErrors
 from stridelab.schemas.recordings import PlateSwitch, SubjectFields
 from stridelab.schemas.tasks import RecordingSource
 from stridelab.service.kinds.estimate_com import run as estimate_com
-from stridelab.service.kinds.provenance import known_references
-from stridelab.service.kinds.result_tables import read_metadata
+from stridelab.service.kinds.result_tables import known_references, read_metadata
 from stridelab.service.kinds.simulate_recording.truth_table import com_errors_mm
 from support.command_line import SAMPLE, Told, estimate_task, quiet
 

@@ -4,9 +4,12 @@ Without a token (loopback only) every user of this machine may call, so pages of
 requests in their name: the Host header must name this machine (DNS rebinding) and a foreign Origin is refused
 (cross-site requests and websockets). With a token in the settings, a request carries that token, or one of the token
 table, as ``Authorization: Bearer``, or a cookie from ``POST /login``.
+
+Rate limit: token buckets in the memory of one API process.
 """
 
 import time
+from collections import OrderedDict
 from collections.abc import Callable
 from typing import Final
 from urllib.parse import quote, urlsplit
@@ -21,7 +24,6 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 from stridelab.errors import Busy, Fault, Forbidden, StridelabError, Unauthenticated, Unavailable
 from stridelab.service.api import problems
 from stridelab.service.api.dependencies import CALLER_KEY, parts_of
-from stridelab.service.api.middleware.rate_limit import STRANGER_SHARE, RateLimiter
 from stridelab.service.api.session_cookies import COOKIE, SCENARIO_KEY, SigningKeys
 from stridelab.service.auth import audit
 from stridelab.service.auth.callers import ADMIN, ANONYMOUS_ADMIN, UNAUTHENTICATED, Caller, needed_scope, require_scope
@@ -234,3 +236,38 @@ def _origin_host(origin: str) -> str:
 def _without_default_port(place: str, scheme: str) -> str:
     """Host and port in lower case, without the default port of the scheme."""
     return place.lower().removesuffix(_DEFAULT_PORT.get(scheme, ""))
+
+
+BURST_S: Final = 10.0
+"""Capacity of a bucket, as the number of seconds in which it is filled."""
+STRANGER_SHARE: Final = 0.1
+"""Fraction of the rate for clients without a valid token, per address."""
+_MAX_BUCKETS: Final = 10_000
+
+
+class RateLimiter:
+    """Token buckets by name, each refilled with ``rate_hz`` requests per second; 0 disables the limit."""
+
+    def __init__(self, rate_hz: float, clock: Callable[[], float] = time.monotonic) -> None:
+        self._rate_hz, self._clock = rate_hz, clock
+        self._buckets: OrderedDict[str, tuple[float, float]] = OrderedDict()
+
+    def count_request(self, name: str, share: float = 1.0) -> None:
+        """Count a request of ``name``. Raises ``Busy`` (``too-many-requests``) if its bucket is empty."""
+        rate_hz = self._rate_hz * share
+        if rate_hz == 0:
+            return
+        now_s = self._clock()
+        most = max(1.0, rate_hz * BURST_S)
+        left, at_s = self._buckets.pop(name, (most, now_s))
+        left = min(most, left + (now_s - at_s) * rate_hz)
+        allowed = left >= 1.0
+        self._buckets[name] = (left - 1.0 if allowed else left, now_s)
+        if len(self._buckets) > _MAX_BUCKETS:
+            self._buckets.popitem(last=False)  # the least recently used bucket is the fullest
+        if not allowed:
+            raise Busy(
+                "too-many-requests",
+                f"More than {rate_hz:g} requests per second; STRIDELAB_RATE_LIMIT_HZ is the limit. Try again later.",
+                (1.0 - left) / rate_hz,
+            )

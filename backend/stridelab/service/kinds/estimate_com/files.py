@@ -8,8 +8,7 @@ from jaxtyping import Float
 
 from stridelab.body.geometric_com import GeometricCom
 from stridelab.conventions import Mask, Points, Series
-from stridelab.dynamics.central_axis import central_axis
-from stridelab.dynamics.wrench import Wrench
+from stridelab.dynamics.wrench import Wrench, central_axis
 from stridelab.estimation.estimator import ComEstimate
 from stridelab.estimation.observability import observability_track
 from stridelab.pipelines.estimate_com import ComResult

@@ -17,9 +17,9 @@ import numpy as np
 from stridelab.body.geometric_com import GeometricCom
 from stridelab.conventions import Points
 from stridelab.errors import Fault, NotEstimable, StridelabError
-from stridelab.estimation.quality.checks import CONTRADICTED, DOUBTFUL
+from stridelab.estimation.quality.assessment import CONTRADICTED, DOUBTFUL
+from stridelab.pipelines.estimate_com import worst_quality
 from stridelab.pipelines.progress import ProgressCallback
-from stridelab.pipelines.quality import worst_quality
 from stridelab.recordings.recording import Remark
 from stridelab.schemas import base
 from stridelab.schemas.cycloid import FittedStep

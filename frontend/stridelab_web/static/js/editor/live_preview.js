@@ -5,7 +5,7 @@ import { counted } from "../shared/plurals.js";
 import { HIDDEN } from "../viewer/viser_nodes.js";
 
 const [PLANNED, RECOVERED, PUSH] = ["planned", "recovered", "push"].map((name) => `/live/${name}`);
-export const PREVIEW_NODES = [PLANNED, RECOVERED, PUSH]; // made by viewer/overlays.py
+export const PREVIEW_NODES = [PLANNED, RECOVERED, PUSH]; // made by viewer/scenario_scene.py
 const RING_COUNT = 160,
   SIDE_COUNT = 6; // the rings and sides of the tubes in the viewer
 const RADIUS_M = 0.008,
