@@ -17,8 +17,8 @@ from typing import Final
 
 import numpy as np
 
-from stridelab.body.segment_frames import median_distance_m, perpendicular_unit, unit
 from stridelab.body.segment_tables import Anthropometry, SagittalOffset
+from stridelab.body.vectors import median_distance_m, perpendicular_unit, unit
 from stridelab.conventions import Points, Vector3
 from stridelab.errors import Fault, NotEstimable
 

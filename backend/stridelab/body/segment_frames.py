@@ -9,18 +9,16 @@ Frames: pelvis (origin lumbar joint), torso (cervical joint), head (cervical joi
 ``*_hand``, ``*_thigh``, ``*_shank``, ``*_foot`` (origin ankle, X along heel -> forefoot, length ankle to forefoot) as
 in Dumas and Wojtusch 2018; trunk (mid-shoulder to mid-hip), head_neck (C7 to vertex), ``*_whole_foot`` (heel to toe
 tip) as in de Leva 1996.
-
-Vector algebra on tracks of points: row i is the vector at frame i; NaN propagates.
 """
 
-import warnings
 from dataclasses import dataclass
 
 import numpy as np
 
 from stridelab.body.joint_centres import Joints, Tracks, has_landmarks, pelvis_axes
 from stridelab.body.segment_tables import Anthropometry
-from stridelab.conventions import Points, Series
+from stridelab.body.vectors import component_along, median_distance_m, median_or_nan, unit
+from stridelab.conventions import Points
 
 
 @dataclass(frozen=True)
@@ -104,36 +102,3 @@ def _whole_foot_frame(p: Tracks, s: str, foot: Frame, shank: Frame, body: Anthro
     length = shank.length_m * body.length_m["whole_foot"] / body.length_m["shank"]
     heel = p.get(f"{s}_heel", foot.origin_m - 0.25 * length * foot.X)
     return Frame(heel, foot.X, foot.Y, foot.Z, length)
-
-
-def unit(v: Points) -> Points:
-    """Rows scaled to length one; NaN for a row of zeros."""
-    with np.errstate(invalid="ignore", divide="ignore"):
-        return np.asarray(v / np.linalg.norm(v, axis=1, keepdims=True))
-
-
-def dot(a: Points, b: Points) -> Series:
-    """Row-wise scalar product."""
-    return np.asarray(np.einsum("ij,ij->i", a, b))
-
-
-def component_along(v: Points, axis: Points) -> Points:
-    """Component of ``v`` along the unit vectors ``axis``."""
-    return np.asarray(dot(v, axis)[:, None] * axis)
-
-
-def perpendicular_unit(v: Points, axis: Points) -> Points:
-    """Unit vectors of the component of ``v`` perpendicular to the unit vectors ``axis``."""
-    return unit(v - component_along(v, axis))
-
-
-def median_or_nan(values: Series) -> float:
-    """Median over the finite values; NaN without any."""
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", message="All-NaN slice", category=RuntimeWarning)
-        return float(np.nanmedian(values)) if len(values) else float("nan")
-
-
-def median_distance_m(a: Points, b: Points) -> float:
-    """Median distance between two tracks in metres, such as the length of a bone."""
-    return median_or_nan(np.linalg.norm(a - b, axis=1))

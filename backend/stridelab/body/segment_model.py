@@ -9,8 +9,9 @@ import numpy as np
 from stridelab.body import missing_markers, segment_tables
 from stridelab.body.geometric_com import GeometricCom, SegmentTrack
 from stridelab.body.joint_centres import Tracks, has_landmarks, joint_centres
-from stridelab.body.segment_frames import Frame, median_distance_m, segment_frames
+from stridelab.body.segment_frames import Frame, segment_frames
 from stridelab.body.segment_tables import SegmentTable, load_anthropometry
+from stridelab.body.vectors import median_distance_m
 from stridelab.conventions import Points
 from stridelab.errors import Fault, InvalidInput, NotEstimable
 from stridelab.recordings.marker_sets import identify

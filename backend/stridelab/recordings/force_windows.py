@@ -27,7 +27,8 @@ from stridelab.recordings.foot_on_plate import (
 )
 from stridelab.recordings.force_plates import COP_NEVER_ON_PLATE
 from stridelab.recordings.gap_filling import true_runs
-from stridelab.recordings.plate_contacts import frames_missing_force, loaded_intervals, vertical_force_n, whole_steps
+from stridelab.recordings.missing_force import frames_missing_force
+from stridelab.recordings.plate_contacts import loaded_intervals, vertical_force_n, whole_steps
 from stridelab.recordings.recording import Plate, Recording, Remark, Window
 
 MIN_WINDOW_S = 0.25

@@ -10,7 +10,7 @@ from stridelab.contacts.sequence import Contact
 from stridelab.conventions import Vector3
 from stridelab.dynamics.spatial import Placement
 from stridelab.robots.robot import Robot
-from stridelab.wholebody.effector_contact import LimbKinematics
+from stridelab.wholebody.limb_kinematics import LimbKinematics
 from stridelab.wholebody.replay.hand_force_control import Grip, HandForceControl
 from stridelab.wholebody.replay.sensors import SensedState
 

@@ -21,9 +21,8 @@ from stridelab.wholebody.certificate.certificate import Certificate
 from stridelab.wholebody.certificate.certify import certify
 from stridelab.wholebody.control.controller import WholeBodyController
 from stridelab.wholebody.effector_contact import OwnSurfaces
-from stridelab.wholebody.replay.log import Replay
+from stridelab.wholebody.replay.log import Collision, MissedCondition, Replay, missed_conditions
 from stridelab.wholebody.replay.mujoco_model import build_simulation
-from stridelab.wholebody.replay.replay import Collision, MissedCondition, missed_conditions
 from stridelab.wholebody.replay.simulation import Simulation
 from support.robots.scenarios import both_hands_on_a_table, narrow_beam
 

@@ -12,7 +12,6 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float, Float32, Int, Num
 
-from stridelab.recordings.files.c3d_ezc3d import CheckedC3d
 from stridelab.recordings.files.c3d_records import (
     BLOCK,
     BYTE_ORDER,
@@ -27,6 +26,7 @@ from stridelab.recordings.files.c3d_records import (
     group_numbers,
     numeric_values,
 )
+from stridelab.recordings.files.c3d_validation import CheckedC3d
 
 Raw = Float32[np.ndarray, "frames values"]
 PointValues = Float32[np.ndarray, "frames point_values"]

@@ -18,7 +18,7 @@ from stridelab.contacts.sequence import ContactSequence
 from stridelab.robots.robot import Robot
 from stridelab.wholebody.certificate.certificate import Check, WorstValues
 from stridelab.wholebody.certificate.inverse_dynamics import Recomputed
-from stridelab.wholebody.effector_contact import LimbKinematics
+from stridelab.wholebody.limb_kinematics import LimbKinematics
 from stridelab.wholebody.motion import WholeBodyMotion
 
 _MIN_FORCE_N = 1.0

@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Float
 
 from stridelab.conventions import Vector3
-from stridelab.wholebody.effector_contact import LimbKinematics
+from stridelab.wholebody.limb_kinematics import LimbKinematics
 from stridelab.wholebody.replay.dcm_feedback import Shift
 from stridelab.wholebody.replay.sensors import SensedState
 

@@ -30,7 +30,7 @@ from jaxtyping import Float
 
 from stridelab.contacts.sequence import Contact
 from stridelab.conventions import Vector3
-from stridelab.wholebody.effector_contact import LimbKinematics
+from stridelab.wholebody.limb_kinematics import LimbKinematics
 from stridelab.wholebody.replay.sensors import SensedState
 
 _DAMPING = 1e-3

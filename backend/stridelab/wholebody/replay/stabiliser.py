@@ -14,7 +14,7 @@ import numpy as np
 from stridelab.contacts.sequence import Contact, ContactSequence
 from stridelab.conventions import GRAVITY_M_S2, Angles, Series, Vector3
 from stridelab.robots.robot import Robot
-from stridelab.wholebody.effector_contact import LimbKinematics
+from stridelab.wholebody.limb_kinematics import LimbKinematics
 from stridelab.wholebody.motion import WholeBodyMotion
 from stridelab.wholebody.replay.capturability import Capturability
 from stridelab.wholebody.replay.dcm_feedback import (

@@ -1,0 +1,57 @@
+"""Kinematics of the planned body at one sample for the replay controllers: limbs, contact placements, Jacobians."""
+
+from collections.abc import Mapping
+
+import numpy as np
+import pinocchio as pin
+from jaxtyping import Float, Int
+
+from stridelab.conventions import Vector3
+from stridelab.dynamics.spatial import Placement
+from stridelab.robots.loader import with_contact_frames
+from stridelab.robots.robot import Robot
+from stridelab.wholebody.replay.sensors import SensedState
+
+
+class LimbKinematics:
+    """Kinematics at the last ``set_configuration``. A limb consists of the leg or arm joints that move an effector."""
+
+    def __init__(self, robot: Robot, effectors: tuple[str, ...]) -> None:
+        self._model, self._frames = with_contact_frames(robot)
+        self._data = self._model.createData()
+        self.limb: Mapping[str, Int[np.ndarray, "k"]] = {
+            name: self._limb_joints(robot, name) for name in effectors if name in self._frames
+        }
+        """Per effector the indices of its limb among the actuated joints."""
+
+    def set_configuration(self, q: Float[np.ndarray, "nq"]) -> None:
+        """Compute the kinematics at ``q``."""
+        pin.computeJointJacobians(self._model, self._data, q)
+        pin.updateFramePlacements(self._model, self._data)
+        self.base = Placement(q[:3], self._data.oMi[1].rotation.copy())
+
+    def contact_placement(self, effector: str) -> Placement:
+        """Placement of an effector's contact frame."""
+        placement = self._data.oMf[self._frames[effector]]
+        return Placement(placement.translation.copy(), placement.rotation.copy())
+
+    def compensate_base_error(self, target_m: Vector3, measured: SensedState) -> Vector3:
+        """Position relative to the planned base that puts an effector at ``place_m`` despite the error of the base."""
+        measured_R = np.asarray(pin.Quaternion(measured.q[3:7]).toRotationMatrix())
+        in_measured_base = measured_R.T @ (target_m - measured.q[:3])
+        return np.asarray(self.base.rotation @ in_measured_base + self.base.position_m)
+
+    def limb_jacobian(self, effector: str) -> Float[np.ndarray, "6 k"]:
+        """Jacobian of the contact frame (linear over angular, world axes) with respect to the joints of its limb."""
+        J = pin.getFrameJacobian(self._model, self._data, self._frames[effector], pin.LOCAL_WORLD_ALIGNED)
+        return np.asarray(J[:, 6 + self.limb[effector]])
+
+    def torques_nm(self, effector: str, force_n: Vector3) -> Float[np.ndarray, "k"]:
+        """Torques of the limb that exert ``force_n`` on the contact surface of an effector."""
+        return np.asarray(self.limb_jacobian(effector)[:3].T @ force_n)
+
+    def _limb_joints(self, robot: Robot, effector: str) -> Int[np.ndarray, "k"]:
+        model = self._model
+        joints = model.supports[model.frames[self._frames[effector]].parentJoint]
+        limb = [model.joints[j].idx_v - 6 for j in joints if robot.group.get(model.names[j]) in ("leg", "arm")]
+        return np.array(limb, dtype=int)
