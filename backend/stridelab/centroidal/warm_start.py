@@ -28,7 +28,7 @@ from stridelab.errors import InvalidInput
 
 
 def warm_start_point(plan: CentroidalPlan, problem: CentroidalProblem, after_s: float = 0.0) -> Point | NativePoint:
-    """Warm start of ``onto``, whose time 0 is ``after_s`` of the plan; phases may differ, the robot may not.
+    """Warm start of ``problem``, whose time 0 is ``after_s`` of the plan; phases may differ, the robot may not.
 
     The point is for the plan's kind of solver (C++ or CasADi). Raises ``InvalidInput`` (``plan-without-solution``) for
     a plan that was loaded from a file.

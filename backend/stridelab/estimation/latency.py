@@ -74,7 +74,9 @@ class AxisLag:
 
 @dataclass(frozen=True)
 class Latency:
-    """``latency_s`` > 0 means the force is late; ``sd_s`` is ``REPEATS`` times the width of its likelihood.
+    """Latency of the force; ``latency_s`` > 0 means the force is late.
+
+    ``sd_s`` is ``REPEATABILITY_FACTOR`` times the width of its likelihood.
 
     ``along``, ``lateral`` and ``vertical`` are estimated from the accelerations of one axis each (along and across the
     walk) and are biased by table errors; ``correlation`` is that of the two paths at the latency.
@@ -104,7 +106,7 @@ def estimate_latency(geometric: GeometricCom, wrench_at: Callable[[float], Wrenc
     ``wrench_at(latency_s)`` returns the force read that much later. Raises as ``window_span`` does, and
     ``NotEstimable`` with ``latency-unclear`` if the force hardly varies (standing still), the two motions are not
     correlated (wrong plates), the likeliest lag lies at the edge of the search range or adds up to more than
-    ``LARGEST_S``, or its standard deviation exceeds ``WORST_SD_S``.
+    ``MAX_LAG_S``, or its standard deviation exceeds ``MAX_SD_S``.
     """
     require_mass(mass_kg)
     latency_s, everywhere = 0.0, True

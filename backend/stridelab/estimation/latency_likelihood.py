@@ -63,8 +63,8 @@ Band = Bool[np.ndarray, "n"]
 class PathNoise:
     """Noise with a standard deviation proportional to frequency^``colour``, ``lateral`` times larger across the walk.
 
-    ``least_m`` is its smallest size; ``doubt`` is a penalty on the log-likelihood (a log prior) against noise models
-    with weak support.
+    ``min_sd_m`` is its smallest size; ``log_penalty`` is a penalty on the log-likelihood (a log prior) against noise
+    models with weak support.
     """
 
     colour: float = 0.0

@@ -95,8 +95,8 @@ def body_mass(
     """Select the user's mass, else the file's, else the force plates'; the plates also win where they contradict it.
 
     ``measured`` are the estimates from this trial, ``static`` those from its static trial. Two masses contradict each
-    other if they differ by more than ``SIGNIFICANT`` standard deviations. Raises ``InvalidInput``
-    (``mass-contradicts-force``) if the user's value is too large or too small by a factor of ``MASS_REFUSED``, and
+    other if they differ by more than ``SIGNIFICANT_SD`` standard deviations. Raises ``InvalidInput``
+    (``mass-contradicts-force``) if the user's value is too large or too small by a factor of ``MAX_MASS_RATIO``, and
     ``NotEstimable`` (``mass-unknown``) if no mass is available and one is ``required``. Without a mass that is not
     required, the result is ``NOMINAL_KG`` with ``source`` None.
     """

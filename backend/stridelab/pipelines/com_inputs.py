@@ -138,8 +138,8 @@ def merged_subject(stated: SubjectFields, in_file: Subject, mass_kg: float | Non
 def zero_wrench(geometric: GeometricCom, interval: Window | None = None) -> WrenchTrack:
     """Zero wrench over the longest gap-free run of the geometric CoM.
 
-    The run lies within the interval ``asked``, if given. The zeros only satisfy the estimators' interface and do not
-    affect any reported number. Raises ``NotEstimable`` (``window-too-short``) if the longest run is shorter than
+    The run lies within the interval ``requested``, if given. The zeros only satisfy the estimators' interface and do
+    not affect any reported number. Raises ``NotEstimable`` (``window-too-short``) if the longest run is shorter than
     ``SHORTEST_WINDOW_S``.
     """
     time_s = geometric.time_s

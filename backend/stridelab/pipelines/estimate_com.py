@@ -117,7 +117,9 @@ def requested_method(request: EstimateComInput) -> str | None:
 def estimate_with_fallback(
     method: str | None, request: EstimateComInput, prepared: ComInputs, *, beyond_window: bool = False
 ) -> ComEstimate:
-    """Estimate by ``method``; None uses ``BEST_METHOD`` and, if that rejects the recording, ``STAND_IN`` with a remark.
+    """Estimate by ``method``; None uses ``BEST_METHOD`` and, if that rejects the recording, ``FALLBACK_METHOD``.
+
+    The fallback adds a remark.
 
     ``beyond_window`` extends the smoother's estimate over the gap-free geometry around the window. Raises
     ``NotEstimable`` if no applicable method accepts the recording.

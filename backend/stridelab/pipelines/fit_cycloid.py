@@ -36,7 +36,7 @@ REFERENCES: Final = ("carpentier2017thesis",)
 class CycloidResult:
     """Cycloid fits of a recording with the CoM estimate and steps they are computed from.
 
-    ``estimate`` is relative to the walking surface: on a treadmill the belt motion is removed. ``seen`` are all
+    ``estimate`` is relative to the walking surface: on a treadmill the belt motion is removed. ``all_steps`` are all
     complete steps and ``fits`` the fitted ones, in chronological order.
     """
 

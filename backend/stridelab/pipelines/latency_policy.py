@@ -24,8 +24,8 @@ SIGNIFICANT_DIFFERENCE_SD: Final = 3.0
 class LatencyChoice:
     """``applied_s`` is corrected before estimation; ``latency_s`` and ``sd_s`` are None without an estimate.
 
-    ``found`` is the estimate of this trial alone, None if it has no estimate; ``session`` is set if the latency is the
-    session's.
+    ``trial_estimate`` is the estimate of this trial alone, None if it has no estimate; ``session`` is set if the
+    latency is the session's.
     """
 
     trial_estimate: Latency | None
@@ -72,7 +72,7 @@ def choose_latency(
 ) -> LatencyChoice:
     """Estimate the latency and decide which value is applied.
 
-    Raises ``InvalidInput`` (``latency-out-of-range`` for a number beyond ``LARGEST_S``, ``mass-out-of-range``,
+    Raises ``InvalidInput`` (``latency-out-of-range`` for a number beyond ``MAX_LAG_S``, ``mass-out-of-range``,
     ``clock-mismatch``). If the trial allows no estimate, a remark says so and the session's or the given value is
     applied.
     """

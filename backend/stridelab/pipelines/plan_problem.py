@@ -111,7 +111,7 @@ def limits_of(request: PlanMotionInput | SweepInput) -> Limits:
 
 
 def native_unused_reason(requested: str, solvers_used: Collection[str], unsupported_feature: str | None) -> str | None:
-    """Reason why the C++ solver was not used, as a sentence; None if it was. ``lacked``: the unsupported feature."""
+    """Reason why the C++ solver was not used, as a sentence; None if it was."""
     if set(solvers_used) == {"native"}:
         return None
     if requested not in ("auto", "native"):
@@ -182,7 +182,7 @@ def validate_scenario(scenario: Scenario) -> tuple[ContactSequence, tuple[Remark
 
 
 def contact_sequence_of(scenario: Scenario) -> ContactSequence:
-    """Faster variant of ``checked`` without remarks and without the static equilibrium of each phase."""
+    """Faster variant of ``validate_scenario`` without remarks and without the static equilibrium of each phase."""
     faults, sequence = validate_quickly(scenario.model_dump(mode="json"), effector_shapes(scenario.robot))
     if sequence is None:
         raise _scenario_invalid(faults)

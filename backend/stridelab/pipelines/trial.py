@@ -162,7 +162,7 @@ def assign_static_landmarks(
     ``landmarks`` are those of ``recording``. A static trial with movement, of a different body or with different labels
     is used with a remark. A label denotes the landmark that it has in the recording, else in the marker maps, else in
     the marker set of the static trial. Raises ``InvalidInput`` (``static-unusable``) if a static trial given by the
-    user has fewer than ``LEAST_LANDMARKS`` landmarks.
+    user has fewer than ``MIN_LANDMARKS`` landmarks.
     """
     source = task.static
     if source is None:

@@ -207,7 +207,7 @@ _SMOOTH = 21
 
 @dataclass(frozen=True)
 class Tare:
-    """Offset in the plate's axes (moment about the sensor); ``refused`` if the plate is never unloaded."""
+    """Offset in the plate's axes (moment about the sensor); ``never_unloaded`` if the plate is never unloaded."""
 
     force_n: Vector3
     moment_nm: Vector3

@@ -11,7 +11,7 @@ MAX_GAP_S = 0.1
 
 
 def mark_missing(points_m: Cloud) -> Cloud:
-    """Replace missing samples by NaN: NaN, infinity, magnitudes above ``LARGEST``, and exactly (0, 0, 0)."""
+    """Replace missing samples by NaN: NaN, infinity, magnitudes above ``LARGEST_PLAUSIBLE``, and exactly (0, 0, 0)."""
     missing = ~(np.abs(points_m) <= LARGEST_PLAUSIBLE).all(axis=2) | (points_m == 0.0).all(axis=2)
     return np.where(missing[:, :, None], np.nan, points_m)
 

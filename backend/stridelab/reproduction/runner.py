@@ -70,7 +70,7 @@ def recipe_of(name: str, seeds: int | None) -> Recipe:
 def collect_sections(
     recipes: Sequence[Recipe], cache: ResultCache, tell: Progress, *, recompute: bool = False
 ) -> Iterator[Section]:
-    """Compute the items and yield their sections; ``anew`` ignores cached results. Failures are not cached."""
+    """Compute the items and yield their sections; ``recompute`` ignores cached results. Failures are not cached."""
     for number, each in enumerate(recipes):
 
         def tell_item(fraction: float, message: str, number: int = number, name: str = each.name) -> None:

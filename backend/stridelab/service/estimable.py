@@ -24,8 +24,8 @@ def estimate_offers(
 ) -> list[EstimateOffer]:
     """Every method, with code and reason where it refuses the recording.
 
-    ``subject`` holds the subject's fields as stated or read from the file. ``alone``: no other recording of the
-    session and no static trial can supply the body mass.
+    ``subject`` holds the subject's fields as stated or read from the file. ``no_other_mass_source``: no other recording
+    of the session and no static trial can supply the body mass.
     """
     labels = _label_refusal(facts)
     geometry = labels or _geometry_refusal(facts)

@@ -60,10 +60,7 @@ class _StopRequested(BaseException):
 
 @dataclass
 class _SupervisedProgram:
-    """A supervised program; the restart delay grows with the consecutive ``failures``.
-
-    Without ``log`` it shares the supervisor's output.
-    """
+    """A program whose restart delay grows with consecutive ``failures``; without ``log`` it shares our output."""
 
     module: str
     log: Path | None
@@ -77,7 +74,7 @@ class _SupervisedProgram:
     watchdog: ResponseWatchdog | None = None
 
     def keep_running(self, print_line: Callable[[str], None] = lambda _: None) -> None:
-        """Restart it after its delay if it has exited; kill it, and ``say`` so, if it does not respond."""
+        """Restart it after its delay if it has exited; kill it, and ``print_line`` so, if it does not respond."""
         now = time.monotonic()
         self._trim_log()
         if self.process is not None:

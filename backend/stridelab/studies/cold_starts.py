@@ -3,8 +3,8 @@
 Feasibility is decided by an ``Oracle``, a conic solver of the constraints alone. The kinds of problems are
 
     drawn      random variations of the thesis' experiments (``centroidal_variations``) with exact friction cones
-    hasty      variations with durations divided by a factor in ``HASTE``; some are infeasible
-    moved      every bundled scenario, mirrored or not, turned about the vertical and translated by ``AWAY_M``
+    hasty      variations with durations divided by a factor in ``SPEEDUP_RANGE``; some are infeasible
+    moved      every bundled scenario, mirrored or not, turned about the vertical and translated by ``TRANSLATION_M``
 """
 
 from collections import Counter
@@ -64,7 +64,7 @@ def mirror_sequence(sequence: ContactSequence) -> ContactSequence:
 
 
 def transform_sequence(sequence: ContactSequence, pose: Placement) -> ContactSequence:
-    """Transform the sequence to a frame in which the world frame has the pose ``place``."""
+    """Transform the sequence to a frame in which the world frame has the pose ``pose``."""
     return _map_contacts(sequence, lambda T: pose @ T, lambda name: name)
 
 
@@ -75,7 +75,7 @@ def random_problems(number: int, seed: int = 0) -> Iterator[tuple[str, Centroida
 
 
 def shortened_problems(number: int, seed: int = 1) -> Iterator[tuple[str, CentroidalProblem]]:
-    """Names and problems of variations with shortened durations; factors are log-uniform in ``HASTE``."""
+    """Names and problems of variations with shortened durations; factors are log-uniform in ``SPEEDUP_RANGE``."""
     rng = np.random.default_rng(seed)
     for variation in random_variations(number, seed):
         by = float(np.exp(rng.uniform(*np.log(SPEEDUP_RANGE))))
@@ -83,7 +83,7 @@ def shortened_problems(number: int, seed: int = 1) -> Iterator[tuple[str, Centro
 
 
 def shorten_durations(problem: CentroidalProblem, factor: float) -> CentroidalProblem:
-    """Divide all phase durations by ``by``; uses circular friction cones."""
+    """Divide all phase durations by ``factor``; uses circular friction cones."""
     phases = tuple(replace(p, duration_s=p.duration_s / factor) for p in problem.sequence.phases)
     return replace(problem, sequence=replace(problem.sequence, phases=phases), control=CircularCones())
 

@@ -30,9 +30,9 @@ class ConeCheck:
 
     ``violation`` is the largest facet violation in closed form, ``least_margin`` the smallest LP margin of the boundary
     points relative to the wrench norm, ``change`` the change of the gauge under another reference point and unit of
-    length. ``kept`` and ``kept_thesis`` are section volumes of the largest cone and of the thesis' cone with alpha =
-    0.3, relative to the pyramids with four rays; ``alpha_max`` is the largest alpha for which the thesis' cone stays
-    inside these (NaN if undefined).
+    length. ``volume_ratio`` and ``thesis_volume_ratio`` are section volumes of the largest cone and of the thesis' cone
+    with alpha = 0.3, relative to the pyramids with four rays; ``alpha_max`` is the largest alpha for which the thesis'
+    cone stays inside these (NaN if undefined).
     """
 
     bodies: int

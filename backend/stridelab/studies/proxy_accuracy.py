@@ -1,8 +1,8 @@
 """Accuracy of the reachability proxy of a contact set compared with ground truth: figure 4.5 as numbers.
 
 The ground truth is the kernel density of the CoM over postures sampled by inverse kinematics (``StanceTruth``, range
-``ANY``) with bandwidth ``BANDWIDTH_M``; thresholds of its level sets come from held-out samples. The comparison uses
-the smallest sets of a given probability mass, of the ground truth and of the product of densities.
+``ANY_POSTURE``) with bandwidth ``BANDWIDTH_M``; thresholds of its level sets come from held-out samples. The comparison
+uses the smallest sets of a given probability mass, of the ground truth and of the product of densities.
 """
 
 from collections.abc import Mapping, Sequence

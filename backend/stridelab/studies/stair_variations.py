@@ -3,8 +3,8 @@
     height 5 to 15 cm, depth 30 to 36 cm, toe gap 50 to 60 mm, all durations times 0.8 to 1.2, and beside every other
     flight a rail within the box ``RAIL_M``
 
-A rejected variation is retried at other paces and contact positions (``others``) on the same stairs. A rejection is
-confirmed if none of these succeeds.
+A rejected variation is retried at other paces and contact positions (``alternatives_to``) on the same stairs. A
+rejection is confirmed if none of these succeeds.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -162,7 +162,7 @@ def run_variation(variation: Variation) -> Attempt:
 def search_alternatives(
     index: int, variation: Variation, failed_attempt: Attempt, run: Callable[[Variation], Attempt] = run_variation
 ) -> SearchResult:
-    """Try the alternatives ``others`` until one succeeds."""
+    """Try the alternatives ``alternatives_to`` until one succeeds."""
     tried = 0
     for tried, other in enumerate(alternatives_to(variation), start=1):
         if run(other).stage is None:

@@ -22,7 +22,7 @@ PELVIS: Final = ("l_asis", "r_asis", "l_psis", "r_psis", "sacrum")
 
 
 def smooth_velocity_m_s(track_m: Points, rate_hz: float) -> Points:
-    """Central differences of the low-passed track; NaN in visible runs shorter than ``LEAST_RUN`` samples."""
+    """Central differences of the low-passed track; NaN in visible runs shorter than ``MIN_RUN_SAMPLES`` samples."""
     velocity = np.full_like(track_m, np.nan)
     for i, j in true_runs(np.isfinite(track_m).all(axis=1)):
         if j - i >= MIN_RUN_SAMPLES:
@@ -47,7 +47,7 @@ def pelvis_m(recording: Recording, landmarks: Mapping[str, str]) -> Points:
 
 
 def walking_speed_m_s(recording: Recording, landmarks: Mapping[str, str], floor_m_s: Vector3) -> float:
-    """Median horizontal speed of the pelvis over the floor while it moves, at least ``LEAST_SPEED_M_S``."""
+    """Median horizontal speed of the pelvis over the floor while it moves, at least ``MIN_SPEED_M_S``."""
     velocity = smooth_velocity_m_s(pelvis_m(recording, landmarks), recording.marker_rate_hz) - floor_m_s
     speed = level_speed_m_s(velocity)
     moving = speed[speed > MIN_SPEED_M_S]

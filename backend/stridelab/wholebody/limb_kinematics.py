@@ -36,7 +36,7 @@ class LimbKinematics:
         return Placement(placement.translation.copy(), placement.rotation.copy())
 
     def compensate_base_error(self, target_m: Vector3, measured: SensedState) -> Vector3:
-        """Position relative to the planned base that puts an effector at ``place_m`` despite the error of the base."""
+        """Position relative to the planned base that puts an effector at ``target_m`` despite the error of the base."""
         measured_R = np.asarray(pin.Quaternion(measured.q[3:7]).toRotationMatrix())
         in_measured_base = measured_R.T @ (target_m - measured.q[:3])
         return np.asarray(self.base.rotation @ in_measured_base + self.base.position_m)

@@ -59,8 +59,8 @@ MIN_RADIUS = 1e-3
 class NearestFeasible:
     """A contact sequence near the given one.
 
-    ``held``: whether its constraints and body limits are feasible. ``longer_s``: change of each phase's duration;
-    ``shifts_m``: world-frame shifts of the contacts, by their first phase and effector.
+    ``is_feasible``: whether its constraints and body limits are feasible. ``longer_s``: change of each phase's
+    duration; ``shifts_m``: world-frame shifts of the contacts, by their first phase and effector.
     """
 
     sequence: ContactSequence
@@ -133,7 +133,7 @@ def _with_reserve(
 
 @dataclass(frozen=True, eq=False)
 class _TrustRegion:
-    """Trust region of theta: a box of ``radius`` around ``at``, intersected with ``limits``."""
+    """Trust region of theta: a box of ``radius`` around ``center``, intersected with ``limits``."""
 
     center: Vector
     radius: float
@@ -222,7 +222,7 @@ def _linearised_step(
     region: "_TrustRegion",
     counts: Counts,
 ) -> Vector | None:
-    """Theta of the linear program linearised at the solution ``now``."""
+    """Theta of the linear program linearised at the solution ``current``."""
     changed = _apply_change(problem, change, spans, theta)
     lp = linear_constraints(changed, grid_of(changed, counts))
     m, n = lp.A.shape

@@ -69,7 +69,7 @@ def solve_native(
     start: NativePoint | None = None,
     on_iteration: IterationCallback | None = None,
 ) -> NativeRun:
-    """Solve a problem; ``tell`` receives all iterations after the solve, which takes milliseconds.
+    """Solve a problem; ``on_iteration`` receives all iterations after the solve, which takes milliseconds.
 
     Raises as ``require_native`` does.
     """

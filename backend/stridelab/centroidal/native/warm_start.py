@@ -28,7 +28,7 @@ BARRIER: Final = 3e-3
 
 
 def native_start(plan: CentroidalPlan, problem: CentroidalProblem, after_s: float = 0.0) -> NativePoint:
-    """Warm start of ``onto``, whose time 0 is ``after_s`` of the plan."""
+    """Warm start of ``problem``, whose time 0 is ``after_s`` of the plan."""
     grid, inner = problem.grid(), INNER[problem.shape]
     control_times_s = np.interp(
         np.arange(inner * len(grid.phase) + 1) / inner, np.arange(len(grid.time_s)), grid.time_s

@@ -31,7 +31,7 @@ _ZERO: Final = (0.0, 0.0, 0.0)
 class OnlineTrack:
     """Position and velocity of the three axes, with the gains ``k1`` and ``k2`` of the last step.
 
-    ``blind_s`` is the time since the last geometry; ``knows_velocity`` is False until the second geometry, unless the
+    ``blind_s`` is the time since the last geometry; ``has_velocity`` is False until the second geometry, unless the
     initial velocity is given.
     """
 
@@ -47,7 +47,7 @@ class OnlineTrack:
 
     @property
     def is_lost(self) -> bool:
-        """Whether the geometry has been missing for longer than ``LONGEST_BLIND_S``, so that the filter restarts."""
+        """Whether the geometry has been missing for longer than ``MAX_BLIND_S``, so that the filter restarts."""
         return self.blind_s > MAX_BLIND_S
 
     def step(self, h: float, a: Sequence[float] | None, g: Sequence[float] | None) -> Sequence[float]:

@@ -98,7 +98,7 @@ def assess_quality(recorded: Recorded, estimate: ComEstimate) -> Quality:
 def evaluate_checks(
     measures: Measures, mass_kg: float, geometry_sd_m: tuple[float, float, float], *, with_force: bool = True
 ) -> Quality:
-    """Checks of the numbers ``found``; ``mass_kg`` is the stated mass, else the used one."""
+    """Checks of the numbers ``measures``; ``mass_kg`` is the stated mass, else the used one."""
     checks, not_checked = [], {}
     for row in (*_force_rows(measures, mass_kg), *_plate_rows(measures), *_body_rows(measures, with_force=with_force)):
         if math.isnan(row.value):

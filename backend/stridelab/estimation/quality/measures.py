@@ -201,7 +201,7 @@ def distance_outside_m(com_m: Points, body_m: Clouds) -> Float[np.ndarray, " loo
     """Distance of ``com_m`` (n x 3) outside the convex hull of ``body_m`` (n x points x 3, NaN where hidden).
 
     It is the largest distance beyond the plane of a face of the hull: 0 inside, and a lower bound near an edge. NaN if
-    fewer than four points are visible or all are coplanar. Of long recordings ``MOST_FRAMES`` evenly spread frames are
+    fewer than four points are visible or all are coplanar. Of long recordings ``MAX_FRAMES`` evenly spread frames are
     evaluated and returned.
     """
     frames = np.unique(np.linspace(0, len(com_m) - 1, min(MAX_FRAMES, len(com_m))).round().astype(int))

@@ -103,8 +103,8 @@ def learn_sizes(sizes: Sizes, signals: Signals, rate_hz: float) -> Sizes:
     """The sizes with those of ``LEARNED`` replaced, per axis, by the most probable ones.
 
     Only the horizontal sizes are learned. The vertical axis has a single measurement: its sizes scale with the mean
-    change of the others, the noise of the geometry also with the ratio of roughness. At most ``LOOKED_AT`` samples
-    around the middle of the samples with force are used.
+    change of the others, the noise of the geometry also with the ratio of roughness. At most ``MAX_LEARNING_SAMPLES``
+    samples around the middle of the samples with force are used.
     """
     roughness = np.sqrt(np.mean(np.diff(signals.geometry_m, 3, axis=0) ** 2, axis=0))
     signals = _middle_stretch(signals).select_axes(HORIZONTAL)

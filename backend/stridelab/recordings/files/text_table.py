@@ -26,7 +26,7 @@ def split_cells(row: str) -> list[str]:
 def parse_table(rows: list[tuple[int, str]], width: int) -> Table:
     """Numbers of tab (or blank) separated rows; empty cells are NaN.
 
-    Raises ``BrokenLineError`` for a short row, a cell that is not a number, or a magnitude above ``LARGEST``.
+    Raises ``BrokenLineError`` for a short row, a cell that is not a number, or a magnitude above ``LARGEST_PLAUSIBLE``.
     """
     values = []
     for line, row in rows:

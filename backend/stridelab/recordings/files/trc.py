@@ -81,7 +81,7 @@ def _header_number(head: dict[str, str], key: str) -> float:
 def _parse_coordinates(rows: list[tuple[int, str]], labels: list[str]) -> Table:
     """Frame, time and three coordinates per marker.
 
-    Raises ``BrokenLineError`` as ``table_of``, and for a row with more cells than markers, or with a missing tab. A
+    Raises ``BrokenLineError`` as ``parse_table``, and for a row with more cells than markers, or with a missing tab. A
     missing tab shifts all following cells, so that the last marker has only one or two of its three coordinates.
     """
     width = 2 + 3 * len(labels)

@@ -35,7 +35,7 @@ Errors = Callable[[GaitName, int], TruthError]
 
 @dataclass(frozen=True)
 class Scenario:
-    """``errors`` computes the smoother's error on one draw; only ``judged`` scenarios have claims."""
+    """``errors`` computes the smoother's error on one draw; only ``has_claims`` scenarios have claims."""
 
     name: str
     says: str

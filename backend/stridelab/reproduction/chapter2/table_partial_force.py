@@ -48,7 +48,7 @@ def excerpt_with_single_support(gait: GaitName, noise: str, seed: int) -> tuple[
     """Two seconds of a walk with a random start, and the number of rejected starts.
 
     The second with force must contain a complete single support; a start that the smoother rejects is drawn again.
-    Raises ``NotEstimable`` (``no-single-support``) after ``MOST_ATTEMPTS`` rejections.
+    Raises ``NotEstimable`` (``no-single-support``) after ``MAX_ATTEMPTS`` rejections.
     """
     for attempt in range(MAX_ATTEMPTS):
         trial = _random_excerpt(gait, noise, seed, attempt, FORCE_S)

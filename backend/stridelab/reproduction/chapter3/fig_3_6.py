@@ -14,7 +14,7 @@ SD_MM: Final = 1.5
 
 
 def run(seeds: int, tell: Progress) -> Reproduction:
-    """``seeds`` simulated subjects, at least ``LEAST_PEOPLE``."""
+    """``seeds`` simulated subjects, at least ``MIN_SUBJECTS``."""
     subjects = simulated_people(seeds, tell).population.subjects
     means = np.array([s.mean["error_mean_mm"] for s in subjects])
     sds = np.array([s.mean["error_sd_mm"] for s in subjects])

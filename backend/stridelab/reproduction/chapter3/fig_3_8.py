@@ -16,7 +16,7 @@ from stridelab.reproduction.report.svg_plots import Panel, render_svg
 
 
 def run(seeds: int, tell: Progress) -> Reproduction:
-    """``seeds`` simulated subjects, at least ``LEAST_PEOPLE``."""
+    """``seeds`` simulated subjects, at least ``MIN_SUBJECTS``."""
     people = simulated_people(seeds, tell)
     claims = (height_claim(people, "z0_m", "z0", 0.87),)
     tell(1.0, "done")

@@ -18,7 +18,7 @@ P: Final = 0.83
 
 
 def run(seeds: int, tell: Progress) -> Reproduction:
-    """``seeds`` simulated subjects, at least ``LEAST_PEOPLE``."""
+    """``seeds`` simulated subjects, at least ``MIN_SUBJECTS``."""
     people = simulated_people(seeds, tell)
     pair = correlation_with_height(people, "omega_rad_s").pearson
     low, high = pair.ci95 or (-1.0, 1.0)

@@ -34,7 +34,7 @@ MAX_SPEED_VARIATION_RATIO: Final = 1.0
 
 
 def run(seeds: int, tell: Progress) -> Reproduction:
-    """``seeds`` simulated subjects, at least ``LEAST_PEOPLE``."""
+    """``seeds`` simulated subjects, at least ``MIN_SUBJECTS``."""
     people = simulated_people(seeds, lambda fraction, message: tell(0.8 * fraction, message))
     fits = simulated_steps().fits
     tell(0.9, "analysing the hub")

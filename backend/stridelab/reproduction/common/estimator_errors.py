@@ -27,8 +27,8 @@ NOISY_HZ: Final = 5.0
 class Draw:
     """Errors of every estimator on one trial; ``noisy_m`` is the horizontal RMS error above 5 Hz.
 
-    ``closer`` is the share of samples at which the horizontal error of the thesis' filter does not exceed that of the
-    thesis' Kalman filter.
+    ``share_closer`` is the share of samples at which the horizontal error of the thesis' filter does not exceed that of
+    the thesis' Kalman filter.
     """
 
     gait: GaitName

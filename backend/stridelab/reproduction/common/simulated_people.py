@@ -59,7 +59,7 @@ def _simulate_people(n: int) -> SimulatedPeople:
 
 
 def simulated_people(seeds: int, tell: Callable[[float, str], None]) -> SimulatedPeople:
-    """Simulate ``seeds`` subjects, at least ``LEAST_PEOPLE``: fewer do not give a meaningful correlation."""
+    """Simulate ``seeds`` subjects, at least ``MIN_SUBJECTS``: fewer do not give a meaningful correlation."""
     n = max(seeds, MIN_SUBJECTS)
     tell(0.05, f"simulating {n} subjects")
     people = _simulate_people(n)

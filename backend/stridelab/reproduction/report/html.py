@@ -29,7 +29,7 @@ svg { max-width: 100%; height: auto; }
 
 
 def render_html(sections: Sequence[Section], generated_by: str) -> str:
-    """Render the report; ``made`` is a sentence on how it was generated."""
+    """Render the report; ``generated_by`` is a sentence on how it was generated."""
     intro = "Every claim has the thesis' number, or an aim of our own where it has none, ours, and a computed verdict."
     parts = [
         "<!doctype html>",

@@ -165,7 +165,7 @@ def _scale_of_values(values: Sequence[Values], log: bool, start: float, end: flo
 
 
 def _polyline_runs(curve: Curve, x: _Scale, y: _Scale) -> list[str]:
-    """Segments of the curve between gaps, thinned to ``_MOST_POINTS`` points."""
+    """Segments of the curve between gaps, thinned to ``_MAX_POINTS`` points."""
     every = max(1, len(curve.x) // _MAX_POINTS)
     runs: list[list[str]] = [[]]
     for a, b in zip(curve.x[::every].tolist(), curve.y[::every].tolist(), strict=True):

@@ -57,7 +57,7 @@ class PreviewProcess:
         return None if self._process is None or self._process.returncode is not None else self._process.pid
 
     async def ask(self, request: Json) -> Json:
-        """The child's answer to ``question``.
+        """The child's answer to ``request``.
 
         Raises the child's error; ``Busy`` (``preview-busy``) if too many requests wait; ``Unavailable`` if the child
         died (``preview-failed``) or did not answer in time (``preview-stuck``). The next request starts a new child.

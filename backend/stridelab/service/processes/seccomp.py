@@ -165,7 +165,7 @@ def filter_program(audit: int, column: int, *, programs: bool, server: bool) -> 
 
 
 def _refuse_unless(number: int, argument: int, condition: list[bytes]) -> list[bytes]:
-    """Refuse the call ``number`` unless ``skipping``, applied to 32 bits of an argument, skips an instruction.
+    """Refuse the call ``number`` unless ``condition``, applied to 32 bits of an argument, skips an instruction.
 
     The kernel uses only the lower 32 bits of these arguments, or all relevant bits are there.
     """

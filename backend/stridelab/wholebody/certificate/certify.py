@@ -162,7 +162,7 @@ def _reachability_margin(
 
 
 def _rare_log_density(mixture: Mixture) -> float:
-    """``RARE`` quantile of the mixture's log-density, estimated from samples with a fixed seed."""
+    """``RARE_SHARE`` quantile of the mixture's log-density, estimated from samples with a fixed seed."""
     draws = mixture.sample(_DRAWS, np.random.default_rng(0))
     return float(np.quantile(mixture.log_density(draws), RARE_SHARE))
 

@@ -60,7 +60,7 @@ class HierarchyFailure:
 
 
 class HierarchyResult(NamedTuple):
-    """``z``, valid if ``failure`` is None; ``programmes`` counts the quadratic programs that were solved."""
+    """``z``, valid if ``failure`` is None; ``quadratic_programs`` counts the quadratic programs that were solved."""
 
     z: Unknowns
     failure: HierarchyFailure | None

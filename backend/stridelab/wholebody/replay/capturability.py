@@ -32,11 +32,11 @@ Sizes = Mapping[str, tuple[float, float]]
 class Capturability:
     """Capturability per sample of a motion, in the directions forwards, left, backwards, right.
 
-    ``towards`` are their unit vectors. ``edge_m`` and ``stand_m`` are the coordinates along them, from the world
+    ``towards`` are their unit vectors. ``edge_m`` and ``capture_edge_m`` are the coordinates along them, from the world
     origin, of the support's edge as seen from the planned centre of pressure and from the planned capture point.
-    ``reach_m`` is C, ``weight`` W of every sole, ``capture_m`` the planned capture point, ``moving_m`` its distance
-    from the CoM, ``pressure_m`` the planned centre of pressure, ``rate_per_s`` w. ``touches`` is 1 while a sole is in
-    contact.
+    ``reach_m`` is C, ``weight`` W of every sole, ``capture_m`` the planned capture point, ``capture_distance_m`` its
+    distance from the CoM, ``pressure_m`` the planned centre of pressure, ``rate_per_s`` w. ``touches`` is 1 while a
+    sole is in contact.
     """
 
     directions: Float[np.ndarray, "n 4 2"]

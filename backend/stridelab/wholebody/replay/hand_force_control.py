@@ -39,11 +39,12 @@ _DAMPING = 1e-3
 
 @dataclass(frozen=True)
 class Grip:
-    """``pressure_m`` is d, ``gain_m_per_ns`` k, ``most_m`` delta_max; without contact delta decays within ``let_go_s``.
+    """Settings: ``pressure_m`` is d, ``gain_m_per_ns`` k and ``most_m`` delta_max.
 
-    ``touching_n``: force above which a hand is in contact; ``rate_n_s`` limits the rate of the added force. Along the
-    surface, corrections are limited to ``aside_m_s`` and ``most_aside_m``. Contact is lost after ``lost_s`` without
-    force; a hand farther than ``beside_m`` from its position is then lifted by up to ``lift_m`` at ``lift_m_s``.
+    Without contact delta decays within ``release_s``. ``touching_n``: force above which a hand is in contact;
+    ``rate_n_s`` limits the rate of the added force. Along the surface, corrections are limited to ``aside_m_s`` and
+    ``most_aside_m``. Contact is lost after ``lost_s`` without force; a hand farther than ``beside_m`` from its position
+    is then lifted by up to ``lift_m`` at ``lift_m_s``.
     """
 
     least_n: float = 25.0

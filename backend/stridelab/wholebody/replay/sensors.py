@@ -1,7 +1,7 @@
 """Simulated sensors of the replay control, with noise and delay.
 
-``Observe`` is the interface of a state estimator: it maps the sensed state to the state that the stabiliser uses. The
-default is the identity.
+``StateObserver`` is the interface of a state estimator: it maps the sensed state to the state that the stabiliser uses.
+The default is the identity.
 """
 
 from collections import deque

@@ -24,7 +24,7 @@ class GeomContact(NamedTuple):
 class Simulation:
     """State of one simulated robot; coordinates in pinocchio's order (base velocity in the base frame).
 
-    ``body_touches`` are the contacts of the collision shapes in the last step, which are never planned.
+    ``body_contacts`` are the contacts of the collision shapes in the last step, which are never planned.
     """
 
     def __init__(self, built: SimulationModel, q: Float[np.ndarray, "nq"]) -> None:

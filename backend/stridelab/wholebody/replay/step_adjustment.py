@@ -90,8 +90,8 @@ class AdaptiveClock:
     ) -> None:
         """Update offsets and rate for a capture point, given planned positions and swing progress of the soles.
 
-        ``leans_m`` is the shift of the centre of pressure by the hands; steps are enlarged by it, as a push may break
-        the contact of the hands.
+        ``hand_shift_m`` is the shift of the centre of pressure by the hands; steps are enlarged by it, as a push may
+        break the contact of the hands.
         """
         by, i, target_rate = self._settings, self.sample_index, 1.0
         swinging = [name for name, share in progress.items() if share < 1.0]

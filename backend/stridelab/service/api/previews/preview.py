@@ -56,7 +56,7 @@ def preview_plan(request: PlanPreviewInput) -> PlanPreview:
     """Compute the motion of a scenario, and the replanned motion after the push.
 
     Raises ``NotEstimable`` (``solver-unavailable``), ``InvalidInput`` (``push-too-late``) and the errors of
-    ``load_robot`` and ``densities``.
+    ``load_robot`` and ``load_densities``.
     """
     missing = native_unavailable_reason()
     if missing is not None:

@@ -17,7 +17,7 @@ def run_in_child(task: Json, folder: Path, progress: ProgressCallback) -> Json:
 def run(task: FitCycloidTask, folder: Path, progress: ProgressCallback) -> Outcome:
     """Fit the wheel of every step of ``task.recording`` in ``folder``; the summary is a ``FitCycloidSummary``.
 
-    Raises as ``cycloid_of`` does.
+    Raises as ``fit_cycloid_of_recording`` does.
     """
     result = fit_cycloid_of_recording(task, folder, progress)
     progress(0.95, "writing the result")
