@@ -1,4 +1,7 @@
-"""The synchronous client, for scripts, notebooks and the command line."""
+"""The synchronous client, for scripts, notebooks and the command line.
+
+Written by ``scripts/make_sync_client.py`` from the asynchronous one: edit that.
+"""
 
 import time
 from collections.abc import Iterator, Mapping, Sequence
@@ -336,13 +339,14 @@ class Client:
     def _download(self, path: str, target: Path, wait_s: float = 0.0) -> Path:
         part = target.with_name(f".part-{target.name}")
         try:
-            with self._translate_errors(), self._http.stream("GET", path, timeout=self._timeout_s + wait_s) as response:
-                if response.status_code >= 400:
-                    response.read()
-                    endpoints.raise_for_problem(response)
-                with part.open("wb") as file:
-                    for piece in response.iter_bytes():
-                        file.write(piece)
+            with self._translate_errors():
+                with self._http.stream("GET", path, timeout=self._timeout_s + wait_s) as response:
+                    if response.status_code >= 400:
+                        response.read()
+                        endpoints.raise_for_problem(response)
+                    with part.open("wb") as file:
+                        for piece in response.iter_bytes():
+                            file.write(piece)
             return part.replace(target)
         finally:
             part.unlink(missing_ok=True)
