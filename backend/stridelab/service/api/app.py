@@ -97,7 +97,7 @@ def create_app(settings: Settings, *, with_sample: bool = False) -> FastAPI:
     app.include_router(metrics.router)
     app.include_router(login.router)
     if find_spec(WEB_MODULE) is not None:  # the web pages are installed; they are served on the same port
-        import_module(WEB_MODULE).mount(app, settings)
+        import_module(WEB_MODULE).mount_web_app(app, settings)
     app.add_middleware(AuthenticationMiddleware, settings=settings, keys=keys)
     app.add_middleware(LingeringCloseMiddleware)
     app.add_middleware(RequestContextMiddleware)
