@@ -28,7 +28,7 @@ import numpy as np
 
 from stridelab.robots.assembly import assemble_robot
 from stridelab.robots.card import robot_card, robot_names
-from stridelab.robots.loader import data_files
+from stridelab.robots.data_files import data_files
 from stridelab.robots.robot import Robot
 from stridelab.robots.self_collision import SelfCollision
 

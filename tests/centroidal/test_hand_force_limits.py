@@ -15,7 +15,8 @@ from stridelab.contacts.scenarios.bundled import hrp2_stairs_with_rail
 from stridelab.contacts.scenarios.stairs import flat_walk
 from stridelab.contacts.sequence import Contact
 from stridelab.dynamics.spatial import Placement
-from stridelab.robots.loader import load_robot, with_contact_frames
+from stridelab.robots.contact_frames import with_contact_frames
+from stridelab.robots.loader import load_robot
 from stridelab.robots.robot import Robot
 from support.robots.centroidal_problems import rail_of_hrp2
 

@@ -9,12 +9,13 @@ import pytest
 
 from stridelab.contacts.terrain import Terrain
 from stridelab.errors import InvalidInput, StridelabError, Unavailable
+from stridelab.robots import data_files as places
 from stridelab.robots import loader
-from stridelab.robots import loader as places
 from stridelab.robots.assembly import assemble_robot
 from stridelab.robots.card import card_bytes, parse_card
+from stridelab.robots.data_files import data_files
 from stridelab.robots.inertias import read_link
-from stridelab.robots.loader import data_files, load_robot
+from stridelab.robots.loader import load_robot
 from stridelab.wholebody.replay.mujoco_model import build_simulation
 
 CARD = card_bytes("hrp2").decode()

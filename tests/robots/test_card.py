@@ -10,7 +10,8 @@ from stridelab.errors import InvalidInput, NotFound, Unavailable
 from stridelab.robots import card as cards
 from stridelab.robots.assembly import assemble_robot
 from stridelab.robots.card import DataCard, card_bytes, parse_card, robot_card, robot_names
-from stridelab.robots.loader import data_files, load_robot
+from stridelab.robots.data_files import data_files
+from stridelab.robots.loader import load_robot
 
 TALOS = card_bytes("talos").decode()
 

@@ -6,7 +6,8 @@ import pytest
 
 from stridelab.robots import urdf
 from stridelab.robots.card import robot_card
-from stridelab.robots.loader import data_files, load_robot
+from stridelab.robots.data_files import data_files
+from stridelab.robots.loader import load_robot
 from stridelab.robots.robot import Robot
 from stridelab.robots.self_collision import SelfCollision
 

@@ -4,7 +4,8 @@ import numpy as np
 import pinocchio as pin
 
 from stridelab.dynamics.spatial import Placement
-from stridelab.robots.loader import load_robot, to_se3, with_contact_frames
+from stridelab.robots.contact_frames import to_se3, with_contact_frames
+from stridelab.robots.loader import load_robot
 
 
 def test_every_effector_has_its_contact_frame() -> None:

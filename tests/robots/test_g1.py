@@ -9,7 +9,9 @@ import pytest
 
 from stridelab.robots.assembly import assemble_robot
 from stridelab.robots.card import robot_card
-from stridelab.robots.loader import data_files, load_robot, with_contact_frames
+from stridelab.robots.contact_frames import with_contact_frames
+from stridelab.robots.data_files import data_files
+from stridelab.robots.loader import load_robot
 from stridelab.robots.robot import Robot
 from stridelab.robots.self_collision import SelfCollision
 

@@ -11,7 +11,8 @@ import pytest
 from stridelab.resources import models_dir
 from stridelab.robots import urdf
 from stridelab.robots.card import robot_card
-from stridelab.robots.loader import data_files, load_robot
+from stridelab.robots.data_files import data_files
+from stridelab.robots.loader import load_robot
 from stridelab.robots.self_collision import SelfCollision
 
 

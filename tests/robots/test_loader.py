@@ -12,7 +12,8 @@ from stridelab.errors import Unavailable
 from stridelab.robots import urdf
 from stridelab.robots.assembly import robot_sha256
 from stridelab.robots.card import card_bytes, parse_card, robot_card
-from stridelab.robots.loader import DataFiles, data_files, load_robot, robot_names
+from stridelab.robots.data_files import DataFiles, data_files
+from stridelab.robots.loader import load_robot, robot_names
 from stridelab.robots.robot import Robot
 
 

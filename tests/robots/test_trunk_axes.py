@@ -18,8 +18,10 @@ from stridelab.reachability.kinematics.whole_body_ik import BASE, BodyTree
 from stridelab.reachability.learning.com_sampling import sample_com
 from stridelab.robots.assembly import assemble_robot, round_to_axes
 from stridelab.robots.card import card_bytes, parse_card, robot_card
+from stridelab.robots.contact_frames import with_contact_frames
+from stridelab.robots.data_files import data_files
 from stridelab.robots.inverse_kinematics import stand
-from stridelab.robots.loader import data_files, load_robot, robot_names, with_contact_frames
+from stridelab.robots.loader import load_robot, robot_names
 from stridelab.robots.robot import Robot
 from stridelab.wholebody.control.controller import WholeBodyController
 from stridelab.wholebody.replay.replay import replay_with_defaults

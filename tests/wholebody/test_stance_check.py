@@ -8,8 +8,9 @@ import pytest
 
 from stridelab.dynamics.spatial import Placement
 from stridelab.errors import InvalidInput
+from stridelab.robots.contact_frames import with_contact_frames
 from stridelab.robots.inverse_kinematics import ComRegion, stand_in_com_region
-from stridelab.robots.loader import load_robot, with_contact_frames
+from stridelab.robots.loader import load_robot
 from stridelab.robots.robot import Robot
 from stridelab.robots.self_collision import SelfCollision
 from stridelab.wholebody.stance_check import Stance, StanceCheck, StanceResult, mid_swing_placement

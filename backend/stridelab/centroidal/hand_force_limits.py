@@ -22,8 +22,8 @@ from stridelab.centroidal.point_forces import pyramid_rays
 from stridelab.centroidal.problem import standing_com_m
 from stridelab.centroidal.rest_to_rest import standing_height_m
 from stridelab.contacts.sequence import Contact, ContactSequence
+from stridelab.robots.contact_frames import with_contact_frames
 from stridelab.robots.inverse_kinematics import stand
-from stridelab.robots.loader import with_contact_frames
 from stridelab.robots.robot import Robot
 
 TORQUE_SHARE: Final = 0.9

@@ -31,7 +31,7 @@ from stridelab.errors import Fault, InvalidInput
 from stridelab.robots import card as cards
 from stridelab.robots import card_validation, inertias
 from stridelab.robots.card import EffectorCard, RobotCard
-from stridelab.robots.loader import DataFiles
+from stridelab.robots.data_files import DataFiles
 from stridelab.robots.robot import Effector, Robot
 from stridelab.robots.self_collision import collision_model, matches_any
 from stridelab.robots.urdf import collision_geometry, full_model, matching_visuals, parse_xml, read_srdf

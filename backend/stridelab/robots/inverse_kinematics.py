@@ -28,7 +28,7 @@ from jaxtyping import Float
 from stridelab.conventions import Angles, Vector3
 from stridelab.dynamics.spatial import Placement
 from stridelab.errors import InvalidInput
-from stridelab.robots.loader import to_se3, with_contact_frames
+from stridelab.robots.contact_frames import to_se3, with_contact_frames
 from stridelab.robots.robot import Robot
 from stridelab.robots.self_collision import PairSeparation
 

@@ -14,7 +14,7 @@ import pinocchio as pin
 
 from stridelab.contacts.sequence import Contact, ContactSequence
 from stridelab.contacts.terrain import Box, Rail
-from stridelab.robots.loader import to_se3
+from stridelab.robots.contact_frames import to_se3
 from stridelab.robots.robot import Effector
 
 HAND_RADIUS_M: Final = 0.02

@@ -8,7 +8,7 @@ from jaxtyping import Float, Int
 
 from stridelab.conventions import Vector3
 from stridelab.dynamics.spatial import Placement
-from stridelab.robots.loader import with_contact_frames
+from stridelab.robots.contact_frames import with_contact_frames
 from stridelab.robots.robot import Robot
 from stridelab.wholebody.replay.sensors import SensedState
 

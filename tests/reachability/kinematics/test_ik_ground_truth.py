@@ -7,7 +7,7 @@ import pytest
 from stridelab.dynamics.spatial import Placement
 from stridelab.errors import NotEstimable
 from stridelab.reachability.kinematics.ik_ground_truth import ANY_POSTURE, STANDING_POSTURE, ContactBatch, StanceTruth
-from stridelab.robots.loader import with_contact_frames
+from stridelab.robots.contact_frames import with_contact_frames
 from stridelab.robots.robot import Robot
 from stridelab.robots.self_collision import SelfCollision
 

@@ -5,7 +5,7 @@ import pinocchio as pin
 import pytest
 
 from stridelab.reachability.kinematics.leg_ik import LegChain
-from stridelab.robots.loader import with_contact_frames
+from stridelab.robots.contact_frames import with_contact_frames
 from stridelab.robots.robot import Robot
 
 

@@ -5,7 +5,8 @@ import pinocchio as pin
 import pytest
 
 from stridelab.reachability.kinematics.whole_body_ik import BASE, BodyTree, Target
-from stridelab.robots.loader import load_robot, with_contact_frames
+from stridelab.robots.contact_frames import with_contact_frames
+from stridelab.robots.loader import load_robot
 from stridelab.robots.robot import Robot
 
 

@@ -13,7 +13,8 @@ from stridelab.reachability.learning import standing_sampler
 from stridelab.reachability.learning.standing_sampler import StandingConfigurations
 from stridelab.reachability.standing_conditions import Stance
 from stridelab.robots.configuration_sampling import uniform_configurations
-from stridelab.robots.loader import load_robot, with_contact_frames
+from stridelab.robots.contact_frames import with_contact_frames
+from stridelab.robots.loader import load_robot
 from stridelab.robots.robot import Robot
 from stridelab.robots.self_collision import SelfCollision
 

@@ -5,7 +5,7 @@ import numpy as np
 import pinocchio as pin
 
 from stridelab.reachability.learning.standing_sampler import StepClearance
-from stridelab.robots.loader import with_contact_frames
+from stridelab.robots.contact_frames import with_contact_frames
 from stridelab.robots.robot import Robot
 
 

@@ -9,7 +9,7 @@ import pytest
 from stridelab.conventions import GRAVITY_M_S2, g
 from stridelab.dynamics.wrench import zmp_of_motion
 from stridelab.errors import InvalidInput, NotEstimable
-from stridelab.robots.loader import with_contact_frames
+from stridelab.robots.contact_frames import with_contact_frames
 from stridelab.simulation.robot.forward_kinematics import link_masses, link_poses
 from stridelab.simulation.robot.gait_plan import WALKS, RobotGait, gait_for, plan_walk
 from stridelab.simulation.robot.runner import RUNNING, running_at

@@ -19,7 +19,8 @@ from stridelab.reachability.gaussian_mixture import Mixture
 from stridelab.reachability.proxy.effector_proxy import Proxy
 from stridelab.robots.assembly import assemble_robot
 from stridelab.robots.card import robot_card
-from stridelab.robots.loader import data_files, with_contact_frames
+from stridelab.robots.contact_frames import with_contact_frames
+from stridelab.robots.data_files import data_files
 from stridelab.robots.robot import Robot
 
 

@@ -19,7 +19,8 @@ from stridelab.contacts.effector_geometry import effector_shapes
 from stridelab.contacts.scenario_io import sequence_of
 from stridelab.contacts.sequence import ContactSequence
 from stridelab.reachability.store import load_proxies
-from stridelab.robots.loader import load_robot, with_contact_frames
+from stridelab.robots.contact_frames import with_contact_frames
+from stridelab.robots.loader import load_robot
 from stridelab.robots.robot import Robot
 from stridelab.studies.execution import CASES, replay_motion
 from stridelab.wholebody.certificate.certificate import Certificate

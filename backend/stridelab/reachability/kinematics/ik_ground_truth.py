@@ -26,7 +26,7 @@ from stridelab.errors import NotEstimable
 from stridelab.reachability.kinematics.leg_ik import LegChain
 from stridelab.reachability.kinematics.whole_body_ik import BASE, ROLL, YAW, BodyTree, Coordinates, Directions, Target
 from stridelab.reachability.standing_conditions import Interval
-from stridelab.robots.loader import with_contact_frames
+from stridelab.robots.contact_frames import with_contact_frames
 from stridelab.robots.robot import Robot
 from stridelab.robots.self_collision import SelfCollision
 

@@ -23,7 +23,7 @@ from scipy.spatial.transform import Rotation as ScipyRotation
 from stridelab.conventions import Mask, Points, Rotation, Rotations, Vector3
 from stridelab.reachability.kinematics.leg_ik import revolute_axis
 from stridelab.reachability.kinematics.rotations import multiply_rotations, rotate_about_axis, rotation_vectors
-from stridelab.robots.loader import with_contact_frames
+from stridelab.robots.contact_frames import with_contact_frames
 from stridelab.robots.robot import Robot
 
 Coordinates = Float[np.ndarray, "n v"]

@@ -27,7 +27,7 @@ from stridelab.reachability.card import Measure
 from stridelab.reachability.learning.standing_sampler import StandingConfigurations
 from stridelab.reachability.proxy.effector_proxy import Frame
 from stridelab.robots.configuration_sampling import UniformConfigurations, uniform_configurations
-from stridelab.robots.loader import with_contact_frames
+from stridelab.robots.contact_frames import with_contact_frames
 from stridelab.robots.robot import Effector, Robot
 
 BLOCK: Final = 500

@@ -25,7 +25,7 @@ from stridelab.conventions import Configurations, Mask, Points, Rotations, Vecto
 from stridelab.errors import Fault, NotEstimable
 from stridelab.reachability.kinematics.leg_ik import LegChain
 from stridelab.reachability.standing_conditions import Stance, axis_rotations
-from stridelab.robots.loader import with_contact_frames
+from stridelab.robots.contact_frames import with_contact_frames
 from stridelab.robots.robot import Robot
 from stridelab.robots.self_collision import SelfCollision
 

@@ -22,7 +22,7 @@ from jaxtyping import Float
 from stridelab.conventions import Points, Series, Vector3
 from stridelab.errors import NotEstimable
 from stridelab.recordings.recording import Side
-from stridelab.robots.loader import with_contact_frames
+from stridelab.robots.contact_frames import with_contact_frames
 from stridelab.robots.robot import Robot
 
 LEGS_AND_BASE: Final = 18

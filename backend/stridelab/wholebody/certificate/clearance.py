@@ -17,7 +17,7 @@ from jaxtyping import Int
 from stridelab.contacts.sequence import ContactSequence
 from stridelab.contacts.terrain import Rail
 from stridelab.conventions import Configurations, Series
-from stridelab.robots.loader import to_se3
+from stridelab.robots.contact_frames import to_se3
 from stridelab.robots.robot import Robot
 from stridelab.wholebody.certificate.certificate import Check, WorstValues
 from stridelab.wholebody.certificate.contact_checks import LANDING_ERROR_M

@@ -15,7 +15,7 @@ from jaxtyping import Float, Int
 
 from stridelab.contacts.sequence import ContactSequence
 from stridelab.conventions import Points, Series, Vector3, g
-from stridelab.robots.loader import with_contact_frames
+from stridelab.robots.contact_frames import with_contact_frames
 from stridelab.robots.robot import Robot
 from stridelab.wholebody.motion import WholeBodyMotion
 

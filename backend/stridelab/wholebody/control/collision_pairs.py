@@ -23,7 +23,7 @@ from jaxtyping import Float, Int
 
 from stridelab.contacts.terrain import Box, Terrain
 from stridelab.conventions import Points, Vector3
-from stridelab.robots.loader import to_se3
+from stridelab.robots.contact_frames import to_se3
 from stridelab.robots.robot import Robot
 from stridelab.wholebody.control.rigid_body import RigidBody
 

@@ -10,7 +10,7 @@ from starlette.responses import Response, StreamingResponse
 
 from stridelab.errors import NotFound, StridelabError
 from stridelab.robots.card import robot_card, robot_names
-from stridelab.robots.loader import data_files
+from stridelab.robots.data_files import data_files
 from stridelab.schemas.base import Page
 from stridelab.schemas.reachability import RobotReachability
 from stridelab.schemas.robots import Measure, RobotFacts, RobotPreparation, RobotSummary

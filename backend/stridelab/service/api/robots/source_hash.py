@@ -10,7 +10,7 @@ from typing import Final
 from stridelab import __version__
 from stridelab.resources import models_dir
 from stridelab.robots.card import card_bytes, robot_card
-from stridelab.robots.loader import DataFiles, data_files
+from stridelab.robots.data_files import DataFiles, data_files
 
 EDITION: Final = 3
 """Incremented when the computation of facts, meshes or densities changes within one version of this program."""

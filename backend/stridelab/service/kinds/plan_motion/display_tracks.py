@@ -11,7 +11,7 @@ from jaxtyping import Float, Int
 
 from stridelab.conventions import Points, Series
 from stridelab.dynamics.spatial import Placement
-from stridelab.robots.loader import with_contact_frames
+from stridelab.robots.contact_frames import with_contact_frames
 from stridelab.robots.robot import Robot
 from stridelab.robots.visuals import link_poses
 from stridelab.service.kinds.base import ArtifactFile

@@ -19,7 +19,8 @@ from stridelab.reachability.learning.kde import KernelDensity
 from stridelab.reachability.proxy.level_sets import LevelSet, level_sets
 from stridelab.reachability.proxy.projections import PLOT_AXES, grid_around, project_kernels, project_mixture
 from stridelab.reachability.store import load_card, load_cloud, require_same_robot
-from stridelab.robots.loader import load_robot, with_contact_frames
+from stridelab.robots.contact_frames import with_contact_frames
+from stridelab.robots.loader import load_robot
 from stridelab.robots.robot import Robot
 from stridelab.schemas.base import Contract
 from stridelab.schemas.reachability import Axis, EffectorReach, LevelSurface, Projection, RobotReachability
