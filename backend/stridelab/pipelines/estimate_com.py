@@ -11,6 +11,8 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Final
 
+import numpy as np
+
 from stridelab.errors import Fault, InvalidInput, NotEstimable
 from stridelab.estimation.complementary.filter import ComplementaryFilter
 from stridelab.estimation.estimator import ComEstimate, ComEstimator
@@ -91,6 +93,7 @@ def estimate_com(task: EstimateComTask, folder: Path, progress: ProgressCallback
         latency_vertical_s=latency.trial_estimate.vertical.lag_s if latency.trial_estimate else None,
         rms_force_residual_n=force_residual_n(estimate, wrench, mass.mass_kg).tolist() if windows else [],
         bias_m=bias_m(estimate, geometric).tolist(),
+        sd_m=np.median(estimate.sd_m, axis=0).tolist(),
         observability=asdict(summarise_observability(estimate)) if windows else {},
         diagnostics={name: value for name, value in estimate.diagnostics.items() if math.isfinite(value)},
         quality=quality_schema(quality),

@@ -199,6 +199,9 @@ class EstimateComSummary(Contract):
     latency_vertical_s: float | None = Field(default=None, description="latency from the vertical accelerations alone")
     rms_force_residual_n: list[float]
     bias_m: list[float]
+    sd_m: list[float] = Field(
+        default_factory=list, description="standard deviation of the position, x, y, z: median over the window"
+    )
     observability: dict[str, Any]
     diagnostics: dict[str, float] = Field(
         default_factory=dict, description="diagnostic values of the estimator; names end in the unit"

@@ -15,7 +15,7 @@ from stridelab_web.pages.render import render_page
 from stridelab_web.pages.results import comparison, cycloid, population, reachability, receding, sweep
 from stridelab_web.pages.results.com_plots import COM_TABLE, com_curves
 from stridelab_web.pages.results.quality import shown_quality
-from stridelab_web.pages.results.summary_facts import facts_of, sentences_of
+from stridelab_web.pages.results.summary_facts import facts_of, headline_of, main_and_other_facts, sentences_of
 from stridelab_web.parquet import read_columns
 from stridelab_web.scene.result_files import SCENARIO, SCENE_TABLES
 
@@ -45,7 +45,7 @@ async def job_page(request: Request) -> Response:
     receding_values = None
     if result is not None and job.kind == receding.KIND:
         receding_values = await receding.receding_of(client, job.id, result)
-    facts = facts_of(result) if result else []
+    facts, other_facts = main_and_other_facts(result, facts_of(result)) if result else ([], [])
     present = {item.name for item in result.artifacts} if result is not None else set()
     curves = COM_TABLE in present and cycloid_values is None
     plots = (
@@ -62,6 +62,8 @@ async def job_page(request: Request) -> Response:
         result=result,
         quality=shown_quality(result.summary) if result else None,
         facts=reachability.facts_beside_table(facts) if learned_values else facts,
+        other_facts=other_facts,
+        headline=headline_of(result) if result else None,
         sentences=sentences_of(result) if result else [],
         recording=recording,
         plots=plots,

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
 from stridelab.schemas.jobs import JobResult
 from stridelab_web.formatting import code_words, count_text
@@ -83,10 +83,32 @@ _IN_THOUSANDTHS = {
     "bias_m": "mm",
 }
 _COUNTS = {"diagnostics.samples_used"}
-_ELSEWHERE = {"warnings", "quality", "recording_id", "observability.sentence"} | {
+_ELSEWHERE = {"warnings", "quality", "recording_id", "sd_m", "observability.sentence"} | {
     f"session.{name}" for name in ("session_id", "latency_s", "latency_sd_s", "latency_n_trials", "static_recording_id")
 }
 MAX_LIST_LENGTH = 6
+
+
+_MAIN_FACTS: Final = frozenset({"window_s", "method", "mass_kg", "latency_applied_s", "bias_m", "rms_force_residual_n"})
+"""Values of ``estimate-com`` that stay visible; the others are folded."""
+_QUANTILE_95: Final = 1.96
+
+
+def main_and_other_facts(result: JobResult, facts: Sequence[Fact]) -> tuple[list[Fact], list[Fact]]:
+    """The values that a result shows at once, and those behind a fold: all are shown at once unless it has a band."""
+    if not result.summary.get("sd_m"):
+        return list(facts), []
+    main = [fact for fact in facts if fact.key in _MAIN_FACTS]
+    return main, [fact for fact in facts if fact.key not in _MAIN_FACTS]
+
+
+def headline_of(result: JobResult) -> str | None:
+    """How well the centre of mass is known, as one sentence; None for results without a band."""
+    sd_m = result.summary.get("sd_m")
+    if not sd_m:
+        return None
+    x, y, z = (f"{1000 * _QUANTILE_95 * value:.0f} mm" for value in sd_m)
+    return f"Centre of mass known to ±{x} along x, ±{y} along y and ±{z} in height (95 %)."
 
 
 def sentences_of(result: JobResult) -> list[str]:

@@ -11,7 +11,7 @@ from stridelab.schemas.base import FaultItem, Problem
 from stridelab.schemas.jobs import EstimateComInput, JobResult, Progress
 from stridelab.schemas.methods import METHODS
 from stridelab.schemas.recordings import EstimateOffer, TrialClock
-from stridelab_web.pages.results.summary_facts import sentences_of
+from stridelab_web.pages.results.summary_facts import facts_of, headline_of, main_and_other_facts, sentences_of
 from support.fakes.service import FakeService
 from support.fakes.web_app import make_client
 
@@ -110,6 +110,19 @@ def test_the_sentence_on_the_clocks_says_whose_latency_it_is() -> None:
     result = JobResult(kind="estimate-com", input={}, versions={}, references=[], summary=summary, artifacts=[])
     said = "The force comes 18.1 ± 0.6 ms later than the markers, as 12 trials of its session say; this was corrected."
     assert sentences_of(result) == [said]
+
+
+def test_a_result_with_a_band_starts_with_how_well_the_position_is_known() -> None:
+    def result(**summary: Any) -> JobResult:
+        return JobResult(kind="estimate-com", input={}, versions={}, references=[], summary=summary, artifacts=[])
+
+    known = result(sd_m=[0.00255, 0.0015, 0.02], mass_kg=60.0, rate_hz=100.0)
+    assert headline_of(known) == "Centre of mass known to ±5 mm along x, ±3 mm along y and ±39 mm in height (95 %)."
+    shown, folded = main_and_other_facts(known, facts_of(known))
+    assert ([fact.key for fact in shown], [fact.key for fact in folded]) == (["mass_kg"], ["rate_hz"])
+    older = result(mass_kg=60.0, rate_hz=100.0)
+    assert headline_of(older) is None
+    assert main_and_other_facts(older, facts_of(older)) == (facts_of(older), [])
 
 
 def test_a_recording_links_the_other_trials_of_its_session(fake: FakeService, browse: Browse) -> None:
