@@ -156,7 +156,7 @@ def test_a_robot_whose_data_package_is_missing_is_unavailable(
 def test_names_and_cards_are_had_without_a_rigid_body_library() -> None:
     program = (
         "import sys; from stridelab.robots.loader import robot_names; from stridelab.robots.card import robot_card;"
-        "from stridelab.robots.loader import data_files; data_files(robot_card(robot_names()[0]));"
+        "from stridelab.robots.data_files import data_files; data_files(robot_card(robot_names()[0]));"
         "print({'pinocchio', 'example_robot_data', 'trimesh'} & set(sys.modules))"
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)

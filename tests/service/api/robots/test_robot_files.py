@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from stridelab.robots import card, loader
+from stridelab.robots import card, data_files
 from stridelab.service.api.robots import source_hash
 from stridelab.service.api.robots.children import RobotChildren
 from stridelab.service.api.robots.source_hash import source_sha256
@@ -46,11 +46,11 @@ def test_the_hash_names_all_that_the_files_are_made_from(tmp_path: Path, monkeyp
     models = tmp_path / "models"
     shutil.copytree(card.models_dir() / "robots", models / "robots")
     shutil.copytree(card.models_dir() / "reachability" / "hrp2", models / "reachability" / "hrp2")
-    for module in (card, loader, source_hash):
+    for module in (card, data_files, source_hash):
         monkeypatch.setattr(module, "models_dir", lambda: models)
     first = source_sha256("hrp2")
     assert first == source_sha256("hrp2")
-    mesh = source_hash._mesh_files(loader.data_files(card.robot_card("hrp2")))
+    mesh = source_hash._mesh_files(data_files.data_files(card.robot_card("hrp2")))
     changed = [next(models.rglob("hrp2*.urdf")), models / "robots" / "hrp2.toml", *mesh]
     changed += list((models / "reachability" / "hrp2").iterdir())
     for path in changed:
