@@ -1,10 +1,8 @@
 """Reading of a stored file: recording, marker set, measured windows and body mass.
 
-Shared by the parsing of uploads and the estimation, so that both use the same facts.
-
-Static trial of a recording, given by the user or selected from the session: reading and landmark assignment.
-
-An unusable static trial raises an error if the user gave it, and adds a remark if it was selected from the session.
+Shared by the parsing of uploads and the estimation, so that both use the same facts. Also the static trial of a
+recording, given by the user or selected from the session: reading and landmark assignment. An unusable static trial
+raises an error if the user gave it, and adds a remark if it was selected from the session.
 """
 
 from collections.abc import Mapping
@@ -15,13 +13,15 @@ from typing import Final
 from stridelab.body.segment_model import SegmentModel
 from stridelab.conventions import Points
 from stridelab.errors import Fault, InvalidInput, StridelabError
+from stridelab.estimation.latency import estimate_latency
 from stridelab.recordings.body_mass import MassEstimate, VerticalMotion, best_mass, vertical_motion, weigh
 from stridelab.recordings.force_windows import find_windows
 from stridelab.recordings.marker_sets import MarkerSetMatch, identify
 from stridelab.recordings.reader import read_recording
 from stridelab.recordings.recording import PlateSwitches, Recording, Remark, Subject, Window
 from stridelab.recordings.static_pose import SAME_BODY_M, body_difference, stands_still
-from stridelab.schemas.recordings import PlateSwitch, SubjectFields
+from stridelab.recordings.total_wrench import wrench_track
+from stridelab.schemas.recordings import PlateSwitch, SubjectFields, TrialClock
 from stridelab.schemas.tasks import EstimateComTask, RecordingSource
 
 
@@ -234,3 +234,24 @@ def _selected_from_session(task: EstimateComTask) -> bool:
 
 def _not_used_remark(source: RecordingSource, why: str) -> Remark:
     return Remark("static-not-used", f"{source.filename} of the same session is motionless, but is not used: {why}.")
+
+
+def clock_of(trial: Trial) -> TrialClock | None:
+    """Latency of the force in this trial; None if it cannot be estimated.
+
+    Uses the mass in the file, else the mass from the plates, but no value given by the user. Errors return None, so
+    that they do not prevent an upload.
+    """
+    recording, mass_kg = trial.recording, trial.recording.subject.mass_kg or trial.force_mass_kg
+    if trial.match.name is None or not trial.windows or mass_kg is None:
+        return None
+    in_file = recording.subject
+    subject = Subject(in_file.height_m, mass_kg, in_file.sex, in_file.age_years)
+    try:
+        geometric = SegmentModel().com(recording, trial.match.landmarks, subject=subject)
+        latency = estimate_latency(
+            geometric, lambda latency_s: wrench_track(recording, trial.windows, latency_s=latency_s), mass_kg
+        )
+    except (StridelabError, ArithmeticError, ValueError):
+        return None
+    return TrialClock(latency_s=latency.latency_s, sd_s=latency.sd_s)

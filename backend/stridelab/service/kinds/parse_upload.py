@@ -9,8 +9,7 @@ from pathlib import Path
 
 from stridelab.conventions import Mask, Series
 from stridelab.pipelines.progress import ProgressCallback
-from stridelab.pipelines.session_values import clock_of, force_mass_of
-from stridelab.pipelines.trial import Trial, examine_trial, subject_fields
+from stridelab.pipelines.trial import Trial, clock_of, examine_trial, subject_fields
 from stridelab.recordings.foot_on_plate import centre_of_pressure_m
 from stridelab.recordings.plate_contacts import loaded_intervals
 from stridelab.recordings.recording import Plate, Recording, Window
@@ -45,7 +44,7 @@ def recording_facts(trial: Trial) -> RecordingFacts:
     """The facts of the contract; ``windows_s`` are the intervals in which all contact force is measured."""
     recording, match = trial.recording, trial.match
     direction = recording.walking_direction
-    weight = force_mass_of(trial)
+    weight = trial.force_mass
     return RecordingFacts(
         duration_s=recording.duration_s,
         n_frames=recording.n_frames,
