@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 from stridelab.cli.app import app
 from stridelab.cli.sweep import SweepRequest, parse_ranges
 from stridelab.errors import InvalidInput
-from stridelab.service.kinds import sweep
+from stridelab.service.kinds.sweep import run as sweep
 from support.robots.plan_runs import short_walk
 
 

@@ -58,7 +58,7 @@ def compare_methods(
 
 def compare_here(request: EstimateRequest, folder: Path, truth: Path | None) -> JobResult:
     """Run the job's own function in this process."""
-    from stridelab.service.kinds import compare_estimators
+    from stridelab.service.kinds.compare_estimators import run as compare_estimators
 
     input_ = request.to_input(request.file.name, CompareEstimatorsInput)
     with progress_bar(request.file.name) as bar, staged_files(request, folder) as (recording, static):

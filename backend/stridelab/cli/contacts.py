@@ -69,7 +69,7 @@ def plan_here(input_: PlanContactsInput, title: str, folder: Path) -> JobResult:
     """Run the job's own function in this process."""
     with progress_bar(title) as bar:
         bar(0.0, "starting")
-        from stridelab.service.kinds import plan_contacts as kind
+        from stridelab.service.kinds.plan_contacts import run as kind
 
         outcome = kind.run(PlanContactsTask(input=input_), folder, bar)
     return write_result(folder, "plan-contacts", input_, outcome)

@@ -52,7 +52,7 @@ def _estimate_walk(target: Path, *, force: bool) -> None:
         result = estimate_here(EstimateRequest(Walk(source / "recording.c3d")), folder)
         for name in ("truth.parquet", "truth.csv"):
             shutil.copyfile(source / name, folder / name)
-        from stridelab.service.kinds.simulate_recording.truth_table import com_errors_mm
+        from stridelab.simulation.truth_table import com_errors_mm
 
         errors = com_errors_mm(folder / "com.parquet", folder / "truth.parquet")
     show_estimate(result, target, as_json=False)

@@ -49,7 +49,7 @@ def learn_here(input_: LearnReachabilityInput, folder: Path) -> JobResult:
     """Run the job's own function in this process, with its worker processes."""
     with progress_bar(input_.robot) as bar:
         bar(0.0, "starting")
-        from stridelab.service.kinds import learn_reachability as kind
+        from stridelab.service.kinds.learn_reachability import run as kind
 
         outcome = kind.run(LearnReachabilityTask(input=input_), folder, bar)
     return write_result(folder, "learn-reachability", input_, outcome)

@@ -87,7 +87,7 @@ def reproduce_here(input_: ReproduceInput, folder: Path) -> JobResult:
     """Run the job's own function in this process."""
     with progress_bar(input_.item) as bar:
         bar(0.0, "starting")
-        from stridelab.service.kinds import reproduce as kind
+        from stridelab.service.kinds.reproduce import run as kind
 
         outcome = kind.run(ReproduceTask(input=input_), folder, bar)
     return write_result(folder, "reproduce", input_, outcome)

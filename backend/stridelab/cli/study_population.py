@@ -195,7 +195,7 @@ def request_of(given: StudyFiles, ids: Mapping[int, str], options: Mapping[str, 
 def _stage_member(
     given: StudyFiles, one: MatchedFile, recording_id: str, request: StudyPopulationInput, work: Path
 ) -> Any:
-    from stridelab.service.kinds.study_population.staging import population_member
+    from stridelab.service.kinds.study_population.kind import population_member
 
     (work / recording_id).mkdir()
     filename, path = given.files[one.index]

@@ -94,7 +94,7 @@ def sweep_here(request: SweepRequest, title: str, folder: Path) -> JobResult:
     task = SweepTask(scenario=scenario, input=request.to_input(scenario))
     with progress_bar(title) as bar:
         bar(0.0, "starting")
-        from stridelab.service.kinds import sweep as kind
+        from stridelab.service.kinds.sweep import run as kind
 
         outcome = kind.run(task, folder, bar, request.processes)
     return write_result(folder, "sweep", task.input, outcome)

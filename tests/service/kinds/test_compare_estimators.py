@@ -10,10 +10,10 @@ from stridelab.errors import InvalidInput, UnreadableFile
 from stridelab.schemas.comparison import CompareEstimatorsInput, CompareEstimatorsSummary
 from stridelab.schemas.methods import METHODS
 from stridelab.schemas.tasks import CompareEstimatorsTask
-from stridelab.service.kinds import compare_estimators
+from stridelab.service.kinds.compare_estimators import run as compare_estimators
 from stridelab.service.kinds.estimate_com import run as estimate_com
 from stridelab.service.kinds.result_tables import known_references, read_metadata
-from stridelab.service.kinds.simulate_recording.truth_table import com_errors_mm, known_motion
+from stridelab.simulation.truth_table import com_errors_mm, known_motion
 from support.command_line import SAMPLE, Told, estimate_task, quiet
 
 TRIAL, TRUTH = SAMPLE / "recording.c3d", SAMPLE / "truth.parquet"

@@ -23,7 +23,7 @@ from stridelab.reachability import store
 from stridelab.reachability.learning.fit import learn_densities
 from stridelab.robots.loader import load_robot
 from stridelab.schemas.plans import LearnReachabilitySummary
-from stridelab.service.kinds.learn_reachability import run_in_child
+from stridelab.service.kinds.learn_reachability.run import run_in_child
 from stridelab.service.kinds.registry import KINDS
 from stridelab.service.kinds.result_tables import known_references, read_metadata
 from stridelab.service.processes.pool import IsolatedOutcome, IsolatedPool

@@ -10,7 +10,7 @@ from stridelab.contacts.validation.validate import validate_scenario
 from stridelab.errors import InvalidInput, NotEstimable, NotFound
 from stridelab.schemas.plans import PlanContactsSummary, PlanMotionInput
 from stridelab.schemas.scenarios import Scenario
-from stridelab.service.kinds.plan_contacts import run_in_child
+from stridelab.service.kinds.plan_contacts.run import run_in_child
 from stridelab.service.kinds.registry import KINDS
 from support.command_line import quiet
 from support.robots.contact_terrains import box, feet, planks, task

@@ -11,7 +11,7 @@ from stridelab.errors import InvalidInput
 from stridelab.schemas.jobs import JobResult
 from stridelab.schemas.reproduction import ReproduceInput, ReproduceSummary
 from stridelab.schemas.tasks import ReproduceTask
-from stridelab.service.kinds import reproduce as kind
+from stridelab.service.kinds.reproduce import run as kind
 from stridelab.service.kinds.result_tables import known_references
 from support.command_line import Told
 

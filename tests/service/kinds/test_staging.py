@@ -26,8 +26,10 @@ from stridelab.schemas.tasks import (
     PlanRecedingTask,
     SimulateRecordingTask,
 )
-from stridelab.service.api.scenarios.examples import ONE_STEP, STANDING, STANDING_AHEAD
 from stridelab.service.kinds import staging
+from stridelab.service.kinds.registry import KINDS
+from stridelab.service.kinds.simulate_recording.kind import FACTS_FILE, publish
+from stridelab.service.samples.scenario_bodies import ONE_STEP, STANDING, STANDING_AHEAD
 from stridelab.service.storage.blobs import BlobStore
 from stridelab.service.storage.tables import job, recording, scenario, subject
 from support.robots.plan_runs import short_walk
@@ -134,21 +136,21 @@ def test_a_simulation_becomes_a_recording_once_however_often_it_is_tried(
 ) -> None:
     (folder / "recording.c3d").write_bytes(b"c3d")
     (folder / "tracks.parquet").write_bytes(b"tracks")
-    (folder / staging.FACTS_FILE).write_text(FACTS.model_dump_json())
+    (folder / FACTS_FILE).write_text(FACTS.model_dump_json())
     asked = SimulateRecordingInput(seed=7)
     outcome = {"summary": {"speed_m_s": 1.2, "n_steps": 4}, "references": [], "artifacts": []}
     job_row = {"id": "j1", "owner": "lab", "input": asked.model_dump(mode="json")}
 
     async def lost(connection: AsyncConnection) -> None:
         await connection.execute(insert(job).values(id="j1", kind="simulate-recording", input={}, input_hash="h"))
-        await staging.publish_simulated_recording(connection, blobs, job_row, outcome, folder)
+        await publish(connection, blobs, job_row, outcome, folder)
         raise ConnectionError("the worker died before the commit")
 
     async def act(connection: AsyncConnection) -> Any:
         staged = await staging.stage_input(connection, blobs, asked, folder)
         assert SimulateRecordingTask.model_validate(staged).input == asked
         await connection.execute(insert(job).values(id="j1", kind="simulate-recording", input={}, input_hash="h"))
-        summary = await staging.publish_simulated_recording(connection, blobs, job_row, outcome, folder)
+        summary = await publish(connection, blobs, job_row, outcome, folder)
         stored = (await connection.execute(select(recording))).mappings().all()
         for key in ("blob_key", "tracks_key"):
             await blobs.get_file(stored[0][key], tmp_path / key)
@@ -182,7 +184,7 @@ def test_a_comparison_gets_the_truth_of_a_recording_that_has_one(
         await blobs.put_file("results/j1/1/truth.parquet", tmp_path / "truth")
         await store_recording(connection, blobs, tmp_path / "a", "walk", truth_job_id="j1" if known else None)
         asked = CompareEstimatorsInput(recording_id="walk", latency="apply")
-        return await staging.stage_compare_estimators(connection, blobs, asked, folder)
+        return await KINDS["compare-estimators"].stage(connection, blobs, asked, folder)
 
     task = CompareEstimatorsTask.model_validate(within(database_url, act))
     assert task.input.latency == "apply"
@@ -210,7 +212,7 @@ def test_the_wheel_s_fit_gets_the_recording_and_its_own_options(
 def test_a_stored_scenario_becomes_part_of_the_task(database_url: str, blobs: BlobStore, folder: Path) -> None:
     async def act(connection: AsyncConnection) -> Any:
         await connection.execute(insert(scenario).values(id="s1", body=short_walk().model_dump(mode="json")))
-        return await staging.stage_plan_motion(
+        return await KINDS["plan-motion"].stage(
             connection, blobs, PlanMotionInput(scenario_id="s1", replay=True), folder
         )
 
@@ -221,14 +223,14 @@ def test_a_stored_scenario_becomes_part_of_the_task(database_url: str, blobs: Bl
 
 def test_a_scenario_in_the_input_needs_no_row(database_url: str, blobs: BlobStore, folder: Path) -> None:
     async def act(connection: AsyncConnection) -> Any:
-        return await staging.stage_plan_motion(connection, blobs, PlanMotionInput(scenario=short_walk()), folder)
+        return await KINDS["plan-motion"].stage(connection, blobs, PlanMotionInput(scenario=short_walk()), folder)
 
     assert PlanMotionTask.model_validate(within(database_url, act)).scenario == short_walk()
 
 
 def test_a_scenario_deleted_meanwhile_is_named(database_url: str, blobs: BlobStore, folder: Path) -> None:
     async def act(connection: AsyncConnection) -> Any:
-        return await staging.stage_plan_motion(connection, blobs, PlanMotionInput(scenario_id="gone"), folder)
+        return await KINDS["plan-motion"].stage(connection, blobs, PlanMotionInput(scenario_id="gone"), folder)
 
     with pytest.raises(NotFound) as refusal:
         within(database_url, act)
@@ -238,7 +240,7 @@ def test_a_scenario_deleted_meanwhile_is_named(database_url: str, blobs: BlobSto
 
 def test_a_receding_horizon_takes_the_scenario_as_it_is_now(database_url: str, blobs: BlobStore, folder: Path) -> None:
     async def act(connection: AsyncConnection) -> Any:
-        return await staging.stage_plan_receding(connection, blobs, PlanRecedingInput(scenario=short_walk()), folder)
+        return await KINDS["plan-receding"].stage(connection, blobs, PlanRecedingInput(scenario=short_walk()), folder)
 
     assert PlanRecedingTask.model_validate(within(database_url, act)).scenario == short_walk()
 

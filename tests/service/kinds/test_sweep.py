@@ -14,9 +14,9 @@ from stridelab.pipelines import plan_problem
 from stridelab.schemas.scenarios import Scenario
 from stridelab.schemas.sweeps import MAX_POINTS, SweepInput, SweepSummary
 from stridelab.schemas.tasks import SweepTask
-from stridelab.service.kinds import sweep
 from stridelab.service.kinds.registry import KINDS
-from stridelab.service.kinds.sweep import plan_chunk, sweep_axes
+from stridelab.service.kinds.sweep import run as sweep
+from stridelab.service.kinds.sweep.run import plan_chunk, sweep_axes
 from support.command_line import Told
 from support.robots.plan_runs import changed, short_walk
 

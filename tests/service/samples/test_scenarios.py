@@ -10,8 +10,8 @@ from sqlalchemy import insert, select, update
 from sqlalchemy.ext.asyncio import AsyncEngine
 
 from stridelab.service.api.app import create_app
-from stridelab.service.api.scenarios.examples import ONE_STEP
 from stridelab.service.samples import scenarios
+from stridelab.service.samples.scenario_bodies import ONE_STEP
 from stridelab.service.settings import Settings
 from stridelab.service.storage.tables import scenario
 from support.service.database import within

@@ -28,9 +28,9 @@ from stridelab.contacts.validation import validate  # noqa: F401 (imported befor
 from stridelab.errors import StridelabError
 from stridelab.recordings.reader import read_recording
 from stridelab.schemas.scenarios import Scenario
-from stridelab.service.api.scenarios.examples import ONE_STEP
 from stridelab.service.api.scenarios.validation import validate_sync
 from stridelab.service.api.strict_json import JSON_LIMIT_BYTES, parse_json
+from stridelab.service.samples.scenario_bodies import ONE_STEP
 from support.recordings.c3d_files import small_trial
 
 TIMEOUT_S: Final = 10.0

@@ -7,7 +7,7 @@ from sqlalchemy import insert
 
 from stridelab.schemas.scenarios import Scenario
 from stridelab.service.api.dependencies import Parts
-from stridelab.service.api.scenarios.examples import ONE_STEP
+from stridelab.service.samples.scenario_bodies import ONE_STEP
 from stridelab.service.samples.scenarios import new_id
 from stridelab.service.storage.tables import scenario
 

@@ -23,6 +23,8 @@ def kind(name: str, function: str, **limits: Any) -> JobKind:
     """A kind whose computation may note outside of its folder what it did, for the test to read."""
     return JobKind(
         name=name,
+        title=name,
+        description="For tests.",
         input_model=AnyInput,
         summary_model=AnyInput,
         run=f"support.service.computations:{function}",

@@ -4,8 +4,8 @@ import json
 import sys
 from pathlib import Path
 
-from stridelab.service.api.scenarios.examples import IN_THE_AIR, ONE_STEP, STANDING
 from stridelab.service.samples import scenarios
+from stridelab.service.samples.scenario_bodies import IN_THE_AIR, ONE_STEP, STANDING
 from support.service.web_server import served
 
 HEAVY = {"pinocchio", "coal", "casadi", "sklearn", "skimage", "mujoco", "daqp", "trimesh", "ezc3d"}

@@ -10,7 +10,7 @@ from sqlalchemy.ext.asyncio import AsyncConnection, AsyncEngine
 from stridelab.schemas.jobs import FINAL_STATES
 from stridelab.service.auth import audit
 from stridelab.service.jobs.queue_consumer import QueueConsumer
-from stridelab.service.kinds import batch_staging
+from stridelab.service.kinds.read_batch import kind as read_batch
 from stridelab.service.samples.recording import SHIPPED_JOBS
 from stridelab.service.settings import Settings
 from stridelab.service.storage import content_addressed, locks
@@ -71,14 +71,14 @@ async def remove_orphans(connection: AsyncConnection, blobs: BlobStore, age: tim
     prefix; the key of a recording's file is locked (``lock_blob``).
     """
     results = await _old_prefixes(blobs, "results", 3, age)
-    batches = await _old_prefixes(blobs, batch_staging.BATCH_FOLDER, 2, age)
+    batches = await _old_prefixes(blobs, read_batch.BATCH_FOLDER, 2, age)
     recordings = await _old_prefixes(blobs, "recordings", 3, age)  # full keys: tracks of a recording may be replaced
     # rows are read after the files, so that rows written in between are included
     rows = (await connection.execute(select(job.c.id, job.c.attempt, job.c.state, job.c.blob_prefix))).all()
     referred = {row.blob_prefix for row in rows}
     referred |= {f"results/{row.id}/{row.attempt}" for row in rows if row.state == "running"}
-    unread = select(job.c.input).where(job.c.kind == batch_staging.READ_BATCH_KIND, job.c.state.not_in(FINAL_STATES))
-    referred |= {batch_staging.batch_prefix(job_input) for job_input in (await connection.execute(unread)).scalars()}
+    unread = select(job.c.input).where(job.c.kind == read_batch.READ_BATCH_KIND, job.c.state.not_in(FINAL_STATES))
+    referred |= {read_batch.batch_prefix(job_input) for job_input in (await connection.execute(unread)).scalars()}
     files = (await connection.execute(select(recording.c.blob_key, recording.c.tracks_key))).all()
     await connection.rollback()
     prefixes, keys = sorted((results | batches) - referred), sorted(recordings - {key for row in files for key in row})

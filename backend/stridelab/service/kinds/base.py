@@ -5,7 +5,7 @@ fenced transaction that makes the result visible). The command line uses the sam
 """
 
 from collections.abc import Awaitable, Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal, Protocol, runtime_checkable
 
@@ -93,18 +93,23 @@ the job row is set to succeeded; ``folder`` still contains the artifacts; a retu
 class JobKind:
     """One kind of job.
 
-    ``run`` is an import path ``"module:function"``, called in a child process as ``f(task, folder, progress)``; it
-    returns ``Outcome.to_json()`` and writes its files to ``folder``. Limits of ``None`` are those of the settings.
-    A kind that is not ``offered`` has no API call of its own; another call submits it. ``own_files`` maps a job's input
-    to the key prefix of files that only this job needs: they are removed when it has ended. ``sandbox`` restricts the
-    child; None, for a kind that reads no uploaded files, is unrestricted.
+    ``title`` is its name for people, ``description`` the sentences of the HTTP documentation, and ``examples`` are
+    requests by name, as ``{"summary": ..., "value": ...}`` of OpenAPI. ``run`` is an import path ``"module:function"``,
+    called in a child process as ``f(task, folder, progress)``; it returns ``Outcome.to_json()`` and writes its files to
+    ``folder``. Limits of ``None`` are those of the settings. A kind that is not ``offered`` has no API call of its own;
+    another call submits it. ``own_files`` maps a job's input to the key prefix of files that only this job needs: they
+    are removed when it has ended. ``sandbox`` restricts the child; None, for a kind that reads no uploaded files, is
+    unrestricted.
     """
 
     name: str
+    title: str
+    description: str
     input_model: type[Contract]
     summary_model: type[Contract]
     run: str
     stage: Stage
+    examples: Mapping[str, Any] = field(default_factory=dict)
     publish: Publish | None = None
     timeout_s: float | None = None
     memory_mb: int | None = None

@@ -16,7 +16,7 @@ from sqlalchemy.ext.asyncio import AsyncConnection, AsyncEngine
 from stridelab.resources import models_dir
 from stridelab.service.jobs.store import input_hash
 from stridelab.service.kinds.base import Blobs, Json
-from stridelab.service.kinds.staging import RECORDING_FILE
+from stridelab.service.kinds.simulate_recording.kind import RECORDING_FILE
 from stridelab.service.storage import locks
 from stridelab.service.storage.tables import job, recording
 

@@ -7,8 +7,8 @@ import zipfile
 import httpx
 import pytest
 
-from stridelab.service.api.scenarios.examples import ONE_STEP, STANDING, STANDING_AHEAD
 from stridelab.service.samples import scenarios
+from stridelab.service.samples.scenario_bodies import ONE_STEP, STANDING, STANDING_AHEAD
 from support.robots.scenario_bodies import add_scenario, one_step, with_contact
 from support.service.answers import places, refusal
 from support.service.stored_rows import start_job, succeed

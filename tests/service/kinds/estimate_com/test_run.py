@@ -16,7 +16,7 @@ from stridelab.schemas.recordings import PlateSwitch, SubjectFields
 from stridelab.schemas.tasks import RecordingSource
 from stridelab.service.kinds.estimate_com import run as estimate_com
 from stridelab.service.kinds.result_tables import known_references, read_metadata
-from stridelab.service.kinds.simulate_recording.truth_table import com_errors_mm
+from stridelab.simulation.truth_table import com_errors_mm
 from support.command_line import SAMPLE, Told, estimate_task, quiet
 
 TRIAL = SAMPLE / "recording.c3d"

@@ -22,7 +22,7 @@ from stridelab.schemas.recordings import RecordingFacts
 from stridelab.schemas.tasks import RecordingSource, SimulateRecordingTask
 from stridelab.service.kinds.result_tables import known_references
 from stridelab.service.kinds.simulate_recording import run as simulate_recording
-from stridelab.service.kinds.staging import FACTS_FILE
+from stridelab.service.kinds.simulate_recording.kind import FACTS_FILE
 from support.command_line import Told, quiet
 
 WALK = SimulateRecordingInput(duration_s=2.0, height_m=1.8, mass_kg=75.0, sex="male", seed=3, lab="two_plates")

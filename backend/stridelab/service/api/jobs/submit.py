@@ -6,7 +6,7 @@ Inputs are validated beyond their schema before a job is accepted.
 import inspect
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated, Any, Final, NoReturn
+from typing import Annotated, Any, NoReturn
 
 import anyio
 import structlog
@@ -24,13 +24,10 @@ from stridelab.service.api.dependencies import AppParts, CallerOf, Parts, requir
 from stridelab.service.api.jobs.presentation import job_of
 from stridelab.service.api.openapi import failure_responses
 from stridelab.service.api.quotas import refuse_full
-from stridelab.service.api.scenarios.examples import ONE_STEP, STANDING, STANDING_AHEAD
 from stridelab.service.api.scenarios.validation import refuse_invalid
 from stridelab.service.kinds.base import JobKind
 from stridelab.service.kinds.registry import KINDS
-from stridelab.service.kinds.study_population.staging import require_recordings
-from stridelab.service.samples.recording import SAMPLE_ID
-from stridelab.service.samples.scenarios import EXAMPLE_ID
+from stridelab.service.kinds.study_population.kind import require_recordings
 
 
 @dataclass(frozen=True)
@@ -105,102 +102,6 @@ Key = Annotated[
     ),
 ]
 
-_EXAMPLES: Final[dict[str, Any]] = {
-    "estimate-com": {
-        "default": {
-            "summary": "Best estimator, everything automatic",
-            "value": {"recording_id": SAMPLE_ID},
-        },
-        "smoother": {
-            "summary": "Smoother for plates with a force error of 5 N, with the momentum of the body segments",
-            "value": {
-                "recording_id": SAMPLE_ID,
-                "method": "smoother",
-                "smoother": {"priors": {"plate_force_n": 5.0}, "segment_momentum": True},
-            },
-        },
-        "filter": {
-            "summary": "Complementary filter with custom cut-off frequencies, latency compensated",
-            "value": {
-                "recording_id": SAMPLE_ID,
-                "method": "complementary",
-                "latency": "apply",
-                "segment_table": "dumas2007",
-                "cutoffs": [0.5, 3.0],
-            },
-        },
-    },
-    "compare-estimators": {
-        "default": {
-            "summary": "All estimators, on a recording with known ground truth",
-            "value": {"recording_id": SAMPLE_ID, "latency": "apply"},
-        },
-    },
-    "fit-cycloid": {
-        "default": {"summary": "Rolling wheel of every measured step", "value": {"recording_id": SAMPLE_ID}},
-        "all": {
-            "summary": "Also steps off the plates, from the markers",
-            "value": {"recording_id": SAMPLE_ID, "steps": "all"},
-        },
-    },
-    "simulate-recording": {
-        "walk": {"summary": "Six seconds of walking", "value": {"duration_s": 6.0, "speed_m_s": 1.2, "seed": 1}},
-        "noisy": {
-            "summary": "A heavier, slower walker, noisy plates",
-            "value": {"speed_m_s": 0.8, "mass_kg": 82.0, "noise": {"force_n": 8.0, "marker_m": 0.002}, "seed": 7},
-        },
-        "talos": {"summary": "The humanoid TALOS, at its default speed", "value": {"robot": "talos", "seed": 1}},
-    },
-    "study-population": {
-        "one": {"summary": "One recording: means, and a warning", "value": {"recording_ids": [SAMPLE_ID]}},
-        "table": {
-            "summary": "With a subject table",
-            "value": {
-                "recording_ids": [SAMPLE_ID],
-                "subjects": [{"recording_id": SAMPLE_ID, "subject": "P01", "group": "adults", "height_m": 1.71}],
-            },
-        },
-    },
-    "plan-contacts": {
-        "walk": {
-            "summary": "Half a metre forward on a flat floor",
-            "value": {"robot": "talos", "terrain": ONE_STEP["terrain"], "start": STANDING, "goal": STANDING_AHEAD},
-        },
-    },
-    "plan-motion": {
-        "stored": {"summary": "Walk through a stored scenario", "value": {"scenario_id": EXAMPLE_ID}},
-        "own": {
-            "summary": "A scenario in the request, centroidal motion only",
-            "value": {"scenario": ONE_STEP, "whole_body": False},
-        },
-    },
-    "plan-receding": {
-        "pushed": {
-            "summary": "Pushed to the left after two seconds",
-            "value": {"scenario_id": EXAMPLE_ID, "pushes": [{"time_s": 2.0, "velocity_m_s": [0.0, 0.1, 0.0]}]},
-        },
-    },
-    "sweep": {
-        "strides": {
-            "summary": "Feasible stride length as a function of friction",
-            "value": {"scenario_id": EXAMPLE_ID, "vary": {"stride": [0.3, 0.9, 4], "friction": [0.2, 0.6, 3]}},
-        },
-    },
-    "reproduce": {
-        "bode": {"summary": "Gains of the three filters", "value": {"item": "fig-2.5"}},
-        "comparison": {
-            "summary": "Complementary filter against Kalman filter, with ten noise realisations",
-            "value": {"item": "fig-2.7", "seeds": 10},
-        },
-    },
-    "learn-reachability": {
-        "feet": {
-            "summary": "Both feet, from few samples",
-            "value": {"robot": "talos", "effectors": ["left_foot", "right_foot"], "samples": 2000, "seed": 1},
-        },
-    },
-}
-
 
 def add_kinds(router: APIRouter) -> None:
     """Add a route for every registered kind to ``router``, and one that rejects all other names."""
@@ -235,7 +136,7 @@ def _add_kind(router: APIRouter, kind: JobKind) -> None:
         response.headers["Location"] = f"/api/v1/jobs/{submitted.job_id}"
         return job_of(await parts.store.get(submitted.job_id))
 
-    body: Any = Annotated[kind.input_model, Body(openapi_examples=_EXAMPLES.get(kind.name))]
+    body: Any = Annotated[kind.input_model, Body(openapi_examples=dict(kind.examples))]
     signature = inspect.signature(submit)
     parameters = [p.replace(annotation=body) if p.name == "body" else p for p in signature.parameters.values()]
     submit.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]  # read by FastAPI
@@ -247,7 +148,7 @@ def _add_kind(router: APIRouter, kind: JobKind) -> None:
         response_model=Job,
         operation_id=f"submit_{kind.name.replace('-', '_')}",
         summary=f"Submit {kind.name}",
-        description=f"{inspect.cleandoc(kind.summary_model.__doc__ or '')} The job runs in a worker; the header "
+        description=f"{kind.title}. {kind.description} The job runs in a worker; the header "
         "`Location` of the response is its address.",
         responses=failure_responses(
             s404="The input names an unknown recording or scenario (`recording-not-found`, `scenario-not-found`).",

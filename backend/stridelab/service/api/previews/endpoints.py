@@ -7,9 +7,9 @@ from fastapi import APIRouter, Body
 from stridelab.schemas.previews import PlanPreview, PlanPreviewInput, Solvers
 from stridelab.service.api.dependencies import AppParts
 from stridelab.service.api.openapi import failure_responses
-from stridelab.service.api.scenarios.examples import ONE_STEP
 from stridelab.service.api.scenarios.repository import scenario_of, scenario_row
 from stridelab.service.api.strict_json import StrictRoute
+from stridelab.service.samples.scenario_bodies import ONE_STEP
 
 router = APIRouter(tags=["plans"], route_class=StrictRoute)
 

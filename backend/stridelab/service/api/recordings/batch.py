@@ -25,8 +25,8 @@ from stridelab.service.api.recordings.service import delete_recording, store_upl
 from stridelab.service.auth.callers import Caller
 from stridelab.service.filenames import child_output_file
 from stridelab.service.jobs.store import JobRecord
-from stridelab.service.kinds import batch_staging
-from stridelab.service.kinds.batch_staging import ParsedUpload
+from stridelab.service.kinds.read_batch import kind as read_batch
+from stridelab.service.kinds.read_batch.kind import ParsedUpload
 from stridelab.service.kinds.registry import PARSE_BATCH
 from stridelab.service.storage.tables import recording
 from stridelab.service.uploaded_row import file_sha256
@@ -143,14 +143,14 @@ async def _store_all(parts: Parts, upload: ParsedUpload, folder: Path, caller: C
 async def _submit_job(parts: Parts, task: ParseBatchTask, folder: Path, caller: Caller) -> JobRecord:
     """Store the received files and submit the job that reads them."""
     patient = task.model_copy(update={"timeout_s": JOB_TIMEOUT_FACTOR * task.timeout_s})
-    (folder / batch_staging.TASK_FILE).write_text(patient.model_dump_json(), encoding="utf-8")
-    names = [batch_staging.TASK_FILE, *(one.file for one in task.files), *([task.table] if task.table else [])]
+    (folder / read_batch.TASK_FILE).write_text(patient.model_dump_json(), encoding="utf-8")
+    names = [read_batch.TASK_FILE, *(one.file for one in task.files), *([task.table] if task.table else [])]
     request = {"batch_id": uuid.uuid4().hex, "files": names}
-    prefix = batch_staging.batch_prefix(request)
+    prefix = read_batch.batch_prefix(request)
     try:
         for name in names:
             await parts.blobs.put_file(f"{prefix}/{name}", folder / name)
-        submitted = await parts.store.submit(batch_staging.READ_BATCH_KIND, request, owner=caller.name)
+        submitted = await parts.store.submit(read_batch.READ_BATCH_KIND, request, owner=caller.name)
     except StridelabError:  # the job is certainly not stored; after other errors the janitor removes the files
         await parts.blobs.delete_prefix(prefix)
         raise

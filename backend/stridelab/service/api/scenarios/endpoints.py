@@ -12,7 +12,6 @@ from stridelab.service.api.dependencies import AppParts, CallerOf
 from stridelab.service.api.openapi import failure_responses
 from stridelab.service.api.pagination import Cursor, Limit
 from stridelab.service.api.scenarios.bodies import add_body_checks
-from stridelab.service.api.scenarios.examples import IN_THE_AIR, ONE_STEP
 from stridelab.service.api.scenarios.repository import (
     check_if_match,
     lock_changeable_row,
@@ -24,6 +23,7 @@ from stridelab.service.api.scenarios.validation import refuse_invalid, validate_
 from stridelab.service.api.strict_json import StrictRoute
 from stridelab.service.auth import audit
 from stridelab.service.auth.callers import Caller, require_owner
+from stridelab.service.samples.scenario_bodies import IN_THE_AIR, ONE_STEP
 from stridelab.service.samples.scenarios import new_id
 from stridelab.service.storage.tables import scenario
 

@@ -16,8 +16,7 @@ from stridelab.schemas.tasks import RecordingSource, SimulateRecordingTask
 from stridelab.service.kinds.base import ArtifactFile, Json, Outcome
 from stridelab.service.kinds.parse_upload import recording_facts, write_tracks
 from stridelab.service.kinds.result_tables import C3D, write_atomically, write_table
-from stridelab.service.kinds.simulate_recording.truth_table import truth_columns
-from stridelab.service.kinds.staging import FACTS_FILE, RECORDING_FILE, TRACKS_FILE
+from stridelab.service.kinds.simulate_recording.kind import FACTS_FILE, RECORDING_FILE, TRACKS_FILE
 from stridelab.simulation.human.walker import HumanWalker
 from stridelab.simulation.human_recording import SimulatedRecording, record
 from stridelab.simulation.noise import MeasurementNoise
@@ -26,6 +25,7 @@ from stridelab.simulation.robot.runner import running_at
 from stridelab.simulation.robot.runner import simulate_run as run_talos
 from stridelab.simulation.robot.walker import simulate_walk as walk_talos
 from stridelab.simulation.robot_recording import record_robot
+from stridelab.simulation.truth_table import truth_columns
 
 Keys = tuple[str, ...]
 """Citation keys."""

@@ -36,7 +36,7 @@ from stridelab.schemas.methods import METHODS
 from stridelab.schemas.tasks import CompareEstimatorsTask
 from stridelab.service.kinds.base import ArtifactFile, Json, Outcome
 from stridelab.service.kinds.result_tables import write_table
-from stridelab.service.kinds.simulate_recording.truth_table import known_motion
+from stridelab.simulation.truth_table import known_motion
 
 THESIS_ESTIMATORS: Final = ("complementary", "kalman")
 """Estimators that are also compared with the settings of the thesis, as ``<name>-thesis``."""

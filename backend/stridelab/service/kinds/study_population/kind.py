@@ -1,4 +1,4 @@
-"""Stages ``study-population``: fetches the files of all recordings and refuses duplicates."""
+"""The job kind ``study-population``; recordings that occur twice are refused."""
 
 from pathlib import Path
 from typing import Final
@@ -9,10 +9,11 @@ from sqlalchemy.ext.asyncio import AsyncConnection
 from stridelab.errors import Fault, InvalidInput, NotFound
 from stridelab.schemas.base import Contract
 from stridelab.schemas.cycloid import FitCycloidInput
-from stridelab.schemas.population import PersonFields, StudyPopulationInput, SubjectOfRecording
+from stridelab.schemas.population import PersonFields, StudyPopulationInput, StudyPopulationSummary, SubjectOfRecording
 from stridelab.schemas.tasks import FitCycloidTask, PopulationMember, StudyPopulationTask
-from stridelab.service.kinds.base import Blobs, Json
+from stridelab.service.kinds.base import Blobs, JobKind, Json
 from stridelab.service.kinds.staging import stage_fit_cycloid
+from stridelab.service.samples.recording import SAMPLE_ID
 from stridelab.service.storage.tables import recording
 
 STATED_FIELDS: Final = ("height_m", "mass_kg", "sex", "age_years")
@@ -48,7 +49,7 @@ async def require_recordings(connection: AsyncConnection, request: StudyPopulati
             )
 
 
-async def stage_study_population(connection: AsyncConnection, blobs: Blobs, input: Contract, folder: Path) -> Json:  # noqa: A002
+async def stage(connection: AsyncConnection, blobs: Blobs, input: Contract, folder: Path) -> Json:  # noqa: A002
     """Fetch every recording into a separate folder. Raises as ``require_recordings`` does."""
     request = StudyPopulationInput.model_validate(input.model_dump())
     await require_recordings(connection, request)
@@ -72,3 +73,26 @@ def population_member(folder: str, task: FitCycloidTask, row: SubjectOfRecording
     source = task.recording.model_copy(update={"subject": subject})
     own = task.model_copy(update={"recording": source})
     return PopulationMember(recording_id=task.input.recording_id, folder=folder, task=own, person=person)
+
+
+KIND = JobKind(
+    name="study-population",
+    title="Population",
+    description="Fits the rolling wheels of many subjects: means per subject, correlations per group and mixed models.",
+    examples={
+        "one": {"summary": "One recording: means, and a warning", "value": {"recording_ids": [SAMPLE_ID]}},
+        "table": {
+            "summary": "With a subject table",
+            "value": {
+                "recording_ids": [SAMPLE_ID],
+                "subjects": [{"recording_id": SAMPLE_ID, "subject": "P01", "group": "adults", "height_m": 1.71}],
+            },
+        },
+    },
+    input_model=StudyPopulationInput,
+    summary_model=StudyPopulationSummary,
+    run="stridelab.service.kinds.study_population.run:run_in_child",
+    stage=stage,
+    timeout_s=900.0,
+    lane="long",
+)

@@ -54,7 +54,7 @@ from stridelab.wholebody.control.controller import WholeBodyController
 from stridelab.wholebody.momentum_consistency import agree
 
 REFERENCES: Final = ("carpentier2017thesis", "andersson2019casadi")
-PRELOAD_MODULE: Final = "stridelab.service.kinds.sweep"
+PRELOAD_MODULE: Final = "stridelab.service.kinds.sweep.run"
 MAX_CHUNK: Final = 40
 """Maximum number of scenarios per process, which share the expressions compiled by CasADi."""
 CHUNK_TIMEOUT_S: Final = 1800.0

@@ -16,12 +16,12 @@ from stridelab.schemas.population import MAX_RECORDINGS
 from stridelab.schemas.tasks import ParseBatchTask, ParseUploadTask, RecordingSource
 from stridelab.service.kinds import parse_upload
 from stridelab.service.kinds.base import Json, Outcome
-from stridelab.service.kinds.batch_staging import ParsedUpload
+from stridelab.service.kinds.read_batch.kind import ParsedUpload
 from stridelab.service.processes.child import limit_memory
 from stridelab.service.processes.isolated_map import map_isolated
 from stridelab.service.subject_table import match_files, read_subject_table
 
-PRELOAD: Final = ("stridelab.service.kinds.parse_batch",)
+PRELOAD: Final = ("stridelab.service.kinds.read_batch.run",)
 ARENA_MB: Final = 1536
 """Address space that pyarrow reserves at its first use, mostly without using it."""
 PROCESS_ERRORS: Final = {
@@ -30,7 +30,7 @@ PROCESS_ERRORS: Final = {
 }
 
 
-def run_in_child(task: Json, folder: Path, progress: ProgressCallback) -> Json:
+def parse_batch(task: Json, folder: Path, progress: ProgressCallback) -> Json:
     """Parse a bulk upload; returns ``files`` and ``rows``.
 
     ``files`` have, in order, name, path in ``folder``, hash, size, and either ``facts`` or a ``problem``. ``rows`` are
@@ -66,12 +66,12 @@ def run_in_child(task: Json, folder: Path, progress: ProgressCallback) -> Json:
     return {"files": results, "rows": lines}
 
 
-def run_as_job(task: Json, folder: Path, progress: ProgressCallback) -> Json:
-    """``run_in_child`` for the job ``read-batch``; its result is added to the outcome as ``read``.
+def run_in_child(task: Json, folder: Path, progress: ProgressCallback) -> Json:
+    """``parse_batch`` for the job ``read-batch``; its result is added to the outcome as ``read``.
 
-    Raises ``UnreadableFile`` (``nothing-readable``), and the errors of ``run_in_child``.
+    Raises ``UnreadableFile`` (``nothing-readable``), and the errors of ``parse_batch``.
     """
-    read = run_in_child(json.loads(task["task"]), folder, progress)
+    read = parse_batch(json.loads(task["task"]), folder, progress)
     ParsedUpload.from_parse_result(read)
     return Outcome(summary={}, references=(), artifacts=()).to_json() | {"read": read}
 

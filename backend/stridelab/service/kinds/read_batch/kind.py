@@ -1,4 +1,4 @@
-"""Stages and publishes the job ``read-batch``: fetches the uploaded files and inserts the rows of recordings.
+"""The job kind ``read-batch``: a bulk upload that takes too long for a synchronous response.
 
 The files of a bulk upload are stored below ``batches/<batch_id>`` until its job has ended: ``TASK_FILE``, which is a
 ``ParseBatchTask``, and the files listed in it. File names of users are stored there and not in the job's row.
@@ -25,7 +25,7 @@ from stridelab.schemas.population import (
 )
 from stridelab.schemas.recordings import RecordingFacts, SubjectFields
 from stridelab.service.filenames import child_output_file, safe_filename
-from stridelab.service.kinds.base import Blobs, Json
+from stridelab.service.kinds.base import Blobs, JobKind, Json
 from stridelab.service.storage.content_addressed import lock_blob
 from stridelab.service.storage.tables import recording
 from stridelab.service.uploaded_row import file_sha256, new_tracks_key, uploaded_row
@@ -68,7 +68,7 @@ class ParsedUpload:
 
     @staticmethod
     def from_parse_result(parse_result: Mapping[str, Any]) -> "ParsedUpload":
-        """From the result of ``parse_batch``. Raises ``UnreadableFile`` (``nothing-readable``)."""
+        """From the result of ``run.parse_batch``. Raises ``UnreadableFile`` (``nothing-readable``)."""
         people = {row["place"]: PersonFields.model_validate(row["person"]) for row in parse_result["rows"]}
         files, refused = [], []
         for place, one in enumerate(parse_result["files"]):
@@ -108,7 +108,7 @@ class ParsedUpload:
         )
 
 
-async def stage_read_batch(connection: AsyncConnection, blobs: Blobs, input: Contract, folder: Path) -> Json:  # noqa: A002
+async def stage(connection: AsyncConnection, blobs: Blobs, input: Contract, folder: Path) -> Json:  # noqa: A002
     """Fetch the files of the upload; the task is stored with them."""
     request = ReadBatchInput.model_validate(input.model_dump())
     for name in request.files:
@@ -116,12 +116,12 @@ async def stage_read_batch(connection: AsyncConnection, blobs: Blobs, input: Con
     return {"task": (folder / TASK_FILE).read_text(encoding="utf-8")}
 
 
-async def publish_read_batch(
+async def publish(
     connection: AsyncConnection, blobs: Blobs, job_row: Mapping[str, Any], outcome: Json, folder: Path
 ) -> Json:
     """Insert the recordings of a parsed bulk upload; returns the summary with their ids.
 
-    Ids are derived from the job's id, as in ``publish_simulated_recording``.
+    Ids are derived from the job's id, as in ``simulate-recording``.
     """
     upload = ParsedUpload.from_parse_result(outcome["read"])
     ids = {
@@ -152,3 +152,20 @@ async def publish_read_batch(
         linked = update(recording).where(recording.c.id == recording_id)
         await connection.execute(linked.values(static_recording_id=static_id))
     return upload.batch_summary(ids).model_dump(mode="json")
+
+
+KIND = JobKind(
+    name=READ_BATCH_KIND,
+    title="Bulk upload",
+    description="Reads the files of a bulk upload.",
+    input_model=ReadBatchInput,
+    summary_model=ReadBatchSummary,
+    run="stridelab.service.kinds.read_batch.run:run_in_child",
+    stage=stage,
+    publish=publish,
+    timeout_s=7200.0,
+    memory_mb=4096,
+    lane="long",
+    offered=False,
+    own_files=batch_prefix,
+)

@@ -1,0 +1,27 @@
+"""The job kind ``learn-reachability``."""
+
+from stridelab.schemas.plans import LearnReachabilityInput, LearnReachabilitySummary
+from stridelab.service.kinds.base import JobKind
+from stridelab.service.kinds.staging import stage_input
+from stridelab.service.processes.sandbox import Sandbox
+
+KIND = JobKind(
+    name="learn-reachability",
+    title="Reachability",
+    description="Learns where the centre of mass of a robot can be relative to each of its effectors, from sampled "
+    "postures.",
+    examples={
+        "feet": {
+            "summary": "Both feet, from few samples",
+            "value": {"robot": "talos", "effectors": ["left_foot", "right_foot"], "samples": 2000, "seed": 1},
+        },
+    },
+    input_model=LearnReachabilityInput,
+    summary_model=LearnReachabilitySummary,
+    run="stridelab.service.kinds.learn_reachability.run:run_in_child",
+    stage=stage_input,
+    timeout_s=900.0,
+    memory_mb=2048,
+    lane="long",
+    sandbox=Sandbox(programs=True),  # starts interpreters
+)

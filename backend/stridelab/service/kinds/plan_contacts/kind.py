@@ -1,0 +1,24 @@
+"""The job kind ``plan-contacts``."""
+
+from stridelab.schemas.plans import PlanContactsInput, PlanContactsSummary
+from stridelab.service.kinds.base import JobKind
+from stridelab.service.kinds.staging import stage_input
+from stridelab.service.samples.scenario_bodies import ONE_STEP, STANDING, STANDING_AHEAD
+
+KIND = JobKind(
+    name="plan-contacts",
+    title="Contact plan",
+    description="Plans contacts from a stance to a goal stance over a terrain; the scenario in the summary passes "
+    "`POST /scenarios/check`.",
+    examples={
+        "walk": {
+            "summary": "Half a metre forward on a flat floor",
+            "value": {"robot": "talos", "terrain": ONE_STEP["terrain"], "start": STANDING, "goal": STANDING_AHEAD},
+        },
+    },
+    input_model=PlanContactsInput,
+    summary_model=PlanContactsSummary,
+    run="stridelab.service.kinds.plan_contacts.run:run_in_child",
+    stage=stage_input,
+    timeout_s=120.0,
+)
