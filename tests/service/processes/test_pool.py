@@ -203,7 +203,7 @@ def test_child_is_modest_and_knows_no_secrets(run: Run, monkeypatch: pytest.Monk
 
 
 def test_a_child_that_somebody_waits_for_keeps_its_rank(run: Run) -> None:
-    assert run("environment", yields=False).value["nice"] == os.nice(0)
+    assert run("environment", low_priority=False).value["nice"] == os.nice(0)
 
 
 @pytest.mark.parametrize("niceness", [0, 3])
