@@ -68,7 +68,7 @@ def check_name(code: str) -> str:
 
 
 def job_kind_name(code: str) -> str:
-    """Name of a kind of job."""
+    """Name of a kind of job; of one without an entry in ``KINDS``, its code in words."""
     return KINDS.get(code, code_words(code).capitalize())
 
 
@@ -136,6 +136,7 @@ KINDS = {
     "study-population": "Population",
     "read-batch": "Bulk upload",
 }
+"""Titles of the kinds of jobs that are not their codes in words."""
 
 _MARKS = {"failed": "✗ ", "doubtful": "! ", "passed": "✓ "}
 

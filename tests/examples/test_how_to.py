@@ -1,16 +1,21 @@
 """What the how-tos add is added here, from their own lines, for the length of a test."""
 
+import importlib
 import re
 import runpy
 import shutil
+import subprocess
 import sys
 import tomllib
+from collections.abc import Iterator
+from inspect import signature
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import numpy as np
 import pytest
+from fastapi import APIRouter, FastAPI
+from sqlalchemy.ext.asyncio import AsyncEngine
 
 from stridelab.contacts.effector_geometry import effector_shapes
 from stridelab.contacts.scenarios import bundled, stairs
@@ -19,10 +24,14 @@ from stridelab.estimation.estimator import ComEstimator
 from stridelab.recordings import marker_sets
 from stridelab.recordings.recording import Window
 from stridelab.resources import models_dir
-from stridelab.schemas import tasks
+from stridelab.schemas.tasks import RecordingSource
+from stridelab.service import kinds
+from stridelab.service.api.jobs import submit
 from stridelab.service.kinds import registry
-from stridelab.service.kinds import staging as rows
+from stridelab.service.samples.recording import seed_sample
+from stridelab.service.storage.blobs import BlobStore
 from support.recordings.analytic_motions import walk
+from support.service import database
 
 HOW_TO = Path(__file__).parents[2] / "docs" / "how-to"
 
@@ -66,39 +75,70 @@ def test_the_estimator_keeps_the_contract_and_is_exact_without_errors(tmp_path: 
     assert np.abs(found.com_m - motion.com.at(found.time_s)).max() < 1e-3
 
 
-def added(name: str, text: str, monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
-    """The names of a new module, which can be imported for the length of a test."""
-    module = ModuleType(name)
-    monkeypatch.setitem(sys.modules, name, module)
-    exec(text, vars(module))
-    return vars(module)
+@pytest.fixture
+def kind_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """A folder of job kinds beside the program's, with the one of the how-to; its modules are forgotten at the end."""
+    kind, run, _ = blocks("add-a-job-kind.md")
+    folder = tmp_path / "kinds" / "weigh_recording"
+    folder.mkdir(parents=True)
+    for name, text in {"__init__": "", "kind": kind, "run": run}.items():
+        (folder / f"{name}.py").write_text(text, encoding="utf-8")
+    monkeypatch.setattr(kinds, "__path__", [*kinds.__path__, str(folder.parent)])
+    yield folder
+    vars(kinds).pop(folder.name, None)
+    for name in [name for name in sys.modules if name.startswith(f"{kinds.__name__}.{folder.name}")]:
+        del sys.modules[name]
 
 
-def of_file(module: ModuleType, text: str, known: dict[str, Any]) -> dict[str, Any]:
-    """The names of a module once ``text`` is in it, and ``known`` is imported there."""
-    names = vars(module) | known
-    exec(text, names)
-    return names
+def test_the_job_kind_is_found_and_described(kind_files: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    found = registry.discover_kinds(kinds)
+    assert set(found) - set(registry.KINDS) == {"weigh-recording"}
+    monkeypatch.setattr(submit, "KINDS", found)
+    app, router = FastAPI(), APIRouter(prefix="/jobs")
+    submit.add_kinds(router)
+    app.include_router(router)
+    operation = app.openapi()["paths"]["/jobs/weigh-recording"]["post"]
+    kind = found["weigh-recording"]
+    assert operation["description"].startswith(f"{kind.title}. {kind.description} ")
+    assert operation["requestBody"]["content"]["application/json"]["examples"] == kind.examples
+    endpoint = next(route.endpoint for route in router.routes if route.path == "/jobs/weigh-recording")
+    assert signature(endpoint).parameters["body"].annotation.__origin__ is kind.input_model
 
 
-def test_the_job_kind_weighs_the_sample(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    contract, task, work, stage, kind, test = blocks("add-a-job-kind.md")
-    schemas = added("stridelab.schemas.weighing", contract, monkeypatch)
-    task_model = of_file(tasks, task, schemas)["WeighRecordingTask"]
-    monkeypatch.setattr(tasks, "WeighRecordingTask", task_model, raising=False)
-    made = added("stridelab.service.kinds.weigh_recording", work, monkeypatch)
-    staging = of_file(rows, stage, schemas | {"WeighRecordingTask": task_model})["stage_weigh_recording"]
-    monkeypatch.setattr(rows, "stage_weigh_recording", staging, raising=False)
-    registered = of_file(registry, kind, schemas)["WEIGH_RECORDING"]
-    assert registered.name not in registry.KINDS
-    assert registered.run == f"{made['__name__']}:{made['run_in_child'].__name__}"
-    names: dict[str, Any] = {
-        "shutil": shutil,
-        "models_dir": models_dir,
-        "pytest": pytest,
-        "Path": Path,
-        "RecordingSource": tasks.RecordingSource,
-    }
-    names |= schemas | made
-    exec(test, names)
+def test_describing_the_job_kind_imports_no_numerics(kind_files: Path) -> None:
+    code = (
+        f"import sys, stridelab.service.kinds as kinds; kinds.__path__.append({str(kind_files.parent)!r});"
+        "from stridelab.service.kinds.registry import COMPUTING, KINDS; assert 'weigh-recording' in KINDS;"
+        "assert 'stridelab.service.kinds.weigh_recording.run' in COMPUTING;"
+        "print(sorted({'numpy', 'scipy', 'ezc3d', 'pinocchio', 'pyarrow'} & set(sys.modules)))"
+    )
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert found.stdout.strip() == "[]"
+
+
+def test_the_job_kind_weighs_the_stored_sample(kind_files: Path, database_url: str, tmp_path: Path) -> None:
+    """From its own example over the staging of the worker to the function that the child calls."""
+    kind = registry.discover_kinds(kinds)["weigh-recording"]
+    (example,) = kind.examples.values()
+    store = BlobStore.from_url((tmp_path / "blobs").as_uri())
+    (folder := tmp_path / "task").mkdir()
+
+    async def act(engine: AsyncEngine) -> Any:
+        await seed_sample(engine, store)
+        async with engine.begin() as connection:
+            return await kind.stage(connection, store, kind.input_model.model_validate(example["value"]), folder)
+
+    module, _, function = kind.run.partition(":")
+    task = database.within(database_url, act)
+    done = getattr(importlib.import_module(module), function)(task, folder, lambda _share, _message: None)
+    assert done["summary"]["mass_kg"] == pytest.approx(60.0, rel=0.03)
+    assert len(done["summary"]["largest_force_n"]) == 2
+
+
+def test_the_test_of_the_job_kind_passes(kind_files: Path, tmp_path: Path) -> None:
+    names: dict[str, Any] = {"shutil": shutil, "models_dir": models_dir, "pytest": pytest, "Path": Path}
+    names["RecordingSource"] = RecordingSource
+    for name in ("kind", "run"):
+        names |= vars(importlib.import_module(f"{kinds.__name__}.{kind_files.name}.{name}"))
+    exec(blocks("add-a-job-kind.md")[-1], names)
     names["test_the_sample_weighs_what_was_simulated"](tmp_path)

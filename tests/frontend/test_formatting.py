@@ -7,7 +7,7 @@ import pytest
 from stridelab.schemas.methods import METHODS
 from stridelab.service.kinds.registry import KINDS
 from stridelab_web import formatting
-from stridelab_web.formatting import count_text, fixed_decimals, time_element, utc_text
+from stridelab_web.formatting import count_text, fixed_decimals, job_kind_name, time_element, utc_text
 from stridelab_web.pages.results.comparison_plots import STYLES
 
 
@@ -23,8 +23,12 @@ def test_every_estimator_has_a_name_and_a_line_of_its_own() -> None:
     assert set(METHODS) <= set(STYLES)
 
 
-def test_every_kind_of_job_has_a_name() -> None:
-    assert set(formatting.KINDS) == set(KINDS)
+def test_kinds_of_jobs_have_the_titles_of_the_service() -> None:
+    assert {name: KINDS[name].title for name in formatting.KINDS} == formatting.KINDS
+
+
+def test_a_new_kind_of_job_is_named_by_its_code() -> None:
+    assert job_kind_name("weigh-recording") == "Weigh recording"
 
 
 @pytest.mark.parametrize(

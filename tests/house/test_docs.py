@@ -7,12 +7,14 @@ from typer.main import get_command
 
 from stridelab.cli.app import app as command_line
 from stridelab.service.api.app import create_app
+from stridelab.service.kinds.registry import KINDS
 from stridelab.service.settings import Settings
 
 DOCS = Path(__file__).parents[2] / "docs"
 
 
 def test_every_endpoint_is_documented() -> None:
+    """On the page; a kind of job by its own sentences, from which the page of all endpoints is made."""
     page = (DOCS / "http-api.md").read_text(encoding="utf-8")
     described = create_app(Settings()).openapi()["paths"]
     calls = {
@@ -22,7 +24,11 @@ def test_every_endpoint_is_documented() -> None:
         if path.startswith("/api/v1")
     }
     documented = set(re.findall(r"`((?:GET|POST|PUT|PATCH|DELETE) /[^`\s?]*)", page))
-    assert calls - documented == set()
+    of_kinds = {f"POST /jobs/{kind.name}" for kind in KINDS.values() if kind.offered}
+    assert calls - documented - of_kinds == set()
+    for kind in KINDS.values():
+        said = described[f"/api/v1/jobs/{kind.name}"]["post"]["description"] if kind.offered else ""
+        assert said.startswith(f"{kind.title}. {kind.description} ") == kind.offered
     assert documented - calls - {"GET /metrics"} == set()
 
 

@@ -34,7 +34,7 @@ async def jobs_page(request: Request) -> Response:
         next=listed.next,
         state_filter=state,
         kind_filter=kind,
-        kinds=sorted({*KINDS, kind} - {""}, key=name_of),
+        kinds=sorted({*KINDS, *(job.kind for job in listed.items), kind} - {""}, key=name_of),
         filenames=await filenames_of(client, listed.items),
     )
 

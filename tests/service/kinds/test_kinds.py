@@ -1,13 +1,16 @@
-"""The registry is light, consistent, and its references resolve."""
+"""The registry is light, consistent, and its references resolve; it finds folders, which have all that is shown."""
 
 import importlib
 import subprocess
 import sys
+from collections.abc import Callable
+from pathlib import Path
+from types import ModuleType
 
 import pytest
 
 from stridelab.service.kinds.base import ArtifactFile, Outcome
-from stridelab.service.kinds.registry import KINDS, PARSE_UPLOAD
+from stridelab.service.kinds.registry import KINDS, PARSE_UPLOAD, discover_kinds
 from stridelab.service.kinds.result_tables import bibtex_of, known_references, software_versions
 
 
@@ -16,6 +19,47 @@ def test_run_is_an_importable_function(kind) -> None:
     module, _, function = kind.run.partition(":")
     assert callable(getattr(importlib.import_module(module), function))
     assert KINDS[kind.name] is kind
+
+
+@pytest.mark.parametrize("kind", KINDS.values(), ids=lambda kind: kind.name)
+def test_every_kind_has_a_title_a_description_and_examples(kind) -> None:
+    assert kind.title[0].isupper()
+    assert kind.description[0].isupper()
+    assert kind.description.endswith(".")
+    assert bool(kind.examples) == kind.offered
+    for example in kind.examples.values():
+        assert example["summary"]
+        kind.input_model.model_validate(example["value"])
+
+
+@pytest.fixture
+def package_of(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., ModuleType]:
+    """A function that makes a package with these files."""
+
+    def make_package(name: str, **files: str) -> ModuleType:
+        for path, text in files.items():
+            file = tmp_path / name / f"{path.replace('__', '/')}.py"
+            file.parent.mkdir(parents=True, exist_ok=True)
+            (file.parent / "__init__.py").touch()
+            file.write_text(text)
+        (tmp_path / name / "__init__.py").touch()
+        monkeypatch.syspath_prepend(tmp_path)
+        return importlib.import_module(name)
+
+    return make_package
+
+
+KIND = "from support.service import job_kinds\nKIND = job_kinds.kind({!r}, 'write_outcome')\n".format
+
+
+def test_a_folder_is_a_kind_if_it_has_a_kind_module(package_of: Callable[..., ModuleType]) -> None:
+    package = package_of("some_kinds", weigh_walk__kind=KIND("weigh-walk"), add_up__kind=KIND("add-up"), tools__run="")
+    assert list(discover_kinds(package)) == ["add-up", "weigh-walk"]
+
+
+def test_a_kind_has_the_name_of_its_folder(package_of: Callable[..., ModuleType]) -> None:
+    with pytest.raises(ValueError, match=r"weigh .* way"):
+        discover_kinds(package_of("odd_kinds", weigh__kind=KIND("way")))
 
 
 def test_the_upload_parser_is_an_importable_function() -> None:

@@ -39,12 +39,12 @@ async def stage_estimate_com(connection: AsyncConnection, blobs: Blobs, input: C
     Raises ``NotFound`` (``recording-not-found``) if the recording has been deleted since the job was accepted.
     """
     request = EstimateComInput.model_validate(input.model_dump())
-    row = await _recording_row(connection, request.recording_id)
+    row = await recording_row(connection, request.recording_id)
     session = await session_of(connection, row)
     static = None
     if session.static is not None:
-        static = await _stage_recording(connection, blobs, session.static, folder, "static-trial")
-    source = await _stage_recording(connection, blobs, row, folder, "trial")
+        static = await stage_recording(connection, blobs, session.static, folder, "static-trial")
+    source = await stage_recording(connection, blobs, row, folder, "trial")
     task = EstimateComTask(recording=source, static=static, session=session.values, input=request)
     return task.model_dump(mode="json")
 
@@ -84,7 +84,11 @@ def _estimate_com_fields(request: EstimateComInput) -> dict[str, Any]:
     return {name: value for name, value in request.model_dump().items() if name in EstimateComInput.model_fields}
 
 
-async def _recording_row(connection: AsyncConnection, recording_id: str) -> Mapping[str, Any]:
+async def recording_row(connection: AsyncConnection, recording_id: str) -> Mapping[str, Any]:
+    """Row of a recording.
+
+    Raises ``NotFound`` (``recording-not-found``) if it has been deleted since the job was accepted.
+    """
     result = await connection.execute(select(recording).where(recording.c.id == recording_id))
     row = result.mappings().one_or_none()
     if row is None:
@@ -96,9 +100,13 @@ async def _recording_row(connection: AsyncConnection, recording_id: str) -> Mapp
     return dict(row)
 
 
-async def _stage_recording(
+async def stage_recording(
     connection: AsyncConnection, blobs: Blobs, row: Mapping[str, Any], folder: Path, name: str
 ) -> RecordingSource:
+    """Fetch the file of a recording's row as ``folder / name``, with the subject and the switches that users stated.
+
+    Raises ``InvalidInput`` (``stored-switches-invalid``).
+    """
     linked = None
     if row["subject_id"] is not None:
         result = await connection.execute(select(subject.c.fields).where(subject.c.id == row["subject_id"]))
