@@ -11,10 +11,11 @@ from pydantic import ValidationError
 from stridelab.centroidal.receding_horizon import State
 from stridelab.errors import InvalidInput
 from stridelab.pipelines.plan_problem import native_unavailable_reason
+from stridelab.pipelines.plan_receding import push_disturbance
 from stridelab.robots.loader import load_robot
 from stridelab.schemas.receding import PlanRecedingInput, PlanRecedingSummary, Push
 from stridelab.schemas.scenarios import Scenario
-from stridelab.service.kinds.plan_receding.run import push_disturbance, run_in_child
+from stridelab.service.kinds.plan_receding.run import run_in_child
 from stridelab.service.kinds.registry import KINDS
 from support.command_line import Told
 from support.robots.plan_runs import changed, short_walk

@@ -4,8 +4,6 @@ Tables: ``comparison`` (the estimates over the window), ``spectra`` (amplitude d
 estimators), ``contributions`` (of each input to the complementary filter, figure 2.7), ``bode`` (figure 2.5).
 """
 
-import math
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final
 
@@ -14,32 +12,15 @@ import numpy as np
 from stridelab.conventions import Series
 from stridelab.estimation.complementary.contributions import bode_responses, split_contributions
 from stridelab.estimation.complementary.filter import ComplementaryFilter
-from stridelab.estimation.estimator import ComEstimate, ComEstimator
-from stridelab.estimation.evaluation.comparison import Assessment, Comparison, ComparisonData, compare
-from stridelab.estimation.evaluation.truth_errors import TruthError
-from stridelab.estimation.markers_only import GeometryOnly
-from stridelab.pipelines.com_inputs import ComInputs, prepare_com_inputs, require_method
-from stridelab.pipelines.estimate_com import assess_estimate, build_estimator, quality_schema
+from stridelab.estimation.evaluation.comparison import Comparison, ComparisonData
+from stridelab.pipelines.compare_estimators import compare_estimators
+from stridelab.pipelines.estimate_com import build_estimator
 from stridelab.pipelines.progress import ProgressCallback
-from stridelab.recordings.recording import Recording
-from stridelab.schemas import base
-from stridelab.schemas.comparison import (
-    Axes,
-    CompareEstimatorsInput,
-    CompareEstimatorsSummary,
-    ErrorAgainstTruth,
-    FlightAgreement,
-    MethodAssessment,
-    MomentumRateAgreement,
-)
-from stridelab.schemas.methods import METHODS
+from stridelab.schemas.comparison import CompareEstimatorsInput
 from stridelab.schemas.tasks import CompareEstimatorsTask
 from stridelab.service.kinds.base import ArtifactFile, Json, Outcome
 from stridelab.service.kinds.result_tables import write_table
-from stridelab.simulation.truth_table import known_motion
 
-THESIS_ESTIMATORS: Final = ("complementary", "kalman")
-"""Estimators that are also compared with the settings of the thesis, as ``<name>-thesis``."""
 _BODE_HZ: Final = (0.01, 400)
 _WORLD: Final = "xyz"
 
@@ -50,116 +31,17 @@ def run_in_child(task: Json, folder: Path, progress: ProgressCallback) -> Json:
 
 
 def run(task: CompareEstimatorsTask, folder: Path, progress: ProgressCallback) -> Outcome:
-    """Compare on ``task.recording``; the summary is a ``CompareEstimatorsSummary``. Raises as ``estimate-com`` does.
+    """Compare on ``task.recording``; the summary is a ``CompareEstimatorsSummary``.
 
-    Single estimators that fail are listed in ``refused``.
+    Raises as ``stridelab.pipelines.compare_estimators.compare_estimators`` does.
     """
-    request = task.input
-    estimators = estimators_of(request)
-    prepared = prepare_com_inputs(task, folder, progress, needs_force=True)
-    truth = None if task.truth is None else known_motion(folder / task.truth, prepared.geometric.time_s)
-    data = ComparisonData(
-        prepared.geometric,
-        prepared.wrench,
-        prepared.mass.mass_kg,
-        truth,
-        floor_height_m=_floor_height_m(prepared.trial.recording),
-    )
-    progress(0.7, f"running {len(estimators)} estimators")
-    comparison = compare(estimators, data)
+    result = compare_estimators(task, folder, progress)
     progress(0.9, "writing the result")
-    summary = _comparison_summary(prepared, comparison, with_truth=truth is not None)
-    provenance = {"file": task.recording.filename, "frame": "world, z up", "summary": summary.model_dump(mode="json")}
-    artifacts = _write_tables(folder, request, data, comparison, provenance)
+    summary = result.summary.model_dump(mode="json")
+    provenance = {"file": task.recording.filename, "frame": "world, z up", "summary": summary}
+    artifacts = _write_tables(folder, task.input, result.data, result.comparison, provenance)
     progress(1.0, "done")
-    references = [key for a in comparison.assessments.values() for key in a.estimate.references]
-    return Outcome(
-        summary.model_dump(mode="json"), tuple(dict.fromkeys((*prepared.geometric.references, *references))), artifacts
-    )
-
-
-def estimators_of(request: CompareEstimatorsInput) -> dict[str, ComEstimator]:
-    """The estimators to compare, by their names in the result; custom cut-offs apply to the complementary filter."""
-    names = METHODS if request.method is None else (GeometryOnly.name, require_method(request.method))
-    own = isinstance(request.cutoffs, tuple) or request.cutoffs == "spectra"
-    plain = request.model_copy(update={"cutoffs": "auto"}) if own else request
-    chosen = {
-        name: build_estimator(name, request if name == ComplementaryFilter.name else plain)
-        for name in dict.fromkeys(names)
-    }
-    if request.method is None and request.cutoffs != "thesis":
-        thesis = request.model_copy(update={"cutoffs": "thesis"})
-        chosen |= {f"{name}-thesis": build_estimator(name, thesis) for name in THESIS_ESTIMATORS if name in chosen}
-    return chosen
-
-
-def _comparison_summary(prepared: ComInputs, found: Comparison, *, with_truth: bool) -> CompareEstimatorsSummary:
-    window = next(iter(found.assessments.values())).estimate.window
-    latency = prepared.latency
-    quality = assess_estimate(prepared, _representative_estimate(found))
-    return CompareEstimatorsSummary(
-        window_s=(window.start_s, window.end_s),
-        rate_hz=prepared.trial.recording.marker_rate_hz,
-        segment_table=prepared.geometric.table,
-        mass_kg=prepared.mass.mass_kg,
-        latency_s=latency.latency_s,
-        latency_sd_s=latency.sd_s,
-        latency_applied_s=latency.applied_s,
-        latency_source=latency.latency_source,
-        latency_n_trials=latency.n_trials,
-        session=prepared.session,
-        reference="truth" if with_truth else "geometry",
-        methods={name: _method_assessment(a) for name, a in found.assessments.items()},
-        refused={name: base.Remark(code=e.code, message=e.message) for name, e in found.failures.items()},
-        quality=quality_schema(quality),
-        warnings=[
-            base.Remark(code=r.code, message=r.message)
-            for r in dict.fromkeys((*quality.remarks, *prepared.all_remarks))
-        ],
-    )
-
-
-def _representative_estimate(found: Comparison) -> ComEstimate:
-    """The estimate whose quality represents the recording: that of the best method that succeeded."""
-    fused = [name for name in (*METHODS, *found.assessments) if name in found.assessments and name != GeometryOnly.name]
-    return found.assessments[next(iter(fused), GeometryOnly.name)].estimate
-
-
-def _method_assessment(a: Assessment) -> MethodAssessment:
-    momentum = None
-    if a.momentum is not None:
-        momentum = MomentumRateAgreement(
-            correlation=_axis_values(a.momentum.correlation), rms_nm=_axis_values(a.momentum.rms_nm)
-        )
-    return MethodAssessment(
-        method=a.estimate.method,
-        offset_m=_axis_values(a.offset_m),
-        force_residual_n=_axis_values(a.residual_n),
-        held_back_n=None if a.held_back_n is None else _axis_values(a.held_back_n),
-        momentum_rate=momentum,
-        flight=None if a.flight is None else FlightAgreement(**asdict(a.flight)),
-        standing_m=None if a.standing is None else a.standing.horizontal_m,
-        truth=None if a.truth is None else _truth_errors(a.truth),
-        warnings=[base.Remark(code=r.code, message=r.message) for r in a.estimate.remarks],
-    )
-
-
-def _truth_errors(error: TruthError) -> ErrorAgainstTruth:
-    return ErrorAgainstTruth(
-        horizontal_m=error.horizontal_m,
-        horizontal_95_m=error.horizontal_95_m,
-        vertical_m=error.vertical_m,
-        rms_m=_axis_values(error.rms_m),
-        mean_m=_axis_values(error.mean_m),
-        coverage=_axis_values(error.coverage),
-        sd_m=_axis_values(error.sd_m),
-        lag_s=_axis_values(error.lag_s),
-    )
-
-
-def _axis_values(values: Series) -> Axes:
-    along, lateral, vertical = (None if math.isnan(v) else v for v in values.tolist())
-    return Axes(along=along, lateral=lateral, vertical=vertical)
+    return Outcome(summary, result.citation_keys, artifacts)
 
 
 def _write_tables(
@@ -206,8 +88,3 @@ def _axis_columns(pattern: str, track: np.ndarray) -> dict[str, Series]:
 
 def _column_name(name: str) -> str:
     return name.replace("-", "_")
-
-
-def _floor_height_m(recording: Recording) -> float:
-    used = [plate.corners_m[:, 2].mean() for plate in recording.plates if plate.use]
-    return float(np.mean(used)) if used else 0.0

@@ -4,37 +4,20 @@ Writes ``receding`` (Parquet and CSV), one row per period: the CoM and the cost 
 in the columns of a plan, ``centroidal`` with ``scenario.json``, for viewers of plans.
 """
 
-import math
-from collections.abc import Iterator, Mapping
-from dataclasses import replace
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Final
 
 import numpy as np
 
-from stridelab.centroidal.receding_horizon import Disturbance, RecedingHorizon, RecedingMotion, Replan, State
-from stridelab.centroidal.rest_to_rest import from_rest_to_rest
+from stridelab.centroidal.receding_horizon import RecedingMotion, Replan
 from stridelab.contacts.sequence import ContactSequence
-from stridelab.pipelines.plan_problem import CONTROLS, load_densities, resolve_formulation, validate_scenario
+from stridelab.pipelines.plan_receding import plan_receding
 from stridelab.pipelines.progress import ProgressCallback
-from stridelab.reachability.store import DEFAULT_MEASURE
-from stridelab.robots.card import robot_card
-from stridelab.robots.loader import load_robot
-from stridelab.schemas.base import Remark
-from stridelab.schemas.receding import PlanRecedingSummary, Push
 from stridelab.schemas.tasks import PlanRecedingTask
 from stridelab.service.kinds.base import Json, Outcome
 from stridelab.service.kinds.plan_motion.files import write_json
 from stridelab.service.kinds.plan_motion.tables import Columns, track_columns
 from stridelab.service.kinds.result_tables import write_table
-
-REFERENCES: Final = ("carpentier2017thesis",)
-SOLVER_REFERENCES: Final[Mapping[str, tuple[str, ...]]] = {
-    "native": (),
-    "ipopt": ("andersson2019casadi", "wachter2006ipopt"),
-}
-PERIOD_TOLERANCE: Final = 1e-9
-REPLANS_FAILED: Final = "replans-failed"
 
 
 def run_in_child(task: Json, folder: Path, progress: ProgressCallback) -> Json:
@@ -45,71 +28,18 @@ def run_in_child(task: Json, folder: Path, progress: ProgressCallback) -> Json:
 def run(task: PlanRecedingTask, folder: Path, progress: ProgressCallback) -> Outcome:
     """Execute the scenario and write the result to ``folder``; the summary is a ``PlanRecedingSummary``.
 
-    Raises ``InvalidInput`` (``scenario-invalid``, ``horizon-invalid``), ``NotFound`` (``robot-not-found``),
-    ``Unavailable`` (``reachability-of-another-robot``) and ``NotEstimable`` (``horizon-lost``).
+    Raises as ``stridelab.pipelines.plan_receding.plan_receding`` does.
     """
-    request = task.input
-    progress(0.0, "looking at the scenario")
-    sequence, noted = validate_scenario(task.scenario)
-    robot = load_robot(sequence.robot)
-    posed = from_rest_to_rest(robot, sequence, load_densities(robot, request.measure or DEFAULT_MEASURE))
-    problem = replace(
-        posed, control=CONTROLS[resolve_formulation(request.formulation)], node_rate_hz=request.node_rate_hz
-    )
-    horizon = RecedingHorizon(
-        problem=problem, horizon_s=request.horizon_s, period_s=request.period_s, warm=request.warm
-    )
-    total_s = sequence.duration_s
-
-    def report_and_push(time_s: float, state: State) -> State:
-        progress(0.99 * min(time_s / total_s, 1.0), f"{min(time_s, total_s):.1f} of {total_s:.1f} s")
-        return push_disturbance(request.pushes, request.period_s)(time_s, state)
-
-    done = horizon.run(report_and_push)
-    took_ms = 1e3 * np.array([replan.took_s for replan in done.replans])
-    iterations = np.array([replan.iterations for replan in done.replans])
-    (solver,) = {replan.plan.solver for replan in done.replans}
-    carried_on = sum(replan.carried_on for replan in done.replans)
-    if carried_on:
-        message = f"in {carried_on} of {len(took_ms)} periods the replan had no solution; the previous plan was used"
-        noted = (*noted, Remark(code=REPLANS_FAILED, message=message))
-    summary = PlanRecedingSummary(
-        scenario_name=sequence.name,
-        robot=robot.name,
-        duration_s=total_s,
-        solver=solver,
-        replans=len(done.replans),
-        carried_on=carried_on,
-        iterations_median=float(np.median(iterations)),
-        iterations_max=int(iterations.max()),
-        replan_median_ms=float(np.median(took_ms)),
-        replan_p99_ms=float(np.quantile(took_ms, 0.99)),
-        replan_max_ms=float(took_ms.max()),
-        goal_gap_m=float(np.linalg.norm(done.com_m[-1] - problem.com_end_m)),
-        warnings=list(noted),
-    )
-    about = {"scenario": sequence.name, "robot": robot.name, "horizon_s": request.horizon_s}
+    result = plan_receding(task, progress)
+    sequence, motion, summary = result.sequence, result.motion, result.summary
+    about = {"scenario": sequence.name, "robot": summary.robot, "horizon_s": task.input.horizon_s}
     files = (
-        *write_table(folder, "receding", period_columns(done), about),
-        *write_table(folder, "centroidal", executed_columns(sequence, done), about),
+        *write_table(folder, "receding", period_columns(motion), about),
+        *write_table(folder, "centroidal", executed_columns(sequence, motion), about),
         write_json(folder, "scenario.json", task.scenario),
     )
     progress(1.0, "done")
-    references = (*REFERENCES, *SOLVER_REFERENCES[solver], *robot_card(robot.name).references)
-    return Outcome(summary.model_dump(mode="json"), references, files)
-
-
-def push_disturbance(pushes: list[Push], period_s: float) -> Disturbance:
-    """Disturbance that adds the pushes of the period that ends at a time; a period includes its first instant."""
-
-    def apply_pushes(time_s: float, state: State) -> State:
-        period = round(time_s / period_s)
-        due = [
-            push.velocity_m_s for push in pushes if math.floor(push.time_s / period_s + PERIOD_TOLERANCE) + 1 == period
-        ]
-        return replace(state, com_v_m_s=state.com_v_m_s + np.sum([*due, (0.0, 0.0, 0.0)], axis=0))
-
-    return apply_pushes
+    return Outcome(summary.model_dump(mode="json"), result.citation_keys, files)
 
 
 AFTER_NODE_S = 1e-9
