@@ -3,11 +3,16 @@
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from typing import Any
 
 from stridelab.errors import Fault, StridelabError
 
 ProgressCallback = Callable[[float, str], None]
 """Called with a fraction from 0 to 1 and a short message."""
+Json = dict[str, Any]
+"""A JSON object."""
+ItemMap = Callable[[Callable[[Json], Json], list[Json]], Iterator[tuple[int, Json | StridelabError]]]
+"""``map_items(work, items)`` yields the index and the result of ``work(item)``, or its error, as items finish."""
 
 
 class Stages:

@@ -11,12 +11,12 @@ from pydantic import ValidationError
 from stridelab.contacts.scenarios.variations import current_value
 from stridelab.errors import InvalidInput, NotEstimable, StridelabError
 from stridelab.pipelines import plan_problem
+from stridelab.pipelines.sweep_scenarios import plan_chunk, sweep_axes
 from stridelab.schemas.scenarios import Scenario
 from stridelab.schemas.sweeps import MAX_POINTS, SweepInput, SweepSummary
 from stridelab.schemas.tasks import SweepTask
 from stridelab.service.kinds.registry import KINDS
 from stridelab.service.kinds.sweep import run as sweep
-from stridelab.service.kinds.sweep.run import plan_chunk, sweep_axes
 from support.command_line import Told
 from support.robots.plan_runs import changed, short_walk
 

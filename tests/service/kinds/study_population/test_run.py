@@ -9,6 +9,7 @@ import pytest
 from pydantic import ValidationError
 
 from stridelab.errors import InvalidInput, NotEstimable
+from stridelab.pipelines.population_subjects import RecordingSubject, merge_subjects
 from stridelab.schemas.cycloid import FitCycloidInput
 from stridelab.schemas.jobs import SimulateRecordingInput
 from stridelab.schemas.population import PersonFields, StudyPopulationInput, StudyPopulationSummary
@@ -22,7 +23,6 @@ from stridelab.schemas.tasks import (
 )
 from stridelab.service.kinds.simulate_recording import run as simulate_recording
 from stridelab.service.kinds.study_population import run as study_population
-from stridelab.service.kinds.study_population.subjects import RecordingSubject, merge_subjects
 from support.command_line import quiet
 
 GAIT = Path(os.environ.get("STRIDELAB_TEST_DATA", Path(__file__).parents[5] / "shared")).resolve() / "gait"

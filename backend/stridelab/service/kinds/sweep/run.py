@@ -1,78 +1,25 @@
 """``sweep``: plans a scenario for every combination of parameter values, in parallel over the cores.
 
-    scenario x values -> variation -> validation -> (4.20) -> feasible | refused | infeasible | failed
-
-With ``whole_body``, a scenario is feasible only if the whole-body motion of ``plan-motion`` passes its certificate.
-
 Writes ``sweep`` (Parquet and CSV), one row per scenario in the order of the values, the last field fastest.
 """
 
-import itertools
-import math
-import time
-from collections import Counter
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 
-from stridelab.centroidal.boundary_conditions import PathBounds
-from stridelab.centroidal.hand_force_limits import hand_bounds_n
-from stridelab.centroidal.rest_to_rest import from_rest_to_rest
-from stridelab.centroidal.solver import solve
-from stridelab.contacts.scenarios.variations import UNITS, current_value, vary_scenario
-from stridelab.contacts.sequence import ContactSequence
+from stridelab.contacts.scenarios.variations import UNITS
 from stridelab.cores import usable_cores
-from stridelab.errors import InvalidInput, StridelabError
-from stridelab.pipelines.plan_centroidal import solve_centroidal
-from stridelab.pipelines.plan_problem import (
-    control_of,
-    limits_of,
-    load_densities,
-    native_unused_reason,
-    require_solver,
-    solver_of,
-    validate_scenario,
-)
 from stridelab.pipelines.progress import ProgressCallback
-from stridelab.reachability.proxy.effector_proxy import Proxy
-from stridelab.reachability.store import DEFAULT_MEASURE
-from stridelab.robots.card import robot_card
-from stridelab.robots.loader import load_robot
-from stridelab.robots.robot import Robot
-from stridelab.schemas.base import Remark
-from stridelab.schemas.plans import PlanMotionInput
-from stridelab.schemas.sweeps import SweepAxis, SweepField, SweepInput, SweepOutcome, SweepSummary
+from stridelab.pipelines.sweep_scenarios import Point, SweepRow, sweep_scenarios
 from stridelab.schemas.tasks import SweepTask
 from stridelab.service.kinds.base import Json, Outcome
 from stridelab.service.kinds.result_tables import write_table
 from stridelab.service.processes.isolated_map import map_isolated
-from stridelab.wholebody.certificate.certify import certify
-from stridelab.wholebody.control.controller import WholeBodyController
-from stridelab.wholebody.momentum_consistency import agree
 
-REFERENCES: Final = ("carpentier2017thesis", "andersson2019casadi")
-PRELOAD_MODULE: Final = "stridelab.service.kinds.sweep.run"
-MAX_CHUNK: Final = 40
-"""Maximum number of scenarios per process, which share the expressions compiled by CasADi."""
+PRELOAD_MODULE: Final = "stridelab.pipelines.sweep_scenarios"
 CHUNK_TIMEOUT_S: Final = 1800.0
-MAX_WHOLE_BODY_CHUNK: Final = 4
-"""Maximum number of scenarios per process with the whole body, where a scenario takes seconds."""
-MAX_REASON_LENGTH: Final = 200
-
-
-@dataclass(frozen=True)
-class SweepRow:
-    """Result of one scenario."""
-
-    outcome: SweepOutcome
-    why: str
-    solver: str
-    objective: float
-    iterations: int
-    solve_time_s: float
 
 
 def run_in_child(task: Json, folder: Path, progress: ProgressCallback) -> Json:
@@ -83,149 +30,18 @@ def run_in_child(task: Json, folder: Path, progress: ProgressCallback) -> Json:
 def run(task: SweepTask, folder: Path, progress: ProgressCallback, processes: int | None = None) -> Outcome:
     """Plan every scenario of the sweep into ``folder``; the summary is a ``SweepSummary``.
 
-    Raises ``NotFound`` (``robot-not-found``), ``Unavailable`` (``reachability-of-another-robot``), ``NotEstimable``
-    (``solver-unavailable``) and ``InvalidInput`` (``sweep-field-impossible``); errors of single scenarios are in the
-    table.
+    Raises as ``stridelab.pipelines.sweep_scenarios.sweep_scenarios`` does.
     """
-    request, began = task.input, time.monotonic()
-    progress(0.0, "looking at the scenario")
-    require_solver(request.solver)
-    body = task.scenario.model_dump(mode="json")
-    axes = sweep_axes(body, request)
-    grid = [dict(zip(request.vary, values, strict=True)) for values in itertools.product(*(a.values for a in axes))]
-    vary_scenario(body, grid[0])
-    load_densities(load_robot(task.scenario.robot), request.measure or DEFAULT_MEASURE)
-    at_once = min(processes or usable_cores(), len(grid))
-    rows = _plan_grid(task, grid, at_once, progress)
-    lacked = "the wrench as control" if request.formulation == "wrench" else None
-    counts = Counter(row.outcome for row in rows)
-    solvers = Counter(row.solver for row in rows if row.solver)
-    summary = SweepSummary(
-        scenario_name=task.scenario.name,
-        robot=task.scenario.robot,
-        scope="whole body" if request.whole_body else "centre of mass",
-        axes=axes,
-        points=len(rows),
-        feasible=counts["feasible"],
-        refused=counts["refused"],
-        infeasible=counts["infeasible"],
-        failed=counts["failed"],
-        solvers=dict(solvers),
-        solver_because=native_unused_reason(request.solver, set(solvers), lacked),
-        solve_time_s=math.fsum(row.solve_time_s for row in rows),
-        wall_time_s=time.monotonic() - began,
-        processes=at_once,
-        warnings=_failure_remarks(rows),
-    )
-    about = {"scenario": task.scenario.name, "robot": task.scenario.robot, "vary": request.model_dump()["vary"]}
-    files = write_table(folder, "sweep", _sweep_columns(grid, rows), about)
+    at_once = processes or usable_cores()
+    map_points = partial(map_isolated, preload=(PRELOAD_MODULE,), timeout_s=CHUNK_TIMEOUT_S, processes=at_once)
+    result = sweep_scenarios(task, map_points, at_once, progress)
+    about = {"scenario": task.scenario.name, "robot": task.scenario.robot, "vary": task.input.model_dump()["vary"]}
+    files = write_table(folder, "sweep", _sweep_columns(result.grid, result.rows), about)
     progress(1.0, "done")
-    references = (*REFERENCES, *robot_card(task.scenario.robot).references)
-    return Outcome(summary.model_dump(mode="json"), references, files)
+    return Outcome(result.summary.model_dump(mode="json"), result.citation_keys, files)
 
 
-def sweep_axes(body: Json, request: SweepInput) -> list[SweepAxis]:
-    """The values of every field, and the scenario's present value."""
-    return [
-        SweepAxis(
-            field=field, unit=UNITS[field], values=np.linspace(a, b, n).tolist(), present=current_value(body, field)
-        )
-        for field, (a, b, n) in request.vary.items()
-    ]
-
-
-def _plan_grid(
-    task: SweepTask, grid: list[dict[SweepField, float]], at_once: int, progress: ProgressCallback
-) -> list[SweepRow]:
-    max_size = MAX_WHOLE_BODY_CHUNK if task.input.whole_body else MAX_CHUNK
-    size = max(1, min(max_size, math.ceil(len(grid) / (4 * at_once))))
-    starts = range(0, len(grid), size)
-    about = task.model_dump(mode="json")
-    items: list[Json] = [{"task": about, "points": grid[k : k + size]} for k in starts]
-    rows: list[SweepRow | None] = [None] * len(grid)
-    done = 0
-    answers = map_isolated(plan_chunk, items, preload=(PRELOAD_MODULE,), timeout_s=CHUNK_TIMEOUT_S, processes=at_once)
-    for index, answer in answers:
-        first = starts[index]
-        points = grid[first : first + size]
-        if isinstance(answer, StridelabError):
-            chunk_rows = [SweepRow("failed", f"{answer.code}: {answer.message}", "", math.nan, 0, 0.0) for _ in points]
-        else:
-            chunk_rows = [
-                SweepRow(**{**row, "objective": math.nan if row["objective"] is None else row["objective"]})
-                for row in answer["rows"]
-            ]
-        rows[first : first + size] = chunk_rows
-        done += len(points)
-        progress(0.99 * done / len(grid), f"{done} of {len(grid)} scenarios")
-    return [row for row in rows if row is not None]
-
-
-def plan_chunk(item: Json) -> Json:
-    """Plan a few scenarios; returns their rows. Runs in a separate process."""
-    task = SweepTask.model_validate(item["task"])
-    robot = load_robot(task.scenario.robot)
-    proxies = load_densities(robot, task.input.measure or DEFAULT_MEASURE)
-    body = task.scenario.model_dump(mode="json")
-    requested = solver_of(task.input)
-    # no fallback from the C++ solver to another one: all points of a map use one solver
-    solver = "native" if requested == "auto" and task.input.formulation != "wrench" else requested
-    rows = []
-    for values in item["points"]:
-        try:
-            scenario = task.scenario.model_validate(vary_scenario(body, values))
-            sequence, _ = validate_scenario(scenario)
-        except (InvalidInput, ValueError) as error:
-            rows.append(SweepRow("refused", _short_message(error), "", math.nan, 0, 0.0))
-            continue
-        try:
-            posed = from_rest_to_rest(robot, sequence, proxies)
-            problem = replace(posed, control=control_of(task.input), node_rate_hz=task.input.node_rate_hz)
-            plan = solve(problem, solver, limits_of(task.input))
-        except StridelabError as error:
-            rows.append(SweepRow("failed", _short_message(error), "", math.nan, 0, 0.0))
-            continue
-        stopped = ""
-        if plan.converged and task.input.whole_body:
-            fields = task.input.model_dump(include={"formulation", "solver", "node_rate_hz", "measure"})
-            stopped = _whole_body_failure(robot, proxies, sequence, PlanMotionInput(scenario=scenario, **fields))
-        rows.append(
-            SweepRow(
-                "feasible" if plan.converged and not stopped else "infeasible",
-                stopped if plan.converged else plan.status[:MAX_REASON_LENGTH],
-                plan.solver,
-                plan.objective if plan.converged else math.nan,
-                plan.iterations,
-                plan.solve_time_s,
-            )
-        )
-    return {"rows": [{**vars(row), "objective": None if math.isnan(row.objective) else row.objective} for row in rows]}
-
-
-def _whole_body_failure(
-    robot: Robot, proxies: Mapping[str, Proxy], sequence: ContactSequence, request: PlanMotionInput
-) -> str:
-    """Reason why the whole-body motion of ``plan-motion`` fails; empty if its certificate passes."""
-    control = control_of(request)
-    bounds = PathBounds(None, hand_bounds_n(robot, sequence) if control.has_point_forces else {})
-    posed = from_rest_to_rest(robot, sequence, proxies)
-    problem = replace(posed, control=control, bounds=bounds, node_rate_hz=request.node_rate_hz)
-    try:
-        problem, plan = solve_centroidal(problem, request, lambda _fraction, _message: None)
-        agreed = agree(robot, problem, plan, solve, WholeBodyController().run)
-    except StridelabError as error:
-        return _short_message(error)
-    certificate = certify(robot, sequence, agreed.plan, proxies, agreed.motion)
-    failed = [f"{one.name} {one.value:.3g} {one.unit}" for one in certificate.checks if not one.passed]
-    return f"The certificate fails: {', '.join(failed)}."[:MAX_REASON_LENGTH] if failed else ""
-
-
-def _short_message(error: Exception) -> str:
-    text = error.message if isinstance(error, StridelabError) else str(error).splitlines()[0]
-    return text[:MAX_REASON_LENGTH]
-
-
-def _sweep_columns(grid: list[dict[SweepField, float]], rows: list[SweepRow]) -> dict[str, np.ndarray]:
+def _sweep_columns(grid: list[Point], rows: list[SweepRow]) -> dict[str, np.ndarray]:
     names = {field: f"{field}_{UNITS[field]}" if UNITS[field] else field for field in grid[0]}
     columns = {name: np.array([point[field] for point in grid]) for field, name in names.items()}
     columns["feasible"] = np.array([row.outcome == "feasible" for row in rows])
@@ -236,10 +52,3 @@ def _sweep_columns(grid: list[dict[SweepField, float]], rows: list[SweepRow]) ->
     columns["solver"] = np.array([row.solver for row in rows])
     columns["why"] = np.array([row.why for row in rows])
     return columns
-
-
-def _failure_remarks(rows: list[SweepRow]) -> list[Remark]:
-    failed = [row.why for row in rows if row.outcome == "failed"]
-    if not failed:
-        return []
-    return [Remark(code="sweep-points-failed", message=f"{len(failed)} scenarios could not be planned: {failed[0]}")]

@@ -4,6 +4,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Final
 
+from stridelab.pipelines.population_subjects import StudySubject
 from stridelab.schemas.population import (
     CorrelationResult,
     EffectResult,
@@ -11,7 +12,6 @@ from stridelab.schemas.population import (
     PartialCorrelation,
     SubjectResult,
 )
-from stridelab.service.kinds.study_population.subjects import StudySubject
 from stridelab.walking.population.correlations import Correlation
 from stridelab.walking.population.mixed_model import MixedModel
 from stridelab.walking.population.population import Pair, Population, SubjectMean
