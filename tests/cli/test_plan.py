@@ -216,9 +216,9 @@ def test_the_tables_say_what_failed_and_where(tmp_path: Path, capsys: pytest.Cap
 def test_a_motion_that_stops_is_written_with_its_reason_and_ends_as_the_error(
     walk: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    from stridelab.service.kinds.plan_motion import run as plan_motion
+    from stridelab.pipelines import plan_motion as pipeline
 
-    monkeypatch.setattr(plan_motion, "WholeBodyController", stopping_after(0.4))
+    monkeypatch.setattr(pipeline, "WholeBodyController", stopping_after(0.4))
     with pytest.raises(NotEstimable) as refusal:
         act(PlanRequest(walk), tmp_path / "out")
     assert refusal.value.code == "whole-body-failed"

@@ -176,6 +176,13 @@ def test_jobs_page_filters_by_kind_beside_the_state_and_keeps_both_in_its_links(
     assert "Show all" in markup
 
 
+def test_jobs_page_offers_a_kind_of_job_that_it_has_no_title_for(fake: FakeService, browse: Browse) -> None:
+    fake.add_job("weigh-recording", "failed")
+    page = browse("/jobs").text
+    assert '<option value="weigh-recording" >Weigh recording</option>' in page
+    assert page.count('<option value="fit-cycloid"') == 1
+
+
 def test_failed_job_says_why_and_where_and_shows_its_log(fake: FakeService, browse: Browse) -> None:
     problem = Problem(
         title="Unprocessable",

@@ -18,6 +18,7 @@ from stridelab.contacts.validation.validate import validate_and_build
 from stridelab.conventions import g
 from stridelab.errors import InvalidInput, NotEstimable, NotFound, StridelabError
 from stridelab.pipelines import plan_centroidal, plan_problem
+from stridelab.pipelines import plan_motion as pipeline
 from stridelab.reachability.card import ReachabilityCard
 from stridelab.reachability.store import DEFAULT_MEASURE
 from stridelab.resources import models_dir
@@ -91,7 +92,7 @@ def test_references_name_the_methods(walked: Planned) -> None:
         "arnstrom2022daqp",
         "todorov2012mujoco",
     } <= set(walked.outcome.references)
-    solver = plan_motion.SOLVER_REFERENCES.get(walked.summary.solver)
+    solver = pipeline.SOLVER_REFERENCES.get(walked.summary.solver)
     assert solver is None or solver in walked.outcome.references
 
 
@@ -239,7 +240,7 @@ def test_an_unknown_robot_is_not_found(tmp_path: Path) -> None:
 
 def test_densities_of_another_description_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     other = replace(load_robot("talos"), sha256="cd" * 32)
-    monkeypatch.setattr(plan_motion, "load_robot", lambda _name: other)
+    monkeypatch.setattr(pipeline, "load_robot", lambda _name: other)
     with pytest.raises(StridelabError) as refusal:
         run(tmp_path, short_walk(), whole_body=False)
     assert refusal.value.code == "reachability-of-another-robot"
@@ -283,7 +284,7 @@ def test_a_solver_that_does_not_converge_is_said_with_status_and_iterations(
 def test_a_body_that_cannot_follow_keeps_plan_and_motion_and_its_own_words(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(plan_motion, "WholeBodyController", stopping_after(1.2))
+    monkeypatch.setattr(pipeline, "WholeBodyController", stopping_after(1.2))
     stuck = run(tmp_path, short_walk(), whole_body=True, replay=True)
     error = stuck.outcome.failure
     assert error is not None

@@ -1,60 +1,19 @@
 """``plan-motion``: plans, certifies and replays a whole-body motion for a scenario (chapter 4).
 
-    Scenario -> ContactSequence -> CentroidalPlan -> WholeBodyMotion -> Certificate -> artifacts -> Replay
+    Scenario -> MotionResult -> artifacts -> Replay
 
-The replay takes longest and comes last, so that the other results are available before it. Every stage has its share of
-the progress bar and its time in the summary, and every failure names its stage.
+The replay takes longest and comes last, so that the other results are available before it.
 """
 
-from dataclasses import asdict, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
 
-from stridelab.centroidal.boundary_conditions import PathBounds
-from stridelab.centroidal.hand_force_limits import hand_bounds_n
-from stridelab.centroidal.plan import CentroidalPlan
-from stridelab.centroidal.rest_to_rest import from_rest_to_rest
-from stridelab.centroidal.solver import solve
-from stridelab.contacts.sequence import ContactSequence
-from stridelab.pipelines.plan_centroidal import force_jump_remarks, solve_centroidal
-from stridelab.pipelines.plan_problem import (
-    control_of,
-    free_durations,
-    load_densities,
-    require_durations,
-    require_solver,
-    validate_scenario,
-    with_planned_durations,
-)
+from stridelab.pipelines.plan_motion import EXPORT, REPLAY, plan_motion, replay_motion, stage_shares
+from stridelab.pipelines.plan_problem import with_planned_durations
 from stridelab.pipelines.progress import ProgressCallback, Stages
-from stridelab.reachability.store import DEFAULT_MEASURE
-from stridelab.robots.card import robot_card
-from stridelab.robots.loader import load_robot
-from stridelab.robots.robot import Robot
-from stridelab.schemas.plans import PLAN_STAGES, AgreementPass, PlanMotionInput
 from stridelab.schemas.tasks import PlanMotionTask
 from stridelab.service.kinds.base import ArtifactFile, Json, Outcome
 from stridelab.service.kinds.plan_motion.files import write_json, write_motion, write_plan, write_replay
-from stridelab.service.kinds.plan_motion.summary import (
-    certificate_summary,
-    motion_remarks,
-    plan_summary,
-    replay_summary,
-    stopped_motion,
-)
 from stridelab.service.kinds.plan_motion.video import require_film
-from stridelab.wholebody.certificate.certify import certify
-from stridelab.wholebody.control.controller import WholeBodyController
-from stridelab.wholebody.momentum_consistency import Pass, agree
-from stridelab.wholebody.motion import WholeBodyMotion, WholeBodyStopped
-
-if TYPE_CHECKING:
-    from stridelab.wholebody.replay.replay import Replay
-
-CHECK, REACHABILITY, CENTROIDAL, WHOLE_BODY, CERTIFICATE, EXPORT, REPLAY = PLAN_STAGES
-
-REFERENCES: Final = ("carpentier2017thesis", "carpentier2018multicontact", "carpentier2019pinocchio")
-SOLVER_REFERENCES: Final = {"ipopt": "wachter2006ipopt", "fatrop": "vanroye2023fatrop"}
 
 
 def run_in_child(task: Json, folder: Path, progress: ProgressCallback) -> Json:
@@ -65,103 +24,27 @@ def run_in_child(task: Json, folder: Path, progress: ProgressCallback) -> Json:
 def run(task: PlanMotionTask, folder: Path, progress: ProgressCallback) -> Outcome:
     """Plan the motion of ``task.scenario`` into ``folder``; the summary is a ``PlanMotionSummary``.
 
-    Raises ``NotEstimable`` for unavailable features (``...-unavailable``) before any computation. Later errors name
-    their stage in the last fault: ``InvalidInput`` (``scenario-invalid``), ``NotFound`` (``robot-not-found``),
-    ``Unavailable`` (``reachability-of-another-robot``), ``NotEstimable`` (``plan-time-limit``, ``plan-not-converged``)
-    and other errors of the stages. A whole-body controller that cannot follow the plan is not raised but is the
-    outcome's ``failure`` (``whole-body-failed``), with the plan and the motion until then.
+    Raises as ``stridelab.pipelines.plan_motion.plan_motion`` does. A whole-body controller that cannot follow the plan
+    is the outcome's ``failure`` (``whole-body-failed``), with the plan and the motion until then.
     """
     request = task.input
-    require_solver(request.solver)
-    require_durations(request)
     require_film(request.film)
-    stages = Stages(progress, _stage_shares(request))
+    stages = Stages(progress, stage_shares(request))
+    result = plan_motion(task, stages)
+    motion, certificate, stopped = result.motion, result.certificate, result.stopped
     artifacts: list[ArtifactFile] = []
-
-    with stages.run_stage(CHECK, "looking at the scenario"):
-        sequence, noted = validate_scenario(task.scenario)
-        robot = load_robot(sequence.robot)
-    with stages.run_stage(REACHABILITY, "reading the learned densities"):
-        proxies = load_densities(robot, request.measure or DEFAULT_MEASURE)
-    with stages.run_stage(CENTROIDAL, f"solving for {sequence.duration_s:.1f} s") as tell:
-        posed, control = from_rest_to_rest(robot, sequence, proxies), control_of(request)
-        problem = replace(
-            posed,
-            control=control,
-            bounds=PathBounds(None, hand_bounds_n(robot, sequence) if control.has_point_forces else {}),
-            node_rate_hz=request.node_rate_hz,
-            durations=free_durations(request, sequence),
-        )
-        problem, plan = solve_centroidal(problem, request, tell)
-        given, sequence = sequence, plan.sequence
-
-    motion, certificate, replayed, stopped = None, None, None, None
-    passes: tuple[Pass, ...] = ()
-    if request.whole_body:
-        try:
-            with stages.run_stage(WHOLE_BODY, f"0.0 of {sequence.duration_s:.1f} s") as tell:
-                clock = _motion_progress(tell, sequence.duration_s)
-                agreed = agree(robot, problem, plan, solve, WholeBodyController().run, clock)
-                plan, motion, passes = agreed.plan, agreed.motion, agreed.passes
-        except WholeBodyStopped as stop:
-            motion, stopped = stop.motion, stop
-    if motion is not None and stopped is None:
-        with stages.run_stage(CERTIFICATE, "checking the motion"):
-            certificate = certificate_summary(certify(robot, sequence, plan, proxies, motion))
-            artifacts.append(write_json(folder, "certificate.json", certificate))
     with stages.run_stage(EXPORT, "writing the plan") as tell:
-        scenario = with_planned_durations(task.scenario, sequence)
-        artifacts += [*write_plan(folder, plan), write_json(folder, "scenario.json", scenario)]
+        if certificate is not None:
+            artifacts.append(write_json(folder, "certificate.json", certificate))
+        scenario = with_planned_durations(task.scenario, result.plan.sequence)
+        artifacts += [*write_plan(folder, result.plan), write_json(folder, "scenario.json", scenario)]
         if motion is not None:
-            artifacts += write_motion(folder, robot, motion, request.film, tell)
+            artifacts += write_motion(folder, result.robot, motion, request.film, tell)
+    replay = None
     if request.replay and certificate is not None and motion is not None:
-        with stages.run_stage(REPLAY, f"0.0 of {sequence.duration_s:.1f} s") as tell:
-            replay = _replay_motion(robot, sequence, motion, _motion_progress(tell, sequence.duration_s))
-            replayed = replay_summary(replay)
-            artifacts += write_replay(folder, robot, motion, replay)
-
-    warnings = (*noted, *force_jump_remarks(problem, request), *motion_remarks(plan, motion, certificate, replayed))
-    result = plan_summary(plan, given, problem, request, certificate, replayed, stages.times_s, warnings)
-    result = result.model_copy(update={"agreement": [AgreementPass(**asdict(one)) for one in passes]})
-    if stopped is not None:
-        result = result.model_copy(update={"stopped": stopped_motion(stopped)})
+        with stages.run_stage(REPLAY, f"0.0 of {result.plan.sequence.duration_s:.1f} s") as tell:
+            replay = replay_motion(result, motion, tell)
+            artifacts += write_replay(folder, result.robot, motion, replay)
+    summary = result.summary(replay, stages).model_dump(mode="json")
     progress(1.0, "done" if stopped is None else f"stopped at {stopped.time_s:.2f} s")
-    return Outcome(result.model_dump(mode="json"), _citation_keys(plan, request), tuple(artifacts), stopped)
-
-
-def _stage_shares(request: PlanMotionInput) -> dict[str, float]:
-    """Stages of this request and their shares of the progress bar: about their seconds for 30 s of motion."""
-    shares = {CHECK: 0.3, REACHABILITY: 0.1, CENTROIDAL: 2.0}
-    if request.whole_body:
-        shares |= {WHOLE_BODY: 4.0, CERTIFICATE: 2.0}
-    shares |= {EXPORT: 4.0 if request.whole_body else 0.3}
-    return shares | ({REPLAY: 6.0} if request.replay else {})
-
-
-def _motion_progress(progress: ProgressCallback, duration_s: float) -> ProgressCallback:
-    """Progress callback of a stage over the motion: reports the percentage and the time of the motion."""
-
-    def report_time(fraction: float, _message: str) -> None:
-        progress(fraction, f"{100 * fraction:.0f} %, {fraction * duration_s:.1f} of {duration_s:.1f} s")
-
-    return report_time
-
-
-def _replay_motion(
-    robot: Robot, sequence: ContactSequence, motion: WholeBodyMotion, clock: ProgressCallback
-) -> "Replay":
-    # imported lazily: the simulator is needed for a replay only
-    from stridelab.wholebody.replay.replay import replay_with_defaults
-
-    return replay_with_defaults(robot, sequence, motion, clock)
-
-
-def _citation_keys(plan: CentroidalPlan, request: PlanMotionInput) -> tuple[str, ...]:
-    """Citation keys of the used methods."""
-    robot, solver = robot_card(plan.sequence.robot).references, SOLVER_REFERENCES.get(plan.solver)
-    keys = [*REFERENCES, *robot, "andersson2019casadi", *([solver] if solver else [])]
-    if request.whole_body:
-        keys += ["escande2014hierarchical", "arnstrom2022daqp"]
-    if request.replay:
-        keys += ["todorov2012mujoco", "englsberger2015dcm"]
-    return tuple(keys)
+    return Outcome(summary, result.citation_keys, tuple(artifacts), stopped)

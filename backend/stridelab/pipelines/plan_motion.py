@@ -1,0 +1,182 @@
+"""From a scenario to a certified whole-body motion, and its replay (chapter 4).
+
+    Scenario -> ContactSequence -> CentroidalPlan -> WholeBodyMotion -> Certificate; MotionResult -> Replay
+
+Every stage has its share of the progress bar and its time in the summary, and every failure names its stage.
+"""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import TYPE_CHECKING, Final
+
+from stridelab.centroidal.boundary_conditions import PathBounds
+from stridelab.centroidal.hand_force_limits import hand_bounds_n
+from stridelab.centroidal.plan import CentroidalPlan
+from stridelab.centroidal.problem import CentroidalProblem
+from stridelab.centroidal.rest_to_rest import from_rest_to_rest
+from stridelab.centroidal.solver import solve
+from stridelab.contacts.sequence import ContactSequence
+from stridelab.pipelines.motion_summary import (
+    certificate_summary,
+    motion_remarks,
+    plan_summary,
+    replay_summary,
+    stopped_motion,
+)
+from stridelab.pipelines.plan_centroidal import force_jump_remarks, solve_centroidal
+from stridelab.pipelines.plan_problem import (
+    control_of,
+    free_durations,
+    load_densities,
+    require_durations,
+    require_solver,
+    validate_scenario,
+)
+from stridelab.pipelines.progress import ProgressCallback, Stages
+from stridelab.reachability.store import DEFAULT_MEASURE
+from stridelab.robots.card import robot_card
+from stridelab.robots.loader import load_robot
+from stridelab.robots.robot import Robot
+from stridelab.schemas.base import Remark
+from stridelab.schemas.plans import (
+    PLAN_STAGES,
+    AgreementPass,
+    CertificateSummary,
+    PlanMotionInput,
+    PlanMotionSummary,
+)
+from stridelab.schemas.tasks import PlanMotionTask
+from stridelab.wholebody.certificate.certify import certify
+from stridelab.wholebody.control.controller import WholeBodyController
+from stridelab.wholebody.momentum_consistency import Pass, agree
+from stridelab.wholebody.motion import WholeBodyMotion, WholeBodyStopped
+
+if TYPE_CHECKING:
+    from stridelab.wholebody.replay.replay import Replay
+
+CHECK, REACHABILITY, CENTROIDAL, WHOLE_BODY, CERTIFICATE, EXPORT, REPLAY = PLAN_STAGES
+
+REFERENCES: Final = ("carpentier2017thesis", "carpentier2018multicontact", "carpentier2019pinocchio")
+SOLVER_REFERENCES: Final = {"ipopt": "wachter2006ipopt", "fatrop": "vanroye2023fatrop"}
+
+
+@dataclass(frozen=True)
+class MotionResult:
+    """Results of the stages until the certificate; ``given`` is the sequence of the scenario.
+
+    With ``stopped`` the whole body cannot follow the plan, and ``motion`` ends there.
+    """
+
+    request: PlanMotionInput
+    robot: Robot
+    given: ContactSequence
+    problem: CentroidalProblem
+    plan: CentroidalPlan
+    motion: WholeBodyMotion | None
+    certificate: CertificateSummary | None
+    passes: tuple[Pass, ...]
+    stopped: WholeBodyStopped | None
+    remarks: Sequence[Remark]
+
+    @property
+    def citation_keys(self) -> tuple[str, ...]:
+        """Citation keys of the used methods."""
+        return _citation_keys(self.plan, self.request)
+
+    def summary(self, replay: "Replay | None", stages: Stages) -> PlanMotionSummary:
+        """The summary of the contract, with the times of ``stages``."""
+        replayed = None if replay is None else replay_summary(replay)
+        warnings = (
+            *self.remarks,
+            *force_jump_remarks(self.problem, self.request),
+            *motion_remarks(self.plan, self.motion, self.certificate, replayed),
+        )
+        result = plan_summary(
+            self.plan, self.given, self.problem, self.request, self.certificate, replayed, stages.times_s, warnings
+        )
+        update: dict[str, object] = {"agreement": [AgreementPass(**asdict(one)) for one in self.passes]}
+        if self.stopped is not None:
+            update["stopped"] = stopped_motion(self.stopped)
+        return result.model_copy(update=update)
+
+
+def plan_motion(task: PlanMotionTask, stages: Stages) -> MotionResult:
+    """Plan the motion of ``task.scenario`` and check it; ``stages`` has the shares of ``stage_shares``.
+
+    Raises ``NotEstimable`` for unavailable features (``...-unavailable``) before any computation. Later errors name
+    their stage in the last fault: ``InvalidInput`` (``scenario-invalid``), ``NotFound`` (``robot-not-found``),
+    ``Unavailable`` (``reachability-of-another-robot``), ``NotEstimable`` (``plan-time-limit``, ``plan-not-converged``)
+    and other errors of the stages. A whole-body controller that cannot follow the plan is not raised but ``stopped``.
+    """
+    request = task.input
+    require_solver(request.solver)
+    require_durations(request)
+    with stages.run_stage(CHECK, "looking at the scenario"):
+        sequence, noted = validate_scenario(task.scenario)
+        robot = load_robot(sequence.robot)
+    with stages.run_stage(REACHABILITY, "reading the learned densities"):
+        proxies = load_densities(robot, request.measure or DEFAULT_MEASURE)
+    with stages.run_stage(CENTROIDAL, f"solving for {sequence.duration_s:.1f} s") as tell:
+        posed, control = from_rest_to_rest(robot, sequence, proxies), control_of(request)
+        problem = replace(
+            posed,
+            control=control,
+            bounds=PathBounds(None, hand_bounds_n(robot, sequence) if control.has_point_forces else {}),
+            node_rate_hz=request.node_rate_hz,
+            durations=free_durations(request, sequence),
+        )
+        problem, plan = solve_centroidal(problem, request, tell)
+        given, sequence = sequence, plan.sequence
+
+    motion, certificate, stopped = None, None, None
+    passes: tuple[Pass, ...] = ()
+    if request.whole_body:
+        try:
+            with stages.run_stage(WHOLE_BODY, f"0.0 of {sequence.duration_s:.1f} s") as tell:
+                clock = _motion_progress(tell, sequence.duration_s)
+                agreed = agree(robot, problem, plan, solve, WholeBodyController().run, clock)
+                plan, motion, passes = agreed.plan, agreed.motion, agreed.passes
+        except WholeBodyStopped as stop:
+            motion, stopped = stop.motion, stop
+    if motion is not None and stopped is None:
+        with stages.run_stage(CERTIFICATE, "checking the motion"):
+            certificate = certificate_summary(certify(robot, sequence, plan, proxies, motion))
+    return MotionResult(request, robot, given, problem, plan, motion, certificate, passes, stopped, noted)
+
+
+def replay_motion(result: MotionResult, motion: WholeBodyMotion, progress: ProgressCallback) -> "Replay":
+    """Replay ``motion`` of ``result`` in a physics simulation."""
+    # imported lazily: the simulator is needed for a replay only
+    from stridelab.wholebody.replay.replay import replay_with_defaults
+
+    sequence = result.plan.sequence
+    return replay_with_defaults(result.robot, sequence, motion, _motion_progress(progress, sequence.duration_s))
+
+
+def stage_shares(request: PlanMotionInput) -> dict[str, float]:
+    """Stages of this request and their shares of the progress bar: about their seconds for 30 s of motion."""
+    shares = {CHECK: 0.3, REACHABILITY: 0.1, CENTROIDAL: 2.0}
+    if request.whole_body:
+        shares |= {WHOLE_BODY: 4.0, CERTIFICATE: 2.0}
+    shares |= {EXPORT: 4.0 if request.whole_body else 0.3}
+    return shares | ({REPLAY: 6.0} if request.replay else {})
+
+
+def _motion_progress(progress: ProgressCallback, duration_s: float) -> ProgressCallback:
+    """Progress callback of a stage over the motion: reports the percentage and the time of the motion."""
+
+    def report_time(fraction: float, _message: str) -> None:
+        progress(fraction, f"{100 * fraction:.0f} %, {fraction * duration_s:.1f} of {duration_s:.1f} s")
+
+    return report_time
+
+
+def _citation_keys(plan: CentroidalPlan, request: PlanMotionInput) -> tuple[str, ...]:
+    """Citation keys of the used methods."""
+    robot, solver = robot_card(plan.sequence.robot).references, SOLVER_REFERENCES.get(plan.solver)
+    keys = [*REFERENCES, *robot, "andersson2019casadi", *([solver] if solver else [])]
+    if request.whole_body:
+        keys += ["escande2014hierarchical", "arnstrom2022daqp"]
+    if request.replay:
+        keys += ["todorov2012mujoco", "englsberger2015dcm"]
+    return tuple(keys)
