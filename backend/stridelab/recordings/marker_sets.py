@@ -184,13 +184,14 @@ def all_substitutes() -> Mapping[str, Substitute]:
 def parse_marker_set(data: Mapping[str, Any]) -> MarkerSet:
     """Validate the content of one set file; raises ``InvalidInput`` (``marker-set-invalid``) for an invalid entry."""
     labels: dict[str, tuple[str, ...]] = {}
+    left, right = data.get("sides", ("l", "r"))
     for landmark, patterns in {**data.get("unpaired", {}), **data.get("paired", {})}.items():
-        sides = ("l", "r") if landmark in data.get("paired", {}) else ("",)
-        for side in sides:
+        sides = {"l": left, "r": right} if landmark in data.get("paired", {}) else {"": ""}
+        for side, written in sides.items():
             name = f"{side}_{landmark}" if side else landmark
             if name not in LANDMARKS and not _TECHNICAL.fullmatch(name):
                 raise InvalidInput("marker-set-invalid", f"{data['name']}: {name!r} is not a landmark.")
-            labels[name] = tuple(normalised_label(pattern.replace("{s}", side)) for pattern in patterns)
+            labels[name] = tuple(normalised_label(pattern.replace("{s}", written)) for pattern in patterns)
     required = _both_sides(data["required"])
     unknown = [entry for entry in required if not set(entry.split("|")) <= set(labels)]
     if unknown or not required:
