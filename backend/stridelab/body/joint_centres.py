@@ -18,7 +18,7 @@ from typing import Final
 import numpy as np
 
 from stridelab.body.segment_tables import Anthropometry, SagittalOffset
-from stridelab.body.vectors import median_distance_m, perpendicular_unit, unit
+from stridelab.body.vectors import dot, median_distance_m, median_or_nan, perpendicular_unit, unit
 from stridelab.conventions import Points, Vector3
 from stridelab.errors import Fault, NotEstimable
 
@@ -27,6 +27,8 @@ Tracks = Mapping[str, Points]
 
 OUTWARD_SIGN: Final = {"l": -1.0, "r": 1.0}
 """Outwards on this side is ``SIGN`` times rightwards."""
+_OPPOSED: Final = -0.5
+"""Median cosine below which two directions that should agree count as opposed."""
 
 
 @dataclass(frozen=True)
@@ -112,11 +114,13 @@ def joint_centres(p: Tracks, body: Anthropometry, widths_m: Mapping[str, float])
     """Centres of all joints from the landmark tracks ``p`` (world frame, z up).
 
     ``widths_m`` holds measured joint widths (``l_knee``, ...), marker centre to marker centre. A centre given in the
-    file (landmark ``l_hip_centre``, ...) is used unchanged. Raises ``NotEstimable`` without pelvis or knees.
+    file (landmark ``l_hip_centre``, ...) is used unchanged. Raises ``NotEstimable`` without pelvis or knees, and
+    (``sides-swapped``) if markers of the right side lie on the left.
     """
     joints = pelvis_joints(p, body)
     for s in "lr":
         joints |= leg_joints(p, s, joints, body, widths_m)
+    _require_sides(p, joints.centres)
     joints |= trunk_joints(p, joints, body)
     for s in "lr":
         joints |= arm_joints(p, s, joints, body, widths_m)
@@ -133,6 +137,27 @@ def pelvis_axes(p: Tracks) -> tuple[Points, Points, Points]:
     Z = unit(p["r_asis"] - p["l_asis"])
     Y = unit(np.cross(Z, mid_asis - mid_psis))
     return np.cross(Y, Z), Y, Z
+
+
+def _require_sides(p: Tracks, centres: Tracks) -> None:
+    """Refuse a body whose right markers lie on the left: swapped labels, or a file with mirrored axes.
+
+    Seen from the knees, the pelvis axis Y = Z x X points away; if Z runs from right to left, it points towards them.
+    Knees and shoulders follow Z, except for a trunk or a leg turned by more than 120 degrees over half of the trial.
+    """
+    _, Y, Z = pelvis_axes(p)
+    knees = (centres["l_knee"] + centres["r_knee"]) / 2
+    agreement = {"asis": dot(Y, unit((p["l_asis"] + p["r_asis"]) / 2 - knees))}
+    agreement["knee"] = dot(Z, unit(centres["r_knee"] - centres["l_knee"]))
+    if has_landmarks(p, "l_acromion", "r_acromion"):
+        agreement["acromion"] = dot(Z, unit(p["r_acromion"] - p["l_acromion"]))
+    opposed = [name for name, cosine in agreement.items() if median_or_nan(cosine) < _OPPOSED]
+    if opposed:
+        raise NotEstimable(
+            "sides-swapped",
+            "Markers labelled right lie on the left: labels are swapped, or the axes of the file are mirrored.",
+            [Fault(f"{s}_{name}", "On the other side of the body.") for name in opposed for s in "lr"],
+        )
 
 
 def pelvis_joints(p: Tracks, body: Anthropometry) -> Joints:

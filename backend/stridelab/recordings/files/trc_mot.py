@@ -6,6 +6,7 @@ the nearest value of a loaded sample.
 """
 
 import re
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +21,7 @@ from stridelab.recordings.files.raw import CONTACT_TYPE, NO_FORCE_FILE, Cloud, F
 from stridelab.recordings.files.text_table import BrokenLineError, numbered_lines, parse_table, sampling_rate_hz
 from stridelab.recordings.files.trc import header_fields, parse_trc, trc_broken
 from stridelab.recordings.gap_filling import mark_missing
+from stridelab.recordings.marker_sets import identify
 from stridelab.recordings.orientation import axis_vector, nearest_axis
 from stridelab.recordings.recording import Remark, Subject
 
@@ -28,6 +30,8 @@ _COLUMN = re.compile(
     r"^(?P<pre>.*?)ground_(?P<what>force|torque|moment)(?P<post>_\w+?)?_(?P<kind>[vpm]?)(?P<axis>[xyz])$", re.IGNORECASE
 )
 _MARGIN_M = 0.1
+_UP = "+y"
+"""Vertical axis by the convention of OpenSim; the formats state none."""
 
 
 def read_trc(path: Path, name: str) -> RawTrial:
@@ -60,6 +64,10 @@ def _assemble_trial(texts: TrialTexts, source: str) -> RawTrial:
     choice = names.select_labels(labels, visible, (), ())
     cloud = cloud[:, list(choice.column.values()), :] * scale
     remarks = (*choice.remarks, *remarks)
+    up = up_axis_of_body(tuple(choice.column), cloud) or _UP
+    if up != _UP and texts.mot is None:
+        message = f"TRC files state no vertical axis; {up} is used, along which the pelvis lies above the feet."
+        remarks = (*remarks, Remark("up-axis-from-body", message))
     contacts: tuple[FilePlate, ...] = ()
     force_rate_hz = rate_hz
     if texts.mot is None:
@@ -97,10 +105,26 @@ def _assemble_trial(texts: TrialTexts, source: str) -> RawTrial:
         contacts=contacts,
         subject=Subject(),
         events=(),
-        up_hint="+y",
+        up_hint=up,
         remarks=remarks,
         metres_per_unit=scale,
     )
+
+
+def up_axis_of_body(labels: Sequence[str], points_m: Cloud) -> str | None:
+    """Axis that leads from the feet to the pelvis on average, if the marker set of ``labels`` is known.
+
+    None also for a body that stands or lies along none of the axes (within 20 degrees).
+    """
+    column = {label: i for i, label in enumerate(labels)}
+    landmarks = identify(labels).landmarks
+    named = [[f"{s}_asis" for s in "lr"], [f"{s}_heel" for s in "lr"]]
+    if not all(name in landmarks for pair in named for name in pair):
+        return None
+    pelvis, feet = (points_m[:, [column[landmarks[name]] for name in pair]].mean(axis=1) for pair in named)
+    upwards = pelvis - feet
+    seen = np.isfinite(upwards).all(axis=1)
+    return nearest_axis(upwards[seen].mean(axis=0)) if seen.any() else None
 
 
 def parse_mot(text: str, name: str) -> tuple[Series, dict[str, dict[str, Points]]]:
