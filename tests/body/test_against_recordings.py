@@ -201,6 +201,30 @@ def test_the_stated_cost_of_a_substitute_covers_the_measured_one(gait, code, peo
     assert found[2] <= stated.vertical_mm + 0.5
 
 
+@pytest.mark.parametrize("table", TABLES)
+@pytest.mark.parametrize("people", ["adults", "children"])
+def test_the_stated_cost_of_a_pelvis_from_hip_centres_covers_the_measured_one(gait, people, table):
+    """Joint names of video: hips, knees, ankles, shoulders, elbows and wrists of the full model in place of markers."""
+    trials = [adult(gait, s) for s in ADULTS[::2]] if people == "adults" else [child(gait, s) for s in CHILDREN[::2]]
+    joints = [f"{s}_{name}" for s in "lr" for name in ("hip", "knee", "ankle", "elbow", "wrist")]
+    pelvis, errors = ("l_asis", "r_asis", "l_psis", "r_psis", "sacrum"), []
+    for trial in trials:
+        there, model = marked(trial), SegmentModel(table)
+        whole = model.com(trial, there, subject=trial.subject)
+        centres = {f"{name}_centre": whole.joint_centres_m[name] for name in joints}
+        named = {**there, **{name: name for name in centres}}
+        video = replace(trial, markers_m={**trial.markers_m, **centres})
+        bare = {name: label for name, label in named.items() if name not in pelvis}
+        full, less = (model.com(video, names, subject=trial.subject) for names in (named, bare))
+        assert "pelvis-simplified" in {remark.code for remark in less.remarks}
+        e = less.com_m - full.com_m
+        errors.append([rms(e[:, 0]), rms(e[:, 1]), rms(e[:, 2])])
+    found = [rms(np.array(errors)[:, axis]) * 1e3 for axis in range(3)]
+    stated = all_substitutes()["pelvis-simplified"]
+    assert max(found[:2]) <= stated.horizontal_mm + 0.5
+    assert found[2] <= stated.vertical_mm + 0.5
+
+
 def test_the_stated_cost_of_an_unknown_sex_covers_the_measured_one(gait):
     trial = adult(gait, "2014022")
     for table in TABLES:

@@ -215,6 +215,52 @@ def test_without_pelvis_or_legs_there_is_no_estimate(gone, code, where):
     assert where in [fault.where for fault in refusal.value.faults]
 
 
+def swapped(tracks, *names):
+    """The left and right tracks of these landmarks interchanged."""
+    pairs = {f"{s}_{name}": f"{o}_{name}" for name in names for s, o in ("lr", "rl")}
+    return {name: tracks[pairs.get(name, name)] for name in tracks}
+
+
+@pytest.mark.parametrize(
+    ("wrong", "where"),
+    [
+        ({name: track * [1.0, -1.0, 1.0] for name, track in landmarks().items()}, "l_asis"),
+        (swapped(landmarks(), *(name[2:] for name in landmarks() if name.startswith("l_"))), "l_asis"),
+        (swapped(landmarks(), "acromion"), "r_acromion"),
+        (swapped(landmarks(), "knee_lateral", "knee_medial"), "r_knee"),
+        (without(swapped(landmarks(), "asis", "psis"), "acromion"), "l_asis"),
+    ],
+    ids=["axes mirrored", "all labels", "shoulders", "knees", "pelvis"],
+)
+def test_swapped_sides_are_refused(wrong, where):
+    with pytest.raises(NotEstimable) as refusal:
+        com(wrong)
+    assert refusal.value.code == "sides-swapped"
+    assert where in [fault.where for fault in refusal.value.faults]
+
+
+@pytest.mark.parametrize("degrees", [-50.0, 60.0, 90.0])
+def test_a_bent_or_turned_trunk_is_no_swapped_side(degrees):
+    tracks = landmarks()
+    upper = Rotation.from_euler("zy", [degrees, degrees], degrees=True).as_matrix()
+    high = {name for name in tracks if tracks[name][0, 2] > 1.05}
+    bent = {n: (t - [0.0, 0.0, 1.1]) @ upper.T + [0.0, 0.0, 1.1] if n in high else t for n, t in tracks.items()}
+    assert np.isfinite(com(bent).com_m).all()
+
+
+@pytest.mark.parametrize("lean_deg", [0.0, 40.0])
+def test_a_pelvis_placed_from_hip_centres_follows_the_trunk(lean_deg):
+    tracks = landmarks()
+    whole = com(tracks)
+    centres = {f"{s}_hip_centre": whole.joint_centres_m[f"{s}_hip"] for s in "lr"}
+    video = without({**tracks, **centres}, "asis", "psis", "sacrum", "trochanter")
+    R = Rotation.from_euler("y", lean_deg, degrees=True).as_matrix()
+    placed, leaning = com(video), com({name: track @ R.T for name, track in video.items()})
+    assert {remark.code for remark in placed.remarks} == {"pelvis-simplified"}
+    np.testing.assert_allclose(placed.com_m, whole.com_m, atol=0.012)
+    np.testing.assert_allclose(leaning.com_m, placed.com_m @ R.T, atol=1e-9)
+
+
 def test_markers_that_are_never_seen_together():
     tracks = without(
         landmarks(8), "heel", "mt1", "mt2", "mt5", "toe", "trochanter", "fibula_head", "tuberosity", "medial"

@@ -139,6 +139,29 @@ def pelvis_axes(p: Tracks) -> tuple[Points, Points, Points]:
     return np.cross(Y, Z), Y, Z
 
 
+def with_pelvis(p: Tracks, body: Anthropometry) -> tuple[Tracks, frozenset[str]]:
+    """``p`` with iliac spines and sacrum placed from the hip centres if the pelvis is not marked, and the code of that.
+
+    The pelvis regression is inverted, with Z from the left to the right hip and Y towards the shoulders, else upwards.
+    """
+    spines = has_landmarks(p, "l_asis", "r_asis")
+    marked = spines and (has_landmarks(p, "sacrum") or has_landmarks(p, "l_psis", "r_psis"))
+    if marked or not has_landmarks(p, "l_hip_centre", "r_hip_centre"):
+        return p, frozenset()
+    left, right = p["l_hip_centre"], p["r_hip_centre"]
+    middle, Z = (left + right) / 2, unit(right - left)
+    up = np.broadcast_to(np.array([0.0, 0.0, 1.0]), middle.shape)
+    if has_landmarks(p, "l_acromion", "r_acromion"):
+        up = (p["l_acromion"] + p["r_acromion"]) / 2 - middle
+    Y = perpendicular_unit(up, Z)
+    X = np.cross(Y, Z)
+    width = median_distance_m(left, right) / (2.0 * body.hip[2])
+    mid_asis = middle - width * (body.hip[0] * X + body.hip[1] * Y)
+    q = {name: track for name, track in p.items() if name not in ("l_psis", "r_psis")}
+    q |= {"l_asis": mid_asis - width / 2 * Z, "r_asis": mid_asis + width / 2 * Z, "sacrum": mid_asis - width * X}
+    return q, frozenset({"pelvis-simplified"})
+
+
 def _require_sides(p: Tracks, centres: Tracks) -> None:
     """Refuse a body whose right markers lie on the left: swapped labels, or a file with mirrored axes.
 
@@ -171,7 +194,7 @@ def pelvis_joints(p: Tracks, body: Anthropometry) -> Joints:
     if lacking:
         raise NotEstimable(
             "pelvis-markers-missing",
-            "The pelvis cannot be located: both ASIS, and both PSIS or a sacrum marker, are needed.",
+            "The pelvis cannot be located: both ASIS and both PSIS or a sacrum, or both hips, are needed.",
             [Fault(name, _HIDDEN) for name in lacking],
         )
     X, Y, Z = pelvis_axes(p)

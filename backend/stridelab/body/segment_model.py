@@ -8,7 +8,7 @@ import numpy as np
 
 from stridelab.body import missing_markers, segment_tables
 from stridelab.body.geometric_com import GeometricCom, SegmentTrack
-from stridelab.body.joint_centres import Tracks, has_landmarks, joint_centres
+from stridelab.body.joint_centres import Tracks, has_landmarks, joint_centres, with_pelvis
 from stridelab.body.segment_frames import Frame, segment_frames
 from stridelab.body.segment_tables import SegmentTable, load_anthropometry
 from stridelab.body.vectors import median_distance_m
@@ -57,11 +57,12 @@ class SegmentModel:
         p, rebuilt = _complete_tracks(_landmark_tracks(recording, landmarks), shapes)
         table = self._select_table(recording, subject.sex)
         body = replace(load_anthropometry(subject.sex), height_m=subject.height_m)
+        p, pelvis = with_pelvis(p, body)
         joints = joint_centres(p, body, _widths_m(recording, shapes))
         segments = _segment_tracks(table, segment_frames(p, joints, body))
         com_m = np.sum([s.mass_fraction * s.com_m for s in segments.values()], axis=0)
         _require_visible(com_m, p)
-        gaps = missing_markers.applied_substitutes(joints.substitutes)
+        gaps = missing_markers.applied_substitutes(joints.substitutes | pelvis)
         sd_m = missing_markers.widened_sd_m(table.sd_m, gaps)
         remarks = [gap.remark for gap in gaps]
         if rebuilt:

@@ -219,10 +219,12 @@ def require_marker_set(match: MarkerSetMatch, labels: Sequence[str]) -> None:
         for name, _ in match.nearest[:1]
     ]
     faults.append(Fault("labels found", ", ".join(labels) or "none"))
+    finding = f"belong to no known marker set; nearest: {nearest or 'none'}"
+    if match.rivals:
+        finding = f"fit several marker sets that take a label for different landmarks: {', '.join(match.rivals)}"
     raise NotEstimable(
         "unknown-marker-set",
-        f"The {len(labels)} marker labels belong to no known marker set; nearest: {nearest or 'none'}. "
-        "Map the labels to landmarks to use this recording.",
+        f"The {len(labels)} marker labels {finding}. Map the labels to landmarks to use this recording.",
         faults,
     )
 

@@ -2,8 +2,9 @@
 
 A set is a file in ``models/marker_sets/`` that lists the possible labels of each landmark; ``{s}`` stands for the side
 letter. Labels match regardless of case, spaces, dots, underscores and hyphens, and without a prefix up to the last
-colon (``Subject:LASI``). Among the sets whose ``required`` landmarks are all present, the one that matches the most
-markers is chosen. A user's ``marker_map`` (landmark to label) overrides and completes a set; if less than half of a set
+colon (``Subject:LASI``); ``sides`` names other side words than l and r. Among the sets whose ``required`` landmarks are
+all present, the one that matches the most markers is chosen, none if another one matches as many and takes a label for
+another landmark. A user's ``marker_map`` (landmark to label) overrides and completes a set; if less than half of a set
 matches, a map that names pelvis and legs is used on its own ("custom").
 
 Landmarks are named ``asis``, ``knee_lateral``, ...; paired ones carry ``l_`` or ``r_``. Technical markers of a rigid
@@ -39,8 +40,9 @@ LANDMARKS: Final = frozenset({*UNPAIRED, *(f"{side}_{name}" for side in "lr" for
 
 _TECHNICAL: Final = re.compile(r"([lr]_)?(head|trunk|pelvis|upper_arm|forearm|thigh|shank|foot)_t\d")
 _LOCOMOTION: Final = (
-    *("l_asis", "r_asis", "l_psis|sacrum", "r_psis|sacrum", "l_knee_lateral|l_knee_centre"),
-    *("r_knee_lateral|r_knee_centre", "l_ankle_lateral|l_ankle_centre", "r_ankle_lateral|r_ankle_centre"),
+    *("l_asis|l_hip_centre", "r_asis|r_hip_centre", "l_psis|sacrum|l_hip_centre", "r_psis|sacrum|r_hip_centre"),
+    *("l_knee_lateral|l_knee_centre", "r_knee_lateral|r_knee_centre"),
+    *("l_ankle_lateral|l_ankle_centre", "r_ankle_lateral|r_ankle_centre"),
 )
 """Landmarks that a user's map must name to be used as a set of its own."""
 KNEES: Final = ("l_knee_lateral|l_knee_centre", "r_knee_lateral|r_knee_centre")
@@ -92,7 +94,8 @@ class MarkerSetMatch:
 
     ``landmarks`` maps a landmark to its label in the file. ``missing`` lists absent landmarks of a complete full-body
     set. ``nearest``, if no set matches, names the closest sets with the share of their required landmarks that are
-    present; ``needed`` lists their absent required landmarks. ``degraded`` describes the substitutes and their errors.
+    present; ``needed`` lists their absent required landmarks. ``rivals`` are the sets that match equally well and take a
+    label for different landmarks. ``degraded`` describes the substitutes and their errors.
     """
 
     name: str | None
@@ -101,6 +104,7 @@ class MarkerSetMatch:
     nearest: tuple[tuple[str, float], ...] = ()
     degraded: tuple[Remark, ...] = ()
     needed: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    rivals: tuple[str, ...] = ()
 
 
 def identify(labels: Sequence[str], marker_map: Mapping[str, str] | None = None) -> MarkerSetMatch:
@@ -121,9 +125,13 @@ def identify(labels: Sequence[str], marker_map: Mapping[str, str] | None = None)
         if not _absent_landmarks(s.required, matched[s.name])
         and 2 * len(_absent_landmarks(s.required, labelled[s.name])) <= len(s.required)
     ]
+    rivals: tuple[str, ...] = ()
     if fitting:
         best = max(fitting, key=lambda s: (len(matched[s.name]), -len(s.labels)))
-        return _match_result(best.name, matched[best.name])
+        rivals = tuple(s.name for s in fitting if _contradicts(matched[s.name], matched[best.name]))
+        if not rivals:
+            return _match_result(best.name, matched[best.name])
+        rivals = (best.name, *rivals)
     if not _absent_landmarks(_LOCOMOTION, own):
         return _match_result("custom", own)
     lacking = {s.name: _absent_landmarks(s.required, matched[s.name]) for s in marker_sets().values()}
@@ -135,6 +143,7 @@ def identify(labels: Sequence[str], marker_map: Mapping[str, str] | None = None)
         missing=_absent_landmarks(_full_body(), own),
         nearest=tuple((name, round(scores[name], 3)) for name in nearest),
         needed={name: lacking[name] for name in nearest},
+        rivals=rivals,
     )
 
 
@@ -209,6 +218,13 @@ def _match_result(name: str, landmarks: Mapping[str, str]) -> MarkerSetMatch:
 def _matching_labels(known: MarkerSet, present: Mapping[str, str]) -> dict[str, str]:
     hits = ((landmark, next((n for n in names if n in present), None)) for landmark, names in known.labels.items())
     return {landmark: present[name] for landmark, name in hits if name is not None}
+
+
+def _contradicts(landmarks: Mapping[str, str], best: Mapping[str, str]) -> bool:
+    """Whether as many landmarks are matched as in ``best``, and one of its labels is another anatomical landmark."""
+    meaning = {label: name for name, label in best.items() if name in LANDMARKS}
+    differs = any(meaning.get(label, name) != name for name, label in landmarks.items() if name in LANDMARKS)
+    return len(landmarks) == len(best) and differs
 
 
 def _absent_landmarks(required: Iterable[str], landmarks: Iterable[str]) -> tuple[str, ...]:

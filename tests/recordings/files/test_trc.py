@@ -189,6 +189,27 @@ def test_units_may_be_written_out(stated: str, scale: float, tmp_path: Path) -> 
     np.testing.assert_allclose(read_recording(path).markers_m["Top.Head"][0], [0.0, 0.0, 1.7], atol=2e-3)
 
 
+LEGS_MM = {"ASI": 1000, "PSI": 1020, "KNE": 500, "ANK": 80, "HEE": 40}
+
+
+@pytest.mark.parametrize(("place", "up"), [((0, 2, 1), "+z"), ((0, 1, 2), "+y"), ((1, 0, 2), "+x")])
+def test_the_vertical_axis_follows_from_a_known_body(place: tuple[int, ...], up: str, tmp_path: Path) -> None:
+    """Cortex writes z upwards, OpenSim y; the body is narrower than its walk is long, so no extent decides."""
+    labels = tuple(f"{s}{name}" for name in LEGS_MM for s in "LR")
+    standing = np.array([[0, height, 100 if s == "R" else -100] for height in LEGS_MM.values() for s in "LR"])
+    rows = (standing + np.outer(np.arange(N), [60.0, 0.0, 0.0])[:, None, :])[:, :, list(place)]
+    head = "\n".join(trc(labels=labels[:5]).splitlines()[:3]).replace("\t5\t", f"\t{len(labels)}\t")
+    text = head + "\nFrame#\tTime\t" + "\t\t\t".join(labels) + "\t\t\t\n\t\tX1\tY1\tZ1\n\n"
+    text += "".join(
+        "\t".join([str(i + 1), f"{i / 100:.2f}", *(f"{x:.3f}" for x in row.ravel())]) + "\n"
+        for i, row in enumerate(rows)
+    )
+    recording = read_recording(written(tmp_path, text))
+    assert recording.up_axis == up
+    np.testing.assert_allclose(recording.markers_m["LASI"][:, 2], 1.0)
+    assert ("up-axis-from-body" in {remark.code for remark in recording.remarks}) == (up != "+y")
+
+
 def test_a_file_too_large_to_read_is_refused_before(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(trc_mot, "MAX_MEMBER_BYTES", 2**10)
     with pytest.raises(UnreadableFile) as refusal:
