@@ -139,7 +139,7 @@ def pelvis_axes(p: Tracks) -> tuple[Points, Points, Points]:
     return np.cross(Y, Z), Y, Z
 
 
-def with_pelvis(p: Tracks, body: Anthropometry) -> tuple[Tracks, frozenset[str]]:
+def with_pelvis(p: Tracks, body: Anthropometry) -> tuple[dict[str, Points], frozenset[str]]:
     """``p`` with iliac spines and sacrum placed from the hip centres if the pelvis is not marked, and the code of that.
 
     The pelvis regression is inverted, with Z from the left to the right hip and Y towards the shoulders, else upwards.
@@ -147,7 +147,7 @@ def with_pelvis(p: Tracks, body: Anthropometry) -> tuple[Tracks, frozenset[str]]
     spines = has_landmarks(p, "l_asis", "r_asis")
     marked = spines and (has_landmarks(p, "sacrum") or has_landmarks(p, "l_psis", "r_psis"))
     if marked or not has_landmarks(p, "l_hip_centre", "r_hip_centre"):
-        return p, frozenset()
+        return dict(p), frozenset()
     left, right = p["l_hip_centre"], p["r_hip_centre"]
     middle, Z = (left + right) / 2, unit(right - left)
     up = np.broadcast_to(np.array([0.0, 0.0, 1.0]), middle.shape)

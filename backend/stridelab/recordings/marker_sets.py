@@ -94,8 +94,8 @@ class MarkerSetMatch:
 
     ``landmarks`` maps a landmark to its label in the file. ``missing`` lists absent landmarks of a complete full-body
     set. ``nearest``, if no set matches, names the closest sets with the share of their required landmarks that are
-    present; ``needed`` lists their absent required landmarks. ``rivals`` are the sets that match equally well and take a
-    label for different landmarks. ``degraded`` describes the substitutes and their errors.
+    present; ``needed`` lists their absent required landmarks. ``degraded`` describes the substitutes and their errors.
+    ``rivals`` are sets that match equally well and take a label for different landmarks.
     """
 
     name: str | None
