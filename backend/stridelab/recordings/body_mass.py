@@ -43,12 +43,13 @@ _MIN_RUN_S = 0.25
 
 @dataclass(frozen=True)
 class VerticalMotion:
-    """Upward velocity and acceleration of the centre of mass at the marker instants, low-passed; NaN where unknown.
+    """Height, upward velocity and acceleration of the centre of mass at the marker instants; NaN where unknown.
 
-    The acceleration is low-passed at ``BAND_HZ``, the velocity at ``VELOCITY_BAND_HZ``. ``from_pelvis`` is true if the
-    pelvis is used instead of the centre of mass.
+    The acceleration is low-passed at ``BAND_HZ``, the velocity at ``VELOCITY_BAND_HZ``, the height is not.
+    ``from_pelvis`` is true if the pelvis is used instead of the centre of mass.
     """
 
+    height_m: Series
     velocity_m_s: Series
     acceleration_m_s2: Series
     from_pelvis: bool = False
@@ -90,7 +91,7 @@ def _differentiate_height(height_m: Series, rate_hz: float, *, from_pelvis: bool
             acceleration[i:j] = np.gradient(np.gradient(slow)) * rate_hz**2
     if not np.isfinite(velocity).any():
         return None
-    return VerticalMotion(velocity, acceleration, from_pelvis)
+    return VerticalMotion(height_m, velocity, acceleration, from_pelvis)
 
 
 MassKind = Literal["standing", "impulse", "whole_steps", "session"]

@@ -3,7 +3,8 @@
 A frame is complete if the whole outline of every foot that may be on the ground lies on loaded plates in use. On
 overground walks over two plates this holds from the trailing foot's lift-off to the leading foot's second strike. If
 the motion of the body is known, frames in which the plates carry less than the motion requires are excluded as well: a
-chair, a rail or the floor beside a plate carries the rest (``missing_force``). The events in a file are not used.
+chair, a rail or the floor beside a plate carries the rest (``missing_force``). In flight the contact force is known to
+be zero: these frames are complete, wherever the feet are, and count as measured. The events in a file are not used.
 """
 
 import itertools
@@ -27,13 +28,15 @@ from stridelab.recordings.foot_on_plate import (
 )
 from stridelab.recordings.force_plates import COP_NEVER_ON_PLATE
 from stridelab.recordings.gap_filling import true_runs
-from stridelab.recordings.missing_force import frames_missing_force
+from stridelab.recordings.missing_force import flight_frames, frames_missing_force
 from stridelab.recordings.plate_contacts import loaded_intervals, vertical_force_n, whole_steps
 from stridelab.recordings.recording import Plate, Recording, Remark, Window
 
 MIN_WINDOW_S = 0.25
 """Half a step at a normal pace; nothing can be estimated from less."""
 _SHARED_S = 0.05
+_MIN_CONTACT_S = 0.12
+"""Shortest contact in a window: the stance of a sprint, with flight on both sides of it."""
 
 
 @dataclass(frozen=True)
@@ -76,10 +79,11 @@ def find_windows(
         windows, missing = _remove_missing_force(recording, _windows_from_load(recording, plates), motion, stated_kg)
         return WindowSearch(windows, (remark, *missing))
     complete, shared = _complete_frames(recording, landmarks, plates, feet)
+    flight = flight_frames(recording, feet, motion)
     candidates = tuple(
         window
-        for window in _as_windows(complete, recording.marker_rate_hz)
-        if _is_mostly_loaded(recording, plates, window)
+        for window in _as_windows(complete | flight, recording.marker_rate_hz)
+        if _is_mostly_measured(recording, plates, window, flight)
     )
     windows, missing = _remove_missing_force(recording, candidates, motion, stated_kg)
     remarks = (*missing, *_step_coverage_remarks(recording, windows))
@@ -218,11 +222,14 @@ def _as_windows(complete: Mask, rate_hz: float) -> list[Window]:
     return [window for window in windows if window.duration_s >= MIN_WINDOW_S]
 
 
-def _is_mostly_loaded(recording: Recording, plates: list[Plate], window: Window) -> bool:
-    """Whether the plates are loaded in more than half of the window."""
+def _is_mostly_measured(recording: Recording, plates: list[Plate], window: Window, flight: Mask) -> bool:
+    """Whether more than half of the window is load on the plates or flight, and a contact is in it."""
     total_n = vertical_force_n(recording)
     i, j = int(window.start_s * recording.force_rate_hz), int(window.end_s * recording.force_rate_hz) + 1
-    return float(np.mean(total_n[i:j] > 2.0 * plates[0].threshold_n)) > 0.5
+    loaded = total_n[i:j] > 2.0 * plates[0].threshold_n
+    inside = (recording.time_s >= window.start_s) & (recording.time_s <= window.end_s)
+    share = float(np.mean(loaded))
+    return share * window.duration_s >= _MIN_CONTACT_S and share + float(np.mean(flight[inside])) > 0.5
 
 
 def _both_feet_lift(feet: tuple[Foot, ...]) -> bool:

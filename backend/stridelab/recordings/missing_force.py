@@ -6,6 +6,9 @@ With m the mass, z the height of the markers' centre of mass and f_z the sum of 
 
 is the missing share of body weight, carried by a chair, a rail, a stick or the floor beside the plate. In free fall
 z'' = -g, and no force is missing. The minimum over 30 ms allows for the latency between force and markers.
+
+Flight: no plate is loaded, both feet are above the floor, and z falls as a parabola of -g. The contact force is then
+known to be zero, wherever the feet are.
 """
 
 from collections.abc import Sequence
@@ -15,8 +18,9 @@ from scipy.ndimage import minimum_filter1d
 
 from stridelab.conventions import GRAVITY_M_S2, Mask, Series
 from stridelab.recordings.body_mass import VerticalMotion, low_band
+from stridelab.recordings.foot_contact import Foot
 from stridelab.recordings.gap_filling import true_runs
-from stridelab.recordings.plate_contacts import vertical_force_n, whole_steps
+from stridelab.recordings.plate_contacts import loaded_intervals, vertical_force_n, whole_steps
 from stridelab.recordings.recording import Recording, Window
 from stridelab.recordings.total_wrench import low_pass
 
@@ -29,6 +33,48 @@ _LIFTED_M_S2 = 4.0
 """Frames with a smaller g + z'' are not used to estimate the mass."""
 _LEVEL_PERCENTILE = 75.0
 _LIGHT, _ABSURD, _STEADY = 1.1, 1.5, 0.3
+_CLEARANCE_M, _MIN_FLIGHT_S, _MIN_FLIGHT_FRAMES = 0.01, 0.05, 5
+"""Least height of both feet above the floor, and the shortest flight whose acceleration can be measured."""
+_STANDING_PERCENTILE = 5.0
+_FREE_FALL_SHARE = 0.3
+"""Largest deviation of the acceleration from -g, as a share of g; 0.27 is the largest in 150 flights of 4 runners."""
+
+
+def flight_frames(recording: Recording, feet: Sequence[Foot], motion: VerticalMotion | None) -> Mask:
+    """Frames in which nothing touches the body; False where the motion or the height of a foot is unknown.
+
+    A body on a chair, a rail or a stick may leave the plates as well, but does not fall freely.
+    """
+    flight = np.zeros(recording.n_frames, dtype=bool)
+    loaded = _loaded_frames(recording)
+    if motion is None or len(feet) < 2 or not loaded.any():
+        return flight
+    lifted = ~loaded & np.isfinite(motion.height_m)
+    for foot in feet:
+        lifted &= _height_above_floor_m(foot) > _CLEARANCE_M
+    for i, j in true_runs(lifted):
+        if j - i >= max(_MIN_FLIGHT_FRAMES, _MIN_FLIGHT_S * recording.marker_rate_hz):
+            fall = 2.0 * np.polyfit(recording.time_s[i:j] - recording.time_s[i], motion.height_m[i:j], 2)[0]
+            flight[i:j] = abs(fall + GRAVITY_M_S2) < _FREE_FALL_SHARE * GRAVITY_M_S2
+    return flight
+
+
+def _loaded_frames(recording: Recording) -> Mask:
+    """Frames in which a plate in use is loaded."""
+    loaded, time_s = np.zeros(recording.n_frames, dtype=bool), recording.time_s
+    for plate in recording.plates:
+        for start_s, end_s in loaded_intervals(plate, recording.force_rate_hz) if plate.use else ():
+            loaded |= (time_s >= start_s) & (time_s <= end_s)
+    return loaded
+
+
+def _height_above_floor_m(foot: Foot) -> Series:
+    """Height of the foot's lowest marker above its own height on the floor; NaN where the whole foot is hidden."""
+    height_m = foot.markers_m[:, :, 2]
+    height_m = height_m[:, np.isfinite(height_m).any(axis=0)]
+    above_m = height_m - np.nanpercentile(height_m, _STANDING_PERCENTILE, axis=0)
+    lowest_m = np.nan_to_num(above_m, nan=np.inf).min(axis=1, initial=np.inf)
+    return np.where(np.isfinite(lowest_m), lowest_m, np.nan)
 
 
 def frames_missing_force(
