@@ -16,7 +16,13 @@ from types import MappingProxyType
 from typing import Final, Literal
 
 from stridelab.estimation.estimator import ComEstimate
-from stridelab.estimation.quality.measures import Measures, Recorded, compute_measures
+from stridelab.estimation.quality.measures import (
+    EXPLAINED_SHARE,
+    MIN_CONTRADICTING_SHARE,
+    Measures,
+    Recorded,
+    compute_measures,
+)
 from stridelab.estimation.quality.pressure import PlatePressure
 from stridelab.recordings.recording import Remark
 
@@ -104,7 +110,7 @@ def evaluate_checks(
         if math.isnan(row.value):
             not_checked[row.name] = row.missing if with_force or row.name in MARKER_CHECKS else WITHOUT_FORCE
             continue
-        limit = limit_of(row.name, geometry_sd_m)
+        limit = limit_of(row.name, geometry_sd_m, measures.force_share)
         ending = "agree" if row.value <= limit.passes else "agree poorly"
         if row.value > limit.contradicts:
             ending = "contradict each other"
@@ -174,6 +180,14 @@ def _force_rows(measures: Measures, mass_kg: float) -> Iterator[_CheckRow]:
         f"{mass_kg:.1f} kg ({motion:.1%} apart)",
         "the plates' vertical force and the mass",
         "no stretch has both force and geometry",
+    )
+    yield _CheckRow(
+        "flight_acceleration",
+        measures.flight_acceleration,
+        f"In flight the centre of mass falls with an acceleration that differs by {measures.flight_acceleration:.1%} "
+        "from that of gravity",
+        "the plates, which read zero, and the markers",
+        "no flight of 50 ms is in the interval with all force",
     )
     yield _CheckRow(
         "mass_from_standing",
@@ -252,9 +266,12 @@ LIMITS: Final[Mapping[str, Limit]] = MappingProxyType(
         # 15 % of the weight is the standard deviation of the vertical force in a walk, 8 % that of the fore-aft force:
         # a difference of that size explains none of the force. The residual includes the error of the mass.
         "force_residual": Limit(0.05, 0.15),
-        "acceleration_difference": Limit(0.08, 0.15),
+        # In runs and jumps ``contradicts`` is half of the force's own standard deviation, 40 % of the weight and more.
+        "acceleration_difference": Limit(0.08, MIN_CONTRADICTING_SHARE),
         "mass_from_motion": Limit(0.04, 0.15),
         "mass_from_standing": Limit(0.04, 0.15),
+        # Nothing carries a body in flight; half of its weight is more than any error of marker or plate explains.
+        "flight_acceleration": Limit(0.1, 0.5),
         # ``passes`` is replaced by the 95 % circle, or band, of the geometry's own standard deviation.
         "horizontal_bias": Limit(0.05, 0.05, "m"),
         "vertical_bias": Limit(0.08, 0.08, "m"),
@@ -268,9 +285,15 @@ LIMITS: Final[Mapping[str, Limit]] = MappingProxyType(
 )
 
 
-def limit_of(name: str, geometry_sd_m: tuple[float, float, float]) -> Limit:
-    """Limit of the check ``name`` for a geometric centre of mass with this standard deviation per axis."""
+def limit_of(name: str, geometry_sd_m: tuple[float, float, float], force_share: float = 0.0) -> Limit:
+    """Limit of the check ``name`` for a geometric centre of mass with this standard deviation per axis.
+
+    ``force_share`` is the standard deviation of the measured force over the weight, on the axis of
+    ``acceleration_difference``.
+    """
     limit = LIMITS[name]
+    if name == "acceleration_difference":
+        return replace(limit, contradicts=max(limit.contradicts, EXPLAINED_SHARE * force_share))
     if name == "horizontal_bias":
         return replace(limit, passes=min(limit.contradicts, CIRCLE_95 * max(geometry_sd_m[:2])))
     if name == "vertical_bias":

@@ -47,10 +47,27 @@ AXES: Final = ("along the walk", "across the walk", "vertically")
 EDGE: Final = 0.6
 """Periods of the band that are excluded at either end because of filter transients."""
 _MIN_SAMPLES = 10
+MIN_CONTRADICTING_SHARE: Final = 0.15
+"""Standard deviation of the vertical force of a walk over the weight; half of it is that of the fore-aft force."""
 
 
-def acceleration_difference(geometric: GeometricCom, wrench: WrenchTrack, mass_kg: float) -> tuple[str, float] | None:
-    """The axis on which markers and force differ most, and the standard deviation of that difference over the weight.
+@dataclass(frozen=True)
+class AccelerationDifference:
+    """Standard deviations on the named axis, over the weight: of the difference, and of the measured force itself."""
+
+    axis: str
+    share: float
+    force_share: float
+
+
+EXPLAINED_SHARE: Final = 0.5
+"""Difference over the variation of the force at which markers and force have lost half of their common signal."""
+
+
+def acceleration_difference(
+    geometric: GeometricCom, wrench: WrenchTrack, mass_kg: float
+) -> AccelerationDifference | None:
+    """The axis on which markers and force differ most, and by how much: standard deviations over the weight.
 
     Both are low-passed to 6 Hz. A constant difference is excluded: errors of the mass or of a plate's zero have other
     checks. The longest stretch with both signals is used; None if it is too short.
@@ -65,10 +82,12 @@ def acceleration_difference(geometric: GeometricCom, wrench: WrenchTrack, mass_k
         return None
     velocity, acceleration = smoothed_derivatives(geometric.com_m[i:j], rate_hz, MOMENTUM_BAND_HZ)
     force_n = low_pass(wrench.force_n[i:j], rate_hz, MOMENTUM_BAND_HZ)
-    apart = (contact_force(acceleration, mass_kg) - force_n)[edge:-edge] @ walk_frame(velocity).T
-    share = apart.std(axis=0) / (mass_kg * GRAVITY_M_S2)
-    worst = int(np.argmax(share))
-    return AXES[worst], float(share[worst])
+    frame, weight_n = walk_frame(velocity), mass_kg * GRAVITY_M_S2
+    apart = (contact_force(acceleration, mass_kg) - force_n)[edge:-edge] @ frame.T
+    share, force_share = apart.std(axis=0) / weight_n, (force_n[edge:-edge] @ frame.T).std(axis=0) / weight_n
+    # one limit for all axes of a walk; a larger one only for an axis with the large forces of a run or a jump
+    worst = int(np.argmax(share / np.maximum(EXPLAINED_SHARE * force_share, MIN_CONTRADICTING_SHARE)))
+    return AccelerationDifference(AXES[worst], float(share[worst]), float(force_share[worst]))
 
 
 NAN = math.nan
@@ -102,18 +121,21 @@ class Recorded:
 class Measures:
     """One value per check; NaN if it cannot be computed.
 
-    ``axis`` is that of ``acceleration_difference``, ``leg`` the segment of ``leg_length_change``.
+    ``axis`` is that of ``acceleration_difference`` and ``force_share`` the variation of the force on it,
+    ``leg`` the segment of ``leg_length_change``.
     """
 
     normalised_innovations: float = NAN
     force_residual: float = NAN
     acceleration_difference: float = NAN
     axis: str = ""
+    force_share: float = 0.0
     horizontal_bias_m: float = NAN
     vertical_bias_m: float = NAN
     outside_body_m: float = NAN
     motion_mass_kg: float = NAN
     standing_mass_kg: float = NAN
+    flight_acceleration: float = NAN
     leg_length_change: float = NAN
     leg: str = ""
     plates: tuple[PlatePressure, ...] = ()
@@ -143,13 +165,15 @@ def compute_measures(recorded: Recorded, estimate: ComEstimate) -> Measures:
     return Measures(
         normalised_innovations=estimate.diagnostics.get("normalised_innovations", NAN),
         force_residual=_relative_force_residual(recorded, estimate, complete),
-        acceleration_difference=NAN if apart is None else apart[1],
-        axis="" if apart is None else apart[0],
+        acceleration_difference=NAN if apart is None else apart.share,
+        axis="" if apart is None else apart.axis,
+        force_share=0.0 if apart is None else apart.force_share,
         horizontal_bias_m=horizontal_m,
         vertical_bias_m=vertical_m,
         outside_body_m=common.outside_body_m,
         motion_mass_kg=_motion_mass_kg(recorded),
         standing_mass_kg=NAN if recorded.standing_mass_kg is None else recorded.standing_mass_kg,
+        flight_acceleration=flight_acceleration_error(estimate, wrench.force_n[used], complete),
         leg_length_change=common.leg_length_change,
         leg=common.leg,
         plates=plate_pressures(recorded.recording, recorded.landmarks, wrench.complete, wrench.latency_applied_s),
@@ -177,6 +201,27 @@ def _relative_force_residual(recorded: Recorded, estimate: ComEstimate, complete
     if len(r) == 0:
         return NAN
     return float(np.sqrt(np.mean(np.sum(r**2, axis=1)))) / (recorded.mass_kg * GRAVITY_M_S2)
+
+
+FLIGHT_N: Final = 20.0
+"""Largest force of an empty plate; below it nothing touches the plates."""
+_MIN_FLIGHT_S, _MIN_FLIGHT_FRAMES = 0.05, 5
+
+
+def flight_acceleration_error(estimate: ComEstimate, force_n: Points, complete: Mask) -> float:
+    """Deviation from -g of the estimate's vertical acceleration in flight, as a share of g; the largest of all flights.
+
+    ``force_n`` and ``complete`` are at the samples of the estimate. The acceleration is that of a parabola through the
+    heights of each interval of 50 ms or more in which all force is measured and is zero; NaN without any.
+    """
+    rate_hz = (len(estimate.time_s) - 1) / (estimate.time_s[-1] - estimate.time_s[0])
+    errors = [NAN]
+    for i, j in true_runs(complete & (np.linalg.norm(force_n, axis=1) < FLIGHT_N)):
+        if j - i >= max(_MIN_FLIGHT_FRAMES, _MIN_FLIGHT_S * rate_hz):
+            t = estimate.time_s[i:j] - estimate.time_s[i]
+            fall_m_s2 = 2.0 * float(np.polyfit(t, estimate.com_m[i:j, 2], 2)[0])
+            errors.append(abs(fall_m_s2 / GRAVITY_M_S2 + 1.0))
+    return float(np.fmax.reduce(errors))
 
 
 def _motion_mass_kg(recorded: Recorded) -> float:

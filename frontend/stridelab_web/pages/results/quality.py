@@ -14,6 +14,7 @@ NAMES: Final[Mapping[str, str]] = {
     "vertical_bias": "Fused from markers, vertically",
     "mass_from_motion": "Mass, from force and motion",
     "mass_from_standing": "Mass, from the static trial",
+    "flight_acceleration": "Acceleration in flight from that of gravity",
     "pressure_from_feet": "Centre of pressure from the feet",
     "pressure_off_plate": "Centre of pressure off its plate",
     "outside_body": "Centre of mass outside the body",
@@ -25,6 +26,7 @@ SHARES: Final = frozenset(
         "acceleration_difference",
         "mass_from_motion",
         "mass_from_standing",
+        "flight_acceleration",
         "pressure_off_plate",
         "leg_length_change",
     }
