@@ -14,6 +14,7 @@ from stridelab.body.segment_tables import SegmentTable, load_anthropometry
 from stridelab.body.vectors import median_distance_m
 from stridelab.conventions import Points
 from stridelab.errors import Fault, InvalidInput, NotEstimable
+from stridelab.recordings.foot_contact import walking_surface_m_s
 from stridelab.recordings.marker_sets import identify
 from stridelab.recordings.recording import Recording, Remark, Sex, Subject
 
@@ -79,6 +80,7 @@ class SegmentModel:
             sd_m=sd_m,
             remarks=tuple(remarks),
             references=tuple(sorted({*table.references, *body.references})),
+            ground_m_s=walking_surface_m_s(recording, landmarks),
         )
 
     def _select_table(self, recording: Recording, sex: Sex | None) -> SegmentTable:

@@ -115,7 +115,8 @@ def estimate_latency(geometric: GeometricCom, wrench_at: Callable[[float], Wrenc
         wrench = wrench_at(latency_s)
         span = window_span(geometric, wrench)
         _require_motion(wrench, span, mass_kg)
-        R = _walking_axes(*(x[span.within] for x in smoothed_derivatives(geometric.com_m[span.around], span.rate_hz)))
+        velocity, acceleration = smoothed_derivatives(geometric.com_m[span.around], span.rate_hz)
+        R = _walking_axes(velocity[span.within] - geometric.ground_m_s, acceleration[span.within])
         likelihood = clock_likelihood(geometric, wrench, span, mass_kg, R, lags)
         if everywhere and np.argmax(likelihood.log_likelihood) in (0, len(lags) - 1):
             raise _lag_too_large_error(_SEARCH_S)

@@ -15,13 +15,13 @@ on the toe), and at most 0.175 H with H the stature if known (a foot of 0.152 H 
 front of its marker.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float
 
-from stridelab.conventions import Mask, Points, Series
+from stridelab.conventions import Mask, Points, Series, Vector3
 from stridelab.recordings.orientation import travel_m
 from stridelab.recordings.recording import Recording, Side
 
@@ -103,13 +103,25 @@ def is_treadmill(recording: Recording) -> bool:
     return any(remark.code == "treadmill" for remark in recording.remarks)
 
 
-def ground_velocity_m_s(recording: Recording, tracks: list[Points]) -> Float[np.ndarray, "3"]:
+def walking_surface_m_s(recording: Recording, landmarks: Mapping[str, str]) -> Vector3:
+    """Velocity of the ground from the feet that ``landmarks`` (landmark to label) name; zero without any."""
+    labels = [landmarks.get(f"{side}_{name}") for side in "lr" for name in (*FOOT_LANDMARKS, "ankle_lateral")]
+    tracks = [recording.markers_m[label] for label in labels if label in recording.markers_m]
+    return ground_velocity_m_s(recording, tracks) if tracks else np.zeros(3)
+
+
+def ground_velocity_m_s(recording: Recording, tracks: list[Points]) -> Vector3:
     """Velocity of the ground: zero, or on a treadmill the velocity of the low foot markers."""
     if not is_treadmill(recording):
         return np.zeros(3)
+    return stance_velocity_m_s(tracks, recording.marker_rate_hz)
+
+
+def stance_velocity_m_s(tracks: Sequence[Points], rate_hz: float) -> Vector3:
+    """Median horizontal velocity of foot markers while they are low: that of the belt on a treadmill, else near 0."""
     low = []
     for track in tracks:
-        v = velocity_m_s(track, recording.marker_rate_hz)
+        v = velocity_m_s(track, rate_hz)
         low.append(v[track[:, 2] <= np.nanpercentile(track[:, 2], 30.0)])
     return np.asarray(np.nanmedian(np.concatenate(low), axis=0) * [1.0, 1.0, 0.0], dtype=np.float64)
 

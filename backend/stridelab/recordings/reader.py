@@ -12,8 +12,9 @@ from stridelab.errors import Fault, InvalidInput, UnreadableFile
 from stridelab.recordings import orientation
 from stridelab.recordings.files.c3d import read_c3d
 from stridelab.recordings.files.opensim_zip import is_trc
-from stridelab.recordings.files.raw import FilePlate, RawTrial
+from stridelab.recordings.files.raw import Cloud, FilePlate, RawTrial
 from stridelab.recordings.files.trc_mot import read_trc, read_trc_mot
+from stridelab.recordings.foot_contact import stance_velocity_m_s
 from stridelab.recordings.force_plates import plate_wrench, rough_normal, rough_total_force
 from stridelab.recordings.gap_filling import fill_short_gaps
 from stridelab.recordings.moment_units import with_true_moment_units
@@ -97,10 +98,12 @@ def to_world(raw: RawTrial, switches: Mapping[int, PlateSwitches]) -> Recording:
     is_marker = [label not in raw.outputs for label in raw.labels]
     body = points[:, is_marker, :]
     direction = orientation.walking_direction(body, raw.marker_rate_hz)
-    if direction is None and plates:
-        direction = _belt_direction(list(markers.values()), raw.marker_rate_hz)
-        if direction is not None:
-            remarks.append(Remark("treadmill", "The body stays in place while the feet swing: taken for a treadmill."))
+    if plates:
+        belt = _belt_direction(list(markers.values()), body, direction, raw.marker_rate_hz)
+        if belt is not None:
+            direction, belt_m_s = belt
+            message = f"The feet stand on a surface that moves at {belt_m_s:.2f} m/s: taken for a treadmill."
+            remarks.append(Remark("treadmill", message))
     remarks += fore_aft_remarks(plates, direction, raw.force_rate_hz)
     return Recording(
         markers_m=markers,
@@ -181,8 +184,28 @@ def _split_tracks(raw: RawTrial, points: np.ndarray) -> tuple[dict[str, Points],
     return markers, outputs, filled
 
 
-def _belt_direction(tracks: list[Points], rate_hz: float) -> Vector3 | None:
-    """Direction of walking on a treadmill, from the lowest quarter of the markers."""
+_FEET_MARKERS: Final = 4
+_DRIFT_SHARE: Final = 0.25
+_MIN_BELT_M_S: Final = 0.3
+"""A body that travels slower than this share of the belt's speed drifts on a treadmill."""
+
+
+def _belt_direction(
+    tracks: list[Points], body_m: Cloud, direction: Vector3 | None, rate_hz: float
+) -> tuple[Vector3, float] | None:
+    """Direction of walking on a treadmill and the speed of its belt, from the lowest quarter of the markers.
+
+    A body that travels (``direction``) is on a treadmill if its feet stand on a surface that is much faster.
+    """
     heights = [float(np.nanmedian(track[:, 2])) for track in tracks]
-    low = np.argsort(heights)[: max(2, len(tracks) // 4)]
-    return orientation.belt_direction([tracks[int(i)] for i in low], rate_hz)
+    low = [tracks[int(i)] for i in np.argsort(heights)[: max(2, len(tracks) // 4)]]
+    belt = stance_velocity_m_s(low[:_FEET_MARKERS], rate_hz)
+    belt_m_s = float(np.linalg.norm(belt))
+    if direction is None:
+        ahead = orientation.belt_direction(low, rate_hz)
+        return None if ahead is None else (ahead, belt_m_s)
+    travel = orientation.travel_m(body_m, rate_hz)
+    if travel is None or belt_m_s < _MIN_BELT_M_S:
+        return None
+    drift_m_s = float(np.linalg.norm(travel[:2])) * rate_hz / len(body_m)
+    return (-belt / belt_m_s, belt_m_s) if drift_m_s < _DRIFT_SHARE * belt_m_s else None

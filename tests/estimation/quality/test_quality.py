@@ -20,13 +20,12 @@ from stridelab.estimation.quality.measures import (
     acceleration_difference,
     distance_outside_m,
     dynamic_mass_kg,
-    flight_acceleration_error,
     length_change,
 )
 from stridelab.estimation.smoother import Smoother
 from stridelab.recordings.force_windows import measured_windows
 from stridelab.recordings.marker_sets import identify
-from stridelab.recordings.recording import Plate, Recording, Window, WrenchTrack
+from stridelab.recordings.recording import Plate, Recording, Subject, Window, WrenchTrack
 from stridelab.recordings.total_wrench import wrench_track
 from stridelab.simulation.force_plates import LabName
 from stridelab.simulation.human.walker import HumanWalker
@@ -331,29 +330,29 @@ def test_a_fore_aft_channel_of_the_wrong_sign_contradicts_a_run() -> None:
     assert contradicts_in(run(fore_aft=-1.0))
 
 
-@pytest.mark.parametrize(
-    ("share", "passed", "contradicts"), [(1.0, True, False), (0.8, False, False), (0.4, False, True)]
-)
-def test_a_body_in_flight_falls_with_gravity(share: float, passed: bool, contradicts: bool) -> None:
-    """A flight of 0.2 s, in which the result falls with ``share`` times the acceleration of gravity."""
+def fall(share: float, *, measured: bool = True) -> Quality:
+    """Checks of a result that falls with ``share`` times the acceleration of gravity in a flight of 0.2 s."""
     t = np.arange(100) / 100.0
     flight = (t >= 0.4) & (t < 0.6)
     height = 1.0 - 0.5 * share * GRAVITY_M_S2 * np.clip(t - 0.4, 0.0, 0.2) ** 2
     com = np.column_stack([0.0 * t, 0.0 * t, height])
     force = np.column_stack([0.0 * t, 0.0 * t, np.where(flight, 0.0, 700.0)])
-    nothing = np.zeros_like(com)
-    estimate = ComEstimate("formula", t, com, nothing, nothing, nothing, Window(0.0, 0.99), ())
-    error = flight_acceleration_error(estimate, force, np.ones(100, dtype=bool))
-    assert error == pytest.approx(1.0 - share, abs=0.01)
-    (check,) = evaluate_checks(Measures(flight_acceleration=error), MASS_KG, (0.01, 0.01, 0.02)).checks
+    window = Window(0.0, 0.99)
+    estimate = ComEstimate("formula", t, com, 0.0 * com, 0.0 * com, 0.0 * com, window, ())
+    wrench = WrenchTrack(t, force, 0.0 * force, np.full(100, measured), (window,))
+    geometric = GeometricCom(t, com, "formula", {}, {}, (0.01, 0.01, 0.02))
+    recording = Recording({"a": com}, 100.0, 100.0, (), Subject(), (), "+z", None)
+    return assess_quality(Recorded(recording, {}, geometric, wrench, MASS_KG), estimate)
+
+
+@pytest.mark.parametrize(
+    ("share", "passed", "contradicts"), [(1.0, True, False), (0.8, False, False), (0.4, False, True)]
+)
+def test_a_body_in_flight_falls_with_gravity(share: float, passed: bool, contradicts: bool) -> None:
+    (check,) = [check for check in fall(share).checks if check.name == "flight_acceleration"]
+    assert check.value == pytest.approx(1.0 - share, abs=0.01)
     assert (check.passed, check.contradicts) == (passed, contradicts)
 
 
-def test_without_flight_or_outside_the_measured_interval_there_is_no_such_check() -> None:
-    t = np.arange(100) / 100.0
-    nothing = np.zeros((100, 3))
-    estimate = ComEstimate("formula", t, nothing, nothing, nothing, nothing, Window(0.0, 0.99), ())
-    assert np.isnan(flight_acceleration_error(estimate, nothing, np.zeros(100, dtype=bool)))
-    assert np.isnan(
-        flight_acceleration_error(estimate, nothing + np.array([0.0, 0.0, 700.0]), np.ones(100, dtype=bool))
-    )
+def test_what_is_not_measured_is_no_flight() -> None:
+    assert "flight_acceleration" in fall(0.4, measured=False).not_checked

@@ -24,7 +24,7 @@ Checks that thigh and shank have constant length; needs markers only.
 import itertools
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -37,7 +37,7 @@ from stridelab.conventions import GRAVITY_M_S2, Mask, Points, Series
 from stridelab.dynamics.wrench import contact_force
 from stridelab.estimation.differentiation import low_pass, smoothed_derivatives
 from stridelab.estimation.estimator import ComEstimate
-from stridelab.estimation.evaluation.physics_residuals import MOMENTUM_BAND_HZ, force_residual_track_n
+from stridelab.estimation.evaluation.physics_residuals import MOMENTUM_BAND_HZ, assess_flight, force_residual_track_n
 from stridelab.estimation.quality.pressure import PlatePressure, plate_pressures
 from stridelab.estimation.time_span import walk_frame
 from stridelab.recordings.gap_filling import true_runs
@@ -69,6 +69,8 @@ def acceleration_difference(
 ) -> AccelerationDifference | None:
     """The axis on which markers and force differ most, and by how much: standard deviations over the weight.
 
+    An axis on which they contradict each other comes before one on which they only differ more.
+
     Both are low-passed to 6 Hz. A constant difference is excluded: errors of the mass or of a plate's zero have other
     checks. The longest stretch with both signals is used; None if it is too short.
     """
@@ -82,11 +84,12 @@ def acceleration_difference(
         return None
     velocity, acceleration = smoothed_derivatives(geometric.com_m[i:j], rate_hz, MOMENTUM_BAND_HZ)
     force_n = low_pass(wrench.force_n[i:j], rate_hz, MOMENTUM_BAND_HZ)
-    frame, weight_n = walk_frame(velocity), mass_kg * GRAVITY_M_S2
+    frame, weight_n = walk_frame(velocity - geometric.ground_m_s), mass_kg * GRAVITY_M_S2
     apart = (contact_force(acceleration, mass_kg) - force_n)[edge:-edge] @ frame.T
     share, force_share = apart.std(axis=0) / weight_n, (force_n[edge:-edge] @ frame.T).std(axis=0) / weight_n
-    # one limit for all axes of a walk; a larger one only for an axis with the large forces of a run or a jump
-    worst = int(np.argmax(share / np.maximum(EXPLAINED_SHARE * force_share, MIN_CONTRADICTING_SHARE)))
+    # the large vertical forces of a run allow more than a walk's, and must not hide an axis that contradicts
+    contradicts = share > np.maximum(EXPLAINED_SHARE * force_share, MIN_CONTRADICTING_SHARE)
+    worst = int(np.argmax(np.where(contradicts, 1.0, 0.0) * share.max() + share))
     return AccelerationDifference(AXES[worst], float(share[worst]), float(force_share[worst]))
 
 
@@ -173,7 +176,7 @@ def compute_measures(recorded: Recorded, estimate: ComEstimate) -> Measures:
         outside_body_m=common.outside_body_m,
         motion_mass_kg=_motion_mass_kg(recorded),
         standing_mass_kg=NAN if recorded.standing_mass_kg is None else recorded.standing_mass_kg,
-        flight_acceleration=flight_acceleration_error(estimate, wrench.force_n[used], complete),
+        flight_acceleration=_flight_acceleration_error(recorded, estimate),
         leg_length_change=common.leg_length_change,
         leg=common.leg,
         plates=plate_pressures(recorded.recording, recorded.landmarks, wrench.complete, wrench.latency_applied_s),
@@ -203,25 +206,15 @@ def _relative_force_residual(recorded: Recorded, estimate: ComEstimate, complete
     return float(np.sqrt(np.mean(np.sum(r**2, axis=1)))) / (recorded.mass_kg * GRAVITY_M_S2)
 
 
-FLIGHT_N: Final = 20.0
-"""Largest force of an empty plate; below it nothing touches the plates."""
-_MIN_FLIGHT_S, _MIN_FLIGHT_FRAMES = 0.05, 5
+def _flight_acceleration_error(recorded: Recorded, estimate: ComEstimate) -> float:
+    """Deviation of the estimate's vertical acceleration from -g in flight, as a share of g.
 
-
-def flight_acceleration_error(estimate: ComEstimate, force_n: Points, complete: Mask) -> float:
-    """Deviation from -g of the estimate's vertical acceleration in flight, as a share of g; the largest of all flights.
-
-    ``force_n`` and ``complete`` are at the samples of the estimate. The acceleration is that of a parabola through the
-    heights of each interval of 50 ms or more in which all force is measured and is zero; NaN without any.
+    Flights lie where all force is measured and is zero; NaN without any.
     """
-    rate_hz = (len(estimate.time_s) - 1) / (estimate.time_s[-1] - estimate.time_s[0])
-    errors = [NAN]
-    for i, j in true_runs(complete & (np.linalg.norm(force_n, axis=1) < FLIGHT_N)):
-        if j - i >= max(_MIN_FLIGHT_FRAMES, _MIN_FLIGHT_S * rate_hz):
-            t = estimate.time_s[i:j] - estimate.time_s[i]
-            fall_m_s2 = 2.0 * float(np.polyfit(t, estimate.com_m[i:j, 2], 2)[0])
-            errors.append(abs(fall_m_s2 / GRAVITY_M_S2 + 1.0))
-    return float(np.fmax.reduce(errors))
+    wrench = recorded.wrench
+    measured_n = np.where(wrench.complete[:, None], wrench.force_n, NAN)
+    flight = assess_flight(estimate, replace(wrench, force_n=measured_n))
+    return NAN if flight is None else abs(flight.vertical_share)
 
 
 def _motion_mass_kg(recorded: Recorded) -> float:

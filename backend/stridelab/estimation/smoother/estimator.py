@@ -60,7 +60,8 @@ class Smoother:
         span = window_span(geometric, wrench)
         used, rate_hz = span.around, span.rate_hz
         seen = np.isfinite(wrench.force_n[used]).all(axis=1) & wrench.complete[used]
-        walk = in_walking_frame(geometric.com_m[used], wrench.force_n[used], wrench.moment_nm[used], seen, rate_hz)
+        force_n, moment_nm = wrench.force_n[used], wrench.moment_nm[used]
+        walk = in_walking_frame(geometric.com_m[used], force_n, moment_nm, seen, rate_hz, geometric.ground_m_s)
         sizes = sizes_of(self.priors, walk, mass_kg, geometric.sd_m)
         require_single_support(walk, span.within, sizes.swing_hz[0])
         if wrench.withheld is not None:

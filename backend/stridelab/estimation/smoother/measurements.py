@@ -33,7 +33,7 @@ from stridelab.estimation.time_span import walk_frame
 from stridelab.recordings.recording import Remark
 
 REFERENCE_BAND_HZ = 4.0
-STEP_RANGE_HZ = (0.8, 3.5)
+STEP_RANGE_HZ = (0.8, 5.0)
 AIRBORNE_N = 50.0
 WALKS_M_S = 0.1
 END_S, FULL_SWING = 0.3, 0.6
@@ -41,7 +41,11 @@ END_S, FULL_SWING = 0.3, 0.6
 
 @dataclass(frozen=True)
 class Walk:
-    """Geometry and wrench of a gap-free stretch in the walking frame (rows of ``frame``), and its mean velocity."""
+    """Geometry and wrench of a gap-free stretch in the walking frame (rows of ``frame``), and its mean velocity.
+
+    ``ground_m_s`` is the velocity of the walking surface, of a treadmill's belt or zero. Force, pressure and velocity
+    refer to the laboratory; only frame and speed are relative to the surface.
+    """
 
     frame: Rotation
     geometry_m: Points
@@ -50,21 +54,24 @@ class Walk:
     seen: Mask
     rate_hz: float
     velocity_m_s: Vector3
+    ground_m_s: Vector3
 
     @property
     def speed_m_s(self) -> float:
-        """Horizontal part of the mean velocity."""
-        return float(np.linalg.norm(self.velocity_m_s[:2]))
+        """Horizontal part of the mean velocity relative to the walking surface."""
+        return float(np.linalg.norm((self.velocity_m_s - self.ground_m_s)[:2]))
 
 
-def in_walking_frame(geometry_m: Points, force_n: Points, moment_nm: Points, seen: Mask, rate_hz: float) -> Walk:
-    """Rotate all signals so that x is the mean horizontal direction of motion; missing forces are 0."""
+def in_walking_frame(
+    geometry_m: Points, force_n: Points, moment_nm: Points, seen: Mask, rate_hz: float, ground_m_s: Vector3
+) -> Walk:
+    """Rotate all signals so that x is the mean horizontal direction over the ground; missing forces are 0."""
     duration = (len(geometry_m) - 1) / rate_hz
     velocity = (geometry_m[-1] - geometry_m[0]) / duration
-    frame = walk_frame(velocity[None])
+    frame = walk_frame((velocity - ground_m_s)[None])
     measured = seen[:, None]
     f, nu = (np.where(measured, x, 0.0) @ frame.T for x in (force_n, moment_nm))
-    return Walk(frame, geometry_m @ frame.T, f, nu, seen, rate_hz, frame @ velocity)
+    return Walk(frame, geometry_m @ frame.T, f, nu, seen, rate_hz, frame @ velocity, frame @ ground_m_s)
 
 
 def smoother_signals(walk: Walk, mass_kg: float, momentum_rate_nm: Points) -> Signals:
@@ -91,7 +98,7 @@ def supported_share(walk: Walk, smooth_force_n: Points, weight_n: float) -> Seri
 
 
 def step_frequency_hz(walk: Walk) -> float | None:
-    """Frequency of the strongest vertical oscillation between 0.8 and 3.5 Hz; None without walking."""
+    """Frequency of the strongest vertical oscillation between 0.8 and 5 Hz (a sprint); None without walking."""
     z = walk.geometry_m[:, 2]
     n = len(z)
     t = np.linspace(-1, 1, n)
@@ -114,7 +121,7 @@ def swing_at_ends(walk: Walk) -> tuple[float, float]:
         return 1.0, 1.0
     t = np.arange(n) / walk.rate_hz
     first, last = (
-        float(np.linalg.norm(np.polynomial.polynomial.polyfit(t, part[:, :2], 1)[1]))
+        float(np.linalg.norm(np.polynomial.polynomial.polyfit(t, part[:, :2], 1)[1] - walk.ground_m_s[:2]))
         for part in (walk.geometry_m[:n], walk.geometry_m[-n:])
     )
     full = FULL_SWING * walk.speed_m_s

@@ -184,11 +184,12 @@ def sizes_of(priors: SmootherPriors, walk: Walk, mass_kg: float, table_sd_m: tup
     """Prior sizes for the axes x, y, z of the walking frame.
 
     The moment about the lateral axis affects x, that about the walking axis y. A clock error of ``clock_s`` displaces
-    the force along the walk.
+    the force by the motion in the laboratory, which a treadmill does not have.
     """
     height = float(np.mean(walk.geometry_m[:, 2]))
     step_hz = priors.step_hz or step_frequency_hz(walk) or USUAL_STEP_HZ
-    sizes = _prior_sizes(priors, mass_kg, table_sd_m, walk.frame, height, step_hz, walk.speed_m_s)
+    in_laboratory_m_s = float(np.linalg.norm(walk.velocity_m_s[:2]))
+    sizes = _prior_sizes(priors, mass_kg, table_sd_m, walk.frame, height, step_hz, in_laboratory_m_s)
     return replace(sizes, ends=swing_at_ends(walk))
 
 
