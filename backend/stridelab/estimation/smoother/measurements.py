@@ -30,6 +30,7 @@ from stridelab.estimation.differentiation import low_pass
 from stridelab.estimation.smoother.kalman_rts import ForwardPass, Gains, Signals
 from stridelab.estimation.smoother.state_space import ACCELERATION, StateSpace
 from stridelab.estimation.time_span import walk_frame
+from stridelab.recordings.gap_filling import true_runs
 from stridelab.recordings.recording import Remark
 
 REFERENCE_BAND_HZ = 4.0
@@ -139,7 +140,8 @@ LOADED_N: Final = 50.0
 def require_single_support(walk: Walk, within: slice, step_hz: float) -> None:
     """Raise ``NotEstimable`` (``no-single-support``) for a short window without a full single support.
 
-    In single support the centre of pressure stays on one side of the CoM; it changes sides in double support.
+    In single support the centre of pressure stays on one side of the CoM; it changes sides in double support. A contact
+    between two flights on one side of the CoM is a full single support, however short.
     """
     n = within.stop - within.start
     step = walk.rate_hz / step_hz
@@ -148,6 +150,9 @@ def require_single_support(walk: Walk, within: slice, step_hz: float) -> None:
     f, nu = walk.force_n[within], walk.moment_nm[within]
     loaded = f[:, 2] > LOADED_N
     side = np.sign(nu[loaded, 0] / f[loaded, 2] - walk.geometry_m[within][loaded, 1])
+    number = np.cumsum(loaded) - 1
+    if any(i > 0 and j < n and np.ptp(side[number[i] : number[j - 1] + 1]) == 0 for i, j in true_runs(loaded)):
+        return
     changes = np.flatnonzero(np.diff(side)) + 1
     longest = np.diff(np.concatenate([[0], changes, [len(side)]])).max()
     if longest < SHARE_OF_STEP * step:
