@@ -112,10 +112,9 @@ def test_frames_are_right_handed_and_face_the_way_they_say():
 def test_a_hidden_marker_costs_only_its_own_frames():
     tracks = landmarks(6)
     lone = without(tracks, "l_mt1", "l_mt5", "l_mt2", "l_trochanter")  # leaves the left heel without neighbours
-    lone["l_elbow_lateral"] = lone["l_elbow_lateral"].copy()
-    lone["l_elbow_lateral"][2] = np.nan
-    lone["l_wrist_radial"] = lone["l_wrist_radial"].copy()
-    lone["l_wrist_radial"][2] = np.nan
+    for name in ("l_elbow_lateral", "l_elbow_medial", "l_wrist_radial", "l_wrist_ulnar"):
+        lone[name] = lone[name].copy()
+        lone[name][2] = np.nan
     found = com(lone)
     assert np.isnan(found.com_m[2]).all()
     assert np.isfinite(np.delete(found.com_m, 2, axis=0)).all()

@@ -158,6 +158,16 @@ def test_on_a_treadmill_everything_is_measured() -> None:
     assert window.end_s == pytest.approx(recording.duration_s, abs=0.02)
 
 
+def test_a_short_gap_of_one_foot_marker_does_not_end_the_window() -> None:
+    """The left heel is hidden for 0.18 s in the middle of a swing, when the foot is over no plate."""
+    recording = on_a_belt(walk(range(8)))
+    middle = round((lift_s(2) + 0.2) * recording.marker_rate_hz)
+    heel = recording.markers_m["l_heel"].copy()
+    heel[middle - 9 : middle + 9] = np.nan
+    (window,) = measured_windows(replace(recording, markers_m={**recording.markers_m, "l_heel": heel}), LANDMARKS)
+    assert window.end_s - window.start_s == pytest.approx(recording.duration_s, abs=0.03)
+
+
 def test_mass_over_whole_steps() -> None:
     recording = walk([2, 3])
     windows = (Window(lift_s(1), strike_s(4)),)

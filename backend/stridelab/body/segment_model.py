@@ -15,6 +15,7 @@ from stridelab.body.vectors import median_distance_m
 from stridelab.conventions import Points
 from stridelab.errors import Fault, InvalidInput, NotEstimable
 from stridelab.recordings.foot_contact import walking_surface_m_s
+from stridelab.recordings.gap_filling import bridge_segment_gaps
 from stridelab.recordings.marker_sets import identify
 from stridelab.recordings.recording import Recording, Remark, Sex, Subject
 
@@ -55,7 +56,7 @@ class SegmentModel:
         ``InvalidInput`` for a table that does not exist.
         """
         shapes = {} if static is None else _static_tracks(static, landmarks, static_landmarks)
-        p, rebuilt = _complete_tracks(_landmark_tracks(recording, landmarks), shapes)
+        p, rebuilt = _complete_tracks(_landmark_tracks(recording, landmarks), shapes, recording.marker_rate_hz)
         table = self._select_table(recording, subject.sex)
         body = replace(load_anthropometry(subject.sex), height_m=subject.height_m)
         p, pelvis = with_pelvis(p, body)
@@ -105,19 +106,27 @@ def _static_tracks(
     return _landmark_tracks(static, {**own, **shared})
 
 
-def _complete_tracks(tracks: Tracks, shapes: missing_markers.Shapes) -> tuple[dict[str, Points], tuple[str, ...]]:
+def _complete_tracks(
+    tracks: Tracks, shapes: missing_markers.Shapes, rate_hz: float
+) -> tuple[dict[str, Points], tuple[str, ...]]:
     """Tracks with gaps filled by rigid clusters, first shaped as in the static trial, then as in the trial itself.
 
+    Short gaps in clusters of which too few markers are visible are bridged (``bridge_segment_gaps``).
     Landmarks visible in less than half of the frames with a visible pelvis are removed.
     """
     p, from_static = missing_markers.rebuild_markers(tracks, shapes)
     p, from_itself = missing_markers.rebuild_markers(p, p)
+    bridged: set[str] = set()
+    for cluster in missing_markers.CLUSTERS:
+        filled = bridge_segment_gaps({name: p[name] for name in cluster if name in p}, rate_hz)
+        bridged |= {name for name, track in filled.items() if track is not p[name]}
+        p |= filled
     pelvis = [np.isfinite(p[name]).all(axis=1) for name in ("l_asis", "r_asis") if name in p]
     if pelvis:
         frames = np.logical_and.reduce(pelvis)
         enough = _MIN_VISIBLE_SHARE * max(int(frames.sum()), 1)
         p = {name: track for name, track in p.items() if np.isfinite(track[frames]).all(axis=1).sum() >= enough}
-    return p, tuple(sorted((from_static | from_itself) & p.keys()))
+    return p, tuple(sorted((from_static | from_itself | bridged) & p.keys()))
 
 
 def _widths_m(recording: Recording, shapes: missing_markers.Shapes) -> dict[str, float]:

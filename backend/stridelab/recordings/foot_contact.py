@@ -22,6 +22,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from stridelab.conventions import Mask, Points, Series, Vector3
+from stridelab.recordings.gap_filling import bridge_segment_gaps
 from stridelab.recordings.orientation import travel_m
 from stridelab.recordings.recording import Recording, Side
 
@@ -73,12 +74,13 @@ def find_feet(recording: Recording, landmarks: Mapping[str, str]) -> tuple[Foot,
 
 
 def _foot_tracks(recording: Recording, landmarks: Mapping[str, str], prefix: str) -> tuple[list[Points], list[Points]]:
-    """Tracks at the heel and at the forefoot; each landmark has one label."""
+    """Tracks at the heel and at the forefoot; each landmark has one label. Short gaps of one marker are bridged."""
     tracks: dict[str, Points] = {}
     for name in (*FOOT_LANDMARKS, "ankle_lateral"):
         label = landmarks.get(prefix + name)
         if label is not None and label in recording.markers_m:
             tracks[name] = recording.markers_m[label]
+    tracks = bridge_segment_gaps(tracks, recording.marker_rate_hz)
     ankle = tracks.pop("ankle_lateral", None)
     rear = tracks.pop("heel", ankle)
     return [] if rear is None else [rear], list(tracks.values())

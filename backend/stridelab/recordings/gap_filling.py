@@ -1,5 +1,7 @@
 """Missing samples: converts the encodings of missing values to NaN and fills short gaps."""
 
+from collections.abc import Mapping
+
 import numpy as np
 from scipy.interpolate import CubicSpline
 
@@ -8,6 +10,9 @@ from stridelab.recordings.files.raw import LARGEST_PLAUSIBLE, Cloud
 
 MAX_GAP_S = 0.1
 """Longest gap that is interpolated: about 4 cm of a foot's swing, less than a fifth of a step's duration."""
+
+MAX_BRIDGE_S = 0.2
+"""Longest gap of a marker that is bridged by the other markers of its segment: half of a running foot's swing."""
 
 
 def mark_missing(points_m: Cloud) -> Cloud:
@@ -40,3 +45,26 @@ def fill_short_gaps(track_m: Points, rate_hz: float, max_gap_s: float = MAX_GAP_
     out = track_m.copy()
     out[filled] = CubicSpline(seen, track_m[seen], axis=0)(np.flatnonzero(filled))
     return out, filled
+
+
+def bridge_segment_gaps(tracks: Mapping[str, Points], rate_hz: float) -> dict[str, Points]:
+    """Fill interior gaps of at most ``MAX_BRIDGE_S`` in the markers of one segment from its other markers.
+
+    The offset from the mean of the markers that stay visible is interpolated by a cubic spline: it only turns with the
+    segment, whereas the marker itself travels. A gap without another visible marker is left.
+    """
+    bridged = dict(tracks)
+    limit = int(MAX_BRIDGE_S * rate_hz + 1e-9)
+    for name, track in tracks.items():
+        for i, j in true_runs(np.isnan(track).any(axis=1)):
+            others = [other for key, other in tracks.items() if key != name and np.isfinite(other[i - 1 : j + 1]).all()]
+            if i == 0 or j == len(track) or j - i > limit or not others:
+                continue
+            reference = np.mean(others, axis=0)
+            offset = track - reference
+            seen = np.flatnonzero(np.isfinite(offset).all(axis=1))
+            seen = seen[(seen >= i - limit) & (seen < j + limit)]
+            filled = bridged[name].copy()
+            filled[i:j] = reference[i:j] + CubicSpline(seen, offset[seen], axis=0)(np.arange(i, j))
+            bridged[name] = filled
+    return bridged
