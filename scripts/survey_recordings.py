@@ -3,6 +3,7 @@
 Each folder is one source: the recordings of one laboratory or repository, fetched by whoever runs the survey. Every
 recording is read and estimated with default options in a process of its own, with limits on time and memory. A TRC file
 is zipped with the force file that belongs to it: one of the same name, or of the same name and a word such as ``_grf``.
+A recording that is refused without a static trial is estimated with the one beside it, if there is exactly one.
 
 The rows (one JSON object a line) tell for each recording its outcome: ``estimate``, or the code of the error. A survey
 that was interrupted goes on where it stopped; delete the rows to start anew.
@@ -33,6 +34,7 @@ TOLERATED_MM: Final = 50.0
 """A result farther from the geometry must carry an error remark."""
 NO_FORCE: Final = frozenset({"no-plates", "no-measured-window", "plates-unloaded", "window-too-short", "mass-unknown"})
 """Refusals of a fused estimate after which the geometry alone is tried."""
+STATIC_NEEDED: Final = "knee-markers-missing"
 FORCE_WORDS: Final = ("", "_grf", "_forces", "_force", "_grfs", "grf", "_ExtLoads", "_GRF")
 
 
@@ -59,6 +61,20 @@ def force_file_of(trc: Path) -> Path | None:
     return None
 
 
+def static_trial_of(path: Path) -> Path | None:
+    """The only other file called ``static*`` beside a recording, else the only one in the folders of its parent."""
+    for places in ([path.parent], [place for place in path.parent.parent.iterdir() if place.is_dir()]):
+        found = [
+            other
+            for place in places
+            for other in sorted(place.iterdir())
+            if other.name.lower().startswith("static") and other.suffix.lower() == path.suffix.lower() and other != path
+        ]
+        if len(found) == 1:
+            return found[0]
+    return None
+
+
 def uploaded(path: Path, folder: Path) -> Path:
     """What a user would upload: the file itself, or a zip of a TRC file and its forces."""
     forces = force_file_of(path) if path.suffix.lower() == ".trc" else None
@@ -69,6 +85,19 @@ def uploaded(path: Path, folder: Path) -> Path:
         made.write(path, path.name)
         made.write(forces, forces.name)
     return archive
+
+
+def estimated(loaded: Any) -> tuple[Any, str | None]:
+    """The estimate of a read recording; without usable force the geometry alone, and why the fusion was refused."""
+    import stridelab as sl
+    from stridelab.errors import StridelabError
+
+    try:
+        return sl.estimate_com(loaded), None
+    except StridelabError as refusal:
+        if refusal.code not in NO_FORCE:
+            raise
+        return sl.estimate_com(loaded, method="geometry"), refusal.code
 
 
 def examine(path: Path, answer: Connection) -> None:
@@ -90,12 +119,13 @@ def examine(path: Path, answer: Connection) -> None:
                 :8
             ]
             try:
-                com = sl.estimate_com(loaded)
+                com, row["refused_fusion"] = estimated(loaded)
             except StridelabError as refusal:
-                if refusal.code not in NO_FORCE:
+                static = static_trial_of(path)
+                if refusal.code != STATIC_NEEDED or static is None:
                     raise
-                row["refused_fusion"] = refusal.code
-                com = sl.estimate_com(loaded, method="geometry")
+                row["static"] = static.name
+                com, row["refused_fusion"] = estimated(sl.read(loaded.path, static=static))
             geometry = com.result.prepared.geometric
             nearest = np.searchsorted(geometry.time_s, com.time_s - 1e-6).clip(max=len(geometry.time_s) - 1)
             difference_m = com.com_m - geometry.com_m[nearest]
