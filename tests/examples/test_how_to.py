@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 from fastapi import APIRouter, FastAPI
+from fastapi.routing import APIRoute
 from sqlalchemy.ext.asyncio import AsyncEngine
 
 from stridelab.contacts.effector_geometry import effector_shapes
@@ -101,7 +102,8 @@ def test_the_job_kind_is_found_and_described(kind_files: Path, monkeypatch: pyte
     kind = found["weigh-recording"]
     assert operation["description"].startswith(f"{kind.title}. {kind.description} ")
     assert operation["requestBody"]["content"]["application/json"]["examples"] == kind.examples
-    endpoint = next(route.endpoint for route in router.routes if route.path == "/jobs/weigh-recording")
+    routes = [route for route in router.routes if isinstance(route, APIRoute)]
+    endpoint = next(route.endpoint for route in routes if route.path == "/jobs/weigh-recording")
     assert signature(endpoint).parameters["body"].annotation.__origin__ is kind.input_model
 
 

@@ -108,7 +108,7 @@ def is_treadmill(recording: Recording) -> bool:
 def walking_surface_m_s(recording: Recording, landmarks: Mapping[str, str]) -> Vector3:
     """Velocity of the ground from the feet that ``landmarks`` (landmark to label) name; zero without any."""
     labels = [landmarks.get(f"{side}_{name}") for side in "lr" for name in (*FOOT_LANDMARKS, "ankle_lateral")]
-    tracks = [recording.markers_m[label] for label in labels if label in recording.markers_m]
+    tracks = [recording.markers_m[label] for label in labels if label is not None and label in recording.markers_m]
     return ground_velocity_m_s(recording, tracks) if tracks else np.zeros(3)
 
 
