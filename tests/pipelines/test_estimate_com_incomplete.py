@@ -18,6 +18,7 @@ from stridelab.schemas.recordings import SubjectFields
 from stridelab.schemas.tasks import RecordingSource
 from stridelab.service.kinds.estimate_com import run as estimate_com
 from support.command_line import SAMPLE, estimate_task, quiet
+from support.recordings.trc_mot_files import write_trc
 
 TRIAL = SAMPLE / "recording.c3d"
 
@@ -108,3 +109,22 @@ def test_many_missing_frames_at_the_end_are_still_refused(tmp_path: Path) -> Non
     with pytest.raises(NotEstimable) as refusal:
         estimate_com.run(estimate_task(trial, tmp_path / "a"), tmp_path / "a", quiet)
     assert refusal.value.code == "geometry-gaps"
+
+
+@pytest.mark.parametrize("n_frames", [1, 2, 5])
+def test_a_few_frames_are_a_static_trial_and_no_recording(n_frames: int, tmp_path: Path) -> None:
+    """One frame a second is long enough for a step, and nothing can be differentiated from it."""
+    walk = read_recording(TRIAL)
+    few = {label: track[200 : 200 + n_frames] for label, track in walk.markers_m.items()}
+    static = write_trc(tmp_path / "static.trc", replace(walk, markers_m=few, marker_rate_hz=1.0))
+    with pytest.raises(NotEstimable) as refusal:
+        estimate_com.run(estimate_task(static, tmp_path / "a", method="geometry"), tmp_path / "a", quiet)
+    assert refusal.value.code == ("window-too-short" if n_frames == 1 else "recording-too-short")
+    assert f"{n_frames} frames in a row; at least 6 are needed" in refusal.value.message or n_frames == 1
+    task = estimate_task(TRIAL, tmp_path / "b")
+    (tmp_path / "b" / "static-trial").write_bytes(static.read_bytes())
+    static_source = RecordingSource(file="static-trial", filename="static.trc")
+    summary = EstimateComSummary.model_validate(
+        estimate_com.run(task.model_copy(update={"static": static_source}), tmp_path / "b", quiet).summary
+    )
+    assert (summary.method, "static-not-used" in {remark.code for remark in summary.warnings}) == ("smoother", False)

@@ -50,6 +50,7 @@ def codes(
 def test_the_limits_are_those_of_the_estimators() -> None:
     assert estimable.SHORTEST_WINDOW_S == time_span.SHORTEST_WINDOW_S
     assert estimable.MIN_WINDOW_S == force_windows.MIN_WINDOW_S
+    assert estimable.MIN_FRAMES == force_windows.MIN_FRAMES
 
 
 def cut(recording: Recording, start: int, stop: int) -> Recording:
@@ -65,6 +66,15 @@ def cut(recording: Recording, start: int, stop: int) -> Recording:
     )
     markers = {label: track[start:stop] for label, track in recording.markers_m.items()}
     return replace(recording, markers_m=markers, plates=plates)
+
+
+def slow(recording: Recording, n: int) -> Recording:
+    """``n`` frames and samples, one a second: long enough, and too few."""
+    frames = {label: track[200 : 200 + n] for label, track in recording.markers_m.items()}
+    few = tuple(
+        replace(p, force_n=p.force_n[200 : 200 + n], moment_nm=p.moment_nm[200 : 200 + n]) for p in recording.plates
+    )
+    return replace(recording, markers_m=frames, plates=few, marker_rate_hz=1.0, force_rate_hz=1.0)
 
 
 def bare(recording: Recording) -> Recording:
@@ -106,6 +116,9 @@ CASES: dict[str, tuple[Callable[[Recording], Recording], dict[int, dict[str, Any
     "unknown labels": (renamed, {}),
     "one frame": (lambda r: cut(r, 200, 201), {}),
     "two frames": (lambda r: cut(r, 200, 202), {}),
+    "two slow frames": (lambda r: slow(r, 2), {}),
+    "two slow frames without plates": (lambda r: bare(slow(r, 2)), {}),
+    "five slow frames": (lambda r: slow(r, 5), {}),
     "0.38 s": (lambda r: cut(r, 200, 238), {}),
     "0.42 s": (lambda r: cut(r, 200, 242), {}),
     "short on the plates": (lambda r: cut(r, 100, 222), {}),
@@ -140,7 +153,7 @@ def test_what_is_said_beforehand_is_what_the_job_says(case: str, tmp_path: Path)
             assert offer.code == refusal.code, f"{method}: {refusal}"
 
 
-SAME = {"no plates", "plates off", "unloaded", "one frame", "two frames"}
+SAME = {"no plates", "plates off", "unloaded", "one frame", "two frames", "two slow frames"}
 
 
 @pytest.mark.parametrize("case", sorted(SAME))

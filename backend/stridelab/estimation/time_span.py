@@ -10,6 +10,7 @@ import numpy as np
 from stridelab.body.geometric_com import GeometricCom
 from stridelab.conventions import Points, Rotation
 from stridelab.errors import Fault, InvalidInput, NotEstimable
+from stridelab.recordings.force_windows import require_frames
 from stridelab.recordings.gap_filling import true_runs
 from stridelab.recordings.recording import Window, WrenchTrack
 
@@ -36,7 +37,7 @@ def window_span(geometric: GeometricCom, wrench: WrenchTrack) -> Span:
     """Longest window in which all contact force is measured, as sample indices.
 
     Frames at the edges without force (a latency reads beyond the recorded end) are excluded. Raises ``NotEstimable``
-    with code ``no-window``, ``window-too-short`` or ``geometry-gaps``, and ``InvalidInput`` with ``clock-mismatch`` if
+    with code ``no-window``, ``window-too-short``, ``recording-too-short`` or ``geometry-gaps``, and ``InvalidInput`` with ``clock-mismatch`` if
     geometry and force have different instants.
     """
     rate_hz = common_rate_hz(geometric, wrench)
@@ -58,6 +59,7 @@ def window_span(geometric: GeometricCom, wrench: WrenchTrack) -> Span:
             f"All contact force is measured for {(stop - first) / rate_hz:.2f} s at a time; "
             f"at least {SHORTEST_WINDOW_S} s are needed.",
         )
+    require_frames(stop - first)
     window = Window(float(t[first]), float(t[stop - 1]))
     inside = np.arange(first, stop)
     seen = np.isfinite(geometric.com_m).all(axis=1)

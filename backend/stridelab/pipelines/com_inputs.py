@@ -138,9 +138,9 @@ def merged_subject(stated: SubjectFields, in_file: Subject, mass_kg: float | Non
 def zero_wrench(geometric: GeometricCom, interval: Window | None = None) -> WrenchTrack:
     """Zero wrench over the longest gap-free run of the geometric CoM.
 
-    The run lies within the interval ``requested``, if given. The zeros only satisfy the estimators' interface and do
-    not affect any reported number. Raises ``NotEstimable`` (``window-too-short``) if the longest run is shorter than
-    ``SHORTEST_WINDOW_S``.
+    The run lies within ``interval``, if given. The zeros only satisfy the estimators' interface and do not
+    affect any reported number. Raises ``NotEstimable`` (``window-too-short``, ``recording-too-short``) if the longest
+    run is shorter than ``SHORTEST_WINDOW_S`` or has too few frames.
     """
     time_s = geometric.time_s
     seen = np.isfinite(geometric.com_m).all(axis=1)
@@ -152,6 +152,7 @@ def zero_wrench(geometric: GeometricCom, interval: Window | None = None) -> Wren
         where = "" if interval is None else " in the requested interval"
         message = f"The markers give a centre of mass for {lasts_s:.2f} s at a time{where}"
         raise NotEstimable("window-too-short", f"{message}; at least {SHORTEST_WINDOW_S} s are needed.")
+    measured.require_frames(stop - start)
     complete = np.zeros(len(time_s), dtype=bool)
     complete[start:stop] = True
     window = Window(float(time_s[start]), float(time_s[stop - 1]))

@@ -34,6 +34,8 @@ from stridelab.recordings.recording import Plate, Recording, Remark, Window
 
 MIN_WINDOW_S = 0.25
 """Half a step at a normal pace; nothing can be estimated from less."""
+MIN_FRAMES = 6
+"""Fewest frames from which velocity and acceleration follow: the quintic spline through them has six coefficients."""
 _SHARED_S = 0.05
 _MIN_CONTACT_S = 0.12
 """Shortest contact in a window: the stance of a sprint, with flight on both sides of it."""
@@ -162,7 +164,7 @@ def require_windows(
     ``forces-and-markers-apart``, ``no-measured-window``.
     """
     if recording.n_frames < 2:
-        raise NotEstimable("single-frame", "The recording has one frame only: it can serve as a static trial.")
+        raise NotEstimable("single-frame", "The recording has only one frame: it can serve as a static trial.")
     if not recording.plates:
         message = (
             "The recording has no force plate, so no force can be fused with the markers. "
@@ -170,6 +172,7 @@ def require_windows(
         )
         faults = [Fault("forces", remark.message) for remark in recording.remarks if remark.code == NO_FORCE_FILE]
         raise NotEstimable("no-plates", message, faults)
+    require_frames(recording.n_frames)
     if recording.duration_s < MIN_WINDOW_S:
         message = f"The recording lasts {1000.0 * recording.duration_s:.0f} ms; at least {MIN_WINDOW_S:g} s are needed."
         raise NotEstimable("recording-too-short", message)
@@ -193,6 +196,13 @@ def require_windows(
         why = [remark.message for remark in search.remarks if remark.code == "force-missing"] or why
         raise NotEstimable("no-measured-window", f"At no time is all contact force measured. {why[0]}")
     return search.windows
+
+
+def require_frames(n_frames: int) -> None:
+    """Raise ``NotEstimable`` (``recording-too-short``) if so few frames cannot be differentiated."""
+    if n_frames < MIN_FRAMES:
+        message = f"The recording has {n_frames} frames in a row; at least {MIN_FRAMES} are needed for the velocity."
+        raise NotEstimable("recording-too-short", f"{message} It can serve as a static trial.")
 
 
 def _require_overlap(recording: Recording, used: list[Plate]) -> None:

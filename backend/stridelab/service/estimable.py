@@ -13,6 +13,8 @@ SHORTEST_WINDOW_S: Final = 0.4
 """Same value as in ``stridelab.estimation.time_span``, which needs a numeric package."""
 MIN_WINDOW_S: Final = 0.25
 """Same value as in ``stridelab.recordings.force_windows``."""
+MIN_FRAMES: Final = 6
+"""Same value as in ``stridelab.recordings.force_windows``."""
 _GEOMETRY_HINT: Final = "The method geometry gives the centre of mass from the markers alone."
 
 Refusal = tuple[str, str]
@@ -53,6 +55,15 @@ def _geometry_refusal(facts: RecordingFacts) -> Refusal | None:
     if facts.duration_s < SHORTEST_WINDOW_S:
         message = f"The recording lasts {facts.duration_s:.2f} s; at least {SHORTEST_WINDOW_S} s are needed."
         return "window-too-short", message
+    return _frames_refusal(facts)
+
+
+def _frames_refusal(facts: RecordingFacts) -> Refusal | None:
+    if facts.n_frames < MIN_FRAMES:
+        message = (
+            f"The recording has {facts.n_frames} frames in a row; at least {MIN_FRAMES} are needed for the velocity."
+        )
+        return "recording-too-short", f"{message} It can serve as a static trial."
     return None
 
 
@@ -63,6 +74,8 @@ def _force_refusal(facts: RecordingFacts, subject: SubjectFields) -> Refusal | N
     if not facts.plates:
         message = "The recording has no force plate, so no force can be fused with the markers."
         return "no-plates", f"{message} {_GEOMETRY_HINT}"
+    if (few := _frames_refusal(facts)) is not None:
+        return few
     if facts.duration_s < MIN_WINDOW_S:
         message = f"The recording lasts {1000.0 * facts.duration_s:.0f} ms; at least {MIN_WINDOW_S:g} s are needed."
         return "recording-too-short", message
