@@ -209,6 +209,26 @@ def test_more_than_five_centimetres_from_the_geometry_are_never_without_an_error
     assert min(values) < 0.05 < max(values)
 
 
+@pytest.mark.parametrize("drift_mm", [-40.0, 40.0, 62.0, -62.0])
+def test_five_centimetres_at_any_one_time_are_an_error_though_the_mean_is_small(drift_mm: float) -> None:
+    """A result that drifts evenly off the geometry: its acceleration, and with it the force, says nothing of it."""
+    recording = walk()
+    landmarks = identify(list(recording.markers_m)).landmarks
+    geometric = SegmentModel().com(recording, landmarks, subject=recording.subject)
+    wrench = wrench_track(recording, WINDOW)
+    good = GeometryOnly().estimate(geometric, wrench, MASS_KG)
+    drift_m = np.linspace(0.0, 1e-3 * drift_mm, len(good.com_m))[:, None] * [1.0, 0.0, 0.0]
+    quality = assess_quality(
+        Recorded(recording, landmarks, geometric, wrench, MASS_KG), replace(good, com_m=good.com_m + drift_m)
+    )
+    contradicting = [check.name for check in quality.checks if check.contradicts]
+    assert contradicting == (["largest_difference"] if abs(drift_mm) > 50.0 else [])
+    assert (quality.verdict == "contradicted") == bool(contradicting)
+    (check,) = [check for check in quality.checks if check.name == "largest_difference"]
+    assert check.value == pytest.approx(1e-3 * abs(drift_mm), rel=0.02)
+    assert f"is {abs(drift_mm):.0f} mm from" in check.message
+
+
 def test_other_methods_get_the_checks_that_they_allow() -> None:
     good = judge(walk(), method=ComplementaryFilter())
     assert good.quality.verdict == "good"

@@ -174,6 +174,14 @@ def _force_rows(measures: Measures, mass_kg: float) -> Iterator[_CheckRow]:
         "no frame has both force and geometry",
     )
     yield _CheckRow(
+        "largest_difference",
+        measures.largest_difference_m,
+        f"At one time the centre of mass of force and markers together is "
+        f"{MM * measures.largest_difference_m:.0f} mm from that of the markers alone",
+        "the plates' force (its zero or its centre of pressure) and the markers",
+        "no frame has both force and geometry",
+    )
+    yield _CheckRow(
         "mass_from_motion",
         motion,
         f"The plates' force moves the body as if it weighed {measures.motion_mass_kg:.1f} kg, and its mass is "
@@ -275,6 +283,8 @@ LIMITS: Final[Mapping[str, Limit]] = MappingProxyType(
         # ``passes`` is replaced by the 95 % circle, or band, of the geometry's own standard deviation.
         "horizontal_bias": Limit(0.05, 0.05, "m"),
         "vertical_bias": Limit(0.08, 0.08, "m"),
+        # At any one time: 15 degrees of lean of a trunk that is not marked, 4 standard deviations of one that is.
+        "largest_difference": Limit(0.05, 0.05, "m"),
         # Allows for 2 cm of tissue (passes) and 10 cm of unmarked head and hands (contradicts).
         "outside_body": Limit(0.02, 0.10, "m"),
         # The sole extends 6 cm beyond the markers of a foot; 15 cm is more than half a foot.

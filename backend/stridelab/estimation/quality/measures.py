@@ -135,6 +135,7 @@ class Measures:
     force_share: float = 0.0
     horizontal_bias_m: float = NAN
     vertical_bias_m: float = NAN
+    largest_difference_m: float = NAN
     outside_body_m: float = NAN
     motion_mass_kg: float = NAN
     standing_mass_kg: float = NAN
@@ -161,10 +162,11 @@ def compute_measures(recorded: Recorded, estimate: ComEstimate) -> Measures:
     complete = wrench.complete[used]
     offset_m = (estimate.com_m - geometric.com_m[used])[complete]
     apart = acceleration_difference(geometric, wrench, recorded.mass_kg)
-    horizontal_m, vertical_m = NAN, NAN
+    horizontal_m, vertical_m, largest_m = NAN, NAN, NAN
     if np.isfinite(offset_m).all(axis=1).any():
         x, y, z = np.nanmean(offset_m, axis=0)
         horizontal_m, vertical_m = float(np.hypot(x, y)), float(abs(z))
+        largest_m = float(np.nanmax(np.linalg.norm(offset_m, axis=1)))
     return Measures(
         normalised_innovations=estimate.diagnostics.get("normalised_innovations", NAN),
         force_residual=_relative_force_residual(recorded, estimate, complete),
@@ -173,6 +175,7 @@ def compute_measures(recorded: Recorded, estimate: ComEstimate) -> Measures:
         force_share=0.0 if apart is None else apart.force_share,
         horizontal_bias_m=horizontal_m,
         vertical_bias_m=vertical_m,
+        largest_difference_m=largest_m,
         outside_body_m=common.outside_body_m,
         motion_mass_kg=_motion_mass_kg(recorded),
         standing_mass_kg=NAN if recorded.standing_mass_kg is None else recorded.standing_mass_kg,

@@ -12,6 +12,7 @@ NAMES: Final[Mapping[str, str]] = {
     "acceleration_difference": "Force residual of the markers alone",
     "horizontal_bias": "Fused from markers, horizontally",
     "vertical_bias": "Fused from markers, vertically",
+    "largest_difference": "Fused from markers, at any one time",
     "mass_from_motion": "Mass, from force and motion",
     "mass_from_standing": "Mass, from the static trial",
     "flight_acceleration": "Acceleration in flight from that of gravity",
