@@ -37,8 +37,8 @@ def window_span(geometric: GeometricCom, wrench: WrenchTrack) -> Span:
     """Longest window in which all contact force is measured, as sample indices.
 
     Frames at the edges without force (a latency reads beyond the recorded end) are excluded. Raises ``NotEstimable``
-    with code ``no-window``, ``window-too-short``, ``recording-too-short`` or ``geometry-gaps``, and ``InvalidInput`` with ``clock-mismatch`` if
-    geometry and force have different instants.
+    (``no-window``, ``window-too-short``, ``recording-too-short``, ``geometry-gaps``), and ``InvalidInput``
+    (``clock-mismatch``) if geometry and force have different instants.
     """
     rate_hz = common_rate_hz(geometric, wrench)
     t = wrench.time_s

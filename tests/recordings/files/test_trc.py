@@ -88,8 +88,16 @@ BROKEN = {
     "cut in the header": ("\n".join(trc().splitlines()[:3]), "ends after line 3"),
     "line 2 lost": (without(trc(), 2), "state no NumMarkers"),
     "no DataRate": (changed(trc(), 2, "DataRate", "Rate"), "state no DataRate"),
-    "more markers stated": (changed(trc(), 3, "\t5\t", "\t7\t"), "line 3 states 7 markers and line 4 names 5"),
-    "fewer markers stated": (changed(trc(), 3, "\t5\t", "\t4\t"), "line 3 states 4 markers and line 4 names 5"),
+    "a name lost": (
+        changed(trc(), 4, "\t\t\tTop.Head", ""),
+        "line 3 states 5 markers, line 4 names 4 and the frames have columns for 5",
+    ),
+    "a name lost, another count": (
+        changed(changed(trc(), 4, "\t\t\tTop.Head", ""), 3, "\t5\t", "\t7\t"),
+        "line 3 states 7 markers, line 4 names 4 and the frames have columns for 5",
+    ),
+    "no name at all": (changed(trc(), 4, "\t" + "\t\t\t".join(LABELS), ""), "states 5 markers and line 4 names 0"),
+    "two lines in one": (changed(trc(), 9, "\n", "\t"), "line 9 has 34 values, 17 belong to the 5 markers"),
     "no markers stated": (changed(trc(), 3, "\t5\t", "\t\t"), "lines 2 and 3 of the header state no NumMarkers"),
     "count no number": (changed(trc(), 3, "\t5\t", "\tfive\t"), "line 3 states 'five' as NumMarkers"),
     "rate no number": (changed(trc(), 3, "100.0\t", "fast\t"), "line 3 states 'fast' as DataRate"),
@@ -129,6 +137,58 @@ def test_a_broken_trc_is_refused_by_file_and_line(what: str, packed: bool, tmp_p
     assert refusal.value.message.endswith(".")
     assert place in refusal.value.message
     assert [(fault.where, place in fault.message) for fault in refusal.value.faults] == [("walk.trc", True)]
+
+
+@pytest.mark.parametrize("stated", ["7", "4", "0"])
+def test_the_columns_decide_against_the_count_of_the_header(stated: str, tmp_path: Path) -> None:
+    path = written(tmp_path, changed(trc(), 3, "\t5\t", f"\t{stated}\t"))
+    recording = read_recording(path)
+    for label, track in read_recording(written(tmp_path, trc())).markers_m.items():
+        np.testing.assert_array_equal(recording.markers_m[label], track)
+    (message,) = [remark.message for remark in recording.remarks if remark.code == "trc-header-differs"]
+    assert f"states {stated} markers, line 4 names 5" in message
+    assert "trc-header-differs" not in codes(path)
+
+
+def test_columns_that_are_blank_throughout_are_columns(tmp_path: Path) -> None:
+    """Line 4 names two more markers than the header counts, and every line holds their empty cells."""
+    text = changed(trc(), 4, "R.Heel\t\t\t", "R.Heel\t\t\tV.Knee\t\t\tV.Hip\t\t\t")
+    lines = text.splitlines()
+    recording = read_recording(written(tmp_path, "\n".join(lines[:6] + [line + 7 * "\t" for line in lines[6:]])))
+    assert list(recording.markers_m) == list(LABELS)
+    assert "trc-header-differs" in codes(tmp_path / "walk.trc")
+    with pytest.raises(UnreadableFile, match="line 3 states 5 markers, line 4 names 7 and the frames have columns for"):
+        read_recording(written(tmp_path, text))
+
+
+@pytest.mark.parametrize("every", [1, 7])
+@pytest.mark.parametrize("stated", ["5", "9"])
+def test_points_without_a_name_at_the_ends_of_lines_are_left_out(every: int, stated: str, tmp_path: Path) -> None:
+    """Writers append points that nobody named; the line X1 Y1 Z1 ... numbers the named ones."""
+    lines = changed(trc(), 3, "\t5\t", f"\t{stated}\t").splitlines()
+    lines[4] = "\t\t" + "\t".join(f"{axis}{i + 1}" for i in range(5) for axis in "XYZ")
+    lines[6:] = [line + ("\t\t\t\t1.5\t2.5\t3.5\t" if i % every == 0 else "\t") for i, line in enumerate(lines[6:])]
+    recording = read_recording(written(tmp_path, "\n".join(lines)))
+    found = {remark.code: remark.message for remark in recording.remarks}
+    assert "up to 2 points" in found["unlabelled-points"]
+    assert ("trc-header-differs" in found) == (stated == "9")
+    for label, track in read_recording(written(tmp_path, trc())).markers_m.items():
+        np.testing.assert_array_equal(recording.markers_m[label], track)
+
+
+@pytest.mark.parametrize("mark", [",", ";"])
+def test_a_table_program_separates_by_commas(mark: str, tmp_path: Path) -> None:
+    lines = [line.replace("\t", mark) for line in trc().splitlines()]
+    lines[:2] = [line + 9 * mark for line in lines[:2]]
+    path = written(tmp_path, "\n".join(lines))
+    recording = read_recording(path)
+    assert {"trc-header-differs", "trc-frame-count"} & codes(path).keys() == set()
+    for label, track in read_recording(written(tmp_path, trc())).markers_m.items():
+        np.testing.assert_array_equal(recording.markers_m[label], track)
+    lines[8] = lines[8].replace("1000.000", "occluded", 1)
+    with pytest.raises(UnreadableFile) as refusal:
+        read_recording(written(tmp_path, "\n".join(lines)))
+    assert "line 9, column 4 holds 'occluded'" in refusal.value.message
 
 
 def test_the_last_marker_may_be_missing_with_its_tabs(tmp_path: Path) -> None:

@@ -1,4 +1,10 @@
-"""The TRC text format of marker trajectories: a header of five lines, then a row of numbers per frame."""
+"""The TRC text format of marker trajectories: a header of five lines, then a row of numbers per frame.
+
+Cells are separated by tabs; a file whose first line has a comma or semicolon instead was saved by a table program.
+"""
+
+import re
+from typing import Final
 
 import numpy as np
 
@@ -7,24 +13,30 @@ from stridelab.errors import Fault, UnreadableFile
 from stridelab.recordings.files.raw import Cloud
 from stridelab.recordings.files.text_table import (
     BrokenLineError,
-    Table,
     numbered_lines,
     parse_table,
     sampling_rate_hz,
     split_cells,
 )
+from stridelab.recordings.recording import Remark
+
+_SEPARATORS: Final = (",", ";")
+_COORDINATE: Final = re.compile(r"X\d+", re.IGNORECASE)
 
 
-def parse_trc(text: str, name: str) -> tuple[list[str], Series, Cloud, float, str]:
-    """Labels, times in seconds, points (file's unit), rate in Hz and unit of length of a TRC file.
+def parse_trc(text: str, name: str) -> tuple[list[str], Series, Cloud, float, str, tuple[Remark, ...]]:
+    """Labels, times in seconds, points (file's unit), rate in Hz, unit of length and remarks of a TRC file.
 
-    The rate is the header's unless the times contradict it. Raises ``UnreadableFile`` (``trc-broken``, ``no-frames``).
+    The rate is the header's unless the times contradict it. A count of markers in the header that contradicts their
+    names is ignored, with a remark, if the columns of the frames agree with the names. Raises ``UnreadableFile``
+    (``trc-broken``, ``no-frames``).
     """
-    lines = text.splitlines()
+    lines = trc_lines(text)
     try:
-        labels, rate_hz, unit = _parse_header(lines)
+        labels, n_stated, rate_hz, unit = _parse_header(lines)
         rows = numbered_lines(lines, 5)
-        table = _parse_coordinates(rows, labels)
+        n_unnamed = _check_columns(rows, labels, n_stated, lines[4] if len(lines) > 4 else "")
+        table = parse_table(rows, 2 + 3 * len(labels))
         if len(table) == 0:
             message = f"The TRC file {name} holds no frames: it ends after line {len(lines)}."
             raise UnreadableFile("no-frames", message, [Fault(name, "no frames")])
@@ -38,7 +50,23 @@ def parse_trc(text: str, name: str) -> tuple[list[str], Series, Cloud, float, st
             raise BrokenLineError(f"DataRate in line 3 and the times in column 2 give a frame rate of {rate_hz:g} Hz")
     except BrokenLineError as error:
         raise trc_broken(name, str(error)) from error
-    return labels, time_s, table[:, 2:].reshape(len(table), len(labels), 3), rate_hz, unit
+    remarks = []
+    if n_stated != len(labels):
+        message = f"Line 3 of {name} states {n_stated:g} markers, line 4 names {len(labels)} and so many have columns;"
+        remarks.append(Remark("trc-header-differs", f"{message} the named ones are used."))
+    if n_unnamed:
+        message = f"Lines of {name} end with up to {n_unnamed} points that line 4 does not name; they were left out."
+        remarks.append(Remark("unlabelled-points", message))
+    return labels, time_s, table[:, 2:].reshape(len(table), len(labels), 3), rate_hz, unit, tuple(remarks)
+
+
+def trc_lines(text: str) -> list[str]:
+    """The lines of a TRC file with their cells separated by tabs."""
+    lines = text.splitlines()
+    mark = text.lstrip()[len("PathFileType") :][:1]
+    if mark in _SEPARATORS and not any("\t" in line for line in lines[:5]):
+        return [line.replace(mark, "\t") for line in lines]
+    return lines
 
 
 def trc_broken(name: str, why: str) -> UnreadableFile:
@@ -54,8 +82,8 @@ def header_fields(lines: list[str]) -> dict[str, str]:
     return {key: value for key, value in zip(keys, values, strict=False) if value}
 
 
-def _parse_header(lines: list[str]) -> tuple[list[str], float, str]:
-    """Labels, rate in Hz and unit of length of a TRC file; raises ``BrokenLineError``."""
+def _parse_header(lines: list[str]) -> tuple[list[str], float, float, str]:
+    """Labels, stated number of markers, rate in Hz and unit of length of a TRC file; raises ``BrokenLineError``."""
     if len(lines) < 4:
         raise BrokenLineError(f"the file ends after line {len(lines)}, before the marker names in line 4")
     head = header_fields(lines)
@@ -64,9 +92,9 @@ def _parse_header(lines: list[str]) -> tuple[list[str], float, str]:
         raise BrokenLineError("line 4 holds no tabs, which separate the names of the markers")
     cells = lines[3].rstrip("\t\r ").split("\t")[2:]
     labels = [cell.strip() for cell in cells if cell.strip()]
-    if len(labels) != n_markers or n_markers < 1:
-        raise BrokenLineError(f"line 3 states {n_markers:g} markers and line 4 names {len(labels)}")
-    return labels, rate_hz, head.get("Units", "")
+    if not labels:
+        raise BrokenLineError(f"line 3 states {n_markers:g} markers and line 4 names 0")
+    return labels, n_markers, rate_hz, head.get("Units", "")
 
 
 def _header_number(head: dict[str, str], key: str) -> float:
@@ -78,24 +106,36 @@ def _header_number(head: dict[str, str], key: str) -> float:
         raise BrokenLineError(f"line 3 states {head[key][:40]!r} as {key}, which is not a number") from error
 
 
-def _parse_coordinates(rows: list[tuple[int, str]], labels: list[str]) -> Table:
-    """Frame, time and three coordinates per marker.
+def _check_columns(rows: list[tuple[int, str]], labels: list[str], n_stated: float, coordinates: str) -> int:
+    """Number of points without a name, three cells each, at the end of the longest row.
 
-    Raises ``BrokenLineError`` as ``parse_table``, and for a row with more cells than markers, or with a missing tab. A
-    missing tab shifts all following cells, so that the last marker has only one or two of its three coordinates.
+    Raises ``BrokenLineError`` if the cells after the named markers are not whole points, for a missing tab, which
+    shifts all following cells, so that the last marker has only one or two of its three coordinates, and if
+    ``n_stated`` is not the number of names and neither the rows nor the line of ``coordinates`` (X1 Y1 Z1 ...)
+    confirm the names.
     """
     width = 2 + 3 * len(labels)
+    longest = n_cells = 0
     for line, row in rows:
         cells = split_cells(row)
         n_values = max((i for i, cell in enumerate(cells, start=1) if cell.strip()), default=0)
-        if n_values > width:
+        if n_values > width and (n_values - width) % 3:
             raise BrokenLineError(
                 f"line {line} has {n_values} values, {width} belong to the {len(labels)} markers of line 4"
             )
         last = [cell for cell in cells[width - 3 : width] if cell.strip()]
         if width - 3 <= len(cells) < width and last:
             raise BrokenLineError(f"line {line} has {len(cells)} of {width} values")
-    return parse_table(rows, width)
+        longest, n_cells = max(longest, n_values), max(n_cells, len(cells))
+    n_columns = -(-(longest - 2) // 3)
+    n_numbered = len(_COORDINATE.findall(coordinates))
+    confirmed = len(labels) in (n_stated, n_columns, (n_cells - 2) // 3, n_numbered)
+    if rows and not confirmed:
+        raise BrokenLineError(
+            f"line 3 states {n_stated:g} markers, line 4 names {len(labels)} "
+            f"and the frames have columns for {n_columns}"
+        )
+    return max(0, n_columns - len(labels))
 
 
 def _require_increasing(time_s: Series, rows: list[tuple[int, str]]) -> None:

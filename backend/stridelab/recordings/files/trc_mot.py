@@ -19,7 +19,7 @@ from stridelab.recordings.files.metadata import LENGTH_SCALE, length_scale, unit
 from stridelab.recordings.files.opensim_zip import MAX_MEMBER_BYTES, TrialTexts, open_trial
 from stridelab.recordings.files.raw import CONTACT_TYPE, NO_FORCE_FILE, Cloud, FilePlate, RawTrial
 from stridelab.recordings.files.text_table import BrokenLineError, numbered_lines, parse_table, sampling_rate_hz
-from stridelab.recordings.files.trc import header_fields, parse_trc, trc_broken
+from stridelab.recordings.files.trc import header_fields, parse_trc, trc_broken, trc_lines
 from stridelab.recordings.gap_filling import mark_missing
 from stridelab.recordings.marker_sets import identify
 from stridelab.recordings.orientation import axis_vector, nearest_axis
@@ -56,10 +56,10 @@ def read_trc_mot(path: Path) -> RawTrial:
 
 def _assemble_trial(texts: TrialTexts, source: str) -> RawTrial:
     """Trial of one TRC and at most one force file; ``source`` names the uploaded file in messages."""
-    labels, time_s, points, rate_hz, unit = parse_trc(texts.trc, texts.trc_name)
+    labels, time_s, points, rate_hz, unit, header_remarks = parse_trc(texts.trc, texts.trc_name)
     cloud = mark_missing(points)
     scale, remarks = _length_scale(unit, cloud, texts.trc_name)
-    remarks = (*_frame_count_remark(texts, len(time_s)), *remarks)
+    remarks = (*header_remarks, *_frame_count_remark(texts, len(time_s)), *remarks)
     visible = [int(n) for n in (~np.isnan(cloud[:, :, 0])).sum(axis=0)]
     choice = names.select_labels(labels, visible, (), ())
     cloud = cloud[:, list(choice.column.values()), :] * scale
@@ -199,7 +199,7 @@ def _length_scale(unit: str, cloud: Cloud, name: str) -> tuple[float, tuple[Rema
 def _frame_count_remark(texts: TrialTexts, n_frames: int) -> tuple[Remark, ...]:
     """Remark if the header states a different number of frames than the file contains."""
     try:
-        stated = float(header_fields(texts.trc.splitlines())["NumFrames"])
+        stated = float(header_fields(trc_lines(texts.trc))["NumFrames"])
     except (KeyError, ValueError):
         return ()
     if stated == n_frames:
