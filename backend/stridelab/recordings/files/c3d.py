@@ -73,7 +73,7 @@ class Parameters:
 def read_c3d(path: Path) -> RawTrial:
     """Read one C3D file.
 
-    Raises ``UnreadableFile`` (``c3d-unreadable``, ``no-frames``, and as ``check_c3d``).
+    Raises ``UnreadableFile`` (``c3d-unreadable``, ``no-frames``, ``no-markers``, and as ``check_c3d``).
     """
     try:
         content = open_c3d(path)
@@ -93,6 +93,8 @@ def read_c3d(path: Path) -> RawTrial:
         )
     cloud = mark_missing(points)
     choice = _choose_labels(P, cloud)
+    if not choice.column:
+        raise _no_markers_error(path.name, P, cloud.shape[1], analogs.shape[1])
     column = list(choice.column.values())
     scale, unit_remarks = length_scale(P.text("POINT", "UNITS"), cloud[:, column, :])
     subject, subject_remarks = read_subject(_stated_subject(P))
@@ -116,6 +118,19 @@ def read_c3d(path: Path) -> RawTrial:
         carried=_embedded_texts(P),
         recorded_on=recorded_on(P.texts, lambda group, name: P.numbers(group, name).ravel().tolist()),
     )
+
+
+def _no_markers_error(file_name: str, P: Parameters, n_points: int, n_channels: int) -> UnreadableFile:
+    """Error that names what a C3D file holds instead of markers."""
+    labels = [label for label in _continued_texts(P, "LABELS") if label][:3]
+    what = f"{n_points} points, none of them a named marker" if n_points else "no points"
+    what += f" ({', '.join(labels)} ...)" if n_points and labels else ""
+    if n_channels:
+        what += f", and {n_channels} analog channels"
+    if int(P.number("ROTATION", "USED", 0.0)) > 0:
+        what += ", and the rotations of body segments, as systems without markers write them"
+    message = f"The C3D file holds {what}; an estimate needs labelled markers."
+    return UnreadableFile("no-markers", message, [Fault(file_name, "no labelled marker")])
 
 
 def _choose_labels(P: Parameters, cloud: Cloud) -> names.LabelSelection:

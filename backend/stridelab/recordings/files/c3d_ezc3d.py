@@ -91,7 +91,7 @@ def is_misread(checked: CheckedC3d) -> bool:
     header, records, layout = checked.header, checked.records, checked.layout
     if header.processor != INTEL or layout.width == 2 or header.scale >= 0.0:
         return True
-    if any(len(record.description) > _LONGEST_DESCRIPTION for record in records):
+    if any(len(record.description) > _LONGEST_DESCRIPTION or not record.has_description for record in records):
         return True
     groups = {number for name, number in group_numbers(records).items() if name in _NAMES_IT_READS}
     if any(abs(record.group) in groups and record.name != record.name.upper() for record in records):

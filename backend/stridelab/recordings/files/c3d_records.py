@@ -66,6 +66,7 @@ class Record:
 
     The record of a group has a negative number and ``kind`` 0. Names are as in the file; ezc3d reads upper case only.
     ``kind`` is -1 for text, otherwise the bytes per number; ``raw`` holds the values in the file's number format.
+    ``has_description`` is False where the next record follows the values at once, without the length of a description.
     """
 
     group: int
@@ -75,6 +76,7 @@ class Record:
     kind: int = 0
     shape: tuple[int, ...] = ()
     raw: bytes = b""
+    has_description: bool = True
 
     @property
     def is_text(self) -> bool:
@@ -144,7 +146,8 @@ def read_records(section: bytes, processor: int, file_name: str) -> list[Record]
 
     A record is: length of the name (negative where locked), group number (negative for a group itself), name, offset to
     the next record, then for a parameter its type, number of dimensions, dimensions and values, then the description
-    with its length. Raises ``UnreadableFile`` (``c3d-parameters-broken``, ``truncated-file``) for an incomplete or
+    with its length. Some writers omit the length of a description that is empty: then the offset ends with the values.
+    Raises ``UnreadableFile`` (``c3d-parameters-broken``, ``truncated-file``) for an incomplete or
     invalid record, or one that exceeds the section.
     """
     at, records, order = 4, [], BYTE_ORDER[processor]
@@ -160,11 +163,12 @@ def read_records(section: bytes, processor: int, file_name: str) -> list[Record]
             kind, shape, raw, end = (
                 _parse_values(section, link + 2, title, file_name) if group > 0 else (0, (), b"", link + 2)
             )
-            description = section[end + 1 : end + 1 + section[end]]
-            end += 1 + section[end]
+            has_description = step == 0 or end != link + step
+            description = section[end + 1 : end + 1 + section[end]] if has_description else b""
+            end += 1 + section[end] if has_description else 0
             if end > len(section):
                 raise truncated_file_error(file_name, "the parameter section")
-            records.append(Record(group, title, length < 0, description, kind, shape, raw))
+            records.append(Record(group, title, length < 0, description, kind, shape, raw, has_description))
             if step == 0:
                 break
             if end > link + step:

@@ -74,6 +74,8 @@ def check_c3d(path: Path) -> CheckedC3d:
         section = start + file.read(max(start[2] * BLOCK, header.data_start - begin) - 4)
     records = tuple(read_records(section, header.processor, path.name))
     if not records:
+        if not any(section[4:]):
+            _refuse_nameless_points(path, header, size)
         raise broken_parameters_error(path.name, f"it holds no parameters; its stated length is {start[2]} blocks")
     _check_counts(path, header)
     layout = find_layout(header, records, size)
@@ -83,6 +85,14 @@ def check_c3d(path: Path) -> CheckedC3d:
     if header.n_analog:
         _check_rates(path, header, records)
     return CheckedC3d(header, records, layout)
+
+
+def _refuse_nameless_points(path: Path, header: Header, size: int) -> None:
+    """Raise ``no-markers`` if the frames of the header fill a file of blank parameters: its points have no names."""
+    layout = find_layout(header, (), size)
+    if layout.n_points and 0 <= size - layout.data_end < BLOCK:
+        what = f"{layout.n_points} points in {layout.n_frames} frames, without names"
+        raise UnreadableFile("no-markers", f"The C3D file holds {what}, and no parameters.", [Fault(path.name, what)])
 
 
 def _check_counts(path: Path, header: Header) -> None:
