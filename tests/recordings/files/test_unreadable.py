@@ -333,7 +333,7 @@ def test_litter_in_a_zip_is_no_second_trial(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "code"),
     [
-        (TRC.replace("\t2\t1\tmm", "\t2\t7\tmm"), "trc-broken"),
+        (TRC.replace("\tA\t\t", "\t\t\t"), "trc-broken"),
         (TRC[: TRC.index("1\t0\t1")], "no-frames"),
         (TRC.replace("0.01\t1\t2", "0.01\tabc\t2"), "trc-broken"),
         (TRC.replace("2\t0.01", "2\t-1"), "trc-broken"),
@@ -353,7 +353,7 @@ def test_a_broken_trc_is_refused(text: str, code: str, tmp_path: Path) -> None:
         (TRC.replace("NumMarkers", "Markers"), "state no NumMarkers"),
         (TRC.replace("\t2\t1\tmm", "\t2\tmany\tmm"), "line 3 states 'many' as NumMarkers"),
         (TRC.replace("100\t100\t2", "fast\t100\t2"), "line 3 states 'fast' as DataRate"),
-        (TRC.replace("\t2\t1\tmm", "\t2\t7\tmm"), "line 3 states 7 markers and line 4 names 1"),
+        (TRC.replace("\tA\t\t", "\t\t\t"), "line 3 states 1 markers and line 4 names 0"),
         (TRC.replace("0.01\t1\t2", "0.01\tabc\t2"), "line 8, column 3 holds 'abc'"),
         (TRC.replace("0.01\t1\t2", "0.01\t-1e200\t2"), "line 8, column 3 holds -1e+200"),
         (TRC.replace("2\t0.01\t1\t2\t3", "2"), "line 8 has 1 of 5 values"),
