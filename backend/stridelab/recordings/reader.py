@@ -11,9 +11,12 @@ from stridelab.conventions import Mask, Points, Rotation, Vector3
 from stridelab.errors import Fault, InvalidInput, UnreadableFile
 from stridelab.recordings import orientation
 from stridelab.recordings.files.c3d import read_c3d
-from stridelab.recordings.files.opensim_zip import is_trc
+from stridelab.recordings.files.foreign_formats import unknown_format_error
+from stridelab.recordings.files.nexus_csv import is_nexus_csv, read_nexus_csv
+from stridelab.recordings.files.opensim_zip import is_trc, unpack_texts
+from stridelab.recordings.files.qualisys_tsv import is_qualisys_markers, read_qualisys
 from stridelab.recordings.files.raw import Cloud, FilePlate, RawTrial
-from stridelab.recordings.files.trc_mot import read_trc, read_trc_mot
+from stridelab.recordings.files.trc_mot import read_text, read_trc, read_trc_mot
 from stridelab.recordings.foot_contact import stance_velocity_m_s
 from stridelab.recordings.force_plates import plate_wrench, rough_normal, rough_total_force
 from stridelab.recordings.gap_filling import fill_short_gaps
@@ -33,12 +36,14 @@ def read_recording(
     marker_map: Mapping[str, str] = {},
     plate_switches: Mapping[int, PlateSwitches] = {},
 ) -> Recording:
-    """Read a C3D file, a TRC file, or a zip of one TRC and one MOT or STO file.
+    """Read a C3D file, a TRC file, a TSV export of Qualisys, a CSV export of Vicon Nexus, or a zip.
 
-    A TRC file alone gives markers and no plates. ``name`` is the file name in error messages, by default that of
+    A zip holds one TRC and one MOT or STO file, or the TSV files of one recording. A TRC or TSV file alone gives
+    markers and no plates. ``name`` is the file name in error messages, by default that of
     ``path``. ``marker_map`` maps landmark names to labels of this file; ``plate_switches`` maps a plate's index to the
     user's settings. Raises ``InvalidInput`` (``unknown-marker``) for unknown labels, and ``UnreadableFile``:
-    ``no-markers``, ``all-missing``, ``unknown-format``, and as ``read_c3d``, ``read_trc`` and ``read_trc_mot``.
+    ``no-markers``, ``all-missing``, ``unknown-format``, and as ``read_c3d``, ``read_trc``,
+    ``read_trc_mot``, ``read_qualisys`` and ``read_nexus_csv``.
     """
     raw = _read_raw(path, name or path.name)
     if np.isnan(raw.points_m).all():
@@ -63,23 +68,27 @@ def _read_raw(path: Path, name: str) -> RawTrial:
     if path.stat().st_size == 0:
         raise UnreadableFile("empty-file", "The file is empty (0 bytes).", [Fault(path.name, "0 bytes")])
     if zipfile.is_zipfile(path):
-        return read_trc_mot(path)
+        texts = unpack_texts(path)
+        if any(map(is_qualisys_markers, texts.values())):
+            return read_qualisys(texts)
+        return read_trc_mot(path, texts)
     with path.open("rb") as file:
         head = file.read(_HEAD_BYTES)
     if head[:2] == b"PK":
         raise UnreadableFile("zip-damaged", "The zip file is damaged or truncated.", [Fault(path.name, "not readable")])
-    if is_trc(head.decode("utf-8-sig", errors="replace")):
+    text = head.decode("utf-8-sig", errors="replace")
+    if is_trc(text):
         return read_trc(path, name)
+    if is_qualisys_markers(text):
+        return read_qualisys({name: read_text(path, name, "TSV")})
+    if is_nexus_csv(text):
+        return read_nexus_csv(read_text(path, name, "CSV"), name)
     if is_c3d(path):
         return read_c3d(path)
     if name.lower().endswith(".trc"):
         why = "line 1 does not begin with PathFileType"
         raise UnreadableFile("trc-broken", f"The TRC file {name} is broken: {why}.", [Fault(name, why)])
-    raise UnreadableFile(
-        "unknown-format",
-        "This is neither a C3D file nor a TRC file nor a zip of a TRC and a MOT or STO file.",
-        [Fault(path.name, "unknown content")],
-    )
+    raise unknown_format_error(head, name)
 
 
 def to_world(raw: RawTrial, switches: Mapping[int, PlateSwitches]) -> Recording:

@@ -404,7 +404,7 @@ def test_a_damaged_zip_is_described_in_words(method: int | None, flags: int | No
         content[8], content[directory + 10] = method, method
     path.write_bytes(bytes(content if flags or method else content[: len(content) // 2]))
     with pytest.raises(UnreadableFile) as refused:
-        opensim_zip.open_trial(path)
+        opensim_zip.unpack_texts(path)
     assert refused.value.code == "zip-damaged"
     assert refused.value.faults[0].where == "a.zip"
     assert refused.value.faults[0].message.startswith(cause)

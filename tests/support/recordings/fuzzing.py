@@ -75,7 +75,7 @@ class Finding:
 
 
 def readers(folder: Path) -> dict[str, Reader]:
-    """The four readers with their seeds, made in ``folder``."""
+    """The readers with their seeds, made in ``folder``."""
     plain = small_trial(folder / "plain.c3d", seconds=0.2).read_bytes()
     without = small_trial(folder / "without.c3d", seconds=0.1, with_plate=False).read_bytes()
     trc, mot = _trc().encode(), _mot().encode()
@@ -84,6 +84,11 @@ def readers(folder: Path) -> dict[str, Reader]:
         "c3d": Reader((plain, without), _read_file),
         "trc": Reader((trc,), lambda raw, place: _read_file(_zipped(raw, mot), place)),
         "mot": Reader((mot,), lambda raw, place: _read_file(_zipped(trc, raw), place)),
+        "tsv": Reader((_tsv().encode(),), lambda raw, place: _read_file(_zipped(raw, _tsv_forces().encode()), place)),
+        "tsv forces": Reader(
+            (_tsv_forces().encode(),), lambda raw, place: _read_file(_zipped(_tsv().encode(), raw), place)
+        ),
+        "csv": Reader((_csv().encode(),), _read_file),
         "scenario": Reader((Scenario.model_validate(ONE_STEP).model_dump_json().encode(),), _read_scenario),
     }
 
@@ -127,6 +132,35 @@ def _mot() -> str:
     columns = "\t".join(f"ground_force_{kind}{axis}" for kind in "vp" for axis in "xyz")
     rows = "\n".join(f"{k / 100}\t0\t{700 + k}\t0\t0.1\t0\t0.2" for k in range(_FRAMES))
     return f"grf\nversion=1\nnRows={_FRAMES}\nnColumns=7\nendheader\ntime\t{columns}\n{rows}\n"
+
+
+def _rows(mark: str, *, frame: bool) -> list[str]:
+    cells = [[100 * i + 10 * k + j for i in range(_MARKERS) for j in range(3)] for k in range(_FRAMES)]
+    return [mark.join(map(str, [k + 1, 0, *row] if frame else row)) for k, row in enumerate(cells)]
+
+
+def _tsv() -> str:
+    names = "\t".join(f"M{i}" for i in range(_MARKERS))
+    head = f"NO_OF_FRAMES\t{_FRAMES}\nNO_OF_MARKERS\t{_MARKERS}\nFREQUENCY\t100\n"
+    head += f"DATA_INCLUDED\t3D\nMARKER_NAMES\t{names}\n"
+    return head + "\n".join(_rows("\t", frame=False)) + "\n"
+
+
+def _tsv_forces() -> str:
+    head = f"NO_OF_SAMPLES\t{_FRAMES}\nFREQUENCY\t100\nFORCE_PLATE_NAME\tA\n"
+    signs = {"POSX_POSY": (1, 1), "NEGX_POSY": (-1, 1), "NEGX_NEGY": (-1, -1), "POSX_NEGY": (1, -1)}
+    for corner, (x, y) in signs.items():
+        head += "".join(f"FORCE_PLATE_CORNER_{corner}_{a}\t{300 * s}\n" for a, s in zip("XYZ", (x, y, 0), strict=True))
+    return head + "\n".join(f"0\t0\t{700 + k}\t0\t0\t0\t0\t{k}\t0" for k in range(_FRAMES)) + "\n"
+
+
+def _csv() -> str:
+    rows = "\n".join(f"{k + 1},0,0,0,{-700 - k},0,0,0,{k},0,0" for k in range(_FRAMES))
+    force = ",,P - Force,,,P - Moment,,,P - CoP,,\nFrame,Sub Frame,Fx,Fy,Fz,Mx,My,Mz,Cx,Cy,Cz"
+    devices = f"Devices\n100\n{force}\n,,N,N,N,N.mm,N.mm,N.mm,mm,mm,mm\n{rows}\n\n"
+    names, axes, units = (",,".join(f"S:M{i}," for i in range(_MARKERS)), "X,Y,Z," * _MARKERS, "mm,mm,mm," * _MARKERS)
+    head = f"Trajectories\n100\n,,{names}\nFrame,Sub Frame,{axes}\n,,{units}\n"
+    return devices + head + "\n".join(_rows(",", frame=True)) + "\n"
 
 
 def mutated(seed: bytes, random_: random.Random) -> bytes:

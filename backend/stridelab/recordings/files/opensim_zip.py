@@ -2,6 +2,7 @@
 
 import zipfile
 import zlib
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -57,11 +58,10 @@ def _cause_of_damage(error: Exception) -> str:
     return next((cause for kind, cause in causes if isinstance(error, kind)), "its directory holds impossible values")
 
 
-def open_trial(path: Path) -> TrialTexts:
-    """Unpack exactly one TRC and at most one MOT or STO file with ground forces, identified by content.
+def unpack_texts(path: Path) -> dict[str, str]:
+    """Texts of all files of a zip by name.
 
-    Raises ``UnreadableFile`` (``zip-damaged``, ``zip-bomb``, ``zip-too-many-files``, ``zip-without-trc``,
-    ``zip-several-trials``).
+    Raises ``UnreadableFile`` (``zip-damaged``, ``zip-bomb``, ``zip-too-many-files``).
     """
     try:
         with zipfile.ZipFile(path) as archive:
@@ -69,18 +69,27 @@ def open_trial(path: Path) -> TrialTexts:
             if len(members) > MAX_MEMBERS:
                 raise UnreadableFile(
                     "zip-too-many-files",
-                    f"The zip holds {len(members)} files; one TRC and one MOT or STO file are expected.",
+                    f"The zip holds {len(members)} files; the files of one recording are expected.",
                     [Fault(path.name, "too many files")],
                 )
-            texts = _unpack_all(archive, members)
+            return _unpack_all(archive, members)
     except (*ZIP_ERRORS, OSError) as error:
         raise damaged_zip_error(path, error) from error
+
+
+def find_trial(path: Path, texts: Mapping[str, str]) -> TrialTexts:
+    """Exactly one TRC and at most one MOT or STO file with ground forces among unpacked texts, identified by content.
+
+    Raises ``UnreadableFile`` (``zip-without-trc``, ``zip-several-trials``).
+    """
     trc = [name for name, text in texts.items() if is_trc(text)]
     mot = [name for name, text in texts.items() if name not in trc and has_ground_forces(text)]
     if not trc:
         held = ", ".join(sorted(texts)) or "nothing"
         raise UnreadableFile(
-            "zip-without-trc", f"The zip holds no TRC file (it holds {held[:300]}).", [Fault(path.name, "no TRC")]
+            "zip-without-trc",
+            f"The zip holds no TRC file and no TSV file of markers (it holds {held[:300]}).",
+            [Fault(path.name, "no TRC")],
         )
     if len(trc) > 1 or len(mot) > 1:
         faults = [Fault(name, "one of several") for name in sorted(trc + mot)]

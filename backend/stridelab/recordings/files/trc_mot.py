@@ -6,7 +6,7 @@ the nearest value of a loaded sample.
 """
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +16,7 @@ from stridelab.conventions import Corners, Points, Series, Vector3
 from stridelab.errors import Fault, UnreadableFile
 from stridelab.recordings.files import marker_labels as names
 from stridelab.recordings.files.metadata import LENGTH_SCALE, length_scale, unit_of_body
-from stridelab.recordings.files.opensim_zip import MAX_MEMBER_BYTES, TrialTexts, open_trial
+from stridelab.recordings.files.opensim_zip import MAX_MEMBER_BYTES, TrialTexts, find_trial
 from stridelab.recordings.files.raw import CONTACT_TYPE, NO_FORCE_FILE, Cloud, FilePlate, RawTrial
 from stridelab.recordings.files.text_table import BrokenLineError, numbered_lines, parse_table, sampling_rate_hz
 from stridelab.recordings.files.trc import header_fields, parse_trc, trc_broken, trc_lines
@@ -34,24 +34,28 @@ _UP = "+y"
 """Vertical axis by the convention of OpenSim; the formats state none."""
 
 
+def read_text(path: Path, name: str, kind: str) -> str:
+    """Content of a text file; raises ``UnreadableFile`` (``trc-too-large``, ``tsv-too-large`` ... by its ``kind``)."""
+    if path.stat().st_size > MAX_MEMBER_BYTES:
+        message = f"The {kind} file {name} exceeds the maximum size of {MAX_MEMBER_BYTES // 2**20} MB."
+        raise UnreadableFile(f"{kind.lower()}-too-large", message, [Fault(name, f"{path.stat().st_size} bytes")])
+    return path.read_bytes().decode("utf-8-sig", errors="replace")
+
+
 def read_trc(path: Path, name: str) -> RawTrial:
     """Read a TRC file without forces; ``name`` is its name in error messages.
 
-    Raises ``UnreadableFile`` (``trc-too-large``, and as ``parse_trc``).
+    Raises ``UnreadableFile`` as ``read_text`` and ``parse_trc``.
     """
-    if path.stat().st_size > MAX_MEMBER_BYTES:
-        message = f"The TRC file {name} exceeds the maximum size of {MAX_MEMBER_BYTES // 2**20} MB."
-        raise UnreadableFile("trc-too-large", message, [Fault(name, f"{path.stat().st_size} bytes")])
-    text = path.read_bytes().decode("utf-8-sig", errors="replace")
-    return _assemble_trial(TrialTexts(text, name, None, ""), "The TRC file")
+    return _assemble_trial(TrialTexts(read_text(path, name, "TRC"), name, None, ""), "The TRC file")
 
 
-def read_trc_mot(path: Path) -> RawTrial:
-    """Read a zip of one TRC and at most one force file.
+def read_trc_mot(path: Path, texts: Mapping[str, str]) -> RawTrial:
+    """Read one TRC and at most one force file among the unpacked ``texts`` of the zip ``path``.
 
-    Raises ``UnreadableFile`` (``times-do-not-overlap``, and as ``open_trial``, ``parse_trc`` and ``parse_mot``).
+    Raises ``UnreadableFile`` (``times-do-not-overlap``, and as ``find_trial``, ``parse_trc`` and ``parse_mot``).
     """
-    return _assemble_trial(open_trial(path), "The zip")
+    return _assemble_trial(find_trial(path, texts), "The zip")
 
 
 def _assemble_trial(texts: TrialTexts, source: str) -> RawTrial:

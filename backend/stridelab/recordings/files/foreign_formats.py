@@ -1,0 +1,45 @@
+"""Names the formats that are not read, and the export of their program that is."""
+
+from pathlib import PurePath
+from typing import Final
+
+from stridelab.errors import Fault, UnreadableFile
+from stridelab.recordings.files.qualisys_tsv import is_qualisys_forces
+
+_READ: Final = (
+    "C3D files, TRC files, the TSV export of Qualisys, the CSV export of Vicon Nexus, and zips of a TRC and a MOT or "
+    "STO file or of the TSV files of one recording are read"
+)
+_FORMATS: Final = {
+    ".tdf": ("a BTS file", "Export a C3D file from SMART Tracker or SMART Analyzer."),
+    ".mvnx": ("an Xsens MVN file", "It holds segments of inertial sensors: export a C3D file from MVN."),
+    ".b3d": ("an AddBiomechanics file", "Upload the C3D, or the TRC and MOT files, from which it was made."),
+    ".trb": ("a binary Cortex file", "Export a TRC or C3D file from Cortex."),
+    ".qtm": ("a Qualisys Track Manager file", "Export a C3D file, or TSV files of markers and forces, from it."),
+    ".x1d": ("raw camera data of Vicon", "Reconstruct the trial in Nexus and export a C3D or CSV file."),
+    ".x2d": ("raw camera data of Vicon", "Reconstruct the trial in Nexus and export a C3D or CSV file."),
+    ".v": ("a Vicon trial of an older program", "Export a C3D file from Workstation or Nexus."),
+    ".bvh": ("a BVH file", "It holds joint angles and no markers: export a C3D or TRC file."),
+}
+"""What a file is by its suffix, and what to do instead."""
+_BEGINNINGS: Final = {
+    b"\x82\x4b\x60\x41\xd3\x11\x84\xca": ".tdf",
+    b"HIERARCHY": ".bvh",
+}
+_SHOWN_BYTES: Final = 16
+
+
+def unknown_format_error(head: bytes, name: str) -> UnreadableFile:
+    """Error (``unknown-format``) that names the format of a file by its first bytes and its name, as far as known."""
+    text = head.decode("utf-8-sig", errors="replace")
+    seen = f"its first bytes are {head[:_SHOWN_BYTES].hex(' ')}"
+    if head[:_SHOWN_BYTES].isascii() and text[:_SHOWN_BYTES].isprintable():
+        seen = f"it begins with {text[:_SHOWN_BYTES]!r}"
+    if is_qualisys_forces(text):
+        what, advice = "the forces of a Qualisys export", "Put it and the TSV file of the markers into one zip."
+    else:
+        known = [suffix for start, suffix in _BEGINNINGS.items() if head.lstrip().startswith(start)]
+        known += [".mvnx"] if "<mvnx" in text else []
+        what, advice = _FORMATS.get((known or [PurePath(name).suffix.lower()])[0], ("of no known format", f"{_READ}."))
+    message = f"{name} is {what} ({seen}). {advice}"
+    return UnreadableFile("unknown-format", message, [Fault(name, seen)])
