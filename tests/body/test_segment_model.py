@@ -10,7 +10,7 @@ from stridelab.body import segment_tables
 from stridelab.body.segment_frames import segment_frames
 from stridelab.body.segment_model import SegmentModel
 from stridelab.errors import InvalidInput, NotEstimable
-from stridelab.recordings.marker_sets import marker_sets
+from stridelab.recordings.marker_set_files import marker_sets
 from support.recordings.standing_body import landmarks, mirrored, recording
 
 TABLES = ("dumas2007", "deleva1996")

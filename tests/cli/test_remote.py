@@ -54,6 +54,18 @@ def test_static_trial_map_and_plates_are_set_before_the_job(service: ScriptedSer
     assert patch.plates[2].use is False
 
 
+def test_a_marker_set_is_sent_as_the_map_of_the_recording(service: ScriptedService, tmp_path: Path) -> None:
+    own = tmp_path / "own.toml"
+    own.write_text('name = "own"\nrequired = ["c7"]\n[unpaired]\nc7 = ["cv7", "CV7"]', encoding="utf-8")
+    service.labels = ["CV7", "A"]
+    ask(tmp_path / "out", preparation=Preparation(marker=["l_asis=A"], marker_set=own))
+    patch = next(value for call, value in service.calls if call == "patch")[1]
+    assert patch.marker_map == {"l_asis": "A", "c7": "CV7"}
+    service.labels = ["A"]
+    with pytest.raises(InvalidInput, match=r"does not fit recording\.c3d: no label for c7"):
+        ask(tmp_path / "again", preparation=Preparation(marker_set=own))
+
+
 @pytest.mark.parametrize(
     ("call", "status", "kind"),
     [

@@ -22,7 +22,8 @@ from stridelab.contacts.effector_geometry import effector_shapes
 from stridelab.contacts.scenarios import bundled, stairs
 from stridelab.contacts.validation.validate import validate_scenario
 from stridelab.estimation.estimator import ComEstimator
-from stridelab.recordings import marker_sets
+from stridelab.recordings.marker_set_files import marker_sets, parse_marker_set
+from stridelab.recordings.marker_sets import identify
 from stridelab.recordings.recording import Window
 from stridelab.resources import models_dir
 from stridelab.schemas.tasks import RecordingSource
@@ -44,14 +45,12 @@ def blocks(page: str) -> list[str]:
     return [re.sub(rf"^{indent}", "", block, flags=re.MULTILINE) for indent, block in found]
 
 
-def test_the_marker_set_is_read_and_recognised(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_marker_set_is_read_and_recognised() -> None:
     (block,) = blocks("add-a-marker-set.md")
-    known = marker_sets.parse_marker_set(tomllib.loads(block))
-    shipped = dict(marker_sets.marker_sets())
-    assert known.name not in shipped
-    monkeypatch.setattr(marker_sets, "marker_sets", lambda: shipped | {known.name: known})
+    known = parse_marker_set(tomllib.loads(block), "example")
+    assert known.name not in marker_sets()
     labels = [f"{side} {place}" for side in "LR" for place in ("hip front", "hip back", "knee out", "ankle out")]
-    assert marker_sets.identify(["SpineC7", *labels]).name == "example-lab"
+    assert identify(["SpineC7", *labels], own_sets=[known]).name == "example-lab"
 
 
 def test_the_scenario_passes_the_judge() -> None:

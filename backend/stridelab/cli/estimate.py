@@ -71,14 +71,10 @@ def estimate_here(request: EstimateRequest, folder: Path, session: SessionValues
 @contextmanager
 def staged_files(request: EstimateRequest, folder: Path) -> Iterator[tuple[RecordingSource, RecordingSource | None]]:
     """Context manager that copies the files of a request into ``folder``, as the worker does."""
-    static = None if request.static is None else RecordingSource(file="static-trial", filename=request.static.name)
-    recording = RecordingSource(
-        file="trial",
-        filename=request.file.name,
-        subject=request.subject_fields(),
-        marker_map=request.marker_map(),
-        plates=request.plate_switches(),
-    )
+    recording = request.to_source("trial", subject=request.subject_fields())
+    static = None
+    if request.static is not None:
+        static = RecordingSource(file="static-trial", filename=request.static.name, marker_sets=recording.marker_sets)
     copies = {"trial": request.file} | ({"static-trial": request.static} if request.static else {})
     for name, path in copies.items():
         shutil.copyfile(path, folder / name)

@@ -62,6 +62,9 @@ SegmentMomentum = Annotated[
 MeasuredWindow = Annotated[str | None, typer.Option("--window", help="START,END in seconds, inside a measured window.")]
 Static = Annotated[Path | None, typer.Option("--static", help="Static trial of the same person.")]
 Markers = Annotated[list[str] | None, typer.Option("--marker", help="LANDMARK=LABEL; may be repeated.")]
+MarkerSetFile = Annotated[
+    Path | None, typer.Option("--marker-set", help="TOML file of a marker set, used instead of the shipped sets.")
+]
 WithoutPlates = Annotated[list[int] | None, typer.Option("--without-plate", help="Plate index to leave out.")]
 
 OutFolder = Annotated[Path | None, typer.Option("--out", help="Folder for the result; must not exist yet.")]
@@ -117,6 +120,7 @@ class Preparation:
     static: Static = None
     marker: Markers = None
     without_plate: WithoutPlates = None
+    marker_set: MarkerSetFile = None
 
 
 @dataclass(frozen=True)

@@ -1,5 +1,6 @@
 """Options of ``stridelab estimate`` and similar commands, validated and converted to a job's input."""
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
@@ -7,8 +8,11 @@ from typing import Any, TypeVar
 from stridelab.cli.options import Estimation, Preparation, Walk
 from stridelab.cli.results import validate_options
 from stridelab.errors import Fault, InvalidInput
+from stridelab.recordings.marker_set_files import absent_landmarks, labels_by_form, read_marker_set
 from stridelab.schemas.jobs import EstimateComInput
+from stridelab.schemas.marker_sets import SourceMarkerSet
 from stridelab.schemas.recordings import PlateSwitch, SubjectFields
+from stridelab.schemas.tasks import RecordingSource
 
 Input = TypeVar("Input", bound=EstimateComInput)
 
@@ -69,6 +73,41 @@ class EstimateRequest:
     def marker_map(self) -> dict[str, str]:
         """Marker label of each given landmark."""
         return dict(parse_named_value("--marker", text) for text in self.preparation.marker or ())
+
+    def marker_map_for(self, labels: Sequence[str]) -> dict[str, str]:
+        """Marker map of a recording with these labels: of ``--marker-set``, changed by ``--marker``.
+
+        Raises ``InvalidInput`` (``marker-set-does-not-fit``) if the set requires landmarks without a label there.
+        """
+        stated, path = self.marker_map(), self.preparation.marker_set
+        if path is None:
+            return stated
+        known = read_marker_set(path)
+        mapped = known.matching_labels(labels_by_form(labels)) | stated
+        if absent := absent_landmarks(known.required, mapped):
+            message = f"The marker set {known.name} does not fit {self.file.name}: no label for {', '.join(absent)}."
+            raise InvalidInput("marker-set-does-not-fit", message, [Fault("labels found", ", ".join(labels))])
+        return mapped
+
+    def marker_sets(self) -> list[SourceMarkerSet]:
+        """The marker set of ``--marker-set``, or none. Raises as ``read_marker_set``."""
+        if self.preparation.marker_set is None:
+            return []
+        known = read_marker_set(self.preparation.marker_set)
+        return [SourceMarkerSet(name=known.name, landmarks=dict(known.labels), required=list(known.required))]
+
+    def to_source(self, file: str, **fields: Any) -> RecordingSource:
+        """Source of the recording, stored as ``file``; ``fields`` are further fields of the source."""
+        own_sets = self.marker_sets()
+        return RecordingSource(
+            file=file,
+            filename=self.file.name,
+            marker_map=self.marker_map(),
+            plates=self.plate_switches(),
+            marker_sets=own_sets,
+            shipped_sets=not own_sets,
+            **fields,
+        )
 
     def plate_switches(self) -> dict[int, PlateSwitch]:
         """Switches of the excluded plates, by plate index."""

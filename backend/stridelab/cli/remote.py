@@ -141,7 +141,7 @@ def _upload_recording(client: Client, request: EstimateRequest, bar: Bar) -> str
     if request.static is not None:
         bar(AFTER_UPLOAD, "uploading the static trial")
         patch["static_recording_id"] = client.upload(request.static).id
-    if markers := request.marker_map():
+    if markers := request.marker_map_for(recording.labels):
         patch["marker_map"] = markers
     if plates := request.plate_switches():
         patch["plates"] = plates

@@ -23,7 +23,6 @@ from stridelab.recordings.files.recording_files import recordings_in
 from stridelab.schemas.jobs import JobResult
 from stridelab.schemas.recordings import RecordingFacts
 from stridelab.schemas.sessions import SessionValues
-from stridelab.schemas.tasks import RecordingSource
 
 
 @dataclass(frozen=True)
@@ -154,14 +153,7 @@ def _read_members(
     refused: dict[str, StridelabError] = {}
     for count, (path, request) in enumerate(request_of.items()):
         bar(count / len(request_of), path.name)
-        marker_map = request.marker_map()
-        source = RecordingSource(
-            file=path.name,
-            filename=path.name,
-            marker_map=marker_map,
-            plates=request.plate_switches(),
-            static_labels=list(marker_map.values()),
-        )
+        source = request.to_source(path.name, static_labels=list(request.marker_map().values()))
         try:
             trial_facts = recording_facts(examine_trial(source, path.parent))
         except StridelabError as error:

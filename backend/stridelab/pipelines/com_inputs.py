@@ -23,6 +23,7 @@ from stridelab.pipelines.progress import ProgressCallback
 from stridelab.pipelines.trial import Trial, assign_static_landmarks, examine_trial, read_static
 from stridelab.recordings import force_windows as measured
 from stridelab.recordings.gap_filling import MAX_GAP_S, true_runs
+from stridelab.recordings.marker_set_files import WAYS_TO_NAME_MARKERS
 from stridelab.recordings.marker_sets import MarkerSetMatch
 from stridelab.recordings.recording import Remark, Subject, Window, WrenchTrack
 from stridelab.recordings.total_wrench import wrench_track
@@ -225,7 +226,7 @@ def require_marker_set(match: MarkerSetMatch, labels: Sequence[str]) -> None:
         finding = f"fit several marker sets that take a label for different landmarks: {', '.join(match.rivals)}"
     raise NotEstimable(
         "unknown-marker-set",
-        f"The {len(labels)} marker labels {finding}. Map the labels to landmarks to use this recording.",
+        f"The {len(labels)} marker labels {finding}. {WAYS_TO_NAME_MARKERS}",
         faults,
     )
 

@@ -16,6 +16,7 @@ from stridelab.errors import Fault, InvalidInput, StridelabError
 from stridelab.estimation.latency import estimate_latency
 from stridelab.recordings.body_mass import MassEstimate, VerticalMotion, best_mass, vertical_motion, weigh
 from stridelab.recordings.force_windows import find_windows
+from stridelab.recordings.marker_set_files import marker_set_of_labels
 from stridelab.recordings.marker_sets import MarkerSetMatch, identify
 from stridelab.recordings.reader import read_recording
 from stridelab.recordings.recording import PlateSwitches, Recording, Remark, Subject, Window
@@ -70,13 +71,19 @@ def read_source(source: RecordingSource, folder: Path) -> Recording:
 def examine_trial(source: RecordingSource, folder: Path) -> Trial:
     """Read a source; identify its marker set, measured windows and the masses estimated from the force."""
     recording = read_source(source, folder)
-    match = identify(tuple(recording.markers_m), map_of_present_labels(source.marker_map, recording))
+    match = identify_source(source, recording, map_of_present_labels(source.marker_map, recording))
     motion = vertical_motion(recording, match.landmarks, _markers_com_m(recording, match))
     stated_kg = source.subject.mass_kg or recording.subject.mass_kg
     search = find_windows(recording, match.landmarks, motion, stated_kg=stated_kg)
     remarks = (*recording.remarks, *match.degraded, *search.remarks)
     masses = weigh(recording, search.windows, motion)
     return Trial(recording, match, search.windows, masses, remarks, motion, stated_kg)
+
+
+def identify_source(source: RecordingSource, recording: Recording, marker_map: Mapping[str, str]) -> MarkerSetMatch:
+    """Identify the marker set of ``recording`` among the shipped ones and those of users in ``source``."""
+    own_sets = [marker_set_of_labels(own.name, own.labels_of(), own.required or ()) for own in source.marker_sets]
+    return identify(tuple(recording.markers_m), marker_map, own_sets, shipped=source.shipped_sets)
 
 
 def _markers_com_m(recording: Recording, match: MarkerSetMatch) -> Points | None:
@@ -171,7 +178,7 @@ def assign_static_landmarks(
         **map_of_present_labels(source.marker_map, static),
         **map_of_present_labels(task.recording.marker_map, static),
     }
-    match = identify(tuple(static.markers_m), stated)
+    match = identify_source(source, static, stated)
     shared = {name: label for name, label in landmarks.items() if label in static.markers_m}
     named = {**match.landmarks, **stated, **shared}
     if len(named) < MIN_LANDMARKS:

@@ -6,6 +6,7 @@ from stridelab.schemas.base import Contract
 from stridelab.schemas.comparison import CompareEstimatorsInput
 from stridelab.schemas.cycloid import FitCycloidInput
 from stridelab.schemas.jobs import EstimateComInput, SimulateRecordingInput
+from stridelab.schemas.marker_sets import SourceMarkerSet
 from stridelab.schemas.plans import LearnReachabilityInput, PlanContactsInput, PlanMotionInput
 from stridelab.schemas.population import PersonFields
 from stridelab.schemas.receding import PlanRecedingInput
@@ -27,6 +28,8 @@ class RecordingSource(Contract):
     static_labels: list[str] = Field(
         default_factory=list, description="labels of its static trial, to which the marker map may refer"
     )
+    marker_sets: list[SourceMarkerSet] = Field(default_factory=list, description="sets of users, preferred ones first")
+    shipped_sets: bool = Field(default=True, description="false: only `marker_sets` are considered")
 
 
 class ParseUploadTask(Contract):
@@ -130,6 +133,7 @@ class ParseBatchTask(Contract):
     """Task of ``parse_batch``; ``table`` is the file of the uploaded subject table."""
 
     files: list[BatchFile]
+    marker_sets: list[SourceMarkerSet] = Field(default_factory=list)
     table: str | None = None
     file_bytes: int
     total_bytes: int

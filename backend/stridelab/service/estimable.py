@@ -6,6 +6,7 @@ markers, or a static trial, are detected only when the body model is fitted. Nee
 
 from typing import Final
 
+from stridelab.recordings.marker_set_files import WAYS_TO_NAME_MARKERS
 from stridelab.schemas.methods import METHODS
 from stridelab.schemas.recordings import EstimateOffer, RecordingFacts, SubjectFields
 
@@ -48,7 +49,7 @@ def _label_refusal(facts: RecordingFacts) -> Refusal | None:
     if facts.marker_set is not None:
         return None
     message = f"The {len(facts.labels)} marker labels belong to no known marker set."
-    return "unknown-marker-set", f"{message} Map the labels to landmarks to use this recording."
+    return "unknown-marker-set", f"{message} {WAYS_TO_NAME_MARKERS}"
 
 
 def _geometry_refusal(facts: RecordingFacts) -> Refusal | None:

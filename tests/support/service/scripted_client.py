@@ -34,6 +34,7 @@ class ScriptedService(Client):
         self.artifact = "com.csv"
         self.done: dict[str, Any] = DONE
         self.files = SAMPLE
+        self.labels: list[str] = INDEX["facts"]["labels"]
 
     def __call__(self, server: str, token: str | None) -> "ScriptedService":
         self.calls.append(("client", (server, token)))
@@ -101,7 +102,7 @@ class ScriptedService(Client):
         return shutil.copyfile(self.files / name, target)
 
     def _recording(self, recording_id: str, filename: str) -> Recording:
-        facts = {**INDEX["facts"], "subject": {}}
+        facts = {**INDEX["facts"], "subject": {}, "labels": self.labels}
         fixed = {"sha256": "0", "filename": filename, "bytes": 1, "created_at": NOW, "marker_map": {}}
         return Recording.model_validate({**facts, **fixed, "id": recording_id})
 
