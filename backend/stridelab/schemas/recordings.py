@@ -85,6 +85,7 @@ class RecordingFacts(Contract):
     marker_rate_hz: float
     force_rate_hz: float
     marker_set: str | None
+    marker_set_id: str | None = Field(default=None, description="id of the set if a user stored it")
     n_markers: int
     subject: SubjectFields
     mass_from_force_kg: float | None = None

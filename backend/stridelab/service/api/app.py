@@ -18,6 +18,7 @@ from stridelab.robots.card import robot_names
 from stridelab.service.api import health, login, metrics, openapi, problems
 from stridelab.service.api.dependencies import Parts
 from stridelab.service.api.jobs import endpoints as jobs
+from stridelab.service.api.marker_sets import endpoints as marker_sets
 from stridelab.service.api.middleware.authentication import AuthenticationMiddleware
 from stridelab.service.api.middleware.lingering_close import LingeringCloseMiddleware
 from stridelab.service.api.middleware.request_context import RequestContextMiddleware
@@ -90,7 +91,7 @@ def create_app(settings: Settings, *, with_sample: bool = False) -> FastAPI:
     openapi.install_openapi(app)
     api = APIRouter(prefix="/api/v1")
     # routes are matched in this order, and job requests are the most frequent
-    for part in (jobs, health, recordings, subjects, robots, scenarios, plans, stream, access):
+    for part in (jobs, health, recordings, marker_sets, subjects, robots, scenarios, plans, stream, access):
         api.include_router(part.router)
     api.include_router(access.public_router)
     app.include_router(api)

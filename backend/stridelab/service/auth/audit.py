@@ -25,6 +25,8 @@ Action = Literal[
     "subject-deleted",
     "scenario-deleted",
     "scenario-replaced",
+    "marker-set-added",
+    "marker-set-deleted",
 ]
 CONSOLE: Final = Caller("console", "admin", "console")
 """Caller of commands that access the database directly."""

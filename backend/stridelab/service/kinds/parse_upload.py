@@ -37,7 +37,11 @@ def run(task: ParseUploadTask, folder: Path, progress: ProgressCallback) -> Outc
     progress(0.6, "writing the tracks")
     artifacts = write_tracks(trial.recording, trial.windows, folder, task.recording.filename)
     progress(1.0, "done")
-    return Outcome(recording_facts(trial).model_dump(mode="json"), (), artifacts)
+    facts = recording_facts(trial)
+    own = next((one for one in task.recording.marker_sets if one.name == facts.marker_set), None)
+    if own is not None:
+        facts = facts.model_copy(update={"marker_set_id": own.id})
+    return Outcome(facts.model_dump(mode="json"), (), artifacts)
 
 
 def recording_facts(trial: Trial) -> RecordingFacts:

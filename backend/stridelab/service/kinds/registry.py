@@ -36,11 +36,20 @@ KINDS: Final = discover_kinds(kinds)
 PARSE_UPLOAD = "stridelab.service.kinds.parse_upload:run_in_child"
 """Import path of the parser of uploads, which is run by ``POST /recordings``, not by the queue."""
 
+PROPOSE_MARKERS = "stridelab.service.kinds.propose_markers:run_in_child"
+"""Import path of the proposal of a marker map, run by ``POST /marker-sets/propose``."""
+
 PARSE_BATCH = "stridelab.service.kinds.read_batch.run:parse_batch"
 """Import path of the parser of bulk uploads, run by ``POST /recordings/batch`` and by the job ``read-batch``."""
 
 _LIBRARIES: Final = ("numpy", "scipy.optimize", "scipy.spatial", "scipy.stats", "scipy.signal")
-READING: Final = (*_LIBRARIES, "ezc3d", "pyarrow.parquet", PARSE_UPLOAD.partition(":")[0])
+READING: Final = (
+    *_LIBRARIES,
+    "ezc3d",
+    "pyarrow.parquet",
+    PARSE_UPLOAD.partition(":")[0],
+    PROPOSE_MARKERS.partition(":")[0],
+)
 """Modules preloaded by the fork server for children that parse uploads."""
 COMPUTING: Final = (
     *_LIBRARIES,

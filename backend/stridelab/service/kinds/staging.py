@@ -24,6 +24,7 @@ from stridelab.schemas.tasks import (
 from stridelab.service.kinds.base import Blobs, Json
 from stridelab.service.kinds.session_staging import session_of
 from stridelab.service.storage.tables import recording, scenario, subject
+from stridelab.service.stored_marker_sets import source_marker_sets
 
 
 def stated_subject(recording_fields: Mapping[str, Any], subject_fields: Mapping[str, Any] | None) -> SubjectFields:
@@ -119,6 +120,7 @@ async def stage_recording(
             subject=stated_subject(row["subject_fields"], linked),
             marker_map=row["marker_map"],
             plates=row["plate_switches"],
+            marker_sets=await source_marker_sets(connection, row["owner"]),
         )
     except ValueError as error:
         message = f"The settings stored for {row['filename']} are invalid."

@@ -76,6 +76,18 @@ scenario = Table(
     Index("scenario_newest", "created_at", "id"),
 )
 
+marker_set = Table(
+    "marker_set",
+    metadata,
+    Column("id", Text, primary_key=True),
+    _created_at(),
+    Column("owner", Text),
+    Column("name", Text, nullable=False),
+    Column("body", JSONB, nullable=False, comment="MarkerSetInput"),
+    Index("marker_set_name", "name", unique=True),
+    Index("marker_set_newest", "created_at", "id"),
+)
+
 job = Table(
     "job",
     metadata,

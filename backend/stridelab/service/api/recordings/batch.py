@@ -14,6 +14,7 @@ from sqlalchemy import update
 from starlette.requests import Request
 
 from stridelab.errors import Fault, InvalidInput, StridelabError, UnreadableFile
+from stridelab.schemas.marker_sets import SourceMarkerSet
 from stridelab.schemas.population import MAX_RECORDINGS, RecordingBatch
 from stridelab.schemas.tasks import BatchFile, ParseBatchTask
 from stridelab.service.api.dependencies import Parts
@@ -29,6 +30,7 @@ from stridelab.service.kinds.read_batch import kind as read_batch
 from stridelab.service.kinds.read_batch.kind import ParsedUpload
 from stridelab.service.kinds.registry import PARSE_BATCH
 from stridelab.service.storage.tables import recording
+from stridelab.service.stored_marker_sets import source_marker_sets
 from stridelab.service.uploaded_row import file_sha256
 
 log = structlog.get_logger(__name__)
@@ -62,7 +64,9 @@ async def receive_batch(parts: Parts, request: Request, folder: Path, caller: Ca
     if unknown:
         faults = [Fault(name, "unknown field") for name in unknown]
         raise InvalidInput("invalid-request", f"The form is not valid: see {', '.join(unknown)}.", faults)
-    task = _batch_task(parts, forms, folder)
+    async with parts.engine.connect() as connection:
+        own_sets = await source_marker_sets(connection, caller.name)
+    task = _batch_task(parts, forms, folder, own_sets)
     received_bytes = sum(one.size_bytes for one in forms.files)
     if received_bytes <= MAX_DIRECT_BYTES and len(forms.files) <= MAX_DIRECT_FILES:
         read = await _read_at_once(parts, task, folder)
@@ -72,13 +76,14 @@ async def receive_batch(parts: Parts, request: Request, folder: Path, caller: Ca
     return await _submit_job(parts, task, folder, caller)
 
 
-def _batch_task(parts: Parts, forms: ReceivedForms, folder: Path) -> ParseBatchTask:
+def _batch_task(parts: Parts, forms: ReceivedForms, folder: Path, own_sets: list[SourceMarkerSet]) -> ParseBatchTask:
     table = forms.fields.get(TABLE_FIELD, "")
     if table.strip():
         (folder / TABLE_FILE).write_text(table, encoding="utf-8")
     settings = parts.settings
     return ParseBatchTask(
         files=[BatchFile(file=one.path.name, filename=one.filename) for one in forms.files],
+        marker_sets=own_sets,
         table=TABLE_FILE if table.strip() else None,
         file_bytes=settings.max_upload_mb * 1_000_000,
         total_bytes=settings.max_batch_mb * 1_000_000,

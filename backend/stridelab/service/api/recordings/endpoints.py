@@ -135,7 +135,7 @@ async def upload_recording(
         if existing is not None:
             response.headers.update({"Location": f"/api/v1/recordings/{existing.id}", REUSED_HEADER: "true"})
             return existing
-        parsed = await parse_recording(parts, folder, form.path.name, form.filename, NO_SWITCHES)
+        parsed = await parse_recording(parts, folder, form.path.name, form.filename, NO_SWITCHES, owner=caller.name)
         stored = await service.store_upload(parts, form, parsed, subject, caller.name, session_id)
     finally:
         shutil.rmtree(folder, ignore_errors=True)

@@ -8,11 +8,14 @@ from typing import Any, Final
 import structlog
 
 from stridelab.errors import Fault, UnreadableFile
+from stridelab.schemas.marker_sets import MarkerSetProposal
 from stridelab.schemas.recordings import PlateSwitch, RecordingFacts
 from stridelab.schemas.tasks import ParseUploadTask, RecordingSource
 from stridelab.service.api.dependencies import Parts
 from stridelab.service.filenames import PARSER_CRASHED, child_output_file
-from stridelab.service.kinds.registry import PARSE_UPLOAD
+from stridelab.service.kinds.registry import PARSE_UPLOAD, PROPOSE_MARKERS
+from stridelab.service.processes.pool import IsolatedOutcome
+from stridelab.service.stored_marker_sets import source_marker_sets
 
 log = structlog.get_logger(__name__)
 
@@ -64,23 +67,47 @@ class Parsed:
 
 
 async def parse_recording(
-    parts: Parts, folder: Path, file: str, filename: str, switches: Switches, static_labels: Sequence[str] = ()
+    parts: Parts,
+    folder: Path,
+    file: str,
+    filename: str,
+    switches: Switches,
+    static_labels: Sequence[str] = (),
+    *,
+    owner: str | None,
 ) -> Parsed:
     """Parse ``folder / file`` with ``switches`` and write the tracks to ``folder``.
 
-    ``filename`` is the uploaded name; the marker map may also refer to ``static_labels``. Raises ``UnreadableFile`` or
+    ``filename`` is the uploaded name; the marker map may also refer to ``static_labels``. Marker sets of ``owner`` are
+    preferred to those of other users. Raises ``UnreadableFile`` or
     ``InvalidInput`` with the reader's code, and ``UnreadableFile`` if the reader crashes or exceeds its limits.
     """
+    async with parts.engine.connect() as connection:
+        own_sets = await source_marker_sets(connection, owner)
     source = RecordingSource(
         file=file,
         filename=filename,
         marker_map=dict(switches.marker_map),
         plates=dict(switches.plates),
         static_labels=list(static_labels),
+        marker_sets=own_sets,
     )
+    outcome = await _run_in_child(parts, PARSE_UPLOAD, source, folder)
+    return Parsed(RecordingFacts.model_validate(outcome.value["summary"]), child_output_file(folder, TRACKS))
+
+
+async def propose_of_file(parts: Parts, folder: Path, file: str, filename: str) -> MarkerSetProposal:
+    """Propose the landmarks of the markers in ``folder / file``. Raises as ``parse_recording``."""
+    source = RecordingSource(file=file, filename=filename)
+    outcome = await _run_in_child(parts, PROPOSE_MARKERS, source, folder)
+    return MarkerSetProposal.model_validate(outcome.value["summary"])
+
+
+async def _run_in_child(parts: Parts, function: str, source: RecordingSource, folder: Path) -> IsolatedOutcome:
+    """Run ``function`` on ``source`` within the limits of parsing. Raises as ``parse_recording``."""
     async with parts.parsers:
         outcome = await parts.pool.run(
-            PARSE_UPLOAD,
+            function,
             ParseUploadTask(recording=source).model_dump(mode="json"),
             folder,
             timeout_s=parts.settings.parse_timeout_s,
@@ -92,5 +119,5 @@ async def parse_recording(
     if outcome.state != "ok":
         log.warning("upload not read", state=outcome.state, log_tail=outcome.log_tail[-2000:])
         code, sentence = _FAILURES.get(outcome.state, _FAILURES["error"])
-        raise UnreadableFile(code, sentence, [Fault(filename, "cannot be read")])
-    return Parsed(RecordingFacts.model_validate(outcome.value["summary"]), child_output_file(folder, TRACKS))
+        raise UnreadableFile(code, sentence, [Fault(source.filename, "cannot be read")])
+    return outcome

@@ -6,18 +6,23 @@ from typing import Any
 from sqlalchemy import Select, select
 from sqlalchemy.ext.asyncio import AsyncConnection
 
+from stridelab.recordings.marker_set_files import WAYS_TO_NAME_MARKERS
+from stridelab.schemas.base import Remark
 from stridelab.schemas.recordings import Recording, RecordingFacts, SubjectFields
 from stridelab.service.api.dependencies import not_found_error, require_id_form
 from stridelab.service.estimable import estimate_offers
-from stridelab.service.storage.tables import recording, subject
+from stridelab.service.storage.tables import marker_set, recording, subject
 
 Row = Mapping[str, Any]
 
 
 def recordings_with_subjects() -> Select[Any]:
-    """Select every recording with the fields of its linked subject."""
-    linked = recording.outerjoin(subject, recording.c.subject_id == subject.c.id)
-    return select(recording, subject.c.fields.label("linked_fields")).select_from(linked)
+    """Select every recording with the fields of its linked subject, and the id of its marker set if that is stored."""
+    linked = recording.outerjoin(subject, recording.c.subject_id == subject.c.id).outerjoin(
+        marker_set, recording.c.facts["marker_set_id"].astext == marker_set.c.id
+    )
+    columns = (subject.c.fields.label("linked_fields"), marker_set.c.id.label("present_set_id"))
+    return select(recording, *columns).select_from(linked)
 
 
 async def recording_row(connection: AsyncConnection, recording_id: str, *, lock: bool = False) -> Row:
@@ -45,9 +50,19 @@ def merged_subject(facts: RecordingFacts, linked: Mapping[str, Any] | None, stat
     return SubjectFields.model_validate(merged)
 
 
+def _deleted_set_remark(facts: RecordingFacts) -> Remark:
+    message = (
+        f"The marker set {facts.marker_set}, which named these markers, has been deleted: a new estimate uses the "
+        f"other sets. {WAYS_TO_NAME_MARKERS}"
+    )
+    return Remark(code="marker-set-deleted", message=message)
+
+
 def recording_of(row: Row) -> Recording:
     """Convert a row of ``recordings_with_subjects`` to a ``Recording``."""
     facts = RecordingFacts.model_validate(row["facts"])
+    if facts.marker_set_id is not None and row["present_set_id"] is None:
+        facts = facts.model_copy(update={"warnings": [*facts.warnings, _deleted_set_remark(facts)]})
     own = facts.model_dump(exclude={"subject"})
     subject = merged_subject(facts, row["linked_fields"], row["subject_fields"])
     alone = row["session_id"] is None and row["static_recording_id"] is None

@@ -13,11 +13,12 @@ from sqlalchemy import delete, insert, select, update
 
 from stridelab.errors import Conflict, Fault, InvalidInput, NotFound, Unavailable
 from stridelab.schemas.jobs import FINAL_STATES
+from stridelab.schemas.marker_sets import MarkerSetProposal
 from stridelab.schemas.recordings import PlateSwitch, Recording, RecordingFacts, RecordingPatch, SubjectFields
 from stridelab.service.api.dependencies import Parts
 from stridelab.service.api.quotas import refuse_full
 from stridelab.service.api.recordings.multipart import ReceivedForm
-from stridelab.service.api.recordings.parse import Parsed, Switches, parse_recording
+from stridelab.service.api.recordings.parse import Parsed, Switches, parse_recording, propose_of_file
 from stridelab.service.api.recordings.repository import recording_of, recording_row, recordings_with_subjects
 from stridelab.service.api.subjects.endpoints import subject_row
 from stridelab.service.auth import audit
@@ -45,10 +46,7 @@ async def change_recording(parts: Parts, recording_id: str, patch: RecordingPatc
     switches = _patched_switches(row, patch, static_labels)
     lacks_clock = "session_id" in patch.model_fields_set and "clock" not in row["facts"]
     if switches != Switches.of_row(row) or lacks_clock:
-        with tempfile.TemporaryDirectory(dir=parts.spool) as name:
-            await parts.blobs.get_file(row["blob_key"], Path(name) / "trial", row["sha256"])
-            parsed = await parse_recording(parts, Path(name), "trial", row["filename"], switches, static_labels)
-            await replace_facts(parts, row, switches, parsed, lambda locked: _changed_columns(locked, patch, links))
+        await _parse_stored(parts, row, switches, static_labels, lambda locked: _changed_columns(locked, patch, links))
     elif patch.model_fields_set:
         async with parts.engine.begin() as connection:
             locked = await recording_row(connection, recording_id, lock=True)
@@ -57,6 +55,46 @@ async def change_recording(parts: Parts, recording_id: str, patch: RecordingPatc
                 await connection.execute(update(recording).where(recording.c.id == recording_id).values(changes))
     async with parts.engine.connect() as connection:
         return recording_of(await recording_row(connection, recording_id))
+
+
+async def parse_again(parts: Parts, recording_id: str) -> None:
+    """Parse the file of a recording again with its present switches and the present marker sets.
+
+    Raises ``NotFound`` (``recording-not-found``), ``Conflict`` (``changed-meanwhile``), and the errors of parsing.
+    """
+    async with parts.engine.connect() as connection:
+        row = await recording_row(connection, recording_id)
+    await _parse_stored(parts, row, Switches.of_row(row), await _static_labels(parts, row), lambda _: {})
+
+
+async def propose_landmarks(parts: Parts, recording_id: str) -> MarkerSetProposal:
+    """Propose the landmarks of the markers of a recording.
+
+    Raises ``NotFound`` (``recording-not-found``) and the errors of parsing.
+    """
+    async with parts.engine.connect() as connection:
+        row = await recording_row(connection, recording_id)
+    with tempfile.TemporaryDirectory(dir=parts.spool) as name:
+        await parts.blobs.get_file(row["blob_key"], Path(name) / "trial", row["sha256"])
+        proposal = await propose_of_file(parts, Path(name), "trial", row["filename"])
+    return proposal.model_copy(update={"recording_id": recording_id})
+
+
+async def _parse_stored(
+    parts: Parts,
+    row: Mapping[str, Any],
+    switches: Switches,
+    static_labels: Sequence[str],
+    changes: Callable[[Mapping[str, Any]], Mapping[str, Any]],
+) -> None:
+    """Parse the stored file of a recording and replace its facts; ``changes`` as in ``replace_facts``."""
+    with tempfile.TemporaryDirectory(dir=parts.spool) as name:
+        folder = Path(name)
+        await parts.blobs.get_file(row["blob_key"], folder / "trial", row["sha256"])
+        parsed = await parse_recording(
+            parts, folder, "trial", row["filename"], switches, static_labels, owner=row["owner"]
+        )
+        await replace_facts(parts, row, switches, parsed, changes)
 
 
 def _subject_fields(row: Mapping[str, Any], patch: RecordingPatch) -> dict[str, Any]:

@@ -46,7 +46,8 @@ def parse_batch(task: Json, folder: Path, progress: ProgressCallback) -> Json:
     _mark_duplicates(results)
     items = [
         {"file": one["file"], "filename": one["name"], "bytes": one["bytes"], "folder": str(folder), "place": place,
-         "limit_bytes": request.file_bytes, "memory_mb": request.memory_mb}
+         "limit_bytes": request.file_bytes, "memory_mb": request.memory_mb,
+         "marker_sets": request.marker_sets}
         for place, one in enumerate(results) if "problem" not in one
     ]  # fmt: skip
     done = map_isolated(read_one, items, preload=PRELOAD, timeout_s=request.timeout_s)
@@ -89,7 +90,7 @@ def read_one(item: Json) -> Json:
         (own / "trial").hardlink_to(folder / item["file"])
     except OSError:  # Landlock ABI 1 forbids hard links between folders
         shutil.copyfile(folder / item["file"], own / "trial")
-    source = RecordingSource(file="trial", filename=item["filename"])
+    source = RecordingSource(file="trial", filename=item["filename"], marker_sets=item["marker_sets"])
     outcome = parse_upload.run(ParseUploadTask(recording=source), own, lambda _fraction, _message: None)
     return {"facts": outcome.summary, "tracks": f"{own.name}/tracks.parquet"}
 
