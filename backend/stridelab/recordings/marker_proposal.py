@@ -7,6 +7,7 @@ unknown, and chosen such that the cost of the best assignment is least.
 """
 
 import tomllib
+import warnings
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -33,7 +34,10 @@ _SIZES_M: Final = tuple(np.arange(0.55, 1.16, 0.04))
 """Height of the pelvis above the floor, from children to tall adults."""
 _WALKING_SWING: Final = 0.15
 """Swing of the feet, in heights of the pelvis, above which the motion of the markers is compared."""
+_MIDDLE_OF_ALL: Final = -0.08
+"""Typical middle of all markers, forward of the ASIS in heights of the pelvis; the search begins there."""
 _UNASSIGNED_COST: Final = 9.0
+"""Cost of a marker without a landmark. Costs are of the size of squared deviations over variance."""
 _LABEL_COST: Final = 14.0
 _MIN_SIMILARITY: Final = 0.4
 _RIGIDITY_COST: Final = 6.0
@@ -146,17 +150,21 @@ def marker_features(recording: Recording) -> MarkerFeatures:
         forward = np.linalg.eigh(np.cov(np.nanmean(points[:, :, :2], axis=0).T))[1][:, 0]
     turn = np.array([[forward[0], forward[1], 0.0], [-forward[1], forward[0], 0.0], [0.0, 0.0, 1.0]])
     body = points @ turn.T
-    distances = np.linalg.norm(points[:, :, None, :] - points[:, None, :, :], axis=3)
-    both = ~np.isnan(distances)
-    count = np.maximum(both.sum(axis=0), 1)
-    mean_m = np.where(both, distances, 0.0).sum(axis=0) / count
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # of markers that are never visible together
+        rigidity_m = np.nan_to_num(np.array([_distance_sd_m(points, marker) for marker in range(len(labels))]))
     return MarkerFeatures(
         labels=labels,
         mean_m=np.nanmean(body, axis=0),
         swing_m=np.nanstd(body[:, :, [0, 2]], axis=0),
-        rigidity_m=np.sqrt(np.where(both, (distances - mean_m) ** 2, 0.0).sum(axis=0) / count),
+        rigidity_m=rigidity_m,
         heading_known=recording.walking_direction is not None,
     )
+
+
+def _distance_sd_m(points_m: Float[np.ndarray, "frames markers 3"], marker: int) -> Float[np.ndarray, " markers"]:
+    """Standard deviation over time of the distances of one marker to all; NaN if two are never visible together."""
+    return np.asarray(np.nanstd(np.linalg.norm(points_m - points_m[:, [marker]], axis=2), axis=0))
 
 
 def label_costs(labels: Sequence[str]) -> Costs:
@@ -204,10 +212,6 @@ def _fit_place(
         weight = 1.0 / (known.sd[landmarks, :2] ** 2 * (1.0 + z[markers, landmarks, :2] ** 2 / 4.0))
         middle = (weight * (measured[markers, :2] - known.mean[landmarks, :2])).sum(axis=0) / weight.sum(axis=0)
     return _Fit(turn_rad, size_m, (float(middle[0]), float(middle[1])), costs, pairs, total)
-
-
-_MIDDLE_OF_ALL: Final = -0.08
-"""Typical middle of all markers, forward of the pelvis' front; where the search for the place begins."""
 
 
 def _refine(features: MarkerFeatures, word_costs: Costs, start: _Fit) -> _Fit:

@@ -142,3 +142,19 @@ def test_the_task_of_an_estimate_carries_the_sets(
     assert (carried["id"], carried["name"], carried["landmarks"]) == (made["id"], "lab", landmarks)
     outcome = estimate_com.run(EstimateComTask.model_validate(task), tmp_path, quiet)
     assert outcome.summary["mass_kg"] == pytest.approx(60.0, abs=1.5)
+
+
+def test_a_proposal_for_a_recording_names_every_label_once(
+    http: httpx.Client, lab: tuple[bytes, dict[str, str]]
+) -> None:
+    content, landmarks = lab
+    recording = uploaded(http, content)
+    answer = http.post(f"{SETS}/propose", json={"recording_id": recording["id"]})
+    assert answer.status_code == 200, answer.text
+    proposal = answer.json()
+    assert proposal["recording_id"] == recording["id"]
+    labels = [one["label"] for one in proposal["landmarks"].values()]
+    assert sorted([*labels, *proposal["unassigned"]]) == sorted(recording["labels"])
+    right = [name for name, one in proposal["landmarks"].items() if landmarks.get(name) == one["label"]]
+    assert len(right) >= 0.7 * len(landmarks), "from position and motion alone"
+    assert refusal(http.post(f"{SETS}/propose", json={"recording_id": "none"})) == (404, "recording-not-found")
