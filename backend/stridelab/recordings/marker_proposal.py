@@ -39,7 +39,7 @@ _MIDDLE_OF_ALL: Final = -0.08
 _UNASSIGNED_COST: Final = 9.0
 """Cost of a marker without a landmark. Costs are of the size of squared deviations over variance."""
 _LABEL_COST: Final = 14.0
-_MIN_SIMILARITY: Final = 0.4
+_MIN_SIMILARITY: Final = 0.5
 _RIGIDITY_COST: Final = 6.0
 _RIGID_M: Final = 0.03
 """Standard deviation of a distance above which two markers are certainly not on one segment."""

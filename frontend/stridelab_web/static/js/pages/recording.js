@@ -1,5 +1,6 @@
 // The forms of the page of a recording; each sends only its own fields.
 import { call, onSubmit, startJob } from "../shared/api.js";
+import { setUpMarkerNames } from "./marker_names.js";
 
 const root = document.querySelector("[data-recording]");
 // Removes the notice's query from the address, so that a reload does not repeat the notice.
@@ -51,9 +52,7 @@ if (find("[data-plates]")) {
   });
 }
 
-onSubmit(find("[data-markers]"), (data) =>
-  save({ marker_map: Object.fromEntries([...data].filter(([, label]) => label)) }),
-);
+setUpMarkerNames(root, id, save);
 
 const estimate = find("[data-estimate]");
 // Hides and disables the fields that a method does not use.
