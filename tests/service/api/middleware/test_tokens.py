@@ -137,13 +137,15 @@ def test_jobs_and_recordings_belong_to_whoever_made_them(lab: Served, admin: htt
         lab.run(add_recording(lab.parts, "r1"))
         with psycopg.connect(str(lab.parts.settings.database_url)) as connection:
             connection.execute("UPDATE recording SET owner = 'owner' WHERE id = 'r1'")
-        places = (f"{JOBS}/{submitted['id']}", f"{SUBJECTS}/{subject}", "/api/v1/recordings/r1")
+        body = {"name": "of the owner", "landmarks": {"c7": "A"}, "required": ["c7"]}
+        marker_set = mine.post("/api/v1/marker-sets", json=body).headers["location"]
+        places = (f"{JOBS}/{submitted['id']}", f"{SUBJECTS}/{subject}", "/api/v1/recordings/r1", marker_set)
         assert submitted["owner"] == "owner"
         for place in places:
             assert theirs.get(place).status_code == 200
             assert code(theirs.delete(place)) == (403, "not-owner")
         assert mine.delete(places[0]).json()["state"] == "cancelled"
-        assert [mine.delete(place).status_code for place in places[1:]] == [204, 204]
+        assert [mine.delete(place).status_code for place in places[1:]] == [204, 204, 204]
         nobodys = lab.run(add_job(lab.parts))
         assert theirs.delete(f"{JOBS}/{nobodys}").status_code == 200
         another = mine.post(SIMULATION, json={}).json()["id"]
