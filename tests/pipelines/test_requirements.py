@@ -52,12 +52,12 @@ def test_a_method_that_is_not_there_names_what_is() -> None:
 
 
 def test_unknown_labels_are_listed_with_the_nearest_set() -> None:
-    labels = ["LASI", "RASI", "foo", "bar"]
+    labels = ["LASI", "RASI", "LSHO", "LELB", "CLAV", "foo", "bar"]
     with pytest.raises(NotEstimable) as refusal:
         require_marker_set(identify(labels), labels)
     assert refusal.value.code == "unknown-marker-set"
     assert "plug-in-gait" in refusal.value.message
-    assert [f.message for f in refusal.value.faults if f.where == "labels found"] == ["LASI, RASI, foo, bar"]
+    assert [f.message for f in refusal.value.faults if f.where == "labels found"] == [", ".join(labels)]
     assert any("missing" in f.message and f.where.startswith("nearest set") for f in refusal.value.faults)
 
 
