@@ -274,7 +274,7 @@ LIMITS: Final[Mapping[str, Limit]] = MappingProxyType(
         # 15 % of the weight is the standard deviation of the vertical force in a walk, 8 % that of the fore-aft force:
         # a difference of that size explains none of the force. The residual includes the error of the mass.
         "force_residual": Limit(0.05, 0.15),
-        # In runs and jumps ``contradicts`` is half of the force's own standard deviation, 40 % of the weight and more.
+        # In runs and jumps ``contradicts`` is half of the force's own standard deviation, 28 to 50 % of the weight.
         "acceleration_difference": Limit(0.08, MIN_CONTRADICTING_SHARE),
         "mass_from_motion": Limit(0.04, 0.15),
         "mass_from_standing": Limit(0.04, 0.15),
