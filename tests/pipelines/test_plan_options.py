@@ -65,9 +65,9 @@ def test_options_reach_the_solver(
     monkeypatch.setattr(plan_problem, "native_unavailable_reason", lambda: missing)
     seen: list[Any] = []
 
-    def stopped(problem: CentroidalProblem, name: str, limits: Limits, *, tell: IterationCallback) -> CentroidalPlan:
+    def stopped(problem: CentroidalProblem, name: str, limits: Limits, *, on_iteration: IterationCallback) -> CentroidalPlan:
         seen.extend((problem.control, problem.node_rate_hz, name, limits.cpu_s))
-        tell(Iterate(3, -1.25, 0.0021))
+        on_iteration(Iterate(3, -1.25, 0.0021))
         raise NotEstimable("stopped", "far enough")
 
     monkeypatch.setattr(plan_centroidal, "solve", stopped)
@@ -83,7 +83,7 @@ def test_hands_are_bounded_by_their_arms_unless_the_wrench_is_the_control(
 ) -> None:
     bounds: list[Any] = []
 
-    def stopped(problem: CentroidalProblem, *_: Any, tell: IterationCallback) -> CentroidalPlan:
+    def stopped(problem: CentroidalProblem, *_: Any, on_iteration: IterationCallback) -> CentroidalPlan:
         bounds.append(problem.bounds.normal_force_max_n)
         raise NotEstimable("stopped", "far enough")
 

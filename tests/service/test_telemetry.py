@@ -16,9 +16,9 @@ SPANS = 2000
 SCRIPT = """
 import sys
 from stridelab.service import telemetry
-with telemetry.exported(sys.argv[1], "test"):
+with telemetry.export_spans(sys.argv[1], "test"):
     for _ in range(int(sys.argv[2])):
-        with telemetry.span("work"):
+        with telemetry.start_span("work"):
             pass
 print("done")
 """

@@ -57,7 +57,7 @@ def test_as_a_path_the_wheel_is_within_millimetres(people, group, mean_mm, worst
     assert found.max() < most_mm
     assert group == "C5" or found.mean() < 1.2
     assert found.max() < 3.5  # "the mean reconstruction is less 3.5mm" (3.3.1) holds in every step
-    assert all(f.step.path.converged and f.step.path.wheel.curtate for f in people[group])
+    assert all(f.step.path.converged and f.step.path.wheel.is_curtate for f in people[group])
 
 
 def test_the_error_is_mainly_vertical_and_seldom_below_a_millimetre_and_a_half_throughout(people):

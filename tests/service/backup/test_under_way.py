@@ -32,15 +32,15 @@ import sys, time
 from pathlib import Path
 from stridelab.service.backup import restore as restoring
 from stridelab.service.backup.archive import open_archive
-from stridelab.service.backup.locations import Place
-put = restoring.Files.put
+from stridelab.service.backup.locations import BackupLocation
+put = restoring.StoredFiles.store_file
 def slowly(*how):
     put(*how)
     print("stored", flush=True)
     time.sleep(60)
-restoring.Files.put = slowly
+restoring.StoredFiles.store_file = slowly
 with open_archive(Path(sys.argv[1])) as archive:
-    restoring.restore(archive, Place(sys.argv[2], sys.argv[3], {}), replace=True)
+    restoring.restore_backup(archive, BackupLocation(sys.argv[2], sys.argv[3], {}), replace=True)
 """
 
 

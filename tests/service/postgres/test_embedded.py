@@ -151,7 +151,7 @@ def test_lost_cluster_is_not_replaced_silently(folder: Path) -> None:
     server.start()
     server.stop()
     shutil.rmtree(json.loads((folder / "postgres.json").read_text())["cluster"])
-    with pytest.raises(Unavailable, match="gone") as caught:
+    with pytest.raises(Unavailable, match="missing") as caught:
         server.start()
     assert caught.value.code == "cluster-missing"
     server.stop()

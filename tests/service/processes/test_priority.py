@@ -9,8 +9,8 @@ from stridelab.service.processes import priority
 
 ASK = """
 import os
-from stridelab.service.processes.priority import yield_processor
-yield_processor()
+from stridelab.service.processes.priority import lower_priority
+lower_priority()
 print(os.nice(0))
 """
 

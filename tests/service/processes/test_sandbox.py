@@ -193,10 +193,10 @@ def run_on(kernel: KernelFeatures, mode: str, folder: Path) -> Any:
     program = f"""
 import json, os, sys
 from pathlib import Path
-from stridelab.service.processes.sandbox import STRICT, Kernel, confine
+from stridelab.service.processes.sandbox import STRICT, KernelFeatures, confine_process
 folder = Path({str(folder)!r})
 try:
-    confine(STRICT, folder, Kernel({kernel.landlock_abi}, {kernel.filters}))
+    confine_process(STRICT, folder, KernelFeatures({kernel.landlock_abi}, {kernel.filters}))
 except Exception as error:
     print(json.dumps([type(error).__name__, getattr(error, "code", None)]))
     sys.exit()
