@@ -5,7 +5,8 @@ import pytest
 from stridelab.errors import NotEstimable
 from stridelab.pipelines.com_inputs import require_marker_set
 from stridelab.recordings import marker_sets
-from stridelab.recordings.marker_sets import MarkerSet, identify, parse_marker_set
+from stridelab.recordings.marker_set_files import MarkerSet, parse_marker_set
+from stridelab.recordings.marker_sets import identify
 
 LEGS, LEGS_AND_TRUNK, BODY = "trunk-missing", "arms-missing", ""
 """What a list covers: the code of the largest substitute that it needs."""
@@ -302,7 +303,9 @@ def test_no_set_takes_the_labels_of_another_for_other_landmarks(name: str, which
 
 def own_set(name: str, **labels: str) -> MarkerSet:
     paired = {landmark: [label] for landmark, label in labels.items()}
-    return parse_marker_set({"name": name, "title": name, "required": [f"*_{n}" for n in labels], "paired": paired})
+    return parse_marker_set(
+        {"name": name, "title": name, "required": [f"*_{n}" for n in labels], "paired": paired}, name
+    )
 
 
 def test_sets_that_take_a_label_for_different_landmarks_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -322,7 +325,7 @@ def test_sets_that_take_a_label_for_different_landmarks_are_refused(monkeypatch:
 
 def test_a_set_may_name_its_sides_in_another_language() -> None:
     french = parse_marker_set(
-        {"name": "f", "title": "f", "sides": ["G", "D"], "required": ["*_heel"], "paired": {"heel": ["CAL{s}"]}}
+        {"name": "f", "title": "f", "sides": ["G", "D"], "required": ["*_heel"], "paired": {"heel": ["CAL{s}"]}}, "f"
     )
     assert french.labels == {"l_heel": ("calg",), "r_heel": ("cald",)}
 
