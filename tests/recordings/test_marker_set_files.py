@@ -26,7 +26,7 @@ def test_a_file_without_required_needs_pelvis_knees_and_ankles(tmp_path: Path) -
     assert match.landmarks["r_knee_lateral"] == "R knee"
     lacking = identify(LABELS[1:], own_sets=[known])
     assert lacking.name is None
-    assert lacking.needed["lab"] == ("l_asis",)
+    assert lacking.needed["lab"] == ("l_asis|l_hip_centre",)
 
 
 def _written(folder: Path, text: str) -> Path:
