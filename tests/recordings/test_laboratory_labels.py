@@ -4,8 +4,8 @@ import pytest
 
 from stridelab.errors import NotEstimable
 from stridelab.pipelines.com_inputs import require_marker_set
-from stridelab.recordings import marker_sets
-from stridelab.recordings.marker_set_files import MarkerSet, parse_marker_set
+from stridelab.recordings import marker_set_files, marker_sets
+from stridelab.recordings.marker_set_files import LANDMARKS, MarkerSet, parse_marker_set
 from stridelab.recordings.marker_sets import identify
 
 LEGS, LEGS_AND_TRUNK, BODY = "trunk-missing", "arms-missing", ""
@@ -290,13 +290,13 @@ def written_labels(known: MarkerSet, which: int, *, required: bool) -> dict[str,
 
 @pytest.mark.parametrize("required", [False, True], ids=["all", "required"])
 @pytest.mark.parametrize("which", [0, -1], ids=["first", "last"])
-@pytest.mark.parametrize("name", sorted(marker_sets.marker_sets()))
+@pytest.mark.parametrize("name", sorted(marker_set_files.marker_sets()))
 def test_no_set_takes_the_labels_of_another_for_other_landmarks(name: str, which: int, required: bool) -> None:
-    written = written_labels(marker_sets.marker_sets()[name], which, required=required)
+    written = written_labels(marker_set_files.marker_sets()[name], which, required=required)
     found = identify(list(written))
     assert found.name is not None
-    assert {label: landmark for landmark, label in found.landmarks.items() if landmark in marker_sets.LANDMARKS} == {
-        label: landmark for label, landmark in written.items() if landmark in marker_sets.LANDMARKS
+    assert {label: landmark for landmark, label in found.landmarks.items() if landmark in LANDMARKS} == {
+        label: landmark for label, landmark in written.items() if landmark in LANDMARKS
     }
     assert required or found.name == name
 
@@ -325,7 +325,8 @@ def test_sets_that_take_a_label_for_different_landmarks_are_refused(monkeypatch:
 
 def test_a_set_may_name_its_sides_in_another_language() -> None:
     french = parse_marker_set(
-        {"name": "f", "title": "f", "sides": ["G", "D"], "required": ["*_heel"], "paired": {"heel": ["CAL{s}"]}}, "f"
+        {"name": "f", "title": "f", "sides": ["G", "D"], "required": ["*_heel"], "paired": {"heel": ["CAL{s}"]}},
+        "f.toml",
     )
     assert french.labels == {"l_heel": ("calg",), "r_heel": ("cald",)}
 

@@ -1,8 +1,7 @@
 """Marker set files: the possible labels of each landmark, read from a file or a request and validated.
 
-Imports no numeric package. ``{s}`` in a label stands for the side letter, or for the word that
-``sides`` gives for left and right. Labels match regardless of case, spaces,
-dots, underscores and hyphens, and without a prefix up to the last colon (``Subject:LASI``).
+Imports no numeric package. ``{s}`` in a label stands for the side letter, or for the words of ``sides``. Labels match
+regardless of case, spaces, dots, underscores and hyphens, and without a prefix up to the last colon (``Subject:LASI``).
 
 Landmarks are named ``asis``, ``knee_lateral``, ...; paired ones carry ``l_`` or ``r_``. Technical markers of a rigid
 cluster are ``<segment>_t1``, ``<segment>_t2``, ...
