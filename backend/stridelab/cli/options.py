@@ -32,7 +32,7 @@ Densities = Annotated[
     PostureMeasure | None, typer.Option("--measure", help="Bundled reachability densities to plan with.")
 ]
 
-Trial = Annotated[Path, typer.Argument(help="A .c3d file, a .trc file, or a .zip of a .trc and a .mot or .sto file.")]
+Trial = Annotated[Path, typer.Argument(help="A .c3d, .trc, .tsv or .csv file, or a .zip of markers and forces.")]
 Trials = Annotated[
     list[Path],
     typer.Argument(

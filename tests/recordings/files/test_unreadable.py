@@ -6,7 +6,6 @@ import sys
 import zipfile
 from pathlib import Path
 
-import ezc3d
 import numpy as np
 import pytest
 
@@ -215,61 +214,6 @@ def test_nan_everywhere_is_no_marker_at_any_time(tmp_path: Path) -> None:
 def test_zeros_everywhere_are_no_marker_at_any_time(tmp_path: Path) -> None:
     path = write_file(tmp_path / "a.c3d", {f"M{i}": np.zeros((10, 3)) for i in range(4)})
     assert refusal(path).code == "all-missing"
-
-
-def without_description(content: bytes, name: bytes, n_bytes: int = 1) -> bytes:
-    """The last ``n_bytes`` of a parameter, of which the last is the length of its empty description, taken out."""
-    data = (struct.unpack_from("<H", content, 16)[0] - 1) * 512
-    link = content.index(b"\x01" + name, 512) + 1 + len(name)
-    (step,) = struct.unpack_from("<H", content, link)
-    end = link + step
-    assert content[end - 1] == 0
-    head = content[:link] + struct.pack("<H", step - n_bytes) + content[link + 2 : end - n_bytes]
-    return head + content[end:data] + bytes(n_bytes) + content[data:]
-
-
-def test_a_parameter_without_room_for_a_description_is_whole(tmp_path: Path) -> None:
-    """Its offset ends with its values: the next record begins there, though ezc3d calls the file not standard."""
-    plain = good(tmp_path)
-    whole = read_recording(tmp_path / "good.c3d")
-    (tmp_path / "brief.c3d").write_bytes(without_description(plain, b"LABELS"))
-    brief = read_recording(tmp_path / "brief.c3d")
-    assert list(brief.markers_m) == list(whole.markers_m)
-    for label, track in whole.markers_m.items():
-        np.testing.assert_array_equal(brief.markers_m[label], track)
-    np.testing.assert_array_equal(brief.plates[0].force_n, whole.plates[0].force_n)
-
-
-def test_a_parameter_that_ends_in_the_next_one_is_damaged(tmp_path: Path) -> None:
-    error = refused_bytes(tmp_path, without_description(good(tmp_path), b"LABELS", 2))
-    assert error.code == "c3d-parameters-broken"
-    assert "LABELS overlaps the next one" in error.faults[0].message
-
-
-@pytest.mark.parametrize(("more", "code"), [(0, "no-markers"), (511, "no-markers"), (2048, "c3d-parameters-broken")])
-def test_points_without_parameters_have_no_names(more: int, code: str, tmp_path: Path) -> None:
-    head = bytearray(512)
-    struct.pack_into("<2B4H", head, 0, 2, 0x50, 5, 0, 1, 30)
-    struct.pack_into("<fHHf", head, 12, -1.0, 3, 0, 60.0)
-    section = bytes([1, 0x50, 0, 84]) + bytes(508)
-    error = refused_bytes(tmp_path, bytes(head) + section + bytes(30 * 5 * 16) + bytes(more))
-    assert error.code == code
-    assert ("5 points in 30 frames" in error.message) == (code == "no-markers")
-
-
-def test_a_file_without_markers_names_what_it_holds(tmp_path: Path) -> None:
-    plate = PlateChannels(2, np.zeros((200, 6)))
-    points = {label: np.ones((20, 3)) for label in ("LHipAngles", "*7")}
-    error = refusal(write_file(tmp_path / "trial.c3d", points, plates=[plate]))
-    assert error.code == "no-markers"
-    assert "2 points, none of them a named marker (LHipAngles, *7 ...), and 6 analog channels" in error.message
-    content = ezc3d.c3d()
-    content["parameters"]["POINT"]["RATE"]["value"] = [85.0]
-    content["data"]["rotations"] = np.tile(np.eye(4)[:, :, None, None], (1, 1, 3, 20))
-    content["parameters"]["POINT"]["LABELS"]["value"] = ["*1"]
-    content["data"]["points"] = np.ones((4, 1, 20))
-    content.write(str(tmp_path / "turned.c3d"))
-    assert "and the rotations of body segments" in refusal(tmp_path / "turned.c3d").message
 
 
 def test_no_markers_but_angles(tmp_path: Path) -> None:

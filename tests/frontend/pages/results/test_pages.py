@@ -342,10 +342,11 @@ def test_a_recording_of_which_nothing_is_known_to_fail_offers_all(fake: FakeServ
         assert "data-why hidden></p>" in form
 
 
-def test_upload_fields_take_trc_files(fake: FakeService, browse: Browse) -> None:
+def test_upload_fields_take_every_file_that_is_read(fake: FakeService, browse: Browse) -> None:
     recording = fake.add_recording()
     for address in ("/", "/recordings", "/population", f"/view/?recording={recording.id}"):
         page = browse(address).text
         accepted = [one for one in re.findall(r'accept="([^"]*)"', page) if ".c3d" in one]
         assert accepted, address
-        assert all({".c3d", ".trc", ".zip"} == set(one.split(",")) for one in accepted)
+        taken = {".c3d", ".trc", ".zip"} | (set() if address == "/population" else {".tsv", ".csv"})
+        assert all(taken == set(one.split(",")) for one in accepted)
