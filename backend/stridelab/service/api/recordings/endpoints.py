@@ -121,7 +121,8 @@ async def upload_recording(
     """Upload a `.c3d`, `.trc`, `.tsv` or `.csv` file, or a `.zip`, as the form field `file`.
 
     A `.tsv` is an export of Qualisys, a `.csv` one of Vicon Nexus, and a `.zip` holds `.trc` and `.mot`/`.sto`, or the
-    `.tsv` of the markers and those of the plates. A `.trc` or `.tsv` alone contains markers but no forces: of the methods of `estimate-com`, only `geometry` accepts it.
+    `.tsv` of the markers and those of the plates. A `.trc` or `.tsv` alone contains markers but no forces: of the
+    methods of `estimate-com`, only `geometry` accepts it.
 
     The file is parsed before the response: 201 means that it was parsed and stored. An unreadable file is refused with
     the reason and not stored. Uploading the same bytes again creates another recording, unless `reuse` is set: then
