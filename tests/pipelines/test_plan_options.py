@@ -65,7 +65,9 @@ def test_options_reach_the_solver(
     monkeypatch.setattr(plan_problem, "native_unavailable_reason", lambda: missing)
     seen: list[Any] = []
 
-    def stopped(problem: CentroidalProblem, name: str, limits: Limits, *, on_iteration: IterationCallback) -> CentroidalPlan:
+    def stopped(
+        problem: CentroidalProblem, name: str, limits: Limits, *, on_iteration: IterationCallback
+    ) -> CentroidalPlan:
         seen.extend((problem.control, problem.node_rate_hz, name, limits.cpu_s))
         on_iteration(Iterate(3, -1.25, 0.0021))
         raise NotEstimable("stopped", "far enough")
