@@ -161,7 +161,7 @@ def test_a_masked_second_holds_a_full_single_support_and_only_it_has_force() -> 
 
 def test_a_late_force_is_taken_for_a_bias_of_the_table(found: Mapping[str, Reproduction]) -> None:
     note = ours(found, "fig-2.8", "bias_left_late").note
-    moved = re.search(r"moves by ([+-][0-9.]+) mm", note)
+    moved = re.search(r"changes by ([+-][0-9.]+) mm", note)
     assert moved is not None
     assert float(moved.group(1)) == pytest.approx(-1.2 * 18.0, abs=4.0)
     assert ours(found, "fig-2.8", "latency_error_s").ours < 0.003

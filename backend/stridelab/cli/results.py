@@ -22,7 +22,6 @@ from stridelab.schemas.base import Contract, Remark
 from stridelab.schemas.jobs import Artifact, JobResult
 from stridelab.schemas.quality import Quality
 from stridelab.service.jobs.verdict import verdict_of
-from stridelab.service.kinds.result_tables import bibtex_of
 from stridelab.service.kinds.result_tables import software_versions as local_versions
 
 if TYPE_CHECKING:
@@ -167,6 +166,8 @@ def write_result(
     folder: Path, kind: str, input_: Contract, outcome: "Outcome", *, versions: Mapping[str, str] | None = None
 ) -> JobResult:
     """Write ``result.json`` and ``references.bib`` beside the artifacts, by default with this machine's versions."""
+    from stridelab.service.kinds.result_tables import bibtex_of  # pyarrow: for commands with a result only
+
     result = JobResult(
         kind=kind,
         input=input_.model_dump(mode="json"),

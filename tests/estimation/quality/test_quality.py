@@ -10,6 +10,7 @@ import pytest
 from stridelab.body.geometric_com import GeometricCom
 from stridelab.body.segment_model import SegmentModel
 from stridelab.conventions import GRAVITY_M_S2
+from stridelab.errors import NotEstimable
 from stridelab.estimation.complementary.filter import ComplementaryFilter
 from stridelab.estimation.estimator import ComEstimate
 from stridelab.estimation.markers_only import GeometryOnly
@@ -244,12 +245,25 @@ def test_other_methods_get_the_checks_that_they_allow() -> None:
     assert quality.verdict == "good"
 
 
-def test_markers_of_exchanged_joints_are_found_without_force() -> None:
+def test_markers_of_exchanged_joints_are_refused_without_force() -> None:
     """The names of the left and the right outer knee are exchanged."""
     good = walk()
     landmarks = identify(list(good.markers_m)).landmarks
     one, other = landmarks["l_knee_lateral"], landmarks["r_knee_lateral"]
     markers = dict(good.markers_m) | {one: good.markers_m[other], other: good.markers_m[one]}
+    with pytest.raises(NotEstimable) as refusal:
+        SegmentModel().com(replace(good, markers_m=markers), landmarks, subject=good.subject)
+    assert refusal.value.code == "sides-swapped"
+
+
+def test_a_marker_that_jumps_between_joints_is_noticed_without_force() -> None:
+    """In half of the frames the outer knee and ankle of one leg are exchanged."""
+    good = walk()
+    landmarks = identify(list(good.markers_m)).landmarks
+    one, other = landmarks["l_knee_lateral"], landmarks["l_ankle_lateral"]
+    early = np.arange(good.n_frames)[:, None] < good.n_frames // 2
+    pair = good.markers_m[one], good.markers_m[other]
+    markers = dict(good.markers_m) | {one: np.where(early, *pair), other: np.where(early, *pair[::-1])}
     exchanged = replace(good, markers_m=markers)
     geometric = SegmentModel().com(exchanged, landmarks, subject=good.subject)
     wrench = wrench_track(exchanged, WINDOW)

@@ -43,7 +43,7 @@ def tread_of(touch: PlacedContact, scenario: Scenario = SCENARIO) -> Tread:
 
 def test_every_contact_finds_what_it_slides_on() -> None:
     kinds = [type(guide_of(SCENARIO, touch)).__name__ for touch in placed_contacts(SCENARIO)]
-    assert kinds == ["Tread", "Tread", "Bar", "Tread", "Tread", "Tread", "Tread"]
+    assert kinds == ["Tread", "Tread", "RailAxis", "Tread", "Tread", "Tread", "Tread"]
     assert guide_of(SCENARIO, foot(0.3, 0.0, 0.5)) is None
 
 

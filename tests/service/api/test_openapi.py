@@ -75,11 +75,11 @@ def test_nothing_refers_to_nowhere() -> None:
     assert "HTTPValidationError" not in text
 
 
-async def unreadable(*_: object) -> None:
+async def unreadable(*_: object, **_options: object) -> None:
     raise UnreadableFile("unreadable-file", "No generated file is a trial.", [Fault("file", "cannot be read")])
 
 
-async def understood(_parts: object, folder: Path, *_: object) -> Parsed:
+async def understood(_parts: object, folder: Path, *_: object, **_options: object) -> Parsed:
     (folder / "tracks.parquet").write_bytes(b"PAR1")
     return Parsed(facts(), folder / "tracks.parquet")
 

@@ -41,7 +41,16 @@ def test_everything_comes_back(postgres: TestDatabases, empty: str, put_back: Pu
     assert after["recording"][0]["filename"] == AWKWARD
     assert stored(tmp_path / "blobs") == FILES
     assert (taken.files, taken.bytes, taken.missing) == (len(FILES), sum(map(len, FILES.values())), ())
-    assert taken.rows == {"subject": 1, "scenario": 1, "recording": 2, "job": 6, "job_event": 6, "token": 0, "audit": 0}
+    assert taken.rows == {
+        "subject": 1,
+        "scenario": 1,
+        "recording": 2,
+        "job": 6,
+        "job_event": 6,
+        "token": 0,
+        "audit": 0,
+        "marker_set": 0,
+    }
     assert (tmp_path / "lab.backup").stat().st_mode & 0o777 == 0o600
 
     was, now = ({row["id"]: row for row in side["job"]} for side in (before, after))

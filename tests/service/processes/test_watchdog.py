@@ -23,7 +23,7 @@ import asyncio, sys, time
 from stridelab import heartbeat
 
 async def main():
-    task = asyncio.create_task(heartbeat.beat())
+    task = asyncio.create_task(heartbeat.write_heartbeats())
     await asyncio.sleep(float(sys.argv[1]) if len(sys.argv) > 1 else 2.0)
     time.sleep(600)  # the event loop turns no more
 

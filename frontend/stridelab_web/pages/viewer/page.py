@@ -19,6 +19,7 @@ from stridelab_web.pages.render import render_page
 from stridelab_web.pages.verdicts import shown_verdict
 from stridelab_web.pages.viewer import planner
 from stridelab_web.scene.documents import Document, document_of
+from stridelab_web.scene.frame_cache import FrameCache
 from stridelab_web.scene.frames import Frames
 from stridelab_web.scene.result_files import frames_of, shown_in_scene
 
@@ -56,13 +57,14 @@ async def frames_bin(request: Request) -> Response:
 
     Frames of plans are cached: plans do not change, and packing takes longer than the start of viser's client.
     """
-    document, cache = _moving_document(request), request.app.state.packed
-    packed: bytes | None = await cache.of(client_of(request), document)
+    document = _moving_document(request)
+    cache: FrameCache = request.app.state.packed
+    packed = await cache.cached_frames(client_of(request), document)
     if packed is None:
         frames = await _load_frames(client_of(request), document)
         packed = await run_in_threadpool(lambda: gzip.compress(frames.to_bytes(), compresslevel=GZIP_LEVEL, mtime=0))
         if document.kind == "plan":
-            cache.keep(document, packed)
+            cache.store_frames(document, packed)
     return gzip_response(request, packed, "application/octet-stream", {"Cache-Control": "no-store"})
 
 

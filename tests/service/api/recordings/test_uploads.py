@@ -22,7 +22,7 @@ from support.service.web_server import Served, served
 RECORDINGS = "/api/v1/recordings"
 
 
-async def understood(_parts: object, folder: Path, *_: object) -> parse.Parsed:
+async def understood(_parts: object, folder: Path, *_: object, **_options: object) -> parse.Parsed:
     (folder / "tracks.parquet").write_bytes(b"PAR1")
     return parse.Parsed(facts(), folder / "tracks.parquet")
 

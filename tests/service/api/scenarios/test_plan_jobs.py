@@ -141,7 +141,7 @@ def stance(effector: str = "right_foot", **change: object) -> dict[str, object]:
         (stance(effector="left_foot", position_m=[0.0, 9.0, 0.0]), ".contacts[left_foot]", ""),
         (stance(effector="right_foot", orientation_wxyz=[0.0, 0.0, 0.0, 0.0]), ".contacts[right_foot]", "zero"),
         ({"contacts": [*STANDING["contacts"], STANDING["contacts"][0]]}, ".contacts[left_foot]", "twice"),
-        ({"contacts": STANDING["contacts"][:1]}, ".contacts", "right_foot must stand"),
+        ({"contacts": STANDING["contacts"][:1]}, ".contacts", "right_foot must be in contact"),
     ],
 )
 def test_ends_that_the_robot_cannot_hold_are_no_job(

@@ -47,6 +47,9 @@ _LEGS: Final[Any] = {
 _EXAMPLE: Final[Any] = {
     "legs": {"summary": "Pelvis and legs", "value": {"name": "example-lab", "landmarks": _LEGS}},
 }
+_PROPOSAL_EXAMPLE: Final[Any] = {
+    "sample": {"summary": "The sample recording", "value": {"recording_id": "sample-walk"}},
+}
 _UNKNOWN: Final = failure_responses(s404="No marker set with this id (`marker-set-not-found`).")
 
 
@@ -105,7 +108,9 @@ async def _insert(connection: AsyncConnection, owner: str | None, body: MarkerSe
     summary="Propose a marker map",
     responses=failure_responses(s404="No recording with this id (`recording-not-found`)."),
 )
-async def propose_marker_map(parts: AppParts, body: MarkerSetProposalInput) -> MarkerSetProposal:
+async def propose_marker_map(
+    parts: AppParts, body: Annotated[MarkerSetProposalInput, Body(openapi_examples=_PROPOSAL_EXAMPLE)]
+) -> MarkerSetProposal:
     """Propose the landmark of each marker of a recording, from its label and from its position and motion.
 
     Nothing is stored. Check the proposal, then send it as the `marker_map` of the recording, or store it as a marker
