@@ -22,7 +22,6 @@ from stridelab.schemas.base import Contract, Remark
 from stridelab.schemas.jobs import Artifact, JobResult
 from stridelab.schemas.quality import Quality
 from stridelab.service.jobs.verdict import verdict_of
-from stridelab.service.kinds.result_tables import software_versions as local_versions
 
 if TYPE_CHECKING:
     from stridelab.service.kinds.base import Outcome
@@ -166,12 +165,15 @@ def write_result(
     folder: Path, kind: str, input_: Contract, outcome: "Outcome", *, versions: Mapping[str, str] | None = None
 ) -> JobResult:
     """Write ``result.json`` and ``references.bib`` beside the artifacts, by default with this machine's versions."""
-    from stridelab.service.kinds.result_tables import bibtex_of  # pyarrow: for commands with a result only
+    from stridelab.service.kinds.result_tables import (  # imports pyarrow
+        bibtex_of,
+        software_versions,
+    )
 
     result = JobResult(
         kind=kind,
         input=input_.model_dump(mode="json"),
-        versions=dict(versions or local_versions()),
+        versions=dict(versions or software_versions()),
         references=list(outcome.references),
         summary=outcome.summary,
         artifacts=[
