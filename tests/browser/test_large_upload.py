@@ -90,7 +90,7 @@ def test_a_hundred_megabytes_never_lie_in_memory_and_a_refusal_is_told(
     assert consumption.memory_mb()["web"] < small_mb + MEMORY_MB
     meter.up_at_most = None
     row = page.locator("[data-uploads] li")
-    expect(row.get_by_role("alert")).to_contain_text("neither a C3D file nor a TRC file", timeout=120_000)
+    expect(row.get_by_role("alert")).to_contain_text("is of no known format", timeout=120_000)
     expect(row.get_by_role("button")).to_have_text(["Dismiss"])
     assert consumption.memory_mb()["web"] < small_mb + MEMORY_MB
     assert kept(service) == before
