@@ -1,6 +1,6 @@
 """Estimate every recording below some folders and write a page of outcomes; see scripts/strangers.
 
-Each folder is one source: the recordings of one laboratory or repository, fetched by whoever runs the survey. Every
+Each folder is one source: the recordings of one laboratory or repository, fetched by the user of the survey. Every
 recording is read and estimated with default options in a process of its own, with limits on time and memory. A TRC file
 is zipped with the force file that belongs to it: one of the same name, or of the same name and a word such as ``_grf``.
 A recording that is refused without a static trial is estimated with the one beside it, if there is exactly one.
