@@ -305,8 +305,9 @@ void direction(const Problem& problem, Iterate& it, const Penalty& penalty) {
     for (int i = 0; i < nw; ++i) {
       omega[i] += s.tau[i];
       if (stretched != nullptr) omega[i] += stretched->tau[i] * length->dh;
-      for (std::size_t a = 0; a < 2 * s.shift_uses; ++a)
+      for (std::size_t a = 0; a < 2 * s.shift_uses; ++a) {
         omega[i] += shares[a].tau[i] * it.border.step[shares[a].column];
+      }
     }
     follow(it, s, omega, stretched == nullptr ? 0.0 : it.effort_share * length->dh);
   }

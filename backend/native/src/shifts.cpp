@@ -220,8 +220,9 @@ void pass_shift_uses(const Problem& problem, Iterate& it, std::size_t k, double 
 void pass_slopes(Iterate& it, std::size_t k) {
   const Stage& s = it.stages[k];
   double drag[shares_max] = {};
-  for (std::size_t m = 0; m < s.shift_uses; ++m)
+  for (std::size_t m = 0; m < s.shift_uses; ++m) {
     drag_of_shift(it, s, it.shift_uses[s.first_shift_use + m], drag + 2 * m);
+  }
   pass(it, k, drag);
 }
 

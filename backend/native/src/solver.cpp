@@ -152,8 +152,10 @@ private:
       entry_.theta = 1.0;
       const bool given = it_.lengths.empty() && it_.shifts.empty();
       if (!given && factor(problem_, it_, penalty_, Theta{1.0, 1.0})) return true;
-      if (given && report_.iterations >= exact_momentum_after && factor(problem_, it_, penalty_, Theta{1.0, 0.0, 1.0}))
+      if (given && report_.iterations >= exact_momentum_after &&
+          factor(problem_, it_, penalty_, Theta{1.0, 0.0, 1.0})) {
         return true;
+      }
       for (double share : {1.0, 0.75, 0.5, 0.25, 0.0}) {
         entry_.theta = share;
         if (factor(problem_, it_, penalty_, Theta{share, 0.0})) return true;
@@ -284,8 +286,9 @@ Report solve(const Problem& problem, Iterate& it, const Settings& settings) {
   rough.tolerance = std::max(roughly, settings.tolerance);
   rough.gap = std::max(roughly, settings.gap);
   const Report given = solve_given(problem, it, rough);
-  if (given.verdict != Verdict::solved)
+  if (given.verdict != Verdict::solved) {
     cold_start(problem, it, settings.barrier);  // other lengths or placements may be feasible
+  }
   Problem moved = problem;
   if (moves) {
     free_shifts(problem, moved, it);

@@ -57,8 +57,9 @@ void cold_start(const Problem& problem, Iterate& it, double barrier) {
       }
       s.first_contact_block = slot;
       s.hold = phase.cone < 0 ? -1 : static_cast<int>(it.wrench_controls.size());
-      if (s.hold >= 0)
+      if (s.hold >= 0) {
         it.wrench_controls.push_back(upright(problem.cones[static_cast<std::size_t>(phase.cone)], barrier));
+      }
       const bool node = problem.shape == Shape::constant || k % 2 == 0;
       s.bounded = k > 0 && node && (std::isfinite(phase.height[0]) || std::isfinite(phase.height[1]));
       for (int c = 0; c < 3; ++c) s.x[c] = time / total * problem.goal[static_cast<std::size_t>(c)];

@@ -121,8 +121,9 @@ Merit merit(const Problem& problem, const Iterate& it, double cost, double mu) {
       m.slope += sum(slope * t.real());
       for (double d : parts(t.real() > 0.0 ? det : 1.0 + 0.0 * det)) m.barrier -= 0.5 * mu * std::log(d);
     };
-    for (int b = 0; b < s.contact_blocks; ++b)
+    for (int b = 0; b < s.contact_blocks; ++b) {
       barrier(it.contact_blocks[static_cast<std::size_t>(s.first_contact_block + b)]);
+    }
     if (s.hold >= 0) barrier(it.wrench_controls[static_cast<std::size_t>(s.hold)]);
   }
   each_slack(it, [&](const auto& slack, auto real) {

@@ -36,8 +36,9 @@ double left_after(double share) {
   fixed.places.clear();
   solve(fixed, it, rough);
   Problem moved = given;
-  for (ContactBlock& t : it.contact_blocks)
+  for (ContactBlock& t : it.contact_blocks) {
     t.block = &given.blocks[static_cast<std::size_t>(t.block - fixed.blocks.data())];
+  }
   free_shifts(given, moved, it);
   evaluate(moved, it);
   initialise_slacks(it, 1e-2);

@@ -105,8 +105,9 @@ int main() {
   Iterate it;
   solved(step(0.1), it, "a hop");
   solved(wrench_step(), it, "a step by wrenches");
-  for (const WrenchControl& h : it.wrench_controls)
+  for (const WrenchControl& h : it.wrench_controls) {
     expect(root(across(h.at.u, h.at.u)) < h.at.u[nw - 1], "wrenches in their cones");
+  }
   Problem far_away = wrench_step();
   far_away.goal[0] = 30.0;
   expect(solve(far_away, it, Settings{}).verdict == Verdict::infeasible,
