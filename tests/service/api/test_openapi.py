@@ -1,5 +1,6 @@
 """The description is complete, its examples run, and the service keeps to it."""
 
+import contextlib
 import json
 import os
 import random
@@ -14,6 +15,7 @@ import hypothesis
 import pytest
 import schemathesis
 from hypothesis import HealthCheck, Phase, settings
+from hypothesis.errors import FlakyStrategyDefinition
 from hypothesis.stateful import run_state_machine_as_test
 from schemathesis.specs.openapi.checks import positive_data_acceptance
 from starlette.routing import Route
@@ -169,6 +171,7 @@ def test_other_calls_in_each_run_find_no_failure(case: schemathesis.Case, stocke
 def test_calls_that_follow_one_another_find_no_failure(stocked: Served) -> None:
     """Ids that one call answers go into the next one. Other calls in each run; a failure prints its own."""
     followed = schema.exclude(path="/api/v1/jobs/{job_id}/events")
+    failures: list[str] = []
 
     class Machine(followed.as_state_machine()):  # type: ignore[misc]
         def get_call_kwargs(self, case: schemathesis.Case) -> dict[str, Any]:
@@ -179,6 +182,8 @@ def test_calls_that_follow_one_another_find_no_failure(stocked: Served) -> None:
                 case.query.pop("wait")
 
         def validate_response(self, response: Any, case: schemathesis.Case, **_: Any) -> None:
+            if response.status_code >= 500:
+                failures.append(case.as_curl_command())
             assert response.status_code < 500, case.as_curl_command()
 
     limits = settings(
@@ -189,7 +194,11 @@ def test_calls_that_follow_one_another_find_no_failure(stocked: Served) -> None:
         phases=[Phase.explicit, Phase.generate],
         suppress_health_check=list(HealthCheck),
     )
-    run_state_machine_as_test(Machine, settings=limits)
+    # Which calls can follow depends on what the service answered before, and a service answers differently in time:
+    # then Hypothesis cannot repeat a run, and stops. Every answer until then has been checked.
+    with contextlib.suppress(FlakyStrategyDefinition):
+        run_state_machine_as_test(Machine, settings=limits)
+    assert failures == []
 
 
 def test_odd_addresses_of_pages_find_no_failure(stocked: Served) -> None:

@@ -143,7 +143,7 @@ def test_a_cancelled_job_leaves_no_process_behind(tmp_path: Path) -> None:
         async with IsolatedPool() as pool:
             target, task = KINDS["learn-reachability"].run, {"input": {"robot": "talos"}}
             kind = KINDS["learn-reachability"]
-            limits: dict = {"timeout_s": 120.0, "memory_mb": kind.memory_mb, "sandbox": kind.sandbox}
+            limits: dict = {"timeout_s": 600.0, "memory_mb": kind.memory_mb, "sandbox": kind.sandbox}
             return await pool.run(target, task, tmp_path, **limits, cancel=cancel, on_progress=on_progress)
 
     assert asyncio.run(cancelled()).state == "cancelled"
