@@ -2,11 +2,14 @@
 
 import os
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from pydantic import ValidationError
 
 from stridelab.errors import Fault, InvalidInput
-from stridelab.service.settings import Settings, current_settings
+
+if TYPE_CHECKING:
+    from stridelab.service.settings import Settings
 
 
 def start_service(*, host: str | None, port: int | None, data_dir: Path | None, without_worker: bool) -> None:
@@ -37,8 +40,10 @@ def migrate_database() -> None:
     upgrade(_database_url("migrate"))
 
 
-def read_settings() -> Settings:
+def read_settings() -> "Settings":
     """The settings of the environment. Raises ``InvalidInput`` naming the invalid variables."""
+    from stridelab.service.settings import current_settings
+
     try:
         return current_settings()
     except ValidationError as error:

@@ -1,12 +1,10 @@
 """Zero-phase smoothed derivatives of a trajectory, exact for uniform motion."""
 
-from functools import lru_cache
-
 import numpy as np
-from jaxtyping import Float
-from scipy import interpolate, signal
+from scipy import interpolate
 
 from stridelab.conventions import Points
+from stridelab.recordings.total_wrench import filter_both_ways
 
 BAND_HZ = 8.0
 """Band of the derivatives and of the force residual: above it noise dominates a marker trajectory."""
@@ -20,13 +18,7 @@ def low_pass(x: Points, rate_hz: float, band_hz: float = BAND_HZ) -> Points:
     if band_hz >= 0.45 * rate_hz:
         return x
     pad = min(len(x) - 1, 5 * int(np.ceil(rate_hz / band_hz)))
-    return np.asarray(signal.sosfiltfilt(_butterworth_sections(rate_hz, band_hz), x, axis=0, padtype="odd", padlen=pad))
-
-
-@lru_cache(maxsize=32)
-def _butterworth_sections(rate_hz: float, band_hz: float) -> Float[np.ndarray, "sections 6"]:
-    """Second-order sections; designing them costs more than a pass over a step."""
-    return np.asarray(signal.butter(2, band_hz, fs=rate_hz, output="sos"))
+    return filter_both_ways(x, rate_hz, band_hz, pad)
 
 
 def smoothed_derivatives(x: Points, rate_hz: float, band_hz: float = BAND_HZ) -> tuple[Points, Points]:

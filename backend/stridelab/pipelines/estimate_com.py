@@ -14,10 +14,8 @@ from typing import Final
 import numpy as np
 
 from stridelab.errors import Fault, InvalidInput, NotEstimable
-from stridelab.estimation.complementary.filter import ComplementaryFilter
 from stridelab.estimation.estimator import ComEstimate, ComEstimator
 from stridelab.estimation.evaluation.physics_residuals import bias_m, force_residual_n
-from stridelab.estimation.kalman.filter import KalmanFilter, RtsSmoother
 from stridelab.estimation.markers_only import GeometryOnly
 from stridelab.estimation.observability import summarise_observability
 from stridelab.estimation.quality import Check, Recorded, assess_quality, worst_verdict
@@ -33,7 +31,7 @@ from stridelab.schemas.tasks import EstimateComTask
 
 BEST_METHOD: Final = Smoother.name
 """Method used for ``method: null``: the most accurate estimator of this version."""
-FALLBACK_METHOD: Final = ComplementaryFilter.name
+FALLBACK_METHOD: Final = "complementary"
 """Fallback for ``method: null`` if the best estimator rejects the recording."""
 
 
@@ -114,7 +112,7 @@ def requested_method(request: EstimateComInput) -> str | None:
         return named
     if named in (GeometryOnly.name, Smoother.name):
         raise _cutoffs_not_used(named)
-    return named or ComplementaryFilter.name
+    return named or FALLBACK_METHOD
 
 
 def estimate_with_fallback(
@@ -148,25 +146,27 @@ def build_estimator(method: str, request: EstimateComInput) -> ComEstimator:
 
     Raises ``InvalidInput`` (``cutoffs-not-used``) for cut-offs of a method that has none.
     """
-    thesis = request.cutoffs == "thesis"
-    if isinstance(request.cutoffs, tuple):
-        if method != ComplementaryFilter.name:
-            raise _cutoffs_not_used(method)
-        low_hz, high_hz = request.cutoffs
-        return ComplementaryFilter(low_hz=low_hz, high_hz=high_hz)
+    if method != FALLBACK_METHOD and isinstance(request.cutoffs, tuple):
+        raise _cutoffs_not_used(method)
     if method == GeometryOnly.name:
         return GeometryOnly()
-    if request.cutoffs == "spectra" and method != ComplementaryFilter.name:
+    if method != FALLBACK_METHOD and request.cutoffs == "spectra":
         raise _cutoffs_not_used(method)
+    if method == Smoother.name:
+        return build_smoother(request.smoother or SmootherOptions())
+    # These import scipy.signal, which takes longer than the estimation of a walk by the smoother.
+    from stridelab.estimation.complementary.filter import ComplementaryFilter
+    from stridelab.estimation.kalman.filter import KalmanFilter, RtsSmoother
+
+    thesis = request.cutoffs == "thesis"
     if method == KalmanFilter.name:
         return KalmanFilter() if thesis else KalmanFilter.tuned()
     if method == RtsSmoother.name:
         return RtsSmoother() if thesis else RtsSmoother.tuned()
-    if method == Smoother.name:
-        return build_smoother(request.smoother or SmootherOptions())
-    if thesis:
-        return ComplementaryFilter.thesis()
-    return ComplementaryFilter(from_spectra=request.cutoffs == "spectra")
+    if isinstance(request.cutoffs, tuple):
+        low_hz, high_hz = request.cutoffs
+        return ComplementaryFilter(low_hz=low_hz, high_hz=high_hz)
+    return ComplementaryFilter.thesis() if thesis else ComplementaryFilter(from_spectra=request.cutoffs == "spectra")
 
 
 def build_smoother(options: SmootherOptions) -> Smoother:

@@ -25,13 +25,12 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from scipy.signal import butter, sosfiltfilt
-from scipy.signal.windows import tukey
 
 from stridelab.conventions import GRAVITY_M_S2, Mask, Points, Series
 from stridelab.recordings.gap_filling import true_runs
 from stridelab.recordings.plate_contacts import vertical_force_n, whole_steps
 from stridelab.recordings.recording import Recording, Window
+from stridelab.recordings.total_wrench import filter_both_ways
 
 BAND_HZ = 4.0
 """Low-pass of accelerations: steps and jumps lie below it; above it, soft tissue and marker noise dominate."""
@@ -78,7 +77,7 @@ def low_band(track: Series, rate_hz: float, band_hz: float = BAND_HZ) -> Series:
     if rate_hz <= 2.5 * band_hz or len(track) < 3:
         return track
     pad = min(len(track) - 1, round(rate_hz / band_hz))
-    return np.asarray(sosfiltfilt(butter(2, band_hz, fs=rate_hz, output="sos"), track, padlen=pad))
+    return filter_both_ways(track, rate_hz, band_hz, pad)
 
 
 def _differentiate_height(height_m: Series, rate_hz: float, *, from_pelvis: bool) -> VerticalMotion | None:
@@ -181,7 +180,10 @@ def _by_impulse(
         i, j = round(span.start_s * rate_hz), min(round(span.end_s * rate_hz), len(up_n) - 1)
         if (j - i) / rate_hz < _MIN_SPAN_S:
             continue
-        w = np.ones(j - i + 1) if kind == "whole_steps" else tukey(j - i + 1, _TAPERED_SHARE)
+        w = np.ones(j - i + 1)
+        if kind != "whole_steps":  # a Tukey window
+            from_edge = 2.0 * np.arange(j - i + 1) / (_TAPERED_SHARE * (j - i))
+            w = 0.5 - 0.5 * np.cos(np.pi * np.minimum(1.0, np.minimum(from_edge, from_edge[::-1])))
         v = _velocity_m_s(recording, np.arange(i, j + 1) / rate_hz, motion)
         impulse_ns += float(np.trapezoid(w * up_n[i : j + 1])) / rate_hz
         needed_m_s += float(GRAVITY_M_S2 * np.trapezoid(w) / rate_hz - np.trapezoid(np.gradient(w) * v))

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
-from scipy.ndimage import uniform_filter1d
 
 from stridelab.conventions import Corners, Mask, Points, Rotation, Series, Vector3
 from stridelab.recordings.files.raw import FilePlate, PlateSignals
@@ -222,7 +221,8 @@ def find_tare(force_n: Points, moment_nm: Points, upward_n: Series, zero_samples
     """
     if not upward_n.any():
         return Tare(np.zeros(3), np.zeros(3), never_unloaded=False)
-    smooth = uniform_filter1d(upward_n, min(_SMOOTH, len(upward_n)))
+    n = min(_SMOOTH, len(upward_n))
+    smooth = np.convolve(np.pad(upward_n, (n // 2, (n - 1) // 2), "symmetric"), np.full(n, 1.0 / n), "valid")
     floor_n = float(np.percentile(smooth, 5.0))
     named = _named_unloaded(smooth, floor_n, zero_samples)
     if named is not None:

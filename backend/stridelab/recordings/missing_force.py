@@ -14,7 +14,6 @@ known to be zero, wherever the feet are.
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.ndimage import minimum_filter1d
 
 from stridelab.conventions import GRAVITY_M_S2, Mask, Series
 from stridelab.recordings.body_mass import VerticalMotion, low_band
@@ -93,9 +92,10 @@ def frames_missing_force(
     if mass_kg is None:
         return missing
     limit = MISSING_SHARE_BY_PELVIS if motion.from_pelvis else MISSING_SHARE
-    reach = 2 * max(1, round(_LATENCY_S * rate_hz)) + 1
+    reach = max(1, round(_LATENCY_S * rate_hz))
     for (i, j), carried_n in force_n.items():
-        needed = minimum_filter1d(1.0 + motion.acceleration_m_s2[i:j] / GRAVITY_M_S2, reach)
+        padded = np.pad(1.0 + motion.acceleration_m_s2[i:j] / GRAVITY_M_S2, reach, constant_values=np.inf)
+        needed = np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1).min(axis=1)
         lacking = needed - carried_n / (mass_kg * GRAVITY_M_S2)
         for a, b in true_runs(lacking > _CLEAR * limit):
             missing[i + a : i + b] = bool(lacking[a:b].max() > limit)

@@ -25,7 +25,7 @@ from stridelab.recordings.plate_contacts import fore_aft_remarks
 from stridelab.recordings.recording import Plate, PlateSwitches, Recording, Remark
 
 _HEAD_BYTES: Final = 2000
-_C3D_KEY: Final = 0x50
+_C3D_KEY: Final = b"P"
 """Second byte of every C3D file."""
 
 
@@ -60,8 +60,7 @@ def read_recording(
 def is_c3d(path: Path) -> bool:
     """Whether ``read_recording`` reads a file as C3D."""
     with path.open("rb") as file:
-        head = file.read(2)
-    return len(head) == 2 and head[1] == _C3D_KEY and not zipfile.is_zipfile(path)
+        return file.read(2)[1:] == _C3D_KEY and not zipfile.is_zipfile(path)
 
 
 def _read_raw(path: Path, name: str) -> RawTrial:
@@ -76,6 +75,8 @@ def _read_raw(path: Path, name: str) -> RawTrial:
         head = file.read(_HEAD_BYTES)
     if head[:2] == b"PK":
         raise UnreadableFile("zip-damaged", "The zip file is damaged or truncated.", [Fault(path.name, "not readable")])
+    if head[1:2] == _C3D_KEY:
+        return read_c3d(path)
     text = head.decode("utf-8-sig", errors="replace")
     if is_trc(text):
         return read_trc(path, name)
@@ -83,8 +84,6 @@ def _read_raw(path: Path, name: str) -> RawTrial:
         return read_qualisys({name: read_text(path, name, "TSV")})
     if is_nexus_csv(text):
         return read_nexus_csv(read_text(path, name, "CSV"), name)
-    if is_c3d(path):
-        return read_c3d(path)
     if name.lower().endswith(".trc"):
         why = "line 1 does not begin with PathFileType"
         raise UnreadableFile("trc-broken", f"The TRC file {name} is broken: {why}.", [Fault(name, why)])

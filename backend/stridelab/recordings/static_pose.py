@@ -23,7 +23,8 @@ from stridelab.recordings.recording import Recording
 SAME_BODY_M: Final = 0.02
 """Largest difference of a distance between recordings of the same body."""
 _PELVIS: Final = ("l_asis", "r_asis", "l_psis", "r_psis", "sacrum")
-_RIGID: Final = (*combinations(_PELVIS, 2), *((f"{s}_knee_lateral", f"{s}_ankle_lateral") for s in "lr"))
+_SHANKS: Final = (("l_knee_lateral", "l_ankle_lateral"), ("r_knee_lateral", "r_ankle_lateral"))
+_RIGID: Final = (*combinations(_PELVIS, 2), *_SHANKS)
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,8 @@
 """Total contact wrench (2.5) at the marker instants: zero-phase low-pass, then interpolation."""
 
 import numpy as np
-from scipy.signal import butter, sosfiltfilt
+from jaxtyping import Float
+from scipy.linalg.lapack import dtbtrs
 
 from stridelab.conventions import Points
 from stridelab.recordings.recording import Recording, Window, WrenchTrack
@@ -43,4 +44,25 @@ def low_pass(track: Points, rate_hz: float) -> Points:
     """Zero-phase Butterworth low-pass at ``LOW_PASS_HZ``; too short or too slowly sampled tracks are unchanged."""
     if rate_hz <= 2.5 * LOW_PASS_HZ or len(track) <= 16:
         return track
-    return np.asarray(sosfiltfilt(butter(2, LOW_PASS_HZ, fs=rate_hz, output="sos"), track, axis=0))
+    return filter_both_ways(track, rate_hz, LOW_PASS_HZ, 9)
+
+
+def filter_both_ways(
+    track: Float[np.ndarray, "n *axes"], rate_hz: float, band_hz: float, pad: int
+) -> Float[np.ndarray, "n *axes"]:
+    """Second-order Butterworth low-pass, forward and backward, of a track continued oddly by ``pad`` samples.
+
+    ``sosfiltfilt(butter(2, band_hz, fs=rate_hz, output="sos"), track, axis=0, padlen=pad)`` of ``scipy.signal``, whose
+    import takes longer than the estimation of a walk. The pass y = x_0 + H (x - x_0) starts at rest, since H(1) = 1.
+    """
+    k = np.tan(np.pi * band_hz / rate_hz)
+    a = np.array([1.0 + np.sqrt(2.0) * k + k**2, 2.0 * (k**2 - 1.0), 1.0 - np.sqrt(2.0) * k + k**2])
+    x = track.reshape(len(track), -1)
+    x = np.concatenate([2.0 * x[0] - x[pad:0:-1], x, 2.0 * x[-1] - x[-2 : -pad - 2 : -1]])
+    recursion = np.repeat((a / a[0])[:, None], len(x), axis=1)
+    for _ in range(2):
+        inner = x - x[0]
+        inner[2:] += 2.0 * inner[1:-1] + inner[:-2]
+        inner[1] += 2.0 * inner[0]
+        x = (x[0] + dtbtrs(recursion, k**2 / a[0] * inner, uplo="L")[0])[::-1]
+    return np.asarray(x[pad : len(x) - pad].reshape(track.shape))

@@ -13,17 +13,19 @@
 from dataclasses import dataclass
 
 import numpy as np
+from jaxtyping import Float
 
 from stridelab.body.geometric_com import GeometricCom
-from stridelab.conventions import GRAVITY_M_S2, PerAxis, Points, Vector3
+from stridelab.conventions import GRAVITY_M_S2, PerAxis, Points, Series, Vector3
 from stridelab.dynamics.wrench import Wrench, contact_force, momentum_rate, zmp_of_wrench
 from stridelab.estimation.differentiation import BAND_HZ, low_pass, smoothed_derivatives
 from stridelab.estimation.estimator import ComEstimate
-from stridelab.estimation.evaluation.truth_errors import track_at_samples
 from stridelab.estimation.time_span import walk_frame
 from stridelab.recordings.gap_filling import true_runs
 from stridelab.recordings.recording import WrenchTrack
 
+WindowPoints = Float[np.ndarray, "window 3"]
+"""A track at an estimate's own samples."""
 FLIGHT_N = 20.0
 """Force below which the body counts as in flight."""
 SHORTEST_FLIGHT = 6
@@ -176,3 +178,9 @@ def bias_m(estimate: ComEstimate, geometric: GeometricCom) -> Vector3:
     first = int(np.argmin(np.abs(geometric.time_s - estimate.time_s[0])))
     g = geometric.com_m[first : first + len(estimate.time_s)]
     return np.asarray(np.mean(estimate.com_m - g, axis=0))
+
+
+def track_at_samples(estimate: ComEstimate, time_s: Series, track: Points) -> WindowPoints:
+    """Part of a track at the estimate's samples."""
+    first = int(np.argmin(np.abs(time_s - estimate.time_s[0])))
+    return track[first : first + len(estimate.time_s)]

@@ -7,16 +7,14 @@ of the segment table.
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
 from scipy import interpolate
 
 from stridelab.conventions import PerAxis, Points, Series
 from stridelab.estimation.differentiation import smoothed_derivatives
 from stridelab.estimation.estimator import ComEstimate
+from stridelab.estimation.evaluation.physics_residuals import WindowPoints, track_at_samples
 from stridelab.estimation.time_span import walk_frame
 
-WindowPoints = Float[np.ndarray, "window 3"]
-"""A track at an estimate's own samples."""
 BAND_95 = 1.96
 _SWAY_M_S = 0.01
 """RMS variation of the velocity below which the lag is undefined."""
@@ -88,9 +86,3 @@ def lag_s(estimated: Series, true: Series, rate_hz: float) -> float:
             return float("nan")
         tau -= float(velocity @ residual_of_line((estimated - spline(t - tau))[interior]) / (velocity @ velocity))
     return tau
-
-
-def track_at_samples(estimate: ComEstimate, time_s: Series, track: Points) -> WindowPoints:
-    """Part of a track at the estimate's samples."""
-    first = int(np.argmin(np.abs(time_s - estimate.time_s[0])))
-    return track[first : first + len(estimate.time_s)]

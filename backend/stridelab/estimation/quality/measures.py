@@ -29,7 +29,6 @@ from typing import Final
 
 import numpy as np
 from jaxtyping import Float
-from scipy.integrate import cumulative_trapezoid
 from scipy.spatial import ConvexHull, QhullError
 
 from stridelab.body.geometric_com import GeometricCom
@@ -266,8 +265,9 @@ def dynamic_mass_kg(time_s: Series, height_m: Series, vertical_force_n: Series) 
     All three are gap-free and of equal length. NaN if the fitted mass is not positive.
     """
     t = time_s - time_s[0]
-    velocity = cumulative_trapezoid(vertical_force_n, t, initial=0.0)
-    double = cumulative_trapezoid(velocity, t, initial=0.0)
+    double = vertical_force_n
+    for _ in range(2):
+        double = np.append(0.0, np.cumsum(0.5 * np.diff(t) * (double[1:] + double[:-1])))
     A = np.column_stack([np.ones_like(t), t, double])
     per_mass = float(np.linalg.lstsq(A, height_m + 0.5 * GRAVITY_M_S2 * t**2, rcond=None)[0][2])
     return 1.0 / per_mass if per_mass > 0.0 else float("nan")

@@ -21,7 +21,6 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from scipy import stats
 
 from stridelab.conventions import GRAVITY_M_S2, Mask, Points, Rotation, Series, Vector3
 from stridelab.dynamics.wrench import com_acceleration
@@ -180,7 +179,7 @@ def plate_bias_remarks(
 
     The bias is given in the axes of the laboratory; the rows of ``frame`` are the walking axes.
     """
-    if plate_bias_statistic(space, forward) < stats.chi2.isf(FALSE_ALARMS, 2):
+    if plate_bias_statistic(space, forward) < -2.0 * np.log(FALSE_ALARMS):
         return ()
     bias_n = mass_kg * forward.constants[:, ACCELERATION] @ frame
     return (

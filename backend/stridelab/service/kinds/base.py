@@ -7,13 +7,15 @@ fenced transaction that makes the result visible). The command line uses the sam
 from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal, Protocol, runtime_checkable
-
-from sqlalchemy.ext.asyncio import AsyncConnection
+from typing import TYPE_CHECKING, Any, Literal, Protocol, TypeAlias, runtime_checkable
 
 from stridelab.errors import StridelabError
 from stridelab.schemas.base import Contract
-from stridelab.service.processes.sandbox import STRICT, Sandbox
+
+if TYPE_CHECKING:  # a command needs neither
+    from sqlalchemy.ext.asyncio import AsyncConnection
+
+    from stridelab.service.processes.sandbox import Sandbox
 
 Json = dict[str, Any]
 """A JSON object."""
@@ -82,11 +84,17 @@ def problem_of(error: StridelabError) -> Json:
     return {"code": error.code, "detail": error.message, "errors": faults}
 
 
-Stage = Callable[[AsyncConnection, Blobs, Contract, Path], Awaitable[Json]]
+Stage: TypeAlias = "Callable[[AsyncConnection, Blobs, Contract, Path], Awaitable[Json]]"
 """``stage(connection, blobs, input, folder) -> task``: fetch rows and blob files into ``folder``."""
-Publish = Callable[[AsyncConnection, Blobs, Mapping[str, Any], Json, Path], Awaitable[Json | None]]
+Publish: TypeAlias = "Callable[[AsyncConnection, Blobs, Mapping[str, Any], Json, Path], Awaitable[Json | None]]"
 """``publish(connection, blobs, job_row, outcome, folder) -> summary``: called inside the fenced transaction, before
 the job row is set to succeeded; ``folder`` still contains the artifacts; a returned summary replaces the outcome's."""
+
+
+def _strict() -> "Sandbox":
+    from stridelab.service.processes.sandbox import STRICT
+
+    return STRICT
 
 
 @dataclass(frozen=True)
@@ -110,10 +118,10 @@ class JobKind:
     run: str
     stage: Stage
     examples: Mapping[str, Any] = field(default_factory=dict)
-    publish: Publish | None = None
+    publish: "Publish | None" = None
     timeout_s: float | None = None
     memory_mb: int | None = None
     lane: Literal["short", "long"] = "short"
     offered: bool = True
     own_files: Callable[[Mapping[str, Any]], str] | None = None
-    sandbox: Sandbox | None = STRICT
+    sandbox: "Sandbox | None" = field(default_factory=_strict)
