@@ -1,6 +1,5 @@
 """``stridelab token create|list|revoke``: works on the service's database, while the service runs and while not."""
 
-import asyncio
 import json
 from collections.abc import Awaitable, Callable
 from typing import Annotated, Any, TypeVar
@@ -100,4 +99,6 @@ def _in_transaction(work: Callable[[Any], Awaitable[T]]) -> T:
     configure_logging("warning")  # the audit table has what was done; standard output is for the token
     with open_location(read_settings(), require_stopped=False, create=True) as location:
         migrate(location.database_url)
+        import asyncio
+
         return asyncio.run(run_work(location.database_url))

@@ -16,7 +16,6 @@ import numpy as np
 from stridelab.errors import Fault, InvalidInput, NotEstimable
 from stridelab.estimation.estimator import ComEstimate, ComEstimator
 from stridelab.estimation.evaluation.physics_residuals import bias_m, force_residual_n
-from stridelab.estimation.markers_only import GeometryOnly
 from stridelab.estimation.observability import summarise_observability
 from stridelab.estimation.quality import Check, Recorded, assess_quality, worst_verdict
 from stridelab.estimation.quality import Quality as Assessed
@@ -31,6 +30,7 @@ from stridelab.schemas.tasks import EstimateComTask
 
 BEST_METHOD: Final = Smoother.name
 """Method used for ``method: null``: the most accurate estimator of this version."""
+GEOMETRY_ONLY: Final = "geometry"
 FALLBACK_METHOD: Final = "complementary"
 """Fallback for ``method: null`` if the best estimator rejects the recording."""
 
@@ -59,11 +59,11 @@ def estimate_com(task: EstimateComTask, folder: Path, progress: ProgressCallback
     """
     request = task.input
     method = requested_method(request)
-    prepared = prepare_com_inputs(task, folder, progress, needs_force=method != GeometryOnly.name)
+    prepared = prepare_com_inputs(task, folder, progress, needs_force=method != GEOMETRY_ONLY)
     trial, windows, geometric, wrench = prepared.trial, prepared.windows, prepared.geometric, prepared.wrench
     mass, latency = prepared.mass, prepared.latency
 
-    progress(0.7, "fusing markers and force" if method != GeometryOnly.name else "smoothing the geometry")
+    progress(0.7, "fusing markers and force" if method != GEOMETRY_ONLY else "smoothing the geometry")
     estimate = estimate_with_fallback(method, request, prepared)
 
     quality = assess_estimate(prepared, estimate)
@@ -110,7 +110,7 @@ def requested_method(request: EstimateComInput) -> str | None:
         named = Smoother.name
     if request.cutoffs == "auto":
         return named
-    if named in (GeometryOnly.name, Smoother.name):
+    if named in (GEOMETRY_ONLY, Smoother.name):
         raise _cutoffs_not_used(named)
     return named or FALLBACK_METHOD
 
@@ -148,7 +148,9 @@ def build_estimator(method: str, request: EstimateComInput) -> ComEstimator:
     """
     if method != FALLBACK_METHOD and isinstance(request.cutoffs, tuple):
         raise _cutoffs_not_used(method)
-    if method == GeometryOnly.name:
+    if method == GEOMETRY_ONLY:
+        from stridelab.estimation.markers_only import GeometryOnly
+
         return GeometryOnly()
     if method != FALLBACK_METHOD and request.cutoffs == "spectra":
         raise _cutoffs_not_used(method)
@@ -195,7 +197,7 @@ def assess_estimate(prepared: ComInputs, estimate: ComEstimate) -> Assessed:
         geometric=prepared.geometric,
         wrench=prepared.wrench,
         mass_kg=prepared.mass.mass_kg,
-        with_force=bool(prepared.windows) and estimate.method != GeometryOnly.name,
+        with_force=bool(prepared.windows) and estimate.method != GEOMETRY_ONLY,
         standing_mass_kg=prepared.standing_mass_kg,
         stated_mass_kg=prepared.mass.stated_kg,
     )
