@@ -8,8 +8,7 @@ import ezc3d
 import numpy as np
 import pytest
 
-from stridelab.body.missing_markers import SEX_UNKNOWN
-from stridelab.body.segment_model import SegmentModel
+from stridelab.body.segment_model import SEX_UNKNOWN, SegmentModel
 from stridelab.recordings.marker_sets import all_substitutes, identify
 from stridelab.recordings.reader import read_recording
 from stridelab.recordings.recording import Recording

@@ -7,10 +7,9 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from stridelab.body import segment_tables
-from stridelab.body.segment_frames import segment_frames
-from stridelab.body.segment_model import SegmentModel
+from stridelab.body.segment_model import SegmentModel, segment_frames
 from stridelab.errors import InvalidInput, NotEstimable
-from stridelab.recordings.marker_set_files import marker_sets
+from stridelab.recordings.marker_sets import marker_sets
 from support.recordings.standing_body import landmarks, mirrored, recording
 
 TABLES = ("dumas2007", "deleva1996")

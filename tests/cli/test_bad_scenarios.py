@@ -9,7 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from stridelab.cli.app import app
-from stridelab.cli.console import EXIT_CODES
+from stridelab.cli.results import EXIT_CODES
 from stridelab.errors import InvalidInput
 from support.robots.scenario_bodies import one_step, with_contact
 

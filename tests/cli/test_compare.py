@@ -5,8 +5,7 @@ from pathlib import Path
 import pytest
 
 from stridelab.cli.compare import compare_methods
-from stridelab.cli.options import Delivery, Walk
-from stridelab.cli.recording_request import EstimateRequest
+from stridelab.cli.options import Delivery, EstimateRequest, Walk
 from stridelab.errors import InvalidInput, UnreadableFile
 from stridelab.schemas.comparison import CompareEstimatorsSummary
 from stridelab.schemas.jobs import JobResult

@@ -7,8 +7,8 @@ import pytest
 from typer.testing import CliRunner
 
 from stridelab.cli.app import app
-from stridelab.cli.console import EXIT_CODES
 from stridelab.cli.contacts import task_of
+from stridelab.cli.results import EXIT_CODES
 from stridelab.cli.scenario_files import bundled_names, read_document, read_scenario
 from stridelab.errors import InvalidInput
 from stridelab.schemas.jobs import JobResult

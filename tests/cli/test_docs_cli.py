@@ -7,7 +7,7 @@ import pytest
 from typer.main import get_command
 
 from stridelab.cli.app import app
-from stridelab.cli.console import EXIT_CODES, FAILURE, INTERRUPTED
+from stridelab.cli.results import EXIT_CODES, FAILURE, INTERRUPTED
 from stridelab.schemas.jobs import SimulationNoise
 from stridelab.schemas.methods import METHODS
 from stridelab.service.settings import Settings

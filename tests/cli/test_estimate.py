@@ -8,8 +8,7 @@ from typing import Any
 import pytest
 
 from stridelab.cli.estimate import estimate_recording, simulate_walk
-from stridelab.cli.options import Delivery, Estimation, Preparation, Walk
-from stridelab.cli.recording_request import EstimateRequest
+from stridelab.cli.options import Delivery, EstimateRequest, Estimation, Preparation, Walk
 from stridelab.cli.results import write_result
 from stridelab.errors import NotEstimable, UnreadableFile
 from stridelab.recordings.files.c3d_writer import write_c3d

@@ -5,8 +5,7 @@ from pathlib import Path
 import pytest
 
 from stridelab.cli.fit_cycloid import fit_steps
-from stridelab.cli.options import Delivery, Walk
-from stridelab.cli.recording_request import EstimateRequest
+from stridelab.cli.options import Delivery, EstimateRequest, Walk
 from stridelab.errors import InvalidInput, UnreadableFile
 from stridelab.schemas.cycloid import FitCycloidSummary
 from stridelab.schemas.jobs import JobResult

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from stridelab import __version__
-from stridelab.cli.console import EXIT_CODES, exit_code
+from stridelab.cli.results import EXIT_CODES, exit_code
 from stridelab.errors import InvalidInput, NotEstimable, StridelabError, Unauthenticated, Unavailable, UnreadableFile
 from support.command_line import Run
 

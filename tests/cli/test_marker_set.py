@@ -7,8 +7,7 @@ from pathlib import Path
 import pytest
 
 from stridelab.recordings.files.c3d_writer import write_c3d
-from stridelab.recordings.marker_set_files import is_landmark
-from stridelab.recordings.marker_sets import identify
+from stridelab.recordings.marker_sets import identify, is_landmark
 from stridelab.recordings.reader import read_recording
 from support.command_line import SAMPLE, Run
 

@@ -7,8 +7,7 @@ from typing import Any
 import pytest
 
 from stridelab.cli import remote
-from stridelab.cli.options import Estimation, Preparation, Walk
-from stridelab.cli.recording_request import EstimateRequest
+from stridelab.cli.options import EstimateRequest, Estimation, Preparation, Walk
 from stridelab.client import ProblemError
 from stridelab.errors import Busy, Forbidden, InvalidInput, NotEstimable, StridelabError, UnreadableFile
 from stridelab.schemas.jobs import JobResult

@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stridelab.cli.options import Walk
-from stridelab.cli.recording_request import EstimateRequest
+from stridelab.cli.options import EstimateRequest, Walk
 from stridelab.cli.stream import COLUMNS, Replay, ReplayResult, pace_blocks, prepare_samples, stream_samples
 from stridelab.errors import InvalidInput, Unavailable
 from stridelab.schemas.streams import StreamEstimate

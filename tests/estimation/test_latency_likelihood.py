@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from stridelab.body.geometric_com import GeometricCom, SegmentTrack
+from stridelab.estimation.differentiation import window_span
 from stridelab.estimation.latency_likelihood import (
     ClockLikelihood,
     PathNoise,
@@ -15,7 +16,6 @@ from stridelab.estimation.latency_likelihood import (
     _table_errors,
     clock_likelihood,
 )
-from stridelab.estimation.time_span import window_span
 from stridelab.recordings.recording import Window
 from support.recordings.analytic_motions import walk
 

@@ -7,9 +7,9 @@ import pytest
 
 from stridelab.errors import InvalidInput, NotEstimable
 from stridelab.estimation.complementary.filter import ComplementaryFilter
+from stridelab.estimation.differentiation import window_span
 from stridelab.estimation.estimator import ComEstimator
 from stridelab.estimation.kalman.filter import KalmanFilter, RtsSmoother
-from stridelab.estimation.time_span import window_span
 from stridelab.recordings.recording import Window
 from support.recordings.analytic_motions import walk
 

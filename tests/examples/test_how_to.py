@@ -22,8 +22,7 @@ from stridelab.contacts.effector_geometry import effector_shapes
 from stridelab.contacts.scenarios import bundled, stairs
 from stridelab.contacts.validation.validate import validate_scenario
 from stridelab.estimation.estimator import ComEstimator
-from stridelab.recordings.marker_set_files import marker_sets, parse_marker_set
-from stridelab.recordings.marker_sets import identify
+from stridelab.recordings.marker_sets import identify, marker_sets, parse_marker_set
 from stridelab.recordings.recording import Window
 from stridelab.resources import models_dir
 from stridelab.schemas.tasks import RecordingSource

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from stridelab.errors import UnreadableFile
-from stridelab.recordings.files.c3d_validation import check_c3d
+from stridelab.recordings.files.c3d_byte_orders import check_c3d
 from stridelab.recordings.reader import read_recording
 from stridelab.recordings.recording import Recording
 from support.recordings.c3d_files import PlateChannels, write_file

@@ -8,8 +8,7 @@ import pytest
 from stridelab.conventions import GRAVITY_M_S2, Points, Series
 from stridelab.recordings.body_mass import VerticalMotion, best_mass, vertical_motion, weigh
 from stridelab.recordings.foot_contact import find_feet
-from stridelab.recordings.force_windows import find_windows
-from stridelab.recordings.missing_force import flight_frames
+from stridelab.recordings.force_windows import find_windows, flight_frames
 from stridelab.recordings.recording import Plate, Recording, Subject
 from support.recordings.schematic_walk import (
     FOOT,

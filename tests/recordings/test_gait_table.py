@@ -9,10 +9,10 @@ import pytest
 from stridelab.body.segment_model import SegmentModel
 from stridelab.errors import NotEstimable
 from stridelab.recordings.body_mass import VerticalMotion, best_mass, vertical_motion, weigh
-from stridelab.recordings.foot_on_plate import centre_of_pressure_m
 from stridelab.recordings.force_plates import plate_axes
 from stridelab.recordings.force_windows import find_windows, require_windows
 from stridelab.recordings.marker_sets import identify
+from stridelab.recordings.plate_contacts import centre_of_pressure_m
 from stridelab.recordings.reader import read_recording
 from stridelab.recordings.recording import Recording
 from support.recordings.gait_table import ESTIMABLE, GAIT_TABLE, GaitTrial, trial

@@ -4,9 +4,8 @@ import pytest
 
 from stridelab.errors import NotEstimable
 from stridelab.pipelines.com_inputs import require_marker_set
-from stridelab.recordings import marker_set_files, marker_sets
-from stridelab.recordings.marker_set_files import LANDMARKS, MarkerSet, parse_marker_set
-from stridelab.recordings.marker_sets import identify
+from stridelab.recordings import marker_sets
+from stridelab.recordings.marker_sets import LANDMARKS, MarkerSet, identify, parse_marker_set
 
 LEGS, LEGS_AND_TRUNK, BODY = "trunk-missing", "arms-missing", ""
 """What a list covers: the code of the largest substitute that it needs."""
@@ -290,9 +289,9 @@ def written_labels(known: MarkerSet, which: int, *, required: bool) -> dict[str,
 
 @pytest.mark.parametrize("required", [False, True], ids=["all", "required"])
 @pytest.mark.parametrize("which", [0, -1], ids=["first", "last"])
-@pytest.mark.parametrize("name", sorted(marker_set_files.marker_sets()))
+@pytest.mark.parametrize("name", sorted(marker_sets.marker_sets()))
 def test_no_set_takes_the_labels_of_another_for_other_landmarks(name: str, which: int, required: bool) -> None:
-    written = written_labels(marker_set_files.marker_sets()[name], which, required=required)
+    written = written_labels(marker_sets.marker_sets()[name], which, required=required)
     found = identify(list(written))
     assert found.name is not None
     assert {label: landmark for landmark, label in found.landmarks.items() if landmark in LANDMARKS} == {

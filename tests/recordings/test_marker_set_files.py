@@ -5,8 +5,7 @@ from pathlib import Path
 import pytest
 
 from stridelab.errors import InvalidInput, UnreadableFile
-from stridelab.recordings.marker_set_files import marker_set_of_labels, marker_sets, read_marker_set
-from stridelab.recordings.marker_sets import identify
+from stridelab.recordings.marker_sets import identify, marker_set_of_labels, marker_sets, read_marker_set
 
 LEGS = """
 name = "lab"

@@ -1,9 +1,8 @@
 import pytest
 
 from stridelab.errors import InvalidInput
-from stridelab.recordings import marker_set_files, marker_sets
-from stridelab.recordings.marker_set_files import normalised_label
-from stridelab.recordings.marker_sets import identify
+from stridelab.recordings import marker_sets
+from stridelab.recordings.marker_sets import identify, normalised_label
 
 LABELS = {
     "isb": """
@@ -25,24 +24,24 @@ def all_labels(known):
     return [labels[0] for labels in known.labels.values()]
 
 
-@pytest.mark.parametrize("name", sorted(marker_set_files.marker_sets()))
+@pytest.mark.parametrize("name", sorted(marker_sets.marker_sets()))
 def test_a_set_recognises_its_own_labels(name):
-    known = marker_set_files.marker_sets()[name]
+    known = marker_sets.marker_sets()[name]
     found = identify(all_labels(known))
     assert found.name == name
     assert set(found.landmarks) == set(known.labels)
     assert found.nearest == ()
 
 
-@pytest.mark.parametrize("name", sorted(marker_set_files.marker_sets()))
+@pytest.mark.parametrize("name", sorted(marker_sets.marker_sets()))
 def test_no_label_of_a_set_means_two_landmarks(name):
-    known = marker_set_files.marker_sets()[name]
+    known = marker_sets.marker_sets()[name]
     labels = [label for labels in known.labels.values() for label in labels]
     assert len(labels) == len(set(labels))
 
 
 def test_all_required_sets_are_shipped():
-    shipped = set(marker_set_files.marker_sets())
+    shipped = set(marker_sets.marker_sets())
     assert {"isb", "isb-head", "plug-in-gait", "gait2354", "rajagopal", "opencap-lab", "cgm2-lower"} <= shipped
     assert "davis-lower" in shipped
 
@@ -87,7 +86,7 @@ def test_a_lower_body_hides_the_smaller_gaps_inside_the_large_one():
 
 
 def test_knees_that_only_the_static_trial_marks_are_announced():
-    known = marker_set_files.marker_sets()["gait2354"]
+    known = marker_sets.marker_sets()["gait2354"]
     labels = [labels[0] for landmark, labels in known.labels.items() if "knee" not in landmark]
     found = identify(labels)
     assert found.name == "gait2354"
@@ -141,11 +140,11 @@ def test_a_marker_map_that_does_not_fit_names_every_fault():
 
 def test_a_set_file_with_a_landmark_that_does_not_exist_is_refused():
     base = {"name": "own", "title": "own", "required": ["c7"], "unpaired": {"c7": ["C7"]}}
-    assert marker_set_files.parse_marker_set(base, "own.toml").required == ("c7",)
+    assert marker_sets.parse_marker_set(base, "own.toml").required == ("c7",)
     with pytest.raises(InvalidInput, match="tail"):
-        marker_set_files.parse_marker_set(base | {"unpaired": {"c7": ["C7"], "tail": ["T"]}}, "own.toml")
+        marker_sets.parse_marker_set(base | {"unpaired": {"c7": ["C7"], "tail": ["T"]}}, "own.toml")
     with pytest.raises(InvalidInput, match="sacrum"):
-        marker_set_files.parse_marker_set(base | {"required": ["sacrum"]}, "own.toml")
+        marker_sets.parse_marker_set(base | {"required": ["sacrum"]}, "own.toml")
 
 
 def test_substitutes_refer_to_each_other_and_to_landmarks():
@@ -153,6 +152,6 @@ def test_substitutes_refer_to_each_other_and_to_landmarks():
     for substitute in known.values():
         assert set(substitute.hidden_by) <= set(known)
         for entry in substitute.landmarks:
-            assert set(entry.split("|")) <= marker_set_files.LANDMARKS | {"l_shoulder_centre"}
+            assert set(entry.split("|")) <= marker_sets.LANDMARKS | {"l_shoulder_centre"}
         assert substitute.horizontal_mm > 0
         assert substitute.vertical_mm > 0

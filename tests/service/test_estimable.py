@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from stridelab.errors import StridelabError
-from stridelab.estimation import time_span
+from stridelab.estimation import differentiation
 from stridelab.pipelines.trial import examine_trial
 from stridelab.recordings import force_windows
 from stridelab.recordings.files.c3d_writer import write_c3d
@@ -48,7 +48,7 @@ def codes(
 
 
 def test_the_limits_are_those_of_the_estimators() -> None:
-    assert estimable.SHORTEST_WINDOW_S == time_span.SHORTEST_WINDOW_S
+    assert estimable.SHORTEST_WINDOW_S == differentiation.SHORTEST_WINDOW_S
     assert estimable.MIN_WINDOW_S == force_windows.MIN_WINDOW_S
     assert estimable.MIN_FRAMES == force_windows.MIN_FRAMES
 

@@ -1,23 +1,239 @@
-"""Segment model of the CoM, c = sum_s m_s p_s: input (i) of section 2.4.1 of the thesis."""
+"""Segment model of the CoM, c = sum_s m_s p_s: input (i) of section 2.4.1 of the thesis.
 
-from collections.abc import Mapping
+Missing landmarks: the error they add to the CoM, and their reconstruction from rigid neighbours.
+
+For a cluster of markers a_k (one frame of the static trial) seen as b_k in a frame of the walk, the rigid motion
+
+    R, t = argmin sum_k w_k |R a_k + t - b_k|^2,   R in SO(3)
+
+is the weighted orthogonal Procrustes solution: with the singular value decomposition U S V^T of
+sum_k w_k (b_k - b)(a_k - a)^T, R = U diag(1, 1, det(U V^T)) V^T and t = b - R a (Kabsch 1976).
+A missing marker of the cluster is then R a + t.
+
+Segment frames: origin, axes (X forwards, Y upwards, Z rightwards) and length, to which a segment table refers.
+
+A limb's frame lies at its upper joint P with the lower joint D:
+
+    Y = (P - D) / |P - D|,   X = Y x z / |Y x z|,   Z = X x Y,   length = median |P - D|
+
+where z points roughly to the right (from the inner and outer landmark of the lower joint, else from pelvis or trunk).
+Frames: pelvis (origin lumbar joint), torso (cervical joint), head (cervical joint), ``*_upper_arm``, ``*_forearm``,
+``*_hand``, ``*_thigh``, ``*_shank``, ``*_foot`` (origin ankle, X along heel -> forefoot, length ankle to forefoot) as
+in Dumas and Wojtusch 2018; trunk (mid-shoulder to mid-hip), head_neck (C7 to vertex), ``*_whole_foot`` (heel to toe
+tip) as in de Leva 1996.
+"""
+
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Final, Literal
 
 import numpy as np
+from jaxtyping import Bool, Float
 
-from stridelab.body import missing_markers, segment_tables
+from stridelab.body import segment_tables
 from stridelab.body.geometric_com import GeometricCom, SegmentTrack
-from stridelab.body.joint_centres import Tracks, has_landmarks, joint_centres, with_pelvis
-from stridelab.body.segment_frames import Frame, segment_frames
-from stridelab.body.segment_tables import SegmentTable, load_anthropometry
-from stridelab.body.vectors import median_distance_m
-from stridelab.conventions import Points
+from stridelab.body.joint_centres import Joints, Tracks, has_landmarks, joint_centres, pelvis_axes, with_pelvis
+from stridelab.body.segment_tables import Anthropometry, SegmentTable, load_anthropometry
+from stridelab.body.vectors import component_along, median_distance_m, median_or_nan, unit
+from stridelab.conventions import Points, Rotations
 from stridelab.errors import Fault, InvalidInput, NotEstimable
 from stridelab.recordings.foot_contact import walking_surface_m_s
 from stridelab.recordings.gap_filling import bridge_segment_gaps
-from stridelab.recordings.marker_sets import identify
+from stridelab.recordings.marker_sets import Substitute, all_substitutes, identify
 from stridelab.recordings.recording import Recording, Remark, Sex, Subject
+
+SEX_UNKNOWN: Final = Substitute(
+    code="sex-unknown",
+    message="The sex of the subject is not stated: the mean of the female and the male body is used",
+    landmarks=(),
+    horizontal_mm=2.0,
+    vertical_mm=5.0,
+)
+
+
+def applied_substitutes(codes: Iterable[str]) -> tuple[Substitute, ...]:
+    """The substitutes with these codes; a larger gap replaces the smaller ones in it."""
+    codes = frozenset(codes)
+    known = all_substitutes()
+    return tuple(known[code] for code in known if code in codes and not codes & set(known[code].hidden_by))
+
+
+def widened_sd_m(sd_m: tuple[float, float, float], gaps: Iterable[Substitute]) -> tuple[float, float, float]:
+    """Table error and the errors of the substitutes added in quadrature, per world axis."""
+    gaps = tuple(gaps)
+    horizontal = sum((gap.horizontal_mm / 1e3) ** 2 for gap in gaps)
+    vertical = sum((gap.vertical_mm / 1e3) ** 2 for gap in gaps)
+    x, y, z = sd_m
+    return (x * x + horizontal) ** 0.5, (y * y + horizontal) ** 0.5, (z * z + vertical) ** 0.5
+
+
+_SIDED: Final = {
+    "thigh": ("thigh_t1", "thigh_t2", "thigh_t3", "thigh_t4", "trochanter", "knee_lateral", "knee_medial"),
+    "shank": (
+        *("knee_lateral", "knee_medial", "fibula_head", "tibial_tuberosity"),
+        *("shank_t1", "shank_t2", "shank_t3", "shank_t4", "ankle_lateral", "ankle_medial"),
+    ),
+    "foot": ("heel", "mt1", "mt2", "mt5", "toe", "foot_t1", "foot_t2", "foot_t3"),
+    "forearm": ("elbow_lateral", "elbow_medial", "wrist_radial", "wrist_ulnar", "forearm_t1", "forearm_t2"),
+}
+CLUSTERS: Final = (
+    ("l_asis", "r_asis", "l_psis", "r_psis", "sacrum", "pelvis_t1", "pelvis_t2"),
+    ("c7", "t8", "t10", "jugular_notch", "xiphoid", "l_clavicle", "r_clavicle", "trunk_t1", "trunk_t2"),
+    ("l_head_front", "r_head_front", "l_head_back", "r_head_back", "l_head_side", "r_head_side", "head_top"),
+    *(tuple(f"{side}_{name}" for name in names) for names in _SIDED.values() for side in "lr"),
+)
+"""Groups of landmarks that move as a rigid body, in order of use."""
+
+_FLATNESS: Final = 3e-3
+"""Minimum ratio of the second to the first singular value: smaller clusters (width under 5 % of length) are lines."""
+
+
+Shapes = Mapping[str, Float[np.ndarray, "m 3"]]
+"""Landmark tracks of another trial, with its own number of frames."""
+
+
+def rebuild_markers(tracks: Mapping[str, Points], shapes: Shapes) -> tuple[dict[str, Points], frozenset[str]]:
+    """Fill the gaps of ``tracks``, and add landmarks that only ``shapes`` has, if their cluster is visible enough.
+
+    ``shapes`` is a trial with more visible markers (the static trial, or the trial itself). Returns the tracks and the
+    names of those that changed.
+    """
+    filled = dict(tracks)
+    for cluster in CLUSTERS:
+        shape = _fullest_frame(shapes, cluster)
+        for name in shape:
+            track = filled.get(name)
+            gaps = np.isnan(track[:, 0]) if track is not None else None
+            if gaps is not None and not gaps.any():
+                continue
+            neighbours = [other for other in shape if other != name and other in tracks]
+            if len(neighbours) < 3:
+                continue
+            a = np.array([shape[other] for other in neighbours])
+            b = np.stack([tracks[other] for other in neighbours], axis=1)
+            R, t = rigid_motion(a, b)
+            rebuilt = R @ shape[name] + t
+            filled[name] = rebuilt if track is None or gaps is None else np.where(gaps[:, None], rebuilt, track)
+    changed = {name for name in filled if filled[name] is not tracks.get(name)}
+    return filled, frozenset(name for name in changed if not _is_same_track(filled[name], tracks.get(name)))
+
+
+def rigid_motion(a: Float[np.ndarray, "k 3"], b: Float[np.ndarray, "n k 3"]) -> tuple[Rotations, Points]:
+    """Rotation and translation that map the shape ``a`` onto ``b`` in every frame, in the least-squares sense.
+
+    Hidden markers (NaN) have weight zero. NaN if fewer than three are visible or they are collinear.
+    """
+    seen: Bool[np.ndarray, "n k"] = np.isfinite(b).all(axis=2)
+    w = seen / np.maximum(seen.sum(axis=1, keepdims=True), 1)
+    b = np.where(seen[..., None], b, 0.0)
+    a_mean = w @ a
+    b_mean = np.einsum("nk,nki->ni", w, b)
+    H = np.einsum("nk,nki,nkj->nij", w, b - b_mean[:, None], a[None] - a_mean[:, None])
+    U, S, Vt = np.linalg.svd(H)
+    D = np.ones((len(b), 3))
+    D[:, 2] = np.linalg.det(U @ Vt)
+    R = (U * D[:, None, :]) @ Vt
+    t = b_mean - np.einsum("nij,nj->ni", R, a_mean)
+    hopeless = (seen.sum(axis=1) < 3) | (S[:, 1] <= _FLATNESS * S[:, 0])
+    R[hopeless], t[hopeless] = np.nan, np.nan
+    return R, t
+
+
+def _fullest_frame(shapes: Shapes, cluster: tuple[str, ...]) -> dict[str, Float[np.ndarray, "3"]]:
+    names = [name for name in cluster if name in shapes and len(shapes[name])]
+    if len(names) < 4:
+        return {}
+    seen = np.stack([np.isfinite(shapes[name]).all(axis=1) for name in names], axis=1)
+    frame = int(seen.sum(axis=1).argmax())
+    return {name: shapes[name][frame] for name, visible in zip(names, seen[frame], strict=True) if visible}
+
+
+def _is_same_track(track: Points, before: Points | None) -> bool:
+    return before is not None and bool(np.array_equal(track, before, equal_nan=True))
+
+
+@dataclass(frozen=True)
+class Frame:
+    """Axes of a segment over time and its constant length."""
+
+    origin_m: Points
+    X: Points
+    Y: Points
+    Z: Points
+    length_m: float
+
+    def point_at(self, k: tuple[float, float, float]) -> Points:
+        """World position of the point with coordinates ``k`` (forwards, upwards, rightwards) per length."""
+        return self.origin_m + self.length_m * (k[0] * self.X + k[1] * self.Y + k[2] * self.Z)
+
+
+def segment_frames(p: Tracks, joints: Joints, body: Anthropometry) -> dict[str, Frame]:
+    """Frames of all segments by name."""
+    c, z = joints.centres, joints.rightward
+    X, Y, Z = pelvis_axes(p)
+    hips = (c["l_hip"] + c["r_hip"]) / 2
+    shoulders = (c["l_shoulder"] + c["r_shoulder"]) / 2
+    to_hips = hips - c["lumbar"]
+    sagittal = to_hips - component_along(to_hips, Z)
+    nape = p.get("c7", c["cervical"])
+    frames = {
+        "pelvis": Frame(c["lumbar"], X, Y, Z, median_or_nan(np.linalg.norm(sagittal, axis=1))),
+        "torso": limb_frame(c["cervical"], c["lumbar"], z["torso"]),
+        "head": _upward_frame(c["cervical"], c["vertex"], z["head"]),
+        "trunk": limb_frame(shoulders, hips, z["torso"]),
+        "head_neck": _upward_frame(nape, c["vertex"], z["head"]),
+    }
+    for s in "lr":
+        frames[f"{s}_upper_arm"] = limb_frame(c[f"{s}_shoulder"], c[f"{s}_elbow"], z[f"{s}_upper_arm"])
+        frames[f"{s}_forearm"] = limb_frame(c[f"{s}_elbow"], c[f"{s}_wrist"], z[f"{s}_forearm"])
+        frames[f"{s}_hand"] = _hand_frame(s, joints, frames[f"{s}_forearm"], body)
+        frames[f"{s}_thigh"] = limb_frame(c[f"{s}_hip"], c[f"{s}_knee"], z[f"{s}_thigh"])
+        frames[f"{s}_shank"] = limb_frame(c[f"{s}_knee"], c[f"{s}_ankle"], z[f"{s}_shank"])
+        frames[f"{s}_foot"] = foot = _foot_frame(p, s, joints, frames[f"{s}_shank"], body)
+        frames[f"{s}_whole_foot"] = _whole_foot_frame(p, s, foot, frames[f"{s}_shank"], body)
+    return frames
+
+
+def limb_frame(proximal: Points, distal: Points, rightward: Points) -> Frame:
+    """Frame at ``proximal`` with Y from ``distal`` to ``proximal``."""
+    Y = unit(proximal - distal)
+    X = unit(np.cross(Y, rightward))
+    return Frame(proximal, X, Y, np.cross(X, Y), median_distance_m(proximal, distal))
+
+
+def _upward_frame(base: Points, top: Points, rightward: Points) -> Frame:
+    frame = limb_frame(top, base, rightward)
+    return Frame(base, frame.X, frame.Y, frame.Z, frame.length_m)
+
+
+def _hand_frame(s: str, joints: Joints, forearm: Frame, body: Anthropometry) -> Frame:
+    """Hand from wrist to knuckles; without knuckles it continues the forearm with a proportional length."""
+    c, wrist = joints.centres, joints.centres[f"{s}_wrist"]
+    if has_landmarks(c, f"{s}_knuckles"):
+        return limb_frame(wrist, c[f"{s}_knuckles"], joints.rightward.get(f"{s}_hand", forearm.Z))
+    length = forearm.length_m * body.length_m["hand"] / body.length_m["forearm"]
+    return Frame(wrist, forearm.X, forearm.Y, forearm.Z, length)
+
+
+def _foot_frame(p: Tracks, s: str, joints: Joints, shank: Frame, body: Anthropometry) -> Frame:
+    """Foot with X from heel to forefoot (or toe, or 5th metatarsal); without them it is perpendicular to the shank."""
+    c, ankle = joints.centres, joints.centres[f"{s}_ankle"]
+    tip = c.get(f"{s}_forefoot", p.get(f"{s}_toe", p.get(f"{s}_mt5")))
+    length = shank.length_m * body.length_m["foot"] / body.length_m["shank"]
+    if has_landmarks(c, f"{s}_forefoot"):
+        length = median_distance_m(ankle, c[f"{s}_forefoot"])
+    if tip is None or not has_landmarks(p, f"{s}_heel"):
+        return Frame(ankle, shank.X, shank.Y, shank.Z, length)
+    sole = limb_frame(p[f"{s}_heel"], tip, joints.rightward.get(f"{s}_foot", shank.Z))
+    return Frame(ankle, -sole.Y, sole.X, sole.Z, length)
+
+
+def _whole_foot_frame(p: Tracks, s: str, foot: Frame, shank: Frame, body: Anthropometry) -> Frame:
+    """Foot from heel to toe tip; the tip is not marked, so the length is a mean proportion of the shank."""
+    length = shank.length_m * body.length_m["whole_foot"] / body.length_m["shank"]
+    heel = p.get(f"{s}_heel", foot.origin_m - 0.25 * length * foot.X)
+    return Frame(heel, foot.X, foot.Y, foot.Z, length)
+
 
 TableName = Literal["auto", "dumas2007", "deleva1996", "carried"]
 
@@ -64,14 +280,14 @@ class SegmentModel:
         segments = _segment_tracks(table, segment_frames(p, joints, body))
         com_m = np.sum([s.mass_fraction * s.com_m for s in segments.values()], axis=0)
         _require_visible(com_m, p)
-        gaps = missing_markers.applied_substitutes(joints.substitutes | pelvis)
-        sd_m = missing_markers.widened_sd_m(table.sd_m, gaps)
+        gaps = applied_substitutes(joints.substitutes | pelvis)
+        sd_m = widened_sd_m(table.sd_m, gaps)
         remarks = [gap.remark for gap in gaps]
         if rebuilt:
             remarks.append(Remark("markers-rebuilt", f"Rebuilt from their rigid neighbours: {', '.join(rebuilt)}."))
         if subject.sex is None and table.name != CARRIED:
-            sd_m = missing_markers.widened_sd_m(sd_m, (missing_markers.SEX_UNKNOWN,))
-            remarks.append(missing_markers.SEX_UNKNOWN.remark)
+            sd_m = widened_sd_m(sd_m, (SEX_UNKNOWN,))
+            remarks.append(SEX_UNKNOWN.remark)
         return GeometricCom(
             time_s=recording.time_s,
             com_m=com_m,
@@ -106,18 +322,16 @@ def _static_tracks(
     return _landmark_tracks(static, {**own, **shared})
 
 
-def _complete_tracks(
-    tracks: Tracks, shapes: missing_markers.Shapes, rate_hz: float
-) -> tuple[dict[str, Points], tuple[str, ...]]:
+def _complete_tracks(tracks: Tracks, shapes: Shapes, rate_hz: float) -> tuple[dict[str, Points], tuple[str, ...]]:
     """Tracks with gaps filled by rigid clusters, first shaped as in the static trial, then as in the trial itself.
 
     Short gaps in clusters of which too few markers are visible are bridged (``bridge_segment_gaps``).
     Landmarks visible in less than half of the frames with a visible pelvis are removed.
     """
-    p, from_static = missing_markers.rebuild_markers(tracks, shapes)
-    p, from_itself = missing_markers.rebuild_markers(p, p)
+    p, from_static = rebuild_markers(tracks, shapes)
+    p, from_itself = rebuild_markers(p, p)
     bridged: set[str] = set()
-    for cluster in missing_markers.CLUSTERS:
+    for cluster in CLUSTERS:
         filled = bridge_segment_gaps({name: p[name] for name in cluster if name in p}, rate_hz)
         bridged |= {name for name, track in filled.items() if track is not p[name]}
         p |= filled
@@ -129,7 +343,7 @@ def _complete_tracks(
     return p, tuple(sorted((from_static | from_itself | bridged) & p.keys()))
 
 
-def _widths_m(recording: Recording, shapes: missing_markers.Shapes) -> dict[str, float]:
+def _widths_m(recording: Recording, shapes: Shapes) -> dict[str, float]:
     """Joint widths between marker centres: measured with a calliper, else from the static trial."""
     seen = {
         f"{s}_{joint}": median_distance_m(shapes[f"{s}_{joint}_lateral"], shapes[f"{s}_{joint}_medial"])

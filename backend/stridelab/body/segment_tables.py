@@ -3,7 +3,7 @@
     c = sum_s m_s p_s,   p_s = o_s + L_s R_s k_s,   sum_s m_s = 1
 
 ``m_s`` is ``SegmentRow.mass_fraction``, ``k_s`` is ``SegmentRow.com`` (forwards, upwards, rightwards, as a fraction of
-the segment length ``L_s``); origin ``o_s``, rotation ``R_s`` and ``L_s`` come from ``stridelab.body.segment_frames``. A
+the segment length ``L_s``); origin ``o_s``, rotation ``R_s`` and ``L_s`` come from ``stridelab.body.segment_model``. A
 table is keyed by frame names: unpaired ones (``pelvis``, ``torso``, ``head``) and sided ones (``l_thigh``,
 ``r_thigh``). A file may give a paired segment once, without side, as measured on the right: the left one is its mirror
 image.

@@ -13,7 +13,6 @@ from typer.core import TyperGroup
 
 from stridelab import __version__
 from stridelab.cli.backup import adopt, backup, restore
-from stridelab.cli.console import FAILURE, INTERRUPTED, exit_code, out, show_error
 from stridelab.cli.fit_cycloid import fit_cycloid
 from stridelab.cli.options import (
     AsJson,
@@ -31,6 +30,7 @@ from stridelab.cli.options import (
     with_groups,
 )
 from stridelab.cli.plan_motion import export_contacts, import_contacts, learn_reachability, plan, plan_contacts, sweep
+from stridelab.cli.results import FAILURE, INTERRUPTED, exit_code, out, show_error
 from stridelab.cli.stream import stream
 from stridelab.cli.study_population import study_population
 from stridelab.cli.tokens import tokens
@@ -112,7 +112,7 @@ def estimate(
 ) -> None:
     """Estimate the centre of mass of one recording, or of each of a session; needs no server."""
     from stridelab.cli.estimate import estimate_recording as run
-    from stridelab.cli.recording_request import EstimateRequest
+    from stridelab.cli.options import EstimateRequest
     from stridelab.cli.session import estimate_session, recordings_below
 
     if len(walks.files) == 1 and not walks.files[0].is_dir():
@@ -137,7 +137,7 @@ def compare(
 ) -> None:
     """Compare all estimators on one recording; needs no server."""
     from stridelab.cli.compare import compare_methods as run
-    from stridelab.cli.recording_request import EstimateRequest
+    from stridelab.cli.options import EstimateRequest
 
     request = EstimateRequest(walk, method, estimation, preparation)
     run(request, truth=truth, delivery=delivery)
@@ -272,7 +272,7 @@ def version() -> None:
 
 
 def main() -> None:
-    """Run the command line; exit codes are those of ``cli.console.EXIT_CODES``."""
+    """Run the command line; exit codes are those of ``cli.results.EXIT_CODES``."""
     # Small matrices: threads of the linear algebra only wait for each other. The service's computations have one, too.
     for library in ("OMP", "OPENBLAS"):
         os.environ.setdefault(f"{library}_NUM_THREADS", "1")

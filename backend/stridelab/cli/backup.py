@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from stridelab.cli.console import err, out, progress_bar
+from stridelab.cli.results import err, out, progress_bar
 from stridelab.cli.serve import read_settings
 
 Replace = Annotated[bool, typer.Option("--replace", help="Replace existing data.")]

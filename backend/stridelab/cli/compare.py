@@ -6,12 +6,12 @@ from pathlib import Path
 from rich.markup import escape
 from rich.table import Table
 
-from stridelab.cli.console import out, progress_bar
 from stridelab.cli.estimate import require_file, staged_files
-from stridelab.cli.options import Delivery
-from stridelab.cli.recording_request import EstimateRequest
+from stridelab.cli.options import Delivery, EstimateRequest
 from stridelab.cli.results import (
     end_if_contradicted,
+    out,
+    progress_bar,
     refuse_to_overwrite,
     result_folder,
     show_files,

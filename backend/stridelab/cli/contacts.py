@@ -10,9 +10,10 @@ from typing import Any, Final
 
 from rich.markup import escape
 
-from stridelab.cli.console import out, progress_bar
 from stridelab.cli.options import Delivery
 from stridelab.cli.results import (
+    out,
+    progress_bar,
     refuse_to_overwrite,
     result_folder,
     show_files,

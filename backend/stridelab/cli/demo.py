@@ -10,12 +10,10 @@ from typing import Final
 from rich.markup import escape
 from rich.table import Table
 
-from stridelab.cli.console import out
 from stridelab.cli.estimate import estimate_here, show_estimate
-from stridelab.cli.options import Walk
+from stridelab.cli.options import EstimateRequest, Walk
 from stridelab.cli.plan_motion import PlanRequest, plan_here, show_plan
-from stridelab.cli.recording_request import EstimateRequest
-from stridelab.cli.results import refuse_to_overwrite, result_folder
+from stridelab.cli.results import out, refuse_to_overwrite, result_folder
 from stridelab.errors import Unavailable
 from stridelab.resources import models_dir
 

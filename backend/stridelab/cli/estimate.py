@@ -9,11 +9,11 @@ from typing import Any
 from rich.markup import escape
 from rich.table import Table
 
-from stridelab.cli.console import out, progress_bar
-from stridelab.cli.options import Delivery
-from stridelab.cli.recording_request import EstimateRequest, parse_named_value, parse_numbers
+from stridelab.cli.options import Delivery, EstimateRequest, parse_named_value, parse_numbers
 from stridelab.cli.results import (
     end_if_contradicted,
+    out,
+    progress_bar,
     refuse_to_overwrite,
     result_folder,
     show_files,

@@ -6,12 +6,21 @@ from typing import Final
 from rich.markup import escape
 from rich.table import Table
 
-from stridelab.cli.console import out, progress_bar
 from stridelab.cli.estimate import require_file, staged_files
-from stridelab.cli.options import BestMethod, Delivery, Estimation, Preparation, StepChoice, Walk, with_groups
-from stridelab.cli.recording_request import EstimateRequest
+from stridelab.cli.options import (
+    BestMethod,
+    Delivery,
+    EstimateRequest,
+    Estimation,
+    Preparation,
+    StepChoice,
+    Walk,
+    with_groups,
+)
 from stridelab.cli.results import (
     end_if_contradicted,
+    out,
+    progress_bar,
     refuse_to_overwrite,
     result_folder,
     show_files,

@@ -7,9 +7,10 @@ from typing import Any
 from rich.markup import escape
 from rich.table import Table
 
-from stridelab.cli.console import out, progress_bar
 from stridelab.cli.options import Delivery
 from stridelab.cli.results import (
+    out,
+    progress_bar,
     refuse_to_overwrite,
     result_folder,
     show_files,

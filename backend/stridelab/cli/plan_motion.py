@@ -7,7 +7,6 @@ from typing import Annotated, Final
 import typer
 from rich.markup import escape
 
-from stridelab.cli.console import out, progress_bar
 from stridelab.cli.options import (
     ControlOption,
     Delivery,
@@ -19,6 +18,8 @@ from stridelab.cli.options import (
     with_groups,
 )
 from stridelab.cli.results import (
+    out,
+    progress_bar,
     refuse_to_overwrite,
     result_folder,
     show_files,

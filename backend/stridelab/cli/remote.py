@@ -5,9 +5,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from stridelab.cli.console import Bar, progress_bar
-from stridelab.cli.recording_request import EstimateRequest
-from stridelab.cli.results import write_result
+from stridelab.cli.options import EstimateRequest
+from stridelab.cli.results import Bar, progress_bar, write_result
 from stridelab.client import Client, ClientError, ProblemError, Unreachable
 from stridelab.errors import (
     Busy,

@@ -11,10 +11,12 @@ from typing import Final
 from rich.markup import escape
 from rich.table import Table
 
-from stridelab.cli.console import err, out, progress_bar
 from stridelab.cli.options import Delivery
 from stridelab.cli.results import (
     cannot_write,
+    err,
+    out,
+    progress_bar,
     refuse_to_overwrite,
     result_folder,
     show_files,

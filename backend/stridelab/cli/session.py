@@ -12,11 +12,9 @@ from pathlib import Path
 
 from rich.markup import escape
 
-from stridelab.cli.console import Bar, err, out, progress_bar
 from stridelab.cli.estimate import estimate_here, require_file, show_estimate
-from stridelab.cli.options import Delivery
-from stridelab.cli.recording_request import EstimateRequest
-from stridelab.cli.results import refuse_to_overwrite, result_folder
+from stridelab.cli.options import Delivery, EstimateRequest
+from stridelab.cli.results import Bar, err, out, progress_bar, refuse_to_overwrite, result_folder
 from stridelab.errors import Fault, InvalidInput, NotEstimable, StridelabError
 from stridelab.pipelines.session_values import TrialFacts, select_static_trial, session_values
 from stridelab.recordings.files.recording_files import recordings_in

@@ -15,21 +15,21 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
-from stridelab.cli.console import out, progress_bar
 from stridelab.cli.estimate import require_file, staged_files
 from stridelab.cli.options import (
     AsJson,
     Cutoffs,
+    EstimateRequest,
     Estimation,
     Latency,
     OnlineMethod,
     Preparation,
     Token,
     Walk,
+    parse_numbers,
     with_groups,
 )
-from stridelab.cli.recording_request import EstimateRequest, parse_numbers
-from stridelab.cli.results import validate_options
+from stridelab.cli.results import out, progress_bar, validate_options
 from stridelab.errors import Fault, InvalidInput
 from stridelab.schemas.jobs import EstimateComInput
 from stridelab.schemas.streams import StreamConfiguration, StreamEstimate, StreamSample

@@ -12,11 +12,14 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
-from stridelab.cli.console import Bar, err, out, progress_bar
 from stridelab.cli.estimate import require_file
 from stridelab.cli.options import BestMethod, Delivery, Force, OutFolder, Server, StepChoice, Token
 from stridelab.cli.results import (
+    Bar,
     end_if_contradicted,
+    err,
+    out,
+    progress_bar,
     refuse_to_overwrite,
     result_folder,
     show_files,

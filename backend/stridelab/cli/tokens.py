@@ -6,7 +6,7 @@ from typing import Annotated, Any, TypeVar
 
 import typer
 
-from stridelab.cli.console import err, out
+from stridelab.cli.results import err, out
 from stridelab.errors import Fault, InvalidInput
 from stridelab.schemas.access import TokenScope
 

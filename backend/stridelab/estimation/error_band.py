@@ -26,9 +26,8 @@ from jaxtyping import Float
 from stridelab.conventions import Points
 from stridelab.dynamics.wrench import AXIS_THRESHOLD_N, Wrench, com_acceleration
 from stridelab.estimation.complementary.forward_backward import FilterInputs
-from stridelab.estimation.differentiation import smoothed_derivatives
+from stridelab.estimation.differentiation import smoothed_derivatives, walk_frame
 from stridelab.estimation.error_priors import ErrorPriors, SdPerAxis
-from stridelab.estimation.time_span import walk_frame
 
 WindowPoints = Float[np.ndarray, "window 3"]
 

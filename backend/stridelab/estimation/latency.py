@@ -26,9 +26,15 @@ from stridelab.body.geometric_com import GeometricCom
 from stridelab.conventions import GRAVITY_M_S2, PerAxis, Points, Rotation, Series
 from stridelab.dynamics.wrench import contact_force
 from stridelab.errors import NotEstimable
-from stridelab.estimation.differentiation import BAND_HZ, low_pass, smoothed_derivatives
+from stridelab.estimation.differentiation import (
+    BAND_HZ,
+    Span,
+    low_pass,
+    require_mass,
+    smoothed_derivatives,
+    window_span,
+)
 from stridelab.estimation.latency_likelihood import clock_likelihood
-from stridelab.estimation.time_span import Span, require_mass, window_span
 from stridelab.recordings.recording import WrenchTrack
 
 PerLag = Float[np.ndarray, "lags 3"]

@@ -24,8 +24,7 @@ from scipy.interpolate import CubicSpline
 
 from stridelab.body.geometric_com import GeometricCom
 from stridelab.conventions import Points, Rotation, Series
-from stridelab.estimation.differentiation import BAND_HZ
-from stridelab.estimation.time_span import Span
+from stridelab.estimation.differentiation import BAND_HZ, Span
 from stridelab.recordings.recording import WrenchTrack
 
 SLOW_HZ: Final = 0.7

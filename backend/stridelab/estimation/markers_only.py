@@ -4,11 +4,10 @@ from dataclasses import dataclass, field
 from typing import ClassVar
 
 from stridelab.body.geometric_com import GeometricCom
-from stridelab.estimation.differentiation import BAND_HZ, smoothed_derivatives
+from stridelab.estimation.differentiation import BAND_HZ, require_mass, smoothed_derivatives, window_span
 from stridelab.estimation.error_band import geometry_sd_m
 from stridelab.estimation.error_priors import ErrorPriors
 from stridelab.estimation.estimator import ComEstimate
-from stridelab.estimation.time_span import require_mass, window_span
 from stridelab.recordings.recording import WrenchTrack
 
 

@@ -169,7 +169,7 @@ class CentreOfMass:
         """
         from stridelab.cli.results import result_folder, write_result
         from stridelab.service.kinds.base import Outcome
-        from stridelab.service.kinds.estimate_com.files import write_com_result
+        from stridelab.service.kinds.estimate_com.run import write_com_result
 
         source, copy = self.loaded.source, self.loaded.path.name
         with result_folder(Path(folder), force=replace) as made:

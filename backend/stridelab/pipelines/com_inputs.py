@@ -16,15 +16,14 @@ import numpy as np
 from stridelab.body.geometric_com import GeometricCom
 from stridelab.body.segment_model import SegmentModel
 from stridelab.errors import Fault, InvalidInput, NotEstimable
-from stridelab.estimation.time_span import SHORTEST_WINDOW_S
+from stridelab.estimation.differentiation import SHORTEST_WINDOW_S
 from stridelab.pipelines.body_mass import BodyMass, body_mass, session_masses, standing_masses
 from stridelab.pipelines.latency_policy import LatencyChoice, choose_latency
 from stridelab.pipelines.progress import ProgressCallback
 from stridelab.pipelines.trial import Trial, assign_static_landmarks, examine_trial, read_static
 from stridelab.recordings import force_windows as measured
 from stridelab.recordings.gap_filling import MAX_GAP_S, true_runs
-from stridelab.recordings.marker_set_files import WAYS_TO_NAME_MARKERS
-from stridelab.recordings.marker_sets import MarkerSetMatch
+from stridelab.recordings.marker_sets import WAYS_TO_NAME_MARKERS, MarkerSetMatch
 from stridelab.recordings.recording import Remark, Subject, Window, WrenchTrack
 from stridelab.recordings.total_wrench import wrench_track
 from stridelab.schemas.methods import METHODS

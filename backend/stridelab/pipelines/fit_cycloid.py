@@ -11,9 +11,9 @@ import numpy as np
 
 from stridelab.conventions import Vector3
 from stridelab.errors import NotEstimable
+from stridelab.estimation.differentiation import walk_frame
 from stridelab.estimation.estimator import ComEstimate
 from stridelab.estimation.markers_only import GeometryOnly
-from stridelab.estimation.time_span import walk_frame
 from stridelab.pipelines.com_inputs import ComInputs, prepare_com_inputs
 from stridelab.pipelines.cycloid_summary import cycloid_summary
 from stridelab.pipelines.estimate_com import assess_estimate, estimate_with_fallback, requested_method

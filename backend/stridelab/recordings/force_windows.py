@@ -3,34 +3,48 @@
 A frame is complete if the whole outline of every foot that may be on the ground lies on loaded plates in use. On
 overground walks over two plates this holds from the trailing foot's lift-off to the leading foot's second strike. If
 the motion of the body is known, frames in which the plates carry less than the motion requires are excluded as well: a
-chair, a rail or the floor beside a plate carries the rest (``missing_force``). In flight the contact force is known to
+chair, a rail or the floor beside a plate carries the rest. In flight the contact force is known to
 be zero: these frames are complete, wherever the feet are, and count as measured. The events in a file are not used.
+
+Missing force: the plates carry less than the motion of the body requires.
+
+With m the mass, z the height of the markers' centre of mass and f_z the sum of the plates, both low-passed at 4 Hz,
+
+    D(t) = min over |s| <= 30 ms of (g + z''(t + s)) / g - f_z(t) / (m g)
+
+is the missing share of body weight, carried by a chair, a rail, a stick or the floor beside the plate. In free fall
+z'' = -g, and no force is missing. The minimum over 30 ms allows for the latency between force and markers.
+
+Flight: no plate is loaded, both feet are above the floor, and z falls as a parabola of -g. The contact force is then
+known to be zero, wherever the feet are.
 """
 
 import itertools
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Int
 
-from stridelab.conventions import Mask
+from stridelab.conventions import GRAVITY_M_S2, Mask, Series
 from stridelab.errors import Fault, NotEstimable
-from stridelab.recordings.body_mass import VerticalMotion
+from stridelab.recordings.body_mass import VerticalMotion, low_band
 from stridelab.recordings.files.raw import NO_FORCE_FILE
 from stridelab.recordings.foot_contact import Foot, find_feet, foot_outline
-from stridelab.recordings.foot_on_plate import (
+from stridelab.recordings.force_plates import COP_NEVER_ON_PLATE
+from stridelab.recordings.gap_filling import true_runs
+from stridelab.recordings.plate_contacts import (
     STAIR_M,
+    loaded_intervals,
     main_plate,
     markers_on_plate,
     outline_off_plates,
     step_overhang_contacts,
+    vertical_force_n,
+    whole_steps,
 )
-from stridelab.recordings.force_plates import COP_NEVER_ON_PLATE
-from stridelab.recordings.gap_filling import true_runs
-from stridelab.recordings.missing_force import flight_frames, frames_missing_force
-from stridelab.recordings.plate_contacts import loaded_intervals, vertical_force_n, whole_steps
 from stridelab.recordings.recording import Plate, Recording, Remark, Window
+from stridelab.recordings.total_wrench import low_pass
 
 MIN_WINDOW_S = 0.25
 """Half a step at a normal pace; nothing can be estimated from less."""
@@ -269,3 +283,117 @@ def _windows_from_load(recording: Recording, plates: list[Plate]) -> tuple[Windo
         else:
             spans.append((start_s, end_s))
     return tuple(Window(start_s, end_s) for start_s, end_s in spans)
+
+
+MISSING_SHARE, MISSING_SHARE_BY_PELVIS = 0.2, 0.4
+"""Share of body weight above which force is missing. The largest D in windows without a fault is 0.12 (fast walks)."""
+_CLEAR = 0.5
+"""An interval of missing force extends until the missing share falls below this fraction of the limit."""
+_LATENCY_S = 0.03
+_LIFTED_M_S2 = 4.0
+"""Frames with a smaller g + z'' are not used to estimate the mass."""
+_LEVEL_PERCENTILE = 75.0
+_LIGHT, _ABSURD, _STEADY = 1.1, 1.5, 0.3
+_CLEARANCE_M, _MIN_FLIGHT_S, _MIN_FLIGHT_FRAMES = 0.01, 0.05, 5
+"""Least height of both feet above the floor, and the shortest flight whose acceleration can be measured."""
+_STANDING_PERCENTILE = 5.0
+_FREE_FALL_SHARE = 0.3
+"""Largest deviation of the acceleration from -g, as a share of g; 0.27 is the largest in 150 flights of 4 runners."""
+
+
+def flight_frames(recording: Recording, feet: Sequence[Foot], motion: VerticalMotion | None) -> Mask:
+    """Frames in which nothing touches the body; False where the motion or the height of a foot is unknown.
+
+    A body on a chair, a rail or a stick may leave the plates as well, but does not fall freely.
+    """
+    flight = np.zeros(recording.n_frames, dtype=bool)
+    loaded = _loaded_frames(recording)
+    if motion is None or len(feet) < 2 or not loaded.any():
+        return flight
+    lifted = ~loaded & np.isfinite(motion.height_m)
+    for foot in feet:
+        lifted &= _height_above_floor_m(foot) > _CLEARANCE_M
+    for i, j in true_runs(lifted):
+        if j - i >= max(_MIN_FLIGHT_FRAMES, _MIN_FLIGHT_S * recording.marker_rate_hz):
+            fall = 2.0 * np.polyfit(recording.time_s[i:j] - recording.time_s[i], motion.height_m[i:j], 2)[0]
+            flight[i:j] = abs(fall + GRAVITY_M_S2) < _FREE_FALL_SHARE * GRAVITY_M_S2
+    return flight
+
+
+def _loaded_frames(recording: Recording) -> Mask:
+    """Frames in which a plate in use is loaded."""
+    loaded, time_s = np.zeros(recording.n_frames, dtype=bool), recording.time_s
+    for plate in recording.plates:
+        for start_s, end_s in loaded_intervals(plate, recording.force_rate_hz) if plate.use else ():
+            loaded |= (time_s >= start_s) & (time_s <= end_s)
+    return loaded
+
+
+def _height_above_floor_m(foot: Foot) -> Series:
+    """Height of the foot's lowest marker above its own height on the floor; NaN where the whole foot is hidden."""
+    height_m = foot.markers_m[:, :, 2]
+    height_m = height_m[:, np.isfinite(height_m).any(axis=0)]
+    above_m = height_m - np.nanpercentile(height_m, _STANDING_PERCENTILE, axis=0)
+    lowest_m = np.nan_to_num(above_m, nan=np.inf).min(axis=1, initial=np.inf)
+    return np.where(np.isfinite(lowest_m), lowest_m, np.nan)
+
+
+def frames_missing_force(
+    recording: Recording, windows: Sequence[Window], motion: VerticalMotion, stated_kg: float | None
+) -> Mask:
+    """Frames of the candidate ``windows`` in which force is missing; False where the motion is unknown."""
+    missing = np.zeros(recording.n_frames, dtype=bool)
+    rate_hz = recording.marker_rate_hz
+    up_n = _force_at_frames(recording)
+    spans = []
+    for window in windows:
+        i, j = round(window.start_s * rate_hz), round(window.end_s * rate_hz) + 1
+        spans += [(i + a, i + b) for a, b in true_runs(motion.known_frames[i:j]) if b - a >= 3]
+    force_n = {span: low_band(up_n[slice(*span)], rate_hz) for span in spans}
+    mass_kg = _plate_level_kg(recording, windows, force_n, motion, stated_kg)
+    if mass_kg is None:
+        return missing
+    limit = MISSING_SHARE_BY_PELVIS if motion.from_pelvis else MISSING_SHARE
+    reach = max(1, round(_LATENCY_S * rate_hz))
+    for (i, j), carried_n in force_n.items():
+        padded = np.pad(1.0 + motion.acceleration_m_s2[i:j] / GRAVITY_M_S2, reach, constant_values=np.inf)
+        needed = np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1).min(axis=1)
+        lacking = needed - carried_n / (mass_kg * GRAVITY_M_S2)
+        for a, b in true_runs(lacking > _CLEAR * limit):
+            missing[i + a : i + b] = bool(lacking[a:b].max() > limit)
+    return missing
+
+
+def _plate_level_kg(
+    recording: Recording,
+    windows: Sequence[Window],
+    force_n: dict[tuple[int, int], Series],
+    motion: VerticalMotion,
+    stated_kg: float | None,
+) -> float | None:
+    """Mass that the plates carry when no force is missing: the upper quartile of f_z / (g + z'').
+
+    A given mass that is larger by 10 % is used instead, unless the plates carry their level steadily over a whole step
+    or in quiet stance, or the given mass is larger by 50 %: then the given mass is considered wrong.
+    """
+    ratios = []
+    for (i, j), carried_n in force_n.items():
+        needed = GRAVITY_M_S2 + motion.acceleration_m_s2[i:j]
+        ratios.append(carried_n[needed > _LIFTED_M_S2] / needed[needed > _LIFTED_M_S2])
+    ratio = np.concatenate([np.zeros(0), *ratios])
+    if len(ratio) == 0:
+        return None
+    low, middle, level, high = np.percentile(ratio, (10.0, 50.0, _LEVEL_PERCENTILE, 90.0))
+    if stated_kg is not None and _LIGHT * level < stated_kg < _ABSURD * level:
+        stands = recording.walking_direction is None
+        whole = stands or any(whole_steps(recording, window) for window in windows)
+        if not (whole and high - low < _STEADY * middle):
+            return stated_kg
+    return float(level) if level > 0.0 else None
+
+
+def _force_at_frames(recording: Recording) -> Series:
+    """Upward force of the plates in use at the marker instants, low-passed to remove plate ringing."""
+    up_n = vertical_force_n(recording)
+    smooth = low_pass(np.column_stack([np.zeros_like(up_n), np.zeros_like(up_n), up_n]), recording.force_rate_hz)[:, 2]
+    return np.asarray(np.interp(recording.time_s, np.arange(len(smooth)) / recording.force_rate_hz, smooth))

@@ -19,7 +19,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.optimize import linear_sum_assignment
 
-from stridelab.recordings.marker_set_files import PAIRED, marker_sets, normalised_label
+from stridelab.recordings.marker_sets import PAIRED, marker_sets, normalised_label
 from stridelab.recordings.recording import Recording
 from stridelab.resources import models_dir
 

@@ -4,29 +4,224 @@ Among the sets whose ``required`` landmarks are all present, the one that matche
 another shipped set matches as many and takes a label for another landmark. A user's
 ``marker_map`` (landmark to label) overrides and completes a set; if less than half of a set matches, a map that names
 pelvis and legs is used on its own ("custom").
+
+Marker set files: the possible labels of each landmark, read from a file or a request and validated.
+
+Imports no numeric package. ``{s}`` in a label stands for the side letter, or for the words of ``sides``. Labels match
+regardless of case, spaces, dots, underscores and hyphens, and without a prefix up to the last colon (``Subject:LASI``).
+
+Landmarks are named ``asis``, ``knee_lateral``, ...; paired ones carry ``l_`` or ``r_``. Technical markers of a rigid
+cluster are ``<segment>_t1``, ``<segment>_t2``, ...
 """
 
 import itertools
+import re
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
-from typing import Final
+from pathlib import Path
+from typing import Any, Final
 
-from stridelab.errors import Fault, InvalidInput
-from stridelab.recordings.marker_set_files import (
-    LANDMARKS,
-    LOCOMOTION,
-    MarkerSet,
-    absent_landmarks,
-    both_sides,
-    is_landmark,
-    labels_by_form,
-    marker_sets,
-    normalised_label,
-)
+from stridelab.errors import Fault, InvalidInput, UnreadableFile
 from stridelab.recordings.recording import Remark
 from stridelab.resources import models_dir
+
+PAIRED: Final = (
+    *("asis", "psis", "trochanter", "knee_lateral", "knee_medial", "fibula_head", "tibial_tuberosity"),
+    *("ankle_lateral", "ankle_medial", "heel", "mt1", "mt2", "mt5", "toe", "clavicle", "acromion"),
+    *("elbow_lateral", "elbow_medial", "wrist_radial", "wrist_ulnar", "mc2", "mc5"),
+    *("head_front", "head_back", "head_side"),
+    *("hip_centre", "knee_centre", "ankle_centre", "shoulder_centre", "elbow_centre", "wrist_centre"),
+)
+"""Landmarks that exist on both sides."""
+
+UNPAIRED: Final = ("sacrum", "c7", "t8", "t10", "t12", "jugular_notch", "xiphoid", "head_top")
+"""Landmarks in the median plane."""
+
+LANDMARKS: Final = frozenset({*UNPAIRED, *(f"{side}_{name}" for side in "lr" for name in PAIRED)})
+"""All anatomical landmarks that a set or a user's map may name."""
+
+LOCOMOTION: Final = (
+    *("l_asis|l_hip_centre", "r_asis|r_hip_centre", "l_psis|sacrum|l_hip_centre", "r_psis|sacrum|r_hip_centre"),
+    *("l_knee_lateral|l_knee_centre", "r_knee_lateral|r_knee_centre"),
+    *("l_ankle_lateral|l_ankle_centre", "r_ankle_lateral|r_ankle_centre"),
+)
+"""Landmarks of pelvis and legs: required of a user's map, and of a user's set that requires nothing else."""
+
+WAYS_TO_NAME_MARKERS: Final = (
+    "Name the markers on the page of the recording, with --marker or the field marker_map, or store a marker set for "
+    "all recordings with these labels (--marker-set FILE, POST /marker-sets)."
+)
+"""What a user can do about an unknown marker set."""
+
+_TECHNICAL: Final = re.compile(r"([lr]_)?(head|trunk|pelvis|upper_arm|forearm|thigh|shank|foot)_t\d")
+_FIELDS: Final = frozenset({"name", "title", "required", "paired", "unpaired", "sides"})
+_MAX_FILE_BYTES: Final = 200_000
+
+
+@dataclass(frozen=True)
+class MarkerSet:
+    """One marker set: the possible labels of each landmark, normalised, and the landmarks that must be present.
+
+    An entry of ``required`` may list alternatives separated by ``|``.
+    """
+
+    name: str
+    title: str
+    labels: Mapping[str, tuple[str, ...]]
+    required: tuple[str, ...]
+
+    def matching_labels(self, present: Mapping[str, str]) -> dict[str, str]:
+        """Label of each landmark that is present; ``present`` maps normalised labels to labels (``labels_by_form``)."""
+        hits = ((landmark, next((n for n in names if n in present), None)) for landmark, names in self.labels.items())
+        return {landmark: present[name] for landmark, name in hits if name is not None}
+
+
+def normalised_label(label: str) -> str:
+    """Normal form of a label for comparison: no prefix, no separators, lower case."""
+    return re.sub(r"[\s._\-]", "", label.rsplit(":", 1)[-1]).lower()
+
+
+def labels_by_form(labels: Iterable[str]) -> dict[str, str]:
+    """The labels by their normal form; of equal ones the first."""
+    present: dict[str, str] = {}
+    for label in labels:
+        present.setdefault(normalised_label(label), label)
+    return present
+
+
+def is_landmark(name: str) -> bool:
+    """Whether ``name`` is an anatomical landmark or a technical marker of a segment."""
+    return name in LANDMARKS or _TECHNICAL.fullmatch(name) is not None
+
+
+def absent_landmarks(required: Iterable[str], landmarks: Iterable[str]) -> tuple[str, ...]:
+    """Entries of ``required``, each with alternatives separated by ``|``, that ``landmarks`` do not satisfy."""
+    there = frozenset(landmarks)
+    return tuple(entry for entry in required if not there & set(entry.split("|")))
+
+
+def both_sides(entries: Iterable[str]) -> tuple[str, ...]:
+    """Expand ``*_name`` to both sides."""
+    return tuple(entry.replace("*", side) for entry in entries for side in ("lr" if "*" in entry else "l"))
+
+
+@cache
+def marker_sets() -> Mapping[str, MarkerSet]:
+    """All shipped sets by name."""
+    files = sorted((models_dir() / "marker_sets").glob("*.toml"))
+    sets = [read_marker_set(path) for path in files if path.stem != "substitutes"]
+    return {known.name: known for known in sets}
+
+
+def read_marker_set(path: Path) -> MarkerSet:
+    """Read a marker set file (TOML, as in ``models/marker_sets``).
+
+    Raises ``UnreadableFile`` (``file-not-readable``, ``marker-set-not-toml``) and as ``parse_marker_set``.
+    """
+    try:
+        with path.open("rb") as file:
+            content = file.read(_MAX_FILE_BYTES + 1)
+    except OSError as error:
+        why = error.strerror or "not readable"
+        raise UnreadableFile("file-not-readable", f"Cannot read {path}: {why}.", [Fault(str(path), why)]) from error
+    try:
+        if len(content) > _MAX_FILE_BYTES:
+            raise ValueError(f"larger than {_MAX_FILE_BYTES // 1000} kB")
+        data = tomllib.loads(content.decode("utf-8-sig"))
+    except ValueError as error:  # of TOML, or of its encoding
+        message = f"The marker set file {path.name} is not a TOML file: {error}."
+        raise UnreadableFile("marker-set-not-toml", message, [Fault(path.name, str(error))]) from error
+    return parse_marker_set(data, path.name)
+
+
+def parse_marker_set(data: Mapping[str, Any], where: str) -> MarkerSet:
+    """Validate the content of one set file; ``where`` names the file in messages.
+
+    Raises ``InvalidInput`` (``marker-set-invalid``) with one fault per invalid entry.
+    """
+    faults = [Fault(key, f"not a field of a marker set; there are: {', '.join(sorted(_FIELDS))}") for key in
+              sorted(set(data) - _FIELDS)]  # fmt: skip
+    name, title, required = data.get("name", ""), data.get("title", ""), data.get("required", [])
+    if not isinstance(name, str) or not name.strip():
+        faults.append(Fault("name", "a name in quotes is missing"))
+    if not isinstance(title, str):
+        faults.append(Fault("title", "not a text"))
+    if not _is_list_of_texts(required):
+        faults.append(Fault("required", "not a list of landmarks"))
+    landmarks: dict[str, Sequence[str]] = {}
+    side_words = data.get("sides", ["l", "r"])
+    if not _is_list_of_texts(side_words) or len(side_words) != 2:
+        faults.append(Fault("sides", "not two texts, those of left and right"))
+        side_words = ["l", "r"]
+    for table, sides in (("unpaired", {"": ""}), ("paired", dict(zip(("l_", "r_"), side_words, strict=True)))):
+        entries = data.get(table, {})
+        if not isinstance(entries, Mapping):
+            faults.append(Fault(table, "not a table of landmarks"))
+            continue
+        for landmark, labels in entries.items():
+            if not _is_list_of_texts(labels):
+                faults.append(Fault(f"{table}.{landmark}", "not a list of labels in quotes"))
+                continue
+            for side, word in sides.items():
+                landmarks[side + landmark] = [label.replace("{s}", word) for label in labels]
+    if faults:
+        raise _invalid_set(where, faults)
+    return marker_set_of_labels(name.strip(), landmarks, both_sides(required), title=title, where=where)
+
+
+def marker_set_of_labels(
+    name: str,
+    landmarks: Mapping[str, Sequence[str]],
+    required: Iterable[str] = (),
+    *,
+    title: str = "",
+    where: str | None = None,
+) -> MarkerSet:
+    """A marker set from the possible labels of each landmark; ``where`` (default: the name) is used in messages.
+
+    Without ``required``, pelvis, knees and ankles are (``LOCOMOTION``). Raises ``InvalidInput``
+    (``marker-set-invalid``) naming each unknown landmark, empty or repeated label, and required landmark without one.
+    """
+    faults: list[Fault] = []
+    landmark_of: dict[str, str] = {}
+    for landmark, labels in landmarks.items():
+        if not is_landmark(landmark):
+            faults.append(Fault(f"landmarks.{landmark}", f"{landmark!r} is not a landmark"))
+        if not labels:
+            faults.append(Fault(f"landmarks.{landmark}", "has no label"))
+        for label in labels:
+            other = landmark_of.setdefault(normalised_label(label), landmark)
+            if not normalised_label(label):
+                faults.append(Fault(f"landmarks.{landmark}", f"the label {label!r} is empty"))
+            elif other != landmark:
+                faults.append(Fault(f"landmarks.{landmark}", f"the label {label!r} already stands for {other}"))
+    needed = tuple(required) or LOCOMOTION
+    for entry in needed:
+        unknown = [name for name in entry.split("|") if not is_landmark(name)]
+        if unknown:
+            faults.append(Fault("required", f"{unknown[0]!r} is not a landmark"))
+        elif not set(entry.split("|")) & set(landmarks):
+            faults.append(Fault("required", f"no label is given for {entry.replace('|', ' or ')}, which is required"))
+    if faults:
+        raise _invalid_set(where or name, faults)
+    labels_of = {
+        landmark: tuple(dict.fromkeys(normalised_label(label) for label in labels))
+        for landmark, labels in landmarks.items()
+    }
+    return MarkerSet(name, title or name, labels_of, needed)
+
+
+def _invalid_set(where: str, faults: Sequence[Fault]) -> InvalidInput:
+    listed = "; ".join(f"{fault.where}: {fault.message}" for fault in faults[:3])
+    more = f"; and {len(faults) - 3} more" if len(faults) > 3 else ""
+    return InvalidInput("marker-set-invalid", f"The marker set {where} is not valid: {listed}{more}.", faults)
+
+
+def _is_list_of_texts(value: object) -> bool:
+    return isinstance(value, list) and all(isinstance(item, str) for item in value)
+
 
 KNEES: Final = ("l_knee_lateral|l_knee_centre", "r_knee_lateral|r_knee_centre")
 """Knee landmarks; without them a static trial that marks the knees is required."""

@@ -1,8 +1,15 @@
-"""Contact intervals on the plates, and the whole steps between them."""
+"""Contact intervals on the plates, and the whole steps between them.
+
+Determines on which plate a foot stands, frame by frame, from its markers and the plate's corners.
+"""
 
 import numpy as np
+from jaxtyping import Bool, Float, Int
 
-from stridelab.conventions import Series, Vector3
+from stridelab.conventions import Mask, Points, Rotation, Series, Vector3
+from stridelab.recordings.files.raw import CONTACT_TYPE
+from stridelab.recordings.foot_contact import Foot, Outline, resting_outline
+from stridelab.recordings.force_plates import plate_axes
 from stridelab.recordings.gap_filling import true_runs
 from stridelab.recordings.recording import Plate, Recording, Remark, Window
 
@@ -77,3 +84,168 @@ def fore_aft_remarks(plates: tuple[Plate, ...], direction: Vector3 | None, rate_
 def vertical_force_n(recording: Recording) -> Series:
     """Upward force of all plates in use at the force rate."""
     return np.asarray(np.sum([plate.force_n[:, 2] for plate in recording.plates if plate.use], axis=0))
+
+
+STAIR_M = 0.05
+"""Height difference above which plates are treated as steps of a stair."""
+SLACK_S = 0.1
+"""Tolerance between landing or lift-off in the markers and in the load."""
+_EDGE_M = 0.03
+"""Distance by which a marker of a foot on a plate may lie outside the plate: markers sit on the skin."""
+_OUTLINE_EDGE_M = 0.02
+"""Tolerance of the foot outline: its error is about 1 cm, and its outermost centimetre carries little load."""
+_BRIEF_S = 0.05
+_BELOW_M, _SOLE_M = 0.06, 0.12
+"""Range of the lowest marker of a standing foot below and above the plate's surface."""
+_OVERHANG_M = 0.12
+"""Length of a foot that may protrude over the edge of a step."""
+_COP_REACH_M = 0.15
+
+
+def loaded_frames(recording: Recording, plate: Plate) -> Mask:
+    """Frames at which the plate is loaded, widened by ``SLACK_S`` on both sides."""
+    loaded = np.zeros(recording.n_frames, dtype=bool)
+    time_s = recording.time_s
+    for start_s, end_s in loaded_intervals(plate, recording.force_rate_hz):
+        loaded |= (time_s >= start_s - SLACK_S) & (time_s <= end_s + SLACK_S)
+    return loaded
+
+
+def markers_on_plate(recording: Recording, plate: Plate, foot: Foot) -> Bool[np.ndarray, "n markers"]:
+    """Per frame and marker: whether the marker is above this plate; False for a plate that is never loaded.
+
+    A contact without a plate has no surface; the foot must then be at its centre of pressure while it is loaded.
+    """
+    loaded = loaded_frames(recording, plate)
+    if not loaded.any():
+        return np.zeros(foot.markers_m.shape[:2], dtype=bool)
+    if plate.type == CONTACT_TYPE:
+        return np.repeat(_stands_at_cop(recording, plate, foot)[:, None], foot.markers_m.shape[1], axis=1)
+    return _markers_over(plate, foot, _EDGE_M)
+
+
+def outline_off_plates(recording: Recording, plates: list[Plate], foot: Foot, outline_m: Outline) -> Mask:
+    """Frames in which a part of the foot that may carry load lies outside all plates that are loaded at some time.
+
+    ``outline_m`` is the result of ``foot_outline``. The contacts of a force file have no edges; the mask is then False.
+    Excursions of less than 50 ms (landing and lift-off) are ignored.
+    """
+    if any(plate.type == CONTACT_TYPE for plate in plates):
+        return np.zeros(len(foot.contact), dtype=bool)
+    beside = resting_outline(foot) & np.isfinite(outline_m).all(axis=2)
+    for plate in plates:
+        if loaded_intervals(plate, recording.force_rate_hz):
+            beside &= ~(_inside_edges(plate, outline_m, _OUTLINE_EDGE_M) & _at_height(plate, foot)[:, None])
+    lasting: Mask = beside.any(axis=1)
+    for i, j in true_runs(lasting):
+        if j - i < _BRIEF_S * recording.marker_rate_hz and i > 0 and j < len(lasting):
+            lasting[i:j] = False
+    return lasting
+
+
+def main_plate(under: Bool[np.ndarray, "plates n markers"], foot: Foot) -> Int[np.ndarray, " n"]:
+    """Index of the plate under most of the foot's resting markers; -1 if there is none."""
+    count = (under & foot.resting).sum(axis=2)
+    return np.asarray(np.where(count.max(axis=0) > 0, np.argmax(count, axis=0), -1))
+
+
+def step_overhang_contacts(plates: list[Plate], foot: Foot) -> Mask:
+    """Contacts on stairs in which the foot stands on one step, with one end protruding over the edge.
+
+    The overhang cannot carry load, so a contact that is on a step in most of its frames counts as on it in all frames.
+    """
+    held = np.zeros(len(foot.contact), dtype=bool)
+    for plate in plates:
+        over, near = _markers_over(plate, foot, _EDGE_M), _markers_over(plate, foot, _OVERHANG_M)
+        standing = np.any(over & foot.resting, axis=1) & np.all(near | ~foot.resting, axis=1)
+        for i, j in true_runs(foot.contact):
+            if standing[i:j].mean() > 0.5:
+                held[i:j] = True
+    return held
+
+
+def _markers_over(plate: Plate, foot: Foot, edge_m: float) -> Bool[np.ndarray, "n markers"]:
+    """Markers above the plate widened by ``edge_m`` on all sides, in frames in which the sole is at its height."""
+    return np.asarray(_inside_edges(plate, foot.markers_m, edge_m) & _at_height(plate, foot)[:, None])
+
+
+def _inside_edges(
+    plate: Plate, points_m: Float[np.ndarray, "n points 3"], edge_m: float
+) -> Bool[np.ndarray, "n points"]:
+    """Points above or below the plate widened by ``edge_m`` on all sides."""
+    R: Rotation = plate_axes(plate.corners_m)
+    local = (points_m - plate.corners_m.mean(axis=0)) @ R
+    half_x = 0.5 * np.linalg.norm(plate.corners_m[0] - plate.corners_m[1]) + edge_m
+    half_y = 0.5 * np.linalg.norm(plate.corners_m[0] - plate.corners_m[3]) + edge_m
+    return np.asarray((np.abs(local[..., 0]) <= half_x) & (np.abs(local[..., 1]) <= half_y))
+
+
+def _at_height(plate: Plate, foot: Foot) -> Mask:
+    """Frames in which the foot's lowest marker is as high above the plate as a standing foot's."""
+    R: Rotation = plate_axes(plate.corners_m)
+    local = (foot.markers_m - plate.corners_m.mean(axis=0)) @ R
+    lowest = np.nan_to_num(local[..., 2] * np.sign(R[2, 2]), nan=np.inf).min(axis=1)
+    return np.asarray((lowest > -_BELOW_M) & (lowest < _SOLE_M))
+
+
+def _stands_at_cop(recording: Recording, plate: Plate, foot: Foot) -> Mask:
+    """Frames of the stances whose centre of pressure, while the contact is loaded, lies at the foot.
+
+    The load-weighted share of close frames decides for a stance as a whole. At small loads, as in double support, the
+    centre of pressure is noise, and a decision per frame would leave holes in the stance.
+    """
+    loaded = loaded_frames(recording, plate)
+    near = _near_cop(recording, plate, foot)
+    time_s = np.arange(len(plate.force_n)) / recording.force_rate_hz
+    load_n = np.maximum(np.interp(recording.time_s, time_s, plate.force_n[:, 2]), 0.0)
+    stands = np.zeros(len(near), dtype=bool)
+    for i, j in true_runs(foot.contact & loaded):
+        total_n = float(load_n[i:j].sum())
+        stands[i:j] = total_n > 0.0 and float(load_n[i:j][near[i:j]].sum()) > 0.5 * total_n
+    return stands
+
+
+def _near_cop(recording: Recording, plate: Plate, foot: Foot) -> Mask:
+    """Whether the foot, as the line from its first to the middle of its other markers, is within 15 cm of the COP."""
+    cop = _cop_at_frames(recording, plate)
+    heel, fore = foot.markers_m[:, 0, :2], mean_visible(foot.markers_m[:, 1:, :2])
+    along = fore - heel
+    share = np.clip(((cop - heel) * along).sum(axis=1) / np.maximum((along**2).sum(axis=1), 1e-9), 0.0, 1.2)
+    return np.asarray(np.linalg.norm(heel + share[:, None] * along - cop, axis=1) < _COP_REACH_M)
+
+
+def _cop_at_frames(recording: Recording, plate: Plate) -> Float[np.ndarray, "n 2"]:
+    """Centre of pressure at the contact's height per frame; unloaded frames take the nearest loaded sample."""
+    f, nu = plate.force_n, plate.moment_nm
+    loaded = plate.loaded & (np.abs(f[:, 2]) > plate.threshold_n)
+    if not loaded.any():
+        return np.full((recording.n_frames, 2), np.nan)
+    z = float(plate.corners_m[:, 2].mean())
+    x = (f[loaded, 0] * z - nu[loaded, 1]) / f[loaded, 2]
+    y = (f[loaded, 1] * z + nu[loaded, 0]) / f[loaded, 2]
+    at_s = np.flatnonzero(loaded) / recording.force_rate_hz
+    after = np.minimum(np.searchsorted(at_s, recording.time_s), len(at_s) - 1)
+    before = np.maximum(after - 1, 0)
+    closer = recording.time_s - at_s[before] < at_s[after] - recording.time_s
+    nearest = np.where(closer, before, after)
+    return np.column_stack([x[nearest], y[nearest]])
+
+
+def mean_visible(points: Float[np.ndarray, "n markers axes"]) -> Float[np.ndarray, "n axes"]:
+    """Mean over the visible markers; NaN where none is visible."""
+    seen = ~np.isnan(points)
+    count = seen.sum(axis=1)
+    total = np.where(seen, points, 0.0).sum(axis=1)
+    return np.asarray(np.where(count > 0, total / np.maximum(count, 1), np.nan))
+
+
+def centre_of_pressure_m(plate: Plate) -> Points:
+    """Centre of pressure on the plate's own plane, NaN while the plate is unloaded."""
+    c = plate.corners_m.mean(axis=0)
+    normal = plate_axes(plate.corners_m)[:, 2]
+    moment = plate.moment_nm - np.cross(c, plate.force_n)
+    across = plate.force_n @ normal
+    cop = np.full_like(plate.force_n, np.nan)
+    on = plate.loaded & (np.abs(across) > 0.5 * plate.threshold_n)
+    cop[on] = c + np.cross(normal, moment[on]) / across[on, None]
+    return cop

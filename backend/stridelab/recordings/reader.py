@@ -18,9 +18,8 @@ from stridelab.recordings.files.qualisys_tsv import is_qualisys_markers, read_qu
 from stridelab.recordings.files.raw import Cloud, FilePlate, RawTrial
 from stridelab.recordings.files.trc_mot import read_text, read_trc, read_trc_mot
 from stridelab.recordings.foot_contact import stance_velocity_m_s
-from stridelab.recordings.force_plates import plate_wrench, rough_normal, rough_total_force
+from stridelab.recordings.force_plates import plate_wrench, rough_normal, rough_total_force, with_true_moment_units
 from stridelab.recordings.gap_filling import fill_short_gaps
-from stridelab.recordings.moment_units import with_true_moment_units
 from stridelab.recordings.plate_contacts import fore_aft_remarks
 from stridelab.recordings.recording import Plate, PlateSwitches, Recording, Remark
 

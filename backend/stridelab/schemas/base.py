@@ -10,7 +10,7 @@ T = TypeVar("T")
 class Contract(BaseModel):
     """Base of every request and response: unknown fields are rejected, numbers are finite."""
 
-    model_config = ConfigDict(extra="forbid", allow_inf_nan=False, frozen=True, defer_build=True)
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False, frozen=True)
 
 
 Interval = Annotated[tuple[float, float], Field(description="start and end in seconds of the recording's time axis")]

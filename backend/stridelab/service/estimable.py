@@ -6,12 +6,12 @@ markers, or a static trial, are detected only when the body model is fitted. Nee
 
 from typing import Final
 
-from stridelab.recordings.marker_set_files import WAYS_TO_NAME_MARKERS
+from stridelab.recordings.marker_sets import WAYS_TO_NAME_MARKERS
 from stridelab.schemas.methods import METHODS
 from stridelab.schemas.recordings import EstimateOffer, RecordingFacts, SubjectFields
 
 SHORTEST_WINDOW_S: Final = 0.4
-"""Same value as in ``stridelab.estimation.time_span``, which needs a numeric package."""
+"""Same value as in ``stridelab.estimation.differentiation``, which needs a numeric package."""
 MIN_WINDOW_S: Final = 0.25
 """Same value as in ``stridelab.recordings.force_windows``."""
 MIN_FRAMES: Final = 6

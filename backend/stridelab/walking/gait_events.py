@@ -21,9 +21,8 @@ import numpy as np
 
 from stridelab.conventions import Series
 from stridelab.recordings.foot_contact import Foot, find_feet, ground_velocity_m_s
-from stridelab.recordings.foot_on_plate import markers_on_plate, mean_visible
 from stridelab.recordings.gap_filling import true_runs
-from stridelab.recordings.plate_contacts import loaded_intervals
+from stridelab.recordings.plate_contacts import loaded_intervals, markers_on_plate, mean_visible
 from stridelab.recordings.recording import Plate, Recording, Side
 from stridelab.walking.marker_kinematics import level_speed_m_s, smooth_velocity_m_s, walking_speed_m_s
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from stridelab.conventions import Points
-from stridelab.recordings.foot_on_plate import centre_of_pressure_m
+from stridelab.recordings.plate_contacts import centre_of_pressure_m
 from stridelab.recordings.recording import Plate, Recording
 
 CORNER_NAMES = ("POSX_POSY", "NEGX_POSY", "NEGX_NEGY", "POSX_NEGY")

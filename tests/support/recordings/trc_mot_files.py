@@ -10,7 +10,7 @@ import numpy as np
 from scipy.signal import butter, sosfiltfilt
 
 from stridelab.conventions import Points
-from stridelab.recordings.foot_on_plate import centre_of_pressure_m
+from stridelab.recordings.plate_contacts import centre_of_pressure_m
 from stridelab.recordings.recording import Recording
 
 FILTER_HZ = 6.0

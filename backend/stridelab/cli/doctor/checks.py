@@ -5,7 +5,7 @@ from pathlib import Path
 
 from rich.markup import escape
 
-from stridelab.cli.console import out
+from stridelab.cli.results import out
 
 
 @dataclass(frozen=True)

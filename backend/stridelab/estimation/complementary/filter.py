@@ -24,11 +24,10 @@ from stridelab.estimation.complementary.transfer_functions import (
     ComplementaryFilters,
     complementary_filters,
 )
-from stridelab.estimation.differentiation import smoothed_derivatives
+from stridelab.estimation.differentiation import Span, require_mass, smoothed_derivatives, window_span
 from stridelab.estimation.error_band import FusedStretch, propagated_sd_m
 from stridelab.estimation.error_priors import ErrorPriors, SdPerAxis
 from stridelab.estimation.estimator import ComEstimate
-from stridelab.estimation.time_span import Span, require_mass, window_span
 from stridelab.recordings.recording import WrenchTrack
 
 

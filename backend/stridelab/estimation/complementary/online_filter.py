@@ -21,9 +21,9 @@ from stridelab.dynamics.wrench import AXIS_THRESHOLD_N
 from stridelab.errors import InvalidInput
 from stridelab.estimation.complementary.online_band import OnlineBand
 from stridelab.estimation.complementary.online_recursions import LowPass, OnlineTrack
+from stridelab.estimation.differentiation import require_mass
 from stridelab.estimation.error_priors import ErrorPriors, SdPerAxis
 from stridelab.estimation.online_estimator import OnlineSample, require_together, step_s
-from stridelab.estimation.time_span import require_mass
 
 
 class OnlineComplementaryFilter:

@@ -14,7 +14,7 @@ from stridelab.conventions import PerAxis, Points
 from stridelab.dynamics.wrench import Wrench, com_acceleration
 from stridelab.errors import NotEstimable, StridelabError
 from stridelab.estimation.complementary.forward_backward import filter_inputs
-from stridelab.estimation.differentiation import smoothed_derivatives
+from stridelab.estimation.differentiation import smoothed_derivatives, walk_frame, window_span
 from stridelab.estimation.estimator import ComEstimate, ComEstimator
 from stridelab.estimation.evaluation.error_spectra import ErrorSpectrum, error_spectrum
 from stridelab.estimation.evaluation.holdout_force import withheld_residual_n
@@ -28,7 +28,6 @@ from stridelab.estimation.evaluation.physics_residuals import (
     momentum_agreement,
 )
 from stridelab.estimation.evaluation.truth_errors import TruthError, error_m, truth_error
-from stridelab.estimation.time_span import walk_frame, window_span
 from stridelab.recordings.recording import WrenchTrack
 
 

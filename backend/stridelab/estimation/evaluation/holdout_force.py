@@ -20,10 +20,9 @@ from jaxtyping import Float
 from stridelab.body.geometric_com import GeometricCom
 from stridelab.conventions import Mask
 from stridelab.dynamics.wrench import contact_force
-from stridelab.estimation.differentiation import smoothed_derivatives
+from stridelab.estimation.differentiation import smoothed_derivatives, walk_frame, window_span
 from stridelab.estimation.estimator import ComEstimator
 from stridelab.estimation.evaluation.physics_residuals import force_residual_track_n
-from stridelab.estimation.time_span import walk_frame, window_span
 from stridelab.recordings.recording import WrenchTrack
 
 BLOCK_S = 0.15

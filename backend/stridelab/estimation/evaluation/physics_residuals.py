@@ -18,9 +18,8 @@ from jaxtyping import Float
 from stridelab.body.geometric_com import GeometricCom
 from stridelab.conventions import GRAVITY_M_S2, PerAxis, Points, Series, Vector3
 from stridelab.dynamics.wrench import Wrench, contact_force, momentum_rate, zmp_of_wrench
-from stridelab.estimation.differentiation import BAND_HZ, low_pass, smoothed_derivatives
+from stridelab.estimation.differentiation import BAND_HZ, low_pass, smoothed_derivatives, walk_frame
 from stridelab.estimation.estimator import ComEstimate
-from stridelab.estimation.time_span import walk_frame
 from stridelab.recordings.gap_filling import true_runs
 from stridelab.recordings.recording import WrenchTrack
 

@@ -10,10 +10,9 @@ import numpy as np
 from scipy import interpolate
 
 from stridelab.conventions import PerAxis, Points, Series
-from stridelab.estimation.differentiation import smoothed_derivatives
+from stridelab.estimation.differentiation import smoothed_derivatives, walk_frame
 from stridelab.estimation.estimator import ComEstimate
 from stridelab.estimation.evaluation.physics_residuals import WindowPoints, track_at_samples
-from stridelab.estimation.time_span import walk_frame
 
 BAND_95 = 1.96
 _SWAY_M_S = 0.01

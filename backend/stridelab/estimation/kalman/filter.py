@@ -8,7 +8,7 @@ import numpy as np
 from stridelab.body.geometric_com import GeometricCom
 from stridelab.dynamics.wrench import Wrench
 from stridelab.estimation.complementary.forward_backward import FilterInputs, filter_inputs
-from stridelab.estimation.differentiation import smoothed_derivatives
+from stridelab.estimation.differentiation import require_mass, smoothed_derivatives, window_span
 from stridelab.estimation.error_band import FusedStretch
 from stridelab.estimation.error_priors import ErrorPriors
 from stridelab.estimation.estimator import ComEstimate
@@ -21,7 +21,6 @@ from stridelab.estimation.kalman.jerk_model import (
     split_stretches,
 )
 from stridelab.estimation.kalman.passes import Axis, JerkRecord
-from stridelab.estimation.time_span import require_mass, window_span
 from stridelab.recordings.recording import WrenchTrack
 
 THESIS_SIGMA_JERK_M_S3 = 1.0

@@ -26,9 +26,9 @@ from jaxtyping import Bool, Float
 from stridelab.conventions import GRAVITY_M_S2, Points, Vector3
 from stridelab.dynamics.wrench import AXIS_THRESHOLD_N
 from stridelab.errors import Fault, InvalidInput
+from stridelab.estimation.differentiation import walk_frame
 from stridelab.estimation.error_priors import ErrorPriors, SdPerAxis
 from stridelab.estimation.kalman.riccati import Square, SteadyModel
-from stridelab.estimation.time_span import walk_frame
 
 Measured = Bool[np.ndarray, "n 3"]
 """Whether each of the three inputs is measured, per sample."""

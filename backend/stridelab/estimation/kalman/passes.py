@@ -17,13 +17,12 @@ from jaxtyping import Float
 
 from stridelab.body.geometric_com import GeometricCom
 from stridelab.estimation.complementary.forward_backward import FilterInputs
-from stridelab.estimation.differentiation import low_pass, smoothed_derivatives
+from stridelab.estimation.differentiation import Span, low_pass, smoothed_derivatives
 from stridelab.estimation.error_band import FusedStretch, propagated_sd_m
 from stridelab.estimation.error_priors import ErrorPriors
 from stridelab.estimation.estimator import ComEstimate
 from stridelab.estimation.kalman.jerk_model import C, JerkModel, Stretch, backward_model, forward_model
 from stridelab.estimation.kalman.riccati import Square, Squares, Starts, States
-from stridelab.estimation.time_span import Span
 
 Inputs = Float[np.ndarray, "sets n 3"]
 """(2.30) for one axis: geometry, acceleration, axis point; unmeasured values are not used."""

@@ -34,11 +34,10 @@ from scipy.spatial import ConvexHull, QhullError
 from stridelab.body.geometric_com import GeometricCom
 from stridelab.conventions import GRAVITY_M_S2, Mask, Points, Series
 from stridelab.dynamics.wrench import contact_force
-from stridelab.estimation.differentiation import low_pass, smoothed_derivatives
+from stridelab.estimation.differentiation import low_pass, smoothed_derivatives, walk_frame
 from stridelab.estimation.estimator import ComEstimate
 from stridelab.estimation.evaluation.physics_residuals import MOMENTUM_BAND_HZ, assess_flight, force_residual_track_n
 from stridelab.estimation.quality.pressure import PlatePressure, plate_pressures
-from stridelab.estimation.time_span import walk_frame
 from stridelab.recordings.gap_filling import true_runs
 from stridelab.recordings.recording import Recording, WrenchTrack
 

@@ -9,7 +9,7 @@ from stridelab.body.geometric_com import GeometricCom
 from stridelab.conventions import GRAVITY_M_S2, Points, Vector3
 from stridelab.dynamics.wrench import com_acceleration
 from stridelab.errors import NotEstimable
-from stridelab.estimation.differentiation import smoothed_derivatives
+from stridelab.estimation.differentiation import require_mass, smoothed_derivatives, window_span
 from stridelab.estimation.estimator import ComEstimate
 from stridelab.estimation.evaluation.physics_residuals import segment_momentum_rate
 from stridelab.estimation.smoother.kalman_rts import compute_gains, filter_forward, smooth_backward
@@ -25,7 +25,6 @@ from stridelab.estimation.smoother.measurements import (
 from stridelab.estimation.smoother.noise_levels import SmootherPriors, learn_sizes, sizes_of
 from stridelab.estimation.smoother.online_filter import OnlineSmoother
 from stridelab.estimation.smoother.state_space import ACCELERATION, Sizes, state_space
-from stridelab.estimation.time_span import require_mass, window_span
 from stridelab.recordings.recording import WrenchTrack
 
 UNEXPLAINED_MOMENTUM_SHARE: Final = 0.5

@@ -25,10 +25,9 @@ import numpy as np
 from stridelab.conventions import GRAVITY_M_S2, Mask, Points, Rotation, Series, Vector3
 from stridelab.dynamics.wrench import com_acceleration
 from stridelab.errors import NotEstimable
-from stridelab.estimation.differentiation import low_pass
+from stridelab.estimation.differentiation import low_pass, walk_frame
 from stridelab.estimation.smoother.kalman_rts import ForwardPass, Gains, Signals
 from stridelab.estimation.smoother.state_space import ACCELERATION, StateSpace
-from stridelab.estimation.time_span import walk_frame
 from stridelab.recordings.gap_filling import true_runs
 from stridelab.recordings.recording import Remark
 

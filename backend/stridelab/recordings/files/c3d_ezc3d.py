@@ -19,6 +19,8 @@ import numpy as np
 
 from stridelab.recordings.files.c3d_byte_orders import (
     C3dContent,
+    CheckedC3d,
+    check_c3d,
     int16_scalar,
     is_unsigned,
     read_content,
@@ -35,7 +37,6 @@ from stridelab.recordings.files.c3d_records import (
     numeric_values,
     read_header,
 )
-from stridelab.recordings.files.c3d_validation import CheckedC3d, check_c3d
 
 EZC3D_ERRORS: Final = (OSError, RuntimeError, ValueError, IndexError, KeyError, MemoryError, TypeError)
 """Exceptions of ezc3d for a file that it cannot read."""

@@ -13,9 +13,8 @@ from jaxtyping import Float
 from stridelab.conventions import Points
 from stridelab.errors import Fault, InvalidInput
 from stridelab.recordings.files.c3d import CARRIED_GROUP, read_c3d
-from stridelab.recordings.files.c3d_byte_orders import read_content, with_points, write_content
+from stridelab.recordings.files.c3d_byte_orders import check_c3d, read_content, with_points, write_content
 from stridelab.recordings.files.c3d_records import find_continued
-from stridelab.recordings.files.c3d_validation import check_c3d
 from stridelab.recordings.force_plates import plate_axes
 from stridelab.recordings.orientation import rotation_to_z_up
 from stridelab.recordings.reader import up_axis_of

@@ -9,7 +9,7 @@ BTS writes TRIAL:DATE as year, month and day. Texts are read in ISO 8601 order o
 
 Units of length and moment in files, and a plausibility check of the stated unit of length.
 
-``moment_units`` checks the stated unit of moment.
+``force_plates`` checks the stated unit of moment.
 """
 
 import math

@@ -13,9 +13,9 @@ import numpy as np
 
 from stridelab.conventions import Progress, Vector3
 from stridelab.estimation.complementary.filter import ComplementaryFilter
+from stridelab.estimation.differentiation import walk_frame
 from stridelab.estimation.estimator import ComEstimate
 from stridelab.estimation.latency import estimate_latency
-from stridelab.estimation.time_span import walk_frame
 from stridelab.reproduction.chapter2.fig_2_8 import com_and_force_panels
 from stridelab.reproduction.claims import Claim, Reproduction, bound_verdict
 from stridelab.reproduction.common.estimator_errors import as_columns, rms

@@ -14,6 +14,7 @@ import numpy as np
 
 from stridelab.conventions import GRAVITY_M_S2, Progress, Vector3
 from stridelab.estimation.complementary.filter import ComplementaryFilter
+from stridelab.estimation.differentiation import walk_frame
 from stridelab.estimation.estimator import ComEstimate, ComEstimator
 from stridelab.estimation.evaluation.comparison import Assessment, ComparisonData, compare
 from stridelab.estimation.evaluation.physics_residuals import force_residual_track_n
@@ -22,7 +23,6 @@ from stridelab.estimation.kalman.filter import KalmanFilter, RtsSmoother
 from stridelab.estimation.latency import estimate_latency
 from stridelab.estimation.markers_only import GeometryOnly
 from stridelab.estimation.smoother import Smoother
-from stridelab.estimation.time_span import walk_frame
 from stridelab.recordings.marker_sets import identify
 from stridelab.recordings.reader import read_recording
 from stridelab.reproduction.claims import Claim, Reproduction, target_claim

@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Float
 
 from stridelab.body.joint_centres import joint_centres
-from stridelab.body.segment_frames import segment_frames
+from stridelab.body.segment_model import segment_frames
 from stridelab.body.segment_tables import SegmentTable, load_anthropometry, parse_table
 from stridelab.conventions import Configurations, Points, Vector3
 from stridelab.robots.robot import Robot

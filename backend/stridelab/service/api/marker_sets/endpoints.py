@@ -10,7 +10,7 @@ from sqlalchemy.dialects.postgresql import insert
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from stridelab.errors import Conflict, Fault
-from stridelab.recordings.marker_set_files import marker_set_of_labels, marker_sets
+from stridelab.recordings.marker_sets import marker_set_of_labels, marker_sets
 from stridelab.schemas.base import Page
 from stridelab.schemas.marker_sets import (
     AddedMarkerSet,

@@ -9,8 +9,7 @@ from sqlalchemy import select
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from stridelab.errors import StridelabError
-from stridelab.recordings.marker_set_files import MarkerSet
-from stridelab.recordings.marker_sets import identify
+from stridelab.recordings.marker_sets import MarkerSet, identify
 from stridelab.service.api.dependencies import Parts
 from stridelab.service.api.recordings.service import parse_again
 from stridelab.service.storage.tables import recording

@@ -6,7 +6,7 @@ from typing import Any
 from sqlalchemy import Select, select
 from sqlalchemy.ext.asyncio import AsyncConnection
 
-from stridelab.recordings.marker_set_files import WAYS_TO_NAME_MARKERS
+from stridelab.recordings.marker_sets import WAYS_TO_NAME_MARKERS
 from stridelab.schemas.base import Remark
 from stridelab.schemas.recordings import Recording, RecordingFacts, SubjectFields
 from stridelab.service.api.dependencies import not_found_error, require_id_form
