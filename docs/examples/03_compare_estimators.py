@@ -18,9 +18,9 @@ from stridelab.estimation.markers_only import GeometryOnly
 from stridelab.estimation.smoother import Smoother
 from stridelab.recordings.force_windows import require_windows
 from stridelab.recordings.marker_sets import identify
+from stridelab.recordings.plate_contacts import wrench_track
 from stridelab.recordings.reader import read_recording
 from stridelab.recordings.recording import Subject
-from stridelab.recordings.total_wrench import wrench_track
 
 MASS_KG = 60.0
 ESTIMATORS = {

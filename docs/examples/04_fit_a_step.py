@@ -10,9 +10,9 @@ from stridelab.body.segment_model import SegmentModel
 from stridelab.estimation.smoother import Smoother
 from stridelab.recordings.force_windows import require_windows
 from stridelab.recordings.marker_sets import identify
+from stridelab.recordings.plate_contacts import wrench_track
 from stridelab.recordings.reader import read_recording
 from stridelab.recordings.recording import Subject
-from stridelab.recordings.total_wrench import wrench_track
 from stridelab.walking.step_fit import fit_steps
 from stridelab.walking.steps import find_steps
 

@@ -11,9 +11,9 @@ from stridelab.body.segment_model import SegmentModel
 from stridelab.client import Client
 from stridelab.recordings.force_windows import require_windows
 from stridelab.recordings.marker_sets import identify
+from stridelab.recordings.plate_contacts import wrench_track
 from stridelab.recordings.reader import read_recording
 from stridelab.recordings.recording import Subject
-from stridelab.recordings.total_wrench import wrench_track
 from stridelab.schemas.streams import StreamConfiguration, StreamSample
 
 recording = read_recording(Path("walk.c3d"))

@@ -15,8 +15,8 @@ from stridelab.estimation.smoother import Smoother
 from stridelab.recordings.files.c3d_writer import write_c3d
 from stridelab.recordings.force_windows import measured_windows
 from stridelab.recordings.marker_sets import identify
+from stridelab.recordings.plate_contacts import wrench_track
 from stridelab.recordings.reader import read_recording
-from stridelab.recordings.total_wrench import wrench_track
 from stridelab.service.kinds.estimate_com import run as estimate_com
 from stridelab.simulation.human.walker import HumanWalker
 from stridelab.simulation.human_recording import record

@@ -15,9 +15,9 @@ from stridelab.estimation.quality import Quality, Recorded, assess_quality
 from stridelab.estimation.smoother import Smoother
 from stridelab.recordings.force_windows import measured_windows
 from stridelab.recordings.marker_sets import identify
+from stridelab.recordings.plate_contacts import wrench_track
 from stridelab.recordings.reader import read_recording
 from stridelab.recordings.recording import Plate, Recording
-from stridelab.recordings.total_wrench import wrench_track
 
 GAIT = Path(os.environ.get("STRIDELAB_TEST_DATA", Path(__file__).parents[3] / "shared")).resolve() / "gait"
 if not GAIT.is_dir():

@@ -17,9 +17,9 @@ from stridelab.estimation.latency import Latency, estimate_latency
 from stridelab.estimation.markers_only import GeometryOnly
 from stridelab.recordings.force_windows import measured_windows
 from stridelab.recordings.marker_sets import identify
+from stridelab.recordings.plate_contacts import wrench_track
 from stridelab.recordings.reader import read_recording
 from stridelab.recordings.recording import Recording, WrenchTrack
-from stridelab.recordings.total_wrench import wrench_track
 
 AUTO, THESIS, GEOMETRY = ComplementaryFilter(), ComplementaryFilter.thesis(), GeometryOnly()
 

@@ -12,7 +12,7 @@ from stridelab.estimation.latency import estimate_latency
 from stridelab.estimation.markers_only import GeometryOnly
 from stridelab.recordings.force_windows import measured_windows
 from stridelab.recordings.marker_sets import identify
-from stridelab.recordings.total_wrench import wrench_track
+from stridelab.recordings.plate_contacts import wrench_track
 from stridelab.simulation.human.walker import HumanWalker
 from stridelab.simulation.human_recording import record
 from stridelab.simulation.noise import MeasurementNoise

@@ -20,10 +20,9 @@ from stridelab.estimation.evaluation.physics_residuals import bias_m
 from stridelab.estimation.latency import Latency, estimate_latency
 from stridelab.recordings.force_windows import measured_windows
 from stridelab.recordings.marker_sets import identify
-from stridelab.recordings.plate_contacts import loaded_intervals
+from stridelab.recordings.plate_contacts import loaded_intervals, wrench_track
 from stridelab.recordings.reader import read_recording
 from stridelab.recordings.recording import Plate, Recording, WrenchTrack
-from stridelab.recordings.total_wrench import wrench_track
 from stridelab.simulation.human.walker import HumanWalker, Walk
 from stridelab.simulation.human_recording import record
 from stridelab.simulation.noise import MeasurementNoise

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from stridelab.recordings.plate_contacts import low_pass, wrench_track
 from stridelab.recordings.recording import Recording, Window
-from stridelab.recordings.total_wrench import low_pass, wrench_track
 from support.recordings.schematic_walk import WEIGHT_N, walk
 
 RATE = 1500.0

@@ -12,9 +12,9 @@ from stridelab.recordings.body_mass import best_mass, weigh
 from stridelab.recordings.files.c3d_writer import write_c3d
 from stridelab.recordings.force_windows import measured_windows
 from stridelab.recordings.marker_sets import identify
+from stridelab.recordings.plate_contacts import wrench_track
 from stridelab.recordings.reader import read_recording
 from stridelab.recordings.recording import Recording
-from stridelab.recordings.total_wrench import wrench_track
 from stridelab.simulation.human.walker import Walk
 from stridelab.simulation.human_recording import record
 from stridelab.simulation.noise import NOISE_FREE, THESIS, MeasurementNoise

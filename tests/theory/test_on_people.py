@@ -11,9 +11,9 @@ from stridelab.body.segment_model import SegmentModel
 from stridelab.estimation.differentiation import low_pass, smoothed_derivatives
 from stridelab.recordings.force_windows import measured_windows
 from stridelab.recordings.marker_sets import identify
+from stridelab.recordings.plate_contacts import wrench_track
 from stridelab.recordings.reader import read_recording
 from stridelab.recordings.recording import Event, Recording
-from stridelab.recordings.total_wrench import wrench_track
 from stridelab.walking.path_fit import PathFit, fit_path
 
 

@@ -13,8 +13,8 @@ from stridelab.estimation.complementary.forward_backward import (
     initial_state,
 )
 from stridelab.estimation.complementary.transfer_functions import complementary_filters
+from stridelab.recordings.plate_contacts import wrench_track
 from stridelab.recordings.recording import Plate, Recording, Subject, Window
-from stridelab.recordings.total_wrench import wrench_track
 from support.recordings.analytic_motions import Harmonics, Motion, uniform, walk
 
 WALK = walk()

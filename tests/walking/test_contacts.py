@@ -11,9 +11,9 @@ from stridelab.body.segment_model import SegmentModel
 from stridelab.estimation.latency import estimate_latency
 from stridelab.recordings.force_windows import measured_windows
 from stridelab.recordings.marker_sets import identify
+from stridelab.recordings.plate_contacts import wrench_track
 from stridelab.recordings.reader import read_recording
 from stridelab.recordings.recording import Recording
-from stridelab.recordings.total_wrench import wrench_track
 from stridelab.walking.gait_events import Contact, find_contacts
 from support.recordings.schematic_walk import LANDMARKS, STANCE_S, STEP_S, walk
 

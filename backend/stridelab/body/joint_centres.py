@@ -18,9 +18,9 @@ from typing import Final
 import numpy as np
 
 from stridelab.body.segment_tables import Anthropometry, SagittalOffset
-from stridelab.body.vectors import dot, median_distance_m, median_or_nan, perpendicular_unit, unit
 from stridelab.conventions import Points, Vector3
 from stridelab.errors import Fault, NotEstimable
+from stridelab.recordings.orientation import dot, median_distance_m, median_or_nan, perpendicular_unit, unit
 
 Tracks = Mapping[str, Points]
 """Points by name, all of one trial."""

@@ -34,12 +34,12 @@ from stridelab.body import segment_tables
 from stridelab.body.geometric_com import GeometricCom, SegmentTrack
 from stridelab.body.joint_centres import Joints, Tracks, has_landmarks, joint_centres, pelvis_axes, with_pelvis
 from stridelab.body.segment_tables import Anthropometry, SegmentTable, load_anthropometry
-from stridelab.body.vectors import component_along, median_distance_m, median_or_nan, unit
 from stridelab.conventions import Points, Rotations
 from stridelab.errors import Fault, InvalidInput, NotEstimable
 from stridelab.recordings.foot_contact import walking_surface_m_s
 from stridelab.recordings.gap_filling import bridge_segment_gaps
 from stridelab.recordings.marker_sets import Substitute, all_substitutes, identify
+from stridelab.recordings.orientation import component_along, median_distance_m, median_or_nan, unit
 from stridelab.recordings.recording import Recording, Remark, Sex, Subject
 
 SEX_UNKNOWN: Final = Substitute(

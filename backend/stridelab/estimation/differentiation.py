@@ -15,8 +15,8 @@ from stridelab.conventions import Points, Rotation
 from stridelab.errors import Fault, InvalidInput, NotEstimable
 from stridelab.recordings.force_windows import require_frames
 from stridelab.recordings.gap_filling import true_runs
+from stridelab.recordings.plate_contacts import filter_both_ways
 from stridelab.recordings.recording import Window, WrenchTrack
-from stridelab.recordings.total_wrench import filter_both_ways
 
 BAND_HZ = 8.0
 """Band of the derivatives and of the force residual: above it noise dominates a marker trajectory."""

@@ -24,8 +24,8 @@ from stridelab.pipelines.trial import Trial, assign_static_landmarks, examine_tr
 from stridelab.recordings import force_windows as measured
 from stridelab.recordings.gap_filling import MAX_GAP_S, true_runs
 from stridelab.recordings.marker_sets import WAYS_TO_NAME_MARKERS, MarkerSetMatch
+from stridelab.recordings.plate_contacts import wrench_track
 from stridelab.recordings.recording import Remark, Subject, Window, WrenchTrack
-from stridelab.recordings.total_wrench import wrench_track
 from stridelab.schemas.methods import METHODS
 from stridelab.schemas.recordings import SubjectFields
 from stridelab.schemas.sessions import SessionValues

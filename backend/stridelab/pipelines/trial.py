@@ -17,10 +17,10 @@ from stridelab.estimation.latency import estimate_latency
 from stridelab.recordings.body_mass import MassEstimate, VerticalMotion, best_mass, vertical_motion, weigh
 from stridelab.recordings.force_windows import find_windows
 from stridelab.recordings.marker_sets import MarkerSetMatch, identify, marker_set_of_labels
+from stridelab.recordings.plate_contacts import wrench_track
 from stridelab.recordings.reader import read_recording
 from stridelab.recordings.recording import PlateSwitches, Recording, Remark, Subject, Window
 from stridelab.recordings.static_pose import SAME_BODY_M, body_difference, stands_still
-from stridelab.recordings.total_wrench import wrench_track
 from stridelab.schemas.recordings import PlateSwitch, SubjectFields, TrialClock
 from stridelab.schemas.tasks import EstimateComTask, RecordingSource
 

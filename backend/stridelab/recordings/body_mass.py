@@ -28,9 +28,8 @@ import numpy as np
 
 from stridelab.conventions import GRAVITY_M_S2, Mask, Points, Series
 from stridelab.recordings.gap_filling import true_runs
-from stridelab.recordings.plate_contacts import vertical_force_n, whole_steps
+from stridelab.recordings.plate_contacts import filter_both_ways, vertical_force_n, whole_steps
 from stridelab.recordings.recording import Recording, Window
-from stridelab.recordings.total_wrench import filter_both_ways
 
 BAND_HZ = 4.0
 """Low-pass of accelerations: steps and jumps lie below it; above it, soft tissue and marker noise dominate."""

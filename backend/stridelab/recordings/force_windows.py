@@ -36,6 +36,7 @@ from stridelab.recordings.gap_filling import true_runs
 from stridelab.recordings.plate_contacts import (
     STAIR_M,
     loaded_intervals,
+    low_pass,
     main_plate,
     markers_on_plate,
     outline_off_plates,
@@ -44,7 +45,6 @@ from stridelab.recordings.plate_contacts import (
     whole_steps,
 )
 from stridelab.recordings.recording import Plate, Recording, Remark, Window
-from stridelab.recordings.total_wrench import low_pass
 
 MIN_WINDOW_S = 0.25
 """Half a step at a normal pace; nothing can be estimated from less."""

@@ -1,10 +1,14 @@
-"""Determines the vertical axis of a file and the direction of walking."""
+"""Determines the vertical axis of a file and the direction of walking.
 
+Vector algebra on tracks of points: row i is the vector at frame i; NaN propagates.
+"""
+
+import warnings
 from collections.abc import Sequence
 
 import numpy as np
 
-from stridelab.conventions import Points, Rotation, Vector3
+from stridelab.conventions import Points, Rotation, Series, Vector3
 from stridelab.recordings.files.raw import Cloud
 
 _AXES = {"+x": (0, 1.0), "-x": (0, -1.0), "+y": (1, 1.0), "-y": (1, -1.0), "+z": (2, 1.0), "-z": (2, -1.0)}
@@ -120,3 +124,36 @@ def belt_direction(feet_m: Sequence[Points], rate_hz: float) -> Vector3 | None:
     along = v @ axes[0]
     forward = 1.0 if np.percentile(along, 98) > -np.percentile(along, 2) else -1.0
     return np.array([axes[0, 0], axes[0, 1], 0.0]) * forward
+
+
+def unit(v: Points) -> Points:
+    """Rows scaled to length one; NaN for a row of zeros."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.asarray(v / np.linalg.norm(v, axis=1, keepdims=True))
+
+
+def dot(a: Points, b: Points) -> Series:
+    """Row-wise scalar product."""
+    return np.asarray(np.einsum("ij,ij->i", a, b))
+
+
+def component_along(v: Points, axis: Points) -> Points:
+    """Component of ``v`` along the unit vectors ``axis``."""
+    return np.asarray(dot(v, axis)[:, None] * axis)
+
+
+def perpendicular_unit(v: Points, axis: Points) -> Points:
+    """Unit vectors of the component of ``v`` perpendicular to the unit vectors ``axis``."""
+    return unit(v - component_along(v, axis))
+
+
+def median_or_nan(values: Series) -> float:
+    """Median over the finite values; NaN without any."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="All-NaN slice", category=RuntimeWarning)
+        return float(np.nanmedian(values)) if len(values) else float("nan")
+
+
+def median_distance_m(a: Points, b: Points) -> float:
+    """Median distance between two tracks in metres, such as the length of a bone."""
+    return median_or_nan(np.linalg.norm(a - b, axis=1))

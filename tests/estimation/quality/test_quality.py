@@ -26,8 +26,8 @@ from stridelab.estimation.quality.measures import (
 from stridelab.estimation.smoother import Smoother
 from stridelab.recordings.force_windows import measured_windows
 from stridelab.recordings.marker_sets import identify
+from stridelab.recordings.plate_contacts import wrench_track
 from stridelab.recordings.recording import Plate, Recording, Subject, Window, WrenchTrack
-from stridelab.recordings.total_wrench import wrench_track
 from stridelab.simulation.force_plates import LabName
 from stridelab.simulation.human.walker import HumanWalker
 from stridelab.simulation.human_recording import record

@@ -10,9 +10,9 @@ from stridelab.body.segment_model import SegmentModel
 from stridelab.estimation.estimator import ComEstimate
 from stridelab.estimation.smoother import Smoother
 from stridelab.recordings.marker_sets import identify
+from stridelab.recordings.plate_contacts import wrench_track
 from stridelab.recordings.reader import read_recording
 from stridelab.recordings.recording import Recording, Remark, Window
-from stridelab.recordings.total_wrench import wrench_track
 from stridelab.simulation.human.walker import HumanWalker
 from stridelab.simulation.human_recording import record
 from stridelab.simulation.noise import MeasurementNoise

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from stridelab.recordings.files.marker_labels import model_frames, select_labels, without_prefix
+from stridelab.recordings.files.metadata import model_frames, select_labels, without_prefix
 
 
 def pick(labels: list[str], outputs: Sequence[str] = ()) -> dict[str, int]:

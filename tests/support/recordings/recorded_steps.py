@@ -17,10 +17,9 @@ from stridelab.estimation.latency import estimate_latency
 from stridelab.estimation.smoother import Smoother
 from stridelab.recordings.force_windows import measured_windows
 from stridelab.recordings.marker_sets import identify
-from stridelab.recordings.plate_contacts import loaded_intervals
+from stridelab.recordings.plate_contacts import loaded_intervals, wrench_track
 from stridelab.recordings.reader import read_recording
 from stridelab.recordings.recording import Recording, Side, WrenchTrack
-from stridelab.recordings.total_wrench import wrench_track
 from stridelab.walking.steps import GaitStep
 
 STATICS = ("*_ST.c3d", "Static*.c3d")

@@ -10,7 +10,7 @@ from jaxtyping import Float
 
 from stridelab.conventions import Corners
 from stridelab.errors import Fault, UnreadableFile
-from stridelab.recordings.files import marker_labels as names
+from stridelab.recordings.files import metadata as names
 from stridelab.recordings.files.c3d_ezc3d import EZC3D_ERRORS, open_c3d
 from stridelab.recordings.files.metadata import (
     length_scale,

@@ -19,7 +19,7 @@ import numpy as np
 
 from stridelab.conventions import Corners, Points, Vector3
 from stridelab.errors import Fault, UnreadableFile
-from stridelab.recordings.files import marker_labels as names
+from stridelab.recordings.files import metadata as names
 from stridelab.recordings.files.metadata import length_scale
 from stridelab.recordings.files.raw import CONTACT_TYPE, NO_FORCE_FILE, Cloud, FilePlate, RawTrial
 from stridelab.recordings.files.trc_mot import COP_THRESHOLD_N, bounding_rectangle

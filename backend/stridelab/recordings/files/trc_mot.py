@@ -14,7 +14,7 @@ from jaxtyping import Float
 
 from stridelab.conventions import Corners, Points, Series, Vector3
 from stridelab.errors import Fault, UnreadableFile
-from stridelab.recordings.files import marker_labels as names
+from stridelab.recordings.files import metadata as names
 from stridelab.recordings.files.metadata import LENGTH_SCALE, length_scale, unit_of_body
 from stridelab.recordings.files.opensim_zip import MAX_MEMBER_BYTES, TrialTexts, find_trial
 from stridelab.recordings.files.raw import CONTACT_TYPE, NO_FORCE_FILE, Cloud, FilePlate, RawTrial

@@ -19,8 +19,8 @@ from stridelab.estimation.estimator import ComEstimate
 from stridelab.estimation.latency import estimate_latency
 from stridelab.recordings.force_windows import measured_windows
 from stridelab.recordings.marker_sets import identify
+from stridelab.recordings.plate_contacts import wrench_track
 from stridelab.recordings.recording import Recording, Window, WrenchTrack
-from stridelab.recordings.total_wrench import wrench_track
 from stridelab.reproduction.claims import Claim, Item, Reproduction, bound_verdict, target_claim
 from stridelab.reproduction.report.svg_plots import Curve, Panel, render_svg
 from stridelab.simulation.human.walker import HumanWalker, Walk

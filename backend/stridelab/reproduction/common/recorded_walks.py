@@ -9,9 +9,9 @@ from stridelab.body.segment_model import SegmentModel
 from stridelab.errors import NotFound
 from stridelab.recordings.force_windows import measured_windows
 from stridelab.recordings.marker_sets import identify
+from stridelab.recordings.plate_contacts import wrench_track
 from stridelab.recordings.reader import read_recording
 from stridelab.recordings.recording import Recording, Window, WrenchTrack
-from stridelab.recordings.total_wrench import wrench_track
 
 STATICS: Final = ("*_ST.c3d", "Static*.c3d")
 

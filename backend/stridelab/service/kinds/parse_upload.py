@@ -10,10 +10,9 @@ from pathlib import Path
 from stridelab.conventions import Mask, Series
 from stridelab.pipelines.progress import ProgressCallback
 from stridelab.pipelines.trial import Trial, clock_of, examine_trial, subject_fields
-from stridelab.recordings.plate_contacts import centre_of_pressure_m, loaded_intervals
+from stridelab.recordings.plate_contacts import centre_of_pressure_m, loaded_intervals, wrench_track
 from stridelab.recordings.recording import Plate, Recording, Window
 from stridelab.recordings.static_pose import stands_still
-from stridelab.recordings.total_wrench import wrench_track
 from stridelab.schemas.base import Remark
 from stridelab.schemas.recordings import PlateInfo, RecordingFacts
 from stridelab.schemas.tasks import ParseUploadTask

@@ -15,8 +15,8 @@ from stridelab.conventions import g
 from stridelab.errors import InvalidInput
 from stridelab.estimation.complementary.filter import ComplementaryFilter
 from stridelab.pipelines.trial import examine_trial
+from stridelab.recordings.plate_contacts import wrench_track
 from stridelab.recordings.reader import read_recording
-from stridelab.recordings.total_wrench import wrench_track
 from stridelab.schemas.jobs import SimulateRecordingInput, SimulateRecordingSummary, SimulationNoise
 from stridelab.schemas.recordings import RecordingFacts
 from stridelab.schemas.tasks import RecordingSource, SimulateRecordingTask
