@@ -151,3 +151,12 @@ def test_a_service_that_does_not_answer_is_said(run: Run, tmp_path: Path) -> Non
     assert ran.code == 10
     assert "service-unreachable" in ran.err
     assert [path.name for path in tmp_path.iterdir()] == ["x.c3d"]
+
+
+def test_the_estimation_imports_neither_signal_processing_nor_a_database() -> None:
+    code = (
+        "import sys, stridelab.cli.app, stridelab.service.kinds.estimate_com.run\n"
+        "print(*sorted({'scipy.signal', 'scipy.stats', 'sqlalchemy', 'pydantic_settings', 'httpx'} & set(sys.modules)))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == []

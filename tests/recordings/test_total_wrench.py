@@ -4,8 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy import signal
 
-from stridelab.recordings.plate_contacts import low_pass, wrench_track
+from stridelab.recordings.plate_contacts import filter_both_ways, low_pass, wrench_track
 from stridelab.recordings.recording import Recording, Window
 from support.recordings.schematic_walk import WEIGHT_N, walk
 
@@ -108,3 +109,13 @@ def test_low_rates_and_short_tracks_are_returned_as_they_are() -> None:
     track = np.ones((100, 3))
     assert low_pass(track, 100.0) is track
     assert low_pass(track[:5], RATE).shape == (5, 3)
+
+
+@pytest.mark.parametrize(
+    ("n", "rate_hz", "band_hz", "pad"), [(500, 100.0, 8.0, 65), (5000, 1000.0, 0.7, 200), (3, 100.0, 8.0, 2)]
+)
+def test_the_filter_is_that_of_scipy(n: int, rate_hz: float, band_hz: float, pad: int) -> None:
+    track = 800.0 + np.random.default_rng(0).standard_normal((n, 3)).cumsum(axis=0)
+    sections = signal.butter(2, band_hz, fs=rate_hz, output="sos")
+    expected = signal.sosfiltfilt(sections, track, axis=0, padlen=pad)
+    np.testing.assert_allclose(filter_both_ways(track, rate_hz, band_hz, pad), expected, rtol=1e-10)

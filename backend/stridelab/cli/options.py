@@ -10,7 +10,6 @@ import typer
 
 from stridelab.cli.results import validate_options
 from stridelab.errors import Fault, InvalidInput
-from stridelab.recordings.marker_sets import absent_landmarks, labels_by_form, read_marker_set
 from stridelab.schemas.jobs import EstimateComInput
 from stridelab.schemas.marker_sets import SourceMarkerSet
 from stridelab.schemas.methods import Method
@@ -234,6 +233,8 @@ class EstimateRequest:
 
         Raises ``InvalidInput`` (``marker-set-does-not-fit``) if the set requires landmarks without a label there.
         """
+        from stridelab.recordings.marker_sets import absent_landmarks, labels_by_form, read_marker_set
+
         stated, path = self.marker_map(), self.preparation.marker_set
         if path is None:
             return stated
@@ -248,6 +249,8 @@ class EstimateRequest:
         """The marker set of ``--marker-set``, or none. Raises as ``read_marker_set``."""
         if self.preparation.marker_set is None:
             return []
+        from stridelab.recordings.marker_sets import read_marker_set
+
         known = read_marker_set(self.preparation.marker_set)
         return [SourceMarkerSet(name=known.name, landmarks=dict(known.labels), required=list(known.required))]
 

@@ -8,6 +8,8 @@ from .force_windows import measured_windows as measured_windows
 from .force_windows import require_windows as require_windows
 from .marker_sets import MarkerSetMatch as MarkerSetMatch
 from .marker_sets import identify as identify
+from .plate_contacts import low_pass as low_pass
+from .plate_contacts import wrench_track as wrench_track
 from .reader import read_recording as read_recording
 from .recording import Event as Event
 from .recording import Plate as Plate
@@ -19,8 +21,6 @@ from .recording import Subject as Subject
 from .recording import Window as Window
 from .recording import WrenchTrack as WrenchTrack
 from .static_pose import stands_still as stands_still
-from .total_wrench import low_pass as low_pass
-from .total_wrench import wrench_track as wrench_track
 
 __all__ = [
     "Event",
