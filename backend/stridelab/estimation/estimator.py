@@ -9,16 +9,31 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import ClassVar, Protocol, runtime_checkable
 
+import numpy as np
+from jaxtyping import Float
+
 from stridelab.body.geometric_com import GeometricCom
-from stridelab.conventions import Points, Series
+from stridelab.conventions import Points, Rotation, Series
 from stridelab.recordings.recording import Remark, Window, WrenchTrack
+
+
+@dataclass(frozen=True)
+class StateCovariance:
+    """Covariance of position and velocity per axis and sample; the axes are the rows of ``frame``, uncorrelated.
+
+    Entries in m^2, m^2/s and m^2/s^2.
+    """
+
+    frame: Rotation
+    matrices: Float[np.ndarray, "n 3 2 2"]
 
 
 @dataclass(frozen=True)
 class ComEstimate:
     """CoM, velocity and acceleration over one window, with a standard deviation per axis of the position.
 
-    ``references`` are citation keys of the methods used; ``diagnostics`` are scalars for display.
+    ``references`` are citation keys of the methods used; ``diagnostics`` are scalars for display. ``state_covariance``
+    is None for the estimators that do not compute the error of the velocity.
     """
 
     method: str
@@ -31,6 +46,7 @@ class ComEstimate:
     references: tuple[str, ...]
     remarks: tuple[Remark, ...] = ()
     diagnostics: Mapping[str, float] = field(default_factory=dict)
+    state_covariance: StateCovariance | None = None
 
 
 @runtime_checkable

@@ -85,10 +85,11 @@ class Noise:
 
 @dataclass
 class Dense:
-    """Mean and coefficient rows of position and of all measurements of one axis."""
+    """Mean and coefficient rows of position, velocity and of all measurements of one axis."""
 
     c_mean: np.ndarray
     c: np.ndarray
+    v: np.ndarray
     y_mean: np.ndarray
     y: np.ndarray
 
@@ -113,11 +114,11 @@ def written_out(axis: int, data: Signals) -> Dense:
         a, noise, rest = (m[0] for m in resonator_model(np.array([sd]), np.array([hz]), np.array([damping]), DT))
         swings.append([e.pair(s.ends[0] ** 2 * rest), a, noise, s.ends[1] ** 2 / (1 - s.ends[1] ** 2) * rest])
     slow = np.exp(-DT / s.table_varying_s[0])
-    out = Dense(np.zeros(N), np.zeros((N, e.size)), np.zeros(0), np.zeros((0, e.size)))
+    out = Dense(np.zeros(N), np.zeros((N, e.size)), np.zeros((N, e.size)), np.zeros(0), np.zeros((0, e.size)))
     y_mean, rows = [], []
     for k in range(N):
         w, n, u = e.draw(w_sd), e.draw(n_sd), e.draw(u_sd)
-        out.c_mean[k], out.c[k] = c_mean, c
+        out.c_mean[k], out.c[k], out.v[k] = c_mean, c, v
         y_mean.append(c_mean)
         rows.append(c + b0 + b + w - p)
         if turned and SEEN[k]:
@@ -161,15 +162,29 @@ def passed():
 
 
 @pytest.mark.parametrize("axis", [0, 1, 2])
+def test_covariance_of_position_and_velocity_is_that_of_gaussian_conditioning(passed, axis):
+    data, _, found, forward = passed
+    covariance = smooth_backward(found, forward, 2)[1][:, axis]
+    dense = written_out(axis, data)
+    states = np.stack([dense.c, dense.v], axis=1)
+    information = np.linalg.inv(dense.y @ dense.y.T)
+    for ours, state in zip(covariance, states, strict=True):
+        shared = state @ dense.y.T
+        expected = state @ state.T - shared @ information @ shared.T
+        scale = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))
+        assert np.abs((ours - expected) / scale).max() < 1e-4
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
 def test_mean_and_band_are_those_of_gaussian_conditioning(passed, axis):
     data, _, found, forward = passed
-    mean, variance = smooth_backward(found, forward, 2)
+    mean, covariance = smooth_backward(found, forward, 2)
     dense = written_out(axis, data)
     gain = np.linalg.solve(dense.y @ dense.y.T, dense.y @ dense.c.T).T
     expected = dense.c_mean + gain @ (measured(axis, data) - dense.y_mean)
     sd = np.sqrt(np.diag(dense.c @ dense.c.T - gain @ dense.y @ dense.c.T))
     assert np.abs(mean[:, axis, 0] - expected).max() < 1e-7
-    assert np.abs(np.sqrt(variance[:, axis, 0]) / sd - 1).max() < 1e-5
+    assert np.abs(np.sqrt(covariance[:, axis, 0, 0]) / sd - 1).max() < 1e-5
 
 
 def test_the_likelihood_is_that_of_the_same_gaussian_up_to_a_constant(passed):

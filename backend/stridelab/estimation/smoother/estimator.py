@@ -10,7 +10,7 @@ from stridelab.conventions import GRAVITY_M_S2, Points, Vector3
 from stridelab.dynamics.wrench import com_acceleration
 from stridelab.errors import NotEstimable
 from stridelab.estimation.differentiation import require_mass, smoothed_derivatives, window_span
-from stridelab.estimation.estimator import ComEstimate
+from stridelab.estimation.estimator import ComEstimate, StateCovariance
 from stridelab.estimation.evaluation.physics_residuals import segment_momentum_rate
 from stridelab.estimation.smoother.kalman_rts import compute_gains, filter_forward, smooth_backward
 from stridelab.estimation.smoother.measurements import (
@@ -75,12 +75,13 @@ class Smoother:
         space = state_space(sizes, rate_hz)
         gain_sets = compute_gains(space, data.seen, data.phi)
         forward = filter_forward(space, data, gain_sets)
-        mean, variance = smooth_backward(gain_sets, forward, 2)
+        mean, covariance = smooth_backward(gain_sets, forward, 2)
         c, v = (mean[:, :, i] @ walk.frame for i in (0, 1))
         measured = (com_acceleration(walk.force_n, mass_kg) - forward.constants[:, ACCELERATION]) @ walk.frame
         acceleration = np.where(walk.seen[:, None], measured, smoothed_derivatives(c, rate_hz)[1])
-        variance[:, 2, 0] = np.maximum(variance[:, 2, 0], geometric.sd_m[2] ** 2)  # the height is unobservable
-        sd = np.sqrt(variance[:, :, 0] @ walk.frame**2)
+        height = covariance[:, 2, 0, 0]
+        np.maximum(height, geometric.sd_m[2] ** 2, out=height)  # the height is unobservable
+        sd = np.sqrt(np.maximum(covariance[..., 0, 0], 0.0) @ walk.frame**2)
         answer = slice(0, len(c)) if self.beyond_window else span.within
         return ComEstimate(
             method=self.name,
@@ -89,6 +90,7 @@ class Smoother:
             velocity_m_s=v[answer],
             acceleration_m_s2=acceleration[answer],
             sd_m=sd[answer],
+            state_covariance=StateCovariance(walk.frame, covariance[answer]),
             window=span.window,
             references=("carpentier2017thesis", "dejong1991", "schmidt1966"),
             remarks=plate_bias_remarks(space, forward, mass_kg, self.priors.plate_force_n, walk.frame),

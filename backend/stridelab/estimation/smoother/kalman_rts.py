@@ -211,8 +211,8 @@ def filter_forward(space: StateSpace, signals: Signals, gain_sets: Gains) -> For
 
 def smooth_backward(
     gain_sets: Gains, forward: ForwardPass, rows: int
-) -> tuple[Float[np.ndarray, "n a r"], Float[np.ndarray, "n a r"]]:
-    """Mean and variance of the first ``rows`` states at every sample, from all samples."""
+) -> tuple[Float[np.ndarray, "n a r"], Float[np.ndarray, "n a r r"]]:
+    """Mean and covariance of the first ``rows`` states at every sample, from all samples."""
     use = gain_sets.use
     observe_t = np.swapaxes(gain_sets.observe, 2, 3)
     push = observe_t[use] @ (gain_sets.information[use] @ forward.innovations)
@@ -224,8 +224,8 @@ def smooth_backward(
     r[:, L:] = forward.rest.information @ forward.rest.innovation
     big[:, L:, L:] = forward.rest.information
     rs = np.empty_like(push)
-    variance = np.empty((n, 3, rows))
-    previous, settled, last = -1, False, variance[0]
+    covariance = np.empty((n, 3, rows, rows))
+    previous, settled, last = -1, False, covariance[0]
     for k in range(n - 1, -1, -1):
         i = int(use[k])
         r = push[k] + loop_t[i] @ r
@@ -238,15 +238,16 @@ def smooth_backward(
             previous, big = i, following
             p = gain_sets.predicted[i]
             top = p[:, :rows]
-            last = np.einsum("aij->ai", top[:, :, :rows] * np.eye(rows)) - np.einsum("aij,ajk,aik->ai", top, big, top)
-        variance[k] = last
+            last = top[:, :, :rows] - top @ big @ np.swapaxes(top, 1, 2)
+        covariance[k] = last
     states = forward.states[:, :, :rows] + gain_sets.predicted[use, :, :rows] @ rs
     sensitivity = states[..., 1 : HEIGHT + 1]
     mean = states[..., 0] + np.einsum("karc,ac->kar", sensitivity, forward.constants)
-    variance = variance + np.einsum("karc,acd,kard->kar", sensitivity, forward.constants_cov, sensitivity)
+    covariance += sensitivity @ forward.constants_cov @ np.swapaxes(sensitivity, 2, 3)
     height = states[..., HEIGHT + 1] + np.einsum("karc,ac->kar", sensitivity, forward.height_leak)
-    variance = variance + (height * forward.height_sd[:, None]) ** 2
-    return mean, np.maximum(variance, 0.0)
+    height = height * forward.height_sd[:, None]
+    covariance += height[..., :, None] * height[..., None, :]
+    return mean, covariance
 
 
 def log_likelihood(space: StateSpace, gain_sets: Gains, forward: ForwardPass) -> Float[np.ndarray, "a"]:
