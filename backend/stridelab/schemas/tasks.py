@@ -77,6 +77,20 @@ class StudyPopulationTask(Contract):
     seed: int = 0
 
 
+class MeasuresMember(Contract):
+    """One recording of ``gait-measures``: its task and the sub-folder that holds its files."""
+
+    recording_id: str
+    folder: str
+    task: EstimateComTask
+
+
+class GaitMeasuresTask(Contract):
+    """Task of ``gait-measures``."""
+
+    members: list[MeasuresMember]
+
+
 class SimulateRecordingTask(Contract):
     """Task of ``simulate-recording``."""
 

@@ -1,0 +1,71 @@
+"""Margin of stability: distance of the extrapolated CoM from the edge of the base of support (Hof 2005, 2008).
+
+Sideways, in single support on the foot of one side, the margin is the distance from the extrapolated CoM outwards to
+the outermost point of that foot's outline; its minimum over single support is the margin of the step. Ahead, at the
+strike of a foot, it is the distance from the extrapolated CoM to the foremost point of the landing foot's outline.
+Positive margins lie inside the base. The outline follows from the markers of the foot (``foot_outline``); its own
+error (about 1 cm, constant for a person) is not part of the stated standard deviation.
+"""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from stridelab.measures.extrapolated_com import ExtrapolatedCom, extrapolated_com
+from stridelab.measures.measure import Measure
+from stridelab.measures.walk_motion import AHEAD, LEFT, MARKER_SD_M, OTHER_SIDE, FootMotion, WalkMotion
+from stridelab.walking.steps import GaitStep
+
+
+def margins_of_stability(motion: WalkMotion, steps: Sequence[GaitStep]) -> list[Measure]:
+    """Margins per step, in metres; steps with a hidden foot or outside the estimate are left out.
+
+    ``margin_of_stability_ml_min`` is of the standing foot, ``margin_of_stability_ap_contact``,
+    ``margin_of_stability_ml_contact`` and ``capture_point_offset_{ap,ml}`` are of the landing foot: the offset is the
+    middle of the landing foot's outline minus the capture point, positive ahead and outwards.
+    """
+    xcom = extrapolated_com(motion)
+    measures = []
+    for number, step in enumerate(steps):
+        if motion.covers(step.lift_off_s, step.strike_s):
+            measures += _single_support(motion, xcom, step, number)
+            measures += _at_strike(motion, xcom, step, number)
+    return [measure for measure in measures if math.isfinite(measure.value)]
+
+
+def _single_support(motion: WalkMotion, xcom: ExtrapolatedCom, step: GaitStep, number: int) -> list[Measure]:
+    side = OTHER_SIDE[step.side]
+    span = motion.samples(step.lift_off_s, step.strike_s)
+    outwards = 1.0 if side == "left" else -1.0
+    margin = (outwards * motion.feet[side].outline_m[span, :, LEFT]).max(axis=1)
+    margin = margin - outwards * xcom.position_m[span, LEFT]
+    if len(margin) == 0 or not np.isfinite(margin).all():
+        return []
+    k = int(np.argmin(margin))
+    sd = _error_m(xcom, span.start + k, LEFT)
+    return [Measure("margin_of_stability_ml_min", float(margin[k]), sd, "m", side, number)]
+
+
+def _at_strike(motion: WalkMotion, xcom: ExtrapolatedCom, step: GaitStep, number: int) -> list[Measure]:
+    outwards = 1.0 if step.side == "left" else -1.0
+    outline = _outline_at(motion, motion.feet[step.side], step.strike_s)
+    x = [float(np.interp(step.strike_s, motion.time_s, xcom.position_m[:, axis])) for axis in (AHEAD, LEFT)]
+    k = motion.nearest(step.strike_s)
+    sd_ap, sd_ml = _error_m(xcom, k, AHEAD), _error_m(xcom, k, LEFT)
+    middle = outline.mean(axis=0)
+    values = (
+        ("margin_of_stability_ap_contact", outline[:, AHEAD].max() - x[0], sd_ap),
+        ("margin_of_stability_ml_contact", (outwards * outline[:, LEFT]).max() - outwards * x[1], sd_ml),
+        ("capture_point_offset_ap", middle[AHEAD] - x[0], sd_ap),
+        ("capture_point_offset_ml", outwards * (middle[LEFT] - x[1]), sd_ml),
+    )
+    return [Measure(name, float(value), sd, "m", step.side, number) for name, value, sd in values]
+
+
+def _outline_at(motion: WalkMotion, foot: FootMotion, at_s: float) -> np.ndarray:
+    return np.array([motion.at(foot.outline_m[:, point], at_s) for point in range(foot.outline_m.shape[1])])
+
+
+def _error_m(xcom: ExtrapolatedCom, sample: int, axis: int) -> float | None:
+    return None if xcom.sd_m is None else math.hypot(float(xcom.sd_m[sample, axis]), MARKER_SD_M)

@@ -1,0 +1,249 @@
+"""Measures of gait of one or more recordings, pooled.
+
+file -> Prepared -> ComEstimate -> contacts, steps -> WalkMotion -> measures -> summaries
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from stridelab.errors import Fault, NotEstimable, StridelabError
+from stridelab.estimation.estimator import ComEstimate
+from stridelab.estimation.markers_only import GeometryOnly
+from stridelab.estimation.quality.assessment import CONTRADICTED
+from stridelab.measures.angular_momentum import angular_momentum_ranges
+from stridelab.measures.energy_exchange import energy_exchange
+from stridelab.measures.extrapolated_com import ExtrapolatedCom, extrapolated_com
+from stridelab.measures.foot_placement import LEAST_STEPS, foot_placement
+from stridelab.measures.limb_work import limb_work
+from stridelab.measures.margin_of_stability import margins_of_stability
+from stridelab.measures.measure import Measure, summarise, symmetry_index
+from stridelab.measures.spatiotemporal import spatiotemporal
+from stridelab.measures.walk_motion import WalkMotion, walk_motion
+from stridelab.pipelines.com_inputs import ComInputs, prepare_com_inputs
+from stridelab.pipelines.estimate_com import assess_estimate, estimate_with_fallback, quality_schema, worst_quality
+from stridelab.pipelines.progress import ProgressCallback
+from stridelab.recordings.recording import Remark, Side
+from stridelab.schemas import base
+from stridelab.schemas.jobs import EstimateComInput
+from stridelab.schemas.measures import GaitMeasuresSummary, MeasureValue, NotMeasured
+from stridelab.schemas.population import LeftOut
+from stridelab.schemas.quality import TrialQuality
+from stridelab.schemas.tasks import EstimateComTask, GaitMeasuresTask
+from stridelab.walking.gait_events import find_contacts
+from stridelab.walking.preconditions import require_walk
+from stridelab.walking.steps import GaitStep, find_steps
+
+REFERENCES: Final = ("hof2005", "donelan2002", "cavagna1976", "herr2008", "wang2014")
+SIDES: Final[tuple[Side, ...]] = ("left", "right")
+
+
+@dataclass(frozen=True)
+class MeasuredRecording:
+    """Measures of one recording with the motion and steps they are computed from."""
+
+    recording_id: str
+    filename: str
+    motion: WalkMotion
+    steps: tuple[GaitStep, ...]
+    measures: tuple[Measure, ...]
+    xcom: ExtrapolatedCom
+    prepared: ComInputs
+    estimate: ComEstimate
+    quality: TrialQuality
+
+
+@dataclass(frozen=True)
+class GaitMeasuresResult:
+    """Measures of all recordings and their summary; ``pooled`` are measures over all recordings together."""
+
+    recordings: tuple[MeasuredRecording, ...]
+    pooled: tuple[Measure, ...]
+    summary: GaitMeasuresSummary
+
+    @property
+    def citation_keys(self) -> tuple[str, ...]:
+        """Citation keys of the methods used."""
+        used = (key for one in self.recordings for key in (*one.prepared.geometric.references, *one.estimate.references))
+        return tuple(dict.fromkeys((*REFERENCES, *used)))
+
+
+def gait_measures(task: GaitMeasuresTask, folder: Path, progress: ProgressCallback) -> GaitMeasuresResult:
+    """Measures of every recording of ``task`` whose files are in sub-folders of ``folder``; 0.0 to 0.95 of the progress.
+
+    Recordings that cannot be measured, or whose sensors contradict each other, are listed with the reason.
+
+    Raises ``NotEstimable`` (``nothing-measured``) if no recording has a whole step.
+    """
+    measured: list[MeasuredRecording] = []
+    left_out: list[LeftOut] = []
+    for index, member in enumerate(task.members):
+        progress(0.95 * index / len(task.members), member.task.recording.filename)
+        identity = {"recording_id": member.recording_id, "filename": member.task.recording.filename}
+        try:
+            one = measure_recording(member.recording_id, member.task, folder / member.folder)
+        except StridelabError as error:
+            left_out.append(LeftOut(**identity, code=error.code, message=error.message))
+            continue
+        if one.quality.quality.verdict == CONTRADICTED:
+            wrong = [check.message for check in one.quality.quality.checks if not check.passed]
+            message = f"The sensors of this recording contradict each other. {' '.join(wrong)}"
+            left_out.append(LeftOut(**identity, code=CONTRADICTED, message=message))
+            continue
+        measured.append(one)
+    if not measured:
+        faults = [Fault(one.filename, f"{one.message} ({one.code})") for one in left_out]
+        raise NotEstimable("nothing-measured", "No recording has a whole step that can be measured.", faults)
+    pooled = tuple(foot_placement([(one.motion, one.steps) for one in measured]))
+    return GaitMeasuresResult(tuple(measured), pooled, _summary(measured, pooled, left_out))
+
+
+def measure_recording(recording_id: str, task: EstimateComTask, folder: Path) -> MeasuredRecording:
+    """Measures of one recording.
+
+    Without plates, body mass or an interval with all force on plates the CoM is that of the geometry alone, unless a
+    method is requested. Raises the errors of ``estimate-com``, and ``NotEstimable`` if the recording is no walk
+    (``require_walk``) or contains no whole step (``no-steps``).
+    """
+    request = task.input
+    prepared, estimate = _estimate(task, folder)
+    recording, landmarks = prepared.trial.recording, prepared.trial.match.landmarks
+    contacts = find_contacts(recording, landmarks, latency_s=prepared.latency.applied_s)
+    require_walk(recording, landmarks, contacts)
+    steps = find_steps(recording, landmarks, prepared.windows, contacts=contacts)
+    motion = walk_motion(
+        recording,
+        landmarks,
+        estimate,
+        prepared.geometric,
+        contacts,
+        mass_kg=prepared.mass.known_kg,
+        stature_m=task.recording.subject.height_m or recording.subject.height_m,
+        latency_s=prepared.latency.applied_s,
+    )
+    if not steps or motion is None:
+        raise NotEstimable("no-steps", "The recording contains no whole step with both feet marked.")
+    measures = (
+        *spatiotemporal(motion, steps),
+        *margins_of_stability(motion, steps),
+        *energy_exchange(motion, steps),
+        *angular_momentum_ranges(motion, steps),
+        *limb_work(motion, contacts, steps),
+    )
+    quality = TrialQuality(
+        recording_id=request.recording_id,
+        filename=task.recording.filename,
+        quality=quality_schema(assess_estimate(prepared, estimate)),
+    )
+    return MeasuredRecording(
+        recording_id,
+        task.recording.filename,
+        motion,
+        steps,
+        measures,
+        extrapolated_com(motion),
+        prepared,
+        estimate,
+        quality,
+    )
+
+
+def _estimate(task: EstimateComTask, folder: Path) -> tuple[ComInputs, ComEstimate]:
+    """Estimate over the whole recording; markers alone if the default method is not applicable."""
+    request = task.input
+
+    def estimate_by(method: str | None) -> tuple[ComInputs, ComEstimate]:
+        prepared = prepare_com_inputs(task, folder, _no_progress, needs_force=method != GeometryOnly.name)
+        return prepared, estimate_with_fallback(method, request, prepared, beyond_window=True)
+
+    try:
+        return estimate_by(request.method)
+    except NotEstimable as refusal:
+        if request.method is not None:
+            raise
+        prepared, estimate = estimate_by(GeometryOnly.name)
+        remark = Remark("force-not-used", f"The centre of mass is that of the markers alone: {refusal.message}")
+        return prepared, replace(estimate, remarks=(*estimate.remarks, remark))
+
+
+def _no_progress(_fraction: float, _message: str) -> None:
+    """Progress is reported per recording."""
+
+
+def _summary(
+    measured: Sequence[MeasuredRecording], pooled: Sequence[Measure], left_out: Sequence[LeftOut]
+) -> GaitMeasuresSummary:
+    measures = [measure for one in measured for measure in one.measures] + list(pooled)
+    values = _pooled_values(measures)
+    remarks = (remark for one in measured for remark in (*one.prepared.all_remarks, *one.estimate.remarks))
+    methods = {one.estimate.method for one in measured}
+    swings = [step.side for one in measured for step in one.steps]
+    speeds = [measure.value for measure in measures if measure.name == "walking_speed"]
+    first = measured[0].motion
+    return GaitMeasuresSummary(
+        steps=len(swings),
+        sides={side: swings.count(side) for side in SIDES},
+        measures=values,
+        not_measured=_not_measured(measured, {value.name for value in values}, len(swings)),
+        left_out=list(left_out),
+        n_recordings=len(measured),
+        method=EstimateComInput(recording_id="any", method=methods.pop()).method if len(methods) == 1 else None,
+        mass_kg=first.mass_kg,
+        height_m=first.stature_m,
+        speed_m_s=float(np.mean(speeds)) if speeds else None,
+        quality=worst_quality([one.quality.quality for one in measured]),
+        trials=[one.quality for one in measured],
+        warnings=[base.Remark(code=r.code, message=r.message) for r in dict.fromkeys(remarks)],
+    )
+
+
+def _pooled_values(measures: Sequence[Measure]) -> list[MeasureValue]:
+    summaries = summarise(measures)
+    means = {(one.name, one.side): one.mean for one in summaries}
+    values = []
+    for one in summaries:
+        left, right = means.get((one.name, "left")), means.get((one.name, "right"))
+        symmetry = symmetry_index(left, right) if one.side is None and left is not None and right is not None else None
+        values.append(
+            MeasureValue(
+                name=one.name,
+                unit=one.unit,
+                side=one.side,
+                n=one.n,
+                mean=one.mean,
+                between_sd=one.between_sd,
+                error_sd=one.error_sd,
+                ci95=one.ci95,
+                symmetry=symmetry,
+            )
+        )
+    return values
+
+
+_STRIDE_REASON: Final = ("no-whole-stride", "No stride from strike to strike of one foot lies within the estimate.")
+_FORCE_REASON: Final = (
+    "no-separate-forces",
+    "No whole stance of this foot is measured on plates of its own, or the body mass is not known.",
+)
+_EXPECTED: Final[Mapping[str, tuple[str, str]]] = {
+    "margin_of_stability_ml_min": ("no-whole-step", "No single support lies within the estimate with the foot marked."),
+    "step_time": ("no-prior-strike", "No step has a strike of each foot within the recording."),
+    "stride_length": _STRIDE_REASON,
+    "energy_recovery": _STRIDE_REASON,
+    "angular_momentum_range_x": _STRIDE_REASON,
+    "limb_work_left_positive": _FORCE_REASON,
+    "limb_work_right_positive": _FORCE_REASON,
+}
+
+
+def _not_measured(measured: Sequence[MeasuredRecording], given: set[str], n_steps: int) -> list[NotMeasured]:
+    missing = {name: reason for name, reason in _EXPECTED.items() if name not in given}
+    if "angular_momentum_range_x" in missing and all(one.motion.stature_m is None for one in measured):
+        missing["angular_momentum_range_x"] = ("no-stature", "State the stature, by which the momentum is scaled.")
+    if "foot_placement_residual" not in given:
+        message = f"{n_steps} steps; the regression needs at least {LEAST_STEPS} within the estimates."
+        missing["foot_placement_residual"] = ("too-few-steps", message)
+    return [NotMeasured(name=name, code=code, message=message) for name, (code, message) in missing.items()]
