@@ -1,3 +1,5 @@
+from .library.measures import GaitMeasures as GaitMeasures
+from .library.measures import gait_measures as gait_measures
 from .library.plans import PlannedMotion as PlannedMotion
 from .library.plans import plan_motion as plan_motion
 from .library.recordings import CentreOfMass as CentreOfMass
@@ -11,10 +13,12 @@ from .robots.loader import load_robot as load_robot
 __all__ = [
     "CentreOfMass",
     "CycloidFit",
+    "GaitMeasures",
     "LoadedRecording",
     "PlannedMotion",
     "estimate_com",
     "fit_cycloid",
+    "gait_measures",
     "load_robot",
     "plan_motion",
     "read",

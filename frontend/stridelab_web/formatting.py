@@ -134,6 +134,7 @@ KINDS = {
     "learn-reachability": "Reachability",
     "fit-cycloid": "Rolling wheel",
     "study-population": "Population",
+    "gait-measures": "Gait measures",
     "read-batch": "Bulk upload",
 }
 """Titles of the kinds of jobs that are not their codes in words."""

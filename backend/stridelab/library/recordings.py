@@ -210,10 +210,10 @@ def estimate_com(
         InvalidInput: An option is invalid; the error names it.
         NotEstimable: The data do not allow an estimate; code and message say what is missing.
     """
-    loaded = _load_recording(recording, stated)
+    loaded = load_recording(recording, stated)
     fields = {"method": method, "latency": latency, "segment_table": segment_table, "cutoffs": cutoffs}
     request = validate_fields(EstimateComInput, {"recording_id": loaded.path.name, "window_s": window_s, **fields})
-    with _staged_sources(loaded) as (folder, recorded, static):
+    with staged_sources(loaded) as (folder, recorded, static):
         task = EstimateComTask(recording=recorded, static=static, input=request)
         return CentreOfMass(loaded, request, _estimate_com(task, folder, progress or ignore_progress))
 
@@ -291,14 +291,15 @@ def fit_cycloid(
     Raises:
         NotEstimable: The recording is not a walk, or no step is measured; code and message say what is missing.
     """
-    loaded = _load_recording(recording, stated)
+    loaded = load_recording(recording, stated)
     request = validate_fields(FitCycloidInput, {"recording_id": loaded.path.name, "steps": steps, "method": method})
-    with _staged_sources(loaded) as (folder, recorded, static):
+    with staged_sources(loaded) as (folder, recorded, static):
         task = FitCycloidTask(recording=recorded, static=static, input=request)
         return CycloidFit(loaded, request, fit_cycloid_of_recording(task, folder, progress or ignore_progress))
 
 
-def _load_recording(recording: LoadedRecording | str | Path, stated: dict[str, Any]) -> LoadedRecording:
+def load_recording(recording: LoadedRecording | str | Path, stated: dict[str, Any]) -> LoadedRecording:
+    """The recording itself, or the one read from a path with the options ``stated`` of ``read``."""
     if not isinstance(recording, LoadedRecording):
         return read(recording, **stated)
     if stated:
@@ -308,7 +309,7 @@ def _load_recording(recording: LoadedRecording | str | Path, stated: dict[str, A
 
 
 @contextmanager
-def _staged_sources(loaded: LoadedRecording) -> Iterator[tuple[Path, RecordingSource, RecordingSource | None]]:
+def staged_sources(loaded: LoadedRecording) -> Iterator[tuple[Path, RecordingSource, RecordingSource | None]]:
     """Folder and sources of the recording; a static trial from another folder is copied to a common one."""
     if loaded.static is None or loaded.static.parent == loaded.path.parent:
         static = None if loaded.static is None else _source_of_file(loaded.static)

@@ -39,6 +39,10 @@ from stridelab.walking.steps import GaitStep, find_steps
 
 REFERENCES: Final = ("hof2005", "donelan2002", "cavagna1976", "herr2008", "wang2014")
 SIDES: Final[tuple[Side, ...]] = ("left", "right")
+SIGNED: Final = frozenset(
+    {"margin_of_stability_ap_contact", "capture_point_offset_ap", "capture_point_offset_ml", "step_width"}
+)
+"""Measures that may be zero or negative, for which a ratio of the sides says nothing."""
 
 
 @dataclass(frozen=True)
@@ -67,12 +71,14 @@ class GaitMeasuresResult:
     @property
     def citation_keys(self) -> tuple[str, ...]:
         """Citation keys of the methods used."""
-        used = (key for one in self.recordings for key in (*one.prepared.geometric.references, *one.estimate.references))
+        used = (
+            key for one in self.recordings for key in (*one.prepared.geometric.references, *one.estimate.references)
+        )
         return tuple(dict.fromkeys((*REFERENCES, *used)))
 
 
 def gait_measures(task: GaitMeasuresTask, folder: Path, progress: ProgressCallback) -> GaitMeasuresResult:
-    """Measures of every recording of ``task`` whose files are in sub-folders of ``folder``; 0.0 to 0.95 of the progress.
+    """Measure every recording of ``task``, whose files are in sub-folders of ``folder``; 0.0 to 0.95 of the progress.
 
     Recordings that cannot be measured, or whose sensors contradict each other, are listed with the reason.
 
@@ -206,7 +212,9 @@ def _pooled_values(measures: Sequence[Measure]) -> list[MeasureValue]:
     values = []
     for one in summaries:
         left, right = means.get((one.name, "left")), means.get((one.name, "right"))
-        symmetry = symmetry_index(left, right) if one.side is None and left is not None and right is not None else None
+        symmetry = None
+        if one.side is None and left is not None and right is not None and one.name not in SIGNED:
+            symmetry = symmetry_index(left, right)
         values.append(
             MeasureValue(
                 name=one.name,

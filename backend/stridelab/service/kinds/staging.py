@@ -3,7 +3,7 @@
 Runs in the worker, so this module imports no numeric package.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -125,3 +125,32 @@ async def stage_recording(
     except ValueError as error:
         message = f"The settings stored for {row['filename']} are invalid."
         raise InvalidInput("stored-switches-invalid", message) from error
+
+
+async def require_recordings(connection: AsyncConnection, recording_ids: Sequence[str]) -> None:
+    """Raise ``NotFound`` (``recording-not-found``) naming unknown ids, ``InvalidInput`` (``recording-twice``).
+
+    Two recordings with identical files count as one recording.
+    """
+    query = select(recording.c.id, recording.c.sha256, recording.c.filename)
+    query = query.where(recording.c.id.in_(recording_ids))
+    rows = {row.id: row for row in (await connection.execute(query)).all()}
+    places = {recording_id: f"recording_ids.{i}" for i, recording_id in enumerate(recording_ids)}
+    missing = [recording_id for recording_id in recording_ids if recording_id not in rows]
+    if missing:
+        raise NotFound(
+            "recording-not-found",
+            f"There is no recording with {'this id' if len(missing) == 1 else 'these ids'}: "
+            f"{', '.join(i[:64] for i in missing[:5])}; deleted, or never uploaded.",
+            [Fault(places[recording_id], "unknown") for recording_id in missing],
+        )
+    first: dict[str, str] = {}
+    for recording_id in recording_ids:
+        row = rows[recording_id]
+        before = first.setdefault(row.sha256, recording_id)
+        if before != recording_id:
+            raise InvalidInput(
+                "recording-twice",
+                f"{row.filename} is the same file as {rows[before].filename}: a recording counts once.",
+                [Fault(places[recording_id], f"the same file as {before}")],
+            )

@@ -16,6 +16,7 @@ from stridelab.errors import Fault, InvalidInput, NotFound
 from stridelab.robots.card import EffectorCard, robot_card
 from stridelab.schemas.base import Contract
 from stridelab.schemas.jobs import Job
+from stridelab.schemas.measures import GaitMeasuresInput
 from stridelab.schemas.plans import LearnReachabilityInput, PlanContactsInput, PlanMotionInput
 from stridelab.schemas.population import StudyPopulationInput
 from stridelab.schemas.receding import PlanRecedingInput
@@ -27,7 +28,7 @@ from stridelab.service.api.quotas import refuse_full
 from stridelab.service.api.scenarios.validation import refuse_invalid
 from stridelab.service.kinds.base import JobKind
 from stridelab.service.kinds.registry import KINDS
-from stridelab.service.kinds.study_population.kind import require_recordings
+from stridelab.service.kinds.staging import require_recordings
 
 
 @dataclass(frozen=True)
@@ -52,11 +53,11 @@ async def validate_request(parts: Parts, request: Contract) -> JobSubject:
         await anyio.to_thread.run_sync(_refuse_invalid_ends, request, limiter=parts.validation_limiter)
     if isinstance(request, LearnReachabilityInput):
         _refuse_unknown_effectors(request)
-    if isinstance(request, StudyPopulationInput):
+    if isinstance(request, StudyPopulationInput | GaitMeasuresInput):
         for recording_id in request.recording_ids:
             require_id_form(recording_id, "recording")
         async with parts.engine.connect() as connection:
-            await require_recordings(connection, request)
+            await require_recordings(connection, request.recording_ids)
     return JobSubject(_referenced_id(request, "recording"), _referenced_id(request, "scenario"))
 
 

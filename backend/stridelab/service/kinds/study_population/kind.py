@@ -3,56 +3,23 @@
 from pathlib import Path
 from typing import Final
 
-from sqlalchemy import select
 from sqlalchemy.ext.asyncio import AsyncConnection
 
-from stridelab.errors import Fault, InvalidInput, NotFound
 from stridelab.schemas.base import Contract
 from stridelab.schemas.cycloid import FitCycloidInput
 from stridelab.schemas.population import PersonFields, StudyPopulationInput, StudyPopulationSummary, SubjectOfRecording
 from stridelab.schemas.tasks import FitCycloidTask, PopulationMember, StudyPopulationTask
 from stridelab.service.kinds.base import Blobs, JobKind, Json
-from stridelab.service.kinds.staging import stage_fit_cycloid
+from stridelab.service.kinds.staging import require_recordings, stage_fit_cycloid
 from stridelab.service.samples.recording import SAMPLE_ID
-from stridelab.service.storage.tables import recording
 
 STATED_FIELDS: Final = ("height_m", "mass_kg", "sex", "age_years")
-
-
-async def require_recordings(connection: AsyncConnection, request: StudyPopulationInput) -> None:
-    """Raise ``NotFound`` (``recording-not-found``) naming unknown ids, ``InvalidInput`` (``recording-twice``).
-
-    Two recordings with identical files count as one recording.
-    """
-    query = select(recording.c.id, recording.c.sha256, recording.c.filename).where(
-        recording.c.id.in_(request.recording_ids)
-    )
-    rows = {row.id: row for row in (await connection.execute(query)).all()}
-    places = {recording_id: f"recording_ids.{i}" for i, recording_id in enumerate(request.recording_ids)}
-    missing = [recording_id for recording_id in request.recording_ids if recording_id not in rows]
-    if missing:
-        raise NotFound(
-            "recording-not-found",
-            f"There is no recording with {'this id' if len(missing) == 1 else 'these ids'}: "
-            f"{', '.join(i[:64] for i in missing[:5])}; deleted, or never uploaded.",
-            [Fault(places[recording_id], "unknown") for recording_id in missing],
-        )
-    first: dict[str, str] = {}
-    for recording_id in request.recording_ids:
-        row = rows[recording_id]
-        before = first.setdefault(row.sha256, recording_id)
-        if before != recording_id:
-            raise InvalidInput(
-                "recording-twice",
-                f"{row.filename} is the same file as {rows[before].filename}: a recording counts once.",
-                [Fault(places[recording_id], f"the same file as {before}")],
-            )
 
 
 async def stage(connection: AsyncConnection, blobs: Blobs, input: Contract, folder: Path) -> Json:  # noqa: A002
     """Fetch every recording into a separate folder. Raises as ``require_recordings`` does."""
     request = StudyPopulationInput.model_validate(input.model_dump())
-    await require_recordings(connection, request)
+    await require_recordings(connection, request.recording_ids)
     table = {row.recording_id: row for row in request.subjects}
     members = []
     for index, recording_id in enumerate(request.recording_ids):

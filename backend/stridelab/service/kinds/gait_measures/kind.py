@@ -1,0 +1,44 @@
+"""The job kind ``gait-measures``."""
+
+from pathlib import Path
+
+from sqlalchemy.ext.asyncio import AsyncConnection
+
+from stridelab.schemas.base import Contract
+from stridelab.schemas.jobs import EstimateComInput
+from stridelab.schemas.measures import GaitMeasuresInput, GaitMeasuresSummary
+from stridelab.schemas.tasks import EstimateComTask, GaitMeasuresTask, MeasuresMember
+from stridelab.service.kinds.base import Blobs, JobKind, Json
+from stridelab.service.kinds.staging import require_recordings, stage_estimate_com
+from stridelab.service.samples.recording import SAMPLE_ID
+
+
+async def stage(connection: AsyncConnection, blobs: Blobs, input: Contract, folder: Path) -> Json:  # noqa: A002
+    """Fetch every recording into a separate folder. Raises as ``require_recordings`` does."""
+    request = GaitMeasuresInput.model_validate(input.model_dump())
+    await require_recordings(connection, request.recording_ids)
+    members = []
+    for index, recording_id in enumerate(request.recording_ids):
+        name = f"recording-{index:03d}"
+        (folder / name).mkdir()
+        one = EstimateComInput(recording_id=recording_id, method=request.method)
+        task = EstimateComTask.model_validate(await stage_estimate_com(connection, blobs, one, folder / name))
+        members.append(MeasuresMember(recording_id=recording_id, folder=name, task=task))
+    return GaitMeasuresTask(members=members).model_dump(mode="json")
+
+
+KIND = JobKind(
+    name="gait-measures",
+    title="Gait measures",
+    description=(
+        "Computes measures of gait per step, with their errors: margins of stability, steps, energy exchange, work of "
+        "the legs, angular momentum and foot placement, pooled over the recordings."
+    ),
+    examples={"one": {"summary": "The bundled recording", "value": {"recording_ids": [SAMPLE_ID]}}},
+    input_model=GaitMeasuresInput,
+    summary_model=GaitMeasuresSummary,
+    run="stridelab.service.kinds.gait_measures.run:run_in_child",
+    stage=stage,
+    timeout_s=600.0,
+    lane="long",
+)
