@@ -4,8 +4,8 @@
     W = sum of the positive increments over the stride
     recovery = 1 - W_ext / (W_f + W_v)
 
-An ideal pendulum has a recovery of 1. The standard deviation is propagated to first order: the vertical position
-enters through its variation within the stride, the velocity through its constant error.
+An ideal pendulum has a recovery of 1. The standard deviation is propagated to first order from the
+error of the mean speed and the errors of the ranges of the speed ahead, the vertical velocity and the height.
 """
 
 import math
@@ -13,7 +13,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from stridelab.conventions import GRAVITY_M_S2, Series
+from stridelab.conventions import GRAVITY_M_S2, Points, Series
 from stridelab.measures.measure import Measure
 from stridelab.measures.walk_motion import AHEAD, LEFT, UP, WalkMotion
 from stridelab.walking.steps import GaitStep
@@ -27,26 +27,35 @@ def energy_exchange(motion: WalkMotion, steps: Sequence[GaitStep]) -> list[Measu
         if following is None or not motion.covers(step.strike_s, following.strike_s):
             continue
         span = motion.samples(step.strike_s, following.strike_s)
-        speed_sd = None
-        if motion.covariance is not None:
-            speed_sd = math.sqrt(max(float(motion.covariance[span, AHEAD, 1, 1].mean()), 0.0))
         v, z = motion.velocity_m_s[span], motion.com_m[span, UP]
-        base_recovery, base_work = _recovery_and_work(v[:, AHEAD], v[:, LEFT], v[:, UP], z)
+        base = _recovery_and_work(v, z)
         recovery_sd = work_sd = None
-        if speed_sd is not None:
-            faster = _recovery_and_work(v[:, AHEAD] + speed_sd, v[:, LEFT], v[:, UP], z)
-            share = 1.0 + math.sqrt(2.0) * motion.varying_sd_m / max(float(np.ptp(z)), motion.varying_sd_m)
-            higher = _recovery_and_work(v[:, AHEAD], v[:, LEFT], v[:, UP], z.mean() + share * (z - z.mean()))
-            recovery_sd = math.hypot(faster[0] - base_recovery, higher[0] - base_recovery)
-            work_sd = math.hypot(faster[1] - base_work, higher[1] - base_work)
-        measures.append(Measure("energy_recovery", base_recovery, recovery_sd, "1", step.side, number))
-        measures.append(Measure("external_work", base_work, work_sd, "J/kg", step.side, number))
+        if motion.covariance is not None:
+            sd_v = np.sqrt(np.maximum(motion.covariance[span, :, 1, 1].mean(axis=0), 0.0))
+            changes = [_recovery_and_work(v + sd_v * [1.0, 0.0, 0.0], z)]
+            changes += [_recovery_and_work(v + _stretched(v, axis, sd_v[axis]), z) for axis in (AHEAD, UP)]
+            changes.append(_recovery_and_work(v, z + _swing(z, motion.varying_sd_m)))
+            recovery_sd, work_sd = (math.hypot(*(change[k] - base[k] for change in changes)) for k in (0, 1))
+        measures.append(Measure("energy_recovery", base[0], recovery_sd, "1", step.side, number))
+        measures.append(Measure("external_work", base[1], work_sd, "J/kg", step.side, number))
     return [measure for measure in measures if math.isfinite(measure.value)]
 
 
-def _recovery_and_work(ahead: Series, left: Series, up: Series, z: Series) -> tuple[float, float]:
-    forward = 0.5 * ahead**2
-    vertical = GRAVITY_M_S2 * z + 0.5 * up**2
-    whole = forward + vertical + 0.5 * left**2
+def _stretched(v: Points, axis: int, sd_m_s: float) -> Points:
+    """Change of the velocity along one axis: its variation grows by an error at both ends of its range."""
+    change = np.zeros_like(v)
+    change[:, axis] = _swing(v[:, axis], sd_m_s)
+    return change
+
+
+def _swing(track: Series, sd: float) -> Series:
+    """Change of a track whose range grows by two independent errors of ``sd``."""
+    return np.asarray((track - track.mean()) * math.sqrt(2.0) * sd / max(float(np.ptp(track)), sd))
+
+
+def _recovery_and_work(v: Points, z: Series) -> tuple[float, float]:
+    forward = 0.5 * v[:, AHEAD] ** 2
+    vertical = GRAVITY_M_S2 * z + 0.5 * v[:, UP] ** 2
+    whole = forward + vertical + 0.5 * v[:, LEFT] ** 2
     w_f, w_v, w_ext = (float(np.maximum(np.diff(energy), 0.0).sum()) for energy in (forward, vertical, whole))
     return (1.0 - w_ext / (w_f + w_v) if w_f + w_v > 0.0 else math.nan), w_ext

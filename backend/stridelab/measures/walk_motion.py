@@ -13,7 +13,9 @@ from jaxtyping import Float
 
 from stridelab.body.geometric_com import GeometricCom
 from stridelab.conventions import Mask, Points, Rotation, Series, Vector3
+from stridelab.estimation.differentiation import smoothed_derivatives
 from stridelab.estimation.estimator import ComEstimate
+from stridelab.estimation.evaluation.physics_residuals import MOMENTUM_BAND_HZ, SHORTEST_FLIGHT
 from stridelab.estimation.time_span import walk_frame
 from stridelab.recordings.foot_contact import Foot, Outline, find_feet, foot_outline
 from stridelab.recordings.foot_on_plate import markers_on_plate, outline_off_plates
@@ -208,10 +210,11 @@ def _momentum_per_kg(geometric: GeometricCom, used: slice, frame: Rotation) -> P
     """Angular momentum of the segments' point masses about the CoM, per kilogram of body mass."""
     time_s = geometric.time_s[used]
     total = np.zeros((len(time_s), 3))
-    if not geometric.segments or len(time_s) < 2:
+    arms = [segment.com_m[used] for segment in geometric.segments.values()]
+    if not arms or len(time_s) < SHORTEST_FLIGHT or not np.isfinite(arms).all():
         return np.full_like(total, np.nan)
     rate_hz = (len(time_s) - 1) / (time_s[-1] - time_s[0])
     for segment in geometric.segments.values():
         arm = segment.com_m[used] - geometric.com_m[used]
-        total += segment.mass_fraction * np.cross(arm, np.gradient(arm, axis=0) * rate_hz)
+        total += segment.mass_fraction * np.cross(arm, smoothed_derivatives(arm, rate_hz, MOMENTUM_BAND_HZ)[0])
     return np.asarray(total @ frame.T)

@@ -7,7 +7,7 @@ BACKEND = ROOT / "backend" / "stridelab"
 FRONTEND = ROOT / "frontend" / "stridelab_web"
 
 GROUND = {"conventions", "cores", "errors", "resources", "parallel"}
-WINGS = ["dynamics", "recordings", "body", "estimation", "walking"]
+WINGS = ["dynamics", "recordings", "body", "estimation", "walking", "measures"]
 ROBOT_WING = ["dynamics", "robots", "contacts", "reachability", "centroidal", "wholebody"]
 SCIENCE = GROUND | set(WINGS) | set(ROBOT_WING)
 STUDIES = ["simulation", "studies", "reproduction"]

@@ -1,0 +1,202 @@
+"""Compare the stated errors of gait measures with the true ones on simulated walks, and write the table of the docs.
+
+make_measures_coverage.py                 400 walks, then the table of docs/theory/gait-measures.md
+make_measures_coverage.py --number 20     only so many of them
+make_measures_coverage.py --first 500     seeds from 500 on
+
+Values computed before are read from --out and are not computed again.
+"""
+
+import argparse
+import json
+import re
+import sys
+import tempfile
+from collections import defaultdict
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from stridelab.errors import StridelabError
+from stridelab.estimation.time_span import walk_frame
+from stridelab.measures import (
+    FootMotion,
+    Measure,
+    WalkMotion,
+    angular_momentum_ranges,
+    energy_exchange,
+    limb_work,
+    margins_of_stability,
+    spatiotemporal,
+)
+from stridelab.pipelines.gait_measures import measure_recording
+from stridelab.recordings.files.c3d_writer import write_c3d
+from stridelab.recordings.foot_contact import find_feet, foot_outline
+from stridelab.recordings.gap_filling import true_runs
+from stridelab.recordings.marker_sets import identify
+from stridelab.schemas.jobs import EstimateComInput
+from stridelab.schemas.tasks import EstimateComTask, RecordingSource
+from stridelab.simulation.ground_truth import true_motion
+from stridelab.simulation.human.walker import HumanWalker, Walk
+from stridelab.simulation.human_recording import record
+from stridelab.simulation.noise import NOISE_FREE, MeasurementNoise
+from stridelab.walking.gait_events import Contact
+from stridelab.walking.steps import GaitStep, find_steps
+
+PAGE = Path(__file__).resolve().parent.parent / "docs" / "theory" / "gait-measures.md"
+BEGIN, END = "<!-- coverage table -->", "<!-- end of the coverage table -->"
+THRESHOLD_N = 20.0
+"""Load at which a plate counts a foot as on it; the true events are defined by the same load."""
+
+Row = tuple[str, float, float | None, float]
+"""Name, value, stated standard deviation, true value."""
+
+
+def main() -> None:
+    """Read the command line, simulate and measure, write the table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--out", type=Path, default=Path(".data") / "measures-coverage.jsonl", metavar="FILE")
+    parser.add_argument("--number", type=int, default=400)
+    parser.add_argument("--first", type=int, default=1000, help="first seed")
+    request = parser.parse_args()
+    stored: dict[int, list[Row]] = {}
+    if request.out.is_file():
+        lines = request.out.read_text(encoding="utf-8").splitlines()
+        stored = {seed: [tuple(row) for row in rows] for seed, rows in map(json.loads, lines)}
+    seeds = range(request.first, request.first + request.number)
+    request.out.parent.mkdir(parents=True, exist_ok=True)
+    with request.out.open("a", encoding="utf-8") as out:
+        for seed in seeds:
+            if seed not in stored:
+                stored[seed] = compare_walk(seed)
+                out.write(json.dumps([seed, stored[seed]]) + "\n")
+                out.flush()
+                sys.stderr.write(f"walk {seed}: {len(stored[seed])} values\n")
+    write_table([stored[seed] for seed in seeds])
+
+
+def simulate_walk(seed: int) -> tuple[Walk, MeasurementNoise]:
+    """A person of random sex, stature, mass, speed; noise of cameras, plates, clock and segment table at random."""
+    rng = np.random.default_rng([7, seed])
+    height_m = rng.uniform(1.5, 1.95)
+    walk = HumanWalker(
+        height_m=height_m,
+        mass_kg=rng.uniform(18.0, 32.0) * height_m**2,
+        sex="female" if rng.random() < 0.5 else "male",
+        speed_m_s=rng.uniform(0.6, 1.5),
+        duration_s=5.0,
+        seed=seed,
+    ).walk()
+    noise = MeasurementNoise(
+        force_n=rng.uniform(1.0, 4.0),
+        moment_nm=rng.uniform(0.5, 2.0),
+        marker_m=rng.uniform(0.0003, 0.0015),
+        mass_model=rng.uniform(0.05, 0.3),
+        latency_s=rng.choice([0.0, 0.008]),
+    )
+    return walk, noise
+
+
+def compare_walk(seed: int) -> list[Row]:
+    """Measured and true values of the steps of one walk; empty if it is refused."""
+    walk, noise = simulate_walk(seed)
+    true_steps, truth = true_measures(walk, seed)
+    known = {(measure.name, measure.side, measure.step): measure.value for measure in truth}
+    with tempfile.TemporaryDirectory() as name:
+        write_c3d(Path(name) / "trial.c3d", record(walk, noise, seed).recording)
+        source = RecordingSource(file="trial.c3d", filename="trial.c3d")
+        task = EstimateComTask(recording=source, input=EstimateComInput(recording_id="walk"))
+        try:
+            measured = measure_recording("walk", task, Path(name))
+        except StridelabError as error:
+            sys.stderr.write(f"walk {seed}: {error.message}\n")
+            return []
+    rows: list[Row] = []
+    for measure in measured.measures:
+        step = None if measure.step is None else measured.steps[measure.step]
+        same = [k for k, one in enumerate(true_steps) if step and one.side == step.side and _simultaneous(one, step)]
+        key = (measure.name, measure.side, same[0] if same else -1)
+        if key in known:
+            rows.append((measure.name, measure.value, measure.sd, known[key]))
+    return rows
+
+
+def true_measures(walk: Walk, seed: int) -> tuple[Sequence[GaitStep], Sequence[Measure]]:
+    """Measures of the exact motion, forces, angular momentum and markers; events at ``THRESHOLD_N`` of true load."""
+    recording = record(walk, NOISE_FREE, seed).recording
+    time_s, motion = recording.time_s, true_motion(walk.body, walk.posture, recording.time_s)
+    landmarks = identify(tuple(recording.markers_m), {}).landmarks
+    frame = walk_frame(motion.velocity_m_s)
+    feet = {}
+    for foot in find_feet(recording, landmarks):
+        load = walk.feet[foot.side].force_n
+        force = np.column_stack([np.interp(time_s, walk.truth.time_s, load[:, axis]) for axis in range(3)])
+        outline = foot_outline(recording, landmarks, foot)
+        feet[foot.side] = FootMotion(foot.markers_m[:, 0] @ frame.T, outline @ frame.T, force @ frame.T)
+    whole = WalkMotion(
+        time_s=time_s,
+        com_m=motion.com_m @ frame.T,
+        velocity_m_s=motion.velocity_m_s @ frame.T,
+        covariance=None,
+        varying_sd_m=0.0,
+        feet=feet,
+        momentum_per_kg=motion.momentum_nms @ frame.T / walk.mass_kg,
+        mass_kg=walk.mass_kg,
+        stature_m=walk.body.proportions.height_m,
+    )
+    contacts = true_contacts(walk, float(time_s[-1]))
+    steps = find_steps(recording, landmarks, (), contacts=contacts)
+    return steps, (
+        *spatiotemporal(whole, steps),
+        *margins_of_stability(whole, steps),
+        *energy_exchange(whole, steps),
+        *angular_momentum_ranges(whole, steps),
+        *limb_work(whole, contacts, steps),
+    )
+
+
+def true_contacts(walk: Walk, end_s: float) -> tuple[Contact, ...]:
+    """Contacts of both feet from their true load, in the time of the recording."""
+    time_s, contacts = walk.truth.time_s, []
+    for side, foot in walk.feet.items():
+        for first, stop in true_runs(np.linalg.norm(foot.force_n, axis=1) > THRESHOLD_N):
+            strike_s, off_s = float(time_s[first]), float(time_s[stop - 1])
+            if off_s > 0.0 and strike_s < end_s:
+                contacts.append(Contact(side, strike_s if strike_s > 0.0 else None, off_s if off_s < end_s else None))
+    return tuple(sorted(contacts, key=lambda contact: contact.start_s))
+
+
+def _simultaneous(one: GaitStep, other: GaitStep) -> bool:
+    return abs(one.strike_s - other.strike_s) < 0.1
+
+
+def write_table(walks: Sequence[Sequence[Row]]) -> None:
+    """Replace the table of the page by that of the rows of ``walks``."""
+    columns: dict[str, list[Row]] = defaultdict(list)
+    for row in (row for walk in walks for row in walk):
+        columns[row[0]].append(row)
+    used = sum(bool(walk) for walk in walks)
+    lines = [
+        BEGIN,
+        "",
+        f"{used} of {len(walks)} simulated walks (the others are refused with a reason):",
+        "",
+        "| measure | n | mean | bias | RMS error | stated sd | 95 % band holds |",
+        "| --- | --- | --- | --- | --- | --- | --- |",
+    ]
+    for name, rows in columns.items():
+        value, truth = (np.array([row[k] for row in rows]) for k in (1, 3))
+        sd = np.array([np.nan if row[2] is None else row[2] for row in rows], dtype=float)
+        error = value - truth
+        held = 100.0 * float(np.mean(np.abs(error) <= 1.96 * sd))
+        numbers = (truth.mean(), error.mean(), np.sqrt(np.mean(error**2)), np.sqrt(np.nanmean(sd**2)))
+        cells = " | ".join(f"{number:.4f}" for number in numbers)
+        lines.append(f"| `{name}` | {len(rows)} | {cells} | {held:.0f} % |")
+    text = PAGE.read_text(encoding="utf-8")
+    table = "\n".join([*lines, "", END])
+    PAGE.write_text(re.sub(f"{BEGIN}.*{END}", lambda _: table, text, flags=re.DOTALL), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

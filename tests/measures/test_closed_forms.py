@@ -1,0 +1,202 @@
+"""Measures of motions whose values follow on paper."""
+
+import math
+
+import numpy as np
+import pytest
+
+from stridelab.conventions import GRAVITY_M_S2
+from stridelab.measures import (
+    FootMotion,
+    Measure,
+    angular_momentum_ranges,
+    energy_exchange,
+    extrapolated_com,
+    foot_placement,
+    limb_work,
+    margins_of_stability,
+    spatiotemporal,
+    summarise,
+    symmetry_index,
+)
+from stridelab.walking.gait_events import Contact
+from support.recordings.plain_walk import (
+    FOOT_M,
+    HALF_BREADTH_M,
+    HALF_WIDTH_M,
+    HEIGHT_M,
+    MASS_KG,
+    SPEED_M_S,
+    STEP_M,
+    STEP_S,
+    STEPS_IN_WALK,
+    SWING_S,
+    plain_steps,
+    plain_walk,
+    side_of,
+)
+
+OMEGA_0 = math.sqrt(GRAVITY_M_S2 / HEIGHT_M)
+
+
+def values(measures: list[Measure], name: str) -> list[float]:
+    return [measure.value for measure in measures if measure.name == name]
+
+
+def test_the_extrapolated_com_leads_by_the_speed_over_the_pendulums_rate() -> None:
+    motion = plain_walk()
+    xcom = extrapolated_com(motion)
+    np.testing.assert_allclose(xcom.position_m[:, 0], motion.com_m[:, 0] + SPEED_M_S / OMEGA_0, atol=1e-9)
+    np.testing.assert_allclose(xcom.position_m[:, 1], 0.0, atol=1e-9)
+    assert xcom.sd_m is None
+
+
+def test_its_error_takes_the_covariance_of_position_and_velocity() -> None:
+    covariance = np.broadcast_to([[4e-6, 3e-6], [3e-6, 9e-6]], (len(plain_walk().time_s), 3, 2, 2))
+    xcom = extrapolated_com(plain_walk(covariance=covariance))
+    variance = 4e-6 + 2 * 3e-6 / OMEGA_0 + 9e-6 / OMEGA_0**2
+    assert xcom.sd_m is not None
+    np.testing.assert_allclose(xcom.sd_m, math.sqrt(variance))
+
+
+def test_margins_are_the_distances_to_the_edges_of_the_feet() -> None:
+    measures = margins_of_stability(plain_walk(), plain_steps())
+    edge_m = HALF_WIDTH_M + HALF_BREADTH_M
+    sideways, landing = (
+        values(measures, "margin_of_stability_ml_min"),
+        values(measures, "margin_of_stability_ml_contact"),
+    )
+    assert sideways == pytest.approx([edge_m] * STEPS_IN_WALK, abs=1e-6)
+    assert landing == pytest.approx([edge_m] * STEPS_IN_WALK, abs=1e-6)
+    ahead_m = [
+        (k + 1) * STEP_M + FOOT_M - (SPEED_M_S * (k + 1) * STEP_S + SPEED_M_S / OMEGA_0) for k in range(STEPS_IN_WALK)
+    ]
+    assert values(measures, "margin_of_stability_ap_contact") == pytest.approx(ahead_m, abs=1e-6)
+
+
+def test_a_body_that_sways_outwards_has_its_smallest_margin_where_it_is_farthest_out() -> None:
+    motion = plain_walk()
+    sway = motion.com_m.copy()
+    sway[:, 1] = 0.03 * np.sin(np.pi * (motion.time_s - STEP_S) / STEP_S)
+    swaying = plain_walk(com_m=sway)
+    xcom = extrapolated_com(swaying)
+    for measure in margins_of_stability(swaying, plain_steps()):
+        if measure.name == "margin_of_stability_ml_min":
+            step = plain_steps()[measure.step or 0]
+            inside = (swaying.time_s >= step.lift_off_s - 1e-9) & (swaying.time_s <= step.strike_s + 1e-9)
+            outwards = 1.0 if measure.side == "left" else -1.0
+            by_hand = (HALF_WIDTH_M + HALF_BREADTH_M - outwards * xcom.position_m[inside, 1]).min()
+            assert measure.value == pytest.approx(by_hand, abs=1e-9)
+            assert measure.side != step.side
+
+
+def test_lengths_and_times_are_those_of_the_walk() -> None:
+    measures = spatiotemporal(plain_walk(), plain_steps())
+    expected = {
+        "step_length": STEP_M,
+        "step_width": 2 * HALF_WIDTH_M,
+        "step_time": STEP_S,
+        "cadence": 60.0 / STEP_S,
+        "walking_speed": SPEED_M_S,
+        "double_support_share": (STEP_S - SWING_S) / STEP_S,
+        "stride_time": 2 * STEP_S,
+        "stance_share": 1.0 - SWING_S / (2 * STEP_S),
+        "swing_share": SWING_S / (2 * STEP_S),
+        "stride_length": 2 * STEP_M,
+        "com_vertical_excursion": 0.0,
+        "com_lateral_excursion": 0.0,
+    }
+    for name, value in expected.items():
+        assert values(measures, name) == pytest.approx([value] * len(values(measures, name)), abs=1e-9), name
+        assert values(measures, name), name
+
+
+@pytest.mark.parametrize(("phase_rad", "recovery"), [(0.0, 1.0), (np.pi, 0.0)])
+def test_energy_in_opposite_phase_is_recovered_and_in_phase_is_not(phase_rad: float, recovery: float) -> None:
+    """Kinetic energy ahead opposes (or joins) potential energy of the same amplitude; v_z is given as 0."""
+    motion = plain_walk()
+    e, turn = 0.1, 2 * np.pi * motion.time_s / STEP_S
+    com = motion.com_m.copy()
+    com[:, 2] = HEIGHT_M + e * np.cos(turn) / GRAVITY_M_S2
+    velocity = np.zeros_like(com)
+    velocity[:, 0] = np.sqrt(2.0 * (1.0 - e * np.cos(turn + phase_rad)))
+    measures = energy_exchange(plain_walk(com_m=com, velocity_m_s=velocity), plain_steps())
+    assert values(measures, "energy_recovery") == pytest.approx([recovery] * (STEPS_IN_WALK - 2), abs=2e-3)
+    work = 0.0 if recovery == 1.0 else 2 * 2 * 2 * e
+    assert values(measures, "external_work") == pytest.approx([work] * (STEPS_IN_WALK - 2), abs=5e-3)
+
+
+def test_a_leg_that_pushes_and_brakes_works_by_force_times_velocity() -> None:
+    motion = plain_walk()
+    force = np.zeros_like(motion.com_m)
+    force[:, 0] = np.where(motion.time_s % STEP_S < STEP_S / 2, -100.0, 50.0)
+    feet = {side: FootMotion(foot.heel_m, foot.outline_m, force) for side, foot in motion.feet.items()}
+    contacts = [Contact("left", STEP_S, 2 * STEP_S), Contact("right", None, 3 * STEP_S), Contact("right", STEP_S, None)]
+    measures = limb_work(plain_walk(feet=feet), contacts, plain_steps())
+    assert [measure.name for measure in measures] == ["limb_work_left_positive", "limb_work_left_negative"]
+    pushed, braked = (measure.value for measure in measures)
+    assert pushed == pytest.approx(50.0 * SPEED_M_S * STEP_S / 2 / MASS_KG, rel=0.01)
+    assert braked == pytest.approx(-100.0 * SPEED_M_S * STEP_S / 2 / MASS_KG, rel=0.02)
+
+
+def test_work_is_not_reported_where_the_force_of_a_leg_is_not_measured() -> None:
+    motion = plain_walk()
+    hidden = np.full_like(motion.com_m, np.nan)
+    feet = {side: FootMotion(foot.heel_m, foot.outline_m, hidden) for side, foot in motion.feet.items()}
+    assert limb_work(plain_walk(feet=feet), [Contact("left", STEP_S, 2 * STEP_S)], plain_steps()) == []
+
+
+def test_ranges_of_the_angular_momentum_are_scaled_by_speed_and_stature() -> None:
+    motion = plain_walk()
+    momentum = np.column_stack([a * np.sin(2 * np.pi * motion.time_s / (2 * STEP_S)) for a in (0.02, 0.05, 0.01)])
+    measures = angular_momentum_ranges(plain_walk(momentum_per_kg=momentum), plain_steps())
+    for axis, amplitude in zip("xyz", (0.02, 0.05, 0.01), strict=True):
+        expected = 2 * amplitude / (SPEED_M_S * 1.8)
+        found = values(measures, f"angular_momentum_range_{axis}")
+        assert found == pytest.approx([expected] * (STEPS_IN_WALK - 2), rel=1e-3)
+    assert angular_momentum_ranges(plain_walk(momentum_per_kg=momentum, stature_m=None), plain_steps()) == []
+
+
+def test_a_linear_law_of_foot_placement_is_recovered() -> None:
+    """Feet placed by a law of the CoM's lateral state in mid-swing, with a state that differs from step to step."""
+    rng = np.random.default_rng(1)
+    motion = plain_walk()
+    com = motion.com_m.copy()
+    frequencies = rng.uniform(0.2, 1.0, 5)
+    com[:, 1] = 0.01 * np.sin(2 * np.pi * np.outer(motion.time_s, frequencies) + rng.uniform(0, 6, 5)).sum(axis=1)
+    swaying = plain_walk(com_m=com)
+    heels = {side: foot.heel_m.copy() for side, foot in swaying.feet.items()}
+    for k, step in enumerate(plain_steps()):
+        middle_s = 0.5 * (step.lift_off_s + step.strike_s)
+        outwards = 1.0 if step.side == "left" else -1.0
+        other = "right" if step.side == "left" else "left"
+        y, v = swaying.at(swaying.com_m, middle_s)[1], swaying.at(swaying.velocity_m_s, middle_s)[1]
+        standing = swaying.at(heels[other], step.lift_off_s)[1]
+        placed = y + outwards * (0.05 + 0.4 * outwards * (y - standing) + 0.2 * outwards * v)
+        later = swaying.time_s > step.strike_s - 0.02
+        heels[side_of(k)][later, 1] = placed
+    feet = {side: FootMotion(heels[side], foot.outline_m, foot.force_n) for side, foot in swaying.feet.items()}
+    law = {one.name: one.value for one in foot_placement([(plain_walk(com_m=com, feet=feet), plain_steps())])}
+    assert law["foot_placement_gain_position"] == pytest.approx(0.4, abs=1e-6)
+    assert law["foot_placement_gain_velocity"] == pytest.approx(0.2, abs=1e-6)
+    assert law["foot_placement_residual"] == pytest.approx(0.0, abs=1e-6)
+    assert foot_placement([(swaying, plain_steps(8))]) == []
+
+
+def test_a_mean_has_the_scatter_of_the_steps_and_the_common_error() -> None:
+    steps = [Measure("m", value, 0.5, "m", "left", k) for k, value in enumerate((1.0, 2.0, 3.0))]
+    both, left = summarise(steps)
+    assert (both.side, left.side, both.n) == (None, "left", 3)
+    assert (both.mean, both.between_sd, both.error_sd) == (2.0, 1.0, 0.5)
+    half = math.hypot(4.302653 / math.sqrt(3), 1.96 * 0.5)
+    assert both.ci95 == pytest.approx((2.0 - half, 2.0 + half), abs=1e-4)
+    (single, _) = summarise(steps[:1])
+    assert single.between_sd is None
+    assert single.ci95 == pytest.approx((1.0 - 0.98, 1.0 + 0.98))
+    (unknown, _) = summarise([Measure("m", 1.0, None, "m", "left", 0)])
+    assert unknown.ci95 is None
+
+
+def test_symmetry_is_the_difference_over_the_mean() -> None:
+    assert symmetry_index(1.1, 0.9) == pytest.approx(0.2)
+    assert symmetry_index(0.0, 0.0) is None

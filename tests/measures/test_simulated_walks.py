@@ -1,0 +1,166 @@
+"""Measures of a simulated recording beside those of its exact motion, and the job's files."""
+
+import importlib.util
+import json
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pyarrow.compute
+import pyarrow.csv
+import pytest
+from pydantic import ValidationError
+
+import stridelab as sl
+from stridelab.errors import NotEstimable
+from stridelab.schemas.jobs import EstimateComInput
+from stridelab.schemas.measures import GaitMeasuresInput, GaitMeasuresSummary
+from stridelab.schemas.recordings import PlateSwitch
+from stridelab.schemas.tasks import EstimateComTask, GaitMeasuresTask, MeasuresMember, RecordingSource
+from stridelab.service.kinds.gait_measures import run as gait_measures
+from support.command_line import SAMPLE, quiet
+from support.docs.floors import ROOT
+
+TRIAL = SAMPLE / "recording.c3d"
+
+
+def member(folder: Path, file: Path = TRIAL, **source: object) -> MeasuresMember:
+    name = f"recording-{len(list(folder.glob('recording-*')))}"
+    (folder / name).mkdir()
+    shutil.copyfile(file, folder / name / "trial")
+    recording = RecordingSource(file="trial", filename=file.name, **source)  # type: ignore[arg-type]
+    task = EstimateComTask(recording=recording, input=EstimateComInput(recording_id=name))
+    return MeasuresMember(recording_id=name, folder=name, task=task)
+
+
+def summary_of(folder: Path, *members: MeasuresMember) -> GaitMeasuresSummary:
+    outcome = gait_measures.run(GaitMeasuresTask(members=list(members)), folder, quiet)
+    return GaitMeasuresSummary.model_validate(outcome.summary)
+
+
+@pytest.fixture(scope="module")
+def compared() -> dict[str, np.ndarray]:
+    """Rows of value, stated deviation and true value of three simulated walks, by measure."""
+    spec = importlib.util.spec_from_file_location("coverage", ROOT / "scripts" / "make_measures_coverage.py")
+    assert spec is not None
+    assert spec.loader is not None
+    script = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(script)
+    rows: dict[str, list[tuple[float, float, float]]] = {}
+    for seed in (2000, 2001, 2002):
+        for name, value, sd, truth in script.compare_walk(seed):
+            rows.setdefault(name, []).append((value, np.nan if sd is None else sd, truth))
+    return {name: np.array(values) for name, values in rows.items()}
+
+
+def test_stated_errors_hold_the_true_values(compared: dict[str, np.ndarray]) -> None:
+    """Every step that counts, over all measures; a deviation that is half as wide as the errors would miss many."""
+    rows = np.concatenate(list(compared.values()))
+    assert len(rows) > 300
+    assert np.isfinite(rows).all()
+    assert np.mean(np.abs(rows[:, 0] - rows[:, 2]) <= 1.96 * rows[:, 1]) > 0.93
+
+
+@pytest.mark.parametrize(
+    ("name", "most"),
+    [
+        ("margin_of_stability_ml_min", 0.004),
+        ("margin_of_stability_ap_contact", 0.010),
+        ("step_length", 0.004),
+        ("step_time", 0.006),
+        ("double_support_share", 0.01),
+    ],
+)
+def test_measures_are_near_the_truth(compared: dict[str, np.ndarray], name: str, most: float) -> None:
+    assert np.abs(compared[name][:, 0] - compared[name][:, 2]).max() < most
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_the_work_of_the_legs_is_that_of_the_contact_forces(compared: dict[str, np.ndarray], side: str) -> None:
+    for sign in ("positive", "negative"):
+        rows = compared[f"limb_work_{side}_{sign}"]
+        assert rows[:, 0].mean() == pytest.approx(rows[:, 2].mean(), rel=0.03)
+
+
+def test_the_files_are_a_row_per_value_and_the_extrapolated_com(tmp_path: Path) -> None:
+    task = GaitMeasuresTask(members=[member(tmp_path), member(tmp_path, plates={1: PlateSwitch(use=False)})])
+    outcome = gait_measures.run(task, tmp_path, quiet)
+    names = [artifact.name for artifact in outcome.artifacts]
+    assert names == ["measures.parquet", "measures.csv", "xcom.parquet", "xcom.csv"]
+    table = pyarrow.csv.read_csv(tmp_path / "measures.csv")
+    assert table.column_names == ["recording", "measure", "side", "step", "value", "sd", "unit"]
+    xcom = pyarrow.csv.read_csv(tmp_path / "xcom.csv")
+    assert xcom.column_names == ["recording", "time_s", "x_m", "y_m", "sd_x_m", "sd_y_m"]
+    summary = GaitMeasuresSummary.model_validate(outcome.summary)
+    assert summary.n_recordings == 2
+    assert summary.steps == sum(summary.sides.values())
+    by_name = {(one.name, one.side): one for one in summary.measures}
+    lengths = [
+        float(v)
+        for v, m in zip(table["value"].to_pylist(), table["measure"].to_pylist(), strict=True)
+        if m == "step_length"
+    ]
+    assert by_name["step_length", None].n == len(lengths)
+    assert by_name["step_length", None].mean == pytest.approx(np.mean(lengths))
+    assert json.dumps(outcome.summary, allow_nan=False)
+
+
+def test_without_plates_steps_and_margins_come_from_the_markers(tmp_path: Path) -> None:
+    off = {index: PlateSwitch(use=False) for index in range(1, 30)}
+    summary = summary_of(tmp_path, member(tmp_path, plates=off))
+    names = {one.name for one in summary.measures}
+    assert summary.method == "geometry"
+    assert {"step_length", "margin_of_stability_ml_min", "energy_recovery"} <= names
+    assert not any(name.startswith("limb_work") for name in names)
+    missing = {one.name: one.code for one in summary.not_measured}
+    assert missing["limb_work_left_positive"] == "no-separate-forces"
+    assert "force-not-used" in {warning.code for warning in summary.warnings}
+    margin = next(one for one in summary.measures if one.name == "margin_of_stability_ml_min")
+    assert margin.error_sd is None
+
+
+def test_a_damaged_recording_is_listed_and_the_others_are_measured(tmp_path: Path) -> None:
+    broken = tmp_path / "broken.c3d"
+    broken.write_bytes(b"no recording")
+    summary = summary_of(tmp_path, member(tmp_path), member(tmp_path, broken))
+    assert [one.filename for one in summary.left_out] == ["broken.c3d"]
+    assert summary.n_recordings == 1
+    with pytest.raises(NotEstimable, match="No recording has a whole step"):
+        gait_measures.run(GaitMeasuresTask(members=[member(tmp_path, broken)]), tmp_path, quiet)
+
+
+def test_recordings_count_once() -> None:
+    with pytest.raises(ValidationError, match="same recording twice"):
+        GaitMeasuresInput(recording_ids=["a", "a"])
+
+
+def test_the_library_gives_the_numbers_of_the_job(tmp_path: Path) -> None:
+    measured = sl.gait_measures(TRIAL)
+    summary = summary_of(tmp_path, member(tmp_path))
+    assert [one.mean for one in measured.summary.measures] == [one.mean for one in summary.measures]
+    folder = measured.save(tmp_path / "saved")
+    assert {"measures.csv", "xcom.parquet", "result.json"} <= {path.name for path in folder.iterdir()}
+
+
+def test_feet_that_share_a_plate_have_no_force_of_their_own() -> None:
+    """One plate below the whole walk: every double support is on it."""
+    loaded = sl.read(TRIAL)
+    first = loaded.recording.plates[0]
+    corners = np.array([[-10.0, 2.0, 0.0], [10.0, 2.0, 0.0], [10.0, -2.0, 0.0], [-10.0, -2.0, 0.0]])
+    force = np.sum([plate.force_n for plate in loaded.recording.plates], axis=0)
+    shared = replace(first, corners_m=corners, force_n=force)
+    recording = replace(loaded.recording, plates=(shared,))
+    from stridelab.measures.walk_motion import forces_by_foot
+    from stridelab.recordings.foot_contact import find_feet
+    from stridelab.recordings.marker_sets import identify
+    from stridelab.walking.gait_events import find_contacts
+
+    landmarks = identify(tuple(recording.markers_m), {}).landmarks
+    contacts = find_contacts(recording, landmarks)
+    forces = forces_by_foot(recording, landmarks, find_feet(recording, landmarks), contacts, 0.0)
+    stances = [c for c in contacts if c.strike_s is not None and c.lift_off_s is not None]
+    assert stances
+    for contact in stances:
+        inside = (recording.time_s > contact.start_s) & (recording.time_s < contact.end_s)
+        assert np.isnan(forces[contact.side][inside]).any()
