@@ -11,6 +11,7 @@ PACKAGES = {
     "body": "segments and the geometric centre of mass",
     "estimation": "the centre of mass from geometry and force",
     "walking": "steps, the rolling wheel, many people",
+    "measures": "margins of stability, steps, work, energy, angular momentum",
     "robots": "cards, models, collisions",
     "contacts": "scenarios, cones, the contact planner",
     "reachability": "where the centre of mass can be",

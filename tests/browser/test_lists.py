@@ -6,9 +6,8 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, BrowserContext, Page, expect
 
-from stridelab.schemas.jobs import Progress
+from stridelab.schemas.jobs import JobVerdict, Progress
 from stridelab.schemas.plans import PhaseDuration
-from stridelab.schemas.verdicts import JobVerdict
 from support.browser.page import Tab
 from support.browser.scene import opened
 from support.fakes.lab import Lab

@@ -9,7 +9,6 @@ from stridelab.schemas.base import Contract, Interval, Problem, Remark
 from stridelab.schemas.methods import Method
 from stridelab.schemas.quality import Quality
 from stridelab.schemas.sessions import LatencySource, SessionValues
-from stridelab.schemas.verdicts import JobVerdict
 
 JobState = Literal["queued", "running", "succeeded", "failed", "cancelled", "timed_out"]
 FINAL_STATES: frozenset[JobState] = frozenset({"succeeded", "failed", "cancelled", "timed_out"})
@@ -20,6 +19,30 @@ class Progress(Contract):
 
     fraction: float = 0.0
     message: str = ""
+
+
+VerdictCode = Literal[
+    "certified",
+    "not-certified",
+    "replay-fell",
+    "replay-not-completed",
+    "replan-failed",
+    "every-replan-solved",
+    "sensors-agree",
+    "sensors-doubtful",
+    "sensors-contradict",
+]
+
+
+class JobVerdict(Contract):
+    """Verdict on a result; `outcome` is that of the worst check."""
+
+    outcome: Literal["passed", "doubtful", "failed"]
+    code: VerdictCode = Field(description="code of the worst outcome")
+    message: str = Field(description="explanation of the verdict, without a full stop")
+    failed_checks: list[str] = Field(
+        default_factory=list, description="names of the failed checks of the certificate or of the quality"
+    )
 
 
 class Job(Contract):

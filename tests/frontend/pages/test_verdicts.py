@@ -6,8 +6,8 @@ from collections.abc import Callable
 import httpx
 import pytest
 
+from stridelab.schemas.jobs import JobVerdict
 from stridelab.schemas.plans import StoppedMotion
-from stridelab.schemas.verdicts import JobVerdict
 from stridelab_web.pages.home import SAMPLE_SCENARIO
 from support.fakes.service import FakeService
 

@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from stridelab.schemas.verdicts import JobVerdict
+from stridelab.schemas.jobs import JobVerdict
 from stridelab.service.jobs.verdict import verdict_of
 
 

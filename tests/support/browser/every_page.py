@@ -7,10 +7,9 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from stridelab.schemas.base import FaultItem, Problem
-from stridelab.schemas.jobs import Artifact, JobResult, Progress
+from stridelab.schemas.jobs import Artifact, JobResult, JobVerdict, Progress
 from stridelab.schemas.reproduction import ClaimResult, ReproduceSummary
 from stridelab.schemas.sweeps import SweepAxis, SweepSummary
-from stridelab.schemas.verdicts import JobVerdict
 from stridelab_web.pages.home import SAMPLE_RECORDING
 from support.fakes import cycloid, population, reachability
 from support.fakes.service import FakeService

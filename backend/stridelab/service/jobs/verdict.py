@@ -8,7 +8,7 @@ a field has no verdict and is not an error.
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
-from stridelab.schemas.verdicts import JobVerdict
+from stridelab.schemas.jobs import JobVerdict
 
 MAX_LISTED_CHECKS: Final = 3
 """Maximum number of checks that a message names; the rest is counted."""

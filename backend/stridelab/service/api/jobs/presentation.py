@@ -4,8 +4,7 @@ from collections.abc import Mapping
 from typing import Final
 
 from stridelab.schemas.base import FaultItem, Problem
-from stridelab.schemas.jobs import Job, JobState, Progress
-from stridelab.schemas.verdicts import JobVerdict
+from stridelab.schemas.jobs import Job, JobState, JobVerdict, Progress
 from stridelab.service.jobs.store import JobRecord
 from stridelab.service.jobs.verdict import verdict_of
 
