@@ -44,8 +44,25 @@ def test_a_drop_jump_weighs_the_jumper() -> None:
 def test_who_stands_is_weighed_as_on_a_scale() -> None:
     found = estimates(stand())
     assert found["standing"].mass_kg == pytest.approx(MASS_KG, abs=0.05)
-    assert found["standing"].sd_kg < 0.2
     assert found["standing"].total_sd_kg == pytest.approx(np.hypot(found["standing"].sd_kg, 0.01 * MASS_KG))
+
+
+def test_a_plate_that_is_never_unloaded_may_have_a_wrong_zero() -> None:
+    """28 N of zero error are not seen while somebody stands; a touch of the empty plate would show them."""
+    standing = stand()
+    plate = standing.recording.plates[0]
+    assert plate.loaded.all()
+    off = replace(
+        standing, recording=replace(standing.recording, plates=(replace(plate, force_n=plate.force_n - [0, 0, 28.0]),))
+    )
+    found = estimates(off)["standing"]
+    assert 2.0 < abs(found.mass_kg - MASS_KG) < 3.0 * found.sd_kg
+    empty = plate.force_n.copy()
+    empty[:100] = 0.0
+    seen = replace(standing, recording=replace(standing.recording, plates=(replace(plate, force_n=empty),)))
+    found = estimates(seen, Window(0.5, 2.9))["standing"]
+    assert found.mass_kg == pytest.approx(MASS_KG, abs=0.05)
+    assert found.sd_kg < 0.2
 
 
 def test_a_quiet_part_of_a_trial_is_a_scale() -> None:

@@ -42,10 +42,11 @@ Lags = Float[np.ndarray, "lags"]
 INDEPENDENT_PER_S: Final = 12.0
 SIGNIFICANT_SD: Final = 1.0
 """Lags beyond this many standard deviations are corrected: from one on, correction leaves the smaller error."""
-REPEATABILITY_FACTOR: Final = 1.4
-"""Ratio of the scatter of repeated trials to the width of the likelihood, whose noise is not white.
+REPEATABILITY_SD_S: Final = 0.0012
+"""Standard deviation between repeated trials of one session beyond the width of the likelihood.
 
-Calibrated on 6 adults (18 trials) and tested on 12 others: ``docs/theory/sessions.md``.
+From 94 trials of 33 people on one clock each; fitted to either half of them, it holds on the other half:
+``docs/theory/sessions.md``.
 """
 MIN_LAG_S: Final = 0.002
 """Smaller lags are not corrected: 2.4 mm at walking speed, as large as the method's largest error."""
@@ -82,7 +83,7 @@ class AxisLag:
 class Latency:
     """Latency of the force; ``latency_s`` > 0 means the force is late.
 
-    ``sd_s`` is ``REPEATABILITY_FACTOR`` times the width of its likelihood.
+    ``sd_s`` combines the width of its likelihood with ``REPEATABILITY_SD_S``.
 
     ``along``, ``lateral`` and ``vertical`` are estimated from the accelerations of one axis each (along and across the
     walk) and are biased by table errors; ``correlation`` is that of the two paths at the latency.
@@ -148,7 +149,8 @@ def estimate_latency(geometric: GeometricCom, wrench_at: Callable[[float], Wrenc
         )
     wrench = wrench_at(0.0)
     along, lateral, vertical = _axis_lags(geometric, wrench, window_span(geometric, wrench), mass_kg, R)
-    return Latency(latency_s, REPEATABILITY_FACTOR * sd_s, along, lateral, vertical, likelihood.correlation)
+    sd_s = float(np.hypot(sd_s, REPEATABILITY_SD_S))
+    return Latency(latency_s, sd_s, along, lateral, vertical, likelihood.correlation)
 
 
 def _lag_too_large_error(searched_s: float) -> NotEstimable:

@@ -101,6 +101,8 @@ _STILL_M_S, _VELOCITY_SHARE, _PELVIS_SHARE = 0.003, 0.2, 0.4
 _TAPERED_SHARE = 0.25
 ZERO_SD_KG = 0.1
 """Mass that corresponds to a zero offset of 1 N of the plates."""
+UNCHECKED_ZERO_SD_KG = 1.0
+"""The same for plates that are loaded all the time, so that their zero cannot be read: 11 N (RMS, 15 people)."""
 _QUIET_M_S, _QUIET_N, _QUIET_S = 0.03, 0.05, 0.4
 """Quiet stance: limits of the velocity and of the force's deviation from its mean, and the shortest duration."""
 _WHOLE_STEPS_SHARE = 0.03
@@ -193,7 +195,9 @@ def _by_impulse(
         return None
     mass_kg = impulse_ns / needed_m_s
     share = _WHOLE_STEPS_SHARE if kind == "whole_steps" else float(np.sqrt(variance)) / (GRAVITY_M_S2 * duration_s)
-    return MassEstimate(mass_kg, float(np.hypot(mass_kg * share, ZERO_SD_KG)), kind, duration_s)
+    checked = not any(plate.use and plate.loaded.all() for plate in recording.plates)
+    zero_kg = ZERO_SD_KG if checked else UNCHECKED_ZERO_SD_KG
+    return MassEstimate(mass_kg, float(np.hypot(mass_kg * share, zero_kg)), kind, duration_s)
 
 
 def _velocity_m_s(recording: Recording, time_s: Series, motion: VerticalMotion | None) -> Series:
