@@ -71,6 +71,10 @@ MarkerSetFile = Annotated[
     Path | None, typer.Option("--marker-set", help="TOML file of a marker set, used instead of the shipped sets.")
 ]
 WithoutPlates = Annotated[list[int] | None, typer.Option("--without-plate", help="Plate index to leave out.")]
+BeltSpeeds = Annotated[
+    list[str] | None,
+    typer.Option("--belt-speed", help="PLATE=M_S: speed of the treadmill belt on a plate; repeatable."),
+]
 
 OutFolder = Annotated[Path | None, typer.Option("--out", help="Folder for the result; must not exist yet.")]
 Force = Annotated[bool, typer.Option("--force", help="Replace an earlier result in that folder.")]
@@ -126,6 +130,7 @@ class Preparation:
     marker: Markers = None
     without_plate: WithoutPlates = None
     marker_set: MarkerSetFile = None
+    belt_speed: BeltSpeeds = None
 
 
 @dataclass(frozen=True)
@@ -268,8 +273,20 @@ class EstimateRequest:
         )
 
     def plate_switches(self) -> dict[int, PlateSwitch]:
-        """Switches of the excluded plates, by plate index."""
-        return {index: PlateSwitch(use=False) for index in self.preparation.without_plate or ()}
+        """Switches of the excluded plates and the stated belt speeds, by plate index.
+
+        Raises ``InvalidInput`` naming the option.
+        """
+        switches = {index: PlateSwitch(use=False) for index in self.preparation.without_plate or ()}
+        for text in self.preparation.belt_speed or ():
+            plate, value = parse_named_value("--belt-speed", text)
+            if not plate.isdecimal():
+                fault = Fault("--belt-speed", f"got {text!r}")
+                raise InvalidInput("option-invalid", "--belt-speed takes the index of a plate: 1=1.2.", [fault])
+            before = switches.get(int(plate), PlateSwitch()).model_dump(exclude_none=True)
+            (speed_m_s,) = parse_numbers("--belt-speed", value, 1)
+            switches[int(plate)] = validate_options(PlateSwitch, before | {"belt_speed_m_s": speed_m_s})
+        return switches
 
 
 def parse_numbers(option: str, text: str, count: int) -> list[float]:

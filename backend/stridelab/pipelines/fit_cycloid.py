@@ -19,7 +19,7 @@ from stridelab.pipelines.cycloid_summary import cycloid_summary
 from stridelab.pipelines.estimate_com import assess_estimate, estimate_with_fallback, requested_method
 from stridelab.pipelines.progress import ProgressCallback
 from stridelab.pipelines.trial import examine_trial
-from stridelab.recordings.foot_contact import find_feet, ground_velocity_m_s
+from stridelab.recordings.foot_contact import find_feet, ground_of_feet_m_s
 from stridelab.recordings.recording import Remark, Window
 from stridelab.schemas.cycloid import FitCycloidSummary
 from stridelab.schemas.tasks import FitCycloidTask
@@ -108,9 +108,7 @@ def _require_walk_recording(task: FitCycloidTask, folder: Path) -> None:
 
 
 def _floor_velocity_m_s(prepared: ComInputs) -> Vector3:
-    recording = prepared.trial.recording
-    feet = find_feet(recording, prepared.trial.match.landmarks)
-    return ground_velocity_m_s(recording, [f.markers_m[:, k] for f in feet for k in range(f.markers_m.shape[1])])
+    return ground_of_feet_m_s(find_feet(prepared.trial.recording, prepared.trial.match.landmarks))
 
 
 def _relative_to_floor(estimate: ComEstimate, floor_m_s: Vector3) -> ComEstimate:

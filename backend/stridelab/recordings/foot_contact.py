@@ -16,7 +16,8 @@ front of its marker.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Final
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -25,12 +26,19 @@ from stridelab.conventions import Mask, Points, Series, Vector3
 from stridelab.recordings.gap_filling import bridge_segment_gaps
 from stridelab.recordings.orientation import travel_m
 from stridelab.recordings.recording import Recording, Side
+from stridelab.recordings.treadmill import (
+    is_treadmill,
+    mean_surface_m_s,
+    surface_velocities_m_s,
+    velocity_m_s,
+)
 
 LANDING_SPEED_SHARE, LIFT_OFF_SPEED_SHARE = 0.4, 1.3
 _PEAK_PER_SPEED = 3.5
 """Peak foot speed over walking speed; gives the reference speed when the body stays in place."""
 _MIN_SPEED_M_S = 0.3
-_HALF_SPAN_S = 0.01
+SIDES: Final[tuple[tuple[Side, str], ...]] = (("left", "l_"), ("right", "r_"))
+"""Both sides with the prefix of their landmarks."""
 FOOT_LANDMARKS = ("heel", "toe", "mt1", "mt2", "mt5")
 
 
@@ -39,7 +47,8 @@ class Foot:
     """Markers of one foot (frames x markers x 3) and, per frame, whether it may touch the ground.
 
     ``resting`` marks, per frame and marker, whether the marker is visible and slow enough to carry load. In ``unseen``
-    frames the heel or the whole forefoot is hidden, so ``contact`` is unreliable.
+    frames the heel or the whole forefoot is hidden, so ``contact`` is unreliable. ``ground_m_s`` is the velocity of the
+    surface under the foot: that of its belt on a treadmill, else zero.
     """
 
     side: Side
@@ -47,29 +56,29 @@ class Foot:
     resting: Bool[np.ndarray, "n markers"]
     contact: Mask
     unseen: Mask
+    ground_m_s: Vector3 = field(default_factory=lambda: np.zeros(3))
 
 
 def find_feet(recording: Recording, landmarks: Mapping[str, str]) -> tuple[Foot, ...]:
     """Both feet; empty if either foot has no heel marker or no forefoot marker."""
-    sides: tuple[tuple[Side, str], ...] = (("left", "l_"), ("right", "r_"))
-    tracks = {side: _foot_tracks(recording, landmarks, prefix) for side, prefix in sides}
+    tracks = {side: _foot_tracks(recording, landmarks, prefix) for side, prefix in SIDES}
     if any(len(heel) == 0 or len(fore) == 0 for heel, fore in tracks.values()):
         return ()
     rate_hz = recording.marker_rate_hz
-    ground = ground_velocity_m_s(recording, [track for heel, fore in tracks.values() for track in heel + fore])
+    ground = surface_velocities_m_s(recording, {side: heel + fore for side, (heel, fore) in tracks.items()})
     feet = []
     fastest = 0.0
-    for heel, fore in tracks.values():
+    for side, (heel, fore) in tracks.items():
         for track in heel + fore:
-            fastest = max(fastest, _high_percentile(speed_m_s(track, rate_hz, ground)))
+            fastest = max(fastest, _high_percentile(speed_m_s(track, rate_hz, ground[side])))
     reference_m_s = _reference_speed(recording, fastest)
     for side, (heel, fore) in tracks.items():
-        speeds = np.column_stack([speed_m_s(track, rate_hz, ground) for track in heel + fore])
+        speeds = np.column_stack([speed_m_s(track, rate_hz, ground[side]) for track in heel + fore])
         contact = contact_states(speeds, reference_m_s)
         resting = (np.nan_to_num(speeds, nan=np.inf) < LIFT_OFF_SPEED_SHARE * reference_m_s) & contact[:, None]
         hidden = np.isnan(speeds)
         unseen = hidden[:, : len(heel)].all(axis=1) | hidden[:, len(heel) :].all(axis=1)
-        feet.append(Foot(side, np.stack(heel + fore, axis=1), resting, contact, unseen))
+        feet.append(Foot(side, np.stack(heel + fore, axis=1), resting, contact, unseen, ground[side]))
     return tuple(feet)
 
 
@@ -100,40 +109,18 @@ def _reference_speed(recording: Recording, fastest_m_s: float) -> float:
     return max(speed, _MIN_SPEED_M_S)
 
 
-def is_treadmill(recording: Recording) -> bool:
-    """Whether the reader detected a treadmill: the feet swing while the body stays in place."""
-    return any(remark.code == "treadmill" for remark in recording.remarks)
-
-
 def walking_surface_m_s(recording: Recording, landmarks: Mapping[str, str]) -> Vector3:
     """Velocity of the ground from the feet that ``landmarks`` (landmark to label) name; zero without any."""
-    labels = [landmarks.get(f"{side}_{name}") for side in "lr" for name in (*FOOT_LANDMARKS, "ankle_lateral")]
-    tracks = [recording.markers_m[label] for label in labels if label is not None and label in recording.markers_m]
-    return ground_velocity_m_s(recording, tracks) if tracks else np.zeros(3)
+    tracks: dict[Side, list[Points]] = {}
+    for side, prefix in SIDES:
+        labels = [landmarks.get(prefix + name) for name in (*FOOT_LANDMARKS, "ankle_lateral")]
+        tracks[side] = [recording.markers_m[k] for k in labels if k is not None and k in recording.markers_m]
+    return mean_surface_m_s(surface_velocities_m_s(recording, tracks))
 
 
-def ground_velocity_m_s(recording: Recording, tracks: list[Points]) -> Vector3:
-    """Velocity of the ground: zero, or on a treadmill the velocity of the low foot markers."""
-    if not is_treadmill(recording):
-        return np.zeros(3)
-    return stance_velocity_m_s(tracks, recording.marker_rate_hz)
-
-
-def stance_velocity_m_s(tracks: Sequence[Points], rate_hz: float) -> Vector3:
-    """Median horizontal velocity of foot markers while they are low: that of the belt on a treadmill, else near 0."""
-    low = []
-    for track in tracks:
-        v = velocity_m_s(track, rate_hz)
-        low.append(v[track[:, 2] <= np.nanpercentile(track[:, 2], 30.0)])
-    return np.asarray(np.nanmedian(np.concatenate(low), axis=0) * [1.0, 1.0, 0.0], dtype=np.float64)
-
-
-def velocity_m_s(track: Points, rate_hz: float) -> Points:
-    """Central difference over 20 ms (one-sided at the ends): wide enough for 1 mm of marker noise at 200 Hz."""
-    k = max(1, round(_HALF_SPAN_S * rate_hz))
-    i = np.arange(len(track))
-    before, after = np.maximum(i - k, 0), np.minimum(i + k, len(track) - 1)
-    return np.asarray((track[after] - track[before]) * (rate_hz / np.maximum(after - before, 1))[:, None])
+def ground_of_feet_m_s(feet: Sequence[Foot]) -> Vector3:
+    """Velocity of the ground for the body as a whole: the mean of the surfaces under the feet."""
+    return mean_surface_m_s({foot.side: foot.ground_m_s for foot in feet})
 
 
 def speed_m_s(track: Points, rate_hz: float, ground_m_s: Float[np.ndarray, "3"]) -> Series:

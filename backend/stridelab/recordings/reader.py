@@ -17,11 +17,11 @@ from stridelab.recordings.files.opensim_zip import is_trc, unpack_texts
 from stridelab.recordings.files.qualisys_tsv import is_qualisys_markers, read_qualisys
 from stridelab.recordings.files.raw import Cloud, FilePlate, RawTrial
 from stridelab.recordings.files.trc_mot import read_text, read_trc, read_trc_mot
-from stridelab.recordings.foot_contact import stance_velocity_m_s
 from stridelab.recordings.force_plates import plate_wrench, rough_normal, rough_total_force, with_true_moment_units
 from stridelab.recordings.gap_filling import fill_short_gaps
 from stridelab.recordings.plate_contacts import fore_aft_remarks
 from stridelab.recordings.recording import Plate, PlateSwitches, Recording, Remark
+from stridelab.recordings.treadmill import detect_treadmill
 
 _HEAD_BYTES: Final = 2000
 _C3D_KEY: Final = b"P"
@@ -40,7 +40,7 @@ def read_recording(
     A zip holds one TRC and one MOT or STO file, or the TSV files of one recording. A TRC or TSV file alone gives
     markers and no plates. ``name`` is the file name in error messages, by default that of
     ``path``. ``marker_map`` maps landmark names to labels of this file; ``plate_switches`` maps a plate's index to the
-    user's settings. Raises ``InvalidInput`` (``unknown-marker``) for unknown labels, and ``UnreadableFile``:
+    user's settings. Raises ``InvalidInput`` (``unknown-marker``; ``belt-speed-contradicts-feet``), ``UnreadableFile``:
     ``no-markers``, ``all-missing``, ``unknown-format``, and as ``read_c3d``, ``read_trc``,
     ``read_trc_mot``, ``read_qualisys`` and ``read_nexus_csv``.
     """
@@ -105,12 +105,10 @@ def to_world(raw: RawTrial, switches: Mapping[int, PlateSwitches]) -> Recording:
     is_marker = [label not in raw.outputs for label in raw.labels]
     body = points[:, is_marker, :]
     direction = orientation.walking_direction(body, raw.marker_rate_hz)
-    if plates:
-        belt = _belt_direction(list(markers.values()), body, direction, raw.marker_rate_hz)
-        if belt is not None:
-            direction, belt_m_s = belt
-            message = f"The feet stand on a surface that moves at {belt_m_s:.2f} m/s: taken for a treadmill."
-            remarks.append(Remark("treadmill", message))
+    treadmill = detect_treadmill(list(markers.values()), plates, body, direction, raw.marker_rate_hz)
+    if treadmill is not None:
+        direction, remark = treadmill
+        remarks.append(remark)
     remarks += fore_aft_remarks(plates, direction, raw.force_rate_hz)
     return Recording(
         markers_m=markers,
@@ -167,6 +165,7 @@ def _world_plates(
                 tare_force_n=R @ plate.tare_force_n,
                 use=plate.usable and switch.use is not False,
                 threshold_n=20.0 if switch.threshold_n is None else switch.threshold_n,
+                belt_speed_m_s=switch.belt_speed_m_s,
             )
         )
     return tuple(plates), remarks
@@ -190,29 +189,3 @@ def _split_tracks(raw: RawTrial, points: np.ndarray) -> tuple[dict[str, Points],
             filled[label] = mask
     return markers, outputs, filled
 
-
-_FEET_MARKERS: Final = 4
-_DRIFT_SHARE: Final = 0.25
-_MIN_BELT_M_S: Final = 0.3
-"""A body that travels slower than this share of the belt's speed drifts on a treadmill."""
-
-
-def _belt_direction(
-    tracks: list[Points], body_m: Cloud, direction: Vector3 | None, rate_hz: float
-) -> tuple[Vector3, float] | None:
-    """Direction of walking on a treadmill and the speed of its belt, from the lowest quarter of the markers.
-
-    A body that travels (``direction``) is on a treadmill if its feet stand on a surface that is much faster.
-    """
-    heights = [float(np.nanmedian(track[:, 2])) for track in tracks]
-    low = [tracks[int(i)] for i in np.argsort(heights)[: max(2, len(tracks) // 4)]]
-    belt = stance_velocity_m_s(low[:_FEET_MARKERS], rate_hz)
-    belt_m_s = float(np.linalg.norm(belt))
-    if direction is None:
-        ahead = orientation.belt_direction(low, rate_hz)
-        return None if ahead is None else (ahead, belt_m_s)
-    travel = orientation.travel_m(body_m, rate_hz)
-    if travel is None or belt_m_s < _MIN_BELT_M_S:
-        return None
-    drift_m_s = float(np.linalg.norm(travel[:2])) * rate_hz / len(body_m)
-    return (-belt / belt_m_s, belt_m_s) if drift_m_s < _DRIFT_SHARE * belt_m_s else None

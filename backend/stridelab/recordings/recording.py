@@ -45,7 +45,8 @@ class Plate:
     """A force plate and its measured wrench.
 
     ``index`` counts from 1 as labs do. ``force_n`` and ``moment_nm`` (at the world origin) act on the body and have
-    the force rate's samples, tare removed. ``use`` and ``threshold_n`` are the switches a user can set.
+    the force rate's samples, tare removed. ``use``, ``threshold_n`` and ``belt_speed_m_s`` are the switches a user can
+    set; the last is the speed of the treadmill belt on the plate, None if it is not stated.
     """
 
     index: int
@@ -56,6 +57,7 @@ class Plate:
     tare_force_n: Vector3
     use: bool = True
     threshold_n: float = 20.0
+    belt_speed_m_s: float | None = None
 
     @property
     def loaded(self) -> Mask:
@@ -66,10 +68,11 @@ class Plate:
 
 @dataclass(frozen=True)
 class PlateSwitches:
-    """User settings of a plate: exclude it from all sums, or change its loading threshold; None keeps the default."""
+    """User settings of a plate: exclude it, change its loading threshold, state its belt's speed; None: default."""
 
     use: bool | None = None
     threshold_n: float | None = None
+    belt_speed_m_s: float | None = None
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,9 @@ AgeYears = Annotated[float, Field(ge=0.0, le=120.0)]
 Sex = Literal["female", "male"]
 
 
+BeltSpeed = Annotated[float, Field(gt=0.0, le=12.0, description="speed of the treadmill belt on this plate")]
+
+
 class SubjectFields(Contract):
     """Fields of a subject that a user may state; ``name`` is a pseudonym chosen by the user."""
 
@@ -46,6 +49,7 @@ class PlateInfo(Contract):
     loaded_s: list[Interval]
     use: bool = True
     threshold_n: float = 20.0
+    belt_speed_m_s: float | None = Field(default=None, description="stated speed of the treadmill belt on this plate")
 
 
 class PlateSwitch(Contract):
@@ -53,6 +57,7 @@ class PlateSwitch(Contract):
 
     use: bool | None = None
     threshold_n: Annotated[float, Field(ge=1.0, le=500.0)] | None = None
+    belt_speed_m_s: BeltSpeed | None = None
 
 
 class RecordingPatch(Contract):

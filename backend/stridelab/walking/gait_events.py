@@ -20,7 +20,7 @@ from typing import Final, Literal
 import numpy as np
 
 from stridelab.conventions import Series
-from stridelab.recordings.foot_contact import Foot, find_feet, ground_velocity_m_s
+from stridelab.recordings.foot_contact import Foot, find_feet
 from stridelab.recordings.gap_filling import true_runs
 from stridelab.recordings.plate_contacts import loaded_intervals, markers_on_plate, mean_visible
 from stridelab.recordings.recording import Plate, Recording, Side
@@ -84,7 +84,7 @@ def find_contacts(
 def contacts_of_foot(recording: Recording, landmarks: Mapping[str, str], foot: Foot) -> list[Contact]:
     """Contacts of one foot between its swings, from its markers alone."""
     rate_hz, time_s = recording.marker_rate_hz, recording.time_s
-    floor = ground_velocity_m_s(recording, [foot.markers_m[:, k] for k in range(foot.markers_m.shape[1])])
+    floor = foot.ground_m_s
     v_heel = smooth_velocity_m_s(np.asarray(foot.markers_m[:, 0]), rate_hz) - floor
     v_fore = smooth_velocity_m_s(mean_visible(np.asarray(foot.markers_m[:, 1:])), rate_hz) - floor
     v = walking_speed_m_s(recording, landmarks, floor)

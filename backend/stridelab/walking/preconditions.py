@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from stridelab.errors import Fault, NotEstimable
-from stridelab.recordings.foot_contact import Foot, find_feet, ground_velocity_m_s
+from stridelab.recordings.foot_contact import Foot, find_feet, ground_of_feet_m_s
 from stridelab.recordings.plate_contacts import loaded_intervals
 from stridelab.recordings.recording import Recording, Side, Window
 from stridelab.walking.gait_events import Contact
@@ -142,8 +142,7 @@ def _require_straight_walk(
     recording: Recording, landmarks: Mapping[str, str], feet: Sequence[Foot], contacts: Sequence[Contact]
 ) -> None:
     time_s = recording.time_s
-    tracks = [foot.markers_m[:, k] for foot in feet for k in range(foot.markers_m.shape[1])]
-    over_floor = pelvis_m(recording, landmarks) - ground_velocity_m_s(recording, tracks) * time_s[:, None]
+    over_floor = pelvis_m(recording, landmarks) - ground_of_feet_m_s(feet) * time_s[:, None]
     strikes = [contact.strike_s for contact in contacts if contact.strike_s is not None]
     at = np.array([[np.interp(t, time_s, over_floor[:, axis]) for axis in (0, 1)] for t in strikes])
     stride = 2 if len(at) >= 4 else 1

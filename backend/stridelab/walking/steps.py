@@ -11,7 +11,7 @@ from typing import Final, Literal
 import numpy as np
 
 from stridelab.conventions import Points, Series, Vector3
-from stridelab.recordings.foot_contact import find_feet, ground_velocity_m_s
+from stridelab.recordings.foot_contact import find_feet, ground_of_feet_m_s
 from stridelab.recordings.recording import Recording, Side, Window
 from stridelab.walking.gait_events import Contact, find_contacts
 from stridelab.walking.marker_kinematics import pelvis_m
@@ -130,11 +130,12 @@ def _timing_source(before: Contact, after: Contact, other: Contact) -> TimingSou
 
 @dataclass(frozen=True)
 class _FloorRelative:
-    """Pelvis and heels relative to the floor, which moves on a treadmill, and the unit vector of the walk."""
+    """Pelvis relative to the floor, heels in the laboratory, the surface under each foot, the direction of the walk."""
 
     time_s: Series
     pelvis_m: Points
     heels_m: Mapping[Side, Points]
+    ground_m_s: Mapping[Side, Vector3]
     ahead: Vector3
 
     @classmethod
@@ -142,20 +143,25 @@ class _FloorRelative:
         cls, recording: Recording, landmarks: Mapping[str, str], ahead: Vector3 | None
     ) -> "_FloorRelative":
         feet = find_feet(recording, landmarks)
-        tracks = [foot.markers_m[:, k] for foot in feet for k in range(foot.markers_m.shape[1])]
-        moved = ground_velocity_m_s(recording, tracks) * recording.time_s[:, None]
-        pelvis = pelvis_m(recording, landmarks) - moved
+        pelvis = pelvis_m(recording, landmarks) - ground_of_feet_m_s(feet) * recording.time_s[:, None]
         if ahead is None:
             seen = pelvis[np.isfinite(pelvis).all(axis=1)]
             ahead = seen[-1] - seen[0]
         level = ahead * [1.0, 1.0, 0.0]
-        heels = {foot.side: np.asarray(foot.markers_m[:, 0] - moved) for foot in feet}
-        return cls(recording.time_s, np.asarray(pelvis), heels, level / np.linalg.norm(level))
+        heels = {foot.side: foot.markers_m[:, 0] for foot in feet}
+        ground = {foot.side: foot.ground_m_s for foot in feet}
+        return cls(recording.time_s, np.asarray(pelvis), heels, ground, level / np.linalg.norm(level))
 
     def length_m(self, side: Side, lift_off_s: float, strike_s: float) -> float | None:
-        """Distance from the other heel at this foot's lift-off to this heel at its strike; None if one is hidden."""
+        """Distance from the other heel to this heel at its strike; None if one is hidden.
+
+        The other heel is read at this foot's lift-off, when it is flat on the ground; until the strike its belt carries
+        it on.
+        """
         other: Side = "left" if side == "right" else "right"
-        length = self._ahead_m(self.heels_m[side], strike_s) - self._ahead_m(self.heels_m[other], lift_off_s)
+        carried_m = float(self.ground_m_s[other] @ self.ahead) * (strike_s - lift_off_s)
+        other_m = self._ahead_m(self.heels_m[other], lift_off_s) + carried_m
+        length = self._ahead_m(self.heels_m[side], strike_s) - other_m
         return length if np.isfinite(length) else None
 
     def speed_m_s(self, start_s: float, end_s: float) -> float:

@@ -81,6 +81,7 @@ def plate_info(plate: Plate, force_rate_hz: float) -> PlateInfo:
         loaded_s=loaded_intervals(plate, force_rate_hz),
         use=plate.use,
         threshold_n=plate.threshold_n,
+        belt_speed_m_s=plate.belt_speed_m_s,
     )
 
 
