@@ -10,7 +10,7 @@ import pytest
 from stridelab.cli.estimate import estimate_recording, simulate_walk
 from stridelab.cli.options import Delivery, EstimateRequest, Estimation, Preparation, Walk
 from stridelab.cli.results import write_result
-from stridelab.errors import NotEstimable, UnreadableFile
+from stridelab.errors import InvalidInput, NotEstimable, UnreadableFile
 from stridelab.recordings.files.c3d_writer import write_c3d
 from stridelab.recordings.reader import read_recording
 from stridelab.schemas.jobs import EstimateComInput, EstimateComSummary, JobResult
@@ -77,6 +77,30 @@ def test_what_is_stated_for_the_smoother_reaches_the_job() -> None:
     assert (asked.smoother.learn, asked.smoother.segment_momentum) == (False, True)
     plain = EstimateRequest(WALK).to_input("r", EstimateComInput)
     assert plain.smoother is None, "nothing stated leaves the choice of the method open"
+
+
+def test_belt_speeds_are_settings_of_their_plates() -> None:
+    stated = Preparation(belt_speed=["1=1.2", "2=0.8"], without_plate=[2, 3])
+    switches = EstimateRequest(WALK, preparation=stated).plate_switches()
+    assert {index: one.model_dump(exclude_none=True) for index, one in switches.items()} == {
+        1: {"belt_speed_m_s": 1.2},
+        2: {"use": False, "belt_speed_m_s": 0.8},
+        3: {"use": False},
+    }
+
+
+@pytest.mark.parametrize("text", ["1.2", "left=1.2", "1=fast", "1=-1", "1=40"])
+def test_a_belt_speed_that_cannot_be_is_refused_by_its_option(text: str) -> None:
+    with pytest.raises(InvalidInput) as refused:
+        EstimateRequest(WALK, preparation=Preparation(belt_speed=[text])).plate_switches()
+    assert refused.value.faults[0].where == "--belt-speed"
+
+
+def test_a_belt_under_a_walk_over_the_floor_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InvalidInput) as refused:
+        run(Delivery(tmp_path / "out"), preparation=Preparation(belt_speed=["1=1.2"]))
+    assert refused.value.code == "belt-speed-contradicts-feet"
+    assert not (tmp_path / "out").exists()
 
 
 def test_simulate_then_estimate(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -143,6 +143,11 @@ def _summary_rows(summary: EstimateComSummary) -> list[tuple[str, str]]:
         ("mass", "not known" if summary.mass_kg is None else f"{summary.mass_kg:.1f} kg"),
         ("force latency", latency),
     ]
+    if summary.treadmill is not None:
+        belts = summary.treadmill
+        speeds = f"left {belts.left_m_s:.2f} m/s, right {belts.right_m_s:.2f} m/s"
+        known = "as stated" if belts.source == "stated" else "from the standing feet"
+        rows.append(("treadmill", f"{speeds}, {known}; positions in the laboratory frame"))
     if summary.bias_m:
         rows.append(("fused minus geometry", _format_xyz([1e3 * value for value in summary.bias_m], "mm")))
     if summary.rms_force_residual_n:

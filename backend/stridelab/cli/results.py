@@ -131,6 +131,7 @@ OUTCOME_COLOURS: Final[Mapping[str, str]] = {"failed": "bold red", "doubtful": "
 """Colours of the outcome of a verdict."""
 
 OPTIONS = {
+    "belt_speed_m_s": "--belt-speed",
     "height_m": "--height",
     "mass_kg": "--mass",
     "sex": "--sex",

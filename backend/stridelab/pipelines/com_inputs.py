@@ -10,6 +10,7 @@ Requirements of ``estimate-com`` on the request and the recording, with their er
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
@@ -22,12 +23,14 @@ from stridelab.pipelines.latency_policy import LatencyChoice, choose_latency
 from stridelab.pipelines.progress import ProgressCallback
 from stridelab.pipelines.trial import Trial, assign_static_landmarks, examine_trial, read_static
 from stridelab.recordings import force_windows as measured
+from stridelab.recordings.foot_contact import find_feet
 from stridelab.recordings.gap_filling import MAX_GAP_S, true_runs
 from stridelab.recordings.marker_sets import WAYS_TO_NAME_MARKERS, MarkerSetMatch
 from stridelab.recordings.plate_contacts import wrench_track
 from stridelab.recordings.recording import Remark, Subject, Window, WrenchTrack
+from stridelab.recordings.treadmill import is_treadmill, stated_belts_m_s
 from stridelab.schemas.methods import METHODS
-from stridelab.schemas.recordings import SubjectFields
+from stridelab.schemas.recordings import SubjectFields, TreadmillBelts
 from stridelab.schemas.sessions import SessionValues
 from stridelab.schemas.tasks import EstimateComTask
 
@@ -56,6 +59,16 @@ class ComInputs:
     def all_remarks(self) -> tuple[Remark, ...]:
         own = (*self.trial.remarks, *self.static_remarks, *self.geometric.remarks)
         return (*own, *self.mass.remarks, *self.latency.remarks)
+
+    def treadmill(self, frame: Literal["laboratory", "belt"]) -> TreadmillBelts | None:
+        """Belts of the recording for a result whose positions are in ``frame``; None for a walk over ground."""
+        recording = self.trial.recording
+        if not is_treadmill(recording):
+            return None
+        feet = {foot.side: foot.ground_m_s for foot in find_feet(recording, self.trial.match.landmarks)}
+        left, right = (float(np.linalg.norm(feet.get(side, self.geometric.ground_m_s))) for side in ("left", "right"))
+        source = "stated" if stated_belts_m_s(recording) else "feet"
+        return TreadmillBelts(left_m_s=left, right_m_s=right, source=source, frame=frame)
 
 
 def prepare_com_inputs(

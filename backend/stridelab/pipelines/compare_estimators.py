@@ -100,6 +100,7 @@ def _comparison_summary(prepared: ComInputs, found: Comparison, *, with_truth: b
         latency_source=latency.latency_source,
         latency_n_trials=latency.n_trials,
         session=prepared.session,
+        treadmill=prepared.treadmill("laboratory"),
         reference="truth" if with_truth else "geometry",
         methods={name: _method_assessment(a) for name, a in found.assessments.items()},
         refused={name: base.Remark(code=e.code, message=e.message) for name, e in found.failures.items()},

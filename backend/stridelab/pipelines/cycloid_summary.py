@@ -47,6 +47,7 @@ def cycloid_summary(
         latency_source=latency.latency_source,
         latency_n_trials=latency.n_trials,
         session=prepared.session,
+        treadmill=prepared.treadmill("belt"),
         ahead=(float(walking_direction[0]), float(walking_direction[1])),
         steps=[_fitted_step(fit, rivals=rivals) for fit in fits],
         overlapping=[_overlapping_fit(overlap) for overlap in overlaps],

@@ -92,6 +92,7 @@ def estimate_com(task: EstimateComTask, folder: Path, progress: ProgressCallback
         rms_force_residual_n=force_residual_n(estimate, wrench, mass.mass_kg).tolist() if windows else [],
         bias_m=bias_m(estimate, geometric).tolist(),
         sd_m=np.median(estimate.sd_m, axis=0).tolist(),
+        treadmill=prepared.treadmill("laboratory"),
         observability=asdict(summarise_observability(estimate)) if windows else {},
         diagnostics={name: value for name, value in estimate.diagnostics.items() if math.isfinite(value)},
         quality=quality_schema(quality),

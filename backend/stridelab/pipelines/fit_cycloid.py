@@ -83,7 +83,7 @@ def fit_cycloid_of_recording(
     require_steps(recording, seen, wanted, windows)
 
     progress(0.7, "estimating the centre of mass")
-    floor = _floor_velocity_m_s(prepared)
+    floor = ground_of_feet_m_s(find_feet(recording, landmarks))
     in_place = estimate_with_fallback(method, request, prepared, beyond_window=request.window_s is None)
     quality = assess_estimate(prepared, in_place)
     estimate = _relative_to_floor(in_place, floor)
@@ -105,10 +105,6 @@ def _require_walk_recording(task: FitCycloidTask, folder: Path) -> None:
     if trial.match.name is not None:
         landmarks = trial.match.landmarks
         require_walk(trial.recording, landmarks, find_contacts(trial.recording, landmarks))
-
-
-def _floor_velocity_m_s(prepared: ComInputs) -> Vector3:
-    return ground_of_feet_m_s(find_feet(prepared.trial.recording, prepared.trial.match.landmarks))
 
 
 def _relative_to_floor(estimate: ComEstimate, floor_m_s: Vector3) -> ComEstimate:

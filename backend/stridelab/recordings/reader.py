@@ -1,7 +1,7 @@
 """Reads recordings of all supported formats, detected by content, and converts them to the world frame."""
 
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
@@ -15,7 +15,7 @@ from stridelab.recordings.files.foreign_formats import unknown_format_error
 from stridelab.recordings.files.nexus_csv import is_nexus_csv, read_nexus_csv
 from stridelab.recordings.files.opensim_zip import is_trc, unpack_texts
 from stridelab.recordings.files.qualisys_tsv import is_qualisys_markers, read_qualisys
-from stridelab.recordings.files.raw import Cloud, FilePlate, RawTrial
+from stridelab.recordings.files.raw import FilePlate, RawTrial
 from stridelab.recordings.files.trc_mot import read_text, read_trc, read_trc_mot
 from stridelab.recordings.force_plates import plate_wrench, rough_normal, rough_total_force, with_true_moment_units
 from stridelab.recordings.gap_filling import fill_short_gaps
@@ -40,7 +40,8 @@ def read_recording(
     A zip holds one TRC and one MOT or STO file, or the TSV files of one recording. A TRC or TSV file alone gives
     markers and no plates. ``name`` is the file name in error messages, by default that of
     ``path``. ``marker_map`` maps landmark names to labels of this file; ``plate_switches`` maps a plate's index to the
-    user's settings. Raises ``InvalidInput`` (``unknown-marker``; ``belt-speed-contradicts-feet``), ``UnreadableFile``:
+    user's settings. Raises ``InvalidInput`` (``unknown-marker``, ``unknown-plate``,
+    ``belt-speed-contradicts-feet``), and ``UnreadableFile``:
     ``no-markers``, ``all-missing``, ``unknown-format``, and as ``read_c3d``, ``read_trc``,
     ``read_trc_mot``, ``read_qualisys`` and ``read_nexus_csv``.
     """
@@ -95,6 +96,7 @@ def to_world(raw: RawTrial, switches: Mapping[int, PlateSwitches]) -> Recording:
     up = up_axis_of(raw)
     R = orientation.rotation_to_z_up(up)
     plates, plate_remarks = _world_plates(raw, orientation.axis_vector(up), R, switches)
+    _require_plates_of_belts(plates, switches)
     remarks += plate_remarks
     points = raw.points_m @ R.T
     markers, outputs, filled = _split_tracks(raw, points)
@@ -126,6 +128,15 @@ def to_world(raw: RawTrial, switches: Mapping[int, PlateSwitches]) -> Recording:
         filled=filled,
         recorded_on=raw.recorded_on,
     )
+
+
+def _require_plates_of_belts(plates: Sequence[Plate], switches: Mapping[int, PlateSwitches]) -> None:
+    known = sorted(plate.index for plate in plates)
+    absent = sorted(index for index, one in switches.items() if one.belt_speed_m_s is not None and index not in known)
+    if absent:
+        faults = [Fault(f"plates.{index}.belt_speed_m_s", "no such plate") for index in absent]
+        message = f"A belt speed is stated for a plate that the file does not have; its plates: {known}."
+        raise InvalidInput("unknown-plate", message, faults)
 
 
 def up_axis_of(raw: RawTrial) -> str:
@@ -188,4 +199,3 @@ def _split_tracks(raw: RawTrial, points: np.ndarray) -> tuple[dict[str, Points],
         if mask.any():
             filled[label] = mask
     return markers, outputs, filled
-

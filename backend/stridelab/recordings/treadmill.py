@@ -27,16 +27,18 @@ _FEET_MARKERS: Final = 4
 _DRIFT_SHARE: Final = 0.25
 """A body that travels slower than this share of the belt's speed drifts on a treadmill."""
 _MIN_BELT_M_S: Final = 0.3
+_STOPPED_M_S: Final = 0.05
 
 
 def detect_treadmill(
     tracks: Sequence[Points], plates: Sequence[Plate], body_m: Cloud, direction: Vector3 | None, rate_hz: float
-) -> tuple[Vector3, Remark] | None:
+) -> tuple[Vector3 | None, Remark] | None:
     """Direction of walking on a treadmill and a remark with its speed; None if the walk is over ground.
 
     ``tracks`` are the markers, ``body_m`` the same as a cloud (frames x markers x 3), ``direction`` the direction of
-    travel, None if the body stays in place. Raises ``InvalidInput`` (``belt-speed-contradicts-feet``) if a stated belt
-    speed is not that of the surface on which the feet stand.
+    travel, None if the body stays in place. For a person who stands still the belts are stopped, whatever is stated.
+    Raises ``InvalidInput`` (``belt-speed-contradicts-feet``) if a stated belt speed is not that of the surface on which
+    the feet stand.
     """
     if not plates:
         return None
@@ -45,15 +47,18 @@ def detect_treadmill(
     low = [tracks[int(i)] for i in np.argsort(heights)[: max(2, len(tracks) // 4)]]
     belt = stance_velocity_m_s(low[:_FEET_MARKERS], rate_hz)
     belt_m_s = float(np.linalg.norm(belt))
+    ahead = orientation.belt_direction(low, rate_hz) if direction is None else None
+    if stated and direction is None and ahead is None and belt_m_s < _STOPPED_M_S:
+        return None, Remark("belt-stopped", "The feet stand still: the stated belt speeds are not used.")
     if stated:
         _require_belt_of_feet(stated, belt_m_s)
-        ahead = orientation.belt_direction(low, rate_hz) if direction is None else None
         speeds = " and ".join(f"{speed:.2f} m/s (plate {index})" for index, speed in sorted(stated.items()))
-        message = f"The belts move at {speeds}, as stated; the feet stand on a surface that moves at {belt_m_s:.2f} m/s."
+        message = (
+            f"The belts move at {speeds}, as stated; the feet stand on a surface that moves at {belt_m_s:.2f} m/s."
+        )
         return -belt / belt_m_s if ahead is None else ahead, Remark(TREADMILL, message)
     remark = Remark(TREADMILL, f"The feet stand on a surface that moves at {belt_m_s:.2f} m/s: taken for a treadmill.")
     if direction is None:
-        ahead = orientation.belt_direction(low, rate_hz)
         return None if ahead is None else (ahead, remark)
     travel = orientation.travel_m(body_m, rate_hz)
     if travel is None or belt_m_s < _MIN_BELT_M_S:

@@ -7,6 +7,7 @@ from pydantic import Field
 from stridelab.schemas.base import Contract, Interval, Remark
 from stridelab.schemas.jobs import EstimateComInput
 from stridelab.schemas.quality import Quality
+from stridelab.schemas.recordings import TreadmillBelts
 from stridelab.schemas.sessions import LatencySource, SessionValues
 
 
@@ -83,6 +84,7 @@ class CompareEstimatorsSummary(Contract):
     latency_source: LatencySource = "trial"
     latency_n_trials: int = 1
     session: SessionValues | None = None
+    treadmill: TreadmillBelts | None = Field(default=None, description="null for a walk over ground")
     reference: Literal["truth", "geometry"] = Field(description="reference for the spectra of the estimators")
     methods: dict[str, MethodAssessment]
     refused: dict[str, Remark] = Field(description="estimators that reject this recording, and the reason")

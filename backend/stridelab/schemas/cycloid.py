@@ -7,6 +7,7 @@ from pydantic import Field
 from stridelab.schemas.base import Contract, Interval, Remark
 from stridelab.schemas.jobs import EstimateComInput
 from stridelab.schemas.quality import Quality
+from stridelab.schemas.recordings import TreadmillBelts
 from stridelab.schemas.sessions import LatencySource, SessionValues
 
 FootSide = Literal["left", "right"]
@@ -144,6 +145,7 @@ class FitCycloidSummary(Contract):
     latency_n_trials: int = 1
     session: SessionValues | None = None
     ahead: tuple[float, float] = Field(description="horizontal unit vector of the walking direction")
+    treadmill: TreadmillBelts | None = Field(default=None, description="null for a walk over ground")
     steps: list[FittedStep]
     overlapping: list[OverlappingFit]
     step_to_step_sd: StepScatter | None = Field(description="null if there are too few steps")

@@ -8,6 +8,7 @@ from pydantic import Field, field_validator, model_validator
 from stridelab.schemas.base import Contract, Interval, Problem, Remark
 from stridelab.schemas.methods import Method
 from stridelab.schemas.quality import Quality
+from stridelab.schemas.recordings import TreadmillBelts
 from stridelab.schemas.sessions import LatencySource, SessionValues
 
 JobState = Literal["queued", "running", "succeeded", "failed", "cancelled", "timed_out"]
@@ -225,6 +226,7 @@ class EstimateComSummary(Contract):
     sd_m: list[float] = Field(
         default_factory=list, description="standard deviation of the position, x, y, z: median over the window"
     )
+    treadmill: TreadmillBelts | None = Field(default=None, description="null for a walk over ground")
     observability: dict[str, Any]
     diagnostics: dict[str, float] = Field(
         default_factory=dict, description="diagnostic values of the estimator; names end in the unit"

@@ -40,6 +40,17 @@ class Subject(SubjectFields):
     n_recordings: int = Field(default=0, description="number of recordings linked to the subject")
 
 
+class TreadmillBelts(Contract):
+    """Treadmill of a recording: the speed of the belt under each foot, and the frame of the result's positions."""
+
+    left_m_s: float
+    right_m_s: float
+    source: Literal["stated", "feet"] = Field(description="stated by the user, or estimated from the standing feet")
+    frame: Literal["laboratory", "belt"] = Field(
+        description="laboratory: positions do not move with the belts; belt: relative to the belts' mean motion"
+    )
+
+
 class PlateInfo(Contract):
     """A force plate of a recording."""
 

@@ -80,6 +80,7 @@ def test_a_name_inside_a_file_is_never_shown(http: httpx.Client, service: Served
         ({"plates": {"7": {"use": False}}}, "plates.7"),
         ({"plates": {"1": {"threshold_n": 0}}}, "plates.1.threshold_n"),
         ({"plates": {"1": {"threshold_n": 1e999}}}, "plates.1.threshold_n"),
+        ({"plates": {"1": {"belt_speed_m_s": 0}}}, "plates.1.belt_speed_m_s"),
         ({"subject": {"height_m": 17.1}}, "subject.height_m"),
         ({"filename": "x"}, "filename"),
     ],
@@ -114,6 +115,14 @@ def test_a_plate_switch_makes_the_file_be_read_again(http: httpx.Client, service
     assert len(service.stored_files()) == len(files)
     assert http.get(f"{path}/tracks.parquet").status_code == 200
     assert http.patch(path, json={"plates": None}).json() == before
+
+
+def test_a_belt_speed_is_held_against_the_feet(http: httpx.Client, service: Served, uploaded: str) -> None:
+    path = f"{RECORDINGS}/{uploaded}"
+    before = http.get(path).json()
+    answer = http.patch(path, json={"plates": {"1": {"belt_speed_m_s": 1.2}}})
+    assert refusal(answer) == (422, "belt-speed-contradicts-feet")
+    assert http.get(path).json() == before
 
 
 def test_a_sample_is_read_only(http: httpx.Client, service: Served) -> None:

@@ -46,6 +46,7 @@ if (find("[data-plates]")) {
       plates[row.dataset.plate] = {
         use: row.querySelector("[name=use]").checked,
         threshold_n: parseNumber(row.querySelector("[name=threshold_n]").value),
+        belt_speed_m_s: parseNumber(row.querySelector("[name=belt_speed_m_s]").value),
       };
     }
     return save({ plates });
