@@ -82,7 +82,8 @@ def prepare_com_inputs(
     progress(0.02, "reading the recording")
     static_file = read_static(task, folder)
     static_labels = [] if static_file.recording is None else list(static_file.recording.markers_m)
-    trial = examine_trial(task.recording.model_copy(update={"static_labels": static_labels}), folder)
+    source = task.recording.model_copy(update={"static_labels": static_labels})
+    trial = examine_trial(source, folder, static_file.trial)
     recording = trial.recording
     require_marker_set(trial.match, tuple(recording.markers_m))
     windows = require_windows(trial, request.window_s, needs_force=needs_force)

@@ -18,7 +18,7 @@ from stridelab.pipelines.com_inputs import ComInputs, prepare_com_inputs
 from stridelab.pipelines.cycloid_summary import cycloid_summary
 from stridelab.pipelines.estimate_com import assess_estimate, estimate_with_fallback, requested_method
 from stridelab.pipelines.progress import ProgressCallback
-from stridelab.pipelines.trial import examine_trial
+from stridelab.pipelines.trial import examine_trial, read_static
 from stridelab.recordings.foot_contact import find_feet, ground_of_feet_m_s
 from stridelab.recordings.recording import Remark, Window
 from stridelab.schemas.cycloid import FitCycloidSummary
@@ -101,7 +101,7 @@ def fit_cycloid_of_recording(
 
 def _require_walk_recording(task: FitCycloidTask, folder: Path) -> None:
     """Raise the error of ``require_walk`` if the recording is not a walk, before reporting missing inputs."""
-    trial = examine_trial(task.recording, folder)
+    trial = examine_trial(task.recording, folder, read_static(task, folder).trial)
     if trial.match.name is not None:
         landmarks = trial.match.landmarks
         require_walk(trial.recording, landmarks, find_contacts(trial.recording, landmarks))

@@ -6,7 +6,7 @@ raises an error if the user gave it, and adds a remark if it was selected from t
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
@@ -21,6 +21,7 @@ from stridelab.recordings.plate_contacts import wrench_track
 from stridelab.recordings.reader import read_recording
 from stridelab.recordings.recording import PlateSwitches, Recording, Remark, Subject, Window
 from stridelab.recordings.static_pose import SAME_BODY_M, body_difference, stands_still
+from stridelab.recordings.technical_clusters import technical_landmarks
 from stridelab.schemas.recordings import PlateSwitch, SubjectFields, TrialClock
 from stridelab.schemas.tasks import EstimateComTask, RecordingSource
 
@@ -67,10 +68,14 @@ def read_source(source: RecordingSource, folder: Path) -> Recording:
         raise _with_uploaded_name(error, source.file, source.filename) from error
 
 
-def examine_trial(source: RecordingSource, folder: Path) -> Trial:
-    """Read a source; identify its marker set, measured windows and the masses estimated from the force."""
+def examine_trial(source: RecordingSource, folder: Path, static: "Trial | None" = None) -> Trial:
+    """Read a source; identify its marker set, measured windows and the masses estimated from the force.
+
+    ``static`` is its static trial, which names labels of a walk whose own set is unknown, and technical clusters.
+    """
     recording = read_source(source, folder)
     match = identify_source(source, recording, map_of_present_labels(source.marker_map, recording))
+    match = named_by_static(match, recording, static)
     motion = vertical_motion(recording, match.landmarks, _markers_com_m(recording, match))
     stated_kg = source.subject.mass_kg or recording.subject.mass_kg
     search = find_windows(recording, match.landmarks, motion, stated_kg=stated_kg)
@@ -83,6 +88,32 @@ def identify_source(source: RecordingSource, recording: Recording, marker_map: M
     """Identify the marker set of ``recording`` among the shipped ones and those of users in ``source``."""
     own_sets = [marker_set_of_labels(own.name, own.labels_of(), own.required or ()) for own in source.marker_sets]
     return identify(tuple(recording.markers_m), marker_map, own_sets, shipped=source.shipped_sets)
+
+
+def named_by_static(match: MarkerSetMatch, recording: Recording, static: "Trial | None") -> MarkerSetMatch:
+    """``match`` with the names that the static trial gives to labels of ``recording``; unchanged without any.
+
+    A recording of an unknown set takes the names of the static trial's set. The markers that move with a thigh or a
+    shank become its technical cluster, which carries the landmarks that only the static trial has.
+    """
+    if static is None or static.match.name is None:
+        return match
+    name, landmarks, remarks = match.name, dict(match.landmarks), match.degraded
+    if name is None:
+        shared = {mark: label for mark, label in static.match.landmarks.items() if label in recording.markers_m}
+        if not shared:
+            return match
+        name, landmarks = static.match.name, shared | landmarks
+        message = f"The markers are named by the static trial, whose set is {name}: {', '.join(shared.values())}."
+        remarks = (*remarks, Remark("named-by-static", message))
+    technical = technical_landmarks(recording, landmarks, static.recording, static.match.landmarks)
+    if technical:
+        clusters = ", ".join(f"{label} ({mark})" for mark, label in technical.items())
+        message = (
+            f"Markers that move with a segment in both trials carry the landmarks of the static trial: {clusters}."
+        )
+        remarks = (*remarks, Remark("technical-clusters", message))
+    return replace(match, name=name, landmarks=landmarks | technical, degraded=remarks)
 
 
 def _markers_com_m(recording: Recording, match: MarkerSetMatch) -> Points | None:

@@ -23,14 +23,15 @@ Refusal = tuple[str, str]
 
 
 def estimate_offers(
-    facts: RecordingFacts, subject: SubjectFields, *, no_other_mass_source: bool
+    facts: RecordingFacts, subject: SubjectFields, *, no_other_mass_source: bool, static_stated: bool = False
 ) -> list[EstimateOffer]:
     """Every method, with code and reason where it refuses the recording.
 
     ``subject`` holds the subject's fields as stated or read from the file. ``no_other_mass_source``: no other recording
-    of the session and no static trial can supply the body mass.
+    of the session and no static trial can supply the body mass. ``static_stated``: a user named the static trial, which
+    may name the labels of an unknown marker set.
     """
-    labels = _label_refusal(facts)
+    labels = None if static_stated else _label_refusal(facts)
     geometry = labels or _geometry_refusal(facts)
     force = (
         labels

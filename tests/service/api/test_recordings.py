@@ -120,7 +120,7 @@ def test_a_plate_switch_makes_the_file_be_read_again(http: httpx.Client, service
 def test_a_belt_speed_is_held_against_the_feet(http: httpx.Client, service: Served, uploaded: str) -> None:
     path = f"{RECORDINGS}/{uploaded}"
     before = http.get(path).json()
-    answer = http.patch(path, json={"plates": {"1": {"belt_speed_m_s": 1.2}}})
+    answer = http.patch(path, json={"plates": {"1": {"belt_speed_m_s": 3.0}}})
     assert refusal(answer) == (422, "belt-speed-contradicts-feet")
     assert http.get(path).json() == before
 

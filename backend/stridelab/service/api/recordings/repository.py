@@ -65,7 +65,8 @@ def recording_of(row: Row) -> Recording:
         facts = facts.model_copy(update={"warnings": [*facts.warnings, _deleted_set_remark(facts)]})
     own = facts.model_dump(exclude={"subject"})
     subject = merged_subject(facts, row["linked_fields"], row["subject_fields"])
-    alone = row["session_id"] is None and row["static_recording_id"] is None
+    static_stated = row["static_recording_id"] is not None
+    alone = row["session_id"] is None and not static_stated
     return Recording(
         **own,
         id=row["id"],
@@ -79,7 +80,7 @@ def recording_of(row: Row) -> Recording:
         static_recording_id=row["static_recording_id"],
         session_id=row["session_id"],
         session_stated=row["session_stated"],
-        estimates=estimate_offers(facts, subject, no_other_mass_source=alone),
+        estimates=estimate_offers(facts, subject, no_other_mass_source=alone, static_stated=static_stated),
         bundled=row["bundled"],
         truth_job_id=row["truth_job_id"],
         owner=row["owner"],
