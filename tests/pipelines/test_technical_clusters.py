@@ -89,10 +89,27 @@ def test_clusters_carry_the_joints_that_only_the_static_trial_marks(walk: Record
 def test_each_marker_belongs_to_the_segment_it_moves_with(walk: Recording) -> None:
     named = identify(tuple(walk.markers_m)).landmarks
     left = {name: label for name, label in named.items() if name not in JOINTS}
-    found = technical_landmarks(without(walk, JOINTS), left, static_of(walk), named)
-    assert len(found) == 16
+    few = ("fibula_head", "tibial_tuberosity", "trochanter")
+    left = {name: label for name, label in left.items() if name[2:] not in few}
+    found = technical_landmarks(without(walk, JOINTS), left, static_of(walk), {k: named[k] for k in (*left, *JOINTS)})
+    assert len([name for name in found if "_thigh_" in name or "_shank_" in name]) == len(found) == 16
     for name, label in found.items():
-        assert label.startswith(f"Q{name[0].upper()}{name[2:4].upper()}")
+        assert label.startswith((f"Q{name[0].upper()}{name[2:4].upper()}", *named.values()))
+
+
+def test_markers_of_the_foot_do_not_carry_the_ankle(walk: Recording) -> None:
+    """Three markers on the heel bone lie within 15 cm of the shank and are rigid, but they move with the foot."""
+    named = identify(tuple(walk.markers_m)).landmarks
+    tracks = np.stack([walk.markers_m[named[f"l_{name}"]] for name in ("heel", "mt1", "mt5")], axis=1)
+    R, t = rigid_motion(tracks[0], tracks)
+    heel = tracks[0][0] + np.array([[0.01, 0.02, 0.02], [0.01, -0.03, 0.0], [0.03, 0.0, 0.03]])
+    more = dict(walk.markers_m) | {f"QCA{k}": np.asarray(R @ point + t) for k, point in enumerate(heel)}
+    hidden = [k for k in walk.markers_m if k.startswith("Q")]
+    both = replace(walk, markers_m={k: v for k, v in more.items() if k not in hidden})
+    ankle = ("l_ankle_lateral", "l_ankle_medial", "l_fibula_head", "l_tibial_tuberosity")
+    seen = {name: label for name, label in named.items() if name not in ankle}
+    found = technical_landmarks(both, seen, static_of(both), seen | {k: named[k] for k in ankle[:2]})
+    assert set(found.values()) == {named[name] for name in ankle[2:]}, "the shank's own markers, without a name here"
 
 
 def test_a_marker_that_moves_within_its_cluster_is_left_out(walk: Recording) -> None:

@@ -53,6 +53,13 @@ def test_the_limits_are_those_of_the_estimators() -> None:
     assert estimable.MIN_FRAMES == force_windows.MIN_FRAMES
 
 
+def test_a_stated_static_trial_may_name_the_labels_of_an_unknown_set() -> None:
+    unknown = facts(marker_set=None)
+    assert codes(unknown) == ("unknown-marker-set", "unknown-marker-set")
+    stated = estimate_offers(unknown, NOBODY, no_other_mass_source=False, static_stated=True)
+    assert {offer.code for offer in stated} == {None}
+
+
 def cut(recording: Recording, start: int, stop: int) -> Recording:
     """Frames ``start`` to ``stop`` of the markers, with the force of that time."""
     ratio = round(recording.force_rate_hz / recording.marker_rate_hz)

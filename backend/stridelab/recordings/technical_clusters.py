@@ -19,11 +19,17 @@ SEGMENT_REACH_M: Final = 0.15
 RIGID_M: Final = 0.02
 """Largest change of a distance within a cluster: markers on skin, as between trials of one body (``static_pose``)."""
 MIN_CLUSTER: Final = 3
-_SEGMENTS: Final[Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]]] = {
+_LINES: Final[Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]]] = {
     "thigh": (("trochanter", "hip_centre", "asis"), ("knee_lateral", "knee_centre")),
     "shank": (("knee_lateral", "knee_centre"), ("ankle_lateral", "ankle_centre")),
+    "foot": (("heel",), ("mt2", "mt5", "toe")),
 }
-"""Landmarks at the upper and lower end, the preferred one first."""
+"""Landmarks at either end of a segment, the preferred one first."""
+_NAMED: Final[Mapping[str, tuple[str, ...]]] = {
+    "thigh": ("trochanter", "knee_lateral", "knee_medial"),
+    "shank": ("knee_lateral", "knee_medial", "fibula_head", "tibial_tuberosity", "ankle_lateral", "ankle_medial"),
+}
+"""Landmarks that may carry others of their segment; a foot has its landmarks in the walk."""
 _NAMES: Final = tuple(f"t{k}" for k in range(1, 5))
 
 
@@ -33,8 +39,8 @@ def technical_landmarks(
     """Labels of technical markers by landmark (``l_thigh_t1``, ...) of segments that the named markers do not carry.
 
     ``landmarks`` and ``static_landmarks`` map landmark to label of the walk and of its static trial. A segment with a
-    landmark that only the static trial has gets the markers that complete its cluster, up to four; a cluster of fewer
-    than three is left out.
+    landmark that only the static trial has, and fewer than three named markers to carry it, gets up to four others; a
+    cluster that then has fewer than three is left out.
     """
     named = {*landmarks.values(), *static_landmarks.values()}
     common = [label for label in recording.markers_m if label in static.markers_m and label not in named]
@@ -42,35 +48,39 @@ def technical_landmarks(
     lines = {
         f"{side}_{segment}": (_end_of(side, upper, static_landmarks, at), _end_of(side, lower, static_landmarks, at))
         for side in "lr"
-        for segment, (upper, lower) in _SEGMENTS.items()
+        for segment, (upper, lower) in _LINES.items()
     }
     nearest: dict[str, list[str]] = {}
     for label in common:
         away = {name: _distance_from_line(at[label], *ends) for name, ends in lines.items()}
-        name = min(away, key=lambda one: away[one], default=None)
-        if name is not None and away[name] <= SEGMENT_REACH_M:
+        name = min(away, key=lambda one: away[one])
+        if away[name] <= SEGMENT_REACH_M and name[2:] in _NAMED:
             nearest.setdefault(name, []).append(label)
     found: dict[str, str] = {}
     for name, labels in nearest.items():
-        joint = "knee" if name.endswith("thigh") else "ankle"
-        ends = [f"{name[:2]}{joint}_{kind}" for kind in ("lateral", "medial")]
-        if all(landmarks.get(end) in recording.markers_m for end in ends if end in static_landmarks):
+        names = {*(name[:2] + mark for mark in _NAMED[name[2:]]), *(f"{name}_{t}" for t in _NAMES)}
+        shared = [landmarks[mark] for mark in sorted(names & landmarks.keys()) if landmarks[mark] in static.markers_m]
+        lacking = names & (static_landmarks.keys() - landmarks.keys())
+        if len(shared) >= MIN_CLUSTER or not lacking:
             continue
-        cluster = rigid_subset(labels, recording, static)
+        cluster = rigid_subset(labels, recording, static, shared)
         free = [f"{name}_{t}" for t in _NAMES if f"{name}_{t}" not in landmarks]
-        if len(cluster) >= MIN_CLUSTER:
+        if len(cluster) + len(shared) >= MIN_CLUSTER:
             found |= dict(zip(free, cluster, strict=False))
     return found
 
 
-def rigid_subset(labels: Sequence[str], recording: Recording, static: Recording) -> list[str]:
-    """The labels without those whose distances from the others change by more than ``RIGID_M``, the worst first."""
+def rigid_subset(
+    labels: Sequence[str], recording: Recording, static: Recording, fixed: Sequence[str] = ()
+) -> list[str]:
+    """The labels without those whose distances change by more than ``RIGID_M``, the worst first.
+
+    Distances are those from one another and from the markers ``fixed``, which are of the segment by their name.
+    """
     kept = list(labels)
-    changes = {pair: _distance_change_m(pair, recording, static) for pair in combinations(kept, 2)}
-    while len(kept) >= MIN_CLUSTER:
-        bad = [pair for pair in combinations(kept, 2) if not changes[pair] <= RIGID_M]
-        if not bad:
-            break
+    pairs = [(a, b) for a, b in combinations((*kept, *fixed), 2) if a in kept]
+    loose = [pair for pair in pairs if not _distance_change_m(pair, recording, static) <= RIGID_M]
+    while bad := [pair for pair in loose if pair[0] in kept and pair[1] in (*kept, *fixed)]:
         kept.remove(max(kept, key=lambda label: sum(label in pair for pair in bad)))
     return kept
 
