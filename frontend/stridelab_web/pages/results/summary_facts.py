@@ -52,6 +52,10 @@ _NAMES = {
     "latency_along_s": "Latency along the walk",
     "latency_lateral_s": "Latency across the walk",
     "latency_vertical_s": "Latency, vertical",
+    "treadmill.left_m_s": "Belt under the left foot",
+    "treadmill.right_m_s": "Belt under the right foot",
+    "treadmill.source": "Belt speeds taken from",
+    "treadmill.frame": "Frame of the positions",
     "rms_force_residual_n": "Force residual, RMS x, y, z",
     "bias_m": "Fused minus markers x, y, z",
     "rate_hz": "Rate",
@@ -86,6 +90,8 @@ _COUNTS = {"diagnostics.samples_used"}
 _ELSEWHERE = {"warnings", "quality", "recording_id", "sd_m", "observability.sentence"} | {
     f"session.{name}" for name in ("session_id", "latency_s", "latency_sd_s", "latency_n_trials", "static_recording_id")
 }
+_OMITTED_IF_NULL = {"treadmill"}
+"""Values that most recordings do not have."""
 MAX_LIST_LENGTH = 6
 
 
@@ -150,7 +156,7 @@ def facts_of(result: JobResult) -> list[Fact]:
 def _flatten(summary: Mapping[str, Any], prefix: str = "") -> list[tuple[str, Any]]:
     items: list[tuple[str, Any]] = []
     for key, value in summary.items():
-        if f"{prefix}{key}" in _ELSEWHERE:
+        if f"{prefix}{key}" in _ELSEWHERE or (value is None and key in _OMITTED_IF_NULL):
             continue
         if isinstance(value, Mapping):
             items += _flatten(value, f"{prefix}{key}.")

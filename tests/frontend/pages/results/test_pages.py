@@ -125,6 +125,19 @@ def test_a_result_with_a_band_starts_with_how_well_the_position_is_known() -> No
     assert main_and_other_facts(older, facts_of(older)) == (facts_of(older), [])
 
 
+def test_the_belts_of_a_treadmill_are_facts_of_their_results_only() -> None:
+    def texts(treadmill: dict[str, Any] | None) -> dict[str, str]:
+        summary = {"mass_kg": 60.0, "treadmill": treadmill}
+        result = JobResult(kind="estimate-com", input={}, versions={}, references=[], summary=summary, artifacts=[])
+        return {fact.name: fact.text for fact in facts_of(result)}
+
+    belts = texts({"left_m_s": 1.4, "right_m_s": 0.9, "source": "stated", "frame": "laboratory"})
+    assert belts["Belt under the left foot"] == "1.40 m/s"
+    assert belts["Belt under the right foot"] == "0.90 m/s"
+    assert (belts["Belt speeds taken from"], belts["Frame of the positions"]) == ("stated", "laboratory")
+    assert texts(None) == {"Mass": "60.00 kg"}
+
+
 def test_a_recording_links_the_other_trials_of_its_session(fake: FakeService, browse: Browse) -> None:
     clock = TrialClock(latency_s=0.0175, sd_s=0.0012)
     walk = fake.add_recording("walk_1.c3d", session_id="s1", clock=clock)
