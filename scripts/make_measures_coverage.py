@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from stridelab.errors import StridelabError
-from stridelab.estimation.time_span import walk_frame
+from stridelab.estimation.differentiation import walk_frame
 from stridelab.measures import (
     FootMotion,
     Measure,

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stridelab.body.missing_markers import rigid_motion
+from stridelab.body.segment_model import rigid_motion
 from stridelab.errors import NotEstimable
 from stridelab.pipelines.com_inputs import prepare_com_inputs
 from stridelab.recordings.files.c3d_writer import write_c3d

@@ -9,7 +9,7 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
-from stridelab.cli.console import Bar, out, progress_bar
+from stridelab.cli.results import Bar, out, progress_bar
 from stridelab.cli.estimate import require_file
 from stridelab.cli.options import Age, BestMethod, Delivery, Height, Mass, PersonSex, Static, with_groups
 from stridelab.cli.results import (
