@@ -16,6 +16,7 @@ from stridelab.recordings.reader import read_recording
 from stridelab.schemas.jobs import EstimateComInput, EstimateComSummary, JobResult
 from stridelab.service.kinds.estimate_com import run as estimate_com
 from support.command_line import SAMPLE, estimate_task, quiet
+from support.recordings.body_model_files import rocking_members, write_zip
 from support.recordings.trc_mot_files import write_trc
 
 WALK = Walk(SAMPLE / "recording.c3d")
@@ -156,3 +157,28 @@ def test_a_static_trial_that_is_none_is_said(tmp_path: Path, capsys: pytest.Capt
     shown = " ".join(capsys.readouterr().out.split())
     assert "The subject moves in the static trial other.c3d" in shown
     assert "The static trial other.c3d shows a different body from this recording" in shown
+
+
+def test_a_model_and_forces_are_options(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    members = rocking_members()
+    for name, text in members.items():
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    model, angles, forces = (tmp_path / name for name in members)
+    run(Delivery(tmp_path / "out", as_json=True), Walk(angles), preparation=Preparation(model=model, forces=[forces]))
+    one_zip = write_zip(tmp_path / "rocking_ik.zip", members)
+    result = JobResult.model_validate_json(capsys.readouterr().out)
+    run(Delivery(tmp_path / "zipped", as_json=True), Walk(one_zip))
+    assert result.summary == JobResult.model_validate_json(capsys.readouterr().out).summary
+    assert result.summary["segment_table"] == "carried"
+    assert (tmp_path / "out" / "com.csv").read_bytes() == (tmp_path / "zipped" / "com.csv").read_bytes()
+
+
+def test_files_of_one_name_and_files_that_do_not_exist_are_refused(tmp_path: Path) -> None:
+    for name, text in rocking_members().items():
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    angles = tmp_path / "rocking_ik.mot"
+    with pytest.raises(UnreadableFile, match="no such file"):
+        run(Delivery(tmp_path / "out"), Walk(angles), preparation=Preparation(model=tmp_path / "other.osim"))
+    with pytest.raises(InvalidInput, match="same name"):
+        run(Delivery(tmp_path / "out"), Walk(angles), preparation=Preparation(model=angles))
+    assert not (tmp_path / "out").exists()

@@ -20,7 +20,8 @@ def test_no_reader_falls_over_mutated_files() -> None:
     ran = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=120, check=False)
     assert ran.returncode == 0, ran.stdout + ran.stderr
     lines = ran.stdout.splitlines()
-    assert [line.partition(":")[0] for line in lines] == ["c3d", "trc", "mot", "tsv", "tsv forces", "csv", "scenario"]
+    names = ["c3d", "trc", "mot", "tsv", "tsv forces", "csv", "mvnx", "osim", "joint angles", "scenario"]
+    assert [line.partition(":")[0] for line in lines] == names
     for line in lines:  # seeds are good, and mutations matter
         words = line.partition(":")[2].split()
         assert int(words[0]) > 0

@@ -23,6 +23,7 @@ in Dumas and Wojtusch 2018; trunk (mid-shoulder to mid-hip), head_neck (C7 to ve
 tip) as in de Leva 1996.
 """
 
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Final, Literal
@@ -245,12 +246,24 @@ MARKER_RADIUS_M: Final = 0.007
 
 CARRIED: Final = "carried"
 
+MODEL_SD_M: Final = (0.015, 0.015, 0.025)
+"""Prior error of a centre of mass that the recording's own body model gives (x, y, z of the world frame).
+
+The centre of mass of scaled OpenSim models lies 6 mm forwards and 2 mm sideways (rms, 18 walks of 13 adults) and 11 mm
+upwards (35 walks of 18 adults) from that of Dumas 2007, whose own error is 8, 8 and 20 mm; the masses of scaled models
+are not measured.
+"""
+
+COMPUTED_COM: Final = re.compile(r"cent(re|er)ofmass", re.IGNORECASE)
+"""Label of a centre of mass that the program of the laboratory computed."""
+
 
 @dataclass(frozen=True)
 class SegmentModel:
     """CoM from markers and a segment table.
 
-    ``table`` "auto" uses the table embedded in a simulated recording ("carried"), else Dumas 2007.
+    ``table`` "auto" uses the body model of the recording or the table embedded in a simulated one ("carried"), else
+    Dumas 2007. "carried" also uses the CoM that the laboratory's program computed and stored (``COMPUTED_COM``).
     """
 
     table: TableName = "auto"
@@ -271,6 +284,12 @@ class SegmentModel:
         default identified from its labels. Raises ``NotEstimable`` if pelvis or legs cannot be located,
         ``InvalidInput`` for a table that does not exist.
         """
+        if recording.segments and self.table in ("auto", CARRIED):
+            return _own_com(recording, landmarks, _model_segments(recording))
+        computed = [label for label in recording.model_points_m if COMPUTED_COM.fullmatch(label)]
+        if self.table == CARRIED and computed and not recording.carried:
+            whole = {"body": SegmentTrack(1.0, recording.model_points_m[computed[0]])}
+            return _own_com(recording, landmarks, whole)
         shapes = {} if static is None else _static_tracks(static, landmarks, static_landmarks)
         p, rebuilt = _complete_tracks(_landmark_tracks(recording, landmarks), shapes, recording.marker_rate_hz)
         table = self._select_table(recording, subject.sex)
@@ -307,6 +326,28 @@ class SegmentModel:
         if carried is not None and self.table in ("auto", "carried"):
             return replace(segment_tables.from_json(carried), name=CARRIED)
         return segment_tables.load_table("dumas2007" if self.table == "auto" else self.table, sex)
+
+
+def _model_segments(recording: Recording) -> dict[str, SegmentTrack]:
+    """Segments of the recording's own body model, with their shares of its mass."""
+    mass_kg = sum(segment.mass_kg for segment in recording.segments.values())
+    return {name: SegmentTrack(s.mass_kg / mass_kg, s.com_m) for name, s in recording.segments.items()}
+
+
+def _own_com(recording: Recording, landmarks: Mapping[str, str], segments: Mapping[str, SegmentTrack]) -> GeometricCom:
+    """CoM of segments whose own CoM the recording contains, c = sum_s m_s p_s."""
+    tracks = _landmark_tracks(recording, landmarks)
+    return GeometricCom(
+        time_s=recording.time_s,
+        com_m=np.sum([s.mass_fraction * s.com_m for s in segments.values()], axis=0),
+        table=CARRIED,
+        segments=segments,
+        joint_centres_m={
+            name.removesuffix("_centre"): track for name, track in tracks.items() if name.endswith("_centre")
+        },
+        sd_m=MODEL_SD_M,
+        ground_m_s=walking_surface_m_s(recording, landmarks),
+    )
 
 
 def _landmark_tracks(recording: Recording, landmarks: Mapping[str, str]) -> dict[str, Points]:

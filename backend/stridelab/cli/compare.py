@@ -41,7 +41,7 @@ def compare_methods(
         raise InvalidInput("option-invalid", "A service knows the truth of its own simulated recordings only.", [fault])
     target = delivery.result_path(f"{request.file.stem}-comparison")
     refuse_to_overwrite(target, force=delivery.force)
-    for path in (request.file, request.static, truth):
+    for path in (*request.files, request.static, truth):
         if path is not None:
             require_file(path)
     with result_folder(target, force=delivery.force) as folder:

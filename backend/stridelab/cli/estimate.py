@@ -39,7 +39,8 @@ def estimate_recording(request: EstimateRequest, delivery: Delivery) -> None:
     """Estimate one recording here or on a server, write the result folder and show the summary."""
     target = delivery.result_path(f"{request.file.stem}-com")
     refuse_to_overwrite(target, force=delivery.force)
-    require_file(request.file)
+    for path in request.files:
+        require_file(path)
     if request.static is not None:
         require_file(request.static)
     with result_folder(target, force=delivery.force) as folder:
@@ -75,12 +76,11 @@ def staged_files(request: EstimateRequest, folder: Path) -> Iterator[tuple[Recor
     static = None
     if request.static is not None:
         static = RecordingSource(file="static-trial", filename=request.static.name, marker_sets=recording.marker_sets)
-    copies = {"trial": request.file} | ({"static-trial": request.static} if request.static else {})
-    for name, path in copies.items():
-        shutil.copyfile(path, folder / name)
+        shutil.copyfile(request.static, folder / "static-trial")
+    request.write_upload(folder / "trial")
     yield recording, static
-    for name in copies:
-        (folder / name).unlink()
+    for name in ("trial", "static-trial"):
+        (folder / name).unlink(missing_ok=True)
 
 
 def simulate_walk(

@@ -42,7 +42,7 @@ def fit_steps(request: EstimateRequest, delivery: Delivery) -> None:
     """Fit here or on a server, write the result folder and show the steps."""
     target = delivery.result_path(f"{request.file.stem}-wheel")
     refuse_to_overwrite(target, force=delivery.force)
-    for path in (request.file, request.static):
+    for path in (*request.files, request.static):
         if path is not None:
             require_file(path)
     with result_folder(target, force=delivery.force) as folder:

@@ -1,5 +1,7 @@
 """Options that several commands share, groups of them, and the request of ``stridelab estimate`` made of them."""
 
+import shutil
+import zipfile
 from collections.abc import Callable, Sequence
 from dataclasses import MISSING, asdict, dataclass, field, fields, is_dataclass
 from inspect import Parameter, Signature, signature
@@ -37,7 +39,7 @@ Densities = Annotated[
     PostureMeasure | None, typer.Option("--measure", help="Bundled reachability densities to plan with.")
 ]
 
-Trial = Annotated[Path, typer.Argument(help="A .c3d, .trc, .tsv or .csv file, or a .zip of markers and forces.")]
+Trial = Annotated[Path, typer.Argument(help="A .c3d, .trc, .tsv, .csv, .mvnx file, or a .zip of a trial.")]
 Trials = Annotated[
     list[Path],
     typer.Argument(
@@ -66,6 +68,13 @@ SegmentMomentum = Annotated[
 ]
 MeasuredWindow = Annotated[str | None, typer.Option("--window", help="START,END in seconds, inside a measured window.")]
 Static = Annotated[Path | None, typer.Option("--static", help="Static trial of the same person.")]
+BodyModelFile = Annotated[
+    Path | None, typer.Option("--model", help="OpenSim model (.osim) of the joint angles in FILE (.mot or .sto).")
+]
+ForceFiles = Annotated[
+    list[Path] | None,
+    typer.Option("--forces", help="Ground forces (.mot, .sto) of FILE, or external loads (.xml); repeatable."),
+]
 Markers = Annotated[list[str] | None, typer.Option("--marker", help="LANDMARK=LABEL; may be repeated.")]
 MarkerSetFile = Annotated[
     Path | None, typer.Option("--marker-set", help="TOML file of a marker set, used instead of the shipped sets.")
@@ -131,6 +140,8 @@ class Preparation:
     without_plate: WithoutPlates = None
     marker_set: MarkerSetFile = None
     belt_speed: BeltSpeeds = None
+    model: BodyModelFile = None
+    forces: ForceFiles = None
 
 
 @dataclass(frozen=True)
@@ -195,6 +206,33 @@ class EstimateRequest:
     def static(self) -> Path | None:
         """The static trial of the same person, or None."""
         return self.preparation.static
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """The files of the recording: itself, its body model and its forces."""
+        model = () if self.preparation.model is None else (self.preparation.model,)
+        return (self.file, *model, *(self.preparation.forces or ()))
+
+    @property
+    def upload_name(self) -> str:
+        """Name of the file that holds the recording: its own, or that of a zip of ``files``."""
+        return self.file.name if len(self.files) == 1 else f"{self.file.stem}.zip"
+
+    def write_upload(self, target: Path) -> None:
+        """Write the recording as one file: a copy, or a zip of ``files`` if there are several.
+
+        Raises ``InvalidInput`` (``option-invalid``) if two files have the same name.
+        """
+        names = [path.name for path in self.files]
+        if len(set(names)) < len(names):
+            fault = Fault("--forces", "the name of each file must differ")
+            raise InvalidInput("option-invalid", "Two files of the recording have the same name.", [fault])
+        if len(names) == 1:
+            shutil.copyfile(self.file, target)
+            return
+        with zipfile.ZipFile(target, "w", zipfile.ZIP_DEFLATED) as packed:
+            for path in self.files:
+                packed.write(path, path.name)
 
     def subject_fields(self) -> SubjectFields:
         """Given data of the subject. Raises ``InvalidInput`` naming the invalid option."""
@@ -264,7 +302,7 @@ class EstimateRequest:
         own_sets = self.marker_sets()
         return RecordingSource(
             file=file,
-            filename=self.file.name,
+            filename=self.upload_name,
             marker_map=self.marker_map(),
             plates=self.plate_switches(),
             marker_sets=own_sets,

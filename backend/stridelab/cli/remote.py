@@ -1,5 +1,6 @@
 """Commands with ``--server``: upload a job's files, run the job there and download its result."""
 
+import tempfile
 import uuid
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -131,11 +132,16 @@ def estimate_remotely(
 
 def _upload_recording(client: Client, request: EstimateRequest, bar: Bar) -> str:
     """Upload the files and their given data; returns the id of the recording."""
-    recording = client.upload(
-        request.file,
-        request.subject_fields(),
-        progress=lambda sent, total: bar(AFTER_UPLOAD * sent / max(total, 1), "uploading"),
-    )
+    with tempfile.TemporaryDirectory() as folder:
+        path = request.file
+        if request.upload_name != path.name:
+            path = Path(folder, request.upload_name)
+            request.write_upload(path)
+        recording = client.upload(
+            path,
+            request.subject_fields(),
+            progress=lambda sent, total: bar(AFTER_UPLOAD * sent / max(total, 1), "uploading"),
+        )
     patch: dict[str, object] = {}
     if request.static is not None:
         bar(AFTER_UPLOAD, "uploading the static trial")

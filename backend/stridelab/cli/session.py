@@ -48,6 +48,9 @@ def estimate_session(requests: Sequence[EstimateRequest], delivery: Delivery) ->
             "Several recordings are estimated on this machine only; a service finds the trials of a session itself."
         )
         raise InvalidInput("option-invalid", message, [Fault("--server", "takes one recording")])
+    if any(len(request.files) > 1 for request in requests):
+        message = "The options --model and --forces belong to one recording; estimate one file at a time."
+        raise InvalidInput("option-invalid", message, [Fault("--model", "takes one recording")])
     request_of = {request.file: request for request in requests}
     names = _result_names([request.file for request in requests])
     with progress_bar("reading the session") as bar:

@@ -112,7 +112,8 @@ def stream_samples(request: EstimateRequest, replay: Replay, *, as_json: bool, s
     from stridelab.cli.remote import translated_errors
     from stridelab.client import Client
 
-    require_file(request.file)
+    for path in request.files:
+        require_file(path)
     configuration, samples = prepare_samples(request, replay)
     with translated_errors(server), Client(server, token) as lab, lab.stream_com(configuration) as opened:
         blocks = [samples[i : i + replay.block] for i in range(0, len(samples), replay.block)]

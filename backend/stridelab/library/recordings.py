@@ -72,7 +72,7 @@ def read(
     marker_map: Mapping[str, str] | None = None,
     static: str | Path | None = None,
 ) -> LoadedRecording:
-    """Read a gait recording: a C3D, TRC, Qualisys TSV or Vicon Nexus CSV file, or a zip of markers and forces.
+    """Read a gait recording: a C3D, TRC, MVNX, Qualisys TSV or Vicon Nexus CSV file, or a zip of one trial.
 
     Args:
         path: The file.

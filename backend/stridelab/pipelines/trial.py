@@ -85,9 +85,15 @@ def examine_trial(source: RecordingSource, folder: Path, static: "Trial | None" 
 
 
 def identify_source(source: RecordingSource, recording: Recording, marker_map: Mapping[str, str]) -> MarkerSetMatch:
-    """Identify the marker set of ``recording`` among the shipped ones and those of users in ``source``."""
+    """Identify the marker set of ``recording`` among the shipped ones and those of users in ``source``.
+
+    A recording of a body model needs no landmarks: with unknown names of bodies its set is ``BODY_MODEL``.
+    """
     own_sets = [marker_set_of_labels(own.name, own.labels_of(), own.required or ()) for own in source.marker_sets]
-    return identify(tuple(recording.markers_m), marker_map, own_sets, shipped=source.shipped_sets)
+    match = identify(tuple(recording.markers_m), marker_map, own_sets, shipped=source.shipped_sets)
+    if not recording.segments:
+        return match
+    return replace(match, name=match.name or BODY_MODEL, missing=(), degraded=(), rivals=())
 
 
 def named_by_static(match: MarkerSetMatch, recording: Recording, static: "Trial | None") -> MarkerSetMatch:
@@ -148,6 +154,8 @@ def _with_uploaded_name(error: StridelabError, stored: str, uploaded: str) -> St
     return type(error)(error.code, error.message, faults)
 
 
+BODY_MODEL: Final = "body-model"
+"""Marker set of a recording whose body model has bodies of unknown names: its feet are then unknown, too."""
 MIN_SHARED_LABELS: Final = 0.5
 """Minimum share of the recording's landmark labels in the static trial; below it a remark is added."""
 MIN_LANDMARKS: Final = 4

@@ -2,6 +2,7 @@
 
 import zipfile
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
@@ -12,18 +13,21 @@ from stridelab.errors import Fault, InvalidInput, UnreadableFile
 from stridelab.recordings import orientation
 from stridelab.recordings.files.c3d import read_c3d
 from stridelab.recordings.files.foreign_formats import unknown_format_error
+from stridelab.recordings.files.mvnx import is_mvnx, read_mvnx
 from stridelab.recordings.files.nexus_csv import is_nexus_csv, read_nexus_csv
 from stridelab.recordings.files.opensim_zip import is_trc, unpack_texts
 from stridelab.recordings.files.qualisys_tsv import is_qualisys_markers, read_qualisys
 from stridelab.recordings.files.raw import FilePlate, RawTrial
+from stridelab.recordings.files.trc import is_marker_storage
 from stridelab.recordings.files.trc_mot import read_text, read_trc, read_trc_mot
 from stridelab.recordings.force_plates import plate_wrench, rough_normal, rough_total_force, with_true_moment_units
 from stridelab.recordings.gap_filling import fill_short_gaps
+from stridelab.recordings.opensim.model_trial import has_body_model, read_model_trial
 from stridelab.recordings.plate_contacts import fore_aft_remarks
 from stridelab.recordings.recording import Plate, PlateSwitches, Recording, Remark
 from stridelab.recordings.treadmill import detect_treadmill
 
-_HEAD_BYTES: Final = 2000
+_HEAD_BYTES: Final = 20_000
 _C3D_KEY: Final = b"P"
 """Second byte of every C3D file."""
 
@@ -35,15 +39,15 @@ def read_recording(
     marker_map: Mapping[str, str] = {},
     plate_switches: Mapping[int, PlateSwitches] = {},
 ) -> Recording:
-    """Read a C3D file, a TRC file, a TSV export of Qualisys, a CSV export of Vicon Nexus, or a zip.
+    """Read a C3D, TRC or MVNX file, a TSV export of Qualisys, a CSV export of Vicon Nexus, or a zip.
 
-    A zip holds one TRC and one MOT or STO file, or the TSV files of one recording. A TRC or TSV file alone gives
-    markers and no plates. ``name`` is the file name in error messages, by default that of
-    ``path``. ``marker_map`` maps landmark names to labels of this file; ``plate_switches`` maps a plate's index to the
-    user's settings. Raises ``InvalidInput`` (``unknown-marker``, ``unknown-plate``,
-    ``belt-speed-contradicts-feet``), and ``UnreadableFile``:
-    ``no-markers``, ``all-missing``, ``unknown-format``, and as ``read_c3d``, ``read_trc``,
-    ``read_trc_mot``, ``read_qualisys`` and ``read_nexus_csv``.
+    A zip holds one TRC and one MOT or STO file, the TSV files of one recording, or an OpenSim model and its joint
+    angles, with forces if there are any. A TRC, TSV or MVNX file alone gives markers and no plates. ``name`` is the
+    file name in error messages, by default that of ``path``. ``marker_map`` maps landmark names to labels of this file;
+    ``plate_switches`` maps a plate's index to the user's settings. Raises ``InvalidInput`` (``unknown-marker``,
+    ``unknown-plate``, ``belt-speed-contradicts-feet``), and ``UnreadableFile``: ``no-markers``, ``all-missing``,
+    ``unknown-format``, and as ``read_c3d``, ``read_trc``, ``read_trc_mot``, ``read_model_trial``, ``read_mvnx``,
+    ``read_qualisys`` and ``read_nexus_csv``.
     """
     raw = _read_raw(path, name or path.name)
     if np.isnan(raw.points_m).all():
@@ -70,7 +74,8 @@ def _read_raw(path: Path, name: str) -> RawTrial:
         texts = unpack_texts(path)
         if any(map(is_qualisys_markers, texts.values())):
             return read_qualisys(texts)
-        return read_trc_mot(path, texts)
+        of_model = read_model_trial(texts) if has_body_model(texts) else None
+        return read_trc_mot(path, texts) if of_model is None else of_model
     with path.open("rb") as file:
         head = file.read(_HEAD_BYTES)
     if head[:2] == b"PK":
@@ -78,10 +83,12 @@ def _read_raw(path: Path, name: str) -> RawTrial:
     if head[1:2] == _C3D_KEY:
         return read_c3d(path)
     text = head.decode("utf-8-sig", errors="replace")
-    if is_trc(text):
+    if is_trc(text) or is_marker_storage(text):
         return read_trc(path, name)
     if is_qualisys_markers(text):
         return read_qualisys({name: read_text(path, name, "TSV")})
+    if is_mvnx(text):
+        return read_mvnx(read_text(path, name, "MVNX"), name)
     if is_nexus_csv(text):
         return read_nexus_csv(read_text(path, name, "CSV"), name)
     if name.lower().endswith(".trc"):
@@ -127,6 +134,7 @@ def to_world(raw: RawTrial, switches: Mapping[int, PlateSwitches]) -> Recording:
         model_points_m=outputs,
         filled=filled,
         recorded_on=raw.recorded_on,
+        segments={name: replace(part, com_m=part.com_m @ R.T) for name, part in raw.segments.items()},
     )
 
 

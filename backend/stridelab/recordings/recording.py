@@ -89,6 +89,14 @@ class Window:
 
 
 @dataclass(frozen=True)
+class SegmentMotion:
+    """Mass and centre of mass of one segment of a body model that is part of the recording."""
+
+    mass_kg: float
+    com_m: Points
+
+
+@dataclass(frozen=True)
 class Recording:
     """One trial in the world frame.
 
@@ -98,7 +106,8 @@ class Recording:
     simulated recording (its own segment table), else it is empty. ``model_points_m`` are positions in the file that a
     gait model computed (joint centres, a CoM); they are not used as markers. ``filled`` marks, per label, the frames
     whose position was interpolated over a short gap. ``joint_widths_m`` are calliper widths by "l_knee", "r_ankle" ...
-    ``recorded_on`` is the day of the recording as YYYY-MM-DD, empty if the file does not contain it.
+    ``recorded_on`` is the day of the recording as YYYY-MM-DD, empty if the file does not contain it. ``segments`` are
+    those of the body model of the recording by name, empty without one; ``markers_m`` are then origins of its bodies.
     """
 
     markers_m: Mapping[str, Points]
@@ -115,6 +124,7 @@ class Recording:
     model_points_m: Mapping[str, Points] = field(default_factory=dict)
     filled: Mapping[str, Mask] = field(default_factory=dict)
     recorded_on: str = ""
+    segments: Mapping[str, SegmentMotion] = field(default_factory=dict)
 
     @property
     def n_frames(self) -> int:

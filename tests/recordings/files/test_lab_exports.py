@@ -168,9 +168,9 @@ def test_a_file_too_large_is_refused_before(name: str, make, monkeypatch: pytest
 
 UNKNOWN = {
     "a.tdf": (b"\x82\x4b\x60\x41\xd3\x11\x84\xca" + bytes(60), "a BTS file (its first bytes are 82 4b 60 41"),
-    "a.mvnx": (b'<?xml version="1.0"?><mvnx version="4">', "an Xsens MVN file (it begins with '<?xml version"),
+    "a.mvn": (bytes(range(100)), "an Xsens MVN recording"),
     "renamed.txt": (b"HIERARCHY\nROOT Hips", "a BVH file"),
-    "a.b3d": (bytes(range(100)), "an AddBiomechanics file"),
+    "a.b3d": (bytes(range(100)), "an AddBiomechanics file of all trials"),
     "a.trb": (bytes(range(1, 100)), "a binary Cortex file"),
     "a.qtm": (bytes(range(100)), "a Qualisys Track Manager file"),
     "a.x1d": (bytes(range(100)), "raw camera data of Vicon"),

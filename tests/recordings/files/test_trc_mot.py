@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from stridelab.errors import UnreadableFile
 from stridelab.recordings.files.text_table import sampling_rate_hz
 from stridelab.recordings.files.trc_mot import parse_mot
 from stridelab.recordings.reader import read_recording
@@ -54,6 +55,46 @@ def mot(columns: list[str], values: np.ndarray, header: str, *, digits: int = 6,
         for t, row in zip(FORCE_TIME, values, strict=True)
     ]
     return header + "endheader\n" + "\t".join(["time", *columns]) + "\n" + "\n".join(rows) + "\n"
+
+
+def marker_storage(*, vectors: bool) -> str:
+    """The markers of ``body`` in metres as an STO file, with three columns a marker or one of vectors."""
+    mark = "," if vectors else "\t"
+    names = [f"/model/{label}/location" for label in LABELS]
+    if not vectors:
+        names = [f"{label}_t{axis}" for label in LABELS for axis in "xyz"]
+    rows = [
+        "\t".join([f"{k / RATE:.4f}", *(mark.join(f"{x:.6f}" for x in point) for point in frame)])
+        for k, frame in enumerate(body())
+    ]
+    head = "DataType=Vec3\nversion=2\n" if vectors else f"markers\nnRows={N}\n"
+    return head + "endheader\n" + "\t".join(["time", *names]) + "\n" + "\n".join(rows) + "\n"
+
+
+@pytest.mark.parametrize("vectors", [True, False])
+def test_markers_in_an_sto_file_are_those_of_the_trc_file(vectors: bool, tmp_path: Path) -> None:
+    f, p, T = wrench()
+    forces = mot(names("", ""), np.column_stack([f, p, T]), "grf\n")
+    read = []
+    for name, text in (("markers.sto", marker_storage(vectors=vectors)), ("markers.trc", trc(1000.0 * body()))):
+        with zipfile.ZipFile(tmp_path / "trial.zip", "w") as archive:
+            archive.writestr(name, text)
+            archive.writestr("grf.sto", forces)
+        read.append(read_recording(tmp_path / "trial.zip"))
+        (tmp_path / name).write_text(text, encoding="utf-8")
+        assert not read_recording(tmp_path / name).plates
+    assert set(read[0].markers_m) == set(LABELS)
+    for label in LABELS:
+        np.testing.assert_allclose(read[0].markers_m[label], read[1].markers_m[label], atol=1e-6)
+    np.testing.assert_allclose(read[0].plates[0].force_n, read[1].plates[0].force_n, atol=1e-6)
+
+
+def test_a_broken_marker_sto_is_refused_by_its_line(tmp_path: Path) -> None:
+    text = marker_storage(vectors=True).replace("0.1000\t", "0.1000\tmuch,")
+    (tmp_path / "markers.sto").write_text(text, encoding="utf-8")
+    with pytest.raises(UnreadableFile, match=r"markers\.sto is broken: line 15") as refused:
+        read_recording(tmp_path / "markers.sto")
+    assert refused.value.code == "sto-broken"
 
 
 HEADERS = {

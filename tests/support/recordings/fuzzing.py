@@ -31,7 +31,9 @@ from stridelab.schemas.scenarios import Scenario
 from stridelab.service.api.scenarios.validation import validate_sync
 from stridelab.service.api.strict_json import JSON_LIMIT_BYTES, parse_json
 from stridelab.service.samples.scenario_bodies import ONE_STEP
+from support.recordings.body_model_files import rocking_members
 from support.recordings.c3d_files import small_trial
+from support.recordings.mvnx_files import mvnx_text
 
 TIMEOUT_S: Final = 10.0
 MEMORY_MB: Final = 1024
@@ -78,7 +80,9 @@ def readers(folder: Path) -> dict[str, Reader]:
     """The readers with their seeds, made in ``folder``."""
     plain = small_trial(folder / "plain.c3d", seconds=0.2).read_bytes()
     without = small_trial(folder / "without.c3d", seconds=0.1, with_plate=False).read_bytes()
-    trc, mot = _trc().encode(), _mot().encode()
+    trc, mot = trc_text().encode(), _mot().encode()
+    members = rocking_members(0.2)
+    model, angles = members["subject.osim"], members["rocking_ik.mot"].encode()
     effector_shapes("talos")
     return {
         "c3d": Reader((plain, without), _read_file),
@@ -89,6 +93,9 @@ def readers(folder: Path) -> dict[str, Reader]:
             (_tsv_forces().encode(),), lambda raw, place: _read_file(_zipped(_tsv().encode(), raw), place)
         ),
         "csv": Reader((_csv().encode(),), _read_file),
+        "mvnx": Reader((mvnx_text(n_frames=8).encode(), mvnx_text(n_frames=8, points=False).encode()), _read_file),
+        "osim": Reader((model.encode(),), lambda raw, place: _read_file(_zipped_model(raw, angles), place)),
+        "joint angles": Reader((angles,), lambda raw, place: _read_file(_zipped_model(model.encode(), raw), place)),
         "scenario": Reader((Scenario.model_validate(ONE_STEP).model_dump_json().encode(),), _read_scenario),
     }
 
@@ -112,7 +119,15 @@ def _zipped(trc: bytes, mot: bytes) -> bytes:
     return raw.getvalue()
 
 
-def _trc() -> str:
+def _zipped_model(model: bytes, angles: bytes) -> bytes:
+    raw = io.BytesIO()
+    with zipfile.ZipFile(raw, "w") as packed:
+        packed.writestr("a.osim", model)
+        packed.writestr("a.mot", angles)
+    return raw.getvalue()
+
+
+def trc_text() -> str:
     names = [f"M{i}" for i in range(_MARKERS)]
     head = [
         "PathFileType\t4\t(X/Y/Z)\ta.trc",

@@ -5,15 +5,28 @@ from typing import Final
 
 from stridelab.errors import Fault, UnreadableFile
 from stridelab.recordings.files.qualisys_tsv import is_qualisys_forces
+from stridelab.recordings.opensim.body_model import is_body_model
 
 _READ: Final = (
-    "C3D files, TRC files, the TSV export of Qualisys, the CSV export of Vicon Nexus, and zips of a TRC and a MOT or "
-    "STO file or of the TSV files of one recording are read"
+    "C3D files, TRC files, the TSV export of Qualisys, the CSV export of Vicon Nexus, MVNX files of Xsens, and zips of "
+    "a TRC and a MOT or STO file, of an OpenSim model and its joint angles, or of the TSV files of one recording are "
+    "read"
+)
+_TRIAL_OF_MODEL: Final = (
+    "Put the model (.osim), the joint angles (_ik.mot) and the forces (_grf.mot) of one trial into one zip, or upload "
+    "its C3D file."
+)
+_STORAGE: Final = (
+    "an OpenSim file of joint angles or forces alone",
+    "Put joint angles into one zip with their model (.osim), forces with the markers (.trc) or the model.",
 )
 _FORMATS: Final = {
     ".tdf": ("a BTS file", "Export a C3D file from SMART Tracker or SMART Analyzer."),
-    ".mvnx": ("an Xsens MVN file", "It holds segments of inertial sensors: export a C3D file from MVN."),
-    ".b3d": ("an AddBiomechanics file", "Upload the C3D, or the TRC and MOT files, from which it was made."),
+    ".mvn": ("an Xsens MVN recording", "Export an MVNX or C3D file from MVN."),
+    ".b3d": ("an AddBiomechanics file of all trials of a subject", _TRIAL_OF_MODEL),
+    ".osim": ("an OpenSim model", "Put it into one zip with the joint angles (.mot) and the forces of a trial."),
+    ".mot": _STORAGE,
+    ".sto": _STORAGE,
     ".trb": ("a binary Cortex file", "Export a TRC or C3D file from Cortex."),
     ".qtm": ("a Qualisys Track Manager file", "Export a C3D file, or TSV files of markers and forces, from it."),
     ".x1d": ("raw camera data of Vicon", "Reconstruct the trial in Nexus and export a C3D or CSV file."),
@@ -39,7 +52,7 @@ def unknown_format_error(head: bytes, name: str) -> UnreadableFile:
         what, advice = "the forces of a Qualisys export", "Put it and the TSV file of the markers into one zip."
     else:
         known = [suffix for start, suffix in _BEGINNINGS.items() if head.lstrip().startswith(start)]
-        known += [".mvnx"] if "<mvnx" in text else []
+        known += [".osim"] if is_body_model(text) else [".mot"] if "endheader" in text else []
         what, advice = _FORMATS.get((known or [PurePath(name).suffix.lower()])[0], ("of no known format", f"{_READ}."))
     message = f"{name} is {what} ({seen}). {advice}"
     return UnreadableFile("unknown-format", message, [Fault(name, seen)])

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Final
 
 from stridelab.errors import Fault, UnreadableFile
+from stridelab.recordings.files.trc import is_marker_storage
 
 MAX_MEMBERS = 64
 MAX_MEMBER_BYTES = 64 * 1024 * 1024
@@ -78,11 +79,14 @@ def unpack_texts(path: Path) -> dict[str, str]:
 
 
 def find_trial(path: Path, texts: Mapping[str, str]) -> TrialTexts:
-    """Exactly one TRC and at most one MOT or STO file with ground forces among unpacked texts, identified by content.
+    """Exactly one TRC file, and at most one MOT or STO file with ground forces, among unpacked texts, by their content.
+
+    A STO file of markers takes the place of a TRC file.
 
     Raises ``UnreadableFile`` (``zip-without-trc``, ``zip-several-trials``).
     """
     trc = [name for name, text in texts.items() if is_trc(text)]
+    trc = trc or [name for name, text in texts.items() if is_marker_storage(text)]
     mot = [name for name, text in texts.items() if name not in trc and has_ground_forces(text)]
     if not trc:
         held = ", ".join(sorted(texts)) or "nothing"

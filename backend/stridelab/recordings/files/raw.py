@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from stridelab.conventions import Corners, Points, Vector3
-from stridelab.recordings.recording import Event, Remark, Subject
+from stridelab.recordings.recording import Event, Remark, SegmentMotion, Subject
 
 Cloud = Float[np.ndarray, "frames labels 3"]
 """Positions of all labels at all frames."""
@@ -64,7 +64,7 @@ class RawTrial:
     ``labels`` are unique and cleaned; ``outputs`` are those of positions computed by a model. ``plates`` holds raw
     signals of C3D plates, ``contacts`` the contacts of a MOT file. ``up_hint`` is the vertical axis according to the
     file, if given. ``metres_per_unit`` is the factor by which its lengths were multiplied. ``recorded_on`` is the day
-    of the recording as YYYY-MM-DD, empty if the file does not contain it.
+    of the recording as YYYY-MM-DD, empty if the file does not contain it. ``segments`` are those of its body model.
     """
 
     labels: tuple[str, ...]
@@ -82,3 +82,4 @@ class RawTrial:
     joint_widths_m: Mapping[str, float] = field(default_factory=dict)
     carried: Mapping[str, str] = field(default_factory=dict)
     recorded_on: str = ""
+    segments: Mapping[str, SegmentMotion] = field(default_factory=dict)

@@ -4,8 +4,8 @@ from collections.abc import Iterable
 from pathlib import Path, PurePath
 from typing import Final, TypeVar
 
-RECORDING_SUFFIXES: Final = (".c3d", ".zip", ".trc")
-"""C3D files, zips of TRC and MOT, and TRC files alone."""
+RECORDING_SUFFIXES: Final = (".c3d", ".zip", ".trc", ".mvnx")
+"""C3D files, zips of one trial, and the files that are read alone and hold no forces."""
 _WITH_FORCES: Final = (".c3d", ".zip")
 _P = TypeVar("_P", bound=PurePath)
 
@@ -13,7 +13,7 @@ _P = TypeVar("_P", bound=PurePath)
 def recordings_among(paths: Iterable[_P]) -> list[_P]:
     """The recordings among files, in order.
 
-    A TRC file beside a C3D file or a zip of the same name is an export of that trial and is omitted.
+    A TRC or MVNX file beside a C3D file or a zip of the same name is an export of that trial and is omitted.
     """
     recordings = [path for path in paths if path.suffix.lower() in RECORDING_SUFFIXES]
     complete = {path.with_suffix("") for path in recordings if path.suffix.lower() in _WITH_FORCES}

@@ -39,6 +39,22 @@ def parse_table(rows: list[tuple[int, str]], width: int) -> Table:
     return np.array(values, dtype=np.float64).reshape(len(values), width)
 
 
+def parse_storage(text: str) -> tuple[list[str], list[str], Table]:
+    """Header lines, names of the columns and rows of a MOT or STO file, whose header ends in ``endheader``.
+
+    Raises ``BrokenLineError`` as ``parse_table``, and for a file without that line.
+    """
+    lines = text.splitlines()
+    ends = [i for i, line in enumerate(lines) if line.strip().lower() == "endheader"]
+    if not ends:
+        raise BrokenLineError("it has no line endheader")
+    rows = numbered_lines(lines, ends[0] + 1)
+    if not rows:
+        raise BrokenLineError(f"the file ends with endheader in line {ends[0] + 1}, before the names of its columns")
+    columns = rows[0][1].split()
+    return lines[: ends[0]], columns, parse_table(rows[1:], len(columns))
+
+
 def _parse_cell(cell: str, line: int, column: int) -> float:
     try:
         value = float(cell) if cell.strip() else np.nan

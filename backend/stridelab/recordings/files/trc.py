@@ -14,6 +14,7 @@ from stridelab.recordings.files.raw import Cloud
 from stridelab.recordings.files.text_table import (
     BrokenLineError,
     numbered_lines,
+    parse_storage,
     parse_table,
     sampling_rate_hz,
     split_cells,
@@ -21,6 +22,8 @@ from stridelab.recordings.files.text_table import (
 from stridelab.recordings.recording import Remark
 
 _SEPARATORS: Final = (",", ";")
+_STORAGE_HEAD: Final = 100_000
+_VECTORS: Final = re.compile(r"^\s*datatype\s*=\s*vec3\s*$", re.IGNORECASE)
 _COORDINATE: Final = re.compile(r"X\d+", re.IGNORECASE)
 
 
@@ -58,6 +61,55 @@ def parse_trc(text: str, name: str) -> tuple[list[str], Series, Cloud, float, st
         message = f"Lines of {name} end with up to {n_unnamed} points that line 4 does not name; they were left out."
         remarks.append(Remark("unlabelled-points", message))
     return labels, time_s, table[:, 2:].reshape(len(table), len(labels), 3), rate_hz, unit, tuple(remarks)
+
+
+def is_marker_storage(text: str) -> bool:
+    """Whether a text is an OpenSim file (.sto, .mot) of positions alone: columns ``_tx``, ``_ty``, ``_tz``, or vectors.
+
+    Files of joint angles have such columns for the pelvis, beside others.
+    """
+    try:
+        _, columns, _ = parse_storage(_first_lines(text))
+    except BrokenLineError:
+        return False
+    ends = [column[-3:].lower() for column in columns[1:]]
+    return bool(ends) and ends == ["_tx", "_ty", "_tz"] * (len(ends) // 3)
+
+
+def parse_marker_storage(text: str, name: str) -> tuple[list[str], Series, Cloud, float, str, tuple[Remark, ...]]:
+    """As ``parse_trc``, of a file that ``is_marker_storage``, which is in metres unless its header states Units.
+
+    Raises ``UnreadableFile`` (``sto-broken``).
+    """
+    try:
+        header, columns, table = parse_storage(_without_vectors(text))
+        if len(table) < 2 or not (np.diff(table[:, 0]) > 0.0).all():
+            raise BrokenLineError("it has no increasing time column")
+    except BrokenLineError as error:
+        why = str(error)
+        raise UnreadableFile("sto-broken", f"The marker file {name} is broken: {why}.", [Fault(name, why)]) from error
+    labels = [column[:-3] for column in columns[1::3]]
+    units = re.search(r"^\s*units\s*=\s*(\w+)", "\n".join(header), re.MULTILINE | re.IGNORECASE)
+    points = table[:, 1:].reshape(len(table), len(labels), 3)
+    return labels, table[:, 0], points, sampling_rate_hz(table[:, 0]), units[1] if units else "m", ()
+
+
+def _first_lines(text: str) -> str:
+    """Header, names of the columns and no rows of a storage file."""
+    lines = _without_vectors(text[:_STORAGE_HEAD]).splitlines()
+    end = next((i for i, line in enumerate(lines) if line.strip().lower() == "endheader"), len(lines))
+    return "\n".join(lines[: end + 2])
+
+
+def _without_vectors(text: str) -> str:
+    """Text of a storage file with three columns for each column of vectors (``DataType=Vec3``)."""
+    lines = text.splitlines()
+    end = next((i for i, line in enumerate(lines) if line.strip().lower() == "endheader"), None)
+    if end is None or end + 1 >= len(lines) or not any(_VECTORS.match(line) for line in lines[:end]):
+        return text
+    names = [column.removesuffix("/location").rpartition("/")[2] for column in lines[end + 1].split()]
+    columns = [names[0], *(f"{name}_t{axis}" for name in names[1:] for axis in "xyz")]
+    return "\n".join([*lines[: end + 1], "\t".join(columns), *(line.replace(",", "\t") for line in lines[end + 2 :])])
 
 
 def trc_lines(text: str) -> list[str]:

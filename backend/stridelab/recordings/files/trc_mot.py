@@ -7,19 +7,27 @@ the nearest value of a loaded sample.
 
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
 
-from stridelab.conventions import Corners, Points, Series, Vector3
+from stridelab.conventions import Corners, Mask, Points, Series, Vector3
 from stridelab.errors import Fault, UnreadableFile
 from stridelab.recordings.files import metadata as names
 from stridelab.recordings.files.metadata import LENGTH_SCALE, length_scale, unit_of_body
 from stridelab.recordings.files.opensim_zip import MAX_MEMBER_BYTES, TrialTexts, find_trial
 from stridelab.recordings.files.raw import CONTACT_TYPE, NO_FORCE_FILE, Cloud, FilePlate, RawTrial
-from stridelab.recordings.files.text_table import BrokenLineError, numbered_lines, parse_table, sampling_rate_hz
-from stridelab.recordings.files.trc import header_fields, parse_trc, trc_broken, trc_lines
+from stridelab.recordings.files.text_table import BrokenLineError, parse_storage, sampling_rate_hz
+from stridelab.recordings.files.trc import (
+    header_fields,
+    is_marker_storage,
+    parse_marker_storage,
+    parse_trc,
+    trc_broken,
+    trc_lines,
+)
 from stridelab.recordings.gap_filling import mark_missing
 from stridelab.recordings.marker_sets import identify
 from stridelab.recordings.orientation import axis_vector, nearest_axis
@@ -60,7 +68,8 @@ def read_trc_mot(path: Path, texts: Mapping[str, str]) -> RawTrial:
 
 def _assemble_trial(texts: TrialTexts, source: str) -> RawTrial:
     """Trial of one TRC and at most one force file; ``source`` names the uploaded file in messages."""
-    labels, time_s, points, rate_hz, unit, header_remarks = parse_trc(texts.trc, texts.trc_name)
+    parse = parse_marker_storage if is_marker_storage(texts.trc) else parse_trc
+    labels, time_s, points, rate_hz, unit, header_remarks = parse(texts.trc, texts.trc_name)
     cloud = mark_missing(points)
     scale, remarks = _length_scale(unit, cloud, texts.trc_name)
     remarks = (*header_remarks, *_frame_count_remark(texts, len(time_s)), *remarks)
@@ -81,24 +90,10 @@ def _assemble_trial(texts: TrialTexts, source: str) -> RawTrial:
         )
         remarks = (*remarks, Remark(NO_FORCE_FILE, message))
     else:
-        mot_time_s, forces = parse_mot(texts.mot, texts.mot_name)
-        keep = (time_s >= mot_time_s[0] - 0.5 / rate_hz) & (time_s <= mot_time_s[-1] + 0.5 / rate_hz)
-        if not keep.any():
-            spans = [f"{t[0]:g} to {t[-1]:g} s" for t in (time_s, mot_time_s)]
-            faults = [Fault(texts.trc_name, spans[0]), Fault(texts.mot_name, spans[1])]
-            message = f"Markers ({spans[0]}) and forces ({spans[1]}) were recorded at different times."
-            raise UnreadableFile("times-do-not-overlap", message, faults)
-        if not keep.all():
-            remarks = (
-                *remarks,
-                Remark("cut-to-common-time", f"{int((~keep).sum())} frames have no force and were cut off."),
-            )
-        cloud, time_s = cloud[keep], time_s[keep]
-        force_rate_hz = sampling_rate_hz(mot_time_s)
-        contacts, more = _resample_contacts(
-            even_times_s(mot_time_s, time_s[0]), forces, force_rate_hz, len(cloud) / rate_hz
-        )
-        remarks = (*remarks, *more)
+        forces = read_contacts(texts.mot, texts.mot_name, time_s, rate_hz, texts.trc_name)
+        cloud, time_s = cloud[forces.frames], time_s[forces.frames]
+        contacts, force_rate_hz = forces.contacts, forces.rate_hz
+        remarks = (*remarks, *forces.remarks)
     return RawTrial(
         labels=tuple(choice.column),
         outputs=choice.outputs,
@@ -113,6 +108,42 @@ def _assemble_trial(texts: TrialTexts, source: str) -> RawTrial:
         remarks=remarks,
         metres_per_unit=scale,
     )
+
+
+@dataclass(frozen=True)
+class Contacts:
+    """Contacts of a force file on a time grid from the first of the ``frames`` at which there are forces."""
+
+    frames: Mask
+    contacts: tuple[FilePlate, ...]
+    rate_hz: float
+    remarks: tuple[Remark, ...]
+
+
+def read_contacts(
+    text: str, name: str, time_s: Series, rate_hz: float, other: str, meaning: Mapping[str, str] = {}
+) -> Contacts:
+    """Contacts of the force file ``name`` for frames at ``time_s`` of the file ``other``; ``meaning`` as ``parse_mot``.
+
+    Raises ``UnreadableFile`` (``times-do-not-overlap``, and as ``parse_mot``).
+    """
+    mot_time_s, forces = parse_mot(text, name, meaning)
+    frames: Mask = (time_s >= mot_time_s[0] - 0.5 / rate_hz) & (time_s <= mot_time_s[-1] + 0.5 / rate_hz)
+    if not frames.any():
+        spans = [f"{t[0]:g} to {t[-1]:g} s" for t in (time_s, mot_time_s)]
+        faults = [Fault(other, spans[0]), Fault(name, spans[1])]
+        message = f"Markers ({spans[0]}) and forces ({spans[1]}) were recorded at different times."
+        raise UnreadableFile("times-do-not-overlap", message, faults)
+    remarks: tuple[Remark, ...] = ()
+    if not frames.all():
+        message = f"{int((~frames).sum())} frames have no force and were cut off."
+        remarks = (Remark("cut-to-common-time", message),)
+    force_rate_hz = sampling_rate_hz(mot_time_s)
+    first_s = float(time_s[frames][0])
+    contacts, more = _resample_contacts(
+        even_times_s(mot_time_s, first_s), forces, force_rate_hz, int(frames.sum()) / rate_hz
+    )
+    return Contacts(frames, contacts, force_rate_hz, (*remarks, *more))
 
 
 def up_axis_of_body(labels: Sequence[str], points_m: Cloud) -> str | None:
@@ -131,25 +162,15 @@ def up_axis_of_body(labels: Sequence[str], points_m: Cloud) -> str | None:
     return nearest_axis(upwards[seen].mean(axis=0)) if seen.any() else None
 
 
-def parse_mot(text: str, name: str) -> tuple[Series, dict[str, dict[str, Points]]]:
+def parse_mot(text: str, name: str, meaning: Mapping[str, str] = {}) -> tuple[Series, dict[str, dict[str, Points]]]:
     """Times, and per contact the arrays "v" (force), "p" (centre of pressure) and "t" (free moment).
 
     Both header dialects (``nRows=``, ``datarows``) end in ``endheader``; contacts are distinguished by the prefix or
-    suffix of the column name (``ground_force_vx``, ``1_ground_force_vx``, ``ground_force_r_vx``). Raises
-    ``UnreadableFile`` (``mot-broken``, ``mot-without-forces``).
+    suffix of the column name (``ground_force_vx``, ``1_ground_force_vx``, ``ground_force_r_vx``). ``meaning`` gives
+    columns with other names such a name. Raises ``UnreadableFile`` (``mot-broken``, ``mot-without-forces``).
     """
-    lines = text.splitlines()
     try:
-        ends = [i for i, line in enumerate(lines) if line.strip().lower() == "endheader"]
-        if not ends:
-            raise BrokenLineError("it has no line endheader")
-        rows = numbered_lines(lines, ends[0] + 1)
-        if not rows:
-            raise BrokenLineError(
-                f"the file ends with endheader in line {ends[0] + 1}, before the names of its columns"
-            )
-        columns = rows[0][1].split()
-        table = parse_table(rows[1:], len(columns))
+        _, columns, table = parse_storage(text)
     except BrokenLineError as error:
         raise UnreadableFile(
             "mot-broken", f"The force file {name} is broken: {error}.", [Fault(name, str(error))]
@@ -158,11 +179,11 @@ def parse_mot(text: str, name: str) -> tuple[Series, dict[str, dict[str, Points]
         raise UnreadableFile("mot-broken", "The force file has no increasing time column.", [Fault(name, "time")])
     contacts: dict[str, dict[str, Points]] = {}
     for i, column in enumerate(columns):
-        match = _COLUMN.match(column)
+        match = _COLUMN.match(meaning.get(column, column))
         if match is None:
             continue
         contact = contacts.setdefault((match["pre"] + (match["post"] or "")).strip("_").lower(), {})
-        kind = match["kind"].lower() if match["what"].lower() == "force" else "t"
+        kind = match["kind"].lower().replace("m", "t") if match["what"].lower() == "force" else "t"
         track = contact.setdefault(kind, np.zeros((len(table), 3)))
         track[:, "xyz".index(match["axis"].lower())] = np.nan_to_num(table[:, i], posinf=0.0, neginf=0.0)
     whole = {key: c for key, c in contacts.items() if {"v", "p"} <= set(c)}

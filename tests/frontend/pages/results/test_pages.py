@@ -361,5 +361,5 @@ def test_upload_fields_take_every_file_that_is_read(fake: FakeService, browse: B
         page = browse(address).text
         accepted = [one for one in re.findall(r'accept="([^"]*)"', page) if ".c3d" in one]
         assert accepted, address
-        taken = {".c3d", ".trc", ".zip"} | (set() if address == "/population" else {".tsv", ".csv"})
+        taken = {".c3d", ".trc", ".mvnx", ".zip"} | (set() if address == "/population" else {".tsv", ".csv"})
         assert all(taken == set(one.split(",")) for one in accepted)

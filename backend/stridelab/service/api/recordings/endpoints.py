@@ -52,7 +52,7 @@ _FORM: Final = _form_body(
         "file": {
             "type": "string",
             "format": "binary",
-            "description": "a .c3d, .trc, .tsv or .csv file, or a .zip of markers and forces",
+            "description": "a .c3d, .trc, .tsv, .csv or .mvnx file, or a .zip of one trial",
         },
         "subject_name": {"type": "string", "maxLength": 80, "description": "a pseudonym"},
         "height_m": {"type": "number", "minimum": 0.4, "maximum": 2.6},
@@ -118,11 +118,12 @@ _TABLE: Final[dict[int | str, dict[str, Any]]] = {
 async def upload_recording(
     parts: AppParts, caller: CallerOf, request: Request, response: Response, reuse: Reuse = False
 ) -> Recording:
-    """Upload a `.c3d`, `.trc`, `.tsv` or `.csv` file, or a `.zip`, as the form field `file`.
+    """Upload a `.c3d`, `.trc`, `.tsv`, `.csv` or `.mvnx` file, or a `.zip`, as the form field `file`.
 
-    A `.tsv` is an export of Qualisys, a `.csv` one of Vicon Nexus, and a `.zip` holds `.trc` and `.mot`/`.sto`, or the
-    `.tsv` of the markers and those of the plates. A `.trc` or `.tsv` alone contains markers but no forces: of the
-    methods of `estimate-com`, only `geometry` accepts it.
+    A `.tsv` is an export of Qualisys, a `.csv` one of Vicon Nexus, and a `.zip` holds `.trc` and `.mot`/`.sto`, the
+    `.tsv` of the markers and those of the plates, or an OpenSim model `.osim` with its joint angles and forces
+    (`.mot`/`.sto`). A `.trc`, `.tsv` or `.mvnx` alone contains no forces: of the methods of `estimate-com`, only
+    `geometry` accepts it.
 
     The file is parsed before the response: 201 means that it was parsed and stored. An unreadable file is refused with
     the reason and not stored. Uploading the same bytes again creates another recording, unless `reuse` is set: then
