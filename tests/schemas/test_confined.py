@@ -24,7 +24,8 @@ from stridelab.schemas.tasks import (
     SweepTask,
 )
 from stridelab.service.kinds.registry import COMPUTING, KINDS
-from stridelab.service.processes.pool import IsolatedOutcome, IsolatedPool
+from stridelab.service.processes.pool import IsolatedPool
+from stridelab.service.processes.running_child import IsolatedOutcome
 from support.command_line import SAMPLE, estimate_task
 from support.robots.contact_terrains import box
 from support.robots.contact_terrains import task as contacts

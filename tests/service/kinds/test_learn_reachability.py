@@ -26,7 +26,8 @@ from stridelab.schemas.plans import LearnReachabilitySummary
 from stridelab.service.kinds.learn_reachability.run import run_in_child
 from stridelab.service.kinds.registry import KINDS
 from stridelab.service.kinds.result_tables import known_references, read_metadata
-from stridelab.service.processes.pool import IsolatedOutcome, IsolatedPool
+from stridelab.service.processes.pool import IsolatedPool
+from stridelab.service.processes.running_child import IsolatedOutcome
 
 SCRIPT = Path(__file__).parents[3] / "scripts" / "make_reachability.py"
 REQUEST: dict[str, Any] = {"robot": "talos", "effectors": ["left_foot", "right_hand"], "samples": 500, "seed": 4}

@@ -12,7 +12,8 @@ import pytest
 
 from stridelab.errors import NotEstimable, StridelabError
 from stridelab.service.kinds.registry import COMPUTING, READING
-from stridelab.service.processes.pool import LOG_TAIL_BYTES, IsolatedOutcome, IsolatedPool
+from stridelab.service.processes.pool import IsolatedPool
+from stridelab.service.processes.running_child import LOG_TAIL_BYTES, IsolatedOutcome
 
 Run = Callable[..., IsolatedOutcome]
 

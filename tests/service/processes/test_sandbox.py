@@ -20,7 +20,8 @@ from stridelab.errors import InvalidInput, Unavailable, UnreadableFile
 from stridelab.service.filenames import child_output_file
 from stridelab.service.kinds.registry import KINDS
 from stridelab.service.processes import confinement, seccomp
-from stridelab.service.processes.pool import IsolatedOutcome, IsolatedPool
+from stridelab.service.processes.pool import IsolatedPool
+from stridelab.service.processes.running_child import IsolatedOutcome
 from stridelab.service.processes.sandbox import LAYERS, STRICT, KernelFeatures, Sandbox
 from stridelab.service.settings import Settings
 from support.service.hostile_readers import DONE

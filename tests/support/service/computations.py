@@ -189,3 +189,24 @@ def echo(task: dict[str, Any], _folder: Path, progress: Any) -> dict[str, Any]:
             heard += 1
             progress(0.5, f"heard {heard}")
         time.sleep(0.0005)
+
+
+class Counter:
+    """Counts the tasks of its child."""
+
+    def __init__(self) -> None:
+        self.count = 0
+
+    def __call__(self, task: dict[str, Any], _folder: Path | None, _progress: Any) -> dict[str, Any]:
+        self.count += 1
+        how = task.get("how")
+        if how == "refuse":
+            raise NotEstimable("no-plates", "The recording has no plates.", [Fault("plates", "none")])
+        if how == "stumble":
+            raise ValueError("something unforeseen")
+        if how == "hoard":
+            return {"bytes": len(bytearray(task["bytes"]))}
+        if how == "abort":
+            os.abort()
+        time.sleep(task.get("wait_s", 0.0))
+        return {"count": self.count, "pid": os.getpid()}

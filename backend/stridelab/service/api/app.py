@@ -143,8 +143,8 @@ async def open_parts(settings: Settings) -> AsyncIterator[Parts]:
             _open_spool(settings) as spool,
             JobNotifications(url) as board,
             IsolatedPool(READING, settings.job_niceness) as pool,
-            PreviewProcess() as resident,
-            PreviewProcess() as bodies,
+            PreviewProcess(pool) as resident,
+            PreviewProcess(pool) as bodies,
             # a separate pool, which is closed once all robots are prepared
             aclosing(
                 RobotCache(

@@ -20,7 +20,8 @@ from stridelab.service.data_folder import DISK_FULL_ERRNOS
 from stridelab.service.jobs.attempts import Attempt, AttemptStore, FinalState
 from stridelab.service.jobs.queue_consumer import DATABASE_UNAVAILABLE
 from stridelab.service.kinds.base import JobKind, Json, problem_of
-from stridelab.service.processes.pool import IsolatedOutcome, IsolatedPool
+from stridelab.service.processes.pool import IsolatedPool
+from stridelab.service.processes.running_child import IsolatedOutcome
 from stridelab.service.settings import Settings
 from stridelab.service.storage.blobs import BlobStore
 from stridelab.service.storage.file_removal import may_remove

@@ -49,8 +49,9 @@ READING: Final = (
     "pyarrow.parquet",
     PARSE_UPLOAD.partition(":")[0],
     PROPOSE_MARKERS.partition(":")[0],
+    "stridelab.service.api.stream.session",
 )
-"""Modules preloaded by the fork server for children that parse uploads."""
+"""Modules preloaded by the fork server for children that parse uploads and for those of streams."""
 COMPUTING: Final = (
     *_LIBRARIES,
     *("ezc3d", "pyarrow.parquet", "pinocchio", "casadi", "sqlalchemy.ext.asyncio", "trimesh", "sklearn.mixture"),

@@ -1,9 +1,9 @@
-"""The child process of one computation, forked from a server that has imported its libraries (``fork_server``).
+"""A child process for computations, forked from a server that has imported its libraries (``fork_server``).
 
-It receives one task on its socket, answers on it, and ends. Messages are JSON lines; files lie in the task's folder.
-The child ends with its parent, leads a session (so that its own children can be killed with it), has low priority
-unless a client waits for it, one thread per library, and no secrets in its environment. Before it opens a file it
-enters its sandbox (``sandbox``). This module imports the standard library only.
+It receives one task or many on its socket and answers on it (``running_child`` describes the messages); files lie in
+the folder of its setup. The child ends with its parent, leads a session (so that its own children can be killed with
+it), has low priority unless a client waits for it, one thread per library, and no secrets in its environment. Before it
+opens a file it enters its sandbox (``sandbox``). This module imports the standard library only.
 """
 
 import contextlib
@@ -14,10 +14,11 @@ import io
 import json
 import os
 import resource
+import signal
 import sys
 import time
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import IO, Any, Final, NoReturn
 
@@ -33,7 +34,7 @@ _statm_fd = -1
 
 
 def run_child(wire: int, niceness: int) -> NoReturn:
-    """Receive one task on the socket ``wire``, run it and send the answer."""
+    """Receive the setup and the tasks on the socket ``wire`` and answer them."""
     if niceness > 0:
         lower_priority(niceness)
     _set_name_and_oom_score()
@@ -42,41 +43,75 @@ def run_child(wire: int, niceness: int) -> NoReturn:
     faulthandler.enable()
     reader, writer = os.fdopen(wire, encoding="utf-8"), os.fdopen(os.dup(wire), "w", encoding="utf-8")
     _send_message(writer, {"ready": os.getpid(), "held_bytes": _memory_bytes(1)})
-    line = reader.readline()
-    if line:
-        _send_message(writer, run_task(json.loads(line), writer))
+    setup = reader.readline()
+    if setup:
+        serve_tasks(json.loads(setup), reader, writer)
     sys.stdout.flush()
     sys.stderr.flush()
-    os._exit(0)  # the answer is sent: skip finalisers of native libraries
+    os._exit(0)  # the answers are sent: skip finalisers of native libraries
 
 
-def run_task(task: dict[str, Any], wire: IO[str]) -> dict[str, Any]:
-    """Run the task; returns a message with its value or its problem."""
+def serve_tasks(setup: dict[str, Any], reader: IO[str], wire: IO[str]) -> None:
+    """Answer the tasks of ``reader`` on ``wire``: one, or all until the input ends or memory runs out.
+
+    Without a task for ``idle_s`` of the setup, if not 0, SIGALRM ends the process.
+    """
+    folder = None if setup["folder"] is None else Path(setup["folder"])
+    work: Callable[..., Any] | None = None
+    signal.signal(signal.SIGALRM, signal.SIG_DFL)
+    while True:
+        signal.alarm(setup["idle_s"])
+        line = reader.readline()
+        signal.alarm(0)
+        if not line:
+            return
+        request = json.loads(line)
+
+        def answer(request: dict[str, Any] = request) -> Any:
+            nonlocal work
+            work = work or _prepare_work(setup, folder)
+            return work(request["task"], folder, _progress_reporter(wire, request["number"]))
+
+        message = answer_or_problem(answer)
+        _send_message(wire, {"number": request["number"], **message})
+        if setup["once"] or "memory" in message:
+            return
+
+
+def _prepare_work(setup: dict[str, Any], folder: Path | None) -> Callable[..., Any]:
+    """Import the target, limit this process and confine it; an object is created of a target that is a class."""
+    if folder is not None:
+        os.chdir(folder)
+    module, _, name = setup["target"].partition(":")
+    target = getattr(importlib.import_module(module), name)
+    limit_memory(int(setup["memory_mb"]))
+    limit_cores(setup["cores"])
+    if setup["sandbox"] is not None:
+        _open_statm()
+        confine_process(Sandbox(**setup["sandbox"]), folder)
+    work: Callable[..., Any] = target() if isinstance(target, type) else target
+    return work
+
+
+def answer_or_problem(compute: Callable[[], Any]) -> dict[str, Any]:
+    """Call ``compute``; returns a message with its value or its problem."""
     from stridelab.errors import StridelabError
 
-    folder = Path(task["folder"])
-    os.chdir(folder)
-    limit_memory(int(task["memory_mb"]))
-    limit_cores(task["cores"])
     try:
-        module, _, function = task["target"].partition(":")
-        run = getattr(importlib.import_module(module), function)
-        if task["sandbox"] is not None:
-            _open_statm()
-            confine_process(Sandbox(**task["sandbox"]), folder)
-        value = run(task["task"], folder, _progress_reporter(wire))
-        return {"value": json.loads(json.dumps(value, allow_nan=False))}
+        value = compute()
+        json.dumps(value, allow_nan=False)  # raises here what is no JSON
+        return {"value": value}
     except MemoryError:
-        _lift_memory_limit()
-        traceback.print_exc()
+        with _without_memory_limit():
+            traceback.print_exc()
         return {"memory": True}
     except StridelabError as error:
         faults = [{"where": fault.where, "message": fault.message} for fault in error.faults]
         problem = {"code": error.code, "detail": error.message, "errors": faults}
         return {"problem": problem, "raised": type(error).__name__}
     except BaseException as error:  # noqa: BLE001 (any error of the computation is reported to the parent)
-        _lift_memory_limit()
-        traceback.print_exc()
+        with _without_memory_limit():
+            traceback.print_exc()
         summary = str(error).splitlines()[0][:300] if str(error) else "no message"
         detail = f"The computation stopped with an unexpected error ({type(error).__name__}: {summary})."
         full = isinstance(error, OSError) and error.errno == errno.ENOSPC
@@ -84,7 +119,7 @@ def run_task(task: dict[str, Any], wire: IO[str]) -> dict[str, Any]:
         return {"problem": {"code": code, "detail": detail, "errors": []}, "raised": None}
 
 
-def _progress_reporter(wire: IO[str]) -> Callable[[float, str], None]:
+def _progress_reporter(wire: IO[str], number: int) -> Callable[[float, str], None]:
     last, stage = 0.0, ""
 
     def send_progress(fraction: float, message: str = "") -> None:
@@ -94,7 +129,8 @@ def _progress_reporter(wire: IO[str]) -> Callable[[float, str], None]:
         new_stage, colon, _ = str(message).partition(":")
         if now - last >= _MIN_PROGRESS_S or fraction >= 1.0 or (colon and new_stage != stage):
             last, stage = now, new_stage
-            _send_message(wire, {"progress": [min(max(float(fraction), 0.0), 1.0), str(message)[:500]]})
+            progress = [min(max(float(fraction), 0.0), 1.0), str(message)[:500]]
+            _send_message(wire, {"number": number, "progress": progress})
 
     return send_progress
 
@@ -141,5 +177,11 @@ def _open_statm() -> None:
         _statm_fd = os.open("/proc/self/statm", os.O_RDONLY | os.O_CLOEXEC)
 
 
-def _lift_memory_limit() -> None:
-    resource.setrlimit(resource.RLIMIT_AS, (resource.getrlimit(resource.RLIMIT_AS)[1],) * 2)
+@contextlib.contextmanager
+def _without_memory_limit() -> Iterator[None]:
+    soft, hard = resource.getrlimit(resource.RLIMIT_AS)
+    resource.setrlimit(resource.RLIMIT_AS, (hard, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_AS, (soft, hard))

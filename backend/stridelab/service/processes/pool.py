@@ -1,63 +1,50 @@
-"""Runs computations in killable single-use processes: a crash, hang or memory excess affects only its own task.
+"""Runs computations in killable processes: a crash, hang or memory excess affects only its own task.
 
 Children are forked from a fork server with preloaded libraries (``fork_server_client``), so that starting a task takes
-milliseconds. A child runs one task and ends, so no state leaks from one task to the next.
+milliseconds. ``IsolatedPool.run`` starts a child for one task, so that no state leaks from one task to the next;
+``IsolatedPool.open_session`` starts a child that answers many tasks of one client, one at a time.
 """
 
 import asyncio
-import contextlib
-import itertools
-import json
-import os
-import signal
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import AsyncIterator, Mapping, Sequence
+from contextlib import asynccontextmanager
+from dataclasses import asdict
 from pathlib import Path
-from typing import Any, Final, Literal
+from typing import Any, Final
 
-import psutil
-
-from stridelab import errors
-from stridelab.errors import Fault, StridelabError
-from stridelab.service.processes.fork_server_client import ForkedChild, ForkServerClient
+from stridelab.service.processes.fork_server_client import ForkServerClient
 from stridelab.service.processes.priority import NICENESS
+from stridelab.service.processes.running_child import IsolatedOutcome, OnProgress, RunningChild
 from stridelab.service.processes.sandbox import STRICT, Sandbox
 
-LOG_TAIL_BYTES: Final = 64 * 1024
-"""Size of the stored end of a child's log."""
-_MEMORY_WATCH_S: Final = 0.1
-_TICKS_PER_TREE_SCAN: Final = 10
-_START_TIMEOUT_S: Final = 600.0
-"""Time limit for the fork server's imports, which take seconds of processor time on a possibly busy machine."""
-_QUIET_START_S: Final = 1.0
-_DRAIN_TIMEOUT_S: Final = 0.5
-
-State = Literal["ok", "error", "crashed", "killed", "timeout", "cancelled", "memory"]
-"""``killed`` is a SIGKILL from outside, such as that of the out-of-memory killer."""
-OnProgress = Callable[[float, str], None]
+START_TIMEOUT_S: Final = 60.0
+"""Time limit of the first answer of a session, which includes the import of its libraries."""
+ANSWER_TIMEOUT_S: Final = 10.0
 
 
-@dataclass(frozen=True)
-class IsolatedOutcome:
-    """Outcome of a task.
+class ChildSession:
+    """A child that answers tasks one at a time, each within ``answer_s``."""
 
-    ``value`` is its return value (state ``ok``); otherwise ``problem`` is ``{"code", "detail", "errors"}`` and
-    ``error_class`` is the class name of a ``StridelabError``. ``log_tail`` is the end of the printed output.
-    """
+    def __init__(self, child: RunningChild, answer_s: float) -> None:
+        self._child, self._answer_s = child, answer_s
+        self._is_first = True
 
-    state: State
-    value: Any
-    problem: dict[str, Any] | None
-    error_class: str | None
-    log_tail: str
+    @property
+    def pid(self) -> int | None:
+        """Process id of the child; None before its first task and after its end."""
+        return self._child.pid
 
-    def as_error(self) -> StridelabError:
-        """The error that the task raised, or one that describes how it ended."""
-        problem = self.problem or _make_problem("computation-failed", "The computation did not succeed.")
-        faults = [Fault(item["where"], item["message"]) for item in problem["errors"]]
-        kind = getattr(errors, self.error_class or "StridelabError", StridelabError)
-        is_plain = isinstance(kind, type) and issubclass(kind, StridelabError) and kind is not errors.Busy
-        return (kind if is_plain else StridelabError)(problem["code"], problem["detail"], faults)
+    @property
+    def has_ended(self) -> bool:
+        """Whether the child has ended."""
+        return self._child.has_ended
+
+    async def run(self, task: Mapping[str, Any]) -> IsolatedOutcome:
+        """Run ``task``. The child goes on after an outcome ``ok`` or ``error``; after any other it is gone."""
+        timeout_s = max(START_TIMEOUT_S, self._answer_s) if self._is_first else self._answer_s
+        outcome = await self._child.run_task(task, timeout_s=timeout_s)
+        self._is_first = False
+        return outcome
 
 
 class IsolatedPool:
@@ -106,21 +93,12 @@ class IsolatedPool:
         ``sandbox`` restricts the child; None is for tasks without untrusted input.
         """
         for is_last in (False, True):
-            child = await self._fork_child(self._niceness if low_priority else 0)
+            child = await self._fork_child(
+                target, self._niceness if low_priority else 0, folder=folder, memory_mb=memory_mb, sandbox=sandbox
+            )
             try:
                 outcome = await child.run_task(
-                    {
-                        "target": target,
-                        "task": dict(task),
-                        "folder": str(folder.resolve()),
-                        "memory_mb": memory_mb,
-                        "cores": self._cores,
-                        "sandbox": None if sandbox is None else asdict(sandbox),
-                    },
-                    timeout_s=timeout_s,
-                    memory_mb=memory_mb,
-                    cancel=cancel or asyncio.Event(),
-                    on_progress=on_progress or _ignore_progress,
+                    task, timeout_s=timeout_s, memory_mb=memory_mb, cancel=cancel, on_progress=on_progress
                 )
             finally:
                 await asyncio.shield(child.kill_and_release())
@@ -128,13 +106,46 @@ class IsolatedPool:
                 break
         return outcome
 
-    async def _fork_child(self, niceness: int) -> "_Child":
+    @asynccontextmanager
+    async def open_session(
+        self, target: str, *, memory_mb: int, answer_s: float = ANSWER_TIMEOUT_S, idle_s: int = 0
+    ) -> AsyncIterator[ChildSession]:
+        """Start a child for many tasks of ``target``, without a folder; it is killed at exit.
+
+        ``target`` names a function, or a class of which the child creates one object and calls it as the function. The
+        child ends by itself after ``idle_s`` without a task (0: never).
+        """
+        child = await self._fork_child(target, 0, folder=None, memory_mb=memory_mb, sandbox=STRICT, idle_s=idle_s)
         try:
-            nursery = await self._running_fork_server()
-            return _Child(nursery, await nursery.fork_child(niceness))
+            yield ChildSession(child, answer_s)
+        finally:
+            await asyncio.shield(child.kill_and_release())
+
+    async def _fork_child(
+        self,
+        target: str,
+        niceness: int,
+        *,
+        folder: Path | None,
+        memory_mb: int,
+        sandbox: Sandbox | None,
+        idle_s: int = 0,
+    ) -> RunningChild:
+        setup = {
+            "target": target,
+            "folder": None if folder is None else str(folder.resolve()),
+            "memory_mb": memory_mb,
+            "cores": self._cores,
+            "sandbox": None if sandbox is None else asdict(sandbox),
+            "once": folder is not None,
+            "idle_s": idle_s,
+        }
+        nursery = await self._running_fork_server()
+        try:
+            return RunningChild(nursery, await nursery.fork_child(niceness), setup)
         except OSError:  # the fork server ended between the two calls
             nursery = await self._running_fork_server()
-            return _Child(nursery, await nursery.fork_child(niceness))
+            return RunningChild(nursery, await nursery.fork_child(niceness), setup)
 
     async def _running_fork_server(self) -> ForkServerClient:
         async with self._starting:
@@ -143,210 +154,3 @@ class IsolatedPool:
             if self._fork_server is None:
                 self._fork_server = await ForkServerClient.start_server(self._preload)
             return self._fork_server
-
-
-class _Child:
-    """One child process with its communication stream and its log."""
-
-    def __init__(self, fork_server: ForkServerClient, forked: ForkedChild) -> None:
-        self._fork_server, self._forked = fork_server, forked
-        self._pid: int | None = None
-        self._preloaded_bytes = 0
-        self._tail = bytearray()
-        self._log_task = asyncio.get_running_loop().create_task(self._collect_log())
-
-    async def run_task(
-        self,
-        task: Mapping[str, Any],
-        *,
-        timeout_s: float,
-        memory_mb: int,
-        cancel: asyncio.Event,
-        on_progress: OnProgress,
-    ) -> IsolatedOutcome:
-        stop = asyncio.create_task(cancel.wait())
-        ready = asyncio.create_task(self._wait_ready())
-        reading = asyncio.create_task(self._send_task(ready, task, on_progress))
-        watching = asyncio.create_task(self._watch_memory(ready, memory_mb << 20))
-        try:
-            await asyncio.wait({ready, stop}, timeout=_QUIET_START_S, return_when=asyncio.FIRST_COMPLETED)
-            if not ready.done():
-                on_progress(0.0, "start: waiting for the libraries")
-                await asyncio.wait({ready, stop}, timeout=_START_TIMEOUT_S, return_when=asyncio.FIRST_COMPLETED)
-            if not ready.done() and not stop.done():
-                await (
-                    self._fork_server.close()
-                )  # it hangs: its children count as killed, the next fork starts a new server
-                return await self._crash_outcome()
-            if ready.done() and not stop.done():
-                ended = self._forked.exit_code
-                any_of: set[asyncio.Future[Any]] = {reading, stop, watching, ended}
-                await asyncio.wait(any_of, timeout=timeout_s, return_when=asyncio.FIRST_COMPLETED)
-                if ended.done():  # its last message may still be in transit; a grandchild may hold the socket open
-                    await asyncio.wait({reading}, timeout=_DRAIN_TIMEOUT_S)
-                    if not reading.done():
-                        return await self._crash_outcome()
-            if reading.done():
-                return await self._outcome_of_message(reading.result())
-            if stop.done():
-                return await self._kill_outcome("cancelled", "computation-cancelled", "The computation was cancelled.")
-            if watching.done():
-                return await self._memory_outcome(memory_mb)
-            limit_s = f"{timeout_s:g} s"
-            return await self._kill_outcome(
-                "timeout", "computation-timed-out", f"The computation took longer than its limit of {limit_s}."
-            )
-        finally:
-            for waiting in (stop, ready, reading, watching):
-                waiting.cancel()
-            await asyncio.gather(stop, ready, reading, watching, return_exceptions=True)
-
-    @property
-    def was_ready(self) -> bool:
-        """Whether the child was ready, so that it may have started its task before it ended."""
-        return self._pid is not None
-
-    async def kill_and_release(self) -> None:
-        """Kill the child and everything in its session, and release it."""
-        await self._kill_and_wait()
-        await self._read_log()
-        self._log_task.cancel()
-        self._fork_server.release_child(self._forked)
-
-    async def _kill_and_wait(self) -> None:
-        self._kill_session()
-        if self._pid is not None:  # a child that was never ready ends when its socket is closed
-            await asyncio.wait([self._forked.exit_code])
-
-    def _kill_session(self) -> None:
-        if self._pid is not None:
-            with contextlib.suppress(ProcessLookupError, PermissionError):
-                os.killpg(self._pid, signal.SIGKILL)
-
-    async def _wait_ready(self) -> bool:
-        """Wait until the child is ready and store its process id; False if it ended before."""
-        message = await self._next_message()
-        if message is None:
-            return False
-        self._pid, self._preloaded_bytes = int(message["ready"]), int(message["held_bytes"])
-        return True
-
-    async def _send_task(
-        self, ready: "asyncio.Task[bool]", task: Mapping[str, Any], on_progress: OnProgress
-    ) -> dict[str, Any] | None:
-        """Send the task and read messages until the answer; None if the child ended without one."""
-        if not await asyncio.shield(ready):
-            return None
-        try:
-            self._forked.writer.write(json.dumps(task).encode() + b"\n")
-            await self._forked.writer.drain()
-        except (BrokenPipeError, ConnectionResetError):
-            return None
-        while (message := await self._next_message()) is not None:
-            if "progress" not in message:
-                return message
-            on_progress(float(message["progress"][0]), str(message["progress"][1]))
-        return None
-
-    async def _next_message(self) -> dict[str, Any] | None:
-        try:
-            line = await self._forked.reader.readline()
-            message = json.loads(line) if line else None
-        except (ValueError, ConnectionResetError):  # too long, not JSON, or truncated
-            return None
-        return message if isinstance(message, dict) else None
-
-    async def _outcome_of_message(self, message: dict[str, Any] | None) -> IsolatedOutcome:
-        if message is None:
-            return await self._crash_outcome()
-        log = await self._read_log()
-        if "value" in message:
-            return IsolatedOutcome("ok", message["value"], None, None, log)
-        if "problem" in message:
-            return IsolatedOutcome("error", None, message["problem"], message.get("raised"), log)
-        return IsolatedOutcome("memory", None, _memory_problem(), None, log)
-
-    async def _crash_outcome(self) -> IsolatedOutcome:
-        stopped_here = self._kill_unless_ended()
-        code = await self._forked.exit_code
-        log = await self._read_log()
-        if "bad_alloc" in log or "MemoryError" in log:
-            return IsolatedOutcome("memory", None, _memory_problem(), None, log)
-        if code < 0:
-            how = f"was ended by the signal {signal.Signals(-code).name}"
-        else:
-            how = f"ended with exit code {code} and no answer"
-        state: State = "killed" if code == -signal.SIGKILL and not stopped_here else "crashed"
-        return IsolatedOutcome(
-            state, None, _make_problem("computation-crashed", f"The computation {how}; see its log."), None, log
-        )
-
-    def _kill_unless_ended(self) -> bool:
-        """Kill a child whose answer could not be read (True); one that has just ended keeps its exit code."""
-        if self._forked.exit_code.done() or self._forked.reader.at_eof():
-            return False
-        self._kill_session()
-        return True
-
-    async def _kill_outcome(self, state: State, code: str, detail: str) -> IsolatedOutcome:
-        await self._kill_and_wait()
-        return IsolatedOutcome(state, None, _make_problem(code, detail), None, await self._read_log())
-
-    async def _memory_outcome(self, memory_mb: int) -> IsolatedOutcome:
-        await self._kill_and_wait()
-        return IsolatedOutcome("memory", None, _memory_problem(memory_mb), None, await self._read_log())
-
-    async def _watch_memory(self, ready: "asyncio.Task[bool]", limit_bytes: int) -> None:
-        """Return when the child and its own children use more memory than the limit plus the preloaded libraries."""
-        await asyncio.shield(ready)
-        for tick in itertools.count():
-            await asyncio.sleep(_MEMORY_WATCH_S)
-            with contextlib.suppress(psutil.Error):
-                process = psutil.Process(self._pid)
-                held = [process]
-                if tick % _TICKS_PER_TREE_SCAN == 0:
-                    held += process.children(recursive=True)  # expensive: scans all processes of the machine
-                allowed_bytes = limit_bytes + self._preloaded_bytes
-                # the sum of resident sizes is cheap and an upper bound, as shared pages count once per process
-                if sum(each.memory_info().rss for each in held) <= allowed_bytes:
-                    continue
-                if len(held) == 1 or await asyncio.to_thread(_total_bytes, held) > allowed_bytes:
-                    return
-
-    async def _collect_log(self) -> None:
-        while chunk := await self._forked.log.read(LOG_TAIL_BYTES):
-            self._tail += chunk
-            del self._tail[:-LOG_TAIL_BYTES]
-
-    async def _read_log(self) -> str:
-        # the answer may overtake the last lines of the log; a grandchild may hold the log open for ever
-        if self._pid is not None:
-            await asyncio.wait([self._log_task], timeout=_DRAIN_TIMEOUT_S)
-        return bytes(self._tail).decode("utf-8", errors="replace").replace("\0", "")
-
-
-def _total_bytes(processes: Sequence[psutil.Process]) -> int:
-    """Memory of the processes in bytes; shared pages count once."""
-    return sum(_proportional_bytes(process) for process in processes)
-
-
-def _proportional_bytes(process: psutil.Process) -> int:
-    """Proportional set size of a process in bytes (a page shared by n counts 1/n), else its resident size."""
-    try:
-        rollup = Path(f"/proc/{process.pid}/smaps_rollup").read_text(encoding="ascii")
-        return next(int(line.split()[1]) for line in rollup.splitlines() if line.startswith("Pss:")) * 1024
-    except (OSError, StopIteration):  # an older kernel, another system, or no permission
-        return int(process.memory_info().rss)
-
-
-def _make_problem(code: str, detail: str) -> dict[str, Any]:
-    return {"code": code, "detail": detail, "errors": []}
-
-
-def _memory_problem(memory_mb: int | None = None) -> dict[str, Any]:
-    limit = "" if memory_mb is None else f" of {memory_mb} MB"
-    return _make_problem("computation-out-of-memory", f"The computation needed more memory than its limit{limit}.")
-
-
-def _ignore_progress(_fraction: float, _message: str) -> None:
-    return None

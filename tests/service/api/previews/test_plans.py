@@ -12,10 +12,12 @@ import pytest
 from stridelab.centroidal.native.availability import NativeUnavailable, native_availability
 from stridelab.errors import Busy, Unavailable
 from stridelab.service.processes import resident as residents
+from stridelab.service.processes.pool import IsolatedPool
 from stridelab.service.processes.resident import PreviewProcess
 from stridelab.service.samples import scenarios
 from support.robots.scenario_bodies import one_step, with_contact
 from support.service.answers import places, refusal
+from support.service.processes import ended, wait_until
 from support.service.web_server import Served
 
 SOLVERS, PREVIEW = "/api/v1/solvers", "/api/v1/plans/preview"
@@ -124,7 +126,7 @@ class TestPreview:
 
 @pytest.mark.anyio
 async def test_a_child_that_hangs_is_replaced() -> None:
-    async with PreviewProcess(answer_s=0.5) as resident:
+    async with IsolatedPool() as pool, PreviewProcess(pool, answer_s=0.5) as resident:
         await resident.ask(ASKED)
         hung = resident.pid
         assert hung is not None
@@ -132,14 +134,14 @@ async def test_a_child_that_hangs_is_replaced() -> None:
         with pytest.raises(Unavailable) as stuck:
             await resident.ask(ASKED)
         assert stuck.value.code == "preview-stuck"
-        assert not psutil.pid_exists(hung)
+        wait_until(lambda: not psutil.pid_exists(hung), 10, "the hanging child is killed and reaped")
         assert (await resident.ask(ASKED))["solvers"]
         assert resident.pid != hung
 
 
 @pytest.mark.anyio
 async def test_an_answer_that_nobody_waits_for_is_not_taken_for_anothers() -> None:
-    async with PreviewProcess() as resident:
+    async with IsolatedPool() as pool, PreviewProcess(pool) as resident:
         await resident.ask(ASKED)
         given_up = asyncio.create_task(resident.ask({"ask": "preview", "input": {}}))
         await asyncio.sleep(0)
@@ -153,7 +155,7 @@ async def test_an_answer_that_nobody_waits_for_is_not_taken_for_anothers() -> No
 @pytest.mark.anyio
 async def test_too_many_questions_are_told_to_come_back(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(residents, "MAX_WAITING", 1)
-    async with PreviewProcess() as resident:
+    async with IsolatedPool() as pool, PreviewProcess(pool) as resident:
         first = asyncio.create_task(resident.ask(ASKED))
         await asyncio.sleep(0)
         with pytest.raises(Busy) as busy:
@@ -164,8 +166,7 @@ async def test_too_many_questions_are_told_to_come_back(monkeypatch: pytest.Monk
 
 @pytest.mark.anyio
 async def test_nothing_is_left_of_it() -> None:
-    async with PreviewProcess() as resident:
+    async with IsolatedPool() as pool, PreviewProcess(pool) as resident:
         await resident.ask(ASKED)
-        pid = resident.pid
-    assert pid is not None
-    assert not psutil.pid_exists(pid)
+        child = psutil.Process(resident.pid)
+    wait_until(lambda: ended(child), 10, "the child ends")

@@ -15,6 +15,7 @@ from websockets.exceptions import InvalidStatus
 from stridelab.errors import Busy
 from stridelab.schemas.streams import StreamSample
 from stridelab.service.api.stream.limits import BURST_S, SampleRateLimiter
+from stridelab.service.processes.child import PROCESS_NAME
 from support.service.database import TestDatabases
 from support.service.processes import wait_until
 from support.service.streams import (
@@ -46,13 +47,15 @@ def tight(postgres: TestDatabases, tmp_path_factory: pytest.TempPathFactory) -> 
 
 
 def children() -> list[psutil.Process]:
-    def is_stream(process: psutil.Process) -> bool:
+    """The children of all fork servers of this process; these tests upload and preview nothing."""
+
+    def is_child(process: psutil.Process) -> bool:
         try:
-            return "stridelab.service.api.stream.child" in process.cmdline()
+            return process.name() == PROCESS_NAME and process.status() != psutil.STATUS_ZOMBIE
         except psutil.Error:
             return False
 
-    return [process for process in psutil.Process().children() if is_stream(process)]
+    return [process for process in psutil.Process().children(recursive=True) if is_child(process)]
 
 
 def test_json_and_packed_streams_tell_the_same_and_the_truth(service: Served) -> None:

@@ -11,7 +11,7 @@ from stridelab.conventions import GRAVITY_M_S2
 from stridelab.errors import InvalidInput, StridelabError
 from stridelab.schemas.streams import StreamConfiguration, StreamPriors
 from stridelab.service.api.stream.estimators import smoother_priors
-from stridelab.service.api.stream.messages import HEADER, PACKED, TEXT, Parcel
+from stridelab.service.api.stream.messages import PACKED, TEXT, Parcel
 from stridelab.service.api.stream.session import StreamSession
 from support.service.streams import CONFIGURATION, MOTION, packed, walk_samples
 
@@ -244,7 +244,6 @@ def test_a_stream_goes_on_where_markers_or_plates_are_missing(method: str) -> No
     assert told[159]["sd_m"][2] > told[119]["sd_m"][2]
 
 
-def test_a_parcel_says_how_long_it_is() -> None:
-    raw = Parcel(TEXT, b"abc", 7).to_bytes()
-    assert HEADER.unpack(raw[: HEADER.size]) == (TEXT, 7, 3)
-    assert raw[HEADER.size :] == b"abc"
+def test_a_parcel_of_any_bytes_passes_through_json() -> None:
+    parcel = Parcel(PACKED, bytes(range(256)), 7)
+    assert Parcel.from_json(json.loads(json.dumps(parcel.to_json()))) == parcel

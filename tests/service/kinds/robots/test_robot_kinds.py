@@ -19,7 +19,8 @@ from stridelab.robots.card import card_bytes
 from stridelab.robots.loader import load_robot
 from stridelab.schemas.robots import RobotFacts
 from stridelab.service.kinds.robots import description, links
-from stridelab.service.processes.pool import IsolatedOutcome, IsolatedPool
+from stridelab.service.processes.pool import IsolatedPool
+from stridelab.service.processes.running_child import IsolatedOutcome
 from support.command_line import Told, quiet
 
 KINDS = "stridelab.service.kinds"

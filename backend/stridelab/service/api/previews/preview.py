@@ -5,6 +5,7 @@ import time
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import lru_cache
+from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
@@ -18,6 +19,7 @@ from stridelab.centroidal.rest_to_rest import from_rest_to_rest
 from stridelab.centroidal.solver import solve
 from stridelab.errors import Fault, InvalidInput, NotEstimable
 from stridelab.pipelines.plan_problem import contact_sequence_of, load_densities, native_unavailable_reason
+from stridelab.pipelines.progress import ProgressCallback
 from stridelab.reachability.proxy.effector_proxy import Proxy
 from stridelab.reachability.store import DEFAULT_MEASURE
 from stridelab.robots.loader import load_robot
@@ -35,7 +37,7 @@ MIN_RECOVERY_S: Final = 0.2
 """Minimum time between the end of a push and the end of the motion."""
 
 
-def answer_request(question: Json) -> Json:
+def run_in_child(question: Json, _folder: Path | None, _progress: ProgressCallback) -> Json:
     """Answer ``{"ask": "solvers"}``, ``{"ask": "preview", "input": PlanPreviewInput}`` or a request of ``stances``."""
     if question["ask"] == "solvers":
         return list_solvers().model_dump(mode="json")

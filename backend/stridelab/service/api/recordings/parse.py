@@ -14,7 +14,7 @@ from stridelab.schemas.tasks import ParseUploadTask, RecordingSource
 from stridelab.service.api.dependencies import Parts
 from stridelab.service.filenames import PARSER_CRASHED, child_output_file
 from stridelab.service.kinds.registry import PARSE_UPLOAD, PROPOSE_MARKERS
-from stridelab.service.processes.pool import IsolatedOutcome
+from stridelab.service.processes.running_child import IsolatedOutcome
 from stridelab.service.stored_marker_sets import source_marker_sets
 
 log = structlog.get_logger(__name__)

@@ -23,12 +23,15 @@ from stridelab.service.api.shutdown import await_unless
 from stridelab.service.api.stream.limits import SampleRateLimiter
 from stridelab.service.api.stream.messages import PACKED, TEXT, Parcel
 from stridelab.service.api.strict_json import parse_json
-from stridelab.service.processes.resident import StreamProcess
+from stridelab.service.processes.pool import ChildSession, IsolatedPool
 from stridelab.service.settings import Settings
 
 router = APIRouter()
 log = structlog.get_logger(__name__)
 
+ESTIMATOR: Final = "stridelab.service.api.stream.session:StreamAnswerer"
+MEMORY_MB: Final = 256
+"""Memory limit of a stream's child beyond its libraries."""
 CONFIGURATION_BYTES: Final = 10_000
 STATUS_BASE: Final = 4000
 """Offset of the close code: 4000 plus the HTTP status of the problem."""
@@ -50,7 +53,7 @@ async def _serve_stream(socket: WebSocket, parts: Parts) -> bool:
     idle_s = parts.settings.stream_idle_s
     try:
         with parts.streams.reserve_place():
-            await _exchange_messages(socket, parts.settings)
+            await _exchange_messages(socket, parts.settings, parts.pool)
     except StridelabError as refusal:
         await _send_problem(socket, problem_of(refusal))
     except TimeoutError:
@@ -65,15 +68,15 @@ async def _serve_stream(socket: WebSocket, parts: Parts) -> bool:
     return True
 
 
-async def _exchange_messages(socket: WebSocket, limits: Settings) -> None:
+async def _exchange_messages(socket: WebSocket, limits: Settings, pool: IsolatedPool) -> None:
     idle_s = limits.stream_idle_s
     first = await _receive_message(socket, CONFIGURATION_BYTES, idle_s)
     configuration = parse_configuration(first, limits.stream_rate_hz)
     rate = SampleRateLimiter(limits.stream_rate_hz)
-    async with await StreamProcess.start_process() as estimator:
+    async with pool.open_session(ESTIMATOR, memory_mb=MEMORY_MB) as estimator:
         parcel = Parcel(TEXT, configuration.model_dump_json().encode())
         while True:
-            answer = await estimator.ask(parcel)
+            answer = await _ask_estimator(estimator, parcel)
             rate.count_samples(answer.samples)
             async with asyncio.timeout(idle_s):
                 if answer.kind == PACKED:
@@ -81,6 +84,23 @@ async def _exchange_messages(socket: WebSocket, limits: Settings) -> None:
                 else:
                     await socket.send_text(answer.content.decode())
             parcel = await _receive_message(socket, limits.stream_message_kb * 1000, idle_s)
+
+
+async def _ask_estimator(estimator: ChildSession, parcel: Parcel) -> Parcel:
+    """The child's answer to ``parcel``.
+
+    Raises the child's error, or ``StridelabError`` with code ``stream-failed`` (the child died) or ``stream-stuck`` (no
+    answer in time).
+    """
+    outcome = await estimator.run(parcel.to_json())
+    if outcome.state == "ok":
+        return Parcel.from_json(outcome.value)
+    if outcome.error_class is not None:
+        raise outcome.as_error()
+    log.error("stream failed", state=outcome.state, log_tail=outcome.log_tail[-2000:])
+    if outcome.state == "timeout":
+        raise StridelabError("stream-stuck", "The estimator of this stream does not respond.")
+    raise StridelabError("stream-failed", "The estimator of this stream ended unexpectedly.")
 
 
 async def _receive_message(socket: WebSocket, limit_bytes: int, idle_s: float) -> Parcel:

@@ -1,8 +1,9 @@
-"""Session of a stream: feeds messages to an online estimator. Runs in the process of the stream."""
+"""Session of a stream: feeds messages to an online estimator. Runs in the child process of the stream."""
 
 import json
 import struct
-from typing import Final
+from pathlib import Path
+from typing import Any, Final
 
 import numpy as np
 from jaxtyping import Float64
@@ -10,9 +11,11 @@ from pydantic import ValidationError
 
 from stridelab.conventions import Vector3
 from stridelab.errors import Fault, InvalidInput, StridelabError
+from stridelab.pipelines.progress import ProgressCallback
 from stridelab.schemas.streams import (
     PACKED_ROW,
     PACKED_TIME,
+    StreamAnswer,
     StreamConfiguration,
     StreamSamples,
 )
@@ -82,6 +85,22 @@ class StreamSession:
             raise type(error)(error.code, error.message, faults or [Fault(where, error.message)]) from error
         except np.linalg.LinAlgError as error:
             raise _too_large() from error
+
+
+class StreamAnswerer:
+    """The work of a stream's child: its first task is the configuration, every other one a message."""
+
+    def __init__(self) -> None:
+        self._session: StreamSession | None = None
+
+    def __call__(self, task: dict[str, Any], _folder: Path | None, _progress: ProgressCallback) -> dict[str, Any]:
+        """Answer ``task``, a ``Parcel`` as JSON. Raises as ``StreamSession``."""
+        parcel = Parcel.from_json(task)
+        if self._session is not None:
+            return self._session.answer_message(parcel).to_json()
+        self._session = StreamSession(StreamConfiguration.model_validate_json(parcel.content))
+        ready = StreamAnswer(ready=self._session.ready).model_dump_json(exclude_none=True)
+        return Parcel(TEXT, ready.encode()).to_json()
 
 
 def _too_large() -> InvalidInput:
