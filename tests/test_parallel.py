@@ -5,8 +5,8 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
-from contextlib import closing
+from collections.abc import Callable, Iterator
+from contextlib import closing, nullcontext
 from pathlib import Path
 
 import psutil
@@ -16,12 +16,16 @@ from stridelab.cores import usable_cores
 from stridelab.errors import NotEstimable
 from stridelab.parallel import PROCESSES_MAX, map_in_order, worthwhile_processes
 from support.robots import pieces
+from support.workers import another_thread, workers
 
 WAIT_S = 30.0
 
 
-def workers() -> list[psutil.Process]:
-    return [p for p in psutil.Process().children(recursive=True) if "spawn_main" in " ".join(p.cmdline())]
+@pytest.fixture(params=["one thread", "two threads"], autouse=True)
+def threads(request: pytest.FixtureRequest) -> Iterator[str]:
+    """A process with one thread forks itself; one with more asks a server."""
+    with another_thread() if request.param == "two threads" else nullcontext():
+        yield request.param
 
 
 def until(true: Callable[[], bool]) -> bool:
@@ -82,8 +86,13 @@ def test_who_stops_listening_leaves_no_process() -> None:
     assert workers() == []
 
 
-def test_they_end_with_a_parent_that_is_killed(tmp_path: Path) -> None:
-    environment = {**os.environ, "NOTED": str(tmp_path), "PYTHONPATH": str(Path(__file__).parents[0])}
+def test_they_end_with_a_parent_that_is_killed(tmp_path: Path, threads: str) -> None:
+    environment = {
+        **os.environ,
+        "NOTED": str(tmp_path),
+        "THREADS": threads,
+        "PYTHONPATH": str(Path(__file__).parents[0]),
+    }
     parent = subprocess.Popen([sys.executable, "-m", "support.robots.pieces"], env=environment)
     try:
         assert until(lambda: len(list(tmp_path.iterdir())) == 2)

@@ -5,8 +5,9 @@ applies, the places in the input that caused it. The web layer maps the *class* 
 line maps it to an exit code; the layers below depend on neither.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 
 @dataclass(frozen=True)
@@ -73,3 +74,17 @@ class StorageFull(Unavailable):
 
 class Unauthenticated(Forbidden):
     """No valid credentials came with the request."""
+
+
+def problem_of(error: StridelabError) -> dict[str, Any]:
+    """The error as JSON, without its class: ``{"code", "detail", "errors": [{"where", "message"}]}``."""
+    faults = [{"where": fault.where, "message": fault.message} for fault in error.faults]
+    return {"code": error.code, "detail": error.message, "errors": faults}
+
+
+def error_of(problem: Mapping[str, Any], class_name: str | None) -> StridelabError:
+    """The error of a ``problem_of``; a ``StridelabError`` if ``class_name`` is no class of this module, or ``Busy``."""
+    kind = globals().get(class_name or "")
+    is_plain = isinstance(kind, type) and issubclass(kind, StridelabError) and kind is not Busy
+    faults = [Fault(item["where"], item["message"]) for item in problem["errors"]]
+    return (kind if is_plain else StridelabError)(problem["code"], problem["detail"], faults)

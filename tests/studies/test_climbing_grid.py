@@ -41,18 +41,18 @@ WAIT_S = 60.0
 ONE_STAIR = stairs_case(Flight(0.10, 0.30, FAST), number=1)
 
 
-class Deadly:
-    """Ends the process that reads it."""
+class Deadly(dict[str, Any]):
+    """Ends the process that looks into it."""
 
-    def __reduce__(self) -> tuple[Any, tuple[int]]:
-        return os._exit, (3,)
+    def get(self, *_: object) -> Any:
+        os._exit(3)
 
 
-class Unreadable:
-    """Raises an error that is none of ours where it is read."""
+class Unreadable(dict[str, Any]):
+    """Raises an error that is none of ours where it is looked into."""
 
-    def __reduce__(self) -> tuple[Any, tuple[str]]:
-        return int, ("no number",)
+    def get(self, *_: object) -> Any:
+        return int("no number")
 
 
 @pytest.fixture(scope="module")
@@ -128,14 +128,14 @@ def test_a_scenario_that_the_judge_refuses_fails_as_one(talos: Robot) -> None:
 
 
 def test_what_crashes_is_recorded_and_takes_nothing_else_along(talos: Robot) -> None:
-    deadly = Case("deadly", "rail", {"phases": Deadly()})
-    foreign = Case("foreign", "rail", {"phases": Unreadable()})
+    deadly = Case("deadly", "rail", Deadly())
+    foreign = Case("foreign", "rail", Unreadable())
     refused = replace(ONE_STAIR, name="refused", scenario={**ONE_STAIR.scenario, "friction": -1.0})
     results = run_grid(talos, feet_at(0.8, 0.1), [deadly, refused, foreign], processes=2)
     assert [result.case for result in results] == ["deadly", "refused", "foreign"]
     assert [result.stage for result in results] == ["crash", "scenario", "crash"]
-    assert results[0].reason == "its process ended with exit code 3"
-    assert results[2].reason == "its process ended with exit code 1"
+    assert "exit code 3" in results[0].reason
+    assert "exit code 1" in results[2].reason
 
 
 def test_processes_end_with_a_parent_that_is_killed(tmp_path: Path) -> None:

@@ -11,17 +11,14 @@ was evaluated on them. The rails are those of a prototype on which uniform densi
 barely; the stairs vary height, depth, timing and footing.
 """
 
-import multiprocessing
-import threading
+import pickle
 import time
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
-from multiprocessing.connection import Connection
+from functools import partial
 from typing import Any, Final, Literal
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.centroidal.rest_to_rest import from_rest_to_rest
@@ -31,7 +28,7 @@ from stridelab.contacts.scenario_io import sequence_of
 from stridelab.contacts.scenarios.parts import Timing
 from stridelab.contacts.scenarios.stairs import Footing, HandRail, Stairs, climb, stairs_with_rail
 from stridelab.errors import StridelabError
-from stridelab.parallel import exit_with_parent
+from stridelab.parallel import map_isolated
 from stridelab.reachability.proxy.effector_proxy import Proxy
 from stridelab.robots.robot import Robot
 from stridelab.studies.execution import describe_check, ignore_progress
@@ -201,40 +198,17 @@ def run_grid(
     ``tell`` is called with every result as soon as it is available. Case names must be unique. Each case runs in its
     own process: a crash affects only that case, and all processes end with the parent.
     """
-    by_name: dict[str, CaseResult] = {}
-    with ThreadPoolExecutor(processes) as pool:  # each thread waits for one process
-        for done in as_completed([pool.submit(_run_in_process, robot, proxies, case) for case in cases]):
-            result = done.result()
-            by_name[result.case] = result
-            if tell is not None:
-                tell(result)
-    return tuple(by_name[case.name] for case in cases)
-
-
-def _run_in_process(robot: Robot, proxies: Proxies, case: Case) -> CaseResult:
-    """Run ``attempt`` in a separate process; a crash gives a result with the stage ``crash``."""
-    context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload([__name__])
-    receiver, sender = context.Pipe(duplex=False)
-    process = context.Process(target=_send_result, args=(sender, robot, dict(proxies), case), daemon=True)
-    process.start()
-    sender.close()  # the pipe closes when the process ends
-    try:
-        result: CaseResult = receiver.recv()
-    except EOFError:
-        process.join()
-        return CaseResult(case.name, case.kind, "crash", f"its process ended with exit code {process.exitcode}")
-    finally:
-        receiver.close()
-        process.join()
-    return result
-
-
-def _send_result(pipe: Connection, robot: Robot, proxies: Proxies, case: Case) -> None:
-    threading.Thread(target=exit_with_parent, daemon=True).start()
-    with threadpool_limits(1):
-        pipe.send(run_case(robot, proxies, case))
-    pipe.close()
+    results: dict[int, CaseResult] = {}
+    work = partial(run_case, robot, dict(proxies))
+    done = map_isolated(work, cases, preload=[__name__], processes=processes, codec=pickle)
+    for index, answer in done:
+        case = cases[index]
+        if isinstance(answer, StridelabError):
+            answer = CaseResult(case.name, case.kind, "crash", answer.message)
+        results[index] = answer
+        if tell is not None:
+            tell(answer)
+    return tuple(results[index] for index in range(len(cases)))
 
 
 def run_case(robot: Robot, proxies: Proxies, case: Case) -> CaseResult:

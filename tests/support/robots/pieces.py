@@ -1,6 +1,7 @@
 """Work for ``in_order``: what a piece of work can do to its process. Run as a program, it never ends by itself."""
 
 import os
+import threading
 import time
 from pathlib import Path
 
@@ -49,4 +50,6 @@ def hang_noted(piece: int) -> int:
 
 
 if __name__ == "__main__":
+    if os.environ["THREADS"] == "two threads":
+        threading.Thread(target=time.sleep, args=(600,), daemon=True).start()
     list(map_in_order(hang_noted, 2, 2))

@@ -13,13 +13,13 @@ from typing import Any, Final, TypeVar
 import structlog
 from sqlalchemy.ext.asyncio import AsyncEngine
 
-from stridelab.errors import StorageFull, StridelabError, Unavailable
+from stridelab.errors import StorageFull, StridelabError, Unavailable, problem_of
 from stridelab.schemas.jobs import FINAL_STATES
 from stridelab.service import telemetry
 from stridelab.service.data_folder import DISK_FULL_ERRNOS
 from stridelab.service.jobs.attempts import Attempt, AttemptStore, FinalState
 from stridelab.service.jobs.queue_consumer import DATABASE_UNAVAILABLE
-from stridelab.service.kinds.base import JobKind, Json, problem_of
+from stridelab.service.kinds.base import JobKind, Json
 from stridelab.service.processes.pool import IsolatedPool
 from stridelab.service.processes.running_child import IsolatedOutcome
 from stridelab.service.settings import Settings

@@ -78,12 +78,6 @@ class Outcome:
         )
 
 
-def problem_of(error: StridelabError) -> Json:
-    """An error in the form of a job's row: ``{"code", "detail", "errors": [{"where", "message"}]}``."""
-    faults = [{"where": fault.where, "message": fault.message} for fault in error.faults]
-    return {"code": error.code, "detail": error.message, "errors": faults}
-
-
 Stage: TypeAlias = "Callable[[AsyncConnection, Blobs, Contract, Path], Awaitable[Json]]"
 """``stage(connection, blobs, input, folder) -> task``: fetch rows and blob files into ``folder``."""
 Publish: TypeAlias = "Callable[[AsyncConnection, Blobs, Mapping[str, Any], Json, Path], Awaitable[Json | None]]"

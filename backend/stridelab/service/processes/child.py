@@ -23,6 +23,7 @@ from pathlib import Path
 from typing import IO, Any, Final, NoReturn
 
 from stridelab.cores import limit_cores
+from stridelab.errors import StridelabError, problem_of
 from stridelab.service.processes.priority import lower_priority
 from stridelab.service.processes.sandbox import Sandbox, confine_process
 
@@ -95,8 +96,6 @@ def _prepare_work(setup: dict[str, Any], folder: Path | None) -> Callable[..., A
 
 def answer_or_problem(compute: Callable[[], Any]) -> dict[str, Any]:
     """Call ``compute``; returns a message with its value or its problem."""
-    from stridelab.errors import StridelabError
-
     try:
         value = compute()
         json.dumps(value, allow_nan=False)  # raises here what is no JSON
@@ -106,9 +105,7 @@ def answer_or_problem(compute: Callable[[], Any]) -> dict[str, Any]:
             traceback.print_exc()
         return {"memory": True}
     except StridelabError as error:
-        faults = [{"where": fault.where, "message": fault.message} for fault in error.faults]
-        problem = {"code": error.code, "detail": error.message, "errors": faults}
-        return {"problem": problem, "raised": type(error).__name__}
+        return {"problem": problem_of(error), "raised": type(error).__name__}
     except BaseException as error:  # noqa: BLE001 (any error of the computation is reported to the parent)
         with _without_memory_limit():
             traceback.print_exc()

@@ -18,8 +18,7 @@ from typing import Any, Final, Literal
 
 import psutil
 
-from stridelab import errors
-from stridelab.errors import Fault, StridelabError
+from stridelab.errors import StridelabError, error_of
 from stridelab.service.processes.fork_server_client import ForkedChild, ForkServerClient
 
 LOG_TAIL_BYTES: Final = 64 * 1024
@@ -52,11 +51,8 @@ class IsolatedOutcome:
 
     def as_error(self) -> StridelabError:
         """The error that the task raised, or one that describes how it ended."""
-        problem = self.problem or _make_problem("computation-failed", "The computation did not succeed.")
-        faults = [Fault(item["where"], item["message"]) for item in problem["errors"]]
-        kind = getattr(errors, self.error_class or "StridelabError", StridelabError)
-        is_plain = isinstance(kind, type) and issubclass(kind, StridelabError) and kind is not errors.Busy
-        return (kind if is_plain else StridelabError)(problem["code"], problem["detail"], faults)
+        failed = _make_problem("computation-failed", "The computation did not succeed.")
+        return error_of(self.problem or failed, self.error_class)
 
 
 class RunningChild:

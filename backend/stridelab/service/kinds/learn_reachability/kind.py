@@ -3,7 +3,6 @@
 from stridelab.schemas.plans import LearnReachabilityInput, LearnReachabilitySummary
 from stridelab.service.kinds.base import JobKind
 from stridelab.service.kinds.staging import stage_input
-from stridelab.service.processes.sandbox import Sandbox
 
 KIND = JobKind(
     name="learn-reachability",
@@ -23,5 +22,4 @@ KIND = JobKind(
     timeout_s=900.0,
     memory_mb=2048,
     lane="long",
-    sandbox=Sandbox(programs=True),  # starts interpreters
 )

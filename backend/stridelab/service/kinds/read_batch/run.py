@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from stridelab.errors import Fault, InvalidInput, StridelabError, TooLarge
+from stridelab.parallel import map_isolated
 from stridelab.pipelines.progress import ProgressCallback
 from stridelab.recordings.files.batch_zip import BatchLimits, is_batch, unpack_batch
 from stridelab.schemas.population import MAX_RECORDINGS
@@ -18,7 +19,6 @@ from stridelab.service.kinds import parse_upload
 from stridelab.service.kinds.base import Json, Outcome
 from stridelab.service.kinds.read_batch.kind import ParsedUpload
 from stridelab.service.processes.child import limit_memory
-from stridelab.service.processes.isolated_map import map_isolated
 from stridelab.service.subject_table import match_files, read_subject_table
 
 PRELOAD: Final = ("stridelab.service.kinds.read_batch.run",)

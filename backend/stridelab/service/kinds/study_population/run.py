@@ -8,12 +8,12 @@ from functools import partial
 from pathlib import Path
 from typing import Final
 
+from stridelab.parallel import map_isolated
 from stridelab.pipelines.progress import ProgressCallback
 from stridelab.pipelines.study_population import study_population
 from stridelab.schemas.tasks import StudyPopulationTask
 from stridelab.service.kinds.base import Json, Outcome
 from stridelab.service.kinds.study_population.files import write_population
-from stridelab.service.processes.isolated_map import map_isolated
 
 PRELOAD: Final = ("stridelab.pipelines.study_population",)
 RECORDING_TIMEOUT_S: Final = 120.0

@@ -11,12 +11,12 @@ import numpy as np
 
 from stridelab.contacts.scenarios.variations import UNITS
 from stridelab.cores import usable_cores
+from stridelab.parallel import map_isolated
 from stridelab.pipelines.progress import ProgressCallback
 from stridelab.pipelines.sweep_scenarios import Point, SweepRow, sweep_scenarios
 from stridelab.schemas.tasks import SweepTask
 from stridelab.service.kinds.base import Json, Outcome
 from stridelab.service.kinds.result_tables import write_table
-from stridelab.service.processes.isolated_map import map_isolated
 
 PRELOAD_MODULE: Final = "stridelab.pipelines.sweep_scenarios"
 CHUNK_TIMEOUT_S: Final = 1800.0

@@ -2,13 +2,22 @@
 
 import os
 import time
+from collections.abc import Iterator
+from contextlib import nullcontext
 
-import psutil
 import pytest
 
 from stridelab.errors import NotEstimable, StridelabError
-from stridelab.service.processes.isolated_map import map_isolated
+from stridelab.parallel import map_isolated
 from support.service.isolated_work import behave
+from support.workers import another_thread, workers
+
+
+@pytest.fixture(params=["one thread", "two threads"], autouse=True)
+def threads(request: pytest.FixtureRequest) -> Iterator[None]:
+    """A process with one thread forks itself; one with more asks a server."""
+    with another_thread() if request.param == "two threads" else nullcontext():
+        yield
 
 
 def done(*hows: str, timeout_s: float = 30.0) -> dict[int, object]:
@@ -49,20 +58,12 @@ def test_whoever_stops_listening_leaves_no_process_behind() -> None:
         behave, [{"how": h, "n": 1} for h in ("work", "hang", "hang")], preload=["support.service.isolated_work"]
     )
     next(answers)
-    answers.close()  # type: ignore[attr-defined]
+    assert workers() != []
+    answers.close()
     until = time.monotonic() + 10
-    while sleeping() and time.monotonic() < until:
+    while workers() and time.monotonic() < until:
         time.sleep(0.05)
-    assert sleeping() == 0
-
-
-def sleeping() -> int:
-    """Processes forked by the server of ``map_isolated``; others of this run have children of their own."""
-    servers = [
-        child for child in psutil.Process().children() if "multiprocessing.forkserver" in " ".join(child.cmdline())
-    ]
-    assert servers
-    return sum(len(server.children()) for server in servers)
+    assert workers() == []
 
 
 def test_no_items_give_no_answers() -> None:
