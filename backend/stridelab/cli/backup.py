@@ -33,13 +33,15 @@ def restore(
     ] = False,
 ) -> None:
     """Replace all data of the service with a backup, completely or not at all. The service must not run."""
-    from stridelab.service.backup.archive import open_archive
+    from stridelab.service.backup.archive import check_archive, open_archive
     from stridelab.service.backup.locations import open_location
     from stridelab.service.backup.restore import restore_backup as run
 
+    with progress_bar("check") as bar:
+        check_archive(file, bar)  # before a database is made for it
     with (
         progress_bar("restore") as bar,
-        open_archive(file, bar) as archive,  # before a database is made for it
+        open_archive(file, bar, is_checked=True) as archive,
         open_location(read_settings(), require_stopped=True, create=True) as location,
     ):
         taken = run(archive, location, with_tokens=with_tokens, replace=replace, on_progress=bar)

@@ -4,6 +4,8 @@ import hashlib
 import json
 import os
 import random
+import subprocess
+import sys
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -13,9 +15,10 @@ import psycopg
 import pytest
 
 from stridelab.errors import UnreadableFile
-from stridelab.service.backup.archive import MANIFEST, open_archive
+from stridelab.service.backup.archive import MANIFEST, check_archive, open_archive
 from stridelab.service.backup.create import BackupContents
 from stridelab.service.storage.migrate import is_migrated
+from support.service.processes import environment
 from support.service.stored_rows import rows, stored
 
 PutBack = Callable[..., BackupContents]
@@ -212,3 +215,46 @@ def test_a_revision_that_is_not_known(backup: Path, empty: str, put_back: PutBac
         put_back(path, empty)
     assert caught.value.code == "backup-newer"
     assert not is_migrated(empty)
+
+
+def test_the_check_in_a_child_accepts_a_backup_and_names_what_is_wrong(backup: Path, tmp_path: Path) -> None:
+    heard: list[float] = []
+    check_archive(backup, lambda fraction, _message: heard.append(fraction))
+    assert heard[-1] == 1.0
+    (tmp_path / "x").write_bytes(b"hello")
+    for path in (tmp_path / "x", tmp_path / "nowhere"):
+        with pytest.raises(UnreadableFile) as refusal:
+            check_archive(path)
+        assert refusal.value.code == "backup-unreadable"
+    whole = contents(backup)
+    name = next(name for name in whole if name.startswith("tables/"))
+    with pytest.raises(UnreadableFile) as refusal:
+        check_archive(write(tmp_path / "y", {**whole, name: whole[name] + b"1"}, honest=False))
+    assert refusal.value.code == "backup-damaged"
+
+
+def test_a_manifest_that_fills_the_memory_costs_the_child_alone(backup: Path, tmp_path: Path) -> None:
+    """200 MB of manifest in 200 kB of archive: the limit of its own size alone would let it through."""
+    whole = with_manifest(contents(backup), made_at="x" * 200_000_000)
+    with pytest.raises(UnreadableFile) as refusal:
+        check_archive(write(tmp_path / "x", whole, honest=False), memory_mb=300)
+    assert refusal.value.code == "backup-damaged"
+    assert "memory" in refusal.value.message
+
+
+def test_restore_checks_in_a_child_before_anything_is_made(tmp_path: Path) -> None:
+    """A reader that breaks takes down its child, not the command, which says so and makes no data folder."""
+    site = tmp_path / "site"
+    site.mkdir()
+    (site / "sitecustomize.py").write_text(
+        "import os, sys, zipfile\n"
+        "if 'stridelab.service.processes.fork_server' in ' '.join(sys.orig_argv):\n"
+        "    zipfile.ZipFile = lambda *_: os.abort()\n"
+    )
+    (tmp_path / "x").write_bytes(b"PK")
+    own = {"PYTHONPATH": str(site), "STRIDELAB_DATA_DIR": str(tmp_path / "data")}
+    command = [sys.executable, "-m", "stridelab.cli", "restore", str(tmp_path / "x")]
+    done = subprocess.run(command, env=environment(**own), capture_output=True, text=True, check=False, timeout=120)
+    assert done.returncode > 0
+    assert "backup-damaged" in done.stdout + done.stderr
+    assert not (tmp_path / "data").exists()

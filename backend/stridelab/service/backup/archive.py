@@ -1,12 +1,15 @@
 """Backup archive: a zip of the tables' rows, the stored files and a manifest with the hash of each member.
 
 Nothing in it is executed: rows are stored as data (PostgreSQL's COPY text), never as SQL. Archives are not trusted:
-names, sizes and hashes of all members are verified before the first of them is used.
+names, sizes and hashes of all members are verified before the first of them is used; ``check_archive`` does so in a
+child process, which an archive made for it can at most crash, fill or stop.
 """
 
+import asyncio
 import hashlib
 import os
 import re
+import tempfile
 import zipfile
 import zlib
 from collections.abc import Callable, Iterator
@@ -19,11 +22,18 @@ from pydantic import Field, ValidationError
 
 from stridelab.errors import Conflict, InvalidInput, StorageFull, TooLarge, UnreadableFile
 from stridelab.schemas.base import Contract
+from stridelab.service.processes.pool import IsolatedPool
+from stridelab.service.processes.running_child import IsolatedOutcome
+from stridelab.service.processes.sandbox import Sandbox
 from stridelab.service.storage.blobs import CHUNK_BYTES, is_key
 
 FORMAT_VERSION: Final = 1
 """Format version; incremented by changes that make an archive unreadable for earlier versions of the program."""
 MANIFEST: Final = "manifest.json"
+CHECK_MEMORY_MB: Final = 4096
+_CHECK_TIMEOUT_S: Final = 600.0
+_CHECK_BYTES_PER_S: Final = 1e6
+"""Minimum speed of the check, in bytes of the archive; most disks and processors reach a hundred times as much."""
 MAX_MANIFEST_BYTES: Final = 256 << 20
 """Maximum size of the manifest, for writing and reading."""
 _TABLE: Final = re.compile(r"tables/[a-z][a-z_]{0,60}\.copy")
@@ -186,9 +196,46 @@ class Archive:
             raise _damaged_error(f"{name} does not match its hash")
 
 
+def check_archive(path: Path, on_progress: Progress = ignore_progress, *, memory_mb: int = CHECK_MEMORY_MB) -> None:
+    """Verify all of an archive in a child process that can read this file only, with limits on memory and time.
+
+    Raises the errors of ``open_archive``; ``UnreadableFile`` (``backup-damaged``) if the child exceeds a limit or
+    crashes.
+    """
+    file = path.absolute()
+    size_bytes = file.stat().st_size if file.is_file() else 0
+
+    async def run_check(folder: Path) -> IsolatedOutcome:
+        async with IsolatedPool() as pool:
+            return await pool.run(
+                f"{__name__}:check_in_child",
+                {"file": str(file)},
+                folder,
+                timeout_s=_CHECK_TIMEOUT_S + size_bytes / _CHECK_BYTES_PER_S,
+                memory_mb=memory_mb,
+                on_progress=on_progress,
+                low_priority=False,
+                sandbox=Sandbox(reads=(str(file),)),
+            )
+
+    with tempfile.TemporaryDirectory() as folder:
+        outcome = asyncio.run(run_check(Path(folder)))
+    if outcome.error_class is not None:
+        raise outcome.as_error()
+    if outcome.state != "ok":
+        reason = outcome.as_error().message.rstrip(".")
+        raise _damaged_error(f"the process that checked it failed ({reason})")
+
+
+def check_in_child(task: dict[str, str], _folder: Path, progress: Progress) -> None:
+    """Verify the archive ``task["file"]``. Raises as ``open_archive``."""
+    with open_archive(Path(task["file"]), progress):
+        pass
+
+
 @contextmanager
-def open_archive(path: Path, on_progress: Progress = ignore_progress) -> Iterator[Archive]:
-    """Open an archive after verifying all of it.
+def open_archive(path: Path, on_progress: Progress = ignore_progress, *, is_checked: bool = False) -> Iterator[Archive]:
+    """Open an archive after verifying all of it; if ``is_checked``, its members are verified when they are read.
 
     Raises ``UnreadableFile``: ``backup-unreadable`` (no such archive), ``backup-damaged`` (truncated, changed,
     unexpected members), ``backup-newer`` (made by a program of a later format).
@@ -204,7 +251,7 @@ def open_archive(path: Path, on_progress: Progress = ignore_progress) -> Iterato
         opened = Archive(archive, _read_manifest(archive))
         sizes = opened.manifest.members
         total, done = sum(member.bytes for member in sizes.values()) or 1, 0
-        for name, member in sizes.items():
+        for name, member in () if is_checked else sizes.items():
             for piece in opened.read_pieces(name):
                 done += len(piece)
                 on_progress(done / total, f"checking {'rows' if name.startswith('tables/') else 'files'}")

@@ -18,6 +18,7 @@ import pwd
 import shutil
 import sys
 import tempfile
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -67,10 +68,15 @@ _START_FOLDER: Final = _working_folder()
 
 @dataclass(frozen=True)
 class Sandbox:
-    """Exceptions for a child: it may start ``programs`` (under the same limits), or be a ``server`` on a TCP port."""
+    """Exceptions for a child.
+
+    It may start ``programs`` (under the same limits), be a ``server`` on a TCP port, or read the files ``reads`` of the
+    caller, for which it keeps the caller's account.
+    """
 
     programs: bool = False
     server: bool = False
+    reads: Sequence[str] = ()
 
 
 STRICT: Final = Sandbox()
@@ -129,7 +135,7 @@ def confine_process(sandbox: Sandbox, folder: Path | None, kernel: KernelFeature
         raise RuntimeError(f"Landlock would bind one of {threads} threads only")
     if folder is not None:
         os.environ["TMPDIR"] = tempfile.tempdir = str(folder)
-    if (user := os.environ.get(USER_VARIABLE)) and os.geteuid() == 0:
+    if (user := os.environ.get(USER_VARIABLE)) and os.geteuid() == 0 and not sandbox.reads:
         _change_user(user, folder)
     landlock.pin_paths(_PROC_FILES)
     _drop_privileges()
@@ -147,6 +153,7 @@ def _landlock_rules(sandbox: Sandbox, folder: Path | None) -> list[Rule]:
     rules += [(path, READ_EXECUTE if sandbox.programs else READ) for path in _code_paths(sandbox, folder)]
     if sandbox.programs:  # programs read their own memory below /proc; Landlock denies access to that of others
         rules.append((Path("/proc"), READ_FILE))
+    rules += [(Path(file), READ_FILE) for file in sandbox.reads]
     if folder is not None:
         rules.append((folder, WRITABLE_FOLDER))
     return rules
