@@ -84,7 +84,8 @@ def problem_of(error: StridelabError) -> dict[str, Any]:
 
 def error_of(problem: Mapping[str, Any], class_name: str | None) -> StridelabError:
     """The error of a ``problem_of``; a ``StridelabError`` if ``class_name`` is no class of this module, or ``Busy``."""
-    kind = globals().get(class_name or "")
-    is_plain = isinstance(kind, type) and issubclass(kind, StridelabError) and kind is not Busy
+    named = globals().get(class_name or "")
+    is_plain = isinstance(named, type) and issubclass(named, StridelabError) and named is not Busy
+    kind: type[StridelabError] = named if is_plain else StridelabError
     faults = [Fault(item["where"], item["message"]) for item in problem["errors"]]
-    return (kind if is_plain else StridelabError)(problem["code"], problem["detail"], faults)
+    return kind(problem["code"], problem["detail"], faults)

@@ -135,7 +135,7 @@ class _Worker:
 
     @staticmethod
     def start(work: Callable[[Any], Any], items: Iterable[Any], codec: ModuleType, preload: Sequence[str]) -> "_Worker":
-        context = multiprocessing.get_context("fork" if _has_one_thread() else "forkserver")
+        context: Any = multiprocessing.get_context("fork" if _has_one_thread() else "forkserver")
         context.set_forkserver_preload(["__main__", *preload])
         ours, theirs = context.Pipe(duplex=False)
         process = context.Process(target=_serve_items, args=(theirs, codec.__name__, work, items), daemon=True)
@@ -200,9 +200,10 @@ def _serve_items(pipe: Connection, codec_name: str, work: Callable[[Any], Any], 
 
 def _limit_threads() -> contextlib.AbstractContextManager[Any]:
     try:
-        return threadpool_limits(1)
+        limited: contextlib.AbstractContextManager[Any] = threadpool_limits(1)
     except PermissionError:  # in a sandbox, where the environment limits the libraries
-        return contextlib.nullcontext()
+        limited = contextlib.nullcontext()
+    return limited
 
 
 def _exit_with_parent() -> None:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Protocol, TypeAlias, runtime_checkable
 
-from stridelab.errors import StridelabError
+from stridelab.errors import StridelabError, problem_of
 from stridelab.schemas.base import Contract
 
 if TYPE_CHECKING:  # a command needs neither
