@@ -85,7 +85,8 @@ def problem_of(error: StridelabError) -> dict[str, Any]:
 def error_of(problem: Mapping[str, Any], class_name: str | None) -> StridelabError:
     """The error of a ``problem_of``; a ``StridelabError`` if ``class_name`` is no class of this module, or ``Busy``."""
     named = globals().get(class_name or "")
-    is_plain = isinstance(named, type) and issubclass(named, StridelabError) and named is not Busy
-    kind: type[StridelabError] = named if is_plain else StridelabError
+    kind = StridelabError
+    if isinstance(named, type) and issubclass(named, StridelabError) and named is not Busy:
+        kind = named
     faults = [Fault(item["where"], item["message"]) for item in problem["errors"]]
     return kind(problem["code"], problem["detail"], faults)
