@@ -15,7 +15,7 @@ from stridelab.cli.plan_motion import PlanRequest, plan_scenario, show_plan
 from stridelab.client import ProblemError
 from stridelab.errors import Conflict, InvalidInput, NotEstimable
 from stridelab.schemas.jobs import Artifact, JobResult
-from stridelab.schemas.plans import PlanMotionInput, PlanMotionSummary
+from stridelab.schemas.plans import PlanMotionInput, PlanMotionSummary, ReplayOptions
 from stridelab.schemas.scenarios import Scenario
 from stridelab.service.kinds.plan_motion import run as plan_motion
 from support.command_line import quiet
@@ -77,6 +77,15 @@ def test_a_replay_goes_with_the_whole_body() -> None:
     with pytest.raises(InvalidInput) as refusal:
         PlanRequest("x", whole_body=False, replay=True)
     assert refusal.value.faults[0].where == "--replay"
+
+
+def test_a_delay_of_the_replay_is_an_option_of_the_job() -> None:
+    made = PlanRequest("x", replay_delay_ms=3.0).to_input(short_walk())
+    assert made == PlanMotionInput(scenario=short_walk(), replay=ReplayOptions(delay_s=0.003))
+    for without in ({"replay": False}, {"whole_body": False}):
+        with pytest.raises(InvalidInput) as refusal:
+            PlanRequest("x", replay_delay_ms=3.0, **without)  # type: ignore[arg-type]
+        assert refusal.value.faults[0].where == "--replay-delay"
 
 
 def test_options_of_the_solver_are_those_of_the_job() -> None:

@@ -33,6 +33,7 @@ from stridelab.errors import Fault, InvalidInput, NotFound, StridelabError
 from stridelab.schemas.jobs import JobResult
 from stridelab.schemas.plans import (
     DURATION_RANGE,
+    MAX_DELAY_S,
     MAX_DURATION_FACTOR,
     MIN_DURATION_FACTOR,
     PLAN_STAGES,
@@ -42,6 +43,7 @@ from stridelab.schemas.plans import (
     Formulation,
     PlanMotionInput,
     PlanMotionSummary,
+    ReplayOptions,
     ReplaySummary,
     Shape,
 )
@@ -58,6 +60,7 @@ class PlanRequest:
     scenario: str
     whole_body: bool = True
     replay: bool | None = None
+    replay_delay_ms: float = 0.0
     measure: PostureMeasure | None = None
     formulation: Formulation = "forces"
     solver: PlanSolver = "auto"
@@ -72,6 +75,9 @@ class PlanRequest:
         if self.replay and not self.whole_body:
             fault = Fault("--replay", "contradicts --no-whole-body")
             raise InvalidInput("option-invalid", "Only a motion of the whole body can be replayed.", [fault])
+        if self.replay_delay_ms and not (self.whole_body if self.replay is None else self.replay):
+            fault = Fault("--replay-delay", "needs a replay")
+            raise InvalidInput("option-invalid", "Only a replay can have a delay.", [fault])
         if self.film is not None and not self.whole_body:
             fault = Fault("--film", "contradicts --no-whole-body")
             raise InvalidInput("option-invalid", "Only a motion of the whole body can be filmed.", [fault])
@@ -102,7 +108,9 @@ class PlanRequest:
     def to_input(self, scenario: Scenario | None) -> PlanMotionInput:
         """Input of the job; without a scenario, the name is taken as a scenario id."""
         source = {"scenario_id": self.scenario} if scenario is None else {"scenario": scenario}
-        replay = self.whole_body if self.replay is None else self.replay
+        replay: bool | ReplayOptions = self.whole_body if self.replay is None else self.replay
+        if self.replay_delay_ms:
+            replay = ReplayOptions(delay_s=1e-3 * self.replay_delay_ms)
         return PlanMotionInput(
             **source,
             whole_body=self.whole_body,
@@ -231,6 +239,8 @@ def _describe_replay(replay: ReplaySummary) -> str:
     )
     if replay.hand_force_mean_n is not None:
         text += f"; hand force {replay.hand_force_mean_n:.0f} N on average"
+    if replay.options is not None:
+        text += f"; control {1e3 * replay.options.delay_s:.0f} ms late"
     return text
 
 
@@ -250,6 +260,10 @@ def plan(
         bool | None,
         typer.Option("--replay/--no-replay", help="Replay the motion in physics; default unless --no-whole-body."),
     ] = None,
+    replay_delay: Annotated[
+        float,
+        typer.Option("--replay-delay", min=0.0, max=1e3 * MAX_DELAY_S, help="Delay of the replay's control in ms."),
+    ] = 0.0,
     measure: Densities = None,
     formulation: ControlOption = "forces",
     solver: SolverOption = "auto",
@@ -278,6 +292,7 @@ def plan(
         scenario,
         whole_body=not no_whole_body,
         replay=replay,
+        replay_delay_ms=replay_delay,
         measure=measure,
         formulation=formulation,
         solver=solver,

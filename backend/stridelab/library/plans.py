@@ -56,7 +56,7 @@ def plan_motion(
     *,
     robot: str | None = None,
     whole_body: bool = True,
-    replay: bool = False,
+    replay: bool | Mapping[str, float] = False,
     progress: Progress | None = None,
     **options: Any,
 ) -> PlannedMotion:
@@ -66,7 +66,7 @@ def plan_motion(
         scenario: A scenario, its JSON file, or the name of a bundled one such as "long-stride".
         robot: Name of the robot, in place of that of the scenario.
         whole_body: Compute the motion of all joints and its certificate.
-        replay: Replay the motion in physics as well.
+        replay: Replay the motion in physics as well, undisturbed or with ``delay_s``, ``payload_kg`` or ``friction``.
         progress: Called with a fraction from 0 to 1 and a message.
         options: Other fields of the job's input, such as ``formulation`` or ``free_durations``.
 

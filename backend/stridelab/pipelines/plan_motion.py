@@ -44,6 +44,7 @@ from stridelab.schemas.plans import (
     CertificateSummary,
     PlanMotionInput,
     PlanMotionSummary,
+    ReplayOptions,
 )
 from stridelab.schemas.tasks import PlanMotionTask
 from stridelab.wholebody.certificate.certify import certify
@@ -85,7 +86,8 @@ class MotionResult:
 
     def summary(self, replay: "Replay | None", stages: Stages) -> PlanMotionSummary:
         """The summary of the contract, with the times of ``stages``."""
-        replayed = None if replay is None else replay_summary(replay)
+        options = self.request.replay if isinstance(self.request.replay, ReplayOptions) else None
+        replayed = None if replay is None else replay_summary(replay).model_copy(update={"options": options})
         warnings = (
             *self.remarks,
             *force_jump_remarks(self.problem, self.request),
@@ -145,12 +147,22 @@ def plan_motion(task: PlanMotionTask, stages: Stages) -> MotionResult:
 
 
 def replay_motion(result: MotionResult, motion: WholeBodyMotion, progress: ProgressCallback) -> "Replay":
-    """Replay ``motion`` of ``result`` in a physics simulation."""
+    """Replay ``motion`` of ``result`` in a physics simulation, with the disturbances of the request."""
     # imported lazily: the simulator is needed for a replay only
-    from stridelab.wholebody.replay.replay import replay_with_defaults
+    from stridelab.wholebody.replay.disturbances import UNDISTURBED, Disturbances
+    from stridelab.wholebody.replay.replay import PhysicsReplay
 
-    sequence = result.plan.sequence
-    return replay_with_defaults(result.robot, sequence, motion, _motion_progress(progress, sequence.duration_s))
+    sequence, options = result.plan.sequence, result.request.replay
+    disturbed = UNDISTURBED
+    if isinstance(options, ReplayOptions):
+        disturbed = Disturbances(
+            friction=options.friction,
+            delay_s=options.delay_s,
+            joint_delay_s=options.delay_s,
+            trunk_mass_kg=options.payload_kg,
+        )
+    clock = _motion_progress(progress, sequence.duration_s)
+    return PhysicsReplay().run(result.robot, sequence, motion, clock, disturbances=disturbed)
 
 
 def stage_shares(request: PlanMotionInput) -> dict[str, float]:

@@ -27,6 +27,23 @@ MIN_DURATION_FACTOR, MAX_DURATION_FACTOR = 0.1, 10.0
 """Bounds of ``duration_range``."""
 
 
+MAX_DELAY_S: Final = 0.1
+"""Maximum delay of the replay's control."""
+
+
+class ReplayOptions(Contract):
+    """Disturbances of the replay, which neither the plan nor the control of the replay has.
+
+    ``delay_s`` is the age of all readings that the control uses: joint angles and rates, and the inputs of the
+    stabiliser; it is rounded to milliseconds. ``payload_kg`` is added to the trunk at its centre of mass. ``friction``
+    replaces that of all boxes.
+    """
+
+    delay_s: Annotated[float, Field(ge=0.0, le=MAX_DELAY_S)] = 0.0
+    payload_kg: Annotated[float, Field(ge=0.0, le=1000.0)] = 0.0
+    friction: Annotated[float, Field(gt=0.0, le=2.0)] | None = None
+
+
 class PlanMotionInput(ScenarioSource):
     """Input of ``plan-motion``: either the id of a stored scenario or a complete scenario.
 
@@ -40,7 +57,8 @@ class PlanMotionInput(ScenarioSource):
     interrupted, so its iterations are limited instead, and ``auto`` does not use it then. With ``free_durations``, the
     solver optimises the phase durations between the two multiples in ``duration_range``, at constant total duration;
     with ``circular-cones``, only ``native`` can do so. ``measure`` selects the bundled reachability densities; null
-    takes the default. A ``film`` of the motion requires ffmpeg in the worker.
+    takes the default. ``replay`` is true, or the disturbances of the replay. A ``film`` of the motion requires ffmpeg
+    in the worker.
     """
 
     formulation: Formulation = "forces"
@@ -54,7 +72,7 @@ class PlanMotionInput(ScenarioSource):
     ] = DURATION_RANGE
     measure: Literal["uniform", "conditioned"] | None = None
     whole_body: bool = True
-    replay: bool = False
+    replay: bool | ReplayOptions = False
     film: Film | None = None
 
     @model_validator(mode="after")
@@ -113,6 +131,7 @@ class ReplaySummary(Contract):
     ``completed``: the robot does not fall, there are no unplanned contacts, no loaded sole slips by more than 20 mm, no
     commanded torque exceeds 1.2 times its limit, and every planned hand contact is loaded in place for 95 % of its
     duration. ``remarks`` lists the conditions that are not met. ``fall_time_s`` is null if the robot does not fall.
+    ``options`` are the disturbances, null if there are none.
     ``slip_max_m`` equals ``foot_slip_max_m``; ``collisions`` is the number of pairs in ``collided``. Plans of earlier
     versions lack the last five fields, and their ``completed`` only means that the robot did not fall.
     """
@@ -132,6 +151,7 @@ class ReplaySummary(Contract):
     collisions: int | None = None
     collided: list[ReplayCollision] | None = None
     remarks: list[Remark] | None = None
+    options: ReplayOptions | None = None
 
 
 class StoppedMotion(Contract):

@@ -18,7 +18,7 @@ from stridelab.wholebody.replay.dcm_feedback import CapturePointFeedback, Sole, 
 from stridelab.wholebody.replay.disturbances import Disturbances, Push, SensorNoise
 from stridelab.wholebody.replay.mujoco_model import build_simulation
 from stridelab.wholebody.replay.replay import PhysicsReplay, Replay
-from stridelab.wholebody.replay.sensors import SensedState, SimulatedSensors
+from stridelab.wholebody.replay.sensors import JointReadings, SensedState, SimulatedSensors
 from stridelab.wholebody.replay.simulation import Simulation
 
 RATE_HZ = 250.0
@@ -250,6 +250,36 @@ def test_sensors_are_exactly_as_late_as_they_are_said_to_be(robot: Robot, delay_
             heights_m.append(simulation.com_state()[0][2])
 
 
+@pytest.mark.parametrize("delay_ms", [0, 1, 3, 10])
+def test_joint_readings_are_exactly_as_late_as_stated(robot: Robot, delay_ms: int) -> None:
+    simulation = Simulation(build_simulation(robot, ground(), 0.3, FEET), robot.q_reference)
+    joints = JointReadings(simulation, 1e-3 * delay_ms)
+    angles, rates = [], []
+    for k in range(20):
+        angles.append(simulation.joints_rad)
+        rates.append(simulation.joint_rates_rad_s)
+        q_read, v_read = joints.read_joints()
+        np.testing.assert_array_equal(q_read, angles[max(0, k - delay_ms)])
+        np.testing.assert_array_equal(v_read, rates[max(0, k - delay_ms)])
+        simulation.step(np.full(len(robot.joint_names), 20.0), np.zeros(len(robot.locked)))
+    assert (angles[-1] != angles[0]).all()
+
+
+def test_a_late_joint_loop_falls_where_a_late_stabiliser_stands(
+    robot: Robot, two_steps: tuple[ContactSequence, object, WholeBodyMotion]
+) -> None:
+    """The damping stops a joint within one step of the simulator: 4 ms late, it drives the joint instead."""
+    sequence, _, motion = two_steps
+
+    def replayed(physics: PhysicsReplay, disturbed: Disturbances) -> Replay:
+        return physics.run(robot, sequence, motion, quiet, disturbances=disturbed)
+
+    both = Disturbances(delay_s=0.004, joint_delay_s=0.004)
+    assert replayed(PhysicsReplay(), Disturbances(joint_delay_s=0.004)).fell
+    assert replayed(PhysicsReplay(), Disturbances(delay_s=0.004)).completed
+    assert replayed(PhysicsReplay(stiffness=900.0, damping=30.0), both).completed
+
+
 def test_a_push_gives_off_its_impulse() -> None:
     push = Push(1.0, (3.0, -20.0, 0.0), duration_s=0.2)
     force = np.array([push.force_n(t) for t in np.arange(0.0, 2.0, 0.001)])
@@ -271,7 +301,9 @@ def test_a_foot_that_lands_on_higher_ground_is_lived_with(
     assert 0.007 < found.landing_error_max_m < 0.03
 
 
-@pytest.mark.parametrize(("field", "value"), [("friction", 0.0), ("torque_noise", -0.1), ("delay_s", -1.0)])
+@pytest.mark.parametrize(
+    ("field", "value"), [("friction", 0.0), ("torque_noise", -0.1), ("delay_s", -1.0), ("joint_delay_s", -1.0)]
+)
 def test_what_cannot_be_is_refused(field: str, value: float) -> None:
     with pytest.raises(InvalidInput) as refusal:
         Disturbances(**{field: value})

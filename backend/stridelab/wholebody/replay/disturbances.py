@@ -45,8 +45,9 @@ class Disturbances:
     ``friction`` replaces that of all boxes. ``sole_half_size_m`` are the half edges of the simulated soles.
     ``torque_noise`` is the standard deviation of a factor about one, drawn independently for every joint and step.
     ``terrain_up_m`` raises every box except those under the first contacts, ``rail_shift_m`` moves the rails.
-    ``delay_s`` delays the stabiliser's inputs, rounded to the nearest step of the simulator. ``trunk_mass_kg`` is added
-    to the trunk, at its centre of mass.
+    ``delay_s`` delays the stabiliser's inputs, and ``joint_delay_s`` the joint angles and rates that the joint control
+    uses, both rounded to the nearest step of the simulator. ``trunk_mass_kg`` is added to the trunk, at its centre of
+    mass.
 
     Raises ``InvalidInput`` (``disturbance-out-of-range``).
     """
@@ -57,6 +58,7 @@ class Disturbances:
     terrain_up_m: float = 0.0
     rail_shift_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
     delay_s: float = 0.0
+    joint_delay_s: float = 0.0
     trunk_mass_kg: float = 0.0
     push: Push | None = None
     sensor_noise: SensorNoise | None = None
@@ -65,7 +67,7 @@ class Disturbances:
     def __post_init__(self) -> None:
         positive = {"friction": self.friction, "sole_half_size_m": min(self.sole_half_size_m or (1.0,))}
         faults = [Fault(name, f"must be positive, not {v}") for name, v in positive.items() if v is not None and v <= 0]
-        counted = {"torque_noise": self.torque_noise, "delay_s": self.delay_s}
+        counted = {name: getattr(self, name) for name in ("torque_noise", "delay_s", "joint_delay_s")}
         faults += [Fault(name, f"must not be negative, is {v}") for name, v in counted.items() if not v >= 0.0]
         if faults:
             raise InvalidInput("disturbance-out-of-range", "Some disturbances are out of range.", faults)

@@ -20,7 +20,7 @@ from stridelab.wholebody.motion import WholeBodyMotion
 from stridelab.wholebody.replay.disturbances import UNDISTURBED, Disturbances
 from stridelab.wholebody.replay.log import Replay, ReplayLog
 from stridelab.wholebody.replay.mujoco_model import build_simulation
-from stridelab.wholebody.replay.sensors import SimulatedSensors, StateObserver, as_sensed
+from stridelab.wholebody.replay.sensors import JointReadings, SimulatedSensors, StateObserver, as_sensed
 from stridelab.wholebody.replay.simulation import Simulation
 from stridelab.wholebody.replay.stabiliser import Stabiliser, StabiliserRun
 from stridelab.wholebody.replay.step_adjustment import ConstantClock
@@ -72,7 +72,7 @@ class PhysicsReplay:
         log, torque_ratio = ReplayLog(robot, sequence), 0.0
         stabilising = None if self.stabiliser is None else StabiliserRun(self.stabiliser, robot, motion)
         sensors = SimulatedSensors(simulation, disturbances, substeps)
-        rng = np.random.default_rng(disturbances.seed)
+        joints, rng = JointReadings(simulation, disturbances.joint_delay_s), np.random.default_rng(disturbances.seed)
         last_sample, dt_s, k, hold_samples = len(motion.time_s) - 1, 1.0 / motion.rate_hz, 0, 0
         pace = ConstantClock(last_sample) if stabilising is None else stabilising.pace
         started, standing = time.perf_counter(), True
@@ -85,9 +85,8 @@ class PhysicsReplay:
                 q_target, forward = q_target + angles, forward + added
             for j in range(substeps):
                 q_command = q_target + j * simulation.timestep_s * v_target
-                tau = (
-                    kp * (q_command - simulation.joints_rad) + kd * (v_target - simulation.joint_rates_rad_s) + forward
-                )
+                q_read, v_read = joints.read_joints()
+                tau = kp * (q_command - q_read) + kd * (v_target - v_read) + forward
                 if disturbances.torque_noise:
                     tau = tau * (1.0 + disturbances.torque_noise * rng.normal(size=len(tau)))
                 if disturbances.push is not None:

@@ -42,6 +42,23 @@ def as_sensed(state: SensedState) -> SensedState:
     return state
 
 
+class JointReadings:
+    """Angles and rates of the moving joints as the joint control reads them, ``delay_s`` late.
+
+    The delay is rounded to whole steps of the simulator. Until a reading is old enough, the first one is returned.
+    """
+
+    def __init__(self, simulation: Simulation, delay_s: float) -> None:
+        self._simulation = simulation
+        late_steps = round(delay_s / simulation.timestep_s)
+        self._readings: deque[tuple[Float[np.ndarray, "na"], Float[np.ndarray, "na"]]] = deque(maxlen=late_steps + 1)
+
+    def read_joints(self) -> tuple[Float[np.ndarray, "na"], Float[np.ndarray, "na"]]:
+        """The delayed angles (rad) and rates (rad/s); call once before every step."""
+        self._readings.append((self._simulation.joints_rad, self._simulation.joint_rates_rad_s))
+        return self._readings[0]
+
+
 class SimulatedSensors:
     """Simulated sensors: adds noise to the simulator's state and returns it after the delay ``delay_s``.
 
