@@ -141,6 +141,18 @@ def face_towards(box: Box, direction: Vector3) -> ContactArea:
     return ContactArea(box, center, frame, box.size_m[[x, y]] / 2)
 
 
+def bounding_box(rail: Rail) -> Box:
+    """The smallest box around a rail, with its x axis along it."""
+    span = rail.to_m - rail.from_m
+    length = float(np.linalg.norm(span))
+    d = span / length
+    across = np.cross(d, UP if abs(d[2]) < 0.9 else [1.0, 0.0, 0.0])
+    across = across / np.linalg.norm(across)
+    R = np.column_stack([d, across, np.cross(d, across)])
+    size_m = np.array([length, 2.0 * rail.radius_m, 2.0 * rail.radius_m])
+    return Box(rail.name, Placement((rail.from_m + rail.to_m) / 2, R), size_m, rail.friction)
+
+
 def is_vertical(rail: Rail) -> bool:
     """Whether the rail has no upper side (within a degree)."""
     d = rail.to_m - rail.from_m

@@ -20,6 +20,12 @@ STEP_SHARE: Final = 0.31
 """Step length over h (TALOS: 0.30 m, the depth of its stairs)."""
 RISE_SHARE: Final = 0.19
 """Highest stair over h (TALOS: 0.18 m; its shank hits a stair of 0.20 m, but not one of 0.15 m)."""
+BODY_HEIGHT_SHARE: Final = 1.85
+"""Height of the robot over h (TALOS 1.75, HRP-2 1.73, G1 1.83)."""
+BODY_DEPTH_SHARE: Final = 0.25
+"""Distance over h from the middle of a sole to the front of the body and of the hands in front of it."""
+BODY_WIDTH_SHARE: Final = 0.50
+"""Half the width over h, elbows included (TALOS 0.51, HRP-2 0.45, G1 0.35)."""
 FEET_GAP_M: Final = 0.03
 """Minimum gap between two soles side by side."""
 FEET: Final = ("left_foot", "right_foot")
@@ -42,10 +48,15 @@ def planner_limits(robot_name: str) -> RobotLimits:
         effectors[name] = EffectorLimits(shape.kind, shape.half_size_m or (0.0, 0.0), heading, shape.reach)
     h = max(effectors[name].heading.com_high_m[2] for name in FEET)
     soles = sum(effectors[name].half_size_m[1] for name in FEET)
+    width_m = soles + 2 * FEET_GAP_M
     defaults = StepDefaults(
-        step_m=STEP_SHARE * h, rise_max_m=RISE_SHARE * h, width_m=soles + 2 * FEET_GAP_M,
+        step_m=STEP_SHARE * h,
+        rise_max_m=RISE_SHARE * h,
+        width_m=width_m,
         width_min_m=soles + FEET_GAP_M,
-    )  # fmt: skip
+        body_height_m=BODY_HEIGHT_SHARE * h,
+        body_half_size_m=(BODY_DEPTH_SHARE * h, BODY_WIDTH_SHARE * h - width_m / 2),
+    )
     return RobotLimits(MappingProxyType(effectors), _feet_distance_m(card), defaults)
 
 

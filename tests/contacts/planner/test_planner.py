@@ -129,6 +129,64 @@ def test_a_step_that_misses_its_limits_is_named() -> None:
     )
 
 
+def way_with(obstacle: dict[str, Any], width_m: float = 6.0) -> dict[str, Any]:
+    """2 m over level ground with one more surface."""
+    return task([box("ground", (-1.0, 3.0), 0.0, width_m=width_m), obstacle], 2.0, 0.0)
+
+
+def block(x_m: float, y_m: float, size_m: tuple[float, float, float], low_m: float = 0.0) -> dict[str, Any]:
+    center_m = [x_m, y_m, low_m + size_m[2] / 2]
+    return {"name": "wall", "kind": "box", "center_m": center_m, "size_m": list(size_m)}
+
+
+@pytest.mark.parametrize(
+    "obstacle",
+    [
+        block(1.0, 0.0, (0.2, 6.0, 1.0)),
+        block(1.0, 0.0, (0.01, 5.9, 1.0)),
+        block(1.0, 0.0, (0.2, 6.0, 0.2), low_m=1.1),
+        {"name": "wall", "kind": "rail", "from_m": [1.0, -3.0, 0.9], "to_m": [1.0, 3.0, 0.9], "radius_m": 0.03},
+    ],
+    ids=["wall", "thin wall", "beam overhead", "bar"],
+)
+def test_a_wall_right_across_is_impassable(obstacle: dict[str, Any]) -> None:
+    PLANNER.plan(task(way_with(obstacle)["terrain"][:1], 2.0, 0.0))
+    with pytest.raises(NotEstimable) as refusal:
+        PLANNER.plan(way_with(obstacle))
+    assert refusal.value.code == "contacts-unreachable"
+    assert [fault.where for fault in refusal.value.faults] == ["terrain[wall]"]
+    assert "'wall' can neither be stepped over nor passed below" in refusal.value.message
+
+
+@pytest.mark.parametrize(
+    ("x_m", "y_m", "size_m"),
+    [
+        (1.0, 0.0, (0.2, 1.2, 1.0)),
+        (1.0, 0.0, (0.3, 0.6, 1.0)),
+        (1.0, 0.35, (0.3, 0.3, 1.0)),
+        (0.9, -0.1, (0.05, 0.05, 2)),
+    ],
+)
+def test_an_obstacle_is_walked_around(x_m: float, y_m: float, size_m: tuple[float, float, float]) -> None:
+    """Neither foot nor the line between both comes nearer to it than the body is wide."""
+    plan = PLANNER.plan(way_with(block(x_m, y_m, size_m)))
+    report = validate_scenario(plan.scenario, SHAPES)
+    assert (report.faults, report.remarks) == ((), ())
+    ahead_m, aside_m = PLANNER.limits.defaults.body_half_size_m
+    stances = [{c["effector"]: c["position_m"] for c in phase["contacts"]} for phase in plan.scenario["phases"]]
+    for left, right in ((s["left_foot"], s["right_foot"]) for s in stances if len(s) == 2):
+        for share in np.linspace(0.0, 1.0, 21):
+            x, y, _ = (1.0 - share) * np.array(left) + share * np.array(right)
+            apart = (abs(x - x_m) - size_m[0] / 2 - ahead_m, abs(y - y_m) - size_m[1] / 2 - aside_m)
+            assert max(apart) > -1e-6
+
+
+def test_a_low_bar_is_stepped_over() -> None:
+    plan = PLANNER.plan(way_with(block(1.0, 0.0, (0.1, 6.0, 0.15))))
+    assert plan.steps == PLANNER.plan(task([box("ground", (-1.0, 3.0), 0.0)], 2.0, 0.0)).steps
+    assert validate_scenario(plan.scenario, SHAPES).faults == ()
+
+
 def test_standing_still_is_a_plan() -> None:
     plan = PLANNER.plan(task([box("ground", (-1.0, 1.0), 0.0)], 0.0, 0.0))
     assert (plan.steps, len(plan.scenario["phases"])) == (0, 1)

@@ -6,8 +6,8 @@ and subtracted. The part of a convex piece ``P`` outside a convex obstacle ``{n_
 by a margin, at most 0.9 times its inradius. The region of a rail is a segment.
 """
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
@@ -15,6 +15,7 @@ from jaxtyping import Float
 from scipy.optimize import linprog
 from scipy.spatial import ConvexHull, QhullError
 
+from stridelab.contacts.planner.obstacles import Obstacle, OutsideEdges
 from stridelab.contacts.planner.step_limits import EffectorLimits
 from stridelab.contacts.terrain import Box, ContactArea, Rail, Terrain, contact_area, is_vertical
 from stridelab.conventions import Points, Rotation, Vector3
@@ -30,7 +31,10 @@ Polygon = Float[np.ndarray, "_ 2"]
 
 @dataclass(frozen=True, eq=False)
 class Region:
-    """Positions ``origin + axes u`` with ``A u <= b``, contact frame ``rotation``; ``corners_m`` are the vertices."""
+    """Positions ``origin + axes u`` with ``A u <= b``, contact frame ``rotation``; ``corners_m`` are the vertices.
+
+    ``outside`` are the edges of obstacles outside of which the whole region is.
+    """
 
     surface: str
     origin_m: Vector3
@@ -39,12 +43,21 @@ class Region:
     b: Float[np.ndarray, "m"]
     rotation: Rotation
     corners_m: Points
+    outside: OutsideEdges = field(default_factory=dict)
 
 
 def foothold_regions(
-    terrain: Terrain, friction: float, shape: EffectorLimits, yaw_rad: float, edge_margin_m: float
+    terrain: Terrain,
+    friction: float,
+    shape: EffectorLimits,
+    yaw_rad: float,
+    edge_margin_m: float,
+    obstacles: Sequence[Obstacle] = (),
 ) -> list[Region]:
-    """Regions of a sole on boxes that are not too steep for their friction, or of a hand on rails."""
+    """Regions of a sole on boxes that are not too steep for their friction, or of a hand on rails.
+
+    Regions of soles are divided by the edges of ``obstacles``.
+    """
     if shape.kind == "point":
         return [_rail_region(rail, yaw_rad, edge_margin_m) for rail in terrain.rails if not is_vertical(rail)]
     result: list[Region] = []
@@ -52,7 +65,7 @@ def foothold_regions(
         face = contact_area(box)
         mu = friction if box.friction is None else box.friction
         if face.normal[2] >= np.cos(np.arctan(mu)) - 1e-9:
-            result += _face_regions(face, terrain, shape, yaw_rad, edge_margin_m)
+            result += _face_regions(face, terrain, shape, yaw_rad, edge_margin_m, obstacles)
     return result
 
 
@@ -77,7 +90,12 @@ def _rail_region(rail: Rail, yaw_rad: float, gap_m: float) -> Region:
 
 
 def _face_regions(
-    face: ContactArea, terrain: Terrain, shape: EffectorLimits, yaw_rad: float, gap_m: float
+    face: ContactArea,
+    terrain: Terrain,
+    shape: EffectorLimits,
+    yaw_rad: float,
+    gap_m: float,
+    obstacles: Sequence[Obstacle],
 ) -> list[Region]:
     R = contact_frame(face.normal, _heading_vector(yaw_rad))
     signs = np.array([(1, 1), (-1, 1), (-1, -1), (1, -1)]) * shape.half_size_m
@@ -89,8 +107,41 @@ def _face_regions(
     for box in terrain.boxes:
         if box is not face.surface and (blocked := _blocked_by_box(face, box, sole)) is not None:
             pieces = _subtract_obstacle(pieces, blocked)
-    candidates = (_shrunk_region(face, piece, R, gap_m) for piece in pieces)
+    cells = [(piece, dict[str, frozenset[int]]()) for piece in pieces]
+    signs = np.array([(1, 1), (-1, 1), (-1, -1), (1, -1)])
+    heights = face.center_m[2] + (signs * face.half_m) @ face.frame[2, :2]
+    low, high = float(heights.min()), float(heights.max())
+    for obstacle in obstacles:
+        if obstacle.name != face.surface.name and obstacle.is_in_way(low, high):
+            offsets = obstacle.grown_offsets_m(low, shape, yaw_rad)
+            cells = list(_cells_around(cells, obstacle, offsets, face))
+    cells = sorted(cells, key=lambda cell: _area(cell[0]), reverse=True)[:PIECES_MAX]
+    candidates = (_shrunk_region(face, piece, R, gap_m, outside) for piece, outside in cells)
     return [region for region in candidates if region is not None]
+
+
+def _cells_around(
+    cells: Iterable[tuple[Polygon, OutsideEdges]],
+    obstacle: Obstacle,
+    offsets_m: Float[np.ndarray, "m"],
+    face: ContactArea,
+) -> Iterator[tuple[Polygon, OutsideEdges]]:
+    """Divide cells of a face by the lines of an obstacle's edges and drop what is inside of all of them."""
+    E = face.frame[:2, :2]
+    for piece, outside in cells:
+        parts: list[tuple[Polygon, frozenset[int]]] = [(piece, frozenset())]
+        for i, (n, offset) in enumerate(zip(obstacle.normals, offsets_m, strict=True)):
+            normal, b = n @ E, float(offset - n @ face.center_m[:2])
+            parts = [
+                (part, edges | beyond)
+                for polygon, edges in parts
+                for part, beyond in (
+                    (_clip_polygon(polygon, normal, b), frozenset[int]()),
+                    (_clip_polygon(polygon, -normal, -b), frozenset({i})),
+                )
+                if len(part) > 2 and _area(part) >= MIN_AREA_M2
+            ]
+        yield from ((part, {**outside, obstacle.name: edges}) for part, edges in parts if edges)
 
 
 def _blocked_by_box(face: ContactArea, box: Box, sole: Polygon) -> Float[np.ndarray, "m 3"] | None:
@@ -157,7 +208,9 @@ def _contains(outer: Polygon, inner: Polygon) -> bool:
     return bool(((inner[:, np.newaxis] - outer) * n).sum(axis=2).max() <= 1e-9)
 
 
-def _shrunk_region(face: ContactArea, polygon: Polygon, R: Rotation, gap_m: float) -> Region | None:
+def _shrunk_region(
+    face: ContactArea, polygon: Polygon, R: Rotation, gap_m: float, outside: OutsideEdges
+) -> Region | None:
     A, b = _half_planes(polygon)
     lengths = np.ones((len(A), 1))
     circle = linprog([0, 0, -1], np.hstack([A, lengths]), b, bounds=[(None, None), (None, None), (0, None)])
@@ -167,7 +220,9 @@ def _shrunk_region(face: ContactArea, polygon: Polygon, R: Rotation, gap_m: floa
     for n, offset in zip(A, b, strict=True):
         polygon = _clip_polygon(polygon, n, float(offset))
     corners = face.center_m + polygon @ face.frame[:, :2].T
-    return Region(face.surface.name, face.center_m, face.frame[:, :2], A, b, R, corners) if len(polygon) else None
+    if not len(polygon):
+        return None
+    return Region(face.surface.name, face.center_m, face.frame[:, :2], A, b, R, corners, outside)
 
 
 def _half_planes(polygon: Polygon) -> tuple[Float[np.ndarray, "m 2"], Float[np.ndarray, "m"]]:

@@ -25,6 +25,7 @@ from scipy.sparse import csr_array
 
 from stridelab.contacts.effector_geometry import EffectorReach
 from stridelab.contacts.planner.foothold_regions import Region
+from stridelab.contacts.planner.obstacles import compatible_places
 from stridelab.contacts.planner.schedule import Node, Schedule, StartAndGoal
 from stridelab.contacts.planner.step_limits import BALL_COVER, DIRECTIONS, RobotLimits, ball_rows, heading_frame
 from stridelab.conventions import Rotation, Series, Vector3
@@ -132,6 +133,10 @@ class StepProgram:
             self._add_stance([i for i in stance.values() if not plan.nodes[i].is_absent], move)
         for k in range(1, len(plan.feet)):
             self._constrain_step(plan.feet[k - 1], plan.feet[k], is_last=k == len(plan.feet) - 1)
+        if not slack:
+            for k in range(2, len(plan.feet) + 1):
+                for before in plan.walk[k - 2 : k]:
+                    self._keep_clear(before, plan.walk[k])
 
     def solve(self, seconds: float) -> MilpResult:
         """Solve the program within ``seconds``."""
@@ -238,6 +243,18 @@ class StepProgram:
         rows += [(n, reach) for n in DIRECTIONS]
         for n, offset in rows:
             self.program.add_row([t for p, sign in apart for t in zip(p, sign * n, strict=True)] + move, high=offset)
+
+    def _keep_clear(self, before: int, after: int) -> None:
+        """Exclude pairs of places of two feet with an obstacle between them."""
+        first, second = self.plan.nodes[before], self.plan.nodes[after]
+        passes = compatible_places(first.edges_outside, second.edges_outside)
+        for row, free in enumerate(passes):
+            chosen = [(self.columns[before].H[row], 1.0)] if first.fixed is None else []
+            others = [(h, 1.0) for h, is_free in zip(self.columns[after].H, free, strict=False) if not is_free]
+            if second.fixed is not None and not free[0] and not chosen:
+                self.program.add_row([], low=1.0)  # both places are given: there is no solution
+            elif not free.all():
+                self.program.add_row([*chosen, *others], high=float(bool(chosen) and bool(others)))
 
     def _add_deviation(self, node: Node, region: Region, h: int, u: Columns) -> None:
         """Add the deviation of a position in ``region`` from even steps; hands count along the path only."""

@@ -8,8 +8,8 @@ validation allows (``foothold_regions``), and at most ``extra_steps`` steps abov
 
 import math
 import time
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
@@ -17,6 +17,7 @@ import numpy as np
 from stridelab.contacts.effector_geometry import EffectorShape
 from stridelab.contacts.planner.foothold_regions import Region, foothold_regions
 from stridelab.contacts.planner.milp import PlacedSchedule, StepProgram
+from stridelab.contacts.planner.obstacles import Obstacle, obstacles_met
 from stridelab.contacts.planner.pruning import first_gap, prune_schedule
 from stridelab.contacts.planner.schedule import SAME_M, RegionLookup, Schedule, StartAndGoal, build_schedule
 from stridelab.contacts.planner.start_goal import TaskEnds, scenario_without_phases, task_ends
@@ -67,14 +68,30 @@ class ContactPlanner:
         misses), ``contacts-too-far`` (more than 60 steps), ``contact-plan-timeout``.
         """
         began = time.process_time()
-        task_stances = task_ends(task, self.effectors)
-        ends, rooms, least = self._prepare_ends(task_stances)
+        task_stances, until = task_ends(task, self.effectors), time.monotonic() + self.seconds
+        obstacles: tuple[Obstacle, ...] = ()
+        while True:
+            plan, met = self._plan_around(task, task_stances, obstacles, until, report_progress)
+            if not met:
+                return replace(plan, solve_time_s=time.process_time() - began)
+            obstacles += met
+
+    def _plan_around(
+        self,
+        task: Mapping[str, Any],
+        task_stances: TaskEnds,
+        obstacles: tuple[Obstacle, ...],
+        until: float,
+        report_progress: Progress,
+    ) -> tuple[ContactPlan, tuple[Obstacle, ...]]:
+        """Plan around ``obstacles``; return the plan and the further obstacles that it meets."""
+        ends, rooms, least = self._prepare_ends(task_stances, obstacles)
         draft = task_stances.draft
         if least > STEPS_MAX:
             message = f"The goal is at least {least} steps away; a plan has at most {STEPS_MAX} steps."
             raise NotEstimable("contacts-too-far", message, [Fault("goal", f"{least} steps away")])
         self._raise_for_gap(ends, draft, rooms)
-        until, steps = time.monotonic() + self.seconds, min(STEPS_MAX, max(2, least) + self.extra_steps)
+        steps = min(STEPS_MAX, max(2, least) + self.extra_steps)
         for k, plan in enumerate(self._candidate_schedules(ends, rooms, least)):
             report_progress(min(0.9, k / (2 * self.extra_steps + 2)), f"{len(plan.feet) - 1} steps")
             program = StepProgram(plan, self.limits, ends)
@@ -83,9 +100,11 @@ class ContactPlanner:
                 raise _timeout_error(self.seconds)
             answer = program.solve(left_s)
             if answer.x is not None:
-                scenario = self._validated_scenario(task, draft, plan, program.placements_of(answer))
-                took_s = time.process_time() - began
-                return ContactPlan(scenario, len(plan.feet) - 1, k + 1, answer.objective, took_s)
+                placed = program.placements_of(answer)
+                if met := self._further_obstacles(draft, plan, placed, obstacles):
+                    return ContactPlan({}, len(plan.feet) - 1, k + 1, answer.objective, 0.0), met
+                scenario = self._validated_scenario(task, draft, plan, placed)
+                return ContactPlan(scenario, len(plan.feet) - 1, k + 1, answer.objective, 0.0), ()
             if not answer.proven:
                 raise _timeout_error(self.seconds)
             steps = len(plan.feet) - 1
@@ -95,9 +114,24 @@ class ContactPlanner:
         """Return ends, foothold regions and the minimum number of steps. Raises ``InvalidInput`` as ``plan``."""
         return self._prepare_ends(task_ends(task, self.effectors))
 
-    def _prepare_ends(self, task_stances: TaskEnds) -> tuple[StartAndGoal, RegionLookup, int]:
+    def _prepare_ends(
+        self, task_stances: TaskEnds, obstacles: tuple[Obstacle, ...] = ()
+    ) -> tuple[StartAndGoal, RegionLookup, int]:
         ends = StartAndGoal.from_stances(task_stances.start, task_stances.goal, self.limits.feet)
-        return ends, self._region_lookup(task_stances.draft), _least_steps(ends, self.limits)
+        rooms = self._region_lookup(task_stances.draft, obstacles)
+        return replace(ends, obstacles=obstacles), rooms, _least_steps(ends, self.limits)
+
+    def _further_obstacles(
+        self, draft: Draft, plan: Schedule, placed: PlacedSchedule, known: tuple[Obstacle, ...]
+    ) -> tuple[Obstacle, ...]:
+        """Obstacles in the way of a plan that are not among the known ones."""
+        if len(plan.feet) < 2:
+            return ()
+        walk = [(plan.nodes[i], placed.placements[i]) for i in plan.walk]
+        feet = [(node.effector, at) for node, at in walk if at is not None]
+        names = {obstacle.name for obstacle in known}
+        others = [surface for surface in draft.terrain.surfaces if surface.name not in names]
+        return tuple(obstacles_met(others, feet, [node.yaw_rad for node, _ in walk], self.limits))
 
     def _candidate_schedules(self, ends: StartAndGoal, regions_at: RegionLookup, min_steps: int) -> Iterator[Schedule]:
         """Yield the schedules that may have a solution, fewest steps first."""
@@ -114,7 +148,7 @@ class ContactPlanner:
                     last = min(last, steps + self.extra_steps)
                     yield candidate
 
-    def _region_lookup(self, draft: Draft) -> RegionLookup:
+    def _region_lookup(self, draft: Draft, obstacles: tuple[Obstacle, ...]) -> RegionLookup:
         """Cached lookup of the regions of an effector at a heading, rounded to a microradian."""
         cache: dict[tuple[str, int], tuple[Region, ...]] = {}
         gap_m = self.limits.defaults.toe_gap_m
@@ -123,7 +157,8 @@ class ContactPlanner:
             key = (effector, round(yaw_rad * 1e6))
             if key not in cache:
                 shape = self.limits.effectors[effector]
-                cache[key] = tuple(foothold_regions(draft.terrain, draft.friction, shape, yaw_rad, gap_m))
+                regions = foothold_regions(draft.terrain, draft.friction, shape, yaw_rad, gap_m, obstacles)
+                cache[key] = tuple(regions)
             return cache[key]
 
         return regions_at
@@ -149,6 +184,8 @@ class ContactPlanner:
         start, goal = contacts_on_surfaces(draft, self.effectors)
         names = {foot: (start[foot].surface or "", goal[foot].surface or "") for foot in self.limits.feet}
         gap = first_gap(ends, self.limits, regions_at, names)
+        if gap is not None and ends.obstacles:  # without them there is a way
+            raise _no_way_round(gap.obstacles or [obstacle.name for obstacle in ends.obstacles])
         if gap is not None:
             missing = _gap_text(gap.missing_m)
             text = f"the step from {gap.from_surface!r} to {gap.to_surface!r} would have to reach {missing}"
@@ -159,6 +196,8 @@ class ContactPlanner:
         self, ends: StartAndGoal, regions_at: RegionLookup, steps: int, until: float
     ) -> NotEstimable:
         """The error that names the worst step of the plan with the least total violation of its limits."""
+        if ends.obstacles:
+            return _no_way_round([obstacle.name for obstacle in ends.obstacles])
         relaxed_schedule = build_schedule(ends, self.limits, regions_at, steps, self.limits.defaults.first_foot)
         if relaxed_schedule is None:
             message = f"There is no way to the goal in {steps} steps."
@@ -241,6 +280,13 @@ def _gap_text(missing_m: tuple[float, float, float]) -> str:
     ways = (("ahead", "back"), ("left", "right"), ("up", "down"))
     parts = [f"{abs(v):.3f} m farther {way[v < 0]}" for v, way in zip(missing_m, ways, strict=True) if abs(v) > SAME_M]
     return " and ".join(parts)
+
+
+def _no_way_round(names: Sequence[str]) -> NotEstimable:
+    named = " and ".join(repr(name) for name in names)
+    text = f"{named} can neither be stepped over nor passed below, and no sequence of steps leads around"
+    faults = [Fault(f"terrain[{name}]", "it is in the way of every sequence of steps") for name in names]
+    return NotEstimable("contacts-unreachable", f"There is no way to the goal: {text}.", faults)
 
 
 def _timeout_error(seconds: float) -> NotEstimable:

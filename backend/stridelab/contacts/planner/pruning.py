@@ -11,12 +11,14 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from stridelab.contacts.planner.foothold_regions import Region
+from stridelab.contacts.planner.obstacles import OutsideEdges, blocking_obstacles, compatible_places
 from stridelab.contacts.planner.schedule import Node, RegionLookup, Schedule, StartAndGoal
 from stridelab.contacts.planner.step_limits import RobotLimits, heading_frame
 from stridelab.conventions import Vector3
+from stridelab.dynamics.spatial import Placement
 
 TOLERANCE_M: Final = 1e-6
 
@@ -30,13 +32,16 @@ def prune_schedule(plan: Schedule, limits: RobotLimits) -> Schedule | None:
     nodes = [plan.nodes[i] for i in plan.feet]
     full = [_node_boxes(node, frame) for node in nodes]
     steps = [_step_box(node, limits, frame) for node in nodes]
+    outside = [node.edges_outside for node in nodes]
+    passes = [compatible_places(outside[max(0, k - 1)], outside[k]) for k in range(len(nodes))]
     forward = [full[0]]
     for k in range(1, len(nodes)):
-        forward.append(_reachable_boxes(full[k], forward[-1], *steps[k], given=_both_feet_given(nodes, k)))
+        forward.append(_reachable_boxes(full[k], forward[-1], *steps[k], passes[k].T, given=_both_feet_given(nodes, k)))
     backward = [full[-1]]
     for k in range(len(nodes) - 1, 0, -1):
         low, high = steps[k]
-        backward.insert(0, _reachable_boxes(full[k - 1], backward[0], -high, -low, given=_both_feet_given(nodes, k)))
+        given = _both_feet_given(nodes, k)
+        backward.insert(0, _reachable_boxes(full[k - 1], backward[0], -high, -low, passes[k], given=given))
     changed = list(plan.nodes)
     for k, node in enumerate(nodes):
         low = np.maximum(forward[k][:, 0], backward[k][:, 0])
@@ -55,6 +60,7 @@ class Gap:
     """The gap between a surface reached after ``step`` foot moves and the nearest unreached one.
 
     ``missing_m`` is the signed distance (forward, left, up) that a step lacks, in the heading frame of the start.
+    ``obstacles`` are between the two places.
     """
 
     step: int
@@ -62,6 +68,7 @@ class Gap:
     from_surface: str
     to_surface: str
     missing_m: tuple[float, float, float]
+    obstacles: tuple[str, ...] = ()
 
 
 def first_gap(
@@ -73,36 +80,45 @@ def first_gap(
     """
     frame = heading_frame(ends.yaw_rad)
     yaw = ends.yaw_rad + ends.turn_rad / 2
-    places: list[tuple[str, str, Boxes]] = []
+    places: list[tuple[str, str, Boxes, OutsideEdges]] = []
     for foot in limits.feet:
         node = Node(foot, 0, yaw, None, regions_at(foot, yaw))
         boxes = zip(node.choices, _node_boxes(node, frame), strict=True)
-        places += [(foot, region.surface, box[np.newaxis]) for region, box in boxes]
-    places += [(foot, names[foot][1], _node_boxes(Node(foot, 0, yaw, ends.goal[foot]), frame)) for foot in limits.feet]
+        places += [(foot, region.surface, box[np.newaxis], region.outside) for region, box in boxes]
+    starts = [_end_place(ends, foot, names[foot][0], ends.start[foot], limits, frame) for foot in limits.feet]
+    places += [_end_place(ends, foot, names[foot][1], ends.goal[foot], limits, frame) for foot in limits.feet]
     steps = {foot: _step_box(Node(foot, 0, yaw), limits, frame) for foot in limits.feet}
-    starts = [(foot, names[foot][0], _node_boxes(Node(foot, 0, yaw, ends.start[foot]), frame)) for foot in limits.feet]
     level: dict[int, int] = {}
     queue = deque((0, *start) for start in starts)
-    reached: list[tuple[int, str, str, Boxes]] = []
+    reached: list[tuple[int, str, str, Boxes, OutsideEdges]] = []
     while queue:
-        n, foot, surface, box = queue.popleft()
-        reached.append((n, foot, surface, box))
-        for i, (other, name, target) in enumerate(places):
-            if i not in level and other != foot and not _missing_step(box, target, *steps[other]).any():
+        n, foot, surface, box, outside = queue.popleft()
+        reached.append((n, foot, surface, box, outside))
+        for i, (other, name, target, beyond) in enumerate(places):
+            if i in level or other == foot or blocking_obstacles(outside, beyond):
+                continue
+            if not _missing_step(box, target, *steps[other]).any():
                 level[i] = n + 1
-                queue.append((n + 1, other, name, target))
+                queue.append((n + 1, other, name, target, beyond))
     if level.keys() & {len(places) - 1, len(places) - 2}:
         return None
     lacking = [
-        (float(np.linalg.norm(missing)), n, other, surface, name, missing)
-        for n, foot, surface, box in reached
-        for i, (other, name, target) in enumerate(places)
+        (float(np.linalg.norm(missing)), n, other, surface, name, missing, blocking_obstacles(outside, beyond))
+        for n, foot, surface, box, outside in reached
+        for i, (other, name, target, beyond) in enumerate(places)
         if i not in level and other != foot
         for missing in [_missing_step(box, target, *steps[other])]
     ]
-    _, n, foot, surface, name, missing = min(lacking, key=lambda gap: gap[:2])
+    _, n, foot, surface, name, missing, between = min(lacking, key=lambda gap: gap[:2])
     x, y, z = missing.tolist()
-    return Gap(n, foot, surface, name, (x, y, z))
+    return Gap(n, foot, surface, name, (x, y, z), tuple(between))
+
+
+def _end_place(
+    ends: StartAndGoal, foot: str, surface: str, at: Placement, limits: RobotLimits, frame: Float[np.ndarray, "3 3"]
+) -> tuple[str, str, Boxes, OutsideEdges]:
+    node = ends.fixed_node(foot, 0, ends.yaw_rad + ends.turn_rad / 2, at, limits)
+    return foot, surface, _node_boxes(node, frame), node.outside
 
 
 def _missing_step(box: Boxes, target: Boxes, low: Vector3, high: Vector3) -> Vector3:
@@ -118,13 +134,18 @@ def _both_feet_given(nodes: list[Node], k: int) -> bool:
     return k == len(nodes) - 1 and nodes[k].fixed is not None and nodes[k - 1].fixed is not None
 
 
-def _reachable_boxes(full: Boxes, previous: Boxes, low: Vector3, high: Vector3, *, given: bool) -> Boxes:
-    """Per region, the bounding box of its intersections with all previous boxes, each plus a step."""
+def _reachable_boxes(
+    full: Boxes, previous: Boxes, low: Vector3, high: Vector3, passes: Bool[np.ndarray, "n m"], *, given: bool
+) -> Boxes:
+    """Per region, the bounding box of its intersections with all previous boxes, each plus a step.
+
+    ``passes`` tells whether no obstacle is between a region and a previous one.
+    """
     if given:
         return full
     lowest = np.maximum(full[:, np.newaxis, 0], previous[np.newaxis, :, 0] + low)
     highest = np.minimum(full[:, np.newaxis, 1], previous[np.newaxis, :, 1] + high)
-    met = (lowest <= highest + TOLERANCE_M).all(axis=2)[..., np.newaxis]
+    met = ((lowest <= highest + TOLERANCE_M).all(axis=2) & passes)[..., np.newaxis]
     return np.stack([np.where(met, lowest, np.inf).min(axis=1), np.where(met, highest, -np.inf).max(axis=1)], axis=1)
 
 

@@ -5,12 +5,13 @@ every second foot move and once at the end; in between it may be free. The headi
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
 
 from stridelab.contacts.planner.foothold_regions import Region
+from stridelab.contacts.planner.obstacles import Obstacle, OutsideEdges, placement_edges
 from stridelab.contacts.planner.step_limits import RobotLimits
 from stridelab.dynamics.spatial import Placement
 
@@ -24,7 +25,8 @@ Stance = Mapping[str, Placement]
 class Node:
     """One placement of an effector: ``fixed``, selected from ``choices``, or absent.
 
-    ``free`` allows the effector to have no contact. ``step`` counts the foot moves up to here.
+    ``free`` allows the effector to have no contact. ``step`` counts the foot moves up to here. ``outside`` are the
+    edges of obstacles outside of which a ``fixed`` placement is.
     """
 
     effector: str
@@ -33,11 +35,17 @@ class Node:
     fixed: Placement | None = None
     choices: tuple[Region, ...] = ()
     free: bool = False
+    outside: OutsideEdges = field(default_factory=dict)
 
     @property
     def is_absent(self) -> bool:
         """Whether the effector has no contact in any solution."""
         return self.fixed is None and not self.choices
+
+    @property
+    def edges_outside(self) -> list[OutsideEdges]:
+        """Edges of obstacles outside of which each place is: the fixed one, or every choice."""
+        return [self.outside] if self.fixed is not None else [region.outside for region in self.choices]
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +57,13 @@ class Schedule:
     stances: tuple[Mapping[str, int], ...]
     feet: tuple[int, ...]
 
+    @property
+    def walk(self) -> tuple[int, ...]:
+        """Nodes of the feet in turn, from both feet of the start on: a foot swings from the node before the last."""
+        starts = [i for i in self.stances[0].values() if i != self.feet[0]]
+        first = next(i for i in starts if self.nodes[i].effector == self.nodes[self.feet[1]].effector)
+        return (first, *self.feet)
+
     def with_nodes(self, nodes: tuple[Node, ...]) -> "Schedule":
         """The same moves with other nodes."""
         return replace(self, nodes=nodes)
@@ -56,18 +71,29 @@ class Schedule:
 
 @dataclass(frozen=True, eq=False)
 class StartAndGoal:
-    """Start and goal with their headings; the robot turns by ``turn_rad`` in between."""
+    """Start and goal with their headings; the robot turns by ``turn_rad`` in between, around the ``obstacles``."""
 
     start: Stance
     goal: Stance
     yaw_rad: float
     turn_rad: float
+    obstacles: tuple[Obstacle, ...] = ()
 
     @staticmethod
     def from_stances(start: Stance, goal: Stance, feet: tuple[str, str]) -> "StartAndGoal":
         """Create from two stances; headings are the mean yaw of the soles."""
         yaw, end = (_mean_yaw(stance, feet) for stance in (start, goal))
         return StartAndGoal(start, goal, yaw, float(np.angle(np.exp(1j * (end - yaw)))))
+
+    def fixed_node(
+        self, effector: str, step: int, yaw_rad: float, fixed: Placement | None, limits: RobotLimits
+    ) -> Node:
+        """Node of a given placement, or of none."""
+        shape = limits.effectors[effector]
+        outside: OutsideEdges = {}
+        if fixed is not None and shape.kind == "surface":
+            outside = placement_edges(self.obstacles, fixed, shape, yaw_rad)
+        return Node(effector, step, yaw_rad, fixed, outside=outside)
 
 
 RegionLookup = Callable[[str, float], tuple[Region, ...]]
@@ -87,7 +113,7 @@ def build_schedule(
     standing: dict[str, int] = {}
     for name in (*limits.feet, *hands):
         standing[name] = len(nodes)
-        nodes.append(Node(name, 0, ends.yaw_rad, ends.start.get(name)))
+        nodes.append(ends.fixed_node(name, 0, ends.yaw_rad, ends.start.get(name), limits))
     feet, moves, stances = [standing[order[1]]], [], [dict(standing)]
 
     def append_move(node: Node) -> None:
@@ -103,7 +129,8 @@ def build_schedule(
                 append_move(Node(hand, k - 1, yaw, None, regions_at(hand, yaw), True))
         foot = order[(k - 1) % 2]
         fixed = ends.goal[foot] if k > steps - 2 else None
-        append_move(Node(foot, k, yaw, fixed, () if fixed else regions_at(foot, yaw)))
+        node = Node(foot, k, yaw, None, regions_at(foot, yaw))
+        append_move(node if fixed is None else ends.fixed_node(foot, k, yaw, fixed, limits))
         feet.append(standing[foot])
     for hand in hands:
         append_move(Node(hand, steps, ends.yaw_rad + ends.turn_rad, ends.goal.get(hand)))

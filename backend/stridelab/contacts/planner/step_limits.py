@@ -32,7 +32,9 @@ class StepDefaults:
     """Default steps of a robot.
 
     ``toe_gap_m`` is the preferred distance of a sole from edges and risers, ``rise_max_m`` the highest stair. The feet
-    swing in turn, ``first_foot`` first if either could; the hands move before every second step.
+    swing in turn, ``first_foot`` first if either could; the hands move before every second step. A robot is
+    ``body_height_m`` high; a foot keeps ``body_half_size_m`` (ahead, aside) from obstacles as high as the hands, which
+    leaves room for the body.
     """
 
     step_m: float
@@ -40,6 +42,8 @@ class StepDefaults:
     width_m: float
     width_min_m: float
     toe_gap_m: float = 0.05
+    body_height_m: float = 1.8
+    body_half_size_m: tuple[float, float] = (0.25, 0.40)
     foot_move_s: float = 1.4
     hand_move_s: float = 1.8
     rest_s: float = 0.4

@@ -3,24 +3,30 @@
 Collision checks of swings with the boxes of the terrain.
 """
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
+from jaxtyping import Float
 
 from stridelab.contacts.effector_geometry import EffectorShape, sole_points_m
 from stridelab.contacts.swing import SwingCurve, required_rise_m
 from stridelab.contacts.terrain import (
+    PARALLEL_COSINE,
     Box,
     ContactArea,
     Rail,
     Terrain,
+    bounding_box,
     contact_area,
     depth_in_box_m,
     face_towards,
     is_vertical,
+    vertical_span_m,
 )
 from stridelab.contacts.validation.parse import Draft
 from stridelab.conventions import Points, Series, Vector3
@@ -239,24 +245,74 @@ def swing_collisions(stances: tuple[Stance, ...], terrain: Terrain) -> Iterator[
     if not all_swings:
         return
     paths = [_swept_points(start, end, terrain) for _, start, end in all_swings]
-    low, high = (np.array([extreme(path, axis=0) for path in paths]) for extreme in (np.min, np.max))
+    low, high = (np.array([extreme(path, axis=(0, 1)) for path in paths]) for extreme in (np.min, np.max))
     for box in terrain.boxes:
-        half = np.abs(box.placement.rotation) @ box.size_m / 2
-        near = (low < box.placement.position_m + half).all(axis=1) & (high > box.placement.position_m - half).all(
-            axis=1
-        )
-        for i in np.flatnonzero(near):
-            depth = float(depth_in_box_m(box, paths[i]).max())
-            if depth > SWING_COLLISION_DEPTH_TOLERANCE_M:
-                phase, start, _ = all_swings[i]
+        half = np.abs(box.placement.rotation) @ box.size_m / 2 - SWING_COLLISION_DEPTH_TOLERANCE_M
+        above, below = low < box.placement.position_m + half, high > box.placement.position_m - half
+        for i in np.flatnonzero((above & below).all(axis=1)):
+            phase, start, _ = all_swings[i]
+            depths = _overlaps_m(box, start.shape, paths[i])
+            depth = float(depths.max())
+            if depth > max(depths[0], depths[-1], 0.0) + SWING_COLLISION_DEPTH_TOLERANCE_M:
                 yield phase, start.effector, box.name, depth
 
 
-def _swept_points(start: SurfaceContact, end: SurfaceContact, terrain: Terrain) -> Points:
+def _overlaps_m(box: Box, shape: EffectorShape, path_m: Float[np.ndarray, "t k 3"]) -> Series:
+    """Depth of a sole or a hand inside a box at every instant of a path of its outline points.
+
+    A sole is a rectangle: its depth is the smallest overlap of the projections on the box's axes, its own normal and
+    the products of the edges of both (separating axes), so that a thin box between two points of the outline counts.
+    """
+    if shape.kind == "point":
+        return depth_in_box_m(box, path_m[:, 0])
+    local = (path_m[:, :4] - box.placement.position_m) @ box.placement.rotation
+    edges = np.stack([local[:, 0] - local[:, 1], local[:, 1] - local[:, 2]], axis=1)
+    edges /= np.linalg.norm(edges, axis=2, keepdims=True)
+    products = np.cross(edges[:, :, np.newaxis], np.eye(3)).reshape(len(local), 6, 3)
+    sizes = np.linalg.norm(products, axis=2, keepdims=True)
+    products = np.where(sizes > PARALLEL_COSINE, products / np.maximum(sizes, PARALLEL_COSINE), np.eye(3)[0])
+    axes = np.concatenate(
+        [np.tile(np.eye(3), (len(local), 1, 1)), np.cross(edges[:, :1], edges[:, 1:]), products], axis=1
+    )
+    along = axes @ local.transpose(0, 2, 1)
+    reach = np.abs(axes) @ box.size_m / 2
+    overlap = np.minimum(reach - along.min(axis=2), reach + along.max(axis=2))
+    return np.asarray(overlap.min(axis=1))
+
+
+def _swept_points(start: SurfaceContact, end: SurfaceContact, terrain: Terrain) -> Float[np.ndarray, "t k 3"]:
     """Outline points of the effector along its swing."""
     sole = outline_points_m(start.shape)
     rises = required_rise_m(start.placement, end.placement, sole, terrain)
     curve = SwingCurve(start.placement, end.placement, 1.0, start.shape.kind, rise_m=rises)
     positions, rotations = curve.poses_at(SHARES)
-    points = np.einsum("tij,kj->tki", rotations, sole) + positions[:, np.newaxis]
-    return np.asarray(points.reshape(-1, 3))
+    return np.asarray(np.einsum("tij,kj->tki", rotations, sole) + positions[:, np.newaxis])
+
+
+TRUNK_HEIGHT_SHARES: Final = (0.7, 1.0)
+"""An obstacle from the lower to the higher of these shares of a standing CoM's height is in the way of the trunk."""
+TRUNK_SPACING_M: Final = 0.02
+"""Distance of the points at which the path of the trunk is checked."""
+
+
+def trunk_collisions(stances: tuple[Stance, ...], terrain: Terrain, com_height_m: float) -> Iterator[tuple[int, str]]:
+    """Boxes and rails that the trunk would pass through between two phases: the later phase, and the name.
+
+    The trunk goes in straight lines over the mean of the soles of each phase. An obstacle is in its way if it is on
+    that line and contains heights of the CoM from crouching to standing; feet to both sides of a post are an example.
+    """
+    soles = [[one.placement.position_m for one in stance.values() if one.shape.kind == "surface"] for stance in stances]
+    middles = [(k, np.mean(places, axis=0)) for k, places in enumerate(soles) if places]
+    low_m, high_m = (extreme([z for _, (_, _, z) in middles], default=0.0) for extreme in (min, max))
+    boxes = [one if isinstance(one, Box) else bounding_box(one) for one in terrain.surfaces]
+    bounds = Terrain(tuple(boxes)).box_bounds_m
+    least, most = (share * com_height_m for share in TRUNK_HEIGHT_SHARES)
+    tall = (bounds[0][:, 2] <= high_m + least) & (bounds[1][:, 2] >= low_m + most)
+    boxes = [boxes[i] for i in np.flatnonzero(tall)]
+    for (_, start), (k, end) in pairwise(middles):
+        count = 1 + math.ceil(float(np.linalg.norm(end - start)) / TRUNK_SPACING_M)
+        line = np.linspace(start, end, count)
+        for box in boxes:
+            low, high = vertical_span_m(box, line)
+            if ((low <= line[:, 2] + least) & (high >= line[:, 2] + most)).any():
+                yield k, box.name

@@ -28,7 +28,13 @@ from stridelab.contacts.validation.static_equilibrium import (
     rest_faults,
     static_equilibria,
 )
-from stridelab.contacts.validation.surface_contact import Stance, SurfaceContact, contacts_on_surfaces, swing_collisions
+from stridelab.contacts.validation.surface_contact import (
+    Stance,
+    SurfaceContact,
+    contacts_on_surfaces,
+    swing_collisions,
+    trunk_collisions,
+)
 from stridelab.errors import Fault
 
 PHASE = re.compile(r"phases\[(\d+)\]")
@@ -123,8 +129,8 @@ def validate_quickly(
 
 
 def _contact_faults(draft: Draft, stances: tuple[Stance, ...], effectors: Mapping[str, EffectorShape]) -> list[Fault]:
-    """Faults of single contacts and of consecutive phases."""
-    return [
+    """Faults of single contacts and of consecutive phases; of what moves in between, if there are no others."""
+    faults = [
         *draft.faults,
         *support_faults(draft, effectors),
         *landing_faults(draft, effectors),
@@ -134,6 +140,27 @@ def _contact_faults(draft: Draft, stances: tuple[Stance, ...], effectors: Mappin
         *slip_faults(stances),
         *friction_faults(draft, stances),
     ]
+    return faults or _obstruction_faults(draft, stances, effectors)
+
+
+def _obstruction_faults(
+    draft: Draft, stances: tuple[Stance, ...], effectors: Mapping[str, EffectorShape]
+) -> list[Fault]:
+    """Faults of swings and of the trunk that pass through the terrain; each obstacle once for the trunk."""
+    faults = [
+        Fault(
+            contact_field(phase, effector),
+            f"its swing in phase {phase} passes {100 * depth:.1f} cm deep through {box!r}",
+        )
+        for phase, effector, box, depth in swing_collisions(stances, draft.terrain)
+    ]
+    height_m = max((one.com_height_m for one in effectors.values() if one.com_height_m is not None), default=None)
+    if height_m is not None:
+        first: dict[str, int] = {}
+        for phase, name in trunk_collisions(stances, draft.terrain, height_m):
+            first.setdefault(name, phase)
+        faults += [Fault(f"phases[{k}]", f"the trunk would pass through {name!r}") for name, k in first.items()]
+    return faults
 
 
 def _placement_faults(stances: tuple[Stance, ...]) -> list[Fault]:
@@ -146,13 +173,7 @@ def _placement_faults(stances: tuple[Stance, ...]) -> list[Fault]:
 
 
 def _warnings(draft: Draft, stances: tuple[Stance, ...], effectors: Mapping[str, EffectorShape]) -> list[Remark]:
-    remarks = [
-        Remark(
-            "swing-obstructed",
-            f"{effector} passes {100 * depth:.1f} cm deep through {box!r} on its swing in phase {phase}",
-        )
-        for phase, effector, box, depth in swing_collisions(stances, draft.terrain)
-    ]
+    remarks: list[Remark] = []
     used = sorted({name for stance in stances for name in stance})
     unknown = [name for name in used if effectors[name].reach is None]
     if unknown:
