@@ -5,7 +5,7 @@ Collision checks of swings with the boxes of the terrain.
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 from typing import Final
@@ -291,6 +291,8 @@ def _swept_points(start: SurfaceContact, end: SurfaceContact, terrain: Terrain) 
 
 TRUNK_HEIGHT_SHARES: Final = (0.7, 1.0)
 """An obstacle from the lower to the higher of these shares of a standing CoM's height is in the way of the trunk."""
+TRUNK_WIDTH_SHARE: Final = 1.5
+"""A width that every trunk has, in widths of a sole: the hips are above the soles."""
 TRUNK_SPACING_M: Final = 0.02
 """Distance of the points at which the path of the trunk is checked."""
 
@@ -298,8 +300,10 @@ TRUNK_SPACING_M: Final = 0.02
 def trunk_collisions(stances: tuple[Stance, ...], terrain: Terrain, com_height_m: float) -> Iterator[tuple[int, str]]:
     """Boxes and rails that the trunk would pass through between two phases: the later phase, and the name.
 
-    The trunk goes in straight lines over the mean of the soles of each phase. An obstacle is in its way if it is on
-    that line and contains heights of the CoM from crouching to standing; feet to both sides of a post are an example.
+    The trunk goes in straight lines over the mean of the soles of each phase and is ``TRUNK_WIDTH_SHARE`` soles wide. An
+    The trunk is ``TRUNK_WIDTH_SHARE`` soles wide and goes in straight lines over the mean of the soles of each phase. An
+    obstacle is in its way if it contains the heights of the CoM from crouching to standing there, such as a post
+    between the feet.
     """
     soles = [[one.placement.position_m for one in stance.values() if one.shape.kind == "surface"] for stance in stances]
     middles = [(k, np.mean(places, axis=0)) for k, places in enumerate(soles) if places]
@@ -308,7 +312,9 @@ def trunk_collisions(stances: tuple[Stance, ...], terrain: Terrain, com_height_m
     bounds = Terrain(tuple(boxes)).box_bounds_m
     least, most = (share * com_height_m for share in TRUNK_HEIGHT_SHARES)
     tall = (bounds[0][:, 2] <= high_m + least) & (bounds[1][:, 2] >= low_m + most)
-    boxes = [boxes[i] for i in np.flatnonzero(tall)]
+    soles_m = [min(one.shape.half_size_m) for stance in stances for one in stance.values() if one.shape.half_size_m]
+    room_m = 2.0 * TRUNK_WIDTH_SHARE * max(soles_m, default=0.0)
+    boxes = [_widened_box(boxes[i], room_m) for i in np.flatnonzero(tall)]
     for (_, start), (k, end) in pairwise(middles):
         count = 1 + math.ceil(float(np.linalg.norm(end - start)) / TRUNK_SPACING_M)
         line = np.linspace(start, end, count)
@@ -316,3 +322,8 @@ def trunk_collisions(stances: tuple[Stance, ...], terrain: Terrain, com_height_m
             low, high = vertical_span_m(box, line)
             if ((low <= line[:, 2] + least) & (high >= line[:, 2] + most)).any():
                 yield k, box.name
+
+
+def _widened_box(box: Box, by_m: float) -> Box:
+    """The box with edges longer by ``by_m`` in the horizontal directions."""
+    return replace(box, size_m=box.size_m + by_m * (1.0 - np.abs(box.placement.rotation[2])))
