@@ -300,9 +300,8 @@ TRUNK_SPACING_M: Final = 0.02
 def trunk_collisions(stances: tuple[Stance, ...], terrain: Terrain, com_height_m: float) -> Iterator[tuple[int, str]]:
     """Boxes and rails that the trunk would pass through between two phases: the later phase, and the name.
 
-    The trunk goes in straight lines over the mean of the soles of each phase and is ``TRUNK_WIDTH_SHARE`` soles wide. An
-    The trunk is ``TRUNK_WIDTH_SHARE`` soles wide and goes in straight lines over the mean of the soles of each phase. An
-    obstacle is in its way if it contains the heights of the CoM from crouching to standing there, such as a post
+    The trunk is ``TRUNK_WIDTH_SHARE`` soles wide and goes in straight lines over the mean of the soles of each phase.
+    An obstacle is in its way if it contains the heights of the CoM from crouching to standing there, such as a post
     between the feet.
     """
     soles = [[one.placement.position_m for one in stance.values() if one.shape.kind == "surface"] for stance in stances]
