@@ -209,23 +209,31 @@ class _Problem:
         q[7:] = np.clip(q[7:], self.lower, self.upper)
         for step in range(schedule.steps):
             softness = schedule.decay**step if step < schedule.posture_steps else 0.0
-            e, _ = self.stacked_errors(q)
+            e, J = self.stacked_errors(q)
             if softness == 0.0 and np.abs(e).max() < schedule.end_error:
                 break
-            q = pin.integrate(self.model, q, self.bounded_step(q, softness, posture))
+            q = pin.integrate(self.model, q, self.bounded_step(q, e, J, softness, posture))
         return self.result_at(q, schedule.tolerance)
 
     def bounded_step(
-        self, q: Float[np.ndarray, "nq"], posture_weight: float, posture: Float[np.ndarray, "nq"]
+        self,
+        q: Float[np.ndarray, "nq"],
+        e: Float[np.ndarray, "m"],
+        J: Float[np.ndarray, "m nv"],
+        posture_weight: float,
+        posture: Float[np.ndarray, "nq"],
     ) -> np.ndarray:
-        """The bounded least-squares step ``(nv,)``."""
+        """The bounded least-squares step ``(nv,)`` for the errors and their Jacobian at ``q``."""
         nv = self.model.nv
-        e, J = self.stacked_errors(q)
         h, H_hand = self._point_orientation_errors(q)
         w = posture_weight * self._weights
         s_h = posture_weight * _HAND_WEIGHT
-        P = J.T @ J + s_h * H_hand.T @ H_hand + np.diag(w + _DAMPING)
-        c = -J.T @ e - s_h * H_hand.T @ h - w * pin.difference(self.model, q, posture)
+        P = J.T @ J
+        P[np.diag_indices(nv)] += w + _DAMPING
+        c = -J.T @ e - w * pin.difference(self.model, q, posture)
+        if s_h > 0.0 and len(h):
+            P += s_h * H_hand.T @ H_hand
+            c -= s_h * H_hand.T @ h
         if self._apart is not None and posture_weight > 0.0:
             e_apart, J_apart = self._apart.task_rows(self.model, self._data)
             P += J_apart.T @ J_apart

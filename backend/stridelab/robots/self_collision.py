@@ -18,6 +18,7 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float
 
+from stridelab.dynamics.spatial import cross
 from stridelab.robots.card import CollisionCard
 from stridelab.robots.robot import Robot
 
@@ -86,7 +87,7 @@ class PairSeparation:
                 joint = geometry.geometryObjects[part].parentJoint
                 J_joint = pin.getJointJacobian(model, data, joint, pin.LOCAL_WORLD_ALIGNED)
                 arm = np.array(point) - data.oMi[joint].translation
-                row += sign * (n @ J_joint[:3] + np.cross(arm, n) @ J_joint[3:])
+                row += sign * (n @ J_joint[:3] + cross(arm, n) @ J_joint[3:])
             e.append(self.gap_m - nearest.min_distance)
             J.append(row)
         return np.array(e), np.array(J).reshape(-1, model.nv)
