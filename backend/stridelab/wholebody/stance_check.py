@@ -129,6 +129,10 @@ class StanceCheck:
         x, y, z = np.mean(soles, axis=0)
         return np.array([x, y, z + self._height_m])
 
+    def has_result(self, stance: Stance) -> bool:
+        """Whether the result of ``stance`` is cached."""
+        return stance.cache_key() in self._cache
+
     def check_stance(self, stance: Stance) -> StanceResult:
         """Check ``stance``. Raises ``InvalidInput`` (``effector-unknown``)."""
         key = stance.cache_key()

@@ -1,6 +1,7 @@
 """``POST /scenarios/check`` with ``body_checked``: what the whole body says beside the judge."""
 
 import json
+import time
 from typing import Any
 
 import httpx
@@ -89,3 +90,42 @@ def test_contacts_without_sense_are_not_asked(http: httpx.Client) -> None:
     assert [one["body"] for one in found["phases"]] == ["not-asked", "not-asked", "reachable"]
     nobody = asked(http, one_step(robot="nobody"))
     assert [one["body"] for one in nobody["phases"]] == ["not-asked"] * 3
+
+
+def stored_check(http: httpx.Client, scenario_id: str) -> dict[str, Any]:
+    """The check of a stored scenario once it is complete."""
+    while True:
+        answer = http.get(f"/api/v1/scenarios/{scenario_id}/check", timeout=120)
+        assert answer.status_code == 200, answer.text
+        found = dict(answer.json())
+        if all(warning["code"] != "body-unfinished" for warning in found["warnings"]):
+            return found
+        assert {one["body"] for one in found["phases"]} == {"not-asked"}
+        time.sleep(0.1)
+
+
+def test_a_stored_scenario_has_the_verdict_of_the_body(http: httpx.Client) -> None:
+    added = http.post("/api/v1/scenarios", json=stretched())
+    assert added.status_code == 201, added.text
+    found = stored_check(http, added.json()["id"])
+    assert found["valid"] is False
+    assert [one["phase"] for one in found["phases"] if one["body"] == "unreachable"] == [10]
+    assert [fault["where"] for fault in found["errors"]] == ["phases[10].contacts[left_foot]"]
+    replaced = http.put(f"/api/v1/scenarios/{added.json()['id']}", json=one_step())
+    assert replaced.status_code == 200, replaced.text
+    found = stored_check(http, added.json()["id"])
+    assert (found["valid"], [one["body"] for one in found["phases"]]) == (True, ["reachable"] * 3)
+    unknown = http.get(f"/api/v1/scenarios/{'0' * 32}/check")
+    assert refusal(unknown) == (404, "scenario-not-found")
+
+
+def test_the_phase_that_is_shown_comes_first_and_the_others_in_further_requests(http: httpx.Client) -> None:
+    """With no time for more, each request checks one phase that was not checked before, the nearest to that phase."""
+    body = one_step()
+    for phase in body["phases"]:
+        for contact in phase["contacts"]:
+            contact["position_m"][0] += 0.0123
+    bodies = [[one["body"] for one in asked(http, body, posture_of=2, within_s=1e-6)["phases"]] for _ in range(3)]
+    assert bodies[0] == ["not-asked", "not-asked", "reachable"]
+    assert bodies[1] == ["not-asked", "reachable", "reachable"]
+    assert bodies[2] == ["reachable"] * 3

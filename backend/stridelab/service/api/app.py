@@ -28,6 +28,7 @@ from stridelab.service.api.robots import endpoints as robots
 from stridelab.service.api.robots.cache import RobotCache
 from stridelab.service.api.robots.children import FORK_SERVER_MODULES
 from stridelab.service.api.scenarios import endpoints as scenarios
+from stridelab.service.api.scenarios.stored_checks import StoredChecks
 from stridelab.service.api.session_cookies import SigningKeys
 from stridelab.service.api.stream import endpoints as stream
 from stridelab.service.api.stream.limits import StreamLimiter
@@ -139,6 +140,7 @@ async def open_parts(settings: Settings) -> AsyncIterator[Parts]:
     engine = make_engine(url)
     try:
         blobs = BlobStore.from_url(settings.blob_address, settings.blob_options)
+        validation_limiter = anyio.CapacityLimiter(MAX_VALIDATIONS)
         async with (
             _open_spool(settings) as spool,
             JobNotifications(url) as board,
@@ -151,6 +153,7 @@ async def open_parts(settings: Settings) -> AsyncIterator[Parts]:
                     IsolatedPool(FORK_SERVER_MODULES, settings.job_niceness), blobs, spool, settings.job_memory_mb
                 )
             ) as robot_cache,
+            aclosing(StoredChecks(bodies, validation_limiter, robot_cache)) as stored_checks,
         ):
             yield Parts(
                 settings=settings,
@@ -164,11 +167,12 @@ async def open_parts(settings: Settings) -> AsyncIterator[Parts]:
                 spool=spool,
                 parsers=anyio.CapacityLimiter(MAX_PARSERS),
                 batches=anyio.CapacityLimiter(MAX_BATCHES),
-                validation_limiter=anyio.CapacityLimiter(MAX_VALIDATIONS),
+                validation_limiter=validation_limiter,
                 tokens=TokenCache(engine),
                 robots=robot_cache,
                 resident=resident,
                 stance_checker=bodies,
+                stored_checks=stored_checks,
                 streams=StreamLimiter(settings.stream_limit),
                 started_at_s=time.monotonic(),
                 closing=asyncio.Event(),

@@ -13,6 +13,7 @@ from starlette.requests import HTTPConnection
 
 from stridelab.errors import NotFound
 from stridelab.service.api.robots.cache import RobotCache
+from stridelab.service.api.scenarios.stored_checks import StoredChecks
 from stridelab.service.api.stream.limits import StreamLimiter
 from stridelab.service.auth.callers import UNAUTHENTICATED, Caller
 from stridelab.service.auth.token_cache import TokenCache
@@ -62,6 +63,7 @@ class Parts:
     robots: RobotCache
     resident: PreviewProcess
     stance_checker: PreviewProcess
+    stored_checks: StoredChecks
     streams: StreamLimiter
     started_at_s: float
     closing: asyncio.Event

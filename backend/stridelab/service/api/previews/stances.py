@@ -2,7 +2,7 @@
 
 The request contains the support regions of the scenario validation, so that they are not computed twice:
 
-    {"ask": "stances", "robot": name, "posture_of": phase | null,
+    {"ask": "stances", "robot": name, "posture_of": phase | null, "within_s": seconds | null,
      "phases": [{"contacts": [...], "region_m": [[x, y], ...], "com_m": [x, y, z] | null}, ...]}
 """
 
@@ -21,25 +21,31 @@ from stridelab.wholebody.stance_check import Stance, StanceCheck, StanceResult, 
 Json = dict[str, Any]
 
 TIME_LIMIT_S: Final = 4.0
-"""Time limit of one request; the phases that remain after it have no answer."""
+"""Time limit of one request without its own; the phases that remain after it have no answer."""
 DIGITS: Final = 5
 
 
 def answer_request(question: Json) -> Json:
     """Return ``{"phases": [...]}``: the fields of ``PhaseBody`` without its number; null for a phase not checked.
 
-    The phase ``posture_of`` is checked first and always has an answer. Raises the errors of ``load_robot``.
+    The phase ``posture_of`` is checked first and always has an answer, then its neighbours. At least one phase that is
+    not cached is checked per request. Raises the errors of ``load_robot``.
     """
     check = _check_of(question["robot"])
     stances = stances_of(check, question["phases"])
     shown: int | None = question["posture_of"]
-    order = sorted((k for k, stance in enumerate(stances) if stance is not None), key=lambda k: k != shown)
+    order = sorted((k for k, stance in enumerate(stances) if stance is not None), key=lambda k: abs(k - (shown or 0)))
     answers: list[Json | None] = [None] * len(stances)
-    until_s = time.monotonic() + TIME_LIMIT_S
+    until_s = time.monotonic() + (question.get("within_s") or TIME_LIMIT_S)
+    searched = 0
     for k in order:
         stance = stances[k]
-        if stance is None or (k != shown and time.monotonic() > until_s):
+        if stance is None:
             continue
+        is_cached = check.has_result(stance)
+        if k != shown and not is_cached and searched and time.monotonic() > until_s:
+            continue
+        searched += not is_cached
         answers[k] = _stance_answer(check, check.check_stance(stance), shown=k == shown)
     return {"phases": answers}
 

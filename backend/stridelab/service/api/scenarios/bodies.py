@@ -14,15 +14,20 @@ STRAINED: Final = "body-strained"
 
 
 async def add_body_checks(
-    scenario: Scenario, validation: ScenarioCheck, bodies: PreviewProcess, posture_of: int | None
+    scenario: Scenario,
+    validation: ScenarioCheck,
+    bodies: PreviewProcess,
+    posture_of: int | None,
+    within_s: float | None = None,
 ) -> ScenarioCheck:
-    """Add the whole-body answers to ``found.phases``, and unreachable stances to its errors.
+    """Add the whole-body answers to ``validation.phases``, and unreachable stances to its errors.
 
-    The check is skipped for an unknown robot. Raises the errors of ``Resident.ask``.
+    Phases that are not reached ``within_s`` are not checked, except ``posture_of``; null is the limit of the child. The
+    check is skipped for an unknown robot. Raises the errors of ``Resident.ask``.
     """
     if any(fault.where == "robot" for fault in validation.errors):
         return validation
-    answer = await bodies.ask(_stance_request(scenario, validation, posture_of))
+    answer = await bodies.ask(_stance_request(scenario, validation, posture_of) | {"within_s": within_s})
     phases = [_phase_body(k, result) for k, result in enumerate(answer["phases"])]
     faults = [
         FaultItem(where=_contact_place(k, result["contact"]), message=result["reason"])

@@ -54,13 +54,17 @@ async def list_scenarios(parts: AppParts, limit: Limit = 50, cursor: Cursor = No
 async def add_scenario(
     parts: AppParts, caller: CallerOf, body: Annotated[Scenario, Body(openapi_examples=_STEP)], response: Response
 ) -> StoredScenario:
-    """Validate and store a scenario. One that the robot cannot perform is refused, naming phase and effector."""
+    """Validate and store a scenario. One that the robot cannot perform is refused, naming phase and effector.
+
+    The whole body is checked afterwards, see `GET /scenarios/{scenario_id}/check`.
+    """
     await refuse_invalid(body, parts.validation_limiter, parts.robots)
     async with parts.engine.begin() as connection:
         scenario_id = new_id()
         values = {"id": scenario_id, "owner": caller.name, "body": body.model_dump(mode="json")}
         await connection.execute(insert(scenario).values(values))
         stored = scenario_of(await scenario_row(connection, scenario_id))
+    parts.stored_checks.start(stored)
     response.headers["Location"] = f"/api/v1/scenarios/{stored.id}"
     return stored
 
@@ -80,6 +84,12 @@ async def check_scenario(
     posture_of: Annotated[
         int | None, Query(ge=0, le=1000, description="phase whose posture is returned, with `body_checked`")
     ] = None,
+    within_s: Annotated[
+        float | None,
+        Query(
+            gt=0.0, le=4.0, description="time for phases other than `posture_of` that are not cached; 4 s if omitted"
+        ),
+    ] = None,
 ) -> ScenarioCheck:
     """Check, without storing anything, whether the robot can perform a scenario.
 
@@ -92,7 +102,9 @@ async def check_scenario(
     motion, which only a plan shows.
     """
     validation = await validate_scenario(body, parts.validation_limiter, parts.robots)
-    return await add_body_checks(body, validation, parts.stance_checker, posture_of) if body_checked else validation
+    if not body_checked:
+        return validation
+    return await add_body_checks(body, validation, parts.stance_checker, posture_of, within_s)
 
 
 @router.get("/{scenario_id}", summary="One scenario", responses=_UNKNOWN)
@@ -102,6 +114,26 @@ async def get_scenario(parts: AppParts, scenario_id: str, response: Response) ->
         stored = scenario_of(await scenario_row(connection, scenario_id))
     response.headers["ETag"] = stored.etag
     return stored
+
+
+@router.get(
+    "/{scenario_id}/check",
+    summary="Check a stored scenario",
+    responses={
+        **_UNKNOWN,
+        **failure_responses(s503="The whole-body check failed (`preview-failed`, `preview-stuck`)."),
+    },
+)
+async def check_stored_scenario(parts: AppParts, scenario_id: str) -> ScenarioCheck:
+    """The check of a stored scenario, as by `POST /scenarios/check` with `body_checked`.
+
+    The whole body is checked in the background from the time when the scenario is stored, or from the first request
+    for a bundled one. Until it is complete, `phases[].body` is `not-asked`, and a warning has the code
+    `body-unfinished`.
+    """
+    async with parts.engine.connect() as connection:
+        stored = scenario_of(await scenario_row(connection, scenario_id))
+    return await parts.stored_checks.check(stored)
 
 
 @router.put(
@@ -130,6 +162,7 @@ async def put_scenario(
         values = {"body": body.model_dump(mode="json"), "updated_at": func.now()}
         await connection.execute(update(scenario).where(scenario.c.id == scenario_id).values(values))
         stored = scenario_of(await scenario_row(connection, scenario_id))
+    parts.stored_checks.start(stored)
     response.headers["ETag"] = stored.etag
     return stored
 

@@ -14,6 +14,7 @@ import {
 } from "./validation_text.js";
 
 const MIN_INTERVAL_MS = 120;
+const BODY_S = 0.08; // the chosen phase is checked first; others follow in further requests
 // Requests the validation of a scenario while it is edited: one request at a time; of those that wait, only the latest.
 class ValidationQueue {
   // Calls `onResult(check, scenario)` with each result, or `onFailure(sentence)`. `query()` is the query of the address:
@@ -72,7 +73,7 @@ export class ValidationView {
       (result, scenario) => this.onReachResult(result, scenario),
       (sentence) => this.showVerdict(sentence, "invalid"),
     );
-    const query = () => `?body_checked=true${this.phase === null ? "" : `&posture_of=${this.phase}`}`;
+    const query = () => `?body_checked=true&within_s=${BODY_S}${this.phase === null ? "" : `&posture_of=${this.phase}`}`;
     this.bodyQueue = new ValidationQueue(
       (result, scenario) => this.onBodyResult(result, scenario),
       (sentence) => this.onBodyFailure(sentence),
