@@ -39,7 +39,8 @@ TABLES = (
     (
         "borne",
         "what the replay bears",
-        "Largest CoM error, mm; *most*: the largest that is borne (bisection); *survived*: how many, at even instants.",
+        "Largest CoM error, mm; *control*: joint readings and stabiliser ([more](whole-body.md#a-control-that-reads-late)); "
+        "*most*: the largest that is borne (bisection); *survived*: how many, at even instants.",
     ),
     (
         "estimated",

@@ -29,7 +29,8 @@ def fixed_disturbances(duration_s: float) -> Mapping[str, Disturbances]:
         ),
         "rail 15 mm nearer": Disturbances(rail_shift_m=(0.0, DISPLACEMENT_M, 0.0)),
         "rail 15 mm farther": Disturbances(rail_shift_m=(0.0, -DISPLACEMENT_M, 0.0)),
-        "sensors 5 ms late": Disturbances(delay_s=0.005),
+        "stabiliser alone 5 ms late": Disturbances(delay_s=0.005),
+        "control 2 ms late": Disturbances(delay_s=0.002, joint_delay_s=0.002),
         "noisy sensors": Disturbances(sensor_noise=SensorNoise()),
         "trunk 5 kg heavier": Disturbances(trunk_mass_kg=5.0),
     } | {f"push of 20 Ns to the {side}": lateral_push(duration_s / 2.0, y * PUSH_NS) for side, y in SIDES.items()}
@@ -63,7 +64,9 @@ def scalable_disturbances(duration_s: float) -> Mapping[str, tuple[float, Callab
         "load on the trunk (kg)": (25.0, lambda kg: Disturbances(trunk_mass_kg=kg)),
         "stairs and rail higher (mm)": (60.0, raised_by(1.0)),
         "stairs and rail lower (mm)": (60.0, raised_by(-1.0)),
-        "sensors late (ms)": (64.0, lambda ms: Disturbances(delay_s=1e-3 * ms)),  # halves are whole steps of 1 ms
+        # halves are whole steps of 1 ms
+        "stabiliser alone late (ms)": (64.0, lambda ms: Disturbances(delay_s=1e-3 * ms)),
+        "control late (ms)": (16.0, lambda ms: Disturbances(delay_s=1e-3 * ms, joint_delay_s=1e-3 * ms)),
         "sole less on every side (mm)": (40.0, smaller_sole),
         "friction below 0.3 by": (0.29, lambda less: Disturbances(friction=0.3 - less)),
     }
