@@ -39,8 +39,11 @@ TABLES = (
     (
         "borne",
         "what the replay bears",
-        "Largest CoM error, mm; *control*: joint readings and stabiliser ([more](whole-body.md#a-control-that-reads-late)); "
-        "*most*: the largest that is borne (bisection); *survived*: how many, at even instants.",
+        (
+            "Largest CoM error, mm; *control*: joint readings and stabiliser "
+            "([more](whole-body.md#a-control-that-reads-late)); *most*: the largest that is borne (bisection); "
+            "*survived*: how many, at even instants."
+        ),
     ),
     (
         "estimated",

@@ -26,10 +26,10 @@ from stridelab.studies.stair_variations import (
 PAGE = Path(__file__).resolve().parent.parent / "docs" / "theory" / "stair-variations.md"
 INTRO = """# Random stairs
 
-Written by `scripts/make_stair_variations.py`: the first {number} of {all_number} random flights of {stairs} stairs for TALOS
-(`studies/stair_variations.py`, seed 0), each 5 to 15 cm high, 30 to 36 cm deep, with a toe gap of 50 to 60 mm, all
-durations 0.8 to 1.2 times those of experiments 2 and 3 of the thesis. Beside every other flight there is a rail, 0.70
-to 1.00 m above the footholds, 0.42 to 0.58 m to the right, the hand 0.10 to 0.35 m ahead. Each is planned as the
+Written by `scripts/make_stair_variations.py`: the first {number} of {all_number} random flights of {stairs} stairs for
+TALOS (`studies/stair_variations.py`, seed 0), each 5 to 15 cm high, 30 to 36 cm deep, with a toe gap of 50 to 60 mm,
+all durations 0.8 to 1.2 times those of experiments 2 and 3 of the thesis. Beside every other flight there is a rail,
+0.70 to 1.00 m above the footholds, 0.42 to 0.58 m to the right, the hand 0.10 to 0.35 m ahead. Each is planned as the
 service does, followed by the whole body, certified and replayed in physics.
 """
 KEPT: TypeAdapter[list[SearchResult]] = TypeAdapter(list[SearchResult])
@@ -86,7 +86,8 @@ def page(variations: tuple[Variation, ...], known: dict[int, SearchResult]) -> I
     if errors_mm:
         middle_mm = errors_mm[len(errors_mm) // 2]
         yield f"- CoM error of their replays: {middle_mm:.1f} mm in the median, {errors_mm[-1]:.1f} mm at most."
-    yield f"- **Passed every check and did not complete the replay:** {sum(found.attempt.fell_despite_certificate for found in all_found)}."
+    not_completed = sum(found.attempt.fell_despite_certificate for found in all_found)
+    yield f"- **Passed every check and did not complete the replay:** {not_completed}."
     stages = Counter(found.attempt.stage for found in refused)
     yield f"- Refused: {len(refused)}" + (
         f" ({', '.join(f'{s}: {n}' for s, n in stages.items())})." if refused else "."

@@ -107,7 +107,7 @@ def _face_regions(
     for box in terrain.boxes:
         if box is not face.surface and (blocked := _blocked_by_box(face, box, sole)) is not None:
             pieces = _subtract_obstacle(pieces, blocked)
-    cells = [(piece, dict[str, frozenset[int]]()) for piece in pieces]
+    cells: list[tuple[Polygon, OutsideEdges]] = [(piece, {}) for piece in pieces]
     signs = np.array([(1, 1), (-1, 1), (-1, -1), (1, -1)])
     heights = face.center_m[2] + (signs * face.half_m) @ face.frame[2, :2]
     low, high = float(heights.min()), float(heights.max())

@@ -73,7 +73,8 @@ export class ValidationView {
       (result, scenario) => this.onReachResult(result, scenario),
       (sentence) => this.showVerdict(sentence, "invalid"),
     );
-    const query = () => `?body_checked=true&within_s=${BODY_S}${this.phase === null ? "" : `&posture_of=${this.phase}`}`;
+    const query = () =>
+      `?body_checked=true&within_s=${BODY_S}${this.phase === null ? "" : `&posture_of=${this.phase}`}`;
     this.bodyQueue = new ValidationQueue(
       (result, scenario) => this.onBodyResult(result, scenario),
       (sentence) => this.onBodyFailure(sentence),
