@@ -9,11 +9,13 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
-from stridelab.cli.results import Bar, out, progress_bar
 from stridelab.cli.estimate import require_file
 from stridelab.cli.options import Age, BestMethod, Delivery, Height, Mass, PersonSex, Static, with_groups
 from stridelab.cli.results import (
+    Bar,
     end_if_contradicted,
+    out,
+    progress_bar,
     refuse_to_overwrite,
     result_folder,
     show_files,

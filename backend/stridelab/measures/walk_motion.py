@@ -13,13 +13,11 @@ from jaxtyping import Float
 
 from stridelab.body.geometric_com import GeometricCom
 from stridelab.conventions import Mask, Points, Rotation, Series, Vector3
-from stridelab.estimation.differentiation import smoothed_derivatives
+from stridelab.estimation.differentiation import smoothed_derivatives, walk_frame
 from stridelab.estimation.estimator import ComEstimate
 from stridelab.estimation.evaluation.physics_residuals import MOMENTUM_BAND_HZ, SHORTEST_FLIGHT
-from stridelab.estimation.differentiation import walk_frame
 from stridelab.recordings.foot_contact import Foot, Outline, find_feet, foot_outline
-from stridelab.recordings.plate_contacts import markers_on_plate, outline_off_plates
-from stridelab.recordings.plate_contacts import loaded_intervals
+from stridelab.recordings.plate_contacts import loaded_intervals, markers_on_plate, outline_off_plates
 from stridelab.recordings.recording import Plate, Recording, Side
 from stridelab.walking.gait_events import Contact
 
