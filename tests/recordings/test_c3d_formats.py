@@ -177,6 +177,16 @@ def test_rates_whose_quotient_is_not_whole(tmp_path: Path) -> None:
     assert recording.force_rate_hz == pytest.approx(1050.0)
 
 
+def test_rates_that_only_the_header_states(tmp_path: Path) -> None:
+    """As BTS writes it: without POINT:RATE, ezc3d took the analog samples for points, metres off."""
+    whole = float_file(tmp_path)
+    content = bytearray(whole)
+    for group in ("POINT", "ANALOG"):
+        at = parameter_at(bytes(content), group, "RATE")
+        content[at - 2 - len("RATE") : at - 2] = b"ETAR"
+    assert_same(read(tmp_path, bytes(content)), read(tmp_path, whole), 1e-9)
+
+
 def test_frames_that_the_parameters_count_otherwise(tmp_path: Path) -> None:
     """The header and the size of the file say 20 frames."""
     content = bytearray(float_file(tmp_path))

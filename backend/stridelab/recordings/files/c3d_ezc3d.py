@@ -109,8 +109,8 @@ def is_misread(checked: CheckedC3d) -> bool:
     if layout.n_channels == 0:
         return False
     used, analog_hz = (first_number(header, records, "ANALOG", name) for name in ("USED", "RATE"))
-    if used != layout.n_channels or (rate_hz and int((analog_hz or 0.0) / rate_hz) != layout.ratio):
-        return True
+    if used != layout.n_channels or not rate_hz or int((analog_hz or 0.0) / rate_hz) != layout.ratio:
+        return True  # without a rate ezc3d takes the analog samples for points
     offsets = find_continued(records, "ANALOG", "OFFSET")
     scales = find_continued(records, "ANALOG", "SCALE")
     if any(record.kind != 2 for record in offsets) or any(record.kind != 4 for record in scales):
