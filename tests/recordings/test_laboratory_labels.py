@@ -236,6 +236,37 @@ LISTS = {
         R.Heel R.MT1 R.MT5 L.TH1 L.TH2 L.TH3 L.Knee L.SH1 L.SH2 L.SH3 L.Ankle L.Heel L.MT1 L.MT5 R_HJC L_HJC
         """,
     ),
+    "rajagopal landing": (
+        LEGS_AND_TRUNK,
+        """
+        R.Shoulder L.Shoulder R.Clavicle L.Clavicle R.ASIS L.ASIS R.PSIS S2 L.PSIS R.TH1 R.TH2 R.TH3 R.TH4 R.Knee R.SH1
+        R.SH2 R.SH3 R.Ankle R.Heel R.MT5 R.Toe L.TH1 L.TH2 L.TH3 L.Knee L.SH1 L.SH2 L.SH3 L.SH4 L.Ankle L.Heel L.MT5
+        L.Toe
+        """,
+    ),
+    "rajagopal sacrum": (
+        BODY,
+        """
+        R.Shoulder R.Clavicle R.Bicep R.Elbow R.Forearm R.Wrist L.Shoulder L.Clavicle L.Scapula L.Bicep L.Elbow
+        L.Forearm L.Wrist R.ASIS R.Iliac S2 L.Iliac L.ASIS R.TH1 R.TH2 R.TH3 R.Knee R.SH1 R.SH2 R.SH3 R.SH4 R.Ankle
+        R.Heel R.MT5 L.TH1 L.TH2 L.TH3 L.TH4 L.Knee L.SH1 L.SH2 L.SH3 L.Ankle L.Heel L.MT5 R_HJC L_HJC
+        """,
+    ),
+    "ensam jump": (
+        LEGS_AND_TRUNK,
+        """
+        C7 MAN XYP T8 T12 COTG COTD EASG MTBassin EPSG EPSD EASD FHAG FHPG FBPG FBAG CLG CMG TFIBG THAG THPG TBPG TBAG
+        MLG MMG MT5G MT1G MTPG CALG FHAD FHPD FBPD FBAD CLD CMD TFIBD THAD THPD TBPD TBAD MLD MMD MT5D MT1D MTPD CALD
+        CLAVG ACG SCAPGL CLAVD ACD SCAPDL PATG PATD L5
+        """,
+    ),
+    "uwa-full run": (
+        LEGS_AND_TRUNK,
+        """
+        RACR C7 LACR LPSH LTH3 LCAL RPSH LTB2 RCAL RASH LMT5 LTH1 LTB1 LTB3 LMT1 RPSI CLAV RTB2 RTH2 RTH3 STRN RTH1
+        RMT5 RMT1 LASI LPSI LASH RASI LTH2 RTB3 RTB1 SACR T10
+        """,
+    ),
     "openpose": (
         BODY,
         """
