@@ -10,6 +10,7 @@ parameters linked by 16-bit offsets; then frames of points and analog samples. e
 damaged byte can crash it or cause an endless loop. Here it raises an error with a specific code.
 """
 
+import math
 import struct
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -93,6 +94,12 @@ def check_c3d(path: Path) -> CheckedC3d:
             _refuse_nameless_points(path, header, size)
         raise broken_parameters_error(path.name, f"it holds no parameters; its stated length is {start[2]} blocks")
     _check_counts(path, header)
+    if header.n_points + header.n_analog and header.data_block >= 2 and header.data_start < begin + len(section):
+        try:
+            read_records(section[: max(0, header.data_start - begin)], header.processor, path.name)
+        except UnreadableFile as error:
+            what = f"the header states frames from block {header.data_block} on, where parameters are"
+            raise broken_parameters_error(path.name, what) from error
     layout = find_layout(header, records, size)
     if layout.values_per_frame and (header.data_block < 2 or layout.data_end > size):
         raise truncated_file_error(path.name, "its frames")
@@ -185,7 +192,8 @@ def read_content(path: Path, checked: CheckedC3d) -> C3dContent:
     content = path.read_bytes()
     header, records, layout = checked.header, checked.records, checked.layout
     processor = header.processor
-    stated = first_number(header, records, "POINT", "SCALE") or header.scale or 1.0
+    scales = (first_number(header, records, "POINT", "SCALE") or 0.0, header.scale)
+    stated = next((scale for scale in scales if scale and math.isfinite(scale)), 1.0)
     raw = _decode_values(content[layout.data_start : layout.data_end], processor, layout)
     points, analogs = raw[:, : 4 * layout.n_points], raw[:, 4 * layout.n_points :]
     if layout.width == 2:

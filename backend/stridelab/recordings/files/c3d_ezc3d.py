@@ -90,7 +90,7 @@ def _split_frames(file: C3dContent, n_in_header: int) -> Iterator[C3dContent]:
 def is_misread(checked: CheckedC3d) -> bool:
     """Whether ezc3d would misread the file."""
     header, records, layout = checked.header, checked.records, checked.layout
-    if header.processor != INTEL or layout.width == 2 or header.scale >= 0.0:
+    if header.processor != INTEL or layout.width == 2 or not header.scale < 0.0:
         return True
     if any(len(record.description) > _LONGEST_DESCRIPTION or not record.has_description for record in records):
         return True
@@ -100,7 +100,7 @@ def is_misread(checked: CheckedC3d) -> bool:
     scale, points, frames, rate_hz = (
         first_number(header, records, "POINT", name) for name in ("SCALE", "USED", "FRAMES", "RATE")
     )
-    if (scale is not None and scale >= 0.0) or (points is not None and points != layout.n_points):
+    if (scale is not None and not scale < 0.0) or points != layout.n_points:
         return True
     if layout.n_frames > _MAX_FRAMES:
         return True

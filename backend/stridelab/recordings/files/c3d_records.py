@@ -255,6 +255,8 @@ def find_layout(header: Header, records: Sequence[Record], size: int) -> Layout:
     points = first_number(header, records, "POINT", "USED")
     scale = first_number(header, records, "POINT", "SCALE")
     ratio = header.ratio or 1
+    if header.n_analog % ratio or (header.n_analog and not header.ratio):
+        ratio = header.n_analog // int(used) if used and used > 0 and header.n_analog % used == 0 else 1
     channels = header.n_analog // ratio
     stated = Layout(
         n_frames=_frame_count(header, records),
@@ -271,8 +273,8 @@ def find_layout(header: Header, records: Sequence[Record], size: int) -> Layout:
         options.append(replace(stated, width=6 - stated.width))
     if points is not None and 0 <= points != header.n_points:
         options += [replace(option, n_points=int(points)) for option in options]
-    if used is not None and 0 <= used != channels:
-        options += [replace(option, n_channels=int(used), ratio=ratio) for option in options]
+    if used is not None and used >= 0 and (used, header.ratio) != (channels, ratio):
+        options += [replace(option, n_channels=int(used), ratio=header.ratio or 1) for option in options]
     fitting = [option for option in options if option.data_end <= size]
     return max(fitting, key=lambda option: option.data_end) if fitting else stated
 
