@@ -1,9 +1,13 @@
 """Estimate every recording below some folders and write a page of outcomes; see scripts/strangers.
 
-Each folder is one source: the recordings of one laboratory or repository, fetched by the user of the survey. Every
-recording is read and estimated with default options in a process of its own, with limits on time and memory. A TRC file
-is zipped with the force file that belongs to it: one of the same name, or of the same name and a word such as ``_grf``.
-A recording that is refused without a static trial is estimated with the one beside it, if there is exactly one.
+Without folders the recordings that ``scripts/strangers.tsv`` lists are fetched from their repositories and surveyed,
+and those whose outcome differs from the list are named. Otherwise each folder is one source: the recordings of one
+laboratory or repository.
+
+Every recording is read and estimated with default options in a process of its own, with limits on time and memory. A
+TRC file is zipped with the force file that belongs to it: one of the same name, or of the same name and a word such as
+``_grf``. A recording that is refused without a static trial is estimated with the one beside it whose name is the
+most like its own.
 
 The rows (one JSON object a line) tell for each recording its outcome: ``estimate``, or the code of the error. A survey
 that was interrupted goes on where it stopped; delete the rows to start anew.
@@ -26,7 +30,9 @@ from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
+
+import strangers_list
 
 TIMEOUT_S: Final = 90.0
 MEMORY_BYTES: Final = 4 << 30
@@ -35,7 +41,34 @@ TOLERATED_MM: Final = 50.0
 NO_FORCE: Final = frozenset({"no-plates", "no-measured-window", "plates-unloaded", "window-too-short", "mass-unknown"})
 """Refusals of a fused estimate after which the geometry alone is tried."""
 STATIC_NEEDED: Final = "knee-markers-missing"
+STATIC_WORDS: Final = ("static", "standing")
 FORCE_WORDS: Final = ("", "_grf", "_forces", "_force", "_grfs", "grf", "_ExtLoads", "_GRF")
+
+
+INTRODUCTION: Final = """\
+Written by `scripts/strangers`: public recordings, read and estimated with default options. They are not part of the
+project; `scripts/strangers.tsv` lists their repositories, commits, paths and outcomes, and the script fails where an
+outcome is another one. Evidence: measured on people; no truth is known for them, only whether a result contradicts
+itself.
+
+A content that occurs in several repositories counts once; a trial that a laboratory published in two formats, or
+processed twice, counts twice (PhilD001/biomechZoo has the trials of mcgillmotionlab/biomechzoo). Of the wheelchair
+recordings of SamuelHybois/ibhgc_OpenSim, which mark no leg, every tenth is listed.
+
+*Tuned*: a marker set, a label or a rule was made with files of this source, or with copies of them. *Held-out*: none
+was. *Fused*: markers and force plates together. *Geometry only*: no plate has usable force. *Contradicted*: the result
+has the error remark `contradicted` and does not count as an estimate.
+"""
+
+
+class Trial(NamedTuple):
+    """One recording: its source, its name there, its file, and the files of its forces and its static trial."""
+
+    source: str
+    name: str
+    path: Path
+    forces: Path | None
+    static: Path | None
 
 
 def recordings_below(folder: Path) -> Iterator[Path]:
@@ -62,28 +95,53 @@ def force_file_of(trc: Path) -> Path | None:
 
 
 def static_trial_of(path: Path) -> Path | None:
-    """The only other file called ``static*`` beside a recording, else the only one in the folders of its parent."""
+    """The static trial beside a recording whose name is the most like its own, else the only one in folders beside."""
+
+    def n_shared_words(other: Path) -> int:
+        words, others = (set(re.split(r"[\W_]+", place.stem.lower())) for place in (path, other))
+        return len(words & others)
+
     for places in ([path.parent], [place for place in path.parent.parent.iterdir() if place.is_dir()]):
         found = [
             other
             for place in places
             for other in sorted(place.iterdir())
-            if other.name.lower().startswith("static") and other.suffix.lower() == path.suffix.lower() and other != path
+            if any(word in other.name.lower() for word in STATIC_WORDS)
+            and other.suffix.lower() == path.suffix.lower()
+            and other != path
         ]
+        if places == [path.parent]:
+            best = max(map(n_shared_words, found), default=0)
+            found = [other for other in found if n_shared_words(other) == best]
         if len(found) == 1:
             return found[0]
     return None
 
 
-def uploaded(path: Path, folder: Path) -> Path:
+def trials_below(folder: Path) -> Iterator[Trial]:
+    """The recordings below a folder, with the files that seem to belong to them."""
+    for path in recordings_below(folder):
+        forces = force_file_of(path) if path.suffix.lower() == ".trc" else None
+        yield Trial(folder.name, str(path.relative_to(folder)), path, forces, static_trial_of(path))
+
+
+def listed_trials(entries: Sequence[strangers_list.Entry], folder: Path) -> Iterator[Trial]:
+    """The recordings of the list that lie below the folder into which they were fetched."""
+    for entry in entries:
+        place = folder / entry.place
+        if (place / entry.path).exists():
+            forces, static = (place / name if name else None for name in (entry.forces, entry.static))
+            yield Trial(*entry.key, place / entry.path, forces, static)
+
+
+def uploaded(trial: Trial, folder: Path) -> Path:
     """What a user would upload: the file itself, or a zip of a TRC file and its forces."""
-    forces = force_file_of(path) if path.suffix.lower() == ".trc" else None
-    if forces is None:
-        return path
-    archive = folder / f"{path.stem}.zip"
+    if trial.forces is None:
+        return trial.path
+    archive = folder / f"{trial.path.stem}.zip"
     with zipfile.ZipFile(archive, "w") as made:
-        made.write(path, path.name)
-        made.write(forces, forces.name)
+        made.write(trial.path, trial.path.name)
+        made.write(trial.forces, trial.forces.name)
     return archive
 
 
@@ -100,7 +158,7 @@ def estimated(loaded: Any) -> tuple[Any, str | None]:
         return sl.estimate_com(loaded, method="geometry"), refusal.code
 
 
-def examine(path: Path, answer: Connection) -> None:
+def examine(trial: Trial, answer: Connection) -> None:
     """In a child: estimate one recording and send its row."""
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY_BYTES, MEMORY_BYTES))
     import numpy as np
@@ -112,7 +170,7 @@ def examine(path: Path, answer: Connection) -> None:
     row: dict[str, Any] = {}
     with tempfile.TemporaryDirectory() as folder:
         try:
-            loaded = sl.read(uploaded(path, Path(folder)))
+            loaded = sl.read(uploaded(trial, Path(folder)))
             recording = loaded.recording
             row |= {"frames": recording.n_frames, "markers": len(recording.markers_m), "plates": len(recording.plates)}
             row["labels"] = hashlib.sha256("\n".join(sorted(map(str.lower, recording.markers_m))).encode()).hexdigest()[
@@ -121,11 +179,10 @@ def examine(path: Path, answer: Connection) -> None:
             try:
                 com, row["refused_fusion"] = estimated(loaded)
             except StridelabError as refusal:
-                static = static_trial_of(path)
-                if refusal.code != STATIC_NEEDED or static is None:
+                if refusal.code != STATIC_NEEDED or trial.static is None:
                     raise
-                row["static"] = static.name
-                com, row["refused_fusion"] = estimated(sl.read(loaded.path, static=static))
+                row["static"] = trial.static.name
+                com, row["refused_fusion"] = estimated(sl.read(loaded.path, static=trial.static))
             geometry = com.result.prepared.geometric
             nearest = np.searchsorted(geometry.time_s, com.time_s - 1e-6).clip(max=len(geometry.time_s) - 1)
             difference_m = com.com_m - geometry.com_m[nearest]
@@ -143,14 +200,15 @@ def examine(path: Path, answer: Connection) -> None:
             row |= {"outcome": refusal.code, "message": str(refusal)[:300]}
         except BaseException as failure:  # noqa: BLE001 - a crash is an outcome to report
             row |= {"outcome": "crash", "message": f"{type(failure).__name__}: {failure}"[:300]}
+    row["peak_mib"] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024
     answer.send(row)
 
 
-def row_of(path: Path, source: str, name: str) -> dict[str, Any]:
+def row_of(trial: Trial) -> dict[str, Any]:
     """Examine one recording in a child that is killed when its time is over."""
     context = multiprocessing.get_context("forkserver")
     here, there = context.Pipe(duplex=False)
-    child = context.Process(target=examine, args=(path, there), daemon=True)
+    child = context.Process(target=examine, args=(trial, there), daemon=True)
     began_s = time.monotonic()
     child.start()
     there.close()
@@ -160,38 +218,23 @@ def row_of(path: Path, source: str, name: str) -> dict[str, Any]:
         row = {"outcome": "crash", "message": "the process ended without an answer"}
     child.kill()
     child.join()
-    digest = hashlib.sha256(path.read_bytes()).hexdigest()[:16]
-    return {"source": source, "path": name, "sha256": digest, "took_s": round(time.monotonic() - began_s, 2), **row}
+    digest = hashlib.sha256(trial.path.read_bytes()).hexdigest()[:16]
+    took_s = round(time.monotonic() - began_s, 2)
+    return {"source": trial.source, "path": trial.name, "sha256": digest, "took_s": took_s, **row}
 
 
-def page(rows: Sequence[dict[str, Any]]) -> str:
+def page(rows: Sequence[dict[str, Any]], entries: Sequence[strangers_list.Entry]) -> str:
     """Outcomes by source, and the refusals with a sentence of one recording each."""
     lines = [
         "# Recordings of other laboratories",
         "",
-        "Written by `scripts/strangers`: public recordings, read and estimated with default options. They are not",
-        "part of the project. Evidence: measured on people; no truth is known for them, only whether a result",
-        "contradicts itself.",
+        INTRODUCTION,
+        *_sources(rows, {entry.repository: entry.use for entry in entries}),
         "",
-        "| source | recordings | fused | geometry only | contradicted | refused |",
-        "| --- | --- | --- | --- | --- | --- |",
-    ]
-    sources = sorted({row["source"] for row in rows})
-    for source in [*sources, None]:
-        some = [row for row in rows if source in (None, row["source"])]
-        done = [row for row in some if row["outcome"] == "estimate"]
-        good = [row for row in done if row["verdict"] != "contradicted"]
-        fused = sum(row["method"] != "geometry" for row in good)
-        cells = (source or "all", len(some), fused, len(good) - fused, len(done) - len(good), len(some) - len(done))
-        lines.append("| " + " | ".join(map(str, cells)) + " |")
-    wrong = [row for row in rows if row["outcome"] == "estimate" and row["difference_mm"] > TOLERATED_MM]
-    silent = [row for row in wrong if row["verdict"] != "contradicted"]
-    lines += [
+        *_shares(rows, entries),
         "",
-        f"Results more than {TOLERATED_MM:.0f} mm from the geometry: {len(wrong)}; silently: {len(silent)}.",
-        "",
-        "| refused with | recordings | for example |",
-        "| --- | --- | --- |",
+        "| refused with | recordings | sources | for example |",
+        "| --- | --- | --- | --- |",
     ]
     refused = collections.defaultdict(list)
     for row in rows:
@@ -199,40 +242,90 @@ def page(rows: Sequence[dict[str, Any]]) -> str:
             refused[row["outcome"]].append(row)
     for code, some in sorted(refused.items(), key=lambda item: -len(item[1])):
         message = re.sub(r"\s+", " ", some[0].get("message", "")).replace("|", "\\|")[:160]
-        lines.append(f"| `{code}` | {len(some)} | {message} |")
+        lines.append(f"| `{code}` | {len(some)} | {len({row['source'] for row in some})} | {message} |")
     took_s = [row["took_s"] for row in rows]
     lines += ["", f"Time per recording: median {statistics.median(took_s):.1f} s, longest {max(took_s):.1f} s."]
+    lines.append(f"Largest process: {max(row.get('peak_mib', 0) for row in rows)} MiB.")
     return "\n".join(lines) + "\n"
 
 
+def _sources(rows: Sequence[dict[str, Any]], use: dict[str, str]) -> list[str]:
+    """The table of outcomes by source."""
+    lines = [
+        "| source | use | recordings | fused | geometry only | contradicted | refused |",
+        "| --- | --- | --- | --- | --- | --- | --- |",
+    ]
+    sources = sorted({row["source"] for row in rows}, key=lambda source: (use.get(source, ""), source.lower()))
+    parts = [(source, use.get(source, ""), {source}) for source in sources]
+    parts += [("all", total, {s for s in sources if use.get(s) == total}) for total in sorted(set(use.values()))]
+    for name, used, some_sources in [*parts, ("all", "", set(sources))]:
+        some = [row for row in rows if row["source"] in some_sources]
+        count = collections.Counter(
+            code if code in (*strangers_list.ESTIMATES, "contradicted") else "refused"
+            for code in map(strangers_list.outcome_of, some)
+        )
+        cells = [name, used, len(some), *(count[key] for key in ("fused", "geometry", "contradicted", "refused"))]
+        lines.append("| " + " | ".join(map(str, cells)) + " |")
+    return lines
+
+
+def _shares(rows: Sequence[dict[str, Any]], entries: Sequence[strangers_list.Entry]) -> list[str]:
+    """Estimates among whole bodies with forces and among runs; results far from the geometry."""
+    outcomes = {(row["source"], row["path"]): strangers_list.outcome_of(row) for row in rows}
+    lines = []
+    for name, chosen in (
+        ("Pelvis, legs and trunk are marked, with plates", [e for e in entries if e.marked == "body" and e.plates]),
+        ("Pelvis and legs alone are marked, with plates", [e for e in entries if e.marked == "legs" and e.plates]),
+        ("Runs and sprints", [e for e in entries if e.is_running]),
+        (
+            "Runs and sprints that mark the knees, in the trial or in a static trial beside it",
+            [e for e in entries if e.is_running and e.marked in ("body", "legs")],
+        ),
+    ):
+        for use in ("tuned", "held-out"):
+            some = [outcomes[entry.key] for entry in chosen if entry.use == use and entry.key in outcomes]
+            good = sum(outcome in strangers_list.ESTIMATES for outcome in some)
+            lines.append(f"- {name}, sources {use}: {good} of {len(some)} give an estimate.")
+    wrong = [row for row in rows if row["outcome"] == "estimate" and row["difference_mm"] > TOLERATED_MM]
+    silent = [row for row in wrong if row["verdict"] != "contradicted"]
+    far = f"{len(wrong)}; of these without an error remark: {len(silent)}"
+    return [*lines, f"- Results more than {TOLERATED_MM:.0f} mm from the geometry: {far}."]
+
+
 def main() -> None:
-    """Survey the folders of the command line."""
+    """Survey the recordings of the list, or the folders of the command line."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("folders", nargs="+", type=Path, metavar="FOLDER")
+    parser.add_argument("folders", nargs="*", type=Path, metavar="FOLDER", help="folders to survey instead of the list")
+    parser.add_argument("--into", type=Path, default=Path("strangers"), help="fetch the recordings of the list to here")
+    parser.add_argument("--mirrors", type=Path, help="folder of Git mirrors named owner+name; default: GitHub")
     parser.add_argument("--rows", type=Path, default=Path("strangers.jsonl"), help="rows, one JSON object a line")
     parser.add_argument("--page", type=Path, help="write the page of outcomes here; default: print it")
+    parser.add_argument("--renew", action="store_true", help="write the outcomes to the list")
     arguments = parser.parse_args()
     multiprocessing.set_start_method("forkserver")
     multiprocessing.set_forkserver_preload(["stridelab.library.recordings", "stridelab.pipelines.estimate_com"])
+    entries = [] if arguments.folders else strangers_list.read_list()
+    strangers_list.fetch(entries, arguments.into, arguments.mirrors)
+    trials = [trial for folder in arguments.folders for trial in trials_below(folder)]
+    trials += listed_trials(entries, arguments.into)
     rows = [json.loads(line) for line in arguments.rows.read_text().splitlines()] if arguments.rows.exists() else []
     known = {(row["source"], row["path"]) for row in rows}
-    work = [
-        (path, folder.name, str(path.relative_to(folder)))
-        for folder in arguments.folders
-        for path in recordings_below(folder)
-        if (folder.name, str(path.relative_to(folder))) not in known
-    ]
+    work = [trial for trial in trials if (trial.source, trial.name) not in known]
     with arguments.rows.open("a", encoding="utf-8") as out, ThreadPoolExecutor(2) as pool:
-        for n, row in enumerate(pool.map(lambda item: row_of(*item), work), 1):
+        for n, row in enumerate(pool.map(row_of, work), 1):
             rows.append(row)
             out.write(json.dumps(row) + "\n")
             out.flush()
             sys.stderr.write(f"\r{n} of {len(work)} ")
-    text = page(rows)
+    text = page(rows, entries)
     if arguments.page:
         arguments.page.write_text(text, encoding="utf-8")
     else:
         sys.stdout.write(text)
+    if arguments.renew:
+        strangers_list.write_list(strangers_list.renewed(entries, rows))
+    elif different := strangers_list.differences(entries, rows):
+        sys.exit("\n".join(different))
 
 
 if __name__ == "__main__":

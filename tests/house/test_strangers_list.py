@@ -1,0 +1,72 @@
+"""The list of public recordings that the survey expects, and what the survey makes of it."""
+
+import dataclasses
+import importlib.util
+import re
+import subprocess
+from collections import Counter
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+SPEC = importlib.util.spec_from_file_location("strangers_list", ROOT / "scripts" / "strangers_list.py")
+assert SPEC is not None
+assert SPEC.loader is not None
+strangers_list = importlib.util.module_from_spec(SPEC)
+SPEC.loader.exec_module(strangers_list)
+
+ENTRIES = strangers_list.read_list()
+
+
+def test_the_list_is_small_and_long_enough() -> None:
+    assert strangers_list.LIST.stat().st_size < 1_000_000
+    assert len(ENTRIES) >= 600
+    assert len({entry.repository for entry in ENTRIES}) >= 15
+    assert max(Counter(entry.key for entry in ENTRIES).values()) == 1
+
+
+def test_every_entry_names_a_file_of_a_public_repository() -> None:
+    for entry in ENTRIES:
+        assert re.fullmatch(r"[\w.-]+/[\w.-]+", entry.repository)
+        assert re.fullmatch(r"[0-9a-f]{40}", entry.commit)
+        assert entry.outcome
+        for name in filter(None, (entry.path, entry.forces, entry.static)):
+            assert not Path(name).is_absolute()
+            assert ".." not in Path(name).parts
+
+
+def test_a_survey_that_finds_the_listed_outcomes_differs_in_nothing() -> None:
+    few = ENTRIES[:3]
+    rows = [{"source": entry.repository, "path": entry.key[1], "outcome": "no-markers"} for entry in few]
+    expected = [dataclasses.replace(entry, outcome="no-markers") for entry in few]
+    assert strangers_list.differences(expected, rows) == []
+    assert strangers_list.renewed(few, rows) == expected
+    other = [{**rows[0], "outcome": "estimate", "verdict": "good", "method": "smoother"}, *rows[1:2]]
+    first, second = strangers_list.differences(expected, other)
+    assert first.endswith(f"{few[0].path}: fused, expected no-markers")
+    assert second.endswith(f"{few[2].path}: not surveyed, expected no-markers")
+
+
+def test_files_come_from_the_commit_of_a_mirror(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    mirror = tmp_path / "mirrors" / "lab+data"
+    mirror.mkdir(parents=True)
+    identity = ["-c", "user.name=a", "-c", "user.email=a@example.org"]
+
+    def git(*arguments: str) -> str:
+        return subprocess.check_output(["git", "-C", mirror, *identity, *arguments], text=True).strip()
+
+    git("init", "--quiet")
+    commits = []
+    for content in ("first", "second"):
+        (mirror / "walk.trc").write_text(content, encoding="utf-8")
+        git("add", ".")
+        git("commit", "--quiet", "--message", content)
+        commits.append(git("rev-parse", "HEAD"))
+    plain = dataclasses.replace(ENTRIES[0], repository="lab/data", path="walk.trc", forces="", static="")
+    entries = [dataclasses.replace(plain, commit=commit) for commit in commits]
+    lost = dataclasses.replace(entries[0], path="lost.trc")
+    strangers_list.fetch([*entries, lost], tmp_path / "into", tmp_path / "mirrors")
+    read = [(tmp_path / "into" / entry.place / "walk.trc").read_text(encoding="utf-8") for entry in entries]
+    assert read == ["first", "second"]
+    assert capsys.readouterr().err == f"not fetched: lab/data {commits[0]}:lost.trc\n"
