@@ -35,7 +35,8 @@ from stridelab.recordings.recording import Remark, Subject
 
 COP_THRESHOLD_N = 20.0
 _COLUMN = re.compile(
-    r"^(?P<pre>.*?)ground_(?P<what>force|torque|moment)(?P<post>_\w+?)?_(?P<kind>[vpm]?)(?P<axis>[xyz])$", re.IGNORECASE
+    r"^(?P<pre>.*?)ground_(?P<what>force|torque|moment)(?P<post>\d*(?:_\w+?)?)_(?P<kind>[vpm]?)(?P<axis>[xyz])$",
+    re.IGNORECASE,
 )
 _MARGIN_M = 0.1
 _UP = "+y"
@@ -166,8 +167,9 @@ def parse_mot(text: str, name: str, meaning: Mapping[str, str] = {}) -> tuple[Se
     """Times, and per contact the arrays "v" (force), "p" (centre of pressure) and "t" (free moment).
 
     Both header dialects (``nRows=``, ``datarows``) end in ``endheader``; contacts are distinguished by the prefix or
-    suffix of the column name (``ground_force_vx``, ``1_ground_force_vx``, ``ground_force_r_vx``). ``meaning`` gives
-    columns with other names such a name. Raises ``UnreadableFile`` (``mot-broken``, ``mot-without-forces``).
+    suffix of the column name (``ground_force_vx``, ``1_ground_force_vx``, ``ground_force_r_vx``, ``ground_force1_vx``).
+    ``meaning`` gives columns with other names such a name. Raises ``UnreadableFile`` (``mot-broken``,
+    ``mot-without-forces``).
     """
     try:
         _, columns, table = parse_storage(text)
@@ -182,7 +184,7 @@ def parse_mot(text: str, name: str, meaning: Mapping[str, str] = {}) -> tuple[Se
         match = _COLUMN.match(meaning.get(column, column))
         if match is None:
             continue
-        contact = contacts.setdefault((match["pre"] + (match["post"] or "")).strip("_").lower(), {})
+        contact = contacts.setdefault((match["pre"] + match["post"]).strip("_").lower(), {})
         kind = match["kind"].lower().replace("m", "t") if match["what"].lower() == "force" else "t"
         track = contact.setdefault(kind, np.zeros((len(table), 3)))
         track[:, "xyz".index(match["axis"].lower())] = np.nan_to_num(table[:, i], posinf=0.0, neginf=0.0)
