@@ -58,6 +58,10 @@ recordings of SamuelHybois/ibhgc_OpenSim, which mark no leg, every tenth is list
 *Tuned*: a marker set, a label or a rule was made with files of this source, or with copies of them. *Held-out*: none
 was. *Fused*: markers and force plates together. *Geometry only*: no plate has usable force. *Contradicted*: the result
 has the error remark `contradicted` and does not count as an estimate.
+
+Refused C3D files: ezc3d reads none of those with `c3d-parameters-broken`. Optotrak.c3d (`truncated-file`) states 1149
+frames in its header and holds 29. The files with `all-missing` hold zeros or a residual of -1 at every point;
+those with `no-markers` hold analog channels, angles, rotations or unnamed points.
 """
 
 
