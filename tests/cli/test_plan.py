@@ -67,7 +67,7 @@ def test_the_folder_is_named_after_the_scenario(walk: str, tmp_path: Path, monke
 
 
 def test_a_replay_goes_with_the_whole_body() -> None:
-    def asked(**options: Any) -> tuple[bool, bool]:
+    def asked(**options: Any) -> tuple[bool, bool | ReplayOptions]:
         made = PlanRequest("x", **options).to_input(short_walk())
         return made.whole_body, made.replay
 

@@ -19,6 +19,7 @@ from stridelab.measures import (
     summarise,
     symmetry_index,
 )
+from stridelab.recordings.recording import Side
 from stridelab.walking.gait_events import Contact
 from support.recordings.plain_walk import (
     FOOT_M,
@@ -169,7 +170,7 @@ def test_a_linear_law_of_foot_placement_is_recovered() -> None:
     for k, step in enumerate(plain_steps()):
         middle_s = 0.5 * (step.lift_off_s + step.strike_s)
         outwards = 1.0 if step.side == "left" else -1.0
-        other = "right" if step.side == "left" else "left"
+        other: Side = "right" if step.side == "left" else "left"
         y, v = swaying.at(swaying.com_m, middle_s)[1], swaying.at(swaying.velocity_m_s, middle_s)[1]
         standing = swaying.at(heels[other], step.lift_off_s)[1]
         placed = y + outwards * (0.05 + 0.4 * outwards * (y - standing) + 0.2 * outwards * v)

@@ -37,7 +37,7 @@ def read(folder: Path, changes: Mapping[str, str | None] = MappingProxyType({}))
 
 def com_m(recording: Recording) -> np.ndarray:
     """Centre of mass of the segments, turned back to y up."""
-    com = sum(s.mass_kg * s.com_m for s in recording.segments.values()) / MASS_KG
+    com = np.sum([s.mass_kg * s.com_m for s in recording.segments.values()], axis=0) / MASS_KG
     return np.column_stack([com[:, 0], com[:, 2], -com[:, 1]])
 
 
