@@ -134,8 +134,9 @@ def listed_trials(entries: Sequence[strangers_list.Entry], folder: Path) -> Iter
     for entry in entries:
         place = folder / entry.place
         if (place / entry.path).exists():
-            forces, static = (place / name if name else None for name in (entry.forces, entry.static))
-            yield Trial(*entry.key, place / entry.path, forces, static)
+            forces, static = (place / other if other else None for other in (entry.forces, entry.static))
+            source, name = entry.key
+            yield Trial(source, name, place / entry.path, forces, static)
 
 
 def uploaded(trial: Trial, folder: Path) -> Path:
