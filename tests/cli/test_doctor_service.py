@@ -59,7 +59,7 @@ def test_waiting_jobs_need_a_worker(settings: Settings) -> None:
     assert not idle.ok
     assert "stridelab worker" in idle.fix
     with psycopg.connect(str(settings.database_url)) as connection:
-        connection.execute("INSERT INTO procrastinate_workers DEFAULT VALUES")
+        connection.execute("INSERT INTO worker DEFAULT VALUES")
     assert parts.check_workers(settings).detail == "1 alive, 1 jobs waiting"
 
 

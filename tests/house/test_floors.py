@@ -31,7 +31,6 @@ WEB = {
     "uvicorn",
     "viser",
     "sqlalchemy",
-    "procrastinate",
     "psycopg",
     "httpx",
     "typer",

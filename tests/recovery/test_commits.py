@@ -8,11 +8,11 @@ from support.service.database import TestDatabases
 CHOSEN = (
     *(("work", "publish", fault, "SIGTERM") for fault in ("late request", "late answer", "cut after")),
     *(("stop-half-way", "publish", "lost answer", sent) for sent in ("no signal", "SIGSTOP")),
-    ("work", "start", "lost answer", "no signal"),
-    ("work", "fetch", "cut after", "SIGKILL"),
+    ("work", "claim", "lost answer", "no signal"),
+    ("work", "claim", "cut after", "SIGKILL"),
     ("long-work", "hand back", "lost answer", "no signal"),
 )
-"""Every kind of fault and of signal, at every transaction but the last one."""
+"""Every kind of fault and of signal, at every transaction."""
 
 
 def test_lost_and_late_commits_lose_nothing(postgres: TestDatabases, tmp_path: Path) -> None:

@@ -29,14 +29,14 @@ def test_growth_follows_the_trend_and_not_a_single_value() -> None:
         (lambda n, sample: sample.files.update(worker=20 + 2 * n), "files of the worker"),
         (lambda n, sample: setattr(sample, "connections", 8 + 2 * n), "more and more connections"),
         (lambda n, sample: setattr(sample, "scratch", n), "folders of work in progress"),
-        (lambda n, sample: sample.rows.update(procrastinate_workers=1 + n), "rows of procrastinate_workers"),
+        (lambda n, sample: sample.rows.update(worker=1 + n), "rows of worker"),
         (lambda n, sample: sample.rows.update(job_event=900 * n), "rows of job_event"),
         (lambda n, sample: setattr(sample, "blobs", 900 * n), "files for 110 jobs"),
     ],
 )
 def test_each_leak_is_told(leak: object, told: str) -> None:
     def made(n: int) -> Sample:
-        sample = Sample(10 * n, {"worker": 100.0}, {"worker": 20}, {"procrastinate_workers": 1, "job_event": 0}, 8)
+        sample = Sample(10 * n, {"worker": 100.0}, {"worker": 20}, {"worker": 1, "job_event": 0}, 8)
         if callable(leak):
             leak(n, sample)
         return sample

@@ -13,7 +13,7 @@ from typing import Any, Final, Protocol, runtime_checkable
 
 import structlog
 
-CHATTY_LOGGERS = ("uvicorn.access", "procrastinate", "httpx", "httpcore", "alembic", "websockets")
+CHATTY_LOGGERS = ("uvicorn.access", "httpx", "httpcore", "alembic", "websockets")
 """Third-party loggers limited to warnings and errors; requests are logged by the service's own middleware."""
 
 

@@ -207,7 +207,7 @@ def _worker_unregistration(url: str) -> Callable[[], None]:
             contextlib.suppress(psycopg.OperationalError),  # restarting: the missing heartbeat will unregister it
             psycopg.connect(libpq_address(url), autocommit=True, connect_timeout=5) as connection,
         ):
-            connection.execute("DELETE FROM procrastinate_workers")
+            connection.execute("DELETE FROM worker")
 
     return unregister_workers
 

@@ -8,7 +8,6 @@ import pytest
 
 from stridelab.service.backup.table_rows import open_snapshot
 from stridelab.service.jobs import retention
-from stridelab.service.jobs.queue_consumer import QueueConsumer
 from stridelab.service.settings import Settings
 from support.recordings.c3d_files import small_trial
 from support.service.answers import refusal, upload
@@ -33,11 +32,7 @@ def lab(url: str, tmp_path: Path) -> Iterator[Served]:
 def sweep(lab: Served, url: str) -> None:
     """What a worker's janitor does, with files that have just been written called old."""
 
-    async def act() -> None:
-        async with QueueConsumer(url) as consumer:
-            await retention.remove_expired(lab.parts.engine, lab.parts.blobs, consumer, Settings(database_url=url))
-
-    lab.run(act())
+    lab.run(retention.remove_expired(lab.parts.engine, lab.parts.blobs, Settings(database_url=url)))
 
 
 def two_trials(folder: Path) -> list[bytes]:

@@ -44,10 +44,6 @@ def test_sound_database_has_no_faults(database_url: str, blobs: Path) -> None:
 
 
 ADD = "INSERT INTO job_event (job_id, state, attempt, fraction, message) VALUES ('{}', '{}', {}, 0, '')".format
-DELIVER = (
-    "SELECT procrastinate_defer_jobs_v1(ARRAY[ROW('short', 'run-job', 0, NULL, NULL,"
-    f' \'{{"job_id": "{JOB}"}}\', NULL)::procrastinate_job_to_defer_v1])'
-)
 
 
 @pytest.mark.parametrize(
@@ -63,7 +59,6 @@ DELIVER = (
         (ADD(JOB, "succeeded", 2), "ended 2 times"),
         ("UPDATE job_event SET attempt = 1 WHERE state = 'succeeded'", "went from attempt 2 running to 1 succeeded"),
         ("UPDATE job_event SET state = 'failed' WHERE attempt = 1 AND state = 'running'", "went from failed to queued"),
-        (DELIVER, "is todo in the queue"),
     ],
 )
 def test_what_must_not_be_in_the_tables_is_found(database_url: str, blobs: Path, change: str, said: str) -> None:

@@ -7,9 +7,8 @@ from typing import Any
 import psycopg
 import pytest
 
-from stridelab.service.jobs.attempts import Attempt, AttemptStore
-from stridelab.service.jobs.queue import LANES
-from stridelab.service.jobs.queue_consumer import QueueConsumer
+from stridelab.service.jobs.attempts import AttemptStore
+from stridelab.service.jobs.queue import LANES, Attempt, QueueConsumer
 from stridelab.service.jobs.store import JobStore
 from stridelab.service.storage.database import make_engine
 from support.service.job_kinds import KINDS
@@ -28,12 +27,11 @@ def with_consumers(database_url: str) -> Callable[[int, Work], None]:
             consumers = [QueueConsumer(database_url) for _ in range(number)]
             try:
                 for consumer in consumers:
-                    await consumer.__aenter__()
                     await consumer.send_heartbeat()
                 await act(JobStore(engine, KINDS), AttemptStore(engine, KINDS), consumers)
             finally:
                 for consumer in consumers:
-                    await consumer.__aexit__()
+                    await consumer.close()
                 await engine.dispose()
 
         asyncio.run(inside())
@@ -41,17 +39,14 @@ def with_consumers(database_url: str) -> Callable[[int, Work], None]:
     return run
 
 
-async def take(attempts: AttemptStore, consumer: QueueConsumer) -> Attempt | None:
-    delivery = await consumer.fetch_delivery(LANES)
-    return None if delivery is None else await attempts.start_attempt(delivery)
+async def take(consumer: QueueConsumer) -> Attempt | None:
+    return await consumer.claim_attempt(LANES)
 
 
 def shift(url: str, seconds: float) -> None:
     """Let the database's clock be ``seconds`` ahead: what was written before looks that much older."""
     with psycopg.connect(url) as connection:
-        connection.execute(
-            "UPDATE procrastinate_workers SET last_heartbeat = last_heartbeat - make_interval(secs => %s)", (seconds,)
-        )
+        connection.execute("UPDATE worker SET last_heartbeat = last_heartbeat - make_interval(secs => %s)", (seconds,))
 
 
 def test_of_workers_that_race_for_an_orphan_one_gets_it(
@@ -61,13 +56,13 @@ def test_of_workers_that_race_for_an_orphan_one_gets_it(
         dead, *living = consumers
         for number in range(1, 11):
             job_id = (await store.submit("work", {"n": number})).job_id
-            lost = await take(attempts, dead)
+            lost = await take(dead)
             assert lost is not None
             await asyncio.to_thread(shift, database_url, 2 * STALL_S)
             await asyncio.gather(*(consumer.send_heartbeat() for consumer in living))
             found = await asyncio.gather(*(attempts.requeue_lost(STALL_S) for _ in living))
             assert [ids for ids in found if ids] == [[job_id]]
-            taken = [a for a in await asyncio.gather(*(take(attempts, consumer) for consumer in living)) if a]
+            taken = [a for a in await asyncio.gather(*(take(consumer) for consumer in living)) if a]
             assert [(one.job_id, one.number) for one in taken] == [(job_id, 2)]
             ends = await asyncio.gather(*(attempts.end_attempt(one, "failed", None, "") for one in (lost, taken[0])))
             assert ends == [False, True]
@@ -83,7 +78,7 @@ def test_clock_that_jumps_forward_costs_a_start_and_no_job(
     async def act(store: JobStore, attempts: AttemptStore, consumers: list[QueueConsumer]) -> None:
         one, other = consumers
         ids = {(await store.submit("work", {"n": n})).job_id for n in range(2)}
-        before = [await take(attempts, one), await take(attempts, other)]
+        before = [await take(one), await take(other)]
         await asyncio.to_thread(shift, database_url, 3600.0)
         await one.send_heartbeat()  # the first to beat after the jump takes the other's job, not its own
         assert len(await attempts.requeue_lost(STALL_S)) == 1
@@ -92,7 +87,7 @@ def test_clock_that_jumps_forward_costs_a_start_and_no_job(
         assert await attempts.report_progress(before[0], 0.5, "on")
         assert await attempts.should_stop(before[1])
         await other.send_heartbeat()
-        again = await take(attempts, other)
+        again = await take(other)
         assert again is not None
         assert (again.job_id, again.number) == (before[1].job_id, 2)
         for attempt, ended in ((before[1], False), (again, True), (before[0], True)):
@@ -107,7 +102,7 @@ def test_clock_that_jumps_back_takes_nothing_away(
 ) -> None:
     async def act(store: JobStore, attempts: AttemptStore, consumers: list[QueueConsumer]) -> None:
         await store.submit("work", {})
-        mine = await take(attempts, consumers[0])
+        mine = await take(consumers[0])
         assert mine is not None
         await asyncio.to_thread(shift, database_url, -3600.0)
         assert await attempts.requeue_lost(STALL_S) == []
@@ -118,24 +113,34 @@ def test_clock_that_jumps_back_takes_nothing_away(
     with_consumers(1, act)
 
 
-def test_delivery_of_an_ended_job_is_closed_for_a_worker_that_died_before_it_could(
+def test_claims_at_once_start_every_job_once(database_url: str, with_consumers: Callable[[int, Work], None]) -> None:
+    """Those who find the first job of an owner taken get the next one, and nobody goes away empty."""
+
+    async def act(store: JobStore, attempts: AttemptStore, consumers: list[QueueConsumer]) -> None:
+        ids = [(await store.submit("work", {"n": n})).job_id for n in range(40)]
+        taken: list[Attempt | None] = []
+        for _ in range(8):
+            taken += await asyncio.gather(*(take(one) for one in consumers))
+        assert sorted(each.job_id for each in taken if each) == sorted(ids)
+        assert await asyncio.gather(*(take(one) for one in consumers)) == [None] * 5
+
+    with_consumers(5, act)
+
+
+def test_claim_whose_answer_was_lost_is_answered_again_in_its_lane(
     database_url: str, with_consumers: Callable[[int, Work], None]
 ) -> None:
     async def act(store: JobStore, attempts: AttemptStore, consumers: list[QueueConsumer]) -> None:
-        await store.submit("work", {})
-        mine = await take(attempts, consumers[0])
-        assert mine is not None
-        await attempts.end_attempt(mine, "failed", None, "")
+        one, other = consumers
+        job_id = (await store.submit("long-work", {})).job_id
+        unheard = await take(one)
+        assert unheard is not None
+        one.release_attempt(unheard)  # it does not know that it has it
+        assert await one.claim_attempt(["short"]) is None
+        assert await take(other) is None
+        again = await take(one)
+        assert again is not None
+        assert (again.job_id, again.number) == (job_id, 1)
+        assert await take(one) is None
 
-        def open_deliveries() -> int:
-            with psycopg.connect(database_url) as look:
-                rows = look.execute("SELECT id FROM procrastinate_jobs WHERE status = 'doing'").fetchall()
-            return len(rows)
-
-        assert await attempts.requeue_lost(STALL_S) == []
-        assert await asyncio.to_thread(open_deliveries) == 1  # its worker lives: it will
-        await asyncio.to_thread(shift, database_url, 2 * STALL_S)
-        assert await attempts.requeue_lost(STALL_S) == []
-        assert await asyncio.to_thread(open_deliveries) == 0
-
-    with_consumers(1, act)
+    with_consumers(2, act)

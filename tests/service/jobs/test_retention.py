@@ -8,9 +8,9 @@ import psycopg
 import pytest
 from sqlalchemy.ext.asyncio import AsyncConnection, AsyncEngine
 
-from stridelab.service.jobs.queue_consumer import QueueConsumer
-from stridelab.service.jobs.retention import remove_old_events, remove_old_jobs, remove_orphans
+from stridelab.service.jobs.retention import remove_expired, remove_old_events, remove_old_jobs, remove_orphans
 from stridelab.service.jobs.store import JobStore
+from stridelab.service.settings import Settings
 from stridelab.service.storage.blobs import BlobStore
 from support.service.database import within
 from support.service.job_kinds import KINDS
@@ -141,18 +141,12 @@ def test_only_files_without_a_row_are_orphans(use: Any, blobs: BlobStore, databa
     use(act)
 
 
-def test_workers_that_died_are_forgotten_after_a_day(database_url: str) -> None:
+def test_workers_that_died_are_forgotten_after_a_day(database_url: str, blobs: BlobStore) -> None:
     with psycopg.connect(database_url) as connection:
         connection.execute(
-            "INSERT INTO procrastinate_workers (last_heartbeat)"
-            " VALUES (now() - interval '23 h'), (now() - interval '25 h')"
+            "INSERT INTO worker (last_heartbeat) VALUES (now() - interval '23 h'), (now() - interval '25 h')"
         )
-
-    async def act() -> None:
-        async with QueueConsumer(database_url) as consumer:
-            await consumer.remove_old(24)
-
-    asyncio.run(act())
+    within(database_url, lambda engine: remove_expired(engine, blobs, Settings(database_url=database_url)))
     with psycopg.connect(database_url) as connection:
-        left = connection.execute("SELECT now() - last_heartbeat < interval '24 h' FROM procrastinate_workers")
+        left = connection.execute("SELECT now() - last_heartbeat < interval '24 h' FROM worker")
         assert left.fetchall() == [(True,)]

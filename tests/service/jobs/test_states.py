@@ -13,9 +13,8 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, ru
 
 from stridelab.errors import Busy, Conflict
 from stridelab.schemas.jobs import FINAL_STATES
-from stridelab.service.jobs.attempts import Attempt, AttemptStore
-from stridelab.service.jobs.queue import LANES, Delivery
-from stridelab.service.jobs.queue_consumer import QueueConsumer
+from stridelab.service.jobs.attempts import AttemptStore
+from stridelab.service.jobs.queue import LANES, Attempt, QueueConsumer
 from stridelab.service.jobs.store import JobStore
 from stridelab.service.storage.blobs import BlobStore
 from stridelab.service.storage.database import make_engine
@@ -39,7 +38,7 @@ class Model:
     error: str | None = None
     holder: int | None = None
     carried: bool = False
-    """Whether a living worker has its delivery."""
+    """Whether a living worker runs it."""
 
 
 @dataclass
@@ -47,7 +46,6 @@ class Held:
     """An attempt in the hands of a worker, present or past."""
 
     worker: int
-    delivery: Delivery
     attempt: Attempt
     job_id: str
 
@@ -84,18 +82,17 @@ class JobMachine(RuleBasedStateMachine):
         self.blobs = BlobStore.from_url(self.folder.as_uri())
         self.seats = [Seat(QueueConsumer(self.url)) for _ in range(2)]
         for seat in self.seats:
-            await seat.consumer.__aenter__()
             await seat.consumer.send_heartbeat()
 
     def teardown(self) -> None:
         async def close() -> None:
             for seat in self.seats:
-                await seat.consumer.__aexit__()
+                await seat.consumer.close()
             await self.engine.dispose()
 
         self.do(close())
         self.runner.close()
-        self.look.execute("TRUNCATE job, job_event, procrastinate_jobs, procrastinate_workers CASCADE")
+        self.look.execute("TRUNCATE job, job_event, worker CASCADE")
         self.look.close()
 
     @initialize()
@@ -151,18 +148,16 @@ class JobMachine(RuleBasedStateMachine):
     @rule(worker=st.integers(0, 1))
     def take(self, worker: int) -> None:
         seat = self.seats[worker]
-        delivery = self.do(seat.consumer.fetch_delivery(LANES))
+        attempt = self.do(seat.consumer.claim_attempt(LANES))
         waiting = [(-m.priority, m.order, job_id) for job_id, m in self.models.items() if m.state == "queued"]
-        if delivery is None:
+        if attempt is None:
             assert not waiting
             return
-        assert min(waiting)[2] == delivery.job_id
-        attempt = self.do(self.attempts.start_attempt(delivery))
-        model = self.models[delivery.job_id]
-        assert attempt is not None
+        assert min(waiting)[2] == attempt.job_id
+        model = self.models[attempt.job_id]
         model.state, model.attempt, model.holder, model.carried = "running", model.attempt + 1, worker, True
         assert attempt.number == model.attempt
-        seat.holds.append(Held(worker, delivery, attempt, delivery.job_id))
+        seat.holds.append(Held(worker, attempt, attempt.job_id))
 
     def _present(self, held: Held) -> bool:
         model = self.models[held.job_id]
@@ -231,8 +226,8 @@ class JobMachine(RuleBasedStateMachine):
         self._let_go(held)
 
     def _let_go(self, held: Held) -> None:
-        """The worker signs the delivery off, whether or not it had a say."""
-        self.do(self.seats[held.worker].consumer.finish_delivery(held.delivery))
+        """The worker is done with the attempt, whether or not it had a say."""
+        self.seats[held.worker].consumer.release_attempt(held.attempt)
         self.seats[held.worker].holds = [h for h in self.seats[held.worker].holds if h is not held]
         self.past = [*(h for h in self.past if h is not held), held][-4:]  # it may try again
 
@@ -298,20 +293,15 @@ class JobMachine(RuleBasedStateMachine):
             assert attempts == sorted(attempts)
 
     @invariant()
-    def every_open_job_has_one_delivery(self) -> None:
-        """Nothing accepted is lost: what is queued waits in the queue, what runs is held."""
-        rows = self.look.execute(
-            "SELECT j.id, j.state, q.status::text FROM job j JOIN procrastinate_jobs q ON q.id = j.queue_id"
-        ).fetchall()
-        assert len(rows) == len(self.models)
-        for _, state, status in rows:
-            if state in ("queued", "running"):
-                assert status == {"queued": "todo", "running": "doing"}[state]
-        extra = self.look.execute(
-            "SELECT count(*) FROM procrastinate_jobs q WHERE q.status = 'todo'"
-            " AND NOT EXISTS (SELECT 1 FROM job j WHERE j.queue_id = q.id AND j.state = 'queued')"
-        ).fetchone()
-        assert extra == (0,)
+    def what_runs_has_a_worker_and_what_waits_has_none(self) -> None:
+        """Nothing accepted is lost: what is queued waits for anybody, what runs is held or will be found lost."""
+        rows = self.look.execute("SELECT id, state, worker_id FROM job").fetchall()
+        living = {number for (number,) in self.look.execute("SELECT id FROM worker")}
+        for job_id, state, worker in rows:
+            if state == "queued":
+                assert worker is None
+            if state == "running":
+                assert (worker in living) is self.models[job_id].carried
 
 
 @pytest.mark.timeout(600)

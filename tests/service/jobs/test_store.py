@@ -6,6 +6,7 @@ import psycopg
 import pytest
 
 from stridelab.errors import Busy, Conflict, InvalidInput, NotFound
+from stridelab.service.jobs.queue import LANES, Attempt, QueueConsumer
 from stridelab.service.jobs.store import JobStore
 from support.service.database import within
 from support.service.job_kinds import KINDS
@@ -25,7 +26,7 @@ def use(database_url: str) -> Use:
     return run
 
 
-def test_submit_makes_row_event_and_delivery_together(use: Use, database_url: str) -> None:
+def test_submit_makes_row_and_event_together(use: Use, database_url: str) -> None:
     async def act(store: JobStore) -> None:
         submitted = await store.submit("work", {"a": 1}, owner="o", priority=3)
         assert submitted.created
@@ -38,10 +39,7 @@ def test_submit_makes_row_event_and_delivery_together(use: Use, database_url: st
 
     use(act)
     with psycopg.connect(database_url) as connection:
-        rows = connection.execute(
-            "SELECT q.queue_name, q.priority, q.status FROM procrastinate_jobs q JOIN job j ON j.queue_id = q.id"
-        ).fetchall()
-    assert rows == [("short", 3, "todo")]
+        assert connection.execute("SELECT lane, priority, state FROM job").fetchall() == [("short", 3, "queued")]
 
 
 def test_refused_submissions_leave_nothing(use: Use, database_url: str) -> None:
@@ -59,7 +57,7 @@ def test_refused_submissions_leave_nothing(use: Use, database_url: str) -> None:
 
     use(act)
     with psycopg.connect(database_url) as connection:
-        for table in ("job", "job_event", "procrastinate_jobs"):
+        for table in ("job", "job_event"):
             assert connection.execute(f"SELECT count(*) FROM {table}").fetchone() == (0,)
 
 
@@ -144,6 +142,14 @@ def test_position_in_the_queue_follows_priority_then_age(use: Use) -> None:
     use(act)
 
 
+async def claim(url: str) -> Attempt | None:
+    consumer = QueueConsumer(url)
+    try:
+        return await consumer.claim_attempt(LANES)
+    finally:
+        await consumer.close()
+
+
 def test_cancelling_a_queued_job_ends_it_at_once(use: Use, database_url: str) -> None:
     async def act(store: JobStore) -> None:
         job_id = (await store.submit("work", {})).job_id
@@ -157,8 +163,7 @@ def test_cancelling_a_queued_job_ends_it_at_once(use: Use, database_url: str) ->
         assert without.value.code == "job-without-result"
 
     use(act)
-    with psycopg.connect(database_url) as connection:
-        assert connection.execute("SELECT status FROM procrastinate_jobs").fetchall() == [("cancelled",)]
+    assert asyncio.run(claim(database_url)) is None
 
 
 def test_unknown_jobs_and_unfinished_results(use: Use) -> None:

@@ -4,7 +4,6 @@ import threading
 import psycopg
 import pytest
 from alembic.script import ScriptDirectory
-from procrastinate.schema import SchemaManager
 from sqlalchemy import text
 from sqlalchemy.ext.asyncio import AsyncEngine
 
@@ -26,11 +25,6 @@ def test_migrations_make_exactly_the_declared_tables(database_url: str) -> None:
 def test_file_names_tell_the_order_of_revisions() -> None:
     scripts = ScriptDirectory(str(MIGRATIONS))
     assert [script.revision for script in scripts.walk_revisions()][::-1] == all_revisions()
-
-
-def test_queue_schema_is_that_of_the_installed_version() -> None:
-    # when procrastinate moves on, its own migration files become a new revision and this file stays as it is
-    assert (MIGRATIONS / "procrastinate-3.10.sql").read_text(encoding="utf-8") == SchemaManager.get_schema()
 
 
 def test_migrating_twice_and_at_once_is_harmless(postgres: TestDatabases) -> None:

@@ -38,6 +38,8 @@ def test_every_row_survives_the_way_from(postgres: TestDatabases, tmp_path: Path
         migrate(url)
         after = rows(url)
         for table, kept in before.items():
+            for old in kept:
+                old.pop("queue_id", None)  # the row of the queue that revision 0009 drops
             assert [{name: new[name] for name in old} for old, new in zip(kept, after[table], strict=True)] == kept
         migrate(url)  # nothing is left to do
         assert rows(url) == after

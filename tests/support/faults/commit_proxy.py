@@ -20,7 +20,7 @@ FAULTS: Final[tuple[Fault, ...]] = ("lost request", "lost answer", "late request
 _REFUSED_REQUESTS: Final = (80877103, 80877104)
 """SSLRequest and GSSENCRequest."""
 _WRITES: Final = re.compile(r"\b(INSERT|UPDATE|DELETE)\b", re.IGNORECASE)
-_NEVER_COUNTED: Final = "procrastinate_workers"
+_NEVER_COUNTED: Final = "last_heartbeat"
 """Heartbeats come by the clock."""
 
 

@@ -36,10 +36,8 @@ from support.service.processes import Jobs, wait_until, worker
 Signal = Literal["no signal", "SIGTERM", "SIGSTOP", "SIGKILL"]
 SIGNALS: Final[tuple[Signal, ...]] = ("no signal", "SIGTERM", "SIGSTOP", "SIGKILL")
 TRANSACTIONS: Final[dict[str, str]] = {
-    "fetch": r"WITH held AS",
-    "start": r"UPDATE job SET state=.*attempt=\(job\.attempt \+",
+    "claim": r"UPDATE job SET state = 'running', attempt = attempt",
     "publish": r"UPDATE job SET .*finished_at=now\(\).*job\.attempt = ",
-    "sign off": r"UPDATE procrastinate_jobs SET status = 'succeeded'",
 }
 """What a worker commits while it does a job, in this order, and how the statements are recognised."""
 HAND_BACK: Final = r"UPDATE job SET .*returned=\(job\.returned \+"

@@ -24,7 +24,7 @@ ROLES: Final = {
     "worker": ("support.service.worker_entry", "stridelab.service.jobs.worker"),
     "viewer": ("support.no_viewer", "stridelab_web.viewer"),
 }
-ROWS_PER_JOB: Final = {"job": 1, "job_event": 4, "procrastinate_jobs": 1, "procrastinate_events": 4, "audit": 1}
+ROWS_PER_JOB: Final = {"job": 1, "job_event": 4, "audit": 1}
 """The most rows that a job may leave in each table, and an event for each progress it tells; others must not grow."""
 FILES_PER_JOB: Final = 8
 MEMORY_MB, FILES, CONNECTIONS = 12.0, 8.0, 4.0

@@ -121,9 +121,5 @@ def migrate_to(url: str, revision: str) -> None:
 
 def differences(connection: sqlalchemy.Connection) -> list[Any]:
     """In what the tables differ from the declared ones."""
-
-    def ours(_object: object, name: str, type_: str, _reflected: bool, _other: object) -> bool:
-        return not (type_ == "table" and name.startswith("procrastinate_"))
-
-    context = MigrationContext.configure(connection, opts={"include_object": ours, "compare_server_default": True})
+    context = MigrationContext.configure(connection, opts={"compare_server_default": True})
     return list(compare_metadata(context, metadata))

@@ -12,12 +12,13 @@ from pathlib import Path
 from typing import Any
 
 import psycopg
-from sqlalchemy import insert, select
+from sqlalchemy import func, insert, update
 
 from stridelab.schemas.recordings import PlateInfo, RecordingFacts, SubjectFields
 from stridelab.service.api.dependencies import Parts
-from stridelab.service.jobs.attempts import Attempt, AttemptStore
-from stridelab.service.jobs.queue import Delivery
+from stridelab.service.jobs.attempts import AttemptStore
+from stridelab.service.jobs.queue import Attempt
+from stridelab.service.jobs.store import emit_event
 from stridelab.service.kinds.registry import KINDS
 from stridelab.service.storage.blobs import BlobStore
 from stridelab.service.storage.tables import job, recording
@@ -36,8 +37,8 @@ _RECORDING = (
     " static_recording_id, truth_job_id) VALUES (%s, %s, 's', 5, %s, %s, '{\"labels\": [\"a\"]}', '{}', %s, %s, %s)"
 )
 _JOB = (
-    "INSERT INTO job (id, kind, state, attempt, input, input_hash, recording_id, queue_id, blob_prefix, result,"
-    " message) VALUES (%s, 'work', %s, %s, '{\"n\": 1e-7}', 'h', %s, %s, %s, %s, %s)"
+    "INSERT INTO job (id, kind, state, attempt, input, input_hash, recording_id, created_at, blob_prefix, result,"
+    " message) VALUES (%s, 'work', %s, %s, '{\"n\": 1e-7}', 'h', %s, now() - %s * interval '1 s', %s, %s, %s)"
 )
 
 
@@ -50,12 +51,12 @@ def fill(url: str, blobs: Path) -> None:
         connection.execute(_RECORDING, ("rec1", AWKWARD, names[0], names[1], "p1", None, None))
         artifacts = '{"artifacts": [{"name": "%s", "media_type": "text/csv", "bytes": 1}]}'
         jobs: list[tuple[Any, ...]] = [
-            ("done", "succeeded", 1, "rec1", 4, "results/done/1", artifacts % "com.csv", AWKWARD),
-            ("half", "failed", 2, None, 5, "results/half/2", artifacts % "half.csv", ""),
-            ("gone", "cancelled", 0, None, 6, None, None, ""),
-            ("at-work", "running", 2, "rec1", 7, None, None, "half"),
-            ("second", "queued", 0, None, 9, None, None, ""),
-            ("first", "queued", 0, None, 8, None, None, ""),
+            ("done", "succeeded", 1, "rec1", 9, "results/done/1", artifacts % "com.csv", AWKWARD),
+            ("half", "failed", 2, None, 8, "results/half/2", artifacts % "half.csv", ""),
+            ("gone", "cancelled", 0, None, 7, None, None, ""),
+            ("at-work", "running", 2, "rec1", 6, None, None, "half"),
+            ("second", "queued", 0, None, 4, None, None, ""),
+            ("first", "queued", 0, None, 5, None, None, ""),
         ]
         for job in jobs:
             connection.execute(_JOB, job)
@@ -155,11 +156,12 @@ async def add_job(parts: Parts, recording_id: str | None = None) -> str:
 
 async def start_job(parts: Parts, job_id: str) -> Attempt:
     """Do what a worker does when it takes up a job."""
-    async with parts.engine.connect() as connection:
-        queue_id = (await connection.execute(select(job.c.queue_id).where(job.c.id == job_id))).scalar_one()
-    attempt = await AttemptStore(parts.engine, KINDS).start_attempt(Delivery(queue_id, job_id))
-    assert attempt is not None
-    return attempt
+    start = update(job).values(state="running", attempt=job.c.attempt + 1, started_at=func.now())
+    async with parts.engine.begin() as connection:
+        started = await connection.execute(start.where(job.c.id == job_id, job.c.state == "queued").returning(job))
+        row = started.mappings().one()
+        await emit_event(connection, job_id)
+    return Attempt(row["id"], row["attempt"], row["kind"], dict(row))
 
 
 async def report(parts: Parts, attempt: Attempt, fraction: float, message: str) -> None:

@@ -32,7 +32,6 @@ PACKAGES = [
     "sqlalchemy",
     "alembic",
     "psycopg",
-    "procrastinate",
     "obstore",
     "casadi",
     "daqp",

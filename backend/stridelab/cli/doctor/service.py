@@ -65,7 +65,7 @@ def check_workers(settings: Settings) -> Check:
     if url is None:
         return Check("workers", True, "serve starts one")
     counts = (
-        "SELECT (SELECT count(*) FROM procrastinate_workers WHERE last_heartbeat > now() - make_interval(secs => %s)),"
+        "SELECT (SELECT count(*) FROM worker WHERE last_heartbeat > now() - make_interval(secs => %s)),"
         " (SELECT count(*) FROM job WHERE state = 'queued')"
     )
     try:

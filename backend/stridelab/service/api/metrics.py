@@ -31,10 +31,8 @@ CRASH_REASONS: Final = {
 }
 """Error codes of jobs whose child process was killed or crashed, mapped to the reason in the metrics."""
 
-_DEPTH = text("SELECT queue_name, count(*) FROM procrastinate_jobs WHERE status = 'todo' GROUP BY queue_name")
 _WORKERS = text(
-    "SELECT count(*) FILTER (WHERE last_heartbeat >= now() - make_interval(secs => :stall_s)), count(*)"
-    " FROM procrastinate_workers"
+    "SELECT count(*) FILTER (WHERE last_heartbeat >= now() - make_interval(secs => :stall_s)), count(*) FROM worker"
 )
 
 
@@ -76,7 +74,8 @@ async def read_counts(connection: AsyncConnection, stall_s: float) -> Counts:
     lost = select(func.coalesce(func.sum(func.greatest(started, 0)), 0))
     stored = (await connection.execute(select(func.count(), func.sum(recording.c.bytes)))).one()
     alive, known = (await connection.execute(_WORKERS, {"stall_s": stall_s})).one()
-    waiting = {str(lane): int(n) for lane, n in (await connection.execute(_DEPTH)).all()}
+    in_lanes = select(job.c.lane, func.count()).where(job.c.state == "queued").group_by(job.c.lane)
+    waiting = {str(lane): int(n) for lane, n in (await connection.execute(in_lanes)).all()}
     return Counts(
         jobs=tuple((str(k), str(s), int(n)) for k, s, n in (await connection.execute(by_state)).all()),
         durations=await _read_histograms(connection, job.c.finished_at - job.c.started_at, (job.c.kind, job.c.state)),

@@ -34,17 +34,11 @@ _STAGING_SCHEMA: Final = "stridelab_restore"
 _SPARE_BYTES: Final = 50_000_000
 _LOCK_TIMEOUT: Final = "10s"
 _REQUEUE_RUNNING: Final = """
-    UPDATE job SET state = 'queued', returned = returned + 1, fraction = 0, message = 'restored; waiting again'
+    UPDATE job SET state = 'queued', returned = returned + 1, fraction = 0, started_at = NULL, worker_id = NULL,
+                   message = 'restored; waiting again'
      WHERE state = 'running'
 """
 """Queues running jobs again, as their workers are not in the backup; the interrupted start does not count."""
-_MARK_UNDELIVERED: Final = """
-    UPDATE job SET queue_id = queued.place - 1000000000
-      FROM (SELECT id, row_number() OVER (ORDER BY queue_id NULLS LAST, created_at) AS place
-              FROM job WHERE state = 'queued') AS queued
-     WHERE queued.id = job.id
-"""
-"""Assigns negative queue ids, which no delivery has: workers treat these jobs as lost and queue them in their order."""
 
 
 def restore_backup(
@@ -155,8 +149,6 @@ def _load_staging_schema(transaction: sqlalchemy.Connection, driver: Connection,
                 raise UnreadableFile("backup-damaged", f"The number of rows of {name} differs from the manifest.")
     upgrade_on(transaction, "head")
     driver.execute(_REQUEUE_RUNNING)
-    driver.execute("UPDATE job SET queue_id = NULL WHERE state <> 'queued'")
-    driver.execute(_MARK_UNDELIVERED)
     driver.execute("SELECT set_config('search_path', %s, true)", home)
 
 
@@ -168,8 +160,6 @@ def _swap_rows(driver: Connection, *, with_tokens: bool) -> None:
         del tables[token.name]
     with rows.without_foreign_keys(list(tables)):
         driver.execute(sql.SQL("TRUNCATE {}").format(sql.SQL(", ").join(map(sql.Identifier, tables))))
-        driver.execute("DELETE FROM procrastinate_jobs")
-        driver.execute("DELETE FROM procrastinate_workers")
         for name, columns in tables.items():
             listed = sql.SQL(", ").join(map(sql.Identifier, columns))
             driver.execute(

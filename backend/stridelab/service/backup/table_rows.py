@@ -16,8 +16,7 @@ from stridelab.service.storage.database import CONNECTION_OPTIONS
 from stridelab.service.storage.migrate import libpq_address
 
 Connection = psycopg.Connection[tuple[Any, ...]]
-_QUEUE: Final = "procrastinate_"
-_REVISIONS: Final = "alembic_version"
+_OF_THE_INSTALLATION: Final = ("alembic_version", "worker")
 _NAMED_FILES: Final = """
     SELECT blob_key FROM recording
     UNION SELECT tracks_key FROM recording
@@ -34,7 +33,7 @@ _CLOSE_DELAY_S: Final = 3.0
 
 @dataclass(frozen=True)
 class TableRows:
-    """The tables of one schema, over one connection; without the queue's tables, which follow from ``job``."""
+    """The tables of one schema, over one connection; without those that describe the installation."""
 
     connection: Connection
 
@@ -48,7 +47,7 @@ class TableRows:
         )
         columns: dict[str, list[str]] = {}
         for table, column in result:
-            if not table.startswith(_QUEUE) and table != _REVISIONS:
+            if table not in _OF_THE_INSTALLATION:
                 columns.setdefault(table, []).append(column)
         return columns
 

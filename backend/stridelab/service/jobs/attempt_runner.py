@@ -17,8 +17,8 @@ from stridelab.errors import StorageFull, StridelabError, Unavailable, problem_o
 from stridelab.schemas.jobs import FINAL_STATES
 from stridelab.service import telemetry
 from stridelab.service.data_folder import DISK_FULL_ERRNOS
-from stridelab.service.jobs.attempts import Attempt, AttemptStore, FinalState
-from stridelab.service.jobs.queue_consumer import DATABASE_UNAVAILABLE
+from stridelab.service.jobs.attempts import AttemptStore, FinalState
+from stridelab.service.jobs.queue import DATABASE_UNAVAILABLE, Attempt
 from stridelab.service.kinds.base import JobKind, Json
 from stridelab.service.processes.pool import IsolatedPool
 from stridelab.service.processes.running_child import IsolatedOutcome

@@ -1,18 +1,18 @@
 """State changes that workers make to a job. The attempt's number is the fencing token.
 
-Starting a job increments ``attempt``; every later write has the condition ``attempt = mine AND state = 'running'``. The
-writes of a worker that was declared dead and resumes match no row: it may repeat a computation, but publishes nothing.
+A claim (``jobs.queue``) increments ``attempt``; every later write has the condition ``attempt = mine AND state =
+'running'``. The writes of a worker that was declared dead and resumes match no row: it may repeat a computation, but
+publishes nothing.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Final, Literal
 
 from sqlalchemy import ColumnElement, Update, func, select, text, update
 from sqlalchemy.ext.asyncio import AsyncConnection, AsyncEngine
 
-from stridelab.service.jobs import queue
+from stridelab.service.jobs.queue import Attempt
 from stridelab.service.jobs.store import emit_event
 from stridelab.service.kinds.base import JobKind, Json
 from stridelab.service.kinds.result_tables import software_versions
@@ -24,47 +24,15 @@ from stridelab.service.storage.tables import job
 FinalState = Literal["failed", "cancelled", "timed_out"]
 _LOST = text(
     """
-    SELECT j.id FROM job j
-      LEFT JOIN procrastinate_jobs q ON q.id = j.queue_id
-      LEFT JOIN procrastinate_workers w ON w.id = q.worker_id
-     WHERE j.state IN ('queued', 'running')
-       AND (q.id IS NULL
-            OR q.status NOT IN ('todo', 'doing')
-            OR (q.status = 'doing'
-                AND (w.id IS NULL OR w.last_heartbeat < now() - make_interval(secs => :silent_s))))
-     ORDER BY j.queue_id LIMIT 100 FOR UPDATE OF j SKIP LOCKED
+    SELECT job.* FROM job
+     WHERE state = 'running'
+       AND NOT EXISTS (SELECT 1 FROM worker WHERE worker.id = job.worker_id
+                          AND last_heartbeat >= now() - make_interval(secs => :silent_s))
+     ORDER BY created_at LIMIT 100 FOR UPDATE SKIP LOCKED
     """
 )
-_LEFT = text(
-    """
-    UPDATE procrastinate_jobs q SET status = 'failed'
-     WHERE q.status = 'doing'
-       AND NOT EXISTS (SELECT 1 FROM job j WHERE j.queue_id = q.id AND j.state IN ('queued', 'running'))
-       AND NOT EXISTS (SELECT 1 FROM procrastinate_workers w
-                        WHERE w.id = q.worker_id AND w.last_heartbeat >= now() - make_interval(secs => :silent_s))
-    """
-)
-"""Ends deliveries whose worker died after the end of the job and before it marked the delivery as finished."""
-
-
-@dataclass(frozen=True)
-class Attempt:
-    """One start of a job; ``row`` is the job's row at that moment."""
-
-    job_id: str
-    number: int
-    kind: str
-    row: Mapping[str, Any]
-
-    @property
-    def counted_starts(self) -> int:
-        """Number of starts of the job including this one, without those that were handed back by a stopping worker."""
-        return int(self.number - self.row["returned"])
-
-    @property
-    def blob_prefix(self) -> str:
-        """Key prefix of the files of this attempt."""
-        return f"results/{self.job_id}/{self.number}"
+_WAITING: Final[Mapping[str, Any]] = {"state": "queued", "worker_id": None, "started_at": None, "fraction": 0.0}
+"""Column values of a job that waits again; a start without ``started_at`` is no turn of its owner (``jobs.queue``)."""
 
 
 class AttemptStore:
@@ -72,28 +40,6 @@ class AttemptStore:
 
     def __init__(self, engine: AsyncEngine, kinds: Mapping[str, JobKind], *, max_attempts: int = 3) -> None:
         self._engine, self._kinds, self._max_attempts = engine, kinds, max_attempts
-
-    async def start_attempt(self, delivery: queue.Delivery) -> Attempt | None:
-        """Start the job; None if it does not wait for this delivery (any more).
-
-        Safe to repeat after a connection broke during the commit: a delivery is held by one slot of one worker, so a
-        job that runs with this delivery was started by the earlier call.
-        """
-        async with self._engine.begin() as connection:
-            match_delivery = (job.c.id == delivery.job_id, job.c.queue_id == delivery.id)
-            start_statement = (
-                update(job)
-                .where(*match_delivery, job.c.state == "queued")
-                .values(state="running", attempt=job.c.attempt + 1, started_at=func.now(), fraction=0.0, message="")
-                .returning(job)
-            )
-            row = (await connection.execute(start_statement)).mappings().one_or_none()
-            if row is None:
-                started = select(job).where(*match_delivery, job.c.state == "running")
-                row = (await connection.execute(started)).mappings().one_or_none()
-                return None if row is None else Attempt(row["id"], row["attempt"], row["kind"], dict(row))
-            await emit_event(connection, delivery.job_id)
-        return Attempt(row["id"], row["attempt"], row["kind"], dict(row))
 
     async def report_progress(self, attempt: Attempt, fraction: float, message: str) -> bool:
         """Write progress; False if the attempt should stop (cancelled, or superseded by another attempt)."""
@@ -188,16 +134,9 @@ class AttemptStore:
         ``counts`` is True if its process was killed from outside, so that a job that is killed every time fails.
         """
         async with self._engine.begin() as connection:
-            mine = select(job.c.id).where(*_fencing_conditions(attempt)).with_for_update()
-            if (await connection.execute(mine)).one_or_none() is None:
-                return False
-            queue_id = await self._redeliver(connection, attempt.row)
             change = _fenced_update(attempt).values(
-                state="queued",
+                **_WAITING,
                 returned=job.c.returned + (0 if counts else 1),
-                queue_id=queue_id,
-                started_at=None,
-                fraction=0.0,
                 message="its process was killed; waiting again" if counts else "waiting again",
             )
             return await _apply_change(connection, attempt, change)
@@ -205,47 +144,34 @@ class AttemptStore:
     async def requeue_lost(self, silent_s: float | None) -> list[str]:
         """Queue lost jobs again; returns their ids.
 
-        A queued or running job is lost if its delivery is missing, ended, or held by a worker that is not registered
-        or, with ``silent_s``, has sent no heartbeat for that long. A job that was started too often fails instead.
+        A running job is lost if its worker is not registered or, with ``silent_s``, has sent no heartbeat for that
+        long. A job that was started too often fails instead.
         """
         async with self._engine.begin() as connection:
             if not (await connection.execute(select(func.pg_try_advisory_xact_lock(locks.REAPER)))).scalar_one():
                 return []
             never = 10.0 * 365 * 86400
-            silent = {"silent_s": never if silent_s is None else silent_s}
-            await connection.execute(_LEFT, silent)
-            result = await connection.execute(_LOST, silent)
-            lost = list(result.scalars())
-            for job_id in lost:
-                row = (await connection.execute(select(job).where(job.c.id == job_id))).mappings().one()
-                fate = await self._values_of_lost_job(connection, dict(row))
-                await connection.execute(update(job).where(job.c.id == job_id).values(**fate))
-                await emit_event(connection, job_id)
-        return lost
+            lost = (await connection.execute(_LOST, {"silent_s": never if silent_s is None else silent_s})).mappings()
+            rows = list(lost)
+            for row in rows:
+                change = update(job).where(job.c.id == row["id"])
+                await connection.execute(change.values(**self._values_of_lost_job(row)))
+                await emit_event(connection, row["id"])
+        return [row["id"] for row in rows]
 
-    async def _values_of_lost_job(self, connection: AsyncConnection, row: Mapping[str, Any]) -> dict[str, Any]:
+    def _values_of_lost_job(self, row: Mapping[Any, Any]) -> dict[str, Any]:
         """New column values of a lost job: cancelled, failed or queued again."""
         if row["cancel_requested"]:
-            await queue.retire_delivery(connection, row["queue_id"])
             return {"state": "cancelled", "finished_at": func.now(), "message": "cancelled"}
         used = row["attempt"] - row["returned"]
-        if row["state"] == "running" and used >= self._max_attempts:
-            await queue.retire_delivery(connection, row["queue_id"])
+        if used >= self._max_attempts:
             problem = {
                 "code": "worker-died",
                 "detail": f"The worker died {used} times while running this job.",
                 "errors": [],
             }
             return {"state": "failed", "finished_at": func.now(), "message": "failed", "error": problem}
-        again = await self._redeliver(connection, row)
-        # a lost start does not count as the owner's turn (``queue_consumer``)
-        waiting = {"state": "queued", "queue_id": again, "started_at": None, "fraction": 0.0}
-        return {**waiting, "message": "its worker was lost; waiting again"}
-
-    async def _redeliver(self, connection: AsyncConnection, row: Mapping[str, Any]) -> int:
-        await queue.retire_delivery(connection, row["queue_id"])
-        kind = self._kinds.get(row["kind"])
-        return await queue.enqueue(connection, row["id"], kind.lane if kind else "short", row["priority"])
+        return {**_WAITING, "message": "its worker was lost; waiting again"}
 
 
 def _result_record(summary: Json, outcome: Json, artifacts: list[Json]) -> Json:

@@ -1,55 +1,156 @@
-"""Job queue: procrastinate delivers job ids to workers.
+"""Job queue: waiting rows of ``job``, which workers claim in turns of their owners.
 
-Used of procrastinate: its tables and functions (enqueueing in the caller's transaction, workers with heartbeats, NOTIFY
-on insert). Not used: its fetching, which has priorities but no owners; its worker loop, which stops fetching and
-sending heartbeats when the database restarts; its retry strategies, which end an aborted job as failed. Every delivery
-is a separate row; a job that is delivered again gets a new row, so that a stale worker with an old row has no effect.
+The job's row is the queue: it waits while its state is ``queued``, and a worker claims it by the statement that starts
+its next attempt. Every change to ``queued`` notifies the workers (``store.emit_event``).
 
-This module contains the operations inside the caller's transaction, which call the versioned functions of the queue's
-schema; only workers need the library itself (``queue_consumer``).
+A free slot goes to the owner with the fewest running jobs, ties to the owner whose last job started longest ago. An
+owner with one waiting and no running job therefore waits for at most one job of every other owner, however many these
+have queued. Jobs of one owner are ordered by priority, then by submission time, so that a job reclaimed from a dead
+worker keeps its place; jobs without owner share one queue. Workers that claim at the same time do not see each other's
+choice: an owner may be ahead by one job per worker.
 """
 
-import json
+import asyncio
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Final, Literal
+from typing import Any, Final, Literal
 
-from sqlalchemy import text
-from sqlalchemy.ext.asyncio import AsyncConnection
+from psycopg import OperationalError as DriverError
+from sqlalchemy import delete, func, insert, text, update
+from sqlalchemy.exc import InterfaceError, OperationalError
+
+from stridelab.service.jobs.store import CHANNEL
+from stridelab.service.storage.database import autocommit_engine, make_engine
+from stridelab.service.storage.tables import worker
 
 Lane = Literal["short", "long"]
 LANES: Final[tuple[Lane, ...]] = ("short", "long")
 """``short`` has a reserved slot in every worker, so that long jobs cannot block interactive ones."""
+DATABASE_UNAVAILABLE: Final = (OperationalError, InterfaceError, DriverError, TimeoutError)
+"""Exceptions raised while the database is unavailable, for every driver in use."""
 
-_DEFER = text(
+_UNANSWERED = text(
     """
-    SELECT unnest(procrastinate_defer_jobs_v1(ARRAY[ROW(
-        CAST(:lane AS varchar), 'run-job', CAST(:priority AS integer), NULL, NULL, CAST(:arguments AS jsonb), NULL
-    )::procrastinate_job_to_defer_v1]))
-    """
-)
-_RETIRE = text(
-    """
-    UPDATE procrastinate_jobs
-       SET status = CASE status WHEN 'todo' THEN 'cancelled' ELSE 'failed' END::procrastinate_job_status
-     WHERE id = :id AND status IN ('todo', 'doing')
+    SELECT * FROM job
+     WHERE state = 'running' AND worker_id = :worker AND lane = ANY(:lanes)
+       AND NOT EXISTS (SELECT 1 FROM unnest(CAST(:ids AS text[]), CAST(:attempts AS int[])) AS held (id, attempt)
+                        WHERE held.id = job.id AND held.attempt = job.attempt)
+     LIMIT 1
     """
 )
+"""A job that this worker claimed without receiving the answer, because the connection broke."""
+_CLAIM = text(
+    """
+    WITH RECURSIVE first AS (  -- of every owner, by one look into the index job_waiting each
+        (SELECT coalesce(owner, '') AS owner, priority, created_at, id
+           FROM job WHERE state = 'queued' AND lane = ANY(:lanes)
+          ORDER BY coalesce(owner, ''), priority DESC, created_at, id LIMIT 1)
+        UNION ALL
+        SELECT later.* FROM first CROSS JOIN LATERAL (
+            SELECT coalesce(owner, ''), priority, created_at, id
+              FROM job WHERE state = 'queued' AND lane = ANY(:lanes) AND coalesce(owner, '') > first.owner
+             ORDER BY coalesce(owner, ''), priority DESC, created_at, id LIMIT 1
+        ) AS later
+    ), running AS MATERIALIZED (
+        SELECT coalesce(owner, '') AS owner FROM job WHERE state = 'running'
+    ), turn AS (
+        SELECT owner FROM first
+         ORDER BY (SELECT count(*) FROM running WHERE running.owner = first.owner),
+                  (SELECT max(started_at) FROM job WHERE coalesce(owner, '') = first.owner) NULLS FIRST,
+                  priority DESC, created_at, id
+    ), next AS (
+        SELECT waiting.id FROM turn CROSS JOIN LATERAL (
+            SELECT id FROM job WHERE state = 'queued' AND lane = ANY(:lanes) AND coalesce(owner, '') = turn.owner
+             ORDER BY priority DESC, created_at, id LIMIT 1 FOR UPDATE SKIP LOCKED
+        ) AS waiting LIMIT 1
+    ), started AS (
+        UPDATE job SET state = 'running', attempt = attempt + 1, worker_id = :worker, started_at = now(),
+                       fraction = 0, message = ''
+          FROM next WHERE job.id = next.id RETURNING job.*
+    ), event AS (
+        INSERT INTO job_event (job_id, state, attempt, fraction, message)
+        SELECT id, state, attempt, fraction, message FROM started
+    )
+    SELECT started.*, pg_notify(:channel, id) FROM started
+    """
+)
+
+_PLANNER: Final = "-c enable_bitmapscan=off"
+"""Statistics are always late for a queue: believing that few jobs wait, the planner would sort all that do."""
 
 
 @dataclass(frozen=True)
-class Delivery:
-    """A row of the queue that a worker holds."""
+class Attempt:
+    """One start of a job; ``row`` is the job's row at that moment."""
 
-    id: int
     job_id: str
+    number: int
+    kind: str
+    row: Mapping[str, Any]
+
+    @property
+    def counted_starts(self) -> int:
+        """Number of starts of the job including this one, without those that were handed back by a stopping worker."""
+        return int(self.number - self.row["returned"])
+
+    @property
+    def blob_prefix(self) -> str:
+        """Key prefix of the files of this attempt."""
+        return f"results/{self.job_id}/{self.number}"
 
 
-async def enqueue(connection: AsyncConnection, job_id: str, lane: Lane, priority: int) -> int:
-    """Add a delivery of ``job_id`` inside the caller's transaction; returns its id."""
-    parameters = {"lane": lane, "priority": priority, "arguments": json.dumps({"job_id": job_id})}
-    return int((await connection.execute(_DEFER, parameters)).scalar_one())
+class QueueConsumer:
+    """A worker's side of the queue: its row with its heartbeat, and the attempts that it holds.
 
+    All statements are transactions of their own, on connections that no job can occupy.
+    """
 
-async def retire_delivery(connection: AsyncConnection, delivery_id: int | None) -> None:
-    """Remove a delivery from the queue, or invalidate it if a worker holds it, inside the caller's transaction."""
-    await connection.execute(_RETIRE, {"id": delivery_id})
+    def __init__(self, url: str) -> None:
+        self._engine = autocommit_engine(make_engine(url, pool_size=2, planner=_PLANNER))
+        self._worker: int | None = None
+        self._held: set[tuple[str, int]] = set()
+        self._claiming = asyncio.Lock()
+        self._registering = asyncio.Lock()
+
+    async def close(self) -> None:
+        """Close the connections."""
+        await self._engine.dispose()
+
+    async def send_heartbeat(self) -> None:
+        """Send this worker's heartbeat; register it first if it is not registered (any more)."""
+        beat = update(worker).where(worker.c.id == self._worker).values(last_heartbeat=func.now())
+        async with self._registering, self._engine.connect() as connection:
+            if self._worker is None or (await connection.execute(beat)).rowcount == 0:
+                self._worker = (await connection.execute(insert(worker).returning(worker.c.id))).scalar_one()
+
+    async def claim_attempt(self, lanes: Sequence[Lane]) -> Attempt | None:
+        """Start the next waiting job of ``lanes`` on this worker; None if none waits.
+
+        Safe to repeat after a connection broke: a job that was started without an answer is returned first.
+        """
+        async with self._claiming:
+            if self._worker is None:
+                await self.send_heartbeat()
+            ids, attempts = [job_id for job_id, _ in self._held], [number for _, number in self._held]
+            mine = {"worker": self._worker, "lanes": list(lanes)}
+            async with self._engine.connect() as connection:
+                claimed = await connection.execute(_UNANSWERED, {**mine, "ids": ids, "attempts": attempts})
+                row = claimed.mappings().one_or_none()
+                if row is None:
+                    row = (await connection.execute(_CLAIM, {**mine, "channel": CHANNEL})).mappings().one_or_none()
+            if row is None:
+                return None
+            attempt = Attempt(row["id"], row["attempt"], row["kind"], dict(row))
+            self._held.add((attempt.job_id, attempt.number))
+        return attempt
+
+    def release_attempt(self, attempt: Attempt) -> None:
+        """Forget an attempt that has ended."""
+        self._held.discard((attempt.job_id, attempt.number))
+
+    async def unregister_worker(self) -> None:
+        """Unregister this worker; jobs that it still runs become lost."""
+        if self._worker is not None:
+            async with self._engine.connect() as connection:
+                await connection.execute(delete(worker).where(worker.c.id == self._worker))
+            self._worker = None

@@ -9,21 +9,21 @@ from sqlalchemy.ext.asyncio import AsyncConnection, AsyncEngine
 
 from stridelab.schemas.jobs import FINAL_STATES
 from stridelab.service.auth import audit
-from stridelab.service.jobs.queue_consumer import QueueConsumer
 from stridelab.service.kinds.read_batch import kind as read_batch
 from stridelab.service.samples.recording import SHIPPED_JOBS
 from stridelab.service.settings import Settings
 from stridelab.service.storage import content_addressed, locks
 from stridelab.service.storage.blobs import BlobStore
-from stridelab.service.storage.tables import job, job_event, recording
+from stridelab.service.storage.tables import job, job_event, recording, worker
 
 ORPHAN_AGE: Final = timedelta(hours=1)
 """Minimum age of an orphan: younger files may belong to a row that is about to be written."""
-_QUEUE_HOURS: Final = 24
+_WORKER_AGE: Final = timedelta(days=1)
+"""Age of the last heartbeat after which the row of a worker is removed."""
 _log = structlog.get_logger(__name__)
 
 
-async def remove_expired(engine: AsyncEngine, blobs: BlobStore, consumer: QueueConsumer, limits: Settings) -> None:
+async def remove_expired(engine: AsyncEngine, blobs: BlobStore, limits: Settings) -> None:
     """Remove all data past its retention time; no effect while another worker does so, or during a backup."""
     async with engine.connect() as connection:
         try:
@@ -35,11 +35,17 @@ async def remove_expired(engine: AsyncEngine, blobs: BlobStore, consumer: QueueC
             await audit.remove_old(connection, timedelta(days=limits.audit_retention_days))
             await remove_orphans(connection, blobs)
             await content_addressed.remove_unused(connection, blobs, ORPHAN_AGE)
-            await consumer.remove_old(_QUEUE_HOURS)
+            await remove_dead_workers(connection, _WORKER_AGE)
         finally:
             await connection.rollback()
             await connection.execute(select(func.pg_advisory_unlock_all()))
             await connection.commit()
+
+
+async def remove_dead_workers(connection: AsyncConnection, age: timedelta) -> None:
+    """Delete the rows of workers whose last heartbeat came more than ``age`` ago."""
+    await connection.execute(delete(worker).where(worker.c.last_heartbeat < func.now() - age))
+    await connection.commit()
 
 
 async def remove_old_events(connection: AsyncConnection, age: timedelta) -> None:

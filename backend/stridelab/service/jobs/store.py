@@ -1,4 +1,4 @@
-"""The client's view of jobs: submit, query, cancel. The ``job`` row holds the state; the queue's row is delivery only.
+"""The client's view of jobs: submit, query, cancel. The ``job`` row holds the state and waits in the queue.
 
 States: ``queued -> running -> succeeded | failed | cancelled | timed_out``, ``queued -> cancelled``, and
 ``running -> queued`` after the loss of a worker. Every change writes the row, an event and a NOTIFY in one transaction;
@@ -22,7 +22,6 @@ from stridelab.errors import Busy, Conflict, Fault, InvalidInput, NotFound
 from stridelab.schemas.jobs import FINAL_STATES, Artifact, JobEvent, JobResult, JobState, Progress
 from stridelab.service import telemetry
 from stridelab.service.cursors import decode_cursor, encode_cursor
-from stridelab.service.jobs import queue
 from stridelab.service.kinds.base import JobKind
 from stridelab.service.storage import locks
 from stridelab.service.storage.database import autocommit_engine
@@ -30,6 +29,8 @@ from stridelab.service.storage.tables import job, job_event
 
 CHANNEL: Final = "stridelab_job"
 """NOTIFY channel; the payload is the id of the job that changed."""
+QUEUE_CHANNEL: Final = "stridelab_queue"
+"""NOTIFY channel for workers: a job waits."""
 CANCEL_CHANNEL: Final = "stridelab_cancel"
 """NOTIFY channel for workers; the payload is the id of a running job to be cancelled."""
 _MAX_PRIORITY: Final = 100
@@ -84,12 +85,16 @@ class JobPage:
 
 
 async def emit_event(connection: AsyncConnection, job_id: str) -> None:
-    """Write the job's current state as an event and notify listeners, inside the caller's transaction."""
+    """Write the job's current state as an event and notify listeners, inside the caller's transaction.
+
+    Workers are notified of a job that waits.
+    """
     # the caller holds a lock on the job's row, so events of one job are numbered in commit order
     now = select(job.c.id, job.c.state, job.c.attempt, job.c.fraction, job.c.message).where(job.c.id == job_id)
     event = insert(job_event).from_select(["job_id", "state", "attempt", "fraction", "message"], now)
-    written = event.returning(job_event.c.job_id).cte()
-    await connection.execute(select(func.pg_notify(CHANNEL, written.c.job_id)))
+    written = event.returning(job_event.c.job_id, job_event.c.state).cte()
+    wake_workers = case((written.c.state == "queued", func.pg_notify(QUEUE_CHANNEL, "")))
+    await connection.execute(select(func.pg_notify(CHANNEL, written.c.job_id), wake_workers))
 
 
 class JobStore:
@@ -112,7 +117,7 @@ class JobStore:
         recording_id: str | None = None,
         scenario_id: str | None = None,
     ) -> Submission:
-        """Submit a job with validated ``input``: row, event and delivery in one transaction.
+        """Submit a job with validated ``input``: row and event in one transaction.
 
         Raises ``NotFound`` (``unknown-job-kind``, ``recording-not-found``, ``scenario-not-found``), ``InvalidInput``
         (``priority-out-of-range``, ``idempotency-key-invalid``), ``Conflict`` (``idempotency-key-reused``) where the
@@ -137,19 +142,18 @@ class JobStore:
                     if earlier is not None:
                         return Submission(earlier, created=False)
                 await self._check_queue_limits(connection, owner)
-                delivery = await queue.enqueue(connection, job_id, self._kinds[kind].lane, priority)
                 await connection.execute(
                     insert(job).values(
                         id=job_id,
                         owner=owner,
                         kind=kind,
+                        lane=self._kinds[kind].lane,
                         priority=priority,
                         input=input,
                         input_hash=body_hash,
                         idempotency_key=idempotency_key,
                         recording_id=recording_id,
                         scenario_id=scenario_id,
-                        queue_id=delivery,
                         traceparent=telemetry.current_traceparent(),
                     )
                 )
@@ -197,23 +201,15 @@ class JobStore:
         Raises ``NotFound`` (``job-not-found``).
         """
         async with self._engine.begin() as connection:
-            row = (
-                (
-                    await connection.execute(
-                        select(job.c.state, job.c.queue_id).where(job.c.id == job_id).with_for_update()
-                    )
-                )
-                .mappings()
-                .one_or_none()
-            )
+            locked = select(job.c.state).where(job.c.id == job_id).with_for_update()
+            state = (await connection.execute(locked)).scalar_one_or_none()
             change = update(job).where(job.c.id == job_id)
-            if row is not None and row["state"] == "queued":
+            if state == "queued":
                 await connection.execute(
                     change.values(state="cancelled", cancel_requested=True, finished_at=func.now(), message="cancelled")
                 )
-                await queue.retire_delivery(connection, row["queue_id"])
                 await emit_event(connection, job_id)
-            elif row is not None and row["state"] == "running":
+            elif state == "running":
                 await connection.execute(change.values(cancel_requested=True, message="cancelling"))
                 await connection.execute(select(func.pg_notify(CANCEL_CHANNEL, job_id)))
                 await emit_event(connection, job_id)
@@ -304,12 +300,11 @@ def _unknown_reference(error: IntegrityError, recording_id: str | None, scenario
 
 
 def _jobs_with_queue_position() -> Select[Any]:
-    """Select jobs with their queue position, assuming round-robin over owners (``queue_consumer``)."""
-    order = (job.c.priority.desc(), job.c.created_at, job.c.queue_id)
+    """Select jobs with their queue position, assuming round-robin over owners (``jobs.queue``)."""
+    order = (job.c.priority.desc(), job.c.created_at, job.c.id)
     turn = func.row_number().over(partition_by=job.c.owner, order_by=order).label("turn")
-    columns = (job.c.id, job.c.priority, job.c.created_at, job.c.queue_id)
-    waiting = select(*columns, turn).where(job.c.state == "queued").subquery()
-    order_by = (waiting.c.turn, waiting.c.priority.desc(), waiting.c.created_at, waiting.c.queue_id)
+    waiting = select(job.c.id, job.c.priority, job.c.created_at, turn).where(job.c.state == "queued").subquery()
+    order_by = (waiting.c.turn, waiting.c.priority.desc(), waiting.c.created_at, waiting.c.id)
     place = func.row_number().over(order_by=order_by)
     # computed once for all rows, and not at all if none of them is waiting
     placed = select(waiting.c.id, place.label("place")).cte("placed").prefix_with("MATERIALIZED")

@@ -22,11 +22,10 @@ from stridelab.errors import StridelabError, Unavailable
 from stridelab.service import telemetry
 from stridelab.service.jobs import retention
 from stridelab.service.jobs.attempt_runner import AttemptRunner
-from stridelab.service.jobs.attempts import Attempt, AttemptStore
+from stridelab.service.jobs.attempts import AttemptStore
 from stridelab.service.jobs.notifications import Listener
-from stridelab.service.jobs.queue import LANES, Delivery, Lane
-from stridelab.service.jobs.queue_consumer import DATABASE_UNAVAILABLE, QueueConsumer
-from stridelab.service.jobs.store import CANCEL_CHANNEL
+from stridelab.service.jobs.queue import DATABASE_UNAVAILABLE, LANES, Attempt, Lane, QueueConsumer
+from stridelab.service.jobs.store import CANCEL_CHANNEL, QUEUE_CHANNEL
 from stridelab.service.jobs.work_folder import HEARTBEAT_FILE, WorkFolder
 from stridelab.service.kinds.base import JobKind
 from stridelab.service.processes import confinement
@@ -78,10 +77,8 @@ class Worker:
         """Fetch and run jobs until ``stop``. Raises as ``prepare_confinement`` does."""
         with WorkFolder(self._limits.data_folder / "work") as folder:
             confinement.prepare_confinement(self._limits, self._limits.data_folder, folder.parent, folder)
-            listener = Listener(
-                self._url, [*QueueConsumer.notify_channels(), CANCEL_CHANNEL], self._on_notify, self._on_gap
-            )
-            async with self._consumer, self._pool, listener:
+            listener = Listener(self._url, [QUEUE_CHANNEL, CANCEL_CHANNEL], self._on_notify, self._on_gap)
+            async with self._pool, listener:
                 slots = [asyncio.create_task(self._run_slot(lanes, folder)) for lanes in self._slots]
                 _log.info("worker-started", slots=[list(lanes) for lanes in self._slots])
                 background = [
@@ -97,6 +94,7 @@ class Worker:
                     await asyncio.gather(*slots, *background, return_exceptions=True)
                 with contextlib.suppress(*DATABASE_UNAVAILABLE):
                     await self._consumer.unregister_worker()
+        await self._consumer.close()
         await self._engine.dispose()
 
     async def _until_stopped(self, tasks: list[asyncio.Task[None]]) -> None:
@@ -113,30 +111,28 @@ class Worker:
         while not self._stopping.is_set():
             wake_up.clear()
             try:
-                delivery = await self._consumer.fetch_delivery(lanes)
+                attempt = await self._consumer.claim_attempt(lanes)
             except DATABASE_UNAVAILABLE:
                 self._mark_database_unavailable()
                 await self._pause_or_stop(0.3)
                 continue
-            if delivery is None:
+            if attempt is None:
                 with contextlib.suppress(asyncio.TimeoutError):
                     await asyncio.wait_for(wake_up.wait(), _POLL_S)
             else:
-                await self._run_delivery(delivery, folder)
+                await self._run_traced(attempt, folder)
+                self._consumer.release_attempt(attempt)
 
-    async def _run_delivery(self, delivery: Delivery, folder: Path) -> None:
-        attempt = await self._retry_database(lambda: self._attempts.start_attempt(delivery))
-        if attempt is not None:
-            ids: dict[str, str | int] = {"job_id": attempt.job_id, "kind": attempt.kind, "attempt": attempt.number}
-            # log lines and spans from here on carry the job's ids
-            parent = attempt.row["traceparent"]
-            with (
-                structlog.contextvars.bound_contextvars(**ids),
-                telemetry.start_span(f"job {attempt.kind}", ids, parent=parent, kind=SpanKind.CONSUMER) as span,
-            ):
-                state = await self._run_attempt(attempt, folder)
-                span.set_attribute("state", state)
-        await self._retry_database(lambda: self._consumer.finish_delivery(delivery))
+    async def _run_traced(self, attempt: Attempt, folder: Path) -> None:
+        """Run the attempt; log lines and spans carry the job's ids."""
+        ids: dict[str, str | int] = {"job_id": attempt.job_id, "kind": attempt.kind, "attempt": attempt.number}
+        parent = attempt.row["traceparent"]
+        with (
+            structlog.contextvars.bound_contextvars(**ids),
+            telemetry.start_span(f"job {attempt.kind}", ids, parent=parent, kind=SpanKind.CONSUMER) as span,
+        ):
+            state = await self._run_attempt(attempt, folder)
+            span.set_attribute("state", state)
 
     async def _run_attempt(self, attempt: Attempt, folder: Path) -> str:
         if attempt.kind not in self._kinds:
@@ -207,7 +203,7 @@ class Worker:
     async def _retention_loop(self) -> None:
         while True:
             try:
-                await retention.remove_expired(self._engine, self._blobs, self._consumer, self._limits)
+                await retention.remove_expired(self._engine, self._blobs, self._limits)
             except (StridelabError, *DATABASE_UNAVAILABLE) as error:
                 _log.warning("retention-failed", error=str(error))
             await asyncio.sleep(_RETENTION_S)

@@ -50,10 +50,14 @@ def libpq_url(url: str) -> str:
     return parse_url(url).render_as_string(hide_password=False)
 
 
-def make_engine(url: str, *, pool_size: int = 8) -> AsyncEngine:
-    """Asynchronous engine that replaces connections which the server has closed, for example by a restart."""
+def make_engine(url: str, *, pool_size: int = 8, planner: str = "") -> AsyncEngine:
+    """Asynchronous engine that replaces connections which the server has closed, for example by a restart.
+
+    ``planner`` are further options of its sessions, as in ``-c enable_sort=off``.
+    """
     address = parse_url(url).set(drivername="postgresql+psycopg")
-    options = f"{address.query.get('options', '')} -c idle_in_transaction_session_timeout={IDLE_MS}".strip()
+    given = address.query.get("options", "")
+    options = f"{given} -c idle_in_transaction_session_timeout={IDLE_MS} {planner}".strip()
     engine = create_async_engine(
         address,
         pool_size=pool_size,

@@ -1,4 +1,4 @@
-"""Database tables. The ``job`` row holds the state of a job; the queue's own row only delivers it."""
+"""Database tables. The rows of ``job`` are the queue, too: those in the state ``queued`` wait in it."""
 
 from sqlalchemy import (
     BigInteger,
@@ -109,7 +109,8 @@ job = Table(
     Column("cancel_requested", Boolean, nullable=False, server_default="false"),
     Column("started_at", DateTime(timezone=True)),
     Column("finished_at", DateTime(timezone=True)),
-    Column("queue_id", BigInteger, comment="row of the queue, for delivery only"),
+    Column("lane", Text, nullable=False, server_default="short"),
+    Column("worker_id", BigInteger, comment="runs the job, or ran it last; its row goes when it dies"),
     Column("result", JSONB, comment="summary, versions, references, artifacts"),
     Column("blob_prefix", Text, comment="results/<job>/<attempt> once published"),
     Column("error", JSONB, comment="Problem"),
@@ -119,6 +120,15 @@ job = Table(
     Index("job_newest", "created_at", "id"),
     Index("job_recording", "recording_id"),
     Index("job_scenario", "scenario_id"),
+    Index(
+        "job_waiting",
+        text("coalesce(owner, '')"),
+        text("priority DESC"),
+        "created_at",
+        "id",
+        postgresql_where=text("state = 'queued'"),
+    ),
+    Index("job_running", "worker_id", postgresql_where=text("state = 'running'")),
     Index("job_served", text("coalesce(owner, '')"), "started_at"),
     Index(
         "job_idempotency",
@@ -128,6 +138,13 @@ job = Table(
         postgresql_nulls_not_distinct=True,
         postgresql_where=text("idempotency_key IS NOT NULL"),
     ),
+)
+
+worker = Table(
+    "worker",
+    metadata,
+    Column("id", BigInteger, Identity(), primary_key=True),
+    Column("last_heartbeat", DateTime(timezone=True), nullable=False, server_default=func.now()),
 )
 
 job_event = Table(

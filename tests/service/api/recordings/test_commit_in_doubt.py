@@ -13,7 +13,6 @@ import pytest
 
 from stridelab.service.api.recordings import service
 from stridelab.service.jobs import retention
-from stridelab.service.jobs.queue_consumer import QueueConsumer
 from stridelab.service.settings import Settings
 from stridelab.service.storage.database import parse_url
 from support.faults.commit_proxy import FAULTS, CommitProxy, Fault, Plan, commit_proxy
@@ -56,11 +55,7 @@ def sweep(lab: Served, url: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(retention.remove_orphans, "__defaults__", (timedelta(seconds=-1),))
     monkeypatch.setattr(retention, "ORPHAN_AGE", timedelta(seconds=-1))
 
-    async def act() -> None:
-        async with QueueConsumer(url) as consumer:
-            await retention.remove_expired(lab.parts.engine, lab.parts.blobs, consumer, Settings(database_url=url))
-
-    lab.run(act())
+    lab.run(retention.remove_expired(lab.parts.engine, lab.parts.blobs, Settings(database_url=url)))
 
 
 def assert_whole(http: httpx.Client, url: str, lab: Served) -> list[str]:

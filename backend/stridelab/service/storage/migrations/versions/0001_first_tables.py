@@ -1,7 +1,7 @@
-"""All tables of the first version, and the queue's own schema as procrastinate 3.10 ships it."""
+"""All tables of the first version.
 
-from pathlib import Path
-from typing import Any
+Up to revision 0008 it also created the schema of procrastinate 3.10, which revision 0009 drops.
+"""
 
 import sqlalchemy as sa
 from alembic import op
@@ -11,8 +11,6 @@ revision = "0001"
 down_revision = None
 branch_labels = None
 depends_on = None
-
-QUEUE_SCHEMA = Path(__file__).parents[1] / "procrastinate-3.10.sql"
 
 
 def upgrade() -> None:
@@ -119,6 +117,3 @@ def upgrade() -> None:
     op.create_foreign_key(
         "recording_truth_job_id_fkey", "recording", "job", ["truth_job_id"], ["id"], ondelete="SET NULL"
     )
-    # several statements and percent signs: past SQLAlchemy, on the same connection and in the same transaction
-    driver: Any = op.get_bind().connection.driver_connection
-    driver.execute(QUEUE_SCHEMA.read_text(encoding="utf-8"))
