@@ -7,7 +7,15 @@ import pytest
 
 from stridelab.service.storage.migrate import all_revisions, engine_of, is_migrated, migrate
 from support.service.database import TestDatabases, differences, migrate_to
+from support.service.job_ledger import assert_sound
+from support.service.processes import Jobs, worker
 from support.service.stored_rows import fill, rows
+
+OLD_QUEUE = Path(__file__).parents[2] / "support" / "service" / "procrastinate-3.10.sql"
+DELIVER = (
+    "SELECT unnest(procrastinate_defer_jobs_v1(ARRAY[ROW(%s, 'run-job', 0, NULL, NULL,"
+    " jsonb_build_object('job_id', %s::text), NULL)::procrastinate_job_to_defer_v1]))"
+)
 
 
 def test_scenarios_and_jobs_of_revision_0001(postgres: TestDatabases) -> None:
@@ -47,3 +55,62 @@ def test_every_row_survives_the_way_from(postgres: TestDatabases, tmp_path: Path
         with engine.connect() as connection:
             assert differences(connection) == []
         engine.dispose()
+
+
+def test_jobs_in_flight_in_the_old_queue_are_run_by_the_new_one(postgres: TestDatabases, tmp_path: Path) -> None:
+    """Waiting, fetched, started, redelivered and forgotten ones, each with its row in the queue of revision 0008."""
+    states = {
+        "waiting": ("queued", 0, "todo"),
+        "fetched": ("queued", 0, "doing"),
+        "redelivered": ("queued", 1, "todo"),
+        "undelivered": ("queued", 0, "failed"),
+        "started": ("running", 1, "doing"),
+        "ended": ("failed", 1, "succeeded"),
+        "cancelled": ("cancelled", 0, "cancelled"),
+    }
+    with postgres.fresh(migrated=False) as url:
+        migrate_to(url, "0008")
+        with psycopg.connect(url, autocommit=True) as old:
+            old.execute(OLD_QUEUE.read_bytes())
+            old.execute("INSERT INTO procrastinate_workers DEFAULT VALUES")
+            for number, (name, (state, attempt, status)) in enumerate(states.items()):
+                delivery = old.execute(DELIVER, ("short", name)).fetchone()
+                assert delivery is not None
+                old.execute(
+                    "UPDATE procrastinate_jobs SET status = %s, worker_id = 1 WHERE id = %s", (status, *delivery)
+                )
+                old.execute(
+                    "INSERT INTO job (id, kind, state, attempt, input, input_hash, queue_id, created_at, finished_at)"
+                    " VALUES (%s, 'work', %s, %s, '{}', 'h', %s, now() + %s * interval '1 ms', now())",
+                    (name, state, attempt, *delivery, number),
+                )
+                steps = ["queued", *["running"] * attempt]
+                for step, event in enumerate(steps if steps[-1] == state else [*steps, state]):
+                    old.execute(
+                        "INSERT INTO job_event (job_id, state, attempt, fraction, message) VALUES (%s, %s, %s, 0, '')",
+                        (name, event, attempt if step else 0),
+                    )
+            old.execute("INSERT INTO job (id, kind, input, input_hash) VALUES ('long', 'plan-motion', '{}', 'h')")
+        migrate(url)
+        with psycopg.connect(url, autocommit=True) as new:
+            for catalogue, name in (("pg_class", "relname"), ("pg_proc", "proname"), ("pg_type", "typname")):
+                left = f"SELECT {name} FROM {catalogue} WHERE {name} LIKE '%procrastinate%'"
+                assert new.execute(left.encode()).fetchall() == []
+            lanes = "SELECT DISTINCT lane FROM job WHERE kind = %s"
+            assert new.execute(lanes, ("plan-motion",)).fetchall() == [("long",)]
+            assert new.execute(lanes, ("work",)).fetchall() == [("short",)]
+            new.execute("DELETE FROM job WHERE id = 'long'")  # no kind of the test's worker
+        jobs = Jobs(url)
+        with worker(url, tmp_path / "w", STRIDELAB_BLOB_URL=(tmp_path / "blobs").as_uri()):
+            ended = {name: jobs.until_final(name) for name in states}
+        found = {name: (record.state, record.attempt) for name, record in ended.items()}
+        assert found == {
+            "waiting": ("succeeded", 1),
+            "fetched": ("succeeded", 1),
+            "redelivered": ("succeeded", 2),
+            "undelivered": ("succeeded", 1),
+            "started": ("succeeded", 2),
+            "ended": ("failed", 1),
+            "cancelled": ("cancelled", 0),
+        }
+        assert_sound(url, tmp_path / "blobs", states)
