@@ -12,6 +12,7 @@ from stridelab.service.jobs.queue import LANES, Attempt, QueueConsumer
 from stridelab.service.jobs.store import JobStore
 from stridelab.service.storage.database import make_engine
 from support.service.job_kinds import KINDS
+from support.service.processes import wait_until
 
 STALL_S = 20.0
 Work = Callable[[JobStore, AttemptStore, list[QueueConsumer]], Coroutine[Any, Any, None]]
@@ -144,3 +145,33 @@ def test_claim_whose_answer_was_lost_is_answered_again_in_its_lane(
         assert await take(one) is None
 
     with_consumers(2, act)
+
+
+def test_claim_reads_few_rows_however_many_wait(database_url: str, with_consumers: Callable[[int, Work], None]) -> None:
+    """Whatever the statistics say: here they are of an empty table."""
+    read = "SELECT seq_tup_read + idx_tup_fetch FROM pg_stat_user_tables WHERE relname = 'job'"
+
+    async def act(store: JobStore, attempts: AttemptStore, consumers: list[QueueConsumer]) -> None:
+        attempt = await take(consumers[0])
+        assert attempt is not None
+        assert attempt.job_id == "waiting 1"
+
+    with psycopg.connect(database_url, autocommit=True) as look:
+        look.execute(
+            "INSERT INTO job (id, kind, input, input_hash, owner, created_at)"
+            " SELECT 'waiting ' || n, 'work', '{}', 'h', 'owner ' || n % 3, now() + n * interval '1 ms'"
+            " FROM generate_series(1, 2000) AS n"
+        )
+        look.execute("SELECT pg_stat_force_next_flush()")
+        before = look.execute(read).fetchone()
+        with_consumers(1, act)
+
+        def rows_read() -> int:
+            after = look.execute(read).fetchone()
+            assert before is not None
+            assert after is not None
+            return int(after[0] - before[0])
+
+        # a server process reports what it read when it ends
+        wait_until(lambda: rows_read() > 0, 20, "the count of rows that were read")
+        assert rows_read() < 50
