@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from stridelab.body.segment_model import rebuild_markers, rigid_motion
+from stridelab.recordings.gap_filling import rebuild_markers, rigid_motion
 
 SHAPE = np.array([[0.0, 0.0, 0.0], [0.3, 0.02, 0.0], [0.1, 0.08, 0.05], [0.2, -0.05, 0.03]])
 finite = st.floats(-3, 3)

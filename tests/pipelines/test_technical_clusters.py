@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stridelab.body.segment_model import rigid_motion
 from stridelab.errors import NotEstimable
 from stridelab.pipelines.com_inputs import prepare_com_inputs
 from stridelab.recordings.files.c3d_writer import write_c3d
+from stridelab.recordings.gap_filling import rigid_motion
 from stridelab.recordings.marker_sets import identify
 from stridelab.recordings.recording import Recording
 from stridelab.recordings.technical_clusters import rigid_subset, technical_landmarks

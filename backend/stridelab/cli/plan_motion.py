@@ -353,11 +353,7 @@ def plan_contacts(
     run(task, delivery)
 
 
-def export_contacts(
-    scenario: ScenarioName,
-    out_file: OutFile = None,
-    force: ForceFile = False,
-) -> None:
+def export_contacts(scenario: ScenarioName, out_file: OutFile = None, force: ForceFile = False) -> None:
     """Write a scenario's contacts as JSON with multicontact-api's field names."""
     from stridelab.cli.contacts import export_contacts as run
 

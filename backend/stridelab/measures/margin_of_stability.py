@@ -14,6 +14,7 @@ import numpy as np
 
 from stridelab.measures.extrapolated_com import ExtrapolatedCom, extrapolated_com
 from stridelab.measures.measure import Measure
+from stridelab.measures.spatiotemporal import EVENT_SD_S
 from stridelab.measures.walk_motion import AHEAD, LEFT, MARKER_SD_M, OTHER_SIDE, FootMotion, WalkMotion
 from stridelab.walking.steps import GaitStep
 
@@ -52,7 +53,8 @@ def _at_strike(motion: WalkMotion, xcom: ExtrapolatedCom, step: GaitStep, number
     outline = _outline_at(motion, motion.feet[step.side], step.strike_s)
     x = [float(np.interp(step.strike_s, motion.time_s, xcom.position_m[:, axis])) for axis in (AHEAD, LEFT)]
     k = motion.nearest(step.strike_s)
-    sd_ap, sd_ml = _error_m(xcom, k, AHEAD), _error_m(xcom, k, LEFT)
+    late_m = EVENT_SD_S[step.source] * float(motion.velocity_m_s[k, AHEAD])
+    sd_ap, sd_ml = _error_m(xcom, k, AHEAD, late_m), _error_m(xcom, k, LEFT)
     middle = outline.mean(axis=0)
     values = (
         ("margin_of_stability_ap_contact", outline[:, AHEAD].max() - x[0], sd_ap),
@@ -67,5 +69,6 @@ def _outline_at(motion: WalkMotion, foot: FootMotion, at_s: float) -> np.ndarray
     return np.array([motion.at(foot.outline_m[:, point], at_s) for point in range(foot.outline_m.shape[1])])
 
 
-def _error_m(xcom: ExtrapolatedCom, sample: int, axis: int) -> float | None:
-    return None if xcom.sd_m is None else math.hypot(float(xcom.sd_m[sample, axis]), MARKER_SD_M)
+def _error_m(xcom: ExtrapolatedCom, sample: int, axis: int, late_m: float = 0.0) -> float | None:
+    """Error of the extrapolated CoM, of a marker, and of the distance that the CoM covers in the error of the event."""
+    return None if xcom.sd_m is None else math.hypot(float(xcom.sd_m[sample, axis]), MARKER_SD_M, late_m)
