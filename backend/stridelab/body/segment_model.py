@@ -27,7 +27,7 @@ from stridelab.body.segment_tables import Anthropometry, SegmentTable, load_anth
 from stridelab.conventions import Points
 from stridelab.errors import Fault, InvalidInput, NotEstimable
 from stridelab.recordings.foot_contact import walking_surface_m_s
-from stridelab.recordings.gap_filling import Shapes, bridge_segment_gaps, rebuild_markers
+from stridelab.recordings.gap_filling import CLUSTERS, Shapes, bridge_segment_gaps, rebuild_markers
 from stridelab.recordings.marker_sets import Substitute, all_substitutes, identify
 from stridelab.recordings.orientation import component_along, median_distance_m, median_or_nan, unit
 from stridelab.recordings.recording import Recording, Remark, Sex, Subject

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Final
 
 from stridelab.errors import Fault, UnreadableFile
-from stridelab.recordings.files.trc import is_marker_storage
 
 MAX_MEMBERS = 64
 MAX_MEMBER_BYTES = 64 * 1024 * 1024
@@ -85,6 +84,8 @@ def find_trial(path: Path, texts: Mapping[str, str]) -> TrialTexts:
 
     Raises ``UnreadableFile`` (``zip-without-trc``, ``zip-several-trials``).
     """
+    from stridelab.recordings.files.trc import is_marker_storage  # numpy: the command line names zips without it
+
     trc = [name for name, text in texts.items() if is_trc(text)]
     trc = trc or [name for name, text in texts.items() if is_marker_storage(text)]
     mot = [name for name, text in texts.items() if name not in trc and has_ground_forces(text)]
