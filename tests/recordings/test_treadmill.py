@@ -7,11 +7,10 @@ import numpy as np
 import pytest
 
 from stridelab.errors import InvalidInput
-from stridelab.recordings.foot_contact import find_feet, walking_surface_m_s
+from stridelab.recordings.foot_contact import find_feet, stated_belts_m_s, walking_surface_m_s
 from stridelab.recordings.force_windows import find_windows
 from stridelab.recordings.reader import read_recording
 from stridelab.recordings.recording import Plate, PlateSwitches, Recording, Remark
-from stridelab.recordings.treadmill import stated_belts_m_s
 from stridelab.walking.gait_events import find_contacts
 from support.recordings.schematic_walk import (
     LANDMARKS,

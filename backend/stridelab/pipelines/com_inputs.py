@@ -23,12 +23,11 @@ from stridelab.pipelines.latency_policy import LatencyChoice, choose_latency
 from stridelab.pipelines.progress import ProgressCallback
 from stridelab.pipelines.trial import Trial, assign_static_landmarks, examine_trial, read_static
 from stridelab.recordings import force_windows as measured
-from stridelab.recordings.foot_contact import find_feet
+from stridelab.recordings.foot_contact import find_feet, is_treadmill, stated_belts_m_s
 from stridelab.recordings.gap_filling import MAX_GAP_S, true_runs
 from stridelab.recordings.marker_sets import WAYS_TO_NAME_MARKERS, MarkerSetMatch
 from stridelab.recordings.plate_contacts import wrench_track
 from stridelab.recordings.recording import Remark, Subject, Window, WrenchTrack
-from stridelab.recordings.treadmill import is_treadmill, stated_belts_m_s
 from stridelab.schemas.methods import METHODS
 from stridelab.schemas.recordings import SubjectFields, TreadmillBelts
 from stridelab.schemas.sessions import SessionValues

@@ -20,12 +20,12 @@ from stridelab.recordings.files.qualisys_tsv import is_qualisys_markers, read_qu
 from stridelab.recordings.files.raw import FilePlate, RawTrial
 from stridelab.recordings.files.trc import is_marker_storage
 from stridelab.recordings.files.trc_mot import read_text, read_trc, read_trc_mot
+from stridelab.recordings.foot_contact import detect_treadmill
 from stridelab.recordings.force_plates import plate_wrench, rough_normal, rough_total_force, with_true_moment_units
 from stridelab.recordings.gap_filling import fill_short_gaps
 from stridelab.recordings.opensim.model_trial import has_body_model, read_model_trial
 from stridelab.recordings.plate_contacts import fore_aft_remarks
 from stridelab.recordings.recording import Plate, PlateSwitches, Recording, Remark
-from stridelab.recordings.treadmill import detect_treadmill
 
 _HEAD_BYTES: Final = 20_000
 _C3D_KEY: Final = b"P"

@@ -30,7 +30,7 @@ _NAMED: Final[Mapping[str, tuple[str, ...]]] = {
     "shank": ("knee_lateral", "knee_medial", "fibula_head", "tibial_tuberosity", "ankle_lateral", "ankle_medial"),
 }
 """Landmarks that may carry others of their segment; a foot has its landmarks in the walk."""
-_NAMES: Final = tuple(f"t{k}" for k in range(1, 5))
+_NAMES: Final = ("t1", "t2", "t3", "t4")
 
 
 def technical_landmarks(
