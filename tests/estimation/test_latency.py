@@ -11,6 +11,7 @@ from stridelab.errors import NotEstimable
 from stridelab.estimation.differentiation import low_pass
 from stridelab.estimation.latency import estimate_latency
 from stridelab.recordings.recording import Window, WrenchTrack
+from stridelab.simulation.people.sensors import draw_recording
 from support.recordings.analytic_motions import Harmonics, Motion, uniform, walk
 
 WINDOW = Window(0.5, 1.5)
@@ -122,3 +123,12 @@ def test_a_body_at_rest_has_no_latency_to_tell():
     with pytest.raises(NotEstimable, match="delay") as error:
         estimate_latency(geometric, wrench_at, motion.mass_kg)
     assert error.value.code == "latency-unclear"
+
+
+def test_jumps_on_the_spot_show_the_latency_by_their_height_alone() -> None:
+    misses = []
+    for seed in range(6):
+        drawn = draw_recording(seed, "hop", duration_s=4.0)
+        latency = estimate_latency(drawn.geometric, drawn.wrench_at, drawn.mass_kg)
+        misses.append(latency.latency_s - drawn.true_latency_s)
+    assert np.abs(misses).max() < 0.002

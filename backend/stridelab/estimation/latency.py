@@ -57,6 +57,8 @@ MIN_FORCE_VARIATION: Final = 0.01
 
 In real recordings quiet stance has 0.05 to 0.5 %, walks have at least 3 %.
 """
+MIN_VERTICAL_VARIATION: Final = 0.1
+"""Vertical variation that suffices alone, for jumps on the spot: walks have 10 to 20 %, jumps 50 to 150 %."""
 MIN_CORRELATION: Final = 0.8
 """Minimum correlation of the two paths. Walks have at least 0.93; the force of another walk has less, or a lag at the
 edge of the search range."""
@@ -166,11 +168,12 @@ def _lag_grid(reach_s: float) -> Lags:
 
 
 def _require_motion(wrench: WrenchTrack, span: Span, mass_kg: float) -> None:
-    """Raise unless the force varies enough, vertically and in its main horizontal direction."""
+    """Raise unless the force varies enough, vertically and in its main horizontal direction, or much vertically."""
     f = low_pass(wrench.force_n[span.inside], span.rate_hz) / (mass_kg * GRAVITY_M_S2)
     ahead = np.linalg.norm(f[:, :2] - f[:, :2].mean(axis=0), 2) / np.sqrt(len(f))
-    varies = float(min(ahead, f[:, _VERTICAL].std()))
-    if varies < MIN_FORCE_VARIATION:
+    vertical = float(f[:, _VERTICAL].std())
+    varies = float(min(ahead, vertical))
+    if varies < MIN_FORCE_VARIATION and vertical < MIN_VERTICAL_VARIATION:
         raise NotEstimable(
             "latency-unclear",
             f"The force varies by only {varies:.1%} of the body weight, as in quiet stance: the delay between the "

@@ -12,6 +12,7 @@ In the withheld blocks only the geometry is measured, so no estimator can be muc
 worse has fitted noise, or gives the geometry too little weight.
 """
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -21,7 +22,7 @@ from stridelab.body.geometric_com import GeometricCom
 from stridelab.conventions import Mask
 from stridelab.dynamics.wrench import contact_force
 from stridelab.estimation.differentiation import smoothed_derivatives, walk_frame, window_span
-from stridelab.estimation.estimator import ComEstimator
+from stridelab.estimation.estimator import ComEstimate, ComEstimator
 from stridelab.estimation.evaluation.physics_residuals import force_residual_track_n
 from stridelab.recordings.recording import WrenchTrack
 
@@ -37,27 +38,34 @@ def withheld_residual_n(
     Raises as the estimator does.
     """
     span = window_span(geometric, wrench)
-    velocity, acceleration = smoothed_derivatives(geometric.com_m[span.around], span.rate_hz)
-    stand_in_n = contact_force(acceleration[span.within], mass_kg)
-    block = np.arange(span.inside.stop - span.inside.start) // max(1, round(BLOCK_S * span.rate_hz)) % 2 == 1
-    squares = []
-    for held in (block, ~block):
-        thinned = _withhold_samples(geometric, wrench, span.inside, held, stand_in_n)
-        estimate = estimator.estimate(geometric, thinned, mass_kg)
-        squares.append(force_residual_track_n(estimate, wrench, mass_kg)[held] @ walk_frame(velocity).T)
+    velocity, _ = smoothed_derivatives(geometric.com_m[span.around], span.rate_hz)
+    squares = [
+        force_residual_track_n(estimate, wrench, mass_kg)[held] @ walk_frame(velocity).T
+        for held, estimate in withheld_estimates(estimator, geometric, wrench, mass_kg, BLOCK_S)
+    ]
     return np.asarray(np.sqrt(np.nanmean(np.concatenate(squares) ** 2, axis=0)))
 
 
-def _withhold_samples(
-    geometric: GeometricCom,
-    wrench: WrenchTrack,
-    inside: slice,
-    held: Mask,
-    stand_in_n: Float[np.ndarray, "n 3"],
-) -> WrenchTrack:
+def withheld_estimates(
+    estimator: ComEstimator, geometric: GeometricCom, wrench: WrenchTrack, mass_kg: float, block_s: float
+) -> Iterator[tuple[Mask, ComEstimate]]:
+    """Yield the withheld samples of the window and the estimate without them: every other block, then the others.
+
+    Raises as the estimator does.
+    """
+    span = window_span(geometric, wrench)
+    block = np.arange(span.inside.stop - span.inside.start) // max(1, round(block_s * span.rate_hz)) % 2 == 1
+    for held in (block, ~block):
+        yield held, estimator.estimate(geometric, withhold_samples(geometric, wrench, mass_kg, held), mass_kg)
+
+
+def withhold_samples(geometric: GeometricCom, wrench: WrenchTrack, mass_kg: float, held: Mask) -> WrenchTrack:
+    """Mark samples of the window as withheld; their wrench becomes that of the geometry without angular momentum."""
+    span = window_span(geometric, wrench)
+    acceleration = smoothed_derivatives(geometric.com_m[span.around], span.rate_hz)[1][span.within]
     force, moment = wrench.force_n.copy(), wrench.moment_nm.copy()
-    at = np.arange(inside.start, inside.stop)[held]
-    force[at] = stand_in_n[held]
+    at = np.arange(span.inside.start, span.inside.stop)[held]
+    force[at] = contact_force(acceleration[held], mass_kg)
     moment[at] = np.cross(geometric.com_m[at], force[at])
     withheld = np.zeros(len(wrench.time_s), dtype=np.bool_)
     withheld[at] = True
