@@ -89,7 +89,7 @@ def test_a_plain_standing_body_has_its_com_where_people_have_it(table):
     assert abs(x) < 0.06
     assert abs(y) < 0.002  # the published tables have millimetres of sideways asymmetry in the midline
     assert found.remarks == ()
-    assert found.sd_m == segment_tables.load_table(table, "male").sd_m
+    assert found.sd_m == pytest.approx(segment_tables.load_table(table, "male").sd_m)
     assert found.table == table
 
 
@@ -168,13 +168,26 @@ def test_a_centre_in_the_file_is_taken_as_it_is():
     np.testing.assert_array_equal(com(tracks).joint_centres_m["l_hip"], tracks["l_hip_centre"])
 
 
+@pytest.mark.parametrize(("degrees", "share"), [(0.0, 0.0), (90.0, 1.0), (45.0, 0.5), (180.0, 0.0)])
+def test_the_error_of_a_table_turns_with_the_body(degrees: float, share: float) -> None:
+    """A table errs more forwards than sideways; along a diagonal the world's axes share both."""
+    angle = np.deg2rad(degrees)
+    turn = np.array([[np.cos(angle), -np.sin(angle), 0.0], [np.sin(angle), np.cos(angle), 0.0], [0.0, 0.0, 1.0]])
+    forwards, sideways, up = segment_tables.load_table("dumas2007", "male").sd_m
+    assert sideways < forwards
+    x, y, z = com({name: track @ turn.T for name, track in landmarks(1).items()}, "dumas2007").sd_m
+    assert x**2 == pytest.approx(forwards**2 * (1 - share) + sideways**2 * share)
+    assert x**2 + y**2 == pytest.approx(forwards**2 + sideways**2)
+    assert z == up
+
+
 @pytest.mark.parametrize("table", ["auto", "carried"])
 def test_a_carried_table_is_used_as_it_is(table):
     rows = {"pelvis": segment_tables.SegmentRow(1.0 - 1e-13, (0.0, -0.5, 0.0))}
     own = segment_tables.SegmentTable("of the simulated walker", rows, sd_m=(0.001, 0.002, 0.003))
     found = com(landmarks(), table, carried={"segment_table": segment_tables.to_json(own)})
     assert found.table == "carried"
-    assert found.sd_m == (0.001, 0.002, 0.003)
+    assert found.sd_m == pytest.approx((0.001, 0.002, 0.003))
     assert set(found.segments) == {"pelvis"}
 
 

@@ -204,7 +204,7 @@ class SegmentModel:
         com_m = np.sum([s.mass_fraction * s.com_m for s in segments.values()], axis=0)
         _require_visible(com_m, p)
         gaps = applied_substitutes(joints.substitutes | pelvis)
-        sd_m = widened_sd_m(table.sd_m, gaps)
+        sd_m = widened_sd_m(_sd_along_world_m(table.sd_m, joints.centres), gaps)
         remarks = [gap.remark for gap in gaps]
         if rebuilt:
             remarks.append(Remark("markers-rebuilt", f"Rebuilt from their rigid neighbours: {', '.join(rebuilt)}."))
@@ -252,6 +252,16 @@ def _own_com(recording: Recording, landmarks: Mapping[str, str], segments: Mappi
         sd_m=MODEL_SD_M,
         ground_m_s=walking_surface_m_s(recording, landmarks),
     )
+
+
+def _sd_along_world_m(sd_m: tuple[float, float, float], centres: Mapping[str, Points]) -> tuple[float, float, float]:
+    """Error of a table (forwards, sideways, upwards) along the axes of the world, by the mean direction of the hips."""
+    forwards, sideways, up = sd_m
+    across = (centres["l_hip"] - centres["r_hip"])[:, :2]
+    across = across / np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-9)
+    share = np.nanmean(across**2, axis=0) if np.isfinite(across).any() else np.full(2, 0.5)
+    x, y = np.sqrt(forwards**2 * (1.0 - share) + sideways**2 * share)
+    return float(x), float(y), up
 
 
 def _landmark_tracks(recording: Recording, landmarks: Mapping[str, str]) -> dict[str, Points]:

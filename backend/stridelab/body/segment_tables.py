@@ -31,8 +31,8 @@ from stridelab.resources import models_dir
 PAIRED: Final = ("upper_arm", "forearm", "hand", "thigh", "shank", "foot", "whole_foot")
 """Segments that exist on both sides; all others lie in the median plane."""
 
-DEFAULT_SD_M: Final = (0.008, 0.008, 0.020)
-"""Prior error of a table that does not state its own (x, y, z of the world frame)."""
+DEFAULT_SD_M: Final = (0.008, 0.004, 0.020)
+"""Prior error of a table that does not state its own: forwards, sideways (bodies are nearly symmetric), upwards."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,10 @@ class SegmentRow:
 
 @dataclass(frozen=True)
 class SegmentTable:
-    """Table of one body: rows by frame name, mass fractions summing to one, and the table's error per world axis."""
+    """Table of one body: rows by frame name, mass fractions summing to one, and the table's error.
+
+    ``sd_m`` is forwards, sideways and upwards of the body.
+    """
 
     name: str
     segments: Mapping[str, SegmentRow]

@@ -21,13 +21,14 @@ from stridelab.estimation.complementary.filter import ComplementaryFilter
 from stridelab.estimation.differentiation import low_pass
 from stridelab.estimation.estimator import ComEstimate, ComEstimator
 from stridelab.estimation.evaluation.force_path import (
+    PlateErrors,
     distance_from_force_m,
     force_path_m,
     momentum_of_segments_nms,
     path_error,
 )
-from stridelab.estimation.evaluation.holdout_force import BLOCK_S, withheld_estimates
-from stridelab.estimation.evaluation.physics_residuals import force_residual_track_n
+from stridelab.estimation.evaluation.holdout_force import BLOCK_S, withheld_estimates, withhold_samples
+from stridelab.estimation.evaluation.physics_residuals import FLIGHT_N, assess_flight, force_residual_track_n
 from stridelab.estimation.kalman.filter import KalmanFilter, RtsSmoother
 from stridelab.estimation.latency import estimate_latency
 from stridelab.estimation.markers_only import GeometryOnly
@@ -42,14 +43,16 @@ ESTIMATORS: Final[Mapping[str, ComEstimator]] = {
     "complementary": ComplementaryFilter(),
     "kalman": KalmanFilter.tuned(),
     "rts": RtsSmoother.tuned(),
-    "smoother": Smoother(),
+    "smoother": Smoother(learn=False),
 }
 TURNS: Final[Sequence[Movement]] = ("walk", "walk", "run", "stand", "walk", "run", "hop")
 """Movement of the draws, in turn."""
-DURATION_S: Final = 3.0
+DURATION_S, FRAME_HZ = 2.5, 50.0
 SPLIT_HZ: Final = 2.5
 IMPULSE_S: Final = 0.5
 PLATE_S: Final = 1.0
+HIDDEN_EVERY: Final = 4
+"""Every which draw also has long blocks withheld, which costs as much as all other scores together."""
 TIED: Final = 0.1
 """Relative difference of two mean squares (5 % of the RMS) below which estimators count as equal."""
 
@@ -77,8 +80,9 @@ def score_draw(seed: int, errors: SensorErrors | None = None) -> ScoredDraw:
     Raises as the estimators do.
     """
     movement = TURNS[seed % len(TURNS)]
-    drawn = draw_recording(seed, movement, errors, DURATION_S)
-    wrench = drawn.wrench_at(_latency_s(drawn))
+    drawn = draw_recording(seed, movement, errors, DURATION_S, FRAME_HZ)
+    latency_s, clock_s = _latency_s(drawn)
+    wrench = drawn.wrench_at(latency_s)
     span = window_span(drawn.geometric, wrench)
     inside, rate_hz = span.inside, span.rate_hz
     total = Wrench(wrench.force_n[inside], wrench.moment_nm[inside])
@@ -89,12 +93,13 @@ def score_draw(seed: int, errors: SensorErrors | None = None) -> ScoredDraw:
     for name, estimator in ESTIMATORS.items():
         estimate = estimator.estimate(drawn.geometric, wrench, drawn.mass_kg)
         error = estimate.com_m - drawn.com_m[inside]
-        of_path = path_error(estimator, drawn.geometric, wrench, drawn.mass_kg, seed=seed)
+        of_path = path_error(estimator, drawn.geometric, wrench, drawn.mass_kg, PlateErrors(clock_s=clock_s), seed=seed)
         scores[name] = {
             "truth": [*_mean_squares(error)[:2], float(error[:, 2].var())],
             "force residual": _mean_squares(_residual_share(estimate, wrench, drawn.mass_kg)),
             "impulse": _mean_squares(_impulse_misses(estimate, total, drawn.mass_kg, rate_hz)),
-            **_withheld_scores(estimator, drawn, wrench, path, rate_hz),
+            **_withheld_scores(estimator, drawn, wrench, path, hidden=seed % HIDDEN_EVERY == 0),
+            **_flight_score(estimator, drawn, wrench),
             "force path, all momentum": _mean_squares(
                 distance_from_force_m(estimate.com_m, plain, total.force_n, drawn.mass_kg, rate_hz)
             ),
@@ -104,12 +109,13 @@ def score_draw(seed: int, errors: SensorErrors | None = None) -> ScoredDraw:
     return ScoredDraw(seed, movement, drawn.loaded, _mean_squares(path - drawn.com_m[inside, :2]), scores)
 
 
-def _latency_s(drawn: DrawnRecording) -> float:
+def _latency_s(drawn: DrawnRecording) -> tuple[float, float]:
+    """Corrected latency and the standard deviation of its error; a body that stands has neither."""
     try:
         latency = estimate_latency(drawn.geometric, drawn.wrench_at, drawn.mass_kg)
     except NotEstimable:
-        return 0.0
-    return latency.latency_s if latency.significant else 0.0
+        return 0.0, PlateErrors().clock_s
+    return (latency.latency_s if latency.significant else 0.0), latency.sd_s
 
 
 def _withheld_scores(
@@ -117,14 +123,17 @@ def _withheld_scores(
     drawn: DrawnRecording,
     wrench: WrenchTrack,
     path: Float[np.ndarray, "n 2"],
-    rate_hz: float,
+    *,
+    hidden: bool,
 ) -> MeanSquares:
     """Held-back force over weight, by band, and in metres; blocks of 0.15 s, and half of the window or 1 s."""
     span = window_span(drawn.geometric, wrench)
-    force = wrench.force_n[span.inside]
-    longest = min(PLATE_S, len(force) / rate_hz / 2 + 1e-6)
+    force, rate_hz = wrench.force_n[span.inside], span.rate_hz
+    blocks = {"held-back force": BLOCK_S}
+    if hidden:
+        blocks["one plate hidden"] = min(PLATE_S, len(force) / rate_hz / 2 + 1e-6)
     out = {}
-    for label, block_s in (("held-back force", BLOCK_S), ("one plate hidden", longest)):
+    for label, block_s in blocks.items():
         every, slow, metres = [], [], []
         for held, estimate in withheld_estimates(estimator, drawn.geometric, wrench, drawn.mass_kg, block_s):
             residual = _residual_share(estimate, wrench, drawn.mass_kg)
@@ -140,6 +149,21 @@ def _withheld_scores(
             out[f"{label} below {SPLIT_HZ} Hz"] = _mean_squares(np.concatenate(slow))
             out[f"{label} above {SPLIT_HZ} Hz"] = _mean_squares(np.concatenate(every) - np.concatenate(slow))
     return out
+
+
+def _flight_score(estimator: ComEstimator, drawn: DrawnRecording, wrench: WrenchTrack) -> MeanSquares:
+    """Acceleration in flight minus g, with the force of all flights withheld; nothing without flights."""
+    inside = window_span(drawn.geometric, wrench).inside
+    aloft = wrench.force_n[inside, 2] < FLIGHT_N
+    if not aloft.any():
+        return {}
+    withheld = withhold_samples(drawn.geometric, wrench, drawn.mass_kg, aloft)
+    estimate = estimator.estimate(drawn.geometric, withheld, drawn.mass_kg)
+    flight = assess_flight(estimate, wrench)
+    if flight is None:
+        return {}
+    horizontal = (flight.horizontal_m_s2 / GRAVITY_M_S2) ** 2 / 2
+    return {"flights withheld": [horizontal, horizontal, flight.vertical_share**2]}
 
 
 def _residual_share(estimate: ComEstimate, wrench: WrenchTrack, mass_kg: float) -> Points:
@@ -162,11 +186,12 @@ class Agreement:
     """Agreement of one score with the truth: over single draws, and over groups of them.
 
     ``rank_correlation`` is Spearman's, mean over the draws. ``pairs`` is the share of pairs of estimators in single
-    draws in the order of the truth, ``same_order`` the share of groups with all pairs so; ties are left out of both.
-    ``same_best`` is the share of groups whose best estimator by the score is within the tie of the truly best.
+    draws in the order of the truth (NaN without pairs), ``same_order`` the share of groups with all pairs so; ties are left
+    out of both. ``same_best`` is the share of groups whose best estimator by the score is within the tie of the truly best.
     """
 
     score: str
+    draws: int
     rank_correlation: float
     pairs: float
     same_order: Mapping[int, float]
@@ -178,7 +203,8 @@ RESAMPLES: Final = 1000
 
 
 def score_agreement(draws: Sequence[ScoredDraw], score: str, axes: Sequence[int]) -> Agreement:
-    """Agreement over the sum of ``axes``; groups are drawn with replacement."""
+    """Agreement over the sum of ``axes``, of the draws that have the score; groups are drawn with replacement."""
+    draws = [draw for draw in draws if all(score in of_one for of_one in draw.scores.values())]
     true, scored = (
         np.array([[sum(s[key][axis] for axis in axes) for s in draw.scores.values()] for draw in draws])
         for key in ("truth", score)
@@ -194,7 +220,8 @@ def score_agreement(draws: Sequence[ScoredDraw], score: str, axes: Sequence[int]
         best[size] = float(np.mean(chosen <= a.min(axis=1) * (1 + TIED)))
     right, counted = _pairs_in_order(true, scored)
     ranks = [stats.spearmanr(a, b)[0] for a, b in zip(true, scored, strict=True)]
-    return Agreement(score, float(np.mean(ranks)), float(right.sum() / counted.sum()), order, best)
+    pairs = float(right.sum() / counted.sum()) if counted.any() else float("nan")
+    return Agreement(score, len(draws), float(np.mean(ranks)), pairs, order, best)
 
 
 def _pairs_in_order(

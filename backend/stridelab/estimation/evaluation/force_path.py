@@ -11,7 +11,7 @@ Zatsiorsky and King 1998, who used instants of zero horizontal force). The geome
 the horizontal force multiplies, and the angular momentum of its segments, which is subtracted where it is known.
 
 Vertically the force determines neither a height nor, without the exact mass, a curvature: there the path is compared
-after a parabola through each second has been removed.
+after a parabola through at most three seconds has been removed.
 
 An estimator that has used the same force shares its errors e with the path p, so the squared distance is too small:
 
@@ -47,8 +47,8 @@ UNEXPLAINED: Final = 0.4
 """Share of L that the segments do not explain."""
 INDEPENDENT_PER_S: Final = 4.0
 """Independent values of L per second."""
-BLOCK_S: Final = 1.0
-"""Length of the parabolas."""
+BLOCK_S: Final = 3.0
+"""Longest parabola: beyond it the plates' own errors, integrated twice, exceed a millimetre."""
 STEP_S: Final = 0.55
 STRIDE_HZ: Final = 0.9
 STANDS_SHARE: Final = 0.01

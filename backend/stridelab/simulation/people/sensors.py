@@ -81,7 +81,11 @@ class DrawnRecording:
 
 
 def draw_recording(
-    seed: int, movement: Movement, errors: SensorErrors | None = None, duration_s: float = 6.0
+    seed: int,
+    movement: Movement,
+    errors: SensorErrors | None = None,
+    duration_s: float = 6.0,
+    frame_hz: float = FRAME_HZ,
 ) -> DrawnRecording:
     """Draw a person, a motion and a recording of it.
 
@@ -95,7 +99,7 @@ def draw_recording(
     if crossing:
         duration_s = min(duration_s, 3.0)
     motion = draw_motion(rng, movement, draw_person(rng), duration_s + 2 * MARGIN_S, belt=belt)
-    time_s = np.arange(round(duration_s * FRAME_HZ)) / FRAME_HZ
+    time_s = np.arange(round(duration_s * frame_hz)) / frame_hz
     frames = np.rint((time_s + MARGIN_S) * RATE_HZ).astype(int)
     loaded = bool(rng.random() < errors.loaded)
     com, force, mass = motion.com_m, motion.force_n, motion.person.mass_kg
