@@ -186,8 +186,9 @@ class Agreement:
     """Agreement of one score with the truth: over single draws, and over groups of them.
 
     ``rank_correlation`` is Spearman's, mean over the draws. ``pairs`` is the share of pairs of estimators in single
-    draws in the order of the truth (NaN without pairs), ``same_order`` the share of groups with all pairs so; ties are left
-    out of both. ``same_best`` is the share of groups whose best estimator by the score is within the tie of the truly best.
+    draws in the order of the truth (NaN without pairs), ``same_order`` the share of groups with all pairs so; ties are
+    left out of both. ``same_best`` is the share of groups whose best estimator by the score is within the tie of the
+    truly best.
     """
 
     score: str

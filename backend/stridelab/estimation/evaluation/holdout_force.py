@@ -8,9 +8,9 @@ The Kalman filter, the RTS smoother and ``Smoother`` skip the measurements of fo
 (``WrenchTrack.withheld``). The complementary filter needs gap-free signals: it uses the substitution of 2.6.2,
 ``p = g`` and ``a = g''``. No estimator has access to the withheld force.
 
-The residual weighs an error at frequency w with w^4, and it is that of an estimator without force in the block. So it does
-not order estimators by their true errors (docs/theory/judging-estimators.md; ``force_path`` does, over groups of people);
-it shows how well a model bridges a gap in the force.
+The residual weighs an error at frequency w with w^4, and it is that of an estimator without force in the block. So it
+does not order estimators by their true errors (docs/theory/judging-estimators.md; ``force_path`` does, over groups of
+people); it shows how well a model bridges a gap in the force.
 """
 
 from collections.abc import Iterator

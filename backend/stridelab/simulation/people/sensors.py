@@ -17,7 +17,6 @@ from scipy import signal
 from scipy.interpolate import CubicSpline
 
 from stridelab.body.geometric_com import GeometricCom, SegmentTrack
-from stridelab.body.segment_tables import DEFAULT_SD_M
 from stridelab.conventions import Points
 from stridelab.recordings.recording import Window, WrenchTrack
 from stridelab.simulation.people.limbs import LIMBS
@@ -28,6 +27,8 @@ MARGIN_S: Final = 0.6
 """Motion before the first and after the last frame, so that filters and late forces have data."""
 TAILS: Final = 5.0
 """Degrees of freedom of the t-distributions of constant errors."""
+STATED_SD_M: Final = (0.008, 0.008, 0.020)
+"""Stated error of the table: not the drawn one, which is smaller sideways."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -126,7 +127,7 @@ def draw_recording(
         table="drawn",
         segments={name: SegmentTrack(fraction, track[frames]) for name, (fraction, track) in seen.items()},
         joint_centres_m={},
-        sd_m=DEFAULT_SD_M,
+        sd_m=STATED_SD_M,
         ground_m_s=np.array([motion.ground_m_s, 0.0, 0.0]),
     )
     return DrawnRecording(
