@@ -112,7 +112,7 @@ def draw_recording(
     else:
         limb = dict(motion.limb_m)
     seen = _seen_limbs(rng, motion, limb, errors)
-    geometry = sum(fraction * track for fraction, track in seen.values())
+    geometry = np.sum([fraction * track for fraction, track in seen.values()], axis=0)
     late = float(rng.uniform(*errors.late_s))
     window = Window(0.0, float(time_s[-1]))
     if crossing:
@@ -155,7 +155,7 @@ def _seen_limbs(
     tissue = _tissue_of_limbs(rng, motion, errors)
     cut_hz = rng.choice([0.0, 6.0, 10.0])
     seen, total = {}, 0.0
-    pairs = {}
+    pairs: dict[str, np.ndarray] = {}
     for name, (fraction, length, _) in LIMBS.items():
         twin = name[2:] if name[1] == "_" else name
         mass, lever = pairs.setdefault(twin, _heavy_tailed(rng, 1.0, (2,)))
