@@ -19,7 +19,7 @@ from scipy import optimize
 from stridelab.conventions import GRAVITY_M_S2, Rotation
 from stridelab.errors import Fault, InvalidInput
 from stridelab.estimation.smoother.kalman_rts import Signals, compute_gains, filter_forward, log_likelihood
-from stridelab.estimation.smoother.measurements import Walk, step_frequency_hz, swing_at_ends
+from stridelab.estimation.smoother.measurements import WALKS_M_S, Walk, step_frequency_hz, swing_at_ends
 from stridelab.estimation.smoother.state_space import ACCELERATION, CONSTANTS, HEIGHT, MOMENT, TABLE, Sizes, state_space
 
 MAY_BE_ZERO = frozenset(
@@ -38,7 +38,9 @@ class SmootherPriors:
     ``plate_moment_nm`` about the plate. ``mass_share`` is the relative error of the mass, ``clock_s`` the residual
     latency between force and markers.
 
-    ``table_varying_m`` is the posture-dependent part of the table's error, with correlation time ``table_varying_s``.
+    ``table_varying_m`` is the posture-dependent part of the table's horizontal error in walking, with correlation time
+    ``table_varying_s``; vertically it is ``CALM_SHARE`` of it, and where the body stays in place that share squared. It
+    is not learned: a second of data makes it too small.
     ``momentum_m_s`` is the angular momentum about the walking axis and the lateral axis divided by the weight,
     L / (m g); None uses that of an adult of this height. It is modelled as a resonator of damping ratio ``damping`` at
     half the step frequency and at ``step_hz`` (None: estimated from the vertical motion), with overtones whose L is
@@ -55,7 +57,7 @@ class SmootherPriors:
     plate_moment_nm: float = 1.0
     mass_share: float = 0.01
     clock_s: float = 0.005
-    table_varying_m: float = 0.001
+    table_varying_m: float = 0.003
     table_varying_s: float = 0.3
     momentum_m_s: tuple[float, float] | None = None
     overtone_share: float = 0.25
@@ -82,7 +84,7 @@ class SmootherPriors:
             )
 
 
-LEARNED: Final = ("marker_m", "moment_m", "table_varying_m", "swing_m_s", "overtone_m_s", "damping")
+LEARNED: Final = ("marker_m", "moment_m", "swing_m_s", "overtone_m_s", "damping")
 WIDTH: Final = 1.0
 DOWN, UP = 1.1, 3.0
 """Learned sizes lie between a third of the prior (e^-DOWN) and e^UP times it: filtered markers appear noise-free, but
@@ -166,6 +168,8 @@ def _perturbed_logs(logs: Logs) -> Float[np.ndarray, "p p axes"]:
 
 
 USUAL_STEP_HZ, USUAL_SPEED_M_S = 1.8, 1.2
+CALM_SHARE: Final = 1 / 3
+"""Share of the table's varying error in directions, and in bodies, in which the posture hardly changes."""
 UNDIRECTED_HZ_SHARE, UNDIRECTED_DAMPING = 0.75, 0.6
 SAGITTAL_OVERTONE, LATERAL_OVERTONE = 2.0, 4.5
 """Ratios of the overtones to the step and the stride frequency: the second, and the third to seventh combined."""
@@ -190,6 +194,8 @@ def sizes_of(priors: SmootherPriors, walk: Walk, mass_kg: float, table_sd_m: tup
     step_hz = priors.step_hz or step_frequency_hz(walk) or USUAL_STEP_HZ
     in_laboratory_m_s = float(np.linalg.norm(walk.velocity_m_s[:2]))
     sizes = _prior_sizes(priors, mass_kg, table_sd_m, walk.frame, height, step_hz, in_laboratory_m_s)
+    if walk.speed_m_s < WALKS_M_S:
+        sizes = replace(sizes, table_varying_m=np.full(3, CALM_SHARE**2 * priors.table_varying_m))
     return replace(sizes, ends=swing_at_ends(walk))
 
 
@@ -249,7 +255,7 @@ def _prior_sizes(
         acceleration_m_s2=priors.force_n / mass_kg * every,
         moment_m=moment * every,
         plate_corner_hz=priors.plate_corner_hz * every,
-        table_varying_m=priors.table_varying_m * every,
+        table_varying_m=priors.table_varying_m * np.array([1.0, 1.0, CALM_SHARE]),
         table_varying_s=priors.table_varying_s * every,
         swing_m_s=swing,
         swing_hz=step_hz * np.array([1.0, 0.5, 1.0]),
