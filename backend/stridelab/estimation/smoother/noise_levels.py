@@ -19,7 +19,7 @@ from scipy import optimize
 from stridelab.conventions import GRAVITY_M_S2, Rotation
 from stridelab.errors import Fault, InvalidInput
 from stridelab.estimation.smoother.kalman_rts import Signals, compute_gains, filter_forward, log_likelihood
-from stridelab.estimation.smoother.measurements import WALKS_M_S, Walk, step_frequency_hz, swing_at_ends
+from stridelab.estimation.smoother.measurements import Walk, step_frequency_hz, swing_at_ends
 from stridelab.estimation.smoother.state_space import ACCELERATION, CONSTANTS, HEIGHT, MOMENT, TABLE, Sizes, state_space
 
 MAY_BE_ZERO = frozenset(
@@ -39,8 +39,8 @@ class SmootherPriors:
     latency between force and markers.
 
     ``table_varying_m`` is the posture-dependent part of the table's horizontal error in walking, with correlation time
-    ``table_varying_s``; vertically it is ``CALM_SHARE`` of it, and where the body stays in place that share squared. It
-    is not learned: a second of data makes it too small.
+    ``table_varying_s``; vertically it is ``CALM_SHARE`` of it, and that share squared where the body stands. It is not
+    learned: a second of data makes it too small.
     ``momentum_m_s`` is the angular momentum about the walking axis and the lateral axis divided by the weight,
     L / (m g); None uses that of an adult of this height. It is modelled as a resonator of damping ratio ``damping`` at
     half the step frequency and at ``step_hz`` (None: estimated from the vertical motion), with overtones whose L is
@@ -169,7 +169,9 @@ def _perturbed_logs(logs: Logs) -> Float[np.ndarray, "p p axes"]:
 
 USUAL_STEP_HZ, USUAL_SPEED_M_S = 1.8, 1.2
 CALM_SHARE: Final = 1 / 3
-"""Share of the table's varying error in directions, and in bodies, in which the posture hardly changes."""
+"""Share of the table's varying error where the posture hardly changes it: vertically, and its square in standing."""
+STANDS_SHARE: Final = 0.1
+"""Range of the vertical force over the weight below which a body stands; a slow walk has 0.2."""
 UNDIRECTED_HZ_SHARE, UNDIRECTED_DAMPING = 0.75, 0.6
 SAGITTAL_OVERTONE, LATERAL_OVERTONE = 2.0, 4.5
 """Ratios of the overtones to the step and the stride frequency: the second, and the third to seventh combined."""
@@ -194,7 +196,8 @@ def sizes_of(priors: SmootherPriors, walk: Walk, mass_kg: float, table_sd_m: tup
     step_hz = priors.step_hz or step_frequency_hz(walk) or USUAL_STEP_HZ
     in_laboratory_m_s = float(np.linalg.norm(walk.velocity_m_s[:2]))
     sizes = _prior_sizes(priors, mass_kg, table_sd_m, walk.frame, height, step_hz, in_laboratory_m_s)
-    if walk.speed_m_s < WALKS_M_S:
+    vertical_n = walk.force_n[walk.seen, 2]
+    if np.ptp(vertical_n) < STANDS_SHARE * mass_kg * GRAVITY_M_S2:
         sizes = replace(sizes, table_varying_m=np.full(3, CALM_SHARE**2 * priors.table_varying_m))
     return replace(sizes, ends=swing_at_ends(walk))
 
