@@ -18,7 +18,7 @@ from stridelab.conventions import GRAVITY_M_S2, Points
 from stridelab.dynamics.wrench import Wrench, com_acceleration
 from stridelab.errors import NotEstimable
 from stridelab.estimation.complementary.filter import ComplementaryFilter
-from stridelab.estimation.differentiation import low_pass
+from stridelab.estimation.differentiation import low_pass, window_span
 from stridelab.estimation.estimator import ComEstimate, ComEstimator
 from stridelab.estimation.evaluation.force_path import (
     PlateErrors,
@@ -33,7 +33,6 @@ from stridelab.estimation.kalman.filter import KalmanFilter, RtsSmoother
 from stridelab.estimation.latency import estimate_latency
 from stridelab.estimation.markers_only import GeometryOnly
 from stridelab.estimation.smoother import Smoother
-from stridelab.estimation.time_span import window_span
 from stridelab.recordings.recording import WrenchTrack
 from stridelab.simulation.people.movements import Movement
 from stridelab.simulation.people.sensors import DrawnRecording, SensorErrors, draw_recording

@@ -8,6 +8,7 @@ import pytest
 
 from stridelab.body.geometric_com import GeometricCom
 from stridelab.dynamics.wrench import Wrench
+from stridelab.estimation.differentiation import window_span
 from stridelab.estimation.estimator import ComEstimate
 from stridelab.estimation.evaluation.force_path import (
     distance_from_force_m,
@@ -16,7 +17,6 @@ from stridelab.estimation.evaluation.force_path import (
     path_error,
 )
 from stridelab.estimation.markers_only import GeometryOnly
-from stridelab.estimation.time_span import window_span
 from stridelab.recordings.recording import WrenchTrack
 from stridelab.simulation.people.movements import Movement
 from stridelab.simulation.people.sensors import DrawnRecording, SensorErrors, draw_recording

@@ -33,9 +33,8 @@ from scipy.integrate import cumulative_trapezoid
 from stridelab.body.geometric_com import GeometricCom
 from stridelab.conventions import GRAVITY_M_S2, PerAxis, Points
 from stridelab.dynamics.wrench import Wrench, com_acceleration
-from stridelab.estimation.differentiation import smoothed_derivatives
+from stridelab.estimation.differentiation import Span, smoothed_derivatives, walk_frame, window_span
 from stridelab.estimation.estimator import ComEstimator
-from stridelab.estimation.time_span import Span, walk_frame, window_span
 from stridelab.recordings.recording import WrenchTrack
 
 KNOT_S: Final = 0.5
