@@ -1,5 +1,7 @@
 """Agreement of scores with the truth: on made-up scores whose agreement is known, and on one drawn person."""
 
+from typing import Any, cast
+
 import numpy as np
 import pytest
 
@@ -46,7 +48,8 @@ def test_equal_estimators_have_no_order_and_any_of_them_is_best() -> None:
     draws = [made_up(seed, 0.0) for seed in range(5)]
     for draw in draws:
         for name in NAMES:
-            draw.scores[name]["truth"] = [1.0 + 0.01 * NAMES.index(name)] * 3
+            scores = dict(draw.scores[name])
+            cast(dict[str, Any], draw.scores)[name] = scores | {"truth": [1.0 + 0.01 * NAMES.index(name)] * 3}
     agreement = score_agreement(draws, "turned", (2,))
     assert agreement.same_order[1] == 1.0
     assert agreement.same_best[1] == 1.0
