@@ -12,7 +12,7 @@ from stridelab_web.api_client import client_of
 from stridelab_web.assets import plotly_style_ids
 from stridelab_web.pages import reproduction
 from stridelab_web.pages.render import render_page
-from stridelab_web.pages.results import comparison, cycloid, population, reachability, receding, sweep
+from stridelab_web.pages.results import comparison, cycloid, measures, population, reachability, receding, sweep
 from stridelab_web.pages.results.com_plots import COM_TABLE, com_curves
 from stridelab_web.pages.results.quality import shown_quality
 from stridelab_web.pages.results.summary_facts import facts_of, headline_of, main_and_other_facts, sentences_of
@@ -73,6 +73,7 @@ async def job_page(request: Request) -> Response:
         learned=learned_values,
         sweep=sweep_values,
         receding=receding_values,
+        measures=measures.measures_of(result) if result and job.kind == measures.KIND else None,
         reproduction=reproduction.reproduction_of(result) if result and job.kind == reproduction.KIND else None,
         plotly_style_ids=plotly_style_ids() if plots or learned_values else (),
         viewer_url=_viewer_url(job, recording, present),

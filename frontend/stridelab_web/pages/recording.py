@@ -57,6 +57,7 @@ async def recording_page(request: Request) -> Response:
         labels=list(
             dict.fromkeys([*recording.labels, *(label for item in session if item.still for label in item.labels)])
         ),
+        walks=[item.id for item in session if not item.still],
         standing=[item for item in session if item.still and item.id != recording.id],
         windows=intervals.interval_bars(recording.windows_s, recording.duration_s),
         windows_text=intervals.windows_text(recording),

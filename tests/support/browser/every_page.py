@@ -11,7 +11,7 @@ from stridelab.schemas.jobs import Artifact, JobResult, JobVerdict, Progress
 from stridelab.schemas.reproduction import ClaimResult, ReproduceSummary
 from stridelab.schemas.sweeps import SweepAxis, SweepSummary
 from stridelab_web.pages.home import SAMPLE_RECORDING
-from support.fakes import cycloid, population, reachability
+from support.fakes import cycloid, measures, population, reachability
 from support.fakes.service import FakeService
 
 ROBOT = "boxes"
@@ -33,6 +33,7 @@ def every_page(fake: FakeService) -> dict[str, str]:
         "comparison": fake.add_comparison().id,
         "wheel": wheel.id,
         "receding": receding.id,
+        "measures": fake.add_job(measures.KIND, "succeeded").id,
         "learned": fake.add_job(reachability.KIND, "succeeded").id,
         "sweep": _keep(fake, "sweep", *_sweep()),
         "reproduction-of-one": _keep(fake, "reproduce", *_reproduction()),

@@ -25,7 +25,7 @@ from stridelab.schemas.recordings import PlateInfo, Recording, SubjectFields
 from stridelab.schemas.robots import Measure
 from stridelab.schemas.scenarios import Scenario, StoredScenario
 from stridelab.schemas.service import Health
-from support.fakes import comparison, cycloid, population, reachability, robots
+from support.fakes import comparison, cycloid, measures, population, reachability, robots
 from support.fakes.subjects import FakeSubjects, listed_recordings
 from support.fakes.walk import (
     DURATION_S,
@@ -180,7 +180,7 @@ class FakeService:
         if job_id in self.comparisons:
             with_truth, files = self.comparisons[job_id]
             return comparison.result(given, files, with_truth=with_truth)
-        for other in (cycloid, population, reachability):
+        for other in (cycloid, measures, population, reachability):
             if job.kind == other.KIND:
                 return other.result(given)
         versions = {"stridelab": "0.1.0", "numpy": "2.4"}

@@ -320,6 +320,10 @@ def refusing(*possible: str, reason: str = NO_PLATES) -> list[EstimateOffer]:
     ]
 
 
+OFFERED = ("Estimate", "Compare all methods", "Fit the wheel", "Measures of gait")
+"""Buttons of the form that estimates."""
+
+
 def estimate_form(page: str) -> str:
     return page[page.index("<form data-estimate") :].partition("</form>")[0]
 
@@ -335,14 +339,14 @@ def buttons(form: str) -> dict[str, bool]:
 def test_what_is_known_to_fail_is_not_offered_and_says_why(fake: FakeService, browse: Browse) -> None:
     unknown = fake.add_recording(marker_set=None, estimates=refusing(reason="These <b>labels</b> aren't known."))
     form = estimate_form(browse(f"/recordings/{unknown.id}").text)
-    assert buttons(form) == {"Estimate": False, "Compare all methods": False, "Fit the wheel": False}
+    assert buttons(form) == dict.fromkeys(OFFERED, False)
     assert ">These &lt;b&gt;labels&lt;/b&gt; aren&#39;t known.</p>" in form
     assert "hidden" not in form[form.index('id="refused"') :].partition(">")[0]
 
 
 def test_without_plates_markers_only_are_offered(fake: FakeService, browse: Browse) -> None:
     form = estimate_form(browse(f"/recordings/{fake.add_recording(estimates=refusing('geometry')).id}").text)
-    assert buttons(form) == {"Estimate": True, "Compare all methods": False, "Fit the wheel": True}
+    assert buttons(form) == dict.fromkeys(OFFERED, True) | {"Compare all methods": False}
     assert re.findall(r'value="(\w+)" selected>[^<]*</option>', form.partition("</select>")[0]) == ["geometry"]
     assert f">{NO_PLATES}</p>" in form
 
@@ -350,7 +354,7 @@ def test_without_plates_markers_only_are_offered(fake: FakeService, browse: Brow
 def test_a_recording_of_which_nothing_is_known_to_fail_offers_all(fake: FakeService, browse: Browse) -> None:
     for estimates in ([], refusing(*METHODS)):
         form = estimate_form(browse(f"/recordings/{fake.add_recording(estimates=estimates).id}").text)
-        assert buttons(form) == dict.fromkeys(("Estimate", "Compare all methods", "Fit the wheel"), True)
+        assert buttons(form) == dict.fromkeys(OFFERED, True)
         assert "selected" not in form.partition("</select>")[0]
         assert "data-why hidden></p>" in form
 

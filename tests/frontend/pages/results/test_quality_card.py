@@ -10,11 +10,11 @@ import pytest
 from stridelab.schemas.base import Remark
 from stridelab.schemas.quality import Quality, QualityCheck
 from stridelab_web.pages.results.quality import NAMES, SHARES, shown_quality
-from support.fakes import comparison, population
+from support.fakes import comparison, measures, population
 from support.fakes.service import FakeService
 
 Browse = Callable[[str], httpx.Response]
-KINDS = ("estimate-com", comparison.KIND, "fit-cycloid", population.KIND)
+KINDS = ("estimate-com", comparison.KIND, "fit-cycloid", population.KIND, measures.KIND)
 
 
 def check(name: str, value: float, limit: float, contradicted_above: float, unit: str = "1") -> QualityCheck:

@@ -75,6 +75,7 @@ const showRefusals = (method) => {
   setRefusal(estimate.querySelector("button.primary"), method);
   setRefusal(find("[data-wheel]"), method);
   setRefusal(find("[data-compare]"), "");
+  setRefusal(find("[data-measures]"), method || "geometry"); // markers alone if no other method is possible
   refusalText.textContent = refusals[method] ?? refusals[""] ?? "";
   refusalText.hidden = !refusalText.textContent;
 };
@@ -113,9 +114,9 @@ const startAndOpen = async (kind, input) => {
 };
 onSubmit(estimate, (data) => startAndOpen("estimate-com", jobInput(data)));
 const startOnClick = (selector, kind, adapt) =>
-  find(selector).addEventListener("click", async (event) => {
-    const status = estimate.querySelector("[data-said]"),
-      button = event.currentTarget;
+  find(selector)?.addEventListener("click", async (event) => {
+    const button = event.currentTarget,
+      status = button.parentElement.querySelector("[data-said]");
     button.disabled = true;
     try {
       status.textContent = await startAndOpen(kind, adapt(jobInput(new FormData(estimate))));
@@ -128,6 +129,10 @@ const startOnClick = (selector, kind, adapt) =>
   });
 startOnClick("[data-compare]", "compare-estimators", (input) => ({ ...input, method: null }));
 startOnClick("[data-wheel]", "fit-cycloid", (input) => input);
+startOnClick("[data-measures]", "gait-measures", ({ method }) => ({ recording_ids: [id], method }));
+startOnClick("[data-session-measures]", "gait-measures", () => ({
+  recording_ids: find("[data-session-measures]").dataset.sessionMeasures.split(" "),
+}));
 
 const dialog = find("[data-confirm]");
 find("[data-no]").addEventListener("click", () => dialog.close());

@@ -1,0 +1,120 @@
+"""The page of measures of gait: the main values first, every measure with both sides, and what is missing."""
+
+import re
+from collections.abc import Callable
+
+import httpx
+import pytest
+
+from stridelab_web.pages.results.measures import TITLES, measure_rows, measures_headline, measures_of
+from support.fakes.measures import KIND, result, summary
+from support.fakes.service import FakeService
+
+Browse = Callable[[str], httpx.Response]
+
+
+@pytest.fixture
+def page(fake: FakeService, browse: Browse) -> str:
+    answer = browse(f"/jobs/{fake.add_job(KIND, 'succeeded').id}")
+    assert answer.status_code == 200
+    return answer.text
+
+
+def text_of(html: str) -> str:
+    return " ".join(re.sub(r"<[^>]+>", " ", html).split())
+
+
+def test_values_are_in_the_units_of_the_field_with_their_interval_and_sides() -> None:
+    rows = {row.name: row for row in measure_rows(summary())}
+    shown = {name: (row.mean, row.unit, row.interval, row.left, row.right) for name, row in rows.items()}
+    assert shown["walking_speed"] == ("1.21", "m/s", "1.20 to 1.22", "1.21", "1.21")
+    assert shown["step_length"] == ("0.678", "m", "0.659 to 0.697", "0.672", "0.684")
+    assert shown["step_width"] == ("105", "mm", "98 to 112", "107", "103")
+    assert shown["margin_of_stability_ap_contact"] == ("0", "mm", "-40 to 39", "11", "-12")
+    assert shown["double_support_share"] == ("25", "%", "15 to 35", "24", "26")
+    assert shown["energy_recovery"] == ("55", "%", "", "56", "54"), "no interval is known"
+    assert shown["angular_momentum_range_x"] == ("0.014", "", "0.011 to 0.017", "0.014", "0.014")
+    assert shown["foot_placement_residual"] == ("14", "mm", "12 to 16", "", "")
+    assert (rows["step_length"].symmetry, rows["step_width"].symmetry) == ("-1.8 %", "")
+
+
+def test_rows_are_in_the_order_of_the_titles() -> None:
+    names = [row.name for row in measure_rows(summary())]
+    assert names[:3] == ["walking_speed", "step_length", "step_width"]
+    assert names == [name for name in TITLES if name in names]
+
+
+def test_a_measure_of_a_later_version_is_shown_under_its_name() -> None:
+    plain = summary()
+    later = plain.measures[0].model_copy(update={"name": "toe_clearance", "unit": "rad"})
+    last = measure_rows(plain.model_copy(update={"measures": [later, *plain.measures]}))[-1]
+    assert (last.title, last.mean, last.unit) == ("Toe clearance", "0.678", "rad")
+
+
+def test_the_headline_gives_steps_speed_and_margin() -> None:
+    assert measures_headline(summary()) == (
+        "7 steps in 2 recordings at 1.21 m/s (1.20 to 1.22, 95 %) "
+        "with a margin of stability of 73 mm (46 to 99, 95 %) sideways."
+    )
+    bare = summary().model_copy(update={"measures": [], "steps": 1, "n_recordings": 1})
+    assert measures_headline(bare) == "1 step in 1 recording."
+
+
+def test_six_values_are_above_the_table_and_double_support_stands_in_for_energy() -> None:
+    names = ["walking_speed", "step_length", "step_width", "margin_of_stability_ml_min"]
+    names += ["margin_of_stability_ap_contact", "energy_recovery"]
+    done = result({})
+    assert [row.name for row in measures_of(done)["main"]] == names
+    without = [one for one in done.summary["measures"] if one["name"] != "energy_recovery"]
+    done = done.model_copy(update={"summary": done.summary | {"measures": without}})
+    assert [row.name for row in measures_of(done)["main"]] == [*names[:5], "double_support_share"]
+
+
+def test_the_page_shows_the_main_values_then_all_of_them(page: str) -> None:
+    main = re.findall(r'<div data-main="(\w+)">(.*?)</div>', page, re.DOTALL)
+    assert text_of(dict(main)["margin_of_stability_ml_min"]) == (
+        "Margin of stability, sideways 73 mm 46 to 99 mm (95 %) left 72 · right 74"
+    )
+    rows = dict(re.findall(r'<tr data-measure="(\w+)">(.*?)</tr>', page, re.DOTALL))
+    assert len(rows) == 10
+    assert text_of(rows["energy_recovery"]) == "Recovery of mechanical energy 55 % – 56 54 +3.6 % 7"
+    assert page.index("data-headline") < page.index("data-main") < page.index("data-measure=")
+    assert "Height</dt><dd>not known" in page
+    for name in ("measures.csv", "xcom.csv", "measures.parquet", "xcom.parquet"):
+        assert f'/artifacts/{name}"' in page
+    assert " style=" not in page
+
+
+def test_what_is_missing_has_its_reason_and_contradictions_come_first(page: str) -> None:
+    missing = text_of(page[page.index('id="missing-h"') : page.index('id="trials-h"')])
+    assert "Positive work of the left leg : One plate. no-separate-forces" in missing
+    assert "turn.c3d is left out: The walk turns. not-walking" in missing
+    assert "off.c3d" not in missing
+    assert page.index("Sentence of the plates.") < page.index("data-headline")
+    assert page.count('data-verdict="contradicted"') == 1
+    assert page.count('<tr data-trial="good">') == 2
+
+
+def test_without_contradictions_there_is_no_alarm(fake: FakeService, browse: Browse) -> None:
+    job = fake.add_job(KIND, "succeeded")
+    done = result({})
+    clean = {"left_out": [], "not_measured": [], "warnings": []}
+    fake.results[job.id] = done.model_copy(update={"summary": done.summary | clean})
+    page = browse(f"/jobs/{job.id}").text
+    assert 'data-verdict="contradicted"' not in page
+    assert 'id="missing-h"' not in page
+    waiting = browse(f"/jobs/{fake.add_job(KIND).id}")
+    assert waiting.status_code == 200
+    assert "data-cancel" in waiting.text
+    assert "data-headline" not in waiting.text
+
+
+def test_a_session_measures_its_walks_together(fake: FakeService, browse: Browse) -> None:
+    walks = [fake.add_recording(f"walk_{k}.c3d", session_id="s1") for k in (1, 2)]
+    still = fake.add_recording("standing.c3d", session_id="s1", still=True)
+    lone = fake.add_recording("lone.c3d", session_id="s2")
+    for shown in (walks[0], still):
+        page = browse(f"/recordings/{shown.id}").text
+        (ids,) = re.findall(r'data-session-measures="([^"]*)">Measures of gait of\s+2 recordings<', page)
+        assert ids.split(" ") == [walk.id for walk in walks]
+    assert "data-session-measures" not in browse(f"/recordings/{lone.id}").text
