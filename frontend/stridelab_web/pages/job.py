@@ -102,7 +102,10 @@ def _viewer_url(job: Job, recording: Recording | None, present: set[str]) -> str
 
 
 async def _recording_of(client: AsyncClient, job: Job, result: JobResult | None) -> Recording | None:
-    recording_id = job.recording_id or (result.input.get("recording_id") if result else None)
+    """The recording of a job of a single one, None for other jobs."""
+    given = result.input if result else {}
+    listed = given.get("recording_ids") or []
+    recording_id = job.recording_id or given.get("recording_id") or (listed[0] if len(listed) == 1 else None)
     if recording_id is None:
         return None
     try:

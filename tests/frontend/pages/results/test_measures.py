@@ -109,6 +109,15 @@ def test_without_contradictions_there_is_no_alarm(fake: FakeService, browse: Bro
     assert "data-headline" not in waiting.text
 
 
+def test_the_page_leads_back_to_a_single_recording(fake: FakeService, browse: Browse) -> None:
+    walk, other = fake.add_recording("walk.c3d"), fake.add_recording("other.c3d")
+    for ids, linked in (([walk.id], True), ([walk.id, other.id], False), (["deleted"], False)):
+        job = fake.add_job(KIND, "succeeded")
+        fake.results[job.id] = result({"recording_ids": ids})
+        crumbs = browse(f"/jobs/{job.id}").text.partition('<p class="crumbs">')[2].partition("</p>")[0]
+        assert (f'href="/recordings/{walk.id}"' in crumbs) == linked
+
+
 def test_a_session_measures_its_walks_together(fake: FakeService, browse: Browse) -> None:
     walks = [fake.add_recording(f"walk_{k}.c3d", session_id="s1") for k in (1, 2)]
     still = fake.add_recording("standing.c3d", session_id="s1", still=True)
