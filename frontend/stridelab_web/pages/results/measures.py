@@ -53,6 +53,8 @@ MAIN: Final[Mapping[str, str]] = {
 }
 """Measures of which the first ``N_MAIN`` that are known are shown above the table, with their short titles."""
 N_MAIN: Final = 6
+MIN_STEPS: Final = 3
+"""Steps below which the headline refers to the intervals: Student's quantile for two values is 12.7."""
 METRES: Final = frozenset({"step_length", "stride_length"})
 """Lengths shown in metres; the others are in millimetres."""
 PERCENT: Final = frozenset(
@@ -173,9 +175,10 @@ def measures_headline(summary: GaitMeasuresSummary) -> str:
     if margin := rows.get("margin_of_stability_ml_min"):
         known.append(f"with a margin of stability of {_with_interval(margin)} sideways")
     steps = f"{count_text(summary.steps, 'step')} in {count_text(summary.n_recordings, 'recording')}"
-    return f"{' '.join([steps, *known])}."
+    few = " Few steps: the intervals below are wide." if summary.steps < MIN_STEPS else ""
+    return f"{' '.join([steps, *known])}.{few}"
 
 
 def _with_interval(row: Row) -> str:
     value = f"{row.mean} {row.unit}".strip()
-    return f"{value} ({row.interval}, 95 %)" if row.interval else value
+    return f"{value} ({row.interval}, 95 %)" if row.interval and row.n >= MIN_STEPS else value

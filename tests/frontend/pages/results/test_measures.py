@@ -57,7 +57,16 @@ def test_the_headline_gives_steps_speed_and_margin() -> None:
         "with a margin of stability of 73 mm (46 to 99, 95 %) sideways."
     )
     bare = summary().model_copy(update={"measures": [], "steps": 1, "n_recordings": 1})
-    assert measures_headline(bare) == "1 step in 1 recording."
+    assert measures_headline(bare) == "1 step in 1 recording. Few steps: the intervals below are wide."
+
+
+def test_the_headline_of_two_steps_leaves_their_intervals_to_the_values() -> None:
+    plain = summary()
+    two = [one.model_copy(update={"n": 2}) for one in plain.measures]
+    assert measures_headline(plain.model_copy(update={"measures": two, "steps": 2})) == (
+        "2 steps in 2 recordings at 1.21 m/s with a margin of stability of 73 mm sideways. "
+        "Few steps: the intervals below are wide."
+    )
 
 
 def test_six_values_are_above_the_table_and_double_support_stands_in_for_energy() -> None:

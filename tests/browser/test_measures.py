@@ -1,0 +1,44 @@
+"""Measures of gait through the pages: started by a button, and shown as the interface gives them."""
+
+import pytest
+from playwright.sync_api import expect
+
+from support.browser.page import Service, Tab
+from support.fakes.lab import Lab
+
+
+def test_measure_the_sample_by_a_button(tab: Tab, service: Service) -> None:
+    page = tab.go("/recordings/sample-walk")
+    page.get_by_role("button", name="Measures of gait", exact=True).click()
+    page.wait_for_url("**/jobs/*")
+    job_id = page.url.rpartition("/")[2]
+    expect(page.get_by_role("heading", name="All measures")).to_be_visible(timeout=120_000)
+    summary = service.client.result(job_id).summary
+    means = {one["name"]: one["mean"] for one in summary["measures"] if one["side"] is None}
+    shown = page.locator('[data-main="margin_of_stability_ml_min"] b').text_content() or ""
+    assert shown == f"{1000 * means['margin_of_stability_ml_min']:.0f} mm"
+    assert page.locator("tr[data-measure]").count() == len(means)
+    assert f"{summary['steps']} steps in 1 recording" in (page.locator("[data-headline]").text_content() or "")
+    with page.expect_download() as download:
+        page.get_by_role("link", name="measures.csv").first.click()
+    assert download.value.path().read_text().startswith('"recording","measure","side"')
+
+
+def test_a_session_is_measured_by_a_button(tab: Tab, lab: Lab) -> None:
+    walks = [lab.fake.add_recording(f"walk_{k}.c3d", session_id="gait") for k in (1, 2)]
+    page = tab.go(f"/recordings/{walks[0].id}")
+    page.get_by_role("button", name="Measures of gait of 2 recordings").click()
+    page.wait_for_url("**/jobs/*")
+    job = lab.fake.jobs[page.url.rpartition("/")[2]]
+    assert job.kind == "gait-measures"
+    assert lab.fake.inputs[job.id] == {"recording_ids": [walk.id for walk in walks]}
+
+
+@pytest.mark.parametrize(("method", "given"), [("smoother", "smoother"), ("geometry", "geometry"), ("", None)])
+def test_a_recording_is_measured_by_the_chosen_method(tab: Tab, lab: Lab, method: str, given: str | None) -> None:
+    walk = lab.fake.add_recording()
+    page = tab.go(f"/recordings/{walk.id}")
+    page.locator("[data-estimate] [name=method]").select_option(method)
+    page.get_by_role("button", name="Measures of gait", exact=True).click()
+    page.wait_for_url("**/jobs/*")
+    assert lab.fake.inputs[page.url.rpartition("/")[2]] == {"recording_ids": [walk.id], "method": given}
