@@ -134,9 +134,10 @@ def test_soles_clear_the_treads_on_their_way(name: str) -> None:
 
 
 def test_talos_is_not_asked_to_climb_a_stair_of_one_and_a_half_metres() -> None:
-    (fault,) = validate_scenario(six_stairs(Stairs(1, 1.5)), effector_shapes("talos")).faults
+    obstructed, fault = validate_scenario(six_stairs(Stairs(1, 1.5)), effector_shapes("talos")).faults
     assert fault.where == "phases[2].contacts[right_foot]"
     assert "too far from left_foot" in fault.message
+    assert (obstructed.where, obstructed.message) == ("phases[2]", "the trunk would pass through 'stair 1'")
 
 
 def test_builders_take_other_stairs() -> None:

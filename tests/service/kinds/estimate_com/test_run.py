@@ -1,5 +1,6 @@
 """``estimate-com`` on a recording whose truth is known (the shipped sample), and on broken variants of it."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import ezc3d
@@ -11,6 +12,8 @@ from pydantic import ValidationError
 from stridelab.errors import InvalidInput, NotEstimable, StridelabError
 from stridelab.estimation.smoother.noise_levels import MAY_BE_ZERO
 from stridelab.pipelines.estimate_com import build_smoother
+from stridelab.recordings.files.c3d_writer import write_c3d
+from stridelab.recordings.reader import read_recording
 from stridelab.schemas.jobs import EstimateComInput, EstimateComSummary, SmootherOptions, StatedErrors
 from stridelab.schemas.recordings import PlateSwitch, SubjectFields
 from stridelab.schemas.tasks import RecordingSource
@@ -253,10 +256,18 @@ def test_what_is_stated_to_the_smoother_is_used_and_what_it_found_is_told(tmp_pa
 
 
 def test_a_plate_bias_beyond_the_declared_one_is_remarked(tmp_path: Path) -> None:
-    """What the table's error and the moment do to this sample looks like a force of some newtons."""
-    for k, (declared_n, doubted) in enumerate(((0.4, True), (5.0, False))):
-        summary = summary_of(tmp_path / str(k), smoother={"priors": {"plate_force_n": declared_n}})
-        assert ("undeclared-plate-bias" in {w.code for w in summary.warnings}) == doubted
+    """Loaded plates that add 10 N ahead contradict a declared bias of 1 N, and not one of 20 N."""
+    recording = read_recording(TRIAL)
+    plates = tuple(
+        replace(plate, force_n=plate.force_n + np.outer(plate.loaded, [10.0, 0.0, 0.0])) for plate in recording.plates
+    )
+    write_c3d(tmp_path / "biased.c3d", replace(recording, plates=plates))
+    for k, (declared_n, doubted) in enumerate(((1.0, True), (20.0, False))):
+        told = {"priors": {"plate_force_n": declared_n}}
+        outcome = estimate_com.run(
+            estimate_task(tmp_path / "biased.c3d", tmp_path / str(k), smoother=told), tmp_path / str(k), quiet
+        )
+        assert ("undeclared-plate-bias" in {w["code"] for w in outcome.summary["warnings"]}) == doubted
 
 
 @pytest.mark.parametrize(
