@@ -1,4 +1,4 @@
-"""Carry out every bundled scenario with every robot, try what disturbs it, and write what came of it as a page.
+"""Execute every bundled scenario with every robot, apply disturbances, and write the results as a page.
 
 make_execution.py                      all that is not kept yet, then docs/theory/execution.md
 make_execution.py --robots talos hrp2  only these; --anew computes again, --page only writes the page
@@ -38,25 +38,26 @@ BORNE: TypeAdapter[dict[str, float]] = TypeAdapter(dict[str, float])
 TABLES = (
     (
         "borne",
-        "what the replay bears",
+        "disturbances of the replay",
         (
             "Largest CoM error, mm; *control*: joint readings and stabiliser "
-            "([more](whole-body.md#a-control-that-reads-late)); *most*: the largest that is borne (bisection); "
-            "*survived*: how many, at even instants."
+            "([more](whole-body.md#a-control-that-reads-late));\n*most*: the largest disturbance that is survived "
+            "(bisection); *survived*: the number of survived pushes, at evenly spaced instants."
         ),
     ),
     (
         "estimated",
         "an estimator in front of the stabiliser",
-        "Largest error of the CoM, mm (`studies.replay_estimation`): the filter is that of chapter 2, online.",
+        "Largest error of the CoM, mm (`studies.replay_estimation`); the filter is the online filter of chapter 2.",
     ),
 )
-INTRO = """# Every bundled scenario, carried out
+INTRO = """# Execution of every bundled scenario
 
-Written by `scripts/make_execution.py`: each scenario planned with the default densities, followed by the whole body at
-250 Hz, certified and replayed once in physics. What depends on the robot (its feet, where its hand reaches) is in
-`studies/execution.py`. How certificate and replay judge: [whole body](whole-body.md). *Speed* is the length of the
-motion over the process seconds of the whole-body stage, on one core while the other one was busy.
+Written by `scripts/make_execution.py`. Each scenario is planned with the default densities, followed by the
+whole-body controller at 250 Hz, checked by the certificate and replayed once in the physics simulation. The
+parameters that depend on the robot (its feet, the reach of its hands) are in `studies/execution.py`. The page
+[whole body](whole-body.md) defines the checks of certificate and replay. *Speed* is the duration of the motion
+divided by the processor seconds of the whole-body stage, on one core while the other one was busy.
 """
 
 
