@@ -42,7 +42,7 @@ TABLES = (
         (
             "Largest CoM error, mm; *control*: joint readings and stabiliser "
             "([more](whole-body.md#a-control-that-reads-late));\n*most*: the largest disturbance that is survived "
-            "(bisection); *survived*: the number of survived pushes, at evenly spaced instants."
+            "(bisection);\n*survived*: the number of survived pushes, at evenly spaced instants."
         ),
     ),
     (
