@@ -13,6 +13,7 @@ from stridelab.contacts.swing import FOOT_CLEARANCE_M, HAND_RETREAT_M, MARGIN_M,
 from stridelab.contacts.terrain import Box, Terrain, depth_in_box_m, vertical_span_m
 from stridelab.dynamics.spatial import Placement
 from stridelab.errors import InvalidInput
+from stridelab.wholebody.effector_contact import SWING_SHARE
 from support.robots.effectors import SHAPES
 
 coordinate = st.floats(-1.0, 1.0)
@@ -100,6 +101,18 @@ def test_a_hand_on_one_rail_retreats_along_its_normal(
     )
     assert off.max() == pytest.approx(HAND_RETREAT_M, abs=1e-9)
     assert off.min() >= -1e-12
+
+
+@settings(max_examples=50, deadline=None)
+@given(placements, placements, st.floats(0.1, 3.0))
+def test_a_hand_is_half_retreated_when_its_links_are_measured_against_its_surface(
+    start: Placement, end: Placement, duration: float
+) -> None:
+    curve = SwingCurve(start, end, duration, "point")
+    lift = curve.state_at(SWING_SHARE * duration).placement.position_m - start.position_m
+    drop = curve.state_at((1.0 - SWING_SHARE) * duration).placement.position_m - end.position_m
+    for off, at in ((lift, start), (drop, end)):
+        assert off @ at.rotation[:, 2] == pytest.approx(HAND_RETREAT_M / 2, abs=2e-3)
 
 
 @settings(max_examples=30, deadline=None)

@@ -88,7 +88,10 @@ class Profile(NamedTuple):
 
 LEVEL: Final = Profile(UP, (0.04, 0.96), DOWN)
 STAIR: Final = Profile(UP, (0.18, 0.80), DOWN)
-HAND: Final = Profile((0.0, 0.4), (0.12, 0.88), (0.6, 1.0))
+HAND: Final = Profile((0.0, 0.25), (0.12, 0.88), (0.75, 1.0))
+"""A hand that retreats by ``HAND_RETREAT_M`` is then 25 mm away an eighth of the swing from either end: its orientation
+is a task of the lowest level, and a gripper that leans by 60 degrees extends 17 mm nearer to its rail than its contact.
+"""
 
 
 @dataclass(frozen=True, eq=False)
