@@ -8,13 +8,13 @@ import psutil
 
 
 def workers() -> list[psutil.Process]:
-    """The running processes, without the server and the helper of ``multiprocessing``."""
+    """The running processes, without the server and helper of ``multiprocessing`` and the database of other tests."""
     found = []
     for child in psutil.Process().children():
         line = " ".join(child.cmdline())
         if "multiprocessing.forkserver" in line:
             found += child.children()
-        elif "multiprocessing.resource_tracker" not in line:
+        elif "multiprocessing.resource_tracker" not in line and child.name() != "postgres":
             found.append(child)
     return found
 
