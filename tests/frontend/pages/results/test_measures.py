@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Callable
+from typing import Any
 
 import httpx
 import pytest
@@ -107,7 +108,7 @@ def test_what_is_missing_has_its_reason_and_contradictions_come_first(page: str)
 def test_without_contradictions_there_is_no_alarm(fake: FakeService, browse: Browse) -> None:
     job = fake.add_job(KIND, "succeeded")
     done = result({})
-    clean = {"left_out": [], "not_measured": [], "warnings": []}
+    clean: dict[str, Any] = {"left_out": [], "not_measured": [], "warnings": []}
     fake.results[job.id] = done.model_copy(update={"summary": done.summary | clean})
     page = browse(f"/jobs/{job.id}").text
     assert 'data-verdict="contradicted"' not in page
