@@ -10,7 +10,7 @@ from stridelab.service.settings import Settings
 
 
 def test_a_token_from_its_making_to_its_end(database_url: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("stridelab.cli.serve.current_settings", lambda: Settings(database_url=database_url))
+    monkeypatch.setattr("stridelab.service.settings.current_settings", lambda: Settings(database_url=database_url))
 
     def typed(*arguments: str) -> tuple[int, str]:
         ran = CliRunner().invoke(app, ["token", *arguments])

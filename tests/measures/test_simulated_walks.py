@@ -13,7 +13,7 @@ import pytest
 from pydantic import ValidationError
 
 import stridelab as sl
-from stridelab.errors import NotEstimable
+from stridelab.errors import NotEstimable, UnreadableFile
 from stridelab.schemas.jobs import EstimateComInput
 from stridelab.schemas.measures import GaitMeasuresInput, GaitMeasuresSummary
 from stridelab.schemas.recordings import PlateSwitch
@@ -127,7 +127,10 @@ def test_a_damaged_recording_is_listed_and_the_others_are_measured(tmp_path: Pat
     assert [one.filename for one in summary.left_out] == ["broken.c3d"]
     assert summary.n_recordings == 1
     with pytest.raises(NotEstimable, match="No recording has a whole step"):
+        gait_measures.run(GaitMeasuresTask(members=[member(tmp_path, broken) for _ in range(2)]), tmp_path, quiet)
+    with pytest.raises(UnreadableFile) as damaged:
         gait_measures.run(GaitMeasuresTask(members=[member(tmp_path, broken)]), tmp_path, quiet)
+    assert damaged.value.code == "unknown-format"
 
 
 def test_recordings_count_once() -> None:

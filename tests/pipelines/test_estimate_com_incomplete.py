@@ -55,8 +55,8 @@ def test_geometry_alone_needs_no_measured_window(tmp_path: Path, monkeypatch: py
     """Of a window too short for the fused estimates it says nothing, and gives the whole recording."""
     examined = com_inputs.examine_trial
 
-    def brief(source: RecordingSource, folder: Path) -> Trial:
-        return replace(examined(source, folder), windows=(Window(1.0, 1.2),))
+    def brief(source: RecordingSource, folder: Path, static: Trial | None = None) -> Trial:
+        return replace(examined(source, folder, static), windows=(Window(1.0, 1.2),))
 
     monkeypatch.setattr(com_inputs, "examine_trial", brief)
     summary = summary_of(tmp_path / "a", method="geometry")

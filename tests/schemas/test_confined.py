@@ -17,6 +17,8 @@ from stridelab.schemas.sweeps import SweepInput
 from stridelab.schemas.tasks import (
     CompareEstimatorsTask,
     FitCycloidTask,
+    GaitMeasuresTask,
+    MeasuresMember,
     PlanRecedingTask,
     PopulationMember,
     SimulateRecordingTask,
@@ -69,10 +71,17 @@ def receding(_folder: Path) -> Any:
     return PlanRecedingTask(scenario=short_walk(), input=PlanRecedingInput(scenario=short_walk()))
 
 
+def measured(folder: Path) -> Any:
+    (folder / "recording-000").mkdir()
+    task = estimate_task(TRIAL, folder / "recording-000")
+    return GaitMeasuresTask(members=[MeasuresMember(recording_id="r", folder="recording-000", task=task)])
+
+
 STAGED: dict[str, Callable[[Path], Any]] = {
     "estimate-com": lambda folder: estimate_task(TRIAL, folder, method="complementary"),
     "compare-estimators": compared,
     "fit-cycloid": fitted,
+    "gait-measures": measured,
     "study-population": studied,
     "simulate-recording": lambda _: SimulateRecordingTask(input=SimulateRecordingInput(duration_s=2.0)),
     "plan-contacts": lambda _: {"input": contacts([box("floor", (-1.0, 2.0), 0.0)], 0.8, 0.0)},

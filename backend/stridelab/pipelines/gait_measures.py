@@ -82,7 +82,8 @@ def gait_measures(task: GaitMeasuresTask, folder: Path, progress: ProgressCallba
 
     Recordings that cannot be measured, or whose sensors contradict each other, are listed with the reason.
 
-    Raises ``NotEstimable`` (``nothing-measured``) if no recording has a whole step.
+    Raises ``NotEstimable`` (``nothing-measured``) if no recording of several has a whole step; the error of a single one
+    is raised as it is.
     """
     measured: list[MeasuredRecording] = []
     left_out: list[LeftOut] = []
@@ -92,6 +93,8 @@ def gait_measures(task: GaitMeasuresTask, folder: Path, progress: ProgressCallba
         try:
             one = measure_recording(member.recording_id, member.task, folder / member.folder)
         except StridelabError as error:
+            if len(task.members) == 1:
+                raise
             left_out.append(LeftOut(**identity, code=error.code, message=error.message))
             continue
         if one.quality.quality.verdict == CONTRADICTED:

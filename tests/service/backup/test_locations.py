@@ -8,7 +8,6 @@ import psycopg
 import pytest
 from typer.testing import CliRunner, Result
 
-from stridelab.cli import serve
 from stridelab.cli.app import app
 from stridelab.service.postgres.embedded import EmbeddedPostgres
 from stridelab.service.settings import Settings
@@ -43,7 +42,7 @@ class Command:
         self._patch, self.folder = monkeypatch, folder
 
     def __call__(self, *arguments: object, **settings: object) -> Result:
-        self._patch.setattr(serve, "current_settings", lambda: Settings(**settings))  # type: ignore[arg-type]
+        self._patch.setattr("stridelab.service.settings.current_settings", lambda: Settings(**settings))  # type: ignore[arg-type]
         return CliRunner().invoke(app, [*map(str, arguments)], catch_exceptions=False)
 
     def well(self, *arguments: object, **settings: object) -> str:
