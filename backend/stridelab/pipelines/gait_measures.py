@@ -82,8 +82,8 @@ def gait_measures(task: GaitMeasuresTask, folder: Path, progress: ProgressCallba
 
     Recordings that cannot be measured, or whose sensors contradict each other, are listed with the reason.
 
-    Raises ``NotEstimable`` (``nothing-measured``) if no recording of several has a whole step; the error of a single one
-    is raised as it is.
+    Raises ``NotEstimable`` (``nothing-measured``) if no recording of several has a whole step; the error of a single
+    one is raised as it is.
     """
     measured: list[MeasuredRecording] = []
     left_out: list[LeftOut] = []
