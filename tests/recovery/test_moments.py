@@ -1,6 +1,7 @@
 """kill -9 of a worker at the two moments that are over in milliseconds: a job being started, and one being published.
 
-The test stretches them by holding the job's row, for which both have to wait.
+The test stretches them by a lock that they have to wait for: on the events of jobs, of which a start writes one in the
+statement that claims the job, and on the job's row.
 """
 
 import time
@@ -13,6 +14,14 @@ import pytest
 
 from support.service.job_ledger import assert_sound
 from support.service.processes import Jobs, wait_until, worker
+
+
+@contextmanager
+def events_held(url: str) -> Iterator[None]:
+    """Let nobody write an event of a job."""
+    with psycopg.connect(url) as holder:
+        holder.execute("LOCK TABLE job_event IN SHARE ROW EXCLUSIVE MODE")
+        yield
 
 
 @contextmanager
@@ -42,9 +51,9 @@ def test_a_worker_killed_at_any_moment_costs_no_job(moment: str, database_url: s
         job_id = jobs.submit("long-work", work_s=0.5, diary=str(diary), name="j")
         with ExitStack() as lock:
             if moment == "starting":
-                lock.enter_context(held(database_url, job_id))
+                lock.enter_context(events_held(database_url))
                 victim = stack.enter_context(worker(database_url, tmp_path / "a", **blobs))
-                wait_until(lambda: waiting(database_url, "UPDATE job SET state") == 1, 30, "a start that waits")
+                wait_until(lambda: waiting(database_url, "%WITH RECURSIVE first") >= 1, 30, "a start that waits")
             else:
                 victim = stack.enter_context(worker(database_url, tmp_path / "a", **blobs))
                 jobs.until_running(job_id)
