@@ -1,6 +1,8 @@
-"""Compare the stated errors of gait measures with the true ones on simulated walks, and write the table of the docs.
+"""Compare the stated errors of gait measures with the true ones on simulated walks, and write the tables of the docs.
 
-make_measures_coverage.py                 400 walks, then the table of docs/theory/gait-measures.md
+Walks with an even seed go over a walkway with a plate below every footprint, the others over two plates.
+
+make_measures_coverage.py                 400 walks, then the tables of docs/theory/gait-measures.md
 make_measures_coverage.py --number 20     only so many of them
 make_measures_coverage.py --first 500     seeds from 500 on
 
@@ -13,7 +15,7 @@ import re
 import sys
 import tempfile
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -37,6 +39,7 @@ from stridelab.recordings.gap_filling import true_runs
 from stridelab.recordings.marker_sets import identify
 from stridelab.schemas.jobs import EstimateComInput
 from stridelab.schemas.tasks import EstimateComTask, RecordingSource
+from stridelab.simulation.force_plates import LabName
 from stridelab.simulation.ground_truth import true_motion
 from stridelab.simulation.human.walker import HumanWalker, Walk
 from stridelab.simulation.human_recording import record
@@ -46,6 +49,7 @@ from stridelab.walking.steps import GaitStep, find_steps
 
 PAGE = Path(__file__).resolve().parent.parent / "docs" / "theory" / "gait-measures.md"
 BEGIN, END = "<!-- coverage table -->", "<!-- end of the coverage table -->"
+LABS: dict[LabName, str] = {"walkway": "A plate below every footprint", "two_plates": "Two plates in a row"}
 THRESHOLD_N = 20.0
 """Load at which a plate counts a foot as on it; the true events are defined by the same load."""
 
@@ -69,11 +73,16 @@ def main() -> None:
     with request.out.open("a", encoding="utf-8") as out:
         for seed in seeds:
             if seed not in stored:
-                stored[seed] = compare_walk(seed)
+                stored[seed] = compare_walk(seed, lab_of(seed))
                 out.write(json.dumps([seed, stored[seed]]) + "\n")
                 out.flush()
                 sys.stderr.write(f"walk {seed}: {len(stored[seed])} values\n")
-    write_table([stored[seed] for seed in seeds])
+    write_tables({lab: [stored[seed] for seed in seeds if lab_of(seed) == lab] for lab in LABS})
+
+
+def lab_of(seed: int) -> LabName:
+    """The laboratory of the walk with this seed."""
+    return "two_plates" if seed % 2 else "walkway"
 
 
 def simulate_walk(seed: int) -> tuple[Walk, MeasurementNoise]:
@@ -98,13 +107,13 @@ def simulate_walk(seed: int) -> tuple[Walk, MeasurementNoise]:
     return walk, noise
 
 
-def compare_walk(seed: int) -> list[Row]:
+def compare_walk(seed: int, lab: LabName) -> list[Row]:
     """Measured and true values of the steps of one walk; empty if it is refused."""
     walk, noise = simulate_walk(seed)
     true_steps, truth = true_measures(walk, seed)
     known = {(measure.name, measure.side, measure.step): measure.value for measure in truth}
     with tempfile.TemporaryDirectory() as name:
-        write_c3d(Path(name) / "trial.c3d", record(walk, noise, seed).recording)
+        write_c3d(Path(name) / "trial.c3d", record(walk, noise, seed, lab=lab).recording)
         source = RecordingSource(file="trial.c3d", filename="trial.c3d")
         task = EstimateComTask(recording=source, input=EstimateComInput(recording_id="walk"))
         try:
@@ -171,16 +180,24 @@ def _simultaneous(one: GaitStep, other: GaitStep) -> bool:
     return abs(one.strike_s - other.strike_s) < 0.1
 
 
-def write_table(walks: Sequence[Sequence[Row]]) -> None:
-    """Replace the table of the page by that of the rows of ``walks``."""
+def write_tables(walks: Mapping[LabName, Sequence[Sequence[Row]]]) -> None:
+    """Replace the tables of the page by those of the rows of the walks in each laboratory."""
+    tables = "\n".join(table_of(LABS[lab], rows) for lab, rows in walks.items() if rows)
+    text = PAGE.read_text(encoding="utf-8")
+    whole = f"{BEGIN}\n{tables}\n{END}"
+    PAGE.write_text(re.sub(f"{BEGIN}.*{END}", lambda _: whole, text, flags=re.DOTALL), encoding="utf-8")
+
+
+def table_of(title: str, walks: Sequence[Sequence[Row]]) -> str:
+    """Markdown table of all values of ``walks`` by measure."""
     columns: dict[str, list[Row]] = defaultdict(list)
     for row in (row for walk in walks for row in walk):
         columns[row[0]].append(row)
     used = sum(bool(walk) for walk in walks)
+    refused = "" if used == len(walks) else " (the others are refused with a reason)"
     lines = [
-        BEGIN,
         "",
-        f"{used} of {len(walks)} simulated walks (the others are refused with a reason):",
+        f"**{title}**, {used} of {len(walks)} simulated walks{refused}:",
         "",
         "| measure | n | mean | bias | RMS error | stated sd | 95 % band holds |",
         "| --- | --- | --- | --- | --- | --- | --- |",
@@ -193,9 +210,7 @@ def write_table(walks: Sequence[Sequence[Row]]) -> None:
         numbers = (truth.mean(), error.mean(), np.sqrt(np.mean(error**2)), np.sqrt(np.nanmean(sd**2)))
         cells = " | ".join(f"{number:.4f}" for number in numbers)
         lines.append(f"| `{name}` | {len(rows)} | {cells} | {held:.0f} % |")
-    text = PAGE.read_text(encoding="utf-8")
-    table = "\n".join([*lines, "", END])
-    PAGE.write_text(re.sub(f"{BEGIN}.*{END}", lambda _: table, text, flags=re.DOTALL), encoding="utf-8")
+    return "\n".join([*lines, ""])
 
 
 if __name__ == "__main__":

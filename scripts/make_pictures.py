@@ -1,7 +1,7 @@
 """Take the pictures of README and docs; usage: make_pictures.py [PORT], which starts a service of its own there (8490).
 
 Needs Chromium on the PATH. The pictures show the bundled recording, uploaded as anybody would, and plans of bundled
-scenarios, which are computed for them, so no user's data get into them. They are kept in few colours, to be small.
+scenarios, which are computed for them, so no user's data get into them. Few colours keep them small.
 """
 
 import io

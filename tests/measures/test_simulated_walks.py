@@ -39,19 +39,40 @@ def summary_of(folder: Path, *members: MeasuresMember) -> GaitMeasuresSummary:
     return GaitMeasuresSummary.model_validate(outcome.summary)
 
 
-@pytest.fixture(scope="module")
-def compared() -> dict[str, np.ndarray]:
-    """Rows of value, stated deviation and true value of three simulated walks, by measure."""
+def compare_walks(lab: str, *seeds: int) -> dict[str, np.ndarray]:
+    """Rows of value, stated deviation and true value by measure."""
     spec = importlib.util.spec_from_file_location("coverage", ROOT / "scripts" / "make_measures_coverage.py")
     assert spec is not None
     assert spec.loader is not None
     script = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(script)
     rows: dict[str, list[tuple[float, float, float]]] = {}
-    for seed in (2000, 2001, 2002):
-        for name, value, sd, truth in script.compare_walk(seed):
+    for seed in seeds:
+        for name, value, sd, truth in script.compare_walk(seed, lab):
             rows.setdefault(name, []).append((value, np.nan if sd is None else sd, truth))
     return {name: np.array(values) for name, values in rows.items()}
+
+
+@pytest.fixture(scope="module")
+def compared() -> dict[str, np.ndarray]:
+    return compare_walks("walkway", 2000, 2001, 2002)
+
+
+@pytest.fixture(scope="module")
+def over_two_plates() -> dict[str, np.ndarray]:
+    return compare_walks("two_plates", 2001, 2003)
+
+
+@pytest.mark.parametrize("name", ["margin_of_stability_ml_min", "step_width", "limb_work_left_positive"])
+def test_between_two_plates_errors_hold_too(over_two_plates: dict[str, np.ndarray], name: str) -> None:
+    rows = over_two_plates[name]
+    assert np.mean(np.abs(rows[:, 0] - rows[:, 2]) <= 1.96 * rows[:, 1]) > 0.9
+
+
+def test_energy_is_not_the_noise_of_a_velocity_without_force(over_two_plates: dict[str, np.ndarray]) -> None:
+    """Two plates measure one step: no stride has its force throughout, and none has an energy."""
+    assert "margin_of_stability_ml_min" in over_two_plates
+    assert not {"energy_recovery", "external_work"} & set(over_two_plates)
 
 
 def test_stated_errors_hold_the_true_values(compared: dict[str, np.ndarray]) -> None:

@@ -18,7 +18,7 @@ from support.service.processes import Jobs, wait_until, worker
 
 @contextmanager
 def events_held(url: str) -> Iterator[None]:
-    """Let nobody write an event of a job."""
+    """Lock the events of jobs against writing."""
     with psycopg.connect(url) as holder:
         holder.execute("LOCK TABLE job_event IN SHARE ROW EXCLUSIVE MODE")
         yield
@@ -26,7 +26,7 @@ def events_held(url: str) -> Iterator[None]:
 
 @contextmanager
 def held(url: str, job_id: str) -> Iterator[None]:
-    """Let nobody change the job's row."""
+    """Lock the job's row."""
     with psycopg.connect(url) as holder:
         holder.execute("SELECT id FROM job WHERE id = %s FOR UPDATE", (job_id,))
         yield

@@ -14,7 +14,7 @@ from typer.core import TyperGroup
 from stridelab import __version__
 from stridelab.cli.backup import adopt, backup, restore
 from stridelab.cli.fit_cycloid import fit_cycloid
-from stridelab.cli.measures import measures
+from stridelab.cli.measures import measure_gait
 from stridelab.cli.options import (
     AsJson,
     BestMethod,
@@ -147,7 +147,7 @@ def compare(
 app.command()(stream)
 app.command(name="fit-cycloid")(fit_cycloid)
 app.command(name="study-population")(study_population)
-app.command()(measures)
+app.command(name="measures")(measure_gait)
 
 
 @app.command()

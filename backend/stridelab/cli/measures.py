@@ -40,7 +40,7 @@ _SCALES: Final = {"m": (1e3, "mm", 1), "1": (1.0, "", 3), "s": (1.0, "s", 3), "1
 
 
 @with_groups
-def measures(
+def measure_gait(
     *,
     files: Annotated[list[Path], typer.Argument(help="Recordings of one person, or folders of them; pooled.")],
     height_m: Height = None,
@@ -56,7 +56,7 @@ def measures(
     subject = validate_options(SubjectFields, stated)
     target = delivery.result_path("measures")
     refuse_to_overwrite(target, force=delivery.force)
-    paths = _recordings(files)
+    paths = _collect_recordings(files)
     with result_folder(target, force=delivery.force) as folder:
         if delivery.server is None:
             result = _measure_here(paths, static, subject, method, folder)
@@ -66,7 +66,7 @@ def measures(
     end_if_contradicted(result)
 
 
-def _recordings(given: Sequence[Path]) -> list[Path]:
+def _collect_recordings(given: Sequence[Path]) -> list[Path]:
     """Given files and the recordings in given folders. Raises ``InvalidInput`` (``no-recordings``) without any."""
     paths: list[Path] = []
     for path in given:
@@ -148,7 +148,8 @@ def _show_measures(result: JobResult, target: Path, *, as_json: bool) -> None:
     for one in summary.measures:
         if one.side is None:
             left, right = by_side.get((one.name, "left")), by_side.get((one.name, "right"))
-            cells = [_mean(one), _interval(one), _mean(left), _mean(right), str(one.n), _unit(one)]
+            sides = (_format_mean(left), _format_mean(right))
+            cells = [_format_mean(one), _format_interval(one), *sides, str(one.n), _display_unit(one)]
             table.add_row(one.name.replace("_", " "), *cells)
     out.print(table)
     for missing in summary.not_measured:
@@ -159,23 +160,23 @@ def _show_measures(result: JobResult, target: Path, *, as_json: bool) -> None:
     show_files(result, target)
 
 
-def _scale(one: MeasureValue) -> tuple[float, str, int]:
+def _display_scale(one: MeasureValue) -> tuple[float, str, int]:
     return _SCALES.get(one.unit, (1.0, one.unit, 3))
 
 
-def _unit(one: MeasureValue) -> str:
-    return _scale(one)[1]
+def _display_unit(one: MeasureValue) -> str:
+    return _display_scale(one)[1]
 
 
-def _mean(one: MeasureValue | None) -> str:
+def _format_mean(one: MeasureValue | None) -> str:
     if one is None:
         return ""
-    scale, _, digits = _scale(one)
+    scale, _, digits = _display_scale(one)
     return f"{scale * one.mean:.{digits}f}"
 
 
-def _interval(one: MeasureValue) -> str:
+def _format_interval(one: MeasureValue) -> str:
     if one.ci95 is None:
         return ""
-    scale, _, digits = _scale(one)
+    scale, _, digits = _display_scale(one)
     return f"{scale * one.ci95[0]:.{digits}f} to {scale * one.ci95[1]:.{digits}f}"

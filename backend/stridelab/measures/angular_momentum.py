@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 
 from stridelab.measures.measure import Measure
-from stridelab.measures.walk_motion import WalkMotion
+from stridelab.measures.walk_motion import WalkMotion, strides
 from stridelab.walking.steps import GaitStep
 
 RELATIVE_SD: Final = (0.10, 0.16, 0.37)
@@ -27,9 +27,8 @@ def angular_momentum_ranges(motion: WalkMotion, steps: Sequence[GaitStep]) -> li
         return []
     scaled = motion.momentum_per_kg / (speed * motion.stature_m)
     measures = []
-    for number, step in enumerate(steps):
-        following = next((s for s in steps[number + 1 :] if s.side == step.side), None)
-        if following is None or not motion.covers(step.strike_s, following.strike_s):
+    for number, step, following in strides(steps):
+        if not motion.covers(step.strike_s, following.strike_s):
             continue
         during = scaled[motion.samples(step.strike_s, following.strike_s)]
         if np.isfinite(during).all():

@@ -10,23 +10,30 @@ error of the mean speed and the errors of the ranges of the speed ahead, the ver
 
 import math
 from collections.abc import Sequence
+from typing import Final
 
 import numpy as np
 
 from stridelab.conventions import GRAVITY_M_S2, Points, Series
 from stridelab.measures.measure import Measure
-from stridelab.measures.walk_motion import AHEAD, LEFT, UP, WalkMotion
+from stridelab.measures.walk_motion import AHEAD, LEFT, UP, WalkMotion, strides
 from stridelab.walking.steps import GaitStep
+
+MAX_VELOCITY_SD_M_S: Final = 0.01
+"""Largest error of the vertical velocity in a stride. Where the force is not measured the smoother's is 0.045 m/s, and
+the positive increments of that noise alone are up to twice the work of a walk."""
 
 
 def energy_exchange(motion: WalkMotion, steps: Sequence[GaitStep]) -> list[Measure]:
-    """``energy_recovery`` (a share) and ``external_work`` (J/kg) per stride, from strike to strike of one foot."""
+    """``energy_recovery`` (a share) and ``external_work`` (J/kg) per stride, from strike to strike of one foot.
+
+    Strides in which the velocity is too uncertain are left out: work adds up the positive increments of its noise.
+    """
     measures = []
-    for number, step in enumerate(steps):
-        following = next((s for s in steps[number + 1 :] if s.side == step.side), None)
-        if following is None or not motion.covers(step.strike_s, following.strike_s):
-            continue
+    for number, step, following in strides(steps):
         span = motion.samples(step.strike_s, following.strike_s)
+        if not motion.covers(step.strike_s, following.strike_s) or _is_velocity_uncertain(motion, span):
+            continue
         v, z = motion.velocity_m_s[span], motion.com_m[span, UP]
         base = _recovery_and_work(v, z)
         recovery_sd = work_sd = None
@@ -39,6 +46,13 @@ def energy_exchange(motion: WalkMotion, steps: Sequence[GaitStep]) -> list[Measu
         measures.append(Measure("energy_recovery", base[0], recovery_sd, "1", step.side, number))
         measures.append(Measure("external_work", base[1], work_sd, "J/kg", step.side, number))
     return [measure for measure in measures if math.isfinite(measure.value)]
+
+
+def _is_velocity_uncertain(motion: WalkMotion, span: slice) -> bool:
+    """Whether the vertical velocity has an error above ``MAX_VELOCITY_SD_M_S`` anywhere in the stride."""
+    if motion.covariance is None:
+        return False
+    return bool(motion.covariance[span, UP, 1, 1].max() > MAX_VELOCITY_SD_M_S**2)
 
 
 def _stretched(v: Points, axis: int, sd_m_s: float) -> Points:

@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from stridelab.measures.measure import Measure
-from stridelab.measures.walk_motion import AHEAD, LEFT, MARKER_SD_M, OTHER_SIDE, UP, WalkMotion
+from stridelab.measures.walk_motion import AHEAD, LEFT, MARKER_SD_M, OTHER_SIDE, UP, WalkMotion, strides
 from stridelab.walking.steps import GaitStep
 
 EVENT_SD_S: Final = {"plates": 0.003, "mixed": 0.009, "markers": 0.009}
@@ -24,9 +24,8 @@ def spatiotemporal(motion: WalkMotion, steps: Sequence[GaitStep]) -> list[Measur
     measures = []
     for number, step in enumerate(steps):
         measures += _of_step(motion, step, number)
-        following = next((s for s in steps[number + 1 :] if s.side == step.side), None)
-        if following is not None:
-            measures += _of_stride(motion, step, following, number)
+    for number, step, following in strides(steps):
+        measures += _of_stride(motion, step, following, number)
     return [measure for measure in measures if math.isfinite(measure.value)]
 
 

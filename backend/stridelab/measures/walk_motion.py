@@ -4,7 +4,7 @@ The axes are those of the walk: ahead, left, up. Positions are relative to the f
 height is above the floor.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -20,6 +20,7 @@ from stridelab.recordings.foot_contact import Foot, Outline, find_feet, foot_out
 from stridelab.recordings.plate_contacts import loaded_intervals, markers_on_plate, outline_off_plates
 from stridelab.recordings.recording import Plate, Recording, Side
 from stridelab.walking.gait_events import Contact
+from stridelab.walking.steps import GaitStep
 
 AHEAD, LEFT, UP = 0, 1, 2
 MARKER_SD_M: Final = 0.001
@@ -143,6 +144,14 @@ def walk_motion(
         mass_kg=mass_kg,
         stature_m=stature_m,
     )
+
+
+def strides(steps: Sequence[GaitStep]) -> Iterator[tuple[int, GaitStep, GaitStep]]:
+    """Strides from strike to strike of one foot: number of the first step, that step, and the next of its side."""
+    for number, step in enumerate(steps):
+        following = next((later for later in steps[number + 1 :] if later.side == step.side), None)
+        if following is not None:
+            yield number, step, following
 
 
 def floor_height_m(recording: Recording, feet: Sequence[Foot]) -> float:

@@ -243,7 +243,10 @@ _EXPECTED: Final[Mapping[str, tuple[str, str]]] = {
     "margin_of_stability_ml_min": ("no-whole-step", "No single support lies within the estimate with the foot marked."),
     "step_time": ("no-prior-strike", "No step has a strike of each foot within the recording."),
     "stride_length": _STRIDE_REASON,
-    "energy_recovery": _STRIDE_REASON,
+    "energy_recovery": (
+        "velocity-uncertain",
+        "The force is measured throughout no stride; between the plates the velocity is too uncertain for energies.",
+    ),
     "angular_momentum_range_x": _STRIDE_REASON,
     "limb_work_left_positive": _FORCE_REASON,
     "limb_work_right_positive": _FORCE_REASON,

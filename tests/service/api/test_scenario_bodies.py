@@ -57,7 +57,7 @@ def test_what_the_learned_reach_approves_and_no_body_can_do_is_not_valid(http: h
 
 
 def test_a_hand_a_metre_and_a_half_away_is_unreachable(http: httpx.Client) -> None:
-    """The judge refuses it, too; the body is asked all the same."""
+    """The validation refuses it, too; the body is checked all the same."""
     body = one_step()
     body["terrain"].append({"name": "table", "kind": "box", "center_m": [0.0, -1.6, 0.45], "size_m": [0.4, 0.4, 0.9]})
     body["phases"][0]["contacts"].append({"effector": "right_hand", "position_m": [0.0, -1.5, 0.9]})

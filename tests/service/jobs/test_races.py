@@ -115,7 +115,7 @@ def test_clock_that_jumps_back_takes_nothing_away(
 
 
 def test_claims_at_once_start_every_job_once(database_url: str, with_consumers: Callable[[int, Work], None]) -> None:
-    """Those who find the first job of an owner taken get the next one, and nobody goes away empty."""
+    """A worker that finds the first job of an owner locked gets the next one; every worker gets a job."""
 
     async def act(store: JobStore, attempts: AttemptStore, consumers: list[QueueConsumer]) -> None:
         ids = [(await store.submit("work", {"n": n})).job_id for n in range(40)]

@@ -58,11 +58,11 @@ class Obstacle:
         half = np.array(shape.half_size_m)
         if not self.is_rail and self.z_m[1] > ground_m + HAND_HEIGHT_SHARE * self.robot.body_height_m:
             half = np.maximum(half, self.robot.body_half_size_m)
-        return self._grown(half, yaw_rad)
+        return self._offsets_of_grown_box(half, yaw_rad)
 
     def edges_outside(self, position_m: Vector3, shape: EffectorLimits, yaw_rad: float) -> frozenset[int]:
         """Edges outside of which a sole at ``position_m`` is."""
-        offsets = self._grown(np.array(shape.half_size_m), yaw_rad)
+        offsets = self._offsets_of_grown_box(np.array(shape.half_size_m), yaw_rad)
         return frozenset(np.flatnonzero(self.normals @ position_m[:2] >= offsets - 1e-9).tolist())
 
     def meets_segment(self, start_m: Vector3, end_m: Vector3, offsets_m: Float[np.ndarray, "m"]) -> bool:
@@ -77,7 +77,7 @@ class Obstacle:
                 last = min(last, a / (a - b))
         return bool(first < last - 1e-9)
 
-    def _grown(self, half_m: Float[np.ndarray, "2"], yaw_rad: float) -> Float[np.ndarray, "m"]:
+    def _offsets_of_grown_box(self, half_m: Float[np.ndarray, "2"], yaw_rad: float) -> Float[np.ndarray, "m"]:
         axes = heading_frame(yaw_rad)[:2, :2]
         return np.asarray(self.offsets_m + np.abs(self.normals @ axes) @ half_m)
 
