@@ -8,14 +8,17 @@ import psutil
 
 
 def workers() -> list[psutil.Process]:
-    """The running processes, without the server and helper of ``multiprocessing`` and the database of other tests."""
+    """The running processes: those with this command line, as a fork keeps it, and those of ``multiprocessing``.
+
+    Databases and services that other tests leave open for this session have command lines of their own.
+    """
+    this = psutil.Process()
     found = []
-    for child in psutil.Process().children():
-        line = " ".join(child.cmdline())
-        if "multiprocessing.forkserver" in line:
-            found += child.children()
-        elif "multiprocessing.resource_tracker" not in line and child.name() != "postgres":
+    for child in this.children():
+        if child.cmdline() == this.cmdline():
             found.append(child)
+        elif "multiprocessing.forkserver" in " ".join(child.cmdline()):
+            found += child.children()
     return found
 
 
