@@ -13,6 +13,7 @@ from typer.core import TyperGroup
 
 from stridelab import __version__
 from stridelab.cli.backup import adopt, backup, restore
+from stridelab.cli.compare import bench_methods
 from stridelab.cli.fit_cycloid import fit_cycloid
 from stridelab.cli.measures import measure_gait
 from stridelab.cli.options import (
@@ -148,6 +149,7 @@ app.command()(stream)
 app.command(name="fit-cycloid")(fit_cycloid)
 app.command(name="study-population")(study_population)
 app.command(name="measures")(measure_gait)
+app.command(name="com-bench")(bench_methods)
 
 
 @app.command()

@@ -1,13 +1,19 @@
-"""``stridelab compare``: compares all estimators on one recording and writes a result folder."""
+"""``stridelab compare`` and ``com-bench``: all estimators on one recording or on many, as a result folder."""
 
+import hashlib
+import json
 import shutil
+import tempfile
+from collections.abc import Iterator, Mapping
 from pathlib import Path
+from typing import Annotated, Any, Final
 
+import typer
 from rich.markup import escape
 from rich.table import Table
 
 from stridelab.cli.estimate import require_file, staged_files
-from stridelab.cli.options import Delivery, EstimateRequest
+from stridelab.cli.options import Delivery, EstimateRequest, with_groups
 from stridelab.cli.results import (
     end_if_contradicted,
     out,
@@ -18,15 +24,30 @@ from stridelab.cli.results import (
     show_json,
     show_quality,
     show_remarks,
+    validate_options,
     write_result,
 )
-from stridelab.errors import Fault, InvalidInput
-from stridelab.schemas.comparison import Axes, CompareEstimatorsInput, CompareEstimatorsSummary, MethodAssessment
-from stridelab.schemas.jobs import JobResult
+from stridelab.cli.study_population import StudyFiles, collect_files, repeated_files, upload_and_run
+from stridelab.errors import Fault, InvalidInput, StridelabError
+from stridelab.pipelines.progress import ItemMap, Json
+from stridelab.schemas.comparison import (
+    Axes,
+    BenchColumn,
+    BenchScore,
+    ComBenchInput,
+    ComBenchSummary,
+    CompareEstimatorsInput,
+    CompareEstimatorsSummary,
+    MethodAssessment,
+)
+from stridelab.schemas.jobs import EstimateComInput, JobResult
 from stridelab.schemas.methods import METHODS
-from stridelab.schemas.tasks import CompareEstimatorsTask
+from stridelab.schemas.population import LeftOut
+from stridelab.schemas.tasks import BenchMember, ComBenchTask, CompareEstimatorsTask, EstimateComTask, RecordingSource
+from stridelab.service.subject_table import MatchedFile
 
 TRUTH = "known-truth.parquet"
+BENCH: Final = "com-bench"
 
 
 def compare_methods(
@@ -140,3 +161,171 @@ _TABLES = (
     (("r of dL/dt", "standing mm", "flight %"), _physics_cells),
 )
 """Errors against the truth; agreement with the force; agreement with physics."""
+
+
+@with_groups
+def bench_methods(
+    *,
+    files: Annotated[
+        list[Path], typer.Argument(help="Folders of recordings, recordings, or zips of them; sub-folders are people.")
+    ],
+    subjects: Annotated[
+        Path | None, typer.Option("--subjects", help="CSV: file, subject, height_m, mass_kg, sex, age, static.")
+    ] = None,
+    rows: Annotated[
+        Path | None,
+        typer.Option("--rows", help="File of finished recordings, from which a later run continues (JSON lines)."),
+    ] = None,
+    seed: Annotated[int, typer.Option("--seed", help="Seed of the bootstrap intervals.")] = 0,
+    delivery: Delivery,
+) -> None:
+    """Score all estimators on many recordings by what none of them was given; an interrupted run continues."""
+    target = delivery.result_path(BENCH)
+    refuse_to_overwrite(target, force=delivery.force)
+    finished = rows or target.with_name(f"{target.name}.rows.jsonl")
+    with (
+        tempfile.TemporaryDirectory(prefix="stridelab-") as work,
+        result_folder(target, force=delivery.force) as folder,
+    ):
+        given = collect_files(files, subjects, Path(work))
+        if delivery.server is None:
+            result = _bench_here(given, repeated_files(given.files), seed, finished, Path(work), folder)
+        else:
+            result = _bench_there(given, seed, folder, delivery)
+    if rows is None:
+        finished.unlink(missing_ok=True)
+    show_bench(result, target, as_json=delivery.as_json)
+
+
+def _bench_here(
+    given: StudyFiles, repeated: dict[str, str], seed: int, finished: Path, work: Path, folder: Path
+) -> JobResult:
+    """Run the job's own function in this process; files that repeat another one are listed as left out."""
+    from stridelab.service.kinds.com_bench import run as com_bench
+
+    members, left_out = [], []
+    for one in given.matched_recordings:
+        filename, path = given.files[one.index]
+        recording_id = f"recording-{one.index:03d}"
+        if filename in repeated:
+            message = f"{filename} is the same file as {repeated[filename]}: a recording counts once."
+            left_out.append(
+                LeftOut(recording_id=recording_id, filename=filename, code="recording-twice", message=message)
+            )
+            continue
+        own = work / recording_id
+        own.mkdir()
+        (own / "trial").symlink_to(path.resolve())
+        person = None if one.row is None else one.row.person
+        stated = {} if person is None else person.model_dump(include={"height_m", "mass_kg", "sex", "age_years"})
+        source = RecordingSource.model_validate({"file": "trial", "filename": filename, "subject": stated})
+        static = None
+        if one.static_index is not None:
+            static_name, static_path = given.files[one.static_index]
+            (own / "static-trial").symlink_to(static_path.resolve())
+            static = RecordingSource(file="static-trial", filename=static_name)
+        task = EstimateComTask(recording=source, static=static, input=EstimateComInput(recording_id=recording_id))
+        subject = _person_of(given, one)
+        members.append(BenchMember(recording_id=recording_id, folder=recording_id, task=task, subject=subject))
+    request = validate_options(ComBenchInput, {"recording_ids": [one.recording_id for one in members], "seed": seed})
+    with progress_bar(BENCH) as bar:
+        bar(0.0, "starting")
+        items = continued_map(com_bench.map_recordings, finished)
+        outcome = com_bench.run(ComBenchTask(members=members, seed=seed), work, bar, items)
+    for artifact in outcome.artifacts:
+        shutil.move(work / artifact.name, folder / artifact.name)
+    outcome.summary["left_out"] += [one.model_dump() for one in left_out]
+    return write_result(folder, BENCH, request, outcome)
+
+
+def _bench_there(given: StudyFiles, seed: int, folder: Path, delivery: Delivery) -> JobResult:
+    """Upload everything, run the job on the server and download its files."""
+
+    def to_request(ids: Mapping[int, str]) -> ComBenchInput:
+        named = {ids[one.index]: _person_of(given, one) for one in given.matched_recordings if one.index in ids}
+        rows = [{"recording_id": key, "subject": name} for key, name in named.items() if name is not None]
+        return validate_options(ComBenchInput, {"recording_ids": list(named), "subjects": rows, "seed": seed})
+
+    return upload_and_run(given, BENCH, BENCH, to_request, folder, delivery)
+
+
+def _person_of(given: StudyFiles, one: MatchedFile) -> str | None:
+    """Pseudonym of the subject table, else the name of the sub-folder."""
+    filename, _ = given.files[one.index]
+    stated = None if one.row is None else one.row.person.subject
+    return stated or (filename.split("/")[0] if "/" in filename else None)
+
+
+def continued_map(map_items: ItemMap, finished: Path) -> ItemMap:
+    """``map_items`` that stores every result in ``finished`` and does not compute those that are there.
+
+    A result belongs to the content of the files, the task and the version of this software; errors are not stored.
+    """
+    import stridelab
+
+    stored: dict[str, Json] = {}
+    if finished.exists():
+        for line in finished.read_text().splitlines():
+            try:
+                row = json.loads(line)
+            except json.JSONDecodeError:  # an interrupted run may leave half a line
+                continue
+            stored[row["key"]] = row["answer"]
+
+    def key_of(item: Json) -> str:
+        digest = hashlib.sha256(json.dumps([stridelab.__version__, item["task"]], sort_keys=True).encode())
+        for path in sorted(Path(item["folder"]).iterdir()):
+            digest.update(path.read_bytes())
+        return digest.hexdigest()
+
+    def map_unfinished(work: Any, items: list[Json]) -> Iterator[tuple[int, Json | StridelabError]]:
+        keys = [key_of(item) for item in items]
+        open_items = [index for index, key in enumerate(keys) if key not in stored]
+        yield from ((index, stored[key]) for index, key in enumerate(keys) if key in stored)
+        with finished.open("a") as lines:
+            for place, answer in map_items(work, [items[index] for index in open_items]):
+                index = open_items[place]
+                if not isinstance(answer, StridelabError):
+                    lines.write(json.dumps({"key": keys[index], "answer": answer}) + "\n")
+                    lines.flush()
+                yield index, answer
+
+    return map_unfinished
+
+
+def show_bench(result: JobResult, target: Path, *, as_json: bool) -> None:
+    """Print one table per movement with a row per score, or the result as JSON."""
+    if as_json:
+        show_json(result)
+        return
+    summary = ComBenchSummary.model_validate(result.summary)
+    out.print(f"{summary.n_recordings} recordings of {summary.n_people} people")
+    for movement in dict.fromkeys(column.movement for column in summary.columns):
+        table = Table(movement, "people", *METHODS, box=None, pad_edge=False)
+        for column in summary.columns:
+            if column.movement == movement:
+                cells = [_format_score(column, column.scores.get(method)) for method in METHODS]
+                title = column.name.removeprefix(f"{movement}_").replace("_", " ") + _unit_of(column)
+                table.add_row(f"[bold]{title}[/]" if column.orders else title, str(column.n), *cells)
+        out.print(table)
+    out.print("[dim]bold: scores that order estimators as the truth does on simulated people; 95 % in brackets[/]")
+    if summary.mass.rms_share is not None:
+        out.print(f"mass by the plates: {100 * summary.mass.rms_share:.1f} % RMS off the stated one")
+    for refusal in summary.refused:
+        out.print(f"[yellow]{refusal.method}[/] {escape(refusal.filename)}: {escape(refusal.message)}")
+    for left_out in summary.left_out:
+        out.print(f"[yellow]left out[/] {escape(left_out.filename)}: {escape(left_out.message)}")
+    show_remarks(summary.warnings)
+    show_files(result, target)
+
+
+def _unit_of(column: BenchColumn) -> str:
+    return " mm" if column.unit == "m" else " %"
+
+
+def _format_score(column: BenchColumn, score: BenchScore | None) -> str:
+    if score is None:
+        return ""
+    scale = 1e3 if column.unit == "m" else 1e2
+    interval = "" if score.ci95 is None else f" ({scale * score.ci95[0]:.1f} to {scale * score.ci95[1]:.1f})"
+    return f"{scale * score.value:.1f}{interval}"

@@ -3,8 +3,9 @@
 import hashlib
 import shutil
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
@@ -32,6 +33,7 @@ from stridelab.cli.results import (
 from stridelab.errors import Fault, InvalidInput, UnreadableFile
 from stridelab.recordings.files.batch_zip import BatchLimits, is_batch, unpack_batch
 from stridelab.recordings.files.recording_files import recordings_in
+from stridelab.schemas.base import Contract
 from stridelab.schemas.cycloid import FitCycloidInput
 from stridelab.schemas.jobs import JobResult
 from stridelab.schemas.population import (
@@ -82,7 +84,8 @@ def run_study(
     ):
         given = collect_recordings(paths, subjects, Path(unpacked))
         if delivery.server is not None:
-            result = study_there(given, options, folder, delivery.server, delivery.token)
+            to_request = partial(request_of, given, options=options)
+            result = upload_and_run(given, "study-population", "population", to_request, folder, delivery)
         else:
             result = study_here(given, options, folder)
     show_study(result, target, as_json=delivery.as_json)
@@ -92,8 +95,20 @@ def run_study(
 def collect_recordings(paths: Sequence[Path], subjects: Path | None, folder: Path) -> StudyFiles:
     """All recordings below ``paths``: files, folders (searched through) and zips of recordings (unpacked).
 
-    Raises ``InvalidInput`` (``no-recordings``, ``recording-twice``, ``subject-table-twice``, ``subject-table-invalid``)
-    and what ``unpack_batch`` raises.
+    Raises as ``collect_files`` does, and ``InvalidInput`` (``recording-twice``).
+    """
+    given = collect_files(paths, subjects, folder)
+    for name, same in repeated_files(given.files).items():
+        message = f"{name} is the same file as {same}: a recording counts once."
+        raise InvalidInput("recording-twice", message, [Fault(name, "given twice")])
+    return given
+
+
+def collect_files(paths: Sequence[Path], subjects: Path | None, folder: Path) -> StudyFiles:
+    """``collect_recordings`` where the same file may occur twice.
+
+    Raises ``InvalidInput`` (``no-recordings``, ``subject-table-twice``, ``subject-table-invalid``) and what
+    ``unpack_batch`` raises.
     """
     files: list[tuple[str, Path]] = []
     table: bytes | None = None
@@ -120,19 +135,19 @@ def collect_recordings(paths: Sequence[Path], subjects: Path | None, folder: Pat
     if not files:
         named = ", ".join(str(path) for path in paths)
         raise InvalidInput("no-recordings", f"There is no .c3d, .trc or .zip in {named}.", [Fault("FILES", "nothing")])
-    _refuse_duplicates(files)
     return StudyFiles(tuple(files), () if table is None else read_subject_table(table))
 
 
-def _refuse_duplicates(files: Sequence[tuple[str, Path]]) -> None:
-    """Raise ``InvalidInput`` (``recording-twice``) where two files are the same."""
+def repeated_files(files: Sequence[tuple[str, Path]]) -> dict[str, str]:
+    """Names of files that repeat an earlier one, and the name of that."""
     first: dict[str, str] = {}
+    repeated = {}
     for name, path in files:
         digest = _file_sha256(path)
         if digest in first:
-            message = f"{name} is the same file as {first[digest]}: a recording counts once."
-            raise InvalidInput("recording-twice", message, [Fault(name, "given twice")])
-        first[digest] = name
+            repeated[name] = first[digest]
+        first.setdefault(digest, name)
+    return repeated
 
 
 def _file_sha256(path: Path) -> str:
@@ -157,13 +172,21 @@ def study_here(given: StudyFiles, options: Mapping[str, Any], folder: Path) -> J
     return write_result(folder, "study-population", request, outcome)
 
 
-def study_there(
-    given: StudyFiles, options: Mapping[str, Any], folder: Path, server: str, token: str | None
+def upload_and_run(
+    given: StudyFiles,
+    kind: str,
+    title: str,
+    to_request: Callable[[Mapping[int, str]], Contract],
+    folder: Path,
+    delivery: Delivery,
 ) -> JobResult:
-    """Upload everything, run the job on ``server`` and download its files; prints refused files."""
+    """Upload everything, run a job on the server of ``delivery`` and download its files; prints refused files.
+
+    ``to_request`` returns the job's input for the ids of the stored recordings by index of the file.
+    """
     from stridelab.cli.remote import AFTER_UPLOAD, run_remotely
 
-    def upload_inputs(client: "Client", bar: Bar) -> StudyPopulationInput:
+    def upload_inputs(client: "Client", bar: Bar) -> Contract:
         def show_upload(sent: int, total: int) -> None:
             bar(AFTER_UPLOAD * sent / max(total, 1), "uploading")
 
@@ -176,11 +199,10 @@ def study_there(
         for one in given.matched_recordings:
             if one.index in ids and one.static_index is not None and one.static_index in ids:
                 client.patch_recording(ids[one.index], RecordingPatch(static_recording_id=ids[one.static_index]))
-        return request_of(given, ids, options)
+        return to_request(ids)
 
-    return run_remotely(
-        "study-population", "population", upload_inputs, folder, server, token, unprepared=UnreadableFile
-    )
+    server = delivery.server or ""
+    return run_remotely(kind, title, upload_inputs, folder, server, delivery.token, unprepared=UnreadableFile)
 
 
 def request_of(given: StudyFiles, ids: Mapping[int, str], options: Mapping[str, Any]) -> StudyPopulationInput:

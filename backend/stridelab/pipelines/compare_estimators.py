@@ -63,7 +63,7 @@ def compare_estimators(task: CompareEstimatorsTask, folder: Path, progress: Prog
         prepared.wrench,
         prepared.mass.mass_kg,
         truth,
-        floor_height_m=_floor_height_m(prepared.trial.recording),
+        floor_height_m=floor_height_m(prepared.trial.recording),
     )
     progress(0.7, f"running {len(estimators)} estimators")
     comparison = compare(estimators, data)
@@ -155,6 +155,7 @@ def _axis_values(values: Series) -> Axes:
     return Axes(along=along, lateral=lateral, vertical=vertical)
 
 
-def _floor_height_m(recording: Recording) -> float:
+def floor_height_m(recording: Recording) -> float:
+    """Mean height of the plates in use; 0 without any."""
     used = [plate.corners_m[:, 2].mean() for plate in recording.plates if plate.use]
     return float(np.mean(used)) if used else 0.0

@@ -1,12 +1,17 @@
-"""Input and result of ``compare-estimators``. Errors are given per axis or horizontal and vertical, never in 3D."""
+"""Inputs and results of ``compare-estimators`` and ``com-bench``.
 
-from typing import Literal
+Errors are given per axis or horizontal and vertical, never in 3D.
+"""
 
-from pydantic import Field
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
 
 from stridelab.schemas.base import Contract, Interval, Remark
 from stridelab.schemas.jobs import EstimateComInput
-from stridelab.schemas.quality import Quality
+from stridelab.schemas.methods import Method
+from stridelab.schemas.population import MAX_RECORDINGS, LeftOut, SubjectOfRecording, refuse_repeated_recordings
+from stridelab.schemas.quality import Quality, TrialQuality
 from stridelab.schemas.recordings import TreadmillBelts
 from stridelab.schemas.sessions import LatencySource, SessionValues
 
@@ -89,4 +94,72 @@ class CompareEstimatorsSummary(Contract):
     methods: dict[str, MethodAssessment]
     refused: dict[str, Remark] = Field(description="estimators that reject this recording, and the reason")
     quality: Quality | None = Field(default=None, description="null in results of versions without this check")
+    warnings: list[Remark]
+
+
+class ComBenchInput(Contract):
+    """Input of ``com-bench``; recordings without a subject count as different people."""
+
+    recording_ids: list[str] = Field(min_length=1, max_length=MAX_RECORDINGS)
+    subjects: list[SubjectOfRecording] = Field(default_factory=list, max_length=MAX_RECORDINGS)
+    seed: Annotated[int, Field(ge=0, le=2**31 - 1)] = Field(
+        default=0, description="random seed of the bootstrap intervals"
+    )
+
+    @model_validator(mode="after")
+    def _check_ids(self) -> "ComBenchInput":
+        refuse_repeated_recordings(self.recording_ids, self.subjects)
+        return self
+
+
+class BenchScore(Contract):
+    """Mean over people of one estimator; roots of mean squares, or shares of samples."""
+
+    value: float
+    ci95: Interval | None = Field(description="bootstrap over people; null for fewer than five")
+    over_best: float | None = Field(description="ratio to the best of the column; null for a coverage")
+
+
+class BenchColumn(Contract):
+    """One score in one movement, over the recordings in which all estimators have it."""
+
+    name: str = Field(description="movement and score, e.g. `grounded_force_path_along`")
+    movement: Literal["standing", "grounded", "airborne"]
+    unit: Literal["m", "1"]
+    orders: bool = Field(description="whether the score orders estimators as the truth does, on simulated people")
+    n: int = Field(description="people")
+    recordings: int
+    unmatched: int = Field(description="recordings left out because an estimator has no score there")
+    scores: dict[Method, BenchScore]
+
+
+class MethodRefusal(Contract):
+    """An estimator that rejects a recording, with the reason."""
+
+    recording_id: str
+    filename: str
+    method: Method
+    code: str
+    message: str
+
+
+class MassAgreement(Contract):
+    """Mass that the plates measure against the stated one, over the recordings that have both."""
+
+    n: int = Field(description="recordings")
+    rms_share: float | None
+    max_share: float | None
+
+
+class ComBenchSummary(Contract):
+    """Scores of all estimators over many recordings, by what none of them was given."""
+
+    columns: list[BenchColumn]
+    n_recordings: int
+    n_people: int
+    mass: MassAgreement
+    refused: list[MethodRefusal]
+    left_out: list[LeftOut]
+    quality: Quality
+    trials: list[TrialQuality]
     warnings: list[Remark]

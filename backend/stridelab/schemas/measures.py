@@ -6,7 +6,7 @@ from pydantic import Field, model_validator
 
 from stridelab.schemas.base import Contract, Remark
 from stridelab.schemas.methods import Method
-from stridelab.schemas.population import MAX_RECORDINGS, LeftOut
+from stridelab.schemas.population import MAX_RECORDINGS, LeftOut, refuse_repeated_recordings
 from stridelab.schemas.quality import Quality, TrialQuality
 
 Bounds = tuple[float, float]
@@ -23,9 +23,7 @@ class GaitMeasuresInput(Contract):
 
     @model_validator(mode="after")
     def _check_ids(self) -> "GaitMeasuresInput":
-        twice = sorted({i for i in self.recording_ids if self.recording_ids.count(i) > 1})
-        if twice:
-            raise ValueError(f"recording_ids: the same recording twice: {', '.join(twice)[:200]}")
+        refuse_repeated_recordings(self.recording_ids, ())
         return self
 
 

@@ -1,5 +1,6 @@
 """Input and result of ``study-population``, bulk uploads, and the subject table."""
 
+from collections.abc import Sequence
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
@@ -30,6 +31,20 @@ class SubjectOfRecording(PersonFields):
     """One row of the subject table."""
 
     recording_id: str
+
+
+def refuse_repeated_recordings(recording_ids: Sequence[str], subjects: Sequence[SubjectOfRecording]) -> None:
+    """Raise ``ValueError`` where a recording occurs twice or the subject table names a recording that is not given."""
+    twice = sorted({i for i in recording_ids if recording_ids.count(i) > 1})
+    if twice:
+        raise ValueError(f"recording_ids: the same recording twice: {', '.join(twice)[:200]}")
+    rows = [row.recording_id for row in subjects]
+    twice = sorted({i for i in rows if rows.count(i) > 1})
+    if twice:
+        raise ValueError(f"subjects: two rows for one recording: {', '.join(twice)[:200]}")
+    unknown = sorted(set(rows) - set(recording_ids))
+    if unknown:
+        raise ValueError(f"subjects: not among recording_ids: {', '.join(unknown)[:200]}")
 
 
 class RefusedFile(Contract):
@@ -84,16 +99,7 @@ class StudyPopulationInput(Contract):
 
     @model_validator(mode="after")
     def _check_ids(self) -> "StudyPopulationInput":
-        twice = sorted({i for i in self.recording_ids if self.recording_ids.count(i) > 1})
-        if twice:
-            raise ValueError(f"recording_ids: the same recording twice: {', '.join(twice)[:200]}")
-        rows = [row.recording_id for row in self.subjects]
-        twice = sorted({i for i in rows if rows.count(i) > 1})
-        if twice:
-            raise ValueError(f"subjects: two rows for one recording: {', '.join(twice)[:200]}")
-        unknown = sorted(set(rows) - set(self.recording_ids))
-        if unknown:
-            raise ValueError(f"subjects: not among recording_ids: {', '.join(unknown)[:200]}")
+        refuse_repeated_recordings(self.recording_ids, self.subjects)
         return self
 
 

@@ -85,6 +85,19 @@ class MeasuresMember(Contract):
     task: EstimateComTask
 
 
+class BenchMember(MeasuresMember):
+    """One recording of ``com-bench``; ``subject`` is a pseudonym, null if it is not stated."""
+
+    subject: str | None = None
+
+
+class ComBenchTask(Contract):
+    """Task of ``com-bench``."""
+
+    members: list[BenchMember]
+    seed: int = 0
+
+
 class GaitMeasuresTask(Contract):
     """Task of ``gait-measures``."""
 

@@ -27,8 +27,9 @@ from stridelab.estimation.evaluation.force_path import (
     momentum_of_segments_nms,
     path_error,
 )
-from stridelab.estimation.evaluation.holdout_force import BLOCK_S, withheld_estimates, withhold_samples
-from stridelab.estimation.evaluation.physics_residuals import FLIGHT_N, assess_flight, force_residual_track_n
+from stridelab.estimation.evaluation.holdout_force import BLOCK_S, withheld_estimates
+from stridelab.estimation.evaluation.physics_residuals import force_residual_track_n
+from stridelab.estimation.evaluation.unseen_scores import withheld_flight
 from stridelab.estimation.kalman.filter import KalmanFilter, RtsSmoother
 from stridelab.estimation.latency import estimate_latency
 from stridelab.estimation.markers_only import GeometryOnly
@@ -152,13 +153,7 @@ def _withheld_scores(
 
 def _flight_score(estimator: ComEstimator, drawn: DrawnRecording, wrench: WrenchTrack) -> MeanSquares:
     """Acceleration in flight minus g, with the force of all flights withheld; nothing without flights."""
-    inside = window_span(drawn.geometric, wrench).inside
-    aloft = wrench.force_n[inside, 2] < FLIGHT_N
-    if not aloft.any():
-        return {}
-    withheld = withhold_samples(drawn.geometric, wrench, drawn.mass_kg, aloft)
-    estimate = estimator.estimate(drawn.geometric, withheld, drawn.mass_kg)
-    flight = assess_flight(estimate, wrench)
+    flight = withheld_flight(estimator, drawn.geometric, wrench, drawn.mass_kg)
     if flight is None:
         return {}
     horizontal = (flight.horizontal_m_s2 / GRAVITY_M_S2) ** 2 / 2

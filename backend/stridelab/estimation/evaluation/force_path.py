@@ -78,10 +78,15 @@ class PlateErrors:
 
 @dataclass(frozen=True)
 class PathError:
-    """Mean squares along the walk, lateral and vertical: distance from the force path, and the covariance penalty."""
+    """Mean squares along the walk, lateral and vertical: distance from the force path, and the covariance penalty.
+
+    ``coverage_95`` is the share of samples whose distance lies within the 95 % band of the stated errors of estimate
+    and path together, by one draw of the latter.
+    """
 
     distance_m2: PerAxis
     penalty_m2: PerAxis
+    coverage_95: PerAxis
 
     @property
     def square_m2(self) -> PerAxis:
@@ -106,26 +111,33 @@ def path_error(
     known = momentum_of_segments_nms(geometric, inside, mass_kg, rate_hz)
     turn = walk_frame(smoothed_derivatives(geometric.com_m[span.around], rate_hz)[0])
 
-    def judged(track: WrenchTrack, mass: float) -> tuple[Points, Points]:
-        """Estimate, and minus the force path, both as ``distance_from_force_m`` compares them."""
+    def judged(track: WrenchTrack, mass: float) -> tuple[Points, Points, Points]:
+        """Estimate, and minus the force path, both as ``distance_from_force_m`` compares them; the stated sd."""
         part = Wrench(track.force_n[inside], track.moment_nm[inside])
         path = force_path_m(part, geometric.com_m[inside, 2], known, mass, rate_hz)
-        com = estimator.estimate(geometric, track, mass_kg=mass).com_m
+        estimate = estimator.estimate(geometric, track, mass_kg=mass)
+        com = estimate.com_m
         at_rest = np.zeros_like(part.force_n)
         at_rest[:, 2] = mass * GRAVITY_M_S2
         still = distance_from_force_m(com, np.zeros_like(path), at_rest, mass, rate_hz)
-        return still, distance_from_force_m(np.zeros_like(com), path, part.force_n, mass, rate_hz)
+        minus = distance_from_force_m(np.zeros_like(com), path, part.force_n, mass, rate_hz)
+        return still, minus, estimate.sd_m
 
-    com, minus_path = judged(wrench, mass_kg)
+    com, minus_path, sd_m = judged(wrench, mass_kg)
     sizes = errors or PlateErrors()
     moved = [
         judged(track, mass)
         for track, mass in _moved_wrenches(geometric, wrench, span, mass_kg, known is None, sizes, seed)
     ]
-    d_com, d_minus_path = ((moved[0][k] - moved[1][k]) / 2 for k in (0, 1))
+    d_com, d_minus_path = ((moved[0][k] - moved[1][k]) / 2 @ turn.T for k in (0, 1))
+    distance = (com + minus_path) @ turn.T
+    penalty_m2 = -np.mean(d_com * d_minus_path, axis=0)
+    of_path_m2 = np.mean(d_minus_path**2, axis=0) - 2.0 * penalty_m2
+    variance_m2 = np.maximum(sd_m**2 @ (turn**2).T + of_path_m2, 1e-12)
     return PathError(
-        distance_m2=np.mean(((com + minus_path) @ turn.T) ** 2, axis=0),
-        penalty_m2=-np.mean((d_com @ turn.T) * (d_minus_path @ turn.T), axis=0),
+        distance_m2=np.mean(distance**2, axis=0),
+        penalty_m2=penalty_m2,
+        coverage_95=np.mean(np.abs(distance) <= 1.96 * np.sqrt(variance_m2), axis=0),
     )
 
 

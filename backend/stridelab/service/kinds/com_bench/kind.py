@@ -1,0 +1,46 @@
+"""The job kind ``com-bench``."""
+
+from pathlib import Path
+
+from sqlalchemy.ext.asyncio import AsyncConnection
+
+from stridelab.schemas.base import Contract
+from stridelab.schemas.comparison import ComBenchInput, ComBenchSummary
+from stridelab.schemas.jobs import EstimateComInput
+from stridelab.schemas.tasks import BenchMember, ComBenchTask, EstimateComTask
+from stridelab.service.kinds.base import Blobs, JobKind, Json
+from stridelab.service.kinds.staging import require_recordings, stage_estimate_com
+from stridelab.service.samples.recording import SAMPLE_ID
+
+
+async def stage(connection: AsyncConnection, blobs: Blobs, input: Contract, folder: Path) -> Json:  # noqa: A002
+    """Fetch every recording into a separate folder. Raises as ``require_recordings`` does."""
+    request = ComBenchInput.model_validate(input.model_dump())
+    await require_recordings(connection, request.recording_ids)
+    names = {row.recording_id: row.subject for row in request.subjects}
+    members = []
+    for index, recording_id in enumerate(request.recording_ids):
+        name = f"recording-{index:03d}"
+        (folder / name).mkdir()
+        one = EstimateComInput(recording_id=recording_id)
+        task = EstimateComTask.model_validate(await stage_estimate_com(connection, blobs, one, folder / name))
+        subject = names.get(recording_id) or task.recording.subject.name
+        members.append(BenchMember(recording_id=recording_id, folder=name, task=task, subject=subject))
+    return ComBenchTask(members=members, seed=request.seed).model_dump(mode="json")
+
+
+KIND = JobKind(
+    name="com-bench",
+    title="Estimators over many recordings",
+    description=(
+        "Scores all estimators of the centre of mass on many recordings by what none of them was given: the path of "
+        "the force, a hidden plate, withheld force and flights, standing; means over people with intervals."
+    ),
+    examples={"one": {"summary": "The bundled recording", "value": {"recording_ids": [SAMPLE_ID]}}},
+    input_model=ComBenchInput,
+    summary_model=ComBenchSummary,
+    run="stridelab.service.kinds.com_bench.run:run_in_child",
+    stage=stage,
+    timeout_s=3600.0,
+    lane="long",
+)
