@@ -15,6 +15,8 @@ from stridelab.schemas.population import PersonFields
 from stridelab.schemas.receding import PlanRecedingInput
 from stridelab.schemas.sweeps import SweepInput
 from stridelab.schemas.tasks import (
+    BenchMember,
+    ComBenchTask,
     CompareEstimatorsTask,
     FitCycloidTask,
     GaitMeasuresTask,
@@ -71,6 +73,11 @@ def receding(_folder: Path) -> Any:
     return PlanRecedingTask(scenario=short_walk(), input=PlanRecedingInput(scenario=short_walk()))
 
 
+def benched(folder: Path) -> Any:
+    task = estimate_task(TRIAL, folder / "a")
+    return ComBenchTask(members=[BenchMember(recording_id="a", folder="a", task=task)])
+
+
 def measured(folder: Path) -> Any:
     (folder / "recording-000").mkdir()
     task = estimate_task(TRIAL, folder / "recording-000")
@@ -81,6 +88,7 @@ STAGED: dict[str, Callable[[Path], Any]] = {
     "estimate-com": lambda folder: estimate_task(TRIAL, folder, method="complementary"),
     "compare-estimators": compared,
     "fit-cycloid": fitted,
+    "com-bench": benched,
     "gait-measures": measured,
     "study-population": studied,
     "simulate-recording": lambda _: SimulateRecordingTask(input=SimulateRecordingInput(duration_s=2.0)),

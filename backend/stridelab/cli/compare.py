@@ -265,7 +265,7 @@ def continued_map(map_items: ItemMap, finished: Path) -> ItemMap:
 
     stored: dict[str, Json] = {}
     if finished.exists():
-        for line in finished.read_text().splitlines():
+        for line in filter(None, finished.read_text().splitlines()):
             try:
                 row = json.loads(line)
             except json.JSONDecodeError:  # an interrupted run may leave half a line
@@ -283,6 +283,7 @@ def continued_map(map_items: ItemMap, finished: Path) -> ItemMap:
         open_items = [index for index, key in enumerate(keys) if key not in stored]
         yield from ((index, stored[key]) for index, key in enumerate(keys) if key in stored)
         with finished.open("a") as lines:
+            lines.write("\n" if lines.tell() else "")  # ends a line that an interrupted run left
             for place, answer in map_items(work, [items[index] for index in open_items]):
                 index = open_items[place]
                 if not isinstance(answer, StridelabError):

@@ -195,7 +195,7 @@ def _bench_column(column: ScoreColumn) -> BenchColumn:
     )
 
 
-def _mass_agreement(masses_kg: Sequence[tuple[float | None, float | None]]) -> MassAgreement:
+def _mass_agreement(masses_kg: Sequence[Sequence[float | None]]) -> MassAgreement:
     shares = [measured / stated - 1.0 for stated, measured in masses_kg if stated and measured]
     if not shares:
         return MassAgreement(n=0, rms_share=None, max_share=None)
