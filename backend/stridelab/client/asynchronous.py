@@ -2,21 +2,21 @@
 
 import asyncio
 import time
-from collections.abc import AsyncIterator, Iterator, Mapping, Sequence
+from collections.abc import AsyncIterator, Callable, Coroutine, Iterator, Sequence
 from contextlib import AbstractAsyncContextManager, contextmanager
 from http import HTTPStatus
 from pathlib import Path
 from types import TracebackType
-from typing import Any, TypeVar
+from typing import Any, Concatenate, ParamSpec, TypeVar
 
 import httpx
-from pydantic import BaseModel
 
 from stridelab.client import endpoints, uploads
 from stridelab.client.connection import (
     DEFAULT_URL,
     RETRY_S,
     connection_headers,
+    document_method,
     is_temporary,
     poll_s,
     request_arguments,
@@ -25,18 +25,35 @@ from stridelab.client.connection import (
 from stridelab.client.errors import ClientError, ProblemError
 from stridelab.client.sse import EventReader
 from stridelab.client.streams import AsyncComStream, open_async
-from stridelab.schemas.base import Page
-from stridelab.schemas.jobs import FINAL_STATES, Job, JobEvent, JobResult
+from stridelab.schemas.jobs import FINAL_STATES, Job, JobEvent
 from stridelab.schemas.population import RecordingBatch
-from stridelab.schemas.previews import PlanPreview, PlanPreviewInput, Solvers
-from stridelab.schemas.reachability import RobotReachability
-from stridelab.schemas.recordings import Recording, RecordingPatch, Subject, SubjectFields, SubjectInput
-from stridelab.schemas.robots import Measure, RobotFacts, RobotPreparation, RobotSummary
-from stridelab.schemas.scenarios import Scenario, ScenarioCheck, StoredScenario
-from stridelab.schemas.service import Health
+from stridelab.schemas.recordings import Recording, SubjectFields
 from stridelab.schemas.streams import StreamConfiguration
 
 T = TypeVar("T")
+P = ParamSpec("P")
+
+
+def _method(
+    request_of: Callable[P, endpoints.Call[T]],
+) -> Callable[Concatenate["AsyncClient", P], Coroutine[Any, Any, T]]:
+    """Method that sends the request and returns the content of its response."""
+
+    async def send(self: "AsyncClient", /, *args: P.args, **options: P.kwargs) -> T:
+        return await self._send(request_of(*args, **options))
+
+    return document_method(send, request_of)
+
+
+def _download_method(
+    request_of: Callable[P, endpoints.Download],
+) -> Callable[Concatenate["AsyncClient", P], Coroutine[Any, Any, Path]]:
+    """Method that saves the response as a file and returns its path."""
+
+    async def save(self: "AsyncClient", /, *args: P.args, **options: P.kwargs) -> Path:
+        return await self._save(request_of(*args, **options))
+
+    return document_method(save, request_of)
 
 
 class AsyncClient:
@@ -65,9 +82,7 @@ class AsyncClient:
         """Close the connections."""
         await self._http.aclose()
 
-    async def health(self) -> Health:
-        """Health and version of the service."""
-        return await self._send(endpoints.get_health())
+    health = _method(endpoints.health)
 
     async def upload(
         self,
@@ -115,140 +130,33 @@ class AsyncClient:
         summary = (await self.result(job.id)).summary
         return uploads.batch_of(summary, [await self.recording(one) for one in summary["recording_ids"]])
 
-    async def recordings(
-        self,
-        limit: int = 50,
-        cursor: str | None = None,
-        session_id: str | None = None,
-        *,
-        subject_id: str | None = None,
-        linked: bool | None = None,
-    ) -> Page[Recording]:
-        """One page of recordings, newest first; optionally of one session or subject, or with or without a subject."""
-        return await self._send(endpoints.list_recordings(limit, cursor, session_id, subject_id, linked))
-
-    async def recording(self, recording_id: str) -> Recording:
-        """One recording."""
-        return await self._send(endpoints.get_recording(recording_id))
-
-    async def patch_recording(self, recording_id: str, patch: RecordingPatch) -> Recording:
-        """Change the fields that are set in ``patch``."""
-        return await self._send(endpoints.patch_recording(recording_id, patch))
-
-    async def delete_recording(self, recording_id: str) -> None:
-        """Delete a recording with its jobs, results and files."""
-        await self._send(endpoints.delete_recording(recording_id))
-
-    async def download_file(self, recording_id: str, target: Path) -> Path:
-        """Save the uploaded file as ``target``."""
-        return await self._download(endpoints.file_path(recording_id), target)
-
-    async def download_tracks(self, recording_id: str, target: Path) -> Path:
-        """Save markers and wrenches as ``target`` (Parquet)."""
-        return await self._download(endpoints.tracks_path(recording_id), target)
-
-    async def subjects(self, limit: int = 50, cursor: str | None = None) -> Page[Subject]:
-        """One page of subjects, newest first."""
-        return await self._send(endpoints.list_subjects(limit, cursor))
-
-    async def subject(self, subject_id: str) -> Subject:
-        """One subject."""
-        return await self._send(endpoints.get_subject(subject_id))
-
-    async def add_subject(self, fields: SubjectInput) -> Subject:
-        """Add a subject."""
-        return await self._send(endpoints.add_subject(fields))
-
-    async def patch_subject(self, subject_id: str, fields: SubjectInput) -> Subject:
-        """Change the fields that are set in ``fields``."""
-        return await self._send(endpoints.patch_subject(subject_id, fields))
-
-    async def delete_subject(self, subject_id: str) -> None:
-        """Delete a subject; its recordings remain."""
-        await self._send(endpoints.delete_subject(subject_id))
-
-    async def scenarios(self, limit: int = 50, cursor: str | None = None) -> Page[StoredScenario]:
-        """One page of scenarios, newest first."""
-        return await self._send(endpoints.list_scenarios(limit, cursor))
-
-    async def scenario(self, scenario_id: str) -> StoredScenario:
-        """One scenario."""
-        return await self._send(endpoints.get_scenario(scenario_id))
-
-    async def add_scenario(self, body: Scenario | Mapping[str, Any]) -> StoredScenario:
-        """Store a scenario; one that the robot cannot perform is refused (``scenario-invalid``)."""
-        return await self._send(endpoints.add_scenario(body))
-
-    async def put_scenario(
-        self, scenario_id: str, body: Scenario | Mapping[str, Any], unless_changed: StoredScenario | None = None
-    ) -> StoredScenario:
-        """Replace a scenario; refused (``scenario-changed``) if it differs from ``unless_changed`` in the meantime."""
-        return await self._send(endpoints.put_scenario(scenario_id, body, unless_changed))
-
-    async def delete_scenario(self, scenario_id: str) -> None:
-        """Delete a scenario; its jobs remain."""
-        await self._send(endpoints.delete_scenario(scenario_id))
-
-    async def check_scenario(self, body: Scenario | Mapping[str, Any]) -> ScenarioCheck:
-        """Validate a scenario: faults, and the margin of each contact."""
-        return await self._send(endpoints.check_scenario(body))
-
-    async def solvers(self) -> Solvers:
-        """Solvers of the centroidal problem, and the reason for unavailable ones."""
-        return await self._send(endpoints.list_solvers())
-
-    async def preview_plan(self, body: PlanPreviewInput | Mapping[str, Any]) -> PlanPreview:
-        """Compute the centroidal motion of a scenario, optionally with a push; requires the C++ solver."""
-        return await self._send(endpoints.preview_plan(body))
-
-    async def robots(self) -> Page[RobotSummary]:
-        """All robots."""
-        return await self._send(endpoints.list_robots())
-
-    async def robot(self, name: str) -> RobotFacts:
-        """Facts of one robot; takes a few seconds if it is not prepared yet."""
-        return await self._send(endpoints.get_robot(name))
-
-    async def robot_preparation(self, name: str) -> RobotPreparation:
-        """State of the preparation of a robot's display files; starts the preparation if necessary."""
-        return await self._send(endpoints.robot_preparation(name))
-
-    async def robot_reachability(self, name: str, measure: Measure | None = None) -> RobotReachability:
-        """Reachability of the centre of mass: samples, surfaces and maps; by default with the measure of plans."""
-        return await self._send(endpoints.robot_reachability(name, measure))
-
-    async def robot_links(self, name: str, target: Path) -> Path:
-        """Save the display meshes of a robot as ``target`` (binary glTF); slow if they do not exist yet."""
-        return await self._download(endpoints.links_path(name), target, wait_s=endpoints.LOADING_TIMEOUT_S)
-
-    async def submit(
-        self,
-        kind: str,
-        request: BaseModel | Mapping[str, Any],
-        *,
-        priority: int = 0,
-        idempotency_key: str | None = None,
-    ) -> Job:
-        """Submit a job; repeating the request with the same ``idempotency_key`` returns the same job."""
-        return await self._send(endpoints.submit_job(kind, request, priority, idempotency_key))
-
-    async def jobs(
-        self,
-        limit: int = 50,
-        cursor: str | None = None,
-        *,
-        state: str | None = None,
-        kind: str | None = None,
-        recording_id: str | None = None,
-        scenario_id: str | None = None,
-    ) -> Page[Job]:
-        """One page of jobs, newest first."""
-        filters = {"state": state, "kind": kind, "recording_id": recording_id, "scenario_id": scenario_id}
-        return await self._send(endpoints.list_jobs(limit, cursor, **filters))
-
-    async def job(self, job_id: str, wait_s: float = 0.0) -> Job:
-        """One job; waits up to ``wait_s`` (at most 60 s) for it to finish."""
-        return await self._send(endpoints.get_job(job_id, wait_s))
+    recordings = _method(endpoints.recordings)
+    recording = _method(endpoints.recording)
+    patch_recording = _method(endpoints.patch_recording)
+    delete_recording = _method(endpoints.delete_recording)
+    download_file = _download_method(endpoints.download_file)
+    download_tracks = _download_method(endpoints.download_tracks)
+    subjects = _method(endpoints.subjects)
+    subject = _method(endpoints.subject)
+    add_subject = _method(endpoints.add_subject)
+    patch_subject = _method(endpoints.patch_subject)
+    delete_subject = _method(endpoints.delete_subject)
+    scenarios = _method(endpoints.scenarios)
+    scenario = _method(endpoints.scenario)
+    add_scenario = _method(endpoints.add_scenario)
+    put_scenario = _method(endpoints.put_scenario)
+    delete_scenario = _method(endpoints.delete_scenario)
+    check_scenario = _method(endpoints.check_scenario)
+    solvers = _method(endpoints.solvers)
+    preview_plan = _method(endpoints.preview_plan)
+    robots = _method(endpoints.robots)
+    robot = _method(endpoints.robot)
+    robot_preparation = _method(endpoints.robot_preparation)
+    robot_reachability = _method(endpoints.robot_reachability)
+    robot_links = _download_method(endpoints.robot_links)
+    submit = _method(endpoints.submit)
+    jobs = _method(endpoints.jobs)
+    job = _method(endpoints.job)
 
     async def wait(self, job_id: str, timeout_s: float | None = None) -> Job:
         """Wait until a job has finished. Raises ``TimeoutError`` after ``timeout_s``; None waits indefinitely."""
@@ -300,31 +208,12 @@ class AsyncClient:
             await asyncio.sleep(RETRY_S[min(failures, len(RETRY_S) - 1)])
             failures += 1
 
-    async def cancel(self, job_id: str) -> Job:
-        """Cancel a job that has not finished."""
-        return await self._send(endpoints.cancel_job(job_id))
-
-    async def delete_job(self, job_id: str) -> Job:
-        """Delete a finished job with its result and files; an unfinished one is cancelled instead."""
-        return await self._send(endpoints.delete_job(job_id))
-
-    async def result(self, job_id: str) -> JobResult:
-        """Summary and list of files of a succeeded job."""
-        return await self._send(endpoints.get_result(job_id))
-
-    async def download_artifact(self, job_id: str, name: str, target: Path) -> Path:
-        """Save one file of a result as ``target``."""
-        return await self._download(endpoints.artifact_path(job_id, name), target)
-
-    async def download_bundle(self, job_id: str, target: Path) -> Path:
-        """Save input, result, versions, references and all files of a job as a zip file ``target``."""
-        return await self._download(endpoints.bundle_path(job_id), target)
-
-    async def read_artifact(self, job_id: str, name: str) -> bytes:
-        """Content of one file of a result."""
-        return await self._send(
-            endpoints.Call("GET", endpoints.artifact_path(job_id, name), lambda response: response.content)
-        )
+    cancel = _method(endpoints.cancel)
+    delete_job = _method(endpoints.delete_job)
+    result = _method(endpoints.result)
+    download_artifact = _download_method(endpoints.download_artifact)
+    download_bundle = _download_method(endpoints.download_bundle)
+    read_artifact = _method(endpoints.read_artifact)
 
     def stream_com(self, configuration: StreamConfiguration) -> AbstractAsyncContextManager[AsyncComStream]:
         """Online estimation: ``async with lab.stream_com(...) as stream``, then ``await stream.send(samples)``."""
@@ -336,18 +225,18 @@ class AsyncClient:
         endpoints.raise_for_problem(response)
         return call.read(response)
 
-    async def _download(self, path: str, target: Path, wait_s: float = 0.0) -> Path:
-        part = target.with_name(f".part-{target.name}")
+    async def _save(self, file: endpoints.Download) -> Path:
+        part = file.target.with_name(f".part-{file.target.name}")
         try:
             with self._translate_errors():
-                async with self._http.stream("GET", path, timeout=self._timeout_s + wait_s) as response:
+                async with self._http.stream("GET", file.path, timeout=self._timeout_s + file.wait_s) as response:
                     if response.status_code >= 400:
                         await response.aread()
                         endpoints.raise_for_problem(response)
-                    with part.open("wb") as file:
+                    with part.open("wb") as content:
                         async for piece in response.aiter_bytes():
-                            file.write(piece)
-            return part.replace(target)
+                            content.write(piece)
+            return part.replace(file.target)
         finally:
             part.unlink(missing_ok=True)
 

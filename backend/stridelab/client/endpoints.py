@@ -1,7 +1,11 @@
-"""HTTP calls of the service as data: the request, and the parser of its response. Both clients use these."""
+"""HTTP calls of the service as data: the request, and the parser of its response.
+
+Both clients have the functions that return a ``Call`` or a ``Download`` as methods, with their documentation.
+"""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, Generic, TypeVar
 from urllib.parse import quote
 
@@ -35,6 +39,15 @@ class Call(Generic[T]):
     params: Mapping[str, str] = field(default_factory=dict)
     headers: Mapping[str, str] = field(default_factory=dict)
     json: Any = None
+    wait_s: float = 0.0
+
+
+@dataclass(frozen=True)
+class Download:
+    """A GET request whose response is saved as the file ``target``."""
+
+    path: str
+    target: Path
     wait_s: float = 0.0
 
 
@@ -72,8 +85,8 @@ def raise_for_problem(response: httpx.Response) -> None:
     raise ProblemError(problem, float(after) if after.isdecimal() else None)
 
 
-def get_health() -> Call[Health]:
-    """Health of the service."""
+def health() -> Call[Health]:
+    """Health and version of the service."""
     return Call("GET", f"{API}/health", response_reader(Health))
 
 
@@ -84,40 +97,41 @@ def _list_page(path: str, page: type[T], limit: int, cursor: str | None, **filte
     )
 
 
-def list_recordings(
-    limit: int,
-    cursor: str | None,
+def recordings(
+    limit: int = 50,
+    cursor: str | None = None,
     session_id: str | None = None,
+    *,
     subject_id: str | None = None,
     linked: bool | None = None,
 ) -> Call[Page[Recording]]:
-    """A page of recordings, optionally of one session or subject, or only those with or without a subject."""
+    """One page of recordings, newest first; optionally of one session or subject, or with or without a subject."""
     filters = {"session_id": session_id, "subject_id": subject_id}
     filters["linked"] = None if linked is None else str(linked).lower()
     return _list_page(f"{API}/recordings", Page[Recording], limit, cursor, **filters)
 
 
-def get_recording(recording_id: str) -> Call[Recording]:
+def recording(recording_id: str) -> Call[Recording]:
     """One recording."""
     return Call("GET", _path_of("recordings", recording_id), response_reader(Recording))
 
 
 def patch_recording(recording_id: str, patch: RecordingPatch) -> Call[Recording]:
-    """Change the set fields of a recording."""
+    """Change the fields that are set in ``patch``."""
     return Call("PATCH", _path_of("recordings", recording_id), response_reader(Recording), json=_set_fields(patch))
 
 
 def delete_recording(recording_id: str) -> Call[None]:
-    """Delete a recording."""
+    """Delete a recording with its jobs, results and files."""
     return Call("DELETE", _path_of("recordings", recording_id), read_nothing)
 
 
-def list_subjects(limit: int, cursor: str | None) -> Call[Page[Subject]]:
-    """A page of subjects."""
+def subjects(limit: int = 50, cursor: str | None = None) -> Call[Page[Subject]]:
+    """One page of subjects, newest first."""
     return _list_page(f"{API}/subjects", Page[Subject], limit, cursor)
 
 
-def get_subject(subject_id: str) -> Call[Subject]:
+def subject(subject_id: str) -> Call[Subject]:
     """One subject."""
     return Call("GET", _path_of("subjects", subject_id), response_reader(Subject))
 
@@ -128,34 +142,34 @@ def add_subject(fields: SubjectInput) -> Call[Subject]:
 
 
 def patch_subject(subject_id: str, fields: SubjectInput) -> Call[Subject]:
-    """Change the set fields of a subject."""
+    """Change the fields that are set in ``fields``."""
     return Call("PATCH", _path_of("subjects", subject_id), response_reader(Subject), json=_set_fields(fields))
 
 
 def delete_subject(subject_id: str) -> Call[None]:
-    """Delete a subject."""
+    """Delete a subject; its recordings remain."""
     return Call("DELETE", _path_of("subjects", subject_id), read_nothing)
 
 
-def list_scenarios(limit: int, cursor: str | None) -> Call[Page[StoredScenario]]:
-    """A page of scenarios."""
+def scenarios(limit: int = 50, cursor: str | None = None) -> Call[Page[StoredScenario]]:
+    """One page of scenarios, newest first."""
     return _list_page(f"{API}/scenarios", Page[StoredScenario], limit, cursor)
 
 
-def get_scenario(scenario_id: str) -> Call[StoredScenario]:
+def scenario(scenario_id: str) -> Call[StoredScenario]:
     """One scenario."""
     return Call("GET", _path_of("scenarios", scenario_id), response_reader(StoredScenario))
 
 
 def add_scenario(body: Scenario | Mapping[str, Any]) -> Call[StoredScenario]:
-    """Store a scenario."""
+    """Store a scenario; one that the robot cannot perform is refused (``scenario-invalid``)."""
     return Call("POST", f"{API}/scenarios", response_reader(StoredScenario), json=_scenario_fields(body))
 
 
 def put_scenario(
-    scenario_id: str, body: Scenario | Mapping[str, Any], unless_changed: StoredScenario | None
+    scenario_id: str, body: Scenario | Mapping[str, Any], unless_changed: StoredScenario | None = None
 ) -> Call[StoredScenario]:
-    """Replace a scenario; with ``unless_changed``, only if its ETag is unchanged."""
+    """Replace a scenario; refused (``scenario-changed``) if it differs from ``unless_changed`` in the meantime."""
     headers = {} if unless_changed is None else {"If-Match": unless_changed.etag}
     return Call(
         "PUT",
@@ -167,43 +181,43 @@ def put_scenario(
 
 
 def delete_scenario(scenario_id: str) -> Call[None]:
-    """Delete a scenario."""
+    """Delete a scenario; its jobs remain."""
     return Call("DELETE", _path_of("scenarios", scenario_id), read_nothing)
 
 
 def check_scenario(body: Scenario | Mapping[str, Any]) -> Call[ScenarioCheck]:
-    """Check a scenario."""
+    """Validate a scenario: faults, and the margin of each contact."""
     return Call("POST", f"{API}/scenarios/check", response_reader(ScenarioCheck), json=_scenario_fields(body))
 
 
-def list_solvers() -> Call[Solvers]:
-    """Solvers of the centroidal problem."""
+def solvers() -> Call[Solvers]:
+    """Solvers of the centroidal problem, and the reason for unavailable ones."""
     return Call("GET", f"{API}/solvers", response_reader(Solvers), wait_s=LOADING_TIMEOUT_S)
 
 
 def preview_plan(body: PlanPreviewInput | Mapping[str, Any]) -> Call[PlanPreview]:
-    """Preview the plan of a scenario."""
+    """Compute the centroidal motion of a scenario, optionally with a push; requires the C++ solver."""
     content = _set_fields(body) if isinstance(body, BaseModel) else dict(body)
     return Call("POST", f"{API}/plans/preview", response_reader(PlanPreview), json=content, wait_s=LOADING_TIMEOUT_S)
 
 
-def list_robots() -> Call[Page[RobotSummary]]:
+def robots() -> Call[Page[RobotSummary]]:
     """All robots."""
     return Call("GET", f"{API}/robots", response_reader(Page[RobotSummary]))
 
 
-def get_robot(name: str) -> Call[RobotFacts]:
-    """Facts of one robot."""
+def robot(name: str) -> Call[RobotFacts]:
+    """Facts of one robot; takes a few seconds if it is not prepared yet."""
     return Call("GET", _path_of("robots", name), response_reader(RobotFacts), wait_s=LOADING_TIMEOUT_S)
 
 
 def robot_preparation(name: str) -> Call[RobotPreparation]:
-    """State of the preparation of one robot."""
+    """State of the preparation of a robot's display files; starts the preparation if necessary."""
     return Call("GET", _path_of("robots", name, "preparation"), response_reader(RobotPreparation))
 
 
-def robot_reachability(name: str, measure: Measure | None) -> Call[RobotReachability]:
-    """Reachability densities of one robot, for display."""
+def robot_reachability(name: str, measure: Measure | None = None) -> Call[RobotReachability]:
+    """Reachability of the centre of mass: samples, surfaces and maps; by default with the measure of plans."""
     params = {} if measure is None else {"measure": measure}
     return Call(
         "GET",
@@ -214,38 +228,47 @@ def robot_reachability(name: str, measure: Measure | None) -> Call[RobotReachabi
     )
 
 
-def submit_job(
-    kind: str, request: BaseModel | Mapping[str, Any], priority: int, idempotency_key: str | None
+def submit(
+    kind: str, request: BaseModel | Mapping[str, Any], *, priority: int = 0, idempotency_key: str | None = None
 ) -> Call[Job]:
-    """Submit a job."""
+    """Submit a job; repeating the request with the same ``idempotency_key`` returns the same job."""
     body = _set_fields(request) if isinstance(request, BaseModel) else dict(request)
     headers = {"Idempotency-Key": idempotency_key} if idempotency_key is not None else {}
     return Call("POST", _path_of("jobs", kind), response_reader(Job), {"priority": str(priority)}, headers, body)
 
 
-def list_jobs(limit: int, cursor: str | None, **filters: str | None) -> Call[Page[Job]]:
-    """A page of jobs; ``filters`` are ``state``, ``kind``, ``recording_id`` and ``scenario_id``."""
+def jobs(
+    limit: int = 50,
+    cursor: str | None = None,
+    *,
+    state: str | None = None,
+    kind: str | None = None,
+    recording_id: str | None = None,
+    scenario_id: str | None = None,
+) -> Call[Page[Job]]:
+    """One page of jobs, newest first."""
+    filters = {"state": state, "kind": kind, "recording_id": recording_id, "scenario_id": scenario_id}
     return _list_page(f"{API}/jobs", Page[Job], limit, cursor, **filters)
 
 
-def get_job(job_id: str, wait_s: float) -> Call[Job]:
-    """One job; the service waits up to ``wait_s`` for it to finish."""
+def job(job_id: str, wait_s: float = 0.0) -> Call[Job]:
+    """One job; waits up to ``wait_s`` (at most 60 s) for it to finish."""
     params = {"wait": f"{wait_s:g}"} if wait_s > 0 else {}
     return Call("GET", _path_of("jobs", job_id), response_reader(Job), params, wait_s=wait_s)
 
 
-def cancel_job(job_id: str) -> Call[Job]:
-    """Cancel a job; a finished one is not changed."""
+def cancel(job_id: str) -> Call[Job]:
+    """Cancel a job that has not finished."""
     return Call("DELETE", _path_of("jobs", job_id), response_reader(Job), {"cancel_only": "true"})
 
 
 def delete_job(job_id: str) -> Call[Job]:
-    """Delete a finished job."""
+    """Delete a finished job with its result and files; an unfinished one is cancelled instead."""
     return Call("DELETE", _path_of("jobs", job_id), response_reader(Job))
 
 
-def get_result(job_id: str) -> Call[JobResult]:
-    """Result of a job."""
+def result(job_id: str) -> Call[JobResult]:
+    """Summary and list of files of a succeeded job."""
     return Call("GET", _path_of("jobs", job_id, "result"), response_reader(JobResult))
 
 
@@ -254,29 +277,34 @@ def events_path(job_id: str) -> str:
     return _path_of("jobs", job_id, "events")
 
 
-def artifact_path(job_id: str, name: str) -> str:
-    """Path of an artifact."""
-    return _path_of("jobs", job_id, "artifacts", name)
+def read_artifact(job_id: str, name: str) -> Call[bytes]:
+    """Content of one file of a result."""
+    return Call("GET", _path_of("jobs", job_id, "artifacts", name), lambda response: response.content)
 
 
-def bundle_path(job_id: str) -> str:
-    """Path of the archive of a job."""
-    return _path_of("jobs", job_id, "bundle.zip")
+def download_artifact(job_id: str, name: str, target: Path) -> Download:
+    """Save one file of a result as ``target``."""
+    return Download(_path_of("jobs", job_id, "artifacts", name), target)
 
 
-def file_path(recording_id: str) -> str:
-    """Path of the uploaded file of a recording."""
-    return _path_of("recordings", recording_id, "file")
+def download_bundle(job_id: str, target: Path) -> Download:
+    """Save input, result, versions, references and all files of a job as a zip file ``target``."""
+    return Download(_path_of("jobs", job_id, "bundle.zip"), target)
 
 
-def tracks_path(recording_id: str) -> str:
-    """Path of the markers and wrenches of a recording."""
-    return _path_of("recordings", recording_id, "tracks.parquet")
+def download_file(recording_id: str, target: Path) -> Download:
+    """Save the uploaded file as ``target``."""
+    return Download(_path_of("recordings", recording_id, "file"), target)
 
 
-def links_path(name: str) -> str:
-    """Path of the display meshes of a robot."""
-    return _path_of("robots", name, "links")
+def download_tracks(recording_id: str, target: Path) -> Download:
+    """Save markers and wrenches as ``target`` (Parquet)."""
+    return Download(_path_of("recordings", recording_id, "tracks.parquet"), target)
+
+
+def robot_links(name: str, target: Path) -> Download:
+    """Save the display meshes of a robot as ``target`` (binary glTF); slow if they do not exist yet."""
+    return Download(_path_of("robots", name, "links"), target, wait_s=LOADING_TIMEOUT_S)
 
 
 def _path_of(*parts: str) -> str:
