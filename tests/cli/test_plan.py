@@ -45,7 +45,7 @@ def act(request: PlanRequest, out_dir: Path | None, **options: Any) -> None:
 
 
 def test_the_result_is_that_of_the_job(walk: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    act(PlanRequest(walk, whole_body=False), tmp_path / "out", as_json=True)
+    act(PlanRequest(walk, no_whole_body=True), tmp_path / "out", as_json=True)
     printed = JobResult.model_validate_json(capsys.readouterr().out)
     assert {path.name for path in (tmp_path / "out").iterdir()} == PLAN_FILES
     assert json.loads((tmp_path / "out" / "result.json").read_text()) == printed.model_dump(mode="json")
@@ -60,10 +60,10 @@ def test_the_result_is_that_of_the_job(walk: str, tmp_path: Path, capsys: pytest
 
 def test_the_folder_is_named_after_the_scenario(walk: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    act(PlanRequest(walk, whole_body=False), None)
+    act(PlanRequest(walk, no_whole_body=True), None)
     assert (tmp_path / "short-walk-plan" / "result.json").is_file()
     with pytest.raises(Conflict):
-        act(PlanRequest(walk, whole_body=False), None)
+        act(PlanRequest(walk, no_whole_body=True), None)
 
 
 def test_a_replay_goes_with_the_whole_body() -> None:
@@ -75,7 +75,7 @@ def test_a_replay_goes_with_the_whole_body() -> None:
     assert asked(replay=False) == (True, False)
     assert asked(whole_body=False) == (False, False)
     with pytest.raises(InvalidInput) as refusal:
-        PlanRequest("x", whole_body=False, replay=True)
+        PlanRequest("x", no_whole_body=True, replay=True)
     assert refusal.value.faults[0].where == "--replay"
 
 
@@ -115,7 +115,7 @@ def test_durations_that_cannot_be_chosen_are_named(options: dict[str, Any], wher
 
 
 def test_chosen_durations_are_said_and_kept(walk: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    act(PlanRequest(walk, whole_body=False, free_durations=True, duration_range=(0.8, 1.2)), tmp_path / "out")
+    act(PlanRequest(walk, no_whole_body=True, free_durations=True, duration_range=(0.8, 1.2)), tmp_path / "out")
     assert "durations chosen " in capsys.readouterr().out
     kept = Scenario.model_validate_json((tmp_path / "out" / "scenario.json").read_text())
     assert [p.duration_s for p in kept.phases] != [p.duration_s for p in short_walk().phases]
@@ -183,7 +183,7 @@ def test_a_replay_that_is_not_completed_says_what_is_missing(
     summary, message = fallen(), "A loaded foot slips by 68 mm; at most 20 mm are allowed."
     summary["replay"] |= {"fall_time_s": None, "remarks": [{"code": "replay-slipped", "message": message}]}
     result = JobResult(kind="plan-motion", input={}, versions={}, references=[], summary=summary, artifacts=[])
-    show_plan(result, tmp_path, as_json=False)
+    show_plan(result, tmp_path)
     said = " ".join(capsys.readouterr().out.split())
     assert "replay not completed: CoM error" in said
     assert "fell at" not in said
@@ -193,7 +193,7 @@ def test_a_replay_that_is_not_completed_says_what_is_missing(
 def test_the_tables_say_what_failed_and_where(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     page = Artifact(name="motion.html", media_type="text/html", bytes=1)
     result = JobResult(kind="plan-motion", input={}, versions={}, references=[], summary=fallen(), artifacts=[page])
-    show_plan(result, tmp_path, as_json=False)
+    show_plan(result, tmp_path)
     lines = capsys.readouterr().out.splitlines()
     assert lines[0] == "Stairs [steep]: 36.4 s in 31 phases"
     checks = [line.split() for line in lines if line.startswith(("passed", "failed"))]

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from stridelab.cli import remote
-from stridelab.cli.options import EstimateRequest, Estimation, Preparation, Walk
+from stridelab.cli.options import Delivery, EstimateRequest, Estimation, Preparation, Walk
 from stridelab.client import ProblemError
 from stridelab.errors import Busy, Forbidden, InvalidInput, NotEstimable, StridelabError, UnreadableFile
 from stridelab.schemas.jobs import JobResult
@@ -27,7 +27,7 @@ def service(monkeypatch: pytest.MonkeyPatch) -> ScriptedService:
 def ask(folder: Path, walk: Walk = WALK, **asked: Any) -> JobResult:
     folder.mkdir(exist_ok=True)
     request = EstimateRequest(walk, **asked)
-    return remote.estimate_remotely(request, folder, "http://lab:8000", "secret")
+    return remote.estimate_remotely(request, folder, Delivery(server="http://lab:8000", token="secret"))
 
 
 def test_upload_job_and_download_in_order(service: ScriptedService, tmp_path: Path) -> None:

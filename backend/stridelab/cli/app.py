@@ -14,7 +14,9 @@ from typer.core import TyperGroup
 from stridelab import __version__
 from stridelab.cli.backup import adopt, backup, restore
 from stridelab.cli.compare import bench_methods
+from stridelab.cli.contacts import export_contacts, import_contacts, plan_contacts
 from stridelab.cli.fit_cycloid import fit_cycloid
+from stridelab.cli.learn_reachability import learn_reachability
 from stridelab.cli.measures import measure_gait
 from stridelab.cli.options import (
     AsJson,
@@ -31,10 +33,11 @@ from stridelab.cli.options import (
     Walks,
     with_groups,
 )
-from stridelab.cli.plan_motion import export_contacts, import_contacts, learn_reachability, plan, plan_contacts, sweep
+from stridelab.cli.plan_motion import plan_scenario
 from stridelab.cli.results import FAILURE, INTERRUPTED, exit_code, out, show_error
 from stridelab.cli.stream import stream
 from stridelab.cli.study_population import study_population
+from stridelab.cli.sweep import run_sweep
 from stridelab.cli.tokens import tokens
 from stridelab.errors import StridelabError
 from stridelab.schemas.methods import Method
@@ -185,11 +188,18 @@ def simulate(
     run(fields, noise=tuple(noise or ()), out_dir=out_dir, force=force, as_json=as_json)
 
 
-app.command()(plan)
-app.command()(sweep)
+app.command(
+    name="plan",
+    help="Plan how a robot carries out a contact scenario, check the motion and replay it; needs no server.",
+)(with_groups(plan_scenario))
+app.command(name="sweep")(with_groups(run_sweep))
 app.command(name="plan-contacts")(plan_contacts)
-app.command(name="export-contacts")(export_contacts)
-app.command(name="import-contacts")(import_contacts)
+app.command(name="export-contacts", help="Write a scenario's contacts as JSON with multicontact-api's field names.")(
+    export_contacts
+)
+app.command(name="import-contacts", help="Convert such JSON to a scenario, if the robot can carry it out.")(
+    import_contacts
+)
 app.command(name="learn-reachability")(learn_reachability)
 
 

@@ -12,21 +12,10 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
-from stridelab.cli.estimate import require_file, staged_files
+from stridelab.cli.deliver import deliver_result, run_kind
+from stridelab.cli.estimate import deliver_estimate
 from stridelab.cli.options import Delivery, EstimateRequest, with_groups
-from stridelab.cli.results import (
-    end_if_contradicted,
-    out,
-    progress_bar,
-    refuse_to_overwrite,
-    result_folder,
-    show_files,
-    show_json,
-    show_quality,
-    show_remarks,
-    validate_options,
-    write_result,
-)
+from stridelab.cli.results import out, show_files, show_quality, show_remarks, validate_options, write_result
 from stridelab.cli.study_population import StudyFiles, collect_files, repeated_files, upload_and_run
 from stridelab.errors import Fault, InvalidInput, StridelabError
 from stridelab.pipelines.progress import ItemMap, Json
@@ -36,7 +25,6 @@ from stridelab.schemas.comparison import (
     BenchScore,
     ComBenchInput,
     ComBenchSummary,
-    CompareEstimatorsInput,
     CompareEstimatorsSummary,
     MethodAssessment,
 )
@@ -46,7 +34,6 @@ from stridelab.schemas.population import LeftOut
 from stridelab.schemas.tasks import BenchMember, ComBenchTask, CompareEstimatorsTask, EstimateComTask, RecordingSource
 from stridelab.service.subject_table import MatchedFile
 
-TRUTH = "known-truth.parquet"
 BENCH: Final = "com-bench"
 
 
@@ -60,45 +47,12 @@ def compare_methods(
     if truth is not None and delivery.server is not None:
         fault = Fault("--truth", "contradicts --server")
         raise InvalidInput("option-invalid", "A service knows the truth of its own simulated recordings only.", [fault])
-    target = delivery.result_path(f"{request.file.stem}-comparison")
-    refuse_to_overwrite(target, force=delivery.force)
-    for path in (*request.files, request.static, truth):
-        if path is not None:
-            require_file(path)
-    with result_folder(target, force=delivery.force) as folder:
-        if delivery.server is None:
-            result = compare_here(request, folder, truth)
-        else:
-            from stridelab.cli.remote import estimate_remotely
-
-            kind = "compare-estimators"
-            result = estimate_remotely(request, folder, delivery.server, delivery.token, kind, CompareEstimatorsInput)
-    show_comparison(result, target, as_json=delivery.as_json)
-    end_if_contradicted(result)
+    name = f"{request.file.stem}-comparison"
+    deliver_estimate("compare-estimators", CompareEstimatorsTask, request, name, delivery, show_comparison, truth)
 
 
-def compare_here(request: EstimateRequest, folder: Path, truth: Path | None) -> JobResult:
-    """Run the job's own function in this process."""
-    from stridelab.service.kinds.compare_estimators import run as compare_estimators
-
-    input_ = request.to_input(request.file.name, CompareEstimatorsInput)
-    with progress_bar(request.file.name) as bar, staged_files(request, folder) as (recording, static):
-        bar(0.0, "starting")
-        if truth is not None:
-            shutil.copyfile(truth, folder / TRUTH)
-        task = CompareEstimatorsTask(
-            recording=recording, static=static, input=input_, truth=None if truth is None else TRUTH
-        )
-        outcome = compare_estimators.run(task, folder, bar)
-        (folder / TRUTH).unlink(missing_ok=True)
-    return write_result(folder, "compare-estimators", input_, outcome)
-
-
-def show_comparison(result: JobResult, target: Path, *, as_json: bool) -> None:
-    """Print one row per estimator, or the result as JSON."""
-    if as_json:
-        show_json(result)
-        return
+def show_comparison(result: JobResult, target: Path) -> None:
+    """Print one row per estimator."""
     summary = CompareEstimatorsSummary.model_validate(result.summary)
     show_quality(summary.quality, summary.warnings)
     start_s, end_s = summary.window_s
@@ -181,20 +135,18 @@ def bench_methods(
 ) -> None:
     """Score all estimators on many recordings by what none of them was given; an interrupted run continues."""
     target = delivery.result_path(BENCH)
-    refuse_to_overwrite(target, force=delivery.force)
     finished = rows or target.with_name(f"{target.name}.rows.jsonl")
-    with (
-        tempfile.TemporaryDirectory(prefix="stridelab-") as work,
-        result_folder(target, force=delivery.force) as folder,
-    ):
-        given = collect_files(files, subjects, Path(work))
-        if delivery.server is None:
-            result = _bench_here(given, repeated_files(given.files), seed, finished, Path(work), folder)
-        else:
-            result = _bench_there(given, seed, folder, delivery)
+
+    def compute(folder: Path) -> JobResult:
+        with tempfile.TemporaryDirectory(prefix="stridelab-") as work:
+            given = collect_files(files, subjects, Path(work))
+            if delivery.server is not None:
+                return _bench_there(given, seed, folder, delivery)
+            return _bench_here(given, repeated_files(given.files), seed, finished, Path(work), folder)
+
+    deliver_result(BENCH, delivery, compute, show_bench)
     if rows is None:
         finished.unlink(missing_ok=True)
-    show_bench(result, target, as_json=delivery.as_json)
 
 
 def _bench_here(
@@ -228,10 +180,8 @@ def _bench_here(
         subject = _person_of(given, one)
         members.append(BenchMember(recording_id=recording_id, folder=recording_id, task=task, subject=subject))
     request = validate_options(ComBenchInput, {"recording_ids": [one.recording_id for one in members], "seed": seed})
-    with progress_bar(BENCH) as bar:
-        bar(0.0, "starting")
-        items = continued_map(com_bench.map_recordings, finished)
-        outcome = com_bench.run(ComBenchTask(members=members, seed=seed), work, bar, items)
+    items = continued_map(com_bench.map_recordings, finished)
+    outcome = run_kind(BENCH, BENCH, ComBenchTask(members=members, seed=seed), work, items=items)
     for artifact in outcome.artifacts:
         shutil.move(work / artifact.name, folder / artifact.name)
     outcome.summary["left_out"] += [one.model_dump() for one in left_out]
@@ -294,11 +244,8 @@ def continued_map(map_items: ItemMap, finished: Path) -> ItemMap:
     return map_unfinished
 
 
-def show_bench(result: JobResult, target: Path, *, as_json: bool) -> None:
-    """Print one table per movement with a row per score, or the result as JSON."""
-    if as_json:
-        show_json(result)
-        return
+def show_bench(result: JobResult, target: Path) -> None:
+    """Print one table per movement with a row per score."""
     summary = ComBenchSummary.model_validate(result.summary)
     out.print(f"{summary.n_recordings} recordings of {summary.n_people} people")
     for movement in dict.fromkeys(column.movement for column in summary.columns):

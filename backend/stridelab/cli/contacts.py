@@ -6,22 +6,14 @@
 import json
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Final
+from typing import Annotated, Any, Final
 
+import typer
 from rich.markup import escape
 
-from stridelab.cli.options import Delivery
-from stridelab.cli.results import (
-    out,
-    progress_bar,
-    refuse_to_overwrite,
-    result_folder,
-    show_files,
-    show_json,
-    show_remarks,
-    write_file,
-    write_result,
-)
+from stridelab.cli.deliver import deliver_result, run_job
+from stridelab.cli.options import Delivery, ScenarioName, with_groups
+from stridelab.cli.results import out, show_files, show_remarks, write_file
 from stridelab.cli.scenario_files import read_document, read_json, read_scenario, validate_document
 from stridelab.errors import Fault, InvalidInput
 from stridelab.schemas.base import Remark
@@ -37,20 +29,23 @@ ONLY_SCENARIO: Final = ("description", "start_com_height_m")
 """Fields of a scenario that a task does not have."""
 
 
-def plan_contacts(typed: str, delivery: Delivery) -> None:
-    """Plan here or on a server, write the result folder and show the summary."""
-    title = Path(typed).stem
-    input_ = task_of(read_document(typed), title)
-    target = delivery.result_path(f"{title}-contacts")
-    refuse_to_overwrite(target, force=delivery.force)
-    with result_folder(target, force=delivery.force) as folder:
-        if delivery.server is None:
-            result = plan_here(input_, title, folder)
-        else:
-            from stridelab.cli.remote import run_remotely_as_is
-
-            result = run_remotely_as_is("plan-contacts", title, input_, folder, delivery.server, delivery.token)
-    show_planned(result, target, as_json=delivery.as_json)
+@with_groups
+def plan_contacts(
+    *,
+    task: Annotated[
+        str, typer.Argument(help="A JSON file with terrain, start and goal, or a scenario, whose ends are used.")
+    ],
+    delivery: Delivery,
+) -> None:
+    """Find a sequence of contacts over a terrain, from a stance to a goal stance; needs no server."""
+    title = Path(task).stem
+    job_task = PlanContactsTask(input=task_of(read_document(task), title))
+    deliver_result(
+        f"{title}-contacts",
+        delivery,
+        lambda folder: run_job("plan-contacts", title, job_task, folder, delivery),
+        show_planned,
+    )
 
 
 def task_of(document: Any, name: str) -> PlanContactsInput:
@@ -66,21 +61,8 @@ def task_of(document: Any, name: str) -> PlanContactsInput:
     return validate_document(PlanContactsInput, {"name": name, **fields}, name, "task")
 
 
-def plan_here(input_: PlanContactsInput, title: str, folder: Path) -> JobResult:
-    """Run the job's own function in this process."""
-    with progress_bar(title) as bar:
-        bar(0.0, "starting")
-        from stridelab.service.kinds.plan_contacts import run as kind
-
-        outcome = kind.run(PlanContactsTask(input=input_), folder, bar)
-    return write_result(folder, "plan-contacts", input_, outcome)
-
-
-def show_planned(result: JobResult, target: Path, *, as_json: bool) -> None:
-    """Print where each effector makes contact, or the result as JSON."""
-    if as_json:
-        show_json(result)
-        return
+def show_planned(result: JobResult, target: Path) -> None:
+    """Print where each effector makes contact."""
     summary = PlanContactsSummary.model_validate(result.summary)
     scenario = summary.scenario
     out.print(
@@ -100,9 +82,11 @@ def show_planned(result: JobResult, target: Path, *, as_json: bool) -> None:
 MAX_DOCUMENT_BYTES: Final = 8_000_000
 """Maximum size of a document; 400 phases with four contacts each take about 2 MB."""
 OUT_FILE_OPTION: Final = "--out-file"
+OutFile = Annotated[Path | None, typer.Option(OUT_FILE_OPTION, help="The file to write; must not exist yet.")]
+ForceFile = Annotated[bool, typer.Option("--force", help="Replace that file.")]
 
 
-def export_contacts(typed: str, *, out_file: Path | None, force: bool) -> None:
+def export_contacts(scenario: ScenarioName, out_file: OutFile = None, force: ForceFile = False) -> None:
     """Write a scenario's contact sequence with the field names of multicontact-api.
 
     Raises ``InvalidInput`` (``scenario-invalid``) if the robot cannot carry it out, and the errors of
@@ -112,15 +96,23 @@ def export_contacts(typed: str, *, out_file: Path | None, force: bool) -> None:
     from stridelab.contacts.multicontact_api import to_multicontact
     from stridelab.contacts.scenario_io import sequence_of
 
-    scenario = read_scenario(typed)
-    sequence = sequence_of(scenario.model_dump(mode="json"), effector_shapes(scenario.robot))
-    document = to_multicontact(sequence, scenario.description)
-    target = out_file or Path(f"{Path(typed).stem}.contacts.json")
+    exported = read_scenario(scenario)
+    sequence = sequence_of(exported.model_dump(mode="json"), effector_shapes(exported.robot))
+    document = to_multicontact(sequence, exported.description)
+    target = out_file or Path(f"{Path(scenario).stem}.contacts.json")
     write_file(target, json.dumps(document, indent=1, allow_nan=False) + "\n", force=force, option=OUT_FILE_OPTION)
-    out.print(f"[green]written[/] {escape(str(target))}: {_describe_size(scenario, sequence.duration_s)}")
+    out.print(f"[green]written[/] {escape(str(target))}: {_describe_size(exported, sequence.duration_s)}")
 
 
-def import_contacts(file: Path, *, beside: str | None, out_file: Path | None, force: bool) -> None:
+def import_contacts(
+    file: Annotated[Path, typer.Argument(help="JSON with multicontact-api's field names.")],
+    beside: Annotated[
+        str | None,
+        typer.Option("--beside", help="A scenario, or its name: robot, terrain and friction where FILE has none."),
+    ] = None,
+    out_file: OutFile = None,
+    force: ForceFile = False,
+) -> None:
     """Validate the scenario of a contact-sequence document and write it.
 
     Raises ``UnreadableFile``, ``TooLarge`` (``file-too-large``), ``NotFound`` (``robot-not-found``) and

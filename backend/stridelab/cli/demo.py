@@ -53,7 +53,7 @@ def _estimate_walk(target: Path, *, force: bool) -> None:
         from stridelab.simulation.truth_table import com_errors_mm
 
         errors = com_errors_mm(folder / "com.parquet", folder / "truth.parquet")
-    show_estimate(result, target, as_json=False)
+    show_estimate(result, target)
     table = Table("RMS error, mm", "x", "y", "z", box=None, pad_edge=False)
     for name, values in errors.items():
         table.add_row(name, *(f"{value:.1f}" for value in values))
@@ -65,6 +65,6 @@ def _plan_climb(target: Path, stairs: str, *, force: bool) -> None:
     out.print(f"Planning the whole-body motion of the scenario {escape(stairs)}, then replaying it in physics")
     with result_folder(target, force=force) as folder:
         result, failure = plan_here(PlanRequest(stairs), folder)
-    show_plan(result, target, as_json=False)
+    show_plan(result, target)
     if failure is not None:
         raise failure

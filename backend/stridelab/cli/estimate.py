@@ -4,25 +4,14 @@ import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, get_type_hints
 
 from rich.markup import escape
 from rich.table import Table
 
+from stridelab.cli.deliver import Show, deliver_result, run_here
 from stridelab.cli.options import Delivery, EstimateRequest, parse_named_value, parse_numbers
-from stridelab.cli.results import (
-    end_if_contradicted,
-    out,
-    progress_bar,
-    refuse_to_overwrite,
-    result_folder,
-    show_files,
-    show_json,
-    show_quality,
-    show_remarks,
-    validate_options,
-    write_result,
-)
+from stridelab.cli.results import out, show_files, show_quality, show_remarks, validate_options
 from stridelab.errors import Fault, UnreadableFile
 from stridelab.schemas.jobs import (
     EstimateComInput,
@@ -34,39 +23,65 @@ from stridelab.schemas.jobs import (
 from stridelab.schemas.sessions import SessionValues
 from stridelab.schemas.tasks import EstimateComTask, RecordingSource, SimulateRecordingTask
 
+TRUTH = "known-truth.parquet"
+
 
 def estimate_recording(request: EstimateRequest, delivery: Delivery) -> None:
     """Estimate one recording here or on a server, write the result folder and show the summary."""
-    target = delivery.result_path(f"{request.file.stem}-com")
-    refuse_to_overwrite(target, force=delivery.force)
-    for path in request.files:
-        require_file(path)
-    if request.static is not None:
-        require_file(request.static)
-    with result_folder(target, force=delivery.force) as folder:
-        if delivery.server is not None:
-            from stridelab.cli.remote import estimate_remotely
-
-            result = estimate_remotely(request, folder, delivery.server, delivery.token)
-        else:
-            result = estimate_here(request, folder)
-    show_estimate(result, target, as_json=delivery.as_json)
-    end_if_contradicted(result)
+    deliver_estimate("estimate-com", EstimateComTask, request, f"{request.file.stem}-com", delivery, show_estimate)
 
 
-def estimate_here(request: EstimateRequest, folder: Path, session: SessionValues | None = None) -> JobResult:
+def deliver_estimate(
+    kind: str,
+    task_model: type[EstimateComTask],
+    request: EstimateRequest,
+    default_name: str,
+    delivery: Delivery,
+    show: Show,
+    truth: Path | None = None,
+) -> None:
+    """Run a job on one recording here or on a server, write the result folder and show the result."""
+
+    def compute(folder: Path) -> JobResult:
+        for path in (*request.files, request.static, truth):
+            if path is not None:
+                require_file(path)
+        if delivery.server is None:
+            return estimate_here(request, folder, kind, task_model, truth=truth)
+        from stridelab.cli.remote import estimate_remotely
+
+        return estimate_remotely(request, folder, delivery, kind, _input_model(task_model))
+
+    deliver_result(default_name, delivery, compute, show)
+
+
+def estimate_here(
+    request: EstimateRequest,
+    folder: Path,
+    kind: str = "estimate-com",
+    task_model: type[EstimateComTask] = EstimateComTask,
+    *,
+    session: SessionValues | None = None,
+    truth: Path | None = None,
+) -> JobResult:
     """Run the job's own function in this process; ``folder`` then holds exactly what the service would publish.
 
-    ``session`` holds the values that the trials of the recording's session share.
+    ``session`` holds the values that the trials of the recording's session share, ``truth`` is the file with the true
+    motion.
     """
-    from stridelab.service.kinds.estimate_com import run as estimate_com
+    input_ = request.to_input(request.file.name, _input_model(task_model))
+    fields: dict[str, Any] = {"session": session, "input": input_}
+    with staged_files(request, folder) as (recording, static):
+        if truth is not None:
+            shutil.copyfile(truth, folder / TRUTH)
+            fields["truth"] = TRUTH
+        task = task_model(recording=recording, static=static, **fields)
+        return run_here(kind, request.file.name, task, folder)
 
-    input_ = request.to_input(request.file.name, EstimateComInput)
-    with progress_bar(request.file.name) as bar, staged_files(request, folder) as (recording, static):
-        bar(0.0, "starting")
-        task = EstimateComTask(recording=recording, static=static, session=session, input=input_)
-        outcome = estimate_com.run(task, folder, bar)
-    return write_result(folder, "estimate-com", input_, outcome)
+
+def _input_model(task_model: type[EstimateComTask]) -> type[EstimateComInput]:
+    model: type[EstimateComInput] = get_type_hints(task_model)["input"]
+    return model
 
 
 @contextmanager
@@ -79,7 +94,7 @@ def staged_files(request: EstimateRequest, folder: Path) -> Iterator[tuple[Recor
         shutil.copyfile(request.static, folder / "static-trial")
     request.write_upload(folder / "trial")
     yield recording, static
-    for name in ("trial", "static-trial"):
+    for name in ("trial", "static-trial", TRUTH):
         (folder / name).unlink(missing_ok=True)
 
 
@@ -92,33 +107,30 @@ def simulate_walk(
         for key, value in (parse_named_value("--noise", text) for text in noise)
     }
     input_ = validate_options(SimulateRecordingInput, {**fields, "noise": stated})
-    target = out_dir or Path(f"simulated-{input_.seed}")
-    with result_folder(target, force=force) as folder:
-        result = simulate_here(input_, folder)
-    if as_json:
-        show_json(result)
-        return
+    deliver_result(
+        f"simulated-{input_.seed}",
+        Delivery(out_dir, force, as_json),
+        lambda folder: _simulate_here(input_, folder),
+        _show_simulated,
+    )
+
+
+def _simulate_here(input_: SimulateRecordingInput, folder: Path) -> JobResult:
+    from stridelab.service.kinds.simulate_recording.run import remove_private_files
+
+    result = run_here("simulate-recording", "simulating", SimulateRecordingTask(input=input_), folder)
+    remove_private_files(folder)
+    return result
+
+
+def _show_simulated(result: JobResult, target: Path) -> None:
     summary = SimulateRecordingSummary.model_validate(result.summary)
     out.print(f"{summary.n_steps} steps at {summary.speed_m_s:.2f} m/s")
     show_files(result, target)
 
 
-def simulate_here(input_: SimulateRecordingInput, folder: Path) -> JobResult:
-    """Run the job's own function in this process."""
-    with progress_bar("simulating") as bar:
-        bar(0.0, "starting")
-        from stridelab.service.kinds.simulate_recording import run as simulate_recording
-
-        outcome = simulate_recording.run(SimulateRecordingTask(input=input_), folder, bar)
-        simulate_recording.remove_private_files(folder)
-    return write_result(folder, "simulate-recording", input_, outcome)
-
-
-def show_estimate(result: JobResult, target: Path, *, as_json: bool) -> None:
-    """Print the summary as a table, or the result as JSON."""
-    if as_json:
-        show_json(result)
-        return
+def show_estimate(result: JobResult, target: Path) -> None:
+    """Print the summary as a table."""
     summary = EstimateComSummary.model_validate(result.summary)
     show_quality(summary.quality, summary.warnings)
     table = Table(show_header=False, box=None, pad_edge=False)

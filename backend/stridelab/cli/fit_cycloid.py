@@ -6,7 +6,7 @@ from typing import Final
 from rich.markup import escape
 from rich.table import Table
 
-from stridelab.cli.estimate import require_file, staged_files
+from stridelab.cli.estimate import deliver_estimate
 from stridelab.cli.options import (
     BestMethod,
     Delivery,
@@ -17,61 +17,22 @@ from stridelab.cli.options import (
     Walk,
     with_groups,
 )
-from stridelab.cli.results import (
-    end_if_contradicted,
-    out,
-    progress_bar,
-    refuse_to_overwrite,
-    result_folder,
-    show_files,
-    show_json,
-    show_quality,
-    show_remarks,
-    write_result,
-)
-from stridelab.schemas.cycloid import FitCycloidInput, FitCycloidSummary, FittedStep, Rival, StepScatter
+from stridelab.cli.results import out, show_files, show_quality, show_remarks
+from stridelab.schemas.cycloid import FitCycloidSummary, FittedStep, Rival, StepScatter
 from stridelab.schemas.jobs import JobResult
 from stridelab.schemas.tasks import FitCycloidTask
 
-KIND: Final = "fit-cycloid"
 _WHEEL: Final = ("R mm", "r mm", "z0 m", "rad/s", "2piR/L", "mm", "worst", "s=-1", "clock")
 _TIMES: Final = ("m/s", "L m", "both down", "by (3.3.3)", "best path", "best in time")
 
 
 def fit_steps(request: EstimateRequest, delivery: Delivery) -> None:
     """Fit here or on a server, write the result folder and show the steps."""
-    target = delivery.result_path(f"{request.file.stem}-wheel")
-    refuse_to_overwrite(target, force=delivery.force)
-    for path in (*request.files, request.static):
-        if path is not None:
-            require_file(path)
-    with result_folder(target, force=delivery.force) as folder:
-        if delivery.server is None:
-            result = fit_here(request, folder)
-        else:
-            from stridelab.cli.remote import estimate_remotely
-
-            result = estimate_remotely(request, folder, delivery.server, delivery.token, KIND, FitCycloidInput)
-    show_fit(result, target, as_json=delivery.as_json)
-    end_if_contradicted(result)
+    deliver_estimate("fit-cycloid", FitCycloidTask, request, f"{request.file.stem}-wheel", delivery, show_fit)
 
 
-def fit_here(request: EstimateRequest, folder: Path) -> JobResult:
-    """Run the job's own function in this process."""
-    input_ = request.to_input(request.file.name, FitCycloidInput)
-    with progress_bar(request.file.name) as bar, staged_files(request, folder) as (recording, static):
-        bar(0.0, "starting")
-        from stridelab.service.kinds.fit_cycloid import run as fit_cycloid
-
-        outcome = fit_cycloid.run(FitCycloidTask(recording=recording, static=static, input=input_), folder, bar)
-    return write_result(folder, KIND, input_, outcome)
-
-
-def show_fit(result: JobResult, target: Path, *, as_json: bool) -> None:
-    """Print a row per step, the scatter between steps and the best rival curves; or the result as JSON."""
-    if as_json:
-        show_json(result)
-        return
+def show_fit(result: JobResult, target: Path) -> None:
+    """Print a row per step, the scatter between steps and the best rival curves."""
     summary = FitCycloidSummary.model_validate(result.summary)
     show_quality(summary.quality, summary.warnings)
     mass = "mass not known" if summary.mass_kg is None else f"{summary.mass_kg:.1f} kg"

@@ -1,66 +1,51 @@
 """``stridelab learn-reachability``: learns the density of a robot's CoM and writes a result folder."""
 
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Annotated
 
+import typer
 from rich.markup import escape
 from rich.table import Table
 
-from stridelab.cli.options import Delivery
-from stridelab.cli.results import (
-    out,
-    progress_bar,
-    refuse_to_overwrite,
-    result_folder,
-    show_files,
-    show_json,
-    show_remarks,
-    validate_options,
-    write_result,
-)
+from stridelab.cli.deliver import deliver_result, run_job
+from stridelab.cli.options import Delivery, PostureMeasure, with_groups
+from stridelab.cli.results import out, show_files, show_remarks, validate_options
 from stridelab.schemas.jobs import JobResult
 from stridelab.schemas.plans import LearnReachabilityInput, LearnReachabilitySummary
 from stridelab.schemas.tasks import LearnReachabilityTask
 
 
+@with_groups
 def learn_reachability(
-    options: Mapping[str, Any],
+    *,
+    robot: Annotated[str, typer.Argument(help="A robot by name: talos, hrp2, g1.")],
+    measure: Annotated[
+        PostureMeasure,
+        typer.Option("--measure", help="How postures are sampled: uniformly, or conditioned on standing."),
+    ] = "uniform",
+    samples: Annotated[int | None, typer.Option("--samples", help="Number of valid postures, 500 to 200000.")] = None,
+    seed: Annotated[int | None, typer.Option("--seed", help="Seed of the postures and of the fits.")] = None,
+    effector: Annotated[
+        list[str] | None, typer.Option("--effector", help="Learn this effector only; may be repeated.")
+    ] = None,
     delivery: Delivery,
 ) -> None:
-    """Learn here or on a server, write the result folder and show the summary."""
+    """Learn the density of a robot's centre of mass relative to its effectors; needs no server."""
+    options = {"robot": robot, "measure": measure, "samples": samples, "seed": seed, "effectors": effector or None}
     input_ = validate_options(
         LearnReachabilityInput, {key: value for key, value in options.items() if value is not None}
     )
-    target = delivery.result_path(f"reachability-{Path(input_.robot).name}-{input_.measure}")
-    refuse_to_overwrite(target, force=delivery.force)
-    with result_folder(target, force=delivery.force) as folder:
-        if delivery.server is None:
-            result = learn_here(input_, folder)
-        else:
-            from stridelab.cli.remote import run_remotely_as_is
-
-            result = run_remotely_as_is(
-                "learn-reachability", input_.robot, input_, folder, delivery.server, delivery.token
-            )
-    show_learned(result, target, as_json=delivery.as_json)
+    name, task = input_.robot, LearnReachabilityTask(input=input_)
+    deliver_result(
+        f"reachability-{Path(name).name}-{input_.measure}",
+        delivery,
+        lambda folder: run_job("learn-reachability", name, task, folder, delivery),
+        show_learned,
+    )
 
 
-def learn_here(input_: LearnReachabilityInput, folder: Path) -> JobResult:
-    """Run the job's own function in this process, with its worker processes."""
-    with progress_bar(input_.robot) as bar:
-        bar(0.0, "starting")
-        from stridelab.service.kinds.learn_reachability import run as kind
-
-        outcome = kind.run(LearnReachabilityTask(input=input_), folder, bar)
-    return write_result(folder, "learn-reachability", input_, outcome)
-
-
-def show_learned(result: JobResult, target: Path, *, as_json: bool) -> None:
-    """Print one row per effector, or the result as JSON."""
-    if as_json:
-        show_json(result)
-        return
+def show_learned(result: JobResult, target: Path) -> None:
+    """Print one row per effector."""
     summary = LearnReachabilitySummary.model_validate(result.summary)
     out.print(
         f"[bold]{escape(summary.robot)}[/] {summary.measure}: {summary.samples} postures of {summary.tried}, "

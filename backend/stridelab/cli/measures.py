@@ -9,22 +9,10 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
+from stridelab.cli.deliver import deliver_result, run_kind
 from stridelab.cli.estimate import require_file
 from stridelab.cli.options import Age, BestMethod, Delivery, Height, Mass, PersonSex, Static, with_groups
-from stridelab.cli.results import (
-    Bar,
-    end_if_contradicted,
-    out,
-    progress_bar,
-    refuse_to_overwrite,
-    result_folder,
-    show_files,
-    show_json,
-    show_quality,
-    show_remarks,
-    validate_options,
-    write_result,
-)
+from stridelab.cli.results import Bar, out, show_files, show_quality, show_remarks, validate_options, write_result
 from stridelab.errors import Fault, InvalidInput, UnreadableFile
 from stridelab.recordings.files.recording_files import recordings_in
 from stridelab.schemas.jobs import EstimateComInput, JobResult
@@ -54,16 +42,14 @@ def measure_gait(
     """Measure margins of stability, steps, energy, work of the legs and angular momentum; needs no server."""
     stated = {"height_m": height_m, "mass_kg": mass_kg, "sex": sex, "age_years": age_years}
     subject = validate_options(SubjectFields, stated)
-    target = delivery.result_path("measures")
-    refuse_to_overwrite(target, force=delivery.force)
-    paths = _collect_recordings(files)
-    with result_folder(target, force=delivery.force) as folder:
+
+    def compute(folder: Path) -> JobResult:
+        paths = _collect_recordings(files)
         if delivery.server is None:
-            result = _measure_here(paths, static, subject, method, folder)
-        else:
-            result = _measure_there(paths, static, subject, method, folder, delivery)
-    _show_measures(result, target, as_json=delivery.as_json)
-    end_if_contradicted(result)
+            return _measure_here(paths, static, subject, method, folder)
+        return _measure_there(paths, static, subject, method, folder, delivery)
+
+    deliver_result("measures", delivery, compute, _show_measures)
 
 
 def _collect_recordings(given: Sequence[Path]) -> list[Path]:
@@ -87,25 +73,21 @@ def _measure_here(
     """Run the job's own function in this process."""
     ids = [f"recording-{index:03d}" for index in range(len(paths))]
     request = validate_options(GaitMeasuresInput, {"recording_ids": ids, "method": method})
-    with progress_bar("measures") as bar:
-        bar(0.0, "starting")
-        from stridelab.service.kinds.gait_measures import run as gait_measures
-
-        members = []
-        for name, path in zip(ids, paths, strict=True):
-            (folder / name).mkdir()
-            shutil.copyfile(path, folder / name / "trial")
-            source = RecordingSource(file="trial", filename=path.name, subject=subject)
-            static_source = None
-            if static is not None:
-                shutil.copyfile(static, folder / name / "static-trial")
-                static_source = RecordingSource(file="static-trial", filename=static.name)
-            one = EstimateComInput(recording_id=name, method=request.method)
-            task = EstimateComTask(recording=source, static=static_source, input=one)
-            members.append(MeasuresMember(recording_id=name, folder=name, task=task))
-        outcome = gait_measures.run(GaitMeasuresTask(members=members), folder, bar)
-        for name in ids:
-            shutil.rmtree(folder / name)
+    members = []
+    for name, path in zip(ids, paths, strict=True):
+        (folder / name).mkdir()
+        shutil.copyfile(path, folder / name / "trial")
+        source = RecordingSource(file="trial", filename=path.name, subject=subject)
+        static_source = None
+        if static is not None:
+            shutil.copyfile(static, folder / name / "static-trial")
+            static_source = RecordingSource(file="static-trial", filename=static.name)
+        one = EstimateComInput(recording_id=name, method=request.method)
+        task = EstimateComTask(recording=source, static=static_source, input=one)
+        members.append(MeasuresMember(recording_id=name, folder=name, task=task))
+    outcome = run_kind(KIND, "measures", GaitMeasuresTask(members=members), folder)
+    for name in ids:
+        shutil.rmtree(folder / name)
     return write_result(folder, KIND, request, outcome)
 
 
@@ -131,15 +113,11 @@ def _measure_there(
         fields: Mapping[str, Any] = {"recording_ids": ids, "method": method}
         return validate_options(GaitMeasuresInput, fields)
 
-    server = delivery.server or ""
-    return run_remotely(KIND, "measures", upload_inputs, folder, server, delivery.token, unprepared=UnreadableFile)
+    return run_remotely(KIND, "measures", upload_inputs, folder, delivery, unprepared=UnreadableFile)
 
 
-def _show_measures(result: JobResult, target: Path, *, as_json: bool) -> None:
-    """Print a row per measure with both sides, or the result as JSON."""
-    if as_json:
-        show_json(result)
-        return
+def _show_measures(result: JobResult, target: Path) -> None:
+    """Print a row per measure with both sides."""
     summary = GaitMeasuresSummary.model_validate(result.summary)
     show_quality(summary.quality, summary.warnings)
     out.print(f"{summary.steps} steps in {summary.n_recordings} recordings")

@@ -39,6 +39,7 @@ Densities = Annotated[
     PostureMeasure | None, typer.Option("--measure", help="Bundled reachability densities to plan with.")
 ]
 
+ScenarioName = Annotated[str, typer.Argument(help="A scenario's JSON file, or the name of a bundled one: six-stairs.")]
 Trial = Annotated[Path, typer.Argument(help="A .c3d, .trc, .tsv, .csv, .mvnx file, or a .zip of a trial.")]
 Trials = Annotated[
     list[Path],

@@ -1,4 +1,4 @@
-"""Commands for robots; ``stridelab plan`` runs the service's job here or on a service and writes a result folder."""
+"""``stridelab plan``: runs the service's job here or on a service and writes a result folder."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -7,29 +7,11 @@ from typing import Annotated, Final
 import typer
 from rich.markup import escape
 
-from stridelab.cli.options import (
-    ControlOption,
-    Delivery,
-    Densities,
-    NodeRate,
-    PlanSolver,
-    PostureMeasure,
-    SolverOption,
-    with_groups,
-)
-from stridelab.cli.results import (
-    out,
-    progress_bar,
-    refuse_to_overwrite,
-    result_folder,
-    show_files,
-    show_json,
-    show_remarks,
-    show_verdict,
-    write_result,
-)
+from stridelab.cli.deliver import deliver_result, known_scenario, run_kind
+from stridelab.cli.options import ControlOption, Delivery, Densities, NodeRate, ScenarioName, SolverOption
+from stridelab.cli.results import out, show_files, show_remarks, show_verdict, write_result
 from stridelab.cli.scenario_files import read_scenario
-from stridelab.errors import Fault, InvalidInput, NotFound, StridelabError
+from stridelab.errors import Fault, InvalidInput, StridelabError
 from stridelab.schemas.jobs import JobResult
 from stridelab.schemas.plans import (
     DURATION_RANGE,
@@ -40,7 +22,6 @@ from stridelab.schemas.plans import (
     TIME_LIMIT_S,
     CertificateCheck,
     Film,
-    Formulation,
     PlanMotionInput,
     PlanMotionSummary,
     ReplayOptions,
@@ -57,19 +38,39 @@ PAGE_FILE: Final = "motion.html"
 class PlanRequest:
     """Options of ``stridelab plan``; ``replay`` None means as ``whole_body``."""
 
-    scenario: str
-    whole_body: bool = True
-    replay: bool | None = None
-    replay_delay_ms: float = 0.0
-    measure: PostureMeasure | None = None
-    formulation: Formulation = "forces"
-    solver: PlanSolver = "auto"
-    node_rate_hz: float = 10.0
-    shape: Shape | None = None
-    time_limit_s: float | None = None
-    free_durations: bool = False
-    duration_range: tuple[float, float] = DURATION_RANGE
-    film: Film | None = None
+    scenario: ScenarioName
+    no_whole_body: Annotated[
+        bool, typer.Option("--no-whole-body", help="Plan only the centre of mass and the contact forces.")
+    ] = False
+    replay: Annotated[
+        bool | None,
+        typer.Option("--replay/--no-replay", help="Replay the motion in physics; default unless --no-whole-body."),
+    ] = None
+    replay_delay_ms: Annotated[
+        float,
+        typer.Option("--replay-delay", min=0.0, max=1e3 * MAX_DELAY_S, help="Delay of the replay's control in ms."),
+    ] = 0.0
+    measure: Densities = None
+    formulation: ControlOption = "forces"
+    solver: SolverOption = "auto"
+    node_rate_hz: NodeRate = 10.0
+    shape: Annotated[
+        Shape | None,
+        typer.Option("--shape", help="Forces between nodes: cubic splines or constant; splines for the whole body."),
+    ] = None
+    time_limit_s: Annotated[
+        float | None, typer.Option("--time-limit", help="Seconds of processor time for the solver, at most 300.")
+    ] = None
+    free_durations: Annotated[
+        bool, typer.Option("--free-durations", help="Let the solver optimise the duration of each phase.")
+    ] = False
+    duration_range: Annotated[
+        tuple[float, float],
+        typer.Option("--duration-range", help="Bounds on the durations, as multiples of the scenario's."),
+    ] = DURATION_RANGE
+    film: Annotated[
+        Film | None, typer.Option("--film", help="Also write a film of the motion: gif or mp4; needs ffmpeg.")
+    ] = None
 
     def __post_init__(self) -> None:
         if self.replay and not self.whole_body:
@@ -99,6 +100,11 @@ class PlanRequest:
             )
             message = f"Phases cannot last from {least:g} to {most:g} times their duration in the scenario."
             raise InvalidInput("option-invalid", message, [fault])
+
+    @property
+    def whole_body(self) -> bool:
+        """Whether the motion of all joints is planned."""
+        return not self.no_whole_body
 
     @property
     def title(self) -> str:
@@ -132,16 +138,17 @@ def plan_scenario(request: PlanRequest, delivery: Delivery) -> None:
 
     If the body cannot follow the plan, the folder holds the motion up to that time and the error is raised at the end.
     """
-    target = delivery.result_path(f"{request.title}-plan")
-    refuse_to_overwrite(target, force=delivery.force)
-    with result_folder(target, force=delivery.force) as folder:
-        if delivery.server is None:
-            result, failure = plan_here(request, folder)
-        else:
-            result, failure = plan_there(request, folder, delivery.server, delivery.token)
-    show_plan(result, target, as_json=delivery.as_json)
-    if failure is not None:
-        raise failure
+    failures: list[StridelabError | None] = []
+
+    def compute(folder: Path) -> JobResult:
+        server = delivery.server is not None
+        result, failure = plan_there(request, folder, delivery) if server else plan_here(request, folder)
+        failures.append(failure)
+        return result
+
+    deliver_result(f"{request.title}-plan", delivery, compute, show_plan)
+    if failures[0] is not None:
+        raise failures[0]
 
 
 def plan_here(request: PlanRequest, folder: Path) -> tuple[JobResult, StridelabError | None]:
@@ -151,35 +158,22 @@ def plan_here(request: PlanRequest, folder: Path) -> tuple[JobResult, StridelabE
     """
     scenario = read_scenario(request.scenario)
     task = PlanMotionTask(scenario=scenario, input=request.to_input(scenario))
-    with progress_bar(request.title) as bar:
-        bar(0.0, "starting")
-        from stridelab.service.kinds.plan_motion import run as plan_motion
-
-        outcome = plan_motion.run(task, folder, bar)
+    outcome = run_kind("plan-motion", request.title, task, folder)
     return write_result(folder, "plan-motion", task.input, outcome), outcome.failure
 
 
-def plan_there(
-    request: PlanRequest, folder: Path, server: str, token: str | None
-) -> tuple[JobResult, StridelabError | None]:
-    """``plan_here`` on ``server``; a name that is neither a file nor bundled is taken as a scenario id."""
+def plan_there(request: PlanRequest, folder: Path, delivery: Delivery) -> tuple[JobResult, StridelabError | None]:
+    """``plan_here`` on a server; a name that is neither a file nor bundled is taken as a scenario id."""
     from stridelab.cli.remote import run_remotely_or_fail
 
-    try:
-        job_input = request.to_input(read_scenario(request.scenario))
-    except NotFound:
-        job_input = request.to_input(None)
-
+    job_input = request.to_input(known_scenario(request.scenario, delivery))
     return run_remotely_or_fail(
-        "plan-motion", request.title, lambda _client, _bar: job_input, folder, server, token, unprepared=InvalidInput
+        "plan-motion", request.title, lambda _client, _bar: job_input, folder, delivery, unprepared=InvalidInput
     )
 
 
-def show_plan(result: JobResult, target: Path, *, as_json: bool) -> None:
-    """Print the summary with certificate and replay, or the result as JSON."""
-    if as_json:
-        show_json(result)
-        return
+def show_plan(result: JobResult, target: Path) -> None:
+    """Print the summary with certificate and replay."""
     summary = PlanMotionSummary.model_validate(result.summary)
     out.print(f"{escape(summary.scenario_name)}: {summary.duration_s:.1f} s in {summary.n_phases} phases")
     out.print(
@@ -242,156 +236,3 @@ def _describe_replay(replay: ReplaySummary) -> str:
     if replay.options is not None:
         text += f"; control {1e3 * replay.options.delay_s:.0f} ms late"
     return text
-
-
-ScenarioName = Annotated[str, typer.Argument(help="A scenario's JSON file, or the name of a bundled one: six-stairs.")]
-OutFile = Annotated[Path | None, typer.Option("--out-file", help="The file to write; must not exist yet.")]
-ForceFile = Annotated[bool, typer.Option("--force", help="Replace that file.")]
-
-
-@with_groups
-def plan(
-    *,
-    scenario: ScenarioName,
-    no_whole_body: Annotated[
-        bool, typer.Option("--no-whole-body", help="Plan only the centre of mass and the contact forces.")
-    ] = False,
-    replay: Annotated[
-        bool | None,
-        typer.Option("--replay/--no-replay", help="Replay the motion in physics; default unless --no-whole-body."),
-    ] = None,
-    replay_delay: Annotated[
-        float,
-        typer.Option("--replay-delay", min=0.0, max=1e3 * MAX_DELAY_S, help="Delay of the replay's control in ms."),
-    ] = 0.0,
-    measure: Densities = None,
-    formulation: ControlOption = "forces",
-    solver: SolverOption = "auto",
-    node_rate: NodeRate = 10.0,
-    shape: Annotated[
-        Shape | None,
-        typer.Option("--shape", help="Forces between nodes: cubic splines or constant; splines for the whole body."),
-    ] = None,
-    time_limit: Annotated[
-        float | None, typer.Option("--time-limit", help="Seconds of processor time for the solver, at most 300.")
-    ] = None,
-    free_durations: Annotated[
-        bool, typer.Option("--free-durations", help="Let the solver optimise the duration of each phase.")
-    ] = False,
-    duration_range: Annotated[
-        tuple[float, float],
-        typer.Option("--duration-range", help="Bounds on the durations, as multiples of the scenario's."),
-    ] = DURATION_RANGE,
-    film: Annotated[
-        Film | None, typer.Option("--film", help="Also write a film of the motion: gif or mp4; needs ffmpeg.")
-    ] = None,
-    delivery: Delivery,
-) -> None:
-    """Plan how a robot carries out a contact scenario, check the motion and replay it; needs no server."""
-    request = PlanRequest(
-        scenario,
-        whole_body=not no_whole_body,
-        replay=replay,
-        replay_delay_ms=replay_delay,
-        measure=measure,
-        formulation=formulation,
-        solver=solver,
-        node_rate_hz=node_rate,
-        shape=shape,
-        time_limit_s=time_limit,
-        free_durations=free_durations,
-        duration_range=duration_range,
-        film=film,
-    )
-    plan_scenario(request, delivery)
-
-
-@with_groups
-def sweep(
-    *,
-    scenario: Annotated[str, typer.Argument(help="A scenario's JSON file, or the name of a bundled one: long-stride.")],
-    vary: Annotated[
-        list[str],
-        typer.Option(
-            "--vary", help="FIELD=FROM:TO:NUMBER, up to three times; stride, height (metres), timing, friction."
-        ),
-    ],
-    formulation: ControlOption = "forces",
-    solver: SolverOption = "auto",
-    node_rate: NodeRate = 10.0,
-    measure: Densities = None,
-    processes: Annotated[
-        int | None, typer.Option("--processes", min=1, help="Parallel processes; all cores by default.")
-    ] = None,
-    whole_body: Annotated[
-        bool,
-        typer.Option(
-            "--whole-body", help="Compute and certify the whole-body motion of each plan; takes seconds each."
-        ),
-    ] = False,
-    delivery: Delivery,
-) -> None:
-    """Test for which strides, heights, timings and frictions a scenario has a motion; needs no server."""
-    from stridelab.cli.sweep import SweepRequest
-    from stridelab.cli.sweep import run_sweep as run
-
-    request = SweepRequest(scenario, tuple(vary), formulation, solver, node_rate, measure, processes, whole_body)
-    run(request, delivery)
-
-
-@with_groups
-def plan_contacts(
-    *,
-    task: Annotated[
-        str, typer.Argument(help="A JSON file with terrain, start and goal, or a scenario, whose ends are used.")
-    ],
-    delivery: Delivery,
-) -> None:
-    """Find a sequence of contacts over a terrain, from a stance to a goal stance; needs no server."""
-    from stridelab.cli.contacts import plan_contacts as run
-
-    run(task, delivery)
-
-
-def export_contacts(scenario: ScenarioName, out_file: OutFile = None, force: ForceFile = False) -> None:
-    """Write a scenario's contacts as JSON with multicontact-api's field names."""
-    from stridelab.cli.contacts import export_contacts as run
-
-    run(scenario, out_file=out_file, force=force)
-
-
-def import_contacts(
-    file: Annotated[Path, typer.Argument(help="JSON with multicontact-api's field names.")],
-    beside: Annotated[
-        str | None,
-        typer.Option("--beside", help="A scenario, or its name: robot, terrain and friction where FILE has none."),
-    ] = None,
-    out_file: OutFile = None,
-    force: ForceFile = False,
-) -> None:
-    """Convert such JSON to a scenario, if the robot can carry it out."""
-    from stridelab.cli.contacts import import_contacts as run
-
-    run(file, beside=beside, out_file=out_file, force=force)
-
-
-@with_groups
-def learn_reachability(
-    *,
-    robot: Annotated[str, typer.Argument(help="A robot by name: talos, hrp2, g1.")],
-    measure: Annotated[
-        PostureMeasure,
-        typer.Option("--measure", help="How postures are sampled: uniformly, or conditioned on standing."),
-    ] = "uniform",
-    samples: Annotated[int | None, typer.Option("--samples", help="Number of valid postures, 500 to 200000.")] = None,
-    seed: Annotated[int | None, typer.Option("--seed", help="Seed of the postures and of the fits.")] = None,
-    effector: Annotated[
-        list[str] | None, typer.Option("--effector", help="Learn this effector only; may be repeated.")
-    ] = None,
-    delivery: Delivery,
-) -> None:
-    """Learn the density of a robot's centre of mass relative to its effectors; needs no server."""
-    from stridelab.cli.learn_reachability import learn_reachability as run
-
-    options = {"robot": robot, "measure": measure, "samples": samples, "seed": seed, "effectors": effector or None}
-    run(options, delivery)

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from stridelab.cli.options import EstimateRequest
+from stridelab.cli.options import Delivery, EstimateRequest
 from stridelab.cli.results import Bar, progress_bar, write_result
 from stridelab.client import Client, ClientError, ProblemError, Unreachable
 from stridelab.errors import (
@@ -48,33 +48,35 @@ Prepare = Callable[[Client, Bar], Contract]
 
 
 def run_remotely(
-    kind: str, title: str, prepare: Prepare, folder: Path, server: str, token: str | None, *, unprepared: ErrorClass
+    kind: str, title: str, prepare: Prepare, folder: Path, delivery: Delivery, *, unprepared: ErrorClass
 ) -> JobResult:
-    """Run a job of ``kind`` on ``server`` and download its files into ``folder``.
+    """Run a job of ``kind`` on the server of ``delivery`` and download its files into ``folder``.
 
     Raises the error that the same request raises here, and ``Unavailable`` if the service does not answer.
     ``unprepared`` is the class of errors for requests that the service refuses during ``prepare``.
     """
-    result, failure = run_remotely_or_fail(kind, title, prepare, folder, server, token, unprepared=unprepared)
+    result, failure = run_remotely_or_fail(kind, title, prepare, folder, delivery, unprepared=unprepared)
     if failure is not None:
         raise failure
     return result
 
 
-def run_remotely_as_is(
-    kind: str, title: str, job_input: Contract, folder: Path, server: str, token: str | None
-) -> JobResult:
+def run_remotely_as_is(kind: str, title: str, job_input: Contract, folder: Path, delivery: Delivery) -> JobResult:
     """``run_remotely`` for a job that needs no files."""
-    return run_remotely(kind, title, lambda _client, _bar: job_input, folder, server, token, unprepared=InvalidInput)
+    return run_remotely(kind, title, lambda _client, _bar: job_input, folder, delivery, unprepared=InvalidInput)
 
 
 def run_remotely_or_fail(
-    kind: str, title: str, prepare: Prepare, folder: Path, server: str, token: str | None, *, unprepared: ErrorClass
+    kind: str, title: str, prepare: Prepare, folder: Path, delivery: Delivery, *, unprepared: ErrorClass
 ) -> tuple[JobResult, StridelabError | None]:
     """``run_remotely`` for a job that may leave files although it fails; returns the result and the error."""
     failure: StridelabError | None = None
-    refused = unprepared
-    with translated_errors(server, lambda: refused), Client(server, token) as client, progress_bar(title) as bar:
+    refused, server, token = unprepared, delivery.server or "", delivery.token
+    with (
+        translated_errors(server, lambda: refused),
+        Client(server, token) as client,
+        progress_bar(title) as bar,
+    ):
         job_input = prepare(client, bar)
         refused = InvalidInput
         job = client.submit(kind, job_input, idempotency_key=uuid.uuid4().hex)
@@ -112,20 +114,18 @@ def translated_errors(server: str, refused: Callable[[], ErrorClass] = lambda: I
 def estimate_remotely(
     request: EstimateRequest,
     folder: Path,
-    server: str,
-    token: str | None,
+    delivery: Delivery,
     kind: str = "estimate-com",
     model: type[EstimateComInput] = EstimateComInput,
 ) -> JobResult:
-    """Upload the recording, run ``kind`` on it on ``server``, and download its files into ``folder``."""
+    """Upload the recording, run ``kind`` on it on the server, and download its files into ``folder``."""
     request.to_input("checked before anything is sent", model)
     return run_remotely(
         kind,
         request.file.name,
         lambda client, bar: request.to_input(_upload_recording(client, request, bar), model),
         folder,
-        server,
-        token,
+        delivery,
         unprepared=UnreadableFile,
     )
 

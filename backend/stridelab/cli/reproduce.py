@@ -11,20 +11,9 @@ from typing import Final
 from rich.markup import escape
 from rich.table import Table
 
+from stridelab.cli.deliver import deliver_result, run_job
 from stridelab.cli.options import Delivery
-from stridelab.cli.results import (
-    cannot_write,
-    err,
-    out,
-    progress_bar,
-    refuse_to_overwrite,
-    result_folder,
-    show_files,
-    show_json,
-    validate_options,
-    write_file,
-    write_result,
-)
+from stridelab.cli.results import cannot_write, err, out, progress_bar, show_files, validate_options, write_file
 from stridelab.errors import Fault, InvalidInput
 from stridelab.reproduction.claims import VERDICTS
 from stridelab.reproduction.registry import ITEMS, MAX_SEEDS
@@ -73,33 +62,12 @@ def reproduce_item(
 ) -> None:
     """Reproduce one item here or on a server, write the result folder and show the claims."""
     input_ = validate_options(ReproduceInput, {"item": item, "seeds": seeds})
-    target = delivery.result_path(item)
-    refuse_to_overwrite(target, force=delivery.force)
-    with result_folder(target, force=delivery.force) as folder:
-        if delivery.server is None:
-            result = reproduce_here(input_, folder)
-        else:
-            from stridelab.cli.remote import run_remotely_as_is
-
-            result = run_remotely_as_is("reproduce", item, input_, folder, delivery.server, delivery.token)
-    show_reproduction(result, target, as_json=delivery.as_json)
+    task = ReproduceTask(input=input_)
+    deliver_result(item, delivery, lambda folder: run_job("reproduce", item, task, folder, delivery), show_reproduction)
 
 
-def reproduce_here(input_: ReproduceInput, folder: Path) -> JobResult:
-    """Run the job's own function in this process."""
-    with progress_bar(input_.item) as bar:
-        bar(0.0, "starting")
-        from stridelab.service.kinds.reproduce import run as kind
-
-        outcome = kind.run(ReproduceTask(input=input_), folder, bar)
-    return write_result(folder, "reproduce", input_, outcome)
-
-
-def show_reproduction(result: JobResult, target: Path, *, as_json: bool) -> None:
-    """Print the claims as a table, or the result as JSON."""
-    if as_json:
-        show_json(result)
-        return
+def show_reproduction(result: JobResult, target: Path) -> None:
+    """Print the claims as a table."""
     summary = ReproduceSummary.model_validate(result.summary)
     out.print(f"[bold]{escape(summary.item)}[/] {escape(summary.title)}: {VERDICT_MARKUP[summary.verdict]}")
     table = Table("", "thesis, or our aim", "ours", "", box=None, pad_edge=False)

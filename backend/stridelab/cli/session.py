@@ -68,14 +68,14 @@ def estimate_session(requests: Sequence[EstimateRequest], delivery: Delivery) ->
         request, values = _with_session(request_of[one.path], one, others, sessions[one.name])
         try:
             with result_folder(targets[one.name], force=delivery.force) as folder:
-                result = estimate_here(request, folder, values)
+                result = estimate_here(request, folder, session=values)
         except StridelabError as error:
             refused[one.name] = error
             continue
         results.append(result)
         if not delivery.as_json:
             out.print(f"[bold]{escape(one.name)}[/]")
-            show_estimate(result, targets[one.name], as_json=False)
+            show_estimate(result, targets[one.name])
     for name, why in refused.items():
         err.print(f"[yellow]left out[/] {escape(name)}: {escape(why.message)} [dim]({escape(why.code)})[/]")
     if not results:

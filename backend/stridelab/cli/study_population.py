@@ -13,18 +13,14 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
+from stridelab.cli.deliver import deliver_result, run_kind
 from stridelab.cli.estimate import require_file
 from stridelab.cli.options import BestMethod, Delivery, Force, OutFolder, Server, StepChoice, Token
 from stridelab.cli.results import (
     Bar,
-    end_if_contradicted,
     err,
     out,
-    progress_bar,
-    refuse_to_overwrite,
-    result_folder,
     show_files,
-    show_json,
     show_quality,
     show_remarks,
     validate_options,
@@ -76,20 +72,16 @@ def run_study(
     delivery: Delivery,
 ) -> None:
     """Study here or on a server, write the result folder and show the correlations."""
-    target = delivery.result_path("population")
-    refuse_to_overwrite(target, force=delivery.force)
-    with (
-        tempfile.TemporaryDirectory(prefix="stridelab-") as unpacked,
-        result_folder(target, force=delivery.force) as folder,
-    ):
-        given = collect_recordings(paths, subjects, Path(unpacked))
-        if delivery.server is not None:
+
+    def compute(folder: Path) -> JobResult:
+        with tempfile.TemporaryDirectory(prefix="stridelab-") as unpacked:
+            given = collect_recordings(paths, subjects, Path(unpacked))
+            if delivery.server is None:
+                return study_here(given, options, folder)
             to_request = partial(request_of, given, options=options)
-            result = upload_and_run(given, "study-population", "population", to_request, folder, delivery)
-        else:
-            result = study_here(given, options, folder)
-    show_study(result, target, as_json=delivery.as_json)
-    end_if_contradicted(result)
+            return upload_and_run(given, "study-population", "population", to_request, folder, delivery)
+
+    deliver_result("population", delivery, compute, show_study)
 
 
 def collect_recordings(paths: Sequence[Path], subjects: Path | None, folder: Path) -> StudyFiles:
@@ -157,16 +149,13 @@ def _file_sha256(path: Path) -> str:
 
 def study_here(given: StudyFiles, options: Mapping[str, Any], folder: Path) -> JobResult:
     """Run the job's own function in this process; ``folder`` then holds what the service would publish."""
-    with progress_bar("population") as bar, tempfile.TemporaryDirectory(prefix="stridelab-") as name:
-        bar(0.0, "starting")
-        from stridelab.service.kinds.study_population import run as study_population
-
+    with tempfile.TemporaryDirectory(prefix="stridelab-") as name:
         work = Path(name)
         ids = {one.index: f"recording-{k}" for k, one in enumerate(given.matched_recordings)}
         request = request_of(given, ids, options)
         members = [_stage_member(given, one, ids[one.index], request, work) for one in given.matched_recordings]
         task = StudyPopulationTask(members=members, pooled=request.pooled, seed=request.seed)
-        outcome = study_population.run(task, work, bar)
+        outcome = run_kind("study-population", "population", task, work)
         for artifact in outcome.artifacts:
             shutil.move(work / artifact.name, folder / artifact.name)
     return write_result(folder, "study-population", request, outcome)
@@ -201,8 +190,7 @@ def upload_and_run(
                 client.patch_recording(ids[one.index], RecordingPatch(static_recording_id=ids[one.static_index]))
         return to_request(ids)
 
-    server = delivery.server or ""
-    return run_remotely(kind, title, upload_inputs, folder, server, delivery.token, unprepared=UnreadableFile)
+    return run_remotely(kind, title, upload_inputs, folder, delivery, unprepared=UnreadableFile)
 
 
 def request_of(given: StudyFiles, ids: Mapping[int, str], options: Mapping[str, Any]) -> StudyPopulationInput:
@@ -237,11 +225,8 @@ def _stage_member(
     return population_member(recording_id, task, row)
 
 
-def show_study(result: JobResult, target: Path, *, as_json: bool) -> None:
-    """Print a row per subject and per correlation, or the result as JSON."""
-    if as_json:
-        show_json(result)
-        return
+def show_study(result: JobResult, target: Path) -> None:
+    """Print a row per subject and per correlation."""
     summary = StudyPopulationSummary.model_validate(result.summary)
     show_quality(summary.quality, summary.warnings)
     subjects = Table("", "group", "steps", "height m", "speed m/s", "R mm", "r mm", "z0 m", "omega rad/s", "error mm",
@@ -310,9 +295,5 @@ def study_population(
     token: Token = None,
 ) -> None:
     """Fit the wheels of many subjects, and correlate them with height, leg, speed and step length."""
-    run_study(
-        files,
-        subjects=subjects,
-        options={"method": method, "steps": steps, "pooled": pooled, "seed": seed},
-        delivery=Delivery(out_dir, force, as_json, server, token),
-    )
+    options = {"method": method, "steps": steps, "pooled": pooled, "seed": seed}
+    run_study(files, subjects=subjects, options=options, delivery=Delivery(out_dir, force, as_json, server, token))

@@ -3,26 +3,16 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Annotated, Any, Final
 
+import typer
 from rich.markup import escape
 
-from stridelab.cli.options import Delivery, PlanSolver, PostureMeasure
-from stridelab.cli.results import (
-    out,
-    progress_bar,
-    refuse_to_overwrite,
-    result_folder,
-    show_files,
-    show_json,
-    show_remarks,
-    validate_options,
-    write_result,
-)
-from stridelab.cli.scenario_files import read_scenario
-from stridelab.errors import Fault, InvalidInput, NotFound
+from stridelab.cli.deliver import deliver_result, known_scenario, run_here
+from stridelab.cli.options import ControlOption, Delivery, Densities, NodeRate, SolverOption
+from stridelab.cli.results import out, show_files, show_remarks, validate_options
+from stridelab.errors import Fault, InvalidInput
 from stridelab.schemas.jobs import JobResult
-from stridelab.schemas.plans import Formulation
 from stridelab.schemas.scenarios import Scenario
 from stridelab.schemas.sweeps import SweepInput, SweepSummary
 from stridelab.schemas.tasks import SweepTask
@@ -38,14 +28,26 @@ SCOPES: Final = {
 class SweepRequest:
     """Options of ``stridelab sweep``; ``vary`` holds ``FIELD=FROM:TO:NUMBER``."""
 
-    scenario: str
-    vary: Sequence[str]
-    formulation: Formulation = "forces"
-    solver: PlanSolver = "auto"
-    node_rate_hz: float = 10.0
-    measure: PostureMeasure | None = None
-    processes: int | None = None
-    whole_body: bool = False
+    scenario: Annotated[str, typer.Argument(help="A scenario's JSON file, or the name of a bundled one: long-stride.")]
+    vary: Annotated[
+        list[str],
+        typer.Option(
+            "--vary", help="FIELD=FROM:TO:NUMBER, up to three times; stride, height (metres), timing, friction."
+        ),
+    ]
+    formulation: ControlOption = "forces"
+    solver: SolverOption = "auto"
+    node_rate_hz: NodeRate = 10.0
+    measure: Densities = None
+    processes: Annotated[
+        int | None, typer.Option("--processes", min=1, help="Parallel processes; all cores by default.")
+    ] = None
+    whole_body: Annotated[
+        bool,
+        typer.Option(
+            "--whole-body", help="Compute and certify the whole-body motion of each plan; takes seconds each."
+        ),
+    ] = False
 
     def to_input(self, scenario: Scenario | None) -> SweepInput:
         """Input of the job; without a scenario, the name is taken as a scenario id.
@@ -74,46 +76,24 @@ def parse_ranges(typed: Sequence[str]) -> dict[str, tuple[float, float, int]]:
 
 
 def run_sweep(request: SweepRequest, delivery: Delivery) -> None:
-    """Plan all scenarios here or on a server, write the result folder and show the summary."""
+    """Test for which strides, heights, timings and frictions a scenario has a motion; needs no server."""
     title = Path(request.scenario).stem
-    target = delivery.result_path(f"{title}-sweep")
-    refuse_to_overwrite(target, force=delivery.force)
-    with result_folder(target, force=delivery.force) as folder:
-        if delivery.server is None:
-            result = sweep_here(request, title, folder)
-        else:
-            from stridelab.cli.remote import run_remotely_as_is
 
-            job_input = _remote_input(request)
-            result = run_remotely_as_is("sweep", title, job_input, folder, delivery.server, delivery.token)
-    show_swept(result, target, as_json=delivery.as_json)
+    def compute(folder: Path) -> JobResult:
+        scenario = known_scenario(request.scenario, delivery)
+        input_ = request.to_input(scenario)
+        if scenario is not None and delivery.server is None:
+            task = SweepTask(scenario=scenario, input=input_)
+            return run_here("sweep", title, task, folder, processes=request.processes)
+        from stridelab.cli.remote import run_remotely_as_is
 
+        return run_remotely_as_is("sweep", title, input_, folder, delivery)
 
-def sweep_here(request: SweepRequest, title: str, folder: Path) -> JobResult:
-    """Run the job's own function in this process, with its worker processes."""
-    scenario = read_scenario(request.scenario)
-    task = SweepTask(scenario=scenario, input=request.to_input(scenario))
-    with progress_bar(title) as bar:
-        bar(0.0, "starting")
-        from stridelab.service.kinds.sweep import run as kind
-
-        outcome = kind.run(task, folder, bar, request.processes)
-    return write_result(folder, "sweep", task.input, outcome)
+    deliver_result(f"{title}-sweep", delivery, compute, show_swept)
 
 
-def _remote_input(request: SweepRequest) -> SweepInput:
-    """Input for a server: a name that is neither a file nor bundled is taken as a scenario id."""
-    try:
-        return request.to_input(read_scenario(request.scenario))
-    except NotFound:
-        return request.to_input(None)
-
-
-def show_swept(result: JobResult, target: Path, *, as_json: bool) -> None:
-    """Print how many scenarios have a motion, and the ranges, or the result as JSON."""
-    if as_json:
-        show_json(result)
-        return
+def show_swept(result: JobResult, target: Path) -> None:
+    """Print how many scenarios have a motion, and the ranges."""
     summary = SweepSummary.model_validate(result.summary)
     out.print(
         f"[bold]{escape(summary.scenario_name)}[/] {summary.feasible} of {summary.points} scenarios have a motion "
