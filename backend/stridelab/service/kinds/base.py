@@ -7,7 +7,7 @@ fenced transaction that makes the result visible). The command line uses the sam
 from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, Protocol, TypeAlias, runtime_checkable
+from typing import TYPE_CHECKING, Any, Literal, Protocol, TypeAlias, TypeVar, runtime_checkable
 
 from stridelab.errors import StridelabError, problem_of
 from stridelab.schemas.base import Contract
@@ -15,8 +15,10 @@ from stridelab.schemas.base import Contract
 if TYPE_CHECKING:  # a command needs neither
     from sqlalchemy.ext.asyncio import AsyncConnection
 
+    from stridelab.pipelines.progress import ProgressCallback
     from stridelab.service.processes.sandbox import Sandbox
 
+Task = TypeVar("Task", bound=Contract)
 Json = dict[str, Any]
 """A JSON object."""
 
@@ -76,6 +78,18 @@ class Outcome:
             references=tuple(value["references"]),
             artifacts=tuple(ArtifactFile(a["name"], a["media_type"]) for a in value["artifacts"]),
         )
+
+
+def json_run(
+    task_model: type[Task], run: "Callable[[Task, Path, ProgressCallback], Outcome]"
+) -> "Callable[[Json, Path, ProgressCallback], Json]":
+    """``run`` with JSON on both sides, as child processes call it; ``task_model`` is the model of its task."""
+
+    def run_in_child(task: Json, folder: Path, progress: "ProgressCallback") -> Json:
+        return run(task_model.model_validate(task), folder, progress).to_json()
+
+    run_in_child.__module__ = run.__module__
+    return run_in_child
 
 
 Stage: TypeAlias = "Callable[[AsyncConnection, Blobs, Contract, Path], Awaitable[Json]]"

@@ -16,13 +16,8 @@ from stridelab.recordings.static_pose import stands_still
 from stridelab.schemas.base import Remark
 from stridelab.schemas.recordings import PlateInfo, RecordingFacts
 from stridelab.schemas.tasks import ParseUploadTask
-from stridelab.service.kinds.base import ArtifactFile, Json, Outcome
+from stridelab.service.kinds.base import ArtifactFile, Outcome, json_run
 from stridelab.service.kinds.result_tables import write_table
-
-
-def run_in_child(task: Json, folder: Path, progress: ProgressCallback) -> Json:
-    """``run`` with JSON on both sides."""
-    return run(ParseUploadTask.model_validate(task), folder, progress).to_json()
 
 
 def run(task: ParseUploadTask, folder: Path, progress: ProgressCallback) -> Outcome:
@@ -40,6 +35,9 @@ def run(task: ParseUploadTask, folder: Path, progress: ProgressCallback) -> Outc
     if own is not None:
         facts = facts.model_copy(update={"marker_set_id": own.id})
     return Outcome(facts.model_dump(mode="json"), (), artifacts)
+
+
+run_in_child = json_run(ParseUploadTask, run)
 
 
 def recording_facts(trial: Trial) -> RecordingFacts:

@@ -15,13 +15,16 @@ from stridelab.schemas.base import Contract
 from stridelab.schemas.cycloid import FitCycloidInput
 from stridelab.schemas.jobs import EstimateComInput
 from stridelab.schemas.recordings import SubjectFields
-from stridelab.schemas.scenarios import Scenario
+from stridelab.schemas.scenarios import Scenario, ScenarioSource
 from stridelab.schemas.tasks import (
     EstimateComTask,
     FitCycloidTask,
+    PlanMotionTask,
+    PlanRecedingTask,
     RecordingSource,
+    SweepTask,
 )
-from stridelab.service.kinds.base import Blobs, Json
+from stridelab.service.kinds.base import Blobs, Json, Stage
 from stridelab.service.kinds.session_staging import session_of
 from stridelab.service.storage.tables import recording, scenario, subject
 from stridelab.service.stored_marker_sets import source_marker_sets
@@ -62,13 +65,23 @@ async def stage_input(connection: AsyncConnection, blobs: Blobs, input: Contract
     return {"input": input.model_dump(mode="json")}
 
 
-async def scenario_of(connection: AsyncConnection, scenario_body: Scenario | None, scenario_id: str | None) -> Scenario:
-    """The scenario of a request, else the stored one, as it is now: later changes of its row have no effect on the job.
+def stage_scenario(task_model: type[PlanMotionTask | PlanRecedingTask | SweepTask]) -> Stage:
+    """Stage function that copies the scenario of a request, or the present body of the stored one, into the task."""
+
+    async def stage(connection: AsyncConnection, _blobs: Blobs, request: Contract, _folder: Path) -> Json:
+        if not isinstance(request, ScenarioSource):
+            raise TypeError(f"{type(request).__name__} has no scenario")
+        scenario = request.scenario or await _stored_scenario(connection, request.scenario_id)
+        return task_model.model_validate({"scenario": scenario, "input": request}).model_dump(mode="json")
+
+    return stage
+
+
+async def _stored_scenario(connection: AsyncConnection, scenario_id: str | None) -> Scenario:
+    """A stored scenario as it is now: later changes of its row have no effect on the job.
 
     Raises ``NotFound`` (``scenario-not-found``) if the scenario has been deleted since the job was accepted.
     """
-    if scenario_body is not None:
-        return scenario_body
     result = await connection.execute(select(scenario.c.body).where(scenario.c.id == scenario_id))
     body = result.scalar_one_or_none()
     if body is None:

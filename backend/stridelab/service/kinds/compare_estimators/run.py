@@ -18,16 +18,11 @@ from stridelab.pipelines.estimate_com import build_estimator
 from stridelab.pipelines.progress import ProgressCallback
 from stridelab.schemas.comparison import CompareEstimatorsInput
 from stridelab.schemas.tasks import CompareEstimatorsTask
-from stridelab.service.kinds.base import ArtifactFile, Json, Outcome
+from stridelab.service.kinds.base import ArtifactFile, Outcome, json_run
 from stridelab.service.kinds.result_tables import write_table
 
 _BODE_HZ: Final = (0.01, 400)
 _WORLD: Final = "xyz"
-
-
-def run_in_child(task: Json, folder: Path, progress: ProgressCallback) -> Json:
-    """``run`` with JSON on both sides."""
-    return run(CompareEstimatorsTask.model_validate(task), folder, progress).to_json()
 
 
 def run(task: CompareEstimatorsTask, folder: Path, progress: ProgressCallback) -> Outcome:
@@ -42,6 +37,9 @@ def run(task: CompareEstimatorsTask, folder: Path, progress: ProgressCallback) -
     artifacts = _write_tables(folder, task.input, result.data, result.comparison, provenance)
     progress(1.0, "done")
     return Outcome(summary, result.citation_keys, artifacts)
+
+
+run_in_child = json_run(CompareEstimatorsTask, run)
 
 
 def _write_tables(

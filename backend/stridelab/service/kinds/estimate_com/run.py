@@ -26,13 +26,8 @@ from stridelab.recordings.reader import is_c3d
 from stridelab.recordings.recording import WrenchTrack
 from stridelab.schemas.jobs import EstimateComSummary
 from stridelab.schemas.tasks import EstimateComTask, RecordingSource
-from stridelab.service.kinds.base import ArtifactFile, Json, Outcome
+from stridelab.service.kinds.base import ArtifactFile, Outcome, json_run
 from stridelab.service.kinds.result_tables import C3D, write_atomically, write_table
-
-
-def run_in_child(task: Json, folder: Path, progress: ProgressCallback) -> Json:
-    """``run`` with JSON on both sides."""
-    return run(EstimateComTask.model_validate(task), folder, progress).to_json()
 
 
 def run(task: EstimateComTask, folder: Path, progress: ProgressCallback) -> Outcome:
@@ -45,6 +40,9 @@ def run(task: EstimateComTask, folder: Path, progress: ProgressCallback) -> Outc
     artifacts = write_com_result(folder, task.recording, result)
     progress(1.0, "done")
     return Outcome(result.summary.model_dump(mode="json"), result.citation_keys, artifacts)
+
+
+run_in_child = json_run(EstimateComTask, run)
 
 
 AXES = "xyz"

@@ -5,13 +5,8 @@ from pathlib import Path
 from stridelab.pipelines.fit_cycloid import fit_cycloid_of_recording
 from stridelab.pipelines.progress import ProgressCallback
 from stridelab.schemas.tasks import FitCycloidTask
-from stridelab.service.kinds.base import Json, Outcome
+from stridelab.service.kinds.base import Outcome, json_run
 from stridelab.service.kinds.fit_cycloid.files import write_cycloid
-
-
-def run_in_child(task: Json, folder: Path, progress: ProgressCallback) -> Json:
-    """``run`` with JSON on both sides."""
-    return run(FitCycloidTask.model_validate(task), folder, progress).to_json()
 
 
 def run(task: FitCycloidTask, folder: Path, progress: ProgressCallback) -> Outcome:
@@ -24,3 +19,6 @@ def run(task: FitCycloidTask, folder: Path, progress: ProgressCallback) -> Outco
     artifacts = write_cycloid(folder, task.recording, result)
     progress(1.0, "done")
     return Outcome(result.summary.model_dump(mode="json"), result.citation_keys, artifacts)
+
+
+run_in_child = json_run(FitCycloidTask, run)

@@ -11,13 +11,8 @@ from stridelab.measures.measure import Measure
 from stridelab.pipelines.gait_measures import GaitMeasuresResult, MeasuredRecording, gait_measures
 from stridelab.pipelines.progress import ProgressCallback
 from stridelab.schemas.tasks import GaitMeasuresTask
-from stridelab.service.kinds.base import ArtifactFile, Json, Outcome
+from stridelab.service.kinds.base import ArtifactFile, Outcome, json_run
 from stridelab.service.kinds.result_tables import write_table
-
-
-def run_in_child(task: Json, folder: Path, progress: ProgressCallback) -> Json:
-    """``run`` with JSON on both sides."""
-    return run(GaitMeasuresTask.model_validate(task), folder, progress).to_json()
 
 
 def run(task: GaitMeasuresTask, folder: Path, progress: ProgressCallback) -> Outcome:
@@ -30,6 +25,9 @@ def run(task: GaitMeasuresTask, folder: Path, progress: ProgressCallback) -> Out
     artifacts = write_measures(folder, result)
     progress(1.0, "done")
     return Outcome(result.summary.model_dump(mode="json"), result.citation_keys, artifacts)
+
+
+run_in_child = json_run(GaitMeasuresTask, run)
 
 
 def write_measures(folder: Path, result: GaitMeasuresResult) -> tuple[ArtifactFile, ...]:

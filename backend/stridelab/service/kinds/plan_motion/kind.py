@@ -1,28 +1,17 @@
 """The job kind ``plan-motion``."""
 
-from pathlib import Path
 from typing import Final
 
-from sqlalchemy.ext.asyncio import AsyncConnection
-
-from stridelab.schemas.base import Contract
 from stridelab.schemas.plans import PlanMotionInput, PlanMotionSummary
 from stridelab.schemas.tasks import PlanMotionTask
-from stridelab.service.kinds.base import Blobs, JobKind, Json
-from stridelab.service.kinds.staging import scenario_of
+from stridelab.service.kinds.base import JobKind
+from stridelab.service.kinds.staging import stage_scenario
 from stridelab.service.processes.sandbox import Sandbox
 from stridelab.service.samples.scenario_bodies import ONE_STEP
 from stridelab.service.samples.scenarios import EXAMPLE_ID
 
 FILMING: Final = Sandbox(programs=True, server=True)
 """Sandbox of plans, which use ffmpeg and the local server of viser's recorder."""
-
-
-async def stage(connection: AsyncConnection, blobs: Blobs, input: Contract, folder: Path) -> Json:  # noqa: A002
-    """Copy the scenario's present body into the task. Raises as ``scenario_of`` does."""
-    request = PlanMotionInput.model_validate(input.model_dump())
-    scenario = await scenario_of(connection, request.scenario, request.scenario_id)
-    return PlanMotionTask(scenario=scenario, input=request).model_dump(mode="json")
 
 
 KIND = JobKind(
@@ -40,7 +29,7 @@ KIND = JobKind(
     input_model=PlanMotionInput,
     summary_model=PlanMotionSummary,
     run="stridelab.service.kinds.plan_motion.run:run_in_child",
-    stage=stage,
+    stage=stage_scenario(PlanMotionTask),
     timeout_s=600.0,
     memory_mb=4096,
     lane="long",

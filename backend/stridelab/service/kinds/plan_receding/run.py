@@ -14,15 +14,10 @@ from stridelab.contacts.sequence import ContactSequence
 from stridelab.pipelines.plan_receding import plan_receding
 from stridelab.pipelines.progress import ProgressCallback
 from stridelab.schemas.tasks import PlanRecedingTask
-from stridelab.service.kinds.base import Json, Outcome
+from stridelab.service.kinds.base import Outcome, json_run
 from stridelab.service.kinds.plan_motion.files import write_json
 from stridelab.service.kinds.plan_motion.tables import Columns, track_columns
 from stridelab.service.kinds.result_tables import write_table
-
-
-def run_in_child(task: Json, folder: Path, progress: ProgressCallback) -> Json:
-    """``run`` with JSON on both sides."""
-    return run(PlanRecedingTask.model_validate(task), folder, progress).to_json()
 
 
 def run(task: PlanRecedingTask, folder: Path, progress: ProgressCallback) -> Outcome:
@@ -40,6 +35,9 @@ def run(task: PlanRecedingTask, folder: Path, progress: ProgressCallback) -> Out
     )
     progress(1.0, "done")
     return Outcome(summary.model_dump(mode="json"), result.citation_keys, files)
+
+
+run_in_child = json_run(PlanRecedingTask, run)
 
 
 AFTER_NODE_S = 1e-9

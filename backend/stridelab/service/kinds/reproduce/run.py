@@ -8,15 +8,10 @@ from stridelab.pipelines.progress import ProgressCallback
 from stridelab.reproduction.registry import ITEMS, reproduce_item
 from stridelab.schemas.reproduction import ClaimResult, ReproduceSummary
 from stridelab.schemas.tasks import ReproduceTask
-from stridelab.service.kinds.base import ArtifactFile, Json, Outcome
+from stridelab.service.kinds.base import ArtifactFile, Outcome, json_run
 from stridelab.service.kinds.result_tables import write_table, write_text_atomically
 
 SVG: Final = "image/svg+xml"
-
-
-def run_in_child(task: Json, folder: Path, progress: ProgressCallback) -> Json:
-    """``run`` with JSON on both sides."""
-    return run(ReproduceTask.model_validate(task), folder, progress).to_json()
 
 
 def run(task: ReproduceTask, folder: Path, progress: ProgressCallback) -> Outcome:
@@ -47,3 +42,6 @@ def run(task: ReproduceTask, folder: Path, progress: ProgressCallback) -> Outcom
     ]
     progress(1.0, "done")
     return Outcome(summary.model_dump(mode="json"), reproduction.references, (ArtifactFile(drawing, SVG), *tables))
+
+
+run_in_child = json_run(ReproduceTask, run)

@@ -17,18 +17,13 @@ from stridelab.robots.robot import Effector, Robot
 from stridelab.robots.visuals import link_names, link_poses
 from stridelab.schemas.base import Contract
 from stridelab.schemas.robots import JointLimits, ProxyCard, ProxySize, RobotEffector, RobotFacts
-from stridelab.service.kinds.base import Json, Outcome
+from stridelab.service.kinds.base import Outcome, json_run
 
 
 class RobotTask(Contract):
     """Task of ``robots.description`` and ``robots.links``."""
 
     robot: str
-
-
-def run_in_child(task: Json, folder: Path, progress: ProgressCallback) -> Json:
-    """``run`` with JSON on both sides."""
-    return run(RobotTask.model_validate(task), folder, progress).to_json()
 
 
 def run(task: RobotTask, _folder: Path, progress: ProgressCallback) -> Outcome:
@@ -41,6 +36,9 @@ def run(task: RobotTask, _folder: Path, progress: ProgressCallback) -> Outcome:
     robot = load_robot(task.robot)
     progress(1.0, "done")
     return Outcome(robot_facts(robot).model_dump(mode="json"), (), ())
+
+
+run_in_child = json_run(RobotTask, run)
 
 
 def robot_facts(robot: Robot) -> RobotFacts:

@@ -25,7 +25,7 @@ from stridelab.robots.robot import Robot
 from stridelab.schemas.base import Contract
 from stridelab.schemas.reachability import Axis, EffectorReach, LevelSurface, Projection, RobotReachability
 from stridelab.schemas.robots import LinkPose, Triple
-from stridelab.service.kinds.base import ArtifactFile, Json, Outcome
+from stridelab.service.kinds.base import ArtifactFile, Outcome, json_run
 from stridelab.service.kinds.result_tables import write_atomically
 from stridelab.service.kinds.robots.description import proxy_card
 
@@ -45,11 +45,6 @@ class ReachabilityTask(Contract):
     measure: Measure
 
 
-def run_in_child(task: Json, folder: Path, progress: ProgressCallback) -> Json:
-    """``run`` with JSON on both sides."""
-    return run(ReachabilityTask.model_validate(task), folder, progress).to_json()
-
-
 def run(task: ReachabilityTask, folder: Path, progress: ProgressCallback) -> Outcome:
     """Write ``reachability.json.gz`` into ``folder``: a ``RobotReachability`` as compressed JSON.
 
@@ -66,6 +61,9 @@ def run(task: ReachabilityTask, folder: Path, progress: ProgressCallback) -> Out
     write_atomically(folder / REACHABILITY_FILE, lambda path: path.write_bytes(content))
     progress(1.0, "done")
     return Outcome({"robot": robot.name, "measure": card.measure}, (), (ArtifactFile(REACHABILITY_FILE, GZIP),))
+
+
+run_in_child = json_run(ReachabilityTask, run)
 
 
 def plottable_reachability(robot: Robot, card: ReachabilityCard, com_m: Mapping[str, Points]) -> RobotReachability:

@@ -14,7 +14,7 @@ from stridelab.recordings.files.c3d_writer import write_c3d
 from stridelab.schemas import base
 from stridelab.schemas.jobs import SimulateRecordingSummary
 from stridelab.schemas.tasks import RecordingSource, SimulateRecordingTask
-from stridelab.service.kinds.base import ArtifactFile, Json, Outcome
+from stridelab.service.kinds.base import ArtifactFile, Outcome, json_run
 from stridelab.service.kinds.parse_upload import recording_facts, write_tracks
 from stridelab.service.kinds.result_tables import C3D, write_atomically, write_table
 from stridelab.service.kinds.simulate_recording.kind import FACTS_FILE, RECORDING_FILE, TRACKS_FILE
@@ -22,11 +22,6 @@ from stridelab.simulation.truth_table import truth_columns
 
 PRIVATE_FILES: Final = (FACTS_FILE, TRACKS_FILE, "tracks.csv")
 """Files for the recording's row, which are not artifacts of the job."""
-
-
-def run_in_child(task: Json, folder: Path, progress: ProgressCallback) -> Json:
-    """``run`` with JSON on both sides."""
-    return run(SimulateRecordingTask.model_validate(task), folder, progress).to_json()
 
 
 def run(task: SimulateRecordingTask, folder: Path, progress: ProgressCallback) -> Outcome:
@@ -51,6 +46,9 @@ def run(task: SimulateRecordingTask, folder: Path, progress: ProgressCallback) -
     progress(1.0, "done")
     artifacts = (ArtifactFile(RECORDING_FILE, C3D), *tables)
     return Outcome(summary.model_dump(mode="json"), references, artifacts)
+
+
+run_in_child = json_run(SimulateRecordingTask, run)
 
 
 def remove_private_files(folder: Path) -> None:

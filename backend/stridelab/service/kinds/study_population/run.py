@@ -12,16 +12,11 @@ from stridelab.parallel import map_isolated
 from stridelab.pipelines.progress import ProgressCallback
 from stridelab.pipelines.study_population import study_population
 from stridelab.schemas.tasks import StudyPopulationTask
-from stridelab.service.kinds.base import Json, Outcome
+from stridelab.service.kinds.base import Outcome, json_run
 from stridelab.service.kinds.study_population.files import write_population
 
 PRELOAD: Final = ("stridelab.pipelines.study_population",)
 RECORDING_TIMEOUT_S: Final = 120.0
-
-
-def run_in_child(task: Json, folder: Path, progress: ProgressCallback) -> Json:
-    """``run`` with JSON on both sides."""
-    return run(StudyPopulationTask.model_validate(task), folder, progress).to_json()
 
 
 def run(task: StudyPopulationTask, folder: Path, progress: ProgressCallback) -> Outcome:
@@ -36,3 +31,6 @@ def run(task: StudyPopulationTask, folder: Path, progress: ProgressCallback) -> 
     artifacts = write_population(folder, result.summary, steps)
     progress(1.0, "done")
     return Outcome(result.summary.model_dump(mode="json"), result.citation_keys, artifacts)
+
+
+run_in_child = json_run(StudyPopulationTask, run)

@@ -15,16 +15,11 @@ from stridelab.parallel import map_isolated
 from stridelab.pipelines.progress import ProgressCallback
 from stridelab.pipelines.sweep_scenarios import Point, SweepRow, sweep_scenarios
 from stridelab.schemas.tasks import SweepTask
-from stridelab.service.kinds.base import Json, Outcome
+from stridelab.service.kinds.base import Outcome, json_run
 from stridelab.service.kinds.result_tables import write_table
 
 PRELOAD_MODULE: Final = "stridelab.pipelines.sweep_scenarios"
 CHUNK_TIMEOUT_S: Final = 1800.0
-
-
-def run_in_child(task: Json, folder: Path, progress: ProgressCallback) -> Json:
-    """``run`` with JSON on both sides."""
-    return run(SweepTask.model_validate(task), folder, progress).to_json()
 
 
 def run(task: SweepTask, folder: Path, progress: ProgressCallback, processes: int | None = None) -> Outcome:
@@ -39,6 +34,9 @@ def run(task: SweepTask, folder: Path, progress: ProgressCallback, processes: in
     files = write_table(folder, "sweep", _sweep_columns(result.grid, result.rows), about)
     progress(1.0, "done")
     return Outcome(result.summary.model_dump(mode="json"), result.citation_keys, files)
+
+
+run_in_child = json_run(SweepTask, run)
 
 
 def _sweep_columns(grid: list[Point], rows: list[SweepRow]) -> dict[str, np.ndarray]:
