@@ -41,7 +41,7 @@ def synchronous(text: str) -> str:
         text = re.sub(pattern, replacement, text, flags=re.DOTALL)
     ruff = [sys.executable, "-m", "ruff"]
     for arguments in (
-        ["check", "--quiet", "--fix", "--exit-zero", "--select", "I,SIM117", "--unsafe-fixes"],
+        ["check", "--quiet", "--fix", "--exit-zero", "--select", "F401,I,SIM117", "--unsafe-fixes"],
         ["format", "--quiet"],
     ):
         line = [*ruff, *arguments, "--stdin-filename", str(TARGET), "-"]

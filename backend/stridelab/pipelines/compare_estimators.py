@@ -138,16 +138,8 @@ def _method_assessment(a: Assessment) -> MethodAssessment:
 
 
 def _truth_errors(error: TruthError) -> ErrorAgainstTruth:
-    return ErrorAgainstTruth(
-        horizontal_m=error.horizontal_m,
-        horizontal_95_m=error.horizontal_95_m,
-        vertical_m=error.vertical_m,
-        rms_m=_axis_values(error.rms_m),
-        mean_m=_axis_values(error.mean_m),
-        coverage=_axis_values(error.coverage),
-        sd_m=_axis_values(error.sd_m),
-        lag_s=_axis_values(error.lag_s),
-    )
+    names = ("rms_m", "mean_m", "coverage", "sd_m", "lag_s")
+    return ErrorAgainstTruth.from_object(error, **{name: _axis_values(getattr(error, name)) for name in names})
 
 
 def _axis_values(values: Series) -> Axes:

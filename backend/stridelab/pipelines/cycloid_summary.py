@@ -51,16 +51,7 @@ def cycloid_summary(
         ahead=(float(walking_direction[0]), float(walking_direction[1])),
         steps=[_fitted_step(fit, rivals=rivals) for fit in fits],
         overlapping=[_overlapping_fit(overlap) for overlap in overlaps],
-        step_to_step_sd=None
-        if between is None
-        else contract.StepScatter(
-            R_m=between.R_m,
-            r_m=between.r_m,
-            z0_m=between.z0_m,
-            omega_rad_s=between.omega_rad_s,
-            n=between.n,
-            between=between.between,
-        ),
+        step_to_step_sd=None if between is None else contract.StepScatter.from_object(between),
         steps_left_out=len(all_steps) - len(fits),
         quality=quality_schema(quality),
         warnings=[base.Remark(code=r.code, message=r.message) for r in dict.fromkeys(remarks)],
@@ -128,10 +119,8 @@ def mean_speed_m_s(fit: StepFit) -> float:
 
 def _wheel_schema(fit: PathFit, time_s: Series) -> contract.Wheel:
     omega, theta0 = (float(v) for v in np.polyfit(time_s - time_s[0], fit.theta_rad, 1))
-    return contract.Wheel(
-        R_m=fit.wheel.R_m,
-        r_m=fit.wheel.r_m,
-        z0_m=fit.wheel.z0_m,
+    return contract.Wheel.from_object(
+        fit.wheel,
         omega_rad_s=omega,
         theta0_rad=theta0,
         error_mean_mm=float(MM * fit.distance_m.mean()),
@@ -141,10 +130,8 @@ def _wheel_schema(fit: PathFit, time_s: Series) -> contract.Wheel:
 
 
 def _timed_wheel(fit: TimedFit) -> contract.TimedWheel:
-    return contract.TimedWheel(
-        R_m=fit.wheel.R_m,
-        r_m=fit.wheel.r_m,
-        z0_m=fit.wheel.z0_m,
+    return contract.TimedWheel.from_object(
+        fit.wheel,
         omega_rad_s=fit.omega_rad_s,
         theta0_rad=fit.theta0_rad,
         error_mean_mm=float(MM * fit.distance_m.mean()),
@@ -154,12 +141,10 @@ def _timed_wheel(fit: TimedFit) -> contract.TimedWheel:
 
 
 def _overlapping_fit(overlap: Overlap) -> contract.OverlappingFit:
-    return contract.OverlappingFit(
+    return contract.OverlappingFit.from_object(
+        overlap.wheel,
         t0_s=overlap.start_s,
         t1_s=overlap.end_s,
-        R_m=overlap.wheel.R_m,
-        r_m=overlap.wheel.r_m,
-        z0_m=overlap.wheel.z0_m,
         omega_rad_s=overlap.omega_rad_s,
         error_mean_mm=MM * overlap.error_mean_m,
     )

@@ -232,12 +232,5 @@ def worst_quality(qualities: Sequence[contract.Quality]) -> contract.Quality:
 
 
 def _check_schema(check: Check) -> contract.QualityCheck:
-    return contract.QualityCheck(
-        name=check.name,
-        value=check.value if math.isfinite(check.value) else MAX_REPORTED_VALUE,
-        unit=check.unit,
-        limit=check.limit,
-        contradicted_above=check.contradicted_above,
-        passed=check.passed,
-        message=check.message,
-    )
+    value = check.value if math.isfinite(check.value) else MAX_REPORTED_VALUE
+    return contract.QualityCheck.from_object(check, value=value)

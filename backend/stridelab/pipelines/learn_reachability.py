@@ -5,7 +5,7 @@ from datetime import UTC, datetime
 from typing import Final
 
 from stridelab.pipelines.progress import ProgressCallback
-from stridelab.reachability.card import EffectorCard, ReachabilityCard
+from stridelab.reachability.card import ReachabilityCard
 from stridelab.reachability.learning.fit import LearnedDensities, learn_densities
 from stridelab.robots.card import robot_card
 from stridelab.robots.loader import load_robot
@@ -58,31 +58,9 @@ def learn_reachability(request: LearnReachabilityInput, progress: ProgressCallba
         robot, today, request.effectors, request.samples, request.seed, request.measure, report_learning
     )
     card = learned.card
-    summary = LearnReachabilitySummary(
-        robot=card.robot,
-        robot_sha256=card.robot_sha256,
-        samples=card.samples,
-        tried=card.tried,
-        rejected_share=card.rejected_share,
-        learned_on=card.learned_on,
-        measure=card.measure,
-        effectors={name: _learned_effector(effector) for name, effector in card.effectors.items()},
-        warnings=list(_card_warnings(card)),
-    )
+    effectors = {name: LearnedEffector.from_object(effector) for name, effector in card.effectors.items()}
+    summary = LearnReachabilitySummary.from_object(card, effectors=effectors, warnings=list(_card_warnings(card)))
     return LearnedReachability(robot, learned, summary)
-
-
-def _learned_effector(effector: EffectorCard) -> LearnedEffector:
-    return LearnedEffector(
-        frame=effector.frame,
-        components=effector.components,
-        thesis_components=effector.thesis_components,
-        kl_nats=effector.kl_nats,
-        kl_sd_nats=effector.kl_sd_nats,
-        held_out_log_likelihood=effector.held_out_log_likelihood,
-        bandwidth_m=effector.bandwidth_m,
-        mode_m=effector.mode_m,
-    )
 
 
 def _card_warnings(card: ReachabilityCard) -> tuple[Remark, ...]:

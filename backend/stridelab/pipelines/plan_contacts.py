@@ -27,12 +27,9 @@ def plan_contacts(request: PlanContactsInput, progress: ProgressCallback) -> Pla
     planner = ContactPlanner(effectors, planner_limits(request.robot))
     plan = planner.plan(request.model_dump(mode="json"), progress)
     report = validate_scenario(plan.scenario, effectors)
-    return PlanContactsSummary(
+    return PlanContactsSummary.from_object(
+        plan,
         scenario=Scenario.model_validate(plan.scenario),
-        steps=plan.steps,
         duration_s=report.duration_s,
-        objective_m=plan.objective_m,
-        programs=plan.programs,
-        solve_time_s=plan.solve_time_s,
         warnings=[Remark(code=remark.code, message=remark.message) for remark in report.remarks],
     )

@@ -12,7 +12,6 @@ from stridelab.schemas.population import (
     PartialCorrelation,
     SubjectResult,
 )
-from stridelab.walking.population.correlations import Correlation
 from stridelab.walking.population.mixed_model import MixedModel
 from stridelab.walking.population.population import Pair, Population, SubjectMean
 
@@ -77,29 +76,21 @@ def correlation_results(population: Population) -> list[CorrelationResult]:
 
 def _correlation_result(one: Pair) -> CorrelationResult:
     ranks, on_speed = one.spearman, one.partial_on.get("speed_m_s")
-    return CorrelationResult(
+    return CorrelationResult.from_object(
+        one.pearson,
         group=one.group,
         parameter=one.parameter,
         against=one.against,
-        n=one.pearson.n,
-        r=one.pearson.r,
-        p=one.pearson.p,
         p_holm=one.p_holm,
-        ci95=one.pearson.ci95,
-        bootstrap_ci95=one.pearson.bootstrap_ci95,
         spearman=ranks.r if ranks else None,
         spearman_p=ranks.p if ranks else None,
         spearman_ci95=ranks.ci95 if ranks else None,
         spearman_bootstrap_ci95=ranks.bootstrap_ci95 if ranks else None,
-        partial=[_partial_correlation(held, partial) for held, partial in one.partial_on.items()],
+        partial=[PartialCorrelation.from_object(partial, on=held) for held, partial in one.partial_on.items()],
         partial_on_speed=on_speed.r if on_speed else None,
         left_out=list(one.left_out),
         thesis=THESIS_CORRELATIONS.get((one.parameter, one.against)),
     )
-
-
-def _partial_correlation(held: str, one: Correlation) -> PartialCorrelation:
-    return PartialCorrelation(on=held, n=one.n, r=one.r, p=one.p, ci95=one.ci95)
 
 
 def mixed_results(population: Population) -> list[MixedModelResult]:
@@ -113,21 +104,12 @@ def mixed_results(population: Population) -> list[MixedModelResult]:
 
 def _mixed_model_result(group: str, parameter: str, one: MixedModel) -> MixedModelResult:
     names = [effect.name for effect in one.effects[1:]]
-    return MixedModelResult(
+    return MixedModelResult.from_object(
+        one,
         group=group,
         parameter=parameter,
         formula=" + ".join(["1", *names, "(1 | subject)"]),
-        method=one.method,
-        effects=[
-            EffectResult(name=e.name, value=e.value, sd=e.sd, freedom=e.freedom, p=e.p, ci95=e.ci95)
-            for e in one.effects
-        ],
-        subject_sd=one.subject_sd,
-        step_sd=one.step_sd,
-        icc=one.icc,
-        n_people=one.n_people,
-        n_steps=one.n_steps,
-        on_bound=one.on_bound,
+        effects=[EffectResult.from_object(effect) for effect in one.effects],
     )
 
 

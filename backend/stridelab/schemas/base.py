@@ -1,6 +1,6 @@
 """Base classes shared by all schemas of the HTTP interface."""
 
-from typing import Annotated, Generic, TypeVar
+from typing import Annotated, Any, Generic, Self, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -11,6 +11,12 @@ class Contract(BaseModel):
     """Base of every request and response: unknown fields are rejected, numbers are finite."""
 
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False, frozen=True)
+
+    @classmethod
+    def from_object(cls, source: object, **others: Any) -> Self:
+        """Instance with the values ``others``, and for all other fields the attributes of ``source`` of their names."""
+        fields = {name: getattr(source, name) for name in cls.model_fields if name not in others}
+        return cls.model_validate({**fields, **others})
 
 
 Interval = Annotated[tuple[float, float], Field(description="start and end in seconds of the recording's time axis")]

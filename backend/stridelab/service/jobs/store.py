@@ -219,16 +219,9 @@ class JobStore:
         """The job's events with a number above ``seq``, in order."""
         wanted = select(job_event).where(job_event.c.job_id == job_id, job_event.c.seq > seq)
         async with self._autocommit_engine.connect() as connection:
-            rows = (await connection.execute(wanted.order_by(job_event.c.seq).limit(limit))).mappings().all()
+            rows = (await connection.execute(wanted.order_by(job_event.c.seq).limit(limit))).all()
         return tuple(
-            JobEvent(
-                seq=row["seq"],
-                at=row["at"],
-                state=row["state"],
-                attempt=row["attempt"],
-                progress=Progress(fraction=row["fraction"], message=row["message"]),
-            )
-            for row in rows
+            JobEvent.from_object(row, progress=Progress(fraction=row.fraction, message=row.message)) for row in rows
         )
 
     async def result(self, job_id: str) -> JobResult:

@@ -72,15 +72,8 @@ def recording_facts(trial: Trial) -> RecordingFacts:
 
 def plate_info(plate: Plate, force_rate_hz: float) -> PlateInfo:
     """A plate of the contract, with the intervals in which its load exceeds its threshold."""
-    return PlateInfo(
-        index=plate.index,
-        type=plate.type,
-        corners_m=plate.corners_m.tolist(),
-        loaded_s=loaded_intervals(plate, force_rate_hz),
-        use=plate.use,
-        threshold_n=plate.threshold_n,
-        belt_speed_m_s=plate.belt_speed_m_s,
-    )
+    loaded_s = loaded_intervals(plate, force_rate_hz)
+    return PlateInfo.from_object(plate, corners_m=plate.corners_m.tolist(), loaded_s=loaded_s)
 
 
 def write_tracks(

@@ -17,22 +17,10 @@ _ENDED: Final[Mapping[JobState, tuple[int, str]]] = {
 
 def job_of(record: JobRecord) -> Job:
     """Convert a record to a ``Job``."""
-    return Job(
-        id=record.id,
-        kind=record.kind,
-        state=record.state,
-        priority=record.priority,
+    return Job.from_object(
+        record,
         progress=Progress(fraction=record.fraction, message=record.message),
-        attempt=record.attempt,
-        created_at=record.created_at,
-        started_at=record.started_at,
-        finished_at=record.finished_at,
         error=_problem_of(record),
-        queue_position=record.queue_position,
-        owner=record.owner,
-        recording_id=record.recording_id,
-        scenario_id=record.scenario_id,
-        log_tail=record.log_tail,
         has_result=record.result is not None,
         verdict=_verdict_of(record),
     )

@@ -1,7 +1,7 @@
 """Queries of recordings, and conversion of their rows to the ``Recording`` schema."""
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Final
 
 from sqlalchemy import Select, select
 from sqlalchemy.ext.asyncio import AsyncConnection
@@ -14,6 +14,11 @@ from stridelab.service.estimable import estimate_offers
 from stridelab.service.storage.tables import marker_set, recording, subject
 
 Row = Mapping[str, Any]
+STORED_FIELDS: Final = (
+    *("id", "sha256", "filename", "bytes", "created_at", "subject_id", "marker_map", "static_recording_id"),
+    *("session_id", "session_stated", "bundled", "truth_job_id", "owner"),
+)
+"""Fields of a ``Recording`` that are columns of its row."""
 
 
 def recordings_with_subjects() -> Select[Any]:
@@ -63,25 +68,12 @@ def recording_of(row: Row) -> Recording:
     facts = RecordingFacts.model_validate(row["facts"])
     if facts.marker_set_id is not None and row["present_set_id"] is None:
         facts = facts.model_copy(update={"warnings": [*facts.warnings, _deleted_set_remark(facts)]})
-    own = facts.model_dump(exclude={"subject"})
     subject = merged_subject(facts, row["linked_fields"], row["subject_fields"])
     static_stated = row["static_recording_id"] is not None
     alone = row["session_id"] is None and not static_stated
     return Recording(
-        **own,
-        id=row["id"],
-        sha256=row["sha256"],
-        filename=row["filename"],
-        bytes=row["bytes"],
-        created_at=row["created_at"],
+        **facts.model_dump(exclude={"subject"}),
+        **{name: row[name] for name in STORED_FIELDS},
         subject=subject,
-        subject_id=row["subject_id"],
-        marker_map=row["marker_map"],
-        static_recording_id=row["static_recording_id"],
-        session_id=row["session_id"],
-        session_stated=row["session_stated"],
         estimates=estimate_offers(facts, subject, no_other_mass_source=alone, static_stated=static_stated),
-        bundled=row["bundled"],
-        truth_job_id=row["truth_job_id"],
-        owner=row["owner"],
     )

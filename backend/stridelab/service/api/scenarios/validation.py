@@ -58,17 +58,7 @@ def validate_sync(scenario: Scenario) -> ScenarioCheck:
         valid=report.valid,
         errors=faults,
         warnings=[Remark(code=remark.code, message=remark.message) for remark in report.remarks],
-        margins=[
-            ContactMargin(
-                phase=margin.phase,
-                effector=margin.effector,
-                surface=margin.surface,
-                height_m=margin.height_m,
-                edge_m=margin.edge_m,
-                reach_m=margin.reach_m,
-            )
-            for margin in report.margins
-        ],
+        margins=[ContactMargin.from_object(margin) for margin in report.margins],
         support_region_m=[list(rest.region_m) for rest in report.rests],
         support=[_phase_support(k, rest) for k, rest in enumerate(report.rests)],
         phases=_unchecked_phases(scenario),

@@ -4,7 +4,7 @@ Runs in a killable child of ``GET /robots/{name}``: the service itself never imp
 """
 
 from pathlib import Path
-from typing import get_args
+from typing import Final, get_args
 
 import pinocchio as pin
 
@@ -18,6 +18,9 @@ from stridelab.robots.visuals import link_names, link_poses
 from stridelab.schemas.base import Contract
 from stridelab.schemas.robots import JointLimits, ProxyCard, ProxySize, RobotEffector, RobotFacts
 from stridelab.service.kinds.base import Outcome, json_run
+
+CARD_FIELDS: Final = ("measure", "samples", "tried", "rejected_share", "seed", "learned_on", "versions")
+"""Fields of a ``ProxyCard`` that all effectors of a robot share."""
 
 
 class RobotTask(Contract):
@@ -109,30 +112,9 @@ def learned_cards(robot_name: str) -> list[ReachabilityCard]:
 def proxy_card(card: ReachabilityCard, effector: str) -> ProxyCard:
     """Settings and quality of the learned density of one effector."""
     learned = card.effectors[effector]
-    return ProxyCard(
+    return ProxyCard.from_object(
+        learned,
         effector=effector,
-        measure=card.measure,
-        frame=learned.frame,
-        components=learned.components,
-        thesis_components=learned.thesis_components,
-        samples=card.samples,
-        tried=card.tried,
-        rejected_share=card.rejected_share,
-        seed=card.seed,
-        bandwidth_m=learned.bandwidth_m,
-        kl_nats=learned.kl_nats,
-        kl_sd_nats=learned.kl_sd_nats,
-        held_out_log_likelihood=learned.held_out_log_likelihood,
-        mode_m=learned.mode_m,
-        sizes=[
-            ProxySize(
-                components=size.components,
-                kl_nats=size.kl_nats,
-                kl_sd_nats=size.kl_sd_nats,
-                held_out_log_likelihood=size.held_out_log_likelihood,
-            )
-            for size in learned.sizes
-        ],
-        learned_on=card.learned_on,
-        versions=card.versions,
+        sizes=[ProxySize.from_object(size) for size in learned.sizes],
+        **{name: getattr(card, name) for name in CARD_FIELDS},
     )
