@@ -1,4 +1,5 @@
 // A dialog that shows the scenario as JSON, to be read, changed and stored as a whole; errors are listed with their lines.
+import { createElement, smallButton } from "../shared/elements.js";
 
 export class JsonView {
   // `read()` returns the scenario, `store(scenario)` stores one or throws with the problem.
@@ -54,20 +55,13 @@ export class JsonView {
     this.status.textContent = summary;
     this.errorList.replaceChildren(
       ...errors.map(({ where, message, line }) => {
-        const item = document.createElement("li");
+        const item = createElement("li");
         if (line !== null) {
-          const button = document.createElement("button");
-          button.type = "button";
-          button.className = "small";
-          button.textContent = `line ${line + 1}`;
+          const button = smallButton(`line ${line + 1}`);
           button.addEventListener("click", () => this.selectLine(line));
           item.append(button, " ");
         }
-        if (where) {
-          const name = document.createElement("b");
-          name.textContent = `${where}: `;
-          item.append(name);
-        }
+        if (where) item.append(createElement("b", {}, `${where}: `));
         item.append(message);
         return item;
       }),

@@ -1,5 +1,6 @@
 // The timeline of the phases: one bar per phase, one lane per effector, and borders that are dragged or moved by arrow keys.
 import { phaseEndTimes, movePhaseEnd } from "./phase_edits.js";
+import { createElement } from "../shared/elements.js";
 import { effectorLabel, phaseSentence } from "./validation_text.js";
 
 const TARGETS = { ArrowLeft: (k) => k - 1, ArrowRight: (k) => k + 1, Home: () => 0, End: (_, last) => last };
@@ -120,14 +121,9 @@ export class PhaseTimeline {
   }
 
   createBars() {
-    this.bars = this.scenario.phases.map((_, k) => {
-      const bar = document.createElement("button");
-      bar.type = "button";
-      bar.append(document.createElement("span"));
-      bar.children[0].textContent = String(k);
-      bar.tabIndex = -1;
-      return bar;
-    });
+    this.bars = this.scenario.phases.map((_, k) =>
+      createElement("button", { type: "button", tabIndex: -1 }, createElement("span", {}, String(k))),
+    );
     this.phases.replaceChildren(...this.bars);
     this.borders = this.editable ? this.scenario.phases.map((_, k) => this.createBorder(k)) : [];
     this.borderTrack.replaceChildren(...this.borders);
@@ -135,17 +131,14 @@ export class PhaseTimeline {
   }
 
   createBorder(k) {
-    const border = document.createElement("div");
-    for (const [name, value] of Object.entries({
+    const border = createElement("div", {
       role: "slider",
-      "aria-orientation": "horizontal",
-      "aria-label": `End of phase ${k}`,
-      "aria-valuemin": "0",
-      tabindex: "-1",
-    })) {
-      border.setAttribute(name, value);
-    }
-    border.title = `End of phase ${k}: drag it; with Shift, all later phases shift along`;
+      ariaOrientation: "horizontal",
+      ariaLabel: `End of phase ${k}`,
+      ariaValueMin: "0",
+      tabIndex: -1,
+      title: `End of phase ${k}: drag it; with Shift, all later phases shift along`,
+    });
     const stop = () => {
       this.drag = null;
       this.draw(this.scenario, this.touches);

@@ -1,5 +1,6 @@
 // The buttons "Plan" and "Find contacts" of the editor: each starts a job, follows it and opens its result.
 import { call, followJob, jobHeadline, problemSentence, startJob } from "../shared/api.js";
+import { createElement } from "../shared/elements.js";
 import { CONTACTS_SUFFIX, openAsNewScenario } from "./scenario_store.js";
 
 const FEET = ["left_foot", "right_foot"];
@@ -20,12 +21,8 @@ function failureReason(job, lastMessage = "") {
 }
 
 // A link to the partial result of a failed job.
-function partialResultLink(job) {
-  const link = document.createElement("a");
-  link.href = `/plans/${encodeURIComponent(job.id)}`;
-  link.textContent = "See how far it comes.";
-  return link;
-}
+const partialResultLink = (job) =>
+  createElement("a", { href: `/plans/${encodeURIComponent(job.id)}` }, "See how far it comes.");
 
 // Plans the scenario and opens the plan.
 export function bindPlanButton(root, scenarioId, before) {

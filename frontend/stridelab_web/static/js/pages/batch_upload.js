@@ -1,6 +1,16 @@
 // Uploads many files with a subject table and starts a study of the readable ones; refused files are listed first. A large
 // upload is read by a job, which is followed.
-import { responseJson, call, followJob, jobHeadline, onSubmit, problemSentence, startJob } from "../shared/api.js";
+import {
+  responseJson,
+  call,
+  followJob,
+  jobHeadline,
+  onClick,
+  onSubmit,
+  openNewJob,
+  problemSentence,
+} from "../shared/api.js";
+import { createElement } from "../shared/elements.js";
 
 const form = document.querySelector("[data-batch]");
 const bar = form.querySelector("progress");
@@ -41,14 +51,10 @@ async function readByJob(id) {
   return { ...summary, count: summary.recording_ids.length };
 }
 
-async function startStudy() {
-  const job = await startJob("study-population", {
-    recording_ids: uploaded.studied,
-    subjects: uploaded.subjects,
-    method: form.querySelector("[name=method]").value || null,
-  });
-  location.assign(`/population/${job.id}`);
-  return "Started.";
+function startStudy() {
+  const method = form.querySelector("[name=method]").value || null;
+  const input = { recording_ids: uploaded.studied, subjects: uploaded.subjects, method };
+  return openNewJob("study-population", input, "/population");
 }
 
 onSubmit(form, async (data) => {
@@ -68,24 +74,10 @@ onSubmit(form, async (data) => {
   }
   if (!uploaded.refused.length) return startStudy();
   refused.append(
-    ...uploaded.refused.map(({ filename, message }) => {
-      const row = document.createElement("li");
-      row.textContent = `${filename}: ${message}`;
-      return row;
-    }),
+    ...uploaded.refused.map(({ filename, message }) => createElement("li", {}, `${filename}: ${message}`)),
   );
   continueButton.hidden = uploaded.studied.length === 0;
   return `${uploaded.count} uploaded, ${uploaded.refused.length} refused.`;
 });
 
-continueButton.addEventListener("click", async () => {
-  const status = form.querySelector("[data-said]");
-  continueButton.disabled = true;
-  try {
-    status.textContent = await startStudy();
-  } catch (error) {
-    status.textContent = error.message;
-  } finally {
-    continueButton.disabled = false;
-  }
-});
+onClick(continueButton, form.querySelector("[data-said]"), startStudy);

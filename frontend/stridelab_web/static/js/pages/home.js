@@ -1,8 +1,5 @@
-import { onSubmit, startJob } from "../shared/api.js";
+import { onSubmit, openNewJob } from "../shared/api.js";
 
-onSubmit(document.querySelector("[data-simulate]"), async (data) => {
-  const input = { speed_m_s: Number(data.get("speed_m_s")), seed: Number(data.get("seed")) };
-  const job = await startJob("simulate-recording", input);
-  location.assign(`/jobs/${job.id}`);
-  return "started";
-});
+onSubmit(document.querySelector("[data-simulate]"), (data) =>
+  openNewJob("simulate-recording", { speed_m_s: Number(data.get("speed_m_s")), seed: Number(data.get("seed")) }),
+);

@@ -1,5 +1,5 @@
 // The page of one job: follows its progress, cancels and deletes it, and stores its result as a scenario.
-import { call, followJob, jobHeadline, showJobState } from "../shared/api.js";
+import { call, confirmDeletion, followJob, jobHeadline, onClick, showJobState } from "../shared/api.js";
 import { CONTACTS_SUFFIX, DURATIONS_SUFFIX, scenarioFields, openAsNewScenario } from "../editor/scenario_store.js";
 
 const card = document.querySelector("[data-live]");
@@ -21,43 +21,17 @@ function showProgress(job) {
   card.querySelector("progress").value = job.progress.fraction;
 }
 
-cancel?.addEventListener("click", async () => {
-  cancel.disabled = true;
-  try {
-    await call("DELETE", `/jobs/${id}?cancel_only=true`);
-    card.querySelector("[data-message]").textContent = "cancelling…";
-  } catch (error) {
-    card.querySelector("[data-message]").textContent = error.message;
-    cancel.disabled = false;
-  }
+const message = card.querySelector("[data-message]");
+onClick(cancel, message, async () => {
+  await call("DELETE", `/jobs/${id}?cancel_only=true`);
+  message.textContent = "cancelling…";
 });
-
-const dialog = document.querySelector("[data-confirm]");
-document.querySelector("[data-delete]")?.addEventListener("click", () => dialog.showModal());
-dialog?.querySelector("[data-no]").addEventListener("click", () => dialog.close());
-dialog?.querySelector("[data-yes]").addEventListener("click", async () => {
-  try {
-    await call("DELETE", `/jobs/${id}`);
-    location.assign("/jobs");
-  } catch (error) {
-    dialog.querySelector("[data-said]").textContent = error.message;
-  }
-});
+confirmDeletion(`/jobs/${id}`, "/jobs");
 
 // Stores the planned contacts or the optimised durations as a new scenario and opens it in the editor.
-const keepButton = document.querySelector("[data-keep]");
-keepButton?.addEventListener("click", async () => {
-  keepButton.disabled = true;
-  try {
-    const scenario = (await call("GET", `/jobs/${id}/result`)).summary.scenario;
-    if (scenario) await openAsNewScenario(scenario, CONTACTS_SUFFIX);
-    else
-      await openAsNewScenario(
-        scenarioFields(await call("GET", `/jobs/${id}/artifacts/scenario.json`)),
-        DURATIONS_SUFFIX,
-      );
-  } catch (error) {
-    document.querySelector("[data-said-keep]").textContent = error.message;
-    keepButton.disabled = false;
-  }
+onClick(document.querySelector("[data-keep]"), document.querySelector("[data-said-keep]"), async () => {
+  const { scenario } = (await call("GET", `/jobs/${id}/result`)).summary;
+  if (scenario) return openAsNewScenario(scenario, CONTACTS_SUFFIX);
+  const planned = scenarioFields(await call("GET", `/jobs/${id}/artifacts/scenario.json`));
+  return openAsNewScenario(planned, DURATIONS_SUFFIX);
 });

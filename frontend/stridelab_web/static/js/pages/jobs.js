@@ -1,19 +1,14 @@
 // Updates the rows of job tables by polling the jobs that are not finished.
-import { FINAL_STATES, call, jobHeadline, showJobOutcome, showJobState } from "../shared/api.js";
+import { FINAL_STATES, call, jobHeadline, onClick, showJobOutcome, showJobState } from "../shared/api.js";
 
 const POLL_MS = 1000;
 const rows = [...document.querySelectorAll("tr[data-job]")];
 
 for (const row of rows) {
   const cancel = row.querySelector("[data-cancel]");
-  cancel.addEventListener("click", async () => {
-    cancel.disabled = true;
-    try {
-      await call("DELETE", `/jobs/${row.dataset.job}?cancel_only=true`);
-      await refreshRow(row);
-    } catch (error) {
-      row.querySelector("[data-message]").textContent = error.message;
-    }
+  onClick(cancel, row.querySelector("[data-message]"), async () => {
+    await call("DELETE", `/jobs/${row.dataset.job}?cancel_only=true`);
+    await refreshRow(row);
   });
 }
 

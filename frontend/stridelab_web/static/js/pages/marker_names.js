@@ -1,5 +1,6 @@
 // The form that names the markers of a recording: filled with a proposal, saved as its map or stored as a marker set.
 import { call, onSubmit } from "../shared/api.js";
+import { createElement } from "../shared/elements.js";
 
 const DOUBTFUL = 0.8;
 
@@ -53,10 +54,8 @@ export function setUpMarkerNames(root, id, save) {
       const label = field.closest("label");
       field.value = proposed.label;
       label.querySelector("[data-confidence]")?.remove();
-      const note = document.createElement("span");
-      note.className = "hint";
+      const note = createElement("span", { className: "hint" }, confidenceText(proposed.confidence));
       note.dataset.confidence = "";
-      note.textContent = confidenceText(proposed.confidence);
       label.append(note);
       return label;
     });

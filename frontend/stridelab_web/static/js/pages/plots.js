@@ -1,5 +1,6 @@
 // A figure of stacked curves with one time axis, so that zoom and cursor are shared.
 import { colour, onColourScheme } from "../shared/colours.js";
+import { createElement } from "../shared/elements.js";
 
 // Line styles by name; colours are those of the style sheet.
 const STYLES = {
@@ -182,19 +183,14 @@ function addSwitches(switches, updateReadout) {
   const place = document.querySelector("[data-switches]");
   for (const { key, name, style, shown } of switches) {
     const indices = box.data.flatMap((trace, k) => (trace.group === key ? [k] : []));
-    const label = document.createElement("label"),
-      input = document.createElement("input"),
-      sample = document.createElement("span");
-    Object.assign(input, { type: "checkbox", checked: shown });
+    const input = createElement("input", { type: "checkbox", checked: shown });
     input.dataset.group = key;
-    sample.className = `key ${style}`;
-    label.append(input, " ", sample, name);
     input.addEventListener("change", () => {
       Plotly.restyle(box, { visible: input.checked }, indices);
       updateReadout();
     });
     if (!shown) Plotly.restyle(box, { visible: false }, indices);
-    place.append(label);
+    place.append(createElement("label", {}, input, " ", createElement("span", { className: `key ${style}` }), name));
   }
 }
 
@@ -273,12 +269,9 @@ function linkCursor(t, { columns, readings, shades_s, switches, x }) {
 }
 
 function readingNode(name, values, unit, digits) {
-  const span = document.createElement("span");
-  const bold = document.createElement("b");
   const texts = values.map((value) => value?.toFixed(digits).replace(/^-(0\.?0*)$/, "$1") ?? "–");
-  bold.textContent = texts.every((text) => text === "–") ? "–" : `${texts.join(", ")} ${unit}`;
-  span.append(`${name} `, bold);
-  return span;
+  const shown = texts.every((text) => text === "–") ? "–" : `${texts.join(", ")} ${unit}`;
+  return createElement("span", {}, `${name} `, createElement("b", {}, shown));
 }
 
 function channelReading({ name, key, unit, digits, sd, more }, columns, k) {

@@ -1,5 +1,5 @@
 // The form of a population study: recordings are chosen and assigned to subjects and groups.
-import { onSubmit, startJob } from "../shared/api.js";
+import { onSubmit, openNewJob } from "../shared/api.js";
 import { counted } from "../shared/plurals.js";
 
 const form = document.querySelector("[data-study]");
@@ -33,17 +33,16 @@ if (rows.length) {
   });
   form.addEventListener("change", (event) => event.target !== all && showCount());
   showCount();
-  onSubmit(form, async (data) => {
+  onSubmit(form, (data) => {
     const chosen = chosenRows();
     if (!chosen.length) return "Choose at least one recording.";
-    const job = await startJob("study-population", {
+    const input = {
       recording_ids: chosen.map((row) => row.dataset.recording),
       method: data.get("method") || null,
       steps: data.get("steps"),
       pooled: data.has("pooled"),
       subjects: chosen.map((row) => subjectEntry(row, data.get("group-of-all").trim())),
-    });
-    location.assign(`/population/${job.id}`);
-    return "Started.";
+    };
+    return openNewJob("study-population", input, "/population");
   });
 }

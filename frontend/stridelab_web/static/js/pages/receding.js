@@ -1,5 +1,5 @@
 // The form of a receding-horizon plan; each row is a push.
-import { onSubmit, startJob } from "../shared/api.js";
+import { onSubmit, openNewJob } from "../shared/api.js";
 
 const AXES = ["x", "y", "z"];
 const form = document.querySelector("form[data-receding]");
@@ -15,8 +15,8 @@ form?.querySelector("[data-add]").addEventListener("click", () => {
 const inputNumber = (row, name) => row.querySelector(`[name=${name}]`).valueAsNumber;
 
 if (form) {
-  onSubmit(form, async () => {
-    const job = await startJob("plan-receding", {
+  onSubmit(form, () =>
+    openNewJob("plan-receding", {
       scenario_id: form.dataset.receding,
       horizon_s: form.elements.horizon_s.valueAsNumber,
       period_s: form.elements.period_s.valueAsNumber,
@@ -24,8 +24,6 @@ if (form) {
         time_s: inputNumber(row, "time_s"),
         velocity_m_s: AXES.map((axis) => inputNumber(row, axis)),
       })),
-    });
-    location.assign(`/jobs/${job.id}`);
-    return "started";
-  });
+    }),
+  );
 }

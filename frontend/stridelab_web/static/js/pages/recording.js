@@ -1,5 +1,5 @@
 // The forms of the page of a recording; each sends only its own fields.
-import { call, onSubmit, startJob } from "../shared/api.js";
+import { call, confirmDeletion, onSubmit, openNewJob } from "../shared/api.js";
 import { setUpMarkerNames } from "./marker_names.js";
 
 const root = document.querySelector("[data-recording]");
@@ -107,19 +107,14 @@ const jobInput = (data) => ({
       : data.get("cutoffs") || "auto",
   smoother: smootherOptions(data),
 });
-const startAndOpen = async (kind, input) => {
-  const job = await startJob(kind, input);
-  location.assign(`/jobs/${job.id}`);
-  return "Started.";
-};
-onSubmit(estimate, (data) => startAndOpen("estimate-com", jobInput(data)));
+onSubmit(estimate, (data) => openNewJob("estimate-com", jobInput(data)));
 const startOnClick = (selector, kind, adapt) =>
   find(selector)?.addEventListener("click", async (event) => {
     const button = event.currentTarget,
       status = button.parentElement.querySelector("[data-said]");
     button.disabled = true;
     try {
-      status.textContent = await startAndOpen(kind, adapt(jobInput(new FormData(estimate))));
+      status.textContent = await openNewJob(kind, adapt(jobInput(new FormData(estimate))));
     } catch (error) {
       status.textContent = error.message;
     } finally {
@@ -134,14 +129,4 @@ startOnClick("[data-session-measures]", "gait-measures", () => ({
   recording_ids: find("[data-session-measures]").dataset.sessionMeasures.split(" "),
 }));
 
-const dialog = find("[data-confirm]");
-find("[data-no]").addEventListener("click", () => dialog.close());
-find("[data-yes]").addEventListener("click", async () => {
-  try {
-    await call("DELETE", `/recordings/${id}`);
-    location.assign("/recordings");
-  } catch (error) {
-    dialog.querySelector("[data-said]").textContent = error.message;
-  }
-});
-document.querySelector("[data-delete]")?.addEventListener("click", () => dialog.showModal());
+confirmDeletion(`/recordings/${id}`, "/recordings");

@@ -1,20 +1,16 @@
 // Starts the reproduction of one item, or of all without a result, and reports new results that the page does not show yet.
-import { onSubmit, startJob } from "../shared/api.js";
+import { onSubmit, openNewJob, startJob } from "../shared/api.js";
 
 const POLL_MS = 1000;
 const form = document.querySelector("[data-reproduce]");
 const status = form.querySelector("[data-said]");
 
-function startItem(item) {
+function itemInput(item) {
   const seeds = form.elements.seeds.value;
-  return startJob("reproduce", { item, seeds: seeds ? Number(seeds) : null });
+  return { item, seeds: seeds ? Number(seeds) : null };
 }
 
-onSubmit(form, async (data) => {
-  const job = await startItem(data.get("item"));
-  location.assign(`/jobs/${job.id}`);
-  return "Started.";
-});
+onSubmit(form, (data) => openNewJob("reproduce", itemInput(data.get("item"))));
 
 // Starts items one after the other; if the queue is full, those started so far continue.
 async function startItems(button, items) {
@@ -23,7 +19,7 @@ async function startItems(button, items) {
   try {
     for (const item of items) {
       status.textContent = `starting ${started + 1} of ${items.length} …`;
-      await startItem(item);
+      await startJob("reproduce", itemInput(item));
       started += 1;
     }
     location.reload();

@@ -1,5 +1,5 @@
 // Robot pages: fills each card with the data of its robot, which the service has to load, and starts learning its reach.
-import { call, onSubmit, startJob } from "../shared/api.js";
+import { call, onSubmit, openNewJob } from "../shared/api.js";
 
 for (const card of document.querySelectorAll('[data-robot][data-available="true"]')) fillCard(card);
 
@@ -21,14 +21,12 @@ async function fillCard(card) {
 
 const form = document.querySelector("form[data-learn]");
 if (form) {
-  onSubmit(form, async (data) => {
-    const input = {
+  onSubmit(form, (data) =>
+    openNewJob("learn-reachability", {
       robot: form.dataset.learn,
       samples: Number(data.get("samples")),
       seed: Number(data.get("seed")),
       measure: data.get("measure"),
-    };
-    location.assign(`/jobs/${(await startJob("learn-reachability", input)).id}`);
-    return "Started.";
-  });
+    }),
+  );
 }

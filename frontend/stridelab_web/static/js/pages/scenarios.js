@@ -1,5 +1,5 @@
 // Scenario pages: plan, import, copy, delete.
-import { call, onSubmit, startJob } from "../shared/api.js";
+import { call, onClick, onSubmit, openNewJob } from "../shared/api.js";
 import { startPlan } from "../editor/planning_jobs.js";
 
 for (const form of document.querySelectorAll("form[data-plan]")) {
@@ -19,19 +19,14 @@ for (const form of document.querySelectorAll("form[data-plan]")) {
 }
 
 for (const form of document.querySelectorAll("form[data-sweep]")) {
-  onSubmit(form, async (fields) => {
+  onSubmit(form, (fields) => {
     const vary = {};
     for (const k of ["1", "2"]) {
       if (fields.get(`field${k}`))
         vary[fields.get(`field${k}`)] = ["from", "to", "number"].map((name) => Number(fields.get(`${name}${k}`)));
     }
-    const job = await startJob("sweep", {
-      scenario_id: form.dataset.sweep,
-      vary,
-      whole_body: form.elements.whole_body.checked,
-    });
-    location.assign(`/jobs/${job.id}`);
-    return "started";
+    const whole_body = form.elements.whole_body.checked;
+    return openNewJob("sweep", { scenario_id: form.dataset.sweep, vary, whole_body });
   });
 }
 
@@ -69,19 +64,11 @@ function withoutServiceFields(body) {
 
 const status = document.querySelector("[data-said-copy]");
 const copyButton = document.querySelector("[data-copy]");
-copyButton?.addEventListener("click", async () => {
-  copyButton.disabled = true;
-  try {
-    const original = await call("GET", `/scenarios/${copyButton.dataset.copy}`);
-    const copy = await call("POST", "/scenarios", {
-      ...withoutServiceFields(original),
-      name: `${original.name} (copy)`.slice(0, 120),
-    });
-    location.assign(`/scenarios/${copy.id}`);
-  } catch (error) {
-    status.textContent = error.message;
-    copyButton.disabled = false;
-  }
+onClick(copyButton, status, async () => {
+  const original = await call("GET", `/scenarios/${copyButton.dataset.copy}`);
+  const name = `${original.name} (copy)`.slice(0, 120);
+  const copy = await call("POST", "/scenarios", { ...withoutServiceFields(original), name });
+  location.assign(`/scenarios/${copy.id}`);
 });
 
 const deleteButton = document.querySelector("[data-delete]");

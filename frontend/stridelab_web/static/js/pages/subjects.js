@@ -1,5 +1,5 @@
 // Subject pages: add, change and delete a subject, and assign recordings to it.
-import { call, onSubmit } from "../shared/api.js";
+import { call, confirmDeletion, onClick, onSubmit } from "../shared/api.js";
 
 const parseNumber = (text) => (text === "" ? null : Number(text));
 const subjectFields = (data) => ({
@@ -36,30 +36,12 @@ if (subjectPage) {
     });
   }
 
-  find("[data-unlink]")?.addEventListener("click", async () => {
+  onClick(find("[data-unlink]"), find("[data-said-unlink]"), async () => {
     const recordings = [...subjectPage.querySelectorAll("[name=recording]:checked")].map((box) => box.value);
-    const status = find("[data-said-unlink]");
-    if (!recordings.length) {
-      status.textContent = "Choose recordings first.";
-      return;
-    }
-    try {
-      for (const recording of recordings) await call("PATCH", `/recordings/${recording}`, { subject_id: null });
-      location.reload();
-    } catch (error) {
-      status.textContent = error.message;
-    }
+    if (!recordings.length) throw new Error("Choose recordings first.");
+    for (const recording of recordings) await call("PATCH", `/recordings/${recording}`, { subject_id: null });
+    location.reload();
   });
 
-  const dialog = find("[data-confirm]");
-  document.querySelector("[data-delete]").addEventListener("click", () => dialog.showModal());
-  find("[data-no]").addEventListener("click", () => dialog.close());
-  find("[data-yes]").addEventListener("click", async () => {
-    try {
-      await call("DELETE", `/subjects/${id}`);
-      location.assign("/subjects");
-    } catch (error) {
-      find("[data-said-delete]").textContent = error.message;
-    }
-  });
+  confirmDeletion(`/subjects/${id}`, "/subjects");
 }

@@ -1,18 +1,12 @@
 // The tokens of the service, for admins: list, create, revoke. A secret is shown once and not stored.
 import { call, onSubmit } from "../shared/api.js";
+import { createElement } from "../shared/elements.js";
 import { localTime } from "../shared/local_times.js";
 
 const card = document.querySelector("[data-tokens]"),
   find = (selector) => card.querySelector(selector);
 const state = find("[data-state]"),
   rows = find("tbody");
-
-/** @returns {any} */
-function cell(text, tag = "td") {
-  const node = document.createElement(tag);
-  node.textContent = text;
-  return node;
-}
 
 function expiryText(token) {
   if (token.revoked_at) return `revoked ${localTime(token.revoked_at)}`;
@@ -21,18 +15,15 @@ function expiryText(token) {
 }
 
 function createRow(token) {
-  const row = document.createElement("tr"),
-    name = cell(token.name, "th"),
-    actions = cell("");
-  name.scope = "row";
-  row.dataset.token = token.name;
+  const texts = [token.scope, localTime(token.created_at), expiryText(token), ""];
+  const cells = texts.map((text) => createElement("td", {}, text));
   if (!token.revoked_at) {
-    const button = cell("Revoke", "button");
-    button.setAttribute("aria-label", `Revoke the token of ${token.name}`);
+    const button = createElement("button", { ariaLabel: `Revoke the token of ${token.name}` }, "Revoke");
     button.addEventListener("click", () => revoke(button, token));
-    actions.append(button);
+    cells[3].append(button);
   }
-  row.append(name, cell(token.scope), cell(localTime(token.created_at)), cell(expiryText(token)), actions);
+  const row = createElement("tr", {}, createElement("th", { scope: "row" }, token.name), ...cells);
+  row.dataset.token = token.name;
   return row;
 }
 

@@ -1,6 +1,7 @@
 // Uploads files that are dropped or chosen, two at a time, each with a progress bar and a Cancel button. The reason of a
 // refused file stays until it is dismissed.
 import { responseJson, problemSentence } from "../shared/api.js";
+import { createElement, smallButton } from "../shared/elements.js";
 import { counted } from "../shared/plurals.js";
 import { refreshRecordings } from "./recordings_list.js";
 import { localTime } from "../shared/local_times.js";
@@ -48,25 +49,11 @@ function enqueue(upload) {
 }
 
 function createRow(filename) {
-  const row = document.createElement("li");
-  const line = document.createElement("div");
-  line.className = "file";
-  const name = document.createElement("b");
-  name.textContent = filename;
-  const state = document.createElement("span");
-  state.className = "hint";
-  state.textContent = "waiting";
-  const stop = document.createElement("button");
-  stop.type = "button";
-  stop.className = "small";
-  stop.textContent = "Cancel";
-  stop.setAttribute("aria-label", `Cancel the upload of ${filename}`);
-  line.append(name, state, stop);
-  const bar = document.createElement("progress");
-  bar.max = 1;
-  bar.value = 0;
-  bar.setAttribute("aria-label", `Upload of ${filename}`);
-  row.append(line, bar);
+  const state = createElement("span", { className: "hint" }, "waiting"),
+    stop = smallButton("Cancel", `Cancel the upload of ${filename}`),
+    bar = createElement("progress", { max: 1, value: 0, ariaLabel: `Upload of ${filename}` });
+  const line = createElement("div", { className: "file" }, createElement("b", {}, filename), state, stop);
+  const row = createElement("li", {}, line, bar);
   list.append(row);
   return { row, state, bar, stop };
 }
@@ -155,19 +142,7 @@ function onKnownFile(upload, recording) {
 }
 
 function linkTo(recording, text) {
-  const link = document.createElement("a");
-  link.href = `/recordings/${recording.id}`;
-  link.textContent = text;
-  return link;
-}
-
-function smallButton(text, label) {
-  const button = document.createElement("button");
-  button.type = "button";
-  button.className = "small";
-  button.textContent = text;
-  button.setAttribute("aria-label", label);
-  return button;
+  return createElement("a", { href: `/recordings/${recording.id}` }, text);
 }
 
 function onRefused({ row, file }, text) {
@@ -179,10 +154,6 @@ function showRefusal(row, name, text) {
   row.stop.remove();
   row.bar.hidden = true;
   row.state.textContent = "refused";
-  const problem = document.createElement("p");
-  problem.className = "wrong";
-  problem.setAttribute("role", "alert");
-  problem.textContent = text;
   const dismiss = smallButton("Dismiss", `Dismiss the refusal of ${name}`);
   dismiss.addEventListener("click", () => {
     const remaining = readRefusals(),
@@ -192,7 +163,7 @@ function showRefusal(row, name, text) {
     row.row.remove();
   });
   row.state.after(dismiss);
-  row.row.append(problem);
+  row.row.append(createElement("p", { className: "wrong", role: "alert" }, text));
 }
 
 function readRefusals() {

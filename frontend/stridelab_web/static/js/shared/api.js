@@ -25,6 +25,13 @@ export function startJob(kind, input) {
   return call("POST", `/jobs/${kind}`, input, { "Idempotency-Key": uniqueKey() });
 }
 
+// Starts a job and opens its page.
+/** @param {string} kind @param {object} input @param {string} page the address before the id of the job */
+export async function openNewJob(kind, input, page = "/jobs") {
+  location.assign(`${page}/${(await startJob(kind, input)).id}`);
+  return "Started.";
+}
+
 /**
  * @param {string} method
  * @param {string} path
@@ -115,6 +122,32 @@ export function onSubmit(form, action) {
     } finally {
       button.disabled = false;
     }
+  });
+}
+
+// Runs `action` at each click with the button disabled, which it stays if the page is left; shows an error in `status`.
+/** @param {any} button @param {PageElement} status @param {() => unknown} action */
+export function onClick(button, status, action) {
+  button?.addEventListener("click", async () => {
+    button.disabled = true;
+    try {
+      await action();
+    } catch (error) {
+      status.textContent = /** @type {Error} */ (error).message;
+      button.disabled = false;
+    }
+  });
+}
+
+// Opens the page's dialog from the button `data-delete`; on confirmation, deletes `path` and opens `next`.
+/** @param {string} path @param {string} next */
+export function confirmDeletion(path, next) {
+  const dialog = /** @type {any} */ (document.querySelector("[data-confirm]"));
+  document.querySelector("[data-delete]")?.addEventListener("click", () => dialog.showModal());
+  dialog?.querySelector("[data-no]").addEventListener("click", () => dialog.close());
+  onClick(dialog?.querySelector("[data-yes]"), dialog?.querySelector("[data-said]"), async () => {
+    await call("DELETE", path);
+    location.assign(next);
   });
 }
 

@@ -1,4 +1,6 @@
 // A notice on the page while the service does not answer; it is asked again every few seconds, then the notice disappears.
+import { createElement } from "./elements.js";
+
 const RETRY_MS = 3000,
   SHOWN_MS = 5000;
 const LOST = "The service does not answer. The page keeps what it shows and retries every few seconds.";
@@ -45,16 +47,10 @@ function showNotice(text) {
 }
 
 function createNotice() {
-  const box = document.createElement("aside"),
-    paragraph = document.createElement("p"),
-    button = document.createElement("button");
-  box.className = "lost";
-  box.setAttribute("aria-label", "Connection");
-  paragraph.setAttribute("role", "status");
-  button.className = "small";
-  button.textContent = "Retry now";
+  const button = createElement("button", { className: "small" }, "Retry now");
   button.addEventListener("click", retry);
-  box.append(paragraph, button);
+  const paragraph = createElement("p", { role: "status" });
+  const box = createElement("aside", { className: "lost", ariaLabel: "Connection" }, paragraph, button);
   document.querySelector("header.top").after(box);
   return box;
 }

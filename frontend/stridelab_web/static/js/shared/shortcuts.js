@@ -7,6 +7,10 @@
 //   not: Space after a click on a checkbox is meant to play;
 // - a shortcut with `page` does not work inside the scene, where viser's camera uses the key.
 
+import { createElement } from "./elements.js";
+
+const SOFTWARE_NOTE =
+  "The scene is drawn in software: this browser has no graphics card, or its hardware acceleration is off.";
 const TEXT_FIELDS =
   "input:not([type]), input:is([type=text], [type=search], [type=number], [type=email], [type=url], [type=tel], [type=password], [type=date], [type=time], [type=datetime-local], [type=month], [type=week]), textarea";
 const SLIDER_KEYS = ["ArrowLeft", "ArrowRight", "ArrowUp", "ArrowDown", "Home", "End"];
@@ -108,31 +112,25 @@ export class Shortcuts {
   // Opens the dialog; the browser restores the focus when it closes.
   showHelp() {
     this.dialog ??= document.body.appendChild(document.createElement("dialog"));
-    const heading = createElement("h2", "Keyboard shortcuts"),
+    // the heading has the focus, so that a long list starts at its top
+    const heading = createElement("h2", { id: "shortcuts-h", tabIndex: -1, autofocus: true }, "Keyboard shortcuts"),
       list = createElement("dl"),
-      close = createElement("button", "Close");
-    Object.assign(heading, { id: "shortcuts-h", tabIndex: -1, autofocus: true }); // so that a long list starts at its top
+      close = createElement("button", {}, "Close");
     this.dialog.setAttribute("aria-labelledby", heading.id);
     this.dialog.className = "shortcuts";
     for (const row of this.available) {
       const keys = createElement("dt");
       for (const key of row.shown ?? row.keys.map((each) => KEY_NAMES[each] ?? each))
-        keys.append(createElement("kbd", `${row.ctrl ? "Ctrl+" : ""}${key}`), " ");
-      list.append(keys, createElement("dd", row.text));
+        keys.append(createElement("kbd", {}, `${row.ctrl ? "Ctrl+" : ""}${key}`), " ");
+      list.append(keys, createElement("dd", {}, row.text));
     }
     close.addEventListener("click", () => this.dialog.close());
     const note =
       "They work outside of text fields. Space presses a button or a checkbox that was reached by Tab; after a click it is the shortcut.";
-    const software = isSoftwareRendering()
-      ? [
-          createElement(
-            "p",
-            "The scene is drawn in software: this browser has no graphics card, or its hardware acceleration is off.",
-            "hint",
-          ),
-        ]
-      : [];
-    this.dialog.replaceChildren(heading, list, createElement("p", note, "hint"), ...software, close);
+    const hints = [note, ...(isSoftwareRendering() ? [SOFTWARE_NOTE] : [])].map((text) =>
+      createElement("p", { className: "hint" }, text),
+    );
+    this.dialog.replaceChildren(heading, list, ...hints, close);
     if (!this.dialog.open) this.dialog.showModal();
   }
 }
@@ -144,11 +142,4 @@ function isSoftwareRendering() {
   const renderer = gl && info ? gl.getParameter(info.UNMASKED_RENDERER_WEBGL) : "";
   gl?.getExtension("WEBGL_lose_context")?.loseContext();
   return /swiftshader|llvmpipe|softpipe|software/i.test(renderer);
-}
-
-function createElement(name, text = "", css = "") {
-  const node = document.createElement(name);
-  node.textContent = text;
-  if (css) node.className = css;
-  return node;
 }

@@ -1,0 +1,12 @@
+// A new element with properties (also `className`, `ariaLabel`, `role`) and children; the same for all pages.
+/** @param {string} name @param {object} properties @param {(Node | string)[]} children @returns {any} */
+export function createElement(name, properties = {}, ...children) {
+  const node = Object.assign(document.createElement(name), properties);
+  node.append(...children);
+  return node;
+}
+
+// A small button with a longer label for screen readers.
+/** @param {string} text @param {string} label */
+export const smallButton = (text, label = text) =>
+  createElement("button", { type: "button", className: "small", ariaLabel: label }, text);
