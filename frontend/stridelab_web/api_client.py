@@ -1,14 +1,18 @@
 """HTTP client of the pages."""
 
 import tempfile
+from collections.abc import Awaitable
 from pathlib import Path
+from typing import TypeVar
 
 from starlette.requests import HTTPConnection
 
-from stridelab.client import AsyncClient
+from stridelab.client import AsyncClient, ProblemError
+from stridelab.schemas.jobs import Job
 from stridelab_web.config import WebConfig
 
 TIMEOUT_S = 60.0
+T = TypeVar("T")
 
 
 def make_client(config: WebConfig) -> AsyncClient:
@@ -20,6 +24,23 @@ def client_of(connection: HTTPConnection) -> AsyncClient:
     """The client of the running web app."""
     client: AsyncClient = connection.app.state.client
     return client
+
+
+def took_s(job: Job) -> float | None:
+    """Seconds from start to end of a finished job, else None."""
+    if job.started_at is None or job.finished_at is None:
+        return None
+    return (job.finished_at - job.started_at).total_seconds()
+
+
+async def none_if_missing(request: Awaitable[T]) -> T | None:
+    """The awaited result, or None if the service answers 404: what a page names may be deleted while it is viewed."""
+    try:
+        return await request
+    except ProblemError as refusal:
+        if refusal.status == 404:
+            return None
+        raise
 
 
 async def read_tracks(client: AsyncClient, recording_id: str) -> bytes:

@@ -89,32 +89,9 @@ class Circle:
     css: str
 
 
-@dataclass(frozen=True)
-class Chart:
-    """A drawn chart with a caption of one sentence."""
-
-    width: float
-    height: float
-    left: float
-    top: float
-    right: float
-    bottom: float
-    x_title: str
-    y_title: str
-    x_ticks: tuple[Tick, ...]
-    y_ticks: tuple[Tick, ...]
-    shades: tuple[Shade, ...]
-    bands: tuple[Band, ...]
-    circles: tuple[Circle, ...]
-    curves: tuple[Curve, ...]
-    whiskers: tuple[Whisker, ...]
-    marks: tuple[Mark, ...]
-    caption: str
-
-
 @dataclass
-class Canvas:
-    """Collects the elements of a chart over ``x_range`` and ``y_range``, in their units.
+class Chart:
+    """A chart over ``x_range`` and ``y_range``, in their units, to which elements are added; the caption is a sentence.
 
     With ``true_scale`` both axes have the same scale, and the height follows from the width.
     """
@@ -126,16 +103,39 @@ class Canvas:
     width: float = 560.0
     height: float = 300.0
     true_scale: bool = False
-    _shades: list[Shade] = field(default_factory=list)
-    _bands: list[Band] = field(default_factory=list)
-    _circles: list[Circle] = field(default_factory=list)
-    _curves: list[Curve] = field(default_factory=list)
-    _whiskers: list[Whisker] = field(default_factory=list)
-    _marks: list[Mark] = field(default_factory=list)
+    caption: str = ""
+    shades: list[Shade] = field(default_factory=list)
+    bands: list[Band] = field(default_factory=list)
+    circles: list[Circle] = field(default_factory=list)
+    curves: list[Curve] = field(default_factory=list)
+    whiskers: list[Whisker] = field(default_factory=list)
+    marks: list[Mark] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         if self.true_scale:
             self.height = self.px_per_x * (self.y_range[1] - self.y_range[0]) + TOP_PX + BOTTOM_PX
+
+    left, top = LEFT_PX, TOP_PX
+
+    @property
+    def right(self) -> float:
+        return round(self.width - RIGHT_PX, 1)
+
+    @property
+    def bottom(self) -> float:
+        return round(self.height - BOTTOM_PX, 1)
+
+    @property
+    def x_ticks(self) -> list[Tick]:
+        """Ticks of the horizontal axis."""
+        at_most = (self.width - LEFT_PX - RIGHT_PX) / TICK_PX_X
+        return [Tick(round(self.x_px(v), 1), text) for v, text in axis_ticks(self.x_range, at_most)]
+
+    @property
+    def y_ticks(self) -> list[Tick]:
+        """Ticks of the vertical axis."""
+        at_most = (self.height - TOP_PX - BOTTOM_PX) / TICK_PX_Y
+        return [Tick(round(self.y_px(v), 1), text) for v, text in axis_ticks(self.y_range, at_most)]
 
     @property
     def px_per_x(self) -> float:
@@ -157,75 +157,53 @@ class Canvas:
             run = part[finite[part]]
             if len(run) > 1:
                 points = " ".join(f"{self.x_px(u):.1f},{self.y_px(v):.1f}" for u, v in zip(x[run], y[run], strict=True))
-                self._curves.append(Curve(points, css, text))
+                self.curves.append(Curve(points, css, text))
 
     def add_band(self, x: np.ndarray, low: np.ndarray, high: np.ndarray, css: str) -> None:
         """Add the area between two curves over the same ``x``."""
         outline = [*zip(x, low, strict=True), *zip(x[::-1], high[::-1], strict=True)]
-        self._bands.append(Band(" ".join(f"{self.x_px(u):.1f},{self.y_px(v):.1f}" for u, v in outline), css))
+        self.bands.append(Band(" ".join(f"{self.x_px(u):.1f},{self.y_px(v):.1f}" for u, v in outline), css))
 
     def add_cell(self, x: Range, y: Range, css: str, text: str) -> None:
         """Add a rectangle over an interval of each axis."""
         corners = [(x[0], y[0]), (x[1], y[0]), (x[1], y[1]), (x[0], y[1])]
-        self._bands.append(Band(" ".join(f"{self.x_px(u):.1f},{self.y_px(v):.1f}" for u, v in corners), css, text))
+        self.bands.append(Band(" ".join(f"{self.x_px(u):.1f},{self.y_px(v):.1f}" for u, v in corners), css, text))
 
     def add_mark(
         self, x: float, y: float, css: str, shape: Shape = "circle", text: str = "", label: str = "", href: str = ""
     ) -> None:
         """Add a point, unless a coordinate is missing."""
         if math.isfinite(x) and math.isfinite(y):
-            self._marks.append(Mark(round(self.x_px(x), 1), round(self.y_px(y), 1), css, shape, text, label, href))
+            self.marks.append(Mark(round(self.x_px(x), 1), round(self.y_px(y), 1), css, shape, text, label, href))
 
     def add_vertical_line(self, x: float, low: float, high: float, css: str) -> None:
         """Add a vertical line, such as an error bar."""
         if all(math.isfinite(v) for v in (x, low, high)):
             px = round(self.x_px(x), 1)
-            self._whiskers.append(Whisker(px, round(self.y_px(low), 1), px, round(self.y_px(high), 1), css))
+            self.whiskers.append(Whisker(px, round(self.y_px(low), 1), px, round(self.y_px(high), 1), css))
 
     def add_horizontal_line(self, y: float, low: float, high: float, css: str) -> None:
         """Add a horizontal line."""
         if all(math.isfinite(v) for v in (y, low, high)):
             px = round(self.y_px(y), 1)
-            self._whiskers.append(Whisker(round(self.x_px(low), 1), px, round(self.x_px(high), 1), px, css))
+            self.whiskers.append(Whisker(round(self.x_px(low), 1), px, round(self.x_px(high), 1), px, css))
 
     def add_shade(self, start: float, end: float, css: str, text: str) -> None:
         """Add a shaded interval of the horizontal axis, cut at the ends of the axis."""
         low, high = max(start, self.x_range[0]), min(end, self.x_range[1])
         if high > low:
-            self._shades.append(Shade(round(self.x_px(low), 1), round((high - low) * self.px_per_x, 1), css, text))
+            self.shades.append(Shade(round(self.x_px(low), 1), round((high - low) * self.px_per_x, 1), css, text))
 
     def add_circle(self, x: float, y: float, radius: float, css: str) -> None:
         """Add a circle; ``radius`` is in units of the horizontal axis, for charts of true scale."""
-        self._circles.append(
+        self.circles.append(
             Circle(round(self.x_px(x), 1), round(self.y_px(y), 1), round(radius * self.px_per_x, 1), css)
         )
 
-    def build_chart(self, caption: str) -> Chart:
-        """Build the chart of all elements."""
-        inner = self.width - LEFT_PX - RIGHT_PX, self.height - TOP_PX - BOTTOM_PX
-        return Chart(
-            width=round(self.width, 1),
-            height=round(self.height, 1),
-            left=LEFT_PX,
-            top=TOP_PX,
-            right=round(self.width - RIGHT_PX, 1),
-            bottom=round(self.height - BOTTOM_PX, 1),
-            x_title=self.x_title,
-            y_title=self.y_title,
-            x_ticks=tuple(
-                Tick(round(self.x_px(v), 1), text) for v, text in axis_ticks(self.x_range, inner[0] / TICK_PX_X)
-            ),
-            y_ticks=tuple(
-                Tick(round(self.y_px(v), 1), text) for v, text in axis_ticks(self.y_range, inner[1] / TICK_PX_Y)
-            ),
-            shades=tuple(self._shades),
-            bands=tuple(self._bands),
-            circles=tuple(self._circles),
-            curves=tuple(self._curves),
-            whiskers=tuple(self._whiskers),
-            marks=tuple(self._marks),
-            caption=caption,
-        )
+    def with_caption(self, caption: str) -> "Chart":
+        """The chart itself, with this caption."""
+        self.caption = caption
+        return self
 
 
 def axis_ticks(span: Range, at_most: float) -> list[tuple[float, str]]:

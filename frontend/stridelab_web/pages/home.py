@@ -5,16 +5,15 @@ The page of settings and tokens, which shows no secrets, and the login page.
 The login form is sent to the HTTP interface, which sets the cookie.
 """
 
-from collections.abc import Awaitable
-from typing import Final, TypeVar
+from typing import Final
 
 from starlette.requests import Request
 from starlette.responses import Response
 
-from stridelab.client import AsyncClient, ProblemError
+from stridelab.client import AsyncClient
 from stridelab.schemas.jobs import Job
 from stridelab.schemas.scenarios import StoredScenario
-from stridelab_web.api_client import client_of
+from stridelab_web.api_client import client_of, none_if_missing
 from stridelab_web.config import WebConfig
 from stridelab_web.pages.lists import filenames_of
 from stridelab_web.pages.render import render_page
@@ -23,8 +22,6 @@ from stridelab_web.pages.scenarios.page import scenario_cards
 SAMPLE_RECORDING: Final = "sample-walk"
 SAMPLE_SCENARIO: Final = "six-stairs"
 LATEST, SCENARIOS = 6, 4
-
-T = TypeVar("T")
 
 
 async def home(request: Request) -> Response:
@@ -36,7 +33,7 @@ async def home(request: Request) -> Response:
         request,
         "pages/home.html",
         section="Home",
-        sample=await _none_if_missing(client.recording(SAMPLE_RECORDING)),
+        sample=await none_if_missing(client.recording(SAMPLE_RECORDING)),
         recordings=recordings.items,
         jobs=jobs.items,
         filenames=await filenames_of(client, jobs.items),
@@ -49,7 +46,7 @@ async def home(request: Request) -> Response:
 
 async def _featured_scenarios(client: AsyncClient) -> list[StoredScenario]:
     """The sample scenario first, then the newest."""
-    stairs = await _none_if_missing(client.scenario(SAMPLE_SCENARIO))
+    stairs = await none_if_missing(client.scenario(SAMPLE_SCENARIO))
     newest = (await client.scenarios(limit=SCENARIOS)).items
     first = [] if stairs is None else [stairs]
     return [*first, *(item for item in newest if item.id != SAMPLE_SCENARIO)][:SCENARIOS]
@@ -61,16 +58,6 @@ async def _motion_of(client: AsyncClient, scenario_id: str) -> Job | None:
     if not plans or (await client.result(plans[0].id)).summary.get("certificate") is None:
         return None
     return plans[0]
-
-
-async def _none_if_missing(request: Awaitable[T]) -> T | None:
-    """The awaited result, or None if the service answers 404."""
-    try:
-        return await request
-    except ProblemError as refusal:
-        if refusal.status == 404:
-            return None
-        raise
 
 
 async def settings_page(request: Request) -> Response:

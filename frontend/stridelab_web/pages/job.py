@@ -1,14 +1,17 @@
 """The page of one job and of its result."""
 
+from typing import Any, Final
+
 from starlette.concurrency import run_in_threadpool
+from starlette.datastructures import QueryParams
 from starlette.exceptions import HTTPException
 from starlette.requests import Request
 from starlette.responses import JSONResponse, RedirectResponse, Response
 
-from stridelab.client import AsyncClient, ProblemError
+from stridelab.client import AsyncClient
 from stridelab.schemas.jobs import Job, JobResult
 from stridelab.schemas.recordings import Recording
-from stridelab_web.api_client import client_of
+from stridelab_web.api_client import client_of, none_if_missing, took_s
 from stridelab_web.assets import plotly_style_ids
 from stridelab_web.pages import reproduction
 from stridelab_web.pages.render import render_page
@@ -18,6 +21,9 @@ from stridelab_web.pages.results.quality import shown_quality
 from stridelab_web.pages.results.summary_facts import facts_of, headline_of, main_and_other_facts, sentences_of
 from stridelab_web.parquet import read_columns
 from stridelab_web.scene.result_files import SCENARIO, SCENE_TABLES
+
+VIEWS: Final = ("comparison", "cycloid", "learned", "sweep", "receding", "measures", "reproduction")
+"""Views of a result in the template."""
 
 
 async def job_page(request: Request) -> Response:
@@ -30,29 +36,14 @@ async def job_page(request: Request) -> Response:
         return RedirectResponse(f"/population/{job.id}", status_code=303)
     result = await client.result(job.id) if job.state == "succeeded" else None
     recording = await _recording_of(client, job, result)
-    comparison_values = None
-    if result is not None and job.kind == comparison.KIND:
-        comparison_values = comparison.comparison_of(job.id, result, request.query_params.get("figure", ""))
-    cycloid_values = None
-    if result is not None and job.kind == cycloid.KIND:
-        cycloid_values = await cycloid.cycloid_of(client, job.id, result, request.query_params.get("step", ""))
-    learned_values = None
-    if result is not None and job.kind == reachability.KIND:
-        learned_values = await reachability.learned_of(client, job.id, result)
-    sweep_values = None
-    if result is not None and job.kind == sweep.KIND:
-        sweep_values = await sweep.sweep_of(client, job.id, result)
-    receding_values = None
-    if result is not None and job.kind == receding.KIND:
-        receding_values = await receding.receding_of(client, job.id, result)
+    views: dict[str, Any] = dict.fromkeys(VIEWS)
+    if result is not None:
+        views |= await _result_view(client, job, result, request.query_params)
     facts, other_facts = main_and_other_facts(result, facts_of(result)) if result else ([], [])
     present = {item.name for item in result.artifacts} if result is not None else set()
-    curves = COM_TABLE in present and cycloid_values is None
-    plots = (
-        curves
-        or receding_values is not None
-        or (comparison_values is not None and comparison_values["figure"] is not None)
-    )
+    compared, learned = views["comparison"], views["learned"]
+    curves = COM_TABLE in present and views["cycloid"] is None
+    plots = curves or views["receding"] is not None or (compared is not None and compared["figure"] is not None)
     return render_page(
         request,
         "pages/job.html",
@@ -61,23 +52,37 @@ async def job_page(request: Request) -> Response:
         took_s=took_s(job),
         result=result,
         quality=shown_quality(result.summary) if result else None,
-        facts=reachability.facts_beside_table(facts) if learned_values else facts,
+        facts=reachability.facts_beside_table(facts) if learned else facts,
         other_facts=other_facts,
         headline=headline_of(result) if result else None,
         sentences=sentences_of(result) if result else [],
         recording=recording,
         plots=plots,
-        plots_url=comparison_values["plots_url"] if comparison_values else f"/jobs/{job.id}/plots.json",
-        comparison=comparison_values,
-        cycloid=cycloid_values,
-        learned=learned_values,
-        sweep=sweep_values,
-        receding=receding_values,
-        measures=measures.measures_of(result) if result and job.kind == measures.KIND else None,
-        reproduction=reproduction.reproduction_of(result) if result and job.kind == reproduction.KIND else None,
-        plotly_style_ids=plotly_style_ids() if plots or learned_values else (),
+        plots_url=compared["plots_url"] if compared else f"/jobs/{job.id}/plots.json",
+        plotly_style_ids=plotly_style_ids() if plots or learned else (),
+        **views,
         viewer_url=_viewer_url(job, recording, present),
     )
+
+
+async def _result_view(client: AsyncClient, job: Job, result: JobResult, query: QueryParams) -> dict[str, Any]:
+    """Values of the view for the kind of the job, by the name of the view; empty for kinds that have none."""
+    match job.kind:
+        case comparison.KIND:
+            return {"comparison": comparison.comparison_of(job.id, result, query.get("figure", ""))}
+        case cycloid.KIND:
+            return {"cycloid": await cycloid.cycloid_of(client, job.id, result, query.get("step", ""))}
+        case reachability.KIND:
+            return {"learned": await reachability.learned_of(client, job.id, result)}
+        case sweep.KIND:
+            return {"sweep": await sweep.sweep_of(client, job.id, result)}
+        case receding.KIND:
+            return {"receding": await receding.receding_of(client, job.id, result)}
+        case measures.KIND:
+            return {"measures": measures.measures_of(result)}
+        case reproduction.KIND:
+            return {"reproduction": reproduction.reproduction_of(result)}
+    return {}
 
 
 async def plots_json(request: Request) -> Response:
@@ -106,18 +111,4 @@ async def _recording_of(client: AsyncClient, job: Job, result: JobResult | None)
     given = result.input if result else {}
     listed = given.get("recording_ids") or []
     recording_id = job.recording_id or given.get("recording_id") or (listed[0] if len(listed) == 1 else None)
-    if recording_id is None:
-        return None
-    try:
-        return await client.recording(recording_id)
-    except ProblemError as refusal:
-        if refusal.status == 404:  # a recording may be gone while its job is still being looked at
-            return None
-        raise
-
-
-def took_s(job: Job) -> float | None:
-    """Seconds from start to end of a finished job, else None."""
-    if job.started_at is None or job.finished_at is None:
-        return None
-    return (job.finished_at - job.started_at).total_seconds()
+    return None if recording_id is None else await none_if_missing(client.recording(recording_id))

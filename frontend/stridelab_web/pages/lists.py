@@ -5,9 +5,9 @@ from collections.abc import Sequence
 from starlette.requests import Request
 from starlette.responses import Response
 
-from stridelab.client import AsyncClient, ProblemError
+from stridelab.client import AsyncClient
 from stridelab.schemas.jobs import Job
-from stridelab_web.api_client import client_of
+from stridelab_web.api_client import client_of, none_if_missing
 from stridelab_web.formatting import KINDS
 from stridelab_web.formatting import job_kind_name as name_of
 from stridelab_web.pages.render import render_page
@@ -43,9 +43,6 @@ async def filenames_of(client: AsyncClient, jobs: Sequence[Job]) -> dict[str, st
     """File names of the recordings of the jobs, by recording id; deleted recordings are left out."""
     names: dict[str, str] = {}
     for recording_id in {job.recording_id for job in jobs if job.recording_id is not None}:
-        try:
-            names[recording_id] = (await client.recording(recording_id)).filename
-        except ProblemError as refusal:
-            if refusal.status != 404:
-                raise
+        if recording := await none_if_missing(client.recording(recording_id)):
+            names[recording_id] = recording.filename
     return names

@@ -11,9 +11,8 @@ from starlette.responses import JSONResponse, RedirectResponse, Response
 from stridelab.client import AsyncClient
 from stridelab.schemas.plans import PLAN_STAGES, PlanMotionSummary
 from stridelab.schemas.scenarios import Scenario
-from stridelab_web.api_client import client_of
+from stridelab_web.api_client import client_of, took_s
 from stridelab_web.assets import plotly_style_ids
-from stridelab_web.pages.job import took_s
 from stridelab_web.pages.plans.comparison import PlanFacts
 from stridelab_web.pages.plans.comparison_page import KIND, compare_plans, curves_of, other_plan
 from stridelab_web.pages.plans.cost_table import NOT_MINIMISED, cost_rows, cost_text

@@ -5,7 +5,7 @@ from typing import Final
 
 import numpy as np
 
-from stridelab_web.charts.svg import Canvas, Chart, range_of
+from stridelab_web.charts.svg import Chart, range_of
 from stridelab_web.pages.results.cycloid_steps import WheelStep
 from stridelab_web.parquet import Columns
 from stridelab_web.scene.cycloid_frames import radius_m
@@ -66,7 +66,7 @@ def _true_scale_chart(samples: Columns, R_m: float, step: WheelStep) -> Chart:
     size = abs(R_m)
     x = range_of(ahead, hub - size, hub + size, share=0.02)
     y = (z0 - size - 0.03, max(z0 + size, float(samples["z_m"].max())) + 0.02)
-    canvas = Canvas(x, y, "Distance ahead since the step began [m]", "Height [m]", WIDE_PX, true_scale=True)
+    canvas = Chart(x, y, "Distance ahead since the step began [m]", "Height [m]", WIDE_PX, true_scale=True)
     canvas.add_horizontal_line(z0 - size, *x, "ground")
     canvas.add_horizontal_line(z0, float(hub.min()), float(hub.max()), "hub-line")
     for k in _drawn_instants(samples["theta_rad"]):
@@ -76,7 +76,7 @@ def _true_scale_chart(samples: Columns, R_m: float, step: WheelStep) -> Chart:
         canvas.add_mark(float(point[k]), float(samples["model_z_m"][k]), "point", "circle")
     canvas.add_curve(ahead, samples["z_m"], "measured", "centre of mass")
     canvas.add_curve(point, samples["model_z_m"], "wheel", "point on the wheel")
-    return canvas.build_chart(
+    return canvas.with_caption(
         f"{step.name} at true scale: the wheel of radius {MM * R_m:.0f} mm and the path of its point."
     )
 
@@ -93,7 +93,7 @@ def _rescaled_chart(samples: Columns, step: WheelStep) -> tuple[Chart, float]:
     start_m, z0 = samples["x_ahead_m"][0], samples["hub_z_m"]
     ahead, point = samples["x_ahead_m"] - start_m, samples["model_x_m"] - start_m
     up, model = MM * (samples["z_m"] - z0), MM * (samples["model_z_m"] - z0)
-    canvas = Canvas(
+    canvas = Chart(
         range_of(ahead, point, share=0.03), range_of(up, model, min_width=10.0),
         "Distance ahead since the step began [m]", "Height over the hub [mm]", HALF_PX, TALL_PX,
     )  # fmt: skip
@@ -102,7 +102,7 @@ def _rescaled_chart(samples: Columns, step: WheelStep) -> tuple[Chart, float]:
     for k in np.unique(np.linspace(0, len(ahead) - 1, min(SAMPLES_SHOWN, len(ahead))).round().astype(int)):
         canvas.add_mark(float(ahead[k]), float(up[k]), "measured", "circle")
     stretched = MM * (canvas.y_px(0.0) - canvas.y_px(1.0)) / canvas.px_per_x
-    return canvas.build_chart(
+    return canvas.with_caption(
         f"{step.name} with heights stretched {stretched:.0f} times: samples and fitted curve."
     ), stretched
 
@@ -110,7 +110,7 @@ def _rescaled_chart(samples: Columns, step: WheelStep) -> tuple[Chart, float]:
 def _residual_chart(samples: Columns, step: WheelStep) -> Chart:
     time = samples["time_s"]
     ahead, up = MM * samples["error_x_m"], MM * samples["error_z_m"]
-    canvas = Canvas(
+    canvas = Chart(
         (float(time[0]), float(time[-1])), range_of(ahead, up, np.zeros(1), min_width=1.0),
         "Time [s]", "Model minus measurement [mm]", HALF_PX, TALL_PX,
     )  # fmt: skip
@@ -118,22 +118,22 @@ def _residual_chart(samples: Columns, step: WheelStep) -> Chart:
     canvas.add_horizontal_line(0.0, *canvas.x_range, "zero")
     canvas.add_curve(time, ahead, "ahead", "ahead")
     canvas.add_curve(time, up, "up", "up")
-    return canvas.build_chart(f"{step.name}: residuals of the path, ahead and up, over time.")
+    return canvas.with_caption(f"{step.name}: residuals of the path, ahead and up, over time.")
 
 
 def _theta_chart(samples: Columns, line: np.ndarray, step: WheelStep) -> Chart:
     time, theta = samples["time_s"], samples["theta_rad"]
-    canvas = Canvas(
+    canvas = Chart(
         (float(time[0]), float(time[-1])), range_of(theta, line, min_width=1.0), "Time [s]", "θ [rad]", HALF_PX, TALL_PX
     )
     _shade_double_support(canvas, step)
     canvas.add_curve(time, line, "line", "the line through them")
     for k in np.unique(np.linspace(0, len(time) - 1, min(SAMPLES_SHOWN, len(time))).round().astype(int)):
         canvas.add_mark(float(time[k]), float(theta[k]), "measured", "circle")
-    return canvas.build_chart(f"{step.name}: the angle of every sample, and a line through them.")
+    return canvas.with_caption(f"{step.name}: the angle of every sample, and a line through them.")
 
 
-def _shade_double_support(canvas: Canvas, step: WheelStep) -> None:
+def _shade_double_support(canvas: Chart, step: WheelStep) -> None:
     """Shade the measured double support, and mark the instants of the thesis' rule."""
     start, end = step.fit.double_support_s
     canvas.add_shade(start, end, "double", f"both feet down, {start:.3f} s to {end:.3f} s")

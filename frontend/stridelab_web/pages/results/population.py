@@ -5,12 +5,11 @@ from typing import Any, Final
 from starlette.requests import Request
 from starlette.responses import RedirectResponse, Response
 
-from stridelab.client import AsyncClient, ProblemError
 from stridelab.schemas.jobs import JobResult
 from stridelab.schemas.methods import METHODS
 from stridelab.schemas.population import StudyPopulationSummary
 from stridelab.schemas.recordings import Recording
-from stridelab_web.api_client import client_of
+from stridelab_web.api_client import client_of, none_if_missing, took_s
 from stridelab_web.pages.render import render_page
 from stridelab_web.pages.results.cycloid_steps import PARAMETERS
 from stridelab_web.pages.results.population_bars import bars_of
@@ -31,13 +30,12 @@ async def study_page(request: Request) -> Response:
     if job.kind != KIND:
         return RedirectResponse(f"/jobs/{job.id}", status_code=303)
     result = await client.result(job.id) if job.state == "succeeded" else None
-    took = job.finished_at - job.started_at if job.started_at and job.finished_at else None
     return render_page(
         request,
         "pages/population.html",
         section="Population",
         job=job,
-        took_s=None if took is None else took.total_seconds(),
+        took_s=took_s(job),
         result=result,
         quality=None if result is None else shown_quality(result.summary),
         study=None if result is None else _study_values(result, request.query_params.get("against", "")),
@@ -54,8 +52,8 @@ async def new_study_page(request: Request) -> Response:
     listed = await client.recordings(limit=OFFERED, cursor=request.query_params.get("cursor"))
     shown = {item.id: item for item in listed.items}
     for recording_id in dict.fromkeys(requested):
-        if recording_id not in shown:
-            shown |= await _recording_by_id(client, recording_id)
+        if recording_id not in shown and (found := await none_if_missing(client.recording(recording_id))):
+            shown[recording_id] = found
     chosen = set(requested)
     ordered = sorted(shown.values(), key=lambda item: item.id not in chosen)
     return render_page(
@@ -69,16 +67,6 @@ async def new_study_page(request: Request) -> Response:
         methods=METHODS,
         jobs=(await client.jobs(kind=KIND)).items,
     )
-
-
-async def _recording_by_id(client: AsyncClient, recording_id: str) -> dict[str, Recording]:
-    """One recording by its id; empty if it was deleted."""
-    try:
-        return {recording_id: await client.recording(recording_id)}
-    except ProblemError as refusal:
-        if refusal.status != 404:
-            raise
-        return {}
 
 
 def _study_values(result: JobResult, key: str) -> dict[str, Any]:

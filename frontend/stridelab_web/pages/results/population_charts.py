@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 
 from stridelab.schemas.population import SubjectResult
-from stridelab_web.charts.svg import SHAPES, Canvas, Chart, Shape, range_of
+from stridelab_web.charts.svg import SHAPES, Chart, Shape, range_of
 from stridelab_web.pages.results.cycloid_steps import PARAMETERS, Parameter
 
 WIDTH_PX, HEIGHT_PX = 560.0, 330.0
@@ -72,7 +72,7 @@ def scatter_chart(subjects: Sequence[SubjectResult], against: Quantity, paramete
     y = parameter.factor * np.array([getattr(s, parameter.key) for s in shown], dtype=float)
     sd = parameter.factor * np.array([getattr(s, parameter.sd_key) or 0.0 for s in shown], dtype=float)
     x_range, y_range = range_of(x, min_width=0.02), range_of(y - sd, y + sd, min_width=1e-3)
-    canvas = Canvas(x_range, y_range, against.axis_title, parameter.axis_title, WIDTH_PX, HEIGHT_PX)
+    canvas = Chart(x_range, y_range, against.axis_title, parameter.axis_title, WIDTH_PX, HEIGHT_PX)
     names = np.array([subject.group for subject in shown])
     for group in groups_of(subjects).values():
         in_group = names == group.name
@@ -83,12 +83,12 @@ def scatter_chart(subjects: Sequence[SubjectResult], against: Quantity, paramete
             canvas.add_mark(
                 float(x[k]), float(y[k]), group.css, group.shape, _mark_text(person, parameter, against), person.subject
             )
-    return canvas.build_chart(
+    return canvas.with_caption(
         f"{parameter.letter}, {parameter.meaning}, against {against.name.lower()} of {len(shown)} people."
     )
 
 
-def _add_trend(canvas: Canvas, x: np.ndarray, y: np.ndarray, group: Group) -> None:
+def _add_trend(canvas: Chart, x: np.ndarray, y: np.ndarray, group: Group) -> None:
     if len(x) < MIN_FOR_LINE or np.ptp(x) <= 0.0:
         return
     slope, at_zero = np.polyfit(x, y, 1)

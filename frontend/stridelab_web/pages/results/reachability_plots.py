@@ -7,7 +7,7 @@ import numpy as np
 
 from stridelab.schemas.reachability import EffectorReach
 from stridelab.schemas.robots import ProxyCard, ProxySize
-from stridelab_web.charts.svg import SHAPES, Canvas, Chart, Shape
+from stridelab_web.charts.svg import SHAPES, Chart, Shape
 from stridelab_web.formatting import code_words
 
 WIDTH_PX, HEIGHT_PX = 560.0, 330.0
@@ -44,7 +44,7 @@ def divergence_charts(cards: Sequence[ProxyCard]) -> list[Chart]:
 def _divergence_chart(cards: Sequence[ProxyCard], curves: Sequence[Sequence[ProxySize]], caption: str) -> Chart:
     drawn = [size for sizes in curves for size in sizes]
     last, high = max(size.components for size in drawn), max(size.kl_nats + size.kl_sd_nats for size in drawn)
-    canvas = Canvas(
+    canvas = Chart(
         (0.0, last + 1.0), (0.0, ABOVE * high), "components of the mixture", "KL(kernels || mixture) [nats]",
         WIDTH_PX, HEIGHT_PX,
     )  # fmt: skip
@@ -60,7 +60,7 @@ def _divergence_chart(cards: Sequence[ProxyCard], curves: Sequence[Sequence[Prox
                 canvas.add_mark(size.components, size.kl_nats, f"{css} thesis", "ring", f"{text}, size of the thesis")
             if size.components == card.components:
                 canvas.add_mark(size.components, size.kl_nats, css, shape, f"{text}, chosen")
-    return canvas.build_chart(caption)
+    return canvas.with_caption(caption)
 
 
 def drawing_of(reach: EffectorReach) -> dict[str, Any]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from stridelab.schemas.receding import Push
 from stridelab_web.charts.plotly import Reading, Row, Trace, plot_document, xyz_row
-from stridelab_web.charts.svg import Canvas, Chart
+from stridelab_web.charts.svg import Chart
 from stridelab_web.parquet import Columns
 
 RECEDING_TABLE: Final = "receding.parquet"
@@ -31,7 +31,7 @@ def replan_chart(columns: Columns, pushes: Sequence[Push], period_s: float) -> C
     finite_ms = took_ms[np.isfinite(took_ms)]
     end_s = float(time_s[-1])
     high = 1.08 * max(float(finite_ms.max(initial=0.0)), LIMIT_MS)
-    canvas = Canvas((0.0, end_s), (0.0, high), "time in the motion [s]", "replan [ms]", width=900.0, height=270.0)
+    canvas = Chart((0.0, end_s), (0.0, high), "time in the motion [s]", "replan [ms]", width=900.0, height=270.0)
     for at_s, push in zip(effect_times_s(pushes, period_s), pushes, strict=True):
         if at_s <= end_s:
             canvas.add_vertical_line(at_s, 0.0, high, "push")
@@ -46,7 +46,7 @@ def replan_chart(columns: Columns, pushes: Sequence[Push], period_s: float) -> C
             canvas.add_mark(
                 at_s, ms, "late" if ms > LIMIT_MS or continued else "timely", "cross" if continued else "circle", text
             )
-    return canvas.build_chart(
+    return canvas.with_caption(
         f"Processor time of each replan over the motion; the line is the {LIMIT_MS:.0f} ms of 20 Hz."
     )
 

@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 
 from stridelab.schemas.sweeps import SweepAxis, SweepSummary
-from stridelab_web.charts.svg import Canvas, Chart, Range, range_of
+from stridelab_web.charts.svg import Chart, Range, range_of
 from stridelab_web.parquet import read_columns, read_texts
 
 MAX_MAPS: Final = 12
@@ -75,14 +75,14 @@ class SweepGrid:
     def _cost_curve(self) -> Chart:
         axis = self.axes[0]
         values = np.array(axis.values)
-        canvas = Canvas(range_of(values), range_of(self.objective), axis_title(axis), "cost (4.20a)")
+        canvas = Chart(range_of(values), range_of(self.objective), axis_title(axis), "cost (4.20a)")
         for low, high, k in _cell_edges(values):
             if self.outcome[k] != "feasible":
                 canvas.add_shade(low, high, f"cell {self.outcome[k]}", self._point_text(axis, k))
         canvas.add_curve(values, self.objective, "main")
         for k, value in enumerate(values):
             canvas.add_mark(float(value), float(self.objective[k]), "main", text=self._point_text(axis, k))
-        return canvas.build_chart(
+        return canvas.with_caption(
             f"Cost over {axis.field}: {int((self.outcome == 'feasible').sum())} of {len(values)} feasible"
         )
 
@@ -92,14 +92,14 @@ class SweepGrid:
     def _outcome_map(self, outcome: np.ndarray, objective: np.ndarray, why: np.ndarray) -> Chart:
         across, up = self.axes[0], self.axes[1]
         x, y = list(_cell_edges(np.array(across.values))), list(_cell_edges(np.array(up.values)))
-        canvas = Canvas(_cells_range(x), _cells_range(y), axis_title(across), axis_title(up))
+        canvas = Chart(_cells_range(x), _cells_range(y), axis_title(across), axis_title(up))
         for left, right, i in x:
             for low, high, j in y:
                 at = f"{value_text(across, across.values[i])}, {value_text(up, up.values[j])}"
                 text = _outcome_text(at, outcome[i, j], objective[i, j], why[i, j])
                 canvas.add_cell((left, right), (low, high), f"cell {outcome[i, j]}", text)
         number = int((outcome == "feasible").sum())
-        return canvas.build_chart(f"{across.field} against {up.field}: {number} of {outcome.size} feasible")
+        return canvas.with_caption(f"{across.field} against {up.field}: {number} of {outcome.size} feasible")
 
 
 def axis_title(axis: SweepAxis) -> str:

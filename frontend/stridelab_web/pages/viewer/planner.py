@@ -10,7 +10,7 @@ from starlette.responses import JSONResponse, Response
 from stridelab.client import AsyncClient, ProblemError
 from stridelab.schemas.jobs import JobResult
 from stridelab.schemas.scenarios import Scenario
-from stridelab_web.api_client import client_of
+from stridelab_web.api_client import client_of, none_if_missing
 from stridelab_web.charts import intervals
 from stridelab_web.charts.intervals import Layer, Row
 from stridelab_web.formatting import code_words, count_text
@@ -62,7 +62,8 @@ async def plan_page(request: Request, job_id: str) -> Response:
         layers.append(Layer(GROUP, f"Reach, {100 * SHOWN_MASS:.0f} %", False))
     moments, scenario_s = moments_of(result), sum(phase.duration_s for phase in scenario.phases)
     links = [("Result", f"{KINDS[job.kind]}/{job.id}")]
-    if scenario_id := await _existing_scenario(client, result.input.get("scenario_id")):
+    scenario_id = result.input.get("scenario_id")
+    if scenario_id is not None and await none_if_missing(client.scenario(scenario_id)) is not None:
         links.append(("Scenario", f"/view/?scenario={scenario_id}"))
     return render_page(
         request,
@@ -174,14 +175,3 @@ async def _effector_names(client: AsyncClient, robot: str) -> list[str]:
         return [effector.name for effector in (await client.robot(robot)).effectors]
     except ProblemError:
         return []
-
-
-async def _existing_scenario(client: AsyncClient, scenario_id: str | None) -> str | None:
-    if scenario_id is None:
-        return None
-    try:
-        return (await client.scenario(scenario_id)).id
-    except ProblemError as refusal:
-        if refusal.status == 404:  # a plan outlives the scenario that it was made from
-            return None
-        raise
