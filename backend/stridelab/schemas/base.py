@@ -1,10 +1,11 @@
 """Base classes shared by all schemas of the HTTP interface."""
 
-from typing import Annotated, Any, Generic, Self, TypeVar
+from typing import Annotated, Any, Generic, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field
 
 T = TypeVar("T")
+Model = TypeVar("Model", bound="Contract")
 
 
 class Contract(BaseModel):
@@ -13,7 +14,7 @@ class Contract(BaseModel):
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False, frozen=True)
 
     @classmethod
-    def from_object(cls, source: object, **others: Any) -> Self:
+    def from_object(cls: type[Model], source: object, **others: Any) -> Model:  # noqa: PYI019 (beartype cannot check Self)
         """Instance with the values ``others``, and for all other fields the attributes of ``source`` of their names."""
         fields = {name: getattr(source, name) for name in cls.model_fields if name not in others}
         return cls.model_validate({**fields, **others})
