@@ -4,11 +4,12 @@ import asyncio
 import re
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Final
+from typing import Annotated, Any, Final
 
 import anyio
 from fastapi import Depends
-from sqlalchemy.ext.asyncio import AsyncEngine
+from sqlalchemy import Select
+from sqlalchemy.ext.asyncio import AsyncConnection, AsyncEngine
 from starlette.requests import HTTPConnection
 
 from stridelab.errors import NotFound
@@ -90,6 +91,14 @@ def require_id_form(identifier: str, what: str) -> str:
     if not _ID.fullmatch(identifier):
         raise not_found_error(what)
     return identifier
+
+
+async def required_row(connection: AsyncConnection, query: Select[Any], what: str) -> dict[str, Any]:
+    """The row of ``query``. Raises ``NotFound`` (``<what>-not-found``) if there is none."""
+    row = (await connection.execute(query)).mappings().one_or_none()
+    if row is None:
+        raise not_found_error(what)
+    return dict(row)
 
 
 def not_found_error(what: str) -> NotFound:

@@ -43,9 +43,16 @@ class AttemptRunner:
     """Runs one attempt of a job in a child process."""
 
     def __init__(
-        self, attempt: Attempt, kind: JobKind, attempts: AttemptStore, blobs: BlobStore, limits: Settings
+        self,
+        attempt: Attempt,
+        kind: JobKind,
+        attempts: AttemptStore,
+        blobs: BlobStore,
+        limits: Settings,
+        retry_database: DatabaseRetry,
     ) -> None:
         self._attempt, self._kind, self._attempts, self._blobs = attempt, kind, attempts, blobs
+        self._retry_database = retry_database
         self._timeout_s = kind.timeout_s or limits.job_timeout_s
         self._memory_mb = kind.memory_mb or limits.job_memory_mb
         self._patience_s, self._max_attempts = limits.storage_patience_s, limits.job_max_attempts
@@ -69,11 +76,11 @@ class AttemptRunner:
         """Check whether the job was cancelled or given to another worker."""
         self._check_requested.set()
 
-    async def run(self, engine: AsyncEngine, pool: IsolatedPool, root: Path, retry_database: DatabaseRetry) -> str:
+    async def run(self, engine: AsyncEngine, pool: IsolatedPool, root: Path) -> str:
         """Stage, compute and publish in a new folder below ``root``; returns the final state of the attempt."""
         helpers = [asyncio.create_task(helper()) for helper in (self._report_progress, self._watch_cancellation)]
         try:
-            state = await self._run_attempt(engine, pool, root, retry_database)
+            state = await self._run_attempt(engine, pool, root)
             if state in FINAL_STATES:
                 await self._remove_own_files(engine)
             return state
@@ -91,15 +98,13 @@ class AttemptRunner:
                 if await may_remove(connection):
                     await self._blobs.delete_prefix(self._kind.own_files(self._attempt.row["input"]))
 
-    async def _run_attempt(
-        self, engine: AsyncEngine, pool: IsolatedPool, root: Path, retry_database: DatabaseRetry
-    ) -> str:
+    async def _run_attempt(self, engine: AsyncEngine, pool: IsolatedPool, root: Path) -> str:
         folder: Path | None = None
         log_tail = ""
         try:
             folder = await self._retry_storage(lambda: _folder_below(root))
             with telemetry.start_span("stage"):
-                task = await self._stage_with_retries(engine, folder, retry_database)
+                task = await self._stage_with_retries(engine, folder)
             with telemetry.start_span("compute") as computing:
                 outcome = await pool.run(
                     self._kind.run,
@@ -114,14 +119,14 @@ class AttemptRunner:
                 computing.set_attribute("outcome", outcome.state)
             log_tail = outcome.log_tail
             if outcome.state == "ok" and "problem" in outcome.value:
-                return await self._fail_with_partial_result(outcome, folder, retry_database)
+                return await self._fail_with_partial_result(outcome, folder)
             if outcome.state == "ok":
-                return await self._publish_result(outcome, folder, retry_database)
-            return await self._end_failed_computation(outcome, retry_database)
+                return await self._publish_result(outcome, folder)
+            return await self._end_failed_computation(outcome)
         except StridelabError as error:
             if self._kill_requested.is_set():
-                return await self._end_stopped(log_tail, retry_database)
-            return await self._end_unsuccessful("failed", problem_of(error), log_tail, retry_database)
+                return await self._end_stopped(log_tail)
+            return await self._end_unsuccessful("failed", problem_of(error), log_tail)
         except DATABASE_UNAVAILABLE:
             raise  # the worker stops while the database is unavailable: another worker takes the job over
         except Exception as error:  # noqa: BLE001 (an unexpected error in staging or publishing fails this job only)
@@ -131,7 +136,7 @@ class AttemptRunner:
                 "detail": f"The service could not handle this job ({type(error).__name__}).",
                 "errors": [],
             }
-            return await self._end_unsuccessful("failed", problem, log_tail, retry_database)
+            return await self._end_unsuccessful("failed", problem, log_tail)
         finally:
             if folder is not None:
                 await asyncio.to_thread(shutil.rmtree, folder, ignore_errors=True)
@@ -154,8 +159,8 @@ class AttemptRunner:
                 await asyncio.wait_for(self._kill_requested.wait(), pause_s)
             pause_s = min(2 * pause_s, _MAX_PAUSE_S)
 
-    async def _stage_with_retries(self, engine: AsyncEngine, folder: Path, retry_database: DatabaseRetry) -> Json:
-        return await self._retry_storage(lambda: retry_database(lambda: self._stage_files(engine, folder)))
+    async def _stage_with_retries(self, engine: AsyncEngine, folder: Path) -> Json:
+        return await self._retry_storage(lambda: self._retry_database(lambda: self._stage_files(engine, folder)))
 
     async def _stage_files(self, engine: AsyncEngine, folder: Path) -> Json:
         request = self._kind.input_model.model_validate(self._attempt.row["input"])
@@ -163,23 +168,17 @@ class AttemptRunner:
             async with engine.connect() as connection:
                 return await self._kind.stage(connection, self._blobs, request, folder)
 
-    async def _publish_result(self, outcome: IsolatedOutcome, folder: Path, retry_database: DatabaseRetry) -> str:
+    async def _publish_result(self, outcome: IsolatedOutcome, folder: Path) -> str:
         async def write_success(artifacts: list[Json], publication: Publication) -> bool:
             return await self._attempts.publish_success(
                 self._attempt, self._blobs, outcome.value, artifacts, folder, outcome.log_tail, publication
             )
 
         with telemetry.start_span("publish"):
-            published = await self._store_files_and_write(outcome, folder, retry_database, write_success)
-        return (
-            "succeeded"
-            if published
-            else await self._end_unsuccessful("cancelled", None, outcome.log_tail, retry_database)
-        )
+            published = await self._store_files_and_write(outcome, folder, write_success)
+        return "succeeded" if published else await self._end_unsuccessful("cancelled", None, outcome.log_tail)
 
-    async def _fail_with_partial_result(
-        self, outcome: IsolatedOutcome, folder: Path, retry_database: DatabaseRetry
-    ) -> str:
+    async def _fail_with_partial_result(self, outcome: IsolatedOutcome, folder: Path) -> str:
         """Fail with the partial result of the computation."""
         value = outcome.value
 
@@ -188,17 +187,12 @@ class AttemptRunner:
                 self._attempt, "failed", value["problem"], outcome.log_tail, (value, artifacts), publication
             )
 
-        return (
-            "failed"
-            if await self._store_files_and_write(outcome, folder, retry_database, write_failure)
-            else "superseded"
-        )
+        return "failed" if await self._store_files_and_write(outcome, folder, write_failure) else "superseded"
 
     async def _store_files_and_write(
         self,
         outcome: IsolatedOutcome,
         folder: Path,
-        retry_database: DatabaseRetry,
         write: Callable[[list[Json], Publication], Awaitable[bool]],
     ) -> bool:
         """Store the artifacts and ``write`` the row that refers to them; a failed publication removes the files."""
@@ -210,34 +204,32 @@ class AttemptRunner:
             async def store_and_write() -> bool:
                 for artifact in artifacts:
                     await self._blobs.put_file(f"{prefix}/{artifact['name']}", folder / artifact["name"])
-                return bool(await retry_database(lambda: write(artifacts, publication)))
+                return bool(await self._retry_database(lambda: write(artifacts, publication)))
 
             publication.record_outcome(published=await self._retry_storage(store_and_write))
         return publication.published
 
-    async def _end_failed_computation(self, outcome: IsolatedOutcome, retry_database: DatabaseRetry) -> str:
+    async def _end_failed_computation(self, outcome: IsolatedOutcome) -> str:
         if outcome.state == "cancelled":
-            return await self._end_stopped(outcome.log_tail, retry_database)
+            return await self._end_stopped(outcome.log_tail)
         if outcome.state == "killed" and self._attempt.counted_starts < self._max_attempts:
-            back = await retry_database(lambda: self._attempts.hand_back(self._attempt, counts=True))
+            back = await self._retry_database(lambda: self._attempts.hand_back(self._attempt, counts=True))
             return "killed" if back else "superseded"
         state: FinalState = "timed_out" if outcome.state == "timeout" else "failed"
         problem = outcome.problem
         if problem is not None and outcome.error_class is None and self._latest_progress is not None:
             problem = add_last_progress(problem, self._latest_progress[1])
-        return await self._end_unsuccessful(state, problem, outcome.log_tail, retry_database)
+        return await self._end_unsuccessful(state, problem, outcome.log_tail)
 
-    async def _end_stopped(self, log_tail: str, retry_database: DatabaseRetry) -> str:
+    async def _end_stopped(self, log_tail: str) -> str:
         """End a stopped attempt: as cancelled, or by handing the job back if the worker stops."""
         if not self._interrupted:
-            return await self._end_unsuccessful("cancelled", None, log_tail, retry_database)
-        handed_back = await retry_database(lambda: self._attempts.hand_back(self._attempt))
+            return await self._end_unsuccessful("cancelled", None, log_tail)
+        handed_back = await self._retry_database(lambda: self._attempts.hand_back(self._attempt))
         return "handed-back" if handed_back else "superseded"
 
-    async def _end_unsuccessful(
-        self, state: FinalState, problem: Json | None, log_tail: str, retry_database: DatabaseRetry
-    ) -> str:
-        ended = await retry_database(lambda: self._attempts.end_attempt(self._attempt, state, problem, log_tail))
+    async def _end_unsuccessful(self, state: FinalState, problem: Json | None, log_tail: str) -> str:
+        ended = await self._retry_database(lambda: self._attempts.end_attempt(self._attempt, state, problem, log_tail))
         return state if ended else "superseded"
 
     def _note_progress(self, fraction: float, message: str) -> None:

@@ -139,13 +139,14 @@ class Worker:
             problem = {"code": "unknown-job-kind", "detail": f"This version cannot run {attempt.kind}.", "errors": []}
             await self._retry_database(lambda: self._attempts.end_attempt(attempt, "failed", problem, ""))
             return "failed"
-        errand = AttemptRunner(attempt, self._kinds[attempt.kind], self._attempts, self._blobs, self._limits)
+        kind, retry = self._kinds[attempt.kind], self._retry_database
+        errand = AttemptRunner(attempt, kind, self._attempts, self._blobs, self._limits, retry)
         self._runners.append(errand)
         began = time.monotonic()
         try:
             if self._stopping.is_set():
                 errand.interrupt()
-            state = await errand.run(self._engine, self._pool, folder, self._retry_database)
+            state = await errand.run(self._engine, self._pool, folder)
             _log.info("job-ended", state=state, seconds=round(time.monotonic() - began, 3))
             return state
         finally:

@@ -19,7 +19,7 @@ from stridelab.schemas.marker_sets import (
     MarkerSetProposalInput,
     StoredMarkerSet,
 )
-from stridelab.service.api.dependencies import AppParts, CallerOf, not_found_error, require_id_form
+from stridelab.service.api.dependencies import AppParts, CallerOf, require_id_form, required_row
 from stridelab.service.api.marker_sets.fitting_recordings import fitting_recordings, parse_all_again
 from stridelab.service.api.openapi import failure_responses
 from stridelab.service.api.pagination import Cursor, Limit, read_page
@@ -142,10 +142,7 @@ async def delete_marker_set(parts: AppParts, caller: CallerOf, marker_set_id: st
 
 async def _row(connection: AsyncConnection, marker_set_id: str) -> Row:
     query = select(marker_set).where(marker_set.c.id == require_id_form(marker_set_id, "marker-set"))
-    row = (await connection.execute(query)).mappings().one_or_none()
-    if row is None:
-        raise not_found_error("marker-set")
-    return dict(row)
+    return await required_row(connection, query, "marker-set")
 
 
 def _set_of(row: Row) -> StoredMarkerSet:

@@ -9,7 +9,7 @@ from sqlalchemy.ext.asyncio import AsyncConnection
 from stridelab.recordings.marker_sets import WAYS_TO_NAME_MARKERS
 from stridelab.schemas.base import Remark
 from stridelab.schemas.recordings import Recording, RecordingFacts, SubjectFields
-from stridelab.service.api.dependencies import not_found_error, require_id_form
+from stridelab.service.api.dependencies import require_id_form, required_row
 from stridelab.service.estimable import estimate_offers
 from stridelab.service.storage.tables import marker_set, recording, subject
 
@@ -38,10 +38,7 @@ async def recording_row(connection: AsyncConnection, recording_id: str, *, lock:
     query = recordings_with_subjects().where(recording.c.id == require_id_form(recording_id, "recording"))
     if lock:
         query = query.with_for_update(of=recording)
-    row = (await connection.execute(query)).mappings().one_or_none()
-    if row is None:
-        raise not_found_error("recording")
-    return dict(row)
+    return await required_row(connection, query, "recording")
 
 
 def merged_subject(facts: RecordingFacts, linked: Mapping[str, Any] | None, stated: Mapping[str, Any]) -> SubjectFields:

@@ -9,7 +9,7 @@ from sqlalchemy.ext.asyncio import AsyncConnection
 from stridelab.errors import Conflict
 from stridelab.schemas.base import Page
 from stridelab.schemas.scenarios import StoredScenario
-from stridelab.service.api.dependencies import not_found_error, require_id_form
+from stridelab.service.api.dependencies import require_id_form, required_row
 from stridelab.service.api.pagination import cut_page, newest_first
 from stridelab.service.storage.tables import scenario
 
@@ -28,10 +28,7 @@ async def scenario_row(connection: AsyncConnection, scenario_id: str, *, lock: b
     query = select(scenario).where(scenario.c.id == require_id_form(scenario_id, "scenario"))
     if lock:
         query = query.with_for_update()
-    row = (await connection.execute(query)).mappings().one_or_none()
-    if row is None:
-        raise not_found_error("scenario")
-    return dict(row)
+    return await required_row(connection, query, "scenario")
 
 
 async def lock_changeable_row(connection: AsyncConnection, scenario_id: str) -> Row:

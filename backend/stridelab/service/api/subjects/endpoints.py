@@ -10,7 +10,7 @@ from sqlalchemy.ext.asyncio import AsyncConnection
 
 from stridelab.schemas.base import Page
 from stridelab.schemas.recordings import Subject, SubjectInput
-from stridelab.service.api.dependencies import AppParts, CallerOf, not_found_error, require_id_form
+from stridelab.service.api.dependencies import AppParts, CallerOf, require_id_form, required_row
 from stridelab.service.api.jobs import delete as deleting
 from stridelab.service.api.openapi import failure_responses
 from stridelab.service.api.pagination import Cursor, Limit, read_page
@@ -114,10 +114,7 @@ async def subject_row(connection: AsyncConnection, subject_id: str, *, lock: boo
     query = subjects_with_counts().where(subject.c.id == require_id_form(subject_id, "subject"))
     if lock:
         query = query.with_for_update(of=subject)
-    row = (await connection.execute(query)).mappings().one_or_none()
-    if row is None:
-        raise not_found_error("subject")
-    return dict(row)
+    return await required_row(connection, query, "subject")
 
 
 def subject_of(row: Mapping[str, Any]) -> Subject:
