@@ -35,6 +35,7 @@ from stridelab.cli.options import (
 )
 from stridelab.cli.plan_motion import plan_scenario
 from stridelab.cli.results import FAILURE, INTERRUPTED, exit_code, out, show_error
+from stridelab.cli.serve import migrate, serve, worker
 from stridelab.cli.stream import stream
 from stridelab.cli.study_population import study_population
 from stridelab.cli.sweep import run_sweep
@@ -68,37 +69,9 @@ app = typer.Typer(
 )
 
 
-@app.command()
-def serve(
-    host: Annotated[str | None, typer.Option("--host", help="Address to bind to (STRIDELAB_HOST).")] = None,
-    port: Annotated[int | None, typer.Option("--port", help="Public port (STRIDELAB_PORT).")] = None,
-    data_dir: Annotated[Path | None, typer.Option("--data-dir", help="Data folder (STRIDELAB_DATA_DIR).")] = None,
-    without_worker: Annotated[
-        bool, typer.Option("--without-worker", help="Start the server without a worker.")
-    ] = False,
-) -> None:
-    """Start database, API and pages, worker and viewer; Ctrl-C stops them."""
-    from stridelab.cli.serve import start_service as run
-
-    run(host=host, port=port, data_dir=data_dir, without_worker=without_worker)
-
-
-@app.command()
-def worker() -> None:
-    """Start one worker that takes jobs from STRIDELAB_DATABASE_URL until Ctrl-C."""
-    from stridelab.cli.serve import start_worker as run
-
-    run()
-
-
-@app.command()
-def migrate() -> None:
-    """Bring the schema of STRIDELAB_DATABASE_URL up to date."""
-    from stridelab.cli.serve import migrate_database as run
-
-    run()
-
-
+app.command()(serve)
+app.command()(worker)
+app.command()(migrate)
 app.command()(backup)
 app.command()(restore)
 app.command()(adopt)

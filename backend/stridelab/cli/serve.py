@@ -2,8 +2,9 @@
 
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
+import typer
 from pydantic import ValidationError
 
 from stridelab.errors import Fault, InvalidInput
@@ -12,19 +13,26 @@ if TYPE_CHECKING:
     from stridelab.service.settings import Settings
 
 
-def start_service(*, host: str | None, port: int | None, data_dir: Path | None, without_worker: bool) -> None:
-    """Start everything with the settings of the environment; options given here take precedence."""
+def serve(
+    host: Annotated[str | None, typer.Option("--host", help="Address to bind to (STRIDELAB_HOST).")] = None,
+    port: Annotated[int | None, typer.Option("--port", help="Public port (STRIDELAB_PORT).")] = None,
+    data_dir: Annotated[Path | None, typer.Option("--data-dir", help="Data folder (STRIDELAB_DATA_DIR).")] = None,
+    without_worker: Annotated[
+        bool, typer.Option("--without-worker", help="Start the server without a worker.")
+    ] = False,
+) -> None:
+    """Start database, API and pages, worker and viewer; Ctrl-C stops them."""
     from stridelab.service.supervisor import serve as supervise
 
-    # The children of the supervisor read the same variables.
+    # Options take precedence over the environment; the children of the supervisor read the same variables.
     for name, value in (("HOST", host), ("PORT", port), ("DATA_DIR", data_dir)):
         if value is not None:
             os.environ[f"STRIDELAB_{name}"] = str(value)
     supervise(read_settings(), with_worker=not without_worker)
 
 
-def start_worker() -> None:
-    """Start one worker on an existing database."""
+def worker() -> None:
+    """Start one worker that takes jobs from STRIDELAB_DATABASE_URL until Ctrl-C."""
     from stridelab.service.data_folder import open_data_folder
     from stridelab.service.jobs.worker import main
 
@@ -33,8 +41,8 @@ def start_worker() -> None:
     main()
 
 
-def migrate_database() -> None:
-    """Upgrade the schema of an existing database."""
+def migrate() -> None:
+    """Bring the schema of STRIDELAB_DATABASE_URL up to date."""
     from stridelab.service.storage.database import migrate as upgrade
 
     upgrade(_database_url("migrate"))
