@@ -32,6 +32,11 @@ from stridelab.walking.population.population import StepRow, study
 
 UNUSABLE_FLAGS: Final = frozenset({"path-not-converged", "not-curtate", "r-too-large"})
 """Flags of steps without a valid wheel: they are in the table and in no mean."""
+STEP_VALUES: Final = (
+    *("R_m", "r_m", "z0_m", "omega_rad_s", "speed_m_s", "step_length_m"),
+    *("error_mean_mm", "error_sd_mm", "error_max_mm", "circumference_share"),
+)
+"""Fields of a fitted step that the study takes means of."""
 REFERENCES: Final = (
     "carpentier2017thesis",
     "fisher1924",
@@ -226,20 +231,8 @@ def _step_values(step: FittedStep) -> dict[str, float]:
         math.nan if model is None else model - measured
         for model, measured in zip(step.double_support_model_s, step.double_support_s, strict=True)
     ]
-    known = {
-        "R_m": step.R_m,
-        "r_m": step.r_m,
-        "z0_m": step.z0_m,
-        "omega_rad_s": step.omega_rad_s,
-        "speed_m_s": step.speed_m_s,
-        "step_length_m": step.step_length_m,
-        "error_mean_mm": step.error_mean_mm,
-        "error_sd_mm": step.error_sd_mm,
-        "error_max_mm": step.error_max_mm,
-        "circumference_share": step.circumference_share,
-        "double_support_start_error_s": rule[0],
-        "double_support_end_error_s": rule[1],
-    }
+    known = {name: getattr(step, name) for name in STEP_VALUES}
+    known |= {"double_support_start_error_s": rule[0], "double_support_end_error_s": rule[1]}
     return {name: math.nan if value is None else value for name, value in known.items()}
 
 
