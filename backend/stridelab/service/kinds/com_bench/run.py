@@ -14,18 +14,13 @@ from stridelab.parallel import map_isolated
 from stridelab.pipelines.bench_estimators import REFERENCES, ComBenchResult, bench_estimators
 from stridelab.pipelines.progress import ItemMap, ProgressCallback
 from stridelab.schemas.tasks import ComBenchTask
-from stridelab.service.kinds.base import ArtifactFile, Json, Outcome
+from stridelab.service.kinds.base import ArtifactFile, Outcome, json_run
 from stridelab.service.kinds.result_tables import write_table
 
 RECORDING_TIMEOUT_S: Final = 600.0
 map_recordings: Final = partial(
     map_isolated, preload=("stridelab.pipelines.bench_estimators",), timeout_s=RECORDING_TIMEOUT_S
 )
-
-
-def run_in_child(task: Json, folder: Path, progress: ProgressCallback) -> Json:
-    """``run`` with JSON on both sides."""
-    return run(ComBenchTask.model_validate(task), folder, progress).to_json()
 
 
 def run(task: ComBenchTask, folder: Path, progress: ProgressCallback, items: ItemMap = map_recordings) -> Outcome:
@@ -39,6 +34,9 @@ def run(task: ComBenchTask, folder: Path, progress: ProgressCallback, items: Ite
     artifacts: tuple[ArtifactFile, ...] = tuple(write_table(folder, "scores", score_columns(result), about))
     progress(1.0, "done")
     return Outcome(result.summary.model_dump(mode="json"), REFERENCES, artifacts)
+
+
+run_in_child = json_run(ComBenchTask, run)
 
 
 def score_columns(result: ComBenchResult) -> dict[str, np.ndarray]:
