@@ -52,7 +52,7 @@ class Reproduction:
 
 @dataclass(frozen=True)
 class Item:
-    """A figure or table that can be reproduced; ``run(seeds, tell)`` computes it with ``seeds`` random draws.
+    """A figure or table that can be reproduced; ``item(seeds, tell)`` computes it with ``seeds`` random draws.
 
     ``printed`` names the tables that are short enough for a page.
     """
@@ -62,6 +62,19 @@ class Item:
     run: Callable[[int, Progress], Reproduction]
     default_seeds: int = 1
     printed: tuple[str, ...] = ()
+
+    def __call__(self, seeds: int, tell: Progress) -> Reproduction:
+        """Compute the item."""
+        result = self.run(seeds, tell)
+        tell(1.0, "done")
+        return result
+
+
+def reproduces(
+    name: str, title: str, *, default_seeds: int = 1, printed: tuple[str, ...] = ()
+) -> Callable[[Callable[[int, Progress], Reproduction]], Item]:
+    """Decorator of the function that computes an item: makes it that item, which ``registry`` finds in its module."""
+    return lambda run: Item(name, title, run, default_seeds, printed)
 
 
 def bound_verdict(ours: float, *, at_most: float | None = None, at_least: float | None = None) -> Verdict:

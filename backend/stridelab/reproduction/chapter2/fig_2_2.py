@@ -6,7 +6,7 @@ import numpy as np
 
 from stridelab.conventions import GRAVITY_M_S2, Points, Progress, Series
 from stridelab.dynamics.wrench import Wrench, central_axis, transport, zmp_linearised, zmp_of_motion, zmp_of_wrench
-from stridelab.reproduction.claims import Claim, Item, Reproduction, bound_verdict
+from stridelab.reproduction.claims import Claim, Reproduction, bound_verdict, reproduces
 from stridelab.reproduction.report.svg_plots import Curve, Panel, render_svg
 from stridelab.simulation.ground_truth import TrueMotion
 from stridelab.studies.estimator_study import simulate_trial
@@ -15,6 +15,7 @@ UP: Final = np.array([0.0, 0.0, 1.0])
 ORIGIN: Final = np.zeros(3)
 
 
+@reproduces("fig-2.2", "Zero-moment point and central axis")
 def run(seeds: int, tell: Progress) -> Reproduction:
     """One walk without noise; the result is deterministic and ignores ``seeds``."""
     tell(0.1, "simulating a walk")
@@ -92,7 +93,6 @@ def run(seeds: int, tell: Progress) -> Reproduction:
             f"to the floor; the distance is {1e3 * _rms_norm((foot - z)[:, :2]):.2f} mm RMS on this walk.",
         ),
     )
-    tell(1.0, "done")
     t = truth.time_s
     columns = {"time_s": t} | {
         f"{name}_{axis_name}_m": track[:, k]
@@ -171,6 +171,3 @@ def _draw_panels(t: Series, c: Points, z: Points, cart: np.ndarray, foot: Points
         Curve(np.array([foot[k, 0], top]), np.array([0.0, c[k, 2]]), "central axis", 2),
     ]
     return [*panels, Panel(f"Side view at {t[k]:.2f} s", "x, m", "z, m", sagittal)]
-
-
-ITEM: Final = Item("fig-2.2", "Zero-moment point and central axis", run)

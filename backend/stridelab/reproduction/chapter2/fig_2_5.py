@@ -13,7 +13,7 @@ from stridelab.estimation.complementary.transfer_functions import (
     THESIS_LOW_HZ,
     complementary_filters,
 )
-from stridelab.reproduction.claims import Claim, Item, Reproduction, bound_verdict
+from stridelab.reproduction.claims import Claim, Reproduction, bound_verdict, reproduces
 from stridelab.reproduction.report.svg_plots import Curve, Panel, render_svg
 
 RATE_HZ: Final = 1000.0
@@ -24,6 +24,7 @@ RIPPLE_DB: Final = 3.0
 _NAMES: Final = ("H1", "s² H2", "H3")
 
 
+@reproduces("fig-2.5", "Bode diagrams of the three filters")
 def run(seeds: int, tell: Progress) -> Reproduction:
     """Frequency responses in closed form; ``seeds`` is ignored."""
     tell(0.1, "computing the responses")
@@ -75,7 +76,6 @@ def run(seeds: int, tell: Progress) -> Reproduction:
         ),
         Claim("gain_at_f1_db", "f1 is the cut-off of s² H2", "cut-off", at_f1, "dB", half, "-6 dB, as above."),
     )
-    tell(1.0, "done")
     return Reproduction(
         claims=claims,
         note="The curves agree with the figure. H1 is described as a band-pass; its peak gain exceeds 1 and its "
@@ -110,6 +110,3 @@ def _bode_panels(thesis: Bode, ours: Bode) -> tuple[Panel, Panel]:
         Panel("Gain", "frequency (Hz)", "gain (dB)", _curves_of("gain_db"), log_x=True),
         Panel("Phase", "frequency (Hz)", "phase (degrees)", _curves_of("phase_rad", 180.0 / np.pi), log_x=True),
     )
-
-
-ITEM: Final = Item("fig-2.5", "Bode diagrams of the three filters", run)

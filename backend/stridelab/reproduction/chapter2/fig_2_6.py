@@ -9,7 +9,7 @@ from stridelab.conventions import Progress
 from stridelab.dynamics.wrench import Wrench
 from stridelab.estimation.complementary.forward_backward import filter_inputs
 from stridelab.estimation.evaluation.error_spectra import ErrorSpectrum, crossing_hz, error_spectrum
-from stridelab.reproduction.claims import Claim, Item, Reproduction, bound_verdict
+from stridelab.reproduction.claims import Claim, Reproduction, bound_verdict, reproduces
 from stridelab.reproduction.report.svg_plots import Curve, Panel, render_svg
 from stridelab.simulation.robot.walker import RATE_HZ
 from stridelab.studies.estimator_study import simulate_trial
@@ -23,6 +23,7 @@ Bands = Float[np.ndarray, "3 3"]
 """RMS error in the low, middle and high band (rows) per axis (columns)."""
 
 
+@reproduces("fig-2.6", "Spectra of the errors of the three inputs", default_seeds=3)
 def run(seeds: int, tell: Progress) -> Reproduction:
     """Mean power spectra over ``seeds`` draws of the thesis' noise, and the spectrum of the axis without noise."""
     noisy = [_error_spectra("thesis", seed, tell, seed / (seeds + 1)) for seed in range(seeds)]
@@ -86,7 +87,6 @@ def run(seeds: int, tell: Progress) -> Reproduction:
             "the geometry's up to this relative difference. It is no independent measurement.",
         ),
     )
-    tell(1.0, "done")
     return Reproduction(
         claims=claims,
         note=f"Walk at the robot's cadence, noise of 2.5.1, {seeds} draws. Figure 2.3 is confirmed horizontally.",
@@ -151,6 +151,3 @@ def _spectrum_panels(mean: dict[str, ErrorSpectrum]) -> list[Panel]:
         )
         for k, (title, unit) in titles.items()
     ]
-
-
-ITEM: Final = Item("fig-2.6", "Spectra of the errors of the three inputs", run, default_seeds=3)

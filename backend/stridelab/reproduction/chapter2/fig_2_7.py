@@ -9,7 +9,7 @@ from stridelab.conventions import Progress
 from stridelab.estimation.complementary.contributions import split_contributions
 from stridelab.estimation.complementary.filter import ComplementaryFilter
 from stridelab.estimation.evaluation.truth_errors import error_m
-from stridelab.reproduction.claims import Claim, Column, Item, Reproduction
+from stridelab.reproduction.claims import Claim, Column, Reproduction, reproduces
 from stridelab.reproduction.common.estimator_errors import GAITS, Draw, compute_draws, error_table, rms
 from stridelab.reproduction.common.estimators import GEOMETRY, KALMAN, SMOOTHER, THESIS, study_estimators
 from stridelab.reproduction.report.svg_plots import Curve, Panel, render_svg
@@ -19,6 +19,7 @@ DRAWN_ESTIMATORS: Final = (THESIS, KALMAN, SMOOTHER)
 _PARTS: Final = ("geometry", "force", "axis", "total")
 
 
+@reproduces("fig-2.7", "Complementary filter against Kalman filter", default_seeds=2)
 def run(seeds: int, tell: Progress) -> Reproduction:
     """Both gaits with the thesis' noise, ``seeds`` draws of each."""
     all_draws = compute_draws(GAITS, ("thesis",), seeds, lambda fraction, message: tell(0.95 * fraction, message))
@@ -26,7 +27,6 @@ def run(seeds: int, tell: Progress) -> Reproduction:
     tell(0.95, "drawing")
     trial = simulate_trial("robot", "thesis", 0)
     tracks, parts = _trajectory_columns(trial), _contribution_columns(trial)
-    tell(1.0, "done")
     return Reproduction(
         claims=tuple(claims),
         note=f"{seeds} draws per gait. The filter is not better at every sample. Part of its advantage comes from "
@@ -135,6 +135,3 @@ def _draw_panels(tracks: dict[str, Column], parts: dict[str, Column]) -> list[Pa
         for axis in "xyz"
     ]
     return [Panel("Reconstructed trajectory", "time (s)", "position (m)", path), *shares, *errors]
-
-
-ITEM: Final = Item("fig-2.7", "Complementary filter against Kalman filter", run, default_seeds=2)

@@ -21,7 +21,7 @@ from stridelab.recordings.force_windows import measured_windows
 from stridelab.recordings.marker_sets import identify
 from stridelab.recordings.plate_contacts import wrench_track
 from stridelab.recordings.recording import Recording, Window, WrenchTrack
-from stridelab.reproduction.claims import Claim, Item, Reproduction, bound_verdict, target_claim
+from stridelab.reproduction.claims import Claim, Reproduction, bound_verdict, reproduces, target_claim
 from stridelab.reproduction.report.svg_plots import Curve, Panel, render_svg
 from stridelab.simulation.human.walker import HumanWalker, Walk
 from stridelab.simulation.human_recording import record
@@ -64,6 +64,7 @@ class _Trial:
         return track[first : first + len(estimate.time_s)]
 
 
+@reproduces("fig-2.8", "Walking on force plates", default_seeds=4)
 def run(seeds: int, tell: Progress) -> Reproduction:
     """One walk over force plates, ``seeds`` draws of noise and segment table; the force is delayed by 18 ms."""
     tell(0.02, "simulating a walk")
@@ -126,7 +127,6 @@ def run(seeds: int, tell: Progress) -> Reproduction:
             at_most=0.0025,
         ),
     )
-    tell(1.0, "done")
     columns = {"draw": np.arange(seeds), "latency_s": np.array(latencies_s)} | {
         f"{name}_{axis}_m": rows[:, k]
         for name, rows in (("bias", b), ("offset", a), ("offset_late", delayed), ("offset_corrected", compensated))
@@ -184,6 +184,3 @@ def com_and_force_panels(geometric: GeometricCom, fused: ComEstimate, wrench: Wr
         Panel("Centre of mass from its start", "time (s)", "position (m)", path),
         Panel("Contact force, one second", "time (s)", "force (N)", force),
     ]
-
-
-ITEM: Final = Item("fig-2.8", "Walking on force plates", run, default_seeds=4)

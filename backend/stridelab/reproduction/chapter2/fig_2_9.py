@@ -18,7 +18,7 @@ from stridelab.estimation.complementary.forward_backward import (
 from stridelab.estimation.complementary.transfer_functions import THESIS_HIGH_HZ, THESIS_LOW_HZ, complementary_filters
 from stridelab.estimation.estimator import ComEstimate
 from stridelab.estimation.evaluation.truth_errors import error_m, truth_error
-from stridelab.reproduction.claims import Claim, Item, Reproduction, bound_verdict, target_claim
+from stridelab.reproduction.claims import Claim, Reproduction, bound_verdict, reproduces, target_claim
 from stridelab.reproduction.common.estimator_errors import rms
 from stridelab.reproduction.common.estimators import GEOMETRY, THESIS, study_estimators
 from stridelab.reproduction.report.svg_plots import Curve, Panel, render_svg
@@ -31,6 +31,7 @@ OFFSET_M: Final = 0.03
 """Bias of the segment table, of the size reported in the thesis: a few centimetres."""
 
 
+@reproduces("fig-2.9", "Running, with flight phases", default_seeds=4)
 def run(seeds: int, tell: Progress) -> Reproduction:
     """Running with marker and plate noise, ``seeds`` draws; the bias on a run without noise."""
     compared = (GEOMETRY, THESIS)
@@ -111,7 +112,6 @@ def run(seeds: int, tell: Progress) -> Reproduction:
     )
     trial = simulate_trial("running", NOISE, 0)
     fused = study_estimators(trial)[THESIS].estimate(trial.geometric, trial.wrench, trial.mass_kg)
-    tell(1.0, "done")
     table = {
         "estimator": np.array(compared),
         "horizontal_m": np.array([horizontal[name] for name in compared]),
@@ -205,6 +205,3 @@ def _draw_panels(trial: StudyTrial, fused: ComEstimate, curve: Float[np.ndarray,
             [Curve(np.arange(len(curve)) / RATE_HZ, 1e3 * curve, "forward pass", 0)],
         ),
     ]
-
-
-ITEM: Final = Item("fig-2.9", "Running, with flight phases", run, default_seeds=4)

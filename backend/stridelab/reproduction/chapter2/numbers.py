@@ -21,7 +21,7 @@ from stridelab.estimation.observability import (
     force_and_geometry_matrix,
     force_matrix,
 )
-from stridelab.reproduction.claims import Claim, Item, Reproduction, bound_verdict
+from stridelab.reproduction.claims import Claim, Reproduction, bound_verdict, reproduces
 from stridelab.reproduction.common.estimator_errors import GAITS, rms
 from stridelab.reproduction.report.svg_plots import Bars, Curve, Panel, render_svg
 from stridelab.simulation.robot.walker import RATE_HZ
@@ -36,6 +36,7 @@ RANK_SAMPLE_STEP: Final = 10
 """Sampling interval of the rank computation."""
 
 
+@reproduces("numbers-2", "Numbers in the text of chapter 2", default_seeds=3)
 def run(seeds: int, tell: Progress) -> Reproduction:
     """One walk per gait without noise, and ``seeds`` draws with the thesis' noise."""
     clean = {gait: simulate_trial(gait, "none", 0) for gait in GAITS}
@@ -47,7 +48,6 @@ def run(seeds: int, tell: Progress) -> Reproduction:
         claims += _axis_claims(gait, clean[gait], offset[gait])
         noisy = [simulate_trial(gait, "thesis", seed) for seed in range(seeds)]
         claims += _noise_claims(gait, clean[gait], noisy)
-    tell(1.0, "done")
     time_s = {gait: trial.truth.time_s for gait, trial in clean.items()}
     return Reproduction(
         claims=tuple(claims),
@@ -201,6 +201,3 @@ def _passes_m(trial: StudyTrial) -> tuple[float, float]:
         for track in (fused.com_m, one_pass_m[signals.stretch.within])
     )
     return both, one
-
-
-ITEM: Final = Item("numbers-2", "Numbers in the text of chapter 2", run, default_seeds=3)

@@ -15,7 +15,7 @@ from stridelab.estimation.estimator import ComEstimate
 from stridelab.estimation.evaluation.truth_errors import TruthError, truth_error
 from stridelab.estimation.smoother import Smoother, SmootherPriors
 from stridelab.reproduction.chapter2.table_partial_force import partial_force_errors
-from stridelab.reproduction.claims import Claim, Item, Reproduction, target_claim
+from stridelab.reproduction.claims import Claim, Reproduction, reproduces, target_claim
 from stridelab.reproduction.common.estimator_errors import GAITS, as_columns, errors_of_draw
 from stridelab.reproduction.common.estimators import SMOOTHER, true_noise_priors
 from stridelab.reproduction.report.svg_plots import Bars, render_svg
@@ -81,6 +81,7 @@ SCENARIOS: Final = (
 )
 
 
+@reproduces("coverage", "Coverage of the smoother's band", default_seeds=1, printed=("coverage",))
 def run(seeds: int, tell: Progress) -> Reproduction:
     """Both gaits in every scenario, ``seeds`` draws of each."""
     rows: list[dict[str, object]] = []
@@ -95,7 +96,6 @@ def run(seeds: int, tell: Progress) -> Reproduction:
                 claims += _coverage_claims(gait, scenario, rows[-1])
         tell((k * (len(SCENARIOS) + 1) + len(SCENARIOS)) / steps, f"{gait} gait, undeclared bias")
         claims += _bias_detection_claims(gait, seeds)
-    tell(1.0, "done")
     return Reproduction(
         claims=tuple(claims),
         note=f"{seeds} draws each; share of samples inside the 95 % band. sd over RMSE is the width of the band "
@@ -209,6 +209,3 @@ def _smoother_error(trial: StudyTrial, priors: SmootherPriors | None = None) -> 
     return truth_error(
         _smoother_estimate(trial, priors or true_noise_priors(trial)), trial.truth.time_s, trial.truth.com_m
     )
-
-
-ITEM: Final = Item("coverage", "Coverage of the smoother's band", run, default_seeds=1, printed=("coverage",))

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from stridelab.conventions import Progress
-from stridelab.reproduction.claims import Claim, Item, Reproduction, target_claim
+from stridelab.reproduction.claims import Claim, Reproduction, reproduces, target_claim
 from stridelab.reproduction.common.estimator_errors import (
     GAITS,
     Draw,
@@ -30,10 +30,10 @@ _SHOWN_COLUMNS: Final = (
 )
 
 
+@reproduces("errors", "RMS error of every estimator", default_seeds=2, printed=("errors",))
 def run(seeds: int, tell: Progress) -> Reproduction:
     """Both gaits, the thesis' noise and white noise, ``seeds`` draws of each."""
     all_draws = compute_draws(GAITS, NOISES, seeds, lambda fraction, message: tell(0.98 * fraction, message))
-    tell(1.0, "done")
     return Reproduction(
         claims=tuple(claim for gait in GAITS for claim in _gait_claims(gait, [d for d in all_draws if d.gait == gait])),
         note=f"{seeds} draws per gait and noise; RMS along the walk (x), lateral (y) and vertical (z). The Kalman "
@@ -97,6 +97,3 @@ def _error_bars(gait: str, noise: str, all_draws: Sequence[Draw]) -> Bars:
         "mm",
         [(name, 1e3 * rms([d.errors[name].horizontal_m for d in group])) for name in NAMES],
     )
-
-
-ITEM: Final = Item("errors", "RMS error of every estimator", run, default_seeds=2, printed=("errors",))

@@ -8,7 +8,7 @@ from stridelab.conventions import Progress
 from stridelab.errors import NotEstimable
 from stridelab.estimation.evaluation.physics_residuals import assess_flight
 from stridelab.estimation.evaluation.truth_errors import truth_error
-from stridelab.reproduction.claims import Claim, Item, Reproduction, target_claim
+from stridelab.reproduction.claims import Claim, Reproduction, reproduces, target_claim
 from stridelab.reproduction.common.estimator_errors import as_columns, rms
 from stridelab.reproduction.common.estimators import NAMES, SMOOTHER, study_estimators
 from stridelab.reproduction.report.svg_plots import Bars, render_svg
@@ -18,6 +18,7 @@ NOISES: Final = ("marker-like", "thesis")
 MAX_GRAVITY_ERROR_SHARE: Final = 0.02
 
 
+@reproduces("flight", "Free fall in running", default_seeds=2, printed=("flight",))
 def run(seeds: int, tell: Progress) -> Reproduction:
     """Running with marker and plate noise and with the thesis' noise, ``seeds`` draws of each.
 
@@ -50,7 +51,6 @@ def run(seeds: int, tell: Progress) -> Reproduction:
             }
             for name in NAMES
         ]
-    tell(1.0, "done")
     return Reproduction(
         claims=tuple(claim for row in rows if row["estimator"] == SMOOTHER for claim in _smoother_claims(row)),
         note=f"{seeds} draws each of a run at about 1 m/s with flight phases of 0.11 s; vertical acceleration over g, "
@@ -87,6 +87,3 @@ def _smoother_claims(row: dict[str, object]) -> list[Claim]:
             note=f"Worst draw {100 * worst:.2f} %.",
         )
     ]
-
-
-ITEM: Final = Item("flight", "Free fall in running", run, default_seeds=2, printed=("flight",))

@@ -11,7 +11,7 @@ from stridelab.estimation.complementary.filter import ComplementaryFilter
 from stridelab.estimation.estimator import ComEstimator
 from stridelab.estimation.evaluation.truth_errors import truth_error
 from stridelab.estimation.kalman.filter import TUNED_SIGMA_JERK_M_S3, KalmanFilter
-from stridelab.reproduction.claims import Claim, Item, Reproduction, target_claim
+from stridelab.reproduction.claims import Claim, Reproduction, reproduces, target_claim
 from stridelab.reproduction.common.estimator_errors import GAITS, Draw, as_columns, compute_draws, per_axis
 from stridelab.reproduction.common.estimators import AUTO, KALMAN, NAMES, SMOOTHER, THESIS
 from stridelab.reproduction.report.svg_plots import Bars, render_svg
@@ -23,6 +23,7 @@ LATERAL: Final = 1
 SLOW, QUICK = KalmanFilter(), KalmanFilter(sigma_jerk_m_s3=TUNED_SIGMA_JERK_M_S3)
 
 
+@reproduces("lag", "Lag of every estimator", default_seeds=2, printed=("lags", "causes"))
 def run(seeds: int, tell: Progress) -> Reproduction:
     """Both gaits with the thesis' noise, ``seeds`` draws; the causes on one walk of each without noise."""
     all_draws = compute_draws(GAITS, ("thesis",), seeds, lambda fraction, message: tell(0.9 * fraction, message))
@@ -34,7 +35,6 @@ def run(seeds: int, tell: Progress) -> Reproduction:
         for gait in GAITS
         for name in NAMES
     ]
-    tell(1.0, "done")
     return Reproduction(
         claims=tuple(claim for gait in GAITS for claim in _gait_claims(gait, all_draws, causes[gait])),
         note="Median over the draws of the time shift that minimises the error of the detrended estimate; negative is "
@@ -130,6 +130,3 @@ def _lag_by_cause_s(gait: GaitName) -> dict[str, float]:
 def _estimator_lag_s(estimator: ComEstimator, trial: StudyTrial) -> np.ndarray:
     estimate = estimator.estimate(trial.geometric, trial.wrench, trial.mass_kg)
     return truth_error(estimate, trial.truth.time_s, trial.truth.com_m).lag_s
-
-
-ITEM: Final = Item("lag", "Lag of every estimator", run, default_seeds=2, printed=("lags", "causes"))

@@ -12,7 +12,7 @@ from stridelab.conventions import Progress
 from stridelab.errors import NotEstimable
 from stridelab.estimation.evaluation.truth_errors import TruthError, error_m, truth_error
 from stridelab.estimation.smoother import Smoother
-from stridelab.reproduction.claims import Claim, Item, Reproduction, target_claim
+from stridelab.reproduction.claims import Claim, Reproduction, reproduces, target_claim
 from stridelab.reproduction.common.estimator_errors import GAITS, as_columns, rms
 from stridelab.reproduction.common.estimators import NAMES, SMOOTHER, study_estimators, true_noise_priors
 from stridelab.reproduction.report.svg_plots import Bars, render_svg
@@ -85,6 +85,7 @@ def _rejection_code(trial: StudyTrial) -> str | None:
     return None
 
 
+@reproduces("partial-force", "One second of force in two", default_seeds=4, printed=("errors",))
 def run(seeds: int, tell: Progress) -> Reproduction:
     """Both gaits with marker and plate noise and with the thesis' noise, ``seeds`` draws of each."""
     rows: list[dict[str, object]] = []
@@ -101,7 +102,6 @@ def run(seeds: int, tell: Progress) -> Reproduction:
         gait: sum(excerpt_with_single_support(gait, CLAIM_NOISE, seed)[1] for seed in range(seeds)) for gait in GAITS
     }
     rejected = " and ".join(f"{n} of {n + seeds} ({gait} gait)" for gait, n in rejections.items())
-    tell(1.0, "done")
     return Reproduction(
         claims=tuple(claims),
         note=f"{seeds} draws each. Errors over the second with force, norm of both horizontal axes; for estimators "
@@ -177,6 +177,3 @@ def _short_window_claim(gait: GaitName, seeds: int) -> Claim:
     return target_claim(
         f"{gait}_refused", f"{gait} gait: {TOO_SHORT_S} s of force are rejected", share, "1", at_least=1.0
     )
-
-
-ITEM: Final = Item("partial-force", "One second of force in two", run, default_seeds=4, printed=("errors",))

@@ -5,7 +5,7 @@ from typing import Final
 import numpy as np
 
 from stridelab.conventions import Progress
-from stridelab.reproduction.claims import Claim, Item, Reproduction
+from stridelab.reproduction.claims import Claim, Reproduction, reproduces
 from stridelab.reproduction.common.simulated_steps import NOTE, SimulatedSteps, simulated_steps
 from stridelab.reproduction.report.svg_plots import Bars, Curve, Panel, render_svg
 from stridelab.walking.double_support import double_support_of_wheel
@@ -16,6 +16,7 @@ MAX_ERROR_S: Final = 0.01
 """Maximum that counts as "only few milliseconds"."""
 
 
+@reproduces("fig-3.10", "Double support from the crossings of the hub's height")
 def run(seeds: int, tell: Progress) -> Reproduction:
     """One simulated walk; ``seeds`` is ignored."""
     tell(0.05, "simulating a walk")
@@ -49,7 +50,6 @@ def run(seeds: int, tell: Progress) -> Reproduction:
             "the hub for half of every step, but double support is only a fifth of it.",
         ),
     )
-    tell(1.0, "done")
     return Reproduction(
         claims=claims,
         note=NOTE,
@@ -102,6 +102,3 @@ def _draw_panels(steps: SimulatedSteps, whole: np.ndarray) -> list[Panel | Bars]
             [Curve(t, z, "centre of mass", 0), Curve(t, np.full_like(t, hub), "hub", 1), *instants],
         ),
     ]
-
-
-ITEM: Final = Item("fig-3.10", "Double support from the crossings of the hub's height", run)

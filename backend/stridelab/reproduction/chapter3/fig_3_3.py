@@ -5,7 +5,7 @@ from typing import Final
 import numpy as np
 
 from stridelab.conventions import Progress
-from stridelab.reproduction.claims import Claim, Item, Reproduction, bound_verdict
+from stridelab.reproduction.claims import Claim, Reproduction, bound_verdict, reproduces
 from stridelab.reproduction.common.simulated_steps import NOTE, simulated_steps
 from stridelab.reproduction.report.svg_plots import Curve, Panel, render_svg
 from stridelab.walking.curtate_cycloid import FULL_TURN_RAD, Plane, Wheel
@@ -19,6 +19,7 @@ MAX_RELATIVE_DISTANCE: Final = 0.1
 """Maximum mean distance relative to the vertical excursion that counts as "very similar"."""
 
 
+@reproduces("fig-3.3", "Three types of cycloid, and the centre of mass")
 def run(seeds: int, tell: Progress) -> Reproduction:
     """Closed-form cycloids and the steps of one simulated walk; ``seeds`` is ignored."""
     tell(0.05, "simulating a walk")
@@ -26,7 +27,6 @@ def run(seeds: int, tell: Progress) -> Reproduction:
     tell(0.9, "comparing shapes")
     wheels = {name: _wheel_of_type(share) for name, share in TYPES.items()}
     paths = {name: wheel.position_m(THETA_RAD) for name, wheel in wheels.items()}
-    tell(1.0, "done")
     return Reproduction(
         claims=(*_type_claims(wheels), *_shape_claims(fits)),
         note=NOTE,
@@ -119,6 +119,3 @@ def _draw_panels(paths: dict[str, Plane], fit: StepFit) -> list[Panel]:
     model = fit.path.wheel.position_m(fit.path.theta_rad)
     curves = [Curve(x, z, "centre of mass", 0), Curve(model[:, 0] - fit.path_m[0, 0], model[:, 1], "curtate", 1, True)]
     return [*panels, Panel("Centre of mass in the sagittal plane", "ahead (m)", "height (m)", curves)]
-
-
-ITEM: Final = Item("fig-3.3", "Three types of cycloid, and the centre of mass", run)

@@ -7,7 +7,7 @@ import numpy as np
 from stridelab.conventions import Progress, Series
 from stridelab.recordings.force_windows import measured_windows
 from stridelab.recordings.marker_sets import identify
-from stridelab.reproduction.claims import Item, Reproduction, target_claim
+from stridelab.reproduction.claims import Reproduction, reproduces, target_claim
 from stridelab.reproduction.common.simulated_steps import NOTE, SimulatedSteps, simulated_steps
 from stridelab.reproduction.report.svg_plots import Curve, Panel, render_svg
 from stridelab.walking.step_fit import StepFit
@@ -18,6 +18,7 @@ MAX_TIMING_ERROR_S: Final = 0.015
 LOADED_N: Final = 20.0
 
 
+@reproduces("fig-3.4", "Phases of the gait, and the height in a step")
 def run(seeds: int, tell: Progress) -> Reproduction:
     """One simulated walk; ``seeds`` is ignored."""
     tell(0.05, "simulating a walk")
@@ -36,7 +37,6 @@ def run(seeds: int, tell: Progress) -> Reproduction:
             f"exact time at which the foot force crosses {LOADED_N:.0f} N.",
         ),
     )
-    tell(1.0, "done")
     return Reproduction(
         claims=claims,
         note=f"{NOTE} The variation between steps is a parameter of the simulation: panel (b) is drawn without claims.",
@@ -98,6 +98,3 @@ def _draw_panels(steps: SimulatedSteps, heights: np.ndarray) -> list[Panel]:
             ],
         ),
     ]
-
-
-ITEM: Final = Item("fig-3.4", "Phases of the gait, and the height in a step", run)

@@ -5,7 +5,7 @@ from typing import Final
 import numpy as np
 
 from stridelab.conventions import Progress
-from stridelab.reproduction.claims import Claim, Item, Reproduction, bound_verdict
+from stridelab.reproduction.claims import Claim, Reproduction, bound_verdict, reproduces
 from stridelab.reproduction.common.simulated_steps import NOTE, simulated_steps
 from stridelab.reproduction.report.svg_plots import Curve, Panel, render_svg
 from stridelab.walking.step_fit import StepFit
@@ -14,6 +14,7 @@ PRINTED_M: Final = 0.0015
 MEAN_M: Final = 0.0035
 
 
+@reproduces("fig-3.5", "One step and the wheel through it")
 def run(seeds: int, tell: Progress) -> Reproduction:
     """One simulated walk; ``seeds`` is ignored."""
     tell(0.05, "simulating a walk")
@@ -72,7 +73,6 @@ def run(seeds: int, tell: Progress) -> Reproduction:
             f"two harmonics have {1e3 * rivals['two-harmonics'].rms_m:.2f} mm.",
         ),
     )
-    tell(1.0, "done")
     shown = fits[0]
     return Reproduction(
         claims=claims,
@@ -119,6 +119,3 @@ def _draw_panels(fit: StepFit) -> list[Panel]:
             [Curve(percent, 1e3 * fit.path.error_m[:, k], axis, k) for k, axis in enumerate(("ahead", "up"))],
         ),
     ]
-
-
-ITEM: Final = Item("fig-3.5", "One step and the wheel through it", run)

@@ -5,7 +5,7 @@ from typing import Final
 import numpy as np
 
 from stridelab.conventions import Progress
-from stridelab.reproduction.claims import Claim, Item, Reproduction, bound_verdict
+from stridelab.reproduction.claims import Claim, Reproduction, bound_verdict, reproduces
 from stridelab.reproduction.common.simulated_people import NOTE, THESIS_SUBJECTS, simulated_people
 from stridelab.reproduction.report.svg_plots import Bars, Curve, Panel, render_svg
 
@@ -13,6 +13,7 @@ MEAN_MM: Final = 3.5
 SD_MM: Final = 1.5
 
 
+@reproduces("fig-3.6", "Distance between path and wheel, per person", default_seeds=THESIS_SUBJECTS)
 def run(seeds: int, tell: Progress) -> Reproduction:
     """``seeds`` simulated subjects, at least ``MIN_SUBJECTS``."""
     subjects = simulated_people(seeds, tell).population.subjects
@@ -25,7 +26,6 @@ def run(seeds: int, tell: Progress) -> Reproduction:
               bound_verdict(float(sds.max()), at_most=SD_MM),
               "The largest standard deviation of a subject. The text has 1 mm, the caption 1.5 mm."),
     )  # fmt: skip
-    tell(1.0, "done")
     person = np.arange(1.0, len(means) + 1)
     gap = np.full_like(means, np.nan)
     spread = Curve(
@@ -45,6 +45,3 @@ def run(seeds: int, tell: Progress) -> Reproduction:
             ]
         ),
     )
-
-
-ITEM: Final = Item("fig-3.6", "Distance between path and wheel, per person", run, default_seeds=THESIS_SUBJECTS)

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from stridelab.conventions import Progress, Series
-from stridelab.reproduction.claims import Claim, Item, Reproduction, bound_verdict
+from stridelab.reproduction.claims import Claim, Reproduction, bound_verdict, reproduces
 from stridelab.reproduction.common.simulated_people import (
     THESIS_SUBJECTS,
     SimulatedPeople,
@@ -33,6 +33,7 @@ MAX_SPEED_VARIATION_RATIO: Final = 1.0
 """The hub is "low-varying" if its speed varies no more than the walker's."""
 
 
+@reproduces("numbers-3", "Numbers in the text of chapter 3", default_seeds=THESIS_SUBJECTS)
 def run(seeds: int, tell: Progress) -> Reproduction:
     """``seeds`` simulated subjects, at least ``MIN_SUBJECTS``."""
     people = simulated_people(seeds, lambda fraction, message: tell(0.8 * fraction, message))
@@ -40,7 +41,6 @@ def run(seeds: int, tell: Progress) -> Reproduction:
     tell(0.9, "analysing the hub")
     speeds = np.array([_speed_variations(fit) for fit in fits])
     claims = (*_deviation_claims(people), *_p_value_claims(), *_model_claims(people, fits), *_hub_claims(fits, speeds))
-    tell(1.0, "done")
     return Reproduction(
         claims=claims,
         note=f"{len(people.population.subjects)} simulated subjects with exact centre of mass, and the steps of one "
@@ -218,6 +218,3 @@ def _hub_claims(fits: tuple[StepFit, ...], speeds: Float[np.ndarray, "steps 2"])
             "the walker is fastest where the cycloid is slowest, and the hub has to compensate for both.",
         ),
     )
-
-
-ITEM: Final = Item("numbers-3", "Numbers in the text of chapter 3", run, default_seeds=THESIS_SUBJECTS)

@@ -8,7 +8,7 @@ from stridelab.conventions import Progress
 from stridelab.reachability.card import EffectorCard, SizeTrial
 from stridelab.reachability.store import load_card
 from stridelab.reproduction.chapter4.foot_density import REFERENCES, SUFFICIENT_EXCESS_SD
-from stridelab.reproduction.claims import Claim, Item, Reproduction
+from stridelab.reproduction.claims import Claim, Reproduction, reproduces
 from stridelab.reproduction.report.svg_plots import Curve, Panel, render_svg
 
 ROBOTS: Final = {"hrp2": "HRP-2", "talos": "TALOS"}
@@ -21,13 +21,13 @@ NOTE: Final = (
 )
 
 
+@reproduces("fig-4.3", "Divergence of the mixture over its size", printed=("sizes",))
 def run(seeds: int, tell: Progress) -> Reproduction:
     """Computed from the bundled cards; ``seeds`` is ignored."""
     tell(0.1, "reading the cards")
     cards = {robot: load_card(robot, "uniform").effectors for robot in ROBOTS}
     effectors = [(robot, name, card) for robot in ROBOTS for name, card in cards[robot].items()]
     trials = [(robot, name, trial) for robot, name, card in effectors for trial in card.sizes]
-    tell(1.0, "done")
     return Reproduction(
         claims=tuple(claim for effector in effectors for claim in _effector_claims(*effector)),
         note=NOTE,
@@ -117,6 +117,3 @@ def _robot_panel(title: str, cards: dict[str, EffectorCard]) -> Panel:
         for size in sorted({card.thesis_components for card in cards.values()})
     ]
     return Panel(f"{title}: divergence over size, and our sizes", "components (1)", "KL (nats)", curves)
-
-
-ITEM: Final = Item("fig-4.3", "Divergence of the mixture over its size", run, printed=("sizes",))

@@ -18,7 +18,7 @@ from stridelab.reachability.proxy.contact_set_proxy import ContactSet
 from stridelab.reachability.proxy.effector_proxy import Proxy
 from stridelab.reachability.proxy.projections import grid_around, project_kernels, project_mixture
 from stridelab.reachability.store import load_proxies
-from stridelab.reproduction.claims import Claim, Column, Item, Reproduction, target_claim
+from stridelab.reproduction.claims import Claim, Column, Reproduction, reproduces, target_claim
 from stridelab.reproduction.report.svg_density_maps import WIDTH, Row, svg_maps
 from stridelab.robots.loader import load_robot
 from stridelab.studies.proxy_accuracy import MASSES, Comparison, Truth, compare_densities, stair_contacts
@@ -31,6 +31,7 @@ MIN_DENSITY_AT_MODE: Final = 0.5
 _VIEW_HEIGHT: Final = re.compile(r'viewBox="0 0 \d+ (\d+)"')
 
 
+@reproduces("fig-4.5", "The CoM on two, three and four contacts", printed=("sets",))
 def run(seeds: int, tell: Progress) -> Reproduction:
     """One random sample of postures; ``seeds`` is ignored."""
     search = StanceTruth(load_robot(ROBOT), ANY_POSTURE)
@@ -43,7 +44,6 @@ def run(seeds: int, tell: Progress) -> Reproduction:
         truth = Truth.of(search, placements, DRAWS)
         rows += compare_densities(search, name, placements, truth, densities, PROBES)
         blocks.append(_contact_set_maps(name, search, placements, truth, densities))
-    tell(1.0, "done")
     return Reproduction(
         claims=figure_claims(rows),
         note=f"HRP-2 on a stair of 0.30 m by 0.15 m, then with one hand and with both hands on rails; {DRAWS} postures "
@@ -153,6 +153,3 @@ def stack_svgs(blocks: list[str]) -> str:
     for number, block in enumerate(blocks):
         parts.append(f'<g transform="translate(0 {sum(heights[:number])})">\n{block}</g>')
     return "\n".join([*parts, "</svg>"]) + "\n"
-
-
-ITEM: Final = Item("fig-4.5", "The CoM on two, three and four contacts", run, printed=("sets",))

@@ -9,7 +9,7 @@ import numpy as np
 from stridelab.contacts.wrench_cones.contact_points import PointContacts
 from stridelab.contacts.wrench_cones.wrench_cone import LinearCone
 from stridelab.conventions import Progress
-from stridelab.reproduction.claims import Claim, Column, Item, Reproduction, target_claim
+from stridelab.reproduction.claims import Claim, Column, Reproduction, reproduces, target_claim
 from stridelab.reproduction.report.svg_plots import Bars, render_svg
 from stridelab.studies.cone_validation import Timed, check_cones, check_summary, thesis_cone, timed_cone
 from stridelab.studies.random_contact_sets import stair_sets
@@ -37,6 +37,7 @@ class Row:
     ours: Timed
 
 
+@reproduces("fig-4.6", "Lorentz cones around and inside the cone of wrenches", printed=("sets",))
 def run(seeds: int, tell: Progress) -> Reproduction:
     """One random sample of contact sets; ``seeds`` is ignored."""
     rows = []
@@ -45,7 +46,6 @@ def run(seeds: int, tell: Progress) -> Reproduction:
         rows.append(compare_cones(name, contacts))
     tell(0.3, f"{SETS} random contact sets")
     random = check_summary(check_cones(SETS, POINTS))
-    tell(1.0, "done")
     return Reproduction(
         claims=figure_claims(rows, random),
         note=f"The stances of figure 4.5 (HRP-2, friction 0.5), the thesis' cone about a CoM 0.8 m above the mean of "
@@ -149,6 +149,3 @@ def cone_table(rows: list[Row]) -> Mapping[str, Column]:
         "thesis_ms": np.array([1e3 * row.thesis.time_s for row in rows]),
         "ours_ms": np.array([1e3 * row.ours.time_s for row in rows]),
     }
-
-
-ITEM: Final = Item("fig-4.6", "Lorentz cones around and inside the cone of wrenches", run, printed=("sets",))

@@ -14,7 +14,7 @@ from stridelab.contacts.wrench_cones.contact_points import PointContacts
 from stridelab.contacts.wrench_cones.support_region import Outline, area_m2, intersect_half_planes
 from stridelab.contacts.wrench_cones.wrench_cone import LinearCone, LorentzCone
 from stridelab.conventions import GRAVITY_M_S2, Progress
-from stridelab.reproduction.claims import Claim, Column, Item, Reproduction, target_claim
+from stridelab.reproduction.claims import Claim, Column, Reproduction, reproduces, target_claim
 from stridelab.reproduction.report.svg_plots import Curve, Panel, render_svg
 from stridelab.studies.cone_validation import thesis_cone
 from stridelab.studies.random_contact_sets import com_m, stair_sets
@@ -28,6 +28,7 @@ ANGLE: Final = np.linspace(0.0, 2.0 * np.pi, 181)
 MIN_AREA: Final = 1e-9
 
 
+@reproduces("fig-4.7", "Sections of the wrench cones", printed=("areas",))
 def run(seeds: int, tell: Progress) -> Reproduction:
     """Deterministic; ``seeds`` is ignored."""
     outlines: dict[str, dict[str, Outline]] = {}
@@ -35,7 +36,6 @@ def run(seeds: int, tell: Progress) -> Reproduction:
     for number, (name, contacts) in enumerate(sets.items()):
         tell(number / len(sets), name)
         outlines[name] = cone_sections(contacts)
-    tell(1.0, "done")
     return Reproduction(
         claims=figure_claims(outlines),
         note="The stances of figure 4.5 (HRP-2, friction 0.5), the CoM 0.8 m above the mean of the contacts. "
@@ -171,6 +171,3 @@ def _outline_panel(name: str, outlines: Mapping[str, Outline]) -> Panel:
         for x, y in [outline.T]
     ]
     return Panel(f"{name}: horizontal acceleration", "x (m/s²)", "y (m/s²)", curves)
-
-
-ITEM: Final = Item("fig-4.7", "Sections of the wrench cones", run, printed=("areas",))

@@ -18,7 +18,7 @@ from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.centroidal.point_forces import CircularCones
 from stridelab.centroidal.solver import solve
 from stridelab.conventions import Points, Progress
-from stridelab.reproduction.claims import Claim, Column, Item, Reproduction, target_claim
+from stridelab.reproduction.claims import Claim, Column, Reproduction, reproduces, target_claim
 from stridelab.reproduction.report.svg_plots import Bars, Curve, Panel, render_svg
 from stridelab.studies.thesis_experiments import EXPERIMENTS, WALKERS, Experiment, experiment_problem
 
@@ -44,6 +44,7 @@ class Row:
     com_distance_m: float
 
 
+@reproduces("fig-4.8", "Forces or the wrench as control", printed=("controls", "alpha"))
 def run(seeds: int, tell: Progress) -> Reproduction:
     """Deterministic; ``seeds`` is ignored."""
     rows: list[Row] = []
@@ -68,7 +69,6 @@ def run(seeds: int, tell: Progress) -> Reproduction:
         for alpha in ALPHAS
     ]
     circular = solve_with_control(ROBOT, EXPERIMENT, CircularCones())
-    tell(1.0, "done")
     return Reproduction(
         claims=figure_claims(rows, sweep, both, circular),
         note="Experiment 1 of HRP-2 (strides of 0.9 m in 8 s) unless stated otherwise: conditioned densities, forces "
@@ -235,6 +235,3 @@ def trajectory_panels(both: tuple[CentroidalPlan, CentroidalPlan]) -> list[Panel
         panel_of("CoM velocity", "c' (m/s)", (both[0].com_v_m_s, both[1].com_v_m_s)),
         panel_of("angular momentum", "L (Nms)", (both[0].l_nms, both[1].l_nms)),
     ]
-
-
-ITEM: Final = Item("fig-4.8", "Forces or the wrench as control", run, printed=("controls", "alpha"))

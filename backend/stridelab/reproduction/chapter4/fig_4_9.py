@@ -20,7 +20,7 @@ from stridelab.conventions import Mask, Points, Progress, Series
 from stridelab.reachability.card import Measure
 from stridelab.reachability.gaussian_mixture import Mixture
 from stridelab.reachability.store import load_proxies
-from stridelab.reproduction.claims import Claim, Column, Item, Reproduction, target_claim
+from stridelab.reproduction.claims import Claim, Column, Reproduction, reproduces, target_claim
 from stridelab.reproduction.report.svg_plots import Curve, Panel, render_svg
 from stridelab.studies.thesis_experiments import experiment_problem
 
@@ -52,13 +52,13 @@ class ComPath:
         return np.asarray(np.isfinite(self.com_m[:, 0]))
 
 
+@reproduces("fig-4.9", "The CoM over the right foot, with and without the log-density", printed=("shares",))
 def run(seeds: int, tell: Progress) -> Reproduction:
     """Deterministic; ``seeds`` is ignored."""
     paths: list[ComPath] = []
     for number, (measure, case) in enumerate((m, c) for m in MEASURES for c in CASES):
         tell(number / 4.0, f"{measure} densities, {case} the log-density")
         paths.append(com_path(measure, case))
-    tell(1.0, "done")
     mixtures = {measure: load_proxies(ROBOT, measure)[FOOT].mixture for measure in MEASURES}
     return Reproduction(
         claims=figure_claims(paths),
@@ -212,6 +212,3 @@ def density_on_grid(
         squares = np.einsum("hwa,ab,hwb->hw", difference, np.linalg.inv(S), difference)
         density += w * np.exp(-0.5 * squares) / np.sqrt(np.linalg.det(S))
     return x, y, density
-
-
-ITEM: Final = Item("fig-4.9", "The CoM over the right foot, with and without the log-density", run, printed=("shares",))

@@ -1,4 +1,4 @@
-"""Common part of figures 4.2 and 4.4: density of the CoM over the right foot, and mixtures of several sizes.
+"""Figures 4.2 and 4.4: density of the CoM over the right foot of HRP-2 and TALOS, and mixtures of several sizes.
 
 Maps and level sets are computed from the first 5000 of the 20 000 bundled samples of the robot with Scott's bandwidth;
 EM uses four fifths of them. The divergences are those of the bundled card, from all samples.
@@ -18,7 +18,7 @@ from stridelab.reachability.learning.fit import HELD_OUT_RECIPROCAL, expectation
 from stridelab.reachability.learning.kde import KernelDensity
 from stridelab.reachability.proxy.projections import grid_around, project_kernels, project_mixture
 from stridelab.reachability.store import load_card, load_cloud
-from stridelab.reproduction.claims import Claim, Reproduction
+from stridelab.reproduction.claims import Claim, Reproduction, reproduces
 from stridelab.reproduction.report.svg_density_maps import Row, hull_area_share, svg_maps
 
 EFFECTOR: Final = "right_foot"
@@ -48,6 +48,18 @@ class FootDensity:
     mixtures: Mapping[int, Mixture]
 
 
+@reproduces("fig-4.2", "Where the CoM of HRP-2 is over its right foot", printed=("level_sets",))
+def hrp2_foot_density(seeds: int, tell: Progress) -> Reproduction:
+    """Kernels, and mixtures of 5, 7 and 13 components from the bundled samples; ``seeds`` is ignored."""
+    return reproduce_foot_density("hrp2", "HRP-2", (5, 7, 13), 7, "7 components are enough for a foot", tell)
+
+
+@reproduces("fig-4.4", "Where the CoM of TALOS is over its right foot", printed=("level_sets",))
+def talos_foot_density(seeds: int, tell: Progress) -> Reproduction:
+    """Kernels, and mixtures of 4 and 7 components from the bundled samples; ``seeds`` is ignored."""
+    return reproduce_foot_density("talos", "TALOS", (4, 7), 4, "4 components are enough for TALOS (figure)", tell)
+
+
 def foot_density(robot: str, sizes: Sequence[int]) -> FootDensity:
     """Kernel density and mixtures for the uniform measure, as in the thesis."""
     com_m = load_cloud(robot, "uniform")[EFFECTOR]
@@ -72,7 +84,6 @@ def reproduce_foot_density(
     tell(0.6, "comparing level sets")
     sets = level_set_table(density)
     claims = _density_claims(density, size, hull_area_share(y, 0.5), sets, says)
-    tell(1.0, "done")
     return Reproduction(
         claims=claims,
         note=f"{title}, right foot, postures uniform in the joints. Maps and level sets: 5000 bundled samples with "

@@ -24,7 +24,7 @@ from stridelab.conventions import Progress
 from stridelab.reachability.learning.kde import KernelDensity
 from stridelab.reachability.store import load_cloud
 from stridelab.reproduction.chapter4.table_4_1 import COLUMNS
-from stridelab.reproduction.claims import Claim, Item, Reproduction, bound_verdict
+from stridelab.reproduction.claims import Claim, Reproduction, bound_verdict, reproduces
 from stridelab.reproduction.report.svg_plots import Bars, render_svg
 from stridelab.robots.loader import load_robot
 from stridelab.robots.visuals import link_meshes
@@ -60,6 +60,7 @@ class FacetCounts:
     largest_violation: float
 
 
+@reproduces("numbers-4", "Numbers in the text of chapter 4")
 def run(seeds: int, tell: Progress) -> Reproduction:
     """Deterministic except for the times; ``seeds`` is ignored."""
     tell(0.05, "robots")
@@ -72,7 +73,6 @@ def run(seeds: int, tell: Progress) -> Reproduction:
     claims.append(_kernel_claim())
     tell(0.6, "solving")
     claims += [*_duration_claims(), *_solve_time_claims()]
-    tell(1.0, "done")
     return Reproduction(
         claims=tuple(claims),
         note="Times are processor times of one thread of this machine. Facets are those of pyramids with four rays per "
@@ -326,6 +326,3 @@ def _solve_time_claims() -> tuple[Claim, ...]:
             "One iteration of experiment 2, for 17 s. By table 4.1 (97 ms for 8 s) it would be 0.21 s.",
         ),
     )
-
-
-ITEM: Final = Item("numbers-4", "Numbers in the text of chapter 4", run)

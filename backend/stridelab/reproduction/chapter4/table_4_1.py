@@ -16,7 +16,7 @@ from stridelab.centroidal.contact_wrench import ContactWrench
 from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.centroidal.solver import solve
 from stridelab.conventions import Progress
-from stridelab.reproduction.claims import Claim, Column, Item, Reproduction, bound_verdict, target_claim
+from stridelab.reproduction.claims import Claim, Column, Reproduction, bound_verdict, reproduces, target_claim
 from stridelab.reproduction.report.svg_plots import Bars, render_svg
 from stridelab.studies.thesis_experiments import Experiment, experiment_problem
 
@@ -65,6 +65,7 @@ class TimedColumn:
     build_s: float
 
 
+@reproduces("table-4.1", "Solution times of the optimal control problem", printed=("times",))
 def run(seeds: int, tell: Progress) -> Reproduction:
     """Minimum of ``REPEATS`` times; ``seeds`` is ignored."""
     times = []
@@ -72,7 +73,6 @@ def run(seeds: int, tell: Progress) -> Reproduction:
         for number, column in enumerate(COLUMNS):
             tell(number / len(COLUMNS), f"{column.robot}, experiment {column.experiment}, {column.control}")
             times.append(time_column(column))
-    tell(1.0, "done")
     return Reproduction(
         claims=time_claims(times),
         note="Processor time of one thread of this machine, compared with the thesis' on an i7 at 2.2 GHz with "
@@ -166,6 +166,3 @@ def time_table(times: list[TimedColumn]) -> Mapping[str, Column]:
         "objective": np.array([t.plan.objective for t in times]),
         "cone_margin_n": np.array([t.plan.verification.cone_margin_n for t in times]),
     }
-
-
-ITEM: Final = Item("table-4.1", "Solution times of the optimal control problem", run, printed=("times",))

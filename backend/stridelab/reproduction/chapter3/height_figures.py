@@ -1,0 +1,60 @@
+"""Figures 3.7 to 3.9: R and r, z0, and omega versus body height."""
+
+from stridelab.conventions import Progress
+from stridelab.reproduction.claims import Claim, Reproduction, reproduces
+from stridelab.reproduction.common.simulated_people import (
+    NOTE,
+    THESIS_SUBJECTS,
+    SimulatedPeople,
+    correlation_with_height,
+    height_claim,
+    height_plot_curves,
+    people_table,
+    simulated_people,
+)
+from stridelab.reproduction.report.svg_plots import Panel, render_svg
+
+
+@reproduces("fig-3.7", "R and r against the height", default_seeds=THESIS_SUBJECTS)
+def radii(seeds: int, tell: Progress) -> Reproduction:
+    """``seeds`` simulated subjects, at least ``MIN_SUBJECTS``."""
+    people = simulated_people(seeds, tell)
+    return _height_figure(
+        people,
+        (height_claim(people, "R_m", "R", 0.67), height_claim(people, "r_m", "r", 0.61)),
+        Panel("Radius of the wheel", "height (m)", "R (mm)", height_plot_curves(people, "R_m", 1e3, 0, "R")),
+        Panel("Distance of the point", "height (m)", "r (mm)", height_plot_curves(people, "r_m", 1e3, 1, "r")),
+    )
+
+
+@reproduces("fig-3.8", "z0 against the height", default_seeds=THESIS_SUBJECTS)
+def hub_height(seeds: int, tell: Progress) -> Reproduction:
+    """``seeds`` simulated subjects, at least ``MIN_SUBJECTS``."""
+    people = simulated_people(seeds, tell)
+    curves = height_plot_curves(people, "z0_m", 1.0, 0, "z0")
+    claims = (height_claim(people, "z0_m", "z0", 0.87),)
+    return _height_figure(people, claims, Panel("Height of the hub", "height (m)", "z0 (m)", curves))
+
+
+@reproduces("fig-3.9", "Angular velocity against the height", default_seeds=THESIS_SUBJECTS)
+def angular_velocity(seeds: int, tell: Progress) -> Reproduction:
+    """``seeds`` simulated subjects, at least ``MIN_SUBJECTS``."""
+    people = simulated_people(seeds, tell)
+    pair = correlation_with_height(people, "omega_rad_s").pearson
+    low, high = pair.ci95 or (-1.0, 1.0)
+    claim = Claim(
+        "omega_height_p",
+        "omega is hardly correlated with the height: p is 0.83 or more",
+        0.83,
+        pair.p,
+        "1",
+        "met" if low <= 0.0 <= high else "not_met",
+        f"Met if the 95 % interval of r contains 0: r = {pair.r:.2f}, n = {pair.n}, from {low:.2f} to {high:.2f}. "
+        "A p of 0.83 means that no correlation was detected, not that there is none.",
+    )
+    curves = height_plot_curves(people, "omega_rad_s", 1.0, 0, "omega")
+    return _height_figure(people, (claim,), Panel("Angular velocity", "height (m)", "omega (rad/s)", curves))
+
+
+def _height_figure(people: SimulatedPeople, claims: tuple[Claim, ...], *panels: Panel) -> Reproduction:
+    return Reproduction(claims, NOTE, {"people": people_table(people)}, render_svg(panels))
