@@ -22,20 +22,14 @@ import numpy as np
 
 from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.centroidal.rest_to_rest import from_rest_to_rest
-from stridelab.centroidal.solver import solve
-from stridelab.contacts.effector_geometry import effector_shapes
-from stridelab.contacts.scenario_io import sequence_of
 from stridelab.contacts.scenarios.parts import Timing
 from stridelab.contacts.scenarios.stairs import Footing, HandRail, Stairs, climb, stairs_with_rail
 from stridelab.errors import StridelabError
 from stridelab.parallel import map_isolated
 from stridelab.reachability.proxy.effector_proxy import Proxy
 from stridelab.robots.robot import Robot
-from stridelab.studies.execution import describe_check, ignore_progress
+from stridelab.studies.execution import run_scenario
 from stridelab.wholebody.certificate.certificate import Check
-from stridelab.wholebody.certificate.certify import certify
-from stridelab.wholebody.control.controller import WholeBodyController
-from stridelab.wholebody.replay.replay import replay_with_defaults
 
 Kind = Literal["rail", "stairs"]
 
@@ -214,50 +208,20 @@ def run_grid(
 def run_case(robot: Robot, proxies: Proxies, case: Case) -> CaseResult:
     """Run one case in this process."""
     started = time.process_time()
-    course = _CaseRun()
-    try:
-        stage, reason = course.run_stages(robot, proxies, case)
-    except StridelabError as error:
-        stage, reason = course.stage, error.message
+    run = run_scenario(robot, case.scenario, proxies, from_rest_to_rest)
+    reason = run.error or run.failed_checks
     return CaseResult(
         case=case.name,
         kind=case.kind,
-        stage=stage,
+        stage=run.stage if reason else None,
         reason=reason,
-        iterations=course.plan.iterations if course.plan is not None else None,
-        com_height_m=com_height_m(robot, course.plan) if course.plan is not None else None,
-        checks=course.checks,
-        replayed=course.replayed,
-        replay_error_m=course.replay_error_m,
+        iterations=run.plan.iterations if run.plan is not None else None,
+        com_height_m=com_height_m(robot, run.plan) if run.plan is not None else None,
+        checks=run.checks,
+        replayed=run.replay.completed if run.replay is not None else None,
+        replay_error_m=run.replay.com_error_max_m if run.replay is not None else None,
         cpu_s=time.process_time() - started,
     )
-
-
-@dataclass
-class _CaseRun:
-    """State of a running case."""
-
-    stage: Stage = "scenario"
-    plan: CentroidalPlan | None = None
-    checks: tuple[Check, ...] = ()
-    replayed: bool | None = None
-    replay_error_m: float | None = None
-
-    def run_stages(self, robot: Robot, proxies: Proxies, case: Case) -> tuple[Stage | None, str]:
-        """Run the stages; returns the failed stage, None for a success, and the reason."""
-        sequence = sequence_of(case.scenario, effector_shapes(robot.name))
-        self.stage = "plan"
-        plan = self.plan = solve(from_rest_to_rest(robot, sequence, proxies))
-        if not plan.converged:
-            return self.stage, plan.status
-        self.stage = "whole body"
-        motion = WholeBodyController().run(robot, sequence, plan)
-        self.stage = "certificate"
-        self.checks = certify(robot, sequence, plan, proxies, motion).checks
-        result = replay_with_defaults(robot, sequence, motion, ignore_progress)
-        self.replayed, self.replay_error_m = result.completed, result.com_error_max_m
-        failed = [check for check in self.checks if not check.passed]
-        return (self.stage, "; ".join(describe_check(check) for check in failed)) if failed else (None, "")
 
 
 def com_height_m(robot: Robot, plan: CentroidalPlan) -> tuple[float, float]:

@@ -5,12 +5,13 @@ Robot-specific parameters of the scenarios (feet, hand positions on rails and wa
 
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
-from typing import Any, Final, TypeVar
+from dataclasses import dataclass, field, replace
+from typing import Any, Final, Literal, TypeVar
 
 from stridelab.centroidal.boundary_conditions import PathBounds
 from stridelab.centroidal.hand_force_limits import hand_bounds_n
 from stridelab.centroidal.native.availability import NativeSolver, native_availability
+from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.centroidal.point_forces import PYRAMIDS, CircularCones
 from stridelab.centroidal.problem import CentroidalProblem
 from stridelab.centroidal.rest_to_rest import from_rest_to_rest
@@ -39,6 +40,7 @@ from stridelab.wholebody.replay.sensors import StateObserver, as_sensed
 Scenario = dict[str, Any]
 Builder = Callable[[], Scenario]
 T = TypeVar("T")
+RunStage = Literal["scenario", "plan", "whole body", "certificate"]
 G1: Final = Walker("g1", 0.1185, 0.107, 0.101)
 """Half the distance between the soles in the reference posture; toe and heel lengths of the shoe."""
 
@@ -114,26 +116,76 @@ def whole_body_motion(robot_name: str, name: str) -> WholeBodyMotion:
     return WholeBodyController().run(robot, sequence, plan)
 
 
+@dataclass
+class ScenarioRun:
+    """One scenario on its way from contacts to replay; ``stage`` is the last one that can fail it.
+
+    ``error`` is what ended it, empty if all stages ran; ``cpu_s`` are process seconds by completed stage.
+    """
+
+    stage: RunStage = "scenario"
+    error: str = ""
+    duration_s: float = 0.0
+    plan: CentroidalPlan | None = None
+    checks: tuple[Check, ...] = ()
+    replay: Replay | None = None
+    cpu_s: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def failed_checks(self) -> str:
+        """The failed checks of the certificate as text."""
+        return "; ".join(describe_check(check) for check in self.checks if not check.passed)
+
+
+def run_scenario(
+    robot: Robot,
+    scenario: Scenario,
+    proxies: Mapping[str, Proxy] | None = None,
+    pose: Callable[[Robot, ContactSequence, Mapping[str, Proxy]], CentroidalProblem] = whole_body_problem,
+) -> ScenarioRun:
+    """Plan, track, certify and replay a scenario; an error of this package ends it and becomes part of the result.
+
+    ``proxies`` None uses the default densities of the robot; ``pose`` states the centroidal problem.
+    """
+    run = ScenarioRun()
+
+    def timed(name: str, work: Callable[[], T]) -> T:
+        started = time.process_time()
+        result = work()
+        run.cpu_s[name] = time.process_time() - started
+        return result
+
+    try:
+        sequence = sequence_of(scenario, effector_shapes(robot.name))
+        run.duration_s = sequence.duration_s
+        densities = load_proxies(robot.name) if proxies is None else proxies
+        run.stage = "plan"
+        plan = run.plan = timed("plan", lambda: solve(pose(robot, sequence, densities)))
+        if not plan.converged:
+            run.error = plan.status
+            return run
+        run.stage = "whole body"
+        motion = timed("whole body", lambda: WholeBodyController().run(robot, sequence, plan))
+        run.stage = "certificate"
+        run.checks = timed("certificate", lambda: certify(robot, sequence, plan, densities, motion)).checks
+        run.replay = timed("replay", lambda: replay_motion(robot.name, motion))
+    except StridelabError as error:
+        run.error = error.message
+    return run
+
+
 def execute_scenario(robot_name: str, name: str) -> Execution:
     """Plan, track, certify and replay one scenario."""
-    robot = load_robot(robot_name)
-    cpu_s: dict[str, float] = {}
-    duration_s, checks = 0.0, tuple[Check, ...]()
-    try:
-        sequence = sequence_of(CASES[robot_name][name](), effector_shapes(robot_name))
-        duration_s = sequence.duration_s
-        proxies = load_proxies(robot_name)
-        plan = _timed_stage(cpu_s, "plan", lambda: solve(whole_body_problem(robot, sequence, proxies)))
-        if not plan.converged:
-            return Execution(robot_name, name, duration_s, plan.status, cpu_s=cpu_s)
-        motion = _timed_stage(cpu_s, "whole body", lambda: WholeBodyController().run(robot, sequence, plan))
-        checks = _timed_stage(cpu_s, "certificate", lambda: certify(robot, sequence, plan, proxies, motion)).checks
-        replay = _timed_stage(cpu_s, "replay", lambda: replay_motion(robot_name, motion))
-    except StridelabError as error:
-        return Execution(robot_name, name, duration_s, error.message, checks, cpu_s)
-    reasons = tuple(one.message for one in replay.remarks)
-    return Execution(
-        robot_name, name, duration_s, "", checks, cpu_s, replay_figures(replay), replay.completed, replay.fell, reasons
+    run = run_scenario(load_robot(robot_name), CASES[robot_name][name]())
+    done = Execution(robot_name, name, run.duration_s, run.error, run.checks, run.cpu_s)
+    if run.replay is None:
+        return done
+    return replace(
+        done,
+        replay=replay_figures(run.replay),
+        completed=run.replay.completed,
+        fell=run.replay.fell,
+        missed=tuple(remark.message for remark in run.replay.remarks),
     )
 
 
@@ -159,13 +211,6 @@ def replay_figures(replay: Replay) -> dict[str, float]:
     if replay.hand_force_mean_n is not None and replay.hand_contact_share is not None:
         figures |= {"hand_force_mean_n": replay.hand_force_mean_n, "hand_contact_share": replay.hand_contact_share}
     return figures
-
-
-def _timed_stage(cpu_s: dict[str, float], stage: str, work: Callable[[], T]) -> T:
-    started = time.process_time()
-    result = work()
-    cpu_s[stage] = time.process_time() - started
-    return result
 
 
 def describe_check(check: Check) -> str:

@@ -7,26 +7,18 @@ A rejected variation is retried at other paces and contact positions (``alternat
 rejection is confirmed if none of these succeeds.
 """
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from itertools import product
 from typing import Any, Final
 
 import numpy as np
 
-from stridelab.centroidal.solver import solve
-from stridelab.contacts.effector_geometry import effector_shapes
-from stridelab.contacts.scenario_io import sequence_of
 from stridelab.contacts.scenarios.parts import TALOS, Timing
 from stridelab.contacts.scenarios.stairs import CLIMBING, HOLDING_ON, HandRail, Stairs, climb, stairs_with_rail
-from stridelab.errors import StridelabError
-from stridelab.reachability.proxy.effector_proxy import Proxy
-from stridelab.reachability.store import load_proxies
 from stridelab.robots.loader import load_robot
-from stridelab.studies.execution import describe_check, replay_motion, whole_body_problem
+from stridelab.studies.execution import run_scenario
 from stridelab.wholebody.certificate.certificate import Check
-from stridelab.wholebody.certificate.certify import certify
-from stridelab.wholebody.control.controller import WholeBodyController
 
 HEIGHT_M: Final = (0.05, 0.15)
 DEPTH_M: Final = (0.30, 0.36)
@@ -134,29 +126,13 @@ def alternatives_to(variation: Variation) -> Iterator[Variation]:
 
 def run_variation(variation: Variation) -> Attempt:
     """Plan, track, certify and replay a variation as the service does; errors become part of the result."""
-    stage, checks = "scenario", tuple[Check, ...]()
-    try:
-        robot = load_robot(TALOS.robot)
-        proxies: Mapping[str, Proxy] = load_proxies(TALOS.robot)
-        sequence = sequence_of(variation.as_scenario, effector_shapes(TALOS.robot))
-        stage = "plan"
-        plan = solve(whole_body_problem(robot, sequence, proxies))
-        if not plan.converged:
-            return Attempt(stage, plan.status)
-        stage = "whole body"
-        motion = WholeBodyController().run(robot, sequence, plan)
-        stage = "certificate"
-        checks = certify(robot, sequence, plan, proxies, motion).checks
-        failed = "; ".join(describe_check(check) for check in checks if not check.passed)
-        replay = replay_motion(TALOS.robot, motion)
-    except StridelabError as error:
-        return Attempt(stage, error.message, checks)
-    if failed:
-        return Attempt(stage, failed, checks, replay.completed, replay.com_error_max_m)
-    if not replay.completed:
-        reason = " ".join(remark.message for remark in replay.remarks)
-        return Attempt("replay", reason, checks, False, replay.com_error_max_m)
-    return Attempt(None, "", checks, True, replay.com_error_max_m)
+    run = run_scenario(load_robot(TALOS.robot), variation.as_scenario)
+    if run.replay is None:
+        return Attempt(run.stage, run.error, run.checks)
+    stage, reason = (run.stage, run.failed_checks) if run.failed_checks else (None, "")
+    if stage is None and not run.replay.completed:
+        stage, reason = "replay", " ".join(remark.message for remark in run.replay.remarks)
+    return Attempt(stage, reason, run.checks, run.replay.completed, run.replay.com_error_max_m)
 
 
 def search_alternatives(
