@@ -199,13 +199,14 @@ def test_the_verdict_is_that_of_the_worst_claim() -> None:
     assert verdict("met", "beaten") == "met"
     assert verdict("met", "thesis_in_error") == "thesis_in_error"
     assert verdict("thesis_in_error", "not_met", "beaten") == "not_met"
-    assert kinds.target_claim("k", "says", 0.93, "1", at_least=0.92, at_most=0.99).verdict == "beaten"
+    assert kinds.target("k", 0.93, "1", at_least=0.92, at_most=0.99).verdict == "beaten"
     for outside in (0.91, 1.0, float("nan")):
-        assert kinds.target_claim("k", "says", outside, "1", at_least=0.92, at_most=0.99).verdict == "not_met"
-    assert kinds.target_claim("k", "says", 0.003, "m", at_most=0.004).thesis == "aim ≤ 4 mm"
-    assert kinds.target_claim("k", "says", 1.0, "1", at_least=0.95).thesis == "aim ≥ 0.95"
-    assert kinds.target_claim("k", "says", 0.95, "1", at_least=0.92, at_most=0.99).thesis == "aim 0.92 to 0.99"
-    assert kinds.bound_verdict(1.0, at_most=0.9) == kinds.bound_verdict(0.8, at_least=0.9) == "not_met"
+        assert kinds.target("k", outside, "1", at_least=0.92, at_most=0.99).verdict == "not_met"
+    assert kinds.target("k", 0.003, "m", at_most=0.004).thesis == "aim ≤ 4 mm"
+    assert kinds.target("k", 1.0, "1", at_least=0.95).thesis == "aim ≥ 0.95"
+    assert kinds.target("k", 0.95, "1", at_least=0.92, at_most=0.99).thesis == "aim 0.92 to 0.99"
+    assert (kinds.met_if(False), kinds.error_unless(False)) == ("not_met", "thesis_in_error")
+    assert kinds.met_if(True) == kinds.error_unless(True) == "met"
 
 
 def test_unknown_items_and_numbers_of_seeds_are_refused() -> None:

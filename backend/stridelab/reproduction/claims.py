@@ -77,24 +77,35 @@ def reproduces(
     return lambda run: Item(name, title, run, default_seeds, printed)
 
 
-def bound_verdict(ours: float, *, at_most: float | None = None, at_least: float | None = None) -> Verdict:
-    """Verdict of a number with a one-sided bound: "met" or "not_met"."""
-    if at_most is not None:
-        return "met" if ours <= at_most else "not_met"
-    return "met" if at_least is not None and ours >= at_least else "not_met"
+@dataclass(frozen=True)
+class Measured:
+    """The numbers of a claim, before its words: ``Measured("r", 0.67, ours, "1", met_if(ours > 0.5)).says("...")``."""
+
+    key: str
+    thesis: float | str
+    ours: float
+    unit: str
+    verdict: Verdict
+
+    def says(self, says: str, note: str = "") -> Claim:
+        """The claim that the thesis makes in these words, with a remark on our number."""
+        return Claim(self.key, says, self.thesis, self.ours, self.unit, self.verdict, note)
 
 
-def target_claim(
-    key: str,
-    says: str,
-    ours: float,
-    unit: str,
-    *,
-    at_most: float | None = None,
-    at_least: float | None = None,
-    note: str = "",
-) -> Claim:
-    """Claim of a target of this project, without a number in the thesis: "beaten" inside the closed bounds.
+def met_if(holds: bool) -> Verdict:
+    """Verdict "met" or "not_met"."""
+    return "met" if holds else "not_met"
+
+
+def error_unless(holds: bool) -> Verdict:
+    """Verdict "met" or "thesis_in_error"."""
+    return "met" if holds else "thesis_in_error"
+
+
+def target(
+    key: str, ours: float, unit: str, *, at_least: float | None = None, at_most: float | None = None
+) -> Measured:
+    """Numbers of a target of this project, without a number in the thesis: "beaten" inside the closed bounds.
 
     Outside the bounds, or if the number is not finite, the verdict is "not_met".
     """
@@ -106,7 +117,7 @@ def target_claim(
     else:
         bound, sign = (at_most, "≤") if at_most is not None else (at_least, "≥")
         aim = f"{sign} {format_three_digits(scale * (bound or 0.0))}{suffix}"
-    return Claim(key, says, f"aim {aim}", ours, unit, "beaten" if inside and math.isfinite(ours) else "not_met", note)
+    return Measured(key, f"aim {aim}", ours, unit, "beaten" if inside and math.isfinite(ours) else "not_met")
 
 
 def format_three_digits(value: float) -> str:

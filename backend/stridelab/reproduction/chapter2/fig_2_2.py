@@ -6,7 +6,7 @@ import numpy as np
 
 from stridelab.conventions import GRAVITY_M_S2, Points, Progress, Series
 from stridelab.dynamics.wrench import Wrench, central_axis, transport, zmp_linearised, zmp_of_motion, zmp_of_wrench
-from stridelab.reproduction.claims import Claim, Reproduction, bound_verdict, reproduces
+from stridelab.reproduction.claims import Measured, Reproduction, error_unless, met_if, reproduces
 from stridelab.reproduction.report.svg_plots import Curve, Panel, render_svg
 from stridelab.simulation.ground_truth import TrueMotion
 from stridelab.studies.estimator_study import simulate_trial
@@ -30,65 +30,36 @@ def run(seeds: int, tell: Progress) -> Reproduction:
     # Intersection of the axis with the floor.
     foot = axis.point_m - (axis.point_m[:, 2] / n[:, 2])[:, None] * n
 
-    exact = np.abs(zmp_of_motion(c, truth.acceleration_m_s2, truth.momentum_rate_nm, truth.mass_kg) - z[:, :2]).max()
-    printed = _printed_2_8(truth)
+    motion_zmp = zmp_of_motion(c, truth.acceleration_m_s2, truth.momentum_rate_nm, truth.mass_kg)
+    exact, printed = float(np.abs(motion_zmp - z[:, :2]).max()), _rms_norm(_printed_2_8(truth) - z[:, :2])
     cart_distance = np.linalg.norm(cart - z[:, :2], axis=1)
     to_cart = c - np.column_stack([cart, np.zeros(len(c))])
     cart_force = np.column_stack([truth.acceleration_m_s2[:, :2], np.full(len(c), GRAVITY_M_S2)])
     distance_error = float(np.abs(np.linalg.norm((foot - z)[:, :2], axis=1) - _predicted_gap(wrench, z)).max())
+    cart_angle, axis_angle = (float(_angle_between(u, v).max()) for u, v in ((to_cart, cart_force), (n, f)))
+    moment_ratio = _least_moment_ratio(wrench, axis.point_m)
     claims = (
-        Claim(
-            "zmp_2_8_corrected_m",
-            "(2.8) is the ZMP of the motion",
-            0.0,
-            float(exact),
-            "m",
-            bound_verdict(float(exact), at_most=1e-6),
-            "With L' of the x axis and the signs that follow from (2.6) and (2.7).",
+        Measured("zmp_2_8_corrected_m", 0.0, exact, "m", met_if(exact <= 1e-6)).says(
+            "(2.8) is the ZMP of the motion", "With L' of the x axis and the signs that follow from (2.6) and (2.7)."
         ),
-        Claim(
-            "zmp_2_8_printed_m",
+        Measured("zmp_2_8_printed_m", 0.0, printed, "m", error_unless(printed <= 1e-6)).says(
             "(2.8) as printed is the ZMP of the motion",
-            0.0,
-            _rms_norm(printed - z[:, :2]),
-            "m",
-            "met" if _rms_norm(printed - z[:, :2]) <= 1e-6 else "thesis_in_error",
             "Its second row contains L' about z instead of L' about x (docs/theory/misprints.md).",
         ),
-        Claim(
-            "cart_line_angle_rad",
+        Measured("cart_line_angle_rad", 0.0, cart_angle, "rad", met_if(cart_angle <= 1e-6)).says(
             "the line from the ZMP to the CoM of the cart-table is parallel to the contact force",
-            0.0,
-            float(_angle_between(to_cart, cart_force).max()),
-            "rad",
-            bound_verdict(float(_angle_between(to_cart, cart_force).max()), at_most=1e-6),
             f"For the force of the cart-table model. The force of the walk deviates from this line by up to "
             f"{np.degrees(_angle_between(to_cart, f).max()):.2f} degrees, because the height is not constant.",
         ),
-        Claim(
-            "axis_angle_rad",
-            "the central axis is parallel to the contact force",
-            0.0,
-            float(_angle_between(n, f).max()),
-            "rad",
-            bound_verdict(float(_angle_between(n, f).max()), at_most=1e-6),
+        Measured("axis_angle_rad", 0.0, axis_angle, "rad", met_if(axis_angle <= 1e-6)).says(
+            "the central axis is parallel to the contact force"
         ),
-        Claim(
-            "least_moment_ratio",
+        Measured("least_moment_ratio", 1.0, moment_ratio, "1", met_if(moment_ratio >= 1.0 - 1e-9)).says(
             "the central axis is the line of minimum moment norm",
-            1.0,
-            _least_moment_ratio(wrench, axis.point_m),
-            "1",
-            bound_verdict(_least_moment_ratio(wrench, axis.point_m), at_least=1.0 - 1e-9),
             "Smallest moment norm at 1 cm from the axis, over eight directions, relative to that on the axis.",
         ),
-        Claim(
-            "theorem_1_m",
+        Measured("theorem_1_m", 0.0, distance_error, "m", met_if(distance_error <= 1e-6)).says(
             "theorem 1: the two axes intersect the floor in the same point only without free moment or tilt",
-            0.0,
-            distance_error,
-            "m",
-            bound_verdict(distance_error, at_most=1e-6),
             f"Largest deviation of the distance from |(tau n) x f| / f^2 of the free moment tau at the ZMP, projected "
             f"to the floor; the distance is {1e3 * _rms_norm((foot - z)[:, :2]):.2f} mm RMS on this walk.",
         ),

@@ -13,7 +13,7 @@ from stridelab.estimation.complementary.transfer_functions import (
     THESIS_LOW_HZ,
     complementary_filters,
 )
-from stridelab.reproduction.claims import Claim, Reproduction, bound_verdict, reproduces
+from stridelab.reproduction.claims import Measured, Reproduction, error_unless, met_if, reproduces
 from stridelab.reproduction.report.svg_plots import Curve, Panel, render_svg
 
 RATE_HZ: Final = 1000.0
@@ -37,44 +37,24 @@ def run(seeds: int, tell: Progress) -> Reproduction:
     sum_error = float(np.abs(thesis.response.sum(axis=1) - 1.0).max())
     at_f2, at_f1 = float(at_cutoffs.gain_db[0, 2]), float(at_cutoffs.gain_db[1, 1])
     peak, ten_hz = float(gain[:, 0].max()), float(np.interp(10.0, FREQUENCY_HZ, gain[:, 0]))
-    half = bound_verdict(abs(at_f1 - HALF_DB), at_most=0.05)
+    half = met_if(abs(at_f1 - HALF_DB) <= 0.05)
     claims = (
-        Claim(
-            "sum_error",
-            "H1 + s² H2 + H3 = 1 (definition 2)",
-            0.0,
-            sum_error,
-            "1",
-            bound_verdict(sum_error, at_most=1e-12),
+        Measured("sum_error", 0.0, sum_error, "1", met_if(sum_error <= 1e-12)).says(
+            "H1 + s² H2 + H3 = 1 (definition 2)"
         ),
-        Claim(
-            "h1_gain_at_0_01_hz",
-            "H1 acts as a band-pass in [f2, f1]: nothing at the lowest frequencies",
-            "small",
-            float(gain[0, 0]),
-            "1",
-            bound_verdict(float(gain[0, 0]), at_most=0.06),
+        Measured("h1_gain_at_0_01_hz", "small", float(gain[0, 0]), "1", met_if(float(gain[0, 0]) <= 0.06)).says(
+            "H1 acts as a band-pass in [f2, f1]: nothing at the lowest frequencies"
         ),
-        Claim(
-            "h1_peak",
+        Measured("h1_peak", 1.0, peak, "1", error_unless(abs(20.0 * np.log10(peak)) <= RIPPLE_DB)).says(
             "H1 acts as a band-pass in [f2, f1]",
-            1.0,
-            peak,
-            "1",
-            "met" if abs(20.0 * np.log10(peak)) <= RIPPLE_DB else "thesis_in_error",
             f"Its peak gain is {peak:.3f} and its roll-off is of first order: at 10 Hz a share of "
             f"{ten_hz:.2f} of the marker noise passes. This explains the high-frequency noise observed in 2.5.4.",
         ),
-        Claim(
-            "gain_at_f2_db",
+        Measured("gain_at_f2_db", "cut-off", at_f2, "dB", met_if(abs(at_f2 - HALF_DB) < 0.05)).says(
             "f2 is the cut-off of H3",
-            "cut-off",
-            at_f2,
-            "dB",
-            "met" if abs(at_f2 - HALF_DB) < 0.05 else "not_met",
             "Two equal poles: half the amplitude (-6 dB) at the named frequency; the -3 dB frequency is lower.",
         ),
-        Claim("gain_at_f1_db", "f1 is the cut-off of s² H2", "cut-off", at_f1, "dB", half, "-6 dB, as above."),
+        Measured("gain_at_f1_db", "cut-off", at_f1, "dB", half).says("f1 is the cut-off of s² H2", "-6 dB, as above."),
     )
     return Reproduction(
         claims=claims,

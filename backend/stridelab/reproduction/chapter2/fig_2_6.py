@@ -9,7 +9,7 @@ from stridelab.conventions import Progress
 from stridelab.dynamics.wrench import Wrench
 from stridelab.estimation.complementary.forward_backward import filter_inputs
 from stridelab.estimation.evaluation.error_spectra import ErrorSpectrum, crossing_hz, error_spectrum
-from stridelab.reproduction.claims import Claim, Reproduction, bound_verdict, reproduces
+from stridelab.reproduction.claims import Measured, Reproduction, met_if, reproduces
 from stridelab.reproduction.report.svg_plots import Curve, Panel, render_svg
 from stridelab.simulation.robot.walker import RATE_HZ
 from stridelab.studies.estimator_study import simulate_trial
@@ -39,50 +39,24 @@ def run(seeds: int, tell: Progress) -> Reproduction:
     crossing = min(crossing_hz(mean["axis"], mean["geometry"], axis) for axis in (0, 1))
     vertical = float(np.abs(p[0, 2] / g[0, 2] - 1.0))
     claims = (
-        Claim(
-            "geometry_middle_over_ends",
+        Measured("geometry_middle_over_ends", "very clean", middle, "1", met_if(middle <= 0.5)).says(
             "the geometry has errors at low and high frequencies, and is very clean between (horizontally)",
-            "very clean",
-            middle,
-            "1",
-            bound_verdict(middle, at_most=0.5),
             "Horizontal RMS error between 0.4 and 4 Hz over the smaller of those below 0.4 Hz and above 4 Hz.",
         ),
-        Claim(
-            "force_power_above_4_hz",
-            "the error of the force lies in high frequencies",
-            1.0,
-            force_high,
-            "1",
-            bound_verdict(force_high, at_least=0.9),
-            "Smallest share of the power of an axis above 4 Hz.",
+        Measured("force_power_above_4_hz", 1.0, force_high, "1", met_if(force_high >= 0.9)).says(
+            "the error of the force lies in high frequencies", "Smallest share of the power of an axis above 4 Hz."
         ),
-        Claim(
-            "axis_without_noise",
+        Measured("axis_without_noise", 1.0, no_noise, "1", met_if(no_noise >= 0.7)).says(
             "the error of the axis comes from L', independent of the added noise",
-            1.0,
-            no_noise,
-            "1",
-            bound_verdict(no_noise, at_least=0.7),
             "Its RMS error between 0.4 and 4 Hz along the walk with perfect sensors and model, over that with noise.",
         ),
-        Claim(
-            "axis_worse_from_hz",
+        Measured("axis_worse_from_hz", 0.4, crossing, "Hz", met_if(0.2 <= crossing <= 1.2)).says(
             "the axis is reliable only below 0.4 Hz",
-            0.4,
-            crossing,
-            "Hz",
-            "met" if 0.2 <= crossing <= 1.2 else "not_met",
             "Lowest frequency at which the horizontal error of the axis exceeds that of the geometry; the spectral "
             "lines are 0.125 Hz apart.",
         ),
-        Claim(
-            "axis_height_over_geometry",
+        Measured("axis_height_over_geometry", "unlikely", vertical, "1", met_if(vertical <= 0.05)).says(
             "no input gives a precise height (2.3)",
-            "unlikely",
-            vertical,
-            "1",
-            bound_verdict(vertical, at_most=0.05),
             "Vertically the axis only repeats the geometry, projected along the force: below 0.4 Hz its error equals "
             "the geometry's up to this relative difference. It is no independent measurement.",
         ),

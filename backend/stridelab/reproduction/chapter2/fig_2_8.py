@@ -21,7 +21,7 @@ from stridelab.recordings.force_windows import measured_windows
 from stridelab.recordings.marker_sets import identify
 from stridelab.recordings.plate_contacts import wrench_track
 from stridelab.recordings.recording import Recording, Window, WrenchTrack
-from stridelab.reproduction.claims import Claim, Reproduction, bound_verdict, reproduces, target_claim
+from stridelab.reproduction.claims import Measured, Reproduction, error_unless, met_if, reproduces, target
 from stridelab.reproduction.report.svg_plots import Curve, Panel, render_svg
 from stridelab.simulation.human.walker import HumanWalker, Walk
 from stridelab.simulation.human_recording import record
@@ -86,45 +86,26 @@ def run(seeds: int, tell: Progress) -> Reproduction:
     left, left_late = _remaining_bias_share(a, b), _remaining_bias_share(delayed, b)
     latency_error_s = float(np.abs(np.array(latencies_s) - LATENCY_S).max())
     shift_left = float(np.abs((compensated - a)[:, 0].mean()))
+    flat, up = _rms_norm(a[:, :2]), _rms_norm(a[:, 2:])
     claims = (
-        Claim(
-            "horizontal_over_vertical",
+        Measured("horizontal_over_vertical", "especially", flat / up, "1", met_if(flat / up >= 1.0)).says(
             "the estimate differs from the geometry, especially horizontally",
-            "especially",
-            _rms_norm(a[:, :2]) / _rms_norm(a[:, 2:]),
-            "1",
-            bound_verdict(_rms_norm(a[:, :2]) / _rms_norm(a[:, 2:]), at_least=1.0),
-            f"Mean offset {1e3 * _rms_norm(a[:, :2]):.1f} mm horizontally, {1e3 * _rms_norm(a[:, 2:]):.1f} mm "
-            "vertically.",
+            f"Mean offset {1e3 * flat:.1f} mm horizontally, {1e3 * up:.1f} mm vertically.",
         ),
-        Claim(
-            "bias_left",
+        Measured("bias_left", "could be", left, "1", met_if(left <= 0.5)).says(
             "the difference could be a correction of the segment table's bias",
-            "could be",
-            left,
-            "1",
-            bound_verdict(left, at_most=0.5),
             "Horizontal bias after fusion over the geometry's, with synchronous clocks.",
         ),
-        Claim(
-            "bias_left_late",
+        Measured("bias_left_late", "could be", left_late, "1", error_unless(left_late < left + 0.1)).says(
             "the same without synchronising the clocks of force and markers",
-            "could be",
-            left_late,
-            "1",
-            "met" if left_late < left + 0.1 else "thesis_in_error",
             f"With the force {1e3 * LATENCY_S:.0f} ms late, as in real recordings, the offset changes by "
             f"{1e3 * shift:+.1f} mm along the walk; speed times delay is {1e3 * SPEED_M_S * LATENCY_S:.1f} mm.",
         ),
-        target_claim(
-            "latency_error_s", "the delay is estimated to 2 ms (largest error)", latency_error_s, "s", at_most=0.002
+        target("latency_error_s", latency_error_s, "s", at_most=0.002).says(
+            "the delay is estimated to 2 ms (largest error)"
         ),
-        target_claim(
-            "shift_left_m",
-            "with the delay corrected, the offset equals that with synchronous clocks",
-            shift_left,
-            "m",
-            at_most=0.0025,
+        target("shift_left_m", shift_left, "m", at_most=0.0025).says(
+            "with the delay corrected, the offset equals that with synchronous clocks"
         ),
     )
     columns = {"draw": np.arange(seeds), "latency_s": np.array(latencies_s)} | {

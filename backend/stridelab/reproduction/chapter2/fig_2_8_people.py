@@ -17,7 +17,7 @@ from stridelab.estimation.differentiation import walk_frame
 from stridelab.estimation.estimator import ComEstimate
 from stridelab.estimation.latency import estimate_latency
 from stridelab.reproduction.chapter2.fig_2_8 import com_and_force_panels
-from stridelab.reproduction.claims import Claim, Reproduction, bound_verdict
+from stridelab.reproduction.claims import Claim, Measured, Reproduction, error_unless, met_if
 from stridelab.reproduction.common.estimator_errors import as_columns, rms
 from stridelab.reproduction.common.recorded_walks import RecordedWalk, recordings_in
 from stridelab.reproduction.report.svg_plots import Bars, render_svg
@@ -64,19 +64,27 @@ def run(gait: Path, tell: Progress) -> Reproduction:
         "of Dumas. The latency of the force is first left uncorrected, since the thesis does not mention it, and then "
         "corrected by its estimate. The drawing shows the subject whose height is closest to that of the thesis' "
         "subject.",
-        tables={"walks": as_columns([_walk_row(pace, one) for pace, of in (("comfortable", slow), ("fast", fast))
-                                     for one in of.values()])},
+        tables={
+            "walks": as_columns(
+                [_walk_row(pace, one) for pace, of in (("comfortable", slow), ("fast", fast)) for one in of.values()]
+            )
+        },
         drawing=render_svg(
             [
                 *com_and_force_panels(shown.walk.geometric, shown.estimate, shown.walk.total_wrench(0.0)),
-                Bars("Offset along the walk, mean", "mm",
-                     [(f"{pace}, {clocks}", 1e3 * float(np.mean([getattr(one, name)[WALK] for one in of.values()])))
-                      for pace, of in (("comfortable", slow), ("fast", fast))
-                      for clocks, name in (("uncorrected", "offset_m"), ("corrected", "corrected_m"))]),
+                Bars(
+                    "Offset along the walk, mean",
+                    "mm",
+                    [
+                        (f"{pace}, {clocks}", 1e3 * float(np.mean([getattr(one, name)[WALK] for one in of.values()])))
+                        for pace, of in (("comfortable", slow), ("fast", fast))
+                        for clocks, name in (("uncorrected", "offset_m"), ("corrected", "corrected_m"))
+                    ],
+                ),
             ]
         ),
         references=("carpentier2017thesis", "carpentier2016spectral", "dumas2007"),
-    )  # fmt: skip
+    )
 
 
 def fuse_walk(walk: RecordedWalk) -> Fused:
@@ -101,9 +109,15 @@ def _offset_m(walk: RecordedWalk, estimate: ComEstimate) -> Vector3:
 def _walk_row(pace: str, one: Fused) -> dict[str, object]:
     along, left, up = one.offset_m.tolist()
     return {
-        "person": one.walk.person, "pace": pace, "speed_m_s": one.speed_m_s, "latency_s": one.latency_s,
-        "along_m": along, "left_m": left, "up_m": up, "along_corrected_m": float(one.corrected_m[WALK]),
-    }  # fmt: skip
+        "person": one.walk.person,
+        "pace": pace,
+        "speed_m_s": one.speed_m_s,
+        "latency_s": one.latency_s,
+        "along_m": along,
+        "left_m": left,
+        "up_m": up,
+        "along_corrected_m": float(one.corrected_m[WALK]),
+    }
 
 
 def _offset_claims(slow: Sequence[Fused], pairs: Sequence[tuple[Fused, Fused]]) -> tuple[Claim, ...]:
@@ -116,34 +130,21 @@ def _offset_claims(slow: Sequence[Fused], pairs: Sequence[tuple[Fused, Fused]]) 
     late = np.mean([b.speed_m_s * b.latency_s - a.speed_m_s * a.latency_s for a, b in pairs])
     change, left = abs(float(raw.mean())), abs(float(corrected.mean()))
     return (
-        Claim(
-            "horizontal_over_vertical",
+        Measured("horizontal_over_vertical", "especially", flat / up, "1", met_if(flat / up >= 1.0)).says(
             "the estimate differs slightly from the geometry, especially in horizontal position",
-            "especially",
-            flat / up,
-            "1",
-            bound_verdict(flat / up, at_least=1.0),
             f"RMS of the mean offsets of {len(slow)} adults at a comfortable speed: {1e3 * flat:.1f} mm horizontally, "
             f"{1e3 * up:.1f} mm vertically.",
         ),
-        Claim(
-            "change_with_speed_m",
+        Measured("change_with_speed_m", 0.0, change, "m", error_unless(change <= CHANCE_CHANGE_M)).says(
             "the difference could be a correction of the table's bias, which is independent of the speed",
-            0.0,
-            change,
-            "m",
-            "met" if change <= CHANCE_CHANGE_M else "thesis_in_error",
             f"Mean change of the offset along the walk from comfortable to fast, {len(pairs)} adults: "
             f"{1e3 * raw.mean():+.1f} mm, standard deviation {1e3 * raw.std():.1f} mm; speed times latency grows by "
             f"{1e3 * late:.1f} mm.",
         ),
-        Claim(
-            "change_corrected_over_raw",
+        Measured(
+            "change_corrected_over_raw", "aim < 1", left / change, "1", "beaten" if left < change else "not_met"
+        ).says(
             "the same with the latency corrected, over that without correction",
-            "aim < 1",
-            left / change,
-            "1",
-            "beaten" if left < change else "not_met",
             f"{1e3 * corrected.mean():+.1f} mm remain, standard deviation {1e3 * corrected.std():.1f} mm.",
         ),
     )

@@ -18,7 +18,7 @@ from stridelab.estimation.complementary.forward_backward import (
 from stridelab.estimation.complementary.transfer_functions import THESIS_HIGH_HZ, THESIS_LOW_HZ, complementary_filters
 from stridelab.estimation.estimator import ComEstimate
 from stridelab.estimation.evaluation.truth_errors import error_m, truth_error
-from stridelab.reproduction.claims import Claim, Reproduction, bound_verdict, reproduces, target_claim
+from stridelab.reproduction.claims import Measured, Reproduction, error_unless, met_if, reproduces, target
 from stridelab.reproduction.common.estimator_errors import rms
 from stridelab.reproduction.common.estimators import GEOMETRY, THESIS, study_estimators
 from stridelab.reproduction.report.svg_plots import Curve, Panel, render_svg
@@ -49,65 +49,35 @@ def run(seeds: int, tell: Progress) -> Reproduction:
     horizontal = {name: rms([h for h, _ in values]) for name, values in errors.items()}
     vertical = {name: rms([v for _, v in values]) for name, values in errors.items()}
     claims = (
-        Claim(
-            "bias_left",
+        Measured("bias_left", "corrects", left, "1", met_if(left <= 0.5)).says(
             "the filter corrects a bias of the table (horizontally)",
-            "corrects",
-            left,
-            "1",
-            bound_verdict(left, at_most=0.5),
             f"Remaining share of {1e3 * OFFSET_M:.0f} mm on a run without noise: the share of time in flight.",
         ),
-        target_claim(
-            "bias_left_told",
+        target("bias_left_told", left_true_flight, "1", at_most=0.02).says(
             "with the true CoM in flight, no bias remains",
-            left_true_flight,
-            "1",
-            at_most=0.02,
-            note="The axis therefore removes the bias wherever it is defined.",
+            "The axis therefore removes the bias wherever it is defined.",
         ),
-        Claim(
-            "harm_of_the_rule",
+        Measured(
+            "harm_of_the_rule", 0.0, left - left_true_flight, "1", error_unless(left - left_true_flight <= 0.02)
+        ).says(
             f"taking c_p = c below {AXIS_THRESHOLD_N:.0f} N does not jeopardize the method",
-            0.0,
-            left - left_true_flight,
-            "1",
-            "met" if left - left_true_flight <= 0.02 else "thesis_in_error",
             "Share of the table's bias that remains because of the rule. Below 0.4 Hz the axis is averaged over many "
             "steps, and in flight it is replaced by the biased geometry: the flight phases take a share of "
             f"{flight_share:.3f} of the time.",
         ),
-        target_claim(
-            "bias_left_predicted",
-            "the remaining share equals the share of time in flight (difference)",
-            abs(left - flight_share),
-            "1",
-            at_most=0.03,
+        target("bias_left_predicted", abs(left - flight_share), "1", at_most=0.03).says(
+            "the remaining share equals the share of time in flight (difference)"
         ),
-        Claim(
-            "vertical_left",
+        Measured("vertical_left", "corrects", left_height, "1", error_unless(left_height <= 0.5)).says(
             "the filter corrects a bias of the table for each dimension (vertically)",
-            "corrects",
-            left_height,
-            "1",
-            "met" if left_height <= 0.5 else "thesis_in_error",
             "The mean force is vertical, and the position along the force is not observable (2.3.1).",
         ),
-        Claim(
-            "settling_s",
+        Measured("settling_s", 1.5, settle_s, "s", met_if(abs(settle_s - 1.5) <= 0.1)).says(
             "the difference converges after 1.5 s",
-            1.5,
-            settle_s,
-            "s",
-            "met" if abs(settle_s - 1.5) <= 0.1 else "not_met",
             "Time after which a forward pass from rest has corrected 90 % of a constant bias: 3.9 tau_2.",
         ),
-        target_claim(
-            "error_over_geometry",
-            "horizontal RMS error over the geometry's, with marker and plate noise",
-            horizontal[THESIS] / horizontal[GEOMETRY],
-            "1",
-            at_most=0.8,
+        target("error_over_geometry", horizontal[THESIS] / horizontal[GEOMETRY], "1", at_most=0.8).says(
+            "horizontal RMS error over the geometry's, with marker and plate noise"
         ),
     )
     trial = simulate_trial("running", NOISE, 0)

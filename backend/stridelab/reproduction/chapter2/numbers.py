@@ -21,7 +21,7 @@ from stridelab.estimation.observability import (
     force_and_geometry_matrix,
     force_matrix,
 )
-from stridelab.reproduction.claims import Claim, Reproduction, bound_verdict, reproduces
+from stridelab.reproduction.claims import Claim, Measured, Reproduction, error_unless, met_if, reproduces
 from stridelab.reproduction.common.estimator_errors import GAITS, rms
 from stridelab.reproduction.report.svg_plots import Bars, Curve, Panel, render_svg
 from stridelab.simulation.robot.walker import RATE_HZ
@@ -62,17 +62,22 @@ def run(seeds: int, tell: Progress) -> Reproduction:
             [
                 *(
                     Panel(
-                        f"Central axis minus centre of mass, {gait} gait", "time (s)", "distance (mm)",
+                        f"Central axis minus centre of mass, {gait} gait",
+                        "time (s)",
+                        "distance (mm)",
                         [Curve(time_s[gait], 1e3 * offset[gait][:, k], a, k) for k, a in enumerate("xyz")],
                     )
                     for gait in GAITS
                 ),
-                Bars("Largest distance of the centre of mass from the axis", "mm",
-                     [(gait, 1e3 * float(np.linalg.norm(offset[gait], axis=1).max())) for gait in GAITS]),
+                Bars(
+                    "Largest distance of the centre of mass from the axis",
+                    "mm",
+                    [(gait, 1e3 * float(np.linalg.norm(offset[gait], axis=1).max())) for gait in GAITS],
+                ),
             ]
         ),
         references=("carpentier2017thesis", "carpentier2016spectral", "stasse2017talos"),
-    )  # fmt: skip
+    )
 
 
 def _rank_claims(trial: StudyTrial) -> tuple[Claim, ...]:
@@ -96,8 +101,9 @@ def _rank_claims(trial: StudyTrial) -> tuple[Claim, ...]:
 
 def _rank_claim(key: str, says: str, thesis: int, ranks: np.ndarray) -> Claim:
     worst = int(ranks[np.argmax(np.abs(ranks - thesis))])
-    return Claim(key, says, float(thesis), float(worst), "1", "met" if worst == thesis else "thesis_in_error",
-                 f"The same in all {len(ranks)} states." if len(ranks) > 1 and np.ptp(ranks) == 0 else "")  # fmt: skip
+    return Measured(key, float(thesis), float(worst), "1", error_unless(worst == thesis)).says(
+        says, f"The same in all {len(ranks)} states." if len(ranks) > 1 and np.ptp(ranks) == 0 else ""
+    )
 
 
 def _axis_offset_m(trial: StudyTrial) -> Points:
@@ -114,22 +120,12 @@ def _axis_claims(gait: str, trial: StudyTrial, off_m: Points) -> tuple[Claim, ..
     low_power, total_power = (spectrum.band_rms(0.0, top) for top in (stride_hz - spectrum.resolution_hz, RATE_HZ / 2))
     share = float((low_power**2).sum() / (total_power**2).sum())
     return (
-        Claim(
-            f"{gait}_off_axis_m",
+        Measured(f"{gait}_off_axis_m", "several cm", largest, "m", met_if(largest >= SEVERAL_CENTIMETRES_M)).says(
             f"{gait} gait: gesticulation separates CoM and central axis by up to several centimetres (2.3.3)",
-            "several cm",
-            largest,
-            "m",
-            bound_verdict(largest, at_least=SEVERAL_CENTIMETRES_M),
             "Largest distance of the walk, without noise and model error. It grows with the square of the cadence.",
         ),
-        Claim(
-            f"{gait}_slow_gesticulation",
+        Measured(f"{gait}_slow_gesticulation", "almost none", share, "1", met_if(share <= 0.01)).says(
             f"{gait} gait: below half of the stepping frequency there is almost no gesticulation (2.3.3)",
-            "almost none",
-            share,
-            "1",
-            bound_verdict(share, at_most=0.01),
             f"Share of the power of L' below {stride_hz:.2f} Hz. The mean offset of the axis from the CoM is "
             f"nevertheless {1e3 * float(np.linalg.norm(off_m.mean(axis=0))):.1f} mm, because force and L' are "
             "correlated.",
@@ -150,41 +146,21 @@ def _noise_claims(gait: str, clean: StudyTrial, noisy: list[StudyTrial]) -> tupl
     both, one = (rms([errors[k] for errors in map(_passes_m, noisy)]) for k in (0, 1))
     sigma = KalmanFilter().sigma_jerk_m_s3
     return (
-        Claim(
-            f"{gait}_perfect_m",
+        Measured(f"{gait}_perfect_m", 0.0, perfect, "m", met_if(perfect <= 1e-5)).says(
             f"{gait} gait: with perfect measurements the filter gives the exact value, without latency (2.4)",
-            0.0,
-            perfect,
-            "m",
-            bound_verdict(perfect, at_most=1e-5),
             "Largest error over all samples and coordinates, with the central axis through the CoM.",
         ),
-        Claim(
-            f"{gait}_mass",
+        Measured(f"{gait}_mass", "good", mass, "1", met_if(mass <= 0.005)).says(
             f"{gait} gait: the mean vertical force gives a good estimate of the mass (2.5.1)",
-            "good",
-            mass,
-            "1",
-            bound_verdict(mass, at_most=0.005),
             "Largest relative error, over a walk that begins and ends at rest, with the noise of 2.5.1.",
         ),
-        Claim(
-            f"{gait}_jerk",
+        Measured(f"{gait}_jerk", sigma, jerk_rms, "m/s³", error_unless(jerk_rms <= 2.0 * sigma)).says(
             f"{gait} gait: with a jerk of 1 m/s³ the Kalman filter trusts the measurements (2.5.3)",
-            sigma,
-            jerk_rms,
-            "m/s³",
-            "met" if jerk_rms <= 2.0 * sigma else "thesis_in_error",
             "RMS of the jerk along the axis with the largest jerk: a filter that expects less jerk trusts its "
             "prediction and is delayed (item lag).",
         ),
-        Claim(
-            f"{gait}_both_passes",
+        Measured(f"{gait}_both_passes", "< 1", both / one, "1", met_if(both < one)).says(
             f"{gait} gait: an average of a forward and a backward pass increases the precision (2.6.3)",
-            "< 1",
-            both / one,
-            "1",
-            "met" if both < one else "not_met",
             "Horizontal RMS error of the average over that of the forward pass alone.",
         ),
     )

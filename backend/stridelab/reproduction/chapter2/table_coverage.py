@@ -15,7 +15,7 @@ from stridelab.estimation.estimator import ComEstimate
 from stridelab.estimation.evaluation.truth_errors import TruthError, truth_error
 from stridelab.estimation.smoother import Smoother, SmootherPriors
 from stridelab.reproduction.chapter2.table_partial_force import partial_force_errors
-from stridelab.reproduction.claims import Claim, Reproduction, reproduces, target_claim
+from stridelab.reproduction.claims import Claim, Reproduction, reproduces, target
 from stridelab.reproduction.common.estimator_errors import GAITS, as_columns, errors_of_draw
 from stridelab.reproduction.common.estimators import SMOOTHER, true_noise_priors
 from stridelab.reproduction.report.svg_plots import Bars, render_svg
@@ -141,13 +141,8 @@ def _coverage_claims(gait: str, scenario: Scenario, row: dict[str, object]) -> l
     for axis, (low, high) in zip("xyz", (HORIZONTAL_BAND, HORIZONTAL_BAND, VERTICAL_BAND), strict=True):
         share, ratio = float(str(row[f"coverage_{axis}"])), float(str(row[f"ratio_{axis}"]))
         claims.append(
-            target_claim(
-                f"{gait}_{scenario.name}_{axis}",
-                f"{gait} gait, {scenario.says}: share inside the band along {axis} (sd over RMSE {ratio:.2f})",
-                share,
-                "1",
-                at_least=low,
-                at_most=high,
+            target(f"{gait}_{scenario.name}_{axis}", share, "1", at_least=low, at_most=high).says(
+                f"{gait} gait, {scenario.says}: share inside the band along {axis} (sd over RMSE {ratio:.2f})"
             )
         )
     return claims
@@ -165,17 +160,11 @@ def _bias_detection_claims(gait: GaitName, seeds: int) -> list[Claim]:
     )
     false_alarms = float(np.mean([_reports_bias(simulate_trial(gait, THESIS_NOISE, s)) for s in range(seeds)]))
     return [
-        target_claim(
-            f"{gait}_flagged",
+        target(f"{gait}_flagged", flagged, "1", at_least=0.95).says(
             f"{gait} gait: share of draws in which an undeclared bias of {BIAS_N:g} N is detected",
-            flagged,
-            "1",
-            at_least=0.95,
-            note=f"Horizontal, in a random direction, at the plate; the prior is {DEFAULT.plate_force_n:g} N.",
+            f"Horizontal, in a random direction, at the plate; the prior is {DEFAULT.plate_force_n:g} N.",
         ),
-        target_claim(
-            f"{gait}_false_alarms", f"{gait} gait: false alarms without bias", false_alarms, "1", at_most=0.05
-        ),
+        target(f"{gait}_false_alarms", false_alarms, "1", at_most=0.05).says(f"{gait} gait: false alarms without bias"),
     ]
 
 

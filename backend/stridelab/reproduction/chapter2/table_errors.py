@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from stridelab.conventions import Progress
-from stridelab.reproduction.claims import Claim, Reproduction, reproduces, target_claim
+from stridelab.reproduction.claims import Claim, Measured, Reproduction, met_if, reproduces, target
 from stridelab.reproduction.common.estimator_errors import (
     GAITS,
     Draw,
@@ -51,9 +51,7 @@ def _gait_claims(gait: str, draws_of_gait: Sequence[Draw]) -> list[Claim]:
 
     def ratio_claim(key: str, says: str, at_most: float, noise: str, one: str, other: str, note: str = "") -> Claim:
         ours = horizontal_ratio(by_noise[noise], one, other)
-        return target_claim(
-            f"{gait}_{key}", f"{gait} gait, {noise} noise: {says}", ours, "1", at_most=at_most, note=note
-        )
+        return target(f"{gait}_{key}", ours, "1", at_most=at_most).says(f"{gait} gait, {noise} noise: {says}", note)
 
     bias = {name: rms([float(d.errors[name].mean_m[2]) for d in draws_of_gait]) for name in NAMES}
     height = min(bias.values()) / bias[GEOMETRY]
@@ -78,13 +76,8 @@ def _gait_claims(gait: str, draws_of_gait: Sequence[Draw]) -> list[Claim]:
         ratio_claim(
             "auto_over_thesis", "default over thesis' cut-offs (1.5 times better)", 1 / 1.5, "thesis", AUTO, THESIS
         ),
-        Claim(
-            f"{gait}_best_height",
+        Measured(f"{gait}_best_height", "unlikely", height, "1", met_if(height >= 0.8)).says(
             f"{gait} gait: the height is not observable (smallest constant error of z over the geometry's)",
-            "unlikely",
-            height,
-            "1",
-            "met" if height >= 0.8 else "not_met",
             "Estimators reduce the configuration noise in z, but not the bias of the segment table.",
         ),
     ]

@@ -8,7 +8,7 @@ from stridelab.conventions import Progress
 from stridelab.errors import NotEstimable
 from stridelab.estimation.evaluation.physics_residuals import assess_flight
 from stridelab.estimation.evaluation.truth_errors import truth_error
-from stridelab.reproduction.claims import Claim, Reproduction, reproduces, target_claim
+from stridelab.reproduction.claims import Claim, Reproduction, reproduces, target
 from stridelab.reproduction.common.estimator_errors import as_columns, rms
 from stridelab.reproduction.common.estimators import NAMES, SMOOTHER, study_estimators
 from stridelab.reproduction.report.svg_plots import Bars, render_svg
@@ -78,12 +78,8 @@ def run(seeds: int, tell: Progress) -> Reproduction:
 def _smoother_claims(row: dict[str, object]) -> list[Claim]:
     share, worst = float(str(row["vertical_share"])), float(str(row["vertical_share_worst"]))
     return [
-        target_claim(
-            f"{row['noise']}_smoother",
+        target(f"{row['noise']}_smoother", share, "1", at_most=MAX_GRAVITY_ERROR_SHARE).says(
             f"{row['noise']} noise: vertical acceleration of the smoother in flight equals g (RMS over the draws)",
-            share,
-            "1",
-            at_most=MAX_GRAVITY_ERROR_SHARE,
-            note=f"Worst draw {100 * worst:.2f} %.",
+            f"Worst draw {100 * worst:.2f} %.",
         )
     ]

@@ -11,7 +11,7 @@ from stridelab.estimation.complementary.filter import ComplementaryFilter
 from stridelab.estimation.estimator import ComEstimator
 from stridelab.estimation.evaluation.truth_errors import truth_error
 from stridelab.estimation.kalman.filter import TUNED_SIGMA_JERK_M_S3, KalmanFilter
-from stridelab.reproduction.claims import Claim, Reproduction, reproduces, target_claim
+from stridelab.reproduction.claims import Claim, Measured, Reproduction, reproduces, target
 from stridelab.reproduction.common.estimator_errors import GAITS, Draw, as_columns, compute_draws, per_axis
 from stridelab.reproduction.common.estimators import AUTO, KALMAN, NAMES, SMOOTHER, THESIS
 from stridelab.reproduction.report.svg_plots import Bars, render_svg
@@ -71,41 +71,22 @@ def _gait_claims(gait: GaitName, all_draws: Sequence[Draw], causes: Mapping[str,
     unexplained = abs(causes["both removed"])
     thesis, ours = noise_free_lag_text(ComplementaryFilter.thesis()), noise_free_lag_text(ComplementaryFilter())
     return [
-        target_claim(
-            f"{gait}_smoother_s", f"{gait} gait: the smoother has no lag", worst_s(SMOOTHER), "s", at_most=0.001
+        target(f"{gait}_smoother_s", worst_s(SMOOTHER), "s", at_most=0.001).says(
+            f"{gait} gait: the smoother has no lag"
         ),
-        target_claim(
-            f"{gait}_filter_s",
-            f"{gait} gait: the thesis' filter has no lag",
-            worst_s(THESIS),
-            "s",
-            at_most=0.004,
-            note=thesis,
+        target(f"{gait}_filter_s", worst_s(THESIS), "s", at_most=0.004).says(
+            f"{gait} gait: the thesis' filter has no lag", thesis
         ),
-        target_claim(
-            f"{gait}_auto_s",
-            f"{gait} gait: the filter with the default cut-offs has no lag",
-            worst_s(AUTO),
-            "s",
-            at_most=0.004,
-            note=ours,
+        target(f"{gait}_auto_s", worst_s(AUTO), "s", at_most=0.004).says(
+            f"{gait} gait: the filter with the default cut-offs has no lag", ours
         ),
-        Claim(
-            f"{gait}_kalman_s",
+        Measured(f"{gait}_kalman_s", "not mentioned", late, "s", "thesis_in_error" if late > 0.01 else "met").says(
             f"{gait} gait: the thesis' Kalman filter is late (lateral)",
-            "not mentioned",
-            late,
-            "s",
-            "thesis_in_error" if late > 0.01 else "met",
             "The thesis attributes the lag to the Kalman filter as such; its cause is the tuning.",
         ),
-        target_claim(
-            f"{gait}_kalman_unexplained_s",
+        target(f"{gait}_kalman_unexplained_s", unexplained, "s", at_most=0.001).says(
             f"{gait} gait: with both causes removed, no lag remains",
-            unexplained,
-            "s",
-            at_most=0.001,
-            note="; ".join(f"{case}: {1e3 * lag:.1f} ms" for case, lag in causes.items()),
+            "; ".join(f"{case}: {1e3 * lag:.1f} ms" for case, lag in causes.items()),
         ),
     ]
 

@@ -12,7 +12,7 @@ from stridelab.conventions import Progress
 from stridelab.errors import NotEstimable
 from stridelab.estimation.evaluation.truth_errors import TruthError, error_m, truth_error
 from stridelab.estimation.smoother import Smoother
-from stridelab.reproduction.claims import Claim, Reproduction, reproduces, target_claim
+from stridelab.reproduction.claims import Claim, Reproduction, reproduces, target
 from stridelab.reproduction.common.estimator_errors import GAITS, as_columns, rms
 from stridelab.reproduction.common.estimators import NAMES, SMOOTHER, study_estimators, true_noise_priors
 from stridelab.reproduction.report.svg_plots import Bars, render_svg
@@ -145,26 +145,14 @@ def _error_summary(parts: Sequence[PartialForceErrors]) -> dict[str, float]:
 def _gait_claims(gait: GaitName, parts: Sequence[PartialForceErrors]) -> list[Claim]:
     summary = _error_summary(parts)
     return [
-        target_claim(
-            f"{gait}_horizontal_m",
-            f"{gait} gait: the smoother's horizontal error (RMS) with a second of force",
-            summary["horizontal_m"],
-            "m",
-            at_most=MAX_HORIZONTAL_RMS_M[gait],
+        target(f"{gait}_horizontal_m", summary["horizontal_m"], "m", at_most=MAX_HORIZONTAL_RMS_M[gait]).says(
+            f"{gait} gait: the smoother's horizontal error (RMS) with a second of force"
         ),
-        target_claim(
-            f"{gait}_95_m",
-            f"{gait} gait: its 95th percentile",
-            summary["horizontal_95_m"],
-            "m",
-            at_most=MAX_HORIZONTAL_95_M,
+        target(f"{gait}_95_m", summary["horizontal_95_m"], "m", at_most=MAX_HORIZONTAL_95_M).says(
+            f"{gait} gait: its 95th percentile"
         ),
-        target_claim(
-            f"{gait}_around_m",
-            f"{gait} gait: its horizontal error (RMS) in the half seconds before and after",
-            summary["around_m"],
-            "m",
-            at_most=0.005,
+        target(f"{gait}_around_m", summary["around_m"], "m", at_most=0.005).says(
+            f"{gait} gait: its horizontal error (RMS) in the half seconds before and after"
         ),
     ]
 
@@ -174,6 +162,6 @@ def _short_window_claim(gait: GaitName, seeds: int) -> Claim:
     force_s = (0.8, 0.8 + TOO_SHORT_S)
     refusals = [_rejection_code(_random_excerpt(gait, CLAIM_NOISE, seed, 0, force_s)) for seed in range(seeds)]
     share = refusals.count("window-too-short") / seeds
-    return target_claim(
-        f"{gait}_refused", f"{gait} gait: {TOO_SHORT_S} s of force are rejected", share, "1", at_least=1.0
+    return target(f"{gait}_refused", share, "1", at_least=1.0).says(
+        f"{gait} gait: {TOO_SHORT_S} s of force are rejected"
     )

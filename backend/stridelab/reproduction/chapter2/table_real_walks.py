@@ -25,7 +25,7 @@ from stridelab.estimation.markers_only import GeometryOnly
 from stridelab.estimation.smoother import Smoother
 from stridelab.recordings.marker_sets import identify
 from stridelab.recordings.reader import read_recording
-from stridelab.reproduction.claims import Claim, Reproduction, target_claim
+from stridelab.reproduction.claims import Claim, Reproduction, target
 from stridelab.reproduction.common.estimator_errors import as_columns, rms
 from stridelab.reproduction.common.estimators import AUTO, GEOMETRY, KALMAN, RTS, SMOOTHER, THESIS, TUNED
 from stridelab.reproduction.common.recorded_walks import STATICS, RecordedWalk, geometric_com_of, recordings_in
@@ -220,35 +220,23 @@ def _walk_claims(
     for group, row in ours.items():
         constant = np.mean([np.abs(w.constant_share) for w in walks[str(group)]], axis=0).tolist()
         claims += [
-            target_claim(
-                f"{group} residual {axis}",
+            target(f"{group} residual {axis}", float(str(row[f"residual_{axis}"])), "1", at_most=MAX_RESIDUAL).says(
                 f"{group}: the smoother's force residual over body weight, {axis}",
-                float(str(row[f"residual_{axis}"])),
-                "1",
-                at_most=MAX_RESIDUAL,
-                note=f"Constant part {constant[UP]:.4f}: plates against stated mass." if axis == "z" else "",
+                f"Constant part {constant[UP]:.4f}: plates against stated mass." if axis == "z" else "",
             )
             for axis in "xyz"
         ]
         claims += [
-            target_claim(
-                f"{group} momentum",
-                f"{group}: correlation of implied and segment L' about the lateral axis",
-                float(str(row["r"])),
-                "1",
-                at_least=MIN_CORRELATION,
+            target(f"{group} momentum", float(str(row["r"])), "1", at_least=MIN_CORRELATION).says(
+                f"{group}: correlation of implied and segment L' about the lateral axis"
             ),
         ]
     still = next(row for row in standing if row["estimator"] == SMOOTHER)
     for axis, words in (("x", "along the walk"), ("y", "lateral")):
         claims.append(
-            target_claim(
-                f"standing_{axis}",
+            target(f"standing_{axis}", float(str(still[f"miss_{axis}_m"])), "m", at_most=MAX_MISS_M).says(
                 f"the table's bias estimated while walking minus the same subject's standing, {words} (RMS)",
-                float(str(still[f"miss_{axis}_m"])),
-                "m",
-                at_most=MAX_MISS_M,
-                note=f"{still['n']} subjects, table of Dumas.",
+                f"{still['n']} subjects, table of Dumas.",
             )
         )
     slow, fast = ({w.person: w for w in walks[group]} for group in ("adults, comfortable", "adults, fast"))
@@ -261,26 +249,17 @@ def _walk_claims(
         ]
         mean, sd = float(np.mean(change)), float(np.std(change))
         claims.append(
-            target_claim(
-                f"speed_{name}",
+            target(f"speed_{name}", abs(mean), "m", at_most=MAX_CHANGE_M).says(
                 f"{name}: change of the fused offset along the walk from C4 to C5 (mean)",
-                abs(mean),
-                "m",
-                at_most=MAX_CHANGE_M,
-                note=f"{1e3 * mean:+.1f} mm in {len(change)} subjects, standard deviation {1e3 * sd:.1f} mm. "
+                f"{1e3 * mean:+.1f} mm in {len(change)} subjects, standard deviation {1e3 * sd:.1f} mm. "
                 "A force delayed by 18 ms would change it by speed times delay.",
             )
         )
     late = {group: float(np.median([w.latency_s for w in of_group])) for group, of_group in walks.items()}
     for group, (low, high) in LATENCY_S.items():
         claims.append(
-            target_claim(
-                f"{group} latency",
-                f"{group}: median latency of the force",
-                late[group],
-                "s",
-                at_least=low,
-                at_most=high,
+            target(f"{group} latency", late[group], "s", at_least=low, at_most=high).says(
+                f"{group}: median latency of the force"
             )
         )
     return claims

@@ -5,7 +5,7 @@ from typing import Final
 import numpy as np
 
 from stridelab.conventions import Progress
-from stridelab.reproduction.claims import Claim, Reproduction, bound_verdict, reproduces
+from stridelab.reproduction.claims import Claim, Measured, Reproduction, error_unless, met_if, reproduces
 from stridelab.reproduction.common.simulated_steps import NOTE, simulated_steps
 from stridelab.reproduction.report.svg_plots import Curve, Panel, render_svg
 from stridelab.walking.curtate_cycloid import FULL_TURN_RAD, Plane, Wheel
@@ -59,13 +59,8 @@ def _type_claims(wheels: dict[str, Wheel]) -> tuple[Claim, ...]:
         "prolate": least["prolate"] < 0.0,
     }
     return tuple(
-        Claim(
-            f"{name}_least_speed",
-            f"{name} cycloid, r = {TYPES[name]:g} R: minimum forward speed over that of the hub",
-            expected[name],
-            value,
-            "1",
-            "met" if holds[name] else "not_met",
+        Measured(f"{name}_least_speed", expected[name], value, "1", met_if(holds[name])).says(
+            f"{name} cycloid, r = {TYPES[name]:g} R: minimum forward speed over that of the hub"
         )
         for name, value in least.items()
     )
@@ -77,32 +72,16 @@ def _shape_claims(fits: tuple[StepFit, ...]) -> tuple[Claim, ...]:
     inside = max(f.path.wheel.r_m / f.path.wheel.R_m for f in fits)
     convex = float(np.mean([convex_share(f.path.wheel) for f in fits]))
     return (
-        Claim(
-            "distance_over_rise",
+        Measured("distance_over_rise", "very similar", similar, "1", met_if(similar <= MAX_RELATIVE_DISTANCE)).says(
             "the shape of the CoM trajectory is very similar to the curtate cycloid",
-            "very similar",
-            similar,
-            "1",
-            bound_verdict(similar, at_most=MAX_RELATIVE_DISTANCE),
             f"Mean distance over the vertical excursion of the path, {len(fits)} steps, free angles. A sinusoid "
             "with the same number of parameters is closer (figure 3.5).",
         ),
-        Claim(
-            "r_over_R",
-            "the cycloid of the CoM is curtate: r / R below 1",
-            1.0,
-            inside,
-            "1",
-            bound_verdict(inside, at_most=1.0),
-            "Largest ratio of all steps.",
+        Measured("r_over_R", 1.0, inside, "1", met_if(inside <= 1.0)).says(
+            "the cycloid of the CoM is curtate: r / R below 1", "Largest ratio of all steps."
         ),
-        Claim(
-            "convex_share",
+        Measured("convex_share", "> 0.5", convex, "1", error_unless(convex > 0.5)).says(
             "the convex lower part of the cycle is longer than the concave higher part",
-            "> 0.5",
-            convex,
-            "1",
-            "met" if convex > 0.5 else "thesis_in_error",
             "Share of the length. (3.1) is convex where cos theta > r / R, which is less than half of the length for "
             "r > 0; the cycloid with the opposite sign has the complement (docs/theory/misprints.md).",
         ),
@@ -111,10 +90,14 @@ def _shape_claims(fits: tuple[StepFit, ...]) -> tuple[Claim, ...]:
 
 def _draw_panels(paths: dict[str, Plane], fit: StepFit) -> list[Panel]:
     panels = [
-        Panel(f"{name.capitalize()} cycloid, r = {TYPES[name]:g} R", "ahead (m)", "height (m)",
-              [Curve(path[:, 0], path[:, 1], "point", k), Curve(path[:, 0], np.zeros(len(path)), "hub", 6, True)])
+        Panel(
+            f"{name.capitalize()} cycloid, r = {TYPES[name]:g} R",
+            "ahead (m)",
+            "height (m)",
+            [Curve(path[:, 0], path[:, 1], "point", k), Curve(path[:, 0], np.zeros(len(path)), "hub", 6, True)],
+        )
         for k, (name, path) in enumerate(paths.items())
-    ]  # fmt: skip
+    ]
     x, z = fit.path_m[:, 0] - fit.path_m[0, 0], fit.path_m[:, 1]
     model = fit.path.wheel.position_m(fit.path.theta_rad)
     curves = [Curve(x, z, "centre of mass", 0), Curve(model[:, 0] - fit.path_m[0, 0], model[:, 1], "curtate", 1, True)]

@@ -7,7 +7,7 @@ import numpy as np
 from stridelab.conventions import Progress, Series
 from stridelab.recordings.force_windows import measured_windows
 from stridelab.recordings.marker_sets import identify
-from stridelab.reproduction.claims import Reproduction, reproduces, target_claim
+from stridelab.reproduction.claims import Reproduction, reproduces, target
 from stridelab.reproduction.common.simulated_steps import NOTE, SimulatedSteps, simulated_steps
 from stridelab.reproduction.report.svg_plots import Curve, Panel, render_svg
 from stridelab.walking.step_fit import StepFit
@@ -27,13 +27,9 @@ def run(seeds: int, tell: Progress) -> Reproduction:
     heights = np.array([_height_m(fit) for fit in steps.fits])
     sd = heights.std(axis=0)
     claims = (
-        target_claim(
-            "timing_error_s",
+        target("timing_error_s", float(np.abs(errors_s).max()), "s", at_most=MAX_TIMING_ERROR_S).says(
             "two synchronized plates segment the walk precisely (largest error of a strike or lift-off)",
-            float(np.abs(errors_s).max()),
-            "s",
-            at_most=MAX_TIMING_ERROR_S,
-            note=f"{errors_s.size} events of {len(errors_s)} steps, from the recording with noise, compared with the "
+            f"{errors_s.size} events of {len(errors_s)} steps, from the recording with noise, compared with the "
             f"exact time at which the foot force crosses {LOADED_N:.0f} N.",
         ),
     )

@@ -5,7 +5,7 @@ from typing import Final
 import numpy as np
 
 from stridelab.conventions import Progress
-from stridelab.reproduction.claims import Claim, Reproduction, bound_verdict, reproduces
+from stridelab.reproduction.claims import Measured, Reproduction, error_unless, met_if, reproduces
 from stridelab.reproduction.common.simulated_steps import NOTE, simulated_steps
 from stridelab.reproduction.report.svg_plots import Curve, Panel, render_svg
 from stridelab.walking.step_fit import StepFit
@@ -25,52 +25,30 @@ def run(seeds: int, tell: Progress) -> Reproduction:
     ahead, up = (float(np.sqrt(np.mean([np.mean(f.path.error_m[:, k] ** 2) for f in fits]))) for k in (0, 1))
     clock = float(np.mean([f.timed.distance_m.mean() for f in fits]))
     other = float(np.mean([f.reversed_timed.distance_m.mean() for f in fits]))
-    rivals = {c.model: c for c in fits[0].path_rivals}
+    rms_m = {c.model: c.rms_m for c in fits[0].path_rivals}
+    wheel_m, sinusoid_m = rms_m["wheel"], rms_m["sinusoid"]
     excess = float(np.mean([_excess_m_s(f) for f in fits]))
     rolled = float(np.mean([f.path.wheel.r_m * f.omega_rad_s for f in fits]))
     claims = (
-        Claim(
-            "mean_distance_m",
-            "the mean reconstruction is less than 3.5 mm",
-            MEAN_M,
-            mean,
-            "m",
-            bound_verdict(mean, at_most=MEAN_M),
-            f"{len(fits)} steps.",
+        Measured("mean_distance_m", MEAN_M, mean, "m", met_if(mean <= MEAN_M)).says(
+            "the mean reconstruction is less than 3.5 mm", f"{len(fits)} steps."
         ),
-        Claim(
-            "largest_error_m",
+        Measured("largest_error_m", PRINTED_M, worst, "m", met_if(worst <= PRINTED_M)).says(
             "the error is lower than 1.5 mm on the entire duration",
-            PRINTED_M,
-            worst,
-            "m",
-            bound_verdict(worst, at_most=PRINTED_M),
             "Largest error over all samples of all steps; it occurs at the end of double support.",
         ),
-        Claim(
-            "up_over_ahead", "it is mainly vertical", "mainly", up / ahead, "1", bound_verdict(up / ahead, at_least=1.0)
-        ),
-        Claim(
-            "even_clock_m",
+        Measured("up_over_ahead", "mainly", up / ahead, "1", met_if(up / ahead >= 1.0)).says("it is mainly vertical"),
+        Measured("even_clock_m", "good", clock, "m", error_unless(clock <= MEAN_M)).says(
             "theta = theta_0 + omega t is a good approximation (3.4)",
-            "good",
-            clock,
-            "m",
-            "met" if clock <= MEAN_M else "thesis_in_error",
             "Mean distance at the same times, with uniform rotation; the cycloid with the opposite sign has "
             f"{1e3 * other:.1f} mm. "
             f"At the lowest point the cycloid is {rolled:.2f} m/s slower than its mean speed, and the walker "
             f"{excess:.2f} m/s faster.",
         ),
-        Claim(
-            "over_sinusoid",
+        Measured("over_sinusoid", 0.1, wheel_m / sinusoid_m, "1", error_unless(wheel_m <= 0.1 * sinusoid_m)).says(
             "the level of error is one order of magnitude less than that of existing models (3.4.1)",
-            0.1,
-            rivals["wheel"].rms_m / rivals["sinusoid"].rms_m,
-            "1",
-            "met" if rivals["wheel"].rms_m <= 0.1 * rivals["sinusoid"].rms_m else "thesis_in_error",
             "RMS error of the height over that of a sinusoid with the same number of parameters; "
-            f"two harmonics have {1e3 * rivals['two-harmonics'].rms_m:.2f} mm.",
+            f"two harmonics have {1e3 * rms_m['two-harmonics']:.2f} mm.",
         ),
     )
     shown = fits[0]

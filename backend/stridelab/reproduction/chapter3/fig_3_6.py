@@ -5,7 +5,7 @@ from typing import Final
 import numpy as np
 
 from stridelab.conventions import Progress
-from stridelab.reproduction.claims import Claim, Reproduction, bound_verdict, reproduces
+from stridelab.reproduction.claims import Measured, Reproduction, met_if, reproduces
 from stridelab.reproduction.common.simulated_people import NOTE, THESIS_SUBJECTS, simulated_people
 from stridelab.reproduction.report.svg_plots import Bars, Curve, Panel, render_svg
 
@@ -20,12 +20,14 @@ def run(seeds: int, tell: Progress) -> Reproduction:
     means = np.array([s.mean["error_mean_mm"] for s in subjects])
     sds = np.array([s.mean["error_sd_mm"] for s in subjects])
     claims = (
-        Claim("error_mean_mm", "the mean distance of all subjects remains below 3.5 mm", MEAN_MM, float(means.max()),
-              "mm", bound_verdict(float(means.max()), at_most=MEAN_MM), "The largest mean of a subject."),
-        Claim("error_sd_mm", "with a maximal standard deviation of 1.5 mm", SD_MM, float(sds.max()), "mm",
-              bound_verdict(float(sds.max()), at_most=SD_MM),
-              "The largest standard deviation of a subject. The text has 1 mm, the caption 1.5 mm."),
-    )  # fmt: skip
+        Measured("error_mean_mm", MEAN_MM, float(means.max()), "mm", met_if(float(means.max()) <= MEAN_MM)).says(
+            "the mean distance of all subjects remains below 3.5 mm", "The largest mean of a subject."
+        ),
+        Measured("error_sd_mm", SD_MM, float(sds.max()), "mm", met_if(float(sds.max()) <= SD_MM)).says(
+            "with a maximal standard deviation of 1.5 mm",
+            "The largest standard deviation of a subject. The text has 1 mm, the caption 1.5 mm.",
+        ),
+    )
     person = np.arange(1.0, len(means) + 1)
     gap = np.full_like(means, np.nan)
     spread = Curve(

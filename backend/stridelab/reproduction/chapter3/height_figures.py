@@ -1,7 +1,7 @@
 """Figures 3.7 to 3.9: R and r, z0, and omega versus body height."""
 
 from stridelab.conventions import Progress
-from stridelab.reproduction.claims import Claim, Reproduction, reproduces
+from stridelab.reproduction.claims import Claim, Measured, Reproduction, met_if, reproduces
 from stridelab.reproduction.common.simulated_people import (
     NOTE,
     THESIS_SUBJECTS,
@@ -42,13 +42,8 @@ def angular_velocity(seeds: int, tell: Progress) -> Reproduction:
     people = simulated_people(seeds, tell)
     pair = correlation_with_height(people, "omega_rad_s").pearson
     low, high = pair.ci95 or (-1.0, 1.0)
-    claim = Claim(
-        "omega_height_p",
+    claim = Measured("omega_height_p", 0.83, pair.p, "1", met_if(low <= 0.0 <= high)).says(
         "omega is hardly correlated with the height: p is 0.83 or more",
-        0.83,
-        pair.p,
-        "1",
-        "met" if low <= 0.0 <= high else "not_met",
         f"Met if the 95 % interval of r contains 0: r = {pair.r:.2f}, n = {pair.n}, from {low:.2f} to {high:.2f}. "
         "A p of 0.83 means that no correlation was detected, not that there is none.",
     )

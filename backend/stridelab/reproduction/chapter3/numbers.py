@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from stridelab.conventions import Progress, Series
-from stridelab.reproduction.claims import Claim, Reproduction, bound_verdict, reproduces
+from stridelab.reproduction.claims import Claim, Measured, Reproduction, error_unless, met_if, reproduces
 from stridelab.reproduction.common.simulated_people import (
     THESIS_SUBJECTS,
     SimulatedPeople,
@@ -56,13 +56,19 @@ def run(seeds: int, tell: Progress) -> Reproduction:
         },
         drawing=render_svg(
             [
-                Bars("Standard deviation of the speed over its mean", "1",
-                     [("hub", float(speeds[:, 0].mean())), ("centre of mass", float(speeds[:, 1].mean()))]),
-                Bars("p of the printed coefficients among 16 subjects", "1",
-                     [(f"{name}: r = {r:g}", two_sided_p(r, THESIS_SUBJECTS - 2)) for name, r, _ in PRINTED]),
+                Bars(
+                    "Standard deviation of the speed over its mean",
+                    "1",
+                    [("hub", float(speeds[:, 0].mean())), ("centre of mass", float(speeds[:, 1].mean()))],
+                ),
+                Bars(
+                    "p of the printed coefficients among 16 subjects",
+                    "1",
+                    [(f"{name}: r = {r:g}", two_sided_p(r, THESIS_SUBJECTS - 2)) for name, r, _ in PRINTED],
+                ),
             ]
         ),
-    )  # fmt: skip
+    )
 
 
 def free_parameter_counts(theta_rad: Series, R_m: float, r_m: float) -> tuple[int, int]:
@@ -87,42 +93,21 @@ def _deviation_claims(people: SimulatedPeople) -> tuple[Claim, ...]:
     good = float(np.mean((mean < 1.0) & (sd < 0.5)))
     R_m, r_m, z0_m = (max(float(s.sd[key]) for s in subjects) for key in ("R_m", "r_m", "z0_m"))
     return (
-        Claim(
-            "error_sd_mm",
+        Measured("error_sd_mm", 1.0, float(sd.max()), "mm", met_if(float(sd.max()) <= 1.0)).says(
             "the distance has a standard deviation of 1 mm at most (3.3.1)",
-            1.0,
-            float(sd.max()),
-            "mm",
-            bound_verdict(float(sd.max()), at_most=1.0),
             "The text has 1 mm, the caption of figure 3.6 1.5 mm.",
         ),
-        Claim(
-            "below_1_mm",
+        Measured("below_1_mm", "numerous", good, "1", met_if(good >= MIN_SUBJECT_SHARE)).says(
             "for numerous subjects the mean is below 1 mm and the deviation below 0.5 mm (3.3.1)",
-            "numerous",
-            good,
-            "1",
-            bound_verdict(good, at_least=MIN_SUBJECT_SHARE),
             "Share of the subjects; a quarter counts as numerous. The distance increases with the speed, because the "
             "vertical excursion of the path does.",
         ),
-        Claim(
-            "radii_sd_m",
+        Measured("radii_sd_m", 0.005, max(R_m, r_m), "m", met_if(max(R_m, r_m) <= 0.005)).says(
             "R and r vary by less than 5 mm from step to step (figure 3.7)",
-            0.005,
-            max(R_m, r_m),
-            "m",
-            bound_verdict(max(R_m, r_m), at_most=0.005),
             f"Largest standard deviation of a subject for R; {1e3 * r_m:.2f} mm for r.",
         ),
-        Claim(
-            "z0_sd_m",
-            "z0 varies by less than 2 mm from step to step (figure 3.8)",
-            0.002,
-            z0_m,
-            "m",
-            bound_verdict(z0_m, at_most=0.002),
-            "Largest standard deviation of a subject.",
+        Measured("z0_sd_m", 0.002, z0_m, "m", met_if(z0_m <= 0.002)).says(
+            "z0 varies by less than 2 mm from step to step (figure 3.8)", "Largest standard deviation of a subject."
         ),
     )
 
@@ -134,10 +119,11 @@ def _p_value_claims() -> tuple[Claim, ...]:
         p = two_sided_p(r, THESIS_SUBJECTS - 2)
         holds: bool = p < bound
         claims.append(
-            Claim(f"{name}_p", f"{name}: a coefficient of {r:g} has p below {bound:g} (3.3.2)", bound, p, "1",
-                  "met" if holds else "thesis_in_error",
-                  f"Student's t, two-sided, among the {THESIS_SUBJECTS} subjects of 3.2.1.")
-        )  # fmt: skip
+            Measured(f"{name}_p", bound, p, "1", error_unless(holds)).says(
+                f"{name}: a coefficient of {r:g} has p below {bound:g} (3.3.2)",
+                f"Student's t, two-sided, among the {THESIS_SUBJECTS} subjects of 3.2.1.",
+            )
+        )
     return tuple(claims)
 
 
@@ -148,32 +134,23 @@ def _model_claims(people: SimulatedPeople, fits: tuple[StepFit, ...]) -> tuple[C
     wheel, theta = fits[0].path.wheel, fits[0].path.theta_rad
     free, even = free_parameter_counts(theta, wheel.R_m, wheel.r_m)
     return (
-        Claim(
-            "distance_mm",
+        Measured("distance_mm", MEASURED_MM, mean_mm, "mm", met_if(mean_mm <= MEASURED_MM)).says(
             "the model is more precise than motion capture, which is accurate to 2 mm (3.4.1)",
-            MEASURED_MM,
-            mean_mm,
-            "mm",
-            bound_verdict(mean_mm, at_most=MEASURED_MM),
             "Mean distance of all subjects. Two harmonics are even more precise (figure 3.5).",
         ),
-        Claim(
+        Measured(
             "pendulum_over_m",
-            "existing models overestimate the vertical position by up to 2 cm (3.4.1)",
             OVERESTIMATED_M,
             over_m,
             "m",
-            "met" if 0.5 * OVERESTIMATED_M <= over_m <= 2.0 * OVERESTIMATED_M else "not_met",
+            met_if(0.5 * OVERESTIMATED_M <= over_m <= 2.0 * OVERESTIMATED_M),
+        ).says(
+            "existing models overestimate the vertical position by up to 2 cm (3.4.1)",
             "Vertical excursion in a step of an inverted pendulum whose length is the height of the CoM, minus that of "
             "the CoM.",
         ),
-        Claim(
-            "parameters",
+        Measured("parameters", 3.0, float(even), "1", error_unless(even <= 3)).says(
             "only three parameters are necessary to describe all of the trajectory (3.4.2)",
-            3.0,
-            float(even),
-            "1",
-            "met" if even <= 3 else "thesis_in_error",
             "Rank of the derivative with uniform rotation: R, r, z0, initial position, initial angle and angular "
             f"velocity. With a free angle per sample {free} of {2 * len(theta)} numbers are free.",
         ),
@@ -198,22 +175,12 @@ def _hub_claims(fits: tuple[StepFit, ...], speeds: Float[np.ndarray, "steps 2"])
     orbits = [np.hypot(*(f.path_m - f.path.wheel.hub_m(f.path.theta_rad)).T) for f in fits]
     uneven = float(np.mean([orbit.std() / orbit.mean() for orbit in orbits]))
     return (
-        Claim(
-            "orbit",
+        Measured("orbit", 0.0, uneven, "1", met_if(uneven <= 0.1)).says(
             "the CoM orbits the centre of the wheel at a constant distance (3.4.5)",
-            0.0,
-            uneven,
-            "1",
-            bound_verdict(uneven, at_most=0.1),
             "Standard deviation of the distance over its mean.",
         ),
-        Claim(
-            "hub_over_com",
+        Measured("hub_over_com", "low-varying", ratio, "1", error_unless(ratio <= MAX_SPEED_VARIATION_RATIO)).says(
             "the centre of the wheel hovers with a low-varying velocity (3.4.5)",
-            "low-varying",
-            ratio,
-            "1",
-            "met" if ratio <= MAX_SPEED_VARIATION_RATIO else "thesis_in_error",
             f"Its speed varies by {speeds[:, 0].mean():.0%} in a step, that of the CoM by {speeds[:, 1].mean():.0%}: "
             "the walker is fastest where the cycloid is slowest, and the hub has to compensate for both.",
         ),

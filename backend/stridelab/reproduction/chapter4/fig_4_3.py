@@ -8,7 +8,7 @@ from stridelab.conventions import Progress
 from stridelab.reachability.card import EffectorCard, SizeTrial
 from stridelab.reachability.store import load_card
 from stridelab.reproduction.chapter4.foot_density import REFERENCES, SUFFICIENT_EXCESS_SD
-from stridelab.reproduction.claims import Claim, Reproduction, reproduces
+from stridelab.reproduction.claims import Claim, Measured, Reproduction, met_if, reproduces
 from stridelab.reproduction.report.svg_plots import Curve, Panel, render_svg
 
 ROBOTS: Final = {"hrp2": "HRP-2", "talos": "TALOS"}
@@ -66,13 +66,14 @@ def _effector_claims(robot: str, name: str, card: EffectorCard) -> list[Claim]:
     excess = _kl_of_size_nats(card, size) - least.kl_nats
     who = f"{ROBOTS[robot]}, {name.replace('_', ' ')}"
     claims = [
-        Claim(
+        Measured(
             f"{robot}_{name}_excess_nats",
-            f"{who}: {size} components are sufficient",
             "sufficient",
             excess,
             "nats",
-            "met" if excess <= SUFFICIENT_EXCESS_SD * least.kl_sd_nats else "not_met",
+            met_if(excess <= SUFFICIENT_EXCESS_SD * least.kl_sd_nats),
+        ).says(
+            f"{who}: {size} components are sufficient",
             f"KL above the minimum, which is at {least.components} components; the standard error of the estimate is "
             f"{least.kl_sd_nats:.4f} nats. Our size: {card.components}.",
         )
@@ -83,13 +84,8 @@ def _effector_claims(robot: str, name: str, card: EffectorCard) -> list[Claim]:
             card.sizes[LARGEST_SIZE - 1].excess_sd_nats,
         )
         claims.append(
-            Claim(
-                f"{robot}_{name}_rise_nats",
+            Measured(f"{robot}_{name}_rise_nats", "rises", rise, "nats", met_if(rise > sd)).says(
                 f"{who}: the divergence rises beyond {size}",
-                "rises",
-                rise,
-                "nats",
-                "met" if rise > sd else "not_met",
                 f"KL of {LARGEST_SIZE} components above that of {size}; the standard error of a difference is "
                 f"{sd:.4f} nats.",
             )

@@ -18,7 +18,7 @@ from stridelab.reachability.proxy.contact_set_proxy import ContactSet
 from stridelab.reachability.proxy.effector_proxy import Proxy
 from stridelab.reachability.proxy.projections import grid_around, project_kernels, project_mixture
 from stridelab.reachability.store import load_proxies
-from stridelab.reproduction.claims import Claim, Column, Reproduction, reproduces, target_claim
+from stridelab.reproduction.claims import Claim, Column, Measured, Reproduction, error_unless, reproduces, target
 from stridelab.reproduction.report.svg_density_maps import WIDTH, Row, svg_maps
 from stridelab.robots.loader import load_robot
 from stridelab.studies.proxy_accuracy import MASSES, Comparison, Truth, compare_densities, stair_contacts
@@ -66,47 +66,24 @@ def figure_claims(rows: list[Comparison]) -> tuple[Claim, ...]:
     at_mode, at_ours = (min(row.density_at_mode for row in some) for some in (uniform, conditioned))
     mass, ours = (min(row.mass_inside for row in some) for some in (uniform, conditioned))
     return (
-        Claim(
-            "volume_per_contact",
+        Measured("volume_per_contact", "< 1", shrinks, "1", error_unless(shrinks < 1.0)).says(
             "the volumes of the truth and of the product decrease with the number of contacts",
-            "< 1",
-            shrinks,
-            "1",
-            "met" if shrinks < 1.0 else "thesis_in_error",
             "Largest ratio of the 95 % volumes of successive numbers of contacts; uniform densities.",
         ),
-        Claim(
-            "volume_over_truth",
+        Measured("volume_over_truth", "> 1", covers, "1", error_unless(covers > 1.0)).says(
             "in all cases the product covers a larger region than the truth",
-            "> 1",
-            covers,
-            "1",
-            "met" if covers > 1.0 else "thesis_in_error",
             "Smallest ratio of the 95 % volumes, product of uniform densities over truth.",
         ),
-        Claim(
-            "density_at_mode",
+        Measured("density_at_mode", "coincide", at_mode, "1", error_unless(at_mode >= MIN_DENSITY_AT_MODE)).says(
             "the regions of highest probability coincide with the real distributions",
-            "coincide",
-            at_mode,
-            "1",
-            "met" if at_mode >= MIN_DENSITY_AT_MODE else "thesis_in_error",
             "Density of the truth at the mode of the product of uniform densities, over its maximum; minimum over all "
             f"sets. At least {mass:.2f} of the product's mass is inside the 95 % set of the truth.",
         ),
-        target_claim(
-            "density_at_mode_conditioned",
-            "conditioned densities: the same",
-            at_ours,
-            "1",
-            at_least=MIN_DENSITY_AT_MODE,
+        target("density_at_mode_conditioned", at_ours, "1", at_least=MIN_DENSITY_AT_MODE).says(
+            "conditioned densities: the same"
         ),
-        target_claim(
-            "mass_inside_conditioned",
-            "conditioned densities: mass of the product inside the 95 % set of the truth",
-            ours,
-            "1",
-            at_least=0.9,
+        target("mass_inside_conditioned", ours, "1", at_least=0.9).says(
+            "conditioned densities: mass of the product inside the 95 % set of the truth"
         ),
     )
 

@@ -9,7 +9,16 @@ import numpy as np
 from stridelab.contacts.wrench_cones.contact_points import PointContacts
 from stridelab.contacts.wrench_cones.wrench_cone import LinearCone
 from stridelab.conventions import Progress
-from stridelab.reproduction.claims import Claim, Column, Reproduction, reproduces, target_claim
+from stridelab.reproduction.claims import (
+    Claim,
+    Column,
+    Measured,
+    Reproduction,
+    error_unless,
+    met_if,
+    reproduces,
+    target,
+)
 from stridelab.reproduction.report.svg_plots import Bars, render_svg
 from stridelab.studies.cone_validation import Timed, check_cones, check_summary, thesis_cone, timed_cone
 from stridelab.studies.random_contact_sets import stair_sets
@@ -57,12 +66,15 @@ def run(seeds: int, tell: Progress) -> Reproduction:
                 Bars(
                     "volume kept",
                     "1",
-                    [(f"{row.contacts}, {what}", value) for row in rows for what, value in
-                     (("alpha 0.3", row.kept_03), ("largest", row.kept_ours))],
+                    [
+                        (f"{row.contacts}, {what}", value)
+                        for row in rows
+                        for what, value in (("alpha 0.3", row.kept_03), ("largest", row.kept_ours))
+                    ],
                 ),
             ]
         ),
-    )  # fmt: skip
+    )
 
 
 def compare_cones(name: str, contacts: PointContacts) -> Row:
@@ -92,58 +104,49 @@ def figure_claims(rows: list[Row], random: Mapping[str, int | float]) -> tuple[C
     fifth, third = random["share_where_0.2_leaves"], random["share_where_0.3_leaves"]
     on_stairs = min(row.alpha_max for row in rows)
     return (
-        Claim(
-            "excess_of_true",
+        Measured("excess_of_true", 0.0, excess, "1", error_unless(excess <= 0.0)).says(
             "the outer approximation (alpha = 1) contains the true cone",
-            0.0,
-            excess,
-            "1",
-            "met" if excess <= 0.0 else "thesis_in_error",
             "Largest gauge of a ray of the circular cones, minus 1: the four rays per contact from which it is built "
             "are inside, the circular cones between them are not.",
         ),
-        Claim(
-            "alpha_fifth",
+        Measured("alpha_fifth", 0.0, fifth, "1", error_unless(fifth == 0.0)).says(
             "with alpha = 1/5 it is guaranteed to lie inside",
-            0.0,
-            fifth,
-            "1",
-            "met" if fifth == 0.0 else "thesis_in_error",
             f"Share of random sets where it is not inside; the largest alpha inside is {random['least_alpha_max']:.3f} "
             f"(minimum) and {random['median_alpha_max']:.3f} (median). John's theorem applies to the ellipsoid of step "
             "(ii), whereas step (iv) fixes the centre.",
         ),
-        Claim(
-            "alpha_third_stairs",
+        Measured("alpha_third_stairs", 0.3, on_stairs, "1", met_if(on_stairs >= 0.3)).says(
             "alpha = 0.3 is inside (figure 4.7; two, three and four contacts on the stair)",
-            0.3,
-            on_stairs,
-            "1",
-            "met" if on_stairs >= 0.3 else "not_met",
             "Smallest alpha_max of the three sets, which are only approximately those of the thesis.",
         ),
-        Claim(
-            "alpha_third",
+        Measured("alpha_third", 0.0, third, "1", met_if(third == 0.0)).says(
             "the same on random sets",
-            0.0,
-            third,
-            "1",
-            "met" if third == 0.0 else "not_met",
             "Share of random sets where the cone with alpha = 0.3 is not inside the pyramids.",
         ),
-        target_claim("violations", "largest inner cone: violated facets and boundary points",
-              float(random["facets_violated"] + random["points_outside"]), "1", at_most=0.0),
-        target_claim("kept", "its volume over that with alpha = 0.3, median of random sets",
-              random["median_kept_over_thesis"], "1", at_least=2.5),
-        target_claim("change", "its change with the reference point and unit of length", random["largest_change"], "1",
-              at_most=1e-6),
-    )  # fmt: skip
+        target("violations", float(random["facets_violated"] + random["points_outside"]), "1", at_most=0.0).says(
+            "largest inner cone: violated facets and boundary points"
+        ),
+        target("kept", random["median_kept_over_thesis"], "1", at_least=2.5).says(
+            "its volume over that with alpha = 0.3, median of random sets"
+        ),
+        target("change", random["largest_change"], "1", at_most=1e-6).says(
+            "its change with the reference point and unit of length"
+        ),
+    )
 
 
 def cone_table(rows: list[Row]) -> Mapping[str, Column]:
     """One row per contact set."""
-    names = ("contacts", "alpha_max", "kept_02", "kept_03", "kept_alpha_max", "kept_ours", "excess_of_true",
-             "true_rays_outside")  # fmt: skip
+    names = (
+        "contacts",
+        "alpha_max",
+        "kept_02",
+        "kept_03",
+        "kept_alpha_max",
+        "kept_ours",
+        "excess_of_true",
+        "true_rays_outside",
+    )
     columns: dict[str, Column] = {name: np.array([getattr(row, name) for row in rows]) for name in names}
     return columns | {
         "thesis_ms": np.array([1e3 * row.thesis.time_s for row in rows]),

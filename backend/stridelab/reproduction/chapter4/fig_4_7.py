@@ -14,7 +14,7 @@ from stridelab.contacts.wrench_cones.contact_points import PointContacts
 from stridelab.contacts.wrench_cones.support_region import Outline, area_m2, intersect_half_planes
 from stridelab.contacts.wrench_cones.wrench_cone import LinearCone, LorentzCone
 from stridelab.conventions import GRAVITY_M_S2, Progress
-from stridelab.reproduction.claims import Claim, Column, Reproduction, reproduces, target_claim
+from stridelab.reproduction.claims import Claim, Column, Measured, Reproduction, met_if, reproduces, target
 from stridelab.reproduction.report.svg_plots import Curve, Panel, render_svg
 from stridelab.studies.cone_validation import thesis_cone
 from stridelab.studies.random_contact_sets import com_m, stair_sets
@@ -108,15 +108,11 @@ def figure_claims(outlines: Mapping[str, Mapping[str, Outline]]) -> tuple[Claim,
             areas[1] > areas[0],
             "Area with three contacts over that with two.",
         ),
-        target_claim(
-            "largest_inside",
-            "largest inner cone: share of its outline inside",
-            min(inside["largest"]),
-            "1",
-            at_least=1.0,
+        target("largest_inside", min(inside["largest"]), "1", at_least=1.0).says(
+            "largest inner cone: share of its outline inside"
         ),
-        target_claim(
-            "largest_area", "its area over that of alpha = 0.3, minimum of the three", ratio, "1", at_least=1.0
+        target("largest_area", ratio, "1", at_least=1.0).says(
+            "its area over that of alpha = 0.3, minimum of the three"
         ),
     )
 
@@ -160,7 +156,7 @@ def _share_inside(outline: Outline, polygon: Outline) -> float:
 
 
 def _text_claim(key: str, says: str, thesis: float | str, ours: float, holds: bool, note: str) -> Claim:
-    return Claim(key, says, thesis, ours, "1", "met" if holds else "not_met", note)
+    return Measured(key, thesis, ours, "1", met_if(holds)).says(says, note)
 
 
 def _outline_panel(name: str, outlines: Mapping[str, Outline]) -> Panel:

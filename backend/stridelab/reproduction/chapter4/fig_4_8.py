@@ -18,7 +18,16 @@ from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.centroidal.point_forces import CircularCones
 from stridelab.centroidal.solver import solve
 from stridelab.conventions import Points, Progress
-from stridelab.reproduction.claims import Claim, Column, Reproduction, reproduces, target_claim
+from stridelab.reproduction.claims import (
+    Claim,
+    Column,
+    Measured,
+    Reproduction,
+    error_unless,
+    met_if,
+    reproduces,
+    target,
+)
 from stridelab.reproduction.report.svg_plots import Bars, Curve, Panel, render_svg
 from stridelab.studies.thesis_experiments import EXPERIMENTS, WALKERS, Experiment, experiment_problem
 
@@ -122,72 +131,38 @@ def figure_claims(
     momenta = [float(np.abs(plan.l_nms).max()) for plan in both]
     falling = [a.objective - b.objective for a, b in pairwise(sweep)]
     return (
-        Claim(
-            "same_optimum",
+        Measured("same_optimum", 0.0, max(shares), "1", error_unless(max(shares) <= OBJECTIVE_TOLERANCE)).says(
             "in theory, the optimum of both problems should be the same",
-            0.0,
-            max(shares),
-            "1",
-            "met" if max(shares) <= OBJECTIVE_TOLERANCE else "thesis_in_error",
             f"Largest relative excess of u_c's objective over u_f's, for three experiments and two robots (smallest "
             f"{min(shares):.2f}). The inner cone of u_c restricts the problem; the optima would be the same only with "
             "the exact cone of the contacts.",
         ),
-        target_claim(
-            "restriction",
-            "u_c in an inner cone is never better than u_f: smallest excess of its objective",
-            min(differences),
-            "1",
-            at_least=0.0,
+        target("restriction", min(differences), "1", at_least=0.0).says(
+            "u_c in an inner cone is never better than u_f: smallest excess of its objective"
         ),
-        target_claim(
-            "alpha_falls",
+        target("alpha_falls", min(falling), "1", at_least=0.0).says(
             "the larger alpha, the lower the optimum: smallest decrease between successive values",
-            min(falling),
-            "1",
-            at_least=0.0,
-            note=f"From {sweep[0].objective:.0f} ({sweep[0].control}) to {sweep[-1].objective:.1f} (alpha 1), where "
+            f"From {sweep[0].objective:.0f} ({sweep[0].control}) to {sweep[-1].objective:.1f} (alpha 1), where "
             f"forces leave their cones by {-sweep[-1].cone_margin_n:.0f} N; u_f: {forces.objective:.1f}.",
         ),
-        target_claim(
+        target(
             "u_f_between",
-            "u_f's optimum lies between those of the inner and outer cones",
             min(wrench.objective - forces.objective, forces.objective - sweep[-1].objective),
             "1",
             at_least=0.0,
+        ).says("u_f's optimum lies between those of the inner and outer cones"),
+        target("pyramids", forces.objective - circular.objective, "1", at_most=0.5).says(
+            "increase of u_f's objective by pyramids of eight rays instead of circular cones"
         ),
-        target_claim(
-            "pyramids",
-            "increase of u_f's objective by pyramids of eight rays instead of circular cones",
-            forces.objective - circular.objective,
-            "1",
-            at_most=0.5,
+        Measured("shape", "similar", distance_m, "m", met_if(distance_m < 0.05)).says(
+            "the CoM trajectories have similar shape", "Largest distance of the CoM at the same time."
         ),
-        Claim(
-            "shape",
-            "the CoM trajectories have similar shape",
-            "similar",
-            distance_m,
-            "m",
-            "met" if distance_m < 0.05 else "not_met",
-            "Largest distance of the CoM at the same time.",
-        ),
-        Claim(
-            "smoother",
+        Measured("smoother", "< 1", rough[1] / rough[0], "1", met_if(rough[1] < rough[0])).says(
             "the motion-based problem leads to marginally smoother trajectories",
-            "< 1",
-            rough[1] / rough[0],
-            "1",
-            "met" if rough[1] < rough[0] else "not_met",
             "Mean squared change of the acceleration between intervals of 0.1 s, u_c over u_f.",
         ),
-        Claim(
-            "noise",
+        Measured("noise", "noise", momenta[0], "Nms", met_if(momenta[0] < NOISE_NMS)).says(
             "the angular momentum oscillates with u_f, mostly numerical noise",
-            "noise",
-            momenta[0],
-            "Nms",
-            "met" if momenta[0] < NOISE_NMS else "not_met",
             f"Largest angular momentum with u_f; with u_c {momenta[1]:.2g} Nms. Exact integration causes no "
             "numerical noise.",
         ),

@@ -20,7 +20,7 @@ from stridelab.conventions import Mask, Points, Progress, Series
 from stridelab.reachability.card import Measure
 from stridelab.reachability.gaussian_mixture import Mixture
 from stridelab.reachability.store import load_proxies
-from stridelab.reproduction.claims import Claim, Column, Reproduction, reproduces, target_claim
+from stridelab.reproduction.claims import Claim, Column, Measured, Reproduction, met_if, reproduces, target
 from stridelab.reproduction.report.svg_plots import Curve, Panel, render_svg
 from stridelab.studies.thesis_experiments import experiment_problem
 
@@ -104,22 +104,18 @@ def figure_claims(paths: list[ComPath]) -> tuple[Claim, ...]:
         gain = float(np.nanmean(with_density.log_density) - np.nanmean(without_density.log_density))
         outside_share = [float((p.share[p.in_contact] < RARE_SHARE).mean()) for p in (with_density, without_density)]
         made += [
-            Claim(
-                f"nearer_{measure}",
+            Measured(f"nearer_{measure}", "> 0", gain, "1", met_if(gain > 0.0)).says(
                 f"the CoM stays in the most feasible region, closer to the maxima ({measure} densities)",
-                "> 0",
-                gain,
-                "1",
-                "met" if gain > 0.0 else "not_met",
                 "Increase of the mean log-density of the right foot, in nats.",
             ),
-            Claim(
+            Measured(
                 f"infeasible_{measure}",
-                f"without the log-density, the CoM tends to be infeasible ({measure} densities)",
                 "infeasible",
                 outside_share[1],
                 "1",
-                "met" if outside_share[1] > max(0.5, outside_share[0]) else "not_met",
+                met_if(outside_share[1] > max(0.5, outside_share[0])),
+            ).says(
+                f"without the log-density, the CoM tends to be infeasible ({measure} densities)",
                 f"Share of the time outside the smallest set with {MASS:.0%} of the foot's density; with the "
                 f"log-density {outside_share[0]:.2f}.",
             ),
@@ -127,12 +123,8 @@ def figure_claims(paths: list[ComPath]) -> tuple[Claim, ...]:
     conditioned = next(p for p in paths if (p.measure, p.case) == ("conditioned", "with"))
     least = float(conditioned.share[conditioned.in_contact].min())
     made.append(
-        target_claim(
-            "usual",
-            "with conditioned densities, least likely CoM of the plan: mass with lower density",
-            least,
-            "1",
-            at_least=0.01,
+        target("usual", least, "1", at_least=0.01).says(
+            "with conditioned densities, least likely CoM of the plan: mass with lower density"
         )
     )
     return tuple(made)

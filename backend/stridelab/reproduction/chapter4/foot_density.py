@@ -18,7 +18,7 @@ from stridelab.reachability.learning.fit import HELD_OUT_RECIPROCAL, expectation
 from stridelab.reachability.learning.kde import KernelDensity
 from stridelab.reachability.proxy.projections import grid_around, project_kernels, project_mixture
 from stridelab.reachability.store import load_card, load_cloud
-from stridelab.reproduction.claims import Claim, Reproduction, reproduces
+from stridelab.reproduction.claims import Claim, Measured, Reproduction, error_unless, met_if, reproduces
 from stridelab.reproduction.report.svg_density_maps import Row, hull_area_share, svg_maps
 
 EFFECTOR: Final = "right_foot"
@@ -138,60 +138,38 @@ def _density_claims(
     held_out = density.held_out
     peak = float(np.exp(density.mixtures[k].log_density(held_out).max() - density.kernels.log_density(held_out).max()))
     return (
-        Claim(
-            "sagittal_area_over_hull",
+        Measured("sagittal_area_over_hull", "not convex", filled, "1", error_unless(filled < CONVEX_AREA_SHARE)).says(
             "the density is not convex: banana-shaped in the x-z plane",
-            "not convex",
-            filled,
-            "1",
-            "met" if filled < CONVEX_AREA_SHARE else "thesis_in_error",
             "Area with half of the projected mass over the area of its convex hull.",
         ),
-        Claim(
+        Measured(
             "one_normal_over_best",
-            "a single normal distribution cannot approximate it",
             "cannot",
             kl[1].kl_nats / least.kl_nats,
             "1",
-            "met" if kl[1].kl_nats > 2.0 * least.kl_nats else "thesis_in_error",
+            error_unless(kl[1].kl_nats > 2.0 * least.kl_nats),
+        ).says(
+            "a single normal distribution cannot approximate it",
             f"KL of one component over the minimum of 1 to 20 components, which is at {least.components}.",
         ),
-        Claim(
-            "excess_nats",
+        Measured(
+            "excess_nats", "enough", excess, "nats", met_if(excess <= SUFFICIENT_EXCESS_SD * least.kl_sd_nats)
+        ).says(
             says,
-            "enough",
-            excess,
-            "nats",
-            "met" if excess <= SUFFICIENT_EXCESS_SD * least.kl_sd_nats else "not_met",
             f"KL of {k} components above the minimum; the standard error of the estimate is {least.kl_sd_nats:.4f}, "
             f"that of the difference {kl[k].excess_sd_nats:.4f}. The card uses {card.components} components.",
         ),
-        Claim(
-            "peak_over_kernels",
+        Measured("peak_over_kernels", "not perfectly", peak, "1", error_unless(abs(peak - 1.0) > 0.05)).says(
             "the mixture does not fit the maximal values perfectly",
-            "not perfectly",
-            peak,
-            "1",
-            "met" if abs(peak - 1.0) > 0.05 else "thesis_in_error",
             f"Highest density at held-out samples with {k} components over that of the kernels, which flatten features "
             "narrower than their bandwidth.",
         ),
-        Claim(
-            "unseen_samples_inside",
+        Measured("unseen_samples_inside", "≥ 0.95", unseen, "1", met_if(unseen >= MASSES[-1])).says(
             "the mixture is conservative with respect to the support",
-            "≥ 0.95",
-            unseen,
-            "1",
-            "met" if unseen >= MASSES[-1] else "not_met",
             f"Share of {len(held_out)} held-out samples inside the 95 % set of the mixture with {k} components.",
         ),
-        Claim(
-            "kernel_mass_inside",
+        Measured("kernel_mass_inside", "≥ 0.95", inside, "1", met_if(inside >= MASSES[-1])).says(
             "the mixture is conservative with respect to the level sets of the kernel density",
-            "≥ 0.95",
-            inside,
-            "1",
-            "met" if inside >= MASSES[-1] else "not_met",
             f"Mass of the kernel density inside the same set, whose volume is {volume:.2f} of the kernels' own set: "
             "the kernels widen the distribution of the samples, to which EM is fitted directly.",
         ),

@@ -24,7 +24,7 @@ from stridelab.conventions import Progress
 from stridelab.reachability.learning.kde import KernelDensity
 from stridelab.reachability.store import load_cloud
 from stridelab.reproduction.chapter4.table_4_1 import COLUMNS
-from stridelab.reproduction.claims import Claim, Reproduction, bound_verdict, reproduces
+from stridelab.reproduction.claims import Claim, Measured, Reproduction, error_unless, met_if, reproduces
 from stridelab.reproduction.report.svg_plots import Bars, render_svg
 from stridelab.robots.loader import load_robot
 from stridelab.robots.visuals import link_meshes
@@ -163,7 +163,7 @@ def _robot_claims() -> tuple[Claim, ...]:
 
 
 def _around_claim(key: str, says: str, thesis: float, ours: float, unit: str, note: str) -> Claim:
-    return Claim(key, says, thesis, ours, unit, bound_verdict(abs(ours / thesis - 1.0), at_most=AROUND_TOLERANCE), note)
+    return Measured(key, thesis, ours, unit, met_if(abs(ours / thesis - 1.0) <= AROUND_TOLERANCE)).says(says, note)
 
 
 def _facet_claims(facets: dict[int, FacetCounts]) -> tuple[Claim, ...]:
@@ -173,31 +173,14 @@ def _facet_claims(facets: dict[int, FacetCounts]) -> tuple[Claim, ...]:
     two, three = (facets[bodies].median for bodies in (2, 3))
     worst = max(counts.largest_violation for counts in facets.values())
     return (
-        Claim(
-            "facets_2",
-            "about 50 inequalities with 2 contacts",
-            FACETS[2][0],
-            two,
-            "1",
-            "met" if 0.5 <= two / FACETS[2][0] <= 2.0 else "not_met",
-            f"Median of {SETS} random sets. {on_stairs}",
+        Measured("facets_2", FACETS[2][0], two, "1", met_if(0.5 <= two / FACETS[2][0] <= 2.0)).says(
+            "about 50 inequalities with 2 contacts", f"Median of {SETS} random sets. {on_stairs}"
         ),
-        Claim(
-            "facets_3",
-            "more than 100 inequalities with 3 contacts",
-            FACETS[3][0],
-            three,
-            "1",
-            bound_verdict(three, at_least=FACETS[3][0]),
-            f"Median of {SETS} random sets.",
+        Measured("facets_3", FACETS[3][0], three, "1", met_if(three >= FACETS[3][0])).says(
+            "more than 100 inequalities with 3 contacts", f"Median of {SETS} random sets."
         ),
-        Claim(
-            "facets_unstable",
+        Measured("facets_unstable", "unstable", worst, "1", "beaten" if worst <= 1e-6 else "met").says(
             "the double description is numerically unstable for 3 contacts and more",
-            "unstable",
-            worst,
-            "1",
-            "beaten" if worst <= 1e-6 else "met",
             "Largest relative violation of a facet by a ray: computed as the hull of a whitened section (qhull), the "
             "description is exact up to rounding.",
         ),
@@ -214,23 +197,11 @@ def _john_claims(least: dict[str, float]) -> tuple[Claim, ...]:
     note = f"Minimum over {CLOUDS} clouds of {POINTS} points and {{}}, for which the bound is sharp. For the ellipsoid "
     note += "of step (ii); that of step (iv) has another centre (figure 4.6)."
     return (
-        Claim(
-            "john",
-            "an ellipsoid divided by 5 is inside the hull",
-            fifth,
-            least["general"],
-            "1",
-            bound_verdict(least["general"], at_least=fifth - 1e-6),
-            note.format("the simplex"),
+        Measured("john", fifth, least["general"], "1", met_if(least["general"] >= fifth - 1e-6)).says(
+            "an ellipsoid divided by 5 is inside the hull", note.format("the simplex")
         ),
-        Claim(
-            "john_symmetric",
-            "a symmetric ellipsoid divided by √5 is inside the hull",
-            root,
-            least["symmetric"],
-            "1",
-            bound_verdict(least["symmetric"], at_least=root - 1e-6),
-            note.format("the cross-polytope"),
+        Measured("john_symmetric", root, least["symmetric"], "1", met_if(least["symmetric"] >= root - 1e-6)).says(
+            "a symmetric ellipsoid divided by √5 is inside the hull", note.format("the cross-polytope")
         ),
     )
 
@@ -245,13 +216,14 @@ def _kernel_claim() -> Claim:
         kernels.log_density(cloud[:N_EVALUATIONS])
         times.append(time.process_time() - began)
     each_ns = 1e9 * min(times) / (N_EVALUATIONS * len(cloud))
-    return Claim(
+    return Measured(
         "kernel_ns",
-        "a kernel of the density takes around 10 ns",
         KERNEL_NS,
         each_ns,
         "ns",
-        "beaten" if each_ns < 0.5 * KERNEL_NS else bound_verdict(each_ns, at_most=2.0 * KERNEL_NS),
+        "beaten" if each_ns < 0.5 * KERNEL_NS else met_if(each_ns <= 2.0 * KERNEL_NS),
+    ).says(
+        "a kernel of the density takes around 10 ns",
         f"Distance and exponential, {len(cloud)} kernels at {N_EVALUATIONS} points; least of {REPEATS}.",
     )
 
@@ -262,15 +234,13 @@ def _duration_claims() -> tuple[Claim, ...]:
     for experiment, printed_s in MOTIONS_S.items():
         ours_s = experiment_problem(experiment, "hrp2").sequence.duration_s
         claims.append(
-            Claim(
+            Measured(
                 f"motion_{experiment}_s",
-                f"experiment {experiment} lasts {printed_s:g} s",
                 printed_s,
                 ours_s,
                 "s",
-                bound_verdict(abs(ours_s / printed_s - 1.0), at_most=DURATION_TOLERANCE),
-                "Sum of the phases.",
-            )
+                met_if(abs(ours_s / printed_s - 1.0) <= DURATION_TOLERANCE),
+            ).says(f"experiment {experiment} lasts {printed_s:g} s", "Sum of the phases.")
         )
     return tuple(claims)
 
@@ -288,41 +258,28 @@ def _solve_time_claims() -> tuple[Claim, ...]:
         for case in (replace(stairs, control=ContactWrench()), stairs)
     )
     return (
-        Claim(
-            "per_second_s",
+        Measured(
+            "per_second_s", PER_SECOND_MS[1] / 1e3, own_ms / 1e3, "s", error_unless(own_ms <= 1.05 * PER_SECOND_MS[1])
+        ).says(
             "one iteration for one second of motion takes 7 to 15 ms, according to table 4.1",
-            PER_SECOND_MS[1] / 1e3,
-            own_ms / 1e3,
-            "s",
-            "met" if own_ms <= 1.05 * PER_SECOND_MS[1] else "thesis_in_error",
             "Largest value of the table's columns: that of experiment 3. Ours is in the item table-4.1.",
         ),
-        Claim(
+        Measured(
             "horizon_hz",
-            "with a horizon of 2 to 3 s the solver makes one iteration at 20 Hz",
             RATE_HZ,
             rate_hz,
             "Hz",
-            "beaten" if rate_hz > 1.5 * RATE_HZ else bound_verdict(rate_hz, at_least=RATE_HZ),
+            "beaten" if rate_hz > 1.5 * RATE_HZ else met_if(rate_hz >= RATE_HZ),
+        ).says(
+            "with a horizon of 2 to 3 s the solver makes one iteration at 20 Hz",
             f"Experiment 1 with u_f over {HORIZON_S:g} s, including the construction of the nonlinear program; "
             f"median of {REPLANS} replans, each solved to convergence in {whole_ms:.0f} ms.",
         ),
-        Claim(
-            "wrench_25_s",
-            "u_c: near 0.2 s for 25 s of motion (4.8)",
-            0.2,
-            25.0 * wrench,
-            "s",
-            "beaten" if 25.0 * wrench < 0.2 else "not_met",
-            "One iteration of experiment 2, for 25 s.",
+        Measured("wrench_25_s", 0.2, 25.0 * wrench, "s", "beaten" if 25.0 * wrench < 0.2 else "not_met").says(
+            "u_c: near 0.2 s for 25 s of motion (4.8)", "One iteration of experiment 2, for 25 s."
         ),
-        Claim(
-            "forces_17_s",
+        Measured("forces_17_s", 0.4, 17.0 * forces, "s", "beaten" if 17.0 * forces < 0.4 else "not_met").says(
             "u_f: near 0.4 s for 17 s of motion (4.8)",
-            0.4,
-            17.0 * forces,
-            "s",
-            "beaten" if 17.0 * forces < 0.4 else "not_met",
             "One iteration of experiment 2, for 17 s. By table 4.1 (97 ms for 8 s) it would be 0.21 s.",
         ),
     )

@@ -13,7 +13,7 @@ import numpy as np
 
 from stridelab.conventions import Series
 from stridelab.recordings.recording import Sex
-from stridelab.reproduction.claims import Claim
+from stridelab.reproduction.claims import Claim, Measured
 from stridelab.reproduction.common.simulated_steps import true_steps
 from stridelab.reproduction.report.svg_plots import Curve
 from stridelab.simulation.human.walker import HumanWalker
@@ -77,13 +77,14 @@ def height_claim(people: SimulatedPeople, parameter: str, letter: str, thesis: f
     """Claim on the correlation with the height: met if the thesis' value lies in our 95 % interval, beaten if below."""
     pair = correlation_with_height(people, parameter).pearson
     low, high = pair.ci95 or (-1.0, 1.0)
-    return Claim(
+    return Measured(
         f"{parameter.removesuffix('_m')}_height_r",
-        f"{letter} is correlated with the height of the subjects",
         thesis,
         pair.r,
         "1",
         "met" if low <= thesis <= high else "beaten" if thesis < low else "not_met",
+    ).says(
+        f"{letter} is correlated with the height of the subjects",
         f"n = {pair.n}, 95 % from {low:.2f} to {high:.2f}, p = {pair.p:.2g}.",
     )
 
