@@ -125,7 +125,7 @@ def _picture(draws: Sequence[ScoredDraw]) -> str:
     names = [name for name in _score_names(draws) if name != "truth"]
     bars = [(name, 100.0 * score_agreement(draws, name, (0, 1)).same_best[20]) for name in names]
     title = "Groups of 20 people in which the score picks an estimator within 5 % of the truly best, horizontally"
-    return render_svg([Bars(title, "%", bars)])
+    return render_svg(Bars(title, "%", bars))
 
 
 if __name__ == "__main__":

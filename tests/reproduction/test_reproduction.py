@@ -220,7 +220,7 @@ def test_unknown_items_and_numbers_of_seeds_are_refused() -> None:
 def test_a_drawing_keeps_to_its_scale_and_its_gaps() -> None:
     x = np.geomspace(0.1, 10.0, 5)
     y = np.array([1.0, 10.0, np.nan, 1000.0, 10000.0])
-    text = render_svg([Panel("a < b & c", "Hz", "m", [Curve(x, y, "one")], log_x=True, log_y=True)])
+    text = render_svg(Panel("a < b & c", "Hz", "m", [Curve(x, y, "one")], log_x=True, log_y=True))
     root = ElementTree.fromstring(text)
     runs = [line.get("points") or "" for line in root.findall(f".//{SVG}polyline")]
     assert len(runs) == 2, "a gap interrupts the line"
@@ -234,7 +234,7 @@ def test_a_drawing_keeps_to_its_scale_and_its_gaps() -> None:
 
 def test_bars_are_as_long_as_their_numbers() -> None:
     root = ElementTree.fromstring(
-        render_svg([Bars("a & b", "mm", [("one", 2.0), ("two", -1.0), ("none", float("nan"))])])
+        render_svg(Bars("a & b", "mm", [("one", 2.0), ("two", -1.0), ("none", float("nan"))]))
     )
     bars = root.findall(f".//{SVG}rect[@fill='{PALETTE[0]}']")
     one, two, none = (float(bar.get("width") or "") for bar in bars)

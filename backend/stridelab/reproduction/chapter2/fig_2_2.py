@@ -79,7 +79,7 @@ def run(seeds: int, tell: Progress) -> Reproduction:
         f"{1e3 * _rms_norm(axis.project(c) - c):.1f} mm "
         "RMS, which is due to L' alone.",
         tables={"points": columns},
-        drawing=render_svg(_draw_panels(t, c, z, cart, foot, n)),
+        drawing=render_svg(*_draw_panels(t, c, z, cart, foot, n)),
         references=("carpentier2017thesis", "stasse2017talos"),
     )
 

@@ -62,7 +62,7 @@ def run(seeds: int, tell: Progress) -> Reproduction:
         "roll-off is slow. The default cut-offs of stridelab (0.2 and 1 Hz) are in the table and dashed in the "
         "drawing.",
         tables={"bode": _bode_columns("thesis", thesis) | _bode_columns("auto", ours)},
-        drawing=render_svg(_bode_panels(thesis, ours)),
+        drawing=render_svg(*_bode_panels(thesis, ours)),
         references=("carpentier2017thesis", "carpentier2016spectral"),
     )
 

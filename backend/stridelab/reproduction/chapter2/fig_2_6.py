@@ -65,7 +65,7 @@ def run(seeds: int, tell: Progress) -> Reproduction:
         claims=claims,
         note=f"Walk at the robot's cadence, noise of 2.5.1, {seeds} draws. Figure 2.3 is confirmed horizontally.",
         tables={"spectra": _spectrum_columns(mean, clean), "bands": _band_columns(bands)},
-        drawing=render_svg(_spectrum_panels(mean)),
+        drawing=render_svg(*_spectrum_panels(mean)),
         references=("carpentier2017thesis", "carpentier2016spectral", "stasse2017talos"),
     )
 

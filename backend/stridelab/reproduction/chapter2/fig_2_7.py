@@ -33,7 +33,7 @@ def run(seeds: int, tell: Progress) -> Reproduction:
         "forward and backward filtering: the Rauch-Tung-Striebel smoother with the Kalman filter's model is as "
         "accurate. The errors of all estimators are in the item errors.",
         tables={"errors": error_table(all_draws), "tracks": tracks, "contributions": parts},
-        drawing=render_svg(_draw_panels(tracks, parts)),
+        drawing=render_svg(*_draw_panels(tracks, parts)),
         references=("carpentier2017thesis", "carpentier2016spectral", "stasse2017talos"),
     )
 

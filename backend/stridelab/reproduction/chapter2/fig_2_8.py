@@ -119,7 +119,7 @@ def run(seeds: int, tell: Progress) -> Reproduction:
         "filter and the geometry is a correction of the segment table only if the clocks are synchronous; the effect "
         "of a delay of two frames is larger.",
         tables={"offsets": columns},
-        drawing=render_svg(_trial_panels(_simulated_trial(0))),
+        drawing=render_svg(*_trial_panels(_simulated_trial(0))),
         references=("carpentier2017thesis", "carpentier2016spectral", "dumas2007"),
     )
 

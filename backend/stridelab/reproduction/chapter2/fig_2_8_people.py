@@ -70,18 +70,16 @@ def run(gait: Path, tell: Progress) -> Reproduction:
             )
         },
         drawing=render_svg(
-            [
-                *com_and_force_panels(shown.walk.geometric, shown.estimate, shown.walk.total_wrench(0.0)),
-                Bars(
-                    "Offset along the walk, mean",
-                    "mm",
-                    [
-                        (f"{pace}, {clocks}", 1e3 * float(np.mean([getattr(one, name)[WALK] for one in of.values()])))
-                        for pace, of in (("comfortable", slow), ("fast", fast))
-                        for clocks, name in (("uncorrected", "offset_m"), ("corrected", "corrected_m"))
-                    ],
-                ),
-            ]
+            *com_and_force_panels(shown.walk.geometric, shown.estimate, shown.walk.total_wrench(0.0)),
+            Bars(
+                "Offset along the walk, mean",
+                "mm",
+                [
+                    (f"{pace}, {clocks}", 1e3 * float(np.mean([getattr(one, name)[WALK] for one in of.values()])))
+                    for pace, of in (("comfortable", slow), ("fast", fast))
+                    for clocks, name in (("uncorrected", "offset_m"), ("corrected", "corrected_m"))
+                ],
+            ),
         ),
         references=("carpentier2017thesis", "carpentier2016spectral", "dumas2007"),
     )

@@ -93,7 +93,7 @@ def run(seeds: int, tell: Progress) -> Reproduction:
         "delayed by 10 ms gives an offset of 44 mm along the run, as large as the offset that the thesis attributes to "
         "a bias of the segment table. The item flight compares all estimators in flight.",
         tables={"errors": table, "settling": {"time_s": np.arange(len(curve)) / RATE_HZ, "offset_m": curve}},
-        drawing=render_svg(_draw_panels(trial, fused, curve)),
+        drawing=render_svg(*_draw_panels(trial, fused, curve)),
         references=("carpentier2017thesis", "carpentier2016spectral", "stasse2017talos"),
     )
 

@@ -59,22 +59,20 @@ def run(seeds: int, tell: Progress) -> Reproduction:
             for gait in GAITS
         },
         drawing=render_svg(
-            [
-                *(
-                    Panel(
-                        f"Central axis minus centre of mass, {gait} gait",
-                        "time (s)",
-                        "distance (mm)",
-                        [Curve(time_s[gait], 1e3 * offset[gait][:, k], a, k) for k, a in enumerate("xyz")],
-                    )
-                    for gait in GAITS
-                ),
-                Bars(
-                    "Largest distance of the centre of mass from the axis",
-                    "mm",
-                    [(gait, 1e3 * float(np.linalg.norm(offset[gait], axis=1).max())) for gait in GAITS],
-                ),
-            ]
+            *(
+                Panel(
+                    f"Central axis minus centre of mass, {gait} gait",
+                    "time (s)",
+                    "distance (mm)",
+                    [Curve(time_s[gait], 1e3 * offset[gait][:, k], a, k) for k, a in enumerate("xyz")],
+                )
+                for gait in GAITS
+            ),
+            Bars(
+                "Largest distance of the centre of mass from the axis",
+                "mm",
+                [(gait, 1e3 * float(np.linalg.norm(offset[gait], axis=1).max())) for gait in GAITS],
+            ),
         ),
         references=("carpentier2017thesis", "carpentier2016spectral", "stasse2017talos"),
     )

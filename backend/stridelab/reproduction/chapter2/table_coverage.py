@@ -108,7 +108,7 @@ def run(seeds: int, tell: Progress) -> Reproduction:
         "in the model.",
         tables={"coverage": as_columns(rows)},
         drawing=render_svg(
-            [
+            *(
                 Bars(
                     f"Share inside the 95 % band, {gait} gait",
                     "share",
@@ -120,7 +120,7 @@ def run(seeds: int, tell: Progress) -> Reproduction:
                     ],
                 )
                 for gait in GAITS
-            ]
+            )
         ),
         references=("carpentier2017thesis", "stasse2017talos"),
     )

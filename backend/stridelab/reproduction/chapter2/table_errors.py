@@ -41,7 +41,7 @@ def run(seeds: int, tell: Progress) -> Reproduction:
         "The height is not observable: z is the geometry's with less noise. Part of the advantage of the thesis' "
         "filter over the Kalman filter comes from forward and backward filtering.",
         tables={"errors": select_columns(error_table(all_draws), _SHOWN_COLUMNS, lambda _: True)},
-        drawing=render_svg([_error_bars(gait, noise, all_draws) for noise in NOISES for gait in GAITS]),
+        drawing=render_svg(*(_error_bars(gait, noise, all_draws) for noise in NOISES for gait in GAITS)),
         references=("carpentier2017thesis", "carpentier2016spectral", "stasse2017talos"),
     )
 

@@ -58,7 +58,7 @@ def run(seeds: int, tell: Progress) -> Reproduction:
         "3.1 %.",
         tables={"flight": as_columns(rows)},
         drawing=render_svg(
-            [
+            *(
                 Bars(
                     f"Relative error of the vertical acceleration in flight (RMS), {noise} noise",
                     "%",
@@ -69,7 +69,7 @@ def run(seeds: int, tell: Progress) -> Reproduction:
                     ],
                 )
                 for noise in NOISES
-            ]
+            )
         ),
         references=("carpentier2017thesis", "stasse2017talos"),
     )

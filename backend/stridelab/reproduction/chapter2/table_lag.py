@@ -46,14 +46,14 @@ def run(seeds: int, tell: Progress) -> Reproduction:
             "causes": as_columns(cases),
         },
         drawing=render_svg(
-            [
+            *(
                 Bars(
                     f"Lateral lag, {gait} gait, thesis noise",
                     "ms",
                     [(name, 1e3 * float(_median_lag_s(all_draws, gait, name)[LATERAL])) for name in NAMES],
                 )
                 for gait in GAITS
-            ]
+            )
         ),
         references=("carpentier2017thesis", "stasse2017talos"),
     )

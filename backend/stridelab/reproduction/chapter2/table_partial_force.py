@@ -110,7 +110,7 @@ def run(seeds: int, tell: Progress) -> Reproduction:
         f"drawn again: {rejected}.",
         tables={"errors": as_columns(rows)},
         drawing=render_svg(
-            [
+            *(
                 Bars(
                     f"Horizontal RMS error in the second with force, {gait} gait, {noise} noise",
                     "mm",
@@ -122,7 +122,7 @@ def run(seeds: int, tell: Progress) -> Reproduction:
                 )
                 for gait in GAITS
                 for noise in NOISES
-            ]
+            )
         ),
         references=("carpentier2017thesis", "stasse2017talos"),
     )

@@ -114,7 +114,7 @@ def run(gait: Path, tell: Progress) -> Reproduction:
         "These recordings contain no flight phases; they are in the item flight.",
         tables={"agreement": as_columns(rows), "standing": as_columns(standing)},
         drawing=render_svg(
-            [
+            *(
                 Bars(
                     f"Force residual along the walk, {group}",
                     "% of body weight",
@@ -125,7 +125,7 @@ def run(gait: Path, tell: Progress) -> Reproduction:
                     ],
                 )
                 for group in GROUPS
-            ]
+            )
         ),
         references=("carpentier2017thesis", "dumas2007"),
     )

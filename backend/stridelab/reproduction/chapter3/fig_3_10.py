@@ -55,7 +55,7 @@ def run(seeds: int, tell: Progress) -> Reproduction:
                 "end_error_s": whole[:, 1],
             }
         },
-        drawing=render_svg(_draw_panels(steps, whole)),
+        drawing=render_svg(*_draw_panels(steps, whole)),
     )
 
 

@@ -34,7 +34,7 @@ def run(seeds: int, tell: Progress) -> Reproduction:
             "cycloids": {"theta_rad": THETA_RAD}
             | {f"{name}_{axis}_m": path[:, k] for name, path in paths.items() for k, axis in enumerate("xz")},
         },
-        drawing=render_svg(_draw_panels(paths, fits[0])),
+        drawing=render_svg(*_draw_panels(paths, fits[0])),
     )
 
 

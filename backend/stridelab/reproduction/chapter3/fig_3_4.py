@@ -37,7 +37,7 @@ def run(seeds: int, tell: Progress) -> Reproduction:
         claims=claims,
         note=f"{NOTE} The variation between steps is a parameter of the simulation: panel (b) is drawn without claims.",
         tables={"height": {"percent_of_step": PERCENT, "mean_z_m": heights.mean(axis=0), "sd_z_m": sd}},
-        drawing=render_svg(_draw_panels(steps, heights)),
+        drawing=render_svg(*_draw_panels(steps, heights)),
     )
 
 

@@ -65,7 +65,7 @@ def run(seeds: int, tell: Progress) -> Reproduction:
                 "error_z_m": shown.path.error_m[:, 1],
             }
         },
-        drawing=render_svg(_draw_panels(shown)),
+        drawing=render_svg(*_draw_panels(shown)),
     )
 
 

@@ -41,9 +41,7 @@ def run(seeds: int, tell: Progress) -> Reproduction:
         note=NOTE,
         tables={"people": {"person": person, "error_mean_mm": means, "error_sd_mm": sds}},
         drawing=render_svg(
-            [
-                Bars("Largest of all people", "mm", [("mean", float(means.max())), ("deviation", float(sds.max()))]),
-                Panel("Distance between path and wheel", "person (number)", "distance (mm)", [spread, bound]),
-            ]
+            Bars("Largest of all people", "mm", [("mean", float(means.max())), ("deviation", float(sds.max()))]),
+            Panel("Distance between path and wheel", "person (number)", "distance (mm)", [spread, bound]),
         ),
     )

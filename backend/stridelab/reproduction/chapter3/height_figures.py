@@ -52,4 +52,4 @@ def angular_velocity(seeds: int, tell: Progress) -> Reproduction:
 
 
 def _height_figure(people: SimulatedPeople, claims: tuple[Claim, ...], *panels: Panel) -> Reproduction:
-    return Reproduction(claims, NOTE, {"people": people_table(people)}, render_svg(panels))
+    return Reproduction(claims, NOTE, {"people": people_table(people)}, render_svg(*panels))

@@ -55,18 +55,16 @@ def run(seeds: int, tell: Progress) -> Reproduction:
             },
         },
         drawing=render_svg(
-            [
-                Bars(
-                    "Standard deviation of the speed over its mean",
-                    "1",
-                    [("hub", float(speeds[:, 0].mean())), ("centre of mass", float(speeds[:, 1].mean()))],
-                ),
-                Bars(
-                    "p of the printed coefficients among 16 subjects",
-                    "1",
-                    [(f"{name}: r = {r:g}", two_sided_p(r, THESIS_SUBJECTS - 2)) for name, r, _ in PRINTED],
-                ),
-            ]
+            Bars(
+                "Standard deviation of the speed over its mean",
+                "1",
+                [("hub", float(speeds[:, 0].mean())), ("centre of mass", float(speeds[:, 1].mean()))],
+            ),
+            Bars(
+                "p of the printed coefficients among 16 subjects",
+                "1",
+                [(f"{name}: r = {r:g}", two_sided_p(r, THESIS_SUBJECTS - 2)) for name, r, _ in PRINTED],
+            ),
         ),
     )
 

@@ -55,7 +55,7 @@ def run(seeds: int, tell: Progress) -> Reproduction:
                 "held_out_log_likelihood": np.array([t.held_out_log_likelihood for _, _, t in trials]),
             },
         },
-        drawing=render_svg([_robot_panel(ROBOTS[robot], cards[robot]) for robot in ROBOTS]),
+        drawing=render_svg(*(_robot_panel(ROBOTS[robot], cards[robot]) for robot in ROBOTS)),
         references=REFERENCES,
     )
 

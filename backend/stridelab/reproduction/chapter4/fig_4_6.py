@@ -61,18 +61,16 @@ def run(seeds: int, tell: Progress) -> Reproduction:
         f"the contacts, in N and N m; {SETS} random sets of 2 to 4 tilted bodies within 3 m.",
         tables={"sets": cone_table(rows)},
         drawing=render_svg(
-            [
-                Bars("alpha up to which the cone is inside", "1", [(row.contacts, row.alpha_max) for row in rows]),
-                Bars(
-                    "volume kept",
-                    "1",
-                    [
-                        (f"{row.contacts}, {what}", value)
-                        for row in rows
-                        for what, value in (("alpha 0.3", row.kept_03), ("largest", row.kept_ours))
-                    ],
-                ),
-            ]
+            Bars("alpha up to which the cone is inside", "1", [(row.contacts, row.alpha_max) for row in rows]),
+            Bars(
+                "volume kept",
+                "1",
+                [
+                    (f"{row.contacts}, {what}", value)
+                    for row in rows
+                    for what, value in (("alpha 0.3", row.kept_03), ("largest", row.kept_ours))
+                ],
+            ),
         ),
     )
 

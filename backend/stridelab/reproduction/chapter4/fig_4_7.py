@@ -41,7 +41,7 @@ def run(seeds: int, tell: Progress) -> Reproduction:
         note="The stances of figure 4.5 (HRP-2, friction 0.5), the CoM 0.8 m above the mean of the contacts. "
         f"Circular cones are approximated by inner pyramids of {FINE_RAYS} rays. Areas in (m/s²)².",
         tables={"areas": area_table(outlines)},
-        drawing=render_svg([_outline_panel(name, of_set) for name, of_set in outlines.items()]),
+        drawing=render_svg(*(_outline_panel(name, of_set) for name, of_set in outlines.items())),
     )
 
 

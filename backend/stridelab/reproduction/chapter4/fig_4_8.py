@@ -85,18 +85,16 @@ def run(seeds: int, tell: Progress) -> Reproduction:
         "Lorentz cone inside the wrench cone of the soles, both cold-started from the thesis' initial guess.",
         tables={"controls": plan_table(rows), "alpha": plan_table(sweep), "trajectories": trajectory_columns(both)},
         drawing=render_svg(
-            [
-                *trajectory_panels(both),
-                Bars(
-                    "objective by the cone's size, experiment 1",
-                    "1",
-                    [
-                        ("u_f", both[0].objective),
-                        ("u_c, largest inside", both[1].objective),
-                        *((f"thesis' cone, {r.control}", r.objective) for r in sweep),
-                    ],
-                ),
-            ]
+            *trajectory_panels(both),
+            Bars(
+                "objective by the cone's size, experiment 1",
+                "1",
+                [
+                    ("u_f", both[0].objective),
+                    ("u_c, largest inside", both[1].objective),
+                    *((f"thesis' cone, {r.control}", r.objective) for r in sweep),
+                ],
+            ),
         ),
     )
 

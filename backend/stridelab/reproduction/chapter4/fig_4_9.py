@@ -67,7 +67,11 @@ def run(seeds: int, tell: Progress) -> Reproduction:
         "log-densities differs only in their weight, which is zero.",
         tables={"shares": path_table(paths), "paths": path_columns(paths)},
         drawing=render_svg(
-            [path_panel(mixtures[m], [p for p in paths if p.measure == m], m, view) for m in MEASURES for view in VIEWS]
+            *(
+                path_panel(mixtures[m], [p for p in paths if p.measure == m], m, view)
+                for m in MEASURES
+                for view in VIEWS
+            )
         ),
     )
 

@@ -86,14 +86,12 @@ def run(seeds: int, tell: Progress) -> Reproduction:
             "alpha": {"clouds": np.array(list(least)), "least_alpha": np.array(list(least.values()))},
         },
         drawing=render_svg(
-            [
-                Bars(
-                    "Facets of the cone of wrenches, median of random sets",
-                    "1",
-                    [(f"{bodies} contacts", counts.median) for bodies, counts in facets.items()],
-                ),
-                Bars("Smallest alpha inside", "1", list(least.items())),
-            ]
+            Bars(
+                "Facets of the cone of wrenches, median of random sets",
+                "1",
+                [(f"{bodies} contacts", counts.median) for bodies, counts in facets.items()],
+            ),
+            Bars("Smallest alpha inside", "1", list(least.items())),
         ),
     )
 

@@ -82,7 +82,7 @@ def run(seeds: int, tell: Progress) -> Reproduction:
         "analytical derivatives.",
         tables={"times": time_table(times)},
         drawing=render_svg(
-            [Bars("time of the solver", "ms", [(column_label(t.printed), 1e3 * t.time_s) for t in times])]
+            Bars("time of the solver", "ms", [(column_label(t.printed), 1e3 * t.time_s) for t in times])
         ),
     )
 

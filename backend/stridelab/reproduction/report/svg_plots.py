@@ -56,7 +56,7 @@ class Bars:
     values: Sequence[tuple[str, float]]
 
 
-def render_svg(panels: Sequence[Panel | Bars]) -> str:
+def render_svg(*panels: Panel | Bars) -> str:
     """Render the panels below each other as one SVG document."""
     size = f'width="{WIDTH}" height="{HEIGHT * len(panels)}"'
     parts = [
