@@ -14,35 +14,28 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Int
 
+from stridelab.centroidal.nlp.stage_functions import CostFunctions, RowFunctions
+
 Indices = Int[np.ndarray, "uses _"]
 
 
 @dataclass(frozen=True, eq=False)
 class CostPart:
-    """``phi(y, q)`` with its gradient and ``curvature(y, q, theta)``, of which the upper triangle is used.
-
-    theta is that of ``density_term``; ``n_q`` is the size of q.
-    """
+    """``phi(y, q)`` for every row of ``of_y``; of its curvature the upper triangle is used."""
 
     name: str
     of_y: Indices
-    n_q: int
-    value: ca.Function
-    gradient: ca.Function
-    curvature: ca.Function
+    functions: CostFunctions
 
 
 @dataclass(frozen=True, eq=False)
 class ConstraintPart:
-    """``psi(y, q)`` with its Jacobian and ``curvature(y, q, lambda)`` of ``lambda psi``, None where it is linear."""
+    """``psi(y, q)`` for every row of ``of_y``, into the rows ``of_row``."""
 
     name: str
     of_y: Indices
     of_row: Indices
-    n_q: int
-    value: ca.Function
-    jacobian: ca.Function
-    curvature: ca.Function | None
+    functions: RowFunctions
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,19 +78,20 @@ def assemble_nlp(
     for cost in costs:
         uses, m = cost.of_y.shape
         y = ca.reshape(w[cost.of_y.ravel().tolist()], m, uses)
-        f += ca.sum2(cost.value.map(uses)(y, q[cost.name]))
-        gradient += scatter_matrix(cost.of_y, n) @ ca.vec(cost.gradient.map(uses)(y, q[cost.name]))
-        curvature = _upper_triangle(cost.curvature)
+        f += ca.sum2(cost.functions.value.map(uses)(y, q[cost.name]))
+        gradient += scatter_matrix(cost.of_y, n) @ ca.vec(cost.functions.gradient.map(uses)(y, q[cost.name]))
+        curvature = _upper_triangle(cost.functions.curvature)
         H.add_blocks(cost.of_y, cost.of_y, curvature, (s * scale) * curvature.map(uses)(y, q[cost.name], theta).nz[:])
     g = ca.MX.zeros(n_rows)
     for part in rows:
+        of = part.functions
         uses, m = part.of_y.shape
         y = ca.reshape(w[part.of_y.ravel().tolist()], m, uses)
-        g += scatter_matrix(part.of_row, n_rows) @ ca.vec(part.value.map(uses)(y, q[part.name]))
-        J.add_blocks(part.of_row, part.of_y, part.jacobian, part.jacobian.map(uses)(y, q[part.name]).nz[:])
-        if part.curvature is not None:
+        g += scatter_matrix(part.of_row, n_rows) @ ca.vec(of.value.map(uses)(y, q[part.name]))
+        J.add_blocks(part.of_row, part.of_y, of.jacobian, of.jacobian.map(uses)(y, q[part.name]).nz[:])
+        if of.curvature is not None:
             own = ca.reshape(lam[part.of_row.ravel().tolist()], part.of_row.shape[1], uses)
-            curvature = _upper_triangle(part.curvature)
+            curvature = _upper_triangle(of.curvature)
             H.add_blocks(part.of_y, part.of_y, curvature, curvature.map(uses)(y, q[part.name], own).nz[:])
     return NonlinearProgram(
         n=n,
@@ -112,7 +106,7 @@ def assemble_nlp(
 
 
 def _parameter_shapes(parts: Sequence[CostPart | ConstraintPart]) -> tuple[tuple[str, tuple[int, int]], ...]:
-    return tuple((part.name, (part.n_q, len(part.of_y))) for part in parts)
+    return tuple((part.name, (part.functions.value.size1_in(1), len(part.of_y))) for part in parts)
 
 
 def _split_parameters(p: ca.MX, shapes: list[tuple[int, int]]) -> list[ca.MX]:

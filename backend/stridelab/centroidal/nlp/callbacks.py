@@ -52,54 +52,49 @@ def _max_violation(box: Box, x: ca.DM, g: ca.DM) -> float:
     return max(0.0, *(float(part.max(initial=0.0)) for part in excess))
 
 
-class IpoptCallback(ca.Callback):
-    """Iteration callback of ipopt; never interrupts the solve."""
+class _IterationCallback(ca.Callback):
+    """A function of dense columns of the given ``sizes`` that reports its arguments and returns one number."""
 
-    def __init__(self, listener: IterateReporter) -> None:
+    def __init__(self, listener: IterateReporter, name: str, sizes: Sequence[int]) -> None:
         ca.Callback.__init__(self)
-        self._listener, nlp = listener, listener.nlp
-        self._sizes = {"x": nlp.n, "lam_x": nlp.n, "g": nlp.n_rows, "lam_g": nlp.n_rows, "f": 1, "lam_p": nlp.n_p}
-        self.construct("at_iterations", {})
+        self._listener, self._sizes = listener, sizes
+        self.construct(name, {})
 
     def get_n_in(self) -> int:
-        """Number of results of a solver."""
-        return int(ca.nlpsol_n_out())
+        """Number of arguments."""
+        return len(self._sizes)
 
     def get_n_out(self) -> int:
         """One number."""
         return 1
 
     def get_sparsity_in(self, i: int) -> ca.Sparsity:
-        """A dense column, of the size of the solver's i-th result."""
-        return ca.Sparsity.dense(self._sizes[ca.nlpsol_out(i)])
+        """A dense column."""
+        return ca.Sparsity.dense(self._sizes[i])
+
+
+class IpoptCallback(_IterationCallback):
+    """Iteration callback of ipopt, a function of the solver's results; never interrupts the solve."""
+
+    def __init__(self, listener: IterateReporter) -> None:
+        nlp = listener.nlp
+        sizes = {"x": nlp.n, "lam_x": nlp.n, "g": nlp.n_rows, "lam_g": nlp.n_rows, "f": 1, "lam_p": nlp.n_p}
+        names = [ca.nlpsol_out(i) for i in range(ca.nlpsol_n_out())]
+        super().__init__(listener, "at_iterations", [sizes[name] for name in names])
+        self._names = names
 
     def eval(self, arg: Sequence[ca.DM]) -> list[float]:
         """Report the iterate; the return value 0 lets ipopt continue."""
-        results = dict(zip(map(ca.nlpsol_out, range(len(arg))), arg, strict=True))
+        results = dict(zip(self._names, arg, strict=True))
         self._listener.report_iterate(results["x"], results["f"], results["g"])
         return [0.0]
 
 
-class HessianCallback(ca.Callback):
+class HessianCallback(_IterationCallback):
     """Zero function of (x, p), added to the Hessian: fatrop has no callback but evaluates one Hessian per iteration."""
 
     def __init__(self, listener: IterateReporter) -> None:
-        ca.Callback.__init__(self)
-        self._listener = listener
-        self._sizes = (listener.nlp.n, listener.nlp.n_p)
-        self.construct("at_curvatures", {})
-
-    def get_n_in(self) -> int:
-        """The variables x and the parameters p."""
-        return 2
-
-    def get_n_out(self) -> int:
-        """One number."""
-        return 1
-
-    def get_sparsity_in(self, i: int) -> ca.Sparsity:
-        """A dense column, x for 0 and p for 1."""
-        return ca.Sparsity.dense(self._sizes[i])
+        super().__init__(listener, "at_curvatures", (listener.nlp.n, listener.nlp.n_p))
 
     def eval(self, arg: Sequence[ca.DM]) -> list[float]:
         """Return zero; evaluates and reports the iterate if the run has a callback."""

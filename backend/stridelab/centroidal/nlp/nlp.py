@@ -11,7 +11,8 @@ import numpy as np
 from jaxtyping import Int
 
 from stridelab.centroidal.contact_wrench import N_STATE, N_WRENCH
-from stridelab.centroidal.nlp import cubic_stage_functions, stage_functions
+from stridelab.centroidal.nlp import cubic_stage_functions as cubic_stage
+from stridelab.centroidal.nlp import stage_functions as stage
 from stridelab.centroidal.nlp.assembly import ConstraintPart, CostPart, NonlinearProgram, assemble_nlp
 from stridelab.centroidal.nlp.stage_functions import CostFunctions, RowFunctions, likelihood_functions
 from stridelab.centroidal.nlp.variable_layout import (
@@ -84,13 +85,14 @@ def _compile_program(structure: Structure, mixtures: Mapping[str, Mixture]) -> C
         """Append the duration of its phase to each y, if durations are free."""
         return np.column_stack([of_y, layout.durations[phases]]) if free else of_y
 
-    def add_cost(name: str, of_y: Int[np.ndarray, "uses y"], of: CostFunctions) -> None:
-        costs.append(CostPart(name, of_y, of.value.size1_in(1), of.value, of.gradient, of.curvature))
+    def add_cost(name: str, of_y: Int[np.ndarray, "uses y"], functions: CostFunctions) -> None:
+        costs.append(CostPart(name, of_y, functions))
 
     def add_rows(
-        name: str, of_y: Int[np.ndarray, "uses y"], of_row: Int[np.ndarray, "uses r"], of: RowFunctions
+        name: str, of_y: Int[np.ndarray, "uses y"], first_row: Int[np.ndarray, "uses"], functions: RowFunctions
     ) -> None:
-        rows.append(ConstraintPart(name, of_y, of_row, of.value.size1_in(1), of.value, of.jacobian, of.curvature))
+        of_row = _index_ranges(first_row, functions.value.size1_out(0))
+        rows.append(ConstraintPart(name, of_y, of_row, functions))
 
     x, F = layout.state, layout.wrench
     if structure.shape == "cubic":
@@ -98,71 +100,28 @@ def _compile_program(structure: Structure, mixtures: Mapping[str, Mixture]) -> C
             before = _index_ranges(F[k - 1, 1], N_WRENCH)[:, first * N_WRENCH :]
             after = _index_ranges(F[(k + 1) % len(F), 0], N_WRENCH)[:, last * N_WRENCH :]
             own = _index_ranges(F[k, 0], 2 * N_WRENCH)
-            add_cost(
-                f"squares{name}",
-                np.hstack([before, _index_ranges(x[k], 6), own, after]),
-                cubic_stage_functions.squared_rates(first, last),
-            )
+            of_y = np.hstack([before, _index_ranges(x[k], 6), own, after])
+            add_cost(f"squares{name}", of_y, cubic_stage.squared_rates(first, last))
             across = np.hstack([before, _index_ranges(x[k], N_STATE), own, _index_ranges(x[k + 1], N_STATE), after])
-            add_rows(
-                f"gap{name}",
-                across,
-                _index_ranges(layout.gap[k], N_STATE),
-                cubic_stage_functions.dynamics_gap(first, last),
-            )
+            add_rows(f"gap{name}", across, layout.gap[k], cubic_stage.dynamics_gap(first, last))
     else:
-        add_cost(
-            "squares",
-            with_durations(np.hstack([_index_ranges(x[:-1], 6), _index_ranges(F[:, 0], N_WRENCH)]), phase_of),
-            stage_functions.squared_rates(free),
-        )
-        across = np.hstack(
-            [_index_ranges(x[:-1], N_STATE), _index_ranges(F[:, 0], N_WRENCH), _index_ranges(x[1:], N_STATE)]
-        )
-        add_rows(
-            "gap",
-            with_durations(across, phase_of),
-            _index_ranges(layout.gap, N_STATE),
-            stage_functions.dynamics_gap(free),
-        )
-    add_rows(
-        "start",
-        _index_ranges(x[:1], N_STATE),
-        _index_ranges(np.array([layout.start]), N_STATE),
-        stage_functions.identity_rows(N_STATE),
-    )
+        wrench = _index_ranges(F[:, 0], N_WRENCH)
+        of_y = np.hstack([_index_ranges(x[:-1], 6), wrench])
+        add_cost("squares", with_durations(of_y, phase_of), stage.squared_rates(free))
+        across = np.hstack([_index_ranges(x[:-1], N_STATE), wrench, _index_ranges(x[1:], N_STATE)])
+        add_rows("gap", with_durations(across, phase_of), layout.gap, stage.dynamics_gap(free))
+    add_rows("start", _index_ranges(x[:1], N_STATE), np.array([layout.start]), stage.identity_rows(N_STATE))
     end = np.array([layout.end])
     if structure.capture_planes:
-        add_rows("end height", x[-1:, None] + np.array([2, 5]), _index_ranges(end, 2), stage_functions.identity_rows(2))
-        add_rows(
-            "end momentum",
-            _index_ranges(x[-1:], N_STATE),
-            _index_ranges(end + 2, 3),
-            stage_functions.momentum_about_com(),
-        )
-        planes = N_CAPTURABLE + end + np.arange(structure.capture_planes)[:, None]
-        add_rows(
-            CAPTURE,
-            np.repeat(x[-1:, None] + np.array([0, 1, 3, 4]), len(planes), axis=0),
-            planes,
-            stage_functions.dot_product(4),
-        )
+        add_rows("end height", x[-1:, None] + np.array([2, 5]), end, stage.identity_rows(2))
+        add_rows("end momentum", _index_ranges(x[-1:], N_STATE), end + 2, stage.momentum_about_com())
+        planes = N_CAPTURABLE + end + np.arange(structure.capture_planes)
+        of_y = np.repeat(x[-1:, None] + np.array([0, 1, 3, 4]), len(planes), axis=0)
+        add_rows(CAPTURE, of_y, planes, stage.dot_product(4))
     else:
-        add_rows(
-            "end", _index_ranges(x[-1:], N_STATE), _index_ranges(end, N_STATE), stage_functions.identity_rows(N_STATE)
-        )
-        add_rows(
-            "rest",
-            _index_ranges(F[-1:, -1], 3),
-            _index_ranges(np.array([layout.rest]), 3),
-            stage_functions.identity_rows(3),
-        )
-    add_rows(
-        "wrench",
-        _index_ranges(F.ravel(), N_WRENCH),
-        _index_ranges(layout.tie.ravel(), N_WRENCH),
-        stage_functions.identity_rows(N_WRENCH),
-    )
+        add_rows("end", _index_ranges(x[-1:], N_STATE), end, stage.identity_rows(N_STATE))
+        add_rows("rest", _index_ranges(F[-1:, -1], 3), np.array([layout.rest]), stage.identity_rows(3))
+    add_rows("wrench", _index_ranges(F.ravel(), N_WRENCH), layout.tie.ravel(), stage.identity_rows(N_WRENCH))
 
     ties, efforts, limits = _group_uses(layout.uses)
     for name, uses in ties.items():
@@ -170,17 +129,13 @@ def _compile_program(structure: Structure, mixtures: Mapping[str, Mixture]) -> C
         of_y = _index_ranges(np.array([use.start for use in uses]), group.size)
         if group.shift is not None:
             of_y = np.hstack([of_y, _index_ranges(layout.shifts[_shift_indices(uses)], 2)])
-        add_rows(
-            name,
-            of_y,
-            _index_ranges(np.array([layout.tie[use.k, use.inner] for use in uses]), N_WRENCH),
-            stage_functions.wrench_tie(group.size, group.shift is not None),
-        )
+        of_row = np.array([layout.tie[use.k, use.inner] for use in uses])
+        add_rows(name, of_y, of_row, stage.wrench_tie(group.size, group.shift is not None))
     for name, uses in efforts.items():
         size = uses[0].group.block
         starts = np.array([use.start + i for use in uses for i in range(0, use.group.size, size)])
         phases = np.array([use.phase for use in uses for _ in range(0, use.group.size, size)])
-        add_cost(name, with_durations(_index_ranges(starts, size), phases), stage_functions.effort_cost(size, free))
+        add_cost(name, with_durations(_index_ranges(starts, size), phases), stage.effort_cost(size, free))
     for name, uses in limits.items():
         size = uses[0].group.block
         of_y, of_row = np.array(
@@ -190,7 +145,7 @@ def _compile_program(structure: Structure, mixtures: Mapping[str, Mixture]) -> C
                 for i in range(n_limits(use.group))
             ]
         ).T
-        add_rows(name, _index_ranges(of_y, size), of_row[:, None], stage_functions.dot_product(size))
+        add_rows(name, _index_ranges(of_y, size), of_row, stage.dot_product(size))
     for size in sorted({use.group.lorentz for use in layout.uses} - {0}):
         cones = [
             (use.start + i * (size + 1), use.row + i)
@@ -199,7 +154,7 @@ def _compile_program(structure: Structure, mixtures: Mapping[str, Mixture]) -> C
             for i in range(n_cones(use.group))
         ]
         of_y, of_row = np.array(cones).T
-        add_rows(f"cone {size}", _index_ranges(of_y, size + 1), of_row[:, None], stage_functions.cone_row(size))
+        add_rows(f"cone {size}", _index_ranges(of_y, size + 1), of_row, stage.cone_row(size))
 
     visits: dict[str, tuple[str, list[Visit]]] = {}
     for effector, _ in structure.densities:
@@ -213,16 +168,13 @@ def _compile_program(structure: Structure, mixtures: Mapping[str, Mixture]) -> C
             of_y = _index_ranges(x[[visit.node for visit in nodes]], 3)
             if moving:
                 of_y = np.hstack([of_y, _index_ranges(layout.shifts[shifts], 2)])
-            add_cost(
-                name,
-                with_durations(of_y, np.array([visit.phase for visit in nodes])),
-                stage_functions.density_cost(functions, free, moving),
-            )
+            phases = np.array([visit.phase for visit in nodes])
+            add_cost(name, with_durations(of_y, phases), stage.density_cost(functions, free, moving))
     if free:
         of_y = layout.durations[:, None]
-        add_cost("price", of_y, stage_functions.duration_price())
+        add_cost("price", of_y, stage.duration_price())
         if structure.fixed_total:
-            add_rows("total", of_y, np.full_like(of_y, layout.total), stage_functions.identity_rows(1))
+            add_rows("total", of_y, np.full(len(of_y), layout.total), stage.identity_rows(1))
     nlp = assemble_nlp(layout.n, layout.n_rows, costs, rows, OBJECTIVE_SCALE)
     return Compiled(structure, layout, nlp, ties, efforts, limits, visits)
 

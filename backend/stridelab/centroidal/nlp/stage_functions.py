@@ -34,19 +34,25 @@ from stridelab.reachability.gaussian_mixture import Mixture
 
 
 @dataclass(frozen=True, eq=False)
-class LikelihoodFunctions:
-    """CasADi functions of ``(c, p, vec R)``, world coordinates: ``-log p``, gradient ``(3)``.
-
-    ``curvature`` ``(3, 3)`` takes theta as a fourth argument.
-    """
+class CostFunctions:
+    """``value``, ``gradient`` of ``(y, q)``, ``curvature`` of ``(y, q, theta)``."""
 
     value: ca.Function
     gradient: ca.Function
     curvature: ca.Function
 
 
-def likelihood_functions(mixture: Mixture) -> LikelihoodFunctions:
-    """Build the functions for one effector's mixture."""
+@dataclass(frozen=True, eq=False)
+class RowFunctions:
+    """``value``, ``jacobian`` of ``(y, q)``, ``curvature`` of ``(y, q, lambda)``, None where linear."""
+
+    value: ca.Function
+    jacobian: ca.Function
+    curvature: ca.Function | None
+
+
+def likelihood_functions(mixture: Mixture) -> CostFunctions:
+    """``-log p`` of one effector's mixture, as functions of ``(c, p, vec R)`` in world coordinates, and of theta."""
     c, p, R, theta = ca.SX.sym("c", 3), ca.SX.sym("p", 3), ca.SX.sym("R", 3, 3), ca.SX.sym("theta")
     y = R.T @ (c - p)
     exponents, scores = [], []
@@ -65,29 +71,11 @@ def likelihood_functions(mixture: Mixture) -> LikelihoodFunctions:
     majoriser = sum(s * ca.DM(P) for s, P in zip(gamma, mixture.precisions, strict=True))
     covariance = sum(s * (d - mean) @ (d - mean).T for s, d in zip(gamma, scores, strict=True))
     inputs = [c, p, ca.vec(R)]
-    return LikelihoodFunctions(
+    return CostFunctions(
         value=ca.Function("value", inputs, [-logp]),
         gradient=ca.Function("gradient", inputs, [R @ mean]),
         curvature=ca.Function("curvature", [*inputs, theta], [R @ (majoriser - theta * covariance) @ R.T]),
     )
-
-
-@dataclass(frozen=True, eq=False)
-class CostFunctions:
-    """``value``, ``gradient`` of ``(y, q)``, ``curvature`` of ``(y, q, theta)``."""
-
-    value: ca.Function
-    gradient: ca.Function
-    curvature: ca.Function
-
-
-@dataclass(frozen=True, eq=False)
-class RowFunctions:
-    """``value``, ``jacobian`` of ``(y, q)``, ``curvature`` of ``(y, q, lambda)``, None where linear."""
-
-    value: ca.Function
-    jacobian: ca.Function
-    curvature: ca.Function | None
 
 
 def row_functions(psi: ca.SX, y: ca.SX, q: ca.SX) -> RowFunctions:
@@ -197,7 +185,7 @@ def effort_cost(size: int, free: bool) -> CostFunctions:
     return cost_functions(phi, y, q, ca.hessian(phi, y)[0] if free else q[0] * Q)
 
 
-def density_cost(functions: LikelihoodFunctions, free: bool, moving: bool) -> CostFunctions:
+def density_cost(functions: CostFunctions, free: bool, moving: bool) -> CostFunctions:
     """``-h log p``: ``y = (c [, d] [, T_s])``, ``q = (h, p, R, axes of d)``; R and axes by columns."""
     y, q = ca.SX.sym("y", 3 + 2 * moving + free), ca.SX.sym("q", 13 + 6 * moving)
     theta = ca.SX.sym("theta")
