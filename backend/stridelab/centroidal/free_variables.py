@@ -1,8 +1,10 @@
 """Free variables besides the motion: durations of phases and placements of contacts on their surfaces."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 from stridelab.contacts.sequence import Contact, ContactSequence
+from stridelab.conventions import Vector3
 from stridelab.errors import InvalidInput
 
 
@@ -72,3 +74,15 @@ def contact_spans(sequence: ContactSequence) -> list[ContactSpan]:
 def movable_spans(sequence: ContactSequence) -> list[ContactSpan]:
     """The contacts that begin after the first phase and end before the last."""
     return [span for span in contact_spans(sequence) if span.first > 0 and span.last < len(sequence.phases) - 1]
+
+
+def move_contacts(
+    sequence: ContactSequence, spans: Sequence[ContactSpan], shifts_m: Sequence[Vector3]
+) -> ContactSequence:
+    """The sequence with the contacts of ``spans`` moved by one shift each, in world axes."""
+    moved: dict[tuple[int, str], Contact] = {}
+    for span, shift_m in zip(spans, shifts_m, strict=True):
+        place, phases = span.contact.placement, range(span.first, span.last + 1)
+        contact = replace(span.contact, placement=replace(place, position_m=place.position_m + shift_m))
+        moved |= {(phase, contact.effector): contact for phase in phases}
+    return sequence.map_contacts(lambda phase, c: moved.get((phase, c.effector), c)) if moved else sequence

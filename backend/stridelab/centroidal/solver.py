@@ -10,6 +10,7 @@ import numpy as np
 from stridelab.centroidal.boundary_conditions import Terminal
 from stridelab.centroidal.cost_terms import cost_terms, objective
 from stridelab.centroidal.force_splines import INNER, control_points
+from stridelab.centroidal.free_variables import move_contacts
 from stridelab.centroidal.native.availability import native_can_solve
 from stridelab.centroidal.native.solve import solve_native
 from stridelab.centroidal.nlp.callbacks import IterationCallback
@@ -20,7 +21,7 @@ from stridelab.centroidal.plan import CentroidalPlan, Verification
 from stridelab.centroidal.problem import CentroidalProblem
 from stridelab.centroidal.verification import Motion, is_verified, total_force_n, verify
 from stridelab.centroidal.warm_start import warm_start_point
-from stridelab.contacts.sequence import Contact, ContactSequence
+from stridelab.contacts.sequence import ContactSequence
 from stridelab.conventions import Series, g
 from stridelab.errors import Fault, InvalidInput
 
@@ -28,24 +29,12 @@ from stridelab.errors import Fault, InvalidInput
 def solved_sequence(transcription: Transcription, w: Series) -> ContactSequence:
     """The problem's sequence with the solved durations and placements in ``w``, if they are free."""
     problem, layout = transcription.problem, transcription.layout
-    sequence = problem.sequence
-    if not (problem.durations or problem.placements):
-        return sequence
-    durations_s = [
-        float(w[layout.durations[i]]) if problem.durations else phase.duration_s
-        for i, phase in enumerate(sequence.phases)
+    sequence = problem.sequence.with_durations(w[layout.durations]) if problem.durations else problem.sequence
+    shifts_m = [
+        span.contact.placement.rotation[:, :2] @ w[at : at + 2]
+        for span, at in zip(transcription.movable_spans, layout.shifts, strict=True)
     ]
-    contacts: list[dict[str, Contact]] = [dict(phase.contacts) for phase in sequence.phases]
-    for span, at in zip(transcription.movable_spans, layout.shifts, strict=True):
-        old = span.contact.placement
-        placement = replace(old, position_m=old.position_m + old.rotation[:, :2] @ w[at : at + 2])
-        for i in range(span.first, span.last + 1):
-            contacts[i][span.contact.effector] = replace(span.contact, placement=placement)
-    phases = [
-        replace(phase, duration_s=duration_s, contacts=phase_contacts)
-        for phase, duration_s, phase_contacts in zip(sequence.phases, durations_s, contacts, strict=True)
-    ]
-    return replace(sequence, phases=tuple(phases))
+    return move_contacts(sequence, transcription.movable_spans, shifts_m)
 
 
 AUTO: tuple[SolverName, ...] = ("ipopt", "fatrop")

@@ -4,8 +4,8 @@ A ``Scenario`` of the HTTP API becomes a ``ContactSequence`` once it is validate
 stage read no other contact data.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal
 
@@ -56,12 +56,17 @@ class ContactSequence:
     @cached_property
     def ends_s(self) -> Series:
         """End of every phase ``(n_phases,)``, in seconds from the start."""
-        return np.cumsum([phase.duration_s for phase in self.phases])
+        return np.cumsum(self.durations_s)
 
     @cached_property
     def starts_s(self) -> Series:
         """Start of every phase ``(n_phases,)``."""
         return np.concatenate([[0.0], self.ends_s[:-1]])
+
+    @cached_property
+    def durations_s(self) -> Series:
+        """Duration of every phase ``(n_phases,)``."""
+        return np.array([phase.duration_s for phase in self.phases])
 
     @property
     def duration_s(self) -> float:
@@ -97,6 +102,19 @@ class ContactSequence:
     def next_contact(self, effector: str, phase: int) -> Contact | None:
         """The contact of ``effector`` in ``phase``, or its first one after."""
         return next((p.contacts[effector] for p in self.phases[phase:] if effector in p.contacts), None)
+
+    def with_durations(self, durations_s: Series) -> "ContactSequence":
+        """The same contacts in phases of other durations ``(n_phases,)``."""
+        phases = tuple(replace(p, duration_s=s) for p, s in zip(self.phases, durations_s.tolist(), strict=True))
+        return replace(self, phases=phases)
+
+    def map_contacts(self, change: Callable[[int, Contact], Contact]) -> "ContactSequence":
+        """The sequence with ``change(phase, contact)`` in the place of every contact."""
+        changed = [[change(i, c) for c in phase.contacts.values()] for i, phase in enumerate(self.phases)]
+        phases = [
+            replace(p, contacts={c.effector: c for c in own}) for p, own in zip(self.phases, changed, strict=True)
+        ]
+        return replace(self, phases=tuple(phases))
 
 
 def _mean_yaw(contacts: list[Contact]) -> float:

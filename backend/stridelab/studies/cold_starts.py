@@ -21,7 +21,7 @@ from stridelab.centroidal.solver import solve
 from stridelab.contacts.effector_geometry import effector_shapes
 from stridelab.contacts.scenario_io import sequence_of
 from stridelab.contacts.scenarios.bundled import BUNDLED
-from stridelab.contacts.sequence import Contact, ContactPhase, ContactSequence
+from stridelab.contacts.sequence import ContactSequence
 from stridelab.contacts.terrain import Terrain
 from stridelab.dynamics.spatial import Placement
 from stridelab.reachability.store import load_proxies
@@ -84,8 +84,8 @@ def shortened_problems(number: int, seed: int = 1) -> Iterator[tuple[str, Centro
 
 def shorten_durations(problem: CentroidalProblem, factor: float) -> CentroidalProblem:
     """Divide all phase durations by ``factor``; uses circular friction cones."""
-    phases = tuple(replace(p, duration_s=p.duration_s / factor) for p in problem.sequence.phases)
-    return replace(problem, sequence=replace(problem.sequence, phases=phases), control=CircularCones())
+    sequence = problem.sequence.with_durations(problem.sequence.durations_s / factor)
+    return replace(problem, sequence=sequence, control=CircularCones())
 
 
 def moved_problems(number: int, seed: int = 2) -> Iterator[tuple[str, CentroidalProblem]]:
@@ -140,14 +140,8 @@ def _summary_of_kind(results: Sequence[ColdStart]) -> Mapping[str, object]:
 def _map_contacts(
     sequence: ContactSequence, place: Callable[[Placement], Placement], rename: Callable[[str], str]
 ) -> ContactSequence:
-    def map_contact(c: Contact) -> Contact:
-        return replace(c, effector=rename(c.effector), placement=place(c.placement))
-
-    phases = tuple(
-        ContactPhase(p.duration_s, {rename(name): map_contact(c) for name, c in p.contacts.items()})
-        for p in sequence.phases
-    )
-    return replace(sequence, terrain=Terrain(()), phases=phases)
+    moved = sequence.map_contacts(lambda _, c: replace(c, effector=rename(c.effector), placement=place(c.placement)))
+    return replace(moved, terrain=Terrain(()))
 
 
 def _other_side(effector: str) -> str:

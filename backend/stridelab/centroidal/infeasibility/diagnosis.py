@@ -30,7 +30,6 @@ from stridelab.centroidal.point_forces import PYRAMIDS
 from stridelab.centroidal.problem import CentroidalProblem
 from stridelab.centroidal.reach_box import usual_share
 from stridelab.centroidal.solver import solve
-from stridelab.contacts.sequence import ContactPhase
 
 Verdict = Literal["impossible", "unbearable", "unusual", "narrow", "stuck", "found"]
 Kind = Literal["cone", "reach", "load", "momentum", "end", "unusual", "wrench"]
@@ -247,13 +246,7 @@ def _least_friction(problem: CentroidalProblem, until_s: float) -> float | None:
 
 
 def _is_bearable_with_friction(problem: CentroidalProblem, friction: float) -> bool:
-    phases = tuple(
-        ContactPhase(
-            phase.duration_s,
-            {name: replace(c, friction=max(c.friction, friction)) for name, c in phase.contacts.items()},
-        )
-        for phase in problem.sequence.phases
-    )
-    rough = replace(problem, sequence=replace(problem.sequence, phases=phases))
+    sequence = problem.sequence.map_contacts(lambda _, c: replace(c, friction=max(c.friction, friction)))
+    rough = replace(problem, sequence=sequence)
     solution = solve_elastic(rough, PENALTY, PENALTY, PENALTY, coarse_grid(rough))
     return solution is not None and solution.is_feasible

@@ -19,7 +19,7 @@ import scipy.sparse as sp
 from jaxtyping import Int
 
 from stridelab.centroidal.contact_wrench import DOWN, N_STATE, Step, discrete_step, skew
-from stridelab.centroidal.free_variables import ContactSpan, movable_spans
+from stridelab.centroidal.free_variables import ContactSpan, movable_spans, move_contacts
 from stridelab.centroidal.infeasibility.body_limits import body_limit_rows
 from stridelab.centroidal.infeasibility.elastic_lp import ElasticSolution, minimise_linear, solve_elastic
 from stridelab.centroidal.infeasibility.lp_constraints import (
@@ -33,7 +33,7 @@ from stridelab.centroidal.infeasibility.lp_constraints import (
 )
 from stridelab.centroidal.placement_windows import placement_window_m
 from stridelab.centroidal.problem import CentroidalProblem, Grid
-from stridelab.contacts.sequence import ContactPhase, ContactSequence
+from stridelab.contacts.sequence import ContactSequence
 from stridelab.conventions import GRAVITY_M_S2, Vector3
 
 ChangeKind = Literal["durations", "placements"]
@@ -75,24 +75,21 @@ def nearest_feasible(problem: CentroidalProblem, change: ChangeKind, until_s: fl
     Returns None if there is nothing to change, or if the process time has already passed ``until_s``, at which the
     search ends.
     """
-    counts = _interval_counts(problem, RATE_HZ, COARSE)
     spans = movable_spans(problem.sequence) if change == "placements" else []
-    size = len(problem.sequence.phases) if change == "durations" else 2 * len(spans)
-    limits = _change_bounds(problem, change, spans)
+    search = _Search(problem, change, spans, _interval_counts(problem, RATE_HZ, COARSE))
     if time.process_time() > until_s:
         return None
-    theta, region = np.zeros(size), INITIAL_RADIUS
-    current = _solve_changed(problem, change, spans, theta, counts)
-    if not size or current is None:
+    limits = search.change_bounds()
+    theta, region = np.zeros(len(limits[0])), INITIAL_RADIUS
+    current = search.solve_changed(theta)
+    if not len(theta) or current is None:
         return None
     for _ in range(MAX_ITERATIONS):
         converged = current.price < MIN_RADIUS and region < INITIAL_RADIUS and np.abs(theta).sum() < MIN_RADIUS
         if converged or time.process_time() > until_s:
             break
-        candidate = _linearised_step(
-            problem, change, spans, theta, current, _TrustRegion(theta, region, limits), counts
-        )
-        candidate_solution = None if candidate is None else _solve_changed(problem, change, spans, candidate, counts)
+        candidate = search.linearised_step(theta, current, region, limits)
+        candidate_solution = None if candidate is None else search.solve_changed(candidate)
         if (
             candidate is None
             or candidate_solution is None
@@ -103,63 +100,118 @@ def nearest_feasible(problem: CentroidalProblem, change: ChangeKind, until_s: fl
                 break
             continue
         theta, current, region = candidate, candidate_solution, min(INITIAL_RADIUS, 1.5 * region)
-    return _with_reserve(problem, change, spans, theta, until_s)
-
-
-def _with_reserve(
-    problem: CentroidalProblem, change: ChangeKind, spans: list[ContactSpan], theta: Vector, until_s: float
-) -> NearestFeasible:
-    """Enlarge the change by the smallest of ``RESERVES`` that is feasible on a finer grid, or the last one tried."""
-    durations_s = np.array([phase.duration_s for phase in problem.sequence.phases])
-    for reserve in RESERVES if change == "durations" else RESERVES[:1]:
-        enlarged = (1.0 + reserve) * np.where(np.abs(theta) > MIN_RADIUS, theta, 0.0)
-        changed = _apply_change(problem, change, spans, enlarged)
-        fine = grid_of(changed, _interval_counts(changed, 2.0 * RATE_HZ, FINE))
-        final = solve_elastic(changed, cones=PENALTY, body=PENALTY, end=PENALTY, grid=fine)
-        feasible = final is not None and final.is_feasible
-        if feasible or time.process_time() > until_s:
-            break
-    return NearestFeasible(
-        changed.sequence,
-        feasible,
-        np.array([phase.duration_s for phase in changed.sequence.phases]) - durations_s,
-        {
-            (span.first, span.contact.effector): _shift_vector(span, enlarged[2 * j : 2 * j + 2])
-            for j, span in enumerate(spans)
-            if enlarged[2 * j : 2 * j + 2].any()
-        },
-    )
+    return search.with_reserve(theta, until_s)
 
 
 @dataclass(frozen=True, eq=False)
-class _TrustRegion:
-    """Trust region of theta: a box of ``radius`` around ``center``, intersected with ``limits``."""
+class _Search:
+    """Search for a change theta of one kind: with ``counts`` intervals per phase, of ``spans`` if contacts move."""
 
-    center: Vector
-    radius: float
-    limits: tuple[Vector, Vector]
+    problem: CentroidalProblem
+    change: ChangeKind
+    spans: list[ContactSpan]
+    counts: Counts
 
-    @property
-    def lower_bound(self) -> Vector:
-        return np.asarray(np.maximum(self.center - self.radius, self.limits[0]))
+    def change_bounds(self) -> tuple[Vector, Vector]:
+        """Bounds of theta: phases last ``MIN_PHASE_S``; contacts stay within their windows, including the reserve."""
+        sequence = self.problem.sequence
+        if self.change == "durations":
+            return np.minimum(0.0, MIN_PHASE_S - sequence.durations_s), np.full(len(sequence.phases), np.inf)
+        windows = [
+            placement_window_m(
+                span.contact, self.problem.points_m(span.contact.effector), sequence.terrain, (MAX_SHIFT_M, MAX_SHIFT_M)
+            )
+            for span in self.spans
+        ]
+        low, high = (np.concatenate([np.zeros(0), *(room[side] for room in windows)]) for side in (0, 1))
+        scale = (1.0 + RESERVES[0]) * DECIMETRE_M
+        return low / scale, high / scale
 
-    @property
-    def upper_bound(self) -> Vector:
-        return np.asarray(np.minimum(self.center + self.radius, self.limits[1]))
+    def shifts_m(self, theta: Vector) -> list[Vector3]:
+        """World-frame shift of the contact of every span."""
+        along = theta.reshape(-1, 2) if self.spans else ()
+        return [
+            np.asarray(DECIMETRE_M * span.contact.placement.rotation[:, :2] @ xy)
+            for span, xy in zip(self.spans, along, strict=True)
+        ]
 
+    def apply_change(self, theta: Vector) -> CentroidalProblem:
+        """The problem with the change."""
+        sequence = self.problem.sequence
+        if self.change == "durations":
+            sequence = sequence.with_durations(np.maximum(MIN_PHASE_S, sequence.durations_s + theta))
+        return replace(self.problem, sequence=move_contacts(sequence, self.spans, self.shifts_m(theta)))
 
-def _change_bounds(problem: CentroidalProblem, change: ChangeKind, spans: list[ContactSpan]) -> tuple[Vector, Vector]:
-    """Bounds of theta: phases last ``MIN_PHASE_S``; contacts stay within their windows, including the reserve."""
-    if change == "durations":
-        durations_s = np.array([phase.duration_s for phase in problem.sequence.phases])
-        return np.minimum(0.0, MIN_PHASE_S - durations_s), np.full(len(durations_s), np.inf)
-    windows = []
-    for span in spans:
-        points_m = problem.points_m(span.contact.effector)
-        windows.append(placement_window_m(span.contact, points_m, problem.sequence.terrain, (MAX_SHIFT_M, MAX_SHIFT_M)))
-    low, high = (np.concatenate([np.zeros(0), *(room[side] for room in windows)]) for side in (0, 1))
-    scale = (1.0 + RESERVES[0]) * DECIMETRE_M
-    return low / scale, high / scale
+    def solve_changed(self, theta: Vector) -> ElasticSolution | None:
+        """Elastic solution of the changed problem."""
+        changed = self.apply_change(theta)
+        return solve_elastic(changed, cones=PENALTY, body=PENALTY, end=PENALTY, grid=grid_of(changed, self.counts))
+
+    def with_reserve(self, theta: Vector, until_s: float) -> NearestFeasible:
+        """Enlarge the change by the smallest reserve that is feasible on a finer grid, or the last one tried."""
+        for reserve in RESERVES if self.change == "durations" else RESERVES[:1]:
+            enlarged = (1.0 + reserve) * np.where(np.abs(theta) > MIN_RADIUS, theta, 0.0)
+            changed = self.apply_change(enlarged)
+            fine = grid_of(changed, _interval_counts(changed, 2.0 * RATE_HZ, FINE))
+            final = solve_elastic(changed, cones=PENALTY, body=PENALTY, end=PENALTY, grid=fine)
+            feasible = final is not None and final.is_feasible
+            if feasible or time.process_time() > until_s:
+                break
+        moves = zip(self.spans, self.shifts_m(enlarged), strict=True)
+        return NearestFeasible(
+            changed.sequence,
+            feasible,
+            changed.sequence.durations_s - self.problem.sequence.durations_s,
+            {(span.first, span.contact.effector): shift_m for span, shift_m in moves if shift_m.any()},
+        )
+
+    def linearised_step(
+        self, theta: Vector, current: ElasticSolution, radius: float, limits: tuple[Vector, Vector]
+    ) -> Vector | None:
+        """Theta of the linear program linearised at the solution ``current``."""
+        low, high = np.maximum(theta - radius, limits[0]), np.minimum(theta + radius, limits[1])
+        changed = self.apply_change(theta)
+        lp = linear_constraints(changed, grid_of(changed, self.counts))
+        m, n = lp.A.shape
+        _, sticks, seconds = adhesion_columns(lp, changed)
+        G, limits = body_limit_rows(lp, changed, current.w[: N_STATE * (len(lp.grid.step_s) + 1)].reshape(-1, N_STATE))
+        J, H = (
+            (_duration_derivatives(lp, changed, current), sp.csc_matrix((G.shape[0], len(theta))))
+            if self.change == "durations"
+            else _placement_derivatives(lp, changed, current, self.spans, G.shape[0])
+        )
+        slacks = PENALTY * np.concatenate(
+            [seconds, seconds, seconds, changed.sequence.durations_s, np.ones(2 * lp.n_end)]
+        )
+        size, count = len(theta), len(slacks)
+        E, zero = sp.identity(size), sp.csc_matrix((size, n + count))
+        no_columns = sp.csc_matrix((m, 2 * len(seconds) + len(durations_s)))
+        miss, n_end = end_slack_columns(lp), lp.n_end
+        solution = minimise_linear(
+            np.concatenate([np.zeros(n), slacks, np.zeros(size), np.ones(size)]),
+            (
+                sp.hstack([lp.A, sticks, no_columns, miss, -miss, J, sp.csc_matrix((m, size))], format="csc"),
+                lp.b + J @ theta,
+            ),
+            (
+                sp.vstack(
+                    [
+                        sp.hstack([G, sp.csc_matrix((G.shape[0], 2 * n_end)), H, sp.csc_matrix(H.shape)]),
+                        sp.hstack([zero, E, -E]),
+                        sp.hstack([zero, -E, -E]),
+                    ],
+                    format="csc",
+                ),
+                np.concatenate([limits + H @ theta, np.zeros(2 * size)]),
+            ),
+            np.column_stack(
+                [
+                    np.concatenate([lp.lower, np.zeros(count), low, np.zeros(size)]),
+                    np.concatenate([np.full(n + count, np.inf), high, np.full(size, np.inf)]),
+                ]
+            ),
+        )
+        return None if solution is None else solution[-2 * size : -size]
 
 
 def _merit_value(theta: Vector, solution: ElasticSolution) -> float:
@@ -174,96 +226,12 @@ def coarse_grid(problem: CentroidalProblem) -> Grid:
 def grid_of(problem: CentroidalProblem, counts: Counts) -> Grid:
     """Grid with ``counts`` intervals per phase."""
     phase = np.repeat(np.arange(len(counts)), counts)
-    h = np.array([p.duration_s for p in problem.sequence.phases]) / counts
+    h = problem.sequence.durations_s / counts
     return Grid(np.concatenate([[0.0], np.cumsum(h[phase])]), phase, h[phase])
 
 
 def _interval_counts(problem: CentroidalProblem, rate_hz: float, least: int) -> Counts:
     return np.array([max(least, round(rate_hz * phase.duration_s)) for phase in problem.sequence.phases])
-
-
-def _solve_changed(
-    problem: CentroidalProblem, change: ChangeKind, spans: list[ContactSpan], theta: Vector, counts: Counts
-) -> ElasticSolution | None:
-    changed = _apply_change(problem, change, spans, theta)
-    return solve_elastic(changed, cones=PENALTY, body=PENALTY, end=PENALTY, grid=grid_of(changed, counts))
-
-
-def _apply_change(
-    problem: CentroidalProblem, change: ChangeKind, spans: list[ContactSpan], theta: Vector
-) -> CentroidalProblem:
-    phases = list(problem.sequence.phases)
-    if change == "durations":
-        phases = [
-            ContactPhase(max(MIN_PHASE_S, phase.duration_s + float(dt)), phase.contacts)
-            for phase, dt in zip(phases, theta, strict=True)
-        ]
-    for j, span in enumerate(spans):
-        old_placement, name = span.contact.placement, span.contact.effector
-        placement = replace(
-            old_placement, position_m=old_placement.position_m + _shift_vector(span, theta[2 * j : 2 * j + 2])
-        )
-        for i in range(span.first, span.last + 1):
-            contact = replace(span.contact, placement=placement)
-            phases[i] = ContactPhase(phases[i].duration_s, {**phases[i].contacts, name: contact})
-    return replace(problem, sequence=replace(problem.sequence, phases=tuple(phases)))
-
-
-def _shift_vector(span: ContactSpan, along: Vector) -> Vector3:
-    return np.asarray(DECIMETRE_M * span.contact.placement.rotation[:, :2] @ along)
-
-
-def _linearised_step(
-    problem: CentroidalProblem,
-    change: ChangeKind,
-    spans: list[ContactSpan],
-    theta: Vector,
-    current: ElasticSolution,
-    region: "_TrustRegion",
-    counts: Counts,
-) -> Vector | None:
-    """Theta of the linear program linearised at the solution ``current``."""
-    changed = _apply_change(problem, change, spans, theta)
-    lp = linear_constraints(changed, grid_of(changed, counts))
-    m, n = lp.A.shape
-    _, sticks, seconds = adhesion_columns(lp, changed)
-    G, limits = body_limit_rows(lp, changed, current.w[: N_STATE * (len(lp.grid.step_s) + 1)].reshape(-1, N_STATE))
-    J, H = (
-        (_duration_derivatives(lp, changed, current), sp.csc_matrix((G.shape[0], len(theta))))
-        if change == "durations"
-        else _placement_derivatives(lp, changed, current, spans, G.shape[0])
-    )
-    durations_s = np.array([phase.duration_s for phase in changed.sequence.phases])
-    slacks = PENALTY * np.concatenate([seconds, seconds, seconds, durations_s, np.ones(2 * lp.n_end)])
-    size, count = len(theta), len(slacks)
-    E, zero = sp.identity(size), sp.csc_matrix((size, n + count))
-    no_columns = sp.csc_matrix((m, 2 * len(seconds) + len(durations_s)))
-    miss, n_end = end_slack_columns(lp), lp.n_end
-    solution = minimise_linear(
-        np.concatenate([np.zeros(n), slacks, np.zeros(size), np.ones(size)]),
-        (
-            sp.hstack([lp.A, sticks, no_columns, miss, -miss, J, sp.csc_matrix((m, size))], format="csc"),
-            lp.b + J @ theta,
-        ),
-        (
-            sp.vstack(
-                [
-                    sp.hstack([G, sp.csc_matrix((G.shape[0], 2 * n_end)), H, sp.csc_matrix(H.shape)]),
-                    sp.hstack([zero, E, -E]),
-                    sp.hstack([zero, -E, -E]),
-                ],
-                format="csc",
-            ),
-            np.concatenate([limits + H @ theta, np.zeros(2 * size)]),
-        ),
-        np.column_stack(
-            [
-                np.concatenate([lp.lower, np.zeros(count), region.lower_bound, np.zeros(size)]),
-                np.concatenate([np.full(n + count, np.inf), region.upper_bound, np.full(size, np.inf)]),
-            ]
-        ),
-    )
-    return None if solution is None else solution[-2 * size : -size]
 
 
 def _contact_wrench(lp: LinearConstraints, current: ElasticSolution, k: int, effector: str) -> Vector:

@@ -1,7 +1,7 @@
 """Solving with the C++ solver: from flat arrays to a motion and the solver's report."""
 
 import time
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -9,6 +9,7 @@ from jaxtyping import Float
 
 from stridelab.centroidal.control import Forces
 from stridelab.centroidal.force_splines import INNER, control_points
+from stridelab.centroidal.free_variables import move_contacts
 from stridelab.centroidal.native.availability import NativeUnavailable, native_availability, unsupported_features
 from stridelab.centroidal.native.problem_arrays import POINTS_PER_BLOCK, NativeInput, native_input
 from stridelab.centroidal.nlp.callbacks import Iterate, IterationCallback
@@ -105,7 +106,7 @@ def solve_native(
         log=IterationLog(log[:, 0], log[:, 1], log[:, 2], log[:, 3]),
     )
     point = NativePoint(*(report[name] for name in ("x", "u", "z", "wrench_u", "wrench_z", "phase_h")))
-    sequence = _with_solved_placements(_with_solved_durations(problem.sequence, flat, point), flat, report["shift"])
+    sequence = _solved_sequence(problem.sequence, flat, point, report["shift"])
     return NativeRun(attempt, sequence, _motion_from_point(problem, flat, point), point, infeasible)
 
 
@@ -113,31 +114,13 @@ def _phase_of_stage(flat: NativeInput, stage: int) -> int:
     return int(np.searchsorted(np.cumsum(flat.phase_layout[:, 0]), stage, side="right"))
 
 
-def _with_solved_durations(sequence: ContactSequence, flat: NativeInput, point: NativePoint) -> ContactSequence:
-    """The sequence with the solved durations; unchanged if they are fixed."""
-    if not len(flat.duration_limits):
-        return sequence
-    durations_s = (flat.phase_layout[:, 0] * point.step_s).tolist()
-    phases = [replace(p, duration_s=s) for p, s in zip(sequence.phases, durations_s, strict=True)]
-    return replace(sequence, phases=tuple(phases))
-
-
-def _with_solved_placements(
-    sequence: ContactSequence, flat: NativeInput, shift: Float[np.ndarray, "places 2"]
+def _solved_sequence(
+    sequence: ContactSequence, flat: NativeInput, point: NativePoint, shift: Float[np.ndarray, "places 2"]
 ) -> ContactSequence:
-    """The sequence with the solved placements of contacts."""
-    contacts_by_phase = [dict(phase.contacts) for phase in sequence.phases]
-    for span, axes, d in zip(flat.moved, flat.place_axes, shift, strict=True):
-        placement = span.contact.placement
-        contact = replace(span.contact, placement=replace(placement, position_m=placement.position_m + d @ axes))
-        for i in range(span.first, span.last + 1):
-            contacts_by_phase[i][span.contact.effector] = contact
-    if not flat.moved:
-        return sequence
-    phases = [
-        replace(p, contacts=new_contacts) for p, new_contacts in zip(sequence.phases, contacts_by_phase, strict=True)
-    ]
-    return replace(sequence, phases=tuple(phases))
+    """The sequence with the solved durations and placements, if they are free."""
+    if len(flat.duration_limits):
+        sequence = sequence.with_durations(flat.phase_layout[:, 0] * point.step_s)
+    return move_contacts(sequence, flat.moved, [d @ axes for axes, d in zip(flat.place_axes, shift, strict=True)])
 
 
 def _motion_from_point(problem: CentroidalProblem, flat: NativeInput, point: NativePoint) -> Motion:
