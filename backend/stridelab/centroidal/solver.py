@@ -188,7 +188,7 @@ def motion_from_variables(transcription: Transcription, sequence: ContactSequenc
     """Convert variables to states in SI units (momentum about the CoM) and world-frame forces, for ``sequence``."""
     problem, layout = replace(transcription.problem, sequence=sequence), transcription.layout
     phase = transcription.grid.phase
-    lengths_s = np.array([p.duration_s for p in sequence.phases]) / np.bincount(phase)
+    lengths_s = sequence.durations_s / np.bincount(phase)
     time_s = np.concatenate([[0.0], np.cumsum(lengths_s[phase])])
     x = transcription.node_states(w)
     c, v = x[:, 0:3] + transcription.origin_m, x[:, 3:6]

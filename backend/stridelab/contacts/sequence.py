@@ -110,10 +110,8 @@ class ContactSequence:
 
     def map_contacts(self, change: Callable[[int, Contact], Contact]) -> "ContactSequence":
         """The sequence with ``change(phase, contact)`` in the place of every contact."""
-        changed = [[change(i, c) for c in phase.contacts.values()] for i, phase in enumerate(self.phases)]
-        phases = [
-            replace(p, contacts={c.effector: c for c in own}) for p, own in zip(self.phases, changed, strict=True)
-        ]
+        changed = ((p, [change(i, c) for c in p.contacts.values()]) for i, p in enumerate(self.phases))
+        phases = (replace(phase, contacts={c.effector: c for c in own}) for phase, own in changed)
         return replace(self, phases=tuple(phases))
 
 

@@ -118,7 +118,7 @@ def solve_elastic(
     lp = linear_constraints(problem, problem.grid() if grid is None else grid)
     m, n = lp.A.shape
     contacts, sticks, seconds = adhesion_columns(lp, problem)
-    durations_s = np.array([phase.duration_s for phase in problem.sequence.phases])
+    durations_s = problem.sequence.durations_s
     n_end = lp.n_end
     sizes = (len(contacts), len(contacts), len(contacts), len(durations_s), 2 * n_end)
     splits = np.cumsum(sizes)[:-1]

@@ -154,7 +154,7 @@ def _parameter_values(
     """Parameters of every part, one row per use."""
     weights, sequence = problem.weights, problem.sequence
     counts, inner = np.bincount(grid.phase), INNER[problem.shape]
-    lengths = 1.0 / counts if problem.durations else np.array([p.duration_s for p in sequence.phases]) / counts
+    lengths = 1.0 / counts if problem.durations else sequence.durations_s / counts
     h = lengths[grid.phase]
     weight_rows = np.tile([weights.com_acceleration, weights.momentum_rate * problem.weight_n**2], (len(h), 1))
     n_rates = {"constant": 1, "cubic": N_GAUSS}[problem.shape]
@@ -230,7 +230,7 @@ def _variable_bounds(
             lower[use.start : use.start + use.group.size] = 0.0
             upper[use.start : use.start + use.group.size] = 0.0
     if problem.durations:
-        T = np.array([phase.duration_s for phase in problem.sequence.phases])
+        T = problem.sequence.durations_s
         lower[layout.durations] = problem.durations.shortest * T
         upper[layout.durations] = problem.durations.longest * T
     if problem.bounds.com_height_m is not None:
