@@ -174,15 +174,14 @@ class _Search:
         lp = linear_constraints(changed, grid_of(changed, self.counts))
         m, n = lp.A.shape
         _, sticks, seconds = adhesion_columns(lp, changed)
-        G, limits = body_limit_rows(lp, changed, current.w[: N_STATE * (len(lp.grid.step_s) + 1)].reshape(-1, N_STATE))
+        G, room = body_limit_rows(lp, changed, current.w[: N_STATE * (len(lp.grid.step_s) + 1)].reshape(-1, N_STATE))
         J, H = (
             (_duration_derivatives(lp, changed, current), sp.csc_matrix((G.shape[0], len(theta))))
             if self.change == "durations"
             else _placement_derivatives(lp, changed, current, self.spans, G.shape[0])
         )
-        slacks = PENALTY * np.concatenate(
-            [seconds, seconds, seconds, changed.sequence.durations_s, np.ones(2 * lp.n_end)]
-        )
+        durations_s = changed.sequence.durations_s
+        slacks = PENALTY * np.concatenate([seconds, seconds, seconds, durations_s, np.ones(2 * lp.n_end)])
         size, count = len(theta), len(slacks)
         E, zero = sp.identity(size), sp.csc_matrix((size, n + count))
         no_columns = sp.csc_matrix((m, 2 * len(seconds) + len(durations_s)))
@@ -202,7 +201,7 @@ class _Search:
                     ],
                     format="csc",
                 ),
-                np.concatenate([limits + H @ theta, np.zeros(2 * size)]),
+                np.concatenate([room + H @ theta, np.zeros(2 * size)]),
             ),
             np.column_stack(
                 [
