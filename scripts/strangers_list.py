@@ -17,6 +17,7 @@ LIST: Final = Path(__file__).with_name("strangers.tsv")
 ESTIMATES: Final = ("fused", "geometry")
 PROMISOR: Final = ["config", "remote.origin.promisor", "true"]
 """Git then fetches a file when it is shown."""
+HOST: Final = "https://github.com"
 RUNNING: Final = ("run", "sprint", "jog")
 
 
@@ -26,7 +27,8 @@ class Entry:
 
     ``marked``: ``body`` for pelvis, legs and trunk; ``legs`` for pelvis and legs; ``static`` where only a static trial
     that the repository lacks marks the knees; ``other`` for the rest. ``plates`` counts the plates with force.
-    ``outcome`` is ``fused``, ``geometry``, ``contradicted``, or the code of an error.
+    ``outcome`` is ``fused``, ``geometry``, ``contradicted``, or the code of an error; ``first`` the outcome with the
+    program as it was when the recording was first met, empty where that was not recorded.
     """
 
     repository: str
@@ -38,6 +40,7 @@ class Entry:
     marked: Literal["body", "legs", "static", "other"]
     plates: int
     outcome: str
+    first: str = ""
 
     @property
     def place(self) -> str:
@@ -81,8 +84,8 @@ def outcome_of(row: dict[str, Any]) -> str:
     return "geometry" if row["method"] == "geometry" else "fused"
 
 
-def fetch(entries: Sequence[Entry], folder: Path, mirrors: Path | None) -> None:
-    """Extract the files of the list below a folder, from clones of the repositories or from mirrors of them.
+def fetch(entries: Sequence[Entry], folder: Path, mirrors: Path | None, host: str = HOST) -> None:
+    """Extract the files of the list below a folder, from clones of the repositories at ``host`` or from mirrors.
 
     A mirror is a Git directory named ``owner+name`` or ``owner+name/repo``. Files that it lacks are named on stderr.
     """
@@ -92,7 +95,7 @@ def fetch(entries: Sequence[Entry], folder: Path, mirrors: Path | None) -> None:
             if not name or to.exists():
                 continue
             shown = subprocess.run(
-                ["git", "-C", _repository(entry, folder, mirrors), "show", f"{entry.commit}:{name}"],
+                ["git", "-C", _repository(entry, folder, mirrors, host), "show", f"{entry.commit}:{name}"],
                 capture_output=True,
                 check=False,
             )
@@ -103,7 +106,7 @@ def fetch(entries: Sequence[Entry], folder: Path, mirrors: Path | None) -> None:
             to.write_bytes(shown.stdout)
 
 
-def _repository(entry: Entry, folder: Path, mirrors: Path | None) -> Path:
+def _repository(entry: Entry, folder: Path, mirrors: Path | None, host: str) -> Path:
     """The Git directory of an entry's repository, with its commit."""
     name = entry.repository.replace("/", "+")
     if mirrors is not None:
@@ -111,7 +114,7 @@ def _repository(entry: Entry, folder: Path, mirrors: Path | None) -> Path:
         return mirror / "repo" if (mirror / "repo").exists() else mirror
     clone = folder / ".git-clones" / name
     if not clone.exists():
-        address = f"https://github.com/{entry.repository}.git"
+        address = f"{host}/{entry.repository}.git"
         clone.mkdir(parents=True)
         for command in (["init", "--quiet", "--bare"], ["remote", "add", "origin", address], PROMISOR):
             subprocess.run(["git", "-C", clone, *command], check=True)

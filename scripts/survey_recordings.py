@@ -40,6 +40,8 @@ TOLERATED_MM: Final = 50.0
 """A result farther from the geometry must carry an error remark."""
 NO_FORCE: Final = frozenset({"no-plates", "no-measured-window", "plates-unloaded", "window-too-short", "mass-unknown"})
 """Refusals of a fused estimate after which the geometry alone is tried."""
+OUTCOMES: Final = (*strangers_list.ESTIMATES, "contradicted")
+"""Outcomes with a result."""
 STATIC_NEEDED: Final = "knee-markers-missing"
 STATIC_WORDS: Final = ("static", "standing")
 FORCE_WORDS: Final = ("", "_grf", "_forces", "_force", "_grfs", "grf", "_ExtLoads", "_GRF")
@@ -62,6 +64,14 @@ has the error remark `contradicted` and does not count as an estimate.
 Refused C3D files: ezc3d reads none of those with `c3d-parameters-broken`. Optotrak.c3d (`truncated-file`) states 1149
 frames in its header and holds 29. The files with `all-missing` hold zeros or a residual of -1 at every point;
 those with `no-markers` hold analog channels, angles, rotations or unnamed points.
+"""
+
+FIRST_SIGHT: Final = """\
+## First sight
+
+Outcomes with the program as it was when these recordings were first met, before anything was changed for them. None was
+a crash, and the one result more than 50 mm from the geometry had the error remark. mkjung99, freemocap, chrisdembia and
+LecolLeng have trials or marker sets of sources that were tuned before.
 """
 
 
@@ -251,7 +261,25 @@ def page(rows: Sequence[dict[str, Any]], entries: Sequence[strangers_list.Entry]
     took_s = [row["took_s"] for row in rows]
     lines += ["", f"Time per recording: median {statistics.median(took_s):.1f} s, longest {max(took_s):.1f} s."]
     lines.append(f"Largest process: {max(row.get('peak_mib', 0) for row in rows)} MiB.")
+    lines += ["", *first_sight([entry for entry in entries if entry.first])]
     return "\n".join(lines) + "\n"
+
+
+def first_sight(entries: Sequence[strangers_list.Entry]) -> list[str]:
+    """The table of first outcomes by source and commit, and the codes of the refusals."""
+    if not entries:
+        return []
+    lines = [FIRST_SIGHT, "| source | commit | recordings | fused | geometry only | contradicted | refused with |"]
+    lines.append("| --- " * 7 + "|")
+    for source, commit in sorted({(entry.repository, entry.commit) for entry in entries}):
+        firsts = [entry.first for entry in entries if (entry.repository, entry.commit) == (source, commit)]
+        refused = collections.Counter(first for first in firsts if first not in OUTCOMES)
+        codes = ", ".join(f"`{code}` {n}" for code, n in sorted(refused.items()))
+        cells = [source, commit[:12], len(firsts), *(firsts.count(outcome) for outcome in OUTCOMES), codes]
+        lines.append("| " + " | ".join(map(str, cells)) + " |")
+    firsts = [entry.first for entry in entries]
+    cells = ["all", "", len(firsts), *(firsts.count(outcome) for outcome in OUTCOMES)]
+    return [*lines, "| " + " | ".join(map(str, [*cells, sum(first not in OUTCOMES for first in firsts)])) + " |"]
 
 
 def _sources(rows: Sequence[dict[str, Any]], use: dict[str, str]) -> list[str]:
@@ -266,10 +294,9 @@ def _sources(rows: Sequence[dict[str, Any]], use: dict[str, str]) -> list[str]:
     for name, used, some_sources in [*parts, ("all", "", set(sources))]:
         some = [row for row in rows if row["source"] in some_sources]
         count = collections.Counter(
-            code if code in (*strangers_list.ESTIMATES, "contradicted") else "refused"
-            for code in map(strangers_list.outcome_of, some)
+            code if code in OUTCOMES else "refused" for code in map(strangers_list.outcome_of, some)
         )
-        cells = [name, used, len(some), *(count[key] for key in ("fused", "geometry", "contradicted", "refused"))]
+        cells = [name, used, len(some), *(count[key] for key in (*OUTCOMES, "refused"))]
         lines.append("| " + " | ".join(map(str, cells)) + " |")
     return lines
 

@@ -48,25 +48,45 @@ def test_a_survey_that_finds_the_listed_outcomes_differs_in_nothing() -> None:
     assert second.endswith(f"{few[2].path}: not surveyed, expected no-markers")
 
 
-def test_files_come_from_the_commit_of_a_mirror(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    mirror = tmp_path / "mirrors" / "lab+data"
-    mirror.mkdir(parents=True)
+def repository_of_two_commits(folder: Path) -> list[str]:
+    """A Git repository with walk.trc in two versions, which serves any commit and no more files than asked for."""
+    folder.mkdir(parents=True)
     identity = ["-c", "user.name=a", "-c", "user.email=a@example.org"]
 
     def git(*arguments: str) -> str:
-        return subprocess.check_output(["git", "-C", mirror, *identity, *arguments], text=True).strip()
+        return subprocess.check_output(["git", "-C", folder, *identity, *arguments], text=True).strip()
 
     git("init", "--quiet")
+    git("config", "uploadpack.allowAnySHA1InWant", "true")
+    git("config", "uploadpack.allowFilter", "true")
     commits = []
     for content in ("first", "second"):
-        (mirror / "walk.trc").write_text(content, encoding="utf-8")
+        (folder / "walk.trc").write_text(content, encoding="utf-8")
         git("add", ".")
         git("commit", "--quiet", "--message", content)
         commits.append(git("rev-parse", "HEAD"))
+    return commits
+
+
+@pytest.mark.parametrize("cloned", [False, True])
+def test_files_come_from_the_commit_of_a_mirror_or_a_clone(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str], *, cloned: bool
+) -> None:
+    commits = repository_of_two_commits(tmp_path / ("host/lab/data.git" if cloned else "mirrors/lab+data"))
     plain = dataclasses.replace(ENTRIES[0], repository="lab/data", path="walk.trc", forces="", static="")
     entries = [dataclasses.replace(plain, commit=commit) for commit in commits]
     lost = dataclasses.replace(entries[0], path="lost.trc")
-    strangers_list.fetch([*entries, lost], tmp_path / "into", tmp_path / "mirrors")
-    read = [(tmp_path / "into" / entry.place / "walk.trc").read_text(encoding="utf-8") for entry in entries]
+    into, mirrors = tmp_path / "into", None if cloned else tmp_path / "mirrors"
+    strangers_list.fetch([*entries, lost], into, mirrors, f"file://{tmp_path}/host")
+    read = [(into / entry.place / "walk.trc").read_text(encoding="utf-8") for entry in entries]
     assert read == ["first", "second"]
-    assert capsys.readouterr().err == f"not fetched: lab/data {commits[0]}:lost.trc\n"
+    assert capfd.readouterr().err == f"not fetched: lab/data {commits[0]}:lost.trc\n"
+
+
+def test_a_clone_that_cannot_be_made_names_the_files_not_fetched(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    entry = dataclasses.replace(ENTRIES[0], repository="lab/none", path="walk.trc", forces="", static="")
+    strangers_list.fetch([entry], tmp_path / "into", None, f"file://{tmp_path}/host")
+    assert not (tmp_path / "into" / entry.place).exists()
+    assert f"not fetched: lab/none {entry.commit}:walk.trc\n" in capfd.readouterr().err
