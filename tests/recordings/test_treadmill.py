@@ -12,6 +12,7 @@ from stridelab.recordings.force_windows import find_windows
 from stridelab.recordings.reader import read_recording
 from stridelab.recordings.recording import Plate, PlateSwitches, Recording, Remark
 from stridelab.walking.gait_events import find_contacts
+from support.recordings.export_files import qualisys_markers
 from support.recordings.schematic_walk import (
     LANDMARKS,
     STANCE_S,
@@ -141,3 +142,48 @@ def test_for_a_static_trial_the_belts_stand(tmp_path: Path) -> None:
     codes = {remark.code for remark in found.remarks}
     assert "belt-stopped" in codes
     assert "treadmill" not in codes
+
+
+def bare(path: Path, recording: Recording) -> Path:
+    """The markers alone, as a TSV file."""
+    path.write_text(qualisys_markers(replace(recording, plates=())), encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize(("left_m_s", "right_m_s"), [(1.2, 1.2), (1.6, 0.8)])
+@pytest.mark.parametrize("stated", [True, False])
+def test_a_treadmill_needs_no_plates(tmp_path: Path, left_m_s: float, right_m_s: float, *, stated: bool) -> None:
+    path = bare(tmp_path / "walk.tsv", split_belts(left_m_s, right_m_s))
+    speeds = {1: left_m_s, 2: right_m_s} if stated else {}
+    found = read_recording(path, plate_switches={i: PlateSwitches(belt_speed_m_s=v) for i, v in speeds.items()})
+    assert found.walking_direction == pytest.approx([1.0, 0.0, 0.0], abs=0.02)
+    assert stated_belts_m_s(found) == speeds
+    ground = {foot.side: foot.ground_m_s for foot in find_feet(found, LANDMARKS)}
+    assert ground["left"] == pytest.approx([-left_m_s, 0.0, 0.0], abs=0.03)
+    assert ground["right"] == pytest.approx([-right_m_s, 0.0, 0.0], abs=0.03)
+    (message,) = [remark.message for remark in found.remarks if remark.code == "treadmill"]
+    assert ("(belt 2), as stated" in message) == stated
+
+
+def test_a_belt_without_plates_that_is_not_that_of_the_feet_is_refused(tmp_path: Path) -> None:
+    path = bare(tmp_path / "walk.tsv", walk((), n_steps=N_STEPS))
+    with pytest.raises(InvalidInput) as refused:
+        read_recording(path, plate_switches={1: PlateSwitches(belt_speed_m_s=1.2)})
+    assert refused.value.code == "belt-speed-contradicts-feet"
+
+
+@pytest.mark.parametrize("movement", ["walk", "pedals", "carried"])
+def test_without_plates_only_feet_on_a_belt_are_on_a_treadmill(tmp_path: Path, movement: str) -> None:
+    """Feet on pedals move backwards when they are low, those in a wheelchair with the whole body."""
+    floor = walk((), n_steps=N_STEPS)
+    time_s, markers = floor.time_s, dict(floor.markers_m)
+    for label, track in markers.items():
+        foot = label[:2] in ("l_", "r_") and float(np.median(track[:, 2])) < 0.3
+        if movement == "pedals":
+            turn = 2.0 * np.pi * 1.3 * time_s + (np.pi if label[0] == "r" else 0.0)
+            circle = 0.17 * np.column_stack([np.sin(turn), np.zeros(len(turn)), 1.0 + np.cos(turn)])
+            markers[label] = track[0] + (circle if foot else 0.0 * circle)
+        if movement == "carried":
+            markers[label] = track[0] + np.outer(1.2 * time_s, [1.0, 0.0, 0.0])
+    found = read_recording(bare(tmp_path / "trial.tsv", replace(floor, markers_m=markers)))
+    assert "treadmill" not in {remark.code for remark in found.remarks}

@@ -33,7 +33,7 @@ from stridelab.recordings import orientation
 from stridelab.recordings.files.raw import Cloud
 from stridelab.recordings.gap_filling import bridge_segment_gaps
 from stridelab.recordings.orientation import travel_m
-from stridelab.recordings.recording import Plate, Recording, Remark, Side
+from stridelab.recordings.recording import Recording, Remark, Side
 
 LANDING_SPEED_SHARE, LIFT_OFF_SPEED_SHARE = 0.4, 1.3
 _PEAK_PER_SPEED = 3.5
@@ -212,26 +212,35 @@ BELT_TOLERANCE: Final = 0.25
 """Relative difference between a stated belt speed and that of the feet; running feet are up to 10 % too slow."""
 _BELT_TOLERANCE_M_S: Final = 0.1
 _HALF_SPAN_S: Final = 0.01
+_LOW_PERCENTILE: Final = 30.0
 _FEET_MARKERS: Final = 4
 _DRIFT_SHARE: Final = 0.25
 """A body that travels slower than this share of the belt's speed drifts on a treadmill."""
 _MIN_BELT_M_S: Final = 0.3
 _STOPPED_M_S: Final = 0.05
+_STEADY_SHARE: Final = 0.25
+"""Deviation of low markers from the belt's velocity, over that: 0.14 and less on 28 treadmills, 0.36 in a wheelchair."""
 
 
 def detect_treadmill(
-    tracks: Sequence[Points], plates: Sequence[Plate], body_m: Cloud, direction: Vector3 | None, rate_hz: float
+    tracks: Sequence[Points],
+    stated: Mapping[int, float],
+    body_m: Cloud,
+    direction: Vector3 | None,
+    rate_hz: float,
+    *,
+    plates: bool,
 ) -> tuple[Vector3 | None, Remark] | None:
     """Direction of walking on a treadmill and a remark with its speed; None if the walk is over ground.
 
     ``tracks`` are the markers, ``body_m`` the same as a cloud (frames x markers x 3), ``direction`` the direction of
-    travel, None if the body stays in place. For a person who stands still the belts are stopped, whatever is stated.
-    Raises ``InvalidInput`` (``belt-speed-contradicts-feet``) if a stated belt speed is not that of the surface on which
-    the feet stand.
+    travel, None if the body stays in place. ``stated`` has the stated speeds of the belts by plate. Without ``plates``
+    the low markers must move as steadily as feet on a belt: those of a wheelchair, a pedal or a dance do not. For a
+    person who stands still the belts are stopped, whatever is stated. Raises ``InvalidInput``
+    (``belt-speed-contradicts-feet``) if a stated belt speed is not that of the surface on which the feet stand.
     """
-    if not plates:
+    if not tracks:
         return None
-    stated = {plate.index: plate.belt_speed_m_s for plate in plates if plate.belt_speed_m_s is not None}
     heights = [float(np.nanmedian(track[:, 2])) for track in tracks]
     low = [tracks[int(i)] for i in np.argsort(heights)[: max(2, len(tracks) // 4)]]
     belt = stance_velocity_m_s(low[:_FEET_MARKERS], rate_hz)
@@ -241,11 +250,14 @@ def detect_treadmill(
         return None, Remark("belt-stopped", "The feet stand still: the stated belt speeds are not used.")
     if stated:
         _require_belt_of_feet(stated, belt_m_s)
-        speeds = " and ".join(f"{speed:.2f} m/s (plate {index})" for index, speed in sorted(stated.items()))
+        what = "plate" if plates else "belt"
+        speeds = " and ".join(f"{speed:.2f} m/s ({what} {index})" for index, speed in sorted(stated.items()))
         message = (
             f"The belts move at {speeds}, as stated; the feet stand on a surface that moves at {belt_m_s:.2f} m/s."
         )
         return -belt / belt_m_s if ahead is None else ahead, Remark(TREADMILL, message)
+    if not plates and not (belt_m_s >= _MIN_BELT_M_S and _is_steady(low[:_FEET_MARKERS], rate_hz)):
+        return None
     remark = Remark(TREADMILL, f"The feet stand on a surface that moves at {belt_m_s:.2f} m/s: taken for a treadmill.")
     if direction is None:
         return None if ahead is None else (ahead, remark)
@@ -254,6 +266,16 @@ def detect_treadmill(
         return None
     drift_m_s = float(np.linalg.norm(travel[:2])) * rate_hz / len(body_m)
     return (-belt / belt_m_s, remark) if drift_m_s < _DRIFT_SHARE * belt_m_s else None
+
+
+def _is_steady(feet_m: Sequence[Points], rate_hz: float) -> bool:
+    """Whether most markers, while they are low, move at one velocity, each at its own (the belts may differ)."""
+    shares = []
+    for track in feet_m:
+        v = velocity_m_s(track, rate_hz)[track[:, 2] <= np.nanpercentile(track[:, 2], _LOW_PERCENTILE)]
+        common = stance_velocity_m_s([track], rate_hz)
+        shares.append(np.nanmedian(np.linalg.norm(v - common, axis=1)) / np.linalg.norm(common))
+    return bool(np.median(shares) <= _STEADY_SHARE)
 
 
 def _require_belt_of_feet(stated: Mapping[int, float], feet_m_s: float) -> None:
@@ -276,8 +298,9 @@ def is_treadmill(recording: Recording) -> bool:
 
 
 def stated_belts_m_s(recording: Recording) -> dict[int, float]:
-    """Stated belt speed of each plate that has one, by plate index."""
-    return {plate.index: plate.belt_speed_m_s for plate in recording.plates if plate.belt_speed_m_s is not None}
+    """Stated belt speed of each plate that has one, by plate index; without plates of each belt."""
+    on_plates = {plate.index: plate.belt_speed_m_s for plate in recording.plates if plate.belt_speed_m_s is not None}
+    return {**recording.belts_m_s, **on_plates}
 
 
 def surface_velocities_m_s(recording: Recording, feet: Mapping[Side, Sequence[Points]]) -> dict[Side, Vector3]:
@@ -311,7 +334,7 @@ def stance_velocity_m_s(tracks: Sequence[Points], rate_hz: float) -> Vector3:
     low = []
     for track in tracks:
         v = velocity_m_s(track, rate_hz)
-        low.append(v[track[:, 2] <= np.nanpercentile(track[:, 2], 30.0)])
+        low.append(v[track[:, 2] <= np.nanpercentile(track[:, 2], _LOW_PERCENTILE)])
     return np.asarray(np.nanmedian(np.concatenate(low), axis=0) * [1.0, 1.0, 0.0], dtype=np.float64)
 
 

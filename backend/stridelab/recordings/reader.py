@@ -103,7 +103,7 @@ def to_world(raw: RawTrial, switches: Mapping[int, PlateSwitches]) -> Recording:
     up = up_axis_of(raw)
     R = orientation.rotation_to_z_up(up)
     plates, plate_remarks = _world_plates(raw, orientation.axis_vector(up), R, switches)
-    _require_plates_of_belts(plates, switches)
+    belts_m_s = _belts_m_s(plates, switches)
     remarks += plate_remarks
     points = raw.points_m @ R.T
     markers, outputs, filled = _split_tracks(raw, points)
@@ -114,7 +114,9 @@ def to_world(raw: RawTrial, switches: Mapping[int, PlateSwitches]) -> Recording:
     is_marker = [label not in raw.outputs for label in raw.labels]
     body = points[:, is_marker, :]
     direction = orientation.walking_direction(body, raw.marker_rate_hz)
-    treadmill = detect_treadmill(list(markers.values()), plates, body, direction, raw.marker_rate_hz)
+    treadmill = detect_treadmill(
+        list(markers.values()), belts_m_s, body, direction, raw.marker_rate_hz, plates=bool(plates)
+    )
     if treadmill is not None:
         direction, remark = treadmill
         remarks.append(remark)
@@ -135,16 +137,20 @@ def to_world(raw: RawTrial, switches: Mapping[int, PlateSwitches]) -> Recording:
         filled=filled,
         recorded_on=raw.recorded_on,
         segments={name: replace(part, com_m=part.com_m @ R.T) for name, part in raw.segments.items()},
+        belts_m_s={} if plates else belts_m_s,
     )
 
 
-def _require_plates_of_belts(plates: Sequence[Plate], switches: Mapping[int, PlateSwitches]) -> None:
+def _belts_m_s(plates: Sequence[Plate], switches: Mapping[int, PlateSwitches]) -> dict[int, float]:
+    """Stated belt speeds by the index of their plates; without any plate the index numbers the belts."""
+    stated = {index: one.belt_speed_m_s for index, one in switches.items() if one.belt_speed_m_s is not None}
     known = sorted(plate.index for plate in plates)
-    absent = sorted(index for index, one in switches.items() if one.belt_speed_m_s is not None and index not in known)
-    if absent:
+    absent = sorted(stated.keys() - set(known))
+    if plates and absent:
         faults = [Fault(f"plates.{index}.belt_speed_m_s", "no such plate") for index in absent]
         message = f"A belt speed is stated for a plate that the file does not have; its plates: {known}."
         raise InvalidInput("unknown-plate", message, faults)
+    return stated
 
 
 def up_axis_of(raw: RawTrial) -> str:

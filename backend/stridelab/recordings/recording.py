@@ -108,6 +108,7 @@ class Recording:
     whose position was interpolated over a short gap. ``joint_widths_m`` are calliper widths by "l_knee", "r_ankle" ...
     ``recorded_on`` is the day of the recording as YYYY-MM-DD, empty if the file does not contain it. ``segments`` are
     those of the body model of the recording by name, empty without one; ``markers_m`` are then origins of its bodies.
+    ``belts_m_s`` are stated speeds of the belts of a treadmill without plates, by number.
     """
 
     markers_m: Mapping[str, Points]
@@ -125,6 +126,7 @@ class Recording:
     filled: Mapping[str, Mask] = field(default_factory=dict)
     recorded_on: str = ""
     segments: Mapping[str, SegmentMotion] = field(default_factory=dict)
+    belts_m_s: Mapping[int, float] = field(default_factory=dict)
 
     @property
     def n_frames(self) -> int:
