@@ -219,7 +219,7 @@ _DRIFT_SHARE: Final = 0.25
 _MIN_BELT_M_S: Final = 0.3
 _STOPPED_M_S: Final = 0.05
 _STEADY_SHARE: Final = 0.25
-"""Deviation of low markers from the belt's velocity, over that: 0.14 and less on 28 treadmills, 0.36 in a wheelchair."""
+"""Deviation of low markers from the belt's velocity, over that: 0.14 and less on 29 treadmills, wheelchairs 0.36."""
 
 
 def detect_treadmill(

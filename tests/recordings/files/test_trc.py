@@ -252,22 +252,48 @@ def test_units_may_be_written_out(stated: str, scale: float, tmp_path: Path) -> 
 LEGS_MM = {"ASI": 1000, "PSI": 1020, "KNE": 500, "ANK": 80, "HEE": 40}
 
 
-@pytest.mark.parametrize(("place", "up"), [((0, 2, 1), "+z"), ((0, 1, 2), "+y"), ((1, 0, 2), "+x")])
-def test_the_vertical_axis_follows_from_a_known_body(place: tuple[int, ...], up: str, tmp_path: Path) -> None:
-    """Cortex writes z upwards, OpenSim y; the body is narrower than its walk is long, so no extent decides."""
-    labels = tuple(f"{s}{name}" for name in LEGS_MM for s in "LR")
-    standing = np.array([[0, height, 100 if s == "R" else -100] for height in LEGS_MM.values() for s in "LR"])
+def walk_of(body_mm: dict[str, tuple[int, int]], place: tuple[int, ...], sides: tuple[str, str] = ("L", "R")) -> str:
+    """Markers at (ahead, height) on both sides that travel ahead; ``place`` orders ahead, height and right."""
+    labels = tuple(f"{s}{name}" for name in body_mm for s in sides)
+    standing = np.array([[*at, y] for at in body_mm.values() for y in (-100, 100)])
     rows = (standing + np.outer(np.arange(N), [60.0, 0.0, 0.0])[:, None, :])[:, :, list(place)]
     head = "\n".join(trc(labels=labels[:5]).splitlines()[:3]).replace("\t5\t", f"\t{len(labels)}\t")
     text = head + "\nFrame#\tTime\t" + "\t\t\t".join(labels) + "\t\t\t\n\t\tX1\tY1\tZ1\n\n"
-    text += "".join(
+    return text + "".join(
         "\t".join([str(i + 1), f"{i / 100:.2f}", *(f"{x:.3f}" for x in row.ravel())]) + "\n"
         for i, row in enumerate(rows)
     )
+
+
+@pytest.mark.parametrize(("place", "up"), [((0, 2, 1), "+z"), ((0, 1, 2), "+y"), ((1, 0, 2), "+x")])
+def test_the_vertical_axis_follows_from_a_known_body(place: tuple[int, ...], up: str, tmp_path: Path) -> None:
+    """Cortex writes z upwards, OpenSim y; the body is narrower than its walk is long, so no extent decides."""
+    text = walk_of({name: (0, height) for name, height in LEGS_MM.items()}, place)
     recording = read_recording(written(tmp_path, text))
     assert recording.up_axis == up
     np.testing.assert_allclose(recording.markers_m["LASI"][:, 2], 1.0)
     assert ("up-axis-from-body" in {remark.code for remark in recording.remarks}) == (up != "+y")
+
+
+SEGMENTS_MM = {"UpperLeg": (0, 950), "LowerLeg": (0, 500), "Foot": (0, 80), "UpperArm": (0, 1450)}
+
+
+@pytest.mark.parametrize(("place", "up"), [((0, 2, 1), "+z"), ((0, 1, 2), "+y")])
+def test_joint_centres_give_the_vertical_axis_of_a_body(tmp_path: Path, place: tuple[int, ...], up: str) -> None:
+    """Video gives joint centres and no spines of the pelvis; some programs write it with z upwards."""
+    recording = read_recording(written(tmp_path, walk_of(SEGMENTS_MM, place, ("Left", "Right"))))
+    assert recording.up_axis == up
+    np.testing.assert_allclose(recording.markers_m["LeftUpperLeg"][:, 2], 0.95)
+
+
+def test_a_rower_is_not_turned_upright(tmp_path: Path) -> None:
+    """The legs lie along the boat and the trunk stands: the axis of the format stays."""
+    rower = {"UpperLeg": (-900, 300), "LowerLeg": (-450, 450), "Foot": (0, 300), "UpperArm": (-950, 800)}
+    recording = read_recording(written(tmp_path, walk_of(rower, (0, 1, 2), ("Left", "Right"))))
+    assert recording.up_axis == "+y"
+    lying = {name: (height, 100) for name, (_, height) in SEGMENTS_MM.items()}
+    recording = read_recording(written(tmp_path, walk_of(lying, (0, 1, 2), ("Left", "Right"))))
+    assert recording.up_axis == "+x"
 
 
 def test_a_file_too_large_to_read_is_refused_before(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

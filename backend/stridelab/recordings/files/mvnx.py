@@ -123,6 +123,7 @@ def _parse_subject(subject: Element | None) -> RawTrial:
         subject=Subject(),
         events=(),
         up_hint="+z",
+        up_is_known=True,
         remarks=tuple(remarks),
         metres_per_unit=1.0,
         recorded_on=_recorded_on(subject),

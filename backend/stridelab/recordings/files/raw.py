@@ -63,8 +63,9 @@ class RawTrial:
 
     ``labels`` are unique and cleaned; ``outputs`` are those of positions computed by a model. ``plates`` holds raw
     signals of C3D plates, ``contacts`` the contacts of a MOT file. ``up_hint`` is the vertical axis according to the
-    file, if given. ``metres_per_unit`` is the factor by which its lengths were multiplied. ``recorded_on`` is the day
-    of the recording as YYYY-MM-DD, empty if the file does not contain it. ``segments`` are those of its body model.
+    file, if given; ``up_is_known`` if it was measured and is no convention of the format. ``metres_per_unit`` is the
+    factor by which its lengths were multiplied. ``recorded_on`` is the day of the recording as YYYY-MM-DD, empty if the
+    file does not contain it. ``segments`` are those of its body model.
     """
 
     labels: tuple[str, ...]
@@ -83,3 +84,4 @@ class RawTrial:
     carried: Mapping[str, str] = field(default_factory=dict)
     recorded_on: str = ""
     segments: Mapping[str, SegmentMotion] = field(default_factory=dict)
+    up_is_known: bool = False

@@ -6,7 +6,7 @@ the nearest value of a loaded sample.
 """
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -29,7 +29,6 @@ from stridelab.recordings.files.trc import (
     trc_lines,
 )
 from stridelab.recordings.gap_filling import mark_missing
-from stridelab.recordings.marker_sets import identify
 from stridelab.recordings.orientation import axis_vector, nearest_axis
 from stridelab.recordings.recording import Remark, Subject
 
@@ -78,10 +77,6 @@ def _assemble_trial(texts: TrialTexts, source: str) -> RawTrial:
     choice = names.select_labels(labels, visible, (), ())
     cloud = cloud[:, list(choice.column.values()), :] * scale
     remarks = (*choice.remarks, *remarks)
-    up = up_axis_of_body(tuple(choice.column), cloud) or _UP
-    if up != _UP and texts.mot is None:
-        message = f"TRC files state no vertical axis; {up} is used, along which the pelvis lies above the feet."
-        remarks = (*remarks, Remark("up-axis-from-body", message))
     contacts: tuple[FilePlate, ...] = ()
     force_rate_hz = rate_hz
     if texts.mot is None:
@@ -105,7 +100,7 @@ def _assemble_trial(texts: TrialTexts, source: str) -> RawTrial:
         contacts=contacts,
         subject=Subject(),
         events=(),
-        up_hint=up,
+        up_hint=_UP,
         remarks=remarks,
         metres_per_unit=scale,
     )
@@ -145,22 +140,6 @@ def read_contacts(
         even_times_s(mot_time_s, first_s), forces, force_rate_hz, int(frames.sum()) / rate_hz
     )
     return Contacts(frames, contacts, force_rate_hz, (*remarks, *more))
-
-
-def up_axis_of_body(labels: Sequence[str], points_m: Cloud) -> str | None:
-    """Axis that leads from the feet to the pelvis on average, if the marker set of ``labels`` is known.
-
-    None also for a body that stands or lies along none of the axes (within 20 degrees).
-    """
-    column = {label: i for i, label in enumerate(labels)}
-    landmarks = identify(labels).landmarks
-    named = [[f"{s}_asis" for s in "lr"], [f"{s}_heel" for s in "lr"]]
-    if not all(name in landmarks for pair in named for name in pair):
-        return None
-    pelvis, feet = (points_m[:, [column[landmarks[name]] for name in pair]].mean(axis=1) for pair in named)
-    upwards = pelvis - feet
-    seen = np.isfinite(upwards).all(axis=1)
-    return nearest_axis(upwards[seen].mean(axis=0)) if seen.any() else None
 
 
 def parse_mot(text: str, name: str, meaning: Mapping[str, str] = {}) -> tuple[Series, dict[str, dict[str, Points]]]:

@@ -104,6 +104,7 @@ def read_model_trial(texts: Mapping[str, str]) -> RawTrial | None:
         contacts=() if forces is None else forces.contacts,
         subject=Subject(mass_kg=round(model.mass_kg, 4)),
         events=(),
+        up_is_known=True,
         up_hint="+-"[int(model.up.sum() < 0.0)] + "xyz"[int(np.argmax(np.abs(model.up)))],
         remarks=tuple(remarks),
         metres_per_unit=1.0,
