@@ -118,6 +118,58 @@ LISTS = {
         RGTRO FRTHI RLEK RATI RLM RHEE RTOE RMT5
         """,
     ),
+    "motek-hbm2": (
+        LEGS_AND_TRUNK,
+        """
+        LASIS RASIS LPSIS RPSIS LLTHI LLEK LMEK LLSHA LLM LMM LHEE LMT2 LMT5 RLTHI RLEK RMEK RLSHA RLM RMM RHEE
+        RMT2 RMT5 C7 T10 XIPH JN
+        """,
+    ),
+    "motek-hbm2 with arms": (
+        BODY,
+        """
+        LMAS RMAS GLAB C7 T10 JN XIPH RBAK LSHO LUPA LELB LFRM LWRA LWRB LFIN RSHO RUPA RELB RFRM RWRA RWRB RFIN
+        LASIS RASIS LPSIS RPSIS LTHI LLTHI LTHAD LLEK LMEK LTIB LLSHA LTIAD LLM LMM LHEE LTOE LMT2 LSMH LMT5
+        RTHI RLTHI RTHAD RLEK RMEK RTIB RLSHA RTIAD RLM RMM RHEE RTOE RMT2 RSMH RMT5
+        """,
+    ),
+    "isb-trunk head": (
+        LEGS_AND_TRUNK,
+        """
+        L_IAS L_IPS R_IPS R_IAS L_FTC L_FLE L_FME L_FAX L_TTC L_FAL L_TAM L_FCC L_FM1 L_FM2 L_FM5 R_FTC R_FLE
+        R_FME R_FAX R_TTC R_FAL R_TAM R_FCC R_FM1 R_FM2 R_FM5 L_SAE CV7 R_SAE R_HDF R_HDB L_HDB L_HDF
+        """,
+    ),
+    "bmclab-running": (
+        LEGS,
+        """
+        L.ASIS L.Heel.Bottom L.Heel.Lateral L.Heel.Top L.Iliac.Crest L.MT1 L.MT5 L.PSIS L.Shank.Bottom.Lateral
+        L.Shank.Bottom.Medial L.Shank.Top.Lateral L.Shank.Top.Medial L.Thigh.Bottom.Lateral L.Thigh.Bottom.Medial
+        L.Thigh.Top.Lateral L.Thigh.Top.Medial R.ASIS R.Heel.Bottom R.Heel.Lateral R.Heel.Top R.Iliac.Crest R.MT1
+        R.MT5 R.PSIS R.Shank.Bottom.Lateral R.Shank.Bottom.Medial R.Shank.Top.Lateral R.Shank.Top.Medial
+        R.Thigh.Bottom.Lateral R.Thigh.Bottom.Medial R.Thigh.Top.Lateral R.Thigh.Top.Medial
+        """,
+    ),
+    "knee-lat-toe-tip": (
+        LEGS_AND_TRUNK,
+        """
+        RAcromium LAcromium C7 Clavicle VSacral RASIS LASIS RHip LHip RKneeLat RKneeMed LKneeMed LKneeLat
+        LShankFront RShankFront RAnkleLat RAnkleMed LAnkleMed LAnkleLat LToeLat LToeTip RToeTip RToeLat RHeel
+        LHeel T10
+        """,
+    ),
+    "back-asis": (
+        BODY,
+        """
+        LHeadTamp LHeadBack RHeadBack RHeadTamp C7 Clav Sternum T10 LASIS LBackAsis RBackAsis RASIS LAcromium LArm
+        LElbowLat LForearm LWristLat LWristMed LFinger RAcromium RArm RElbowLat RForearm RWristLat RWristMed RFinger
+        LThighUpperC LThighFrontC LThighRearC LThighDownC LKneeLat LShankUpperC LShankFrontC LShankDownC LAnkleLat
+        LHeel LCalcExt LCalcInt LMT5 LPHAL5 LPHAL2 LPHAL1 LMT1 LMidFoot LForeFoot RThighUpperC RThighFrontC
+        RThighRearC RThighDownC RKneeLat RShankUpperC RShankFrontC RShankDownC RAnkleLat RHeel RCalcExt RCalcInt
+        RMT5 RPHAL5 RPHAL2 RPHAL1 RMT1 RMidFoot RForeFoot
+        """,
+    ),
+    "pig-joints": (LEGS, "MIDPEL LFEP LFEO LTIO LTOE RFEP RFEO RTIO RTOE qRPVX qRPVY qRPVZ"),
     "lkn-clusters": (
         LEGS_AND_TRUNK,
         """
