@@ -73,6 +73,44 @@ def test_other_plates_or_rates_are_another_clock(changes: dict[str, Any]) -> Non
     assert [one.recording_id for one in found.trials] == ["a", "c"]
 
 
+def plates(*zeros: list[float] | None, kind: int = 2) -> list[dict[str, Any]]:
+    """Plates 1, 2, ... that read these wrenches unloaded, or are never unloaded."""
+    common = {"type": kind, "corners_m": CORNERS_M, "loaded_s": [(0.2, 0.8)]}
+    return [{"index": i, "zero": zero, **common} for i, zero in enumerate(zeros, start=1)]
+
+
+def test_the_zero_of_a_plate_is_the_median_over_the_other_trials() -> None:
+    own = trial("a", plates=plates(None, [9.0] * 6))
+    others = [trial(name, plates=plates([z] * 6, [1.0] * 6)) for name, z in (("b", 3.0), ("c", 4.0), ("d", 11.0))]
+    found = session_values("s", own, others)
+    assert found is not None
+    assert found.plate_zeros == {1: [4.0] * 6}, "plate 2 has its own"
+    turned = [trial(one.recording_id, plates=one.facts.plates, up_axis="-y") for one in others]
+    assert session_values("s", own, turned).plate_zeros == {}  # type: ignore[union-attr]
+
+
+def test_a_plate_that_is_cut_off_below_a_threshold_hides_its_zero() -> None:
+    found = session_values("s", trial("a", plates=plates(None)), [trial("b", plates=plates([0.0] * 6))])
+    assert found is not None
+    assert found.plate_zeros == {}
+
+
+def test_the_contacts_of_a_force_file_have_no_zero() -> None:
+    others = [trial("b", plates=plates([3.0] * 6, kind=0))]
+    found = session_values("s", trial("a", plates=plates(None, kind=0)), others)
+    assert found is not None
+    assert found.plate_zeros == {}
+
+
+def test_a_zero_alone_makes_a_session() -> None:
+    silent = {"mass_from_force_kg": None, "mass_from_force_sd_kg": None}
+    found = session_values(
+        "s", trial("a", None, plates=plates(None)), [trial("b", None, plates=plates([2.0] * 6), **silent)]
+    )
+    assert found is not None
+    assert (found.plate_zeros, found.latency_s) == ({1: [2.0] * 6}, None)
+
+
 def test_contacts_of_a_mot_file_are_the_same_plates_wherever_the_feet_stood() -> None:
     def contacts(offset_m: float) -> list[dict[str, Any]]:
         corners = [[x + offset_m, y, z] for x, y, z in CORNERS_M]

@@ -57,6 +57,8 @@ def test_a_plate_that_is_never_unloaded_may_have_a_wrong_zero() -> None:
     )
     found = estimates(off)["standing"]
     assert 2.0 < abs(found.mass_kg - MASS_KG) < 3.0 * found.sd_kg
+    known = replace(standing, recording=replace(standing.recording, plates=(replace(plate, zero_is_known=True),)))
+    assert estimates(known)["standing"].sd_kg < 0.3 * found.sd_kg, "another trial of the session shows the zero"
     empty = plate.force_n.copy()
     empty[:100] = 0.0
     seen = replace(standing, recording=replace(standing.recording, plates=(replace(plate, force_n=empty),)))

@@ -6,9 +6,10 @@ import ezc3d
 import numpy as np
 import pytest
 
-from stridelab.recordings.force_plates import find_tare, plate_axes
+from stridelab.recordings.force_plates import find_tare, plate_axes, with_session_zeros
 from stridelab.recordings.reader import read_recording
 from stridelab.recordings.recording import Recording
+from stridelab.service.kinds.parse_upload import plate_info
 from support.recordings.c3d_files import FLAT_CORNERS_MM, PlateChannels, write_file
 
 N = 1000
@@ -200,6 +201,33 @@ def test_plate_that_is_never_unloaded_is_not_tared(tmp_path: Path) -> None:
     )
     assert "tare-refused" in codes(recording)
     assert recording.plates[0].force_n[:, 2].mean() == pytest.approx(650.0)
+
+
+OFFSET = np.array([2.0, -1.5, -12.0, 400.0, 900.0, -300.0])
+"""What the channels of a plate read unloaded, in N and N mm; its z axis points down."""
+
+
+def test_another_trial_of_the_session_gives_the_zero_of_a_plate(tmp_path: Path) -> None:
+    origin = np.array([1.0, -2.0, -40.0])
+    true = type2_channels(origin)
+    loaded = np.tile(true[500], (N, 1))
+    read = {}
+    for name, signals in {"walk": true + OFFSET, "static": loaded + OFFSET, "exact": loaded}.items():
+        plate = PlateChannels(2, signals, origin_mm=tuple(origin))
+        read[name] = read_recording(write_file(tmp_path / f"{name}.c3d", markers(), plates=[plate]))
+    walk = plate_info(read["walk"].plates[0], 1000.0)
+    assert walk.zero is not None
+    assert plate_info(read["static"].plates[0], 1000.0).zero is None
+    zeroed = with_session_zeros(read["static"], {1: walk.zero})
+    (plate,), (exact,) = zeroed.plates, read["exact"].plates
+    assert abs(read["static"].plates[0].force_n[0, 2] - exact.force_n[0, 2]) > 10.0
+    np.testing.assert_allclose(plate.force_n, exact.force_n, atol=1e-3)
+    np.testing.assert_allclose(plate.moment_nm, exact.moment_nm, atol=1e-3)
+    assert plate.zero_is_known
+    assert next(remark.message for remark in zeroed.remarks if remark.code == "tare-from-session").startswith(
+        "Plate 1 reads +12.0 N unloaded"
+    )
+    assert with_session_zeros(read["walk"], {1: [1.0] * 6}).plates == read["walk"].plates, "it has its own zero"
 
 
 def test_tare_ignores_a_light_brush() -> None:

@@ -82,7 +82,7 @@ def prepare_com_inputs(
     static_file = read_static(task, folder)
     static_labels = [] if static_file.recording is None else list(static_file.recording.markers_m)
     source = task.recording.model_copy(update={"static_labels": static_labels})
-    trial = examine_trial(source, folder, static_file.trial)
+    trial = examine_trial(source, folder, static_file.trial, task.session)
     recording = trial.recording
     require_marker_set(trial.match, tuple(recording.markers_m))
     windows = require_windows(trial, request.window_s, needs_force=needs_force)

@@ -101,7 +101,7 @@ def fit_cycloid_of_recording(
 
 def _require_walk_recording(task: FitCycloidTask, folder: Path) -> None:
     """Raise the error of ``require_walk`` if the recording is not a walk, before reporting missing inputs."""
-    trial = examine_trial(task.recording, folder, read_static(task, folder).trial)
+    trial = examine_trial(task.recording, folder, read_static(task, folder).trial, task.session)
     if trial.match.name is not None:
         landmarks = trial.match.landmarks
         require_walk(trial.recording, landmarks, find_contacts(trial.recording, landmarks))

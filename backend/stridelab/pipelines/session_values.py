@@ -5,6 +5,7 @@ run it. The order of the trials does not matter; identical files count once.
 """
 
 import math
+import statistics
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
@@ -32,7 +33,7 @@ class TrialFacts:
 
 
 def session_values(session_id: str, own: TrialFacts, others: Sequence[TrialFacts]) -> SessionValues | None:
-    """Session values for the trial ``own``; None if no other trial has a latency or a mass.
+    """Session values for the trial ``own``; None if no other trial has a latency, a mass or a zero that it lacks.
 
     Latency and mass are pooled over the trials measured with the same plates at the same rates.
     """
@@ -41,7 +42,8 @@ def session_values(session_id: str, own: TrialFacts, others: Sequence[TrialFacts
     clocks = {one.recording_id: one.facts.clock for one in same_setup if one.facts.clock is not None}
     weighed = {one.recording_id: (one.facts.mass_from_force_kg, one.facts.mass_from_force_sd_kg) for one in same_setup}
     masses = {name: (kg, sd) for name, (kg, sd) in weighed.items() if kg is not None and sd is not None}
-    if not (clocks.keys() | masses.keys()) - {own.recording_id}:
+    zeros = _plate_zeros(own, same_setup)
+    if not zeros and not (clocks.keys() | masses.keys()) - {own.recording_id}:
         return None
     latency = _pool_with_others(
         {name: (clock.latency_s, clock.sd_s) for name, clock in clocks.items()}, own.recording_id
@@ -74,8 +76,24 @@ def session_values(session_id: str, own: TrialFacts, others: Sequence[TrialFacts
         mass_kg=None if mass is None else mass.mean,
         mass_sd_kg=None if mass is None else math.hypot(mass.sd, PLATE_WEIGHT_SD_SHARE * mass.mean),
         mass_n_trials=0 if mass is None else mass.n,
+        plate_zeros=zeros,
         trials=trials,
     )
+
+
+def _plate_zeros(own: TrialFacts, same_setup: Sequence[TrialFacts]) -> dict[int, list[float]]:
+    """Median wrench that the other trials subtracted from the plates that ``own`` never shows unloaded.
+
+    A plate that reads exactly zero unloaded was cut off below a threshold, which hides its zero.
+    """
+    zeros: dict[int, list[float]] = {}
+    others = [one for one in same_setup if one is not own and one.facts.up_axis == own.facts.up_axis]
+    for index in (plate.index for plate in own.facts.plates if plate.zero is None and plate.type != CONTACT_TYPE):
+        read = [plate.zero for one in others for plate in one.facts.plates if plate.index == index]
+        known = [zero for zero in read if zero is not None and any(zero)]
+        if known:
+            zeros[index] = [statistics.median(values) for values in zip(*known, strict=True)]
+    return zeros
 
 
 def select_static_trial(own: TrialFacts, others: Sequence[TrialFacts]) -> TrialFacts | None:

@@ -15,6 +15,7 @@ from stridelab.conventions import Points
 from stridelab.errors import Fault, InvalidInput, StridelabError
 from stridelab.estimation.latency import estimate_latency
 from stridelab.recordings.body_mass import MassEstimate, VerticalMotion, best_mass, vertical_motion, weigh
+from stridelab.recordings.force_plates import with_session_zeros
 from stridelab.recordings.force_windows import find_windows
 from stridelab.recordings.marker_sets import MarkerSetMatch, identify, marker_set_of_labels
 from stridelab.recordings.plate_contacts import wrench_track
@@ -23,6 +24,7 @@ from stridelab.recordings.recording import PlateSwitches, Recording, Remark, Sub
 from stridelab.recordings.static_pose import SAME_BODY_M, body_difference, stands_still
 from stridelab.recordings.technical_clusters import technical_landmarks
 from stridelab.schemas.recordings import PlateSwitch, SubjectFields, TrialClock
+from stridelab.schemas.sessions import SessionValues
 from stridelab.schemas.tasks import EstimateComTask, RecordingSource
 
 
@@ -68,12 +70,15 @@ def read_source(source: RecordingSource, folder: Path) -> Recording:
         raise _with_uploaded_name(error, source.file, source.filename) from error
 
 
-def examine_trial(source: RecordingSource, folder: Path, static: "Trial | None" = None) -> Trial:
+def examine_trial(
+    source: RecordingSource, folder: Path, static: "Trial | None" = None, session: SessionValues | None = None
+) -> Trial:
     """Read a source; identify its marker set, measured windows and the masses estimated from the force.
 
     ``static`` is its static trial, which names labels of a walk whose own set is unknown, and technical clusters.
+    ``session`` gives the zeros of plates that are never unloaded in this trial.
     """
-    recording = read_source(source, folder)
+    recording = with_session_zeros(read_source(source, folder), {} if session is None else session.plate_zeros)
     match = identify_source(source, recording, map_of_present_labels(source.marker_map, recording))
     match = named_by_static(match, recording, static)
     motion = vertical_motion(recording, match.landmarks, _markers_com_m(recording, match))
@@ -192,7 +197,7 @@ def read_static(task: EstimateComTask, folder: Path) -> StaticFile:
     if task.static is None:
         return StaticFile(None)
     try:
-        return StaticFile(examine_trial(task.static, folder))
+        return StaticFile(examine_trial(task.static, folder, session=task.session))
     except StridelabError as error:
         if not _selected_from_session(task):
             raise

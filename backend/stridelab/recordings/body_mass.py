@@ -195,7 +195,7 @@ def _by_impulse(
         return None
     mass_kg = impulse_ns / needed_m_s
     share = _WHOLE_STEPS_SHARE if kind == "whole_steps" else float(np.sqrt(variance)) / (GRAVITY_M_S2 * duration_s)
-    checked = not any(plate.use and plate.loaded.all() for plate in recording.plates)
+    checked = not any(p.use and p.loaded.all() and not p.zero_is_known for p in recording.plates)
     zero_kg = ZERO_SD_KG if checked else UNCHECKED_ZERO_SD_KG
     return MassEstimate(mass_kg, float(np.hypot(mass_kg * share, zero_kg)), kind, duration_s)
 

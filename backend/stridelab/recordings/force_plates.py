@@ -16,7 +16,7 @@ sensor's axis. The true unit is the largest one under which the centre of pressu
 Files of several vendors state Nm but contain N mm.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -27,7 +27,7 @@ from stridelab.conventions import Corners, Mask, Points, Rotation, Series, Vecto
 from stridelab.recordings.files.metadata import moment_scale
 from stridelab.recordings.files.raw import FilePlate, PlateSignals
 from stridelab.recordings.gap_filling import true_runs
-from stridelab.recordings.recording import Remark
+from stridelab.recordings.recording import Recording, Remark
 
 CHANNELS = {1: 6, 2: 6, 3: 8, 4: 6}
 """Analog channels per plate type."""
@@ -169,11 +169,45 @@ def plate_wrench(signals: PlateSignals, up: Vector3) -> tuple[FilePlate, tuple[R
                 "cop-off-plate", f"{where}: only {share:.0%} of its loaded centre of pressure lies inside its corners."
             )
         )
-    f = s * force_n @ R.T
     c = signals.corners_m.mean(axis=0)
-    nu = s * (moment_nm - np.cross(origin_m, force_n)) @ R.T + np.cross(c, f)
-    plate = FilePlate(signals.index, signals.type, signals.corners_m, f, nu, s * R @ tare.force_n, usable)
+
+    def at_origin(force_n: Points, moment_nm: Points) -> tuple[Points, Points]:
+        f = s * force_n @ R.T
+        return f, s * (moment_nm - np.cross(origin_m, force_n)) @ R.T + np.cross(c, f)
+
+    f, nu = at_origin(force_n, moment_nm)
+    (zero_n,), (zero_nm,) = at_origin(tare.force_n[None], tare.moment_nm[None])
+    corners, known = signals.corners_m, not tare.never_unloaded
+    plate = FilePlate(signals.index, signals.type, corners, f, nu, zero_n, usable, zero_nm, zero_is_known=known)
     return plate, tuple(remarks)
+
+
+def with_session_zeros(recording: Recording, zeros: Mapping[int, Sequence[float]]) -> Recording:
+    """Subtract what plates that are never unloaded in ``recording`` read unloaded in other trials of its session.
+
+    ``zeros`` has force (N) and moment (Nm) about the world origin by the index of the plate.
+    """
+    plates, remarks = [], list(recording.remarks)
+    for plate in recording.plates:
+        if plate.index not in zeros or plate.zero_is_known:
+            plates.append(plate)
+            continue
+        zero = np.asarray(zeros[plate.index], dtype=np.float64)
+        plates.append(
+            replace(
+                plate,
+                force_n=plate.force_n - zero[:3],
+                moment_nm=plate.moment_nm - zero[3:],
+                tare_force_n=zero[:3],
+                tare_moment_nm=zero[3:],
+                zero_is_known=True,
+            )
+        )
+        message = (
+            f"Plate {plate.index} reads {zero[2]:+.1f} N unloaded in other trials of the session; this is its zero."
+        )
+        remarks.append(Remark("tare-from-session", message))
+    return replace(recording, plates=tuple(plates), remarks=tuple(remarks))
 
 
 def upward_sign(signals: PlateSignals, up: Vector3) -> float:

@@ -218,6 +218,8 @@ def _world_plates(
                 force_n=plate.force_n @ R.T,
                 moment_nm=plate.moment_nm @ R.T,
                 tare_force_n=R @ plate.tare_force_n,
+                tare_moment_nm=R @ plate.tare_moment_nm,
+                zero_is_known=plate.zero_is_known,
                 use=plate.usable and switch.use is not False,
                 threshold_n=20.0 if switch.threshold_n is None else switch.threshold_n,
                 belt_speed_m_s=switch.belt_speed_m_s,

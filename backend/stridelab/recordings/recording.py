@@ -46,7 +46,9 @@ class Plate:
 
     ``index`` counts from 1 as labs do. ``force_n`` and ``moment_nm`` (at the world origin) act on the body and have
     the force rate's samples, tare removed. ``use``, ``threshold_n`` and ``belt_speed_m_s`` are the switches a user can
-    set; the last is the speed of the treadmill belt on the plate, None if it is not stated.
+    set; the last is the speed of the treadmill belt on the plate, None if it is not stated. ``tare_moment_nm`` (at the
+    world origin) was removed with ``tare_force_n``; ``zero_is_known`` if the plate was seen unloaded, in this trial or
+    in another one of its session.
     """
 
     index: int
@@ -58,6 +60,8 @@ class Plate:
     use: bool = True
     threshold_n: float = 20.0
     belt_speed_m_s: float | None = None
+    tare_moment_nm: Vector3 = field(default_factory=lambda: np.zeros(3))
+    zero_is_known: bool = False
 
     @property
     def loaded(self) -> Mask:

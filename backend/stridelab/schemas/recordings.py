@@ -61,6 +61,11 @@ class PlateInfo(Contract):
     use: bool = True
     threshold_n: float = 20.0
     belt_speed_m_s: float | None = Field(default=None, description="stated speed of the treadmill belt on this plate")
+    zero: list[float] | None = Field(
+        default=None,
+        description="force (N) and moment (Nm, about the origin) of the unloaded plate, which were subtracted; null if "
+        "it is never unloaded",
+    )
 
 
 class PlateSwitch(Contract):

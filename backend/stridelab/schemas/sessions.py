@@ -41,5 +41,10 @@ class SessionValues(Contract):
     mass_kg: float | None = Field(default=None, description="body mass from the plates, pooled over the trials")
     mass_sd_kg: float | None = None
     mass_n_trials: int = 0
+    plate_zeros: dict[int, list[float]] = Field(
+        default_factory=dict,
+        description="force (N) and moment (Nm, about the origin) that plates read unloaded in other trials of the "
+        "session, by the index of the plate; only of plates that are never unloaded in this one",
+    )
     static_recording_id: str | None = Field(default=None, description="static trial of the session, if it was used")
     trials: list[SessionTrial] = Field(default_factory=list)

@@ -55,6 +55,8 @@ class FilePlate:
     moment_nm: Points
     tare_force_n: Vector3
     usable: bool = True
+    tare_moment_nm: Vector3 = field(default_factory=lambda: np.zeros(3))
+    zero_is_known: bool = False
 
 
 @dataclass(frozen=True)

@@ -73,7 +73,8 @@ def recording_facts(trial: Trial) -> RecordingFacts:
 def plate_info(plate: Plate, force_rate_hz: float) -> PlateInfo:
     """A plate of the contract, with the intervals in which its load exceeds its threshold."""
     loaded_s = loaded_intervals(plate, force_rate_hz)
-    return PlateInfo.from_object(plate, corners_m=plate.corners_m.tolist(), loaded_s=loaded_s)
+    zero = [*plate.tare_force_n.tolist(), *plate.tare_moment_nm.tolist()] if plate.zero_is_known else None
+    return PlateInfo.from_object(plate, corners_m=plate.corners_m.tolist(), loaded_s=loaded_s, zero=zero)
 
 
 def write_tracks(
