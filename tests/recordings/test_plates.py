@@ -235,9 +235,20 @@ def test_tare_ignores_a_light_brush() -> None:
     force = np.zeros((N, 3))
     force[:, 2] = 5.0 + 600.0 * LOADED
     force[100:130, 2] += 30.0
-    tare = find_tare(force, np.zeros((N, 3)), force[:, 2], None)
+    tare = find_tare(force, np.zeros((N, 3)), force[:, 2], None, 1000.0)
     assert not tare.never_unloaded
     assert tare.force_n[2] == pytest.approx(5.0)
+
+
+@pytest.mark.parametrize("rate_hz", [240.0, 300.0, 1000.0])
+def test_the_flights_of_a_run_show_the_zero_of_a_treadmill(rate_hz: float) -> None:
+    """Flights of 0.1 s are 24 samples at 240 Hz."""
+    time_s = np.arange(round(6.0 * rate_hz)) / rate_hz
+    force = np.zeros((len(time_s), 3))
+    force[:, 2] = 17.0 + 1500.0 * np.maximum(np.sin(np.pi * ((time_s % 0.36) / 0.26)), 0.0) * (time_s % 0.36 < 0.26)
+    tare = find_tare(force, np.zeros_like(force), force[:, 2], None, rate_hz)
+    assert not tare.never_unloaded
+    assert tare.force_n[2] == pytest.approx(17.0, abs=1.0)
 
 
 @pytest.mark.parametrize(

@@ -128,7 +128,7 @@ def repair_origin(
     return own, shares[0], False
 
 
-def plate_wrench(signals: PlateSignals, up: Vector3) -> tuple[FilePlate, tuple[Remark, ...]]:
+def plate_wrench(signals: PlateSignals, up: Vector3, rate_hz: float) -> tuple[FilePlate, tuple[Remark, ...]]:
     """Tare and repair one plate, and compute the wrench on the body about the file's origin, in the file's axes."""
     where = f"Plate {signals.index}"
     remarks: list[Remark] = []
@@ -139,7 +139,7 @@ def plate_wrench(signals: PlateSignals, up: Vector3) -> tuple[FilePlate, tuple[R
             Remark("plate-sign-reversed", f"{where}: its channels pull the body down; their sign was reversed.")
         )
     upward_n: Series = s * (signals.force_n @ (R.T @ up))
-    tare = find_tare(signals.force_n, signals.moment_nm, upward_n, signals.zero_samples)
+    tare = find_tare(signals.force_n, signals.moment_nm, upward_n, signals.zero_samples, rate_hz)
     force_n, moment_nm = signals.force_n - tare.force_n, signals.moment_nm - tare.moment_nm
     if tare.never_unloaded:
         remarks.append(
@@ -177,9 +177,8 @@ def plate_wrench(signals: PlateSignals, up: Vector3) -> tuple[FilePlate, tuple[R
 
     f, nu = at_origin(force_n, moment_nm)
     (zero_n,), (zero_nm,) = at_origin(tare.force_n[None], tare.moment_nm[None])
-    corners, known = signals.corners_m, not tare.never_unloaded
-    plate = FilePlate(signals.index, signals.type, corners, f, nu, zero_n, usable, zero_nm, zero_is_known=known)
-    return plate, tuple(remarks)
+    plate = FilePlate(signals.index, signals.type, signals.corners_m, f, nu, zero_n, usable, zero_nm)
+    return replace(plate, zero_is_known=not tare.never_unloaded), tuple(remarks)
 
 
 def with_session_zeros(recording: Recording, zeros: Mapping[int, Sequence[float]]) -> Recording:
@@ -244,8 +243,9 @@ MAX_TARE_N = 60.0
 """A steady upward reading above this is a standing subject, unless the file marks these samples as unloaded."""
 _BAND_N = 6.0
 _LOAD_N = 100.0
-_MIN_STRETCH = 40
-_SMOOTH = 21
+_MIN_STRETCH, _MIN_STRETCH_S = 40, 0.04
+_SMOOTH, _SMOOTH_S = 21, 0.02
+"""Samples, and seconds at rates of which fewer samples last as long: the flight of a run lasts 0.06 s and more."""
 
 
 @dataclass(frozen=True)
@@ -257,15 +257,18 @@ class Tare:
     never_unloaded: bool
 
 
-def find_tare(force_n: Points, moment_nm: Points, upward_n: Series, zero_samples: tuple[int, int] | None) -> Tare:
+def find_tare(
+    force_n: Points, moment_nm: Points, upward_n: Series, zero_samples: tuple[int, int] | None, rate_hz: float
+) -> Tare:
     """Median of the unloaded samples: those of FORCE_PLATFORM:ZERO if they are unloaded, else detected ones.
 
     ``upward_n`` is the plate's upward force. A load only adds to it, so the unloaded level is its lowest steady level
-    (5th percentile of the smoothed signal); stretches of at least 40 samples within 6 N of it count as unloaded.
+    (5th percentile of the smoothed signal); stretches of at least 40 samples, or 40 ms, within 6 N of it count as
+    unloaded.
     """
     if not upward_n.any():
         return Tare(np.zeros(3), np.zeros(3), never_unloaded=False)
-    n = min(_SMOOTH, len(upward_n))
+    n = min(_SMOOTH, max(round(_SMOOTH_S * rate_hz), 1), len(upward_n))
     smooth = np.convolve(np.pad(upward_n, (n // 2, (n - 1) // 2), "symmetric"), np.full(n, 1.0 / n), "valid")
     floor_n = float(np.percentile(smooth, 5.0))
     named = _named_unloaded(smooth, floor_n, zero_samples)
@@ -276,7 +279,7 @@ def find_tare(force_n: Points, moment_nm: Points, upward_n: Series, zero_samples
             return Tare(np.zeros(3), np.zeros(3), never_unloaded=True)
         unloaded = np.zeros(len(smooth), dtype=bool)
         for i, j in true_runs(np.abs(smooth - floor_n) <= _BAND_N):
-            if j - i >= _MIN_STRETCH:
+            if j - i >= min(_MIN_STRETCH, max(_MIN_STRETCH_S * rate_hz, 4)):
                 unloaded[i:j] = True
     if not unloaded.any():
         return Tare(np.zeros(3), np.zeros(3), never_unloaded=True)
@@ -336,7 +339,7 @@ class _TaredPlate:
 
 
 def with_true_moment_units(
-    plates: Sequence[PlateSignals], up: Vector3
+    plates: Sequence[PlateSignals], up: Vector3, rate_hz: float
 ) -> tuple[tuple[PlateSignals, ...], tuple[Remark, ...]]:
     """The plates with moments in Nm, and a remark for each corrected unit.
 
@@ -347,7 +350,7 @@ def with_true_moment_units(
     remarks = []
     for unit in dict.fromkeys(signals.moment_unit for signals in plates if signals.moment_unit is not None):
         group = [signals for signals in plates if signals.moment_unit == unit]
-        factor, shares = _unit_factor([_tared_plate(signals, up) for signals in group], up)
+        factor, shares = _unit_factor([_tared_plate(signals, up, rate_hz) for signals in group], up)
         if factor == AS_STATED:
             continue
         for signals in group:
@@ -376,10 +379,10 @@ def _unit_factor(group: Sequence[_TaredPlate], up: Vector3) -> tuple[float, dict
     return AS_STATED, shares
 
 
-def _tared_plate(signals: PlateSignals, up: Vector3) -> _TaredPlate:
+def _tared_plate(signals: PlateSignals, up: Vector3, rate_hz: float) -> _TaredPlate:
     R = plate_axes(signals.corners_m)
     upward_n = upward_sign(signals, up) * (signals.force_n @ (R.T @ up))
-    tare = find_tare(signals.force_n, signals.moment_nm, upward_n, signals.zero_samples)
+    tare = find_tare(signals.force_n, signals.moment_nm, upward_n, signals.zero_samples, rate_hz)
     force_n = signals.force_n - tare.force_n
     n = int(np.count_nonzero(np.abs(force_n[:, 2]) > _LOADED_N))
     return _TaredPlate(signals, force_n, signals.moment_nm - tare.moment_nm, n)

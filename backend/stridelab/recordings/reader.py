@@ -201,10 +201,10 @@ def _world_plates(
 ) -> tuple[tuple[Plate, ...], list[Remark]]:
     file_plates: list[FilePlate] = list(raw.contacts)
     remarks: list[Remark] = []
-    all_signals, unit_remarks = with_true_moment_units(raw.plates, up)
+    all_signals, unit_remarks = with_true_moment_units(raw.plates, up, raw.force_rate_hz)
     remarks += unit_remarks
     for signals in all_signals:
-        plate, more = plate_wrench(signals, up)
+        plate, more = plate_wrench(signals, up, raw.force_rate_hz)
         file_plates.append(plate)
         remarks += more
     plates = []
