@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -55,8 +56,8 @@ def test_geometry_alone_needs_no_measured_window(tmp_path: Path, monkeypatch: py
     """Of a window too short for the fused estimates it says nothing, and gives the whole recording."""
     examined = com_inputs.examine_trial
 
-    def brief(source: RecordingSource, folder: Path, static: Trial | None = None) -> Trial:
-        return replace(examined(source, folder, static), windows=(Window(1.0, 1.2),))
+    def brief(*arguments: Any) -> Trial:
+        return replace(examined(*arguments), windows=(Window(1.0, 1.2),))
 
     monkeypatch.setattr(com_inputs, "examine_trial", brief)
     summary = summary_of(tmp_path / "a", method="geometry")
@@ -103,11 +104,31 @@ def test_a_few_missing_frames_at_the_end_are_left_out_with_a_remark(method: str,
         assert [w.code for w in summary.warnings if w.code.startswith("window-cut")] == ["window-cut-to-markers"]
 
 
-def test_many_missing_frames_at_the_end_are_still_refused(tmp_path: Path) -> None:
-    end_s = summary_of(tmp_path / "whole", method="geometry").window_s[1]
-    trial = without_pelvis_from(round(end_s * 100) + 1 - 30, tmp_path / "cut.c3d")
+def without_pelvis(from_s: float, to_s: float, target: Path) -> Path:
+    """The sample whose pelvis markers are hidden for a time."""
+    recording = read_recording(TRIAL)
+    markers = {label: track.copy() for label, track in recording.markers_m.items()}
+    for label in ("L_IAS", "R_IAS", "L_IPS", "R_IPS"):
+        markers[label][round(from_s * 100) : round(to_s * 100)] = np.nan
+    write_c3d(target, replace(recording, markers_m=markers))
+    return target
+
+
+def test_the_longest_part_with_markers_is_used_with_a_remark(tmp_path: Path) -> None:
+    start_s, end_s = summary_of(tmp_path / "whole", latency="report").window_s
+    hole = without_pelvis(start_s + 0.15, start_s + 0.4, tmp_path / "hole.c3d")
+    task = estimate_task(hole, tmp_path / "a", latency="report")
+    summary = EstimateComSummary.model_validate(estimate_com.run(task, tmp_path / "a", quiet).summary)
+    assert summary.window_s == pytest.approx((start_s + 0.4, end_s), abs=0.011)
+    (message,) = [w.message for w in summary.warnings if w.code == "geometry-gaps"]
+    assert f"{summary.window_s[0]:.2f} to {summary.window_s[1]:.2f} s are used" in message
+
+
+def test_markers_that_are_never_seen_long_enough_are_refused(tmp_path: Path) -> None:
+    start_s, end_s = summary_of(tmp_path / "whole", latency="report").window_s
+    hole = without_pelvis(start_s + 0.3, end_s - 0.3, tmp_path / "hole.c3d")
     with pytest.raises(NotEstimable) as refusal:
-        estimate_com.run(estimate_task(trial, tmp_path / "a"), tmp_path / "a", quiet)
+        estimate_com.run(estimate_task(hole, tmp_path / "a"), tmp_path / "a", quiet)
     assert refusal.value.code == "geometry-gaps"
 
 

@@ -127,7 +127,7 @@ def prepare_com_inputs(
     if not windows:
         wrench, latency = zero_wrench(geometric, requested), LatencyChoice(None, 0.0)
         return ComInputs(trial, windows, geometric, wrench, mass, latency, standing_kg, session, static_remarks)
-    windows, cut = trim_missing_ends(windows, geometric)
+    windows, cut = cut_to_geometry(windows, geometric)
     geometric = replace(geometric, remarks=(*geometric.remarks, *cut))
 
     def wrench_at(latency_s: float) -> WrenchTrack:
@@ -173,33 +173,37 @@ def zero_wrench(geometric: GeometricCom, interval: Window | None = None) -> Wren
     return WrenchTrack(time_s, nothing, nothing, complete, (window,))
 
 
-def trim_missing_ends(
+def cut_to_geometry(
     windows: tuple[Window, ...], geometric: GeometricCom
 ) -> tuple[tuple[Window, ...], tuple[Remark, ...]]:
-    """Trim frames without a geometric CoM from the ends of the windows; adds a remark for each trimmed window.
+    """Restrict the windows to frames with a geometric CoM; adds a remark for each window that is cut.
 
-    At most ``MAX_GAP_S`` is trimmed at each end: gaps up to that length are interpolated inside a recording but cannot
-    be at its ends. A longer gap stays in the window and is rejected by the estimators.
+    A window from which no part of at least ``SHORTEST_WINDOW_S`` remains stays whole and is rejected by the estimators.
+    Up to ``MAX_GAP_S`` at an end is trimmed as ``window-cut-to-markers``: gaps of that length are interpolated inside a
+    recording, but cannot be at its ends. Longer ones are ``geometry-gaps``.
     """
     time_s = geometric.time_s
     seen = np.isfinite(geometric.com_m).all(axis=1)
-    trimmed, remarks = [], []
+    cut, remarks = [], []
     for window in windows:
-        inside = np.flatnonzero((time_s >= window.start_s - 1e-9) & (time_s <= window.end_s + 1e-9))
-        visible = inside[seen[inside]]
-        start_s, end_s = window.start_s, window.end_s
-        if len(visible) and visible[0] > inside[0] and time_s[visible[0]] - time_s[inside[0]] <= MAX_GAP_S:
-            start_s = float(time_s[visible[0]])
-        if len(visible) and visible[-1] < inside[-1] and time_s[inside[-1]] - time_s[visible[-1]] <= MAX_GAP_S:
-            end_s = float(time_s[visible[-1]])
-        trimmed.append(Window(start_s, end_s))
-        if trimmed[-1] != window:
-            message = (
-                f"Of the interval from {window.start_s:.2f} to {window.end_s:.2f} s, {start_s:.2f} to {end_s:.2f} s"
-            )
-            message += " are used: needed markers are missing at its ends."
-            remarks.append(Remark("window-cut-to-markers", message))
-    return tuple(trimmed), tuple(remarks)
+        inside = (time_s >= window.start_s - 1e-9) & (time_s <= window.end_s + 1e-9)
+        if seen[inside].all():
+            cut.append(window)
+            continue
+        runs = [(float(time_s[i]), float(time_s[j - 1])) for i, j in true_runs(seen & inside)]
+        parts = [Window(start_s, end_s) for start_s, end_s in runs if end_s - start_s >= SHORTEST_WINDOW_S - 1e-9]
+        cut += parts or [window]
+        if not parts:
+            continue
+        ends_s = parts[0].start_s - window.start_s, window.end_s - parts[-1].end_s
+        code = "window-cut-to-markers" if len(runs) == 1 and max(ends_s) <= MAX_GAP_S + 1e-9 else "geometry-gaps"
+        used = " and ".join(f"{part.start_s:.2f} to {part.end_s:.2f} s" for part in parts)
+        message = (
+            f"Of the interval from {window.start_s:.2f} to {window.end_s:.2f} s, {used} are used: markers that the "
+            "segment model needs are missing in the rest."
+        )
+        remarks.append(Remark(code, message))
+    return tuple(cut), tuple(remarks)
 
 
 def _has_estimable_window(windows: tuple[Window, ...], trial: Trial) -> bool:
