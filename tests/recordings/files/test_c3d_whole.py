@@ -7,7 +7,9 @@ import ezc3d
 import numpy as np
 import pytest
 
+from stridelab.body.segment_model import SegmentModel
 from stridelab.errors import UnreadableFile
+from stridelab.recordings.marker_sets import identify
 from stridelab.recordings.reader import read_recording
 from support.recordings.c3d_files import PlateChannels, write_file
 
@@ -84,3 +86,45 @@ def test_a_file_without_markers_names_what_it_holds(tmp_path: Path) -> None:
     content["data"]["points"] = np.ones((4, 1, 20))
     content.write(str(tmp_path / "turned.c3d"))
     assert "and the rotations of body segments" in refusal(tmp_path / "turned.c3d").message
+
+
+THEIA_M = {
+    "pelvis": (0.0, 0.0, 0.9),
+    "l_thigh": (0.0, 0.09, 0.9),
+    "r_thigh": (0.0, -0.09, 0.9),
+    "l_shank": (0.0, 0.09, 0.48),
+    "r_shank": (0.0, -0.09, 0.48),
+    "l_foot": (0.0, 0.09, 0.09),
+    "r_foot": (0.0, -0.09, 0.09),
+    "l_toes": (0.15, 0.09, 0.04),
+    "r_toes": (0.15, -0.09, 0.04),
+    "torso": (0.0, 0.0, 1.45),
+    "l_uarm": (0.0, 0.16, 1.4),
+    "r_uarm": (0.0, -0.16, 1.4),
+}
+
+
+def test_the_poses_of_segments_are_read_as_joint_centres(tmp_path: Path) -> None:
+    """As a system without markers writes them: 4 x 4 poses in mm, the first of the room, some frames empty."""
+    content = ezc3d.c3d()
+    content["parameters"]["POINT"]["RATE"]["value"] = [85.0]
+    content["parameters"]["POINT"]["UNITS"]["value"] = ["mm"]
+    content["parameters"]["POINT"]["LABELS"]["value"] = ["*1"]
+    content["data"]["points"] = np.full((4, 1, 60), np.nan)
+    poses = np.tile(np.eye(4)[:, :, None, None], (1, 1, 1 + len(THEIA_M), 60))
+    poses[:3, 3, 1:] = 1000.0 * np.array(list(THEIA_M.values())).T[:, :, None]
+    poses[:, :, 1:, :2] = np.nan
+    content["data"]["rotations"] = poses
+    content.add_parameter("ROTATION", "LABELS", ["worldbody_4X4", *(f"{name}_4X4" for name in THEIA_M)])
+    content.write(str(tmp_path / "poses.c3d"))
+    recording = read_recording(tmp_path / "poses.c3d")
+    assert "segment-origins" in {remark.code for remark in recording.remarks}
+    assert set(recording.markers_m) == {f"{name}_4X4" for name in THEIA_M}
+    for name, at_m in THEIA_M.items():
+        np.testing.assert_allclose(recording.markers_m[f"{name}_4X4"][5], at_m, atol=1e-6)
+    assert np.isnan(recording.markers_m["pelvis_4X4"][0]).all()
+    match = identify(list(recording.markers_m))
+    assert (match.name, match.landmarks["l_knee_centre"]) == ("theia", "l_shank_4X4")
+    com_m = SegmentModel().com(recording, match.landmarks, subject=recording.subject).com_m
+    assert 0.9 < com_m[5, 2] < 1.1
+    assert np.abs(com_m[5, :2]).max() < 0.05

@@ -93,6 +93,12 @@ def read_c3d(path: Path) -> RawTrial:
         )
     cloud = mark_missing(points)
     choice = _choose_labels(P, cloud)
+    segment_remarks: tuple[Remark, ...] = ()
+    if not choice.column and (poses := np.asarray(content["data"]["rotations"], dtype=np.float64)).size:
+        cloud = mark_missing(poses[:3, 3].transpose(2, 1, 0)[:: max(1, poses.shape[3] // len(points))])
+        choice = names.select_labels(P.texts("ROTATION", "LABELS")[: cloud.shape[1]], _count_visible(cloud), (), ())
+        message = "The file has poses of body segments and no markers: the origins of the segments are used."
+        segment_remarks = (Remark("segment-origins", message),)
     if not choice.column:
         raise _no_markers_error(path.name, P, cloud.shape[1], analogs.shape[1])
     column = list(choice.column.values())
@@ -110,7 +116,7 @@ def read_c3d(path: Path) -> RawTrial:
         subject=subject,
         events=_read_events(P, int(content["header"]["points"]["first_frame"]), rate_hz),
         up_hint=_SCREEN.get(P.text("POINT", "Y_SCREEN").upper()),
-        remarks=(*choice.remarks, *unit_remarks, *subject_remarks, *plate_remarks),
+        remarks=(*choice.remarks, *segment_remarks, *unit_remarks, *subject_remarks, *plate_remarks),
         metres_per_unit=scale,
         joint_widths_m=read_joint_widths_m(
             {name: P.number("PROCESSING", name, math.nan) for name in P.names("PROCESSING")}
@@ -136,9 +142,13 @@ def _no_markers_error(file_name: str, P: Parameters, n_points: int, n_channels: 
 def _choose_labels(P: Parameters, cloud: Cloud) -> names.LabelSelection:
     labels = _continued_texts(P, "LABELS")[: cloud.shape[1]]
     labels += [""] * (cloud.shape[1] - len(labels))
-    visible = [int(n) for n in (~np.isnan(cloud[:, :, 0])).sum(axis=0)]
     not_positions = [name for group in _OUTPUT_LISTS for name in _continued_texts(P, group)]
-    return names.select_labels(labels, visible, not_positions, _continued_texts(P, "MODELED_MARKERS"))
+    return names.select_labels(labels, _count_visible(cloud), not_positions, _continued_texts(P, "MODELED_MARKERS"))
+
+
+def _count_visible(cloud: Cloud) -> list[int]:
+    """Number of frames in which each point is visible."""
+    return [int(n) for n in (~np.isnan(cloud[:, :, 0])).sum(axis=0)]
 
 
 def _continued_texts(P: Parameters, name: str) -> list[str]:
