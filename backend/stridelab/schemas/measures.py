@@ -1,6 +1,8 @@
-"""Input and result of ``gait-measures``: measures of gait per step, side and recording."""
+"""Input and result of ``gait-measures`` and ``gait-report``: measures per step, side and recording, as written."""
 
-from typing import Annotated, Literal
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Annotated, Final, Literal
 
 from pydantic import Field, model_validator
 
@@ -8,6 +10,7 @@ from stridelab.schemas.base import Contract, Remark
 from stridelab.schemas.methods import Method
 from stridelab.schemas.population import MAX_RECORDINGS, LeftOut, refuse_repeated_recordings
 from stridelab.schemas.quality import Quality, TrialQuality
+from stridelab.schemas.sessions import SessionId
 
 Bounds = tuple[float, float]
 BodySide = Literal["left", "right"]
@@ -67,3 +70,150 @@ class GaitMeasuresSummary(Contract):
     quality: Quality
     trials: list[TrialQuality]
     warnings: list[Remark]
+
+
+class GaitReportInput(Contract):
+    """Input of ``gait-report``: the recordings of one person, or all walks of a session of the sender."""
+
+    recording_ids: Annotated[list[str], Field(min_length=1, max_length=MAX_RECORDINGS)] | None = None
+    session_id: SessionId | None = None
+    reference_recording_ids: Annotated[list[str], Field(max_length=MAX_RECORDINGS)] = Field(
+        default=[], description="recordings of other people, with whom the person is compared"
+    )
+    before_recording_ids: Annotated[list[str], Field(max_length=MAX_RECORDINGS)] = Field(
+        default=[], description="earlier recordings of the person; the report states the change since then"
+    )
+    title: Annotated[str, Field(min_length=1, max_length=120, pattern=r"^[^\x00-\x1f\x7f]+$")] | None = Field(
+        default=None, description="heading of the report; names of people appear only here and in file names"
+    )
+    method: Method | None = Field(
+        default=None, description="estimator of the centre of mass; null selects it as in `estimate-com`"
+    )
+
+    @model_validator(mode="after")
+    def _check_ids(self) -> "GaitReportInput":
+        if (self.recording_ids is None) == (self.session_id is None):
+            raise ValueError("recording_ids: state either recording_ids or session_id")
+        ids = [*(self.recording_ids or ()), *self.reference_recording_ids, *self.before_recording_ids]
+        twice = sorted({i for i in ids if ids.count(i) > 1})
+        if twice:
+            raise ValueError(f"recording_ids: the same recording twice: {', '.join(twice)[:200]}")
+        return self
+
+
+class ReferenceValue(Contract):
+    """A measure of the person beside that of a reference group; each person of the group counts once."""
+
+    name: str
+    unit: str
+    value: float
+    n_people: int
+    mean: float
+    between_sd: float | None = Field(description="standard deviation between the people; null for one person")
+    z: float | None = Field(description="(value - mean) / between_sd; null without a deviation")
+
+
+class ChangeValue(Contract):
+    """Change of a measure between two groups of recordings of one person; each recording counts once."""
+
+    name: str
+    unit: str
+    before: float
+    after: float
+    n_before: int
+    n_after: int
+    change: float = Field(description="after - before")
+    ci95: Bounds | None = Field(description="95 % interval of the change (Welch); null with one recording in a group")
+
+
+class GaitReportSummary(GaitMeasuresSummary):
+    """The numbers of the report: those of ``gait-measures``, the reference group and the change."""
+
+    reference: list[ReferenceValue] = Field(default_factory=list)
+    reference_people: int = 0
+    changes: list[ChangeValue] = Field(default_factory=list)
+
+
+MEASURE_TITLES: Final[Mapping[str, str]] = {
+    "walking_speed": "Walking speed",
+    "step_length": "Step length",
+    "step_width": "Step width",
+    "step_time": "Step time",
+    "cadence": "Cadence",
+    "double_support_share": "Double support, share of the step time",
+    "stride_length": "Stride length",
+    "stride_time": "Stride time",
+    "stance_share": "Stance, share of the stride time",
+    "swing_share": "Swing, share of the stride time",
+    "margin_of_stability_ml_min": "Margin of stability sideways, minimum over single support",
+    "margin_of_stability_ml_contact": "Margin of stability sideways, at the strike",
+    "margin_of_stability_ap_contact": "Margin of stability ahead, at the strike",
+    "capture_point_offset_ap": "Foot ahead of the capture point",
+    "capture_point_offset_ml": "Foot outwards of the capture point",
+    "com_vertical_excursion": "Vertical excursion of the centre of mass",
+    "com_lateral_excursion": "Lateral excursion of the centre of mass",
+    "energy_recovery": "Recovery of mechanical energy",
+    "external_work": "External work per stride",
+    "limb_work_left_positive": "Positive work of the left leg",
+    "limb_work_left_negative": "Negative work of the left leg",
+    "limb_work_right_positive": "Positive work of the right leg",
+    "limb_work_right_negative": "Negative work of the right leg",
+    "angular_momentum_range_x": "Range of the angular momentum about the axis ahead",
+    "angular_momentum_range_y": "Range of the angular momentum about the lateral axis",
+    "angular_momentum_range_z": "Range of the angular momentum about the vertical axis",
+    "foot_placement_gain_position": "Foot placement, gain of the position",
+    "foot_placement_gain_velocity": "Foot placement, gain of the velocity",
+    "foot_placement_residual": "Foot placement, residual",
+    "foot_placement_explained": "Foot placement, share of the variance explained",
+}
+"""Titles of the measures, in the order of the table; others follow under their names."""
+
+_METRES: Final = frozenset({"step_length", "stride_length"})
+"""Lengths shown in metres; the others are in millimetres."""
+_PERCENT: Final = frozenset(
+    {
+        "double_support_share",
+        "stance_share",
+        "swing_share",
+        "energy_recovery",
+        "foot_placement_explained",
+    }
+)
+"""Ratios shown in percent; the others are plain numbers."""
+
+
+@dataclass(frozen=True)
+class MeasureScale:
+    """How a measure is written: the factor to ``unit`` and the number of decimals."""
+
+    factor: float
+    unit: str
+    digits: int
+
+    def number(self, value: float) -> str:
+        """``value`` without its unit."""
+        return f"{self.factor * value:z.{self.digits}f}"
+
+
+_SCALES: Final[Mapping[str, MeasureScale]] = {
+    "m": MeasureScale(1000.0, "mm", 0),
+    "s": MeasureScale(1.0, "s", 3),
+    "m/s": MeasureScale(1.0, "m/s", 2),
+    "J/kg": MeasureScale(1.0, "J/kg", 2),
+    "1/min": MeasureScale(1.0, "1/min", 1),
+    "1": MeasureScale(1.0, "", 3),
+}
+
+
+def measure_scale(name: str, unit: str) -> MeasureScale:
+    """Factor, unit and decimals of a measure, the same for all its values."""
+    if unit == "m" and name in _METRES:
+        return MeasureScale(1.0, "m", 3)
+    if name in _PERCENT:
+        return MeasureScale(100.0, "%", 0)
+    return _SCALES.get(unit, MeasureScale(1.0, unit, 3))
+
+
+def measure_title(name: str) -> str:
+    """Title of a measure; of one without an entry in ``MEASURE_TITLES``, its name in words."""
+    return MEASURE_TITLES.get(name, name.replace("_", " ").capitalize())

@@ -1,5 +1,7 @@
 """Tasks that a worker passes to a child process: JSON, with all files in the folder of the task."""
 
+from datetime import date
+
 from pydantic import Field
 
 from stridelab.schemas.base import Contract
@@ -7,6 +9,7 @@ from stridelab.schemas.comparison import CompareEstimatorsInput
 from stridelab.schemas.cycloid import FitCycloidInput
 from stridelab.schemas.jobs import EstimateComInput, SimulateRecordingInput
 from stridelab.schemas.marker_sets import SourceMarkerSet
+from stridelab.schemas.measures import GaitReportInput
 from stridelab.schemas.plans import LearnReachabilityInput, PlanContactsInput, PlanMotionInput
 from stridelab.schemas.population import PersonFields
 from stridelab.schemas.receding import PlanRecedingInput
@@ -102,6 +105,23 @@ class GaitMeasuresTask(Contract):
     """Task of ``gait-measures``."""
 
     members: list[MeasuresMember]
+
+
+class ReferencePerson(Contract):
+    """All recordings of one person of the reference group of ``gait-report``."""
+
+    members: list[MeasuresMember]
+
+
+class GaitReportTask(GaitMeasuresTask):
+    """Task of ``gait-report``; ``members`` are the recordings of the person, ``before`` the earlier ones."""
+
+    input: GaitReportInput
+    before: list[MeasuresMember] = Field(default_factory=list)
+    reference: list[ReferencePerson] = Field(default_factory=list)
+    created_on: date = Field(description="the only date in the report beside those of the recordings")
+    lab_name: str = ""
+    logo: str | None = Field(default=None, description="file name inside the task's folder")
 
 
 class SimulateRecordingTask(Contract):

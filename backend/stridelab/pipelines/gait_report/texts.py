@@ -1,0 +1,359 @@
+"""Writes the numbers of the measures as the texts of the report."""
+
+import re
+import unicodedata
+from collections.abc import Mapping, Sequence
+from functools import cache
+from typing import Final
+
+import numpy as np
+
+import stridelab
+from stridelab.measures.gait_cycle import CURVE_NAMES, CurveName, CycleCurve, MeanCurve, mean_curve
+from stridelab.pipelines.gait_measures import SIDES, GaitMeasuresResult, MeasuredRecording
+from stridelab.pipelines.gait_report.comparison import FEW_PEOPLE
+from stridelab.pipelines.gait_report.content import (
+    Cell,
+    Change,
+    Curve,
+    Label,
+    Panel,
+    ReportContent,
+    Row,
+    Tile,
+    TrialRow,
+)
+from stridelab.pipelines.gait_report.logo import Logo
+from stridelab.resources import models_dir
+from stridelab.schemas.measures import (
+    MEASURE_TITLES,
+    ChangeValue,
+    GaitReportSummary,
+    MeasureScale,
+    MeasureValue,
+    ReferenceValue,
+    measure_scale,
+    measure_title,
+)
+from stridelab.schemas.tasks import GaitReportTask
+
+TILES: Final[Mapping[str, str]] = {
+    "walking_speed": "Speed",
+    "cadence": "Cadence",
+    "step_length": "Step length",
+    "margin_of_stability_ml_min": "Margin of stability, sideways",
+    "margin_of_stability_ap_contact": "Margin of stability, ahead",
+    "com_vertical_excursion": "Centre of mass, up and down",
+    "com_lateral_excursion": "Centre of mass, sideways",
+    "energy_recovery": "Recovery of energy",
+}
+PANELS: Final[Mapping[CurveName, tuple[str, str]]] = {
+    "com_vertical": ("Height of the centre of mass", "mm above its mean over the cycle"),
+    "com_lateral": ("Centre of mass sideways", "mm from its mean, towards the foot of the cycle"),
+    "margin_of_stability_ml": ("Margin of stability sideways", "mm, in the stance of the foot of the cycle"),
+    "margin_of_stability_ap": ("Margin of stability ahead", "mm, in the stance of the foot of the cycle"),
+}
+"""Title and caption of every chart."""
+REASON_OF: Final[Mapping[str, str]] = {
+    "cadence": "step_time",
+    "double_support_share": "step_time",
+    "stride_time": "stride_length",
+    "stance_share": "stride_length",
+    "swing_share": "stride_length",
+    "com_vertical_excursion": "stride_length",
+    "com_lateral_excursion": "stride_length",
+    "margin_of_stability_ml_contact": "margin_of_stability_ml_min",
+    "margin_of_stability_ap_contact": "margin_of_stability_ml_min",
+    "capture_point_offset_ap": "margin_of_stability_ml_min",
+    "capture_point_offset_ml": "margin_of_stability_ml_min",
+    "external_work": "energy_recovery",
+    "limb_work_left_negative": "limb_work_left_positive",
+    "limb_work_right_negative": "limb_work_right_positive",
+    "angular_momentum_range_y": "angular_momentum_range_x",
+    "angular_momentum_range_z": "angular_momentum_range_x",
+    "foot_placement_gain_position": "foot_placement_residual",
+    "foot_placement_gain_velocity": "foot_placement_residual",
+    "foot_placement_explained": "foot_placement_residual",
+}
+"""The measure of ``not_measured`` that has the reason of a measure without an entry of its own."""
+MASS_SOURCES: Final = {"stated": "as stated", "file": "from the file", "force": "measured by the force plates"}
+NOT_KNOWN: Final = "not known"
+
+
+def report_content(
+    task: GaitReportTask,
+    result: GaitMeasuresResult,
+    summary: GaitReportSummary,
+    curves: Sequence[CycleCurve],
+    reference_curves: Mapping[CurveName, MeanCurve],
+    logo: Logo | None,
+) -> ReportContent:
+    """Texts of the report; ``curves`` are those of the person, ``reference_curves`` the means of the people."""
+    quality = summary.quality
+    wrong = dict.fromkeys(
+        check.message for trial in summary.trials for check in trial.quality.checks if not check.passed
+    )
+    steps = f"{summary.steps} (left {summary.sides.get('left', 0)}, right {summary.sides.get('right', 0)})"
+    rows = _rows(summary)
+    return ReportContent(
+        title=task.input.title or "Gait report",
+        lab_name=task.lab_name,
+        logo=logo,
+        created_on=task.created_on.isoformat(),
+        version=f"stridelab {stridelab.__version__}",
+        verdict=quality.verdict,
+        verdict_note=" ".join(wrong) or f"{len(quality.checks)} checks of the sensors against each other passed.",
+        facts=(
+            ("Steps", steps),
+            ("Recordings", str(summary.n_recordings)),
+            ("Body mass", mass_text(result.recordings)),
+            ("Height", NOT_KNOWN if summary.height_m is None else f"{summary.height_m:.2f} m"),
+        ),
+        tiles=tuple(_tile(name, title, summary) for name, title in TILES.items()),
+        panels=tuple(_panel(name, curves, reference_curves.get(name)) for name in CURVE_NAMES),
+        panel_note=_panel_note(curves, summary.reference_people),
+        rows=rows,
+        table_note=(
+            "Mean ± standard deviation between the steps, 95 % interval of the mean, and number n of steps or strides. "
+            "The interval also has the measurement error; two steps have none. Symmetry: (left - right) / mean of both sides. "
+            "A step has the side of the foot that swings. In the margins the edge of the foot is "
+            "known to about 1 cm, the same in all steps, which the interval does not contain."
+        ),
+        reference_note=_reference_note(summary),
+        changes=tuple(_change(one) for one in summary.changes),
+        change_note=_change_note(summary.changes),
+        missing=missing_measures(summary),
+        left_out=tuple((one.filename, one.message) for one in summary.left_out),
+        remarks=tuple(dict.fromkeys(one.message for one in summary.warnings)),
+        trials=tuple(_trial(one) for one in result.recordings),
+        settings=_settings(result, summary),
+        references=tuple(reference_text(key) for key in result.citation_keys),
+    )
+
+
+def mass_text(recordings: Sequence[MeasuredRecording]) -> str:
+    """Body mass with its source; of recordings that differ by 0.1 kg or more, the range."""
+    masses = [one.prepared.mass for one in recordings]
+    known = [mass.known_kg for mass in masses if mass.known_kg is not None]
+    if not known:
+        return "not known: neither stated, nor in the files, nor measured by force plates"
+    sources = ", ".join(dict.fromkeys(MASS_SOURCES[mass.source] for mass in masses if mass.source is not None))
+    if max(known) - min(known) < 0.1:
+        sd = max(mass.sd_kg for mass in masses if mass.source is not None)
+        return f"{np.mean(known):.1f} ± {sd:.1f} kg, {sources}"
+    return f"{min(known):.1f} to {max(known):.1f} kg, {sources}"
+
+
+def missing_measures(summary: GaitReportSummary) -> tuple[tuple[str, str], ...]:
+    """Measures, or their sides, that are missing: titles joined by the reason."""
+    given = {(one.name, one.side) for one in summary.measures}
+    grouped: dict[str, list[str]] = {}
+    for name in MEASURE_TITLES:
+        if (name, None) not in given:
+            grouped.setdefault(missing_reason(name, summary), []).append(measure_title(name))
+            continue
+        if name.startswith("limb_work_") or not {(name, side) for side in SIDES} & given:
+            continue
+        for side in SIDES:
+            if (name, side) not in given:
+                reason = f"No {'step' if summary.sides.get(side) else 'whole step'} of the {side} foot allows it."
+                grouped.setdefault(reason, []).append(f"{measure_title(name)}, {side}")
+    return tuple(("; ".join(titles), reason) for reason, titles in grouped.items())
+
+
+def missing_reason(name: str, summary: GaitReportSummary) -> str:
+    """Why a measure is missing in the summary."""
+    reasons = {one.name: one.message for one in summary.not_measured}
+    fallback = "No step of the recordings allows it: a marker is hidden or the estimate does not cover it."
+    return reasons.get(name) or reasons.get(REASON_OF.get(name, "")) or fallback
+
+
+def _tile(name: str, title: str, summary: GaitReportSummary) -> Tile:
+    found = {one.side: one for one in summary.measures if one.name == name}
+    both = found.get(None)
+    if both is None:
+        return Tile(name, title, reason=missing_reason(name, summary))
+    scale = measure_scale(name, both.unit)
+    sides = [f"{side} {scale.number(found[side].mean) if side in found else 'not measured'}" for side in SIDES]
+    has_sides = any(side in found for side in SIDES)
+    return Tile(
+        name,
+        title,
+        value=f"{scale.number(both.mean)} {scale.unit}".strip(),
+        interval=f"95 %: {interval}" if (interval := _interval(both)) else f"n {both.n}: no 95 % interval",
+        sides=" · ".join(sides) if has_sides else "",
+        symmetry="" if both.symmetry is None else f"symmetry {100.0 * both.symmetry:+z.1f} %",
+    )
+
+
+def _interval(one: MeasureValue) -> str:
+    """Interval of the mean; empty if it is not known, and for two values: Student's quantile is then 12.7."""
+    if one.ci95 is None or one.n == 2:
+        return ""
+    scale = measure_scale(one.name, one.unit)
+    return f"{scale.number(one.ci95[0])} to {scale.number(one.ci95[1])}"
+
+
+def _rows(summary: GaitReportSummary) -> tuple[Row, ...]:
+    """Measured ones in the order of ``MEASURE_TITLES``; the work of both legs in one row."""
+    found = {(one.name, one.side): one for one in summary.measures}
+    reference = {one.name: one for one in summary.reference}
+    rows = []
+    for name in dict.fromkeys([*MEASURE_TITLES, *(name for name, _ in found)]):
+        if match := re.fullmatch(r"limb_work_(left|right)_(positive|negative)", name):
+            if match[1] == "left":
+                works = [found.get((f"limb_work_{side}_{match[2]}", None)) for side in SIDES]
+                if any(works):
+                    title = f"{match[2].capitalize()} work of the leg"
+                    rows.append(Row(name, title, "J/kg", _cell(works[0]), _cell(works[1]), None))
+            continue
+        both = found.get((name, None))
+        if both is None:
+            continue
+        scale, group = measure_scale(name, both.unit), reference.get(name)
+        rows.append(
+            Row(
+                name=name,
+                title=measure_title(name),
+                unit=scale.unit,
+                left=_cell(found.get((name, "left"))),
+                right=_cell(found.get((name, "right"))),
+                both=_cell(both),
+                symmetry="" if both.symmetry is None else f"{100.0 * both.symmetry:+z.1f} %",
+                reference="" if group is None else _group_text(scale, group),
+                z="" if group is None or group.z is None else f"{group.z:+z.1f}",
+            )
+        )
+    return tuple(rows)
+
+
+def _cell(one: MeasureValue | None) -> Cell | None:
+    if one is None:
+        return None
+    scale = measure_scale(one.name, one.unit)
+    sd = "" if one.between_sd is None else scale.number(one.between_sd)
+    return Cell(scale.number(one.mean), sd, _interval(one), one.n)
+
+
+def _group_text(scale: MeasureScale, group: ReferenceValue) -> str:
+    sd = "" if group.between_sd is None else f" ± {scale.number(group.between_sd)}"
+    return f"{scale.number(group.mean)}{sd} (n {group.n_people})"
+
+
+def _reference_note(summary: GaitReportSummary) -> str:
+    people = summary.reference_people
+    if not people:
+        return ""
+    note = (
+        f"Reference group: {_count(people, 'person', 'people')}, each counted once; mean ± standard deviation between "
+        "them, and z = (value - mean) / standard deviation."
+    )
+    if people < FEW_PEOPLE:
+        note += f" Mean and standard deviation of fewer than {FEW_PEOPLE} people mean little."
+    return note
+
+
+def _change(one: ChangeValue) -> Change:
+    scale = measure_scale(one.name, one.unit)
+    interval = "" if one.ci95 is None else f"{scale.number(one.ci95[0])} to {scale.number(one.ci95[1])}"
+    before, after = (
+        f"{scale.number(value)} (n {n})" for value, n in ((one.before, one.n_before), (one.after, one.n_after))
+    )
+    change = scale.number(one.change)
+    signed = change if change.startswith("-") else f"+{change}"
+    return Change(one.name, measure_title(one.name), scale.unit, before, after, signed, interval)
+
+
+def _change_note(changes: Sequence[ChangeValue]) -> str:
+    if not changes:
+        return ""
+    note = "Means of the recordings, n recordings; the interval of the change is that of Welch with 95 %."
+    if any(one.ci95 is None for one in changes):
+        note += " Without an interval: it needs two recordings before and two after."
+    return note
+
+
+def _panel(name: CurveName, curves: Sequence[CycleCurve], reference: MeanCurve | None) -> Panel:
+    title, caption = PANELS[name]
+    drawn = []
+    for side in SIDES:
+        mean = mean_curve(curve.value_m for curve in curves if curve.name == name and curve.side == side)
+        if mean is not None:
+            drawn.append(_curve(side, mean))
+    return Panel(name, title, caption, tuple(drawn), None if reference is None else _curve("reference", reference))
+
+
+def _curve(label: Label, mean: MeanCurve) -> Curve:
+    return Curve(label, mean.n, 1e3 * mean.mean_m, None if mean.sd_m is None else 1e3 * mean.sd_m)
+
+
+def _panel_note(curves: Sequence[CycleCurve], people: int) -> str:
+    first = CURVE_NAMES[0]
+    counts = [sum(curve.side == side and curve.name == first for curve in curves) for side in SIDES]
+    if not any(counts):
+        return "No cycle from strike to strike of one foot lies within an estimate, so there are no curves."
+    note = (
+        f"Mean over {counts[0]} left and {counts[1]} right cycles, from strike to strike of the foot; bands: one "
+        "standard deviation between the cycles."
+    )
+    if people:
+        note += f" Grey: mean and standard deviation of {_count(people, 'person', 'people')} of the reference group."
+    return note
+
+
+def _trial(one: MeasuredRecording) -> TrialRow:
+    wrong = " ".join(check.message for check in one.quality.quality.checks if not check.passed)
+    sides = [sum(step.side == side for step in one.steps) for side in SIDES]
+    return TrialRow(
+        filename=one.filename,
+        recorded_on=one.prepared.trial.recording.recorded_on or NOT_KNOWN,
+        steps=f"{sides[0]} left, {sides[1]} right",
+        method=one.estimate.method,
+        verdict=one.quality.quality.verdict,
+        note=wrong,
+    )
+
+
+def _settings(result: GaitMeasuresResult, summary: GaitReportSummary) -> tuple[tuple[str, str], ...]:
+    methods = ", ".join(dict.fromkeys(one.estimate.method for one in result.recordings))
+    tables = ", ".join(dict.fromkeys(one.prepared.geometric.table for one in result.recordings))
+    sets = ", ".join(dict.fromkeys(one.prepared.trial.match.name or NOT_KNOWN for one in result.recordings))
+    speed = NOT_KNOWN if summary.speed_m_s is None else f"{summary.speed_m_s:.2f} m/s"
+    return (
+        ("Estimator of the centre of mass", methods),
+        ("Segment table", tables),
+        ("Marker set", sets),
+        ("Mean speed", speed),
+        ("Version", f"stridelab {stridelab.__version__}"),
+    )
+
+
+def _count(number: int, one: str, several: str) -> str:
+    return f"{number} {one if number == 1 else several}"
+
+
+_ENTRY: Final = re.compile(r"^@\w+\{([^,\s]+),(.*?)^\}", re.MULTILINE | re.DOTALL)
+_FIELD: Final = re.compile(r"^\s*(\w+)\s*=\s*\{(.*)\},?\s*$", re.MULTILINE)
+
+
+@cache
+def _entries() -> dict[str, dict[str, str]]:
+    text = (models_dir() / "references.bib").read_text(encoding="utf-8")
+    return {key: dict(_FIELD.findall(body)) for key, body in _ENTRY.findall(text)}
+
+
+def reference_text(key: str) -> str:
+    """Authors, title, journal, year and DOI of a citation key of ``models/references.bib``."""
+    fields = _entries()[key]
+    authors = [name.split(",")[0] for name in _without_tex(fields["author"]).split(" and ")]
+    named = ", ".join(authors[:3]) + (" et al." if len(authors) > 3 else "")
+    place = next((fields[name] for name in ("journal", "booktitle", "publisher", "school") if name in fields), "")
+    parts = (f"{named} ({fields.get('year', '')})", fields["title"], place, fields.get("doi", ""))
+    return _without_tex(". ".join(part for part in parts if part)) + "."
+
+
+def _without_tex(text: str) -> str:
+    accents = {"'": "\u0301", "`": "\u0300", '"': "\u0308", "^": "\u0302", "~": "\u0303"}
+    composed = re.sub(r"\{?\\([\"'`^~])\{?(\w)\}?\}?", lambda m: m[2] + accents[m[1]], text)
+    plain = re.sub(r"[{}]", "", composed).replace("---", "-").replace("--", "-").replace("\\&", "&")
+    return unicodedata.normalize("NFC", plain)
