@@ -17,7 +17,7 @@ from stridelab.cli.compare import bench_methods
 from stridelab.cli.contacts import export_contacts, import_contacts, plan_contacts
 from stridelab.cli.fit_cycloid import fit_cycloid
 from stridelab.cli.learn_reachability import learn_reachability
-from stridelab.cli.measures import measure_gait
+from stridelab.cli.measures import measure_gait, report_gait
 from stridelab.cli.options import (
     AsJson,
     BestMethod,
@@ -126,6 +126,7 @@ app.command(name="fit-cycloid")(fit_cycloid)
 app.command(name="study-population")(study_population)
 app.command(name="measures")(measure_gait)
 app.command(name="com-bench")(bench_methods)
+app.command(name="report")(report_gait)
 
 
 @app.command()

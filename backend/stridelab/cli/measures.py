@@ -1,7 +1,11 @@
-"""``stridelab measures``: measures of gait of one or more recordings of a person, pooled; writes a result folder."""
+"""``stridelab measures`` and ``stridelab report``: measures of gait of the recordings of a person, pooled."""
 
+import contextlib
 import shutil
-from collections.abc import Mapping, Sequence
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import date
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
@@ -12,18 +16,36 @@ from rich.table import Table
 from stridelab.cli.deliver import deliver_result, run_kind
 from stridelab.cli.estimate import require_file
 from stridelab.cli.options import Age, BestMethod, Delivery, Height, Mass, PersonSex, Static, with_groups
-from stridelab.cli.results import Bar, out, show_files, show_quality, show_remarks, validate_options, write_result
+from stridelab.cli.results import (
+    RESULT_FILE,
+    Bar,
+    out,
+    show_files,
+    show_quality,
+    show_remarks,
+    validate_options,
+    write_result,
+)
 from stridelab.errors import Fault, InvalidInput, UnreadableFile
 from stridelab.recordings.files.recording_files import recordings_in
 from stridelab.schemas.jobs import EstimateComInput, JobResult
-from stridelab.schemas.measures import GaitMeasuresInput, GaitMeasuresSummary, MeasureValue
+from stridelab.schemas.measures import GaitMeasuresInput, GaitReportInput, GaitReportSummary, MeasureValue
 from stridelab.schemas.recordings import RecordingPatch, SubjectFields
-from stridelab.schemas.tasks import EstimateComTask, GaitMeasuresTask, MeasuresMember, RecordingSource
+from stridelab.schemas.tasks import (
+    EstimateComTask,
+    GaitMeasuresTask,
+    GaitReportTask,
+    MeasuresMember,
+    RecordingSource,
+    ReferencePerson,
+)
 
 if TYPE_CHECKING:
     from stridelab.client import Client
 
 KIND: Final = "gait-measures"
+REPORT_KIND: Final = "gait-report"
+PDF: Final = "report.pdf"
 _SCALES: Final = {"m": (1e3, "mm", 1), "1": (1.0, "", 3), "s": (1.0, "s", 3), "1/min": (1.0, "1/min", 1)}
 
 
@@ -71,24 +93,42 @@ def _measure_here(
     paths: Sequence[Path], static: Path | None, subject: SubjectFields, method: str | None, folder: Path
 ) -> JobResult:
     """Run the job's own function in this process."""
-    ids = [f"recording-{index:03d}" for index in range(len(paths))]
+    members = stage_walks(paths, folder, subject, method, static)
+    ids = [one.recording_id for one in members]
     request = validate_options(GaitMeasuresInput, {"recording_ids": ids, "method": method})
+    outcome = run_kind(KIND, "measures", GaitMeasuresTask(members=members), folder)
+    _remove_subfolders(folder)
+    return write_result(folder, KIND, request, outcome)
+
+
+def stage_walks(
+    paths: Sequence[Path], folder: Path, subject: SubjectFields, method: str | None, static: Path | None = None
+) -> list[MeasuresMember]:
+    """Copy each recording and the static trial of its person into a new subfolder of ``folder``.
+
+    A file that cannot be copied is left out: reading it then states the reason, as for any other recording.
+    """
     members = []
-    for name, path in zip(ids, paths, strict=True):
+    for path in paths:
+        name = f"recording-{len(list(folder.glob('recording-*'))):03d}"
         (folder / name).mkdir()
-        shutil.copyfile(path, folder / name / "trial")
+        with contextlib.suppress(OSError):
+            shutil.copyfile(path, folder / name / "trial")
         source = RecordingSource(file="trial", filename=path.name, subject=subject)
         static_source = None
         if static is not None:
             shutil.copyfile(static, folder / name / "static-trial")
             static_source = RecordingSource(file="static-trial", filename=static.name)
-        one = EstimateComInput(recording_id=name, method=request.method)
+        one = validate_options(EstimateComInput, {"recording_id": name, "method": method})
         task = EstimateComTask(recording=source, static=static_source, input=one)
         members.append(MeasuresMember(recording_id=name, folder=name, task=task))
-    outcome = run_kind(KIND, "measures", GaitMeasuresTask(members=members), folder)
-    for name in ids:
-        shutil.rmtree(folder / name)
-    return write_result(folder, KIND, request, outcome)
+    return members
+
+
+def _remove_subfolders(folder: Path) -> None:
+    for one in folder.iterdir():
+        if one.is_dir():
+            shutil.rmtree(one)
 
 
 def _measure_there(
@@ -103,22 +143,172 @@ def _measure_there(
     from stridelab.cli.remote import AFTER_UPLOAD, run_remotely
 
     def upload_inputs(client: "Client", bar: Bar) -> GaitMeasuresInput:
-        static_id = None if static is None else client.upload(static, subject).id
-        ids = []
-        for index, path in enumerate(paths):
-            bar(AFTER_UPLOAD * index / len(paths), f"uploading {path.name}")
-            ids.append(client.upload(path, subject).id)
-            if static_id is not None:
-                client.patch_recording(ids[-1], RecordingPatch(static_recording_id=static_id))
+        ids = _upload_walks(client, paths, subject, static, lambda share, text: bar(AFTER_UPLOAD * share, text))
         fields: Mapping[str, Any] = {"recording_ids": ids, "method": method}
         return validate_options(GaitMeasuresInput, fields)
 
     return run_remotely(KIND, "measures", upload_inputs, folder, delivery, unprepared=UnreadableFile)
 
 
+def _upload_walks(
+    client: "Client",
+    paths: Sequence[Path],
+    subject: SubjectFields,
+    static: Path | None,
+    progress: Callable[[float, str], None],
+) -> list[str]:
+    """Upload recordings of one person; returns their ids."""
+    static_id = None if static is None else client.upload(static, subject).id
+    ids = []
+    for index, path in enumerate(paths):
+        progress(index / len(paths), f"uploading {path.name}")
+        ids.append(client.upload(path, subject).id)
+        if static_id is not None:
+            client.patch_recording(ids[-1], RecordingPatch(static_recording_id=static_id))
+    return ids
+
+
+@with_groups
+def report_gait(
+    *,
+    files: Annotated[list[Path], typer.Argument(help="Recordings of one person, or folders of them; pooled.")],
+    reference: Annotated[
+        Path | None,
+        typer.Option("--reference", help="Folder of other people: a subfolder, or a file beside them, is a person."),
+    ] = None,
+    before: Annotated[
+        list[Path] | None, typer.Option("--before", help="Earlier recordings of the person, or folders; repeatable.")
+    ] = None,
+    title: Annotated[str | None, typer.Option("--title", help="Heading; the only place for a name.")] = None,
+    pdf: Annotated[bool, typer.Option("--pdf", help="Also write report.pdf; needs no browser.")] = False,
+    height_m: Height = None,
+    mass_kg: Mass = None,
+    sex: PersonSex = None,
+    age_years: Age = None,
+    method: BestMethod = None,
+    static: Static = None,
+    delivery: Delivery,
+) -> None:
+    """Write a report on the gait of a person as one page of HTML, and as PDF; needs no server."""
+    stated = {"height_m": height_m, "mass_kg": mass_kg, "sex": sex, "age_years": age_years}
+    subject = validate_options(SubjectFields, stated)
+    walks = ReportWalks(
+        _collect_recordings(files),
+        [] if reference is None else people_in(reference),
+        _collect_recordings(before) if before else [],
+    )
+
+    def compute(folder: Path) -> JobResult:
+        run = _report_here if delivery.server is None else _report_there
+        result = run(walks, subject, {"title": title, "method": method}, static, folder, delivery)
+        if not pdf:
+            (folder / PDF).unlink()
+            kept = [one for one in result.artifacts if one.name != PDF]
+            result = result.model_copy(update={"artifacts": kept})
+            (folder / RESULT_FILE).write_text(result.model_dump_json(indent=2) + "\n", encoding="utf-8")
+        return result
+
+    deliver_result("report", delivery, compute, _show_measures)
+
+
+@dataclass(frozen=True)
+class ReportWalks:
+    """Recordings of the person, of each person of the reference group, and of the person before."""
+
+    person: Sequence[Path]
+    people: Sequence[Sequence[Path]]
+    before: Sequence[Path]
+
+
+def people_in(folder: Path) -> list[list[Path]]:
+    """Recordings of a reference group by person: each subfolder of ``folder``, and each file directly in it.
+
+    Raises ``InvalidInput`` (``no-recordings``) without any.
+    """
+    people: dict[Path, list[Path]] = {}
+    for path in _collect_recordings([folder]):
+        people.setdefault(folder / path.relative_to(folder).parts[0] if folder.is_dir() else path, []).append(path)
+    return list(people.values())
+
+
+def report_task(
+    walks: ReportWalks,
+    subject: SubjectFields,
+    fields: Mapping[str, Any],
+    static: Path | None,
+    folder: Path,
+) -> GaitReportTask:
+    """Task of ``gait-report`` with copies of all files in ``folder``; ``fields`` are title and method."""
+    from stridelab.service.kinds.gait_report.kind import stage_logo
+    from stridelab.service.settings import current_settings
+
+    method = fields["method"]
+    people = [stage_walks(paths, folder, SubjectFields(), method) for paths in walks.people]
+    groups = [stage_walks(paths, folder, subject, method, static) for paths in (walks.person, walks.before)]
+    ids = [[one.recording_id for one in group] for group in groups]
+    request = {
+        **fields,
+        "recording_ids": ids[0],
+        "before_recording_ids": ids[1],
+        "reference_recording_ids": [one.recording_id for person in people for one in person],
+    }
+    settings = current_settings()
+    return GaitReportTask(
+        members=groups[0],
+        before=groups[1],
+        reference=[ReferencePerson(members=person) for person in people],
+        input=validate_options(GaitReportInput, request),
+        created_on=date.today(),
+        lab_name=settings.lab_name,
+        logo=stage_logo(settings, folder),
+    )
+
+
+def _report_here(
+    walks: ReportWalks,
+    subject: SubjectFields,
+    fields: Mapping[str, Any],
+    static: Path | None,
+    folder: Path,
+    _delivery: Delivery,
+) -> JobResult:
+    with tempfile.TemporaryDirectory(prefix="stridelab-") as files:
+        task = report_task(walks, subject, fields, static, Path(files))
+        outcome = run_kind(REPORT_KIND, "report", task, Path(files))
+        for artifact in outcome.artifacts:
+            shutil.move(Path(files) / artifact.name, folder / artifact.name)
+    return write_result(folder, REPORT_KIND, task.input, outcome)
+
+
+def _report_there(
+    walks: ReportWalks,
+    subject: SubjectFields,
+    fields: Mapping[str, Any],
+    static: Path | None,
+    folder: Path,
+    delivery: Delivery,
+) -> JobResult:
+    """Upload all recordings, those of the reference group under the names of their folders; run and download."""
+    from stridelab.cli.remote import AFTER_UPLOAD, run_remotely
+
+    def upload_inputs(client: "Client", bar: Bar) -> GaitReportInput:
+        def progress(share: float, text: str) -> None:
+            bar(AFTER_UPLOAD * share, text)
+
+        reference = []
+        for number, paths in enumerate(walks.people, start=1):
+            person = SubjectFields(name=f"reference {number}")
+            reference += _upload_walks(client, paths, person, None, progress)
+        ids = [_upload_walks(client, paths, subject, static, progress) for paths in (walks.person, walks.before)]
+        request = {"recording_ids": ids[0], "before_recording_ids": ids[1], "reference_recording_ids": reference}
+        return validate_options(GaitReportInput, {**fields, **request})
+
+    return run_remotely(REPORT_KIND, "report", upload_inputs, folder, delivery, unprepared=UnreadableFile)
+
+
 def _show_measures(result: JobResult, target: Path) -> None:
     """Print a row per measure with both sides."""
-    summary = GaitMeasuresSummary.model_validate(result.summary)
+    summary = GaitReportSummary.model_validate(result.summary)  # of a report, or of measures without its fields
     show_quality(summary.quality, summary.warnings)
     out.print(f"{summary.steps} steps in {summary.n_recordings} recordings")
     table = Table("", "mean", "95 %", "left", "right", "n", "", box=None, pad_edge=False)

@@ -86,7 +86,7 @@ BeltSpeeds = Annotated[
     typer.Option("--belt-speed", help="PLATE=M_S: speed of the treadmill belt on a plate; repeatable."),
 ]
 
-OutFolder = Annotated[Path | None, typer.Option("--out", help="Folder for the result; must not exist yet.")]
+OutFolder = Annotated[Path | None, typer.Option("--out", "-o", help="Folder for the result; must not exist yet.")]
 Force = Annotated[bool, typer.Option("--force", help="Replace an earlier result in that folder.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON instead of a table.")]
 Server = Annotated[str | None, typer.Option("--server", help="Run on this service (http://...) instead.")]

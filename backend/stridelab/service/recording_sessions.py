@@ -24,14 +24,15 @@ def session_id_of(row: Mapping[str, Any], created_at: datetime) -> str | None:
     ``row`` has ``owner``, ``facts``, ``subject_id`` and ``subject_fields``.
     """
     facts = RecordingFacts.model_validate(row["facts"])
-    person = _subject_key(facts, row.get("subject_id"), row["subject_fields"])
+    person = subject_key(facts, row.get("subject_id"), row["subject_fields"])
     if person is None:
         return None
     day = facts.recorded_on or created_at.astimezone(UTC).date()
     return uuid.uuid5(SESSION_NAMESPACE, repr((row.get("owner") or "", person, day.isoformat()))).hex
 
 
-def _subject_key(facts: RecordingFacts, subject_id: str | None, stated: Mapping[str, Any]) -> tuple[str, ...] | None:
+def subject_key(facts: RecordingFacts, subject_id: str | None, stated: Mapping[str, Any]) -> tuple[str, ...] | None:
+    """What identifies the subject of a recording among those of its owner; None if nothing does."""
     if subject_id is not None:
         return ("subject", subject_id)
     if name := str(stated.get("name") or "").strip():

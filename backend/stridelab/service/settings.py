@@ -92,6 +92,8 @@ class Settings(BaseSettings):
         default=None, ge=1, description="3D scenes that may be open in all; by default as memory allows"
     )
     user_scenes: int = Field(default=16, ge=0, description="3D scenes one user may have open; 0 for no limit")
+    lab_name: str = Field(default="", max_length=120, description="name of the laboratory on reports")
+    lab_logo: Path | None = Field(default=None, description="PNG or SVG of at most 500 kB on reports")
     otlp_url: str | None = Field(
         default=None, description="collector of OpenTelemetry traces (OTLP over HTTP), such as http://127.0.0.1:4318"
     )

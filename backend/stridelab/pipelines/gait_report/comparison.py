@@ -66,7 +66,7 @@ def change_between(before: Sequence[MeasuredRecording], after: Sequence[Measured
 
 
 def welch_interval(before: Sequence[float], after: Sequence[float]) -> tuple[float, float] | None:
-    """95 % interval of ``mean(after) - mean(before)``; None with fewer than two values in a group or without scatter."""
+    """95 % interval of ``mean(after) - mean(before)``; None without two values in each group or scatter."""
     if min(len(before), len(after)) < 2:
         return None
     parts = [float(np.var(group, ddof=1)) / len(group) for group in (before, after)]

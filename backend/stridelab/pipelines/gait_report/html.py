@@ -1,7 +1,6 @@
 """The report as one page of HTML without scripts and without addresses of other files."""
 
 from collections.abc import Sequence
-from html import escape
 from pathlib import Path
 from typing import Final
 
@@ -27,21 +26,21 @@ def render_html(content: ReportContent) -> str:
 
 def draw_svg(drawing: Drawing, title: str) -> Markup:
     """A drawing as an inline SVG element, one unit per millimetre."""
-    items = "".join(_draw_item(item) for item in drawing.items)
+    items = Markup("").join(_draw_item(item) for item in drawing.items)
     box = f"0 0 {drawing.width:g} {drawing.height:g}"
-    return Markup(f'<svg viewBox="{box}" role="img" aria-label="{escape(title)}">{items}</svg>')
+    return Markup('<svg viewBox="{}" role="img" aria-label="{}">{}</svg>').format(box, title, items)
 
 
-def _draw_item(item: Item) -> str:
+def _draw_item(item: Item) -> Markup:
     if isinstance(item, Area):
-        return f'<polygon points="{_points(item.points)}" fill="{item.colour}" fill-opacity="{item.opacity:g}"/>'
+        area = Markup('<polygon points="{}" fill="{}" fill-opacity="{:g}"/>')
+        return area.format(_points(item.points), item.colour, item.opacity)
     if isinstance(item, Line):
-        dash = "" if item.dash is None else f' stroke-dasharray="{item.dash[0]:g} {item.dash[1]:g}"'
-        style = f'fill="none" stroke="{item.colour}" stroke-width="{item.width:g}"{dash}'
-        return f'<polyline points="{_points(item.points)}" {style}/>'
-    weight = ' font-weight="600"' if item.bold else ""
-    place = f'x="{item.x:g}" y="{item.y:g}" font-size="{item.size:g}" text-anchor="{item.anchor}"'
-    return f'<text {place} fill="{item.colour}"{weight}>{escape(item.text)}</text>'
+        dash = "none" if item.dash is None else f"{item.dash[0]:g} {item.dash[1]:g}"
+        line = Markup('<polyline points="{}" fill="none" stroke="{}" stroke-width="{:g}" stroke-dasharray="{}"/>')
+        return line.format(_points(item.points), item.colour, item.width, dash)
+    text = Markup('<text x="{:g}" y="{:g}" font-size="{:g}" text-anchor="{}" fill="{}" font-weight="{}">{}</text>')
+    return text.format(item.x, item.y, item.size, item.anchor, item.colour, 600 if item.bold else 400, item.text)
 
 
 def _points(points: Sequence[Point]) -> str:

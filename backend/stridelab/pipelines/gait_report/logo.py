@@ -6,11 +6,11 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
-from xml.etree import ElementTree
 
 from PIL import Image, UnidentifiedImageError
 
 from stridelab.errors import Fault, InvalidInput
+from stridelab.recordings.files.xml_tree import BrokenXmlError, parse_xml
 
 SETTING: Final = "STRIDELAB_LAB_LOGO"
 MAX_BYTES: Final = 500_000
@@ -67,12 +67,11 @@ def _png_size(content: bytes) -> tuple[int, int]:
 
 
 def _check_svg(content: bytes) -> None:
-    if re.search(rb"<!\s*(DOCTYPE|ENTITY)", content, re.IGNORECASE):
-        raise _invalid("an SVG with a document type is not accepted")
     try:
-        root = ElementTree.fromstring(content)
-    except (ElementTree.ParseError, ValueError) as error:
-        raise _invalid("it is neither PNG nor SVG") from error
+        root = parse_xml(content.decode("utf-8"))
+    except (BrokenXmlError, UnicodeDecodeError) as error:
+        reason = str(error) if isinstance(error, BrokenXmlError) else "it is not UTF-8 text"
+        raise _invalid(f"it is no PNG, and read as SVG {reason}") from error
     if _local_name(root.tag) != "svg":
         raise _invalid("it is neither PNG nor SVG")
     for element in root.iter():
@@ -86,9 +85,9 @@ def _check_svg(content: bytes) -> None:
                 raise _invalid(f"the SVG contains {_local_name(name)}={value[:40]!r}")
 
 
-def _local_name(name: object) -> str:
-    """Name without its namespace; of a comment or an instruction, an empty one."""
-    return name.rpartition("}")[2] if isinstance(name, str) else ""
+def _local_name(name: str) -> str:
+    """Name without the prefix of its namespace."""
+    return name.rpartition(":")[2]
 
 
 def _invalid(reason: str) -> InvalidInput:

@@ -25,6 +25,7 @@ from stridelab.pipelines.gait_report.content import (
 )
 from stridelab.pipelines.gait_report.logo import Logo
 from stridelab.resources import models_dir
+from stridelab.schemas.base import Remark
 from stridelab.schemas.measures import (
     MEASURE_TITLES,
     ChangeValue,
@@ -115,7 +116,8 @@ def report_content(
         rows=rows,
         table_note=(
             "Mean ± standard deviation between the steps, 95 % interval of the mean, and number n of steps or strides. "
-            "The interval also has the measurement error; two steps have none. Symmetry: (left - right) / mean of both sides. "
+            "The interval also has the measurement error; two steps have none. "
+            "Symmetry: (left - right) / mean of both sides. "
             "A step has the side of the foot that swings. In the margins the edge of the foot is "
             "known to about 1 cm, the same in all steps, which the interval does not contain."
         ),
@@ -124,7 +126,7 @@ def report_content(
         change_note=_change_note(summary.changes),
         missing=missing_measures(summary),
         left_out=tuple((one.filename, one.message) for one in summary.left_out),
-        remarks=tuple(dict.fromkeys(one.message for one in summary.warnings)),
+        remarks=_remarks(summary.warnings),
         trials=tuple(_trial(one) for one in result.recordings),
         settings=_settings(result, summary),
         references=tuple(reference_text(key) for key in result.citation_keys),
@@ -299,6 +301,18 @@ def _panel_note(curves: Sequence[CycleCurve], people: int) -> str:
     if people:
         note += f" Grey: mean and standard deviation of {_count(people, 'person', 'people')} of the reference group."
     return note
+
+
+def _remarks(remarks: Sequence[Remark]) -> tuple[str, ...]:
+    """One text per code: the first, and the number of others that differ from it, usually in their numbers only."""
+    by_code: dict[str, dict[str, None]] = {}
+    for one in remarks:
+        by_code.setdefault(one.code, {})[one.message] = None
+    texts = []
+    for messages in by_code.values():
+        first, *others = messages
+        texts.append(f"{first} (Similar remarks of other recordings: {len(others)}.)" if others else first)
+    return tuple(texts)
 
 
 def _trial(one: MeasuredRecording) -> TrialRow:

@@ -14,11 +14,13 @@ from stridelab.errors import Fault, InvalidInput, NotFound
 from stridelab.schemas.base import Contract
 from stridelab.schemas.cycloid import FitCycloidInput
 from stridelab.schemas.jobs import EstimateComInput
+from stridelab.schemas.methods import Method
 from stridelab.schemas.recordings import SubjectFields
 from stridelab.schemas.scenarios import Scenario, ScenarioSource
 from stridelab.schemas.tasks import (
     EstimateComTask,
     FitCycloidTask,
+    MeasuresMember,
     PlanMotionTask,
     PlanRecedingTask,
     RecordingSource,
@@ -51,6 +53,20 @@ async def stage_estimate_com(connection: AsyncConnection, blobs: Blobs, input: C
     source = await stage_recording(connection, blobs, row, folder, "trial")
     task = EstimateComTask(recording=source, static=static, session=session.values, input=request)
     return task.model_dump(mode="json")
+
+
+async def stage_members(
+    connection: AsyncConnection, blobs: Blobs, recording_ids: Sequence[str], method: Method | None, folder: Path
+) -> list[MeasuresMember]:
+    """Fetch the files of ``estimate-com`` of every recording into a separate folder. Raises as ``recording_row``."""
+    members = []
+    for recording_id in recording_ids:
+        name = f"recording-{len(list(folder.glob('recording-*'))):03d}"
+        (folder / name).mkdir()
+        one = EstimateComInput(recording_id=recording_id, method=method)
+        task = EstimateComTask.model_validate(await stage_estimate_com(connection, blobs, one, folder / name))
+        members.append(MeasuresMember(recording_id=recording_id, folder=name, task=task))
+    return members
 
 
 async def stage_fit_cycloid(connection: AsyncConnection, blobs: Blobs, input: Contract, folder: Path) -> Json:  # noqa: A002
@@ -140,15 +156,17 @@ async def stage_recording(
         raise InvalidInput("stored-switches-invalid", message) from error
 
 
-async def require_recordings(connection: AsyncConnection, recording_ids: Sequence[str]) -> None:
+async def require_recordings(
+    connection: AsyncConnection, recording_ids: Sequence[str], name: str = "recording_ids"
+) -> None:
     """Raise ``NotFound`` (``recording-not-found``) naming unknown ids, ``InvalidInput`` (``recording-twice``).
 
-    Two recordings with identical files count as one recording.
+    Two recordings with identical files count as one recording. ``name`` is the field of the request.
     """
     query = select(recording.c.id, recording.c.sha256, recording.c.filename)
     query = query.where(recording.c.id.in_(recording_ids))
     rows = {row.id: row for row in (await connection.execute(query)).all()}
-    places = {recording_id: f"recording_ids.{i}" for i, recording_id in enumerate(recording_ids)}
+    places = {recording_id: f"{name}.{i}" for i, recording_id in enumerate(recording_ids)}
     missing = [recording_id for recording_id in recording_ids if recording_id not in rows]
     if missing:
         raise NotFound(

@@ -11,14 +11,15 @@ from typing import Annotated, Any, NoReturn
 import anyio
 import structlog
 from fastapi import APIRouter, Body, Header, Query, Response
+from sqlalchemy import select
 
 from stridelab.errors import Fault, InvalidInput, NotFound
 from stridelab.robots.card import EffectorCard, robot_card
 from stridelab.schemas.base import Contract
 from stridelab.schemas.jobs import Job
-from stridelab.schemas.measures import GaitMeasuresInput
+from stridelab.schemas.measures import GaitMeasuresInput, GaitReportInput
 from stridelab.schemas.plans import LearnReachabilityInput, PlanContactsInput, PlanMotionInput
-from stridelab.schemas.population import StudyPopulationInput
+from stridelab.schemas.population import MAX_RECORDINGS, StudyPopulationInput
 from stridelab.schemas.receding import PlanRecedingInput
 from stridelab.schemas.sweeps import SweepInput
 from stridelab.service.api.dependencies import AppParts, CallerOf, Parts, require_id_form
@@ -29,6 +30,7 @@ from stridelab.service.api.scenarios.validation import refuse_invalid
 from stridelab.service.kinds.base import JobKind
 from stridelab.service.kinds.registry import KINDS
 from stridelab.service.kinds.staging import require_recordings
+from stridelab.service.storage.tables import recording
 
 
 @dataclass(frozen=True)
@@ -53,12 +55,33 @@ async def validate_request(parts: Parts, request: Contract) -> JobSubject:
         await anyio.to_thread.run_sync(_refuse_invalid_ends, request, limiter=parts.validation_limiter)
     if isinstance(request, LearnReachabilityInput):
         _refuse_unknown_effectors(request)
-    if isinstance(request, StudyPopulationInput | GaitMeasuresInput):
-        for recording_id in request.recording_ids:
-            require_id_form(recording_id, "recording")
+    if isinstance(request, StudyPopulationInput | GaitMeasuresInput | GaitReportInput):
         async with parts.engine.connect() as connection:
-            await require_recordings(connection, request.recording_ids)
+            for name in ("recording_ids", "reference_recording_ids", "before_recording_ids"):
+                ids = getattr(request, name, None) or []
+                for recording_id in ids:
+                    require_id_form(recording_id, "recording")
+                await require_recordings(connection, ids, name)
     return JobSubject(_referenced_id(request, "recording"), _referenced_id(request, "scenario"))
+
+
+async def _with_recordings(parts: Parts, request: GaitReportInput, owner: str | None) -> GaitReportInput:
+    """The request with the recordings of its session instead: those of ``owner``, except static trials.
+
+    Raises ``NotFound`` (``session-not-found``).
+    """
+    if request.session_id is None:
+        return request
+    query = select(recording.c.id, recording.c.facts).order_by(recording.c.filename, recording.c.id)
+    query = query.where(recording.c.session_id == request.session_id, recording.c.owner.is_not_distinct_from(owner))
+    async with parts.engine.connect() as connection:
+        rows = (await connection.execute(query.limit(MAX_RECORDINGS))).all()
+    walks = [row.id for row in rows if not row.facts.get("still")]
+    if not walks:
+        message = f"None of your recordings of walks belongs to the session {request.session_id}."
+        raise NotFound("session-not-found", message, [Fault("session_id", "unknown")])
+    given = request.model_dump(exclude_unset=True, exclude={"session_id"})
+    return GaitReportInput(**given | {"recording_ids": walks})
 
 
 def _referenced_id(request: Contract, what: str) -> str | None:
@@ -121,6 +144,8 @@ def _add_kind(router: APIRouter, kind: JobKind) -> None:
     async def submit(
         parts: AppParts, caller: CallerOf, response: Response, body: Contract, priority: Priority = 0, key: Key = None
     ) -> Job:
+        if isinstance(body, GaitReportInput):
+            body = await _with_recordings(parts, body, caller.name)
         subject = await validate_request(parts, body)
         await refuse_full(parts, caller.name)
         request = body.model_dump(mode="json", exclude_unset=True)

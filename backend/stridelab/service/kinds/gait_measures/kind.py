@@ -5,11 +5,10 @@ from pathlib import Path
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from stridelab.schemas.base import Contract
-from stridelab.schemas.jobs import EstimateComInput
 from stridelab.schemas.measures import GaitMeasuresInput, GaitMeasuresSummary
-from stridelab.schemas.tasks import EstimateComTask, GaitMeasuresTask, MeasuresMember
+from stridelab.schemas.tasks import GaitMeasuresTask
 from stridelab.service.kinds.base import Blobs, JobKind, Json
-from stridelab.service.kinds.staging import require_recordings, stage_estimate_com
+from stridelab.service.kinds.staging import require_recordings, stage_members
 from stridelab.service.samples.recording import SAMPLE_ID
 
 
@@ -17,13 +16,7 @@ async def stage(connection: AsyncConnection, blobs: Blobs, input: Contract, fold
     """Fetch every recording into a separate folder. Raises as ``require_recordings`` does."""
     request = GaitMeasuresInput.model_validate(input.model_dump())
     await require_recordings(connection, request.recording_ids)
-    members = []
-    for index, recording_id in enumerate(request.recording_ids):
-        name = f"recording-{index:03d}"
-        (folder / name).mkdir()
-        one = EstimateComInput(recording_id=recording_id, method=request.method)
-        task = EstimateComTask.model_validate(await stage_estimate_com(connection, blobs, one, folder / name))
-        members.append(MeasuresMember(recording_id=recording_id, folder=name, task=task))
+    members = await stage_members(connection, blobs, request.recording_ids, request.method, folder)
     return GaitMeasuresTask(members=members).model_dump(mode="json")
 
 
