@@ -1,5 +1,7 @@
 from .library.measures import GaitMeasures as GaitMeasures
+from .library.measures import GaitReport as GaitReport
 from .library.measures import gait_measures as gait_measures
+from .library.measures import gait_report as gait_report
 from .library.plans import PlannedMotion as PlannedMotion
 from .library.plans import plan_motion as plan_motion
 from .library.recordings import CentreOfMass as CentreOfMass
@@ -14,11 +16,13 @@ __all__ = [
     "CentreOfMass",
     "CycloidFit",
     "GaitMeasures",
+    "GaitReport",
     "LoadedRecording",
     "PlannedMotion",
     "estimate_com",
     "fit_cycloid",
     "gait_measures",
+    "gait_report",
     "load_robot",
     "plan_motion",
     "read",

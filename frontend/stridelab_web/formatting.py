@@ -135,6 +135,7 @@ KINDS = {
     "fit-cycloid": "Rolling wheel",
     "study-population": "Population",
     "gait-measures": "Gait measures",
+    "gait-report": "Gait report",
     "read-batch": "Bulk upload",
 }
 """Titles of the kinds of jobs that are not their codes in words."""

@@ -66,7 +66,7 @@ def measure_gait(
     subject = validate_options(SubjectFields, stated)
 
     def compute(folder: Path) -> JobResult:
-        paths = _collect_recordings(files)
+        paths = collect_recordings(files)
         if delivery.server is None:
             return _measure_here(paths, static, subject, method, folder)
         return _measure_there(paths, static, subject, method, folder, delivery)
@@ -74,7 +74,7 @@ def measure_gait(
     deliver_result("measures", delivery, compute, _show_measures)
 
 
-def _collect_recordings(given: Sequence[Path]) -> list[Path]:
+def collect_recordings(given: Sequence[Path]) -> list[Path]:
     """Given files and the recordings in given folders. Raises ``InvalidInput`` (``no-recordings``) without any."""
     paths: list[Path] = []
     for path in given:
@@ -193,9 +193,9 @@ def report_gait(
     stated = {"height_m": height_m, "mass_kg": mass_kg, "sex": sex, "age_years": age_years}
     subject = validate_options(SubjectFields, stated)
     walks = ReportWalks(
-        _collect_recordings(files),
+        collect_recordings(files),
         [] if reference is None else people_in(reference),
-        _collect_recordings(before) if before else [],
+        collect_recordings(before) if before else [],
     )
 
     def compute(folder: Path) -> JobResult:
@@ -226,7 +226,7 @@ def people_in(folder: Path) -> list[list[Path]]:
     Raises ``InvalidInput`` (``no-recordings``) without any.
     """
     people: dict[Path, list[Path]] = {}
-    for path in _collect_recordings([folder]):
+    for path in collect_recordings([folder]):
         people.setdefault(folder / path.relative_to(folder).parts[0] if folder.is_dir() else path, []).append(path)
     return list(people.values())
 

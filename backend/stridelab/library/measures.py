@@ -1,5 +1,7 @@
-"""``sl.gait_measures``: margins of stability, steps, energy, work and angular momentum of a walk."""
+"""``sl.gait_measures`` and ``sl.gait_report``: margins of stability, steps, energy, work, angular momentum of walks."""
 
+import tempfile
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -8,8 +10,13 @@ from stridelab.library.options import Progress, data_frame, ignore_progress, val
 from stridelab.library.recordings import LoadedRecording, load_recording, staged_sources
 from stridelab.pipelines.gait_measures import GaitMeasuresResult
 from stridelab.pipelines.gait_measures import gait_measures as _gait_measures
+from stridelab.pipelines.gait_report.html import render_html
+from stridelab.pipelines.gait_report.pdf import render_pdf
+from stridelab.pipelines.gait_report.report import GaitReport as ComposedReport
+from stridelab.pipelines.gait_report.report import gait_report as _compose_report
 from stridelab.schemas.jobs import EstimateComInput
-from stridelab.schemas.measures import GaitMeasuresInput, GaitMeasuresSummary
+from stridelab.schemas.measures import GaitMeasuresInput, GaitMeasuresSummary, GaitReportInput, GaitReportSummary
+from stridelab.schemas.recordings import SubjectFields
 from stridelab.schemas.tasks import EstimateComTask, GaitMeasuresTask, MeasuresMember
 
 
@@ -78,3 +85,75 @@ def gait_measures(
         member = MeasuresMember(recording_id=loaded.path.name, folder=".", task=task)
         measured = _gait_measures(GaitMeasuresTask(members=[member]), folder, progress or ignore_progress)
         return GaitMeasures(loaded, request, measured)
+
+
+@dataclass(frozen=True)
+class GaitReport:
+    """A report on the gait of a person, from ``gait_report``."""
+
+    request: GaitReportInput
+    report: ComposedReport
+
+    @property
+    def summary(self) -> GaitReportSummary:
+        """The summary of the job ``gait-report``: the measures, the reference group and the change."""
+        return self.report.summary
+
+    @property
+    def html(self) -> str:
+        """One page of HTML without scripts and without addresses of other files."""
+        return render_html(self.report.content)
+
+    @property
+    def pdf(self) -> bytes:
+        """The same report as PDF."""
+        return render_pdf(self.report.content)
+
+    def save(self, path: str | Path) -> Path:
+        """Write the report as PDF if the name ends in ``.pdf``, else as HTML; an earlier file is replaced."""
+        path = Path(path)
+        path.write_bytes(self.pdf if path.suffix.lower() == ".pdf" else self.html.encode("utf-8"))
+        return path
+
+
+def gait_report(
+    recordings: str | Path | Sequence[str | Path],
+    *,
+    reference: str | Path | None = None,
+    before: str | Path | Sequence[str | Path] = (),
+    title: str | None = None,
+    method: str | None = None,
+    static: str | Path | None = None,
+    progress: Progress | None = None,
+    **person: Any,
+) -> GaitReport:
+    """Report on the gait of a person, as HTML and PDF.
+
+    Args:
+        recordings: Recordings of the person, or folders of them; pooled.
+        reference: Folder of other people, with whom the person is compared: a subfolder, or a file beside them, is
+            one person.
+        before: Earlier recordings of the person, or folders; the report then states the change.
+        title: Heading of the report; no name of a person appears anywhere else, except in the names of files.
+        method: An estimator of the centre of mass by name; None takes the best one.
+        static: A static trial of the person.
+        progress: Called with a fraction from 0 to 1 and a message.
+        person: ``height_m``, ``mass_kg``, ``sex`` and ``age_years`` of the person, as in ``read``.
+
+    Raises:
+        InvalidInput: There is no recording, or a given value is invalid.
+        NotEstimable: No recording has a whole step; code and message say what is missing.
+    """
+    from stridelab.cli.measures import ReportWalks, collect_recordings, people_in, report_task
+
+    def paths_of(given: str | Path | Sequence[str | Path]) -> list[Path]:
+        listed = [given] if isinstance(given, str | Path) else given
+        return collect_recordings([Path(one) for one in listed]) if listed else []
+
+    people = [] if reference is None else people_in(Path(reference))
+    walks = ReportWalks(paths_of(recordings), people, paths_of(before))
+    subject = validate_fields(SubjectFields, person)
+    with tempfile.TemporaryDirectory(prefix="stridelab-") as name:
+        fields = {"title": title, "method": method}
+        task = report_task(walks, subject, fields, None if static is None else Path(static), Path(name))
+        return GaitReport(task.input, _compose_report(task, Path(name), progress or ignore_progress))

@@ -78,7 +78,7 @@ async def _result_view(client: AsyncClient, job: Job, result: JobResult, query: 
             return {"sweep": await sweep.sweep_of(client, job.id, result)}
         case receding.KIND:
             return {"receding": await receding.receding_of(client, job.id, result)}
-        case measures.KIND:
+        case kind if kind in measures.KINDS:
             return {"measures": measures.measures_of(result)}
         case reproduction.KIND:
             return {"reproduction": reproduction.reproduction_of(result)}

@@ -82,7 +82,8 @@ def draw_panel(panel: Panel) -> Drawing:
     if not panel.curves:
         items.append(Text((left + right) / 2, (top + bottom) / 2, "not measured", _SIZE, "middle", PALE))
         return Drawing(WIDTH, HEIGHT, tuple(items))
-    low, high = _limits([*panel.curves, *([panel.reference] if panel.reference else [])])
+    drawn = [*([panel.reference] if panel.reference else []), *panel.curves]
+    low, high = _limits(drawn)
 
     def place(percent: float, value: float) -> Point:
         across, up = percent / 100.0, (value - low) / (high - low)
@@ -95,18 +96,15 @@ def draw_panel(panel: Panel) -> Drawing:
     for percent in (0, 20, 40, 60, 80, 100):
         x, y = place(percent, low)
         items.append(Text(x, y + 3.4, f"{percent} %" if percent == 100 else str(percent), _SIZE, "middle", PALE))
-    drawn: list[tuple[Label, Curve]] = ([("reference", panel.reference)] if panel.reference else []) + [
-        (one.label, one) for one in panel.curves
-    ]
-    for label, one in drawn:
+    for one in drawn:
         if one.sd is not None:
-            opacity = 0.3 if label == "reference" else 0.16
-            items += [Area(points, COLOURS[label], opacity) for points in _bands(one, place)]
-    for label, one in drawn:
-        width = 0.3 if label == "reference" else 0.5
+            opacity = 0.3 if one.label == "reference" else 0.16
+            items += [Area(points, COLOURS[one.label], opacity) for points in _bands(one, place)]
+    for one in drawn:
+        width = 0.3 if one.label == "reference" else 0.5
         for run in _runs(one.mean):
             points = [place(k, float(one.mean[k])) for k in run]
-            items.append(Line(points, COLOURS[label], width, DASHES[label]))
+            items.append(Line(points, COLOURS[one.label], width, DASHES[one.label]))
     return Drawing(WIDTH, HEIGHT, tuple(items))
 
 

@@ -179,13 +179,8 @@ class _Layout:
             for text, size, ink in lines:
                 for line in wrap_text(text, size, column.width - 1.5):
                     y += size * LEADING
-                    right = x + column.width - 0.5
-                    place = (
-                        (right, y - 0.3 * size, line, size, "end")
-                        if column.numeric
-                        else (x, y - 0.3 * size, line, size)
-                    )
-                    self.put(Text(*place, colour=ink))  # type: ignore[arg-type]
+                    edge = x + column.width - 0.5 if column.numeric else x
+                    self.put(Text(edge, y - 0.3 * size, line, size, "end" if column.numeric else "start", ink))
             bottom, x = max(bottom, y), x + column.width
         self.y = bottom + 0.6
         self.put(Line([(LEFT_EDGE, self.y), (x, self.y)], colour, 0.12))

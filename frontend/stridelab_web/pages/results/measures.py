@@ -9,13 +9,14 @@ from stridelab.schemas.measures import (
     MEASURE_TITLES,
     BodySide,
     GaitMeasuresSummary,
+    GaitReportSummary,
     MeasureValue,
     measure_scale,
     measure_title,
 )
 from stridelab_web.formatting import count_text
 
-KIND: Final = "gait-measures"
+KINDS: Final = frozenset({"gait-measures", "gait-report"})
 MAIN: Final[Mapping[str, str]] = {
     "walking_speed": "Speed",
     "step_length": "Step length",
@@ -27,6 +28,7 @@ MAIN: Final[Mapping[str, str]] = {
 }
 """Measures of which the first ``N_MAIN`` that are known are shown above the table, with their short titles."""
 N_MAIN: Final = 6
+DOWNLOADS: Final = ("report.pdf", "report.html", "measures.csv", "xcom.csv")
 MIN_STEPS: Final = 3
 """Steps below which the headline refers to the intervals: Student's quantile for two values is 12.7."""
 
@@ -49,7 +51,7 @@ class Row:
 
 def measures_of(result: JobResult) -> dict[str, Any]:
     """Values for the template."""
-    summary = GaitMeasuresSummary.model_validate(result.summary)
+    summary = GaitReportSummary.model_validate(result.summary)  # of a report, or of measures without its fields
     rows = {row.name: row for row in measure_rows(summary)}
     contradicted = [item for item in summary.left_out if item.code == "contradicted"]
     present = {item.name for item in result.artifacts}
@@ -61,7 +63,7 @@ def measures_of(result: JobResult) -> dict[str, Any]:
         "contradicted": contradicted,
         "left_out": [item for item in summary.left_out if item not in contradicted],
         "missing": [(measure_title(item.name), item) for item in summary.not_measured],
-        "downloads": [name for name in ("measures.csv", "xcom.csv") if name in present],
+        "downloads": [name for name in DOWNLOADS if name in present],
     }
 
 

@@ -7,7 +7,8 @@ from typing import Any
 import httpx
 import pytest
 
-from stridelab_web.pages.results.measures import TITLES, measure_rows, measures_headline, measures_of
+from stridelab.schemas.measures import MEASURE_TITLES
+from stridelab_web.pages.results.measures import measure_rows, measures_headline, measures_of
 from support.fakes.measures import KIND, result, summary
 from support.fakes.service import FakeService
 
@@ -42,7 +43,7 @@ def test_values_are_in_the_units_of_the_field_with_their_interval_and_sides() ->
 def test_rows_are_in_the_order_of_the_titles() -> None:
     names = [row.name for row in measure_rows(summary())]
     assert names[:3] == ["walking_speed", "step_length", "step_width"]
-    assert names == [name for name in TITLES if name in names]
+    assert names == [name for name in MEASURE_TITLES if name in names]
 
 
 def test_a_measure_of_a_later_version_is_shown_under_its_name() -> None:
