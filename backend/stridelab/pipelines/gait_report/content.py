@@ -70,7 +70,7 @@ class Row:
     right: Cell | None
     both: Cell | None
     symmetry: str = ""
-    reference: str = ""
+    reference: Cell | None = None
     z: str = ""
 
 
@@ -94,6 +94,7 @@ class TrialRow:
     filename: str
     recorded_on: str
     steps: str
+    speed: str
     method: str
     verdict: str
     note: str
@@ -110,6 +111,7 @@ class ReportContent:
     version: str
     verdict: str
     verdict_note: str
+    cautions: tuple[str, ...]
     facts: tuple[tuple[str, str], ...]
     tiles: tuple[Tile, ...]
     panels: tuple[Panel, ...]
@@ -129,4 +131,4 @@ class ReportContent:
     @property
     def is_compared(self) -> bool:
         """Whether the table has the columns of a reference group."""
-        return any(row.reference for row in self.rows)
+        return any(row.reference is not None for row in self.rows)

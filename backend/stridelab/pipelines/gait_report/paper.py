@@ -248,6 +248,8 @@ def _header(layout: _Layout, content: ReportContent) -> None:
     layout.paragraph(" · ".join(f"{name}: {text}" for name, text in content.facts))
     top = layout.y
     layout.paragraph(f"Quality: {content.verdict}. {content.verdict_note}", indent=3.0)
+    for text in content.cautions:
+        layout.paragraph(text, indent=3.0)
     layout.put(Area(_rectangle(LEFT_EDGE, top, 1.0, layout.y - top), VERDICT_COLOURS.get(content.verdict, PALE)))
     layout.y += 1.0
 
@@ -331,7 +333,7 @@ def _measure_cells(row: Row, *, compared: bool) -> list[Lines]:
     cells += [_value_cell(cell) for cell in (row.left, row.right, row.both)]
     cells.append(_plain(row.symmetry or "–"))
     if compared:
-        cells += [_plain(row.reference or "–"), _plain(row.z or "–")]
+        cells += [_value_cell(row.reference), _plain(row.z or "–")]
     return cells
 
 
@@ -363,10 +365,10 @@ def _changes(layout: _Layout, content: ReportContent) -> None:
 
 def _recordings(layout: _Layout, content: ReportContent) -> None:
     layout.heading("Recordings", 12.0)
-    widths = (("File", 62.0), ("Recorded", 22.0), ("Steps", 30.0), ("Estimator", 25.0), ("Quality", 43.0))
+    widths = {"File": 58.0, "Recorded": 22.0, "Steps": 29.0, "Speed": 18.0, "Estimator": 22.0, "Quality": 33.0}
     rows = []
     for one in content.trials:
-        cells = [_plain(text) for text in (one.filename, one.recorded_on, one.steps, one.method)]
+        cells = [_plain(text) for text in (one.filename, one.recorded_on, one.steps, one.speed, one.method)]
         quality = [(one.verdict, SIZE, INK)] + ([(one.note, SMALL, PALE)] if one.note else [])
         rows.append([*cells, quality])
-    layout.table([Column(name, width, numeric=False) for name, width in widths], rows)
+    layout.table([Column(name, width, numeric=False) for name, width in widths.items()], rows)

@@ -24,6 +24,13 @@ from stridelab.pipelines.gait_report.content import (
     TrialRow,
 )
 from stridelab.pipelines.gait_report.logo import Logo
+from stridelab.pipelines.gait_report.reasons import (
+    cautions_of,
+    count_of,
+    missing_measures,
+    missing_reason,
+    speed_m_s_of,
+)
 from stridelab.resources import models_dir
 from stridelab.schemas.base import Remark
 from stridelab.schemas.measures import (
@@ -36,6 +43,7 @@ from stridelab.schemas.measures import (
     measure_scale,
     measure_title,
 )
+from stridelab.schemas.population import LeftOut
 from stridelab.schemas.tasks import GaitReportTask
 
 TILES: Final[Mapping[str, str]] = {
@@ -55,28 +63,6 @@ PANELS: Final[Mapping[CurveName, tuple[str, str]]] = {
     "margin_of_stability_ap": ("Margin of stability ahead", "mm, in the stance of the foot of the cycle"),
 }
 """Title and caption of every chart."""
-REASON_OF: Final[Mapping[str, str]] = {
-    "cadence": "step_time",
-    "double_support_share": "step_time",
-    "stride_time": "stride_length",
-    "stance_share": "stride_length",
-    "swing_share": "stride_length",
-    "com_vertical_excursion": "stride_length",
-    "com_lateral_excursion": "stride_length",
-    "margin_of_stability_ml_contact": "margin_of_stability_ml_min",
-    "margin_of_stability_ap_contact": "margin_of_stability_ml_min",
-    "capture_point_offset_ap": "margin_of_stability_ml_min",
-    "capture_point_offset_ml": "margin_of_stability_ml_min",
-    "external_work": "energy_recovery",
-    "limb_work_left_negative": "limb_work_left_positive",
-    "limb_work_right_negative": "limb_work_right_positive",
-    "angular_momentum_range_y": "angular_momentum_range_x",
-    "angular_momentum_range_z": "angular_momentum_range_x",
-    "foot_placement_gain_position": "foot_placement_residual",
-    "foot_placement_gain_velocity": "foot_placement_residual",
-    "foot_placement_explained": "foot_placement_residual",
-}
-"""The measure of ``not_measured`` that has the reason of a measure without an entry of its own."""
 MASS_SOURCES: Final = {"stated": "as stated", "file": "from the file", "force": "measured by the force plates"}
 NOT_KNOWN: Final = "not known"
 
@@ -104,6 +90,7 @@ def report_content(
         version=f"stridelab {stridelab.__version__}",
         verdict=quality.verdict,
         verdict_note=" ".join(wrong) or f"{len(quality.checks)} checks of the sensors against each other passed.",
+        cautions=cautions_of(result, summary),
         facts=(
             ("Steps", steps),
             ("Recordings", str(summary.n_recordings)),
@@ -125,12 +112,20 @@ def report_content(
         changes=tuple(_change(one) for one in summary.changes),
         change_note=_change_note(summary.changes),
         missing=missing_measures(summary),
-        left_out=tuple((one.filename, one.message) for one in summary.left_out),
+        left_out=_left_out(summary.left_out),
         remarks=_remarks(summary.warnings),
         trials=tuple(_trial(one) for one in result.recordings),
-        settings=_settings(result, summary),
+        settings=_settings(result),
         references=tuple(reference_text(key) for key in result.citation_keys),
     )
+
+
+def _left_out(recordings: Sequence[LeftOut]) -> tuple[tuple[str, str], ...]:
+    """Names of files joined by the reason."""
+    grouped: dict[str, list[str]] = {}
+    for one in recordings:
+        grouped.setdefault(one.message, []).append(one.filename)
+    return tuple((", ".join(names), reason) for reason, names in grouped.items())
 
 
 def mass_text(recordings: Sequence[MeasuredRecording]) -> str:
@@ -144,30 +139,6 @@ def mass_text(recordings: Sequence[MeasuredRecording]) -> str:
         sd = max(mass.sd_kg for mass in masses if mass.source is not None)
         return f"{np.mean(known):.1f} ± {sd:.1f} kg, {sources}"
     return f"{min(known):.1f} to {max(known):.1f} kg, {sources}"
-
-
-def missing_measures(summary: GaitReportSummary) -> tuple[tuple[str, str], ...]:
-    """Measures, or their sides, that are missing: titles joined by the reason."""
-    given = {(one.name, one.side) for one in summary.measures}
-    grouped: dict[str, list[str]] = {}
-    for name in MEASURE_TITLES:
-        if (name, None) not in given:
-            grouped.setdefault(missing_reason(name, summary), []).append(measure_title(name))
-            continue
-        if name.startswith("limb_work_") or not {(name, side) for side in SIDES} & given:
-            continue
-        for side in SIDES:
-            if (name, side) not in given:
-                reason = f"No {'step' if summary.sides.get(side) else 'whole step'} of the {side} foot allows it."
-                grouped.setdefault(reason, []).append(f"{measure_title(name)}, {side}")
-    return tuple(("; ".join(titles), reason) for reason, titles in grouped.items())
-
-
-def missing_reason(name: str, summary: GaitReportSummary) -> str:
-    """Why a measure is missing in the summary."""
-    reasons = {one.name: one.message for one in summary.not_measured}
-    fallback = "No step of the recordings allows it: a marker is hidden or the estimate does not cover it."
-    return reasons.get(name) or reasons.get(REASON_OF.get(name, "")) or fallback
 
 
 def _tile(name: str, title: str, summary: GaitReportSummary) -> Tile:
@@ -222,7 +193,7 @@ def _rows(summary: GaitReportSummary) -> tuple[Row, ...]:
                 right=_cell(found.get((name, "right"))),
                 both=_cell(both),
                 symmetry="" if both.symmetry is None else f"{100.0 * both.symmetry:+z.1f} %",
-                reference="" if group is None else _group_text(scale, group),
+                reference=None if group is None else _group_cell(scale, group),
                 z="" if group is None or group.z is None else f"{group.z:+z.1f}",
             )
         )
@@ -237,9 +208,9 @@ def _cell(one: MeasureValue | None) -> Cell | None:
     return Cell(scale.number(one.mean), sd, _interval(one), one.n)
 
 
-def _group_text(scale: MeasureScale, group: ReferenceValue) -> str:
-    sd = "" if group.between_sd is None else f" ± {scale.number(group.between_sd)}"
-    return f"{scale.number(group.mean)}{sd} (n {group.n_people})"
+def _group_cell(scale: MeasureScale, group: ReferenceValue) -> Cell:
+    sd = "" if group.between_sd is None else scale.number(group.between_sd)
+    return Cell(scale.number(group.mean), sd, "", group.n_people)
 
 
 def _reference_note(summary: GaitReportSummary) -> str:
@@ -247,8 +218,8 @@ def _reference_note(summary: GaitReportSummary) -> str:
     if not people:
         return ""
     note = (
-        f"Reference group: {_count(people, 'person', 'people')}, each counted once; mean ± standard deviation between "
-        "them, and z = (value - mean) / standard deviation."
+        f"Reference group: {count_of(people, 'person', 'people')}, each counted once; mean ± standard deviation "
+        "between them, and z = (value - mean) / standard deviation."
     )
     if people < FEW_PEOPLE:
         note += f" Mean and standard deviation of fewer than {FEW_PEOPLE} people mean little."
@@ -299,7 +270,7 @@ def _panel_note(curves: Sequence[CycleCurve], people: int) -> str:
         "standard deviation between the cycles."
     )
     if people:
-        note += f" Grey: mean and standard deviation of {_count(people, 'person', 'people')} of the reference group."
+        note += f" Grey: mean and standard deviation of {count_of(people, 'person', 'people')} of the reference group."
     return note
 
 
@@ -318,32 +289,28 @@ def _remarks(remarks: Sequence[Remark]) -> tuple[str, ...]:
 def _trial(one: MeasuredRecording) -> TrialRow:
     wrong = " ".join(check.message for check in one.quality.quality.checks if not check.passed)
     sides = [sum(step.side == side for step in one.steps) for side in SIDES]
+    speed_m_s = speed_m_s_of(one)
     return TrialRow(
         filename=one.filename,
         recorded_on=one.prepared.trial.recording.recorded_on or NOT_KNOWN,
         steps=f"{sides[0]} left, {sides[1]} right",
+        speed=NOT_KNOWN if speed_m_s is None else f"{speed_m_s:.2f} m/s",
         method=one.estimate.method,
         verdict=one.quality.quality.verdict,
         note=wrong,
     )
 
 
-def _settings(result: GaitMeasuresResult, summary: GaitReportSummary) -> tuple[tuple[str, str], ...]:
+def _settings(result: GaitMeasuresResult) -> tuple[tuple[str, str], ...]:
     methods = ", ".join(dict.fromkeys(one.estimate.method for one in result.recordings))
     tables = ", ".join(dict.fromkeys(one.prepared.geometric.table for one in result.recordings))
     sets = ", ".join(dict.fromkeys(one.prepared.trial.match.name or NOT_KNOWN for one in result.recordings))
-    speed = NOT_KNOWN if summary.speed_m_s is None else f"{summary.speed_m_s:.2f} m/s"
     return (
         ("Estimator of the centre of mass", methods),
         ("Segment table", tables),
         ("Marker set", sets),
-        ("Mean speed", speed),
         ("Version", f"stridelab {stridelab.__version__}"),
     )
-
-
-def _count(number: int, one: str, several: str) -> str:
-    return f"{number} {one if number == 1 else several}"
 
 
 _ENTRY: Final = re.compile(r"^@\w+\{([^,\s]+),(.*?)^\}", re.MULTILINE | re.DOTALL)

@@ -1,0 +1,94 @@
+"""What is missing in the report and why, and what to know before its numbers."""
+
+from collections.abc import Mapping
+from typing import Final
+
+import numpy as np
+
+from stridelab.pipelines.gait_measures import SIDES, GaitMeasuresResult, MeasuredRecording
+from stridelab.schemas.measures import MEASURE_TITLES, GaitReportSummary, measure_title
+
+REASON_OF: Final[Mapping[str, str]] = {
+    "cadence": "step_time",
+    "double_support_share": "step_time",
+    "stride_time": "stride_length",
+    "stance_share": "stride_length",
+    "swing_share": "stride_length",
+    "com_vertical_excursion": "stride_length",
+    "com_lateral_excursion": "stride_length",
+    "margin_of_stability_ml_contact": "margin_of_stability_ml_min",
+    "margin_of_stability_ap_contact": "margin_of_stability_ml_min",
+    "capture_point_offset_ap": "margin_of_stability_ml_min",
+    "capture_point_offset_ml": "margin_of_stability_ml_min",
+    "external_work": "energy_recovery",
+    "limb_work_left_negative": "limb_work_left_positive",
+    "limb_work_right_negative": "limb_work_right_positive",
+    "angular_momentum_range_y": "angular_momentum_range_x",
+    "angular_momentum_range_z": "angular_momentum_range_x",
+    "foot_placement_gain_position": "foot_placement_residual",
+    "foot_placement_gain_velocity": "foot_placement_residual",
+    "foot_placement_explained": "foot_placement_residual",
+}
+"""The measure of ``not_measured`` that has the reason of a measure without an entry of its own."""
+FEW_STEPS: Final = 6
+MAX_SPEED_SPREAD: Final = 0.25
+"""Range of the speeds of the recordings over their mean above which the report warns that conditions are mixed."""
+SIGNIFICANT_Z: Final = 2.0
+
+
+def cautions_of(result: GaitMeasuresResult, summary: GaitReportSummary) -> tuple[str, ...]:
+    """What a reader should know before the numbers."""
+    cautions = [one.message for one in summary.warnings if one.code == "force-not-used"]
+    missing = [side for side in SIDES if not summary.sides.get(side)]
+    cautions += [f"No whole step of the {side} foot is measured." for side in missing]
+    if summary.steps < FEW_STEPS and not missing:
+        steps = count_of(summary.steps, "step is", "steps are")
+        cautions.append(f"Only {steps} measured: symmetry and scatter between the steps are uncertain.")
+    speeds = [speed for one in result.recordings if (speed := speed_m_s_of(one)) is not None]
+    if speeds and max(speeds) - min(speeds) > MAX_SPEED_SPREAD * float(np.mean(speeds)):
+        cautions.append(
+            f"The recordings have speeds from {min(speeds):.2f} to {max(speeds):.2f} m/s. Most measures depend on the "
+            "speed: report the conditions one by one."
+        )
+    apart = next((one for one in summary.reference if one.name == "walking_speed"), None)
+    if apart is not None and apart.z is not None and abs(apart.z) > SIGNIFICANT_Z:
+        cautions.append(
+            f"The person walks at another speed than the reference group (z = {apart.z:+.1f}); other differences may "
+            "follow from that."
+        )
+    return tuple(dict.fromkeys(cautions))
+
+
+def speed_m_s_of(one: MeasuredRecording) -> float | None:
+    """Mean walking speed over the steps of a recording."""
+    speeds = [measure.value for measure in one.measures if measure.name == "walking_speed"]
+    return float(np.mean(speeds)) if speeds else None
+
+
+def missing_measures(summary: GaitReportSummary) -> tuple[tuple[str, str], ...]:
+    """Measures, or their sides, that are missing: titles joined by the reason."""
+    given = {(one.name, one.side) for one in summary.measures}
+    grouped: dict[str, list[str]] = {}
+    for name in MEASURE_TITLES:
+        if (name, None) not in given:
+            grouped.setdefault(missing_reason(name, summary), []).append(measure_title(name))
+            continue
+        if name.startswith("limb_work_") or not {(name, side) for side in SIDES} & given:
+            continue
+        for side in SIDES:
+            if (name, side) not in given:
+                reason = f"No {'step' if summary.sides.get(side) else 'whole step'} of the {side} foot allows it."
+                grouped.setdefault(reason, []).append(f"{measure_title(name)}, {side}")
+    return tuple(("; ".join(titles), reason) for reason, titles in grouped.items())
+
+
+def missing_reason(name: str, summary: GaitReportSummary) -> str:
+    """Why a measure is missing in the summary."""
+    reasons = {one.name: one.message for one in summary.not_measured}
+    fallback = "No step of the recordings allows it: a marker is hidden or the estimate does not cover it."
+    return reasons.get(name) or reasons.get(REASON_OF.get(name, "")) or fallback
+
+
+def count_of(number: int, one: str, several: str) -> str:
+    """A number with its noun."""
+    return f"{number} {one if number == 1 else several}"
