@@ -14,8 +14,7 @@ from typing import Final
 import numpy as np
 from scipy.stats import t as student
 
-from stridelab.measures.measure import CONFIDENCE
-from stridelab.pipelines.gait_measures import MeasuredRecording
+from stridelab.measures.measure import CONFIDENCE, Measure
 from stridelab.schemas.measures import ChangeValue, GaitMeasuresSummary, ReferenceValue
 
 FEW_PEOPLE: Final = 5
@@ -45,9 +44,9 @@ def compare_with_people(person: GaitMeasuresSummary, people: Sequence[GaitMeasur
     return values
 
 
-def change_between(before: Sequence[MeasuredRecording], after: Sequence[MeasuredRecording]) -> list[ChangeValue]:
-    """Change of every measure that both groups have, from the means of the recordings."""
-    units = {measure.name: measure.unit for one in after for measure in one.measures}
+def change_between(before: Sequence[Sequence[Measure]], after: Sequence[Sequence[Measure]]) -> list[ChangeValue]:
+    """Change of every measure that both groups have; each of their elements are the measures of one recording."""
+    units = {measure.name: measure.unit for recording in after for measure in recording}
     earlier, later = _recording_means(before), _recording_means(after)
     return [
         ChangeValue(
@@ -79,12 +78,12 @@ def welch_interval(before: Sequence[float], after: Sequence[float]) -> tuple[flo
     return change - half, change + half
 
 
-def _recording_means(recordings: Sequence[MeasuredRecording]) -> Mapping[str, list[float]]:
+def _recording_means(recordings: Sequence[Sequence[Measure]]) -> Mapping[str, list[float]]:
     """Mean over the steps of each recording that has the measure."""
     means: dict[str, list[float]] = {}
-    for one in recordings:
+    for recording in recordings:
         values: dict[str, list[float]] = {}
-        for measure in one.measures:
+        for measure in recording:
             values.setdefault(measure.name, []).append(measure.value)
         for name, given in values.items():
             means.setdefault(name, []).append(float(np.mean(given)))

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from stridelab.errors import InvalidInput, StridelabError
 from stridelab.measures.gait_cycle import CURVE_NAMES, CurveName, CycleCurve, MeanCurve, cycle_curves, mean_curve
+from stridelab.measures.measure import Measure
 from stridelab.pipelines.gait_measures import GaitMeasuresResult, MeasuredRecording, gait_measures
 from stridelab.pipelines.gait_report.comparison import change_between, compare_with_people
 from stridelab.pipelines.gait_report.content import ReportContent
@@ -68,11 +69,12 @@ def gait_report(task: GaitReportTask, folder: Path, progress: ProgressCallback) 
         except StridelabError as error:
             left_out += _all_left_out(person.members, error)
         done += len(person.members)
-    earlier: tuple[MeasuredRecording, ...] = ()
+    earlier: list[Sequence[Measure]] = []
     if task.before:
         try:
             before = measure(task.before)
-            earlier, left_out = before.recordings, [*left_out, *before.summary.left_out]
+            earlier = [one.measures for one in before.recordings]
+            left_out += before.summary.left_out
         except StridelabError as error:
             left_out += _all_left_out(task.before, error)
     logo, remarks = _logo_of(task, folder)
@@ -82,7 +84,7 @@ def gait_report(task: GaitReportTask, folder: Path, progress: ProgressCallback) 
         warnings=[*measured.summary.warnings, *remarks],
         reference=compare_with_people(measured.summary, [person.summary for person in people]),
         reference_people=len(people),
-        changes=change_between(earlier, measured.recordings) if earlier else [],
+        changes=change_between(earlier, [one.measures for one in measured.recordings]),
     )
     reference = {
         name: mean

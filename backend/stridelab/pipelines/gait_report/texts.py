@@ -109,7 +109,7 @@ def report_content(
             "known to about 1 cm, the same in all steps, which the interval does not contain."
         ),
         reference_note=_reference_note(summary),
-        changes=tuple(_change(one) for one in summary.changes),
+        changes=tuple(_change(one) for one in sorted(summary.changes, key=_place_in_table)),
         change_note=_change_note(summary.changes),
         missing=missing_measures(summary),
         left_out=_left_out(summary.left_out),
@@ -204,13 +204,19 @@ def _cell(one: MeasureValue | None) -> Cell | None:
     if one is None:
         return None
     scale = measure_scale(one.name, one.unit)
-    sd = "" if one.between_sd is None else scale.number(one.between_sd)
+    sd = "" if one.between_sd is None else _spread(scale, one.between_sd)
     return Cell(scale.number(one.mean), sd, _interval(one), one.n)
 
 
 def _group_cell(scale: MeasureScale, group: ReferenceValue) -> Cell:
-    sd = "" if group.between_sd is None else scale.number(group.between_sd)
+    sd = "" if group.between_sd is None else _spread(scale, group.between_sd)
     return Cell(scale.number(group.mean), sd, "", group.n_people)
+
+
+def _spread(scale: MeasureScale, sd: float) -> str:
+    """A standard deviation; of one that is rounded to zero, the limit below which it is."""
+    text = scale.number(sd)
+    return text if float(text) else f"<{10.0**-scale.digits:.{scale.digits}f}"
 
 
 def _reference_note(summary: GaitReportSummary) -> str:
@@ -226,6 +232,11 @@ def _reference_note(summary: GaitReportSummary) -> str:
     return note
 
 
+def _place_in_table(one: ChangeValue) -> int:
+    names = list(MEASURE_TITLES)
+    return names.index(one.name) if one.name in names else len(names)
+
+
 def _change(one: ChangeValue) -> Change:
     scale = measure_scale(one.name, one.unit)
     interval = "" if one.ci95 is None else f"{scale.number(one.ci95[0])} to {scale.number(one.ci95[1])}"
@@ -233,7 +244,7 @@ def _change(one: ChangeValue) -> Change:
         f"{scale.number(value)} (n {n})" for value, n in ((one.before, one.n_before), (one.after, one.n_after))
     )
     change = scale.number(one.change)
-    signed = change if change.startswith("-") else f"+{change}"
+    signed = f"+{change}" if float(change) > 0.0 else change
     return Change(one.name, measure_title(one.name), scale.unit, before, after, signed, interval)
 
 
