@@ -93,8 +93,8 @@ def draw_panel(panel: Panel) -> Drawing:
         items.append(Line([place(0.0, value), place(100.0, value)], GRID, 0.15 if value else 0.4))
         x, y = place(0.0, value)
         items.append(Text(x - 1.0, y + 0.9, f"{value:zg}", _SIZE, "end", PALE))
-    for percent in (0, 20, 40, 60, 80, 100):
-        x, y = place(percent, low)
+    for percent in range(0, 101, 20):
+        x, y = place(float(percent), low)
         items.append(Text(x, y + 3.4, f"{percent} %" if percent == 100 else str(percent), _SIZE, "middle", PALE))
     for one in drawn:
         if one.sd is not None:
@@ -103,7 +103,7 @@ def draw_panel(panel: Panel) -> Drawing:
     for one in drawn:
         width = 0.3 if one.label == "reference" else 0.5
         for run in _runs(one.mean):
-            points = [place(k, float(one.mean[k])) for k in run]
+            points = [place(float(k), float(one.mean[k])) for k in run]
             items.append(Line(points, COLOURS[one.label], width, DASHES[one.label]))
     return Drawing(WIDTH, HEIGHT, tuple(items))
 
@@ -123,8 +123,8 @@ def _edge(one: Curve, sign: float) -> Float[np.ndarray, "101"]:
 def _bands(one: Curve, place: Place) -> Iterator[list[Point]]:
     upper, lower = _edge(one, 1.0), _edge(one, -1.0)
     for run in _runs(one.mean):
-        there = [place(k, float(upper[k])) for k in run]
-        yield there + [place(k, float(lower[k])) for k in reversed(run)]
+        there = [place(float(k), float(upper[k])) for k in run]
+        yield there + [place(float(k), float(lower[k])) for k in reversed(run)]
 
 
 def _runs(values: Float[np.ndarray, "101"]) -> Iterator[range]:
