@@ -5,12 +5,14 @@ import json
 import stat
 import zipfile
 from collections.abc import Callable
+from datetime import date
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from stridelab.schemas.jobs import SimulateRecordingInput
+from stridelab.schemas.measures import GaitReportInput
 from stridelab.schemas.population import PersonFields
 from stridelab.schemas.receding import PlanRecedingInput
 from stridelab.schemas.sweeps import SweepInput
@@ -20,6 +22,7 @@ from stridelab.schemas.tasks import (
     CompareEstimatorsTask,
     FitCycloidTask,
     GaitMeasuresTask,
+    GaitReportTask,
     MeasuresMember,
     PlanRecedingTask,
     PopulationMember,
@@ -84,12 +87,19 @@ def measured(folder: Path) -> Any:
     return GaitMeasuresTask(members=[MeasuresMember(recording_id="r", folder="recording-000", task=task)])
 
 
+def reported(folder: Path) -> Any:
+    members = measured(folder).members
+    asked = GaitReportInput(recording_ids=["r"], title="Confined")
+    return GaitReportTask(members=members, input=asked, created_on=date(2026, 5, 4))
+
+
 STAGED: dict[str, Callable[[Path], Any]] = {
     "estimate-com": lambda folder: estimate_task(TRIAL, folder, method="complementary"),
     "compare-estimators": compared,
     "fit-cycloid": fitted,
     "com-bench": benched,
     "gait-measures": measured,
+    "gait-report": reported,
     "study-population": studied,
     "simulate-recording": lambda _: SimulateRecordingTask(input=SimulateRecordingInput(duration_s=2.0)),
     "plan-contacts": lambda _: {"input": contacts([box("floor", (-1.0, 2.0), 0.0)], 0.8, 0.0)},

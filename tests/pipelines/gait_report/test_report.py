@@ -13,18 +13,27 @@ from typing import Any
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from stridelab.errors import NotEstimable
-from stridelab.pipelines.gait_report.content import Panel, ReportContent, Row
+from stridelab.pipelines.gait_measures import GaitMeasuresResult
+from stridelab.pipelines.gait_report.content import Curve, Panel
 from stridelab.pipelines.gait_report.drawing import Area, Line, Text, draw_panel
 from stridelab.pipelines.gait_report.html import render_html
 from stridelab.pipelines.gait_report.logo import Logo
 from stridelab.pipelines.gait_report.paper import PAGE_HEIGHT, RIGHT_EDGE, Picture, lay_out, wrap_text
 from stridelab.pipelines.gait_report.pdf import render_pdf
+from stridelab.pipelines.gait_report.reasons import cautions_of, missing_measures
 from stridelab.pipelines.gait_report.report import GaitReport, gait_report
 from stridelab.schemas.jobs import EstimateComInput, SimulateRecordingInput
-from stridelab.schemas.measures import GaitReportInput
-from stridelab.schemas.recordings import PlateSwitch
+from stridelab.schemas.measures import (
+    MEASURE_TITLES,
+    GaitReportInput,
+    GaitReportSummary,
+    ReferenceValue,
+    measure_title,
+)
+from stridelab.schemas.recordings import PlateSwitch, SubjectFields
 from stridelab.schemas.tasks import (
     EstimateComTask,
     GaitReportTask,
@@ -35,6 +44,7 @@ from stridelab.schemas.tasks import (
 )
 from stridelab.service.kinds.simulate_recording import run as simulate_recording
 from support.command_line import SAMPLE, Told, quiet
+from support.fakes import measures
 
 TRIAL = SAMPLE / "recording.c3d"
 NO_PLATES = {index: PlateSwitch(use=False) for index in range(1, 30)}
@@ -223,8 +233,6 @@ def test_every_text_is_escaped_and_nothing_is_loaded(full: GaitReport) -> None:
 
 
 def test_names_of_people_appear_only_if_typed(walk: Path, tmp_path: Path) -> None:
-    from stridelab.schemas.recordings import SubjectFields
-
     named = member(tmp_path, walk, subject=SubjectFields(name="Jane Doe"))
     report = gait_report(task_of(named), tmp_path, quiet)
     assert "Jane" not in render_html(report.content)
@@ -276,28 +284,48 @@ def test_without_plates_there_is_a_reason_and_never_a_zero(markers_only: GaitRep
     assert next(tile for tile in content.tiles if tile.name == "walking_speed").value != ""
 
 
-def without_side(content: ReportContent, side: str) -> list[Row]:
-    return [row for row in content.rows if getattr(row, side) is None and row.both is not None]
+def summary_with(**changes: Any) -> GaitReportSummary:
+    return GaitReportSummary(**measures.summary().model_copy(update=changes).model_dump())
 
 
-def test_a_missing_side_is_named(walk: Path, tmp_path: Path) -> None:
-    """No marker of the left foot: no whole step, which is said; nothing is measured as zero."""
-    labels = ("L_FCC", "L_FM1", "L_FM2", "L_FM5", "L_FAL", "L_TAM")
-    import ezc3d
-
-    recording = ezc3d.c3d(str(walk))
-    names = recording["parameters"]["POINT"]["LABELS"]["value"]
-    for index, name in enumerate(names):
-        if name in labels:
-            recording["data"]["points"][:3, index] = np.nan
-    recording["data"]["meta_points"]["residuals"][:] = 0.0
-    recording.write(str(tmp_path / "one-side.c3d"))
-    with pytest.raises(NotEstimable) as refused:
-        gait_report(task_of(member(tmp_path, tmp_path / "one-side.c3d")), tmp_path, quiet)
-    assert refused.value.message
+def test_a_missing_side_is_named_with_the_measures_that_lack_it() -> None:
+    right = [one for one in measures.summary().measures if one.side != "left"]
+    summary = summary_with(measures=right, sides={"left": 0, "right": 3}, steps=3)
+    missing = {reason: titles for titles, reason in missing_measures(summary)}
+    assert "Step length, left" in missing["No whole step of the left foot allows it."]
+    assert "right" not in missing["No whole step of the left foot allows it."]
+    assert cautions_of(GaitMeasuresResult((), (), summary), summary) == ("No whole step of the left foot is measured.",)
 
 
-def test_a_contradicted_recording_is_no_report(walk: Path, tmp_path: Path) -> None:
+def test_few_steps_and_another_speed_than_the_group_stand_before_the_numbers() -> None:
+    group = ReferenceValue(name="walking_speed", unit="m/s", value=0.8, n_people=9, mean=1.3, between_sd=0.1, z=-5.0)
+    summary = summary_with(steps=3, sides={"left": 2, "right": 1}).model_copy(update={"reference": [group]})
+    few, speed = cautions_of(GaitMeasuresResult((), (), summary), summary)
+    assert few.startswith("Only 3 steps are measured")
+    assert "z = -5.0" in speed
+
+
+def test_every_measure_is_given_or_missing_with_a_reason() -> None:
+    summary = summary_with()
+    given = {one.name for one in summary.measures}
+    titles = "; ".join(titles for titles, _ in missing_measures(summary))
+    absent = [measure_title(name) for name in MEASURE_TITLES if name not in given]
+    assert absent
+    assert all(title in titles for title in absent)
+    reasons = dict(missing_measures(summary))
+    assert "One plate." in reasons.values()
+
+
+def test_recordings_of_several_speeds_are_said_to_be_mixed(full: GaitReport, markers_only: GaitReport) -> None:
+    slow = full.measured.recordings[0]
+    halved = [replace(one, value=0.5 * one.value) if one.name == "walking_speed" else one for one in slow.measures]
+    both = GaitMeasuresResult((slow, replace(slow, measures=tuple(halved))), (), full.summary)
+    assert any("report the conditions one by one" in text for text in cautions_of(both, markers_only.summary))
+    alone = GaitMeasuresResult((slow,), (), full.summary)
+    assert not any("conditions" in text for text in cautions_of(alone, markers_only.summary))
+
+
+def test_without_any_measured_recording_there_is_no_report(tmp_path: Path) -> None:
     broken = tmp_path / "broken.c3d"
     broken.write_bytes(b"no recording")
     with pytest.raises(NotEstimable) as refused:
@@ -311,8 +339,6 @@ def test_an_unusable_logo_is_a_remark_and_a_png_is_on_the_first_page(tmp_path: P
     report = gait_report(task_of(one, logo="lab-logo"), tmp_path, quiet)
     assert "logo-not-used" in {remark.code for remark in report.summary.warnings}
     assert report.content.logo is None
-    from PIL import Image
-
     Image.new("RGBA", (40, 10), "navy").save(tmp_path / "lab-logo", "PNG")
     report = gait_report(task_of(one, logo="lab-logo"), tmp_path, quiet)
     pictures = [item for item in lay_out(report.content)[0] if isinstance(item, Picture)]
@@ -323,8 +349,6 @@ def test_an_unusable_logo_is_a_remark_and_a_png_is_on_the_first_page(tmp_path: P
 
 
 def test_a_chart_without_curves_says_so_and_gaps_are_no_lines() -> None:
-    from stridelab.pipelines.gait_report.content import Curve
-
     empty = Panel("com_vertical", "Height", "mm", (), None)
     assert any(getattr(item, "text", "") == "not measured" for item in draw_panel(empty).items)
     mean = np.linspace(0.0, 10.0, 101)
