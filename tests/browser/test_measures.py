@@ -42,3 +42,24 @@ def test_a_recording_is_measured_by_the_chosen_method(tab: Tab, lab: Lab, method
     page.get_by_role("button", name="Measures of gait", exact=True).click()
     page.wait_for_url("**/jobs/*")
     assert lab.fake.inputs[page.url.rpartition("/")[2]] == {"recording_ids": [walk.id], "method": given}
+
+
+def test_a_report_is_written_by_a_button(tab: Tab, service: Service) -> None:
+    page = tab.go("/recordings/sample-walk")
+    page.locator("[data-report]").click()
+    page.wait_for_url("**/jobs/*")
+    expect(page.get_by_role("heading", name="Gait report", exact=True)).to_be_visible()
+    expect(page.get_by_role("heading", name="All measures")).to_be_visible(timeout=120_000)
+    with page.expect_download() as download:
+        page.get_by_role("link", name="report.pdf").first.click()
+    assert download.value.path().read_bytes().startswith(b"%PDF-")
+
+
+def test_a_session_has_a_report_by_a_button(tab: Tab, lab: Lab) -> None:
+    walks = [lab.fake.add_recording(f"walk_{k}.c3d", session_id="gait") for k in (1, 2)]
+    page = tab.go(f"/recordings/{walks[0].id}")
+    page.locator("[data-session-report]").click()
+    page.wait_for_url("**/jobs/*")
+    job = lab.fake.jobs[page.url.rpartition("/")[2]]
+    assert job.kind == "gait-report"
+    assert lab.fake.inputs[job.id] == {"recording_ids": [walk.id for walk in walks]}

@@ -1,0 +1,100 @@
+"""``gait-report`` over HTTP: a session becomes its recordings, and people of the reference group are found."""
+
+import base64
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+
+from stridelab.schemas.measures import GaitReportInput
+from stridelab.schemas.tasks import GaitReportTask
+from stridelab.service.kinds.gait_report.kind import stage, stage_logo
+from stridelab.service.settings import Settings
+from support.service.answers import places, refusal
+from support.service.stored_rows import add_recording, facts
+from support.service.web_server import Served
+
+JOBS = "/api/v1/jobs"
+
+
+def add(service: Served, filename: str = "walk.c3d", **columns: Any) -> str:
+    known = columns.pop("known", {})
+    row = {"facts": facts(**known).model_dump(mode="json"), "filename": filename, **columns}
+    return service.run(add_recording(service.parts, **row))
+
+
+def submitted(service: Served, http: httpx.Client, **body: object) -> dict[str, Any]:
+    """Input of the stored job."""
+    answer = http.post(f"{JOBS}/gait-report", json=body)
+    assert answer.status_code == 202, answer.text
+    return dict(service.run(service.parts.store.get(answer.json()["id"])).input)
+
+
+def test_a_session_is_its_walks_in_order_of_their_names(service: Served, http: httpx.Client) -> None:
+    second, first = (add(service, name, session_id="walks") for name in ("b.c3d", "a.c3d"))
+    add(service, "static.c3d", session_id="walks", known={"still": True})
+    add(service, "other.c3d", session_id="walks", owner="somebody else")
+    add(service, "elsewhere.c3d", session_id="another")
+    task = submitted(service, http, session_id="walks", title="Session")
+    assert task == {"recording_ids": [first, second], "title": "Session"}
+
+
+@pytest.mark.parametrize("session_id", ["nothing-there", "of-another"])
+def test_a_session_without_walks_of_the_sender_is_not_found(
+    service: Served, http: httpx.Client, session_id: str
+) -> None:
+    add(service, session_id="of-another", owner="somebody else")
+    answer = http.post(f"{JOBS}/gait-report", json={"session_id": session_id})
+    assert refusal(answer) == (404, "session-not-found")
+    assert places(answer) == ["session_id"]
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        {},
+        {"recording_ids": []},
+        {"recording_ids": ["a"], "session_id": "b"},
+        {"recording_ids": ["a"], "reference_recording_ids": ["a"]},
+        {"recording_ids": ["a"], "title": "two\nlines"},
+        {"session_id": "a b"},
+    ],
+)
+def test_a_request_that_names_no_recordings_or_two_ways_is_refused(http: httpx.Client, body: dict[str, object]) -> None:
+    assert refusal(http.post(f"{JOBS}/gait-report", json=body)) == (422, "invalid-request")
+
+
+def test_unknown_recordings_are_named_by_their_field(service: Served, http: httpx.Client) -> None:
+    known = add(service)
+    body = {"recording_ids": [known], "reference_recording_ids": ["f" * 32]}
+    answer = http.post(f"{JOBS}/gait-report", json=body)
+    assert refusal(answer) == (404, "recording-not-found")
+    assert places(answer) == ["reference_recording_ids.0"]
+
+
+def test_the_people_of_the_reference_group_are_told_apart(service: Served, tmp_path: Path) -> None:
+    person = add(service)
+    twice = [add(service, subject_fields={"name": "P1"}) for _ in range(2)]
+    other, unknown = add(service, subject_fields={"name": "P2"}), add(service)
+    asked = GaitReportInput(recording_ids=[person], reference_recording_ids=[twice[0], other, twice[1], unknown])
+
+    async def run() -> Any:
+        async with service.parts.engine.begin() as connection:
+            return await stage(connection, service.parts.blobs, asked, tmp_path)
+
+    task = GaitReportTask.model_validate(service.run(run()))
+    people = [[one.recording_id for one in group.members] for group in task.reference]
+    assert people == [twice, [other], [unknown]]
+    folders = [one.folder for group in (task, *task.reference) for one in group.members]
+    assert len(set(folders)) == 5
+    assert all((tmp_path / folder / "trial").is_file() for folder in folders)
+
+
+def test_the_logo_of_the_settings_is_fetched(tmp_path: Path) -> None:
+    picture = base64.b64decode("iVBORw0KGgo=")
+    (tmp_path / "logo.png").write_bytes(picture)
+    name = stage_logo(Settings(lab_logo=tmp_path / "logo.png"), tmp_path)
+    assert name is not None
+    assert (tmp_path / name).read_bytes() == picture
+    assert stage_logo(Settings(), tmp_path) is None
