@@ -56,7 +56,7 @@ def test_a_report_is_written_by_a_button(tab: Tab, service: Service) -> None:
 
 
 def test_a_session_has_a_report_by_a_button(tab: Tab, lab: Lab) -> None:
-    walks = [lab.fake.add_recording(f"walk_{k}.c3d", session_id="gait") for k in (1, 2)]
+    walks = [lab.fake.add_recording(f"walk_{k}.c3d", session_id="report") for k in (1, 2)]
     page = tab.go(f"/recordings/{walks[0].id}")
     page.locator("[data-session-report]").click()
     page.wait_for_url("**/jobs/*")

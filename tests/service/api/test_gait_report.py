@@ -50,6 +50,14 @@ def test_a_session_without_walks_of_the_sender_is_not_found(
     assert places(answer) == ["session_id"]
 
 
+@pytest.mark.parametrize("field", ["reference_recording_ids", "before_recording_ids"])
+def test_a_recording_of_the_session_is_in_no_other_group(service: Served, http: httpx.Client, field: str) -> None:
+    other, walk = add(service), add(service, session_id=f"twice-{field[:6]}")
+    answer = http.post(f"{JOBS}/gait-report", json={"session_id": f"twice-{field[:6]}", field: [other, walk]})
+    assert refusal(answer) == (422, "recording-twice")
+    assert places(answer) == [f"{field}.1"]
+
+
 @pytest.mark.parametrize(
     "body",
     [

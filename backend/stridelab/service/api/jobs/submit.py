@@ -68,7 +68,8 @@ async def validate_request(parts: Parts, request: Contract) -> JobSubject:
 async def _with_recordings(parts: Parts, request: GaitReportInput, owner: str | None) -> GaitReportInput:
     """The request with the recordings of its session instead: those of ``owner``, except static trials.
 
-    Raises ``NotFound`` (``session-not-found``).
+    Raises ``NotFound`` (``session-not-found``), ``InvalidInput`` (``recording-twice``) if one of them is also in the
+    reference group or among the earlier recordings.
     """
     if request.session_id is None:
         return request
@@ -80,6 +81,11 @@ async def _with_recordings(parts: Parts, request: GaitReportInput, owner: str | 
     if not walks:
         message = f"None of your recordings of walks belongs to the session {request.session_id}."
         raise NotFound("session-not-found", message, [Fault("session_id", "unknown")])
+    for name in ("reference_recording_ids", "before_recording_ids"):
+        twice = [index for index, one in enumerate(getattr(request, name)) if one in walks]
+        if twice:
+            message = f"A recording of {name} is also one of the session."
+            raise InvalidInput("recording-twice", message, [Fault(f"{name}.{k}", "in the session") for k in twice])
     given = request.model_dump(exclude_unset=True, exclude={"session_id"})
     return GaitReportInput(**given | {"recording_ids": walks})
 
