@@ -14,7 +14,7 @@ import numpy as np
 
 from stridelab.measures.extrapolated_com import ExtrapolatedCom, extrapolated_com
 from stridelab.measures.measure import Measure
-from stridelab.measures.spatiotemporal import EVENT_SD_S
+from stridelab.measures.spatiotemporal import position_sd_m
 from stridelab.measures.walk_motion import AHEAD, LEFT, MARKER_SD_M, OTHER_SIDE, FootMotion, WalkMotion
 from stridelab.walking.steps import GaitStep
 
@@ -50,11 +50,15 @@ def _single_support(motion: WalkMotion, xcom: ExtrapolatedCom, step: GaitStep, n
 
 def _at_strike(motion: WalkMotion, xcom: ExtrapolatedCom, step: GaitStep, number: int) -> list[Measure]:
     outwards = 1.0 if step.side == "left" else -1.0
-    outline = _outline_at(motion, motion.feet[step.side], step.strike_s)
+    foot = motion.feet[step.side]
+    outline = _outline_at(motion, foot, step.strike_s)
     x = [float(np.interp(step.strike_s, motion.time_s, xcom.position_m[:, axis])) for axis in (AHEAD, LEFT)]
     k = motion.nearest(step.strike_s)
-    late_m = EVENT_SD_S[step.source] * float(motion.velocity_m_s[k, AHEAD])
-    sd_ap, sd_ml = _error_m(xcom, k, AHEAD, late_m), _error_m(xcom, k, LEFT)
+    ahead_of = foot.heel_m - np.pad(xcom.position_m, ((0, 0), (0, 1)))
+    sd_ap, sd_ml = (
+        _error_m(xcom, k, axis, position_sd_m(motion, ahead_of, step.strike_s, step.strike_error, axis))
+        for axis in (AHEAD, LEFT)
+    )
     middle = outline.mean(axis=0)
     values = (
         ("margin_of_stability_ap_contact", outline[:, AHEAD].max() - x[0], sd_ap),
@@ -70,5 +74,5 @@ def _outline_at(motion: WalkMotion, foot: FootMotion, at_s: float) -> np.ndarray
 
 
 def _error_m(xcom: ExtrapolatedCom, sample: int, axis: int, late_m: float = 0.0) -> float | None:
-    """Error of the extrapolated CoM, of a marker, and of the distance that the CoM covers in the error of the event."""
+    """Error of the extrapolated CoM, of a marker, and of the distance that it and the foot part in the event's error."""
     return None if xcom.sd_m is None else math.hypot(float(xcom.sd_m[sample, axis]), MARKER_SD_M, late_m)

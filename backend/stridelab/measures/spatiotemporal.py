@@ -3,20 +3,25 @@
 A step is named by the foot that swings and lands. Lengths are distances of the heels: of the landing foot at its
 strike and the standing foot while it is flat; widths are across the walk, positive if the feet do not cross. Shares
 are of the step time (double support) or of the stride time from strike to strike of one foot (stance, single support).
+
+Events have a common error (the same in all events of a kind) and an own error (``walking.gait_events``). To first order
+
+    (sd)^2 = sum of (weight own)^2 over the events + sum over the kinds of (sum of weight common)^2,
+
+so that an error common to two strikes drops out of the time between them. The weight is the derivative of the measure;
+that of a position at an event is its velocity there, as a difference over the event's own uncertainty.
 """
 
 import math
 from collections.abc import Sequence
-from typing import Final
 
 import numpy as np
 
+from stridelab.conventions import Points
 from stridelab.measures.measure import Measure
 from stridelab.measures.walk_motion import AHEAD, LEFT, MARKER_SD_M, OTHER_SIDE, UP, WalkMotion, strides
+from stridelab.walking.gait_events import EventError
 from stridelab.walking.steps import GaitStep
-
-EVENT_SD_S: Final = {"plates": 0.003, "mixed": 0.009, "markers": 0.009}
-"""Standard deviation of one event by the source of the timing (``walking.gait_events``)."""
 
 
 def spatiotemporal(motion: WalkMotion, steps: Sequence[GaitStep]) -> list[Measure]:
@@ -29,45 +34,83 @@ def spatiotemporal(motion: WalkMotion, steps: Sequence[GaitStep]) -> list[Measur
     return [measure for measure in measures if math.isfinite(measure.value)]
 
 
+def timing_sd(
+    strikes: Sequence[tuple[float, EventError]], lift_offs: Sequence[tuple[float, EventError]] = ()
+) -> float:
+    """Standard deviation of a sum of weighted events: pairs of a weight and the error of its event."""
+    own = sum((weight * error.own_s) ** 2 for weight, error in (*strikes, *lift_offs))
+    common = sum(sum(weight * error.common_s for weight, error in kind) ** 2 for kind in (strikes, lift_offs))
+    return math.sqrt(own + common)
+
+
+def position_sd_m(motion: WalkMotion, track: Points, at_s: float, error: EventError, axis: int) -> float:
+    """Error of a position at an event, from the change of ``track`` along ``axis`` within the event's error."""
+    sd_s = math.hypot(error.common_s, error.own_s)
+    return 0.5 * abs(float(motion.at(track, at_s + sd_s)[axis] - motion.at(track, at_s - sd_s)[axis]))
+
+
 def _of_step(motion: WalkMotion, step: GaitStep, number: int) -> list[Measure]:
-    event = EVENT_SD_S[step.source]
-    pair, period = math.sqrt(2.0), step.period_s
+    period = step.period_s
+    landing, standing = motion.feet[step.side].heel_m, motion.feet[OTHER_SIDE[step.side]].heel_m
+    marker_m = math.sqrt(2.0) * MARKER_SD_M
     values: list[tuple[str, float, float, str]] = []
+
+    def heels_sd_m(axis: int) -> float:
+        landed_m = position_sd_m(motion, landing, step.strike_s, step.strike_error, axis)
+        return math.hypot(marker_m, landed_m, position_sd_m(motion, standing, step.lift_off_s, step.lift_off_error, axis))
+
     if step.length_m is not None:
-        values.append(("step_length", step.length_m, pair * MARKER_SD_M, "m"))
+        values.append(("step_length", step.length_m, heels_sd_m(AHEAD), "m"))
     if motion.covers(step.lift_off_s, step.strike_s):
         outwards = 1.0 if step.side == "left" else -1.0
-        landed = motion.at(motion.feet[step.side].heel_m, step.strike_s)
-        standing = motion.at(motion.feet[OTHER_SIDE[step.side]].heel_m, step.lift_off_s)
-        values.append(("step_width", outwards * float(landed[LEFT] - standing[LEFT]), pair * MARKER_SD_M, "m"))
-    values.append(("walking_speed", step.speed_m_s, pair * MARKER_SD_M / period, "m/s"))
+        width = motion.at(landing, step.strike_s)[LEFT] - motion.at(standing, step.lift_off_s)[LEFT]
+        values.append(("step_width", outwards * float(width), heels_sd_m(LEFT), "m"))
+    values.append(("walking_speed", step.speed_m_s, _speed_sd_m_s(motion, step), "m/s"))
     if step.prior_strike_s is not None:
-        values.append(("step_time", period, pair * event, "s"))
-        values.append(("cadence", 60.0 / period, 60.0 / period**2 * pair * event, "1/min"))
-        double_s = step.next_lift_off_s - step.strike_s
-        share = double_s / period
-        values.append(("double_support_share", share, math.hypot(pair, share) * event / period, "1"))
+        prior, strike, next_off = step.prior_strike_error, step.strike_error, step.next_lift_off_error
+        period_sd = timing_sd([(1.0, strike), (-1.0, prior)])
+        values.append(("step_time", period, period_sd, "s"))
+        values.append(("cadence", 60.0 / period, 60.0 / period**2 * period_sd, "1/min"))
+        share = (step.next_lift_off_s - step.strike_s) / period
+        share_sd = timing_sd([(-1.0 - share, strike), (share, prior)], [(1.0, next_off)]) / period
+        values.append(("double_support_share", share, share_sd, "1"))
     return [Measure(name, value, sd, unit, step.side, number) for name, value, sd, unit in values]
+
+
+def _speed_sd_m_s(motion: WalkMotion, step: GaitStep) -> float:
+    """Errors of the pelvis at both ends, and of the ends: the speed there differs from the mean."""
+    duration = step.next_lift_off_s - step.lift_off_s
+    faster = [
+        float(motion.velocity_m_s[motion.nearest(at_s), AHEAD]) - step.speed_m_s
+        for at_s in (step.lift_off_s, step.next_lift_off_s)
+    ]
+    ends = timing_sd([], [(-faster[0], step.lift_off_error), (faster[1], step.next_lift_off_error)])
+    return math.hypot(math.sqrt(2.0) * MARKER_SD_M, ends) / duration
 
 
 def _of_stride(motion: WalkMotion, step: GaitStep, following: GaitStep, number: int) -> list[Measure]:
     """From the strike of ``step`` to the next strike of the same foot, which is that of ``following``."""
     stride_s = following.strike_s - step.strike_s
-    event = max(EVENT_SD_S[step.source], EVENT_SD_S[following.source])
+    first, lift_off, last = step.strike_error, following.lift_off_error, following.strike_error
     stance = (following.lift_off_s - step.strike_s) / stride_s
-    swing_sd = math.sqrt(2.0) * event / stride_s
+    stance_sd = timing_sd([(stance - 1.0, first), (-stance, last)], [(1.0, lift_off)]) / stride_s
     values = [
-        ("stride_time", stride_s, math.sqrt(2.0) * event, "s"),
-        ("stance_share", stance, swing_sd, "1"),
-        ("swing_share", 1.0 - stance, swing_sd, "1"),
+        ("stride_time", stride_s, timing_sd([(-1.0, first), (1.0, last)]), "s"),
+        ("stance_share", stance, stance_sd, "1"),
+        ("swing_share", 1.0 - stance, stance_sd, "1"),
     ]
     if motion.covers(step.strike_s, following.strike_s):
         span = motion.samples(step.strike_s, following.strike_s)
         heel = motion.feet[step.side].heel_m
         ahead = motion.at(heel, following.strike_s)[AHEAD] - motion.at(heel, step.strike_s)[AHEAD]
+        length_sd = math.hypot(
+            math.sqrt(2.0) * MARKER_SD_M,
+            position_sd_m(motion, heel, step.strike_s, first, AHEAD),
+            position_sd_m(motion, heel, following.strike_s, last, AHEAD),
+        )
         varying = math.sqrt(2.0) * motion.varying_sd_m
         values += [
-            ("stride_length", float(ahead), math.sqrt(2.0) * MARKER_SD_M, "m"),
+            ("stride_length", float(ahead), length_sd, "m"),
             ("com_vertical_excursion", float(np.ptp(motion.com_m[span, UP])), varying, "m"),
             ("com_lateral_excursion", float(np.ptp(motion.com_m[span, LEFT])), varying, "m"),
         ]

@@ -23,8 +23,9 @@ from stridelab.walking.gait_events import Contact
 from stridelab.walking.steps import GaitStep
 
 AHEAD, LEFT, UP = 0, 1, 2
-MARKER_SD_M: Final = 0.001
-"""Standard deviation of a foot marker: noise of the cameras; the outline itself is a definition, not a measurement."""
+MARKER_SD_M: Final = 0.0008
+"""Standard deviation of a foot marker at an event: noise of the cameras of 1 mm, interpolated between two frames; the
+outline itself is a definition, not a measurement."""
 VARYING_SD_M: Final = 0.002
 """Variation of the CoM error within a step, if the estimator does not state it."""
 STANDING_SHARE: Final = 0.5

@@ -22,6 +22,7 @@ from stridelab.measures.limb_work import limb_work
 from stridelab.measures.margin_of_stability import margins_of_stability
 from stridelab.measures.measure import Measure, summarise, symmetry_index
 from stridelab.measures.spatiotemporal import spatiotemporal
+from stridelab.measures.stated_errors import calibrate_errors
 from stridelab.measures.walk_motion import WalkMotion, walk_motion
 from stridelab.pipelines.com_inputs import ComInputs, prepare_com_inputs
 from stridelab.pipelines.estimate_com import assess_estimate, estimate_with_fallback, quality_schema, worst_quality
@@ -152,7 +153,7 @@ def measure_recording(recording_id: str, task: EstimateComTask, folder: Path) ->
         task.recording.filename,
         motion,
         steps,
-        measures,
+        tuple(calibrate_errors(motion, steps, measures)),
         extrapolated_com(motion),
         prepared,
         estimate,

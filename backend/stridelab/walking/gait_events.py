@@ -7,6 +7,10 @@ plates, with synchronised force and markers, on 11 adults at two speeds, 7 child
 these sets lie from -2 to +9 ms at lift-off (sd 8) and from -12 to +13 ms at the strike (sd 9), and no error exceeds
 25 ms. At 0.35 m/s one lift-off was 93 ms late.
 
+Most of that error is the same in all events of a recording: it follows from the placement of the markers, the shoes and
+the filter of the plates. Where whole stances of a recording are timed by plates, the mean difference there, shrunk by
+its own error, shifts the events by markers (``_shift_to_plates``).
+
 A contact is loaded above the plate's threshold (20 N). Some laboratories store plates with a dead band: the Rehazenter
 files contain no force below 53 N. There the foot strikes before the first and lifts off after the last stored sample;
 linear extrapolation of the nearest samples gives the instant of zero load: 10 ms earlier and 11 ms later at normal pace
@@ -38,6 +42,29 @@ MIN_LOADED_SHARE: Final = 0.5
 """Minimum share of a plate's loaded time in which a foot must be on it to be the foot that loads it."""
 
 EventSource = Literal["plates", "markers"]
+EventKind = Literal["strike", "lift_off"]
+
+
+@dataclass(frozen=True)
+class EventError:
+    """Standard deviations of one event: ``common_s`` is the same in all events of its kind, ``own_s`` its own."""
+
+    common_s: float
+    own_s: float
+
+
+PLATE_ERROR: Final[Mapping[EventKind, EventError]] = {
+    "strike": EventError(0.0, 0.0009),
+    "lift_off": EventError(0.0, 0.0019),
+}
+"""Errors of events by plates without low-pass, from the noise of simulated plates: toes unload slowly."""
+MARKER_ERROR: Final[Mapping[EventKind, EventError]] = {
+    "strike": EventError(0.009, 0.005),
+    "lift_off": EventError(0.006, 0.006),
+}
+"""Errors of events by markers against plates, measured on people (``scripts/make_event_table.py``)."""
+MAX_SHIFT_S: Final = 0.05
+"""Largest difference between plates and markers that shifts other events; beyond it the foot met the plate otherwise."""
 
 
 @dataclass(frozen=True)
@@ -49,6 +76,8 @@ class Contact:
     lift_off_s: float | None
     strike_source: EventSource = "markers"
     lift_off_source: EventSource = "markers"
+    strike_error: EventError = MARKER_ERROR["strike"]
+    lift_off_error: EventError = MARKER_ERROR["lift_off"]
 
     @property
     def start_s(self) -> float:
@@ -74,9 +103,11 @@ def find_contacts(
         return ()
     by_markers = {foot.side: contacts_of_foot(recording, landmarks, foot) for foot in feet}
     if plates:
+        unchanged = {side: list(contacts) for side, contacts in by_markers.items()}
         for plate in recording.plates:
             if plate.use:
                 _apply_plate_events(by_markers, recording, plate, feet, latency_s)
+        _shift_to_plates(by_markers, unchanged)
     both = [contact for contacts in by_markers.values() for contact in contacts]
     return tuple(sorted(both, key=lambda contact: (contact.start_s, contact.end_s)))
 
@@ -171,9 +202,45 @@ def _set_nearest(
         return
     _, own, k = best
     if event == "strike":
-        own[k] = replace(own[k], strike_s=at_s, strike_source="plates")
+        own[k] = replace(own[k], strike_s=at_s, strike_source="plates", strike_error=PLATE_ERROR["strike"])
     else:
-        own[k] = replace(own[k], lift_off_s=at_s, lift_off_source="plates")
+        exact = PLATE_ERROR["lift_off"]
+        own[k] = replace(own[k], lift_off_s=at_s, lift_off_source="plates", lift_off_error=exact)
+
+
+def _shift_to_plates(contacts: Mapping[Side, list[Contact]], by_markers: Mapping[Side, list[Contact]]) -> None:
+    """Shift the events by markers by their mean difference to plates in the whole stances that plates time.
+
+    With n differences, own error w and common error b, the best estimate is their mean times
+    ``n b^2 / (n b^2 + w^2)``; its error remains common to all shifted events.
+    """
+    pairs = [pair for side in contacts for pair in zip(contacts[side], by_markers[side], strict=True)]
+    whole = [(c, m) for c, m in pairs if c.strike_source == c.lift_off_source == "plates"]
+    late: dict[EventKind, list[float]] = {
+        "strike": [m.strike_s - c.strike_s for c, m in whole if m.strike_s is not None and c.strike_s is not None],
+        "lift_off": [
+            m.lift_off_s - c.lift_off_s for c, m in whole if m.lift_off_s is not None and c.lift_off_s is not None
+        ],
+    }
+    for kind, differences_s in late.items():
+        used_s = [difference_s for difference_s in differences_s if abs(difference_s) < MAX_SHIFT_S]
+        if not used_s:
+            continue
+        error = MARKER_ERROR[kind]
+        informed = len(used_s) * error.common_s**2 / (len(used_s) * error.common_s**2 + error.own_s**2)
+        shift_s = informed * float(np.mean(used_s))
+        remaining = EventError(error.common_s * float(np.sqrt(1.0 - informed)), error.own_s)
+        for own in contacts.values():
+            own[:] = [_shifted(contact, kind, shift_s, remaining) for contact in own]
+
+
+def _shifted(contact: Contact, kind: EventKind, shift_s: float, error: EventError) -> Contact:
+    """The contact with its event ``kind``, if it is by markers, ``shift_s`` earlier."""
+    if kind == "strike" and contact.strike_source == "markers" and contact.strike_s is not None:
+        return replace(contact, strike_s=contact.strike_s - shift_s, strike_error=error)
+    if kind == "lift_off" and contact.lift_off_source == "markers" and contact.lift_off_s is not None:
+        return replace(contact, lift_off_s=contact.lift_off_s - shift_s, lift_off_error=error)
+    return contact
 
 
 DEAD_BAND: Final = 1.5

@@ -13,7 +13,7 @@ import numpy as np
 from stridelab.conventions import Points, Series, Vector3
 from stridelab.recordings.foot_contact import find_feet, ground_of_feet_m_s
 from stridelab.recordings.recording import Recording, Side, Window
-from stridelab.walking.gait_events import Contact, find_contacts
+from stridelab.walking.gait_events import MARKER_ERROR, Contact, EventError, find_contacts
 from stridelab.walking.marker_kinematics import pelvis_m
 
 TimingSource = Literal["plates", "markers", "mixed"]
@@ -30,7 +30,7 @@ class GaitStep:
     ``length_m`` is the distance along the walk from the heel of the standing foot (while it is flat) to the heel of
     ``side`` at its strike; None if a heel is hidden. ``measured`` states whether all contact force was measured
     throughout. ``source`` is the source of the timing. ``prior_strike_s`` is the strike of the standing foot, None if
-    unknown.
+    unknown. The errors are those of the events of the same names.
     """
 
     side: Side
@@ -43,6 +43,10 @@ class GaitStep:
     measured: bool
     source: TimingSource
     prior_strike_s: float | None = None
+    lift_off_error: EventError = MARKER_ERROR["lift_off"]
+    strike_error: EventError = MARKER_ERROR["strike"]
+    next_lift_off_error: EventError = MARKER_ERROR["lift_off"]
+    prior_strike_error: EventError = MARKER_ERROR["strike"]
 
     @property
     def start_s(self) -> float:
@@ -101,6 +105,10 @@ def find_steps(
                 measured=any(w.start_s - slack_s <= start_s and end_s <= w.end_s + slack_s for w in windows),
                 source=_timing_source(before, after, other),
                 prior_strike_s=other.strike_s,
+                lift_off_error=before.lift_off_error,
+                strike_error=after.strike_error,
+                next_lift_off_error=other.lift_off_error,
+                prior_strike_error=other.strike_error,
             )
         )
     return tuple(sorted(steps, key=lambda step: step.lift_off_s))

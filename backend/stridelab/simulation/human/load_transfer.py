@@ -20,7 +20,7 @@ Standing subjects sway: the centre of pressure moves by a few millimetres (Winte
 rms).
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Final
 
@@ -39,6 +39,10 @@ from stridelab.simulation.human.gait_plan import SHIFT_S, GaitPlan, Stance
 Plane = Float[np.ndarray, "n 2"]
 """Points on the level ground."""
 
+Transfer = Callable[[Series], Series]
+"""Share that has passed to the leading foot as a function of the share of the time of double support."""
+STEEPNESS: Final = 1.5
+"""Exponent of the load that remains on the trailing foot."""
 SWAY_M: Final = (0.004, 0.002)
 _SWAY_HZ: Final = (0.08, 1.0)
 
@@ -58,9 +62,20 @@ def minimum_jerk(s: Series) -> Series:
     return s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
 
 
-def plan_load(plan: GaitPlan, p: Proportions, time_s: Series, rng: Generator) -> LoadPlan:
-    """Shares and centres of pressure at the instants ``time_s`` of the plan."""
-    left = _left_share(plan, time_s)
+def steep_transfer(s: Series) -> Series:
+    """From 0 to 1 with the largest slope at the start: the leading foot reaches 20 N in 3 ms, like on plates.
+
+    A person of 70 kg has 8 N/ms at the strike and unloads from 53 to 20 N in 11 ms. Plates without low-pass show 10 to
+    40 N/ms (median of 24 strikes: 4.5 ms from 20 to 150 N) and 13 ms.
+    """
+    return np.asarray(1.0 - (1.0 - np.clip(s, 0.0, 1.0)) ** STEEPNESS)
+
+
+def plan_load(
+    plan: GaitPlan, p: Proportions, time_s: Series, rng: Generator, transfer: Transfer = minimum_jerk
+) -> LoadPlan:
+    """Shares and centres of pressure at the instants ``time_s`` of the plan; ``transfer`` is the course of a shift."""
+    left = _left_share(plan, time_s, transfer)
     share: dict[Side, Series] = {"left": left, "right": 1.0 - left}
     wander = sway(time_s, rng)
     cop = {side: _centre_of_pressure(plan, side, p, time_s) + wander for side in SIDES}
@@ -68,7 +83,7 @@ def plan_load(plan: GaitPlan, p: Proportions, time_s: Series, rng: Generator) ->
     return LoadPlan(share, cop, zmp)
 
 
-def _left_share(plan: GaitPlan, t: Series) -> Series:
+def _left_share(plan: GaitPlan, t: Series, transfer: Transfer) -> Series:
     share = np.full(len(t), 0.5)
     if not plan.walks:
         return share
@@ -80,7 +95,7 @@ def _left_share(plan: GaitPlan, t: Series) -> Series:
             shifts.append((following.strike_s, trailing_off_s, following.side))
     for start_s, end_s, onto in shifts:
         target = 1.0 if onto == "left" else 0.0
-        share = share + (target - share) * minimum_jerk((t - start_s) / (end_s - start_s))
+        share = share + (target - share) * transfer((t - start_s) / (end_s - start_s))
     level_s = plan.stances[-1].strike_s
     return np.asarray(share + (0.5 - share) * minimum_jerk((t - level_s) / SHIFT_S))
 

@@ -40,7 +40,13 @@ from stridelab.simulation.human.body_proportions import SIDES, Proportions, side
 from stridelab.simulation.human.foot_trajectories import FootPath, foot_path
 from stridelab.simulation.human.gait_plan import GaitPlan, plan_gait
 from stridelab.simulation.human.load_sharing import FootWrench, share_wrench
-from stridelab.simulation.human.load_transfer import LoadPlan, com_over_zmp, plan_load
+from stridelab.simulation.human.load_transfer import (
+    LoadPlan,
+    com_over_zmp,
+    minimum_jerk,
+    plan_load,
+    steep_transfer,
+)
 from stridelab.simulation.human.upper_body_motion import Posture, StrideClock, prescribe_posture, stride_clock
 
 PLAN_RATE_HZ: Final = 200.0
@@ -90,6 +96,7 @@ class HumanWalker:
     """A subject and a walking task; ``walk`` simulates it.
 
     ``from_rest``: the recording shows rest, walk, rest; otherwise the subject is already walking when it starts.
+    ``steep_load``: a foot is loaded at once at its strike (``steep_transfer``), not smoothly.
     """
 
     height_m: float = 1.71
@@ -99,6 +106,7 @@ class HumanWalker:
     duration_s: float = 6.0
     seed: int = 0
     from_rest: bool = False
+    steep_load: bool = False
 
     def walk(self) -> Walk:
         """Simulate the walk. Raises ``InvalidInput`` (``walker-out-of-range``) for parameters out of range."""
@@ -116,7 +124,7 @@ class HumanWalker:
         before, after = plan.record_from_s - MARGIN_S, plan.record_from_s + self.duration_s + MARGIN_S
         start_s, end_s = min(0.0, before) - 0.5, max(plan.end_s, after) + 0.5
         t = np.arange(start_s, end_s, 1.0 / PLAN_RATE_HZ)
-        load = plan_load(plan, body.proportions, t, rngs[1])
+        load = plan_load(plan, body.proportions, t, rngs[1], steep_transfer if self.steep_load else minimum_jerk)
         paths = {side: foot_path(plan, side, body.proportions, t) for side in SIDES}
         clock = stride_clock(plan, t)
         q = _whole_body(body, plan, clock, load, paths, prescribe_posture(body, plan, clock, rngs[2]))
