@@ -3,6 +3,7 @@ from .energy_exchange import energy_exchange as energy_exchange
 from .extrapolated_com import extrapolated_com as extrapolated_com
 from .foot_placement import foot_placement as foot_placement
 from .limb_work import limb_work as limb_work
+from .local_stability import local_stability as local_stability
 from .margin_of_stability import margins_of_stability as margins_of_stability
 from .measure import Measure as Measure
 from .measure import MeasureSummary as MeasureSummary
@@ -23,6 +24,7 @@ __all__ = [
     "extrapolated_com",
     "foot_placement",
     "limb_work",
+    "local_stability",
     "margins_of_stability",
     "spatiotemporal",
     "summarise",

@@ -19,6 +19,7 @@ from stridelab.measures.energy_exchange import energy_exchange
 from stridelab.measures.extrapolated_com import ExtrapolatedCom, extrapolated_com
 from stridelab.measures.foot_placement import LEAST_STEPS, foot_placement
 from stridelab.measures.limb_work import limb_work
+from stridelab.measures.local_stability import LEAST_STRIDES, local_stability, longest_run_s
 from stridelab.measures.margin_of_stability import margins_of_stability
 from stridelab.measures.measure import Measure, summarise, symmetry_index
 from stridelab.measures.spatiotemporal import spatiotemporal
@@ -38,7 +39,7 @@ from stridelab.walking.gait_events import find_contacts
 from stridelab.walking.preconditions import require_walk
 from stridelab.walking.steps import GaitStep, find_steps
 
-REFERENCES: Final = ("hof2005", "donelan2002", "cavagna1976", "herr2008", "wang2014")
+REFERENCES: Final = ("hof2005", "donelan2002", "cavagna1976", "herr2008", "wang2014", "rosenstein1993", "bruijn2009")
 SIDES: Final[tuple[Side, ...]] = ("left", "right")
 SIGNED: Final = frozenset(
     {"margin_of_stability_ap_contact", "capture_point_offset_ap", "capture_point_offset_ml", "step_width"}
@@ -142,6 +143,7 @@ def measure_recording(recording_id: str, task: EstimateComTask, folder: Path) ->
         *energy_exchange(motion, steps),
         *angular_momentum_ranges(motion, steps),
         *limb_work(motion, contacts, steps),
+        *local_stability(motion, steps),
     )
     quality = TrialQuality(
         recording_id=request.recording_id,
@@ -261,4 +263,8 @@ def _not_measured(measured: Sequence[MeasuredRecording], given: set[str], n_step
     if "foot_placement_residual" not in given:
         message = f"{n_steps} steps; the regression needs at least {LEAST_STEPS} within the estimates."
         missing["foot_placement_residual"] = ("too-few-steps", message)
+    if "local_dynamic_stability" not in given:
+        most = max(0, *(len(longest_run_s(one.motion, one.steps)) - 1 for one in measured))
+        message = f"{most} strides in a row; the exponent needs at least {LEAST_STRIDES} of one recording."
+        missing["local_dynamic_stability"] = ("too-few-strides", message)
     return [NotMeasured(name=name, code=code, message=message) for name, (code, message) in missing.items()]

@@ -165,6 +165,7 @@ MEASURE_TITLES: Final[Mapping[str, str]] = {
     "foot_placement_gain_velocity": "Foot placement, gain of the velocity",
     "foot_placement_residual": "Foot placement, residual",
     "foot_placement_explained": "Foot placement, share of the variance explained",
+    "local_dynamic_stability": "Local dynamic stability (largest Lyapunov exponent)",
 }
 """Titles of the measures, in the order of the table; others follow under their names."""
 
