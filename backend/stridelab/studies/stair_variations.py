@@ -129,7 +129,8 @@ def run_variation(variation: Variation) -> Attempt:
     run = run_scenario(load_robot(TALOS.robot), variation.as_scenario)
     if run.replay is None:
         return Attempt(run.stage, run.error, run.checks)
-    stage, reason = (run.stage, run.failed_checks) if run.failed_checks else (None, "")
+    stage: str | None = run.stage if run.failed_checks else None
+    reason = run.failed_checks
     if stage is None and not run.replay.completed:
         stage, reason = "replay", " ".join(remark.message for remark in run.replay.remarks)
     return Attempt(stage, reason, run.checks, run.replay.completed, run.replay.com_error_max_m)
