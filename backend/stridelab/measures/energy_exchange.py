@@ -17,7 +17,7 @@ import numpy as np
 from stridelab.conventions import GRAVITY_M_S2, Points, Series
 from stridelab.measures.measure import Measure
 from stridelab.measures.walk_motion import AHEAD, LEFT, UP, WalkMotion, strides
-from stridelab.walking.steps import GaitStep
+from stridelab.walking.steps import MAX_MISSING_SHARE, GaitStep
 
 MAX_VELOCITY_SD_M_S: Final = 0.01
 """Largest error of the vertical velocity in a stride. Where the force is not measured the smoother's is 0.045 m/s, and
@@ -28,7 +28,28 @@ def energy_exchange(motion: WalkMotion, steps: Sequence[GaitStep]) -> list[Measu
     """``energy_recovery`` (a share) and ``external_work`` (J/kg) per stride, from strike to strike of one foot.
 
     Strides in which the velocity is too uncertain are left out: work adds up the positive increments of its noise.
+    Without any stride, as over two plates, ``step_energy_recovery`` and ``step_external_work`` of single steps from
+    lift-off to lift-off are given, without a stated error; up to 8 % at their ends may be missing.
     """
+    return _of_strides(motion, steps) or _of_steps(motion, steps)
+
+
+def _of_steps(motion: WalkMotion, steps: Sequence[GaitStep]) -> list[Measure]:
+    measures = []
+    for number, step in enumerate(steps):
+        span = motion.samples(step.lift_off_s, step.next_lift_off_s)
+        if motion.covariance is None or not motion.covers(step.lift_off_s, step.next_lift_off_s):
+            continue
+        known = motion.covariance[span, UP, 1, 1] <= MAX_VELOCITY_SD_M_S**2
+        if np.mean(known) < 1.0 - MAX_MISSING_SHARE:
+            continue
+        recovery, work = _recovery_and_work(motion.velocity_m_s[span][known], motion.com_m[span, UP][known])
+        measures.append(Measure("step_energy_recovery", recovery, None, "1", step.side, number))
+        measures.append(Measure("step_external_work", work, None, "J/kg", step.side, number))
+    return [measure for measure in measures if math.isfinite(measure.value)]
+
+
+def _of_strides(motion: WalkMotion, steps: Sequence[GaitStep]) -> list[Measure]:
     measures = []
     for number, step, following in strides(steps):
         span = motion.samples(step.strike_s, following.strike_s)

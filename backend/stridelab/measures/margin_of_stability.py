@@ -74,5 +74,5 @@ def _outline_at(motion: WalkMotion, foot: FootMotion, at_s: float) -> np.ndarray
 
 
 def _error_m(xcom: ExtrapolatedCom, sample: int, axis: int, late_m: float = 0.0) -> float | None:
-    """Error of the extrapolated CoM, of a marker, and of the distance that it and the foot part in the event's error."""
+    """Error of the extrapolated CoM, of a marker, and of their change within the error of the event."""
     return None if xcom.sd_m is None else math.hypot(float(xcom.sd_m[sample, axis]), MARKER_SD_M, late_m)

@@ -14,6 +14,7 @@ that of a position at an event is its velocity there, as a difference over the e
 
 import math
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 
@@ -31,12 +32,14 @@ def spatiotemporal(motion: WalkMotion, steps: Sequence[GaitStep]) -> list[Measur
         measures += _of_step(motion, step, number)
     for number, step, following in strides(steps):
         measures += _of_stride(motion, step, following, number)
+    if not any(measure.name.startswith("com_") for measure in measures):
+        for number, (step, following) in enumerate(pairwise(steps)):
+            if step.next_lift_off_s == following.lift_off_s:
+                measures += _excursions(motion, step, step.lift_off_s, following.next_lift_off_s, number)
     return [measure for measure in measures if math.isfinite(measure.value)]
 
 
-def timing_sd(
-    strikes: Sequence[tuple[float, EventError]], lift_offs: Sequence[tuple[float, EventError]] = ()
-) -> float:
+def timing_sd(strikes: Sequence[tuple[float, EventError]], lift_offs: Sequence[tuple[float, EventError]] = ()) -> float:
     """Standard deviation of a sum of weighted events: pairs of a weight and the error of its event."""
     own = sum((weight * error.own_s) ** 2 for weight, error in (*strikes, *lift_offs))
     common = sum(sum(weight * error.common_s for weight, error in kind) ** 2 for kind in (strikes, lift_offs))
@@ -57,7 +60,9 @@ def _of_step(motion: WalkMotion, step: GaitStep, number: int) -> list[Measure]:
 
     def heels_sd_m(axis: int) -> float:
         landed_m = position_sd_m(motion, landing, step.strike_s, step.strike_error, axis)
-        return math.hypot(marker_m, landed_m, position_sd_m(motion, standing, step.lift_off_s, step.lift_off_error, axis))
+        return math.hypot(
+            marker_m, landed_m, position_sd_m(motion, standing, step.lift_off_s, step.lift_off_error, axis)
+        )
 
     if step.length_m is not None:
         values.append(("step_length", step.length_m, heels_sd_m(AHEAD), "m"))
@@ -100,7 +105,6 @@ def _of_stride(motion: WalkMotion, step: GaitStep, following: GaitStep, number: 
         ("swing_share", 1.0 - stance, stance_sd, "1"),
     ]
     if motion.covers(step.strike_s, following.strike_s):
-        span = motion.samples(step.strike_s, following.strike_s)
         heel = motion.feet[step.side].heel_m
         ahead = motion.at(heel, following.strike_s)[AHEAD] - motion.at(heel, step.strike_s)[AHEAD]
         length_sd = math.hypot(
@@ -108,10 +112,18 @@ def _of_stride(motion: WalkMotion, step: GaitStep, following: GaitStep, number: 
             position_sd_m(motion, heel, step.strike_s, first, AHEAD),
             position_sd_m(motion, heel, following.strike_s, last, AHEAD),
         )
-        varying = math.sqrt(2.0) * motion.varying_sd_m
-        values += [
-            ("stride_length", float(ahead), length_sd, "m"),
-            ("com_vertical_excursion", float(np.ptp(motion.com_m[span, UP])), varying, "m"),
-            ("com_lateral_excursion", float(np.ptp(motion.com_m[span, LEFT])), varying, "m"),
-        ]
-    return [Measure(name, value, sd, unit, step.side, number) for name, value, sd, unit in values]
+        values.append(("stride_length", float(ahead), length_sd, "m"))
+    measures = [Measure(name, value, sd, unit, step.side, number) for name, value, sd, unit in values]
+    return measures + _excursions(motion, step, step.strike_s, following.strike_s, number)
+
+
+def _excursions(motion: WalkMotion, step: GaitStep, start_s: float, end_s: float, number: int) -> list[Measure]:
+    """Ranges of the CoM over a stride; from lift-off to lift-off if no stride from strike to strike is covered."""
+    if not motion.covers(start_s, end_s):
+        return []
+    com = motion.com_m[motion.samples(start_s, end_s)]
+    sd = math.sqrt(2.0) * motion.varying_sd_m
+    return [
+        Measure(f"com_{name}_excursion", float(np.ptp(com[:, axis])), sd, "m", step.side, number)
+        for name, axis in (("vertical", UP), ("lateral", LEFT))
+    ]

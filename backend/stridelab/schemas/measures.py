@@ -154,6 +154,8 @@ MEASURE_TITLES: Final[Mapping[str, str]] = {
     "com_lateral_excursion": "Lateral excursion of the centre of mass",
     "energy_recovery": "Recovery of mechanical energy",
     "external_work": "External work per stride",
+    "step_energy_recovery": "Recovery of mechanical energy in a step",
+    "step_external_work": "External work per step",
     "limb_work_left_positive": "Positive work of the left leg",
     "limb_work_left_negative": "Negative work of the left leg",
     "limb_work_right_positive": "Positive work of the right leg",
@@ -177,6 +179,7 @@ _PERCENT: Final = frozenset(
         "stance_share",
         "swing_share",
         "energy_recovery",
+        "step_energy_recovery",
         "foot_placement_explained",
     }
 )

@@ -64,7 +64,7 @@ MARKER_ERROR: Final[Mapping[EventKind, EventError]] = {
 }
 """Errors of events by markers against plates, measured on people (``scripts/make_event_table.py``)."""
 MAX_SHIFT_S: Final = 0.05
-"""Largest difference between plates and markers that shifts other events; beyond it the foot met the plate otherwise."""
+"""Largest difference between plates and markers that shifts other events; larger ones are not of the same instant."""
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,100 @@
+"""Walks of which a part cannot be measured: each reason is named, and nothing that is not measured is zero."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+import stridelab as sl
+from stridelab.errors import NotEstimable
+from stridelab.recordings.files.c3d_writer import write_c3d
+from stridelab.recordings.recording import Plate, Recording
+from stridelab.schemas.measures import GaitMeasuresSummary
+from stridelab.simulation.noise import NOISE_FREE
+from stridelab.simulation.robot_recording import record_robot
+from stridelab.studies.estimator_study import clean_motion
+from support.command_line import SAMPLE
+
+FOOT_LABELS = ("FCC", "FM1", "FM2", "FM5")
+
+
+@pytest.fixture(scope="module")
+def walk() -> Recording:
+    return sl.read(SAMPLE / "recording.c3d").recording
+
+
+def measures(folder: Path, recording: Recording) -> GaitMeasuresSummary:
+    write_c3d(folder / "walk.c3d", recording)
+    return sl.gait_measures(folder / "walk.c3d").summary
+
+
+def refused(folder: Path, recording: Recording) -> str:
+    """Code, message and faults of the refusal."""
+    with pytest.raises(NotEstimable) as caught:
+        measures(folder, recording)
+    return " ".join([caught.value.code, caught.value.message, *(fault.message for fault in caught.value.faults)])
+
+
+def with_plates(walk: Recording, change: Callable[[Plate], Plate]) -> Recording:
+    return replace(walk, plates=tuple(change(plate) for plate in walk.plates))
+
+
+def scaled(plate: Plate, share: float) -> Plate:
+    return replace(plate, force_n=share * plate.force_n, moment_nm=share * plate.moment_nm)
+
+
+def reasons(summary: GaitMeasuresSummary) -> dict[str, str]:
+    assert not [one.name for one in summary.measures if one.mean == 0.0]
+    assert not {one.name for one in summary.measures} & {one.name for one in summary.not_measured}
+    return {one.name: f"{one.code}: {one.message}" for one in summary.not_measured}
+
+
+def test_one_foot_on_a_plate_has_no_work_of_the_other_leg(tmp_path: Path, walk: Recording) -> None:
+    """The second of two plates is never loaded: the work of the foot on the first is known, that of the other not."""
+    last = walk.plates[-1].index
+    summary = measures(tmp_path, with_plates(walk, lambda p: scaled(p, 0.0) if p.index == last else p))
+    missing = reasons(summary)
+    both = {"limb_work_left_positive", "limb_work_right_positive"}
+    (other,) = both & set(missing)
+    assert "no-separate-forces" in missing[other]
+    assert both - {other} <= {one.name for one in summary.measures}
+    assert summary.method == "geometry"
+    assert next(one for one in summary.measures if one.name == "walking_speed").mean > 0.5
+
+
+def test_a_side_without_markers_is_refused_with_what_is_missing(tmp_path: Path, walk: Recording) -> None:
+    left = {f"L_{name}" for name in FOOT_LABELS}
+    markers = {label: track for label, track in walk.markers_m.items() if label not in left}
+    message = refused(tmp_path, replace(walk, markers_m=markers))
+    assert "feet-not-marked" in message
+    assert "both feet" in message
+
+
+def test_a_walking_aid_that_carries_weight_beside_the_plates_is_a_contradiction(
+    tmp_path: Path, walk: Recording
+) -> None:
+    """A fifth of the weight is on a cane that no plate measures."""
+    message = refused(tmp_path, with_plates(walk, lambda plate: scaled(plate, 0.8)))
+    assert "contradict" in message
+
+
+def test_a_run_is_not_measured_as_a_walk(tmp_path: Path) -> None:
+    running = record_robot(clean_motion("running"), NOISE_FREE, 0).recording
+    assert "running" in refused(tmp_path, running)
+
+
+def test_three_steps_give_their_values_and_name_what_needs_more(tmp_path: Path, walk: Recording) -> None:
+    frames, samples = 200, round(2.0 * walk.force_rate_hz)
+    short = replace(walk, markers_m={label: track[:frames] for label, track in walk.markers_m.items()})
+    summary = measures(
+        tmp_path,
+        with_plates(short, lambda p: replace(p, force_n=p.force_n[:samples], moment_nm=p.moment_nm[:samples])),
+    )
+    missing = reasons(summary)
+    assert summary.steps == 3
+    assert missing["foot_placement_residual"] == (
+        "too-few-steps: 3 steps; the regression needs at least 12 within the estimates."
+    )
+    assert "needs at least 150" in missing["local_dynamic_stability"]
+    assert next(one for one in summary.measures if one.name == "step_length" and one.side is None).n == 3
