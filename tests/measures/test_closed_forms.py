@@ -1,6 +1,7 @@
 """Measures of motions whose values follow on paper."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -19,8 +20,11 @@ from stridelab.measures import (
     summarise,
     symmetry_index,
 )
+from stridelab.measures.spatiotemporal import timing_sd
+from stridelab.measures.stated_errors import FACTORS, calibrate_errors
+from stridelab.measures.walk_motion import MARKER_SD_M
 from stridelab.recordings.recording import Side
-from stridelab.walking.gait_events import Contact
+from stridelab.walking.gait_events import Contact, EventError
 from support.recordings.plain_walk import (
     FOOT_M,
     HALF_BREADTH_M,
@@ -182,6 +186,32 @@ def test_a_linear_law_of_foot_placement_is_recovered() -> None:
     assert law["foot_placement_gain_velocity"] == pytest.approx(0.2, abs=1e-6)
     assert law["foot_placement_residual"] == pytest.approx(0.0, abs=1e-6)
     assert foot_placement([(swaying, plain_steps(8))]) == []
+
+
+def test_an_error_common_to_two_strikes_drops_out_of_the_time_between_them() -> None:
+    markers, plates = EventError(0.009, 0.005), EventError(0.0, 0.001)
+    assert timing_sd([(1.0, markers), (-1.0, markers)]) == pytest.approx(0.005 * math.sqrt(2.0))
+    assert timing_sd([(1.0, markers), (-1.0, plates)]) == pytest.approx(math.sqrt(0.009**2 + 0.005**2 + 0.001**2))
+    assert timing_sd([(-1.0, markers)], [(1.0, markers)]) == pytest.approx(math.sqrt(2.0 * (0.009**2 + 0.005**2)))
+
+
+def test_a_step_s_length_is_as_uncertain_as_its_heel_is_fast_at_the_strike() -> None:
+    """The heel arrives at 3 m/s and stops: half of the change over one deviation before and after is 1.5 m/s of it."""
+    errors = {"strike_error": EventError(0.0, 0.01), "prior_strike_error": EventError(0.0, 0.01)}
+    steps = [replace(step, **errors) for step in plain_steps()]
+    sd = [m.sd for m in spatiotemporal(plain_walk(), steps) if m.name == "step_length"][2]
+    assert sd == pytest.approx(math.hypot(math.sqrt(2.0) * MARKER_SD_M, 1.5 * 0.01), rel=0.02)
+
+
+def test_stated_errors_are_scaled_by_the_force_that_is_measured() -> None:
+    """Factors of steps with all force measured where the velocity is certain, and the others elsewhere."""
+    given = Measure("walking_speed", 1.2, 0.01, "m/s", "left", 2)
+    others = [replace(given, sd=None), replace(given, step=None), replace(given, name="foot_placement_residual")]
+    for velocity_sd, k in ((0.002, 0), (0.05, 1)):
+        covariance = np.broadcast_to(np.diag([1e-6, velocity_sd**2]), (len(plain_walk().time_s), 3, 2, 2))
+        found = calibrate_errors(plain_walk(covariance=covariance), plain_steps(), [given, *others])
+        assert found[0].sd == pytest.approx(0.01 * FACTORS["walking_speed"][k])
+        assert found[1:] == others
 
 
 def test_a_mean_has_the_scatter_of_the_steps_and_the_common_error() -> None:

@@ -140,6 +140,10 @@ The sources are in docs/theory/gait-measures.md.
 """
 
 
+EXCURSIONS_CM = (("vertical", (2.74, 0.52), (4.83, 0.92)), ("lateral", (6.99, 1.34), (3.85, 1.41)))
+"""Mean and standard deviation of the excursions at 0.7 and at 1.6 m/s."""
+
+
 def mean_of(one: MeasuredRecording, name: str) -> float:
     return float(np.mean([measure.value for measure in one.measures if measure.name == name]))
 

@@ -71,9 +71,7 @@ def test_a_side_without_markers_is_refused_with_what_is_missing(tmp_path: Path, 
     assert "both feet" in message
 
 
-def test_a_walking_aid_that_carries_weight_beside_the_plates_is_a_contradiction(
-    tmp_path: Path, walk: Recording
-) -> None:
+def test_weight_on_a_walking_aid_beside_the_plates_is_a_contradiction(tmp_path: Path, walk: Recording) -> None:
     """A fifth of the weight is on a cane that no plate measures."""
     message = refused(tmp_path, with_plates(walk, lambda plate: scaled(plate, 0.8)))
     assert "contradict" in message

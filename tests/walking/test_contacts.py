@@ -14,7 +14,7 @@ from stridelab.recordings.marker_sets import identify
 from stridelab.recordings.plate_contacts import wrench_track
 from stridelab.recordings.reader import read_recording
 from stridelab.recordings.recording import Recording
-from stridelab.walking.gait_events import Contact, find_contacts
+from stridelab.walking.gait_events import MARKER_ERROR, Contact, find_contacts
 from support.recordings.schematic_walk import LANDMARKS, STANCE_S, STEP_S, walk
 
 LOADED_S = 0.003
@@ -66,6 +66,22 @@ def test_the_force_s_latency_moves_what_plates_say() -> None:
     plain, moved = (of_stance(find_contacts(walk([2, 3]), LANDMARKS, latency_s=s), 2) for s in (0.0, 0.018))
     assert plain.start_s - moved.start_s == pytest.approx(0.018)
     assert plain.end_s - moved.end_s == pytest.approx(0.018)
+
+
+def test_markers_are_shifted_by_their_mean_difference_to_the_plates_of_the_recording() -> None:
+    """All markers 20 ms late: the plates below stances 2 and 3 inform the strikes of 4 and 5, where there is none."""
+    recording = walk([2, 3])
+    rolled = {label: np.vstack([track[:2], track[:-2]]) for label, track in recording.markers_m.items()}
+    late = replace(recording, markers_m=rolled)
+    plain, alone = find_contacts(late, LANDMARKS, plates=False), find_contacts(recording, LANDMARKS, plates=False)
+    shifted = find_contacts(late, LANDMARKS)
+    for k in (4, 5):
+        assert of_stance(plain, k).strike_s == pytest.approx(of_stance(alone, k).start_s + 0.02, abs=0.002)
+        found = of_stance(shifted, k)
+        assert found.strike_source == "markers"
+        assert abs(found.start_s - strike_s(k)) < 0.25 * abs(of_stance(plain, k).start_s - strike_s(k))
+        assert found.strike_error.common_s < 0.5 * MARKER_ERROR["strike"].common_s
+        assert found.strike_error.own_s == MARKER_ERROR["strike"].own_s
 
 
 def test_a_plate_under_half_of_a_contact_does_not_end_it() -> None:
