@@ -1,17 +1,23 @@
 """What a reproduction yields: claims that can fail, tables of one length, a drawing that is an SVG."""
 
 import re
-from collections.abc import Mapping
-from typing import get_args
+from collections.abc import Hashable, Iterator, Mapping
+from dataclasses import fields, is_dataclass
+from itertools import product
+from typing import Any, get_args
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 
+from stridelab.centroidal.plan import CentroidalPlan
+from stridelab.centroidal.problem import CentroidalProblem
+from stridelab.centroidal.solver import solve
 from stridelab.errors import InvalidInput, NotFound
 from stridelab.reproduction import claims as kinds
 from stridelab.reproduction.chapter2.table_coverage import SCENARIOS, with_force_bias
 from stridelab.reproduction.chapter2.table_partial_force import excerpt_with_single_support
+from stridelab.reproduction.chapter4 import fig_4_5, fig_4_8, fig_4_9, numbers, table_4_1
 from stridelab.reproduction.claims import Claim, Reproduction
 from stridelab.reproduction.common.estimator_errors import GAITS
 from stridelab.reproduction.common.estimators import NAMES
@@ -32,9 +38,36 @@ class Found(dict[str, Reproduction]):
         return self[name]
 
 
+def content(thing: Any) -> Hashable:
+    """Equal for problems with equal numbers."""
+    if isinstance(thing, np.ndarray):
+        return thing.shape, thing.dtype.str, thing.tobytes()
+    if is_dataclass(thing):
+        return type(thing), tuple(content(getattr(thing, field.name)) for field in fields(thing))
+    if isinstance(thing, Mapping):
+        return tuple((key, content(value)) for key, value in thing.items())
+    return tuple(map(content, thing)) if isinstance(thing, (tuple, list)) else thing
+
+
 @pytest.fixture(scope="module")
-def found() -> Mapping[str, Reproduction]:
-    return Found()
+def found() -> Iterator[Mapping[str, Reproduction]]:
+    """The items of chapter 4 share their plans here, measure each time once, and draw a quarter of the postures."""
+    plans: dict[Hashable, CentroidalPlan] = {}
+
+    def solve_once(problem: CentroidalProblem) -> CentroidalPlan:
+        key = content(problem)
+        if key not in plans:
+            plans[key] = solve(problem)
+        return plans[key]
+
+    with pytest.MonkeyPatch.context() as patch:
+        for module in (fig_4_8, fig_4_9, table_4_1, numbers):
+            patch.setattr(module, "solve", solve_once)
+        for module in (table_4_1, numbers):
+            patch.setattr(module, "REPEATS", 1)
+        patch.setattr(fig_4_5, "DRAWS", 100)
+        patch.setattr(fig_4_5, "PROBES", 15)
+        yield Found()
 
 
 def test_the_contract_names_what_there_is() -> None:
@@ -187,6 +220,17 @@ def test_in_flight_only_who_believes_the_plates_falls_with_g(found: Mapping[str,
     share = dict(zip(table["estimator"][here], table["vertical_share"][here], strict=True))
     assert share["smoother"] < 0.02
     assert share["geometry"] > 2 * share["smoother"]
+
+
+def test_without_the_log_density_the_com_rises_out_of_reach(found: Mapping[str, Reproduction]) -> None:
+    verdicts = {claim.key: claim.verdict for claim in found["fig-4.9"].claims}
+    assert set(verdicts.values()) == {"met", "beaten"}
+    table, paths = found["fig-4.9"].tables["shares"], found["fig-4.9"].tables["paths"]
+    assert table["highest_m"][1] > 2.0 > 0.9 > table["highest_m"][0]
+    assert table["least_share"][1] == 0.0 < table["least_share"][0]
+    for measure, case in product(fig_4_9.MEASURES, fig_4_9.CASES):
+        gaps = np.flatnonzero(~np.isfinite(paths[f"{measure}_{case}_x_m"]))
+        assert len(gaps) == pytest.approx(6 * 14, abs=2)  # six times 1.4 s in the air
 
 
 def test_the_verdict_is_that_of_the_worst_claim() -> None:

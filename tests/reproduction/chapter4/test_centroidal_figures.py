@@ -51,18 +51,6 @@ def test_why_both_controls_have_not_the_same_optimum(both: tuple[CentroidalPlan,
     assert {len(column) for column in columns.values()} == {len(both[0].time_s)}
 
 
-def test_without_the_log_density_the_com_rises_out_of_reach() -> None:
-    paths = [fig_4_9.com_path(measure, case) for measure in fig_4_9.MEASURES for case in fig_4_9.CASES]
-    verdicts = {claim.key: claim.verdict for claim in fig_4_9.figure_claims(paths)}
-    assert set(verdicts.values()) == {"met", "beaten"}
-    table = fig_4_9.path_table(paths)
-    assert table["highest_m"][1] > 2.0 > 0.9 > table["highest_m"][0]
-    assert table["least_share"][1] == 0.0 < table["least_share"][0]
-    for path in paths:
-        gaps = np.flatnonzero(~path.in_contact)
-        assert len(gaps) == pytest.approx(6 * 14, abs=2)  # six times 1.4 s in the air
-
-
 def test_the_cells_of_a_projected_density_add_up_to_one() -> None:
     mixture = experiment_problem(1, "hrp2").proxies["right_foot"].mixture
     flat = fig_4_9.project_mixture(mixture, (0, 2))
