@@ -22,6 +22,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.csv
 import pyarrow.parquet
+from jaxtyping import Float
 
 from stridelab.resources import models_dir
 from stridelab.service.kinds.base import ArtifactFile
@@ -51,6 +52,11 @@ UNITS = (
 def unit_of(column: str) -> str:
     """Unit of a column according to its suffix; "1" for a name without a unit suffix."""
     return next((unit for suffix, unit in UNITS.items() if column.endswith(suffix)), "1")
+
+
+def track_columns(name: str, track: Float[np.ndarray, "n 3"]) -> dict[str, np.ndarray]:
+    """Columns x, y and z of a track; ``name`` has a placeholder for the axis."""
+    return {name.format(axis): track[:, i] for i, axis in enumerate("xyz")}
 
 
 def write_table(

@@ -19,10 +19,9 @@ from stridelab.pipelines.progress import ProgressCallback
 from stridelab.schemas.comparison import CompareEstimatorsInput
 from stridelab.schemas.tasks import CompareEstimatorsTask
 from stridelab.service.kinds.base import ArtifactFile, Outcome, json_run
-from stridelab.service.kinds.result_tables import write_table
+from stridelab.service.kinds.result_tables import track_columns, write_table
 
 _BODE_HZ: Final = (0.01, 400)
-_WORLD: Final = "xyz"
 
 
 def run(task: CompareEstimatorsTask, folder: Path, progress: ProgressCallback) -> Outcome:
@@ -49,14 +48,14 @@ def _write_tables(
     tracks: dict[str, Series] = {"time_s": first.estimate.time_s}
     if data.truth is not None:
         start = int(np.argmin(np.abs(data.geometric.time_s - first.estimate.time_s[0])))
-        tracks |= _axis_columns("truth_{}_m", data.truth.com_m[start : start + len(first.estimate.time_s)])
+        tracks |= track_columns("truth_{}_m", data.truth.com_m[start : start + len(first.estimate.time_s)])
     spectra: dict[str, Series] = {"frequency_hz": first.spectrum.frequency_hz}
     for name, spectrum in found.inputs.items():
         unit = "m_s2_rthz" if name == "force" else "m_rthz"
-        spectra |= _axis_columns(f"input_{name}_{{}}_{unit}", spectrum.amplitude_density)
+        spectra |= track_columns(f"input_{name}_{{}}_{unit}", spectrum.amplitude_density)
     for name, assessment in found.assessments.items():
-        tracks |= _axis_columns(f"{_column_name(name)}_{{}}_m", assessment.estimate.com_m)
-        spectra |= _axis_columns(f"{_column_name(name)}_{{}}_m_rthz", assessment.spectrum.amplitude_density)
+        tracks |= track_columns(f"{_column_name(name)}_{{}}_m", assessment.estimate.com_m)
+        spectra |= track_columns(f"{_column_name(name)}_{{}}_m_rthz", assessment.spectrum.amplitude_density)
     tables = {"comparison": tracks, "spectra": spectra, **_filter_tables(request, data)}
     return tuple(file for stem, columns in tables.items() for file in write_table(folder, stem, columns, provenance))
 
@@ -70,7 +69,7 @@ def _filter_tables(request: CompareEstimatorsInput, data: ComparisonData) -> dic
     parts, within = split_contributions(signals.filters, signals.inputs), signals.stretch.within
     shares: dict[str, Series] = {"time_s": data.geometric.time_s[signals.span.inside]}
     for name in ("geometry", "force", "axis", "total"):
-        shares |= _axis_columns(f"{name}_{{}}_m", getattr(parts, f"{name}_m")[within])
+        shares |= track_columns(f"{name}_{{}}_m", getattr(parts, f"{name}_m")[within])
     low_hz, lines = _BODE_HZ
     response = bode_responses(signals.filters, np.geomspace(low_hz, 0.499 * signals.span.rate_hz, lines))
     curves: dict[str, Series] = {"frequency_hz": response.frequency_hz}
@@ -78,10 +77,6 @@ def _filter_tables(request: CompareEstimatorsInput, data: ComparisonData) -> dic
         curves[f"{name}_gain_db"] = response.gain_db[:, branch]
         curves[f"{name}_phase_rad"] = response.phase_rad[:, branch]
     return {"contributions": shares, "bode": curves}
-
-
-def _axis_columns(pattern: str, track: np.ndarray) -> dict[str, Series]:
-    return {pattern.format(axis): track[:, i] for i, axis in enumerate(_WORLD)}
 
 
 def _column_name(name: str) -> str:

@@ -10,12 +10,12 @@ from stridelab.centroidal.nlp.kkt import Attempt
 from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.contacts.sequence import ContactSequence
 from stridelab.conventions import Series
+from stridelab.service.kinds.result_tables import track_columns
 from stridelab.wholebody.motion import WholeBodyMotion
 
 if TYPE_CHECKING:
     from stridelab.wholebody.replay.replay import Replay
 
-AXES = "xyz"
 Columns = dict[str, Series | Int[np.ndarray, "n"]]
 _SAME_INSTANT_S = 1e-9
 
@@ -102,8 +102,3 @@ def _interval_friction(plan: CentroidalPlan, effector: str) -> Series:
 
 def _repeat_last(per_interval: np.ndarray) -> np.ndarray:
     return np.concatenate([per_interval, per_interval[-1:]])
-
-
-def track_columns(name: str, track: Float[np.ndarray, "n 3"]) -> Columns:
-    """Columns x, y and z of a track; ``name`` has a placeholder for the axis."""
-    return {name.format(axis): track[:, i] for i, axis in enumerate(AXES)}

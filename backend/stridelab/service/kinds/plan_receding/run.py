@@ -16,8 +16,8 @@ from stridelab.pipelines.progress import ProgressCallback
 from stridelab.schemas.tasks import PlanRecedingTask
 from stridelab.service.kinds.base import Outcome, json_run
 from stridelab.service.kinds.plan_motion.files import write_json
-from stridelab.service.kinds.plan_motion.tables import Columns, track_columns
-from stridelab.service.kinds.result_tables import write_table
+from stridelab.service.kinds.plan_motion.tables import Columns
+from stridelab.service.kinds.result_tables import track_columns, write_table
 
 
 def run(task: PlanRecedingTask, folder: Path, progress: ProgressCallback) -> Outcome:
