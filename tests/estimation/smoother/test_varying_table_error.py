@@ -1,4 +1,4 @@
-"""The table's error that follows the posture: as large as stated where the body moves, small where it stands."""
+"""The table's error that follows the posture: as stated in a walk, twice that in runs and jumps, small in standing."""
 
 import numpy as np
 import pytest
@@ -9,7 +9,7 @@ from stridelab.simulation.people.movements import Movement
 from stridelab.simulation.people.sensors import draw_recording
 
 
-@pytest.mark.parametrize(("movement", "size_mm"), [("walk", 3.0), ("run", 3.0), ("hop", 3.0), ("stand", 1 / 3)])
+@pytest.mark.parametrize(("movement", "size_mm"), [("walk", 3.0), ("run", 6.0), ("hop", 6.0), ("stand", 1 / 3)])
 def test_a_body_that_stands_has_little_of_it_and_learning_leaves_it_alone(movement: Movement, size_mm: float) -> None:
     drawn = draw_recording(4, movement, duration_s=2.5, frame_hz=50.0)
     for learn in (False, True):
