@@ -38,9 +38,9 @@ class SmootherPriors:
     ``plate_moment_nm`` about the plate. ``mass_share`` is the relative error of the mass, ``clock_s`` the residual
     latency between force and markers.
 
-    ``table_varying_m`` is the posture-dependent part of the table's horizontal error in walking (twice it in runs), with correlation time
-    ``table_varying_s``; vertically it is ``CALM_SHARE`` of it, and that share squared where the body stands. It is not
-    learned: a second of data makes it too small.
+    ``table_varying_m`` is the posture-dependent part of the table's horizontal error in walking, with correlation time
+    ``table_varying_s``; it is twice as large in runs, vertically ``CALM_SHARE`` of it, and that share squared where the
+    body stands. It is not learned: a second of data makes it too small.
     ``momentum_m_s`` is the angular momentum about the walking axis and the lateral axis divided by the weight,
     L / (m g); None uses that of an adult of this height. It is modelled as a resonator of damping ratio ``damping`` at
     half the step frequency and at ``step_hz`` (None: estimated from the vertical motion), with overtones whose L is
