@@ -213,8 +213,8 @@ def test_another_trial_of_the_session_gives_the_zero_of_a_plate(tmp_path: Path) 
     loaded = np.tile(true[500], (N, 1))
     read = {}
     for name, signals in {"walk": true + OFFSET, "static": loaded + OFFSET, "exact": loaded}.items():
-        plate = PlateChannels(2, signals, origin_mm=tuple(origin))
-        read[name] = read_recording(write_file(tmp_path / f"{name}.c3d", markers(), plates=[plate]))
+        channels = PlateChannels(2, signals, origin_mm=tuple(origin))
+        read[name] = read_recording(write_file(tmp_path / f"{name}.c3d", markers(), plates=[channels]))
     walk = plate_info(read["walk"].plates[0], 1000.0)
     assert walk.zero is not None
     assert plate_info(read["static"].plates[0], 1000.0).zero is None

@@ -94,7 +94,7 @@ def test_the_people_of_the_reference_group_are_told_apart(service: Served, tmp_p
     task = GaitReportTask.model_validate(service.run(run()))
     people = [[one.recording_id for one in group.members] for group in task.reference]
     assert people == [twice, [other], [unknown]]
-    folders = [one.folder for group in (task, *task.reference) for one in group.members]
+    folders = [one.folder for group in (task.members, *(other.members for other in task.reference)) for one in group]
     assert len(set(folders)) == 5
     assert all((tmp_path / folder / "trial").is_file() for folder in folders)
 

@@ -1,4 +1,4 @@
-"""A pool whose imports wait for its first task, and which leaves them to the next pool: imports cost a second or two."""
+"""A pool whose imports wait for its first task and are left to the next pool: imports cost a second or two."""
 
 import asyncio
 import atexit
