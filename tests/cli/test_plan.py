@@ -73,7 +73,7 @@ def test_a_replay_goes_with_the_whole_body() -> None:
 
     assert asked() == (True, True)
     assert asked(replay=False) == (True, False)
-    assert asked(whole_body=False) == (False, False)
+    assert asked(no_whole_body=True) == (False, False)
     with pytest.raises(InvalidInput) as refusal:
         PlanRequest("x", no_whole_body=True, replay=True)
     assert refusal.value.faults[0].where == "--replay"
@@ -82,7 +82,7 @@ def test_a_replay_goes_with_the_whole_body() -> None:
 def test_a_delay_of_the_replay_is_an_option_of_the_job() -> None:
     made = PlanRequest("x", replay_delay_ms=3.0).to_input(short_walk())
     assert made == PlanMotionInput(scenario=short_walk(), replay=ReplayOptions(delay_s=0.003))
-    for without in ({"replay": False}, {"whole_body": False}):
+    for without in ({"replay": False}, {"no_whole_body": True}):
         with pytest.raises(InvalidInput) as refusal:
             PlanRequest("x", replay_delay_ms=3.0, **without)  # type: ignore[arg-type]
         assert refusal.value.faults[0].where == "--replay-delay"

@@ -92,12 +92,12 @@ class Measured:
         return Claim(self.key, says, self.thesis, self.ours, self.unit, self.verdict, note)
 
 
-def met_if(holds: bool) -> Verdict:
+def met_if(holds: bool | np.bool) -> Verdict:
     """Verdict "met" or "not_met"."""
     return "met" if holds else "not_met"
 
 
-def error_unless(holds: bool) -> Verdict:
+def error_unless(holds: bool | np.bool) -> Verdict:
     """Verdict "met" or "thesis_in_error"."""
     return "met" if holds else "thesis_in_error"
 

@@ -64,10 +64,6 @@ class OwnSurfaces:
             near |= self._carriers[id(after)]
         return near
 
-    def surfaces_at(self, effector: str, phase: int, time_s: float) -> frozenset[str]:
-        """All surfaces that the effector is in contact with, leaves or approaches at ``time_s``."""
-        return self.contact_surfaces(effector, phase) | self.nearby_surfaces(effector, phase, time_s)
-
 
 def terrain_shape(surface: Box | Rail) -> tuple[pin.SE3, coal.CollisionGeometry]:
     """Placement in the world and shape of a surface."""

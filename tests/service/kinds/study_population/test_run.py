@@ -9,7 +9,7 @@ import pytest
 from pydantic import ValidationError
 
 from stridelab.errors import InvalidInput, NotEstimable
-from stridelab.pipelines.population_subjects import RecordingSubject, merge_subjects
+from stridelab.pipelines.population.subjects import RecordingSubject, merge_subjects
 from stridelab.schemas.cycloid import FitCycloidInput
 from stridelab.schemas.jobs import SimulateRecordingInput
 from stridelab.schemas.population import PersonFields, StudyPopulationInput, StudyPopulationSummary

@@ -9,20 +9,20 @@ from pathlib import Path
 from typing import Final
 
 from stridelab.parallel import map_isolated
+from stridelab.pipelines.population.study import study_population
 from stridelab.pipelines.progress import ProgressCallback
-from stridelab.pipelines.study_population import study_population
 from stridelab.schemas.tasks import StudyPopulationTask
 from stridelab.service.kinds.base import Outcome, json_run
 from stridelab.service.kinds.study_population.files import write_population
 
-PRELOAD: Final = ("stridelab.pipelines.study_population",)
+PRELOAD: Final = ("stridelab.pipelines.population.study",)
 RECORDING_TIMEOUT_S: Final = 120.0
 
 
 def run(task: StudyPopulationTask, folder: Path, progress: ProgressCallback) -> Outcome:
     """Fit every recording of ``task`` and study the subjects; the summary is a ``StudyPopulationSummary``.
 
-    Raises as ``stridelab.pipelines.study_population.study_population`` does.
+    Raises as ``stridelab.pipelines.population.study.study_population`` does.
     """
     map_recordings = partial(map_isolated, preload=PRELOAD, timeout_s=RECORDING_TIMEOUT_S)
     result = study_population(task, folder, map_recordings, progress)

@@ -19,8 +19,8 @@ from stridelab.errors import Fault, NotEstimable, StridelabError
 from stridelab.estimation.quality.assessment import CONTRADICTED, DOUBTFUL
 from stridelab.pipelines.estimate_com import worst_quality
 from stridelab.pipelines.fit_cycloid import fit_cycloid_of_recording
-from stridelab.pipelines.population_subjects import SUBJECT_FIELDS, RecordingSubject, merge_subjects
-from stridelab.pipelines.population_summary import correlation_results, mixed_results, subject_results
+from stridelab.pipelines.population.subjects import SUBJECT_FIELDS, RecordingSubject, merge_subjects
+from stridelab.pipelines.population.summary import correlation_results, mixed_results, subject_results
 from stridelab.pipelines.progress import ItemMap, Json, ProgressCallback
 from stridelab.recordings.recording import Remark
 from stridelab.schemas import base

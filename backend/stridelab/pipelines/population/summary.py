@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Final
 
-from stridelab.pipelines.population_subjects import StudySubject
+from stridelab.pipelines.population.subjects import StudySubject
 from stridelab.schemas.population import (
     CorrelationResult,
     EffectResult,
