@@ -54,5 +54,5 @@ def test_an_option_that_makes_no_sense_is_named(tmp_path: Path, option: str, val
 def test_an_unknown_robot_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     code, shown = typed("../marvin")
-    assert (code, "robot-not-found" in shown) == (2, True), shown
+    assert (code, "robot-not-found" in shown) == (5, True), shown
     assert list(tmp_path.iterdir()) == []
