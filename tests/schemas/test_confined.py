@@ -14,8 +14,8 @@ import pytest
 from stridelab.schemas.jobs import SimulateRecordingInput
 from stridelab.schemas.measures import GaitReportInput
 from stridelab.schemas.population import PersonFields
-from stridelab.schemas.receding import PlanRecedingInput
-from stridelab.schemas.sweeps import SweepInput
+from stridelab.schemas.receding import PlanRecedingInput, PlanRecedingTask
+from stridelab.schemas.sweeps import SweepInput, SweepTask
 from stridelab.schemas.tasks import (
     BenchMember,
     ComBenchTask,
@@ -24,11 +24,9 @@ from stridelab.schemas.tasks import (
     GaitMeasuresTask,
     GaitReportTask,
     MeasuresMember,
-    PlanRecedingTask,
     PopulationMember,
     SimulateRecordingTask,
     StudyPopulationTask,
-    SweepTask,
 )
 from stridelab.service.kinds.registry import COMPUTING, KINDS
 from stridelab.service.processes.pool import IsolatedPool

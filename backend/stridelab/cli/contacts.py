@@ -18,9 +18,8 @@ from stridelab.cli.scenario_files import read_document, read_json, read_scenario
 from stridelab.errors import Fault, InvalidInput
 from stridelab.schemas.base import Remark
 from stridelab.schemas.jobs import JobResult
-from stridelab.schemas.plans import PlanContactsInput, PlanContactsSummary
+from stridelab.schemas.plans import PlanContactsInput, PlanContactsSummary, PlanContactsTask
 from stridelab.schemas.scenarios import Scenario
-from stridelab.schemas.tasks import PlanContactsTask
 
 PHASE_OF_END: Final = {"start": 0, "goal": -1}
 """Indices of the scenario phases that are start and goal of a task."""

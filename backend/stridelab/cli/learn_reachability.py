@@ -11,8 +11,7 @@ from stridelab.cli.deliver import deliver_result, run_job
 from stridelab.cli.options import Delivery, PostureMeasure, with_groups
 from stridelab.cli.results import out, show_files, show_remarks, validate_options
 from stridelab.schemas.jobs import JobResult
-from stridelab.schemas.plans import LearnReachabilityInput, LearnReachabilitySummary
-from stridelab.schemas.tasks import LearnReachabilityTask
+from stridelab.schemas.plans import LearnReachabilityInput, LearnReachabilitySummary, LearnReachabilityTask
 
 
 @with_groups

@@ -14,8 +14,7 @@ from stridelab.cli.results import validate_options
 from stridelab.errors import Fault, InvalidInput
 from stridelab.schemas.jobs import EstimateComInput
 from stridelab.schemas.marker_sets import SourceMarkerSet
-from stridelab.schemas.methods import Method
-from stridelab.schemas.plans import NODE_RATE_HZ, Formulation
+from stridelab.schemas.methods import NODE_RATE_HZ, Formulation, Method
 from stridelab.schemas.recordings import PlateSwitch, Sex, SubjectFields
 from stridelab.schemas.tasks import RecordingSource
 

@@ -24,12 +24,12 @@ from stridelab.schemas.plans import (
     Film,
     PlanMotionInput,
     PlanMotionSummary,
+    PlanMotionTask,
     ReplayOptions,
     ReplaySummary,
     Shape,
 )
 from stridelab.schemas.scenarios import Scenario
-from stridelab.schemas.tasks import PlanMotionTask
 
 PAGE_FILE: Final = "motion.html"
 

@@ -22,8 +22,7 @@ from stridelab.reproduction.report.html import render_html
 from stridelab.reproduction.result_cache import ResultCache
 from stridelab.reproduction.runner import QUICK_SEEDS, Section, collect_sections, recipes_of
 from stridelab.schemas.jobs import JobResult
-from stridelab.schemas.reproduction import ReproduceInput, ReproduceSummary
-from stridelab.schemas.tasks import ReproduceTask
+from stridelab.schemas.reproduction import ReproduceInput, ReproduceSummary, ReproduceTask
 from stridelab.service.kinds.result_tables import software_versions
 
 VERDICT_MARKUP = {

@@ -14,8 +14,7 @@ from stridelab.cli.results import out, show_files, show_remarks, validate_option
 from stridelab.errors import Fault, InvalidInput
 from stridelab.schemas.jobs import JobResult
 from stridelab.schemas.scenarios import Scenario
-from stridelab.schemas.sweeps import SweepInput, SweepSummary
-from stridelab.schemas.tasks import SweepTask
+from stridelab.schemas.sweeps import SweepInput, SweepSummary, SweepTask
 
 SCOPES: Final = {
     "centre of mass": "centre of mass only: whether the body can follow was not computed",

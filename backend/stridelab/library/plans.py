@@ -10,9 +10,8 @@ from typing import Any
 
 from stridelab.errors import StridelabError
 from stridelab.library.options import Progress, data_frame, ignore_progress, validate_fields
-from stridelab.schemas.plans import PlanMotionInput, PlanMotionSummary
+from stridelab.schemas.plans import PlanMotionInput, PlanMotionSummary, PlanMotionTask
 from stridelab.schemas.scenarios import Scenario
-from stridelab.schemas.tasks import PlanMotionTask
 
 
 @dataclass(frozen=True)

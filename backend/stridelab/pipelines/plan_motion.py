@@ -44,9 +44,9 @@ from stridelab.schemas.plans import (
     CertificateSummary,
     PlanMotionInput,
     PlanMotionSummary,
+    PlanMotionTask,
     ReplayOptions,
 )
-from stridelab.schemas.tasks import PlanMotionTask
 from stridelab.wholebody.certificate.certify import certify
 from stridelab.wholebody.control.controller import WholeBodyController
 from stridelab.wholebody.momentum_consistency import Pass, agree

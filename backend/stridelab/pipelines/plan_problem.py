@@ -26,7 +26,8 @@ from stridelab.reachability.proxy.effector_proxy import Proxy
 from stridelab.reachability.store import load_card, load_proxies, require_same_robot
 from stridelab.robots.robot import Robot
 from stridelab.schemas.base import Remark
-from stridelab.schemas.plans import Formulation, PhaseDuration, PlanMotionInput
+from stridelab.schemas.methods import Formulation
+from stridelab.schemas.plans import PhaseDuration, PlanMotionInput
 from stridelab.schemas.scenarios import Scenario
 from stridelab.schemas.sweeps import SweepInput
 

@@ -16,8 +16,7 @@ from stridelab.reachability.store import DEFAULT_MEASURE
 from stridelab.robots.card import robot_card
 from stridelab.robots.loader import load_robot
 from stridelab.schemas.base import Remark
-from stridelab.schemas.receding import PlanRecedingSummary, Push
-from stridelab.schemas.tasks import PlanRecedingTask
+from stridelab.schemas.receding import PlanRecedingSummary, PlanRecedingTask, Push
 
 REFERENCES: Final = ("carpentier2017thesis",)
 SOLVER_REFERENCES: Final[Mapping[str, tuple[str, ...]]] = {

@@ -40,8 +40,7 @@ from stridelab.robots.loader import load_robot
 from stridelab.robots.robot import Robot
 from stridelab.schemas.base import Remark
 from stridelab.schemas.plans import PlanMotionInput
-from stridelab.schemas.sweeps import SweepAxis, SweepField, SweepInput, SweepOutcome, SweepSummary
-from stridelab.schemas.tasks import SweepTask
+from stridelab.schemas.sweeps import SweepAxis, SweepField, SweepInput, SweepOutcome, SweepSummary, SweepTask
 from stridelab.wholebody.certificate.certify import certify
 from stridelab.wholebody.control.controller import WholeBodyController
 from stridelab.wholebody.momentum_consistency import agree

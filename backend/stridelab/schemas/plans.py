@@ -5,16 +5,14 @@ from typing import Annotated, Final, Literal
 from pydantic import Field, model_validator
 
 from stridelab.schemas.base import Contract, Remark
+from stridelab.schemas.methods import NODE_RATE_HZ, Formulation
 from stridelab.schemas.scenarios import Friction, OneLine, Scenario, ScenarioContact, ScenarioSource, TerrainSurface
 
 PLAN_STAGES: Final = ("check", "reachability", "centroidal", "whole body", "certificate", "export", "replay")
 """Stages of ``plan-motion`` in order: keys of ``stage_times_s``, and prefixes of its progress messages."""
 
-Formulation = Literal["forces", "circular-cones", "wrench"]
 Shape = Literal["constant", "cubic"]
 Film = Literal["gif", "mp4"]
-NODE_RATE_HZ: Final = (2.0, 50.0)
-"""Minimum and maximum number of nodes per second."""
 TIME_LIMIT_S: Final = 300.0
 """Maximum of the solver's time limit; the job itself ends after ten minutes."""
 
@@ -321,3 +319,22 @@ class LearnReachabilitySummary(Contract):
     measure: str
     effectors: dict[str, LearnedEffector]
     warnings: list[Remark]
+
+
+class PlanMotionTask(Contract):
+    """Task of ``plan-motion``, with the resolved scenario."""
+
+    scenario: Scenario
+    input: PlanMotionInput
+
+
+class PlanContactsTask(Contract):
+    """Task of ``plan-contacts``."""
+
+    input: PlanContactsInput
+
+
+class LearnReachabilityTask(Contract):
+    """Task of ``learn-reachability``."""
+
+    input: LearnReachabilityInput

@@ -5,7 +5,7 @@ from typing import Annotated
 from pydantic import Field, model_validator
 
 from stridelab.schemas.base import Contract, FaultItem
-from stridelab.schemas.plans import NODE_RATE_HZ
+from stridelab.schemas.methods import NODE_RATE_HZ
 from stridelab.schemas.receding import PushSpeed
 from stridelab.schemas.scenarios import Position, ScenarioSource
 

@@ -5,8 +5,8 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from stridelab.schemas.base import Contract, Remark
-from stridelab.schemas.plans import NODE_RATE_HZ, Formulation
-from stridelab.schemas.scenarios import ScenarioSource
+from stridelab.schemas.methods import NODE_RATE_HZ, Formulation
+from stridelab.schemas.scenarios import Scenario, ScenarioSource
 
 PushSpeed = Annotated[float, Field(ge=-2.0, le=2.0)]
 
@@ -61,3 +61,10 @@ class PlanRecedingSummary(Contract):
     replan_max_ms: float
     goal_gap_m: float
     warnings: list[Remark]
+
+
+class PlanRecedingTask(Contract):
+    """Task of ``plan-receding``, with the resolved scenario."""
+
+    scenario: Scenario
+    input: PlanRecedingInput

@@ -76,3 +76,9 @@ class ReproduceSummary(Contract):
     claims: list[ClaimResult]
     seeds: int
     note: str
+
+
+class ReproduceTask(Contract):
+    """Task of ``reproduce``."""
+
+    input: ReproduceInput

@@ -5,8 +5,8 @@ from typing import Annotated, Final, Literal
 from pydantic import Field, model_validator
 
 from stridelab.schemas.base import Contract, Remark
-from stridelab.schemas.plans import NODE_RATE_HZ, Formulation
-from stridelab.schemas.scenarios import ScenarioSource
+from stridelab.schemas.methods import NODE_RATE_HZ, Formulation
+from stridelab.schemas.scenarios import Scenario, ScenarioSource
 
 SweepField = Literal["stride", "height", "timing", "friction"]
 SweepOutcome = Literal["feasible", "refused", "infeasible", "failed"]
@@ -88,3 +88,10 @@ class SweepSummary(Contract):
     wall_time_s: float
     processes: int
     warnings: list[Remark]
+
+
+class SweepTask(Contract):
+    """Task of ``sweep``, with the resolved scenario."""
+
+    scenario: Scenario
+    input: SweepInput

@@ -1,4 +1,7 @@
-"""Tasks that a worker passes to a child process: JSON, with all files in the folder of the task."""
+"""Tasks on recordings that a worker passes to a child process: JSON, with all files in the folder of the task.
+
+The tasks of the robot jobs stand beside their inputs.
+"""
 
 from datetime import date
 
@@ -10,14 +13,9 @@ from stridelab.schemas.cycloid import FitCycloidInput
 from stridelab.schemas.jobs import EstimateComInput, SimulateRecordingInput
 from stridelab.schemas.marker_sets import SourceMarkerSet
 from stridelab.schemas.measures import GaitReportInput
-from stridelab.schemas.plans import LearnReachabilityInput, PlanContactsInput, PlanMotionInput
 from stridelab.schemas.population import PersonFields
-from stridelab.schemas.receding import PlanRecedingInput
 from stridelab.schemas.recordings import PlateSwitch, SubjectFields
-from stridelab.schemas.reproduction import ReproduceInput
-from stridelab.schemas.scenarios import Scenario
 from stridelab.schemas.sessions import SessionValues
-from stridelab.schemas.sweeps import SweepInput
 
 
 class RecordingSource(Contract):
@@ -128,45 +126,6 @@ class SimulateRecordingTask(Contract):
     """Task of ``simulate-recording``."""
 
     input: SimulateRecordingInput
-
-
-class PlanMotionTask(Contract):
-    """Task of ``plan-motion``, with the resolved scenario."""
-
-    scenario: Scenario
-    input: PlanMotionInput
-
-
-class PlanRecedingTask(Contract):
-    """Task of ``plan-receding``, with the resolved scenario."""
-
-    scenario: Scenario
-    input: PlanRecedingInput
-
-
-class SweepTask(Contract):
-    """Task of ``sweep``, with the resolved scenario."""
-
-    scenario: Scenario
-    input: SweepInput
-
-
-class PlanContactsTask(Contract):
-    """Task of ``plan-contacts``."""
-
-    input: PlanContactsInput
-
-
-class LearnReachabilityTask(Contract):
-    """Task of ``learn-reachability``."""
-
-    input: LearnReachabilityInput
-
-
-class ReproduceTask(Contract):
-    """Task of ``reproduce``."""
-
-    input: ReproduceInput
 
 
 class BatchFile(Contract):

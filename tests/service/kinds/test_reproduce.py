@@ -9,8 +9,7 @@ from stridelab.cli.options import Delivery
 from stridelab.cli.reproduce import reproduce_item
 from stridelab.errors import InvalidInput
 from stridelab.schemas.jobs import JobResult
-from stridelab.schemas.reproduction import ReproduceInput, ReproduceSummary
-from stridelab.schemas.tasks import ReproduceTask
+from stridelab.schemas.reproduction import ReproduceInput, ReproduceSummary, ReproduceTask
 from stridelab.service.kinds.reproduce import run as kind
 from stridelab.service.kinds.result_tables import known_references
 from support.command_line import Told

@@ -13,17 +13,20 @@ from stridelab.errors import NotFound
 from stridelab.schemas.comparison import CompareEstimatorsInput
 from stridelab.schemas.cycloid import FitCycloidInput
 from stridelab.schemas.jobs import EstimateComInput, SimulateRecordingInput
-from stridelab.schemas.plans import LearnReachabilityInput, PlanContactsInput, PlanMotionInput
-from stridelab.schemas.receding import PlanRecedingInput
+from stridelab.schemas.plans import (
+    LearnReachabilityInput,
+    LearnReachabilityTask,
+    PlanContactsInput,
+    PlanContactsTask,
+    PlanMotionInput,
+    PlanMotionTask,
+)
+from stridelab.schemas.receding import PlanRecedingInput, PlanRecedingTask
 from stridelab.schemas.recordings import RecordingFacts, SubjectFields
 from stridelab.schemas.tasks import (
     CompareEstimatorsTask,
     EstimateComTask,
     FitCycloidTask,
-    LearnReachabilityTask,
-    PlanContactsTask,
-    PlanMotionTask,
-    PlanRecedingTask,
     SimulateRecordingTask,
 )
 from stridelab.service.kinds import staging

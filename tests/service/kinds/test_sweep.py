@@ -13,8 +13,7 @@ from stridelab.errors import InvalidInput, NotEstimable, StridelabError
 from stridelab.pipelines import plan_problem
 from stridelab.pipelines.sweep_scenarios import plan_chunk, sweep_axes
 from stridelab.schemas.scenarios import Scenario
-from stridelab.schemas.sweeps import MAX_POINTS, SweepInput, SweepSummary
-from stridelab.schemas.tasks import SweepTask
+from stridelab.schemas.sweeps import MAX_POINTS, SweepInput, SweepSummary, SweepTask
 from stridelab.service.kinds.registry import KINDS
 from stridelab.service.kinds.sweep import run as sweep
 from support.command_line import Told

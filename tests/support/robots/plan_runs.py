@@ -15,9 +15,8 @@ import pyarrow.parquet as pq
 from stridelab.contacts.scenarios.parts import Timing
 from stridelab.contacts.scenarios.stairs import flat_walk
 from stridelab.errors import Fault
-from stridelab.schemas.plans import PlanMotionInput, PlanMotionSummary
+from stridelab.schemas.plans import PlanMotionInput, PlanMotionSummary, PlanMotionTask
 from stridelab.schemas.scenarios import Scenario
-from stridelab.schemas.tasks import PlanMotionTask
 from stridelab.service.kinds.base import Outcome
 from stridelab.service.kinds.plan_motion import run as plan_motion
 from stridelab.wholebody.control.controller import WholeBodyController

@@ -19,7 +19,6 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.compute as pc
 import pyarrow.csv
 import pyarrow.parquet
 from jaxtyping import Float
@@ -131,9 +130,9 @@ def _safe_for_spreadsheets(table: pa.Table) -> pa.Table:
 def _empty_for_nan(table: pa.Table) -> pa.Table:
     for index, field in enumerate(table.schema):
         if pa.types.is_floating(field.type):
-            column = table.column(index)
-            empty = pa.scalar(None, type=field.type)
-            table = table.set_column(index, field.name, pc.if_else(pc.is_nan(column), empty, column))
+            # pyarrow.compute would take 40 ms to import.
+            cells = pa.array(table.column(index).to_numpy(), type=field.type, from_pandas=True)
+            table = table.set_column(index, field.name, cells)
     return table
 
 

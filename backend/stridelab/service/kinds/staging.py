@@ -15,17 +15,12 @@ from stridelab.schemas.base import Contract
 from stridelab.schemas.cycloid import FitCycloidInput
 from stridelab.schemas.jobs import EstimateComInput
 from stridelab.schemas.methods import Method
+from stridelab.schemas.plans import PlanMotionTask
+from stridelab.schemas.receding import PlanRecedingTask
 from stridelab.schemas.recordings import SubjectFields
 from stridelab.schemas.scenarios import Scenario, ScenarioSource
-from stridelab.schemas.tasks import (
-    EstimateComTask,
-    FitCycloidTask,
-    MeasuresMember,
-    PlanMotionTask,
-    PlanRecedingTask,
-    RecordingSource,
-    SweepTask,
-)
+from stridelab.schemas.sweeps import SweepTask
+from stridelab.schemas.tasks import EstimateComTask, FitCycloidTask, MeasuresMember, RecordingSource
 from stridelab.service.kinds.base import Blobs, Json, Stage
 from stridelab.service.kinds.session_staging import session_of
 from stridelab.service.storage.tables import recording, scenario, subject

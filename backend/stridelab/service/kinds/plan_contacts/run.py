@@ -8,7 +8,7 @@ from typing import Final
 
 from stridelab.pipelines.plan_contacts import REFERENCES, plan_contacts
 from stridelab.pipelines.progress import ProgressCallback
-from stridelab.schemas.tasks import PlanContactsTask
+from stridelab.schemas.plans import PlanContactsTask
 from stridelab.service.kinds.base import ArtifactFile, Outcome, json_run
 from stridelab.service.kinds.result_tables import write_text_atomically
 

@@ -2,8 +2,7 @@
 
 from typing import Final
 
-from stridelab.schemas.plans import PlanMotionInput, PlanMotionSummary
-from stridelab.schemas.tasks import PlanMotionTask
+from stridelab.schemas.plans import PlanMotionInput, PlanMotionSummary, PlanMotionTask
 from stridelab.service.kinds.base import JobKind
 from stridelab.service.kinds.staging import stage_scenario
 from stridelab.service.processes.sandbox import Sandbox

@@ -10,7 +10,7 @@ from pathlib import Path
 from stridelab.pipelines.plan_motion import EXPORT, REPLAY, plan_motion, replay_motion, stage_shares
 from stridelab.pipelines.plan_problem import with_planned_durations
 from stridelab.pipelines.progress import ProgressCallback, Stages
-from stridelab.schemas.tasks import PlanMotionTask
+from stridelab.schemas.plans import PlanMotionTask
 from stridelab.service.kinds.base import ArtifactFile, Outcome, json_run
 from stridelab.service.kinds.plan_motion.files import write_json, write_motion, write_plan, write_replay
 from stridelab.service.kinds.plan_motion.video import require_film

@@ -1,7 +1,6 @@
 """The job kind ``plan-receding``."""
 
-from stridelab.schemas.receding import PlanRecedingInput, PlanRecedingSummary
-from stridelab.schemas.tasks import PlanRecedingTask
+from stridelab.schemas.receding import PlanRecedingInput, PlanRecedingSummary, PlanRecedingTask
 from stridelab.service.kinds.base import JobKind
 from stridelab.service.kinds.plan_motion.kind import FILMING
 from stridelab.service.kinds.staging import stage_scenario

@@ -13,7 +13,7 @@ from stridelab.centroidal.receding_horizon import RecedingMotion, Replan
 from stridelab.contacts.sequence import ContactSequence
 from stridelab.pipelines.plan_receding import plan_receding
 from stridelab.pipelines.progress import ProgressCallback
-from stridelab.schemas.tasks import PlanRecedingTask
+from stridelab.schemas.receding import PlanRecedingTask
 from stridelab.service.kinds.base import Outcome, json_run
 from stridelab.service.kinds.plan_motion.files import write_json
 from stridelab.service.kinds.plan_motion.tables import Columns

@@ -6,8 +6,7 @@ from typing import Final
 
 from stridelab.pipelines.progress import ProgressCallback
 from stridelab.reproduction.registry import ITEMS, reproduce_item
-from stridelab.schemas.reproduction import ClaimResult, ReproduceSummary
-from stridelab.schemas.tasks import ReproduceTask
+from stridelab.schemas.reproduction import ClaimResult, ReproduceSummary, ReproduceTask
 from stridelab.service.kinds.base import ArtifactFile, Outcome, json_run
 from stridelab.service.kinds.result_tables import write_table, write_text_atomically
 

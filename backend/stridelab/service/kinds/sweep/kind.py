@@ -1,7 +1,6 @@
 """The job kind ``sweep``."""
 
-from stridelab.schemas.sweeps import SweepInput, SweepSummary
-from stridelab.schemas.tasks import SweepTask
+from stridelab.schemas.sweeps import SweepInput, SweepSummary, SweepTask
 from stridelab.service.kinds.base import JobKind
 from stridelab.service.kinds.staging import stage_scenario
 from stridelab.service.samples.scenarios import EXAMPLE_ID

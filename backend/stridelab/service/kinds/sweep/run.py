@@ -14,7 +14,7 @@ from stridelab.cores import usable_cores
 from stridelab.parallel import map_isolated
 from stridelab.pipelines.progress import ProgressCallback
 from stridelab.pipelines.sweep_scenarios import Point, SweepRow, sweep_scenarios
-from stridelab.schemas.tasks import SweepTask
+from stridelab.schemas.sweeps import SweepTask
 from stridelab.service.kinds.base import Outcome, json_run
 from stridelab.service.kinds.result_tables import write_table
 
