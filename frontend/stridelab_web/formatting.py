@@ -136,6 +136,7 @@ KINDS = {
     "study-population": "Population",
     "gait-measures": "Gait measures",
     "gait-report": "Gait report",
+    "com-bench": "Estimators over many recordings",
     "read-batch": "Bulk upload",
 }
 """Titles of the kinds of jobs that are not their codes in words."""

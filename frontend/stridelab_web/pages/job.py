@@ -15,14 +15,23 @@ from stridelab_web.api_client import client_of, none_if_missing, took_s
 from stridelab_web.assets import plotly_style_ids
 from stridelab_web.pages import reproduction
 from stridelab_web.pages.render import render_page
-from stridelab_web.pages.results import comparison, cycloid, measures, population, reachability, receding, sweep
+from stridelab_web.pages.results import (
+    com_bench,
+    comparison,
+    cycloid,
+    measures,
+    population,
+    reachability,
+    receding,
+    sweep,
+)
 from stridelab_web.pages.results.com_plots import COM_TABLE, com_curves
 from stridelab_web.pages.results.quality import shown_quality
 from stridelab_web.pages.results.summary_facts import facts_of, headline_of, main_and_other_facts, sentences_of
 from stridelab_web.parquet import read_columns
 from stridelab_web.scene.result_files import SCENARIO, SCENE_TABLES
 
-VIEWS: Final = ("comparison", "cycloid", "learned", "sweep", "receding", "measures", "reproduction")
+VIEWS: Final = ("comparison", "cycloid", "learned", "sweep", "receding", "measures", "com_bench", "reproduction")
 """Views of a result in the template."""
 
 
@@ -78,6 +87,8 @@ async def _result_view(client: AsyncClient, job: Job, result: JobResult, query: 
             return {"sweep": await sweep.sweep_of(client, job.id, result)}
         case receding.KIND:
             return {"receding": await receding.receding_of(client, job.id, result)}
+        case com_bench.KIND:
+            return {"com_bench": com_bench.com_bench_of(result)}
         case kind if kind in measures.KINDS:
             return {"measures": measures.measures_of(result)}
         case reproduction.KIND:

@@ -1,0 +1,81 @@
+"""The page of ``com-bench``: a table per movement, a row per score, a column per estimator."""
+
+from dataclasses import dataclass
+from typing import Any, Final
+
+from stridelab.schemas.comparison import BenchColumn, BenchScore, ComBenchSummary
+from stridelab.schemas.jobs import JobResult
+from stridelab.schemas.methods import METHODS
+from stridelab_web.formatting import count_text
+
+KIND: Final = "com-bench"
+MOVEMENT_TITLES: Final = {"standing": "Standing", "grounded": "On the ground", "airborne": "With flights"}
+SCORE_TITLES: Final = {
+    "force_path_along": "Distance from the force path, ahead",
+    "force_path_lateral": "Distance from the force path, sideways",
+    "force_path_vertical": "Distance from the force path, vertical",
+    "hidden_plate_along": "The same with a plate hidden, ahead",
+    "hidden_plate_lateral": "The same with a plate hidden, sideways",
+    "standing_offset": "Distance from the centre of pressure",
+    "held_back_force_along": "Held-back force over the weight, ahead",
+    "held_back_force_lateral": "Held-back force over the weight, sideways",
+    "held_back_force_vertical": "Held-back force over the weight, vertical",
+    "withheld_flight_vertical": "Acceleration in withheld flights over g",
+    "band_coverage_along": "Samples inside the 95 % band, ahead",
+    "band_coverage_lateral": "Samples inside the 95 % band, sideways",
+}
+NEAR_BEST: Final = 1.05
+"""Ratio to the best estimator up to which a score is emphasised."""
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One score as text, with its interval, and whether it is within 5 % of the best of its row."""
+
+    value: str
+    interval: str
+    is_near_best: bool
+
+
+@dataclass(frozen=True)
+class Row:
+    """One score of all estimators, in the order of ``METHODS``; None where an estimator has none."""
+
+    name: str
+    title: str
+    unit: str
+    people: int
+    orders: bool
+    cells: tuple[Cell | None, ...]
+
+
+def com_bench_of(result: JobResult) -> dict[str, Any]:
+    """Values for the template."""
+    summary = ComBenchSummary.model_validate(result.summary)
+    movements = dict.fromkeys(column.movement for column in summary.columns)
+    return {
+        "summary": summary,
+        "methods": METHODS,
+        "headline": f"{count_text(summary.n_recordings, 'recording')} of "
+        f"{count_text(summary.n_people, 'person', 'people')}, all estimators",
+        "tables": [
+            (MOVEMENT_TITLES[movement], [_score_row(one) for one in summary.columns if one.movement == movement])
+            for movement in movements
+        ],
+    }
+
+
+def _score_row(column: BenchColumn) -> Row:
+    score = column.name.removeprefix(f"{column.movement}_")
+    cells = tuple(_score_cell(column, column.scores.get(method)) for method in METHODS)
+    unit = "mm" if column.unit == "m" else "%"
+    return Row(column.name, SCORE_TITLES.get(score, score), unit, column.n, column.orders, cells)
+
+
+def _score_cell(column: BenchColumn, score: BenchScore | None) -> Cell | None:
+    if score is None:
+        return None
+    factor = 1e3 if column.unit == "m" else 1e2
+    interval = "" if score.ci95 is None else f"{factor * score.ci95[0]:.1f} to {factor * score.ci95[1]:.1f}"
+    near = score.over_best is not None and score.over_best <= NEAR_BEST
+    return Cell(f"{factor * score.value:.1f}", interval, near)
