@@ -160,3 +160,28 @@ def test_the_estimation_imports_neither_signal_processing_nor_a_database() -> No
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.split() == []
+
+
+def test_tables_and_tasks_of_an_estimation_import_nothing_that_they_do_not_use() -> None:
+    code = (
+        "import sys, stridelab.service.kinds.estimate_com.run\n"
+        "unused = {'pyarrow.compute', 'stridelab.schemas.plans', 'stridelab.schemas.scenarios'}\n"
+        "print(*sorted(unused & set(sys.modules)))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == []
+
+
+def test_the_collector_does_not_run_while_a_command_imports() -> None:
+    code = (
+        "import gc, stridelab, sys\n"
+        "started = []\n"
+        "gc.callbacks.append(lambda phase, _: started.append(phase))\n"
+        "from stridelab.cli.__main__ import main\n"
+        "sys.argv = ['stridelab', 'version']\n"
+        "try: main()\n"
+        "except SystemExit: pass\n"
+        "print('collections', len(started))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split()[-2:] == ["collections", "0"]
