@@ -37,6 +37,8 @@ OPERATIONS = [
     for path, operations in DESCRIPTION["paths"].items()
     for method, operation in operations.items()
 ]
+# The service runs in a thread of this process: what it draws while Hypothesis makes a call is not the strategy's own.
+pytestmark = pytest.mark.filterwarnings("ignore:Do not use the .random. module inside strategies")
 CHANGEABLE = "0" * 32
 """A recording and a scenario that examples may change; jobs work on the samples that every service has."""
 
