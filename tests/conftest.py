@@ -1,6 +1,7 @@
 """Shapes are checked at run time in the tests; real recordings come from STRIDELAB_TEST_DATA."""
 
 import os
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -26,8 +27,10 @@ settings.load_profile("untimed")
 
 
 def pytest_runtest_setup() -> None:
-    """Every test has all types checked, whatever those before it called."""
+    """Every test has all types checked, and settings of its own environment, whatever those before it called."""
     type_checks.next_test()
+    if settings_module := sys.modules.get("stridelab.service.settings"):
+        settings_module.current_settings.cache_clear()
 
 
 @pytest.fixture(scope="session")
