@@ -137,14 +137,14 @@ def bench_methods(
     target = delivery.result_path(BENCH)
     finished = rows or target.with_name(f"{target.name}.rows.jsonl")
 
-    def compute(folder: Path) -> JobResult:
+    def compute_result(folder: Path) -> JobResult:
         with tempfile.TemporaryDirectory(prefix="stridelab-") as work:
             given = collect_files(files, subjects, Path(work))
             if delivery.server is not None:
                 return _bench_there(given, seed, folder, delivery)
             return _bench_here(given, repeated_files(given.files), seed, finished, Path(work), folder)
 
-    deliver_result(BENCH, delivery, compute, show_bench)
+    deliver_result(BENCH, delivery, compute_result, show_bench)
     if rows is None:
         finished.unlink(missing_ok=True)
 

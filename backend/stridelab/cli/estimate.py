@@ -42,7 +42,7 @@ def deliver_estimate(
 ) -> None:
     """Run a job on one recording here or on a server, write the result folder and show the result."""
 
-    def compute(folder: Path) -> JobResult:
+    def compute_result(folder: Path) -> JobResult:
         for path in (*request.files, request.static, truth):
             if path is not None:
                 require_file(path)
@@ -52,7 +52,7 @@ def deliver_estimate(
 
         return estimate_remotely(request, folder, delivery, kind, _input_model(task_model))
 
-    deliver_result(default_name, delivery, compute, show)
+    deliver_result(default_name, delivery, compute_result, show)
 
 
 def estimate_here(

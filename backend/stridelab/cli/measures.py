@@ -4,7 +4,7 @@ import contextlib
 import shutil
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from datetime import date
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
@@ -15,7 +15,7 @@ from rich.table import Table
 
 from stridelab.cli.deliver import deliver_result, run_kind
 from stridelab.cli.estimate import require_file
-from stridelab.cli.options import Age, BestMethod, Delivery, Height, Mass, PersonSex, Static, with_groups
+from stridelab.cli.options import BestMethod, Delivery, StatedPerson, Static, with_groups
 from stridelab.cli.results import (
     RESULT_FILE,
     Bar,
@@ -53,25 +53,21 @@ _SCALES: Final = {"m": (1e3, "mm", 1), "1": (1.0, "", 3), "s": (1.0, "s", 3), "1
 def measure_gait(
     *,
     files: Annotated[list[Path], typer.Argument(help="Recordings of one person, or folders of them; pooled.")],
-    height_m: Height = None,
-    mass_kg: Mass = None,
-    sex: PersonSex = None,
-    age_years: Age = None,
+    person: StatedPerson,
     method: BestMethod = None,
     static: Static = None,
     delivery: Delivery,
 ) -> None:
     """Measure margins of stability, steps, energy, work of the legs and angular momentum; needs no server."""
-    stated = {"height_m": height_m, "mass_kg": mass_kg, "sex": sex, "age_years": age_years}
-    subject = validate_options(SubjectFields, stated)
+    subject = validate_options(SubjectFields, asdict(person))
 
-    def compute(folder: Path) -> JobResult:
+    def compute_result(folder: Path) -> JobResult:
         paths = collect_recordings(files)
         if delivery.server is None:
             return _measure_here(paths, static, subject, method, folder)
         return _measure_there(paths, static, subject, method, folder, delivery)
 
-    deliver_result("measures", delivery, compute, _show_measures)
+    deliver_result("measures", delivery, compute_result, _show_measures)
 
 
 def collect_recordings(given: Sequence[Path]) -> list[Path]:
@@ -181,24 +177,20 @@ def report_gait(
     ] = None,
     title: Annotated[str | None, typer.Option("--title", help="Heading; the only place for a name.")] = None,
     pdf: Annotated[bool, typer.Option("--pdf", help="Also write report.pdf; needs no browser.")] = False,
-    height_m: Height = None,
-    mass_kg: Mass = None,
-    sex: PersonSex = None,
-    age_years: Age = None,
+    person: StatedPerson,
     method: BestMethod = None,
     static: Static = None,
     delivery: Delivery,
 ) -> None:
     """Write a report on the gait of a person as one page of HTML, and as PDF; needs no server."""
-    stated = {"height_m": height_m, "mass_kg": mass_kg, "sex": sex, "age_years": age_years}
-    subject = validate_options(SubjectFields, stated)
+    subject = validate_options(SubjectFields, asdict(person))
     walks = ReportWalks(
         collect_recordings(files),
         [] if reference is None else people_in(reference),
         collect_recordings(before) if before else [],
     )
 
-    def compute(folder: Path) -> JobResult:
+    def compute_result(folder: Path) -> JobResult:
         run = _report_here if delivery.server is None else _report_there
         result = run(walks, subject, {"title": title, "method": method}, static, folder, delivery)
         if not pdf:
@@ -208,7 +200,7 @@ def report_gait(
             (folder / RESULT_FILE).write_text(result.model_dump_json(indent=2) + "\n", encoding="utf-8")
         return result
 
-    deliver_result("report", delivery, compute, _show_measures)
+    deliver_result("report", delivery, compute_result, _show_measures)
 
 
 @dataclass(frozen=True)
@@ -292,14 +284,14 @@ def _report_there(
     from stridelab.cli.remote import AFTER_UPLOAD, run_remotely
 
     def upload_inputs(client: "Client", bar: Bar) -> GaitReportInput:
-        def progress(share: float, text: str) -> None:
+        def show_upload(share: float, text: str) -> None:
             bar(AFTER_UPLOAD * share, text)
 
         reference = []
         for number, paths in enumerate(walks.people, start=1):
             person = SubjectFields(name=f"reference {number}")
-            reference += _upload_walks(client, paths, person, None, progress)
-        ids = [_upload_walks(client, paths, subject, static, progress) for paths in (walks.person, walks.before)]
+            reference += _upload_walks(client, paths, person, None, show_upload)
+        ids = [_upload_walks(client, paths, subject, static, show_upload) for paths in (walks.person, walks.before)]
         request = {"recording_ids": ids[0], "before_recording_ids": ids[1], "reference_recording_ids": reference}
         return validate_options(GaitReportInput, {**fields, **request})
 

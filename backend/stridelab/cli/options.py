@@ -93,6 +93,16 @@ Token = Annotated[str | None, typer.Option("--token", envvar="STRIDELAB_API_TOKE
 
 
 @dataclass(frozen=True)
+class StatedPerson:
+    """The given data of the subject of a command's recordings."""
+
+    height_m: Height = None
+    mass_kg: Mass = None
+    sex: PersonSex = None
+    age_years: Age = None
+
+
+@dataclass(frozen=True)
 class Walk:
     """A recording and the given data of its subject."""
 

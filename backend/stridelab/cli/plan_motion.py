@@ -140,13 +140,13 @@ def plan_scenario(request: PlanRequest, delivery: Delivery) -> None:
     """
     failures: list[StridelabError | None] = []
 
-    def compute(folder: Path) -> JobResult:
+    def compute_result(folder: Path) -> JobResult:
         server = delivery.server is not None
         result, failure = plan_there(request, folder, delivery) if server else plan_here(request, folder)
         failures.append(failure)
         return result
 
-    deliver_result(f"{request.title}-plan", delivery, compute, show_plan)
+    deliver_result(f"{request.title}-plan", delivery, compute_result, show_plan)
     if failures[0] is not None:
         raise failures[0]
 

@@ -73,7 +73,7 @@ def run_study(
 ) -> None:
     """Study here or on a server, write the result folder and show the correlations."""
 
-    def compute(folder: Path) -> JobResult:
+    def compute_result(folder: Path) -> JobResult:
         with tempfile.TemporaryDirectory(prefix="stridelab-") as unpacked:
             given = collect_recordings(paths, subjects, Path(unpacked))
             if delivery.server is None:
@@ -81,7 +81,7 @@ def run_study(
             to_request = partial(request_of, given, options=options)
             return upload_and_run(given, "study-population", "population", to_request, folder, delivery)
 
-    deliver_result("population", delivery, compute, show_study)
+    deliver_result("population", delivery, compute_result, show_study)
 
 
 def collect_recordings(paths: Sequence[Path], subjects: Path | None, folder: Path) -> StudyFiles:

@@ -78,7 +78,7 @@ def run_sweep(request: SweepRequest, delivery: Delivery) -> None:
     """Test for which strides, heights, timings and frictions a scenario has a motion; needs no server."""
     title = Path(request.scenario).stem
 
-    def compute(folder: Path) -> JobResult:
+    def compute_result(folder: Path) -> JobResult:
         scenario = known_scenario(request.scenario, delivery)
         input_ = request.to_input(scenario)
         if scenario is not None and delivery.server is None:
@@ -88,7 +88,7 @@ def run_sweep(request: SweepRequest, delivery: Delivery) -> None:
 
         return run_remotely_as_is("sweep", title, input_, folder, delivery)
 
-    deliver_result(f"{title}-sweep", delivery, compute, show_swept)
+    deliver_result(f"{title}-sweep", delivery, compute_result, show_swept)
 
 
 def show_swept(result: JobResult, target: Path) -> None:

@@ -6,10 +6,9 @@ from sqlalchemy.ext.asyncio import AsyncConnection
 
 from stridelab.schemas.base import Contract
 from stridelab.schemas.comparison import ComBenchInput, ComBenchSummary
-from stridelab.schemas.jobs import EstimateComInput
-from stridelab.schemas.tasks import BenchMember, ComBenchTask, EstimateComTask
+from stridelab.schemas.tasks import BenchMember, ComBenchTask
 from stridelab.service.kinds.base import Blobs, JobKind, Json
-from stridelab.service.kinds.staging import require_recordings, stage_estimate_com
+from stridelab.service.kinds.staging import require_recordings, stage_members
 from stridelab.service.samples.recording import SAMPLE_ID
 
 
@@ -18,14 +17,10 @@ async def stage(connection: AsyncConnection, blobs: Blobs, input: Contract, fold
     request = ComBenchInput.model_validate(input.model_dump())
     await require_recordings(connection, request.recording_ids)
     names = {row.recording_id: row.subject for row in request.subjects}
-    members = []
-    for index, recording_id in enumerate(request.recording_ids):
-        name = f"recording-{index:03d}"
-        (folder / name).mkdir()
-        one = EstimateComInput(recording_id=recording_id)
-        task = EstimateComTask.model_validate(await stage_estimate_com(connection, blobs, one, folder / name))
-        subject = names.get(recording_id) or task.recording.subject.name
-        members.append(BenchMember(recording_id=recording_id, folder=name, task=task, subject=subject))
+    members = [
+        BenchMember.from_object(one, subject=names.get(one.recording_id) or one.task.recording.subject.name)
+        for one in await stage_members(connection, blobs, request.recording_ids, None, folder)
+    ]
     return ComBenchTask(members=members, seed=request.seed).model_dump(mode="json")
 
 
