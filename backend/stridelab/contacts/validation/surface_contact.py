@@ -17,6 +17,7 @@ from stridelab.contacts.effector_geometry import EffectorShape, sole_points_m
 from stridelab.contacts.swing import SwingCurve, required_rise_m
 from stridelab.contacts.terrain import (
     PARALLEL_COSINE,
+    UP,
     Box,
     ContactArea,
     Rail,
@@ -314,10 +315,13 @@ def trunk_collisions(stances: tuple[Stance, ...], terrain: Terrain, com_height_m
     soles_m = [min(one.shape.half_size_m) for stance in stances for one in stance.values() if one.shape.half_size_m]
     room_m = 2.0 * TRUNK_WIDTH_SHARE * max(soles_m, default=0.0)
     boxes = [_widened_box(boxes[i], room_m) for i in np.flatnonzero(tall)]
+    lowest, highest = Terrain(tuple(boxes)).box_bounds_m
     for (_, start), (k, end) in pairwise(middles):
+        near = (lowest <= np.maximum(start, end) + least * UP).all(axis=1)
+        near &= (highest >= np.minimum(start, end) + most * UP).all(axis=1)
         count = 1 + math.ceil(float(np.linalg.norm(end - start)) / TRUNK_SPACING_M)
         line = np.linspace(start, end, count)
-        for box in boxes:
+        for box in (boxes[i] for i in np.flatnonzero(near)):
             low, high = vertical_span_m(box, line)
             if ((low <= line[:, 2] + least) & (high >= line[:, 2] + most)).any():
                 yield k, box.name
