@@ -43,7 +43,8 @@ def without_line_breaks(answer: httpx.Response) -> httpx.Response:
     ):
         return answer
     text = re.sub(r"\s*\n\s*|  +", " ", re.sub(r">\s*\n\s*<", "><", answer.text))
-    return httpx.Response(answer.status_code, headers=answer.headers, text=text, request=answer.request)
+    headers = [(name, value) for name, value in answer.headers.multi_items() if name != "content-encoding"]
+    return httpx.Response(answer.status_code, headers=headers, text=text, request=answer.request)
 
 
 def make_client(fake: FakeService, **config: Any) -> Caller:

@@ -11,6 +11,7 @@ from typing import Any, Final
 
 import anyio
 from fastapi import APIRouter, FastAPI
+from starlette.middleware.gzip import DEFAULT_EXCLUDED_CONTENT_TYPES, GZipMiddleware
 
 from stridelab import __version__
 from stridelab.errors import Unavailable
@@ -56,6 +57,14 @@ MAX_BATCHES: Final = 2
 MAX_VALIDATIONS: Final = 2
 """Maximum number of scenarios that are validated at the same time."""
 
+UNCOMPRESSED_TYPES: Final = (
+    *DEFAULT_EXCLUDED_CONTENT_TYPES,
+    *("application/octet-stream", "application/pdf", "application/vnd.apache.parquet", "application/x-npz"),
+    *("model/gltf-binary", "text/csv"),
+)
+"""Media types that are sent as they are: compressed already, streams of events, and files whose download announces
+its length."""
+
 
 def create_app(settings: Settings, *, with_sample: bool = False) -> FastAPI:
     """Create the application. Resources are opened at start-up only, so generating the OpenAPI document is cheap.
@@ -100,6 +109,7 @@ def create_app(settings: Settings, *, with_sample: bool = False) -> FastAPI:
     app.include_router(login.router)
     if find_spec(WEB_MODULE) is not None:  # the web pages are installed; they are served on the same port
         import_module(WEB_MODULE).mount_web_app(app, settings)
+    app.add_middleware(GZipMiddleware, minimum_size=1000, compresslevel=5, exclude_content_types=UNCOMPRESSED_TYPES)
     app.add_middleware(AuthenticationMiddleware, settings=settings, keys=keys)
     app.add_middleware(LingeringCloseMiddleware)
     app.add_middleware(RequestContextMiddleware)
