@@ -33,7 +33,7 @@ from stridelab.robots import card_validation, inertias
 from stridelab.robots.card import EffectorCard, RobotCard
 from stridelab.robots.data_files import DataFiles
 from stridelab.robots.robot import Effector, Robot
-from stridelab.robots.self_collision import collision_model, matches_any
+from stridelab.robots.self_collision import collision_model, matches_any, without_fixed_pairs, without_shapes
 from stridelab.robots.urdf import collision_geometry, full_model, matching_visuals, parse_xml, read_srdf
 
 V = TypeVar("V")
@@ -57,12 +57,14 @@ def assemble_robot(name: str, card: RobotCard, files: DataFiles) -> Robot:
     if faults := list(card_validation.card_mismatches(card, full, collision_shapes, visual_shapes)):
         raise cards.invalid_card(name, faults)
     set_limits(full, card)
-    checked_shapes = collision_model(full, collision_shapes, visual_shapes, card.collision, files.srdf)
+    shapes = collision_model(full, collision_shapes, visual_shapes, card.collision, files.srdf)
 
     q_full = reference_posture(full, card)
     joints = list(full.names)[2:]
     locked = [joint for joint in joints if matches_any(card.locked_joints, joint)]
-    model, collision = pin.buildReducedModel(full, checked_shapes, [full.getJointId(joint) for joint in locked], q_full)
+    model, every_shape = pin.buildReducedModel(full, shapes, [full.getJointId(joint) for joint in locked], q_full)
+    names = [part.name for part in collision_shapes.geometryObjects]
+    collision = without_shapes(every_shape, [name for name in names if matches_any(card.collision.left_out, name)])
     effectors = {key: effector_of(key, effector) for key, effector in card.effectors.items()}
     moving = list(model.names)[2:]
     q = np.concatenate([q_full[:7], [q_full[_configuration_index(full, joint)] for joint in moving]])
@@ -84,6 +86,7 @@ def assemble_robot(name: str, card: RobotCard, files: DataFiles) -> Robot:
         licence=card.licence,
         model=model,
         collision=collision,
+        full_collision=without_fixed_pairs(every_shape),
         effectors=effectors,
         base_frame=card.base_frame,
         R_root_trunk=R_root_trunk,

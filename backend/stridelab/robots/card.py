@@ -65,9 +65,9 @@ class RotorsCard:
 class CollisionCard:
     """Geometries that are checked for self-collision.
 
-    Patterns of geometry names: ``left_out`` are dropped, ``visual`` are added from the visual model, ``meshes`` keep
-    their triangles because their convex hull is too wide. ``never`` maps link patterns to the patterns of the links
-    that they are not checked against.
+    Patterns of geometry names: ``left_out`` are checked in certificate and replay only, ``visual`` are added from the
+    visual model, ``meshes`` keep their triangles because their convex hull is too wide. ``never`` maps link patterns to
+    the patterns of the links that they are not checked against.
     """
 
     __pydantic_config__ = _STRICT

@@ -49,7 +49,8 @@ class Effector:
 class Robot:
     """A robot with a floating base; ``model`` is reduced to the joints that move in a motion.
 
-    ``collision`` holds the collision shapes, mostly convex hulls, with the pairs that are checked.
+    ``collision`` holds the collision shapes, mostly convex hulls, with the pairs that sampling and control check.
+    ``full_collision`` also has the shapes that the card leaves out there for speed, for the certificate and the replay.
     ``q_reference`` ``(nq,)`` stands with both soles on z = 0, centred at x = y = 0 and facing along x. The columns of
     ``R_root_trunk`` and ``R_base_trunk`` are the forward, left and up axes of the trunk in the root link and in
     ``base_frame``; the trunk is upright when they coincide with the world axes. ``group`` maps every actuated joint to
@@ -63,6 +64,7 @@ class Robot:
     licence: str
     model: pin.Model
     collision: pin.GeometryModel
+    full_collision: pin.GeometryModel
     effectors: Mapping[str, Effector]
     base_frame: str
     R_root_trunk: Rotation

@@ -8,7 +8,7 @@ The module also builds the collision model from the shapes of a description: con
 """
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
@@ -96,16 +96,13 @@ class PairSeparation:
 def collision_model(
     model: pin.Model, collision: pin.GeometryModel, visual: pin.GeometryModel, card: CollisionCard, srdf: Path | None
 ) -> pin.GeometryModel:
-    """The collision shapes with all pairs that neither the card nor the SRDF excludes.
+    """All collision shapes, also those that the card leaves out, with the pairs that neither card nor SRDF excludes.
 
     Shapes on the same joint form no pair. A mesh is replaced by its convex hull unless the card lists it.
     """
     checked = pin.GeometryModel()
     for original in collision.geometryObjects:
-        if not matches_any(card.left_out, original.name):
-            checked.addGeometryObject(
-                original if matches_any(card.meshes, original.name) else with_convex_hull(original)
-            )
+        checked.addGeometryObject(original if matches_any(card.meshes, original.name) else with_convex_hull(original))
     for original in visual.geometryObjects:
         if matches_any(card.visual, original.name):
             part = original if matches_any(card.meshes, original.name) else with_convex_hull(original)
@@ -118,6 +115,23 @@ def collision_model(
     if srdf is not None:
         pin.removeCollisionPairs(model, checked, str(srdf), False)
     return checked
+
+
+def without_shapes(geometry: pin.GeometryModel, names: Iterable[str]) -> pin.GeometryModel:
+    """A copy without the named shapes and their pairs."""
+    fewer = pin.GeometryModel(geometry)
+    for name in names:
+        fewer.removeGeometryObject(name)
+    return fewer
+
+
+def without_fixed_pairs(geometry: pin.GeometryModel) -> pin.GeometryModel:
+    """A copy without the pairs of shapes on one joint, which locking the joints between them leaves behind."""
+    fewer, joints = pin.GeometryModel(geometry), [part.parentJoint for part in geometry.geometryObjects]
+    for pair in geometry.collisionPairs:
+        if joints[pair.first] == joints[pair.second]:
+            fewer.removeCollisionPair(pair)
+    return fewer
 
 
 def with_convex_hull(original: pin.GeometryObject) -> pin.GeometryObject:

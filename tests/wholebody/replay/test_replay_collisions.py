@@ -1,12 +1,13 @@
 """What the replay says of motions in which the body touches what it is not planned to touch."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
 import pinocchio as pin
 import pytest
 
+from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.centroidal.solver import solve
 from stridelab.contacts.effector_geometry import effector_shapes
 from stridelab.contacts.scenario_io import sequence_of
@@ -16,13 +17,17 @@ from stridelab.contacts.terrain import Box, Terrain
 from stridelab.dynamics.spatial import Placement
 from stridelab.reachability.store import load_proxies
 from stridelab.robots.loader import load_robot
+from stridelab.robots.robot import Robot
+from stridelab.robots.self_collision import SelfCollision
 from stridelab.studies.execution import replay_motion, whole_body_problem
 from stridelab.wholebody.certificate.certificate import Certificate
 from stridelab.wholebody.certificate.certify import certify
 from stridelab.wholebody.control.controller import WholeBodyController
 from stridelab.wholebody.effector_contact import OwnSurfaces
+from stridelab.wholebody.motion import WholeBodyMotion
 from stridelab.wholebody.replay.log import Collision, MissedCondition, Replay, missed_conditions
 from stridelab.wholebody.replay.mujoco_model import build_simulation
+from stridelab.wholebody.replay.replay import PhysicsReplay
 from stridelab.wholebody.replay.simulation import Simulation
 from support.robots.scenarios import both_hands_on_a_table, narrow_beam
 
@@ -61,7 +66,7 @@ def test_the_simulated_body_touches_itself_where_the_certificate_says_it_does(na
     """MuJoCo's contacts against the distances of coal, in random postures."""
     robot = load_robot(name)
     built = build_simulation(robot, FAR_BELOW, 0.3, ("left_foot", "right_foot"))
-    geometry, results = robot.collision, robot.collision.createData()
+    geometry, results = robot.full_collision, robot.full_collision.createData()
     links = [str(robot.model.frames[part.parentFrame].name) for part in geometry.geometryObjects]
     data, rng, met = robot.model.createData(), np.random.default_rng(11), 0
     for _ in range(12):
@@ -82,6 +87,31 @@ def test_the_simulated_body_touches_itself_where_the_certificate_says_it_does(na
         assert deep <= touched <= possible
         met += len(deep)
     assert met > 5, "the postures are wild enough to show something"
+
+
+def test_a_gripper_motor_that_touches_the_thigh_is_neither_certified_nor_completed(
+    talos: Robot, swaying: tuple[CentroidalPlan, WholeBodyMotion]
+) -> None:
+    """The motor is not among the shapes that sampling checks, and no other shape of the arm comes near the thigh."""
+    plan, motion = swaying
+    inwards_rad = 0.9 * np.array([-0.135, 0.063, 0.197, 0.212, -0.067, 0.203, 0.126])
+    joints = [talos.joint_names.index(f"arm_right_{k}_joint") for k in range(1, 8)]
+    w = 2.0 * np.pi / motion.time_s[-1]
+    q, v = motion.q.copy(), motion.v.copy()
+    q[:, np.array(joints) + 7] += np.outer(0.5 - 0.5 * np.cos(w * motion.time_s), inwards_rad)
+    v[:, np.array(joints) + 6] += np.outer(0.5 * w * np.sin(w * motion.time_s), inwards_rad)
+    touching = replace(motion, q=q, v=v)
+    assert not any(SelfCollision.for_robot(talos).any_collision(one) for one in q[::10])
+    certificate = certify(talos, plan.sequence, plan, {}, touching)
+    check = next(check for check in certificate.checks if check.name == "self_collision_pairs")
+    assert not check.passed
+    assert check.effector == "leg_right_3_link and gripper_right_motor_single_link"
+    found = PhysicsReplay().run(talos, plan.sequence, touching, lambda *_: None)
+    assert not found.completed
+    assert {one.first for one in found.collided} | {one.second for one in found.collided} == {
+        "leg_right_3_link", "gripper_right_motor_single_link"
+    }  # fmt: skip
+    assert PhysicsReplay().run(talos, plan.sequence, motion, lambda *_: None).completed
 
 
 def test_legs_that_cross_on_a_beam_meet_and_the_robot_falls() -> None:

@@ -1,6 +1,7 @@
 """Distances of the body from itself and from the terrain, on convex hulls.
 
-All pairs of links and surfaces are measured at all times, with two exceptions: a sole against the box on which it
+All pairs of links and surfaces, also of the links that the robot's card leaves out, are measured at all times, with two
+exceptions: a sole against the box on which it
 stands, lands or lifts off (``effector_contact``), and the links of a hand against a rail that it grasps, approaches or
 leaves. The contact sphere of a hand is also measured, except against its own surface; against that one the contact
 point is measured while approaching or leaving, with the landing error as tolerance.
@@ -33,7 +34,7 @@ Role = Literal["link", "palm", "point"]
 
 def self_collision(robot: Robot, q: Configurations, worst: WorstValues) -> Check:
     """Number of distinct link pairs that collide in any of the configurations; names the first."""
-    data, geometry = robot.model.createData(), robot.collision
+    data, geometry = robot.model.createData(), robot.full_collision
     results = geometry.createData()
     pairs = geometry.collisionPairs
     first_sample: dict[int, int] = {}
@@ -100,7 +101,8 @@ class _Pair(NamedTuple):
     """A shape and a surface: the column of the shape's link, its effector, and its role.
 
     ``palm``: a hand's link and a box, which it must not penetrate even in contact. ``point``: the contact point of a
-    hand, which is measured only against the surface that it approaches or leaves.
+    hand, which is measured only against the surface that it approaches or leaves. Fingers, which the robot's card
+    leaves out, may touch the surface of their hand.
     """
 
     column: int
@@ -124,18 +126,19 @@ class _Scene:
     @staticmethod
     def build_scene(robot: Robot, sequence: ContactSequence) -> "_Scene":
         model = robot.model
-        geometry = pin.GeometryModel(robot.collision)
+        geometry = pin.GeometryModel(robot.full_collision)
         geometry.removeAllCollisionPairs()
-        hulls = list(robot.collision.geometryObjects)  # references into the copy are invalidated when it grows
+        hulls = list(robot.full_collision.geometryObjects)  # references into the copy are invalidated when it grows
         joint_of = {name: model.frames[model.getFrameId(e.frame)].parentJoint for name, e in robot.effectors.items()}
         at_joint = {joint: name for name, joint in joint_of.items()}
         links = dict.fromkeys(_link_name(model, hull) for hull in hulls)
         hands = [name for name in sequence.effectors if robot.effectors[name].kind == "point"]
         parts = (*links, *hands)
         shapes: list[tuple[int, str | None, Role]] = []
+        palms = {part.name for part in robot.collision.geometryObjects}
         for hull in hulls:
             effector = at_joint.get(hull.parentJoint)
-            is_hand = effector is not None and robot.effectors[effector].kind == "point"
+            is_hand = effector is not None and robot.effectors[effector].kind == "point" and hull.name in palms
             shapes.append((parts.index(_link_name(model, hull)), effector, "palm" if is_hand else "link"))
         groups = {_link_name(model, hull): robot.group.get(str(model.names[hull.parentJoint]), "") for hull in hulls}
         for name in hands:

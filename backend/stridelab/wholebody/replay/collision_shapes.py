@@ -1,7 +1,8 @@
 """Collision shapes of a robot in the simulation, for the pairs that the certificate checks.
 
 Two shapes can collide unless the robot's card or its SRDF excludes the pair. Every shape can collide with the terrain,
-except the links of the hands with rails, which they grasp. Meshes are replaced by their convex hulls.
+with two exceptions: the links of the hands with rails, which they grasp, and the shapes that the card leaves out, such
+as fingers, which collide with other links only. Meshes are replaced by their convex hulls.
 
 The sole itself is a box on the contact rectangle (``mujoco_model``), so that the hull of a foot collides with the
 terrain only more than ``SOLE_GUARD_M`` above the plane of the sole: toe and heel against a riser, not the ground under
@@ -43,11 +44,12 @@ def add_shapes(spec: mujoco.MjSpec, robot: Robot, body_of: Mapping[str, str], fr
     holding = {parent_joint(robot, e) for e in robot.effectors.values() if e.kind == "point"}
     soles = {parent_joint(robot, e): e for e in robot.effectors.values() if e.kind == "surface"}
     parts: list[Part] = []
-    names = [f"shape {part.name}" for part in robot.collision.geometryObjects]
-    for name, part in zip(names, robot.collision.geometryObjects, strict=True):
+    on_terrain = {part.name for part in robot.collision.geometryObjects}
+    names = [f"shape {part.name}" for part in robot.full_collision.geometryObjects]
+    for name, part in zip(names, robot.full_collision.geometryObjects, strict=True):
         joint, link = str(robot.model.names[part.parentJoint]), str(robot.model.frames[part.parentFrame].name)
-        body, sole = spec.body(body_of[joint]), soles.get(joint)
-        meets = GROUND if joint in holding else GROUND | RAIL
+        body, sole = spec.body(body_of[joint]), soles.get(joint) if part.name in on_terrain else None
+        meets = (GROUND if joint in holding else GROUND | RAIL) if part.name in on_terrain else 0
         quat = ScipyRotation.from_matrix(part.placement.rotation).as_quat(scalar_first=True)
         at = {"pos": part.placement.translation.tolist(), "quat": quat.tolist()}
         _add_geom(body, name, _geom_arguments(spec, part, name) | at, 0 if sole else meets)
@@ -58,7 +60,7 @@ def add_shapes(spec: mujoco.MjSpec, robot: Robot, body_of: Mapping[str, str], fr
             mesh = {"type": mujoco.mjtGeom.mjGEOM_MESH, "meshname": f"{name} above"}
             _add_geom(body, f"{name} above", mesh, meets)
             parts.append(Part(f"{name} above", link))
-    for pair in robot.collision.collisionPairs:
+    for pair in robot.full_collision.collisionPairs:
         spec.add_pair(
             geomname1=names[pair.first], geomname2=names[pair.second], condim=3, friction=[friction, friction, 0, 0, 0]
         )
