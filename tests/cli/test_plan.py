@@ -85,7 +85,42 @@ def test_a_delay_of_the_replay_is_an_option_of_the_job() -> None:
     for without in ({"replay": False}, {"no_whole_body": True}):
         with pytest.raises(InvalidInput) as refusal:
             PlanRequest("x", replay_delay_ms=3.0, **without)  # type: ignore[arg-type]
-        assert refusal.value.faults[0].where == "--replay-delay"
+        assert refusal.value.faults[0].where == "--delay"
+
+
+def test_disturbances_of_the_replay_are_options_of_the_job() -> None:
+    pushes = ["1.5:0,-20,0", "2:1,2,3:base_link"]
+    made = PlanRequest("x", pushes=pushes, payload_kg=2.0, friction=0.25, sensors="estimated").to_input(short_walk())
+    assert made.replay == ReplayOptions.model_validate(
+        {
+            "pushes": [
+                {"time_s": 1.5, "impulse_ns": [0.0, -20.0, 0.0]},
+                {"time_s": 2.0, "impulse_ns": [1.0, 2.0, 3.0], "link": "base_link"},
+            ],
+            "payload_kg": 2.0, "friction": 0.25, "sensors": "estimated",
+        }
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("options", "where"),
+    [
+        ({"pushes": ["1.5"]}, "--push"),
+        ({"pushes": ["1:0,0"]}, "--push"),
+        ({"pushes": ["a:0,0,0"]}, "--push"),
+        ({"pushes": ["nan:0,0,0"]}, "--push"),
+        ({"pushes": ["-1:0,0,0"]}, "--push"),
+        ({"friction": 0.0}, "--friction"),
+        ({"friction": float("nan")}, "--friction"),
+        ({"payload_kg": -1.0}, "--payload"),
+        ({"payload_kg": 2.0, "replay": False}, "--payload"),
+        ({"sensors": "estimated", "no_whole_body": True}, "--sensors"),
+    ],
+)
+def test_a_disturbance_that_cannot_be_is_refused(options: dict[str, Any], where: str) -> None:
+    with pytest.raises(InvalidInput) as refusal:
+        PlanRequest("x", **options)
+    assert [fault.where for fault in refusal.value.faults] == [where]
 
 
 def test_options_of_the_solver_are_those_of_the_job() -> None:

@@ -2,14 +2,14 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Final
+from typing import Annotated, Any, Final, Literal
 
 import typer
 from rich.markup import escape
 
 from stridelab.cli.deliver import deliver_result, known_scenario, run_kind
 from stridelab.cli.options import ControlOption, Delivery, Densities, NodeRate, ScenarioName, SolverOption
-from stridelab.cli.results import out, show_files, show_remarks, show_verdict, write_result
+from stridelab.cli.results import out, show_files, show_remarks, show_verdict, validate_options, write_result
 from stridelab.cli.scenario_files import read_scenario
 from stridelab.errors import Fault, InvalidInput, StridelabError
 from stridelab.schemas.jobs import JobResult
@@ -48,8 +48,23 @@ class PlanRequest:
     ] = None
     replay_delay_ms: Annotated[
         float,
-        typer.Option("--replay-delay", min=0.0, max=1e3 * MAX_DELAY_S, help="Delay of the replay's control in ms."),
+        typer.Option(
+            "--delay", "--replay-delay", min=0.0, max=1e3 * MAX_DELAY_S, help="Delay of the replay's control in ms."
+        ),
     ] = 0.0
+    pushes: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--push",
+            help="TIME:X,Y,Z[:LINK], e.g. 3.2:0,20,0: seconds, impulse in N s, link (default: the trunk); repeatable.",
+        ),
+    ] = None
+    payload_kg: Annotated[float, typer.Option("--payload", help="Mass added to the trunk in the replay, in kg.")] = 0.0
+    friction: Annotated[float | None, typer.Option("--friction", help="Friction of all boxes in the replay.")] = None
+    sensors: Annotated[
+        Literal["true", "estimated"],
+        typer.Option("--sensors", help="Input of the replay's stabiliser: the simulator's state, or an estimate."),
+    ] = "true"
     measure: Densities = None
     formulation: ControlOption = "forces"
     solver: SolverOption = "auto"
@@ -76,9 +91,11 @@ class PlanRequest:
         if self.replay and not self.whole_body:
             fault = Fault("--replay", "contradicts --no-whole-body")
             raise InvalidInput("option-invalid", "Only a motion of the whole body can be replayed.", [fault])
-        if self.replay_delay_ms and not (self.whole_body if self.replay is None else self.replay):
-            fault = Fault("--replay-delay", "needs a replay")
-            raise InvalidInput("option-invalid", "Only a replay can have a delay.", [fault])
+        disturbing = [name for name, given in self._disturbances.items() if given]
+        if disturbing and not (self.whole_body if self.replay is None else self.replay):
+            faults = [Fault(name, "needs a replay") for name in disturbing]
+            raise InvalidInput("option-invalid", f"{', '.join(disturbing)}: only a replay can be disturbed.", faults)
+        self.replay_options()
         if self.film is not None and not self.whole_body:
             fault = Fault("--film", "contradicts --no-whole-body")
             raise InvalidInput("option-invalid", "Only a motion of the whole body can be filmed.", [fault])
@@ -107,6 +124,30 @@ class PlanRequest:
         return not self.no_whole_body
 
     @property
+    def _disturbances(self) -> dict[str, bool]:
+        """Options that disturb the replay, and whether they are given."""
+        return {
+            "--delay": bool(self.replay_delay_ms),
+            "--push": bool(self.pushes),
+            "--payload": bool(self.payload_kg),
+            "--friction": self.friction is not None,
+            "--sensors": self.sensors != "true",
+        }
+
+    def replay_options(self) -> ReplayOptions | None:
+        """Options of the replay; None without any. Raises ``InvalidInput`` (``option-invalid``)."""
+        if not any(self._disturbances.values()):
+            return None
+        fields = {
+            "delay_s": 1e-3 * self.replay_delay_ms,
+            "pushes": [parse_push(text) for text in self.pushes or ()],
+            "payload_kg": self.payload_kg,
+            "friction": self.friction,
+            "sensors": self.sensors,
+        }
+        return validate_options(ReplayOptions, fields)
+
+    @property
     def title(self) -> str:
         """Name of the scenario without folder and suffix."""
         return Path(self.scenario).stem
@@ -114,13 +155,11 @@ class PlanRequest:
     def to_input(self, scenario: Scenario | None) -> PlanMotionInput:
         """Input of the job; without a scenario, the name is taken as a scenario id."""
         source = {"scenario_id": self.scenario} if scenario is None else {"scenario": scenario}
-        replay: bool | ReplayOptions = self.whole_body if self.replay is None else self.replay
-        if self.replay_delay_ms:
-            replay = ReplayOptions(delay_s=1e-3 * self.replay_delay_ms)
+        replay = self.whole_body if self.replay is None else self.replay
         return PlanMotionInput(
             **source,
             whole_body=self.whole_body,
-            replay=replay,
+            replay=self.replay_options() or replay,
             measure=self.measure,
             formulation=self.formulation,
             solver=self.solver,
@@ -131,6 +170,18 @@ class PlanRequest:
             duration_range=self.duration_range,
             film=self.film,
         )
+
+
+def parse_push(text: str) -> dict[str, Any]:
+    """Fields of a push from ``TIME:X,Y,Z[:LINK]``. Raises ``InvalidInput`` (``option-invalid``)."""
+    time_s, _, rest = text.partition(":")
+    impulse, _, link = rest.partition(":")
+    try:
+        x, y, z = (float(part) for part in impulse.split(","))
+        return {"time_s": float(time_s), "impulse_ns": (x, y, z), "link": link or None}
+    except ValueError as error:
+        fault = Fault("--push", f"{text} is not TIME:X,Y,Z[:LINK]")
+        raise InvalidInput("option-invalid", f"{fault.message}, for example 3.2:0,20,0.", [fault]) from error
 
 
 def plan_scenario(request: PlanRequest, delivery: Delivery) -> None:
@@ -234,5 +285,5 @@ def _describe_replay(replay: ReplaySummary) -> str:
     if replay.hand_force_mean_n is not None:
         text += f"; hand force {replay.hand_force_mean_n:.0f} N on average"
     if replay.options is not None:
-        text += f"; control {1e3 * replay.options.delay_s:.0f} ms late"
+        text += f"; disturbed: {escape(replay.options.description)}"
     return text

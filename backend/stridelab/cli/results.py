@@ -153,6 +153,10 @@ OPTIONS = {
     "lab": "--lab",
     "item": "ITEM",
     "seeds": "--seeds",
+    "pushes": "--push",
+    "payload_kg": "--payload",
+    "friction": "--friction",
+    "delay_s": "--delay",
 }
 """Option that sets a field of the contract, for messages."""
 

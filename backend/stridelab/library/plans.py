@@ -55,7 +55,7 @@ def plan_motion(
     *,
     robot: str | None = None,
     whole_body: bool = True,
-    replay: bool | Mapping[str, float] = False,
+    replay: bool | Mapping[str, Any] = False,
     progress: Progress | None = None,
     **options: Any,
 ) -> PlannedMotion:
@@ -65,12 +65,13 @@ def plan_motion(
         scenario: A scenario, its JSON file, or the name of a bundled one such as "long-stride".
         robot: Name of the robot, in place of that of the scenario.
         whole_body: Compute the motion of all joints and its certificate.
-        replay: Replay the motion in physics as well, undisturbed or with ``delay_s``, ``payload_kg`` or ``friction``.
+        replay: Replay the motion in physics as well, undisturbed or with ``pushes``, ``payload_kg``, ``friction``,
+            ``delay_s`` or ``sensors`` (``ReplayOptions``).
         progress: Called with a fraction from 0 to 1 and a message.
         options: Other fields of the job's input, such as ``formulation`` or ``free_durations``.
 
     Raises:
-        InvalidInput: ``scenario-invalid``; the faults name every field that is wrong.
+        InvalidInput: ``scenario-invalid``, ``replay-invalid``; the faults name every field that is wrong.
         NotEstimable: The solver found no motion; the error says at which stage.
     """
     from stridelab.cli.results import write_result

@@ -33,6 +33,7 @@ from stridelab.pipelines.plan_problem import (
     validate_scenario,
 )
 from stridelab.pipelines.progress import ProgressCallback, Stages
+from stridelab.pipelines.replay_options import disturbances_of, observer_of, require_pushes
 from stridelab.reachability.store import DEFAULT_MEASURE
 from stridelab.robots.card import robot_card
 from stridelab.robots.loader import load_robot
@@ -106,9 +107,10 @@ def plan_motion(task: PlanMotionTask, stages: Stages) -> MotionResult:
     """Plan the motion of ``task.scenario`` and check it; ``stages`` has the shares of ``stage_shares``.
 
     Raises ``NotEstimable`` for unavailable features (``...-unavailable``) before any computation. Later errors name
-    their stage in the last fault: ``InvalidInput`` (``scenario-invalid``), ``NotFound`` (``robot-not-found``),
-    ``Unavailable`` (``reachability-of-another-robot``), ``NotEstimable`` (``plan-time-limit``, ``plan-not-converged``)
-    and other errors of the stages. A whole-body controller that cannot follow the plan is not raised but ``stopped``.
+    their stage in the last fault: ``InvalidInput`` (``scenario-invalid``, ``replay-invalid``), ``NotFound``
+    (``robot-not-found``), ``Unavailable`` (``reachability-of-another-robot``), ``NotEstimable`` (``plan-time-limit``,
+    ``plan-not-converged``) and other errors of the stages. A whole-body controller that cannot follow the plan is not
+    raised but ``stopped``.
     """
     request = task.input
     require_solver(request.solver)
@@ -116,6 +118,7 @@ def plan_motion(task: PlanMotionTask, stages: Stages) -> MotionResult:
     with stages.run_stage(CHECK, "looking at the scenario"):
         sequence, noted = validate_scenario(task.scenario)
         robot = load_robot(sequence.robot)
+        require_pushes(request.replay, sequence.robot, sequence.duration_s)
     with stages.run_stage(REACHABILITY, "reading the learned densities"):
         proxies = load_densities(robot, request.measure or DEFAULT_MEASURE)
     with stages.run_stage(CENTROIDAL, f"solving for {sequence.duration_s:.1f} s") as tell:
@@ -149,20 +152,13 @@ def plan_motion(task: PlanMotionTask, stages: Stages) -> MotionResult:
 def replay_motion(result: MotionResult, motion: WholeBodyMotion, progress: ProgressCallback) -> "Replay":
     """Replay ``motion`` of ``result`` in a physics simulation, with the disturbances of the request."""
     # imported lazily: the simulator is needed for a replay only
-    from stridelab.wholebody.replay.disturbances import UNDISTURBED, Disturbances
     from stridelab.wholebody.replay.replay import PhysicsReplay
 
-    sequence, options = result.plan.sequence, result.request.replay
-    disturbed = UNDISTURBED
-    if isinstance(options, ReplayOptions):
-        disturbed = Disturbances(
-            friction=options.friction,
-            delay_s=options.delay_s,
-            joint_delay_s=options.delay_s,
-            trunk_mass_kg=options.payload_kg,
-        )
+    sequence, asked = result.plan.sequence, result.request.replay
+    options = asked if isinstance(asked, ReplayOptions) else ReplayOptions()
     clock = _motion_progress(progress, sequence.duration_s)
-    return PhysicsReplay().run(result.robot, sequence, motion, clock, disturbances=disturbed)
+    observe, disturbed = observer_of(options, result.robot), disturbances_of(options)
+    return PhysicsReplay().run(result.robot, sequence, motion, clock, observe, disturbed)
 
 
 def stage_shares(request: PlanMotionInput) -> dict[str, float]:

@@ -1,8 +1,9 @@
 """Inputs and summaries of the robot jobs: motion planning, contact planning, reachability learning."""
 
+import math
 from typing import Annotated, Final, Literal
 
-from pydantic import Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from stridelab.schemas.base import Contract, Remark
 from stridelab.schemas.methods import NODE_RATE_HZ, Formulation
@@ -29,17 +30,58 @@ MAX_DELAY_S: Final = 0.1
 """Maximum delay of the replay's control."""
 
 
+MAX_IMPULSE_NS: Final = 1000.0
+MAX_PUSHES: Final = 50
+_ImpulsePart = Annotated[float, Field(ge=-MAX_IMPULSE_NS, le=MAX_IMPULSE_NS)]
+
+
+class ReplayPush(Contract):
+    """A push in the replay: a force at the centre of mass of ``link`` (null: the trunk) for 0.1 s.
+
+    ``time_s`` is its start, from the start of the replay and not after the end of the motion. ``impulse_ns`` is the
+    force times its duration, in world axes.
+    """
+
+    time_s: Annotated[float, Field(ge=0.0)]
+    impulse_ns: tuple[_ImpulsePart, _ImpulsePart, _ImpulsePart]
+    link: str | None = None
+
+
 class ReplayOptions(Contract):
     """Disturbances of the replay, which neither the plan nor the control of the replay has.
 
     ``delay_s`` is the age of all readings that the control uses: joint angles and rates, and the inputs of the
     stabiliser; it is rounded to milliseconds. ``payload_kg`` is added to the trunk at its centre of mass. ``friction``
-    replaces that of all boxes.
+    replaces that of all boxes. With ``sensors`` ``estimated``, noise is added to the stabiliser's inputs and the
+    filter of chapter 2 estimates the centre of mass from joint angles and contact forces; the pose of the base remains
+    that of the simulator.
     """
 
+    pushes: Annotated[list[ReplayPush], Field(max_length=MAX_PUSHES)] = Field(default_factory=list)
     delay_s: Annotated[float, Field(ge=0.0, le=MAX_DELAY_S)] = 0.0
     payload_kg: Annotated[float, Field(ge=0.0, le=1000.0)] = 0.0
     friction: Annotated[float, Field(gt=0.0, le=2.0)] | None = None
+    sensors: Literal["true", "estimated"] = "true"
+
+    @property
+    def description(self) -> str:
+        """The disturbances in words."""
+        pushes = [
+            f"push of {math.hypot(*push.impulse_ns):.3g} N s at {push.time_s:g} s on {push.link or 'the trunk'}"
+            for push in self.pushes
+        ]
+        others = {
+            f"{self.payload_kg:g} kg on the trunk": self.payload_kg,
+            f"friction {self.friction}": self.friction is not None,
+            f"control {1e3 * self.delay_s:.0f} ms late": self.delay_s,
+            "estimated centre of mass": self.sensors == "estimated",
+        }
+        return ", ".join([*pushes, *(text for text, given in others.items() if given)]) or "nothing"
+
+
+def _replay_of(value: object) -> object:
+    """Validate an object as options alone, so that its errors name its own fields and no alternative."""
+    return ReplayOptions.model_validate(value) if isinstance(value, dict) else value
 
 
 class PlanMotionInput(ScenarioSource):
@@ -70,7 +112,7 @@ class PlanMotionInput(ScenarioSource):
     ] = DURATION_RANGE
     measure: Literal["uniform", "conditioned"] | None = None
     whole_body: bool = True
-    replay: bool | ReplayOptions = False
+    replay: Annotated[bool | ReplayOptions, BeforeValidator(_replay_of)] = False
     film: Film | None = None
 
     @model_validator(mode="after")

@@ -38,7 +38,7 @@ def fixed_disturbances(duration_s: float) -> Mapping[str, Disturbances]:
 
 def lateral_push(time_s: float, impulse_ns: float) -> Disturbances:
     """Push to the left; a negative impulse pushes to the right."""
-    return Disturbances(push=Push(time_s, (0.0, impulse_ns, 0.0)))
+    return Disturbances(pushes=(Push(time_s, (0.0, impulse_ns, 0.0)),))
 
 
 def push_times_s(duration_s: float) -> tuple[float, ...]:

@@ -221,7 +221,7 @@ def test_a_push_and_a_load_are_survived_and_noticed(robot: Robot) -> None:
     motion = standing_still(robot, 1.5)
     calm = played(robot, motion)
     for disturbed in (
-        Disturbances(push=Push(0.3, (0.0, 15.0, 0.0))),
+        Disturbances(pushes=(Push(0.3, (0.0, 15.0, 0.0)),)),
         Disturbances(trunk_mass_kg=5.0),
         Disturbances(delay_s=0.008, sensor_noise=SensorNoise(), torque_noise=0.05),
     ):
@@ -285,6 +285,37 @@ def test_a_push_gives_off_its_impulse() -> None:
     force = np.array([push.force_n(t) for t in np.arange(0.0, 2.0, 0.001)])
     assert np.allclose(force.sum(axis=0) * 0.001, [3.0, -20.0, 0.0])
     assert not push.force_n(0.99).any()
+
+
+@pytest.mark.parametrize("link", [None, "gripper_left_base_link"])
+def test_pushes_act_on_their_link_and_add_up(robot: Robot, link: str | None) -> None:
+    """Of a robot that falls freely: its momentum is that of both pushes, and only a pushed hand moves far."""
+    q = robot.q_reference.copy()
+    q[2] += 2.0
+    built = build_simulation(robot, ground(), 0.3, (*FEET, "left_hand"))
+    simulation, body = Simulation(built, q), built.body_of(link)
+    pushes = [Push(0.0, (3.0, 6.0, 0.0), 0.05, link), Push(0.0, (3.0, 0.0, 0.0), 0.05, link)]
+    start_m = simulation.contact_placement("left_hand").position_m
+    for k in range(50):
+        simulation.apply_forces([(body, push.force_n(1e-3 * k)) for push in pushes])
+        simulation.step(np.zeros(len(robot.joint_names)), np.zeros(len(robot.locked)))
+    simulation.refresh_derived()
+    assert simulation.com_state()[1][:2] * robot.mass_kg == pytest.approx([6.0, 6.0], rel=5e-3)
+    moved_m = np.linalg.norm((simulation.contact_placement("left_hand").position_m - start_m)[:2])
+    assert (moved_m > 0.02) == (link is not None)
+
+
+def test_a_push_on_a_link_that_does_not_exist_is_refused(robot: Robot) -> None:
+    motion = standing_still(robot, 0.1)
+    with pytest.raises(InvalidInput, match="left_sole_link") as refusal:
+        PhysicsReplay().run(
+            robot,
+            motion.sequence,
+            motion,
+            quiet,
+            disturbances=Disturbances(pushes=(Push(0.0, (1.0, 0.0, 0.0), link="nose"),)),
+        )
+    assert refusal.value.code == "link-not-found"
 
 
 def test_a_foot_that_lands_on_higher_ground_is_lived_with(

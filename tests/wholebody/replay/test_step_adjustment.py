@@ -139,7 +139,7 @@ def test_a_push_just_before_a_foot_lifts_is_survived_by_waiting_and_not_without(
 ) -> None:
     sequence, _, motion = two_steps
     lifts_s = float(motion.time_s[int(np.argmin(capturable(talos, motion).in_contact["right_foot"]))])
-    pushed = Disturbances(push=Push(lifts_s - 0.12, (0.0, -25.0, 0.0)))
+    pushed = Disturbances(pushes=(Push(lifts_s - 0.12, (0.0, -25.0, 0.0)),))
     found = [
         PhysicsReplay(stabiliser=Stabiliser(stepping=stepping)).run(
             talos, sequence, motion, lambda _fraction, _message: None, disturbances=pushed

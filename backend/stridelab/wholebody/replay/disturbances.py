@@ -17,11 +17,15 @@ from stridelab.errors import Fault, InvalidInput
 
 @dataclass(frozen=True)
 class Push:
-    """A constant force on the trunk: ``impulse_ns`` (world axes) over ``duration_s``, starting at ``time_s``."""
+    """A constant force at the centre of mass of ``link``: ``impulse_ns`` (world axes) over ``duration_s``.
+
+    It starts ``time_s`` after the start of the replay. None is the trunk.
+    """
 
     time_s: float
     impulse_ns: tuple[float, float, float]
     duration_s: float = 0.1
+    link: str | None = None
 
     def force_n(self, time_s: float) -> Vector3:
         """Force (N, world axes) at one time."""
@@ -60,7 +64,7 @@ class Disturbances:
     delay_s: float = 0.0
     joint_delay_s: float = 0.0
     trunk_mass_kg: float = 0.0
-    push: Push | None = None
+    pushes: tuple[Push, ...] = ()
     sensor_noise: SensorNoise | None = None
     seed: int = 0
 

@@ -19,6 +19,7 @@ from jaxtyping import Float, Int
 from stridelab.contacts.terrain import Box, Terrain
 from stridelab.conventions import GRAVITY_M_S2
 from stridelab.dynamics.spatial import Placement
+from stridelab.errors import Fault, InvalidInput
 from stridelab.robots.robot import Effector, Robot
 from stridelab.wholebody.effector_contact import HAND_RADIUS_M
 from stridelab.wholebody.replay.collision_shapes import BODY, GROUND, HAND, RAIL, add_shapes, parent_joint
@@ -59,6 +60,16 @@ class SimulationModel:
     link: Mapping[int, str]
     surface: Mapping[int, str]
     effector: Mapping[int, str]
+
+    def body_of(self, link: str | None) -> int:
+        """Index of the body of a link, by default of the trunk. Raises ``InvalidInput`` (``link-not-found``)."""
+        if link is None:
+            return self.trunk
+        names = [self.model.body(k).name for k in range(1, self.model.nbody)]
+        if link not in names:
+            message = f"The robot has no link {link!r}; its links are {', '.join(names)}."
+            raise InvalidInput("link-not-found", message, [Fault("link", "unknown")])
+        return 1 + names.index(link)
 
 
 def build_simulation(

@@ -62,11 +62,13 @@ class PhysicsReplay:
     ) -> Replay:
         """Replay ``motion`` with the given disturbances and hold its last posture.
 
-        Raises ``InvalidInput`` (``replay-rate``) for a rate that the simulator's time step does not divide.
+        Raises ``InvalidInput``: ``replay-rate`` for a rate that the simulator's time step does not divide,
+        ``link-not-found`` for a push on a link that the robot lacks.
         """
         terrain = disturbances.disturbed_terrain(sequence)
         built = build_simulation(robot, terrain, sequence.friction, sequence.effectors, disturbances)
         simulation = Simulation(built, motion.q[0])
+        pushed = [(built.body_of(push.link), push) for push in disturbances.pushes]
         substeps = _substep_count(motion.rate_hz, simulation.timestep_s)
         kp, kd = self._joint_gains(robot, simulation.timestep_s)
         log, torque_ratio = ReplayLog(robot, sequence), 0.0
@@ -89,8 +91,9 @@ class PhysicsReplay:
                 tau = kp * (q_command - q_read) + kd * (v_target - v_read) + forward
                 if disturbances.torque_noise:
                     tau = tau * (1.0 + disturbances.torque_noise * rng.normal(size=len(tau)))
-                if disturbances.push is not None:
-                    simulation.apply_push(disturbances.push.force_n(k / motion.rate_hz + j * simulation.timestep_s))
+                if pushed:
+                    time_s = k / motion.rate_hz + j * simulation.timestep_s
+                    simulation.apply_forces([(body, push.force_n(time_s)) for body, push in pushed])
                 locked_tau = simulation.locked_torques_nm(
                     self.arm_share * self.stiffness, self.arm_share * self.damping
                 )

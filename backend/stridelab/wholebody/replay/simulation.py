@@ -1,7 +1,7 @@
 """A running simulation in the robot's own coordinates."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import mujoco
@@ -86,9 +86,12 @@ class Simulation:
         self.body_contacts = tuple(map(self._geom_contact, np.flatnonzero(is_body).tolist())) if is_body.any() else ()
         return float(np.max(np.abs(moving_nm) / limit[self.built.moving_actuator]))
 
-    def apply_push(self, force_n: Vector3) -> None:
-        """Set the force (world axes) at the trunk's centre of mass for the following steps."""
-        self._data.xfrc_applied[self.built.trunk, :3] = force_n
+    def apply_forces(self, forces: Sequence[tuple[int, Vector3]]) -> None:
+        """Set the forces (N, world axes) at the centres of mass of bodies for the following steps; those of one add."""
+        for body, _ in forces:
+            self._data.xfrc_applied[body, :3] = 0.0
+        for body, force_n in forces:
+            self._data.xfrc_applied[body, :3] += force_n
 
     def refresh_derived(self) -> None:
         """Update all derived quantities to the coordinates after the last step.

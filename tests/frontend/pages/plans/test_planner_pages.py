@@ -10,7 +10,7 @@ import pytest
 
 from stridelab.schemas.base import FaultItem, Problem, Remark
 from stridelab.schemas.jobs import Progress
-from stridelab.schemas.plans import PhaseDuration, PlanMotionSummary, StoppedMotion
+from stridelab.schemas.plans import PhaseDuration, PlanMotionSummary, ReplayOptions, StoppedMotion
 from stridelab_web.pages.plans.cost_table import cost_rows
 from stridelab_web.pages.plans.durations import chosen_durations
 from support.fakes import robots
@@ -78,6 +78,27 @@ def test_a_sample_cannot_be_deleted_and_an_impossible_one_not_planned(fake: Fake
     assert "This scenario cannot be planned." in page
     assert "phases[0].contacts[left_foot]" in page
     assert "data-plan=" not in page
+
+
+def test_a_replay_says_how_it_was_disturbed(fake: FakeService, browse: Browse, monkeypatch: pytest.MonkeyPatch) -> None:
+    calm, options = (
+        robots.plan_summary,
+        ReplayOptions.model_validate(
+            {"pushes": [{"time_s": 1.5, "impulse_ns": [3, 4, 0]}], "payload_kg": 2.5, "delay_s": 0.002, "friction": 0.2}
+        ),
+    )
+
+    def disturbed(*, whole_body: bool) -> PlanMotionSummary:
+        summary = calm(whole_body=whole_body)
+        assert summary.replay is not None
+        return summary.model_copy(update={"replay": summary.replay.model_copy(update={"options": options})})
+
+    assert "Disturbed:" not in texts(browse(f"/plans/{fake.add_plan().id}").text)
+    monkeypatch.setattr(robots, "plan_summary", disturbed)
+    said = texts(browse(f"/plans/{fake.add_plan().id}").text)
+    assert (
+        "Disturbed: push of 5 N s at 1.5 s on the trunk, 2.5 kg on the trunk, friction 0.2, control 2 ms late." in said
+    )
 
 
 def test_a_robot_that_stays_on_its_feet_need_not_have_completed_the_motion(

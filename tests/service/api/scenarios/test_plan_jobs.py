@@ -77,6 +77,13 @@ def test_a_scenario_that_the_robot_cannot_do_is_refused_before_any_solver(http: 
         ("plan-motion", {"scenario_id": "flat-walk", "scenario": one_step()}, "body"),
         ("plan-motion", {"scenario_id": "flat-walk", "whole_body": False, "replay": True}, "body"),
         ("plan-motion", {"scenario_id": 7}, "scenario_id"),
+        ("plan-motion", {"scenario_id": "flat-walk", "replay": {"friction": 0}}, "replay.friction"),
+        ("plan-motion", {"scenario_id": "flat-walk", "replay": {"sensors": "none"}}, "replay.sensors"),
+        (
+            "plan-motion",
+            {"scenario_id": "flat-walk", "replay": {"pushes": [{"time_s": 1}]}},
+            "replay.pushes.0.impulse_ns",
+        ),
         ("plan-motion", {"scenario_id": "flat-walk", "solver": "magic"}, "solver"),
         ("plan-motion", {"scenario": {**one_step(), "friction": "-1"}}, "scenario.friction"),
         ("plan-motion", {"scenario_id": "flat-walk", "measure": "gaussian"}, "measure"),
@@ -105,6 +112,22 @@ def test_an_invalid_input_is_named(http: httpx.Client, kind: str, body: object, 
     answer = http.post(f"{JOBS}/{kind}", json=body)
     assert refusal(answer) == (422, "invalid-request")
     assert places(answer) == [where]
+
+
+@pytest.mark.parametrize("stored", [True, False])
+def test_a_push_that_does_not_fit_is_named_and_is_no_job(http: httpx.Client, scenario_id: str, *, stored: bool) -> None:
+    before = http.get(JOBS, params={"kind": "plan-motion"}).json()
+    source = {"scenario_id": scenario_id} if stored else {"scenario": one_step()}
+    pushes = [
+        {"time_s": 0.1, "impulse_ns": [0, 5, 0], "link": "base_link"},
+        {"time_s": 1e3, "impulse_ns": [0, 5, 0], "link": "nose"},
+    ]
+    answer = http.post(PLAN, json={**source, "replay": {"pushes": pushes}})
+    assert refusal(answer) == (422, "replay-invalid")
+    assert places(answer) == ["replay.pushes.1.time_s", "replay.pushes.1.link"]
+    assert "leg_left_6_link" in answer.json()["errors"][1]["message"]
+    assert http.get(JOBS, params={"kind": "plan-motion"}).json() == before
+    assert http.post(PLAN, json={**source, "replay": {"pushes": pushes[:1]}}).status_code == 202
 
 
 @pytest.mark.parametrize("duration_s", [0.0, -0.4, 1e-3, 1e4])

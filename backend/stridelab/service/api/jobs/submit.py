@@ -4,6 +4,7 @@ Inputs are validated beyond their schema before a job is accepted.
 """
 
 import inspect
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, NoReturn
@@ -14,13 +15,15 @@ from fastapi import APIRouter, Body, Header, Query, Response
 from sqlalchemy import select
 
 from stridelab.errors import Fault, InvalidInput, NotFound
+from stridelab.pipelines.replay_options import require_pushes
 from stridelab.robots.card import EffectorCard, robot_card
 from stridelab.schemas.base import Contract
 from stridelab.schemas.jobs import Job
 from stridelab.schemas.measures import GaitMeasuresInput, GaitReportInput
-from stridelab.schemas.plans import LearnReachabilityInput, PlanContactsInput, PlanMotionInput
+from stridelab.schemas.plans import LearnReachabilityInput, PlanContactsInput, PlanMotionInput, ReplayOptions
 from stridelab.schemas.population import MAX_RECORDINGS, StudyPopulationInput
 from stridelab.schemas.receding import PlanRecedingInput
+from stridelab.schemas.scenarios import Scenario
 from stridelab.schemas.sweeps import SweepInput
 from stridelab.service.api.dependencies import AppParts, CallerOf, Parts, require_id_form
 from stridelab.service.api.jobs.presentation import job_of
@@ -30,7 +33,7 @@ from stridelab.service.api.scenarios.validation import refuse_invalid
 from stridelab.service.kinds.base import JobKind
 from stridelab.service.kinds.registry import KINDS
 from stridelab.service.kinds.staging import require_recordings
-from stridelab.service.storage.tables import recording
+from stridelab.service.storage.tables import recording, scenario
 
 
 @dataclass(frozen=True)
@@ -46,10 +49,13 @@ async def validate_request(parts: Parts, request: Contract) -> JobSubject:
 
     Raises ``NotFound`` (``recording-not-found``, ``scenario-not-found``) for a malformed id, and ``InvalidInput``:
     ``scenario-invalid`` for a scenario that the robot cannot perform, ``stance-invalid`` for a start or goal where it
-    cannot stand, ``invalid-request`` for an unknown robot or effector, ``recording-twice`` in a population.
+    cannot stand, ``replay-invalid`` for a push outside of the motion or on an unknown link, ``invalid-request`` for an
+    unknown robot or effector, ``recording-twice`` in a population.
     """
     if isinstance(request, PlanMotionInput | PlanRecedingInput | SweepInput) and request.scenario is not None:
         await refuse_invalid(request.scenario, parts.validation_limiter, parts.robots)
+    if isinstance(request, PlanMotionInput):
+        await _refuse_pushes(parts, request)
     if isinstance(request, PlanContactsInput):
         _effector_cards(request.robot)
         await anyio.to_thread.run_sync(_refuse_invalid_ends, request, limiter=parts.validation_limiter)
@@ -63,6 +69,22 @@ async def validate_request(parts: Parts, request: Contract) -> JobSubject:
                     require_id_form(recording_id, "recording")
                 await require_recordings(connection, ids, name)
     return JobSubject(_referenced_id(request, "recording"), _referenced_id(request, "scenario"))
+
+
+async def _refuse_pushes(parts: Parts, request: PlanMotionInput) -> None:
+    """Raise as ``require_pushes`` does; the job store refuses a scenario that does not exist."""
+    body = request.scenario
+    if not isinstance(request.replay, ReplayOptions) or not request.replay.pushes:
+        return
+    if body is None:
+        identifier = require_id_form(request.scenario_id or "", "scenario")
+        async with parts.engine.connect() as connection:
+            row = await connection.execute(select(scenario.c.body).where(scenario.c.id == identifier))
+        stored = row.scalar_one_or_none()
+        if stored is None:
+            return
+        body = Scenario.model_validate(stored)
+    require_pushes(request.replay, body.robot, math.fsum(phase.duration_s for phase in body.phases))
 
 
 async def _with_recordings(parts: Parts, request: GaitReportInput, owner: str | None) -> GaitReportInput:

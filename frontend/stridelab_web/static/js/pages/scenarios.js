@@ -2,6 +2,21 @@
 import { call, onClick, onSubmit, openNewJob } from "../shared/api.js";
 import { startPlan } from "../editor/planning_jobs.js";
 
+// The disturbances of the replay that a form states, or null.
+function replayOptions(fields) {
+  const number = (name) => Number(fields.get(name) || 0);
+  const options = {};
+  if (fields.get("push_time_s")) {
+    const impulse_ns = ["x", "y", "z"].map((axis) => number(`push_${axis}_ns`));
+    options.pushes = [{ time_s: number("push_time_s"), impulse_ns, link: fields.get("push_link") || null }];
+  }
+  if (number("payload_kg")) options.payload_kg = number("payload_kg");
+  if (fields.get("replay_friction")) options.friction = number("replay_friction");
+  if (number("delay_ms")) options.delay_s = number("delay_ms") / 1000;
+  if (fields.get("estimated")) options.sensors = "estimated";
+  return Object.keys(options).length ? options : null;
+}
+
 for (const form of document.querySelectorAll("form[data-plan]")) {
   const whole = form.elements.whole_body,
     replay = form.elements.replay,
@@ -10,8 +25,9 @@ for (const form of document.querySelectorAll("form[data-plan]")) {
     replay.disabled = !whole.checked;
     if (!whole.checked) replay.checked = false;
   });
-  onSubmit(form, async () => {
-    const options = whole ? { whole_body: whole.checked, replay: replay.checked, free_durations: free.checked } : {};
+  onSubmit(form, async (fields) => {
+    const replayed = whole && replay.checked && (replayOptions(fields) ?? true);
+    const options = whole ? { whole_body: whole.checked, replay: replayed, free_durations: free.checked } : {};
     const job = await startPlan(form.dataset.plan, options);
     location.assign(`/plans/${job.id}?watch=1`);
     return "started";
