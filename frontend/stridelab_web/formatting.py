@@ -130,6 +130,7 @@ KINDS = {
     "plan-contacts": "Contact plan",
     "plan-motion": "Motion plan",
     "plan-receding": "Receding horizon",
+    "push-basin": "Pushes",
     "sweep": "Sweep",
     "learn-reachability": "Reachability",
     "fit-cycloid": "Rolling wheel",

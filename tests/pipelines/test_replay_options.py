@@ -66,3 +66,11 @@ def test_a_plan_is_replayed_with_its_options(tmp_path: Path) -> None:
     left_m = made.columns("replay.parquet", "com_y_m")[:125, 0] - calm.columns("replay.parquet", "com_y_m")[:125, 0]
     assert np.argmax(left_m > 0.005) * 0.004 == pytest.approx(0.4, abs=0.1)
     assert left_m.max() > 0.005
+
+
+def test_a_fall_after_a_push_says_whether_it_is_proved_lost(tmp_path: Path) -> None:
+    options = ReplayOptions.model_validate({"pushes": [{"time_s": 1.0, "impulse_ns": [0.0, 120.0, 0.0]}]})
+    replay = run(tmp_path, short_walk(), replay=options).summary.replay
+    assert replay is not None
+    assert replay.fall_time_s is not None
+    assert replay.proved_lost is False, "the ground is wide enough for a step"

@@ -14,7 +14,7 @@ import pytest
 from stridelab.schemas.jobs import SimulateRecordingInput
 from stridelab.schemas.measures import GaitReportInput
 from stridelab.schemas.population import PersonFields
-from stridelab.schemas.receding import PlanRecedingInput, PlanRecedingTask
+from stridelab.schemas.receding import PlanRecedingInput, PlanRecedingTask, PushBasinInput, PushBasinTask
 from stridelab.schemas.sweeps import SweepInput, SweepTask
 from stridelab.schemas.tasks import (
     BenchMember,
@@ -74,6 +74,10 @@ def receding(_folder: Path) -> Any:
     return PlanRecedingTask(scenario=short_walk(), input=PlanRecedingInput(scenario=short_walk()))
 
 
+def pushed(_folder: Path) -> Any:
+    return PushBasinTask(scenario=short_walk(), input=PushBasinInput(scenario=short_walk(), speed_m_s=0.1, n=1))
+
+
 def benched(folder: Path) -> Any:
     task = estimate_task(TRIAL, folder / "a")
     return ComBenchTask(members=[BenchMember(recording_id="a", folder="a", task=task)])
@@ -103,6 +107,7 @@ STAGED: dict[str, Callable[[Path], Any]] = {
     "plan-contacts": lambda _: {"input": contacts([box("floor", (-1.0, 2.0), 0.0)], 0.8, 0.0)},
     "plan-motion": lambda _: plan_task(film="gif"),
     "plan-receding": receding,
+    "push-basin": pushed,
     "read-batch": received,
     "sweep": swept,
     "learn-reachability": lambda _: {"input": {"robot": "talos", "samples": 8000, "effectors": ["left_foot"]}},

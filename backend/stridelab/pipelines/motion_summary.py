@@ -91,8 +91,8 @@ def certificate_summary(certificate: Certificate) -> CertificateSummary:
 
 
 def replay_summary(replay: "Replay") -> ReplaySummary:
-    """The result of the replay as a ``ReplaySummary``, without the options of the request."""
-    made = {"hand_in_place_shares", "collided", "remarks", "options"}
+    """The result of the replay as a ``ReplaySummary``, without the options of the request and the proof."""
+    made = {"hand_in_place_shares", "collided", "remarks", "options", "proved_lost"}
     return ReplaySummary(
         **{name: getattr(replay, name) for name in ReplaySummary.model_fields if name not in made},
         hand_in_place_shares=dict(replay.hand_in_place_shares),

@@ -88,7 +88,10 @@ class MotionResult:
     def summary(self, replay: "Replay | None", stages: Stages) -> PlanMotionSummary:
         """The summary of the contract, with the times of ``stages``."""
         options = self.request.replay if isinstance(self.request.replay, ReplayOptions) else None
-        replayed = None if replay is None else replay_summary(replay).model_copy(update={"options": options})
+        replayed = None
+        if replay is not None:
+            more = {"options": options, "proved_lost": self._proved_lost(replay, options)}
+            replayed = replay_summary(replay).model_copy(update=more)
         warnings = (
             *self.remarks,
             *force_jump_remarks(self.problem, self.request),
@@ -101,6 +104,17 @@ class MotionResult:
         if self.stopped is not None:
             update["stopped"] = stopped_motion(self.stopped)
         return result.model_copy(update=update)
+
+    def _proved_lost(self, replay: "Replay", options: ReplayOptions | None) -> bool | None:
+        """Whether a fall after the last push before it is proved to be inevitable; None without a fall or a push."""
+        from stridelab.wholebody.replay.loss_proof import LossPremises, is_loss_proved
+
+        pushes = disturbances_of(options).pushes if options is not None else ()
+        ends_s = [push.end_s for push in pushes if replay.fall_time_s is not None and push.end_s < replay.fall_time_s]
+        if not ends_s:
+            return None
+        premises = LossPremises.of_sequence(self.robot, self.plan.sequence, self.problem.proxies)
+        return premises is not None and is_loss_proved(self.robot, self.plan.sequence, premises, replay, max(ends_s))
 
 
 def plan_motion(task: PlanMotionTask, stages: Stages) -> MotionResult:

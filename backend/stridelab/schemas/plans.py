@@ -171,7 +171,8 @@ class ReplaySummary(Contract):
     ``completed``: the robot does not fall, there are no unplanned contacts, no loaded sole slips by more than 20 mm, no
     commanded torque exceeds 1.2 times its limit, and every planned hand contact is loaded in place for 95 % of its
     duration. ``remarks`` lists the conditions that are not met. ``fall_time_s`` is null if the robot does not fall.
-    ``options`` are the disturbances, null if there are none.
+    ``options`` are the disturbances, null if there are none. ``proved_lost`` is set only if the robot falls after a
+    push: whether no motion would have saved it, by a sufficient condition; false proves nothing.
     ``slip_max_m`` equals ``foot_slip_max_m``; ``collisions`` is the number of pairs in ``collided``. Plans of earlier
     versions lack the last five fields, and their ``completed`` only means that the robot did not fall.
     """
@@ -192,6 +193,7 @@ class ReplaySummary(Contract):
     collided: list[ReplayCollision] | None = None
     remarks: list[Remark] | None = None
     options: ReplayOptions | None = None
+    proved_lost: bool | None = None
 
 
 class StoppedMotion(Contract):

@@ -1,6 +1,6 @@
-"""Input and summary of ``plan-receding``: receding-horizon control of the centroidal motion."""
+"""Pushed robots: ``plan-receding``, receding-horizon control, and ``push-basin``, the whole body in physics."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Final, Literal
 
 from pydantic import Field, model_validator
 
@@ -68,3 +68,56 @@ class PlanRecedingTask(Contract):
 
     scenario: Scenario
     input: PlanRecedingInput
+
+
+PushOutcome = Literal["survived", "proved-lost", "unexplained"]
+"""``survived``: the robot does not fall. Of falls, ``proved-lost`` has a proof that no motion would have saved it."""
+MAX_PUSHES: Final = 1000
+
+
+class PushBasinInput(ScenarioSource):
+    """Input of ``push-basin``: either a stored scenario or a complete one, and the pushes.
+
+    The motion of ``plan-motion`` is replayed ``n`` times, each time with one push on the trunk that changes the
+    velocity of the centre of mass by ``speed_m_s``, at a random time of the motion, in a random horizontal direction.
+    ``seed`` determines both. ``robot`` replaces that of the scenario.
+    """
+
+    robot: Annotated[str, Field(min_length=1, max_length=60)] | None = None
+    speed_m_s: Annotated[float, Field(gt=0.0, le=5.0)]
+    n: Annotated[int, Field(ge=1, le=MAX_PUSHES)] = 50
+    seed: Annotated[int, Field(ge=0, le=2**31 - 1)] = 0
+
+
+class PushBasinSummary(Contract):
+    """Summary of ``push-basin``: numbers of pushes by outcome, which add up to ``n``.
+
+    ``survived_ci95`` is the 95 % confidence interval (Wilson) of the share of survived pushes. ``provable`` is false
+    where the premises of the proof do not hold, so that no fall can be proved; ``certified`` whether the motion passes
+    its certificate. ``completed`` counts the survived pushes whose replay is completed.
+    """
+
+    scenario_name: str
+    robot: str
+    duration_s: float
+    speed_m_s: float
+    impulse_ns: float
+    n: int
+    seed: int
+    survived: int
+    proved_lost: int
+    unexplained: int
+    completed: int
+    survived_ci95: tuple[float, float]
+    provable: bool
+    certified: bool
+    wall_time_s: float
+    processes: int
+    warnings: list[Remark]
+
+
+class PushBasinTask(Contract):
+    """Task of ``push-basin``, with the resolved scenario."""
+
+    scenario: Scenario
+    input: PushBasinInput

@@ -17,6 +17,7 @@ CALLS = [
     ("POST", "jobs/plan-motion", {"scenario": ONE_STEP}),
     ("POST", "jobs/plan-motion", {"scenario_id": "flat-walk"}),
     ("POST", "jobs/plan-receding", {"scenario": ONE_STEP}),
+    ("POST", "jobs/push-basin", {"scenario": ONE_STEP, "speed_m_s": 0.2}),
     ("POST", "jobs/sweep", {"scenario": ONE_STEP, "vary": {"stride": [0.1, 0.3, 3]}}),
     ("GET", "solvers", None),
     ("POST", "plans/preview", {"scenario": ONE_STEP, "push": {"time_s": 90.0, "velocity_m_s": [0.0, 0.1, 0.0]}}),

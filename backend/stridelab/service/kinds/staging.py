@@ -16,7 +16,7 @@ from stridelab.schemas.cycloid import FitCycloidInput
 from stridelab.schemas.jobs import EstimateComInput
 from stridelab.schemas.methods import Method
 from stridelab.schemas.plans import PlanMotionTask
-from stridelab.schemas.receding import PlanRecedingTask
+from stridelab.schemas.receding import PlanRecedingTask, PushBasinTask
 from stridelab.schemas.recordings import SubjectFields
 from stridelab.schemas.scenarios import Scenario, ScenarioSource
 from stridelab.schemas.sweeps import SweepTask
@@ -76,7 +76,7 @@ async def stage_input(connection: AsyncConnection, blobs: Blobs, input: Contract
     return {"input": input.model_dump(mode="json")}
 
 
-def stage_scenario(task_model: type[PlanMotionTask | PlanRecedingTask | SweepTask]) -> Stage:
+def stage_scenario(task_model: type[PlanMotionTask | PlanRecedingTask | PushBasinTask | SweepTask]) -> Stage:
     """Stage function that copies the scenario of a request, or the present body of the stored one, into the task."""
 
     async def stage(connection: AsyncConnection, _blobs: Blobs, request: Contract, _folder: Path) -> Json:

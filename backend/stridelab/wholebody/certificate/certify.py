@@ -173,7 +173,11 @@ def _momentum_mismatch(
     """Angular momentum about the CoM compared with the plan."""
     planned = np.array([plan.reference_at(float(t)).l_nms for t in motion.time_s])
     mismatch = np.linalg.norm(recomputed.l_nms - planned, axis=1)
-    data = robot.model.createData()
-    h = float(pin.centerOfMass(robot.model, data, robot.q_reference)[2])
-    limit = MOMENTUM_SHARE * robot.mass_kg * h * float(np.sqrt(GRAVITY_M_S2 * h))
+    limit = momentum_limit_nms(robot)
     return worst.at_most("angular_momentum_mismatch_max", mismatch[:, None], "N m s", limit, [""])
+
+
+def momentum_limit_nms(robot: Robot) -> float:
+    """Largest difference of the angular momentum about the CoM from that of the plan, which is about zero."""
+    h = float(pin.centerOfMass(robot.model, robot.model.createData(), robot.q_reference)[2])
+    return MOMENTUM_SHARE * robot.mass_kg * h * float(np.sqrt(GRAVITY_M_S2 * h))

@@ -27,6 +27,11 @@ class Push:
     duration_s: float = 0.1
     link: str | None = None
 
+    @property
+    def end_s(self) -> float:
+        """Time at which the force ends."""
+        return self.time_s + self.duration_s
+
     def force_n(self, time_s: float) -> Vector3:
         """Force (N, world axes) at one time."""
         acts = self.time_s <= time_s < self.time_s + self.duration_s

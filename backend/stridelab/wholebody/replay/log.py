@@ -94,7 +94,8 @@ LOADED_N: Final = 5.0
 class Replay:
     """Result of a replay. ``q``, ``v`` are in the order of the motion; ``forces_n`` the world-frame force per effector.
 
-    Errors are those of the simulated CoM against the plan's. ``foot_slip_max_m`` is the largest displacement of a
+    ``plan_time_s`` is the time of the plan, whose clock the stabiliser may change. Errors are those of the simulated
+    CoM against the plan's. ``foot_slip_max_m`` is the largest displacement of a
     loaded sole since its touch-down, ``landing_error_max_m`` the largest distance from the planned position there.
     ``hand_contact_share`` is the share of the planned hand contacts in which the hand is loaded;
     ``hand_in_place_shares`` is, per hand, the share in which it is loaded by the planned surface within the retreat
@@ -103,6 +104,7 @@ class Replay:
     """
 
     time_s: Float[np.ndarray, "n"]
+    plan_time_s: Float[np.ndarray, "n"]
     q: Float[np.ndarray, "n nq"]
     v: Float[np.ndarray, "n nv"]
     com_m: Float[np.ndarray, "n 3"]
@@ -157,6 +159,7 @@ class ReplayLog:
     def __init__(self, robot: Robot, sequence: ContactSequence) -> None:
         self._robot, self._sequence = robot, sequence
         self._time_s: list[float] = []
+        self._plan_time_s: list[float] = []
         self._q: list[Float[np.ndarray, "nq"]] = []
         self._v: list[Float[np.ndarray, "nv"]] = []
         self._com_m: list[Vector3] = []
@@ -182,6 +185,7 @@ class ReplayLog:
         """Record the state after the step that ends at ``time_s``, at ``plan_time_s`` of the plan."""
         q, v = simulation.coordinates()
         self._time_s.append(time_s)
+        self._plan_time_s.append(plan_time_s)
         self._q.append(q)
         self._v.append(v)
         self._com_m.append(com_m)
@@ -239,6 +243,7 @@ class ReplayLog:
         hand = np.array(self._hand_n)
         return Replay(
             time_s=np.array(self._time_s),
+            plan_time_s=np.array(self._plan_time_s),
             q=np.array(self._q),
             v=np.array(self._v),
             com_m=np.array(self._com_m),

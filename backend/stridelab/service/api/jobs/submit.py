@@ -22,8 +22,8 @@ from stridelab.schemas.jobs import Job
 from stridelab.schemas.measures import GaitMeasuresInput, GaitReportInput
 from stridelab.schemas.plans import LearnReachabilityInput, PlanContactsInput, PlanMotionInput, ReplayOptions
 from stridelab.schemas.population import MAX_RECORDINGS, StudyPopulationInput
-from stridelab.schemas.receding import PlanRecedingInput
-from stridelab.schemas.scenarios import Scenario
+from stridelab.schemas.receding import PlanRecedingInput, PushBasinInput
+from stridelab.schemas.scenarios import Scenario, ScenarioSource
 from stridelab.schemas.sweeps import SweepInput
 from stridelab.service.api.dependencies import AppParts, CallerOf, Parts, require_id_form
 from stridelab.service.api.jobs.presentation import job_of
@@ -54,6 +54,8 @@ async def validate_request(parts: Parts, request: Contract) -> JobSubject:
     """
     if isinstance(request, PlanMotionInput | PlanRecedingInput | SweepInput) and request.scenario is not None:
         await refuse_invalid(request.scenario, parts.validation_limiter, parts.robots)
+    if isinstance(request, PushBasinInput):
+        await _refuse_basin(parts, request)
     if isinstance(request, PlanMotionInput):
         await _refuse_pushes(parts, request)
     if isinstance(request, PlanContactsInput):
@@ -71,20 +73,33 @@ async def validate_request(parts: Parts, request: Contract) -> JobSubject:
     return JobSubject(_referenced_id(request, "recording"), _referenced_id(request, "scenario"))
 
 
+async def _refuse_basin(parts: Parts, request: PushBasinInput) -> None:
+    """Raise ``InvalidInput``: ``invalid-request`` for an unknown robot, ``scenario-invalid`` if it cannot walk."""
+    if request.robot is not None:
+        _effector_cards(request.robot)
+    body = await _scenario_of(parts, request)
+    if body is not None and (request.scenario is not None or request.robot is not None):
+        one = body if request.robot is None else body.model_copy(update={"robot": request.robot})
+        await refuse_invalid(one, parts.validation_limiter, parts.robots)
+
+
 async def _refuse_pushes(parts: Parts, request: PlanMotionInput) -> None:
-    """Raise as ``require_pushes`` does; the job store refuses a scenario that does not exist."""
-    body = request.scenario
-    if not isinstance(request.replay, ReplayOptions) or not request.replay.pushes:
-        return
-    if body is None:
-        identifier = require_id_form(request.scenario_id or "", "scenario")
-        async with parts.engine.connect() as connection:
-            row = await connection.execute(select(scenario.c.body).where(scenario.c.id == identifier))
-        stored = row.scalar_one_or_none()
-        if stored is None:
-            return
-        body = Scenario.model_validate(stored)
-    require_pushes(request.replay, body.robot, math.fsum(phase.duration_s for phase in body.phases))
+    """Raise as ``require_pushes`` does."""
+    if isinstance(request.replay, ReplayOptions) and request.replay.pushes:
+        body = await _scenario_of(parts, request)
+        if body is not None:
+            require_pushes(request.replay, body.robot, math.fsum(phase.duration_s for phase in body.phases))
+
+
+async def _scenario_of(parts: Parts, request: ScenarioSource) -> Scenario | None:
+    """The scenario of a request; None for a stored one that does not exist, which the job store refuses."""
+    if request.scenario is not None:
+        return request.scenario
+    identifier = require_id_form(request.scenario_id or "", "scenario")
+    async with parts.engine.connect() as connection:
+        row = await connection.execute(select(scenario.c.body).where(scenario.c.id == identifier))
+    stored = row.scalar_one_or_none()
+    return None if stored is None else Scenario.model_validate(stored)
 
 
 async def _with_recordings(parts: Parts, request: GaitReportInput, owner: str | None) -> GaitReportInput:
