@@ -88,3 +88,12 @@ def test_importing_the_package_imports_nothing_heavy() -> None:
     code = "import sys, stridelab; print({'numpy', 'pinocchio', 'pydantic'} & set(sys.modules))"
     ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert ran.stdout.strip() == "set()"
+
+
+def test_a_motion_is_pushed() -> None:
+    pushed = sl.push_basin("flat-walk", speed_m_s=0.02, n=1, seed=2)
+    assert (pushed.summary.survived, pushed.summary.n) == (1, 1)
+    assert pushed.columns["outcome"].tolist() == ["survived"]
+    with pytest.raises(InvalidInput) as refusal:
+        sl.push_basin("flat-walk", speed_m_s=float("nan"), n=1)
+    assert [fault.where for fault in refusal.value.faults] == ["speed_m_s"]

@@ -3,7 +3,9 @@ from .library.measures import GaitReport as GaitReport
 from .library.measures import gait_measures as gait_measures
 from .library.measures import gait_report as gait_report
 from .library.plans import PlannedMotion as PlannedMotion
+from .library.plans import PushedMotion as PushedMotion
 from .library.plans import plan_motion as plan_motion
+from .library.plans import push_basin as push_basin
 from .library.recordings import CentreOfMass as CentreOfMass
 from .library.recordings import CycloidFit as CycloidFit
 from .library.recordings import LoadedRecording as LoadedRecording
@@ -19,12 +21,14 @@ __all__ = [
     "GaitReport",
     "LoadedRecording",
     "PlannedMotion",
+    "PushedMotion",
     "estimate_com",
     "fit_cycloid",
     "gait_measures",
     "gait_report",
     "load_robot",
     "plan_motion",
+    "push_basin",
     "read",
 ]
 __version__: str

@@ -1,4 +1,4 @@
-"""``sl.plan_motion``: plans motions of humanoids."""
+"""``sl.plan_motion`` and ``sl.push_basin``: plans motions of humanoids, and pushes them in physics."""
 
 import shutil
 import tempfile
@@ -11,6 +11,7 @@ from typing import Any
 from stridelab.errors import StridelabError
 from stridelab.library.options import Progress, data_frame, ignore_progress, validate_fields
 from stridelab.schemas.plans import PlanMotionInput, PlanMotionSummary, PlanMotionTask
+from stridelab.schemas.receding import PushBasinInput, PushBasinSummary, PushBasinTask
 from stridelab.schemas.scenarios import Scenario
 
 
@@ -75,10 +76,9 @@ def plan_motion(
         NotEstimable: The solver found no motion; the error says at which stage.
     """
     from stridelab.cli.results import write_result
-    from stridelab.cli.scenario_files import read_scenario
     from stridelab.service.kinds.plan_motion import run as job
 
-    given = read_scenario(str(scenario)) if isinstance(scenario, str | Path) else validate_fields(Scenario, scenario)
+    given = _scenario_of(scenario)
     if robot is not None:
         given = given.model_copy(update={"robot": robot})
     request = validate_fields(
@@ -94,3 +94,58 @@ def plan_motion(
     motion = PlannedMotion(PlanMotionSummary.model_validate(outcome.summary), folder, outcome.failure)
     weakref.finalize(motion, shutil.rmtree, folder, ignore_errors=True)
     return motion
+
+
+@dataclass(frozen=True)
+class PushedMotion:
+    """Pushes of a motion, from ``push_basin``: the summary of the job, and one value per push in every column."""
+
+    summary: PushBasinSummary
+    columns: Mapping[str, Any]
+
+    def to_dataframe(self) -> Any:
+        """One row per push: time, direction, speed, outcome and its reason (``pushes.csv``).
+
+        Raises:
+            Unavailable: ``dataframe-unavailable`` where neither pandas nor polars is installed.
+        """
+        return data_frame(self.columns)
+
+
+def push_basin(
+    scenario: str | Path | Mapping[str, Any] | Scenario,
+    *,
+    speed_m_s: float,
+    n: int = 50,
+    seed: int = 0,
+    robot: str | None = None,
+    progress: Progress | None = None,
+) -> PushedMotion:
+    """Replay a motion in physics with one push at a time, at random times and in random directions, on all cores.
+
+    Args:
+        scenario: A scenario, its JSON file, or the name of a bundled one such as "long-stride".
+        speed_m_s: Change of the velocity of the centre of mass by a push.
+        n: Number of pushes.
+        seed: Determines times and directions; more pushes of a seed begin with the same ones.
+        robot: Name of the robot, in place of that of the scenario.
+        progress: Called with a fraction from 0 to 1 and a message.
+
+    Raises:
+        InvalidInput: ``scenario-invalid``, ``option-invalid``; the faults name every field that is wrong.
+        NotEstimable: There is no motion, or the robot falls without a push (``replay-fell``).
+    """
+    from stridelab.pipelines.push_basin import push_basin as push_motion
+    from stridelab.service.kinds.push_basin.run import push_columns
+
+    given = _scenario_of(scenario)
+    fields = {"scenario": given, "speed_m_s": speed_m_s, "n": n, "seed": seed, "robot": robot}
+    task = PushBasinTask(scenario=given, input=validate_fields(PushBasinInput, fields))
+    result = push_motion(task, progress or ignore_progress)
+    return PushedMotion(result.summary, push_columns(result.pushes, speed_m_s))
+
+
+def _scenario_of(scenario: str | Path | Mapping[str, Any] | Scenario) -> Scenario:
+    from stridelab.cli.scenario_files import read_scenario
+
+    return read_scenario(str(scenario)) if isinstance(scenario, str | Path) else validate_fields(Scenario, scenario)

@@ -21,6 +21,7 @@ from stridelab_web.pages.results import (
     cycloid,
     measures,
     population,
+    push_basin,
     reachability,
     receding,
     sweep,
@@ -31,7 +32,17 @@ from stridelab_web.pages.results.summary_facts import facts_of, headline_of, mai
 from stridelab_web.parquet import read_columns
 from stridelab_web.scene.result_files import SCENARIO, SCENE_TABLES
 
-VIEWS: Final = ("comparison", "cycloid", "learned", "sweep", "receding", "measures", "com_bench", "reproduction")
+VIEWS: Final = (
+    "comparison",
+    "cycloid",
+    "learned",
+    "sweep",
+    "receding",
+    "measures",
+    "com_bench",
+    "reproduction",
+    "basin",
+)
 """Views of a result in the template."""
 
 
@@ -87,6 +98,8 @@ async def _result_view(client: AsyncClient, job: Job, result: JobResult, query: 
             return {"sweep": await sweep.sweep_of(client, job.id, result)}
         case receding.KIND:
             return {"receding": await receding.receding_of(client, job.id, result)}
+        case push_basin.KIND:
+            return {"basin": await push_basin.push_basin_of(client, job.id, result)}
         case com_bench.KIND:
             return {"com_bench": com_bench.com_bench_of(result)}
         case kind if kind in measures.KINDS:

@@ -8,6 +8,7 @@ import pyarrow.parquet as pq
 
 from stridelab.schemas.base import FaultItem, Problem
 from stridelab.schemas.jobs import Artifact, JobResult, JobVerdict, Progress
+from stridelab.schemas.receding import PushBasinSummary
 from stridelab.schemas.reproduction import ClaimResult, ReproduceSummary
 from stridelab.schemas.sweeps import SweepAxis, SweepSummary
 from stridelab_web.pages.home import SAMPLE_RECORDING
@@ -36,6 +37,7 @@ def every_page(fake: FakeService) -> dict[str, str]:
         "measures": fake.add_job(measures.KIND, "succeeded").id,
         "learned": fake.add_job(reachability.KIND, "succeeded").id,
         "sweep": _keep(fake, "sweep", *_sweep()),
+        "pushes": _keep(fake, "push-basin", *push_basin_result()),
         "reproduction-of-one": _keep(fake, "reproduce", *_reproduction()),
         "running": fake.add_job(state="running", progress=Progress(fraction=0.5, message="fusing")).id,
         "failed": fake.add_job(state="failed", error=_PROBLEM, log_tail="step 3 of 7\nstopped\n" * 40).id,
@@ -109,6 +111,24 @@ def _sweep() -> tuple[dict[str, Any], dict[str, bytes]]:
     why = ["", "no motion was found", "the step is too long"]
     pq.write_table(pa.table({"outcome": outcomes, "objective": [1.5, None, None], "why": why}), file)
     return summary.model_dump(mode="json"), {"sweep.parquet": file.getvalue()}
+
+
+def push_basin_result() -> tuple[dict[str, Any], dict[str, bytes]]:
+    """Summary and files of a push basin with every outcome."""
+    outcomes = ["survived", "unexplained", "proved-lost", "survived"]
+    summary = PushBasinSummary(
+        scenario_name="Steps", robot=ROBOT, duration_s=8.0, speed_m_s=0.3, impulse_ns=27.1, n=4, seed=1, survived=2,
+        proved_lost=1, unexplained=1, completed=1, survived_ci95=(0.15, 0.85), provable=True, certified=True,
+        wall_time_s=9.0, processes=2, warnings=[],
+    )  # fmt: skip
+    reason = "falls 1.57 s after the push; not proved that no motion would have saved it"
+    columns = {
+        "time_s": [0.5, 2.0, 4.5, 7.5], "direction_rad": [0.1, 1.6, -1.5, 3.0], "outcome": outcomes,
+        "reason": ["A loaded foot slips by 21 mm.", reason, "no motion within the premises", ""],
+    }  # fmt: skip
+    file = io.BytesIO()
+    pq.write_table(pa.table(columns), file)
+    return summary.model_dump(mode="json"), {"pushes.parquet": file.getvalue()}
 
 
 def _reproduction() -> tuple[dict[str, Any], dict[str, bytes]]:

@@ -46,6 +46,13 @@ for (const form of document.querySelectorAll("form[data-sweep]")) {
   });
 }
 
+for (const form of document.querySelectorAll("form[data-basin]")) {
+  onSubmit(form, (fields) => {
+    const [speed_m_s, n, seed] = ["speed_m_s", "n", "seed"].map((name) => Number(fields.get(name)));
+    return openNewJob("push-basin", { scenario_id: form.dataset.basin, speed_m_s, n, seed });
+  });
+}
+
 const importForm = document.querySelector("form[data-import]");
 importForm?.elements.file.addEventListener("change", async () => {
   const [file] = importForm.elements.file.files;
