@@ -32,7 +32,9 @@ from stridelab.service.api.scenarios import endpoints as scenarios
 from stridelab.service.api.scenarios.stored_checks import StoredChecks
 from stridelab.service.api.session_cookies import SigningKeys
 from stridelab.service.api.stream import endpoints as stream
+from stridelab.service.api.stream import marker_endpoints as marker_stream
 from stridelab.service.api.stream.limits import StreamLimiter
+from stridelab.service.api.stream.watching import LiveBoard
 from stridelab.service.api.subjects import endpoints as subjects
 from stridelab.service.api.tokens import endpoints as access
 from stridelab.service.auth.token_cache import TokenCache
@@ -101,7 +103,19 @@ def create_app(settings: Settings, *, with_sample: bool = False) -> FastAPI:
     openapi.install_openapi(app)
     api = APIRouter(prefix="/api/v1")
     # routes are matched in this order, and job requests are the most frequent
-    for part in (jobs, health, recordings, marker_sets, subjects, robots, scenarios, plans, stream, access):
+    for part in (
+        jobs,
+        health,
+        recordings,
+        marker_sets,
+        subjects,
+        robots,
+        scenarios,
+        plans,
+        stream,
+        marker_stream,
+        access,
+    ):
         api.include_router(part.router)
     api.include_router(access.public_router)
     app.include_router(api)
@@ -184,6 +198,7 @@ async def open_parts(settings: Settings) -> AsyncIterator[Parts]:
                 stance_checker=bodies,
                 stored_checks=stored_checks,
                 streams=StreamLimiter(settings.stream_limit),
+                live=LiveBoard(),
                 started_at_s=time.monotonic(),
                 closing=asyncio.Event(),
             )

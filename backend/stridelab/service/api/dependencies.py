@@ -16,6 +16,7 @@ from stridelab.errors import NotFound
 from stridelab.service.api.robots.cache import RobotCache
 from stridelab.service.api.scenarios.stored_checks import StoredChecks
 from stridelab.service.api.stream.limits import StreamLimiter
+from stridelab.service.api.stream.watching import LiveBoard
 from stridelab.service.auth.callers import UNAUTHENTICATED, Caller
 from stridelab.service.auth.token_cache import TokenCache
 from stridelab.service.jobs.notifications import JobNotifications
@@ -66,6 +67,7 @@ class Parts:
     stance_checker: PreviewProcess
     stored_checks: StoredChecks
     streams: StreamLimiter
+    live: LiveBoard
     started_at_s: float
     closing: asyncio.Event
     """Set when the server begins to shut down."""

@@ -50,6 +50,7 @@ READING: Final = (
     PARSE_UPLOAD.partition(":")[0],
     PROPOSE_MARKERS.partition(":")[0],
     "stridelab.service.api.stream.session",
+    "stridelab.service.api.stream.marker_session",
 )
 """Modules preloaded by the fork server for children that parse uploads and for those of streams."""
 COMPUTING: Final = (

@@ -1,13 +1,14 @@
-"""``WS /stream/com``: online estimation of the centre of mass.
+"""``WS /stream/com``: online estimation of the centre of mass, and what all streams share.
 
-A separate process per stream computes the estimates; this module forwards messages and enforces limits. An error is
+A separate process per stream computes the estimates; the server forwards messages and enforces limits. An error is
 reported in a final text message ``{"problem": ...}``; the close code is then 4000 plus the HTTP status of the problem,
 and the close reason is its code.
 """
 
 import asyncio
 import contextlib
-from typing import Final
+from collections.abc import Awaitable, Callable
+from typing import Final, TypeVar
 
 import structlog
 from fastapi import APIRouter
@@ -16,7 +17,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from stridelab.errors import Fault, InvalidInput, StridelabError, TooLarge
 from stridelab.schemas.base import Problem
-from stridelab.schemas.streams import StreamAnswer, StreamConfiguration
+from stridelab.schemas.streams import MarkerStreamConfiguration, StreamAnswer, StreamConfiguration
 from stridelab.service.api.dependencies import AppParts, Parts
 from stridelab.service.api.problems import faults_of, make_problem, problem_of
 from stridelab.service.api.shutdown import await_unless
@@ -42,18 +43,27 @@ _FAREWELL_S: Final = 2.0
 @router.websocket("/stream/com")
 async def stream_com(socket: WebSocket, parts: AppParts) -> None:
     """Estimate the centre of mass of a moving body sample by sample, until the client closes."""
+
+    async def exchange() -> None:
+        with parts.streams.reserve_place():
+            await _exchange_messages(socket, parts.settings, parts.pool)
+
+    await serve_stream(socket, parts, exchange)
+
+
+async def serve_stream(socket: WebSocket, parts: Parts, exchange: Callable[[], Awaitable[None]]) -> None:
+    """Accept a stream and run ``exchange`` to its end, or until the server stops."""
     await socket.accept()
     with contextlib.suppress(WebSocketDisconnect):
-        if await await_unless(parts.closing, _serve_stream(socket, parts)) is None:
+        if await await_unless(parts.closing, _run_exchange(socket, parts, exchange)) is None:
             await socket.close(GOING_AWAY, "service-stops")
 
 
-async def _serve_stream(socket: WebSocket, parts: Parts) -> bool:
+async def _run_exchange(socket: WebSocket, parts: Parts, exchange: Callable[[], Awaitable[None]]) -> bool:
     """Run a stream to its end and report errors to the client; returns True."""
     idle_s = parts.settings.stream_idle_s
     try:
-        with parts.streams.reserve_place():
-            await _exchange_messages(socket, parts.settings, parts.pool)
+        await exchange()
     except StridelabError as refusal:
         await _send_problem(socket, problem_of(refusal))
     except TimeoutError:
@@ -70,23 +80,23 @@ async def _serve_stream(socket: WebSocket, parts: Parts) -> bool:
 
 async def _exchange_messages(socket: WebSocket, limits: Settings, pool: IsolatedPool) -> None:
     idle_s = limits.stream_idle_s
-    first = await _receive_message(socket, CONFIGURATION_BYTES, idle_s)
-    configuration = parse_configuration(first, limits.stream_rate_hz)
+    first = await receive_message(socket, CONFIGURATION_BYTES, idle_s)
+    configuration = parse_configuration(first, StreamConfiguration, limits.stream_rate_hz)
     rate = SampleRateLimiter(limits.stream_rate_hz)
     async with pool.open_session(ESTIMATOR, memory_mb=MEMORY_MB) as estimator:
         parcel = Parcel(TEXT, configuration.model_dump_json().encode())
         while True:
-            answer = await _ask_estimator(estimator, parcel)
+            answer = await ask_estimator(estimator, parcel)
             rate.count_samples(answer.samples)
             async with asyncio.timeout(idle_s):
                 if answer.kind == PACKED:
                     await socket.send_bytes(answer.content)
                 else:
                     await socket.send_text(answer.content.decode())
-            parcel = await _receive_message(socket, limits.stream_message_kb * 1000, idle_s)
+            parcel = await receive_message(socket, limits.stream_message_kb * 1000, idle_s)
 
 
-async def _ask_estimator(estimator: ChildSession, parcel: Parcel) -> Parcel:
+async def ask_estimator(estimator: ChildSession, parcel: Parcel) -> Parcel:
     """The child's answer to ``parcel``.
 
     Raises the child's error, or ``StridelabError`` with code ``stream-failed`` (the child died) or ``stream-stuck`` (no
@@ -103,7 +113,7 @@ async def _ask_estimator(estimator: ChildSession, parcel: Parcel) -> Parcel:
     raise StridelabError("stream-failed", "The estimator of this stream ended unexpectedly.")
 
 
-async def _receive_message(socket: WebSocket, limit_bytes: int, idle_s: float) -> Parcel:
+async def receive_message(socket: WebSocket, limit_bytes: int, idle_s: float | None) -> Parcel:
     """Receive the next message. Raises ``TimeoutError`` after ``idle_s``, ``TooLarge`` (``message-too-large``)."""
     async with asyncio.timeout(idle_s):
         message = await socket.receive()
@@ -119,7 +129,10 @@ async def _receive_message(socket: WebSocket, limit_bytes: int, idle_s: float) -
     return parcel
 
 
-def parse_configuration(first: Parcel, max_rate_hz: float) -> StreamConfiguration:
+Configuration = TypeVar("Configuration", StreamConfiguration, MarkerStreamConfiguration)
+
+
+def parse_configuration(first: Parcel, model: type[Configuration], max_rate_hz: float) -> Configuration:
     """Parse the configuration in the first message of a stream.
 
     Raises ``InvalidInput`` (``not-json``, ``invalid-request``, ``configuration-first``, ``rate-too-high``).
@@ -128,7 +141,7 @@ def parse_configuration(first: Parcel, max_rate_hz: float) -> StreamConfiguratio
         raise InvalidInput("configuration-first", "The first message of a stream must be its configuration, as text.")
     parse_json(first.content)
     try:
-        configuration = StreamConfiguration.model_validate_json(first.content, strict=True)
+        configuration = model.model_validate_json(first.content, strict=True)
     except ValidationError as error:
         faults = faults_of(error.errors(include_url=False, include_input=False))
         places = ", ".join(dict.fromkeys(fault.where for fault in faults))
