@@ -20,7 +20,7 @@ import numpy as np
 from stridelab.body.segment_tables import Anthropometry, SagittalOffset
 from stridelab.conventions import Points, Vector3
 from stridelab.errors import Fault, NotEstimable
-from stridelab.recordings.orientation import dot, median_distance_m, median_or_nan, perpendicular_unit, unit
+from stridelab.recordings.orientation import cross, dot, median_distance_m, median_or_nan, perpendicular_unit, unit
 
 Tracks = Mapping[str, Points]
 """Points by name, all of one trial."""
@@ -135,8 +135,8 @@ def pelvis_axes(p: Tracks) -> tuple[Points, Points, Points]:
     mid_asis = (p["l_asis"] + p["r_asis"]) / 2
     mid_psis = (p["l_psis"] + p["r_psis"]) / 2 if has_landmarks(p, "l_psis", "r_psis") else p["sacrum"]
     Z = unit(p["r_asis"] - p["l_asis"])
-    Y = unit(np.cross(Z, mid_asis - mid_psis))
-    return np.cross(Y, Z), Y, Z
+    Y = unit(cross(Z, mid_asis - mid_psis))
+    return cross(Y, Z), Y, Z
 
 
 def with_pelvis(p: Tracks, body: Anthropometry) -> tuple[dict[str, Points], frozenset[str]]:
@@ -154,7 +154,7 @@ def with_pelvis(p: Tracks, body: Anthropometry) -> tuple[dict[str, Points], froz
     if has_landmarks(p, "l_acromion", "r_acromion"):
         up = (p["l_acromion"] + p["r_acromion"]) / 2 - middle
     Y = perpendicular_unit(up, Z)
-    X = np.cross(Y, Z)
+    X = cross(Y, Z)
     width = median_distance_m(left, right) / (2.0 * body.hip[2])
     mid_asis = middle - width * (body.hip[0] * X + body.hip[1] * Y)
     q = {name: track for name, track in p.items() if name not in ("l_psis", "r_psis")}
@@ -245,7 +245,7 @@ def _ankle_from_foot(p: Tracks, s: str, knee: Points, Z: Points, body: Anthropom
     forwards, upwards, inwards = body.ankle_in_foot * median_distance_m(heel, mt5)
     x = unit(mt5 - heel)
     y = perpendicular_unit(knee - heel, x)
-    rightward = np.cross(x, y)
+    rightward = cross(x, y)
     ankle = heel + forwards * x + upwards * y - OUTWARD_SIGN[s] * inwards * rightward
     return Joints({f"{s}_ankle": ankle}, {f"{s}_ankle": Z}, frozenset({"ankle-missing"}))
 
@@ -317,8 +317,8 @@ def _jugular_notch(p: Tracks) -> Points | None:
 def _regressed_trunk(p: Tracks, c7: Points, notch: Points, lumbar: Points, body: Anthropometry) -> Joints:
     """Trunk by regression: x from C7 to the notch, z normal to their plane with the lumbar joint, w = |C7 - notch|."""
     x = unit(notch - c7)
-    z = unit(np.cross(x, c7 - lumbar))
-    y = np.cross(z, x)
+    z = unit(cross(x, c7 - lumbar))
+    y = cross(z, x)
     w = median_distance_m(c7, notch)
 
     def trunk_offset(k: SagittalOffset) -> Points:
@@ -335,7 +335,7 @@ def _trunk_from_acromia(p: Tracks, lumbar: Points, body: Anthropometry) -> Joint
     middle = (p["l_acromion"] + p["r_acromion"]) / 2
     z = unit(p["r_acromion"] - p["l_acromion"])
     y = perpendicular_unit(middle - lumbar, z)
-    x = np.cross(y, z)
+    x = cross(y, z)
     w = median_distance_m(p["l_acromion"], p["r_acromion"])
 
     def trunk_offset(k: Vector3) -> Points:
@@ -370,7 +370,7 @@ def _with_shoulders(
 ) -> Joints:
     """Shoulder centres of the file if given, else ``shoulders``, else the mean position of a shoulder in the trunk."""
     y = unit(cervical - lumbar)
-    x, length = np.cross(y, z), median_distance_m(cervical, lumbar)
+    x, length = cross(y, z), median_distance_m(cervical, lumbar)
     kx, ky, kz = body.shoulder_in_torso * length
     centres = {"cervical": cervical}
     for s in "lr":

@@ -29,7 +29,7 @@ from stridelab.errors import Fault, InvalidInput, NotEstimable
 from stridelab.recordings.foot_contact import walking_surface_m_s
 from stridelab.recordings.gap_filling import CLUSTERS, Shapes, bridge_segment_gaps, rebuild_markers
 from stridelab.recordings.marker_sets import Substitute, all_substitutes, identify
-from stridelab.recordings.orientation import component_along, median_distance_m, median_or_nan, unit
+from stridelab.recordings.orientation import component_along, cross, median_distance_m, median_or_nan, unit
 from stridelab.recordings.recording import Recording, Remark, Sex, Subject
 
 SEX_UNKNOWN: Final = Substitute(
@@ -102,8 +102,8 @@ def segment_frames(p: Tracks, joints: Joints, body: Anthropometry) -> dict[str, 
 def limb_frame(proximal: Points, distal: Points, rightward: Points) -> Frame:
     """Frame at ``proximal`` with Y from ``distal`` to ``proximal``."""
     Y = unit(proximal - distal)
-    X = unit(np.cross(Y, rightward))
-    return Frame(proximal, X, Y, np.cross(X, Y), median_distance_m(proximal, distal))
+    X = unit(cross(Y, rightward))
+    return Frame(proximal, X, Y, cross(X, Y), median_distance_m(proximal, distal))
 
 
 def _upward_frame(base: Points, top: Points, rightward: Points) -> Frame:

@@ -66,6 +66,8 @@ def bridge_segment_gaps(tracks: Mapping[str, Points], rate_hz: float) -> dict[st
     """
     bridged = dict(tracks)
     limit = int(MAX_BRIDGE_S * rate_hz + 1e-9)
+    if limit < 1:
+        return bridged
     for name, track in tracks.items():
         for i, j in true_runs(np.isnan(track).any(axis=1)):
             others = [other for key, other in tracks.items() if key != name and np.isfinite(other[i - 1 : j + 1]).all()]

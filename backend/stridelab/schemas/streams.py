@@ -153,7 +153,7 @@ class MarkerStreamConfiguration(Contract):
     units: Literal["m", "mm"] = Field(default="m", description="of marker positions, corners, centres of pressure")
     up_axis: Literal["+x", "-x", "+y", "-y", "+z", "-z"] = "+z"
     person: MarkerPerson = Field(default_factory=MarkerPerson)
-    plates: Annotated[list[MarkerPlate], Field(max_length=16)] = []
+    plates: Annotated[list[MarkerPlate], Field(max_length=16)] = Field(default_factory=list)
     belt_speed_m_s: Annotated[float, Field(ge=0.0, le=12.0)] = Field(default=0.0, description="of a treadmill")
     static_recording_id: str | None = Field(default=None, description="a stored static trial with the same labels")
     title: Annotated[str, Field(max_length=80)] = Field(default="", description="shown where streams are listed")
@@ -171,8 +171,8 @@ class MarkerStreamTask(Contract):
     """First task of the child process of a stream of markers; ``static_m`` has a position per label."""
 
     configuration: MarkerStreamConfiguration
-    marker_sets: list[SourceMarkerSet] = []
-    static_m: dict[str, Triple] = {}
+    marker_sets: list[SourceMarkerSet] = Field(default_factory=list)
+    static_m: dict[str, Triple] = Field(default_factory=dict)
 
 
 class PlateForce(BaseModel):
@@ -216,12 +216,12 @@ class FrameBridged(Contract):
     """What was missing in a frame, and how it was bridged.
 
     ``geometry`` says where the centre of mass of the segment model comes from: ``measured`` markers, with hidden
-    landmarks ``substituted``, ``coasted`` from force or velocity, or ``none``. ``force`` is the reason why the force was
-    not used, null where it was. ``restarted`` after a jump of time.
+    landmarks ``substituted``, ``coasted`` from force or velocity, or ``none``. ``force`` is the reason why no force was
+    used, null where it was. ``restarted`` after a jump of time.
     """
 
     frames_lost: int = 0
-    markers_hidden: list[str] = []
+    markers_hidden: list[str] = Field(default_factory=list)
     geometry: Literal["measured", "substituted", "coasted", "none"]
     force: str | None = None
     restarted: bool = False

@@ -5,7 +5,8 @@ r"""CoM, extrapolated CoM and margin of stability of a person, frame by frame, f
 with c and v the horizontal position and velocity of the CoM from the online complementary filter, v against the ground,
 and l the mean height of the CoM above the floor over the last seconds (Hof, Gazendam and Sinke 2005). Margins are those
 of ``measures.margin_of_stability``: ahead to the foremost point of the base of support; sideways outwards to the outer
-edge of the standing foot, in double support to the nearer of both. Ahead is where the pelvis faces, over the last second.
+edge of the standing foot, in double support to the nearer of both. Ahead is where the pelvis faces on average over the
+last second.
 
 A frame never ends the estimation. While the markers give no CoM it is carried on by the force or by the last velocity,
 for ``COAST_S``; then hidden landmarks are substituted; where that is not possible there is no estimate until they are

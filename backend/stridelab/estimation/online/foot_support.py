@@ -1,8 +1,8 @@
 """Feet on the ground frame by frame: contact from the speed of the foot markers and from the plates, and the base.
 
 A marker of a standing foot is slow. As in ``recordings.foot_contact``, a foot lands when its slowest marker falls below
-0.4 of the walking speed and lifts off above 1.3 of it; here the speed is a difference to the frame 30 ms before. A plate
-that carries this foot alone decides by its load instead. The base of support is the outline of the standing feet.
+0.4 of the walking speed and lifts off above 1.3 of it; here the speed is a difference to the frame 30 ms before. The
+load of a plate under this foot alone decides instead. The base of support is the outline of the standing feet.
 
 The plates measure all contact force if every standing foot rests on them with all its resting parts.
 """
@@ -137,8 +137,8 @@ class FootSupport:
             return TotalWrench(None, "no-contact")
         known = [reading for reading in readings if reading is not None]
         for foot in standing:
-            under = np.array([plate.covers(foot.outline_m) for plate in self._plates])
-            if not under.any(axis=0)[foot.resting].all():
+            under: Bool[np.ndarray, "plates 5"] = np.array([plate.covers(foot.outline_m) for plate in self._plates])
+            if not under[:, foot.resting].any(axis=0).all():
                 return TotalWrench(None, "foot-beside-plates")
             if any(readings[k] is None for k in range(len(self._plates)) if under[k].any()):
                 return TotalWrench(None, "plate-late")

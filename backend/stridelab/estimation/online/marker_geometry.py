@@ -1,6 +1,6 @@
 """CoM of the segment model frame by frame, from labelled markers as they are measured.
 
-The model needs the lengths of bones and the widths of joints, which are medians over a trial. Here they are medians over
+The model needs the lengths of bones and the widths of joints, which are medians over a trial. Here they are medians of
 *reference frames*: up to ``MAX_REFERENCES`` frames with the most markers visible, spread evenly over the stream so far
 (whenever they are full, every second one is dropped and their spacing doubles). The model of a recording is applied to
 the reference frames with the current frame as the last, so it fills hidden markers of a rigid cluster as it does there.
@@ -45,8 +45,8 @@ class PlacedBody:
 class MarkerGeometry:
     """Places the body segments at each frame of a stream.
 
-    ``landmarks`` maps a landmark to its label; a frame has one point per landmark, in this order. ``static`` is a static
-    trial with the same labels, for joint widths and hidden markers.
+    ``landmarks`` maps a landmark to its label; a frame has one point per landmark, in this order. ``static`` is a trial
+    with the same labels, for joint widths and hidden markers.
     """
 
     def __init__(self, landmarks: Mapping[str, str], subject: Subject, static: Recording | None = None) -> None:
