@@ -8,8 +8,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stridelab.cli.options import EstimateRequest, Walk
-from stridelab.cli.stream import COLUMNS, Replay, ReplayResult, pace_blocks, prepare_samples, stream_samples
+from stridelab.cli.options import EstimateRequest, Estimation, Walk
+from stridelab.cli.stream import (
+    COLUMNS,
+    FRAME_COLUMNS,
+    Replay,
+    ReplayResult,
+    pace_blocks,
+    prepare_samples,
+    stream_frames,
+    stream_samples,
+)
 from stridelab.errors import InvalidInput, Unavailable
 from stridelab.schemas.streams import StreamEstimate
 from support.command_line import SAMPLE
@@ -109,3 +118,39 @@ def test_the_quantile_of_the_answers_is_never_beyond_the_longest_answer() -> Non
     for took_s in ([0.2], [0.1, 0.2], [0.01, 0.02, 0.2]):
         figures = ReplayResult("complementary", [last], took_s, 1.0).to_json()
         assert figures["answer_median_ms"] <= figures["answer_95_percent_ms"] <= figures["answer_max_ms"]
+
+
+def test_markers_are_replayed(service: Served, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "balance.csv"
+    stream_frames(REQUEST, Replay(speed=4.0, csv=path), as_json=True, server=service.base_url, token=None)
+    figures = json.loads(capsys.readouterr().out)
+    assert figures["marker_set"] == "isb-head"
+    assert figures["without_estimate"] == 0
+    assert 0 < figures["without_force"] < figures["samples"], "two plates of a walkway measure a part of the walk"
+    assert figures["last"]["margin_m"] is not None
+    with path.open(encoding="utf-8", newline="") as file:
+        header, *rows = list(csv.reader(file))
+    assert tuple(header) == FRAME_COLUMNS
+    assert len(rows) == figures["samples"]
+    told = np.array([row[:11] for row in rows], dtype=float)
+    _, samples = prepare_samples(
+        EstimateRequest(REQUEST.walk, estimation=Estimation(segment_table="dumas2007")), Replay()
+    )
+    geometry = np.array([sample.geometry_m for sample in samples])
+    assert np.abs(told[100:, 1:4] - geometry[100:]).max() < 0.015
+
+
+def test_the_summary_of_a_live_walk_is_a_table(service: Served, capsys: pytest.CaptureFixture[str]) -> None:
+    stream_frames(REQUEST, Replay(speed=1000.0), as_json=False, server=service.base_url, token=None)
+    shown = capsys.readouterr().out
+    for name in ("marker set", "played", "answered", "without estimate", "without force", "last margin", "sideways"):
+        assert name in shown
+
+
+@pytest.mark.parametrize(
+    "replay", [Replay(method="smoother"), Replay(ahead="1,0"), Replay(block=10), Replay(packed=True)]
+)
+def test_an_option_that_markers_do_not_use_is_refused(replay: Replay) -> None:
+    with pytest.raises(InvalidInput) as refused:
+        stream_frames(REQUEST, replay, as_json=False, server="http://127.0.0.1:9", token=None)
+    assert refused.value.code == "option-invalid"

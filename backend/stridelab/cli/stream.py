@@ -5,11 +5,11 @@ import json
 import math
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from statistics import median, quantiles
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeVar
 
 import typer
 from rich.markup import escape
@@ -32,13 +32,28 @@ from stridelab.cli.options import (
 from stridelab.cli.results import out, progress_bar, validate_options
 from stridelab.errors import Fault, InvalidInput
 from stridelab.schemas.jobs import EstimateComInput
-from stridelab.schemas.streams import StreamConfiguration, StreamEstimate, StreamSample
+from stridelab.schemas.streams import (
+    FrameEstimate,
+    MarkerFrame,
+    MarkerPerson,
+    MarkerPlate,
+    MarkerStreamConfiguration,
+    PlateForce,
+    StreamConfiguration,
+    StreamEstimate,
+    StreamSample,
+)
+
+Item = TypeVar("Item")
 
 
 @with_groups
 def stream(
     *,
     walk: Walk,
+    markers: Annotated[
+        bool, typer.Option("--markers", help="Send markers and plates; the service computes CoM, XCoM and margins.")
+    ] = False,
     method: Annotated[OnlineMethod, typer.Option("--method", help="Online estimator.")] = "complementary",
     ahead: Annotated[str | None, typer.Option("--ahead", help="X,Y: direction of the walk; for the smoother.")] = None,
     latency: Latency = "apply",
@@ -55,7 +70,10 @@ def stream(
     """Replay a recording in real time to a service that estimates its centre of mass online."""
     request = EstimateRequest(walk, estimation=Estimation(latency=latency, cutoffs=cutoffs), preparation=preparation)
     replay = Replay(method=method, ahead=ahead, speed=speed, block=block, packed=packed, csv=csv)
-    stream_samples(request, replay, as_json=as_json, server=server, token=token)
+    if markers:
+        stream_frames(request, replay, as_json=as_json, server=server, token=token)
+    else:
+        stream_samples(request, replay, as_json=as_json, server=server, token=token)
 
 
 COLUMNS = ("time_s", "x_m", "y_m", "z_m", "vx_m_s", "vy_m_s", "vz_m_s", "sd_x_m", "sd_y_m", "sd_z_m")
@@ -94,17 +112,29 @@ class ReplayResult:
 
     def to_json(self) -> dict[str, Any]:
         """Summary of the replay as a JSON object."""
-        last = self.estimates[-1]
-        slow_s = quantiles(self.took_s, n=20, method="inclusive")[-1] if len(self.took_s) > 1 else self.took_s[0]
-        return {
-            "method": self.method,
-            "samples": len(self.estimates),
-            "played_s": round(self.played_s, 3),
-            "answer_median_ms": round(1e3 * median(self.took_s), 3),
-            "answer_95_percent_ms": round(1e3 * slow_s, 3),
-            "answer_max_ms": round(1e3 * max(self.took_s), 3),
-            "last": last.model_dump(mode="json"),
-        }
+        return {"method": self.method, **_summary(self.estimates, self.took_s, self.played_s)}
+
+
+def _summary(
+    estimates: Sequence[StreamEstimate] | Sequence[FrameEstimate], took_s: Sequence[float], played_s: float
+) -> dict[str, Any]:
+    """Number of samples, response times, and the last estimate."""
+    slow_s = quantiles(took_s, n=20, method="inclusive")[-1] if len(took_s) > 1 else took_s[0]
+    return {
+        "samples": len(estimates),
+        "played_s": round(played_s, 3),
+        "answer_median_ms": round(1e3 * median(took_s), 3),
+        "answer_95_percent_ms": round(1e3 * slow_s, 3),
+        "answer_max_ms": round(1e3 * max(took_s), 3),
+        "last": estimates[-1].model_dump(mode="json"),
+    }
+
+
+def _describe_times(figures: Mapping[str, Any]) -> str:
+    return (
+        f"median {figures['answer_median_ms']:.2f} ms, 95 % within {figures['answer_95_percent_ms']:.2f} ms, "
+        f"longest {figures['answer_max_ms']:.2f} ms"
+    )
 
 
 def stream_samples(request: EstimateRequest, replay: Replay, *, as_json: bool, server: str, token: str | None) -> None:
@@ -128,7 +158,7 @@ def stream_samples(request: EstimateRequest, replay: Replay, *, as_json: bool, s
                 bar(len(estimates) / len(samples), f"{com[0]:+.3f} {com[1]:+.3f} {com[2]:+.3f} m")
         played = ReplayResult(opened.ready.method, estimates, took_s, time.perf_counter() - began)
     if replay.csv is not None:
-        write_csv(replay.csv, estimates)
+        write_csv(replay.csv, [[e.time_s, *e.com_m, *e.velocity_m_s, *e.sd_m] for e in estimates])
     if as_json:
         out.print_json(json.dumps(played.to_json()))
     else:
@@ -187,21 +217,142 @@ def prepare_samples(request: EstimateRequest, replay: Replay) -> tuple[StreamCon
 
 def pace_blocks(blocks: Sequence[list[StreamSample]], speed: float) -> Iterator[list[StreamSample]]:
     """Yield each block at the time when its last sample would have been measured."""
-    began, start_s = time.perf_counter(), blocks[0][0].time_s
-    for block in blocks:
-        left_s = (block[-1].time_s - start_s) / speed - (time.perf_counter() - began)
+    return _pace(blocks, [block[-1].time_s - blocks[0][0].time_s for block in blocks], speed)
+
+
+def _pace(items: Sequence[Item], due_s: Sequence[float], speed: float) -> Iterator[Item]:
+    began = time.perf_counter()
+    for item, at_s in zip(items, due_s, strict=True):
+        left_s = at_s / speed - (time.perf_counter() - began)
         if left_s > 0:
             time.sleep(left_s)
-        yield block
+        yield item
 
 
-def write_csv(path: Path, estimates: Sequence[StreamEstimate]) -> None:
-    """One row per sample. Raises ``InvalidInput`` (``output-not-writable``)."""
+def stream_frames(request: EstimateRequest, replay: Replay, *, as_json: bool, server: str, token: str | None) -> None:
+    """Replay markers and plates to ``server``, which places the segments, and show what it answers."""
+    from stridelab.cli.remote import translated_errors
+    from stridelab.client import Client
+
+    unused = {"--method": replay.method != "complementary", "--ahead": replay.ahead is not None,
+              "--cutoffs": request.estimation.cutoffs != "auto", "--block": replay.block != 1,
+              "--packed": replay.packed}  # fmt: skip
+    for option in (name for name, is_given in unused.items() if is_given):
+        raise InvalidInput("option-invalid", f"{option} is not for --markers.", [Fault(option, "not used")])
+    for path in request.files:
+        require_file(path)
+    header, frames = prepare_frames(request)
+    with translated_errors(server), Client(server, token) as lab, lab.stream_markers(header) as opened:
+        for remark in () if as_json else opened.ready.remarks:
+            out.print(f"[yellow]{escape(remark.message)}[/]")
+        estimates: list[FrameEstimate] = []
+        took_s = []
+        began = time.perf_counter()
+        with progress_bar(request.file.name) as bar:
+            for frame in _pace(frames, [frame.t_s - frames[0].t_s for frame in frames], replay.speed):
+                at = time.perf_counter()
+                estimates.append(opened.send(frame))
+                took_s.append(time.perf_counter() - at)
+                bar(len(estimates) / len(frames), _describe_margin(estimates[-1]))
+        played_s = time.perf_counter() - began
+    if replay.csv is not None:
+        write_csv(replay.csv, [_frame_row(estimate) for estimate in estimates], FRAME_COLUMNS)
+    figures = {"marker_set": opened.ready.marker_set, **_summary(estimates, took_s, played_s)}
+    figures["without_estimate"] = sum(estimate.com_m is None for estimate in estimates)
+    figures["without_force"] = sum(estimate.bridged.force is not None for estimate in estimates)
+    if as_json:
+        out.print_json(json.dumps(figures))
+        return
+    table = Table(show_header=False, box=None, pad_edge=False)
+    for name, value in (
+        ("marker set", opened.ready.marker_set),
+        ("played", f"{len(frames)} frames in {played_s:.2f} s"),
+        ("answered", _describe_times(figures)),
+        ("without estimate", f"{figures['without_estimate']} frames"),
+        ("without force", f"{figures['without_force']} frames"),
+        ("last margin", _describe_margin(estimates[-1])),
+    ):
+        table.add_row(f"[bold]{name}[/]", escape(value))
+    out.print(table)
+    if replay.csv is not None:
+        out.print(f"[green]written[/] {escape(str(replay.csv))}")
+
+
+def prepare_frames(request: EstimateRequest) -> tuple[MarkerStreamConfiguration, list[MarkerFrame]]:
+    """Header and frames as the software of a laboratory would send them, in metres with z up.
+
+    Raises the errors of ``estimate-com`` for a recording that cannot be used.
+    """
+    from stridelab.pipelines.com_inputs import merged_subject, prepare_com_inputs
+    from stridelab.recordings.foot_contact import is_treadmill
+    from stridelab.recordings.marker_sets import identify
+    from stridelab.recordings.plate_contacts import sampled_wrench
+    from stridelab.schemas.tasks import EstimateComTask
+
+    input_ = request.to_input(request.file.name, EstimateComInput)
+    with (
+        tempfile.TemporaryDirectory(prefix="stridelab-") as folder,
+        progress_bar(request.file.name) as bar,
+        staged_files(request, Path(folder)) as (recording, static),
+    ):
+        task = EstimateComTask(recording=recording, static=static, input=input_)
+        inputs = prepare_com_inputs(task, Path(folder), bar, needs_force=False)
+    trial = inputs.trial.recording
+    subject = merged_subject(recording.subject, trial.subject, inputs.mass.known_kg)
+    plates = [plate for plate in trial.plates if plate.use]
+    landmarks, recognised = dict(inputs.trial.match.landmarks), identify(list(trial.markers_m)).landmarks
+    header = MarkerStreamConfiguration(
+        labels=list(trial.markers_m),
+        marker_map={} if recognised == landmarks else landmarks,
+        rate_hz=trial.marker_rate_hz,
+        person=MarkerPerson(mass_kg=subject.mass_kg, height_m=subject.height_m, sex=subject.sex),
+        plates=[MarkerPlate(corners=plate.corners_m.tolist()) for plate in plates],
+        belt_speed_m_s=math.hypot(*inputs.geometric.ground_m_s[:2]) if is_treadmill(trial) else 0.0,
+        title=request.file.name[:80],
+    )
+    read_s = trial.time_s + inputs.latency.applied_s
+    tracks = [sampled_wrench(plate, trial.force_rate_hz, read_s) for plate in plates]
+    frames = []
+    for k, t_s in enumerate(trial.time_s.tolist()):
+        markers = [_finite_triple(track[k].tolist()) for track in trial.markers_m.values()]
+        forces = [PlateForce(force_n=f[k].tolist(), moment_nm=nu[k].tolist()) for f, nu in tracks]
+        frames.append(MarkerFrame(t_s=t_s, markers=markers, plates=forces or None))
+    return header, frames
+
+
+FRAME_COLUMNS = (*COLUMNS[:7], "xcom_x_m", "xcom_y_m", "margin_ap_m", "margin_ml_m", "left", "right")
+
+
+def _frame_row(estimate: FrameEstimate) -> list[float | bool | None]:
+    """A row of the file: empty cells where there is no estimate."""
+    nothing = (None, None, None)
+    margin = estimate.margin_m
+    return [
+        estimate.t_s,
+        *(estimate.com_m or nothing),
+        *(estimate.velocity_m_s or nothing),
+        *(estimate.xcom_m or nothing)[:2],
+        None if margin is None else margin.ap,
+        None if margin is None else margin.ml,
+        estimate.contact.left,
+        estimate.contact.right,
+    ]
+
+
+def _describe_margin(estimate: FrameEstimate) -> str:
+    margin = estimate.margin_m
+    if margin is None:
+        return f"no margin ({estimate.margin_reason})"
+    return f"{100.0 * margin.ap:+.1f} cm ahead, {100.0 * margin.ml:+.1f} cm sideways"
+
+
+def write_csv(path: Path, rows: Sequence[Sequence[object]], columns: Sequence[str] = COLUMNS) -> None:
+    """One row per sample, below the names of the columns. Raises ``InvalidInput`` (``output-not-writable``)."""
     try:
         with path.open("w", encoding="utf-8", newline="") as file:
-            rows = csv.writer(file)
-            rows.writerow(COLUMNS)
-            rows.writerows([e.time_s, *e.com_m, *e.velocity_m_s, *e.sd_m] for e in estimates)
+            table = csv.writer(file)
+            table.writerow(columns)
+            table.writerows(rows)
     except OSError as error:
         reason = error.strerror or type(error).__name__
         raise InvalidInput(
@@ -213,14 +364,10 @@ def show_replay(played: ReplayResult, replay: Replay) -> None:
     """Print the summary as a table."""
     figures, last = played.to_json(), played.estimates[-1]
     table = Table(show_header=False, box=None, pad_edge=False)
-    answered = (
-        f"median {figures['answer_median_ms']:.2f} ms, 95 % within {figures['answer_95_percent_ms']:.2f} ms, "
-        f"longest {figures['answer_max_ms']:.2f} ms"
-    )
     for name, value in (
         ("method", played.method),
         ("played", f"{figures['samples']} samples in {played.played_s:.2f} s, {replay.block} per message"),
-        ("answered", answered),
+        ("answered", _describe_times(figures)),
         ("last position", " / ".join(f"{x:.3f}" for x in last.com_m) + " m (x / y / z)"),
         ("its band", " / ".join(f"{1e3 * x:.1f}" for x in last.sd_m) + " mm, one standard deviation"),
     ):

@@ -24,11 +24,11 @@ from stridelab.client.connection import (
 )
 from stridelab.client.errors import ClientError, ProblemError
 from stridelab.client.sse import EventReader
-from stridelab.client.streams import AsyncComStream, open_async
+from stridelab.client.streams import AsyncComStream, AsyncMarkerStream, open_async, open_markers_async
 from stridelab.schemas.jobs import FINAL_STATES, Job, JobEvent
 from stridelab.schemas.population import RecordingBatch
 from stridelab.schemas.recordings import Recording, SubjectFields
-from stridelab.schemas.streams import StreamConfiguration
+from stridelab.schemas.streams import MarkerStreamConfiguration, StreamConfiguration
 
 T = TypeVar("T")
 P = ParamSpec("P")
@@ -218,6 +218,14 @@ class AsyncClient:
     def stream_com(self, configuration: StreamConfiguration) -> AbstractAsyncContextManager[AsyncComStream]:
         """Online estimation: ``async with lab.stream_com(...) as stream``, then ``await stream.send(samples)``."""
         return open_async(str(self._http.base_url), self._headers, configuration, self._timeout_s)
+
+    def stream_markers(
+        self, configuration: MarkerStreamConfiguration
+    ) -> AbstractAsyncContextManager[AsyncMarkerStream]:
+        """Live balance: ``async with lab.stream_markers(...) as stream``, then ``await stream.send(frame)``."""
+        return open_markers_async(str(self._http.base_url), self._headers, configuration, self._timeout_s)
+
+    marker_streams = _method(endpoints.marker_streams)
 
     async def _send(self, call: endpoints.Call[T]) -> T:
         with self._translate_errors():

@@ -21,6 +21,7 @@ from stridelab.schemas.recordings import Recording, RecordingPatch, Subject, Sub
 from stridelab.schemas.robots import Measure, RobotFacts, RobotPreparation, RobotSummary
 from stridelab.schemas.scenarios import Scenario, ScenarioCheck, StoredScenario
 from stridelab.schemas.service import Health
+from stridelab.schemas.streams import LiveStreams
 
 T = TypeVar("T")
 API = "/api/v1"
@@ -204,6 +205,11 @@ def preview_plan(body: PlanPreviewInput | Mapping[str, Any]) -> Call[PlanPreview
 def robots() -> Call[Page[RobotSummary]]:
     """All robots."""
     return Call("GET", f"{API}/robots", response_reader(Page[RobotSummary]))
+
+
+def marker_streams() -> Call[LiveStreams]:
+    """Open streams of markers."""
+    return Call("GET", f"{API}/stream/markers", response_reader(LiveStreams))
 
 
 def robot(name: str) -> Call[RobotFacts]:

@@ -21,6 +21,11 @@ from stridelab.schemas.base import Problem
 from stridelab.schemas.streams import (
     PACKED_ROW,
     PACKED_TIME,
+    FrameEstimate,
+    MarkerFrame,
+    MarkerStreamAnswer,
+    MarkerStreamConfiguration,
+    MarkerStreamReady,
     StreamAnswer,
     StreamConfiguration,
     StreamEstimate,
@@ -30,6 +35,7 @@ from stridelab.schemas.streams import (
 )
 
 STREAM_PATH: Final = f"{API}/stream/com"
+MARKERS_PATH: Final = f"{API}/stream/markers"
 ANSWER_BYTES: Final = 16_000_000
 """Maximum size of a received message."""
 
@@ -66,23 +72,46 @@ class ComStream:
         return decode_estimates(exchange_sync(self._connection, encode_samples(samples, self.ready.format)))
 
 
+class AsyncMarkerStream:
+    """An open stream of markers; ``ready`` says what the service recognised, and what is missing."""
+
+    def __init__(self, connection: ClientConnection, ready: MarkerStreamReady) -> None:
+        self._connection, self.ready = connection, ready
+
+    async def send(self, frame: MarkerFrame) -> FrameEstimate:
+        """Send a frame and wait for the estimate at it. Raises ``ProblemError`` where the service refuses it."""
+        return _parse_frame(await exchange_async(self._connection, frame.model_dump_json()))
+
+
+class MarkerStream:
+    """An open stream of markers; ``ready`` says what the service recognised, and what is missing."""
+
+    def __init__(self, connection: SyncConnection, ready: MarkerStreamReady) -> None:
+        self._connection, self.ready = connection, ready
+
+    def send(self, frame: MarkerFrame) -> FrameEstimate:
+        """Send a frame and wait for the estimate at it. Raises ``ProblemError`` where the service refuses it."""
+        return _parse_frame(exchange_sync(self._connection, frame.model_dump_json()))
+
+
 @asynccontextmanager
 async def open_async(
     base_url: str, headers: dict[str, str], configuration: StreamConfiguration, timeout_s: float
 ) -> AsyncIterator[AsyncComStream]:
     """Open a stream for the duration of the context."""
-    with _translate_errors(base_url):
-        connection = await connect_async(
-            _websocket_url(base_url),
-            additional_headers=headers,
-            user_agent_header=None,
-            compression=None,
-            open_timeout=timeout_s,
-            max_size=ANSWER_BYTES,
-        )
-    async with connection:
+    async with await _connect_async(base_url, STREAM_PATH, headers, timeout_s) as connection:
         answer = _parse_answer(await exchange_async(connection, configuration.model_dump_json()))
         yield AsyncComStream(connection, _require_ready(answer))
+
+
+@asynccontextmanager
+async def open_markers_async(
+    base_url: str, headers: dict[str, str], configuration: MarkerStreamConfiguration, timeout_s: float
+) -> AsyncIterator[AsyncMarkerStream]:
+    """Open a stream of markers for the duration of the context."""
+    async with await _connect_async(base_url, MARKERS_PATH, headers, timeout_s) as connection:
+        ready = _parse_marker_ready(await exchange_async(connection, configuration.model_dump_json()))
+        yield AsyncMarkerStream(connection, ready)
 
 
 @contextmanager
@@ -90,18 +119,42 @@ def open_sync(
     base_url: str, headers: dict[str, str], configuration: StreamConfiguration, timeout_s: float
 ) -> Iterator[ComStream]:
     """Open a stream for the duration of the context."""
+    with _connect_sync(base_url, STREAM_PATH, headers, timeout_s) as connection:
+        answer = _parse_answer(exchange_sync(connection, configuration.model_dump_json()))
+        yield ComStream(connection, _require_ready(answer))
+
+
+@contextmanager
+def open_markers_sync(
+    base_url: str, headers: dict[str, str], configuration: MarkerStreamConfiguration, timeout_s: float
+) -> Iterator[MarkerStream]:
+    """Open a stream of markers for the duration of the context."""
+    with _connect_sync(base_url, MARKERS_PATH, headers, timeout_s) as connection:
+        yield MarkerStream(connection, _parse_marker_ready(exchange_sync(connection, configuration.model_dump_json())))
+
+
+async def _connect_async(base_url: str, path: str, headers: dict[str, str], timeout_s: float) -> ClientConnection:
     with _translate_errors(base_url):
-        connection = connect_sync(
-            _websocket_url(base_url),
+        return await connect_async(
+            _websocket_url(base_url, path),
             additional_headers=headers,
             user_agent_header=None,
             compression=None,
             open_timeout=timeout_s,
             max_size=ANSWER_BYTES,
         )
-    with connection:
-        answer = _parse_answer(exchange_sync(connection, configuration.model_dump_json()))
-        yield ComStream(connection, _require_ready(answer))
+
+
+def _connect_sync(base_url: str, path: str, headers: dict[str, str], timeout_s: float) -> SyncConnection:
+    with _translate_errors(base_url):
+        return connect_sync(
+            _websocket_url(base_url, path),
+            additional_headers=headers,
+            user_agent_header=None,
+            compression=None,
+            open_timeout=timeout_s,
+            max_size=ANSWER_BYTES,
+        )
 
 
 async def exchange_async(connection: ClientConnection, sent: str | bytes) -> str | bytes:
@@ -164,6 +217,26 @@ def _parse_answer(raw: str | bytes) -> StreamAnswer:
     return answer
 
 
+def _parse_marker_ready(raw: str | bytes) -> MarkerStreamReady:
+    try:
+        answer = MarkerStreamAnswer.model_validate_json(raw, extra="ignore")
+    except ValidationError as error:
+        raise _unparsable_error() from error
+    if answer.problem is not None:
+        raise ProblemError(answer.problem)
+    if answer.ready is None:
+        raise _unparsable_error()
+    return answer.ready
+
+
+def _parse_frame(raw: str | bytes) -> FrameEstimate:
+    try:
+        return FrameEstimate.model_validate_json(raw, extra="ignore")
+    except ValidationError:
+        _parse_marker_ready(raw)  # raises the problem that it may be
+        raise _unparsable_error() from None
+
+
 def _require_ready(answer: StreamAnswer) -> StreamReady:
     if answer.ready is None:
         raise _unparsable_error()
@@ -198,6 +271,6 @@ def _translate_errors(base_url: str) -> Iterator[None]:
         raise unreachable_error(base_url, error) from error
 
 
-def _websocket_url(base_url: str) -> str:
+def _websocket_url(base_url: str, path: str) -> str:
     """``http`` -> ``ws``, ``https`` -> ``wss``."""
-    return f"ws{base_url.removeprefix('http').rstrip('/')}{STREAM_PATH}"
+    return f"ws{base_url.removeprefix('http').rstrip('/')}{path}"

@@ -26,11 +26,11 @@ from stridelab.client.connection import (
 )
 from stridelab.client.errors import ClientError, ProblemError
 from stridelab.client.sse import EventReader
-from stridelab.client.streams import ComStream, open_sync
+from stridelab.client.streams import ComStream, MarkerStream, open_markers_sync, open_sync
 from stridelab.schemas.jobs import FINAL_STATES, Job, JobEvent
 from stridelab.schemas.population import RecordingBatch
 from stridelab.schemas.recordings import Recording, SubjectFields
-from stridelab.schemas.streams import StreamConfiguration
+from stridelab.schemas.streams import MarkerStreamConfiguration, StreamConfiguration
 
 T = TypeVar("T")
 P = ParamSpec("P")
@@ -218,6 +218,12 @@ class Client:
     def stream_com(self, configuration: StreamConfiguration) -> AbstractContextManager[ComStream]:
         """Online estimation: ``with lab.stream_com(...) as stream``, then ``stream.send(samples)``."""
         return open_sync(str(self._http.base_url), self._headers, configuration, self._timeout_s)
+
+    def stream_markers(self, configuration: MarkerStreamConfiguration) -> AbstractContextManager[MarkerStream]:
+        """Live balance: ``with lab.stream_markers(...) as stream``, then ``stream.send(frame)``."""
+        return open_markers_sync(str(self._http.base_url), self._headers, configuration, self._timeout_s)
+
+    marker_streams = _method(endpoints.marker_streams)
 
     def _send(self, call: endpoints.Call[T]) -> T:
         with self._translate_errors():

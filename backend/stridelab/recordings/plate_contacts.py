@@ -287,6 +287,14 @@ def wrench_track(recording: Recording, windows: tuple[Window, ...], *, latency_s
     return WrenchTrack(time_s, tracks[0], tracks[1], complete, windows, latency_s)
 
 
+def sampled_wrench(plate: Plate, rate_hz: float, at_s: Float[np.ndarray, "m"]) -> tuple[Points, Points]:
+    """Low-passed force and moment of a plate at some instants, each (m, 3); ``rate_hz`` is that of the plate."""
+    time_s = np.arange(len(plate.force_n)) / rate_hz
+    smooth = [low_pass(track, rate_hz) for track in (plate.force_n, plate.moment_nm)]
+    force, moment = (np.column_stack([np.interp(at_s, time_s, t[:, axis]) for axis in range(3)]) for t in smooth)
+    return force, moment
+
+
 def low_pass(track: Points, rate_hz: float) -> Points:
     """Zero-phase Butterworth low-pass at ``LOW_PASS_HZ``; too short or too slowly sampled tracks are unchanged."""
     if rate_hz <= 2.5 * LOW_PASS_HZ or len(track) <= 16:

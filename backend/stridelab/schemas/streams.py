@@ -155,7 +155,10 @@ class MarkerStreamConfiguration(Contract):
     person: MarkerPerson = Field(default_factory=MarkerPerson)
     plates: Annotated[list[MarkerPlate], Field(max_length=16)] = Field(default_factory=list)
     belt_speed_m_s: Annotated[float, Field(ge=0.0, le=12.0)] = Field(default=0.0, description="of a treadmill")
-    static_recording_id: str | None = Field(default=None, description="a stored static trial with the same labels")
+    static_pose: dict[MarkerLabel, Triple] = Field(
+        default_factory=dict, description="positions by label while the same person stands still, as in a frame"
+    )
+    static_recording_id: str | None = Field(default=None, description="a stored static trial, instead of a pose")
     title: Annotated[str, Field(max_length=80)] = Field(default="", description="shown where streams are listed")
 
     @model_validator(mode="after")
@@ -168,11 +171,10 @@ class MarkerStreamConfiguration(Contract):
 
 
 class MarkerStreamTask(Contract):
-    """First task of the child process of a stream of markers; ``static_m`` has a position per label."""
+    """First task of the child process of a stream of markers."""
 
     configuration: MarkerStreamConfiguration
     marker_sets: list[SourceMarkerSet] = Field(default_factory=list)
-    static_m: dict[str, Triple] = Field(default_factory=dict)
 
 
 class PlateForce(BaseModel):
@@ -262,6 +264,13 @@ class MarkerStreamReady(Contract):
     low_hz: float
     high_hz: float
     references: list[str]
+
+
+class MarkerStreamAnswer(Contract):
+    """A text message of the service that is no ``FrameEstimate``; exactly one field is set."""
+
+    ready: MarkerStreamReady | None = None
+    problem: Problem | None = None
 
 
 class LiveStream(Contract):

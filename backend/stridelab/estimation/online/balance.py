@@ -56,6 +56,7 @@ class BalanceSetup:
     plates_m: Sequence[Corners] = ()
     belt_m_s: float = 0.0
     static: Recording | None = None
+    static_landmarks: Mapping[str, str] | None = None
 
 
 @dataclass(frozen=True)
@@ -97,7 +98,7 @@ class OnlineBalance:
 
     def __init__(self, setup: BalanceSetup) -> None:
         self._setup = setup
-        self._geometry = MarkerGeometry(setup.landmarks, setup.subject, setup.static)
+        self._geometry = MarkerGeometry(setup.landmarks, setup.subject, setup.static, setup.static_landmarks)
         self._support = FootSupport(setup.landmarks, setup.plates_m)
         self._filter = self._new_filter((0.01, 0.01, 0.02))
         self._last_s: float | None = None

@@ -46,11 +46,18 @@ class MarkerGeometry:
     """Places the body segments at each frame of a stream.
 
     ``landmarks`` maps a landmark to its label; a frame has one point per landmark, in this order. ``static`` is a trial
-    with the same labels, for joint widths and hidden markers.
+    of the same person with ``static_landmarks``, for joint widths and hidden markers.
     """
 
-    def __init__(self, landmarks: Mapping[str, str], subject: Subject, static: Recording | None = None) -> None:
-        self.landmarks, self._subject, self._static = landmarks, subject, static
+    def __init__(
+        self,
+        landmarks: Mapping[str, str],
+        subject: Subject,
+        static: Recording | None = None,
+        static_landmarks: Mapping[str, str] | None = None,
+    ) -> None:
+        self.landmarks, self._subject = landmarks, subject
+        self._static, self._static_landmarks = static, static_landmarks
         self._references: list[Points] = []
         self._most_seen, self._next_s, self._spacing_s = 0, -np.inf, FIRST_SPACING_S
         self.window = self._recording(np.full((1, len(landmarks), 3), np.nan))
@@ -85,7 +92,7 @@ class MarkerGeometry:
                 landmarks,
                 subject=self._subject,
                 static=self._static,
-                static_landmarks=None if self._static is None else self.landmarks,
+                static_landmarks=self._static_landmarks,
             )
         except StridelabError as error:
             return None, error.code

@@ -72,12 +72,13 @@ class MarkerSession:
         index = {label: k for k, label in enumerate(self._labels)}
         self._columns = [index[label] for label in match.landmarks.values()]
         subject = Subject(height_m=stated.person.height_m, mass_kg=stated.person.mass_kg, sex=stated.person.sex)
-        static = self._static_recording(task.static_m, subject)
+        static = self._static_recording(stated.static_pose, subject)
+        static_landmarks = {**identify(list(stated.static_pose)).landmarks, **match.landmarks} if static else None
         if absent_landmarks(KNEES, match.landmarks) and static is None:
             raise NotEstimable(
                 "knee-markers-missing",
-                "The knees are not marked; name a static trial of the same person that marks them.",
-                [Fault("static_recording_id", "missing")],
+                "The knees are not marked; send a static pose of the same person that marks them.",
+                [Fault("static_pose", "missing")],
             )
         self._balance = OnlineBalance(
             BalanceSetup(
@@ -87,6 +88,7 @@ class MarkerSession:
                 [self._to_world(np.array(plate.corners) * self._scale) for plate in stated.plates],
                 stated.belt_speed_m_s,
                 static,
+                static_landmarks,
             )
         )
         self._pictured_s = -math.inf
@@ -168,7 +170,7 @@ class MarkerSession:
     def _static_recording(self, static_m: Mapping[str, Triple], subject: Subject) -> Recording | None:
         if not static_m:
             return None
-        tracks = {label: np.array([position]) for label, position in static_m.items()}
+        tracks = {label: self._to_world(np.array([position]) * self._scale) for label, position in static_m.items()}
         return Recording(tracks, 1.0, 1.0, (), subject, (), "+z", None)
 
     def _to_world(self, points_m: Points) -> Points:
