@@ -54,6 +54,7 @@ def web_routes() -> list[BaseRoute]:
         Route("/robots", robot.robots_page),
         Route("/robots/{name}", robot.robot_page),
         Route("/robots/{name}/reach.json", robot.reach_json),
+        Route("/live", home.live_page),
         Route("/sweeps", sweep.sweeps_page),
         Route("/settings", settings.settings_page),
         Route("/jobs", lists.jobs_page),

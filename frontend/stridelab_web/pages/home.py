@@ -1,6 +1,7 @@
 """The home page: samples to start with, and the latest recordings and jobs.
 
-The page of settings and tokens, which shows no secrets, and the login page.
+The page of settings and tokens, which shows no secrets, the login page, and the page of live streams, which its script
+fills.
 
 The login form is sent to the HTTP interface, which sets the cookie.
 """
@@ -42,6 +43,11 @@ async def home(request: Request) -> Response:
             for card, item in zip(scenario_cards(shown), shown, strict=True)
         ],
     )
+
+
+async def live_page(request: Request) -> Response:
+    """``GET /live``."""
+    return render_page(request, "pages/live.html", section="Live")
 
 
 async def _featured_scenarios(client: AsyncClient) -> list[StoredScenario]:

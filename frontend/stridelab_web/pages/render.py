@@ -17,6 +17,7 @@ NAVIGATION: Final = (
     ("Recordings", "/recordings"),
     ("Subjects", "/subjects"),
     ("Population", "/population"),
+    ("Live", "/live"),
     ("Scenarios", "/scenarios"),
     ("Sweeps", "/sweeps"),
     ("Robots", "/robots"),

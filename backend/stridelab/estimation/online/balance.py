@@ -75,7 +75,8 @@ class BalanceSample:
     """Estimate at one frame; ``com`` is None without an estimate, ``reason`` then says why.
 
     Margins are in metres, positive inside the base of support; None without a base, ``margin_reason`` then says why.
-    ``base_m`` are the corners of the base on the floor, ``contact`` is None for a foot that is not visible.
+    ``base_m`` are the corners of the base on the floor, ``contact`` is None for a foot that is not visible, ``ahead`` is
+    the horizontal direction in which the pelvis faces.
     """
 
     time_s: float
@@ -88,6 +89,7 @@ class BalanceSample:
     contact: Mapping[Side, bool | None] = field(default_factory=lambda: {"left": None, "right": None})
     base_m: Points = field(default_factory=lambda: np.zeros((0, 3)))
     joint_centres_m: Mapping[str, Vector3] = field(default_factory=dict)
+    ahead: Vector3 | None = None
     height_m: float | None = None
     speed_m_s: float | None = None
     bridged: Bridged = field(default_factory=Bridged)
@@ -192,8 +194,8 @@ class OnlineBalance:
         base = (
             np.concatenate([_floor_points(foot, self._floor_m) for foot in standing]) if standing else np.zeros((0, 3))
         )
-        answer = replace(answer, base_m=_convex_outline(base))
         ahead = self._ahead()
+        answer = replace(answer, base_m=_convex_outline(base), ahead=ahead)
         if answer.com is None or ahead is None or self._floor_m is None:
             return replace(answer, margin_reason=answer.reason or "feet-hidden")
         velocity = answer.com.velocity_m_s - self._ground_m_s()

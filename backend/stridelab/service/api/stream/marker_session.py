@@ -256,6 +256,7 @@ def _picture(sample: BalanceSample, points_m: Points, answer: FrameEstimate) -> 
         "com": None if com is None else rounded(com.com_m[None])[0],
         "xcom": None if sample.xcom_m is None else rounded(sample.xcom_m[None])[0],
         "base": rounded(sample.base_m),
+        "ahead": None if sample.ahead is None else rounded(sample.ahead[None])[0],
         "answer": answer.model_dump(mode="json"),
     }
 

@@ -1,0 +1,132 @@
+// Shows an open stream of markers: margins, numbers and two pictures, drawn anew for every picture that arrives. Without
+// a stream it looks for one every second.
+import { call } from "../shared/api.js";
+import { onColourScheme } from "../shared/colours.js";
+import { createElement } from "../shared/elements.js";
+import { drawBase, drawBody } from "./live_drawing.js";
+import { describeMargin, describeMissing, standing } from "./live_text.js";
+
+const POLL_MS = 1000;
+const TEXT_MS = 200;
+const said = document.querySelector("[data-said]");
+const choice = document.querySelector("[data-choice]");
+const streams = document.querySelector("[data-streams]");
+const how = document.querySelector("[data-how]");
+const body = /** @type {any} */ (document.querySelector("[data-body]"));
+const base = /** @type {any} */ (document.querySelector("[data-base]"));
+
+/** @type {WebSocket | null} */
+let socket = null;
+let watched = "";
+/** @type {any} */
+let latest = null;
+let asked = false;
+let written = 0;
+
+const show = (name, text) => {
+  document.querySelector(`[data-fact="${name}"]`).textContent = text;
+};
+
+function writeNumbers(answer) {
+  show("height", answer.height_m === null ? "–" : `${(100 * answer.height_m).toFixed(1)} cm`);
+  show("speed", answer.speed_m_s === null ? "–" : `${answer.speed_m_s.toFixed(2)} m/s`);
+  show("sd", answer.com_sd_m === null ? "–" : `${(1000 * Math.max(...answer.com_sd_m)).toFixed(0)} mm`);
+  show("feet", standing(answer.contact));
+  show("time", `${answer.t_s.toFixed(2)} s`);
+  document.querySelector("[data-missing]").textContent = describeMissing(answer);
+}
+
+function writeMargins(answer) {
+  for (const axis of /** @type {("ap" | "ml")[]} */ (["ml", "ap"])) {
+    const part = document.querySelector(`[data-margin="${axis}"]`);
+    const shown = describeMargin(axis, answer);
+    part.dataset.state = shown.state;
+    part.querySelector("[data-value]").textContent = shown.text;
+    part.querySelector("[data-verdict]").textContent = shown.verdict;
+    Object.assign(part.querySelector(".margin-bar i").style, { left: `${shown.left}%`, width: `${shown.width}%` });
+  }
+}
+
+function draw() {
+  asked = false;
+  if (!latest) return;
+  const view = document.querySelector("[name=view]:checked").value;
+  drawBody(body, latest, view);
+  drawBase(base, latest);
+  const now = performance.now();
+  if (now - written >= TEXT_MS) {
+    written = now;
+    writeMargins(latest.answer);
+    writeNumbers(latest.answer);
+  }
+  body.dataset.shown = String(latest.answer.t_s);
+}
+
+function redraw() {
+  if (asked) return;
+  asked = true;
+  requestAnimationFrame(draw);
+}
+
+function watch(item) {
+  watched = item.stream_id;
+  const scheme = location.protocol === "https:" ? "wss" : "ws";
+  const opened = new WebSocket(`${scheme}://${location.host}/api/v1/stream/markers/${watched}`);
+  let seen = false;
+  socket = opened;
+  said.textContent = `${item.title || "A stream"}: ${item.rate_hz} frames per second, marker set ${item.marker_set}.`;
+  opened.addEventListener("message", (message) => {
+    seen = true;
+    latest = JSON.parse(message.data);
+    if (latest.problem) {
+      said.textContent = latest.problem.detail;
+      latest = null;
+    } else redraw();
+  });
+  opened.addEventListener("close", (event) => {
+    if (socket !== opened) return;
+    socket = null;
+    watched = "";
+    if (event.code === 1000) said.textContent = "The stream has ended. Its last frame is shown.";
+    else if (!seen && event.code === 1006)
+      said.textContent = "The service refuses to show the stream: that needs a token of scope submit.";
+    setTimeout(look, POLL_MS);
+  });
+}
+
+async function look() {
+  if (socket) return;
+  let items = [];
+  try {
+    items = (await call("GET", "/stream/markers")).items;
+  } catch (error) {
+    said.textContent = error.message;
+  }
+  list(items);
+  how.open = how.open && !items.length;
+  if (items.length) watch(items[0]);
+  else {
+    if (!latest) said.textContent = "No stream is open.";
+    setTimeout(look, POLL_MS);
+  }
+}
+
+function list(items) {
+  choice.hidden = items.length < 2;
+  const name = (item) => item.title || item.stream_id;
+  streams.replaceChildren(...items.map((item) => createElement("option", { value: item.stream_id }, name(item))));
+  streams.value = watched || (items[0]?.stream_id ?? "");
+}
+
+streams.addEventListener("focus", async () => list((await call("GET", "/stream/markers")).items));
+streams.addEventListener("change", async () => {
+  const item = (await call("GET", "/stream/markers")).items.find((one) => one.stream_id === streams.value);
+  if (!item) return;
+  const before = socket;
+  watch(item);
+  before?.close();
+});
+for (const view of document.querySelectorAll("[name=view]")) view.addEventListener("change", redraw);
+new ResizeObserver(redraw).observe(body);
+onColourScheme(redraw);
+look();

@@ -1,0 +1,64 @@
+// What the page of live streams says of one answer: margins with their bars, feet, and what was missing.
+
+const NEAR_M = 0.02;
+const LEAST_M = -0.2;
+const MOST_M = 0.3;
+
+const REASONS = {
+  "frame-late": "the frame came late",
+  "no-contact": "no foot stands; on a treadmill, state the speed of the belt",
+  "feet-hidden": "the markers of the feet are hidden",
+  "feet-not-marked": "the feet are not marked",
+  "markers-hidden": "markers that the body model needs are hidden",
+  "pelvis-markers-missing": "the pelvis is hidden",
+  "knee-markers-missing": "a knee is hidden",
+  "ankle-markers-missing": "an ankle is hidden",
+  "sides-swapped": "markers of the right side lie on the left",
+  "no-plates": "there are no plates",
+  "foot-beside-plates": "a foot stands beside the plates",
+  "plate-late": "a plate was not read",
+  "mass-not-stated": "the mass of the person is not stated",
+  "force-points-down": "the force points down",
+};
+
+/** @param {string | null} code */
+export const reason = (code) => (code ? (REASONS[code] ?? code.replaceAll("-", " ")) : "");
+
+/** @param {number} margin */
+const percent = (margin) => (100 * (Math.min(Math.max(margin, LEAST_M), MOST_M) - LEAST_M)) / (MOST_M - LEAST_M);
+
+// Number, verdict and bar of one margin. Ahead of the base is no fault of a walk: the next step goes there.
+/** @param {"ap" | "ml"} axis @param {any} answer */
+export function describeMargin(axis, answer) {
+  const margin = answer.margin_m?.[axis];
+  if (margin === undefined)
+    return { text: "–", state: "none", verdict: reason(answer.margin_reason), left: 0, width: 0 };
+  const zero = percent(0);
+  const end = percent(margin);
+  const state = margin >= NEAR_M ? "inside" : margin >= 0 || axis === "ap" ? "near" : "outside";
+  const beyond = axis === "ap" ? "ahead of the base: a step must follow" : "outside the base";
+  const verdict = margin >= NEAR_M ? "inside the base" : margin >= 0 ? "at the edge" : beyond;
+  const text = `${margin < 0 ? "−" : "+"}${(100 * Math.abs(margin)).toFixed(1)} cm`;
+  return { text, state, verdict, left: Math.min(zero, end), width: Math.abs(end - zero) };
+}
+
+/** @param {{left: boolean | null, right: boolean | null}} contact */
+export function standing(contact) {
+  if (contact.left === null && contact.right === null) return "–";
+  if (contact.left && contact.right) return "both feet";
+  if (contact.left) return "left foot";
+  return contact.right ? "right foot" : "none";
+}
+
+/** @param {any} answer */
+export function describeMissing(answer) {
+  const { frames_lost, markers_hidden, geometry, force } = answer.bridged;
+  const parts = [];
+  if (answer.reason) parts.push(`No estimate: ${reason(answer.reason)}.`);
+  if (frames_lost) parts.push(`${frames_lost} ${frames_lost === 1 ? "frame" : "frames"} lost.`);
+  if (markers_hidden.length) parts.push(`Hidden: ${markers_hidden.join(", ")}.`);
+  if (geometry === "coasted") parts.push("Carried on by force or velocity.");
+  if (geometry === "substituted") parts.push("Hidden landmarks are substituted.");
+  parts.push(force ? `Markers only: ${reason(force)}.` : "Markers and force.");
+  return parts.join(" ");
+}
