@@ -106,5 +106,7 @@ def test_it_fits_every_screen(
         page.wait_for_timeout(300)
         stream.send(frames(240, 241)[0])
         expect(page.locator('[data-fact="time"]')).to_have_text("2.40 s")
-        page.screenshot(path=Path(os.environ.get("LIVE_PICTURES", tmp_path)) / f"live-{width}-{scheme}.png", full_page=True)
+        page.screenshot(
+            path=Path(os.environ.get("LIVE_PICTURES", tmp_path)) / f"live-{width}-{scheme}.png", full_page=True
+        )
         assert page.evaluate("document.documentElement.scrollWidth") <= width

@@ -171,10 +171,11 @@ class MarkerStreamConfiguration(Contract):
 
 
 class MarkerStreamTask(Contract):
-    """First task of the child process of a stream of markers."""
+    """First task of the child process of a stream of markers; ``static_world_m`` is the pose of a stored recording."""
 
     configuration: MarkerStreamConfiguration
     marker_sets: list[SourceMarkerSet] = Field(default_factory=list)
+    static_world_m: dict[str, Triple] = Field(default_factory=dict)
 
 
 class PlateForce(BaseModel):

@@ -54,6 +54,7 @@ def every_page(fake: FakeService) -> dict[str, str]:
         "subject": f"/subjects/{somebody.subject_id}",
         "scenarios": "/scenarios",
         "scenario": f"/scenarios/{own.id}",
+        "live": "/live",
         "sweeps": "/sweeps",
         "settings": "/settings",
         "robots": "/robots",

@@ -19,6 +19,7 @@ from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
+from jaxtyping import Float
 
 from stridelab.conventions import GRAVITY_M_S2, Corners, Points, Series, Vector3
 from stridelab.estimation.complementary.online_filter import OnlineComplementaryFilter
@@ -75,8 +76,8 @@ class BalanceSample:
     """Estimate at one frame; ``com`` is None without an estimate, ``reason`` then says why.
 
     Margins are in metres, positive inside the base of support; None without a base, ``margin_reason`` then says why.
-    ``base_m`` are the corners of the base on the floor, ``contact`` is None for a foot that is not visible, ``ahead`` is
-    the horizontal direction in which the pelvis faces.
+    ``base_m`` are the corners of the base on the floor, ``contact`` is None for a foot that is not visible, and
+    ``ahead`` is the horizontal direction in which the pelvis faces.
     """
 
     time_s: float
@@ -104,7 +105,7 @@ class OnlineBalance:
         self._support = FootSupport(setup.landmarks, setup.plates_m)
         self._filter = self._new_filter((0.01, 0.01, 0.02))
         self._last_s: float | None = None
-        self._geometry_s: float | None = None
+        self._measured_s: float | None = None
         self._facing, self._height = _RunningMean(FACING_S), _RunningMean(HEIGHT_S)
         self._velocity, self._floor = _RunningMean(SPEED_S), _RunningMean(SPEED_S)
         plates = [corners[:, 2].mean() for corners in setup.plates_m]
@@ -129,9 +130,9 @@ class OnlineBalance:
         lost = 0 if self._last_s is None else max(round(since_s * self._setup.rate_hz) - 1, 0)
         restarted = self._last_s is not None and since_s > LONGEST_STEP_S
         if restarted:
-            self._filter, self._geometry_s = self._new_filter(self._table_sd_m), None
+            self._filter, self._measured_s = self._new_filter(self._table_sd_m), None
         self._last_s = time_s
-        blind_s = math.inf if self._geometry_s is None else time_s - self._geometry_s
+        blind_s = math.inf if self._measured_s is None else time_s - self._measured_s
         is_lost = blind_s > (COAST_WITH_FORCE_S if self._forced else COAST_S)
         body = self._geometry.place(time_s, points_m, may_substitute=is_lost)
         ground = self._ground_m_s()
@@ -156,10 +157,11 @@ class OnlineBalance:
         self, time_s: float, body: PlacedBody, reading: PlateReading | None, is_lost: bool
     ) -> tuple[OnlineSample | None, str | None]:
         """One step of the filter; no estimate where the geometry has been missing for too long."""
-        if body.com_m is not None:
-            self._geometry_s = time_s
-            if not self._begun:
-                self._filter, self._begun = self._new_filter(body.sd_m), True
+        if body.source == "measured":
+            self._measured_s = time_s
+        if body.com_m is not None and not self._begun:
+            self._filter = self._new_filter(body.sd_m)
+            self._begun = True
         self._forced = reading is not None
         if not self._begun:
             return None, body.reason
@@ -254,7 +256,7 @@ def _floor_points(foot: FootState, floor_m: float | None) -> Points:
     return np.column_stack([foot.outline_m[:, :2], np.full(len(foot.outline_m), floor_m or 0.0)])
 
 
-def _convex_outline(points: Points) -> Points:
+def _convex_outline(points: Points) -> Float[np.ndarray, "corners 3"]:
     """Corners of the convex hull seen from above, anticlockwise (Andrew 1979)."""
     ordered = sorted(points.tolist())
     corners: list[list[float]] = []

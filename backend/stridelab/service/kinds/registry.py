@@ -39,6 +39,9 @@ PARSE_UPLOAD = "stridelab.service.kinds.parse_upload:run_in_child"
 PROPOSE_MARKERS = "stridelab.service.kinds.propose_markers:run_in_child"
 """Import path of the proposal of a marker map, run by ``POST /marker-sets/propose``."""
 
+READ_POSE = "stridelab.service.kinds.static_pose:run_in_child"
+"""Import path of the reader of a static pose, run for streams of markers."""
+
 PARSE_BATCH = "stridelab.service.kinds.read_batch.run:parse_batch"
 """Import path of the parser of bulk uploads, run by ``POST /recordings/batch`` and by the job ``read-batch``."""
 

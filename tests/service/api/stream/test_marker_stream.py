@@ -9,6 +9,7 @@ import pytest
 from websockets.exceptions import InvalidStatus
 
 from stridelab.service.api.stream.watching import MAX_WATCHING
+from support.command_line import SAMPLE
 from support.service.database import TestDatabases
 from support.service.marker_streams import PATH, answers, frame, header, marker_socket, opened, received, sample
 from support.service.processes import wait_until
@@ -257,3 +258,27 @@ def test_a_header_in_the_wrong_form_is_refused(service: Served) -> None:
             socket.send(first)
             assert received(socket)["problem"]["code"] == code
     assert header()["labels"]
+
+
+def test_a_static_pose_gives_the_widths_that_the_walk_does_not_show(service: Served) -> None:
+    """Inner knees and ankles are marked in the pose only, sent along or stored as a recording."""
+    inner = {"L_FME", "R_FME", "L_TAM", "R_TAM"}
+    labels = [label for label in sample().markers_m if label not in inner]
+    pose = {label: track[0].tolist() for label, track in sample().markers_m.items()}
+    with service.http() as http, (SAMPLE / "recording.c3d").open("rb") as file:
+        stored = http.post("/api/v1/recordings", files={"file": ("pose.c3d", file)}).json()["id"]
+    told = []
+    for fields in ({}, {"labels": labels}, {"labels": labels, "static_pose": pose},
+                   {"labels": labels, "static_recording_id": stored}):  # fmt: skip
+        with marker_socket(service) as socket:
+            opened(socket, plates=[], **fields)
+            used = fields.get("labels", list(sample().markers_m))
+            markers = [sample().markers_m[label][0].tolist() for label in used]
+            told.append(answers(socket, [{"t_s": 0.0, "markers": markers}])[0]["com_m"])
+    whole, without, sent, kept = np.array(told)
+    assert np.abs(sent - whole).max() < 1e-3
+    assert np.abs(kept - whole).max() < 1e-3
+    assert np.abs(without - whole).max() > 2.0 * np.abs(sent - whole).max()
+    with marker_socket(service) as socket:
+        assert opened(socket, static_recording_id="0" * 32)["problem"]["code"] == "recording-not-found"
+        assert goodbye(socket) == (4404, "recording-not-found")

@@ -10,10 +10,11 @@ import structlog
 from stridelab.errors import Fault, UnreadableFile
 from stridelab.schemas.marker_sets import MarkerSetProposal
 from stridelab.schemas.recordings import PlateSwitch, RecordingFacts
+from stridelab.schemas.streams import Triple
 from stridelab.schemas.tasks import ParseUploadTask, RecordingSource
 from stridelab.service.api.dependencies import Parts
 from stridelab.service.filenames import PARSER_CRASHED, child_output_file
-from stridelab.service.kinds.registry import PARSE_UPLOAD, PROPOSE_MARKERS
+from stridelab.service.kinds.registry import PARSE_UPLOAD, PROPOSE_MARKERS, READ_POSE
 from stridelab.service.processes.running_child import IsolatedOutcome
 from stridelab.service.stored_marker_sets import source_marker_sets
 
@@ -101,6 +102,12 @@ async def propose_of_file(parts: Parts, folder: Path, file: str, filename: str) 
     source = RecordingSource(file=file, filename=filename)
     outcome = await _run_in_child(parts, PROPOSE_MARKERS, source, folder)
     return MarkerSetProposal.model_validate(outcome.value["summary"])
+
+
+async def static_pose_of_file(parts: Parts, folder: Path, file: str, filename: str) -> dict[str, Triple]:
+    """Median position of each marker in ``folder / file``, in metres with z up. Raises as ``parse_recording``."""
+    outcome = await _run_in_child(parts, READ_POSE, RecordingSource(file=file, filename=filename), folder)
+    return {label: (x, y, z) for label, (x, y, z) in outcome.value["summary"].items()}
 
 
 async def _run_in_child(parts: Parts, function: str, source: RecordingSource, folder: Path) -> IsolatedOutcome:

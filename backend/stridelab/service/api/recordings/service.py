@@ -15,10 +15,17 @@ from stridelab.errors import Conflict, Fault, InvalidInput, NotFound, Unavailabl
 from stridelab.schemas.jobs import FINAL_STATES
 from stridelab.schemas.marker_sets import MarkerSetProposal
 from stridelab.schemas.recordings import PlateSwitch, Recording, RecordingFacts, RecordingPatch, SubjectFields
+from stridelab.schemas.streams import Triple
 from stridelab.service.api.dependencies import Parts
 from stridelab.service.api.quotas import refuse_full
 from stridelab.service.api.recordings.multipart import ReceivedForm
-from stridelab.service.api.recordings.parse import Parsed, Switches, parse_recording, propose_of_file
+from stridelab.service.api.recordings.parse import (
+    Parsed,
+    Switches,
+    parse_recording,
+    propose_of_file,
+    static_pose_of_file,
+)
 from stridelab.service.api.recordings.repository import recording_of, recording_row, recordings_with_subjects
 from stridelab.service.api.subjects.endpoints import subject_row
 from stridelab.service.auth import audit
@@ -78,6 +85,15 @@ async def propose_landmarks(parts: Parts, recording_id: str) -> MarkerSetProposa
         await parts.blobs.get_file(row["blob_key"], Path(name) / "trial", row["sha256"])
         proposal = await propose_of_file(parts, Path(name), "trial", row["filename"])
     return proposal.model_copy(update={"recording_id": recording_id})
+
+
+async def static_pose(parts: Parts, recording_id: str) -> dict[str, Triple]:
+    """Median position of each marker of a stored recording, in metres with z up. Raises as ``propose_landmarks``."""
+    async with parts.engine.connect() as connection:
+        row = await recording_row(connection, recording_id)
+    with tempfile.TemporaryDirectory(dir=parts.spool) as name:
+        await parts.blobs.get_file(row["blob_key"], Path(name) / "trial", row["sha256"])
+        return await static_pose_of_file(parts, Path(name), "trial", row["filename"])
 
 
 async def _parse_stored(

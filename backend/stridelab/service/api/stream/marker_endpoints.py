@@ -12,6 +12,7 @@ from starlette.websockets import WebSocket
 from stridelab.errors import InvalidInput
 from stridelab.schemas.streams import LiveStreams, MarkerStreamConfiguration, MarkerStreamReady, MarkerStreamTask
 from stridelab.service.api.dependencies import AppParts, CallerOf, Parts
+from stridelab.service.api.recordings.service import static_pose
 from stridelab.service.api.stream.endpoints import (
     MEMORY_MB,
     ask_estimator,
@@ -80,7 +81,9 @@ async def _exchange_frames(socket: WebSocket, parts: Parts, caller: Caller) -> N
     configuration = parse_configuration(first, MarkerStreamConfiguration, max_rate_hz)
     async with parts.engine.connect() as connection:
         own_sets = await source_marker_sets(connection, caller.name)
-    task = MarkerStreamTask(configuration=configuration, marker_sets=own_sets)
+    stored = configuration.static_recording_id
+    pose = {} if stored is None else await static_pose(parts, stored)
+    task = MarkerStreamTask(configuration=configuration, marker_sets=own_sets, static_world_m=pose)
     channel, rate = LiveChannel(configuration), SampleRateLimiter(max_rate_hz)
     async with parts.pool.open_session(ESTIMATOR, memory_mb=MEMORY_MB) as estimator:
         answer = await ask_estimator(estimator, Parcel(TEXT, task.model_dump_json().encode()))

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+from jaxtyping import Float
 from pydantic import ValidationError
 
 from stridelab.conventions import Points, Vector3
@@ -72,8 +73,10 @@ class MarkerSession:
         index = {label: k for k, label in enumerate(self._labels)}
         self._columns = [index[label] for label in match.landmarks.values()]
         subject = Subject(height_m=stated.person.height_m, mass_kg=stated.person.mass_kg, sex=stated.person.sex)
-        static = self._static_recording(stated.static_pose, subject)
-        static_landmarks = {**identify(list(stated.static_pose)).landmarks, **match.landmarks} if static else None
+        pose = {label: self._to_world(np.array(p) * self._scale) for label, p in stated.static_pose.items()}
+        pose |= {label: np.array(p) for label, p in task.static_world_m.items()}
+        static = _static_recording(pose, subject) if pose else None
+        static_landmarks = {**identify(list(pose)).landmarks, **match.landmarks} if pose else None
         if absent_landmarks(KNEES, match.landmarks) and static is None:
             raise NotEstimable(
                 "knee-markers-missing",
@@ -167,13 +170,7 @@ class MarkerSession:
             bridged=FrameBridged(markers_hidden=list(sample.bridged.hidden), **bridged),
         )
 
-    def _static_recording(self, static_m: Mapping[str, Triple], subject: Subject) -> Recording | None:
-        if not static_m:
-            return None
-        tracks = {label: self._to_world(np.array([position]) * self._scale) for label, position in static_m.items()}
-        return Recording(tracks, 1.0, 1.0, (), subject, (), "+z", None)
-
-    def _to_world(self, points_m: Points) -> Points:
+    def _to_world(self, points_m: Float[np.ndarray, "... 3"]) -> Float[np.ndarray, "... 3"]:
         return np.asarray(points_m @ self._R.T)
 
     def _to_file(self, vector: Vector3) -> Triple:
@@ -241,6 +238,11 @@ def _recognise_markers(task: MarkerStreamTask) -> tuple[MarkerSetMatch, list[str
 
         require_marker_set(match, labels)
     return match, labels
+
+
+def _static_recording(pose_m: Mapping[str, Vector3], subject: Subject) -> Recording:
+    """A static trial of one frame."""
+    return Recording({label: p[None] for label, p in pose_m.items()}, 1.0, 1.0, (), subject, (), "+z", None)
 
 
 def _picture(sample: BalanceSample, points_m: Points, answer: FrameEstimate) -> dict[str, Any]:
