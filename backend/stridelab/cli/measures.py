@@ -26,6 +26,7 @@ from stridelab.cli.results import (
     validate_options,
     write_result,
 )
+from stridelab.cli.session import share_by_day
 from stridelab.errors import Fault, InvalidInput, UnreadableFile
 from stridelab.recordings.files.recording_files import recordings_in
 from stridelab.schemas.jobs import EstimateComInput, JobResult
@@ -89,7 +90,7 @@ def _measure_here(
     paths: Sequence[Path], static: Path | None, subject: SubjectFields, method: str | None, folder: Path
 ) -> JobResult:
     """Run the job's own function in this process."""
-    members = stage_walks(paths, folder, subject, method, static)
+    members = share_by_day(stage_walks(paths, folder, subject, method, static), folder)
     ids = [one.recording_id for one in members]
     request = validate_options(GaitMeasuresInput, {"recording_ids": ids, "method": method})
     outcome = run_kind(KIND, "measures", GaitMeasuresTask(members=members), folder)
@@ -235,8 +236,10 @@ def report_task(
     from stridelab.service.settings import current_settings
 
     method = fields["method"]
-    people = [stage_walks(paths, folder, SubjectFields(), method) for paths in walks.people]
-    groups = [stage_walks(paths, folder, subject, method, static) for paths in (walks.person, walks.before)]
+    people = [share_by_day(stage_walks(paths, folder, SubjectFields(), method), folder) for paths in walks.people]
+    staged = stage_walks([*walks.person, *walks.before], folder, subject, method, static)
+    members = share_by_day(staged, folder)
+    groups = members[: len(walks.person)], members[len(walks.person) :]
     ids = [[one.recording_id for one in group] for group in groups]
     request = {
         **fields,

@@ -32,6 +32,30 @@ class TrialFacts:
     facts: RecordingFacts
 
 
+@dataclass(frozen=True)
+class SessionShare:
+    """What a trial takes from its session: ``values``, None without any, and the ``static`` trial of the session."""
+
+    values: SessionValues | None
+    static: TrialFacts | None
+
+
+def share_session(
+    session_id: str, own: TrialFacts, others: Sequence[TrialFacts], *, static_stated: bool
+) -> SessionShare:
+    """Values and static trial of the session for the trial ``own``; a static trial that users stated is preferred.
+
+    The values name the static trial of the session, not a stated one.
+    """
+    values = session_values(session_id, own, others)
+    static = None if static_stated else select_static_trial(own, others)
+    if static is not None:
+        values = (values or SessionValues(session_id=session_id)).model_copy(
+            update={"static_recording_id": static.recording_id}
+        )
+    return SessionShare(values, static)
+
+
 def session_values(session_id: str, own: TrialFacts, others: Sequence[TrialFacts]) -> SessionValues | None:
     """Session values for the trial ``own``; None if no other trial has a latency, a mass or a zero that it lacks.
 

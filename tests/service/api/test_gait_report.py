@@ -1,16 +1,28 @@
 """``gait-report`` over HTTP: a session becomes its recordings, and people of the reference group are found."""
 
 import base64
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import httpx
 import pytest
 
+from stridelab.cli.measures import ReportWalks, report_task
+from stridelab.pipelines.gait_report.report import gait_report
+from stridelab.pipelines.trial import examine_trial
+from stridelab.recordings.files.c3d_writer import write_c3d
+from stridelab.recordings.recording import Subject
 from stridelab.schemas.measures import GaitReportInput
-from stridelab.schemas.tasks import GaitReportTask
+from stridelab.schemas.recordings import SubjectFields
+from stridelab.schemas.tasks import GaitReportTask, RecordingSource
 from stridelab.service.kinds.gait_report.kind import stage, stage_logo
+from stridelab.service.kinds.parse_upload import recording_facts
 from stridelab.service.settings import Settings
+from stridelab.simulation.human.walker import HumanWalker
+from stridelab.simulation.human_recording import record
+from stridelab.simulation.noise import MeasurementNoise
+from support.command_line import quiet
 from support.service.answers import places, refusal
 from support.service.stored_rows import add_recording, facts
 from support.service.web_server import Served
@@ -97,6 +109,58 @@ def test_the_people_of_the_reference_group_are_told_apart(service: Served, tmp_p
     folders = [one.folder for group in (task.members, *(other.members for other in task.reference)) for one in group]
     assert len(set(folders)) == 5
     assert all((tmp_path / folder / "trial").is_file() for folder in folders)
+
+
+def test_the_command_shares_what_the_job_shares(
+    service: Served, tmp_path: Path, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    """Three noisy recordings of a walk and the person standing: pooled latency, pooled mass, static trial, numbers."""
+    walk = HumanWalker(mass_kg=64.0, duration_s=3.0, seed=4).walk()
+    files = tmp_path_factory.mktemp("files")
+    stated = SubjectFields(height_m=1.75)
+    rows = []
+    for k in range(3):
+        noise = MeasurementNoise(marker_m=0.002, mass_model=0.1, latency_s=0.018)
+        recording = replace(record(walk, noise, k, lab="two_plates").recording, subject=Subject(), carried={})
+        write_c3d(files / f"walk{k}.c3d", recording)
+        if k == 0:
+            held = {label: track[:1].repeat(30, axis=0) for label, track in recording.markers_m.items()}
+            still = replace(recording, markers_m=held, plates=(), events=(), walking_direction=None)
+            write_c3d(files / "standing.c3d", still)
+    for path in sorted(files.iterdir()):
+        known = recording_facts(examine_trial(RecordingSource(file=path.name, filename=path.name), files))
+        columns = {"session_id": "shared", "facts": known.model_dump(mode="json"), "filename": path.name}
+        given = stated.model_dump(exclude_none=True)
+        added = add_recording(service.parts, content=path.read_bytes(), subject_fields=given, **columns)
+        rows.append(service.run(added))
+    request = GaitReportInput(recording_ids=rows, method="complementary")
+    (tmp_path / "job").mkdir()
+    (tmp_path / "command").mkdir()
+
+    async def run() -> Any:
+        async with service.parts.engine.begin() as connection:
+            return await stage(connection, service.parts.blobs, request, tmp_path / "job")
+
+    job = GaitReportTask.model_validate(service.run(run()))
+    walks = ReportWalks(sorted(files.iterdir()), [], [])
+    command = report_task(walks, stated, {"title": None, "method": "complementary"}, None, tmp_path / "command")
+    alone = command.model_copy(
+        update={
+            "members": [
+                one.model_copy(update={"task": one.task.model_copy(update={"session": None, "static": None})})
+                for one in command.members
+            ]
+        }
+    )
+    shared = [one.task.session for one in command.members if one.task.recording.filename.startswith("walk")]
+    assert [None if one is None else (one.latency_n_trials, one.mass_n_trials) for one in shared] == [(3, 3)] * 3
+    assert all(one.task.static for one in command.members if one.task.recording.filename.startswith("walk"))
+    numbers = [
+        gait_report(task, tmp_path / folder, quiet).summary.model_dump(include={"measures", "mass_kg"})
+        for task, folder in ((job, "job"), (command, "command"), (alone, "command"))
+    ]
+    assert numbers[0] == numbers[1]
+    assert numbers[0] != numbers[2], "the recordings share nothing"
 
 
 def test_the_logo_of_the_settings_is_fetched(tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ from typing import Any
 from sqlalchemy import select
 from sqlalchemy.ext.asyncio import AsyncConnection
 
-from stridelab.pipelines.session_values import TrialFacts, select_static_trial, session_values
+from stridelab.pipelines.session_values import TrialFacts, share_session
 from stridelab.schemas.recordings import RecordingFacts
 from stridelab.schemas.sessions import SessionValues
 from stridelab.service.storage.tables import recording
@@ -30,17 +30,11 @@ async def session_of(connection: AsyncConnection, row: Row) -> StagedSession:
     """
     stated = await _recording_row(connection, row["static_recording_id"])
     others = await _other_recordings(connection, row)
-    shared_values = (
-        session_values(row["session_id"], _trial_facts(row), [_trial_facts(one) for one in others]) if others else None
-    )
-    if stated is not None:
-        return StagedSession(shared_values, stated)
-    static_facts = select_static_trial(_trial_facts(row), [_trial_facts(one) for one in others])
-    if static_facts is None:
-        return StagedSession(shared_values)
-    values = shared_values or SessionValues(session_id=row["session_id"])
-    static = next(one for one in others if one["id"] == static_facts.recording_id)
-    return StagedSession(values.model_copy(update={"static_recording_id": static_facts.recording_id}), static)
+    trials = [_trial_facts(one) for one in others]
+    share = share_session(row["session_id"] or "", _trial_facts(row), trials, static_stated=stated is not None)
+    if share.static is None:
+        return StagedSession(share.values, stated)
+    return StagedSession(share.values, next(one for one in others if one["id"] == share.static.recording_id))
 
 
 async def _other_recordings(connection: AsyncConnection, row: Row) -> list[Row]:
