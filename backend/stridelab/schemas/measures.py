@@ -101,6 +101,10 @@ class GaitReportInput(Contract):
         return self
 
 
+FEW_PEOPLE: Final = 5
+"""People below which intervals and scores beside a reference group mean nothing."""
+
+
 class ReferenceValue(Contract):
     """A measure of the person beside that of a reference group; each person of the group counts once."""
 
@@ -110,7 +114,17 @@ class ReferenceValue(Contract):
     n_people: int
     mean: float
     between_sd: float | None = Field(description="standard deviation between the people; null for one person")
+    difference: float | None = Field(
+        default=None,
+        description="of the person to the group: fixed effect of a mixed model over all steps, else value - mean",
+    )
+    ci95: Bounds | None = Field(
+        default=None,
+        description="95 % interval of the difference; contains zero for 95 % of the people of such a group; without "
+        "meaning below five people, null for one",
+    )
     z: float | None = Field(description="(value - mean) / between_sd; null without a deviation")
+    z_ci95: Bounds | None = Field(default=None, description="95 % interval of z; without meaning below five people")
 
 
 class ChangeValue(Contract):
@@ -122,8 +136,13 @@ class ChangeValue(Contract):
     after: float
     n_before: int
     n_after: int
-    change: float = Field(description="after - before")
-    ci95: Bounds | None = Field(description="95 % interval of the change (Welch); null with one recording in a group")
+    change: float = Field(
+        description="after - before, of a mixed model over all steps with a random intercept per recording; without "
+        "repeated steps, or with one recording in a group, of the means of the recordings"
+    )
+    ci95: Bounds | None = Field(
+        description="95 % interval of the change: of the mixed model, else Welch's; null with one recording in a group"
+    )
 
 
 class GaitReportSummary(GaitMeasuresSummary):
@@ -197,6 +216,15 @@ class MeasureScale:
     def number(self, value: float) -> str:
         """``value`` without its unit."""
         return f"{self.factor * value:z.{self.digits}f}"
+
+    def signed(self, value: float) -> str:
+        """``value`` without its unit, with a sign unless it is rounded to zero."""
+        text = self.number(value)
+        return f"+{text}" if float(text) > 0.0 else text
+
+    def interval(self, bounds: Bounds | None) -> str:
+        """``bounds`` without their unit; empty if they are not known."""
+        return "" if bounds is None else f"{self.number(bounds[0])} to {self.number(bounds[1])}"
 
 
 _SCALES: Final[Mapping[str, MeasureScale]] = {

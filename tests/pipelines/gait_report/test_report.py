@@ -181,7 +181,7 @@ def test_the_curves_are_the_means_over_all_cycles(full: GaitReport) -> None:
 
 def test_people_are_the_units_of_the_reference_group(full: GaitReport) -> None:
     assert full.summary.reference_people == 2
-    assert "fewer than 5 people mean little" in full.content.reference_note
+    assert "fewer than 5 people mean nothing" in full.content.reference_note
     row = next(one for one in full.content.rows if one.name == "walking_speed")
     assert row.reference is not None
     assert row.reference.n == 2

@@ -61,7 +61,10 @@ class Cell:
 
 @dataclass(frozen=True)
 class Row:
-    """One measure of the table; a side without a cell is not measured."""
+    """One measure of the table; a side without a cell is not measured.
+
+    ``difference`` and ``z`` are those to the reference group.
+    """
 
     name: str
     title: str
@@ -71,7 +74,10 @@ class Row:
     both: Cell | None
     symmetry: str = ""
     reference: Cell | None = None
+    difference: str = ""
+    difference_interval: str = ""
     z: str = ""
+    z_interval: str = ""
 
 
 @dataclass(frozen=True)

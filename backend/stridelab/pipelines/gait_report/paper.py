@@ -319,11 +319,11 @@ def _measures(layout: _Layout, content: ReportContent) -> None:
     wide = [30.0, 30.0, 30.0, 17.0]
     columns = [Column("Measure", 61.0, numeric=False), Column("Unit", 14.0, numeric=False)]
     if content.is_compared:
-        wide = [26.5, 26.5, 26.5, 15.0]
-        columns = [Column("Measure", 42.0, numeric=False), Column("Unit", 11.0, numeric=False)]
+        wide = [22.5, 22.5, 22.5, 14.0]
+        columns = [Column("Measure", 35.0, numeric=False), Column("Unit", 9.5, numeric=False)]
     columns += [Column(name, w) for name, w in zip(("Left", "Right", "Both", "Symmetry"), wide, strict=True)]
     if content.is_compared:
-        columns += [Column("Reference", 24.0), Column("z", 10.0)]
+        columns += [Column("Reference", 19.0), Column("Difference", 21.0), Column("z", 15.5)]
     layout.table(columns, [_measure_cells(row, compared=content.is_compared) for row in content.rows])
     layout.paragraph(f"{content.table_note} {content.reference_note}".strip(), size=SMALL, colour=PALE)
 
@@ -333,7 +333,11 @@ def _measure_cells(row: Row, *, compared: bool) -> list[Lines]:
     cells += [_value_cell(cell) for cell in (row.left, row.right, row.both)]
     cells.append(_plain(row.symmetry or "–"))
     if compared:
-        cells += [_value_cell(row.reference), _plain(row.z or "–")]
+        cells += [
+            _value_cell(row.reference),
+            [*_plain(row.difference or "–"), (row.difference_interval, SMALL, PALE)],
+            [*_plain(row.z or "–"), (row.z_interval, SMALL, PALE)],
+        ]
     return cells
 
 

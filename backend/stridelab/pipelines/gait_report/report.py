@@ -17,7 +17,7 @@ from stridelab.pipelines.gait_report.logo import Logo, read_logo
 from stridelab.pipelines.gait_report.texts import report_content
 from stridelab.pipelines.progress import ProgressCallback
 from stridelab.schemas.base import Remark
-from stridelab.schemas.measures import GaitMeasuresSummary, GaitReportSummary
+from stridelab.schemas.measures import GaitReportSummary
 from stridelab.schemas.population import LeftOut
 from stridelab.schemas.tasks import GaitMeasuresTask, GaitReportTask, MeasuresMember
 
@@ -35,7 +35,7 @@ class GaitReport:
 class _Person:
     """Measures and mean curves of one person of the reference group."""
 
-    summary: GaitMeasuresSummary
+    measures: Sequence[Measure]
     curves: Mapping[CurveName, MeanCurve]
 
 
@@ -65,7 +65,7 @@ def gait_report(task: GaitReportTask, folder: Path, progress: ProgressCallback) 
         try:
             one = measure(person.members)
             left_out += one.summary.left_out
-            people.append(_Person(one.summary, _mean_curves(person_curves(one.recordings))))
+            people.append(_Person(_all_measures(one), _mean_curves(person_curves(one.recordings))))
         except StridelabError as error:
             left_out += _all_left_out(person.members, error)
         done += len(person.members)
@@ -82,7 +82,7 @@ def gait_report(task: GaitReportTask, folder: Path, progress: ProgressCallback) 
         **measured.summary.model_dump(exclude={"left_out", "warnings"}),
         left_out=left_out,
         warnings=[*measured.summary.warnings, *remarks],
-        reference=compare_with_people(measured.summary, [person.summary for person in people]),
+        reference=compare_with_people(_all_measures(measured), [person.measures for person in people]),
         reference_people=len(people),
         changes=change_between(earlier, [one.measures for one in measured.recordings]),
     )
@@ -94,6 +94,10 @@ def gait_report(task: GaitReportTask, folder: Path, progress: ProgressCallback) 
     curves = person_curves(measured.recordings)
     content = report_content(task, measured, summary, curves, reference, logo)
     return GaitReport(content, measured, summary)
+
+
+def _all_measures(result: GaitMeasuresResult) -> list[Measure]:
+    return [*(measure for one in result.recordings for measure in one.measures), *result.pooled]
 
 
 def person_curves(recordings: Sequence[MeasuredRecording]) -> list[CycleCurve]:

@@ -4,14 +4,13 @@ import re
 import unicodedata
 from collections.abc import Mapping, Sequence
 from functools import cache
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
 import stridelab
 from stridelab.measures.gait_cycle import CURVE_NAMES, CurveName, CycleCurve, MeanCurve, mean_curve
 from stridelab.pipelines.gait_measures import SIDES, GaitMeasuresResult, MeasuredRecording
-from stridelab.pipelines.gait_report.comparison import FEW_PEOPLE
 from stridelab.pipelines.gait_report.content import (
     Cell,
     Change,
@@ -34,6 +33,7 @@ from stridelab.pipelines.gait_report.reasons import (
 from stridelab.resources import models_dir
 from stridelab.schemas.base import Remark
 from stridelab.schemas.measures import (
+    FEW_PEOPLE,
     MEASURE_TITLES,
     ChangeValue,
     GaitReportSummary,
@@ -65,6 +65,7 @@ PANELS: Final[Mapping[CurveName, tuple[str, str]]] = {
 """Title and caption of every chart."""
 MASS_SOURCES: Final = {"stated": "as stated", "file": "from the file", "force": "measured by the force plates"}
 NOT_KNOWN: Final = "not known"
+NO_MEANING: Final = "means nothing"
 
 
 def report_content(
@@ -163,8 +164,7 @@ def _interval(one: MeasureValue) -> str:
     """Interval of the mean; empty if it is not known, and for two values: Student's quantile is then 12.7."""
     if one.ci95 is None or one.n == 2:
         return ""
-    scale = measure_scale(one.name, one.unit)
-    return f"{scale.number(one.ci95[0])} to {scale.number(one.ci95[1])}"
+    return measure_scale(one.name, one.unit).interval(one.ci95)
 
 
 def _rows(summary: GaitReportSummary) -> tuple[Row, ...]:
@@ -193,8 +193,7 @@ def _rows(summary: GaitReportSummary) -> tuple[Row, ...]:
                 right=_cell(found.get((name, "right"))),
                 both=_cell(both),
                 symmetry="" if both.symmetry is None else f"{100.0 * both.symmetry:+z.1f} %",
-                reference=None if group is None else _group_cell(scale, group),
-                z="" if group is None or group.z is None else f"{group.z:+z.1f}",
+                **({} if group is None else _beside_group(scale, group)),
             )
         )
     return tuple(rows)
@@ -208,9 +207,19 @@ def _cell(one: MeasureValue | None) -> Cell | None:
     return Cell(scale.number(one.mean), sd, _interval(one), one.n)
 
 
-def _group_cell(scale: MeasureScale, group: ReferenceValue) -> Cell:
+def _beside_group(scale: MeasureScale, group: ReferenceValue) -> dict[str, Any]:
+    """Fields of a row about the reference group; intervals of few people have no numbers."""
     sd = "" if group.between_sd is None else _spread(scale, group.between_sd)
-    return Cell(scale.number(group.mean), sd, "", group.n_people)
+    few = group.n_people < FEW_PEOPLE
+    interval = scale.interval(group.ci95)
+    score = "" if group.z_ci95 is None else f"{group.z_ci95[0]:+z.1f} to {group.z_ci95[1]:+z.1f}"
+    return {
+        "reference": Cell(scale.number(group.mean), sd, "", group.n_people),
+        "difference": "" if group.difference is None else scale.signed(group.difference),
+        "difference_interval": f"{interval}: {NO_MEANING}" if interval and few else interval,
+        "z": "" if group.z is None else f"{group.z:+z.1f}",
+        "z_interval": NO_MEANING if score and few else score,
+    }
 
 
 def _spread(scale: MeasureScale, sd: float) -> str:
@@ -225,10 +234,12 @@ def _reference_note(summary: GaitReportSummary) -> str:
         return ""
     note = (
         f"Reference group: {count_of(people, 'person', 'people')}, each counted once; mean ± standard deviation "
-        "between them, and z = (value - mean) / standard deviation."
+        "between them, and z = (value - mean) / standard deviation. The difference is that of a mixed model over all "
+        "steps; its 95 % interval contains zero for 95 % of the people of such a group. The interval of z says how "
+        "precisely the score is known."
     )
     if people < FEW_PEOPLE:
-        note += f" Mean and standard deviation of fewer than {FEW_PEOPLE} people mean little."
+        note += f" Intervals and scores of fewer than {FEW_PEOPLE} people mean nothing."
     return note
 
 
@@ -239,19 +250,20 @@ def _place_in_table(one: ChangeValue) -> int:
 
 def _change(one: ChangeValue) -> Change:
     scale = measure_scale(one.name, one.unit)
-    interval = "" if one.ci95 is None else f"{scale.number(one.ci95[0])} to {scale.number(one.ci95[1])}"
     before, after = (
         f"{scale.number(value)} (n {n})" for value, n in ((one.before, one.n_before), (one.after, one.n_after))
     )
-    change = scale.number(one.change)
-    signed = f"+{change}" if float(change) > 0.0 else change
-    return Change(one.name, measure_title(one.name), scale.unit, before, after, signed, interval)
+    change = scale.signed(one.change)
+    return Change(one.name, measure_title(one.name), scale.unit, before, after, change, scale.interval(one.ci95))
 
 
 def _change_note(changes: Sequence[ChangeValue]) -> str:
     if not changes:
         return ""
-    note = "Means of the recordings, n recordings; the interval of the change is that of Welch with 95 %."
+    note = (
+        "n recordings. Levels, change and its 95 % interval are those of a mixed model over all steps with a random "
+        "intercept per recording; of the means of the recordings (Welch) where steps do not repeat."
+    )
     if any(one.ci95 is None for one in changes):
         note += " Without an interval: it needs two recordings before and two after."
     return note
