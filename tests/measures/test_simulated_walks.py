@@ -2,6 +2,7 @@
 
 import importlib.util
 import json
+import math
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -108,7 +109,7 @@ def test_the_files_are_a_row_per_value_and_the_extrapolated_com(tmp_path: Path) 
     task = GaitMeasuresTask(members=[member(tmp_path), member(tmp_path, plates={1: PlateSwitch(use=False)})])
     outcome = gait_measures.run(task, tmp_path, quiet)
     names = [artifact.name for artifact in outcome.artifacts]
-    assert names == ["measures.parquet", "measures.csv", "xcom.parquet", "xcom.csv"]
+    assert names == [f"{stem}.{end}" for stem in ("measures", "xcom", "stability") for end in ("parquet", "csv")]
     table = pyarrow.csv.read_csv(tmp_path / "measures.csv")
     assert table.column_names == ["recording", "measure", "side", "step", "value", "sd", "unit"]
     xcom = pyarrow.csv.read_csv(tmp_path / "xcom.csv")
@@ -188,3 +189,38 @@ def test_feet_that_share_a_plate_have_no_force_of_their_own() -> None:
     for contact in stances:
         inside = (recording.time_s > contact.start_s) & (recording.time_s < contact.end_s)
         assert np.isnan(forces[contact.side][inside]).any()
+
+
+def test_the_stability_table_is_in_the_world_of_the_recording() -> None:
+    """A recording turned by 2 rad: the feet that stand are at their markers, and margins end at their outer edges."""
+    turn = np.array([[math.cos(2.0), -math.sin(2.0), 0.0], [math.sin(2.0), math.cos(2.0), 0.0], [0.0, 0.0, 1.0]])
+    loaded = sl.read(TRIAL)
+    (one,) = sl.gait_measures(loaded).result.recordings
+    turned = replace(
+        one,
+        motion=replace(one.motion, frame=one.motion.frame @ turn.T, origin_m=one.motion.origin_m @ turn.T),
+    )
+    table = gait_measures.stability_columns((turned,))
+
+    def track(name: str) -> np.ndarray:
+        return np.column_stack([table[name.format(axis)] for axis in "xyz"])
+
+    np.testing.assert_allclose(track("{}_m"), one.estimate.com_m @ turn.T, atol=1e-9)
+    recording = one.prepared.trial.recording
+    first = int(np.argmin(np.abs(recording.time_s - one.motion.time_s[0])))
+    for side in ("left", "right"):
+        heel = recording.markers_m[one.prepared.trial.match.landmarks[f"{side[0]}_heel"]][first:] @ turn.T
+        outline = np.stack([track(f"{side}_outline{k}_{{}}_m") for k in range(5)], axis=1)
+        stands = np.isfinite(outline[:, 0, 0])
+        assert 0.4 < stands.mean() < 0.8
+        away = np.linalg.norm(outline[:, :2, :2].mean(axis=1) - heel[: len(outline), :2], axis=1)[stands]
+        assert away.max() < 0.05
+        margin, edge = table[f"{side}_margin_m"], track(f"{side}_edge_{{}}_m")
+        np.testing.assert_array_equal(np.isfinite(margin), stands)
+        xcom = track("xcom_{}_m")
+        assert np.abs(np.linalg.norm((edge - xcom)[stands], axis=1) - np.abs(margin[stands])).max() < 1e-9
+        lateral = one.motion.frame[1] @ turn.T * (1.0 if side == "left" else -1.0)
+        reach = np.nanmax(outline[stands] @ lateral, axis=1)
+        np.testing.assert_allclose(edge[stands] @ lateral, reach, atol=1e-9)
+    spin = np.linalg.norm(track("momentum_{}_m2_s"), axis=1)
+    np.testing.assert_allclose(spin, np.linalg.norm(one.motion.momentum_per_kg, axis=1), rtol=1e-9)

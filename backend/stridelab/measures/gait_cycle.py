@@ -13,6 +13,7 @@ from jaxtyping import Float
 
 from stridelab.conventions import Series
 from stridelab.measures.extrapolated_com import extrapolated_com
+from stridelab.measures.margin_of_stability import sideways_margin_m
 from stridelab.measures.walk_motion import AHEAD, LEFT, UP, WalkMotion, strides
 from stridelab.recordings.recording import Side
 from stridelab.walking.steps import GaitStep
@@ -53,7 +54,7 @@ def cycle_curves(motion: WalkMotion, steps: Sequence[GaitStep]) -> list[CycleCur
     towards the foot of the cycle. ``margin_of_stability_ml`` and ``_ap`` are the distances from the extrapolated CoM
     outwards to the outermost and ahead to the foremost point of this foot, during its stance.
     """
-    position = extrapolated_com(motion).position_m
+    xcom = extrapolated_com(motion)
     curves = []
     for _, step, following in strides(steps):
         if not motion.covers(step.strike_s, following.strike_s):
@@ -65,8 +66,8 @@ def cycle_curves(motion: WalkMotion, steps: Sequence[GaitStep]) -> list[CycleCur
         tracks: dict[CurveName, Series] = {
             "com_vertical": motion.com_m[:, UP],
             "com_lateral": outwards * motion.com_m[:, LEFT],
-            "margin_of_stability_ml": (outwards * outline_m[:, :, LEFT]).max(axis=1) - outwards * position[:, LEFT],
-            "margin_of_stability_ap": outline_m[:, :, AHEAD].max(axis=1) - position[:, AHEAD],
+            "margin_of_stability_ml": sideways_margin_m(motion, xcom, side),
+            "margin_of_stability_ap": outline_m[:, :, AHEAD].max(axis=1) - xcom.position_m[:, AHEAD],
         }
         for name, track in tracks.items():
             value = np.interp(time_s, motion.time_s, track)

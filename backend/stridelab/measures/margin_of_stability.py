@@ -12,10 +12,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from stridelab.conventions import Series
 from stridelab.measures.extrapolated_com import ExtrapolatedCom, extrapolated_com
 from stridelab.measures.measure import Measure
 from stridelab.measures.spatiotemporal import position_sd_m
 from stridelab.measures.walk_motion import AHEAD, LEFT, MARKER_SD_M, OTHER_SIDE, FootMotion, WalkMotion
+from stridelab.recordings.recording import Side
 from stridelab.walking.steps import GaitStep
 
 
@@ -35,12 +37,17 @@ def margins_of_stability(motion: WalkMotion, steps: Sequence[GaitStep]) -> list[
     return [measure for measure in measures if math.isfinite(measure.value)]
 
 
+def sideways_margin_m(motion: WalkMotion, xcom: ExtrapolatedCom, side: Side) -> Series:
+    """Distance from the extrapolated CoM outwards to the outermost point of the foot of ``side``, at every sample."""
+    outwards = 1.0 if side == "left" else -1.0
+    outermost = (outwards * motion.feet[side].outline_m[:, :, LEFT]).max(axis=1)
+    return np.asarray(outermost - outwards * xcom.position_m[:, LEFT])
+
+
 def _single_support(motion: WalkMotion, xcom: ExtrapolatedCom, step: GaitStep, number: int) -> list[Measure]:
     side = OTHER_SIDE[step.side]
     span = motion.samples(step.lift_off_s, step.strike_s)
-    outwards = 1.0 if side == "left" else -1.0
-    margin = (outwards * motion.feet[side].outline_m[span, :, LEFT]).max(axis=1)
-    margin = margin - outwards * xcom.position_m[span, LEFT]
+    margin = sideways_margin_m(motion, xcom, side)[span]
     if len(margin) == 0 or not np.isfinite(margin).all():
         return []
     k = int(np.argmin(margin))

@@ -5,7 +5,7 @@ height is above the floor.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
@@ -51,7 +51,8 @@ class WalkMotion:
 
     ``com_m`` and ``velocity_m_s`` have the axes ahead, left, up. ``varying_sd_m`` is the part of the CoM error that
     changes within a step. ``momentum_per_kg`` is the angular momentum of the segments about the CoM per kilogram of
-    body mass, as point masses, in m^2/s; NaN where a segment is hidden.
+    body mass, as point masses, in m^2/s; NaN where a segment is hidden. ``frame`` has the axes of the walk as rows, and
+    ``origin_m`` is their origin in the world frame, which moves with the belt of a treadmill.
     """
 
     time_s: Series
@@ -63,6 +64,12 @@ class WalkMotion:
     momentum_per_kg: Points
     mass_kg: float | None
     stature_m: float | None
+    frame: Rotation = field(default_factory=lambda: np.eye(3))
+    origin_m: Points | Vector3 = field(default_factory=lambda: np.zeros(3))
+
+    def in_world(self, track: Points) -> Points:
+        """A track of shape (n, 3) in the world frame of the recording."""
+        return np.asarray(track @ self.frame + self.origin_m)
 
     @property
     def mean_height_m(self) -> float:
@@ -122,7 +129,7 @@ def walk_motion(
     height_m = floor_height_m(recording, feet)
     origin = np.array([0.0, 0.0, height_m])
 
-    def in_walk(track: Float[np.ndarray, "n ... 3"]) -> Float[np.ndarray, "n ... 3"]:
+    def in_walk(track: Float[np.ndarray, "n ... 3"]) -> Float[np.ndarray, "k ... 3"]:
         shift = moved.reshape(len(time_s), *(1,) * (track.ndim - 2), 3)
         return np.asarray((track[used] - shift - origin) @ frame.T)
 
@@ -144,6 +151,8 @@ def walk_motion(
         momentum_per_kg=_momentum_per_kg(geometric, used, frame),
         mass_kg=mass_kg,
         stature_m=stature_m,
+        frame=frame,
+        origin_m=np.asarray(moved + origin),
     )
 
 

@@ -35,7 +35,7 @@ from stridelab.schemas.measures import GaitMeasuresSummary, MeasureValue, NotMea
 from stridelab.schemas.population import LeftOut
 from stridelab.schemas.quality import TrialQuality
 from stridelab.schemas.tasks import EstimateComTask, GaitMeasuresTask
-from stridelab.walking.gait_events import find_contacts
+from stridelab.walking.gait_events import Contact, find_contacts
 from stridelab.walking.preconditions import require_walk
 from stridelab.walking.steps import GaitStep, find_steps
 
@@ -54,6 +54,7 @@ class MeasuredRecording:
     recording_id: str
     filename: str
     motion: WalkMotion
+    contacts: tuple[Contact, ...]
     steps: tuple[GaitStep, ...]
     measures: tuple[Measure, ...]
     xcom: ExtrapolatedCom
@@ -154,6 +155,7 @@ def measure_recording(recording_id: str, task: EstimateComTask, folder: Path) ->
         recording_id,
         task.recording.filename,
         motion,
+        contacts,
         steps,
         tuple(calibrate_errors(motion, steps, measures)),
         extrapolated_com(motion),

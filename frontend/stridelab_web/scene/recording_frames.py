@@ -9,6 +9,7 @@ from stridelab_web.parquet import Columns, xyz_columns
 from stridelab_web.scene.com_frames import ComFrames, add_com
 from stridelab_web.scene.cycloid_frames import WheelFrames, add_wheel, com_of
 from stridelab_web.scene.frames import Arrow, Frames, Point, Sheet, Stick
+from stridelab_web.scene.stability_frames import StabilityFrames, add_stability
 
 ARROW_THRESHOLD_N: Final = 20.0
 
@@ -28,8 +29,17 @@ SPINE: Final = (
 """Pairs of landmarks across the body that a line joins."""
 
 
-def build_frames(recording: Recording, tracks: Columns, com: Columns | None, wheel: Columns | None = None) -> Frames:
-    """Frames of ``tracks.parquet`` and, where a job is shown, of its ``com.parquet`` and ``wheel.parquet``."""
+def build_frames(
+    recording: Recording,
+    tracks: Columns,
+    com: Columns | None,
+    wheel: Columns | None = None,
+    stability: Columns | None = None,
+) -> Frames:
+    """Frames of ``tracks.parquet`` and, where a job is shown, of its tables.
+
+    These are ``com.parquet``, ``wheel.parquet`` and the rows of ``stability.parquet`` that are of the recording.
+    """
     time_s = tracks["time_s"]
     sheet = Sheet()
     points: list[Point] = []
@@ -54,17 +64,20 @@ def build_frames(recording: Recording, tracks: Columns, com: Columns | None, whe
 
     if com is None and wheel is not None:
         com = com_of(wheel)
+    if com is None:
+        com = stability
     shown = ComFrames() if com is None else add_com(sheet, time_s, com, _floor_m(recording))
     rolling = WheelFrames() if wheel is None else add_wheel(sheet, time_s, wheel)
+    balance = StabilityFrames() if stability is None else add_stability(sheet, time_s, stability)
     return Frames(
         time_s,
         sheet.to_array(len(time_s)),
-        points=(*points, *shown.points, *rolling.points),
-        sticks=(*sticks, *shown.sticks, *rolling.sticks),
-        arrows=tuple(arrows),
+        points=(*points, *shown.points, *rolling.points, *balance.points),
+        sticks=(*sticks, *shown.sticks, *rolling.sticks, *balance.sticks),
+        arrows=(*arrows, *balance.arrows),
         ellipsoids=shown.ellipsoids,
         hoops=rolling.hoops,
-        tracks=(*shown.tracks, *rolling.tracks),
+        tracks=(*shown.tracks, *rolling.tracks, *balance.tracks),
     )
 
 

@@ -3,12 +3,14 @@
 from collections.abc import Iterable, Mapping
 from typing import Final
 
+import numpy as np
+
 from stridelab.schemas.jobs import JobResult
 from stridelab.schemas.recordings import Recording
 from stridelab.schemas.scenarios import Scenario
 from stridelab_web.pages.results.com_plots import COM_TABLE
 from stridelab_web.pages.results.cycloid_charts import WHEEL_TABLE
-from stridelab_web.parquet import read_columns
+from stridelab_web.parquet import read_columns, read_texts
 from stridelab_web.scene.frames import Frames
 from stridelab_web.scene.plan_frames import Cone, friction_cones, plan_frames, read_motion
 from stridelab_web.scene.recording_frames import build_frames
@@ -45,7 +47,8 @@ def read_cones(files: Mapping[str, bytes]) -> tuple[Cone, ...]:
     return friction_cones(Scenario.model_validate_json(files[SCENARIO]), read_columns(files[CENTROIDAL]))
 
 
-SCENE_TABLES: Final = frozenset({COM_TABLE, WHEEL_TABLE})
+STABILITY_TABLE: Final = "stability.parquet"
+SCENE_TABLES: Final = frozenset({COM_TABLE, WHEEL_TABLE, STABILITY_TABLE})
 
 
 def shown_in_scene(present: Iterable[str]) -> list[str]:
@@ -56,4 +59,8 @@ def shown_in_scene(present: Iterable[str]) -> list[str]:
 def frames_of(recording: Recording, tracks: bytes, shown: Mapping[str, bytes]) -> Frames:
     """The frames of a recording with the files of a result that ``shown_in_scene`` names."""
     tables = {name: read_columns(content) for name, content in shown.items()}
-    return build_frames(recording, read_columns(tracks), tables.get(COM_TABLE), tables.get(WHEEL_TABLE))
+    stability = None
+    if STABILITY_TABLE in shown:
+        own = np.array(read_texts(shown[STABILITY_TABLE])["recording_id"]) == recording.id
+        stability = {name: values[own] for name, values in tables[STABILITY_TABLE].items()} if own.any() else None
+    return build_frames(recording, read_columns(tracks), tables.get(COM_TABLE), tables.get(WHEEL_TABLE), stability)

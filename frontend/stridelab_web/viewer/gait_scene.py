@@ -1,4 +1,4 @@
-"""The gait scene: floor, plates, markers, skeleton, forces, central axis, centre of mass with its band, wheel.
+"""The gait scene: floor, plates, markers, skeleton, forces, central axis, centre of mass, wheel, measures of balance.
 
 Nodes are placed at the first time at which they exist; then the page moves them (static/js/viewer/scene.js).
 """
@@ -7,7 +7,7 @@ import numpy as np
 import viser
 
 from stridelab.schemas.recordings import Recording
-from stridelab_web.scene import com_frames, cycloid_frames
+from stridelab_web.scene import com_frames, cycloid_frames, stability_frames
 from stridelab_web.scene.frames import Frames
 from stridelab_web.viewer import meshes
 from stridelab_web.viewer.scene_parts import (
@@ -23,13 +23,16 @@ from stridelab_web.viewer.scene_parts import (
 BLUE, ORANGE, BROWN = (11, 92, 156), (226, 132, 20), (176, 96, 0)
 MARKER, BONE, PLATE, PLATE_OFF = (62, 78, 94), (166, 180, 194), (214, 224, 232), (235, 235, 235)
 AXIS_COLOUR, WHEEL = (58, 66, 76), (0, 121, 92)
+PURPLE, GREEN, RED = (110, 64, 170), (0, 121, 92), (196, 43, 28)
 MARKER_RADIUS_M, BONE_RADIUS_M, AXIS_RADIUS_M = 0.011, 0.006, 0.0025
+MARGIN_RADIUS_M = 0.009
 POINTS: dict[str, tuple[Colour, float]] = {
     com_frames.FUSED: (BLUE, 0.014),
     f"{com_frames.GEOMETRY}/point": (BROWN, 0.012),
     f"{com_frames.ON_AXIS}/point": (AXIS_COLOUR, 0.012),
     cycloid_frames.HUB: (WHEEL, 0.008),
     cycloid_frames.POINT: (WHEEL, 0.01),
+    stability_frames.XCOM: (PURPLE, 0.013),
 }
 PATHS: dict[str, tuple[Colour, float]] = {
     com_frames.PATH: (BLUE, 0.004),
@@ -38,8 +41,11 @@ PATHS: dict[str, tuple[Colour, float]] = {
     cycloid_frames.TRACE: (WHEEL, 0.003),
     cycloid_frames.GROUND: (WHEEL, 0.003),
     cycloid_frames.HUB_PATH: (BONE, 0.0015),
+    stability_frames.XCOM_PATH: (PURPLE, 0.0025),
 }
 """Colour and radius of the centre of mass, of the inputs that are places, and of the wheel."""
+ARROWS: dict[str, Colour] = {"/forces/total_shaft": BROWN, f"{stability_frames.MOMENTUM}_shaft": PURPLE}
+"""Colours of the arrows that are not forces of plates."""
 PLATE_RIM, LABEL_INSIDE = 0.04, 0.25
 RIM_SHARE, SPOKES = 0.05, 6
 """Half thickness of the wheel's rim over its radius, and how many spokes show that it turns."""
@@ -57,13 +63,20 @@ def build_gait_scene(server: viser.ViserServer, recording: Recording, frames: Fr
     for point in frames.points:
         _add_point(scene, point.name, _first_position(frames, point.at))
     bone, thin = meshes.cylinder(BONE_RADIUS_M), meshes.cylinder(AXIS_RADIUS_M)
-    of = {com_frames.AXIS: (thin, AXIS_COLOUR), cycloid_frames.SPOKE: (thin, WHEEL)}
+    thick = meshes.cylinder(MARGIN_RADIUS_M)
+    of = {
+        com_frames.AXIS: (thin, AXIS_COLOUR),
+        cycloid_frames.SPOKE: (thin, WHEEL),
+        stability_frames.BASE: (bone, AXIS_COLOUR),
+        stability_frames.INSIDE: (thick, GREEN),
+        stability_frames.OUTSIDE: (thick, RED),
+    }
     for stick in frames.sticks:
-        add_mesh(scene, stick.name, *of.get(stick.name, (bone, BONE)))
+        add_mesh(scene, stick.name, *next((of[start] for start in of if stick.name.startswith(start)), (bone, BONE)))
     for hoop in frames.hoops:
         add_mesh(scene, hoop.name, meshes.wheel(RIM_SHARE, SPOKES), WHEEL)
     for arrow in frames.arrows:
-        add_arrow(scene, arrow, BROWN if arrow.shaft == "/forces/total_shaft" else ORANGE)
+        add_arrow(scene, arrow, ARROWS.get(arrow.shaft, ORANGE))
     _add_com(scene, frames)
     corners = centre + extent * np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
     place_camera(server, corners, view)

@@ -57,7 +57,7 @@ def summary() -> GaitMeasuresSummary:
 
 def result(given: dict[str, Any]) -> JobResult:
     """The result of succeeded measures."""
-    names = [f"{stem}.{end}" for stem in ("measures", "xcom") for end in ("parquet", "csv")]
+    names = [f"{stem}.{end}" for stem in ("measures", "xcom", "stability") for end in ("parquet", "csv")]
     artifacts = [Artifact(name=name, media_type="application/x", bytes=2345) for name in names]
     return JobResult(
         kind=KIND, input=given, versions={"stridelab": "0.1.0"}, references=["hof2005"],

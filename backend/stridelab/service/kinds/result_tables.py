@@ -37,7 +37,15 @@ _FORMULA = frozenset("=+-@\t\r\n\uff1d\uff0b\uff0d\uff20")
 # Longest suffix first: "vx_m_s" is a velocity, not a length followed by seconds.
 UNITS = (
     {"_m_s2_rthz": "m/s^2/sqrt(Hz)", "_m_rthz": "m/sqrt(Hz)", "_db": "dB"}
-    | {"_m_s2": "m/s^2", "_m_s": "m/s", "_rad_s": "rad/s", "_nms": "N m s", "_nm": "N m", "_rad": "rad"}
+    | {
+        "_m2_s": "m^2/s",
+        "_m_s2": "m/s^2",
+        "_m_s": "m/s",
+        "_rad_s": "rad/s",
+        "_nms": "N m s",
+        "_nm": "N m",
+        "_rad": "rad",
+    }
     | {
         "_kg": "kg",
         "_hz": "Hz",

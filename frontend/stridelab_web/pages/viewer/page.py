@@ -16,6 +16,7 @@ from stridelab_web.charts.intervals import Layer, Row
 from stridelab_web.formatting import count_text
 from stridelab_web.pages import robot
 from stridelab_web.pages.render import render_page
+from stridelab_web.pages.results import measures
 from stridelab_web.pages.verdicts import shown_verdict
 from stridelab_web.pages.viewer import planner
 from stridelab_web.scene.documents import Document, document_of
@@ -34,6 +35,15 @@ COM_LAYERS = (
 
 WHEEL = "fit-cycloid"
 WHEEL_LAYERS = (Layer("/wheel/", "Wheel"),)
+STABILITY_LAYERS = (
+    Layer("/stability/xcom", "Extrapolated CoM", tooltip="On the floor: where the body would come to rest"),
+    Layer("/stability/base", "Base of support"),
+    Layer(
+        "/margin/", "Margin of stability", tooltip="Sideways to the edge of the standing foot; red where it is negative"
+    ),
+    Layer("/momentum/", "Angular momentum", False),
+)
+KIND_LAYERS: Final = {WHEEL: WHEEL_LAYERS} | dict.fromkeys(measures.KINDS, STABILITY_LAYERS)
 
 
 async def view_page(request: Request) -> Response:
@@ -99,7 +109,7 @@ async def _recording_page(request: Request) -> Response:
     verdict = None
     if job_id:
         job, result_url = await client.job(job_id), f"/jobs/{job_id}"
-        layers += [*COM_LAYERS, *(WHEEL_LAYERS if job.kind == WHEEL else ())]
+        layers += [*COM_LAYERS, *KIND_LAYERS.get(job.kind, ())]
         links.append(("Result", result_url))
         verdict = shown_verdict(job, result_url)
     numbered = intervals.numbered_bars(steps_s, recording.duration_s, first=1)

@@ -1,18 +1,24 @@
 """``gait-measures``: measures per step of one or more recordings.
 
-Tables: ``measures`` (long format, a row per value, as statistics packages read it) and ``xcom`` (a row per instant).
+Tables: ``measures`` (long format, a row per value, as statistics packages read it), ``xcom`` (a row per instant) and
+``stability`` (a row per instant, in the world frame of the recording, for pictures).
 """
 
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 
+from stridelab.measures.margin_of_stability import sideways_margin_m
 from stridelab.measures.measure import Measure
-from stridelab.pipelines.gait_measures import GaitMeasuresResult, MeasuredRecording, gait_measures
+from stridelab.pipelines.gait_measures import SIDES, GaitMeasuresResult, MeasuredRecording, gait_measures
 from stridelab.pipelines.progress import ProgressCallback
 from stridelab.schemas.tasks import GaitMeasuresTask
 from stridelab.service.kinds.base import ArtifactFile, Outcome, json_run
-from stridelab.service.kinds.result_tables import write_table
+from stridelab.service.kinds.result_tables import track_columns, write_table
+
+OUTLINE_POINTS: Final = 5
+"""Points of a foot's outline (``foot_outline``)."""
 
 
 def run(task: GaitMeasuresTask, folder: Path, progress: ProgressCallback) -> Outcome:
@@ -31,9 +37,13 @@ run_in_child = json_run(GaitMeasuresTask, run)
 
 
 def write_measures(folder: Path, result: GaitMeasuresResult) -> tuple[ArtifactFile, ...]:
-    """Write both tables as Parquet and CSV into ``folder``."""
+    """Write the tables as Parquet and CSV into ``folder``."""
     about = {"summary": result.summary.model_dump(mode="json", exclude={"measures", "trials", "warnings"})}
-    tables = {"measures": measure_columns(result), "xcom": xcom_columns(result.recordings)}
+    tables = {
+        "measures": measure_columns(result),
+        "xcom": xcom_columns(result.recordings),
+        "stability": stability_columns(result.recordings),
+    }
     return tuple(file for stem, columns in tables.items() for file in write_table(folder, stem, columns, about))
 
 
@@ -69,3 +79,42 @@ def xcom_columns(recordings: tuple[MeasuredRecording, ...]) -> dict[str, np.ndar
             }
         )
     return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+
+
+def stability_columns(recordings: tuple[MeasuredRecording, ...]) -> dict[str, np.ndarray]:
+    """CoM, extrapolated CoM on the floor, and the feet that stand, in the world frame of each recording.
+
+    Of each side: the outline as five points, the margin of stability sideways and the end of this margin, from the
+    extrapolated CoM to the outer edge; NaN while the foot swings. The angular momentum is that about the CoM per
+    kilogram of body mass.
+    """
+    parts = [_stability_of(one) for one in recordings]
+    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+
+
+def _stability_of(one: MeasuredRecording) -> dict[str, np.ndarray]:
+    motion, n = one.motion, len(one.motion.time_s)
+    xcom_m = np.pad(one.xcom.position_m, ((0, 0), (0, 1)))
+    columns: dict[str, np.ndarray] = {
+        "recording_id": np.array([one.recording_id] * n),
+        "recording": np.array([one.filename] * n),
+        "time_s": motion.time_s,
+    }
+    columns |= track_columns("{}_m", motion.in_world(motion.com_m))
+    columns |= track_columns("xcom_{}_m", motion.in_world(xcom_m))
+    columns |= track_columns("momentum_{}_m2_s", motion.momentum_per_kg @ motion.frame)
+    for side in SIDES:
+        stands = np.zeros(n, dtype=bool)
+        for contact in one.contacts:
+            if contact.side == side:
+                stands |= (motion.time_s >= contact.start_s) & (motion.time_s <= contact.end_s)
+        outline_m, margin_m = np.full((n, OUTLINE_POINTS, 3), np.nan), np.full(n, np.nan)
+        if side in motion.feet:
+            outline_m = np.where(stands[:, None, None], motion.feet[side].outline_m, np.nan)
+            margin_m = np.where(stands, sideways_margin_m(motion, one.xcom, side), np.nan)
+        outwards = np.array([0.0, 1.0 if side == "left" else -1.0, 0.0])
+        columns[f"{side}_margin_m"] = margin_m
+        columns |= track_columns(f"{side}_edge_{{}}_m", motion.in_world(xcom_m + margin_m[:, None] * outwards))
+        for k in range(OUTLINE_POINTS):
+            columns |= track_columns(f"{side}_outline{k}_{{}}_m", motion.in_world(outline_m[:, k]))
+    return columns
