@@ -63,3 +63,23 @@ def test_a_session_has_a_report_by_a_button(tab: Tab, lab: Lab) -> None:
     job = lab.fake.jobs[page.url.rpartition("/")[2]]
     assert job.kind == "gait-report"
     assert lab.fake.inputs[job.id] == {"recording_ids": [walk.id for walk in walks]}
+
+
+def test_a_report_is_compared_with_a_group_and_with_earlier_walks(tab: Tab, lab: Lab) -> None:
+    walks = [lab.fake.add_recording(f"walk_{k}.c3d", session_id="now") for k in (1, 2)]
+    earlier = [lab.fake.add_recording(f"earlier_{k}.c3d", session_id="then") for k in (1, 2)]
+    other = lab.fake.add_recording("other.c3d")
+    page = tab.go(f"/recordings/{walks[0].id}")
+    form = page.locator("[data-gait-report]")
+    form.locator("summary").click()
+    form.locator(f'[data-group="{other.id}"] select').select_option("reference_recording_ids")
+    form.get_by_label("Use of earlier").select_option("before_recording_ids")
+    form.get_by_label("Heading").fill("After training")
+    form.get_by_role("button", name="Write the report").click()
+    page.wait_for_url("**/jobs/*")
+    assert lab.fake.inputs[page.url.rpartition("/")[2]] == {
+        "recording_ids": [walk.id for walk in walks],
+        "title": "After training",
+        "reference_recording_ids": [other.id],
+        "before_recording_ids": sorted(one.id for one in earlier),
+    }

@@ -1,5 +1,9 @@
 """The page of one recording: its facts, newest estimate and settings, and the form that starts an estimate."""
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import datetime
+
 from starlette.requests import Request
 from starlette.responses import Response
 
@@ -58,6 +62,7 @@ async def recording_page(request: Request) -> Response:
             dict.fromkeys([*recording.labels, *(label for item in session if item.still for label in item.labels)])
         ),
         walks=[item.id for item in session if not item.still],
+        comparable=comparable_groups(recording, others),
         standing=[item for item in session if item.still and item.id != recording.id],
         windows=intervals.interval_bars(recording.windows_s, recording.duration_s),
         windows_text=intervals.windows_text(recording),
@@ -71,6 +76,36 @@ async def recording_page(request: Request) -> Response:
         latencies=LATENCIES,
         latency=EstimateComInput.model_fields["latency"].default,
         tables=TABLES,
+    )
+
+
+@dataclass(frozen=True)
+class ComparableGroup:
+    """Recordings of one person and day, or one of a person who is not known, that a report may compare with."""
+
+    name: str
+    day: datetime
+    recording_ids: tuple[str, ...]
+
+    @property
+    def joined_ids(self) -> str:
+        """The ids with spaces between them."""
+        return " ".join(self.recording_ids)
+
+
+def comparable_groups(recording: Recording, others: Sequence[Recording]) -> tuple[ComparableGroup, ...]:
+    """The walks of ``others`` by session, without those of the session of ``recording``; the newest first."""
+    groups: dict[str, list[Recording]] = {}
+    for other in others:
+        if not other.still and (other.session_id is None or other.session_id != recording.session_id):
+            groups.setdefault(other.session_id or other.id, []).append(other)
+    return tuple(
+        ComparableGroup(
+            name=next((walk.subject.name for walk in walks if walk.subject.name), walks[0].filename),
+            day=max(walk.created_at for walk in walks),
+            recording_ids=tuple(sorted(walk.id for walk in walks)),
+        )
+        for walks in groups.values()
     )
 
 

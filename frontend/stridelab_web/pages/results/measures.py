@@ -6,15 +6,20 @@ from typing import Any, Final
 
 from stridelab.schemas.jobs import JobResult
 from stridelab.schemas.measures import (
+    FEW_PEOPLE,
     MEASURE_TITLES,
     BodySide,
+    ChangeValue,
     GaitMeasuresSummary,
     GaitReportSummary,
+    MeasureScale,
     MeasureValue,
+    ReferenceValue,
     measure_scale,
     measure_title,
 )
 from stridelab_web.formatting import count_text
+from stridelab_web.scene.result_files import STABILITY_TABLE
 
 KINDS: Final = frozenset({"gait-measures", "gait-report"})
 MAIN: Final[Mapping[str, str]] = {
@@ -31,6 +36,9 @@ N_MAIN: Final = 6
 DOWNLOADS: Final = ("report.pdf", "report.html", "measures.csv", "xcom.csv")
 MIN_STEPS: Final = 3
 """Steps below which the headline refers to the intervals: Student's quantile for two values is 12.7."""
+
+NO_MEANING: Final = "means nothing"
+_SCORE: Final = MeasureScale(1.0, "", 1)
 
 
 @dataclass(frozen=True)
@@ -49,6 +57,37 @@ class Row:
     n: int
 
 
+@dataclass(frozen=True)
+class BesideGroup:
+    """A measure of the person beside that of the reference group as text; empty where it is not known."""
+
+    name: str
+    title: str
+    unit: str
+    value: str
+    group: str
+    n_people: int
+    difference: str
+    interval: str
+    z: str
+    z_interval: str
+
+
+@dataclass(frozen=True)
+class BeforeAfter:
+    """The change of a measure as text; ``is_clear`` if its interval is without zero, ``n`` are the recordings."""
+
+    name: str
+    title: str
+    unit: str
+    before: str
+    after: str
+    n: str
+    change: str
+    interval: str
+    is_clear: bool
+
+
 def measures_of(result: JobResult) -> dict[str, Any]:
     """Values for the template."""
     summary = GaitReportSummary.model_validate(result.summary)  # of a report, or of measures without its fields
@@ -60,9 +99,13 @@ def measures_of(result: JobResult) -> dict[str, Any]:
         "headline": measures_headline(summary),
         "main": [rows[name] for name in MAIN if name in rows][:N_MAIN],
         "rows": list(rows.values()),
+        "beside": reference_rows(summary),
+        "changes": change_rows(summary),
+        "few_people": FEW_PEOPLE,
         "contradicted": contradicted,
         "left_out": [item for item in summary.left_out if item not in contradicted],
         "missing": [(measure_title(item.name), item) for item in summary.not_measured],
+        "has_scene": STABILITY_TABLE in present,
         "downloads": [name for name in DOWNLOADS if name in present],
     }
 
@@ -85,12 +128,66 @@ def _measure_row(one: MeasureValue, by_side: Mapping[tuple[str, BodySide | None]
         short=MAIN.get(one.name, measure_title(one.name)),
         unit=scale.unit,
         mean=scale.number(one.mean),
-        interval="" if one.ci95 is None else f"{scale.number(one.ci95[0])} to {scale.number(one.ci95[1])}",
+        interval=scale.interval(one.ci95),
         left="" if left is None else scale.number(left.mean),
         right="" if right is None else scale.number(right.mean),
         symmetry="" if one.symmetry is None else f"{100.0 * one.symmetry:+z.1f} %",
         n=one.n,
     )
+
+
+def reference_rows(summary: GaitReportSummary) -> tuple[BesideGroup, ...]:
+    """The person beside the reference group, in the order of ``MEASURE_TITLES``; empty without a group."""
+    rows = []
+    for one in sorted(summary.reference, key=_place_in_table):
+        scale = measure_scale(one.name, one.unit)
+        deviation = "" if one.between_sd is None else f" ± {scale.number(one.between_sd)}"
+        few = one.n_people < FEW_PEOPLE
+        interval, score = scale.interval(one.ci95), _SCORE.interval(one.z_ci95)
+        rows.append(
+            BesideGroup(
+                name=one.name,
+                title=measure_title(one.name),
+                unit=scale.unit,
+                value=scale.number(one.value),
+                group=f"{scale.number(one.mean)}{deviation}",
+                n_people=one.n_people,
+                difference="" if one.difference is None else scale.signed(one.difference),
+                interval=NO_MEANING if interval and few else interval,
+                z="" if one.z is None else _SCORE.signed(one.z),
+                z_interval=NO_MEANING if score and few else score,
+            )
+        )
+    return tuple(rows)
+
+
+def change_rows(summary: GaitReportSummary) -> tuple[BeforeAfter, ...]:
+    """The change since the earlier recordings, in the order of ``MEASURE_TITLES``; empty without any."""
+    rows = []
+    for one in sorted(summary.changes, key=_place_in_table):
+        scale = measure_scale(one.name, one.unit)
+        before, after = scale.number(one.before), scale.number(one.after)
+        interval = scale.interval(one.ci95)
+        zero = one.ci95 is not None and one.ci95[0] <= 0.0 <= one.ci95[1]
+        rows.append(
+            BeforeAfter(
+                name=one.name,
+                title=measure_title(one.name),
+                unit=scale.unit,
+                before=before,
+                after=after,
+                n=f"{one.n_before}, {one.n_after}",
+                change=scale.signed(one.change),
+                interval=interval,
+                is_clear=bool(interval) and not zero,
+            )
+        )
+    return tuple(rows)
+
+
+def _place_in_table(one: ReferenceValue | ChangeValue) -> int:
+    order = list(MEASURE_TITLES)
+    return order.index(one.name) if one.name in order else len(order)
 
 
 def measures_headline(summary: GaitMeasuresSummary) -> str:

@@ -8,6 +8,7 @@ import httpx
 import pytest
 
 from stridelab.schemas.measures import MEASURE_TITLES
+from stridelab.schemas.recordings import SubjectFields
 from stridelab_web.pages.results.measures import measure_rows, measures_headline, measures_of
 from support.fakes.measures import KIND, result, summary
 from support.fakes.service import FakeService
@@ -138,3 +139,67 @@ def test_a_session_measures_its_walks_together(fake: FakeService, browse: Browse
         (ids,) = re.findall(r'data-session-measures="([^"]*)">Measures of gait of\s+2 recordings<', page)
         assert ids.split(" ") == [walk.id for walk in walks]
     assert "data-session-measures" not in browse(f"/recordings/{lone.id}").text
+
+
+GROUP: dict[str, Any] = {
+    "name": "step_length", "unit": "m", "value": 0.678, "n_people": 7, "mean": 0.6, "between_sd": 0.03,
+    "difference": 0.078, "ci95": (-0.002, 0.158), "z": 2.6, "z_ci95": (0.9, 4.3),
+}  # fmt: skip
+CHANGE: dict[str, Any] = {
+    "name": "walking_speed", "unit": "m/s", "before": 1.0, "after": 1.212, "n_before": 2, "n_after": 3, "change": 0.212,
+    "ci95": (0.1, 0.324),
+}  # fmt: skip
+
+
+def reported(fake: FakeService, browse: Browse, **fields: Any) -> str:
+    """The page of a report whose summary has ``fields`` beside the measures."""
+    job = fake.add_job("gait-report", "succeeded")
+    done = result({"recording_ids": ["r1", "r2"]})
+    fake.results[job.id] = done.model_copy(update={"kind": "gait-report", "summary": done.summary | fields})
+    answer = browse(f"/jobs/{job.id}")
+    assert answer.status_code == 200
+    return answer.text
+
+
+def test_a_report_shows_the_person_beside_the_group(fake: FakeService, browse: Browse) -> None:
+    page = reported(fake, browse, reference=[GROUP], reference_people=7)
+    (row,) = re.findall(r'<tr data-reference="step_length">(.*?)</tr>', page, re.DOTALL)
+    assert text_of(row) == "Step length m 0.678 0.600 ± 0.030 7 +0.078 -0.002 to 0.158 +2.6 0.9 to 4.3"
+    assert "7 people of the group" in page
+    assert 'id="changes-h"' not in page
+
+
+def test_intervals_beside_few_people_are_not_given_as_numbers(fake: FakeService, browse: Browse) -> None:
+    page = reported(fake, browse, reference=[GROUP | {"n_people": 4}], reference_people=4)
+    (row,) = re.findall(r'<tr data-reference="step_length">(.*?)</tr>', page, re.DOTALL)
+    assert text_of(row) == "Step length m 0.678 0.600 ± 0.030 4 +0.078 means nothing +2.6 means nothing"
+
+
+def test_a_report_shows_the_change_and_marks_a_clear_one(fake: FakeService, browse: Browse) -> None:
+    vague = CHANGE | {"name": "step_length", "unit": "m", "ci95": None, "change": -0.0001}
+    page = reported(fake, browse, changes=[vague, CHANGE])
+    rows = re.findall(r'<tr data-change="(\w+)">(.*?)</tr>', page, re.DOTALL)
+    assert [name for name, _ in rows] == ["walking_speed", "step_length"], "in the order of the titles"
+    assert text_of(rows[0][1]) == "Walking speed m/s 1.00 1.21 2, 3 +0.21 0.10 to 0.32"
+    assert text_of(rows[1][1]) == "Step length m 1.000 1.212 2, 3 0.000 –"
+    assert [" best" in row for _, row in rows] == [True, False]
+    assert 'id="reference-h"' not in page
+
+
+def test_results_of_earlier_versions_have_no_intervals(fake: FakeService, browse: Browse) -> None:
+    later = ("difference", "ci95", "z_ci95")
+    page = reported(fake, browse, reference=[{k: v for k, v in GROUP.items() if k not in later}], reference_people=7)
+    (row,) = re.findall(r'<tr data-reference="step_length">(.*?)</tr>', page, re.DOTALL)
+    assert text_of(row) == "Step length m 0.678 0.600 ± 0.030 7 – – +2.6 –"
+
+
+def test_a_report_can_be_compared_with_other_walks_by_person_and_day(fake: FakeService, browse: Browse) -> None:
+    walk = fake.add_recording("walk.c3d", session_id="s1")
+    fake.add_recording("own.c3d", session_id="s1")
+    named = SubjectFields(name="P2")
+    pair = [fake.add_recording(f"other_{k}.c3d", session_id="s2", subject=named) for k in (1, 2)]
+    fake.add_recording("standing.c3d", session_id="s2", still=True)
+    lone = fake.add_recording("lone.c3d")
+    page = browse(f"/recordings/{walk.id}").text
+    groups = dict(re.findall(r'<tr data-group="([^"]*)"><th scope="row" class="file">([^<]*)<', page))
+    assert groups == {" ".join(sorted(one.id for one in pair)): "P2", lone.id: "lone.c3d"}

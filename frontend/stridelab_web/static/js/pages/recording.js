@@ -130,4 +130,15 @@ const sessionWalks = () => ({ recording_ids: find("[data-session-measures]").dat
 startOnClick("[data-session-measures]", "gait-measures", sessionWalks);
 startOnClick("[data-session-report]", "gait-report", sessionWalks);
 
+onSubmit(find("[data-gait-report]"), (data) => {
+  const input = { recording_ids: data.get("recordings").split(" ") };
+  if (input.recording_ids.length === 1) input.method = estimate.method.value || null;
+  if (data.get("title").trim()) input.title = data.get("title").trim();
+  for (const row of root.querySelectorAll("[data-group]")) {
+    const use = row.querySelector("select").value;
+    if (use) input[use] = [...(input[use] ?? []), ...row.dataset.group.split(" ")];
+  }
+  return openNewJob("gait-report", input);
+});
+
 confirmDeletion(`/recordings/${id}`, "/recordings");
