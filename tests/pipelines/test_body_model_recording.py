@@ -14,7 +14,14 @@ from stridelab.service.estimable import estimate_offers
 from stridelab.service.kinds import parse_upload
 from stridelab.service.kinds.estimate_com import run as estimate_com
 from support.command_line import estimate_task, quiet
-from support.recordings.body_model_files import MASS_KG, rocking_com_m, rocking_members, write_zip
+from support.recordings.body_model_files import (
+    MASS_KG,
+    human_links,
+    model_text,
+    rocking_com_m,
+    rocking_members,
+    write_zip,
+)
 
 MEMBERS = rocking_members()
 
@@ -49,6 +56,27 @@ def test_a_wrong_force_contradicts_the_mass_of_the_model(tmp_path: Path) -> None
     trial = write_zip(tmp_path / "trial.zip", MEMBERS | {"subject.osim": heavy})
     outcome = estimate_com.run(estimate_task(trial, tmp_path / "job"), tmp_path / "job", quiet)
     assert outcome.summary["quality"]["verdict"] != "good"
+
+
+def model_without(*bodies: str) -> str:
+    return model_text([link for link in human_links() if link.body not in bodies])
+
+
+@pytest.mark.parametrize(
+    ("bodies", "lacks"),
+    [
+        (("torso",), "the trunk"),
+        (tuple(link.body for link in human_links() if link.body[-2:] in ("_r", "_l")), "a leg"),
+    ],
+)
+def test_a_model_of_a_part_of_a_body_contradicts_a_person(tmp_path: Path, bodies: tuple[str, ...], lacks: str) -> None:
+    trial = write_zip(tmp_path / "trial.zip", MEMBERS | {"subject.osim": model_without(*bodies)})
+    task = estimate_task(trial, tmp_path / "job", method="geometry")
+    summary = EstimateComSummary.model_validate(estimate_com.run(task, tmp_path / "job", quiet).summary)
+    assert summary.quality.verdict == "contradicted"
+    (check,) = [check for check in summary.quality.checks if not check.passed]
+    assert check.name == "model_leg_mass"
+    assert f"lack {lacks}" in check.message
 
 
 @pytest.mark.parametrize("renamed", [False, True])

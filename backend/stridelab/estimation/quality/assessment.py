@@ -91,7 +91,7 @@ def worst_verdict(verdicts: Iterable[Verdict]) -> Verdict:
 
 MM: Final = 1e3
 WITHOUT_FORCE: Final = "no force was used"
-MARKER_CHECKS: Final = ("outside_body", "leg_length_change")
+MARKER_CHECKS: Final = ("outside_body", "leg_length_change", "model_leg_mass")
 """Checks that need no force."""
 
 
@@ -133,6 +133,14 @@ class _CheckRow:
 def _force_rows(measures: Measures, mass_kg: float) -> Iterator[_CheckRow]:
     motion, standing = abs(measures.motion_mass_kg / mass_kg - 1.0), abs(measures.standing_mass_kg / mass_kg - 1.0)
     times = math.sqrt(max(measures.normalised_innovations, 0.0))
+    tilt_deg = math.degrees(math.asin(min(measures.force_tilt, 1.0)))
+    yield _CheckRow(
+        "force_tilt",
+        measures.force_tilt,
+        f"The mean force leans by {tilt_deg:.1f} degrees from the vertical of the file, more than the motion explains",
+        "the vertical of the file, which an inclined treadmill may tilt, and the plates' horizontal force",
+        "the interval with all force is shorter than 1 s",
+    )
     yield _CheckRow(
         "normalised_innovations",
         measures.normalised_innovations,
@@ -242,6 +250,20 @@ def _body_rows(measures: Measures, *, with_force: bool) -> Iterator[_CheckRow]:
         "the markers of that leg",
         "no thigh or shank has both its joints",
     )
+    share = measures.model_leg_share
+    if share is None:
+        return
+    lacks = (
+        "the trunk or the other leg" if share > LEG_MASS_SHARE else "a leg, or has loads that are no part of the body"
+    )
+    yield _CheckRow(
+        "model_leg_mass",
+        abs(share - LEG_MASS_SHARE),
+        f"The legs are {share:.0%} of the mass of the body model, and about {LEG_MASS_SHARE:.0%} of that of a person: "
+        f"the model may lack {lacks}",
+        "the bodies of the model and those of a person",
+        "no body of the model has a known name",
+    )
 
 
 def _worst_plate(measures: Measures, name: str) -> PlatePressure:
@@ -251,6 +273,8 @@ def _worst_plate(measures: Measures, name: str) -> PlatePressure:
     return max(known, key=lambda plate: float(getattr(plate, name)), default=nothing)
 
 
+LEG_MASS_SHARE: Final = 0.39
+"""Share of both legs in the mass of a body; 0.28 to 0.50 in 87 public body models of whole bodies."""
 CIRCLE_95: Final = math.sqrt(-2.0 * math.log(0.05))
 """Radius, in standard deviations per axis, of the circle that contains 95 % of a normal error in the plane."""
 BAND_95: Final = 1.96
@@ -268,6 +292,8 @@ class Limit:
 
 LIMITS: Final[Mapping[str, Limit]] = MappingProxyType(
     {
+        # The sine of the angle: 3 and 6 degrees. 0.1 of gravity moves a body by half a metre in a second.
+        "force_tilt": Limit(0.05, 0.1),
         # 1 is the expectation if all errors are as stated; 2.05 the 1e-4 quantile of chi-squared with 40 degrees of
         # freedom over 40, fewer than in the shortest window.
         "normalised_innovations": Limit(1.0, 2.0),
@@ -291,6 +317,9 @@ LIMITS: Final[Mapping[str, Limit]] = MappingProxyType(
         "pressure_from_feet": Limit(0.06, 0.15, "m"),
         "pressure_off_plate": Limit(0.1, 0.5),
         "leg_length_change": Limit(0.15, 0.5),
+        # Legs of 54 % of the mass: more than a quarter of a body, 0.4 m higher, is missing, and the centre of mass is
+        # 0.1 m too low.
+        "model_leg_mass": Limit(0.12, 0.15),
     }
 )
 

@@ -20,12 +20,13 @@ with millimetres of error in the height of the geometric centre of mass.
 
 Checks that thigh and shank have constant length; needs markers only.
 
-Checks that the centre of pressure of each plate lies under a standing foot and inside the plate's corners.
+Tilt of the mean force, and the share of the legs in the mass of a body model.
 """
 
 import itertools
 import math
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -39,107 +40,9 @@ from stridelab.dynamics.wrench import contact_force
 from stridelab.estimation.differentiation import low_pass, smoothed_derivatives, walk_frame
 from stridelab.estimation.estimator import ComEstimate
 from stridelab.estimation.evaluation.physics_residuals import MOMENTUM_BAND_HZ, assess_flight, force_residual_track_n
-from stridelab.recordings.files.raw import CONTACT_TYPE
-from stridelab.recordings.foot_contact import Foot, find_feet
-from stridelab.recordings.force_plates import plate_axes
+from stridelab.estimation.quality.plate_pressure import PlatePressure, plate_pressures
 from stridelab.recordings.gap_filling import true_runs
-from stridelab.recordings.plate_contacts import low_pass as low_pass_force
-from stridelab.recordings.recording import Plate, Recording, WrenchTrack
-
-LOADED_N: Final = 100.0
-"""Minimum load for an accurate centre of pressure."""
-EDGE_M: Final = 0.02
-_PRESSURE_MIN_FRAMES = 5
-
-
-@dataclass(frozen=True)
-class PlatePressure:
-    """Centre of pressure of plate ``index`` while it is loaded.
-
-    ``from_feet_m`` is the median horizontal distance from the standing feet's markers, NaN if the feet are not marked;
-    ``off_plate`` the share of the time outside the corners, NaN for a contact without a plate.
-    """
-
-    index: int
-    from_feet_m: float
-    off_plate: float
-
-
-def plate_pressures(
-    recording: Recording, landmarks: Mapping[str, str], during: Mask, latency_s: float
-) -> tuple[PlatePressure, ...]:
-    """Evaluate every plate in use that is loaded in the frames ``during``; the force is read ``latency_s`` later."""
-    feet = find_feet(recording, landmarks)
-    pressures = []
-    for plate in recording.plates:
-        if not plate.use:
-            continue
-        pressure_m, loaded = _pressure_at_frames(recording, plate, latency_s)
-        loaded &= during
-        if np.count_nonzero(loaded) < _PRESSURE_MIN_FRAMES:
-            continue
-        apart = np.array([_distance_from_feet(feet, pressure_m[i], int(i)) for i in np.flatnonzero(loaded)])
-        from_feet_m = float(np.nanmedian(apart)) if np.isfinite(apart).any() else float("nan")
-        pressures.append(PlatePressure(plate.index, from_feet_m, _share_off_plate(plate, pressure_m[loaded])))
-    return tuple(pressures)
-
-
-def _pressure_at_frames(recording: Recording, plate: Plate, latency_s: float) -> tuple[Points, Mask]:
-    """Centre of pressure on the plate's surface at the marker instants, and the mask of loaded frames."""
-    read_at_s = recording.time_s + latency_s
-    force_time_s = np.arange(len(plate.force_n)) / recording.force_rate_hz
-    f, nu = (
-        np.column_stack([np.interp(read_at_s, force_time_s, track[:, j]) for j in range(3)])
-        for track in (
-            low_pass_force(plate.force_n, recording.force_rate_hz),
-            low_pass_force(plate.moment_nm, recording.force_rate_hz),
-        )
-    )
-    c, n = plate.corners_m.mean(axis=0), plate_axes(plate.corners_m)[:, 2]
-    normal_n = f @ n
-    loaded = np.abs(normal_n) > LOADED_N
-    about_centre = nu - np.cross(c, f)
-    p = c + np.cross(n, about_centre) / np.where(loaded, normal_n, np.inf)[:, None]
-    return p, np.asarray(loaded)
-
-
-def _distance_from_feet(feet: Sequence[Foot], pressure_m: Series, frame: int) -> float:
-    """Horizontal distance from the convex hull of the markers of all feet in contact; NaN without any."""
-    standing = [foot.markers_m[frame, :, :2] for foot in feet if foot.contact[frame]]
-    hulls = [points[np.isfinite(points).all(axis=1)] for points in standing]
-    hulls = [points for points in hulls if len(points)]
-    if not hulls:
-        return float("nan")
-    return min(_distance_from_polygon(pressure_m[:2], points) for points in (*hulls, np.concatenate(hulls)))
-
-
-def _distance_from_polygon(point: Series, corners: np.ndarray) -> float:
-    """Distance of a point from the convex hull of ``corners`` in the plane."""
-    ring = corners
-    if len(corners) > 2:
-        try:
-            hull = ConvexHull(corners)
-        except QhullError:
-            pass
-        else:
-            if (hull.equations[:, :2] @ point + hull.equations[:, 2]).max() <= 0.0:
-                return 0.0
-            ring = corners[hull.vertices]
-    a, b = ring, np.roll(ring, -1, axis=0)
-    along = b - a
-    share = np.clip(((point - a) * along).sum(axis=1) / np.maximum((along**2).sum(axis=1), 1e-12), 0.0, 1.0)
-    return float(np.linalg.norm(a + share[:, None] * along - point, axis=1).min())
-
-
-def _share_off_plate(plate: Plate, pressure_m: Points) -> float:
-    if plate.type == CONTACT_TYPE:
-        return float("nan")
-    corners = plate.corners_m
-    local = (pressure_m - corners.mean(axis=0)) @ plate_axes(corners)
-    half_x = 0.5 * np.linalg.norm(corners[0] - corners[1]) + EDGE_M
-    half_y = 0.5 * np.linalg.norm(corners[0] - corners[3]) + EDGE_M
-    return float(np.mean((np.abs(local[:, 0]) > half_x) | (np.abs(local[:, 1]) > half_y)))
-
+from stridelab.recordings.recording import Recording, SegmentMotion, WrenchTrack
 
 AXES: Final = ("along the walk", "across the walk", "vertically")
 EDGE: Final = 0.6
@@ -151,13 +54,20 @@ MIN_CONTRADICTING_SHARE: Final = 0.15
 
 @dataclass(frozen=True)
 class AccelerationDifference:
-    """Standard deviations on the named axis, over the weight: of the difference, and of the measured force itself."""
+    """Standard deviations on the named axis, over the weight: of the difference, and of the measured force itself.
+
+    ``tilt`` is the mean of the horizontal difference over the weight: the sine of the angle between the vertical of
+    the file and gravity. NaN where less than ``MIN_TILT_S`` is compared.
+    """
 
     axis: str
     share: float
     force_share: float
+    tilt: float = math.nan
 
 
+MIN_TILT_S: Final = 0.8
+"""Shortest time for the mean force: an error of 0.1 m/s in the velocity at either end is then 0.018 of the weight."""
 EXPLAINED_SHARE: Final = 0.5
 """Difference over the variation of the force at which markers and force have lost half of their common signal."""
 
@@ -185,10 +95,13 @@ def acceleration_difference(
     frame, weight_n = walk_frame(velocity - geometric.ground_m_s), mass_kg * GRAVITY_M_S2
     apart = (contact_force(acceleration, mass_kg) - force_n)[edge:-edge] @ frame.T
     share, force_share = apart.std(axis=0) / weight_n, (force_n[edge:-edge] @ frame.T).std(axis=0) / weight_n
+    tilt = math.nan
+    if len(apart) >= MIN_TILT_S * rate_hz:
+        tilt = float(np.linalg.norm(apart[:, :2].mean(axis=0))) / weight_n
     # the large vertical forces of a run allow more than a walk's, and must not hide an axis that contradicts
     contradicts = share > np.maximum(EXPLAINED_SHARE * force_share, MIN_CONTRADICTING_SHARE)
     worst = int(np.argmax(np.where(contradicts, 1.0, 0.0) * share.max() + share))
-    return AccelerationDifference(AXES[worst], float(share[worst]), float(force_share[worst]))
+    return AccelerationDifference(AXES[worst], float(share[worst]), float(force_share[worst]), tilt)
 
 
 NAN = math.nan
@@ -223,9 +136,11 @@ class Measures:
     """One value per check; NaN if it cannot be computed.
 
     ``axis`` is that of ``acceleration_difference`` and ``force_share`` the variation of the force on it,
-    ``leg`` the segment of ``leg_length_change``.
+    ``leg`` the segment of ``leg_length_change``. ``model_leg_share`` is the share of the legs in a body model's mass,
+    None without a model.
     """
 
+    force_tilt: float = NAN
     normalised_innovations: float = NAN
     force_residual: float = NAN
     acceleration_difference: float = NAN
@@ -240,6 +155,7 @@ class Measures:
     flight_acceleration: float = NAN
     leg_length_change: float = NAN
     leg: str = ""
+    model_leg_share: float | None = None
     plates: tuple[PlatePressure, ...] = ()
 
 
@@ -254,6 +170,7 @@ def compute_measures(recorded: Recorded, estimate: ComEstimate) -> Measures:
         outside_body_m=float(np.nanpercentile(outside_m, 95.0)) if np.isfinite(outside_m).any() else NAN,
         leg_length_change=NAN if leg is None else leg[1],
         leg="" if leg is None else leg[0],
+        model_leg_share=leg_mass_share(recorded.recording.segments),
     )
     if not recorded.with_force:
         return common
@@ -266,6 +183,7 @@ def compute_measures(recorded: Recorded, estimate: ComEstimate) -> Measures:
         horizontal_m, vertical_m = float(np.hypot(x, y)), float(abs(z))
         largest_m = float(np.nanmax(np.linalg.norm(offset_m, axis=1)))
     return Measures(
+        force_tilt=NAN if apart is None else apart.tilt,
         normalised_innovations=estimate.diagnostics.get("normalised_innovations", NAN),
         force_residual=_relative_force_residual(recorded, estimate, complete),
         acceleration_difference=NAN if apart is None else apart.share,
@@ -280,6 +198,7 @@ def compute_measures(recorded: Recorded, estimate: ComEstimate) -> Measures:
         flight_acceleration=_flight_acceleration_error(recorded, estimate),
         leg_length_change=common.leg_length_change,
         leg=common.leg,
+        model_leg_share=common.model_leg_share,
         plates=plate_pressures(recorded.recording, recorded.landmarks, wrench.complete, wrench.latency_applied_s),
     )
 
@@ -397,3 +316,22 @@ def length_change(joint_centres_m: Mapping[str, Points]) -> tuple[str, float] | 
         return None
     change, name = max(changes)
     return name, change
+
+
+_LEG: Final = re.compile(r"femur|thigh|tibia|shank|shin|fibula|patella|talus|calc|foot|toe|metatars|leg", re.IGNORECASE)
+_ABOVE: Final = re.compile(
+    r"torso|trunk|thorax|spine|lumbar|rib|head|clavic|scapula|humer|arm|ulna|radius|hand", re.IGNORECASE
+)
+
+
+def leg_mass_share(segments: Mapping[str, SegmentMotion]) -> float | None:
+    """Share of the segments named as parts of the legs in the mass of a body model.
+
+    None without a model; NaN where no name is known as a part of a leg, of the trunk or of an arm.
+    """
+    if not segments:
+        return None
+    if not any(_LEG.search(name) or _ABOVE.search(name) for name in segments):
+        return NAN
+    legs_kg = sum(segment.mass_kg for name, segment in segments.items() if _LEG.search(name))
+    return legs_kg / sum(segment.mass_kg for segment in segments.values())

@@ -7,6 +7,7 @@ from typing import Any, Final
 from stridelab.schemas.quality import Quality, QualityCheck
 
 NAMES: Final[Mapping[str, str]] = {
+    "force_tilt": "Tilt of the mean force from the vertical",
     "normalised_innovations": "Consistency of sensors with the model (1 = as expected)",
     "force_residual": "Force residual of the result",
     "acceleration_difference": "Force residual of the markers alone",
@@ -20,6 +21,7 @@ NAMES: Final[Mapping[str, str]] = {
     "pressure_off_plate": "Centre of pressure off its plate",
     "outside_body": "Centre of mass outside the body",
     "leg_length_change": "Change of a leg's length",
+    "model_leg_mass": "Legs' share of the model's mass, from a person's",
 }
 SHARES: Final = frozenset(
     {
@@ -30,6 +32,8 @@ SHARES: Final = frozenset(
         "flight_acceleration",
         "pressure_off_plate",
         "leg_length_change",
+        "force_tilt",
+        "model_leg_mass",
     }
 )
 """Checks whose ratios are shown in percent."""
