@@ -92,3 +92,18 @@ def test_what_cannot_be_pooled_is_refused(values: list[float], sds: list[float])
     with pytest.raises(InvalidInput) as refusal:
         pool_measurements(values, sds)
     assert refusal.value.code == "nothing-to-pool"
+
+
+def test_scaled_errors_keep_the_ratio_of_the_weights() -> None:
+    """Equal errors give the same mean either way; of unequal ones the factor keeps what the added variance levels."""
+    added, scaled = (pool_measurements([0.0, 4.0], [1.0, 1.0], scaled=way) for way in (False, True))
+    assert (scaled.mean, scaled.sd) == (pytest.approx(added.mean, abs=1e-9), pytest.approx(added.sd, rel=1e-9))
+    assert scaled.excess_sd == pytest.approx(added.excess_sd, rel=1e-9)
+    x, sd = [0.0, 0.5, 1.5, -1.0], [0.1, 0.2, 0.2, 0.4]
+    found = pool_measurements(x, sd, scaled=True)
+    s2 = 1.0 + found.excess_sd**2
+    h = [min(1.0, C * one * math.sqrt(s2) / abs(a - found.mean)) for a, one in zip(x, sd, strict=True)]
+    w = np.array([a / one**2 for a, one in zip(h, sd, strict=True)])
+    assert found.weights == pytest.approx(w / w.sum(), rel=1e-6)
+    assert found.sd == pytest.approx(math.sqrt(s2 / w.sum()), rel=1e-6)
+    assert s2 > 2.0

@@ -7,7 +7,15 @@ from typing import Any
 import pytest
 
 from stridelab.estimation.random_effects import pool_measurements
-from stridelab.pipelines.session_values import PLATE_WEIGHT_SD_SHARE, TrialFacts, select_static_trial, session_values
+from stridelab.pipelines.session_values import (
+    MASS_REPEATABILITY_SHARE,
+    PLATE_WEIGHT_SD_SHARE,
+    UNKNOWN_ZERO_SD_KG,
+    TrialFacts,
+    select_static_trial,
+    session_values,
+)
+from stridelab.recordings.body_mass import UNCHECKED_ZERO_SD_KG
 from stridelab.schemas.recordings import TrialClock
 from support.service.stored_rows import CORNERS_M, facts
 
@@ -26,12 +34,41 @@ def test_latency_and_mass_are_pooled_over_all_trials_of_the_session() -> None:
     assert found.latency_s == pytest.approx(expected.mean, rel=1e-12)
     assert found.latency_sd_s == pytest.approx(expected.sd, rel=1e-12)
     assert found.latency_n_trials == found.mass_n_trials == 3
-    weighed = pool_measurements([60.0, 60.0, 61.0], [0.6] * 3)
+    masses_kg = [60.0, 60.0, 61.0]
+    sds_kg = [math.hypot(0.6, MASS_REPEATABILITY_SHARE * mass_kg) for mass_kg in masses_kg]
+    weighed = pool_measurements(masses_kg, sds_kg, scaled=True)
     assert found.mass_kg == pytest.approx(weighed.mean)
     assert found.mass_sd_kg == pytest.approx(math.hypot(weighed.sd, PLATE_WEIGHT_SD_SHARE * weighed.mean))
     assert [one.recording_id for one in found.trials] == ["a", "b", "c"]
     assert sum(one.latency_weight or 0.0 for one in found.trials) == pytest.approx(1.0)
     assert found.trials[0].latency_weight == pytest.approx(expected.weights[0])
+
+
+def heavy(name: str, mass_kg: float, sd_kg: float, **changes: Any) -> TrialFacts:
+    return trial(name, mass_from_force_kg=mass_kg, mass_from_force_sd_kg=sd_kg, **changes)
+
+
+def test_landings_that_weigh_too_much_do_not_move_the_mass_of_the_walks() -> None:
+    walks = [heavy(name, mass_kg, 0.4) for name, mass_kg in (("a", 59.2), ("b", 59.2), ("c", 59.5))]
+    landings = [heavy(name, 65.0 + k, 4.0) for k, name in enumerate("defgh")]
+    found = session_values("s", walks[0], [*walks[1:], *landings])
+    assert found is not None
+    assert found.mass_kg == pytest.approx(59.4, abs=0.2)
+    assert found.trials[0].mass_sd_kg == 0.4
+
+
+def test_trials_whose_plates_hide_their_zero_count_as_one() -> None:
+    """Their zero is wrong by the same 3 kg: five of them do not outvote three that show it."""
+    hidden = {"plates": [{"index": 1, "type": 2, "corners_m": CORNERS_M, "loaded_s": [(0.0, 1.0)]}]}
+    shown = {"plates": [{"index": 1, "type": 2, "corners_m": CORNERS_M, "loaded_s": [(0.2, 0.8)]}]}
+    walks = [heavy(name, 63.7, 0.3, **shown) for name in "abc"]
+    squats = [heavy(name, 60.7, 1.0, **hidden) for name in "defgh"]
+    found = session_values("s", walks[0], [*walks[1:], *squats])
+    assert found is not None
+    assert found.mass_kg == pytest.approx(63.7, abs=0.3)
+    of_squats = [one.mass_weight or 0.0 for one in found.trials[3:]]
+    assert sum(of_squats) < max(one.mass_weight or 0.0 for one in found.trials[:3])
+    assert UNKNOWN_ZERO_SD_KG == UNCHECKED_ZERO_SD_KG
 
 
 def test_every_trial_of_a_session_gets_the_same_values_in_whatever_order_they_came() -> None:

@@ -170,6 +170,16 @@ def test_a_trial_that_contradicts_its_session_is_noted(session: Made, tmp_path: 
     assert summary.latency_applied_s == -0.02
 
 
+@pytest.mark.parametrize(("factor", "noted"), [(1.0, False), (0.96, True)])
+def test_a_trial_that_weighs_another_person_than_its_session_is_noted(
+    session: Made, tmp_path: Path, factor: float, noted: bool
+) -> None:
+    values = session.values("walk2.c3d")
+    values = values.model_copy(update={"mass_kg": (values.mass_kg or 0.0) * factor})
+    summary = estimated(session, "walk2.c3d", tmp_path / "run", values)
+    assert ("mass-differs-from-session" in {remark.code for remark in summary.warnings}) is noted
+
+
 # Static trials.
 
 

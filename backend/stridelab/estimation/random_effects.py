@@ -14,6 +14,9 @@ Proposal 2),
 or 0 if they are smaller already. An outlier counts as one of C standard deviations, regardless of its size. The
 variance of mu is 1 / sum_i h_i w_i with h_i = min(1, C / |z_i|). Sums are exact (``math.fsum``), so that the result
 does not depend on the order of the measurements.
+
+With ``scaled`` errors the variances are (1 + tau^2) v_i in place of v_i + tau^2 (the square of the Birge ratio): where
+the stated errors differ by a factor of ten and a few measurements have failed, the accurate ones keep their weight.
 """
 
 import math
@@ -39,8 +42,8 @@ _STEPS: Final = 60
 class Pooled:
     """Mean of ``n`` measurements with its standard deviation.
 
-    ``excess_sd`` is tau, the scatter beyond the stated errors; ``chi_squared`` is sum (x_i - mu)^2 / v_i with the
-    stated errors, to be compared with n - 1; ``weights`` add up to 1.
+    ``excess_sd`` is tau, the scatter beyond the stated errors (without unit if they are scaled); ``chi_squared`` is
+    sum (x_i - mu)^2 / v_i with the stated errors, to be compared with n - 1; ``weights`` add up to 1.
     """
 
     mean: float
@@ -55,8 +58,10 @@ class Pooled:
         return len(self.weights)
 
 
-def pool_measurements(values: Sequence[float], sds: Sequence[float]) -> Pooled:
+def pool_measurements(values: Sequence[float], sds: Sequence[float], *, scaled: bool = False) -> Pooled:
     """Random-effects mean of ``values`` with standard deviations ``sds``, in the unit of both.
+
+    ``scaled`` multiplies the stated variances where the scatter exceeds them, instead of adding to them.
 
     Raises ``InvalidInput`` (``nothing-to-pool``) without values, for different lengths, or if a standard deviation is
     not positive.
@@ -65,14 +70,16 @@ def pool_measurements(values: Sequence[float], sds: Sequence[float]) -> Pooled:
         raise InvalidInput("nothing-to-pool", "Each of the values to combine needs a positive standard deviation.")
     v = [sd**2 for sd in sds]
     tau2 = 0.0
-    if _residual_excess(values, v, 0.0) > 0.0:
-        low, high = 0.0, (max(values) - min(values)) ** 2
+    if _residual_excess(values, v) > 0.0:
+        low, high = 0.0, (max(values) - min(values)) ** 2 / (min(v) if scaled else 1.0)
         for _ in range(_STEPS):
             middle = 0.5 * (low + high)
-            low, high = (middle, high) if _residual_excess(values, v, middle) > 0.0 else (low, middle)
+            exceeds = _residual_excess(values, _widened(v, middle, scaled=scaled)) > 0.0
+            low, high = (middle, high) if exceeds else (low, middle)
         tau2 = high
-    mu = _robust_mean(values, v, tau2)
-    weights = _robust_weights(values, v, tau2, mu)
+    widened = _widened(v, tau2, scaled=scaled)
+    mu = _robust_mean(values, widened)
+    weights = _robust_weights(values, widened, mu)
     total = math.fsum(weights)
     return Pooled(
         mean=mu,
@@ -83,16 +90,21 @@ def pool_measurements(values: Sequence[float], sds: Sequence[float]) -> Pooled:
     )
 
 
-def _residual_excess(values: Sequence[float], v: Sequence[float], tau2: float) -> float:
-    """Sum of psi(z_i)^2 minus its expectation; decreases with ``tau2``."""
-    mu = _robust_mean(values, v, tau2)
-    psi = (_huber_psi((x - mu) / math.sqrt(own + tau2)) for x, own in zip(values, v, strict=True))
+def _widened(v: Sequence[float], tau2: float, *, scaled: bool) -> list[float]:
+    """Variances with the excess ``tau2``, added or as a factor."""
+    return [own * (1.0 + tau2) if scaled else own + tau2 for own in v]
+
+
+def _residual_excess(values: Sequence[float], v: Sequence[float]) -> float:
+    """Sum of psi(z_i)^2 minus its expectation; decreases with the variances ``v``."""
+    mu = _robust_mean(values, v)
+    psi = (_huber_psi((x - mu) / math.sqrt(own)) for x, own in zip(values, v, strict=True))
     return math.fsum(one**2 for one in psi) - (len(values) - 1) * _EXPECTED
 
 
-def _robust_mean(values: Sequence[float], v: Sequence[float], tau2: float) -> float:
+def _robust_mean(values: Sequence[float], v: Sequence[float]) -> float:
     """Root of the estimating equation, which is piecewise linear and decreasing in mu, by bracketed Newton steps."""
-    sds = [math.sqrt(own + tau2) for own in v]
+    sds = [math.sqrt(own) for own in v]
     low, high = min(values), max(values)
     mu = math.fsum(x / sd**2 for x, sd in zip(values, sds, strict=True)) / math.fsum(1.0 / sd**2 for sd in sds)
     for _ in range(_STEPS):
@@ -109,12 +121,12 @@ def _robust_mean(values: Sequence[float], v: Sequence[float], tau2: float) -> fl
     return mu
 
 
-def _robust_weights(values: Sequence[float], v: Sequence[float], tau2: float, mu: float) -> list[float]:
+def _robust_weights(values: Sequence[float], v: Sequence[float], mu: float) -> list[float]:
     """h_i w_i of each measurement."""
     weights = []
     for x, own in zip(values, v, strict=True):
-        z = abs(x - mu) / math.sqrt(own + tau2)
-        weights.append((C / z if z > C else 1.0) / (own + tau2))
+        z = abs(x - mu) / math.sqrt(own)
+        weights.append((C / z if z > C else 1.0) / own)
     return weights
 
 

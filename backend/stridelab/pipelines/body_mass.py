@@ -25,6 +25,9 @@ MASS_REMARK_SHARE: Final = 0.05
 MAX_MASS_RATIO: Final = 1.5
 """Ratio of stated to measured mass (or its inverse) from which the stated mass is rejected."""
 
+SESSION_SHARE: Final = 0.015
+"""Relative difference from the mass of the session above which a trial gets a remark, if it exceeds its own error."""
+
 NOMINAL_KG: Final = 70.0
 """Placeholder for an unknown mass when only the geometry is used; it does not affect any reported number."""
 
@@ -160,6 +163,22 @@ def session_masses(session: SessionValues | None) -> tuple[MassEstimate, ...]:
     calibration_kg = CALIBRATION_SHARE * session.mass_kg
     own_kg = np.sqrt(max((session.mass_sd_kg or 0.0) ** 2 - calibration_kg**2, ZERO_SD_KG**2))
     return (MassEstimate(session.mass_kg, float(own_kg), "session", 0.0),)
+
+
+def session_mass_remarks(session: SessionValues | None, measured: Sequence[MassEstimate]) -> tuple[Remark, ...]:
+    """A remark where the plates weigh another mass in this trial than in the others of its session."""
+    own = best_mass(measured)
+    if own is None or session is None or session.mass_kg is None:
+        return ()
+    difference_kg = own.mass_kg - session.mass_kg
+    if abs(difference_kg) <= max(SESSION_SHARE * session.mass_kg, 2.0 * own.sd_kg):
+        return ()
+    message = (
+        f"The plates weigh {own.mass_kg:.1f} ± {own.sd_kg:.1f} kg in this trial and {session.mass_kg:.1f} kg over "
+        f"{session.mass_n_trials} trials of its session, {difference_kg * GRAVITY_M_S2:+.0f} N apart: the plates have "
+        "another zero here, a part of a foot stands beside them, or something else carries weight."
+    )
+    return (Remark("mass-differs-from-session", message),)
 
 
 def standing_masses(static: Trial | None) -> tuple[MassEstimate, ...]:

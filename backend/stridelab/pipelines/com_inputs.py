@@ -18,7 +18,7 @@ from stridelab.body.geometric_com import GeometricCom
 from stridelab.body.segment_model import SegmentModel
 from stridelab.errors import Fault, InvalidInput, NotEstimable
 from stridelab.estimation.differentiation import SHORTEST_WINDOW_S
-from stridelab.pipelines.body_mass import BodyMass, body_mass, session_masses, standing_masses
+from stridelab.pipelines.body_mass import BodyMass, body_mass, session_mass_remarks, session_masses, standing_masses
 from stridelab.pipelines.latency_policy import LatencyChoice, choose_latency
 from stridelab.pipelines.progress import ProgressCallback
 from stridelab.pipelines.trial import Trial, assign_static_landmarks, examine_trial, read_static
@@ -105,6 +105,7 @@ def prepare_com_inputs(
             f"{session.mass_n_trials} trials of the session."
         )
         mass = replace(mass, remarks=(Remark("mass-from-session", message),))
+    mass = replace(mass, remarks=(*mass.remarks, *session_mass_remarks(session, trial.masses)))
     if not needs_force and not (mass.source and _has_estimable_window(windows, trial)):
         windows = ()
 

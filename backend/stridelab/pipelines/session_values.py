@@ -18,6 +18,10 @@ CORNER_RESOLUTION_M: Final = 0.001
 """Resolution at which plate corners are compared."""
 PLATE_WEIGHT_SD_SHARE: Final = 0.011
 """Relative weight error common to all trials of a session: plates against scales, 6 adults (12 more: 1.15 %)."""
+MASS_REPEATABILITY_SHARE: Final = 0.004
+"""Relative standard deviation of the mass between the trials of one person: 0.36 to 0.45 % in 30 people."""
+UNKNOWN_ZERO_SD_KG: Final = 1.0
+"""Error that trials have in common whose plates are loaded all the time (``body_mass.UNCHECKED_ZERO_SD_KG``)."""
 CONTACT_TYPE: Final = 0
 """Plate type of contacts read from a MOT file; their corners only bound the centre of pressure of that trial."""
 
@@ -64,20 +68,19 @@ def session_values(session_id: str, own: TrialFacts, others: Sequence[TrialFacts
     same_setup = [one for one in _distinct_trials(own, others) if equipment_key(one.facts) == equipment_key(own.facts)]
     same_setup.sort(key=lambda one: one.recording_id)
     clocks = {one.recording_id: one.facts.clock for one in same_setup if one.facts.clock is not None}
-    weighed = {one.recording_id: (one.facts.mass_from_force_kg, one.facts.mass_from_force_sd_kg) for one in same_setup}
-    masses = {name: (kg, sd) for name, (kg, sd) in weighed.items() if kg is not None and sd is not None}
+    masses = _trial_masses(same_setup)
     zeros = _plate_zeros(own, same_setup)
     if not zeros and not (clocks.keys() | masses.keys()) - {own.recording_id}:
         return None
     latency = _pool_with_others(
         {name: (clock.latency_s, clock.sd_s) for name, clock in clocks.items()}, own.recording_id
     )
-    mass = _pool_with_others(masses, own.recording_id)
+    mass = _pool_with_others(masses, own.recording_id, scaled=True)
     latency_weights = {} if latency is None else dict(zip(clocks, latency.weights, strict=True))
     mass_weights = {} if mass is None else dict(zip(masses, mass.weights, strict=True))
     trials = []
     for one in same_setup:
-        clock, (mass_kg, mass_sd_kg) = clocks.get(one.recording_id), masses.get(one.recording_id, (None, None))
+        clock, mass_kg = clocks.get(one.recording_id), masses.get(one.recording_id, (None, None))[0]
         if clock is not None or mass_kg is not None:
             trials.append(
                 SessionTrial(
@@ -87,7 +90,7 @@ def session_values(session_id: str, own: TrialFacts, others: Sequence[TrialFacts
                     latency_sd_s=None if clock is None else clock.sd_s,
                     latency_weight=latency_weights.get(one.recording_id),
                     mass_kg=mass_kg,
-                    mass_sd_kg=mass_sd_kg,
+                    mass_sd_kg=None if mass_kg is None else one.facts.mass_from_force_sd_kg,
                     mass_weight=mass_weights.get(one.recording_id),
                 )
             )
@@ -150,8 +153,36 @@ def _distinct_trials(own: TrialFacts, others: Sequence[TrialFacts]) -> list[Tria
     return list({**by_hash, own.sha256: own}.values())
 
 
-def _pool_with_others(measured: dict[str, tuple[float, float]], own: str) -> Pooled | None:
+def _trial_masses(trials: Sequence[TrialFacts]) -> dict[str, tuple[float, float]]:
+    """Mass by trial id with the standard deviation that it has in the mean.
+
+    Trials whose plates never show their zero have its error in common: together they count as one of them.
+    """
+    weighed = [one for one in trials if None not in (one.facts.mass_from_force_kg, one.facts.mass_from_force_sd_kg)]
+    hidden = {one.recording_id for one in weighed if _hides_zero(one.facts)}
+    common_kg = UNKNOWN_ZERO_SD_KG * math.sqrt(max(len(hidden) - 1, 0))
+    masses = {}
+    for one in weighed:
+        mass_kg, own_kg = one.facts.mass_from_force_kg or 0.0, one.facts.mass_from_force_sd_kg or 0.0
+        zero_kg = common_kg if one.recording_id in hidden else 0.0
+        masses[one.recording_id] = (mass_kg, math.hypot(own_kg, MASS_REPEATABILITY_SHARE * mass_kg, zero_kg))
+    return masses
+
+
+def _hides_zero(facts: RecordingFacts) -> bool:
+    """Whether a plate in use is loaded from the first to the last sample and has no zero from elsewhere."""
+    last_s = facts.duration_s - 1.5 / facts.marker_rate_hz
+    return any(
+        plate.use
+        and plate.zero is None
+        and any(start_s <= 1.5 / facts.marker_rate_hz and end_s >= last_s for start_s, end_s in plate.loaded_s)
+        for plate in facts.plates
+    )
+
+
+def _pool_with_others(measured: dict[str, tuple[float, float]], own: str, *, scaled: bool = False) -> Pooled | None:
     """Pool the (value, sd) pairs by trial id; None unless a trial other than ``own`` has a value."""
     if not measured.keys() - {own}:
         return None
-    return pool_measurements([value for value, _ in measured.values()], [sd for _, sd in measured.values()])
+    values, sds = zip(*measured.values(), strict=True)
+    return pool_measurements(values, sds, scaled=scaled)
