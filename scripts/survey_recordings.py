@@ -100,7 +100,8 @@ def recordings_below(folder: Path) -> Iterator[Path]:
 def force_file_of(trc: Path) -> Path | None:
     """The force file of a TRC file: beside it, or in another folder of its parent."""
     places = [trc.parent, *(path for path in trc.parent.parent.iterdir() if path.is_dir())]
-    names = {f"{trc.stem}{word}{suffix}".lower() for word in FORCE_WORDS for suffix in (".mot", ".sto")}
+    stems = [f"GRF_{trc.stem}", *(trc.stem + word for word in FORCE_WORDS)]
+    names = {f"{stem}{suffix}".lower() for stem in stems for suffix in (".mot", ".sto")}
     for place in places:
         for path in sorted(place.iterdir()):
             if path.name.lower() in names and b"force" in path.read_bytes()[:4000].lower():

@@ -5,11 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 from stridelab.body.geometric_com import GeometricCom
 from stridelab.errors import NotEstimable
 from stridelab.estimation.differentiation import low_pass
-from stridelab.estimation.latency import REPEATABILITY_SD_S, estimate_latency
+from stridelab.estimation.latency import REPEATABILITY_SD_S, estimate_latency, repeated_sd_s
 from stridelab.recordings.recording import Window, WrenchTrack
 from stridelab.simulation.people.sensors import draw_recording
 from support.recordings.analytic_motions import Harmonics, Motion, uniform, walk
@@ -55,9 +56,24 @@ def test_the_standard_deviation_is_honest():
             return type(w)(t, w.force_n + noise, w.moment_nm, w.complete, w.windows, latency_s)
 
         found = estimate_latency(geometric, wrench_at, motion.mass_kg)
-        z.append((found.latency_s - 0.018) / np.sqrt(found.sd_s**2 - REPEATABILITY_SD_S**2))
+        width_s = brentq(lambda w, sd_s=found.sd_s: repeated_sd_s(w) - sd_s, 0.0, 0.05)
+        z.append((found.latency_s - 0.018) / width_s)
     assert 0.7 < np.std(z) < 1.3
     assert np.mean(np.abs(z) < 1.96) > 0.85
+
+
+def test_slow_walks_scatter_as_stated_about_the_walks_of_their_session():
+    """Latency and width in ms of twelve walks of one adult (Rehazenter 2014001); the two far ones are the slowest."""
+    walks = np.array(
+        [
+            *[(16.9, 0.89), (17.5, 0.81), (18.8, 2.69), (38.6, 5.53), (30.6, 3.44), (18.9, 1.12)],
+            *[(20.1, 1.07), (18.8, 1.05), (13.2, 1.37), (18.9, 1.1), (17.3, 0.96), (17.5, 0.67)],
+        ]
+    )
+    weights = np.array([1e3 * repeated_sd_s(width_ms / 1e3) for width_ms in walks[:, 1]]) ** -2.0
+    apart_ms = walks[:, 0] - np.average(walks[:, 0], weights=weights)
+    assert np.sum(weights * apart_ms**2) / 11 < 1.5
+    assert repeated_sd_s(0.0) == REPEATABILITY_SD_S
 
 
 def standing(seed: int) -> tuple[GeometricCom, WrenchAt, float]:

@@ -48,6 +48,8 @@ REPEATABILITY_SD_S: Final = 0.0012
 From 94 trials of 33 people on one clock each; fitted to either half of them, it holds on the other half:
 ``docs/theory/sessions.md``.
 """
+WIDE_S: Final = 0.0025
+"""Width of the likelihood at which its own error is as large as the width; fitted with the above: sessions.md."""
 MIN_LAG_S: Final = 0.002
 """Smaller lags are not corrected: 2.4 mm at walking speed, as large as the method's largest error."""
 MAX_LAG_S: Final = 0.1
@@ -85,7 +87,7 @@ class AxisLag:
 class Latency:
     """Latency of the force; ``latency_s`` > 0 means the force is late.
 
-    ``sd_s`` combines the width of its likelihood with ``REPEATABILITY_SD_S``.
+    ``sd_s`` follows from the width of its likelihood (``repeated_sd_s``).
 
     ``along``, ``lateral`` and ``vertical`` are estimated from the accelerations of one axis each (along and across the
     walk) and are biased by table errors; ``correlation`` is that of the two paths at the latency.
@@ -107,6 +109,15 @@ class Latency:
 def is_significant(latency_s: float, sd_s: float) -> bool:
     """Whether correcting a lag with this standard deviation reduces the error."""
     return abs(latency_s) > max(SIGNIFICANT_SD * sd_s, MIN_LAG_S)
+
+
+def repeated_sd_s(width_s: float) -> float:
+    """Standard deviation between repeated trials of a person whose likelihood has this width.
+
+    ``REPEATABILITY_SD_S`` is the least. Where the motion says little, as in a slow walk, errors of the markers that
+    repeat with every step pass for a delay, and the likelihood takes them for signal: the excess grows as width^2.
+    """
+    return float(np.sqrt(width_s**2 + REPEATABILITY_SD_S**2 + (width_s**2 / WIDE_S) ** 2))
 
 
 def estimate_latency(geometric: GeometricCom, wrench_at: Callable[[float], WrenchTrack], mass_kg: float) -> Latency:
@@ -151,8 +162,7 @@ def estimate_latency(geometric: GeometricCom, wrench_at: Callable[[float], Wrenc
         )
     wrench = wrench_at(0.0)
     along, lateral, vertical = _axis_lags(geometric, wrench, window_span(geometric, wrench), mass_kg, R)
-    sd_s = float(np.hypot(sd_s, REPEATABILITY_SD_S))
-    return Latency(latency_s, sd_s, along, lateral, vertical, likelihood.correlation)
+    return Latency(latency_s, repeated_sd_s(sd_s), along, lateral, vertical, likelihood.correlation)
 
 
 def _lag_too_large_error(searched_s: float) -> NotEstimable:

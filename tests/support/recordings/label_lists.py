@@ -325,6 +325,34 @@ LISTS = {
         Nose Neck LShoulder RShoulder LElbow RElbow LWrist RWrist LHip RHip LKnee RKnee LAnkle RAnkle
         """,
     ),
+    "suprasternale": (
+        BODY,
+        """
+        HV OCC LTEMP RTEMP SEL C7 T10 SUP STR LA LLHE LMHE LUS LRS LHMH5 LHMH2 LFT3 RA RLHE RMHE RUS RRS
+        RHMH5 RHMH2 RFT3 LPSIS RPSIS LASIS RASIS LGT LLFE LMFE LLM LSPH LCAL LMFH5 LMFH1 LTT2 RGT RLFE RMFE
+        RLM RSPH RCAL RMFH5 RMFH1 RTT2 LATT RATT
+        """,
+    ),
+    "suprasternale legs": (
+        LEGS_AND_TRUNK,
+        "LA LASIS LLFE LLM LMFE LPSIS LSPH LTT2 RA RASIS RLFE RLM RMFE RPSIS RSPH RTT2 U1 U2 U3 U4",
+    ),
+    "limb-clusters": (
+        LEGS_AND_TRUNK,
+        """
+        LPSIS LASIS R_PEL_L R_PEL_U L_PEL_U L_PEL_L L_THI_1 L_THI_2 L_THI_3 L_THI_4 L_LEG_1 L_LEG_2 L_LEG_3
+        L_LEG_4 LMT1 LMT5 LMT2 L_LCALC R_THI_1 R_LEG_1 R_LEG_2 R_LEG_4 RMT1 RMT5 RMT2 R_MCALC R_LCALC C7 RACR
+        CLAV LACR T10 STRN R_THI_2 R_THI_3 RASIS R_THI_4 R_LEG_3 R_CALC RPSIS L_CALC L_MCALC LLMA RLMA LLKNE
+        RLKNE
+        """,
+    ),
+    "plug-in-gait neck": (
+        BODY,
+        """
+        LMAS RMAS GLAB T2 T10 CLAV RBAK LSHO LUPA LELB LFRM LWRA LWRB LFIN RSHO RUPA RELB RFRM RWRA RWRB RFIN
+        LASI RASI LPSI RPSI LTHI LKNE LKNM LTIB LANK LMED LHEE LTOE RTHI RKNE RKNM RTIB RANK RMED RHEE RTOE
+        """,
+    ),
     "mediapipe": (
         BODY,
         """
