@@ -337,6 +337,15 @@ LISTS = {
         LEGS_AND_TRUNK,
         "LA LASIS LLFE LLM LMFE LPSIS LSPH LTT2 RA RASIS RLFE RLM RMFE RPSIS RSPH RTT2 U1 U2 U3 U4",
     ),
+    "numbered-feet": (
+        BODY,
+        """
+        LASI RASI LKNE LTHI1 LTHI2 LTHI3 LTIB1 LTIB2 foot_l6 foot_l9 RTHI3 RANK RTIB1 RTIB2 RTIB3 Foot_r3 Foot_r5
+        Foot_r6 Foot_r7 Foot_r9 RSHO LSHO rad_l2 hum_r2 rad_r2 RH CLAV RW1 LH LW1 hum_l2 RKNE Foot_r8 RELB LKNE_med
+        Foot_r4 LANK RW2 foot_l5 LTIB3 RTHI2 foot_l8 foot_l7 LW2 foot_l4 RKNE_med RANK_med Foot_r10 RPSI RTHI1
+        LANK_med LPSI Foot_r1 Foot_r2 LELB foot_l1 foot_l2 foot_l10 foot_l3
+        """,
+    ),
     "limb-clusters": (
         LEGS_AND_TRUNK,
         """
