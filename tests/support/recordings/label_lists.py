@@ -346,6 +346,23 @@ LISTS = {
         LANK_med LPSI Foot_r1 Foot_r2 LELB foot_l1 foot_l2 foot_l10 foot_l3
         """,
     ),
+    "running-clusters": (
+        LEGS,
+        """
+        pelvis_1 pelvis_2 pelvis_3 pelvis_4 L_thigh_1 L_thigh_2 L_thigh_3 L_thigh_4 R_thigh_1 R_thigh_2 R_thigh_3
+        R_thigh_4 L_shank_1 L_shank_2 L_shank_3 L_shank_4 R_shank_1 R_shank_2 R_shank_3 R_shank_4 L_foot_1 L_foot_2
+        L_foot_3 L_foot_4 R_foot_1 R_foot_2 R_foot_3 R_foot_4
+        """,
+    ),
+    "running-clusters static": (
+        LEGS,
+        """
+        pelvis_1 pelvis_2 pelvis_3 pelvis_4 L_thigh_1 L_thigh_2 L_thigh_3 L_thigh_4 R_thigh_1 R_thigh_2 R_thigh_3
+        R_thigh_4 L_shank_1 L_shank_2 L_shank_3 L_shank_4 R_shank_1 R_shank_2 R_shank_3 R_shank_4 L_foot_1 L_foot_2
+        L_foot_3 L_foot_4 R_foot_1 R_foot_2 R_foot_3 R_foot_4 L_hip R_hip L_lat_knee L_med_knee R_med_knee
+        R_lat_knee L_lat_ankle L_med_ankle R_med_ankle R_lat_ankle
+        """,
+    ),
     "limb-clusters": (
         LEGS_AND_TRUNK,
         """
