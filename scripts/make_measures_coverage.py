@@ -35,6 +35,7 @@ from stridelab.measures import (
     margins_of_stability,
     spatiotemporal,
 )
+from stridelab.measures.energy_exchange import step_energies
 from stridelab.pipelines.gait_measures import measure_recording
 from stridelab.recordings.files.c3d_writer import write_c3d
 from stridelab.recordings.foot_contact import find_feet, foot_outline
@@ -167,6 +168,7 @@ def true_measures(walk: Walk, seed: int) -> tuple[Sequence[GaitStep], Sequence[M
         *spatiotemporal(whole, steps),
         *margins_of_stability(whole, steps),
         *energy_exchange(whole, steps),
+        *step_energies(whole, steps),
         *angular_momentum_ranges(whole, steps),
         *limb_work(whole, contacts, steps),
     )

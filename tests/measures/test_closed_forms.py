@@ -20,6 +20,7 @@ from stridelab.measures import (
     summarise,
     symmetry_index,
 )
+from stridelab.measures.energy_exchange import STEP_ERRORS, step_energies
 from stridelab.measures.spatiotemporal import timing_sd
 from stridelab.measures.stated_errors import FACTORS, calibrate_errors
 from stridelab.measures.walk_motion import MARKER_SD_M
@@ -31,6 +32,7 @@ from support.recordings.plain_walk import (
     HALF_WIDTH_M,
     HEIGHT_M,
     MASS_KG,
+    RATE_HZ,
     SPEED_M_S,
     STEP_M,
     STEP_S,
@@ -129,6 +131,41 @@ def test_energy_in_opposite_phase_is_recovered_and_in_phase_is_not(phase_rad: fl
     assert values(measures, "energy_recovery") == pytest.approx([recovery] * (STEPS_IN_WALK - 2), abs=2e-3)
     work = 0.0 if recovery == 1.0 else 2 * 2 * 2 * e
     assert values(measures, "external_work") == pytest.approx([work] * (STEPS_IN_WALK - 2), abs=5e-3)
+
+
+def swinging(known_from: int, sd_m_s: float = 0.004) -> tuple[list[Measure], list[Measure]]:
+    """Energies of single steps of a walk, and of the same one whose first step is known from a sample on."""
+    motion = plain_walk()
+    turn = 2 * np.pi * motion.time_s / STEP_S
+    com = motion.com_m.copy()
+    com[:, 2] = HEIGHT_M + 0.02 * np.cos(turn)
+    variance = np.zeros((len(com), 3, 2, 2))
+    variance[:, :, 1, 1] = sd_m_s**2
+    whole = plain_walk(com_m=com, covariance=variance)
+    first = whole.samples(plain_steps()[1].lift_off_s, plain_steps()[1].next_lift_off_s)
+    hidden = variance.copy()
+    hidden[first.start : first.start + known_from, 2, 1, 1] = 0.05**2
+    return step_energies(whole, plain_steps()), step_energies(replace(whole, covariance=hidden), plain_steps())
+
+
+def test_a_single_step_has_an_error_to_which_missing_ends_add() -> None:
+    whole, cut = ([one for one in measures if one.step == 1] for measures in swinging(known_from=3))
+    assert [one.name for one in whole] == ["step_energy_recovery", "step_external_work"]
+    n = round(STEP_S * RATE_HZ) + 1
+    for one, other in zip(whole, cut, strict=True):
+        assert one.sd is not None
+        assert other.sd is not None
+        assert one.sd > 0.0
+        scale = abs(other.value) if one.unit == "J/kg" else 1.0
+        added = math.sqrt(max(other.sd**2 - one.sd**2, 0.0))
+        assert added == pytest.approx(STEP_ERRORS[one.name][1] * 3 / n * scale, rel=0.35)
+
+
+def test_a_step_of_which_a_tenth_is_missing_has_no_energies() -> None:
+    n = round(STEP_S * RATE_HZ) + 1
+    _, cut = swinging(known_from=math.ceil(0.1 * n))
+    assert 1 not in {one.step for one in cut}
+    assert 2 in {one.step for one in cut}
 
 
 def test_a_leg_that_pushes_and_brakes_works_by_force_times_velocity() -> None:
