@@ -11,7 +11,7 @@ from typing import Any, Literal
 import numpy as np
 
 from stridelab.conventions import Points
-from stridelab.resources import models_dir
+from stridelab.resources import models_dir, robot_file
 from stridelab.robots.card import EffectorCard, robot_card
 
 Triple = tuple[float, float, float]
@@ -59,7 +59,7 @@ def effector_shapes(robot_name: str) -> Mapping[str, EffectorShape]:
     Raises ``NotFound`` (``robot-not-found``) for a name without a card, ``InvalidInput`` (``robot-card-invalid``).
     """
     card = robot_card(robot_name)
-    folder = models_dir() / "reachability" / robot_name
+    folder = robot_file(models_dir(), "reachability", robot_name)
     uniform, conditioned = _learned_effectors(folder / "uniform.json"), _learned_effectors(folder / "conditioned.json")
     return MappingProxyType(
         {

@@ -26,7 +26,7 @@ from stridelab.conventions import Points
 from stridelab.errors import Fault, InvalidInput, NotFound, Unavailable, UnreadableFile
 from stridelab.reachability.card import EffectorCard, Measure, ReachabilityCard
 from stridelab.reachability.proxy.effector_proxy import Proxy
-from stridelab.resources import models_dir
+from stridelab.resources import models_dir, robot_file
 from stridelab.robots.card import field_path, robot_names
 
 if TYPE_CHECKING:
@@ -165,7 +165,7 @@ def _bundled_path(robot_name: str, measure: str, suffix: str) -> Path:
     if measure not in (measures := get_args(Measure)):
         message = f"There is no measure {measure!r}; there is {', '.join(measures)}."
         raise InvalidInput("measure-unknown", message, [Fault("measure", "unknown")])
-    path = models_dir() / "reachability" / robot_name / f"{measure}{suffix}"
+    path = robot_file(models_dir(), "reachability", robot_name, f"{measure}{suffix}")
     if not path.is_file():
         message = f"No {measure} reachability densities have been learned for {robot_name!r}."
         raise NotFound("reachability-not-learned", message)

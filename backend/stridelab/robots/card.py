@@ -17,7 +17,7 @@ from typing import Any, Final, Literal
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 
 from stridelab.errors import Fault, InvalidInput, NotFound
-from stridelab.resources import models_dir
+from stridelab.resources import models_dir, robot_file, robot_folders
 
 MAX_POSITION_RAD: Final = 4.0 * math.pi
 """Largest joint angle accepted; larger numbers are usually degrees."""
@@ -124,7 +124,8 @@ class RobotCard:
 
 def robot_names() -> tuple[str, ...]:
     """Names of the robots that have a card, sorted."""
-    return tuple(sorted(path.stem for path in (models_dir() / "robots").glob("*.toml")))
+    cards = (path.stem for folder in robot_folders(models_dir()) for path in (folder / "robots").glob("*.toml"))
+    return tuple(sorted(set(cards)))
 
 
 @cache
@@ -140,7 +141,7 @@ def card_bytes(name: str) -> bytes:
     """The card's file. Raises ``NotFound`` (``robot-not-found``) listing the available robots."""
     if name not in robot_names():
         raise NotFound("robot-not-found", f"There is no robot {name!r}; there is {', '.join(robot_names())}.")
-    return (models_dir() / "robots" / f"{name}.toml").read_bytes()
+    return robot_file(models_dir(), "robots", f"{name}.toml").read_bytes()
 
 
 def parse_card(name: str, text: bytes) -> RobotCard:

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Final
 
 from stridelab.errors import Unavailable
-from stridelab.resources import models_dir
+from stridelab.resources import models_dir, robot_file
 from stridelab.robots.card import RobotCard
 
 ROBOTS_FOLDER: Final = Path("share", "example-robot-data", "robots")
@@ -28,7 +28,8 @@ def data_files(card: RobotCard) -> DataFiles:
     Raises ``Unavailable`` (``robot-data-missing``) if the package or one of its files is absent.
     """
     if card.data.package is None:
-        holder, folder = "This project", models_dir() / "robots"
+        urdf = robot_file(models_dir(), "robots", card.data.urdf)
+        holder, folder = "This project", urdf.parents[len(Path(card.data.urdf).parts) - 1]
         package_dir = folder
     else:
         holder, folder = f"The package {card.data.package}", _package_robots(card, card.data.package)

@@ -1,0 +1,112 @@
+"""Unpacks an uploaded robot into files with generated names; names and sizes in the archive are not trusted."""
+
+import stat
+import zipfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+from typing import Final
+
+from stridelab.errors import Fault, UnreadableFile
+
+MAX_ENTRIES: Final = 2_000
+MAX_FILE_BYTES: Final = 60_000_000
+MAX_TOTAL_BYTES: Final = 300_000_000
+PIECE_BYTES: Final = 1 << 20
+DESCRIPTIONS: Final = (".urdf", ".xml")
+MESHES: Final = (".stl", ".obj", ".dae")
+_ZIP_ERRORS: Final = (zipfile.BadZipFile, OSError, NotImplementedError, ValueError, EOFError, RuntimeError)
+
+
+@dataclass(frozen=True)
+class UnpackedRobot:
+    """The description file, its path in the archive, and the unpacked meshes by their paths in the archive."""
+
+    description: Path
+    inside: PurePosixPath
+    meshes: Mapping[PurePosixPath, Path]
+
+
+def unpack_robot(path: Path, filename: str, folder: Path) -> UnpackedRobot:
+    """Unpack the upload ``path`` into ``folder``; one that is not a zip is the description itself.
+
+    Raises ``UnreadableFile`` (``zip-damaged``, ``zip-bomb``, ``zip-too-many-files``, ``zip-path``,
+    ``zip-name-twice``, ``robot-description-missing``, ``robot-several-descriptions``).
+    """
+    if not zipfile.is_zipfile(path):
+        if path.suffix.lower() == ".zip" or filename.lower().endswith(".zip"):
+            raise _refused("zip-damaged", "The zip file is damaged or truncated.", filename, "not readable")
+        return UnpackedRobot(path, PurePosixPath("robot.urdf"), {})
+    try:
+        with zipfile.ZipFile(path) as archive:
+            return _unpack_archive(archive, filename, folder)
+    except _ZIP_ERRORS as error:
+        raise _refused(
+            "zip-damaged", "The zip file is damaged, encrypted or truncated.", filename, str(error)
+        ) from error
+
+
+def _unpack_archive(archive: zipfile.ZipFile, filename: str, folder: Path) -> UnpackedRobot:
+    members = [member for member in archive.infolist() if not member.is_dir()]
+    if len(members) > MAX_ENTRIES:
+        message = f"The zip holds {len(members)} files; at most {MAX_ENTRIES} are accepted."
+        raise _refused("zip-too-many-files", message, filename, "too many files")
+    names: dict[PurePosixPath, zipfile.ZipInfo] = {}
+    for member in members:
+        name = _inside_path(member)
+        if name in names:
+            raise _refused("zip-name-twice", "The zip holds two files of the same name.", str(name), "twice in the zip")
+        names[name] = member
+    shown = {name: m for name, m in names.items() if not any(p.startswith(".") or p == "__MACOSX" for p in name.parts)}
+    inside = _description_of([name for name in shown if name.suffix.lower() in DESCRIPTIONS], filename)
+    wanted = [inside, *(name for name in sorted(shown) if name.suffix.lower() in MESHES)]
+    left, unpacked = MAX_TOTAL_BYTES, {}
+    for index, name in enumerate(wanted):
+        target = folder / f"member-{index:04d}{'' if name == inside else name.suffix.lower()}"
+        left -= _unpack_member(archive, names[name], target, min(left, MAX_FILE_BYTES))
+        unpacked[name] = target
+    return UnpackedRobot(unpacked.pop(inside), inside, unpacked)
+
+
+def _inside_path(member: zipfile.ZipInfo) -> PurePosixPath:
+    """Path of a member; raises for links and for paths that leave the archive."""
+    text = member.filename.replace("\\", "/")
+    name = PurePosixPath(text)
+    if stat.S_ISLNK(member.external_attr >> 16):
+        raise _refused("zip-path", "The zip holds a symbolic link; put the file itself into it.", text, "a link")
+    if name.is_absolute() or ".." in name.parts or ":" in text or not text.isprintable():
+        raise _refused("zip-path", "The zip holds a file with a path outside of it.", text, "not a path below the zip")
+    return name
+
+
+def _description_of(names: list[PurePosixPath], filename: str) -> PurePosixPath:
+    """The only URDF, or else the only XML file that is not a manifest."""
+    urdfs = [name for name in names if name.suffix.lower() == ".urdf"]
+    others = [name for name in names if name.name not in ("package.xml", "scene.xml")]
+    choice = urdfs or others
+    if not choice:
+        message = "The zip holds no description of a robot: neither a .urdf nor an .xml file."
+        raise _refused("robot-description-missing", message, filename, "no description")
+    if len(choice) > 1:
+        message = "The zip holds several descriptions of robots; keep the one to be added."
+        raise UnreadableFile(
+            "robot-several-descriptions", message, [Fault(str(name)[:120], "one of several") for name in choice[:10]]
+        )
+    return choice[0]
+
+
+def _unpack_member(archive: zipfile.ZipFile, member: zipfile.ZipInfo, target: Path, limit: int) -> int:
+    written = 0
+    with archive.open(member) as source, target.open("wb") as file:
+        while piece := source.read(PIECE_BYTES):
+            written += len(piece)
+            if written > limit:
+                message = f"The zip unpacks to more than {MAX_FILE_BYTES / 1e6:g} MB a file or "
+                message += f"{MAX_TOTAL_BYTES / 1e6:g} MB in all."
+                raise _refused("zip-bomb", message, member.filename, "too large when unpacked")
+            file.write(piece)
+    return written
+
+
+def _refused(code: str, message: str, where: str, fault: str) -> UnreadableFile:
+    return UnreadableFile(code, message, [Fault(where[:120], fault[:120])])

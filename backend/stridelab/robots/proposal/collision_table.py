@@ -1,0 +1,75 @@
+"""Pairs of links that need no self-collision check, from sampled configurations: the card's ``collision.never``.
+
+Left out are pairs that a joint connects, that overlap at rest or in nearly all configurations (their convex hulls are
+wider than the links), and pairs that never came within ``CLEARANCE_M`` of each other. Arms that touch the legs or the
+trunk at rest are no such pair: the posture is at fault.
+"""
+
+from collections import defaultdict
+from collections.abc import Callable
+from typing import Final
+
+import numpy as np
+import pinocchio as pin
+from jaxtyping import Float, Int
+
+from stridelab.robots.robot import Robot
+
+CONFIGURATIONS: Final = 1_000
+CLEARANCE_M: Final = 0.01
+ALWAYS: Final = 0.95
+
+Pair = tuple[str, str]
+
+
+def never_colliding(robot: Robot, configurations: int = CONFIGURATIONS, seed: int = 0) -> dict[str, tuple[str, ...]]:
+    """Links by the links that they need not be checked against, for a ``robot`` with all pairs."""
+    model, geometry = robot.model, robot.collision
+    data, results = model.createData(), geometry.createData()
+    links = [str(model.frames[part.parentFrame].name) for part in geometry.geometryObjects]
+    pairs = [(links[pair.first], links[pair.second]) for pair in geometry.collisionPairs]
+    collide = _check(robot, data, results, 0.0)
+    at_rest = {pairs[k] for k in collide(robot.q_reference)}
+    near = np.zeros(len(pairs), int)
+    touching = np.zeros(len(pairs), int)
+    rng, q = np.random.default_rng(seed), robot.q_reference.copy()
+    low, high = model.lowerPositionLimit[7:], model.upperPositionLimit[7:]
+    draws = [rng.uniform(low, high) for _ in range(configurations)]
+    for margin_m, count in ((CLEARANCE_M, near), (0.0, touching)):
+        collide = _check(robot, data, results, margin_m)
+        if margin_m == 0.0:  # only pairs that were nearly always close can have touched as often
+            for rare in np.flatnonzero(near <= ALWAYS * configurations):
+                results.deactivateCollisionPair(int(rare))
+        for angles in draws:
+            q[7:] = angles
+            count[collide(q)] += 1
+    table: dict[str, set[str]] = defaultdict(set)
+    shares: dict[Pair, list[int]] = defaultdict(lambda: [0, 0])
+    for k, pair in enumerate(pairs):
+        shares[pair][0] = max(shares[pair][0], int(near[k]))
+        shares[pair][1] = max(shares[pair][1], int(touching[k]))
+    for pair, (closest, touched) in shares.items():
+        if pair in at_rest or touched > ALWAYS * configurations or closest == 0 or _connected(robot, pair):
+            table[pair[0]].add(pair[1])
+    return {link: tuple(sorted(others)) for link, others in sorted(table.items())}
+
+
+def _check(
+    robot: Robot, data: pin.Data, results: pin.GeometryData, margin_m: float
+) -> Callable[[Float[np.ndarray, "nq"]], Int[np.ndarray, "k"]]:
+    """Function that returns the indices of the pairs closer than ``margin_m``."""
+    for request in results.collisionRequests:
+        request.security_margin = margin_m
+
+    def collide(q: np.ndarray) -> np.ndarray:
+        pin.computeCollisions(robot.model, data, robot.collision, results, q, False)
+        return np.flatnonzero([result.isCollision() for result in results.collisionResults])
+
+    return collide
+
+
+def _connected(robot: Robot, pair: Pair) -> bool:
+    """Whether one of the links hangs on the joint that the other carries."""
+    model = robot.model
+    a, b = (model.frames[model.getFrameId(name)].parentJoint for name in pair)
+    return bool(model.parents[a] == b or model.parents[b] == a)

@@ -1,0 +1,312 @@
+"""Reads a stranger's URDF into a plain one: known elements and checked numbers only, meshes with generated names.
+
+What a rigid-body library would reject with a crash or a bare message is refused here by name: document types and
+entities, cycles, several roots, numbers that are not finite, lengths in millimetres.
+"""
+
+import math
+import xml.etree.ElementTree as ET
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+from xml.parsers import expat
+
+from stridelab.errors import Fault, InvalidInput, UnreadableFile
+
+MAX_BYTES: Final = 8_000_000
+MAX_ELEMENTS: Final = 60_000
+MAX_DEPTH: Final = 40
+MAX_LINKS: Final = 400
+MAX_NAME: Final = 100
+MAX_OFFSET_M: Final = 20.0
+"""Longest distance between two joints; larger ones are usually millimetres."""
+MAX_EFFORT_NM: Final = 1e5
+DEFAULT_RANGE_RAD: Final = math.pi
+TURNING: Final = ("revolute", "continuous")
+_SAFE: Final = frozenset(" _-.:+")
+Mesh = Callable[[str, Sequence[float], bool], str | None]
+"""``mesh(filename, scale, is_collision)``: name of the converted mesh, None to leave it out."""
+
+
+@dataclass(frozen=True)
+class PlainDescription:
+    """A checked URDF; ``assumed`` maps what it lacked, such as ``joint x: range``, to what was assumed."""
+
+    root: ET.Element
+    assumed: dict[str, str]
+
+
+def read_xml(path: Path, filename: str) -> ET.Element:
+    """Parse the description without document type and entities.
+
+    Raises ``UnreadableFile``: ``robot-data-unreadable``, ``robot-description-too-large``.
+    """
+    content = path.read_bytes()
+    if len(content) > MAX_BYTES:
+        raise _unreadable("robot-description-too-large", f"The description exceeds {MAX_BYTES / 1e6:g} MB.", filename)
+    depth = elements = 0
+
+    def start_element(_name: str, _attributes: object) -> None:
+        nonlocal depth, elements
+        depth, elements = depth + 1, elements + 1
+        if depth > MAX_DEPTH or elements > MAX_ELEMENTS:
+            raise _unreadable("robot-description-too-large", "The description has too many elements.", filename)
+
+    def end_element(_name: str) -> None:
+        nonlocal depth
+        depth -= 1
+
+    def refuse_doctype(*_: object) -> None:
+        raise _unreadable("robot-data-unreadable", "The description declares a document type or entities.", filename)
+
+    parser = expat.ParserCreate()
+    parser.StartElementHandler, parser.EndElementHandler = start_element, end_element
+    parser.StartDoctypeDeclHandler = refuse_doctype
+    try:
+        parser.Parse(content, True)
+        return ET.fromstring(content)  # noqa: S314 (no document type, so no entities)
+    except (expat.ExpatError, ET.ParseError, ValueError, LookupError) as error:
+        message = f"The description is not valid XML: {error}."
+        raise _unreadable("robot-data-unreadable", message, filename) from error
+
+
+def plain_description(root: ET.Element, filename: str, mesh: Mesh) -> PlainDescription:
+    """Check a URDF and rebuild it from its known elements.
+
+    Raises ``InvalidInput`` (``robot-description-invalid``) with one fault per place, ``UnreadableFile``
+    (``robot-data-unreadable``) for a document that is no URDF.
+    """
+    if root.tag != "robot":
+        kind = {"mujoco": "an MJCF file", "sdf": "an SDF file"}.get(root.tag, f"a document <{root.tag[:40]}>")
+        message = f"The description is {kind}; convert it to URDF, whose document is <robot>."
+        raise _unreadable("robot-data-unreadable", message, filename)
+    links, joints = root.findall("link"), root.findall("joint")
+    if faults := [*_name_faults(links, "link"), *_name_faults(joints, "joint")]:
+        raise invalid(faults)
+    if faults := list(_tree_faults(links, joints)):
+        raise invalid(faults)
+    reader = _Reader(mesh)
+    assumed: dict[str, str] = {}
+    plain = ET.Element("robot", name="robot")
+    for link in links:
+        plain.append(reader.link(link))
+    for joint in joints:
+        plain.append(reader.joint(joint, assumed))
+    if reader.faults:
+        raise invalid(reader.faults)
+    return PlainDescription(_without_world(plain), assumed)
+
+
+def invalid(faults: Sequence[Fault]) -> InvalidInput:
+    """The error for a description with ``faults``."""
+    places = "; ".join(f"{fault.where}: {fault.message}" for fault in faults[:5])
+    return InvalidInput("robot-description-invalid", f"The description is invalid. {places}", faults[:50])
+
+
+def _unreadable(code: str, message: str, filename: str) -> UnreadableFile:
+    return UnreadableFile(code, message, [Fault(filename[:120], "cannot be read")])
+
+
+def _name_faults(elements: Sequence[ET.Element], kind: str) -> Iterator[Fault]:
+    if not elements:
+        yield Fault(kind, f"there is no <{kind}>")
+    if len(elements) > MAX_LINKS:
+        yield Fault(kind, f"there are {len(elements)}; at most {MAX_LINKS} are accepted")
+    counts = Counter(element.get("name", "") for element in elements)
+    for name, count in counts.items():
+        shown = f"{kind} {name[:MAX_NAME]!r}"
+        if count > 1:
+            yield Fault(shown, "its name occurs more than once")
+        if not name.strip() or name != name.strip() or len(name) > MAX_NAME:
+            yield Fault(shown, f"its name must have 1 to {MAX_NAME} characters, without spaces at its ends")
+        elif not all(letter.isalnum() or letter in _SAFE for letter in name):
+            yield Fault(shown, "its name may contain letters, digits, spaces and . : + - _ only")
+
+
+def _end(joint: ET.Element, which: str) -> str:
+    child = joint.find(which)
+    return "" if child is None else child.get("link", "")
+
+
+def _tree_faults(links: Sequence[ET.Element], joints: Sequence[ET.Element]) -> Iterator[Fault]:
+    """Joints without links, links with several parents, cycles, several roots."""
+    names = {link.get("name", "") for link in links}
+    parent: dict[str, str] = {}
+    for joint in joints:
+        where = f"joint {joint.get('name')}"
+        ends = _end(joint, "parent"), _end(joint, "child")
+        for which, end in zip(("parent", "child"), ends, strict=True):
+            if end not in names:
+                yield Fault(where, f"its {which} is {end[:MAX_NAME]!r}, which is no link")
+        if ends[1] in parent:
+            yield Fault(where, f"link {ends[1]!r} has another parent already")
+        parent[ends[1]] = ends[0]
+    roots = sorted(names - parent.keys())
+    if len(roots) > 1:
+        yield Fault("link", f"there are {len(roots)} roots, {', '.join(roots[:5])}: a joint must connect them")
+    for name in sorted(names):
+        at, steps = name, 0
+        while at in parent and steps <= len(names):
+            at, steps = parent[at], steps + 1
+        if steps > len(names):
+            yield Fault(f"link {name}", "it is its own ancestor: the joints form a cycle")
+            return
+
+
+class _Reader:
+    """Rebuilds links and joints; collects the faults of their numbers."""
+
+    def __init__(self, mesh: Mesh) -> None:
+        self.faults: list[Fault] = []
+        self._mesh = mesh
+
+    def link(self, element: ET.Element) -> ET.Element:
+        name = element.attrib["name"]
+        where = f"link {name}"
+        link = ET.Element("link", name=name)
+        if (inertial := element.find("inertial")) is not None:
+            plain = ET.SubElement(link, "inertial")
+            self._origin(plain, inertial, where)
+            (mass,) = self._numbers(inertial.find("mass"), "value", 1, where, "mass", None)
+            ET.SubElement(plain, "mass", value=repr(mass))
+            keys = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+            inertia = inertial.find("inertia")
+            values = {key: repr(self._numbers(inertia, key, 1, where, key, None)[0]) for key in keys}
+            ET.SubElement(plain, "inertia", values)
+        for kind in ("visual", "collision"):
+            for shape in element.findall(kind):
+                self._shape(link, shape, kind, where)
+        if link.find("collision") is None:  # what is drawn is also what touches
+            for shape in element.findall("visual"):
+                self._shape(link, shape, "collision", where)
+        return link
+
+    def joint(self, element: ET.Element, assumed: dict[str, str]) -> ET.Element:
+        name, kind = element.attrib["name"], element.get("type", "")
+        where = f"joint {name}"
+        plain = ET.Element("joint", name=name, type=kind)
+        self._origin(plain, element, where)
+        for which in ("parent", "child"):
+            ET.SubElement(plain, which, link=_end(element, which))
+        if kind in ("fixed", "prismatic", "floating", "planar"):
+            if kind == "floating" and _end(element, "parent") == "world":
+                return plain
+            if kind != "fixed":
+                plain.set("type", "fixed")
+                assumed[f"{where}: type"] = f"{kind}, fixed here"
+            return plain
+        if kind not in TURNING:
+            self.faults.append(Fault(where, f"its type {kind[:40]!r} is unknown"))
+            return plain
+        axis = self._numbers(element.find("axis"), "xyz", 3, where, "axis", (1.0, 0.0, 0.0))
+        length = math.hypot(*axis)
+        if length < 1e-6:
+            self.faults.append(Fault(where, "its axis has the length 0"))
+            return plain
+        ET.SubElement(plain, "axis", xyz=_text([value / length for value in axis]))
+        self._limit(plain, element, where, assumed)
+        return plain
+
+    def _limit(self, plain: ET.Element, element: ET.Element, where: str, assumed: dict[str, str]) -> None:
+        """Range, torque and speed; those that are missing are 0, a missing range is half a turn to either side."""
+        stated = element.find("limit")
+        values = {
+            key: self._numbers(stated, key, 1, where, f"limit {key}", (0.0,))[0]
+            for key in ("lower", "upper", "effort", "velocity")
+        }
+        if plain.get("type") == "continuous" or (values["lower"] == 0.0 and values["upper"] == 0.0):
+            values |= {"lower": -DEFAULT_RANGE_RAD, "upper": DEFAULT_RANGE_RAD}
+            assumed[f"{where}: range"] = "half a turn to either side"
+        plain.set("type", "revolute")
+        if values["lower"] >= values["upper"]:
+            self.faults.append(Fault(where, f"its range is empty: {values['lower']:g} to {values['upper']:g} rad"))
+        elif max(abs(values["lower"]), abs(values["upper"])) > 4.0 * math.pi:
+            message = f"its range {values['lower']:g} to {values['upper']:g} exceeds two turns; the unit must be rad"
+            self.faults.append(Fault(where, message))
+        if values["effort"] < 0.0 or values["velocity"] < 0.0:
+            self.faults.append(Fault(where, "its effort and velocity limits must not be negative"))
+        ET.SubElement(plain, "limit", {key: repr(value) for key, value in values.items()})
+
+    def _shape(self, link: ET.Element, shape: ET.Element, kind: str, where: str) -> None:
+        geometry = shape.find("geometry")
+        form = None if geometry is None else next(iter(geometry), None)
+        if form is None:
+            return
+        plain = ET.Element(kind)
+        self._origin(plain, shape, where)
+        body = ET.SubElement(plain, "geometry")
+        sizes = {"box": (("size", 3),), "sphere": (("radius", 1),), "cylinder": (("radius", 1), ("length", 1))}
+        if form.tag == "mesh":
+            scale = self._numbers(form, "scale", 3, where, "mesh scale", (1.0, 1.0, 1.0))
+            if min(map(abs, scale)) < 1e-9:
+                self.faults.append(Fault(where, "the scale of a mesh is 0"))
+                return
+            name = self._mesh(form.get("filename", ""), scale, kind == "collision")
+            if name is None:
+                return
+            ET.SubElement(body, "mesh", filename=name)
+        elif form.tag in sizes:
+            numbers = {key: self._numbers(form, key, n, where, f"{form.tag} {key}", None) for key, n in sizes[form.tag]}
+            if min(min(values) for values in numbers.values()) <= 0.0:
+                self.faults.append(Fault(where, f"its {form.tag} has a size that is not positive"))
+                return
+            ET.SubElement(body, form.tag, {key: _text(values) for key, values in numbers.items()})
+        else:
+            self.faults.append(Fault(where, f"its geometry <{form.tag[:40]}> is unknown"))
+            return
+        color = shape.find("material/color")
+        if kind == "visual" and color is not None:
+            rgba = self._numbers(color, "rgba", 4, where, "color", None)
+            ET.SubElement(ET.SubElement(plain, "material", name=f"m{len(link)}"), "color", rgba=_text(rgba))
+        link.append(plain)
+
+    def _origin(self, plain: ET.Element, element: ET.Element, where: str) -> None:
+        origin = element.find("origin")
+        xyz = self._numbers(origin, "xyz", 3, where, "origin xyz", (0.0, 0.0, 0.0))
+        rpy = self._numbers(origin, "rpy", 3, where, "origin rpy", (0.0, 0.0, 0.0))
+        if math.hypot(*xyz) > MAX_OFFSET_M:
+            message = f"its origin is {math.hypot(*xyz):g} m away; lengths must be in metres, not millimetres"
+            self.faults.append(Fault(where, message))
+        ET.SubElement(plain, "origin", xyz=_text(xyz), rpy=_text(rpy))
+
+    def _numbers(
+        self,
+        element: ET.Element | None,
+        key: str,
+        count: int,
+        where: str,
+        what: str,
+        default: tuple[float, ...] | None,
+    ) -> tuple[float, ...]:
+        text = None if element is None else element.get(key)
+        if text is None:
+            if default is None:
+                self.faults.append(Fault(where, f"it has no {what}"))
+            return default or (1.0,) * count
+        try:
+            values = tuple(float(part) for part in text.split())
+        except ValueError:
+            values = ()
+        if len(values) != count or not all(math.isfinite(value) and abs(value) < 1e9 for value in values):
+            self.faults.append(Fault(where, f"{what} is {text[:60]!r}, which is not {count} finite numbers"))
+            return default or (1.0,) * count
+        return values
+
+
+def _text(values: Sequence[float]) -> str:
+    return " ".join(repr(float(value)) for value in values)
+
+
+def _without_world(root: ET.Element) -> ET.Element:
+    """Remove a root link without mass that one joint attaches to the robot: the robot's base floats."""
+    joints = root.findall("joint")
+    children = {_end(joint, "child") for joint in joints}
+    (base,) = [link for link in root.findall("link") if link.attrib["name"] not in children]
+    below = [joint for joint in joints if _end(joint, "parent") == base.attrib["name"]]
+    if base.find("inertial") is None and len(below) == 1 and base.attrib["name"].lower() in ("world", "map", "odom"):
+        root.remove(base)
+        root.remove(below[0])
+        return root
+    return root

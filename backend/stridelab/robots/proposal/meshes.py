@@ -1,0 +1,144 @@
+"""Converts a stranger's meshes: hulls for collision, decimated surfaces for display, in binary STL and in metres."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path, PurePosixPath
+from typing import Final
+
+import coal
+import fast_simplification
+import numpy as np
+from jaxtyping import Int
+from scipy.spatial import ConvexHull, QhullError
+
+from stridelab.conventions import Points
+from stridelab.errors import Fault, UnreadableFile
+from stridelab.robots.proposal.archive import UnpackedRobot
+
+Faces = Int[np.ndarray, "m 3"]
+MAX_TRIANGLES: Final = 1_500_000
+"""Triangles of all displayed meshes together that are read; later meshes are not displayed."""
+SHOWN_TRIANGLES: Final = 6_000
+"""Triangles of one displayed mesh."""
+MAX_EXTENT_M: Final = 10.0
+
+
+@dataclass
+class MeshConverter:
+    """Converts the meshes that a description names; ``package`` is the first part of the names that it returns.
+
+    ``assumed`` maps displayed meshes that were left out to the reason.
+    """
+
+    upload: UnpackedRobot
+    folder: Path
+    package: str
+    assumed: dict[str, str] = field(default_factory=dict)
+    _converted: dict[tuple[Path, tuple[float, ...], bool], str | None] = field(default_factory=dict)
+    _read: dict[Path, tuple[Points, Faces]] = field(default_factory=dict)
+    _triangles: int = 0
+    missing: list[str] = field(default_factory=list)
+
+    def convert(self, filename: str, scale: Sequence[float], is_collision: bool) -> str | None:
+        """Name of the converted mesh; None for a displayed mesh that is missing or too large.
+
+        A missing mesh for collision is collected in ``missing``. Raises ``UnreadableFile`` (``robot-mesh-unreadable``)
+        for a mesh that is damaged or whose size is not plausible.
+        """
+        path = self._find(filename)
+        if path is None:
+            (self.missing.append(filename) if is_collision else None)
+            self.assumed.setdefault(f"mesh {filename[:120]}", "missing, left out")
+            return None
+        key = (path, tuple(scale), is_collision)
+        if key not in self._converted:
+            self._converted[key] = self._convert(path, filename, np.array(scale), is_collision=is_collision)
+        return self._converted[key]
+
+    def _find(self, filename: str) -> Path | None:
+        """The unpacked mesh whose path ends like ``filename``: the longest match, only if it is unique."""
+        text = filename.replace("\\", "/").partition("://")[2] or filename.replace("\\", "/")
+        parts = [part for part in PurePosixPath(text).parts if part not in ("..", ".", "/")]
+        best: list[Path] = []
+        longest = 0
+        for name, path in self.upload.meshes.items():
+            same = 0
+            for a, b in zip(reversed(parts), reversed(name.parts), strict=False):
+                if a != b:
+                    break
+                same += 1
+            if same > longest:
+                best, longest = [path], same
+            elif same == longest and same:
+                best.append(path)
+        return best[0] if len(best) == 1 else None
+
+    def _convert(self, path: Path, filename: str, scale: np.ndarray, *, is_collision: bool) -> str | None:
+        if path not in self._read:
+            if path.suffix == ".stl" and path.stat().st_size > 84 and not is_collision:
+                self._triangles += (path.stat().st_size - 84) // 50
+                if self._triangles > MAX_TRIANGLES:
+                    self.assumed[f"mesh {filename[:120]}"] = "too many triangles, left out"
+                    return None
+            self._read[path] = _load(path, filename)
+        vertices, faces = self._read[path]
+        vertices = vertices * scale
+        extent_m = float(np.ptp(vertices, axis=0).max())
+        if not np.isfinite(vertices).all() or not 1e-5 < extent_m < MAX_EXTENT_M:
+            message = f"The mesh is {extent_m:.3g} m wide; lengths must be in metres (see the scale of the mesh)."
+            raise _unreadable(filename, message)
+        if is_collision:
+            vertices, faces = _hull(vertices)
+        else:
+            if len(faces) > SHOWN_TRIANGLES:
+                vertices, faces = fast_simplification.simplify(
+                    vertices.astype(np.float32), faces.astype(np.int32), target_count=SHOWN_TRIANGLES, agg=5
+                )
+            if np.prod(np.sign(scale)) < 0.0:
+                faces = faces[:, ::-1]
+        name = f"mesh-{sum(1 for made in self._converted.values() if made):04d}.stl"
+        (self.folder / name).write_bytes(binary_stl(np.asarray(vertices, float), np.asarray(faces)))
+        return f"package://{self.package}/{name}"
+
+
+def binary_stl(vertices_m: Points, faces: Faces) -> bytes:
+    """A triangle mesh as binary STL."""
+    corners = vertices_m[faces].astype("<f4")
+    record = np.zeros(len(faces), np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("zero", "<u2")]))
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    record["normal"] = normals / np.maximum(np.linalg.norm(normals, axis=1), 1e-12)[:, None]
+    record["corners"] = corners
+    return bytes(80) + np.array(len(faces), "<u4").tobytes() + record.tobytes()
+
+
+def _hull(vertices: Points) -> tuple[Points, Faces]:
+    """Convex hull with outward triangles; a flat mesh gets a thickness of 1 mm."""
+    try:
+        hull = ConvexHull(vertices)
+    except QhullError:
+        spread = vertices[:, None] + 5e-4 * np.array([(i, j, k) for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)])
+        vertices = spread.reshape(-1, 3)
+        hull = ConvexHull(vertices)
+    faces = hull.simplices.copy()
+    corners = vertices[faces]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    inward = np.einsum("ij,ij->i", normals, hull.equations[:, :3]) < 0.0
+    faces[inward] = faces[inward][:, ::-1]
+    used = np.unique(faces)
+    return vertices[used], np.searchsorted(used, faces)
+
+
+def _load(path: Path, filename: str) -> tuple[Points, Faces]:
+    try:
+        mesh = coal.MeshLoader().load(str(path), np.ones(3))
+        vertices = np.array(mesh.vertices())
+        faces = np.array([[t[0], t[1], t[2]] for t in (mesh.tri_indices(i) for i in range(mesh.num_tris))])
+    except (ValueError, RuntimeError, IndexError) as error:
+        raise _unreadable(filename, "The mesh is damaged, or its content does not match its name.") from error
+    if len(faces) == 0 or len(vertices) < 3:
+        raise _unreadable(filename, "The mesh has no triangles.")
+    return vertices, faces
+
+
+def _unreadable(filename: str, message: str) -> UnreadableFile:
+    return UnreadableFile("robot-mesh-unreadable", message, [Fault(filename[:120], "cannot be read")])

@@ -1,0 +1,157 @@
+"""Rest posture by optimisation: upright on level soles, knees bent, CoM above the soles, arms beside the body.
+
+Every limb solves a bounded nonlinear least-squares problem in its joint angles: a leg for the pose of its sole, which
+is below the hip at a share ``EXTENSIONS`` of its greatest distance, an arm for the place of its hand, and both weakly
+for 0.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import Final
+
+import numpy as np
+import pinocchio as pin
+from jaxtyping import Float
+from scipy.optimize import least_squares
+
+from stridelab.conventions import Rotation, Vector3
+from stridelab.robots.proposal.limbs import Chain, Limbs, not_humanoid
+from stridelab.robots.proposal.soles import Sole
+
+EXTENSIONS: Final = (0.97, 0.95, 0.93, 0.91, 0.89, 0.87)
+"""Heights of the hips above the soles over the greatest possible one that are tried until the knees bend enough."""
+KNEE_RAD: Final = 0.6
+STARTS: Final = 6
+DRAWS: Final = 600
+LEG_TOLERANCE: Final = 0.01
+"""Largest error of a sole: rad, and relative to the length of the leg."""
+HAND: Final = (0.35, 0.0, -0.62)
+"""Place of a hand relative to its shoulder, over the length of the arm: ahead, (outwards), up."""
+FOOT_GAP: Final = 0.03
+"""Least distance of a foot from the middle, over the length of the leg."""
+CENTRING: Final = 4
+MARGIN: Final = 0.03
+
+
+def rest_posture(
+    model: pin.Model, limbs: Limbs, soles: Sequence[Sole], outwards: float
+) -> tuple[Float[np.ndarray, "nq"], float]:
+    """Configuration of the full model, and the length of the legs (hip to sole, m).
+
+    ``outwards`` is the distance of the hands from the shoulders to the side, over the length of the arms.
+    Raises ``InvalidInput`` (``robot-not-humanoid``) if the soles cannot be level below the hips.
+    """
+    solver = _Limb(model, limbs.R_root)
+    q = solver.neutral()
+    leg_m = min(solver.reach_m(q, leg, leg[2], sole.centre_m) for leg, sole in zip(limbs.legs, soles, strict=True))
+    for arm, side in zip(limbs.arms, (1.0, -1.0), strict=False):
+        q = solver.place_hand(q, arm, side * outwards)
+    hips = [solver.joint_position(q, leg[2]) for leg in limbs.legs]
+    apart_m = max(*(abs(hip[1]) for hip in hips), *(sole.foot_half_size_m[1] + FOOT_GAP * leg_m for sole in soles))
+    straight, ahead_m = q, float(np.mean([hip[0] for hip in hips]))
+    for extension in EXTENSIONS:
+        level = float(np.mean([hip[2] for hip in hips])) - extension * leg_m
+        q = straight
+        for _ in range(CENTRING):
+            for leg, sole, hip in zip(limbs.legs, soles, hips, strict=True):
+                q = solver.place_sole(q, leg, sole, np.array([ahead_m, np.copysign(apart_m, hip[1]), level]), leg_m)
+            ahead_m = float(solver.com_position(q)[0])
+        if solver.bend_rad(q, straight, limbs.legs[0]) >= KNEE_RAD:
+            break
+    return q, leg_m
+
+
+class _Limb:
+    """Kinematics of limbs in forward, left and up axes of the root link."""
+
+    def __init__(self, model: pin.Model, R_root: Rotation) -> None:
+        self.model, self.data, self.R = model, model.createData(), R_root
+
+    def neutral(self) -> np.ndarray:
+        """All joints at 0, or at the nearest angle within their range and a margin."""
+        q = pin.neutral(self.model)
+        low, high = self.model.lowerPositionLimit[7:], self.model.upperPositionLimit[7:]
+        margin = np.minimum(MARGIN, 0.25 * (high - low))
+        q[7:] = np.clip(0.0, low + margin, high - margin)
+        return np.asarray(q)
+
+    def joint_position(self, q: np.ndarray, joint: int) -> Vector3:
+        """Origin of a joint."""
+        pin.forwardKinematics(self.model, self.data, q)
+        return np.asarray(self.R.T @ self.data.oMi[joint].translation)
+
+    def com_position(self, q: np.ndarray) -> Vector3:
+        """Centre of mass."""
+        return np.asarray(self.R.T @ pin.centerOfMass(self.model, self.data, q))
+
+    def bend_rad(self, q: np.ndarray, straight: np.ndarray, leg: Chain) -> float:
+        """Largest change of an angle between hip and ankle from the configuration ``straight``."""
+        index = [self.model.joints[joint].idx_q for joint in leg[2:-2]]
+        return float(np.abs(q[index] - straight[index]).max())
+
+    def reach_m(self, q: np.ndarray, chain: Chain, start: int, end_m: Vector3) -> float:
+        """Greatest distance from the joint ``start`` to a point on the last body, over random angles of the chain."""
+        rng, q = np.random.default_rng(0), q.copy()
+        index, low, high = self._range(chain)
+        longest = 0.0
+        for _ in range(DRAWS):
+            pin.forwardKinematics(self.model, self.data, q)
+            end = self.data.oMi[chain[-1]].act(end_m)
+            longest = max(longest, float(np.linalg.norm(end - self.data.oMi[start].translation)))
+            q[index] = rng.uniform(low, high)
+        return longest
+
+    def place_sole(self, q: np.ndarray, leg: Chain, sole: Sole, target_m: Vector3, leg_m: float) -> np.ndarray:
+        """``q`` with the sole level, ahead and at ``target_m``."""
+
+        def errors(T: pin.SE3) -> np.ndarray:
+            R = self.R.T @ T.rotation @ sole.R
+            position = self.R.T @ T.act(sole.centre_m)
+            return np.concatenate([(position - target_m) / leg_m, pin.log3(R)])
+
+        solved = self._solve(q, leg, errors, weight=1e-3)
+        pin.forwardKinematics(self.model, self.data, solved)
+        if np.abs(errors(self.data.oMi[leg[-1]])).max() > LEG_TOLERANCE:
+            raise not_humanoid(
+                f"the leg that starts at {self.model.names[leg[0]]!r} cannot put its sole level below the hip with "
+                "bent knees within the joints' ranges",
+                "reference",
+            )
+        return solved
+
+    def place_hand(self, q: np.ndarray, arm: Chain, outwards: float) -> np.ndarray:
+        """``q`` with the end of the arm near its place beside the body."""
+        length_m = self.reach_m(q, arm, arm[0], np.zeros(3))
+        shoulder = self.joint_position(q, arm[0])
+        target_m = shoulder + length_m * np.array([HAND[0], outwards, HAND[2]])
+
+        def errors(T: pin.SE3) -> np.ndarray:
+            return np.asarray((self.R.T @ T.translation - target_m) / max(length_m, 1e-3))
+
+        return self._solve(q, arm, errors, weight=0.05)
+
+    def _range(self, chain: Chain) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        index = np.array([self.model.joints[joint].idx_q for joint in chain])
+        low, high = self.model.lowerPositionLimit[index], self.model.upperPositionLimit[index]
+        margin = np.minimum(MARGIN, 0.25 * (high - low))
+        return index, low + margin, high - margin
+
+    def _solve(self, q: np.ndarray, chain: Chain, errors: Callable[[pin.SE3], np.ndarray], weight: float) -> np.ndarray:
+        index, low, high = self._range(chain)
+        middle = np.clip(0.0, low, high)
+        rng = np.random.default_rng(1)
+        best, least = q, np.inf
+
+        def residuals(angles: np.ndarray) -> np.ndarray:
+            q_tried[index] = angles
+            pin.forwardKinematics(self.model, self.data, q_tried)
+            return np.concatenate([errors(self.data.oMi[chain[-1]]), weight * (angles - middle)])
+
+        for start in range(STARTS):
+            q_tried = q.copy()
+            spread = 0.0 if start == 0 else 0.35
+            first = np.clip(q[index] + spread * rng.uniform(low - middle, high - middle), low + 1e-9, high - 1e-9)
+            solved = least_squares(residuals, first, bounds=(low, high), max_nfev=60)
+            if solved.cost < 0.9 * least:
+                least, best = solved.cost, q.copy()
+                best[index] = solved.x
+        return best

@@ -1,0 +1,223 @@
+"""From an uploaded description to a proposed card: ``rebuild_description``, ``propose_card``.
+
+The description is rebuilt (``description``), its meshes are converted (``meshes``); the limbs, soles, the rest posture
+and the collision pairs are estimated. What the description does not state and is estimated is listed in ``assumed``,
+with the field of the card. The card is proposed only if the robot can be assembled with it.
+"""
+
+import json
+import re
+import tempfile
+import xml.etree.ElementTree as ET
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import pinocchio as pin
+
+from stridelab.errors import Fault
+from stridelab.robots.assembly import assemble_robot
+from stridelab.robots.card import (
+    CollisionCard,
+    DataCard,
+    LimitsCard,
+    ReferenceCard,
+    RobotCard,
+    RotorsCard,
+)
+from stridelab.robots.data_files import DataFiles
+from stridelab.robots.inertias import MOMENT_TOLERANCE, inertia_faults, read_link
+from stridelab.robots.proposal.archive import unpack_robot
+from stridelab.robots.proposal.collision_table import never_colliding
+from stridelab.robots.proposal.description import invalid, plain_description, read_xml
+from stridelab.robots.proposal.effectors import carrying_link, effector_cards, foot_soles
+from stridelab.robots.proposal.limbs import Limbs, find_limbs
+from stridelab.robots.proposal.meshes import MeshConverter
+from stridelab.robots.proposal.posture import rest_posture
+from stridelab.robots.proposal.soles import Sole
+from stridelab.robots.robot import Robot
+from stridelab.robots.self_collision import SelfCollision
+from stridelab.robots.urdf import collision_geometry, full_model, parse_xml
+
+URDF: Final = "robot.urdf"
+GRAVITY: Final = 9.81
+MASS_KG: Final = (1.0, 500.0)
+LEG_M: Final = (0.15, 2.0)
+TORQUE_SHARE: Final = {"leg": 0.5, "torso": 0.4, "arm": 0.1}
+"""Estimated torque over weight times leg length; the bundled robots have 0.3 to 0.7 in their knees."""
+SPEED_RAD_S: Final = {"leg": 8.0, "torso": 5.0, "arm": 6.0}
+MAX_SPEED_RAD_S: Final = 100.0
+ROTOR_SHARE: Final = 4e-4
+"""Estimated rotor inertia over mass times squared leg length: 0.01 kg m2 for G1."""
+OUTWARDS: Final = (0.25, 0.45, 0.65)
+"""Places of the hands to the side that are tried until the arms touch nothing."""
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """A proposed card; ``assumed`` maps fields of the card, and parts of the description, to what was assumed."""
+
+    card: RobotCard
+    assumed: Mapping[str, str]
+    robot: Robot
+
+
+def rebuild_description(upload: Path, filename: str, name: str, robots_folder: Path) -> dict[str, str]:
+    """Write the checked description and its meshes to ``robots_folder / name``; returns what was assumed.
+
+    Raises ``UnreadableFile`` for an archive, description or mesh that cannot be read, ``InvalidInput``
+    (``robot-description-invalid``).
+    """
+    folder = robots_folder / name
+    folder.mkdir(parents=True)
+    with tempfile.TemporaryDirectory(dir=robots_folder) as scratch:
+        unpacked = unpack_robot(upload, filename, Path(scratch))
+        meshes = MeshConverter(unpacked, folder, name)
+        plain = plain_description(read_xml(unpacked.description, str(unpacked.inside)), filename, meshes.convert)
+    if meshes.missing:
+        raise invalid([Fault(path[:120], "the zip has no such mesh") for path in sorted(set(meshes.missing))])
+    ET.ElementTree(plain.root).write(folder / URDF, encoding="utf-8", xml_declaration=True)
+    return plain.assumed | meshes.assumed
+
+
+def propose_card(name: str, title: str, robots_folder: Path, assumed: Mapping[str, str]) -> Proposal:
+    """Propose a card for the rebuilt description of ``robots_folder / name``; ``assumed`` is extended.
+
+    Raises ``InvalidInput`` (``robot-description-invalid``, ``robot-not-humanoid``) with the reason.
+    """
+    files = DataFiles(robots_folder / name / URDF, None, robots_folder)
+    return _propose_card(name, title, parse_xml(files.urdf), files, dict(assumed))
+
+
+def _propose_card(name: str, title: str, root: ET.Element, files: DataFiles, assumed: dict[str, str]) -> Proposal:
+    sizes_m: dict[str, float] = {}
+    accepted = [re.escape(link) for link in _large_moments(root)]
+    if faults := list(inertia_faults(root, sizes_m, accepted)):
+        raise invalid(faults)
+    model = full_model(files.urdf)
+    mass_kg = float(pin.computeTotalMass(model))
+    if not MASS_KG[0] <= mass_kg <= MASS_KG[1]:
+        message = f"its mass is {mass_kg:.3g} kg; masses must be in kg and sum to {MASS_KG[0]:g} to {MASS_KG[1]:g}"
+        raise invalid([Fault("mass", message)])
+    shapes = collision_geometry(model, files.urdf, (files.package_dir,))
+    q_zero = pin.neutral(model)
+    limbs = find_limbs(model, q_zero)
+    soles, limbs = foot_soles(model, shapes, limbs, q_zero)
+    if not limbs.is_named:
+        assumed["left and right"] = "from the order of the joints; their names do not state it"
+    for outwards in OUTWARDS:
+        q, leg_m = rest_posture(model, limbs, soles, outwards)
+        if not LEG_M[0] <= leg_m <= LEG_M[1]:
+            message = f"its legs are {leg_m:.3g} m long; lengths must be in metres ({LEG_M[0]:g} to {LEG_M[1]:g})"
+            raise invalid([Fault("legs", message)])
+        card = _card(name, title, root, model, shapes, limbs, soles, q, leg_m, mass_kg, assumed)
+        robot = assemble_robot(name, card, files)
+        touching = _arm_collisions(robot, model, limbs)
+        if not touching:
+            break
+    else:
+        assumed["collision.never"] = "arms overlap the body at rest: " + ", ".join(sorted(touching)[:5])
+    never = never_colliding(robot)
+    table = {re.escape(link): tuple(map(re.escape, others)) for link, others in never.items()}
+    card = replace(card, collision=CollisionCard(never=table))
+    assumed.setdefault("collision.never", "from sampled configurations")
+    return Proposal(card, assumed, assemble_robot(name, card, files))
+
+
+def _card(
+    name: str,
+    title: str,
+    root: ET.Element,
+    model: pin.Model,
+    shapes: pin.GeometryModel,
+    limbs: Limbs,
+    soles: Sequence[Sole],
+    q: np.ndarray,
+    leg_m: float,
+    mass_kg: float,
+    assumed: dict[str, str],
+) -> RobotCard:
+    groups = {joint: "leg" for leg in limbs.legs for joint in leg}
+    groups |= dict.fromkeys(limbs.torso, "torso") | {joint: "arm" for arm in limbs.arms for joint in arm}
+    moving = sorted(groups)
+    effectors = effector_cards(model, shapes, limbs, soles, q)
+    limits = _limits(model, groups, mass_kg, leg_m, assumed)
+    rotor = float(f"{ROTOR_SHARE * mass_kg * leg_m**2:.2g}")
+    assumed["rotors.armature_kg_m2"] = f"{rotor:g} kg m2 for every joint, from mass and length of the legs"
+    assumed["reference.joints_rad"] = "by optimisation: level soles, bent knees, CoM above the soles"
+    for key in effectors:
+        assumed[f"effectors.{key}"] = "from the collision shapes"
+    locked = [joint for joint in range(2, model.njoints) if joint not in groups]
+    if locked:
+        assumed["locked_joints"] = ", ".join(model.names[joint] for joint in locked[:30])
+    accepted = tuple(re.escape(link) for link in _large_moments(root))
+    if accepted:
+        assumed["accepted_inertias"] = "as the description states them, although they are not physical"
+    angle = {joint: float(q[model.joints[joint].idx_q]) for joint in moving}
+    by_group = {group: [re.escape(model.names[j]) for j in moving if groups[j] == group] for group in TORQUE_SHARE}
+    return RobotCard(
+        title=title,
+        licence="As in the uploaded description.",
+        base_frame=carrying_link(model, limbs.legs[0][0]),
+        data=DataCard(urdf=f"{name}/{URDF}"),
+        reference=ReferenceCard(joints_rad={re.escape(model.names[j]): round(a, 5) for j, a in angle.items()}),
+        groups={group: "|".join(names) for group, names in by_group.items() if names},  # type: ignore[misc]
+        effectors=effectors,
+        locked_joints=tuple(re.escape(model.names[joint]) for joint in locked),
+        accepted_inertias=accepted,
+        limits=limits,
+        rotors=RotorsCard({re.escape(model.names[j]): rotor for j in moving}),
+    )
+
+
+def _limits(
+    model: pin.Model, groups: Mapping[int, str], mass_kg: float, leg_m: float, assumed: dict[str, str]
+) -> LimitsCard:
+    """Every moving joint's limits; those that the description lacks are estimated."""
+    position, velocity, torque = {}, {}, {}
+    for joint, group in sorted(groups.items()):
+        name, key = str(model.names[joint]), re.escape(model.names[joint])
+        iq, iv = model.joints[joint].idx_q, model.joints[joint].idx_v
+        position[key] = (float(model.lowerPositionLimit[iq]), float(model.upperPositionLimit[iq]))
+        velocity[key], torque[key] = float(model.velocityLimit[iv]), float(model.effortLimit[iv])
+        if not 0.0 < velocity[key] < MAX_SPEED_RAD_S:
+            velocity[key] = SPEED_RAD_S[group]
+            assumed[f"limits.velocity_rad_s.{name}"] = f"{velocity[key]:g} rad/s"
+        if not 0.0 < torque[key] < 20.0 * mass_kg * GRAVITY * leg_m:
+            torque[key] = float(f"{TORQUE_SHARE[group] * mass_kg * GRAVITY * leg_m:.2g}")
+            assumed[f"limits.torque_nm.{name}"] = f"{torque[key]:g} N m"
+    return LimitsCard(position, velocity, torque)
+
+
+def _large_moments(root: ET.Element) -> list[str]:
+    """Links whose largest principal moment exceeds the sum of the others by up to a factor of 5."""
+    names = []
+    for element in root.findall("link"):
+        try:
+            I = read_link(element).moments_kg_m2
+        except ValueError:
+            continue  # reported by inertia_faults
+        if I[0] > 0.0 and (I[0] + I[1]) * (1.0 + MOMENT_TOLERANCE) < I[2] <= 5.0 * (I[0] + I[1]):
+            names.append(element.attrib["name"])
+    return names
+
+
+def _arm_collisions(robot: Robot, full: pin.Model, limbs: Limbs) -> set[str]:
+    """Pairs of an arm (from its third joint on) and the rest that overlap at rest."""
+    model = robot.model
+    side = {joint: index for index, arm in enumerate(limbs.arms) for joint in map(str, (full.names[j] for j in arm))}
+    outer = {str(full.names[joint]) for arm in limbs.arms for joint in arm[2:]}
+    touching = set()
+    for a, b in SelfCollision.for_robot(robot).colliding_links(robot.q_reference):
+        one, other = (str(model.names[model.frames[model.getFrameId(link)].parentJoint]) for link in (a, b))
+        if side.get(one, one) != side.get(other, other) and {one, other} & outer:
+            touching.add(f"{a} and {b}")
+    return touching
+
+
+def card_fields(card: RobotCard) -> dict[str, Any]:
+    """The card as JSON, without the paths of the files."""
+    fields: dict[str, Any] = json.loads(card.canonical_json())
+    return {"title": card.title, "licence": card.licence} | {k: v for k, v in fields.items() if k != "data"}

@@ -1,0 +1,132 @@
+"""Proposed cards: effectors, axes, limits and posture of humanoids made here, and what is not a humanoid."""
+
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from stridelab.errors import InvalidInput
+from stridelab.robots.assembly import effector_of
+from stridelab.robots.proposal.propose import Proposal, propose_card, rebuild_description
+from stridelab.robots.self_collision import SelfCollision
+from support.robots.humanoid import HALF_SOLE_M, SOLE_AHEAD_M, SOLE_DROP_M, Humanoid, archive, box_stl
+
+TURNED = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+"""The axes of the turned root link, as its columns: they point to the right, down and ahead."""
+
+
+def proposal_of(humanoid: Humanoid, folder: Path, files: dict[str, bytes] | None = None) -> Proposal:
+    upload = folder / "upload"
+    upload.write_bytes(archive({"small/urdf/small.urdf": humanoid.urdf(), **(files or {})}))
+    assumed = rebuild_description(upload, "small.zip", "small", folder / "robots")
+    return propose_card("small", "small", folder / "robots", assumed)
+
+
+@pytest.fixture(scope="module")
+def usual(tmp_path_factory: pytest.TempPathFactory) -> Proposal:
+    return proposal_of(Humanoid(), tmp_path_factory.mktemp("usual"))
+
+
+def test_soles_are_the_rectangles_of_the_feet(usual: Proposal) -> None:
+    for side in ("left", "right"):
+        foot = usual.card.effectors[f"{side}_foot"]
+        assert foot.frame == f"{side}_ankle_roll_link"
+        assert foot.position_m == pytest.approx((SOLE_AHEAD_M, 0.0, -SOLE_DROP_M), abs=1e-4)
+        assert foot.contact_half_size_m == pytest.approx(HALF_SOLE_M, abs=0.003)
+        assert foot.contact_half_size_m is not None
+        assert foot.contact_half_size_m[0] <= HALF_SOLE_M[0]
+        assert foot.ankle == (f"{side}_ankle_pitch", f"{side}_ankle_roll")
+
+
+def test_it_rests_upright_on_level_soles_with_bent_knees(usual: Proposal) -> None:
+    robot = usual.robot
+    data = robot.model.createData()
+    pin.framesForwardKinematics(robot.model, data, robot.q_reference)
+    for name in ("left_foot", "right_foot"):
+        effector = robot.effectors[name]
+        T = data.oMf[robot.model.getFrameId(effector.frame)]
+        assert (T.rotation @ effector.T_frame_contact.rotation)[:, 2] == pytest.approx((0.0, 0.0, 1.0), abs=1e-2)
+        assert T.act(effector.T_frame_contact.position_m)[2] == pytest.approx(0.0, abs=2e-3)
+    knees = [robot.q_reference[7 + robot.joint_names.index(f"{side}_knee")] for side in ("left", "right")]
+    assert knees[0] == pytest.approx(knees[1], abs=0.02)
+    assert 0.5 < knees[0] < 1.0
+    com = pin.centerOfMass(robot.model, data, robot.q_reference)
+    assert abs(com[0]) < 0.02
+    assert abs(com[1]) < 0.01
+    assert not SelfCollision.for_robot(robot).colliding_links(robot.q_reference)
+
+
+def test_hands_are_at_the_ends_of_the_arms(usual: Proposal) -> None:
+    assert {name for name, e in usual.card.effectors.items() if e.kind == "point"} == {"left_hand", "right_hand"}
+    left = usual.card.effectors["left_hand"]
+    assert left.frame == "left_wrist_link"
+    assert left.position_m[2] == pytest.approx(-0.068, abs=1e-3)  # the lower end of the box
+    assert effector_of("left_hand", left).T_frame_contact.rotation[:, 2] == pytest.approx((0.0, 0.0, 1.0))
+
+
+def test_every_joint_of_the_description_is_in_its_group(usual: Proposal) -> None:
+    groups = usual.robot.group
+    assert {groups[f"left_{joint}"] for joint in ("hip_yaw", "knee", "ankle_roll")} == {"leg"}
+    assert {groups[f"right_{joint}"] for joint in ("shoulder_pitch", "elbow", "wrist")} == {"arm"}
+    assert groups["waist"] == "torso"
+    assert not [field for field in usual.assumed if field.startswith("limits.")]
+
+
+def test_missing_limits_are_estimated_and_listed(tmp_path: Path) -> None:
+    proposal = proposal_of(Humanoid(effort=None, velocity=0.0), tmp_path)
+    assert "limits.torque_nm.left_knee" in proposal.assumed
+    assert "limits.velocity_rad_s.waist" in proposal.assumed
+    model = proposal.robot.model
+    knee = proposal.robot.joint_names.index("left_knee")
+    assert 50.0 < model.effortLimit[6 + knee] < 500.0
+    assert 1.0 < model.velocityLimit[6 + knee] < 20.0
+
+
+def test_any_axes_of_the_root_link(tmp_path: Path, usual: Proposal) -> None:
+    turned = proposal_of(Humanoid(R_root=TURNED), tmp_path).robot
+    com = [pin.centerOfMass(r.model, r.model.createData(), r.q_reference) for r in (usual.robot, turned)]
+    assert com[1] == pytest.approx(com[0], abs=0.01)
+    assert turned.R_root_trunk == pytest.approx(TURNED.T)
+
+
+def test_toes_are_locked_and_the_sole_is_the_foot(tmp_path: Path) -> None:
+    proposal = proposal_of(Humanoid(toes=True), tmp_path)
+    assert set(proposal.card.locked_joints) == {"left_toe", "right_toe"}
+    assert proposal.card.effectors["left_foot"].frame == "left_ankle_roll_link"
+
+
+def test_names_of_other_alphabets(tmp_path: Path) -> None:
+    proposal = proposal_of(Humanoid(sides=("лев ая", "прав.ая")), tmp_path)
+    assert proposal.robot.group["прав.ая_knee"] == "leg"
+    assert "left and right" in proposal.assumed
+
+
+def test_soles_of_meshes_in_the_archive(tmp_path: Path) -> None:
+    half = (*HALF_SOLE_M, 0.02)
+    files = {"small/meshes/sole.STL": box_stl(half), "other/sole.stl": box_stl((1.0, 1.0, 1.0))}
+    proposal = proposal_of(Humanoid(mesh_feet="package://any/small/meshes/sole.STL"), tmp_path, files)
+    size = proposal.card.effectors["left_foot"].contact_half_size_m
+    assert size == pytest.approx(HALF_SOLE_M, abs=0.003)
+    assert sorted(path.name for path in (tmp_path / "robots").rglob("*.stl")) == ["mesh-0000.stl"]
+
+
+@pytest.mark.parametrize(
+    ("humanoid", "code", "words"),
+    [
+        (Humanoid(foot="sphere"), "robot-not-humanoid", "point foot"),
+        (Humanoid(foot="wheel"), "robot-not-humanoid", "wheel"),
+        (Humanoid(legs=2), "robot-not-humanoid", "4 equal limbs"),
+        (Humanoid(scale=1000.0), "robot-description-invalid", "millimetres"),
+        (Humanoid(scale=20.0), "robot-description-invalid", "metres"),
+        (Humanoid(mass_scale=1e-4), "robot-description-invalid", "mass"),
+    ],
+    ids=["point feet", "wheels", "four legs", "millimetres", "a giant", "3 g"],
+)
+def test_what_is_no_humanoid_is_refused_with_the_reason(
+    humanoid: Humanoid, code: str, words: str, tmp_path: Path
+) -> None:
+    with pytest.raises(InvalidInput, match=words) as refusal:
+        proposal_of(humanoid, tmp_path)
+    assert refusal.value.code == code
+    assert refusal.value.faults
