@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import cache
 from pathlib import Path
 from types import MappingProxyType
@@ -67,6 +67,27 @@ def effector_shapes(robot_name: str) -> Mapping[str, EffectorShape]:
             for name, entry in card.effectors.items()
         }
     )
+
+
+def stored_shapes(shapes: Mapping[str, Any]) -> Mapping[str, EffectorShape]:
+    """Effectors from the JSON of ``plain_shapes``."""
+    return MappingProxyType(
+        {
+            name: EffectorShape(
+                shape["kind"],
+                None if shape["half_size_m"] is None else (shape["half_size_m"][0], shape["half_size_m"][1]),
+                None if shape["reach"] is None else _parse_reach(shape["reach"]),
+                shape["com_height_m"],
+            )
+            for name, shape in shapes.items()
+        }
+    )
+
+
+def plain_shapes(robot_name: str) -> dict[str, Any]:
+    """The present ``effector_shapes`` of a robot as JSON. Raises as ``effector_shapes``."""
+    effector_shapes.cache_clear()
+    return {name: json.loads(json.dumps(asdict(shape))) for name, shape in effector_shapes(robot_name).items()}
 
 
 def _learned_effectors(path: Path) -> dict[str, Any]:

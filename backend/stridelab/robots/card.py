@@ -153,6 +153,11 @@ def parse_card(name: str, text: bytes) -> RobotCard:
         data = tomllib.loads(text.decode())
     except ValueError as error:  # not UTF-8, or not TOML
         raise invalid_card(name, [Fault("", f"it is not TOML: {error}")]) from error
+    return card_of_fields(name, data)
+
+
+def card_of_fields(name: str, data: Mapping[str, Any]) -> RobotCard:
+    """Validate the fields of a card. Raises as ``parse_card``."""
     try:
         # JSON is strict about types, and still takes a list for a tuple
         card = TypeAdapter(RobotCard).validate_json(json.dumps(data, default=str), strict=True)

@@ -1,9 +1,17 @@
 """Schemas of robots."""
 
-from typing import Literal
+from datetime import datetime
+from typing import Annotated, Any, Literal
+
+from pydantic import Field
 
 from stridelab.schemas.base import Contract
 
+NAME_PATTERN = r"^[a-z][a-z0-9-]{1,39}$"
+"""Names of robots of users."""
+
+RobotState = Literal["bundled", "proposed", "commissioned", "not-walking"]
+"""State of a robot: ``commissioned`` once its first walk was certified and completed, ``not-walking`` if it was not."""
 Triple = tuple[float, float, float]
 Measure = Literal["uniform", "conditioned"]
 """Distribution of sampled postures: uniform within the joint limits, or conditioned on the robot standing."""
@@ -97,7 +105,7 @@ class RobotFacts(Contract):
 
 
 class RobotSummary(Contract):
-    """One line of ``GET /robots``."""
+    """One line of ``GET /robots``; ``owner`` is the user who uploaded it, null for a bundled one."""
 
     name: str
     title: str
@@ -105,6 +113,29 @@ class RobotSummary(Contract):
     available: bool
     reason: str | None = None
     effectors: list[str]
+    state: RobotState = "bundled"
+    owner: str | None = None
+
+
+class OwnRobot(Contract):
+    """A robot of a user, after an upload or a change of its card.
+
+    ``card`` has the fields of the card file (docs, *Add a robot*) except ``data``; ``assumed`` lists the fields that
+    the description does not state and that were estimated, and ``assumptions`` says how. ``sha256`` is the hash of the
+    uploaded file, ``robot_sha256`` that of the robot.
+    """
+
+    name: str
+    state: RobotState
+    owner: str | None
+    card: dict[str, Any]
+    assumed: list[str]
+    assumptions: dict[str, str]
+    filename: str
+    sha256: str
+    robot_sha256: str
+    created_at: datetime
+    commission: "CommissionRobotSummary | None" = None
 
 
 class RobotPreparation(Contract):
@@ -117,3 +148,72 @@ class RobotPreparation(Contract):
     state: Literal["preparing", "ready", "failed"]
     fraction: float
     message: str
+
+
+class CommissionRobotInput(Contract):
+    """Input of ``commission-robot``: a robot of one's own, and the postures from which each density is learned."""
+
+    robot: Annotated[str, Field(pattern=NAME_PATTERN)]
+    samples: Annotated[int, Field(ge=500, le=20_000)] = 3_000
+    seed: Annotated[int, Field(ge=0, le=2**31 - 1)] = 0
+
+
+class LearnedMeasure(Contract):
+    """Densities learned under one measure, as in ``learn-reachability``."""
+
+    samples: int
+    tried: int
+    rejected_share: float
+    kl_nats: dict[str, float]
+
+
+class WalkAttempt(Contract):
+    """One level walk: ``reason`` is why it is not certified or not completed, empty if it is both."""
+
+    step_m: float
+    step_time_s: float
+    certified: bool
+    completed: bool
+    com_error_max_m: float | None = None
+    torque_ratio_max: float | None = None
+    reason: str = ""
+
+
+class FirstWalk(Contract):
+    """The level walk of ``commission-robot``: that of the longest step which is certified and completed, or the last.
+
+    ``certified``: the motion passed its certificate; ``completed``: its replay in a physics simulation did, too.
+    """
+
+    certified: bool
+    completed: bool
+    steps: int
+    step_m: float
+    duration_s: float
+    attempts: list[WalkAttempt]
+
+
+class CommissionLimits(Contract):
+    """What the first walk needed of the robot, as ratios to its limits: of its joints' speeds and torques."""
+
+    mass_kg: float
+    com_height_m: float
+    foot_spacing_m: float
+    torque_ratio_max: float | None = None
+
+
+class CommissionRobotSummary(Contract):
+    """Summary of ``commission-robot``; ``learned`` is by measure (``uniform``, ``conditioned``)."""
+
+    robot: str
+    robot_sha256: str
+    learned: dict[str, LearnedMeasure]
+    first_walk: FirstWalk
+    limits: CommissionLimits
+    seconds: dict[str, float]
+
+
+class CommissionRobotTask(Contract):
+    """Task of ``commission-robot``; the robot lies in the job's folder."""
+
+    input: CommissionRobotInput

@@ -221,3 +221,22 @@ def card_fields(card: RobotCard) -> dict[str, Any]:
     """The card as JSON, without the paths of the files."""
     fields: dict[str, Any] = json.loads(card.canonical_json())
     return {"title": card.title, "licence": card.licence} | {k: v for k, v in fields.items() if k != "data"}
+
+
+def card_toml(card: RobotCard) -> str:
+    """The card as the file ``models/robots/<name>.toml``."""
+    fields = card_fields(card) | {"data": {"urdf": card.data.urdf}}
+    lines: list[str] = []
+
+    def write_table(path: tuple[str, ...], table: Mapping[str, Any]) -> None:
+        if path:
+            lines.append(f"\n[{'.'.join(json.dumps(part, ensure_ascii=False) for part in path)}]")
+        for key, value in table.items():
+            if not isinstance(value, dict):
+                lines.append(f"{json.dumps(key, ensure_ascii=False)} = {json.dumps(value, ensure_ascii=False)}")
+        for key, value in table.items():
+            if isinstance(value, dict):
+                write_table((*path, key), value)
+
+    write_table((), fields)
+    return "\n".join(lines) + "\n"

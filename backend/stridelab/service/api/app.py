@@ -174,7 +174,11 @@ async def open_parts(settings: Settings) -> AsyncIterator[Parts]:
             # a separate pool, which is closed once all robots are prepared
             aclosing(
                 RobotCache(
-                    IsolatedPool(FORK_SERVER_MODULES, settings.job_niceness), blobs, spool, settings.job_memory_mb
+                    IsolatedPool(FORK_SERVER_MODULES, settings.job_niceness),
+                    blobs,
+                    spool,
+                    settings.job_memory_mb,
+                    engine=engine,
                 )
             ) as robot_cache,
             aclosing(StoredChecks(bodies, validation_limiter, robot_cache)) as stored_checks,

@@ -4,7 +4,7 @@ from sqlalchemy import BigInteger, cast, func, select
 
 from stridelab.errors import TooLarge
 from stridelab.service.api.dependencies import Parts
-from stridelab.service.storage.tables import job, recording
+from stridelab.service.storage.tables import job, recording, robot
 
 
 async def refuse_full(parts: Parts, owner: str | None, more_bytes: int = 0) -> None:
@@ -19,8 +19,9 @@ async def refuse_full(parts: Parts, owner: str | None, more_bytes: int = 0) -> N
     files = func.jsonb_array_elements(job.c.result["artifacts"]).table_valued("value")
     size = cast(files.c.value.op("->>")("bytes"), BigInteger)
     results = select(func.coalesce(func.sum(size), 0)).select_from(job).join(files, onclause=job.c.owner == owner)
+    robots = select(func.coalesce(func.sum(robot.c.bytes), 0)).where(robot.c.owner == owner)
     async with parts.engine.connect() as connection:
-        used = sum([int((await connection.execute(query)).scalar_one()) for query in (uploads, results)])
+        used = sum([int((await connection.execute(query)).scalar_one()) for query in (uploads, robots, results)])
     if used + more_bytes >= limit_mb * 1_000_000:
         raise TooLarge(
             "storage-limit",

@@ -27,6 +27,9 @@ Action = Literal[
     "scenario-replaced",
     "marker-set-added",
     "marker-set-deleted",
+    "robot-added",
+    "robot-card-changed",
+    "robot-deleted",
 ]
 CONSOLE: Final = Caller("console", "admin", "console")
 """Caller of commands that access the database directly."""

@@ -20,6 +20,8 @@ _OF_THE_INSTALLATION: Final = ("alembic_version", "worker")
 _NAMED_FILES: Final = """
     SELECT blob_key FROM recording
     UNION SELECT tracks_key FROM recording
+    UNION SELECT unnest(ARRAY[bundle_key, links_key, learned_key]) FROM robot WHERE learned_key IS NOT NULL
+    UNION SELECT unnest(ARRAY[bundle_key, links_key]) FROM robot
     UNION SELECT blob_prefix || '/' || (artifact->>'name')
             FROM job, jsonb_array_elements(job.result->'artifacts') AS artifact
            WHERE blob_prefix IS NOT NULL

@@ -15,6 +15,10 @@ from stridelab.service.storage.blobs import BlobStore, hash_in_key
 _FILES: Final = """
     SELECT 'recording ' || id || ', the uploaded file', blob_key, sha256, bytes FROM recording
     UNION ALL SELECT 'recording ' || id || ', its tracks', tracks_key, NULL, NULL FROM recording
+    UNION ALL SELECT 'robot ' || name || ', its description', bundle_key, NULL, NULL FROM robot
+    UNION ALL SELECT 'robot ' || name || ', its meshes', links_key, NULL, NULL FROM robot
+    UNION ALL SELECT 'robot ' || name || ', its densities', learned_key, NULL, NULL FROM robot
+               WHERE learned_key IS NOT NULL
     UNION ALL SELECT 'job ' || id || ', ' || (artifact->>'name'), blob_prefix || '/' || (artifact->>'name'),
                      artifact->>'sha256', (artifact->>'bytes')::bigint
                 FROM job, jsonb_array_elements(job.result->'artifacts') AS artifact WHERE blob_prefix IS NOT NULL

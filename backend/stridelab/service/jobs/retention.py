@@ -14,12 +14,14 @@ from stridelab.service.samples.recording import SHIPPED_JOBS
 from stridelab.service.settings import Settings
 from stridelab.service.storage import content_addressed, locks
 from stridelab.service.storage.blobs import BlobStore
-from stridelab.service.storage.tables import job, job_event, recording, worker
+from stridelab.service.storage.tables import job, job_event, recording, robot, worker
+from stridelab.service.stored_robots import ROBOT_FOLDER
 
 ORPHAN_AGE: Final = timedelta(hours=1)
 """Minimum age of an orphan: younger files may belong to a row that is about to be written."""
 _WORKER_AGE: Final = timedelta(days=1)
 """Age of the last heartbeat after which the row of a worker is removed."""
+ROBOT_KEYS: Final = (robot.c.bundle_key, robot.c.links_key, robot.c.learned_key)
 _log = structlog.get_logger(__name__)
 
 
@@ -78,6 +80,7 @@ async def remove_orphans(connection: AsyncConnection, blobs: BlobStore, age: tim
     """
     results = await _old_prefixes(blobs, "results", 3, age)
     batches = await _old_prefixes(blobs, read_batch.BATCH_FOLDER, 2, age)
+    robots = await _old_prefixes(blobs, ROBOT_FOLDER, 3, age)
     recordings = await _old_prefixes(blobs, "recordings", 3, age)  # full keys: tracks of a recording may be replaced
     # rows are read after the files, so that rows written in between are included
     rows = (await connection.execute(select(job.c.id, job.c.attempt, job.c.state, job.c.blob_prefix))).all()
@@ -86,8 +89,12 @@ async def remove_orphans(connection: AsyncConnection, blobs: BlobStore, age: tim
     unread = select(job.c.input).where(job.c.kind == read_batch.READ_BATCH_KIND, job.c.state.not_in(FINAL_STATES))
     referred |= {read_batch.batch_prefix(job_input) for job_input in (await connection.execute(unread)).scalars()}
     files = (await connection.execute(select(recording.c.blob_key, recording.c.tracks_key))).all()
+    of_robots = (await connection.execute(select(*ROBOT_KEYS))).all()
     await connection.rollback()
-    prefixes, keys = sorted((results | batches) - referred), sorted(recordings - {key for row in files for key in row})
+    prefixes, keys = (
+        sorted((results | batches) - referred),
+        sorted((recordings | robots) - {key for row in (*files, *of_robots) for key in row}),
+    )
     for prefix in prefixes:
         await blobs.delete_prefix(prefix)
     removed = [key for key in keys if await _remove_unnamed(connection, blobs, key)]
@@ -97,8 +104,10 @@ async def remove_orphans(connection: AsyncConnection, blobs: BlobStore, age: tim
 
 
 async def _remove_unnamed(connection: AsyncConnection, blobs: BlobStore, key: str) -> bool:
-    """Delete a recording's file unless a row refers to it or its key is locked; returns whether it was deleted."""
-    named = exists().where(or_(recording.c.blob_key == key, recording.c.tracks_key == key))
+    """Delete a file of a recording or a robot unless a row refers to it or its key is locked; returns whether."""
+    of_recording = exists().where(or_(recording.c.blob_key == key, recording.c.tracks_key == key))
+    of_robot = exists().where(or_(*(column == key for column in ROBOT_KEYS)))
+    named = or_(of_recording, of_robot)
     try:
         if (
             not await content_addressed.try_lock_blob(connection, key)

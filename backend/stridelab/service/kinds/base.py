@@ -7,7 +7,7 @@ fenced transaction that makes the result visible). The command line uses the sam
 from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, Protocol, TypeAlias, TypeVar, runtime_checkable
+from typing import TYPE_CHECKING, Any, Final, Literal, Protocol, TypeAlias, TypeVar, runtime_checkable
 
 from stridelab.errors import StridelabError, problem_of
 from stridelab.schemas.base import Contract
@@ -19,6 +19,8 @@ if TYPE_CHECKING:  # a command needs neither
     from stridelab.service.processes.sandbox import Sandbox
 
 Task = TypeVar("Task", bound=Contract)
+STAGED_ROBOT: Final = "robot.json"
+"""File in the folder of a job on a robot of a user: its name and card; its description lies beside it."""
 Json = dict[str, Any]
 """A JSON object."""
 
@@ -86,6 +88,10 @@ def json_run(
     """``run`` with JSON on both sides, as child processes call it; ``task_model`` is the model of its task."""
 
     def run_in_child(task: Json, folder: Path, progress: "ProgressCallback") -> Json:
+        if (folder / STAGED_ROBOT).is_file():
+            from stridelab.service.kinds.robots.staged import use_staged_robot
+
+            use_staged_robot(folder)
         return run(task_model.model_validate(task), folder, progress).to_json()
 
     run_in_child.__module__ = run.__module__

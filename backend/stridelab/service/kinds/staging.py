@@ -25,6 +25,7 @@ from stridelab.service.kinds.base import Blobs, Json, Stage
 from stridelab.service.kinds.session_staging import session_of
 from stridelab.service.storage.tables import recording, scenario, subject
 from stridelab.service.stored_marker_sets import source_marker_sets
+from stridelab.service.stored_robots import stage_robot
 
 
 def stated_subject(recording_fields: Mapping[str, Any], subject_fields: Mapping[str, Any] | None) -> SubjectFields:
@@ -72,17 +73,19 @@ async def stage_fit_cycloid(connection: AsyncConnection, blobs: Blobs, input: Co
 
 
 async def stage_input(connection: AsyncConnection, blobs: Blobs, input: Contract, folder: Path) -> Json:  # noqa: A002
-    """Nothing to fetch: the task is the input."""
+    """Fetch the robot, if the input names one of a user: otherwise the task is the input."""
+    await stage_robot(connection, blobs, getattr(input, "robot", None), folder)
     return {"input": input.model_dump(mode="json")}
 
 
 def stage_scenario(task_model: type[PlanMotionTask | PlanRecedingTask | PushBasinTask | SweepTask]) -> Stage:
     """Stage function that copies the scenario of a request, or the present body of the stored one, into the task."""
 
-    async def stage(connection: AsyncConnection, _blobs: Blobs, request: Contract, _folder: Path) -> Json:
+    async def stage(connection: AsyncConnection, blobs: Blobs, request: Contract, folder: Path) -> Json:
         if not isinstance(request, ScenarioSource):
             raise TypeError(f"{type(request).__name__} has no scenario")
         scenario = request.scenario or await _stored_scenario(connection, request.scenario_id)
+        await stage_robot(connection, blobs, scenario.robot, folder)
         return task_model.model_validate({"scenario": scenario, "input": request}).model_dump(mode="json")
 
     return stage

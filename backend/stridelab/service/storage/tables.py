@@ -88,6 +88,28 @@ marker_set = Table(
     Index("marker_set_newest", "created_at", "id"),
 )
 
+robot = Table(
+    "robot",
+    metadata,
+    Column("id", Text, primary_key=True),
+    _created_at(),
+    Column("owner", Text),
+    Column("name", Text, nullable=False),
+    Column("filename", Text, nullable=False),
+    Column("sha256", Text, nullable=False, comment="of the uploaded file"),
+    Column("bytes", BigInteger, nullable=False, comment="of the stored files"),
+    Column("bundle_key", Text, nullable=False, comment="zip of the rebuilt description and its meshes"),
+    Column("links_key", Text, nullable=False, comment="display meshes, GLB"),
+    Column("learned_key", Text, comment="zip of the learned densities"),
+    Column("state", Text, nullable=False),
+    Column("card", JSONB, nullable=False, comment="the card without the paths of files"),
+    Column("assumed", JSONB, nullable=False, comment="by field of the card"),
+    Column("facts", JSONB, nullable=False, comment="RobotFacts"),
+    Column("shapes", JSONB, nullable=False, comment="effectors with their learned reach"),
+    Column("commission", JSONB, comment="CommissionRobotSummary"),
+    Index("robot_name", "name", unique=True),
+)
+
 job = Table(
     "job",
     metadata,

@@ -23,13 +23,16 @@ from stridelab.schemas.measures import GaitMeasuresInput, GaitReportInput
 from stridelab.schemas.plans import LearnReachabilityInput, PlanContactsInput, PlanMotionInput, ReplayOptions
 from stridelab.schemas.population import MAX_RECORDINGS, StudyPopulationInput
 from stridelab.schemas.receding import PlanRecedingInput, PushBasinInput
+from stridelab.schemas.robots import CommissionRobotInput
 from stridelab.schemas.scenarios import Scenario, ScenarioSource
 from stridelab.schemas.sweeps import SweepInput
 from stridelab.service.api.dependencies import AppParts, CallerOf, Parts, require_id_form
 from stridelab.service.api.jobs.presentation import job_of
 from stridelab.service.api.openapi import failure_responses
 from stridelab.service.api.quotas import refuse_full
+from stridelab.service.api.robots.own import required_robot
 from stridelab.service.api.scenarios.validation import refuse_invalid
+from stridelab.service.auth.callers import Caller, require_owner
 from stridelab.service.kinds.base import JobKind
 from stridelab.service.kinds.registry import KINDS
 from stridelab.service.kinds.staging import require_recordings
@@ -44,13 +47,14 @@ class JobSubject:
     scenario_id: str | None = None
 
 
-async def validate_request(parts: Parts, request: Contract) -> JobSubject:
+async def validate_request(parts: Parts, request: Contract, caller: Caller) -> JobSubject:
     """Validate ``request`` and return the objects that it refers to.
 
     Raises ``NotFound`` (``recording-not-found``, ``scenario-not-found``) for a malformed id, and ``InvalidInput``:
     ``scenario-invalid`` for a scenario that the robot cannot perform, ``stance-invalid`` for a start or goal where it
     cannot stand, ``replay-invalid`` for a push outside of the motion or on an unknown link, ``invalid-request`` for an
-    unknown robot or effector, ``recording-twice`` in a population.
+    unknown robot or effector, ``recording-twice`` in a population. For a robot to be commissioned ``NotFound``
+    (``robot-not-found``), ``Conflict`` (``bundled-read-only``) and ``Forbidden`` (``not-owner``).
     """
     if isinstance(request, PlanMotionInput | PlanRecedingInput | SweepInput) and request.scenario is not None:
         await refuse_invalid(request.scenario, parts.validation_limiter, parts.robots)
@@ -61,6 +65,9 @@ async def validate_request(parts: Parts, request: Contract) -> JobSubject:
     if isinstance(request, PlanContactsInput):
         _effector_cards(request.robot)
         await anyio.to_thread.run_sync(_refuse_invalid_ends, request, limiter=parts.validation_limiter)
+    if isinstance(request, CommissionRobotInput):
+        async with parts.engine.connect() as connection:
+            require_owner(caller, (await required_robot(connection, request.robot))["owner"], "robot")
     if isinstance(request, LearnReachabilityInput):
         _refuse_unknown_effectors(request)
     if isinstance(request, StudyPopulationInput | GaitMeasuresInput | GaitReportInput):
@@ -189,7 +196,7 @@ def _add_kind(router: APIRouter, kind: JobKind) -> None:
     ) -> Job:
         if isinstance(body, GaitReportInput):
             body = await _with_recordings(parts, body, caller.name)
-        subject = await validate_request(parts, body)
+        subject = await validate_request(parts, body, caller)
         await refuse_full(parts, caller.name)
         request = body.model_dump(mode="json", exclude_unset=True)
         submitted = await parts.store.submit(
@@ -220,8 +227,10 @@ def _add_kind(router: APIRouter, kind: JobKind) -> None:
         description=f"{kind.title}. {kind.description} The job runs in a worker; the header "
         "`Location` of the response is its address.",
         responses=failure_responses(
-            s404="The input names an unknown recording or scenario (`recording-not-found`, `scenario-not-found`).",
-            s409="The idempotency key was used with another body before (`idempotency-key-reused`).",
+            s404="The input names an unknown recording, scenario or robot (`recording-not-found`, "
+            "`scenario-not-found`, `robot-not-found`).",
+            s409="The idempotency key was used with another body before (`idempotency-key-reused`), or the robot is "
+            "bundled (`bundled-read-only`).",
             s413="Your uploads and results exceed your storage limit (`storage-limit`).",
             s429="Too many jobs are queued (`queue-full`), or too many of yours (`user-queue-full`); `Retry-After` "
             "gives the time to wait.",

@@ -9,7 +9,7 @@ import asyncio
 import gzip
 import time
 import zlib
-from collections.abc import Awaitable, Callable, Iterable
+from collections.abc import Awaitable, Callable, Iterable, Mapping
 from contextlib import AbstractAsyncContextManager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -17,14 +17,17 @@ from typing import Any, Final, Generic, TypeVar
 
 import structlog
 from pydantic import ValidationError
+from sqlalchemy.ext.asyncio import AsyncEngine
 
 from stridelab.errors import NotFound, StridelabError, Unavailable
+from stridelab.robots.card import robot_names
 from stridelab.schemas.robots import Measure, RobotFacts, RobotPreparation
 from stridelab.service.api.robots.children import DESCRIBE, LINKS, REACH, Progress, RobotChildren
 from stridelab.service.api.robots.source_hash import source_sha256
 from stridelab.service.processes.pool import IsolatedPool
 from stridelab.service.processes.sandbox import STRICT, Sandbox
 from stridelab.service.storage.blobs import BlobInfo, BlobStore
+from stridelab.service.stored_robots import find_robot
 
 T = TypeVar("T")
 
@@ -104,6 +107,8 @@ class RobotCache:
     _progress: dict[str, tuple[float, str]] = field(default_factory=dict)
     _in_background: set[str] = field(default_factory=set)
 
+    engine: AsyncEngine | None = None
+
     def __post_init__(self) -> None:
         self._children = RobotChildren(self.pool, self.spool, self.memory_mb, self.sandbox)
 
@@ -124,6 +129,14 @@ class RobotCache:
                 return facts
 
         return await self._facts.get(name, load_facts)
+
+    async def own_shapes(self, name: str) -> Mapping[str, Any] | None:
+        """Stored effectors of the user's robot ``name``; None for any other name."""
+        if self.engine is None or name in robot_names():
+            return None
+        async with self.engine.connect() as connection:
+            row = await find_robot(connection, name)
+        return None if row is None else dict(row["shapes"])
 
     async def load_problem(self, name: str) -> str | None:
         """Load the robot ``name`` if necessary; return the reason if that fails, else None.

@@ -2,24 +2,39 @@
 
 import gzip
 import hashlib
-from typing import Any, Final
+import re
+import shutil
+from collections.abc import Mapping
+from typing import Annotated, Any, Final
 
 import anyio
-from fastapi import APIRouter, Request
+from fastapi import APIRouter, Body, Request
 from starlette.responses import Response, StreamingResponse
 
-from stridelab.errors import NotFound, StridelabError
+from stridelab.errors import Fault, InvalidInput, NotFound, StridelabError, Unavailable
 from stridelab.robots.card import robot_card, robot_names
 from stridelab.robots.data_files import data_files
 from stridelab.schemas.base import Page
 from stridelab.schemas.reachability import RobotReachability
-from stridelab.schemas.robots import Measure, RobotFacts, RobotPreparation, RobotSummary
-from stridelab.service.api.dependencies import AppParts
+from stridelab.schemas.robots import NAME_PATTERN, Measure, OwnRobot, RobotFacts, RobotPreparation, RobotSummary
+from stridelab.service.api.dependencies import AppParts, CallerOf, Parts
 from stridelab.service.api.downloads import send_blob
 from stridelab.service.api.openapi import failure_responses
+from stridelab.service.api.recordings.multipart import Limits, receive_form
+from stridelab.service.api.recordings.service import spool_folder
 from stridelab.service.api.robots.cache import RobotCache
+from stridelab.service.api.robots.own import (
+    add_robot,
+    delete_robot,
+    own_reachability,
+    own_robot,
+    own_summaries,
+    replace_card,
+    required_robot,
+)
 from stridelab.service.api.strict_json import StrictRoute
 from stridelab.service.storage.blobs import BlobInfo
+from stridelab.service.stored_robots import find_robot
 
 router = APIRouter(prefix="/robots", tags=["robots"], route_class=StrictRoute)
 
@@ -35,6 +50,40 @@ _MESHES: Final[dict[int | str, dict[str, Any]]] = {
 }
 
 
+_OWN: Final = failure_responses(
+    s403="The robot belongs to another user (`not-owner`).",
+    s404="No robot of this name (`robot-not-found`).",
+    s409="A bundled robot (`bundled-read-only`), or one that is in use (`robot-in-use`) or was changed concurrently "
+    "(`changed-meanwhile`).",
+)
+_FORM: Final[dict[str, Any]] = {
+    "requestBody": {
+        "required": True,
+        "content": {
+            "multipart/form-data": {
+                "schema": {
+                    "type": "object",
+                    "required": ["file", "name"],
+                    "additionalProperties": False,
+                    "properties": {
+                        "file": {
+                            "type": "string",
+                            "format": "binary",
+                            "description": "a .zip of one URDF and its meshes, or a .urdf or .xml without meshes",
+                        },
+                        "name": {"type": "string", "pattern": NAME_PATTERN},
+                    },
+                }
+            }
+        },
+    }
+}
+_CARD: Final[Any] = {
+    "excerpt": {
+        "summary": "Fields of a card, as in the card file",
+        "value": {"title": "My robot", "licence": "ours", "limits": {"torque_nm": {"left_knee": 120.0}}},
+    }
+}
 _REACH_FAILURES: Final = failure_responses(
     s404="No robot of this name (`robot-not-found`), or no densities for the measure (`reachability-not-learned`).",
     s503="The robot's description is not installed (`robot-data-missing`) or cannot be loaded (`robot-not-loaded`), "
@@ -46,10 +95,81 @@ _REACH_FAILURES: Final = failure_responses(
 async def list_robots(parts: AppParts) -> Page[RobotSummary]:
     """List all robots by name, with their effectors; for one that cannot be loaded, `reason` gives the cause.
 
-    Each robot is loaded once for this, which takes a few seconds at the first request.
+    Bundled robots come first, then those that users uploaded, with their `state` and `owner`. Each bundled robot is
+    loaded once for this, which takes a few seconds at the first request.
     """
     robots = await anyio.to_thread.run_sync(robot_summaries)
-    return Page[RobotSummary](items=[await check_loading(summary, parts.robots) for summary in robots])
+    bundled = [await check_loading(summary, parts.robots) for summary in robots]
+    return Page[RobotSummary](items=[*bundled, *await own_summaries(parts)])
+
+
+@router.post(
+    "",
+    status_code=201,
+    summary="Upload a robot",
+    openapi_extra=_FORM,
+    responses=failure_responses(
+        s409="There is a robot of this name (`robot-name-taken`).",
+        s413="The file exceeds the size limit (`upload-too-large`) or your storage limit (`storage-limit`).",
+        s422="The archive, its description or a mesh cannot be read, the description is invalid "
+        "(`robot-description-invalid`), or the robot does not walk on two soles (`robot-not-humanoid`).",
+        s507="No disk space is left (`disk-full`).",
+    ),
+)
+async def upload_robot(parts: AppParts, caller: CallerOf, request: Request, response: Response) -> OwnRobot:
+    """Upload a humanoid as a zip of a URDF and its meshes, or as a URDF without meshes, and get a proposed card.
+
+    Soles, hands, joint groups, a rest posture, limits, rotor inertias and the pairs for the self-collision check are
+    estimated from the description. `assumed` lists the fields that it does not state. Correct the card with
+    `PUT /robots/{name}/card`, then submit `commission-robot`.
+    """
+    limits = Limits(parts.settings.max_upload_mb * 1_000_000, parts.settings.min_free_disk_mb * 1_000_000)
+    folder = spool_folder(parts)
+    try:
+        form = await receive_form(request, folder / "upload", limits)
+        stored = await add_robot(parts, caller, form, _name_of_form(form.fields))
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+    response.headers["Location"] = f"/api/v1/robots/{stored.name}"
+    return stored
+
+
+@router.get("/{name}/card", summary="Card of one's own robot", responses=_OWN)
+async def get_card(parts: AppParts, name: str) -> OwnRobot:
+    """The card of a robot that a user uploaded, what of it was assumed, and the result of its commissioning."""
+    async with parts.engine.connect() as connection:
+        return own_robot(await required_robot(connection, name))
+
+
+@router.put(
+    "/{name}/card",
+    summary="Correct the card of one's own robot",
+    responses={
+        **_OWN,
+        **failure_responses(s422="A field is invalid (`robot-card-invalid`); `errors` names each of them."),
+    },
+)
+async def put_card(
+    parts: AppParts, caller: CallerOf, name: str, body: Annotated[dict[str, Any], Body(openapi_examples=_CARD)]
+) -> OwnRobot:
+    """Replace the card of one's own robot; it is checked with the robot's description before it is stored.
+
+    If it changes, the densities that were learned are dropped and the state is `proposed`: commission the robot again.
+    """
+    folder = spool_folder(parts)
+    try:
+        return await replace_card(parts, caller, name, body, folder)
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+@router.delete("/{name}", status_code=204, summary="Delete one's own robot", responses=_OWN)
+async def remove_robot(parts: AppParts, caller: CallerOf, name: str) -> None:
+    """Delete one's own robot with its files. Finished results remain.
+
+    Refused with `robot-in-use` while scenarios or unfinished jobs need it; `errors` names them.
+    """
+    await delete_robot(parts, caller, name)
 
 
 @router.get("/{name}", summary="One robot", responses=_FAILURES)
@@ -58,7 +178,8 @@ async def get_robot(parts: AppParts, name: str) -> RobotFacts:
 
     If the robot is not prepared yet, the response waits a few seconds until it is loaded.
     """
-    return await parts.robots.facts(require_robot(name))
+    own = await _own_row(parts, name)
+    return RobotFacts.model_validate(own["facts"]) if own else await parts.robots.facts(require_robot(name))
 
 
 @router.get("/{name}/preparation", summary="How far the files of a robot are", responses=_UNKNOWN)
@@ -68,6 +189,8 @@ async def get_preparation(parts: AppParts, name: str) -> RobotPreparation:
     A service prepares its robots at its first start; this request starts the preparation of a robot that is not ready.
     It responds within a second.
     """
+    if await _own_row(parts, name):
+        return RobotPreparation(state="ready", fraction=1.0, message="ready")
     return await parts.robots.preparation_state(require_robot(name))
 
 
@@ -83,8 +206,11 @@ async def get_links(parts: AppParts, name: str, request: Request) -> Response:
     A service creates them at its first start or at the first request, and stores them;
     `GET /robots/{name}/preparation` returns the progress. `ETag` and `If-None-Match` avoid repeated downloads.
     """
-    robot = require_robot(name)
-    info = await parts.robots.link_meshes(robot)
+    own = await _own_row(parts, name)
+    robot = own["name"] if own else require_robot(name)
+    info = await (parts.blobs.info(own["links_key"]) if own else parts.robots.link_meshes(robot))
+    if info is None:
+        raise Unavailable("storage-unavailable", "The file store has lost the meshes of this robot.")
     headers = {"ETag": _file_etag(info)}
     if _is_not_modified(request, headers["ETag"]):
         return Response(status_code=304, headers={**headers, "Cache-Control": "private, no-cache"})
@@ -103,7 +229,11 @@ async def get_reachability(parts: AppParts, name: str, request: Request, measure
     Without `measure`, the densities that plans use. Computed together with the display meshes, and stored; sent
     compressed if the client accepts gzip.
     """
-    compressed = await parts.robots.reachability_json(require_robot(name), measure)
+    own = await _own_row(parts, name)
+    if own:
+        compressed = await own_reachability(parts, own, measure)
+    else:
+        compressed = await parts.robots.reachability_json(require_robot(name), measure)
     headers = {
         "ETag": f'"{hashlib.sha256(compressed).hexdigest()[:32]}"',
         "Cache-Control": "private, no-cache",
@@ -114,6 +244,27 @@ async def get_reachability(parts: AppParts, name: str, request: Request, measure
     if "gzip" in request.headers.get("accept-encoding", ""):
         return Response(compressed, media_type=JSON, headers={**headers, "Content-Encoding": "gzip"})
     return Response(gzip.decompress(compressed), media_type=JSON, headers=headers)
+
+
+async def _own_row(parts: Parts, name: str) -> Mapping[str, Any] | None:
+    """Row of the user's robot ``name``; None for a bundled or an unknown one."""
+    if name in robot_names():
+        return None
+    async with parts.engine.connect() as connection:
+        return await find_robot(connection, name)
+
+
+def _name_of_form(fields: Mapping[str, str]) -> str:
+    """The field ``name``. Raises ``InvalidInput`` (``invalid-request``)."""
+    unknown = sorted(fields.keys() - {"name"})
+    if unknown:
+        message = "The form has the fields file and name only."
+        raise InvalidInput("invalid-request", message, [Fault(field[:60], "unknown") for field in unknown])
+    name = fields.get("name", "")
+    if not re.fullmatch(NAME_PATTERN, name):
+        message = "A robot's name has 2 to 40 small letters, digits and hyphens, and begins with a letter."
+        raise InvalidInput("invalid-request", message, [Fault("name", "missing" if not name else "invalid")])
+    return name
 
 
 def _file_etag(info: BlobInfo) -> str:

@@ -2,6 +2,7 @@
 
 from typing import Any, Final
 
+from stridelab.robots.card import robot_names
 from stridelab.schemas.base import FaultItem, Remark
 from stridelab.schemas.scenarios import PhaseBody, Scenario, ScenarioCheck
 from stridelab.service.api.problems import MAX_FAULTS
@@ -23,10 +24,14 @@ async def add_body_checks(
     """Add the whole-body answers to ``validation.phases``, and unreachable stances to its errors.
 
     Phases that are not reached ``within_s`` are not checked, except ``posture_of``; null is the limit of the child. The
-    check is skipped for an unknown robot. Raises the errors of ``Resident.ask``.
+    check is skipped for an unknown robot and, with a warning, for one of a user. Raises the errors of ``Resident.ask``.
     """
     if any(fault.where == "robot" for fault in validation.errors):
         return validation
+    if scenario.robot not in robot_names():
+        message = "the whole body of an uploaded robot is not checked here; a plan shows whether it can follow"
+        remarks = [*validation.warnings, Remark(code="body-not-checked", message=message)]
+        return validation.model_copy(update={"warnings": remarks})
     answer = await bodies.ask(_stance_request(scenario, validation, posture_of) | {"within_s": within_s})
     phases = [_phase_body(k, result) for k, result in enumerate(answer["phases"])]
     faults = [

@@ -5,7 +5,8 @@ without them; pinocchio and CasADi are never imported here.
 """
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
 
 import anyio
 
@@ -28,7 +29,8 @@ async def validate_scenario(scenario: Scenario, limiter: anyio.CapacityLimiter, 
     reason = await robots.load_problem(scenario.robot) if scenario.robot in robot_names() else None
     if reason is not None:
         return _invalid_check(scenario, FaultItem(where="robot", message=reason))
-    return await anyio.to_thread.run_sync(validate_sync, scenario, limiter=limiter)
+    shapes = await robots.own_shapes(scenario.robot)
+    return await anyio.to_thread.run_sync(validate_sync, scenario, shapes, limiter=limiter)
 
 
 async def refuse_invalid(scenario: Scenario, limiter: anyio.CapacityLimiter, robots: RobotCache) -> None:
@@ -43,13 +45,16 @@ async def refuse_invalid(scenario: Scenario, limiter: anyio.CapacityLimiter, rob
         )
 
 
-def validate_sync(scenario: Scenario) -> ScenarioCheck:
-    """Validate ``scenario`` in the calling thread, without loading the robot."""
-    from stridelab.contacts.effector_geometry import effector_shapes
+def validate_sync(scenario: Scenario, own_shapes: Mapping[str, Any] | None = None) -> ScenarioCheck:
+    """Validate ``scenario`` in the calling thread, without loading the robot.
+
+    ``own_shapes`` are the stored effectors of a user's robot, None for a bundled one.
+    """
+    from stridelab.contacts.effector_geometry import effector_shapes, stored_shapes
     from stridelab.contacts.validation.validate import validate_scenario as examine
 
     try:
-        effectors = effector_shapes(scenario.robot)
+        effectors = effector_shapes(scenario.robot) if own_shapes is None else stored_shapes(own_shapes)
     except StridelabError as error:  # unknown robot or invalid card
         return _invalid_check(scenario, FaultItem(where="robot", message=error.message))
     report = examine(scenario.model_dump(mode="json"), effectors)

@@ -1,0 +1,46 @@
+"""Robots of users: their rows, and their files as a job's child needs them."""
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Final
+
+from sqlalchemy import select
+from sqlalchemy.ext.asyncio import AsyncConnection
+
+from stridelab.service.kinds.base import STAGED_ROBOT, Blobs
+from stridelab.service.storage.tables import robot
+
+ROBOT_FOLDER: Final = "own-robots"
+"""Key prefix of the files of robots: ``own-robots/<id>/<file>``."""
+BUNDLE_FILE: Final = "robot-bundle.zip"
+LEARNED_FILE: Final = "robot-learned.zip"
+LINKS_FILE: Final = "robot-links.glb"
+_UPLOAD: Final = "stridelab.service.kinds.robots.upload"
+READ_ROBOT: Final = f"{_UPLOAD}:read_robot_in_child"
+PROPOSE_CARD: Final = f"{_UPLOAD}:propose_in_child"
+CHECK_CARD: Final = f"{_UPLOAD}:check_card_in_child"
+"""Import paths of the children of uploads: the service itself imports no rigid-body library."""
+
+
+async def find_robot(connection: AsyncConnection, name: str, *, lock: bool = False) -> Mapping[str, Any] | None:
+    """Row of the robot ``name`` of a user, optionally locked; None if there is none."""
+    query = select(robot).where(robot.c.name == name)
+    row = (await connection.execute(query.with_for_update() if lock else query)).mappings().one_or_none()
+    return None if row is None else dict(row)
+
+
+async def stage_robot(connection: AsyncConnection, blobs: Blobs, name: str | None, folder: Path) -> None:
+    """Fetch the files of the robot ``name`` into ``folder``; nothing for a bundled or an unknown one."""
+    row = None if name is None else await find_robot(connection, name)
+    if row is None:
+        return
+    await blobs.get_file(row["bundle_key"], folder / BUNDLE_FILE)
+    if row["learned_key"] is not None:
+        await blobs.get_file(row["learned_key"], folder / LEARNED_FILE)
+    write_staged_robot(folder, row["name"], row["card"])
+
+
+def write_staged_robot(folder: Path, name: str, card: Mapping[str, Any]) -> None:
+    """Write the file from which the child takes name and card."""
+    (folder / STAGED_ROBOT).write_text(json.dumps({"name": name, "card": card}), encoding="utf-8")

@@ -1,0 +1,220 @@
+"""Robots of users over HTTP: uploaded, corrected, commissioned, planned for, deleted; hostile ones refused."""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+from sqlalchemy import select, update
+
+from stridelab.schemas.plans import PlanMotionInput, PlanMotionTask
+from stridelab.schemas.robots import CommissionRobotInput, CommissionRobotTask
+from stridelab.service.kinds.commission_robot.kind import KIND, publish
+from stridelab.service.kinds.staging import stage_scenario
+from stridelab.service.storage.tables import audit, robot
+from support.robots.humanoid import Humanoid, archive
+from support.service.answers import refusal
+from support.service.web_server import Served
+
+ROBOTS = "/api/v1/robots"
+
+
+def send(http: httpx.Client, content: bytes, name: str = "small", filename: str = "small.zip") -> httpx.Response:
+    return http.post(ROBOTS, files={"file": (filename, content)}, data={"name": name})
+
+
+def problem_of(answer: httpx.Response, status: int) -> dict[str, Any]:
+    assert refusal(answer)[0] == status, answer.text
+    problem: dict[str, Any] = answer.json()
+    return problem
+
+
+@pytest.fixture(autouse=True)
+def no_robots(http: httpx.Client) -> Iterator[None]:
+    yield
+    for item in http.get(ROBOTS).json()["items"]:
+        if item["state"] != "bundled":
+            http.delete(f"{ROBOTS}/{item['name']}")
+
+
+@pytest.fixture
+def small(http: httpx.Client) -> dict[str, Any]:
+    answer = send(http, archive({"small.urdf": Humanoid().urdf()}))
+    assert answer.status_code == 201, answer.text
+    made: dict[str, Any] = answer.json()
+    return made
+
+
+def test_an_upload_answers_with_a_proposed_card(http: httpx.Client, small: dict[str, Any], service: Served) -> None:
+    assert (small["name"], small["state"], small["owner"]) == ("small", "proposed", None)
+    assert set(small["card"]["effectors"]) == {"left_foot", "right_foot", "left_hand", "right_hand"}
+    assert "rotors.armature_kg_m2" in small["assumed"]
+    assert "data" not in small["card"]
+    listed = next(item for item in http.get(ROBOTS).json()["items"] if item["name"] == "small")
+    assert (listed["state"], listed["available"], listed["title"]) == ("proposed", True, "small")
+    facts = http.get(f"{ROBOTS}/small").json()
+    assert facts["mass_kg"] == pytest.approx(50.8, abs=3.0)
+    assert facts["measures"] == []
+    assert http.get(f"{ROBOTS}/small/links").content[:4] == b"glTF"
+    assert http.get(f"{ROBOTS}/small/preparation").json()["state"] == "ready"
+    assert problem_of(http.get(f"{ROBOTS}/small/reachability"), 404)["code"] == "reachability-not-learned"
+    assert "robot-added" in actions(service)
+
+
+def actions(service: Served) -> list[str]:
+    async def read() -> list[str]:
+        async with service.parts.engine.connect() as connection:
+            return list((await connection.execute(select(audit.c.action))).scalars())
+
+    return service.run(read())
+
+
+def test_a_name_is_taken_once(http: httpx.Client, small: dict[str, Any]) -> None:
+    again = archive({"small.urdf": Humanoid().urdf()})
+    for name in (small["name"], "talos", "human"):
+        assert problem_of(send(http, again, name), 409)["code"] == "robot-name-taken"
+    for name in ("", "A", "../x", "a b", "a" * 50, "<b>"):
+        assert problem_of(send(http, again, name), 422)["errors"][0]["where"] == "name"
+
+
+@pytest.mark.parametrize(
+    ("content", "code"),
+    [
+        (b"PK\x03\x04 broken", "zip-damaged"),
+        (archive({"../../robot.urdf": Humanoid().urdf()}), "zip-path"),
+        (archive({"robot.urdf": "<!DOCTYPE r [<!ENTITY a 'b'>]><robot/>"}), "robot-data-unreadable"),
+        (archive({"robot.urdf": Humanoid(foot="sphere").urdf()}), "robot-not-humanoid"),
+        (archive({"robot.urdf": Humanoid(scale=1000.0).urdf()}), "robot-description-invalid"),
+    ],
+    ids=["no zip", "path", "entities", "point feet", "millimetres"],
+)
+def test_what_cannot_be_added_leaves_nothing(http: httpx.Client, service: Served, content: bytes, code: str) -> None:
+    problem = problem_of(send(http, content), 422)
+    assert problem["code"] == code
+    assert problem["errors"]
+    assert all(item["state"] == "bundled" for item in http.get(ROBOTS).json()["items"])
+
+    async def stored_files() -> list[str]:
+        return [info.key async for info in service.parts.blobs.list_prefix("own-robots")]
+
+    assert service.run(stored_files()) == []
+
+
+def test_the_card_is_refused_field_by_field(http: httpx.Client, small: dict[str, Any]) -> None:
+    card = json.loads(json.dumps(small["card"]))
+    card["limits"]["torque_nm"]["left_knee"] = -1.0
+    card["effectors"]["left_foot"]["contact_half_size_m"] = [0.0, 0.05]
+    problem = problem_of(http.put(f"{ROBOTS}/small/card", json=card), 422)
+    assert problem["code"] == "robot-card-invalid"
+    wheres = {error["where"] for error in problem["errors"]}
+    assert wheres == {"limits.torque_nm.left_knee", "effectors.left_foot.contact_half_size_m"}
+    card = {**small["card"], "base_frame": "chassis"}
+    assert problem_of(http.put(f"{ROBOTS}/small/card", json=card), 422)["errors"][0]["where"] == "base_frame"
+    card = {**small["card"], "data": {"urdf": "../../etc/passwd"}}
+    assert problem_of(http.put(f"{ROBOTS}/small/card", json=card), 422)["errors"][0]["where"] == "data"
+    assert problem_of(http.put(f"{ROBOTS}/talos/card", json=small["card"]), 409)["code"] == "bundled-read-only"
+    assert problem_of(http.put(f"{ROBOTS}/none/card", json=small["card"]), 404)["code"] == "robot-not-found"
+
+
+def test_a_corrected_number_is_no_longer_assumed(http: httpx.Client) -> None:
+    made = send(http, archive({"small.urdf": Humanoid(effort=None).urdf()})).json()
+    assert {"limits.torque_nm.left_knee", "limits.torque_nm.right_knee"} <= set(made["assumed"])
+    made["card"]["limits"]["torque_nm"]["left_knee"] = 123.0
+    answer = http.put(f"{ROBOTS}/small/card", json=made["card"])
+    assert answer.status_code == 200, answer.text
+    assert "limits.torque_nm.left_knee" not in answer.json()["assumed"]
+    assert "limits.torque_nm.right_knee" in answer.json()["assumed"]
+    limits = {limit["joint"]: limit for limit in http.get(f"{ROBOTS}/small").json()["limits"]}
+    assert limits["left_knee"]["torque_nm"] == 123.0
+    assert http.get(f"{ROBOTS}/small/card").json()["card"] == answer.json()["card"]
+
+
+def test_bundled_robots_cannot_be_deleted(http: httpx.Client) -> None:
+    assert problem_of(http.delete(f"{ROBOTS}/talos"), 409)["code"] == "bundled-read-only"
+    assert problem_of(http.delete(f"{ROBOTS}/none"), 404)["code"] == "robot-not-found"
+    assert problem_of(http.post("/api/v1/jobs/commission-robot", json={"robot": "talos"}), 409)["code"] == (
+        "bundled-read-only"
+    )
+    assert (
+        problem_of(http.post("/api/v1/jobs/commission-robot", json={"robot": "none"}), 404)["code"] == "robot-not-found"
+    )
+
+
+def test_another_user_s_robot_is_not_changed(http: httpx.Client, small: dict[str, Any], service: Served) -> None:
+    async def give_away(owner: str | None) -> None:
+        async with service.parts.engine.begin() as connection:
+            await connection.execute(update(robot).values(owner=owner))
+
+    service.run(give_away("ann"))
+    listed = next(item for item in http.get(ROBOTS).json()["items"] if item["name"] == "small")
+    assert listed["owner"] == "ann"
+    assert small["owner"] is None
+
+
+def test_it_is_commissioned_and_planned_for(
+    http: httpx.Client, small: dict[str, Any], service: Served, tmp_path: Path
+) -> None:
+    """The stages of a worker, one by one: fetch, run, publish; then a scenario and the plan of its job."""
+    request = CommissionRobotInput(robot="small", samples=500)
+    submitted = http.post("/api/v1/jobs/commission-robot", json=request.model_dump())
+    assert submitted.status_code == 202, submitted.text
+    in_use = problem_of(http.delete(f"{ROBOTS}/small"), 409)
+    assert in_use["code"] == "robot-in-use"
+    assert in_use["errors"][0]["where"] == f"job {submitted.json()['id']}"
+    http.delete(f"/api/v1/jobs/{submitted.json()['id']}")
+
+    folder = tmp_path / "commission"
+    folder.mkdir()
+
+    async def fetch() -> dict[str, Any]:
+        async with service.parts.engine.connect() as connection:
+            return await KIND.stage(connection, service.parts.blobs, request, folder)
+
+    task = service.run(fetch())
+    CommissionRobotTask.model_validate(task)
+    child = service.run(
+        service.parts.pool.run(KIND.run, task, folder, timeout_s=KIND.timeout_s or 600.0, memory_mb=4096)
+    )
+    assert child.state == "ok", child
+    outcome = child.value
+    walk = outcome["summary"]["first_walk"]
+    assert (walk["certified"], walk["completed"]) == (True, True), walk
+
+    async def store() -> None:
+        async with service.parts.engine.begin() as connection:
+            await publish(connection, service.parts.blobs, {"id": "job1"}, outcome, folder)
+
+    service.run(store())
+    listed = next(item for item in http.get(ROBOTS).json()["items"] if item["name"] == "small")
+    assert listed["state"] == "commissioned"
+    assert http.get(f"{ROBOTS}/small").json()["measures"] == ["uniform", "conditioned"]
+    reach = http.get(f"{ROBOTS}/small/reachability", params={"measure": "uniform"}).json()
+    assert {item["card"]["effector"] for item in reach["effectors"]} >= {"left_foot", "right_foot"}
+
+    scenario = json.loads((folder / "scenario.json").read_text(encoding="utf-8"))
+    checked = http.post("/api/v1/scenarios/check", json=scenario).json()
+    assert checked["valid"], checked["errors"]
+    assert any("com_distance" in margin or margin for margin in checked["margins"])
+    added = http.post("/api/v1/scenarios", json=scenario)
+    assert added.status_code == 201, added.text
+    assert problem_of(http.delete(f"{ROBOTS}/small"), 409)["errors"][0]["where"] == f"scenario {added.json()['id']}"
+
+    plan_folder = tmp_path / "plan"
+    plan_folder.mkdir()
+    plan = PlanMotionInput(scenario_id=added.json()["id"], whole_body=False)
+
+    async def fetch_plan() -> dict[str, Any]:
+        async with service.parts.engine.connect() as connection:
+            return await stage_scenario(PlanMotionTask)(connection, service.parts.blobs, plan, plan_folder)
+
+    PlanMotionTask.model_validate(service.run(fetch_plan()))
+    assert sorted(path.name for path in plan_folder.iterdir()) == [
+        "robot-bundle.zip",
+        "robot-learned.zip",
+        "robot.json",
+    ]
+    http.delete(f"/api/v1/scenarios/{added.json()['id']}")
+    assert http.delete(f"{ROBOTS}/small").status_code == 204
+    assert problem_of(http.get(f"{ROBOTS}/small"), 404)["code"] == "robot-not-found"
