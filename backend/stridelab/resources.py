@@ -3,9 +3,13 @@
 Robots of users lie in further folders of the same layout (``robots``, ``reachability``), which a process adds.
 """
 
+import os
 from functools import cache
 from pathlib import Path
+from typing import Final
 
+ROBOTS_VARIABLE: Final = "STRIDELAB_ROBOTS"
+"""Environment variable with a folder of robots of one's own, for commands; ``stridelab add-robot`` writes it."""
 _added_folders: list[Path] = []
 
 
@@ -26,8 +30,9 @@ def add_models_folder(folder: Path) -> None:
 
 
 def robot_folders(bundled: Path) -> tuple[Path, ...]:
-    """``bundled`` and the folders added by ``add_models_folder``."""
-    return (bundled, *_added_folders)
+    """``bundled``, the folders added by ``add_models_folder``, and that of ``STRIDELAB_ROBOTS``."""
+    own = os.environ.get(ROBOTS_VARIABLE)
+    return (bundled, *_added_folders, *([Path(own)] if own else []))
 
 
 def robot_file(bundled: Path, *parts: str) -> Path:

@@ -16,7 +16,7 @@ from stridelab.cli.backup import adopt, backup, restore
 from stridelab.cli.compare import bench_methods
 from stridelab.cli.contacts import export_contacts, import_contacts, plan_contacts
 from stridelab.cli.fit_cycloid import fit_cycloid
-from stridelab.cli.learn_reachability import learn_reachability
+from stridelab.cli.learn_reachability import add_robot, learn_reachability
 from stridelab.cli.measures import measure_gait, report_gait
 from stridelab.cli.options import (
     AsJson,
@@ -175,6 +175,7 @@ app.command(name="import-contacts", help="Convert such JSON to a scenario, if th
     import_contacts
 )
 app.command(name="learn-reachability")(learn_reachability)
+app.command()(add_robot)
 
 
 @app.command()

@@ -1,7 +1,13 @@
-"""``stridelab learn-reachability``: learns the density of a robot's CoM and writes a result folder."""
+"""``stridelab learn-reachability``: learns the density of a robot's CoM and writes a result folder.
 
+``stridelab add-robot``: proposes the card of one's own robot, learns its densities and lets it walk.
+"""
+
+import json
+import re
+import shutil
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.markup import escape
@@ -9,9 +15,15 @@ from rich.table import Table
 
 from stridelab.cli.deliver import deliver_result, run_job
 from stridelab.cli.options import Delivery, PostureMeasure, with_groups
-from stridelab.cli.results import out, show_files, show_remarks, validate_options
+from stridelab.cli.results import FAILURE, out, progress_bar, show_files, show_remarks, validate_options
+from stridelab.errors import Conflict, Fault, InvalidInput, NotFound
+from stridelab.resources import ROBOTS_VARIABLE, add_models_folder
 from stridelab.schemas.jobs import JobResult
 from stridelab.schemas.plans import LearnReachabilityInput, LearnReachabilitySummary, LearnReachabilityTask
+from stridelab.schemas.robots import NAME_PATTERN, CommissionRobotInput, CommissionRobotSummary
+
+if TYPE_CHECKING:
+    from stridelab.robots.proposal.propose import Proposal
 
 
 @with_groups
@@ -63,3 +75,92 @@ def show_learned(result: JobResult, target: Path) -> None:
     out.print(table)
     show_remarks(summary.warnings)
     show_files(result, target)
+
+
+@with_groups
+def add_robot(
+    *,
+    file: Annotated[Path, typer.Argument(help="A zip of one URDF and its meshes, or a URDF without meshes.")],
+    name: Annotated[str, typer.Option("--name", help="Name of the robot: small letters, digits and hyphens.")],
+    robots: Annotated[
+        Path, typer.Option("--robots", help="Folder of robots of your own.", envvar=ROBOTS_VARIABLE)
+    ] = Path("robots"),
+    commission: Annotated[
+        bool, typer.Option("--commission/--no-commission", help="Learn its densities and let it walk.")
+    ] = True,
+    samples: Annotated[int, typer.Option("--samples", help="Postures per density, 500 to 20000.")] = 3000,
+    force: Annotated[bool, typer.Option("--force", help="Replace a robot of this name.")] = False,
+) -> None:
+    """Propose the card of your own humanoid, then learn its densities and plan, certify and replay a level walk."""
+    from stridelab.robots.card import robot_names
+    from stridelab.robots.proposal.propose import card_toml, propose_card, rebuild_description
+
+    request = validate_options(CommissionRobotInput, {"robot": name, "samples": samples})
+    if not re.fullmatch(NAME_PATTERN, name):
+        raise InvalidInput("invalid-request", "The robot's name is invalid.", [Fault("name", "invalid")])
+    if not file.is_file():
+        raise NotFound("file-not-found", f"There is no file {file}.", [Fault(str(file), "missing")])
+    own = robots / "robots"
+    if (own / f"{name}.toml").exists() and force:
+        _remove_robot(robots, name)
+    if name in robot_names() or (own / f"{name}.toml").exists() or (own / name).exists():
+        raise Conflict("robot-name-taken", f"There is a robot named {name}; choose another name, or use --force.")
+    own.mkdir(parents=True, exist_ok=True)
+    try:
+        proposal = propose_card(name, file.stem[:60], own, rebuild_description(file, file.name, name, own))
+    except BaseException:
+        shutil.rmtree(own / name, ignore_errors=True)
+        raise
+    (own / f"{name}.toml").write_text(card_toml(proposal.card), encoding="utf-8")
+    show_proposal(proposal, own / f"{name}.toml")
+    if commission:
+        from stridelab.pipelines.commission_robot import commission_robot
+
+        add_models_folder(robots)
+        with progress_bar(name) as bar:
+            result = commission_robot(request, robots, bar)
+        scenario = own / name / "walk.json"
+        scenario.write_text(json.dumps(result.scenario, indent=1) + "\n", encoding="utf-8")
+        show_commission(result.summary)
+        out.print(f"The walk is {escape(str(scenario))}; set {ROBOTS_VARIABLE}={escape(str(robots))} to plan with it.")
+        if not (result.summary.first_walk.certified and result.summary.first_walk.completed):
+            raise typer.Exit(FAILURE)
+
+
+def _remove_robot(robots: Path, name: str) -> None:
+    (robots / "robots" / f"{name}.toml").unlink()
+    for folder in (robots / "robots" / name, robots / "reachability" / name):
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def show_proposal(proposal: "Proposal", path: Path) -> None:
+    """Print the effectors of a proposed card, and what was assumed."""
+    robot = proposal.robot
+    size = f"{robot.mass_kg:.1f} kg, {len(robot.joint_names)} joints"
+    out.print(f"[bold]{escape(robot.name)}[/]: {size}, {escape(str(path))}")
+    table = Table("effector", "link", "kind", "contact patch", box=None, pad_edge=False)
+    for name, effector in proposal.card.effectors.items():
+        half = effector.contact_half_size_m
+        patch = "" if half is None else f"{2e3 * half[0]:.0f} x {2e3 * half[1]:.0f} mm"
+        table.add_row(name, escape(effector.frame), effector.kind, patch)
+    out.print(table)
+    assumed = Table("assumed", "", box=None, pad_edge=False)
+    for field, how in proposal.assumed.items():
+        assumed.add_row(escape(field), escape(how))
+    out.print(assumed)
+
+
+def show_commission(summary: CommissionRobotSummary) -> None:
+    """Print one row per attempted walk."""
+    table = Table("step (m)", "certified", "replay", "CoM error (mm)", "torque ratio", "", box=None, pad_edge=False)
+    for attempt in summary.first_walk.attempts:
+        error_m, ratio = attempt.com_error_max_m, attempt.torque_ratio_max
+        table.add_row(
+            f"{attempt.step_m:.3f}",
+            "yes" if attempt.certified else "no",
+            "completed" if attempt.completed else "no",
+            "" if error_m is None else f"{1e3 * error_m:.1f}",
+            "" if ratio is None else f"{ratio:.2f}",
+            escape(attempt.reason),
+        )
+    out.print(table)

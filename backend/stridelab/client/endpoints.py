@@ -18,7 +18,7 @@ from stridelab.schemas.jobs import Job, JobResult
 from stridelab.schemas.previews import PlanPreview, PlanPreviewInput, Solvers
 from stridelab.schemas.reachability import RobotReachability
 from stridelab.schemas.recordings import Recording, RecordingPatch, Subject, SubjectInput
-from stridelab.schemas.robots import Measure, RobotFacts, RobotPreparation, RobotSummary
+from stridelab.schemas.robots import Measure, OwnRobot, RobotFacts, RobotPreparation, RobotSummary
 from stridelab.schemas.scenarios import Scenario, ScenarioCheck, StoredScenario
 from stridelab.schemas.service import Health
 from stridelab.schemas.streams import LiveStreams
@@ -215,6 +215,16 @@ def marker_streams() -> Call[LiveStreams]:
 def robot(name: str) -> Call[RobotFacts]:
     """Facts of one robot; takes a few seconds if it is not prepared yet."""
     return Call("GET", _path_of("robots", name), response_reader(RobotFacts), wait_s=LOADING_TIMEOUT_S)
+
+
+def robot_card(name: str) -> Call[OwnRobot]:
+    """Card of a robot that a user uploaded; a bundled robot has none to be read (``bundled-read-only``)."""
+    return Call("GET", _path_of("robots", name, "card"), response_reader(OwnRobot))
+
+
+def delete_robot(name: str) -> Call[None]:
+    """Delete one's own robot; refused while scenarios or jobs need it (``robot-in-use``)."""
+    return Call("DELETE", _path_of("robots", name), read_nothing)
 
 
 def robot_preparation(name: str) -> Call[RobotPreparation]:

@@ -151,6 +151,8 @@ class Client:
     preview_plan = _method(endpoints.preview_plan)
     robots = _method(endpoints.robots)
     robot = _method(endpoints.robot)
+    robot_card = _method(endpoints.robot_card)
+    delete_robot = _method(endpoints.delete_robot)
     robot_preparation = _method(endpoints.robot_preparation)
     robot_reachability = _method(endpoints.robot_reachability)
     robot_links = _download_method(endpoints.robot_links)

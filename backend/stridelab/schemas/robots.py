@@ -84,7 +84,7 @@ class RobotFacts(Contract):
     In the reference posture, the robot faces x and stands on z = 0, with x = y = 0 midway between its soles;
     ``link_poses`` are the poses of ``links`` in this posture. ``measures`` are those with learned densities,
     ``default_measure`` is the one that plans use. ``stale_measures`` have densities that were learned on another
-    description of the robot and cannot be used.
+    description of the robot and cannot be used. ``own``: uploaded by a user, ``GET /robots/{name}/card`` has its card.
     """
 
     name: str
@@ -102,6 +102,7 @@ class RobotFacts(Contract):
     measures: list[Measure]
     stale_measures: list[Measure]
     default_measure: Measure
+    own: bool = False
 
 
 class RobotSummary(Contract):

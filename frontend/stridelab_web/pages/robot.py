@@ -7,7 +7,7 @@ from starlette.responses import JSONResponse, Response
 
 from stridelab.client import ProblemError
 from stridelab.schemas.robots import Measure, RobotFacts
-from stridelab_web.api_client import client_of
+from stridelab_web.api_client import client_of, none_if_missing
 from stridelab_web.assets import plotly_style_ids
 from stridelab_web.pages.render import render_page
 from stridelab_web.pages.results import reachability
@@ -36,6 +36,7 @@ async def robot_page(request: Request) -> Response:
         return render_page(
             request, "pages/robot_missing.html", 503, section="Robots", robot=robot_card, reason=refusal.detail
         )
+    own = await none_if_missing(client.robot_card(name)) if robot.own else None
     measure = _shown_measure(robot, request.query_params.get("measure"))
     cards = [card for card in robot.proxies if card.measure == measure]
     return render_page(
@@ -43,6 +44,7 @@ async def robot_page(request: Request) -> Response:
         "pages/robot.html",
         section="Robots",
         robot=robot,
+        own=own,
         measure=measure,
         learned=reachability.density_values(cards, f"/robots/{robot.name}/reach.json?measure={measure}")
         if cards

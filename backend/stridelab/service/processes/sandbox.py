@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from stridelab.errors import Unavailable
-from stridelab.resources import models_dir
+from stridelab.resources import models_dir, robot_folders
 from stridelab.service.processes import landlock, seccomp
 from stridelab.service.processes.landlock import DEVICE_ACCESS, READ, READ_EXECUTE, READ_FILE, WRITABLE_FOLDER, Rule
 from stridelab.service.processes.parent_death import change_user, die_with_parent
@@ -164,7 +164,7 @@ def _code_paths(sandbox: Sandbox, folder: Path | None) -> list[Path]:
     package = Path(__file__).resolve().parents[2]
     prefixes = {Path(prefix) for prefix in (sys.prefix, sys.exec_prefix, sys.base_prefix, sys.base_exec_prefix)}
     parts = ("lib", "lib64", "share", "pyvenv.cfg", *(("bin",) if sandbox.programs else ()))
-    paths = [package, models_dir(), *(prefix / part for prefix in prefixes for part in parts)]
+    paths = [package, *robot_folders(models_dir()), *(prefix / part for prefix in prefixes for part in parts)]
     paths += [Path(entry) for entry in sys.path if entry and not _contains_other_files(Path(entry), folder)]
     paths += map(Path, _LIBRARY_PATHS)
     if native := os.environ.get("STRIDELAB_NATIVE_PATH"):

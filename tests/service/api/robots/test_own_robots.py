@@ -1,5 +1,6 @@
 """Robots of users over HTTP: uploaded, corrected, commissioned, planned for, deleted; hostile ones refused."""
 
+import asyncio
 import json
 from collections.abc import Iterator
 from pathlib import Path
@@ -22,7 +23,11 @@ ROBOTS = "/api/v1/robots"
 
 
 def send(http: httpx.Client, content: bytes, name: str = "small", filename: str = "small.zip") -> httpx.Response:
-    return http.post(ROBOTS, files={"file": (filename, content)}, data={"name": name})
+    return http.post(ROBOTS, files={"file": (filename, content)}, data={"name": name}, timeout=300.0)
+
+
+def put_card(http: httpx.Client, card: dict[str, Any]) -> httpx.Response:
+    return http.put(f"{ROBOTS}/small/card", json=card, timeout=300.0)
 
 
 def problem_of(answer: httpx.Response, status: int) -> dict[str, Any]:
@@ -106,14 +111,14 @@ def test_the_card_is_refused_field_by_field(http: httpx.Client, small: dict[str,
     card = json.loads(json.dumps(small["card"]))
     card["limits"]["torque_nm"]["left_knee"] = -1.0
     card["effectors"]["left_foot"]["contact_half_size_m"] = [0.0, 0.05]
-    problem = problem_of(http.put(f"{ROBOTS}/small/card", json=card), 422)
+    problem = problem_of(put_card(http, card), 422)
     assert problem["code"] == "robot-card-invalid"
     wheres = {error["where"] for error in problem["errors"]}
     assert wheres == {"limits.torque_nm.left_knee", "effectors.left_foot.contact_half_size_m"}
     card = {**small["card"], "base_frame": "chassis"}
-    assert problem_of(http.put(f"{ROBOTS}/small/card", json=card), 422)["errors"][0]["where"] == "base_frame"
+    assert problem_of(put_card(http, card), 422)["errors"][0]["where"] == "base_frame"
     card = {**small["card"], "data": {"urdf": "../../etc/passwd"}}
-    assert problem_of(http.put(f"{ROBOTS}/small/card", json=card), 422)["errors"][0]["where"] == "data"
+    assert problem_of(put_card(http, card), 422)["errors"][0]["where"] == "data"
     assert problem_of(http.put(f"{ROBOTS}/talos/card", json=small["card"]), 409)["code"] == "bundled-read-only"
     assert problem_of(http.put(f"{ROBOTS}/none/card", json=small["card"]), 404)["code"] == "robot-not-found"
 
@@ -122,7 +127,7 @@ def test_a_corrected_number_is_no_longer_assumed(http: httpx.Client) -> None:
     made = send(http, archive({"small.urdf": Humanoid(effort=None).urdf()})).json()
     assert {"limits.torque_nm.left_knee", "limits.torque_nm.right_knee"} <= set(made["assumed"])
     made["card"]["limits"]["torque_nm"]["left_knee"] = 123.0
-    answer = http.put(f"{ROBOTS}/small/card", json=made["card"])
+    answer = put_card(http, made["card"])
     assert answer.status_code == 200, answer.text
     assert "limits.torque_nm.left_knee" not in answer.json()["assumed"]
     assert "limits.torque_nm.right_knee" in answer.json()["assumed"]
@@ -174,9 +179,8 @@ def test_it_is_commissioned_and_planned_for(
 
     task = service.run(fetch())
     CommissionRobotTask.model_validate(task)
-    child = service.run(
-        service.parts.pool.run(KIND.run, task, folder, timeout_s=KIND.timeout_s or 600.0, memory_mb=4096)
-    )
+    running = service.parts.pool.run(KIND.run, task, folder, timeout_s=600.0, memory_mb=4096)
+    child = asyncio.run_coroutine_threadsafe(running, service.loop).result(timeout=600.0)
     assert child.state == "ok", child
     outcome = child.value
     walk = outcome["summary"]["first_walk"]

@@ -179,7 +179,11 @@ async def get_robot(parts: AppParts, name: str) -> RobotFacts:
     If the robot is not prepared yet, the response waits a few seconds until it is loaded.
     """
     own = await _own_row(parts, name)
-    return RobotFacts.model_validate(own["facts"]) if own else await parts.robots.facts(require_robot(name))
+    return (
+        RobotFacts.model_validate({**own["facts"], "own": True})
+        if own
+        else await parts.robots.facts(require_robot(name))
+    )
 
 
 @router.get("/{name}/preparation", summary="How far the files of a robot are", responses=_UNKNOWN)

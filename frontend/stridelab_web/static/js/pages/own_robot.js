@@ -1,0 +1,78 @@
+// A robot of one's own: its upload, the table of its card with numbers to be corrected, and its commissioning.
+import { call, onClick, onSubmit, openNewJob } from "../shared/api.js";
+import { createElement } from "../shared/elements.js";
+
+const upload = document.querySelector("form[data-add-robot]");
+if (upload)
+  onSubmit(upload, async (data) => {
+    const { name } = await call("POST", "/robots", data);
+    location.assign(`/robots/${encodeURIComponent(name)}`);
+    return "Added.";
+  });
+
+const section = document.querySelector("[data-own]");
+if (section) showCard(section);
+
+/** @param {any} section */
+async function showCard(section) {
+  const address = `/robots/${encodeURIComponent(section.dataset.own)}`;
+  const form = section.querySelector("form[data-card]");
+  const commission = section.querySelector("form[data-commission]");
+  const status = commission.querySelector("[data-said]");
+  const own = await call("GET", `${address}/card`);
+  const rows = section.querySelector("[data-fields]");
+  for (const path of numberPaths(own.card)) rows.append(numberRow(own, path));
+  onSubmit(form, async () => {
+    await call("PUT", `${address}/card`, own.card);
+    location.reload();
+    return "Saved.";
+  });
+  onSubmit(commission, (data) =>
+    openNewJob("commission-robot", { robot: section.dataset.own, samples: Number(data.get("samples")) }),
+  );
+  onClick(section.querySelector("[data-delete-robot]"), status, async () => {
+    if (!confirm(`Delete the robot ${section.dataset.own}?`)) return;
+    await call("DELETE", address);
+    location.assign("/robots");
+  });
+}
+
+// Paths of all numbers of a card, soles and hands first.
+/** @param {any} card @returns {(string | number)[][]} */
+function numberPaths(card) {
+  const order = ["effectors", "reference", "limits", "rotors"];
+  return order.flatMap((part) => walk(card[part] ?? {}, [part]));
+}
+
+/** @param {any} value @param {(string | number)[]} path @returns {(string | number)[][]} */
+function walk(value, path) {
+  if (typeof value === "number") return [path];
+  if (Array.isArray(value)) return value.flatMap((item, index) => walk(item, [...path, index]));
+  if (value && typeof value === "object")
+    return Object.entries(value).flatMap(([key, item]) => walk(item, [...path, key]));
+  return [];
+}
+
+/** @param {any} own @param {(string | number)[]} path */
+function numberRow(own, path) {
+  const last = path[path.length - 1];
+  const holder = path.slice(0, -1).reduce((value, key) => value[key], own.card);
+  const name = path.reduce((text, key) => (typeof key === "number" ? `${text}[${key}]` : `${text}.${key}`));
+  const plain = path
+    .filter((key) => typeof key === "string")
+    .join(".")
+    .replaceAll("\\", "");
+  const isAssumed = own.assumed.some((/** @type {string} */ field) => plain === field || plain.startsWith(`${field}.`));
+  const input = createElement("input", { type: "number", step: "any", value: String(holder[last]), required: true });
+  input.setAttribute("aria-label", String(name));
+  input.addEventListener("input", () => {
+    holder[last] = input.value === "" ? null : Number(input.value);
+  });
+  return createElement(
+    "tr",
+    {},
+    createElement("td", {}, String(name).replaceAll("\\", "")),
+    createElement("td", {}, input),
+    createElement("td", {}, isAssumed ? "assumed" : ""),
+  );
+}

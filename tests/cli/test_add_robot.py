@@ -1,0 +1,51 @@
+"""``stridelab add-robot``: a card beside the rebuilt description, and refusals that leave nothing."""
+
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from stridelab.cli.app import app
+from stridelab.resources import ROBOTS_VARIABLE
+from stridelab.robots.card import card_bytes, parse_card, robot_names
+from support.robots.humanoid import Humanoid, archive
+
+
+def add(folder: Path, content: bytes, *more: str, name: str = "small") -> tuple[int, str]:
+    (folder / "small.zip").write_bytes(content)
+    arguments = ["add-robot", str(folder / "small.zip"), "--name", name, "--robots", str(folder / "own"), *more]
+    result = CliRunner().invoke(app, [*arguments, "--no-commission"])
+    return result.exit_code, result.output
+
+
+def test_a_robot_is_added_and_known_by_its_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    content = archive({"small.urdf": Humanoid(effort=None).urdf()})
+    code, output = add(tmp_path, content)
+    assert code == 0, output
+    assert "limits.torque_nm.left_knee" in output
+    assert "small" not in robot_names()
+    monkeypatch.setenv(ROBOTS_VARIABLE, str(tmp_path / "own"))
+    assert "small" in robot_names()
+    assert parse_card("small", card_bytes("small")).effectors["left_foot"].kind == "surface"
+
+
+def test_a_name_is_replaced_only_on_request(tmp_path: Path) -> None:
+    content = archive({"small.urdf": Humanoid().urdf()})
+    assert add(tmp_path, content)[0] == 0
+    code, output = add(tmp_path, content)
+    assert code != 0
+    assert "There is a robot named small" in output
+    assert add(tmp_path, content, "--force")[0] == 0
+    assert add(tmp_path, content, name="talos")[0] != 0
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [(b"PK\x03\x04", "damaged"), (archive({"a.urdf": Humanoid(foot="sphere").urdf()}), "point foot")],
+    ids=["no zip", "point feet"],
+)
+def test_a_refused_robot_leaves_nothing(tmp_path: Path, content: bytes, words: str) -> None:
+    code, output = add(tmp_path, content)
+    assert code not in (0, 1)
+    assert words in output
+    assert list((tmp_path / "own" / "robots").iterdir()) == []
