@@ -3,6 +3,7 @@
     make_reproduction.py                 50 draws of the noise: 25 minutes on one core
     make_reproduction.py --quick         3 draws, for a first look
     make_reproduction.py --only errors   computes that item and keeps it, without writing the page
+    make_reproduction.py --update errors computes that item and replaces its section; the others stay as they are
     make_reproduction.py --real FOLDER   with the items on real recordings in FOLDER/gait (or STRIDELAB_TEST_DATA)
 
 What is computed is kept in .data/reproduction, under a digest of the code and data that computed it: a run that was
@@ -16,7 +17,7 @@ import time
 from pathlib import Path
 
 from stridelab.reproduction.registry import ITEMS
-from stridelab.reproduction.report.markdown import render_markdown
+from stridelab.reproduction.report.markdown import render_markdown, replace_sections
 from stridelab.reproduction.result_cache import ResultCache
 from stridelab.reproduction.runner import PEOPLE, QUICK_SEEDS, Section, collect_sections, recipes_of
 
@@ -32,9 +33,12 @@ def main() -> None:
     parser.add_argument("--quick", action="store_const", const=QUICK_SEEDS, dest="seeds", help=f"{QUICK_SEEDS} draws")
     parser.add_argument("--only", nargs="+", choices=[*ITEMS, *PEOPLE], help="compute these, write no page")
     parser.add_argument("--real", type=Path, default=os.environ.get("STRIDELAB_TEST_DATA"), metavar="FOLDER")
+    parser.add_argument("--update", nargs="+", default=[], choices=[*ITEMS, *PEOPLE], help="compute and replace these")
+    parser.add_argument("--seed", type=int, default=0, help="first seed of the draws")
     asked = parser.parse_args()
+    chosen = [*(asked.only or ()), *asked.update]
     folder = None if asked.real is None else Path(asked.real)
-    wanted = [r for r in recipes_of(ITEMS, asked.seeds, folder) if not asked.only or r.name in asked.only]
+    wanted = [r for r in recipes_of(ITEMS, asked.seeds, folder, asked.seed) if not chosen or r.name in chosen]
     sections = []
     start = time.monotonic()
     for section in collect_sections(wanted, ResultCache(KEPT), lambda _fraction, _message: None):
@@ -43,7 +47,10 @@ def main() -> None:
         start = time.monotonic()
     if any(section.result is None for section in sections):
         sys.exit("An item failed; the page stays as it was.")
-    if not asked.only:
+    if asked.update:
+        updated = [section for section in sections if section.name in asked.update]
+        PAGE.write_text(replace_sections(PAGE.read_text(encoding="utf-8"), updated), encoding="utf-8")
+    elif not asked.only:
         PAGE.write_text(render_markdown(head(sections, asked.seeds), sections), encoding="utf-8")
 
 
@@ -53,10 +60,15 @@ def head(sections: list[Section], seeds: int) -> str:
     said = "" if any(section.name in PEOPLE for section in sections) else missing
     return f"""# Reproduction
 
-Written by `scripts/make_reproduction.py --seeds {seeds}`: every figure and table, and the numbers of the text, with
-{seeds} draws of the noise where there is any. `stridelab reproduce ITEM` computes one of them, with all its tables and
-the drawing, `stridelab reproduce --all` all of them as one report. Verdicts are computed: *met* is what the thesis
-says, or an aim of our own where the thesis has no number; *thesis in error* cannot hold as stated.{said}
+Written by `scripts/make_reproduction.py --seeds {seeds}`: every figure and table, and the numbers of the text. The
+sentence before each table says what the item draws at random, and how often. `stridelab reproduce ITEM` computes one
+of them, with all its tables and the drawing, `stridelab reproduce --all` all of them as one report.
+
+Verdicts are computed. *met* is what the thesis says, *better* is better than that, *not met* is worse, and *thesis in
+error* cannot hold as stated. *our aim* is a threshold of this project, reached or missed: it is no verdict on the
+thesis. The last column says what our number is computed from: *simulated* (models and simulated recordings),
+*replayed* (motions carried out in a physics simulation), *people* (recordings of people) or *external* (numbers
+published by others); n is the number of cases behind it (draws, steps, people, contact sets, plans).{said}
 """
 
 

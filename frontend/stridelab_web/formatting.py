@@ -79,7 +79,7 @@ def item_name(code: str) -> str:
 
 
 def verdict_text(code: str) -> str:
-    """Text of a verdict on a claim of the thesis."""
+    """Text of a verdict on a claim of the thesis, or of what became of our own aim."""
     return _VERDICTS.get(code, code_words(code))
 
 
@@ -118,9 +118,11 @@ _TABLES = {
 }
 _VERDICTS = {
     "met": "as the thesis says",
-    "beaten": "better, or our aim reached",
-    "not_met": "not reached here",
+    "beaten": "better than the thesis",
+    "not_met": "not confirmed here",
     "thesis_in_error": "cannot hold as printed",
+    "aim_reached": "our aim: reached",
+    "aim_missed": "our aim: missed",
 }
 KINDS = {
     "estimate-com": "Centre of mass",

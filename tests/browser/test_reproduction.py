@@ -21,7 +21,9 @@ def page(lab: Lab, tab: Tab) -> Page:
     fake.step_s = 3600.0
     fake.jobs.clear()
     job = fake.add_job("reproduce", "succeeded")
-    claim = ClaimResult(key="a", says="a claim", thesis=0.25, ours=0.0125, unit="m", verdict="met", note="")
+    claim = ClaimResult(
+        key="a", says="a claim", thesis=0.25, ours=0.0125, unit="m", verdict="met", note="", evidence="simulated", n=5
+    )
     summary = ReproduceSummary(
         item="fig-2.6", title="Spectra", verdict="met", thesis={}, ours={}, claims=[claim], seeds=5, note="Meaning."
     )
@@ -54,7 +56,7 @@ def test_a_full_queue_is_told_and_what_is_missing_is_asked_for_once(page: Page, 
     expect(said).to_contain_text(f"0 of {len(wanted)} were started. 200 jobs are waiting already. Try again in 7 s.")
     expect(everything).to_be_enabled()
     lab.fake.busy = None
-    page.get_by_label("Simulated walks").fill("3")
+    page.get_by_label("Random draws").fill("3")
     everything.click()
     expect(page.get_by_role("heading", name="In progress")).to_be_visible()
     assert [given["item"] for given in lab.fake.inputs.values()] == wanted

@@ -8,7 +8,7 @@ import httpx
 import pytest
 
 from stridelab.schemas.jobs import Artifact, JobResult
-from stridelab.schemas.reproduction import ClaimResult, ReproduceSummary, ReproductionItem, Verdict
+from stridelab.schemas.reproduction import ClaimResult, Outcome, ReproduceSummary, ReproductionItem, Verdict
 from stridelab_web.formatting import item_name, verdict_text
 from support.fakes.service import FakeService
 
@@ -16,7 +16,13 @@ Browse = Callable[[str], httpx.Response]
 
 
 def claim(key: str, judged: Verdict, thesis: float | str = 0.25) -> ClaimResult:
-    return ClaimResult(key=key, says=f"claim {key}", thesis=thesis, ours=0.0125, unit="m", verdict=judged, note="")
+    return ClaimResult(
+        key=key, says=f"claim {key}", thesis=thesis, ours=0.0125, unit="m", verdict=judged, note="",
+        evidence="people", n=11, aim=str(thesis).startswith("aim"), solver="ipopt",
+    )  # fmt: skip
+
+
+AIM = claim("c", "beaten", "aim ≤ 1 mm")
 
 
 @pytest.fixture
@@ -24,7 +30,8 @@ def page(fake: FakeService, browse: Browse) -> str:
     job = fake.add_job("reproduce", "succeeded")
     summary = ReproduceSummary(
         item="fig-2.6", title="Spectra of <the> errors", verdict="not_met", thesis={"a": 0.25}, ours={"a": 0.0125},
-        claims=[claim("a", "not_met"), claim("b", "beaten", "about the same")], seeds=50, note="What it means.",
+        claims=[claim("a", "not_met"), claim("b", "beaten", "about the same"), AIM],
+        seeds=50, sampling="50 random draws.", note="What it means.",
     )  # fmt: skip
     drawing = Artifact(name="fig-2.6.svg", media_type="image/svg+xml", bytes=10)
     fake.results[job.id] = JobResult(
@@ -37,13 +44,14 @@ def page(fake: FakeService, browse: Browse) -> str:
 def test_every_claim_stands_beside_our_number_with_its_verdict(page: str) -> None:
     rows = dict(re.findall(r'<tr data-claim="(\w)">(.*?)</tr>', page, re.DOTALL))
     assert re.findall(r"<td[^>]*>(?:<span[^>]*>)?([^<]+)", rows["a"]) == [
-        "claim a", "0.25 m", "12.5 mm", "not reached here",
+        "claim a", "0.25 m", "12.5 mm", "not confirmed here", "people, n = 11; solver ipopt",
     ]  # fmt: skip
     assert "about the same" in rows["b"]
-    assert "better, or our aim reached" in rows["b"]
+    assert "better than the thesis" in rows["b"]
+    assert "our aim: reached" in rows["c"]
     assert 'data-verdict="not_met"' in page
     assert "Figure 2.6: Spectra of &lt;the&gt; errors" in page
-    assert "Repeated on 50 simulated walks." in page
+    assert "50 random draws." in page
 
 
 def test_the_drawing_is_shown_as_a_picture_from_the_interface(page: str) -> None:
@@ -56,7 +64,7 @@ def add(fake: FakeService, name: str, judged: Verdict, seeds: int = 1) -> str:
     job = fake.add_job("reproduce", "succeeded")
     summary = ReproduceSummary(
         item=name, title=f"Title of {name}", verdict=judged, thesis={"a": 0.25}, ours={"a": 0.0125},
-        claims=[claim("a", judged)], seeds=seeds, note="What it means.",
+        claims=[claim("a", judged)], seeds=seeds, sampling=f"{seeds} random draws.", note="What it means.",
     )  # fmt: skip
     drawing = Artifact(name=f"{name}.svg", media_type="image/svg+xml", bytes=10)
     fake.results[job.id] = JobResult(
@@ -106,14 +114,14 @@ def test_an_item_is_shown_by_its_newest_result_with_claims_and_drawing(fake: Fak
     assert 'data-verdict="met"' in parts["fig-2.6"]
     assert f'src="/api/v1/jobs/{new}/artifacts/fig-2.6.svg"' in parts["fig-2.6"]
     assert old not in page
-    assert "Repeated on 7 simulated walks." in parts["fig-2.6"]
+    assert "7 random draws." in parts["fig-2.6"]
     assert "12.5 mm" in parts["fig-2.6"]
     assert "Figure 2.6: Title of fig-2.6" in parts["fig-2.6"]
     counts = re.search(r"<p data-counts>(.*?)</p>", page, re.DOTALL)
     assert counts is not None
     assert [re.sub(r"<[^>]+>", "", mark) for mark in re.findall(r'<span class="mark [^>]*>.*?</span>', counts[1])] == [
-        "1 as the thesis says",
         "1 cannot hold as printed",
+        "1 as the thesis says",
     ]
     assert "2 claims" in counts[1]
 
@@ -132,6 +140,25 @@ def test_items_and_verdicts_have_names() -> None:
     names = [item_name(code) for code in get_args(ReproductionItem)]
     assert len(set(names)) == len(names)
     assert not any("-" in name or name != name.strip() for name in names)
-    named = [verdict_text(code) for code in get_args(Verdict)]
+    named = [verdict_text(code) for code in get_args(Outcome)]
     assert len(set(named)) == len(named)
     assert not any("_" in name for name in named)
+
+
+def test_a_result_of_an_older_version_is_still_shown(fake: FakeService, browse: Browse) -> None:
+    """Claims without evidence: everything was simulated, and an aim was told by its words."""
+    job = fake.results[add(fake, "fig-2.6", "met", seeds=7)]
+    for key in ("evidence", "n", "aim", "solver"):
+        del job.summary["claims"][0][key]
+    job.summary["claims"].append(job.summary["claims"][0] | {"key": "b", "thesis": "aim ≤ 2 mm", "verdict": "not_met"})
+    page = browse("/reproduction").text
+    assert "simulated, n = 7" in page
+    assert "our aim: missed" in page
+
+
+def test_the_form_names_the_items_that_draw(fake: FakeService, browse: Browse) -> None:
+    page = browse("/reproduction").text
+    draws, samples = re.search(r'data-draws="([^"]*)" data-samples="([^"]*)"', page).groups()  # type: ignore[union-attr]
+    assert "fig-2.7" in draws.split()
+    assert "fig-4.5" in samples.split()
+    assert not {"fig-2.5", "table-4.1"} & {*draws.split(), *samples.split()}

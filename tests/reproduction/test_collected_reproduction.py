@@ -1,6 +1,8 @@
 """All items in one go: what is kept and until when, what a failure leaves, and the two forms it is written in."""
 
+import re
 from collections.abc import Iterator
+from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -11,19 +13,19 @@ from stridelab.conventions import Progress
 from stridelab.errors import NotEstimable
 from stridelab.reproduction import result_cache
 from stridelab.reproduction.chapter2 import fig_2_5
-from stridelab.reproduction.claims import Claim, Reproduction
+from stridelab.reproduction.claims import WORDS, Claim, Reproduction, target
 from stridelab.reproduction.registry import ITEMS
-from stridelab.reproduction.report.formatting import count_verdicts, table_cells
+from stridelab.reproduction.report.formatting import count_outcomes, table_cells
 from stridelab.reproduction.report.html import render_html
-from stridelab.reproduction.report.markdown import render_markdown
+from stridelab.reproduction.report.markdown import COLUMNS, render_markdown, replace_sections
 from stridelab.reproduction.result_cache import ResultCache
 from stridelab.reproduction.runner import PEOPLE, Recipe, Section, collect_sections, recipes_of
 
 BOOK = Path(__file__).parents[2] / "docs" / "reproduction.md"
 FOUND = Reproduction(
     claims=(
-        Claim("a", "one <claim>", 0.25, 0.0125, "m", "met", "With a <remark>."),
-        Claim("b", "another", "about the same", 1500.0, "N", "thesis_in_error"),
+        Claim("a", "one <claim>", 0.25, 0.0125, "m", "met", "With a <remark>.", "simulated", 5, "ipopt", (0.011, 0.5)),
+        Claim("b", "another", "about the same", 1500.0, "N", "thesis_in_error", evidence="people", n=11),
     ),
     note="What it means & more.",
     tables={"printed": {"who": np.array(["me", "you"]), "error_m": np.array([0.002, np.nan])}, "other": {}},
@@ -47,7 +49,7 @@ class Counting:
 
 
 def recipe(name: str, run: Counting, seeds: int = 1) -> Recipe:
-    return Recipe(name, f"Title of {name}", seeds, ("printed",), fig_2_5.__name__, run)
+    return Recipe(name, f"Title of {name}", "Draws.", range(seeds), ("printed",), fig_2_5.__name__, run)
 
 
 def silent(_fraction: float, _message: str) -> None:
@@ -165,8 +167,8 @@ class Outline(HTMLParser):
 
 
 SECTIONS = (
-    Section("x", "Title of x", 1, ("printed",), FOUND),
-    Section("y", "Title of y", 1, (), None, "No <sole> is there."),
+    Section("x", "Title of x", "Draws once.", ("printed",), FOUND),
+    Section("y", "Title of y", "", (), None, "No <sole> is there."),
 )
 
 
@@ -189,24 +191,51 @@ def test_the_report_is_one_file_with_every_item_and_its_verdicts() -> None:
         "<td>2</td>",
     ):
         assert shown in text
-    assert '2 claims of 2 items: <b class="beaten">0</b> better, or our aim reached, <b class="met">1</b> met' in text
+    assert '<b class="aim_reached">0</b> our aim: reached' in text
+    assert '<b class="beaten">0</b> better, <b class="met">1</b> met' in text
+    assert "simulated, n = 5; solver ipopt; 95 % from 11 mm to 0.5 m" in text
     assert "1 item failed" in text
     assert "Not computed: No &lt;sole&gt; is there." in text
 
 
 def test_the_page_of_the_book_has_the_same_numbers() -> None:
     text = render_markdown("# Head\n", SECTIONS)
-    assert text.startswith("# Head\n\n## x: Title of x\n\nWhat it means & more.\n")
-    assert "| one <claim> | 0.25 m | 12.5 mm | met |" in text
-    assert "| another | about the same | 1500 N | thesis in error |" in text
+    assert text.startswith("# Head\n\n## x: Title of x\n\nWhat it means & more. Draws once.\n")
+    assert "| one <claim> | 0.25 m | 12.5 mm | met | simulated, n = 5; solver ipopt; 95 % from 11 mm to 0.5 m |" in text
+    assert "| another | about the same | 1500 N | thesis in error | people, n = 11 |" in text
     assert "- one <claim>: With a <remark>." in text
     assert "| who | error mm |" in text
     assert "| me | 2 |" in text
     assert "**Not computed**: No <sole> is there." in text
 
 
-def test_verdicts_are_counted_from_what_weighs_most() -> None:
-    assert count_verdicts(FOUND.claims) == {"not_met": 0, "thesis_in_error": 1, "met": 1, "beaten": 0}
+def test_an_aim_of_ours_is_counted_and_printed_apart_from_the_verdicts_on_the_thesis() -> None:
+    aims = [target(key, ours, "1", at_most=1.0).says(key) for key, ours in (("reached", 0.5), ("missed", 2.0))]
+    both = replace(FOUND, claims=(*FOUND.claims, *aims))
+    assert count_outcomes(both.claims) == {
+        "not_met": 0, "thesis_in_error": 1, "met": 1, "beaten": 0, "aim_missed": 1, "aim_reached": 1,
+    }  # fmt: skip
+    assert both.verdict == "thesis_in_error", "the missed aim weighs nothing beside a verdict on the thesis"
+    assert replace(FOUND, claims=tuple(aims)).verdict == "not_met"
+    text = render_markdown("", [replace(SECTIONS[0], result=both.with_basis("simulated", 1))])
+    assert "| reached | aim ≤ 1 | 0.5 | our aim: reached |" in text
+    assert "| missed | aim ≤ 1 | 2 | our aim: missed |" in text
+
+
+def test_what_is_better_than_claimed_is_not_printed_as_met() -> None:
+    better = replace(FOUND, claims=(Claim("c", "faster", 10.0, 1.0, "s", "beaten", evidence="simulated", n=1),))
+    section = replace(SECTIONS[0], result=better)
+    assert "| faster | 10 s | 1 s | better | simulated, n = 1 |" in render_markdown("", [section])
+    assert '<td class="beaten">better</td>' in render_html([section], "")
+
+
+def test_a_section_of_the_page_is_replaced_alone() -> None:
+    page = render_markdown("# Head\n", [SECTIONS[0], replace(SECTIONS[0], name="z")])
+    other = replace(SECTIONS[0], name="z", result=replace(FOUND, note="Anew."))
+    changed = replace_sections(page, [other])
+    assert changed == render_markdown("# Head\n", [SECTIONS[0], other])
+    with pytest.raises(ValueError, match="no section w"):
+        replace_sections(page, [replace(other, name="w")])
 
 
 def test_the_end_of_a_columns_name_is_its_unit() -> None:
@@ -221,7 +250,10 @@ def test_the_end_of_a_columns_name_is_its_unit() -> None:
 def test_recordings_of_people_are_an_item_where_they_are(tmp_path: Path) -> None:
     assert [each.name for each in recipes_of(ITEMS, None, None)] == list(ITEMS)
     assert [each.name for each in recipes_of(["fig-2.5"], 3, tmp_path)] == ["fig-2.5", *PEOPLE]
-    assert recipes_of(["fig-2.7"], None, None)[0].seeds == ITEMS["fig-2.7"].default_seeds
+    assert len(recipes_of(["fig-2.7"], None, None)[0].seeds) == ITEMS["fig-2.7"].default_seeds
+    assert [each.seeds for each in recipes_of(["fig-2.7", "fig-4.5", "fig-2.5"], 3, None, 7)] == [
+        range(7, 10), range(7, 8), range(1),
+    ]  # fmt: skip
 
 
 def test_the_book_misses_no_item() -> None:
@@ -230,6 +262,12 @@ def test_the_book_misses_no_item() -> None:
     sections = {part.partition(":")[0]: part for part in parts}
     assert set(sections) == {*ITEMS, *PEOPLE}
     for name, part in sections.items():
-        claims = part.partition("| --- | --- | --- | --- |\n")[2].partition("\n\n")[0].splitlines()
+        claims = part.partition(f"|{' --- |' * len(COLUMNS)}\n")[2].partition("\n\n")[0].splitlines()
         assert claims, name
-        assert all(row.endswith(("| met |", "| **not met** |", "| thesis in error |")) for row in claims), name
+        for row in claims:
+            assert row.count(" | ") == 4, row
+            _, thesis, _, verdict, evidence = row.removesuffix(" |").split(" | ")
+            assert verdict.strip("*") in WORDS.values(), row
+            assert thesis.startswith("aim ") == verdict.startswith("our aim"), row
+            assert re.fullmatch(r"(simulated|replayed|people|external), n = [1-9]\d*(; .*)?", evidence), row
+        assert re.search(r"(Draws nothing|One random sample|random draws, seeds)", part), name

@@ -23,7 +23,7 @@ from stridelab.reproduction.common.estimator_errors import GAITS
 from stridelab.reproduction.common.estimators import NAMES
 from stridelab.reproduction.registry import ITEMS, reproduce_item
 from stridelab.reproduction.report.svg_plots import PALETTE, Bars, Curve, Panel, render_svg
-from stridelab.schemas.reproduction import ReproductionItem
+from stridelab.schemas.reproduction import ITEMS_WITH_DRAWS, ITEMS_WITH_SAMPLE, Evidence, Outcome, ReproductionItem
 from stridelab.schemas.reproduction import Verdict as ContractVerdict
 from stridelab.studies.estimator_study import simulate_trial
 
@@ -34,7 +34,7 @@ class Found(dict[str, Reproduction]):
     """Every item is computed by the first test that asks for it: all of them are minutes of work."""
 
     def __missing__(self, name: str) -> Reproduction:
-        self[name] = reproduce_item(name, 1, lambda _fraction, _message: None)
+        self[name] = reproduce_item(name, 1 if ITEMS[name].draws == "many" else None, lambda _fraction, _message: None)
         return self[name]
 
 
@@ -73,6 +73,10 @@ def found() -> Iterator[Mapping[str, Reproduction]]:
 def test_the_contract_names_what_there_is() -> None:
     assert set(get_args(ReproductionItem)) == set(ITEMS)
     assert set(get_args(ContractVerdict)) == set(get_args(kinds.Verdict)) == set(kinds.VERDICTS)
+    assert set(get_args(Evidence)) == set(get_args(kinds.Evidence))
+    assert set(get_args(Outcome)) == set(get_args(kinds.Outcome)) == set(kinds.OUTCOMES) == set(kinds.WORDS)
+    drawing = {kind: {name for name, item in ITEMS.items() if item.draws == kind} for kind in ("many", "one")}
+    assert drawing == {"many": ITEMS_WITH_DRAWS, "one": ITEMS_WITH_SAMPLE}
 
 
 @pytest.mark.parametrize("name", ITEMS)
@@ -80,6 +84,8 @@ def test_every_item_has_claims_tables_and_a_drawing(found: Mapping[str, Reproduc
     result = found[name]
     assert len({claim.key for claim in result.claims}) == len(result.claims) > 0
     assert all(np.isfinite(claim.ours) for claim in result.claims)
+    assert all(claim.evidence is not None and (claim.n or 0) >= 1 for claim in result.claims)
+    assert all(claim.aim == str(claim.thesis).startswith("aim ") for claim in result.claims)
     for columns in result.tables.values():
         assert len({len(column) for column in columns.values()}) == 1
     root = ElementTree.fromstring(result.drawing)

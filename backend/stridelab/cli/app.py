@@ -189,7 +189,8 @@ def reproduce(
         ),
     ] = None,
     everything: Annotated[bool, typer.Option("--all", help="All items, as one HTML report.")] = False,
-    seeds: Annotated[int | None, typer.Option("--seeds", help="Number of simulated walks, 1 to 200.")] = None,
+    seeds: Annotated[int | None, typer.Option("--seeds", help="Number of random draws, 1 to 200.")] = None,
+    seed: Annotated[int | None, typer.Option("--seed", help="First seed of the draws; 0 by default.")] = None,
     quick: Annotated[bool, typer.Option("--quick", help="With --all: only three draws, for a quick look.")] = False,
     recordings: Annotated[
         Path | None, typer.Option("--recordings", help="With --all: folder whose gait/ holds measured walks.")
@@ -202,12 +203,13 @@ def reproduce(
 
     name = require_one(item, everything=everything, quick=quick, recordings=recordings, server=delivery.server)
     if name is not None:
-        run(name, seeds, delivery)
+        run(name, seeds, seed, delivery)
         return
     from stridelab.cli.reproduce import reproduce_all
 
     if not reproduce_all(
         seeds=seeds,
+        seed=seed,
         quick=quick,
         recordings=recordings,
         out_dir=delivery.out_dir,

@@ -15,9 +15,9 @@ from stridelab.cli.deliver import deliver_result, run_job
 from stridelab.cli.options import Delivery
 from stridelab.cli.results import cannot_write, err, out, progress_bar, show_files, validate_options, write_file
 from stridelab.errors import Fault, InvalidInput
-from stridelab.reproduction.claims import VERDICTS
+from stridelab.reproduction.claims import OUTCOMES, WORDS, Claim
 from stridelab.reproduction.registry import ITEMS, MAX_SEEDS
-from stridelab.reproduction.report.formatting import count_verdicts, format_quantity
+from stridelab.reproduction.report.formatting import basis_text, count_outcomes, format_quantity
 from stridelab.reproduction.report.html import render_html
 from stridelab.reproduction.result_cache import ResultCache
 from stridelab.reproduction.runner import QUICK_SEEDS, Section, collect_sections, recipes_of
@@ -25,12 +25,9 @@ from stridelab.schemas.jobs import JobResult
 from stridelab.schemas.reproduction import ReproduceInput, ReproduceSummary, ReproduceTask
 from stridelab.service.kinds.result_tables import software_versions
 
-VERDICT_MARKUP = {
-    "met": "[green]met[/]",
-    "beaten": "[green]better, or our aim reached[/]",
-    "not_met": "[red]not met[/]",
-    "thesis_in_error": "[yellow]thesis in error[/]",
-}
+COLOURS: Final = {"not_met": "red", "aim_missed": "red", "thesis_in_error": "yellow"}
+"""Colours of the outcomes; green without an entry."""
+OUTCOME_MARKUP: Final = {code: f"[{COLOURS.get(code, 'green')}]{text}[/]" for code, text in WORDS.items()}
 
 
 def require_one(
@@ -57,10 +54,11 @@ def require_one(
 def reproduce_item(
     item: str,
     seeds: int | None,
+    seed: int | None,
     delivery: Delivery,
 ) -> None:
     """Reproduce one item here or on a server, write the result folder and show the claims."""
-    input_ = validate_options(ReproduceInput, {"item": item, "seeds": seeds})
+    input_ = validate_options(ReproduceInput, {"item": item, "seeds": seeds, "seed": seed})
     task = ReproduceTask(input=input_)
     deliver_result(item, delivery, lambda folder: run_job("reproduce", item, task, folder, delivery), show_reproduction)
 
@@ -68,15 +66,19 @@ def reproduce_item(
 def show_reproduction(result: JobResult, target: Path) -> None:
     """Print the claims as a table."""
     summary = ReproduceSummary.model_validate(result.summary)
-    out.print(f"[bold]{escape(summary.item)}[/] {escape(summary.title)}: {VERDICT_MARKUP[summary.verdict]}")
-    table = Table("", "thesis, or our aim", "ours", "", box=None, pad_edge=False)
+    out.print(f"[bold]{escape(summary.item)}[/] {escape(summary.title)}")
+    table = Table("", "thesis, or our aim", "ours", "", "evidence", box=None, pad_edge=False)
     for claim in summary.claims:
         thesis = claim.thesis if isinstance(claim.thesis, str) else format_quantity(claim.thesis, claim.unit)
         table.add_row(
-            escape(claim.says), escape(thesis), format_quantity(claim.ours, claim.unit), VERDICT_MARKUP[claim.verdict]
+            escape(claim.says),
+            escape(thesis),
+            format_quantity(claim.ours, claim.unit),
+            OUTCOME_MARKUP[claim.outcome],
+            escape(basis_text(Claim(**claim.model_dump()))),
         )
     out.print(table)
-    out.print(escape(summary.note))
+    out.print(escape(f"{summary.note} {summary.sampling}"))
     show_files(result, target)
 
 
@@ -89,6 +91,7 @@ def reproduce_all(
     names: Iterable[str] = tuple(ITEMS),
     *,
     seeds: int | None,
+    seed: int | None,
     quick: bool,
     recordings: Path | None,
     out_dir: Path | None,
@@ -109,7 +112,7 @@ def reproduce_all(
     sections = []
     with progress_bar("reproduction") as bar:
         for section in collect_sections(
-            recipes_of(names, draws, recordings), ResultCache(target / CACHE_FOLDER), bar, recompute=recompute
+            recipes_of(names, draws, recordings, seed), ResultCache(target / CACHE_FOLDER), bar, recompute=recompute
         ):
             sections.append(section)
             if section.result is None:
@@ -121,12 +124,12 @@ def reproduce_all(
 
 def show_sections(sections: Sequence[Section], target: Path, *, as_json: bool) -> None:
     """Print the counts of all verdicts and the path of the report, or both as JSON with one verdict per item."""
-    counts = count_verdicts(claim for section in sections if section.result for claim in section.result.claims)
+    counts = count_outcomes(claim for section in sections if section.result for claim in section.result.claims)
     if as_json:
         items = {section.name: section.result.verdict if section.result else "failed" for section in sections}
         out.print_json(json.dumps({"report": str(target), "claims": counts, "items": items}))
         return
-    counts_text = ", ".join(f"{counts[verdict]} {VERDICT_MARKUP[verdict]}" for verdict in reversed(VERDICTS))
+    counts_text = ", ".join(f"{counts[outcome]} {OUTCOME_MARKUP[outcome]}" for outcome in reversed(OUTCOMES))
     out.print(f"{sum(counts.values())} claims of {len(sections)} items: {counts_text}")
     out.print(f"[green]written[/] {escape(str(target))}")
 

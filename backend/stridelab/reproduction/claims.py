@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, Literal
 
 import numpy as np
@@ -12,6 +12,22 @@ from stridelab.conventions import Progress
 Verdict = Literal["met", "beaten", "not_met", "thesis_in_error"]
 VERDICTS: Final[tuple[Verdict, ...]] = ("not_met", "thesis_in_error", "met", "beaten")
 """Verdicts in order of decreasing importance; the first one present is the verdict of an item."""
+Outcome = Literal["not_met", "thesis_in_error", "met", "beaten", "aim_missed", "aim_reached"]
+OUTCOMES: Final[tuple[Outcome, ...]] = (*VERDICTS, "aim_missed", "aim_reached")
+"""Verdicts on the thesis, then what became of our own aims, which are no verdicts on the thesis."""
+WORDS: Final[dict[Outcome, str]] = {
+    "met": "met",
+    "beaten": "better",
+    "not_met": "not met",
+    "thesis_in_error": "thesis in error",
+    "aim_reached": "our aim: reached",
+    "aim_missed": "our aim: missed",
+}
+Evidence = Literal["simulated", "replayed", "people", "external"]
+"""Origin of our number: computed from models and simulated recordings; motions carried out in a physics simulation;
+recordings of people; numbers published by others (the thesis itself, descriptions of robots)."""
+Sampling = Literal["nothing", "one", "many"]
+"""What an item draws at random: nothing, one sample of fixed size, or a number of draws that can be chosen."""
 
 Column = np.ndarray
 """One column of a table: numbers or strings, one per row."""
@@ -23,6 +39,9 @@ class Claim:
 
     ``thesis`` is the printed number, or words if there is none. ``verdict``: "met" if the claim is confirmed, "beaten"
     if our result is better than claimed, "not_met" if our result is worse, "thesis_in_error" if the claim is wrong.
+    ``aim`` marks a threshold of this project, on which "beaten" and "not_met" are no verdicts on the thesis.
+    ``n`` is the number of cases (draws, steps, people, contact sets) behind our number, ``interval`` its 95 % interval,
+    ``comparator`` what it is compared with. Only before ``Reproduction.with_basis``, ``evidence`` and ``n`` may lack.
     """
 
     key: str
@@ -32,49 +51,94 @@ class Claim:
     unit: str
     verdict: Verdict
     note: str = ""
+    evidence: Evidence | None = None
+    n: int | None = None
+    solver: str | None = None
+    interval: tuple[float, float] | None = None
+    comparator: str | None = None
+    aim: bool = False
+
+    @property
+    def outcome(self) -> Outcome:
+        """The verdict on the thesis, or whether our own aim is reached."""
+        if not self.aim:
+            return self.verdict
+        return "aim_reached" if self.verdict in ("met", "beaten") else "aim_missed"
 
 
 @dataclass(frozen=True)
 class Reproduction:
-    """Result of one item; ``tables`` maps names to columns with units in their names, ``drawing`` is an SVG."""
+    """Result of one item; ``tables`` maps names to columns with units in their names, ``drawing`` is an SVG.
+
+    ``n`` is the number of cases behind all claims that do not state their own.
+    """
 
     claims: tuple[Claim, ...]
     note: str
     tables: Mapping[str, Mapping[str, Column]]
     drawing: str
     references: tuple[str, ...] = ("carpentier2017thesis",)
+    n: int | None = None
 
     @property
     def verdict(self) -> Verdict:
-        """Most important verdict of all claims, in the order of ``VERDICTS``."""
-        return min((claim.verdict for claim in self.claims), key=VERDICTS.index)
+        """Most important verdict on the thesis, in the order of ``VERDICTS``; of our aims if there is none."""
+        judged = [claim for claim in self.claims if not claim.aim] or self.claims
+        return min((claim.verdict for claim in judged), key=VERDICTS.index)
+
+    def with_basis(self, evidence: Evidence, n: int) -> "Reproduction":
+        """The same with ``evidence`` and ``n`` on all claims that do not state their own."""
+        cases = n if self.n is None else self.n
+        claims = (
+            replace(each, evidence=each.evidence or evidence, n=cases if each.n is None else each.n)
+            for each in self.claims
+        )
+        return replace(self, claims=tuple(claims))
 
 
 @dataclass(frozen=True)
 class Item:
-    """A figure or table that can be reproduced; ``item(seeds, tell)`` computes it with ``seeds`` random draws.
+    """A figure or table that can be reproduced; ``item(seeds, tell)`` computes it with the seeds of its random draws.
 
     ``printed`` names the tables that are short enough for a page.
     """
 
     name: str
     title: str
-    run: Callable[[int, Progress], Reproduction]
+    run: Callable[[range, Progress], Reproduction]
+    draws: Sampling = "nothing"
     default_seeds: int = 1
+    min_seeds: int = 1
     printed: tuple[str, ...] = ()
+    evidence: Evidence = "simulated"
 
-    def __call__(self, seeds: int, tell: Progress) -> Reproduction:
-        """Compute the item."""
-        result = self.run(seeds, tell)
+    def __call__(self, seeds: range, tell: Progress) -> Reproduction:
+        """Compute the item; all claims of the result have their evidence and number of cases."""
+        result = self.run(seeds, tell).with_basis(self.evidence, len(seeds))
         tell(1.0, "done")
         return result
 
 
 def reproduces(
-    name: str, title: str, *, default_seeds: int = 1, printed: tuple[str, ...] = ()
-) -> Callable[[Callable[[int, Progress], Reproduction]], Item]:
+    name: str,
+    title: str,
+    *,
+    draws: Sampling = "nothing",
+    default_seeds: int = 1,
+    min_seeds: int = 1,
+    printed: tuple[str, ...] = (),
+) -> Callable[[Callable[[range, Progress], Reproduction]], Item]:
     """Decorator of the function that computes an item: makes it that item, which ``registry`` finds in its module."""
-    return lambda run: Item(name, title, run, default_seeds, printed)
+    return lambda run: Item(name, title, run, draws, default_seeds, min_seeds, printed)
+
+
+def sampling_text(draws: Sampling, seeds: range) -> str:
+    """How often an item draws, as a sentence."""
+    if draws == "nothing":
+        return "Draws nothing at random."
+    if draws == "one":
+        return f"One random sample, seed {seeds[0]}."
+    return f"{len(seeds)} random draws, seeds {seeds[0]} to {seeds[-1]}." if len(seeds) > 1 else f"Seed {seeds[0]}."
 
 
 @dataclass(frozen=True)
@@ -86,10 +150,35 @@ class Measured:
     ours: float
     unit: str
     verdict: Verdict
+    aim: bool = False
 
-    def says(self, says: str, note: str = "") -> Claim:
-        """The claim that the thesis makes in these words, with a remark on our number."""
-        return Claim(self.key, says, self.thesis, self.ours, self.unit, self.verdict, note)
+    def says(
+        self,
+        says: str,
+        note: str = "",
+        *,
+        n: int | None = None,
+        evidence: Evidence | None = None,
+        solver: str | None = None,
+        interval: tuple[float, float] | None = None,
+        comparator: str | None = None,
+    ) -> Claim:
+        """The claim that the thesis makes in these words, with a remark on our number and what it is computed from."""
+        return Claim(
+            self.key,
+            says,
+            self.thesis,
+            self.ours,
+            self.unit,
+            self.verdict,
+            note,
+            evidence,
+            n,
+            solver,
+            interval,
+            comparator,
+            self.aim,
+        )
 
 
 def met_if(holds: bool | np.bool) -> Verdict:
@@ -117,7 +206,8 @@ def target(
     else:
         bound, sign = (at_most, "≤") if at_most is not None else (at_least, "≥")
         aim = f"{sign} {format_three_digits(scale * (bound or 0.0))}{suffix}"
-    return Measured(key, f"aim {aim}", ours, unit, "beaten" if inside and math.isfinite(ours) else "not_met")
+    verdict: Verdict = "beaten" if inside and math.isfinite(ours) else "not_met"
+    return Measured(key, f"aim {aim}", ours, unit, verdict, aim=True)
 
 
 def format_three_digits(value: float) -> str:

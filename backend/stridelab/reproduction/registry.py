@@ -18,6 +18,7 @@ _MODULES: Final = {
 }
 """Modules with items, by chapter."""
 MAX_SEEDS: Final = 200
+MAX_SEED: Final = 1_000_000
 
 
 def _collect_items() -> Mapping[str, Item]:
@@ -48,14 +49,30 @@ def item_of(name: str) -> Item:
     return item
 
 
-def reproduce_item(name: str, seeds: int | None, tell: Progress) -> Reproduction:
-    """Compute one item; ``seeds`` None uses the default number of draws, which takes less than a minute.
+def seeds_of(item: Item, seeds: int | None, seed: int | None) -> range:
+    """Seeds of the random draws of an item: ``seeds`` of them from ``seed`` (0), by default as many as take a minute.
 
-    Raises ``NotFound`` (``item-not-found``) and ``InvalidInput`` (``seeds-out-of-range``).
+    Raises ``InvalidInput``: ``seeds-out-of-range``; ``nothing-drawn`` if the item draws nothing, or one sample of fixed
+    size where ``seeds`` is above 1.
+    """
+    count, first = item.default_seeds if seeds is None else seeds, seed or 0
+    for field, value, low, high in (("seeds", count, 1, MAX_SEEDS), ("seed", first, 0, MAX_SEED)):
+        if not low <= value <= high:
+            message = f"{field} must lie between {low} and {high}, not {value}."
+            raise InvalidInput("seeds-out-of-range", message, [Fault(field, message)])
+    if item.draws == "nothing" and (seeds is not None or seed is not None):
+        message = f"{item.name} draws nothing at random: leave seeds and seed out."
+        raise InvalidInput("nothing-drawn", message, [Fault("seed" if seeds is None else "seeds", message)])
+    if item.draws == "one" and count > 1:
+        message = f"{item.name} draws one sample of fixed size: only its seed can be chosen, not {count} draws."
+        raise InvalidInput("nothing-drawn", message, [Fault("seeds", message)])
+    return range(first, first + max(count, item.min_seeds))
+
+
+def reproduce_item(name: str, seeds: int | None, tell: Progress, seed: int | None = None) -> Reproduction:
+    """Compute one item with the draws of ``seeds_of``.
+
+    Raises ``NotFound`` (``item-not-found``) and what ``seeds_of`` raises.
     """
     item = item_of(name)
-    repeats = item.default_seeds if seeds is None else seeds
-    if not 1 <= repeats <= MAX_SEEDS:
-        message = f"seeds must lie between 1 and {MAX_SEEDS}, not {repeats}."
-        raise InvalidInput("seeds-out-of-range", message, [Fault("seeds", message)])
-    return item(repeats, tell)
+    return item(seeds_of(item, seeds, seed), tell)

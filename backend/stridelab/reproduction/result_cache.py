@@ -89,14 +89,14 @@ class ResultCache:
 
     folder: Path
 
-    def load_result(self, name: str, seeds: int, digest: str) -> Reproduction | None:
+    def load_result(self, name: str, seeds: range, digest: str) -> Reproduction | None:
         """The cached result with its saved tables; None if there is none for this number of draws and digest."""
         path = self._result_path(name, seeds, digest)
         if not path.is_file():
             return None
         return _parse_result(json.loads(path.read_text(encoding="utf-8")))
 
-    def save_result(self, name: str, seeds: int, digest: str, result: Reproduction, printed: tuple[str, ...]) -> None:
+    def save_result(self, name: str, seeds: range, digest: str, result: Reproduction, printed: tuple[str, ...]) -> None:
         """Save a result with its ``printed`` tables atomically, and delete results with other digests."""
         path = self._result_path(name, seeds, digest)
         self.folder.mkdir(parents=True, exist_ok=True)
@@ -106,12 +106,17 @@ class ResultCache:
             part.replace(path)
         finally:
             part.unlink(missing_ok=True)
-        for other in self.folder.glob(f"{name}-{seeds}-*.json"):
+        for other in self.folder.glob(f"{name}-{_draws(seeds)}-*.json"):
             if other != path:
                 other.unlink(missing_ok=True)
 
-    def _result_path(self, name: str, seeds: int, digest: str) -> Path:
-        return self.folder / f"{name}-{seeds}-{digest}.json"
+    def _result_path(self, name: str, seeds: range, digest: str) -> Path:
+        return self.folder / f"{name}-{_draws(seeds)}-{digest}.json"
+
+
+def _draws(seeds: range) -> str:
+    """Number of draws, and the first seed unless it is 0."""
+    return f"{len(seeds)}" if seeds[0] == 0 else f"{len(seeds)}from{seeds[0]}"
 
 
 def _result_document(result: Reproduction, printed: tuple[str, ...]) -> dict[str, Any]:
@@ -128,7 +133,10 @@ def _result_document(result: Reproduction, printed: tuple[str, ...]) -> dict[str
 
 def _parse_result(document: dict[str, Any]) -> Reproduction:
     return Reproduction(
-        claims=tuple(Claim(**claim) for claim in document["claims"]),
+        claims=tuple(
+            Claim(**claim | {"interval": claim["interval"] and tuple(claim["interval"])})
+            for claim in document["claims"]
+        ),
         note=document["note"],
         tables={
             name: {column: np.array(values) for column, values in columns.items()}

@@ -9,23 +9,24 @@ from typing import Final
 from stridelab.conventions import Progress
 from stridelab.errors import StridelabError
 from stridelab.reproduction.chapter2 import fig_2_8_people, table_real_walks
-from stridelab.reproduction.claims import Reproduction
-from stridelab.reproduction.registry import item_of, reproduce_item
+from stridelab.reproduction.claims import Reproduction, sampling_text
+from stridelab.reproduction.registry import item_of, seeds_of
 from stridelab.reproduction.result_cache import ResultCache, digest_of
 
 PEOPLE: Final = (fig_2_8_people.NAME, table_real_walks.NAME)
 """Items on real recordings, computed only if the recordings are available."""
 QUICK_SEEDS: Final = 3
 """Number of draws for a quick run."""
+ONE_SEED: Final = range(1)
 
 
 @dataclass(frozen=True)
 class Section:
-    """Result of one item, or the error message if it failed."""
+    """Result of one item, or the error message if it failed; ``sampling`` says what it draws and how often."""
 
     name: str
     title: str
-    seeds: int
+    sampling: str
     printed: tuple[str, ...]
     result: Reproduction | None
     failure: str = ""
@@ -33,38 +34,48 @@ class Section:
 
 @dataclass(frozen=True)
 class Recipe:
-    """Instructions to compute one item: its module and the function to call."""
+    """Instructions to compute one item: the seeds of its draws, its module and the function to call."""
 
     name: str
     title: str
-    seeds: int
+    sampling: str
+    seeds: range
     printed: tuple[str, ...]
     module: str
     run: Callable[[Progress], Reproduction]
 
 
-def recipes_of(names: Iterable[str], seeds: int | None, recordings: Path | None) -> list[Recipe]:
-    """Recipes of items by name; ``seeds`` None uses the default of each item.
+def recipes_of(
+    names: Iterable[str], seeds: int | None, recordings: Path | None, seed: int | None = None
+) -> list[Recipe]:
+    """Recipes of items by name; ``seeds`` None uses the default of each item, items that draw nothing take neither.
 
     ``recordings`` is a folder with real recordings in ``gait/`` and adds the items on them. Raises ``NotFound``
     (``item-not-found``) for an unknown name.
     """
-    selected = [recipe_of(name, seeds) for name in names]
+    selected = [recipe_of(name, seeds, seed) for name in names]
     if recordings is not None:
         selected += [
-            Recipe(each.NAME, each.TITLE, 1, each.PRINTED, each.__name__, partial(each.run, recordings / "gait"))
+            Recipe(
+                each.NAME,
+                each.TITLE,
+                sampling_text("nothing", ONE_SEED),
+                ONE_SEED,
+                each.PRINTED,
+                each.__name__,
+                partial(each.run, recordings / "gait"),
+            )
             for each in (fig_2_8_people, table_real_walks)
         ]
     return selected
 
 
-def recipe_of(name: str, seeds: int | None) -> Recipe:
-    """Recipe of one item. Raises ``NotFound`` (``item-not-found``)."""
+def recipe_of(name: str, seeds: int | None, seed: int | None = None) -> Recipe:
+    """Recipe of one item, without the options that it does not take. Raises ``NotFound`` (``item-not-found``)."""
     item = item_of(name)
-    repeats = item.default_seeds if seeds is None else seeds
-    return Recipe(
-        name, item.title, repeats, item.printed, item.run.__module__, lambda tell: reproduce_item(name, repeats, tell)
-    )
+    drawn = seeds_of(item, seeds if item.draws == "many" else None, seed if item.draws != "nothing" else None)
+    sampling = sampling_text(item.draws, drawn)
+    return Recipe(name, item.title, sampling, drawn, item.printed, item.run.__module__, partial(item, drawn))
 
 
 def collect_sections(
@@ -92,4 +103,4 @@ def _compute_section(recipe: Recipe, cache: ResultCache, tell: Progress, *, reco
             failure = error.message
         except Exception as error:  # noqa: BLE001 (a failed item does not stop the others)
             failure = f"{type(error).__name__}: {error}"
-    return Section(recipe.name, recipe.title, recipe.seeds, recipe.printed, result, failure)
+    return Section(recipe.name, recipe.title, recipe.sampling, recipe.printed, result, failure)

@@ -1,8 +1,8 @@
 """Input and result of ``reproduce``."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Final, Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from stridelab.schemas.base import Contract
 
@@ -41,7 +41,37 @@ ReproductionItem = Literal[
 ]
 """A figure of the thesis, the numbers in the text of a chapter, or a table on the simulated walks."""
 Verdict = Literal["met", "beaten", "not_met", "thesis_in_error"]
-"""``met``: agrees with the thesis; ``beaten``: reaches an aim beyond the thesis; ``not_met``: neither."""
+"""``met``: agrees with the thesis; ``beaten``: better than the thesis; ``not_met``: neither; of a claim with ``aim``,
+``beaten`` and ``not_met`` say whether an aim of this project is reached, and nothing on the thesis."""
+Evidence = Literal["simulated", "replayed", "people", "external"]
+Outcome = Literal["not_met", "thesis_in_error", "met", "beaten", "aim_missed", "aim_reached"]
+ITEMS_WITH_DRAWS: Final = frozenset(
+    [
+        "fig-2.6",
+        "fig-2.7",
+        "fig-2.8",
+        "fig-2.9",
+        "fig-3.6",
+        "fig-3.7",
+        "fig-3.8",
+        "fig-3.9",
+        "numbers-2",
+        "numbers-3",
+        "errors",
+        "lag",
+        "coverage",
+        "partial-force",
+        "flight",
+    ]
+)
+"""Items whose number of random draws can be chosen."""
+ITEMS_WITH_SAMPLE: Final = frozenset(
+    ["fig-3.3", "fig-3.4", "fig-3.5", "fig-3.10", "fig-4.2", "fig-4.4", "fig-4.5", "fig-4.6", "numbers-4"]
+)
+"""Items that draw one random sample of fixed size."""
+
+
+NO_DRAWS: Final = "draws nothing at random: leave seeds and seed out"
 
 
 class ReproduceInput(Contract):
@@ -49,8 +79,22 @@ class ReproduceInput(Contract):
 
     item: ReproductionItem
     seeds: Annotated[int, Field(ge=1, le=200)] | None = Field(
-        default=None, description="number of simulated walks; null takes as many as fit into a minute, 50 is accurate"
+        default=None,
+        description="number of random draws (simulated walks or people); null takes as many as fit into a minute, 50 "
+        "is accurate. Refused by items that draw nothing or one sample of fixed size",
     )
+    seed: Annotated[int, Field(ge=0, le=1_000_000)] | None = Field(
+        default=None, description="first seed of the draws; null is 0. Refused by items that draw nothing"
+    )
+
+    @model_validator(mode="after")
+    def _draws_exist(self) -> "ReproduceInput":
+        if self.seeds is not None and self.item not in ITEMS_WITH_DRAWS:
+            drawn = "draws one sample of fixed size: give seed alone" if self.item in ITEMS_WITH_SAMPLE else NO_DRAWS
+            raise ValueError(f"seeds: {self.item} {drawn}")
+        if self.seed is not None and self.item not in ITEMS_WITH_DRAWS | ITEMS_WITH_SAMPLE:
+            raise ValueError(f"seed: {self.item} {NO_DRAWS}")
+        return self
 
 
 class ClaimResult(Contract):
@@ -63,6 +107,22 @@ class ClaimResult(Contract):
     unit: str
     verdict: Verdict
     note: str
+    evidence: Evidence = Field(
+        description="origin of ours: models and simulated recordings, motions replayed in physics, recordings of "
+        "people, or numbers published by others"
+    )
+    n: int = Field(ge=1, description="number of cases (draws, steps, people, contact sets, plans) behind ours")
+    solver: str | None = None
+    interval: tuple[float, float] | None = Field(default=None, description="95 % interval of ours")
+    comparator: str | None = Field(default=None, description="what ours is compared with")
+    aim: bool = Field(default=False, description="a threshold of this project: no verdict on the thesis")
+
+    @property
+    def outcome(self) -> Outcome:
+        """The verdict on the thesis, or whether our own aim is reached."""
+        if not self.aim:
+            return self.verdict
+        return "aim_reached" if self.verdict in ("met", "beaten") else "aim_missed"
 
 
 class ReproduceSummary(Contract):
@@ -70,12 +130,32 @@ class ReproduceSummary(Contract):
 
     item: str
     title: str
-    verdict: Verdict = Field(description="verdict of the most important claim")
+    verdict: Verdict = Field(description="the most important verdict on the thesis; of our aims if there is none")
     thesis: dict[str, float | str]
     ours: dict[str, float]
     claims: list[ClaimResult]
     seeds: int
+    seed: int = 0
+    sampling: str = Field(default="", description="what the item draws at random, and how often")
     note: str
+
+    @property
+    def outcome(self) -> Outcome:
+        """The verdict; of an item with nothing but aims of this project, whether all are reached."""
+        if not all(claim.aim for claim in self.claims):
+            return self.verdict
+        return "aim_reached" if self.verdict in ("met", "beaten") else "aim_missed"
+
+    @model_validator(mode="before")
+    @classmethod
+    def _with_basis(cls, data: Any) -> Any:
+        """Results of older versions state no basis: all were simulated, with one case per draw."""
+        if isinstance(data, dict):
+            for claim in data.get("claims", ()):
+                if isinstance(claim, dict) and "evidence" not in claim:
+                    claim |= {"evidence": "simulated", "n": max(1, data.get("seeds", 1))}
+                    claim["aim"] = str(claim.get("thesis", "")).startswith("aim ")
+        return data
 
 
 class ReproduceTask(Contract):

@@ -11,7 +11,13 @@ from starlette.responses import Response
 
 from stridelab.client import AsyncClient
 from stridelab.schemas.jobs import FINAL_STATES, Artifact, Job, JobResult
-from stridelab.schemas.reproduction import ReproduceSummary, ReproductionItem, Verdict
+from stridelab.schemas.reproduction import (
+    ITEMS_WITH_DRAWS,
+    ITEMS_WITH_SAMPLE,
+    Outcome,
+    ReproduceSummary,
+    ReproductionItem,
+)
 from stridelab_web.api_client import client_of
 from stridelab_web.pages.render import render_page
 
@@ -33,9 +39,9 @@ class ShownItem:
     drawing: str | None
 
     @property
-    def verdict_counts(self) -> Mapping[Verdict, int]:
-        """How many of its claims have each verdict."""
-        return count_verdicts([self.reproduction])
+    def outcome_counts(self) -> Mapping[Outcome, int]:
+        """How many of its claims have each outcome."""
+        return count_outcomes([self.reproduction])
 
 
 async def reproduction_page(request: Request) -> Response:
@@ -49,8 +55,10 @@ async def reproduction_page(request: Request) -> Response:
         items=ITEMS,
         results=results,
         missing=[name for name in ITEMS if name not in results],
-        counts=count_verdicts(shown.reproduction for shown in results.values()),
-        verdicts=get_args(Verdict),
+        counts=count_outcomes(shown.reproduction for shown in results.values()),
+        outcomes=get_args(Outcome),
+        drawn=sorted(ITEMS_WITH_DRAWS),
+        sampled=sorted(ITEMS_WITH_SAMPLE),
         open_jobs=[job for job in recent.items if job.state not in FINAL_STATES],
     )
 
@@ -72,9 +80,9 @@ async def _newest_results(client: AsyncClient) -> dict[str, ShownItem]:
     return {name: newest[name] for name in ITEMS if name in newest}
 
 
-def count_verdicts(summaries: Iterable[ReproduceSummary]) -> Mapping[Verdict, int]:
-    """How many claims have each verdict."""
-    return Counter(claim.verdict for summary in summaries for claim in summary.claims)
+def count_outcomes(summaries: Iterable[ReproduceSummary]) -> Mapping[Outcome, int]:
+    """How many claims have each verdict on the thesis, and how many of our aims are reached and missed."""
+    return Counter(claim.outcome for summary in summaries for claim in summary.claims)
 
 
 def _svg_name(artifacts: Iterable[Artifact]) -> str | None:

@@ -4,10 +4,12 @@ from pathlib import Path
 
 import pyarrow.parquet as pq
 import pytest
+from pydantic import ValidationError
 
 from stridelab.cli.options import Delivery
 from stridelab.cli.reproduce import reproduce_item
 from stridelab.errors import InvalidInput
+from stridelab.reproduction.registry import ITEMS, seeds_of
 from stridelab.schemas.jobs import JobResult
 from stridelab.schemas.reproduction import ReproduceInput, ReproduceSummary, ReproduceTask
 from stridelab.service.kinds.reproduce import run as kind
@@ -20,7 +22,8 @@ def test_an_item_leaves_numbers_tables_and_a_drawing(tmp_path: Path) -> None:
     outcome = kind.run(ReproduceTask(input=ReproduceInput(item="fig-2.6", seeds=1)), tmp_path, told)
     summary = ReproduceSummary.model_validate(outcome.summary)
     assert told.fractions[-1] == 1.0
-    assert summary.seeds == 1
+    assert (summary.seeds, summary.seed, summary.sampling) == (1, 0, "Seed 0.")
+    assert {(claim.evidence, claim.n, claim.aim) for claim in summary.claims} == {("simulated", 1, False)}
     assert summary.thesis["axis_worse_from_hz"] == 0.4
     assert set(summary.ours) == set(summary.thesis) == {claim.key for claim in summary.claims}
     assert outcome.artifacts[0].name == "fig-2.6.svg"
@@ -31,16 +34,51 @@ def test_an_item_leaves_numbers_tables_and_a_drawing(tmp_path: Path) -> None:
 
 
 def test_the_command_line_shows_the_claims(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    reproduce_item("fig-2.5", None, Delivery(tmp_path / "a"))
+    reproduce_item("fig-2.5", None, None, Delivery(tmp_path / "a"))
     shown = capsys.readouterr().out
-    for word in ("fig-2.5", "thesis", "ours", "met", "bode.parquet", "fig-2.5.svg"):
+    for word in (
+        "fig-2.5",
+        "thesis",
+        "ours",
+        "met",
+        "simulated, n = 1",
+        "Draws nothing",
+        "bode.parquet",
+        "fig-2.5.svg",
+    ):
         assert word in shown
-    reproduce_item("fig-2.5", 3, Delivery(tmp_path / "b", as_json=True))
-    assert JobResult.model_validate_json(capsys.readouterr().out).input == {"item": "fig-2.5", "seeds": 3}
+    reproduce_item("fig-2.6", 1, 4, Delivery(tmp_path / "b", as_json=True))
+    assert JobResult.model_validate_json(capsys.readouterr().out).input == {"item": "fig-2.6", "seeds": 1, "seed": 4}
 
 
 def test_an_unknown_item_names_those_there_are(tmp_path: Path) -> None:
     with pytest.raises(InvalidInput) as refusal:
-        reproduce_item("fig-7", None, Delivery(tmp_path / "x"))
+        reproduce_item("fig-7", None, None, Delivery(tmp_path / "x"))
     assert refusal.value.faults[0].where == "ITEM"
     assert "fig-2.2" in refusal.value.faults[0].message
+
+
+def test_another_seed_draws_other_noise(tmp_path: Path) -> None:
+    ours = []
+    for seed in (None, 0, 7):
+        request, folder = ReproduceInput(item="fig-2.6", seeds=1, seed=seed), tmp_path / str(seed)
+        folder.mkdir()
+        ours.append(kind.run(ReproduceTask(input=request), folder, Told()).summary["ours"])
+    assert ours[0] == ours[1] != ours[2]
+
+
+@pytest.mark.parametrize(
+    "refused",
+    [
+        {"item": "fig-2.5", "seeds": 3},
+        {"item": "table-4.1", "seed": 1},
+        {"item": "fig-4.5", "seeds": 3},
+    ],
+)
+def test_draws_are_refused_where_none_are_made(refused: dict[str, object]) -> None:
+    field = "seeds" if "seeds" in refused else "seed"
+    with pytest.raises(ValidationError, match=f"{field}: {refused['item']} draws"):
+        ReproduceInput.model_validate(refused)
+    with pytest.raises(InvalidInput) as unlike:
+        seeds_of(ITEMS[str(refused["item"])], *(refused.get(name) for name in ("seeds", "seed")))  # type: ignore[arg-type]
+    assert (unlike.value.code, unlike.value.faults[0].where) == ("nothing-drawn", field)

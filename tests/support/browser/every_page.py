@@ -133,7 +133,17 @@ def push_basin_result() -> tuple[dict[str, Any], dict[str, bytes]]:
 
 
 def _reproduction() -> tuple[dict[str, Any], dict[str, bytes]]:
-    claim = ClaimResult(key="a", says="a claim", thesis=0.25, ours=0.0125, unit="m", verdict="beaten", note="")
+    claim = ClaimResult(
+        key="a",
+        says="a claim",
+        thesis=0.25,
+        ours=0.0125,
+        unit="m",
+        verdict="beaten",
+        note="",
+        evidence="simulated",
+        n=5,
+    )
     summary = ReproduceSummary(
         item="fig-2.6", title="Spectra", verdict="beaten", thesis={"a": 0.25}, ours={"a": 0.0125}, claims=[claim],
         seeds=5, note="What it means.",

@@ -16,8 +16,8 @@ ORIGIN: Final = np.zeros(3)
 
 
 @reproduces("fig-2.2", "Zero-moment point and central axis")
-def run(seeds: int, tell: Progress) -> Reproduction:
-    """One walk without noise; the result is deterministic and ignores ``seeds``."""
+def run(seeds: range, tell: Progress) -> Reproduction:
+    """One walk without noise; deterministic."""
     tell(0.1, "simulating a walk")
     truth = simulate_trial("robot", "none", 0).truth
     wrench = Wrench(truth.force_n, truth.moment_nm)

@@ -25,8 +25,8 @@ _NAMES: Final = ("H1", "s² H2", "H3")
 
 
 @reproduces("fig-2.5", "Bode diagrams of the three filters")
-def run(seeds: int, tell: Progress) -> Reproduction:
-    """Frequency responses in closed form; ``seeds`` is ignored."""
+def run(seeds: range, tell: Progress) -> Reproduction:
+    """Frequency responses in closed form."""
     tell(0.1, "computing the responses")
     thesis = bode_responses(complementary_filters(THESIS_LOW_HZ, THESIS_HIGH_HZ, RATE_HZ), FREQUENCY_HZ)
     ours = bode_responses(complementary_filters(AUTO_LOW_HZ, AUTO_HIGH_HZ, RATE_HZ), FREQUENCY_HZ)

@@ -23,12 +23,12 @@ Bands = Float[np.ndarray, "3 3"]
 """RMS error in the low, middle and high band (rows) per axis (columns)."""
 
 
-@reproduces("fig-2.6", "Spectra of the errors of the three inputs", default_seeds=3)
-def run(seeds: int, tell: Progress) -> Reproduction:
-    """Mean power spectra over ``seeds`` draws of the thesis' noise, and the spectrum of the axis without noise."""
-    noisy = [_error_spectra("thesis", seed, tell, seed / (seeds + 1)) for seed in range(seeds)]
+@reproduces("fig-2.6", "Spectra of the errors of the three inputs", draws="many", default_seeds=3)
+def run(seeds: range, tell: Progress) -> Reproduction:
+    """Mean power spectra over one draw per seed of the thesis' noise, and the spectrum of the axis without noise."""
+    noisy = [_error_spectra("thesis", seed, tell, k / (len(seeds) + 1)) for k, seed in enumerate(seeds)]
     mean = {name: _mean_spectrum([one[name] for one in noisy]) for name in INPUTS}
-    clean = _error_spectra("none", 0, tell, seeds / (seeds + 1))["axis"]
+    clean = _error_spectra("none", 0, tell, len(seeds) / (len(seeds) + 1))["axis"]
     bands = {name: _band_rms(spectrum) for name, spectrum in mean.items()}
     g, a, p = (bands[name] for name in INPUTS)
     low, mid, high = np.hypot(g[:, 0], g[:, 1]).tolist()
@@ -63,7 +63,7 @@ def run(seeds: int, tell: Progress) -> Reproduction:
     )
     return Reproduction(
         claims=claims,
-        note=f"Walk at the robot's cadence, noise of 2.5.1, {seeds} draws. Figure 2.3 is confirmed horizontally.",
+        note=f"Walk at the robot's cadence, noise of 2.5.1, {len(seeds)} draws. Figure 2.3 is confirmed horizontally.",
         tables={"spectra": _spectrum_columns(mean, clean), "bands": _band_columns(bands)},
         drawing=render_svg(*_spectrum_panels(mean)),
         references=("carpentier2017thesis", "carpentier2016spectral", "stasse2017talos"),

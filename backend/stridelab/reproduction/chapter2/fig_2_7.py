@@ -19,17 +19,17 @@ DRAWN_ESTIMATORS: Final = (THESIS, KALMAN, SMOOTHER)
 _PARTS: Final = ("geometry", "force", "axis", "total")
 
 
-@reproduces("fig-2.7", "Complementary filter against Kalman filter", default_seeds=2)
-def run(seeds: int, tell: Progress) -> Reproduction:
-    """Both gaits with the thesis' noise, ``seeds`` draws of each."""
+@reproduces("fig-2.7", "Complementary filter against Kalman filter", draws="many", default_seeds=2)
+def run(seeds: range, tell: Progress) -> Reproduction:
+    """Both gaits with the thesis' noise, one draw per seed of each."""
     all_draws = compute_draws(GAITS, ("thesis",), seeds, lambda fraction, message: tell(0.95 * fraction, message))
     claims = [claim for gait in GAITS for claim in _gait_claims(gait, [d for d in all_draws if d.gait == gait])]
     tell(0.95, "drawing")
-    trial = simulate_trial("robot", "thesis", 0)
+    trial = simulate_trial("robot", "thesis", seeds[0])
     tracks, parts = _trajectory_columns(trial), _contribution_columns(trial)
     return Reproduction(
         claims=tuple(claims),
-        note=f"{seeds} draws per gait. The filter is not better at every sample. Part of its advantage comes from "
+        note=f"{len(seeds)} draws per gait. The filter is not better at every sample. Part of its advantage comes from "
         "forward and backward filtering: the Rauch-Tung-Striebel smoother with the Kalman filter's model is as "
         "accurate. The errors of all estimators are in the item errors.",
         tables={"errors": error_table(all_draws), "tracks": tracks, "contributions": parts},

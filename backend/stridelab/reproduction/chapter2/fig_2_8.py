@@ -64,17 +64,17 @@ class _Trial:
         return track[first : first + len(estimate.time_s)]
 
 
-@reproduces("fig-2.8", "Walking on force plates", default_seeds=4)
-def run(seeds: int, tell: Progress) -> Reproduction:
-    """One walk over force plates, ``seeds`` draws of noise and segment table; the force is delayed by 18 ms."""
+@reproduces("fig-2.8", "Walking on force plates", draws="many", default_seeds=4)
+def run(seeds: range, tell: Progress) -> Reproduction:
+    """One walk over force plates, one draw per seed of noise and segment table; the force is delayed by 18 ms."""
     tell(0.02, "simulating a walk")
     aligned: list[Points] = []
     late: list[Points] = []
     corrected: list[Points] = []
     biases: list[Points] = []
     latencies_s: list[float] = []
-    for seed in range(seeds):
-        tell(0.3 + 0.7 * seed / seeds, f"draw {seed + 1} of {seeds}")
+    for k, seed in enumerate(seeds):
+        tell(0.3 + 0.7 * k / len(seeds), f"draw {k + 1} of {len(seeds)}")
         trial = _simulated_trial(seed)
         latency = estimate_latency(trial.geometric, trial.wrench_at, trial.mass_kg)
         latencies_s.append(latency.latency_s)
@@ -108,7 +108,7 @@ def run(seeds: int, tell: Progress) -> Reproduction:
             "with the delay corrected, the offset equals that with synchronous clocks"
         ),
     )
-    columns = {"draw": np.arange(seeds), "latency_s": np.array(latencies_s)} | {
+    columns = {"draw": np.array(seeds), "latency_s": np.array(latencies_s)} | {
         f"{name}_{axis}_m": rows[:, k]
         for name, rows in (("bias", b), ("offset", a), ("offset_late", delayed), ("offset_corrected", compensated))
         for k, axis in enumerate("xyz")
@@ -119,7 +119,7 @@ def run(seeds: int, tell: Progress) -> Reproduction:
         "filter and the geometry is a correction of the segment table only if the clocks are synchronous; the effect "
         "of a delay of two frames is larger.",
         tables={"offsets": columns},
-        drawing=render_svg(*_trial_panels(_simulated_trial(0))),
+        drawing=render_svg(*_trial_panels(_simulated_trial(seeds[0]))),
         references=("carpentier2017thesis", "carpentier2016spectral", "dumas2007"),
     )
 

@@ -36,9 +36,9 @@ RANK_SAMPLE_STEP: Final = 10
 """Sampling interval of the rank computation."""
 
 
-@reproduces("numbers-2", "Numbers in the text of chapter 2", default_seeds=3)
-def run(seeds: int, tell: Progress) -> Reproduction:
-    """One walk per gait without noise, and ``seeds`` draws with the thesis' noise."""
+@reproduces("numbers-2", "Numbers in the text of chapter 2", draws="many", default_seeds=3)
+def run(seeds: range, tell: Progress) -> Reproduction:
+    """One walk per gait without noise, and one draw per seed with the thesis' noise."""
     clean = {gait: simulate_trial(gait, "none", 0) for gait in GAITS}
     tell(0.2, "ranks")
     claims = list(_rank_claims(clean["robot"]))
@@ -46,14 +46,14 @@ def run(seeds: int, tell: Progress) -> Reproduction:
     for gait in GAITS:
         tell(0.4, f"{gait} gait")
         claims += _axis_claims(gait, clean[gait], offset[gait])
-        noisy = [simulate_trial(gait, "thesis", seed) for seed in range(seeds)]
+        noisy = [simulate_trial(gait, "thesis", seed) for seed in seeds]
         claims += _noise_claims(gait, clean[gait], noisy)
     time_s = {gait: trial.truth.time_s for gait, trial in clean.items()}
     return Reproduction(
         claims=tuple(claims),
-        note=f"TALOS walks at its own and at a human cadence; {seeds} draws of the noise of 2.5.1 where noise is used. "
-        "Ranks are computed along the walk without noise; the centre of mass is shifted to the origin, which does not "
-        "change the rank.",
+        note=f"TALOS walks at its own and at a human cadence; {len(seeds)} draws of the noise of 2.5.1 where noise is "
+        "used. Ranks are computed along the walk without noise; the centre of mass is shifted to the origin, which does "
+        "not change the rank.",
         tables={
             f"axis_{gait}": {"time_s": time_s[gait]} | {f"off_{a}_m": offset[gait][:, k] for k, a in enumerate("xyz")}
             for gait in GAITS
@@ -100,7 +100,9 @@ def _rank_claims(trial: StudyTrial) -> tuple[Claim, ...]:
 def _rank_claim(key: str, says: str, thesis: int, ranks: np.ndarray) -> Claim:
     worst = int(ranks[np.argmax(np.abs(ranks - thesis))])
     return Measured(key, float(thesis), float(worst), "1", error_unless(worst == thesis)).says(
-        says, f"The same in all {len(ranks)} states." if len(ranks) > 1 and np.ptp(ranks) == 0 else ""
+        says,
+        f"The same in all {len(ranks)} states." if len(ranks) > 1 and np.ptp(ranks) == 0 else "",
+        n=1,
     )
 
 
@@ -121,12 +123,14 @@ def _axis_claims(gait: str, trial: StudyTrial, off_m: Points) -> tuple[Claim, ..
         Measured(f"{gait}_off_axis_m", "several cm", largest, "m", met_if(largest >= SEVERAL_CENTIMETRES_M)).says(
             f"{gait} gait: gesticulation separates CoM and central axis by up to several centimetres (2.3.3)",
             "Largest distance of the walk, without noise and model error. It grows with the square of the cadence.",
+            n=1,
         ),
         Measured(f"{gait}_slow_gesticulation", "almost none", share, "1", met_if(share <= 0.01)).says(
             f"{gait} gait: below half of the stepping frequency there is almost no gesticulation (2.3.3)",
             f"Share of the power of L' below {stride_hz:.2f} Hz. The mean offset of the axis from the CoM is "
             f"nevertheless {1e3 * float(np.linalg.norm(off_m.mean(axis=0))):.1f} mm, because force and L' are "
             "correlated.",
+            n=1,
         ),
     )
 
@@ -147,6 +151,7 @@ def _noise_claims(gait: str, clean: StudyTrial, noisy: list[StudyTrial]) -> tupl
         Measured(f"{gait}_perfect_m", 0.0, perfect, "m", met_if(perfect <= 1e-5)).says(
             f"{gait} gait: with perfect measurements the filter gives the exact value, without latency (2.4)",
             "Largest error over all samples and coordinates, with the central axis through the CoM.",
+            n=1,
         ),
         Measured(f"{gait}_mass", "good", mass, "1", met_if(mass <= 0.005)).says(
             f"{gait} gait: the mean vertical force gives a good estimate of the mass (2.5.1)",
@@ -156,6 +161,7 @@ def _noise_claims(gait: str, clean: StudyTrial, noisy: list[StudyTrial]) -> tupl
             f"{gait} gait: with a jerk of 1 m/s³ the Kalman filter trusts the measurements (2.5.3)",
             "RMS of the jerk along the axis with the largest jerk: a filter that expects less jerk trusts its "
             "prediction and is delayed (item lag).",
+            n=1,
         ),
         Measured(f"{gait}_both_passes", "< 1", both / one, "1", met_if(both < one)).says(
             f"{gait} gait: an average of a forward and a backward pass increases the precision (2.6.3)",

@@ -81,16 +81,16 @@ SCENARIOS: Final = (
 )
 
 
-@reproduces("coverage", "Coverage of the smoother's band", default_seeds=1, printed=("coverage",))
-def run(seeds: int, tell: Progress) -> Reproduction:
-    """Both gaits in every scenario, ``seeds`` draws of each."""
+@reproduces("coverage", "Coverage of the smoother's band", draws="many", default_seeds=1, printed=("coverage",))
+def run(seeds: range, tell: Progress) -> Reproduction:
+    """Both gaits in every scenario, one draw per seed of each."""
     rows: list[dict[str, object]] = []
     claims: list[Claim] = []
     steps = len(GAITS) * (len(SCENARIOS) + 1)
     for k, gait in enumerate(GAITS):
         for j, scenario in enumerate(SCENARIOS):
             tell((k * (len(SCENARIOS) + 1) + j) / steps, f"{gait} gait, {scenario.says}")
-            errors = [scenario.errors(gait, seed) for seed in range(seeds)]
+            errors = [scenario.errors(gait, seed) for seed in seeds]
             rows.append({"gait": gait, "scenario": scenario.name, **_coverage_summary(errors)})
             if scenario.has_claims:
                 claims += _coverage_claims(gait, scenario, rows[-1])
@@ -98,7 +98,7 @@ def run(seeds: int, tell: Progress) -> Reproduction:
         claims += _bias_detection_claims(gait, seeds)
     return Reproduction(
         claims=tuple(claims),
-        note=f"{seeds} draws each; share of samples inside the 95 % band. sd over RMSE is the width of the band "
+        note=f"{len(seeds)} draws each; share of samples inside the 95 % band. sd over RMSE is the width of the band "
         "relative to the actual error: the table error is drawn once per trial, so with few draws a share of 1.00 is "
         "consistent with a ratio below 2. The band of the height is the prior of the segment table. With the thesis' "
         "noise, which lies above 5 Hz, the band is dominated by the posture-dependent table error "
@@ -148,17 +148,14 @@ def _coverage_claims(gait: str, scenario: Scenario, row: dict[str, object]) -> l
     return claims
 
 
-def _bias_detection_claims(gait: GaitName, seeds: int) -> list[Claim]:
+def _bias_detection_claims(gait: GaitName, seeds: range) -> list[Claim]:
     """Share of draws in which a plate bias is reported: with a bias of 5 N, and without bias."""
     flagged = float(
         np.mean(
-            [
-                _reports_bias(with_force_bias(simulate_trial(gait, THESIS_NOISE, s), _random_direction(s)))
-                for s in range(seeds)
-            ]
+            [_reports_bias(with_force_bias(simulate_trial(gait, THESIS_NOISE, s), _random_direction(s))) for s in seeds]
         )
     )
-    false_alarms = float(np.mean([_reports_bias(simulate_trial(gait, THESIS_NOISE, s)) for s in range(seeds)]))
+    false_alarms = float(np.mean([_reports_bias(simulate_trial(gait, THESIS_NOISE, s)) for s in seeds]))
     return [
         target(f"{gait}_flagged", flagged, "1", at_least=0.95).says(
             f"{gait} gait: share of draws in which an undeclared bias of {BIAS_N:g} N is detected",

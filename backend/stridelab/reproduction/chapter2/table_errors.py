@@ -30,13 +30,13 @@ _SHOWN_COLUMNS: Final = (
 )
 
 
-@reproduces("errors", "RMS error of every estimator", default_seeds=2, printed=("errors",))
-def run(seeds: int, tell: Progress) -> Reproduction:
-    """Both gaits, the thesis' noise and white noise, ``seeds`` draws of each."""
+@reproduces("errors", "RMS error of every estimator", draws="many", default_seeds=2, printed=("errors",))
+def run(seeds: range, tell: Progress) -> Reproduction:
+    """Both gaits, the thesis' noise and white noise, one draw per seed of each."""
     all_draws = compute_draws(GAITS, NOISES, seeds, lambda fraction, message: tell(0.98 * fraction, message))
     return Reproduction(
         claims=tuple(claim for gait in GAITS for claim in _gait_claims(gait, [d for d in all_draws if d.gait == gait])),
-        note=f"{seeds} draws per gait and noise; RMS along the walk (x), lateral (y) and vertical (z). The Kalman "
+        note=f"{len(seeds)} draws per gait and noise; RMS along the walk (x), lateral (y) and vertical (z). The Kalman "
         "filter and the smoother are given the size of the noise; no estimator is given the error of the body model. "
         "The height is not observable: z is the geometry's with less noise. Part of the advantage of the thesis' "
         "filter over the Kalman filter comes from forward and backward filtering.",

@@ -18,9 +18,9 @@ NOISES: Final = ("marker-like", "thesis")
 MAX_GRAVITY_ERROR_SHARE: Final = 0.02
 
 
-@reproduces("flight", "Free fall in running", default_seeds=2, printed=("flight",))
-def run(seeds: int, tell: Progress) -> Reproduction:
-    """Running with marker and plate noise and with the thesis' noise, ``seeds`` draws of each.
+@reproduces("flight", "Free fall in running", draws="many", default_seeds=2, printed=("flight",))
+def run(seeds: range, tell: Progress) -> Reproduction:
+    """Running with marker and plate noise and with the thesis' noise, one draw per seed of each.
 
     Raises ``NotEstimable`` (``no-flight``) if the flight phases are too short.
     """
@@ -28,8 +28,8 @@ def run(seeds: int, tell: Progress) -> Reproduction:
     for k, noise in enumerate(NOISES):
         shares: dict[str, list[tuple[float, float]]] = {name: [] for name in NAMES}
         errors: dict[str, list[tuple[float, float]]] = {name: [] for name in NAMES}
-        for seed in range(seeds):
-            tell((k + seed / seeds) / len(NOISES), f"{noise} noise, draw {seed + 1} of {seeds}")
+        for j, seed in enumerate(seeds):
+            tell((k + j / len(seeds)) / len(NOISES), f"{noise} noise, draw {j + 1} of {len(seeds)}")
             trial = simulate_trial("running", noise, seed)
             for name, estimator in study_estimators(trial).items():
                 estimate = estimator.estimate(trial.geometric, trial.wrench, trial.mass_kg)
@@ -53,8 +53,9 @@ def run(seeds: int, tell: Progress) -> Reproduction:
         ]
     return Reproduction(
         claims=tuple(claim for row in rows if row["estimator"] == SMOOTHER for claim in _smoother_claims(row)),
-        note=f"{seeds} draws each of a run at about 1 m/s with flight phases of 0.11 s; vertical acceleration over g, "
-        "minus one, from a parabola fitted to the heights of a flight phase. The best published values are 1.1 to "
+        note=f"{len(seeds)} draws each of a run at about 1 m/s with flight phases of 0.11 s; vertical acceleration over "
+        "g, minus one, from a parabola fitted to the heights of a flight phase. The "
+        "best published values are 1.1 to "
         "3.1 %.",
         tables={"flight": as_columns(rows)},
         drawing=render_svg(

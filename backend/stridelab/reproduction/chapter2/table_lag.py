@@ -23,9 +23,9 @@ LATERAL: Final = 1
 SLOW, QUICK = KalmanFilter(), KalmanFilter(sigma_jerk_m_s3=TUNED_SIGMA_JERK_M_S3)
 
 
-@reproduces("lag", "Lag of every estimator", default_seeds=2, printed=("lags", "causes"))
-def run(seeds: int, tell: Progress) -> Reproduction:
-    """Both gaits with the thesis' noise, ``seeds`` draws; the causes on one walk of each without noise."""
+@reproduces("lag", "Lag of every estimator", draws="many", default_seeds=2, printed=("lags", "causes"))
+def run(seeds: range, tell: Progress) -> Reproduction:
+    """Both gaits with the thesis' noise, one draw per seed; the causes on one walk of each without noise."""
     all_draws = compute_draws(GAITS, ("thesis",), seeds, lambda fraction, message: tell(0.9 * fraction, message))
     tell(0.9, "isolating the causes")
     causes = {gait: _lag_by_cause_s(gait) for gait in GAITS}

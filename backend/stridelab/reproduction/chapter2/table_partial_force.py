@@ -85,28 +85,28 @@ def _rejection_code(trial: StudyTrial) -> str | None:
     return None
 
 
-@reproduces("partial-force", "One second of force in two", default_seeds=4, printed=("errors",))
-def run(seeds: int, tell: Progress) -> Reproduction:
-    """Both gaits with marker and plate noise and with the thesis' noise, ``seeds`` draws of each."""
+@reproduces("partial-force", "One second of force in two", draws="many", default_seeds=4, printed=("errors",))
+def run(seeds: range, tell: Progress) -> Reproduction:
+    """Both gaits with marker and plate noise and with the thesis' noise, one draw per seed of each."""
     rows: list[dict[str, object]] = []
     claims: list[Claim] = []
     for k, (gait, noise) in enumerate((g, n) for g in GAITS for n in NOISES):
         tell(k / 4, f"{gait} gait, {noise} noise")
-        parts = {name: [partial_force_errors(gait, noise, seed, name) for seed in range(seeds)] for name in NAMES}
+        parts = {name: [partial_force_errors(gait, noise, seed, name) for seed in seeds] for name in NAMES}
         rows += [{"gait": gait, "noise": noise, "estimator": name, **_error_summary(parts[name])} for name in NAMES]
         if noise == CLAIM_NOISE:
             claims += _gait_claims(gait, parts[SMOOTHER])
     tell(0.95, "testing short windows")
     claims += [_short_window_claim(gait, seeds) for gait in GAITS]
     rejections = {
-        gait: sum(excerpt_with_single_support(gait, CLAIM_NOISE, seed)[1] for seed in range(seeds)) for gait in GAITS
+        gait: sum(excerpt_with_single_support(gait, CLAIM_NOISE, seed)[1] for seed in seeds) for gait in GAITS
     }
-    rejected = " and ".join(f"{n} of {n + seeds} ({gait} gait)" for gait, n in rejections.items())
+    rejected = " and ".join(f"{n} of {n + len(seeds)} ({gait} gait)" for gait, n in rejections.items())
     return Reproduction(
         claims=tuple(claims),
-        note=f"{seeds} draws each. Errors over the second with force, norm of both horizontal axes; for estimators "
-        "that extend beyond it, the last column contains the half seconds before and after. No estimator is given "
-        "the angular momentum. A second without a complete single support is rejected (no-single-support) and "
+        note=f"{len(seeds)} draws each. Errors over the second with force, norm of both horizontal axes; for "
+        "estimators that extend beyond it, the last column contains the half seconds before and after. No estimator is "
+        "given the angular momentum. A second without a complete single support is rejected (no-single-support) and "
         f"drawn again: {rejected}.",
         tables={"errors": as_columns(rows)},
         drawing=render_svg(
@@ -157,11 +157,11 @@ def _gait_claims(gait: GaitName, parts: Sequence[PartialForceErrors]) -> list[Cl
     ]
 
 
-def _short_window_claim(gait: GaitName, seeds: int) -> Claim:
+def _short_window_claim(gait: GaitName, seeds: range) -> Claim:
     """Share of windows of ``TOO_SHORT_S`` that are rejected with ``window-too-short``."""
     force_s = (0.8, 0.8 + TOO_SHORT_S)
-    refusals = [_rejection_code(_random_excerpt(gait, CLAIM_NOISE, seed, 0, force_s)) for seed in range(seeds)]
-    share = refusals.count("window-too-short") / seeds
+    refusals = [_rejection_code(_random_excerpt(gait, CLAIM_NOISE, seed, 0, force_s)) for seed in seeds]
+    share = refusals.count("window-too-short") / len(seeds)
     return target(f"{gait}_refused", share, "1", at_least=1.0).says(
         f"{gait} gait: {TOO_SHORT_S} s of force are rejected"
     )

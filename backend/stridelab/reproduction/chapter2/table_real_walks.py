@@ -128,7 +128,7 @@ def run(gait: Path, tell: Progress) -> Reproduction:
             )
         ),
         references=("carpentier2017thesis", "dumas2007"),
-    )
+    ).with_basis("people", len(walks["children"]))
 
 
 def _assess_walk(walk: RecordedWalk) -> AssessedWalk:
@@ -223,12 +223,14 @@ def _walk_claims(
             target(f"{group} residual {axis}", float(str(row[f"residual_{axis}"])), "1", at_most=MAX_RESIDUAL).says(
                 f"{group}: the smoother's force residual over body weight, {axis}",
                 f"Constant part {constant[UP]:.4f}: plates against stated mass." if axis == "z" else "",
+                n=len(walks[str(group)]),
             )
             for axis in "xyz"
         ]
         claims += [
             target(f"{group} momentum", float(str(row["r"])), "1", at_least=MIN_CORRELATION).says(
-                f"{group}: correlation of implied and segment L' about the lateral axis"
+                f"{group}: correlation of implied and segment L' about the lateral axis",
+                n=len(walks[str(group)]),
             ),
         ]
     still = next(row for row in standing if row["estimator"] == SMOOTHER)
@@ -253,13 +255,15 @@ def _walk_claims(
                 f"{name}: change of the fused offset along the walk from C4 to C5 (mean)",
                 f"{1e3 * mean:+.1f} mm in {len(change)} subjects, standard deviation {1e3 * sd:.1f} mm. "
                 "A force delayed by 18 ms would change it by speed times delay.",
+                n=len(change),
             )
         )
     late = {group: float(np.median([w.latency_s for w in of_group])) for group, of_group in walks.items()}
     for group, (low, high) in LATENCY_S.items():
         claims.append(
             target(f"{group} latency", late[group], "s", at_least=low, at_most=high).says(
-                f"{group}: median latency of the force"
+                f"{group}: median latency of the force",
+                n=len(walks[group]),
             )
         )
     return claims

@@ -16,11 +16,11 @@ MAX_ERROR_S: Final = 0.01
 """Maximum that counts as "only few milliseconds"."""
 
 
-@reproduces("fig-3.10", "Double support from the crossings of the hub's height")
-def run(seeds: int, tell: Progress) -> Reproduction:
-    """One simulated walk; ``seeds`` is ignored."""
+@reproduces("fig-3.10", "Double support from the crossings of the hub's height", draws="one")
+def run(seeds: range, tell: Progress) -> Reproduction:
+    """One simulated walk."""
     tell(0.05, "simulating a walk")
-    steps = simulated_steps()
+    steps = simulated_steps(seeds[0])
     tell(0.9, "fitting")
     whole = np.array([_prediction_errors_s(steps, fit) for fit in steps.fits[:-1]])
     inside = sum(fit.double_support_model_s[1] is not None for fit in steps.fits)
@@ -56,6 +56,7 @@ def run(seeds: int, tell: Progress) -> Reproduction:
             }
         },
         drawing=render_svg(*_draw_panels(steps, whole)),
+        n=len(whole),
     )
 
 

@@ -19,11 +19,11 @@ MAX_RELATIVE_DISTANCE: Final = 0.1
 """Maximum mean distance relative to the vertical excursion that counts as "very similar"."""
 
 
-@reproduces("fig-3.3", "Three types of cycloid, and the centre of mass")
-def run(seeds: int, tell: Progress) -> Reproduction:
-    """Closed-form cycloids and the steps of one simulated walk; ``seeds`` is ignored."""
+@reproduces("fig-3.3", "Three types of cycloid, and the centre of mass", draws="one")
+def run(seeds: range, tell: Progress) -> Reproduction:
+    """Closed-form cycloids and the steps of one simulated walk."""
     tell(0.05, "simulating a walk")
-    fits = simulated_steps().fits
+    fits = simulated_steps(seeds[0]).fits
     tell(0.9, "comparing shapes")
     wheels = {name: _wheel_of_type(share) for name, share in TYPES.items()}
     paths = {name: wheel.position_m(THETA_RAD) for name, wheel in wheels.items()}
@@ -35,6 +35,7 @@ def run(seeds: int, tell: Progress) -> Reproduction:
             | {f"{name}_{axis}_m": path[:, k] for name, path in paths.items() for k, axis in enumerate("xz")},
         },
         drawing=render_svg(*_draw_panels(paths, fits[0])),
+        n=len(fits),
     )
 
 
@@ -60,7 +61,8 @@ def _type_claims(wheels: dict[str, Wheel]) -> tuple[Claim, ...]:
     }
     return tuple(
         Measured(f"{name}_least_speed", expected[name], value, "1", met_if(holds[name])).says(
-            f"{name} cycloid, r = {TYPES[name]:g} R: minimum forward speed over that of the hub"
+            f"{name} cycloid, r = {TYPES[name]:g} R: minimum forward speed over that of the hub",
+            n=1,
         )
         for name, value in least.items()
     )

@@ -18,11 +18,11 @@ MAX_TIMING_ERROR_S: Final = 0.015
 LOADED_N: Final = 20.0
 
 
-@reproduces("fig-3.4", "Phases of the gait, and the height in a step")
-def run(seeds: int, tell: Progress) -> Reproduction:
-    """One simulated walk; ``seeds`` is ignored."""
+@reproduces("fig-3.4", "Phases of the gait, and the height in a step", draws="one")
+def run(seeds: range, tell: Progress) -> Reproduction:
+    """One simulated walk."""
     tell(0.05, "simulating a walk")
-    steps = simulated_steps()
+    steps = simulated_steps(seeds[0])
     errors_s = _event_errors_s(steps)
     heights = np.array([_height_m(fit) for fit in steps.fits])
     sd = heights.std(axis=0)
@@ -38,6 +38,7 @@ def run(seeds: int, tell: Progress) -> Reproduction:
         note=f"{NOTE} The variation between steps is a parameter of the simulation: panel (b) is drawn without claims.",
         tables={"height": {"percent_of_step": PERCENT, "mean_z_m": heights.mean(axis=0), "sd_z_m": sd}},
         drawing=render_svg(*_draw_panels(steps, heights)),
+        n=errors_s.size,
     )
 
 

@@ -14,11 +14,11 @@ PRINTED_M: Final = 0.0015
 MEAN_M: Final = 0.0035
 
 
-@reproduces("fig-3.5", "One step and the wheel through it")
-def run(seeds: int, tell: Progress) -> Reproduction:
-    """One simulated walk; ``seeds`` is ignored."""
+@reproduces("fig-3.5", "One step and the wheel through it", draws="one")
+def run(seeds: range, tell: Progress) -> Reproduction:
+    """One simulated walk."""
     tell(0.05, "simulating a walk")
-    fits = simulated_steps().fits
+    fits = simulated_steps(seeds[0]).fits
     tell(0.9, "fitting")
     worst = max(float(f.path.distance_m.max()) for f in fits)
     mean = float(np.mean([f.path.distance_m.mean() for f in fits]))
@@ -66,6 +66,7 @@ def run(seeds: int, tell: Progress) -> Reproduction:
             }
         },
         drawing=render_svg(*_draw_panels(shown)),
+        n=len(fits),
     )
 
 

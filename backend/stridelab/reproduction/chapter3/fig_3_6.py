@@ -6,16 +6,22 @@ import numpy as np
 
 from stridelab.conventions import Progress
 from stridelab.reproduction.claims import Measured, Reproduction, met_if, reproduces
-from stridelab.reproduction.common.simulated_people import NOTE, THESIS_SUBJECTS, simulated_people
+from stridelab.reproduction.common.simulated_people import MIN_SUBJECTS, NOTE, THESIS_SUBJECTS, simulated_people
 from stridelab.reproduction.report.svg_plots import Bars, Curve, Panel, render_svg
 
 MEAN_MM: Final = 3.5
 SD_MM: Final = 1.5
 
 
-@reproduces("fig-3.6", "Distance between path and wheel, per person", default_seeds=THESIS_SUBJECTS)
-def run(seeds: int, tell: Progress) -> Reproduction:
-    """``seeds`` simulated subjects, at least ``MIN_SUBJECTS``."""
+@reproduces(
+    "fig-3.6",
+    "Distance between path and wheel, per person",
+    draws="many",
+    default_seeds=THESIS_SUBJECTS,
+    min_seeds=MIN_SUBJECTS,
+)
+def run(seeds: range, tell: Progress) -> Reproduction:
+    """One simulated subject per seed."""
     subjects = simulated_people(seeds, tell).population.subjects
     means = np.array([s.mean["error_mean_mm"] for s in subjects])
     sds = np.array([s.mean["error_sd_mm"] for s in subjects])

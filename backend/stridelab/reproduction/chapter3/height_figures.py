@@ -3,6 +3,7 @@
 from stridelab.conventions import Progress
 from stridelab.reproduction.claims import Claim, Measured, Reproduction, met_if, reproduces
 from stridelab.reproduction.common.simulated_people import (
+    MIN_SUBJECTS,
     NOTE,
     THESIS_SUBJECTS,
     SimulatedPeople,
@@ -15,9 +16,11 @@ from stridelab.reproduction.common.simulated_people import (
 from stridelab.reproduction.report.svg_plots import Panel, render_svg
 
 
-@reproduces("fig-3.7", "R and r against the height", default_seeds=THESIS_SUBJECTS)
-def radii(seeds: int, tell: Progress) -> Reproduction:
-    """``seeds`` simulated subjects, at least ``MIN_SUBJECTS``."""
+@reproduces(
+    "fig-3.7", "R and r against the height", draws="many", default_seeds=THESIS_SUBJECTS, min_seeds=MIN_SUBJECTS
+)
+def radii(seeds: range, tell: Progress) -> Reproduction:
+    """One simulated subject per seed."""
     people = simulated_people(seeds, tell)
     return _height_figure(
         people,
@@ -27,18 +30,24 @@ def radii(seeds: int, tell: Progress) -> Reproduction:
     )
 
 
-@reproduces("fig-3.8", "z0 against the height", default_seeds=THESIS_SUBJECTS)
-def hub_height(seeds: int, tell: Progress) -> Reproduction:
-    """``seeds`` simulated subjects, at least ``MIN_SUBJECTS``."""
+@reproduces("fig-3.8", "z0 against the height", draws="many", default_seeds=THESIS_SUBJECTS, min_seeds=MIN_SUBJECTS)
+def hub_height(seeds: range, tell: Progress) -> Reproduction:
+    """One simulated subject per seed."""
     people = simulated_people(seeds, tell)
     curves = height_plot_curves(people, "z0_m", 1.0, 0, "z0")
     claims = (height_claim(people, "z0_m", "z0", 0.87),)
     return _height_figure(people, claims, Panel("Height of the hub", "height (m)", "z0 (m)", curves))
 
 
-@reproduces("fig-3.9", "Angular velocity against the height", default_seeds=THESIS_SUBJECTS)
-def angular_velocity(seeds: int, tell: Progress) -> Reproduction:
-    """``seeds`` simulated subjects, at least ``MIN_SUBJECTS``."""
+@reproduces(
+    "fig-3.9",
+    "Angular velocity against the height",
+    draws="many",
+    default_seeds=THESIS_SUBJECTS,
+    min_seeds=MIN_SUBJECTS,
+)
+def angular_velocity(seeds: range, tell: Progress) -> Reproduction:
+    """One simulated subject per seed."""
     people = simulated_people(seeds, tell)
     pair = correlation_with_height(people, "omega_rad_s").pearson
     low, high = pair.ci95 or (-1.0, 1.0)

@@ -11,6 +11,7 @@ from jaxtyping import Float
 from stridelab.conventions import Progress, Series
 from stridelab.reproduction.claims import Claim, Measured, Reproduction, error_unless, met_if, reproduces
 from stridelab.reproduction.common.simulated_people import (
+    MIN_SUBJECTS,
     THESIS_SUBJECTS,
     SimulatedPeople,
     people_table,
@@ -33,11 +34,13 @@ MAX_SPEED_VARIATION_RATIO: Final = 1.0
 """The hub is "low-varying" if its speed varies no more than the walker's."""
 
 
-@reproduces("numbers-3", "Numbers in the text of chapter 3", default_seeds=THESIS_SUBJECTS)
-def run(seeds: int, tell: Progress) -> Reproduction:
-    """``seeds`` simulated subjects, at least ``MIN_SUBJECTS``."""
+@reproduces(
+    "numbers-3", "Numbers in the text of chapter 3", draws="many", default_seeds=THESIS_SUBJECTS, min_seeds=MIN_SUBJECTS
+)
+def run(seeds: range, tell: Progress) -> Reproduction:
+    """One simulated subject per seed."""
     people = simulated_people(seeds, lambda fraction, message: tell(0.8 * fraction, message))
-    fits = simulated_steps().fits
+    fits = simulated_steps(seeds[0]).fits
     tell(0.9, "analysing the hub")
     speeds = np.array([_speed_variations(fit) for fit in fits])
     claims = (*_deviation_claims(people), *_p_value_claims(), *_model_claims(people, fits), *_hub_claims(fits, speeds))

@@ -22,8 +22,8 @@ NOTE: Final = (
 
 
 @reproduces("fig-4.3", "Divergence of the mixture over its size", printed=("sizes",))
-def run(seeds: int, tell: Progress) -> Reproduction:
-    """Computed from the bundled cards; ``seeds`` is ignored."""
+def run(seeds: range, tell: Progress) -> Reproduction:
+    """Computed from the bundled cards."""
     tell(0.1, "reading the cards")
     cards = {robot: load_card(robot, "uniform").effectors for robot in ROBOTS}
     effectors = [(robot, name, card) for robot in ROBOTS for name, card in cards[robot].items()]

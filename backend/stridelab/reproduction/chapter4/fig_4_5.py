@@ -31,9 +31,9 @@ MIN_DENSITY_AT_MODE: Final = 0.5
 _VIEW_HEIGHT: Final = re.compile(r'viewBox="0 0 \d+ (\d+)"')
 
 
-@reproduces("fig-4.5", "The CoM on two, three and four contacts", printed=("sets",))
-def run(seeds: int, tell: Progress) -> Reproduction:
-    """One random sample of postures; ``seeds`` is ignored."""
+@reproduces("fig-4.5", "The CoM on two, three and four contacts", draws="one", printed=("sets",))
+def run(seeds: range, tell: Progress) -> Reproduction:
+    """One random sample of postures."""
     search = StanceTruth(load_robot(ROBOT), ANY_POSTURE)
     densities = {"uniform": load_proxies(ROBOT, "uniform"), "conditioned": load_proxies(ROBOT, "conditioned")}
     rows: list[Comparison] = []
@@ -41,7 +41,7 @@ def run(seeds: int, tell: Progress) -> Reproduction:
     sets = stair_contacts(ROBOT)
     for number, (name, placements) in enumerate(sets.items()):
         tell(number / len(sets), name)
-        truth = Truth.of(search, placements, DRAWS)
+        truth = Truth.of(search, placements, DRAWS, seeds[0])
         rows += compare_densities(search, name, placements, truth, densities, PROBES)
         blocks.append(_contact_set_maps(name, search, placements, truth, densities))
     return Reproduction(

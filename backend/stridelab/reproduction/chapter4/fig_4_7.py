@@ -29,8 +29,8 @@ MIN_AREA: Final = 1e-9
 
 
 @reproduces("fig-4.7", "Sections of the wrench cones", printed=("areas",))
-def run(seeds: int, tell: Progress) -> Reproduction:
-    """Deterministic; ``seeds`` is ignored."""
+def run(seeds: range, tell: Progress) -> Reproduction:
+    """Deterministic."""
     outlines: dict[str, dict[str, Outline]] = {}
     sets = stair_sets(ROBOT)
     for number, (name, contacts) in enumerate(sets.items()):
@@ -41,6 +41,7 @@ def run(seeds: int, tell: Progress) -> Reproduction:
         note="The stances of figure 4.5 (HRP-2, friction 0.5), the CoM 0.8 m above the mean of the contacts. "
         f"Circular cones are approximated by inner pyramids of {FINE_RAYS} rays. Areas in (m/s²)².",
         tables={"areas": area_table(outlines)},
+        n=len(outlines),
         drawing=render_svg(*(_outline_panel(name, of_set) for name, of_set in outlines.items())),
     )
 

@@ -54,8 +54,8 @@ class Row:
 
 
 @reproduces("fig-4.8", "Forces or the wrench as control", printed=("controls", "alpha"))
-def run(seeds: int, tell: Progress) -> Reproduction:
-    """Deterministic; ``seeds`` is ignored."""
+def run(seeds: range, tell: Progress) -> Reproduction:
+    """Deterministic."""
     rows: list[Row] = []
     both: tuple[CentroidalPlan, CentroidalPlan] | None = None
     jobs = [(robot, experiment) for robot in WALKERS for experiment in EXPERIMENTS]

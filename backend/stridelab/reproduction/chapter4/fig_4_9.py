@@ -53,8 +53,8 @@ class ComPath:
 
 
 @reproduces("fig-4.9", "The CoM over the right foot, with and without the log-density", printed=("shares",))
-def run(seeds: int, tell: Progress) -> Reproduction:
-    """Deterministic; ``seeds`` is ignored."""
+def run(seeds: range, tell: Progress) -> Reproduction:
+    """Deterministic."""
     paths: list[ComPath] = []
     for number, (measure, case) in enumerate((m, c) for m in MEASURES for c in CASES):
         tell(number / 4.0, f"{measure} densities, {case} the log-density")

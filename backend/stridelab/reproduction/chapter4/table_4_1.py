@@ -66,8 +66,8 @@ class TimedColumn:
 
 
 @reproduces("table-4.1", "Solution times of the optimal control problem", printed=("times",))
-def run(seeds: int, tell: Progress) -> Reproduction:
-    """Minimum of ``REPEATS`` times; ``seeds`` is ignored."""
+def run(seeds: range, tell: Progress) -> Reproduction:
+    """Minimum of ``REPEATS`` times."""
     times = []
     with threadpool_limits(1):
         for number, column in enumerate(COLUMNS):

@@ -53,12 +53,12 @@ def errors_of_draw(gait: GaitName, noise: str, seed: int) -> Draw:
     return Draw(gait, noise, errors, noisy, float(np.mean(distance[THESIS] <= distance[KALMAN])))
 
 
-def compute_draws(gaits: Sequence[GaitName], noises: Sequence[str], seeds: int, tell: Progress) -> list[Draw]:
-    """``seeds`` draws of every combination of gait and noise."""
-    wanted = [(gait, noise, seed) for gait in gaits for noise in noises for seed in range(seeds)]
+def compute_draws(gaits: Sequence[GaitName], noises: Sequence[str], seeds: range, tell: Progress) -> list[Draw]:
+    """One draw per seed of every combination of gait and noise."""
+    wanted = [(gait, noise, seed) for gait in gaits for noise in noises for seed in seeds]
     done = []
     for k, (gait, noise, seed) in enumerate(wanted):
-        tell(k / len(wanted), f"{gait} gait, {noise} noise, draw {seed + 1} of {seeds}")
+        tell(k / len(wanted), f"{gait} gait, {noise} noise, seed {seed}")
         done.append(errors_of_draw(gait, noise, seed))
     return done
 

@@ -26,6 +26,7 @@ HEIGHT_M: Final[dict[Sex, tuple[float, float]]] = {"male": (1.74, 0.04), "female
 """Mean and standard deviation of the thesis' subjects (3.2.1), a quarter of whom were women."""
 SPEED_M_S: Final = (1.25, 0.12)
 MIN_SUBJECTS: Final = 6
+"""Fewer subjects do not give a meaningful correlation."""
 THESIS_SUBJECTS: Final = 16
 DURATION_S: Final = 3.0
 NOTE: Final = (
@@ -44,25 +45,24 @@ class SimulatedPeople:
 
 
 @lru_cache(maxsize=2)
-def _simulate_people(n: int) -> SimulatedPeople:
-    rng = np.random.default_rng(3)
+def _simulate_people(seeds: range) -> SimulatedPeople:
+    rng = np.random.default_rng(3 + seeds[0])
     people, rows, fits = [], [], {}
-    for i in range(n):
+    for i, seed in enumerate(seeds):
         sex: Sex = "female" if i % 4 == 3 else "male"
         name, height_m = f"person {i + 1}", float(rng.normal(*HEIGHT_M[sex]))
         speed_m_s = float(rng.normal(*SPEED_M_S))
-        own = _simulate_and_fit(height_m, sex, speed_m_s, i)
+        own = _simulate_and_fit(height_m, sex, speed_m_s, seed)
         people.append(Person(name=name, group="adults", height_m=height_m))
         rows += [StepRow(name, name, _parameter_values(fit)) for fit in own]
         fits[name] = own
     return SimulatedPeople(study(people, rows), fits)
 
 
-def simulated_people(seeds: int, tell: Callable[[float, str], None]) -> SimulatedPeople:
-    """Simulate ``seeds`` subjects, at least ``MIN_SUBJECTS``: fewer do not give a meaningful correlation."""
-    n = max(seeds, MIN_SUBJECTS)
-    tell(0.05, f"simulating {n} subjects")
-    people = _simulate_people(n)
+def simulated_people(seeds: range, tell: Callable[[float, str], None]) -> SimulatedPeople:
+    """Simulate one subject per seed."""
+    tell(0.05, f"simulating {len(seeds)} subjects")
+    people = _simulate_people(seeds)
     tell(0.9, "analysing the population")
     return people
 

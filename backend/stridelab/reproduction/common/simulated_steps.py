@@ -43,11 +43,12 @@ class SimulatedSteps:
         return slice(int(np.searchsorted(t, fit.step.lift_off_s)), int(np.searchsorted(t, strike_s)))
 
 
-@lru_cache(maxsize=1)
-def simulated_steps() -> SimulatedSteps:
+@lru_cache(maxsize=2)
+def simulated_steps(seed: int = 0) -> SimulatedSteps:
     """Simulate and fit a walk of 5 s of a subject of 1.80 m."""
-    walk = HumanWalker(height_m=1.80, mass_kg=64.0, sex="male", speed_m_s=SPEED_M_S, duration_s=5.0, seed=1).walk()
-    recorded = record(walk, MeasurementNoise(force_n=5.0, moment_nm=3.0, marker_m=0.001), 0, lab="walkway")
+    walker = HumanWalker(height_m=1.80, mass_kg=64.0, sex="male", speed_m_s=SPEED_M_S, duration_s=5.0, seed=1 + seed)
+    walk = walker.walk()
+    recorded = record(walk, MeasurementNoise(force_n=5.0, moment_nm=3.0, marker_m=0.001), seed, lab="walkway")
     t, path = recorded.truth.time_s, np.asarray(recorded.truth.com_m[:, [0, 2]])
     fits = []
     for step in true_steps(walk):

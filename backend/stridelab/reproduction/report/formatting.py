@@ -5,7 +5,7 @@ from typing import Final
 
 import numpy as np
 
-from stridelab.reproduction.claims import VERDICTS, Claim, Column, Verdict, format_three_digits
+from stridelab.reproduction.claims import OUTCOMES, Claim, Column, Outcome, format_three_digits
 
 UNITS: Final = {"m_s2": ("m/s²", 1.0), "m_s": ("m/s", 1.0), "m": ("mm", 1e3), "s": ("ms", 1e3), "n": ("N", 1.0)}
 """Printed unit and scale by the unit suffix of a column name; longer suffixes come first."""
@@ -24,10 +24,23 @@ def claim_numbers(claim: Claim) -> tuple[str, str]:
     return thesis, format_quantity(claim.ours, claim.unit)
 
 
-def count_verdicts(claims: Iterable[Claim]) -> dict[Verdict, int]:
-    """Number of claims by verdict, in the order of ``VERDICTS``."""
-    given = [claim.verdict for claim in claims]
-    return {verdict: given.count(verdict) for verdict in VERDICTS}
+def basis_text(claim: Claim) -> str:
+    """What our number is computed from: evidence and number of cases, solver, comparator and 95 % interval, if any."""
+    parts = [f"{claim.evidence}, n = {claim.n}"]
+    if claim.solver is not None:
+        parts.append(f"solver {claim.solver}")
+    if claim.comparator is not None:
+        parts.append(f"against {claim.comparator}")
+    if claim.interval is not None:
+        low, high = (format_quantity(bound, claim.unit) for bound in claim.interval)
+        parts.append(f"95 % from {low} to {high}")
+    return "; ".join(parts)
+
+
+def count_outcomes(claims: Iterable[Claim]) -> dict[Outcome, int]:
+    """Number of claims by verdict on the thesis, and of our aims reached and missed, in the order of ``OUTCOMES``."""
+    given = [claim.outcome for claim in claims]
+    return {outcome: given.count(outcome) for outcome in OUTCOMES}
 
 
 def table_cells(columns: Mapping[str, Column]) -> tuple[list[str], list[tuple[str, ...]]]:

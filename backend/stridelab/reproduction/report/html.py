@@ -4,16 +4,10 @@ from collections.abc import Mapping, Sequence
 from html import escape
 from typing import Final
 
-from stridelab.reproduction.claims import VERDICTS, Claim, Column, Reproduction
-from stridelab.reproduction.report.formatting import claim_numbers, count_verdicts, table_cells
+from stridelab.reproduction.claims import OUTCOMES, WORDS, Claim, Column, Reproduction
+from stridelab.reproduction.report.formatting import basis_text, claim_numbers, count_outcomes, table_cells
 from stridelab.reproduction.runner import Section
 
-WORDS: Final = {
-    "met": "met",
-    "beaten": "better, or our aim reached",
-    "not_met": "not met",
-    "thesis_in_error": "thesis in error",
-}
 STYLE: Final = """
 :root { color-scheme: light dark; --line: #8886; --good: #0b7a4b; --bad: #b3261e; --odd: #8a5a00; }
 @media (prefers-color-scheme: dark) { :root { --good: #58d29b; --bad: #ff9a91; --odd: #f0c060; } }
@@ -24,7 +18,8 @@ th { border-bottom: 1px solid var(--line); }
 td.n, th.n { text-align: right; white-space: nowrap; font-variant-numeric: tabular-nums; }
 small { display: block; opacity: .75; } .scroll { overflow-x: auto; } figure { margin: 1rem 0; }
 svg { max-width: 100%; height: auto; }
-.met, .beaten { color: var(--good); } .not_met, .failed { color: var(--bad); } .thesis_in_error { color: var(--odd); }
+.met, .beaten, .aim_reached { color: var(--good); } .not_met, .aim_missed, .failed { color: var(--bad); }
+.thesis_in_error { color: var(--odd); }
 """
 
 
@@ -47,11 +42,11 @@ def render_html(sections: Sequence[Section], generated_by: str) -> str:
 def _verdict_summary(sections: Sequence[Section]) -> str:
     """Number of claims by verdict, in total and by item."""
     results = [section.result for section in sections if section.result is not None]
-    total = count_verdicts(claim for result in results for claim in result.claims)
-    counts = ", ".join(f'<b class="{v}">{total[v]}</b> {WORDS[v]}' for v in reversed(VERDICTS))
+    total = count_outcomes(claim for result in results for claim in result.claims)
+    counts = ", ".join(f'<b class="{v}">{total[v]}</b> {WORDS[v]}' for v in reversed(OUTCOMES))
     failed = [section for section in sections if section.result is None]
     missing = f' <b class="failed">{len(failed)} item{"s"[: len(failed) > 1]} failed.</b>' if failed else ""
-    heads = "".join(f'<th class="n" scope="col">{WORDS[v].partition(",")[0]}</th>' for v in reversed(VERDICTS))
+    heads = "".join(f'<th class="n" scope="col">{WORDS[v]}</th>' for v in reversed(OUTCOMES))
     rows = "".join(_summary_row(section) for section in sections)
     return (
         f"<p data-counts>{sum(total.values())} claims of {len(sections)} items: {counts}.{missing}</p>"
@@ -63,9 +58,9 @@ def _verdict_summary(sections: Sequence[Section]) -> str:
 def _summary_row(section: Section) -> str:
     link = f'<a href="#{escape(section.name)}">{escape(section.name)}</a> {escape(section.title)}'
     if section.result is None:
-        return f'<tr><td>{link}</td><td class="failed" colspan="{len(VERDICTS)}">failed</td></tr>'
-    counts = count_verdicts(section.result.claims)
-    numbers_ = "".join(f'<td class="n {v if counts[v] else ""}">{counts[v] or ""}</td>' for v in reversed(VERDICTS))
+        return f'<tr><td>{link}</td><td class="failed" colspan="{len(OUTCOMES)}">failed</td></tr>'
+    counts = count_outcomes(section.result.claims)
+    numbers_ = "".join(f'<td class="n {v if counts[v] else ""}">{counts[v] or ""}</td>' for v in reversed(OUTCOMES))
     return f"<tr><td>{link}</td>{numbers_}</tr>"
 
 
@@ -74,32 +69,25 @@ def _render_section(section: Section) -> str:
     if section.result is None:
         return f'{head}<p class="failed">Not computed: {escape(section.failure)}</p></section>'
     tables = "".join(_render_table(section.result.tables[name]) for name in section.printed)
-    return f"{head}{_claims_table(section.result)}{tables}{_figure_html(section)}</section>"
+    return f"{head}{_claims_table(section.result, section.sampling)}{tables}{_figure_html(section)}</section>"
 
 
-def _claims_table(result: Reproduction) -> str:
+def _claims_table(result: Reproduction, sampling: str) -> str:
     rows = "".join(_claim_row(claim) for claim in result.claims)
     heads = '<th scope="col">Claim</th><th class="n" scope="col">Thesis, or our aim</th><th class="n" scope="col">Here'
     return (
-        f'<p>{escape(result.note)}</p><div class="scroll"><table><thead><tr>{heads}</th><th scope="col">Verdict</th>'
-        f"</tr></thead><tbody>{rows}</tbody></table></div>"
+        f'<p>{escape(f"{result.note} {sampling}")}</p><div class="scroll"><table><thead><tr>{heads}</th>'
+        f'<th scope="col">Verdict</th></tr></thead><tbody>{rows}</tbody></table></div>'
     )
 
 
 def _claim_row(claim: Claim) -> str:
     thesis, ours = claim_numbers(claim)
-    remark = f"<small>{escape(claim.note)}</small>" if claim.note else ""
+    remark = "".join(f"<small>{escape(text)}</small>" for text in (claim.note, basis_text(claim)) if text)
     return (
         f'<tr><td>{escape(claim.says)}{remark}</td><td class="n">{escape(thesis)}</td><td class="n">{escape(ours)}</td>'
-        f'<td class="{claim.verdict}">{_verdict_text(claim)}</td></tr>'
+        f'<td class="{claim.outcome}">{WORDS[claim.outcome]}</td></tr>'
     )
-
-
-def _verdict_text(claim: Claim) -> str:
-    """Text of the verdict; "beaten" distinguishes targets of this project from numbers of the thesis."""
-    if claim.verdict != "beaten":
-        return WORDS[claim.verdict]
-    return "aim reached" if str(claim.thesis).startswith("aim") else "better"
 
 
 def _render_table(columns: Mapping[str, Column]) -> str:

@@ -3,16 +3,30 @@
 from collections.abc import Mapping, Sequence
 from typing import Final
 
-from stridelab.reproduction.claims import Claim, Column
-from stridelab.reproduction.report.formatting import claim_numbers, table_cells
+from stridelab.reproduction.claims import WORDS, Claim, Column
+from stridelab.reproduction.report.formatting import basis_text, claim_numbers, table_cells
 from stridelab.reproduction.runner import Section
 
-WORDS: Final = {"met": "met", "beaten": "met", "not_met": "**not met**", "thesis_in_error": "thesis in error"}
+COLUMNS: Final = ("claim", "thesis", "ours", "", "evidence")
 
 
 def render_markdown(head: str, sections: Sequence[Section]) -> str:
     """Render the page below a ``head`` in Markdown."""
     return "\n".join([head, *(section_text(section) for section in sections)])
+
+
+def replace_sections(page: str, sections: Sequence[Section]) -> str:
+    """The page with new texts of ``sections``, which it must contain; all other sections stay as they are.
+
+    Raises ``ValueError`` for a section that the page lacks.
+    """
+    head, *parts = page.split("\n## ")
+    new = {section.name: section_text(section).removeprefix("## ") for section in sections}
+    names = [part.partition(":")[0] for part in parts]
+    if missing := new.keys() - set(names):
+        raise ValueError(f"the page has no section {', '.join(sorted(missing))}")
+    texts = [new.get(name, part) for name, part in zip(names, parts, strict=True)]
+    return "\n## ".join([head, *texts])
 
 
 def section_text(section: Section) -> str:
@@ -21,7 +35,7 @@ def section_text(section: Section) -> str:
     if section.result is None:
         return "\n".join([*lines, f"**Not computed**: {section.failure}"]) + "\n"
     result = section.result
-    lines += [result.note, "", "| claim | thesis | ours | |", "| --- | --- | --- | --- |"]
+    lines += [f"{result.note} {section.sampling}", "", f"| {' | '.join(COLUMNS)} |", f"|{' --- |' * len(COLUMNS)}"]
     lines += [_claim_row(claim) for claim in result.claims]
     lines += ["", *(f"- {claim.says}: {claim.note}" for claim in result.claims if claim.note)]
     for key in section.printed:
@@ -31,7 +45,8 @@ def section_text(section: Section) -> str:
 
 def _claim_row(claim: Claim) -> str:
     thesis, ours = claim_numbers(claim)
-    return f"| {claim.says.replace('|', 'or')} | {thesis} | {ours} | {WORDS[claim.verdict]} |"
+    verdict = "**not met**" if claim.outcome == "not_met" else WORDS[claim.outcome]
+    return f"| {claim.says.replace('|', 'or')} | {thesis} | {ours} | {verdict} | {basis_text(claim)} |"
 
 
 def _markdown_table(columns: Mapping[str, Column]) -> list[str]:

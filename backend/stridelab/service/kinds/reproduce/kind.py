@@ -13,7 +13,7 @@ KIND = JobKind(
         "bode": {"summary": "Gains of the three filters", "value": {"item": "fig-2.5"}},
         "comparison": {
             "summary": "Complementary filter against Kalman filter, with ten noise realisations",
-            "value": {"item": "fig-2.7", "seeds": 10},
+            "value": {"item": "fig-2.7", "seeds": 10, "seed": 100},
         },
     },
     input_model=ReproduceInput,

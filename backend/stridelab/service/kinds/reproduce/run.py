@@ -5,7 +5,8 @@ from pathlib import Path
 from typing import Final
 
 from stridelab.pipelines.progress import ProgressCallback
-from stridelab.reproduction.registry import ITEMS, reproduce_item
+from stridelab.reproduction.claims import sampling_text
+from stridelab.reproduction.registry import ITEMS, seeds_of
 from stridelab.schemas.reproduction import ClaimResult, ReproduceSummary, ReproduceTask
 from stridelab.service.kinds.base import ArtifactFile, Outcome, json_run
 from stridelab.service.kinds.result_tables import write_table, write_text_atomically
@@ -20,8 +21,8 @@ def run(task: ReproduceTask, folder: Path, progress: ProgressCallback) -> Outcom
     """
     request = task.input
     item = ITEMS[request.item]
-    seeds = request.seeds or item.default_seeds
-    reproduction = reproduce_item(request.item, seeds, lambda fraction, message: progress(0.95 * fraction, message))
+    seeds = seeds_of(item, request.seeds, request.seed)
+    reproduction = item(seeds, lambda fraction, message: progress(0.95 * fraction, message))
     progress(0.95, "writing the result")
     summary = ReproduceSummary(
         item=item.name,
@@ -30,12 +31,14 @@ def run(task: ReproduceTask, folder: Path, progress: ProgressCallback) -> Outcom
         thesis={claim.key: claim.thesis for claim in reproduction.claims},
         ours={claim.key: claim.ours for claim in reproduction.claims},
         claims=[ClaimResult(**asdict(claim)) for claim in reproduction.claims],
-        seeds=seeds,
+        seeds=len(seeds),
+        seed=seeds[0],
+        sampling=sampling_text(item.draws, seeds),
         note=reproduction.note,
     )
     drawing = f"{item.name}.svg"
     write_text_atomically(folder / drawing, reproduction.drawing)
-    provenance = {"item": item.name, "seeds": seeds}
+    provenance = {"item": item.name, "seeds": len(seeds), "seed": seeds[0]}
     tables = [
         file for name, columns in reproduction.tables.items() for file in write_table(folder, name, columns, provenance)
     ]

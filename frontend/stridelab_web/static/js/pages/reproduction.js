@@ -5,9 +5,13 @@ const POLL_MS = 1000;
 const form = document.querySelector("[data-reproduce]");
 const status = form.querySelector("[data-said]");
 
+// The server refuses draws and seeds for items that do not use them.
 function itemInput(item) {
-  const seeds = form.elements.seeds.value;
-  return { item, seeds: seeds ? Number(seeds) : null };
+  const { seeds, seed } = form.elements;
+  const draws = form.dataset.draws.split(" ").includes(item);
+  const samples = draws || form.dataset.samples.split(" ").includes(item);
+  const number = (field, used) => (used && field.value ? Number(field.value) : null);
+  return { item, seeds: number(seeds, draws), seed: number(seed, samples) };
 }
 
 onSubmit(form, (data) => openNewJob("reproduce", itemInput(data.get("item"))));
