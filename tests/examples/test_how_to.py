@@ -29,6 +29,7 @@ from stridelab.schemas.tasks import RecordingSource
 from stridelab.service import kinds
 from stridelab.service.api.jobs import submit
 from stridelab.service.kinds import registry
+from stridelab.service.processes.child import with_json
 from stridelab.service.samples.recording import seed_sample
 from stridelab.service.storage.blobs import BlobStore
 from support.recordings.analytic_motions import walk
@@ -130,7 +131,7 @@ def test_the_job_kind_weighs_the_stored_sample(kind_files: Path, database_url: s
 
     module, _, function = kind.run.partition(":")
     task = database.within(database_url, act)
-    done = getattr(importlib.import_module(module), function)(task, folder, lambda _share, _message: None)
+    done = with_json(getattr(importlib.import_module(module), function))(task, folder, lambda _share, _message: None)
     assert done["summary"]["mass_kg"] == pytest.approx(60.0, rel=0.03)
     assert len(done["summary"]["largest_force_n"]) == 2
 

@@ -12,10 +12,18 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
-from stridelab.cli.deliver import deliver_result, run_kind
 from stridelab.cli.estimate import deliver_estimate
 from stridelab.cli.options import Delivery, EstimateRequest, with_groups
-from stridelab.cli.results import out, show_files, show_quality, show_remarks, validate_options, write_result
+from stridelab.cli.results import (
+    deliver_result,
+    out,
+    run_kind,
+    show_files,
+    show_quality,
+    show_remarks,
+    validate_options,
+    write_result,
+)
 from stridelab.cli.study_population import StudyFiles, collect_files, repeated_files, upload_and_run
 from stridelab.errors import Fault, InvalidInput, StridelabError
 from stridelab.pipelines.progress import ItemMap, Json

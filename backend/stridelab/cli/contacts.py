@@ -11,9 +11,9 @@ from typing import Annotated, Any, Final
 import typer
 from rich.markup import escape
 
-from stridelab.cli.deliver import deliver_result, run_job
+from stridelab.cli.estimate import run_job
 from stridelab.cli.options import Delivery, ScenarioName, with_groups
-from stridelab.cli.results import out, show_files, show_remarks, write_file
+from stridelab.cli.results import deliver_result, out, show_files, show_remarks, write_file
 from stridelab.cli.scenario_files import read_document, read_json, read_scenario, validate_document
 from stridelab.errors import Fault, InvalidInput
 from stridelab.schemas.base import Remark

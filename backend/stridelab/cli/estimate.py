@@ -1,4 +1,4 @@
-"""``stridelab estimate`` and ``stridelab simulate``: run the service's jobs here and write result folders."""
+"""``stridelab estimate`` and ``stridelab simulate``: run the service's jobs here or there and write result folders."""
 
 import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -9,9 +9,17 @@ from typing import Any, get_type_hints
 from rich.markup import escape
 from rich.table import Table
 
-from stridelab.cli.deliver import Show, deliver_result, run_here
 from stridelab.cli.options import Delivery, EstimateRequest, parse_named_value, parse_numbers
-from stridelab.cli.results import out, show_files, show_quality, show_remarks, validate_options
+from stridelab.cli.results import (
+    Show,
+    deliver_result,
+    out,
+    run_here,
+    show_files,
+    show_quality,
+    show_remarks,
+    validate_options,
+)
 from stridelab.errors import Fault, UnreadableFile
 from stridelab.schemas.jobs import (
     EstimateComInput,
@@ -169,6 +177,15 @@ def _summary_rows(summary: EstimateComSummary) -> list[tuple[str, str]]:
 
 def _format_xyz(values: Sequence[float], unit: str) -> str:
     return " / ".join(f"{value:.1f}" for value in values) + f" {unit} (x / y / z)"
+
+
+def run_job(kind: str, title: str, task: Any, folder: Path, delivery: Delivery) -> JobResult:
+    """Run a job that needs no files, here or on the service of ``delivery``."""
+    if delivery.server is None:
+        return run_here(kind, title, task, folder)
+    from stridelab.cli.remote import run_remotely_as_is
+
+    return run_remotely_as_is(kind, title, task.input, folder, delivery)
 
 
 def require_file(path: Path) -> None:

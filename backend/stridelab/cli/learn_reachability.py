@@ -13,9 +13,17 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
-from stridelab.cli.deliver import deliver_result, run_job
+from stridelab.cli.estimate import run_job
 from stridelab.cli.options import Delivery, PostureMeasure, with_groups
-from stridelab.cli.results import FAILURE, out, progress_bar, show_files, show_remarks, validate_options
+from stridelab.cli.results import (
+    FAILURE,
+    deliver_result,
+    out,
+    progress_bar,
+    show_files,
+    show_remarks,
+    validate_options,
+)
 from stridelab.errors import Conflict, Fault, InvalidInput, NotFound
 from stridelab.resources import ROBOTS_VARIABLE, add_models_folder
 from stridelab.schemas.jobs import JobResult

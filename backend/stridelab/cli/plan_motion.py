@@ -7,10 +7,18 @@ from typing import Annotated, Any, Final, Literal
 import typer
 from rich.markup import escape
 
-from stridelab.cli.deliver import deliver_result, known_scenario, run_kind
 from stridelab.cli.options import ControlOption, Delivery, Densities, NodeRate, ScenarioName, SolverOption
-from stridelab.cli.results import out, show_files, show_remarks, show_verdict, validate_options, write_result
-from stridelab.cli.scenario_files import read_scenario
+from stridelab.cli.results import (
+    deliver_result,
+    out,
+    run_kind,
+    show_files,
+    show_remarks,
+    show_verdict,
+    validate_options,
+    write_result,
+)
+from stridelab.cli.scenario_files import known_scenario, read_scenario
 from stridelab.errors import Fault, InvalidInput, StridelabError
 from stridelab.schemas.jobs import JobResult
 from stridelab.schemas.plans import (

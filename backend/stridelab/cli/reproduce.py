@@ -11,9 +11,18 @@ from typing import Final
 from rich.markup import escape
 from rich.table import Table
 
-from stridelab.cli.deliver import deliver_result, run_job
+from stridelab.cli.estimate import run_job
 from stridelab.cli.options import Delivery
-from stridelab.cli.results import cannot_write, err, out, progress_bar, show_files, validate_options, write_file
+from stridelab.cli.results import (
+    cannot_write,
+    deliver_result,
+    err,
+    out,
+    progress_bar,
+    show_files,
+    validate_options,
+    write_file,
+)
 from stridelab.errors import Fault, InvalidInput
 from stridelab.reproduction.claims import OUTCOMES, WORDS, Claim
 from stridelab.reproduction.registry import ITEMS, MAX_SEEDS

@@ -1,11 +1,12 @@
-"""What commands write: result folders and files (atomically), tables and remarks, errors and progress bars."""
+"""Runs the job of a command and writes its result: folders and files (atomically), tables, errors, progress bars."""
 
 import json
 import os
 import shutil
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, TypeVar
 
@@ -20,6 +21,7 @@ from stridelab.schemas.quality import Quality
 from stridelab.service.jobs.verdict import verdict_of
 
 if TYPE_CHECKING:
+    from stridelab.cli.options import Delivery
     from stridelab.service.kinds.base import Outcome
 from types import MappingProxyType
 
@@ -318,3 +320,36 @@ def progress_bar(title: str) -> Iterator[Bar]:
     )
     with Progress(*columns, console=err, disable=not err.is_terminal) as progress:
         yield Bar(progress, title)
+
+
+Show = Callable[[JobResult, Path], None]
+"""Prints a result and the path of its folder."""
+
+
+def deliver_result(default_name: str, delivery: "Delivery", compute: Callable[[Path], JobResult], show: Show) -> None:
+    """Write the result folder that ``compute`` fills, and show the result, or print it as JSON.
+
+    Raises ``typer.Exit`` with the code ``CONTRADICTED`` where the sensors of the recording contradict each other.
+    """
+    target = delivery.result_path(default_name)
+    with result_folder(target, force=delivery.force) as folder:
+        result = compute(folder)
+    if delivery.as_json:
+        show_json(result)
+    else:
+        show(result, target)
+    end_if_contradicted(result)
+
+
+def run_kind(kind: str, title: str, task: Any, folder: Path, **options: Any) -> "Outcome":
+    """Run the function of a job kind in this process; it writes what the service would publish into ``folder``."""
+    with progress_bar(title) as bar:
+        bar(0.0, "starting")
+        module = import_module(f"stridelab.service.kinds.{kind.replace('-', '_')}.run")
+        outcome: Outcome = module.run(task, folder, bar, **options)
+    return outcome
+
+
+def run_here(kind: str, title: str, task: Any, folder: Path, **options: Any) -> JobResult:
+    """``run_kind`` with ``result.json`` beside its files."""
+    return write_result(folder, kind, task.input, run_kind(kind, title, task, folder, **options))

@@ -7,6 +7,7 @@ from typing import Any, Final, TypeVar
 
 from pydantic import ValidationError
 
+from stridelab.cli.options import Delivery
 from stridelab.errors import Fault, InvalidInput, NotFound, TooLarge, UnreadableFile
 from stridelab.resources import models_dir
 from stridelab.schemas.base import Contract
@@ -41,6 +42,19 @@ def read_scenario(typed: str) -> Scenario:
     invalid field.
     """
     return validate_document(Scenario, read_document(typed), typed, "scenario")
+
+
+def known_scenario(typed: str, delivery: Delivery) -> Scenario | None:
+    """The scenario of a file or a bundled one; None for another name, which a service may have as a scenario id.
+
+    Raises as ``read_scenario``, with ``NotFound`` only where there is no service.
+    """
+    try:
+        return read_scenario(typed)
+    except NotFound:
+        if delivery.server is None:
+            raise
+        return None
 
 
 def read_document(typed: str) -> Any:

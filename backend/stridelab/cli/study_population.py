@@ -13,13 +13,14 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
-from stridelab.cli.deliver import deliver_result, run_kind
 from stridelab.cli.estimate import require_file
 from stridelab.cli.options import BestMethod, Delivery, Force, OutFolder, Server, StepChoice, Token
 from stridelab.cli.results import (
     Bar,
+    deliver_result,
     err,
     out,
+    run_kind,
     show_files,
     show_quality,
     show_remarks,

@@ -8,9 +8,9 @@ from typing import Annotated, Any, Final
 import typer
 from rich.markup import escape
 
-from stridelab.cli.deliver import deliver_result, known_scenario, run_here
 from stridelab.cli.options import ControlOption, Delivery, Densities, NodeRate, SolverOption
-from stridelab.cli.results import out, show_files, show_remarks, validate_options
+from stridelab.cli.results import deliver_result, out, run_here, show_files, show_remarks, validate_options
+from stridelab.cli.scenario_files import known_scenario
 from stridelab.errors import Fault, InvalidInput
 from stridelab.schemas.jobs import JobResult
 from stridelab.schemas.scenarios import Scenario

@@ -233,4 +233,4 @@ def worst_quality(qualities: Sequence[contract.Quality]) -> contract.Quality:
 
 def _check_schema(check: Check) -> contract.QualityCheck:
     value = check.value if math.isfinite(check.value) else MAX_REPORTED_VALUE
-    return contract.QualityCheck.from_object(check, value=value)
+    return contract.QualityCheck(**asdict(check) | {"value": value, "passed": check.passed})

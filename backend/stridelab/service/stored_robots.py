@@ -17,9 +17,9 @@ BUNDLE_FILE: Final = "robot-bundle.zip"
 LEARNED_FILE: Final = "robot-learned.zip"
 LINKS_FILE: Final = "robot-links.glb"
 _UPLOAD: Final = "stridelab.service.kinds.robots.upload"
-READ_ROBOT: Final = f"{_UPLOAD}:read_robot_in_child"
-PROPOSE_CARD: Final = f"{_UPLOAD}:propose_in_child"
-CHECK_CARD: Final = f"{_UPLOAD}:check_card_in_child"
+READ_ROBOT: Final = f"{_UPLOAD}:read_robot"
+PROPOSE_CARD: Final = f"{_UPLOAD}:propose"
+CHECK_CARD: Final = f"{_UPLOAD}:check_card"
 """Import paths of the children of uploads: the service itself imports no rigid-body library."""
 
 

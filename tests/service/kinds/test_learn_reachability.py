@@ -23,9 +23,10 @@ from stridelab.reachability import store
 from stridelab.reachability.learning.fit import learn_densities
 from stridelab.robots.loader import load_robot
 from stridelab.schemas.plans import LearnReachabilitySummary
-from stridelab.service.kinds.learn_reachability.run import run_in_child
+from stridelab.service.kinds.learn_reachability.run import run
 from stridelab.service.kinds.registry import KINDS
 from stridelab.service.kinds.result_tables import known_references, read_metadata
+from stridelab.service.processes.child import with_json
 from stridelab.service.processes.pool import IsolatedPool
 from stridelab.service.processes.running_child import IsolatedOutcome
 
@@ -48,14 +49,14 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def outcome(folder: Path) -> dict:
     told: list[float] = []
-    found = run_in_child({"input": REQUEST}, folder, lambda fraction, _: told.append(fraction))
+    found = with_json(run)({"input": REQUEST}, folder, lambda fraction, _: told.append(fraction))
     assert told == sorted(told)
     assert told[-1] == 1.0
     return found
 
 
 def test_the_registry_runs_it() -> None:
-    assert KINDS["learn-reachability"].run == f"{run_in_child.__module__}:{run_in_child.__name__}"
+    assert KINDS["learn-reachability"].run == f"{run.__module__}:{run.__name__}"
 
 
 def test_the_summary_is_that_of_the_contract(outcome: dict) -> None:
@@ -113,7 +114,7 @@ def test_every_file_is_an_artifact(outcome: dict, folder: Path) -> None:
 def test_the_script_writes_the_bytes_of_the_job(tmp_path: Path) -> None:
     """The files that are bundled: same robot, measure, samples, seed and day, another number of processes."""
     asked = {"robot": "talos", "samples": 700, "seed": 2}
-    run_in_child({"input": asked}, tmp_path, lambda *_: None)
+    with_json(run)({"input": asked}, tmp_path, lambda *_: None)
     day = store.read_card(tmp_path / "mixtures.json").learned_on
     options = ["--samples", "700", "--seed", "2", "--date", day, "--processes", "2", "--folder", str(tmp_path)]
     subprocess.run([sys.executable, str(SCRIPT), "talos", "uniform", *options], check=True)
@@ -123,7 +124,7 @@ def test_the_script_writes_the_bytes_of_the_job(tmp_path: Path) -> None:
 
 def test_the_other_measure_learns_from_stances(tmp_path: Path) -> None:
     asked = {"robot": "talos", "effectors": ["left_foot"], "samples": 500, "measure": "conditioned"}
-    found = run_in_child({"input": asked}, tmp_path, lambda *_: None)
+    found = with_json(run)({"input": asked}, tmp_path, lambda *_: None)
     assert found["summary"]["measure"] == "conditioned"
     assert found["summary"]["effectors"]["left_foot"]["mode_m"][2] > 0.45, "well above a folded posture's 0.13"
 
@@ -161,6 +162,6 @@ def test_a_cancelled_job_leaves_no_process_behind(tmp_path: Path) -> None:
 )
 def test_what_is_not_there_is_named(change: dict, code: str, tmp_path: Path) -> None:
     with pytest.raises(NotFound) as refusal:
-        run_in_child({"input": REQUEST | change}, tmp_path, lambda *_: None)
+        with_json(run)({"input": REQUEST | change}, tmp_path, lambda *_: None)
     assert refusal.value.code == code
     assert not list(tmp_path.iterdir())

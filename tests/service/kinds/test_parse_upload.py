@@ -11,6 +11,7 @@ from stridelab.errors import InvalidInput, UnreadableFile
 from stridelab.schemas.recordings import PlateSwitch, RecordingFacts
 from stridelab.schemas.tasks import ParseUploadTask, RecordingSource
 from stridelab.service.kinds import parse_upload
+from stridelab.service.processes.child import with_json
 from support.command_line import SAMPLE, Told, quiet
 
 AXES = "xyz"
@@ -102,6 +103,6 @@ def test_progress_reaches_the_end_and_the_child_speaks_json(tmp_path: Path) -> N
     told = Told()
     source = RecordingSource(file="trial", filename="walk.c3d")
     task = ParseUploadTask(recording=source).model_dump(mode="json")
-    done = parse_upload.run_in_child(task, tmp_path, told)
+    done = with_json(parse_upload.run)(task, tmp_path, told)
     RecordingFacts.model_validate(done["summary"])
     assert told.fractions[-1] == 1.0

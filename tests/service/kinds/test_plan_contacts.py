@@ -10,8 +10,9 @@ from stridelab.contacts.validation.validate import validate_scenario
 from stridelab.errors import InvalidInput, NotEstimable, NotFound
 from stridelab.schemas.plans import PlanContactsSummary, PlanMotionInput
 from stridelab.schemas.scenarios import Scenario
-from stridelab.service.kinds.plan_contacts.run import run_in_child
+from stridelab.service.kinds.plan_contacts.run import run
 from stridelab.service.kinds.registry import KINDS
+from stridelab.service.processes.child import with_json
 from support.command_line import quiet
 from support.robots.contact_terrains import box, feet, planks, task
 
@@ -21,11 +22,11 @@ def asked(**change: Any) -> dict[str, Any]:
 
 
 def test_the_registry_names_it() -> None:
-    assert KINDS["plan-contacts"].run == f"{run_in_child.__module__}:{run_in_child.__name__}"
+    assert KINDS["plan-contacts"].run == f"{run.__module__}:{run.__name__}"
 
 
 def test_the_scenario_can_be_planned(tmp_path: Path) -> None:
-    outcome = run_in_child(asked(name="To the door"), tmp_path, quiet)
+    outcome = with_json(run)(asked(name="To the door"), tmp_path, quiet)
     summary = PlanContactsSummary.model_validate(outcome["summary"])
     assert (summary.scenario.name, summary.steps, summary.scenario.robot) == ("To the door", 4, "talos")
     assert validate_scenario(summary.scenario.model_dump(mode="json"), effector_shapes("talos")).valid
@@ -37,7 +38,7 @@ def test_the_scenario_can_be_planned(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("robot", ["talos", "hrp2", "g1"])
 def test_every_robot_walks(robot: str, tmp_path: Path) -> None:
-    outcome = run_in_child(asked(robot=robot), tmp_path, quiet)
+    outcome = with_json(run)(asked(robot=robot), tmp_path, quiet)
     scenario = PlanContactsSummary.model_validate(outcome["summary"]).scenario
     assert validate_scenario(scenario.model_dump(mode="json"), effector_shapes(robot)).valid
 
@@ -54,6 +55,6 @@ def test_what_cannot_be_planned_is_refused_and_leaves_nothing(
     task_: dict[str, Any], error: type[Exception], code: str, tmp_path: Path
 ) -> None:
     with pytest.raises(error) as refusal:
-        run_in_child(task_, tmp_path, quiet)
+        with_json(run)(task_, tmp_path, quiet)
     assert getattr(refusal.value, "code", None) == code
     assert list(tmp_path.iterdir()) == []

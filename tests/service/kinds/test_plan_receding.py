@@ -15,8 +15,9 @@ from stridelab.pipelines.plan_receding import push_disturbance
 from stridelab.robots.loader import load_robot
 from stridelab.schemas.receding import PlanRecedingInput, PlanRecedingSummary, Push
 from stridelab.schemas.scenarios import Scenario
-from stridelab.service.kinds.plan_receding.run import run_in_child
+from stridelab.service.kinds.plan_receding.run import run
 from stridelab.service.kinds.registry import KINDS
+from stridelab.service.processes.child import with_json
 from support.command_line import Told
 from support.robots.plan_runs import changed, short_walk
 
@@ -29,14 +30,14 @@ def carried_out(folder: Path, scenario: Scenario, **asked: Any) -> tuple[PlanRec
     task = {"scenario": scenario.model_dump(mode="json"), "input": input_.model_dump(mode="json")}
     folder.mkdir(exist_ok=True)
     told = Told()
-    outcome = run_in_child(task, folder, told)
+    outcome = with_json(run)(task, folder, told)
     assert told.fractions[-1] == 1.0
     assert {item["name"] for item in outcome["artifacts"]} == FILES
     return PlanRecedingSummary.model_validate(outcome["summary"]), pq.read_table(folder / "receding.parquet")
 
 
 def test_the_registry_names_it() -> None:
-    assert KINDS["plan-receding"].run == f"{run_in_child.__module__}:{run_in_child.__name__}"
+    assert KINDS["plan-receding"].run == f"{run.__module__}:{run.__name__}"
 
 
 def test_a_push_is_felt_and_overcome(tmp_path: Path) -> None:

@@ -27,7 +27,7 @@ def task(vary: dict[str, Any], scenario: Scenario | None = None, **asked: Any) -
 
 
 def test_the_registry_names_it() -> None:
-    assert KINDS["sweep"].run == f"{sweep.run_in_child.__module__}:{sweep.run_in_child.__name__}"
+    assert KINDS["sweep"].run == f"{sweep.run.__module__}:{sweep.run.__name__}"
 
 
 def test_strides_by_friction(tmp_path: Path) -> None:

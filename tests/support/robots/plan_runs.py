@@ -19,6 +19,7 @@ from stridelab.schemas.plans import PlanMotionInput, PlanMotionSummary, PlanMoti
 from stridelab.schemas.scenarios import Scenario
 from stridelab.service.kinds.base import Outcome
 from stridelab.service.kinds.plan_motion import run as plan_motion
+from stridelab.service.processes.child import with_json
 from stridelab.wholebody.control.controller import WholeBodyController
 from stridelab.wholebody.motion import WholeBodyMotion, WholeBodyStopped
 from support.command_line import Told
@@ -86,4 +87,4 @@ def plan_with_a_hanging_solver(task: dict[str, Any], folder: Path, progress: Any
     from stridelab.service.kinds.plan_motion import run as plan_motion
 
     plan_centroidal.solve = lambda *_args, **_options: ctypes.PyDLL(None).sleep(600)
-    return plan_motion.run_in_child(task, folder, progress)
+    return with_json(plan_motion.run)(task, folder, progress)

@@ -7,7 +7,7 @@ fenced transaction that makes the result visible). The command line uses the sam
 from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, Literal, Protocol, TypeAlias, TypeVar, runtime_checkable
+from typing import TYPE_CHECKING, Any, Final, Literal, Protocol, TypeAlias, runtime_checkable
 
 from stridelab.errors import StridelabError, problem_of
 from stridelab.schemas.base import Contract
@@ -15,10 +15,8 @@ from stridelab.schemas.base import Contract
 if TYPE_CHECKING:  # a command needs neither
     from sqlalchemy.ext.asyncio import AsyncConnection
 
-    from stridelab.pipelines.progress import ProgressCallback
     from stridelab.service.processes.sandbox import Sandbox
 
-Task = TypeVar("Task", bound=Contract)
 STAGED_ROBOT: Final = "robot.json"
 """File in the folder of a job on a robot of a user: its name and card; its description lies beside it."""
 Json = dict[str, Any]
@@ -82,22 +80,6 @@ class Outcome:
         )
 
 
-def json_run(
-    task_model: type[Task], run: "Callable[[Task, Path, ProgressCallback], Outcome]"
-) -> "Callable[[Json, Path, ProgressCallback], Json]":
-    """``run`` with JSON on both sides, as child processes call it; ``task_model`` is the model of its task."""
-
-    def run_in_child(task: Json, folder: Path, progress: "ProgressCallback") -> Json:
-        if (folder / STAGED_ROBOT).is_file():
-            from stridelab.service.kinds.robots.staged import use_staged_robot
-
-            use_staged_robot(folder)
-        return run(task_model.model_validate(task), folder, progress).to_json()
-
-    run_in_child.__module__ = run.__module__
-    return run_in_child
-
-
 Stage: TypeAlias = "Callable[[AsyncConnection, Blobs, Contract, Path], Awaitable[Json]]"
 """``stage(connection, blobs, input, folder) -> task``: fetch rows and blob files into ``folder``."""
 Publish: TypeAlias = "Callable[[AsyncConnection, Blobs, Mapping[str, Any], Json, Path], Awaitable[Json | None]]"
@@ -117,7 +99,8 @@ class JobKind:
 
     ``title`` is its name for people, ``description`` the sentences of the HTTP documentation, and ``examples`` are
     requests by name, as ``{"summary": ..., "value": ...}`` of OpenAPI. ``run`` is an import path ``"module:function"``,
-    called in a child process as ``f(task, folder, progress)``; it returns ``Outcome.to_json()`` and writes its files to
+    by default of ``run`` in the module ``run`` of the kind's folder. A child process calls it with JSON on both sides
+    (``processes.child.with_json``) as ``f(task, folder, progress)``; it returns an ``Outcome`` and writes its files to
     ``folder``. Limits of ``None`` are those of the settings. A kind that is not ``offered`` has no API call of its own;
     another call submits it. ``own_files`` maps a job's input to the key prefix of files that only this job needs: they
     are removed when it has ended. ``sandbox`` restricts the child; None, for a kind that reads no uploaded files, is
@@ -129,8 +112,8 @@ class JobKind:
     description: str
     input_model: type[Contract]
     summary_model: type[Contract]
-    run: str
     stage: Stage
+    run: str = ""
     examples: Mapping[str, Any] = field(default_factory=dict)
     publish: "Publish | None" = None
     timeout_s: float | None = None
@@ -139,3 +122,7 @@ class JobKind:
     offered: bool = True
     own_files: Callable[[Mapping[str, Any]], str] | None = None
     sandbox: "Sandbox | None" = field(default_factory=_strict)
+
+    def __post_init__(self) -> None:
+        own = f"stridelab.service.kinds.{self.name.replace('-', '_')}.run:run"
+        object.__setattr__(self, "run", self.run or own)

@@ -16,7 +16,7 @@ from stridelab.recordings.static_pose import stands_still
 from stridelab.schemas.base import Remark
 from stridelab.schemas.recordings import PlateInfo, RecordingFacts
 from stridelab.schemas.tasks import ParseUploadTask
-from stridelab.service.kinds.base import ArtifactFile, Outcome, json_run
+from stridelab.service.kinds.base import ArtifactFile, Outcome
 from stridelab.service.kinds.result_tables import write_table
 
 
@@ -35,9 +35,6 @@ def run(task: ParseUploadTask, folder: Path, progress: ProgressCallback) -> Outc
     if own is not None:
         facts = facts.model_copy(update={"marker_set_id": own.id})
     return Outcome(facts.model_dump(mode="json"), (), artifacts)
-
-
-run_in_child = json_run(ParseUploadTask, run)
 
 
 def recording_facts(trial: Trial) -> RecordingFacts:

@@ -7,16 +7,16 @@ from stridelab.pipelines.trial import read_source
 from stridelab.recordings.marker_proposal import propose_marker_map
 from stridelab.schemas.marker_sets import MarkerSetProposal, ProposedLabel
 from stridelab.schemas.tasks import ParseUploadTask
-from stridelab.service.kinds.base import Json, Outcome
+from stridelab.service.kinds.base import Outcome
 
 
-def run_in_child(task: Json, folder: Path, progress: ProgressCallback) -> Json:
-    """Read the recording of a ``ParseUploadTask``; the summary is a ``MarkerSetProposal`` without an id.
+def run(task: ParseUploadTask, folder: Path, progress: ProgressCallback) -> Outcome:
+    """Read ``task.recording``; the summary is a ``MarkerSetProposal`` without an id.
 
     Raises ``UnreadableFile`` or ``InvalidInput`` with the reader's codes.
     """
     progress(0.1, "reading the file")
-    recording = read_source(ParseUploadTask.model_validate(task).recording, folder)
+    recording = read_source(task.recording, folder)
     proposal = propose_marker_map(recording)
     used = {proposed.label for proposed in proposal.values()}
     summary = MarkerSetProposal(
@@ -27,4 +27,4 @@ def run_in_child(task: Json, folder: Path, progress: ProgressCallback) -> Json:
         },
         unassigned=[label for label in recording.markers_m if label not in used],
     )
-    return Outcome(summary.model_dump(mode="json"), (), ()).to_json()
+    return Outcome(summary.model_dump(mode="json"), (), ())

@@ -33,13 +33,13 @@ def discover_kinds(package: ModuleType) -> Mapping[str, JobKind]:
 
 KINDS: Final = discover_kinds(kinds)
 
-PARSE_UPLOAD = "stridelab.service.kinds.parse_upload:run_in_child"
+PARSE_UPLOAD = "stridelab.service.kinds.parse_upload:run"
 """Import path of the parser of uploads, which is run by ``POST /recordings``, not by the queue."""
 
-PROPOSE_MARKERS = "stridelab.service.kinds.propose_markers:run_in_child"
+PROPOSE_MARKERS = "stridelab.service.kinds.propose_markers:run"
 """Import path of the proposal of a marker map, run by ``POST /marker-sets/propose``."""
 
-READ_POSE = "stridelab.service.kinds.static_pose:run_in_child"
+READ_POSE = "stridelab.service.kinds.static_pose:run"
 """Import path of the reader of a static pose, run for streams of markers."""
 
 PARSE_BATCH = "stridelab.service.kinds.read_batch.run:parse_batch"

@@ -7,16 +7,16 @@ import numpy as np
 from stridelab.pipelines.progress import ProgressCallback
 from stridelab.pipelines.trial import read_source
 from stridelab.schemas.tasks import ParseUploadTask
-from stridelab.service.kinds.base import Json, Outcome
+from stridelab.service.kinds.base import Outcome
 
 
-def run_in_child(task: Json, folder: Path, progress: ProgressCallback) -> Json:
-    """Median position of each marker of a ``ParseUploadTask``'s recording that is ever seen, in metres with z up.
+def run(task: ParseUploadTask, folder: Path, progress: ProgressCallback) -> Outcome:
+    """Median position of each marker of ``task.recording`` that is ever seen, in metres with z up.
 
     Raises ``UnreadableFile`` or ``InvalidInput`` with the reader's codes.
     """
     progress(0.1, "reading the file")
-    recording = read_source(ParseUploadTask.model_validate(task).recording, folder)
+    recording = read_source(task.recording, folder)
     seen = {label: track[np.isfinite(track).all(axis=1)] for label, track in recording.markers_m.items()}
     pose = {label: np.median(track, axis=0).tolist() for label, track in seen.items() if len(track)}
-    return Outcome(pose, (), ()).to_json()
+    return Outcome(pose, (), ())

@@ -29,6 +29,8 @@ from stridelab.service.processes.sandbox import Sandbox, confine_process
 
 PROCESS_NAME: Final = "stridelab-job"
 """Process name of a child, to distinguish it from the fork server."""
+PREPARATIONS: Final = {"robot.json": "stridelab.service.kinds.robots.staged:use_staged_robot"}
+"""Functions to call with the folder of a task that holds the named file, before the task."""
 _MIN_PROGRESS_S = 0.02
 _statm_fd = -1
 """A descriptor of /proc/self/statm, for forks of a confined process, which may not open their own."""
@@ -83,15 +85,33 @@ def _prepare_work(setup: dict[str, Any], folder: Path | None) -> Callable[..., A
     """Import the target, limit this process and confine it; an object is created of a target that is a class."""
     if folder is not None:
         os.chdir(folder)
-    module, _, name = setup["target"].partition(":")
-    target = getattr(importlib.import_module(module), name)
+    target = _import_object(setup["target"])
     limit_memory(int(setup["memory_mb"]))
     limit_cores(setup["cores"])
     if setup["sandbox"] is not None:
         _open_statm()
         confine_process(Sandbox(**setup["sandbox"]), folder)
-    work: Callable[..., Any] = target() if isinstance(target, type) else target
-    return work
+    return target() if isinstance(target, type) else with_json(target)
+
+
+def _import_object(path: str) -> Any:
+    module, _, name = path.partition(":")
+    return getattr(importlib.import_module(module), name)
+
+
+def with_json(run: Callable[..., Any]) -> Callable[..., Any]:
+    """``run(task, folder, progress)`` with JSON on both sides, if its task is annotated with a model of pydantic."""
+    model: Any = run.__annotations__.get("task")
+    if not hasattr(model, "model_validate"):
+        return run
+
+    def run_with_json(task: Any, folder: Path, progress: Callable[[float, str], None]) -> Any:
+        for name, prepare in PREPARATIONS.items():
+            if (folder / name).is_file():
+                _import_object(prepare)(folder)
+        return run(model.model_validate(task), folder, progress).to_json()
+
+    return run_with_json
 
 
 def answer_or_problem(compute: Callable[[], Any]) -> dict[str, Any]:

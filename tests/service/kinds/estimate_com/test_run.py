@@ -19,6 +19,7 @@ from stridelab.schemas.recordings import PlateSwitch, SubjectFields
 from stridelab.schemas.tasks import RecordingSource
 from stridelab.service.kinds.estimate_com import run as estimate_com
 from stridelab.service.kinds.result_tables import known_references, read_metadata
+from stridelab.service.processes.child import with_json
 from stridelab.simulation.truth_table import com_errors_mm
 from support.command_line import SAMPLE, Told, estimate_task, quiet
 
@@ -372,5 +373,5 @@ def test_a_damaged_static_trial_is_named(tmp_path: Path) -> None:
 
 def test_the_child_gets_and_gives_json(tmp_path: Path) -> None:
     task = estimate_task(TRIAL, tmp_path)
-    done = estimate_com.run_in_child(task.model_dump(mode="json"), tmp_path, quiet)
+    done = with_json(estimate_com.run)(task.model_dump(mode="json"), tmp_path, quiet)
     assert set(done) == {"summary", "references", "artifacts"}

@@ -18,6 +18,7 @@ from stridelab.schemas.tasks import FitCycloidTask, RecordingSource, SimulateRec
 from stridelab.service.kinds.fit_cycloid import run as fit_cycloid
 from stridelab.service.kinds.result_tables import known_references, read_metadata
 from stridelab.service.kinds.simulate_recording import run as simulate_recording
+from stridelab.service.processes.child import with_json
 from support.command_line import SAMPLE, Told, quiet
 
 TRIAL = SAMPLE / "recording.c3d"
@@ -191,5 +192,5 @@ def test_a_window_that_holds_no_step_and_values_that_make_no_sense(tmp_path: Pat
 
 def test_the_child_takes_and_gives_json(tmp_path: Path) -> None:
     staged = task(tmp_path, method="complementary")
-    outcome = fit_cycloid.run_in_child(staged.model_dump(mode="json"), tmp_path, quiet)
+    outcome = with_json(fit_cycloid.run)(staged.model_dump(mode="json"), tmp_path, quiet)
     assert FitCycloidSummary.model_validate(outcome["summary"]).method == "complementary"

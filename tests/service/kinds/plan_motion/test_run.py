@@ -28,6 +28,7 @@ from stridelab.schemas.scenarios import Scenario
 from stridelab.service.jobs.attempt_runner import add_last_progress
 from stridelab.service.kinds.plan_motion import run as plan_motion
 from stridelab.service.kinds.result_tables import known_references, read_metadata
+from stridelab.service.processes.child import with_json
 from stridelab.service.processes.pool import IsolatedPool
 from support.command_line import Told, quiet
 from support.robots.plan_runs import Planned, changed, plan_task, run, short_walk, stopping_after
@@ -185,7 +186,7 @@ def test_scenario_and_certificate_can_be_read_back(walked: Planned) -> None:
 
 def test_without_the_whole_body_there_is_the_plan_only(tmp_path: Path) -> None:
     task = plan_task(whole_body=False).model_dump(mode="json")
-    done = plan_motion.run_in_child(task, tmp_path, quiet)
+    done = with_json(plan_motion.run)(task, tmp_path, quiet)
     assert {a["name"] for a in done["artifacts"]} == CENTROIDAL_FILES == {path.name for path in tmp_path.iterdir()}
     assert list(done["summary"]["stage_times_s"]) == ["check", "reachability", "centroidal", "export"]
     assert (done["summary"]["certificate"], done["summary"]["replay"]) == (None, None)

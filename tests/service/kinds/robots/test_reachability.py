@@ -17,7 +17,8 @@ from stridelab.resources import models_dir
 from stridelab.robots.loader import load_robot
 from stridelab.schemas.reachability import EffectorReach, RobotReachability
 from stridelab.service.kinds.robots import reachability as robot_reachability
-from stridelab.service.kinds.robots.reachability import plottable_reachability, run_in_child
+from stridelab.service.kinds.robots.reachability import plottable_reachability, run
+from stridelab.service.processes.child import with_json
 from support.command_line import Told, quiet
 
 UNIFORM = {"robot": "talos", "measure": "uniform"}
@@ -101,7 +102,7 @@ def test_maps_hold_all_of_both_densities(drawn: dict[str, EffectorReach]) -> Non
 
 def test_the_child_leaves_one_compressed_file(tmp_path: Path) -> None:
     told = Told()
-    outcome = run_in_child(UNIFORM, tmp_path, told)
+    outcome = with_json(run)(UNIFORM, tmp_path, told)
     assert told.fractions[-1] == 1.0
     assert [item["name"] for item in outcome["artifacts"]] == ["reachability.json.gz"]
     assert [path.name for path in tmp_path.iterdir()] == ["reachability.json.gz"]
@@ -116,14 +117,14 @@ def test_unknown_robots_and_measures_and_cards_of_others_are_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, card: ReachabilityCard
 ) -> None:
     with pytest.raises(NotFound) as unknown:
-        run_in_child({"robot": "hal", "measure": "uniform"}, tmp_path, quiet)
+        with_json(run)({"robot": "hal", "measure": "uniform"}, tmp_path, quiet)
     assert unknown.value.code == "robot-not-found"
     with pytest.raises(ValidationError):
-        run_in_child({"robot": "talos", "measure": "even"}, tmp_path, quiet)
+        with_json(run)({"robot": "talos", "measure": "even"}, tmp_path, quiet)
     other = replace(card, robot_sha256="0" * 64)
     monkeypatch.setattr(robot_reachability, "load_card", lambda _robot, _measure: other)
     with pytest.raises(Unavailable) as another:
-        run_in_child(UNIFORM, tmp_path, quiet)
+        with_json(run)(UNIFORM, tmp_path, quiet)
     assert another.value.code == "reachability-of-another-robot"
     assert not list(tmp_path.iterdir())
 
@@ -135,7 +136,7 @@ def test_what_was_not_learned_is_said(tmp_path: Path, monkeypatch: pytest.Monkey
     store.load_card.cache_clear()
     try:
         with pytest.raises(NotFound) as missing:
-            run_in_child(UNIFORM, tmp_path, quiet)
+            with_json(run)(UNIFORM, tmp_path, quiet)
     finally:
         store.load_card.cache_clear()
     assert missing.value.code == "reachability-not-learned"

@@ -19,6 +19,7 @@ from stridelab.robots.card import card_bytes
 from stridelab.robots.loader import load_robot
 from stridelab.schemas.robots import RobotFacts
 from stridelab.service.kinds.robots import description, links
+from stridelab.service.processes.child import with_json
 from stridelab.service.processes.pool import IsolatedPool
 from stridelab.service.processes.running_child import IsolatedOutcome
 from support.command_line import Told, quiet
@@ -29,7 +30,7 @@ KINDS = "stridelab.service.kinds"
 @pytest.fixture(scope="module")
 def facts(tmp_path_factory: pytest.TempPathFactory) -> RobotFacts:
     told = Told()
-    value = description.run_in_child({"robot": "talos"}, tmp_path_factory.mktemp("facts"), told)
+    value = with_json(description.run)({"robot": "talos"}, tmp_path_factory.mktemp("facts"), told)
     assert told.fractions[-1] == 1.0
     assert value["artifacts"] == []
     return RobotFacts.model_validate(value["summary"])
@@ -117,7 +118,7 @@ def test_densities_of_another_description_are_not_the_robots(monkeypatch: pytest
 
 def test_links_come_as_one_named_node_each(tmp_path: Path, facts: RobotFacts) -> None:
     told = Told()
-    value = links.run_in_child({"robot": "talos"}, tmp_path, told)
+    value = with_json(links.run)({"robot": "talos"}, tmp_path, told)
     assert told.fractions[-1] == 1.0
     assert value["summary"]["links"] == facts.links
     assert value["summary"]["sha256"] == facts.sha256
@@ -131,16 +132,16 @@ def test_links_come_as_one_named_node_each(tmp_path: Path, facts: RobotFacts) ->
 @pytest.mark.parametrize("kind", [description, links])
 def test_unknown_and_missing_robots(kind: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(NotFound) as unknown:
-        kind.run_in_child({"robot": "hal"}, tmp_path, quiet)
+        with_json(kind.run)({"robot": "hal"}, tmp_path, quiet)
     assert unknown.value.code == "robot-not-found"
     with pytest.raises(ValidationError):
-        kind.run_in_child({"robot": "talos", "colour": "grey"}, tmp_path, quiet)
+        with_json(kind.run)({"robot": "talos", "colour": "grey"}, tmp_path, quiet)
     absent = card_bytes("talos").replace(b'package = "example_robot_data"', b'package = "no_such_package"')
     monkeypatch.setattr("stridelab.robots.loader.card_bytes", lambda _name: absent)
     load_robot.cache_clear()
     try:
         with pytest.raises(Unavailable) as missing:
-            kind.run_in_child({"robot": "talos"}, tmp_path, quiet)
+            with_json(kind.run)({"robot": "talos"}, tmp_path, quiet)
     finally:
         load_robot.cache_clear()
     assert missing.value.code == "robot-data-missing"
@@ -152,9 +153,7 @@ def test_children_answer_like_the_functions_that_they_run(tmp_path: Path, facts:
 
     async def ask(target: str, robot: str) -> IsolatedOutcome:
         async with IsolatedPool() as pool:
-            return await pool.run(
-                f"{KINDS}.{target}:run_in_child", {"robot": robot}, tmp_path, timeout_s=60.0, memory_mb=2048
-            )
+            return await pool.run(f"{KINDS}.{target}:run", {"robot": robot}, tmp_path, timeout_s=60.0, memory_mb=2048)
 
     described = asyncio.run(ask("robots.description", "talos"))
     assert described.state == "ok", described.log_tail

@@ -19,9 +19,9 @@ from stridelab.service.processes.sandbox import STRICT, Sandbox
 
 log = structlog.get_logger(__name__)
 
-DESCRIBE: Final = "stridelab.service.kinds.robots.description:run_in_child"
-LINKS: Final = "stridelab.service.kinds.robots.links:run_in_child"
-REACH: Final = "stridelab.service.kinds.robots.reachability:run_in_child"
+DESCRIBE: Final = "stridelab.service.kinds.robots.description:run"
+LINKS: Final = "stridelab.service.kinds.robots.links:run"
+REACH: Final = "stridelab.service.kinds.robots.reachability:run"
 FORK_SERVER_MODULES: Final = tuple(target.partition(":")[0] for target in (DESCRIBE, LINKS, REACH))
 """Modules that the fork server imports in advance; importing them in each child would take seconds."""
 IDLE_S: Final = 20.0

@@ -34,7 +34,6 @@ KIND = JobKind(
     examples={"one": {"summary": "The bundled recording", "value": {"recording_ids": [SAMPLE_ID]}}},
     input_model=ComBenchInput,
     summary_model=ComBenchSummary,
-    run="stridelab.service.kinds.com_bench.run:run_in_child",
     stage=stage,
     timeout_s=3600.0,
     lane="long",

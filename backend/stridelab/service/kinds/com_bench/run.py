@@ -14,7 +14,7 @@ from stridelab.parallel import map_isolated
 from stridelab.pipelines.bench_estimators import REFERENCES, ComBenchResult, bench_estimators
 from stridelab.pipelines.progress import ItemMap, ProgressCallback
 from stridelab.schemas.tasks import ComBenchTask
-from stridelab.service.kinds.base import ArtifactFile, Outcome, json_run
+from stridelab.service.kinds.base import ArtifactFile, Outcome
 from stridelab.service.kinds.result_tables import write_table
 
 RECORDING_TIMEOUT_S: Final = 600.0
@@ -34,9 +34,6 @@ def run(task: ComBenchTask, folder: Path, progress: ProgressCallback, items: Ite
     artifacts: tuple[ArtifactFile, ...] = tuple(write_table(folder, "scores", score_columns(result), about))
     progress(1.0, "done")
     return Outcome(result.summary.model_dump(mode="json"), REFERENCES, artifacts)
-
-
-run_in_child = json_run(ComBenchTask, run)
 
 
 def score_columns(result: ComBenchResult) -> dict[str, np.ndarray]:

@@ -64,7 +64,6 @@ KIND = JobKind(
     examples={"own": {"summary": "A robot that was uploaded", "value": {"robot": "my-robot", "samples": 3000}}},
     input_model=CommissionRobotInput,
     summary_model=CommissionRobotSummary,
-    run="stridelab.service.kinds.commission_robot.run:run_in_child",
     stage=stage,
     publish=publish,
     timeout_s=600.0,

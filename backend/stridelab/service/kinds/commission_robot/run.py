@@ -14,7 +14,7 @@ from stridelab.pipelines.progress import ProgressCallback
 from stridelab.reachability.store import load_card, load_cloud
 from stridelab.resources import add_models_folder
 from stridelab.schemas.robots import CommissionRobotTask
-from stridelab.service.kinds.base import ArtifactFile, Outcome, json_run
+from stridelab.service.kinds.base import ArtifactFile, Outcome
 from stridelab.service.kinds.commission_robot.kind import STATE_FILE
 from stridelab.service.kinds.result_tables import write_text_atomically
 from stridelab.service.kinds.robots.reachability import plottable_reachability
@@ -52,6 +52,3 @@ def run(task: CommissionRobotTask, folder: Path, progress: ProgressCallback) -> 
     write_text_atomically(folder / SCENARIO_FILE, json.dumps(result.scenario, indent=1) + "\n")
     artifacts.append(ArtifactFile(SCENARIO_FILE, JSON))
     return Outcome(result.summary.model_dump(mode="json"), REFERENCES, tuple(artifacts))
-
-
-run_in_child = json_run(CommissionRobotTask, run)

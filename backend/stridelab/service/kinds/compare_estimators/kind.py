@@ -45,7 +45,6 @@ KIND = JobKind(
     },
     input_model=CompareEstimatorsInput,
     summary_model=CompareEstimatorsSummary,
-    run="stridelab.service.kinds.compare_estimators.run:run_in_child",
     stage=stage,
     timeout_s=300.0,
 )

@@ -18,7 +18,7 @@ from stridelab.pipelines.estimate_com import build_estimator
 from stridelab.pipelines.progress import ProgressCallback
 from stridelab.schemas.comparison import CompareEstimatorsInput
 from stridelab.schemas.tasks import CompareEstimatorsTask
-from stridelab.service.kinds.base import ArtifactFile, Outcome, json_run
+from stridelab.service.kinds.base import ArtifactFile, Outcome
 from stridelab.service.kinds.result_tables import track_columns, write_table
 
 _BODE_HZ: Final = (0.01, 400)
@@ -36,9 +36,6 @@ def run(task: CompareEstimatorsTask, folder: Path, progress: ProgressCallback) -
     artifacts = _write_tables(folder, task.input, result.data, result.comparison, provenance)
     progress(1.0, "done")
     return Outcome(summary, result.citation_keys, artifacts)
-
-
-run_in_child = json_run(CompareEstimatorsTask, run)
 
 
 def _write_tables(

@@ -35,7 +35,6 @@ KIND = JobKind(
     },
     input_model=EstimateComInput,
     summary_model=EstimateComSummary,
-    run="stridelab.service.kinds.estimate_com.run:run_in_child",
     stage=stage_estimate_com,
     timeout_s=120.0,
 )

@@ -26,7 +26,7 @@ from stridelab.recordings.reader import is_c3d
 from stridelab.recordings.recording import WrenchTrack
 from stridelab.schemas.jobs import EstimateComSummary
 from stridelab.schemas.tasks import EstimateComTask, RecordingSource
-from stridelab.service.kinds.base import ArtifactFile, Outcome, json_run
+from stridelab.service.kinds.base import ArtifactFile, Outcome
 from stridelab.service.kinds.result_tables import C3D, write_atomically, write_table
 
 
@@ -40,9 +40,6 @@ def run(task: EstimateComTask, folder: Path, progress: ProgressCallback) -> Outc
     artifacts = write_com_result(folder, task.recording, result)
     progress(1.0, "done")
     return Outcome(result.summary.model_dump(mode="json"), result.citation_keys, artifacts)
-
-
-run_in_child = json_run(EstimateComTask, run)
 
 
 AXES = "xyz"

@@ -18,7 +18,6 @@ KIND = JobKind(
     },
     input_model=FitCycloidInput,
     summary_model=FitCycloidSummary,
-    run="stridelab.service.kinds.fit_cycloid.run:run_in_child",
     stage=stage_fit_cycloid,
     timeout_s=120.0,
 )

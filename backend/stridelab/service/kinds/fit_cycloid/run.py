@@ -5,7 +5,7 @@ from pathlib import Path
 from stridelab.pipelines.fit_cycloid import fit_cycloid_of_recording
 from stridelab.pipelines.progress import ProgressCallback
 from stridelab.schemas.tasks import FitCycloidTask
-from stridelab.service.kinds.base import Outcome, json_run
+from stridelab.service.kinds.base import Outcome
 from stridelab.service.kinds.fit_cycloid.files import write_cycloid
 
 
@@ -19,6 +19,3 @@ def run(task: FitCycloidTask, folder: Path, progress: ProgressCallback) -> Outco
     artifacts = write_cycloid(folder, task.recording, result)
     progress(1.0, "done")
     return Outcome(result.summary.model_dump(mode="json"), result.citation_keys, artifacts)
-
-
-run_in_child = json_run(FitCycloidTask, run)

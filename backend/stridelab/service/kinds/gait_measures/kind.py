@@ -30,7 +30,6 @@ KIND = JobKind(
     examples={"one": {"summary": "The bundled recording", "value": {"recording_ids": [SAMPLE_ID]}}},
     input_model=GaitMeasuresInput,
     summary_model=GaitMeasuresSummary,
-    run="stridelab.service.kinds.gait_measures.run:run_in_child",
     stage=stage,
     timeout_s=600.0,
     lane="long",

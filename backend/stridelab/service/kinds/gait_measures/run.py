@@ -14,7 +14,7 @@ from stridelab.measures.measure import Measure
 from stridelab.pipelines.gait_measures import SIDES, GaitMeasuresResult, MeasuredRecording, gait_measures
 from stridelab.pipelines.progress import ProgressCallback
 from stridelab.schemas.tasks import GaitMeasuresTask
-from stridelab.service.kinds.base import ArtifactFile, Outcome, json_run
+from stridelab.service.kinds.base import ArtifactFile, Outcome
 from stridelab.service.kinds.result_tables import track_columns, write_table
 
 OUTLINE_POINTS: Final = 5
@@ -31,9 +31,6 @@ def run(task: GaitMeasuresTask, folder: Path, progress: ProgressCallback) -> Out
     artifacts = write_measures(folder, result)
     progress(1.0, "done")
     return Outcome(result.summary.model_dump(mode="json"), result.citation_keys, artifacts)
-
-
-run_in_child = json_run(GaitMeasuresTask, run)
 
 
 def write_measures(folder: Path, result: GaitMeasuresResult) -> tuple[ArtifactFile, ...]:

@@ -76,7 +76,6 @@ KIND = JobKind(
     },
     input_model=GaitReportInput,
     summary_model=GaitReportSummary,
-    run="stridelab.service.kinds.gait_report.run:run_in_child",
     stage=stage,
     timeout_s=900.0,
     lane="long",

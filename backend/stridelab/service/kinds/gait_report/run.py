@@ -8,16 +8,11 @@ from stridelab.pipelines.gait_report.pdf import render_pdf
 from stridelab.pipelines.gait_report.report import GaitReport, gait_report
 from stridelab.pipelines.progress import ProgressCallback
 from stridelab.schemas.tasks import GaitReportTask
-from stridelab.service.kinds.base import ArtifactFile, Json, Outcome
+from stridelab.service.kinds.base import ArtifactFile, Outcome
 from stridelab.service.kinds.gait_measures.run import write_measures
 
 HTML: Final = "report.html"
 PDF: Final = "report.pdf"
-
-
-def run_in_child(task: Json, folder: Path, progress: ProgressCallback) -> Json:
-    """``run`` with JSON on both sides."""
-    return run(GaitReportTask.model_validate(task), folder, progress).to_json()
 
 
 def run(task: GaitReportTask, folder: Path, progress: ProgressCallback) -> Outcome:

@@ -17,7 +17,6 @@ KIND = JobKind(
     },
     input_model=LearnReachabilityInput,
     summary_model=LearnReachabilitySummary,
-    run="stridelab.service.kinds.learn_reachability.run:run_in_child",
     stage=stage_input,
     timeout_s=900.0,
     memory_mb=2048,

@@ -16,7 +16,7 @@ from stridelab.reachability.learning.fit import LearnedDensities
 from stridelab.reachability.store import card_json, save_card, save_cloud
 from stridelab.robots.robot import Robot
 from stridelab.schemas.plans import LearnReachabilityTask
-from stridelab.service.kinds.base import ArtifactFile, Json, Outcome, json_run
+from stridelab.service.kinds.base import ArtifactFile, Json, Outcome
 from stridelab.service.kinds.result_tables import write_atomically, write_table, write_text_atomically
 from stridelab.service.kinds.robots.reachability import plottable_reachability
 
@@ -36,9 +36,6 @@ def run(task: LearnReachabilityTask, folder: Path, progress: ProgressCallback) -
     artifacts = _write_files(result.robot, result.learned, folder, provenance)
     progress(1.0, "done")
     return Outcome(result.summary.model_dump(mode="json"), result.citation_keys, artifacts)
-
-
-run_in_child = json_run(LearnReachabilityTask, run)
 
 
 def _write_files(robot: Robot, learned: LearnedDensities, folder: Path, provenance: Json) -> tuple[ArtifactFile, ...]:

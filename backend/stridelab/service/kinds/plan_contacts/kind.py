@@ -18,7 +18,6 @@ KIND = JobKind(
     },
     input_model=PlanContactsInput,
     summary_model=PlanContactsSummary,
-    run="stridelab.service.kinds.plan_contacts.run:run_in_child",
     stage=stage_input,
     timeout_s=120.0,
 )

@@ -9,7 +9,7 @@ from typing import Final
 from stridelab.pipelines.plan_contacts import REFERENCES, plan_contacts
 from stridelab.pipelines.progress import ProgressCallback
 from stridelab.schemas.plans import PlanContactsTask
-from stridelab.service.kinds.base import ArtifactFile, Outcome, json_run
+from stridelab.service.kinds.base import ArtifactFile, Outcome
 from stridelab.service.kinds.result_tables import write_text_atomically
 
 SCENARIO_FILE: Final = "scenario.json"
@@ -22,6 +22,3 @@ def run(task: PlanContactsTask, folder: Path, progress: ProgressCallback) -> Out
     write_text_atomically(folder / SCENARIO_FILE, text)
     progress(1.0, "done")
     return Outcome(summary.model_dump(mode="json"), REFERENCES, (ArtifactFile(SCENARIO_FILE, "application/json"),))
-
-
-run_in_child = json_run(PlanContactsTask, run)

@@ -27,7 +27,6 @@ KIND = JobKind(
     },
     input_model=PlanMotionInput,
     summary_model=PlanMotionSummary,
-    run="stridelab.service.kinds.plan_motion.run:run_in_child",
     stage=stage_scenario(PlanMotionTask),
     timeout_s=600.0,
     memory_mb=4096,

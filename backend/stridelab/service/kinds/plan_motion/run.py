@@ -11,7 +11,7 @@ from stridelab.pipelines.plan_motion import EXPORT, REPLAY, plan_motion, replay_
 from stridelab.pipelines.plan_problem import with_planned_durations
 from stridelab.pipelines.progress import ProgressCallback, Stages
 from stridelab.schemas.plans import PlanMotionTask
-from stridelab.service.kinds.base import ArtifactFile, Outcome, json_run
+from stridelab.service.kinds.base import ArtifactFile, Outcome
 from stridelab.service.kinds.plan_motion.files import write_json, write_motion, write_plan, write_replay
 from stridelab.service.kinds.plan_motion.video import require_film
 
@@ -43,6 +43,3 @@ def run(task: PlanMotionTask, folder: Path, progress: ProgressCallback) -> Outco
     summary = result.summary(replay, stages).model_dump(mode="json")
     progress(1.0, "done" if stopped is None else f"stopped at {stopped.time_s:.2f} s")
     return Outcome(summary, result.citation_keys, tuple(artifacts), stopped)
-
-
-run_in_child = json_run(PlanMotionTask, run)

@@ -19,7 +19,6 @@ KIND = JobKind(
     },
     input_model=PlanRecedingInput,
     summary_model=PlanRecedingSummary,
-    run="stridelab.service.kinds.plan_receding.run:run_in_child",
     stage=stage_scenario(PlanRecedingTask),
     timeout_s=600.0,
     memory_mb=4096,

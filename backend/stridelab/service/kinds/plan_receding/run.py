@@ -14,7 +14,7 @@ from stridelab.contacts.sequence import ContactSequence
 from stridelab.pipelines.plan_receding import plan_receding
 from stridelab.pipelines.progress import ProgressCallback
 from stridelab.schemas.receding import PlanRecedingTask
-from stridelab.service.kinds.base import Outcome, json_run
+from stridelab.service.kinds.base import Outcome
 from stridelab.service.kinds.plan_motion.files import write_json
 from stridelab.service.kinds.plan_motion.tables import Columns
 from stridelab.service.kinds.result_tables import track_columns, write_table
@@ -35,9 +35,6 @@ def run(task: PlanRecedingTask, folder: Path, progress: ProgressCallback) -> Out
     )
     progress(1.0, "done")
     return Outcome(summary.model_dump(mode="json"), result.citation_keys, files)
-
-
-run_in_child = json_run(PlanRecedingTask, run)
 
 
 AFTER_NODE_S = 1e-9

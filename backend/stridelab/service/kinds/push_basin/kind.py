@@ -18,7 +18,6 @@ KIND = JobKind(
     },
     input_model=PushBasinInput,
     summary_model=PushBasinSummary,
-    run="stridelab.service.kinds.push_basin.run:run_in_child",
     stage=stage_scenario(PushBasinTask),
     timeout_s=7200.0,
     memory_mb=8192,

@@ -11,7 +11,7 @@ import numpy as np
 from stridelab.pipelines.progress import ProgressCallback
 from stridelab.pipelines.push_basin import PushResult, push_basin
 from stridelab.schemas.receding import PushBasinTask
-from stridelab.service.kinds.base import Outcome, json_run
+from stridelab.service.kinds.base import Outcome
 from stridelab.service.kinds.result_tables import write_table
 
 
@@ -25,9 +25,6 @@ def run(task: PushBasinTask, folder: Path, progress: ProgressCallback) -> Outcom
     files = write_table(folder, "pushes", push_columns(result.pushes, result.summary.speed_m_s), about)
     progress(1.0, "done")
     return Outcome(result.summary.model_dump(mode="json"), result.citation_keys, files)
-
-
-run_in_child = json_run(PushBasinTask, run)
 
 
 def push_columns(pushes: Sequence[PushResult], speed_m_s: float) -> dict[str, np.ndarray]:

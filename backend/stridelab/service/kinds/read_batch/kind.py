@@ -160,7 +160,6 @@ KIND = JobKind(
     description="Reads the files of a bulk upload.",
     input_model=ReadBatchInput,
     summary_model=ReadBatchSummary,
-    run="stridelab.service.kinds.read_batch.run:run_in_child",
     stage=stage,
     publish=publish,
     timeout_s=7200.0,

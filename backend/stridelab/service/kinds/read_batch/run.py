@@ -67,7 +67,7 @@ def parse_batch(task: Json, folder: Path, progress: ProgressCallback) -> Json:
     return {"files": results, "rows": lines}
 
 
-def run_in_child(task: Json, folder: Path, progress: ProgressCallback) -> Json:
+def run(task: Json, folder: Path, progress: ProgressCallback) -> Json:
     """``parse_batch`` for the job ``read-batch``; its result is added to the outcome as ``read``.
 
     Raises ``UnreadableFile`` (``nothing-readable``), and the errors of ``parse_batch``.

@@ -18,7 +18,6 @@ KIND = JobKind(
     },
     input_model=ReproduceInput,
     summary_model=ReproduceSummary,
-    run="stridelab.service.kinds.reproduce.run:run_in_child",
     stage=stage_input,
     timeout_s=3600.0,
     memory_mb=4096,

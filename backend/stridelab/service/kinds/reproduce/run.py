@@ -8,7 +8,7 @@ from stridelab.pipelines.progress import ProgressCallback
 from stridelab.reproduction.claims import sampling_text
 from stridelab.reproduction.registry import ITEMS, seeds_of
 from stridelab.schemas.reproduction import ClaimResult, ReproduceSummary, ReproduceTask
-from stridelab.service.kinds.base import ArtifactFile, Outcome, json_run
+from stridelab.service.kinds.base import ArtifactFile, Outcome
 from stridelab.service.kinds.result_tables import write_table, write_text_atomically
 
 SVG: Final = "image/svg+xml"
@@ -44,6 +44,3 @@ def run(task: ReproduceTask, folder: Path, progress: ProgressCallback) -> Outcom
     ]
     progress(1.0, "done")
     return Outcome(summary.model_dump(mode="json"), reproduction.references, (ArtifactFile(drawing, SVG), *tables))
-
-
-run_in_child = json_run(ReproduceTask, run)

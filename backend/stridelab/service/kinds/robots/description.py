@@ -17,7 +17,7 @@ from stridelab.robots.robot import Effector, Robot
 from stridelab.robots.visuals import link_names, link_poses
 from stridelab.schemas.base import Contract
 from stridelab.schemas.robots import JointLimits, ProxyCard, ProxySize, RobotEffector, RobotFacts
-from stridelab.service.kinds.base import Outcome, json_run
+from stridelab.service.kinds.base import Outcome
 
 CARD_FIELDS: Final = ("measure", "samples", "tried", "rejected_share", "seed", "learned_on", "versions")
 """Fields of a ``ProxyCard`` that all effectors of a robot share."""
@@ -39,9 +39,6 @@ def run(task: RobotTask, _folder: Path, progress: ProgressCallback) -> Outcome:
     robot = load_robot(task.robot)
     progress(1.0, "done")
     return Outcome(robot_facts(robot).model_dump(mode="json"), (), ())
-
-
-run_in_child = json_run(RobotTask, run)
 
 
 def robot_facts(robot: Robot) -> RobotFacts:

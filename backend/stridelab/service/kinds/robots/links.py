@@ -9,7 +9,7 @@ from typing import Final
 from stridelab.pipelines.progress import ProgressCallback
 from stridelab.robots.loader import load_robot
 from stridelab.robots.visuals import glb, link_meshes
-from stridelab.service.kinds.base import ArtifactFile, Outcome, json_run
+from stridelab.service.kinds.base import ArtifactFile, Outcome
 from stridelab.service.kinds.result_tables import write_atomically
 from stridelab.service.kinds.robots.description import RobotTask
 
@@ -32,6 +32,3 @@ def run(task: RobotTask, folder: Path, progress: ProgressCallback) -> Outcome:
     progress(1.0, "done")
     summary = {"robot": robot.name, "sha256": robot.sha256, "links": [mesh.name for mesh in meshes]}
     return Outcome(summary, (), (ArtifactFile(LINKS_FILE, GLTF),))
-
-
-run_in_child = json_run(RobotTask, run)

@@ -25,7 +25,7 @@ from stridelab.robots.robot import Robot
 from stridelab.schemas.base import Contract
 from stridelab.schemas.reachability import Axis, EffectorReach, LevelSurface, Projection, RobotReachability
 from stridelab.schemas.robots import LinkPose, Triple
-from stridelab.service.kinds.base import ArtifactFile, Outcome, json_run
+from stridelab.service.kinds.base import ArtifactFile, Outcome
 from stridelab.service.kinds.result_tables import write_atomically
 from stridelab.service.kinds.robots.description import proxy_card
 
@@ -61,9 +61,6 @@ def run(task: ReachabilityTask, folder: Path, progress: ProgressCallback) -> Out
     write_atomically(folder / REACHABILITY_FILE, lambda path: path.write_bytes(content))
     progress(1.0, "done")
     return Outcome({"robot": robot.name, "measure": card.measure}, (), (ArtifactFile(REACHABILITY_FILE, GZIP),))
-
-
-run_in_child = json_run(ReachabilityTask, run)
 
 
 def plottable_reachability(robot: Robot, card: ReachabilityCard, com_m: Mapping[str, Points]) -> RobotReachability:

@@ -16,7 +16,7 @@ from stridelab.robots.proposal.propose import card_fields, propose_card, rebuild
 from stridelab.robots.robot import Robot
 from stridelab.robots.visuals import glb, link_meshes
 from stridelab.schemas.base import Contract
-from stridelab.service.kinds.base import STAGED_ROBOT, Outcome, json_run
+from stridelab.service.kinds.base import STAGED_ROBOT, Outcome
 from stridelab.service.kinds.robots.description import robot_facts
 from stridelab.service.kinds.robots.staged import MODELS_FOLDER, own_card, pack_files, write_card
 from stridelab.service.stored_robots import BUNDLE_FILE, LINKS_FILE
@@ -79,8 +79,3 @@ def check_card(task: CheckCardTask, folder: Path, progress: ProgressCallback) ->
 def robot_state(robot: Robot) -> dict[str, Any]:
     """What the service stores of a robot: ``facts`` (``RobotFacts``), and ``shapes`` of its effectors."""
     return {"facts": robot_facts(robot).model_dump(mode="json"), "shapes": plain_shapes(robot.name)}
-
-
-read_robot_in_child = json_run(ReadRobotTask, read_robot)
-propose_in_child = json_run(ProposeCardTask, propose)
-check_card_in_child = json_run(CheckCardTask, check_card)

@@ -69,7 +69,6 @@ KIND = JobKind(
     },
     input_model=SimulateRecordingInput,
     summary_model=SimulateRecordingSummary,
-    run="stridelab.service.kinds.simulate_recording.run:run_in_child",
     stage=stage_input,
     publish=publish,
     timeout_s=300.0,

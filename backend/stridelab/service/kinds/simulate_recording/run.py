@@ -14,7 +14,7 @@ from stridelab.recordings.files.c3d_writer import write_c3d
 from stridelab.schemas import base
 from stridelab.schemas.jobs import SimulateRecordingSummary
 from stridelab.schemas.tasks import RecordingSource, SimulateRecordingTask
-from stridelab.service.kinds.base import ArtifactFile, Outcome, json_run
+from stridelab.service.kinds.base import ArtifactFile, Outcome
 from stridelab.service.kinds.parse_upload import recording_facts, write_tracks
 from stridelab.service.kinds.result_tables import C3D, write_atomically, write_table
 from stridelab.service.kinds.simulate_recording.kind import FACTS_FILE, RECORDING_FILE, TRACKS_FILE
@@ -46,9 +46,6 @@ def run(task: SimulateRecordingTask, folder: Path, progress: ProgressCallback) -
     progress(1.0, "done")
     artifacts = (ArtifactFile(RECORDING_FILE, C3D), *tables)
     return Outcome(summary.model_dump(mode="json"), references, artifacts)
-
-
-run_in_child = json_run(SimulateRecordingTask, run)
 
 
 def remove_private_files(folder: Path) -> None:

@@ -58,7 +58,6 @@ KIND = JobKind(
     },
     input_model=StudyPopulationInput,
     summary_model=StudyPopulationSummary,
-    run="stridelab.service.kinds.study_population.run:run_in_child",
     stage=stage,
     timeout_s=900.0,
     lane="long",

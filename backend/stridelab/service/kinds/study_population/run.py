@@ -12,7 +12,7 @@ from stridelab.parallel import map_isolated
 from stridelab.pipelines.population.study import study_population
 from stridelab.pipelines.progress import ProgressCallback
 from stridelab.schemas.tasks import StudyPopulationTask
-from stridelab.service.kinds.base import Outcome, json_run
+from stridelab.service.kinds.base import Outcome
 from stridelab.service.kinds.study_population.files import write_population
 
 PRELOAD: Final = ("stridelab.pipelines.population.study",)
@@ -31,6 +31,3 @@ def run(task: StudyPopulationTask, folder: Path, progress: ProgressCallback) -> 
     artifacts = write_population(folder, result.summary, steps)
     progress(1.0, "done")
     return Outcome(result.summary.model_dump(mode="json"), result.citation_keys, artifacts)
-
-
-run_in_child = json_run(StudyPopulationTask, run)

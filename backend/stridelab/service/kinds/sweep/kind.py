@@ -17,7 +17,6 @@ KIND = JobKind(
     },
     input_model=SweepInput,
     summary_model=SweepSummary,
-    run="stridelab.service.kinds.sweep.run:run_in_child",
     stage=stage_scenario(SweepTask),
     timeout_s=7200.0,
     memory_mb=8192,

@@ -15,7 +15,7 @@ from stridelab.parallel import map_isolated
 from stridelab.pipelines.progress import ProgressCallback
 from stridelab.pipelines.sweep_scenarios import Point, SweepRow, sweep_scenarios
 from stridelab.schemas.sweeps import SweepTask
-from stridelab.service.kinds.base import Outcome, json_run
+from stridelab.service.kinds.base import Outcome
 from stridelab.service.kinds.result_tables import write_table
 
 PRELOAD_MODULE: Final = "stridelab.pipelines.sweep_scenarios"
@@ -34,9 +34,6 @@ def run(task: SweepTask, folder: Path, progress: ProgressCallback, processes: in
     files = write_table(folder, "sweep", _sweep_columns(result.grid, result.rows), about)
     progress(1.0, "done")
     return Outcome(result.summary.model_dump(mode="json"), result.citation_keys, files)
-
-
-run_in_child = json_run(SweepTask, run)
 
 
 def _sweep_columns(grid: list[Point], rows: list[SweepRow]) -> dict[str, np.ndarray]:
