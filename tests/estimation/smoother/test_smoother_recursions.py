@@ -44,7 +44,7 @@ SIZES = Sizes(
     damping=same(0.2),
     overtone_m_s=np.array([0.001, 0.0008, 0.0]),
     overtone_hz=np.array([3.6, 4.0, 1.8]),
-    bias=np.array([[0.01, 0.05, 0.002, 0.0], [0.012, 0.05, 0.004, 0.0], [0.02, 0.1, 0.0, 0.0]]),
+    bias=np.array([[0.01, 0.05, 0.002, 0.3, 0.0], [0.012, 0.05, 0.004, 0.2, 0.0], [0.02, 0.1, 0.0, 0.0, 0.0]]),
     beyond_m_s2=same(2.0),
     beyond_s=same(0.1),
     height_m=0.9,
@@ -61,6 +61,7 @@ def some_signals() -> Signals:
         seen=SEEN,
         phi=np.full(N, PHI),
         sway=np.zeros((N, 3)),
+        segments_m=random.normal(0.0, 0.02, (N, 3)) * [1.0, 1.0, 0.0],
         velocity_m_s=np.array([0.1, -0.2, 0.0]),
     )
 
@@ -98,7 +99,7 @@ def written_out(axis: int, data: Signals) -> Dense:
     """The equations of the model's docstring, one after the other."""
     s, e = SIZES, Noise()
     turned = bool(s.turned[axis])
-    b0, ab, mu = (e.draw(sd) for sd in s.bias[axis, :3])
+    b0, ab, mu, factor = (e.draw(sd) for sd in s.bias[axis, :4])
     alpha, beta = np.exp(-2 * np.pi * s.marker_corner_hz[0] * DT), np.exp(-2 * np.pi * s.plate_corner_hz[0] * DT)
     w_sd = s.marker_m[0] * np.sqrt((1 + alpha) / 2)
     u_sd, n_sd = (x * np.sqrt((1 + beta) / 2) for x in (s.acceleration_m_s2[0], s.moment_m[0]))
@@ -124,6 +125,7 @@ def written_out(axis: int, data: Signals) -> Dense:
         if turned and SEEN[k]:
             y_mean.append(PHI * c_mean)
             rows.append(PHI * c + swings[0][0][1] + swings[1][0][1] + s.height_m / 9.81 * ab + mu + n - r)
+            rows[-1] += data.segments_m[k, axis] * factor
         if k + 1 < N and SEEN[k] and SEEN[k + 1]:
             known, unknown = data.acceleration_m_s2[k, axis], -ab - u + q
         else:
@@ -208,6 +210,7 @@ def test_the_likelihood_is_that_of_the_same_gaussian_up_to_a_constant(passed):
 def test_sample_by_sample_it_is_the_same_filter(passed):
     """Position given all samples up to k, from dense conditioning on exactly those."""
     data, space, _, _ = passed
+    data = replace(data, segments_m=np.zeros((N, 3)))  # a stream has no segments
     online = CausalFilter(space, data.geometry_m[0], data.velocity_m_s, phi=PHI)
     for k in range(N):
         if k:
@@ -247,7 +250,7 @@ def test_vertically_the_noise_of_the_geometry_is_learnt_from_its_roughness():
     """Twice as rough upwards is twice the noise there, and changes nothing horizontally."""
     data = some_signals()
     louder = replace(data, geometry_m=data.geometry_m * [1.0, 1.0, 2.0])
-    one, other = (learn_sizes(SIZES, signals, RATE_HZ).marker_m for signals in (data, louder))
+    one, other = (learn_sizes(SIZES, signals, RATE_HZ)[0].marker_m for signals in (data, louder))
     assert other == pytest.approx(one * [1.0, 1.0, 2.0], rel=1e-9)
 
 

@@ -1,43 +1,42 @@
 """Smoother as an estimator: coloured errors, masks, declared plate bias (docs/theory/smoother.md)."""
 
 from dataclasses import dataclass, field, replace
-from typing import ClassVar, Final
+from typing import ClassVar
 
 import numpy as np
 
 from stridelab.body.geometric_com import GeometricCom
-from stridelab.conventions import GRAVITY_M_S2, Points, Vector3
+from stridelab.conventions import GRAVITY_M_S2, Vector3
 from stridelab.dynamics.wrench import com_acceleration
 from stridelab.errors import NotEstimable
 from stridelab.estimation.differentiation import require_mass, smoothed_derivatives, window_span
 from stridelab.estimation.estimator import ComEstimate, StateCovariance
 from stridelab.estimation.evaluation.physics_residuals import segment_momentum_rate
-from stridelab.estimation.smoother.kalman_rts import compute_gains, filter_forward, smooth_backward
+from stridelab.estimation.smoother.kalman_rts import Signals, compute_gains, filter_forward, smooth_backward
 from stridelab.estimation.smoother.measurements import (
     Walk,
     in_walking_frame,
+    moment_in_metres,
     normalised_innovations,
     plate_bias_remarks,
     plate_bias_statistic,
     require_single_support,
     smoother_signals,
 )
-from stridelab.estimation.smoother.noise_levels import SmootherPriors, learn_sizes, sizes_of
+from stridelab.estimation.smoother.noise_levels import SmootherPriors, is_walk, learn_sizes, sizes_of, with_segments
 from stridelab.estimation.smoother.online_filter import OnlineSmoother
 from stridelab.estimation.smoother.state_space import ACCELERATION, Sizes, state_space
 from stridelab.recordings.recording import WrenchTrack
-
-UNEXPLAINED_MOMENTUM_SHARE: Final = 0.5
-"""Share of the angular momentum rate not explained by point masses: 10.1 of 22.7 Nm, lateral axis, adults."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Smoother:
     """Fixed-interval smoother; ``priors`` are the sizes of the input errors, that of the table is in the geometry.
 
-    ``learn`` estimates the noise levels from the recording (``noise_levels``). ``segment_momentum`` subtracts the
-    angular momentum of the segments as point masses, so that the prior covers only the rest. ``beyond_window`` returns
-    the whole gap-free stretch of geometry around the window instead of the window alone.
+    ``learn`` estimates the noise levels from the recording (``noise_levels``). In walking it also decides whether the
+    angular momentum of the segments as point masses is used, by the likelihood of the recording with and without it;
+    ``segment_momentum`` uses it always. ``beyond_window`` returns the whole gap-free stretch of geometry around the
+    window instead of the window alone.
     """
 
     name: ClassVar[str] = "smoother"
@@ -65,13 +64,7 @@ class Smoother:
         require_single_support(walk, span.within, sizes.swing_hz[0])
         if wrench.withheld is not None:
             walk = replace(walk, seen=seen & ~wrench.withheld[used])
-        known = np.zeros_like(walk.force_n)
-        if self.segment_momentum:
-            known = _segment_momentum(geometric, used, mass_kg) @ walk.frame.T
-            sizes = sizes.with_momentum_times(UNEXPLAINED_MOMENTUM_SHARE)
-        data = smoother_signals(walk, mass_kg, known)
-        if self.learn:
-            sizes = learn_sizes(sizes, data, rate_hz)
+        sizes, data = self._model(sizes, walk, geometric, used, mass_kg)
         space = state_space(sizes, rate_hz)
         gain_sets = compute_gains(space, data.seen, data.phi)
         forward = filter_forward(space, data, gain_sets)
@@ -101,6 +94,37 @@ class Smoother:
             },
         )
 
+    def _model(
+        self, sizes: Sizes, walk: Walk, geometric: GeometricCom, used: slice, mass_kg: float
+    ) -> tuple[Sizes, Signals]:
+        """Sizes and data, with the angular momentum of the segments where it is required or more probable.
+
+        Both models with a broad rest are compared. Where the segments explain nothing, because their motion is noise,
+        the narrow resonator of a periodic walk remains.
+        """
+        data = smoother_signals(walk, mass_kg)
+        rate_nm = segment_momentum_rate(geometric, mass_kg)
+        known = rate_nm is not None and bool(np.isfinite(rate_nm[used]).all())
+        if self.segment_momentum and not known:
+            raise NotEstimable(
+                "segments-missing",
+                "The angular momentum of the segments needs all segments at all times, and some are hidden.",
+            )
+        wanted = self.segment_momentum or (self.learn and is_walk(walk, mass_kg))
+        if rate_nm is None or not known or not wanted:
+            return (learn_sizes(sizes, data, walk.rate_hz)[0] if self.learn else sizes), data
+        segments_m = moment_in_metres(rate_nm[used] @ walk.frame.T, mass_kg * GRAVITY_M_S2)
+        rest, less = with_segments(sizes, data, segments_m)
+        if not self.learn:
+            return rest, less
+        rest, log_density = learn_sizes(rest, less, walk.rate_hz)
+        if self.segment_momentum:
+            return rest, less
+        without = learn_sizes(*with_segments(sizes, data, 0.0 * segments_m), walk.rate_hz)[1]
+        if log_density.sum() > without.sum():
+            return rest, less
+        return learn_sizes(sizes, data, walk.rate_hz)[0], data
+
     def causal(
         self,
         *,
@@ -115,16 +139,6 @@ class Smoother:
         """
         require_mass(mass_kg)
         return OnlineSmoother(self.priors, mass_kg, table_sd_m, velocity_m_s, ahead)
-
-
-def _segment_momentum(geometric: GeometricCom, used: slice, mass_kg: float) -> Points:
-    rate = segment_momentum_rate(geometric, mass_kg)
-    if rate is None or not np.isfinite(rate[used]).all():
-        raise NotEstimable(
-            "segments-missing",
-            "The angular momentum of the segments needs all segments at all times, and some are hidden.",
-        )
-    return rate[used]
 
 
 def _size_diagnostics(sizes: Sizes, walk: Walk, mass_kg: float) -> dict[str, float]:

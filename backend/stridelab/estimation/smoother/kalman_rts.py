@@ -27,6 +27,7 @@ from stridelab.estimation.smoother.state_space import (
     HEIGHT,
     MEASURED,
     MOMENT,
+    SEGMENTS,
     STATES,
     TABLE,
     C,
@@ -49,6 +50,7 @@ class Signals:
     """Data per axis of the walking frame, metres: y1, y2 (0 where not measured), and the acceleration from k to k + 1.
 
     ``phi`` and ``sway`` are the noise-free vertical and horizontal force over the weight (``state_space``);
+    ``segments_m`` is the rate of the segments' angular momentum over the weight, zeros where it is not used;
     ``velocity_m_s`` is the initial velocity of the filter.
     """
 
@@ -58,6 +60,7 @@ class Signals:
     seen: Mask
     phi: Series
     sway: Float[np.ndarray, "n axes"]
+    segments_m: Float[np.ndarray, "n axes"]
     velocity_m_s: Float[np.ndarray, "axes"]
 
     def __len__(self) -> int:
@@ -76,6 +79,7 @@ class Signals:
             moment_m=self.moment_m[:, axes],
             acceleration_m_s2=self.acceleration_m_s2[:, axes],
             sway=self.sway[:, axes],
+            segments_m=self.segments_m[:, axes],
             velocity_m_s=self.velocity_m_s[axes],
         )
 
@@ -98,7 +102,7 @@ class Gains:
 class Rest:
     """The final measurement at rest (``StateSpace.rest_variance``): innovation of the swing states, S^-1, log det S."""
 
-    innovation: Float[np.ndarray, "a 4 5"]
+    innovation: Float[np.ndarray, "a 4 6"]
     information: Float[np.ndarray, "a 4 4"]
     log_det: Float[np.ndarray, "a"]
 
@@ -107,17 +111,17 @@ class Rest:
 class ForwardPass:
     """Result of the forward pass: predicted states and innovations in columns, and the constants from all samples.
 
-    ``constants`` is beta per axis (table, acceleration, moment), ``constants_cov`` its posterior covariance.
+    ``constants`` is beta per axis (table, acceleration, moment, segments), ``constants_cov`` its posterior covariance.
     ``height_leak`` is the effect of a height error of one metre on beta. ``rest`` is the final measurement at rest.
     """
 
-    states: Float[np.ndarray, "n a 10 5"]
-    innovations: Float[np.ndarray, "n a 2 5"]
-    constants: Float[np.ndarray, "a 3"]
-    constants_cov: Float[np.ndarray, "a 3 3"]
-    information: Float[np.ndarray, "a 3 3"]
-    score: Float[np.ndarray, "a 3"]
-    height_leak: Float[np.ndarray, "a 3"]
+    states: Float[np.ndarray, "n a 10 6"]
+    innovations: Float[np.ndarray, "n a 2 6"]
+    constants: Float[np.ndarray, "a 4"]
+    constants_cov: Float[np.ndarray, "a 4 4"]
+    information: Float[np.ndarray, "a 4 4"]
+    score: Float[np.ndarray, "a 4"]
+    height_leak: Float[np.ndarray, "a 4"]
     height_sd: Float[np.ndarray, "a"]
     rest: "Rest"
 
@@ -188,6 +192,7 @@ def filter_forward(space: StateSpace, signals: Signals, gain_sets: Gains) -> For
     with_moment = signals.seen[:, None] & space.turned
     measured[with_moment, 1, 1 + ACCELERATION] = -space.lever_s2
     measured[with_moment, 1, 1 + MOMENT] = -1.0
+    measured[:, :, 1, 1 + SEGMENTS] = -signals.segments_m[:, axis] * with_moment
     measured[:, :, 1, 1 + HEIGHT] = signals.sway[:, axis] * with_moment
 
     x = np.zeros((models, STATES, COLUMNS))
@@ -261,7 +266,7 @@ def log_likelihood(space: StateSpace, gain_sets: Gains, forward: ForwardPass) ->
     return np.asarray(-0.5 * (quadratic - explained + dets + np.linalg.slogdet(shrunk)[1]))
 
 
-def _rest_measurement(space: StateSpace, p: Matrices, x: Float[np.ndarray, "a 10 5"]) -> Rest:
+def _rest_measurement(space: StateSpace, p: Matrices, x: Float[np.ndarray, "a 10 6"]) -> Rest:
     """Measurement at rest against the prediction (x, P) after the last sample; no information in mid-walk."""
     innovation = -x[:, L:]
     if space.rest_variance is None:
@@ -271,8 +276,8 @@ def _rest_measurement(space: StateSpace, p: Matrices, x: Float[np.ndarray, "a 10
 
 
 def _constant_posterior(
-    sd: Float[np.ndarray, "a 3"], information: Float[np.ndarray, "a 3 3"], score: Float[np.ndarray, "a 3"]
-) -> tuple[Float[np.ndarray, "a 3 3"], Float[np.ndarray, "a 3"]]:
+    sd: Float[np.ndarray, "a 4"], information: Float[np.ndarray, "a 4 4"], score: Float[np.ndarray, "a 4"]
+) -> tuple[Float[np.ndarray, "a 4 4"], Float[np.ndarray, "a 4"]]:
     """Posterior covariance and mean of the constants; a prior of zero switches a constant off."""
     core = np.linalg.inv(np.eye(HEIGHT) + _scale_information(sd, information))
     cov = sd[:, :, None] * core * sd[:, None, :]
@@ -280,8 +285,8 @@ def _constant_posterior(
 
 
 def _scale_information(
-    sd: Float[np.ndarray, "a 3"], information: Float[np.ndarray, "a 3 3"]
-) -> Float[np.ndarray, "a 3 3"]:
+    sd: Float[np.ndarray, "a 4"], information: Float[np.ndarray, "a 4 4"]
+) -> Float[np.ndarray, "a 4 4"]:
     return np.asarray(sd[:, :, None] * information * sd[:, None, :])
 
 

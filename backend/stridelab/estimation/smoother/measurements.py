@@ -27,7 +27,7 @@ from stridelab.dynamics.wrench import com_acceleration
 from stridelab.errors import NotEstimable
 from stridelab.estimation.differentiation import low_pass, walk_frame
 from stridelab.estimation.smoother.kalman_rts import ForwardPass, Gains, Signals
-from stridelab.estimation.smoother.state_space import ACCELERATION, StateSpace
+from stridelab.estimation.smoother.state_space import ACCELERATION, HEIGHT, StateSpace
 from stridelab.recordings.gap_filling import true_runs
 from stridelab.recordings.recording import Remark
 
@@ -73,20 +73,32 @@ def in_walking_frame(
     return Walk(frame, geometry_m @ frame.T, f, nu, seen, rate_hz, frame @ velocity, frame @ ground_m_s)
 
 
-def smoother_signals(walk: Walk, mass_kg: float, momentum_rate_nm: Points) -> Signals:
-    """y1, y2 and the trapezoidal acceleration; ``momentum_rate_nm`` is a known part of L' (zeros if none)."""
+def smoother_signals(walk: Walk, mass_kg: float) -> Signals:
+    """y1, y2 and the trapezoidal acceleration, without the angular momentum of the segments."""
     weight = mass_kg * GRAVITY_M_S2
     reference = low_pass(walk.geometry_m, walk.rate_hz, REFERENCE_BAND_HZ)
-    reduced = walk.moment_nm - np.cross(reference, walk.force_n) - momentum_rate_nm
+    reduced = walk.moment_nm - np.cross(reference, walk.force_n)
     smooth = low_pass(walk.force_n, walk.rate_hz, REFERENCE_BAND_HZ)
     phi = supported_share(walk, smooth, weight)
-    y2 = np.column_stack([-reduced[:, 1], reduced[:, 0], 0 * phi]) / weight + phi[:, None] * reference
+    y2 = moment_in_metres(reduced, weight) + phi[:, None] * reference
     a = com_acceleration(walk.force_n, mass_kg)
     trapezoid = np.concatenate([(a[:-1] + a[1:]) / 2, np.zeros((1, 3))])
     y2 = np.where(walk.seen[:, None], y2, 0.0)
     return Signals(
-        walk.geometry_m, y2, trapezoid, walk.seen, phi, smooth / weight * walk.seen[:, None], walk.velocity_m_s
+        geometry_m=walk.geometry_m,
+        moment_m=y2,
+        acceleration_m_s2=trapezoid,
+        seen=walk.seen,
+        phi=phi,
+        sway=smooth / weight * walk.seen[:, None],
+        segments_m=np.zeros_like(y2),
+        velocity_m_s=walk.velocity_m_s,
     )
+
+
+def moment_in_metres(moment_nm: Points, weight_n: float) -> Points:
+    """Horizontal moments in the walking frame as positions: -y and x over the weight; 0 vertically."""
+    return np.column_stack([-moment_nm[:, 1], moment_nm[:, 0], np.zeros(len(moment_nm))]) / weight_n
 
 
 def supported_share(walk: Walk, smooth_force_n: Points, weight_n: float) -> Series:
@@ -193,7 +205,9 @@ def plate_bias_remarks(
 
 def normalised_innovations(gain_sets: Gains, forward: ForwardPass) -> float:
     """Mean of e' S^-1 e over its degrees of freedom, without the constants: 1 if all error sizes are true."""
-    e = forward.innovations[..., 0] + np.einsum("kamc,ac->kam", forward.innovations[..., 1:4], forward.constants)
+    e = forward.innovations[..., 0] + np.einsum(
+        "kamc,ac->kam", forward.innovations[..., 1 : HEIGHT + 1], forward.constants
+    )
     squares = np.einsum("kam,kamn,kan->", e, gain_sets.information[gain_sets.use], e)
     return float(squares / (gain_sets.information[gain_sets.use][:, :, [0, 1], [0, 1]] > 1e-6).sum())
 

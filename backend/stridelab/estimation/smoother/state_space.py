@@ -9,16 +9,17 @@ With the moments reduced to metres (``measurements``), every axis of the walking
               derivative has zero mean
     o, o'     its overtones, a second and broader resonator
 
-and four unknown constants: table error b0, acceleration error ab (plates, mass), moment error mu (plates, clocks), and
-the error bz of the height, which the horizontal force turns into a moment. The constants are not states but regression
+and five unknown constants: table error b0, acceleration error ab (plates, mass), moment error mu (plates, clocks), the
+factor k of the angular momentum of the segments, less its mean, and the error bz of the height, which the horizontal
+force turns into a moment. The constants are not states but regression
 coefficients (``kalman_rts``), so that the gains converge. Measurements in metres:
 
     y1 = c + b0 + b + (w - p)                                geometry, white w
-    y2 = phi c + l' + o' + (z/g) ab + mu - s bz + (n - r)    moment over weight, white n
+    y2 = phi c + l' + o' + (z/g) ab + mu + k d - s bz + (n - r)    moment over weight, white n
 
-phi is 1 in walking, and in running the low-passed vertical force over the weight, never the raw one. s is the
-low-passed horizontal force over the weight. The vertical axis has no y2: a nearly vertical force does not determine the
-height.
+d is the rate of the segments' angular momentum over the weight, 0 where it is not used. phi is 1 in walking, and in
+running the low-passed vertical force over the weight, never the raw one. s is the low-passed horizontal force over the
+weight. The vertical axis has no y2: a nearly vertical force does not determine the height.
 
 The noises w and n also drive the memories p and r one step later. This correlation is removed by including the
 measurement in the transition: A - G H and an input G y (Anderson & Moore, Optimal Filtering, 5.5). A force bias of
@@ -32,9 +33,9 @@ from jaxtyping import Bool, Float, Int
 
 from stridelab.conventions import GRAVITY_M_S2
 
-STATES, MEASURED, CONSTANTS = 10, 2, 4
+STATES, MEASURED, CONSTANTS = 10, 2, 5
 C, V, B, P, Q, R, L, DL, O, DO = range(STATES)
-TABLE, ACCELERATION, MOMENT, HEIGHT = range(CONSTANTS)
+TABLE, ACCELERATION, MOMENT, SEGMENTS, HEIGHT = range(CONSTANTS)
 MISSING_VARIANCE_M2 = 1e8
 """Variance of a missing measurement."""
 MIN_SWING_SHARE = 1e-4
@@ -52,7 +53,7 @@ class Sizes:
 
     ``marker_m``, ``moment_m`` and ``acceleration_m_s2`` are the noise of y1, y2 and of the driving acceleration,
     high-passed at ``marker_corner_hz`` and ``plate_corner_hz`` (0: white). ``swing_m_s`` and ``overtone_m_s`` are L
-    over weight at ``swing_hz`` and ``overtone_hz``. ``bias`` holds the four constants. ``turned`` marks the axes
+    over weight at ``swing_hz`` and ``overtone_hz``. ``bias`` holds the five constants. ``turned`` marks the axes
     that have a y2. ``ends`` is the share of the swing at the first and after the last sample: 1 in mid-walk, 0 at rest.
     """
 
@@ -69,15 +70,11 @@ class Sizes:
     damping: PerModel
     overtone_m_s: PerModel
     overtone_hz: PerModel
-    bias: Float[np.ndarray, "a 4"]
+    bias: Float[np.ndarray, "a 5"]
     beyond_m_s2: PerModel
     beyond_s: PerModel
     height_m: float
     ends: tuple[float, float] = (1.0, 1.0)
-
-    def with_momentum_times(self, share: float) -> "Sizes":
-        """Scale the sizes of the angular momentum by ``share``."""
-        return replace(self, swing_m_s=share * self.swing_m_s, overtone_m_s=share * self.overtone_m_s)
 
     def repeat_batch(self, times: int) -> "Sizes":
         """Batch of ``times`` consecutive copies."""
@@ -110,7 +107,7 @@ class StateSpace:
     turned: Bool[np.ndarray, "a"]
     regimes: tuple[Regime, Regime, Regime]
     start_covariance: Matrices
-    constant_sd: Float[np.ndarray, "a 4"]
+    constant_sd: Float[np.ndarray, "a 5"]
     lever_s2: float
     drive: Float[np.ndarray, "10"]
     rest_variance: Float[np.ndarray, "a 4"] | None

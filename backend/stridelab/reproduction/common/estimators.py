@@ -61,6 +61,7 @@ def true_noise_priors(trial: StudyTrial) -> SmootherPriors:
         plate_corner_hz=noise.high_pass_hz,
         plate_force_n=noise.plate_bias_n,
         plate_moment_nm=noise.plate_bias_nm,
+        walking_moment_nm=(0.0, 0.0),
         clock_s=abs(noise.latency_s),
     )
 
