@@ -7,8 +7,8 @@ and the close reason is its code.
 
 import asyncio
 import contextlib
-from collections.abc import Awaitable, Callable
-from typing import Final, TypeVar
+from collections.abc import Awaitable, Callable, Mapping
+from typing import Any, Final, TypeVar
 
 import structlog
 from fastapi import APIRouter
@@ -86,7 +86,7 @@ async def _exchange_messages(socket: WebSocket, limits: Settings, pool: Isolated
     async with pool.open_session(ESTIMATOR, memory_mb=MEMORY_MB) as estimator:
         parcel = Parcel(TEXT, configuration.model_dump_json().encode())
         while True:
-            answer = await ask_estimator(estimator, parcel)
+            answer = Parcel.from_json(await ask_estimator(estimator, parcel.to_json()))
             rate.count_samples(answer.samples)
             async with asyncio.timeout(idle_s):
                 if answer.kind == PACKED:
@@ -96,15 +96,15 @@ async def _exchange_messages(socket: WebSocket, limits: Settings, pool: Isolated
             parcel = await receive_message(socket, limits.stream_message_kb * 1000, idle_s)
 
 
-async def ask_estimator(estimator: ChildSession, parcel: Parcel) -> Parcel:
-    """The child's answer to ``parcel``.
+async def ask_estimator(estimator: ChildSession, task: Mapping[str, Any]) -> dict[str, Any]:
+    """The child's answer to ``task``.
 
     Raises the child's error, or ``StridelabError`` with code ``stream-failed`` (the child died) or ``stream-stuck`` (no
     answer in time).
     """
-    outcome = await estimator.run(parcel.to_json())
+    outcome = await estimator.run(task)
     if outcome.state == "ok":
-        return Parcel.from_json(outcome.value)
+        return dict(outcome.value)
     if outcome.error_class is not None:
         raise outcome.as_error()
     log.error("stream failed", state=outcome.state, log_tail=outcome.log_tail[-2000:])

@@ -4,7 +4,9 @@
 """
 
 import asyncio
-from typing import Final
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from typing import Final, TypeVar
 
 from fastapi import APIRouter
 from starlette.websockets import WebSocket
@@ -22,9 +24,12 @@ from stridelab.service.api.stream.endpoints import (
 )
 from stridelab.service.api.stream.limits import SampleRateLimiter
 from stridelab.service.api.stream.messages import TEXT, Parcel
-from stridelab.service.api.stream.watching import LiveChannel, Picture
+from stridelab.service.api.stream.watching import LiveChannel
 from stridelab.service.auth.callers import Caller
+from stridelab.service.settings import Settings
 from stridelab.service.stored_marker_sets import source_marker_sets
+
+T = TypeVar("T")
 
 router = APIRouter(prefix="/stream/markers", tags=["streams"])
 
@@ -32,6 +37,8 @@ ESTIMATOR: Final = "stridelab.service.api.stream.marker_session:MarkerStreamAnsw
 HEADER_BYTES: Final = 200_000
 MAX_FRAMES_HZ: Final = 250.0
 """Maximum rate of frames: placing the segments takes about 4 ms per frame."""
+MAX_WAITING: Final = 100
+"""Frames of a stream that may wait for the estimator; further ones wait at the client."""
 ENDED: Final = 1000
 
 
@@ -61,9 +68,9 @@ async def watch_markers(socket: WebSocket, parts: AppParts, stream_id: str) -> N
 
     async def show() -> None:
         with parts.live.require_channel(stream_id).watch() as pictures:
-            listening = asyncio.ensure_future(_listen(socket))
+            listening = asyncio.ensure_future(_ignore_messages(socket))
             try:
-                while (picture := await _next_picture(pictures, listening)) is not None:
+                while (picture := await _next_of(pictures, listening)) is not None:
                     async with asyncio.timeout(parts.settings.stream_idle_s):
                         await socket.send_text(picture)
                 await socket.close(ENDED, "stream-ended")
@@ -86,37 +93,61 @@ async def _exchange_frames(socket: WebSocket, parts: Parts, caller: Caller) -> N
     task = MarkerStreamTask(configuration=configuration, marker_sets=own_sets, static_world_m=pose)
     channel, rate = LiveChannel(configuration), SampleRateLimiter(max_rate_hz)
     async with parts.pool.open_session(ESTIMATOR, memory_mb=MEMORY_MB) as estimator:
-        answer = await ask_estimator(estimator, Parcel(TEXT, task.model_dump_json().encode()))
+        answer = Parcel.from_json(await ask_estimator(estimator, {"header": task.model_dump(mode="json")}))
         ready = MarkerStreamReady.model_validate_json(answer.content)
         channel.marker_set = ready.marker_set
         with parts.live.announce(channel):
             ready = ready.model_copy(update={"stream_id": channel.stream_id})
             await socket.send_text(f'{{"ready":{ready.model_dump_json()}}}')
-            while True:
-                frame = await receive_message(socket, limits.stream_message_kb * 1000, limits.stream_idle_s)
-                if frame.kind != TEXT:
-                    raise InvalidInput("wrong-format", "A frame is a text message.")
-                answer = await ask_estimator(estimator, frame)
-                rate.count_samples(answer.samples)
-                async with asyncio.timeout(limits.stream_idle_s):
-                    await socket.send_text(answer.content.decode())
-                if answer.picture:
-                    channel.publish(answer.picture)
+            async with _receiving(socket, limits) as (waiting, receiving):
+                while True:
+                    frames = [await _next_of(waiting, receiving)]
+                    while not waiting.empty():
+                        frames.append(waiting.get_nowait())
+                    value = await ask_estimator(estimator, {"frames": [frame.to_json() for frame in frames]})
+                    rate.count_samples(len(frames))
+                    for answer in map(Parcel.from_json, value["answers"]):
+                        async with asyncio.timeout(limits.stream_idle_s):
+                            await socket.send_text(answer.content.decode())
+                        if answer.picture:
+                            channel.publish(answer.picture)
 
 
-async def _next_picture(pictures: Picture, listening: "asyncio.Task[None]") -> str | None:
-    """The next picture, None at the end of the stream. Raises ``WebSocketDisconnect`` when the client closes."""
-    waiting = asyncio.ensure_future(pictures.get())
+@asynccontextmanager
+async def _receiving(
+    socket: WebSocket, limits: Settings
+) -> AsyncIterator[tuple[asyncio.Queue[Parcel], asyncio.Task[None]]]:
+    """Receive frames beside the estimation, so that those which wait are known; a full queue stops the client."""
+    waiting: asyncio.Queue[Parcel] = asyncio.Queue(MAX_WAITING)
+
+    async def receive() -> None:
+        while True:
+            frame = await receive_message(socket, limits.stream_message_kb * 1000, limits.stream_idle_s)
+            if frame.kind != TEXT:
+                raise InvalidInput("wrong-format", "A frame is a text message.")
+            await waiting.put(frame)
+
+    receiving = asyncio.ensure_future(receive())
     try:
-        await asyncio.wait({waiting, listening}, return_when=asyncio.FIRST_COMPLETED)
-        if listening.done():
-            listening.result()
-        return waiting.result()
+        yield waiting, receiving
     finally:
-        waiting.cancel()
+        receiving.cancel()
+        await asyncio.gather(receiving, return_exceptions=True)
 
 
-async def _listen(socket: WebSocket) -> None:
+async def _next_of(queue: asyncio.Queue[T], receiving: asyncio.Task[None]) -> T:
+    """The next item of a queue; raises what ends ``receiving`` once the queue is empty."""
+    getting = asyncio.ensure_future(queue.get())
+    try:
+        await asyncio.wait({getting, receiving}, return_when=asyncio.FIRST_COMPLETED)
+        if not getting.done():
+            receiving.result()
+        return getting.result()
+    finally:
+        getting.cancel()
+
+
+async def _ignore_messages(socket: WebSocket) -> None:
     """Ignore what the client sends, until it closes: raises ``WebSocketDisconnect`` then."""
     while True:
         await receive_message(socket, HEADER_BYTES, None)

@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final
@@ -46,6 +46,8 @@ from stridelab.service.api.stream.messages import TEXT, Parcel
 
 PICTURE_S: Final = 0.0199
 """Shortest time between two pictures for those who watch."""
+NEWEST: Final = 2
+"""Of frames that wait together, those that are computed: a service that falls behind skips frames, not time."""
 _SHOWN_FAULTS: Final = 20
 _HIDDEN: Final = (math.nan, math.nan, math.nan)
 _FEET_NOT_MARKED: Final = Remark(
@@ -121,9 +123,20 @@ class MarkerSession:
             references=["carpentier2017thesis", "carpentier2016spectral", "hof2005"],
         )
 
-    def answer_frame(self, content: bytes) -> Parcel:
-        """Estimate at the frame in ``content``. Raises ``InvalidInput`` (``invalid-frame``) if it is no frame."""
-        frame = parse_frame(content, len(self._labels), self._n_plates)
+    def answer_frames(self, contents: Sequence[bytes]) -> list[Parcel]:
+        """Estimates at frames that wait together: at the last ``NEWEST`` of them, as the others are overtaken.
+
+        Raises ``InvalidInput`` (``invalid-frame``) if one is no frame.
+        """
+        frames = [parse_frame(content, len(self._labels), self._n_plates) for content in contents]
+        answers = [
+            self._answer(BalanceSample(frame.t_s, reason="overtaken", margin_reason="overtaken"))
+            for frame in frames[:-NEWEST]
+        ]
+        overtaken = [Parcel(TEXT, answer.model_dump_json().encode(), 1) for answer in answers]
+        return [*overtaken, *(self._answer_frame(frame) for frame in frames[-NEWEST:])]
+
+    def _answer_frame(self, frame: MarkerFrame) -> Parcel:
         points = np.array([_HIDDEN if m is None else [math.nan if x is None else x for x in m] for m in frame.markers])
         points = self._to_world(mark_missing(points[None])[0] * self._scale)
         plates = frame.plates or [None] * self._n_plates
@@ -178,17 +191,17 @@ class MarkerSession:
 
 
 class MarkerStreamAnswerer:
-    """The work of a stream's child: its first task is the ``MarkerStreamTask``, every other one a frame."""
+    """The work of a stream's child: its first task is the header, every other one the frames that wait."""
 
     def __init__(self) -> None:
         self._session: MarkerSession | None = None
 
     def __call__(self, task: dict[str, Any], _folder: Path | None, _progress: ProgressCallback) -> dict[str, Any]:
-        """Answer ``task``, a ``Parcel`` as JSON. Raises as ``MarkerSession``."""
-        parcel = Parcel.from_json(task)
+        """Answer a ``MarkerStreamTask`` (``header``) or parcels (``frames``) as JSON. Raises as ``MarkerSession``."""
         if self._session is not None:
-            return self._session.answer_frame(parcel.content).to_json()
-        self._session = MarkerSession(MarkerStreamTask.model_validate_json(parcel.content))
+            contents = [Parcel.from_json(frame).content for frame in task["frames"]]
+            return {"answers": [answer.to_json() for answer in self._session.answer_frames(contents)]}
+        self._session = MarkerSession(MarkerStreamTask.model_validate(task["header"]))
         return Parcel(TEXT, self._session.ready.model_dump_json().encode()).to_json()
 
 

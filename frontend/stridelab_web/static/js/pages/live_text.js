@@ -6,6 +6,7 @@ const MOST_M = 0.3;
 
 const REASONS = {
   "frame-late": "the frame came late",
+  overtaken: "the service is behind",
   "no-contact": "no foot stands; on a treadmill, state the speed of the belt",
   "feet-hidden": "the markers of the feet are hidden",
   "feet-not-marked": "the feet are not marked",
