@@ -24,7 +24,6 @@ RULES: Final = (
     (r"asyncio\.sleep", "time.sleep"),
     (r"AsyncIterator, Callable, Coroutine, Iterator", "Callable, Iterator"),
     (r"Coroutine\[Any, Any, (\w+)\]", r"\1"),
-    (r"uploads\.iterate_async\((upload\.pieces\(progress\))\)", r"\1"),
     (r"\basync (def|with|for)\b", r"\1"),
     (r"\(await (self\.\w+\([^()]*\))\)", r"\1"),
     (r"\bawait ", ""),

@@ -13,8 +13,7 @@ from typing import Any
 import httpx
 import pytest
 
-from stridelab.client import AsyncClient, Client, ClientError, ProblemError, Unreachable
-from stridelab.client.uploads import Upload
+from stridelab.client import AsyncClient, Client, ClientError, ProblemError, Unreachable, uploads
 from stridelab.schemas.base import Problem
 from stridelab.schemas.jobs import EstimateComInput, Job
 from stridelab.schemas.recordings import PlateSwitch, RecordingPatch, SubjectFields, SubjectInput
@@ -310,7 +309,11 @@ def test_token_and_odd_ids_travel_safely() -> None:
 def test_the_announced_length_of_an_upload_is_true(tmp_path: Path) -> None:
     path = tmp_path / 'a"b\\ü\n.c3d'
     path.write_bytes(b"\x00" * 600_001)
-    upload = Upload(path, SubjectFields(name="Ü\r\nx", mass_kg=60.5, age_years=0.0))
-    body = b"".join(upload.pieces())
-    assert upload.headers()["Content-Length"] == str(len(body))
+    subject = SubjectFields(name="Ü\r\nx", mass_kg=60.5, age_years=0.0)
+    request = httpx.Request(
+        "POST", "http://lab", **uploads.form([(path.name, path)], uploads.text_fields(subject, "a"))
+    )
+    body = request.read()
+    assert request.headers["Content-Length"] == str(len(body))
+    assert b'filename="a%22b\xc3\xbc.c3d"' in body
     assert body.count(b"\x00") == 600_001

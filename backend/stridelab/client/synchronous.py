@@ -96,9 +96,9 @@ class Client:
         progress: uploads.ProgressCallback | None = None,
     ) -> Recording:
         """Upload a recording, which is parsed on return; ``progress(sent_bytes, total_bytes)`` is called meanwhile."""
-        upload = uploads.Upload(path, subject or SubjectFields(), filename, session_id)
+        form = uploads.form([(filename or path.name, path)], uploads.text_fields(subject, session_id), progress)
         with self._translate_errors():
-            response = self._http.post(uploads.PATH, content=upload.pieces(progress), headers=upload.headers())
+            response = self._http.post(uploads.PATH, **form)
         endpoints.raise_for_problem(response)
         return endpoints.response_reader(Recording)(response)
 
@@ -113,14 +113,9 @@ class Client:
 
         If the service reads them in a job, waits for it; a failed job raises ``ProblemError``.
         """
-        upload = uploads.BatchUpload(files, table)
+        form = uploads.form(files, {} if table is None else {"subjects": table}, progress)
         with self._translate_errors():
-            response = self._http.post(
-                uploads.BATCH_PATH,
-                content=upload.pieces(progress),
-                headers=upload.headers(),
-                timeout=uploads.BATCH_TIMEOUT_S,
-            )
+            response = self._http.post(uploads.BATCH_PATH, **form, timeout=uploads.BATCH_TIMEOUT_S)
         endpoints.raise_for_problem(response)
         if response.status_code != HTTPStatus.ACCEPTED:
             return endpoints.response_reader(RecordingBatch)(response)

@@ -1,8 +1,7 @@
-"""Request bodies of uploads: multipart forms of known length, whose files are read in pieces."""
+"""Forms of uploads for httpx, whose files are read in pieces while they are sent."""
 
-import secrets
-from collections.abc import AsyncIterator, Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+import os
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,70 +17,58 @@ BATCH_PATH = f"{PATH}/batch"
 BATCH_TIMEOUT_S = 900.0
 """Timeout of a bulk upload: older services read all files before they answer, newer ones answer with a job."""
 PIECE_BYTES = 256 * 1024
+OCTETS = "application/octet-stream"
 ProgressCallback = Callable[[int, int], None]
 """Called with the number of bytes sent so far and in total."""
 
 
-@dataclass(frozen=True)
-class Upload:
-    """Form of a single upload: one file and the text fields."""
+class _SentFile:
+    """A file of a form as httpx reads it: open only while it is sent; ``report`` is called with the bytes just sent."""
 
-    path: Path
-    subject: SubjectFields = field(default_factory=SubjectFields)
-    filename: str | None = None
-    session_id: str | None = None
-    boundary: str = field(default_factory=lambda: secrets.token_hex(16))
+    def __init__(self, path: Path, report: Callable[[int], None]) -> None:
+        self._path, self._report = path, report
+        self._pieces: Iterator[bytes] = iter(())
 
-    def headers(self) -> dict[str, str]:
-        """Headers that describe the body."""
-        return _form_headers(self.boundary, len(self._part_head()) + self.path.stat().st_size)
+    def tell(self) -> int:
+        return 0
 
-    def pieces(self, progress: ProgressCallback | None = None) -> Iterator[bytes]:
-        """The body, in pieces."""
-        return _form_pieces(b"", [(self._part_head(), self.path)], self.boundary, progress)
+    def seek(self, _offset: int, whence: int = os.SEEK_SET) -> int:
+        if whence == os.SEEK_END:  # httpx computes the length of the form
+            return self._path.stat().st_size
+        self._pieces = self._read_pieces()
+        return 0
 
-    def _part_head(self) -> bytes:
-        parts = [
-            f'--{self.boundary}\r\nContent-Disposition: form-data; name="{name}"\r\n\r\n{value}\r\n'
-            for name, value in self._text_fields().items()
-        ]
-        parts.append(f"--{self.boundary}\r\n{_file_part(self.filename or self.path.name)}")
-        return "".join(parts).encode("utf-8", "replace")
+    def read(self, _size: int) -> bytes:
+        return next(self._pieces, b"")
 
-    def _text_fields(self) -> Mapping[str, str]:
-        stated = self.subject.model_dump(exclude_none=True)
-        fields = {("subject_name" if name == "name" else name): str(value) for name, value in stated.items()}
-        return fields if self.session_id is None else {**fields, "session_id": self.session_id}
+    def _read_pieces(self) -> Iterator[bytes]:
+        with self._path.open("rb") as source:
+            while piece := source.read(PIECE_BYTES):
+                yield piece
+                self._report(len(piece))
 
 
-@dataclass(frozen=True)
-class BatchUpload:
-    """Form of a bulk upload: ``files`` are pairs of name and path, ``table`` is the subject table (CSV)."""
+def form(
+    files: Sequence[tuple[str, Path]], fields: Mapping[str, str], progress: ProgressCallback | None = None
+) -> dict[str, Any]:
+    """Arguments of httpx for a form with ``fields`` and ``files`` (name, path), whose bytes ``progress`` counts."""
+    total, sent = sum(path.stat().st_size for _, path in files), 0
 
-    files: Sequence[tuple[str, Path]]
-    table: str | None = None
-    boundary: str = field(default_factory=lambda: secrets.token_hex(16))
+    def report(count: int) -> None:
+        nonlocal sent
+        sent += count
+        if progress is not None:
+            progress(sent, total)
 
-    def headers(self) -> dict[str, str]:
-        """Headers that describe the body."""
-        parts = sum(len(self._part_head(name)) + path.stat().st_size for name, path in self.files)
-        return _form_headers(self.boundary, len(self._table_part()) + parts)
+    parts = [("file", (_printable_name(name), _SentFile(path, report), OCTETS)) for name, path in files]
+    return {"data": dict(fields), "files": parts}
 
-    def pieces(self, progress: ProgressCallback | None = None) -> Iterator[bytes]:
-        """The body, in pieces."""
-        return _form_pieces(
-            self._table_part(), [(self._part_head(name), path) for name, path in self.files], self.boundary, progress
-        )
 
-    def _table_part(self) -> bytes:
-        if self.table is None:
-            return b""
-        head = f'--{self.boundary}\r\nContent-Disposition: form-data; name="subjects"'
-        return f"{head}\r\n\r\n{self.table}".encode()
-
-    def _part_head(self, name: str) -> bytes:
-        # text before the first boundary is ignored, so every part may begin with a line break
-        return f"\r\n--{self.boundary}\r\n{_file_part(name)}".encode("utf-8", "replace")
+def text_fields(subject: SubjectFields | None, session_id: str | None) -> dict[str, str]:
+    """Text fields of a single upload."""
+    stated = {} if subject is None else subject.model_dump(exclude_none=True)
+    fields = {("subject_name" if name == "name" else name): str(value) for name, value in stated.items()}
+    return fields if session_id is None else {**fields, "session_id": session_id}
 
 
 def batch_of(summary: Mapping[str, Any], recordings: Sequence[Recording]) -> RecordingBatch:
@@ -98,45 +85,5 @@ def refusal_of(job: Job) -> ProblemError:
     return ProblemError(job.error or Problem(title="Conflict", status=409, code="job-without-result", detail=detail))
 
 
-async def iterate_async(pieces: Iterator[bytes]) -> AsyncIterator[bytes]:
-    """Convert an iterator to an asynchronous one."""
-    for piece in pieces:
-        yield piece
-
-
-def _form_headers(boundary: str, length: int) -> dict[str, str]:
-    """Headers of a form whose parts have ``length`` bytes."""
-    return {
-        "Content-Type": f"multipart/form-data; boundary={boundary}",
-        "Content-Length": str(length + len(_closing_boundary(boundary))),
-    }
-
-
-def _form_pieces(
-    first: bytes, files: Sequence[tuple[bytes, Path]], boundary: str, progress: ProgressCallback | None
-) -> Iterator[bytes]:
-    """Yield ``first``, each file after its part header, and the end; ``progress`` counts the files only."""
-    if first:
-        yield first
-    total, sent = sum(path.stat().st_size for _, path in files), 0
-    for head, path in files:
-        yield head
-        with path.open("rb") as source:
-            while piece := source.read(PIECE_BYTES):
-                yield piece
-                sent += len(piece)
-                if progress is not None:
-                    progress(sent, total)
-    yield _closing_boundary(boundary)
-
-
-def _closing_boundary(boundary: str) -> bytes:
-    return f"\r\n--{boundary}--\r\n".encode()
-
-
-def _file_part(claimed: str) -> str:
-    """Header of a part with a file."""
-    name = claimed.replace("\\", "").replace('"', "%22")
-    name = "".join(character for character in name if character.isprintable())
-    disposition = f'Content-Disposition: form-data; name="file"; filename="{name}"'
-    return f"{disposition}\r\nContent-Type: application/octet-stream\r\n\r\n"
+def _printable_name(claimed: str) -> str:
+    return "".join(character for character in claimed.replace("\\", "") if character.isprintable())
