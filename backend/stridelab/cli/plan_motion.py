@@ -162,22 +162,10 @@ class PlanRequest:
 
     def to_input(self, scenario: Scenario | None) -> PlanMotionInput:
         """Input of the job; without a scenario, the name is taken as a scenario id."""
-        source = {"scenario_id": self.scenario} if scenario is None else {"scenario": scenario}
+        scenario_id = self.scenario if scenario is None else None
         replay = self.whole_body if self.replay is None else self.replay
-        return PlanMotionInput(
-            **source,
-            whole_body=self.whole_body,
-            replay=self.replay_options() or replay,
-            measure=self.measure,
-            formulation=self.formulation,
-            solver=self.solver,
-            node_rate_hz=self.node_rate_hz,
-            shape=self.shape,
-            time_limit_s=self.time_limit_s,
-            free_durations=self.free_durations,
-            duration_range=self.duration_range,
-            film=self.film,
-        )
+        replay_options = self.replay_options() or replay
+        return PlanMotionInput.from_object(self, scenario_id=scenario_id, scenario=scenario, replay=replay_options)
 
 
 def parse_push(text: str) -> dict[str, Any]:

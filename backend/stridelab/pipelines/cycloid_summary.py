@@ -68,7 +68,8 @@ def _single_step_remarks(fits: Sequence[StepFit], between: Scatter | None) -> tu
 def _fitted_step(fit: StepFit, *, rivals: bool) -> contract.FittedStep:
     step, wheel, distance = fit.step, fit.path.wheel, MM * fit.path.distance_m
     _, R_sd, r_sd, z0_sd = (float(v) for v in fit.path.sd_m)
-    return contract.FittedStep(
+    return contract.FittedStep.from_object(
+        fit,
         t0_s=step.start_s,
         t1_s=step.end_s,
         fitted_s=(float(fit.time_s[0]), float(fit.time_s[-1])),
@@ -78,37 +79,24 @@ def _fitted_step(fit: StepFit, *, rivals: bool) -> contract.FittedStep:
         R_m=wheel.R_m,
         r_m=wheel.r_m,
         z0_m=wheel.z0_m,
-        omega_rad_s=fit.omega_rad_s,
-        theta0_rad=fit.theta0_rad,
         sd=contract.WheelSd(R_m=R_sd, r_m=r_sd, z0_m=z0_sd),
         error_mean_mm=float(distance.mean()),
         error_sd_mm=float(distance.std()),
         error_max_mm=float(distance.max()),
-        theta_off_line_rad=fit.theta_off_line_rad,
         double_support_s=step.double_support_s,
-        double_support_model_s=fit.double_support_model_s,
         period_s=step.period_s,
         step_length_m=step.length_m,
         speed_m_s=mean_speed_m_s(fit),
-        circumference_share=fit.circumference_share,
         reversed=_wheel_schema(fit.reversed_path, fit.time_s),
         timed=_timed_wheel(fit.timed),
         reversed_timed=_timed_wheel(fit.reversed_timed),
         rivals=[
-            contract.Rival(
-                model=c.model,
-                space=space,
-                parameters=c.parameters,
-                rms_mm=MM * c.rms_m,
-                held_out_mm=MM * c.held_out_rms_m,
-                aic=c.aic,
-            )
+            contract.Rival.from_object(c, space=space, rms_mm=MM * c.rms_m, held_out_mm=MM * c.held_out_rms_m)
             for space, contests in (("path", fit.path_rivals), ("time", fit.time_rivals))
             for c in contests
         ]
         if rivals
         else [],
-        flags=list(fit.flags),
     )
 
 

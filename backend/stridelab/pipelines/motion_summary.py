@@ -45,16 +45,13 @@ def plan_summary(
     """The ``PlanMotionSummary``; ``given`` is the sequence of the scenario, ``problem`` the solved problem."""
     sequence, verification = plan.sequence, plan.verification
     durations = phase_durations(given, sequence) if request.free_durations else None
-    return PlanMotionSummary(
+    return PlanMotionSummary.from_object(
+        plan,
         scenario_name=sequence.name,
         robot=sequence.robot,
         duration_s=sequence.duration_s,
         n_phases=len(sequence.phases),
-        converged=plan.converged,
-        solver=plan.solver,
         solver_because=native_unused_reason(request.solver, {plan.solver}, unsupported_features(problem)),
-        objective=plan.objective,
-        cost_terms=dict(plan.cost_terms),
         weights=CostWeights(**asdict(problem.weights)),
         formulation=formulation_of(request),
         shape=problem.shape,
@@ -63,13 +60,12 @@ def plan_summary(
         kkt_error=_kkt_error(plan),
         phase_durations=durations,
         normal_force_max_n=dict(problem.bounds.normal_force_max_n),
-        iterations=plan.iterations,
-        solve_time_s=plan.solve_time_s,
-        build_time_s=plan.build_time_s,
         verification=PlanVerification(**{f.name: float(getattr(verification, f.name)) for f in fields(verification)}),
         stage_times_s=dict(stage_times_s),
         certificate=certificate,
         replay=replay,
+        stopped=None,
+        agreement=[],
         warnings=list(warnings),
     )
 

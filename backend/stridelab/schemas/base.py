@@ -14,7 +14,7 @@ class Contract(BaseModel):
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False, frozen=True)
 
     @classmethod
-    def from_object(cls: type[Model], source: object, **others: Any) -> Model:  # noqa: PYI019 (beartype cannot check Self)
+    def from_object(cls: type[Model], source: object, /, **others: Any) -> Model:  # noqa: PYI019 (beartype cannot check Self)
         """Instance with the values ``others``, and for all other fields the attributes of ``source`` of their names."""
         fields = {name: getattr(source, name) for name in cls.model_fields if name not in others}
         return cls.model_validate({**fields, **others})

@@ -23,6 +23,17 @@ THESIS_CORRELATIONS: Final[Mapping[tuple[str, str], float]] = {
 """Coefficients of figures 3.7 and 3.8; for omega (fig. 3.9) the thesis gives p >= 0.83 and no coefficient."""
 
 
+_WITH_DEVIATIONS: Final = (
+    *(("R", "m"), ("r", "m"), ("z0", "m"), ("omega", "rad_s")),
+    *(("double_support_start_error", "s"), ("double_support_end_error", "s")),
+)
+"""Quantities, with their units, of which a subject has a mean and a standard deviation."""
+_MEANS: Final = (
+    *(f"{name}_{unit}" for name, unit in _WITH_DEVIATIONS),
+    *("speed_m_s", "step_length_m", "error_mean_mm", "error_sd_mm", "error_max_mm", "circumference_share"),
+)
+
+
 def subject_results(
     subjects: Sequence[SubjectMean], subjects_by_name: Mapping[str, StudySubject]
 ) -> list[SubjectResult]:
@@ -31,41 +42,16 @@ def subject_results(
 
 
 def _subject_result(one: SubjectMean, subject: StudySubject) -> SubjectResult:
-    def finite_mean(name: str) -> float | None:
-        return _finite_or_none(one.mean[name])
-
-    def finite_sd(name: str) -> float | None:
-        return _finite_or_none(one.sd[name])
-
-    return SubjectResult(
+    return SubjectResult.from_object(
+        one.person,
         subject=one.person.name,
-        group=one.person.group,
-        group_source=one.person.group_source,
         recordings=list(subject.recordings),
         n_steps=one.n_steps,
-        height_m=one.person.height_m,
-        leg_m=one.person.leg_m,
         age_years=subject.fields.age_years,
         sex=subject.fields.sex,
         mass_kg=subject.fields.mass_kg,
-        speed_m_s=finite_mean("speed_m_s"),
-        step_length_m=finite_mean("step_length_m"),
-        R_m=one.mean["R_m"],
-        R_sd_m=finite_sd("R_m"),
-        r_m=one.mean["r_m"],
-        r_sd_m=finite_sd("r_m"),
-        z0_m=one.mean["z0_m"],
-        z0_sd_m=finite_sd("z0_m"),
-        omega_rad_s=one.mean["omega_rad_s"],
-        omega_sd_rad_s=finite_sd("omega_rad_s"),
-        error_mean_mm=one.mean["error_mean_mm"],
-        error_sd_mm=finite_mean("error_sd_mm"),
-        error_max_mm=one.mean["error_max_mm"],
-        circumference_share=finite_mean("circumference_share"),
-        double_support_start_error_s=finite_mean("double_support_start_error_s"),
-        double_support_start_error_sd_s=finite_sd("double_support_start_error_s"),
-        double_support_end_error_s=finite_mean("double_support_end_error_s"),
-        double_support_end_error_sd_s=finite_sd("double_support_end_error_s"),
+        **{name: _finite_or_none(one.mean[name]) for name in _MEANS},
+        **{f"{name}_sd_{unit}": _finite_or_none(one.sd[f"{name}_{unit}"]) for name, unit in _WITH_DEVIATIONS},
     )
 
 
