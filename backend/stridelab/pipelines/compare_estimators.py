@@ -14,7 +14,7 @@ from stridelab.estimation.evaluation.comparison import Assessment, Comparison, C
 from stridelab.estimation.evaluation.truth_errors import TruthError
 from stridelab.estimation.markers_only import GeometryOnly
 from stridelab.pipelines.com_inputs import ComInputs, prepare_com_inputs, require_method
-from stridelab.pipelines.estimate_com import assess_estimate, build_estimator, quality_schema
+from stridelab.pipelines.estimate_com import assess_estimate, build_estimator, summary_fields
 from stridelab.pipelines.progress import ProgressCallback
 from stridelab.recordings.recording import Recording
 from stridelab.schemas import base
@@ -86,29 +86,15 @@ def estimators_of(request: CompareEstimatorsInput) -> dict[str, ComEstimator]:
 
 
 def _comparison_summary(prepared: ComInputs, found: Comparison, *, with_truth: bool) -> CompareEstimatorsSummary:
-    window = next(iter(found.assessments.values())).estimate.window
-    latency = prepared.latency
+    first = next(iter(found.assessments.values())).estimate
     quality = assess_estimate(prepared, _representative_estimate(found))
     return CompareEstimatorsSummary(
-        window_s=(window.start_s, window.end_s),
-        rate_hz=prepared.trial.recording.marker_rate_hz,
-        segment_table=prepared.geometric.table,
+        **summary_fields(prepared, first, quality, (), "laboratory"),
         mass_kg=prepared.mass.mass_kg,
-        latency_s=latency.latency_s,
-        latency_sd_s=latency.sd_s,
-        latency_applied_s=latency.applied_s,
-        latency_source=latency.latency_source,
-        latency_n_trials=latency.n_trials,
-        session=prepared.session,
-        treadmill=prepared.treadmill("laboratory"),
+        latency_sd_s=prepared.latency.sd_s,
         reference="truth" if with_truth else "geometry",
         methods={name: _method_assessment(a) for name, a in found.assessments.items()},
         refused={name: base.Remark(code=e.code, message=e.message) for name, e in found.failures.items()},
-        quality=quality_schema(quality),
-        warnings=[
-            base.Remark(code=r.code, message=r.message)
-            for r in dict.fromkeys((*quality.remarks, *prepared.all_remarks))
-        ],
     )
 
 

@@ -8,9 +8,8 @@ from stridelab.conventions import Series, Vector3
 from stridelab.estimation.estimator import ComEstimate
 from stridelab.estimation.quality import Quality
 from stridelab.pipelines.com_inputs import ComInputs
-from stridelab.pipelines.estimate_com import quality_schema
+from stridelab.pipelines.estimate_com import summary_fields
 from stridelab.recordings.recording import Remark
-from stridelab.schemas import base
 from stridelab.schemas import cycloid as contract
 from stridelab.walking.path_fit import PathFit
 from stridelab.walking.step_fit import StepFit
@@ -34,27 +33,16 @@ def cycloid_summary(
     rivals: bool,
 ) -> contract.FitCycloidSummary:
     """Build the summary, with steps in chronological order; ``rivals`` adds the fits of the simpler models."""
-    recording, latency = prepared.trial.recording, prepared.latency
-    remarks = (*quality.remarks, *prepared.all_remarks, *estimate.remarks, *_single_step_remarks(fits, between))
+    remarks = (*estimate.remarks, *_single_step_remarks(fits, between))
     return contract.FitCycloidSummary(
-        window_s=(estimate.window.start_s, estimate.window.end_s),
-        rate_hz=recording.marker_rate_hz,
+        **summary_fields(prepared, estimate, quality, remarks, "belt"),
         method=estimate.method,
-        segment_table=prepared.geometric.table,
         mass_kg=prepared.mass.known_kg,
-        latency_s=latency.latency_s,
-        latency_applied_s=latency.applied_s,
-        latency_source=latency.latency_source,
-        latency_n_trials=latency.n_trials,
-        session=prepared.session,
-        treadmill=prepared.treadmill("belt"),
         ahead=(float(walking_direction[0]), float(walking_direction[1])),
         steps=[_fitted_step(fit, rivals=rivals) for fit in fits],
         overlapping=[_overlapping_fit(overlap) for overlap in overlaps],
         step_to_step_sd=None if between is None else contract.StepScatter.from_object(between),
         steps_left_out=len(all_steps) - len(fits),
-        quality=quality_schema(quality),
-        warnings=[base.Remark(code=r.code, message=r.message) for r in dict.fromkeys(remarks)],
     )
 
 

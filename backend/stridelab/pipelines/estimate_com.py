@@ -9,7 +9,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Final
+from typing import Any, Final, Literal
 
 import numpy as np
 
@@ -67,38 +67,51 @@ def estimate_com(task: EstimateComTask, folder: Path, progress: ProgressCallback
     estimate = estimate_with_fallback(method, request, prepared)
 
     quality = assess_estimate(prepared, estimate)
-    remarks = (*quality.remarks, *prepared.all_remarks, *estimate.remarks)
     summary = EstimateComSummary(
-        window_s=(estimate.window.start_s, estimate.window.end_s),
-        rate_hz=trial.recording.marker_rate_hz,
+        **summary_fields(prepared, estimate, quality, estimate.remarks, "laboratory"),
         method=estimate.method,
-        segment_table=geometric.table,
         mass_kg=mass.known_kg,
         mass_source=mass.source,
         mass_sd_kg=mass.known_sd_kg,
         mass_from_force_kg=trial.force_mass_kg,
         masses=[ComparedMass.model_validate(asdict(known)) for known in mass.compared],
-        latency_s=latency.latency_s,
         latency_sd_s=latency.sd_s,
-        latency_applied_s=latency.applied_s,
-        latency_source=latency.latency_source,
-        latency_n_trials=latency.n_trials,
         latency_trial_s=latency.trial_estimate.latency_s if latency.trial_estimate else None,
         latency_trial_sd_s=latency.trial_estimate.sd_s if latency.trial_estimate else None,
-        session=prepared.session,
         latency_along_s=latency.trial_estimate.along.lag_s if latency.trial_estimate else None,
         latency_lateral_s=latency.trial_estimate.lateral.lag_s if latency.trial_estimate else None,
         latency_vertical_s=latency.trial_estimate.vertical.lag_s if latency.trial_estimate else None,
         rms_force_residual_n=force_residual_n(estimate, wrench, mass.mass_kg).tolist() if windows else [],
         bias_m=bias_m(estimate, geometric).tolist(),
         sd_m=np.median(estimate.sd_m, axis=0).tolist(),
-        treadmill=prepared.treadmill("laboratory"),
         observability=asdict(summarise_observability(estimate)) if windows else {},
         diagnostics={name: value for name, value in estimate.diagnostics.items() if math.isfinite(value)},
-        quality=quality_schema(quality),
-        warnings=[base.Remark(code=r.code, message=r.message) for r in dict.fromkeys(remarks)],
     )
     return ComResult(prepared, estimate, summary)
+
+
+def summary_fields(
+    prepared: ComInputs,
+    estimate: ComEstimate,
+    quality: Assessed,
+    remarks: Sequence[Remark],
+    frame: Literal["laboratory", "belt"],
+) -> dict[str, Any]:
+    """The fields of a ``RecordingSummary``, with positions in ``frame``; ``remarks`` come after those of the inputs."""
+    latency, all_remarks = prepared.latency, (*quality.remarks, *prepared.all_remarks, *remarks)
+    return {
+        "window_s": (estimate.window.start_s, estimate.window.end_s),
+        "rate_hz": prepared.trial.recording.marker_rate_hz,
+        "segment_table": prepared.geometric.table,
+        "latency_s": latency.latency_s,
+        "latency_applied_s": latency.applied_s,
+        "latency_source": latency.latency_source,
+        "latency_n_trials": latency.n_trials,
+        "session": prepared.session,
+        "treadmill": prepared.treadmill(frame),
+        "quality": quality_schema(quality),
+        "warnings": [base.Remark(code=r.code, message=r.message) for r in dict.fromkeys(all_remarks)],
+    }
 
 
 def requested_method(request: EstimateComInput) -> str | None:

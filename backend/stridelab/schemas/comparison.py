@@ -8,12 +8,10 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from stridelab.schemas.base import Contract, Interval, Remark
-from stridelab.schemas.jobs import EstimateComInput
+from stridelab.schemas.jobs import EstimateComInput, RecordingSummary
 from stridelab.schemas.methods import Method
 from stridelab.schemas.population import MAX_RECORDINGS, LeftOut, SubjectOfRecording, refuse_repeated_recordings
 from stridelab.schemas.quality import Quality, TrialQuality
-from stridelab.schemas.recordings import TreadmillBelts
-from stridelab.schemas.sessions import LatencySource, SessionValues
 
 
 class CompareEstimatorsInput(EstimateComInput):
@@ -76,25 +74,14 @@ class MethodAssessment(Contract):
     warnings: list[Remark]
 
 
-class CompareEstimatorsSummary(Contract):
+class CompareEstimatorsSummary(RecordingSummary):
     """All estimators on one recording: errors against the ground truth, agreement with physics, and spectra."""
 
-    window_s: Interval
-    rate_hz: float
-    segment_table: str
     mass_kg: float
-    latency_s: float | None
     latency_sd_s: float | None
-    latency_applied_s: float
-    latency_source: LatencySource = "trial"
-    latency_n_trials: int = 1
-    session: SessionValues | None = None
-    treadmill: TreadmillBelts | None = Field(default=None, description="null for a walk over ground")
     reference: Literal["truth", "geometry"] = Field(description="reference for the spectra of the estimators")
     methods: dict[str, MethodAssessment]
     refused: dict[str, Remark] = Field(description="estimators that reject this recording, and the reason")
-    quality: Quality | None = Field(default=None, description="null in results of versions without this check")
-    warnings: list[Remark]
 
 
 class ComBenchInput(Contract):

@@ -4,11 +4,8 @@ from typing import Literal
 
 from pydantic import Field
 
-from stridelab.schemas.base import Contract, Interval, Remark
-from stridelab.schemas.jobs import EstimateComInput
-from stridelab.schemas.quality import Quality
-from stridelab.schemas.recordings import TreadmillBelts
-from stridelab.schemas.sessions import LatencySource, SessionValues
+from stridelab.schemas.base import Contract, Interval
+from stridelab.schemas.jobs import EstimateComInput, RecordingSummary
 
 FootSide = Literal["left", "right"]
 
@@ -131,24 +128,13 @@ class StepScatter(Contract):
     )
 
 
-class FitCycloidSummary(Contract):
+class FitCycloidSummary(RecordingSummary):
     """Rolling wheel of each step of a recording, its goodness of fit, and alternative curves."""
 
-    window_s: Interval
-    rate_hz: float
     method: str
-    segment_table: str
     mass_kg: float | None = Field(description="null if unknown, which only the method geometry allows")
-    latency_s: float | None
-    latency_applied_s: float
-    latency_source: LatencySource = "trial"
-    latency_n_trials: int = 1
-    session: SessionValues | None = None
     ahead: tuple[float, float] = Field(description="horizontal unit vector of the walking direction")
-    treadmill: TreadmillBelts | None = Field(default=None, description="null for a walk over ground")
     steps: list[FittedStep]
     overlapping: list[OverlappingFit]
     step_to_step_sd: StepScatter | None = Field(description="null if there are too few steps")
     steps_left_out: int = Field(description="complete steps that were not fitted because force or markers are missing")
-    quality: Quality | None = Field(default=None, description="null in results of versions without this check")
-    warnings: list[Remark]

@@ -190,13 +190,28 @@ class ComparedMass(Contract):
     sd_kg: float
 
 
-class EstimateComSummary(Contract):
-    """Summary of ``estimate-com``."""
+class RecordingSummary(Contract):
+    """Base of the summaries of jobs that estimate the centre of mass of one recording."""
 
     window_s: Interval
     rate_hz: float
-    method: str
     segment_table: str
+    latency_s: float | None
+    latency_applied_s: float
+    latency_source: LatencySource = "trial"
+    latency_n_trials: int = Field(default=1, description="number of trials that the latency is estimated from")
+    session: SessionValues | None = Field(
+        default=None, description="values of the session that were used in the computation"
+    )
+    treadmill: TreadmillBelts | None = Field(default=None, description="null for a walk over ground")
+    quality: Quality | None = Field(default=None, description="null in results of versions without this check")
+    warnings: list[Remark]
+
+
+class EstimateComSummary(RecordingSummary):
+    """Summary of ``estimate-com``."""
+
+    method: str
     mass_kg: float | None = Field(description="null if unknown, which only the method geometry allows")
     mass_source: Literal["stated", "file", "force"] | None = Field(default="stated", description="null without a mass")
     mass_sd_kg: float | None = Field(default=None, description="standard deviation of the mass that is used")
@@ -204,16 +219,9 @@ class EstimateComSummary(Contract):
     masses: list[ComparedMass] = Field(
         default_factory=list, description="body masses from all sources, which are compared"
     )
-    latency_s: float | None
     latency_sd_s: float | None
-    latency_applied_s: float
-    latency_source: LatencySource = "trial"
-    latency_n_trials: int = Field(default=1, description="number of trials that the latency is estimated from")
     latency_trial_s: float | None = Field(default=None, description="latency estimated from this trial alone")
     latency_trial_sd_s: float | None = None
-    session: SessionValues | None = Field(
-        default=None, description="values of the session that were used in the computation"
-    )
     latency_along_s: float | None = Field(
         default=None, description="latency from the accelerations along the walk alone"
     )
@@ -226,13 +234,10 @@ class EstimateComSummary(Contract):
     sd_m: list[float] = Field(
         default_factory=list, description="standard deviation of the position, x, y, z: median over the window"
     )
-    treadmill: TreadmillBelts | None = Field(default=None, description="null for a walk over ground")
     observability: dict[str, Any]
     diagnostics: dict[str, float] = Field(
         default_factory=dict, description="diagnostic values of the estimator; names end in the unit"
     )
-    quality: Quality | None = Field(default=None, description="null in results of versions without this check")
-    warnings: list[Remark]
 
 
 class SimulationNoise(Contract):

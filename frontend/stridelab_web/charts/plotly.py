@@ -124,15 +124,7 @@ def plot_document(
         "shades_s": [list(shade) for shade in shades_s],
         "columns": drawn,
         "rows": [
-            {
-                "title": row.title,
-                "legend": row.legend,
-                "log": row.log,
-                "steps": row.steps,
-                "traces": [asdict(trace) for trace in traces],
-            }
-            for row, traces in drawn_rows
-            if traces
+            {**asdict(row), "traces": [asdict(trace) for trace in traces]} for row, traces in drawn_rows if traces
         ],
         "readings": [asdict(reading) for reading in readings if reading.key in drawn],
     }
