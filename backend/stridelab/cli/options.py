@@ -64,7 +64,7 @@ WithoutLearning = Annotated[
     bool, typer.Option("--no-learn", help="For the smoother: use the given error sizes unchanged.")
 ]
 SegmentMomentum = Annotated[
-    bool, typer.Option("--segment-momentum", help="For the smoother: use the segments' angular momentum.")
+    bool, typer.Option("--segment-momentum", help="For the smoother: always use the segments' angular momentum.")
 ]
 MeasuredWindow = Annotated[str | None, typer.Option("--window", help="START,END in seconds, inside a measured window.")]
 Static = Annotated[Path | None, typer.Option("--static", help="Static trial of the same person.")]

@@ -136,7 +136,9 @@ class SmootherOptions(Contract):
     priors: StatedErrors = Field(default_factory=StatedErrors)
     learn: bool = Field(default=True, description="estimate the observable error sizes from the recording")
     segment_momentum: bool = Field(
-        default=False, description="use the angular momentum of the body segments instead of a purely stochastic model"
+        default=False,
+        description="always use the angular momentum of the body segments; false uses it in walking where the "
+        "recording is more probable with it",
     )
 
 
