@@ -33,7 +33,7 @@ from stridelab.estimation.evaluation.unseen_scores import withheld_flight
 from stridelab.estimation.kalman.filter import KalmanFilter, RtsSmoother
 from stridelab.estimation.latency import estimate_latency
 from stridelab.estimation.markers_only import GeometryOnly
-from stridelab.estimation.smoother import Smoother
+from stridelab.estimation.smoother import Smoother, SmootherPriors
 from stridelab.recordings.recording import WrenchTrack
 from stridelab.simulation.people.movements import Movement
 from stridelab.simulation.people.sensors import DrawnRecording, SensorErrors, draw_recording
@@ -43,7 +43,7 @@ ESTIMATORS: Final[Mapping[str, ComEstimator]] = {
     "complementary": ComplementaryFilter(),
     "kalman": KalmanFilter.tuned(),
     "rts": RtsSmoother.tuned(),
-    "smoother": Smoother(learn=False),
+    "smoother": Smoother(learn=False, priors=SmootherPriors(walking_moment_nm=(0.0, 0.0))),
 }
 TURNS: Final[Sequence[Movement]] = ("walk", "walk", "run", "stand", "walk", "run", "hop")
 """Movement of the draws, in turn."""
