@@ -49,7 +49,7 @@ def step_energies(motion: WalkMotion, steps: Sequence[GaitStep]) -> list[Measure
     Up to 8 % of a step, at its ends, may be missing, which adds to the error; all of it is used if no error of the
     velocity is stated.
     """
-    measures = []
+    measures: list[Measure] = []
     for number, step in enumerate(steps):
         span = motion.samples(step.lift_off_s, step.next_lift_off_s)
         if not motion.covers(step.lift_off_s, step.next_lift_off_s):
@@ -74,7 +74,7 @@ def _with_missing_ends(measure: Measure, missing: float) -> Measure:
 
 
 def _of_strides(motion: WalkMotion, steps: Sequence[GaitStep]) -> list[Measure]:
-    measures = []
+    measures: list[Measure] = []
     for number, step, following in strides(steps):
         span = motion.samples(step.strike_s, following.strike_s)
         if motion.covers(step.strike_s, following.strike_s) and not _is_velocity_uncertain(motion, span):
