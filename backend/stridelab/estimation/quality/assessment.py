@@ -20,10 +20,10 @@ from stridelab.estimation.quality.measures import (
     EXPLAINED_SHARE,
     MIN_CONTRADICTING_SHARE,
     Measures,
-    PlatePressure,
     Recorded,
     compute_measures,
 )
+from stridelab.estimation.quality.plate_pressure import PlatePressure
 from stridelab.recordings.recording import Remark
 
 Verdict = Literal["good", "doubtful", "contradicted"]
