@@ -221,7 +221,7 @@ class FakeService:
             Route(f"{api}/scenarios/check", self._check, methods=["POST"]),
             Route(f"{api}/scenarios/{{id}}", self._scenario, methods=["GET", "PUT"]),
             Route(f"{api}/solvers", self._solvers),
-            Route(f"{api}/stream/markers", _no_streams),
+            Route(f"{api}/stream/markers", lambda _: JSONResponse({"items": []})),
             Route(f"{api}/robots", self._robots),
             Route(f"{api}/robots/{{name}}", self._robot),
             Route(f"{api}/robots/{{name}}/preparation", self._preparation),
@@ -397,7 +397,3 @@ def _problem(status: int, code: str, detail: str, errors: list[tuple[str, str]] 
         errors=[{"where": w, "message": m} for w, m in errors or []],  # type: ignore[list-item]
     )  # fmt: skip
     return Response(body.model_dump_json(), status_code=status, media_type="application/problem+json")
-
-
-async def _no_streams(_: Request) -> Response:
-    return JSONResponse({"items": []})
