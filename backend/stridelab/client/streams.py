@@ -99,7 +99,8 @@ async def open_async(
     base_url: str, headers: dict[str, str], configuration: StreamConfiguration, timeout_s: float
 ) -> AsyncIterator[AsyncComStream]:
     """Open a stream for the duration of the context."""
-    async with await _connect_async(base_url, STREAM_PATH, headers, timeout_s) as connection:
+    connection = await _connect_async(base_url, STREAM_PATH, headers, timeout_s)
+    async with connection:
         answer = _parse_answer(await exchange_async(connection, configuration.model_dump_json()))
         yield AsyncComStream(connection, _require_ready(answer))
 
@@ -109,7 +110,8 @@ async def open_markers_async(
     base_url: str, headers: dict[str, str], configuration: MarkerStreamConfiguration, timeout_s: float
 ) -> AsyncIterator[AsyncMarkerStream]:
     """Open a stream of markers for the duration of the context."""
-    async with await _connect_async(base_url, MARKERS_PATH, headers, timeout_s) as connection:
+    connection = await _connect_async(base_url, MARKERS_PATH, headers, timeout_s)
+    async with connection:
         ready = _parse_marker_ready(await exchange_async(connection, configuration.model_dump_json()))
         yield AsyncMarkerStream(connection, ready)
 
@@ -119,7 +121,8 @@ def open_sync(
     base_url: str, headers: dict[str, str], configuration: StreamConfiguration, timeout_s: float
 ) -> Iterator[ComStream]:
     """Open a stream for the duration of the context."""
-    with _connect_sync(base_url, STREAM_PATH, headers, timeout_s) as connection:
+    connection = _connect_sync(base_url, STREAM_PATH, headers, timeout_s)
+    with connection:
         answer = _parse_answer(exchange_sync(connection, configuration.model_dump_json()))
         yield ComStream(connection, _require_ready(answer))
 
@@ -129,7 +132,8 @@ def open_markers_sync(
     base_url: str, headers: dict[str, str], configuration: MarkerStreamConfiguration, timeout_s: float
 ) -> Iterator[MarkerStream]:
     """Open a stream of markers for the duration of the context."""
-    with _connect_sync(base_url, MARKERS_PATH, headers, timeout_s) as connection:
+    connection = _connect_sync(base_url, MARKERS_PATH, headers, timeout_s)
+    with connection:
         yield MarkerStream(connection, _parse_marker_ready(exchange_sync(connection, configuration.model_dump_json())))
 
 
