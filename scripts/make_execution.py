@@ -4,6 +4,7 @@ make_execution.py                      all that is not kept yet, then docs/theor
 make_execution.py --robots talos hrp2  only these; --anew computes again, --page only writes the page
 make_execution.py --robustness talos   disturbances and boundaries of the three experiments of one robot
 make_execution.py --estimators talos   estimators in front of the stabiliser, in the same three
+make_execution.py --pushes talos       random pushes of its long strides
 """
 
 import argparse
@@ -14,7 +15,9 @@ from pathlib import Path
 
 from pydantic import TypeAdapter
 
+import stridelab as sl
 from stridelab.robots.loader import load_robot
+from stridelab.schemas.receding import PushBasinSummary
 from stridelab.studies.execution import CASES, Execution, execute_scenario, replay_motion, whole_body_motion
 from stridelab.studies.replay_estimation import CONDITIONS, LOW_NOISE, replay_estimators
 from stridelab.studies.robustness import (
@@ -35,6 +38,15 @@ from stridelab.wholebody.replay.disturbances import Disturbances
 PAGE = Path(__file__).resolve().parent.parent / "docs" / "theory" / "execution.md"
 KEPT: TypeAdapter[list[Execution]] = TypeAdapter(list[Execution])
 BORNE: TypeAdapter[dict[str, float]] = TypeAdapter(dict[str, float])
+PUSHED: TypeAdapter[list[PushBasinSummary]] = TypeAdapter(list[PushBasinSummary])
+PUSH_SPEEDS_M_S = (0.2, 0.4)
+PUSHES, PUSH_SEED = 50, 20261124
+PUSHES_INTRO = """## Random pushes of long strides
+
+`push-basin` ([falls that are proved lost](whole-body.md#falls-that-are-proved-lost)): a push on the trunk changes the
+velocity of the CoM by the given amount, at a random time in a random horizontal direction; seed 20261124, on which
+nothing was tuned.
+"""
 TABLES = (
     (
         "borne",
@@ -67,6 +79,7 @@ def main() -> None:
     parser.add_argument("--robots", nargs="*", default=list(CASES))
     parser.add_argument("--robustness", metavar="ROBOT")
     parser.add_argument("--estimators", metavar="ROBOT")
+    parser.add_argument("--pushes", metavar="ROBOT")
     parser.add_argument("--experiments", nargs="*", default=list(EXPERIMENTS), choices=EXPERIMENTS)
     parser.add_argument("--boundaries", action="store_true", help="bisect them as well")
     parser.add_argument("--out", type=Path, default=Path(".data") / "execution", metavar="DIR")
@@ -78,6 +91,8 @@ def main() -> None:
         borne(asked.robustness, asked.experiments, asked.out, boundaries=asked.boundaries, anew=asked.anew)
     elif asked.estimators:
         estimated(asked.estimators, asked.experiments, asked.out, anew=asked.anew)
+    elif asked.pushes:
+        pushed(asked.pushes, asked.out, anew=asked.anew)
     elif not asked.page:
         for robot in asked.robots:
             carried_out(robot, asked.out, anew=asked.anew)
@@ -135,6 +150,17 @@ def estimated(robot: str, experiments: list[str], folder: Path, *, anew: bool = 
                     path.write_bytes(BORNE.dump_json(known, indent=1))
 
 
+def pushed(robot: str, folder: Path, *, anew: bool = False) -> None:
+    """Random pushes of the long strides, kept after each speed."""
+    path = folder / f"{robot}-pushes.json"
+    known = [] if anew or not path.is_file() else PUSHED.validate_json(path.read_bytes())
+    for speed_m_s in PUSH_SPEEDS_M_S:
+        if all(one.speed_m_s != speed_m_s for one in known):
+            scenario = CASES[robot]["long-stride"]()
+            known.append(sl.push_basin(scenario, speed_m_s=speed_m_s, n=PUSHES, seed=PUSH_SEED).summary)
+            path.write_bytes(PUSHED.dump_json(known, indent=1))
+
+
 def survives(robot: str, motion: WholeBodyMotion, of_size: Callable[[float], Disturbances], size: float) -> bool:
     """Whether the robot does not fall under a disturbance of this size."""
     return not replay_motion(robot, motion, of_size(size)).fell
@@ -153,6 +179,23 @@ def page(folder: Path) -> Iterable[str]:
             found = {name: BORNE.validate_json(path.read_bytes()) for name, path in paths.items() if path.is_file()}
             if found:
                 yield from _by_experiment(f"{robot}: {title}", said, found)
+    yield from _pushes(folder)
+
+
+def _pushes(folder: Path) -> Iterable[str]:
+    found = {robot: folder / f"{robot}-pushes.json" for robot in CASES}
+    rows = [one for path in found.values() if path.is_file() for one in PUSHED.validate_json(path.read_bytes())]
+    if rows:
+        yield PUSHES_INTRO
+        yield "| robot | m/s (Ns) | survived | 95 % | completed | proved lost | unexplained |"
+        yield "| --- " * 7 + "|"
+        for one in rows:
+            low, high = one.survived_ci95
+            yield (
+                f"| {one.robot} | {one.speed_m_s:g} ({one.impulse_ns:.0f}) | {one.survived} of {one.n} "
+                f"| {100 * low:.0f} to {100 * high:.0f} % | {one.completed} | {one.proved_lost} | {one.unexplained} |"
+            )
+        yield ""
 
 
 def _table(robot: str, executions: list[Execution]) -> Iterable[str]:
