@@ -17,5 +17,5 @@ def test_serving_robots_and_scenarios_imports_nothing_heavy(database_url: str, t
     )
     assert served.returncode == 0, served.stderr[-3000:]
     found = json.loads(served.stdout.splitlines()[-1])
-    assert found["statuses"] == [200, 200, 200, 201, *4 * [202], 200, 422, 202, 202, 200, 404, 200, 200]
+    assert found["statuses"] == [200, 200, 200, 201, *5 * [202], 200, 422, 202, 202, 200, 404, 200, 200]
     assert found["heavy"] == []
