@@ -2,6 +2,7 @@
 
 import asyncio
 import json
+import shutil
 import stat
 import zipfile
 from collections.abc import Callable
@@ -29,11 +30,14 @@ from stridelab.schemas.tasks import (
     StudyPopulationTask,
 )
 from stridelab.service.kinds.registry import COMPUTING, KINDS
+from stridelab.service.kinds.robots import upload
 from stridelab.service.processes.pool import IsolatedPool
 from stridelab.service.processes.running_child import IsolatedOutcome
+from stridelab.service.stored_robots import write_staged_robot
 from support.command_line import SAMPLE, estimate_task
 from support.robots.contact_terrains import box
 from support.robots.contact_terrains import task as contacts
+from support.robots.humanoid import Humanoid, archive
 from support.robots.plan_runs import plan_task, short_walk
 
 TRIAL = SAMPLE / "recording.c3d"
@@ -89,6 +93,21 @@ def measured(folder: Path) -> Any:
     return GaitMeasuresTask(members=[MeasuresMember(recording_id="r", folder="recording-000", task=task)])
 
 
+def commissioned(folder: Path) -> Any:
+    def ignore(_fraction: float, _message: str) -> None:
+        pass
+
+    (folder / "upload").write_bytes(archive({"small.urdf": Humanoid(arms=False).urdf()}))
+    read = upload.read_robot(upload.ReadRobotTask(file="upload", filename="small.zip", name="small"), folder, ignore)
+    task = upload.ProposeCardTask(name="small", title="small", assumed=read.summary["assumed"])
+    with pytest.MonkeyPatch.context() as patch:  # the child alone makes the robot known
+        patch.setattr("stridelab.resources._added_folders", [])
+        card = upload.propose(task, folder, ignore).summary["card"]
+    shutil.rmtree(folder / "models")
+    write_staged_robot(folder, "small", card)
+    return {"input": {"robot": "small", "samples": 500}}
+
+
 def reported(folder: Path) -> Any:
     members = measured(folder).members
     asked = GaitReportInput(recording_ids=["r"], title="Confined")
@@ -110,6 +129,7 @@ STAGED: dict[str, Callable[[Path], Any]] = {
     "push-basin": pushed,
     "read-batch": received,
     "sweep": swept,
+    "commission-robot": commissioned,
     "learn-reachability": lambda _: {"input": {"robot": "talos", "samples": 8000, "effectors": ["left_foot"]}},
 }
 FILMER = """#!/bin/sh

@@ -21,14 +21,17 @@ from schemathesis.specs.openapi.checks import positive_data_acceptance
 from starlette.routing import Route
 
 from stridelab.errors import Fault, UnreadableFile
+from stridelab.schemas.robots import OwnRobot
 from stridelab.service.api.app import create_app
+from stridelab.service.api.dependencies import Parts
 from stridelab.service.api.recordings.parse import Parsed
+from stridelab.service.api.robots.own import own_robot, required_robot
 from stridelab.service.samples import scenarios
 from stridelab.service.samples.recording import seed_sample
 from stridelab.service.settings import Settings
 from stridelab_web.app import web_routes
 from support.robots.scenario_bodies import add_scenario
-from support.service.stored_rows import add_job, add_recording, facts, start_job, succeed
+from support.service.stored_rows import add_job, add_own_robot, add_recording, facts, start_job, succeed
 from support.service.web_server import Served
 
 DESCRIPTION = create_app(Settings()).openapi()
@@ -41,6 +44,8 @@ OPERATIONS = [
 pytestmark = pytest.mark.filterwarnings("ignore:Do not use the .random. module inside strategies")
 CHANGEABLE = "0" * 32
 """A recording and a scenario that examples may change; jobs work on the samples that every service has."""
+ROBOT = "my-robot"
+"""The robot of a user in the examples."""
 
 
 def examples() -> Iterator[tuple[str, str, str, Any]]:
@@ -88,6 +93,11 @@ async def understood(_parts: object, folder: Path, *_: object, **_options: objec
     return Parsed(facts(), folder / "tracks.parquet")
 
 
+async def unchanged_card(parts: Parts, _caller: object, name: str, *_: object) -> OwnRobot:
+    async with parts.engine.connect() as connection:
+        return own_robot(await required_robot(connection, name))
+
+
 @pytest.fixture(scope="module")
 def stocked(service: Served) -> Iterator[Served]:
     """Enough things with known ids that examples and generated calls find something; uploads are not parsed."""
@@ -96,12 +106,15 @@ def stocked(service: Served) -> Iterator[Served]:
     service.run(scenarios.seed_scenarios(parts.engine))
     service.run(add_scenario(parts, CHANGEABLE))
     service.run(add_recording(parts, CHANGEABLE))
+    service.run(add_own_robot(parts, ROBOT))
     for _ in range(2):
         job_id = service.run(add_job(parts))
         service.run(succeed(parts, service.run(start_job(parts, job_id)), [("com.csv", "text/csv", b"x")]))
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("stridelab.service.api.recordings.endpoints.parse_recording", unreadable)
         patch.setattr("stridelab.service.api.recordings.service.parse_recording", understood)
+        patch.setattr("stridelab.service.api.robots.own._run_child", unreadable)
+        patch.setattr("stridelab.service.api.robots.endpoints.replace_card", unchanged_card)
         yield service
 
 
@@ -113,6 +126,7 @@ def test_every_example_runs(stocked: Served, method: str, path: str, name: str, 
         subject = http.post("/api/v1/subjects", json={}).json()["subject_id"]
         place = path.replace("{subject_id}", subject)
         place = place.replace("{recording_id}", CHANGEABLE).replace("{scenario_id}", CHANGEABLE)
+        place = place.replace("{name}", ROBOT)
         answer = http.request(method, place, json=value)
     if path.endswith("/plans/preview") and answer.status_code == 422:  # on a machine without the C++ solver
         assert answer.json()["code"] == "solver-unavailable"

@@ -15,13 +15,14 @@ import psycopg
 from sqlalchemy import func, insert, update
 
 from stridelab.schemas.recordings import PlateInfo, RecordingFacts, SubjectFields
+from stridelab.schemas.robots import RobotFacts
 from stridelab.service.api.dependencies import Parts
 from stridelab.service.jobs.attempts import AttemptStore
 from stridelab.service.jobs.queue import Attempt
 from stridelab.service.jobs.store import emit_event
 from stridelab.service.kinds.registry import KINDS
 from stridelab.service.storage.blobs import BlobStore
-from stridelab.service.storage.tables import job, recording
+from stridelab.service.storage.tables import job, recording, robot
 
 AWKWARD = 'tab\there, line\nbreak, back\\slash, \\., "quotes", Ünïcode \U0001f9b6'
 FILES = {
@@ -199,3 +200,40 @@ async def fail(parts: Parts, attempt: Attempt, kept: tuple[Any, list[Any]] | Non
 
 async def pause(seconds: float) -> None:
     await asyncio.sleep(seconds)
+
+
+async def add_own_robot(parts: Parts, name: str) -> None:
+    """Insert a robot of a user without files."""
+    facts = RobotFacts(
+        name=name,
+        title=name,
+        mass_kg=50.0,
+        licence="",
+        sha256="0" * 64,
+        effectors=[],
+        q_reference=[],
+        com_height_m=0.8,
+        limits=[],
+        links=[],
+        link_poses=[],
+        proxies=[],
+        measures=[],
+        stale_measures=[],
+        default_measure="conditioned",
+    )
+    row = {
+        "id": uuid.uuid4().hex,
+        "name": name,
+        "filename": "robot.zip",
+        "sha256": "0" * 64,
+        "bytes": 0,
+        "bundle_key": f"own-robots/{name}/none",
+        "links_key": f"own-robots/{name}/no-links",
+        "state": "proposed",
+        "card": {"title": name, "licence": "", "effectors": {}},
+        "assumed": {},
+        "facts": facts.model_dump(mode="json"),
+        "shapes": {},
+    }
+    async with parts.engine.begin() as connection:
+        await connection.execute(insert(robot).values(row))

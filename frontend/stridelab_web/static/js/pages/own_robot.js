@@ -71,7 +71,7 @@ function numberRow(own, path) {
   return createElement(
     "tr",
     {},
-    createElement("td", {}, String(name).replaceAll("\\", "")),
+    createElement("td", { className: "name" }, String(name).replaceAll("\\", "")),
     createElement("td", {}, input),
     createElement("td", {}, isAssumed ? "assumed" : ""),
   );
