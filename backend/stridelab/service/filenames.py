@@ -12,6 +12,11 @@ from stridelab.errors import Fault, UnreadableFile
 log = structlog.get_logger(__name__)
 
 NAME_LIMIT: Final = 120
+STAGED_ROBOT: Final = "robot.json"
+"""File in the folder of a job on a robot of a user: its name and card; its description lies beside it."""
+BUNDLE_FILE: Final = "robot-bundle.zip"
+LEARNED_FILE: Final = "robot-learned.zip"
+LINKS_FILE: Final = "robot-links.glb"
 PARSER_CRASHED: Final = ("parser-crashed", "The file broke its reader; it is damaged, or not what it claims to be.")
 """Code and message of an upload whose parser process crashed."""
 

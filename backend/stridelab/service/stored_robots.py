@@ -8,14 +8,12 @@ from typing import Any, Final
 from sqlalchemy import select
 from sqlalchemy.ext.asyncio import AsyncConnection
 
-from stridelab.service.kinds.base import STAGED_ROBOT, Blobs
+from stridelab.service.filenames import BUNDLE_FILE, LEARNED_FILE, STAGED_ROBOT
+from stridelab.service.kinds.base import Blobs
 from stridelab.service.storage.tables import robot
 
 ROBOT_FOLDER: Final = "own-robots"
 """Key prefix of the files of robots: ``own-robots/<id>/<file>``."""
-BUNDLE_FILE: Final = "robot-bundle.zip"
-LEARNED_FILE: Final = "robot-learned.zip"
-LINKS_FILE: Final = "robot-links.glb"
 _UPLOAD: Final = "stridelab.service.kinds.robots.upload"
 READ_ROBOT: Final = f"{_UPLOAD}:read_robot"
 PROPOSE_CARD: Final = f"{_UPLOAD}:propose"

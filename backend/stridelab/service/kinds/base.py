@@ -7,7 +7,7 @@ fenced transaction that makes the result visible). The command line uses the sam
 from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, Literal, Protocol, TypeAlias, runtime_checkable
+from typing import TYPE_CHECKING, Any, Literal, Protocol, TypeAlias, runtime_checkable
 
 from stridelab.errors import StridelabError, problem_of
 from stridelab.schemas.base import Contract
@@ -17,8 +17,6 @@ if TYPE_CHECKING:  # a command needs neither
 
     from stridelab.service.processes.sandbox import Sandbox
 
-STAGED_ROBOT: Final = "robot.json"
-"""File in the folder of a job on a robot of a user: its name and card; its description lies beside it."""
 Json = dict[str, Any]
 """A JSON object."""
 

@@ -20,15 +20,13 @@ from stridelab.service.api.quotas import refuse_full
 from stridelab.service.api.recordings.multipart import ReceivedForm
 from stridelab.service.auth import audit
 from stridelab.service.auth.callers import Caller, require_owner
-from stridelab.service.filenames import PARSER_CRASHED, child_output_file
+from stridelab.service.filenames import BUNDLE_FILE, LINKS_FILE, PARSER_CRASHED, child_output_file
 from stridelab.service.storage.content_addressed import lock_blob
 from stridelab.service.storage.file_removal import may_remove
 from stridelab.service.storage.publication import publish_files
 from stridelab.service.storage.tables import job, robot, scenario
 from stridelab.service.stored_robots import (
-    BUNDLE_FILE,
     CHECK_CARD,
-    LINKS_FILE,
     PROPOSE_CARD,
     READ_ROBOT,
     ROBOT_FOLDER,

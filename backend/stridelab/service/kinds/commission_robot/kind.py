@@ -11,11 +11,12 @@ from sqlalchemy.ext.asyncio import AsyncConnection
 from stridelab.errors import Fault, NotFound
 from stridelab.schemas.base import Contract
 from stridelab.schemas.robots import CommissionRobotInput, CommissionRobotSummary
-from stridelab.service.kinds.base import STAGED_ROBOT, Blobs, JobKind, Json
+from stridelab.service.filenames import LEARNED_FILE, STAGED_ROBOT
+from stridelab.service.kinds.base import Blobs, JobKind, Json
 from stridelab.service.kinds.staging import stage_input
 from stridelab.service.storage.content_addressed import lock_blob
 from stridelab.service.storage.tables import robot
-from stridelab.service.stored_robots import LEARNED_FILE, ROBOT_FOLDER, find_robot
+from stridelab.service.stored_robots import ROBOT_FOLDER, find_robot
 
 STATE_FILE: Final = "robot-state.json"
 """Facts and shapes of the learned robot, for its row."""

@@ -14,13 +14,13 @@ from stridelab.pipelines.progress import ProgressCallback
 from stridelab.reachability.store import load_card, load_cloud
 from stridelab.resources import add_models_folder
 from stridelab.schemas.robots import CommissionRobotTask
+from stridelab.service.filenames import LEARNED_FILE
 from stridelab.service.kinds.base import ArtifactFile, Outcome
 from stridelab.service.kinds.commission_robot.kind import STATE_FILE
 from stridelab.service.kinds.result_tables import write_text_atomically
 from stridelab.service.kinds.robots.reachability import plottable_reachability
 from stridelab.service.kinds.robots.staged import MODELS_FOLDER, pack_files
 from stridelab.service.kinds.robots.upload import robot_state
-from stridelab.service.stored_robots import LEARNED_FILE
 
 SCENARIO_FILE: Final = "scenario.json"
 JSON, NPZ = "application/json", "application/x-npz"

@@ -12,8 +12,7 @@ from stridelab.resources import add_models_folder
 from stridelab.robots.card import RobotCard, card_of_fields, invalid_card
 from stridelab.robots.proposal.propose import URDF, card_toml
 from stridelab.schemas.robots import NAME_PATTERN
-from stridelab.service.kinds.base import STAGED_ROBOT
-from stridelab.service.stored_robots import BUNDLE_FILE, LEARNED_FILE
+from stridelab.service.filenames import BUNDLE_FILE, LEARNED_FILE, STAGED_ROBOT
 
 MODELS_FOLDER: Final = "models"
 _BUNDLED: Final = re.compile(r"robot\.urdf|mesh-\d{4}\.stl")

@@ -16,10 +16,10 @@ from stridelab.robots.proposal.propose import card_fields, propose_card, rebuild
 from stridelab.robots.robot import Robot
 from stridelab.robots.visuals import glb, link_meshes
 from stridelab.schemas.base import Contract
-from stridelab.service.kinds.base import STAGED_ROBOT, Outcome
+from stridelab.service.filenames import BUNDLE_FILE, LINKS_FILE, STAGED_ROBOT
+from stridelab.service.kinds.base import Outcome
 from stridelab.service.kinds.robots.description import robot_facts
 from stridelab.service.kinds.robots.staged import MODELS_FOLDER, own_card, pack_files, write_card
-from stridelab.service.stored_robots import BUNDLE_FILE, LINKS_FILE
 
 
 class ReadRobotTask(Contract):
