@@ -1,5 +1,7 @@
 """Figures 4.8 and 4.9 and table 4.1, from fewer plans than they take."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -65,5 +67,24 @@ def test_the_table_has_the_thesis_numbers_beside_ours() -> None:
     assert all(t.plan.converged for t in found)
     columns = table_4_1.time_table(found)
     assert list(columns["plan"]) == ["hrp2 1, u_c", "hrp2 1, u_f"]
+    assert set(columns["solver"]) == {"ipopt"}, "like with like"
     assert (columns["seconds"] > 0.0).all()
     assert columns["ms_per_iteration"] == pytest.approx(1e3 * columns["seconds"] / columns["iterations"])
+
+
+def test_both_controls_are_compared_by_one_solver(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Made-up times: u_c is four times faster by ipopt and slower by the C++ solver, whose rows are its own."""
+    monkeypatch.setattr(table_4_1, "REPEATS", 1)
+    one, other = (table_4_1.time_column(column) for column in table_4_1.COLUMNS[:2])
+    seconds = {("ipopt", "u_c"): 0.05, ("ipopt", "u_f"): 0.2, ("native", "u_c"): 0.003, ("native", "u_f"): 0.002}
+    times = [
+        replace(one if column.control == "u_c" else other, printed=column, solver=solver,
+                time_s=seconds[solver, column.control])
+        for column in table_4_1.COLUMNS for solver in table_4_1.SOLVERS
+    ]  # fmt: skip
+    claims = {claim.key: claim for claim in table_4_1.time_claims(times)}
+    assert claims["u_c_faster_ipopt"].ours == pytest.approx(4.0)
+    assert claims["u_c_faster_native"].ours == pytest.approx(2.0 / 3.0)
+    assert (claims["u_c_faster_ipopt"].verdict, claims["u_c_faster_native"].verdict) == ("met", "not_met")
+    timed = [claim for key, claim in claims.items() if key.startswith(("time_", "iteration", "u_", "per_second"))]
+    assert all(claim.solver in table_4_1.SOLVERS for claim in timed)

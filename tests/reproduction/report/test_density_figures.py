@@ -80,7 +80,7 @@ def test_the_samples_are_those_that_em_did_not_see() -> None:
 
 
 def test_the_curves_are_those_of_the_cards(monkeypatch: pytest.MonkeyPatch) -> None:
-    result = reproduce_item("fig-4.3", 1, lambda _fraction, _message: None)
+    result = reproduce_item("fig-4.3", None, lambda _fraction, _message: None)
     sizes, curves = result.tables["sizes"], result.tables["curves"]
     assert len(sizes["ours"]) == 8
     assert len(curves["kl_nats"]) == 8 * 20
@@ -98,5 +98,5 @@ def test_the_curves_are_those_of_the_cards(monkeypatch: pytest.MonkeyPatch) -> N
         return replace(card, effectors=spoilt)
 
     monkeypatch.setattr("stridelab.reproduction.chapter4.fig_4_3.load_card", worse)
-    falling = reproduce_item("fig-4.3", 1, lambda _fraction, _message: None)
+    falling = reproduce_item("fig-4.3", None, lambda _fraction, _message: None)
     assert {claim.verdict for claim in falling.claims} == {"not_met"}, "a curve that falls to the end"

@@ -52,8 +52,8 @@ def run(seeds: range, tell: Progress) -> Reproduction:
     return Reproduction(
         claims=tuple(claims),
         note=f"TALOS walks at its own and at a human cadence; {len(seeds)} draws of the noise of 2.5.1 where noise is "
-        "used. Ranks are computed along the walk without noise; the centre of mass is shifted to the origin, which does "
-        "not change the rank.",
+        "used. Ranks are computed along the walk without noise; the centre of mass is shifted to the origin, which "
+        "does not change the rank.",
         tables={
             f"axis_{gait}": {"time_s": time_s[gait]} | {f"off_{a}_m": offset[gait][:, k] for k, a in enumerate("xyz")}
             for gait in GAITS

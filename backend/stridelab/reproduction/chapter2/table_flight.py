@@ -53,10 +53,9 @@ def run(seeds: range, tell: Progress) -> Reproduction:
         ]
     return Reproduction(
         claims=tuple(claim for row in rows if row["estimator"] == SMOOTHER for claim in _smoother_claims(row)),
-        note=f"{len(seeds)} draws each of a run at about 1 m/s with flight phases of 0.11 s; vertical acceleration over "
-        "g, minus one, from a parabola fitted to the heights of a flight phase. The "
-        "best published values are 1.1 to "
-        "3.1 %.",
+        note=f"{len(seeds)} draws each of a run at about 1 m/s with flight phases of 0.11 s; vertical acceleration "
+        "over g, minus one, from a parabola fitted to the heights of a flight phase. The best "
+        "published values are 1.1 to 3.1 %.",
         tables={"flight": as_columns(rows)},
         drawing=render_svg(
             *(

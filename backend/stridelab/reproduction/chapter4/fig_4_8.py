@@ -33,6 +33,8 @@ from stridelab.studies.thesis_experiments import EXPERIMENTS, WALKERS, Experimen
 
 ROBOT: Final = "hrp2"
 EXPERIMENT: Final[Experiment] = 1
+SOLVER: Final = "ipopt"
+"""One solver for all plans, which supports pyramids and all cones."""
 ALPHAS: Final = (0.2, 0.3, 0.45, 0.6, 0.8, 1.0)
 OBJECTIVE_TOLERANCE: Final = 0.01
 """Relative tolerance for equal objectives."""
@@ -47,6 +49,7 @@ class Row:
     robot: str
     experiment: int
     control: str
+    solver: str
     objective: float
     iterations: int
     cone_margin_n: float
@@ -82,7 +85,8 @@ def run(seeds: range, tell: Progress) -> Reproduction:
         claims=figure_claims(rows, sweep, both, circular),
         note="Experiment 1 of HRP-2 (strides of 0.9 m in 8 s) unless stated otherwise: conditioned densities, forces "
         "constant over 0.1 s, (4.20a) without regularisation. u_f in pyramids of eight rays, u_c in the largest "
-        "Lorentz cone inside the wrench cone of the soles, both cold-started from the thesis' initial guess.",
+        "Lorentz cone inside the wrench cone of the soles, both cold-started from the thesis' initial guess. All plans "
+        "are by ipopt.",
         tables={"controls": plan_table(rows), "alpha": plan_table(sweep), "trajectories": trajectory_columns(both)},
         drawing=render_svg(
             *trajectory_panels(both),
@@ -105,15 +109,15 @@ def controls_by_name() -> Mapping[str, Control]:
 
 
 def solve_with_control(robot: str, experiment: Experiment, control: Control) -> CentroidalPlan:
-    """One cold-started plan."""
-    return solve(replace(experiment_problem(experiment, robot), control=control))
+    """One cold-started plan by ``SOLVER``."""
+    return solve(replace(experiment_problem(experiment, robot), control=control), SOLVER)
 
 
 def plan_row(robot: str, experiment: int, name: str, plan: CentroidalPlan, of_forces: CentroidalPlan) -> Row:
     """Compare a plan with that of u_f."""
     distance_m = float(np.linalg.norm(plan.com_m - of_forces.com_m, axis=1).max())
     margin_n = plan.verification.cone_margin_n
-    return Row(robot, experiment, name, plan.objective, plan.iterations, margin_n, distance_m)
+    return Row(robot, experiment, name, plan.solver, plan.objective, plan.iterations, margin_n, distance_m)
 
 
 def figure_claims(
@@ -134,35 +138,46 @@ def figure_claims(
             f"Largest relative excess of u_c's objective over u_f's, for three experiments and two robots (smallest "
             f"{min(shares):.2f}). The inner cone of u_c restricts the problem; the optima would be the same only with "
             "the exact cone of the contacts.",
+            n=len(pairs),
+            solver=SOLVER,
         ),
         target("restriction", min(differences), "1", at_least=0.0).says(
-            "u_c in an inner cone is never better than u_f: smallest excess of its objective"
+            "u_c in an inner cone is never better than u_f: smallest excess of its objective",
+            n=len(pairs),
+            solver=SOLVER,
         ),
         target("alpha_falls", min(falling), "1", at_least=0.0).says(
             "the larger alpha, the lower the optimum: smallest decrease between successive values",
             f"From {sweep[0].objective:.0f} ({sweep[0].control}) to {sweep[-1].objective:.1f} (alpha 1), where "
             f"forces leave their cones by {-sweep[-1].cone_margin_n:.0f} N; u_f: {forces.objective:.1f}.",
+            n=len(sweep),
+            solver=SOLVER,
         ),
         target(
             "u_f_between",
             min(wrench.objective - forces.objective, forces.objective - sweep[-1].objective),
             "1",
             at_least=0.0,
-        ).says("u_f's optimum lies between those of the inner and outer cones"),
+        ).says("u_f's optimum lies between those of the inner and outer cones", solver=SOLVER),
         target("pyramids", forces.objective - circular.objective, "1", at_most=0.5).says(
-            "increase of u_f's objective by pyramids of eight rays instead of circular cones"
+            "increase of u_f's objective by pyramids of eight rays instead of circular cones",
+            solver=SOLVER,
         ),
         Measured("shape", "similar", distance_m, "m", met_if(distance_m < 0.05)).says(
-            "the CoM trajectories have similar shape", "Largest distance of the CoM at the same time."
+            "the CoM trajectories have similar shape",
+            "Largest distance of the CoM at the same time.",
+            solver=SOLVER,
         ),
         Measured("smoother", "< 1", rough[1] / rough[0], "1", met_if(rough[1] < rough[0])).says(
             "the motion-based problem leads to marginally smoother trajectories",
             "Mean squared change of the acceleration between intervals of 0.1 s, u_c over u_f.",
+            solver=SOLVER,
         ),
         Measured("noise", "noise", momenta[0], "Nms", met_if(momenta[0] < NOISE_NMS)).says(
             "the angular momentum oscillates with u_f, mostly numerical noise",
             f"Largest angular momentum with u_f; with u_c {momenta[1]:.2g} Nms. Exact integration causes no "
             "numerical noise.",
+            solver=SOLVER,
         ),
     )
 
@@ -174,7 +189,7 @@ def acceleration_roughness(plan: CentroidalPlan) -> float:
 
 def plan_table(rows: list[Row]) -> Mapping[str, Column]:
     """One row per plan."""
-    names = ("robot", "experiment", "control", "objective", "iterations", "cone_margin_n", "com_distance_m")
+    names = ("robot", "experiment", "control", "solver", "objective", "iterations", "cone_margin_n", "com_distance_m")
     return {name: np.array([getattr(row, name) for row in rows]) for name in names}
 
 
