@@ -83,3 +83,12 @@ def test_a_report_is_compared_with_a_group_and_with_earlier_walks(tab: Tab, lab:
         "reference_recording_ids": [other.id],
         "before_recording_ids": sorted(one.id for one in earlier),
     }
+
+
+def test_a_report_of_one_recording_takes_the_chosen_method(tab: Tab, lab: Lab) -> None:
+    walk = lab.fake.add_recording("lone.c3d")
+    page = tab.go(f"/recordings/{walk.id}")
+    page.locator("[data-estimate] [name=method]").select_option("geometry")
+    page.get_by_role("button", name="Write the report").click()
+    page.wait_for_url("**/jobs/*")
+    assert lab.fake.inputs[page.url.rpartition("/")[2]] == {"recording_ids": [walk.id], "method": "geometry"}

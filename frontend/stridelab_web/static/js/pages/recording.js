@@ -131,7 +131,7 @@ startOnClick("[data-session-measures]", "gait-measures", sessionWalks);
 startOnClick("[data-session-report]", "gait-report", sessionWalks);
 
 onSubmit(find("[data-gait-report]"), (data) => {
-  const input = { recording_ids: data.get("recordings").split(" ") };
+  const input = { recording_ids: (data.get("recordings") || id).split(" ") };
   if (input.recording_ids.length === 1) input.method = estimate.method.value || null;
   if (data.get("title").trim()) input.title = data.get("title").trim();
   for (const row of root.querySelectorAll("[data-group]")) {
