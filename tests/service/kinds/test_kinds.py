@@ -79,7 +79,11 @@ def test_importing_the_registry_imports_no_numeric_package() -> None:
 
 def test_an_outcome_survives_the_way_out_of_the_child() -> None:
     outcome = Outcome({"a": [1.0, None]}, ("dumas2007",), (ArtifactFile("com.csv", "text/csv"),))
-    assert Outcome.from_json(outcome.to_json()) == outcome
+    assert outcome.to_json() == {
+        "summary": {"a": [1.0, None]},
+        "references": ["dumas2007"],
+        "artifacts": [{"name": "com.csv", "media_type": "text/csv"}],
+    }
 
 
 def test_bibliography_gives_whole_entries_once_and_refuses_unknown_keys() -> None:

@@ -68,15 +68,6 @@ class Outcome:
         }
         return value if self.failure is None else value | {"problem": problem_of(self.failure)}
 
-    @staticmethod
-    def from_json(value: Mapping[str, Any]) -> "Outcome":
-        """Inverse of ``to_json``, without the failure."""
-        return Outcome(
-            summary=dict(value["summary"]),
-            references=tuple(value["references"]),
-            artifacts=tuple(ArtifactFile(a["name"], a["media_type"]) for a in value["artifacts"]),
-        )
-
 
 Stage: TypeAlias = "Callable[[AsyncConnection, Blobs, Contract, Path], Awaitable[Json]]"
 """``stage(connection, blobs, input, folder) -> task``: fetch rows and blob files into ``folder``."""
