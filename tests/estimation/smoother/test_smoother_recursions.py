@@ -250,7 +250,7 @@ def test_vertically_the_noise_of_the_geometry_is_learnt_from_its_roughness():
     """Twice as rough upwards is twice the noise there, and changes nothing horizontally."""
     data = some_signals()
     louder = replace(data, geometry_m=data.geometry_m * [1.0, 1.0, 2.0])
-    one, other = (learn_sizes(SIZES, signals, RATE_HZ)[0].marker_m for signals in (data, louder))
+    one, other = (learn_sizes(SIZES, signals, RATE_HZ).marker_m for signals in (data, louder))
     assert other == pytest.approx(one * [1.0, 1.0, 2.0], rel=1e-9)
 
 

@@ -23,7 +23,14 @@ from stridelab.estimation.smoother.measurements import (
     require_single_support,
     smoother_signals,
 )
-from stridelab.estimation.smoother.noise_levels import SmootherPriors, is_walk, learn_sizes, sizes_of, with_segments
+from stridelab.estimation.smoother.noise_levels import (
+    SmootherPriors,
+    is_explained,
+    is_walk,
+    learn_sizes,
+    sizes_of,
+    with_segments,
+)
 from stridelab.estimation.smoother.online_filter import OnlineSmoother
 from stridelab.estimation.smoother.state_space import ACCELERATION, Sizes, state_space
 from stridelab.recordings.recording import WrenchTrack
@@ -112,18 +119,15 @@ class Smoother:
             )
         wanted = self.segment_momentum or (self.learn and is_walk(walk, mass_kg))
         if rate_nm is None or not known or not wanted:
-            return (learn_sizes(sizes, data, walk.rate_hz)[0] if self.learn else sizes), data
+            return (learn_sizes(sizes, data, walk.rate_hz) if self.learn else sizes), data
         segments_m = moment_in_metres(rate_nm[used] @ walk.frame.T, mass_kg * GRAVITY_M_S2)
         rest, less = with_segments(sizes, data, segments_m)
         if not self.learn:
             return rest, less
-        rest, log_density = learn_sizes(rest, less, walk.rate_hz)
-        if self.segment_momentum:
-            return rest, less
-        without = learn_sizes(*with_segments(sizes, data, 0.0 * segments_m), walk.rate_hz)[1]
-        if log_density.sum() > without.sum():
-            return rest, less
-        return learn_sizes(sizes, data, walk.rate_hz)[0], data
+        learned = learn_sizes(rest, less, walk.rate_hz)
+        if self.segment_momentum or is_explained(rest, learned, less, data, walk.rate_hz):
+            return learned, less
+        return learn_sizes(sizes, data, walk.rate_hz), data
 
     def causal(
         self,

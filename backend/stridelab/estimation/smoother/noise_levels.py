@@ -120,13 +120,12 @@ HORIZONTAL: Final = np.array([0, 1])
 Logs = Float[np.ndarray, "p axes"]
 
 
-def learn_sizes(sizes: Sizes, signals: Signals, rate_hz: float) -> tuple[Sizes, Float[np.ndarray, "2"]]:
+def learn_sizes(sizes: Sizes, signals: Signals, rate_hz: float) -> Sizes:
     """The sizes with those of ``LEARNED`` replaced, per axis, by the most probable ones.
 
     Only the horizontal sizes are learned. The vertical axis has a single measurement: its sizes scale with the mean
     change of the others, the noise of the geometry also with the ratio of roughness. At most ``MAX_LEARNING_SAMPLES``
-    samples around the middle of the samples with force are used. The second value is the log of the posterior density
-    at these sizes, per horizontal axis, up to a term that depends on the data size only.
+    samples around the middle of the samples with force are used.
 
     Where the segments' angular momentum is used, its rest does not become smaller than its prior within one period of
     the walk: an error of the table would take its place. Each further period allows another factor of e^-DOWN.
@@ -159,14 +158,31 @@ def learn_sizes(sizes: Sizes, signals: Signals, rate_hz: float) -> tuple[Sizes, 
         bounds=bounds,
         options={"maxiter": ITERATIONS},
     )
-    best = optimum.x.reshape(start.shape)
-    change = best - start
-    density = log_likelihoods(middle, best[None], signals, rate_hz)[0] - 0.5 * np.sum((change / WIDTH) ** 2, axis=0)
+    change = optimum.x.reshape(start.shape) - start
     factors = np.exp(np.column_stack([change, change.mean(axis=1)]))
     rough = roughness[2] / np.mean(roughness[:2]) if roughness.min() > 0.0 else 1.0
     factors[LEARNED.index("marker_m"), 2] *= np.clip(rough, np.exp(-DOWN), np.exp(UP))
-    learned = {name: getattr(sizes, name) * x for name, x in zip(LEARNED, factors, strict=True)}
-    return replace(sizes, **learned), density
+    return replace(sizes, **{name: getattr(sizes, name) * x for name, x in zip(LEARNED, factors, strict=True)})
+
+
+def is_explained(prior: Sizes, learned: Sizes, signals: Signals, blind: Signals, rate_hz: float) -> bool:
+    """Whether ``signals``, with the segments' angular momentum, are more probable than ``blind``, without it.
+
+    ``learned`` are the sizes learned from ``signals``; without the segments the momentum may be larger and periodic.
+    """
+    middle = replace(prior, ends=(1.0, 1.0)).select_axes(HORIZONTAL)
+    usual, best = (np.log([getattr(one, name)[HORIZONTAL] for name in LEARNED]) for one in (prior, learned))
+    momentum = np.array([name in ("swing_m_s", "overtone_m_s") for name in LEARNED])[:, None]
+    candidates = best + np.log([1.0, 2.5, 6.0])[:, None, None] * momentum
+    periodic = candidates.copy()
+    periodic[:, LEARNED.index("damping")] = np.log(SmootherPriors.damping)
+    candidates = np.concatenate([candidates, periodic])
+    penalties = 0.5 * np.sum(((candidates - usual) / WIDTH) ** 2, axis=1)
+    explained, without = (
+        log_likelihoods(middle, some, _middle_stretch(data).select_axes(HORIZONTAL), rate_hz) - penalties[: len(some)]
+        for some, data in ((candidates[:1], signals), (candidates, blind))
+    )
+    return bool(explained.sum() > without.max(axis=0).sum())
 
 
 def log_likelihoods(
