@@ -278,7 +278,8 @@ def page(rows: Sequence[dict[str, Any]], entries: Sequence[strangers_list.Entry]
         message = re.sub(r"\s+", " ", some[0].get("message", "")).replace("|", "\\|")[:160]
         lines.append(f"| `{code}` | {len(some)} | {len({row['source'] for row in some})} | {message} |")
     took_s = [row["took_s"] for row in rows]
-    lines += ["", f"Time per recording: median {statistics.median(took_s):.1f} s, longest {max(took_s):.1f} s."]
+    times = f"median {statistics.median(took_s):.1f} s, longest {max(took_s):.1f} s"
+    lines += ["", f"Time per recording, beside other work of the machine: {times}."]
     lines.append(f"Largest process: {max(row.get('peak_mib', 0) for row in rows)} MiB.")
     lines += ["", *first_sight([entry for entry in entries if entry.first])]
     return "\n".join(lines) + "\n"
