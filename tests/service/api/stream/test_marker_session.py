@@ -51,9 +51,9 @@ def test_a_centre_of_pressure_is_as_good_as_a_moment() -> None:
         told.append((asked(by_moment, measured)[0], asked(by_cop, frame(k, plates=plates))[0]))
     used = [pair for pair in told if pair[0]["bridged"]["force"] is None]
     assert len(used) > 30
-    for moment, cop in used:
-        assert cop["bridged"]["force"] is None
-        assert cop["com_m"] == pytest.approx(moment["com_m"], abs=2e-3)
+    for moment, pressure in used:
+        assert pressure["bridged"]["force"] is None
+        assert pressure["com_m"] == pytest.approx(moment["com_m"], abs=2e-3)
 
 
 def test_pictures_come_at_most_fifty_times_a_second() -> None:
