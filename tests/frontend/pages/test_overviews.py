@@ -78,7 +78,7 @@ def test_settings_say_what_is_in_force_and_who_one_is(fake: FakeService, browse:
 def test_every_page_is_reached_from_the_navigation(browse: Browse) -> None:
     page = browse("/").text
     nav = re.findall(r'<a href="([^"]+)"', page.partition("<nav")[2].partition("</nav>")[0])
-    assert len(nav) == len(set(nav)) == 10
+    assert len(nav) == len(set(nav)) == 11
     for address in nav:
         found = browse(address)
         assert found.status_code == 200
