@@ -147,7 +147,7 @@ def test_bundled_robots_cannot_be_deleted(http: httpx.Client) -> None:
     )
 
 
-def test_another_user_s_robot_is_not_changed(http: httpx.Client, small: dict[str, Any], service: Served) -> None:
+def test_the_list_names_the_owner(http: httpx.Client, small: dict[str, Any], service: Served) -> None:
     async def give_away(owner: str | None) -> None:
         async with service.parts.engine.begin() as connection:
             await connection.execute(update(robot).values(owner=owner))
@@ -200,7 +200,7 @@ def test_it_is_commissioned_and_planned_for(
     scenario = json.loads((folder / "scenario.json").read_text(encoding="utf-8"))
     checked = http.post("/api/v1/scenarios/check", json=scenario).json()
     assert checked["valid"], checked["errors"]
-    assert any("com_distance" in margin or margin for margin in checked["margins"])
+    assert checked["margins"]
     added = http.post("/api/v1/scenarios", json=scenario)
     assert added.status_code == 201, added.text
     assert problem_of(http.delete(f"{ROBOTS}/small"), 409)["errors"][0]["where"] == f"scenario {added.json()['id']}"
