@@ -234,8 +234,10 @@ def test_a_section_of_the_page_is_replaced_alone() -> None:
     other = replace(SECTIONS[0], name="z", result=replace(FOUND, note="Anew."))
     changed = replace_sections(page, [other])
     assert changed == render_markdown("# Head\n", [SECTIONS[0], other])
-    with pytest.raises(ValueError, match="no section w"):
-        replace_sections(page, [replace(other, name="w")])
+    added = replace(other, name="w")
+    assert replace_sections(page, [added]) == render_markdown(
+        "# Head\n", [SECTIONS[0], replace(SECTIONS[0], name="z"), added]
+    )
 
 
 def test_the_end_of_a_columns_name_is_its_unit() -> None:

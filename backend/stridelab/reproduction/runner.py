@@ -9,11 +9,13 @@ from typing import Final
 from stridelab.conventions import Progress
 from stridelab.errors import StridelabError
 from stridelab.reproduction.chapter2 import fig_2_8_people, table_real_walks
+from stridelab.reproduction.chapter3 import wheel_people
 from stridelab.reproduction.claims import Reproduction, sampling_text
 from stridelab.reproduction.registry import item_of, seeds_of
 from stridelab.reproduction.result_cache import ResultCache, digest_of
 
-PEOPLE: Final = (fig_2_8_people.NAME, table_real_walks.NAME)
+_PEOPLE_MODULES: Final = (fig_2_8_people, table_real_walks, wheel_people)
+PEOPLE: Final = tuple(module.NAME for module in _PEOPLE_MODULES)
 """Items on real recordings, computed only if the recordings are available."""
 QUICK_SEEDS: Final = 3
 """Number of draws for a quick run."""
@@ -65,7 +67,7 @@ def recipes_of(
                 each.__name__,
                 partial(each.run, recordings / "gait"),
             )
-            for each in (fig_2_8_people, table_real_walks)
+            for each in _PEOPLE_MODULES
         ]
     return selected
 

@@ -20,7 +20,7 @@ R, r = 0.10, 0.015
 
 @pytest.fixture(scope="module")
 def figure() -> Reproduction:
-    return fig_3_3.run(1, lambda _fraction, _message: None)
+    return fig_3_3.run(range(1), lambda _fraction, _message: None)
 
 
 def claim(found: Reproduction, key: str) -> Claim:

@@ -21,7 +21,7 @@ from stridelab.recordings.force_windows import measured_windows
 from stridelab.recordings.marker_sets import identify
 from stridelab.recordings.plate_contacts import wrench_track
 from stridelab.recordings.recording import Recording, Window, WrenchTrack
-from stridelab.reproduction.claims import Measured, Reproduction, error_unless, met_if, reproduces, target
+from stridelab.reproduction.claims import Measured, Reproduction, met_if, reproduces, target
 from stridelab.reproduction.report.svg_plots import Curve, Panel, render_svg
 from stridelab.simulation.human.walker import HumanWalker, Walk
 from stridelab.simulation.human_recording import record
@@ -94,12 +94,10 @@ def run(seeds: range, tell: Progress) -> Reproduction:
         ),
         Measured("bias_left", "could be", left, "1", met_if(left <= 0.5)).says(
             "the difference could be a correction of the segment table's bias",
-            "Horizontal bias after fusion over the geometry's, with synchronous clocks.",
-        ),
-        Measured("bias_left_late", "could be", left_late, "1", error_unless(left_late < left + 0.1)).says(
-            "the same without synchronising the clocks of force and markers",
-            f"With the force {1e3 * LATENCY_S:.0f} ms late, as in real recordings, the offset changes by "
-            f"{1e3 * shift:+.1f} mm along the walk; speed times delay is {1e3 * SPEED_M_S * LATENCY_S:.1f} mm.",
+            "Horizontal bias after fusion over the geometry's, with synchronous clocks. With the force "
+            f"{1e3 * LATENCY_S:.0f} ms late, as in real recordings, it is {left_late:.1f}: the offset changes by "
+            f"{1e3 * shift:+.1f} mm along the walk; speed times delay is {1e3 * SPEED_M_S * LATENCY_S:.1f} mm. The "
+            "delay is injected here, and the thesis says could be: no verdict on it.",
         ),
         target("latency_error_s", latency_error_s, "s", at_most=0.002).says(
             "the delay is estimated to 2 ms (largest error)"

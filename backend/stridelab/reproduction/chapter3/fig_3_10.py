@@ -5,7 +5,7 @@ from typing import Final
 import numpy as np
 
 from stridelab.conventions import Progress
-from stridelab.reproduction.claims import Claim, Measured, Reproduction, error_unless, reproduces
+from stridelab.reproduction.claims import Claim, Measured, Reproduction, met_if, reproduces
 from stridelab.reproduction.common.simulated_steps import NOTE, SimulatedSteps, simulated_steps
 from stridelab.reproduction.report.svg_plots import Bars, Curve, Panel, render_svg
 from stridelab.walking.double_support import double_support_of_wheel
@@ -39,7 +39,7 @@ def run(seeds: range, tell: Progress) -> Reproduction:
         _few_milliseconds_claim(
             "end_s", "the model predicts its end to a few milliseconds", end, "Predicted minus planned."
         ),
-        Measured("enclosed_over_double_support", 1.0, enclosed, "1", error_unless(abs(enclosed - 1.0) < 0.1)).says(
+        Measured("enclosed_over_double_support", 1.0, enclosed, "1", met_if(abs(enclosed - 1.0) < 0.1)).says(
             "the crossings enclose the double support",
             "Time between the crossings over the duration of double support. With uniform rotation the point is below "
             "the hub for half of every step, but double support is only a fifth of it.",
@@ -61,7 +61,7 @@ def run(seeds: range, tell: Progress) -> Reproduction:
 
 
 def _few_milliseconds_claim(key: str, says: str, off_s: float, note: str) -> Claim:
-    return Measured(key, "few ms", off_s, "s", error_unless(abs(off_s) <= MAX_ERROR_S)).says(says, note)
+    return Measured(key, "few ms", off_s, "s", met_if(abs(off_s) <= MAX_ERROR_S)).says(says, note)
 
 
 def _prediction_errors_s(steps: SimulatedSteps, fit: StepFit) -> tuple[float, float]:

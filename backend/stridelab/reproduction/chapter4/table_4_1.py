@@ -95,7 +95,11 @@ def run(seeds: range, tell: Progress) -> Reproduction:
             Bars(
                 "time of the solver",
                 "ms",
-                [(f"{column_label(t.printed)}, {t.solver}", 1e3 * t.time_s) for t in times[: 2 * BARS]],
+                [
+                    (f"{column_label(t.printed)}, {t.solver}", 1e3 * t.time_s)
+                    for t in times
+                    if t.printed.robot == "hrp2"
+                ],
             )
         ),
     )

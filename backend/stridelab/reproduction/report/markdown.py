@@ -16,17 +16,12 @@ def render_markdown(head: str, sections: Sequence[Section]) -> str:
 
 
 def replace_sections(page: str, sections: Sequence[Section]) -> str:
-    """The page with new texts of ``sections``, which it must contain; all other sections stay as they are.
-
-    Raises ``ValueError`` for a section that the page lacks.
-    """
+    """The page with new texts of ``sections``; all others stay as they are, and sections that it lacks come last."""
     head, *parts = page.split("\n## ")
     new = {section.name: section_text(section).removeprefix("## ") for section in sections}
     names = [part.partition(":")[0] for part in parts]
-    if missing := new.keys() - set(names):
-        raise ValueError(f"the page has no section {', '.join(sorted(missing))}")
     texts = [new.get(name, part) for name, part in zip(names, parts, strict=True)]
-    return "\n## ".join([head, *texts])
+    return "\n## ".join([head, *texts, *(text for name, text in new.items() if name not in names)])
 
 
 def section_text(section: Section) -> str:
