@@ -61,6 +61,9 @@ class PostureRange:
 
 ANY_POSTURE: Final = PostureRange()
 """All postures within the joint limits with a roughly upright trunk that faces forward."""
+FREE_TRUNK: Final = PostureRange((-1.8, 1.8), (-np.pi / 2, np.pi / 2), (-2.2, 2.2))
+"""Postures within the joint limits with a free trunk, as for densities of uniform joints: beyond these angles the legs
+of the robots do not reach the ground."""
 _UPRIGHT_RAD: Final = float(np.radians(20.0))
 STANDING_POSTURE: Final = PostureRange(*(((-_UPRIGHT_RAD, _UPRIGHT_RAD),) * 3), extension=(0.62, 0.97))
 """Approximates the conditions of the measure ``conditioned``: upright trunk (its cone of 20 degrees as a box) and bent

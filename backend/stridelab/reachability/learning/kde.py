@@ -7,14 +7,17 @@ with one isotropic Gaussian kernel per sampled CoM. The bandwidth ``h`` is Scott
 divergence from this density depends on ``h``, so the two are stored together.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from scipy.spatial.distance import cdist
+from scipy.special import logsumexp
 
 from stridelab.conventions import Points, Series
 
+CANDIDATES_M: Final = (0.01, 0.015, 0.02, 0.025, 0.03, 0.035, 0.04, 0.045, 0.05, 0.06, 0.07, 0.08, 0.1)
 CHUNK: Final = 50
 """Points evaluated at once; with 20 000 kernels that is 8 MB."""
 
@@ -48,6 +51,24 @@ class KernelDensity:
         """``n`` independent points ``(n, 3)``."""
         of = rng.integers(len(self.centres_m), size=n)
         return np.asarray(self.centres_m[of] + self.bandwidth_m * rng.standard_normal((n, 3)))
+
+
+def held_out_bandwidth_m(clouds: Sequence[Points], candidates_m: Sequence[float] = CANDIDATES_M) -> float:
+    """The candidate under which each point of all ``clouds`` is most likely given the others of its cloud.
+
+    The likelihood is that of leaving one out, summed over the clouds ``(n, 3)``.
+    """
+
+    def log_likelihood(bandwidth_m: float) -> float:
+        total = 0.0
+        for cloud in clouds:
+            exponents = -0.5 / bandwidth_m**2 * cdist(cloud, cloud, "sqeuclidean")
+            np.fill_diagonal(exponents, -np.inf)
+            constant = -1.5 * np.log(2 * np.pi * bandwidth_m**2) - np.log(len(cloud) - 1)
+            total += float(logsumexp(exponents, axis=1).sum()) + len(cloud) * constant
+        return total
+
+    return max(candidates_m, key=log_likelihood)
 
 
 def scott_bandwidth_m(points_m: Points) -> float:
