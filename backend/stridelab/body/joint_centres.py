@@ -194,8 +194,7 @@ def pelvis_joints(p: Tracks, body: Anthropometry) -> Joints:
     if lacking:
         raise NotEstimable(
             "pelvis-markers-missing",
-            "The pelvis cannot be located: both ASIS and both PSIS or a sacrum, or both hips, are needed, in this "
-            "trial or in a static trial of the same person.",
+            "The pelvis cannot be located: both ASIS and both PSIS or a sacrum, or both hips, here or in a static trial.",
             [Fault(name, _HIDDEN) for name in lacking],
         )
     X, Y, Z = pelvis_axes(p)

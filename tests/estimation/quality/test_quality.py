@@ -128,26 +128,6 @@ def test_a_good_walk_is_good(seed: int, speed_m_s: float) -> None:
     assert set(found.quality.not_checked) == {"mass_from_standing", "flight_acceleration"}, "a walk has no flight"
 
 
-def inclined(angle_rad: float) -> Recording:
-    """The walk in the axes of a surface that is inclined along the walk: markers and plates turned together."""
-    c, s = np.cos(angle_rad), np.sin(angle_rad)
-    R = np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
-    good = walk()
-    plates = tuple(
-        replace(plate, corners_m=plate.corners_m @ R.T, force_n=plate.force_n @ R.T, moment_nm=plate.moment_nm @ R.T)
-        for plate in good.plates
-    )
-    return replace(good, plates=plates, markers_m={name: track @ R.T for name, track in good.markers_m.items()})
-
-
-def test_the_axes_of_an_inclined_surface_contradict_gravity_and_are_named_first() -> None:
-    found = judge(inclined(np.radians(12.0)))
-    assert found.check("force_tilt").value == pytest.approx(np.sin(np.radians(12.0)), abs=0.01)
-    assert found.quality.verdict == "contradicted"
-    first = "The sensors contradict each other; do not use these numbers. The mean force leans by 12."
-    assert found.quality.remarks[0].message.startswith(first[:-1])
-
-
 def test_a_good_walk_over_two_plates_is_good() -> None:
     recording = walk(lab="two_plates")
     windows = measured_windows(recording, identify(list(recording.markers_m)).landmarks)
