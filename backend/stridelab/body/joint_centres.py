@@ -194,7 +194,7 @@ def pelvis_joints(p: Tracks, body: Anthropometry) -> Joints:
     if lacking:
         raise NotEstimable(
             "pelvis-markers-missing",
-            "The pelvis cannot be located: mark both ASIS and PSIS or a sacrum, or both hips, here or in a static trial.",
+            "The pelvis cannot be located: mark ASIS and PSIS or a sacrum, or both hips, here or in a static trial.",
             [Fault(name, _HIDDEN) for name in lacking],
         )
     X, Y, Z = pelvis_axes(p)
