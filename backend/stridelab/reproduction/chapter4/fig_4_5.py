@@ -111,7 +111,8 @@ def figure_claims(rows: list[Comparison]) -> tuple[Claim, ...]:
             "Share of the truth's postures that are denser than the truth at the mode of the product of uniform "
             "densities, maximum over all sets: up to 0.5, the mode lies in the smallest region with half of the truth. "
             f"At least {mass:.2f} of the product's mass is inside the 95 % set of the truth, and the truth has at "
-            f"least {least:.2f} of its maximum at the mode.",
+            f"least {least:.2f} of its maximum at the mode. By set: "
+            f"{', '.join(f'{row.denser_than_mode:.2f}' for row in uniform)}.",
         ),
         target("denser_than_mode_conditioned", at_ours, "1", at_most=REGION_MASS).says(
             "conditioned densities: the same"
