@@ -65,7 +65,7 @@ def found() -> Iterator[Mapping[str, Reproduction]]:
             patch.setattr(module, "solve", solve_once)
         for module in (table_4_1, numbers):
             patch.setattr(module, "REPEATS", 1)
-        patch.setattr(fig_4_5, "DRAWS", 100)
+        patch.setattr(fig_4_5, "DRAWS", 40)
         patch.setattr(fig_4_5, "PROBES", 15)
         yield Found()
 
@@ -199,7 +199,7 @@ def test_a_masked_second_holds_a_full_single_support_and_only_it_has_force() -> 
 
 
 def test_a_late_force_is_taken_for_a_bias_of_the_table(found: Mapping[str, Reproduction]) -> None:
-    note = ours(found, "fig-2.8", "bias_left_late").note
+    note = ours(found, "fig-2.8", "bias_left").note
     moved = re.search(r"changes by ([+-][0-9.]+) mm", note)
     assert moved is not None
     assert float(moved.group(1)) == pytest.approx(-1.2 * 18.0, abs=4.0)
@@ -228,12 +228,12 @@ def test_in_flight_only_who_believes_the_plates_falls_with_g(found: Mapping[str,
     assert share["geometry"] > 2 * share["smoother"]
 
 
-def test_without_the_log_density_the_com_rises_out_of_reach(found: Mapping[str, Reproduction]) -> None:
+def test_the_log_density_is_compared_with_a_plan_of_the_same_bounds(found: Mapping[str, Reproduction]) -> None:
     verdicts = {claim.key: claim.verdict for claim in found["fig-4.9"].claims}
-    assert set(verdicts.values()) == {"met", "beaten"}
+    assert verdicts["nearer_uniform"] == verdicts["nearer_conditioned"] == "met"
     table, paths = found["fig-4.9"].tables["shares"], found["fig-4.9"].tables["paths"]
-    assert table["highest_m"][1] > 2.0 > 0.9 > table["highest_m"][0]
-    assert table["least_share"][1] == 0.0 < table["least_share"][0]
+    assert (table["highest_m"] <= fig_4_9.COM_HEIGHT_M[1] + 0.1).all(), "none rises out of reach"
+    assert table["least_share"][1] < table["least_share"][0]
     for measure, case in product(fig_4_9.MEASURES, fig_4_9.CASES):
         gaps = np.flatnonzero(~np.isfinite(paths[f"{measure}_{case}_x_m"]))
         assert len(gaps) == pytest.approx(6 * 14, abs=2)  # six times 1.4 s in the air

@@ -64,7 +64,7 @@ def test_promises_on_random_sets() -> None:
 
 def test_figure_4_7_is_an_item_with_claims_that_are_checked() -> None:
     told: list[float] = []
-    found = reproduce_item("fig-4.7", 1, lambda fraction, _: told.append(fraction))
+    found = reproduce_item("fig-4.7", None, lambda fraction, _: told.append(fraction))
     assert told[-1] == 1.0
     verdicts = {claim.key: claim.verdict for claim in found.claims}
     assert verdicts["alpha_03"] == "met"

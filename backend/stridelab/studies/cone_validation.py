@@ -15,6 +15,8 @@ from stridelab.studies.random_contact_sets import com_m, random_contacts
 
 REFERENCE_SHIFT_M = np.array([3.0, -40.0, 7.0])
 MILLIMETRES = 1000.0
+FINE_RAYS = 16
+"""Rays of the inner pyramids that stand for the circular cones; four rays are not the cone."""
 
 
 @dataclass(frozen=True)
@@ -22,6 +24,10 @@ class Timed:
     """Processor time of a computation."""
 
     time_s: float
+
+
+FINE_RAYS = 16
+"""Rays of the inner pyramids that stand for the circular cones; four rays are not the cone."""
 
 
 @dataclass(frozen=True)
@@ -32,7 +38,7 @@ class ConeCheck:
     points relative to the wrench norm, ``change`` the change of the gauge under another reference point and unit of
     length. ``volume_ratio`` and ``thesis_volume_ratio`` are section volumes of the largest cone and of the thesis' cone
     with alpha = 0.3, relative to the pyramids with four rays; ``alpha_max`` is the largest alpha for which the thesis'
-    cone stays inside these (NaN if undefined).
+    cone stays inside the circular cones, as pyramids of ``FINE_RAYS`` (NaN if undefined).
     """
 
     bodies: int
@@ -61,7 +67,8 @@ def check_cone(contacts: PointContacts, bodies: int, points: int, rng: np.random
     pyramids = LinearCone.from_contacts(contacts, 4)
     try:
         thesis = thesis_cone(contacts)
-        alpha_max, kept_thesis = pyramids.alpha_max(thesis), pyramids.volume_ratio(thesis.shrink(0.3))
+        alpha_max = LinearCone.from_contacts(contacts, FINE_RAYS).alpha_max(thesis)
+        kept_thesis = pyramids.volume_ratio(thesis.shrink(0.3))
     except NotEstimable:
         alpha_max, kept_thesis = np.nan, np.nan
     return ConeCheck(

@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Float
 from skimage.measure import find_contours
 
+from stridelab.centroidal.boundary_conditions import PathBounds
 from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.centroidal.reach_box import usual_share
 from stridelab.centroidal.solver import solve
@@ -33,6 +34,8 @@ LEVELS: Final = (0.5, 0.8, 0.95)
 RARE_SHARE: Final = 1.0 - MASS
 MARGIN_M: Final = 0.15
 GRID: Final = 81
+COM_HEIGHT_M: Final = (0.5, 0.9)
+"""Height of the CoM above the soles in all plans: HRP-2 stands at 0.79 m, and its legs are straight at 0.9 m."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,6 +48,7 @@ class ComPath:
     com_m: Points
     share: Series
     log_density: Series
+    solver: str
 
     @property
     def in_contact(self) -> Mask:
@@ -64,7 +68,9 @@ def run(seeds: range, tell: Progress) -> Reproduction:
         claims=figure_claims(paths),
         note="Experiment 2 of HRP-2 (six stairs of 10 cm in 24 s), the CoM in the frame of the right foot while in "
         "contact. Densities of uniform postures, as in the thesis, and conditioned on standing. The plan without the "
-        "log-densities differs only in their weight, which is zero.",
+        "log-densities differs only in their weight, which is zero. Both keep the CoM "
+        f"{COM_HEIGHT_M[0]:g} to {COM_HEIGHT_M[1]:g} m above the soles: without any bound of the height a plan without "
+        "densities leaves every reach, which would say nothing about the densities.",
         tables={"shares": path_table(paths), "paths": path_columns(paths)},
         drawing=render_svg(
             *(
@@ -78,7 +84,7 @@ def run(seeds: range, tell: Progress) -> Reproduction:
 
 def com_path(measure: Measure, case: str) -> ComPath:
     """Path of one plan in the frame of the foot."""
-    stairs = experiment_problem(2, ROBOT, measure)
+    stairs = replace(experiment_problem(2, ROBOT, measure), bounds=PathBounds(com_height_m=COM_HEIGHT_M))
     if case == "without":
         stairs = replace(stairs, weights=replace(stairs.weights, likelihood=0.0))
     return com_in_foot_frame(solve(stairs), stairs.proxies[FOOT].mixture, measure, case)
@@ -95,7 +101,7 @@ def com_in_foot_frame(plan: CentroidalPlan, mixture: Mixture, measure: Measure, 
     share, log_density = np.full(len(com_m), np.nan), np.full(len(com_m), np.nan)
     share[in_contact] = usual_share(mixture, com_m[in_contact])
     log_density[in_contact] = mixture.log_density(com_m[in_contact])
-    return ComPath(measure, case, time_s, com_m, share, log_density)
+    return ComPath(measure, case, time_s, com_m, share, log_density, plan.solver)
 
 
 def figure_claims(paths: list[ComPath]) -> tuple[Claim, ...]:
@@ -111,6 +117,7 @@ def figure_claims(paths: list[ComPath]) -> tuple[Claim, ...]:
             Measured(f"nearer_{measure}", "> 0", gain, "1", met_if(gain > 0.0)).says(
                 f"the CoM stays in the most feasible region, closer to the maxima ({measure} densities)",
                 "Increase of the mean log-density of the right foot, in nats.",
+                solver=with_density.solver,
             ),
             Measured(
                 f"infeasible_{measure}",
@@ -121,14 +128,17 @@ def figure_claims(paths: list[ComPath]) -> tuple[Claim, ...]:
             ).says(
                 f"without the log-density, the CoM tends to be infeasible ({measure} densities)",
                 f"Share of the time outside the smallest set with {MASS:.0%} of the foot's density; with the "
-                f"log-density {outside_share[0]:.2f}.",
+                f"log-density {outside_share[0]:.2f}. Both are bounded in height: without that bound the plan without "
+                "the log-density rises out of every reach, by the bound that it lacks.",
+                solver=with_density.solver,
             ),
         ]
     conditioned = next(p for p in paths if (p.measure, p.case) == ("conditioned", "with"))
     least = float(conditioned.share[conditioned.in_contact].min())
     made.append(
         target("usual", least, "1", at_least=0.01).says(
-            "with conditioned densities, least likely CoM of the plan: mass with lower density"
+            "with conditioned densities, least likely CoM of the plan: mass with lower density",
+            solver=conditioned.solver,
         )
     )
     return tuple(made)
