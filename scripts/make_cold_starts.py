@@ -17,7 +17,7 @@ from stridelab.studies.cold_starts import (
 )
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
-from support.oracles.conic_feasibility import exists
+from support.oracles.feasibility import exists
 
 numbers = [int(a) for a in sys.argv[1:4]] or [1000, 300, 12]
 found = []

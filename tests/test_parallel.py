@@ -15,8 +15,8 @@ import pytest
 from stridelab.cores import usable_cores
 from stridelab.errors import NotEstimable
 from stridelab.parallel import PROCESSES_MAX, map_in_order, worthwhile_processes
-from support.robots import pieces
-from support.workers import another_thread, workers
+from support import parallel_work
+from support.parallel_work import another_thread, workers
 
 WAIT_S = 30.0
 
@@ -37,7 +37,7 @@ def until(true: Callable[[], bool]) -> bool:
 
 @pytest.mark.parametrize("processes", [1, 2, 3])
 def test_answers_come_in_order_whoever_computes_them(processes: int) -> None:
-    answers = list(map_in_order(pieces.square, 5, processes))
+    answers = list(map_in_order(parallel_work.square, 5, processes))
     assert [square for square, _ in answers] == [0, 1, 4, 9, 16]
     by = {pid for _, pid in answers}
     assert by == {os.getpid()} if processes == 1 else len(by) == processes and os.getpid() not in by
@@ -45,21 +45,21 @@ def test_answers_come_in_order_whoever_computes_them(processes: int) -> None:
 
 
 def test_no_more_processes_than_pieces_and_none_for_nothing() -> None:
-    ((_, pid),) = map_in_order(pieces.square, 1, 4)
+    ((_, pid),) = map_in_order(parallel_work.square, 1, 4)
     assert pid == os.getpid()
-    assert list(map_in_order(pieces.square, 0, 4)) == []
+    assert list(map_in_order(parallel_work.square, 0, 4)) == []
 
 
 @pytest.mark.parametrize("processes", [1, 2])
 def test_libraries_keep_to_one_thread(processes: int) -> None:
     """With more, sums may depend on how many there are."""
-    for found in map_in_order(pieces.threads, 2, processes):
+    for found in map_in_order(parallel_work.threads, 2, processes):
         assert found
         assert set(found) == {1}
 
 
 def test_an_error_comes_over_as_it_is() -> None:
-    answers = map_in_order(pieces.refuse, 4, 2)
+    answers = map_in_order(parallel_work.refuse, 4, 2)
     assert [next(answers), next(answers)] == [0, 1]
     with pytest.raises(NotEstimable) as refusal:
         next(answers)
@@ -70,17 +70,17 @@ def test_an_error_comes_over_as_it_is() -> None:
 def test_a_process_without_memory_is_told_as_such() -> None:
     """So that a job says that it needed more memory than its limit."""
     with pytest.raises(MemoryError):
-        list(map_in_order(pieces.hog, 2, 2))
+        list(map_in_order(parallel_work.hog, 2, 2))
 
 
 def test_a_process_that_vanishes_is_noticed() -> None:
     with pytest.raises(NotEstimable) as refusal:
-        list(map_in_order(pieces.vanish, 2, 2))
+        list(map_in_order(parallel_work.vanish, 2, 2))
     assert refusal.value.code == "process-ended"
 
 
 def test_who_stops_listening_leaves_no_process() -> None:
-    with closing(map_in_order(pieces.hang, 4, 2)) as answers:
+    with closing(map_in_order(parallel_work.hang, 4, 2)) as answers:
         assert len({next(answers), next(answers)}) == 2
         assert len(workers()) == 2
     assert workers() == []
@@ -93,7 +93,7 @@ def test_they_end_with_a_parent_that_is_killed(tmp_path: Path, threads: str) -> 
         "THREADS": threads,
         "PYTHONPATH": str(Path(__file__).parents[0]),
     }
-    parent = subprocess.Popen([sys.executable, "-m", "support.robots.pieces"], env=environment)
+    parent = subprocess.Popen([sys.executable, "-m", "support.parallel_work"], env=environment)
     try:
         assert until(lambda: len(list(tmp_path.iterdir())) == 2)
         children = [int(path.name) for path in tmp_path.iterdir()]

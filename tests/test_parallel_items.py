@@ -9,8 +9,7 @@ import pytest
 
 from stridelab.errors import NotEstimable, StridelabError
 from stridelab.parallel import map_isolated
-from support.service.isolated_work import behave
-from support.workers import another_thread, workers
+from support.parallel_work import another_thread, behave, workers
 
 
 @pytest.fixture(params=["one thread", "two threads"], autouse=True)
@@ -22,7 +21,7 @@ def threads(request: pytest.FixtureRequest) -> Iterator[None]:
 
 def done(*hows: str, timeout_s: float = 30.0) -> dict[int, object]:
     items = [{"how": how, "n": n} for n, how in enumerate(hows)]
-    return dict(map_isolated(behave, items, preload=["support.service.isolated_work"], timeout_s=timeout_s))
+    return dict(map_isolated(behave, items, preload=["support.parallel_work"], timeout_s=timeout_s))
 
 
 def test_every_item_has_a_process_of_its_own() -> None:
@@ -55,7 +54,7 @@ def test_what_goes_wrong_costs_its_item_alone() -> None:
 
 def test_whoever_stops_listening_leaves_no_process_behind() -> None:
     answers = map_isolated(
-        behave, [{"how": h, "n": 1} for h in ("work", "hang", "hang")], preload=["support.service.isolated_work"]
+        behave, [{"how": h, "n": 1} for h in ("work", "hang", "hang")], preload=["support.parallel_work"]
     )
     next(answers)
     assert workers() != []
@@ -73,7 +72,7 @@ def test_no_items_give_no_answers() -> None:
 @pytest.mark.parametrize("processes", [1, 3])
 def test_any_number_at_a_time(processes: int) -> None:
     items = [{"how": "work", "n": n} for n in range(4)]
-    found = dict(map_isolated(behave, items, preload=["support.service.isolated_work"], processes=processes))
+    found = dict(map_isolated(behave, items, preload=["support.parallel_work"], processes=processes))
     assert sorted(found) == [0, 1, 2, 3]
 
 
@@ -82,9 +81,7 @@ def test_no_more_at_a_time_than_cores_that_may_be_used(monkeypatch: pytest.Monke
     monkeypatch.setattr(os, "cpu_count", lambda: 64)
     monkeypatch.setattr(os, "sched_getaffinity", lambda _pid: {0, 1})
     items = [{"how": "interval", "n": n} for n in range(6)]
-    answers = [
-        answer for _, answer in map_isolated(behave, items, preload=["support.service.isolated_work"], processes=6)
-    ]
+    answers = [answer for _, answer in map_isolated(behave, items, preload=["support.parallel_work"], processes=6)]
     intervals_s = [answer["interval_s"] for answer in answers if isinstance(answer, dict)]
     assert len(intervals_s) == 6
     assert max(sum(a <= began <= b for a, b in intervals_s) for began, _ in intervals_s) <= 2

@@ -18,7 +18,7 @@ from stridelab.centroidal.nlp.transcription import transcribe
 from stridelab.centroidal.point_forces import CircularCones, Pyramids
 from stridelab.centroidal.receding_horizon import RecedingHorizon, State
 from stridelab.centroidal.solver import solve
-from support.robots.centroidal_problems import bundled
+from support.robots.sequences import bundled
 
 pytestmark = pytest.mark.benchmark(timer=time.process_time)
 

@@ -7,7 +7,7 @@ from stridelab.contacts.effector_geometry import effector_shapes
 from stridelab.contacts.planner.planner import ContactPlanner
 from stridelab.errors import NotEstimable
 from stridelab.reachability.planner_limits import planner_limits
-from support.robots.contact_terrains import KINDS, box, random_task, task
+from support.robots.scenario_bodies import KINDS, box, random_task, task
 
 SURFACES = 14
 

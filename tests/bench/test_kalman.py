@@ -8,7 +8,7 @@ import pytest
 from stridelab.estimation.kalman.filter import KalmanFilter, RtsSmoother
 from stridelab.estimation.kalman.passes import Axis, JerkRecord
 from stridelab.recordings.recording import Window
-from support.oracles.textbook_kalman import textbook
+from support.oracles.estimators import textbook
 from support.recordings.analytic_motions import walk
 
 RATE_HZ = 200.0

@@ -7,8 +7,7 @@ import httpx
 import pytest
 
 from stridelab.service.storage.migrate import libpq_address
-from support.service.database import TestDatabases
-from support.service.many_recordings import N_RECORDINGS, store_many_recordings
+from support.service.database import N_RECORDINGS, TestDatabases, store_many_recordings
 from support.service.web_server import served
 
 

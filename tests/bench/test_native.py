@@ -16,7 +16,7 @@ from stridelab.centroidal.native.solve import OPTIMALITY_GAP, TOLERANCE
 from stridelab.centroidal.point_forces import CircularCones
 from stridelab.centroidal.receding_horizon import RecedingHorizon
 from stridelab.centroidal.solver import solve
-from support.robots.centroidal_problems import bundled
+from support.robots.sequences import bundled
 
 EXPERIMENTS = ("long-stride", "six-stairs", "stairs-with-rail")
 found = native_availability()

@@ -7,7 +7,7 @@ from stridelab.walking.path_fit import fit_path
 from stridelab.walking.step_fit import fit_step
 from stridelab.walking.steps import GaitStep
 from stridelab.walking.timed_fit import fit_in_time
-from support.recordings.wheels import PERIOD_S
+from support.recordings.analytic_motions import PERIOD_S
 
 
 def step(rate_hz: float) -> tuple[np.ndarray, np.ndarray]:

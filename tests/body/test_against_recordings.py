@@ -12,7 +12,7 @@ from stridelab.body.segment_model import SEX_UNKNOWN, SegmentModel
 from stridelab.recordings.marker_sets import all_substitutes, identify
 from stridelab.recordings.reader import read_recording
 from stridelab.recordings.recording import Recording
-from support.oracles.center_of_mass import whole_body_com_m
+from support.oracles.estimators import whole_body_com_m
 
 TABLES = ("dumas2007", "deleva1996")
 CHILDREN = ("HC002D", "HC030A", "HC032A", "HC036A", "HC038A", "HC040A", "HC055A")

@@ -10,7 +10,7 @@ from stridelab.body import segment_tables
 from stridelab.body.segment_model import SegmentModel, segment_frames
 from stridelab.errors import InvalidInput, NotEstimable
 from stridelab.recordings.marker_sets import marker_sets
-from support.recordings.standing_body import landmarks, mirrored, recording
+from support.recordings.walks import landmarks, mirrored, recording
 
 TABLES = ("dumas2007", "deleva1996")
 angles = st.floats(-3.0, 3.0)

@@ -20,8 +20,8 @@ from playwright.sync_api import Browser, Page, expect, sync_playwright
 from stridelab.client import Client
 from support.browser.every_page import every_page
 from support.browser.page import Service, Tab
-from support.browser.traffic_meter import Meter, metered
-from support.fakes.lab import Lab, running_lab
+from support.browser.service_costs import Meter, metered
+from support.fakes.web_app import Lab, running_lab
 from support.service.database import public_folder
 
 CHROMIUM = next(

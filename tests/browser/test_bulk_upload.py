@@ -8,7 +8,7 @@ from playwright.sync_api import Route, expect
 from stridelab.schemas.base import Problem
 from stridelab.schemas.jobs import JobResult, Progress
 from support.browser.page import Tab
-from support.fakes.lab import Lab
+from support.fakes.web_app import Lab
 
 pytestmark = pytest.mark.usefixtures("lab")
 FILE = {"name": "walk.c3d", "mimeType": "application/octet-stream", "buffer": b"C3D" * 100}

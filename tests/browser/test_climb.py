@@ -8,8 +8,7 @@ from playwright.sync_api import expect
 from stridelab.schemas.scenarios import Scenario
 from stridelab_web.scene.contacts import placed_contacts
 from stridelab_web.scene.plan_frames import read_motion
-from support.browser.page import Service, Tab
-from support.browser.scene import drag, nodes, opened, until
+from support.browser.page import Service, Tab, drag, nodes, opened, until
 
 FOOT = "leg_right_6_link"
 PLANNED_WITHIN_MS = 240_000

@@ -5,8 +5,7 @@ from collections.abc import Callable
 import pytest
 from playwright.sync_api import Page, expect
 
-from support.browser.page import Tab
-from support.browser.scene import opened, until
+from support.browser.page import Tab, opened, until
 
 pytestmark = pytest.mark.usefixtures("lab")
 

@@ -15,8 +15,7 @@ from stridelab.schemas.scenarios import (
     ScenarioPhase,
 )
 from stridelab_web.scene.contacts import placed_contacts
-from support.browser.page import Service, Tab
-from support.browser.scene import hold, nodes, opened, until
+from support.browser.page import Service, Tab, hold, nodes, opened, until
 
 FOUND_WITHIN_MS = 120_000
 WARNING = [176, 0, 32]

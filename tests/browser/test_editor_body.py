@@ -9,8 +9,7 @@ from playwright.sync_api import Page, expect
 from stridelab.resources import models_dir
 from stridelab.schemas.scenarios import Scenario
 from stridelab_web.scene.contacts import placed_contacts
-from support.browser.page import Service, Tab
-from support.browser.scene import hold, opened, until
+from support.browser.page import Service, Tab, hold, opened, until
 
 FOOT = 5
 """The touch of the left foot at the stairs' beginning, counted from 0."""

@@ -15,7 +15,7 @@ from playwright.sync_api import Page
 
 from support.browser.every_page import every_page
 from support.browser.page import Tab
-from support.fakes.lab import Lab
+from support.fakes.web_app import Lab
 
 pytestmark = pytest.mark.usefixtures("lab")
 

@@ -10,9 +10,8 @@ import pytest
 from playwright.sync_api import Browser, Page, Route
 
 from stridelab_web.scene.documents import Document
-from support.browser.frame_decoder import read_frames
-from support.browser.scene import until
-from support.fakes.lab import Lab
+from support.browser.page import read_frames, until
+from support.fakes.web_app import Lab
 
 NOWHERE = "http://nowhere.invalid"
 """No such host: what the page asks for is answered by the test or by nobody."""

@@ -6,9 +6,8 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
-from support.browser.consumption import Consumption
 from support.browser.page import Service
-from support.browser.traffic_meter import Meter
+from support.browser.service_costs import Consumption, Meter
 from support.service.processes import wait_until
 
 FILE_BYTES = 100_000_000

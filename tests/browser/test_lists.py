@@ -8,9 +8,8 @@ from playwright.sync_api import Browser, BrowserContext, Page, expect
 
 from stridelab.schemas.jobs import JobVerdict, Progress
 from stridelab.schemas.plans import PhaseDuration
-from support.browser.page import Tab
-from support.browser.scene import opened
-from support.fakes.lab import Lab
+from support.browser.page import Tab, opened
+from support.fakes.web_app import Lab
 
 pytestmark = pytest.mark.usefixtures("lab")
 

@@ -12,8 +12,7 @@ from stridelab.schemas.previews import PlanPreviewInput, PreviewPush
 from stridelab.schemas.scenarios import Scenario
 from stridelab_web.scene.contacts import placed_contacts
 from stridelab_web.viewer.scenario_scene import RINGS, SIDES
-from support.browser.page import Service, Tab
-from support.browser.scene import hold, opened, until
+from support.browser.page import Service, Tab, hold, opened, until
 
 if isinstance(native_availability(), NativeUnavailable):
     pytest.skip(f"live plans need the C++ solver ({os.environ.get('STRIDELAB_NATIVE_PATH') or 'not built'})",

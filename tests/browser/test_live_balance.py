@@ -10,7 +10,7 @@ from playwright.sync_api import Page, expect
 
 from stridelab.schemas.streams import MarkerFrame, MarkerStreamConfiguration
 from support.browser.page import Service, Tab
-from support.service.marker_streams import frame, header, sample
+from support.service.streams import frame, header, sample
 
 HEADER = MarkerStreamConfiguration.model_validate(header(title="Lane 3"))
 INK = """(canvas) => {

@@ -4,7 +4,7 @@ import pytest
 from playwright.sync_api import expect
 
 from support.browser.page import Service, Tab
-from support.fakes.lab import Lab
+from support.fakes.web_app import Lab
 
 
 def test_measure_the_sample_by_a_button(tab: Tab, service: Service) -> None:

@@ -7,9 +7,8 @@ import pytest
 from playwright.sync_api import Page
 
 from support.browser.every_page import ROBOT
-from support.browser.page import Tab
-from support.browser.scene import opened
-from support.fakes.lab import Lab
+from support.browser.page import Tab, opened
+from support.fakes.web_app import Lab
 
 pytestmark = pytest.mark.usefixtures("lab")
 

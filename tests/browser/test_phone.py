@@ -6,8 +6,7 @@ from typing import Any
 import pytest
 from playwright.sync_api import Page, expect
 
-from support.browser.page import Tab
-from support.browser.scene import opened
+from support.browser.page import Tab, opened
 
 pytestmark = pytest.mark.usefixtures("lab")
 

@@ -5,9 +5,8 @@ from collections.abc import Callable
 import pytest
 from playwright.sync_api import Page
 
-from support.browser.page import Tab
-from support.browser.scene import opened, until
-from support.fakes.lab import Lab
+from support.browser.page import Tab, opened, until
+from support.fakes.web_app import Lab
 
 pytestmark = pytest.mark.usefixtures("lab")
 

@@ -10,7 +10,7 @@ import pytest
 from playwright.sync_api import expect
 
 from support.browser.page import Tab
-from support.fakes.lab import Lab
+from support.fakes.web_app import Lab
 
 pytestmark = pytest.mark.usefixtures("lab")
 

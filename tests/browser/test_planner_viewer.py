@@ -9,10 +9,9 @@ import pytest
 from playwright.sync_api import Route, expect
 
 from stridelab.schemas.base import FaultItem, Problem
-from support.browser.page import Tab
-from support.browser.scene import drag, nodes, opened, until
+from support.browser.page import Tab, drag, nodes, opened, until
 from support.fakes import robots
-from support.fakes.lab import Lab
+from support.fakes.web_app import Lab
 
 pytestmark = pytest.mark.usefixtures("lab")
 

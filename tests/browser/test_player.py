@@ -10,9 +10,8 @@ import pytest
 from PIL import Image
 from playwright.sync_api import Page, Route, expect
 
-from support.browser.page import Tab
-from support.browser.scene import opened, until
-from support.fakes.lab import Lab
+from support.browser.page import Tab, opened, until
+from support.fakes.web_app import Lab
 
 pytestmark = pytest.mark.usefixtures("lab")
 

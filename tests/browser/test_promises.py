@@ -20,10 +20,8 @@ from stridelab.robots.loader import load_robot
 from stridelab.robots.visuals import link_poses
 from stridelab_web.scene.documents import Document
 from support.browser import page as own_loop
-from support.browser.consumption import Consumption
-from support.browser.page import Service
-from support.browser.scene import ScenePoses, apart
-from support.browser.traffic_meter import Meter
+from support.browser.page import ScenePoses, Service, apart
+from support.browser.service_costs import Consumption, Meter
 
 pytestmark = pytest.mark.timeout(1500)
 """The plan comes first; without a graphics card and beside other work even a picture can take a minute."""

@@ -13,7 +13,7 @@ from stridelab.schemas.methods import METHODS
 from stridelab.schemas.recordings import EstimateOffer
 from stridelab_web.scene import proxy
 from support.browser.page import Tab
-from support.fakes.lab import Lab
+from support.fakes.web_app import Lab
 
 pytestmark = pytest.mark.usefixtures("lab")
 

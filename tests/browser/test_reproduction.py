@@ -9,7 +9,7 @@ from stridelab.schemas.jobs import Artifact, JobResult
 from stridelab.schemas.reproduction import ClaimResult, ReproduceSummary
 from stridelab_web.pages.reproduction import ITEMS
 from support.browser.page import Tab
-from support.fakes.lab import Lab
+from support.fakes.web_app import Lab
 
 SVG = b'<svg xmlns="http://www.w3.org/2000/svg" width="300" height="200"><rect width="300" height="200"/></svg>'
 

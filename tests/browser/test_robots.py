@@ -8,10 +8,9 @@ from playwright.sync_api import Page, expect
 
 from stridelab.schemas.robots import RobotPreparation
 from stridelab_web.scene.density_nodes import reach_places
-from support.browser.page import Tab
-from support.browser.scene import nodes, opened, until
+from support.browser.page import Tab, nodes, opened, until
 from support.fakes import reachability, robots
-from support.fakes.lab import Lab
+from support.fakes.web_app import Lab
 
 pytestmark = pytest.mark.usefixtures("lab")
 

@@ -8,8 +8,7 @@ import pytest
 from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Locator, Page, expect
 
-from support.browser.page import Tab
-from support.browser.scene import opened
+from support.browser.page import Tab, opened
 
 pytestmark = pytest.mark.usefixtures("lab")
 

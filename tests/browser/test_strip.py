@@ -9,9 +9,8 @@ from playwright.sync_api import Locator, Page, Route, expect
 
 from stridelab.schemas.scenarios import StoredScenario
 from stridelab_web.scene.contacts import placed_contacts
-from support.browser.page import Tab
-from support.browser.scene import hold, nodes, opened, until
-from support.fakes.lab import Lab
+from support.browser.page import Tab, hold, nodes, opened, until
+from support.fakes.web_app import Lab
 
 pytestmark = pytest.mark.usefixtures("lab")
 

@@ -14,9 +14,8 @@ from playwright.sync_api import Page, expect
 
 from stridelab_web.scene.documents import Document
 from support.browser import page
-from support.browser.page import Tab
-from support.browser.scene import drag, nodes, opened, until
-from support.fakes.lab import Lab
+from support.browser.page import Tab, drag, nodes, opened, until
+from support.fakes.web_app import Lab
 
 pytestmark = pytest.mark.usefixtures("lab")
 

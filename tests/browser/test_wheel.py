@@ -11,9 +11,7 @@ import pyarrow.parquet as pq
 import pytest
 from playwright.sync_api import expect
 
-from support.browser.frame_decoder import read_frames
-from support.browser.page import Service, Tab
-from support.browser.scene import nodes, opened, until
+from support.browser.page import Service, Tab, nodes, opened, read_frames, until
 
 WHEEL = ("/wheel/rim", "/wheel/hub", "/wheel/point")
 NEAR_M = 1e-5

@@ -5,8 +5,7 @@ import pytest
 from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.centroidal.problem import CentroidalProblem
 from stridelab.centroidal.solver import solve
-from support.robots.centroidal_problems import rest_to_rest
-from support.robots.sequences import foot, hand, phase, sequence
+from support.robots.sequences import foot, hand, phase, rest_to_rest, sequence
 
 
 @pytest.fixture(scope="session")

@@ -12,8 +12,7 @@ from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.centroidal.problem import CentroidalProblem
 from stridelab.centroidal.solver import solve
 from stridelab.errors import InvalidInput
-from support.robots.centroidal_problems import rest_to_rest
-from support.robots.sequences import foot, hand, phase, sequence, two_steps
+from support.robots.sequences import foot, hand, phase, rest_to_rest, sequence, two_steps
 
 
 @pytest.fixture(scope="module")

@@ -15,8 +15,7 @@ from stridelab.contacts.sequence import Contact
 from stridelab.contacts.wrench_cones.wrench_feasibility import conic_margin
 from stridelab.dynamics.spatial import Placement
 from stridelab.errors import InvalidInput, NotEstimable
-from support.robots.centroidal_problems import rest_to_rest
-from support.robots.sequences import EFFECTORS, foot, hand, phase, sequence
+from support.robots.sequences import EFFECTORS, foot, hand, phase, rest_to_rest, sequence
 
 BODY_WEIGHT = 1e-6
 """Of it a force may lie outside its cone."""

@@ -12,7 +12,7 @@ from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.centroidal.point_forces import CircularCones, Pyramids
 from stridelab.centroidal.problem import CentroidalProblem
 from stridelab.centroidal.solver import solve
-from support.robots.centroidal_problems import bundled, rail_of_hrp2
+from support.robots.sequences import bundled, rail_of_hrp2
 
 SCENARIOS = ("flat-walk", "long-stride", "six-stairs", "stairs-with-rail")
 

@@ -15,8 +15,7 @@ from stridelab.contacts.sequence import Contact
 from stridelab.contacts.terrain import Box, Rail, Terrain
 from stridelab.dynamics.spatial import Placement
 from stridelab.errors import InvalidInput
-from support.robots.centroidal_problems import rest_to_rest, with_a_contact_between
-from support.robots.sequences import foot, phase, sequence, two_steps
+from support.robots.sequences import foot, phase, rest_to_rest, sequence, two_steps, with_a_contact_between
 
 
 @pytest.fixture(scope="module")

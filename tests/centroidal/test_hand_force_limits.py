@@ -18,7 +18,7 @@ from stridelab.dynamics.spatial import Placement
 from stridelab.robots.contact_frames import with_contact_frames
 from stridelab.robots.loader import load_robot
 from stridelab.robots.robot import Robot
-from support.robots.centroidal_problems import rail_of_hrp2
+from support.robots.sequences import rail_of_hrp2
 
 ROBOTS = ("hrp2", "g1", "talos")
 

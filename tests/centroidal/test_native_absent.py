@@ -10,8 +10,7 @@ from stridelab.centroidal.native import availability
 from stridelab.centroidal.point_forces import CircularCones
 from stridelab.centroidal.solver import solve
 from stridelab.errors import NotEstimable
-from support.robots.centroidal_problems import rest_to_rest
-from support.robots.sequences import two_steps
+from support.robots.sequences import rest_to_rest, two_steps
 
 
 @pytest.fixture(autouse=True)

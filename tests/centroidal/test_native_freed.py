@@ -13,9 +13,17 @@ from stridelab.centroidal.free_variables import FreeDurations, FreePlacements
 from stridelab.centroidal.native.availability import NativeUnavailable, native_availability
 from stridelab.centroidal.point_forces import CircularCones
 from stridelab.centroidal.solver import solve
-from support.robots.centroidal_problems import bundled, rest_to_rest, with_a_contact_between
-from support.robots.native_agreement import assert_same, total
-from support.robots.sequences import foot, phase, sequence, two_steps
+from support.robots.sequences import (
+    assert_same,
+    bundled,
+    foot,
+    phase,
+    rest_to_rest,
+    sequence,
+    total,
+    two_steps,
+    with_a_contact_between,
+)
 
 found = native_availability()
 if isinstance(found, NativeUnavailable):

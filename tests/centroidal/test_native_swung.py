@@ -11,7 +11,7 @@ from stridelab.centroidal.native.availability import NativeUnavailable, native_a
 from stridelab.centroidal.point_forces import CircularCones
 from stridelab.centroidal.receding_horizon import RecedingHorizon, State
 from stridelab.centroidal.solver import solve
-from support.robots.centroidal_problems import bundled
+from support.robots.sequences import bundled
 
 found = native_availability()
 if isinstance(found, NativeUnavailable):

@@ -9,8 +9,7 @@ from stridelab.centroidal.contact_wrench import ContactWrench
 from stridelab.centroidal.free_variables import FreeDurations, FreePlacements
 from stridelab.centroidal.problem import NODES_PER_PHASE_MIN, CentroidalProblem, Weights, standing_com_m
 from stridelab.errors import InvalidInput
-from support.robots.centroidal_problems import rest_to_rest
-from support.robots.sequences import EFFECTORS, PROXIES, foot, hand, phase, sequence, two_steps
+from support.robots.sequences import EFFECTORS, PROXIES, foot, hand, phase, rest_to_rest, sequence, two_steps
 
 
 def test_the_weights_are_those_of_the_thesis() -> None:

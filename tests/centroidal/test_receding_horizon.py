@@ -15,8 +15,7 @@ from stridelab.centroidal.receding_horizon import RecedingHorizon, State, cut_se
 from stridelab.centroidal.solver import solve
 from stridelab.centroidal.warm_start import warm_start_point
 from stridelab.errors import InvalidInput, NotEstimable
-from support.robots.centroidal_problems import rest_to_rest
-from support.robots.sequences import foot, phase, sequence, two_steps
+from support.robots.sequences import foot, phase, rest_to_rest, sequence, two_steps
 
 WALK = two_steps(0.25)
 

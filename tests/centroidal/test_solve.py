@@ -9,8 +9,17 @@ from stridelab.centroidal.nlp.solvers import Limits, SolverName, run_solver
 from stridelab.centroidal.nlp.transcription import transcribe
 from stridelab.centroidal.problem import CentroidalProblem
 from stridelab.centroidal.solver import solve
-from support.robots.centroidal_problems import rest_to_rest
-from support.robots.sequences import COM_HEIGHT_M, MASS_KG, MIXTURES, foot, mirrored, phase, sequence, two_steps
+from support.robots.sequences import (
+    COM_HEIGHT_M,
+    MASS_KG,
+    MIXTURES,
+    foot,
+    mirrored,
+    phase,
+    rest_to_rest,
+    sequence,
+    two_steps,
+)
 
 MIRROR = np.array([1.0, -1.0, 1.0])
 

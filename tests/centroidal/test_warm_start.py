@@ -16,8 +16,7 @@ from stridelab.centroidal.problem import CentroidalProblem
 from stridelab.centroidal.solver import solve
 from stridelab.centroidal.warm_start import warm_start_point
 from stridelab.errors import InvalidInput
-from support.robots.centroidal_problems import rest_to_rest
-from support.robots.sequences import two_steps
+from support.robots.sequences import rest_to_rest, two_steps
 
 CONTROLS = [Pyramids(), ContactWrench()]
 """From a warm start circular cones take as long as from a cold one: at the apex the row's slope is zero."""

@@ -12,7 +12,7 @@ from stridelab.cli.results import EXIT_CODES
 from stridelab.cli.scenario_files import bundled_names, read_document, read_scenario
 from stridelab.errors import InvalidInput
 from stridelab.schemas.jobs import JobResult
-from support.robots.contact_terrains import box, planks, task
+from support.robots.scenario_bodies import box, planks, task
 
 
 def typed(*arguments: str) -> tuple[int, str]:

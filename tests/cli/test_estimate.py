@@ -17,7 +17,7 @@ from stridelab.schemas.jobs import EstimateComInput, EstimateComSummary, JobResu
 from stridelab.service.kinds.estimate_com import run as estimate_com
 from support.command_line import SAMPLE, estimate_task, quiet
 from support.recordings.body_model_files import rocking_members, write_zip
-from support.recordings.trc_mot_files import write_trc
+from support.recordings.export_files import write_trc
 
 WALK = Walk(SAMPLE / "recording.c3d")
 FILES = {"com.parquet", "com.csv", "com.c3d", "result.json", "references.bib"}

@@ -19,7 +19,7 @@ from stridelab.schemas.plans import PlanMotionInput, PlanMotionSummary, ReplayOp
 from stridelab.schemas.scenarios import Scenario
 from stridelab.service.kinds.plan_motion import run as plan_motion
 from support.command_line import quiet
-from support.robots.plan_runs import changed, plan_task, short_walk, stopping_after
+from support.robots.plans import changed, plan_task, short_walk, stopping_after
 from support.service.scripted_client import ScriptedService, problem
 
 PLAN_FILES = {

@@ -24,7 +24,7 @@ from stridelab.schemas.tasks import StudyPopulationTask
 from stridelab.service.kinds.base import ArtifactFile, Outcome
 from stridelab.service.kinds.study_population import run as study_population
 from support.command_line import SAMPLE, Run
-from support.fakes import population
+from support.fakes import results
 from support.service.scripted_client import ScriptedService, problem
 
 TABLES = {f"{stem}.{end}" for stem in ("subjects", "steps", "correlations") for end in ("csv", "parquet")}
@@ -54,7 +54,7 @@ class FakeStudy:
             raise self.fails
         for name in TABLES:
             (folder / name).write_bytes(b"x")
-        summary = population.summary().model_dump(mode="json")
+        summary = results.population_summary().model_dump(mode="json")
         return Outcome(summary, ("carpentier2017thesis",), tuple(ArtifactFile(n, "text/csv") for n in sorted(TABLES)))
 
 
@@ -262,7 +262,7 @@ def service(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> LabService:
     made.artifact = "subjects.csv"
     (made.files / made.artifact).write_text("subject\n")
     given = {"recording_ids": ["a"]}
-    done = population.result(given).model_dump(mode="json", exclude={"kind", "input"})
+    done = results.population_result(given).model_dump(mode="json", exclude={"kind", "input"})
     made.done = {"kind": "study-population", "input": given, "result": done}
     monkeypatch.setattr(remote, "Client", made)
     return made

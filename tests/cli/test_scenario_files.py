@@ -9,7 +9,7 @@ import pytest
 from stridelab.cli.scenario_files import bundled_names, field_path, read_scenario
 from stridelab.errors import InvalidInput, NotFound, StridelabError, TooLarge, UnreadableFile
 from stridelab.schemas.scenarios import Scenario
-from support.robots.plan_runs import short_walk
+from support.robots.plans import short_walk
 
 
 def written(folder: Path, content: Any) -> str:

@@ -19,7 +19,7 @@ from stridelab.recordings.recording import Subject
 from stridelab.simulation.human.walker import HumanWalker
 from stridelab.simulation.human_recording import record
 from stridelab.simulation.noise import MeasurementNoise
-from support.recordings.trc_mot_files import write_trc
+from support.recordings.export_files import write_trc
 from support.service.stored_rows import facts
 
 QUICK = ("--method", "complementary")

@@ -10,7 +10,7 @@ from stridelab.cli.app import app
 from stridelab.cli.sweep import SweepRequest, parse_ranges
 from stridelab.errors import InvalidInput
 from stridelab.service.kinds.sweep import run as sweep
-from support.robots.plan_runs import short_walk
+from support.robots.plans import short_walk
 
 
 @pytest.mark.parametrize(

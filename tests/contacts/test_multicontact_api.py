@@ -15,7 +15,7 @@ from stridelab.contacts.scenarios.bundled import BUNDLED
 from stridelab.contacts.scenarios.stairs import stairs_with_rail
 from stridelab.errors import InvalidInput
 from stridelab.schemas.scenarios import Scenario
-from support.robots.effectors import SHAPES
+from support.robots.scenario_bodies import SHAPES
 
 Document = dict[str, Any]
 

@@ -12,7 +12,7 @@ from stridelab.contacts.sequence import ContactSequence
 from stridelab.contacts.terrain import Box, Rail
 from stridelab.errors import InvalidInput
 from stridelab.schemas.scenarios import Scenario
-from support.robots.effectors import SHAPES
+from support.robots.scenario_bodies import SHAPES
 
 
 def same(a: ContactSequence, b: ContactSequence) -> None:

@@ -14,7 +14,7 @@ from stridelab.contacts.terrain import Box, Terrain, depth_in_box_m, vertical_sp
 from stridelab.dynamics.spatial import Placement
 from stridelab.errors import InvalidInput
 from stridelab.wholebody.effector_contact import SWING_SHARE
-from support.robots.effectors import SHAPES
+from support.robots.scenario_bodies import SHAPES
 
 coordinate = st.floats(-1.0, 1.0)
 position = st.tuples(coordinate, coordinate, coordinate)

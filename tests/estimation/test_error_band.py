@@ -12,7 +12,7 @@ from stridelab.estimation.error_priors import ErrorPriors
 from stridelab.estimation.kalman.filter import KalmanFilter, RtsSmoother
 from stridelab.estimation.markers_only import GeometryOnly
 from stridelab.recordings.recording import Window
-from support.recordings.drawn_errors import TABLE_SD_M, draw
+from support.recordings.analytic_motions import TABLE_SD_M, draw
 
 PRIORS = ErrorPriors()
 SEEDS = 60

@@ -14,9 +14,8 @@ import pytest
 import yaml
 
 from stridelab.service.kinds.result_tables import known_references
-from support.docs.book import DOCS, PAGES, ROOT, inline_code
-from support.docs.each import each_of
-from support.docs.http_contract import description
+from support.docs.book import DOCS, PAGES, ROOT, each_of, inline_code
+from support.docs.shown_calls import description
 
 BOOK = ROOT / "scripts" / "book"
 sys.path.insert(0, str(BOOK))  # where mkdocs looks for what the hook imports

@@ -13,10 +13,9 @@ import pytest
 import yaml
 
 from stridelab.robots.card import parse_card
-from support.docs import http_contract
-from support.docs.book import PAGES, Block, blocks, commands, inline_code
-from support.docs.commands import check_command, check_synopsis, resolved
-from support.docs.each import each_of
+from support.docs import shown_calls
+from support.docs.book import PAGES, Block, blocks, commands, each_of, inline_code
+from support.docs.shown_calls import check_command, check_synopsis, resolved
 
 BLOCKS = [block for page in PAGES for block in blocks(page)]
 
@@ -32,7 +31,7 @@ def check_json(block: Block) -> list[str]:
         documents = [json.dumps(json.loads(block.text))]
     except ValueError:
         documents = block.text.splitlines()
-    return [f"nothing of the contract: {text}" for text in documents if not http_contract.kinds_of(text)]
+    return [f"nothing of the contract: {text}" for text in documents if not shown_calls.kinds_of(text)]
 
 
 def check_toml(block: Block) -> list[str]:
@@ -51,7 +50,7 @@ def check_yaml(block: Block) -> list[str]:
 
 def paths_exist(block: Block) -> list[str]:
     """In a language that cannot be run here: every path of the interface exists."""
-    templates = {re.sub(r"\{\w+\}", "X", path) for path in http_contract.description()["paths"]}
+    templates = {re.sub(r"\{\w+\}", "X", path) for path in shown_calls.description()["paths"]}
     named = re.findall(r"/api/v1(?:/[\w.-]+)*", block.text)
     return [path for path in named if not any(t == path or t.startswith(f"{path}/") for t in templates)]
 
@@ -107,7 +106,7 @@ def test_bodies_inside_of_sentences_are_true(page: Path) -> None:
     assert [
         w
         for method, path, body in calls
-        for w in http_contract.complaints(http_contract.Call(method, http_contract.API + path, body))
+        for w in shown_calls.complaints(shown_calls.Call(method, shown_calls.API + path, body))
     ] == []
 
 

@@ -4,8 +4,7 @@ import re
 from pathlib import Path
 from urllib.parse import unquote
 
-from support.docs.book import DOCS, PAGES, PAPERS, ROOT, anchors, inline_code, links
-from support.docs.each import each_of
+from support.docs.book import DOCS, PAGES, PAPERS, ROOT, anchors, each_of, inline_code, links
 
 BACKEND = ROOT / "backend" / "stridelab"
 PACKAGES = {p.name for p in BACKEND.iterdir() if (p / "__init__.py").is_file()}

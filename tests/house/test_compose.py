@@ -10,7 +10,7 @@ import yaml
 from stridelab.service.api.app import create_app
 from stridelab.service.postgres.paths import MAJOR_VERSION
 from stridelab.service.settings import Settings
-from support.docs.compose import LAB, OBSERVED, OURS, ROOT, compose, megabytes
+from support.docs.book import LAB, OBSERVED, OURS, ROOT, compose, megabytes
 
 FILES = {"lab": (LAB,), "observed": (LAB, OBSERVED)}
 ALL = compose(LAB, OBSERVED)

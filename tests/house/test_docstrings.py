@@ -11,8 +11,7 @@ from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
-from support.docs.each import each_of
-from support.docs.floors import BACKEND, numeric_modules
+from support.docs.book import BACKEND, each_of, numeric_modules
 
 RAISES = re.compile(r"\b[Rr]aises?\b")
 ODD_CODE = re.compile(r"[\"(][a-z]+(?:-[a-z0-9]+)+[\",)]")

@@ -8,8 +8,19 @@ from pathlib import Path
 
 import pytest
 
-from support.docs.each import each_of
-from support.docs.floors import BACKEND, FRONTEND, GROUND, NUMERIC, ROBOT_WING, ROOT, SCIENCE, STUDIES, WINGS, room_of
+from support.docs.book import (
+    BACKEND,
+    FRONTEND,
+    GROUND,
+    NUMERIC,
+    ROBOT_WING,
+    ROOT,
+    SCIENCE,
+    STUDIES,
+    WINGS,
+    each_of,
+    room_of,
+)
 
 ALLOWED: dict[str, set[str]] = {room: set() for room in GROUND} | {"parallel": GROUND}
 for wing in (WINGS, ROBOT_WING):

@@ -9,7 +9,7 @@ from prometheus_client.parser import text_string_to_metric_families
 from stridelab.service.api.app import create_app
 from stridelab.service.api.metrics import CRASH_REASONS, Counts, Histogram, prometheus_text
 from stridelab.service.settings import Settings
-from support.docs.compose import LAB, OBSERVED, ROOT, compose
+from support.docs.book import LAB, OBSERVED, ROOT, compose
 
 ALL = compose(LAB, OBSERVED)
 DEPLOY = ROOT / "deploy"

@@ -6,8 +6,7 @@ import subprocess
 from collections import Counter
 from pathlib import Path
 
-from support.docs.each import each_of
-from support.docs.floors import ROOT, numeric_modules
+from support.docs.book import ROOT, each_of, numeric_modules
 
 
 def tracked() -> list[Path]:

@@ -5,8 +5,7 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
-from support.docs.each import each_of
-from support.docs.floors import ROOT
+from support.docs.book import ROOT, each_of
 
 PYTHON = [
     path

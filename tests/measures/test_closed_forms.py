@@ -26,7 +26,7 @@ from stridelab.measures.stated_errors import FACTORS, calibrate_errors
 from stridelab.measures.walk_motion import MARKER_SD_M
 from stridelab.recordings.recording import Side
 from stridelab.walking.gait_events import Contact, EventError
-from support.recordings.plain_walk import (
+from support.recordings.analytic_motions import (
     FOOT_M,
     HALF_BREADTH_M,
     HALF_WIDTH_M,

@@ -13,7 +13,7 @@ from stridelab.measures.local_stability import (
     local_stability,
     longest_run_s,
 )
-from support.recordings.plain_walk import STEP_S, plain_steps, plain_walk
+from support.recordings.analytic_motions import STEP_S, plain_steps, plain_walk
 
 
 def logistic_map(n: int) -> np.ndarray:

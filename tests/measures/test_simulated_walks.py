@@ -21,7 +21,7 @@ from stridelab.schemas.recordings import PlateSwitch
 from stridelab.schemas.tasks import EstimateComTask, GaitMeasuresTask, MeasuresMember, RecordingSource
 from stridelab.service.kinds.gait_measures import run as gait_measures
 from support.command_line import SAMPLE, quiet
-from support.docs.floors import ROOT
+from support.docs.book import ROOT
 
 TRIAL = SAMPLE / "recording.c3d"
 

@@ -19,7 +19,7 @@ from stridelab.schemas.recordings import SubjectFields
 from stridelab.schemas.tasks import RecordingSource
 from stridelab.service.kinds.estimate_com import run as estimate_com
 from support.command_line import SAMPLE, estimate_task, quiet
-from support.recordings.trc_mot_files import write_trc
+from support.recordings.export_files import write_trc
 
 TRIAL = SAMPLE / "recording.c3d"
 

@@ -19,7 +19,7 @@ from stridelab.schemas.plans import PlanMotionSummary
 from stridelab.schemas.scenarios import Scenario
 from stridelab.service.kinds.plan_motion import run as plan_motion
 from support.command_line import quiet
-from support.robots.plan_runs import changed, plan_task, short_walk
+from support.robots.plans import changed, plan_task, short_walk
 
 
 def planned(folder: Path, **asked: Any) -> tuple[PlanMotionSummary, Scenario]:

@@ -23,7 +23,7 @@ from stridelab.schemas.plans import PlanMotionSummary
 from stridelab.schemas.scenarios import Scenario
 from stridelab.service.kinds.plan_motion import run as plan_motion
 from support.command_line import Told
-from support.robots.plan_runs import plan_task
+from support.robots.plans import plan_task
 
 NOT_BUILT = "It was not built."
 

@@ -10,7 +10,7 @@ from stridelab.pipelines import plan_centroidal, plan_problem
 from stridelab.reachability.store import load_proxies
 from stridelab.service.kinds.plan_motion import run as plan_motion
 from support.command_line import quiet
-from support.robots.plan_runs import plan_task
+from support.robots.plans import plan_task
 
 
 def test_densities_that_lack_an_effector_are_named_before_any_solver(

@@ -12,7 +12,7 @@ from stridelab.pipelines.push_basin import PushResult, _require_upright, draw_pu
 from stridelab.schemas.receding import PushBasinInput, PushBasinSummary, PushBasinTask
 from stridelab.service.kinds.push_basin.run import run
 from support.command_line import Told, quiet
-from support.robots.plan_runs import short_walk
+from support.robots.plans import short_walk
 
 
 def task(**asked: object) -> PushBasinTask:

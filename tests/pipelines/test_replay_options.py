@@ -12,7 +12,7 @@ from stridelab.robots.loader import load_robot, robot_names
 from stridelab.schemas.plans import ReplayOptions
 from stridelab.studies.replay_estimation import FilteredCom
 from stridelab.wholebody.replay.mujoco_model import build_simulation
-from support.robots.plan_runs import run, short_walk
+from support.robots.plans import run, short_walk
 
 
 def pushed(time_s: float, link: str | None = None) -> ReplayOptions:

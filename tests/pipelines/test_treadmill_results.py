@@ -18,7 +18,7 @@ from stridelab.simulation.human.walker import HumanWalker
 from stridelab.simulation.human_recording import record
 from stridelab.simulation.noise import MeasurementNoise
 from support.command_line import quiet
-from support.recordings.schematic_walk import corners
+from support.recordings.walks import corners
 
 BELT_M_S, MASS_KG = 1.2, 70.0
 

@@ -9,7 +9,7 @@ from stridelab.conventions import GRAVITY_M_S2
 from stridelab.recordings.body_mass import MassEstimate, best_mass, combined_mass, vertical_motion, weigh
 from stridelab.recordings.force_windows import find_windows
 from stridelab.recordings.recording import Window
-from support.recordings.schematic_walk import (
+from support.recordings.walks import (
     LANDED_S,
     LANDMARKS,
     MASS_KG,

@@ -11,8 +11,14 @@ from stridelab.errors import UnreadableFile
 from stridelab.recordings.files.c3d_byte_orders import check_c3d
 from stridelab.recordings.reader import read_recording
 from stridelab.recordings.recording import Recording
-from support.recordings.c3d_files import PlateChannels, write_file
-from support.recordings.c3d_machines import as_integers, as_written_by, parameter_at, with_parameter
+from support.recordings.c3d_files import (
+    PlateChannels,
+    as_integers,
+    as_written_by,
+    parameter_at,
+    with_parameter,
+    write_file,
+)
 
 BLOCK = 512
 STEPS_MM = (0.1, 0.05, 0.01, 0.02, 0.2, 0.3, 1 / 12, 0.125, 0.0625, 1.0)

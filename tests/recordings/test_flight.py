@@ -10,7 +10,7 @@ from stridelab.recordings.body_mass import VerticalMotion, best_mass, vertical_m
 from stridelab.recordings.foot_contact import find_feet
 from stridelab.recordings.force_windows import find_windows, flight_frames
 from stridelab.recordings.recording import Plate, Recording, Subject
-from support.recordings.schematic_walk import (
+from support.recordings.walks import (
     FOOT,
     FORCE_RATE_HZ,
     LANDMARKS,

@@ -10,7 +10,7 @@ from stridelab.recordings.body_mass import best_mass, weigh
 from stridelab.recordings.force_windows import find_windows, measured_windows, require_windows
 from stridelab.recordings.plate_contacts import centre_of_pressure_m
 from stridelab.recordings.recording import Recording, Remark, Window
-from support.recordings.schematic_walk import LANDMARKS, STANCE_S, STEP_S, WEIGHT_N, corners, walk
+from support.recordings.walks import LANDMARKS, STANCE_S, STEP_S, WEIGHT_N, corners, walk
 
 TOLERANCE_S = 0.03
 

@@ -11,7 +11,7 @@ from stridelab.recordings.files.raw import CONTACT_TYPE
 from stridelab.recordings.foot_contact import find_feet, foot_outline
 from stridelab.recordings.force_windows import find_windows, measured_windows, require_windows
 from stridelab.recordings.recording import Recording, Subject, Window
-from support.recordings.schematic_walk import (
+from support.recordings.walks import (
     DROP_S,
     LANDMARKS,
     MASS_KG,

@@ -8,7 +8,7 @@ from scipy import signal
 
 from stridelab.recordings.plate_contacts import filter_both_ways, low_pass, wrench_track
 from stridelab.recordings.recording import Recording, Window
-from support.recordings.schematic_walk import WEIGHT_N, walk
+from support.recordings.walks import WEIGHT_N, walk
 
 RATE = 1500.0
 

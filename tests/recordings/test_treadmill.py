@@ -12,8 +12,8 @@ from stridelab.recordings.force_windows import find_windows
 from stridelab.recordings.reader import read_recording
 from stridelab.recordings.recording import Plate, PlateSwitches, Recording, Remark
 from stridelab.walking.gait_events import find_contacts
-from support.recordings.export_files import qualisys_markers
-from support.recordings.schematic_walk import (
+from support.recordings.export_files import qualisys_markers, write_trc_mot
+from support.recordings.walks import (
     LANDMARKS,
     STANCE_S,
     STEP_M,
@@ -24,7 +24,6 @@ from support.recordings.schematic_walk import (
     share_of_weight,
     walk,
 )
-from support.recordings.trc_mot_files import write_trc_mot
 
 MEAN_M_S = STEP_M / STEP_S
 N_STEPS = 9

@@ -11,8 +11,7 @@ from pathlib import Path
 import pytest
 
 from support.faults.disks import mounted
-from support.service.job_ledger import assert_sound
-from support.service.processes import Jobs, wait_until, worker
+from support.service.processes import Jobs, assert_sound, wait_until, worker
 
 
 def take_away(store: Path) -> None:

@@ -4,8 +4,7 @@ import os
 import signal
 from pathlib import Path
 
-from support.service.job_ledger import assert_sound
-from support.service.processes import Jobs, worker
+from support.service.processes import Jobs, assert_sound, worker
 
 
 def kill_its_process(jobs: Jobs, job_id: str, attempt: int) -> None:

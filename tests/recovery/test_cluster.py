@@ -18,10 +18,8 @@ import pytest
 from stridelab.service.storage.database import parse_url
 from support.faults.network import relay
 from support.service.database import TestDatabases
-from support.service.job_ledger import assert_sound
-from support.service.object_store import ADDRESS, BUCKET, OPTIONS
-from support.service.processes import environment, free_port, wait_until
-from support.service.trace_collector import Collector, Span, collector, said
+from support.service.external_services import ADDRESS, BUCKET, OPTIONS, Collector, Span, collector, said
+from support.service.processes import assert_sound, environment, free_port, wait_until
 
 
 @dataclass
@@ -40,7 +38,7 @@ class Cluster:
         return self.folder / "objects" / BUCKET / "data"
 
     def start_store(self) -> None:
-        self.store = _program("support.service.object_store", str(self.store_port), str(self.folder / "objects"))
+        self.store = _program("support.service.external_services", str(self.store_port), str(self.folder / "objects"))
         wait_until(self._store_answers, 20.0, "the object store")
 
     def end_store(self) -> None:

@@ -12,8 +12,7 @@ from sqlalchemy.exc import DBAPIError
 from stridelab.errors import StridelabError
 from support.faults.disks import mounted
 from support.service.database import public_folder
-from support.service.job_ledger import assert_sound
-from support.service.processes import Service, wait_until
+from support.service.processes import Service, assert_sound, wait_until
 
 
 @pytest.fixture

@@ -8,8 +8,7 @@ from pathlib import Path
 import pytest
 
 from support.service.database import public_folder
-from support.service.job_ledger import assert_sound
-from support.service.processes import Service, ended, running_service, wait_until
+from support.service.processes import Service, assert_sound, ended, running_service, wait_until
 
 MEMBERS = {
     "web server": "support.service.api_entry",

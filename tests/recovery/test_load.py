@@ -4,8 +4,7 @@ import asyncio
 
 from support.load.clients import Load
 from support.load.load import ADMIN, users
-from support.service.job_ledger import assert_sound
-from support.service.processes import running_service
+from support.service.processes import assert_sound, running_service
 
 SETTINGS = {"STRIDELAB_API_TOKEN": ADMIN, "STRIDELAB_QUEUE_LIMIT": "60", "STRIDELAB_USER_QUEUE_LIMIT": "15"}
 

@@ -12,8 +12,7 @@ from pathlib import Path
 import psycopg
 import pytest
 
-from support.service.job_ledger import assert_sound
-from support.service.processes import Jobs, wait_until, worker
+from support.service.processes import Jobs, assert_sound, wait_until, worker
 
 
 @contextmanager

@@ -12,10 +12,8 @@ from typing import Protocol
 import pytest
 
 from stridelab.service.storage.database import parse_url
-from support.faults.hosts import HERE, hosts
-from support.faults.network import relay
-from support.service.job_ledger import assert_sound
-from support.service.processes import Jobs, environment, wait_until, worker
+from support.faults.network import HERE, hosts, relay
+from support.service.processes import Jobs, assert_sound, environment, wait_until, worker
 
 
 class Cable(Protocol):

@@ -2,9 +2,8 @@
 
 import pytest
 
-from support.load.growth import Sample, Soak, growth
+from support.load.growth import LIGHT, Sample, Soak, growth
 from support.load.load import ADMIN, users
-from support.load.soak import LIGHT
 from support.service.processes import running_service
 
 

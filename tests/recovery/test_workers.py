@@ -7,8 +7,7 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from stridelab.service.jobs.store import JobRecord
-from support.service.job_ledger import assert_sound
-from support.service.processes import Jobs, worker
+from support.service.processes import Jobs, assert_sound, worker
 
 
 def test_zombie_publishes_nothing_and_a_survivor_takes_over(database_url: str, tmp_path: Path) -> None:

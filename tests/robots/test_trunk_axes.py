@@ -25,7 +25,7 @@ from stridelab.robots.loader import load_robot, robot_names
 from stridelab.robots.robot import Robot
 from stridelab.wholebody.control.controller import WholeBodyController
 from stridelab.wholebody.replay.replay import replay_with_defaults
-from support.robots.models import com_height_m, one_normal, turned_hrp2, walk_of
+from support.robots.scenario_bodies import com_height_m, one_normal, turned_hrp2, walk_of
 
 TURNS = {"backwards": (0.0, 0.0, np.pi), "z ahead": (0.0, -np.pi / 2, 0.0), "askew": (0.5, 0.6, 2.1)}
 

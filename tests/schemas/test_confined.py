@@ -35,10 +35,10 @@ from stridelab.service.processes.pool import IsolatedPool
 from stridelab.service.processes.running_child import IsolatedOutcome
 from stridelab.service.stored_robots import write_staged_robot
 from support.command_line import SAMPLE, estimate_task
-from support.robots.contact_terrains import box
-from support.robots.contact_terrains import task as contacts
 from support.robots.humanoid import Humanoid, archive
-from support.robots.plan_runs import plan_task, short_walk
+from support.robots.plans import plan_task, short_walk
+from support.robots.scenario_bodies import box
+from support.robots.scenario_bodies import task as contacts
 
 TRIAL = SAMPLE / "recording.c3d"
 

@@ -16,7 +16,7 @@ from stridelab.service.kinds.estimate_com import run as estimate_com
 from stridelab.service.kinds.fit_cycloid import run as fit_cycloid
 from stridelab.service.kinds.parse_upload import run as parse
 from support.command_line import SAMPLE, estimate_task, quiet
-from support.recordings.trc_mot_files import write_trc
+from support.recordings.export_files import write_trc
 
 TRIAL = SAMPLE / "recording.c3d"
 PERSON = SubjectFields(height_m=1.75, sex="male")

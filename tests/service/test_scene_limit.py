@@ -9,10 +9,10 @@ import viser
 import websockets
 from websockets.sync.client import ClientConnection, connect
 
-from support.browser.viewer_lab import Lab, viewer_lab
+from support.browser.service_costs import Lab, viewer_lab
 from support.robots.scenario_bodies import one_step
-from support.service.answers import refusal
 from support.service.database import TestDatabases
+from support.service.web_server import refusal
 
 PER_USER = 2
 

@@ -8,8 +8,8 @@ import pytest
 
 from stridelab.errors import InvalidInput
 from stridelab.service import telemetry
+from support.service.external_services import collector
 from support.service.processes import environment, free_port
-from support.service.trace_collector import collector
 
 SPANS = 2000
 """Fewer than the 2048 that are kept while the collector is slow."""

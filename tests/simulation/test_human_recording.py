@@ -18,7 +18,7 @@ from stridelab.recordings.recording import Recording
 from stridelab.simulation.human.walker import Walk
 from stridelab.simulation.human_recording import record
 from stridelab.simulation.noise import NOISE_FREE, THESIS, MeasurementNoise
-from support.recordings.all_measured import all_measured
+from support.recordings.analytic_motions import all_measured
 
 
 def total(recording: Recording) -> tuple[np.ndarray, np.ndarray]:

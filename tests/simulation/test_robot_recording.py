@@ -10,7 +10,7 @@ from stridelab.simulation.human_recording import SimulatedRecording
 from stridelab.simulation.noise import NOISE_FREE, THESIS, MeasurementNoise
 from stridelab.simulation.robot.walker import RobotWalk
 from stridelab.simulation.robot_recording import record_robot
-from support.recordings.all_measured import all_measured
+from support.recordings.analytic_motions import all_measured
 
 MOTIONS = ["robot_walk", "brisk_walk", "robot_run"]
 

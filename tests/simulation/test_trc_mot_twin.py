@@ -14,7 +14,7 @@ from stridelab.recordings.recording import Recording, Window
 from stridelab.simulation.human.walker import HumanWalker, Walk
 from stridelab.simulation.human_recording import record
 from stridelab.simulation.noise import MeasurementNoise
-from support.recordings.trc_mot_files import write_trc_mot
+from support.recordings.export_files import write_trc_mot
 
 
 def windows_and_mass(recording: Recording) -> tuple[tuple[Window, ...], float]:

@@ -20,8 +20,8 @@ from stridelab.studies.cold_starts import (
     summary_by_kind,
     transform_sequence,
 )
-from support.oracles.conic_feasibility import exists
-from support.robots.centroidal_problems import bundled
+from support.oracles.feasibility import exists
+from support.robots.sequences import bundled
 
 needs_native = pytest.mark.skipif(
     isinstance(native_availability(), NativeUnavailable), reason=str(native_availability())

@@ -7,9 +7,7 @@ from stridelab.centroidal.native.availability import NativeUnavailable, native_a
 from stridelab.centroidal.point_forces import CircularCones
 from stridelab.centroidal.receding_horizon import RecedingHorizon, State
 from stridelab.centroidal.solver import solve
-from support.robots.centroidal_problems import rest_to_rest
-from support.robots.push_boundary import push_boundary
-from support.robots.sequences import foot, phase, sequence
+from support.robots.sequences import foot, phase, push_boundary, rest_to_rest, sequence
 
 found = native_availability()
 if isinstance(found, NativeUnavailable):

@@ -7,7 +7,7 @@ from scipy import stats
 
 from stridelab.walking.curtate_cycloid import Wheel
 from stridelab.walking.path_fit import fit_path
-from support.oracles.printed_cycloid_fit import fit_without_offset
+from support.oracles.estimators import fit_without_offset
 
 R, r, Z0 = 0.10, 0.015, 0.95
 STEP_S = 0.54

@@ -16,7 +16,7 @@ from stridelab.estimation.complementary.forward_backward import (
 from stridelab.estimation.complementary.transfer_functions import complementary_filters
 from stridelab.estimation.error_priors import ErrorPriors
 from stridelab.recordings.recording import Window
-from support.recordings.drawn_errors import draw
+from support.recordings.analytic_motions import draw
 
 DRAWS = 100
 ZERO = FilterState(*(np.zeros((2, 3)),) * 3)

@@ -13,7 +13,7 @@ from stridelab.walking.alternative_models import (
     compare_time_models,
 )
 from stridelab.walking.curtate_cycloid import Wheel
-from support.recordings.wheels import PERIOD_S, walked
+from support.recordings.analytic_motions import PERIOD_S, walked
 
 T = np.arange(62) / 100.0
 W = 2 * np.pi / PERIOD_S

@@ -7,7 +7,7 @@ from stridelab.errors import InvalidInput, NotEstimable
 from stridelab.walking.curtate_cycloid import Plane
 from stridelab.walking.path_fit import fit_path
 from stridelab.walking.timed_fit import fit_in_time
-from support.recordings.wheels import PERIOD_S, walked
+from support.recordings.analytic_motions import PERIOD_S, walked
 
 CASE = walked()
 FITS = [fit_path, fit_in_time]

@@ -15,7 +15,7 @@ from stridelab.recordings.plate_contacts import wrench_track
 from stridelab.recordings.reader import read_recording
 from stridelab.recordings.recording import Recording
 from stridelab.walking.gait_events import MARKER_ERROR, Contact, find_contacts
-from support.recordings.schematic_walk import LANDMARKS, STANCE_S, STEP_S, walk
+from support.recordings.walks import LANDMARKS, STANCE_S, STEP_S, walk
 
 LOADED_S = 0.003
 """A foot of the schematic walk carries 20 N this long after it landed."""

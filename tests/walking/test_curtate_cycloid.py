@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from stridelab.walking.curtate_cycloid import Wheel, parameter_rows, turn_to_zero
-from support.recordings.wheels import HUMAN, central_differences, parameters, walks
+from support.recordings.analytic_motions import HUMAN, central_differences, parameters, walks
 
 THETA = np.linspace(-7.0, 5.0, 41)
 

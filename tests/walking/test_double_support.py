@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 from stridelab.walking.double_support import crossings_at_lowest, double_support_of_wheel
 from stridelab.walking.path_fit import fit_path
 from stridelab.walking.timed_fit import fit_in_time
-from support.recordings.wheels import PERIOD_S, walked, walks
+from support.recordings.analytic_motions import PERIOD_S, walked, walks
 
 OMEGA = 2 * np.pi / PERIOD_S
 

@@ -5,7 +5,7 @@ import pytest
 
 from stridelab.recordings.recording import Plate
 from stridelab.walking.gait_events import contact_intervals
-from support.recordings.schematic_walk import corners
+from support.recordings.walks import corners
 
 RATE_HZ = 1000.0
 START_S, END_S = 0.3042, 0.9037

@@ -11,7 +11,7 @@ from scipy.stats import t as student
 
 from stridelab.walking.curtate_cycloid import Wheel
 from stridelab.walking.path_fit import PathFit, fit_path
-from support.recordings.wheels import HUMAN, PERIOD_S, central_differences, parameters, walked, walks
+from support.recordings.analytic_motions import HUMAN, PERIOD_S, central_differences, parameters, walked, walks
 
 NOISE_M = 0.001
 FITS = 500

@@ -17,8 +17,8 @@ from stridelab.studies.estimator_study import clean_motion
 from stridelab.walking.gait_events import find_contacts
 from stridelab.walking.preconditions import require_steps, require_walk
 from stridelab.walking.steps import find_steps
-from support.recordings.schematic_walk import LANDMARKS as FEET
-from support.recordings.schematic_walk import walk
+from support.recordings.walks import LANDMARKS as FEET
+from support.recordings.walks import walk
 
 LANDMARKS = {**FEET, "l_asis": "pelvis_0", "r_asis": "pelvis_4", "sacrum": "pelvis_2"}
 REAL_WALKS = (

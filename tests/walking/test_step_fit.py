@@ -12,7 +12,7 @@ from stridelab.recordings.recording import Window
 from stridelab.walking.curtate_cycloid import Wheel
 from stridelab.walking.step_fit import fit_step, fit_steps
 from stridelab.walking.steps import GaitStep
-from support.recordings.wheels import HUMAN, PERIOD_S
+from support.recordings.analytic_motions import HUMAN, PERIOD_S
 
 T = np.arange(200) / 100.0
 OMEGA = 2 * np.pi / PERIOD_S

@@ -10,7 +10,7 @@ from stridelab.recordings.recording import Window
 from stridelab.walking.step_fit import StepFit, fit_steps
 from stridelab.walking.step_variability import step_scatter, strike_to_strike
 from stridelab.walking.steps import GaitStep
-from support.recordings.wheels import HUMAN, PERIOD_S
+from support.recordings.analytic_motions import HUMAN, PERIOD_S
 
 AHEAD = np.array([0.0, 1.0, 0.0])
 OMEGA = 2 * np.pi / PERIOD_S

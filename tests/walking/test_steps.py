@@ -8,8 +8,8 @@ import pytest
 from stridelab.recordings.force_windows import measured_windows
 from stridelab.recordings.recording import Recording, Remark
 from stridelab.walking.steps import find_steps
-from support.recordings.schematic_walk import LANDMARKS as FEET
-from support.recordings.schematic_walk import STANCE_S, STEP_M, STEP_S, walk
+from support.recordings.walks import LANDMARKS as FEET
+from support.recordings.walks import STANCE_S, STEP_M, STEP_S, walk
 
 LANDMARKS = {**FEET, "l_asis": "pelvis_0", "r_asis": "pelvis_4", "sacrum": "pelvis_2"}
 SPEED_M_S = STEP_M / STEP_S

@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 from scipy.optimize import least_squares
 
 from stridelab.walking.timed_fit import OMEGA_RANGE, TimedFit, fit_in_time
-from support.recordings.wheels import HUMAN, PERIOD_S, central_differences, parameters, walked, walks
+from support.recordings.analytic_motions import HUMAN, PERIOD_S, central_differences, parameters, walked, walks
 
 NOISE_M = 0.001
 

@@ -13,7 +13,7 @@ import pytest
 from stridelab.walking.double_support import double_support_of_wheel
 from stridelab.walking.path_fit import fit_path
 from stridelab.walking.step_fit import StepFit, fit_step, fit_steps
-from support.recordings.recorded_steps import GROUPS, RecordedWalk, walks
+from support.recordings.gait_table import GROUPS, RecordedWalk, walks
 
 SUBJECTS = {"C4": 11, "C5": 11, "children": 7}
 

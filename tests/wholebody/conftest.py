@@ -19,7 +19,7 @@ from stridelab.robots.loader import load_robot
 from stridelab.robots.robot import Robot
 from stridelab.wholebody.control.controller import WholeBodyController
 from stridelab.wholebody.motion import WholeBodyMotion
-from support.robots.swaying_plan import sway
+from support.robots.plans import sway
 
 COM_HEIGHT_M = 0.86
 

@@ -16,8 +16,7 @@ from stridelab.contacts.sequence import Contact, ContactSequence
 from stridelab.contacts.terrain import Box, Terrain
 from stridelab.conventions import GRAVITY_M_S2
 from stridelab.dynamics.spatial import Placement
-from support.robots.centroidal_problems import rest_to_rest
-from support.robots.sequences import COM_HEIGHT_M, foot, hand, phase, sequence, two_steps
+from support.robots.sequences import COM_HEIGHT_M, foot, hand, phase, rest_to_rest, sequence, two_steps
 
 
 def diagnosed(problem: CentroidalProblem) -> tuple[CentroidalPlan, Diagnosis]:

@@ -15,8 +15,7 @@ from stridelab.centroidal.solver import solve
 from stridelab.contacts.sequence import Contact
 from stridelab.conventions import GRAVITY_M_S2
 from stridelab.dynamics.spatial import Placement
-from support.robots.centroidal_problems import rest_to_rest
-from support.robots.sequences import COM_HEIGHT_M, MASS_KG, foot, hand, phase, sequence, two_steps
+from support.robots.sequences import COM_HEIGHT_M, MASS_KG, foot, hand, phase, rest_to_rest, sequence, two_steps
 
 WEIGHT_N = MASS_KG * GRAVITY_M_S2
 FACE = np.cos(np.pi / N_RAYS)

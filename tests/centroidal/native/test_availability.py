@@ -21,9 +21,7 @@ from stridelab.centroidal.solver import solve
 from stridelab.centroidal.warm_start import warm_start_point
 from stridelab.errors import InvalidInput
 from stridelab.studies.centroidal_variations import problem_of, random_variations
-from support.robots.centroidal_problems import bundled, rest_to_rest
-from support.robots.native_agreement import assert_same, total
-from support.robots.sequences import foot, hand, phase, sequence, two_steps
+from support.robots.sequences import assert_same, bundled, foot, hand, phase, rest_to_rest, sequence, total, two_steps
 
 found = native_availability()
 if isinstance(found, NativeUnavailable):

@@ -15,8 +15,7 @@ from stridelab.centroidal.nlp.transcription import Transcription, transcribe
 from stridelab.centroidal.point_forces import CircularCones, Pyramids
 from stridelab.centroidal.problem import CentroidalProblem, Weights
 from stridelab.centroidal.solver import motion_from_variables
-from support.robots.centroidal_problems import rest_to_rest
-from support.robots.sequences import foot, phase, sequence
+from support.robots.sequences import foot, phase, rest_to_rest, sequence
 
 
 @pytest.fixture(scope="module")

@@ -5,8 +5,7 @@ import pytest
 
 from stridelab.centroidal.special_cases.minimum_jerk import MinimumJerk, margins_n, through_supports
 from stridelab.errors import InvalidInput
-from support.robots.centroidal_problems import rest_to_rest
-from support.robots.sequences import COM_HEIGHT_M, phase, sequence, two_steps
+from support.robots.sequences import COM_HEIGHT_M, phase, rest_to_rest, sequence, two_steps
 
 TIMES = np.array([0.0, 0.7, 1.1, 2.0, 3.0])
 PLACES = np.array([[0.0, 0.0, 0.8], [0.1, 0.05, 0.82], [0.2, -0.05, 0.8], [0.4, 0.02, 0.85], [0.5, 0.0, 0.8]])

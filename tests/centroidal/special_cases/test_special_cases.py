@@ -18,8 +18,7 @@ from stridelab.centroidal.special_cases.walking_mpc import Walk, ZmpQuadraticPro
 from stridelab.contacts.wrench_cones.wrench_feasibility import conic_margin
 from stridelab.conventions import g
 from stridelab.dynamics.wrench import zmp_of_motion
-from support.robots.centroidal_problems import rest_to_rest
-from support.robots.sequences import COM_HEIGHT_M, MASS_KG, foot, phase, sequence, two_steps
+from support.robots.sequences import COM_HEIGHT_M, MASS_KG, foot, phase, rest_to_rest, sequence, two_steps
 
 RATE_HZ = 20.0
 LEVEL = Weights(com_acceleration=10.0, momentum_rate=100.0, likelihood=0.0, surface_force=1e-4)

@@ -16,8 +16,7 @@ from stridelab.centroidal.special_cases.walking_mpc import (
 )
 from stridelab.conventions import GRAVITY_M_S2
 from stridelab.errors import InvalidInput, NotEstimable
-from support.robots.centroidal_problems import rest_to_rest
-from support.robots.sequences import foot, phase, sequence, two_steps
+from support.robots.sequences import foot, phase, rest_to_rest, sequence, two_steps
 
 HEIGHT_M = 0.82
 SOLE = np.array([[0.08, 0.045], [-0.08, 0.045], [-0.08, -0.045], [0.08, -0.045]])

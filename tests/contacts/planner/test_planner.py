@@ -13,8 +13,8 @@ from stridelab.contacts.scenarios.stairs import flat_walk, six_stairs, stairs_wi
 from stridelab.contacts.validation.validate import validate_scenario
 from stridelab.errors import InvalidInput, NotEstimable
 from stridelab.reachability.planner_limits import planner_limits
-from support.oracles.contact_enumeration import best_objective
-from support.robots.contact_terrains import KINDS, box, feet, planks, random_task, task
+from support.oracles.feasibility import best_objective
+from support.robots.scenario_bodies import KINDS, box, feet, planks, random_task, task
 
 SHAPES = effector_shapes("talos")
 PLANNER = ContactPlanner(SHAPES, planner_limits("talos"))

@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation as ScipyRotation
 from stridelab.contacts.effector_geometry import EffectorShape
 from stridelab.contacts.scenarios.stairs import HandRail, Stairs, flat_walk, six_stairs, stairs_with_rail
 from stridelab.contacts.validation.validate import validate_scenario
-from support.robots.effectors import FOOT_REACH, SHAPES, Made, faults, judged
+from support.robots.scenario_bodies import FOOT_REACH, SHAPES, Made, faults, judged
 
 
 def ramp(degrees: float, friction: float) -> Made:

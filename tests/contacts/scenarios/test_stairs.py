@@ -30,7 +30,7 @@ from stridelab.resources import models_dir
 from stridelab.robots.contact_frames import with_contact_frames
 from stridelab.robots.loader import load_robot
 from stridelab.schemas.scenarios import Scenario
-from support.robots.effectors import SHAPES
+from support.robots.scenario_bodies import SHAPES
 
 SCRIPT = Path(__file__).parents[3] / "scripts" / "make_scenarios.py"
 

@@ -5,7 +5,7 @@ import pytest
 from stridelab.contacts.effector_geometry import effector_shapes
 from stridelab.contacts.scenarios.stairs import flat_walk
 from stridelab.contacts.validation.validate import validate_scenario
-from support.robots.effectors import Made, faults, judged
+from support.robots.scenario_bodies import Made, faults, judged
 
 
 @pytest.mark.parametrize("size_m", [(0.02, 0.1, 0.3), (0.007, 4.0, 1.0), (0.02, 0.02, 0.6)], ids=str)

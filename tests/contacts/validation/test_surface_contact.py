@@ -9,7 +9,7 @@ import pytest
 
 from stridelab.contacts.scenarios.stairs import HandRail, flat_walk, six_stairs, stairs_with_rail
 from stridelab.contacts.validation.surface_contact import _Ground
-from support.robots.effectors import Made, contact, everywhere, faults, judged
+from support.robots.scenario_bodies import Made, contact, everywhere, faults, judged
 
 
 def tilted(degrees: float) -> list[float]:

@@ -10,7 +10,7 @@ from stridelab.contacts.terrain import Box, Terrain
 from stridelab.contacts.validation.phase_consistency import jump_faults, overlap_faults, same_place, soles_overlap
 from stridelab.contacts.validation.surface_contact import SurfaceContact, swing_collisions
 from stridelab.dynamics.spatial import Placement
-from support.robots.effectors import SHAPES
+from support.robots.scenario_bodies import SHAPES
 
 
 def touch(effector: str, x_m: float, y_m: float, z_m: float = 0.0, yaw_deg: float = 0.0) -> SurfaceContact:

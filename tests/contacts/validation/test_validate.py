@@ -20,7 +20,7 @@ from stridelab.contacts.validation.validate import (
 )
 from stridelab.resources import models_dir
 from stridelab.schemas.scenarios import Scenario, ScenarioCheck
-from support.robots.effectors import SHAPES, Made, contact, faults, judged
+from support.robots.scenario_bodies import SHAPES, Made, contact, faults, judged
 
 
 @pytest.mark.parametrize("duration_s", [0.0, -1.0, 0.049, 60.1, math.nan, math.inf, None, "long"], ids=str)

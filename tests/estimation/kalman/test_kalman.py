@@ -12,7 +12,7 @@ from stridelab.estimation.kalman.filter import KalmanFilter
 from stridelab.estimation.kalman.jerk_model import SIGMA_JERK_RANGE_M_S3, InputNoise, JerkModel, split_stretches
 from stridelab.estimation.kalman.passes import Axis
 from stridelab.recordings.recording import Window
-from support.oracles.textbook_kalman import textbook
+from support.oracles.estimators import textbook
 from support.recordings.analytic_motions import masked_record, uniform, walk
 
 STARTS = {"known": np.diag([1e-4, 1e-2, 1e-1]), "unknown": np.diag([1.0, 25.0, 100.0])}

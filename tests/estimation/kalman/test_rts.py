@@ -8,7 +8,7 @@ from stridelab.estimation.kalman.filter import KalmanFilter, RtsSmoother
 from stridelab.estimation.kalman.jerk_model import JerkModel, split_stretches
 from stridelab.estimation.kalman.passes import Axis
 from stridelab.recordings.recording import Window
-from support.oracles.textbook_kalman import textbook
+from support.oracles.estimators import textbook
 from support.recordings.analytic_motions import masked_record, uniform, walk
 
 

@@ -23,8 +23,8 @@ from stridelab.recordings.force_windows import require_windows
 from stridelab.recordings.marker_sets import identify
 from stridelab.recordings.plate_contacts import sampled_wrench, wrench_track
 from stridelab.recordings.recording import Subject
-from support.recordings.standing_body import landmarks as standing_landmarks
-from support.service.marker_streams import sample
+from support.recordings.walks import landmarks as standing_landmarks
+from support.service.streams import sample
 
 LABELS = dict(identify(list(sample().markers_m)).landmarks)
 FRAMES = np.stack([sample().markers_m[label] for label in LABELS.values()], axis=1)

@@ -16,8 +16,8 @@ from stridelab.recordings.recording import Recording, Remark, Window
 from stridelab.simulation.human.walker import HumanWalker
 from stridelab.simulation.human_recording import record
 from stridelab.simulation.noise import MeasurementNoise
-from support.recordings.schematic_walk import STEP_M, STEP_S, corners, walk
-from support.recordings.trc_mot_files import write_trc_mot
+from support.recordings.export_files import write_trc_mot
+from support.recordings.walks import STEP_M, STEP_S, corners, walk
 
 MASS_KG = 70.0
 

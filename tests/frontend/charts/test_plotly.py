@@ -8,8 +8,8 @@ import numpy as np
 from stridelab_web.charts import plotly
 from stridelab_web.pages.results.com_plots import com_curves
 from stridelab_web.parquet import read_columns
+from support.fakes.recorded_walk import SD_M, com_m
 from support.fakes.service import FakeService
-from support.fakes.walk import SD_M, com_m
 
 
 def test_plot_values_are_those_of_the_file(fake: FakeService, browse: Callable[[str], httpx.Response]) -> None:

@@ -10,9 +10,8 @@ from stridelab_web.scene import com_frames, cycloid_frames
 from stridelab_web.scene.frames import Frames
 from stridelab_web.scene.recording_frames import build_frames
 from stridelab_web.viewer import meshes
-from support.fakes.cycloid import SIDE_Y_M, STEPS_S, WHEELS, samples
+from support.fakes.recorded_walk import DURATION_S, RATE_HZ, SIDE_Y_M, STEPS_S, WHEELS, samples
 from support.fakes.service import FakeService
-from support.fakes.walk import DURATION_S, RATE_HZ
 
 T = np.arange(int(RATE_HZ * DURATION_S)) / RATE_HZ
 

@@ -7,7 +7,7 @@ import pytest
 
 from stridelab_web.scene.frame_codec import POSE_BITS, continuous_signs, fit_bits, pack_columns
 from stridelab_web.scene.frames import Body, Frames
-from support.browser.frame_decoder import unpack
+from support.browser.page import unpack
 
 
 def there_and_back(values: np.ndarray, bits: np.ndarray) -> np.ndarray:

@@ -8,9 +8,9 @@ import numpy as np
 from stridelab_web.parquet import read_columns
 from stridelab_web.scene.com_frames import axis_ends
 from stridelab_web.scene.recording_frames import build_frames
-from support.browser.frame_decoder import read_frames
+from support.browser.page import read_frames
+from support.fakes.recorded_walk import DURATION_S, LABELS, RATE_HZ, SD_M, WINDOW_S, com_m, marker_m
 from support.fakes.service import FakeService
-from support.fakes.walk import DURATION_S, LABELS, RATE_HZ, SD_M, WINDOW_S, com_m, marker_m
 
 T = np.arange(int(RATE_HZ * DURATION_S)) / RATE_HZ
 

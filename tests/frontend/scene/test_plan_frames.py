@@ -24,7 +24,7 @@ from stridelab_web.scene.plan_frames import (
 )
 from stridelab_web.scene.result_files import read_plan
 from stridelab_web.viewer import meshes
-from support.browser.frame_decoder import read_frames
+from support.browser.page import read_frames
 from support.fakes import robots
 from support.fakes.service import FakeService
 from support.fakes.web_app import make_client

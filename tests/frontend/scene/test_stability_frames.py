@@ -12,8 +12,8 @@ from stridelab_web.parquet import read_columns
 from stridelab_web.scene.recording_frames import build_frames
 from stridelab_web.scene.result_files import STABILITY_TABLE, frames_of
 from stridelab_web.scene.stability_frames import BASE, INSIDE, MOMENTUM, OUTSIDE, XCOM, next_corners
+from support.fakes.results import stability_table
 from support.fakes.service import FakeService
-from support.fakes.stability import stability_table
 
 SIDE_M = 0.1
 

@@ -44,7 +44,7 @@ from stridelab.schemas.tasks import (
 )
 from stridelab.service.kinds.simulate_recording import run as simulate_recording
 from support.command_line import SAMPLE, Told, quiet
-from support.fakes import measures
+from support.fakes import results
 
 TRIAL = SAMPLE / "recording.c3d"
 NO_PLATES = {index: PlateSwitch(use=False) for index in range(1, 30)}
@@ -285,11 +285,11 @@ def test_without_plates_there_is_a_reason_and_never_a_zero(markers_only: GaitRep
 
 
 def summary_with(**changes: Any) -> GaitReportSummary:
-    return GaitReportSummary(**measures.summary().model_copy(update=changes).model_dump())
+    return GaitReportSummary(**results.measures_summary().model_copy(update=changes).model_dump())
 
 
 def test_a_missing_side_is_named_with_the_measures_that_lack_it() -> None:
-    right = [one for one in measures.summary().measures if one.side != "left"]
+    right = [one for one in results.measures_summary().measures if one.side != "left"]
     summary = summary_with(measures=right, sides={"left": 0, "right": 3}, steps=3)
     missing = {reason: titles for titles, reason in missing_measures(summary)}
     assert "Step length, left" in missing["No whole step of the left foot allows it."]

@@ -12,9 +12,15 @@ from stridelab.errors import InvalidInput
 from stridelab.recordings.files.c3d_writer import add_points_to_c3d, split_text, write_c3d
 from stridelab.recordings.reader import read_recording
 from stridelab.recordings.recording import Event, Plate, Recording, Subject
-from support.recordings.c3d_files import PlateChannels, write_file
-from support.recordings.c3d_machines import as_integers, parameter_at, read_plain, with_parameter
-from support.recordings.schematic_walk import walk
+from support.recordings.c3d_files import (
+    PlateChannels,
+    as_integers,
+    parameter_at,
+    read_plain,
+    with_parameter,
+    write_file,
+)
+from support.recordings.walks import walk
 
 
 def full() -> Recording:

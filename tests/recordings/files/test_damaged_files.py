@@ -13,8 +13,7 @@ import pytest
 
 from stridelab.recordings.files.c3d_writer import write_c3d
 from stridelab.recordings.reader import read_recording
-from support.recordings.c3d_files import small_trial
-from support.recordings.c3d_machines import BLOCK, MACHINES, as_integers, as_written_by, parameter_at
+from support.recordings.c3d_files import BLOCK, MACHINES, as_integers, as_written_by, parameter_at, small_trial
 
 MEMORY_MIB = 1024
 FRAMES = 30

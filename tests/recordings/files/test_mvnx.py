@@ -11,7 +11,7 @@ from stridelab.errors import UnreadableFile
 from stridelab.recordings.marker_sets import identify
 from stridelab.recordings.reader import read_recording
 from stridelab.recordings.recording import Recording, Subject
-from support.recordings.mvnx_files import COM_M, POINT_M, RATE_HZ, SEGMENTS, SPEED_M_S, mvnx_text, yaw_rad
+from support.recordings.export_files import COM_M, POINT_M, RATE_HZ, SEGMENTS, SPEED_M_S, mvnx_text, yaw_rad
 
 N = 60
 FRAMES = np.arange(N)

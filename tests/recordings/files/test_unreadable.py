@@ -13,8 +13,7 @@ from stridelab.errors import InvalidInput, UnreadableFile
 from stridelab.recordings.files import opensim_zip
 from stridelab.recordings.files.trc_mot import parse_mot
 from stridelab.recordings.reader import read_recording
-from support.recordings.c3d_files import PlateChannels, write_file
-from support.recordings.c3d_machines import as_dec
+from support.recordings.c3d_files import PlateChannels, as_dec, write_file
 
 TRC = """PathFileType\t4\t(X/Y/Z)\ta.trc
 DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits

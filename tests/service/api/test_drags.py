@@ -12,7 +12,7 @@ import websockets
 from viser import _messages
 
 from stridelab.service.api.session_cookies import SESSION_S, SigningKeys
-from support.browser.viewer_lab import ADMIN, Lab, viewer_lab
+from support.browser.service_costs import ADMIN, Lab, viewer_lab
 from support.robots.scenario_bodies import one_step
 from support.service.database import TestDatabases
 

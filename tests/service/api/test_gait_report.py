@@ -23,9 +23,8 @@ from stridelab.simulation.human.walker import HumanWalker
 from stridelab.simulation.human_recording import record
 from stridelab.simulation.noise import MeasurementNoise
 from support.command_line import quiet
-from support.service.answers import places, refusal
 from support.service.stored_rows import add_recording, facts
-from support.service.web_server import Served
+from support.service.web_server import Served, places, refusal
 
 JOBS = "/api/v1/jobs"
 

@@ -13,10 +13,9 @@ import psycopg
 import pytest
 
 from stridelab.service.kinds.registry import KINDS
-from support.service.answers import refusal
 from support.service.database import TestDatabases
 from support.service.stored_rows import add_job, add_recording, fail, report, start_job, succeed
-from support.service.web_server import Served, served
+from support.service.web_server import Served, refusal, served
 
 JOBS = "/api/v1/jobs"
 

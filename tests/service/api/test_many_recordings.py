@@ -12,8 +12,7 @@ import pytest
 
 from stridelab.service.cursors import encode_cursor
 from stridelab.service.storage.migrate import libpq_address
-from support.service.database import TestDatabases
-from support.service.many_recordings import N_OF_OLDEST, N_RECORDINGS, N_SUBJECTS, store_many_recordings
+from support.service.database import N_OF_OLDEST, N_RECORDINGS, N_SUBJECTS, TestDatabases, store_many_recordings
 from support.service.web_server import Served, served
 
 

@@ -16,8 +16,7 @@ from stridelab.schemas.tasks import EstimateComTask
 from stridelab.service.kinds.estimate_com import run as estimate_com
 from stridelab.service.kinds.staging import stage_estimate_com
 from support.command_line import SAMPLE, quiet
-from support.service.answers import refusal, upload
-from support.service.web_server import Served
+from support.service.web_server import Served, refusal, upload
 
 SETS = "/api/v1/marker-sets"
 RECORDINGS = "/api/v1/recordings"

@@ -8,10 +8,9 @@ import pytest
 from sqlalchemy import select
 
 from stridelab.service.storage.tables import job, recording
-from support.service.answers import places, refusal, upload
 from support.service.database import TestDatabases
 from support.service.stored_rows import add_job, add_recording, facts, start_job, succeed
-from support.service.web_server import Served, served
+from support.service.web_server import Served, places, refusal, served, upload
 
 RECORDINGS = "/api/v1/recordings"
 

@@ -10,9 +10,8 @@ from stridelab.service.backup.table_rows import open_snapshot
 from stridelab.service.jobs import retention
 from stridelab.service.settings import Settings
 from support.recordings.c3d_files import small_trial
-from support.service.answers import refusal, upload
 from support.service.database import TestDatabases
-from support.service.web_server import Served, served
+from support.service.web_server import Served, refusal, served, upload
 
 RECORDINGS = "/api/v1/recordings"
 

@@ -9,7 +9,7 @@ import pytest
 
 from stridelab.resources import models_dir
 from support.robots.scenario_bodies import one_step, with_contact
-from support.service.answers import refusal
+from support.service.web_server import refusal
 
 CHECK = "/api/v1/scenarios/check"
 

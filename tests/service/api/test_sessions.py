@@ -17,9 +17,8 @@ from stridelab.service.kinds import staging
 from stridelab.service.recording_sessions import session_id_of
 from stridelab.service.storage.tables import recording
 from support.recordings.c3d_files import small_trial
-from support.service.answers import places, refusal, upload
 from support.service.stored_rows import add_recording, facts
-from support.service.web_server import Served
+from support.service.web_server import Served, places, refusal, upload
 
 RECORDINGS = "/api/v1/recordings"
 NOW = datetime(2026, 3, 1, 12, tzinfo=UTC)

@@ -22,9 +22,9 @@ from stridelab.service.settings import Settings
 from stridelab.service.storage import locks
 from stridelab.service.storage.blobs import BlobStore
 from support.service.database import TestDatabases
-from support.service.late_pool import LatePool
 from support.service.processes import wait_until
 from support.service.stored_rows import rows, stored
+from support.service.web_server import LatePool
 
 PutBack = Callable[..., BackupContents]
 SLOW_RESTORE = """

@@ -9,9 +9,8 @@ from stridelab.cli.app import app
 from stridelab.errors import UnreadableFile
 from stridelab.service.backup.verify import verify_stored_files
 from support.recordings.c3d_files import small_trial
-from support.service.answers import upload
 from support.service.stored_rows import add_job, start_job, succeed
-from support.service.web_server import served
+from support.service.web_server import served, upload
 
 
 def test_damaged_and_missing_files_are_found_refused_and_repaired(

@@ -5,8 +5,7 @@ from pathlib import Path
 import psycopg
 import pytest
 
-from support.service.job_ledger import assert_sound, faults
-from support.service.processes import Jobs
+from support.service.processes import Jobs, assert_sound, faults
 
 JOB = "a" * 32
 STARTED = [("queued", 0), ("running", 1)]

@@ -2,7 +2,7 @@
 
 import pytest
 
-from support.robots.plan_runs import Planned, run, short_walk
+from support.robots.plans import Planned, run, short_walk
 
 
 @pytest.fixture(scope="session")

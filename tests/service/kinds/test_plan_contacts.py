@@ -14,7 +14,7 @@ from stridelab.service.kinds.plan_contacts.run import run
 from stridelab.service.kinds.registry import KINDS
 from stridelab.service.processes.child import with_json
 from support.command_line import quiet
-from support.robots.contact_terrains import box, feet, planks, task
+from support.robots.scenario_bodies import box, feet, planks, task
 
 
 def asked(**change: Any) -> dict[str, Any]:

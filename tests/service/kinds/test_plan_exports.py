@@ -9,7 +9,7 @@ import pytest
 import yaml
 
 from stridelab.robots.loader import load_robot
-from support.robots.plan_runs import Planned, short_walk
+from support.robots.plans import Planned, short_walk
 
 
 def test_the_display_files_are_the_motion(walked: Planned) -> None:

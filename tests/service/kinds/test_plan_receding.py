@@ -19,7 +19,7 @@ from stridelab.service.kinds.plan_receding.run import run
 from stridelab.service.kinds.registry import KINDS
 from stridelab.service.processes.child import with_json
 from support.command_line import Told
-from support.robots.plan_runs import changed, short_walk
+from support.robots.plans import changed, short_walk
 
 PERIOD_S = 0.2
 FILES = {"receding.parquet", "receding.csv", "centroidal.parquet", "centroidal.csv", "scenario.json"}

@@ -35,7 +35,7 @@ from stridelab.service.kinds.simulate_recording.kind import FACTS_FILE, publish
 from stridelab.service.samples.scenario_bodies import ONE_STEP, STANDING, STANDING_AHEAD
 from stridelab.service.storage.blobs import BlobStore
 from stridelab.service.storage.tables import job, recording, scenario, subject
-from support.robots.plan_runs import short_walk
+from support.robots.plans import short_walk
 from support.service import database
 
 FACTS = RecordingFacts(

@@ -17,7 +17,7 @@ from stridelab.schemas.sweeps import MAX_POINTS, SweepInput, SweepSummary, Sweep
 from stridelab.service.kinds.registry import KINDS
 from stridelab.service.kinds.sweep import run as sweep
 from support.command_line import Told
-from support.robots.plan_runs import changed, short_walk
+from support.robots.plans import changed, short_walk
 
 
 def task(vary: dict[str, Any], scenario: Scenario | None = None, **asked: Any) -> SweepTask:

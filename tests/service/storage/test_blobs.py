@@ -10,7 +10,7 @@ from obstore.store import S3Store
 from stridelab.errors import InvalidInput, NotFound, Unavailable
 from stridelab.service.settings import Settings
 from stridelab.service.storage.blobs import BlobStore
-from support.service.object_store import ADDRESS, object_store
+from support.service.external_services import ADDRESS, object_store
 
 
 @pytest.fixture(params=["folder", "object store"])

@@ -20,9 +20,8 @@ from stridelab.service.storage.database import make_engine
 from stridelab.service.storage.local_files import write_durably
 from support.faults.disks import VolatileFileSystem
 from support.recordings.c3d_files import small_trial
-from support.service.answers import upload
 from support.service.job_kinds import KINDS
-from support.service.web_server import served
+from support.service.web_server import served, upload
 
 PUBLISHING = ("INSERT INTO recording ", "UPDATE recording SET", "finished_at=now()")
 

@@ -7,8 +7,7 @@ import pytest
 
 from stridelab.service.storage.migrate import all_revisions, engine_of, is_migrated, migrate
 from support.service.database import TestDatabases, differences, migrate_to
-from support.service.job_ledger import assert_sound
-from support.service.processes import Jobs, worker
+from support.service.processes import Jobs, assert_sound, worker
 from support.service.stored_rows import fill, rows
 
 OLD_QUEUE = Path(__file__).parents[2] / "support" / "service" / "procrastinate-3.10.sql"

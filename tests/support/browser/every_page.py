@@ -12,7 +12,7 @@ from stridelab.schemas.receding import PushBasinSummary
 from stridelab.schemas.reproduction import ClaimResult, ReproduceSummary
 from stridelab.schemas.sweeps import SweepAxis, SweepSummary
 from stridelab_web.pages.home import SAMPLE_RECORDING
-from support.fakes import cycloid, measures, population, reachability
+from support.fakes import reachability, recorded_walk, results
 from support.fakes.service import FakeService
 
 ROBOT = "boxes"
@@ -26,7 +26,7 @@ def every_page(fake: FakeService) -> dict[str, str]:
     fake.recordings[walk.id] = walk.model_copy(update={"subject_id": somebody.subject_id})
     fake.recordings[SAMPLE_RECORDING] = walk.model_copy(update={"id": SAMPLE_RECORDING, "bundled": True})
     estimate = fake.add_job("estimate-com", "succeeded", recording_id=walk.id)
-    wheel = fake.add_job(cycloid.KIND, "succeeded", recording_id=walk.id)
+    wheel = fake.add_job(recorded_walk.KIND, "succeeded", recording_id=walk.id)
     plan = fake.add_plan(replay=True, scenario_id=sample.id)
     receding = fake.add_receding([{"time_s": 1.0, "velocity_m_s": [0.0, 0.1, 0.0]}])
     jobs = {
@@ -34,7 +34,7 @@ def every_page(fake: FakeService) -> dict[str, str]:
         "comparison": fake.add_comparison().id,
         "wheel": wheel.id,
         "receding": receding.id,
-        "measures": fake.add_job(measures.KIND, "succeeded").id,
+        "measures": fake.add_job(results.MEASURES_KIND, "succeeded").id,
         "learned": fake.add_job(reachability.KIND, "succeeded").id,
         "sweep": _keep(fake, "sweep", *_sweep()),
         "pushes": _keep(fake, "push-basin", *push_basin_result()),
@@ -60,7 +60,7 @@ def every_page(fake: FakeService) -> dict[str, str]:
         "robots": "/robots",
         "robot": f"/robots/{ROBOT}",
         "population-new": f"/population?recording={person.id}",
-        "population": f"/population/{fake.add_job(population.KIND, 'succeeded').id}",
+        "population": f"/population/{fake.add_job(results.POPULATION_KIND, 'succeeded').id}",
         "reproduction": "/reproduction",
         "jobs": "/jobs",
         **{name: f"/jobs/{job_id}" for name, job_id in jobs.items()},

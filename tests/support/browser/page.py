@@ -1,16 +1,26 @@
-"""Coroutines in a thread of their own: the loop of a browser test's thread belongs to Playwright.
+"""A page in Chromium as the tests drive it, and the scene that it draws.
+
+Coroutines in a thread of their own: the loop of a browser test's thread belongs to Playwright.
 
 A page of a running service that remembers what went wrong in it.
+
+Where the page's own modules put the links of a plan, at any instant and between two frames.
+
+What the viewer's frame shows, asked of the browser: where nodes are, and where they are on the page.
+
+What static/js/viewer/frame_decoder.js does, with numpy.
 """
 
 import asyncio
-from collections.abc import Coroutine
+import json
+from collections.abc import Callable, Coroutine
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 from urllib.parse import urlsplit
 
+import numpy as np
 from playwright.sync_api import ConsoleMessage, Page, Request, WebSocket
 
 from stridelab.client import Client
@@ -69,3 +79,144 @@ class Tab:
     def on_request(self, request: Request) -> None:
         if urlsplit(request.url).scheme in ("http", "https", "ws") and not request.url.startswith(self.url):
             self.missteps.append(f"outside: {request.url}")
+
+
+START = """async (base) => {
+    const { Scene } = await import("/static/js/viewer/scene.js");
+    const { decodeFrames } = await import("/static/js/viewer/frame_decoder.js");
+    const [layout, values] = decodeFrames(await fetch(`${base}/frames.bin`).then((answer) => answer.arrayBuffer()));
+    window.ownScene = new Scene(document.querySelector("iframe"), layout, values);
+    return { links: layout.bodies, time_s: layout.time_s };
+}"""
+TOLD = """(frames) => frames.map((at) => {
+    const scene = window.ownScene;
+    scene.interpolate(at);
+    return scene.layout.bodies.flatMap(([, k]) => [...scene.row.slice(k, k + 3), ...scene.quaternionAt(k)]);
+})"""
+DRAWN = """async (at) => {
+    const scene = window.ownScene, viser = document.querySelector("iframe").contentWindow.__viserMutable;
+    scene.show(at);
+    const names = scene.layout.bodies.map(([name]) => name);
+    const waits = () => names.some((name) => viser.nodePoseData[name].poseUpdateState === "needsUpdate");
+    while (waits()) await new Promise((done) => setTimeout(done, 20));
+    return names.flatMap((name) => {
+        const object = viser.nodeRefFromName[name];
+        return [...object.position.toArray(), object.quaternion.w, ...object.quaternion.toArray().slice(0, 3)];
+    });
+}"""
+
+
+class ScenePoses:
+    """The modules of the viewer's page on the plan that ``page`` shows at ``address`` (``Document.address``)."""
+
+    def __init__(self, page: Page, address: str) -> None:
+        self._page = page
+        said: dict[str, Any] = page.evaluate(START, address)
+        self.links = [name for name, _ in said["links"]]
+        self.time_s = np.array(said["time_s"])
+
+    def told(self, time_s: np.ndarray) -> np.ndarray:
+        """Poses ``(n, links, 7)`` at instants, as they are handed to viser."""
+        rows = self._page.evaluate(TOLD, self._frames(time_s).tolist())
+        return np.array(rows, dtype=float).reshape(len(time_s), -1, 7)
+
+    def drawn(self, time_s: float) -> np.ndarray:
+        """Poses ``(links, 7)`` of the nodes of the picture."""
+        (at,) = self._frames(np.array([time_s]))
+        return np.array(self._page.evaluate(DRAWN, float(at)), dtype=float).reshape(-1, 7)
+
+    def _frames(self, time_s: np.ndarray) -> np.ndarray:
+        return np.asarray(np.interp(time_s, self.time_s, np.arange(len(self.time_s))))
+
+
+def apart(shown: np.ndarray, expected: np.ndarray) -> tuple[float, float]:
+    """The largest distance in metres and the largest turn in radians between poses ``(..., 7)``."""
+    distance_m = np.linalg.norm(shown[..., :3] - expected[..., :3], axis=-1)
+    unit = [poses[..., 3:] / np.linalg.norm(poses[..., 3:], axis=-1, keepdims=True) for poses in (shown, expected)]
+    half = np.minimum(np.linalg.norm(unit[0] - unit[1], axis=-1), np.linalg.norm(unit[0] + unit[1], axis=-1)) / 2
+    return float(distance_m.max()), float((4 * np.arcsin(half)).max())
+
+
+NODES = """(names) => {
+    const viser = document.querySelector("iframe").contentWindow.__viserMutable;
+    return Object.fromEntries(names.map((name) => {
+        const object = viser.nodeRefFromName[name];
+        return [name, {
+            position: object.position.toArray(),
+            wxyz: [object.quaternion.w, ...object.quaternion.toArray().slice(0, 3)],
+            scale: object.scale.toArray(),
+        }];
+    }));
+}"""
+ON_SCREEN = """(place) => {
+    const frame = document.querySelector("iframe");
+    const viser = frame.contentWindow.__viserMutable;
+    const node = viser.nodeRefFromName[typeof place === "string" ? place : ""];
+    const own = typeof place === "string" ? [0, 0, 0] : place;
+    const at = node.localToWorld(viser.camera.position.clone().set(...own));
+    viser.camera.updateMatrixWorld();
+    const seen = at.project(viser.camera);
+    const box = frame.getBoundingClientRect(), inside = viser.canvas.getBoundingClientRect();
+    return [
+        box.left + inside.left + (seen.x + 1) / 2 * inside.width,
+        box.top + inside.top + (1 - seen.y) / 2 * inside.height,
+    ];
+}"""
+"""Where a node, or a point of the world, is on the page, by the camera of the scene."""
+
+
+def opened(tab: Tab, address: str) -> Page:
+    """A page of the viewer whose scene is complete."""
+    page = tab.go(address)
+    page.wait_for_selector("[data-ready]", timeout=90_000)
+    return page
+
+
+def until(page: Page, holds: Callable[[], bool]) -> None:
+    """Wait for what comes with one of the next pictures."""
+    for _ in range(150):
+        if holds():
+            return
+        page.wait_for_timeout(100)
+    raise AssertionError("the page does not come to the state that was asked for")
+
+
+def nodes(page: Page, *names: str) -> dict[str, Any]:
+    """Position, quaternion and scale of nodes, as they are drawn."""
+    found: dict[str, Any] = page.evaluate(NODES, list(names))
+    return found
+
+
+def drag(page: Page, node: str, to_m: tuple[float, float, float]) -> None:
+    """Take hold of a mark in its middle and let go of it where ``to_m`` is in the picture."""
+    hold(page, node, to_m)
+    page.mouse.up()
+
+
+def hold(page: Page, node: str, to_m: tuple[float, float, float]) -> None:
+    """Take hold of a mark in its middle and move it to where ``to_m`` is in the picture, without letting go."""
+    x, y = page.evaluate(ON_SCREEN, node)
+    u, v = page.evaluate(ON_SCREEN, list(to_m))
+    page.mouse.move(x, y)
+    page.mouse.down()
+    for k in range(1, 9):
+        page.mouse.move(x + (u - x) * k / 8, y + (v - y) * k / 8)
+        page.wait_for_timeout(40)
+
+
+def read_frames(file: bytes) -> tuple[dict[str, Any], np.ndarray]:
+    """Layout and numbers of ``frames.bin``."""
+    end = 4 + int.from_bytes(file[:4], "little")
+    layout: dict[str, Any] = json.loads(file[4:end])
+    return layout, unpack(file[end:], layout)
+
+
+def unpack(packed: bytes, layout: dict[str, Any]) -> np.ndarray:
+    """The numbers as float32 ``(frames, width)``."""
+    n, width = layout["n_frames"], layout["width"]
+    planes = np.frombuffer(packed, np.uint8).reshape(5, width, n).astype(np.int64)
+    unsigned = sum(planes[1 + k] << (8 * k) for k in range(4))
+    bend = (unsigned >> 1) ^ -(unsigned & 1)
+    whole = bend.cumsum(axis=1).cumsum(axis=1)
+    values = whole * 2.0 ** -np.array(layout["bits"])[:, None]
+    return np.where(planes[0] == 1, np.nan, values).T.astype(np.float32)

@@ -1,16 +1,26 @@
-"""The pages of the book and the papers beside it: their code blocks, inline code, links and headings.
+"""The book and the files of the project, as the tests of the house read them.
+
+The pages of the book and the papers beside it: their code blocks, inline code, links and headings.
 
 Shell lines of the book taken apart into simple commands; nothing is run.
+
+One test over many files: it checks each and lists those that fail, so that numbers of tests mean behaviour.
+
+The rooms of the backend and the floors that they stand on, for the tests of the house.
+
+The compose files as docker compose reads them: merged, with the defaults of their variables.
 """
 
 import re
 import shlex
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
+import yaml
 from markdown_it import MarkdownIt
 from markdown_it.token import Token
 
@@ -158,3 +168,73 @@ def _command(words: list[str], fed_by: Command | None) -> Command:
     if kept and kept[0] == "export":
         assigned |= {m[1]: m[2] for word in kept[1:] if (m := ASSIGNMENT.fullmatch(word))}
     return Command(kept[0] if kept else "", tuple(kept[1:]), assigned, fed_by)
+
+
+def each_of(paths: Iterable[Path]) -> Callable[[Callable[[Path], None]], Callable[[], None]]:
+    """Decorate a check of one file: the test runs it for all ``paths`` and names every file that fails."""
+    known = list(paths)
+
+    def decorate(check: Callable[[Path], None]) -> Callable[[], None]:
+        def test() -> None:
+            assert known, "no files to check"
+            failures = {}
+            for path in known:
+                try:
+                    check(path)
+                except AssertionError as error:
+                    failures[str(path.relative_to(ROOT))] = str(error)
+            assert not failures, "\n".join(f"{path}: {why}" for path, why in failures.items())
+
+        test.__name__, test.__qualname__, test.__doc__ = check.__name__, check.__qualname__, check.__doc__
+        test.__module__ = check.__module__
+        return test
+
+    return decorate
+
+
+BACKEND = ROOT / "backend" / "stridelab"
+FRONTEND = ROOT / "frontend" / "stridelab_web"
+
+GROUND = {"conventions", "cores", "errors", "resources", "parallel"}
+WINGS = ["dynamics", "recordings", "body", "estimation", "walking", "measures"]
+ROBOT_WING = ["dynamics", "robots", "contacts", "reachability", "centroidal", "wholebody"]
+SCIENCE = GROUND | set(WINGS) | set(ROBOT_WING)
+STUDIES = ["simulation", "studies", "reproduction"]
+NUMERIC = SCIENCE | set(STUDIES)
+"""What computes: it knows no web and prints nothing, and a docstring says what each public part of it is."""
+
+
+def room_of(path: Path) -> str:
+    """Which room a module of the backend belongs to."""
+    return path.relative_to(BACKEND).parts[0].removesuffix(".py")
+
+
+def numeric_modules() -> list[Path]:
+    """Every module of the rooms that compute."""
+    return [path for path in sorted(BACKEND.rglob("*.py")) if room_of(path) in NUMERIC]
+
+
+LAB = ROOT / "docker-compose.yml"
+OBSERVED = ROOT / "compose.observability.yml"
+OURS = "stridelab:latest"
+_VARIABLE = re.compile(r"\$\{([A-Z_]+)(?::-([^}]*))?\}")
+
+
+def compose(*files: Path) -> dict[str, Any]:
+    """All files in one; a part that two of them define would have to be merged, and none is."""
+    merged: dict[str, Any] = {}
+    for file in files:
+        text = _VARIABLE.sub(lambda found: found[2] or "", file.read_text(encoding="utf-8"))
+        for part, content in yaml.safe_load(text).items():
+            if isinstance(content, dict):
+                twice = set(merged.setdefault(part, {})) & set(content)
+                assert not twice or part.startswith("x-"), f"{part} defines {twice} twice"
+                merged[part] = {**merged[part], **content}
+            else:
+                merged[part] = content
+    return merged
+
+
+def megabytes(size: str) -> int:
+    """``4g`` -> 4096."""
+    return int(size[:-1]) * {"m": 1, "g": 1024}[size[-1]]

@@ -1,6 +1,6 @@
 """The HTTP interface as the pages see it, answered from memory: schemas are the real ones, numbers are synthetic.
 
-The walk is that of ``support.fakes.walk``.
+The walk is that of ``support.fakes.recorded_walk``.
 """
 
 import asyncio
@@ -25,9 +25,8 @@ from stridelab.schemas.recordings import PlateInfo, Recording, SubjectFields
 from stridelab.schemas.robots import Measure
 from stridelab.schemas.scenarios import Scenario, StoredScenario
 from stridelab.schemas.service import Health
-from support.fakes import comparison, cycloid, measures, population, reachability, robots
-from support.fakes.subjects import FakeSubjects, listed_recordings
-from support.fakes.walk import (
+from support.fakes import reachability, recorded_walk, results, robots
+from support.fakes.recorded_walk import (
     DURATION_S,
     LABELS,
     LANDMARKS,
@@ -38,6 +37,7 @@ from support.fakes.walk import (
     corners,
     tracks_parquet,
 )
+from support.fakes.results import FakeSubjects, listed_recordings
 
 _NOW = datetime(2026, 1, 2, 3, 4, tzinfo=UTC)
 
@@ -74,7 +74,7 @@ class FakeService:
         self.plans: dict[str, dict[str, bytes]] = {}
         self.results: dict[str, JobResult] = {}
         self.comparisons: dict[str, tuple[bool, dict[str, bytes]]] = {}
-        self.wheel = cycloid.wheel_parquet()
+        self.wheel = recorded_walk.wheel_parquet()
         self.failing: Problem | None = None
         self.measures, self.stale_measures = list[Measure](reachability.MEASURES), list[Measure]()
         self.robot_refusal: tuple[int, str, str] | None = None
@@ -140,8 +140,8 @@ class FakeService:
 
     def add_comparison(self, *, with_truth: bool = True) -> Job:
         """A finished comparison of estimators."""
-        job = self.add_job(comparison.KIND, "succeeded")
-        self.comparisons[job.id] = (with_truth, comparison.tables(with_truth=with_truth))
+        job = self.add_job(results.COMPARISON_KIND, "succeeded")
+        self.comparisons[job.id] = (with_truth, results.tables(with_truth=with_truth))
         return job
 
     def change(self, job_id: str, **fields: Any) -> None:
@@ -179,10 +179,10 @@ class FakeService:
             return found
         if job_id in self.comparisons:
             with_truth, files = self.comparisons[job_id]
-            return comparison.result(given, files, with_truth=with_truth)
-        for other in (cycloid, measures, population, reachability):
-            if job.kind == other.KIND:
-                return other.result(given)
+            return results.comparison_result(given, files, with_truth=with_truth)
+        known = results.RESULTS | {recorded_walk.KIND: recorded_walk.result, reachability.KIND: reachability.result}
+        if job.kind in known:
+            return known[job.kind](given)
         versions = {"stridelab": "0.1.0", "numpy": "2.4"}
         if job.kind == "simulate-recording":
             summary = {"recording_id": next(iter(self.recordings)), "speed_m_s": 1.2, "n_steps": 6, "warnings": []}

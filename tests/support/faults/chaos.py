@@ -29,8 +29,7 @@ from stridelab.service.storage.database import make_engine
 from support.faults.commit_schedules import SCHEDULES
 from support.faults.commit_schedules import main as run_schedules
 from support.service.job_kinds import KINDS
-from support.service.job_ledger import assert_sound
-from support.service.processes import Service, running_service
+from support.service.processes import Service, assert_sound, running_service
 
 VICTIMS = {"worker": 4, "computation": 3, "postmaster": 2, "web server": 1}
 """How often each is chosen, relative to the others."""

@@ -3,7 +3,7 @@
 ``scripts/chaos --schedule 17`` repeats one, ``--schedules 0:128`` runs many. In each, a worker does one job through a
 proxy that breaks at one chosen transaction; another worker, which is not disturbed, takes over what is left. In the
 end the job has ended once, every file that its row names is there, and the janitor finds nothing to take that is
-needed (``support.service.job_ledger``).
+needed (``support.service.processes``).
 """
 
 import contextlib
@@ -30,8 +30,7 @@ from stridelab.service.storage.blobs import BlobStore
 from stridelab.service.storage.database import parse_url
 from support.faults.commit_proxy import FAULTS, CommitProxy, Fault, Plan, commit_proxy
 from support.service.database import TestDatabases, databases, within
-from support.service.job_ledger import assert_sound
-from support.service.processes import Jobs, wait_until, worker
+from support.service.processes import Jobs, assert_sound, wait_until, worker
 
 Signal = Literal["no signal", "SIGTERM", "SIGSTOP", "SIGKILL"]
 SIGNALS: Final[tuple[Signal, ...]] = ("no signal", "SIGTERM", "SIGSTOP", "SIGKILL")

@@ -2,10 +2,16 @@
 
 Rows and files belong to jobs, which are kept for months; so they are counted per accepted job. Memory, open files,
 connections and folders for work in progress belong to nobody and must not grow at all.
+
+``make soak``: a whole service at work for half an hour; prints what grew, and fails where it should not have.
 """
 
+import argparse
 import asyncio
+import os
 import statistics
+import sys
+import time
 from dataclasses import dataclass, field
 from typing import Any, Final
 
@@ -15,8 +21,8 @@ from psycopg import sql
 
 from stridelab.service.jobs.attempt_runner import PROGRESS_S
 from support.load.clients import Connection, Load
-from support.service.job_ledger import assert_sound
-from support.service.processes import Service
+from support.load.load import ADMIN, NICENESS, TASK, real_service, users
+from support.service.processes import Service, assert_sound, running_service
 
 ROLES: Final = {
     "supervisor": ("support.service.supervisor_entry", "serve"),
@@ -178,3 +184,36 @@ class Soak:
         counted = [getattr(sample, name) for sample in self._counted()]
         roles = set.intersection(*(set(values) for values in counted))
         return {role: growth([float(values[role]) for values in counted]) for role in ROLES if role in roles}
+
+
+LIGHT: tuple[str, dict[str, object]] = ("reproduce", {"item": "fig-2.5"})
+"""With the tests' worker, a job that computes nothing: many of them pass in little time."""
+
+
+def main() -> None:
+    """Entry point."""
+    asked = argparse.ArgumentParser(prog="make soak", description=__doc__)
+    asked.add_argument("--minutes", type=float, default=30.0)
+    asked.add_argument("--clients", type=int, default=10)
+    asked.add_argument("--round", type=float, default=20.0, help="seconds between two looks")
+    asked.add_argument("--light", action="store_true", help="jobs that compute nothing")
+    given = asked.parse_args()
+    light = running_service(STRIDELAB_API_TOKEN=ADMIN)  # the tests' worker, and the real web server's logins
+    with light if given.light else real_service() as service:
+        os.nice(NICENESS)
+        task = LIGHT if given.light else TASK
+        soak = Soak(service, users(service.port, 2), task, 60 * given.minutes, given.round, given.clients)
+        began = time.monotonic()
+        soak.run()
+        minutes = (time.monotonic() - began) / 60
+        sys.stdout.write(
+            f"{soak.table()}\n\n{len(soak.accepted)} jobs in {minutes:.1f} min, each ended once; "
+            f"load {os.getloadavg()[0]:.1f} at the end.\n"
+        )
+        sys.stdout.flush()
+    if faults := soak.faults():
+        raise SystemExit("\n".join(faults))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,10 +1,21 @@
-"""A recording as Qualisys Track Manager and Vicon Nexus export it as text: z up, mm, N and N mm."""
+"""Recordings as other programs export them: QTM, Nexus, MVN and OpenSim.
+
+A recording as Qualisys Track Manager and Vicon Nexus export it as text: z up, mm, N and N mm.
+
+Small MVNX files of a body that walks in closed form, with the points and the centre of mass of Xsens MVN.
+
+A recording as laboratories hand it to OpenSim: markers in a TRC file, contacts in a MOT file, y up, in a zip.
+
+Or the TRC file alone.
+"""
 
 import zipfile
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from jaxtyping import Float
+from scipy.signal import butter, sosfiltfilt
 
 from stridelab.conventions import Points
 from stridelab.recordings.plate_contacts import centre_of_pressure_m
@@ -88,3 +99,111 @@ def nexus_csv(recording: Recording, *, mark: str = ",", first_frame: int = 1, se
     table = np.column_stack([np.arange(n) + first_frame, np.zeros(n), *(1e3 * t for t in recording.markers_m.values())])
     parts.append("\n".join([*head, *text_rows(table, ",")]))
     return ("\n\n".join(parts) + "\n").replace(",", mark)
+
+
+RATE_HZ = 60.0
+SPEED_M_S = 1.1
+_PAIRED = {
+    "UpperLeg": (0.0, 0.1, 0.9),
+    "LowerLeg": (0.0, 0.1, 0.5),
+    "Foot": (0.0, 0.1, 0.1),
+    "Toe": (0.15, 0.1, 0.02),
+    "UpperArm": (0.0, 0.2, 1.4),
+    "ForeArm": (0.0, 0.2, 1.1),
+    "Hand": (0.0, 0.2, 0.85),
+}
+SEGMENTS = {"Pelvis": (0.0, 0.0, 0.95), "T8": (0.0, 0.0, 1.3), "Neck": (0.0, 0.0, 1.5)}
+SEGMENTS |= {f"Left{name}": place for name, place in _PAIRED.items()}
+SEGMENTS |= {f"Right{name}": (x, -y, z) for name, (x, y, z) in _PAIRED.items()}
+COM_M = np.array([0.01, 0.0, 0.98])
+POINT_M = np.array([0.08, 0.02, -0.03])
+"""Place of the one point of each segment in its frame."""
+
+
+def yaw_rad(frame: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+    return np.asarray(0.3 * np.sin(0.1 * frame))
+
+
+def mvnx_text(*, n_frames: int = 60, points: bool = True, com: bool = True, listed: bool = True, head: str = "") -> str:
+    """A file with two calibration poses before the motion; every segment turns by ``yaw_rad`` about the vertical."""
+    segments = ""
+    if listed:
+        point = f"<points><point label='p{{}}'><pos_b>{_text(POINT_M)}</pos_b></point></points>" if points else ""
+        segments = "".join(f"<segment label='{s}' id='{k}'>{point.format(s)}</segment>" for k, s in enumerate(SEGMENTS))
+        segments = f"<segments>{segments}</segments>"
+    frames = "".join(f"<frame type='{pose}'><position>0 0 0</position></frame>" for pose in ("identity", "tpose"))
+    for k in range(n_frames):
+        shift = np.array([SPEED_M_S * k / RATE_HZ, 0.0, 0.0])
+        half = 0.5 * float(yaw_rad(np.array([k]))[0])
+        turn = f"{np.cos(half):.9f} 0 0 {np.sin(half):.9f} " * len(SEGMENTS)
+        place = " ".join(_text(np.array(one) + shift) for one in SEGMENTS.values())
+        centre = f"<centerOfMass>{_text(COM_M + shift)} 1.1 0 0 0 0 0</centerOfMass>" if com else ""
+        frames += (
+            f"<frame time='{k}' type='normal'><orientation>{turn}</orientation><position>{place}</position>"
+            f"<velocity>not read</velocity>{centre}</frame>"
+        )
+    return (
+        f"<?xml version='1.0' encoding='UTF-8'?>\n{head}<mvnx version='4'><mvn version='2021'/>"
+        f"<subject label='Anna' frameRate='{RATE_HZ:g}' segmentCount='{len(SEGMENTS)}' "
+        f"recDate='Thu Nov 27 12:13:17.238 2025'>{segments}<frames>{frames}</frames></subject></mvnx>\n"
+    )
+
+
+def _text(numbers: np.ndarray) -> str:
+    return " ".join(f"{number:.9f}" for number in numbers)
+
+
+FILTER_HZ = 6.0
+
+
+def y_up(points: Points) -> Points:
+    return np.column_stack([points[:, 0], points[:, 2], -points[:, 1]])
+
+
+def write_trc(path: Path, recording: Recording) -> Path:
+    """Write the markers alone, in metres, y up."""
+    path.write_text(_trc(recording), encoding="utf-8")
+    return path
+
+
+def write_trc_mot(path: Path, recording: Recording) -> Path:
+    """Write both texts; the centre of pressure is low-passed together with the zeros of the unloaded plate.
+
+    This filter is a habit of laboratories: at small loads it draws the centre of pressure towards the origin.
+    """
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("walk.trc", _trc(recording))
+        archive.writestr("walk_grf.mot", _mot(recording))
+    return path
+
+
+def _trc(recording: Recording) -> str:
+    labels, rate_hz = list(recording.markers_m), recording.marker_rate_hz
+    head = (
+        f"PathFileType\t4\t(X/Y/Z)\twalk.trc\nDataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\n{rate_hz}\t{rate_hz}"
+    )
+    head += (
+        f"\t{recording.n_frames}\t{len(labels)}\tm\nFrame#\tTime\t"
+        + "\t\t\t".join(labels)
+        + "\t\t\t\n\t\tX1\tY1\tZ1\n\n"
+    )
+    tracks = np.column_stack([recording.time_s, *(y_up(track) for track in recording.markers_m.values())])
+    rows = ("\t".join([str(i + 1), *(f"{x:.7f}" for x in row)]) for i, row in enumerate(tracks))
+    return head + "\n".join(rows) + "\n"
+
+
+def _mot(recording: Recording) -> str:
+    sos = butter(2, FILTER_HZ, fs=recording.force_rate_hz, output="sos")
+    n = len(recording.plates[0].force_n)
+    columns, tracks = ["time"], [np.arange(n)[:, None] / recording.force_rate_hz]
+    for plate in recording.plates:
+        prefix = f"{plate.index}_ground_"
+        columns += [f"{prefix}force_{kind}{axis}" for kind in "vp" for axis in "xyz"]
+        columns += [f"{prefix}torque_{axis}" for axis in "xyz"]
+        cop = sosfiltfilt(sos, np.nan_to_num(centre_of_pressure_m(plate)), axis=0)
+        free = plate.moment_nm - np.cross(cop, plate.force_n)
+        free[~plate.loaded] = 0.0
+        tracks += [y_up(plate.force_n), y_up(cop), y_up(free)]
+    head = f"walk_grf.mot\nversion=1\nnRows={n}\nnColumns={len(columns)}\ninDegrees=yes\nendheader\n"
+    rows = ("\t".join(f"{x:.7g}" for x in row) for row in np.column_stack(tracks))
+    return head + "\t".join(columns) + "\n" + "\n".join(rows) + "\n"

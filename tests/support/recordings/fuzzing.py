@@ -33,7 +33,7 @@ from stridelab.service.api.strict_json import JSON_LIMIT_BYTES, parse_json
 from stridelab.service.samples.scenario_bodies import ONE_STEP
 from support.recordings.body_model_files import rocking_members
 from support.recordings.c3d_files import small_trial
-from support.recordings.mvnx_files import mvnx_text
+from support.recordings.export_files import mvnx_text
 
 TIMEOUT_S: Final = 10.0
 MEMORY_MB: Final = 1024

@@ -132,7 +132,7 @@ class Humanoid:
 
 def _turn(root: ET.Element, R: np.ndarray) -> None:
     """Describe what is fixed to the pelvis in turned axes."""
-    from support.robots.models import _turn as turn_element
+    from support.robots.scenario_bodies import _turn as turn_element
 
     link = next(each for each in root.findall("link") if each.attrib["name"] == "pelvis")
     for tag in ("inertial", "visual", "collision"):

@@ -1,12 +1,44 @@
-"""Contact sequences, effectors and reachability mixtures made by hand, for tests that need no robot and no files."""
+"""Contact sequences made by hand, and the centroidal problems over them.
+
+Contact sequences, effectors and reachability mixtures made by hand, for tests that need no robot and no files.
+
+Problems of the centroidal stage over the sequences made by hand.
+
+The centroidal problems of the bundled scenarios.
+
+The C++ solver and ipopt on the same problem, in the same cones.
+
+How hard a robot may be pushed under way (section 4.8): the boundary, found by bisection.
+
+At a time of a plan the CoM gets a velocity on top of its own. The push is recovered from where the rest of the contact
+sequence, at its given times and places, still leads to the goal at rest, with what is left of the cost as it may be.
+"""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Final
 
 import numpy as np
+import pytest
 
+from stridelab.centroidal.native.availability import native_can_solve
+from stridelab.centroidal.plan import CentroidalPlan
+from stridelab.centroidal.problem import CentroidalProblem, standing_com_m
+from stridelab.centroidal.receding_horizon import SOLVE_LIMITS, RecedingHorizon, State
+from stridelab.centroidal.rest_to_rest import from_rest_to_rest
+from stridelab.centroidal.solver import solve
+from stridelab.contacts.effector_geometry import effector_shapes
+from stridelab.contacts.scenario_io import sequence_of
 from stridelab.contacts.sequence import Contact, ContactPhase, ContactSequence
 from stridelab.contacts.terrain import Box, Terrain
+from stridelab.conventions import Vector3
 from stridelab.dynamics.spatial import Placement
 from stridelab.reachability.gaussian_mixture import Mixture
 from stridelab.reachability.proxy.effector_proxy import Proxy
+from stridelab.reachability.store import load_proxies
+from stridelab.resources import models_dir
+from stridelab.robots.loader import load_robot
 from stridelab.robots.robot import Effector
 
 MASS_KG = 90.0
@@ -96,3 +128,98 @@ MIXTURES = {
     "right_hand": hand_mixture(),
 }
 PROXIES = {name: Proxy(mixture) for name, mixture in MIXTURES.items()}
+
+
+def rest_to_rest(
+    walk: ContactSequence, proxies: Mapping[str, Proxy] = PROXIES, height_m: float = COM_HEIGHT_M, **settings: Any
+) -> CentroidalProblem:
+    """From standing over the first phase to standing over the last."""
+    start, end = (standing_com_m(walk.phases[i].contacts, height_m, EFFECTORS) for i in (0, -1))
+    return CentroidalProblem(walk, MASS_KG, EFFECTORS, proxies, start, end, **settings)
+
+
+def with_a_contact_between(**settings: Any) -> CentroidalProblem:
+    """Two steps: the right foot's first landing is neither the start nor the goal."""
+    left, right, ahead, far = foot("left", 0.0), foot("right", 0.0), foot("right", 0.25), foot("left", 0.45)
+    walk = sequence(
+        phase(0.6, left, right),
+        phase(0.8, left),
+        phase(0.4, left, ahead),
+        phase(0.8, ahead),
+        phase(0.4, far, ahead),
+        phase(0.8, far),
+        phase(0.8, far, foot("right", 0.45)),
+    )
+    return rest_to_rest(walk, **settings)
+
+
+TALOS_COM_HEIGHT_M = 0.86
+
+
+def bundled(scenario: str, **settings: Any) -> CentroidalProblem:
+    """TALOS from rest to rest over a scenario of ``models/scenarios``, with the bundled proxies."""
+    robot, sequence = load_robot("talos"), _sequence(scenario, "talos")
+    start, end = (standing_com_m(sequence.phases[i].contacts, TALOS_COM_HEIGHT_M, robot.effectors) for i in (0, -1))
+    problem = CentroidalProblem(sequence, robot.mass_kg, robot.effectors, load_proxies("talos"), start, end)
+    return replace(problem, **settings)
+
+
+def rail_of_hrp2(**settings: Any) -> CentroidalProblem:
+    """The third experiment for HRP-2."""
+    sequence = _sequence("stairs-with-rail-hrp2", "hrp2")
+    return replace(from_rest_to_rest(load_robot("hrp2"), sequence, load_proxies("hrp2")), **settings)
+
+
+def _sequence(scenario: str, robot: str) -> ContactSequence:
+    text = (models_dir() / "scenarios" / f"{scenario}.json").read_text(encoding="utf-8")
+    return sequence_of(json.loads(text), effector_shapes(robot))
+
+
+def total(plan: CentroidalPlan) -> float:
+    return sum(plan.cost_terms.values())
+
+
+def assert_same(problem: CentroidalProblem) -> CentroidalPlan:
+    ours, theirs = solve(problem, "native"), solve(problem, "ipopt")
+    assert ours.converged, ours.status
+    assert theirs.converged, theirs.status
+    assert total(ours) == pytest.approx(total(theirs), rel=1e-5, abs=1e-4)
+    assert ours.com_m == pytest.approx(theirs.com_m, abs=1e-4)
+    assert ours.solution is not None
+    residuals = ours.solution.attempts[-1].residuals
+    assert residuals is not None
+    assert residuals.kkt_error <= 1e-6
+    return ours
+
+
+MOST_M_S: Final = 5.0
+"""Harder pushes are not tried."""
+CLOSE_M_S: Final = 0.005
+"""The bisection ends there."""
+
+
+@dataclass(frozen=True)
+class Boundary:
+    """``held_m_s`` was recovered from, ``lost_m_s`` was not (infinite: even the hardest was)."""
+
+    held_m_s: float
+    lost_m_s: float
+
+
+def push_boundary(problem: CentroidalProblem, plan: CentroidalPlan, time_s: float, direction: Vector3) -> Boundary:
+    """Bisect the size of a push along ``direction`` (of length one) at ``time_s`` of a plan of ``problem``."""
+    there = plan.reference_at(time_s)
+    horizon = RecedingHorizon(problem=problem, horizon_s=max(problem.sequence.duration_s, 1.0))
+
+    def recovered(size_m_s: float) -> bool:
+        state = State(there.com_m, there.com_v_m_s + size_m_s * np.asarray(direction), there.l_nms)
+        rest = horizon.horizon_problem(time_s, state)
+        return solve(rest, "native" if native_can_solve(rest) else "ipopt", SOLVE_LIMITS).converged
+
+    if recovered(MOST_M_S):
+        return Boundary(MOST_M_S, np.inf)
+    held, lost = 0.0, MOST_M_S
+    while lost - held > CLOSE_M_S:
+        middle = 0.5 * (held + lost)
+        held, lost = (middle, lost) if recovered(middle) else (held, middle)
+    return Boundary(held, lost)

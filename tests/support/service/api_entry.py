@@ -2,7 +2,7 @@
 
 from stridelab.service.api import app
 from stridelab.service.api.__main__ import main
-from support.service.late_pool import LatePool
+from support.service.web_server import LatePool
 
 if __name__ == "__main__":
     app.IsolatedPool = LatePool  # type: ignore[misc]

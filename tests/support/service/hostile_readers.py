@@ -1,4 +1,9 @@
-"""What a file that has taken over its reader would try; each attempt says whether it worked or which error it met."""
+"""Readers of uploads that were taken over.
+
+What a file that has taken over its reader would try; each attempt says whether it worked or which error it met.
+
+Readers of bulk uploads that were taken over, and do not tell the truth to the web server.
+"""
 
 import ctypes
 import encodings.idna  # noqa: F401 (a connection needs it, and the attempt shall get as far as the kernel)
@@ -16,6 +21,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from stridelab.service.kinds.read_batch import run as read_batch
 from stridelab.service.processes.child import limit_memory
 
 DONE = "done"
@@ -179,3 +185,17 @@ def _libc(name: str, *arguments: Any) -> None:
 def _status(field: str) -> str:
     lines = Path("/proc/self/status").read_text(encoding="ascii").splitlines()
     return next(line.split()[1] for line in lines if line.startswith(f"{field}:"))
+
+
+def claim_another_file(task: dict[str, Any], folder: Path, progress: Any) -> dict[str, Any]:
+    """A reader of bulk uploads that gives a file of the machine for one that was sent."""
+    found = read_batch.parse_batch(task, folder, progress)
+    found["files"][0]["file"] = "/etc/hostname"
+    return found
+
+
+def claim_another_hash(task: dict[str, Any], folder: Path, progress: Any) -> dict[str, Any]:
+    """One that says of a file that it is another, which is stored already."""
+    found = read_batch.parse_batch(task, folder, progress)
+    found["files"][0]["sha256"] = "ab" * 32
+    return found

@@ -1,13 +1,26 @@
-"""The web application on a real port, in a thread of the test process, with parts that a test can look into."""
+"""The web application on a real port, and its answers.
+
+A pool whose imports wait for its first task and are left to the next pool: imports cost a second or two.
+
+The web application on a real port, in a thread of the test process, with parts that a test can look into.
+
+Reading answers of the interface in tests.
+"""
 
 import asyncio
+import atexit
+import os
+import socket
 import ssl
+import subprocess
+import sys
 import threading
-from collections.abc import Awaitable, Iterator
+from collections.abc import Awaitable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Final, TypeVar
 from unittest import mock
 
 import httpx
@@ -17,8 +30,89 @@ from fastapi import FastAPI
 
 from stridelab.service.api.app import create_app
 from stridelab.service.api.dependencies import Parts
+from stridelab.service.processes.fork_server_client import _SINGLE_THREADED, ForkServerClient, child_environment
+from stridelab.service.processes.pool import IsolatedPool
 from stridelab.service.settings import Settings
-from support.service.late_pool import LatePool
+
+Key = tuple[tuple[str, ...], frozenset[tuple[str, str]]]
+"""What a fork server has imported, and its environment."""
+_starter: Final = ThreadPoolExecutor(1)
+"""The kernel kills a fork server when the thread that started it ends: this one lives as long as the tests."""
+
+
+class Server(asyncio.subprocess.Process):
+    """A fork server, which may outlive its client and the client's event loop."""
+
+    def __init__(self, key: Key) -> None:
+        modules, environment = key
+        self.key, self.last_serial = key, 0
+        self.control, theirs = socket.socketpair()
+        command = [sys.executable, "-m", "stridelab.service.processes.fork_server", str(os.getpid()), ",".join(modules)]
+        options: dict[str, Any] = {"stdin": theirs, "stdout": subprocess.DEVNULL, "start_new_session": True}
+        with theirs:
+            self.process = _starter.submit(subprocess.Popen, command, env=dict(environment), **options).result()
+        self.control.setblocking(False)
+        self.pid = self.process.pid
+
+    def kill(self) -> None:
+        self.process.kill()
+
+    async def wait(self) -> int:
+        return self.process.wait()
+
+
+_idle: Final[dict[Key, Server]] = {}
+
+
+@atexit.register
+def _end_idle() -> None:
+    for server in _idle.values():
+        server.control.close()
+        server.kill()
+        server.process.wait()
+
+
+class Lent(ForkServerClient):
+    """A client that returns its fork server for the next one, if no child of it is left."""
+
+    def __init__(self, server: Server) -> None:
+        super().__init__(server, server.control)
+        self._server, self._serial = server, server.last_serial
+
+    @staticmethod
+    def start_lent(preload: Sequence[str]) -> "Lent":
+        """One that another client has returned, or else a new one."""
+        environment = child_environment() | _SINGLE_THREADED
+        environment.pop("PYTEST_CURRENT_TEST", None)
+        key = tuple(preload), frozenset(environment.items())
+        found = _idle.pop(key, None)
+        return Lent(found if found is not None and found.process.poll() is None else Server(key))
+
+    async def close(self) -> None:
+        if self._is_gone or self._children or self._receive_buffer or self._server.key in _idle:
+            await super().close()
+            return
+        self._is_gone = True
+        self._ping_task.cancel()
+        self._loop.remove_reader(self._control)
+        self._server.last_serial = self._serial
+        _idle[self._server.key] = self._server
+
+
+class LatePool(IsolatedPool):
+    """Starts with its first task what the service starts with itself."""
+
+    async def __aenter__(self) -> "LatePool":  # noqa: PYI034 (as its parent)
+        return self
+
+    async def _running_fork_server(self) -> ForkServerClient:
+        async with self._starting:
+            if self._fork_server is not None and self._fork_server.is_gone:
+                await self.close()
+            if self._fork_server is None:
+                self._fork_server = Lent.start_lent(self._preload)
+            return self._fork_server
+
 
 T = TypeVar("T")
 NO_CERTIFICATES = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
@@ -94,3 +188,19 @@ def served(database_url: str, data: Path, **options: Any) -> Iterator[Served]:
         server.should_exit = True
         thread.join(20)
         assert not thread.is_alive()
+
+
+def refusal(answer: httpx.Response) -> tuple[int, str]:
+    """Status and code of an answer that must be a problem."""
+    assert answer.headers["content-type"] == "application/problem+json", answer.text
+    return answer.status_code, answer.json()["code"]
+
+
+def places(answer: httpx.Response) -> list[str]:
+    """Where a problem says that something is wrong."""
+    return [fault["where"] for fault in answer.json()["errors"]]
+
+
+def upload(http: httpx.Client, content: bytes, name: str = "walk.c3d", **fields: str) -> httpx.Response:
+    """Upload ``content`` as a file called ``name``."""
+    return http.post("/api/v1/recordings", files={"file": (name, content)}, data=fields)

@@ -18,7 +18,7 @@ from stridelab.wholebody.certificate.certify import certify
 from stridelab.wholebody.control.controller import WholeBodyController
 from stridelab.wholebody.replay.mujoco_model import build_simulation
 from stridelab.wholebody.replay.replay import replay_with_defaults
-from support.robots.models import com_height_m, one_normal, walk_of
+from support.robots.scenario_bodies import com_height_m, one_normal, walk_of
 
 STEP_M = {"hrp2": 0.2, "g1": 0.15}
 

@@ -26,7 +26,7 @@ from stridelab.wholebody.control.hierarchical_qp import (
 from stridelab.wholebody.control.rigid_body import RigidBody
 from stridelab.wholebody.control.task_stack import PhaseHierarchy, SampleTargets, Settings
 from stridelab.wholebody.motion import LEVELS, WholeBodyMotion, WholeBodyStopped
-from support.robots.swaying_plan import sway
+from support.robots.plans import sway
 
 Swaying = tuple[CentroidalPlan, WholeBodyMotion]
 Patch = pytest.MonkeyPatch

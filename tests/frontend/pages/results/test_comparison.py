@@ -14,7 +14,7 @@ from stridelab_web.charts.plotly import Style
 from stridelab_web.pages.results.comparison_plots import FIGURES
 from stridelab_web.pages.results.comparison_tables import against_physics, against_truth
 from stridelab_web.parquet import read_columns
-from support.fakes.comparison import OFFSETS_M, summary, tables, truth_m
+from support.fakes.results import OFFSETS_M, comparison_summary, tables, truth_m
 from support.fakes.service import FakeService
 
 Browse = Callable[[str], httpx.Response]
@@ -54,16 +54,16 @@ def test_without_a_truth_methods_are_held_against_physics(fake: FakeService, bro
 
 
 def test_groups_of_which_nothing_applies_are_left_out() -> None:
-    known = summary(with_truth=True)
+    known = comparison_summary(with_truth=True)
     assert [group.title for group in against_truth(known)] == [
         "Error [mm]", "Inside the 95 % band [%]", "Stated standard deviation [mm]",
     ]  # fmt: skip
     assert "In flight" not in {group.title for group in against_physics(known)}
-    assert against_truth(summary(with_truth=False)) == []
+    assert against_truth(comparison_summary(with_truth=False)) == []
 
 
 def test_a_column_of_dashes_has_no_best() -> None:
-    (held_back,) = (g for g in against_physics(summary(with_truth=False)) if "held back" in g.title)
+    (held_back,) = (g for g in against_physics(comparison_summary(with_truth=False)) if "held back" in g.title)
     assert [held_back.cells[name][2].best for name in OFFSETS_M] == [False, False, False]
     assert held_back.cells["smoother"][0].best
     assert not held_back.cells["geometry"][0].best
@@ -97,7 +97,7 @@ def test_spectra_are_drawn_by_decades_in_millimetres(fake: FakeService, browse: 
 def test_deviations_are_from_the_truth_or_else_from_the_markers(
     with_truth: bool, against: tuple[float, float, float]
 ) -> None:
-    answer = drawn("time", summary(with_truth=with_truth), with_truth=with_truth)
+    answer = drawn("time", comparison_summary(with_truth=with_truth), with_truth=with_truth)
     columns = answer["columns"]
     assert isinstance(columns, dict)
     for axis, offset, zero in zip(AXES, OFFSETS_M["smoother"], against, strict=True):

@@ -17,7 +17,7 @@ from stridelab_web.pages.results.cycloid_charts import draw_step, samples_of
 from stridelab_web.pages.results.cycloid_steps import FLAGS, MODELS, contests_of, flag_sentence, steps_of, values_of
 from stridelab_web.parquet import read_columns
 from stridelab_web.scene.cycloid_frames import radius_m
-from support.fakes.cycloid import KIND, RESIDUAL_M, STEPS_S, WHEELS, samples, summary, theta_rad, wheel_parquet
+from support.fakes.recorded_walk import KIND, RESIDUAL_M, STEPS_S, WHEELS, samples, summary, theta_rad, wheel_parquet
 from support.fakes.service import FakeService
 
 Browse = Callable[[str], httpx.Response]

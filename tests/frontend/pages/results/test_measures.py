@@ -10,7 +10,7 @@ import pytest
 from stridelab.schemas.measures import MEASURE_TITLES
 from stridelab.schemas.recordings import SubjectFields
 from stridelab_web.pages.results.measures import measure_rows, measures_headline, measures_of
-from support.fakes.measures import KIND, result, summary
+from support.fakes.results import MEASURES_KIND, measures_result, measures_summary
 from support.fakes.service import FakeService
 
 Browse = Callable[[str], httpx.Response]
@@ -18,7 +18,7 @@ Browse = Callable[[str], httpx.Response]
 
 @pytest.fixture
 def page(fake: FakeService, browse: Browse) -> str:
-    answer = browse(f"/jobs/{fake.add_job(KIND, 'succeeded').id}")
+    answer = browse(f"/jobs/{fake.add_job(MEASURES_KIND, 'succeeded').id}")
     assert answer.status_code == 200
     return answer.text
 
@@ -28,7 +28,7 @@ def text_of(html: str) -> str:
 
 
 def test_values_are_in_the_units_of_the_field_with_their_interval_and_sides() -> None:
-    rows = {row.name: row for row in measure_rows(summary())}
+    rows = {row.name: row for row in measure_rows(measures_summary())}
     shown = {name: (row.mean, row.unit, row.interval, row.left, row.right) for name, row in rows.items()}
     assert shown["walking_speed"] == ("1.21", "m/s", "1.20 to 1.22", "1.21", "1.21")
     assert shown["step_length"] == ("0.678", "m", "0.659 to 0.697", "0.672", "0.684")
@@ -42,29 +42,29 @@ def test_values_are_in_the_units_of_the_field_with_their_interval_and_sides() ->
 
 
 def test_rows_are_in_the_order_of_the_titles() -> None:
-    names = [row.name for row in measure_rows(summary())]
+    names = [row.name for row in measure_rows(measures_summary())]
     assert names[:3] == ["walking_speed", "step_length", "step_width"]
     assert names == [name for name in MEASURE_TITLES if name in names]
 
 
 def test_a_measure_of_a_later_version_is_shown_under_its_name() -> None:
-    plain = summary()
+    plain = measures_summary()
     later = plain.measures[0].model_copy(update={"name": "toe_clearance", "unit": "rad"})
     last = measure_rows(plain.model_copy(update={"measures": [later, *plain.measures]}))[-1]
     assert (last.title, last.mean, last.unit) == ("Toe clearance", "0.678", "rad")
 
 
 def test_the_headline_gives_steps_speed_and_margin() -> None:
-    assert measures_headline(summary()) == (
+    assert measures_headline(measures_summary()) == (
         "7 steps in 2 recordings at 1.21 m/s (1.20 to 1.22, 95 %) "
         "with a margin of stability of 73 mm (46 to 99, 95 %) sideways."
     )
-    bare = summary().model_copy(update={"measures": [], "steps": 1, "n_recordings": 1})
+    bare = measures_summary().model_copy(update={"measures": [], "steps": 1, "n_recordings": 1})
     assert measures_headline(bare) == "1 step in 1 recording. Few steps: the intervals below are wide."
 
 
 def test_the_headline_of_two_steps_leaves_their_intervals_to_the_values() -> None:
-    plain = summary()
+    plain = measures_summary()
     two = [one.model_copy(update={"n": 2}) for one in plain.measures]
     assert measures_headline(plain.model_copy(update={"measures": two, "steps": 2})) == (
         "2 steps in 2 recordings at 1.21 m/s with a margin of stability of 73 mm sideways. "
@@ -75,7 +75,7 @@ def test_the_headline_of_two_steps_leaves_their_intervals_to_the_values() -> Non
 def test_six_values_are_above_the_table_and_double_support_stands_in_for_energy() -> None:
     names = ["walking_speed", "step_length", "step_width", "margin_of_stability_ml_min"]
     names += ["margin_of_stability_ap_contact", "energy_recovery"]
-    done = result({})
+    done = measures_result({})
     assert [row.name for row in measures_of(done)["main"]] == names
     without = [one for one in done.summary["measures"] if one["name"] != "energy_recovery"]
     done = done.model_copy(update={"summary": done.summary | {"measures": without}})
@@ -108,14 +108,14 @@ def test_what_is_missing_has_its_reason_and_contradictions_come_first(page: str)
 
 
 def test_without_contradictions_there_is_no_alarm(fake: FakeService, browse: Browse) -> None:
-    job = fake.add_job(KIND, "succeeded")
-    done = result({})
+    job = fake.add_job(MEASURES_KIND, "succeeded")
+    done = measures_result({})
     clean: dict[str, Any] = {"left_out": [], "not_measured": [], "warnings": []}
     fake.results[job.id] = done.model_copy(update={"summary": done.summary | clean})
     page = browse(f"/jobs/{job.id}").text
     assert 'data-verdict="contradicted"' not in page
     assert 'id="missing-h"' not in page
-    waiting = browse(f"/jobs/{fake.add_job(KIND).id}")
+    waiting = browse(f"/jobs/{fake.add_job(MEASURES_KIND).id}")
     assert waiting.status_code == 200
     assert "data-cancel" in waiting.text
     assert "data-headline" not in waiting.text
@@ -124,8 +124,8 @@ def test_without_contradictions_there_is_no_alarm(fake: FakeService, browse: Bro
 def test_the_page_leads_back_to_a_single_recording(fake: FakeService, browse: Browse) -> None:
     walk, other = fake.add_recording("walk.c3d"), fake.add_recording("other.c3d")
     for ids, linked in (([walk.id], True), ([walk.id, other.id], False), (["deleted"], False)):
-        job = fake.add_job(KIND, "succeeded")
-        fake.results[job.id] = result({"recording_ids": ids})
+        job = fake.add_job(MEASURES_KIND, "succeeded")
+        fake.results[job.id] = measures_result({"recording_ids": ids})
         crumbs = browse(f"/jobs/{job.id}").text.partition('<p class="crumbs">')[2].partition("</p>")[0]
         assert (f'href="/recordings/{walk.id}"' in crumbs) == linked
 
@@ -154,7 +154,7 @@ CHANGE: dict[str, Any] = {
 def reported(fake: FakeService, browse: Browse, **fields: Any) -> str:
     """The page of a report whose summary has ``fields`` beside the measures."""
     job = fake.add_job("gait-report", "succeeded")
-    done = result({"recording_ids": ["r1", "r2"]})
+    done = measures_result({"recording_ids": ["r1", "r2"]})
     fake.results[job.id] = done.model_copy(update={"kind": "gait-report", "summary": done.summary | fields})
     answer = browse(f"/jobs/{job.id}")
     assert answer.status_code == 200

@@ -10,7 +10,7 @@ from stridelab_web.pages.results.cycloid_steps import PARAMETERS
 from stridelab_web.pages.results.population_bars import THESIS_ERROR_MM, bars_of
 from stridelab_web.pages.results.population_charts import AGAINST, groups_of, scatter_chart
 from stridelab_web.pages.results.population_tables import correlation_rows, model_rows, three_digits
-from support.fakes.population import KIND, PEOPLE, summary
+from support.fakes.results import PEOPLE, POPULATION_KIND, population_summary
 from support.fakes.service import FakeService
 
 Browse = Callable[[str], httpx.Response]
@@ -18,24 +18,24 @@ Browse = Callable[[str], httpx.Response]
 
 @pytest.fixture
 def address(fake: FakeService) -> str:
-    return f"/population/{fake.add_job(KIND, 'succeeded').id}"
+    return f"/population/{fake.add_job(POPULATION_KIND, 'succeeded').id}"
 
 
 def test_everybody_of_whom_both_numbers_are_known_is_a_mark_with_words() -> None:
     height, _, _, length = AGAINST
-    chart = scatter_chart(summary().subjects, height, PARAMETERS[0])
+    chart = scatter_chart(population_summary().subjects, height, PARAMETERS[0])
     assert chart is not None
     assert [mark.label for mark in chart.marks] == [name for name, _, tall, _, _ in PEOPLE if tall]
     assert chart.marks[0].text == "P01 (adults): R 100.0 ± 4.0 mm, height 1.62 m"
     assert (chart.x_title, chart.y_title) == ("Height [m]", "R [mm]")
-    other = scatter_chart(summary().subjects, length, PARAMETERS[3])
+    other = scatter_chart(population_summary().subjects, length, PARAMETERS[3])
     assert other is not None
     assert len(other.marks) == len(PEOPLE)
     assert other.marks[0].text == "P01 (adults): ω 10.90 rad/s, step length 0.65 m", "no deviation is known"
 
 
 def test_positions_and_error_bars_are_to_the_scale_of_the_axes() -> None:
-    chart = scatter_chart(summary().subjects, AGAINST[0], PARAMETERS[0])
+    chart = scatter_chart(population_summary().subjects, AGAINST[0], PARAMETERS[0])
     assert chart is not None
     tick = {t.text: t.px for t in chart.y_ticks}
     px_per_mm = (tick["90"] - tick["100"]) / 10
@@ -47,16 +47,16 @@ def test_positions_and_error_bars_are_to_the_scale_of_the_axes() -> None:
 
 
 def test_groups_differ_in_colour_and_in_shape() -> None:
-    groups = groups_of(summary().subjects)
+    groups = groups_of(population_summary().subjects)
     assert {name: group.size for name, group in groups.items()} == {"adults": 4, "children": 2}
     assert len({group.css for group in groups.values()}) == len({group.shape for group in groups.values()}) == 2
-    chart = scatter_chart(summary().subjects, AGAINST[2], PARAMETERS[0])
+    chart = scatter_chart(population_summary().subjects, AGAINST[2], PARAMETERS[0])
     assert chart is not None
     assert [curve.css for curve in chart.curves] == ["trend group0"], "two children make no line"
 
 
 def test_correlations_come_in_the_order_of_the_pages_with_the_thesis_beside() -> None:
-    rows = correlation_rows(summary())
+    rows = correlation_rows(population_summary())
     assert [(row.letter, row.against) for row in rows] == [
         ("R", "height"), ("R", "speed"), ("z₀", "height"), ("ω", "height"),
     ]  # fmt: skip
@@ -69,7 +69,7 @@ def test_correlations_come_in_the_order_of_the_pages_with_the_thesis_beside() ->
 
 
 def test_mixed_models_are_in_the_unit_of_the_parameter() -> None:
-    (row,) = model_rows(summary())
+    (row,) = model_rows(population_summary())
     assert row.effects == ("height: 30 [-13, 73]",)
     assert (row.between, row.within, row.unit) == ("4", "2", "mm")
 
@@ -81,7 +81,7 @@ def test_numbers_have_three_digits_and_no_exponent() -> None:
 
 
 def test_bars_are_to_scale_and_the_thesis_has_its_line() -> None:
-    distance, start, end = bars_of(summary().subjects)
+    distance, start, end = bars_of(population_summary().subjects)
     ticks = {text: at for at, text in distance.ticks}
     per_mm = ticks["1"] - ticks["0"] if "1" in ticks else (ticks["1.0"] - ticks["0.0"])
     assert distance.line == pytest.approx(THESIS_ERROR_MM * per_mm, abs=0.02)
@@ -120,7 +120,7 @@ def test_a_job_page_leads_to_its_population_and_back(fake: FakeService, browse: 
     other = fake.add_job("estimate-com", "succeeded")
     answer = browse(f"/population/{other.id}")
     assert (answer.status_code, answer.headers["location"]) == (303, f"/jobs/{other.id}")
-    waiting = browse(f"/population/{fake.add_job(KIND).id}")
+    waiting = browse(f"/population/{fake.add_job(POPULATION_KIND).id}")
     assert waiting.status_code == 200
     assert "data-cancel" in waiting.text
 

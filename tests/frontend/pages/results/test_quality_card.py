@@ -10,11 +10,11 @@ import pytest
 from stridelab.schemas.base import Remark
 from stridelab.schemas.quality import Quality, QualityCheck
 from stridelab_web.pages.results.quality import NAMES, SHARES, shown_quality
-from support.fakes import comparison, measures, population
+from support.fakes import results
 from support.fakes.service import FakeService
 
 Browse = Callable[[str], httpx.Response]
-KINDS = ("estimate-com", comparison.KIND, "fit-cycloid", population.KIND, measures.KIND)
+KINDS = ("estimate-com", results.COMPARISON_KIND, "fit-cycloid", results.POPULATION_KIND, results.MEASURES_KIND)
 
 
 def check(name: str, value: float, limit: float, contradicted_above: float, unit: str = "1") -> QualityCheck:
@@ -31,7 +31,7 @@ def quality(bias_m: float) -> Quality:
 
 
 def page_of(fake: FakeService, browse: Browse, kind: str, found: Quality | None) -> str:
-    job = fake.add_comparison() if kind == comparison.KIND else fake.add_job(kind, "succeeded")
+    job = fake.add_comparison() if kind == results.COMPARISON_KIND else fake.add_job(kind, "succeeded")
     plain = fake.result(job.id)
     warnings = plain.summary["warnings"]
     if found is not None and found.verdict != "good":
@@ -39,7 +39,7 @@ def page_of(fake: FakeService, browse: Browse, kind: str, found: Quality | None)
     shown = None if found is None else found.model_dump(mode="json")
     summary = plain.summary | {"quality": shown, "warnings": warnings}
     fake.results[job.id] = plain.model_copy(update={"summary": summary})
-    answer = browse(f"/{'population' if kind == population.KIND else 'jobs'}/{job.id}")
+    answer = browse(f"/{'population' if kind == results.POPULATION_KIND else 'jobs'}/{job.id}")
     assert answer.status_code == 200
     return answer.text
 

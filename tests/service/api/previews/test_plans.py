@@ -16,9 +16,8 @@ from stridelab.service.processes.pool import IsolatedPool
 from stridelab.service.processes.resident import PreviewProcess
 from stridelab.service.samples import scenarios
 from support.robots.scenario_bodies import one_step, with_contact
-from support.service.answers import places, refusal
 from support.service.processes import ended, wait_until
-from support.service.web_server import Served
+from support.service.web_server import Served, places, refusal
 
 SOLVERS, PREVIEW = "/api/v1/solvers", "/api/v1/plans/preview"
 ASKED: dict[str, Any] = {"ask": "solvers"}

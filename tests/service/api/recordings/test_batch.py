@@ -110,10 +110,10 @@ def test_a_reader_that_was_taken_over_cannot_pass_off_other_files(
     monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parents[3]))
     content = trial.read_bytes()
     with postgres.fresh() as url, served(url, tmp_path) as service, service.http() as http:
-        monkeypatch.setattr(batch, "PARSE_BATCH", "support.service.lying_readers:claim_another_file")
+        monkeypatch.setattr(batch, "PARSE_BATCH", "support.service.hostile_readers:claim_another_file")
         assert problem(send(http, ("a.c3d", content)), 422)["code"] == "parser-crashed"
         assert service.stored_files() == set()
-        monkeypatch.setattr(batch, "PARSE_BATCH", "support.service.lying_readers:claim_another_hash")
+        monkeypatch.setattr(batch, "PARSE_BATCH", "support.service.hostile_readers:claim_another_hash")
         (recording,) = stored(send(http, ("a.c3d", content)))["recordings"]
         assert recording["sha256"] == hashlib.sha256(content).hexdigest()
         assert http.get(f"/api/v1/recordings/{recording['id']}/file").content == content

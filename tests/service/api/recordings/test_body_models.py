@@ -7,9 +7,8 @@ import httpx
 import pytest
 
 from support.recordings.body_model_files import rocking_members
-from support.recordings.mvnx_files import mvnx_text
-from support.service.answers import places, refusal, upload
-from support.service.web_server import Served
+from support.recordings.export_files import mvnx_text
+from support.service.web_server import Served, places, refusal, upload
 
 
 def zipped(members: dict[str, str]) -> bytes:

@@ -16,9 +16,8 @@ from stridelab.service.jobs import retention
 from stridelab.service.settings import Settings
 from stridelab.service.storage.database import parse_url
 from support.faults.commit_proxy import FAULTS, CommitProxy, Fault, Plan, commit_proxy
-from support.service.answers import refusal, upload
 from support.service.database import TestDatabases
-from support.service.web_server import Served, served
+from support.service.web_server import Served, refusal, served, upload
 
 RECORDINGS = "/api/v1/recordings"
 INSERTED, CHANGED = re.compile("INSERT INTO recording "), re.compile("UPDATE recording SET ")

@@ -14,10 +14,9 @@ import pytest
 from stridelab.service.api.recordings import endpoints, parse
 from stridelab.service.api.recordings import service as storing
 from stridelab.service.filenames import safe_filename
-from support.service.answers import places, refusal, upload
 from support.service.database import TestDatabases
 from support.service.stored_rows import add_recording, facts
-from support.service.web_server import Served, served
+from support.service.web_server import Served, places, refusal, served, upload
 
 RECORDINGS = "/api/v1/recordings"
 

@@ -16,8 +16,7 @@ from stridelab.service.kinds.commission_robot.kind import KIND, publish
 from stridelab.service.kinds.staging import stage_scenario
 from stridelab.service.storage.tables import audit, robot
 from support.robots.humanoid import Humanoid, archive
-from support.service.answers import refusal
-from support.service.web_server import Served
+from support.service.web_server import Served, refusal
 
 ROBOTS = "/api/v1/robots"
 

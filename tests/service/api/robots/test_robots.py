@@ -21,9 +21,8 @@ from stridelab.service.api.robots.source_hash import source_sha256
 from stridelab.service.processes.pool import IsolatedPool
 from stridelab.service.processes.priority import NICENESS
 from stridelab.service.samples.scenario_bodies import ONE_STEP
-from support.service.answers import refusal
 from support.service.robot_children import FACTS, GLB, REACH
-from support.service.web_server import Served
+from support.service.web_server import Served, refusal
 
 ROBOTS = "/api/v1/robots"
 STUBS = {name: f"support.service.robot_children:{name}" for name in ("describe", "draw", "enclose")}

@@ -10,9 +10,8 @@ import pytest
 from stridelab.service.samples import scenarios
 from stridelab.service.samples.scenario_bodies import ONE_STEP, STANDING, STANDING_AHEAD
 from support.robots.scenario_bodies import add_scenario, one_step, with_contact
-from support.service.answers import places, refusal
 from support.service.stored_rows import start_job, succeed
-from support.service.web_server import Served
+from support.service.web_server import Served, places, refusal
 
 JOBS = "/api/v1/jobs"
 PLAN = f"{JOBS}/plan-motion"

@@ -10,9 +10,8 @@ import pytest
 from stridelab.service.api.scenarios import repository
 from stridelab.service.samples import scenarios
 from support.robots.scenario_bodies import add_scenario, one_step, with_contact
-from support.service.answers import places, refusal
 from support.service.database import TestDatabases
-from support.service.web_server import Served, served
+from support.service.web_server import Served, places, refusal, served
 
 SCENARIOS = "/api/v1/scenarios"
 CHECK = f"{SCENARIOS}/check"

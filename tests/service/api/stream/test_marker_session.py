@@ -8,7 +8,7 @@ import pytest
 
 from stridelab.schemas.streams import MarkerStreamConfiguration, MarkerStreamTask
 from stridelab.service.api.stream.marker_session import NEWEST, PICTURE_S, MarkerSession
-from support.service.marker_streams import frame, header, sample
+from support.service.streams import frame, header, sample
 
 
 def session(**fields: Any) -> MarkerSession:

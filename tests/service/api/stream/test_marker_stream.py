@@ -11,9 +11,8 @@ from websockets.exceptions import InvalidStatus
 from stridelab.service.api.stream.watching import MAX_WATCHING
 from support.command_line import SAMPLE
 from support.service.database import TestDatabases
-from support.service.marker_streams import PATH, answers, frame, header, marker_socket, opened, received, sample
 from support.service.processes import wait_until
-from support.service.streams import goodbye
+from support.service.streams import PATH, answers, frame, goodbye, header, marker_socket, opened, received, sample
 from support.service.web_server import Served, served
 
 TOKEN = "a-secret-of-the-lab"

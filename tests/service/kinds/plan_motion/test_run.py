@@ -31,7 +31,7 @@ from stridelab.service.kinds.result_tables import known_references, read_metadat
 from stridelab.service.processes.child import with_json
 from stridelab.service.processes.pool import IsolatedPool
 from support.command_line import Told, quiet
-from support.robots.plan_runs import Planned, changed, plan_task, run, short_walk, stopping_after
+from support.robots.plans import Planned, changed, plan_task, run, short_walk, stopping_after
 
 CENTROIDAL_FILES = {"centroidal.parquet", "centroidal.csv", "iterations.parquet", "iterations.csv", "scenario.json"}
 MOTION_FILES = {
@@ -312,7 +312,7 @@ def test_a_solver_that_hangs_is_ended_and_its_stage_is_known(tmp_path: Path, mon
     async def act() -> Any:
         async with IsolatedPool(["stridelab.service.kinds.plan_motion.run"]) as pool:
             return await pool.run(
-                "support.robots.plan_runs:plan_with_a_hanging_solver",
+                "support.robots.plans:plan_with_a_hanging_solver",
                 plan_task().model_dump(mode="json"),
                 tmp_path,
                 timeout_s=5.0,

@@ -20,8 +20,7 @@ from stridelab.service.kinds.plan_motion.video import (
     write_film,
 )
 from support.command_line import Told, quiet
-from support.robots.plan_runs import plan_task
-from support.robots.plans import made_up_motion, one_step, talos
+from support.robots.plans import made_up_motion, one_step, plan_task, talos
 
 FFMPEG = """#!/bin/sh
 echo "$@" > arguments

@@ -1,16 +1,22 @@
-"""An S3 object store for tests: ``python -m support.service.object_store PORT FOLDER``.
+"""Services beside ours: an S3 object store and a collector of traces.
+
+An S3 object store for tests: ``python -m support.service.external_services PORT FOLDER``.
 
 Objects are files ``FOLDER/BUCKET/KEY``; parts of uploads that are not complete yet lie in ``FOLDER/.parts``. Requests
 must be signed, but signatures are not checked. A real store answered the same tests in the same way (docs/chaos.md).
+
+A collector of OpenTelemetry traces on loopback.
 """
 
 import hashlib
 import re
 import shutil
 import sys
+import threading
 import uuid
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from email.utils import formatdate
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
@@ -19,6 +25,9 @@ from threading import Thread
 from urllib.parse import parse_qs, unquote, urlsplit
 from xml.etree import ElementTree
 from xml.sax.saxutils import escape
+
+from opentelemetry.proto.collector.trace.v1.trace_service_pb2 import ExportTraceServiceRequest
+from opentelemetry.proto.trace.v1.trace_pb2 import Span
 
 BUCKET = "lab"
 ADDRESS = f"s3://{BUCKET}/data"
@@ -188,6 +197,56 @@ def object_store(folder: Path) -> Iterator[dict[str, str]]:
         server.shutdown()
         server.server_close()
         thread.join()
+
+
+__all__ = ["Collector", "Span", "collector", "said"]
+
+
+@dataclass
+class Collector:
+    """What a collector was sent: spans by the name of their service."""
+
+    url: str
+    spans: list[tuple[str, Span]] = field(default_factory=list)
+
+    def named(self, name: str) -> list[Span]:
+        return [span for _, span in self.spans if span.name == name]
+
+
+@contextmanager
+def collector() -> Iterator[Collector]:
+    """A collector on loopback."""
+    heard = Collector("")
+
+    class Handler(BaseHTTPRequestHandler):
+        def do_POST(self) -> None:
+            assert self.path == "/v1/traces"
+            sent = ExportTraceServiceRequest.FromString(self.rfile.read(int(self.headers["Content-Length"])))
+            for group in sent.resource_spans:
+                (service,) = (one.value.string_value for one in group.resource.attributes if one.key == "service.name")
+                heard.spans += [(service, span) for scope in group.scope_spans for span in scope.spans]
+            self.send_response(200)
+            self.send_header("Content-Length", "0")
+            self.end_headers()
+
+        def log_message(self, *_: object) -> None:
+            """Say nothing."""
+
+    server = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
+    heard.url = f"http://127.0.0.1:{server.server_port}"
+    thread = threading.Thread(target=server.serve_forever, daemon=True)
+    thread.start()
+    try:
+        yield heard
+    finally:
+        server.shutdown()
+        server.server_close()
+        thread.join()
+
+
+def said(span: Span) -> dict[str, str | int]:
+    """The attributes of a span."""
+    return {one.key: one.value.string_value or one.value.int_value for one in span.attributes}
 
 
 if __name__ == "__main__":

@@ -1,13 +1,64 @@
-"""A door beside a service that counts what passes: bytes both ways, and the messages of websockets.
+"""What a service that answers browsers costs: traffic, processor time and memory.
+
+What the processes of a running service that answer browsers cost: processor time and memory.
+
+A door beside a service that counts what passes: bytes both ways, and the messages of websockets.
 
 Headers, WebSocket framing and all: what is counted is what a network would carry above TCP.
+
+A service with tokens and its viewer, as two programs that talk over the loopback.
 """
 
 import asyncio
 import contextlib
+import os
+import socket
+import subprocess
+import sys
 import threading
+import time
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import httpx
+import psutil
+
+from support.service.database import TestDatabases
+from support.service.web_server import Served, served
+
+ANSWERING = {"viewer": "stridelab_web.viewer", "web": "stridelab.service.api"}
+"""Modules of the processes that serve pages and scenes."""
+
+
+@dataclass(frozen=True)
+class Consumption:
+    """The processes below ``stridelab serve`` that answer browsers."""
+
+    processes: dict[str, psutil.Process]
+
+    @staticmethod
+    def of(pid: int | None) -> "Consumption":
+        """Those of the service with the process ``pid``."""
+        found: dict[str, psutil.Process] = {}
+        for process in psutil.Process(pid).children(recursive=True):
+            line = process.cmdline()
+            for name, module in ANSWERING.items():
+                if line[-2:] == ["-m", module] and "stridelab.service.processes.parent_death" not in line:
+                    found[name] = process
+        assert set(found) == set(ANSWERING), found
+        return Consumption(found)
+
+    def cpu_s(self) -> float:
+        """Processor seconds of all of them so far."""
+        return sum(sum(process.cpu_times()[:2]) for process in self.processes.values())
+
+    def memory_mb(self) -> dict[str, float]:
+        """Resident memory by process."""
+        return {name: process.memory_info().rss / 1e6 for name, process in self.processes.items()}
+
 
 PIECE = 65536
 LOOK_AGAIN_S = 0.05
@@ -151,3 +202,55 @@ class Frames:
             length = int.from_bytes(self._rest[2 : 2 + long]) if long else second & 0x7F
             self._skip = 2 + long + (4 if second & 0x80 else 0) + length
             found += (first & 0x0F) in FINAL_AND_FIRST
+
+
+ADMIN = "a-secret-of-the-lab"
+
+
+@dataclass(frozen=True)
+class Lab:
+    """A service with its viewer; ``admin`` speaks with the token of the settings."""
+
+    served: Served
+    admin: httpx.Client
+
+    def token(self, name: str, scope: str) -> dict[str, Any]:
+        answer = self.admin.post("/api/v1/tokens", json={"name": name, "scope": scope})
+        assert answer.status_code == 201, answer.text
+        return dict(answer.json())
+
+    def http(self, secret: str) -> httpx.Client:
+        return self.served.http(headers={"Authorization": f"Bearer {secret}"})
+
+    def wait_until_prepared(self, robot: str) -> None:
+        """Until then the viewer's pages show how far the robot's files are."""
+        while (found := self.admin.get(f"/api/v1/robots/{robot}/preparation").json())["state"] == "preparing":
+            time.sleep(0.1)
+        assert found["state"] == "ready", found
+
+    def audited(self, scenario_id: str) -> list[tuple[str, str]]:
+        items = self.admin.get("/api/v1/audit").json()["items"]
+        return [(item["action"], item["caller"]) for item in items if item["what"] == scenario_id]
+
+
+@contextmanager
+def viewer_lab(postgres: TestDatabases, data: Path, **environment: str) -> Iterator[Lab]:
+    """Such a service with an empty database; ``environment`` is the viewer's."""
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        viewer_url = f"http://127.0.0.1:{taken.getsockname()[1]}"
+    with postgres.fresh() as url, served(url, data, api_token=ADMIN, viewer_url=viewer_url) as running:
+        given = {
+            **os.environ,
+            "STRIDELAB_API_TOKEN": ADMIN,
+            "STRIDELAB_HOST": "127.0.0.1",
+            "STRIDELAB_PORT": running.base_url.rpartition(":")[2],
+            "STRIDELAB_VIEWER_URL": viewer_url,
+            **environment,
+        }
+        viewer = subprocess.Popen([sys.executable, "-m", "stridelab_web.viewer"], env=given)
+        try:
+            with running.http(headers={"Authorization": f"Bearer {ADMIN}"}, timeout=120) as admin:
+                yield Lab(running, admin)
+        finally:
+            viewer.terminate()
+            viewer.wait(20)

@@ -1,0 +1,116 @@
+"""Processes that compute in parallel, and work that misbehaves in them.
+
+The processes of ``stridelab.parallel``: forked from this one, or by the server of a process with threads.
+
+Work for ``in_order``: what a piece of work can do to its process. Run as a program, it never ends by itself.
+
+Work for ``map_isolated``: what an item can do to its process.
+"""
+
+import os
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import psutil
+from threadpoolctl import threadpool_info
+
+from stridelab.errors import Fault, NotEstimable
+from stridelab.parallel import map_in_order
+from stridelab.service.kinds.base import Json
+
+
+def workers() -> list[psutil.Process]:
+    """The running processes: those with this command line, as a fork keeps it, and those of ``multiprocessing``.
+
+    Databases and services that other tests leave open for this session have command lines of their own.
+    """
+    this = psutil.Process()
+    found = []
+    for child in this.children():
+        if child.cmdline() == this.cmdline():
+            found.append(child)
+        elif "multiprocessing.forkserver" in " ".join(child.cmdline()):
+            found += child.children()
+    return found
+
+
+@contextmanager
+def another_thread() -> Iterator[None]:
+    """A second thread, with which a process must not fork itself."""
+    end = threading.Event()
+    thread = threading.Thread(target=end.wait, daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        end.set()
+        thread.join()
+
+
+def square(piece: int) -> tuple[int, int]:
+    return piece * piece, os.getpid()
+
+
+def threads(_piece: int) -> list[int]:
+    np.linalg.norm(np.eye(2))
+    return [library["num_threads"] for library in threadpool_info()]
+
+
+def refuse(piece: int) -> int:
+    if piece == 2:
+        raise NotEstimable("no-posture", "There is no posture.", [Fault("robot", "stiff")])
+    return piece
+
+
+def hog(_piece: int) -> int:
+    raise MemoryError
+
+
+def vanish(piece: int) -> int:
+    if piece == 1:
+        os._exit(3)
+    return piece
+
+
+def hang(piece: int) -> int:
+    if piece > 1:
+        time.sleep(600)
+    return os.getpid()
+
+
+def hang_noted(piece: int) -> int:
+    Path(os.environ["NOTED"], str(os.getpid())).touch()
+    time.sleep(600)
+    return piece
+
+
+def behave(item: Json) -> Json:
+    """Do what ``item["how"]`` says."""
+    how = item["how"]
+    if how == "crash":
+        os.abort()
+    if how == "exit":
+        os._exit(3)
+    if how == "hang":
+        time.sleep(60)
+    if how == "refuse":
+        raise NotEstimable("no-step", "There is no step.", [Fault("walk.c3d", "standing")])
+    if how == "break":
+        raise RuntimeError("unforeseen")
+    if how == "interval":
+        began_s = time.monotonic()
+        time.sleep(0.5)
+        return {"interval_s": [began_s, time.monotonic()]}
+    if how == "large":
+        return {"text": "x" * 3_000_000}
+    return {"pid": os.getpid(), "twice": 2 * item["n"]}
+
+
+if __name__ == "__main__":
+    if os.environ["THREADS"] == "two threads":
+        threading.Thread(target=time.sleep, args=(600,), daemon=True).start()
+    list(map_in_order(hang_noted, 2, 2))
