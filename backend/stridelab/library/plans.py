@@ -135,7 +135,7 @@ def push_basin(
         InvalidInput: ``scenario-invalid``, ``option-invalid``; the faults name every field that is wrong.
         NotEstimable: There is no motion, or the robot falls without a push (``replay-fell``).
     """
-    from stridelab.pipelines.push_basin import push_basin as push_motion
+    from stridelab.pipelines.replays.push_basin import push_basin as push_motion
     from stridelab.service.kinds.push_basin.run import push_columns
 
     given = _scenario_of(scenario)

@@ -33,7 +33,7 @@ from stridelab.pipelines.plan_problem import (
     validate_scenario,
 )
 from stridelab.pipelines.progress import ProgressCallback, Stages
-from stridelab.pipelines.replay_options import disturbances_of, observer_of, require_pushes
+from stridelab.pipelines.replays.options import disturbances_of, observer_of, require_pushes
 from stridelab.reachability.store import DEFAULT_MEASURE
 from stridelab.robots.card import robot_card
 from stridelab.robots.loader import load_robot

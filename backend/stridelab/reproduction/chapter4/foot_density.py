@@ -178,8 +178,8 @@ def _density_claims(
         Measured("kernel_mass_inside", "≥ 0.95", inside, "1", met_if(inside >= MASSES[-1] - SAMPLING_ERROR)).says(
             "the mixture is conservative with respect to the level sets of the kernel density",
             f"Mass of the kernel density inside the same set, whose volume is {volume:.2f} of the kernels' own set: "
-            "the kernels widen the distribution of the samples, to which EM is fitted directly. Met within two standard "
-            "errors of the draws.",
+            "the kernels widen the distribution of the samples, to which EM is fitted directly. Met within two "
+            "standard errors of the draws.",
             n=DRAWS,
         ),
     )

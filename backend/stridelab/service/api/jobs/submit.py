@@ -15,7 +15,7 @@ from fastapi import APIRouter, Body, Header, Query, Response
 from sqlalchemy import select
 
 from stridelab.errors import Fault, InvalidInput, NotFound
-from stridelab.pipelines.replay_options import require_pushes
+from stridelab.pipelines.replays.options import require_pushes
 from stridelab.robots.card import EffectorCard, robot_card
 from stridelab.schemas.base import Contract
 from stridelab.schemas.jobs import Job

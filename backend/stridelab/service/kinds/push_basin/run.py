@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from stridelab.pipelines.progress import ProgressCallback
-from stridelab.pipelines.push_basin import PushResult, push_basin
+from stridelab.pipelines.replays.push_basin import PushResult, push_basin
 from stridelab.schemas.receding import PushBasinTask
 from stridelab.service.kinds.base import Outcome
 from stridelab.service.kinds.result_tables import write_table
@@ -18,7 +18,7 @@ from stridelab.service.kinds.result_tables import write_table
 def run(task: PushBasinTask, folder: Path, progress: ProgressCallback) -> Outcome:
     """Replay every push and write the table into ``folder``; the summary is a ``PushBasinSummary``.
 
-    Raises as ``stridelab.pipelines.push_basin.push_basin`` does.
+    Raises as ``stridelab.pipelines.replays.push_basin.push_basin`` does.
     """
     result = push_basin(task, progress)
     about = {"scenario": result.summary.scenario_name, "robot": result.summary.robot, "seed": result.summary.seed}

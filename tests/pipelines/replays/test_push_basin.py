@@ -8,7 +8,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from stridelab.errors import NotEstimable
-from stridelab.pipelines.push_basin import PushResult, _require_upright, draw_pushes, push_basin
+from stridelab.pipelines.replays.push_basin import PushResult, _require_upright, draw_pushes, push_basin
 from stridelab.schemas.receding import PushBasinInput, PushBasinSummary, PushBasinTask
 from stridelab.service.kinds.push_basin.run import run
 from support.command_line import Told, quiet
