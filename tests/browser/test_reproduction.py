@@ -6,7 +6,7 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from stridelab.schemas.jobs import Artifact, JobResult
-from stridelab.schemas.reproduction import ClaimResult, ReproduceSummary
+from stridelab.schemas.reproduction import ITEMS_WITH_DRAWS, ClaimResult, ReproduceSummary
 from stridelab_web.pages.reproduction import ITEMS
 from support.browser.page import Tab
 from support.fakes.web_app import Lab
@@ -60,7 +60,9 @@ def test_a_full_queue_is_told_and_what_is_missing_is_asked_for_once(page: Page, 
     everything.click()
     expect(page.get_by_role("heading", name="In progress")).to_be_visible()
     assert [given["item"] for given in lab.fake.inputs.values()] == wanted
-    assert {given["seeds"] for given in lab.fake.inputs.values()} == {3}
+    drawn = {given["item"] for given in lab.fake.inputs.values() if given["seeds"] == 3}
+    assert drawn == ITEMS_WITH_DRAWS - {"fig-2.6"}, "others would refuse a number of draws"
+    assert {given["seeds"] for given in lab.fake.inputs.values()} == {3, None}
     expect(everything).to_be_disabled()
     expect(said).to_contain_text("when the jobs below are finished")
     tab.missteps = [m for m in tab.missteps if "status of 429" not in m]
