@@ -1,6 +1,7 @@
 // A robot of one's own: its upload, the table of its card with numbers to be corrected, and its commissioning.
 import { call, onClick, onSubmit, openNewJob } from "../shared/api.js";
 import { createElement } from "../shared/elements.js";
+import { labelOf } from "../shared/field_labels.js";
 
 const upload = document.querySelector("form[data-add-robot]");
 if (upload)
@@ -64,14 +65,15 @@ function numberRow(own, path) {
     .replaceAll("\\", "");
   const isAssumed = own.assumed.some((/** @type {string} */ field) => plain === field || plain.startsWith(`${field}.`));
   const input = createElement("input", { type: "number", step: "any", value: String(holder[last]), required: true });
-  input.setAttribute("aria-label", String(name));
+  const label = labelOf(path);
+  input.setAttribute("aria-label", label);
   input.addEventListener("input", () => {
     holder[last] = input.value === "" ? null : Number(input.value);
   });
   return createElement(
     "tr",
     {},
-    createElement("td", { className: "name" }, String(name).replaceAll("\\", "")),
+    createElement("td", { className: "name", title: String(name) }, label),
     createElement("td", {}, input),
     createElement("td", {}, isAssumed ? "assumed" : ""),
   );
