@@ -1,6 +1,7 @@
 """Robots of users: their rows, and their files as a job's child needs them."""
 
 import json
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
@@ -8,6 +9,7 @@ from typing import Any, Final
 from sqlalchemy import select
 from sqlalchemy.ext.asyncio import AsyncConnection
 
+from stridelab.schemas.robots import NAME_PATTERN
 from stridelab.service.filenames import BUNDLE_FILE, LEARNED_FILE, STAGED_ROBOT
 from stridelab.service.kinds.base import Blobs
 from stridelab.service.storage.tables import robot
@@ -23,6 +25,8 @@ CHECK_CARD: Final = f"{_UPLOAD}:check_card"
 
 async def find_robot(connection: AsyncConnection, name: str, *, lock: bool = False) -> Mapping[str, Any] | None:
     """Row of the robot ``name`` of a user, optionally locked; None if there is none."""
+    if not re.fullmatch(NAME_PATTERN, name):  # PostgreSQL refuses some texts, such as those with a null character
+        return None
     query = select(robot).where(robot.c.name == name)
     row = (await connection.execute(query.with_for_update() if lock else query)).mappings().one_or_none()
     return None if row is None else dict(row)

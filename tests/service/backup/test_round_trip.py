@@ -50,6 +50,7 @@ def test_everything_comes_back(postgres: TestDatabases, empty: str, put_back: Pu
         "token": 0,
         "audit": 0,
         "marker_set": 0,
+        "robot": 0,
     }
     assert (tmp_path / "lab.backup").stat().st_mode & 0o777 == 0o600
 

@@ -15,6 +15,7 @@ from stridelab.errors import InvalidInput, Unavailable
 GLB = b"glTF\x02\x00\x00\x00" + bytes(range(256))
 FACTS: dict[str, Any] = {
     "name": "talos",
+    "own": False,
     "title": "TALOS",
     "mass_kg": 90.27,
     "licence": "CC BY-NC-ND 3.0",

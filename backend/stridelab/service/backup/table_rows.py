@@ -17,18 +17,19 @@ from stridelab.service.storage.migrate import libpq_address
 
 Connection = psycopg.Connection[tuple[Any, ...]]
 _OF_THE_INSTALLATION: Final = ("alembic_version", "worker")
-_NAMED_FILES: Final = """
-    SELECT blob_key FROM recording
-    UNION SELECT tracks_key FROM recording
-    UNION SELECT unnest(ARRAY[bundle_key, links_key, learned_key]) FROM robot WHERE learned_key IS NOT NULL
-    UNION SELECT unnest(ARRAY[bundle_key, links_key]) FROM robot
-    UNION SELECT blob_prefix || '/' || (artifact->>'name')
+_NAMED_FILES: Final = {
+    "recording": "SELECT unnest(ARRAY[blob_key, tracks_key]) FROM recording",
+    "job": """
+    SELECT blob_prefix || '/' || (artifact->>'name')
             FROM job, jsonb_array_elements(job.result->'artifacts') AS artifact
            WHERE blob_prefix IS NOT NULL
     UNION SELECT 'batches/' || (input->>'batch_id') || '/' || name
             FROM job, jsonb_array_elements_text(job.input->'files') AS name
            WHERE kind = 'read-batch' AND state IN ('queued', 'running')
-"""
+    """,
+    "robot": "SELECT unnest(array_remove(ARRAY[bundle_key, links_key, learned_key], NULL)) FROM robot",
+}
+"""Queries of the keys of stored files by table: a database of an earlier version lacks some tables."""
 _CLOSE_DELAY_S: Final = 3.0
 """Waiting time, because a recently closed connection is still listed."""
 
@@ -55,7 +56,9 @@ class TableRows:
 
     def referenced_files(self) -> set[str]:
         """Keys of all stored files that rows refer to."""
-        return {str(key) for (key,) in self.connection.execute(_NAMED_FILES)}
+        tables = self.table_columns()
+        queries = [query for table, query in _NAMED_FILES.items() if table in tables]
+        return {str(key) for query in queries for (key,) in self.connection.execute(query)}
 
     def copy_rows_out(self, table: str, columns: list[str], append: Callable[[bytes], None]) -> ArchivedTable:
         """Pass the rows to ``append`` as COPY text; returns columns and number of rows."""
