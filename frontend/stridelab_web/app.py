@@ -13,6 +13,7 @@ from stridelab_web.pages import home as settings
 from stridelab_web.pages.plans import page
 from stridelab_web.pages.render import make_environment
 from stridelab_web.pages.results import comparison, population, reachability, sweep
+from stridelab_web.pages.scenarios import new_scenario
 from stridelab_web.pages.scenarios import page as scenario
 from stridelab_web.pages.viewer import page as view
 from stridelab_web.pages.viewer import planner
@@ -48,6 +49,8 @@ def web_routes() -> list[BaseRoute]:
         Route("/subjects", subject.subjects_page),
         Route("/subjects/{id}", subject.subject_page),
         Route("/scenarios", scenario.scenarios_page),
+        Route("/scenarios/new", new_scenario.new_scenario_page),
+        Route("/scenarios/new/pictures", new_scenario.course_pictures),
         Route("/scenarios/{id}", scenario.scenario_page),
         Route("/plans/{id}", page.plan_page),
         Route("/plans/{id}/plots.json", page.plots_json),

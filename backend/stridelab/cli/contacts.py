@@ -15,8 +15,11 @@ from stridelab.cli.estimate import run_job
 from stridelab.cli.options import Delivery, ScenarioName, with_groups
 from stridelab.cli.results import deliver_result, out, show_files, show_remarks, write_file
 from stridelab.cli.scenario_files import read_document, read_json, read_scenario, validate_document
+from stridelab.contacts.effector_geometry import effector_shapes
 from stridelab.errors import Fault, InvalidInput
+from stridelab.pipelines.compose_course import compose_course
 from stridelab.schemas.base import Remark
+from stridelab.schemas.courses import Course
 from stridelab.schemas.jobs import JobResult
 from stridelab.schemas.plans import PlanContactsInput, PlanContactsSummary, PlanContactsTask
 from stridelab.schemas.scenarios import Scenario
@@ -32,7 +35,10 @@ ONLY_SCENARIO: Final = ("description", "start_com_height_m")
 def plan_contacts(
     *,
     task: Annotated[
-        str, typer.Argument(help="A JSON file with terrain, start and goal, or a scenario, whose ends are used.")
+        str,
+        typer.Argument(
+            help="A JSON file with terrain, start and goal; a scenario, whose ends are used; or a course of obstacles."
+        ),
     ],
     delivery: Delivery,
 ) -> None:
@@ -48,11 +54,14 @@ def plan_contacts(
 
 
 def task_of(document: Any, name: str) -> PlanContactsInput:
-    """Task of a JSON document: a task as in the HTTP contract, or a scenario, of which first and last phase are used.
+    """Task of a JSON document: a task as in the HTTP contract, a scenario (its first and last phase), or a course.
 
-    Raises ``InvalidInput`` (``task-invalid``) naming the invalid fields.
+    Raises ``InvalidInput`` (``task-invalid``, ``course-invalid``) naming the invalid fields, and as ``compose_course``.
     """
     fields = dict(document) if isinstance(document, dict) else {}
+    if "elements" in fields:
+        course = validate_document(Course, {"name": name, **fields}, name, "course")
+        return compose_course(course, effector_shapes(course.robot))
     phases = fields.pop("phases", None)
     if isinstance(phases, list) and phases and all(isinstance(phase, dict) for phase in phases):
         fields |= {end: {"contacts": phases[k].get("contacts")} for end, k in PHASE_OF_END.items()}

@@ -21,7 +21,7 @@ MAX_SCENARIO_BYTES: Final = 1_000_000
 MAX_QUOTED_NAME: Final = 60
 """Maximum length of names quoted in messages."""
 
-_KIND_TAGS: Final = ("box", "rail")
+_KIND_TAGS: Final = ("box", "rail", "level", "stairs", "ramp", "stones", "bar", "gap")
 
 
 def bundled_names() -> tuple[str, ...]:
@@ -121,7 +121,7 @@ def field_path(path: Sequence[int | str], document: Any) -> str:
     text, value = "", document
     for part in path:
         if part in _KIND_TAGS:
-            continue  # which of the two kinds of surface was tried is no part of the document
+            continue  # the kind of the surface or element is not part of the path
         value = _child_value(value, part)
         named = isinstance(value, dict) and isinstance(value.get("effector"), str)
         key = value["effector"] if named else part

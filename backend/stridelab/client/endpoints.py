@@ -14,7 +14,9 @@ from pydantic import BaseModel, TypeAdapter, ValidationError
 
 from stridelab.client.errors import ClientError, ProblemError
 from stridelab.schemas.base import Page, Problem
+from stridelab.schemas.courses import Course
 from stridelab.schemas.jobs import Job, JobResult
+from stridelab.schemas.plans import PlanContactsInput
 from stridelab.schemas.previews import PlanPreview, PlanPreviewInput, Solvers
 from stridelab.schemas.reachability import RobotReachability
 from stridelab.schemas.recordings import Recording, RecordingPatch, Subject, SubjectInput
@@ -189,6 +191,12 @@ def delete_scenario(scenario_id: str) -> Call[None]:
 def check_scenario(body: Scenario | Mapping[str, Any]) -> Call[ScenarioCheck]:
     """Validate a scenario: faults, and the margin of each contact."""
     return Call("POST", f"{API}/scenarios/check", response_reader(ScenarioCheck), json=_scenario_fields(body))
+
+
+def compose_scenario(body: Course | Mapping[str, Any]) -> Call[PlanContactsInput]:
+    """Compose obstacles in a row to the input of ``plan-contacts``."""
+    content = _set_fields(body) if isinstance(body, BaseModel) else dict(body)
+    return Call("POST", f"{API}/scenarios/compose", response_reader(PlanContactsInput), json=content)
 
 
 def solvers() -> Call[Solvers]:

@@ -142,6 +142,7 @@ class Client:
     put_scenario = _method(endpoints.put_scenario)
     delete_scenario = _method(endpoints.delete_scenario)
     check_scenario = _method(endpoints.check_scenario)
+    compose_scenario = _method(endpoints.compose_scenario)
     solvers = _method(endpoints.solvers)
     preview_plan = _method(endpoints.preview_plan)
     robots = _method(endpoints.robots)

@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 
 from stridelab.contacts.effector_geometry import EffectorReach, effector_shapes
-from stridelab.contacts.planner.step_limits import EffectorLimits, RobotLimits, StepDefaults
+from stridelab.contacts.planner.step_limits import FEET_GAP_M, EffectorLimits, RobotLimits, StepDefaults
 from stridelab.errors import NotFound
 from stridelab.reachability.card import Reach, ReachabilityCard
 from stridelab.reachability.store import load_card
@@ -26,8 +26,6 @@ BODY_DEPTH_SHARE: Final = 0.25
 """Distance over h from the middle of a sole to the front of the body and of the hands in front of it."""
 BODY_WIDTH_SHARE: Final = 0.50
 """Half the width over h, elbows included (TALOS 0.51, HRP-2 0.45, G1 0.35)."""
-FEET_GAP_M: Final = 0.03
-"""Minimum gap between two soles side by side."""
 FEET: Final = ("left_foot", "right_foot")
 
 

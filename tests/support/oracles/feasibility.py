@@ -219,6 +219,12 @@ def _solved(plan: Schedule, ends: StartAndGoal, limits: RobotLimits, chosen: Ass
         at_most(step, high)
         at_most(-step, -low)
         at_most(DIRECTIONS @ step, np.full(26, BALL_COVER * limits.feet_distance_max_m))
+    start = plan.nodes[plan.walk[0]].fixed  # of the foot that moves first
+    assert start is not None
+    for k in range(1, n):
+        up = place(k)[2] - place(k - 2)[2] if k > 1 else place(k)[2]
+        base = 0.0 if k > 1 else start.position_m[2]
+        at_most(np.stack([up, -up]), [limits.defaults.rise_max_m + base, limits.defaults.rise_max_m - base])
     for k in range(n):
         if plan.nodes[plan.feet[k]].fixed is None:
             off = np.zeros((2, 8 * n))

@@ -9,7 +9,8 @@ Placement ``i`` with regions ``r`` (binaries ``H_ir``, places ``u_ir`` in the re
 so that the relaxation is the hull of the regions. Every stance has its own CoM ``c`` inside the limits of all its
 contacts: ``l <= W^T (c - p_i) <= u`` in the heading frame ``W`` and 26 half-spaces inside the sphere. On level ground
 these imply the limits of the validation, which hold in the contact frame; for tilted contacts and rails those are added
-with big M. Consecutive feet satisfy the box and the ball of a step. The objective is the sum of horizontal deviations
+with big M. Consecutive feet satisfy the box and the ball of a step, and a swing rises by the
+highest stair at most, so that both feet step on each of high stairs. The objective is the sum of horizontal deviations
 (L1, metres) from even steps on the straight line, plus ``FREE_COST`` for every hand placement that is left out.
 Deviations are counted per region, ``d_ir >= |n (o_r - t_i) H_ir + n E_r u_ir|``: in the relaxation, a mixture of two
 regions costs as much as both, so that positions in the gap between them are not cheaper.
@@ -133,6 +134,8 @@ class StepProgram:
             self._add_stance([i for i in stance.values() if not plan.nodes[i].is_absent], move)
         for k in range(1, len(plan.feet)):
             self._constrain_step(plan.feet[k - 1], plan.feet[k], is_last=k == len(plan.feet) - 1)
+        for k in range(2, len(plan.feet) + 1):
+            self._constrain_swing(plan.walk[k - 2], plan.walk[k])
         if not slack:
             for k in range(2, len(plan.feet) + 1):
                 for before in plan.walk[k - 2 : k]:
@@ -243,6 +246,14 @@ class StepProgram:
         rows += [(n, reach) for n in DIRECTIONS]
         for n, offset in rows:
             self.program.add_row([t for p, sign in apart for t in zip(p, sign * n, strict=True)] + move, high=offset)
+
+    def _constrain_swing(self, before: int, after: int) -> None:
+        """Limit the height by which a foot rises or descends in one swing."""
+        rise = self.limits.defaults.rise_max_m
+        apart = [(self.columns[after].p[2], 1.0), (self.columns[before].p[2], -1.0)]
+        move = self._slack_terms(self.plan.moves.index(after))
+        self.program.add_row([*apart, *move], high=rise)
+        self.program.add_row([*apart, *[(column, -value) for column, value in move]], low=-rise)
 
     def _keep_clear(self, before: int, after: int) -> None:
         """Exclude pairs of places of two feet with an obstacle between them."""

@@ -18,7 +18,7 @@ from stridelab.contacts.effector_geometry import EffectorShape
 from stridelab.contacts.planner.foothold_regions import Region, foothold_regions
 from stridelab.contacts.planner.milp import PlacedSchedule, StepProgram
 from stridelab.contacts.planner.obstacles import Obstacle, obstacles_met
-from stridelab.contacts.planner.pruning import first_gap, prune_schedule
+from stridelab.contacts.planner.pruning import fewest_moves, first_gap, prune_schedule
 from stridelab.contacts.planner.schedule import SAME_M, RegionLookup, Schedule, StartAndGoal, build_schedule
 from stridelab.contacts.planner.start_goal import TaskEnds, scenario_without_phases, task_ends
 from stridelab.contacts.planner.step_limits import RobotLimits, heading_frame
@@ -119,7 +119,8 @@ class ContactPlanner:
     ) -> tuple[StartAndGoal, RegionLookup, int]:
         ends = StartAndGoal.from_stances(task_stances.start, task_stances.goal, self.limits.feet)
         rooms = self._region_lookup(task_stances.draft, obstacles)
-        return replace(ends, obstacles=obstacles), rooms, _least_steps(ends, self.limits)
+        least = _least_steps(ends, self.limits)
+        return replace(ends, obstacles=obstacles), rooms, least and max(least, fewest_moves(ends, self.limits, rooms))
 
     def _further_obstacles(
         self, draft: Draft, plan: Schedule, placed: PlacedSchedule, known: tuple[Obstacle, ...]

@@ -55,6 +55,48 @@ def prune_schedule(plan: Schedule, limits: RobotLimits) -> Schedule | None:
     return plan.with_nodes(tuple(changed))
 
 
+def fewest_moves(ends: StartAndGoal, limits: RobotLimits, regions_at: RegionLookup) -> int:
+    """A lower bound of the number of foot moves to the goal; 0 if the search finds none.
+
+    Breadth-first search over the pair of regions in which the feet stand. A move must satisfy the box of a step and the
+    height of a swing somewhere in the regions; positions inside the regions do not restrict the next move.
+    """
+    frame, yaw = heading_frame(ends.yaw_rad), ends.yaw_rad + ends.turn_rad / 2
+    boxes, goals, reach = {}, {}, {}
+    for foot in limits.feet:
+        nodes = [Node(foot, 0, yaw, None, regions_at(foot, yaw))]
+        nodes += [ends.fixed_node(foot, 0, yaw, end[foot], limits) for end in (ends.goal, ends.start)]
+        boxes[foot] = np.concatenate([_node_boxes(node, frame) for node in nodes])
+        goals[foot] = len(boxes[foot]) - 2
+        reach[foot] = _step_box(Node(foot, 0, yaw), limits, frame)
+    left, right = limits.feet
+    step, swing = {}, {}
+    for foot, other in ((left, right), (right, left)):
+        (low, high), at, still = reach[foot], boxes[foot], boxes[other]
+        step[foot] = _boxes_meet(at[np.newaxis], still[:, np.newaxis] + np.stack([low, high]))
+        up = np.array([[-np.inf, -np.inf, -limits.defaults.rise_max_m], [np.inf, np.inf, limits.defaults.rise_max_m]])
+        swing[foot] = _boxes_meet(at[np.newaxis], at[:, np.newaxis] + up)
+    start = (len(boxes[left]) - 1, len(boxes[right]) - 1)
+    counts = {(*start, foot): 0 for foot in limits.feet}
+    queue = deque(counts)
+    while queue:
+        at_left, at_right, moving = state = queue.popleft()
+        if (at_left, at_right) == (goals[left], goals[right]):
+            return counts[state]
+        before, still = (at_left, at_right) if moving == left else (at_right, at_left)
+        for at in np.flatnonzero(step[moving][still] & swing[moving][before]):
+            after = (int(at), at_right, right) if moving == left else (at_left, int(at), left)
+            if after not in counts:
+                counts[after] = counts[state] + 1
+                queue.append(after)
+    return 0
+
+
+def _boxes_meet(one: Float[np.ndarray, "... 2 3"], other: Float[np.ndarray, "... 2 3"]) -> Bool[np.ndarray, "..."]:
+    low, high = np.maximum(one[..., 0, :], other[..., 0, :]), np.minimum(one[..., 1, :], other[..., 1, :])
+    return np.asarray((low <= high + TOLERANCE_M).all(axis=-1))
+
+
 @dataclass(frozen=True)
 class Gap:
     """The gap between a surface reached after ``step`` foot moves and the nearest unreached one.

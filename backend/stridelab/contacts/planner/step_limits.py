@@ -16,6 +16,9 @@ from scipy.spatial import ConvexHull
 from stridelab.contacts.effector_geometry import EffectorReach
 from stridelab.conventions import Points, Vector3
 
+FEET_GAP_M: Final = 0.03
+"""Minimum gap between two soles side by side."""
+
 
 @dataclass(frozen=True, eq=False)
 class EffectorLimits:

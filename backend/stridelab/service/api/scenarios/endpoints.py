@@ -7,6 +7,8 @@ from sqlalchemy import delete, func, insert, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from stridelab.schemas.base import Page
+from stridelab.schemas.courses import Course
+from stridelab.schemas.plans import PlanContactsInput
 from stridelab.schemas.scenarios import Scenario, ScenarioCheck, StoredScenario
 from stridelab.service.api.dependencies import AppParts, CallerOf
 from stridelab.service.api.openapi import failure_responses
@@ -19,7 +21,7 @@ from stridelab.service.api.scenarios.repository import (
     scenario_row,
     scenarios_page,
 )
-from stridelab.service.api.scenarios.validation import refuse_invalid, validate_scenario
+from stridelab.service.api.scenarios.validation import compose_task, refuse_invalid, validate_scenario
 from stridelab.service.api.strict_json import StrictRoute
 from stridelab.service.auth import audit
 from stridelab.service.auth.callers import Caller, require_owner
@@ -29,6 +31,12 @@ from stridelab.service.storage.tables import scenario
 
 router = APIRouter(prefix="/scenarios", tags=["scenarios"], route_class=StrictRoute)
 
+_COURSE: Final[Any] = {
+    "stairs": {
+        "summary": "Four stairs with a handrail on the right",
+        "value": {"robot": "talos", "handrails": ["right"], "elements": [{"kind": "stairs", "number": 4}]},
+    }
+}
 _STEP: Final[Any] = {"step": {"summary": "One step on a flat floor", "value": ONE_STEP}}
 _CHECKED: Final[Any] = {**_STEP, "air": {"summary": "A foot without a surface under it", "value": IN_THE_AIR}}
 _UNKNOWN: Final = failure_responses(s404="No scenario with this id (`scenario-not-found`).")
@@ -105,6 +113,26 @@ async def check_scenario(
     if not body_checked:
         return validation
     return await add_body_checks(body, validation, parts.stance_checker, posture_of, within_s)
+
+
+@router.post(
+    "/compose",
+    summary="Compose a terrain",
+    responses=failure_responses(
+        s404="No robot with this name (`robot-not-found`).",
+        s422="The course is malformed (`invalid-request`), longer than can be planned at once (`course-too-long`), or "
+        "the robot lacks a sole or a hand for it (`course-without-feet`, `course-without-hand`).",
+    ),
+)
+async def compose_scenario(
+    parts: AppParts, body: Annotated[Course, Body(openapi_examples=_COURSE)]
+) -> PlanContactsInput:
+    """Compose stairs, ramps, stones and other obstacles in a row to a terrain. Nothing is stored.
+
+    The response is the body of `POST /jobs/plan-contacts`, which places the feet, and the hands on the handrails, from
+    the platform at the start to that at the end. Handrails are at the height of the robot's hands.
+    """
+    return await compose_task(body, parts.validation_limiter, parts.robots)
 
 
 @router.get("/{scenario_id}", summary="One scenario", responses=_UNKNOWN)

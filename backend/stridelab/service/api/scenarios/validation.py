@@ -13,11 +13,14 @@ import anyio
 from stridelab.errors import Fault, InvalidInput, StridelabError
 from stridelab.robots.card import robot_names
 from stridelab.schemas.base import FaultItem, Remark
+from stridelab.schemas.courses import Course
+from stridelab.schemas.plans import PlanContactsInput
 from stridelab.schemas.scenarios import ContactMargin, PhaseBody, PhaseSupport, Scenario, ScenarioCheck
 from stridelab.service.api.problems import MAX_FAULTS
 from stridelab.service.api.robots.cache import RobotCache
 
 if TYPE_CHECKING:
+    from stridelab.contacts.effector_geometry import EffectorShape
     from stridelab.contacts.validation.static_equilibrium import StaticEquilibrium
 
 
@@ -45,16 +48,27 @@ async def refuse_invalid(scenario: Scenario, limiter: anyio.CapacityLimiter, rob
         )
 
 
+async def compose_task(course: Course, limiter: anyio.CapacityLimiter, robots: RobotCache) -> PlanContactsInput:
+    """Compose a course for its robot. Raises ``NotFound`` (``robot-not-found``) and as ``compose_course`` does."""
+    shapes = await robots.own_shapes(course.robot)
+
+    def compose() -> PlanContactsInput:
+        from stridelab.pipelines.compose_course import compose_course
+
+        return compose_course(course, _robot_effectors(course.robot, shapes))
+
+    return await anyio.to_thread.run_sync(compose, limiter=limiter)
+
+
 def validate_sync(scenario: Scenario, own_shapes: Mapping[str, Any] | None = None) -> ScenarioCheck:
     """Validate ``scenario`` in the calling thread, without loading the robot.
 
     ``own_shapes`` are the stored effectors of a user's robot, None for a bundled one.
     """
-    from stridelab.contacts.effector_geometry import effector_shapes, stored_shapes
     from stridelab.contacts.validation.validate import validate_scenario as examine
 
     try:
-        effectors = effector_shapes(scenario.robot) if own_shapes is None else stored_shapes(own_shapes)
+        effectors = _robot_effectors(scenario.robot, own_shapes)
     except StridelabError as error:  # unknown robot or invalid card
         return _invalid_check(scenario, FaultItem(where="robot", message=error.message))
     report = examine(scenario.model_dump(mode="json"), effectors)
@@ -69,6 +83,12 @@ def validate_sync(scenario: Scenario, own_shapes: Mapping[str, Any] | None = Non
         phases=_unchecked_phases(scenario),
         duration_s=report.duration_s,
     )
+
+
+def _robot_effectors(robot: str, own_shapes: Mapping[str, Any] | None) -> "Mapping[str, EffectorShape]":
+    from stridelab.contacts.effector_geometry import effector_shapes, stored_shapes
+
+    return effector_shapes(robot) if own_shapes is None else stored_shapes(own_shapes)
 
 
 def _phase_support(k: int, rest: "StaticEquilibrium") -> PhaseSupport:

@@ -1,4 +1,4 @@
-// The buttons "Plan" and "Find contacts" of the editor: each starts a job, follows it and opens its result.
+// Buttons that start a planning job, follow it and open its result: those of the editor and of new scenarios.
 import { call, followJob, jobHeadline, problemSentence, startJob } from "../shared/api.js";
 import { createElement } from "../shared/elements.js";
 import { CONTACTS_SUFFIX, openAsNewScenario } from "./scenario_store.js";
@@ -46,6 +46,16 @@ export function bindContactsButton(root, scenarioId, before) {
     await openAsNewScenario({ ...result.summary.scenario, name }, CONTACTS_SUFFIX);
   };
   bindJobButton(root, "find", { start, before, onSuccess });
+}
+
+// Composes the terrain of the course, plans contacts over it and stores them; `onStored(scenario)` leaves the page.
+export function bindCourseButton(root, name, course, onStored) {
+  const start = async () => startJob("plan-contacts", await call("POST", "/scenarios/compose", course()));
+  const onSuccess = async (job) => {
+    const result = await call("GET", `/jobs/${job.id}/result`);
+    await onStored(await call("POST", "/scenarios", result.summary.scenario));
+  };
+  bindJobButton(root, name, { start, before: () => {}, onSuccess });
 }
 
 function contactTask({ name, robot, terrain, friction, phases }) {

@@ -1,0 +1,47 @@
+"""New scenarios: a course of obstacles, drawn while it is composed; the contact planner places the feet."""
+
+import json
+
+from pydantic import ValidationError
+from starlette.requests import Request
+from starlette.responses import HTMLResponse, Response
+
+from stridelab.client import ProblemError
+from stridelab.schemas.courses import Course
+from stridelab.schemas.plans import PlanContactsInput
+from stridelab.schemas.scenarios import Scenario, ScenarioPhase
+from stridelab_web.api_client import client_of
+from stridelab_web.charts.scenario_drawing import draw_scenario
+from stridelab_web.pages.render import render_page
+
+
+async def new_scenario_page(request: Request) -> Response:
+    """``GET /scenarios/new``; the page's script draws the course as soon as it runs."""
+    robots = await client_of(request).robots()
+    return render_page(request, "pages/scenario_new.html", section="Scenarios", robots=robots.items)
+
+
+async def course_pictures(request: Request) -> Response:
+    """``GET /scenarios/new/pictures?course=``: drawings of a course, or the reason why it cannot be composed."""
+    try:
+        course = Course.model_validate(json.loads(request.query_params.get("course", "null")))
+        task = await client_of(request).compose_scenario(course)
+    except ProblemError as refusal:
+        return _reason(refusal.problem.detail)
+    except (ValueError, ValidationError):
+        return _reason("A number is missing or outside of its range.")
+    drawn = _with_both_stances(task)
+    return render_page(
+        request, "partials/_course.html", side=draw_scenario(drawn, "side"), above=draw_scenario(drawn, "above")
+    )
+
+
+def _with_both_stances(task: PlanContactsInput) -> Scenario:
+    """A scenario whose phases are start and goal."""
+    phases = [ScenarioPhase(duration_s=1.0, contacts=end.contacts) for end in (task.start, task.goal)]
+    name, robot, friction = task.name or "Course", task.robot, task.friction
+    return Scenario(name=name, robot=robot, friction=friction, terrain=task.terrain, phases=phases)
+
+
+def _reason(text: str) -> Response:
+    return HTMLResponse(text, status_code=422, media_type="text/plain")

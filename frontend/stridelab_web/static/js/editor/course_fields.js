@@ -1,0 +1,104 @@
+// The obstacles of a course and their numbers: what the form shows, and what POST /scenarios/compose takes.
+
+const CM = 0.01;
+const DEGREE = Math.PI / 180;
+
+/** @param {string} name @param {string} label @param {string} unit @param {number} value @param {number[]} range least, most, step @param {number} [factor] SI per unit */
+const field = (name, label, unit, value, [min, max, step], factor = 1) => ({
+  name,
+  label,
+  unit,
+  value,
+  min,
+  max,
+  step,
+  factor,
+});
+
+/** @typedef {ReturnType<typeof field>} CourseField */
+/** @typedef {{ kind: string, values: Record<string, number> }} CourseElement */
+
+/** @type {Record<string, { title: string, fields: CourseField[] }>} */
+export const KINDS = {
+  stairs: {
+    title: "Stairs",
+    fields: [
+      field("number", "Stairs", "", 4, [1, 40, 1]),
+      field("rise_m", "Rise", "cm", 15, [-50, 50, 0.5], CM),
+      field("depth_m", "Depth", "cm", 30, [5, 200, 0.5], CM),
+    ],
+  },
+  level: {
+    title: "Level ground",
+    fields: [field("length_m", "Length", "m", 1, [0.05, 10, 0.05])],
+  },
+  beam: {
+    title: "Beam",
+    fields: [
+      field("length_m", "Length", "m", 1.5, [0.05, 10, 0.05]),
+      field("width_m", "Width", "cm", 45, [5, 600, 1], CM),
+    ],
+  },
+  ramp: {
+    title: "Ramp",
+    fields: [
+      field("length_m", "Length", "m", 1.5, [0.05, 10, 0.05]),
+      field("slope_rad", "Slope", "°", 8, [-40, 40, 0.5], DEGREE),
+    ],
+  },
+  stones: {
+    title: "Stepping stones",
+    fields: [
+      field("number", "Stones", "", 4, [1, 40, 1]),
+      field("spacing_m", "Spacing", "cm", 27, [5, 100, 0.5], CM),
+      field("tilt_rad", "Tilt", "°", 0, [-40, 40, 0.5], DEGREE),
+    ],
+  },
+  bar: {
+    title: "Bar to step over",
+    fields: [
+      field("height_m", "Height", "cm", 6, [0.5, 100, 0.5], CM),
+      field("thickness_m", "Thickness", "cm", 5, [0.5, 100, 0.5], CM),
+    ],
+  },
+  gap: { title: "Gap", fields: [field("length_m", "Length", "cm", 15, [1, 200, 0.5], CM)] },
+};
+
+// A new element with the default numbers of its kind, in the units of the form.
+/** @param {string} kind @returns {CourseElement} */
+export function newElement(kind) {
+  return { kind, values: Object.fromEntries(KINDS[kind].fields.map(({ name, value }) => [name, value])) };
+}
+
+// An element as the interface takes it, in SI units; a beam is narrow level ground.
+/** @param {CourseElement} element */
+export function elementBody({ kind, values }) {
+  const numbers = KINDS[kind].fields.map(({ name, factor }) => [name, round(values[name] * factor)]);
+  return { kind: kind === "beam" ? "level" : kind, ...Object.fromEntries(numbers) };
+}
+
+// The body of POST /scenarios/compose.
+/** @param {{ name: string, robot: string, friction: number, width_m: number, handrails: string }} head @param {CourseElement[]} elements */
+export function courseBody({ name, robot, friction, width_m, handrails }, elements) {
+  return {
+    name: name.trim() || "Course",
+    robot,
+    friction,
+    width_m,
+    handrails: handrails.split(" ").filter(Boolean),
+    elements: elements.map(elementBody),
+  };
+}
+
+// The list with one element moved by a number of places; the same list if it would leave it.
+/** @template T @param {T[]} list @param {number} index @param {number} by @returns {T[]} */
+export function moveItem(list, index, by) {
+  const to = index + by;
+  if (to < 0 || to >= list.length) return list;
+  const moved = list.filter((_, k) => k !== index);
+  moved.splice(to, 0, list[index]);
+  return moved;
+}
+
+/** @param {number} value */
+const round = (value) => Number(value.toFixed(6));
