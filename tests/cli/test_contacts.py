@@ -81,3 +81,16 @@ def test_a_file_that_is_no_task_is_named(document: object, where: str) -> None:
     with pytest.raises(InvalidInput) as refusal:
         task_of(document, "x")
     assert any(where in fault.where.lower() for fault in refusal.value.faults)
+
+
+def test_a_course_is_planned_like_a_task(tmp_path: Path) -> None:
+    file = tmp_path / "stones.json"
+    file.write_text(json.dumps({"robot": "talos", "elements": [{"kind": "stones", "number": 3}]}))
+    code, shown = typed(str(file), "--out", str(tmp_path / "out"))
+    assert code == 0, shown
+    scenario = json.loads((tmp_path / "out" / "scenario.json").read_text())
+    assert scenario["name"] == "stones"
+    assert {"1 stone 1", "1 stone 3", "end"} <= {surface["name"] for surface in scenario["terrain"]}
+    with pytest.raises(InvalidInput) as refused:
+        task_of({"robot": "talos", "elements": [{"kind": "stairs", "number": 0}]}, "stairs")
+    assert (refused.value.code, refused.value.faults[0].where) == ("course-invalid", "elements[0].number")

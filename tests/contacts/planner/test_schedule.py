@@ -7,7 +7,7 @@ import pytest
 
 from stridelab.contacts.effector_geometry import EffectorReach
 from stridelab.contacts.planner.foothold_regions import Region
-from stridelab.contacts.planner.pruning import first_gap, prune_schedule
+from stridelab.contacts.planner.pruning import fewest_moves, first_gap, prune_schedule
 from stridelab.contacts.planner.schedule import Schedule, StartAndGoal, build_schedule
 from stridelab.contacts.planner.step_limits import BALL_COVER, EffectorLimits, RobotLimits, StepDefaults
 from stridelab.dynamics.spatial import Placement
@@ -135,3 +135,13 @@ def test_the_gap_is_between_what_was_reached_and_what_was_not() -> None:
     )
     assert turned_round is not None
     assert turned_round.missing_m == pytest.approx((-0.15, 0.0, -0.1))
+
+
+@pytest.mark.parametrize(
+    ("heights_m", "moves"), [((0.0, 0.1, 0.2), 3), ((0.0, 0.15, 0.30), 4), ((0.0, 0.15), 2), ((0.0, 0.3), 0)]
+)
+def test_moves_are_counted_with_both_feet_on_each_high_stair(heights_m: tuple[float, ...], moves: int) -> None:
+    """A swing rises by 0.2 m at most: over stairs of 0.1 m the feet take turns, over those of 0.15 m both use each."""
+    planks = [plank(str(k), 0.5 * k - 0.25, 0.5 * k + 0.25, z) for k, z in enumerate(heights_m)]
+    ends = straight(0.5 * (len(heights_m) - 1), heights_m[-1])
+    assert fewest_moves(ends, LIMITS, lambda _effector, _yaw: tuple(planks)) == moves

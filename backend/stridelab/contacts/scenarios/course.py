@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any, ClassVar, Final, Literal, Protocol
+from typing import Any, ClassVar, Final, Literal
 
 from scipy.spatial.transform import Rotation
 
@@ -32,20 +32,6 @@ HAND_ASIDE_SHARE: Final = 0.69
 """Distance of a handrail from the middle of the course, over ``h``."""
 Point = tuple[float, float]
 """Position (x, z) of the walking line, metres."""
-
-
-class Element(Protocol):
-    """One obstacle of a course."""
-
-    label: ClassVar[str]
-
-    def end_point(self, start: Point) -> Point:
-        """Point of the walking line at which the element ends."""
-        ...
-
-    def surfaces(self, start: Point, width_m: float, foot_y_m: float) -> Iterator[Json]:
-        """Boxes of the element that begins at ``start``; their names are unique within the element."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -181,6 +167,10 @@ class Gap:
     def surfaces(self, start: Point, width_m: float, foot_y_m: float) -> Iterator[Json]:
         """No surface."""
         yield from ()
+
+
+Element = Level | Flight | Ramp | Stones | Bar | Gap
+"""One obstacle: a ``label``, the point at which it ends, and its boxes, whose names are unique within it."""
 
 
 @dataclass(frozen=True)

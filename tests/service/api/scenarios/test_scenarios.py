@@ -327,3 +327,29 @@ def test_odd_ids_are_not_found(http: httpx.Client, identifier: str) -> None:
 def test_only_json_is_read(http: httpx.Client) -> None:
     assert refusal(http.post(SCENARIOS, content=json.dumps(one_step()))) == (415, "unsupported-media-type")
     assert refusal(http.patch(SCENARIOS, json={})) == (405, "method-not-allowed")
+
+
+def test_a_course_becomes_the_input_of_the_contact_planner(http: httpx.Client) -> None:
+    """Three stairs with a rail on the right; nothing is stored, and what is wrong is named by its field."""
+    course = {"robot": "talos", "handrails": ["right"], "elements": [{"kind": "stairs", "number": 3, "rise_m": 0.12}]}
+    before = stored(http)
+    task = http.post(f"{SCENARIOS}/compose", json=course).json()
+    names = [surface["name"] for surface in task["terrain"]]
+    assert names[:4] == ["start", "1 stair 1", "1 stair 2", "1 stair 3"]
+    ends = [{c["effector"]: c["position_m"] for c in task[end]["contacts"]} for end in ("start", "goal")]
+    assert ends[1]["left_foot"][2] - ends[0]["left_foot"][2] == pytest.approx(0.36)
+    assert ends[1]["right_hand"][2] - ends[0]["right_hand"][2] == pytest.approx(0.36)
+    both = [{"duration_s": 1.0, "contacts": task[end]["contacts"]} for end in ("start", "goal")]
+    fields = {key: task[key] for key in ("name", "robot", "friction", "terrain")}
+    for phase in both:
+        assert http.post(CHECK, json={**fields, "phases": [phase]}).json()["errors"] == []
+    assert stored(http) == before
+
+    answer = http.post(f"{SCENARIOS}/compose", json={**course, "robot": "nessie"})
+    assert refusal(answer) == (404, "robot-not-found")
+    answer = http.post(f"{SCENARIOS}/compose", json={**course, "elements": [{"kind": "stairs", "rise_m": 9.0}]})
+    assert refusal(answer) == (422, "invalid-request")
+    assert "rise_m" in places(answer)[0]
+    long = [{"kind": "level", "length_m": 9.0}] * 2
+    answer = http.post(f"{SCENARIOS}/compose", json={**course, "elements": long})
+    assert refusal(answer) == (422, "course-too-long")
