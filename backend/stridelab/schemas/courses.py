@@ -25,7 +25,7 @@ class CourseStairs(Contract):
 
     kind: Literal["stairs"]
     number: Count = 4
-    rise_m: Annotated[float, Field(ge=-0.5, le=0.5)] = 0.15
+    rise_m: Annotated[float, Field(ge=-0.5, le=0.5)] = 0.10
     depth_m: Length = 0.30
 
 

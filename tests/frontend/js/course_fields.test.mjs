@@ -11,7 +11,7 @@ import {
 const HEAD = { name: " Stairs ", robot: "talos", friction: 0.5, width_m: 1.2, handrails: "left right" };
 
 test("numbers become SI units", () => {
-  assert.deepEqual(elementBody(newElement("stairs")), { kind: "stairs", number: 4, rise_m: 0.15, depth_m: 0.3 });
+  assert.deepEqual(elementBody(newElement("stairs")), { kind: "stairs", number: 4, rise_m: 0.1, depth_m: 0.3 });
   const { slope_rad } = elementBody({ kind: "ramp", values: { length_m: 1, slope_rad: 90 } });
   assert.ok(Math.abs(slope_rad - Math.PI / 2) < 1e-6);
 });

@@ -72,8 +72,8 @@ def fewest_moves(ends: StartAndGoal, limits: RobotLimits, regions_at: RegionLook
     left, right = limits.feet
     step, swing = {}, {}
     for foot, other in ((left, right), (right, left)):
-        (low, high), at, still = reach[foot], boxes[foot], boxes[other]
-        step[foot] = _boxes_meet(at[np.newaxis], still[:, np.newaxis] + np.stack([low, high]))
+        at = boxes[foot]
+        step[foot] = _boxes_meet(at[np.newaxis], boxes[other][:, np.newaxis] + np.stack(reach[foot]))
         up = np.array([[-np.inf, -np.inf, -limits.defaults.rise_max_m], [np.inf, np.inf, limits.defaults.rise_max_m]])
         swing[foot] = _boxes_meet(at[np.newaxis], at[:, np.newaxis] + up)
     start = (len(boxes[left]) - 1, len(boxes[right]) - 1)
@@ -84,8 +84,8 @@ def fewest_moves(ends: StartAndGoal, limits: RobotLimits, regions_at: RegionLook
         if (at_left, at_right) == (goals[left], goals[right]):
             return counts[state]
         before, still = (at_left, at_right) if moving == left else (at_right, at_left)
-        for at in np.flatnonzero(step[moving][still] & swing[moving][before]):
-            after = (int(at), at_right, right) if moving == left else (at_left, int(at), left)
+        for to in np.flatnonzero(step[moving][still] & swing[moving][before]).tolist():
+            after = (to, at_right, right) if moving == left else (at_left, to, left)
             if after not in counts:
                 counts[after] = counts[state] + 1
                 queue.append(after)

@@ -24,7 +24,7 @@ export const KINDS = {
     title: "Stairs",
     fields: [
       field("number", "Stairs", "", 4, [1, 40, 1]),
-      field("rise_m", "Rise", "cm", 15, [-50, 50, 0.5], CM),
+      field("rise_m", "Rise", "cm", 10, [-50, 50, 0.5], CM),
       field("depth_m", "Depth", "cm", 30, [5, 200, 0.5], CM),
     ],
   },
