@@ -53,6 +53,7 @@ def every_page(fake: FakeService) -> dict[str, str]:
         "subjects": "/subjects",
         "subject": f"/subjects/{somebody.subject_id}",
         "scenarios": "/scenarios",
+        "new scenario": "/scenarios/new",
         "scenario": f"/scenarios/{own.id}",
         "live": "/live",
         "sweeps": "/sweeps",

@@ -25,7 +25,7 @@ from stridelab.schemas.recordings import PlateInfo, Recording, SubjectFields
 from stridelab.schemas.robots import Measure
 from stridelab.schemas.scenarios import Scenario, StoredScenario
 from stridelab.schemas.service import Health
-from support.fakes import reachability, recorded_walk, results, robots
+from support.fakes import courses, reachability, recorded_walk, results, robots
 from support.fakes.recorded_walk import (
     DURATION_S,
     LABELS,
@@ -219,6 +219,7 @@ class FakeService:
             Route(f"{api}/jobs/{{id}}/artifacts/{{name}}", self._artifact),
             Route(f"{api}/scenarios", self._scenarios, methods=["GET", "POST"]),
             Route(f"{api}/scenarios/check", self._check, methods=["POST"]),
+            Route(f"{api}/scenarios/compose", courses.compose, methods=["POST"]),
             Route(f"{api}/scenarios/{{id}}", self._scenario, methods=["GET", "PUT"]),
             Route(f"{api}/solvers", self._solvers),
             Route(f"{api}/stream/markers", lambda _: JSONResponse({"items": []})),

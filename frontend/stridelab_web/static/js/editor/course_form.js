@@ -33,6 +33,7 @@ bindCourseButton(form, "place", course, (stored) => location.assign(`/view/?scen
 showElements();
 
 function course() {
+  if (!elements.length) throw new Error("Add an obstacle.");
   if (!form.reportValidity()) throw new Error("A number is missing or outside of its range.");
   const number = (name) => form.elements[name].valueAsNumber;
   const [name, robot, handrails] = ["name", "robot", "handrails"].map((field) => form.elements[field].value);

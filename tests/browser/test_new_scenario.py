@@ -1,0 +1,44 @@
+"""A scenario from nothing on the real service: obstacles in a row, drawn while they change, then feet and hands."""
+
+import pytest
+from playwright.sync_api import expect
+
+from support.browser.page import Service, Tab
+
+PLANNED_WITHIN_MS = 120_000
+
+
+@pytest.mark.timeout(300)
+def test_stairs_with_a_rail_become_a_scenario(tab: Tab, service: Service) -> None:
+    """Six clicks: the page, the robot, the rail, one more obstacle, its height, and the feet."""
+    page = tab.go("/scenarios")
+    page.get_by_role("link", name="New scenario").click()
+    drawn = page.locator("[data-pictures] svg")
+    expect(drawn).to_have_count(2)
+    boxes = drawn.first.locator("polygon.box")
+    expect(boxes).to_have_count(6)
+    page.locator("select[name=robot]").select_option("talos")
+    page.locator("select[name=handrails]").select_option("right")
+    expect(drawn.first.locator("polygon.rail")).to_have_count(3)
+    page.get_by_role("button", name="Add: Level ground").click()
+    expect(boxes).to_have_count(7)
+    page.get_by_label("Rise in cm of Stairs, obstacle 1").fill("12")
+    page.get_by_role("button", name="Place the feet only").click()
+    page.wait_for_url("**/view/?scenario=*", timeout=PLANNED_WITHIN_MS)
+    stored = service.client.scenario(page.url.rpartition("=")[2])
+    heights = {c.effector: c.position_m[2] for c in stored.phases[-1].contacts}
+    assert heights["left_foot"] == heights["right_foot"] == pytest.approx(4 * 0.12)
+    assert "right_hand" in heights
+
+
+def test_numbers_outside_their_range_are_named_and_nothing_starts(tab: Tab, service: Service) -> None:
+    page = tab.go("/scenarios/new")
+    expect(page.locator("[data-pictures] svg")).to_have_count(2)
+    before = len(service.client.jobs(kind="plan-contacts").items)
+    page.get_by_label("Depth in cm of Stairs, obstacle 1").fill("1")
+    expect(page.locator("[data-course-said]")).to_have_text("A number is missing or outside of its range.")
+    page.get_by_role("button", name="Plan the motion").click()
+    expect(page.locator("[data-plan-said]")).to_have_text("A number is missing or outside of its range.")
+    page.get_by_role("button", name="Remove: Stairs, obstacle 1").click()
+    expect(page.locator("[data-course-said]")).to_have_text("Add an obstacle.")
+    assert len(service.client.jobs(kind="plan-contacts").items) == before
