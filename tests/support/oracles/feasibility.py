@@ -219,6 +219,9 @@ def _solved(plan: Schedule, ends: StartAndGoal, limits: RobotLimits, chosen: Ass
         at_most(step, high)
         at_most(-step, -low)
         at_most(DIRECTIONS @ step, np.full(26, BALL_COVER * limits.feet_distance_max_m))
+        shorter = limits.length_per_rise(now.effector)
+        for up in (shorter, -shorter):
+            at_most(np.stack([step[0] + up * step[2], -step[0] + up * step[2]]), [high[0], -low[0]])
     start = plan.nodes[plan.walk[0]].fixed  # of the foot that moves first
     assert start is not None
     for k in range(1, n):

@@ -9,15 +9,16 @@ Placement ``i`` with regions ``r`` (binaries ``H_ir``, places ``u_ir`` in the re
 so that the relaxation is the hull of the regions. Every stance has its own CoM ``c`` inside the limits of all its
 contacts: ``l <= W^T (c - p_i) <= u`` in the heading frame ``W`` and 26 half-spaces inside the sphere. On level ground
 these imply the limits of the validation, which hold in the contact frame; for tilted contacts and rails those are added
-with big M. Consecutive feet satisfy the box and the ball of a step, and a swing rises by the
-highest stair at most, so that both feet step on each of high stairs. The objective is the sum of horizontal deviations
-(L1, metres) from even steps on the straight line, plus ``FREE_COST`` for every hand placement that is left out.
+with big M. Consecutive feet satisfy the box and the ball of a step, which is shorter the higher it is, and a swing rises
+by the highest stair at most, so that both feet step on each of high stairs. The objective is the sum of horizontal
+deviations (L1, metres) from even steps on the straight line, plus ``FREE_COST`` for every hand placement left out.
 Deviations are counted per region, ``d_ir >= |n (o_r - t_i) H_ir + n E_r u_ir|``: in the relaxation, a mixture of two
 regions costs as much as both, so that positions in the gap between them are not cheaper.
 """
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from itertools import product
 from typing import Final
 
 import numpy as np
@@ -244,6 +245,9 @@ class StepProgram:
         rows = [*zip(W.T, high, strict=True), *zip(-W.T, -low, strict=True)]
         reach = self.limits.feet_distance_max_m * BALL_COVER
         rows += [(n, reach) for n in DIRECTIONS]
+        shorter = self.limits.length_per_rise(nodes[moving].effector)
+        for ahead, up in product((1.0, -1.0), (1.0, -1.0)):
+            rows.append((ahead * W[:, 0] + up * shorter * W[:, 2], float(high[0] if ahead > 0 else -low[0])))
         for n, offset in rows:
             self.program.add_row([t for p, sign in apart for t in zip(p, sign * n, strict=True)] + move, high=offset)
 

@@ -16,6 +16,8 @@ from scipy.spatial import ConvexHull
 from stridelab.contacts.effector_geometry import EffectorReach
 from stridelab.conventions import Points, Vector3
 
+HIGH_STEP_SHARE: Final = 1.2
+"""Length of the highest step over that of the default step: TALOS cannot follow 0.57 m ahead and 0.17 m up."""
 FEET_GAP_M: Final = 0.03
 """Minimum gap between two soles side by side."""
 
@@ -66,6 +68,11 @@ class RobotLimits:
     def feet(self) -> tuple[str, str]:
         """Left and right foot."""
         return "left_foot", "right_foot"
+
+    def length_per_rise(self, moving: str) -> float:
+        """By how much a step becomes shorter per metre of its height: the highest one spans ``HIGH_STEP_SHARE``."""
+        high = float(self.offset_box_m(moving)[1][0])
+        return max(0.0, high - HIGH_STEP_SHARE * self.defaults.step_m) / self.defaults.rise_max_m
 
     def offset_box_m(self, moving: str) -> tuple[Vector3, Vector3]:
         """Bounds of the position of a landing foot relative to the other one, in the heading frame.
