@@ -29,11 +29,11 @@ from stridelab.service.storage.database import make_engine
 from support.faults.commit_schedules import SCHEDULES
 from support.faults.commit_schedules import main as run_schedules
 from support.service.job_kinds import KINDS
-from support.service.processes import Service, assert_sound, running_service
+from support.service.processes import API, WORKER, Service, assert_sound, running_service
 
 VICTIMS = {"worker": 4, "computation": 3, "postmaster": 2, "web server": 1}
 """How often each is chosen, relative to the others."""
-LINES = {"worker": "support.service.worker_entry", "postmaster": "postgres", "web server": "support.service.api_entry"}
+LINES = {"worker": WORKER, "postmaster": "postgres", "web server": API}
 SETTINGS = {"STRIDELAB_WORKER_SLOTS": "2", "STRIDELAB_JOB_MAX_ATTEMPTS": "1000"}
 WAITING = 40
 STATES = "SELECT state, count(*) FROM job WHERE kind = 'work' GROUP BY state"
