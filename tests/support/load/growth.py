@@ -20,8 +20,7 @@ import psycopg
 from psycopg import sql
 
 from stridelab.service.jobs.attempt_runner import PROGRESS_S
-from support.load.clients import Connection, Load
-from support.load.load import ADMIN, NICENESS, TASK, real_service, users
+from support.load.load import ADMIN, NICENESS, TASK, Connection, Load, real_service, users
 from support.service.processes import Service, assert_sound, running_service
 
 ROLES: Final = {
