@@ -2,12 +2,10 @@
 
 By hand: three phases of TALOS whose right foot takes one step of 0.2 m, every number a known function of time, point
 and axis; and a plan in closed form, in which the CoM sways over two standing feet. Run: ``plan-motion`` with all that
-it left, with solvers that do not do what they should, and, as a program, a case of a grid that never ends.
+it left, and with solvers that do not do what they should.
 """
 
 import ctypes
-import os
-import time
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
@@ -33,7 +31,6 @@ from stridelab.schemas.scenarios import Scenario
 from stridelab.service.kinds.base import Outcome
 from stridelab.service.kinds.plan_motion import run as plan_motion
 from stridelab.service.processes.child import with_json
-from stridelab.studies.climbing_grid import Case, run_grid
 from stridelab.wholebody.control.controller import WholeBodyController
 from stridelab.wholebody.motion import WholeBodyMotion, WholeBodyStopped
 from support.command_line import Told
@@ -254,15 +251,3 @@ def sway(robot: Robot, duration_s: float = 4.0, amplitude_m: float = 0.05, perio
         build_time_s=0.0,
         verification=Verification(0.0, 0.0, 0.0, 0.0),
     )
-
-
-class Endless(dict[str, Any]):
-    """A scenario that never answers."""
-
-    def get(self, *_: object) -> Any:
-        Path(os.environ["NOTED"], str(os.getpid())).touch()
-        time.sleep(600)
-
-
-if __name__ == "__main__":
-    run_grid(load_robot("talos"), {}, [Case("endless", "stairs", Endless())], processes=1)
