@@ -21,8 +21,9 @@ from stridelab.client import Client
 from support.browser.every_page import every_page
 from support.browser.page import Service, Tab
 from support.browser.service_costs import Meter, metered
-from support.fakes.web_app import Lab, running_lab
+from support.fakes.web_app import Lab, running_labs
 from support.service.database import public_folder
+from support.service.processes import share_robot_files
 
 CHROMIUM = next(
     (
@@ -55,7 +56,8 @@ expect.set_options(timeout=30_000)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Everything here needs a browser."""
+    """Everything here needs a browser, and comes last: Playwright's event loop runs in this thread to the end."""
+    items.sort(key=lambda item: Path(__file__).parent in item.path.parents)
     for item in items:
         if Path(__file__).parent in item.path.parents:
             item.add_marker(pytest.mark.browser)
@@ -78,6 +80,7 @@ def service() -> Iterator[Service]:
             "STRIDELAB_PARSE_TIMEOUT_S": "60",  # the machine may be busy with other things
             "STRIDELAB_JOB_NICENESS": "0",  # and jobs must get on beside them
         }
+        share_robot_files(folder / "data")
         command = [sys.executable, "-c", "from stridelab.cli.app import main; main()", "serve"]
         process = subprocess.Popen(command, env=environment, stdout=log, stderr=log, start_new_session=True)
         url = f"http://127.0.0.1:{port}"
@@ -103,11 +106,17 @@ def _wait_until_healthy(url: str, process: subprocess.Popen[bytes], log: Path) -
     pytest.fail(f"the service did not start: {log.read_text(errors='replace')[-2000:]}")
 
 
+@pytest.fixture(scope="session")
+def put_new_lab() -> Iterator[Callable[[], Lab]]:
+    """Pages and viewer on a fake interface that can be exchanged."""
+    with running_labs() as put:
+        yield put
+
+
 @pytest.fixture(scope="module")
-def lab() -> Iterator[Lab]:
-    """Pages and viewer on a fake interface, within seconds; a file whose tests all are on it is marked to use it."""
-    with running_lab() as made:
-        yield made
+def lab(put_new_lab: Callable[[], Lab]) -> Lab:
+    """Pages and viewer on a fake interface of this file; a file whose tests all are on it is marked to use it."""
+    return put_new_lab()
 
 
 @pytest.fixture(scope="module")
@@ -133,8 +142,9 @@ def meter(service: Service) -> Iterator[Meter]:
         yield counting
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def chromium() -> Iterator[Browser]:
+    """One browser for all tests; each has contexts of its own."""
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=list(FLAGS))
         yield browser

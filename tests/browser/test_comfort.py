@@ -1,7 +1,5 @@
 """Comfortable in a dark room, with less motion, and on screens from 800 to 3840 pixels."""
 
-from collections.abc import Callable
-
 import pytest
 from playwright.sync_api import Page, expect
 
@@ -83,13 +81,12 @@ def test_nothing_moves_by_itself_for_who_wants_less_motion(tab: Tab, addresses: 
     page.unroute_all(behavior="ignoreErrors")
 
 
-@pytest.mark.parametrize(("width", "height"), [(800, 600), (1920, 1080), (2560, 1440), (3840, 2160)])
-def test_every_width_is_used_and_no_line_is_too_long(
-    open_tab: Callable[..., Tab], addresses: dict[str, str], width: int, height: int
-) -> None:
-    tab = open_tab(width, height)
-    for name in ("home", "recording", "subjects", "scenario", "jobs", "settings", "reproduction"):
-        page = tab.go(addresses[name])
+@pytest.mark.parametrize("name", ["home", "recording", "subjects", "scenario", "jobs", "settings", "reproduction"])
+def test_every_width_is_used_and_no_line_is_too_long(tab: Tab, addresses: dict[str, str], name: str) -> None:
+    page = tab.go(addresses[name])
+    for width, height in ((800, 600), (1920, 1080), (2560, 1440), (3840, 2160)):
+        page.set_viewport_size({"width": width, "height": height})
+        page.evaluate("() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
         used, letters_px = _measures(page)
         assert page.evaluate("document.documentElement.scrollWidth - innerWidth") <= 0, name
         assert used > 0.6, f"{name} is an island of {used:.0%}"

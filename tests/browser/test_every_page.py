@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 from axe_playwright_python.sync_playwright import Axe
-from playwright.sync_api import Page
+from playwright.sync_api import Page, ViewportSize
 
 from support.browser.every_page import every_page
 from support.browser.page import Tab
@@ -19,7 +19,8 @@ from support.fakes.web_app import Lab
 
 pytestmark = pytest.mark.usefixtures("lab")
 
-SIZES = ((1400, 850), (800, 600))
+SIZES: tuple[ViewportSize, ...] = ({"width": 1400, "height": 850}, {"width": 800, "height": 600})
+TWO_PICTURES = "() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"
 LEAST_BYTES = 4_000
 """The picture of an empty page is smaller."""
 WITHOUT_FRAMES = {"resultTypes": ["violations"], "iframes": False}
@@ -38,18 +39,23 @@ def folder(tmp_path: Path) -> Path:
 
 
 @pytest.mark.timeout(600)
-@pytest.mark.parametrize(("width", "height"), SIZES)
-def test_every_page_fits_and_keeps_nobody_out(
-    open_tab: Callable[..., Tab], lab: Lab, folder: Path, width: int, height: int
-) -> None:
-    tab = open_tab(width, height)
+def test_every_page_fits_and_keeps_nobody_out(open_tab: Callable[..., Tab], lab: Lab, folder: Path) -> None:
+    """Each page is loaded once, at the first size, and then its window is made smaller."""
+    tab = open_tab(SIZES[0]["width"], SIZES[0]["height"])
     found = {}
     for name, address in every_page(lab.fake).items():
+        tab.page.set_viewport_size(SIZES[0])
         tab.page.emulate_media(color_scheme="light")
         page = tab.go(address)
         _complete(page, name)
-        if wrong := [*_too_small(page, name, folder / f"{name}-{width}x{height}.png"), *_unfit(page)]:
-            found[name] = wrong
+        page.evaluate(Axe().axe_script)
+        for size in SIZES:
+            tab.page.emulate_media(color_scheme="light")
+            page.set_viewport_size(size)
+            page.evaluate(TWO_PICTURES)
+            picture = folder / f"{name}-{size['width']}x{size['height']}.png"
+            if wrong := [*_too_small(page, name, picture), *_unfit(page)]:
+                found[picture.name] = wrong
     assert found == {}
     tab.missteps = [misstep for misstep in tab.missteps if "status of 404" not in misstep]
 
@@ -84,14 +90,13 @@ def _too_small(page: Page, name: str, picture: Path) -> Iterator[str]:
 
 
 def _unfit(page: Page) -> Iterator[str]:
-    """Widths, and what axe-core has to say; its scripts are put into the page once."""
+    """Widths, and what axe-core, which is in the page, has to say."""
     wide = page.evaluate("document.documentElement.scrollWidth - innerWidth")
     if wide > 0:
         yield f"{wide} pixels too wide"
-    page.evaluate(Axe().axe_script)
     for scheme, options in (("light", WITHOUT_FRAMES), ("dark", COLOURS_ALONE)):
         page.emulate_media(color_scheme=scheme)  # type: ignore[arg-type]
-        page.evaluate("() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+        page.evaluate(TWO_PICTURES)
         violations: list[dict[str, Any]] = page.evaluate(
             f"axe.run({json.dumps(options)}).then((found) => found.violations)"
         )

@@ -48,8 +48,13 @@ def box(page: Page, selector: str) -> dict[str, float]:
     return dict(found)
 
 
+CONTROLS = {"view-plan": "Speed", "view-recording": "Follow", "view-scenario": "lasts", "view-robot": "Measure"}
+
+
 @pytest.mark.parametrize("name", SCENES)
-def test_a_phone_shows_what_the_scene_is_about(phone: Tab, addresses: dict[str, str], name: str) -> None:
+def test_a_phone_shows_what_the_scene_is_about_and_controls_are_a_sheet_to_pull_up(
+    phone: Tab, addresses: dict[str, str], name: str
+) -> None:
     page = opened(phone, addresses[name])
     assert page.evaluate(COVERED) == []
     nodes, seen = page.evaluate(IN_SIGHT, WITHIN[name])
@@ -57,24 +62,21 @@ def test_a_phone_shows_what_the_scene_is_about(phone: Tab, addresses: dict[str, 
     assert seen == nodes
     assert page.evaluate("document.documentElement.scrollWidth") == PHONE[0]
     assert box(page, "[data-stage]")["height"] > PHONE[1] / 2
+    pull_up_the_sheet(page, CONTROLS[name])
 
 
-@pytest.mark.parametrize("size", [TABLET, DESKTOP])
 @pytest.mark.parametrize("name", SCENES)
-def test_nothing_lies_over_the_scene(
-    open_tab: Callable[..., Tab], addresses: dict[str, str], name: str, size: tuple[int, int]
-) -> None:
-    page = opened(open_tab(*size), addresses[name])
-    assert page.evaluate(COVERED) == []
-    expect(page.locator("[data-sheet-handle]")).to_be_hidden()
+def test_nothing_lies_over_the_scene(open_tab: Callable[..., Tab], addresses: dict[str, str], name: str) -> None:
+    page = opened(open_tab(*DESKTOP), addresses[name])
+    for width, height in (DESKTOP, TABLET):
+        page.set_viewport_size({"width": width, "height": height})
+        page.wait_for_function(f"() => innerWidth === {width}")
+        assert page.evaluate(COVERED) == []
+        expect(page.locator("[data-sheet-handle]")).to_be_hidden()
 
 
-@pytest.mark.parametrize(
-    ("name", "control"),
-    [("view-plan", "Speed"), ("view-recording", "Follow"), ("view-scenario", "lasts"), ("view-robot", "Measure")],
-)
-def test_controls_are_a_sheet_to_pull_up(phone: Tab, addresses: dict[str, str], name: str, control: str) -> None:
-    page = opened(phone, addresses[name])
+def pull_up_the_sheet(page: Page, control: str) -> None:
+    """The controls are a closed sheet, which opens and closes by a tap, by a finger that pulls, and by keys."""
     handle, inner = page.get_by_role("button", name="Controls"), page.get_by_label(control)
     stage, sheet = box(page, "[data-stage]"), box(page, "[data-sheet]")
     expect(handle).to_have_attribute("aria-expanded", "false")

@@ -18,9 +18,8 @@ from stridelab.schemas.jobs import Artifact, JobResult
 from stridelab.schemas.plans import PlanMotionInput, PlanMotionSummary, ReplayOptions
 from stridelab.schemas.scenarios import Scenario
 from stridelab.service.kinds.plan_motion import run as plan_motion
-from support.command_line import quiet
+from support.command_line import ScriptedService, problem, quiet
 from support.robots.plans import changed, plan_task, short_walk, stopping_after
-from support.service.scripted_client import ScriptedService, problem
 
 PLAN_FILES = {
     "centroidal.parquet",

@@ -23,9 +23,8 @@ from stridelab.schemas.population import RecordingBatch, RefusedFile, StudyPopul
 from stridelab.schemas.tasks import StudyPopulationTask
 from stridelab.service.kinds.base import ArtifactFile, Outcome
 from stridelab.service.kinds.study_population import run as study_population
-from support.command_line import SAMPLE, Run
+from support.command_line import SAMPLE, Run, ScriptedService, problem
 from support.fakes import results
-from support.service.scripted_client import ScriptedService, problem
 
 TABLES = {f"{stem}.{end}" for stem in ("subjects", "steps", "correlations") for end in ("csv", "parquet")}
 WRITTEN = TABLES | {"result.json", "references.bib"}

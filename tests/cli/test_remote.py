@@ -11,8 +11,7 @@ from stridelab.cli.options import Delivery, EstimateRequest, Estimation, Prepara
 from stridelab.client import ProblemError
 from stridelab.errors import Busy, Forbidden, InvalidInput, NotEstimable, StridelabError, UnreadableFile
 from stridelab.schemas.jobs import JobResult
-from support.command_line import SAMPLE
-from support.service.scripted_client import DONE, ScriptedService, problem
+from support.command_line import DONE, SAMPLE, ScriptedService, problem
 
 WALK = Walk(SAMPLE / "recording.c3d")
 

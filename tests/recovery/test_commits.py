@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from support.faults.commit_schedules import SCHEDULES, run_all
+from support.faults.commits import SCHEDULES, run_all
 from support.service.database import TestDatabases
 
 CHOSEN = (

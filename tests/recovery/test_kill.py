@@ -8,11 +8,11 @@ from pathlib import Path
 import pytest
 
 from support.service.database import public_folder
-from support.service.processes import Service, assert_sound, ended, running_service, wait_until
+from support.service.processes import API, WORKER, Service, assert_sound, ended, running_service, wait_until
 
 MEMBERS = {
-    "web server": "support.service.api_entry",
-    "worker": "support.service.worker_entry",
+    "web server": API,
+    "worker": WORKER,
     "postmaster": "postgres",
 }
 

@@ -2,8 +2,7 @@
 
 import asyncio
 
-from support.load.clients import Load
-from support.load.load import ADMIN, users
+from support.load.load import ADMIN, Load, users
 from support.service.processes import assert_sound, running_service
 
 SETTINGS = {"STRIDELAB_API_TOKEN": ADMIN, "STRIDELAB_QUEUE_LIMIT": "60", "STRIDELAB_USER_QUEUE_LIMIT": "15"}

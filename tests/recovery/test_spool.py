@@ -30,7 +30,7 @@ def web_server(url: str, data: Path) -> Iterator[tuple[subprocess.Popen[bytes], 
     settings = {"STRIDELAB_DATABASE_URL": url, "STRIDELAB_DATA_DIR": str(data), "STRIDELAB_PORT": str(port)}
     with (data / f"{time.monotonic_ns()}.log").open("wb") as log:
         process = subprocess.Popen(
-            [sys.executable, "-m", "support.service.api_entry"],
+            [sys.executable, "-m", "support.service.web_server"],
             stdout=log,
             stderr=log,
             env=environment(STRIDELAB_MIN_FREE_DISK_MB="0", STRIDELAB_BODY_TIMEOUT_S="300", **settings),

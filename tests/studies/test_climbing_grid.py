@@ -140,7 +140,7 @@ def test_what_crashes_is_recorded_and_takes_nothing_else_along(talos: Robot) -> 
 
 def test_processes_end_with_a_parent_that_is_killed(tmp_path: Path) -> None:
     environment = {**os.environ, "NOTED": str(tmp_path), "PYTHONPATH": str(Path(__file__).parents[1])}
-    parent = subprocess.Popen([sys.executable, "-m", "support.robots.endless_case"], env=environment)
+    parent = subprocess.Popen([sys.executable, "-m", "support.parallel_work", "grid"], env=environment)
     try:
         assert until(lambda: any(tmp_path.iterdir()))
         (child,) = (int(path.name) for path in tmp_path.iterdir())

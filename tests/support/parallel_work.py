@@ -1,18 +1,13 @@
-"""Processes that compute in parallel, and work that misbehaves in them.
-
-The processes of ``stridelab.parallel``: forked from this one, or by the server of a process with threads.
-
-Work for ``in_order``: what a piece of work can do to its process. Run as a program, it never ends by itself.
-
-Work for ``map_isolated``: what an item can do to its process.
-"""
+"""Processes of ``stridelab.parallel``, and work that misbehaves in them; as a program, work that never ends."""
 
 import os
+import sys
 import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import psutil
@@ -110,7 +105,30 @@ def behave(item: Json) -> Json:
     return {"pid": os.getpid(), "twice": 2 * item["n"]}
 
 
-if __name__ == "__main__":
+class Endless(dict[str, Any]):
+    """A scenario that notes the process that reads it, and never answers."""
+
+    def get(self, *_: object) -> Any:
+        Path(os.environ["NOTED"], str(os.getpid())).touch()
+        time.sleep(600)
+
+
+def run_endless_grid() -> None:
+    """Run a grid of climbs whose only case never ends."""
+    from stridelab.robots.loader import load_robot
+    from stridelab.studies.climbing_grid import Case, run_grid
+
+    run_grid(load_robot("talos"), {}, [Case("endless", "stairs", Endless())], processes=1)
+
+
+def main() -> None:
+    """Never ends by itself; with the argument ``grid`` in a grid of climbs."""
+    if sys.argv[1:] == ["grid"]:
+        run_endless_grid()
     if os.environ["THREADS"] == "two threads":
         threading.Thread(target=time.sleep, args=(600,), daemon=True).start()
     list(map_in_order(hang_noted, 2, 2))
+
+
+if __name__ == "__main__":
+    main()

@@ -57,7 +57,7 @@ class OftenEnough:
             if test != self._test:
                 test, calls = self._test, 0
             calls += 1
-            if _due(calls):
+            if calls <= FIRST or not calls % EVERY:  # ``_due``, without a call more for each of millions
                 return checked()(*args, **kwargs)
             return unchecked(*args, **kwargs)
 

@@ -245,7 +245,7 @@ def small(postgres: TestDatabases, tmp_path_factory: pytest.TempPathFactory) -> 
     with postgres.fresh() as url, log.open("wb") as written:
         settings = {"DATABASE_URL": url, "DATA_DIR": str(data), "PORT": str(port), "API_TOKEN": "a-token"}
         process = subprocess.Popen(
-            [sys.executable, "-m", "support.service.api_entry"],
+            [sys.executable, "-m", "support.service.web_server"],
             env=environment(**{f"STRIDELAB_{name}": value for name, value in settings.items()}),
             stdout=written,
             stderr=written,

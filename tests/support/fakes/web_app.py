@@ -1,9 +1,4 @@
-"""The web app on the fake interface: called without a network, or listening for a browser.
-
-The web app on the fake interface, called without a network.
-
-The pages, the viewer and the fake interface, listening: what a browser needs to look at a plan within seconds.
-"""
+"""The web app on the fake interface: called without a network, or listening, with a viewer, for a browser."""
 
 import asyncio
 import contextlib
@@ -14,7 +9,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -80,17 +75,25 @@ class Lab:
 
 
 @contextlib.contextmanager
-def running_lab() -> Iterator[Lab]:
-    """A lab on free loopback ports, behind the security headers of the real one."""
-    fake = FakeService(step_s=0.3)
+def running_labs() -> Iterator[Callable[[], Lab]]:
+    """Free loopback ports, behind the security headers of the real service; each call puts a new, empty lab there.
+
+    The viewer is the same for all: it takes 1.3 s of processor time to start.
+    """
     port, viewer_port = _free_port(), _free_port()
     url, viewer_url = f"http://127.0.0.1:{port}", f"http://127.0.0.1:{viewer_port}"
-    interface = fake.app()
-    transport = httpx.ASGITransport(interface)
-    pages = create_web(WebConfig(url, "0.1.0", transport=transport, viewer_url=viewer_url, scenario_right=anybody))
+    current: dict[str, ASGIApp] = {}
+
+    def put_new_lab() -> Lab:
+        fake = FakeService(step_s=0.3)
+        interface = fake.app()
+        transport = httpx.ASGITransport(interface)
+        pages = create_web(WebConfig(url, "0.1.0", transport=transport, viewer_url=viewer_url, scenario_right=anybody))
+        current.update(interface=interface, pages=pages)
+        return Lab(url, fake)
 
     async def front(scope: Scope, receive: Receive, send: Send) -> None:
-        await (interface if scope["path"].startswith("/api/") else pages)(scope, receive, send)
+        await current["interface" if scope["path"].startswith("/api/") else "pages"](scope, receive, send)
 
     config = uvicorn.Config(
         RequestContextMiddleware(front), port=port, log_level="warning", lifespan="off", ws="websockets-sansio"
@@ -102,7 +105,7 @@ def running_lab() -> Iterator[Lab]:
     thread.start()
     try:
         _wait_for(f"{viewer_url}/health", viewer)
-        yield Lab(url, fake)
+        yield put_new_lab
     finally:
         viewer.terminate()
         viewer.wait(20)

@@ -26,14 +26,14 @@ from sqlalchemy.exc import OperationalError
 from stridelab.service.jobs.store import JobStore
 from stridelab.service.processes.child import PROCESS_NAME
 from stridelab.service.storage.database import make_engine
-from support.faults.commit_schedules import SCHEDULES
-from support.faults.commit_schedules import main as run_schedules
+from support.faults.commits import SCHEDULES
+from support.faults.commits import main as run_schedules
 from support.service.job_kinds import KINDS
-from support.service.processes import Service, assert_sound, running_service
+from support.service.processes import API, WORKER, Service, assert_sound, running_service
 
 VICTIMS = {"worker": 4, "computation": 3, "postmaster": 2, "web server": 1}
 """How often each is chosen, relative to the others."""
-LINES = {"worker": "support.service.worker_entry", "postmaster": "postgres", "web server": "support.service.api_entry"}
+LINES = {"worker": WORKER, "postmaster": "postgres", "web server": API}
 SETTINGS = {"STRIDELAB_WORKER_SLOTS": "2", "STRIDELAB_JOB_MAX_ATTEMPTS": "1000"}
 WAITING = 40
 STATES = "SELECT state, count(*) FROM job WHERE kind = 'work' GROUP BY state"
@@ -162,7 +162,7 @@ def main() -> None:
     asked.add_argument("--limit", type=float, default=6 * 3600.0, help="seconds until the run counts as stuck")
     asked.add_argument("--seed", type=int, default=None)
     numbered = asked.add_argument_group(
-        "COMMITs that are lost or late (support.faults.commit_schedules), instead of random kills"
+        "COMMITs that are lost or late (support.faults.commits), instead of random kills"
     )
     numbered.add_argument("--schedule", type=int, action="append", help=f"one of 0 to {len(SCHEDULES) - 1}")
     numbered.add_argument("--schedules", help="a range, as 0:32, or 'all'")

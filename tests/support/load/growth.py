@@ -20,14 +20,13 @@ import psycopg
 from psycopg import sql
 
 from stridelab.service.jobs.attempt_runner import PROGRESS_S
-from support.load.clients import Connection, Load
-from support.load.load import ADMIN, NICENESS, TASK, real_service, users
+from support.load.load import ADMIN, NICENESS, TASK, Connection, Load, real_service, users
 from support.service.processes import Service, assert_sound, running_service
 
 ROLES: Final = {
-    "supervisor": ("support.service.supervisor_entry", "serve"),
-    "web server": ("support.service.api_entry", "stridelab.service.api"),
-    "worker": ("support.service.worker_entry", "stridelab.service.jobs.worker"),
+    "supervisor": ("support.service.processes", "serve"),
+    "web server": ("support.service.web_server", "stridelab.service.api"),
+    "worker": ("support.service.job_kinds", "stridelab.service.jobs.worker"),
     "viewer": ("support.no_viewer", "stridelab_web.viewer"),
 }
 ROWS_PER_JOB: Final = {"job": 1, "job_event": 4, "audit": 1}

@@ -1,14 +1,8 @@
 """Plans and motions for tests: made by hand, or run.
 
-A contact sequence of three phases with a made-up plan and motion for TALOS: numbers to be written, not believed.
-
-The right foot takes one step of 0.2 m; every number is a known function of time, point and axis.
-
-A run of ``plan-motion`` with all that it left.
-
-Scenarios and runs of ``plan-motion`` for tests, and solvers that do not do what they should.
-
-A hand-made centroidal plan whose truth is known in closed form: the CoM sways over two standing feet.
+By hand: three phases of TALOS whose right foot takes one step of 0.2 m, every number a known function of time, point
+and axis; and a plan in closed form, in which the CoM sways over two standing feet. Run: ``plan-motion`` with all that
+it left, and with solvers that do not do what they should.
 """
 
 import ctypes

@@ -1,10 +1,6 @@
-"""Databases for tests: a private PostgreSQL, a migrated database for each test, and very many rows.
+"""Databases for tests: a private PostgreSQL, a migrated database for each test, databases of earlier versions.
 
-A private PostgreSQL for tests, and a migrated database of its own for each test that asks.
-
-Databases of earlier versions.
-
-A database with very many recordings and subjects, for tests and benchmarks of lists.
+Also a database with very many recordings and subjects, for tests and benchmarks of lists.
 """
 
 import asyncio
@@ -65,6 +61,7 @@ class TestDatabases:
     """Databases on one server, copied from a migrated template."""
 
     __test__ = False
+    admin: psycopg.Connection[Any]
     admin_url: str
     template: str
 
@@ -73,13 +70,11 @@ class TestDatabases:
         """URL of a new database; dropped at the end, whoever still holds a connection."""
         name = f"stridelab_test_{os.getpid()}_{next(_numbers)}"
         template = self.template if migrated else "template1"
-        with psycopg.connect(self.admin_url, autocommit=True) as admin:
-            admin.execute(f'CREATE DATABASE "{name}" TEMPLATE "{template}"')
+        self.admin.execute(f'CREATE DATABASE "{name}" TEMPLATE "{template}"')
         try:
             yield self._url(name)
         finally:
-            with psycopg.connect(self.admin_url, autocommit=True) as admin:
-                admin.execute(f'DROP DATABASE "{name}" WITH (FORCE)')
+            self.admin.execute(f'DROP DATABASE "{name}" WITH (FORCE)')
 
     def _url(self, name: str) -> str:
         return parse_url(self.admin_url).set(database=name).render_as_string(hide_password=False)
@@ -95,7 +90,12 @@ def _server() -> Iterator[str]:
     with public_folder() as folder:
         server = EmbeddedPostgres(folder)
         try:
-            yield server.start()
+            url = server.start()
+            with psycopg.connect(url, autocommit=True) as admin:
+                for name in ("fsync", "full_page_writes", "autovacuum"):  # nothing outlives the tests
+                    admin.execute(f"ALTER SYSTEM SET {name} = off")
+                admin.execute("SELECT pg_reload_conf()")
+            yield url
         finally:
             server.stop()
 
@@ -105,14 +105,13 @@ def databases() -> Iterator[TestDatabases]:
     """One server for a whole test session."""
     with _server() as url:
         template = f"stridelab_template_{os.getpid()}_{next(_numbers)}"
-        made = TestDatabases(url, template)
         with psycopg.connect(url, autocommit=True) as admin:
+            made = TestDatabases(admin, url, template)
             admin.execute(f'CREATE DATABASE "{template}"')
-        try:
-            migrate(made._url(template))
-            yield made
-        finally:
-            with psycopg.connect(url, autocommit=True) as admin:
+            try:
+                migrate(made._url(template))
+                yield made
+            finally:
                 admin.execute(f'DROP DATABASE "{template}" WITH (FORCE)')
 
 

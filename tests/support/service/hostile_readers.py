@@ -1,8 +1,6 @@
-"""Readers of uploads that were taken over.
+"""Readers of uploads that a file has taken over.
 
-What a file that has taken over its reader would try; each attempt says whether it worked or which error it met.
-
-Readers of bulk uploads that were taken over, and do not tell the truth to the web server.
+Each attempt of such a reader returns whether it worked or which error it met. Those of bulk uploads report false facts.
 """
 
 import ctypes
@@ -21,7 +19,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from stridelab.service.kinds.read_batch import run as read_batch
 from stridelab.service.processes.child import limit_memory
 
 DONE = "done"
@@ -189,13 +186,17 @@ def _status(field: str) -> str:
 
 def claim_another_file(task: dict[str, Any], folder: Path, progress: Any) -> dict[str, Any]:
     """A reader of bulk uploads that gives a file of the machine for one that was sent."""
-    found = read_batch.parse_batch(task, folder, progress)
+    from stridelab.service.kinds.read_batch.run import parse_batch  # a second of imports that most children do without
+
+    found = parse_batch(task, folder, progress)
     found["files"][0]["file"] = "/etc/hostname"
     return found
 
 
 def claim_another_hash(task: dict[str, Any], folder: Path, progress: Any) -> dict[str, Any]:
     """One that says of a file that it is another, which is stored already."""
-    found = read_batch.parse_batch(task, folder, progress)
+    from stridelab.service.kinds.read_batch.run import parse_batch  # a second of imports that most children do without
+
+    found = parse_batch(task, folder, progress)
     found["files"][0]["sha256"] = "ab" * 32
     return found

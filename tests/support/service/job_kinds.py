@@ -1,5 +1,9 @@
-"""Job kinds for tests; they stage nothing and run ``support.service.computations``."""
+"""Job kinds for tests; they stage nothing and run ``support.service.computations``.
 
+``python -m support.service.job_kinds`` is a worker for them.
+"""
+
+import asyncio
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -8,7 +12,10 @@ from pydantic import ConfigDict
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from stridelab.schemas.base import Contract
+from stridelab.service.jobs.worker import run_worker
 from stridelab.service.kinds.base import Blobs, JobKind
+from stridelab.service.logging import configure_logging
+from stridelab.service.settings import current_settings
 
 
 class AnyInput(Contract):
@@ -55,3 +62,7 @@ KINDS: Mapping[str, JobKind] = {
         kind("reproduce", "write_outcome", lane="long"),  # a name that the web server takes
     )
 }
+
+if __name__ == "__main__":
+    configure_logging("info")
+    asyncio.run(run_worker(current_settings(), KINDS))

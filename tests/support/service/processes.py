@@ -1,8 +1,7 @@
-"""Real processes for tests, and what must hold of their jobs.
+"""Real processes for tests (the whole service, or workers alone), and what must hold of their jobs.
 
-Real processes for tests: the whole service, or workers alone, and the jobs they are given.
-
-What must hold of jobs after anything: nothing lost, no result twice, no job stuck.
+No job is lost, stuck, or has two results. ``python -m support.service.processes`` is the whole service with the job
+kinds of the tests.
 """
 
 import asyncio
@@ -26,9 +25,12 @@ import psutil
 import psycopg
 from psycopg.rows import dict_row
 
+from stridelab.errors import StridelabError
 from stridelab.schemas.jobs import FINAL_STATES
+from stridelab.service import supervisor
 from stridelab.service.jobs.store import JobRecord, JobStore
 from stridelab.service.samples.recording import SHIPPED_JOBS
+from stridelab.service.settings import current_settings
 from stridelab.service.storage.blobs import BlobStore
 from support.service.database import public_folder, within
 from support.service.job_kinds import KINDS
@@ -36,7 +38,20 @@ from support.service.job_kinds import KINDS
 TESTS = Path(__file__).parents[2]
 SERVE = ("stridelab.cli", "serve")
 """What ``make serve`` runs, with the real kinds of job."""
+API, WORKER = "support.service.web_server", "support.service.job_kinds"
+"""Web server and worker of the tests, as programs."""
 BRISK = {"STRIDELAB_HEARTBEAT_S": "0.4", "STRIDELAB_STALL_S": "3", "STRIDELAB_WORKER_SLOTS": "1"}
+
+
+def share_robot_files(data: Path) -> None:
+    """Link ``robots`` in the store of a service that is about to start to those of the other services of this run.
+
+    The names of the files are hashes of what they are computed from. ``scripts/test`` names the common folder; without
+    one, each service prepares all robots itself, in 13 s of processor time.
+    """
+    if common := os.environ.get("STRIDELAB_TEST_ROBOT_FILES"):
+        (data / "blobs").mkdir(parents=True)
+        (data / "blobs" / "robots").symlink_to(common, target_is_directory=True)
 
 
 def free_port() -> int:
@@ -86,20 +101,26 @@ class Jobs:
 
     def until(self, job_id: str, wanted: Callable[[JobRecord], bool], timeout_s: float = 60.0) -> JobRecord:
         deadline = time.monotonic() + timeout_s
-        while True:
-            try:
-                record = self.get(job_id)
-                if wanted(record):
-                    return record
-                seen = f"{record.state}, attempt {record.attempt}"
-            except OSError as error:
-                seen = repr(error)
-            except Exception as error:
-                if "connection" not in str(error):
-                    raise
-                seen = "the database is away"
-            assert time.monotonic() < deadline, f"not within {timeout_s} s: {seen}"
-            time.sleep(0.1)
+
+        async def look(store: JobStore) -> JobRecord:
+            while True:
+                try:
+                    record = await store.get(job_id)
+                    if wanted(record):
+                        return record
+                    seen = f"{record.state}, attempt {record.attempt}"
+                except OSError as error:
+                    seen = repr(error)
+                except Exception as error:
+                    if "connection" not in str(error):
+                        raise
+                    seen = "the database is away"
+                assert time.monotonic() < deadline, f"not within {timeout_s} s: {seen}"
+                await asyncio.sleep(0.1)
+
+        record = self.ask(look)
+        assert isinstance(record, JobRecord)
+        return record
 
     def until_running(self, job_id: str) -> JobRecord:
         return self.until(job_id, lambda record: record.state == "running" and record.message.startswith("step"))
@@ -110,16 +131,18 @@ class Jobs:
 
 @dataclass
 class Service:
-    """``supervisor_entry``, or the module and arguments of ``command``, on a data folder of its own."""
+    """This module run as a program, or the module and arguments of ``command``, on a data folder of its own."""
 
     folder: Path
     port: int = field(default_factory=free_port)
-    command: tuple[str, ...] = ("support.service.supervisor_entry",)
+    command: tuple[str, ...] = ("support.service.processes",)
     process: subprocess.Popen[str] | None = None
 
     def start(self, **settings: str) -> float:
         """Start and wait for the address; returns how many seconds that took."""
         began = time.monotonic()
+        if self.command == SERVE and not self.folder.exists():
+            share_robot_files(self.folder)
         self.process = subprocess.Popen(
             [sys.executable, "-m", *self.command],
             stdout=subprocess.PIPE,
@@ -201,7 +224,7 @@ def worker(url: str, folder: Path, *, on: tuple[str, ...] = (), **settings: str)
     folder.mkdir(parents=True, exist_ok=True)
     with (folder / f"worker-{time.monotonic_ns()}.log").open("wb") as log:
         process = subprocess.Popen(
-            [*on, sys.executable, "-m", "support.service.worker_entry"],
+            [*on, sys.executable, "-m", WORKER],
             stdout=log,
             stderr=log,
             env=environment(**{"STRIDELAB_DATABASE_URL": url, "STRIDELAB_DATA_DIR": str(folder), **settings}),
@@ -300,3 +323,16 @@ def _stored(blobs: Path | str) -> dict[str, int]:
         return {info.key: info.bytes async for info in BlobStore.from_url(url).list_prefix("results")}
 
     return asyncio.run(listed())
+
+
+def main() -> None:
+    """Run the whole service with a web server and a worker for tests, and without viewer."""
+    supervisor.API, supervisor.WORKER, supervisor.VIEWER = API, WORKER, "support.no_viewer"  # type: ignore[misc]
+    try:
+        supervisor.serve(current_settings())
+    except StridelabError as error:
+        raise SystemExit(f"{error.code}: {error.message}") from error
+
+
+if __name__ == "__main__":
+    main()

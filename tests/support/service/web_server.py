@@ -1,10 +1,7 @@
-"""The web application on a real port, and its answers.
+"""The web application on a real port, in a thread of the test process, and its answers.
 
-A pool whose imports wait for its first task and are left to the next pool: imports cost a second or two.
-
-The web application on a real port, in a thread of the test process, with parts that a test can look into.
-
-Reading answers of the interface in tests.
+Its pool of processes imports with the first task and leaves its fork server to the next pool: imports cost a second or
+two. ``python -m support.service.web_server`` is the web server as a program.
 """
 
 import asyncio
@@ -28,6 +25,8 @@ import structlog
 import uvicorn
 from fastapi import FastAPI
 
+from stridelab.service.api import __main__ as api_main
+from stridelab.service.api import app as api_app
 from stridelab.service.api.app import create_app
 from stridelab.service.api.dependencies import Parts
 from stridelab.service.processes.fork_server_client import _SINGLE_THREADED, ForkServerClient, child_environment
@@ -204,3 +203,18 @@ def places(answer: httpx.Response) -> list[str]:
 def upload(http: httpx.Client, content: bytes, name: str = "walk.c3d", **fields: str) -> httpx.Response:
     """Upload ``content`` as a file called ``name``."""
     return http.post("/api/v1/recordings", files={"file": (name, content)}, data=fields)
+
+
+async def _idle_at_start(parts: Parts, with_sample: bool) -> None:
+    """In place of the preparation of all robots, which takes 12 s of processor time after every first start."""
+
+
+def main() -> None:
+    """The web server as a program, which imports what reads uploads with the first one, and prepares no robot."""
+    api_app.IsolatedPool = LatePool  # type: ignore[misc]
+    api_app._warm_robots = _idle_at_start
+    api_main.main()
+
+
+if __name__ == "__main__":
+    main()

@@ -15,7 +15,7 @@ from stridelab.service.api.recordings import service
 from stridelab.service.jobs import retention
 from stridelab.service.settings import Settings
 from stridelab.service.storage.database import parse_url
-from support.faults.commit_proxy import FAULTS, CommitProxy, Fault, Plan, commit_proxy
+from support.faults.commits import FAULTS, CommitProxy, Fault, Plan, commit_proxy
 from support.service.database import TestDatabases
 from support.service.web_server import Served, refusal, served, upload
 

@@ -1,12 +1,15 @@
-"""How much faster two workers are than one, each with one slot and a core of its own, on jobs that only compute.
+"""Two workers on one database, measured: ``python -m support.load.workers speed|orphans``.
 
-``scripts/two-workers`` prints both times, their ratio, and what else the machine was doing.
+``speed`` (``scripts/two-workers``): how much faster two workers are than one, each with one slot and a core of its own,
+on jobs that only compute. ``orphans`` (``scripts/orphans``): how long a job of a worker that was killed with SIGKILL
+waits until the other one starts it, once with the settings of the tests and once with those of the service.
 """
 
 import argparse
 import asyncio
 import os
 import sys
+import tempfile
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
@@ -16,10 +19,11 @@ from statistics import median
 import psutil
 
 from stridelab.service.jobs.store import JobStore
+from stridelab.service.settings import Settings
 from stridelab.service.storage.database import make_engine
 from support.service.database import databases, public_folder
 from support.service.job_kinds import KINDS
-from support.service.processes import Jobs, worker
+from support.service.processes import BRISK, Jobs, worker
 
 
 @contextmanager
@@ -60,13 +64,15 @@ def batch_s(url: str, folder: Path, cores: list[int], jobs: int, turns: int) -> 
     return (max(ends) - min(starts)).total_seconds()
 
 
-def main() -> None:
-    """Entry point."""
-    asked = argparse.ArgumentParser(prog="scripts/two-workers", description=__doc__)
+def add_options(asked: argparse.ArgumentParser) -> None:
+    """Options of ``compare_speeds``."""
     asked.add_argument("--jobs", type=int, default=20)
     asked.add_argument("--turns", type=int, default=20_000_000, help="size of a job; a million is about 0.05 s")
     asked.add_argument("--rounds", type=int, default=2)
-    given = asked.parse_args()
+
+
+def compare_speeds(given: argparse.Namespace) -> None:
+    """Print times of one worker and of two, and their ratio."""
     cores = sorted(os.sched_getaffinity(0))[:2]
     if len(cores) < 2:
         raise SystemExit("this machine lets us use one core only")
@@ -83,6 +89,57 @@ def main() -> None:
         f"two workers {median(two):.1f} s ({min(two):.1f} to {max(two):.1f}), {median(one) / median(two):.2f} times "
         f"faster; beforehand the machine was {busy:.0f} % busy, load {load:.1f}.\n"
     )
+
+
+_SERVICE = Settings.model_fields
+SETTINGS = {
+    "of the tests": BRISK,
+    "of the service": {
+        "STRIDELAB_HEARTBEAT_S": str(_SERVICE["heartbeat_s"].default),
+        "STRIDELAB_STALL_S": str(_SERVICE["stall_s"].default),
+    },
+}
+
+
+def delay_s(url: str, settings: dict[str, str], folder: Path) -> float:
+    """Seconds from the kill of a worker to the second start of its job."""
+    jobs = Jobs(url)
+    with ExitStack() as stack:
+        pair = {name: stack.enter_context(worker(url, folder / name, **settings)) for name in "ab"}
+        beat_s = float(settings["STRIDELAB_HEARTBEAT_S"])
+        time.sleep(2.0 * beat_s + 3.0)  # a worker that has just come takes nobody's job
+        job_id = jobs.submit("long-work", work_s=600.0, diary=str(folder / "diary"), name="orphan")
+        jobs.until_running(job_id)
+        holder = next(name for name in pair if any((folder / name / "work").glob("*/*/")))
+        pair[holder].kill()
+        began = time.monotonic()
+        jobs.until(job_id, lambda seen: seen.attempt == 2 and seen.message.startswith("step"), timeout_s=120.0)
+        took_s = time.monotonic() - began
+        jobs.ask(lambda store: store.request_cancel(job_id))
+        return took_s
+
+
+def measure_delays(kills: int) -> None:
+    """Print the delays."""
+    with databases() as server, tempfile.TemporaryDirectory() as scratch:
+        for name, settings in SETTINGS.items():
+            with server.fresh() as url:
+                found = [delay_s(url, dict(settings), Path(scratch, f"{name} {k}")) for k in range(kills)]
+            sys.stdout.write(f"settings {name}: {', '.join(f'{s:.1f}' for s in sorted(found))} s\n")
+            sys.stdout.flush()
+
+
+def main() -> None:
+    """Entry point."""
+    asked = argparse.ArgumentParser(description=__doc__)
+    measurements = asked.add_subparsers(dest="measurement", required=True)
+    add_options(measurements.add_parser("speed", prog="scripts/two-workers"))
+    measurements.add_parser("orphans", prog="scripts/orphans").add_argument("kills", type=int, nargs="?", default=3)
+    given = asked.parse_args()
+    if given.measurement == "speed":
+        compare_speeds(given)
+    else:
+        measure_delays(given.kills)
 
 
 if __name__ == "__main__":
