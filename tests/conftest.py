@@ -1,5 +1,6 @@
 """Shapes are checked at run time in the tests; real recordings come from STRIDELAB_TEST_DATA."""
 
+import gc
 import os
 import sys
 from collections.abc import Iterator
@@ -24,6 +25,18 @@ os.environ.pop("COLUMNS", None)  # workers are told the terminal's width, and a 
 # How long one example takes depends on what else the machine does; no test is about that.
 settings.register_profile("untimed", deadline=None)
 settings.load_profile("untimed")
+
+
+def pytest_configure() -> None:
+    """While files are collected hardly anything becomes garbage."""
+    gc.disable()
+
+
+def pytest_collection_finish() -> None:
+    """What is imported and collected stays until the end: it is not searched for garbage again and again."""
+    gc.freeze()
+    gc.set_threshold(5_000, 10, 10)
+    gc.enable()
 
 
 def pytest_runtest_setup() -> None:

@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 from support.service.database import public_folder
-from support.service.processes import API, WORKER, Service, assert_sound, ended, running_service, wait_until
+from support.service.processes import Service, assert_sound, ended, running_service, wait_until
+from support.service.supervisor_entry import API, WORKER
 
 MEMBERS = {
     "web server": API,

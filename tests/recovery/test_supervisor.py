@@ -39,7 +39,7 @@ def test_ctrl_c_ends_everything_and_the_next_start_finds_everything() -> None:
 def refused(**settings: str) -> str:
     """What a service that does not start says."""
     result = subprocess.run(
-        [sys.executable, "-m", "support.service.processes"],
+        [sys.executable, "-m", "support.service.supervisor_entry"],
         env=environment(**settings),
         capture_output=True,
         text=True,

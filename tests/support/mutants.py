@@ -40,6 +40,7 @@ calls, fixtures = defaultdict[str, float](float), defaultdict[str, float](float)
 
 def pytest_sessionstart() -> None:
     """Nothing is remembered from runs before the change."""
+    gc.unfreeze()  # tests/conftest.py has put what was imported out of sight
     for thing in gc.get_objects():
         if isinstance(thing, _lru_cache_wrapper):
             thing.cache_clear()

@@ -29,7 +29,8 @@ from stridelab.service.storage.database import make_engine
 from support.faults.commits import SCHEDULES
 from support.faults.commits import main as run_schedules
 from support.service.job_kinds import KINDS
-from support.service.processes import API, WORKER, Service, assert_sound, running_service
+from support.service.processes import Service, assert_sound, running_service
+from support.service.supervisor_entry import API, WORKER
 
 VICTIMS = {"worker": 4, "computation": 3, "postmaster": 2, "web server": 1}
 """How often each is chosen, relative to the others."""

@@ -24,7 +24,7 @@ from support.load.load import ADMIN, NICENESS, TASK, Connection, Load, real_serv
 from support.service.processes import Service, assert_sound, running_service
 
 ROLES: Final = {
-    "supervisor": ("support.service.processes", "serve"),
+    "supervisor": ("support.service.supervisor_entry", "serve"),
     "web server": ("support.service.web_server", "stridelab.service.api"),
     "worker": ("support.service.job_kinds", "stridelab.service.jobs.worker"),
     "viewer": ("support.no_viewer", "stridelab_web.viewer"),

@@ -1,7 +1,6 @@
 """Real processes for tests (the whole service, or workers alone), and what must hold of their jobs.
 
-No job is lost, stuck, or has two results. ``python -m support.service.processes`` is the whole service with the job
-kinds of the tests.
+No job is lost, stuck, or has two results.
 """
 
 import asyncio
@@ -25,21 +24,17 @@ import psutil
 import psycopg
 from psycopg.rows import dict_row
 
-from stridelab.errors import StridelabError
 from stridelab.schemas.jobs import FINAL_STATES
-from stridelab.service import supervisor
 from stridelab.service.jobs.store import JobRecord, JobStore
 from stridelab.service.samples.recording import SHIPPED_JOBS
-from stridelab.service.settings import current_settings
 from stridelab.service.storage.blobs import BlobStore
 from support.service.database import public_folder, within
 from support.service.job_kinds import KINDS
+from support.service.supervisor_entry import WORKER
 
 TESTS = Path(__file__).parents[2]
 SERVE = ("stridelab.cli", "serve")
 """What ``make serve`` runs, with the real kinds of job."""
-API, WORKER = "support.service.web_server", "support.service.job_kinds"
-"""Web server and worker of the tests, as programs."""
 BRISK = {"STRIDELAB_HEARTBEAT_S": "0.4", "STRIDELAB_STALL_S": "3", "STRIDELAB_WORKER_SLOTS": "1"}
 
 
@@ -131,11 +126,11 @@ class Jobs:
 
 @dataclass
 class Service:
-    """This module run as a program, or the module and arguments of ``command``, on a data folder of its own."""
+    """``supervisor_entry``, or the module and arguments of ``command``, on a data folder of its own."""
 
     folder: Path
     port: int = field(default_factory=free_port)
-    command: tuple[str, ...] = ("support.service.processes",)
+    command: tuple[str, ...] = ("support.service.supervisor_entry",)
     process: subprocess.Popen[str] | None = None
 
     def start(self, **settings: str) -> float:
@@ -323,16 +318,3 @@ def _stored(blobs: Path | str) -> dict[str, int]:
         return {info.key: info.bytes async for info in BlobStore.from_url(url).list_prefix("results")}
 
     return asyncio.run(listed())
-
-
-def main() -> None:
-    """Run the whole service with a web server and a worker for tests, and without viewer."""
-    supervisor.API, supervisor.WORKER, supervisor.VIEWER = API, WORKER, "support.no_viewer"  # type: ignore[misc]
-    try:
-        supervisor.serve(current_settings())
-    except StridelabError as error:
-        raise SystemExit(f"{error.code}: {error.message}") from error
-
-
-if __name__ == "__main__":
-    main()
