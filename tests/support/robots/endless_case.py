@@ -5,8 +5,8 @@ import time
 from pathlib import Path
 from typing import Any
 
+from experiments.climbing_grid import Case, run_grid
 from stridelab.robots.loader import load_robot
-from stridelab.studies.climbing_grid import Case, run_grid
 
 
 class Endless(dict[str, Any]):

@@ -14,6 +14,7 @@ from typing import Final, Literal
 
 import numpy as np
 
+from experiments.centroidal_variations import problem_of, random_variations
 from stridelab.centroidal.point_forces import CircularCones
 from stridelab.centroidal.problem import CentroidalProblem
 from stridelab.centroidal.rest_to_rest import from_rest_to_rest
@@ -26,7 +27,6 @@ from stridelab.contacts.terrain import Terrain
 from stridelab.dynamics.spatial import Placement
 from stridelab.reachability.store import load_proxies
 from stridelab.robots.loader import load_robot
-from stridelab.studies.centroidal_variations import problem_of, random_variations
 
 Kind = Literal["drawn", "hasty", "moved"]
 Answer = Literal["feasible", "infeasible", "unknown"]
