@@ -14,6 +14,7 @@ from typing import Final, Literal
 
 import numpy as np
 
+from experiments.bundled_scenarios import BUNDLED
 from experiments.centroidal_variations import problem_of, random_variations
 from stridelab.centroidal.point_forces import CircularCones
 from stridelab.centroidal.problem import CentroidalProblem
@@ -21,7 +22,6 @@ from stridelab.centroidal.rest_to_rest import from_rest_to_rest
 from stridelab.centroidal.solver import solve
 from stridelab.contacts.effector_geometry import effector_shapes
 from stridelab.contacts.scenario_io import sequence_of
-from stridelab.contacts.scenarios.bundled import BUNDLED
 from stridelab.contacts.sequence import ContactSequence
 from stridelab.contacts.terrain import Terrain
 from stridelab.dynamics.spatial import Placement

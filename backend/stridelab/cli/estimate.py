@@ -6,9 +6,6 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, get_type_hints
 
-from rich.markup import escape
-from rich.table import Table
-
 from stridelab.cli.options import Delivery, EstimateRequest, parse_named_value, parse_numbers
 from stridelab.cli.results import (
     Show,
@@ -18,9 +15,11 @@ from stridelab.cli.results import (
     show_files,
     show_quality,
     show_remarks,
+    show_rows,
     validate_options,
 )
-from stridelab.errors import Fault, UnreadableFile
+from stridelab.errors import Fault, InvalidInput, UnreadableFile
+from stridelab.recordings.files.recording_files import recordings_in
 from stridelab.schemas.jobs import (
     EstimateComInput,
     EstimateComSummary,
@@ -141,10 +140,7 @@ def show_estimate(result: JobResult, target: Path) -> None:
     """Print the summary as a table."""
     summary = EstimateComSummary.model_validate(result.summary)
     show_quality(summary.quality, summary.warnings)
-    table = Table(show_header=False, box=None, pad_edge=False)
-    for name, value in _summary_rows(summary):
-        table.add_row(f"[bold]{name}[/]", escape(value))
-    out.print(table)
+    show_rows(_summary_rows(summary))
     show_remarks(summary.warnings)
     show_files(result, target)
 
@@ -202,3 +198,21 @@ def require_file(path: Path) -> None:
     except OSError as error:
         reason = error.strerror or "it cannot be opened"
         raise UnreadableFile("file-not-readable", f"Cannot read {path}: {reason}.") from error
+
+
+def collect_recordings(paths: Sequence[Path]) -> list[Path]:
+    """Given files and the recordings in given folders, in their order.
+
+    Raises ``UnreadableFile`` for a path that does not exist, ``InvalidInput`` (``no-recordings``) without any.
+    """
+    files: list[Path] = []
+    for path in paths:
+        if path.is_dir():
+            files += recordings_in(path)
+        else:
+            require_file(path)
+            files.append(path)
+    if not files:
+        named = ", ".join(str(path) for path in paths)
+        raise InvalidInput("no-recordings", f"There is no .c3d, .trc or .zip in {named}.", [Fault("FILES", "nothing")])
+    return files

@@ -2,9 +2,8 @@
 
 import contextlib
 import shutil
-import tempfile
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from datetime import date
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
@@ -13,14 +12,14 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
-from stridelab.cli.estimate import require_file
+from stridelab.cli.estimate import collect_recordings
 from stridelab.cli.options import BestMethod, Delivery, StatedPerson, Static, with_groups
 from stridelab.cli.results import (
     RESULT_FILE,
     Bar,
     deliver_result,
     out,
-    run_kind,
+    run_in_scratch,
     show_files,
     show_quality,
     show_remarks,
@@ -28,8 +27,7 @@ from stridelab.cli.results import (
     write_result,
 )
 from stridelab.cli.session import share_by_day
-from stridelab.errors import Fault, InvalidInput, UnreadableFile
-from stridelab.recordings.files.recording_files import recordings_in
+from stridelab.errors import UnreadableFile
 from stridelab.schemas.jobs import EstimateComInput, JobResult
 from stridelab.schemas.measures import GaitMeasuresInput, GaitReportInput, GaitReportSummary, MeasureValue
 from stridelab.schemas.recordings import RecordingPatch, SubjectFields
@@ -61,7 +59,7 @@ def measure_gait(
     delivery: Delivery,
 ) -> None:
     """Measure margins of stability, steps, energy, work of the legs and angular momentum; needs no server."""
-    subject = validate_options(SubjectFields, asdict(person))
+    subject = person.subject_fields()
 
     def compute_result(folder: Path) -> JobResult:
         paths = collect_recordings(files)
@@ -72,30 +70,17 @@ def measure_gait(
     deliver_result("measures", delivery, compute_result, _show_measures)
 
 
-def collect_recordings(given: Sequence[Path]) -> list[Path]:
-    """Given files and the recordings in given folders. Raises ``InvalidInput`` (``no-recordings``) without any."""
-    paths: list[Path] = []
-    for path in given:
-        if path.is_dir():
-            paths += recordings_in(path)
-        else:
-            require_file(path)
-            paths.append(path)
-    if not paths:
-        named = ", ".join(str(path) for path in given)
-        raise InvalidInput("no-recordings", f"There is no recording in {named}.", [Fault("FILES", "nothing")])
-    return paths
-
-
 def _measure_here(
     paths: Sequence[Path], static: Path | None, subject: SubjectFields, method: str | None, folder: Path
 ) -> JobResult:
     """Run the job's own function in this process."""
-    members = share_by_day(stage_walks(paths, folder, subject, method, static), folder)
-    ids = [one.recording_id for one in members]
+
+    def stage_members(work: Path) -> GaitMeasuresTask:
+        return GaitMeasuresTask(members=share_by_day(stage_walks(paths, work, subject, method, static), work))
+
+    task, outcome = run_in_scratch(KIND, "measures", stage_members, folder)
+    ids = [one.recording_id for one in task.members]
     request = validate_options(GaitMeasuresInput, {"recording_ids": ids, "method": method})
-    outcome = run_kind(KIND, "measures", GaitMeasuresTask(members=members), folder)
-    _remove_subfolders(folder)
     return write_result(folder, KIND, request, outcome)
 
 
@@ -121,12 +106,6 @@ def stage_walks(
         task = EstimateComTask(recording=source, static=static_source, input=one)
         members.append(MeasuresMember(recording_id=name, folder=name, task=task))
     return members
-
-
-def _remove_subfolders(folder: Path) -> None:
-    for one in folder.iterdir():
-        if one.is_dir():
-            shutil.rmtree(one)
 
 
 def _measure_there(
@@ -185,7 +164,7 @@ def report_gait(
     delivery: Delivery,
 ) -> None:
     """Write a report on the gait of a person as one page of HTML, and as PDF; needs no server."""
-    subject = validate_options(SubjectFields, asdict(person))
+    subject = person.subject_fields()
     walks = ReportWalks(
         collect_recordings(files),
         [] if reference is None else people_in(reference),
@@ -268,11 +247,10 @@ def _report_here(
     folder: Path,
     _delivery: Delivery,
 ) -> JobResult:
-    with tempfile.TemporaryDirectory(prefix="stridelab-") as files:
-        task = report_task(walks, subject, fields, static, Path(files))
-        outcome = run_kind(REPORT_KIND, "report", task, Path(files))
-        for artifact in outcome.artifacts:
-            shutil.move(Path(files) / artifact.name, folder / artifact.name)
+    def stage_report(work: Path) -> GaitReportTask:
+        return report_task(walks, subject, fields, static, work)
+
+    task, outcome = run_in_scratch(REPORT_KIND, "report", stage_report, folder)
     return write_result(folder, REPORT_KIND, task.input, outcome)
 
 

@@ -3,7 +3,7 @@
 import shutil
 import zipfile
 from collections.abc import Callable, Sequence
-from dataclasses import MISSING, asdict, dataclass, field, fields, is_dataclass
+from dataclasses import MISSING, dataclass, field, fields, is_dataclass
 from inspect import Parameter, Signature, signature
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar, get_type_hints
@@ -92,7 +92,7 @@ Server = Annotated[str | None, typer.Option("--server", help="Run on this servic
 Token = Annotated[str | None, typer.Option("--token", envvar="STRIDELAB_API_TOKEN", help="Its API token.")]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class StatedPerson:
     """The given data of the subject of a command's recordings."""
 
@@ -101,31 +101,32 @@ class StatedPerson:
     sex: PersonSex = None
     age_years: Age = None
 
+    @property
+    def stated(self) -> dict[str, Any]:
+        """The given data by the names of ``SubjectFields``."""
+        return {one.name: getattr(self, one.name) for one in fields(StatedPerson)}
+
+    def subject_fields(self) -> SubjectFields:
+        """The given data. Raises ``InvalidInput`` naming the invalid option."""
+        return validate_options(SubjectFields, self.stated)
+
 
 @dataclass(frozen=True)
-class Walk:
+class Walk(StatedPerson):
     """A recording and the given data of its subject."""
 
     file: Trial
-    height_m: Height = None
-    mass_kg: Mass = None
-    sex: PersonSex = None
-    age_years: Age = None
 
 
 @dataclass(frozen=True)
-class Walks:
+class Walks(StatedPerson):
     """One or several recordings and the given data of their subject."""
 
     files: Trials
-    height_m: Height = None
-    mass_kg: Mass = None
-    sex: PersonSex = None
-    age_years: Age = None
 
     def to_walks(self, files: Sequence[Path]) -> list[Walk]:
         """One ``Walk`` per file."""
-        return [Walk(file, self.height_m, self.mass_kg, self.sex, self.age_years) for file in files]
+        return [Walk(file, **self.stated) for file in files]
 
 
 @dataclass(frozen=True)
@@ -246,9 +247,7 @@ class EstimateRequest:
 
     def subject_fields(self) -> SubjectFields:
         """Given data of the subject. Raises ``InvalidInput`` naming the invalid option."""
-        stated = asdict(self.walk)
-        del stated["file"]
-        return validate_options(SubjectFields, stated)
+        return self.walk.subject_fields()
 
     def to_input(self, recording_id: str, model: type[Input]) -> Input:
         """Input of a job on this recording. Raises ``InvalidInput`` naming the invalid option."""

@@ -4,17 +4,33 @@ import json
 import os
 import shutil
 import tempfile
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from importlib import import_module
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 import typer
 from pydantic import ValidationError
+from rich.console import Console
 from rich.markup import escape
+from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+from rich.table import Table
 
-from stridelab.errors import Conflict, Fault, InvalidInput
+from stridelab.errors import (
+    Busy,
+    Conflict,
+    Fault,
+    Forbidden,
+    InvalidInput,
+    NotEstimable,
+    NotFound,
+    StridelabError,
+    TooLarge,
+    Unavailable,
+    UnreadableFile,
+)
 from stridelab.schemas.base import Contract, Remark
 from stridelab.schemas.jobs import Artifact, JobResult
 from stridelab.schemas.quality import Quality
@@ -23,21 +39,6 @@ from stridelab.service.jobs.verdict import verdict_of
 if TYPE_CHECKING:
     from stridelab.cli.options import Delivery
     from stridelab.service.kinds.base import Outcome
-from types import MappingProxyType
-
-from rich.console import Console
-from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
-
-from stridelab.errors import (
-    Busy,
-    Forbidden,
-    NotEstimable,
-    NotFound,
-    StridelabError,
-    TooLarge,
-    Unavailable,
-    UnreadableFile,
-)
 
 RESULT_FILE = "result.json"
 REFERENCES_FILE = "references.bib"
@@ -238,6 +239,14 @@ def end_if_contradicted(result: JobResult) -> None:
         raise typer.Exit(CONTRADICTED)
 
 
+def show_rows(rows: Iterable[tuple[str, str]]) -> None:
+    """Print names and values as a table."""
+    table = Table(show_header=False, box=None, pad_edge=False)
+    for name, value in rows:
+        table.add_row(f"[bold]{name}[/]", escape(value))
+    out.print(table)
+
+
 def show_remarks(remarks: list[Remark]) -> None:
     """Print one line per warning, except those that ``show_quality`` prints."""
     for remark in remarks:
@@ -348,6 +357,22 @@ def run_kind(kind: str, title: str, task: Any, folder: Path, **options: Any) -> 
         module = import_module(f"stridelab.service.kinds.{kind.replace('-', '_')}.run")
         outcome: Outcome = module.run(task, folder, bar, **options)
     return outcome
+
+
+def run_in_scratch(
+    kind: str, title: str, stage: Callable[[Path], Any], folder: Path, **options: Any
+) -> tuple[Any, "Outcome"]:
+    """The task that ``stage`` prepares in a temporary folder, and what ``run_kind`` makes of it there.
+
+    Only the result files are moved into ``folder``.
+    """
+    with tempfile.TemporaryDirectory(prefix="stridelab-") as name:
+        work = Path(name)
+        task = stage(work)
+        outcome = run_kind(kind, title, task, work, **options)
+        for artifact in outcome.artifacts:
+            shutil.move(work / artifact.name, folder / artifact.name)
+    return task, outcome
 
 
 def run_here(kind: str, title: str, task: Any, folder: Path, **options: Any) -> JobResult:

@@ -14,12 +14,11 @@ from pathlib import Path
 
 from rich.markup import escape
 
-from stridelab.cli.estimate import estimate_here, require_file, show_estimate
+from stridelab.cli.estimate import collect_recordings, estimate_here, show_estimate
 from stridelab.cli.options import Delivery, EstimateRequest
 from stridelab.cli.results import Bar, err, out, progress_bar, refuse_to_overwrite, result_folder
 from stridelab.errors import Fault, InvalidInput, NotEstimable, StridelabError
 from stridelab.pipelines.session_values import TrialFacts, share_session
-from stridelab.recordings.files.recording_files import recordings_in
 from stridelab.schemas.jobs import JobResult
 from stridelab.schemas.recordings import RecordingFacts
 from stridelab.schemas.sessions import SessionValues
@@ -93,17 +92,7 @@ def recordings_below(paths: Sequence[Path]) -> list[Path]:
 
     Raises ``UnreadableFile`` for a path that does not exist, ``InvalidInput`` (``no-recordings``).
     """
-    files: list[Path] = []
-    for path in paths:
-        if path.is_dir():
-            files += recordings_in(path)
-        else:
-            require_file(path)
-            files.append(path)
-    if not files:
-        named = ", ".join(str(path) for path in paths)
-        raise InvalidInput("no-recordings", f"There is no .c3d, .trc or .zip in {named}.", [Fault("FILES", "nothing")])
-    return list({file.absolute(): file for file in files}.values())
+    return list({file.absolute(): file for file in collect_recordings(paths)}.values())
 
 
 def sessions_of(members: Sequence[Member], *, one_person: bool = False) -> dict[str, str]:

@@ -144,7 +144,8 @@ def gait_report(
         InvalidInput: There is no recording, or a given value is invalid.
         NotEstimable: No recording has a whole step; code and message say what is missing.
     """
-    from stridelab.cli.measures import ReportWalks, collect_recordings, people_in, report_task
+    from stridelab.cli.estimate import collect_recordings
+    from stridelab.cli.measures import ReportWalks, people_in, report_task
 
     def paths_of(given: str | Path | Sequence[str | Path]) -> list[Path]:
         listed = [given] if isinstance(given, str | Path) else given

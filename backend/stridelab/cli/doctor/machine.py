@@ -47,7 +47,7 @@ PACKAGES = [
     "structlog",
     "prometheus_client",
 ]
-MIN_PYTHON, FIRST_UNTESTED_PYTHON = (3, 11), (3, 15)
+MIN_PYTHON, FIRST_UNTESTED_PYTHON = (3, 11), (3, 14)
 
 
 def check_machine() -> bool:
@@ -90,7 +90,7 @@ def report_worker() -> bool:
 def check_python_version(version: tuple[int, int]) -> Check:
     """Check that the project is tested with this version of Python."""
     ok = MIN_PYTHON <= version < FIRST_UNTESTED_PYTHON
-    return Check("Python", ok, f"{version[0]}.{version[1]}", "Use Python 3.11 to 3.14.")
+    return Check("Python", ok, f"{version[0]}.{version[1]}", "Use Python 3.11 to 3.13.")
 
 
 def check_packages(names: list[str] | tuple[str, ...]) -> Check:
