@@ -1,25 +1,13 @@
 """``stridelab estimate`` and ``stridelab simulate``: run the service's jobs here or there and write result folders."""
 
 import shutil
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, get_type_hints
 
 from stridelab.cli.options import Delivery, EstimateRequest, parse_named_value, parse_numbers
-from stridelab.cli.results import (
-    Show,
-    deliver_result,
-    out,
-    run_here,
-    show_files,
-    show_quality,
-    show_remarks,
-    show_rows,
-    validate_options,
-)
-from stridelab.errors import Fault, InvalidInput, UnreadableFile
-from stridelab.recordings.files.recording_files import recordings_in
+from stridelab.cli.results import Show, deliver_result, out, run_here, show_files, show_quality, show_remarks, show_rows
 from stridelab.schemas.jobs import (
     EstimateComInput,
     EstimateComSummary,
@@ -29,6 +17,7 @@ from stridelab.schemas.jobs import (
 )
 from stridelab.schemas.sessions import SessionValues
 from stridelab.schemas.tasks import EstimateComTask, RecordingSource, SimulateRecordingTask
+from stridelab.service.local_runs import require_file, validate_options
 
 TRUTH = "known-truth.parquet"
 
@@ -182,37 +171,3 @@ def run_job(kind: str, title: str, task: Any, folder: Path, delivery: Delivery) 
     from stridelab.cli.remote import run_remotely_as_is
 
     return run_remotely_as_is(kind, title, task.input, folder, delivery)
-
-
-def require_file(path: Path) -> None:
-    """Raise ``UnreadableFile`` unless the path is a file that can be opened."""
-    reasons: tuple[tuple[Callable[[], bool], str], ...] = (
-        (path.exists, "there is no such file"),
-        (path.is_file, "it is not a file"),
-    )
-    for holds, reason in reasons:
-        if not holds():
-            raise UnreadableFile("file-not-found", f"Cannot read {path}: {reason}.", [Fault(str(path), reason)])
-    try:
-        path.open("rb").close()
-    except OSError as error:
-        reason = error.strerror or "it cannot be opened"
-        raise UnreadableFile("file-not-readable", f"Cannot read {path}: {reason}.") from error
-
-
-def collect_recordings(paths: Sequence[Path]) -> list[Path]:
-    """Given files and the recordings in given folders, in their order.
-
-    Raises ``UnreadableFile`` for a path that does not exist, ``InvalidInput`` (``no-recordings``) without any.
-    """
-    files: list[Path] = []
-    for path in paths:
-        if path.is_dir():
-            files += recordings_in(path)
-        else:
-            require_file(path)
-            files.append(path)
-    if not files:
-        named = ", ".join(str(path) for path in paths)
-        raise InvalidInput("no-recordings", f"There is no .c3d, .trc or .zip in {named}.", [Fault("FILES", "nothing")])
-    return files

@@ -1,10 +1,6 @@
 """``stridelab measures`` and ``stridelab report``: measures of gait of the recordings of a person, pooled."""
 
-import contextlib
-import shutil
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from datetime import date
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
@@ -12,33 +8,18 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
-from stridelab.cli.estimate import collect_recordings
 from stridelab.cli.options import BestMethod, Delivery, StatedPerson, Static, with_groups
-from stridelab.cli.results import (
-    RESULT_FILE,
-    Bar,
-    deliver_result,
-    out,
-    run_in_scratch,
-    show_files,
-    show_quality,
-    show_remarks,
-    validate_options,
-    write_result,
-)
-from stridelab.cli.session import share_by_day
+from stridelab.cli.results import Bar, deliver_result, out, run_in_scratch, show_files, show_quality, show_remarks
 from stridelab.errors import UnreadableFile
-from stridelab.schemas.jobs import EstimateComInput, JobResult
+from stridelab.schemas.jobs import JobResult
 from stridelab.schemas.measures import GaitMeasuresInput, GaitReportInput, GaitReportSummary, MeasureValue
 from stridelab.schemas.recordings import RecordingPatch, SubjectFields
 from stridelab.schemas.tasks import (
-    EstimateComTask,
     GaitMeasuresTask,
     GaitReportTask,
-    MeasuresMember,
-    RecordingSource,
-    ReferencePerson,
 )
+from stridelab.service.local_recordings import ReportWalks, people_in, report_task, share_by_day, stage_walks
+from stridelab.service.local_runs import RESULT_FILE, collect_recordings, validate_options, write_result
 
 if TYPE_CHECKING:
     from stridelab.client import Client
@@ -82,30 +63,6 @@ def _measure_here(
     ids = [one.recording_id for one in task.members]
     request = validate_options(GaitMeasuresInput, {"recording_ids": ids, "method": method})
     return write_result(folder, KIND, request, outcome)
-
-
-def stage_walks(
-    paths: Sequence[Path], folder: Path, subject: SubjectFields, method: str | None, static: Path | None = None
-) -> list[MeasuresMember]:
-    """Copy each recording and the static trial of its person into a new subfolder of ``folder``.
-
-    A file that cannot be copied is left out: reading it then states the reason, as for any other recording.
-    """
-    members = []
-    for path in paths:
-        name = f"recording-{len(list(folder.glob('recording-*'))):03d}"
-        (folder / name).mkdir()
-        with contextlib.suppress(OSError):
-            shutil.copyfile(path, folder / name / "trial")
-        source = RecordingSource(file="trial", filename=path.name, subject=subject)
-        static_source = None
-        if static is not None:
-            shutil.copyfile(static, folder / name / "static-trial")
-            static_source = RecordingSource(file="static-trial", filename=static.name)
-        one = validate_options(EstimateComInput, {"recording_id": name, "method": method})
-        task = EstimateComTask(recording=source, static=static_source, input=one)
-        members.append(MeasuresMember(recording_id=name, folder=name, task=task))
-    return members
 
 
 def _measure_there(
@@ -182,61 +139,6 @@ def report_gait(
         return result
 
     deliver_result("report", delivery, compute_result, _show_measures)
-
-
-@dataclass(frozen=True)
-class ReportWalks:
-    """Recordings of the person, of each person of the reference group, and of the person before."""
-
-    person: Sequence[Path]
-    people: Sequence[Sequence[Path]]
-    before: Sequence[Path]
-
-
-def people_in(folder: Path) -> list[list[Path]]:
-    """Recordings of a reference group by person: each subfolder of ``folder``, and each file directly in it.
-
-    Raises ``InvalidInput`` (``no-recordings``) without any.
-    """
-    people: dict[Path, list[Path]] = {}
-    for path in collect_recordings([folder]):
-        people.setdefault(folder / path.relative_to(folder).parts[0] if folder.is_dir() else path, []).append(path)
-    return list(people.values())
-
-
-def report_task(
-    walks: ReportWalks,
-    subject: SubjectFields,
-    fields: Mapping[str, Any],
-    static: Path | None,
-    folder: Path,
-) -> GaitReportTask:
-    """Task of ``gait-report`` with copies of all files in ``folder``; ``fields`` are title and method."""
-    from stridelab.service.kinds.gait_report.kind import stage_logo
-    from stridelab.service.settings import current_settings
-
-    method = fields["method"]
-    people = [share_by_day(stage_walks(paths, folder, SubjectFields(), method), folder) for paths in walks.people]
-    staged = stage_walks([*walks.person, *walks.before], folder, subject, method, static)
-    members = share_by_day(staged, folder)
-    groups = members[: len(walks.person)], members[len(walks.person) :]
-    ids = [[one.recording_id for one in group] for group in groups]
-    request = {
-        **fields,
-        "recording_ids": ids[0],
-        "before_recording_ids": ids[1],
-        "reference_recording_ids": [one.recording_id for person in people for one in person],
-    }
-    settings = current_settings()
-    return GaitReportTask(
-        members=groups[0],
-        before=groups[1],
-        reference=[ReferencePerson(members=person) for person in people],
-        input=validate_options(GaitReportInput, request),
-        created_on=date.today(),
-        lab_name=settings.lab_name,
-        logo=stage_logo(settings, folder),
-    )
 
 
 def _report_here(

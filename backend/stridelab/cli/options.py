@@ -10,13 +10,13 @@ from typing import Annotated, Any, Literal, TypeVar, get_type_hints
 
 import typer
 
-from stridelab.cli.results import validate_options
 from stridelab.errors import Fault, InvalidInput
 from stridelab.schemas.jobs import EstimateComInput
 from stridelab.schemas.marker_sets import SourceMarkerSet
 from stridelab.schemas.methods import NODE_RATE_HZ, Formulation, Method
 from stridelab.schemas.recordings import PlateSwitch, Sex, SubjectFields
 from stridelab.schemas.tasks import RecordingSource
+from stridelab.service.local_runs import validate_options
 
 Lab = Literal["walkway", "two_plates"]
 Walker = Literal["human", "talos"]
@@ -252,17 +252,17 @@ class EstimateRequest:
     def to_input(self, recording_id: str, model: type[Input]) -> Input:
         """Input of a job on this recording. Raises ``InvalidInput`` naming the invalid option."""
         latency, cutoffs, window = self.estimation.latency, self.estimation.cutoffs, self.estimation.window
-        fields = {
+        fields: dict[str, Any] = {
             "recording_id": recording_id,
             "method": self.method,
             "latency": latency if latency in {"report", "apply"} else parse_numbers("--latency", latency, 1)[0],
             "segment_table": self.estimation.segment_table,
             "cutoffs": cutoffs if cutoffs in {"auto", "thesis", "spectra"} else parse_numbers("--cutoffs", cutoffs, 2),
-            "smoother": self._smoother_fields(),
             "window_s": None if window is None else parse_numbers("--window", window, 2),
         }
-        if self.steps is not None:
-            fields["steps"] = self.steps
+        fields |= {
+            name: value for name, value in (("smoother", self._smoother_fields()), ("steps", self.steps)) if value
+        }
         return validate_options(model, fields)
 
     def _smoother_fields(self) -> dict[str, Any] | None:

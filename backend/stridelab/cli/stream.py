@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 import typer
 from rich.markup import escape
 
-from stridelab.cli.estimate import require_file, staged_files
+from stridelab.cli.estimate import staged_files
 from stridelab.cli.options import (
     AsJson,
     Cutoffs,
@@ -28,7 +28,7 @@ from stridelab.cli.options import (
     parse_numbers,
     with_groups,
 )
-from stridelab.cli.results import out, progress_bar, show_rows, validate_options
+from stridelab.cli.results import out, progress_bar, show_rows
 from stridelab.errors import Fault, InvalidInput
 from stridelab.schemas.jobs import EstimateComInput
 from stridelab.schemas.streams import (
@@ -42,6 +42,7 @@ from stridelab.schemas.streams import (
     StreamEstimate,
     StreamSample,
 )
+from stridelab.service.local_runs import require_file, validate_options
 
 if TYPE_CHECKING:
     from stridelab.pipelines.com_inputs import ComInputs

@@ -13,20 +13,8 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
-from stridelab.cli.estimate import require_file
 from stridelab.cli.options import BestMethod, Delivery, StepChoice, with_groups
-from stridelab.cli.results import (
-    Bar,
-    deliver_result,
-    err,
-    out,
-    run_in_scratch,
-    show_files,
-    show_quality,
-    show_remarks,
-    validate_options,
-    write_result,
-)
+from stridelab.cli.results import Bar, deliver_result, err, out, run_in_scratch, show_files, show_quality, show_remarks
 from stridelab.errors import Fault, InvalidInput, UnreadableFile
 from stridelab.recordings.files.batch_zip import BatchLimits, is_batch, unpack_batch
 from stridelab.recordings.files.recording_files import recordings_in
@@ -42,6 +30,7 @@ from stridelab.schemas.population import (
 )
 from stridelab.schemas.recordings import RecordingPatch, SubjectFields
 from stridelab.schemas.tasks import FitCycloidTask, RecordingSource, StudyPopulationTask
+from stridelab.service.local_runs import require_file, validate_options, write_result
 from stridelab.service.subject_table import MatchedFile, TableRow, match_files, read_subject_table
 
 if TYPE_CHECKING:

@@ -8,8 +8,8 @@ from types import FrameType
 import uvicorn
 from fastapi import FastAPI
 
-from stridelab import heartbeat
 from stridelab.errors import InvalidInput, Unavailable
+from stridelab.machine import heartbeat
 from stridelab.service import telemetry
 from stridelab.service.api.app import create_app
 from stridelab.service.api.connection_limits import BACKLOG, ConnectionLimiter, guarded_protocol, raise_file_limit
