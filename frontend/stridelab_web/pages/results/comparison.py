@@ -12,8 +12,8 @@ from starlette.responses import JSONResponse, Response
 from stridelab.schemas.comparison import Axes, CompareEstimatorsSummary, MethodAssessment
 from stridelab.schemas.jobs import JobResult
 from stridelab_web.api_client import client_of
+from stridelab_web.formatting import other_remarks
 from stridelab_web.pages.results.comparison_plots import FIGURES, STYLES
-from stridelab_web.pages.results.quality import VERDICT_CODES
 from stridelab_web.parquet import read_columns
 
 PER_AXIS: Final = ("along", "lateral", "vertical")
@@ -143,7 +143,7 @@ def comparison_of(job_id: str, result: JobResult, chosen: str) -> dict[str, Any]
             if table[1]
         ],
         "remarks": [
-            *(("", remark) for remark in summary.warnings if remark.code not in VERDICT_CODES),
+            *(("", remark) for remark in other_remarks(summary.warnings)),
             *((name, remark) for name, one in summary.methods.items() for remark in one.warnings),
         ],
         "figures": [(name, figure.title, name == key) for name, figure in offered.items()],
