@@ -24,7 +24,14 @@ from stridelab.client.connection import (
 from stridelab.client.errors import ClientError, ProblemError
 from stridelab.client.methods import Endpoints
 from stridelab.client.sse import EventReader
-from stridelab.client.streams import AsyncComStream, AsyncMarkerStream, open_async, open_markers_async
+from stridelab.client.streams import (
+    MARKERS_PATH,
+    STREAM_PATH,
+    Address,
+    AsyncComStream,
+    AsyncMarkerStream,
+    open_async,
+)
 from stridelab.schemas.jobs import FINAL_STATES, Job, JobEvent
 from stridelab.schemas.population import RecordingBatch
 from stridelab.schemas.recordings import Recording, SubjectFields
@@ -44,8 +51,9 @@ class AsyncClient(Endpoints):
         timeout_s: float = 30.0,
         transport: httpx.AsyncBaseTransport | None = None,
     ) -> None:
-        self._timeout_s, self._headers = timeout_s, connection_headers(token)
-        self._http = httpx.AsyncClient(base_url=base_url, headers=self._headers, timeout=timeout_s, transport=transport)
+        self._timeout_s, headers = timeout_s, connection_headers(token)
+        self._http = httpx.AsyncClient(base_url=base_url, headers=headers, timeout=timeout_s, transport=transport)
+        self._address = Address(str(self._http.base_url), headers, timeout_s)
 
     async def __aenter__(self) -> "AsyncClient":  # noqa: PYI034 (beartype cannot check Self here)
         return self
@@ -150,13 +158,13 @@ class AsyncClient(Endpoints):
 
     def stream_com(self, configuration: StreamConfiguration) -> AbstractAsyncContextManager[AsyncComStream]:
         """Online estimation: ``async with lab.stream_com(...) as stream``, then ``await stream.send(samples)``."""
-        return open_async(str(self._http.base_url), self._headers, configuration, self._timeout_s)
+        return open_async(self._address, STREAM_PATH, configuration, AsyncComStream)
 
     def stream_markers(
         self, configuration: MarkerStreamConfiguration
     ) -> AbstractAsyncContextManager[AsyncMarkerStream]:
         """Live balance: ``async with lab.stream_markers(...) as stream``, then ``await stream.send(frame)``."""
-        return open_markers_async(str(self._http.base_url), self._headers, configuration, self._timeout_s)
+        return open_async(self._address, MARKERS_PATH, configuration, AsyncMarkerStream)
 
     async def _send(self, call: endpoints.Call[T]) -> T:
         with self._translate_errors():

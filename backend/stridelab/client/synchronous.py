@@ -26,7 +26,14 @@ from stridelab.client.connection import (
 from stridelab.client.errors import ClientError, ProblemError
 from stridelab.client.methods import Endpoints
 from stridelab.client.sse import EventReader
-from stridelab.client.streams import ComStream, MarkerStream, open_markers_sync, open_sync
+from stridelab.client.streams import (
+    MARKERS_PATH,
+    STREAM_PATH,
+    Address,
+    ComStream,
+    MarkerStream,
+    open_sync,
+)
 from stridelab.schemas.jobs import FINAL_STATES, Job, JobEvent
 from stridelab.schemas.population import RecordingBatch
 from stridelab.schemas.recordings import Recording, SubjectFields
@@ -46,8 +53,9 @@ class Client(Endpoints):
         timeout_s: float = 30.0,
         transport: httpx.BaseTransport | None = None,
     ) -> None:
-        self._timeout_s, self._headers = timeout_s, connection_headers(token)
-        self._http = httpx.Client(base_url=base_url, headers=self._headers, timeout=timeout_s, transport=transport)
+        self._timeout_s, headers = timeout_s, connection_headers(token)
+        self._http = httpx.Client(base_url=base_url, headers=headers, timeout=timeout_s, transport=transport)
+        self._address = Address(str(self._http.base_url), headers, timeout_s)
 
     def __enter__(self) -> "Client":  # noqa: PYI034 (beartype cannot check Self here)
         return self
@@ -152,11 +160,11 @@ class Client(Endpoints):
 
     def stream_com(self, configuration: StreamConfiguration) -> AbstractContextManager[ComStream]:
         """Online estimation: ``with lab.stream_com(...) as stream``, then ``stream.send(samples)``."""
-        return open_sync(str(self._http.base_url), self._headers, configuration, self._timeout_s)
+        return open_sync(self._address, STREAM_PATH, configuration, ComStream)
 
     def stream_markers(self, configuration: MarkerStreamConfiguration) -> AbstractContextManager[MarkerStream]:
         """Live balance: ``with lab.stream_markers(...) as stream``, then ``stream.send(frame)``."""
-        return open_markers_sync(str(self._http.base_url), self._headers, configuration, self._timeout_s)
+        return open_sync(self._address, MARKERS_PATH, configuration, MarkerStream)
 
     def _send(self, call: endpoints.Call[T]) -> T:
         with self._translate_errors():
