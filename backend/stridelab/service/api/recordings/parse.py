@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
+import anyio
 import structlog
 
 from stridelab.errors import Fault, UnreadableFile
@@ -129,12 +130,13 @@ async def run_reader(
     failures: Mapping[str, tuple[str, str]],
     where: str,
     timeout_s: float | None = None,
+    limiter: anyio.CapacityLimiter | None = None,
 ) -> IsolatedOutcome:
-    """Run ``function`` on ``task`` in a confined child within the limits of parsing.
+    """Run ``function`` on ``task`` in a confined child within the limits of parsing, or in turn of ``limiter``.
 
     Raises the error of the child, and ``UnreadableFile`` with one of ``failures`` at the place ``where``.
     """
-    async with parts.parsers:
+    async with limiter or parts.parsers:
         outcome = await parts.pool.run(
             function,
             task,
