@@ -24,8 +24,8 @@ ARROW_M_PER_N: Final = 1 / 1000
 """Length of a force arrow: a body weight of 700 N is 0.7 m long."""
 HEAD_M: Final = 0.08
 """Length of an arrow's head; the shaft ends where it begins."""
-NODE_KINDS: Final = ("points", "bodies", "sticks", "arrows", "ellipsoids", "hoops", "spans", "copies")
-"""Fields of ``Frames`` whose nodes the browser reads as they are, each as a list of its fields."""
+NODE_KINDS: Final = ("points", "bodies", "sticks", "arrows", "ellipsoids", "hoops", "spans")
+"""Fields of ``Frames`` whose moving nodes the browser reads as they are, each as a list of its fields."""
 
 
 class Point(NamedTuple):
@@ -138,6 +138,7 @@ class Frames:
             "time_s": [round(float(t), 6) for t in self.time_s],
             **{kind: getattr(self, kind) for kind in NODE_KINDS},
             "still": [*(track.name for track in self.tracks), *self.still],
+            "copies": self.copies,
             "phase_starts_s": list(self.phase_starts_s),
             "arrow_m_per_n": ARROW_M_PER_N,
             "head_m": HEAD_M,
