@@ -7,7 +7,7 @@ Every variation that did not converge is named with its reason as it comes.
 import json
 import sys
 
-from stridelab.studies.centroidal_variations import (
+from experiments.centroidal_variations import (
     Outcome,
     count_faults,
     outcome_summary,

@@ -15,11 +15,11 @@ from typing import get_args
 
 from pydantic import TypeAdapter
 
+from experiments.climbing_grid import CaseResult, GridReport, climbing_cases, run_grid
 from stridelab.reachability.card import Measure
 from stridelab.reachability.proxy.effector_proxy import Proxy
 from stridelab.reachability.store import load_proxies, read_card
 from stridelab.robots.loader import load_robot
-from stridelab.studies.climbing_grid import CaseResult, GridReport, climbing_cases, run_grid
 
 ROBOT = "talos"
 KEPT: TypeAdapter[GridReport] = TypeAdapter(GridReport)

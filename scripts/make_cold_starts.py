@@ -8,7 +8,7 @@ import json
 import sys
 from pathlib import Path
 
-from stridelab.studies.cold_starts import (
+from experiments.cold_starts import (
     compare_with_oracle,
     moved_problems,
     random_problems,

@@ -16,11 +16,8 @@ from pathlib import Path
 from pydantic import TypeAdapter
 
 import stridelab as sl
-from stridelab.robots.loader import load_robot
-from stridelab.schemas.receding import PushBasinSummary
-from stridelab.studies.execution import CASES, Execution, execute_scenario, replay_motion, whole_body_motion
-from stridelab.studies.replay_estimation import CONDITIONS, LOW_NOISE, replay_estimators
-from stridelab.studies.robustness import (
+from experiments.execution import CASES, Execution, execute_scenario, replay_motion, whole_body_motion
+from experiments.robustness import (
     EXPERIMENTS,
     N_INSTANTS,
     PUSH_NS,
@@ -32,6 +29,9 @@ from stridelab.studies.robustness import (
     scalable_disturbances,
     survival_boundary,
 )
+from stridelab.robots.loader import load_robot
+from stridelab.schemas.receding import PushBasinSummary
+from stridelab.studies.replay_estimation import CONDITIONS, LOW_NOISE, replay_estimators
 from stridelab.wholebody.motion import WholeBodyMotion
 from stridelab.wholebody.replay.disturbances import Disturbances
 
@@ -67,8 +67,8 @@ INTRO = """# Execution of every bundled scenario
 
 Written by `scripts/make_execution.py`. Each scenario is planned with the default densities, followed by the
 whole-body controller at 250 Hz, checked by the certificate and replayed once in the physics simulation. The
-parameters that depend on the robot (its feet, the reach of its hands) are in `studies/execution.py`. The page
-[whole body](whole-body.md) defines the checks of certificate and replay. *Speed* is the duration of the motion
+parameters that depend on the robot (its feet, the reach of its hands) are in `scripts/experiments/execution.py`. The
+page [whole body](whole-body.md) defines the checks of certificate and replay. *Speed* is the duration of the motion
 divided by the processor seconds of the whole-body stage, on one core while the other one was busy.
 """
 

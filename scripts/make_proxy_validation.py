@@ -21,19 +21,19 @@ from sklearn.linear_model import LogisticRegression
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import PolynomialFeatures, StandardScaler
 
+from experiments import proxy_roc
+from experiments.feasibility_learning import learn_feasibility, save_feasibility
+from experiments.random_contacts import LabelledPairs, balance_labels, random_pairs
 from stridelab.reachability.kinematics.ik_ground_truth import ANY_POSTURE, STANDING_POSTURE, ContactBatch, StanceTruth
 from stridelab.reachability.kinematics.whole_body_ik import Target
 from stridelab.reachability.proxy.effector_proxy import Proxy
 from stridelab.reachability.proxy.feasibility_correction import (
     FeasibilityCard,
-    learn_feasibility,
     read_feasibility,
-    save_feasibility,
 )
-from stridelab.reachability.random_contacts import LabelledPairs, balance_labels, random_pairs
 from stridelab.reachability.store import load_proxies
 from stridelab.robots.loader import load_robot
-from stridelab.studies import proxy_accuracy, proxy_roc
+from stridelab.studies import proxy_accuracy
 
 ROOT = Path(__file__).parents[1]
 KEPT, MODELS = ROOT / ".data" / "proxy-validation", ROOT / "models" / "feasibility"

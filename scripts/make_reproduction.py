@@ -16,8 +16,8 @@ import sys
 import time
 from pathlib import Path
 
+from experiments.reproduction_page import render_markdown, replace_sections
 from stridelab.reproduction.registry import ITEMS
-from stridelab.reproduction.report.markdown import render_markdown, replace_sections
 from stridelab.reproduction.result_cache import ResultCache
 from stridelab.reproduction.runner import PEOPLE, QUICK_SEEDS, Section, collect_sections, recipes_of
 

@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from stridelab.contacts.scenarios.bundled import BUNDLED
+from experiments.bundled_scenarios import BUNDLED
 from stridelab.resources import models_dir
 
 NUMBERS = re.compile(r"\[\s+([-+\d.e,\s]+?)\s+\]")

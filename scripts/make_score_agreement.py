@@ -11,10 +11,10 @@ from pathlib import Path
 
 import numpy as np
 
+from experiments.people.movements import MOVEMENTS
+from experiments.score_agreement import Agreement, ScoredDraw, score_agreement, score_draw
 from stridelab.errors import StridelabError
 from stridelab.reproduction.report.svg_plots import Bars, render_svg
-from stridelab.simulation.people.movements import MOVEMENTS
-from stridelab.studies.score_agreement import Agreement, ScoredDraw, score_agreement, score_draw
 
 DOCS = Path(__file__).resolve().parent.parent / "docs"
 PAGE, PICTURE = DOCS / "theory" / "judging-estimators.md", DOCS / "pictures" / "score-agreement.svg"

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from stridelab.cores import cores_per_slot, default_slots, limit_cores, usable_cores
+from stridelab.machine.cores import cores_per_slot, default_slots, limit_cores, usable_cores
 
 NONE = Path("/nonexistent")
 
@@ -59,7 +59,7 @@ def test_the_quota_of_version_1_counts(tmp_path: Path, folder: str, quota_us: in
 
 @pytest.mark.parametrize(("slots", "share"), [(1, 8), (3, 2), (8, 1), (30, 1)])
 def test_a_slot_is_a_share_of_the_cores(monkeypatch: pytest.MonkeyPatch, slots: int, share: int) -> None:
-    monkeypatch.setattr("stridelab.cores._cgroup_quota_cores", lambda *_: float("inf"))
+    monkeypatch.setattr("stridelab.machine.cores._cgroup_quota_cores", lambda *_: float("inf"))
     assert default_slots() == 7
     assert cores_per_slot(slots) == share
     limit_cores(cores_per_slot(slots))

@@ -26,8 +26,8 @@ from typing import Any, Final, TypeVar
 
 from threadpoolctl import threadpool_limits
 
-from stridelab.cores import usable_cores
 from stridelab.errors import NotEstimable, StridelabError, error_of, problem_of
+from stridelab.machine.cores import usable_cores
 
 PROCESSES_MAX: Final = 6
 """Each process uses about 220 MB with a robot and scikit-learn; this number stays below 2 GB with the parent."""

@@ -8,8 +8,7 @@ from stridelab.client import ProblemError, Unreachable
 from stridelab_web import assets
 from stridelab_web.api_client import make_client
 from stridelab_web.config import WebConfig
-from stridelab_web.pages import errors, home, job, lists, recording, reproduction, robot, subject
-from stridelab_web.pages import home as settings
+from stridelab_web.pages import errors, home, job, lists, recording, reproduction, robot
 from stridelab_web.pages.plans import page
 from stridelab_web.pages.render import make_environment
 from stridelab_web.pages.results import comparison, population, reachability, sweep
@@ -46,8 +45,8 @@ def web_routes() -> list[BaseRoute]:
         Route("/", home.home),
         Route("/recordings", lists.recordings_page),
         Route("/recordings/{id}", recording.recording_page),
-        Route("/subjects", subject.subjects_page),
-        Route("/subjects/{id}", subject.subject_page),
+        Route("/subjects", lists.subjects_page),
+        Route("/subjects/{id}", lists.subject_page),
         Route("/scenarios", scenario.scenarios_page),
         Route("/scenarios/new", new_scenario.new_scenario_page),
         Route("/scenarios/new/pictures", new_scenario.course_pictures),
@@ -59,7 +58,7 @@ def web_routes() -> list[BaseRoute]:
         Route("/robots/{name}/reach.json", robot.reach_json),
         Route("/live", home.live_page),
         Route("/sweeps", sweep.sweeps_page),
-        Route("/settings", settings.settings_page),
+        Route("/settings", home.settings_page),
         Route("/jobs", lists.jobs_page),
         Route("/reproduction", reproduction.reproduction_page),
         Route("/jobs/{id}", job.job_page),
@@ -75,7 +74,7 @@ def web_routes() -> list[BaseRoute]:
         Route(f"{scene}/motion.{{form}}", proxy.player_file),
         Route("/view/scene/scenario/{id}/-/touches.json", planner.contacts_json),
         WebSocketRoute(scene, proxy.relay_websocket),
-        Route("/login", settings.login_page),
+        Route("/login", home.login_page),
         Route("/static/plotly.min.js", assets.plotly_script),
         Route(f"{FOLDER}{{name}}", assets.viser_file),
         Mount("/static", assets.OwnFiles(directory=assets.STATIC)),

@@ -1,11 +1,11 @@
 """Formatting of values on the pages, and the filters of the templates."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from datetime import UTC, datetime
 
 from markupsafe import Markup
 
-from stridelab.schemas.base import FaultItem, Problem
+from stridelab.schemas.base import FaultItem, Problem, Remark
 from stridelab.schemas.jobs import FINAL_STATES, Job
 
 
@@ -144,6 +144,8 @@ KINDS = {
 }
 """Titles of the kinds of jobs that are not their codes in words."""
 
+VERDICT_CODES = frozenset({"doubtful", "contradicted"})
+"""Codes of the remark that states the verdict: lists of remarks leave it out."""
 _MARKS = {"failed": "✗ ", "doubtful": "! ", "passed": "✓ "}
 
 _SOLVERS = {"native": "C++, exact cones", "ipopt": "CasADi with ipopt", "fatrop": "CasADi with fatrop"}
@@ -156,6 +158,12 @@ def tab_mark(job: Job) -> str:
     if job.state != "succeeded":
         return ""
     return "✓ " if job.verdict is None else _MARKS[job.verdict.outcome]
+
+
+def other_remarks(remarks: Iterable[Remark | Mapping[str, str]]) -> list[Remark | Mapping[str, str]]:
+    """The remarks of a result, as objects or in JSON, without the one that states the verdict on its sensors."""
+    codes = ((one["code"] if isinstance(one, Mapping) else one.code, one) for one in remarks)
+    return [one for code, one in codes if code not in VERDICT_CODES]
 
 
 def faults_not_in_detail(problem: Problem) -> list[FaultItem]:
@@ -196,6 +204,7 @@ FILTERS = {
     "headline": job_headline,
     "tab_mark": tab_mark,
     "not_in_detail": faults_not_in_detail,
+    "other_remarks": other_remarks,
     "solver": solver_name,
     "short_time": short_time,
 }

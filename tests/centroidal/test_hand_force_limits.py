@@ -6,12 +6,12 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from experiments.bundled_scenarios import hrp2_stairs_with_rail
 from stridelab.centroidal.boundary_conditions import PathBounds
 from stridelab.centroidal.hand_force_limits import MIN_BOUND_N, TORQUE_SHARE, hand_bounds_n, max_normal_force_n
 from stridelab.centroidal.solver import solve
 from stridelab.contacts.effector_geometry import effector_shapes
 from stridelab.contacts.scenario_io import sequence_of
-from stridelab.contacts.scenarios.bundled import hrp2_stairs_with_rail
 from stridelab.contacts.scenarios.stairs import flat_walk
 from stridelab.contacts.sequence import Contact
 from stridelab.dynamics.spatial import Placement

@@ -9,8 +9,8 @@ from typer.testing import CliRunner
 from stridelab.cli.app import app
 from stridelab.cli.contacts import task_of
 from stridelab.cli.results import EXIT_CODES
-from stridelab.cli.scenario_files import bundled_names, read_document, read_scenario
 from stridelab.errors import InvalidInput
+from stridelab.pipelines.scenario_files import bundled_names, read_document, read_scenario
 from stridelab.schemas.jobs import JobResult
 from support.robots.scenario_bodies import box, planks, task
 

@@ -9,12 +9,12 @@ import pytest
 
 from stridelab.cli.estimate import estimate_recording, simulate_walk
 from stridelab.cli.options import Delivery, EstimateRequest, Estimation, Preparation, Walk
-from stridelab.cli.results import write_result
 from stridelab.errors import InvalidInput, NotEstimable, UnreadableFile
 from stridelab.recordings.files.c3d_writer import write_c3d
 from stridelab.recordings.reader import read_recording
 from stridelab.schemas.jobs import EstimateComInput, EstimateComSummary, JobResult
 from stridelab.service.kinds.estimate_com import run as estimate_com
+from stridelab.service.local_runs import write_result
 from support.command_line import SAMPLE, estimate_task, quiet
 from support.recordings.body_model_files import rocking_members, write_zip
 from support.recordings.export_files import write_trc

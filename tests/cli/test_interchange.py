@@ -11,8 +11,8 @@ from typer.testing import CliRunner
 from stridelab.cli.app import app
 from stridelab.cli.contacts import MAX_DOCUMENT_BYTES
 from stridelab.cli.results import EXIT_CODES
-from stridelab.cli.scenario_files import bundled_names, read_scenario
 from stridelab.errors import Conflict, InvalidInput, NotFound, StridelabError, TooLarge, UnreadableFile
+from stridelab.pipelines.scenario_files import bundled_names, read_scenario
 
 Document = dict[str, Any]
 

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from stridelab.cli.results import RESULT_FILE, result_folder
 from stridelab.errors import Conflict, InvalidInput
+from stridelab.service.local_runs import RESULT_FILE, result_folder
 
 
 def fill(folder: Path, text: str) -> None:

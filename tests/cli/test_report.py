@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 import stridelab as sl
-from stridelab.cli.measures import people_in
 from stridelab.errors import InvalidInput
+from stridelab.service.local_recordings import people_in
 from support.command_line import SAMPLE, Run
 
 TRIAL = SAMPLE / "recording.c3d"

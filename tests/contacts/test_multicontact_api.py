@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from experiments.bundled_scenarios import BUNDLED
 from stridelab.contacts.effector_geometry import effector_shapes
 from stridelab.contacts.multicontact_api import from_multicontact, to_multicontact
 from stridelab.contacts.scenario_io import scenario_of, sequence_of
-from stridelab.contacts.scenarios.bundled import BUNDLED
 from stridelab.contacts.scenarios.stairs import stairs_with_rail
 from stridelab.errors import InvalidInput
 from stridelab.schemas.scenarios import Scenario

@@ -5,9 +5,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from experiments.bundled_scenarios import BUNDLED
 from stridelab.contacts.effector_geometry import effector_shapes
 from stridelab.contacts.scenario_io import scenario_of, sequence_of
-from stridelab.contacts.scenarios.bundled import BUNDLED
 from stridelab.contacts.sequence import ContactSequence
 from stridelab.contacts.terrain import Box, Rail
 from stridelab.errors import InvalidInput

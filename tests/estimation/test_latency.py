@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
+from experiments.people.sensors import draw_recording
 from stridelab.body.geometric_com import GeometricCom
 from stridelab.errors import NotEstimable
 from stridelab.estimation.differentiation import low_pass
 from stridelab.estimation.latency import REPEATABILITY_SD_S, estimate_latency, repeated_sd_s
 from stridelab.recordings.recording import Window, WrenchTrack
-from stridelab.simulation.people.sensors import draw_recording
 from support.recordings.analytic_motions import Harmonics, Motion, uniform, walk
 
 WINDOW = Window(0.5, 1.5)

@@ -18,8 +18,9 @@ from fastapi import APIRouter, FastAPI
 from fastapi.routing import APIRoute
 from sqlalchemy.ext.asyncio import AsyncEngine
 
+from experiments import bundled_scenarios as bundled
 from stridelab.contacts.effector_geometry import effector_shapes
-from stridelab.contacts.scenarios import bundled, stairs
+from stridelab.contacts.scenarios import stairs
 from stridelab.contacts.validation.validate import validate_scenario
 from stridelab.estimation.estimator import ComEstimator
 from stridelab.recordings.marker_sets import identify, marker_sets, parse_marker_set

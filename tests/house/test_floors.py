@@ -22,19 +22,18 @@ from support.docs.book import (
     room_of,
 )
 
-ALLOWED: dict[str, set[str]] = {room: set() for room in GROUND} | {"parallel": GROUND}
+ALLOWED: dict[str, set[str]] = {room: set() for room in GROUND} | {"parallel": GROUND, "machine": {"machine"}}
 for wing in (WINGS, ROBOT_WING):
     for floor, room in enumerate(wing):
         ALLOWED[room] = GROUND | set(wing[: floor + 1])
-ALLOWED["heartbeat"] = set()
 for floor, room in enumerate(STUDIES):
     ALLOWED[room] = SCIENCE | set(STUDIES[: floor + 1])
 ALLOWED["schemas"] = {"schemas"}
 ALLOWED["client"] = {"schemas", "client"}
 ALLOWED["pipelines"] = NUMERIC | {"schemas", "pipelines"}
-ALLOWED["service"] = NUMERIC | {"schemas", "client", "heartbeat", "pipelines", "service"}
+ALLOWED["service"] = NUMERIC | {"schemas", "client", "pipelines", "service"}
 ALLOWED["cli"] = NUMERIC | {"schemas", "client", "pipelines", "service", "cli"}
-ALLOWED["library"] = ALLOWED["cli"] | {"library"}
+ALLOWED["library"] = ALLOWED["service"] | {"library"}
 
 WEB = {
     "fastapi",
@@ -86,7 +85,7 @@ def test_the_frontend_knows_the_backend_by_http_only(path: Path) -> None:
     for name in imports(path):
         top, _, rest = name.partition(".")
         if top == "stridelab":
-            assert rest.partition(".")[0] in {"client", "schemas", "heartbeat", "__version__"}, (
+            assert rest.partition(".")[0] in {"client", "schemas", "machine", "__version__"}, (
                 f"the frontend must not import {name}"
             )
 

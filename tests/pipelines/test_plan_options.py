@@ -8,6 +8,7 @@ import pyarrow.parquet as pq
 import pytest
 from pydantic import ValidationError
 
+from experiments.bundled_scenarios import BUNDLED
 from stridelab.centroidal.contact_wrench import ContactWrench
 from stridelab.centroidal.control import Control
 from stridelab.centroidal.nlp.callbacks import Iterate, IterationCallback
@@ -16,7 +17,6 @@ from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.centroidal.point_forces import PYRAMIDS, CircularCones
 from stridelab.centroidal.problem import CentroidalProblem
 from stridelab.centroidal.solver import solve
-from stridelab.contacts.scenarios.bundled import BUNDLED
 from stridelab.errors import NotEstimable
 from stridelab.pipelines import plan_centroidal, plan_problem
 from stridelab.schemas.plans import PlanMotionSummary

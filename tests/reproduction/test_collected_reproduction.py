@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from experiments.reproduction_page import COLUMNS, render_markdown, replace_sections
 from stridelab.conventions import Progress
 from stridelab.errors import NotEstimable
 from stridelab.reproduction import result_cache
@@ -17,7 +18,6 @@ from stridelab.reproduction.claims import WORDS, Claim, Reproduction, target
 from stridelab.reproduction.registry import ITEMS
 from stridelab.reproduction.report.formatting import count_outcomes, table_cells
 from stridelab.reproduction.report.html import render_html
-from stridelab.reproduction.report.markdown import COLUMNS, render_markdown, replace_sections
 from stridelab.reproduction.result_cache import ResultCache
 from stridelab.reproduction.runner import PEOPLE, Recipe, Section, collect_sections, recipes_of
 

@@ -5,14 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from stridelab.centroidal.problem import CentroidalProblem
-from stridelab.contacts.effector_geometry import effector_shapes
-from stridelab.contacts.scenario_io import sequence_of as judged_sequence
-from stridelab.contacts.scenarios.parts import TALOS
-from stridelab.contacts.scenarios.stairs import long_stride
-from stridelab.errors import InvalidInput
-from stridelab.studies import centroidal_variations as module
-from stridelab.studies.centroidal_variations import (
+from experiments import centroidal_variations as module
+from experiments.centroidal_variations import (
     EXPERIMENTS,
     FRICTION,
     HEIGHT_M,
@@ -31,6 +25,12 @@ from stridelab.studies.centroidal_variations import (
     solve_variations,
     unvalidated_sequence,
 )
+from stridelab.centroidal.problem import CentroidalProblem
+from stridelab.contacts.effector_geometry import effector_shapes
+from stridelab.contacts.scenario_io import sequence_of as judged_sequence
+from stridelab.contacts.scenarios.parts import TALOS
+from stridelab.contacts.scenarios.stairs import long_stride
+from stridelab.errors import InvalidInput
 
 SHORT = Variation("stride", TALOS, 0.7, 1.0, 0.0, 0.5, 3)
 

@@ -13,15 +13,7 @@ import numpy as np
 import psutil
 import pytest
 
-from stridelab.contacts.effector_geometry import effector_shapes
-from stridelab.contacts.scenarios.stairs import flat_walk
-from stridelab.contacts.validation.validate import validate_scenario
-from stridelab.reachability.gaussian_mixture import Mixture
-from stridelab.reachability.proxy.effector_proxy import Proxy
-from stridelab.robots.loader import load_robot
-from stridelab.robots.robot import Robot
-from stridelab.schemas.scenarios import Scenario
-from stridelab.studies.climbing_grid import (
+from experiments.climbing_grid import (
     FAST,
     FLIGHTS,
     RAILS,
@@ -35,6 +27,14 @@ from stridelab.studies.climbing_grid import (
     run_grid,
     stairs_case,
 )
+from stridelab.contacts.effector_geometry import effector_shapes
+from stridelab.contacts.scenarios.stairs import flat_walk
+from stridelab.contacts.validation.validate import validate_scenario
+from stridelab.reachability.gaussian_mixture import Mixture
+from stridelab.reachability.proxy.effector_proxy import Proxy
+from stridelab.robots.loader import load_robot
+from stridelab.robots.robot import Robot
+from stridelab.schemas.scenarios import Scenario
 from stridelab.wholebody.certificate.certificate import Check
 
 WAIT_S = 60.0
@@ -139,7 +139,9 @@ def test_what_crashes_is_recorded_and_takes_nothing_else_along(talos: Robot) -> 
 
 
 def test_processes_end_with_a_parent_that_is_killed(tmp_path: Path) -> None:
-    environment = {**os.environ, "NOTED": str(tmp_path), "PYTHONPATH": str(Path(__file__).parents[1])}
+    root = Path(__file__).parents[2]
+    folders = [str(root / "tests"), str(root / "scripts")]
+    environment = {**os.environ, "NOTED": str(tmp_path), "PYTHONPATH": os.pathsep.join(folders)}
     parent = subprocess.Popen([sys.executable, "-m", "support.parallel_work", "grid"], env=environment)
     try:
         assert until(lambda: any(tmp_path.iterdir()))

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from stridelab.studies.climbing_grid import CaseResult, GridReport, climbing_cases
+from experiments.climbing_grid import CaseResult, GridReport, climbing_cases
 from stridelab.wholebody.certificate.certificate import Check
 
 SCRIPT = Path(__file__).parents[2] / "scripts" / "make_climbing_grid.py"

@@ -6,11 +6,7 @@ from itertools import islice
 import numpy as np
 import pytest
 
-from stridelab.centroidal.native.availability import NativeUnavailable, native_availability
-from stridelab.centroidal.solver import solve
-from stridelab.contacts.sequence import ContactPhase
-from stridelab.dynamics.spatial import Placement
-from stridelab.studies.cold_starts import (
+from experiments.cold_starts import (
     compare_with_oracle,
     mirror_sequence,
     moved_problems,
@@ -20,6 +16,10 @@ from stridelab.studies.cold_starts import (
     summary_by_kind,
     transform_sequence,
 )
+from stridelab.centroidal.native.availability import NativeUnavailable, native_availability
+from stridelab.centroidal.solver import solve
+from stridelab.contacts.sequence import ContactPhase
+from stridelab.dynamics.spatial import Placement
 from support.oracles.feasibility import exists
 from support.robots.sequences import bundled
 

@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import pytest
 
+from experiments.bundled_scenarios import BUNDLED
+from experiments.execution import CASES, Execution
+from experiments.robustness import BISECTIONS, fixed_disturbances, scalable_disturbances, survival_boundary
 from stridelab.contacts.effector_geometry import effector_shapes
 from stridelab.contacts.scenario_io import sequence_of
-from stridelab.contacts.scenarios.bundled import BUNDLED
-from stridelab.studies.execution import CASES, Execution
-from stridelab.studies.robustness import BISECTIONS, fixed_disturbances, scalable_disturbances, survival_boundary
 from stridelab.wholebody.certificate.certificate import Check
 from stridelab.wholebody.replay.disturbances import UNDISTURBED
 

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 from scipy.stats import chi2, mannwhitneyu
 
+from experiments.proxy_roc import box_depth_m, regression_features, roc_area, roc_area_sd, roc_areas
+from experiments.random_contacts import LabelledPairs, random_pairs
 from stridelab.dynamics.spatial import Placement
 from stridelab.reachability.gaussian_mixture import Mixture
 from stridelab.reachability.kinematics.ik_ground_truth import (
@@ -19,13 +21,11 @@ from stridelab.reachability.kinematics.whole_body_ik import Target
 from stridelab.reachability.learning.kde import KernelDensity, held_out_bandwidth_m
 from stridelab.reachability.proxy.effector_proxy import Proxy
 from stridelab.reachability.proxy.feasibility_correction import load_feasibility
-from stridelab.reachability.random_contacts import LabelledPairs, random_pairs
 from stridelab.reachability.standing_conditions import axis_rotations
 from stridelab.reachability.store import load_card, load_proxies
 from stridelab.reproduction.chapter4.fig_4_5 import comparison_table, figure_claims, stack_svgs
 from stridelab.robots.loader import load_robot
 from stridelab.studies.proxy_accuracy import BANDWIDTH_M, Truth, compare_densities, four_stances, stair_contacts
-from stridelab.studies.proxy_roc import box_depth_m, regression_features, roc_area, roc_area_sd, roc_areas
 
 
 @pytest.fixture(scope="module")

@@ -5,7 +5,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from stridelab.studies.score_agreement import ESTIMATORS, ScoredDraw, score_agreement, score_draw
+from experiments.score_agreement import ESTIMATORS, ScoredDraw, score_agreement, score_draw
 
 NAMES = tuple("abcde")
 

@@ -4,11 +4,8 @@ from dataclasses import replace
 
 import pytest
 
-from stridelab.contacts.effector_geometry import effector_shapes
-from stridelab.contacts.scenario_io import sequence_of
-from stridelab.schemas.scenarios import Scenario
-from stridelab.studies import stair_variations as stairs
-from stridelab.studies.stair_variations import (
+from experiments import stair_variations as stairs
+from experiments.stair_variations import (
     Attempt,
     SearchResult,
     Variation,
@@ -17,6 +14,9 @@ from stridelab.studies.stair_variations import (
     run_variation,
     search_alternatives,
 )
+from stridelab.contacts.effector_geometry import effector_shapes
+from stridelab.contacts.scenario_io import sequence_of
+from stridelab.schemas.scenarios import Scenario
 from stridelab.wholebody.certificate.certificate import Check
 
 REFUSED = Attempt("certificate", "a 3 > 2 m")

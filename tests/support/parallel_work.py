@@ -115,8 +115,8 @@ class Endless(dict[str, Any]):
 
 def run_endless_grid() -> None:
     """Run a grid of climbs whose only case never ends."""
+    from experiments.climbing_grid import Case, run_grid
     from stridelab.robots.loader import load_robot
-    from stridelab.studies.climbing_grid import Case, run_grid
 
     run_grid(load_robot("talos"), {}, [Case("endless", "stairs", Endless())], processes=1)
 

@@ -14,16 +14,7 @@ from rich.table import Table
 
 from stridelab.cli.estimate import deliver_estimate
 from stridelab.cli.options import Delivery, EstimateRequest, with_groups
-from stridelab.cli.results import (
-    deliver_result,
-    out,
-    run_kind,
-    show_files,
-    show_quality,
-    show_remarks,
-    validate_options,
-    write_result,
-)
+from stridelab.cli.results import deliver_result, out, run_kind, show_files, show_quality, show_remarks
 from stridelab.cli.study_population import StudyFiles, collect_files, repeated_files, upload_and_run
 from stridelab.errors import Fault, InvalidInput, StridelabError
 from stridelab.pipelines.progress import ItemMap, Json
@@ -40,6 +31,7 @@ from stridelab.schemas.jobs import EstimateComInput, JobResult
 from stridelab.schemas.methods import METHODS
 from stridelab.schemas.population import LeftOut
 from stridelab.schemas.tasks import BenchMember, ComBenchTask, CompareEstimatorsTask, EstimateComTask, RecordingSource
+from stridelab.service.local_runs import validate_options, write_result
 from stridelab.service.subject_table import MatchedFile
 
 BENCH: Final = "com-bench"

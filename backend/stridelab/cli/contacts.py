@@ -13,16 +13,17 @@ from rich.markup import escape
 
 from stridelab.cli.estimate import run_job
 from stridelab.cli.options import Delivery, ScenarioName, with_groups
-from stridelab.cli.results import deliver_result, out, show_files, show_remarks, write_file
-from stridelab.cli.scenario_files import read_document, read_json, read_scenario, validate_document
+from stridelab.cli.results import deliver_result, out, show_files, show_remarks
 from stridelab.contacts.effector_geometry import effector_shapes
 from stridelab.errors import Fault, InvalidInput
 from stridelab.pipelines.compose_course import compose_course
+from stridelab.pipelines.scenario_files import read_document, read_json, read_scenario, validate_document
 from stridelab.schemas.base import Remark
 from stridelab.schemas.courses import Course
 from stridelab.schemas.jobs import JobResult
 from stridelab.schemas.plans import PlanContactsInput, PlanContactsSummary, PlanContactsTask
 from stridelab.schemas.scenarios import Scenario
+from stridelab.service.local_runs import write_file
 
 PHASE_OF_END: Final = {"start": 0, "goal": -1}
 """Indices of the scenario phases that are start and goal of a task."""

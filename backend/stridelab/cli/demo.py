@@ -13,9 +13,10 @@ from rich.table import Table
 from stridelab.cli.estimate import estimate_here, show_estimate
 from stridelab.cli.options import EstimateRequest, Walk
 from stridelab.cli.plan_motion import PlanRequest, plan_here, show_plan
-from stridelab.cli.results import out, refuse_to_overwrite, result_folder
+from stridelab.cli.results import out
 from stridelab.errors import Unavailable
 from stridelab.resources import models_dir
+from stridelab.service.local_runs import refuse_to_overwrite, result_folder
 
 WALK, CLIMB = "walk", "climb"
 """Folders of the two results."""

@@ -1,26 +1,13 @@
 """``stridelab estimate`` and ``stridelab simulate``: run the service's jobs here or there and write result folders."""
 
 import shutil
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, get_type_hints
 
-from rich.markup import escape
-from rich.table import Table
-
 from stridelab.cli.options import Delivery, EstimateRequest, parse_named_value, parse_numbers
-from stridelab.cli.results import (
-    Show,
-    deliver_result,
-    out,
-    run_here,
-    show_files,
-    show_quality,
-    show_remarks,
-    validate_options,
-)
-from stridelab.errors import Fault, UnreadableFile
+from stridelab.cli.results import Show, deliver_result, out, run_here, show_files, show_quality, show_remarks, show_rows
 from stridelab.schemas.jobs import (
     EstimateComInput,
     EstimateComSummary,
@@ -30,6 +17,7 @@ from stridelab.schemas.jobs import (
 )
 from stridelab.schemas.sessions import SessionValues
 from stridelab.schemas.tasks import EstimateComTask, RecordingSource, SimulateRecordingTask
+from stridelab.service.local_runs import require_file, validate_options
 
 TRUTH = "known-truth.parquet"
 
@@ -141,10 +129,7 @@ def show_estimate(result: JobResult, target: Path) -> None:
     """Print the summary as a table."""
     summary = EstimateComSummary.model_validate(result.summary)
     show_quality(summary.quality, summary.warnings)
-    table = Table(show_header=False, box=None, pad_edge=False)
-    for name, value in _summary_rows(summary):
-        table.add_row(f"[bold]{name}[/]", escape(value))
-    out.print(table)
+    show_rows(_summary_rows(summary))
     show_remarks(summary.warnings)
     show_files(result, target)
 
@@ -186,19 +171,3 @@ def run_job(kind: str, title: str, task: Any, folder: Path, delivery: Delivery) 
     from stridelab.cli.remote import run_remotely_as_is
 
     return run_remotely_as_is(kind, title, task.input, folder, delivery)
-
-
-def require_file(path: Path) -> None:
-    """Raise ``UnreadableFile`` unless the path is a file that can be opened."""
-    reasons: tuple[tuple[Callable[[], bool], str], ...] = (
-        (path.exists, "there is no such file"),
-        (path.is_file, "it is not a file"),
-    )
-    for holds, reason in reasons:
-        if not holds():
-            raise UnreadableFile("file-not-found", f"Cannot read {path}: {reason}.", [Fault(str(path), reason)])
-    try:
-        path.open("rb").close()
-    except OSError as error:
-        reason = error.strerror or "it cannot be opened"
-        raise UnreadableFile("file-not-readable", f"Cannot read {path}: {reason}.") from error

@@ -15,20 +15,13 @@ from rich.table import Table
 
 from stridelab.cli.estimate import run_job
 from stridelab.cli.options import Delivery, PostureMeasure, with_groups
-from stridelab.cli.results import (
-    FAILURE,
-    deliver_result,
-    out,
-    progress_bar,
-    show_files,
-    show_remarks,
-    validate_options,
-)
+from stridelab.cli.results import FAILURE, deliver_result, out, progress_bar, show_files, show_remarks
 from stridelab.errors import Conflict, Fault, InvalidInput, NotFound
 from stridelab.resources import ROBOTS_VARIABLE, add_models_folder
 from stridelab.schemas.jobs import JobResult
 from stridelab.schemas.plans import LearnReachabilityInput, LearnReachabilitySummary, LearnReachabilityTask
 from stridelab.schemas.robots import NAME_PATTERN, CommissionRobotInput, CommissionRobotSummary
+from stridelab.service.local_runs import validate_options
 
 if TYPE_CHECKING:
     from stridelab.robots.proposal.propose import Proposal

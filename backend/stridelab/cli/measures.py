@@ -1,11 +1,6 @@
 """``stridelab measures`` and ``stridelab report``: measures of gait of the recordings of a person, pooled."""
 
-import contextlib
-import shutil
-import tempfile
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
-from datetime import date
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
@@ -13,34 +8,18 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
-from stridelab.cli.estimate import require_file
 from stridelab.cli.options import BestMethod, Delivery, StatedPerson, Static, with_groups
-from stridelab.cli.results import (
-    RESULT_FILE,
-    Bar,
-    deliver_result,
-    out,
-    run_kind,
-    show_files,
-    show_quality,
-    show_remarks,
-    validate_options,
-    write_result,
-)
-from stridelab.cli.session import share_by_day
-from stridelab.errors import Fault, InvalidInput, UnreadableFile
-from stridelab.recordings.files.recording_files import recordings_in
-from stridelab.schemas.jobs import EstimateComInput, JobResult
+from stridelab.cli.results import Bar, deliver_result, out, run_in_scratch, show_files, show_quality, show_remarks
+from stridelab.errors import UnreadableFile
+from stridelab.schemas.jobs import JobResult
 from stridelab.schemas.measures import GaitMeasuresInput, GaitReportInput, GaitReportSummary, MeasureValue
 from stridelab.schemas.recordings import RecordingPatch, SubjectFields
 from stridelab.schemas.tasks import (
-    EstimateComTask,
     GaitMeasuresTask,
     GaitReportTask,
-    MeasuresMember,
-    RecordingSource,
-    ReferencePerson,
 )
+from stridelab.service.local_recordings import ReportWalks, people_in, report_task, share_by_day, stage_walks
+from stridelab.service.local_runs import RESULT_FILE, collect_recordings, validate_options, write_result
 
 if TYPE_CHECKING:
     from stridelab.client import Client
@@ -61,7 +40,7 @@ def measure_gait(
     delivery: Delivery,
 ) -> None:
     """Measure margins of stability, steps, energy, work of the legs and angular momentum; needs no server."""
-    subject = validate_options(SubjectFields, asdict(person))
+    subject = person.subject_fields()
 
     def compute_result(folder: Path) -> JobResult:
         paths = collect_recordings(files)
@@ -72,61 +51,18 @@ def measure_gait(
     deliver_result("measures", delivery, compute_result, _show_measures)
 
 
-def collect_recordings(given: Sequence[Path]) -> list[Path]:
-    """Given files and the recordings in given folders. Raises ``InvalidInput`` (``no-recordings``) without any."""
-    paths: list[Path] = []
-    for path in given:
-        if path.is_dir():
-            paths += recordings_in(path)
-        else:
-            require_file(path)
-            paths.append(path)
-    if not paths:
-        named = ", ".join(str(path) for path in given)
-        raise InvalidInput("no-recordings", f"There is no recording in {named}.", [Fault("FILES", "nothing")])
-    return paths
-
-
 def _measure_here(
     paths: Sequence[Path], static: Path | None, subject: SubjectFields, method: str | None, folder: Path
 ) -> JobResult:
     """Run the job's own function in this process."""
-    members = share_by_day(stage_walks(paths, folder, subject, method, static), folder)
-    ids = [one.recording_id for one in members]
+
+    def stage_members(work: Path) -> GaitMeasuresTask:
+        return GaitMeasuresTask(members=share_by_day(stage_walks(paths, work, subject, method, static), work))
+
+    task, outcome = run_in_scratch(KIND, "measures", stage_members, folder)
+    ids = [one.recording_id for one in task.members]
     request = validate_options(GaitMeasuresInput, {"recording_ids": ids, "method": method})
-    outcome = run_kind(KIND, "measures", GaitMeasuresTask(members=members), folder)
-    _remove_subfolders(folder)
     return write_result(folder, KIND, request, outcome)
-
-
-def stage_walks(
-    paths: Sequence[Path], folder: Path, subject: SubjectFields, method: str | None, static: Path | None = None
-) -> list[MeasuresMember]:
-    """Copy each recording and the static trial of its person into a new subfolder of ``folder``.
-
-    A file that cannot be copied is left out: reading it then states the reason, as for any other recording.
-    """
-    members = []
-    for path in paths:
-        name = f"recording-{len(list(folder.glob('recording-*'))):03d}"
-        (folder / name).mkdir()
-        with contextlib.suppress(OSError):
-            shutil.copyfile(path, folder / name / "trial")
-        source = RecordingSource(file="trial", filename=path.name, subject=subject)
-        static_source = None
-        if static is not None:
-            shutil.copyfile(static, folder / name / "static-trial")
-            static_source = RecordingSource(file="static-trial", filename=static.name)
-        one = validate_options(EstimateComInput, {"recording_id": name, "method": method})
-        task = EstimateComTask(recording=source, static=static_source, input=one)
-        members.append(MeasuresMember(recording_id=name, folder=name, task=task))
-    return members
-
-
-def _remove_subfolders(folder: Path) -> None:
-    for one in folder.iterdir():
-        if one.is_dir():
-            shutil.rmtree(one)
 
 
 def _measure_there(
@@ -185,7 +121,7 @@ def report_gait(
     delivery: Delivery,
 ) -> None:
     """Write a report on the gait of a person as one page of HTML, and as PDF; needs no server."""
-    subject = validate_options(SubjectFields, asdict(person))
+    subject = person.subject_fields()
     walks = ReportWalks(
         collect_recordings(files),
         [] if reference is None else people_in(reference),
@@ -205,61 +141,6 @@ def report_gait(
     deliver_result("report", delivery, compute_result, _show_measures)
 
 
-@dataclass(frozen=True)
-class ReportWalks:
-    """Recordings of the person, of each person of the reference group, and of the person before."""
-
-    person: Sequence[Path]
-    people: Sequence[Sequence[Path]]
-    before: Sequence[Path]
-
-
-def people_in(folder: Path) -> list[list[Path]]:
-    """Recordings of a reference group by person: each subfolder of ``folder``, and each file directly in it.
-
-    Raises ``InvalidInput`` (``no-recordings``) without any.
-    """
-    people: dict[Path, list[Path]] = {}
-    for path in collect_recordings([folder]):
-        people.setdefault(folder / path.relative_to(folder).parts[0] if folder.is_dir() else path, []).append(path)
-    return list(people.values())
-
-
-def report_task(
-    walks: ReportWalks,
-    subject: SubjectFields,
-    fields: Mapping[str, Any],
-    static: Path | None,
-    folder: Path,
-) -> GaitReportTask:
-    """Task of ``gait-report`` with copies of all files in ``folder``; ``fields`` are title and method."""
-    from stridelab.service.kinds.gait_report.kind import stage_logo
-    from stridelab.service.settings import current_settings
-
-    method = fields["method"]
-    people = [share_by_day(stage_walks(paths, folder, SubjectFields(), method), folder) for paths in walks.people]
-    staged = stage_walks([*walks.person, *walks.before], folder, subject, method, static)
-    members = share_by_day(staged, folder)
-    groups = members[: len(walks.person)], members[len(walks.person) :]
-    ids = [[one.recording_id for one in group] for group in groups]
-    request = {
-        **fields,
-        "recording_ids": ids[0],
-        "before_recording_ids": ids[1],
-        "reference_recording_ids": [one.recording_id for person in people for one in person],
-    }
-    settings = current_settings()
-    return GaitReportTask(
-        members=groups[0],
-        before=groups[1],
-        reference=[ReferencePerson(members=person) for person in people],
-        input=validate_options(GaitReportInput, request),
-        created_on=date.today(),
-        lab_name=settings.lab_name,
-        logo=stage_logo(settings, folder),
-    )
-
-
 def _report_here(
     walks: ReportWalks,
     subject: SubjectFields,
@@ -268,11 +149,10 @@ def _report_here(
     folder: Path,
     _delivery: Delivery,
 ) -> JobResult:
-    with tempfile.TemporaryDirectory(prefix="stridelab-") as files:
-        task = report_task(walks, subject, fields, static, Path(files))
-        outcome = run_kind(REPORT_KIND, "report", task, Path(files))
-        for artifact in outcome.artifacts:
-            shutil.move(Path(files) / artifact.name, folder / artifact.name)
+    def stage_report(work: Path) -> GaitReportTask:
+        return report_task(walks, subject, fields, static, work)
+
+    task, outcome = run_in_scratch(REPORT_KIND, "report", stage_report, folder)
     return write_result(folder, REPORT_KIND, task.input, outcome)
 
 

@@ -3,20 +3,20 @@
 import shutil
 import zipfile
 from collections.abc import Callable, Sequence
-from dataclasses import MISSING, asdict, dataclass, field, fields, is_dataclass
+from dataclasses import MISSING, dataclass, field, fields, is_dataclass
 from inspect import Parameter, Signature, signature
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar, get_type_hints
 
 import typer
 
-from stridelab.cli.results import validate_options
 from stridelab.errors import Fault, InvalidInput
 from stridelab.schemas.jobs import EstimateComInput
 from stridelab.schemas.marker_sets import SourceMarkerSet
 from stridelab.schemas.methods import NODE_RATE_HZ, Formulation, Method
 from stridelab.schemas.recordings import PlateSwitch, Sex, SubjectFields
 from stridelab.schemas.tasks import RecordingSource
+from stridelab.service.local_runs import validate_options
 
 Lab = Literal["walkway", "two_plates"]
 Walker = Literal["human", "talos"]
@@ -92,7 +92,7 @@ Server = Annotated[str | None, typer.Option("--server", help="Run on this servic
 Token = Annotated[str | None, typer.Option("--token", envvar="STRIDELAB_API_TOKEN", help="Its API token.")]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class StatedPerson:
     """The given data of the subject of a command's recordings."""
 
@@ -101,31 +101,32 @@ class StatedPerson:
     sex: PersonSex = None
     age_years: Age = None
 
+    @property
+    def stated(self) -> dict[str, Any]:
+        """The given data by the names of ``SubjectFields``."""
+        return {one.name: getattr(self, one.name) for one in fields(StatedPerson)}
+
+    def subject_fields(self) -> SubjectFields:
+        """The given data. Raises ``InvalidInput`` naming the invalid option."""
+        return validate_options(SubjectFields, self.stated)
+
 
 @dataclass(frozen=True)
-class Walk:
+class Walk(StatedPerson):
     """A recording and the given data of its subject."""
 
     file: Trial
-    height_m: Height = None
-    mass_kg: Mass = None
-    sex: PersonSex = None
-    age_years: Age = None
 
 
 @dataclass(frozen=True)
-class Walks:
+class Walks(StatedPerson):
     """One or several recordings and the given data of their subject."""
 
     files: Trials
-    height_m: Height = None
-    mass_kg: Mass = None
-    sex: PersonSex = None
-    age_years: Age = None
 
     def to_walks(self, files: Sequence[Path]) -> list[Walk]:
         """One ``Walk`` per file."""
-        return [Walk(file, self.height_m, self.mass_kg, self.sex, self.age_years) for file in files]
+        return [Walk(file, **self.stated) for file in files]
 
 
 @dataclass(frozen=True)
@@ -246,24 +247,22 @@ class EstimateRequest:
 
     def subject_fields(self) -> SubjectFields:
         """Given data of the subject. Raises ``InvalidInput`` naming the invalid option."""
-        stated = asdict(self.walk)
-        del stated["file"]
-        return validate_options(SubjectFields, stated)
+        return self.walk.subject_fields()
 
     def to_input(self, recording_id: str, model: type[Input]) -> Input:
         """Input of a job on this recording. Raises ``InvalidInput`` naming the invalid option."""
         latency, cutoffs, window = self.estimation.latency, self.estimation.cutoffs, self.estimation.window
-        fields = {
+        fields: dict[str, Any] = {
             "recording_id": recording_id,
             "method": self.method,
             "latency": latency if latency in {"report", "apply"} else parse_numbers("--latency", latency, 1)[0],
             "segment_table": self.estimation.segment_table,
             "cutoffs": cutoffs if cutoffs in {"auto", "thesis", "spectra"} else parse_numbers("--cutoffs", cutoffs, 2),
-            "smoother": self._smoother_fields(),
             "window_s": None if window is None else parse_numbers("--window", window, 2),
         }
-        if self.steps is not None:
-            fields["steps"] = self.steps
+        fields |= {
+            name: value for name, value in (("smoother", self._smoother_fields()), ("steps", self.steps)) if value
+        }
         return validate_options(model, fields)
 
     def _smoother_fields(self) -> dict[str, Any] | None:

@@ -8,18 +8,9 @@ import typer
 from rich.markup import escape
 
 from stridelab.cli.options import ControlOption, Delivery, Densities, NodeRate, ScenarioName, SolverOption
-from stridelab.cli.results import (
-    deliver_result,
-    out,
-    run_kind,
-    show_files,
-    show_remarks,
-    show_verdict,
-    validate_options,
-    write_result,
-)
-from stridelab.cli.scenario_files import known_scenario, read_scenario
+from stridelab.cli.results import deliver_result, out, run_kind, show_files, show_remarks, show_verdict
 from stridelab.errors import Fault, InvalidInput, StridelabError
+from stridelab.pipelines.scenario_files import known_scenario, read_scenario
 from stridelab.schemas.jobs import JobResult
 from stridelab.schemas.plans import (
     DURATION_RANGE,
@@ -38,6 +29,7 @@ from stridelab.schemas.plans import (
     Shape,
 )
 from stridelab.schemas.scenarios import Scenario
+from stridelab.service.local_runs import validate_options, write_result
 
 PAGE_FILE: Final = "motion.html"
 
@@ -213,7 +205,7 @@ def plan_there(request: PlanRequest, folder: Path, delivery: Delivery) -> tuple[
     """``plan_here`` on a server; a name that is neither a file nor bundled is taken as a scenario id."""
     from stridelab.cli.remote import run_remotely_or_fail
 
-    job_input = request.to_input(known_scenario(request.scenario, delivery))
+    job_input = request.to_input(known_scenario(request.scenario, on_service=delivery.server is not None))
     return run_remotely_or_fail(
         "plan-motion", request.title, lambda _client, _bar: job_input, folder, delivery, unprepared=InvalidInput
     )

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from stridelab.cli.options import Delivery, EstimateRequest
-from stridelab.cli.results import Bar, progress_bar, write_result
+from stridelab.cli.results import Bar, progress_bar
 from stridelab.client import Client, ClientError, ProblemError, Unreachable
 from stridelab.errors import (
     Busy,
@@ -26,6 +26,7 @@ from stridelab.schemas.base import Contract, Problem
 from stridelab.schemas.jobs import EstimateComInput, Job, JobResult
 from stridelab.schemas.recordings import RecordingPatch
 from stridelab.service.kinds.base import ArtifactFile, Outcome
+from stridelab.service.local_runs import write_result
 
 AFTER_UPLOAD, AFTER_JOB = 0.3, 0.9
 """Fractions of the bar at the end of the upload and of the job; the rest is the download."""

@@ -13,16 +13,7 @@ from rich.table import Table
 
 from stridelab.cli.estimate import run_job
 from stridelab.cli.options import Delivery
-from stridelab.cli.results import (
-    cannot_write,
-    deliver_result,
-    err,
-    out,
-    progress_bar,
-    show_files,
-    validate_options,
-    write_file,
-)
+from stridelab.cli.results import deliver_result, err, out, progress_bar, show_files
 from stridelab.errors import Fault, InvalidInput
 from stridelab.reproduction.claims import OUTCOMES, WORDS, Claim
 from stridelab.reproduction.registry import ITEMS, MAX_SEEDS
@@ -33,6 +24,7 @@ from stridelab.reproduction.runner import QUICK_SEEDS, Section, collect_sections
 from stridelab.schemas.jobs import JobResult
 from stridelab.schemas.reproduction import ReproduceInput, ReproduceSummary, ReproduceTask
 from stridelab.service.kinds.result_tables import software_versions
+from stridelab.service.local_runs import cannot_write, validate_options, write_file
 
 COLOURS: Final = {"not_met": "red", "aim_missed": "red", "thesis_in_error": "yellow"}
 """Colours of the outcomes; green without an entry."""

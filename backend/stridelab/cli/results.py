@@ -1,36 +1,26 @@
 """Runs the job of a command and writes its result: folders and files (atomically), tables, errors, progress bars."""
 
 import json
-import os
 import shutil
 import tempfile
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from importlib import import_module
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 import typer
-from pydantic import ValidationError
-from rich.markup import escape
-
-from stridelab.errors import Conflict, Fault, InvalidInput
-from stridelab.schemas.base import Contract, Remark
-from stridelab.schemas.jobs import Artifact, JobResult
-from stridelab.schemas.quality import Quality
-from stridelab.service.jobs.verdict import verdict_of
-
-if TYPE_CHECKING:
-    from stridelab.cli.options import Delivery
-    from stridelab.service.kinds.base import Outcome
-from types import MappingProxyType
-
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+from rich.table import Table
 
 from stridelab.errors import (
     Busy,
+    Conflict,
     Forbidden,
+    InvalidInput,
     NotEstimable,
     NotFound,
     StridelabError,
@@ -38,90 +28,15 @@ from stridelab.errors import (
     Unavailable,
     UnreadableFile,
 )
+from stridelab.schemas.base import Contract, Remark
+from stridelab.schemas.jobs import JobResult
+from stridelab.schemas.quality import Quality
+from stridelab.service.jobs.verdict import verdict_of
+from stridelab.service.local_runs import REFERENCES_FILE, RESULT_FILE, result_folder, write_result
 
-RESULT_FILE = "result.json"
-REFERENCES_FILE = "references.bib"
-
-
-@contextmanager
-def result_folder(target: Path, *, force: bool) -> Iterator[Path]:
-    """A temporary folder beside ``target`` that takes its name when the block succeeds, and is removed when it fails.
-
-    Raises ``Conflict`` when ``target`` exists and ``force`` is off, or when it is not an earlier result: only a folder
-    that holds a ``result.json`` and no subfolders is ever replaced.
-    """
-    target = target.expanduser().absolute()
-    refuse_to_overwrite(target, force=force)
-    try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        part = Path(tempfile.mkdtemp(prefix=f".{target.name}.part-", dir=target.parent))
-    except OSError as error:
-        raise cannot_write(target, error) from error
-    try:
-        yield part
-        part.chmod(0o777 & ~_read_umask())
-        _move_into_place(part, target)
-    except OSError as error:
-        raise cannot_write(target, error) from error
-    finally:
-        shutil.rmtree(part, ignore_errors=True)
-
-
-def refuse_to_overwrite(target: Path, *, force: bool) -> None:
-    """Raise ``Conflict`` where ``result_folder`` would; call it before the computation."""
-    if not target.exists() and not target.is_symlink():
-        return
-    if not force:
-        raise Conflict("output-exists", f"{target} exists; choose another --out or pass --force to replace it.")
-    entries = list(target.iterdir()) if target.is_dir() and not target.is_symlink() else []
-    is_result = any(entry.name == RESULT_FILE for entry in entries) and all(entry.is_file() for entry in entries)
-    if not is_result and (entries or not target.is_dir() or target.is_symlink()):
-        raise Conflict("output-not-a-result", f"{target} is not an earlier result, so --force does not replace it.")
-
-
-def write_file(target: Path, text: str, *, force: bool, option: str) -> None:
-    """Write a text file. Raises ``Conflict`` (``output-exists``), ``InvalidInput`` (``output-not-writable``)."""
-    target = target.expanduser().absolute()
-    if target.is_symlink() or (target.exists() and not (force and target.is_file())):
-        advice = (
-            f"choose another {option} or pass --force to replace it" if target.is_file() else "it is not a regular file"
-        )
-        raise Conflict("output-exists", f"{target} exists; {advice}.")
-    try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(prefix=f".{target.name}.part-", dir=target.parent) as folder:
-            part = Path(folder) / target.name
-            part.write_text(text, encoding="utf-8")
-            part.replace(target)
-    except OSError as error:
-        raise cannot_write(target, error, option) from error
-
-
-def _move_into_place(part: Path, target: Path) -> None:
-    if not target.exists():
-        part.replace(target)
-        return
-    aside = Path(tempfile.mkdtemp(prefix=f".{target.name}.old-", dir=target.parent))
-    target.replace(aside)
-    try:
-        part.replace(target)
-    except OSError:
-        aside.replace(target)
-        raise
-    shutil.rmtree(aside, ignore_errors=True)
-
-
-def _read_umask() -> int:
-    # The mask can only be read by setting it; the command line is single-threaded here.
-    mask = os.umask(0o077)
-    os.umask(mask)
-    return mask
-
-
-def cannot_write(target: Path, error: OSError, option: str = "--out") -> InvalidInput:
-    """Error for a path that cannot be written (``output-not-writable``)."""
-    reason = error.strerror or type(error).__name__
-    return InvalidInput("output-not-writable", f"Cannot write to {target}: {reason}.", [Fault(option, reason)])
+if TYPE_CHECKING:
+    from stridelab.cli.options import Delivery
+    from stridelab.service.kinds.base import Outcome
 
 
 T = TypeVar("T", bound=Contract)
@@ -131,77 +46,6 @@ VERDICT_COLOURS: Final[Mapping[str, str]] = {"contradicted": "bold red", "doubtf
 
 OUTCOME_COLOURS: Final[Mapping[str, str]] = {"failed": "bold red", "doubtful": "yellow", "passed": "green"}
 """Colours of the outcome of a verdict."""
-
-OPTIONS = {
-    "belt_speed_m_s": "--belt-speed",
-    "height_m": "--height",
-    "mass_kg": "--mass",
-    "sex": "--sex",
-    "age_years": "--age",
-    "latency": "--latency",
-    "cutoffs": "--cutoffs",
-    "smoother": "--prior",
-    "ahead": "--ahead",
-    "window_s": "--window",
-    "robot": "--robot",
-    "effectors": "--effector",
-    "samples": "--samples",
-    "measure": "--measure",
-    "gait": "--gait",
-    "duration_s": "--duration",
-    "speed_m_s": "--speed",
-    "seed": "--seed",
-    "noise": "--noise",
-    "lab": "--lab",
-    "item": "ITEM",
-    "seeds": "--seeds",
-    "pushes": "--push",
-    "payload_kg": "--payload",
-    "friction": "--friction",
-    "delay_s": "--delay",
-}
-"""Option that sets a field of the contract, for messages."""
-
-
-def validate_options(model: type[T], fields: Mapping[str, Any]) -> T:
-    """Instance of a contract model. Raises ``InvalidInput`` naming the options of invalid fields."""
-    try:
-        return model.model_validate(fields)
-    except ValidationError as error:
-        faults = [
-            Fault(
-                OPTIONS.get(str(item["loc"][0]), str(item["loc"][0])),
-                ": ".join((*(str(name) for name in item["loc"][-1:] if len(item["loc"]) > 1), item["msg"])),
-            )
-            for item in error.errors(include_url=False)
-            if item["loc"]
-        ]
-        raise InvalidInput("option-invalid", "An option has an invalid value.", faults) from error
-
-
-def write_result(
-    folder: Path, kind: str, input_: Contract, outcome: "Outcome", *, versions: Mapping[str, str] | None = None
-) -> JobResult:
-    """Write ``result.json`` and ``references.bib`` beside the artifacts, by default with this machine's versions."""
-    from stridelab.service.kinds.result_tables import (  # imports pyarrow
-        bibtex_of,
-        software_versions,
-    )
-
-    result = JobResult(
-        kind=kind,
-        input=input_.model_dump(mode="json"),
-        versions=dict(versions or software_versions()),
-        references=list(outcome.references),
-        summary=outcome.summary,
-        artifacts=[
-            Artifact(name=a.name, media_type=a.media_type, bytes=(folder / a.name).stat().st_size)
-            for a in outcome.artifacts
-        ],
-    )
-    (folder / RESULT_FILE).write_text(result.model_dump_json(indent=2) + "\n", encoding="utf-8")
-    (folder / REFERENCES_FILE).write_text(bibtex_of(outcome.references), encoding="utf-8")
-    return result
 
 
 def show_json(result: JobResult) -> None:
@@ -236,6 +80,14 @@ def end_if_contradicted(result: JobResult) -> None:
     quality = result.summary.get("quality")
     if quality is not None and quality["verdict"] == "contradicted":
         raise typer.Exit(CONTRADICTED)
+
+
+def show_rows(rows: Iterable[tuple[str, str]]) -> None:
+    """Print names and values as a table."""
+    table = Table(show_header=False, box=None, pad_edge=False)
+    for name, value in rows:
+        table.add_row(f"[bold]{name}[/]", escape(value))
+    out.print(table)
 
 
 def show_remarks(remarks: list[Remark]) -> None:
@@ -348,6 +200,22 @@ def run_kind(kind: str, title: str, task: Any, folder: Path, **options: Any) -> 
         module = import_module(f"stridelab.service.kinds.{kind.replace('-', '_')}.run")
         outcome: Outcome = module.run(task, folder, bar, **options)
     return outcome
+
+
+def run_in_scratch(
+    kind: str, title: str, stage: Callable[[Path], Any], folder: Path, **options: Any
+) -> tuple[Any, "Outcome"]:
+    """The task that ``stage`` prepares in a temporary folder, and what ``run_kind`` makes of it there.
+
+    Only the result files are moved into ``folder``.
+    """
+    with tempfile.TemporaryDirectory(prefix="stridelab-") as name:
+        work = Path(name)
+        task = stage(work)
+        outcome = run_kind(kind, title, task, work, **options)
+        for artifact in outcome.artifacts:
+            shutil.move(work / artifact.name, folder / artifact.name)
+    return task, outcome
 
 
 def run_here(kind: str, title: str, task: Any, folder: Path, **options: Any) -> JobResult:

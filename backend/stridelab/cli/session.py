@@ -4,26 +4,23 @@ Every recording is read once for the values of its session; then each is estimat
 result folder. Static trials are estimated only if there are no other recordings.
 """
 
-import contextlib
-import hashlib
 import json
-import shutil
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from rich.markup import escape
 
-from stridelab.cli.estimate import estimate_here, require_file, show_estimate
+from stridelab.cli.estimate import estimate_here, show_estimate
 from stridelab.cli.options import Delivery, EstimateRequest
-from stridelab.cli.results import Bar, err, out, progress_bar, refuse_to_overwrite, result_folder
+from stridelab.cli.results import Bar, err, out, progress_bar
 from stridelab.errors import Fault, InvalidInput, NotEstimable, StridelabError
 from stridelab.pipelines.session_values import TrialFacts, share_session
-from stridelab.recordings.files.recording_files import recordings_in
 from stridelab.schemas.jobs import JobResult
 from stridelab.schemas.recordings import RecordingFacts
 from stridelab.schemas.sessions import SessionValues
-from stridelab.schemas.tasks import MeasuresMember, RecordingSource
+from stridelab.service.local_recordings import trial_facts
+from stridelab.service.local_runs import collect_recordings, refuse_to_overwrite, result_folder
 
 
 @dataclass(frozen=True)
@@ -93,17 +90,7 @@ def recordings_below(paths: Sequence[Path]) -> list[Path]:
 
     Raises ``UnreadableFile`` for a path that does not exist, ``InvalidInput`` (``no-recordings``).
     """
-    files: list[Path] = []
-    for path in paths:
-        if path.is_dir():
-            files += recordings_in(path)
-        else:
-            require_file(path)
-            files.append(path)
-    if not files:
-        named = ", ".join(str(path) for path in paths)
-        raise InvalidInput("no-recordings", f"There is no .c3d, .trc or .zip in {named}.", [Fault("FILES", "nothing")])
-    return list({file.absolute(): file for file in files}.values())
+    return list({file.absolute(): file for file in collect_recordings(paths)}.values())
 
 
 def sessions_of(members: Sequence[Member], *, one_person: bool = False) -> dict[str, str]:
@@ -156,7 +143,7 @@ def _read_members(
         bar(count / len(request_of), path.name)
         source = request.to_source(path.name, static_labels=list(request.marker_map().values()))
         try:
-            trial = _trial_facts(names[path], source, path.parent)
+            trial = trial_facts(names[path], source, path.parent)
         except StridelabError as error:
             refused[names[path]] = error
             continue
@@ -175,45 +162,3 @@ def _with_session(
         return request, share.values
     path = next(other.path for other in others if other.name == share.static.recording_id)
     return replace(request, preparation=replace(request.preparation, static=path)), share.values
-
-
-def share_by_day(members: Sequence[MeasuresMember], folder: Path) -> list[MeasuresMember]:
-    """Give staged recordings of one person the values and the static trial that those of one day share.
-
-    ``folder`` has the sub-folders of ``members``. The service gives the same to the recordings of a session. A
-    recording that cannot be read shares nothing: measuring it then states the reason.
-    """
-    if len(members) < 2:
-        return list(members)
-    trials: dict[str, TrialFacts] = {}
-    for one in members:
-        with contextlib.suppress(StridelabError):
-            trials[one.recording_id] = _trial_facts(one.recording_id, one.task.recording, folder / one.folder)
-    staged = {one.recording_id: one for one in members}
-    shared = []
-    for one in members:
-        own, task = trials.get(one.recording_id), one.task
-        if own is not None:
-            same_day = [other for other in trials.values() if other.facts.recorded_on == own.facts.recorded_on]
-            others = [other for other in same_day if other is not own]
-            day = str(own.facts.recorded_on or "session")
-            share = share_session(day, own, others, static_stated=task.static is not None)
-            static = task.static
-            if share.static is not None:
-                chosen = staged[share.static.recording_id]
-                source = chosen.task.recording
-                static = source.model_copy(update={"file": f"static-{source.file}"})
-                shutil.copyfile(folder / chosen.folder / source.file, folder / one.folder / static.file)
-            task = task.model_copy(update={"session": share.values, "static": static})
-        shared.append(one.model_copy(update={"task": task}))
-    return shared
-
-
-def _trial_facts(name: str, source: RecordingSource, folder: Path) -> TrialFacts:
-    from stridelab.pipelines.trial import examine_trial
-    from stridelab.service.kinds.parse_upload import recording_facts
-
-    facts = recording_facts(examine_trial(source, folder))
-    with (folder / source.file).open("rb") as content:
-        digest = hashlib.file_digest(content, "sha256").hexdigest()
-    return TrialFacts(name, source.filename, digest, facts)

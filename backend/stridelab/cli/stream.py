@@ -5,17 +5,16 @@ import json
 import math
 import tempfile
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from statistics import median, quantiles
-from typing import Annotated, Any, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
 from rich.markup import escape
-from rich.table import Table
 
-from stridelab.cli.estimate import require_file, staged_files
+from stridelab.cli.estimate import staged_files
 from stridelab.cli.options import (
     AsJson,
     Cutoffs,
@@ -29,7 +28,7 @@ from stridelab.cli.options import (
     parse_numbers,
     with_groups,
 )
-from stridelab.cli.results import out, progress_bar, validate_options
+from stridelab.cli.results import out, progress_bar, show_rows
 from stridelab.errors import Fault, InvalidInput
 from stridelab.schemas.jobs import EstimateComInput
 from stridelab.schemas.streams import (
@@ -43,8 +42,14 @@ from stridelab.schemas.streams import (
     StreamEstimate,
     StreamSample,
 )
+from stridelab.service.local_runs import require_file, validate_options
+
+if TYPE_CHECKING:
+    from stridelab.pipelines.com_inputs import ComInputs
+    from stridelab.schemas.tasks import EstimateComTask
 
 Item = TypeVar("Item")
+Answer = TypeVar("Answer")
 
 
 @with_groups
@@ -147,16 +152,10 @@ def stream_samples(request: EstimateRequest, replay: Replay, *, as_json: bool, s
     configuration, samples = prepare_samples(request, replay)
     with translated_errors(server), Client(server, token) as lab, lab.stream_com(configuration) as opened:
         blocks = [samples[i : i + replay.block] for i in range(0, len(samples), replay.block)]
-        estimates, took_s = [], []
-        began = time.perf_counter()
-        with progress_bar(request.file.name) as bar:
-            for block in pace_blocks(blocks, replay.speed):
-                at = time.perf_counter()
-                estimates += opened.send(block)
-                took_s.append(time.perf_counter() - at)
-                com = estimates[-1].com_m
-                bar(len(estimates) / len(samples), f"{com[0]:+.3f} {com[1]:+.3f} {com[2]:+.3f} m")
-        played = ReplayResult(opened.ready.method, estimates, took_s, time.perf_counter() - began)
+        paced = pace_blocks(blocks, replay.speed)
+        answers, took_s, played_s = _send_paced(request.file.name, paced, len(blocks), opened.send, _describe_position)
+    estimates = [estimate for answer in answers for estimate in answer]
+    played = ReplayResult(opened.ready.method, estimates, took_s, played_s)
     if replay.csv is not None:
         write_csv(replay.csv, [[e.time_s, *e.com_m, *e.velocity_m_s, *e.sd_m] for e in estimates])
     if as_json:
@@ -165,11 +164,8 @@ def stream_samples(request: EstimateRequest, replay: Replay, *, as_json: bool, s
         show_replay(played, replay)
 
 
-def prepare_samples(request: EstimateRequest, replay: Replay) -> tuple[StreamConfiguration, list[StreamSample]]:
-    """Configuration and samples as sent live: the CoM of the segment model and the wrench of each frame.
-
-    Raises the errors of ``estimate-com`` for a recording that cannot be used.
-    """
+def _read_inputs(request: EstimateRequest, *, needs_force: bool) -> "tuple[EstimateComTask, ComInputs]":
+    """The task of ``estimate-com`` on the recording, and its inputs."""
     from stridelab.pipelines.com_inputs import prepare_com_inputs
     from stridelab.schemas.tasks import EstimateComTask
 
@@ -180,7 +176,15 @@ def prepare_samples(request: EstimateRequest, replay: Replay) -> tuple[StreamCon
         staged_files(request, Path(folder)) as (recording, static),
     ):
         task = EstimateComTask(recording=recording, static=static, input=input_)
-        inputs = prepare_com_inputs(task, Path(folder), bar, needs_force=True)
+        return task, prepare_com_inputs(task, Path(folder), bar, needs_force=needs_force)
+
+
+def prepare_samples(request: EstimateRequest, replay: Replay) -> tuple[StreamConfiguration, list[StreamSample]]:
+    """Configuration and samples as sent live: the CoM of the segment model and the wrench of each frame.
+
+    Raises the errors of ``estimate-com`` for a recording that cannot be used.
+    """
+    task, inputs = _read_inputs(request, needs_force=True)
     geometric, wrench = inputs.geometric, inputs.wrench
     configuration = validate_options(
         StreamConfiguration,
@@ -189,7 +193,7 @@ def prepare_samples(request: EstimateRequest, replay: Replay) -> tuple[StreamCon
             "rate_hz": inputs.trial.recording.marker_rate_hz,
             "method": replay.method,
             "ahead": None if replay.ahead is None else parse_numbers("--ahead", replay.ahead, 2),
-            "cutoffs": input_.cutoffs,
+            "cutoffs": task.input.cutoffs,
             "priors": {"geometry_m": geometric.sd_m},
             "format": "float32" if replay.packed else "json",
         },
@@ -229,6 +233,32 @@ def _pace(items: Sequence[Item], due_s: Sequence[float], speed: float) -> Iterat
         yield item
 
 
+def _send_paced(
+    title: str, paced: Iterable[Item], count: int, send: Callable[[Item], Answer], describe: Callable[[Answer], str]
+) -> tuple[list[Answer], list[float], float]:
+    """Send items as they come; returns the answers, the time of each, and the time of all, in seconds."""
+    answers, took_s = [], []
+    began = time.perf_counter()
+    with progress_bar(title) as bar:
+        for item in paced:
+            at = time.perf_counter()
+            answers.append(send(item))
+            took_s.append(time.perf_counter() - at)
+            bar(len(answers) / count, describe(answers[-1]))
+    return answers, took_s, time.perf_counter() - began
+
+
+def _describe_position(estimates: Sequence[StreamEstimate]) -> str:
+    x, y, z = estimates[-1].com_m
+    return f"{x:+.3f} {y:+.3f} {z:+.3f} m"
+
+
+def _show_figures(rows: Iterable[tuple[str, str]], csv_file: Path | None) -> None:
+    show_rows(rows)
+    if csv_file is not None:
+        out.print(f"[green]written[/] {escape(str(csv_file))}")
+
+
 def stream_frames(request: EstimateRequest, replay: Replay, *, as_json: bool, server: str, token: str | None) -> None:
     """Replay markers and plates to ``server``, which places the segments, and show what it answers."""
     from stridelab.cli.remote import translated_errors
@@ -245,16 +275,8 @@ def stream_frames(request: EstimateRequest, replay: Replay, *, as_json: bool, se
     with translated_errors(server), Client(server, token) as lab, lab.stream_markers(header) as opened:
         for remark in () if as_json else opened.ready.remarks:
             out.print(f"[yellow]{escape(remark.message)}[/]")
-        estimates: list[FrameEstimate] = []
-        took_s = []
-        began = time.perf_counter()
-        with progress_bar(request.file.name) as bar:
-            for frame in _pace(frames, [frame.t_s - frames[0].t_s for frame in frames], replay.speed):
-                at = time.perf_counter()
-                estimates.append(opened.send(frame))
-                took_s.append(time.perf_counter() - at)
-                bar(len(estimates) / len(frames), _describe_margin(estimates[-1]))
-        played_s = time.perf_counter() - began
+        paced = _pace(frames, [frame.t_s - frames[0].t_s for frame in frames], replay.speed)
+        estimates, took_s, played_s = _send_paced(request.file.name, paced, len(frames), opened.send, _describe_margin)
     if replay.csv is not None:
         write_csv(replay.csv, [_frame_row(estimate) for estimate in estimates], FRAME_COLUMNS)
     figures = {"marker_set": opened.ready.marker_set, **_summary(estimates, took_s, played_s)}
@@ -263,19 +285,15 @@ def stream_frames(request: EstimateRequest, replay: Replay, *, as_json: bool, se
     if as_json:
         out.print_json(json.dumps(figures))
         return
-    table = Table(show_header=False, box=None, pad_edge=False)
-    for name, value in (
+    rows = (
         ("marker set", opened.ready.marker_set),
         ("played", f"{len(frames)} frames in {played_s:.2f} s"),
         ("answered", _describe_times(figures)),
         ("without estimate", f"{figures['without_estimate']} frames"),
         ("without force", f"{figures['without_force']} frames"),
         ("last margin", _describe_margin(estimates[-1])),
-    ):
-        table.add_row(f"[bold]{name}[/]", escape(value))
-    out.print(table)
-    if replay.csv is not None:
-        out.print(f"[green]written[/] {escape(str(replay.csv))}")
+    )
+    _show_figures(rows, replay.csv)
 
 
 def prepare_frames(request: EstimateRequest) -> tuple[MarkerStreamConfiguration, list[MarkerFrame]]:
@@ -283,22 +301,14 @@ def prepare_frames(request: EstimateRequest) -> tuple[MarkerStreamConfiguration,
 
     Raises the errors of ``estimate-com`` for a recording that cannot be used.
     """
-    from stridelab.pipelines.com_inputs import merged_subject, prepare_com_inputs
+    from stridelab.pipelines.com_inputs import merged_subject
     from stridelab.recordings.foot_contact import is_treadmill
     from stridelab.recordings.marker_sets import identify
     from stridelab.recordings.plate_contacts import sampled_wrench
-    from stridelab.schemas.tasks import EstimateComTask
 
-    input_ = request.to_input(request.file.name, EstimateComInput)
-    with (
-        tempfile.TemporaryDirectory(prefix="stridelab-") as folder,
-        progress_bar(request.file.name) as bar,
-        staged_files(request, Path(folder)) as (recording, static),
-    ):
-        task = EstimateComTask(recording=recording, static=static, input=input_)
-        inputs = prepare_com_inputs(task, Path(folder), bar, needs_force=False)
+    task, inputs = _read_inputs(request, needs_force=False)
     trial = inputs.trial.recording
-    subject = merged_subject(recording.subject, trial.subject, inputs.mass.known_kg)
+    subject = merged_subject(task.recording.subject, trial.subject, inputs.mass.known_kg)
     plates = [plate for plate in trial.plates if plate.use]
     landmarks, recognised = dict(inputs.trial.match.landmarks), identify(list(trial.markers_m)).landmarks
     header = MarkerStreamConfiguration(
@@ -363,18 +373,14 @@ def write_csv(path: Path, rows: Sequence[Sequence[object]], columns: Sequence[st
 def show_replay(played: ReplayResult, replay: Replay) -> None:
     """Print the summary as a table."""
     figures, last = played.to_json(), played.estimates[-1]
-    table = Table(show_header=False, box=None, pad_edge=False)
-    for name, value in (
+    rows = (
         ("method", played.method),
         ("played", f"{figures['samples']} samples in {played.played_s:.2f} s, {replay.block} per message"),
         ("answered", _describe_times(figures)),
         ("last position", " / ".join(f"{x:.3f}" for x in last.com_m) + " m (x / y / z)"),
         ("its band", " / ".join(f"{1e3 * x:.1f}" for x in last.sd_m) + " mm, one standard deviation"),
-    ):
-        table.add_row(f"[bold]{name}[/]", escape(value))
-    out.print(table)
-    if replay.csv is not None:
-        out.print(f"[green]written[/] {escape(str(replay.csv))}")
+    )
+    _show_figures(rows, replay.csv)
 
 
 def _finite_triple(triple: Sequence[float]) -> tuple[float, float, float] | None:

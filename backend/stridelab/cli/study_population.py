@@ -13,20 +13,8 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
-from stridelab.cli.estimate import require_file
-from stridelab.cli.options import BestMethod, Delivery, Force, OutFolder, Server, StepChoice, Token
-from stridelab.cli.results import (
-    Bar,
-    deliver_result,
-    err,
-    out,
-    run_kind,
-    show_files,
-    show_quality,
-    show_remarks,
-    validate_options,
-    write_result,
-)
+from stridelab.cli.options import BestMethod, Delivery, StepChoice, with_groups
+from stridelab.cli.results import Bar, deliver_result, err, out, run_in_scratch, show_files, show_quality, show_remarks
 from stridelab.errors import Fault, InvalidInput, UnreadableFile
 from stridelab.recordings.files.batch_zip import BatchLimits, is_batch, unpack_batch
 from stridelab.recordings.files.recording_files import recordings_in
@@ -42,6 +30,7 @@ from stridelab.schemas.population import (
 )
 from stridelab.schemas.recordings import RecordingPatch, SubjectFields
 from stridelab.schemas.tasks import FitCycloidTask, RecordingSource, StudyPopulationTask
+from stridelab.service.local_runs import require_file, validate_options, write_result
 from stridelab.service.subject_table import MatchedFile, TableRow, match_files, read_subject_table
 
 if TYPE_CHECKING:
@@ -63,26 +52,6 @@ class StudyFiles:
     def matched_recordings(self) -> tuple[MatchedFile, ...]:
         """The recordings with their rows."""
         return match_files([name for name, _ in self.files], self.rows)
-
-
-def run_study(
-    paths: Sequence[Path],
-    *,
-    subjects: Path | None,
-    options: Mapping[str, Any],
-    delivery: Delivery,
-) -> None:
-    """Study here or on a server, write the result folder and show the correlations."""
-
-    def compute_result(folder: Path) -> JobResult:
-        with tempfile.TemporaryDirectory(prefix="stridelab-") as unpacked:
-            given = collect_recordings(paths, subjects, Path(unpacked))
-            if delivery.server is None:
-                return study_here(given, options, folder)
-            to_request = partial(request_of, given, options=options)
-            return upload_and_run(given, "study-population", "population", to_request, folder, delivery)
-
-    deliver_result("population", delivery, compute_result, show_study)
 
 
 def collect_recordings(paths: Sequence[Path], subjects: Path | None, folder: Path) -> StudyFiles:
@@ -150,15 +119,14 @@ def _file_sha256(path: Path) -> str:
 
 def study_here(given: StudyFiles, options: Mapping[str, Any], folder: Path) -> JobResult:
     """Run the job's own function in this process; ``folder`` then holds what the service would publish."""
-    with tempfile.TemporaryDirectory(prefix="stridelab-") as name:
-        work = Path(name)
-        ids = {one.index: f"recording-{k}" for k, one in enumerate(given.matched_recordings)}
-        request = request_of(given, ids, options)
+    ids = {one.index: f"recording-{k}" for k, one in enumerate(given.matched_recordings)}
+    request = request_of(given, ids, options)
+
+    def stage_members(work: Path) -> StudyPopulationTask:
         members = [_stage_member(given, one, ids[one.index], request, work) for one in given.matched_recordings]
-        task = StudyPopulationTask(members=members, pooled=request.pooled, seed=request.seed)
-        outcome = run_kind("study-population", "population", task, work)
-        for artifact in outcome.artifacts:
-            shutil.move(work / artifact.name, folder / artifact.name)
+        return StudyPopulationTask(members=members, pooled=request.pooled, seed=request.seed)
+
+    _, outcome = run_in_scratch("study-population", "population", stage_members, folder)
     return write_result(folder, "study-population", request, outcome)
 
 
@@ -277,7 +245,9 @@ def _with_sd(value: float, sd: float | None, scale: float, digits: int) -> str:
     return f"{scale * value:.{digits}f}{spread}"
 
 
+@with_groups
 def study_population(
+    *,
     files: Annotated[
         list[Path],
         typer.Argument(help="Recordings (.c3d, .trc, or .zip of TRC and MOT), folders of them, or zips of them."),
@@ -289,12 +259,17 @@ def study_population(
     steps: StepChoice = "measured",
     pooled: Annotated[bool, typer.Option("--pooled", help="Also correlate all groups together.")] = False,
     seed: Annotated[int, typer.Option("--seed", help="Seed of the bootstrap intervals.")] = 0,
-    out_dir: OutFolder = None,
-    force: Force = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON instead of tables.")] = False,
-    server: Server = None,
-    token: Token = None,
+    delivery: Delivery,
 ) -> None:
     """Fit the wheels of many subjects, and correlate them with height, leg, speed and step length."""
     options = {"method": method, "steps": steps, "pooled": pooled, "seed": seed}
-    run_study(files, subjects=subjects, options=options, delivery=Delivery(out_dir, force, as_json, server, token))
+
+    def compute_result(folder: Path) -> JobResult:
+        with tempfile.TemporaryDirectory(prefix="stridelab-") as unpacked:
+            given = collect_recordings(files, subjects, Path(unpacked))
+            if delivery.server is None:
+                return study_here(given, options, folder)
+            to_request = partial(request_of, given, options=options)
+            return upload_and_run(given, "study-population", "population", to_request, folder, delivery)
+
+    deliver_result("population", delivery, compute_result, show_study)

@@ -9,12 +9,13 @@ import typer
 from rich.markup import escape
 
 from stridelab.cli.options import ControlOption, Delivery, Densities, NodeRate, SolverOption
-from stridelab.cli.results import deliver_result, out, run_here, show_files, show_remarks, validate_options
-from stridelab.cli.scenario_files import known_scenario
+from stridelab.cli.results import deliver_result, out, run_here, show_files, show_remarks
 from stridelab.errors import Fault, InvalidInput
+from stridelab.pipelines.scenario_files import known_scenario
 from stridelab.schemas.jobs import JobResult
 from stridelab.schemas.scenarios import Scenario
 from stridelab.schemas.sweeps import SweepInput, SweepSummary, SweepTask
+from stridelab.service.local_runs import validate_options
 
 SCOPES: Final = {
     "centre of mass": "centre of mass only: whether the body can follow was not computed",
@@ -79,7 +80,7 @@ def run_sweep(request: SweepRequest, delivery: Delivery) -> None:
     title = Path(request.scenario).stem
 
     def compute_result(folder: Path) -> JobResult:
-        scenario = known_scenario(request.scenario, delivery)
+        scenario = known_scenario(request.scenario, on_service=delivery.server is not None)
         input_ = request.to_input(scenario)
         if scenario is not None and delivery.server is None:
             task = SweepTask(scenario=scenario, input=input_)

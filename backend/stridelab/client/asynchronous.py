@@ -2,12 +2,12 @@
 
 import asyncio
 import time
-from collections.abc import AsyncIterator, Callable, Coroutine, Iterator, Sequence
+from collections.abc import AsyncIterator, Iterator, Sequence
 from contextlib import AbstractAsyncContextManager, contextmanager
 from http import HTTPStatus
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Concatenate, ParamSpec, TypeVar
+from typing import TypeVar
 
 import httpx
 
@@ -16,47 +16,31 @@ from stridelab.client.connection import (
     DEFAULT_URL,
     RETRY_S,
     connection_headers,
-    document_method,
     is_temporary,
     poll_s,
     request_arguments,
     unreachable_error,
 )
 from stridelab.client.errors import ClientError, ProblemError
+from stridelab.client.methods import Endpoints
 from stridelab.client.sse import EventReader
-from stridelab.client.streams import AsyncComStream, AsyncMarkerStream, open_async, open_markers_async
+from stridelab.client.streams import (
+    MARKERS_PATH,
+    STREAM_PATH,
+    Address,
+    AsyncComStream,
+    AsyncMarkerStream,
+    open_async,
+)
 from stridelab.schemas.jobs import FINAL_STATES, Job, JobEvent
 from stridelab.schemas.population import RecordingBatch
 from stridelab.schemas.recordings import Recording, SubjectFields
 from stridelab.schemas.streams import MarkerStreamConfiguration, StreamConfiguration
 
 T = TypeVar("T")
-P = ParamSpec("P")
 
 
-def _method(
-    request_of: Callable[P, endpoints.Call[T]],
-) -> Callable[Concatenate["AsyncClient", P], Coroutine[Any, Any, T]]:
-    """Method that sends the request and returns the content of its response."""
-
-    async def send(self: "AsyncClient", /, *args: P.args, **options: P.kwargs) -> T:
-        return await self._send(request_of(*args, **options))
-
-    return document_method(send, request_of)
-
-
-def _download_method(
-    request_of: Callable[P, endpoints.Download],
-) -> Callable[Concatenate["AsyncClient", P], Coroutine[Any, Any, Path]]:
-    """Method that saves the response as a file and returns its path."""
-
-    async def save(self: "AsyncClient", /, *args: P.args, **options: P.kwargs) -> Path:
-        return await self._save(request_of(*args, **options))
-
-    return document_method(save, request_of)
-
-
-class AsyncClient:
+class AsyncClient(Endpoints):
     """Client of one service. Methods raise ``ProblemError`` for an error response, ``Unreachable`` if there is none."""
 
     def __init__(
@@ -67,8 +51,9 @@ class AsyncClient:
         timeout_s: float = 30.0,
         transport: httpx.AsyncBaseTransport | None = None,
     ) -> None:
-        self._timeout_s, self._headers = timeout_s, connection_headers(token)
-        self._http = httpx.AsyncClient(base_url=base_url, headers=self._headers, timeout=timeout_s, transport=transport)
+        self._timeout_s, headers = timeout_s, connection_headers(token)
+        self._http = httpx.AsyncClient(base_url=base_url, headers=headers, timeout=timeout_s, transport=transport)
+        self._address = Address(str(self._http.base_url), headers, timeout_s)
 
     async def __aenter__(self) -> "AsyncClient":  # noqa: PYI034 (beartype cannot check Self here)
         return self
@@ -81,8 +66,6 @@ class AsyncClient:
     async def close(self) -> None:
         """Close the connections."""
         await self._http.aclose()
-
-    health = _method(endpoints.health)
 
     async def upload(
         self,
@@ -122,37 +105,6 @@ class AsyncClient:
             raise uploads.refusal_of(job)
         summary = (await self.result(job.id)).summary
         return uploads.batch_of(summary, [await self.recording(one) for one in summary["recording_ids"]])
-
-    recordings = _method(endpoints.recordings)
-    recording = _method(endpoints.recording)
-    patch_recording = _method(endpoints.patch_recording)
-    delete_recording = _method(endpoints.delete_recording)
-    download_file = _download_method(endpoints.download_file)
-    download_tracks = _download_method(endpoints.download_tracks)
-    subjects = _method(endpoints.subjects)
-    subject = _method(endpoints.subject)
-    add_subject = _method(endpoints.add_subject)
-    patch_subject = _method(endpoints.patch_subject)
-    delete_subject = _method(endpoints.delete_subject)
-    scenarios = _method(endpoints.scenarios)
-    scenario = _method(endpoints.scenario)
-    add_scenario = _method(endpoints.add_scenario)
-    put_scenario = _method(endpoints.put_scenario)
-    delete_scenario = _method(endpoints.delete_scenario)
-    check_scenario = _method(endpoints.check_scenario)
-    compose_scenario = _method(endpoints.compose_scenario)
-    solvers = _method(endpoints.solvers)
-    preview_plan = _method(endpoints.preview_plan)
-    robots = _method(endpoints.robots)
-    robot = _method(endpoints.robot)
-    robot_card = _method(endpoints.robot_card)
-    delete_robot = _method(endpoints.delete_robot)
-    robot_preparation = _method(endpoints.robot_preparation)
-    robot_reachability = _method(endpoints.robot_reachability)
-    robot_links = _download_method(endpoints.robot_links)
-    submit = _method(endpoints.submit)
-    jobs = _method(endpoints.jobs)
-    job = _method(endpoints.job)
 
     async def wait(self, job_id: str, timeout_s: float | None = None) -> Job:
         """Wait until a job has finished. Raises ``TimeoutError`` after ``timeout_s``; None waits indefinitely."""
@@ -204,24 +156,15 @@ class AsyncClient:
             await asyncio.sleep(RETRY_S[min(failures, len(RETRY_S) - 1)])
             failures += 1
 
-    cancel = _method(endpoints.cancel)
-    delete_job = _method(endpoints.delete_job)
-    result = _method(endpoints.result)
-    download_artifact = _download_method(endpoints.download_artifact)
-    download_bundle = _download_method(endpoints.download_bundle)
-    read_artifact = _method(endpoints.read_artifact)
-
     def stream_com(self, configuration: StreamConfiguration) -> AbstractAsyncContextManager[AsyncComStream]:
         """Online estimation: ``async with lab.stream_com(...) as stream``, then ``await stream.send(samples)``."""
-        return open_async(str(self._http.base_url), self._headers, configuration, self._timeout_s)
+        return open_async(self._address, STREAM_PATH, configuration, AsyncComStream)
 
     def stream_markers(
         self, configuration: MarkerStreamConfiguration
     ) -> AbstractAsyncContextManager[AsyncMarkerStream]:
         """Live balance: ``async with lab.stream_markers(...) as stream``, then ``await stream.send(frame)``."""
-        return open_markers_async(str(self._http.base_url), self._headers, configuration, self._timeout_s)
-
-    marker_streams = _method(endpoints.marker_streams)
+        return open_async(self._address, MARKERS_PATH, configuration, AsyncMarkerStream)
 
     async def _send(self, call: endpoints.Call[T]) -> T:
         with self._translate_errors():

@@ -1,9 +1,6 @@
 """Connection settings shared by both clients: address, token, timeouts, retries."""
 
-from collections.abc import Callable
-from inspect import Parameter, signature
-from pathlib import Path
-from typing import Any, TypeVar, get_args, get_type_hints
+from typing import Any
 
 import httpx
 
@@ -11,7 +8,6 @@ from stridelab import __version__
 from stridelab.client.endpoints import MAX_WAIT_S, Call
 from stridelab.client.errors import ProblemError, Unreachable
 
-Method = TypeVar("Method", bound=Callable[..., Any])
 DEFAULT_URL = "http://127.0.0.1:8000"
 RETRY_S = (0.2, 0.5, 1.0, 2.0, 4.0, 8.0)
 """Delays in seconds between attempts to resume an interrupted stream or long poll; then the client gives up."""
@@ -52,15 +48,3 @@ def poll_s(left_s: float | None) -> float:
 def unreachable_error(base_url: str, error: Exception) -> Unreachable:
     """Error for a service that does not answer."""
     return Unreachable(f"the service at {base_url} does not answer ({type(error).__name__})")
-
-
-def document_method(method: Method, request_of: Callable[..., Any]) -> Method:
-    """Give ``method`` the name, documentation and parameters of ``request_of``, and the type of what it returns."""
-    described = signature(request_of)
-    parameters = [Parameter("self", Parameter.POSITIONAL_OR_KEYWORD), *described.parameters.values()]
-    content = (*get_args(get_type_hints(request_of)["return"]), Path)[0]
-    method.__name__, method.__doc__ = request_of.__name__, request_of.__doc__
-    method.__signature__ = described.replace(  # type: ignore[attr-defined]
-        parameters=parameters, return_annotation=content
-    )
-    return method

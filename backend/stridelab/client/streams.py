@@ -3,9 +3,10 @@
 import contextlib
 import math
 import struct
-from collections.abc import AsyncIterator, Iterator, Sequence
+from collections.abc import AsyncIterator, Callable, Iterator, Mapping, Sequence
 from contextlib import asynccontextmanager, contextmanager
-from typing import Final
+from dataclasses import dataclass
+from typing import Any, Final, TypeVar
 
 from pydantic import ValidationError
 from websockets.asyncio.client import ClientConnection
@@ -17,17 +18,15 @@ from websockets.sync.client import connect as connect_sync
 from stridelab.client.connection import unreachable_error
 from stridelab.client.endpoints import API
 from stridelab.client.errors import ClientError, ProblemError, Unreachable
-from stridelab.schemas.base import Problem
+from stridelab.schemas.base import Contract, Problem
 from stridelab.schemas.streams import (
     PACKED_ROW,
     PACKED_TIME,
     FrameEstimate,
     MarkerFrame,
     MarkerStreamAnswer,
-    MarkerStreamConfiguration,
     MarkerStreamReady,
     StreamAnswer,
-    StreamConfiguration,
     StreamEstimate,
     StreamReady,
     StreamSample,
@@ -39,6 +38,33 @@ MARKERS_PATH: Final = f"{API}/stream/markers"
 ANSWER_BYTES: Final = 16_000_000
 """Maximum size of a received message."""
 
+Stream = TypeVar("Stream")
+
+
+@dataclass(frozen=True)
+class Address:
+    """A service and how it is connected to."""
+
+    base: str
+    headers: Mapping[str, str]
+    timeout_s: float
+
+    def websocket(self, path: str) -> str:
+        """Address of a stream: ``http`` -> ``ws``, ``https`` -> ``wss``."""
+        return f"ws{self.base.removeprefix('http').rstrip('/')}{path}"
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """Arguments of both functions that open a websocket."""
+        return {
+            "additional_headers": self.headers,
+            "user_agent_header": None,
+            "compression": None,
+            "open_timeout": self.timeout_s,
+            "max_size": ANSWER_BYTES,
+        }
+
+
 _TIME: Final = struct.Struct(PACKED_TIME)
 _ROW: Final = struct.Struct(PACKED_ROW)
 _NOTHING: Final = (math.nan, math.nan, math.nan)
@@ -47,8 +73,8 @@ _NOTHING: Final = (math.nan, math.nan, math.nan)
 class AsyncComStream:
     """An open stream; ``ready`` describes the estimator that the service uses."""
 
-    def __init__(self, connection: ClientConnection, ready: StreamReady) -> None:
-        self._connection, self.ready = connection, ready
+    def __init__(self, connection: ClientConnection, answer: str | bytes) -> None:
+        self._connection, self.ready = connection, _parse_ready(answer)
 
     async def send(self, samples: Sequence[StreamSample]) -> list[StreamEstimate]:
         """Send samples and wait for the estimates at them, one per sample.
@@ -61,8 +87,8 @@ class AsyncComStream:
 class ComStream:
     """An open stream; ``ready`` describes the estimator that the service uses."""
 
-    def __init__(self, connection: SyncConnection, ready: StreamReady) -> None:
-        self._connection, self.ready = connection, ready
+    def __init__(self, connection: SyncConnection, answer: str | bytes) -> None:
+        self._connection, self.ready = connection, _parse_ready(answer)
 
     def send(self, samples: Sequence[StreamSample]) -> list[StreamEstimate]:
         """Send samples and wait for the estimates at them, one per sample.
@@ -75,8 +101,8 @@ class ComStream:
 class AsyncMarkerStream:
     """An open stream of markers; ``ready`` says what the service recognised, and what is missing."""
 
-    def __init__(self, connection: ClientConnection, ready: MarkerStreamReady) -> None:
-        self._connection, self.ready = connection, ready
+    def __init__(self, connection: ClientConnection, answer: str | bytes) -> None:
+        self._connection, self.ready = connection, _parse_marker_ready(answer)
 
     async def send(self, frame: MarkerFrame) -> FrameEstimate:
         """Send a frame and wait for the estimate at it. Raises ``ProblemError`` where the service refuses it."""
@@ -86,8 +112,8 @@ class AsyncMarkerStream:
 class MarkerStream:
     """An open stream of markers; ``ready`` says what the service recognised, and what is missing."""
 
-    def __init__(self, connection: SyncConnection, ready: MarkerStreamReady) -> None:
-        self._connection, self.ready = connection, ready
+    def __init__(self, connection: SyncConnection, answer: str | bytes) -> None:
+        self._connection, self.ready = connection, _parse_marker_ready(answer)
 
     def send(self, frame: MarkerFrame) -> FrameEstimate:
         """Send a frame and wait for the estimate at it. Raises ``ProblemError`` where the service refuses it."""
@@ -96,69 +122,24 @@ class MarkerStream:
 
 @asynccontextmanager
 async def open_async(
-    base_url: str, headers: dict[str, str], configuration: StreamConfiguration, timeout_s: float
-) -> AsyncIterator[AsyncComStream]:
-    """Open a stream for the duration of the context."""
-    connection = await _connect_async(base_url, STREAM_PATH, headers, timeout_s)
+    url: Address, path: str, configuration: Contract, begin: Callable[[ClientConnection, str | bytes], Stream]
+) -> AsyncIterator[Stream]:
+    """Open a stream for the duration of the context; ``begin`` makes it of the service's first answer."""
+    with _translate_errors(url.base):
+        connection = await connect_async(url.websocket(path), **url.options)
     async with connection:
-        answer = _parse_answer(await exchange_async(connection, configuration.model_dump_json()))
-        yield AsyncComStream(connection, _require_ready(answer))
-
-
-@asynccontextmanager
-async def open_markers_async(
-    base_url: str, headers: dict[str, str], configuration: MarkerStreamConfiguration, timeout_s: float
-) -> AsyncIterator[AsyncMarkerStream]:
-    """Open a stream of markers for the duration of the context."""
-    connection = await _connect_async(base_url, MARKERS_PATH, headers, timeout_s)
-    async with connection:
-        ready = _parse_marker_ready(await exchange_async(connection, configuration.model_dump_json()))
-        yield AsyncMarkerStream(connection, ready)
+        yield begin(connection, await exchange_async(connection, configuration.model_dump_json()))
 
 
 @contextmanager
 def open_sync(
-    base_url: str, headers: dict[str, str], configuration: StreamConfiguration, timeout_s: float
-) -> Iterator[ComStream]:
-    """Open a stream for the duration of the context."""
-    connection = _connect_sync(base_url, STREAM_PATH, headers, timeout_s)
+    url: Address, path: str, configuration: Contract, begin: Callable[[SyncConnection, str | bytes], Stream]
+) -> Iterator[Stream]:
+    """Open a stream for the duration of the context; ``begin`` makes it of the service's first answer."""
+    with _translate_errors(url.base):
+        connection = connect_sync(url.websocket(path), **url.options)
     with connection:
-        answer = _parse_answer(exchange_sync(connection, configuration.model_dump_json()))
-        yield ComStream(connection, _require_ready(answer))
-
-
-@contextmanager
-def open_markers_sync(
-    base_url: str, headers: dict[str, str], configuration: MarkerStreamConfiguration, timeout_s: float
-) -> Iterator[MarkerStream]:
-    """Open a stream of markers for the duration of the context."""
-    connection = _connect_sync(base_url, MARKERS_PATH, headers, timeout_s)
-    with connection:
-        yield MarkerStream(connection, _parse_marker_ready(exchange_sync(connection, configuration.model_dump_json())))
-
-
-async def _connect_async(base_url: str, path: str, headers: dict[str, str], timeout_s: float) -> ClientConnection:
-    with _translate_errors(base_url):
-        return await connect_async(
-            _websocket_url(base_url, path),
-            additional_headers=headers,
-            user_agent_header=None,
-            compression=None,
-            open_timeout=timeout_s,
-            max_size=ANSWER_BYTES,
-        )
-
-
-def _connect_sync(base_url: str, path: str, headers: dict[str, str], timeout_s: float) -> SyncConnection:
-    with _translate_errors(base_url):
-        return connect_sync(
-            _websocket_url(base_url, path),
-            additional_headers=headers,
-            user_agent_header=None,
-            compression=None,
-            open_timeout=timeout_s,
-            max_size=ANSWER_BYTES,
-        )
+        yield begin(connection, exchange_sync(connection, configuration.model_dump_json()))
 
 
 async def exchange_async(connection: ClientConnection, sent: str | bytes) -> str | bytes:
@@ -241,10 +222,11 @@ def _parse_frame(raw: str | bytes) -> FrameEstimate:
         raise _unparsable_error() from None
 
 
-def _require_ready(answer: StreamAnswer) -> StreamReady:
-    if answer.ready is None:
+def _parse_ready(raw: str | bytes) -> StreamReady:
+    ready = _parse_answer(raw).ready
+    if ready is None:
         raise _unparsable_error()
-    return answer.ready
+    return ready
 
 
 def _unparsable_error() -> ClientError:
@@ -273,8 +255,3 @@ def _translate_errors(base_url: str) -> Iterator[None]:
         ) from error
     except (OSError, TimeoutError, InvalidHandshake) as error:
         raise unreachable_error(base_url, error) from error
-
-
-def _websocket_url(base_url: str, path: str) -> str:
-    """``http`` -> ``ws``, ``https`` -> ``wss``."""
-    return f"ws{base_url.removeprefix('http').rstrip('/')}{path}"

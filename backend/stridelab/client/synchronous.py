@@ -4,12 +4,12 @@ Written by ``scripts/make_sync_client.py`` from the asynchronous one: edit that.
 """
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from http import HTTPStatus
 from pathlib import Path
 from types import TracebackType
-from typing import Concatenate, ParamSpec, TypeVar
+from typing import TypeVar
 
 import httpx
 
@@ -18,47 +18,31 @@ from stridelab.client.connection import (
     DEFAULT_URL,
     RETRY_S,
     connection_headers,
-    document_method,
     is_temporary,
     poll_s,
     request_arguments,
     unreachable_error,
 )
 from stridelab.client.errors import ClientError, ProblemError
+from stridelab.client.methods import Endpoints
 from stridelab.client.sse import EventReader
-from stridelab.client.streams import ComStream, MarkerStream, open_markers_sync, open_sync
+from stridelab.client.streams import (
+    MARKERS_PATH,
+    STREAM_PATH,
+    Address,
+    ComStream,
+    MarkerStream,
+    open_sync,
+)
 from stridelab.schemas.jobs import FINAL_STATES, Job, JobEvent
 from stridelab.schemas.population import RecordingBatch
 from stridelab.schemas.recordings import Recording, SubjectFields
 from stridelab.schemas.streams import MarkerStreamConfiguration, StreamConfiguration
 
 T = TypeVar("T")
-P = ParamSpec("P")
 
 
-def _method(
-    request_of: Callable[P, endpoints.Call[T]],
-) -> Callable[Concatenate["Client", P], T]:
-    """Method that sends the request and returns the content of its response."""
-
-    def send(self: "Client", /, *args: P.args, **options: P.kwargs) -> T:
-        return self._send(request_of(*args, **options))
-
-    return document_method(send, request_of)
-
-
-def _download_method(
-    request_of: Callable[P, endpoints.Download],
-) -> Callable[Concatenate["Client", P], Path]:
-    """Method that saves the response as a file and returns its path."""
-
-    def save(self: "Client", /, *args: P.args, **options: P.kwargs) -> Path:
-        return self._save(request_of(*args, **options))
-
-    return document_method(save, request_of)
-
-
-class Client:
+class Client(Endpoints):
     """Client of one service. Methods raise ``ProblemError`` for an error response, ``Unreachable`` if there is none."""
 
     def __init__(
@@ -69,8 +53,9 @@ class Client:
         timeout_s: float = 30.0,
         transport: httpx.BaseTransport | None = None,
     ) -> None:
-        self._timeout_s, self._headers = timeout_s, connection_headers(token)
-        self._http = httpx.Client(base_url=base_url, headers=self._headers, timeout=timeout_s, transport=transport)
+        self._timeout_s, headers = timeout_s, connection_headers(token)
+        self._http = httpx.Client(base_url=base_url, headers=headers, timeout=timeout_s, transport=transport)
+        self._address = Address(str(self._http.base_url), headers, timeout_s)
 
     def __enter__(self) -> "Client":  # noqa: PYI034 (beartype cannot check Self here)
         return self
@@ -83,8 +68,6 @@ class Client:
     def close(self) -> None:
         """Close the connections."""
         self._http.close()
-
-    health = _method(endpoints.health)
 
     def upload(
         self,
@@ -124,37 +107,6 @@ class Client:
             raise uploads.refusal_of(job)
         summary = self.result(job.id).summary
         return uploads.batch_of(summary, [self.recording(one) for one in summary["recording_ids"]])
-
-    recordings = _method(endpoints.recordings)
-    recording = _method(endpoints.recording)
-    patch_recording = _method(endpoints.patch_recording)
-    delete_recording = _method(endpoints.delete_recording)
-    download_file = _download_method(endpoints.download_file)
-    download_tracks = _download_method(endpoints.download_tracks)
-    subjects = _method(endpoints.subjects)
-    subject = _method(endpoints.subject)
-    add_subject = _method(endpoints.add_subject)
-    patch_subject = _method(endpoints.patch_subject)
-    delete_subject = _method(endpoints.delete_subject)
-    scenarios = _method(endpoints.scenarios)
-    scenario = _method(endpoints.scenario)
-    add_scenario = _method(endpoints.add_scenario)
-    put_scenario = _method(endpoints.put_scenario)
-    delete_scenario = _method(endpoints.delete_scenario)
-    check_scenario = _method(endpoints.check_scenario)
-    compose_scenario = _method(endpoints.compose_scenario)
-    solvers = _method(endpoints.solvers)
-    preview_plan = _method(endpoints.preview_plan)
-    robots = _method(endpoints.robots)
-    robot = _method(endpoints.robot)
-    robot_card = _method(endpoints.robot_card)
-    delete_robot = _method(endpoints.delete_robot)
-    robot_preparation = _method(endpoints.robot_preparation)
-    robot_reachability = _method(endpoints.robot_reachability)
-    robot_links = _download_method(endpoints.robot_links)
-    submit = _method(endpoints.submit)
-    jobs = _method(endpoints.jobs)
-    job = _method(endpoints.job)
 
     def wait(self, job_id: str, timeout_s: float | None = None) -> Job:
         """Wait until a job has finished. Raises ``TimeoutError`` after ``timeout_s``; None waits indefinitely."""
@@ -206,22 +158,13 @@ class Client:
             time.sleep(RETRY_S[min(failures, len(RETRY_S) - 1)])
             failures += 1
 
-    cancel = _method(endpoints.cancel)
-    delete_job = _method(endpoints.delete_job)
-    result = _method(endpoints.result)
-    download_artifact = _download_method(endpoints.download_artifact)
-    download_bundle = _download_method(endpoints.download_bundle)
-    read_artifact = _method(endpoints.read_artifact)
-
     def stream_com(self, configuration: StreamConfiguration) -> AbstractContextManager[ComStream]:
         """Online estimation: ``with lab.stream_com(...) as stream``, then ``stream.send(samples)``."""
-        return open_sync(str(self._http.base_url), self._headers, configuration, self._timeout_s)
+        return open_sync(self._address, STREAM_PATH, configuration, ComStream)
 
     def stream_markers(self, configuration: MarkerStreamConfiguration) -> AbstractContextManager[MarkerStream]:
         """Live balance: ``with lab.stream_markers(...) as stream``, then ``stream.send(frame)``."""
-        return open_markers_sync(str(self._http.base_url), self._headers, configuration, self._timeout_s)
-
-    marker_streams = _method(endpoints.marker_streams)
+        return open_sync(self._address, MARKERS_PATH, configuration, MarkerStream)
 
     def _send(self, call: endpoints.Call[T]) -> T:
         with self._translate_errors():

@@ -49,9 +49,9 @@ class GaitMeasures:
         Raises:
             Conflict: ``output-exists`` where the folder exists; ``replace`` allows it for an earlier result.
         """
-        from stridelab.cli.results import result_folder, write_result
         from stridelab.service.kinds.base import Outcome
         from stridelab.service.kinds.gait_measures.run import write_measures
+        from stridelab.service.local_runs import result_folder, write_result
 
         with result_folder(Path(folder), force=replace) as made:
             artifacts = write_measures(made, self.result)
@@ -144,7 +144,8 @@ def gait_report(
         InvalidInput: There is no recording, or a given value is invalid.
         NotEstimable: No recording has a whole step; code and message say what is missing.
     """
-    from stridelab.cli.measures import ReportWalks, collect_recordings, people_in, report_task
+    from stridelab.service.local_recordings import ReportWalks, people_in, report_task
+    from stridelab.service.local_runs import collect_recordings
 
     def paths_of(given: str | Path | Sequence[str | Path]) -> list[Path]:
         listed = [given] if isinstance(given, str | Path) else given

@@ -33,7 +33,7 @@ class PlannedMotion:
         Raises:
             Conflict: ``output-exists`` where the folder exists; ``replace`` allows it for an earlier result.
         """
-        from stridelab.cli.results import result_folder
+        from stridelab.service.local_runs import result_folder
 
         with result_folder(Path(folder), force=replace) as made:
             shutil.copytree(self.folder, made, dirs_exist_ok=True)
@@ -75,8 +75,8 @@ def plan_motion(
         InvalidInput: ``scenario-invalid``, ``replay-invalid``; the faults name every field that is wrong.
         NotEstimable: The solver found no motion; the error says at which stage.
     """
-    from stridelab.cli.results import write_result
     from stridelab.service.kinds.plan_motion import run as job
+    from stridelab.service.local_runs import write_result
 
     given = _scenario_of(scenario)
     if robot is not None:
@@ -146,6 +146,6 @@ def push_basin(
 
 
 def _scenario_of(scenario: str | Path | Mapping[str, Any] | Scenario) -> Scenario:
-    from stridelab.cli.scenario_files import read_scenario
+    from stridelab.pipelines.scenario_files import read_scenario
 
     return read_scenario(str(scenario)) if isinstance(scenario, str | Path) else validate_fields(Scenario, scenario)

@@ -167,9 +167,9 @@ class CentreOfMass:
         Raises:
             Conflict: ``output-exists`` where the folder exists; ``replace`` allows it for an earlier result.
         """
-        from stridelab.cli.results import result_folder, write_result
         from stridelab.service.kinds.base import Outcome
         from stridelab.service.kinds.estimate_com.run import write_com_result
+        from stridelab.service.local_runs import result_folder, write_result
 
         source, copy = self.loaded.source, self.loaded.path.name
         with result_folder(Path(folder), force=replace) as made:
@@ -261,9 +261,9 @@ class CycloidFit:
         Raises:
             Conflict: ``output-exists`` where the folder exists; ``replace`` allows it for an earlier result.
         """
-        from stridelab.cli.results import result_folder, write_result
         from stridelab.service.kinds.base import Outcome
         from stridelab.service.kinds.fit_cycloid.files import write_cycloid
+        from stridelab.service.local_runs import result_folder, write_result
 
         with result_folder(Path(folder), force=replace) as made:
             artifacts = write_cycloid(made, self.loaded.source, self.result)

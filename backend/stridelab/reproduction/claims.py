@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Final, Literal
+from typing import Final, Literal, TypedDict, Unpack
 
 import numpy as np
 
@@ -141,6 +141,16 @@ def sampling_text(draws: Sampling, seeds: range) -> str:
     return f"{len(seeds)} random draws, seeds {seeds[0]} to {seeds[-1]}." if len(seeds) > 1 else f"Seed {seeds[0]}."
 
 
+class Basis(TypedDict, total=False):
+    """Fields of a claim that say what our number is computed from."""
+
+    n: int | None
+    evidence: Evidence | None
+    solver: str | None
+    interval: tuple[float, float] | None
+    comparator: str | None
+
+
 @dataclass(frozen=True)
 class Measured:
     """The numbers of a claim, before its words: ``Measured("r", 0.67, ours, "1", met_if(ours > 0.5)).says("...")``."""
@@ -152,33 +162,9 @@ class Measured:
     verdict: Verdict
     aim: bool = False
 
-    def says(
-        self,
-        says: str,
-        note: str = "",
-        *,
-        n: int | None = None,
-        evidence: Evidence | None = None,
-        solver: str | None = None,
-        interval: tuple[float, float] | None = None,
-        comparator: str | None = None,
-    ) -> Claim:
+    def says(self, says: str, note: str = "", **basis: Unpack[Basis]) -> Claim:
         """The claim that the thesis makes in these words, with a remark on our number and what it is computed from."""
-        return Claim(
-            self.key,
-            says,
-            self.thesis,
-            self.ours,
-            self.unit,
-            self.verdict,
-            note,
-            evidence,
-            n,
-            solver,
-            interval,
-            comparator,
-            self.aim,
-        )
+        return Claim(self.key, says, self.thesis, self.ours, self.unit, self.verdict, note, aim=self.aim, **basis)
 
 
 def met_if(holds: bool | np.bool) -> Verdict:

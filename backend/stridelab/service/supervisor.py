@@ -26,8 +26,8 @@ from typing import Final, NoReturn
 
 import psycopg
 
-from stridelab import heartbeat
 from stridelab.errors import Fault, InvalidInput, Unavailable
+from stridelab.machine import heartbeat
 from stridelab.service.data_folder import explain_os_errors, open_data_folder
 from stridelab.service.postgres.embedded import EmbeddedPostgres
 from stridelab.service.processes.parent_death import command_ending_with_parent

@@ -29,7 +29,7 @@ class Tick:
 
 @dataclass(frozen=True)
 class Curve:
-    """A line through ``points`` (of an SVG); ``text`` describes it."""
+    """A line through ``points`` (of an SVG), or the closed outline of an area; ``text`` describes it."""
 
     points: str
     css: str
@@ -71,15 +71,6 @@ class Shade:
 
 
 @dataclass(frozen=True)
-class Band:
-    """A closed outline ``points`` (of an SVG), such as that of a curve's standard errors; ``text`` describes it."""
-
-    points: str
-    css: str
-    text: str = ""
-
-
-@dataclass(frozen=True)
 class Circle:
     """A circle that is drawn to scale."""
 
@@ -105,7 +96,7 @@ class Chart:
     true_scale: bool = False
     caption: str = ""
     shades: list[Shade] = field(default_factory=list)
-    bands: list[Band] = field(default_factory=list)
+    bands: list[Curve] = field(default_factory=list)
     circles: list[Circle] = field(default_factory=list)
     curves: list[Curve] = field(default_factory=list)
     whiskers: list[Whisker] = field(default_factory=list)
@@ -162,12 +153,12 @@ class Chart:
     def add_band(self, x: np.ndarray, low: np.ndarray, high: np.ndarray, css: str) -> None:
         """Add the area between two curves over the same ``x``."""
         outline = [*zip(x, low, strict=True), *zip(x[::-1], high[::-1], strict=True)]
-        self.bands.append(Band(" ".join(f"{self.x_px(u):.1f},{self.y_px(v):.1f}" for u, v in outline), css))
+        self.bands.append(Curve(" ".join(f"{self.x_px(u):.1f},{self.y_px(v):.1f}" for u, v in outline), css))
 
     def add_cell(self, x: Range, y: Range, css: str, text: str) -> None:
         """Add a rectangle over an interval of each axis."""
         corners = [(x[0], y[0]), (x[1], y[0]), (x[1], y[1]), (x[0], y[1])]
-        self.bands.append(Band(" ".join(f"{self.x_px(u):.1f},{self.y_px(v):.1f}" for u, v in corners), css, text))
+        self.bands.append(Curve(" ".join(f"{self.x_px(u):.1f},{self.y_px(v):.1f}" for u, v in corners), css, text))
 
     def add_mark(
         self, x: float, y: float, css: str, shape: Shape = "circle", text: str = "", label: str = "", href: str = ""

@@ -10,7 +10,6 @@ from stridelab.schemas.jobs import FINAL_STATES
 from stridelab_web.assets import TEMPLATES
 from stridelab_web.config import WebConfig
 from stridelab_web.formatting import FILTERS
-from stridelab_web.pages.results.quality import VERDICT_CODES
 
 NAVIGATION: Final = (
     ("Home", "/"),
@@ -45,7 +44,6 @@ def make_environment(config: WebConfig) -> Environment:
         navigation=NAVIGATION,
         section="",
         filenames={},
-        verdict_codes=VERDICT_CODES,
     )
     return environment
 

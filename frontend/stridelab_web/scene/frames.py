@@ -6,7 +6,7 @@ and columns cannot disagree. Positions are in the world frame, metres; forces in
 
 import json
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
@@ -24,10 +24,11 @@ ARROW_M_PER_N: Final = 1 / 1000
 """Length of a force arrow: a body weight of 700 N is 0.7 m long."""
 HEAD_M: Final = 0.08
 """Length of an arrow's head; the shaft ends where it begins."""
+NODE_KINDS: Final = ("points", "bodies", "sticks", "arrows", "ellipsoids", "hoops", "spans")
+"""Fields of ``Frames`` whose moving nodes the browser reads as they are, each as a list of its fields."""
 
 
-@dataclass(frozen=True)
-class Point:
+class Point(NamedTuple):
     """A node whose position is the three numbers from ``at`` on; ``label`` describes it."""
 
     name: str
@@ -35,16 +36,14 @@ class Point:
     label: str
 
 
-@dataclass(frozen=True)
-class Body:
+class Body(NamedTuple):
     """A node with a pose: position, then quaternion wxyz, seven numbers from ``at`` on."""
 
     name: str
     at: int
 
 
-@dataclass(frozen=True)
-class Stick:
+class Stick(NamedTuple):
     """A unit cylinder that joins the points at ``start`` and ``end``."""
 
     name: str
@@ -52,8 +51,7 @@ class Stick:
     end: int
 
 
-@dataclass(frozen=True)
-class Arrow:
+class Arrow(NamedTuple):
     """A shaft and a head: application point (three numbers from ``at`` on), then the force (three numbers)."""
 
     shaft: str
@@ -62,8 +60,7 @@ class Arrow:
     label: str
 
 
-@dataclass(frozen=True)
-class Ellipsoid:
+class Ellipsoid(NamedTuple):
     """A unit ball at the three numbers from ``at`` on, with the three semi-axes from ``axes`` on along x, y and z."""
 
     name: str
@@ -71,8 +68,7 @@ class Ellipsoid:
     axes: int
 
 
-@dataclass(frozen=True)
-class Hoop:
+class Hoop(NamedTuple):
     """A node of unit size with a pose (seven numbers from ``at`` on), as large as the number at ``size``."""
 
     name: str
@@ -80,8 +76,7 @@ class Hoop:
     size: int
 
 
-@dataclass(frozen=True)
-class Span:
+class Span(NamedTuple):
     """A node that is present only from ``start_s`` until ``end_s``."""
 
     name: str
@@ -89,16 +84,14 @@ class Span:
     end_s: float
 
 
-@dataclass(frozen=True)
-class Track:
+class Track(NamedTuple):
     """The path of the point whose position is the three numbers from ``at`` on, drawn as the node ``name``."""
 
     name: str
     at: int
 
 
-@dataclass(frozen=True)
-class Copy:
+class Copy(NamedTuple):
     """A node with the meshes of the node ``of``, which are sent once; ``paint`` is its own colour and opacity.
 
     Both nodes are in the scene; the page gives the copy its meshes.
@@ -143,15 +136,9 @@ class Frames:
             "width": int(self.values.shape[1]),
             "bits": self._column_bits().tolist(),
             "time_s": [round(float(t), 6) for t in self.time_s],
-            "points": [[p.name, p.at, p.label] for p in self.points],
-            "bodies": [[b.name, b.at] for b in self.bodies],
-            "sticks": [[s.name, s.start, s.end] for s in self.sticks],
-            "arrows": [[a.shaft, a.head, a.at, a.label] for a in self.arrows],
-            "ellipsoids": [[e.name, e.at, e.axes] for e in self.ellipsoids],
-            "hoops": [[h.name, h.at, h.size] for h in self.hoops],
-            "spans": [[s.name, s.start_s, s.end_s] for s in self.spans],
-            "still": [*(t.name for t in self.tracks), *self.still],
-            "copies": [[c.name, c.of, c.paint] for c in self.copies],
+            **{kind: getattr(self, kind) for kind in NODE_KINDS},
+            "still": [*(track.name for track in self.tracks), *self.still],
+            "copies": self.copies,
             "phase_starts_s": list(self.phase_starts_s),
             "arrow_m_per_n": ARROW_M_PER_N,
             "head_m": HEAD_M,

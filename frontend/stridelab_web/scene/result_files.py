@@ -9,7 +9,7 @@ from stridelab.schemas.jobs import JobResult
 from stridelab.schemas.recordings import Recording
 from stridelab.schemas.scenarios import Scenario
 from stridelab_web.pages.results.com_plots import COM_TABLE
-from stridelab_web.pages.results.cycloid_charts import WHEEL_TABLE
+from stridelab_web.pages.results.cycloid import WHEEL_TABLE
 from stridelab_web.parquet import read_columns, read_texts
 from stridelab_web.scene.frames import Frames
 from stridelab_web.scene.plan_frames import Cone, friction_cones, plan_frames, read_motion

@@ -16,8 +16,8 @@ import httpx
 import uvicorn
 from starlette.applications import Starlette
 
-from stridelab import heartbeat
 from stridelab.client import Client
+from stridelab.machine import heartbeat
 from stridelab_web.viewer.control import create_control
 from stridelab_web.viewer.scene_builders import document_kinds
 from stridelab_web.viewer.scene_limits import limits_of

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from experiments.centroidal_variations import problem_of, random_variations
 from stridelab.centroidal.boundary_conditions import PathBounds, Start
 from stridelab.centroidal.contact_wrench import ContactWrench
 from stridelab.centroidal.control import Control
@@ -20,7 +21,6 @@ from stridelab.centroidal.receding_horizon import RecedingHorizon, State
 from stridelab.centroidal.solver import solve
 from stridelab.centroidal.warm_start import warm_start_point
 from stridelab.errors import InvalidInput
-from stridelab.studies.centroidal_variations import problem_of, random_variations
 from support.robots.sequences import assert_same, bundled, foot, hand, phase, rest_to_rest, sequence, total, two_steps
 
 found = native_availability()

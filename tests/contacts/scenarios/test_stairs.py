@@ -8,9 +8,9 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from experiments.bundled_scenarios import BUNDLED
 from stridelab.contacts.effector_geometry import effector_shapes
 from stridelab.contacts.scenario_io import sequence_of
-from stridelab.contacts.scenarios.bundled import BUNDLED
 from stridelab.contacts.scenarios.parts import HRP2, TALOS, Timing, Walker
 from stridelab.contacts.scenarios.stairs import (
     HandRail,

@@ -6,6 +6,8 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
+from experiments.people.movements import Movement
+from experiments.people.sensors import DrawnRecording, SensorErrors, draw_recording
 from stridelab.body.geometric_com import GeometricCom
 from stridelab.dynamics.wrench import Wrench
 from stridelab.estimation.differentiation import window_span
@@ -18,8 +20,6 @@ from stridelab.estimation.evaluation.force_path import (
 )
 from stridelab.estimation.markers_only import GeometryOnly
 from stridelab.recordings.recording import WrenchTrack
-from stridelab.simulation.people.movements import Movement
-from stridelab.simulation.people.sensors import DrawnRecording, SensorErrors, draw_recording
 
 CLEAN = SensorErrors(
     plate_n=0.0, plate_nm=0.0, drift_n_s=0.0, noise_n=0.0, noise_nm=0.0, late_s=(0.0, 0.0), mass_share=0.0

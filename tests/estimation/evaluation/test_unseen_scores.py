@@ -6,6 +6,8 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
+from experiments.people.movements import Movement
+from experiments.people.sensors import draw_recording
 from stridelab.body.geometric_com import GeometricCom
 from stridelab.estimation.complementary.filter import ComplementaryFilter
 from stridelab.estimation.estimator import ComEstimate
@@ -22,8 +24,6 @@ from stridelab.estimation.evaluation.unseen_scores import (
 )
 from stridelab.estimation.markers_only import GeometryOnly
 from stridelab.recordings.recording import WrenchTrack
-from stridelab.simulation.people.movements import Movement
-from stridelab.simulation.people.sensors import draw_recording
 
 METHODS = ("geometry", "smoother")
 

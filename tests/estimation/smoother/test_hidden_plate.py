@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
+from experiments.people.sensors import DrawnRecording, draw_recording
 from stridelab.conventions import Mask, Points
 from stridelab.estimation.differentiation import walk_frame, window_span
 from stridelab.estimation.estimator import ComEstimator
 from stridelab.estimation.evaluation.holdout_force import withhold_samples
 from stridelab.estimation.markers_only import GeometryOnly
 from stridelab.estimation.smoother import Smoother
-from stridelab.simulation.people.sensors import DrawnRecording, draw_recording
 
 SEEDS = (0, 1, 6, 7)
 

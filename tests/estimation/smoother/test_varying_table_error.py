@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from experiments.people.movements import Movement
+from experiments.people.sensors import draw_recording
 from stridelab.estimation.evaluation.truth_errors import truth_error
 from stridelab.estimation.smoother import Smoother
-from stridelab.simulation.people.movements import Movement
-from stridelab.simulation.people.sensors import draw_recording
 
 
 @pytest.mark.parametrize(("movement", "size_mm"), [("walk", 3.0), ("run", 6.0), ("hop", 6.0), ("stand", 1 / 3)])

@@ -6,19 +6,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from experiments.feasibility_learning import learn_feasibility, save_feasibility
+from experiments.random_contacts import BOX_SCALE, LabelledPairs, balance_labels, random_pairs
 from stridelab.dynamics.spatial import Placement
 from stridelab.errors import NotFound, UnreadableFile
 from stridelab.reachability.kinematics.ik_ground_truth import STANDING_POSTURE, StanceTruth
 from stridelab.reachability.proxy.contact_set_proxy import ContactSet
 from stridelab.reachability.proxy.feasibility_correction import (
     FeasibilityCard,
-    learn_feasibility,
     load_feasibility,
     log_density,
     read_feasibility,
-    save_feasibility,
 )
-from stridelab.reachability.random_contacts import BOX_SCALE, LabelledPairs, balance_labels, random_pairs
 from stridelab.reachability.store import load_proxies
 from stridelab.robots.robot import Robot
 

@@ -22,7 +22,6 @@ from starlette.types import Receive, Scope, Send
 
 from stridelab.service.api import connection_limits as module
 from stridelab.service.api.connection_limits import ConnectionLimiter, guarded_protocol
-from stridelab.service.processes import open_files
 from stridelab.service.settings import Settings
 from support.service.database import TestDatabases
 from support.service.processes import environment, free_port, wait_until
@@ -210,16 +209,14 @@ def test_a_proxy_stands_for_many_clients() -> None:
 
 def test_the_limit_of_open_files_is_raised() -> None:
     before = resource.getrlimit(resource.RLIMIT_NOFILE)
-    code = "import resource; from stridelab.service.processes import open_files; print(open_files.raise_limit(), "
+    code = "import resource; from stridelab.service.api import connection_limits as c; print(c.raise_file_limit(), "
     code += "resource.getrlimit(resource.RLIMIT_NOFILE)[0])"
 
     def lower() -> None:
         resource.setrlimit(resource.RLIMIT_NOFILE, (256, before[1]))
 
     said = subprocess.run([sys.executable, "-c", code], preexec_fn=lower, capture_output=True, text=True, check=True)
-    wanted = (
-        open_files.MAX_OPEN_FILES if before[1] == resource.RLIM_INFINITY else min(before[1], open_files.MAX_OPEN_FILES)
-    )
+    wanted = module.MAX_OPEN_FILES if before[1] == resource.RLIM_INFINITY else min(before[1], module.MAX_OPEN_FILES)
     assert said.stdout.split() == [str(wanted)] * 2
 
 

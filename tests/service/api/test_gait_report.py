@@ -8,7 +8,6 @@ from typing import Any
 import httpx
 import pytest
 
-from stridelab.cli.measures import ReportWalks, report_task
 from stridelab.pipelines.gait_report.report import gait_report
 from stridelab.pipelines.trial import examine_trial
 from stridelab.recordings.files.c3d_writer import write_c3d
@@ -18,6 +17,7 @@ from stridelab.schemas.recordings import SubjectFields
 from stridelab.schemas.tasks import GaitReportTask, RecordingSource
 from stridelab.service.kinds.gait_report.kind import stage, stage_logo
 from stridelab.service.kinds.parse_upload import recording_facts
+from stridelab.service.local_recordings import ReportWalks, report_task
 from stridelab.service.settings import Settings
 from stridelab.simulation.human.walker import HumanWalker
 from stridelab.simulation.human_recording import record

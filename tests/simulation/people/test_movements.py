@@ -5,10 +5,10 @@ import pytest
 from numpy.random import default_rng
 from scipy.interpolate import make_interp_spline
 
+from experiments.people.limbs import LIMBS
+from experiments.people.movements import MOVEMENTS, RATE_HZ, DrawnMotion, Movement, draw_motion, draw_person
 from stridelab.conventions import GRAVITY_M_S2
 from stridelab.dynamics.wrench import contact_force
-from stridelab.simulation.people.limbs import LIMBS
-from stridelab.simulation.people.movements import MOVEMENTS, RATE_HZ, DrawnMotion, Movement, draw_motion, draw_person
 
 
 def motion_of(movement: Movement, seed: int = 0, *, belt: bool = False) -> DrawnMotion:

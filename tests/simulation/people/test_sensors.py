@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import stridelab.simulation.people as people
+import experiments.people as people
+from experiments.people.movements import MOVEMENTS, Movement
+from experiments.people.sensors import SensorErrors, draw_recording
 from stridelab.dynamics.wrench import Wrench, momentum_rate
-from stridelab.simulation.people.movements import MOVEMENTS, Movement
-from stridelab.simulation.people.sensors import SensorErrors, draw_recording
 
 NONE = SensorErrors(
     table_mass=0.0,

@@ -7,8 +7,8 @@ import time
 from pathlib import Path
 from typing import Any
 
-from stridelab.cores import usable_cores
 from stridelab.errors import Fault, NotEstimable
+from stridelab.machine.cores import usable_cores
 
 
 def add(task: dict[str, Any], _folder: Path, progress: Any) -> dict[str, Any]:

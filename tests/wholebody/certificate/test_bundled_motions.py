@@ -11,6 +11,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from experiments.execution import CASES, replay_motion
 from stridelab.centroidal.force_splines import Shape
 from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.centroidal.rest_to_rest import from_rest_to_rest
@@ -22,7 +23,6 @@ from stridelab.reachability.store import load_proxies
 from stridelab.robots.contact_frames import with_contact_frames
 from stridelab.robots.loader import load_robot
 from stridelab.robots.robot import Robot
-from stridelab.studies.execution import CASES, replay_motion
 from stridelab.wholebody.certificate.certificate import Certificate
 from stridelab.wholebody.certificate.certify import certify
 from stridelab.wholebody.control.controller import WholeBodyController

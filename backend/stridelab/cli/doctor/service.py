@@ -11,8 +11,8 @@ import psutil
 import psycopg
 
 from stridelab.cli.doctor.checks import Check
-from stridelab.cores import default_slots
 from stridelab.errors import InvalidInput, StridelabError
+from stridelab.machine.cores import default_slots
 from stridelab.service.jobs.work_folder import HEARTBEAT_FILE
 from stridelab.service.postgres.embedded import running_url
 from stridelab.service.processes import confinement

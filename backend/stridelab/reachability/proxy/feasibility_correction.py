@@ -1,7 +1,7 @@
 """Feasibility correction of the proxy: densities that weigh all feasible CoM positions equally.
 
 The densities of section 4.3 count postures per CoM position; a position with few postures is still feasible. The
-correction counts every feasible position once: for random contact sets (``random_contacts``) the CoM is uniform over
+correction counts every feasible position once: for random contact sets the CoM is uniform over
 the reachable positions, and the density of each effector is a mixture learned from those in its frame,
 
     f_i(x),  x = R_i^T (c - p_i),    (M_1 .. M_K, c) ~ U | a posture joins them,        f(c | M) ~ prod_i f_i
@@ -9,9 +9,8 @@ the reachable positions, and the density of each effector is a mixture learned f
 so that (4.12) and (4.13) apply unchanged with ``f_i`` instead of ``p_i``.
 """
 
-import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from types import MappingProxyType
@@ -25,14 +24,11 @@ from stridelab.errors import Fault, NotFound, UnreadableFile
 from stridelab.reachability.card import Matrix, Triple
 from stridelab.reachability.gaussian_mixture import Mixture
 from stridelab.reachability.kinematics.ik_ground_truth import ContactBatch
-from stridelab.reachability.learning.fit import expectation_maximisation
 from stridelab.reachability.proxy.effector_proxy import Frame, Proxy
-from stridelab.reachability.random_contacts import HAND, SOLES, LabelledPairs
 from stridelab.reachability.standing_conditions import axis_rotations
 from stridelab.resources import models_dir
 from stridelab.robots.card import robot_names
 
-COMPONENTS: Final = 14
 _STRICT: Final = ConfigDict(extra="forbid", allow_inf_nan=False)
 
 
@@ -80,16 +76,6 @@ def com_in_frame(frame: Frame, contacts: ContactBatch, name: str, com_m: Points)
     return np.asarray((axes.swapaxes(1, 2) @ (com_m - p)[..., None])[..., 0])
 
 
-def learn_feasibility(sole_pairs: LabelledPairs, hand_pairs: LabelledPairs, seed: int) -> dict[str, FlatDensity]:
-    """Learn the densities of all effectors by EM; that of the left hand mirrors that of the right hand."""
-    of_soles = {name: _fit_feasible(sole_pairs, name, "contact", seed) for name in SOLES}
-    right = _fit_feasible(hand_pairs, HAND, "heading", seed)
-    mirror = np.array([1.0, -1.0, 1.0])
-    left = Mixture(right.weights, right.means_m * mirror, right.covariances_m2 * np.outer(mirror, mirror))
-    sole_densities = {name: _to_flat_density(mixture, "contact") for name, mixture in of_soles.items()}
-    return sole_densities | {"left_hand": _to_flat_density(left, "heading"), HAND: _to_flat_density(right, "heading")}
-
-
 @cache
 def load_feasibility(robot_name: str) -> Mapping[str, Proxy]:
     """The bundled correction of a robot, by effector.
@@ -114,23 +100,3 @@ def read_feasibility(path: Path) -> FeasibilityCard:
         places = "; ".join(f"{fault.where}: {fault.message}" for fault in faults[:3])
         message = f"{path.name} is not a valid feasibility correction: {places}."
         raise UnreadableFile("reachability-damaged", message, faults) from error
-
-
-def save_feasibility(path: Path, card: FeasibilityCard) -> None:
-    """Write a card; ``read_feasibility`` reads the same one."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(json.dumps(asdict(card), allow_nan=False) + "\n", encoding="utf-8")
-
-
-def _fit_feasible(pairs: LabelledPairs, name: str, frame: Frame, seed: int) -> Mixture:
-    feasible = np.flatnonzero(pairs.feasible)
-    feasible_pairs = pairs.select(feasible)
-    return expectation_maximisation(
-        com_in_frame(frame, feasible_pairs.contacts, name, feasible_pairs.com_m), COMPONENTS, seed
-    )[0]
-
-
-def _to_flat_density(mixture: Mixture, frame: Frame) -> FlatDensity:
-    parts = (mixture.weights, mixture.means_m, mixture.covariances_m2)
-    fields = {name: part.tolist() for name, part in zip(("weights", "means", "covariances"), parts, strict=True)}
-    return TypeAdapter(FlatDensity).validate_python({"frame": frame, **fields})

@@ -8,14 +8,14 @@ from types import FrameType
 import uvicorn
 from fastapi import FastAPI
 
-from stridelab import heartbeat
 from stridelab.errors import InvalidInput, Unavailable
+from stridelab.machine import heartbeat
 from stridelab.service import telemetry
 from stridelab.service.api.app import create_app
-from stridelab.service.api.connection_limits import BACKLOG, ConnectionLimiter, guarded_protocol
+from stridelab.service.api.connection_limits import BACKLOG, ConnectionLimiter, guarded_protocol, raise_file_limit
 from stridelab.service.api.dependencies import Parts
 from stridelab.service.logging import configure_logging
-from stridelab.service.processes import confinement, open_files
+from stridelab.service.processes import confinement
 from stridelab.service.settings import Settings
 from stridelab.service.settings import current_settings as load_settings
 
@@ -53,7 +53,7 @@ def build_server(settings: Settings) -> uvicorn.Server:
             f"{settings.host} can be reached by others: set STRIDELAB_API_TOKEN or STRIDELAB_API_TOKEN_FILE first.",
         )
     app = create_app(settings, with_sample=True)
-    limiter = ConnectionLimiter.from_settings(settings, open_files.raise_limit(), os.environ.get("FORWARDED_ALLOW_IPS"))
+    limiter = ConnectionLimiter.from_settings(settings, raise_file_limit(), os.environ.get("FORWARDED_ALLOW_IPS"))
     config = uvicorn.Config(
         app,
         host=settings.host,

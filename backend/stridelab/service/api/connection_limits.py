@@ -9,6 +9,7 @@ next tick.
 """
 
 import asyncio
+import resource
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator
@@ -35,6 +36,7 @@ BACKLOG: Final = 128
 ROUNDS_TO_CLOSE: Final = 3
 """Iterations of the event loop until a replaced connection is closed: one creates the new transport, the next calls its
 protocol, which aborts the replaced connection, and the third closes the file descriptor of that one."""
+MAX_OPEN_FILES: Final = 65_536
 _LOG_INTERVAL_S: Final = 60.0
 
 State = Literal["idle", "head", "body", "answer"]
@@ -227,3 +229,13 @@ class GuardedProtocol(H11Protocol):
 def guarded_protocol(limiter: ConnectionLimiter) -> type[GuardedProtocol]:
     """Create the protocol class of a server with these limits."""
     return type("GuardedProtocolOfServer", (GuardedProtocol,), {"limiter": limiter})
+
+
+def raise_file_limit() -> int:
+    """Raise the soft limit of open files as far as the system allows, at most to ``MAX_OPEN_FILES``; returns it."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    wanted = MAX_OPEN_FILES if hard == resource.RLIM_INFINITY else min(hard, MAX_OPEN_FILES)
+    if soft == resource.RLIM_INFINITY or soft >= wanted:
+        return MAX_OPEN_FILES if soft == resource.RLIM_INFINITY else soft
+    resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, hard))
+    return wanted

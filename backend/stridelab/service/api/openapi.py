@@ -36,6 +36,18 @@ def failure_responses(**by_status: str) -> dict[int | str, dict[str, Any]]:
     return {int(status.removeprefix("s")): {"description": text} for status, text in by_status.items()}
 
 
+def form_body(fields: Mapping[str, Any], *required: str) -> dict[str, Any]:
+    """Build the ``openapi_extra`` of an endpoint that takes a multipart form with ``fields``."""
+    schema = {"type": "object", "required": [*required], "additionalProperties": False, "properties": dict(fields)}
+    return {"requestBody": {"required": True, "content": {"multipart/form-data": {"schema": schema}}}}
+
+
+def file_response(description: str, media_type: str) -> dict[int | str, dict[str, Any]]:
+    """Build the ``responses`` argument of an endpoint that returns a file."""
+    binary = {"schema": {"type": "string", "format": "binary"}}
+    return {200: {"description": description, "content": {media_type: binary}}}
+
+
 def install_openapi(app: FastAPI) -> None:
     """Replace ``app.openapi`` by a function that adds the responses for failures."""
 

@@ -16,9 +16,9 @@ from typing import Final, TypeVar
 import structlog
 from opentelemetry.trace import SpanKind
 
-from stridelab import heartbeat
-from stridelab.cores import cores_per_slot, default_slots
 from stridelab.errors import StridelabError, Unavailable
+from stridelab.machine import heartbeat
+from stridelab.machine.cores import cores_per_slot, default_slots
 from stridelab.service import telemetry
 from stridelab.service.jobs import retention
 from stridelab.service.jobs.attempt_runner import AttemptRunner

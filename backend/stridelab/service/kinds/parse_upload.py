@@ -1,19 +1,25 @@
-"""Parses an upload: the facts of the contract, and all tracks in the world frame (SI) for plots and the viewer.
+"""What killable children of the web service read from the file of a recording.
 
-Runs in a killable child of ``POST /recordings``. Names of subjects are never read, so they cannot leave this process.
+``run``, of ``POST /recordings``: the facts of the contract, and all tracks in the world frame (SI) for plots and the
+viewer. ``propose_markers``, of ``POST /marker-sets/propose``: the landmarks of the markers. ``read_pose``, of
+``WS /stream/markers``: the static pose. Names of subjects are never read, so they cannot leave this process.
 """
 
 from dataclasses import replace
 from datetime import date
 from pathlib import Path
 
+import numpy as np
+
 from stridelab.conventions import Mask, Series
 from stridelab.pipelines.progress import ProgressCallback
-from stridelab.pipelines.trial import Trial, clock_of, examine_trial, subject_fields
+from stridelab.pipelines.trial import Trial, clock_of, examine_trial, read_source, subject_fields
+from stridelab.recordings.marker_proposal import propose_marker_map
 from stridelab.recordings.plate_contacts import centre_of_pressure_m, loaded_intervals, wrench_track
 from stridelab.recordings.recording import Plate, Recording, Window
 from stridelab.recordings.static_pose import stands_still
 from stridelab.schemas.base import Remark
+from stridelab.schemas.marker_sets import MarkerSetProposal, ProposedLabel
 from stridelab.schemas.recordings import PlateInfo, RecordingFacts
 from stridelab.schemas.tasks import ParseUploadTask
 from stridelab.service.kinds.base import ArtifactFile, Outcome
@@ -35,6 +41,38 @@ def run(task: ParseUploadTask, folder: Path, progress: ProgressCallback) -> Outc
     if own is not None:
         facts = facts.model_copy(update={"marker_set_id": own.id})
     return Outcome(facts.model_dump(mode="json"), (), artifacts)
+
+
+def propose_markers(task: ParseUploadTask, folder: Path, progress: ProgressCallback) -> Outcome:
+    """Read ``task.recording``; the summary is a ``MarkerSetProposal`` without an id.
+
+    Raises ``UnreadableFile`` or ``InvalidInput`` with the reader's codes.
+    """
+    progress(0.1, "reading the file")
+    recording = read_source(task.recording, folder)
+    proposal = propose_marker_map(recording)
+    used = {proposed.label for proposed in proposal.values()}
+    summary = MarkerSetProposal(
+        recording_id="",
+        landmarks={
+            landmark: ProposedLabel(label=proposed.label, confidence=round(proposed.confidence, 3))
+            for landmark, proposed in proposal.items()
+        },
+        unassigned=[label for label in recording.markers_m if label not in used],
+    )
+    return Outcome(summary.model_dump(mode="json"), (), ())
+
+
+def read_pose(task: ParseUploadTask, folder: Path, progress: ProgressCallback) -> Outcome:
+    """Median position of each marker of ``task.recording`` that is ever seen, in metres with z up.
+
+    Raises ``UnreadableFile`` or ``InvalidInput`` with the reader's codes.
+    """
+    progress(0.1, "reading the file")
+    recording = read_source(task.recording, folder)
+    seen = {label: track[np.isfinite(track).all(axis=1)] for label, track in recording.markers_m.items()}
+    pose = {label: np.median(track, axis=0).tolist() for label, track in seen.items() if len(track)}
+    return Outcome(pose, (), ())
 
 
 def recording_facts(trial: Trial) -> RecordingFacts:

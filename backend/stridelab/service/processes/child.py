@@ -22,8 +22,8 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import IO, Any, Final, NoReturn
 
-from stridelab.cores import limit_cores
 from stridelab.errors import StridelabError, problem_of
+from stridelab.machine.cores import limit_cores
 from stridelab.service.processes.priority import lower_priority
 from stridelab.service.processes.sandbox import Sandbox, confine_process
 

@@ -42,8 +42,6 @@ TITLES: Final[Mapping[str, str]] = {
     "doubtful": "Not every check passes",
     "contradicted": "The sensors contradict each other: do not use these numbers",
 }
-VERDICT_CODES: Final = frozenset({"doubtful", "contradicted"})
-"""Codes of the remark that states the verdict: lists of remarks leave it out."""
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,8 @@ import pytest
 from stridelab.schemas.comparison import CompareEstimatorsSummary
 from stridelab_web.assets import STATIC
 from stridelab_web.charts.plotly import Style
+from stridelab_web.pages.results.comparison import against_physics, against_truth
 from stridelab_web.pages.results.comparison_plots import FIGURES
-from stridelab_web.pages.results.comparison_tables import against_physics, against_truth
 from stridelab_web.parquet import read_columns
 from support.fakes.results import OFFSETS_M, comparison_summary, tables, truth_m
 from support.fakes.service import FakeService

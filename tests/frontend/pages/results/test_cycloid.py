@@ -13,7 +13,7 @@ import pytest
 from stridelab.schemas.cycloid import FitCycloidSummary
 from stridelab.walking import step_fit
 from stridelab.walking.timed_fit import Bound
-from stridelab_web.pages.results.cycloid_charts import draw_step, samples_of
+from stridelab_web.pages.results.cycloid import draw_step, samples_of
 from stridelab_web.pages.results.cycloid_steps import FLAGS, MODELS, contests_of, flag_sentence, steps_of, values_of
 from stridelab_web.parquet import read_columns
 from stridelab_web.scene.cycloid_frames import radius_m

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from stridelab.schemas.receding import Push
-from stridelab_web.pages.results.receding_plots import effect_times_s, push_text, receding_curves, replan_chart
+from stridelab_web.pages.results.receding import effect_times_s, push_text, receding_curves, replan_chart
 from support.fakes.robots import receding_columns
 from support.fakes.service import FakeService
 

@@ -7,7 +7,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from stridelab.schemas.sweeps import SweepAxis, SweepSummary
-from stridelab_web.pages.results.sweep_maps import MAX_MAPS, SweepGrid
+from stridelab_web.pages.results.sweep import MAX_MAPS, SweepGrid
 
 STRIDE = SweepAxis(field="stride", unit="m", values=[0.5, 1.0, 1.5], present=0.9)
 FRICTION = SweepAxis(field="friction", unit="", values=[0.2, 0.4], present=0.3)

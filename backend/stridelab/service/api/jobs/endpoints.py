@@ -14,7 +14,7 @@ from stridelab.service.api.downloads import OCTETS, send_blob
 from stridelab.service.api.jobs import bundle, delete, events
 from stridelab.service.api.jobs.presentation import job_of
 from stridelab.service.api.jobs.submit import add_kinds
-from stridelab.service.api.openapi import failure_responses
+from stridelab.service.api.openapi import failure_responses, file_response
 from stridelab.service.api.pagination import Cursor, Limit
 from stridelab.service.api.shutdown import await_unless
 from stridelab.service.api.strict_json import StrictRoute
@@ -32,7 +32,6 @@ _NO_RESULT: Final = failure_responses(
     s404="No job with this id (`job-not-found`).",
     s409="The job has not finished (`job-not-finished`), or ended without a result (`job-without-result`).",
 )
-_BINARY: Final = {"type": "string", "format": "binary"}
 _STREAM: Final[dict[int | str, dict[str, Any]]] = {
     200: {
         "description": "Events `progress` and `state`; `id` is the event number to resume from, `data` is a JobEvent.",
@@ -138,7 +137,7 @@ async def get_result(parts: AppParts, job_id: str) -> JobResult:
     summary="One file of a result",
     responses={
         **_NO_RESULT,
-        200: {"description": "The file.", "content": {OCTETS: {"schema": _BINARY}}},
+        **file_response("The file.", OCTETS),
         **failure_responses(
             s404="No such job (`job-not-found`), or no such file in its result (`artifact-not-found`)."
         ),
@@ -159,13 +158,7 @@ async def get_artifact(parts: AppParts, job_id: str, name: str) -> StreamingResp
 @router.get(
     "/{job_id}/bundle.zip",
     summary="Everything about a job",
-    responses={
-        **_NO_RESULT,
-        200: {
-            "description": "The archive.",
-            "content": {"application/zip": {"schema": _BINARY}},
-        },
-    },
+    responses={**_NO_RESULT, **file_response("The archive.", "application/zip")},
     response_class=StreamingResponse,
 )
 async def get_bundle(parts: AppParts, job_id: str) -> StreamingResponse:

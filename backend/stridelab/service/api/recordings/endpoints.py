@@ -14,7 +14,7 @@ from stridelab.service.api.dependencies import AppParts, CallerOf
 from stridelab.service.api.downloads import OCTETS, PARQUET, send_blob
 from stridelab.service.api.jobs import delete
 from stridelab.service.api.jobs.presentation import job_of
-from stridelab.service.api.openapi import failure_responses
+from stridelab.service.api.openapi import failure_responses, file_response, form_body
 from stridelab.service.api.pagination import Cursor, Limit, read_page
 from stridelab.service.api.recordings import service
 from stridelab.service.api.recordings.batch import receive_batch
@@ -41,13 +41,7 @@ WithStudies = Annotated[
 router = APIRouter(prefix="/recordings", tags=["recordings"], route_class=StrictRoute)
 
 
-def _form_body(fields: dict[str, Any]) -> dict[str, Any]:
-    """OpenAPI request body of a multipart form with ``fields``, of which ``file`` is required."""
-    schema = {"type": "object", "required": ["file"], "additionalProperties": False, "properties": fields}
-    return {"requestBody": {"required": True, "content": {"multipart/form-data": {"schema": schema}}}}
-
-
-_FORM: Final = _form_body(
+_FORM: Final = form_body(
     {
         "file": {
             "type": "string",
@@ -65,9 +59,10 @@ _FORM: Final = _form_body(
             "pattern": "^[A-Za-z0-9._-]*$",
             "description": "trials of one person on one day; by default determined by the service",
         },
-    }
+    },
+    "file",
 )
-_BATCH: Final = _form_body(
+_BATCH: Final = form_body(
     {
         "file": {
             "type": "array",
@@ -78,7 +73,8 @@ _BATCH: Final = _form_body(
             "type": "string",
             "description": "CSV: file, subject, group, height_m, mass_kg, sex, age, static",
         },
-    }
+    },
+    "file",
 )
 _CHANGES: Final[Any] = {
     "subject": {"summary": "Set height and sex", "value": {"subject": {"height_m": 1.71, "sex": "female"}}},
@@ -96,12 +92,8 @@ OfSubject = Annotated[
 ]
 Linked = Annotated[bool | None, Query(description="true: only recordings linked to a subject; false: only the others")]
 _UNKNOWN: Final = failure_responses(s404="No recording with this id (`recording-not-found`).")
-_FILE: Final[dict[int | str, dict[str, Any]]] = {
-    200: {"description": "The file.", "content": {OCTETS: {"schema": {"type": "string", "format": "binary"}}}}
-}
-_TABLE: Final[dict[int | str, dict[str, Any]]] = {
-    200: {"description": "The table.", "content": {PARQUET: {"schema": {"type": "string", "format": "binary"}}}}
-}
+_FILE: Final = file_response("The file.", OCTETS)
+_TABLE: Final = file_response("The table.", PARQUET)
 
 
 @router.post(

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
+import anyio
 import structlog
 
 from stridelab.errors import Fault, UnreadableFile
@@ -22,19 +23,24 @@ log = structlog.get_logger(__name__)
 
 TRACKS: Final = "tracks.parquet"
 
-_FAILURES: Final[Mapping[str, tuple[str, str]]] = {
-    "crashed": PARSER_CRASHED,
-    "killed": (
-        "parser-killed",
-        "The process that read the file was killed, possibly for lack of memory.",
-    ),
-    "timeout": ("parser-timed-out", "Reading the file took longer than this service allows."),
-    "memory": ("parser-out-of-memory", "Reading the file needed more memory than this service allows."),
-    "error": (
-        "unreadable-file",
-        "The file could not be read; it is damaged, or its content does not match its format.",
-    ),
-}
+
+def _reader_failures(what: str, damaged: tuple[str, str]) -> Mapping[str, tuple[str, str]]:
+    """Code and sentence by the state of a child that did not read ``what``; ``damaged`` is for an unexpected error."""
+    return {
+        "crashed": PARSER_CRASHED,
+        "killed": ("parser-killed", f"The process that read the {what} was killed, possibly for lack of memory."),
+        "timeout": ("parser-timed-out", f"Reading the {what} took longer than this service allows."),
+        "memory": ("parser-out-of-memory", f"Reading the {what} needed more memory than this service allows."),
+        "error": damaged,
+    }
+
+
+FILE_FAILURES: Final = _reader_failures(
+    "file", ("unreadable-file", "The file could not be read; it is damaged, or its content does not match its format.")
+)
+ROBOT_FAILURES: Final = _reader_failures(
+    "robot", ("robot-data-unreadable", "The robot could not be read; its description is damaged.")
+)
 
 
 @dataclass(frozen=True)
@@ -112,12 +118,30 @@ async def static_pose_of_file(parts: Parts, folder: Path, file: str, filename: s
 
 async def _run_in_child(parts: Parts, function: str, source: RecordingSource, folder: Path) -> IsolatedOutcome:
     """Run ``function`` on ``source`` within the limits of parsing. Raises as ``parse_recording``."""
-    async with parts.parsers:
+    task = ParseUploadTask(recording=source).model_dump(mode="json")
+    return await run_reader(parts, function, task, folder, FILE_FAILURES, source.filename)
+
+
+async def run_reader(
+    parts: Parts,
+    function: str,
+    task: Mapping[str, Any],
+    folder: Path,
+    failures: Mapping[str, tuple[str, str]],
+    where: str,
+    timeout_s: float | None = None,
+    limiter: anyio.CapacityLimiter | None = None,
+) -> IsolatedOutcome:
+    """Run ``function`` on ``task`` in a confined child within the limits of parsing, or in turn of ``limiter``.
+
+    Raises the error of the child, and ``UnreadableFile`` with one of ``failures`` at the place ``where``.
+    """
+    async with limiter or parts.parsers:
         outcome = await parts.pool.run(
             function,
-            ParseUploadTask(recording=source).model_dump(mode="json"),
+            task,
             folder,
-            timeout_s=parts.settings.parse_timeout_s,
+            timeout_s=timeout_s or parts.settings.parse_timeout_s,
             memory_mb=parts.settings.parse_memory_mb,
             low_priority=False,
         )
@@ -125,6 +149,6 @@ async def _run_in_child(parts: Parts, function: str, source: RecordingSource, fo
         raise outcome.as_error()
     if outcome.state != "ok":
         log.warning("upload not read", state=outcome.state, log_tail=outcome.log_tail[-2000:])
-        code, sentence = _FAILURES.get(outcome.state, _FAILURES["error"])
-        raise UnreadableFile(code, sentence, [Fault(source.filename, "cannot be read")])
+        code, sentence = failures.get(outcome.state, failures["error"])
+        raise UnreadableFile(code, sentence, [Fault(where, "cannot be read")])
     return outcome

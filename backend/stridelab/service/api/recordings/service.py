@@ -4,7 +4,8 @@ import asyncio
 import tempfile
 import time
 import uuid
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import AsyncIterator, Callable, Collection, Mapping, Sequence
+from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any, Final
 
@@ -81,9 +82,8 @@ async def propose_landmarks(parts: Parts, recording_id: str) -> MarkerSetProposa
     """
     async with parts.engine.connect() as connection:
         row = await recording_row(connection, recording_id)
-    with tempfile.TemporaryDirectory(dir=parts.spool) as name:
-        await parts.blobs.get_file(row["blob_key"], Path(name) / "trial", row["sha256"])
-        proposal = await propose_of_file(parts, Path(name), "trial", row["filename"])
+    async with _stored_file(parts, row) as folder:
+        proposal = await propose_of_file(parts, folder, "trial", row["filename"])
     return proposal.model_copy(update={"recording_id": recording_id})
 
 
@@ -91,9 +91,16 @@ async def static_pose(parts: Parts, recording_id: str) -> dict[str, Triple]:
     """Median position of each marker of a stored recording, in metres with z up. Raises as ``propose_landmarks``."""
     async with parts.engine.connect() as connection:
         row = await recording_row(connection, recording_id)
+    async with _stored_file(parts, row) as folder:
+        return await static_pose_of_file(parts, folder, "trial", row["filename"])
+
+
+@asynccontextmanager
+async def _stored_file(parts: Parts, row: Mapping[str, Any]) -> AsyncIterator[Path]:
+    """A temporary folder with the stored file of a recording as ``trial``."""
     with tempfile.TemporaryDirectory(dir=parts.spool) as name:
         await parts.blobs.get_file(row["blob_key"], Path(name) / "trial", row["sha256"])
-        return await static_pose_of_file(parts, Path(name), "trial", row["filename"])
+        yield Path(name)
 
 
 async def _parse_stored(
@@ -104,9 +111,7 @@ async def _parse_stored(
     changes: Callable[[Mapping[str, Any]], Mapping[str, Any]],
 ) -> None:
     """Parse the stored file of a recording and replace its facts; ``changes`` as in ``replace_facts``."""
-    with tempfile.TemporaryDirectory(dir=parts.spool) as name:
-        folder = Path(name)
-        await parts.blobs.get_file(row["blob_key"], folder / "trial", row["sha256"])
+    async with _stored_file(parts, row) as folder:
         parsed = await parse_recording(
             parts, folder, "trial", row["filename"], switches, static_labels, owner=row["owner"]
         )

@@ -19,7 +19,7 @@ from stridelab.schemas.reachability import RobotReachability
 from stridelab.schemas.robots import NAME_PATTERN, Measure, OwnRobot, RobotFacts, RobotPreparation, RobotSummary
 from stridelab.service.api.dependencies import AppParts, CallerOf, Parts
 from stridelab.service.api.downloads import send_blob
-from stridelab.service.api.openapi import failure_responses
+from stridelab.service.api.openapi import failure_responses, file_response, form_body
 from stridelab.service.api.recordings.multipart import Limits, receive_form
 from stridelab.service.api.recordings.service import spool_folder
 from stridelab.service.api.robots.cache import RobotCache
@@ -45,39 +45,25 @@ _FAILURES: Final = failure_responses(
     s503="The robot's description is not installed (`robot-data-missing`) or cannot be loaded (`robot-not-loaded`).",
 )
 _UNKNOWN: Final = failure_responses(s404="No robot of this name (`robot-not-found`).")
-_MESHES: Final[dict[int | str, dict[str, Any]]] = {
-    200: {"description": "The meshes.", "content": {GLTF: {"schema": {"type": "string", "format": "binary"}}}}
-}
-
-
+_MESHES: Final = file_response("The meshes.", GLTF)
 _OWN: Final = failure_responses(
     s403="The robot belongs to another user (`not-owner`).",
     s404="No robot of this name (`robot-not-found`).",
     s409="A bundled robot (`bundled-read-only`), or one that is in use (`robot-in-use`) or was changed concurrently "
     "(`changed-meanwhile`).",
 )
-_FORM: Final[dict[str, Any]] = {
-    "requestBody": {
-        "required": True,
-        "content": {
-            "multipart/form-data": {
-                "schema": {
-                    "type": "object",
-                    "required": ["file", "name"],
-                    "additionalProperties": False,
-                    "properties": {
-                        "file": {
-                            "type": "string",
-                            "format": "binary",
-                            "description": "a .zip of one URDF and its meshes, or a .urdf or .xml without meshes",
-                        },
-                        "name": {"type": "string", "pattern": NAME_PATTERN},
-                    },
-                }
-            }
+_FORM: Final = form_body(
+    {
+        "file": {
+            "type": "string",
+            "format": "binary",
+            "description": "a .zip of one URDF and its meshes, or a .urdf or .xml without meshes",
         },
-    }
-}
+        "name": {"type": "string", "pattern": NAME_PATTERN},
+    },
+    "file",
+    "name",
+)
 _CARD: Final[Any] = {
     "excerpt": {
         "summary": "Fields of a card, as in the card file",

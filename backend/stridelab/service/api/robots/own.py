@@ -7,20 +7,20 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
-import structlog
 from sqlalchemy import delete, insert, select, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
-from stridelab.errors import Conflict, Fault, InvalidInput, NotFound, UnreadableFile
+from stridelab.errors import Conflict, Fault, InvalidInput, NotFound, StridelabError, UnreadableFile
 from stridelab.robots.card import robot_names
 from stridelab.schemas.jobs import FINAL_STATES
 from stridelab.schemas.robots import Measure, OwnRobot, RobotFacts, RobotSummary
 from stridelab.service.api.dependencies import Parts
 from stridelab.service.api.quotas import refuse_full
 from stridelab.service.api.recordings.multipart import ReceivedForm
+from stridelab.service.api.recordings.parse import ROBOT_FAILURES, run_reader
 from stridelab.service.auth import audit
 from stridelab.service.auth.callers import Caller, require_owner
-from stridelab.service.filenames import BUNDLE_FILE, LINKS_FILE, PARSER_CRASHED, child_output_file
+from stridelab.service.filenames import BUNDLE_FILE, LINKS_FILE, child_output_file
 from stridelab.service.storage.content_addressed import lock_blob
 from stridelab.service.storage.file_removal import may_remove
 from stridelab.service.storage.publication import publish_files
@@ -34,17 +34,8 @@ from stridelab.service.stored_robots import (
     write_staged_robot,
 )
 
-log = structlog.get_logger(__name__)
-
 PROPOSAL_TIMEOUT_S: Final = 90.0
 """Time limit of the proposal, which reads rebuilt files only."""
-_FAILURES: Final[Mapping[str, tuple[str, str]]] = {
-    "crashed": PARSER_CRASHED,
-    "killed": ("parser-killed", "The process that read the robot was killed, possibly for lack of memory."),
-    "timeout": ("parser-timed-out", "Reading the robot took longer than this service allows."),
-    "memory": ("parser-out-of-memory", "Reading the robot needed more memory than this service allows."),
-    "error": ("robot-data-unreadable", "The robot could not be read; its description is damaged."),
-}
 
 
 async def add_robot(parts: Parts, caller: Caller, form: ReceivedForm, name: str) -> OwnRobot:
@@ -223,25 +214,14 @@ def _name_taken(name: str) -> Conflict:
 async def _run_child(
     parts: Parts, target: str, task: Mapping[str, Any], folder: Path, timeout_s: float
 ) -> dict[str, Any]:
-    async with parts.parsers:
-        outcome = await parts.pool.run(
-            target,
-            task,
-            folder,
-            timeout_s=timeout_s,
-            memory_mb=parts.settings.parse_memory_mb,
-            low_priority=False,
-        )
-    if outcome.error_class is not None:
-        error = outcome.as_error()
-        if isinstance(error, InvalidInput | UnreadableFile | Conflict):
-            raise error
-        raise UnreadableFile("robot-data-unreadable", error.message, error.faults or [Fault("file", "unreadable")])
-    if outcome.state != "ok":
-        log.warning("robot not read", state=outcome.state, log_tail=outcome.log_tail[-2000:])
-        code, sentence = _FAILURES.get(outcome.state, _FAILURES["error"])
-        raise UnreadableFile(code, sentence, [Fault("file", "cannot be read")])
-    return dict(outcome.value)
+    try:
+        return dict((await run_reader(parts, target, task, folder, ROBOT_FAILURES, "file", timeout_s)).value)
+    except (InvalidInput, UnreadableFile, Conflict):
+        raise
+    except StridelabError as error:
+        raise UnreadableFile(
+            "robot-data-unreadable", error.message, error.faults or [Fault("file", "unreadable")]
+        ) from error
 
 
 async def _discard_files(parts: Parts, prefix: str) -> None:

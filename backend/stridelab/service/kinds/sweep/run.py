@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from stridelab.contacts.scenarios.variations import UNITS
-from stridelab.cores import usable_cores
+from stridelab.machine.cores import usable_cores
 from stridelab.parallel import map_isolated
 from stridelab.pipelines.progress import ProgressCallback
 from stridelab.pipelines.sweep_scenarios import Point, SweepRow, sweep_scenarios

@@ -14,19 +14,19 @@ from typing import Final, Literal
 
 import numpy as np
 
+from experiments.bundled_scenarios import BUNDLED
+from experiments.centroidal_variations import problem_of, random_variations
 from stridelab.centroidal.point_forces import CircularCones
 from stridelab.centroidal.problem import CentroidalProblem
 from stridelab.centroidal.rest_to_rest import from_rest_to_rest
 from stridelab.centroidal.solver import solve
 from stridelab.contacts.effector_geometry import effector_shapes
 from stridelab.contacts.scenario_io import sequence_of
-from stridelab.contacts.scenarios.bundled import BUNDLED
 from stridelab.contacts.sequence import ContactSequence
 from stridelab.contacts.terrain import Terrain
 from stridelab.dynamics.spatial import Placement
 from stridelab.reachability.store import load_proxies
 from stridelab.robots.loader import load_robot
-from stridelab.studies.centroidal_variations import problem_of, random_variations
 
 Kind = Literal["drawn", "hasty", "moved"]
 Answer = Literal["feasible", "infeasible", "unknown"]

@@ -20,6 +20,7 @@ from typing import Any, Final, Literal
 
 import numpy as np
 
+from experiments.execution import run_scenario
 from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.centroidal.rest_to_rest import from_rest_to_rest
 from stridelab.contacts.scenarios.parts import Timing
@@ -28,7 +29,6 @@ from stridelab.errors import StridelabError
 from stridelab.parallel import map_isolated
 from stridelab.reachability.proxy.effector_proxy import Proxy
 from stridelab.robots.robot import Robot
-from stridelab.studies.execution import run_scenario
 from stridelab.wholebody.certificate.certificate import Check
 
 Kind = Literal["rail", "stairs"]

@@ -13,11 +13,11 @@ import numpy as np
 from jaxtyping import Float
 from scipy.stats import rankdata
 
+from experiments.random_contacts import LabelledPairs
 from stridelab.conventions import Mask, Series
 from stridelab.reachability.card import Measure, ReachabilityCard
 from stridelab.reachability.proxy.effector_proxy import Proxy
 from stridelab.reachability.proxy.feasibility_correction import com_in_frame, log_density
-from stridelab.reachability.random_contacts import LabelledPairs
 from stridelab.reachability.standing_conditions import axis_rotations
 from stridelab.reachability.store import load_card, load_proxies
 

@@ -1,6 +1,6 @@
 """Which score that needs no truth orders the estimators as the truth does, on drawn people.
 
-Every draw is a recording of ``simulation.people``. All estimators run on it; each candidate score is a mean square per
+Every draw is a recording of ``experiments.people``. All estimators run on it; each candidate score is a mean square per
 axis, and so is the true error. A score that is used to choose a default is a mean over people, so the agreement is
 counted for groups of draws: in how many groups do score and truth put every pair in the same order whose true mean
 squares differ by more than ``TIED``?
@@ -14,6 +14,8 @@ import numpy as np
 from jaxtyping import Float
 from scipy import stats
 
+from experiments.people.movements import Movement
+from experiments.people.sensors import DrawnRecording, SensorErrors, draw_recording
 from stridelab.conventions import GRAVITY_M_S2, Points
 from stridelab.dynamics.wrench import Wrench, com_acceleration
 from stridelab.errors import NotEstimable
@@ -35,8 +37,6 @@ from stridelab.estimation.latency import estimate_latency
 from stridelab.estimation.markers_only import GeometryOnly
 from stridelab.estimation.smoother import Smoother, SmootherPriors
 from stridelab.recordings.recording import WrenchTrack
-from stridelab.simulation.people.movements import Movement
-from stridelab.simulation.people.sensors import DrawnRecording, SensorErrors, draw_recording
 
 ESTIMATORS: Final[Mapping[str, ComEstimator]] = {
     "geometry": GeometryOnly(),

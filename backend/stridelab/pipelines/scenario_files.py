@@ -7,7 +7,6 @@ from typing import Any, Final, TypeVar
 
 from pydantic import ValidationError
 
-from stridelab.cli.options import Delivery
 from stridelab.errors import Fault, InvalidInput, NotFound, TooLarge, UnreadableFile
 from stridelab.resources import models_dir
 from stridelab.schemas.base import Contract
@@ -44,7 +43,7 @@ def read_scenario(typed: str) -> Scenario:
     return validate_document(Scenario, read_document(typed), typed, "scenario")
 
 
-def known_scenario(typed: str, delivery: Delivery) -> Scenario | None:
+def known_scenario(typed: str, *, on_service: bool) -> Scenario | None:
     """The scenario of a file or a bundled one; None for another name, which a service may have as a scenario id.
 
     Raises as ``read_scenario``, with ``NotFound`` only where there is no service.
@@ -52,7 +51,7 @@ def known_scenario(typed: str, delivery: Delivery) -> Scenario | None:
     try:
         return read_scenario(typed)
     except NotFound:
-        if delivery.server is None:
+        if not on_service:
             raise
         return None
 

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping
 from typing import Final
 
-from stridelab.contacts.scenarios.obstacles import stand_up, stepping_stones, wall_step
+from experiments.obstacles import stand_up, stepping_stones, wall_step
 from stridelab.contacts.scenarios.parts import HRP2, Scenario
 from stridelab.contacts.scenarios.stairs import (
     HandRail,

@@ -18,9 +18,9 @@ from numpy.random import Generator
 from scipy.integrate import cumulative_trapezoid
 from scipy.interpolate import make_interp_spline
 
+from experiments.people.limbs import GYRATION, LIMBS, Angles, Posture, limb_posture, stride_curve
 from stridelab.conventions import GRAVITY_M_S2, Points, Series
 from stridelab.dynamics.wrench import contact_force
-from stridelab.simulation.people.limbs import GYRATION, LIMBS, Angles, Posture, limb_posture, stride_curve
 
 Movement = Literal["walk", "run", "hop", "stand"]
 MOVEMENTS: Final[tuple[Movement, ...]] = get_args(Movement)

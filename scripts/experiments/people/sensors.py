@@ -16,11 +16,11 @@ from numpy.random import Generator
 from scipy import signal
 from scipy.interpolate import CubicSpline
 
+from experiments.people.limbs import LIMBS
+from experiments.people.movements import RATE_HZ, DrawnMotion, Movement, draw_motion, draw_person, wandering
 from stridelab.body.geometric_com import GeometricCom, SegmentTrack
 from stridelab.conventions import Points
 from stridelab.recordings.recording import Window, WrenchTrack
-from stridelab.simulation.people.limbs import LIMBS
-from stridelab.simulation.people.movements import RATE_HZ, DrawnMotion, Movement, draw_motion, draw_person, wandering
 
 FRAME_HZ: Final = 100.0
 MARGIN_S: Final = 0.6

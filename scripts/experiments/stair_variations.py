@@ -14,10 +14,10 @@ from typing import Any, Final
 
 import numpy as np
 
+from experiments.execution import run_scenario
 from stridelab.contacts.scenarios.parts import TALOS, Timing
 from stridelab.contacts.scenarios.stairs import CLIMBING, HOLDING_ON, HandRail, Stairs, climb, stairs_with_rail
 from stridelab.robots.loader import load_robot
-from stridelab.studies.execution import run_scenario
 from stridelab.wholebody.certificate.certificate import Check
 
 HEIGHT_M: Final = (0.05, 0.15)
