@@ -12,6 +12,7 @@ import httpx
 import psycopg
 import pytest
 
+from stridelab.service.api.jobs import delete
 from stridelab.service.kinds.registry import KINDS
 from support.service.database import TestDatabases
 from support.service.stored_rows import add_job, add_recording, fail, report, start_job, succeed
@@ -210,6 +211,31 @@ def test_a_deleted_recording_is_deleted_from_studies_or_they_are_named(
     assert answer.headers.get("Stridelab-Kept-In") == (None if with_studies else studies[0])
     assert http.get(f"{JOBS}/{studies[0]}").status_code == (404 if with_studies else 200)
     assert http.get(f"{JOBS}/{studies[1]}").status_code == 200
+
+
+@pytest.mark.parametrize("field", ["reference_recording_ids", "before_recording_ids"])
+def test_reports_beside_a_deleted_recording_are_named_and_deleted(
+    http: httpx.Client, service: Served, field: str
+) -> None:
+    reported, beside = (service.run(add_recording(service.parts)) for _ in range(2))
+    body = {"recording_ids": [reported], field: [beside], "title": "Jane Doe"}
+    report = service.run(service.parts.store.submit("gait-report", body)).job_id
+    service.run(succeed(service.parts, service.run(start_job(service.parts, report))))
+    kept = service.run(delete.studies_of(service.parts, [beside]))
+    assert kept == [report]
+    answer = http.delete(f"/api/v1/recordings/{beside}", params={"with_studies": "true"})
+    assert (answer.status_code, answer.headers.get("Stridelab-Kept-In")) == (204, None)
+    assert http.get(f"{JOBS}/{report}").status_code == 404
+
+
+def test_every_list_of_recordings_is_searched_when_one_is_deleted() -> None:
+    lists = {
+        name
+        for kind in KINDS.values()
+        for name in kind.input_model.model_fields
+        if "recording" in name and name.endswith("ids")
+    }
+    assert lists == set(delete.RECORDING_LISTS)
 
 
 class Stream:
