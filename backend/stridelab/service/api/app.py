@@ -24,6 +24,7 @@ from stridelab.service.api.middleware.authentication import AuthenticationMiddle
 from stridelab.service.api.middleware.lingering_close import LingeringCloseMiddleware
 from stridelab.service.api.middleware.request_context import RequestContextMiddleware
 from stridelab.service.api.previews import endpoints as plans
+from stridelab.service.api.previews.own_robots import OwnRobotPlanners
 from stridelab.service.api.recordings import endpoints as recordings
 from stridelab.service.api.robots import endpoints as robots
 from stridelab.service.api.robots.cache import RobotCache
@@ -181,7 +182,8 @@ async def open_parts(settings: Settings) -> AsyncIterator[Parts]:
                     engine=engine,
                 )
             ) as robot_cache,
-            aclosing(StoredChecks(bodies, validation_limiter, robot_cache)) as stored_checks,
+            aclosing(OwnRobotPlanners(pool, engine, blobs, spool)) as own_planners,
+            aclosing(StoredChecks(bodies, own_planners, validation_limiter, robot_cache)) as stored_checks,
         ):
             yield Parts(
                 settings=settings,
@@ -200,6 +202,7 @@ async def open_parts(settings: Settings) -> AsyncIterator[Parts]:
                 robots=robot_cache,
                 resident=resident,
                 stance_checker=bodies,
+                own_planners=own_planners,
                 stored_checks=stored_checks,
                 streams=StreamLimiter(settings.stream_limit),
                 live=LiveBoard(),

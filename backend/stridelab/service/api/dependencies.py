@@ -13,6 +13,7 @@ from sqlalchemy.ext.asyncio import AsyncConnection, AsyncEngine
 from starlette.requests import HTTPConnection
 
 from stridelab.errors import NotFound
+from stridelab.service.api.previews.own_robots import OwnRobotPlanners
 from stridelab.service.api.robots.cache import RobotCache
 from stridelab.service.api.scenarios.stored_checks import StoredChecks
 from stridelab.service.api.stream.limits import StreamLimiter
@@ -65,6 +66,7 @@ class Parts:
     robots: RobotCache
     resident: PreviewProcess
     stance_checker: PreviewProcess
+    own_planners: OwnRobotPlanners
     stored_checks: StoredChecks
     streams: StreamLimiter
     live: LiveBoard
