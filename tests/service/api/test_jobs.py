@@ -228,6 +228,12 @@ def test_reports_beside_a_deleted_recording_are_named_and_deleted(
     assert http.get(f"{JOBS}/{report}").status_code == 404
 
 
+@pytest.mark.parametrize("kind", ["com-bench", "gait-measures", "gait-report", "study-population"])
+def test_unknown_recordings_are_refused_before_a_job_waits(http: httpx.Client, kind: str) -> None:
+    answer = http.post(f"{JOBS}/{kind}", json={"recording_ids": ["0" * 31]})
+    assert refusal(answer) == (404, "recording-not-found")
+
+
 def test_every_list_of_recordings_is_searched_when_one_is_deleted() -> None:
     lists = {
         name

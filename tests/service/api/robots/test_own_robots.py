@@ -176,6 +176,31 @@ def test_its_whole_body_is_checked_before_anything_is_learned(http: httpx.Client
     assert http.post(check, json=wide, params=asked).json()["phases"][2]["body"] == "unreachable", "of the card before"
 
 
+def test_jobs_that_name_it_or_its_parts_are_validated(http: httpx.Client, small: dict[str, Any]) -> None:
+    jobs = "/api/v1/jobs"
+
+    def learn(effector: str) -> httpx.Response:
+        return http.post(f"{jobs}/learn-reachability", json={"robot": "small", "effectors": [effector], "samples": 500})
+
+    def plan(link: str) -> httpx.Response:
+        replay = {"pushes": [{"time_s": 1.0, "impulse_ns": [5.0, 0.0, 0.0], "link": link}]}
+        return http.post(f"{jobs}/plan-motion", json={"scenario": one_step(robot="small"), "replay": replay})
+
+    def push(robot_name: str) -> httpx.Response:
+        body = {"scenario": one_step(), "robot": robot_name, "speed_m_s": 0.2, "n": 2}
+        return http.post(f"{jobs}/push-basin", json=body)
+
+    wrong = problem_of(learn("nose"), 422)
+    assert (wrong["errors"][0]["where"], "left_foot" in wrong["detail"]) == ("effectors.0", True)
+    wrong = problem_of(plan("nose"), 422)
+    assert (wrong["code"], wrong["errors"][0]["where"]) == ("replay-invalid", "replay.pushes.0.link")
+    assert problem_of(push("nobody"), 422)["errors"][0]["where"] == "robot"
+    for answer in (learn("left_foot"), plan("pelvis"), push("small")):
+        assert answer.status_code == 202, answer.text
+        http.delete(f"{jobs}/{answer.json()['id']}")
+    assert small["name"] == "small"
+
+
 def assert_planned_at_once(http: httpx.Client, service: Served, scenario: dict[str, Any], scenario_id: str) -> None:
     """The editor's calls know the robot and its densities, also when these change meanwhile."""
     stored = http.get(f"/api/v1/scenarios/{scenario_id}/check").json()
