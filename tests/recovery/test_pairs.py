@@ -17,10 +17,8 @@ def test_the_numbers_are_all_combinations_and_neighbours_differ() -> None:
     for values in zip(*((s.kinds, s.commit, s.fault, s.signal, s.delay_s, s.later_s) for s in every[:60]), strict=True):
         assert len(set(values)) > 1
     assert {s.commit for s in every[:60]} == set(COMMITS)
-    assert {(s.kinds, s.fault, s.signal) for s in every[:2000]} == {
-        (k, f, g) for k in KINDS for f in FAULTS for g in SIGNALS
-    }
-    assert {(s.delay_s, s.later_s) for s in every[:200]} == {(d, later) for d in DELAYS_S for later in LATER_S}
+    assert {(s.kinds, s.fault, s.signal) for s in every[:2000]} == set(product(KINDS, FAULTS, SIGNALS))
+    assert {(s.delay_s, s.later_s) for s in every[:200]} == set(product(DELAYS_S, LATER_S))
 
 
 def test_two_jobs_end_once_whatever_one_commit_meets(postgres: TestDatabases, tmp_path: Path) -> None:
