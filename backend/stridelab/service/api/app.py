@@ -57,6 +57,8 @@ MAX_PARSERS: Final = 2
 """Maximum number of single uploads that are parsed at the same time; further ones wait."""
 MAX_BATCHES: Final = 2
 """Maximum number of bulk uploads that are parsed at the same time, separate from single uploads: each takes minutes."""
+MAX_ROBOT_READERS: Final = 2
+"""Maximum number of robots that are read or whose cards are checked at the same time: each may take 90 s."""
 MAX_VALIDATIONS: Final = 2
 """Maximum number of scenarios that are validated at the same time."""
 
@@ -197,6 +199,7 @@ async def open_parts(settings: Settings) -> AsyncIterator[Parts]:
                 spool=spool,
                 parsers=anyio.CapacityLimiter(MAX_PARSERS),
                 batches=anyio.CapacityLimiter(MAX_BATCHES),
+                robot_readers=anyio.CapacityLimiter(MAX_ROBOT_READERS),
                 validation_limiter=validation_limiter,
                 tokens=TokenCache(engine),
                 robots=robot_cache,

@@ -61,6 +61,7 @@ class Parts:
     spool: Path
     parsers: anyio.CapacityLimiter
     batches: anyio.CapacityLimiter
+    robot_readers: anyio.CapacityLimiter
     validation_limiter: anyio.CapacityLimiter
     tokens: TokenCache
     robots: RobotCache

@@ -223,7 +223,7 @@ def _name_taken(name: str) -> Conflict:
 async def _run_child(
     parts: Parts, target: str, task: Mapping[str, Any], folder: Path, timeout_s: float
 ) -> dict[str, Any]:
-    async with parts.parsers:
+    async with parts.robot_readers:
         outcome = await parts.pool.run(
             target,
             task,
