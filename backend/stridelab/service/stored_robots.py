@@ -51,6 +51,13 @@ async def stage_robot(connection: AsyncConnection, blobs: Blobs, name: str | Non
     return robot_version(row)
 
 
+async def stored_bytes(blobs: Blobs, row: Mapping[str, Any]) -> int:
+    """Bytes of the present files of a robot; those of earlier densities are removed and do not count."""
+    keys = [row[name] for name in ("bundle_key", "links_key", "learned_key") if row[name] is not None]
+    found = [await blobs.info(key) for key in keys]
+    return sum(one.bytes for one in found if one is not None)
+
+
 def write_staged_robot(folder: Path, name: str, card: Mapping[str, Any]) -> None:
     """Write the file from which the child takes name and card."""
     (folder / STAGED_ROBOT).write_text(json.dumps({"name": name, "card": card}), encoding="utf-8")

@@ -222,6 +222,17 @@ def assert_planned_at_once(http: httpx.Client, service: Served, scenario: dict[s
     service.run(set_learned(learned))
 
 
+async def counted_bytes(service: Served) -> int:
+    """What the robot counts for its owner's storage."""
+    async with service.parts.engine.connect() as connection:
+        return int((await connection.execute(select(robot.c.bytes))).scalar_one())
+
+
+async def file_sizes(service: Served) -> list[int]:
+    """Of its files in the store."""
+    return [info.bytes async for info in service.parts.blobs.list_prefix("own-robots")]
+
+
 def test_it_is_commissioned_and_planned_for(
     http: httpx.Client, small: dict[str, Any], service: Served, tmp_path: Path
 ) -> None:
@@ -254,7 +265,11 @@ def test_it_is_commissioned_and_planned_for(
         async with service.parts.engine.begin() as connection:
             await publish(connection, service.parts.blobs, {"id": "job1"}, outcome, folder)
 
-    service.run(store())
+    sizes = []
+    for _ in range(2):  # commissioned again: earlier densities are not counted, since they are removed
+        service.run(store())
+        sizes.append(service.run(counted_bytes(service)))
+    assert sizes[0] == sizes[1] == sum(service.run(file_sizes(service)))
     listed = next(item for item in http.get(ROBOTS).json()["items"] if item["name"] == "small")
     assert listed["state"] == "commissioned"
     assert http.get(f"{ROBOTS}/small").json()["measures"] == ["uniform", "conditioned"]
