@@ -128,22 +128,6 @@ def test_only_kinds_that_need_it_may_do_more_than_read() -> None:
     }
 
 
-@whole_sandbox
-@pytest.mark.parametrize("item", ["fig-2.5", "fig-4.3"])
-def test_a_reproduction_needs_nothing_but_its_folder(item: str, spool: Path) -> None:
-    """Of a chapter without and of one with robots, solvers and their libraries."""
-    kind = KINDS["reproduce"]
-
-    async def inside() -> IsolatedOutcome:
-        async with IsolatedPool() as pool:
-            task = {"input": {"item": item}}
-            return await pool.run(kind.run, task, spool, timeout_s=300.0, memory_mb=4096, sandbox=kind.sandbox)
-
-    outcome = asyncio.run(inside())
-    assert outcome.state == "ok", outcome.log_tail
-    assert outcome.value["summary"]["item"] == item
-
-
 @as_root
 @whole_sandbox
 def test_a_child_of_root_has_an_account_of_its_own(

@@ -87,7 +87,7 @@ class OwnRobotPlanners:
                 await planner.open.aclose()  # replaced while it was in use
 
     async def _open_planner(self, robot: str, row: Mapping[str, Any]) -> _Planner:
-        """Stage the robot and open its planner; replaced and least recently used ones end when nobody uses them."""
+        """Stage the robot and open its planner; replaced and least recently used ones end when no request uses them."""
         replaced = self._planners.pop(robot, None)
         if replaced is not None and not replaced.users:
             await replaced.open.aclose()
