@@ -1,4 +1,4 @@
-"""Deleting a recording deletes, or names, the studies and reports that hold its person; every list of ids is searched."""
+"""Deleting a recording deletes, or names, the studies and reports that hold its person."""
 
 import httpx
 import pytest
