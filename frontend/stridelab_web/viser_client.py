@@ -8,6 +8,9 @@ static/js/viewer/viser_start.js does the rest of the script.
 One expression of the application is replaced: the lighting of a scene before the first message of its server. viser
 uses an image of a city, which takes a second to decode and filter without a graphics card, and drops it at the first
 message, because no scene here has one (``viewer/scene_parts.py``).
+
+A second one starts later: the sorter of Gaussian splats compiles itself with ``Function(...)`` when the page is loaded,
+which the policy of the frame refuses with an error on the console; no scene here has splats, so it is never needed.
 """
 
 import gzip
@@ -37,6 +40,12 @@ CONTENT_POLICY: Final = (
 SUFFIXES: Final = {"text/css": ".css", "text/javascript": ".js", "application/wasm": ".wasm"}
 DEFAULT_ENVIRONMENT: Final = b"environmentMap:null"
 NO_ENVIRONMENT: Final = b"environmentMap:{hdri_data:null}"
+SPLAT_SORTER: Final = re.compile(
+    rb"=(fetch\([\w$]+\)\.then\(([\w$]+)=>\2\.arrayBuffer\(\)\)\.then\(([\w$]+)=>[\w$]+\(\{wasmBinary:\3\}\)\))"
+)
+"""The sorter as a promise, in the application and in the text of its worker."""
+LATER: Final = (b"={then:(done,failed)=>", b".then(done,failed)}")
+"""Before and after the same as an object that begins when it is awaited."""
 _SCRIPT = re.compile(
     rb'<script data-p="(?P<packed>[^"]*)" data-ss="(?P<styles>\d+)" data-cs="(?P<code>\d+)">'
     rb'.*?gzWasm="(?P<decoder>[^"]*)".*?</script>',
@@ -68,7 +77,7 @@ def unpack_page(html: bytes) -> ViserClient:
     end = int(script["styles"])
     parts = {
         "text/css": whole[:end],
-        "text/javascript": remove_environment(whole[end : end + int(script["code"])]),
+        "text/javascript": defer_splats(remove_environment(whole[end : end + int(script["code"])])),
         "application/wasm": gzip.decompress(decode_base88(script["decoder"].replace(b"\\\\", b"\\"))),
     }
     names = {media_type: _file_name(content) + SUFFIXES[media_type] for media_type, content in parts.items()}
@@ -82,6 +91,15 @@ def remove_environment(code: bytes) -> bytes:
     if code.count(DEFAULT_ENVIRONMENT) != 1:
         raise ValueError("the client of this viser version has an unknown form: its first environment cannot be found")
     return code.replace(DEFAULT_ENVIRONMENT, NO_ENVIRONMENT)
+
+
+def defer_splats(code: bytes) -> bytes:
+    """The application that starts its sorter of splats with the first splat. Raises as ``remove_environment``."""
+    before, after = LATER
+    deferred, n = SPLAT_SORTER.subn(lambda found: before + found[1] + after, code)
+    if n != 2:
+        raise ValueError("the client of this viser version has an unknown form: its sorter of splats cannot be found")
+    return deferred
 
 
 def decode_base88(text: bytes) -> bytes:

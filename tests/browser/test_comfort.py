@@ -20,6 +20,12 @@ PATH_COLOUR = """() => {
     const node = document.querySelector("iframe").contentWindow.__viserMutable.nodeRefFromName["/paths/com"];
     return `#${node.children.find((part) => part.isMesh).material.color.getHexString()}`;
 }"""
+TERRAIN_COLOURS = """() => {
+    const { nodeRefFromName } = document.querySelector("iframe").contentWindow.__viserMutable;
+    const named = Object.entries(nodeRefFromName).filter(([name, node]) => node && name.startsWith("/terrain/"));
+    const meshes = named.flatMap(([, node]) => node.children.filter((part) => part.isMesh && part.material.color));
+    return meshes.map((mesh) => `#${mesh.material.color.getHexString()}`);
+}"""
 RUNNING = "() => document.getAnimations().filter((one) => one.playState === 'running').length"
 
 
@@ -58,15 +64,23 @@ def test_the_scene_follows_the_room_and_its_lines_stay_seen(tab: Tab, addresses:
     assert lightness(page.evaluate(SCENE_BACKGROUND)) > 0.9
     light = lightness(page.evaluate(PATH_COLOUR))
     assert light < 0.3
+    by_day = page.evaluate(TERRAIN_COLOURS)
+    assert max(map(lightness, by_day)) > 0.9
     page.emulate_media(color_scheme="dark")
     until(page, lambda: lightness(page.evaluate(SCENE_BACKGROUND)) < 0.2)
     assert lightness(page.evaluate(PATH_COLOUR)) > 0.5
+    by_night = [lightness(colour) for colour in page.evaluate(TERRAIN_COLOURS)]
+    assert len(by_night) == len(by_day)
+    assert min(by_night) > 0.1, "a surface is seen before the background"
+    assert max(by_night) < 0.55, "the terrain glares"
     page.emulate_media(color_scheme="light")
     until(page, lambda: lightness(page.evaluate(SCENE_BACKGROUND)) > 0.9)
     assert lightness(page.evaluate(PATH_COLOUR)) == light
+    assert page.evaluate(TERRAIN_COLOURS) == by_day
     page.emulate_media(color_scheme="dark")
     page = opened(tab, addresses["view-scenario"])
     assert lightness(page.evaluate(SCENE_BACKGROUND)) < 0.2
+    assert max(map(lightness, page.evaluate(TERRAIN_COLOURS))) < 0.55
 
 
 def test_nothing_moves_by_itself_for_who_wants_less_motion(tab: Tab, addresses: dict[str, str]) -> None:

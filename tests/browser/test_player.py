@@ -163,7 +163,15 @@ def test_the_player_fits_a_small_window(tab: Tab, lab: Lab) -> None:
         assert page.evaluate(f"() => document.documentElement.scroll{side} <= window.inner{side}")
     stage = page.locator("[data-stage]").bounding_box()
     assert stage is not None
-    assert stage["height"] > 200
+    assert stage["height"] > 300
+    controls = page.locator(".player-row").bounding_box()
+    assert controls is not None
+    assert controls["height"] < 100, "two lines: playback, and everything else"
+    last = page.locator(".player .more > :visible").last
+    last.scroll_into_view_if_needed()
+    box = last.bounding_box()
+    assert box is not None
+    assert box["x"] + box["width"] <= 800, "it can be scrolled to"
     sizes = page.evaluate("""() => [...document.querySelectorAll(".player button, .player [role=slider]")]
         .filter((node) => node.checkVisibility())
         .map((node) => [node.getBoundingClientRect().width, node.getBoundingClientRect().height])""")

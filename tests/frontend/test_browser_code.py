@@ -40,20 +40,24 @@ def test_the_client_of_viser_is_unpacked() -> None:
     assert client.page.count(b"<script") == 1, "and no script is written into the page itself"
 
 
-def test_one_word_of_the_application_is_another_one() -> None:
+def test_three_places_of_the_application_are_others() -> None:
     html = files("viser").joinpath("client", "build", "index.html").read_bytes()
     found = viser_client.installed_client()
     code = next(content for name, content in found.files.items() if name.endswith(".js"))
+    before, after = viser_client.LATER
+    assert (code.count(viser_client.NO_ENVIRONMENT), code.count(before), code.count(after)) == (1, 2, 2)
     back = code.replace(viser_client.NO_ENVIRONMENT, viser_client.DEFAULT_ENVIRONMENT)
-    assert code.count(viser_client.NO_ENVIRONMENT) == 1
+    back = back.replace(before, b"=").replace(after, b"")
     assert f'data-cs="{len(back)}"'.encode() in html
-    assert viser_client.remove_environment(back) == code
+    assert viser_client.defer_splats(viser_client.remove_environment(back)) == code
 
 
 @pytest.mark.parametrize("code", [b"{fog:null}", b"{environmentMap:null},{environmentMap:null}"])
 def test_an_application_of_another_form_is_refused(code: bytes) -> None:
     with pytest.raises(ValueError, match="an unknown form"):
         viser_client.remove_environment(code)
+    with pytest.raises(ValueError, match="an unknown form"):
+        viser_client.defer_splats(code)
 
 
 def test_policy_of_the_frame_allows_files_of_this_service_alone() -> None:

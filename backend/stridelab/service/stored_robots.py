@@ -1,5 +1,6 @@
 """Robots of users: their rows, and their files as a job's child needs them."""
 
+import hashlib
 import json
 import re
 from collections.abc import Mapping
@@ -32,15 +33,29 @@ async def find_robot(connection: AsyncConnection, name: str, *, lock: bool = Fal
     return None if row is None else dict(row)
 
 
-async def stage_robot(connection: AsyncConnection, blobs: Blobs, name: str | None, folder: Path) -> None:
-    """Fetch the files of the robot ``name`` into ``folder``; nothing for a bundled or an unknown one."""
+def robot_version(row: Mapping[str, Any]) -> str:
+    """Identifies what a child knows of a robot: its row, card and learned densities."""
+    facts = [row["id"], row["card"], row["learned_key"]]
+    return hashlib.sha256(json.dumps(facts, sort_keys=True).encode()).hexdigest()
+
+
+async def stage_robot(connection: AsyncConnection, blobs: Blobs, name: str | None, folder: Path) -> str | None:
+    """Fetch the files of the robot ``name`` into ``folder``; returns its version, None for one that is not a user's."""
     row = None if name is None else await find_robot(connection, name)
     if row is None:
-        return
+        return None
     await blobs.get_file(row["bundle_key"], folder / BUNDLE_FILE)
     if row["learned_key"] is not None:
         await blobs.get_file(row["learned_key"], folder / LEARNED_FILE)
     write_staged_robot(folder, row["name"], row["card"])
+    return robot_version(row)
+
+
+async def stored_bytes(blobs: Blobs, row: Mapping[str, Any]) -> int:
+    """Bytes of the present files of a robot; those of earlier densities are removed and do not count."""
+    keys = [row[name] for name in ("bundle_key", "links_key", "learned_key") if row[name] is not None]
+    found = [await blobs.info(key) for key in keys]
+    return sum(one.bytes for one in found if one is not None)
 
 
 def write_staged_robot(folder: Path, name: str, card: Mapping[str, Any]) -> None:

@@ -16,7 +16,7 @@ from stridelab.schemas.reachability import RobotReachability
 from stridelab.schemas.robots import Measure, RobotFacts
 from stridelab.schemas.scenarios import Scenario, StoredScenario
 from stridelab_web.config import ANONYMOUS_KEY
-from stridelab_web.scene.contacts import HalfSizes, half_sizes
+from stridelab_web.scene.contacts import half_sizes
 from stridelab_web.scene.documents import Document, DocumentKind
 from stridelab_web.scene.frames import Frames
 from stridelab_web.scene.result_files import frames_of, needed_files, read_cones, read_plan, shown_in_scene
@@ -61,15 +61,12 @@ def document_kinds(client: Client, acting: Callable[[str | None], Client]) -> Ma
         with acting(None if key == ANONYMOUS_KEY else key) as user_client:
             return user_client.put_scenario(scenario_id, body, stored)
 
-    @lru_cache(maxsize=4)
-    def robot_facts(name: str) -> RobotFacts:
-        return client.robot(name)
-
-    def patch_sizes(name: str) -> HalfSizes:
-        return half_sizes(robot_facts(name).effectors)
+    def link_meshes(facts: RobotFacts) -> dict[str, trimesh.Trimesh]:
+        return read_meshes(facts.name, facts.sha256)
 
     @lru_cache(maxsize=4)
-    def link_meshes(name: str) -> dict[str, trimesh.Trimesh]:
+    def read_meshes(name: str, _sha256: str) -> dict[str, trimesh.Trimesh]:
+        """Meshes of one version of a robot: another one of a user's may have taken its name."""
         with tempfile.TemporaryDirectory(prefix="stridelab-") as folder:
             return read_links(client.robot_links(name, Path(folder) / "links.glb").read_bytes())
 
@@ -92,20 +89,20 @@ def document_kinds(client: Client, acting: Callable[[str | None], Client]) -> Ma
     def build_plan(server: viser.ViserServer, document: Document, result: Any) -> None:
         files = {name: client.read_artifact(document.id, name) for name in needed_files(result)}
         scenario, frames = read_plan(files)
-        meshes = link_meshes(scenario.robot) if frames.bodies else {}
+        facts = client.robot(scenario.robot)
+        meshes = link_meshes(facts) if frames.bodies else {}
         seen = densities_or_none(scenario.robot, result.input.get("measure"))
-        plan_scene.build_plan_scene(
-            server, scenario, patch_sizes(scenario.robot), frames, read_cones(files), meshes, seen
-        )
+        sizes = half_sizes(facts.effectors)
+        plan_scene.build_plan_scene(server, scenario, sizes, frames, read_cones(files), meshes, seen)
 
     def build_scenario(server: viser.ViserServer, _: Document, stored: Any) -> Live:
-        facts = robot_facts(stored.robot)
-        posed = Posed(dict(zip(facts.links, facts.link_poses, strict=True)), link_meshes(stored.robot))
-        return ScenarioScene(server, stored, patch_sizes(stored.robot), store_scenario, posed)
+        facts = client.robot(stored.robot)
+        posed = Posed(dict(zip(facts.links, facts.link_poses, strict=True)), link_meshes(facts))
+        return ScenarioScene(server, stored, half_sizes(facts.effectors), store_scenario, posed)
 
     def build_robot(server: viser.ViserServer, _: Document, facts: Any) -> None:
         reach = [client.robot_reachability(facts.name, measure) for measure in facts.measures]
-        robot_scene.build_robot_scene(server, facts, link_meshes(facts.name), reach)
+        robot_scene.build_robot_scene(server, facts, link_meshes(facts), reach)
 
     return {
         "recording": Kind(lambda document: client.recording(document.id), build_recording, record_recording),

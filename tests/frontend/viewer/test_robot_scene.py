@@ -3,7 +3,9 @@
 from collections.abc import Iterator
 from typing import Any
 
+import numpy as np
 import pytest
+import trimesh
 
 from stridelab_web.scene.density_nodes import reach_places, repeated_nodes
 from stridelab_web.scene.documents import Document
@@ -51,6 +53,22 @@ def test_what_was_learned_since_is_shown(fake: FakeService, library: ScenePool) 
     assert "/reach/conditioned/left_foot" not in nodes(library.open_scene(Document("robot", "boxes")))
     fake.measures = ["uniform", "conditioned"]
     assert "/reach/conditioned/left_foot" in nodes(library.open_scene(Document("robot", "boxes")))
+
+
+def test_another_robot_of_the_same_name_is_drawn_as_itself(
+    fake: FakeService, library: ScenePool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One's own robot may be deleted, and another one uploaded under its name, while the viewer runs."""
+    first = nodes(library.open_scene(Document("robot", "boxes")))["/robot/base_link"].vertices
+    facts, glb = robots.robot, trimesh.Scene()
+    for link in robots.LINKS:
+        glb.add_geometry(trimesh.creation.box((0.5, 0.5, 0.5)), node_name=link, geom_name=link)
+    changed = lambda *measures: facts(*measures).model_copy(update={"sha256": "1" * 64})  # noqa: E731
+    monkeypatch.setattr(robots, "robot", changed)
+    monkeypatch.setattr(robots, "links_glb", lambda: bytes(glb.export(file_type="glb")))
+    second = nodes(library.open_scene(Document("robot", "boxes")))["/robot/base_link"].vertices
+    assert np.ptp(second, axis=0) == pytest.approx([0.5, 0.5, 0.5], abs=1e-3)
+    assert np.ptp(first, axis=0) != pytest.approx([0.5, 0.5, 0.5], abs=1e-3)
 
 
 @pytest.mark.parametrize("learned", [True, False])

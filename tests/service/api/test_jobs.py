@@ -193,25 +193,6 @@ def test_a_job_that_a_recording_needs_is_not_deleted(http: httpx.Client, service
     assert http.get(f"{JOBS}/{truth}").status_code == 200
 
 
-@pytest.mark.parametrize("with_studies", [False, True])
-def test_a_deleted_recording_is_deleted_from_studies_or_they_are_named(
-    http: httpx.Client, service: Served, with_studies: bool
-) -> None:
-    one, other = (service.run(add_recording(service.parts)) for _ in range(2))
-    person = {"recording_id": one, "subject": "Jane Doe", "height_m": 1.66}
-    studies = [
-        service.run(service.parts.store.submit("study-population", {"recording_ids": ids, "subjects": [person]})).job_id
-        for ids in ([one, other], [other])
-    ]
-    for study in studies:
-        service.run(succeed(service.parts, service.run(start_job(service.parts, study))))
-    answer = http.delete(f"/api/v1/recordings/{one}", params={"with_studies": str(with_studies).lower()})
-    assert answer.status_code == 204
-    assert answer.headers.get("Stridelab-Kept-In") == (None if with_studies else studies[0])
-    assert http.get(f"{JOBS}/{studies[0]}").status_code == (404 if with_studies else 200)
-    assert http.get(f"{JOBS}/{studies[1]}").status_code == 200
-
-
 class Stream:
     """Events of a stream as they come, read by hand."""
 

@@ -1,8 +1,9 @@
-"""Bulk uploads do not take the slots in which single files are parsed."""
+"""Bulk uploads and robots do not take the slots in which single files are parsed."""
 
 import asyncio
 import threading
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -10,18 +11,42 @@ import httpx
 import pytest
 
 from stridelab.service.kinds.registry import PARSE_BATCH
+from stridelab.service.stored_robots import READ_ROBOT
+from support.robots.humanoid import Humanoid, archive
 from support.service.web_server import Served
 
+Send = Callable[[httpx.Client, bytes, int], int]
+ROBOT = archive({"robot.urdf": Humanoid(foot="sphere").urdf()})
 
-def test_a_single_upload_does_not_wait_for_batches(
-    service: Served, http: httpx.Client, trial: Path, monkeypatch: pytest.MonkeyPatch
+
+def send_batch(http: httpx.Client, content: bytes, n: int) -> int:
+    files = [("file", (f"batch-{n}.c3d", content + bytes([n]) * 512))]
+    return http.post("/api/v1/recordings/batch", files=files).status_code
+
+
+def send_robot(http: httpx.Client, _content: bytes, n: int) -> int:
+    files = {"file": ("robot.zip", ROBOT)}
+    return http.post("/api/v1/robots", files=files, data={"name": f"robot-{n}"}).status_code
+
+
+@pytest.mark.parametrize(
+    ("target_held", "send", "status"), [(PARSE_BATCH, send_batch, 201), (READ_ROBOT, send_robot, 422)]
+)
+def test_a_single_upload_does_not_wait_for_long_ones(
+    service: Served,
+    http: httpx.Client,
+    trial: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    target_held: str,
+    send: Send,
+    status: int,
 ) -> None:
-    """Two batches are under way and stay so; a file is parsed all the same, and the batches end as usual."""
+    """Two batches, or two robots, are under way and stay so; a file is parsed all the same, and they end as usual."""
     parse = service.parts.pool.run
     under_way, may_go_on = threading.Semaphore(0), threading.Event()
 
     async def run(target: str, *arguments: Any, **options: Any) -> Any:
-        if target == PARSE_BATCH:
+        if target == target_held:
             under_way.release()
             while not may_go_on.is_set():
                 await asyncio.sleep(0.02)
@@ -30,16 +55,15 @@ def test_a_single_upload_does_not_wait_for_batches(
     monkeypatch.setattr(service.parts.pool, "run", run)
     content, answers = trial.read_bytes(), []
 
-    def send_batch(n: int) -> None:
-        files = [("file", (f"batch-{n}.c3d", content + bytes([n]) * 512))]
+    def send_long(n: int) -> None:
         with service.http(timeout=120.0) as client:
-            answers.append(client.post("/api/v1/recordings/batch", files=files).status_code)
+            answers.append(send(client, content, n))
 
-    batches = [threading.Thread(target=send_batch, args=(n,)) for n in (1, 2)]
+    long_ones = [threading.Thread(target=send_long, args=(n,)) for n in (1, 2)]
     try:
-        for batch in batches:
-            batch.start()
-        for _ in batches:
+        for one in long_ones:
+            one.start()
+        for _ in long_ones:
             assert under_way.acquire(timeout=30)
         began = time.monotonic()
         answer = http.post("/api/v1/recordings", files={"file": ("walk.c3d", content)}, timeout=20.0)
@@ -47,6 +71,6 @@ def test_a_single_upload_does_not_wait_for_batches(
         assert time.monotonic() - began < 20.0
     finally:
         may_go_on.set()
-        for batch in batches:
-            batch.join(60)
-    assert answers == [201, 201]
+        for one in long_ones:
+            one.join(60)
+    assert answers == [status, status]

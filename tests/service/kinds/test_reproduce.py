@@ -1,5 +1,6 @@
 """``reproduce``: claims, tables and the drawing in the job's folder; the same from the command line."""
 
+import asyncio
 from pathlib import Path
 
 import pyarrow.parquet as pq
@@ -12,8 +13,12 @@ from stridelab.errors import InvalidInput
 from stridelab.reproduction.registry import ITEMS, seeds_of
 from stridelab.schemas.jobs import JobResult
 from stridelab.schemas.reproduction import ReproduceInput, ReproduceSummary, ReproduceTask
+from stridelab.service.kinds.registry import KINDS
 from stridelab.service.kinds.reproduce import run as kind
 from stridelab.service.kinds.result_tables import known_references
+from stridelab.service.processes.pool import IsolatedPool
+from stridelab.service.processes.running_child import IsolatedOutcome
+from stridelab.service.processes.sandbox import KernelFeatures
 from support.command_line import Told
 
 
@@ -82,3 +87,21 @@ def test_draws_are_refused_where_none_are_made(refused: dict[str, object]) -> No
     with pytest.raises(InvalidInput) as unlike:
         seeds_of(ITEMS[str(refused["item"])], *(refused.get(name) for name in ("seeds", "seed")))  # type: ignore[arg-type]
     assert (unlike.value.code, unlike.value.faults[0].where) == ("nothing-drawn", field)
+
+
+@pytest.mark.skipif(bool(KernelFeatures.detect_features().missing_layers), reason="the kernel lacks a layer")
+@pytest.mark.parametrize("item", ["fig-2.5", "fig-4.3"])
+def test_a_reproduction_needs_nothing_but_its_folder(item: str, tmp_path: Path) -> None:
+    """Of a chapter without and of one with robots, solvers and their libraries."""
+    job_kind = KINDS["reproduce"]
+
+    async def inside() -> IsolatedOutcome:
+        async with IsolatedPool() as pool:
+            task = {"input": {"item": item}}
+            return await pool.run(
+                job_kind.run, task, tmp_path, timeout_s=300.0, memory_mb=4096, sandbox=job_kind.sandbox
+            )
+
+    outcome = asyncio.run(inside())
+    assert outcome.state == "ok", outcome.log_tail
+    assert outcome.value["summary"]["item"] == item

@@ -125,7 +125,6 @@ def test_only_kinds_that_need_it_may_do_more_than_read() -> None:
     assert more == {
         "plan-motion": filming,
         "plan-receding": filming,
-        "reproduce": None,
     }
 
 

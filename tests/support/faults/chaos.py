@@ -28,6 +28,7 @@ from stridelab.service.processes.child import PROCESS_NAME
 from stridelab.service.storage.database import make_engine
 from support.faults.commits import SCHEDULES
 from support.faults.commits import main as run_schedules
+from support.faults.pair_schedules import NUMBERS, run_numbered_pair
 from support.service.job_kinds import KINDS
 from support.service.processes import Service, assert_sound, running_service
 from support.service.supervisor_entry import API, WORKER
@@ -146,11 +147,11 @@ def run(jobs: int, kills: int, *, work_s: float, pause_s: tuple[float, float], l
     )
 
 
-def _range(text: str | None) -> list[int]:
+def _range(text: str | None, number: int) -> list[int]:
     if text is None:
         return []
-    first, _, last = ("0", "", str(len(SCHEDULES))) if text == "all" else text.partition(":")
-    return list(range(int(first), int(last or len(SCHEDULES))))
+    first, _, last = ("0", "", str(number)) if text == "all" else text.partition(":")
+    return list(range(int(first), int(last or number)))
 
 
 def main() -> None:
@@ -167,9 +168,15 @@ def main() -> None:
     )
     numbered.add_argument("--schedule", type=int, action="append", help=f"one of 0 to {len(SCHEDULES) - 1}")
     numbered.add_argument("--schedules", help="a range, as 0:32, or 'all'")
+    numbered.add_argument("--pair", type=int, action="append", help=f"one of 0 to {NUMBERS - 1}, with two jobs")
+    numbered.add_argument("--pairs", help="a range of these, as 0:100, or 'all'")
     numbered.add_argument("--at-once", type=int, default=4, help="schedules that run at the same time")
     given = asked.parse_args()
-    chosen = [*(given.schedule or []), *_range(given.schedules)]
+    chosen = [*(given.schedule or []), *_range(given.schedules, len(SCHEDULES))]
+    pairs = [*(given.pair or []), *_range(given.pairs, NUMBERS)]
+    if pairs:
+        with tempfile.TemporaryDirectory() as folder:
+            sys.exit(run_schedules(pairs, Path(folder), given.at_once, "--pair", run_numbered_pair))
     if chosen:
         with tempfile.TemporaryDirectory() as folder:
             sys.exit(run_schedules(chosen, Path(folder), given.at_once))

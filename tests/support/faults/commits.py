@@ -23,19 +23,14 @@ import traceback
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
-from datetime import timedelta
 from itertools import product
 from pathlib import Path
 from subprocess import TimeoutExpired
 from typing import Final, Literal
 
-from sqlalchemy.ext.asyncio import AsyncEngine
-
 from stridelab.schemas.jobs import FINAL_STATES
-from stridelab.service.jobs.retention import remove_orphans
-from stridelab.service.storage.blobs import BlobStore
 from stridelab.service.storage.database import parse_url
-from support.service.database import TestDatabases, databases, within
+from support.service.database import TestDatabases, databases, remove_orphans_now, socket_of, within
 from support.service.processes import Jobs, assert_sound, wait_until, worker
 
 Fault = Literal["lost request", "lost answer", "late request", "late answer", "cut after"]
@@ -305,8 +300,8 @@ def run(schedule: Schedule, url: str, folder: Path) -> str:
 
     plan = Plan(lambda text: pattern.search(text) is not None, schedule.fault, DELAY_S, send)
     with contextlib.ExitStack() as stack:
-        proxy = stack.enter_context(commit_proxy(_socket(url), plan))
-        first = stack.enter_context(worker(_through(url, proxy), folder / "a", **blobs))
+        proxy = stack.enter_context(commit_proxy(socket_of(url), plan))
+        first = stack.enter_context(worker(through_proxy(url, proxy), folder / "a", **blobs))
         pid = first.pid
         if hands_back:
             jobs.until(job_id, lambda record: record.state == "running" and record.message.startswith("step"))
@@ -330,7 +325,7 @@ def run(schedule: Schedule, url: str, folder: Path) -> str:
             assert record.error["code"] == "stopped", record.error
         assert record.state in FINAL_STATES
         assert_sound(url, folder / "blobs", [job_id])
-        removed = within(url, lambda engine: _sweep(engine, folder / "blobs"))
+        removed = within(url, lambda engine: remove_orphans_now(engine, folder / "blobs"))
         assert_sound(url, folder / "blobs", [job_id])
         kept = list((folder / "blobs" / "results").rglob("*.csv"))
         assert len(kept) == 1, f"{len(kept)} files after the janitor"
@@ -338,25 +333,25 @@ def run(schedule: Schedule, url: str, folder: Path) -> str:
     return f"{record.state} after {starts} starts, {len(removed)} prefixes left to the janitor"
 
 
-async def _sweep(engine: AsyncEngine, blobs: Path) -> list[str]:
-    """What the janitor removes once everything is old."""
-    async with engine.connect() as connection:
-        return await remove_orphans(connection, BlobStore.from_url(blobs.as_uri()), timedelta(seconds=-1))
-
-
-def _socket(url: str) -> str:
-    folder = parse_url(url).query.get("host")
-    assert isinstance(folder, str), "the proxy leads to an embedded server's socket"
-    return f"{folder}/.s.PGSQL.5432"
-
-
-def _through(url: str, proxy: CommitProxy) -> str:
+def through_proxy(url: str, proxy: CommitProxy) -> str:
+    """URL of the same database by way of ``proxy``."""
     address = parse_url(url)
     return f"postgresql://{address.username}@127.0.0.1:{proxy.port}/{address.database}?sslmode=disable"
 
 
+def run_numbered(number: int, url: str, folder: Path) -> str:
+    """``run`` of the schedule ``number``."""
+    return f"({SCHEDULES[number]}): {run(SCHEDULES[number], url, folder)}"
+
+
 def run_all(
-    numbers: Iterable[int], server: TestDatabases, folder: Path, *, at_once: int = 4, say: Callable[[str], None] = print
+    numbers: Iterable[int],
+    server: TestDatabases,
+    folder: Path,
+    *,
+    at_once: int = 4,
+    say: Callable[[str], None] = print,
+    run_one: Callable[[int, str, Path], str] = run_numbered,
 ) -> list[int]:
     """Run schedules, some at the same time; returns the numbers of those that failed."""
     failed: list[int] = []
@@ -366,22 +361,30 @@ def run_all(
         began = time.monotonic()
         try:
             with server.fresh() as url:
-                said = run(SCHEDULES[number], url, folder / str(number))
+                said = run_one(number, url, folder / str(number))
         except Exception as error:
             said = f"FAILED: {error or ''.join(traceback.format_exception(error))}"
             with lock:
                 failed.append(number)
-        say(f"schedule {number} ({SCHEDULES[number]}): {said} [{time.monotonic() - began:.0f} s]")
+        say(f"schedule {number} {said} [{time.monotonic() - began:.0f} s]")
 
     with ThreadPoolExecutor(at_once) as threads:
         list(threads.map(one, numbers))
     return sorted(failed)
 
 
-def main(numbers: list[int], folder: Path, at_once: int) -> int:
+def main(
+    numbers: list[int],
+    folder: Path,
+    at_once: int,
+    option: str = "--schedule",
+    run_one: Callable[[int, str, Path], str] = run_numbered,
+) -> int:
     """Run schedules from the command line; returns an exit status."""
     with databases() as server:
-        failed = run_all(numbers, server, folder, at_once=at_once, say=lambda line: print(line, flush=True))
-    again = " ".join(f"scripts/chaos --schedule {number};" for number in failed)
+        failed = run_all(
+            numbers, server, folder, at_once=at_once, say=lambda line: print(line, flush=True), run_one=run_one
+        )
+    again = " ".join(f"scripts/chaos {option} {number};" for number in failed)
     print(f"{len(numbers)} schedules, {len(failed)} failed. {again}")
     return 1 if failed else 0

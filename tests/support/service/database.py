@@ -11,6 +11,7 @@ import tempfile
 from collections.abc import Awaitable, Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from datetime import timedelta
 from itertools import count
 from pathlib import Path
 from typing import Any, Final
@@ -21,7 +22,9 @@ from alembic.autogenerate import compare_metadata
 from alembic.runtime.migration import MigrationContext
 from sqlalchemy.ext.asyncio import AsyncEngine
 
+from stridelab.service.jobs.retention import remove_orphans
 from stridelab.service.postgres.embedded import EmbeddedPostgres
+from stridelab.service.storage.blobs import BlobStore
 from stridelab.service.storage.database import make_engine, parse_url
 from stridelab.service.storage.migrate import engine_of, migrate, upgrade_on
 from stridelab.service.storage.tables import metadata
@@ -161,3 +164,16 @@ def store_many_recordings(url: str) -> None:
     with psycopg.connect(url) as connection:
         connection.execute(_SUBJECTS, values)
         connection.execute(_RECORDINGS, values)
+
+
+async def remove_orphans_now(engine: AsyncEngine, blobs: Path) -> list[str]:
+    """What the janitor removes once everything is old."""
+    async with engine.connect() as connection:
+        return await remove_orphans(connection, BlobStore.from_url(blobs.as_uri()), timedelta(seconds=-1))
+
+
+def socket_of(url: str) -> str:
+    """Socket of an embedded server."""
+    folder = parse_url(url).query.get("host")
+    assert isinstance(folder, str), "the proxy leads to an embedded server's socket"
+    return f"{folder}/.s.PGSQL.5432"

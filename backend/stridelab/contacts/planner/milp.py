@@ -9,9 +9,10 @@ Placement ``i`` with regions ``r`` (binaries ``H_ir``, places ``u_ir`` in the re
 so that the relaxation is the hull of the regions. Every stance has its own CoM ``c`` inside the limits of all its
 contacts: ``l <= W^T (c - p_i) <= u`` in the heading frame ``W`` and 26 half-spaces inside the sphere. On level ground
 these imply the limits of the validation, which hold in the contact frame; for tilted contacts and rails those are added
-with big M. Consecutive feet satisfy the box and the ball of a step, which is shorter the higher it is, and a swing rises
-by the highest stair at most, so that both feet step on each of high stairs. The objective is the sum of horizontal
-deviations (L1, metres) from even steps on the straight line, plus ``FREE_COST`` for every hand placement left out.
+with big M. Consecutive feet satisfy the box and the ball of a step, which is shorter the higher it is, and a swing
+rises by the highest stair at most, so that both feet step on each of high stairs. The objective is the sum of
+horizontal deviations (L1, metres) from even steps on the straight line, plus ``FREE_COST`` for every hand placement
+left out.
 Deviations are counted per region, ``d_ir >= |n (o_r - t_i) H_ir + n E_r u_ir|``: in the relaxation, a mixture of two
 regions costs as much as both, so that positions in the gap between them are not cheaper.
 """

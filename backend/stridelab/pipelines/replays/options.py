@@ -4,6 +4,7 @@ Importing this module is cheap: the API validates requests with it.
 """
 
 import xml.etree.ElementTree as ET
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from stridelab.errors import Fault, InvalidInput
@@ -17,14 +18,16 @@ if TYPE_CHECKING:
     from stridelab.wholebody.replay.sensors import StateObserver
 
 
-def require_pushes(replay: bool | ReplayOptions, robot: str, duration_s: float) -> None:
+def require_pushes(
+    replay: bool | ReplayOptions, robot: str, duration_s: float, links: Sequence[str] | None = None
+) -> None:
     """Raise ``InvalidInput`` (``replay-invalid``) for pushes after the motion of ``duration_s`` or on unknown links.
 
-    Also raises as ``robot_card`` and ``data_files`` do.
+    ``links`` None are those of the installed description; then also raises as ``robot_card`` and ``data_files`` do.
     """
     if not isinstance(replay, ReplayOptions) or not replay.pushes:
         return
-    links = link_names(robot)
+    links = link_names(robot) if links is None else links
     faults = []
     for k, push in enumerate(replay.pushes):
         if push.time_s > duration_s:

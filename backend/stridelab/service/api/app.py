@@ -24,6 +24,7 @@ from stridelab.service.api.middleware.authentication import AuthenticationMiddle
 from stridelab.service.api.middleware.lingering_close import LingeringCloseMiddleware
 from stridelab.service.api.middleware.request_context import RequestContextMiddleware
 from stridelab.service.api.previews import endpoints as plans
+from stridelab.service.api.previews.own_robots import OwnRobotPlanners
 from stridelab.service.api.recordings import endpoints as recordings
 from stridelab.service.api.robots import endpoints as robots
 from stridelab.service.api.robots.cache import RobotCache
@@ -56,6 +57,8 @@ MAX_PARSERS: Final = 2
 """Maximum number of single uploads that are parsed at the same time; further ones wait."""
 MAX_BATCHES: Final = 2
 """Maximum number of bulk uploads that are parsed at the same time, separate from single uploads: each takes minutes."""
+MAX_ROBOT_READERS: Final = 2
+"""Maximum number of robots that are read or whose cards are checked at the same time: each may take 90 s."""
 MAX_VALIDATIONS: Final = 2
 """Maximum number of scenarios that are validated at the same time."""
 
@@ -181,7 +184,8 @@ async def open_parts(settings: Settings) -> AsyncIterator[Parts]:
                     engine=engine,
                 )
             ) as robot_cache,
-            aclosing(StoredChecks(bodies, validation_limiter, robot_cache)) as stored_checks,
+            aclosing(OwnRobotPlanners(pool, engine, blobs, spool)) as own_planners,
+            aclosing(StoredChecks(bodies, own_planners, validation_limiter, robot_cache)) as stored_checks,
         ):
             yield Parts(
                 settings=settings,
@@ -195,11 +199,13 @@ async def open_parts(settings: Settings) -> AsyncIterator[Parts]:
                 spool=spool,
                 parsers=anyio.CapacityLimiter(MAX_PARSERS),
                 batches=anyio.CapacityLimiter(MAX_BATCHES),
+                robot_readers=anyio.CapacityLimiter(MAX_ROBOT_READERS),
                 validation_limiter=validation_limiter,
                 tokens=TokenCache(engine),
                 robots=robot_cache,
                 resident=resident,
                 stance_checker=bodies,
+                own_planners=own_planners,
                 stored_checks=stored_checks,
                 streams=StreamLimiter(settings.stream_limit),
                 live=LiveBoard(),

@@ -13,6 +13,7 @@ from sqlalchemy.ext.asyncio import AsyncConnection, AsyncEngine
 from starlette.requests import HTTPConnection
 
 from stridelab.errors import NotFound
+from stridelab.service.api.previews.own_robots import OwnRobotPlanners
 from stridelab.service.api.robots.cache import RobotCache
 from stridelab.service.api.scenarios.stored_checks import StoredChecks
 from stridelab.service.api.stream.limits import StreamLimiter
@@ -60,11 +61,13 @@ class Parts:
     spool: Path
     parsers: anyio.CapacityLimiter
     batches: anyio.CapacityLimiter
+    robot_readers: anyio.CapacityLimiter
     validation_limiter: anyio.CapacityLimiter
     tokens: TokenCache
     robots: RobotCache
     resident: PreviewProcess
     stance_checker: PreviewProcess
+    own_planners: OwnRobotPlanners
     stored_checks: StoredChecks
     streams: StreamLimiter
     live: LiveBoard

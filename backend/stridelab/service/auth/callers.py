@@ -13,6 +13,8 @@ ADMIN: Final = "admin"
 _SAFE_METHODS: Final = frozenset({"GET", "HEAD", "OPTIONS"})
 _API: Final = "/api/v1/"
 _ADMIN_ONLY: Final = ("tokens", "audit")
+_WATCHED: Final = "stream/markers/"
+"""Path of an open stream of markers, which is shown to those who connect; what they send is ignored."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +42,8 @@ def needed_scope(kind: str, method: str, path: str) -> TokenScope:
         return "read"
     if path.removeprefix(_API).partition("/")[0] in _ADMIN_ONLY:
         return "admin"
-    return "read" if kind == "http" and method in _SAFE_METHODS else "submit"
+    reads = method in _SAFE_METHODS if kind == "http" else path.removeprefix(_API).startswith(_WATCHED)
+    return "read" if reads else "submit"
 
 
 def require_scope(caller: Caller, scope: TokenScope) -> None:

@@ -34,6 +34,9 @@ class Blobs(Protocol):
     async def keep_or_replace(self, key: str, path: Path, sha256: str) -> Any:
         """Store the file ``path`` as blob ``key`` unless the blob exists with this content."""
 
+    async def info(self, key: str) -> Any:
+        """Size and time of the blob ``key``; None if it does not exist."""
+
     async def exists(self, key: str) -> bool:
         """Whether the blob ``key`` exists."""
         ...

@@ -85,7 +85,7 @@ def stage_scenario(task_model: type[PlanMotionTask | PlanRecedingTask | PushBasi
         if not isinstance(request, ScenarioSource):
             raise TypeError(f"{type(request).__name__} has no scenario")
         scenario = request.scenario or await _stored_scenario(connection, request.scenario_id)
-        await stage_robot(connection, blobs, scenario.robot, folder)
+        await stage_robot(connection, blobs, getattr(request, "robot", None) or scenario.robot, folder)
         return task_model.model_validate({"scenario": scenario, "input": request}).model_dump(mode="json")
 
     return stage

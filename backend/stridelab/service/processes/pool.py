@@ -108,14 +108,22 @@ class IsolatedPool:
 
     @asynccontextmanager
     async def open_session(
-        self, target: str, *, memory_mb: int, answer_s: float = ANSWER_TIMEOUT_S, idle_s: int = 0
+        self,
+        target: str,
+        *,
+        memory_mb: int,
+        answer_s: float = ANSWER_TIMEOUT_S,
+        idle_s: int = 0,
+        folder: Path | None = None,
     ) -> AsyncIterator[ChildSession]:
-        """Start a child for many tasks of ``target``, without a folder; it is killed at exit.
+        """Start a child for many tasks of ``target``, with the files of ``folder`` if given; it is killed at exit.
 
         ``target`` names a function, or a class of which the child creates one object and calls it as the function. The
         child ends by itself after ``idle_s`` without a task (0: never).
         """
-        child = await self._fork_child(target, 0, folder=None, memory_mb=memory_mb, sandbox=STRICT, idle_s=idle_s)
+        child = await self._fork_child(
+            target, 0, folder=folder, memory_mb=memory_mb, sandbox=STRICT, idle_s=idle_s, once=False
+        )
         try:
             yield ChildSession(child, answer_s)
         finally:
@@ -130,6 +138,7 @@ class IsolatedPool:
         memory_mb: int,
         sandbox: Sandbox | None,
         idle_s: int = 0,
+        once: bool = True,
     ) -> RunningChild:
         setup = {
             "target": target,
@@ -137,7 +146,7 @@ class IsolatedPool:
             "memory_mb": memory_mb,
             "cores": self._cores,
             "sandbox": None if sandbox is None else asdict(sandbox),
-            "once": folder is not None,
+            "once": once,
             "idle_s": idle_s,
         }
         nursery = await self._running_fork_server()

@@ -5,6 +5,7 @@ It is started by the first request, replaced when it fails, and ends by itself a
 
 import asyncio
 from contextlib import AsyncExitStack
+from pathlib import Path
 from types import TracebackType
 from typing import Any, Final
 
@@ -16,6 +17,7 @@ from stridelab.service.processes.pool import ANSWER_TIMEOUT_S, ChildSession, Iso
 Json = dict[str, Any]
 
 PREVIEW: Final = "stridelab.service.api.previews.preview:run_in_child"
+PREVIEW_OF_OWN: Final = "stridelab.service.api.previews.preview:OwnRobotPlanner"
 PREVIEW_MEMORY_MB: Final = 1024
 """Memory limit of the preview child beyond its libraries."""
 IDLE_S: Final = 600
@@ -25,10 +27,13 @@ log = structlog.get_logger(__name__)
 
 
 class PreviewProcess:
-    """Asynchronous context manager: the preview planner in a child process of ``pool``, which is killed at exit."""
+    """Asynchronous context manager: the preview planner in a child process of ``pool``, which is killed at exit.
 
-    def __init__(self, pool: IsolatedPool, *, answer_s: float = ANSWER_TIMEOUT_S) -> None:
-        self._pool, self._answer_s = pool, answer_s
+    With ``folder``, the planner of the user's robot whose files were staged there.
+    """
+
+    def __init__(self, pool: IsolatedPool, *, answer_s: float = ANSWER_TIMEOUT_S, folder: Path | None = None) -> None:
+        self._pool, self._answer_s, self._folder = pool, answer_s, folder
         self._request_lock = asyncio.Lock()
         self._waiting = 0
         self._session: ChildSession | None = None
@@ -66,7 +71,13 @@ class PreviewProcess:
         if self._session is None or self._session.has_ended:
             await self._open.aclose()  # the session of a child that has ended
             self._session = await self._open.enter_async_context(
-                self._pool.open_session(PREVIEW, memory_mb=PREVIEW_MEMORY_MB, answer_s=self._answer_s, idle_s=IDLE_S)
+                self._pool.open_session(
+                    PREVIEW if self._folder is None else PREVIEW_OF_OWN,
+                    memory_mb=PREVIEW_MEMORY_MB,
+                    answer_s=self._answer_s,
+                    idle_s=IDLE_S,
+                    folder=self._folder,
+                )
             )
         outcome = await self._session.run(request)
         if outcome.state == "ok":

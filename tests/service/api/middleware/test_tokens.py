@@ -91,6 +91,9 @@ def test_each_scope_allows_what_it_names(lab: Served, admin: httpx.Client) -> No
         ("http", "DELETE", "/api/v1/tokens/1", "admin"),
         ("http", "GET", "/api/v1/audit", "admin"),
         ("websocket", "", "/api/v1/stream/com", "submit"),
+        ("websocket", "", "/api/v1/stream/markers", "submit"),
+        ("websocket", "", "/api/v1/stream/markers/0123456789abcdef", "read"),
+        ("http", "POST", "/api/v1/stream/markers/0123456789abcdef", "submit"),
         (
             "websocket",
             "",

@@ -16,6 +16,7 @@ from stridelab.service.kinds.commission_robot.kind import KIND, publish
 from stridelab.service.kinds.staging import stage_scenario
 from stridelab.service.storage.tables import audit, robot
 from support.robots.humanoid import Humanoid, archive
+from support.robots.scenario_bodies import one_step
 from support.service.web_server import Served, refusal
 
 ROBOTS = "/api/v1/robots"
@@ -157,6 +158,81 @@ def test_the_list_names_the_owner(http: httpx.Client, small: dict[str, Any], ser
     assert small["owner"] is None
 
 
+def test_its_whole_body_is_checked_before_anything_is_learned(http: httpx.Client, small: dict[str, Any]) -> None:
+    check = "/api/v1/scenarios/check"
+    asked = {"body_checked": True, "posture_of": 1}
+    body = http.post(check, json=one_step(robot="small"), params=asked).json()
+    assert [phase["body"] for phase in body["phases"]] == ["reachable"] * 3
+    assert len(body["phases"][1]["link_poses"]) == len(http.get(f"{ROBOTS}/small").json()["links"])
+    wide = one_step(robot="small")
+    wide["phases"][2]["contacts"][0]["position_m"] = [0.2, 0.95, 0.0]
+    out = http.post(check, json=wide, params=asked).json()
+    assert (out["valid"], [phase["body"] for phase in out["phases"]]) == (False, ["reachable"] * 2 + ["unreachable"])
+    wide["phases"][2]["contacts"][0]["position_m"] = [0.0, 0.3, 0.0]
+    assert http.post(check, json=wide, params=asked).json()["phases"][2]["body"] == "reachable"
+    stiff = json.loads(json.dumps(small["card"]))
+    stiff["limits"]["position_rad"] = {".*_hip_(roll|yaw)": [-0.02, 0.02]}
+    assert put_card(http, stiff).status_code == 200
+    assert http.post(check, json=wide, params=asked).json()["phases"][2]["body"] == "unreachable", "of the card before"
+
+
+def test_jobs_that_name_it_or_its_parts_are_validated(http: httpx.Client, small: dict[str, Any]) -> None:
+    jobs = "/api/v1/jobs"
+
+    def learn(effector: str) -> httpx.Response:
+        return http.post(f"{jobs}/learn-reachability", json={"robot": "small", "effectors": [effector], "samples": 500})
+
+    def plan(link: str) -> httpx.Response:
+        replay = {"pushes": [{"time_s": 1.0, "impulse_ns": [5.0, 0.0, 0.0], "link": link}]}
+        return http.post(f"{jobs}/plan-motion", json={"scenario": one_step(robot="small"), "replay": replay})
+
+    def push(robot_name: str) -> httpx.Response:
+        body = {"scenario": one_step(), "robot": robot_name, "speed_m_s": 0.2, "n": 2}
+        return http.post(f"{jobs}/push-basin", json=body)
+
+    wrong = problem_of(learn("nose"), 422)
+    assert (wrong["errors"][0]["where"], "left_foot" in wrong["detail"]) == ("effectors.0", True)
+    wrong = problem_of(plan("nose"), 422)
+    assert (wrong["code"], wrong["errors"][0]["where"]) == ("replay-invalid", "replay.pushes.0.link")
+    assert problem_of(push("nobody"), 422)["errors"][0]["where"] == "robot"
+    for answer in (learn("left_foot"), plan("pelvis"), push("small")):
+        assert answer.status_code == 202, answer.text
+        http.delete(f"{jobs}/{answer.json()['id']}")
+    assert small["name"] == "small"
+
+
+def assert_planned_at_once(http: httpx.Client, service: Served, scenario: dict[str, Any], scenario_id: str) -> None:
+    """The editor's calls know the robot and its densities, also when these change meanwhile."""
+    stored = http.get(f"/api/v1/scenarios/{scenario_id}/check").json()
+    while any(warning["code"] == "body-unfinished" for warning in stored["warnings"]):
+        stored = http.get(f"/api/v1/scenarios/{scenario_id}/check").json()
+    assert {phase["body"] for phase in stored["phases"]} == {"reachable"}
+    plan = http.post("/api/v1/plans/preview", json={"scenario": scenario}, timeout=120).json()
+    assert plan.get("code") == "solver-unavailable" or plan["motion"]["converged"] is True
+
+    async def set_learned(key: str | None) -> str:
+        async with service.parts.engine.begin() as connection:
+            before = (await connection.execute(select(robot.c.learned_key))).scalar_one()
+            await connection.execute(update(robot).values(learned_key=key))
+        return str(before)
+
+    learned = service.run(set_learned(None))
+    forgotten = http.post("/api/v1/plans/preview", json={"scenario": scenario}, timeout=120).json()
+    assert forgotten["code"] in ("reachability-not-learned", "solver-unavailable"), "planned with the densities before"
+    service.run(set_learned(learned))
+
+
+async def counted_bytes(service: Served) -> int:
+    """What the robot counts for its owner's storage."""
+    async with service.parts.engine.connect() as connection:
+        return int((await connection.execute(select(robot.c.bytes))).scalar_one())
+
+
+async def file_sizes(service: Served) -> list[int]:
+    """Of its files in the store."""
+    return [info.bytes async for info in service.parts.blobs.list_prefix("own-robots")]
+
+
 def test_it_is_commissioned_and_planned_for(
     http: httpx.Client, small: dict[str, Any], service: Served, tmp_path: Path
 ) -> None:
@@ -189,7 +265,11 @@ def test_it_is_commissioned_and_planned_for(
         async with service.parts.engine.begin() as connection:
             await publish(connection, service.parts.blobs, {"id": "job1"}, outcome, folder)
 
-    service.run(store())
+    sizes = []
+    for _ in range(2):  # commissioned again: earlier densities are not counted, since they are removed
+        service.run(store())
+        sizes.append(service.run(counted_bytes(service)))
+    assert sizes[0] == sizes[1] == sum(service.run(file_sizes(service)))
     listed = next(item for item in http.get(ROBOTS).json()["items"] if item["name"] == "small")
     assert listed["state"] == "commissioned"
     assert http.get(f"{ROBOTS}/small").json()["measures"] == ["uniform", "conditioned"]
@@ -202,6 +282,7 @@ def test_it_is_commissioned_and_planned_for(
     assert checked["margins"]
     added = http.post("/api/v1/scenarios", json=scenario)
     assert added.status_code == 201, added.text
+    assert_planned_at_once(http, service, scenario, added.json()["id"])
     assert problem_of(http.delete(f"{ROBOTS}/small"), 409)["errors"][0]["where"] == f"scenario {added.json()['id']}"
 
     plan_folder = tmp_path / "plan"

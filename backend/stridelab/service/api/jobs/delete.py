@@ -18,6 +18,8 @@ from stridelab.service.storage.tables import job, recording
 
 REMAINING_JOBS_HEADER: Final = "Stridelab-Kept-In"
 """Response header of a deletion: ids of the jobs whose inputs and results still contain the deleted data."""
+RECORDING_LISTS: Final = ("recording_ids", "reference_recording_ids", "before_recording_ids")
+"""Fields of job inputs that list recordings; a test compares them with the input models of all kinds."""
 
 
 async def delete_finished(parts: Parts, job_id: str, caller: Caller) -> None:
@@ -67,7 +69,7 @@ async def studies_of(parts: Parts, recording_ids: Sequence[str]) -> list[str]:
     """
     if not recording_ids:
         return []
-    places = (job.c.input["recording_ids"], job.c.result["summary"]["recording_ids"])
+    places = (*(job.c.input[name] for name in RECORDING_LISTS), job.c.result["summary"]["recording_ids"])
     named = or_(*(place.contains([recording_id]) for place in places for recording_id in recording_ids))
     async with parts.engine.connect() as connection:
         return list((await connection.execute(select(job.c.id).where(named).order_by(job.c.id))).scalars())

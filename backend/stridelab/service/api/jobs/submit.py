@@ -5,7 +5,7 @@ Inputs are validated beyond their schema before a job is accepted.
 
 import inspect
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any, NoReturn
 
@@ -16,8 +16,9 @@ from sqlalchemy import select
 
 from stridelab.errors import Fault, InvalidInput, NotFound
 from stridelab.pipelines.replays.options import require_pushes
-from stridelab.robots.card import EffectorCard, robot_card
+from stridelab.robots.card import robot_card, robot_names
 from stridelab.schemas.base import Contract
+from stridelab.schemas.comparison import ComBenchInput
 from stridelab.schemas.jobs import Job
 from stridelab.schemas.measures import GaitMeasuresInput, GaitReportInput
 from stridelab.schemas.plans import LearnReachabilityInput, PlanContactsInput, PlanMotionInput, ReplayOptions
@@ -37,6 +38,7 @@ from stridelab.service.kinds.base import JobKind
 from stridelab.service.kinds.registry import KINDS
 from stridelab.service.kinds.staging import require_recordings
 from stridelab.service.storage.tables import recording, scenario
+from stridelab.service.stored_robots import find_robot
 
 
 @dataclass(frozen=True)
@@ -63,14 +65,14 @@ async def validate_request(parts: Parts, request: Contract, caller: Caller) -> J
     if isinstance(request, PlanMotionInput):
         await _refuse_pushes(parts, request)
     if isinstance(request, PlanContactsInput):
-        _effector_cards(request.robot)
-        await anyio.to_thread.run_sync(_refuse_invalid_ends, request, limiter=parts.validation_limiter)
+        own = (await _effectors_of(parts, request.robot)).own_shapes
+        await anyio.to_thread.run_sync(_refuse_invalid_ends, request, own, limiter=parts.validation_limiter)
     if isinstance(request, CommissionRobotInput):
         async with parts.engine.connect() as connection:
             require_owner(caller, (await required_robot(connection, request.robot))["owner"], "robot")
     if isinstance(request, LearnReachabilityInput):
-        _refuse_unknown_effectors(request)
-    if isinstance(request, StudyPopulationInput | GaitMeasuresInput | GaitReportInput):
+        _refuse_unknown_effectors(request, (await _effectors_of(parts, request.robot)).names)
+    if isinstance(request, StudyPopulationInput | GaitMeasuresInput | GaitReportInput | ComBenchInput):
         async with parts.engine.connect() as connection:
             for name in ("recording_ids", "reference_recording_ids", "before_recording_ids"):
                 ids = getattr(request, name, None) or []
@@ -83,7 +85,7 @@ async def validate_request(parts: Parts, request: Contract, caller: Caller) -> J
 async def _refuse_basin(parts: Parts, request: PushBasinInput) -> None:
     """Raise ``InvalidInput``: ``invalid-request`` for an unknown robot, ``scenario-invalid`` if it cannot walk."""
     if request.robot is not None:
-        _effector_cards(request.robot)
+        await _effectors_of(parts, request.robot)
     body = await _scenario_of(parts, request)
     if body is not None and (request.scenario is not None or request.robot is not None):
         one = body if request.robot is None else body.model_copy(update={"robot": request.robot})
@@ -95,7 +97,8 @@ async def _refuse_pushes(parts: Parts, request: PlanMotionInput) -> None:
     if isinstance(request.replay, ReplayOptions) and request.replay.pushes:
         body = await _scenario_of(parts, request)
         if body is not None:
-            require_pushes(request.replay, body.robot, math.fsum(phase.duration_s for phase in body.phases))
+            duration_s = math.fsum(phase.duration_s for phase in body.phases)
+            require_pushes(request.replay, body.robot, duration_s, await _own_links(parts, body.robot))
 
 
 async def _scenario_of(parts: Parts, request: ScenarioSource) -> Scenario | None:
@@ -139,23 +142,44 @@ def _referenced_id(request: Contract, what: str) -> str | None:
     return None if identifier is None else require_id_form(identifier, what)
 
 
-def _effector_cards(robot: str) -> Mapping[str, EffectorCard]:
+@dataclass(frozen=True)
+class _Effectors:
+    """Names of the effectors of a robot, and the stored shapes of a user's robot."""
+
+    names: tuple[str, ...]
+    own_shapes: Mapping[str, Any] | None
+
+
+async def _effectors_of(parts: Parts, robot: str) -> _Effectors:
+    """Effectors of a bundled robot or of a user's. Raises ``InvalidInput`` (``invalid-request``) for another name."""
+    own = await parts.robots.own_shapes(robot)
+    if own is not None:
+        return _Effectors(tuple(own), own)
     try:
-        return robot_card(robot).effectors
+        return _Effectors(tuple(robot_card(robot).effectors), None)
     except NotFound as error:
         raise InvalidInput("invalid-request", error.message, [Fault("robot", "unknown")]) from error
 
 
-def _refuse_invalid_ends(request: PlanContactsInput) -> None:
+async def _own_links(parts: Parts, robot: str) -> tuple[str, ...] | None:
+    """Moving links of a user's robot; None for a bundled one, whose description is installed."""
+    if robot in robot_names():
+        return None
+    async with parts.engine.connect() as connection:
+        row = await find_robot(connection, robot)
+    return None if row is None else tuple(row["facts"]["links"])
+
+
+def _refuse_invalid_ends(request: PlanContactsInput, own_shapes: Mapping[str, Any] | None) -> None:
     # imported on first use, as in scenarios.validation: the service starts without numpy
-    from stridelab.contacts.effector_geometry import effector_shapes
+    from stridelab.contacts.effector_geometry import effector_shapes, stored_shapes
     from stridelab.contacts.planner.start_goal import task_ends
 
-    task_ends(request.model_dump(mode="json"), effector_shapes(request.robot))
+    shapes = effector_shapes(request.robot) if own_shapes is None else stored_shapes(own_shapes)
+    task_ends(request.model_dump(mode="json"), shapes)
 
 
-def _refuse_unknown_effectors(request: LearnReachabilityInput) -> None:
-    known = _effector_cards(request.robot)
+def _refuse_unknown_effectors(request: LearnReachabilityInput, known: Sequence[str]) -> None:
     unknown = [index for index, name in enumerate(request.effectors or ()) if name not in known]
     if unknown:
         sentence = f"The effectors of {request.robot} are {', '.join(known)}."

@@ -55,4 +55,5 @@ async def preview(parts: AppParts, body: Annotated[PlanPreviewInput, Body(openap
     else:
         document = scenario.model_dump(mode="json")
     question = {**body.model_dump(mode="json", exclude={"scenario_id", "scenario"}), "scenario": document}
-    return PlanPreview.model_validate(await parts.resident.ask({"ask": "preview", "input": question}))
+    request = {"ask": "preview", "input": question}
+    return PlanPreview.model_validate(await parts.own_planners.ask(document["robot"], request, parts.resident))

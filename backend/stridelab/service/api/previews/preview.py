@@ -27,6 +27,7 @@ from stridelab.schemas.base import FaultItem
 from stridelab.schemas.previews import PlanPreview, PlanPreviewInput, PreviewMotion, PreviewPush, SolverFacts, Solvers
 from stridelab.schemas.scenarios import Scenario
 from stridelab.service.api.previews import stances
+from stridelab.service.kinds.robots.staged import use_staged_robot
 
 Json = dict[str, Any]
 
@@ -44,6 +45,20 @@ def run_in_child(question: Json, _folder: Path | None, _progress: ProgressCallba
     if question["ask"] == "stances":
         return stances.answer_request(question)
     return preview_plan(PlanPreviewInput.model_validate(question["input"])).model_dump(mode="json")
+
+
+class OwnRobotPlanner:
+    """Answers for the user's robot that was staged in the folder of the child; it is unpacked once."""
+
+    def __init__(self) -> None:
+        self._is_known = False
+
+    def __call__(self, question: Json, folder: Path, progress: ProgressCallback) -> Json:
+        """Answer as ``run_in_child``. Raises ``InvalidInput`` (``robot-card-invalid``) as well."""
+        if not self._is_known:
+            use_staged_robot(folder)
+            self._is_known = True
+        return run_in_child(question, folder, progress)
 
 
 def list_solvers() -> Solvers:

@@ -31,6 +31,7 @@ from stridelab.service.stored_robots import (
     READ_ROBOT,
     ROBOT_FOLDER,
     find_robot,
+    stored_bytes,
     write_staged_robot,
 )
 
@@ -102,6 +103,7 @@ async def replace_card(parts: Parts, caller: Caller, name: str, fields: dict[str
     values = {column: summary[column] for column in ("card", "facts", "shapes")}
     if changed:
         values |= {"state": "proposed", "learned_key": None, "commission": None}
+        values["bytes"] = await stored_bytes(parts.blobs, {**row, "learned_key": None})
         values["assumed"] = _still_assumed(row["assumed"], row["card"], summary["card"])
     async with parts.engine.begin() as connection:
         present = await find_robot(connection, name, lock=True)
@@ -215,7 +217,11 @@ async def _run_child(
     parts: Parts, target: str, task: Mapping[str, Any], folder: Path, timeout_s: float
 ) -> dict[str, Any]:
     try:
-        return dict((await run_reader(parts, target, task, folder, ROBOT_FAILURES, "file", timeout_s)).value)
+        return dict(
+            (
+                await run_reader(parts, target, task, folder, ROBOT_FAILURES, "file", timeout_s, parts.robot_readers)
+            ).value
+        )
     except (InvalidInput, UnreadableFile, Conflict):
         raise
     except StridelabError as error:

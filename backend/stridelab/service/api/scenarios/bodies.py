@@ -1,12 +1,11 @@
 """Adds the whole-body check of each stance, which runs in a resident child process, to a scenario validation."""
 
+from collections.abc import Awaitable, Callable
 from typing import Any, Final
 
-from stridelab.robots.card import robot_names
 from stridelab.schemas.base import FaultItem, Remark
 from stridelab.schemas.scenarios import PhaseBody, Scenario, ScenarioCheck
 from stridelab.service.api.problems import MAX_FAULTS
-from stridelab.service.processes.resident import PreviewProcess
 
 Json = dict[str, Any]
 
@@ -17,22 +16,19 @@ STRAINED: Final = "body-strained"
 async def add_body_checks(
     scenario: Scenario,
     validation: ScenarioCheck,
-    bodies: PreviewProcess,
+    ask_body: Callable[[str, Json], Awaitable[Json]],
     posture_of: int | None,
     within_s: float | None = None,
 ) -> ScenarioCheck:
     """Add the whole-body answers to ``validation.phases``, and unreachable stances to its errors.
 
     Phases that are not reached ``within_s`` are not checked, except ``posture_of``; null is the limit of the child. The
-    check is skipped for an unknown robot and, with a warning, for one of a user. Raises the errors of ``Resident.ask``.
+    check is skipped for an unknown robot. ``ask_body`` takes the robot and the request; its errors are raised.
     """
     if any(fault.where == "robot" for fault in validation.errors):
         return validation
-    if scenario.robot not in robot_names():
-        message = "the whole body of an uploaded robot is not checked here; a plan shows whether it can follow"
-        remarks = [*validation.warnings, Remark(code="body-not-checked", message=message)]
-        return validation.model_copy(update={"warnings": remarks})
-    answer = await bodies.ask(_stance_request(scenario, validation, posture_of) | {"within_s": within_s})
+    request = _stance_request(scenario, validation, posture_of) | {"within_s": within_s}
+    answer = await ask_body(scenario.robot, request)
     phases = [_phase_body(k, result) for k, result in enumerate(answer["phases"])]
     faults = [
         FaultItem(where=_contact_place(k, result["contact"]), message=result["reason"])

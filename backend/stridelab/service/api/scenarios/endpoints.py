@@ -72,7 +72,7 @@ async def add_scenario(
         values = {"id": scenario_id, "owner": caller.name, "body": body.model_dump(mode="json")}
         await connection.execute(insert(scenario).values(values))
         stored = scenario_of(await scenario_row(connection, scenario_id))
-    parts.stored_checks.start(stored)
+    await parts.stored_checks.start(stored)
     response.headers["Location"] = f"/api/v1/scenarios/{stored.id}"
     return stored
 
@@ -112,7 +112,11 @@ async def check_scenario(
     validation = await validate_scenario(body, parts.validation_limiter, parts.robots)
     if not body_checked:
         return validation
-    return await add_body_checks(body, validation, parts.stance_checker, posture_of, within_s)
+
+    async def ask_body(robot: str, request: dict[str, Any]) -> dict[str, Any]:
+        return await parts.own_planners.ask(robot, request, parts.stance_checker)
+
+    return await add_body_checks(body, validation, ask_body, posture_of, within_s)
 
 
 @router.post(
@@ -190,7 +194,7 @@ async def put_scenario(
         values = {"body": body.model_dump(mode="json"), "updated_at": func.now()}
         await connection.execute(update(scenario).where(scenario.c.id == scenario_id).values(values))
         stored = scenario_of(await scenario_row(connection, scenario_id))
-    parts.stored_checks.start(stored)
+    await parts.stored_checks.start(stored)
     response.headers["ETag"] = stored.etag
     return stored
 

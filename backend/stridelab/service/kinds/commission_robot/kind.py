@@ -16,7 +16,7 @@ from stridelab.service.kinds.base import Blobs, JobKind, Json
 from stridelab.service.kinds.staging import stage_input
 from stridelab.service.storage.content_addressed import lock_blob
 from stridelab.service.storage.tables import robot
-from stridelab.service.stored_robots import ROBOT_FOLDER, find_robot
+from stridelab.service.stored_robots import ROBOT_FOLDER, find_robot, stored_bytes
 
 STATE_FILE: Final = "robot-state.json"
 """Facts and shapes of the learned robot, for its row."""
@@ -48,7 +48,7 @@ async def publish(
     values = {
         "state": "commissioned" if walk.certified and walk.completed else "not-walking",
         "learned_key": key,
-        "bytes": row["bytes"] + (folder / LEARNED_FILE).stat().st_size,
+        "bytes": await stored_bytes(blobs, {**row, "learned_key": key}),
         "facts": state["facts"],
         "shapes": state["shapes"],
         "commission": outcome["summary"],

@@ -22,5 +22,4 @@ KIND = JobKind(
     timeout_s=3600.0,
     memory_mb=4096,
     lane="long",
-    sandbox=None,  # its input is a name of an experiment; starts fork servers
 )

@@ -3,11 +3,12 @@
 import json
 import re
 import zipfile
+import zlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
-from stridelab.errors import Fault, InvalidInput
+from stridelab.errors import Fault, InvalidInput, UnreadableFile
 from stridelab.resources import add_models_folder
 from stridelab.robots.card import RobotCard, card_of_fields, invalid_card
 from stridelab.robots.proposal.propose import URDF, card_toml
@@ -23,7 +24,7 @@ MAX_PATTERN: Final = 10_000
 def use_staged_robot(folder: Path) -> str:
     """Unpack the robot that was staged in ``folder`` and make it known; returns its name.
 
-    Raises ``InvalidInput`` (``robot-card-invalid``).
+    Raises ``InvalidInput`` (``robot-card-invalid``), ``UnreadableFile`` (``stored-file-damaged``).
     """
     staged = json.loads((folder / STAGED_ROBOT).read_text(encoding="utf-8"))
     name = str(staged["name"])
@@ -53,11 +54,22 @@ def write_card(models: Path, name: str, card: RobotCard) -> None:
 
 
 def _unpack(archive: Path, folder: Path, allowed: re.Pattern[str]) -> None:
+    """Unpack the allowed members; the zip's checksums are those of the stored files.
+
+    Raises ``UnreadableFile`` (``stored-file-damaged``).
+    """
     folder.mkdir(parents=True, exist_ok=True)
-    with zipfile.ZipFile(archive) as packed:
-        for member in packed.infolist():
-            if allowed.fullmatch(member.filename):
-                (folder / member.filename).write_bytes(packed.read(member))
+    try:
+        with zipfile.ZipFile(archive) as packed:
+            for member in packed.infolist():
+                if allowed.fullmatch(member.filename):
+                    (folder / member.filename).write_bytes(packed.read(member))
+    except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError) as error:
+        raise UnreadableFile(
+            "stored-file-damaged",
+            "A stored file of this robot is damaged; upload the robot again, or restore it from a backup.",
+            [Fault(archive.name, "damaged")],
+        ) from error
 
 
 def pack_files(files: Mapping[str, Path], target: Path) -> None:

@@ -1,10 +1,18 @@
-// Switches viser to dark mode with the page, and lightens dark lines and points there.
+// Switches viser to dark mode with the page, lightens dark lines and points there, and darkens the terrain.
 import { findContext } from "./viser_nodes.js";
 
 const FLOOR_NODE = "/floor",
+  TERRAIN_NODES = "/terrain/",
+  TERRAIN = { ground: 0.025, lightest: 0.91, contrast: 0.25 }, // linear lightness: the ground is the lightest by day
   DARK_BELOW = 0.42,
   LIGHTNESS = 0.64; // lightness, from 0 to 1
 const GRID = { cellColor: "rgb(38, 46, 54)", sectionColor: "rgb(58, 68, 78)" };
+
+// Lightness by night of a surface of lightness `l` by day: edges and rails stay lighter than faces.
+/** @param {number} l */
+export function terrainLightness(l) {
+  return TERRAIN.ground + Math.max(TERRAIN.lightest - l, 0) * TERRAIN.contrast;
+}
 
 export class DarkMode {
   // `names` are the nodes to lighten: lines and points; bodies keep their colours.
@@ -23,11 +31,20 @@ export class DarkMode {
     for (const name of this.names)
       for (const { material } of this.nodes.meshes(name))
         this.tint(material.color, ({ h, s, l }, color) => l < DARK_BELOW && color.setHSL(h, s, LIGHTNESS));
-    this.nodes.viser.nodeRefFromName[FLOOR_NODE]?.traverse(({ material }) => {
-      for (const [name, colour] of Object.entries(GRID))
-        if (material?.uniforms?.[name]) this.tint(material.uniforms[name].value, (_, color) => color.setStyle(colour));
-    });
+    const drawn = this.nodes.viser.nodeRefFromName;
+    drawn[FLOOR_NODE]?.traverse(({ material }) => this.tintGrid(material));
+    for (const name of Object.keys(drawn))
+      if (name.startsWith(TERRAIN_NODES))
+        drawn[name]?.traverse(({ material }) => {
+          this.tintGrid(material);
+          this.tint(material?.color, ({ h, s, l }, color) => color.setHSL(h, s, terrainLightness(l)));
+        });
     this.nodes.redraw();
+  }
+
+  tintGrid(material) {
+    for (const [name, colour] of Object.entries(GRID))
+      if (material?.uniforms?.[name]) this.tint(material.uniforms[name].value, (_, color) => color.setStyle(colour));
   }
 
   syncTheme() {

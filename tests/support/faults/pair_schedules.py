@@ -1,0 +1,123 @@
+"""Two jobs, two workers, one fault at any COMMIT of one of them: 20 000 schedules, each with a number.
+
+``scripts/chaos --pair 17`` repeats one, ``--pairs 0:100`` runs many. A number stands for two kinds of job, the place of
+the COMMIT among those of the disturbed worker (registration, claims, progress, publication, whatever it writes), what
+becomes of it, the signal that the worker gets at that moment, how long a late answer takes, and how much later the
+other worker starts. The order is shuffled once and for all, so that a range of numbers is a sample of all.
+"""
+
+import contextlib
+import os
+import random
+import signal
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import product
+from pathlib import Path
+from typing import Final
+
+from stridelab.service.jobs.store import JobRecord
+from support.faults.commits import (
+    FAULTS,
+    SIGNALS,
+    STALL_S,
+    Fault,
+    Plan,
+    Signal,
+    commit_proxy,
+    through_proxy,
+)
+from support.service.database import remove_orphans_now, socket_of, within
+from support.service.processes import Jobs, assert_sound, wait_until, worker
+
+KINDS: Final = (
+    *(("work", "work"), ("work", "stop-half-way"), ("stop-half-way", "work")),
+    *(("stop-half-way", "stop-half-way"), ("long-work", "work")),
+)
+COMMITS: Final = range(1, 11)
+DELAYS_S: Final = (1.0, 6.0)
+"""Shorter and longer than the stall time, and than a worker that is told to stop waits for its jobs."""
+LATER_S: Final = (0.0, 0.1, 0.2, 0.3, 0.5, 0.7, 1.0, 1.3, 1.7, 2.2)
+_ALL: Final = list(product(KINDS, COMMITS, FAULTS, SIGNALS, DELAYS_S, LATER_S))
+random.Random(35).shuffle(_ALL)
+NUMBERS: Final = len(_ALL)
+ENDS: Final = {"work": "succeeded", "long-work": "succeeded", "stop-half-way": "failed"}
+
+
+@dataclass(frozen=True)
+class PairSchedule:
+    """One fault at one COMMIT of the disturbed worker, among two jobs and two workers."""
+
+    kinds: tuple[str, str]
+    commit: int
+    fault: Fault
+    signal: Signal
+    delay_s: float
+    later_s: float
+
+    @staticmethod
+    def of_number(number: int) -> "PairSchedule":
+        """The schedule ``number``, from 0 to ``NUMBERS`` - 1."""
+        return PairSchedule(*_ALL[number])
+
+    def __str__(self) -> str:
+        jobs, when = " and ".join(self.kinds), f"COMMIT {self.commit}"
+        return f"{jobs}: {self.fault} of {when}, {self.signal}, {self.delay_s:g} s, the other {self.later_s:g} s later"
+
+
+def run_pair(schedule: PairSchedule, url: str, folder: Path) -> str:
+    """Do it on an empty database; returns what happened. Raises ``AssertionError`` naming all that is wrong."""
+    jobs, blobs = Jobs(url), {"STRIDELAB_BLOB_URL": (folder / "blobs").as_uri(), "STRIDELAB_STALL_S": str(STALL_S)}
+    ids = [jobs.submit(kind) for kind in schedule.kinds]
+    seen = pid = 0
+
+    def is_chosen(_text: str) -> bool:
+        nonlocal seen
+        seen += 1
+        return seen == schedule.commit
+
+    def send() -> None:
+        if schedule.signal != "no signal":
+            os.kill(pid, getattr(signal, schedule.signal))
+
+    def records() -> Iterator[JobRecord]:
+        return (jobs.get(job_id) for job_id in ids)
+
+    plan = Plan(is_chosen, schedule.fault, schedule.delay_s, send)
+    with contextlib.ExitStack() as stack:
+        proxy = stack.enter_context(commit_proxy(socket_of(url), plan))
+        first = stack.enter_context(worker(through_proxy(url, proxy), folder / "a", **blobs))
+        pid = first.pid
+        time.sleep(schedule.later_s)
+        stack.enter_context(worker(url, folder / "b", **blobs))
+        wait_until(
+            lambda: proxy.struck.is_set() or all(record.is_final for record in records()), 240, "the fault or the end"
+        )
+        struck = proxy.struck.is_set()
+        if struck:
+            wait_until(proxy.over.is_set, 60, "the end of the fault")
+            if schedule.signal == "SIGSTOP":
+                time.sleep(2 * STALL_S if schedule.fault.startswith("lost") else 0.0)
+                os.kill(pid, signal.SIGCONT)
+        ended = [jobs.until_final(job_id, 240) for job_id in ids]
+        time.sleep(1.0)  # what the first worker has to say, it says now
+        states = [record.state for record in ended]
+        assert states == [ENDS[kind] for kind in schedule.kinds], f"{states}: {[record.error for record in ended]}"
+        assert_sound(url, folder / "blobs", ids)
+        removed = within(url, lambda engine: remove_orphans_now(engine, folder / "blobs"))
+        assert_sound(url, folder / "blobs", ids)
+        files = len(list((folder / "blobs" / "results").rglob("*.csv")))
+        assert files == len(ids), f"{files} files after the janitor"
+        starts = [jobs.get(job_id).attempt for job_id in ids]
+    what = f"struck {proxy.commits[schedule.commit - 1][:60]!r}" if struck else f"not reached, {seen} COMMITs"
+    return f"{what}; {starts} starts, {len(removed)} prefixes left to the janitor"
+
+
+def run_numbered_pair(number: int, url: str, folder: Path) -> str:
+    """``run_pair`` of the schedule ``number``; an error names it."""
+    schedule = PairSchedule.of_number(number)
+    try:
+        return f"({schedule}): {run_pair(schedule, url, folder)}"
+    except AssertionError as error:
+        raise AssertionError(f"({schedule}): {error}") from error
