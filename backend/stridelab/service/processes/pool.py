@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from stridelab.service.processes.fork_server_client import ForkServerClient
-from stridelab.service.processes.priority import NICENESS
+from stridelab.service.processes.priority import LIVE_NICENESS, NICENESS
 from stridelab.service.processes.running_child import IsolatedOutcome, OnProgress, RunningChild
 from stridelab.service.processes.sandbox import STRICT, Sandbox
 
@@ -108,14 +108,18 @@ class IsolatedPool:
 
     @asynccontextmanager
     async def open_session(
-        self, target: str, *, memory_mb: int, answer_s: float = ANSWER_TIMEOUT_S, idle_s: int = 0
+        self, target: str, *, memory_mb: int, answer_s: float = ANSWER_TIMEOUT_S, idle_s: int = 0, live: bool = False
     ) -> AsyncIterator[ChildSession]:
         """Start a child for many tasks of ``target``, without a folder; it is killed at exit.
 
         ``target`` names a function, or a class of which the child creates one object and calls it as the function. The
-        child ends by itself after ``idle_s`` without a task (0: never).
+        child ends by itself after ``idle_s`` without a task (0: never). A ``live`` child precedes other processes where
+        the system permits it.
         """
-        child = await self._fork_child(target, 0, folder=None, memory_mb=memory_mb, sandbox=STRICT, idle_s=idle_s)
+        niceness = LIVE_NICENESS if live else 0
+        child = await self._fork_child(
+            target, niceness, folder=None, memory_mb=memory_mb, sandbox=STRICT, idle_s=idle_s
+        )
         try:
             yield ChildSession(child, answer_s)
         finally:
