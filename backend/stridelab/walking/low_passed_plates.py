@@ -35,6 +35,8 @@ EXACT_SHARE: Final = 1e-4
 """A plate without dead band whose load between these times before a strike is below this share of its threshold is
 simulated: its force has no noise, but was not low-passed."""
 _STANCE_S: Final = (0.35, 2.0)
+LEAST_PEAK_N: Final = 150.0
+"""Peak load of a stance of which the spectrum is taken."""
 _INNER: Final = (0.05, 0.95)
 """Part of a stance whose spectrum is taken: without the onset and the end, where a dead band has edges."""
 
@@ -49,8 +51,9 @@ def low_pass_lead_s(plate: Plate, rate_hz: float) -> float | None:
     for start_s, end_s in loaded_intervals(plate, rate_hz):
         i, j = round(start_s * rate_hz), round(end_s * rate_hz)
         before = load[max(0, i - round(BEFORE_S[0] * rate_hz)) : max(0, i - round(BEFORE_S[1] * rate_hz))]
+        is_stance = _STANCE_S[0] < end_s - start_s < _STANCE_S[1] and load[i:j].max() > LEAST_PEAK_N
         is_exact = load[i] < DEAD_BAND_N and float(before.max(initial=0.0)) < plate.threshold_n * EXACT_SHARE
-        if i > 0 and j < last and _STANCE_S[0] < end_s - start_s < _STANCE_S[1] and not is_exact:
+        if i > 0 and j < last and is_stance and not is_exact:
             m = j - i
             up_n = plate.force_n[i + round(_INNER[0] * m) : i + round(_INNER[1] * m), 2]
             found.append(band_powers_db(up_n, rate_hz))
