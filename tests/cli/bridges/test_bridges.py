@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from stridelab.cli.bridges.command import bridge, forward_markers
-from stridelab.cli.bridges.live_markers import open_source
+from stridelab.cli.bridges.sources import open_source
 from stridelab.cli.bridges.vicon import stream_of_client
 from stridelab.errors import InvalidInput, Unavailable
 from stridelab.recordings.reader import read_recording

@@ -42,7 +42,7 @@ async def forward_markers(
 
     Raises the errors of ``open_source``, and ``ClientError`` where the service refuses the markers.
     """
-    from stridelab.cli.bridges.live_markers import open_source
+    from stridelab.cli.bridges.sources import open_source
     from stridelab.client import AsyncClient
 
     count = without = 0
