@@ -178,11 +178,20 @@ def true_contacts(walk: Walk, end_s: float) -> tuple[Contact, ...]:
     """Contacts of both feet from their true load, in the time of the recording."""
     time_s, contacts = walk.truth.time_s, []
     for side, foot in walk.feet.items():
-        for first, stop in true_runs(np.linalg.norm(foot.force_n, axis=1) > THRESHOLD_N):
-            strike_s, off_s = float(time_s[first]), float(time_s[stop - 1])
+        load = np.linalg.norm(foot.force_n, axis=1)
+        for first, stop in true_runs(load > THRESHOLD_N):
+            strike_s, off_s = (_crossing_s(time_s, load, k) for k in (first, stop))
             if off_s > 0.0 and strike_s < end_s:
                 contacts.append(Contact(side, strike_s if strike_s > 0.0 else None, off_s if off_s < end_s else None))
     return tuple(sorted(contacts, key=lambda contact: contact.start_s))
+
+
+def _crossing_s(time_s: np.ndarray, load: np.ndarray, after: int) -> float:
+    """Instant at which ``load`` crosses the threshold, between the samples ``after - 1`` and ``after``."""
+    if not 0 < after < len(load):
+        return float(time_s[min(after, len(load) - 1)])
+    share = (THRESHOLD_N - load[after - 1]) / (load[after] - load[after - 1])
+    return float(time_s[after - 1] + share * (time_s[after] - time_s[after - 1]))
 
 
 def events_of_people(contacts: Sequence[Contact], seed: int) -> Callable[..., list[Contact]]:

@@ -98,10 +98,16 @@ def test_markers_shifted_to_the_other_plate_are_within_15_ms_on_people_held_out(
     assert abs(off_s.mean()) < 0.005
 
 
-def test_between_labs_markers_differ_more_from_plates_than_within_a_recording(walks: list[Walk]) -> None:
-    """The shift removes an error that is common to a recording."""
-    alone, shifted = (np.concatenate([late_s(walk, "strike", shifted=s) for walk in walks]) for s in (False, True))
-    assert shifted.std() < 0.75 * alone.std()
+def test_strikes_by_markers_alone_have_the_same_error_in_both_labs(walks: list[Walk]) -> None:
+    """One laboratory stored its force low-passed, the other as measured; 90 % of all strikes are within 15 ms."""
+    off_s = {
+        lab: np.concatenate([late_s(walk, "strike", shifted=False) for walk in walks if walk.person.isdigit() == lab])
+        for lab in (True, False)
+    }
+    assert abs(off_s[True].mean() - off_s[False].mean()) < 0.006
+    both_s = np.concatenate(list(off_s.values()))
+    assert len(both_s) >= 50
+    assert np.mean(np.abs(both_s) <= 0.015) >= 0.9
 
 
 def test_stated_errors_hold_the_times_that_plates_measure(walks: list[Walk]) -> None:
@@ -129,19 +135,20 @@ def test_stated_errors_hold_the_times_that_plates_measure(walks: list[Walk]) -> 
 
 RANGES = {
     "walking_speed": (0.91, 1.67, 11),
-    "cadence": (97.0, 150.0, 10),
-    "step_length": (0.47, 0.74, 11),
-    "double_support_share": (0.16, 0.32, 11),
-    "step_energy_recovery": (0.45, 0.75, 9),
+    "cadence": (95.0, 129.0, 11),
+    "step_length": (0.57, 0.85, 10),
+    "step_width": (0.04, 0.20, 10),
+    "double_support_share": (0.14, 0.34, 11),
+    "step_energy_recovery": (0.0, 0.65, 11),
 }
 """Mean plus and minus two standard deviations of adults at their own speed, and how many of eleven are inside.
 
-The sources are in docs/theory/gait-measures.md.
+Of the recovery only the maximum over the speeds could be read. The sources are in docs/theory/gait-measures.md.
 """
 
 
 EXCURSIONS_CM = (("vertical", (2.74, 0.52), (4.83, 0.92)), ("lateral", (6.99, 1.34), (3.85, 1.41)))
-"""Mean and standard deviation of the excursions at 0.7 and at 1.6 m/s."""
+"""Mean and standard deviation of the excursions at 0.7 and at 1.6 m/s, recalled: no source was accessible."""
 
 
 def mean_of(one: MeasuredRecording, name: str) -> float:
@@ -162,15 +169,12 @@ def test_adults_at_their_own_speed_are_inside_the_published_range(adults: list[M
     assert sum(low <= mean_of(one, name) <= high for one in adults) >= least
 
 
-def test_excursions_of_adults_follow_the_speed_as_published(adults: list[MeasuredRecording]) -> None:
-    """Vertical 2.74 +- 0.52 cm at 0.7 m/s to 4.83 +- 0.92 at 1.6, lateral 6.99 +- 1.34 to 3.85 +- 1.41 (two sd)."""
+def test_excursions_of_adults_follow_the_speed(adults: list[MeasuredRecording]) -> None:
+    """Within two standard deviations of ``EXCURSIONS_CM``, linear between the speeds."""
     inside = {"vertical": 0, "lateral": 0}
     for one in adults:
         share = (mean_of(one, "walking_speed") - 0.7) / 0.9
-        for name, at_slow, at_fast in (
-            ("vertical", (2.74, 0.52), (4.83, 0.92)),
-            ("lateral", (6.99, 1.34), (3.85, 1.41)),
-        ):
+        for name, at_slow, at_fast in EXCURSIONS_CM:
             mean, sd = (a + share * (b - a) for a, b in zip(at_slow, at_fast, strict=True))
             inside[name] += abs(100.0 * mean_of(one, f"com_{name}_excursion") - mean) <= 2.0 * sd
     assert inside["vertical"] >= 9

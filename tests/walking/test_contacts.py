@@ -15,6 +15,7 @@ from stridelab.recordings.plate_contacts import wrench_track
 from stridelab.recordings.reader import read_recording
 from stridelab.recordings.recording import Recording
 from stridelab.walking.gait_events import MARKER_ERROR, Contact, find_contacts
+from stridelab.walking.low_passed_plates import low_pass_lead_s
 from support.recordings.walks import LANDMARKS, STANCE_S, STEP_S, walk
 
 LOADED_S = 0.003
@@ -178,22 +179,36 @@ def test_markers_are_within_25_ms_of_the_plates(walks: list[Timed], event: str, 
     assert abs(np.median(late_s)) < 0.012
 
 
+def double_support_off_s(one: Timed) -> float:
+    """Double support on plates minus that of the file's events."""
+    strikes = {c.strike_s: c for c in one.plates if c.strike_source == "plates" and c.strike_s is not None}
+    lifts = [(c, c.lift_off_s) for c in one.plates if c.lift_off_source == "plates" and c.lift_off_s is not None]
+    (pair,) = [
+        (s, lift_off_s) for s, struck in strikes.items() for c, lift_off_s in lifts
+        if c.side != struck.side and 0.0 < c.end_s - s < 0.3
+    ]  # fmt: skip
+    stored = [
+        min((e.time_s for e in one.recording.events if e.kind == kind), key=lambda t: abs(t - at))
+        for kind, at in (("foot_strike", pair[0]), ("foot_off", pair[1]))
+    ]
+    return (pair[1] - pair[0]) - (stored[1] - stored[0])
+
+
+def is_low_passed(one: Timed) -> bool:
+    leads = [low_pass_lead_s(plate, one.recording.force_rate_hz) for plate in one.recording.plates]
+    return any(lead_s is not None for lead_s in leads)
+
+
 def test_double_support_on_plates_is_that_of_the_files_events(walks: list[Timed]) -> None:
-    """Within 15 ms in 17 of 18 walks; the events are whole frames of 10 ms, and one file has its own 28 ms off."""
-    off = []
-    for one in walks:
-        strikes = {c.strike_s: c for c in one.plates if c.strike_source == "plates" and c.strike_s is not None}
-        lifts = [(c, c.lift_off_s) for c in one.plates if c.lift_off_source == "plates" and c.lift_off_s is not None]
-        (pair,) = [
-            (s, lift_off_s) for s, struck in strikes.items() for c, lift_off_s in lifts
-            if c.side != struck.side and 0.0 < c.end_s - s < 0.3
-        ]  # fmt: skip
-        stored = [
-            min((e.time_s for e in one.recording.events if e.kind == kind), key=lambda t: abs(t - at))
-            for kind, at in (("foot_strike", pair[0]), ("foot_off", pair[1]))
-        ]
-        off.append((pair[1] - pair[0]) - (stored[1] - stored[0]))
-    assert len(off) == 18
-    assert np.sum(np.abs(off) <= 0.0151) >= 17
-    assert np.abs(off).max() < 0.03
-    assert abs(np.mean(off)) < 0.01
+    """Within 15 ms in the seven walks whose force is stored as measured; the events are whole frames of 10 ms."""
+    off_s = [double_support_off_s(one) for one in walks if not is_low_passed(one)]
+    assert len(off_s) == 7
+    assert np.abs(off_s).max() <= 0.0151
+    assert abs(np.mean(off_s)) < 0.01
+
+
+def test_double_support_on_low_passed_plates_is_shorter_than_in_the_files_events(walks: list[Timed]) -> None:
+    """Those events lie before the first and after the last load that is stored, where the filter has smeared it."""
+    off_s = [double_support_off_s(one) for one in walks if is_low_passed(one)]
+    assert len(off_s) == 11
+    assert -0.03 < np.mean(off_s) < -0.01

@@ -98,7 +98,7 @@ def test_a_running_robot_is_refused_with_its_flights() -> None:
     running = record_robot(clean_motion("running"), NOISE_FREE, 0).recording
     error = refused(running, dict(identify(list(running.markers_m)).landmarks))
     assert error.code == "running"
-    assert "13 of 13 steps have a flight, of 123 ms (median)" in error.message
+    assert "13 of 13 steps have a flight, of 122 ms (median)" in error.message
     assert len(error.faults[0].message.split(",")) == 13
 
 

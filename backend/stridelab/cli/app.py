@@ -13,6 +13,7 @@ from typer.core import TyperGroup
 
 from stridelab import __version__
 from stridelab.cli.backup import adopt, backup, restore
+from stridelab.cli.bridges.command import bridge
 from stridelab.cli.compare import bench_methods
 from stridelab.cli.contacts import export_contacts, import_contacts, plan_contacts
 from stridelab.cli.fit_cycloid import fit_cycloid
@@ -122,6 +123,7 @@ def compare(
 
 
 app.command()(stream)
+app.command()(bridge)
 app.command(name="fit-cycloid")(fit_cycloid)
 app.command(name="study-population")(study_population)
 app.command(name="measures")(measure_gait)

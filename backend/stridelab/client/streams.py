@@ -1,9 +1,10 @@
 """Online estimation: sends samples over a websocket and receives estimates."""
 
+import asyncio
 import contextlib
 import math
 import struct
-from collections.abc import AsyncIterator, Callable, Iterator, Mapping, Sequence
+from collections.abc import AsyncGenerator, AsyncIterator, Callable, Iterator, Mapping, Sequence
 from contextlib import asynccontextmanager, contextmanager
 from dataclasses import dataclass
 from typing import Any, Final, TypeVar
@@ -107,6 +108,43 @@ class AsyncMarkerStream:
     async def send(self, frame: MarkerFrame) -> FrameEstimate:
         """Send a frame and wait for the estimate at it. Raises ``ProblemError`` where the service refuses it."""
         return _parse_frame(await exchange_async(self._connection, frame.model_dump_json()))
+
+    async def follow(self, frames: AsyncIterator[MarkerFrame]) -> AsyncGenerator[FrameEstimate, None]:
+        """Send frames as they arrive, without waiting for answers, and yield the estimates in the order of the frames.
+
+        Ends when ``frames`` has ended and every frame is answered. Raises ``ProblemError`` where the service refuses a
+        frame, and the errors of ``frames``.
+        """
+        sent = 0
+
+        async def send_frames() -> None:
+            nonlocal sent
+            async for frame in frames:
+                with contextlib.suppress(ConnectionClosed):  # the reason of the close is in the receive buffer
+                    await self._connection.send(frame.model_dump_json())
+                sent += 1
+
+        answered = 0
+        sending = asyncio.ensure_future(send_frames())
+        receiving = asyncio.ensure_future(self._connection.recv())
+        try:
+            while not sending.done() or answered < sent:
+                waited_for = {receiving} if sending.done() else {sending, receiving}
+                await asyncio.wait(waited_for, return_when=asyncio.FIRST_COMPLETED)
+                if sending.done():
+                    sending.result()
+                if receiving.done():
+                    try:
+                        raw = receiving.result()
+                    except ConnectionClosed as error:
+                        raise _closed_error(error) from error
+                    answered += 1
+                    receiving = asyncio.ensure_future(self._connection.recv())
+                    yield _parse_frame(raw)
+        finally:
+            sending.cancel()
+            receiving.cancel()
+            await asyncio.gather(sending, receiving, return_exceptions=True)
 
 
 class MarkerStream:

@@ -12,9 +12,10 @@ the filter of the plates. Where whole stances of a recording are timed by plates
 its own error, shifts the events by markers (``_shift_to_plates``).
 
 A contact is loaded above the plate's threshold (20 N). Some laboratories store plates with a dead band: the Rehazenter
-files contain no force below 53 N. There the foot strikes before the first and lifts off after the last stored sample;
-linear extrapolation of the nearest samples gives the instant of zero load: 10 ms earlier and 11 ms later at normal pace
-(C4). Double support is 27 ms shorter than in the files' events without this correction, and 8 ms with it.
+files contain no force below 50 N. There the load begins before the first and ends after the last stored sample; linear
+extrapolation of the nearest samples gives the instant of zero load: 10 ms earlier and 11 ms later at normal pace (C4).
+A force that was low-passed before it was stored begins to rise before the foot strikes; the strike follows from the
+load above 50 N and the strength of the filter (``low_passed_plates``).
 """
 
 from collections.abc import Mapping, Sequence
@@ -28,10 +29,13 @@ from stridelab.recordings.foot_contact import Foot, find_feet
 from stridelab.recordings.gap_filling import true_runs
 from stridelab.recordings.plate_contacts import loaded_intervals, markers_on_plate, mean_visible
 from stridelab.recordings.recording import Plate, Recording, Side
+from stridelab.walking.low_passed_plates import FILTERED_LOAD_N, LEAD_SD_S, low_pass_lead_s
 from stridelab.walking.marker_kinematics import level_speed_m_s, smooth_velocity_m_s, walking_speed_m_s
 
 LIFT_OFF_SPEED_SHARE, STRIKE_SPEED_SHARE = 0.9, 0.45
 """Speeds of the forefoot at lift-off and of the heel at the strike, per walking speed."""
+STRIKE_DELAY_S: Final = 0.006
+"""Time from that speed of the heel to the strike on plates: median of 34 people of two laboratories."""
 SWING_SPEED_SHARE: Final = 0.9
 """Minimum speed of a swinging foot, per walking speed. The peak is 3.5, in the first step from rest 1.5."""
 MIN_SWING_S: Final = 0.15
@@ -54,10 +58,12 @@ class EventError:
 
 
 PLATE_ERROR: Final[Mapping[EventKind, EventError]] = {
-    "strike": EventError(0.0, 0.0009),
-    "lift_off": EventError(0.0, 0.0019),
+    "strike": EventError(0.0, 0.0008),
+    "lift_off": EventError(0.0, 0.0004),
 }
 """Errors of events by plates without low-pass, from the noise of simulated plates: toes unload slowly."""
+LOW_PASSED_STRIKE_ERROR: Final = EventError(0.0, LEAD_SD_S)
+"""Error of a strike by a plate whose force was low-passed before it was stored."""
 MARKER_ERROR: Final[Mapping[EventKind, EventError]] = {
     "strike": EventError(0.009, 0.005),
     "lift_off": EventError(0.006, 0.006),
@@ -134,8 +140,8 @@ def contacts_of_foot(recording: Recording, landmarks: Mapping[str, str], foot: F
         if lift_off_s is not None and landing_s is not None and landing_s - lift_off_s < MIN_SWING_S:
             continue
         contacts.append(Contact(foot.side, strike_s, lift_off_s))
-        strike_s = landing_s
-        down_again = len(time_s) if strike_s is None else int(np.searchsorted(time_s, strike_s))
+        strike_s = None if landing_s is None else landing_s + STRIKE_DELAY_S
+        down_again = len(time_s) if landing_s is None else int(np.searchsorted(time_s, landing_s))
     contacts.append(Contact(foot.side, strike_s, None))
     return [c for c in contacts if len(contacts) == 1 or c.strike_s is not None or c.lift_off_s is not None]
 
@@ -158,6 +164,8 @@ def _apply_plate_events(
 ) -> None:
     """Replace the marker events in ``contacts`` by the matching events of one plate."""
     time_s = recording.time_s
+    smooth = low_pass_lead_s(plate, recording.force_rate_hz) is not None
+    strike_error = LOW_PASSED_STRIKE_ERROR if smooth else PLATE_ERROR["strike"]
     for begins_s, ends_s in contact_intervals(plate, recording.force_rate_hz):
         first_s = (begins_s or 0.0) - latency_s
         last_s = (recording.duration_s if ends_s is None else ends_s) - latency_s
@@ -170,9 +178,9 @@ def _apply_plate_events(
             if np.mean((markers_on_plate(recording, plate, f) & f.resting)[loaded].any(axis=1)) > MIN_LOADED_SHARE
         ]
         if begins_s is not None:
-            _set_nearest(contacts, standing, "strike", first_s, (first_s, last_s))
+            _set_nearest(contacts, standing, "strike", first_s, (first_s, last_s), strike_error)
         if ends_s is not None:
-            _set_nearest(contacts, standing, "lift_off", last_s, (first_s, last_s))
+            _set_nearest(contacts, standing, "lift_off", last_s, (first_s, last_s), PLATE_ERROR["lift_off"])
 
 
 def _set_nearest(
@@ -181,8 +189,9 @@ def _set_nearest(
     event: Literal["strike", "lift_off"],
     at_s: float,
     load_s: tuple[float, float],
+    error: EventError,
 ) -> None:
-    """Set ``event`` to ``at_s`` in the contact on the plate whose marker event is nearest.
+    """Set ``event`` to ``at_s`` with ``error`` in the contact on the plate whose marker event is nearest.
 
     A contact without this marker event is used if no other matches.
     """
@@ -202,10 +211,9 @@ def _set_nearest(
         return
     _, own, k = best
     if event == "strike":
-        own[k] = replace(own[k], strike_s=at_s, strike_source="plates", strike_error=PLATE_ERROR["strike"])
+        own[k] = replace(own[k], strike_s=at_s, strike_source="plates", strike_error=error)
     else:
-        exact = PLATE_ERROR["lift_off"]
-        own[k] = replace(own[k], lift_off_s=at_s, lift_off_source="plates", lift_off_error=exact)
+        own[k] = replace(own[k], lift_off_s=at_s, lift_off_source="plates", lift_off_error=error)
 
 
 def _shift_to_plates(contacts: Mapping[Side, list[Contact]], by_markers: Mapping[Side, list[Contact]]) -> None:
@@ -248,19 +256,49 @@ DEAD_BAND: Final = 1.5
 RISE_S, FALL_S = 0.005, 0.01
 """Durations of the linear fits: a heel loads faster than toes unload."""
 MAX_BEFORE_S, MAX_AFTER_S = 0.02, 0.03
+CROSSING_S: Final = 0.004
+"""Time before and after the last loaded sample in which a line gives the crossing of the threshold."""
 
 
 def contact_intervals(plate: Plate, rate_hz: float) -> list[tuple[float | None, float | None]]:
     """Start and end of each contact in seconds of the force's clock; None if cut off by the recording."""
     load = np.linalg.norm(plate.force_n, axis=1)
+    lead_s = low_pass_lead_s(plate, rate_hz)
     intervals: list[tuple[float | None, float | None]] = []
     for start_s, end_s in loaded_intervals(plate, rate_hz):
         i, j = round(start_s * rate_hz), round(end_s * rate_hz)
-        begins = None if i == 0 else start_s - _beyond_s(load[i:], plate.threshold_n, rate_hz, RISE_S, MAX_BEFORE_S)
+        begins = None if i == 0 else _strike_s(load, i, plate.threshold_n, rate_hz, lead_s)
         last = j >= len(load) - 1
-        ends = None if last else end_s + _beyond_s(load[j::-1], plate.threshold_n, rate_hz, FALL_S, MAX_AFTER_S)
+        ends = None if last else _lift_off_s(load, j, plate.threshold_n, rate_hz)
         intervals.append((begins, ends))
     return intervals
+
+
+def _strike_s(load: Series, first: int, threshold_n: float, rate_hz: float, lead_s: float | None) -> float:
+    """Strike of a contact whose load begins at sample ``first``; ``lead_s`` is that of a low-passed onset, if it is."""
+    if lead_s is None:
+        beyond_s = _beyond_s(load[first:], threshold_n, rate_hz, RISE_S, MAX_BEFORE_S)
+        rise_n = load[first] - load[first - 1]
+        within = (load[first] - threshold_n) / rise_n if beyond_s == 0.0 and rise_n > 0.0 else 0.0
+        return (first - float(np.clip(within, 0.0, 1.0))) / rate_hz - beyond_s
+    k = first + int(np.argmax(load[first:] > FILTERED_LOAD_N))
+    return k / rate_hz - _beyond_s(load[k:], 0.0, rate_hz, RISE_S, MAX_BEFORE_S) + lead_s
+
+
+def _lift_off_s(load: Series, last: int, threshold_n: float, rate_hz: float) -> float:
+    """Lift-off of a contact whose last loaded sample is ``last``.
+
+    Toes unload slowly, so that noise loads the plate again for a while: the last sample above the threshold is late. A
+    line through the samples around it crosses the threshold without this bias.
+    """
+    beyond_s = _beyond_s(load[last::-1], threshold_n, rate_hz, FALL_S, MAX_AFTER_S)
+    around = max(2, round(CROSSING_S * rate_hz))
+    near = load[max(0, last - around) : last + around + 1]
+    if beyond_s > 0.0 or len(near) < 2 * around + 1:
+        return last / rate_hz + beyond_s
+    slope, at_last = np.polyfit(np.arange(-around, around + 1) / rate_hz, near, 1)
+    shift_s = (threshold_n - at_last) / slope if slope < 0.0 else 0.0
+    return last / rate_hz + float(np.clip(shift_s, -CROSSING_S, CROSSING_S))
 
 
 def _beyond_s(load: np.ndarray, threshold_n: float, rate_hz: float, stretch_s: float, most_s: float) -> float:

@@ -1,7 +1,7 @@
 """The files of results that scenes are built from: plans, centres of mass, and rolling wheels."""
 
 from collections.abc import Iterable, Mapping
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -10,10 +10,11 @@ from stridelab.schemas.recordings import Recording
 from stridelab.schemas.scenarios import Scenario
 from stridelab_web.pages.results.com_plots import COM_TABLE
 from stridelab_web.pages.results.cycloid import WHEEL_TABLE
-from stridelab_web.parquet import read_columns, read_texts
+from stridelab_web.parquet import Columns, read_columns, read_texts
 from stridelab_web.scene.frames import Frames
 from stridelab_web.scene.plan_frames import Cone, friction_cones, plan_frames, read_motion
 from stridelab_web.scene.recording_frames import build_frames
+from stridelab_web.scene.second_walk import add_second_walk, align_at_strike, next_recording
 
 SCENARIO: Final = "scenario.json"
 CENTROIDAL: Final = "centroidal.parquet"
@@ -56,11 +57,41 @@ def shown_in_scene(present: Iterable[str]) -> list[str]:
     return sorted(SCENE_TABLES & set(present))
 
 
-def frames_of(recording: Recording, tracks: bytes, shown: Mapping[str, bytes]) -> Frames:
-    """The frames of a recording with the files of a result that ``shown_in_scene`` names."""
+def frames_of(
+    recording: Recording,
+    tracks: bytes,
+    shown: Mapping[str, bytes],
+    second: tuple[Recording, bytes] | None = None,
+) -> Frames:
+    """The frames of a recording with the files of a result that ``shown_in_scene`` names.
+
+    ``second`` is another recording of the result and its tracks, shown over the first (``second_walk``).
+    """
     tables = {name: read_columns(content) for name, content in shown.items()}
-    stability = None
-    if STABILITY_TABLE in shown:
-        own = np.array(read_texts(shown[STABILITY_TABLE])["recording_id"]) == recording.id
-        stability = {name: values[own] for name, values in tables[STABILITY_TABLE].items()} if own.any() else None
-    return build_frames(recording, read_columns(tracks), tables.get(COM_TABLE), tables.get(WHEEL_TABLE), stability)
+    stability = _rows_of(recording, shown, tables)
+    frames = build_frames(recording, read_columns(tracks), tables.get(COM_TABLE), tables.get(WHEEL_TABLE), stability)
+    if second is None or stability is None:
+        return frames
+    other, other_tracks = second
+    other_stability = _rows_of(other, shown, tables)
+    alignment = None if other_stability is None else align_at_strike(stability, other_stability)
+    if alignment is None:
+        return frames
+    return add_second_walk(
+        frames, build_frames(other, read_columns(other_tracks), None, None, other_stability), alignment
+    )
+
+
+def second_recording(present: Iterable[str], summary: Mapping[str, Any], recording_id: str) -> str | None:
+    """The recording of a result with these files and summary that is shown over ``recording_id``; None without one."""
+    if STABILITY_TABLE not in present:
+        return None
+    return next_recording([trial["recording_id"] for trial in summary.get("trials", ())], recording_id)
+
+
+def _rows_of(recording: Recording, shown: Mapping[str, bytes], tables: Mapping[str, Columns]) -> Columns | None:
+    """The rows of the table of stability that are of a recording; None if there are none."""
+    if STABILITY_TABLE not in shown:
+        return None
+    own = np.array(read_texts(shown[STABILITY_TABLE])["recording_id"]) == recording.id
+    return {name: values[own] for name, values in tables[STABILITY_TABLE].items()} if own.any() else None

@@ -9,6 +9,7 @@ import viser
 from stridelab.schemas.recordings import Recording
 from stridelab_web.scene import com_frames, cycloid_frames, stability_frames
 from stridelab_web.scene.frames import Frames
+from stridelab_web.scene.second_walk import OTHER
 from stridelab_web.viewer import meshes
 from stridelab_web.viewer.scene_parts import (
     Colour,
@@ -24,6 +25,8 @@ BLUE, ORANGE, BROWN = (11, 92, 156), (226, 132, 20), (176, 96, 0)
 MARKER, BONE, PLATE, PLATE_OFF = (62, 78, 94), (166, 180, 194), (214, 224, 232), (235, 235, 235)
 AXIS_COLOUR, WHEEL = (58, 66, 76), (0, 121, 92)
 PURPLE, GREEN, RED = (110, 64, 170), (0, 121, 92), (196, 43, 28)
+SECOND = (0, 133, 153)
+"""Colour of the second walk."""
 MARKER_RADIUS_M, BONE_RADIUS_M, AXIS_RADIUS_M = 0.011, 0.006, 0.0025
 MARGIN_RADIUS_M = 0.009
 POINTS: dict[str, tuple[Colour, float]] = {
@@ -33,6 +36,8 @@ POINTS: dict[str, tuple[Colour, float]] = {
     cycloid_frames.HUB: (WHEEL, 0.008),
     cycloid_frames.POINT: (WHEEL, 0.01),
     stability_frames.XCOM: (PURPLE, 0.013),
+    f"{OTHER}{com_frames.FUSED}": (SECOND, 0.014),
+    f"{OTHER}{stability_frames.XCOM}": (SECOND, 0.013),
 }
 PATHS: dict[str, tuple[Colour, float]] = {
     com_frames.PATH: (BLUE, 0.004),
@@ -42,6 +47,8 @@ PATHS: dict[str, tuple[Colour, float]] = {
     cycloid_frames.GROUND: (WHEEL, 0.003),
     cycloid_frames.HUB_PATH: (BONE, 0.0015),
     stability_frames.XCOM_PATH: (PURPLE, 0.0025),
+    f"{OTHER}{com_frames.PATH}": (SECOND, 0.004),
+    f"{OTHER}{stability_frames.XCOM_PATH}": (SECOND, 0.0025),
 }
 """Colour and radius of the centre of mass, of the inputs that are places, and of the wheel."""
 ARROWS: dict[str, Colour] = {"/forces/total_shaft": BROWN, f"{stability_frames.MOMENTUM}_shaft": PURPLE}
@@ -70,6 +77,9 @@ def build_gait_scene(server: viser.ViserServer, recording: Recording, frames: Fr
         stability_frames.BASE: (bone, AXIS_COLOUR),
         stability_frames.INSIDE: (thick, GREEN),
         stability_frames.OUTSIDE: (thick, RED),
+        f"{OTHER}{stability_frames.INSIDE}": (thick, GREEN),
+        f"{OTHER}{stability_frames.OUTSIDE}": (thick, RED),
+        f"{OTHER}/": (bone, SECOND),
     }
     for stick in frames.sticks:
         add_mesh(scene, stick.name, *next((of[start] for start in of if stick.name.startswith(start)), (bone, BONE)))

@@ -19,7 +19,14 @@ from stridelab_web.config import ANONYMOUS_KEY
 from stridelab_web.scene.contacts import half_sizes
 from stridelab_web.scene.documents import Document, DocumentKind
 from stridelab_web.scene.frames import Frames
-from stridelab_web.scene.result_files import frames_of, needed_files, read_cones, read_plan, shown_in_scene
+from stridelab_web.scene.result_files import (
+    frames_of,
+    needed_files,
+    read_cones,
+    read_plan,
+    second_recording,
+    shown_in_scene,
+)
 from stridelab_web.viewer import gait_scene, plan_scene, robot_scene, viser_recording
 from stridelab_web.viewer.initial_posture import Posed
 from stridelab_web.viewer.robot_links import read_links
@@ -115,6 +122,20 @@ def document_kinds(client: Client, acting: Callable[[str | None], Client]) -> Ma
 def _recording_frames(client: Client, document: Document, recording: Any) -> Frames:
     with tempfile.TemporaryDirectory(prefix="stridelab-") as folder:
         tracks = client.download_tracks(document.id, Path(folder) / "tracks.parquet").read_bytes()
-    present = [] if document.job_id is None else [item.name for item in client.result(document.job_id).artifacts]
-    shown = {name: client.read_artifact(document.job_id, name) for name in shown_in_scene(present) if document.job_id}
-    return frames_of(recording, tracks, shown)
+    if document.job_id is None:
+        return frames_of(recording, tracks, {})
+    result = client.result(document.job_id)
+    present = [item.name for item in result.artifacts]
+    shown = {name: client.read_artifact(document.job_id, name) for name in shown_in_scene(present)}
+    other_id = second_recording(present, result.summary, document.id)
+    return frames_of(recording, tracks, shown, None if other_id is None else _second_walk(client, other_id))
+
+
+def _second_walk(client: Client, recording_id: str) -> tuple[Any, bytes] | None:
+    """A recording and its tracks; None if it has been deleted."""
+    try:
+        with tempfile.TemporaryDirectory(prefix="stridelab-") as folder:
+            tracks = client.download_tracks(recording_id, Path(folder) / "tracks.parquet").read_bytes()
+            return client.recording(recording_id), tracks
+    except ProblemError:
+        return None

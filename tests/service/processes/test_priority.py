@@ -1,5 +1,6 @@
 """How computations yield: to other processes of their session, and as a session to others."""
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -41,3 +42,9 @@ def test_a_kernel_that_is_asked_too_often_is_asked_again_and_then_no_more() -> N
         group.write_text.side_effect = FileNotFoundError()
         priority.lower_session_priority(group=group)
     assert group.write_text.call_count == 3 + 4 + 1
+
+
+def test_without_permission_a_live_process_keeps_its_rank() -> None:
+    with mock.patch.object(priority.os, "setpriority", side_effect=PermissionError()) as asked:
+        priority.raise_priority()
+    asked.assert_called_once_with(os.PRIO_PROCESS, 0, priority.LIVE_NICENESS)

@@ -1,6 +1,7 @@
 """One child for many tasks: it keeps its state, and ends with its client, without memory, or when idle."""
 
 import asyncio
+import os
 import time
 from collections.abc import Callable, Coroutine
 from pathlib import Path
@@ -11,6 +12,7 @@ import pytest
 
 from stridelab.errors import NotEstimable
 from stridelab.service.processes.pool import ChildSession, IsolatedPool
+from stridelab.service.processes.priority import LIVE_NICENESS
 
 COUNTER = "support.service.computations:Counter"
 Act = Callable[[ChildSession], Coroutine[Any, Any, Any]]
@@ -111,3 +113,14 @@ def test_closing_the_session_kills_the_child(monkeypatch: pytest.MonkeyPatch) ->
             assert not psutil.pid_exists(pid)
 
     asyncio.run(inside())
+
+
+@pytest.mark.parametrize("live", [False, True])
+def test_a_live_child_precedes_others_where_the_system_permits_it(with_session: Any, live: bool) -> None:
+    async def act(session: ChildSession) -> int:
+        await session.run({})
+        return psutil.Process(session.pid).nice()
+
+    own = os.nice(0)
+    permitted = os.geteuid() == 0
+    assert with_session(act, live=live) == (LIVE_NICENESS if live and permitted else own)

@@ -24,7 +24,7 @@ from typing import IO, Any, Final, NoReturn
 
 from stridelab.errors import StridelabError, problem_of
 from stridelab.machine.cores import limit_cores
-from stridelab.service.processes.priority import lower_priority
+from stridelab.service.processes.priority import lower_priority, raise_priority
 from stridelab.service.processes.sandbox import Sandbox, confine_process
 
 PROCESS_NAME: Final = "stridelab-job"
@@ -40,6 +40,8 @@ def run_child(wire: int, niceness: int) -> NoReturn:
     """Receive the setup and the tasks on the socket ``wire`` and answer them."""
     if niceness > 0:
         lower_priority(niceness)
+    elif niceness < 0:
+        raise_priority(niceness)
     _set_name_and_oom_score()
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(line_buffering=True)  # so that the output of a killed child is not lost

@@ -28,7 +28,7 @@ from typing import Final, NoReturn
 from stridelab.service.processes import child
 from stridelab.service.processes.parent_death import die_with_parent
 
-REQUEST: Final = struct.Struct("<cqB")
+REQUEST: Final = struct.Struct("<cqb")
 """Request (``FORK``, ``RELEASE`` or ``PING``), the child's serial number assigned by the client, its niceness."""
 ANSWER: Final = struct.Struct("<qi")
 """Serial number and exit code, negative for a signal."""

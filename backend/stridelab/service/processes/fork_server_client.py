@@ -89,7 +89,7 @@ class ForkServerClient:
         return self._is_gone
 
     async def fork_child(self, niceness: int) -> ForkedChild:
-        """Fork a child with ``niceness`` (0 to 19). Raises ``OSError`` if the fork server has just ended."""
+        """Fork a child with ``niceness`` (-20 to 19). Raises ``OSError`` if the fork server has just ended."""
         self._serial += 1
         serial = self._serial
         wire, theirs = socket.socketpair()

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from stridelab.service.processes.fork_server_client import ForkServerClient
-from stridelab.service.processes.priority import NICENESS
+from stridelab.service.processes.priority import LIVE_NICENESS, NICENESS
 from stridelab.service.processes.running_child import IsolatedOutcome, OnProgress, RunningChild
 from stridelab.service.processes.sandbox import STRICT, Sandbox
 
@@ -115,14 +115,17 @@ class IsolatedPool:
         answer_s: float = ANSWER_TIMEOUT_S,
         idle_s: int = 0,
         folder: Path | None = None,
+        live: bool = False,
     ) -> AsyncIterator[ChildSession]:
         """Start a child for many tasks of ``target``, with the files of ``folder`` if given; it is killed at exit.
 
         ``target`` names a function, or a class of which the child creates one object and calls it as the function. The
-        child ends by itself after ``idle_s`` without a task (0: never).
+        child ends by itself after ``idle_s`` without a task (0: never). A ``live`` child precedes other processes where
+        the system permits it.
         """
+        niceness = LIVE_NICENESS if live else 0
         child = await self._fork_child(
-            target, 0, folder=folder, memory_mb=memory_mb, sandbox=STRICT, idle_s=idle_s, once=False
+            target, niceness, folder=folder, memory_mb=memory_mb, sandbox=STRICT, idle_s=idle_s, once=False
         )
         try:
             yield ChildSession(child, answer_s)

@@ -8,7 +8,9 @@ from starlette.exceptions import HTTPException
 from starlette.requests import Request
 from starlette.responses import Response
 
-from stridelab.client import AsyncClient
+from stridelab.client import AsyncClient, ProblemError
+from stridelab.schemas.jobs import Job
+from stridelab.schemas.recordings import Recording
 from stridelab_web.api_client import client_of, read_tracks
 from stridelab_web.assets import gzip_response
 from stridelab_web.charts import intervals
@@ -22,7 +24,8 @@ from stridelab_web.pages.viewer import planner
 from stridelab_web.scene.documents import Document, document_of
 from stridelab_web.scene.frame_cache import FrameCache
 from stridelab_web.scene.frames import Frames
-from stridelab_web.scene.result_files import frames_of, shown_in_scene
+from stridelab_web.scene.result_files import frames_of, second_recording, shown_in_scene
+from stridelab_web.scene.second_walk import OTHER
 
 GZIP_LEVEL: Final = 6
 COM_LAYERS = (
@@ -42,6 +45,12 @@ STABILITY_LAYERS = (
         "/margin/", "Margin of stability", tooltip="Sideways to the edge of the standing foot; red where it is negative"
     ),
     Layer("/momentum/", "Angular momentum", False),
+)
+SECOND_WALK_LAYER: Final = Layer(
+    f"{OTHER}/",
+    "Another walk",
+    False,
+    tooltip="The next recording of this result, aligned at the first strike of a foot",
 )
 KIND_LAYERS: Final = {WHEEL: WHEEL_LAYERS} | dict.fromkeys(measures.KINDS, STABILITY_LAYERS)
 
@@ -110,6 +119,8 @@ async def _recording_page(request: Request) -> Response:
     if job_id:
         job, result_url = await client.job(job_id), f"/jobs/{job_id}"
         layers += [*COM_LAYERS, *KIND_LAYERS.get(job.kind, ())]
+        if job.kind in measures.KINDS and await _has_second_walk(client, job, recording.id):
+            layers.append(SECOND_WALK_LAYER)
         links.append(("Result", result_url))
         verdict = shown_verdict(job, result_url)
     numbered = intervals.numbered_bars(steps_s, recording.duration_s, first=1)
@@ -155,10 +166,30 @@ async def _load_frames(client: AsyncClient, document: Document) -> Frames:
     recording = await client.recording(document.id)
     tracks = await read_tracks(client, recording.id)
     job_id = document.job_id
-    present = [] if job_id is None else [item.name for item in (await client.result(job_id)).artifacts]
-    shown = {name: await client.read_artifact(job_id, name) for name in shown_in_scene(present) if job_id}
+    if job_id is None:
+        return await run_in_threadpool(frames_of, recording, tracks, {})
+    result = await client.result(job_id)
+    present = [item.name for item in result.artifacts]
+    shown = {name: await client.read_artifact(job_id, name) for name in shown_in_scene(present)}
+    other_id = second_recording(present, result.summary, recording.id)
+    second = None if other_id is None else await _second_walk(client, other_id)
     # A minute of markers takes longer than other requests may wait.
-    return await run_in_threadpool(frames_of, recording, tracks, shown)
+    return await run_in_threadpool(frames_of, recording, tracks, shown, second)
+
+
+async def _second_walk(client: AsyncClient, recording_id: str) -> tuple[Recording, bytes] | None:
+    """A recording and its tracks; None if it has been deleted."""
+    try:
+        return await client.recording(recording_id), await read_tracks(client, recording_id)
+    except ProblemError:
+        return None
+
+
+async def _has_second_walk(client: AsyncClient, job: Job, recording_id: str) -> bool:
+    if job.state != "succeeded":
+        return False
+    result = await client.result(job.id)
+    return second_recording([item.name for item in result.artifacts], result.summary, recording_id) is not None
 
 
 async def _newest_job(client: AsyncClient, kind: str, recording_id: str) -> str:

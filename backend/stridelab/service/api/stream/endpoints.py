@@ -83,7 +83,7 @@ async def _exchange_messages(socket: WebSocket, limits: Settings, pool: Isolated
     first = await receive_message(socket, CONFIGURATION_BYTES, idle_s)
     configuration = parse_configuration(first, StreamConfiguration, limits.stream_rate_hz)
     rate = SampleRateLimiter(limits.stream_rate_hz)
-    async with pool.open_session(ESTIMATOR, memory_mb=MEMORY_MB) as estimator:
+    async with pool.open_session(ESTIMATOR, memory_mb=MEMORY_MB, live=True) as estimator:
         parcel = Parcel(TEXT, configuration.model_dump_json().encode())
         while True:
             answer = Parcel.from_json(await ask_estimator(estimator, parcel.to_json()))

@@ -92,7 +92,7 @@ async def _exchange_frames(socket: WebSocket, parts: Parts, caller: Caller) -> N
     pose = {} if stored is None else await static_pose(parts, stored)
     task = MarkerStreamTask(configuration=configuration, marker_sets=own_sets, static_world_m=pose)
     channel, rate = LiveChannel(configuration), SampleRateLimiter(max_rate_hz)
-    async with parts.pool.open_session(ESTIMATOR, memory_mb=MEMORY_MB) as estimator:
+    async with parts.pool.open_session(ESTIMATOR, memory_mb=MEMORY_MB, live=True) as estimator:
         answer = Parcel.from_json(await ask_estimator(estimator, {"header": task.model_dump(mode="json")}))
         ready = MarkerStreamReady.model_validate_json(answer.content)
         channel.marker_set = ready.marker_set
