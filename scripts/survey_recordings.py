@@ -6,7 +6,8 @@ laboratory or repository.
 
 Every recording is read and estimated with default options in a process of its own, with limits on time and memory. A
 TRC file is zipped with the force file that belongs to it: one of the same name, or of the same name and a word such as
-``_grf``. A recording that is refused without a static trial is estimated with the one beside it whose name is the
+``_grf``; a TSV file of Qualisys with those of its plates (``_f_1.tsv``), joint angles with their OpenSim model and
+forces. A recording that is refused without a static trial is estimated with the one beside it whose name is the
 most like its own.
 
 The rows (one JSON object a line) tell for each recording its outcome: ``estimate``, or the code of the error. A survey
@@ -15,6 +16,7 @@ that was interrupted goes on where it stopped; delete the rows to start anew.
 
 import argparse
 import collections
+import glob
 import hashlib
 import json
 import multiprocessing
@@ -44,6 +46,9 @@ OUTCOMES: Final = (*strangers_list.ESTIMATES, "contradicted")
 """Outcomes with a result."""
 STATIC_NEEDED: Final = "knee-markers-missing"
 STATIC_WORDS: Final = ("static", "standing")
+ANGLES: Final = re.compile(r"_?(IK|ik|kinematics|Kinematics|coordinates)(?!_u|_dudt|[a-z])_?(results?)?")
+"""In the name of a file of joint angles that inverse kinematics computed."""
+SCALED: Final = re.compile(r"scal|adjust|subject|personal", re.IGNORECASE)
 FORCE_WORDS: Final = ("", "_grf", "_forces", "_force", "_grfs", "grf", "_ExtLoads", "_GRF")
 
 
@@ -94,20 +99,20 @@ of a laboratory with a source that was. It, ammr, biobuddy, MoCapTools and predi
 
 
 class Trial(NamedTuple):
-    """One recording: its source, its name there, its file, and the files of its forces and its static trial."""
+    """One recording: its source, its name there, its file, the files that go with it into a zip, its static trial."""
 
     source: str
     name: str
     path: Path
-    forces: Path | None
+    others: tuple[Path, ...]
     static: Path | None
 
 
 def recordings_below(folder: Path) -> Iterator[Path]:
-    """C3D and TRC files, each content once; a TRC file that has the name of a C3D file beside it is its twin."""
+    """Recordings of all formats, each content once."""
     seen: set[str] = set()
     for path in sorted(folder.rglob("*")):
-        if path.suffix.lower() not in {".c3d", ".trc"} or not path.is_file():
+        if not path.is_file() or not is_recording(path):
             continue
         digest = hashlib.sha256(path.read_bytes()).hexdigest()
         if digest not in seen:
@@ -115,10 +120,48 @@ def recordings_below(folder: Path) -> Iterator[Path]:
             yield path
 
 
+def is_recording(path: Path) -> bool:
+    """Whether a file holds markers, or joint angles from inverse kinematics beside which a model lies."""
+    suffix = path.suffix.lower()
+    if suffix in {".c3d", ".trc", ".mvnx"}:
+        return True
+    if suffix in {".tsv", ".csv"}:
+        return (
+            path.read_bytes()[:200]
+            .lstrip(b"\xef\xbb\xbf \r\n")
+            .startswith((b"NO_OF_FRAMES", b"Trajectories", b"Devices"))
+        )
+    if suffix in {".mot", ".sto"} and ANGLES.search(path.stem):
+        head = path.read_bytes()[:20_000]
+        return b"endheader" in head and b"pelvis_tx" in head and model_of(path) is not None
+    return False
+
+
+def model_of(angles: Path) -> Path | None:
+    """The OpenSim model of joint angles: in their folder, else in the nearest above or beside; a scaled one first."""
+    for place in (angles.parent, angles.parent.parent):
+        found = sorted(place.glob("*.osim")) or sorted(place.glob("*/*.osim"))
+        scaled = [path for path in found if SCALED.search(path.stem)]
+        if found:
+            return (scaled or found)[0]
+    return None
+
+
+def others_of(path: Path) -> tuple[Path, ...]:
+    """The files that go into one zip with a recording."""
+    suffix = path.suffix.lower()
+    if suffix == ".tsv":
+        return tuple(sorted(path.parent.glob(f"{glob.escape(path.stem)}_f_*.tsv")))
+    forces = force_file_of(path) if suffix in {".trc", ".mot", ".sto"} else None
+    model = model_of(path) if suffix in {".mot", ".sto"} else None
+    return tuple(other for other in (forces, model) if other is not None)
+
+
 def force_file_of(trc: Path) -> Path | None:
-    """The force file of a TRC file: beside it, or in another folder of its parent."""
+    """The force file of a TRC file or of joint angles: beside it, or in another folder of its parent."""
     places = [trc.parent, *(path for path in trc.parent.parent.iterdir() if path.is_dir())]
-    stems = [f"GRF_{trc.stem}", *(trc.stem + word for word in FORCE_WORDS)]
+    plain = ANGLES.sub("", trc.stem) if trc.suffix.lower() != ".trc" else trc.stem
+    stems = [f"GRF_{plain.strip('_')}", *(plain.rstrip("_") + word for word in FORCE_WORDS)]
     names = {f"{stem}{suffix}".lower() for stem in stems for suffix in (".mot", ".sto")}
     for place in places:
         for path in sorted(place.iterdir()):
@@ -154,8 +197,7 @@ def static_trial_of(path: Path) -> Path | None:
 def trials_below(folder: Path) -> Iterator[Trial]:
     """The recordings below a folder, with the files that seem to belong to them."""
     for path in recordings_below(folder):
-        forces = force_file_of(path) if path.suffix.lower() == ".trc" else None
-        yield Trial(folder.name, str(path.relative_to(folder)), path, forces, static_trial_of(path))
+        yield Trial(folder.name, str(path.relative_to(folder)), path, others_of(path), static_trial_of(path))
 
 
 def listed_trials(entries: Sequence[strangers_list.Entry], folder: Path) -> Iterator[Trial]:
@@ -163,19 +205,19 @@ def listed_trials(entries: Sequence[strangers_list.Entry], folder: Path) -> Iter
     for entry in entries:
         place = folder / entry.place
         if (place / entry.path).exists():
-            forces, static = (place / other if other else None for other in (entry.forces, entry.static))
+            others = tuple(place / other for other in entry.others)
             source, name = entry.key
-            yield Trial(source, name, place / entry.path, forces, static)
+            yield Trial(source, name, place / entry.path, others, place / entry.static if entry.static else None)
 
 
 def uploaded(trial: Trial, folder: Path) -> Path:
-    """What a user would upload: the file itself, or a zip of a TRC file and its forces."""
-    if trial.forces is None:
+    """What a user would upload: the file itself, or a zip of it and the files that belong to it."""
+    if not trial.others:
         return trial.path
     archive = folder / f"{trial.path.stem}.zip"
     with zipfile.ZipFile(archive, "w") as made:
-        made.write(trial.path, trial.path.name)
-        made.write(trial.forces, trial.forces.name)
+        for path in (trial.path, *trial.others):
+            made.write(path, path.name)
     return archive
 
 
