@@ -6,8 +6,9 @@ one on the other,
     m (c'' - g) = sum_i b_i f_i + const            (6 Hz band),
     c = sum_i k_i (1/m) int int f_i + c_0 + v_0 t + a t^2,
 
-gives b_i = k_i = 1 for channels that measure what moves the body, 2 for one that reads half, -1 for a reversed one. The
-accelerations are noisy, the positions drift; a gain counts as far from 1 as the nearer of both.
+gives b_i = k_i = 1 for channels that measure what moves the body, 2 for one that reads half, -1 for a reversed one.
+Horizontally a gain counts as far from 1 as the nearer of both: soft tissue shakes the acceleration, and the position
+drifts. Vertically the acceleration is much larger than either, and b counts.
 """
 
 import math
@@ -26,19 +27,20 @@ from stridelab.recordings.gap_filling import true_runs
 from stridelab.recordings.plate_contacts import low_pass as low_pass_force
 from stridelab.recordings.recording import Recording, WrenchTrack
 
-MIN_TIME_S: Final = 0.5
-"""Shortest time, beside the filter's transients, for a regression: six independent samples in the band."""
+MIN_TIME_S: Final = 0.4
+"""Shortest time, beside the filter's transients, for a regression: five independent samples in the band."""
 MIN_VARIATION: Final = (0.015, 0.015, 0.05)
 """Standard deviation of a channel over the weight, along, across and vertically, below which it is not judged."""
 MAX_SD: Final = 0.4
 """Largest standard error, over the gain if that is more than 1, of a gain that is judged."""
-DEAD_SHARE: Final = 0.25
+DEAD_SHARE: Final = 0.2
 """A force that varies by less than this share of what the motion of a walk needs is dead or mostly so."""
 _DEAD_NEEDS: Final = 0.04
 _WALK_M_S: Final = 0.5
 _EDGE: Final = 0.6
 _SD: Final = 2.0
 _ALL: Final = 0
+_ALONG, _ACROSS, _VERTICAL = 0, 1, 2
 _AXES: Final = ("along the walk", "across the walk", "vertically")
 
 Tracks = Float[np.ndarray, "plates frames"]
@@ -59,10 +61,11 @@ class ChannelGain:
 
     @property
     def deviation(self) -> float:
-        """How far the gain is from 1 beyond two standard errors; 1 if the channel reads half or twice the force."""
+        """Distance from 1 of the nearest gain within two standard errors; 1 if half or twice the force is measured."""
         if math.isinf(self.gain):
             return 1.0
-        return max(0.0, _distance_from_one(self.gain) - _SD * self.sd * _steepness(self.gain))
+        low, high = self.gain - _SD * self.sd, self.gain + _SD * self.sd
+        return _distance_from_one(min(max(1.0, low), high))
 
 
 def channel_gains(
@@ -87,27 +90,26 @@ def channel_gains(
     read_at_s = wrench.time_s[i:j] + wrench.latency_applied_s
     force_n = np.array([_at(read_at_s, plate.force_n, recording.force_rate_hz) for plate in plates]) @ frame.T
     banded_n = np.array([low_pass(track, rate_hz, MOMENTUM_BAND_HZ) for track in force_n])
-    indices = [plate.index for plate in plates]
     gains: list[ChannelGain] = []
-    for axis in range(3):
-        tracks, banded, names = force_n[:, :, axis], banded_n[:, :, axis], indices
-        if axis == 1:
-            # feet side by side push apart, so that only the sum of their lateral forces moves the body
+    n_free = 2.0 * MOMENTUM_BAND_HZ * (j - i - 2 * edge) / rate_hz
+    inner = slice(edge, j - i - edge)
+    for axis, together in ((_ALONG, False), (_ALONG, True), (_ACROSS, True), (_VERTICAL, False), (_VERTICAL, True)):
+        # feet side by side push apart, so that across the walk only the sum of their forces moves the body
+        tracks, banded, names = force_n[:, :, axis], banded_n[:, inner, axis], [plate.index for plate in plates]
+        if together:
             tracks, banded, names = tracks.sum(axis=0)[None], banded.sum(axis=0)[None], [_ALL]
-        inner = slice(edge, j - i - edge)
-        spread = banded[:, inner].std(axis=1) / weight_n
-        judged = spread > MIN_VARIATION[axis]
-        needs = float(needed_n[inner, axis].std()) / weight_n
-        measured = float(banded[:, inner].sum(axis=0).std()) / weight_n
-        if axis == 0 and is_walk and needs > _DEAD_NEEDS and measured < DEAD_SHARE * needs:
-            gains.append(ChannelGain(_AXES[axis], _ALL, math.inf, 0.0))
+        judged = banded.std(axis=1) / weight_n > MIN_VARIATION[axis]
+        if together and axis != _VERTICAL and is_walk:
+            needs, measured = float(needed_n[inner, axis].std()) / weight_n, float(banded.std()) / weight_n
+            if needs > _DEAD_NEEDS and measured < DEAD_SHARE * needs:
+                gains.append(ChannelGain(_AXES[axis], _ALL, math.inf, 0.0))
         if not judged.any():
             continue
-        n_free = 2.0 * MOMENTUM_BAND_HZ * (j - i - 2 * edge) / rate_hz
-        b, sd = _slopes(needed_n[inner, axis], banded[:, inner], judged, n_free)
+        b, sd = _slopes(needed_n[inner, axis], banded, judged, n_free)
         k = _position_gains(position_m[:, axis], tracks / mass_kg, judged, rate_hz)
         for n, here in enumerate(np.flatnonzero(judged)):
-            nearer = min((float(b[n]), float(k[n])), key=_distance_from_one)
+            candidates = (float(b[n]),) if axis == _VERTICAL else (float(b[n]), float(k[n]))
+            nearer = min(candidates, key=_distance_from_one)
             if sd[n] <= MAX_SD * max(1.0, abs(nearer)):
                 gains.append(ChannelGain(_AXES[axis], names[here], nearer, float(sd[n])))
     return tuple(gains)
@@ -152,10 +154,7 @@ def _position_gains(
 
 
 def _distance_from_one(gain: float) -> float:
-    """Distance of a gain from 1, the same for a gain and its inverse."""
-    return 1.0 / gain - 1.0 if 0.0 < gain < 1.0 else abs(gain - 1.0)
-
-
-def _steepness(gain: float) -> float:
-    """Derivative of the distance with respect to the gain."""
-    return 1.0 / gain**2 if 0.0 < gain < 1.0 else 1.0
+    """Distance of a gain from 1: the same for a gain and its inverse, up to 2; larger below one half."""
+    if gain >= 1.0:
+        return gain - 1.0
+    return 1.0 / gain - 1.0 if gain > 0.5 else 2.0 * (1.0 - gain)
