@@ -62,15 +62,17 @@ def test_a_qualisys_export_is_the_recording(numbered: bool, tmp_path: Path) -> N
     assert "free-moment-unknown" not in codes(recording)
 
 
-def test_forces_in_the_axes_of_their_plate_are_turned(tmp_path: Path) -> None:
-    """Without times, and under two plates that are turned against each other; a plate without corners is refused."""
+@pytest.mark.parametrize("moment_mm", [True, False])
+def test_forces_in_the_axes_of_their_plate_are_turned(moment_mm: bool, tmp_path: Path) -> None:
+    """Moments in N mm or N m; a plate without corners is refused."""
     with zipfile.ZipFile(tmp_path / "walk.zip", "w") as archive:
         archive.writestr("walk.tsv", qualisys_markers(walk()))
         for plate in walk().plates:
-            text = qualisys_forces(plate, walk().force_rate_hz, local=True)
+            text = qualisys_forces(plate, walk().force_rate_hz, local=True, moment_mm=moment_mm)
             archive.writestr(f"walk_f_{plate.index}.tsv", text)
     recording = read_recording(tmp_path / "walk.zip")
     assert_same(recording)
+    assert "free-moment-unknown" not in codes(recording)
     with zipfile.ZipFile(tmp_path / "bare.zip", "w") as archive:
         archive.writestr("walk.tsv", qualisys_markers(walk()))
         text = qualisys_forces(walk().plates[0], walk().force_rate_hz, local=True)

@@ -50,9 +50,18 @@ def qualisys_markers(recording: Recording, *, numbered: bool = False, start_s: f
 
 
 def qualisys_forces(
-    plate: Plate, rate_hz: float, *, numbered: bool = False, start_s: float = 0.0, local: bool = False
+    plate: Plate,
+    rate_hz: float,
+    *,
+    numbered: bool = False,
+    start_s: float = 0.0,
+    local: bool = False,
+    moment_mm: bool = True,
 ) -> str:
-    """Forces in the laboratory's axes; ``local``: in those of the plate, which its four corners give."""
+    """Forces in the laboratory's axes; ``local``: in those of the plate, which its four corners give.
+
+    Moments are in N mm, or N m.
+    """
     force_n, moment_nm, cop_m = plate_columns(plate)
     head = f"NO_OF_SAMPLES\t{len(force_n)}\nFREQUENCY\t{rate_hz:g}\n"
     if local:
@@ -66,7 +75,7 @@ def qualisys_forces(
     for name, corner in zip(CORNER_NAMES, plate.corners_m, strict=True):
         for axis, x in zip("XYZ", corner, strict=True):
             head += f"FORCE_PLATE_CORNER_{name}_{axis}\t{1e3 * x:.6f}\n"
-    table = np.column_stack([force_n, 1e3 * moment_nm, 1e3 * cop_m])
+    table = np.column_stack([force_n, (1e3 if moment_mm else 1.0) * moment_nm, 1e3 * cop_m])
     if numbered:
         head += "SAMPLE\tTIME\tForce_X\tForce_Y\tForce_Z\tMoment_X\tMoment_Y\tMoment_Z\tCOP_X\tCOP_Y\tCOP_Z\n"
         table = np.column_stack([np.arange(1, len(table) + 1), start_s + np.arange(len(table)) / rate_hz, table])

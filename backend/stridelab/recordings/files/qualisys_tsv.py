@@ -26,6 +26,8 @@ _SAMPLES: Final = "NO_OF_SAMPLES"
 _CORNERS: Final = ("POSX_POSY", "NEGX_POSY", "NEGX_NEGY", "POSX_NEGY")
 _HEADER_LINES: Final = 60
 _MM: Final = 1e-3
+_MOST_LEVERS: Final = 5.0
+"""A lever in units of the largest coordinate of the pressure, plus a metre; in N mm it would be 1000 times as long."""
 _LOCAL: Final = re.compile(r"\blocal\b", re.IGNORECASE)
 
 Header = Mapping[str, list[str]]
@@ -121,12 +123,16 @@ def _parse_markers(text: str, name: str) -> tuple[ExportedMarkers, float, list[R
 
 
 def _parse_forces(text: str, name: str) -> tuple[ExportedPlate, float, float]:
-    """Forces, moments and centres of pressure, in N, N mm and mm, of one plate, their rate in Hz and first time."""
+    """Forces (N), moments and centres of pressure (mm) of one plate, their rate in Hz and first time.
+
+    Moments are in N m or N mm, by version and setting of the program; they must fit forces and pressures.
+    """
     header, rows = _split_header(text)
     table, start_s = _parse_numbers(rows, 9, "force, moment and centre of pressure")
     if len(table) == 0:
         raise UnreadableFile("no-frames", f"The TSV file {name} holds no samples.", [Fault(name, "no samples")])
-    force, moment, cop = table[:, :3], _MM * table[:, 3:6], _MM * table[:, 6:]
+    force, moment, cop = table[:, :3], table[:, 3:6], _MM * table[:, 6:]
+    moment = moment * _moment_unit(force, moment, cop)
     corners_m = _corners_m(header)
     if _LOCAL.search(" ".join(header.get("DESCRIPTION", []))):
         if corners_m is None or corners_fault(corners_m) is not None:
@@ -134,6 +140,14 @@ def _parse_forces(text: str, name: str) -> tuple[ExportedPlate, float, float]:
         axes = plate_axes(corners_m)
         force, moment, cop = force @ axes.T, moment @ axes.T, cop @ axes.T + corners_m.mean(axis=0)
     return ExportedPlate(name, force, moment, cop, corners_m), _rate_hz(header), start_s
+
+
+def _moment_unit(force_n: Points, moment: Points, cop_m: Points) -> float:
+    """Factor to N m: 1 where the moments are at most as large as forces times metres, else 1e-3."""
+    heavy = np.abs(force_n).sum(axis=1) > 0.3 * np.nanmax(np.abs(force_n).sum(axis=1))
+    levers_m = np.abs(moment[heavy]).max(axis=1) / np.abs(force_n[heavy]).max(axis=1)
+    reach_m = 1.0 + np.abs(cop_m[heavy]).max(axis=1)
+    return 1.0 if len(levers_m) == 0 or float(np.nanmedian(levers_m / reach_m)) < _MOST_LEVERS else _MM
 
 
 def _split_header(text: str) -> tuple[Header, list[tuple[int, str]]]:
