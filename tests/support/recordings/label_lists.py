@@ -387,6 +387,13 @@ LISTS = {
         right_heel left_foot_index right_foot_index
         """,
     ),
+    "hip-markers": (
+        BODY,
+        """
+        Head L_Shoulder L_Elbow L_Wrist R_Shoulder R_Elbow R_Wrist L_Hip L_Knee L_Ankle L_Heel L_Meta_V L_Toe_II
+        R_Hip R_Knee R_Ankle R_Heel R_Meta_V R_Toe_II
+        """,
+    ),
     "skeleton": (
         BODY,
         """
