@@ -79,6 +79,8 @@ Causes of contradicted results that were looked into, none of which is in the pr
   unloaded, have another zero or another place there.
 - `S1_FlywheelSquat.c3d`: the rope of a flywheel pulls as much as the person weighs.
 - `trial*_out.c3d` of CGA_Rehazenter_Toolbox state 33 kg and 0.95 m; the plates carry 95 kg, which are used.
+- `IK_gait.mot` of MuscleRedundancySolver: its model weighs 17 % more than the person on the plates.
+- `Leg39_swing_IK_results.sto`: a model of one leg.
 - `Res16bits.c3d`: the centre of pressure of one of six plates lies 0.2 m from the feet.
 - `QCMAS.dynamic.c3d`, `VER4C3D.c3d` and others without markers on the trunk: the trunk leans more than the upright one
   that is assumed (50 mm are 15 degrees).
