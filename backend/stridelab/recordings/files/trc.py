@@ -156,7 +156,7 @@ def _parse_header(lines: list[str]) -> tuple[list[str], float, float, str]:
 def _without_virtual(labels: list[str], n_stated: float, coordinates: str) -> tuple[list[str], list[str]]:
     """The labels that have columns, and Cortex's virtual markers, which it names after them and may not export.
 
-    They are told by their prefix, the count of line 3 and the line of coordinates, which must agree.
+    The prefix identifies them; the count of line 3 and the line of coordinates must agree.
     """
     n = len(_COORDINATE.findall(coordinates))
     if n == n_stated and n < len(labels) and all(label.upper().startswith("V_") for label in labels[n:]):
