@@ -87,10 +87,7 @@ def _from_common_time(
     # the first frame at which every file has begun; to a tenth of a frame, since the times are rounded
     first = math.ceil((latest_s - start_s) * markers.rate_hz - 0.1)
     begin_s = start_s + first / markers.rate_hz
-    cut = [
-        replace(plate, **_tail(plate, round((begin_s - s) * rate_hz)))
-        for plate, s in zip(plates, starts_s, strict=True)
-    ]
+    cut = [_tail(plate, round((begin_s - begun_s) * rate_hz)) for plate, begun_s in zip(plates, starts_s, strict=True)]
     if first >= len(markers.points) or any(len(plate.force_n) == 0 for plate in cut):
         message = "The markers and the forces were recorded at different times: they have no time in common."
         raise UnreadableFile("times-do-not-overlap", message, [Fault(markers.name, f"begins at {start_s:g} s")])
@@ -98,8 +95,10 @@ def _from_common_time(
     return replace(markers, points=markers.points[first:]), cut, [Remark("cut-to-common-time", message)]
 
 
-def _tail(plate: ExportedPlate, first: int) -> dict[str, Points]:
-    return {name: getattr(plate, name)[first:] for name in ("force_n", "moment_nm", "cop_m")}
+def _tail(plate: ExportedPlate, first: int) -> ExportedPlate:
+    """The plate from the sample ``first`` on."""
+    force_n, moment_nm, cop_m = (track[first:] for track in (plate.force_n, plate.moment_nm, plate.cop_m))
+    return ExportedPlate(plate.name, force_n, moment_nm, cop_m, plate.corners_m)
 
 
 def _parse_markers(text: str, name: str) -> tuple[ExportedMarkers, float, list[Remark]]:
