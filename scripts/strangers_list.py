@@ -25,6 +25,8 @@ RUNNING: Final = ("run", "sprint", "jog")
 class Entry:
     """One recording; ``forces`` and ``static`` are paths at the same commit, or empty.
 
+    ``forces`` may name several files, separated by semicolons: of several plates, or a body model and forces.
+
     ``marked``: ``body`` for pelvis, legs and trunk; ``legs`` for pelvis and legs; ``static`` where only a static trial
     that the repository lacks marks the knees; ``other`` for the rest. ``plates`` counts the plates with force.
     ``outcome`` is ``fused``, ``geometry``, ``contradicted``, or the code of an error; ``first`` the outcome with the
@@ -46,6 +48,11 @@ class Entry:
     def place(self) -> str:
         """The folder of its files below that into which the list is fetched."""
         return f"{self.repository.replace('/', '+')}/{self.commit[:12]}"
+
+    @property
+    def others(self) -> list[str]:
+        """Paths of the files that are read together with the recording."""
+        return [name for name in self.forces.split(";") if name]
 
     @property
     def key(self) -> tuple[str, str]:
@@ -90,7 +97,7 @@ def fetch(entries: Sequence[Entry], folder: Path, mirrors: Path | None, host: st
     A mirror is a Git directory named ``owner+name`` or ``owner+name/repo``. Files that it lacks are named on stderr.
     """
     for entry in entries:
-        for name in (entry.path, entry.forces, entry.static):
+        for name in (entry.path, *entry.others, entry.static):
             to = folder / entry.place / name
             if not name or to.exists():
                 continue

@@ -6,7 +6,8 @@ laboratory or repository.
 
 Every recording is read and estimated with default options in a process of its own, with limits on time and memory. A
 TRC file is zipped with the force file that belongs to it: one of the same name, or of the same name and a word such as
-``_grf``. A recording that is refused without a static trial is estimated with the one beside it whose name is the
+``_grf``; a TSV file of Qualisys with those of its plates (``_f_1.tsv``), joint angles with their OpenSim model and
+forces. A recording that is refused without a static trial is estimated with the one beside it whose name is the
 most like its own.
 
 The rows (one JSON object a line) tell for each recording its outcome: ``estimate``, or the code of the error. A survey
@@ -26,13 +27,14 @@ import tempfile
 import time
 import warnings
 import zipfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 import strangers_list
+from strangers_files import Trial, listed_trials, trials_below
 
 TIMEOUT_S: Final = 90.0
 MEMORY_BYTES: Final = 4 << 30
@@ -43,8 +45,6 @@ NO_FORCE: Final = frozenset({"no-plates", "no-measured-window", "plates-unloaded
 OUTCOMES: Final = (*strangers_list.ESTIMATES, "contradicted")
 """Outcomes with a result."""
 STATIC_NEEDED: Final = "knee-markers-missing"
-STATIC_WORDS: Final = ("static", "standing")
-FORCE_WORDS: Final = ("", "_grf", "_forces", "_force", "_grfs", "grf", "_ExtLoads", "_GRF")
 
 
 INTRODUCTION: Final = """\
@@ -74,6 +74,8 @@ Causes of contradicted results that were looked into, none of which is in the pr
   unloaded, have another zero or another place there.
 - `S1_FlywheelSquat.c3d`: the rope of a flywheel pulls as much as the person weighs.
 - `trial*_out.c3d` of CGA_Rehazenter_Toolbox state 33 kg and 0.95 m; the plates carry 95 kg, which are used.
+- `IK_gait.mot` of MuscleRedundancySolver: its model weighs 17 % more than the person on the plates.
+- `Leg39_swing_IK_results.sto`: a model of one leg.
 - `Res16bits.c3d`: the centre of pressure of one of six plates lies 0.2 m from the feet.
 - `QCMAS.dynamic.c3d`, `VER4C3D.c3d` and others without markers on the trunk: the trunk leans more than the upright one
   that is assumed (50 mm are 15 degrees).
@@ -93,89 +95,14 @@ of a laboratory with a source that was. It, ammr, biobuddy, MoCapTools and predi
 """
 
 
-class Trial(NamedTuple):
-    """One recording: its source, its name there, its file, and the files of its forces and its static trial."""
-
-    source: str
-    name: str
-    path: Path
-    forces: Path | None
-    static: Path | None
-
-
-def recordings_below(folder: Path) -> Iterator[Path]:
-    """C3D and TRC files, each content once; a TRC file that has the name of a C3D file beside it is its twin."""
-    seen: set[str] = set()
-    for path in sorted(folder.rglob("*")):
-        if path.suffix.lower() not in {".c3d", ".trc"} or not path.is_file():
-            continue
-        digest = hashlib.sha256(path.read_bytes()).hexdigest()
-        if digest not in seen:
-            seen.add(digest)
-            yield path
-
-
-def force_file_of(trc: Path) -> Path | None:
-    """The force file of a TRC file: beside it, or in another folder of its parent."""
-    places = [trc.parent, *(path for path in trc.parent.parent.iterdir() if path.is_dir())]
-    stems = [f"GRF_{trc.stem}", *(trc.stem + word for word in FORCE_WORDS)]
-    names = {f"{stem}{suffix}".lower() for stem in stems for suffix in (".mot", ".sto")}
-    for place in places:
-        for path in sorted(place.iterdir()):
-            if path.name.lower() in names and b"force" in path.read_bytes()[:4000].lower():
-                return path
-    return None
-
-
-def static_trial_of(path: Path) -> Path | None:
-    """The static trial beside a recording whose name is the most like its own, else the only one in folders beside."""
-
-    def n_shared_words(other: Path) -> int:
-        words, others = (set(re.split(r"[\W_]+", place.stem.lower())) for place in (path, other))
-        return len(words & others)
-
-    for places in ([path.parent], [place for place in path.parent.parent.iterdir() if place.is_dir()]):
-        found = [
-            other
-            for place in places
-            for other in sorted(place.iterdir())
-            if any(word in other.name.lower() for word in STATIC_WORDS)
-            and other.suffix.lower() == path.suffix.lower()
-            and other != path
-        ]
-        if places == [path.parent]:
-            best = max(map(n_shared_words, found), default=0)
-            found = [other for other in found if n_shared_words(other) == best]
-        if len(found) == 1:
-            return found[0]
-    return None
-
-
-def trials_below(folder: Path) -> Iterator[Trial]:
-    """The recordings below a folder, with the files that seem to belong to them."""
-    for path in recordings_below(folder):
-        forces = force_file_of(path) if path.suffix.lower() == ".trc" else None
-        yield Trial(folder.name, str(path.relative_to(folder)), path, forces, static_trial_of(path))
-
-
-def listed_trials(entries: Sequence[strangers_list.Entry], folder: Path) -> Iterator[Trial]:
-    """The recordings of the list that lie below the folder into which they were fetched."""
-    for entry in entries:
-        place = folder / entry.place
-        if (place / entry.path).exists():
-            forces, static = (place / other if other else None for other in (entry.forces, entry.static))
-            source, name = entry.key
-            yield Trial(source, name, place / entry.path, forces, static)
-
-
 def uploaded(trial: Trial, folder: Path) -> Path:
-    """What a user would upload: the file itself, or a zip of a TRC file and its forces."""
-    if trial.forces is None:
+    """What a user would upload: the file itself, or a zip of it and the files that belong to it."""
+    if not trial.others:
         return trial.path
     archive = folder / f"{trial.path.stem}.zip"
     with zipfile.ZipFile(archive, "w") as made:
-        made.write(trial.path, trial.path.name)
-        made.write(trial.forces, trial.forces.name)
+        for path in (trial.path, *trial.others):
+            made.write(path, path.name)
     return archive
 
 

@@ -31,7 +31,7 @@ def test_every_entry_names_a_file_of_a_public_repository() -> None:
         assert re.fullmatch(r"[\w.-]+/[\w.-]+", entry.repository)
         assert re.fullmatch(r"[0-9a-f]{40}", entry.commit)
         assert entry.outcome
-        for name in filter(None, (entry.path, entry.forces, entry.static)):
+        for name in filter(None, (entry.path, *entry.others, entry.static)):
             assert not Path(name).is_absolute()
             assert ".." not in Path(name).parts
 

@@ -71,11 +71,18 @@ def test_a_set_may_name_its_sides_in_another_language() -> None:
     assert french.labels == {"l_heel": ("calg",), "r_heel": ("cald",)}
 
 
+def test_numbers_before_labels_do_not_matter() -> None:
+    labels = labels_of("hip-markers")
+    found = identify([f"{i} - {label}" for i, label in enumerate(labels, start=1)])
+    assert found.name == "hip-markers"
+    assert found.landmarks["l_hip_centre"] == f"{labels.index('L_Hip') + 1} - L_Hip"
+
+
 @pytest.mark.parametrize("name", ["visual3d-hybrid", "lkn-clusters", "uwa-full", "ior dynamic"])
 def test_knees_of_the_static_trial_alone_are_announced(name: str) -> None:
     assert identify(labels_of(name)).degraded[0].code == "static-trial-needed"
 
 
-@pytest.mark.parametrize("name", ["openpose", "mediapipe", "skeleton"])
+@pytest.mark.parametrize("name", ["openpose", "mediapipe", "skeleton", "hip-markers"])
 def test_joint_names_say_that_the_pelvis_is_not_marked(name: str) -> None:
     assert "pelvis-simplified" in {remark.code for remark in identify(labels_of(name)).degraded}

@@ -56,6 +56,7 @@ WAYS_TO_NAME_MARKERS: Final = (
 """What a user can do about an unknown marker set."""
 
 _TECHNICAL: Final = re.compile(r"([lr]_)?(head|trunk|pelvis|upper_arm|forearm|thigh|shank|foot)_t\d")
+_NUMBERED: Final = re.compile(r"^\s*\d+\s+-\s+")
 _FIELDS: Final = frozenset({"name", "title", "required", "paired", "unpaired", "sides"})
 _MAX_FILE_BYTES: Final = 200_000
 
@@ -79,8 +80,8 @@ class MarkerSet:
 
 
 def normalised_label(label: str) -> str:
-    """Normal form of a label for comparison: no prefix, no separators, lower case."""
-    return re.sub(r"[\s._\-]", "", label.rsplit(":", 1)[-1]).lower()
+    """Normal form of a label for comparison: no prefix, no number before it ("3 - "), no separators, lower case."""
+    return re.sub(r"[\s._\-]", "", _NUMBERED.sub("", label.rsplit(":", 1)[-1])).lower()
 
 
 def labels_by_form(labels: Iterable[str]) -> dict[str, str]:

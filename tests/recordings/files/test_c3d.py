@@ -110,6 +110,17 @@ def test_units_of_length_become_metres(unit: str, scale: float, tmp_path: Path) 
     assert "unit-corrected" not in codes(recording)
 
 
+@pytest.mark.parametrize("scale", [1.0, 100.0])
+def test_corners_keep_their_unit_when_only_the_markers_have_another(scale: float, tmp_path: Path) -> None:
+    """The file says mm: its corners are, its markers are in m or cm."""
+    wrong = write_file(tmp_path / "a.c3d", body(scale), plates=[standing()])
+    recording = read_recording(wrong)
+    (plate,) = recording.plates
+    np.testing.assert_allclose(plate.corners_m, FLAT_CORNERS_MM / 1000.0, atol=1e-6)
+    np.testing.assert_allclose(recording.markers_m["M3"], body(1.0)["M3"], atol=1e-5)
+    assert "unit-corrected" in codes(recording)
+
+
 def test_event_times_count_from_the_original_recording(tmp_path: Path) -> None:
     extra: dict[tuple[str, str], Any] = {
         ("EVENT", "USED"): [2],

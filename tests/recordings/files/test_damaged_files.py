@@ -188,9 +188,7 @@ REFUSED: dict[str, tuple[str, ...]] = {
         "half of the frames",
         "too many frames",
         "saturated frames",
-        "data in the header",
         "data behind the file",
-        "header of zeros",
         "parameters of ones",
         "too many LABELS",
     ),
@@ -204,6 +202,8 @@ REFUSED: dict[str, tuple[str, ...]] = {
     "c3d-parameters-broken": (
         "no processor",
         "unknown processor",
+        "data in the header",
+        "header of zeros",
         "data in the parameters",
         "parameters of zeros",
         "second block of zeros",

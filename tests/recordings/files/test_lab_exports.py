@@ -62,6 +62,58 @@ def test_a_qualisys_export_is_the_recording(numbered: bool, tmp_path: Path) -> N
     assert "free-moment-unknown" not in codes(recording)
 
 
+@pytest.mark.parametrize("moment_mm", [True, False])
+def test_forces_in_the_axes_of_their_plate_are_turned(moment_mm: bool, tmp_path: Path) -> None:
+    """Moments in N mm or N m; a plate without corners is refused."""
+    with zipfile.ZipFile(tmp_path / "walk.zip", "w") as archive:
+        archive.writestr("walk.tsv", qualisys_markers(walk()))
+        for plate in walk().plates:
+            text = qualisys_forces(plate, walk().force_rate_hz, local=True, moment_mm=moment_mm)
+            archive.writestr(f"walk_f_{plate.index}.tsv", text)
+    recording = read_recording(tmp_path / "walk.zip")
+    assert_same(recording)
+    assert "free-moment-unknown" not in codes(recording)
+    with zipfile.ZipFile(tmp_path / "bare.zip", "w") as archive:
+        archive.writestr("walk.tsv", qualisys_markers(walk()))
+        text = qualisys_forces(walk().plates[0], walk().force_rate_hz, local=True)
+        archive.writestr("walk_f_1.tsv", "\n".join(line for line in text.split("\n") if "CORNER" not in line))
+    with pytest.raises(UnreadableFile, match="its header does not state the corners"):
+        read_recording(tmp_path / "bare.zip")
+
+
+@pytest.mark.parametrize(("marker_s", "force_s"), [(2.0, 2.0), (2.0, 1.9), (1.9, 2.0)])
+def test_files_that_begin_at_other_times_are_read_from_the_later_one(
+    marker_s: float, force_s: float, tmp_path: Path
+) -> None:
+    """The sample, cut to 2 s on; one of its files begins 0.1 s earlier."""
+    true = walk()
+    early = round(0.1 * true.marker_rate_hz), round(0.1 * true.force_rate_hz)
+    late = replace(
+        true,
+        markers_m={k: v[early[0] :] for k, v in true.markers_m.items()},
+        plates=tuple(replace(p, force_n=p.force_n[early[1] :], moment_nm=p.moment_nm[early[1] :]) for p in true.plates),
+    )
+    markers, forces = (late if start_s == 2.0 else true for start_s in (marker_s, force_s))
+    with zipfile.ZipFile(tmp_path / "walk.zip", "w") as archive:
+        archive.writestr("walk.tsv", qualisys_markers(markers, numbered=True, start_s=marker_s))
+        for plate in forces.plates:
+            text = qualisys_forces(plate, true.force_rate_hz, numbered=True, start_s=force_s)
+            archive.writestr(f"walk_f_{plate.index}.tsv", text)
+    recording = read_recording(tmp_path / "walk.zip")
+    assert_same(recording, slice(early[0], None))
+    assert ("cut-to-common-time" in codes(recording)) == (marker_s != force_s)
+
+
+def test_files_of_other_times_are_refused(tmp_path: Path) -> None:
+    with zipfile.ZipFile(tmp_path / "walk.zip", "w") as archive:
+        archive.writestr("walk.tsv", qualisys_markers(walk(), numbered=True, start_s=0.0))
+        text = qualisys_forces(walk().plates[0], walk().force_rate_hz, numbered=True, start_s=60.0)
+        archive.writestr("walk_f_1.tsv", text)
+    with pytest.raises(UnreadableFile) as refused:
+        read_recording(tmp_path / "walk.zip")
+    assert refused.value.code == "times-do-not-overlap"
+
+
 def test_qualisys_markers_alone_have_no_plates(tmp_path: Path) -> None:
     (tmp_path / "walk.tsv").write_text(qualisys_markers(walk()))
     recording = read_recording(tmp_path / "walk.tsv")

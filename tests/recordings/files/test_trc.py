@@ -161,6 +161,19 @@ def test_columns_that_are_blank_throughout_are_columns(tmp_path: Path) -> None:
         read_recording(written(tmp_path, text))
 
 
+def test_virtual_markers_without_columns_are_left_out(tmp_path: Path) -> None:
+    """Cortex names virtual markers (V_...) after the real ones, counts the real ones and exports only those."""
+    lines = changed(trc(), 4, "R.Heel\t\t\t", "R.Heel\t\t\tV_R.Knee\t\t\tV_Mid_Hip\t\t\t").splitlines()
+    lines[4] = "\t\t" + "\t".join(f"{axis}{i + 1}" for i in range(5) for axis in "XYZ")
+    recording = read_recording(written(tmp_path, "\n".join(lines)))
+    assert list(recording.markers_m) == list(LABELS)
+    (message,) = [remark.message for remark in recording.remarks if remark.code == "trc-header-differs"]
+    assert "2 virtual markers (V_R.Knee ...)" in message
+    named = [line.replace("V_Mid", "Mid") for line in lines]
+    with pytest.raises(UnreadableFile, match="line 3 states 5 markers, line 4 names 7"):
+        read_recording(written(tmp_path, "\n".join(named)))
+
+
 @pytest.mark.parametrize("every", [1, 7])
 @pytest.mark.parametrize("stated", ["5", "9"])
 def test_points_without_a_name_at_the_ends_of_lines_are_left_out(every: int, stated: str, tmp_path: Path) -> None:

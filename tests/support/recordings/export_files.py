@@ -35,7 +35,7 @@ def text_rows(table: np.ndarray, mark: str) -> list[str]:
     return [mark.join("" if np.isnan(x) else f"{x:.6g}" if abs(x) < 1 else f"{x:.6f}" for x in row) for row in table]
 
 
-def qualisys_markers(recording: Recording, *, numbered: bool = False) -> str:
+def qualisys_markers(recording: Recording, *, numbered: bool = False, start_s: float = 0.0) -> str:
     labels, n = list(recording.markers_m), recording.n_frames
     head = (
         f"NO_OF_FRAMES\t{n}\nNO_OF_CAMERAS\t8\nNO_OF_MARKERS\t{len(labels)}\nFREQUENCY\t{recording.marker_rate_hz:g}\n"
@@ -45,21 +45,40 @@ def qualisys_markers(recording: Recording, *, numbered: bool = False) -> str:
     table = np.column_stack([1e3 * track for track in recording.markers_m.values()])
     if numbered:
         head += "Frame\tTime\t" + "\t".join(f"{label} {axis}" for label in labels for axis in "XYZ") + "\n"
-        table = np.column_stack([np.arange(1, n + 1), recording.time_s, table])
+        table = np.column_stack([np.arange(1, n + 1), start_s + recording.time_s, table])
     return head + "\n".join(text_rows(table, "\t")) + "\n"
 
 
-def qualisys_forces(plate: Plate, rate_hz: float, *, numbered: bool = False) -> str:
+def qualisys_forces(
+    plate: Plate,
+    rate_hz: float,
+    *,
+    numbered: bool = False,
+    start_s: float = 0.0,
+    local: bool = False,
+    moment_mm: bool = True,
+) -> str:
+    """Forces in the laboratory's axes; ``local``: in those of the plate, which its four corners give.
+
+    Moments are in N mm, or N m.
+    """
     force_n, moment_nm, cop_m = plate_columns(plate)
     head = f"NO_OF_SAMPLES\t{len(force_n)}\nFREQUENCY\t{rate_hz:g}\n"
+    if local:
+        pp, np_, _, pn = plate.corners_m
+        x, y = (one / np.linalg.norm(one) for one in (pp - np_, pp - pn))
+        axes = np.array([x, y, np.cross(x, y)])
+        cop_m = np.where(plate.loaded[:, None], (cop_m - plate.corners_m.mean(axis=0)) @ axes.T, 0.0)
+        force_n, moment_nm = force_n @ axes.T, moment_nm @ axes.T
+        head += "DESCRIPTION\tForce data in local (force plate) coordinates\n"
     head += f"TIME_STAMP\t2026-01-01\nFORCE_PLATE_NAME\tAMTI {plate.index}\n"
     for name, corner in zip(CORNER_NAMES, plate.corners_m, strict=True):
         for axis, x in zip("XYZ", corner, strict=True):
             head += f"FORCE_PLATE_CORNER_{name}_{axis}\t{1e3 * x:.6f}\n"
-    table = np.column_stack([force_n, 1e3 * moment_nm, 1e3 * cop_m])
+    table = np.column_stack([force_n, (1e3 if moment_mm else 1.0) * moment_nm, 1e3 * cop_m])
     if numbered:
         head += "SAMPLE\tTIME\tForce_X\tForce_Y\tForce_Z\tMoment_X\tMoment_Y\tMoment_Z\tCOP_X\tCOP_Y\tCOP_Z\n"
-        table = np.column_stack([np.arange(1, len(table) + 1), np.arange(len(table)) / rate_hz, table])
+        table = np.column_stack([np.arange(1, len(table) + 1), start_s + np.arange(len(table)) / rate_hz, table])
     return head + "\n".join(text_rows(table, "\t")) + "\n"
 
 

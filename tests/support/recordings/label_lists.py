@@ -21,9 +21,8 @@ LISTS = {
     "visual3d-hybrid": (
         LEGS,
         """
-        R_ASIS L_ASIS SACRUM R_THIGH_1 R_THIGH_2 R_THIGH_3 R_THIGH_4 L_THIGH_1 L_THIGH_2 L_THIGH_3 L_THIGH_4
-        R_SHANK_1 R_SHANK_2 R_SHANK_3 L_SHANK_1 L_SHANK_2 L_SHANK_3 R_HEEL R_MT_1 R_MT_5 L_HEEL L_MT_1
-        L_MT_5
+        R_ASIS L_ASIS SACRUM R_THIGH_1 R_THIGH_2 R_THIGH_3 R_THIGH_4 L_THIGH_1 L_THIGH_2 L_THIGH_3 L_THIGH_4 R_SHANK_1
+        R_SHANK_2 R_SHANK_3 L_SHANK_1 L_SHANK_2 L_SHANK_3 R_HEEL R_MT_1 R_MT_5 L_HEEL L_MT_1 L_MT_5
         """,
     ),
     "visual3d-knee-line": (
@@ -50,9 +49,8 @@ LISTS = {
     "bmclab": (
         LEGS,
         """
-        R.ASIS L.ASIS R.PSIS L.PSIS L.Iliac.Crest R.Iliac.Crest R.GTR R.Knee R.HF R.TT R.Ankle R.Heel R.MT1
-        R.MT5 L.GTR L.Knee L.HF L.TT L.Ankle L.Heel L.MT1 L.MT5 R.Knee.Medial R.Ankle.Medial L.Knee.Medial
-        L.Ankle.Medial
+        R.ASIS L.ASIS R.PSIS L.PSIS L.Iliac.Crest R.Iliac.Crest R.GTR R.Knee R.HF R.TT R.Ankle R.Heel R.MT1 R.MT5 L.GTR
+        L.Knee L.HF L.TT L.Ankle L.Heel L.MT1 L.MT5 R.Knee.Medial R.Ankle.Medial L.Knee.Medial L.Ankle.Medial
         """,
     ),
     "melbourne": (
@@ -66,9 +64,8 @@ LISTS = {
     "cmu": (
         BODY,
         """
-        RFHD LFHD LBHD RBHD C7 T10 CLAV STRN RBAC LSHO LUPA LELB LFRM LWRA LWRB LFIN RSHO RUPA RELB RFRM
-        RWRA RWRB RFIN LFWT RFWT LBWT RBWT LTHI LKNE LSHN LANK LHEE LTOE LMT5 RTHI RKNE RSHN RANK RHEE RTOE
-        RMT5
+        RFHD LFHD LBHD RBHD C7 T10 CLAV STRN RBAC LSHO LUPA LELB LFRM LWRA LWRB LFIN RSHO RUPA RELB RFRM RWRA RWRB RFIN
+        LFWT RFWT LBWT RBWT LTHI LKNE LSHN LANK LHEE LTOE LMT5 RTHI RKNE RSHN RANK RHEE RTOE RMT5
         """,
     ),
     "ariel": (
@@ -89,10 +86,9 @@ LISTS = {
     "gait2354": (
         LEGS,
         """
-        L_ASIS L_Ankle_Lat L_Heel L_Knee_Lat L_PSIS L_Shank_Front L_Shank_Rear L_Shank_Upper L_Thigh_Front
-        L_Thigh_Rear L_Thigh_Upper L_Toe_Lat L_Toe_Med L_Toe_Tip R_ASIS R_Ankle_Lat R_Heel R_Knee_Lat R_PSIS
-        R_Shank_Front R_Shank_Rear R_Shank_Upper R_Thigh_Front R_Thigh_Rear R_Thigh_Upper R_Toe_Lat
-        R_Toe_Med
+        L_ASIS L_Ankle_Lat L_Heel L_Knee_Lat L_PSIS L_Shank_Front L_Shank_Rear L_Shank_Upper L_Thigh_Front L_Thigh_Rear
+        L_Thigh_Upper L_Toe_Lat L_Toe_Med L_Toe_Tip R_ASIS R_Ankle_Lat R_Heel R_Knee_Lat R_PSIS R_Shank_Front
+        R_Shank_Rear R_Shank_Upper R_Thigh_Front R_Thigh_Rear R_Thigh_Upper R_Toe_Lat R_Toe_Med
         """,
     ),
     "cast": (
@@ -146,9 +142,8 @@ LISTS = {
     "knee-lat-toe-tip": (
         LEGS_AND_TRUNK,
         """
-        RAcromium LAcromium C7 Clavicle VSacral RASIS LASIS RHip LHip RKneeLat RKneeMed LKneeMed LKneeLat
-        LShankFront RShankFront RAnkleLat RAnkleMed LAnkleMed LAnkleLat LToeLat LToeTip RToeTip RToeLat RHeel
-        LHeel T10
+        RAcromium LAcromium C7 Clavicle VSacral RASIS LASIS RHip LHip RKneeLat RKneeMed LKneeMed LKneeLat LShankFront
+        RShankFront RAnkleLat RAnkleMed LAnkleMed LAnkleLat LToeLat LToeTip RToeTip RToeLat RHeel LHeel T10
         """,
     ),
     "back-asis": (
@@ -173,9 +168,8 @@ LISTS = {
     "lamb": (
         BODY,
         """
-        RxCheec LxCheec C7 maxkif RxShould LxShould RxElbow LxElbow RxWrist LxWrist Psis RxAsis LxAsis
-        RxThigh LxThigh RxLatCon LxLatCon RxFH LxFH RxShank LxShank RxLatMal LxLatMal RxHeel LxHeel RxToe1
-        LxToe1 RxMeta5 LxMeta5
+        RxCheec LxCheec C7 maxkif RxShould LxShould RxElbow LxElbow RxWrist LxWrist Psis RxAsis LxAsis RxThigh LxThigh
+        RxLatCon LxLatCon RxFH LxFH RxShank LxShank RxLatMal LxLatMal RxHeel LxHeel RxToe1 LxToe1 RxMeta5 LxMeta5
         """,
     ),
     "innsport": (
@@ -385,6 +379,13 @@ LISTS = {
         nose left_eye right_eye left_ear right_ear left_shoulder right_shoulder left_elbow right_elbow
         left_wrist right_wrist left_hip right_hip left_knee right_knee left_ankle right_ankle left_heel
         right_heel left_foot_index right_foot_index
+        """,
+    ),
+    "hip-markers": (
+        BODY,
+        """
+        Head L_Shoulder L_Elbow L_Wrist R_Shoulder R_Elbow R_Wrist L_Hip L_Knee L_Ankle L_Heel L_Meta_V L_Toe_II
+        R_Hip R_Knee R_Ankle R_Heel R_Meta_V R_Toe_II
         """,
     ),
     "skeleton": (

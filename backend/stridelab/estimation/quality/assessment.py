@@ -16,6 +16,7 @@ from types import MappingProxyType
 from typing import Final, Literal
 
 from stridelab.estimation.estimator import ComEstimate
+from stridelab.estimation.quality.channel_gain import ChannelGain
 from stridelab.estimation.quality.measures import (
     EXPLAINED_SHARE,
     MIN_CONTRADICTING_SHARE,
@@ -166,6 +167,14 @@ def _force_rows(measures: Measures, mass_kg: float) -> Iterator[_CheckRow]:
         "the plates' force (a channel, its sign or its clock) and the markers",
         "the interval with all force is too short",
     )
+    gain = max(measures.gains, key=lambda one: one.deviation, default=None)
+    yield _CheckRow(
+        "channel_gain",
+        math.nan if gain is None else gain.deviation,
+        "" if gain is None else _gain_finding(gain),
+        "a force channel (its scale, its sign, or the rate of the file) and the markers",
+        "no force channel varies enough for half a second",
+    )
     yield _CheckRow(
         "horizontal_bias",
         measures.horizontal_bias_m,
@@ -266,6 +275,17 @@ def _body_rows(measures: Measures, *, with_force: bool) -> Iterator[_CheckRow]:
     )
 
 
+def _gain_finding(gain: ChannelGain) -> str:
+    """The sentence of a gain, without its end."""
+    which = f"plate {gain.plate} measures" if gain.plate else "the plates together measure"
+    if math.isinf(gain.gain):
+        return f"The motion of the markers needs a force {gain.axis}, and {which} next to none"
+    return (
+        f"The motion of the markers needs {gain.gain:.2f} times (standard error {gain.sd:.2f}) the force {gain.axis} "
+        f"that {which}"
+    )
+
+
 def _worst_plate(measures: Measures, name: str) -> PlatePressure:
     """Plate with the largest value of the attribute ``name``; a plate of NaN if all values are NaN."""
     known = [plate for plate in measures.plates if not math.isnan(getattr(plate, name))]
@@ -302,6 +322,8 @@ LIMITS: Final[Mapping[str, Limit]] = MappingProxyType(
         "force_residual": Limit(0.05, 0.15),
         # In runs and jumps ``contradicts`` is half of the force's own standard deviation, 28 to 50 % of the weight.
         "acceleration_difference": Limit(0.08, MIN_CONTRADICTING_SHARE),
+        # A channel that reads half or twice the force, or the wrong way round, is 1 or more from a gain of 1.
+        "channel_gain": Limit(0.25, 0.5),
         "mass_from_motion": Limit(0.04, 0.15),
         "mass_from_standing": Limit(0.04, 0.15),
         # Nothing carries a body in flight; half of its weight is more than any error of marker or plate explains.

@@ -40,6 +40,7 @@ from stridelab.dynamics.wrench import contact_force
 from stridelab.estimation.differentiation import low_pass, smoothed_derivatives, walk_frame
 from stridelab.estimation.estimator import ComEstimate
 from stridelab.estimation.evaluation.physics_residuals import MOMENTUM_BAND_HZ, assess_flight, force_residual_track_n
+from stridelab.estimation.quality.channel_gain import ChannelGain, channel_gains
 from stridelab.estimation.quality.plate_pressure import PlatePressure, plate_pressures
 from stridelab.recordings.gap_filling import true_runs
 from stridelab.recordings.recording import Recording, SegmentMotion, WrenchTrack
@@ -157,6 +158,7 @@ class Measures:
     leg: str = ""
     model_leg_share: float | None = None
     plates: tuple[PlatePressure, ...] = ()
+    gains: tuple[ChannelGain, ...] = ()
 
 
 def compute_measures(recorded: Recorded, estimate: ComEstimate) -> Measures:
@@ -200,6 +202,7 @@ def compute_measures(recorded: Recorded, estimate: ComEstimate) -> Measures:
         leg=common.leg,
         model_leg_share=common.model_leg_share,
         plates=plate_pressures(recorded.recording, recorded.landmarks, wrench.complete, wrench.latency_applied_s),
+        gains=channel_gains(recorded.recording, geometric, wrench, recorded.mass_kg),
     )
 
 

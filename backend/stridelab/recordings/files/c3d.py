@@ -13,6 +13,7 @@ from stridelab.errors import Fault, UnreadableFile
 from stridelab.recordings.files import metadata as names
 from stridelab.recordings.files.c3d_ezc3d import EZC3D_ERRORS, open_c3d
 from stridelab.recordings.files.metadata import (
+    LENGTH_SCALE,
     length_scale,
     moment_scale,
     read_events,
@@ -27,6 +28,8 @@ from stridelab.recordings.recording import Event, Remark
 
 CARRIED_GROUP = "STRIDELAB"
 """Parameter group with the embedded metadata of a simulated recording."""
+_PLATE_WIDTH_M = (0.15, 2.0)
+"""A plate or a belt is as wide as a foot is long, and narrower than two people side by side."""
 _SCREEN = {"+X": "+x", "-X": "+x", "+Y": "+y", "-Y": "+y", "+Z": "+z", "-Z": "+z"}
 _OUTPUT_LISTS = ("ANGLES", "POWERS", "FORCES", "MOMENTS", "SCALARS")
 
@@ -104,7 +107,7 @@ def read_c3d(path: Path) -> RawTrial:
     column = list(choice.column.values())
     scale, unit_remarks = length_scale(P.text("POINT", "UNITS"), cloud[:, column, :])
     subject, subject_remarks = read_subject(_stated_subject(P))
-    plates, plate_remarks = _read_plates(P, analogs, scale)
+    plates, plate_remarks = _read_plates(P, analogs, _scale_of_plates(P, scale))
     return RawTrial(
         labels=tuple(choice.column),
         outputs=choice.outputs,
@@ -185,6 +188,25 @@ def _read_events(P: Parameters, first_frame: int, rate_hz: float) -> tuple[Event
     times = times.reshape(2, -1) if times.shape[0] == 2 else times.reshape(-1, 2).T
     seconds = [float(t) for t in 60.0 * times[0] + times[1]]
     return read_events(P.texts("EVENT", "LABELS"), P.texts("EVENT", "CONTEXTS"), seconds, first_frame, rate_hz)
+
+
+def _scale_of_plates(P: Parameters, scale: float) -> float:
+    """Factor to metres of the plates' corners: that of the markers, or the stated one if only that gives plates.
+
+    A program that exports markers in another unit than it states may leave the corners as they were.
+    """
+    corners = P.numbers("FORCE_PLATFORM", "CORNERS")
+    stated = LENGTH_SCALE.get(P.text("POINT", "UNITS").strip().lower(), 1e-3)
+    if stated == scale or corners.size < 12 or corners.size % 12:
+        return scale
+    plates = corners.reshape(3, 4, -1).transpose(2, 1, 0)
+    sides = np.linalg.norm(np.roll(plates, -1, axis=1) - plates, axis=2)
+    widths = sides.min(axis=1)
+
+    def n_plausible(factor: float) -> int:
+        return int(((widths * factor > _PLATE_WIDTH_M[0]) & (widths * factor < _PLATE_WIDTH_M[1])).sum())
+
+    return stated if n_plausible(stated) > n_plausible(scale) else scale
 
 
 def _read_plates(P: Parameters, analogs: np.ndarray, scale: float) -> tuple[tuple[PlateSignals, ...], list[Remark]]:

@@ -101,7 +101,10 @@ def check_c3d(path: Path) -> CheckedC3d:
             what = f"the header states frames from block {header.data_block} on, where parameters are"
             raise broken_parameters_error(path.name, what) from error
     layout = find_layout(header, records, size)
-    if layout.values_per_frame and (header.data_block < 2 or layout.data_end > size):
+    if layout.values_per_frame and header.data_block < 2:
+        what = f"the header states frames from block {header.data_block} on, which is the header itself"
+        raise broken_parameters_error(path.name, what)
+    if layout.values_per_frame and layout.data_end > size:
         raise truncated_file_error(path.name, "its frames")
     _check_numbers(path, records)
     if header.n_analog:

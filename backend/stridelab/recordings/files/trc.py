@@ -38,6 +38,7 @@ def parse_trc(text: str, name: str) -> tuple[list[str], Series, Cloud, float, st
     try:
         labels, n_stated, rate_hz, unit = _parse_header(lines)
         rows = numbered_lines(lines, 5)
+        labels, virtual = _without_virtual(labels, n_stated, lines[4] if len(lines) > 4 else "")
         n_unnamed = _check_columns(rows, labels, n_stated, lines[4] if len(lines) > 4 else "")
         table = parse_table(rows, 2 + 3 * len(labels))
         if len(table) == 0:
@@ -54,6 +55,9 @@ def parse_trc(text: str, name: str) -> tuple[list[str], Series, Cloud, float, st
     except BrokenLineError as error:
         raise trc_broken(name, str(error)) from error
     remarks = []
+    if virtual:
+        message = f"{name} names {len(virtual)} virtual markers ({virtual[0]} ...) that have no columns."
+        remarks.append(Remark("trc-header-differs", message))
     if n_stated != len(labels):
         message = f"Line 3 of {name} states {n_stated:g} markers, line 4 names {len(labels)} and so many have columns;"
         remarks.append(Remark("trc-header-differs", f"{message} the named ones are used."))
@@ -147,6 +151,17 @@ def _parse_header(lines: list[str]) -> tuple[list[str], float, float, str]:
     if not labels:
         raise BrokenLineError(f"line 3 states {n_markers:g} markers and line 4 names 0")
     return labels, n_markers, rate_hz, head.get("Units", "")
+
+
+def _without_virtual(labels: list[str], n_stated: float, coordinates: str) -> tuple[list[str], list[str]]:
+    """The labels that have columns, and Cortex's virtual markers, which it names after them and may not export.
+
+    The prefix identifies them; the count of line 3 and the line of coordinates must agree.
+    """
+    n = len(_COORDINATE.findall(coordinates))
+    if n == n_stated and n < len(labels) and all(label.upper().startswith("V_") for label in labels[n:]):
+        return labels[:n], labels[n:]
+    return labels, []
 
 
 def _header_number(head: dict[str, str], key: str) -> float:

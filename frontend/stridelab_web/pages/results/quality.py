@@ -11,6 +11,7 @@ NAMES: Final[Mapping[str, str]] = {
     "normalised_innovations": "Consistency of sensors with the model (1 = as expected)",
     "force_residual": "Force residual of the result",
     "acceleration_difference": "Force residual of the markers alone",
+    "channel_gain": "Gain of a force channel from 1 (1 = half or twice the force)",
     "horizontal_bias": "Fused from markers, horizontally",
     "vertical_bias": "Fused from markers, vertically",
     "largest_difference": "Fused from markers, at any one time",

@@ -1,0 +1,143 @@
+"""The gain of the force channels on walks whose truth is known: scaled, reversed and dead channels are named."""
+
+import math
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from stridelab.body.geometric_com import GeometricCom
+from stridelab.body.segment_model import SegmentModel
+from stridelab.estimation.quality import Quality, Recorded, assess_quality
+from stridelab.estimation.quality.channel_gain import ChannelGain, channel_gains
+from stridelab.estimation.smoother import Smoother
+from stridelab.recordings.marker_sets import identify
+from stridelab.recordings.plate_contacts import wrench_track
+from stridelab.recordings.recording import Plate, Recording, Window
+from stridelab.simulation.human.walker import HumanWalker
+from stridelab.simulation.human_recording import record
+from stridelab.simulation.noise import MeasurementNoise
+
+MASS_KG = 70.0
+WINDOW = (Window(0.9, 2.1),)
+NOISE = MeasurementNoise(force_n=3.0, moment_nm=2.0, marker_m=0.001, mass_model=0.1)
+
+
+@cache
+def walk(seed: int = 1, speed_m_s: float = 1.2) -> Recording:
+    walker = HumanWalker(1.75, MASS_KG, "male", speed_m_s=speed_m_s, duration_s=3.0, seed=seed).walk()
+    return record(walker, NOISE, seed, lab="walkway").recording
+
+
+@cache
+def geometry(seed: int = 1, speed_m_s: float = 1.2) -> GeometricCom:
+    recording = walk(seed, speed_m_s)
+    landmarks = identify(list(recording.markers_m)).landmarks
+    return SegmentModel().com(recording, landmarks, subject=recording.subject)
+
+
+def with_channel(axis: int, factor: float, only: int | None = None) -> Recording:
+    """The walk, along x, with one channel of all plates, or of one, times ``factor``."""
+
+    def changed(plate: Plate) -> Plate:
+        factors = np.ones(3)
+        factors[axis] = factor
+        return replace(plate, force_n=plate.force_n * factors)
+
+    good = walk()
+    return replace(good, plates=tuple(changed(p) if only in (None, p.index) else p for p in good.plates))
+
+
+def gains(recording: Recording) -> tuple[ChannelGain, ...]:
+    return channel_gains(recording, geometry(), wrench_track(recording, WINDOW), MASS_KG)
+
+
+def quality(recording: Recording) -> Quality:
+    wrench = wrench_track(recording, WINDOW)
+    landmarks = identify(list(recording.markers_m)).landmarks
+    estimate = Smoother().estimate(geometry(), wrench, MASS_KG)
+    return assess_quality(Recorded(recording, landmarks, geometry(), wrench, MASS_KG), estimate)
+
+
+def worst(found: tuple[ChannelGain, ...]) -> ChannelGain:
+    return max(found, key=lambda gain: gain.deviation)
+
+
+@pytest.mark.parametrize(("seed", "speed_m_s"), [(1, 1.2), (2, 0.8), (3, 1.6), (4, 1.2)])
+def test_right_channels_have_a_gain_of_one(seed: int, speed_m_s: float) -> None:
+    recording = walk(seed, speed_m_s)
+    found = channel_gains(recording, geometry(seed, speed_m_s), wrench_track(recording, WINDOW), MASS_KG)
+    assert {gain.axis for gain in found} >= {"along the walk", "vertically"}
+    assert max(gain.deviation for gain in found) < 0.15
+    for gain in found:
+        if gain.axis == "vertically":
+            assert gain.gain == pytest.approx(1.0, abs=0.1)
+
+
+@pytest.mark.parametrize("factor", [0.5, 2.0, -1.0])
+def test_a_fore_aft_channel_that_is_scaled_or_reversed_is_contradicted(factor: float) -> None:
+    gain = worst(gains(with_channel(0, factor)))
+    assert gain.axis == "along the walk"
+    assert gain.gain == pytest.approx(1.0 / factor, rel=0.3)
+    (check,) = [one for one in quality(with_channel(0, factor)).checks if one.name == "channel_gain"]
+    assert check.contradicts
+    assert f"needs {gain.gain:.2f} times" in check.message
+    assert "along the walk" in check.message
+
+
+def test_a_half_scaled_channel_passed_every_other_check() -> None:
+    contradicting = {one.name for one in quality(with_channel(0, 0.5)).checks if one.contradicts}
+    assert contradicting == {"channel_gain"}
+
+
+def test_a_lateral_channel_of_the_wrong_sign_is_contradicted() -> None:
+    gain = worst(gains(with_channel(1, -1.0)))
+    assert (gain.axis, gain.plate) == ("across the walk", 0)
+    assert gain.gain < 0.0
+    assert gain.deviation > 0.5
+
+
+def test_the_one_plate_that_is_wrong_is_named() -> None:
+    good = walk()
+    i, j = (round(t * good.force_rate_hz) for t in (1.1, 1.9))
+    (index, *_) = [plate.index for plate in good.plates if plate.force_n[i:j, 2].max() > 400.0]
+    gain = worst(gains(with_channel(0, -1.0, only=index)))
+    assert gain.plate == index
+    assert gain.gain < -0.4
+
+
+def test_a_dead_channel_of_a_walk_is_contradicted() -> None:
+    gain = worst(gains(with_channel(0, 0.0)))
+    assert math.isinf(gain.gain)
+    (check,) = [one for one in quality(with_channel(0, 0.0)).checks if one.name == "channel_gain"]
+    assert check.contradicts
+    assert check.message.startswith("The motion of the markers needs a force along the walk, and the plates together")
+    assert "next to none" in check.message
+
+
+def test_a_recording_played_at_the_wrong_rate_is_contradicted() -> None:
+    """Markers and force of 100 and 1000 Hz that the file states as 125 and 1250 Hz: accelerations are 1.56 times."""
+    good = walk()
+    factor = 1.25
+    fast = replace(good, marker_rate_hz=factor * good.marker_rate_hz, force_rate_hz=factor * good.force_rate_hz)
+    landmarks = identify(list(fast.markers_m)).landmarks
+    geometric = SegmentModel().com(fast, landmarks, subject=fast.subject)
+    window = (Window(WINDOW[0].start_s / factor, WINDOW[0].end_s / factor),)
+    found = channel_gains(fast, geometric, wrench_track(fast, window), MASS_KG)
+    vertical = [gain for gain in found if gain.axis == "vertically"]
+    assert max(gain.deviation for gain in vertical) > 0.25
+    assert vertical[0].gain == pytest.approx(factor**2, rel=0.15)
+
+
+def test_standing_has_no_channel_to_judge() -> None:
+    still = replace(geometry(), com_m=np.tile(geometry().com_m.mean(axis=0), (len(geometry().com_m), 1)))
+    good = walk()
+    weight_n = MASS_KG * 9.81
+    quiet = replace(
+        good,
+        plates=tuple(
+            replace(p, force_n=np.tile([0.0, 0.0, weight_n / 2], (len(p.force_n), 1))) for p in good.plates[:2]
+        ),
+    )
+    assert channel_gains(quiet, still, wrench_track(quiet, WINDOW), MASS_KG) == ()
