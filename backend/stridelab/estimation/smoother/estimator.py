@@ -122,11 +122,12 @@ class Smoother:
         if rate_nm is None or not known or not wanted:
             return (learn_sizes(sizes, data, walk.rate_hz) if self.learn else sizes), data
         segments_m = moment_in_metres(rate_nm[used] @ walk.frame.T, mass_kg * GRAVITY_M_S2)
-        rest, less = with_segments(sizes, data, segments_m, runs=is_airborne(walk, mass_kg))
+        runs = is_airborne(walk, mass_kg)
+        rest, less = with_segments(sizes, data, segments_m, runs=runs)
         if not self.learn:
             return rest, less
         learned = learn_sizes(rest, less, walk.rate_hz)
-        if self.segment_momentum or is_explained(rest, learned, less, data, walk.rate_hz):
+        if self.segment_momentum or is_explained(rest, learned, less, data, walk.rate_hz, runs=runs):
             return learned, less
         return learn_sizes(sizes, data, walk.rate_hz), data
 
