@@ -225,8 +225,8 @@ RUNS_SHARE, RUN_FACTOR = 1.8, 2.0
 
 With that of walking the innovations of four runs (3 to 5 m/s, three people) are 1.4 to 3.1, with twice it 0.6 to 1.2.
 """
-RUN_ALLOWANCE: Final = 15.0
-"""Log density by which the segments may be worse in a run: drawn runs have -9 to 1, runs of people 29 to 215, robots
+RUN_ALLOWANCE: Final = 25.0
+"""Log density by which the segments may be worse in a run: drawn runs have -18 to 1, runs of people 5 to 215, robots
 whose segments are noise -42 and less; without the segments, a hidden plate becomes an error of the table."""
 RUN_VERTICAL_FACTOR: Final = 3.0
 """Noise of the vertical force there over that of walking: errors of mass and clock move a force that changes more."""
