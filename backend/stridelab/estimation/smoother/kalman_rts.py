@@ -134,7 +134,7 @@ def regimes_of(signals: Signals) -> Int[np.ndarray, "n"]:
     3 and 4 are 1 and 2 with the acceleration of the step interpolated.
     """
     follows = np.append(signals.seen[1:], False)
-    return np.where(signals.seen, np.where(follows, 0, 1), 2) + 2 * signals.bridged
+    return np.asarray(np.where(signals.seen, np.where(follows, 0, 1), 2) + 2 * signals.bridged)
 
 
 def compute_gains(space: StateSpace, signals: Signals, settling: float = SETTLED) -> Gains:
