@@ -244,7 +244,7 @@ def paired_ratio(
 
 def rms_of(squares: Sequence[float]) -> float:
     """Root of the mean of squares that a penalty may make negative."""
-    return float(np.sqrt(max(np.mean(squares), 0.0)))
+    return float(np.sqrt(max(float(np.mean(squares)), 0.0)))
 
 
 def _standing_misses(name: str, walks: Sequence[AssessedWalk], truth: Mapping[str, Vector3]) -> Points:
