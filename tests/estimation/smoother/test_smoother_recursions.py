@@ -22,7 +22,9 @@ RATE_HZ = 50.0
 DT = 1 / RATE_HZ
 N = 24
 SEEN = np.ones(N, bool)
-SEEN[:3] = SEEN[14:19] = False
+SEEN[:3] = SEEN[14:19] = SEEN[22:] = False
+BRIDGED = np.zeros(N, bool)
+BRIDGED[13:19] = True
 PHI = 0.9
 
 
@@ -47,6 +49,7 @@ SIZES = Sizes(
     bias=np.array([[0.01, 0.05, 0.002, 0.3, 0.0], [0.012, 0.05, 0.004, 0.2, 0.0], [0.02, 0.1, 0.0, 0.0, 0.0]]),
     beyond_m_s2=same(2.0),
     beyond_s=same(0.1),
+    bridged_m_s2=same(0.7),
     height_m=0.9,
     ends=(0.4, 0.2),
 )
@@ -59,6 +62,7 @@ def some_signals() -> Signals:
         moment_m=np.where(SEEN[:, None], random.normal(0.0, 0.05, (N, 3)), 0.0) * [1.0, 1.0, 0.0],
         acceleration_m_s2=random.normal(0.0, 0.5, (N, 3)),
         seen=SEEN,
+        bridged=BRIDGED,
         phi=np.full(N, PHI),
         sway=np.zeros((N, 3)),
         segments_m=random.normal(0.0, 0.02, (N, 3)) * [1.0, 1.0, 0.0],
@@ -128,6 +132,9 @@ def written_out(axis: int, data: Signals) -> Dense:
             rows[-1] += data.segments_m[k, axis] * factor
         if k + 1 < N and SEEN[k] and SEEN[k + 1]:
             known, unknown = data.acceleration_m_s2[k, axis], -ab - u + q
+        elif data.bridged[k]:
+            known = data.acceleration_m_s2[k, axis]
+            unknown = e.draw(s.bridged_m_s2[0] * np.sqrt(s.beyond_s[0] / DT)) - ab
         else:
             known, unknown = 0.0, e.draw(s.beyond_m_s2[0] * np.sqrt(s.beyond_s[0] / DT))
         c_mean, v_mean = c_mean + DT * v_mean + DT**2 / 2 * known, v_mean + DT * known
@@ -158,7 +165,7 @@ def measured(axis: int, data: Signals) -> np.ndarray:
 def passed():
     data = some_signals()
     space = state_space(SIZES, RATE_HZ)
-    found = compute_gains(space, data.seen, data.phi)
+    found = compute_gains(space, data)
     forward = filter_forward(space, data, found)
     return data, space, found, forward
 
@@ -210,7 +217,7 @@ def test_the_likelihood_is_that_of_the_same_gaussian_up_to_a_constant(passed):
 def test_sample_by_sample_it_is_the_same_filter(passed):
     """Position given all samples up to k, from dense conditioning on exactly those."""
     data, space, _, _ = passed
-    data = replace(data, segments_m=np.zeros((N, 3)))  # a stream has no segments
+    data = replace(data, segments_m=np.zeros((N, 3)), bridged=np.zeros(N, bool))  # no segments, no later samples
     online = CausalFilter(space, data.geometry_m[0], data.velocity_m_s, phi=PHI)
     for k in range(N):
         if k:

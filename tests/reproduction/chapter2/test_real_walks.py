@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from stridelab.errors import NotFound
+from stridelab.recordings.reader import read_recording
 from stridelab.reproduction.chapter2 import table_real_walks
 from stridelab.reproduction.claims import Reproduction
 
@@ -28,25 +29,54 @@ def by(columns: Mapping[str, np.ndarray], key: str, value: str) -> dict[str, flo
     return dict(zip(columns[key].tolist(), columns[value].tolist(), strict=True))
 
 
-def test_every_estimator_is_in_every_group(found: Reproduction) -> None:
+def test_every_estimator_is_in_every_group_and_means_compare_the_same_walks(found: Reproduction) -> None:
     table = found.tables["agreement"]
     assert len(table["estimator"]) == len(table_real_walks.ESTIMATORS) * len(table_real_walks.GROUPS)
     assert set(table["n"].tolist()) == {2}
+    for group in table_real_walks.GROUPS:
+        held = set(table["n_held"][table["walks"] == group].tolist())
+        assert len(held) == 1
+        assert held <= {0, 1, 2}
+    assert "2014015_C" in found.note  # where the smoother has no held-back force
 
 
-def test_the_geometry_does_not_read_the_force(found: Reproduction) -> None:
-    """Its residual is the same where the force is held back, and it is not offset from itself."""
+def test_the_geometry_is_not_offset_from_itself_and_is_the_baseline_of_every_distance(found: Reproduction) -> None:
     table = found.tables["agreement"]
     alone = table["estimator"] == "geometry"
-    for axis in "xyz":
-        assert table[f"held_back_{axis}"][alone] == pytest.approx(table[f"residual_{axis}"][alone], rel=1e-9)
     assert np.abs(table["offset_x_m"][alone]).max() < 1e-12
+    distances = [claim for claim in found.claims if "path" in claim.key or "standing" in claim.key]
+    assert len(distances) == 2 * len(table_real_walks.GROUPS) + 2
+    for claim in distances:
+        assert claim.comparator == "geometry"
+        assert claim.interval is not None
+        assert claim.interval[0] <= claim.ours <= claim.interval[1]
 
 
-def test_what_was_fused_fits_better_than_what_was_held_back(found: Reproduction) -> None:
-    table = found.tables["agreement"]
-    fused = np.isin(table["estimator"], ["complementary", "rts", "smoother"])
-    assert (table["residual_x"][fused] < table["held_back_x"][fused]).all()
+def test_a_ratio_of_paired_people_is_certain_where_all_agree_and_not_where_one_decides() -> None:
+    ratio, (low, high) = table_real_walks.paired_ratio([1.0, 4.0, 9.0], [4.0, 16.0, 36.0])
+    assert ratio == low == high == pytest.approx(0.5)
+    ratio, (low, high) = table_real_walks.paired_ratio([1.0, 1.0, 100.0], [4.0, 4.0, 4.0])
+    assert low == pytest.approx(0.5)
+    assert high == pytest.approx(5.0)
+    assert ratio == pytest.approx(np.sqrt(102 / 12))
+
+
+@pytest.mark.parametrize("person", CHILDREN)
+def test_the_standing_truth_is_the_distance_that_the_geometry_has_from_the_pressure(gait: Path, person: str) -> None:
+    """Two computations: the plates' own moments in the body's axes, and the check of the estimators in the world's."""
+    folder = gait / "biomechzoo-sample-study" / person
+    truth = table_real_walks._table_error_m(folder)
+    still = table_real_walks._standing_distance_m(folder)["geometry"]
+    assert np.hypot(truth[0], truth[1]) == pytest.approx(still, abs=0.001)
+
+
+def test_the_mass_of_a_child_is_what_the_plates_carry(gait: Path) -> None:
+    folder = gait / "biomechzoo-sample-study" / "HC030A"
+    (path,) = folder.glob("Static*.c3d")
+    carried = sum(plate.force_n[:, 2] for plate in read_recording(path).plates)
+    mass_kg = table_real_walks._standing_mass_kg(folder)
+    assert mass_kg == pytest.approx(np.median(carried) / 9.81, rel=0.005)
+    assert table_real_walks._standing_mass_kg(gait / "rehazenter-adult-walking" / "2014001") is None
 
 
 def test_who_stands_still_stands_over_the_centre_of_pressure(found: Reproduction) -> None:

@@ -80,8 +80,9 @@ class PlateErrors:
 class PathError:
     """Mean squares along the walk, lateral and vertical: distance from the force path, and the covariance penalty.
 
-    ``coverage_95`` is the share of samples whose distance lies within the 95 % band of the stated errors of estimate
-    and path together, by one draw of the latter.
+    ``coverage_95`` is the share of samples whose distance lies within the 95 % band of the errors of estimate and path
+    together: what one draw of the plates' errors does to the distance, and the stated variance of the estimate beyond
+    what the draw does to it.
     """
 
     distance_m2: PerAxis
@@ -132,8 +133,8 @@ def path_error(
     d_com, d_minus_path = ((moved[0][k] - moved[1][k]) / 2 @ turn.T for k in (0, 1))
     distance = (com + minus_path) @ turn.T
     penalty_m2 = -np.mean(d_com * d_minus_path, axis=0)
-    of_path_m2 = np.mean(d_minus_path**2, axis=0) - 2.0 * penalty_m2
-    variance_m2 = np.maximum(sd_m**2 @ (turn**2).T + of_path_m2, 1e-12)
+    own_m2 = np.maximum(sd_m**2 @ (turn**2).T - np.mean(d_com**2, axis=0), 0.0)
+    variance_m2 = np.maximum(own_m2 + np.mean((d_com + d_minus_path) ** 2, axis=0), 1e-12)
     return PathError(
         distance_m2=np.mean(distance**2, axis=0),
         penalty_m2=penalty_m2,

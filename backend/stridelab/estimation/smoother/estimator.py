@@ -25,9 +25,10 @@ from stridelab.estimation.smoother.measurements import (
 )
 from stridelab.estimation.smoother.noise_levels import (
     SmootherPriors,
+    is_airborne,
     is_explained,
-    is_walk,
     learn_sizes,
+    moves_ahead,
     sizes_of,
     with_segments,
 )
@@ -40,10 +41,10 @@ from stridelab.recordings.recording import WrenchTrack
 class Smoother:
     """Fixed-interval smoother; ``priors`` are the sizes of the input errors, that of the table is in the geometry.
 
-    ``learn`` estimates the noise levels from the recording (``noise_levels``). In walking it also decides whether the
-    angular momentum of the segments as point masses is used, by the likelihood of the recording with and without it;
-    ``segment_momentum`` uses it always. ``beyond_window`` returns the whole gap-free stretch of geometry around the
-    window instead of the window alone.
+    ``learn`` estimates the noise levels from the recording (``noise_levels``). In walking and running it also decides
+    whether the angular momentum of the segments as point masses is used, by the likelihood of the recording with and
+    without it; ``segment_momentum`` uses it always. ``beyond_window`` returns the whole gap-free stretch of geometry
+    around the window instead of the window alone.
     """
 
     name: ClassVar[str] = "smoother"
@@ -73,7 +74,7 @@ class Smoother:
             walk = replace(walk, seen=seen & ~wrench.withheld[used])
         sizes, data = self._model(sizes, walk, geometric, used, mass_kg)
         space = state_space(sizes, rate_hz)
-        gain_sets = compute_gains(space, data.seen, data.phi)
+        gain_sets = compute_gains(space, data)
         forward = filter_forward(space, data, gain_sets)
         mean, covariance = smooth_backward(gain_sets, forward, 2)
         c, v = (mean[:, :, i] @ walk.frame for i in (0, 1))
@@ -117,15 +118,16 @@ class Smoother:
                 "segments-missing",
                 "The angular momentum of the segments needs all segments at all times, and some are hidden.",
             )
-        wanted = self.segment_momentum or (self.learn and is_walk(walk, mass_kg))
+        wanted = self.segment_momentum or (self.learn and moves_ahead(walk))
         if rate_nm is None or not known or not wanted:
             return (learn_sizes(sizes, data, walk.rate_hz) if self.learn else sizes), data
         segments_m = moment_in_metres(rate_nm[used] @ walk.frame.T, mass_kg * GRAVITY_M_S2)
-        rest, less = with_segments(sizes, data, segments_m)
+        runs = is_airborne(walk, mass_kg)
+        rest, less = with_segments(sizes, data, segments_m, runs=runs)
         if not self.learn:
             return rest, less
         learned = learn_sizes(rest, less, walk.rate_hz)
-        if self.segment_momentum or is_explained(rest, learned, less, data, walk.rate_hz):
+        if self.segment_momentum or is_explained(rest, learned, less, data, walk.rate_hz, runs=runs):
             return learned, less
         return learn_sizes(sizes, data, walk.rate_hz), data
 

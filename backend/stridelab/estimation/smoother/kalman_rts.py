@@ -49,6 +49,7 @@ Table = Float[np.ndarray, "g a 10 10"]
 class Signals:
     """Data per axis of the walking frame, metres: y1, y2 (0 where not measured), and the acceleration from k to k + 1.
 
+    ``bridged`` marks the steps, from k to k + 1, in a short gap of the force: there the acceleration is interpolated.
     ``phi`` and ``sway`` are the noise-free vertical and horizontal force over the weight (``state_space``);
     ``segments_m`` is the rate of the segments' angular momentum over the weight, zeros where it is not used;
     ``velocity_m_s`` is the initial velocity of the filter.
@@ -58,6 +59,7 @@ class Signals:
     moment_m: Float[np.ndarray, "n axes"]
     acceleration_m_s2: Float[np.ndarray, "n axes"]
     seen: Mask
+    bridged: Mask
     phi: Series
     sway: Float[np.ndarray, "n axes"]
     segments_m: Float[np.ndarray, "n axes"]
@@ -126,15 +128,18 @@ class ForwardPass:
     rest: "Rest"
 
 
-def regimes_of(seen: Mask) -> Int[np.ndarray, "n"]:
-    """Regime per sample; 0: force measured here and at the next sample, 1: here only, 2: not measured."""
-    follows = np.append(seen[1:], False)
-    return np.where(seen, np.where(follows, 0, 1), 2)
+def regimes_of(signals: Signals) -> Int[np.ndarray, "n"]:
+    """Regime per sample; 0: force measured here and at the next sample, 1: here only, 2: not measured.
+
+    3 and 4 are 1 and 2 with the acceleration of the step interpolated.
+    """
+    follows = np.append(signals.seen[1:], False)
+    return np.asarray(np.where(signals.seen, np.where(follows, 0, 1), 2) + 2 * signals.bridged)
 
 
-def compute_gains(space: StateSpace, seen: Mask, phi: Series, settling: float = SETTLED) -> Gains:
+def compute_gains(space: StateSpace, signals: Signals, settling: float = SETTLED) -> Gains:
     """Riccati recursion over all samples; samples of equal regime and phi share a gain once it has converged."""
-    regime, n = regimes_of(seen), len(seen)
+    regime, phi, n = regimes_of(signals), signals.phi, len(signals)
     use = np.empty(n, dtype=np.int64)
     predicted, loops, gain_list, observed, weights = [], [], [], [], []
     p = space.start_covariance
@@ -183,9 +188,9 @@ def filter_forward(space: StateSpace, signals: Signals, gain_sets: Gains) -> For
     n, models = len(signals), len(space.turned)
     axis = np.arange(models) % signals.geometry_m.shape[1]
     inputs = np.zeros((n, models, STATES, COLUMNS))
-    going_on = regimes_of(signals.seen) == 0
-    inputs[going_on, :, :, 0] = signals.acceleration_m_s2[going_on][:, axis, None] * space.drive
-    inputs[going_on, :, :, 1 + ACCELERATION] = -space.drive
+    driven = (regimes_of(signals) == 0) | signals.bridged
+    inputs[driven, :, :, 0] = signals.acceleration_m_s2[driven][:, axis, None] * space.drive
+    inputs[driven, :, :, 1 + ACCELERATION] = -space.drive
     measured = np.zeros((n, models, MEASURED, COLUMNS))
     measured[:, :, 0, 0], measured[:, :, 1, 0] = signals.geometry_m[:, axis], signals.moment_m[:, axis]
     measured[:, :, 0, 1 + TABLE] = -1.0

@@ -34,6 +34,11 @@ from stridelab.recordings.recording import Remark
 REFERENCE_BAND_HZ = 4.0
 STEP_RANGE_HZ = (0.8, 5.0)
 AIRBORNE_N = 50.0
+BRIDGE_S = 0.2
+"""Longest gap of the force over which its acceleration is interpolated: a flight in running is shorter."""
+BESIDE, CALM_SHARE = 3, 0.25
+"""Samples beside a gap that show whether the body is in flight there; change of the vertical force over the weight from
+one sample to the next, at the calmer end, up to which the force is known at the end."""
 WALKS_M_S = 0.1
 END_S, FULL_SWING = 0.3, 0.6
 
@@ -82,6 +87,10 @@ def smoother_signals(walk: Walk, mass_kg: float) -> Signals:
     phi = supported_share(walk, smooth, weight)
     y2 = moment_in_metres(reduced, weight) + phi[:, None] * reference
     a = com_acceleration(walk.force_n, mass_kg)
+    bridged = short_gaps(walk, weight)
+    at, known = np.arange(len(a)), np.flatnonzero(walk.seen)
+    for axis in range(3):
+        a[:, axis] = np.interp(at, known, a[known, axis])
     trapezoid = np.concatenate([(a[:-1] + a[1:]) / 2, np.zeros((1, 3))])
     y2 = np.where(walk.seen[:, None], y2, 0.0)
     return Signals(
@@ -89,11 +98,29 @@ def smoother_signals(walk: Walk, mass_kg: float) -> Signals:
         moment_m=y2,
         acceleration_m_s2=trapezoid,
         seen=walk.seen,
+        bridged=bridged,
         phi=phi,
         sway=smooth / weight * walk.seen[:, None],
         segments_m=np.zeros_like(y2),
         velocity_m_s=walk.velocity_m_s,
     )
+
+
+def short_gaps(walk: Walk, weight_n: float) -> Mask:
+    """Steps, from a sample to the next, in gaps of the force of at most ``BRIDGE_S`` between two samples with force.
+
+    Not between two flights, since the contact between them is not like its ends, and not where the force changes fast
+    on both sides, so that it is not known at the ends.
+    """
+    seen, vertical_n = walk.seen, walk.force_n[:, 2]
+    bridged = np.zeros(len(seen), dtype=np.bool_)
+    for i, j in true_runs(~seen):
+        if i > 0 and j < len(seen) and j - i <= BRIDGE_S * walk.rate_hz:
+            sides = vertical_n[max(0, i - BESIDE) : i][::-1], vertical_n[j : j + BESIDE]
+            loaded = all(side.max() > AIRBORNE_N for side in sides)
+            calm = min(abs(side[0] - side[1]) if len(side) > 1 else np.inf for side in sides) < CALM_SHARE * weight_n
+            bridged[i - 1 : j] = loaded and calm
+    return bridged
 
 
 def moment_in_metres(moment_nm: Points, weight_n: float) -> Points:

@@ -54,7 +54,9 @@ class Sizes:
     ``marker_m``, ``moment_m`` and ``acceleration_m_s2`` are the noise of y1, y2 and of the driving acceleration,
     high-passed at ``marker_corner_hz`` and ``plate_corner_hz`` (0: white). ``swing_m_s`` and ``overtone_m_s`` are L
     over weight at ``swing_hz`` and ``overtone_hz``. ``bias`` holds the five constants. ``turned`` marks the axes
-    that have a y2. ``ends`` is the share of the swing at the first and after the last sample: 1 in mid-walk, 0 at rest.
+    that have a y2. ``beyond_m_s2`` is the acceleration where no force is measured, ``bridged_m_s2`` its error where it
+    is interpolated over a short gap, both with correlation time ``beyond_s``. ``ends`` is the share of the swing at the
+    first and after the last sample: 1 in mid-walk, 0 at rest.
     """
 
     turned: Bool[np.ndarray, "a"]
@@ -73,6 +75,7 @@ class Sizes:
     bias: Float[np.ndarray, "a 5"]
     beyond_m_s2: PerModel
     beyond_s: PerModel
+    bridged_m_s2: PerModel
     height_m: float
     ends: tuple[float, float] = (1.0, 1.0)
 
@@ -105,7 +108,7 @@ class StateSpace:
     """
 
     turned: Bool[np.ndarray, "a"]
-    regimes: tuple[Regime, Regime, Regime]
+    regimes: tuple[Regime, Regime, Regime, Regime, Regime]
     start_covariance: Matrices
     constant_sd: Float[np.ndarray, "a 5"]
     lever_s2: float
@@ -162,6 +165,8 @@ def state_space(sizes: Sizes, rate_hz: float) -> StateSpace:
     without[:, Q, Q] += ((1 - plate_pole) * white_force) ** 2
     unseen = without.copy()
     unseen[:, R, R] += ((1 - plate_pole) * white_moment) ** 2
+    bridged = (sizes.bridged_m_s2**2 - sizes.beyond_m_s2**2) * sizes.beyond_s / dt
+    bridge = bridged[:, None, None] * np.outer(drive, drive)
 
     feed = np.zeros((models, STATES, MEASURED))
     feed[:, P, 0] = 1 - marker_pole
@@ -176,6 +181,8 @@ def state_space(sizes: Sizes, rate_hz: float) -> StateSpace:
             Regime(driven, with_force, fed_moment, noise_seen),
             Regime(a, without, fed_moment, noise_seen),
             Regime(a, unseen, feed, noise),
+            Regime(a, without + bridge, fed_moment, noise_seen),
+            Regime(a, unseen + bridge, feed, noise),
         ),
         start_covariance=start,
         constant_sd=sizes.bias,
