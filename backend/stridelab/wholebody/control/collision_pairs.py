@@ -13,7 +13,7 @@ at most ``sum_j l_jk |dq_j|`` over the joints that move one shape and not the ot
 the world; its rotation counts like that of a joint, its translation with lever 1.
 """
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import Literal, NamedTuple
 
 import coal
@@ -102,10 +102,10 @@ class CollisionPairs:
     """
 
     def __init__(self, robot: Robot, terrain: Terrain, acts_m: float, shrunk: float) -> None:
-        self._geometry = pin.GeometryModel(robot.collision)
-        pairs = [(pair.first, pair.second) for pair in robot.collision.collisionPairs]
-        kinds = [_pair_kind(robot, pair) for pair in robot.collision.collisionPairs]
-        shapes = len(robot.collision.geometryObjects)
+        self._geometry = pin.GeometryModel(robot.full_collision)
+        pairs = [(pair.first, pair.second) for pair in robot.full_collision.collisionPairs]
+        kinds = [_pair_kind(robot, pair) for pair in robot.full_collision.collisionPairs]
+        shapes = len(robot.full_collision.geometryObjects)
         shanks = [k for k in range(shapes) if _above_ankle(robot, k)]
         for box in terrain.boxes:
             number = self._geometry.addGeometryObject(_box_object(box))
@@ -119,7 +119,7 @@ class CollisionPairs:
         self._shape_pairs = np.array(pairs).reshape(-1, 2)
         self._spheres = [_bounding_sphere(part) for part in parts]
         self._radius_m = np.array([radius for _, radius in self._spheres])
-        joints = np.array([part.parentJoint for part in parts])[self._shape_pairs]
+        joints = self._joints = np.array([part.parentJoint for part in parts])[self._shape_pairs]
         self.sign, self.reach_m = PairLevers.of_pairs(robot.model, joints, self._shape_pairs, self._spheres)
         self._results = self._geometry.createData()
         self._distances = list(self._results.distanceResults)  # references, updated in place
@@ -129,6 +129,11 @@ class CollisionPairs:
         self._lower_bound_m = np.full(len(pairs), -np.inf)
         self._joint_travel = np.zeros(robot.model.nv)
         self._q: Float[np.ndarray, "nq"] | None = None
+
+    def sides_of(self, joints: Collection[int]) -> Float[np.ndarray, "n"]:
+        """1 or -1 for pairs of which only the first or only the second shape belongs to one of ``joints``, else 0."""
+        first, second = np.isin(self._joints, list(joints)).T
+        return first.astype(float) - second.astype(float)
 
     def update_placements(self, body: RigidBody) -> None:
         """Update the placements of all shapes to the state of ``body``."""
@@ -186,7 +191,7 @@ class CollisionPairs:
 
 
 def _joint_group(robot: Robot, shape: int) -> str:
-    part = robot.collision.geometryObjects[shape]
+    part = robot.full_collision.geometryObjects[shape]
     return robot.group.get(str(robot.model.names[part.parentJoint]), "")
 
 
@@ -196,7 +201,7 @@ def _pair_kind(robot: Robot, pair: pin.CollisionPair) -> Kind:
 
 def _above_ankle(robot: Robot, shape: int) -> bool:
     """Whether a shape belongs to a leg above the ankle; shapes below it are always near the ground."""
-    joint = str(robot.model.names[robot.collision.geometryObjects[shape].parentJoint])
+    joint = str(robot.model.names[robot.full_collision.geometryObjects[shape].parentJoint])
     ankles = {name for effector in robot.effectors.values() for name in effector.ankle or ()}
     return robot.group.get(joint) == "leg" and joint not in ankles
 

@@ -1,0 +1,112 @@
+"""Detours of a swinging sole: around the other leg and edges of the terrain, and tilts that relieve its ankle.
+
+The curve of a sole (``contacts.swing``) knows soles and boxes, but neither shanks nor joints. While foot or shank come
+close to another part of the body or to a box, or the ankle to an end of its range, a push ``p`` moves the target of
+the sole by ``w(u) o``, with
+
+    o'' = p - 2 sqrt(k) o' - k o ,      w = s((u - u_0) / (u_1 - u_0)) (1 - s((u - u_2) / (u_3 - u_2))) ,
+
+the quintic s of the curve and the share u of the swing. ``o`` stacks a translation (m) and a rotation vector (rad) in
+world axes. The detour returns slowly (``k``) where nothing pushes, and w closes it with zero velocity and acceleration
+before the sole lands. Without a push the curve is unchanged.
+
+The translation is pushed by the collision avoidance, the rotation by the ankle: with the axis a and the distance d of
+a joint from the end of its range, ``p = k_a max(0, d_a - d) a`` turns the sole away from that end.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Final
+
+import numpy as np
+import pinocchio as pin
+from jaxtyping import Float
+
+from stridelab.contacts.swing import SwingCurve, SwingPoint, quintic_scaling
+from stridelab.dynamics.spatial import Placement
+from stridelab.robots.robot import Robot
+from stridelab.wholebody.control.joint_limits import JointLimits
+from stridelab.wholebody.control.rigid_body import RigidBody
+
+Offset = Float[np.ndarray, "6"]
+OPENS: Final = (0.0, 0.25)
+CLOSES: Final = (0.65, 0.96)
+"""Shares of the swing during which a detour becomes possible, and ends."""
+STIFFNESS_S2: Final = 30.0
+MAX_DETOUR_M: Final = 0.10
+MAX_TILT_RAD: Final = 0.6
+"""Largest detour and tilt; pushes beyond them are ignored."""
+ANKLE_ACTS_RAD: Final = 0.15
+"""Distance of an ankle joint from the end of its range at which the sole begins to tilt."""
+ANKLE_STIFFNESS_S2: Final = 200.0
+
+
+@dataclass
+class SwingDetour:
+    """Detour of one swing, integrated sample by sample with ``dt_s``."""
+
+    curve: SwingCurve
+    dt_s: float
+    offset: Offset = field(default_factory=lambda: np.zeros(6))
+    rate: Offset = field(default_factory=lambda: np.zeros(6))
+
+    def next_state(self, time_s: float, push: Callable[[], Offset]) -> SwingPoint:
+        """State of the sole's target at ``time_s``; advances the detour by one sample."""
+        t = time_s - self.curve.starts_s
+        target = self.curve.state_at(t)
+        if t >= CLOSES[1] * self.curve.duration_s:
+            return target
+        o, v, p = self.offset, self.rate, push()
+        if not (p.any() or o.any()):
+            return target
+        for part, most in ((slice(0, 3), MAX_DETOUR_M), (slice(3, 6), MAX_TILT_RAD)):
+            if float(np.linalg.norm(o[part])) > most and float(p[part] @ o[part]) > 0.0:
+                p[part] = 0.0
+        a = p - 2.0 * math.sqrt(STIFFNESS_S2) * v - STIFFNESS_S2 * o
+        w, w_v, w_a = _window(t, self.curve.duration_s)
+        self.offset = o + self.dt_s * v + 0.5 * self.dt_s**2 * a
+        self.rate = v + self.dt_s * a
+        x, x_v, x_a = w * o, w * v + w_v * o, w * a + 2.0 * w_v * v + w_a * o
+        place = target.placement
+        return replace(
+            target,
+            placement=Placement(place.position_m + x[:3], pin.exp3(x[3:]) @ place.rotation),
+            velocity_m_s=target.velocity_m_s + x_v[:3],
+            acceleration_m_s2=target.acceleration_m_s2 + x_a[:3],
+            angular_velocity_rad_s=target.angular_velocity_rad_s + x_v[3:],
+            angular_acceleration_rad_s2=target.angular_acceleration_rad_s2 + x_a[3:],
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class AnkleRelief:
+    """The push of one sole's ankle joints, at ``columns`` of the velocity, within ``limits``."""
+
+    columns: tuple[int, ...]
+    limits: JointLimits
+
+    @staticmethod
+    def of_sole(robot: Robot, effector: str, limits: JointLimits) -> "AnkleRelief":
+        """The ankle of a sole; without effect for a robot whose card names none."""
+        names = robot.effectors[effector].ankle or ()
+        return AnkleRelief(tuple(6 + robot.joint_names.index(name) for name in names), limits)
+
+    def push_rad_s2(self, body: RigidBody, effector: str) -> Float[np.ndarray, "3"]:
+        """Angular acceleration that turns the sole away from the ends of the ankle's range."""
+        push = np.zeros(3)
+        for column in self.columns:
+            angle = float(body.q[column + 1])
+            below = ANKLE_ACTS_RAD - (angle - float(self.limits.lower_rad[column - 6]))
+            above = ANKLE_ACTS_RAD - (float(self.limits.upper_rad[column - 6]) - angle)
+            pushed = max(0.0, below) - max(0.0, above)
+            if pushed != 0.0:
+                push += ANKLE_STIFFNESS_S2 * pushed * body.frame_state(effector).J[3:, column]
+        return push
+
+
+def _window(t_s: float, duration_s: float) -> tuple[float, float, float]:
+    """``w`` and its first two time derivatives."""
+    up, up_v, up_a = quintic_scaling(t_s, OPENS, duration_s)
+    down, down_v, down_a = quintic_scaling(t_s, CLOSES, duration_s)
+    return up * (1.0 - down), up_v * (1.0 - down) - up * down_v, up_a * (1.0 - down) - 2.0 * up_v * down_v - up * down_a
