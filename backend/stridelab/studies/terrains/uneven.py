@@ -42,7 +42,10 @@ def ramp(draw: Draw, bounds: Bounds) -> Scenario:
 def spiral(draw: Draw, bounds: Bounds) -> Scenario:
     """Up a spiral stair that turns to the left, both feet on every tread."""
     walker, height_m = bounds.walker, draw.number(bounds.stair_height_m)
-    radius_m, depth_m, gap_m = draw.number((1.1, 1.8)), draw.number(bounds.stair_depth_m), draw.number((0.05, 0.06))
+    radius_m, depth_m, gap_m = draw.number((1.2, 1.8)), draw.number(bounds.stair_depth_m), draw.number((0.05, 0.06))
+    # treads narrow towards the axis: the inner foot needs the room that the riser's turn takes from it
+    inner_m = (walker.foot_y_m + bounds.half_size_m[1]) * depth_m / radius_m
+    depth_m, gap_m = depth_m + inner_m, gap_m + inner_m
     number, angle = draw.integer(2, 4), depth_m / radius_m
     steps = Steps.from_pose(walker, draw.timing(bounds.careful_s, bounds.rest_s), Pose(0.0, 0.0))
     boxes = []

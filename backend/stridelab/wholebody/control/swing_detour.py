@@ -40,6 +40,8 @@ MAX_TILT_RAD: Final = 0.6
 ANKLE_ACTS_RAD: Final = 0.15
 """Distance of an ankle joint from the end of its range at which the sole begins to tilt."""
 ANKLE_STIFFNESS_S2: Final = 200.0
+SHOE_SHARE: Final = 1.25
+"""Length of a shoe before and behind the middle of its sole, as a share of half the contact rectangle."""
 
 
 @dataclass
@@ -81,27 +83,33 @@ class SwingDetour:
 
 @dataclass(frozen=True, eq=False)
 class AnkleRelief:
-    """The push of one sole's ankle joints, at ``columns`` of the velocity, within ``limits``."""
+    """The push of one sole's ankle joints, at ``columns`` of the velocity, within ``limits``.
+
+    A sole that tilts rises by ``lever_m`` times its tilt, so that its toe and heel do not come lower.
+    """
 
     columns: tuple[int, ...]
     limits: JointLimits
+    lever_m: float
 
     @staticmethod
     def of_sole(robot: Robot, effector: str, limits: JointLimits) -> "AnkleRelief":
         """The ankle of a sole; without effect for a robot whose card names none."""
-        names = robot.effectors[effector].ankle or ()
-        return AnkleRelief(tuple(6 + robot.joint_names.index(name) for name in names), limits)
+        sole = robot.effectors[effector]
+        columns = tuple(6 + robot.joint_names.index(name) for name in sole.ankle or ())
+        return AnkleRelief(columns, limits, SHOE_SHARE * (sole.contact_half_size_m or (0.0, 0.0))[0])
 
-    def push_rad_s2(self, body: RigidBody, effector: str) -> Float[np.ndarray, "3"]:
-        """Angular acceleration that turns the sole away from the ends of the ankle's range."""
-        push = np.zeros(3)
+    def push(self, body: RigidBody, effector: str) -> Offset:
+        """Acceleration of the offset that turns the sole away from the ends of the ankle's range, and raises it."""
+        push = np.zeros(6)
         for column in self.columns:
             angle = float(body.q[column + 1])
             below = ANKLE_ACTS_RAD - (angle - float(self.limits.lower_rad[column - 6]))
             above = ANKLE_ACTS_RAD - (float(self.limits.upper_rad[column - 6]) - angle)
-            pushed = max(0.0, below) - max(0.0, above)
+            pushed = ANKLE_STIFFNESS_S2 * (max(0.0, below) - max(0.0, above))
             if pushed != 0.0:
-                push += ANKLE_STIFFNESS_S2 * pushed * body.frame_state(effector).J[3:, column]
+                push[2] += self.lever_m * abs(pushed)
+                push[3:] += pushed * body.frame_state(effector).J[3:, column]
         return push
 
 

@@ -28,7 +28,7 @@ from stridelab.wholebody.control.collision_avoidance import AvoidanceSettings, C
 from stridelab.wholebody.control.hierarchical_qp import Inequalities, Rows
 from stridelab.wholebody.control.joint_limits import JointLimits
 from stridelab.wholebody.control.rigid_body import RigidBody
-from stridelab.wholebody.control.swing_detour import AnkleRelief, SwingDetour
+from stridelab.wholebody.control.swing_detour import AnkleRelief, Offset, SwingDetour
 from stridelab.wholebody.control.tasks import Gain, force_jacobian, friction_pyramid
 
 FIRM, MIDDLE, GENTLE = (Gain.critically_damped(kp) for kp in (400.0, 60.0, 30.0))
@@ -199,10 +199,14 @@ class PhaseHierarchy:
         avoidance = self._avoidance
         if avoidance is None or not self._surface[name]:
             return curve.state_at(time_s - curve.starts_s)
-        turn = self._reliefs[name].push_rad_s2
-        return self._detours[name].next_state(
-            time_s, lambda: np.concatenate([avoidance.push_m_s2(name), turn(self._body, name)])
-        )
+        relief = self._reliefs[name]
+
+        def push() -> Offset:
+            pushed = relief.push(self._body, name)
+            pushed[:3] += avoidance.push_m_s2(name)
+            return pushed
+
+        return self._detours[name].next_state(time_s, push)
 
     def _level_2(self, instant: SampleTargets) -> Rows:
         body, s = self._body, self._settings
