@@ -16,7 +16,7 @@ Foot and shank of a swinging leg follow the curve of their sole, which the tasks
 away moves the target of the sole instead (``push_m_s2``, ``swing_detour``).
 
 For a pair that is near in the reference posture, such as upper arm and chest, both distances are reduced: ``d_a`` to
-half of its distance there, ``d_s`` in proportion.
+half of its distance there, ``d_s`` in proportion, and ``k_p`` and ``k_d`` are raised.
 """
 
 from dataclasses import dataclass
@@ -41,8 +41,9 @@ LOWER_LEG_JOINTS = 3
 class AvoidanceSettings:
     """Parameters: ``apart_m`` is d_s, ``acts_m`` d_a; pairs within ``near_m`` are monitored, ``most`` per kind act.
 
-    ``shrunk`` limits d_a to this share of a pair's distance in the reference posture. All pairs are searched every
-    ``every`` samples; the monitored ones are evaluated at every sample.
+    ``shrunk`` limits d_a to this share of a pair's distance in the reference posture; k_p rises in proportion, k_d with
+    its root, by at most ``firmest``, so that the same acceleration separates the pair where it touches. All pairs are
+    searched every ``every`` samples; the monitored ones are evaluated at every sample.
     """
 
     apart_m: float = 0.03
@@ -54,6 +55,7 @@ class AvoidanceSettings:
     every: int = 20
     most: int = 8
     shrunk: float = 0.5
+    firmest: float = 8.0
 
 
 class CollisionAvoidance:
@@ -87,7 +89,8 @@ class CollisionAvoidance:
         apart_m, acts_m = scale * settings.apart_m, scale * settings.acts_m
         self._nearness = np.minimum(1.0, (acts_m - d) / (acts_m - apart_m))
         approach_m_s = np.maximum(0.0, -(self._J @ body.v))
-        self._b = settings.kp * np.maximum(0.0, apart_m - d) + settings.kd * approach_m_s
+        firm = np.minimum(1.0 / scale, settings.firmest)
+        self._b = settings.kp * firm * np.maximum(0.0, apart_m - d) + settings.kd * np.sqrt(firm) * approach_m_s
 
     def task_rows(self) -> tuple[Rows, Angles]:
         """Task rows of the active pairs, and their weights; valid after ``update``."""

@@ -4,14 +4,16 @@ The curve of a sole (``contacts.swing``) knows soles and boxes, but neither shan
 close to another part of the body or to a box, or the ankle to an end of its range, a push ``p`` moves the target of
 the sole by ``w(u) o``, with
 
-    o'' = p - 2 sqrt(k) o' - k o ,      w = s((u - u_0) / (u_1 - u_0)) (1 - s((u - u_2) / (u_3 - u_2))) ,
+    o'' = p - 2 sqrt(k) o' - k o ,      w = 1 - s((u - u_1) / (u_2 - u_1)) ,
 
 the quintic s of the curve and the share u of the swing. ``o`` stacks a translation (m) and a rotation vector (rad) in
 world axes. The detour returns slowly (``k``) where nothing pushes, and w closes it with zero velocity and acceleration
 before the sole lands. Without a push the curve is unchanged.
 
 The translation is pushed by the collision avoidance, the rotation by the ankle: with the axis a and the distance d of
-a joint from the end of its range, ``p = k_a max(0, d_a - d) a`` turns the sole away from that end.
+a joint from the end of its range, ``p = k_a max(0, d_a - d - T d') a`` turns the sole away from that end, as a heel that
+leaves the ground first does. A joint that meets its bound while the sole keeps its orientation would take torques,
+arms and CoM with it, since the sole is a task above them.
 """
 
 import math
@@ -30,15 +32,16 @@ from stridelab.wholebody.control.joint_limits import JointLimits
 from stridelab.wholebody.control.rigid_body import RigidBody
 
 Offset = Float[np.ndarray, "6"]
-OPENS: Final = (0.0, 0.25)
 CLOSES: Final = (0.65, 0.96)
-"""Shares of the swing during which a detour becomes possible, and ends."""
+"""Shares of the swing during which a detour ends."""
 STIFFNESS_S2: Final = 30.0
 MAX_DETOUR_M: Final = 0.10
 MAX_TILT_RAD: Final = 0.6
 """Largest detour and tilt; pushes beyond them are ignored."""
-ANKLE_ACTS_RAD: Final = 0.15
+ANKLE_ACTS_RAD: Final = 0.2
 """Distance of an ankle joint from the end of its range at which the sole begins to tilt."""
+ANKLE_AHEAD_S: Final = 0.1
+"""Time by which the distance is predicted."""
 ANKLE_STIFFNESS_S2: Final = 200.0
 SHOE_SHARE: Final = 1.25
 """Length of a shoe before and behind the middle of its sole, as a share of half the contact rectangle."""
@@ -103,7 +106,7 @@ class AnkleRelief:
         """Acceleration of the offset that turns the sole away from the ends of the ankle's range, and raises it."""
         push = np.zeros(6)
         for column in self.columns:
-            angle = float(body.q[column + 1])
+            angle = float(body.q[column + 1] + ANKLE_AHEAD_S * body.v[column])
             below = ANKLE_ACTS_RAD - (angle - float(self.limits.lower_rad[column - 6]))
             above = ANKLE_ACTS_RAD - (float(self.limits.upper_rad[column - 6]) - angle)
             pushed = ANKLE_STIFFNESS_S2 * (max(0.0, below) - max(0.0, above))
@@ -115,6 +118,5 @@ class AnkleRelief:
 
 def _window(t_s: float, duration_s: float) -> tuple[float, float, float]:
     """``w`` and its first two time derivatives."""
-    up, up_v, up_a = quintic_scaling(t_s, OPENS, duration_s)
-    down, down_v, down_a = quintic_scaling(t_s, CLOSES, duration_s)
-    return up * (1.0 - down), up_v * (1.0 - down) - up * down_v, up_a * (1.0 - down) - 2.0 * up_v * down_v - up * down_a
+    s, s_v, s_a = quintic_scaling(t_s, CLOSES, duration_s)
+    return 1.0 - s, -s_v, -s_a

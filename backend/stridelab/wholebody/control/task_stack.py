@@ -54,7 +54,7 @@ class Settings:
     momentum_weight: float = 0.05
     base_weight: float = 2.0
     posture_weight: Mapping[str, float] | None = None
-    free_arm: float = 2.0
+    free_arm: float = 4.0
     force_weight: float = 1e-3
     hand_weight: float = 0.3
     contact_margin_m: float = 0.01
