@@ -106,5 +106,3 @@ def _walk(steps: Steps, moves: list[tuple[float, float]], first: str) -> None:
         steps.move_foot(name, pose)
         name = "left_foot" if name == "right_foot" else "right_foot"
     steps.move_foot(name, pose)
-
-

@@ -130,5 +130,3 @@ def _mirrored_surface(given: dict[str, Any]) -> dict[str, Any]:
 def _mirrored_turn(wxyz: list[float]) -> list[float]:
     w, x, y, z = wxyz
     return [w, -x + 0.0, y, -z + 0.0]
-
-

@@ -16,16 +16,15 @@ the world; its rotation counts like that of a joint, its translation with lever 
 from collections.abc import Collection, Sequence
 from typing import Literal, NamedTuple
 
-import coal
 import numpy as np
 import pinocchio as pin
 from jaxtyping import Float, Int
 
 from stridelab.contacts.terrain import Box, Terrain
 from stridelab.conventions import Points, Vector3
-from stridelab.robots.contact_frames import to_se3
 from stridelab.robots.robot import Robot
 from stridelab.wholebody.control.rigid_body import RigidBody
+from stridelab.wholebody.effector_contact import terrain_shape
 
 Sphere = tuple[Vector3, float]
 
@@ -83,6 +82,9 @@ def _travel_m(model: pin.Model, joint: int) -> float:
 Kind = Literal["arm", "body", "terrain"]
 KINDS: tuple[Kind, ...] = ("arm", "body", "terrain")
 _SCALE_MIN = 0.02
+_ARM_SCALE = 0.5
+"""Distance scale of an arm and a surface: a hand on it brings the forearm near."""
+_WRIST_JOINTS = 3
 
 
 class PairDistances(NamedTuple):
@@ -105,12 +107,15 @@ class CollisionPairs:
         self._geometry = pin.GeometryModel(robot.full_collision)
         pairs = [(pair.first, pair.second) for pair in robot.full_collision.collisionPairs]
         kinds = [_pair_kind(robot, pair) for pair in robot.full_collision.collisionPairs]
-        shapes = len(robot.full_collision.geometryObjects)
+        shapes, self._body_pairs = len(robot.full_collision.geometryObjects), len(pairs)
         shanks = [k for k in range(shapes) if _above_ankle(robot, k)]
-        for box in terrain.boxes:
-            number = self._geometry.addGeometryObject(_box_object(box))
-            kinds += ["terrain"] * len(shanks)
-            pairs += [(k, number) for k in shanks]
+        arms = [k for k in range(shapes) if _above_wrist(robot, k)]
+        for surface in terrain.surfaces:
+            at, shape = terrain_shape(surface)
+            number = self._geometry.addGeometryObject(pin.GeometryObject(f"terrain {surface.name}", 0, 0, at, shape))
+            legs = shanks if isinstance(surface, Box) else []
+            kinds += ["terrain"] * len(legs) + ["arm"] * len(arms)
+            pairs += [(k, number) for k in (*legs, *arms)]
         self._geometry.removeAllCollisionPairs()
         for first, second in pairs:
             self._geometry.addCollisionPair(pin.CollisionPair(first, second))
@@ -180,14 +185,13 @@ class CollisionPairs:
         return float(self._distances[k].min_distance)
 
     def _distance_scales(self, robot: Robot, acts_m: float, shrunk: float) -> Float[np.ndarray, "n"]:
-        """Distance scales of the body's pairs from their distances in the reference posture; 1 for terrain pairs."""
+        """Distance scales of the body's pairs from their distances in the reference posture, and of terrain pairs."""
         pin.updateGeometryPlacements(
             robot.model, robot.model.createData(), self._geometry, self._results, robot.q_reference
         )
-        distances_m = [
-            acts_m / shrunk if kind == "terrain" else self._compute_distance(k) for k, kind in enumerate(self._kinds)
-        ]
-        return np.clip(shrunk * np.array(distances_m) / acts_m, _SCALE_MIN, 1.0)
+        distances_m = [self._compute_distance(k) for k in range(self._body_pairs)]
+        terrain = [1.0 if kind == "terrain" else _ARM_SCALE for kind in self._kinds[self._body_pairs :]]
+        return np.append(np.clip(shrunk * np.array(distances_m) / acts_m, _SCALE_MIN, 1.0), terrain)
 
 
 def _joint_group(robot: Robot, shape: int) -> str:
@@ -206,9 +210,13 @@ def _above_ankle(robot: Robot, shape: int) -> bool:
     return robot.group.get(joint) == "leg" and joint not in ankles
 
 
-def _box_object(box: Box) -> pin.GeometryObject:
-    shape = coal.Box(*(float(edge) for edge in box.size_m))
-    return pin.GeometryObject(f"terrain {box.name}", 0, 0, to_se3(box.placement), shape)
+def _above_wrist(robot: Robot, shape: int) -> bool:
+    """Whether a shape belongs to an arm above its last joints, which carry a hand to the surfaces that it touches."""
+    joint = robot.full_collision.geometryObjects[shape].parentJoint
+    hands = [one for one in robot.effectors.values() if one.kind == "point"]
+    ends = [robot.model.frames[robot.model.getFrameId(one.frame)].parentJoint for one in hands]
+    wrists = {j for end in ends for j in tuple(robot.model.supports[end])[-_WRIST_JOINTS:]}
+    return robot.group.get(str(robot.model.names[joint])) == "arm" and joint not in wrists
 
 
 def _bounding_sphere(part: pin.GeometryObject) -> Sphere:

@@ -11,8 +11,8 @@ world axes. The detour returns slowly (``k``) where nothing pushes, and w closes
 before the sole lands. Without a push the curve is unchanged.
 
 The translation is pushed by the collision avoidance, the rotation by the ankle: with the axis a and the distance d of
-a joint from the end of its range, ``p = k_a max(0, d_a - d - T d') a`` turns the sole away from that end, as a heel that
-leaves the ground first does. A joint that meets its bound while the sole keeps its orientation would take torques,
+a joint from the end of its range, ``p = k_a max(0, d_a - d - T d') a`` turns the sole away from that end, as a heel
+that leaves the ground first does. A joint that meets its bound while the sole keeps its orientation would take torques,
 arms and CoM with it, since the sole is a task above them.
 """
 

@@ -113,9 +113,7 @@ class PhaseHierarchy:
         self._limits = JointLimits.of_model(body.model).with_margins(
             settings.range_share, settings.joint_margin_rad, settings.velocity_share, settings.torque_share
         )
-        self._reliefs = {
-            name: AnkleRelief.of_sole(robot, name, self._limits) for name in swings if self._surface[name]
-        }
+        self._reliefs = {name: AnkleRelief.of_sole(robot, name, self._limits) for name in swings if self._surface[name]}
         self._rest = robot.q_reference[7:]
         self._posture_weights = settings.posture_weights(robot, self._surface)
         nv, na = body.model.nv, body.model.nv - 6
