@@ -175,7 +175,8 @@ class SwingCurve:
             return HAND_RETREAT_M * self.start.rotation[:, 2], HAND_RETREAT_M * self.end.rotation[:, 2]
         z_start, z_end = self.start.position_m[2], self.end.position_m[2]
         apex = max(z_start, z_end) + self.rise_m
-        return self.side_m + [0.0, 0.0, apex - z_start], self.side_m + [0.0, 0.0, apex - z_end]
+        up = np.array([0.0, 0.0, 1.0])
+        return self.side_m + (apex - z_start) * up, self.side_m + (apex - z_end) * up
 
     @cached_property
     def _travel(self) -> Vector3:
