@@ -76,14 +76,10 @@ def test_values_lie_within_the_bounds_of_the_page(robot: str) -> None:
 
 def test_an_arc_turns_by_the_same_angle_at_every_step() -> None:
     made = arc(Draw(np.random.default_rng(3)), BOUNDS["talos"])
-    yaws = []
-    for phase in made["phases"][::2]:
-        yaws.append(
-            {
-                c["effector"]: 2 * np.arctan2(c["orientation_wxyz"][3], c["orientation_wxyz"][0])
-                for c in phase["contacts"]
-            }
-        )
+    yaws = [
+        {c["effector"]: 2 * np.arctan2(c["orientation_wxyz"][3], c["orientation_wxyz"][0]) for c in phase["contacts"]}
+        for phase in made["phases"][::2]
+    ]
     first, second = yaws[1], yaws[2]
     turns = [after[name] - before[name] for before, after in ((yaws[0], first), (first, second)) for name in before]
     assert max(turns) > np.radians(BOUNDS["talos"].arc_deg[0])

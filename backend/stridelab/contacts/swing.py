@@ -22,6 +22,7 @@ A sole that passes a standing one goes around it: ``n_i h_i`` then also contain 
 the outlines of both soles stay ``PASSING_GAP_M`` apart across the path (feet one before the other, as on a beam).
 """
 
+import math
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Final, Literal, NamedTuple
@@ -76,21 +77,21 @@ def _highest_top_m(low: np.ndarray, top: np.ndarray, high_m: float) -> float:
 
 
 def passing_shift_m(start: Contact, end: Contact, standing: Contact) -> Vector3:
-    """Horizontal shift with which a sole passes a standing one on the side on which it begins and ends; often zero."""
-    zero, here = np.zeros(3), standing.placement.position_m
-    path = end.placement.position_m - start.placement.position_m
+    """Horizontal shift of a sole that passes a standing one, away from it; zero if its straight path is wide enough."""
+    zero = np.zeros(3)
+    path, here = end.placement.position_m - start.placement.position_m, standing.placement.position_m
     length = float(np.hypot(path[0], path[1]))
     if length < MIN_PATH_M or start.half_size_m is None or standing.half_size_m is None:
         return zero
     along = np.array([path[0], path[1], 0.0]) / length
     aside = np.array([-along[1], along[0], 0.0])
-    first, last = (float(aside @ (contact.placement.position_m - here)) for contact in (start, end))
-    passed = float(along @ (here - start.placement.position_m)) / length
-    if first * last <= 0.0 or not 0.0 < passed < 1.0:
+    from_standing = start.placement.position_m - here
+    if not 0.0 < -float(along @ from_standing) < length:
         return zero
-    side, distance_m = np.sign(first), (1.0 - passed) * abs(first) + passed * abs(last)
+    distance_m = float(aside @ from_standing)  # the same all along the path
     width_m = sum(_half_extent_m(contact, aside) for contact in (start, standing))
-    return np.asarray(side * float(np.clip(width_m + PASSING_GAP_M - distance_m, 0.0, MAX_SIDE_M)) * aside)
+    missing_m = float(np.clip(width_m + PASSING_GAP_M - abs(distance_m), 0.0, MAX_SIDE_M))
+    return np.asarray(math.copysign(missing_m, distance_m) * aside)
 
 
 def _half_extent_m(contact: Contact, axis: Vector3) -> float:

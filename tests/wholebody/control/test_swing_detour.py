@@ -1,4 +1,4 @@
-"""Detours of a swinging sole: derivatives against differences, closed before it lands, pushed away from joint limits."""
+"""Detours of a swinging sole: derivatives against differences, closed at its landing, pushed off joint limits."""
 
 import numpy as np
 import pinocchio as pin
