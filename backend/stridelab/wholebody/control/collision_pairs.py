@@ -106,7 +106,7 @@ class CollisionPairs:
     def __init__(self, robot: Robot, terrain: Terrain, acts_m: float, shrunk: float) -> None:
         self._geometry = pin.GeometryModel(robot.full_collision)
         pairs = [(pair.first, pair.second) for pair in robot.full_collision.collisionPairs]
-        kinds = [_pair_kind(robot, pair) for pair in robot.full_collision.collisionPairs]
+        kinds: list[Kind] = [_pair_kind(robot, pair) for pair in robot.full_collision.collisionPairs]
         shapes, self._body_pairs = len(robot.full_collision.geometryObjects), len(pairs)
         shanks = [k for k in range(shapes) if _above_ankle(robot, k)]
         arms = [k for k in range(shapes) if _above_wrist(robot, k)]
@@ -114,7 +114,7 @@ class CollisionPairs:
             at, shape = terrain_shape(surface)
             number = self._geometry.addGeometryObject(pin.GeometryObject(f"terrain {surface.name}", 0, 0, at, shape))
             legs = shanks if isinstance(surface, Box) else []
-            kinds += ["terrain"] * len(legs) + ["arm"] * len(arms)
+            kinds += [*(["terrain"] * len(legs)), *(["arm"] * len(arms))]
             pairs += [(k, number) for k in (*legs, *arms)]
         self._geometry.removeAllCollisionPairs()
         for first, second in pairs:
@@ -138,7 +138,7 @@ class CollisionPairs:
     def sides_of(self, joints: Collection[int]) -> Float[np.ndarray, "n"]:
         """1 or -1 for pairs of which only the first or only the second shape belongs to one of ``joints``, else 0."""
         first, second = np.isin(self._joints, list(joints)).T
-        return first.astype(float) - second.astype(float)
+        return np.asarray(first.astype(float) - second.astype(float))
 
     def update_placements(self, body: RigidBody) -> None:
         """Update the placements of all shapes to the state of ``body``."""
