@@ -38,7 +38,7 @@ MAX_REMAINING_SHARE: Final = 0.9
 MAX_PASSES: Final = 4
 SMOOTHING_WINDOW_S: Final = 0.2
 """Length of the smoothing window: strides of 1.0 m agree to 0.8 Nms with it, to 3.1 with half of it, never without."""
-MAX_LIMIT_SHARE: Final = 0.5
+MAX_LIMIT_SHARE: Final = 0.7
 """Share of the certificate's limit above which a mismatch needs replanning, whatever the swings."""
 _ROUNDING: Final = 1e-6
 
