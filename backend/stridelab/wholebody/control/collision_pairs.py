@@ -113,9 +113,12 @@ class CollisionPairs:
         for surface in terrain.surfaces:
             at, shape = terrain_shape(surface)
             number = self._geometry.addGeometryObject(pin.GeometryObject(f"terrain {surface.name}", 0, 0, at, shape))
-            legs = shanks if isinstance(surface, Box) else []
-            kinds += [*(["terrain"] * len(legs)), *(["arm"] * len(arms))]
-            pairs += [(k, number) for k in (*legs, *arms)]
+            for k in shanks if isinstance(surface, Box) else ():
+                kinds.append("terrain")
+                pairs.append((k, number))
+            for k in arms:
+                kinds.append("arm")
+                pairs.append((k, number))
         self._geometry.removeAllCollisionPairs()
         for first, second in pairs:
             self._geometry.addCollisionPair(pin.CollisionPair(first, second))
