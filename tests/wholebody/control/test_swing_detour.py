@@ -25,7 +25,7 @@ def targets(push: np.ndarray) -> list[tuple[np.ndarray, np.ndarray, np.ndarray, 
 
 def test_without_a_push_the_curve_is_unchanged() -> None:
     for i, (p, v, R, w) in enumerate(targets(np.zeros(6))):
-        state = CURVE.state_at(i * DT)
+        state = CURVE.state_at(2.0 + i * DT - CURVE.starts_s)  # rounded as the detour does
         assert np.array_equal(p, state.placement.position_m)
         assert np.array_equal(R, state.placement.rotation)
         assert np.array_equal(v, state.velocity_m_s)
