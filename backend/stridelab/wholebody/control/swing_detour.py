@@ -37,7 +37,7 @@ CLOSES: Final = (0.65, 0.96)
 STIFFNESS_S2: Final = 30.0
 MAX_DETOUR_M: Final = 0.10
 MAX_TILT_RAD: Final = 0.6
-"""Largest detour and tilt; pushes beyond them are ignored."""
+"""Largest detour and tilt; pushes that would lead beyond them are ignored."""
 ANKLE_ACTS_RAD: Final = 0.2
 """Distance of an ankle joint from the end of its range at which the sole begins to tilt."""
 ANKLE_AHEAD_S: Final = 0.1
@@ -66,7 +66,8 @@ class SwingDetour:
         if not (p.any() or o.any()):
             return target
         for part, most in ((slice(0, 3), MAX_DETOUR_M), (slice(3, 6), MAX_TILT_RAD)):
-            if float(np.linalg.norm(o[part])) > most and float(p[part] @ o[part]) > 0.0:
+            stops = o[part] + v[part] / (2.0 * math.sqrt(STIFFNESS_S2))  # not nearer than where it would stop
+            if float(np.linalg.norm(stops)) > most and float(p[part] @ stops) > 0.0:
                 p[part] = 0.0
         a = p - 2.0 * math.sqrt(STIFFNESS_S2) * v - STIFFNESS_S2 * o
         w, w_v, w_a = _window(t, self.curve.duration_s)
