@@ -42,9 +42,10 @@ INTRO = """# Random terrains
 
 Written by `make terrains`. {count} random scenarios of {classes} of twelve classes for three robots
 (`studies/terrains`, seed {seed}), each within the bounds below, are planned with the settings of the
-service, followed by the whole-body controller, checked by the [certificate](whole-body.md) and replayed in the physics simulation without disturbances.
-Another seed was used while the planner and the controller were developed. All results are simulated. The rows are the
-scenarios that were run so far, in a fixed random order where not all were: a share of few scenarios is uncertain.
+service, followed by the whole-body controller, checked by the [certificate](whole-body.md) and replayed in the physics
+simulation without disturbances. Another seed was used while the planner and the controller were developed. All
+results are simulated. The rows are the scenarios that were run so far, in a fixed random order where not all
+were: a share of few scenarios is uncertain.
 """
 
 
