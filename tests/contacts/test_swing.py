@@ -9,7 +9,17 @@ from scipy.spatial.transform import Rotation as ScipyRotation
 from stridelab.contacts.effector_geometry import sole_points_m
 from stridelab.contacts.scenario_io import sequence_of
 from stridelab.contacts.scenarios.stairs import flat_walk, six_stairs, stairs_with_rail
-from stridelab.contacts.swing import FOOT_CLEARANCE_M, HAND_RETREAT_M, MARGIN_M, SwingCurve, required_rise_m, swing_of
+from stridelab.contacts.sequence import Contact
+from stridelab.contacts.swing import (
+    FOOT_CLEARANCE_M,
+    HAND_RETREAT_M,
+    MARGIN_M,
+    PASSING_GAP_M,
+    SwingCurve,
+    passing_shift_m,
+    required_rise_m,
+    swing_of,
+)
 from stridelab.contacts.terrain import Box, Terrain, depth_in_box_m, vertical_span_m
 from stridelab.dynamics.spatial import Placement
 from stridelab.errors import InvalidInput
@@ -222,3 +232,44 @@ def test_a_swing_of_a_sequence_knows_what_is_in_its_way() -> None:
     curve = swing_of(sequence_of(scenario, SHAPES), "right_foot", 1)
     assert curve.rise_m == pytest.approx(0.1 + MARGIN_M)
     assert swing_of(sequence_of(scenario, SHAPES), "left_foot", 3).rise_m == FOOT_CLEARANCE_M
+
+
+def _on_the_beam(x_m: float, y_m: float, yaw_rad: float = 0.0) -> Contact:
+    wxyz = (np.cos(yaw_rad / 2), 0.0, 0.0, np.sin(yaw_rad / 2))
+    return Contact("left_foot", Placement.from_wxyz([x_m, y_m, 0.0], wxyz), "beam", 0.7, "surface", (0.10, 0.06))
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+@pytest.mark.parametrize("yaw_rad", [0.0, 0.8])
+def test_a_sole_passes_another_one_on_its_side(side: float, yaw_rad: float) -> None:
+    """The rectangles of both soles stay apart across the path, wherever the path leads."""
+    c, s = np.cos(yaw_rad), np.sin(yaw_rad)
+    start, end, other = (
+        _on_the_beam(c * x - s * y, s * x + c * y, yaw_rad)
+        for x, y in ((-0.3, 0.03 * side), (0.3, 0.03 * side), (0.0, -0.03 * side))
+    )
+    shift = passing_shift_m(start, end, other)
+    aside = side * np.array([-s, c, 0.0])
+    assert shift @ aside == pytest.approx(2 * 0.06 + PASSING_GAP_M - 0.06)
+    assert np.linalg.norm(shift) == pytest.approx(shift @ aside)
+    curve = SwingCurve(start.placement, end.placement, 1.0, "surface", side_m=shift)
+    gap = (curve.state_at(0.5).placement.position_m - other.placement.position_m) @ aside
+    assert gap == pytest.approx(2 * 0.06 + PASSING_GAP_M)
+    for t, contact in ((0.0, start), (1.0, end)):
+        state = curve.state_at(t)
+        assert np.allclose(state.placement.position_m, contact.placement.position_m)
+        assert np.allclose(state.velocity_m_s, 0.0)
+        assert np.allclose(state.acceleration_m_s2, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("start", "end"),
+    [
+        ((-0.3, 0.2), (0.3, 0.2)),  # wide enough
+        ((0.0, 0.3), (0.0, 0.17)),  # aside, towards it
+        ((-0.3, 0.03), (-0.25, 0.03)),  # too short
+        ((-0.6, 0.03), (-0.3, 0.03)),  # ends before it
+    ],
+)
+def test_a_sole_that_passes_no_other_swings_straight(start: tuple[float, float], end: tuple[float, float]) -> None:
+    assert not passing_shift_m(_on_the_beam(*start), _on_the_beam(*end), _on_the_beam(0.0, -0.03)).any()

@@ -16,6 +16,7 @@ from stridelab.contacts.scenarios.stairs import flat_walk, long_stride, stairs_w
 from stridelab.contacts.sequence import ContactSequence
 from stridelab.reachability.proxy.effector_proxy import Proxy
 from stridelab.robots.robot import Robot
+from stridelab.wholebody import momentum_consistency
 from stridelab.wholebody.certificate.certify import certify
 from stridelab.wholebody.control.controller import WholeBodyController
 from stridelab.wholebody.momentum_consistency import AGREEMENT_NMS, agree, limb_rates_nm, needs_replanning
@@ -50,6 +51,25 @@ def test_the_limbs_rates_add_up_to_their_momentum(problem: CentroidalProblem, tw
     grid = problem.grid()
     assert rates.shape == (len(grid.step_s), 3)
     assert np.allclose(grid.step_s @ rates, motion.l_nms[-1] - motion.l_nms[0], atol=1e-12)
+
+
+@pytest.mark.parametrize(("limit_share", "passes"), [(0.6, 1), (0.8, 2)])
+def test_it_matters_where_the_momentum_comes_near_the_limit_of_the_certificate(
+    talos: Robot,
+    problem: CentroidalProblem,
+    two_steps: Walked,
+    monkeypatch: pytest.MonkeyPatch,
+    limit_share: float,
+    passes: int,
+) -> None:
+    """Whatever the swings; a second pass that gains nothing is the last one."""
+    _, plan, motion = two_steps
+    mismatch = float(np.linalg.norm(motion.l_nms - motion.l_reference_nms, axis=1).max())
+    assert mismatch > AGREEMENT_NMS
+    monkeypatch.setattr(momentum_consistency, "needs_replanning", lambda _: False)
+    monkeypatch.setattr(momentum_consistency, "momentum_limit_nms", lambda _: mismatch / limit_share)
+    found = agree(talos, problem, plan, lambda _: plan, lambda *_: motion)
+    assert len(found.passes) == passes
 
 
 def test_quick_steps_agree_after_a_second_plan(

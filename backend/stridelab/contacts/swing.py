@@ -17,9 +17,13 @@ lowest point of the turning sole below its centre, the centre rises above ``max(
 
 so that at the apex the whole sole clears every box below its path by ``MARGIN_M``. Obstacles more than ``STEP_OVER_M``
 above both contacts are not stepped over; the validation of the scenario reports them.
+
+A sole that passes a standing one goes around it: ``n_i h_i`` then also contain the same shift ``side_m`` aside, so that
+the outlines of both soles stay ``PASSING_GAP_M`` apart across the path (feet one before the other, as on a beam).
 """
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Final, Literal, NamedTuple
 
@@ -27,7 +31,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation as ScipyRotation
 
 from stridelab.contacts.effector_geometry import sole_points_m
-from stridelab.contacts.sequence import ContactSequence
+from stridelab.contacts.sequence import Contact, ContactSequence
 from stridelab.contacts.terrain import Terrain, vertical_span_m
 from stridelab.conventions import Points, Rotation, Rotations, Series, Vector3
 from stridelab.dynamics.spatial import Placement
@@ -39,6 +43,11 @@ MARGIN_M: Final = 0.03
 """Clearance between a sole and the highest obstacle below its path."""
 STEP_OVER_M: Final = 0.25
 """Height above both contacts up to which an obstacle is stepped over."""
+PASSING_GAP_M: Final = 0.045
+"""Distance between the rectangles of a swinging and a standing sole across the path; shoes are up to 1 cm wider."""
+MAX_SIDE_M: Final = 0.15
+MIN_PATH_M: Final = 0.10
+"""Shorter swings pass no other sole."""
 SHARES: Final = np.linspace(0.0, 1.0, 25)
 
 
@@ -65,6 +74,29 @@ def _highest_top_m(low: np.ndarray, top: np.ndarray, high_m: float) -> float:
     """The highest top of a box up to ``STEP_OVER_M`` above ``high_m``; boxes overhead do not count."""
     below = (top <= high_m + STEP_OVER_M) & (low <= high_m + STEP_OVER_M)
     return float(top[below].max()) if below.any() else -np.inf
+
+
+def passing_shift_m(start: Contact, end: Contact, standing: Contact) -> Vector3:
+    """Horizontal shift of a sole that passes a standing one, away from it; zero if its straight path is wide enough."""
+    zero = np.zeros(3)
+    path, here = end.placement.position_m - start.placement.position_m, standing.placement.position_m
+    length = float(np.hypot(path[0], path[1]))
+    if length < MIN_PATH_M or start.half_size_m is None or standing.half_size_m is None:
+        return zero
+    along = np.array([path[0], path[1], 0.0]) / length
+    aside = np.array([-along[1], along[0], 0.0])
+    from_standing = start.placement.position_m - here
+    if not 0.0 < -float(along @ from_standing) < length:
+        return zero
+    distance_m = float(aside @ from_standing)  # the same all along the path
+    width_m = sum(_half_extent_m(contact, aside) for contact in (start, standing))
+    missing_m = float(np.clip(width_m + PASSING_GAP_M - abs(distance_m), 0.0, MAX_SIDE_M))
+    return np.asarray(math.copysign(missing_m, distance_m) * aside)
+
+
+def _half_extent_m(contact: Contact, axis: Vector3) -> float:
+    """Half extent of a sole's rectangle along a horizontal axis."""
+    return float(np.abs(axis @ contact.placement.rotation[:, :2]) @ np.array(contact.half_size_m))
 
 
 HAND_RETREAT_M: Final = 0.05
@@ -118,7 +150,7 @@ def quintic_scaling(time_s: float, window: Window, duration_s: float) -> tuple[f
 class SwingCurve:
     """A swing from ``start`` to ``end`` in ``duration_s``; ``starts_s`` is its start time in the sequence.
 
-    ``rise_m`` is the apex of a sole's centre above the higher of its two contacts.
+    ``rise_m`` is the apex of a sole's centre above the higher of its two contacts, ``side_m`` its shift there.
     """
 
     start: Placement
@@ -127,13 +159,14 @@ class SwingCurve:
     kind: Literal["surface", "point"]
     starts_s: float = 0.0
     rise_m: float = FOOT_CLEARANCE_M
+    side_m: Vector3 = field(default_factory=lambda: np.zeros(3))
 
     @cached_property
     def profile(self) -> Profile:
         """The time windows of this swing."""
         if self.kind == "point":
             return HAND
-        level = abs(self.end.position_m[2] - self.start.position_m[2]) < LEVEL_M
+        level = abs(self.end.position_m[2] - self.start.position_m[2]) < LEVEL_M and not self.side_m.any()
         return LEVEL if level and self.rise_m < FOOT_CLEARANCE_M + LEVEL_M else STAIR
 
     @cached_property
@@ -143,7 +176,8 @@ class SwingCurve:
             return HAND_RETREAT_M * self.start.rotation[:, 2], HAND_RETREAT_M * self.end.rotation[:, 2]
         z_start, z_end = self.start.position_m[2], self.end.position_m[2]
         apex = max(z_start, z_end) + self.rise_m
-        return np.array([0.0, 0.0, apex - z_start]), np.array([0.0, 0.0, apex - z_end])
+        up = np.array([0.0, 0.0, 1.0])
+        return self.side_m + (apex - z_start) * up, self.side_m + (apex - z_end) * up
 
     @cached_property
     def _travel(self) -> Vector3:
@@ -202,5 +236,20 @@ def swing_of(sequence: ContactSequence, effector: str, phase: int) -> SwingCurve
         last += 1
     starts_s = float(sequence.starts_s[first])
     duration_s = float(sequence.ends_s[last]) - starts_s
-    rises = required_rise_m(start.placement, end.placement, sole_points_m(start.half_size_m), sequence.terrain)
-    return SwingCurve(start.placement, end.placement, duration_s, start.kind, starts_s, rises)
+    shifts = [
+        passing_shift_m(start, end, contact)
+        for contact in sequence.phases[phase].contacts.values()
+        if contact.kind == start.kind == "surface"
+    ]
+    side_m = max(shifts, key=lambda shift: float(shift @ shift), default=np.zeros(3))
+    sole_m = sole_points_m(start.half_size_m)
+    rises_m = [
+        required_rise_m(
+            Placement(start.placement.position_m + shift, start.placement.rotation),
+            Placement(end.placement.position_m + shift, end.placement.rotation),
+            sole_m,
+            sequence.terrain,
+        )
+        for shift in ((np.zeros(3), side_m) if side_m.any() else (np.zeros(3),))
+    ]
+    return SwingCurve(start.placement, end.placement, duration_s, start.kind, starts_s, max(rises_m), side_m)

@@ -24,6 +24,7 @@ from stridelab.contacts.sequence import ContactSequence
 from stridelab.contacts.swing import swing_of
 from stridelab.conventions import Progress
 from stridelab.robots.robot import Robot
+from stridelab.wholebody.certificate.certify import momentum_limit_nms
 from stridelab.wholebody.motion import WholeBodyMotion, WholeBodyStopped
 
 STRIDE_M: Final = 0.9
@@ -37,6 +38,8 @@ MAX_REMAINING_SHARE: Final = 0.9
 MAX_PASSES: Final = 4
 SMOOTHING_WINDOW_S: Final = 0.2
 """Length of the smoothing window: strides of 1.0 m agree to 0.8 Nms with it, to 3.1 with half of it, never without."""
+MAX_LIMIT_SHARE: Final = 0.7
+"""Share of the certificate's limit above which a mismatch needs replanning, whatever the swings."""
 _ROUNDING: Final = 1e-6
 
 Solve = Callable[[CentroidalProblem], CentroidalPlan]
@@ -93,6 +96,8 @@ def agree(
     max_passes = passes or (MAX_PASSES if needs_replanning(plan.sequence) else 1)
     motion = follow(robot, plan.sequence, plan, _progress_of_pass(progress, 0, max_passes))
     best = Agreement(plan, motion, (_compare_momenta(plan, motion),))
+    if passes is None and best.passes[0].mismatch_max_nms > MAX_LIMIT_SHARE * momentum_limit_nms(robot):
+        max_passes = MAX_PASSES
     while len(best.passes) < max_passes and best.passes[-1].mismatch_max_nms > AGREEMENT_NMS:
         fixed_problem = replace(problem, sequence=plan.sequence, durations=None, placements=None)
         new_plan = solve(replace(fixed_problem, limbs_nm=limb_rates_nm(fixed_problem, best.motion)))

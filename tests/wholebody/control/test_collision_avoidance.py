@@ -12,6 +12,7 @@ from stridelab.contacts.terrain import Box, Terrain
 from stridelab.dynamics.spatial import Placement
 from stridelab.robots.robot import Robot
 from stridelab.wholebody.control.collision_avoidance import AvoidanceSettings, CollisionAvoidance
+from stridelab.wholebody.control.hierarchical_qp import Rows
 from stridelab.wholebody.control.rigid_body import RigidBody
 from stridelab.wholebody.motion import WholeBodyMotion
 
@@ -19,6 +20,12 @@ EVER = AvoidanceSettings(apart_m=0.4, acts_m=0.5, near_m=0.6, every=1, most=12, 
 """Acts wherever it looks."""
 WALL = Box("wall", Placement.from_wxyz([0.6, 0.0, 0.3]), np.array([0.4, 1.0, 0.6]))
 NOWHERE = Terrain.from_surfaces([])
+
+
+def rows_of(avoidance: CollisionAvoidance, body: RigidBody) -> tuple[Rows, np.ndarray]:
+    """Rows and weights at the state of a body."""
+    avoidance.update(body)
+    return avoidance.task_rows()
 
 
 def at_random(robot: Robot, seed: int) -> tuple[RigidBody, np.ndarray, np.ndarray]:
@@ -37,8 +44,8 @@ def of_arms(robot: Robot) -> np.ndarray:
 
 def distances(robot: Robot, q: np.ndarray) -> np.ndarray:
     """Of all pairs of the robot, and of its shapes from the wall ahead."""
-    geometry, data = pin.GeometryModel(robot.collision), robot.model.createData()
-    shapes = len(robot.collision.geometryObjects)
+    geometry, data = pin.GeometryModel(robot.full_collision), robot.model.createData()
+    shapes = len(robot.full_collision.geometryObjects)
     at = pin.SE3(WALL.placement.rotation, WALL.placement.position_m)
     wall = geometry.addGeometryObject(pin.GeometryObject("wall", 0, 0, at, coal.Box(*WALL.size_m.tolist())))
     for k in range(shapes):
@@ -54,7 +61,7 @@ def test_rows_are_the_rate_of_the_distances(talos: Robot, seed: int, moving: str
     """Of pairs with an arm as far as arms move, of the others as far as anything does."""
     body, q, v = at_random(talos, seed)
     arms = of_arms(talos)
-    rows, weights = CollisionAvoidance(talos, Terrain.from_surfaces([WALL]), EVER).task_rows(body)
+    rows, weights = rows_of(CollisionAvoidance(talos, Terrain.from_surfaces([WALL]), EVER), body)
     arm_alone = ~rows.A[:, ~arms].any(axis=1)
     chosen = arm_alone if moving == "arms" else ~arm_alone
     assert len(weights) == len(rows.b)
@@ -72,7 +79,7 @@ def test_shins_are_kept_off_what_stands_before_them(talos: Robot) -> None:
     body, _, _ = at_random(talos, 0)
     by = AvoidanceSettings(apart_m=0.2, acts_m=0.4, near_m=0.5, every=1)
     without, with_wall = (
-        CollisionAvoidance(talos, Terrain.from_surfaces(boxes), by).task_rows(body)[0] for boxes in ((), (WALL,))
+        rows_of(CollisionAvoidance(talos, Terrain.from_surfaces(boxes), by), body)[0] for boxes in ((), (WALL,))
     )
     assert len(without.b) < len(with_wall.b) <= len(without.b) + by.most
     assert with_wall.A[len(without.b) :, 0].max() < 0.0  # away from it is backwards
@@ -81,14 +88,13 @@ def test_shins_are_kept_off_what_stands_before_them(talos: Robot) -> None:
 def test_what_is_far_is_left_alone_and_weights_do_not_jump(talos: Robot) -> None:
     body, q, _ = at_random(talos, 1)
     far = AvoidanceSettings(apart_m=1e-4, acts_m=2e-4)
-    rows, weights = CollisionAvoidance(talos, NOWHERE, far).task_rows(body)
+    rows, weights = rows_of(CollisionAvoidance(talos, NOWHERE, far), body)
     assert rows.A.shape == (0, talos.model.nv)
     assert len(weights) == 0
     d = distances(talos, q).min()
     for acts_m, bar in ((1.02, 0.01), (1.002, 1e-4)):
-        _, weights = CollisionAvoidance(
-            talos, NOWHERE, AvoidanceSettings(apart_m=0.5 * d, acts_m=acts_m * d, shrunk=100.0)
-        ).task_rows(body)
+        settings = AvoidanceSettings(apart_m=0.5 * d, acts_m=acts_m * d, shrunk=100.0)
+        _, weights = rows_of(CollisionAvoidance(talos, NOWHERE, settings), body)
         assert weights.max(initial=0.0) <= 4.0 * bar
 
 

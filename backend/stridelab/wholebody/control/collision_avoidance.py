@@ -12,8 +12,11 @@ spring. Three kinds of pairs are monitored (``collision_pairs``); they differ in
     body     legs, pelvis and torso         all joints, within the freedom left by soles and CoM, mainly the base's yaw
     terrain  thighs and shanks, and boxes   all joints
 
+Foot and shank of a swinging leg follow the curve of their sole, which the tasks above do not change: what pushes them
+away moves the target of the sole instead (``push_m_s2``, ``swing_detour``).
+
 For a pair that is near in the reference posture, such as upper arm and chest, both distances are reduced: ``d_a`` to
-half of its distance there, ``d_s`` in proportion.
+half of its distance there, ``d_s`` in proportion, and ``k_p`` and ``k_d`` are raised.
 """
 
 from dataclasses import dataclass
@@ -22,7 +25,7 @@ import numpy as np
 from jaxtyping import Float
 
 from stridelab.contacts.terrain import Terrain
-from stridelab.conventions import Points
+from stridelab.conventions import Points, Vector3
 from stridelab.robots.robot import Robot
 from stridelab.wholebody.control.collision_pairs import CollisionPairs, PairDistances
 from stridelab.wholebody.control.hierarchical_qp import Rows
@@ -30,14 +33,17 @@ from stridelab.wholebody.control.rigid_body import RigidBody
 
 Angles = Float[np.ndarray, "n"]
 _TINY_M = 1e-9
+LOWER_LEG_JOINTS = 3
+"""Knee and two ankle joints, which carry shank and foot."""
 
 
 @dataclass(frozen=True)
 class AvoidanceSettings:
     """Parameters: ``apart_m`` is d_s, ``acts_m`` d_a; pairs within ``near_m`` are monitored, ``most`` per kind act.
 
-    ``shrunk`` limits d_a to this share of a pair's distance in the reference posture. All pairs are searched every
-    ``every`` samples; the monitored ones are evaluated at every sample.
+    ``shrunk`` limits d_a to this share of a pair's distance in the reference posture; k_p rises in proportion, k_d with
+    its root, by at most ``firmest``, so that the same acceleration separates the pair where it touches. All pairs are
+    searched every ``every`` samples; the monitored ones are evaluated at every sample.
     """
 
     apart_m: float = 0.03
@@ -49,6 +55,7 @@ class AvoidanceSettings:
     every: int = 20
     most: int = 8
     shrunk: float = 0.5
+    firmest: float = 8.0
 
 
 class CollisionAvoidance:
@@ -59,25 +66,49 @@ class CollisionAvoidance:
         self._pairs = CollisionPairs(robot, terrain, avoid.acts_m, avoid.shrunk)
         arms = np.array([0.0] * 6 + [float(robot.group[joint] == "arm") for joint in robot.joint_names])
         self._moving_joints = np.where((self._pairs.kind == "arm")[:, None], arms, 1.0)
+        self._lower_legs = {
+            name: self._pairs.sides_of(lower_leg_joints(robot, name)) * (self._pairs.kind != "arm")
+            for name, effector in robot.effectors.items()
+            if effector.kind == "surface"
+        }
 
-    def task_rows(self, body: RigidBody) -> tuple[Rows, Angles]:
-        """Task rows of the active pairs, and their weights."""
+    def update(self, body: RigidBody) -> None:
+        """Find the active pairs at the state of ``body``, their distances and the rates of these."""
         settings, pairs = self._avoid, self._pairs
         pairs.update_placements(body)
         if self._calls % settings.every == 0:
             pairs.update_watched(settings.near_m)
         self._calls += 1
-        near = pairs.nearest_pairs(settings.acts_m, settings.most)
+        near = self._near = pairs.nearest_pairs(settings.acts_m, settings.most)
         d, scale = near.distance_m, pairs.scale[near.pair]
-        n = _contact_normals(near)
+        n = self._normals = _contact_normals(near)
         # n' J_p of a point p: the wrench of n at p times the columns of the joints that move p
         (x, y, z), (n_x, n_y, n_z) = near.p_1_m.T, n.T
         wrench = np.column_stack([n, y * n_z - z * n_y, z * n_x - x * n_z, x * n_y - y * n_x])
-        J = wrench @ body.J * pairs.sign[near.pair]
+        self._J = wrench @ body.J * pairs.sign[near.pair]
         apart_m, acts_m = scale * settings.apart_m, scale * settings.acts_m
-        nearness = np.minimum(1.0, (acts_m - d) / (acts_m - apart_m))
-        b = settings.kp * np.maximum(0.0, apart_m - d) + settings.kd * np.maximum(0.0, -(J @ body.v))
-        return Rows(J * self._moving_joints[near.pair], b), settings.weight * nearness**2
+        self._nearness = np.minimum(1.0, (acts_m - d) / (acts_m - apart_m))
+        approach_m_s = np.maximum(0.0, -(self._J @ body.v))
+        firm = np.minimum(1.0 / scale, settings.firmest)
+        self._b = settings.kp * firm * np.maximum(0.0, apart_m - d) + settings.kd * np.sqrt(firm) * approach_m_s
+
+    def task_rows(self) -> tuple[Rows, Angles]:
+        """Task rows of the active pairs, and their weights; valid after ``update``."""
+        rows = Rows(self._J * self._moving_joints[self._near.pair], self._b)
+        return rows, self._avoid.weight * self._nearness**2
+
+    def push_m_s2(self, effector: str) -> Vector3:
+        """Acceleration that keeps foot and shank of a swinging sole off everything but arms, never downwards."""
+        side = self._lower_legs[effector][self._near.pair]
+        push = (side * self._nearness**2 * self._b) @ self._normals
+        push[2] = max(0.0, push[2])
+        return np.asarray(push)
+
+
+def lower_leg_joints(robot: Robot, effector: str) -> tuple[int, ...]:
+    """The last joints before a sole, from the knee on: those of shank and foot."""
+    joint = robot.model.frames[robot.model.getFrameId(robot.effectors[effector].frame)].parentJoint
+    return tuple(robot.model.supports[joint])[-LOWER_LEG_JOINTS:]
 
 
 def _contact_normals(near: PairDistances) -> Points:

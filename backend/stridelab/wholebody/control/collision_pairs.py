@@ -13,19 +13,18 @@ at most ``sum_j l_jk |dq_j|`` over the joints that move one shape and not the ot
 the world; its rotation counts like that of a joint, its translation with lever 1.
 """
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import Literal, NamedTuple
 
-import coal
 import numpy as np
 import pinocchio as pin
 from jaxtyping import Float, Int
 
 from stridelab.contacts.terrain import Box, Terrain
 from stridelab.conventions import Points, Vector3
-from stridelab.robots.contact_frames import to_se3
 from stridelab.robots.robot import Robot
 from stridelab.wholebody.control.rigid_body import RigidBody
+from stridelab.wholebody.effector_contact import terrain_shape
 
 Sphere = tuple[Vector3, float]
 
@@ -83,6 +82,9 @@ def _travel_m(model: pin.Model, joint: int) -> float:
 Kind = Literal["arm", "body", "terrain"]
 KINDS: tuple[Kind, ...] = ("arm", "body", "terrain")
 _SCALE_MIN = 0.02
+_ARM_SCALE = 0.5
+"""Distance scale of an arm and a surface: a hand on it brings the forearm near."""
+_WRIST_JOINTS = 3
 
 
 class PairDistances(NamedTuple):
@@ -102,15 +104,21 @@ class CollisionPairs:
     """
 
     def __init__(self, robot: Robot, terrain: Terrain, acts_m: float, shrunk: float) -> None:
-        self._geometry = pin.GeometryModel(robot.collision)
-        pairs = [(pair.first, pair.second) for pair in robot.collision.collisionPairs]
-        kinds = [_pair_kind(robot, pair) for pair in robot.collision.collisionPairs]
-        shapes = len(robot.collision.geometryObjects)
+        self._geometry = pin.GeometryModel(robot.full_collision)
+        pairs = [(pair.first, pair.second) for pair in robot.full_collision.collisionPairs]
+        kinds: list[Kind] = [_pair_kind(robot, pair) for pair in robot.full_collision.collisionPairs]
+        shapes, self._body_pairs = len(robot.full_collision.geometryObjects), len(pairs)
         shanks = [k for k in range(shapes) if _above_ankle(robot, k)]
-        for box in terrain.boxes:
-            number = self._geometry.addGeometryObject(_box_object(box))
-            kinds += ["terrain"] * len(shanks)
-            pairs += [(k, number) for k in shanks]
+        arms = [k for k in range(shapes) if _above_wrist(robot, k)]
+        for surface in terrain.surfaces:
+            at, shape = terrain_shape(surface)
+            number = self._geometry.addGeometryObject(pin.GeometryObject(f"terrain {surface.name}", 0, 0, at, shape))
+            for k in shanks if isinstance(surface, Box) else ():
+                kinds.append("terrain")
+                pairs.append((k, number))
+            for k in arms:
+                kinds.append("arm")
+                pairs.append((k, number))
         self._geometry.removeAllCollisionPairs()
         for first, second in pairs:
             self._geometry.addCollisionPair(pin.CollisionPair(first, second))
@@ -119,7 +127,7 @@ class CollisionPairs:
         self._shape_pairs = np.array(pairs).reshape(-1, 2)
         self._spheres = [_bounding_sphere(part) for part in parts]
         self._radius_m = np.array([radius for _, radius in self._spheres])
-        joints = np.array([part.parentJoint for part in parts])[self._shape_pairs]
+        joints = self._joints = np.array([part.parentJoint for part in parts])[self._shape_pairs]
         self.sign, self.reach_m = PairLevers.of_pairs(robot.model, joints, self._shape_pairs, self._spheres)
         self._results = self._geometry.createData()
         self._distances = list(self._results.distanceResults)  # references, updated in place
@@ -129,6 +137,11 @@ class CollisionPairs:
         self._lower_bound_m = np.full(len(pairs), -np.inf)
         self._joint_travel = np.zeros(robot.model.nv)
         self._q: Float[np.ndarray, "nq"] | None = None
+
+    def sides_of(self, joints: Collection[int]) -> Float[np.ndarray, "n"]:
+        """1 or -1 for pairs of which only the first or only the second shape belongs to one of ``joints``, else 0."""
+        first, second = np.isin(self._joints, list(joints)).T
+        return np.asarray(first.astype(float) - second.astype(float))
 
     def update_placements(self, body: RigidBody) -> None:
         """Update the placements of all shapes to the state of ``body``."""
@@ -175,18 +188,17 @@ class CollisionPairs:
         return float(self._distances[k].min_distance)
 
     def _distance_scales(self, robot: Robot, acts_m: float, shrunk: float) -> Float[np.ndarray, "n"]:
-        """Distance scales of the body's pairs from their distances in the reference posture; 1 for terrain pairs."""
+        """Distance scales of the body's pairs from their distances in the reference posture, and of terrain pairs."""
         pin.updateGeometryPlacements(
             robot.model, robot.model.createData(), self._geometry, self._results, robot.q_reference
         )
-        distances_m = [
-            acts_m / shrunk if kind == "terrain" else self._compute_distance(k) for k, kind in enumerate(self._kinds)
-        ]
-        return np.clip(shrunk * np.array(distances_m) / acts_m, _SCALE_MIN, 1.0)
+        distances_m = [self._compute_distance(k) for k in range(self._body_pairs)]
+        terrain = [1.0 if kind == "terrain" else _ARM_SCALE for kind in self._kinds[self._body_pairs :]]
+        return np.append(np.clip(shrunk * np.array(distances_m) / acts_m, _SCALE_MIN, 1.0), terrain)
 
 
 def _joint_group(robot: Robot, shape: int) -> str:
-    part = robot.collision.geometryObjects[shape]
+    part = robot.full_collision.geometryObjects[shape]
     return robot.group.get(str(robot.model.names[part.parentJoint]), "")
 
 
@@ -196,14 +208,18 @@ def _pair_kind(robot: Robot, pair: pin.CollisionPair) -> Kind:
 
 def _above_ankle(robot: Robot, shape: int) -> bool:
     """Whether a shape belongs to a leg above the ankle; shapes below it are always near the ground."""
-    joint = str(robot.model.names[robot.collision.geometryObjects[shape].parentJoint])
+    joint = str(robot.model.names[robot.full_collision.geometryObjects[shape].parentJoint])
     ankles = {name for effector in robot.effectors.values() for name in effector.ankle or ()}
     return robot.group.get(joint) == "leg" and joint not in ankles
 
 
-def _box_object(box: Box) -> pin.GeometryObject:
-    shape = coal.Box(*(float(edge) for edge in box.size_m))
-    return pin.GeometryObject(f"terrain {box.name}", 0, 0, to_se3(box.placement), shape)
+def _above_wrist(robot: Robot, shape: int) -> bool:
+    """Whether a shape belongs to an arm above its last joints, which carry a hand to the surfaces that it touches."""
+    joint = robot.full_collision.geometryObjects[shape].parentJoint
+    hands = [one for one in robot.effectors.values() if one.kind == "point"]
+    ends = [robot.model.frames[robot.model.getFrameId(one.frame)].parentJoint for one in hands]
+    wrists = {j for end in ends for j in tuple(robot.model.supports[end])[-_WRIST_JOINTS:]}
+    return robot.group.get(str(robot.model.names[joint])) == "arm" and joint not in wrists
 
 
 def _bounding_sphere(part: pin.GeometryObject) -> Sphere:

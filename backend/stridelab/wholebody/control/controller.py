@@ -164,7 +164,7 @@ class _ControllerRun:
         }
         settings = self._controller.settings
         self._programme = PhaseHierarchy(
-            self._robot, self._body, contacts, swings, self._plan, settings, self._avoidance
+            self._robot, self._body, contacts, swings, self._plan, settings, self._avoidance, self._controller.rate_hz
         )
         self._phase = phase
 

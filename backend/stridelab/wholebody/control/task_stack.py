@@ -20,7 +20,7 @@ from jaxtyping import Float
 
 from stridelab.centroidal.plan import CentroidalPlan, Reference
 from stridelab.contacts.sequence import Contact
-from stridelab.contacts.swing import SwingCurve
+from stridelab.contacts.swing import SwingCurve, SwingPoint
 from stridelab.conventions import Angles, Points, Rotation, Vector3
 from stridelab.robots.robot import Robot
 from stridelab.wholebody.control import tasks
@@ -28,6 +28,7 @@ from stridelab.wholebody.control.collision_avoidance import AvoidanceSettings, C
 from stridelab.wholebody.control.hierarchical_qp import Inequalities, Rows
 from stridelab.wholebody.control.joint_limits import JointLimits
 from stridelab.wholebody.control.rigid_body import RigidBody
+from stridelab.wholebody.control.swing_detour import AnkleRelief, Offset, SwingDetour
 from stridelab.wholebody.control.tasks import Gain, force_jacobian, friction_pyramid
 
 FIRM, MIDDLE, GENTLE = (Gain.critically_damped(kp) for kp in (400.0, 60.0, 30.0))
@@ -53,7 +54,7 @@ class Settings:
     momentum_weight: float = 0.05
     base_weight: float = 2.0
     posture_weight: Mapping[str, float] | None = None
-    free_arm: float = 2.0
+    free_arm: float = 4.0
     force_weight: float = 1e-3
     hand_weight: float = 0.3
     contact_margin_m: float = 0.01
@@ -102,14 +103,17 @@ class PhaseHierarchy:
         plan: CentroidalPlan,
         settings: Settings,
         avoidance: CollisionAvoidance | None = None,
+        rate_hz: float = 250.0,
     ) -> None:
         self._avoidance = avoidance
+        self._detours = {name: SwingDetour(curve, 1.0 / rate_hz) for name, curve in swings.items()}
         self._body, self._contacts, self._swings, self._plan, self._settings = body, contacts, swings, plan, settings
         self._surface = {name: robot.effectors[name].kind == "surface" for name in (*contacts, *swings)}
         self._points = {name: robot.effectors[name].points_m(settings.contact_margin_m) for name in contacts}
         self._limits = JointLimits.of_model(body.model).with_margins(
             settings.range_share, settings.joint_margin_rad, settings.velocity_share, settings.torque_share
         )
+        self._reliefs = {name: AnkleRelief.of_sole(robot, name, self._limits) for name in swings if self._surface[name]}
         self._rest = robot.q_reference[7:]
         self._posture_weights = settings.posture_weights(robot, self._surface)
         nv, na = body.model.nv, body.model.nv - 6
@@ -138,6 +142,8 @@ class PhaseHierarchy:
     def build_rows(self, instant: SampleTargets) -> tuple[Rows, list[Rows], Inequalities]:
         """Equality, levels 1 and 2, inequalities at the body's state."""
         body, nv = self._body, self._nv
+        if self._avoidance is not None:
+            self._avoidance.update(body)
         J = [force_jacobian(body.frame_state(name), points) for name, points in self._points.items()]
         J_f = np.vstack(J) if J else np.zeros((0, nv))
         return self._level_0(J_f), [self._level_1(instant), self._level_2(instant)], self._inequality_rows(J_f)
@@ -177,7 +183,7 @@ class PhaseHierarchy:
         body, gain = self._body, self._settings.effector
         rows = [tasks.com_task(body, instant.reference, self._settings.com)]
         for name, curve in self._swings.items():
-            target = curve.state_at(instant.time_s - curve.starts_s)
+            target = self._swing_target(name, curve, instant.time_s)
             frame = body.frame_state(name)
             p = target.placement
             rows.append(tasks.position_task(frame, p.position_m, target.velocity_m_s, target.acceleration_m_s2, gain))
@@ -185,6 +191,20 @@ class PhaseHierarchy:
                 w, w_rate = target.angular_velocity_rad_s, target.angular_acceleration_rad_s2
                 rows.append(tasks.orientation_task(frame, p.rotation, w, w_rate, gain))
         return tasks.stack_weighted([(1.0, r) for r in rows], self._nz)
+
+    def _swing_target(self, name: str, curve: SwingCurve, time_s: float) -> SwingPoint:
+        """The target of an effector on its curve, of a sole with its detour."""
+        avoidance = self._avoidance
+        if avoidance is None or not self._surface[name]:
+            return curve.state_at(time_s - curve.starts_s)
+        relief = self._reliefs[name]
+
+        def push() -> Offset:
+            pushed = relief.push(self._body, name)
+            pushed[:3] += avoidance.push_m_s2(name)
+            return pushed
+
+        return self._detours[name].next_state(time_s, push)
 
     def _level_2(self, instant: SampleTargets) -> Rows:
         body, s = self._body, self._settings
@@ -194,7 +214,7 @@ class PhaseHierarchy:
             (self._posture_weights, tasks.posture_task(body, self._rest, s.posture)),
         ]
         if self._avoidance is not None:
-            rows, weights = self._avoidance.task_rows(body)
+            rows, weights = self._avoidance.task_rows()
             weighted.append((weights, rows))
         zero = np.zeros(3)
         for name, contact in self._contacts.items():

@@ -1,0 +1,211 @@
+"""Survey random terrains: plan, certify and replay every scenario of a seed, and write the page of the results.
+
+make_terrains.py --seed 7 --number 200          what is not in the file of this seed yet, then docs/theory/terrains.md
+make_terrains.py --page                         only the page
+make_terrains.py --share 0/2 --no-page          every second scenario, for two processes side by side
+"""
+
+import argparse
+import json
+import sys
+import time
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass, field, fields
+from pathlib import Path
+
+import numpy as np
+
+from stridelab.errors import StridelabError
+from stridelab.pipelines.plan_motion import (
+    CENTROIDAL,
+    CERTIFICATE,
+    CHECK,
+    REPLAY,
+    WHOLE_BODY,
+    plan_motion,
+    replay_motion,
+    stage_shares,
+)
+from stridelab.pipelines.progress import Stages
+from stridelab.schemas.plans import PlanMotionInput, PlanMotionTask
+from stridelab.schemas.scenarios import Scenario
+from stridelab.studies.terrains.bounds import BOUNDS, Bounds
+from stridelab.studies.terrains.survey import CLASSES, Drawn, random_scenarios
+
+ROOT = Path(__file__).resolve().parent.parent
+PAGE = ROOT / "docs" / "theory" / "terrains.md"
+PAGE_SEED = 2026
+NUMBER = 200
+DONE = "certified and completed"
+INTRO = """# Random terrains
+
+Written by `make terrains`. {count} random scenarios of {classes} of twelve classes for three robots
+(`studies/terrains`, seed {seed}), each within the bounds below, are planned with the settings of the
+service, followed by the whole-body controller, checked by the [certificate](whole-body.md) and replayed in the physics
+simulation without disturbances. Another seed was used while the planner and the controller were developed. All
+results are simulated. The rows are the scenarios that were run so far, in a fixed random order where not all
+were: a share of few scenarios is uncertain.
+"""
+
+
+@dataclass(frozen=True)
+class Row:
+    """Result of one scenario.
+
+    ``stage`` is the stage that failed, empty if the motion is certified and its replay completed; ``reasons`` name the
+    failed checks or the error's code. ``cpu_s`` are process seconds by stage.
+    """
+
+    index: int
+    robot: str
+    kind: str
+    description: str
+    duration_s: float = 0.0
+    stage: str = ""
+    reasons: tuple[str, ...] = ()
+    details: tuple[str, ...] = ()
+    certified: bool = False
+    completed: bool = False
+    fell: bool = False
+    com_error_m: float | None = None
+    cpu_s: dict[str, float] = field(default_factory=dict)
+
+
+class Clock(Stages):
+    """Stages that also take the process seconds of every stage."""
+
+    def __init__(self, shares: dict[str, float]) -> None:
+        super().__init__(self._note, shares)
+        self.cpu_s: dict[str, float] = {}
+        self._stage, self._since = "", time.process_time()
+
+    def _note(self, _fraction: float, message: str) -> None:
+        stage = message.partition(":")[0]
+        now = time.process_time()
+        if self._stage:
+            self.cpu_s[self._stage] = self.cpu_s.get(self._stage, 0.0) + now - self._since
+        self._stage, self._since = stage, now
+
+    def stop(self) -> dict[str, float]:
+        """Process seconds by stage until now."""
+        self._note(1.0, ":")
+        return {name: round(seconds, 3) for name, seconds in self.cpu_s.items()}
+
+
+def run_one(drawn: Drawn) -> Row:
+    """Plan, certify and replay one scenario as the service does."""
+    scenario = Scenario.model_validate(drawn.scenario)
+    request = PlanMotionInput(scenario=scenario, replay=True)
+    clock = Clock(stage_shares(request))
+    row = Row(drawn.index, drawn.robot, drawn.kind, scenario.description)
+    known = {one.name: getattr(row, one.name) for one in fields(Row)}
+    try:
+        result = plan_motion(PlanMotionTask(scenario=scenario, input=request), clock)
+    except StridelabError as error:
+        stage = next((f.where.removeprefix("stage: ") for f in error.faults if f.where.startswith("stage: ")), CHECK)
+        return Row(**known | {"stage": stage, "reasons": (error.code,), "details": (error.message,)})
+    known |= {"duration_s": round(result.plan.sequence.duration_s, 2)}
+    if result.motion is None or result.certificate is None:
+        stop = result.stopped
+        names = stop.names if stop else ("none",)
+        cpu = {"cpu_s": clock.stop()}
+        return Row(**known | cpu | {"stage": WHOLE_BODY, "reasons": (*names,), "details": (str(stop),)})
+    failed = [check for check in result.certificate.checks if not check.passed]
+    with clock.run_stage(REPLAY, "physics") as tell:
+        replay = replay_motion(result, result.motion, tell)
+    reasons = [check.name for check in failed] or [remark.code for remark in replay.remarks]
+    details = [
+        f"{c.name} {c.value:.4g} {c.unit} (limit {c.limit:.4g}) {c.effector or ''} {c.time_s or 0.0:.2f} s"
+        for c in failed
+    ] + [remark.message for remark in replay.remarks]
+    stage = CERTIFICATE if failed else "" if replay.completed else REPLAY
+    known |= {"certified": not failed, "completed": replay.completed, "fell": replay.fell}
+    known |= {"com_error_m": round(replay.com_error_max_m, 5), "cpu_s": clock.stop()}
+    return Row(**known | {"stage": stage, "reasons": tuple(reasons), "details": tuple(details)})
+
+
+def load_rows(file: Path) -> dict[int, Row]:
+    """Rows of a file, by the index of their scenario."""
+    lines = file.read_text(encoding="utf-8").splitlines() if file.is_file() else []
+    rows = [Row(**json.loads(line)) for line in lines]
+    return {row.index: row for row in rows}
+
+
+def share_text(rows: Iterable[Row]) -> str:
+    """``done of all`` of some rows."""
+    some = list(rows)
+    return f"{sum(not row.stage for row in some)} of {len(some)}" if some else ""
+
+
+def page(rows: list[Row], seed: int) -> str:
+    """The page of the results."""
+    lines = [INTRO.format(count=len(rows), classes=len({row.kind for row in rows}), seed=seed)]
+    fell = [row for row in rows if row.certified and row.fell]
+    missed = [row for row in rows if row.certified and not row.completed]
+    refused = [row for row in rows if row.stage in (CHECK, CENTROIDAL, WHOLE_BODY)]
+    lines.append(
+        f"**{sum(not row.stage for row in rows)} of {len(rows)} are {DONE}.** {len(refused)} are refused before the "
+        f"certificate. {len(missed)} are certified but do not complete the replay, {len(fell)} of them fall.\n"
+    )
+    lines += ["## By class and robot\n", f"| class | {' | '.join(BOUNDS)} | all |", "| --- |" + " --- |" * 4]
+    for kind in (*CLASSES, None):
+        some = [row for row in rows if kind in (None, row.kind)]
+        cells = [share_text(row for row in some if row.robot == robot) for robot in BOUNDS]
+        lines.append(f"| {kind or '**all**'} | {' | '.join(cells)} | {share_text(some)} |")
+    lines += ["\n## Reasons\n", "| stage | reason | scenarios | classes |", "| --- | --- | --- | --- |"]
+    counts = Counter((row.stage, reason) for row in rows if row.stage for reason in row.reasons)
+    for (stage, reason), n in sorted(counts.items(), key=lambda item: (-item[1], item[0])):
+        kinds = Counter(f"{row.robot} {row.kind}" for row in rows if row.stage == stage and reason in row.reasons)
+        named = ", ".join(f"{kind} {k}" if k > 1 else kind for kind, k in kinds.most_common(6))
+        lines.append(f"| {stage} | {reason} | {n} | {named} |")
+    body = sorted(row.cpu_s[WHOLE_BODY] / row.duration_s for row in rows if WHOLE_BODY in row.cpu_s and row.duration_s)
+    if body:
+        lines.append(
+            f"\nThe whole body takes {body[len(body) // 2]:.2f} s of processor per second of motion (median; most "
+            f"{body[-1]:.2f}).\n"
+        )
+    return "\n".join([*lines, *bounds_table()]) + "\n"
+
+
+def bounds_table() -> list[str]:
+    """The bounds of every robot as a table."""
+    lines = ["## Bounds\n", f"| value | {' | '.join(BOUNDS)} |", "| --- |" + " --- |" * len(BOUNDS)]
+    for one in fields(Bounds):
+        if one.name not in ("walker", "half_size_m"):
+            cells = [f"{low:g} to {high:g}" for low, high in (getattr(bounds, one.name) for bounds in BOUNDS.values())]
+            lines.append(f"| `{one.name}` | {' | '.join(cells)} |")
+    return lines
+
+
+def main() -> None:
+    """Read the command line, run the scenarios, write the page."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--seed", type=int, default=PAGE_SEED)
+    parser.add_argument("--number", type=int, default=NUMBER)
+    parser.add_argument("--out", type=Path, help="file of the results, a JSON row per scenario")
+    parser.add_argument("--share", default="0/1", help="K/N: every N-th scenario from K on")
+    parser.add_argument("--only", nargs="*", default=[], help="classes, robots or indices to run")
+    parser.add_argument("--page", action="store_true", help="only write the page")
+    parser.add_argument("--no-page", action="store_true", help="do not write the page")
+    asked = parser.parse_args()
+    out = asked.out or ROOT / ".data" / f"terrains-{asked.seed}.jsonl"
+    out.parent.mkdir(parents=True, exist_ok=True)
+    rows = load_rows(out)
+    first, every = (int(part) for part in asked.share.split("/"))
+    scenarios = [] if asked.page else random_scenarios(asked.number, asked.seed)
+    order = np.random.default_rng(asked.seed).permutation(len(scenarios))  # a survey that ends early is a fair sample
+    for drawn in (scenarios[k] for k in order[first::every]):
+        labels = {drawn.kind, drawn.robot, str(drawn.index)}
+        if drawn.index in rows or (asked.only and not labels & set(asked.only)):
+            continue
+        row = rows[drawn.index] = run_one(drawn)
+        with out.open("a", encoding="utf-8") as file:
+            file.write(json.dumps(asdict(row)) + "\n")
+        sys.stderr.write(f"{row.index} {row.robot} {row.kind}: {row.stage or 'done'} {'; '.join(row.details)}\n")
+    if not asked.no_page:
+        PAGE.write_text(page([rows[k] for k in sorted(rows)], asked.seed), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
