@@ -17,6 +17,7 @@ from stridelab.conventions import GRAVITY_M_S2, Progress
 from stridelab.errors import InvalidInput
 from stridelab.robots.robot import Robot
 from stridelab.wholebody.motion import WholeBodyMotion
+from stridelab.wholebody.recovery.recovery import Recovery, RecoveryRun
 from stridelab.wholebody.replay.disturbances import UNDISTURBED, Disturbances
 from stridelab.wholebody.replay.log import Replay, ReplayLog
 from stridelab.wholebody.replay.mujoco_model import build_simulation
@@ -50,6 +51,8 @@ class PhysicsReplay:
     damping: float = 100.0
     arm_share: float = 0.1
     stabiliser: Stabiliser | None = field(default_factory=Stabiliser)
+    last_recovery: list = field(default_factory=list)
+    recovery: Recovery | None = field(default_factory=Recovery)
 
     def run(
         self,
@@ -78,17 +81,30 @@ class PhysicsReplay:
         last_sample, dt_s, k, hold_samples = len(motion.time_s) - 1, 1.0 / motion.rate_hz, 0, 0
         pace = ConstantClock(last_sample) if stabilising is None else stabilising.pace
         started, standing = time.perf_counter(), True
+        recovering: RecoveryRun | None = None
         while standing and hold_samples < round(HOLD_S * motion.rate_hz):
             i, rate = pace.sample_index, pace.rate * float(pace.sample_index < last_sample)
             forward, v_target = motion.tau_nm[i], rate * motion.v[i][6:]
             q_target = motion.q[i][7:] + (pace.sample - i) * dt_s * motion.v[i][6:]
-            if stabilising is not None:
+            command = None
+            if recovering is None and stabilising is not None and self.recovery is not None and stabilising.is_lost:
+                recovering = RecoveryRun(self.recovery, robot, sequence, dt_s)
+                measured = observe(sensors.read_state(k / motion.rate_hz))
+                planned = sequence.phases[sequence.phase_at(float(motion.time_s[i]) + 1e-9)].contacts
+                recovering.begin(measured, planned, k / motion.rate_hz)
+                self.last_recovery.append(recovering)
+            if recovering is not None:
+                command = recovering.compute_command(observe(sensors.read_state(k / motion.rate_hz)), k / motion.rate_hz)
+            elif stabilising is not None:
                 angles, added = stabilising.compute_corrections(observe(sensors.read_state(k / motion.rate_hz)))
                 q_target, forward = q_target + angles, forward + added
             for j in range(substeps):
                 q_command = q_target + j * simulation.timestep_s * v_target
                 q_read, v_read = joints.read_joints()
                 tau = kp * (q_command - q_read) + kd * (v_target - v_read) + forward
+                if command is not None:
+                    late = j * simulation.timestep_s
+                    tau = command.tau_nm + 0.2 * kd * (command.v_rad_s + late * command.a_rad_s2 - v_read)
                 if disturbances.torque_noise:
                     tau = tau * (1.0 + disturbances.torque_noise * rng.normal(size=len(tau)))
                 if pushed:
@@ -101,12 +117,17 @@ class PhysicsReplay:
                 log.record_step(simulation, k / motion.rate_hz + (j + 1) * simulation.timestep_s)
                 sensors.after_step(j + 1, k / motion.rate_hz + (j + 1) * simulation.timestep_s)
             simulation.refresh_derived()
-            pace.advance()
+            if recovering is None:
+                pace.advance()
             k, hold_samples = k + 1, hold_samples + int(i == last_sample)
             com_m, _ = simulation.com_state()
             error_m = float(np.linalg.norm(com_m - motion.com_reference_m[pace.sample_index]))
             log.record_sample(simulation, k / motion.rate_hz, float(motion.time_s[pace.sample_index]), com_m, error_m)
             standing = error_m < FALL_COM_ERROR_M
+            if recovering is not None:
+                standing = recovering.is_upright(com_m)
+                if recovering.rest_s > 1.0:
+                    break
             if i % PROGRESS_INTERVAL == 0:
                 progress(i / (last_sample + 1), f"replay: {motion.time_s[i]:.1f} of {motion.time_s[-1]:.1f} s")
         return log.to_replay(not standing, torque_ratio, time.perf_counter() - started)

@@ -71,6 +71,7 @@ class AdaptiveClock:
         self._last = len(capturable.capture_m) - 1
         self._lost_s = 0.0
         self.sample, self.rate = 0.0, 1.0
+        self.excess_m = 0.0
         self.off_m: dict[str, Shift] = {name: np.zeros(2) for name in capturable.weight}
 
     @property
@@ -101,6 +102,7 @@ class AdaptiveClock:
         e = capture_m - self._margins.capture_m[i] - self.reference_off_m
         error_along = self._margins.directions[i] @ e
         excess = np.where(error_along > by.least_m, error_along - by.share * self._margins.reach_m[i], 0.0)
+        self.excess_m = float(excess.max())
         if excess.max() > 0.0 and not swinging:
             target_rate = float(not self._can_pause(i))
         elif excess[1::2].max() > 0.0 and len(swinging) == 1 and len(progress) == 2:

@@ -1,0 +1,63 @@
+"""A swing that is re-aimed while it is under way: quintics from the present state to the target."""
+
+import numpy as np
+from jaxtyping import Float
+
+from stridelab.conventions import Vector3
+
+
+def quintic_coefficients(p: float, v: float, a: float, p_1: float, v_1: float, T: float) -> Float[np.ndarray, "6"]:
+    """Polynomial in t from ``(p, v, a)`` at 0 to ``(p_1, v_1, 0)`` at T, lowest power first."""
+    d = p_1 - p - v * T - 0.5 * a * T * T
+    dv = (v_1 - v - a * T) * T
+    da = -a * T * T
+    return np.array([
+        p,
+        v,
+        a / 2.0,
+        (10.0 * d - 4.0 * dv + 0.5 * da) / T**3,
+        (-15.0 * d + 7.0 * dv - da) / T**4,
+        (6.0 * d - 3.0 * dv + 0.5 * da) / T**5,
+    ])
+
+
+def evaluate(c: Float[np.ndarray, "6"], t: float) -> tuple[float, float, float]:
+    """Value and two derivatives."""
+    return (
+        float(c[0] + t * (c[1] + t * (c[2] + t * (c[3] + t * (c[4] + t * c[5]))))),
+        float(c[1] + t * (2 * c[2] + t * (3 * c[3] + t * (4 * c[4] + t * 5 * c[5])))),
+        float(2 * c[2] + t * (6 * c[3] + t * (12 * c[4] + t * 20 * c[5]))),
+    )
+
+
+class AimedSwing:
+    """State of one swinging sole: position, velocity and acceleration of its centre, advanced sample by sample."""
+
+    def __init__(self, position_m: Vector3, velocity_m_s: Vector3, apex_m: float) -> None:
+        self.p, self.v, self.a = position_m.copy(), velocity_m_s.copy(), np.zeros(3)
+        self.apex_m = apex_m
+        self.landing = False
+
+    def advance(self, place_m: np.ndarray, height_m: float, in_s: float, dt_s: float, down_share: float = 0.0) -> None:
+        """Advance by ``dt_s`` towards a landing at ``place_m`` in ``in_s``."""
+        T = max(in_s, dt_s)
+        if in_s <= dt_s:  # search for the ground
+            self.v = np.array([0.0, 0.0, -0.3])
+            self.a = np.zeros(3)
+            self.p = self.p + self.v * dt_s
+            return
+        fall_s = min(0.16, 0.5 * T) if not self.landing else T
+        below = self.p[2] < height_m + 0.02
+        level_T = max(T - 0.03, dt_s)
+        for k in range(2):
+            c = quintic_coefficients(self.p[k], self.v[k], self.a[k], float(place_m[k]), 0.0, level_T)
+            self.p[k], self.v[k], self.a[k] = evaluate(c, min(dt_s, level_T))
+        if not self.landing and T <= 0.17 and not below:
+            self.landing = True
+        if self.landing or T < 0.10:
+            c = quintic_coefficients(self.p[2], self.v[2], self.a[2], height_m, -0.1, T)
+        else:
+            rise_s = max(T - fall_s, 2 * dt_s)
+            apex = max(self.apex_m, height_m + 0.03)
+            c = quintic_coefficients(self.p[2], self.v[2], self.a[2], apex, 0.0, min(rise_s, 0.2) if self.p[2] < apex - 0.01 else rise_s)
+        self.p[2], self.v[2], self.a[2] = evaluate(c, dt_s)
