@@ -31,7 +31,9 @@ from stridelab.wholebody.replay.sensors import SensedState
 
 
 import os
+TRACE2 = bool(os.environ.get("TRACE2"))
 TRACE = bool(os.environ.get("TRACE"))
+TRACE_N = int(os.environ.get("TRACE") or 10)
 
 
 @dataclass(frozen=True)
@@ -112,6 +114,7 @@ class RecoveryRun:
         self._n_steps = 0
         self.rest_s = 0.0
         self.unsolved = 0
+        self.track: list = []
         self.events: list[tuple[float, str]] = []
         self.time_s = 0.0
 
@@ -157,7 +160,7 @@ class RecoveryRun:
 
     def _lift(self, name: str, measured: SensedState) -> None:
         frame = self._body.frame_state(name)
-        self._swing = AimedSwing(frame.position_m, frame.velocity[:3], float(frame.position_m[2]) + 0.05)
+        self._swing = AimedSwing(frame.position_m, frame.velocity[:3])
         self._swing_name, self.step, self._since = name, None, 0
         self._lifted_s = self.time_s
         self._on_ground = float(np.linalg.norm(measured.forces_n[name])) > 5.0
@@ -189,6 +192,13 @@ class RecoveryRun:
             pressure = self._stand(xi, w, measured)
         if self._swing is not None:
             pressure = self._swing_on(xi, w)
+        if TRACE2 and self._swing is not None:
+            (n, c), = self.contacts.items()
+            f, m = measured.forces_n[n], measured.moments_nm[n]
+            got = np.array([-m[1], m[0]]) / max(f[2], 1.0) + measured.contacts[n].position_m[:2]
+            if getattr(self, "_wish", None) is not None and self._swing is not None and f[2] > 50:
+                self.track.append([*(got - self._wish), f[2]])
+        self._wish = pressure
         height, rate = self._height()
         com_a = w * w * (body.com_m[:2] - pressure)
         swings = {}
@@ -233,7 +243,7 @@ class RecoveryRun:
                 other = next(n for n in self._soles if n != name)
                 step = self._chooser.choose(
                     xi, w, self.contacts[other].placement.position_m, self.contacts[name].placement.position_m,
-                    self._axes, self._side[name], False, None,
+                    np.zeros(3), self._axes, self._side[name], False, None,
                 )
                 if step is not None and (best is None or step.cost < best[0]):
                     best = (step.cost, name, step)
@@ -253,7 +263,7 @@ class RecoveryRun:
         assert s is not None
         corners = (np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) * (self._half + 0.01)) @ self._axes.T
         top = max(self._footholds.highest_m(s.p[:2], step.place_m, corners), step.height_m)
-        s.apex_m = top + 0.05
+        s.clear_m = top + 0.05
 
     def _swing_on(self, xi: np.ndarray, w: float) -> np.ndarray:
         name, swing = self._swing_name, self._swing
@@ -266,15 +276,15 @@ class RecoveryRun:
         if self.step is None or (self.step.in_s > self._by.frozen_s and self._since % self._by.choose_every == 0):
             aloft = swing.p[2] > at[2] + 0.02 and self.time_s - self._lifted_s > 0.08 or self._n_steps == 0
             step = self._chooser.choose(
-                xi, w, at, swing.p, self._axes, self._side[name], bool(aloft), self.step,
-                wait_s=0.0 if aloft else max(0.0, -(self.time_s - self._lifted_s)),
+                xi, w, at, swing.p, swing.v, self._axes, self._side[name], bool(aloft), self.step,
+                wait_s=0.0 if aloft else -min(self.time_s - self._lifted_s, 0.15),
             )
             if step is not None:
                 self.step = step
                 self._set_apex(step)
         self._since += 1
         inner = self._half - self._by.margin_m
-        if TRACE and self._since % 10 == 1 and self.step is not None:
+        if TRACE and self._since % TRACE_N == 1 % TRACE_N and self.step is not None:
             L = (xi - at[:2]) @ self._axes
             st = self.step
             u = (st.place_m - at[:2]) @ self._axes

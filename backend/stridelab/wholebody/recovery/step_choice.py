@@ -32,9 +32,10 @@ class StepLimits:
     aside_m: tuple[float, float]
     nominal_m: float
     half_m: tuple[float, float]
-    speed_m_s: float = 2.2
+    speed_m_s: float = 3.0
+    acceleration_m_s2: float = 28.0
     down_m_s: float = 0.6
-    least_ground_s: float = 0.30
+    least_ground_s: float = 0.22
     next_s: float = 0.42
     margin_m: float = 0.02
 
@@ -70,7 +71,7 @@ class StepChooser:
         x = np.linspace(-limits.back_m, limits.ahead_m, 21)
         y = np.linspace(*limits.aside_m, 11)
         self._grid = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
-        self._later_s = np.array([0.0, 0.06, 0.12, 0.2, 0.3, 0.45])
+        self._later_s = np.array([0.0, 0.03, 0.06, 0.09, 0.12, 0.16, 0.22, 0.3, 0.45])
 
     def choose(
         self,
@@ -78,6 +79,7 @@ class StepChooser:
         rate_per_s: float,
         stance_m: np.ndarray,
         swing_m: np.ndarray,
+        swing_v_m_s: np.ndarray,
         axes: Float[np.ndarray, "2 2"],
         side: float,
         in_air: bool,
@@ -100,11 +102,15 @@ class StepChooser:
             return None
         local, places, heights = local[known], places[known], heights[known]
         away = np.hypot(np.hypot(*(places - swing_m[:2]).T), heights - swing_m[2])
+        D = ((places - swing_m[:2]) @ axes)[:, None, :]
         down_s = np.maximum(swing_m[2] - heights, 0.0) / by.down_m_s + 0.02
-        earliest = np.maximum(down_s, away / by.speed_m_s + 0.04)
+        earliest = np.maximum(down_s, away / by.speed_m_s + 0.02)
         if not in_air:
             earliest = np.maximum(earliest, by.least_ground_s) + wait_s
         T = earliest[:, None] + self._later_s
+        vT = (swing_v_m_s[:2] @ axes) * T[..., None]
+        peak = 0.096 * np.maximum(np.abs(60.0 * D - 36.0 * vT), np.abs(60.0 * D - 24.0 * vT)) / T[..., None] ** 2
+        hurry = np.maximum(np.hypot(peak[..., 0], peak[..., 1]) / by.acceleration_m_s2 - 1.0, 0.0)
         growth = np.exp(rate_per_s * T)[..., None]
         xi = ((capture_m - stance_m[:2]) @ axes)[None, None]
         ends = local[:, None, :]
@@ -125,7 +131,7 @@ class StepChooser:
         ends2 = np.clip(reached2, low2, high2)
         excess2, _ = segment_excess(reached2, ends2, inner)
         excess2 = np.where(excess > 0.0, excess2, 0.0)
-        cost = 100.0 * excess2 + 20.0 * excess + 0.5 * T
+        cost = 100.0 * excess2 + 20.0 * excess + 0.5 * T + 10.0 * np.minimum(hurry, 10.0)
         away_m = local - [0.0, side * by.nominal_m]
         cost = cost + 0.8 * (away_m * away_m).sum(axis=-1)[:, None]
         if last is not None:

@@ -6,6 +6,10 @@ from jaxtyping import Float
 from stridelab.conventions import Vector3
 
 
+SEARCH_M_S = 0.3
+RISE_M_S2 = 15.0
+
+
 def quintic_coefficients(p: float, v: float, a: float, p_1: float, v_1: float, T: float) -> Float[np.ndarray, "6"]:
     """Polynomial in t from ``(p, v, a)`` at 0 to ``(p_1, v_1, 0)`` at T, lowest power first."""
     d = p_1 - p - v * T - 0.5 * a * T * T
@@ -33,31 +37,33 @@ def evaluate(c: Float[np.ndarray, "6"], t: float) -> tuple[float, float, float]:
 class AimedSwing:
     """State of one swinging sole: position, velocity and acceleration of its centre, advanced sample by sample."""
 
-    def __init__(self, position_m: Vector3, velocity_m_s: Vector3, apex_m: float) -> None:
+    def __init__(self, position_m: Vector3, velocity_m_s: Vector3) -> None:
         self.p, self.v, self.a = position_m.copy(), velocity_m_s.copy(), np.zeros(3)
-        self.apex_m = apex_m
+        self.ground_m = float(position_m[2])
+        self.clear_m = self.ground_m
         self.landing = False
+        self.elapsed_s = 0.0
 
-    def advance(self, place_m: np.ndarray, height_m: float, in_s: float, dt_s: float, down_share: float = 0.0) -> None:
-        """Advance by ``dt_s`` towards a landing at ``place_m`` in ``in_s``."""
+    def advance(self, place_m: np.ndarray, height_m: float, in_s: float, dt_s: float) -> None:
+        """Advance by ``dt_s`` towards a landing at ``place_m`` in ``in_s``; ``clear_m`` is the height to pass over."""
         T = max(in_s, dt_s)
+        self.elapsed_s += dt_s
         if in_s <= dt_s:  # search for the ground
-            self.v = np.array([0.0, 0.0, -0.3])
+            self.v = np.array([0.0, 0.0, -SEARCH_M_S])
             self.a = np.zeros(3)
             self.p = self.p + self.v * dt_s
             return
-        fall_s = min(0.16, 0.5 * T) if not self.landing else T
-        below = self.p[2] < height_m + 0.02
-        level_T = max(T - 0.03, dt_s)
+        fall_s = min(max(0.45 * (T + self.elapsed_s), 0.08), 0.2)
+        self.landing = self.landing or fall_s >= T
+        level_T = max(T - 0.02, dt_s)
         for k in range(2):
             c = quintic_coefficients(self.p[k], self.v[k], self.a[k], float(place_m[k]), 0.0, level_T)
             self.p[k], self.v[k], self.a[k] = evaluate(c, min(dt_s, level_T))
-        if not self.landing and T <= 0.17 and not below:
-            self.landing = True
-        if self.landing or T < 0.10:
+        if self.landing:
             c = quintic_coefficients(self.p[2], self.v[2], self.a[2], height_m, -0.1, T)
         else:
             rise_s = max(T - fall_s, 2 * dt_s)
-            apex = max(self.apex_m, height_m + 0.03)
-            c = quintic_coefficients(self.p[2], self.v[2], self.a[2], apex, 0.0, min(rise_s, 0.2) if self.p[2] < apex - 0.01 else rise_s)
+            reachable = self.p[2] + RISE_M_S2 * rise_s**2 / 5.77 + 0.5 * rise_s * max(self.v[2], 0.0)
+            apex = max(min(self.clear_m, reachable), height_m + 0.015, self.p[2] - 0.02)
+            c = quintic_coefficients(self.p[2], self.v[2], self.a[2], apex, 0.0, rise_s)
         self.p[2], self.v[2], self.a[2] = evaluate(c, dt_s)
