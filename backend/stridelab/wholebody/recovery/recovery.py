@@ -40,7 +40,7 @@ TRACE_N = int(os.environ.get("TRACE") or 10)
 class Recovery:
     """Settings; lengths that scale with the leg are given for one of ``leg_m``."""
 
-    loaded_n: float = 80.0
+    loaded_share: float = 0.1
     choose_every: int = 4
     frozen_s: float = 0.06
     gain: float = 1.0
@@ -87,6 +87,7 @@ class RecoveryRun:
         self._side = {name: float(np.sign(place[name][1])) for name in self._soles}
         com = pin.centerOfMass(robot.model, data, robot.q_reference)
         self._com_height_m = float(com[2])
+        self._loaded_n = settings.loaded_share * GRAVITY_M_S2 * robot.mass_kg
         self._hip_m = {}
         for name in self._soles:
             frame = robot.model.frames[robot.model.getFrameId(robot.effectors[name].frame)]
@@ -132,7 +133,7 @@ class RecoveryRun:
         self.time_s = time_s
         self.events.append((time_s, 'begin'))
         for name in self._soles:
-            loaded = float(np.linalg.norm(measured.forces_n[name])) > self._by.loaded_n
+            loaded = float(np.linalg.norm(measured.forces_n[name])) > self._loaded_n
             if name in planned and (loaded or len([n for n in planned if n in self._soles]) == 1):
                 self._put_down(name, measured)
         if not self.contacts:
@@ -212,7 +213,7 @@ class RecoveryRun:
     def _check_landing(self, measured: SensedState) -> None:
         name = self._swing_name
         assert name is not None and self._swing is not None
-        loaded = float(np.linalg.norm(measured.forces_n[name])) > self._by.loaded_n
+        loaded = float(np.linalg.norm(measured.forces_n[name])) > self._loaded_n
         aloft = self.time_s - self._lifted_s
         if not loaded:
             self._on_ground = False
@@ -298,9 +299,7 @@ class RecoveryRun:
             return np.asarray(at[:2])
         growth = float(np.exp(w * max(self.step.in_s, 0.02)))
         local = (xi - at[:2]) @ self._axes
-        end = (self.step.place_m - at[:2]) @ self._axes
-        _, aim = segment_excess((local * growth)[None], end[None], inner - 0.01)
-        p = np.clip((local * growth - aim[0]) / (growth - 1.0), -inner, inner)
+        p = np.clip(local * growth / (growth - 1.0), -inner, inner)
         swing.advance(self.step.place_m, self.step.height_m, self.step.in_s, self._dt_s)
         return np.asarray(at[:2] + self._axes @ p)
 

@@ -36,6 +36,7 @@ class StepLimits:
     acceleration_m_s2: float = 28.0
     down_m_s: float = 0.6
     least_ground_s: float = 0.22
+    delay_cost: float = 20.0
     next_s: float = 0.42
     margin_m: float = 0.02
 
@@ -68,7 +69,7 @@ class StepChooser:
 
     def __init__(self, limits: StepLimits, footholds: Footholds) -> None:
         self._limits, self._footholds = limits, footholds
-        x = np.linspace(-limits.back_m, limits.ahead_m, 21)
+        x = np.linspace(-limits.back_m, limits.ahead_m, 33)
         y = np.linspace(*limits.aside_m, 11)
         self._grid = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
         self._later_s = np.array([0.0, 0.03, 0.06, 0.09, 0.12, 0.16, 0.22, 0.3, 0.45])
@@ -104,7 +105,8 @@ class StepChooser:
         away = np.hypot(np.hypot(*(places - swing_m[:2]).T), heights - swing_m[2])
         D = ((places - swing_m[:2]) @ axes)[:, None, :]
         down_s = np.maximum(swing_m[2] - heights, 0.0) / by.down_m_s + 0.02
-        earliest = np.maximum(down_s, away / by.speed_m_s + 0.02)
+        up_s = np.sqrt(5.77 * np.maximum(heights - swing_m[2] + 0.02, 0.0) / 15.0) + 0.08
+        earliest = np.maximum(np.where(heights > swing_m[2] - 0.005, up_s, down_s), away / by.speed_m_s + 0.02)
         if not in_air:
             earliest = np.maximum(earliest, by.least_ground_s) + wait_s
         T = earliest[:, None] + self._later_s
@@ -115,9 +117,7 @@ class StepChooser:
         xi = ((capture_m - stance_m[:2]) @ axes)[None, None]
         ends = local[:, None, :]
         inner = half - by.margin_m
-        passive = xi * growth
-        _, aim = segment_excess(passive, ends, inner)
-        p = np.clip((xi * growth - aim) / (growth - 1.0), -inner, inner)
+        p = np.clip(xi * growth / (growth - 1.0), -inner, inner)
         reached = p + (xi - p) * growth
         excess, _ = segment_excess(reached, ends, inner)
         # another step of the standing leg, from the place of this one
@@ -136,7 +136,7 @@ class StepChooser:
         cost = cost + 0.8 * (away_m * away_m).sum(axis=-1)[:, None]
         if last is not None:
             moved = places - last.place_m
-            cost = cost + 2.0 * (moved * moved).sum(axis=-1)[:, None] + 3.0 * np.maximum(T - last.in_s, 0.0)
+            cost = cost + 2.0 * (moved * moved).sum(axis=-1)[:, None] + by.delay_cost * np.maximum(T - last.in_s, 0.0)
         if desired_m is not None:
             moved = places - desired_m
             cost = cost + 0.8 * (moved * moved).sum(axis=-1)[:, None]

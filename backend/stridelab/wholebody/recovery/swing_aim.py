@@ -8,6 +8,7 @@ from stridelab.conventions import Vector3
 
 SEARCH_M_S = 0.3
 RISE_M_S2 = 15.0
+MOST_M_S2 = 40.0
 
 
 def quintic_coefficients(p: float, v: float, a: float, p_1: float, v_1: float, T: float) -> Float[np.ndarray, "6"]:
@@ -58,7 +59,7 @@ class AimedSwing:
         level_T = max(T - 0.02, dt_s)
         for k in range(2):
             c = quintic_coefficients(self.p[k], self.v[k], self.a[k], float(place_m[k]), 0.0, level_T)
-            self.p[k], self.v[k], self.a[k] = evaluate(c, min(dt_s, level_T))
+            self._integrate(k, evaluate(c, min(dt_s, level_T))[2], dt_s)
         if self.landing:
             c = quintic_coefficients(self.p[2], self.v[2], self.a[2], height_m, -0.1, T)
         else:
@@ -66,4 +67,11 @@ class AimedSwing:
             reachable = self.p[2] + RISE_M_S2 * rise_s**2 / 5.77 + 0.5 * rise_s * max(self.v[2], 0.0)
             apex = max(min(self.clear_m, reachable), height_m + 0.015, self.p[2] - 0.02)
             c = quintic_coefficients(self.p[2], self.v[2], self.a[2], apex, 0.0, rise_s)
-        self.p[2], self.v[2], self.a[2] = evaluate(c, dt_s)
+        self._integrate(2, evaluate(c, dt_s)[2], dt_s)
+
+    def _integrate(self, k: int, a: float, dt_s: float) -> None:
+        a = float(np.clip(a, -MOST_M_S2, MOST_M_S2))
+        before = self.v[k]
+        self.a[k] = a
+        self.v[k] += a * dt_s
+        self.p[k] += 0.5 * (before + self.v[k]) * dt_s
