@@ -46,9 +46,10 @@ class Recovery:
     gain: float = 1.0
     margin_m: float = 0.012
     step_excess_m: float = 0.0
-    ahead: float = 0.75
-    back: float = 0.6
-    aside: float = 0.75
+    ahead: float = 0.85
+    back: float = 0.75
+    aside: float = 0.85
+    hip: float = float(os.environ.get('HIP', '0.0'))
     straight: float = 0.97
     weights: BalanceWeights = field(default_factory=BalanceWeights)
     avoid: AvoidanceSettings | None = field(default_factory=AvoidanceSettings)
@@ -92,7 +93,7 @@ class RecoveryRun:
         for name in self._soles:
             frame = robot.model.frames[robot.model.getFrameId(robot.effectors[name].frame)]
             chain = [j for j in robot.model.supports[frame.parentJoint] if robot.group.get(robot.model.names[j]) == "leg"]
-            self._hip_m[name] = data.oMi[chain[2]].translation - com
+            self._hip_m[name] = data.oMi[chain[0]].translation - com
         hip = next(iter(self._hip_m.values()))
         self._hip_height_m = self._com_height_m + float(hip[2])
         ankle = min(float(data.oMi[j].translation[2]) for j in range(1, robot.model.njoints))
@@ -125,7 +126,7 @@ class RecoveryRun:
         chain = [j for j in model.supports[frame.parentJoint] if robot.group.get(model.names[j]) == "leg"]
         at = [data.oMi[j].translation for j in chain]
         knee = at[3]
-        return float(np.linalg.norm(knee - at[2]) + np.linalg.norm(at[4] - knee))
+        return float(np.linalg.norm(knee - at[0]) + np.linalg.norm(at[4] - knee))
 
     def begin(self, measured: SensedState, planned: Mapping[str, Contact], time_s: float) -> None:
         """Take over at a measured state, with the soles of ``planned`` in contact."""
@@ -299,7 +300,9 @@ class RecoveryRun:
             return np.asarray(at[:2])
         growth = float(np.exp(w * max(self.step.in_s, 0.02)))
         local = (xi - at[:2]) @ self._axes
-        p = np.clip(local * growth / (growth - 1.0), -inner, inner)
+        wish = local * growth / (growth - 1.0)
+        p = np.clip(wish, -inner, inner)
+        p = p + np.clip(wish - p, -self._by.hip, self._by.hip)
         swing.advance(self.step.place_m, self.step.height_m, self.step.in_s, self._dt_s)
         return np.asarray(at[:2] + self._axes @ p)
 
