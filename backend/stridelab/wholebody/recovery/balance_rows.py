@@ -8,6 +8,7 @@ Unlike in the strict hierarchy of a planned motion, a CoM that the soles cannot 
 with strict levels the body would whirl its arms and trunk for the last newton.
 """
 
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
@@ -30,11 +31,11 @@ from stridelab.wholebody.control.tasks import Gain
 class BalanceWeights:
     """Weights and gains of the tasks of a recovery."""
 
-    com: float = 4.0
-    height: float = 2.0
-    swing: float = 4.0
+    com: float = float(os.environ.get('WC','4'))
+    height: float = float(os.environ.get('WH','8'))
+    swing: float = float(os.environ.get('WS','4'))
     swing_turn: float = 2.0
-    base: float = 1.5
+    base: float = float(os.environ.get('WB','1.5'))
     momentum: float = 0.05
     force: float = 2e-3
     swing_gain: Gain = field(default_factory=lambda: Gain.critically_damped(900.0))
@@ -95,6 +96,7 @@ class BalanceRows(PhaseHierarchy):
             if result.failure is not None:
                 lower[self._torque], upper[self._torque] = -1e5, 1e5
                 result = solve_hierarchy(equality, [level], Inequalities(bounds.G, lower, upper))
+        self.last_forces = self.forces_n(result.z)
         return result.z[: self._nv], self.torques_nm(result.z), met
 
     def _weighted(self, t: BalanceTargets) -> Rows:

@@ -209,6 +209,12 @@ class RecoveryRun:
             swings[self._swing_name] = SwingTarget(Placement(s.p.copy(), self._R), s.v.copy(), s.a.copy())
         a, tau, met = self._rows.solve(BalanceTargets(com_a, height, rate, self._R, swings))
         self.unsolved += not met
+        if TRACE_N == 1 and TRACE:
+            fz = {n[0]: int(f.sum(axis=0)[2]) for n, f in self._rows.last_forces.items()}
+            real = {n[0]: int(f[2]) for n, f in measured.forces_n.items()}
+            data = body.data
+            acc = body.A_g[2] @ a / body.mass_kg + body.A_g_drift[2] / body.mass_kg
+            print(f"{time_s:.3f} qp {fz} before {real} com a {acc:.1f} vz {body.com_v_m_s[2]:.2f} wish z {height:.3f} {body.com_m[2]:.3f} swing a {swings and next(iter(swings.values())).acceleration_m_s2.round(0)} v {swings and next(iter(swings.values())).velocity_m_s.round(1)} stancev {[body.frame_state(n).velocity[:3].round(2).tolist() for n in self.contacts]}")
         return Command(tau, measured.q[7:].copy(), measured.v[6:].copy(), a[6:])
 
     def _check_landing(self, measured: SensedState) -> None:
@@ -303,6 +309,8 @@ class RecoveryRun:
         wish = local * growth / (growth - 1.0)
         p = np.clip(wish, -inner, inner)
         p = p + np.clip(wish - p, -self._by.hip, self._by.hip)
+        frame = self._body.frame_state(name)
+        swing.follow(frame.position_m, frame.velocity[:3])
         swing.advance(self.step.place_m, self.step.height_m, self.step.in_s, self._dt_s)
         return np.asarray(at[:2] + self._axes @ p)
 

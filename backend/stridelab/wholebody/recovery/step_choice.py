@@ -10,6 +10,7 @@ taken whose excess over that hull is smallest, after this step and after another
 regions of Koolen 2012 for one and two steps, with timing as in Khadiv 2020).
 """
 
+import os
 from dataclasses import dataclass
 
 import numpy as np
@@ -33,7 +34,7 @@ class StepLimits:
     nominal_m: float
     half_m: tuple[float, float]
     speed_m_s: float = 3.0
-    acceleration_m_s2: float = 28.0
+    acceleration_m_s2: float = float(os.environ.get('AC','22'))
     down_m_s: float = 0.6
     least_ground_s: float = 0.22
     delay_cost: float = 20.0

@@ -9,6 +9,7 @@ from stridelab.conventions import Vector3
 SEARCH_M_S = 0.3
 RISE_M_S2 = 15.0
 MOST_M_S2 = 40.0
+BEHIND_M = 0.03
 
 
 def quintic_coefficients(p: float, v: float, a: float, p_1: float, v_1: float, T: float) -> Float[np.ndarray, "6"]:
@@ -68,6 +69,14 @@ class AimedSwing:
             apex = max(min(self.clear_m, reachable), height_m + 0.015, self.p[2] - 0.02)
             c = quintic_coefficients(self.p[2], self.v[2], self.a[2], apex, 0.0, rise_s)
         self._integrate(2, evaluate(c, dt_s)[2], dt_s)
+
+    def follow(self, position_m: Vector3, velocity_m_s: Vector3) -> None:
+        """Let the reference follow a sole that is left behind by more than ``BEHIND_M``."""
+        behind = position_m - self.p
+        distance = float(np.linalg.norm(behind))
+        if distance > BEHIND_M:
+            self.p = self.p + behind * (1.0 - BEHIND_M / distance)
+            self.v = self.v + 0.3 * (velocity_m_s - self.v)
 
     def _integrate(self, k: int, a: float, dt_s: float) -> None:
         a = float(np.clip(a, -MOST_M_S2, MOST_M_S2))
