@@ -8,16 +8,15 @@ Unlike in the strict hierarchy of a planned motion, a CoM that the soles cannot 
 with strict levels the body would whirl its arms and trunk for the last newton.
 """
 
-import os
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
 from stridelab.contacts.sequence import Contact
-from stridelab.conventions import Angles, Rotation, Vector3
-from stridelab.dynamics.spatial import Placement
+from stridelab.conventions import GRAVITY_M_S2, Angles, Rotation
 from stridelab.robots.robot import Robot
 from stridelab.wholebody.control import tasks
 from stridelab.wholebody.control.collision_avoidance import CollisionAvoidance
@@ -25,17 +24,21 @@ from stridelab.wholebody.control.hierarchical_qp import Inequalities, Rows, solv
 from stridelab.wholebody.control.rigid_body import RigidBody
 from stridelab.wholebody.control.task_stack import PhaseHierarchy, Settings
 from stridelab.wholebody.control.tasks import Gain
+from stridelab.wholebody.recovery.swing_aim import AimedSwing
+
+_FREE = 1e5
+"""Bound of a limit that is given up."""
 
 
 @dataclass(frozen=True)
 class BalanceWeights:
-    """Weights and gains of the tasks of a recovery."""
+    """Weights and gains of the tasks of a recovery; a weight multiplies the rows, so that its square is in the cost."""
 
-    com: float = float(os.environ.get('WC','4'))
-    height: float = float(os.environ.get('WH','8'))
-    swing: float = float(os.environ.get('WS','4'))
+    com: float = 12.0
+    height: float = 8.0
+    swing: float = 4.0
     swing_turn: float = 2.0
-    base: float = float(os.environ.get('WB','1.5'))
+    base: float = 1.5
     momentum: float = 0.05
     force: float = 2e-3
     swing_gain: Gain = field(default_factory=lambda: Gain.critically_damped(900.0))
@@ -45,23 +48,22 @@ class BalanceWeights:
 
 
 @dataclass(frozen=True, eq=False)
-class SwingTarget:
-    """Target of a swinging sole: placement, velocity, acceleration."""
-
-    placement: Placement
-    velocity_m_s: Vector3
-    acceleration_m_s2: Vector3
-
-
-@dataclass(frozen=True, eq=False)
 class BalanceTargets:
-    """Targets of one sample: horizontal acceleration of the CoM, its height and rate, heading, swinging soles."""
+    """Targets of one sample; ``swings`` are the references of the soles in the air, level with the heading ``base``."""
 
     com_a_m_s2: Float[np.ndarray, "2"]
     height_m: float
     height_rate_m_s: float
     base: Rotation
-    swings: Mapping[str, SwingTarget]
+    swings: Mapping[str, AimedSwing]
+
+
+class Balance(NamedTuple):
+    """Accelerations and torques; ``within_limits`` says whether joint ranges, speeds and torques hold."""
+
+    a: Float[np.ndarray, "nv"]
+    tau_nm: Angles
+    within_limits: bool
 
 
 class BalanceRows(PhaseHierarchy):
@@ -76,68 +78,59 @@ class BalanceRows(PhaseHierarchy):
         settings: Settings,
         avoidance: CollisionAvoidance | None,
     ) -> None:
-        super().__init__(robot, body, contacts, {}, None, settings, avoidance)  # type: ignore[arg-type]
+        super().__init__(robot, body, contacts, {}, None, settings, avoidance)
         self._weights = weights
-        self._n_points = {name: len(points) for name, points in self._points.items()}
-        self._weight_n = 9.81 * robot.mass_kg
+        n = sum(len(points) for points in self._points.values())
+        even_n = np.zeros((n, 3))
+        even_n[:, 2] = GRAVITY_M_S2 * robot.mass_kg / max(n, 1)
+        self._even_n = even_n.ravel()
 
-    def solve(self, targets: BalanceTargets) -> tuple[np.ndarray, Angles, bool]:
-        """Accelerations, torques, and whether a solution within all limits was found."""
+    def solve_sample(self, targets: BalanceTargets) -> Balance:
+        """Solve at the body's state; limits of joints, then of torques are given up where they leave no solution."""
         J = [tasks.force_jacobian(self._body.frame_state(name), points) for name, points in self._points.items()]
-        J_f = np.vstack(J) if J else np.zeros((0, self._nv))
-        equality, bounds = self._level_0(J_f), self._inequality_rows(J_f)
-        level = self._weighted(targets)
+        J_f = np.vstack(J)
+        equality, level, bounds = self._level_0(J_f), self._weighted_rows(targets), self._inequality_rows(J_f)
         result = solve_hierarchy(equality, [level], bounds)
-        met = result.failure is None
-        if not met:
+        given_up = 0
+        for rows in (self._joint, self._torque):
+            if result.failure is None:
+                break
+            given_up += 1
             lower, upper = bounds.lower.copy(), bounds.upper.copy()
-            lower[self._joint], upper[self._joint] = -1e4, 1e4
-            result = solve_hierarchy(equality, [level], Inequalities(bounds.G, lower, upper))
-            if result.failure is not None:
-                lower[self._torque], upper[self._torque] = -1e5, 1e5
-                result = solve_hierarchy(equality, [level], Inequalities(bounds.G, lower, upper))
-        self.last_forces = self.forces_n(result.z)
-        return result.z[: self._nv], self.torques_nm(result.z), met
+            lower[rows], upper[rows] = -_FREE, _FREE
+            bounds = Inequalities(bounds.G, lower, upper)
+            result = solve_hierarchy(equality, [level], bounds)
+        return Balance(result.z[: self._nv], self.torques_nm(result.z), given_up == 0)
 
-    def _weighted(self, t: BalanceTargets) -> Rows:
-        body, w, s = self._body, self._weights, self._settings
-        com = Rows(body.A_g[:2] / body.mass_kg, t.com_a_m_s2 - body.A_g_drift[:2] / body.mass_kg)
+    def _weighted_rows(self, targets: BalanceTargets) -> Rows:
+        body, w, zero = self._body, self._weights, np.zeros(3)
         kp, kd = w.height_gain
-        z_a = kp * (t.height_m - body.com_m[2]) + kd * (t.height_rate_m_s - body.com_v_m_s[2])
-        height = Rows(body.A_g[2:3] / body.mass_kg, np.array([z_a - body.A_g_drift[2] / body.mass_kg]))
-        zero = np.zeros(3)
+        up = kp * (targets.height_m - body.com_m[2]) + kd * (targets.height_rate_m_s - body.com_v_m_s[2])
+        A, drift = body.A_g[:3] / body.mass_kg, body.A_g_drift[:3] / body.mass_kg
         weighted: list[tuple[tasks.Weight, Rows]] = [
-            (w.com, com),
-            (w.height, height),
-            (w.base, tasks.orientation_task(body.frame_state("base"), t.base, zero, zero, w.base_gain)),
+            (w.com, Rows(A[:2], targets.com_a_m_s2 - drift[:2])),
+            (w.height, Rows(A[2:], up - drift[2:])),
+            (w.base, tasks.orientation_task(body.frame_state("base"), targets.base, zero, zero, w.base_gain)),
             (w.momentum, Rows(body.A_g[3:], -w.momentum_per_s * body.l_nms - body.A_g_drift[3:])),
-            (self._posture_weights, tasks.posture_task(body, self._rest, s.posture)),
+            (self._posture_weights, tasks.posture_task(body, self._rest, self._settings.posture)),
+            (w.force, tasks.force_task(self._even_n, self._nv)),
         ]
-        for name, swing in t.swings.items():
-            frame = body.frame_state(name)
-            p = swing.placement
-            weighted.append((
-                w.swing,
-                tasks.position_task(frame, p.position_m, swing.velocity_m_s, swing.acceleration_m_s2, w.swing_gain),
-            ))
-            weighted.append((w.swing_turn, tasks.orientation_task(frame, p.rotation, zero, zero, w.swing_gain)))
+        for name, swing in targets.swings.items():
+            frame, gain = body.frame_state(name), w.swing_gain
+            p, v, a = swing.position_m, swing.velocity_m_s, swing.acceleration_m_s2
+            weighted.append((w.swing, tasks.position_task(frame, p, v, a, gain)))
+            weighted.append((w.swing_turn, tasks.orientation_task(frame, targets.base, zero, zero, gain)))
         if self._avoidance is not None:
             rows, weights = self._avoidance.task_rows(body)
             weighted.append((weights, rows))
-        n = sum(self._n_points.values())
-        even = np.zeros((n, 3))
-        even[:, 2] = self._weight_n / max(n, 1)
-        weighted.append((w.force, tasks.force_task(even.ravel(), self._nv)))
         return tasks.stack_weighted(weighted, self._nz)
 
 
-def recovery_settings(settings: Settings | None = None) -> Settings:
-    """Settings of the rows: limits of the robot itself, without the margins of a certificate."""
-    return replace(
-        settings or Settings(),
+def recovery_settings() -> Settings:
+    """Settings of the rows: the limits of the robot itself, without the margins of a planned motion."""
+    return Settings(
         contact=Gain(0.0, 30.0),
         range_share=0.0,
-        joint_margin_rad=0.005,
         velocity_share=1.0,
         torque_share=0.98,
         contact_margin_m=0.004,

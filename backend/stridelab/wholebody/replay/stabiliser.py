@@ -71,11 +71,6 @@ class StabiliserRun:
         self._capturable = Capturability.of_motion(motion, half, stabiliser.capture.edge_m)
         self.pace = AdaptiveClock(stabiliser.stepping, self._capturable, motion.rate_hz)
 
-    @property
-    def is_lost(self) -> bool:
-        """Whether the capture point's error exceeds what the soles can correct."""
-        return self.pace.excess_m > 0.0
-
     def compute_corrections(self, measured: SensedState) -> tuple[Angles, Angles]:
         """Angles (rad) and torques (N m) to add at the sample of ``pace``; the last sample is a standing posture."""
         motion, i = self._motion, self.pace.sample_index

@@ -72,6 +72,7 @@ class AdaptiveClock:
         self._lost_s = 0.0
         self.sample, self.rate = 0.0, 1.0
         self.excess_m = 0.0
+        """Largest distance of the capture point beyond what the soles can correct, at the last update."""
         self.off_m: dict[str, Shift] = {name: np.zeros(2) for name in capturable.weight}
 
     @property
@@ -103,7 +104,7 @@ class AdaptiveClock:
         error_along = self._margins.directions[i] @ e
         excess = np.where(error_along > by.least_m, error_along - by.share * self._margins.reach_m[i], 0.0)
         self.excess_m = float(excess.max())
-        if excess.max() > 0.0 and not swinging:
+        if self.excess_m > 0.0 and not swinging:
             target_rate = float(not self._can_pause(i))
         elif excess[1::2].max() > 0.0 and len(swinging) == 1 and len(progress) == 2:
             (name,) = swinging
