@@ -72,7 +72,8 @@ class AdaptiveClock:
         self._lost_s = 0.0
         self.sample, self.rate = 0.0, 1.0
         self.excess_m = 0.0
-        """Largest distance of the capture point beyond what the soles can correct, at the last update."""
+        """Largest distance of the capture point beyond what the soles can correct, or, while the plan waits on both,
+        beyond their edge."""
         self.off_m: dict[str, Shift] = {name: np.zeros(2) for name in capturable.weight}
 
     @property
@@ -106,6 +107,9 @@ class AdaptiveClock:
         self.excess_m = float(excess.max())
         if self.excess_m > 0.0 and not swinging:
             target_rate = float(not self._can_pause(i))
+            if target_rate == 0.0 and not self._delay_exhausted:
+                beyond_m = self._margins.directions[i] @ (capture_m - self.reference_off_m)
+                self.excess_m = max(0.0, float((beyond_m - self._margins.capture_edge_m[i]).max()))
         elif excess[1::2].max() > 0.0 and len(swinging) == 1 and len(progress) == 2:
             (name,) = swinging
             (stance,) = (other for other in progress if other != name)
