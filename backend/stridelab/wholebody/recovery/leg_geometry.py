@@ -37,7 +37,11 @@ class LegGeometry:
         model, data = robot.model, robot.model.createData()
         pin.framesForwardKinematics(model, data, robot.q_reference)
         com_m = np.asarray(pin.centerOfMass(model, data, robot.q_reference)).copy()
-        side, hip_m, legs_m, ankles_m, at_m = {}, {}, [], [], {}
+        side: dict[str, float] = {}
+        hip_m: dict[str, Vector3] = {}
+        at_m: dict[str, Vector3] = {}
+        legs_m: list[float] = []
+        ankles_m: list[float] = []
         for name in soles:
             effector = robot.effectors[name]
             frame = model.frames[model.getFrameId(effector.frame)]
@@ -50,7 +54,8 @@ class LegGeometry:
             T = data.oMf[model.getFrameId(effector.frame)]
             at_m[name] = T.act(effector.T_frame_contact.position_m)
             side[name] = 1.0 if at_m[name][1] > 0.0 else -1.0
-            hip_m[name], ankles_m = hip - com_m, [*ankles_m, float(ankle[2])]
+            hip_m[name] = hip - com_m
+            ankles_m.append(float(ankle[2]))
         first, second = soles
         return LegGeometry(
             side=side,
