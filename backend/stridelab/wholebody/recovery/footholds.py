@@ -38,7 +38,9 @@ class Footholds:
             stands = np.isfinite(low) & (high - low < _SAME_HEIGHT_M)
         return np.asarray(np.where(stands, high, np.nan))
 
-    def highest_m(self, start_m: np.ndarray, end_m: np.ndarray, corners_m: Float[np.ndarray, "4 2"]) -> float:
+    def highest_m(
+        self, start_m: Float[np.ndarray, "2"], end_m: Float[np.ndarray, "2"], corners_m: Float[np.ndarray, "4 2"]
+    ) -> float:
         """Highest face below a sole that moves straight from one place to another."""
         shares = np.linspace(0.0, 1.0, 9)[:, None, None]
         path = start_m + shares * (end_m - start_m) + np.concatenate([corners_m, np.zeros((1, 2))])

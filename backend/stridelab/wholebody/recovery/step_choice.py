@@ -84,7 +84,9 @@ class Swinging:
     aloft_s: float | None
 
 
-def nearest_in_hull(points: np.ndarray, end: np.ndarray, half: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def nearest_in_hull(
+    points: Float[np.ndarray, "*#n 2"], end: Float[np.ndarray, "*#n 2"], half: Float[np.ndarray, "2"]
+) -> tuple[Float[np.ndarray, "*n 2"], Float[np.ndarray, "*n"]]:
     """Nearest point of the hull of a sole at the origin and one at ``end``, and the distance from it.
 
     The hull of two rectangles of equal axes is the segment between their centres widened by half a rectangle.
@@ -181,6 +183,8 @@ def _braked_capture(xi: np.ndarray, growth: np.ndarray | float, half: np.ndarray
     return np.asarray(p + (xi - p) * growth)
 
 
-def braking_pressure(xi: np.ndarray, growth: np.ndarray | float, half: np.ndarray) -> np.ndarray:
+def braking_pressure(
+    xi: Float[np.ndarray, "*#n 2"], growth: Float[np.ndarray, "*#n 1"] | float, half: Float[np.ndarray, "2"]
+) -> Float[np.ndarray, "*n 2"]:
     """Centre of pressure within half a sole that brings the capture point to the sole's centre, or nearest to it."""
     return np.asarray(np.clip(xi * growth / (growth - 1.0), -half, half))
