@@ -45,7 +45,8 @@ PUSHES_INTRO = """## Random pushes of long strides
 
 `push-basin` ([falls that are proved lost](whole-body.md#falls-that-are-proved-lost)): a push on the trunk changes the
 velocity of the CoM by the given amount, at a random time in a random horizontal direction; seed 20261124, on which
-nothing was tuned.
+nothing was tuned. The rows are those of the stabiliser alone, before [steps that leave the
+plan](whole-body.md#steps-that-leave-the-plan), where the page on the whole body says what is survived with them.
 """
 TABLES = (
     (

@@ -141,7 +141,7 @@ def test_a_push_just_before_a_foot_lifts_is_survived_by_waiting_and_not_without(
     lifts_s = float(motion.time_s[int(np.argmin(capturable(talos, motion).in_contact["right_foot"]))])
     pushed = Disturbances(pushes=(Push(lifts_s - 0.12, (0.0, -25.0, 0.0)),))
     found = [
-        PhysicsReplay(stabiliser=Stabiliser(stepping=stepping)).run(
+        PhysicsReplay(stabiliser=Stabiliser(stepping=stepping), recovery=None).run(
             talos, sequence, motion, lambda _fraction, _message: None, disturbances=pushed
         )
         for stepping in (Stepping(), NEVER)

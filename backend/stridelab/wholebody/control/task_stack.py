@@ -100,7 +100,7 @@ class PhaseHierarchy:
         body: RigidBody,
         contacts: Mapping[str, Contact],
         swings: Mapping[str, SwingCurve],
-        plan: CentroidalPlan,
+        plan: CentroidalPlan | None,
         settings: Settings,
         avoidance: CollisionAvoidance | None = None,
         rate_hz: float = 250.0,
@@ -227,6 +227,7 @@ class PhaseHierarchy:
                 w, w_rate = target.angular_velocity_rad_s, target.angular_acceleration_rad_s2
                 rows = tasks.orientation_task(body.frame_state(name), target.placement.rotation, w, w_rate, s.hand)
                 weighted.append((s.hand_weight, rows))
+        assert self._plan is not None, "only rows without a plan's forces are built without a plan"
         forces_n = self._plan.forces_at(instant.time_s)
         planned = np.concatenate([*(forces_n[name].ravel() for name in self._contacts), np.zeros(0)])
         weighted.append((s.force_weight, tasks.force_task(planned, self._nv)))

@@ -49,9 +49,19 @@ class MissedCondition:
     message: str
 
 
+@dataclass(frozen=True)
+class LeftPlan:
+    """The plan was left at ``time_s`` for a recovery of ``steps`` steps; ``rested`` if it ended at rest."""
+
+    time_s: float
+    steps: int
+    rested: bool
+
+
 def missed_conditions(
     *,
     fall_time_s: float | None,
+    left_plan: LeftPlan | None = None,
     collided: Sequence[Collision],
     slip_max_m: float,
     torque_ratio_max: float,
@@ -61,6 +71,11 @@ def missed_conditions(
     violated: list[MissedCondition] = []
     if fall_time_s is not None:
         violated.append(MissedCondition("replay-fell", f"The robot falls after {fall_time_s:.1f} s."))
+    if left_plan is not None:
+        steps = "1 step" if left_plan.steps == 1 else f"{left_plan.steps} steps"
+        ending = "stands at rest" if left_plan.rested else "does not come to rest"
+        message = f"The robot leaves the plan at {left_plan.time_s:.1f} s, and after {steps} it {ending}."
+        violated.append(MissedCondition("replay-left-plan", message))
     if collided:
         violated.append(MissedCondition("replay-collided", _describe_collisions(collided)))
     if slip_max_m > SLIP_M:
@@ -100,7 +115,8 @@ class Replay:
     ``hand_contact_share`` is the share of the planned hand contacts in which the hand is loaded;
     ``hand_in_place_shares`` is, per hand, the share in which it is loaded by the planned surface within the retreat
     distance of a releasing hand from its planned position. ``collided`` are the unplanned contacts in the order of
-    time. ``fall_time_s`` is None if the robot does not fall.
+    time. ``fall_time_s`` is None if the robot does not fall. ``left_plan`` is the recovery that ended the plan, if any:
+    its soles may land on any surface, and hands and landing positions are judged before it only.
     """
 
     time_s: Float[np.ndarray, "n"]
@@ -120,6 +136,7 @@ class Replay:
     real_time_factor: float
     hand_in_place_shares: Mapping[str, float] = field(default_factory=dict)
     collided: tuple[Collision, ...] = ()
+    left_plan: LeftPlan | None = None
 
     @property
     def fell(self) -> bool:
@@ -141,6 +158,7 @@ class Replay:
         """Violated conditions of a completed replay."""
         return missed_conditions(
             fall_time_s=self.fall_time_s,
+            left_plan=self.left_plan,
             collided=self.collided,
             slip_max_m=self.foot_slip_max_m,
             torque_ratio_max=self.torque_ratio_max,
@@ -180,7 +198,13 @@ class ReplayLog:
             self._record_collision(first, second, time_s, contact.force_n)
 
     def record_sample(
-        self, simulation: Simulation, time_s: float, plan_time_s: float, com_m: Vector3, error_m: float
+        self,
+        simulation: Simulation,
+        time_s: float,
+        plan_time_s: float,
+        com_m: Vector3,
+        error_m: float,
+        plan_left: bool = False,
     ) -> None:
         """Record the state after the step that ends at ``time_s``, at ``plan_time_s`` of the plan."""
         q, v = simulation.coordinates()
@@ -191,6 +215,9 @@ class ReplayLog:
         self._com_m.append(com_m)
         self._errors_m.append(error_m)
         forces = simulation.forces_n()
+        if plan_left:
+            self._record_recovery(simulation, time_s, forces)
+            return
         phase = self._sequence.phase_at(plan_time_s)
         planned = self._sequence.phases[phase].contacts
         in_contact = self._effectors_in_contact(simulation, phase, time_s, plan_time_s)
@@ -204,6 +231,22 @@ class ReplayLog:
                 away_m = simulation.contact_placement(name).position_m - planned[name].placement.position_m
                 in_place = name in in_contact and force_n > LOADED_N and float(np.linalg.norm(away_m)) < HAND_RETREAT_M
                 self._in_place.setdefault(name, []).append(in_place)
+
+    def _record_recovery(self, simulation: Simulation, time_s: float, forces_n: Mapping[str, Vector3]) -> None:
+        """Slip of the soles since they were loaded, and hands that touch anything."""
+        for name, force_n in forces_n.items():
+            self._forces_n[name].append(force_n)
+            is_loaded = float(np.linalg.norm(force_n)) > LOADED_N
+            if self._robot.effectors[name].kind == "surface":
+                position_m = simulation.contact_placement(name).position_m
+                if is_loaded:
+                    self._slips_m.append(float(np.linalg.norm(position_m - self._landed.setdefault(name, position_m))))
+                else:
+                    self._landed.pop(name, None)
+        for contact in simulation.effector_contacts():
+            name, surface = simulation.built.effector[contact.first], simulation.built.surface.get(contact.second)
+            if surface is not None and self._robot.effectors[name].kind != "surface":
+                self._record_collision(name, surface, time_s, contact.force_n)
 
     def _effectors_in_contact(self, simulation: Simulation, phase: int, time_s: float, plan_time_s: float) -> set[str]:
         """Effectors on surfaces of their planned contacts; records unplanned contacts as collisions."""
@@ -237,7 +280,9 @@ class ReplayLog:
                 self._landings_m.append(float(np.linalg.norm(position_m - planned.placement.position_m)))
             self._slips_m.append(float(np.linalg.norm(position_m - self._landed[name])))
 
-    def to_replay(self, fell: bool, torque_ratio_max: float, took_s: float) -> Replay:
+    def to_replay(
+        self, fell: bool, torque_ratio_max: float, took_s: float, left_plan: LeftPlan | None = None
+    ) -> Replay:
         """The result of the recorded samples."""
         errors = np.array(self._errors_m)
         hand = np.array(self._hand_n)
@@ -259,4 +304,5 @@ class ReplayLog:
             real_time_factor=self._time_s[-1] / took_s,
             hand_in_place_shares={name: float(np.mean(in_place)) for name, in_place in self._in_place.items()},
             collided=tuple(self._collided.values()),
+            left_plan=left_plan,
         )

@@ -71,6 +71,9 @@ class AdaptiveClock:
         self._last = len(capturable.capture_m) - 1
         self._lost_s = 0.0
         self.sample, self.rate = 0.0, 1.0
+        self.excess_m = 0.0
+        """Largest distance of the capture point beyond what the soles can correct, or, while the plan waits on both,
+        beyond their edge."""
         self.off_m: dict[str, Shift] = {name: np.zeros(2) for name in capturable.weight}
 
     @property
@@ -101,8 +104,12 @@ class AdaptiveClock:
         e = capture_m - self._margins.capture_m[i] - self.reference_off_m
         error_along = self._margins.directions[i] @ e
         excess = np.where(error_along > by.least_m, error_along - by.share * self._margins.reach_m[i], 0.0)
-        if excess.max() > 0.0 and not swinging:
+        self.excess_m = float(excess.max())
+        if self.excess_m > 0.0 and not swinging:
             target_rate = float(not self._can_pause(i))
+            if target_rate == 0.0 and not self._delay_exhausted:
+                beyond_m = self._margins.directions[i] @ (capture_m - self.reference_off_m)
+                self.excess_m = max(0.0, float((beyond_m - self._margins.capture_edge_m[i]).max()))
         elif excess[1::2].max() > 0.0 and len(swinging) == 1 and len(progress) == 2:
             (name,) = swinging
             (stance,) = (other for other in progress if other != name)

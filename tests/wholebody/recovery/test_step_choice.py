@@ -1,0 +1,105 @@
+"""The choice of a step: hulls, predictions, reach and time."""
+
+import numpy as np
+import pytest
+
+from stridelab.contacts.terrain import Box, Terrain
+from stridelab.dynamics.spatial import Placement
+from stridelab.robots.loader import load_robot
+from stridelab.wholebody.recovery.footholds import Footholds
+from stridelab.wholebody.recovery.leg_geometry import LegGeometry
+from stridelab.wholebody.recovery.step_choice import (
+    Step,
+    StepChooser,
+    StepSearch,
+    Swinging,
+    braking_pressure,
+    nearest_in_hull,
+)
+
+RATE_PER_S = 3.4
+HALF_M = np.array([0.1, 0.06])
+
+
+def talos_legs() -> LegGeometry:
+    legs = LegGeometry.of_robot(load_robot("talos"))
+    assert legs is not None
+    return legs
+
+
+def chooser(x_m: tuple[float, float] = (-5.0, 5.0)) -> StepChooser:
+    """On level ground between two edges."""
+    middle, length = sum(x_m) / 2, x_m[1] - x_m[0]
+    ground = Box("ground", Placement.from_wxyz([middle, 0.0, -0.5]), np.array([length, 10.0, 1.0]))
+    return StepChooser(StepSearch(), talos_legs(), Footholds(Terrain((ground,))))
+
+
+def chosen(capture_m: tuple[float, float], last: Step | None = None, **more: tuple[float, float]) -> Step | None:
+    """A step of the left sole, 0.3 m behind and 5 cm above the ground, from a right one at the origin."""
+    swing = Swinging(np.array([-0.3, 0.19, 0.05]), np.zeros(3), 1.0, None)
+    return chooser(**more).choose_step(np.array(capture_m), RATE_PER_S, np.zeros(3), swing, np.eye(2), last)
+
+
+@pytest.mark.parametrize(
+    ("point", "distance"), [((0.3, 0.1), 0.0), ((0.0, 0.06), 0.0), ((0.75, 0.2), 0.05), ((-0.13, -0.1), 0.05)]
+)
+def test_distance_from_the_hull_of_two_soles(point: tuple[float, float], distance: float) -> None:
+    nearest, off = nearest_in_hull(np.array(point), np.array([0.6, 0.2]), HALF_M)
+    assert off == pytest.approx(distance)
+    assert np.hypot(*(np.array(point) - nearest)) == pytest.approx(distance)
+
+
+def test_the_pressure_that_brakes_brings_the_capture_point_to_the_sole_where_it_can() -> None:
+    growth, T = float(np.exp(RATE_PER_S * 0.3)), 0.3
+    for xi in (np.array([0.03, -0.02]), np.array([0.2, 0.1])):
+        p = braking_pressure(xi, growth, HALF_M)
+        at, dt = xi.copy(), 1e-5
+        for _ in range(round(T / dt)):
+            at = at + dt * RATE_PER_S * (at - p)
+        reachable = (np.abs(xi * growth / (growth - 1.0)) <= HALF_M).all()
+        assert (np.abs(at) < 1e-3).all() == reachable
+        assert (np.abs(p) <= HALF_M + 1e-12).all()
+
+
+@pytest.mark.parametrize("capture_m", [(0.25, 0.05), (-0.2, 0.05), (0.05, 0.25), (0.2, 0.2)])
+def test_a_step_comes_where_the_capture_point_will_be(capture_m: tuple[float, float]) -> None:
+    step = chosen(capture_m)
+    assert step is not None
+    growth, inner = float(np.exp(RATE_PER_S * step.in_s)), HALF_M - StepSearch().margin_m
+    p = braking_pressure(np.array(capture_m), growth, inner)
+    _, excess = nearest_in_hull(p + (np.array(capture_m) - p) * growth, step.place_m, inner)
+    assert excess < 0.02
+    assert step.place_m[1] > 0.14, "the legs do not cross"
+
+
+def test_a_capture_point_beyond_the_standing_sole_is_met_by_a_quick_step_of_this_leg_and_one_of_the_other() -> None:
+    inside, calm = chosen((0.0, -0.15)), chosen((0.0, 0.05))
+    assert inside is not None
+    assert calm is not None
+    assert inside.place_m[1] < 0.2
+    assert inside.cost > 10.0 * calm.cost
+
+
+def test_steps_keep_their_time_once_chosen() -> None:
+    step = chosen((0.2, 0.1))
+    assert step is not None
+    later = Step(step.place_m, 0.0, step.in_s - 0.1, 0.0)
+    again = chosen((0.2, 0.1), last=later)
+    assert again is not None
+    assert again.in_s <= step.in_s
+
+
+def test_a_step_stays_on_the_ground_and_none_is_chosen_without_any() -> None:
+    step = chosen((0.5, 0.1), x_m=(-5.0, 0.3))
+    assert step is not None
+    assert step.place_m[0] < 0.3 - 0.1
+    assert chosen((0.5, 0.1), x_m=(3.0, 4.0)) is None
+
+
+def test_lengths_of_a_robot_are_those_of_its_legs() -> None:
+    """TALOS: thigh 0.38 m, shank 0.325 m, soles 0.107 m below the ankles and 0.17 m apart."""
+    legs = talos_legs()
+    assert legs.leg_m == pytest.approx(0.705, abs=0.01)
+    assert legs.ankle_m == pytest.approx(0.107, abs=0.005)
+    assert legs.spacing_m == pytest.approx(0.17, abs=0.01)
+    assert legs.side == {"left_foot": 1.0, "right_foot": -1.0}
