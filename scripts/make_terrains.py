@@ -16,6 +16,8 @@ from pathlib import Path
 
 import numpy as np
 
+from experiments.terrains.bounds import BOUNDS, Bounds
+from experiments.terrains.survey import CLASSES, Drawn, random_scenarios
 from stridelab.errors import StridelabError
 from stridelab.pipelines.plan_motion import (
     CENTROIDAL,
@@ -30,8 +32,6 @@ from stridelab.pipelines.plan_motion import (
 from stridelab.pipelines.progress import Stages
 from stridelab.schemas.plans import PlanMotionInput, PlanMotionTask
 from stridelab.schemas.scenarios import Scenario
-from stridelab.studies.terrains.bounds import BOUNDS, Bounds
-from stridelab.studies.terrains.survey import CLASSES, Drawn, random_scenarios
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGE = ROOT / "docs" / "theory" / "terrains.md"
@@ -41,7 +41,7 @@ DONE = "certified and completed"
 INTRO = """# Random terrains
 
 Written by `make terrains`. {count} random scenarios of {classes} of twelve classes for three robots
-(`studies/terrains`, seed {seed}), each within the bounds below, are planned with the settings of the
+(`scripts/experiments/terrains`, seed {seed}), each within the bounds below, are planned with the settings of the
 service, followed by the whole-body controller, checked by the [certificate](whole-body.md) and replayed in the physics
 simulation without disturbances. Another seed was used while the planner and the controller were developed. All
 results are simulated. The rows are the scenarios that were run so far, in a fixed random order where not all

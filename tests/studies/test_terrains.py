@@ -5,15 +5,15 @@ from typing import Any
 import numpy as np
 import pytest
 
+from experiments.terrains.bounds import BOUNDS
+from experiments.terrains.draw import Draw
+from experiments.terrains.level import arc, sidestep
+from experiments.terrains.steps import mirrored
+from experiments.terrains.survey import CLASSES, Drawn, random_scenarios
+from experiments.terrains.uneven import ramp, stairs
 from stridelab.contacts.effector_geometry import effector_shapes
 from stridelab.contacts.validation.validate import validate_scenario
 from stridelab.schemas.scenarios import Scenario
-from stridelab.studies.terrains.bounds import BOUNDS
-from stridelab.studies.terrains.draw import Draw
-from stridelab.studies.terrains.level import arc, sidestep
-from stridelab.studies.terrains.steps import mirrored
-from stridelab.studies.terrains.survey import CLASSES, Drawn, random_scenarios
-from stridelab.studies.terrains.uneven import ramp, stairs
 
 NUMBER = len(BOUNDS) * len(CLASSES)
 

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 import pytest
 
+from experiments.execution import whole_body_problem
 from stridelab.centroidal.solver import solve
 from stridelab.contacts.effector_geometry import effector_shapes
 from stridelab.contacts.scenario_io import sequence_of
@@ -12,7 +13,6 @@ from stridelab.contacts.scenarios.parts import Timing
 from stridelab.contacts.scenarios.stairs import Stairs, climb
 from stridelab.reachability.proxy.effector_proxy import Proxy
 from stridelab.robots.robot import Robot
-from stridelab.studies.execution import whole_body_problem
 from stridelab.wholebody.certificate.certify import COM_ERROR_M
 from stridelab.wholebody.control.controller import WholeBodyController
 from stridelab.wholebody.control.joint_limits import JointLimits

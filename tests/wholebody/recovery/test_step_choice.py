@@ -61,7 +61,7 @@ def test_the_pressure_that_brakes_brings_the_capture_point_to_the_sole_where_it_
         assert (np.abs(p) <= HALF_M + 1e-12).all()
 
 
-@pytest.mark.parametrize("capture_m", [(0.25, 0.05), (-0.2, 0.05), (0.05, 0.25), (0.2, 0.2)])
+@pytest.mark.parametrize("capture_m", [(0.15, 0.05), (-0.2, 0.05), (0.05, 0.25), (0.2, 0.2)])
 def test_a_step_comes_where_the_capture_point_will_be(capture_m: tuple[float, float]) -> None:
     step = chosen(capture_m)
     assert step is not None
@@ -70,6 +70,13 @@ def test_a_step_comes_where_the_capture_point_will_be(capture_m: tuple[float, fl
     _, excess = nearest_in_hull(p + (np.array(capture_m) - p) * growth, step.place_m, inner)
     assert excess < 0.02
     assert step.place_m[1] > 0.14, "the legs do not cross"
+
+
+def test_a_capture_point_that_runs_beyond_the_leg_is_followed_as_far_as_it_reaches() -> None:
+    """0.25 m ahead of the standing sole, it is 0.77 m ahead when a sole 0.9 m behind that place can be there."""
+    step = chosen((0.25, 0.05))
+    assert step is not None
+    assert step.place_m[0] == pytest.approx(StepSearch().ahead * talos_legs().leg_m)
 
 
 def test_a_capture_point_beyond_the_standing_sole_is_met_by_a_quick_step_of_this_leg_and_one_of_the_other() -> None:

@@ -121,7 +121,8 @@ class BalanceRows(PhaseHierarchy):
             weighted.append((w.swing, tasks.position_task(frame, p, v, a, gain)))
             weighted.append((w.swing_turn, tasks.orientation_task(frame, targets.base, zero, zero, gain)))
         if self._avoidance is not None:
-            rows, weights = self._avoidance.task_rows(body)
+            self._avoidance.update(body)
+            rows, weights = self._avoidance.task_rows()
             weighted.append((weights, rows))
         return tasks.stack_weighted(weighted, self._nz)
 

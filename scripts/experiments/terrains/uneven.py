@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from experiments.terrains.bounds import Bounds
+from experiments.terrains.draw import Draw
+from experiments.terrains.steps import Pose, Steps, mirrored, turned_box, wide_ground
 from stridelab.contacts.scenarios.parts import Scenario, Timing, box, contact
 from stridelab.contacts.scenarios.stairs import HandRail, Stairs, climb, descent
-from stridelab.studies.terrains.bounds import Bounds
-from stridelab.studies.terrains.draw import Draw
-from stridelab.studies.terrains.steps import Pose, Steps, mirrored, turned_box, wide_ground
 
 STONE_FRICTION = 0.7
 RAMP_FRICTION = 0.6

@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
+from experiments.execution import G1
 from stridelab.contacts.scenarios.parts import HRP2, TALOS, Walker
-from stridelab.studies.execution import G1
 
 Range = tuple[float, float]
 

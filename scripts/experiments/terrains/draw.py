@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from experiments.terrains.bounds import Range
 from stridelab.contacts.scenarios.parts import Timing
-from stridelab.studies.terrains.bounds import Range
 
 ENDS_S = 1.5
 """Standing at both ends of every scenario of the survey."""

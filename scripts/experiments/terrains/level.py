@@ -5,10 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from experiments.terrains.bounds import Bounds
+from experiments.terrains.draw import Draw
+from experiments.terrains.steps import Pose, Steps, wide_ground
 from stridelab.contacts.scenarios.parts import Scenario, box
-from stridelab.studies.terrains.bounds import Bounds
-from stridelab.studies.terrains.draw import Draw
-from stridelab.studies.terrains.steps import Pose, Steps, wide_ground
 
 
 def arc(draw: Draw, bounds: Bounds) -> Scenario:

@@ -6,11 +6,11 @@ from typing import Final
 
 import numpy as np
 
+from experiments.terrains import level, uneven
+from experiments.terrains.bounds import BOUNDS, Bounds
+from experiments.terrains.draw import Draw
+from experiments.terrains.steps import mirrored
 from stridelab.contacts.scenarios.parts import Scenario
-from stridelab.studies.terrains import level, uneven
-from stridelab.studies.terrains.bounds import BOUNDS, Bounds
-from stridelab.studies.terrains.draw import Draw
-from stridelab.studies.terrains.steps import mirrored
 
 CLASSES: Final[Mapping[str, Callable[[Draw, Bounds], Scenario]]] = {
     "arc": level.arc,
