@@ -14,15 +14,12 @@ from rich.markup import escape
 from stridelab.cli.estimate import run_job
 from stridelab.cli.options import Delivery, ScenarioName, with_groups
 from stridelab.cli.results import deliver_result, out, show_files, show_remarks
-from stridelab.contacts.effector_geometry import effector_shapes
 from stridelab.errors import Fault, InvalidInput
-from stridelab.pipelines.compose_course import compose_course
 from stridelab.pipelines.scenario_files import read_document, read_json, read_scenario, validate_document
 from stridelab.schemas.base import Remark
-from stridelab.schemas.courses import Course
 from stridelab.schemas.jobs import JobResult
 from stridelab.schemas.plans import PlanContactsInput, PlanContactsSummary, PlanContactsTask
-from stridelab.schemas.scenarios import Scenario
+from stridelab.schemas.scenarios import Course, Scenario
 from stridelab.service.local_runs import write_file
 
 PHASE_OF_END: Final = {"start": 0, "goal": -1}
@@ -61,6 +58,9 @@ def task_of(document: Any, name: str) -> PlanContactsInput:
     """
     fields = dict(document) if isinstance(document, dict) else {}
     if "elements" in fields:
+        from stridelab.contacts.effector_geometry import effector_shapes
+        from stridelab.pipelines.plan_contacts import compose_course
+
         course = validate_document(Course, {"name": name, **fields}, name, "course")
         return compose_course(course, effector_shapes(course.robot))
     phases = fields.pop("phases", None)
@@ -99,7 +99,7 @@ def export_contacts(scenario: ScenarioName, out_file: OutFile = None, force: For
     """Write a scenario's contact sequence with the field names of multicontact-api.
 
     Raises ``InvalidInput`` (``scenario-invalid``) if the robot cannot carry it out, and the errors of
-    ``cli.scenario_files.read_scenario``.
+    ``scenario_files.read_scenario``.
     """
     from stridelab.contacts.effector_geometry import effector_shapes
     from stridelab.contacts.multicontact_api import to_multicontact

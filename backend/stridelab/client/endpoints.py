@@ -14,14 +14,13 @@ from pydantic import BaseModel, TypeAdapter, ValidationError
 
 from stridelab.client.errors import ClientError, ProblemError
 from stridelab.schemas.base import Page, Problem
-from stridelab.schemas.courses import Course
 from stridelab.schemas.jobs import Job, JobResult
 from stridelab.schemas.plans import PlanContactsInput
 from stridelab.schemas.previews import PlanPreview, PlanPreviewInput, Solvers
 from stridelab.schemas.reachability import RobotReachability
 from stridelab.schemas.recordings import Recording, RecordingPatch, Subject, SubjectInput
 from stridelab.schemas.robots import Measure, OwnRobot, RobotFacts, RobotPreparation, RobotSummary
-from stridelab.schemas.scenarios import Scenario, ScenarioCheck, StoredScenario
+from stridelab.schemas.scenarios import Course, Scenario, ScenarioCheck, StoredScenario
 from stridelab.schemas.service import Health
 from stridelab.schemas.streams import LiveStreams
 

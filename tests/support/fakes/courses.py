@@ -3,8 +3,8 @@
 from starlette.requests import Request
 from starlette.responses import JSONResponse
 
-from stridelab.schemas.courses import Course
 from stridelab.schemas.plans import PlanContactsInput
+from stridelab.schemas.scenarios import Course
 from support.fakes.robots import scenario
 
 

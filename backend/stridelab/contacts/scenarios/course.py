@@ -184,12 +184,10 @@ class Course:
     def contact_task(self, effectors: Mapping[str, EffectorShape]) -> Json:
         """Return ``{terrain, start, goal}`` for the contact planner.
 
-        Args:
-            effectors: Of the robot; they give the width of its stance and the place of its hands.
+        ``effectors`` are those of the robot; they give the width of its stance and the place of its hands.
 
-        Raises:
-            InvalidInput: ``course-too-long`` if the course is longer than ``TRAVEL_MAX_M``, ``course-without-hand`` if
-                the robot has no hand on the side of a handrail, ``course-without-feet`` if it has not two soles.
+        Raises ``InvalidInput``: ``course-too-long`` (longer than ``TRAVEL_MAX_M``), ``course-without-hand`` (no hand on
+        the side of a handrail), ``course-without-feet`` (not two soles whose reach has been learned).
         """
         robot = _Stance.of_effectors(effectors, self.handrails)
         line, terrain = (

@@ -7,9 +7,8 @@ from starlette.requests import Request
 from starlette.responses import HTMLResponse, Response
 
 from stridelab.client import ProblemError
-from stridelab.schemas.courses import Course
 from stridelab.schemas.plans import PlanContactsInput
-from stridelab.schemas.scenarios import Scenario, ScenarioPhase
+from stridelab.schemas.scenarios import Course, Scenario, ScenarioPhase
 from stridelab_web.api_client import client_of
 from stridelab_web.charts.scenario_drawing import draw_scenario
 from stridelab_web.pages.render import render_page

@@ -7,9 +7,8 @@ from sqlalchemy import delete, func, insert, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from stridelab.schemas.base import Page
-from stridelab.schemas.courses import Course
 from stridelab.schemas.plans import PlanContactsInput
-from stridelab.schemas.scenarios import Scenario, ScenarioCheck, StoredScenario
+from stridelab.schemas.scenarios import Course, Scenario, ScenarioCheck, StoredScenario
 from stridelab.service.api.dependencies import AppParts, CallerOf
 from stridelab.service.api.openapi import failure_responses
 from stridelab.service.api.pagination import Cursor, Limit

@@ -13,9 +13,8 @@ import anyio
 from stridelab.errors import Fault, InvalidInput, StridelabError
 from stridelab.robots.card import robot_names
 from stridelab.schemas.base import FaultItem, Remark
-from stridelab.schemas.courses import Course
 from stridelab.schemas.plans import PlanContactsInput
-from stridelab.schemas.scenarios import ContactMargin, PhaseBody, PhaseSupport, Scenario, ScenarioCheck
+from stridelab.schemas.scenarios import ContactMargin, Course, PhaseBody, PhaseSupport, Scenario, ScenarioCheck
 from stridelab.service.api.problems import MAX_FAULTS
 from stridelab.service.api.robots.cache import RobotCache
 
@@ -53,7 +52,7 @@ async def compose_task(course: Course, limiter: anyio.CapacityLimiter, robots: R
     shapes = await robots.own_shapes(course.robot)
 
     def compose() -> PlanContactsInput:
-        from stridelab.pipelines.compose_course import compose_course
+        from stridelab.pipelines.plan_contacts import compose_course
 
         return compose_course(course, _robot_effectors(course.robot, shapes))
 
