@@ -23,8 +23,8 @@ constexpr double armijo = 1e-4;
 constexpr double end_tolerance =
     5e-4;  // of the tolerance: equations are linear and cost nothing; momenta are in units of m |g|
 constexpr double gap_tolerance = 1e-11;  // larger gaps are moved to the end, by integrating the states
-constexpr double acceptable =
-    20.0;  // times the tolerance, after `progress_window` iterations in which all other conditions hold
+constexpr double acceptable = 20.0;  // times the tolerance, after `patience` iterations with all other conditions
+constexpr int patience = 12;         // fewer stop at 17 times the tolerance where three more reach a fourth of it
 constexpr int halvings_max = 30;
 // Tolerance, and gap as a share of the objective, at which lengths and contacts become variables.
 constexpr double roughly = 1.0;
@@ -88,7 +88,7 @@ private:
       return false;
     }
     // With large multipliers and almost active cones, stationarity is limited by rounding.
-    const double asked = ++settled_ > progress_window ? acceptable : 1.0;
+    const double asked = ++settled_ > patience ? acceptable : 1.0;
     return c.stationarity * objective_scale <= asked * settings_.tolerance;
   }
 
@@ -99,7 +99,7 @@ private:
     roll_out_states(it_);
     cost_ = evaluate(problem_, it_);
     c = conditions(problem_, it_);
-    const double least = settled_ > progress_window ? acceptable * settings_.tolerance : settings_.tolerance;
+    const double least = settled_ > patience ? acceptable * settings_.tolerance : settings_.tolerance;
     const double asked = std::max(least / objective_scale, report_.conditions.stationarity);
     const bool meets = c.feasibility <= end_tolerance * settings_.tolerance && c.stationarity <= asked;
     if (!meets) {
