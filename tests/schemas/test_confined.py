@@ -16,6 +16,7 @@ from stridelab.schemas.jobs import SimulateRecordingInput
 from stridelab.schemas.measures import GaitReportInput
 from stridelab.schemas.population import PersonFields
 from stridelab.schemas.receding import PlanRecedingInput, PlanRecedingTask, PushBasinInput, PushBasinTask
+from stridelab.schemas.reproduction import ReproduceInput, ReproduceTask
 from stridelab.schemas.sweeps import SweepInput, SweepTask
 from stridelab.schemas.tasks import (
     BenchMember,
@@ -128,6 +129,7 @@ STAGED: dict[str, Callable[[Path], Any]] = {
     "plan-receding": receding,
     "push-basin": pushed,
     "read-batch": received,
+    "reproduce": lambda _: ReproduceTask(input=ReproduceInput(item="fig-2.2")),
     "sweep": swept,
     "commission-robot": commissioned,
     "learn-reachability": lambda _: {"input": {"robot": "talos", "samples": 8000, "effectors": ["left_foot"]}},

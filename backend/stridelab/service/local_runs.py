@@ -99,7 +99,7 @@ def collect_recordings(paths: Sequence[Path]) -> list[Path]:
             files.append(path)
     if not files:
         named = ", ".join(str(path) for path in paths)
-        raise InvalidInput("no-recordings", f"There is no .c3d, .trc or .zip in {named}.", [Fault("FILES", "nothing")])
+        raise InvalidInput("no-recordings", f"There is no recording in {named}.", [Fault("FILES", "nothing")])
     return files
 
 
