@@ -23,8 +23,8 @@ constexpr double armijo = 1e-4;
 constexpr double end_tolerance =
     5e-4;  // of the tolerance: equations are linear and cost nothing; momenta are in units of m |g|
 constexpr double gap_tolerance = 1e-11;  // larger gaps are moved to the end, by integrating the states
-constexpr double acceptable = 20.0;  // times the tolerance, after `patience` iterations with all other conditions
-constexpr int patience = 12;         // fewer stop at 17 times the tolerance where three more reach a fourth of it
+constexpr double acceptable = 20.0;      // times the tolerance, after `patience` iterations
+constexpr int patience = 12;             // in which all other conditions hold
 constexpr int halvings_max = 30;
 // Tolerance, and gap as a share of the objective, at which lengths and contacts become variables.
 constexpr double roughly = 1.0;
