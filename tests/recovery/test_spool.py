@@ -1,12 +1,13 @@
 """Uploads on their way in when their web server is killed."""
 
+import os
 import signal
 import socket
 import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import httpx
@@ -57,7 +58,14 @@ def half_an_upload(port: int) -> Iterator[None]:
 
 
 def arrived(data: Path) -> set[Path]:
-    return {path for path in (data / "spool").rglob("trial") if path.stat().st_size > 1000}
+    """Files of which more than 1000 bytes have arrived. Folders may vanish while they are listed."""
+    found = set()
+    for folder, _, names in os.walk(data / "spool"):
+        file = Path(folder, "trial")
+        with suppress(FileNotFoundError):
+            if "trial" in names and file.stat().st_size > 1000:
+                found.add(file)
+    return found
 
 
 def test_the_next_start_removes_uploads_of_a_killed_web_server_and_no_others(database_url: str, tmp_path: Path) -> None:

@@ -203,7 +203,7 @@ async def pause(seconds: float) -> None:
 
 
 async def add_own_robot(parts: Parts, name: str) -> None:
-    """Insert a robot of a user without files."""
+    """Insert a robot of a user; its files exist and hold nothing that anybody reads."""
     facts = RobotFacts(
         name=name,
         title=name,
@@ -227,13 +227,18 @@ async def add_own_robot(parts: Parts, name: str) -> None:
         "filename": "robot.zip",
         "sha256": "0" * 64,
         "bytes": 0,
-        "bundle_key": f"own-robots/{name}/none",
-        "links_key": f"own-robots/{name}/no-links",
+        "bundle_key": f"own-robots/{name}/robot.zip",
+        "links_key": f"own-robots/{name}/links.glb",
         "state": "proposed",
         "card": {"title": name, "licence": "", "effectors": {}},
         "assumed": {},
         "facts": facts.model_dump(mode="json"),
         "shapes": {},
     }
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder, "file")
+        file.write_bytes(b"glTF")
+        for key in ("bundle_key", "links_key"):
+            await parts.blobs.put_file(str(row[key]), file)
     async with parts.engine.begin() as connection:
         await connection.execute(insert(robot).values(row))
